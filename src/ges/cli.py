@@ -1,0 +1,39 @@
+"""The command line: one verb, one module in ``ges.commands``, imported only when it is used."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import sys
+
+import click
+
+from . import __version__, commands
+from .errors import GesError
+
+
+class LazyGroup(click.Group):
+    """A click group whose verbs are the modules of ``ges.commands`` (attribute ``command``)."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted(m.name for m in pkgutil.iter_modules(commands.__path__))
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        if name not in self.list_commands(ctx):
+            return None
+        return importlib.import_module(f"ges.commands.{name.replace('-', '_')}").command
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__)
+def cli() -> None:
+    """Simulate multirotors near irregular ground, and diagnose why real flights differ."""
+
+
+def main() -> None:
+    """Entry point: one clear sentence on stderr instead of a traceback; exit 1 failed, 2 wrong use."""
+    try:
+        cli(standalone_mode=True)
+    except GesError as error:
+        click.echo(f"ges: {error}", err=True)
+        sys.exit(error.exit_code)
