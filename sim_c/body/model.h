@@ -1,0 +1,219 @@
+/* The vehicle: what is constant during a flight, the state vector, and the sample that effects read.
+ *
+ * State y: position p and velocity v (world), attitude q, body rates omega, rotor speeds, then the effects' extra
+ * states. build_sample() serves simulated and recorded states alike.
+ */
+#ifndef GES_MODEL_H
+#define GES_MODEL_H
+
+#include "../effects/effect.h"
+#include "../sim/parameters.h"
+#include "../world/ground.h"
+
+enum { Y_P = 0, Y_V = 3, Y_Q = 6, Y_OMEGA = 10, Y_SPEED = 13, Y_X = 17, Y_MAX = Y_X + GES_MAX_EFFECTS * GES_MAX_STATES };
+
+typedef struct {
+  vd mass, inertia[3], rho, gravity, thrust_coefficient, torque_coefficient, motor_lag, speed_max;
+  vd battery_nominal, gear_height, gear_stiffness, gear_damping, gear_friction;
+  vd hub[GES_ROTORS][3], radius[GES_ROTORS], spin[GES_ROTORS];
+} vehicle_t;
+
+typedef struct {
+  int n, n_ground; /* the first n_ground belong to the ground effect */
+  int n_states;
+  const effect_t *effect[GES_MAX_EFFECTS];
+  vd p[GES_MAX_EFFECTS][GES_MAX_PARAMETERS];
+  int first_state[GES_MAX_EFFECTS];
+  const vd *ground_effect; /* its parameters, or NULL */
+  int wants_agl;
+} active_t;
+
+/* One named parameter of every lane. */
+static inline vd column(const double *const *parameters, int index) {
+  vd v = all_lanes(0.0);
+  for (int i = 0; i < GES_W; i++) set_lane(&v, i, parameters[i][index]);
+  return v;
+}
+
+static inline void load_rotors(vehicle_t *b, const double *const *p) {
+  const int stride = P_rotor_2_x_m - P_rotor_1_x_m;
+  for (int i = 0; i < GES_ROTORS; i++) {
+    for (int k = 0; k < 3; k++) b->hub[i][k] = column(p, P_rotor_1_x_m + i * stride + k);
+    b->radius[i] = column(p, P_rotor_1_radius_m + i * stride);
+    b->spin[i] = column(p, P_rotor_1_spin + i * stride);
+  }
+}
+
+static inline void load_vehicle(vehicle_t *b, const double *const *p) {
+  b->mass = column(p, P_mass_kg);
+  for (int k = 0; k < 3; k++) b->inertia[k] = column(p, P_ixx_kg_m2 + k);
+  b->rho = column(p, P_rho_kg_m3);
+  b->gravity = column(p, P_gravity_m_s2);
+  b->thrust_coefficient = column(p, P_thrust_coefficient_N_s2);
+  b->torque_coefficient = column(p, P_torque_coefficient_Nm_s2);
+  b->motor_lag = column(p, P_motor_time_constant_s);
+  b->speed_max = column(p, P_max_rotor_speed_rad_s);
+  b->battery_nominal = column(p, P_battery_nominal_V);
+  b->gear_height = column(p, P_gear_height_m);
+  b->gear_stiffness = column(p, P_gear_stiffness_N_m);
+  b->gear_damping = column(p, P_gear_damping_N_s_m);
+  b->gear_friction = column(p, P_gear_friction);
+  load_rotors(b, p);
+}
+
+static inline void rotation_matrix(const vd q[4], vd r[9]) {
+  vd w = q[0], x = q[1], y = q[2], z = q[3];
+  r[0] = 1.0 - 2.0 * (y * y + z * z);
+  r[1] = 2.0 * (x * y - w * z);
+  r[2] = 2.0 * (x * z + w * y);
+  r[3] = 2.0 * (x * y + w * z);
+  r[4] = 1.0 - 2.0 * (x * x + z * z);
+  r[5] = 2.0 * (y * z - w * x);
+  r[6] = 2.0 * (x * z - w * y);
+  r[7] = 2.0 * (y * z + w * x);
+  r[8] = 1.0 - 2.0 * (x * x + y * y);
+}
+
+static inline vd row_dot(const vd *r, const vd a[3]) { return r[0] * a[0] + r[1] * a[1] + r[2] * a[2]; }
+static inline vd column_dot(const vd *r, int k, const vd a[3]) { return r[k] * a[0] + r[3 + k] * a[1] + r[6 + k] * a[2]; }
+
+static inline void sample_constants(const vehicle_t *b, const active_t *a, sample_t *s) {
+  s->mass = b->mass;
+  for (int k = 0; k < 3; k++) s->inertia[k] = b->inertia[k];
+  s->rho = b->rho;
+  s->gravity = b->gravity;
+  s->thrust_coefficient = b->thrust_coefficient;
+  s->torque_coefficient = b->torque_coefficient;
+  s->motor_lag = b->motor_lag;
+  s->speed_max = b->speed_max;
+  s->battery_nominal = b->battery_nominal;
+  for (int j = 0; j < a->n; j++)
+    if (a->effect[j]->adjust) a->effect[j]->adjust(s, a->p[j]);
+}
+
+static inline void sample_state(const vd *y, sample_t *s) {
+  for (int k = 0; k < 3; k++) {
+    s->p[k] = y[Y_P + k];
+    s->v[k] = y[Y_V + k];
+    s->omega[k] = y[Y_OMEGA + k];
+  }
+  for (int k = 0; k < 4; k++) {
+    s->q[k] = y[Y_Q + k];
+    s->speed[k] = y[Y_SPEED + k];
+  }
+  rotation_matrix(s->q, s->r);
+}
+
+static inline void sample_rotors(const vehicle_t *b, ground_lanes_t *g, sample_t *s) {
+  ground_move(g, s->p[0]);
+  for (int i = 0; i < GES_ROTORS; i++) {
+    const vd *hub = b->hub[i];
+    s->under[i] = ground_at(g, s->p[0] + row_dot(s->r, hub), s->p[1] + row_dot(s->r + 3, hub));
+    s->height[i] = s->p[2] + row_dot(s->r + 6, hub) - s->under[i].height;
+    vd w2 = s->speed[i] * s->speed[i];
+    s->thrust[i] = s->thrust_coefficient * w2;
+    s->torque[i] = s->torque_coefficient * w2;
+  }
+}
+
+static inline void sample_center(const ground_lanes_t *g, sample_t *s) {
+  s->ground = ground_at(g, s->p[0], s->p[1]);
+  s->agl = s->p[2] - s->ground.height;
+}
+
+static inline void sample_air(const active_t *a, sample_t *s) {
+  vd relative[3];
+  for (int k = 0; k < 3; k++) s->wind[k] = all_lanes(0.0);
+  for (int j = 0; j < a->n; j++)
+    if (a->effect[j]->blow) a->effect[j]->blow(s, a->p[j], s->wind);
+  for (int k = 0; k < 3; k++) relative[k] = s->v[k] - s->wind[k];
+  for (int k = 0; k < 3; k++) s->air[k] = column_dot(s->r, k, relative);
+}
+
+/* Everything effects may read, from the state; s->t, s->u, s->battery and the rates are the caller's. */
+static inline void build_sample(const vehicle_t *b, const active_t *a, ground_lanes_t *g, const vd *y, sample_t *s) {
+  sample_state(y, s);
+  sample_rotors(b, g, s);
+  if (a->wants_agl) sample_center(g, s);
+  sample_air(a, s);
+  if (a->ground_effect) ground_cushion(s, a->ground_effect, s->cushion);
+}
+
+/* Hubs, radii and spins do not change along a flight. */
+static inline void start_sample(const vehicle_t *b, const active_t *a, sample_t *s) {
+  memset(s, 0, sizeof *s);
+  sample_constants(b, a, s);
+  memcpy(s->hub, b->hub, sizeof s->hub);
+  memcpy(s->radius, b->radius, sizeof s->radius);
+  memcpy(s->spin, b->spin, sizeof s->spin);
+  s->battery = all_lanes(NAN);
+}
+
+/* Wrench increments of effects [first, last). */
+static inline void add_wrenches(const active_t *a, int first, int last, const sample_t *s, const vd *y, vd *dy, wrench_t *w) {
+  for (int j = first; j < last; j++)
+    if (a->effect[j]->wrench)
+      a->effect[j]->wrench(s, a->p[j], y + Y_X + a->first_state[j], dy + Y_X + a->first_state[j], w);
+}
+
+/* Ground effect factor of every rotor from the thrust increments of the ground-related effects. */
+static inline void set_factor(sample_t *s, const vd thrust_added[GES_ROTORS]) {
+  for (int i = 0; i < GES_ROTORS; i++)
+    s->factor[i] = 1.0 + thrust_added[i] / lane_max(s->thrust[i], all_lanes(1e-12));
+  s->factor_mean = 0.25 * total(s->factor);
+}
+
+/* Commanded rotor speeds and lags, effects included; w_cmd is held within [0, w_max]. */
+static inline void add_drive(const active_t *a, const sample_t *s, const vd *y, vd *dy, drive_t *d) {
+  memset(d, 0, sizeof *d);
+  for (int j = 0; j < a->n; j++)
+    if (a->effect[j]->drive)
+      a->effect[j]->drive(s, a->p[j], y + Y_X + a->first_state[j], dy + Y_X + a->first_state[j], d);
+  for (int i = 0; i < GES_ROTORS; i++)
+    d->speed[i] = clamp(s->speed_max * s->u[i] + d->speed[i], all_lanes(0.0), s->speed_max);
+  d->lag_up = lane_max(s->motor_lag + d->lag_up, all_lanes(1e-4));
+  d->lag_down = lane_max(s->motor_lag + d->lag_down, all_lanes(1e-4));
+  d->battery = s->battery_nominal + d->battery;
+}
+
+/* Force and moment on the body, gravity and gyroscopic terms apart: thrusts, reaction torques, effects. */
+static inline void sum_wrench(const sample_t *s, const wrench_t *w, vd force[3], vd moment[3]) {
+  for (int k = 0; k < 3; k++) {
+    force[k] = w->force[k];
+    moment[k] = w->moment[k];
+  }
+  for (int i = 0; i < GES_ROTORS; i++) {
+    vd thrust = s->thrust[i] + w->thrust[i];
+    force[2] += thrust;
+    moment[0] += s->hub[i][1] * thrust;
+    moment[1] -= s->hub[i][0] * thrust;
+    moment[2] -= s->spin[i] * s->torque[i];
+  }
+}
+
+/* Ground at a point that may lie further away than the features at hand. */
+static inline ground_t ground_anywhere(ground_lanes_t *g, vd x, vd y, vd here) {
+  vl far = GT(lane_abs(x - here), 0.45 * g->slot);
+  if (g->kind != 1 || !any(far)) return ground_at(g, x, y);
+  ground_move(g, x);
+  ground_t found = ground_at(g, x, y);
+  ground_move(g, here);
+  return found;
+}
+
+/* Distance along body -z to the ground: the plane under the origin, then once more under the point it hits. */
+static inline vd range_to_ground(ground_lanes_t *g, const sample_t *s) {
+  vd upright = lane_max(s->r[8], all_lanes(0.2));
+  vd first = s->agl / upright;
+  ground_t hit = ground_anywhere(g, s->p[0] - first * s->r[2], s->p[1] - first * s->r[5], s->p[0]);
+  vd range = (s->p[2] - hit.height) / upright;
+  return sel(GT(s->r[8], all_lanes(0.2)), range, all_lanes(NAN));
+}
+
+static inline void add_readings(const active_t *a, const sample_t *s, vd *y, reading_t *r) {
+  memset(r, 0, sizeof *r);
+  for (int j = 0; j < a->n; j++)
+    if (a->effect[j]->sense) a->effect[j]->sense(s, a->p[j], y + Y_X + a->first_state[j], r);
+}
+
+#endif

@@ -1,0 +1,82 @@
+/* Lanes: one vector per variable, one lane per flight (or per recorded sample).
+ *
+ * GES_W is the number of lanes a translation unit is compiled for. All arithmetic on `vd` reads like
+ * scalar code; comparisons give masks (all bits set or none) for sel(). Only + - * / and sqrt are used, which
+ * IEEE 754 rounds correctly, so every lane has the same bits whatever GES_W and the machine's vector width
+ * (compile with -ffp-contract=off and without -ffast-math).
+ */
+#ifndef GES_LANES_H
+#define GES_LANES_H
+
+#include <stdint.h>
+#include <string.h>
+
+#ifndef GES_W
+#error "define GES_W, the number of lanes, before lanes.h"
+#endif
+
+#define GES_PASTE_(a, b) a##_w##b
+#define GES_PASTE(a, b) GES_PASTE_(a, b)
+/* Name of a symbol that exists once per lane width. */
+#define PER_WIDTH(name) GES_PASTE(name, GES_W)
+
+#define MAGIC_ROUND 6755399441055744.0 /* 1.5 * 2^52: adding it rounds to the nearest integer */
+
+#if GES_W == 1
+typedef double vd;
+typedef int64_t vl;
+typedef uint64_t vu;
+typedef float vf;
+#define MASK(condition) (-(vl)(condition))
+static inline double lane(vd v, int i) { (void)i; return v; }
+static inline void set_lane(vd *v, int i, double x) { (void)i; *v = x; }
+static inline vd sel(vl mask, vd a, vd b) { return mask ? a : b; }
+static inline int any(vl mask) { return mask != 0; }
+static inline vf to_float(vd v) { return (vf)v; }
+static inline vd to_double(vf v) { return (vd)v; }
+#else
+typedef double vd __attribute__((vector_size(8 * GES_W)));
+typedef int64_t vl __attribute__((vector_size(8 * GES_W)));
+typedef uint64_t vu __attribute__((vector_size(8 * GES_W)));
+typedef float vf __attribute__((vector_size(4 * GES_W)));
+#define MASK(condition) (condition)
+static inline double lane(vd v, int i) { return v[i]; }
+static inline void set_lane(vd *v, int i, double x) { (*v)[i] = x; }
+static inline vd sel(vl mask, vd a, vd b) { return (vd)(((vl)a & mask) | ((vl)b & ~mask)); }
+static inline int any(vl mask) {
+  int64_t all = 0;
+  for (int i = 0; i < GES_W; i++) all |= mask[i];
+  return all != 0;
+}
+static inline vf to_float(vd v) { return __builtin_convertvector(v, vf); }
+static inline vd to_double(vf v) { return __builtin_convertvector(v, vd); }
+#endif
+
+#define LT(a, b) MASK((a) < (b))
+#define GT(a, b) MASK((a) > (b))
+
+static inline vd all_lanes(double x) { return x - (vd){0}; }
+static inline vu bits_of(vd v) { vu b; memcpy(&b, &v, sizeof b); return b; }
+static inline vd from_bits(vu b) { vd v; memcpy(&v, &b, sizeof v); return v; }
+static inline vd lane_min(vd a, vd b) { return sel(LT(a, b), a, b); }
+static inline vd lane_max(vd a, vd b) { return sel(GT(a, b), a, b); }
+static inline vd clamp(vd x, vd low, vd high) { return lane_min(lane_max(x, low), high); }
+static inline vd lane_abs(vd x) { return from_bits(bits_of(x) & 0x7fffffffffffffffULL); }
+/* Nearest integer, halves to even; |x| < 2^51. */
+static inline vd nearest(vd x) { return (x + MAGIC_ROUND) - MAGIC_ROUND; }
+
+#if defined(__AVX512F__) && GES_W == 8
+#include <immintrin.h>
+static inline vd lane_sqrt(vd x) { return (vd)_mm512_sqrt_pd((__m512d)x); }
+#elif defined(__AVX__) && GES_W == 4
+#include <immintrin.h>
+static inline vd lane_sqrt(vd x) { return (vd)_mm256_sqrt_pd((__m256d)x); }
+#else
+static inline vd lane_sqrt(vd x) {
+  vd r = x;
+  for (int i = 0; i < GES_W; i++) set_lane(&r, i, __builtin_sqrt(lane(x, i)));
+  return r;
+}
+#endif
+
+#endif

@@ -1,0 +1,27 @@
+/* Climb lowers the blades' incidence: heave damping.
+ *
+ * dT_i = -k w_i V_i, V_i the air velocity of hub i along its axis (climb positive). With Z_w = k sum(w)/m of 0.3 to
+ * 1.2 1/s. Bramwell; Padfield 2007. Out of vortex ring state only: descent below half the induced velocity.
+ */
+#include "effect.h"
+
+static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+  (void)x, (void)dx;
+  for (int i = 0; i < GES_ROTORS; i++) {
+    vd climb = s->air[2] + s->omega[0] * s->hub[i][1] - s->omega[1] * s->hub[i][0];
+    add->thrust[i] -= p[0] * s->speed[i] * climb;
+  }
+}
+
+EFFECT(axial_inflow) = {
+    .name = "axial_inflow",
+    .title = "loss of thrust when climbing (heave damping)",
+    .equation = "dT_i = -k w_i V_axial,i",
+    .reference = "Bramwell; Padfield 2007",
+    .channels = "force_z moment_x moment_y",
+    .kind = GES_WRENCH,
+    .n_parameters = 1,
+    .laws = GES_LAW_MIRROR | GES_LAW_DISSIPATES | GES_LAW_FREE_AIR,
+    .parameters = {{"k_kg", "kg", "thrust per axial speed and rotor speed (kg/rad)", 3e-4, 0, 0, 1e-1}},
+    .wrench = wrench,
+};

@@ -1,0 +1,85 @@
+/* What an effect may read, what it may add, and how it describes itself.
+ *
+ * An effect is one file that ends in a constant `effect_t`, plus one line in effects.def. It returns increments,
+ * which are summed; no effect reads another's output. What several need (thrust out of ground effect, air velocity,
+ * height of each rotor) is in the sample, computed once by body/sample.h for simulated and recorded states alike.
+ * Forces and moments are in the body frame, the moment about the body origin.
+ */
+#ifndef GES_EFFECT_H
+#define GES_EFFECT_H
+
+#include <math.h>
+
+#include "../core/lanes.h"
+#include "../core/vmath.h"
+#include "../include/ges.h"
+#include "../world/terrain.h"
+
+typedef struct {
+  vd t, dt;                    /* s; dt: time since the sample before (for readings) */
+  vd p[3], v[3];               /* world, m and m/s */
+  vd q[4], r[9];               /* attitude; r row-major, body to world */
+  vd omega[3];                 /* body, rad/s */
+  vd omega_dot[3];             /* body, rad/s^2; zero while simulating */
+  vd wind[3], air[3];          /* wind, world; velocity relative to the air, body, m/s */
+  vd hub[GES_ROTORS][3], spin[GES_ROTORS], radius[GES_ROTORS];
+  vd speed[GES_ROTORS], u[GES_ROTORS];
+  vd speed_rate[GES_ROTORS];   /* rad/s^2 */
+  vd thrust[GES_ROTORS];       /* K_T w^2, N, out of ground effect */
+  vd torque[GES_ROTORS];       /* K_Q w^2, N m, aerodynamic torque of each rotor */
+  vd height[GES_ROTORS];       /* rotor hub over the ground, along the world vertical, m */
+  ground_t under[GES_ROTORS];  /* ground below each hub */
+  vd cushion[GES_ROTORS];      /* f - 1 of ground_effect where it is switched on, else 0 */
+  vd factor[GES_ROTORS], factor_mean; /* 1 + ground-related thrust increments over thrust */
+  ground_t ground;             /* below the body origin */
+  vd agl, ground_slope, range, contact;
+  vd mass, inertia[3], rho, gravity, thrust_coefficient, torque_coefficient, motor_lag, speed_max;
+  vd battery, battery_nominal; /* V; NaN where it was not recorded */
+} sample_t;
+
+typedef struct {
+  vd thrust[GES_ROTORS]; /* N, along each rotor axis at its hub */
+  vd force[3], moment[3];
+} wrench_t;
+
+typedef struct {
+  vd speed[GES_ROTORS];            /* rad/s, added to the commanded rotor speed */
+  vd lag_up, lag_down;             /* s, added to the motor time constant when speeding up, slowing down */
+  vd battery;                      /* V, added to the nominal battery voltage */
+} drive_t;
+
+typedef struct {
+  vd gyro[3], acc[3], range, attitude[3]; /* attitude: small rotation, body, rad */
+  vd rpm[GES_ROTORS], current[GES_ROTORS];
+} reading_t;
+
+/* p: the effect's parameters; x: its extra states; dx: their rates (already zero). */
+typedef struct {
+  const char *name, *title, *equation, *reference, *modifies, *channels;
+  int kind, n_parameters, n_states;
+  unsigned laws;
+  ges_effect_parameter parameters[GES_MAX_PARAMETERS];
+  void (*adjust)(sample_t *s, const vd *p); /* kind parameter: corrects the vehicle's constants */
+  void (*begin)(const sample_t *s, const vd *p, vd *x); /* first values of the extra states; default 0 */
+  void (*blow)(const sample_t *s, const vd *p, vd wind[3]);
+  void (*wrench)(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add);
+  void (*drive)(const sample_t *s, const vd *p, const vd *x, vd *dx, drive_t *add);
+  void (*sense)(const sample_t *s, const vd *p, vd *x, reading_t *add); /* may advance x by s->dt */
+} effect_t;
+
+#define EFFECT(name) const effect_t PER_WIDTH(effect_##name)
+
+/* f - 1 of every rotor from the parameters of ground_effect (effects/ground_effect.c). */
+#define ground_cushion PER_WIDTH(ground_cushion)
+void ground_cushion(const sample_t *s, const vd *p, vd cushion[GES_ROTORS]);
+
+/* Induced velocity of rotor i hovering at its present thrust, squared, m^2/s^2: T / (2 rho A). */
+static inline vd induced_squared(const sample_t *s, int i) {
+  return s->thrust[i] / (s->rho * (2.0 * 3.141592653589793) * (s->radius[i] * s->radius[i]));
+}
+/* Total thrust, N. */
+static inline vd total(const vd rotor[GES_ROTORS]) { return (rotor[0] + rotor[1]) + (rotor[2] + rotor[3]); }
+/* Speed of the air across the rotor discs, squared, m^2/s^2. */
+static inline vd across_squared(const sample_t *s) { return s->air[0] * s->air[0] + s->air[1] * s->air[1]; }
+
+#endif

@@ -1,0 +1,110 @@
+/* Thrust gain of a rotor near the ground.
+ *
+ * T_i = K_T w_i^2 f_i,  f_i = 1 + a (f(x_i) - 1) cos(slope)^n (1 + c kappa), clamped to [low, high];
+ * x_i = (height of the hub + offset) / R_i, kappa the Laplacian of the ground (1/m, positive in hollows). Forms f(x):
+ *   0 Cheeseman & Bennett 1955 (ARC R&M 3021):  1 / (1 - u), u = (1/4x)^2, x held above 0.26 (pole at 1/4)
+ *   1 Hayden 1976:  (A + B (2/x)^2)^(2/3), A = 0.9926, B = 0.0379; below 1 taken as 1
+ *   2 Sanchez-Cuevas, Heredia & Ollero 2017:  image sources of four rotors with the body lift K_b,
+ *       1/f = 1 - u - x/(d^2+4x^2)^1.5 - x/2/(b^2+4x^2)^1.5 ... with d, b the adjacent and opposite hub distances over R
+ *   3 He & Leang 2020:  1 + C_a exp(-C_b x)
+ * The slope exponent, the curvature gain and the clamp are the study's heuristics, without external support.
+ * Valid: hover-like flight, x >= 0.5. Cheeseman-Bennett is a ratio at constant power, used here at constant rotor
+ * speed: the amplitude a takes up the difference.
+ */
+#include "effect.h"
+
+enum { FORM, AMPLITUDE, SLOPE_EXPONENT, CURVATURE_GAIN, LOW, HIGH, CA, DECAY, KB, OFFSET };
+
+static vd cheeseman_bennett(vd x) {
+  vd quarter = 0.25 / lane_max(x, all_lanes(0.26));
+  return 1.0 / (1.0 - quarter * quarter);
+}
+
+static vd hayden(vd x) {
+  vd two = 2.0 / lane_max(x, all_lanes(0.1));
+  return lane_max(lane_pow(0.9926 + 0.0379 * (two * two), all_lanes(2.0 / 3.0)), all_lanes(1.0));
+}
+
+static vd inverse_three_halves(vd x) { return 1.0 / (x * lane_sqrt(x)); }
+
+static vd sanchez_cuevas(vd x, vd d, vd b, vd kb) {
+  vd quarter = 0.25 / lane_max(x, all_lanes(0.26)), four = 4.0 * x * x;
+  vd adjacent = x * inverse_three_halves(d * d + four);
+  vd opposite = x * inverse_three_halves(b * b + four);
+  return 1.0 / lane_max(1.0 - quarter * quarter - adjacent - (0.5 + 2.0 * kb) * opposite, all_lanes(0.2));
+}
+
+static vd distance(const vd a[3], const vd b[3]) {
+  vd x = a[0] - b[0], y = a[1] - b[1];
+  return lane_sqrt(x * x + y * y);
+}
+
+/* Least and greatest distance of hub i from the others, over its radius. */
+static void spacing(const sample_t *s, int i, vd *adjacent, vd *opposite) {
+  *adjacent = *opposite = distance(s->hub[i], s->hub[(i + 1) % GES_ROTORS]);
+  for (int j = 2; j < GES_ROTORS; j++) {
+    vd other = distance(s->hub[i], s->hub[(i + j) % GES_ROTORS]);
+    *adjacent = lane_min(*adjacent, other);
+    *opposite = lane_max(*opposite, other);
+  }
+  *adjacent = *adjacent / s->radius[i];
+  *opposite = *opposite / s->radius[i];
+}
+
+static vd gain(const sample_t *s, const vd *p, int i) {
+  vd x = (s->height[i] + p[OFFSET]) / s->radius[i];
+  vl is_cb = LT(p[FORM], all_lanes(0.5));
+  vd f = cheeseman_bennett(x);
+  if (any(~is_cb)) {
+    vd adjacent, opposite;
+    spacing(s, i, &adjacent, &opposite);
+    f = sel(GT(p[FORM], all_lanes(0.5)), hayden(x), f);
+    f = sel(GT(p[FORM], all_lanes(1.5)), sanchez_cuevas(x, adjacent, opposite, p[KB]), f);
+    f = sel(GT(p[FORM], all_lanes(2.5)), 1.0 + p[CA] * lane_exp(-p[DECAY] * x), f);
+  }
+  return f - 1.0;
+}
+
+/* cos(slope)^n; the usual exponents 0, 1/2, 1, 2 without a general power. */
+static vd slope_factor(const ground_t *g, vd n) {
+  vd cos2 = 1.0 / (1.0 + g->gx * g->gx + g->gy * g->gy), cosine = lane_sqrt(cos2);
+  vl usual = MASK(n == 1.0) | MASK(n == 2.0) | MASK(n == 0.0);
+  vd f = sel(MASK(n == 2.0), cos2, sel(MASK(n == 0.0), all_lanes(1.0), cosine));
+  return any(~usual) ? sel(usual, f, lane_pow(cosine, n)) : f;
+}
+
+void ground_cushion(const sample_t *s, const vd *p, vd cushion[GES_ROTORS]) {
+  for (int i = 0; i < GES_ROTORS; i++) {
+    const ground_t *g = &s->under[i];
+    vd f = 1.0 + p[AMPLITUDE] * gain(s, p, i) * slope_factor(g, p[SLOPE_EXPONENT]) *
+                     (1.0 + p[CURVATURE_GAIN] * g->laplacian);
+    cushion[i] = clamp(f, p[LOW], p[HIGH]) - 1.0;
+  }
+}
+
+static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+  (void)p, (void)x, (void)dx;
+  for (int i = 0; i < GES_ROTORS; i++) add->thrust[i] += s->thrust[i] * s->cushion[i];
+}
+
+EFFECT(ground_effect) = {
+    .name = "ground_effect",
+    .title = "thrust gain near the ground",
+    .equation = "T_i = K_T w_i^2 [1 + a (f(x_i) - 1) cos(slope)^n (1 + c kappa)], x = z/R",
+    .reference = "Cheeseman & Bennett 1955; Hayden 1976; Sanchez-Cuevas et al. 2017; He & Leang 2020",
+    .channels = "force_z moment_x moment_y",
+    .kind = GES_WRENCH,
+    .n_parameters = 10,
+    .laws = GES_LAW_MIRROR | GES_LAW_FADES,
+    .parameters = {{"form", "1", "0 Cheeseman-Bennett, 1 Hayden, 2 Sanchez-Cuevas, 3 exponential", 0, NAN, 0, 3},
+                   {"amplitude", "1", "scales f - 1", 1, 0, 0, 12},
+                   {"slope_exponent", "1", "exponent of the cosine of the slope", 1, NAN, 0, 4},
+                   {"curvature_gain_m", "m", "change of the gain per curvature", 0, NAN, -5, 5},
+                   {"low", "1", "least factor", 0.5, NAN, 0, 1},
+                   {"high", "1", "greatest factor", 1.8, NAN, 1, 10},
+                   {"c_a", "1", "exponential form: gain at the ground", 0.4, NAN, 0, 2},
+                   {"decay", "1", "exponential form: decay per radius", 1.5, NAN, 0.3, 5},
+                   {"k_b", "1", "Sanchez-Cuevas form: body lift", 2, NAN, 0, 5},
+                   {"rotor_plane_offset_m", "m", "rotor plane above where the vehicle file puts it", 0, NAN, -1, 1}},
+    .wrench = wrench,
+};

@@ -1,0 +1,31 @@
+/* Rotor (induced and flapping) drag: in-plane force against the air velocity, proportional to rotor speed.
+ *
+ * F_xy = -k sum_i(w_i) V_xy, at the rotor hubs, body frame. k: 1e-6 (27 g) to 1.2e-4 kg/rad (0.5 kg).
+ * Martin & Salaun 2010; Mahony, Kumar & Corke 2012; Faessler et al. 2018. Valid for V well below tip speed.
+ */
+#include "effect.h"
+
+static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+  (void)x, (void)dx;
+  for (int i = 0; i < GES_ROTORS; i++) {
+    vd fx = -p[0] * s->speed[i] * s->air[0], fy = -p[0] * s->speed[i] * s->air[1];
+    add->force[0] += fx;
+    add->force[1] += fy;
+    add->moment[0] -= s->hub[i][2] * fy;
+    add->moment[1] += s->hub[i][2] * fx;
+    add->moment[2] += s->hub[i][0] * fy - s->hub[i][1] * fx;
+  }
+}
+
+EFFECT(rotor_drag) = {
+    .name = "rotor_drag",
+    .title = "rotor drag, linear in air speed",
+    .equation = "F_xy = -k sum_i(w_i) V_xy",
+    .reference = "Mahony, Kumar & Corke 2012; Faessler et al. 2018",
+    .channels = "force_x force_y",
+    .kind = GES_WRENCH,
+    .n_parameters = 1,
+    .laws = GES_LAW_MIRROR | GES_LAW_DISSIPATES | GES_LAW_FREE_AIR,
+    .parameters = {{"k_kg", "kg", "force per air speed and rotor speed (kg/rad)", 1e-4, 0, 0, 1e-2}},
+    .wrench = wrench,
+};

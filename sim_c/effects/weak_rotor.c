@@ -1,0 +1,26 @@
+/* Rotors that give less thrust (and less torque) at the same speed: dT_i = -e_i T_i, dQ_i = -e_i Q_i. */
+#include "effect.h"
+
+static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+  (void)x, (void)dx;
+  for (int i = 0; i < GES_ROTORS; i++) {
+    add->thrust[i] -= p[i] * s->thrust[i];
+    add->moment[2] += s->spin[i] * (p[i] * s->torque[i]);
+  }
+}
+
+EFFECT(weak_rotor) = {
+    .name = "weak_rotor",
+    .title = "a rotor gives less thrust at the same speed (worn, cut or dirty blade)",
+    .equation = "T_i = (1 - e_i) K_T w_i^2",
+    .reference = "definition",
+    .channels = "force_z moment_x moment_y moment_z",
+    .kind = GES_WRENCH,
+    .n_parameters = 4,
+    .laws = GES_LAW_FREE_AIR,
+    .parameters = {{"loss_1", "1", "lost share of rotor 1", 0.15, 0, -0.5, 1},
+                   {"loss_2", "1", "lost share of rotor 2", 0, 0, -0.5, 1},
+                   {"loss_3", "1", "lost share of rotor 3", 0, 0, -0.5, 1},
+                   {"loss_4", "1", "lost share of rotor 4", 0, 0, -0.5, 1}},
+    .wrench = wrench,
+};

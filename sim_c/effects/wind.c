@@ -1,0 +1,31 @@
+/* Steady horizontal wind, world frame, with the logarithmic profile near the ground.
+ *
+ * W(z) = W_10 ln((z + z0)/z0) / ln((10 m + z0)/z0) for z0 > 0, uniform for z0 = 0; z the height over ground.
+ * z0 0.01 to 0.1 m over grass. Acts through every effect that reads the air velocity.
+ */
+#include "effect.h"
+
+static void blow(const sample_t *s, const vd *p, vd wind[3]) {
+  vd profile = all_lanes(1.0);
+  vl rough = GT(p[2], all_lanes(0.0));
+  if (any(rough)) {
+    vd z0 = lane_max(p[2], all_lanes(1e-6)), z = lane_max(s->agl, all_lanes(0.0));
+    profile = sel(rough, lane_log(1.0 + z / z0) / lane_log(1.0 + 10.0 / z0), profile);
+  }
+  wind[0] += p[0] * profile;
+  wind[1] += p[1] * profile;
+}
+
+EFFECT(wind) = {
+    .name = "wind",
+    .title = "steady wind",
+    .equation = "V_air = v - W(z)",
+    .reference = "logarithmic boundary-layer profile",
+    .channels = "force_x force_y",
+    .kind = GES_WIND,
+    .n_parameters = 3,
+    .parameters = {{"east_m_s", "m/s", "towards world x, at 10 m", 2, 0, -15, 15},
+                   {"north_m_s", "m/s", "towards world y, at 10 m", 0, 0, -15, 15},
+                   {"roughness_m", "m", "roughness length; 0: uniform", 0, NAN, 0, 1}},
+    .blow = blow,
+};

@@ -1,0 +1,67 @@
+/* Height PID, horizontal velocity loop, attitude PD, mixer.
+ *
+ * Height: a_z = kp e + integral + kd de/dt (filtered), thrust m (g + a_z) / cos(tilt).
+ * Attitude: the wanted thrust direction d, seen from the body, asks for angular acceleration
+ * kp (-d_y, d_x) - kd omega; yaw by the wanted heading's body component.
+ */
+#include "firmware.h"
+
+static real dot3(const real a[3], real x, real y, real z) { return a[0] * x + a[1] * y + a[2] * z; }
+
+/* Filtered PID; the first run starts the filter and holds no memory. */
+static real height_acceleration(const fw_config *c, real error, real dt, fw_state *s) {
+  real rate = pick(s->started, (error - s->error) / dt, number(0.0f));
+  s->slope = s->slope + (rate - s->slope) * (dt / (dt + c->altitude_filter));
+  s->error = error;
+  s->integral = within(s->integral + c->altitude_ki * error * dt, -c->altitude_integral, c->altitude_integral);
+  s->started = ~(choice){0};
+  return c->altitude_kp * error + s->integral + c->altitude_kd * s->slope;
+}
+
+static real height_error(const fw_config *c, const fw_input *in, fw_state *s) {
+  s->range = pick(WHEN(in->range == in->range), in->range, s->range);
+  real over_ground = s->range * in->r[8];
+  return in->p_ref[2] - pick(c->height_from_position, in->p[2], over_ground);
+}
+
+static void wanted_direction(const fw_config *c, const fw_input *in, real d[3]) {
+  for (int k = 0; k < 2; k++)
+    d[k] = (in->a_ref[k] + c->velocity_kp * (in->v_ref[k] - in->v[k] + c->position_kp * (in->p_ref[k] - in->p[k]))) /
+           c->gravity;
+  real length = root(d[0] * d[0] + d[1] * d[1]);
+  real shrink = c->tangent_max / greatest(length, c->tangent_max);
+  d[0] = d[0] * shrink;
+  d[1] = d[1] * shrink;
+  real norm = root(1.0f + d[0] * d[0] + d[1] * d[1]);
+  d[0] = d[0] / norm;
+  d[1] = d[1] / norm;
+  d[2] = 1.0f / norm;
+}
+
+static void wanted_moment(const fw_config *c, const fw_input *in, const real d[3], real moment[3]) {
+  const real *r = in->r;
+  real dx = dot3(d, r[0], r[3], r[6]), dy = dot3(d, r[1], r[4], r[7]);
+  real yaw_error = in->heading[0] * r[1] + in->heading[1] * r[4];
+  moment[0] = c->inertia[0] * (-c->attitude_kp * dy - c->attitude_kd * in->gyro[0] + in->excitation[0]);
+  moment[1] = c->inertia[1] * (c->attitude_kp * dx - c->attitude_kd * in->gyro[1] + in->excitation[1]);
+  moment[2] = c->inertia[2] * (c->yaw_kp * yaw_error - c->yaw_kd * in->gyro[2] + in->excitation[2]);
+}
+
+static real command_of(const fw_config *c, real thrust) {
+  return root(greatest(thrust, number(0.0f)) / c->thrust_coefficient) / c->speed_max;
+}
+
+void firmware_run(const fw_config *c, const fw_input *in, fw_state *state, fw_output *out) {
+  real d[3], moment[3], factor[FIRMWARE_ROTORS];
+  real up = height_acceleration(c, height_error(c, in, state), in->dt, state) + in->a_ref[2] + in->excitation[3];
+  real thrust = c->mass * greatest(c->gravity + up, number(0.0f)) / greatest(in->r[8], number(0.5f));
+  wanted_direction(c, in, d);
+  wanted_moment(c, in, d, moment);
+  out->thrust_command = command_of(c, 0.25f * thrust);
+  ge_ff_estimate(c, in, state->range, out->thrust_command, state, factor, out);
+  for (int i = 0; i < FIRMWARE_ROTORS; i++) {
+    const real *m = c->mixer[i];
+    real rotor = m[0] * thrust + m[1] * moment[0] + m[2] * moment[1] + m[3] * moment[2];
+    out->u[i] = within(command_of(c, rotor) * ge_ff_scale(c, factor[i]), number(0.0f), number(1.0f));
+  }
+}

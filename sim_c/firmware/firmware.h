@@ -1,0 +1,67 @@
+/* Flight firmware: height over ground, velocity and attitude control, mixer, ground effect feedforward.
+ *
+ * Float only, no allocation, no globals, nothing of the simulator: it can be compiled for a flight controller as it
+ * is. Frames and units as in the simulator: world ENU, body FLU, SI.
+ */
+#ifndef GES_FIRMWARE_H
+#define GES_FIRMWARE_H
+
+#include "real.h"
+
+#define FIRMWARE_ROTORS 4
+#define FIRMWARE_FEATURES 13
+
+enum { FF_NONE, FF_ANALYTICAL, FF_ORACLE, FF_ML, FF_ML_DIRECT, FF_ML_ASYM_CLAMP };
+
+typedef struct {
+  real mass, inertia[3], gravity, thrust_coefficient, speed_max, rotor_radius;
+  real mixer[FIRMWARE_ROTORS][4]; /* thrust of each rotor per collective thrust and moments x, y, z */
+  real altitude_kp, altitude_ki, altitude_kd, altitude_filter, altitude_integral;
+  real position_kp, velocity_kp, tangent_max;
+  real attitude_kp, attitude_kd, yaw_kp, yaw_kd;
+  choice height_from_position;
+  real mode, mapping, per_rotor, bias, pulse, pulse_start, pulse_end, lead;
+  real cutover, trust_band, overprediction_clamp, range_to_rotor;
+  choice network_runs;
+} fw_config;
+
+/* What the firmware sees at one run. */
+typedef struct {
+  real t, dt;
+  real gyro[3], r[9], p[3], v[3]; /* r: attitude estimate, row-major, body to world */
+  real range;                     /* NaN where undefined */
+  real rpm[FIRMWARE_ROTORS], current[FIRMWARE_ROTORS];
+  real oracle[FIRMWARE_ROTORS];   /* true ground effect factors; a simulator's privilege */
+  real p_ref[3], v_ref[3], a_ref[3], heading[2]; /* heading: cosine and sine of the yaw reference */
+  real excitation[4];             /* angular acceleration x, y, z (rad/s^2), vertical acceleration (m/s^2) */
+} fw_input;
+
+typedef struct {
+  real integral, error, slope, range;     /* height loop: integral term, last error, filtered rate, last range */
+  real estimate[FIRMWARE_ROTORS];         /* last feedforward estimates */
+  choice started;
+} fw_state;
+
+typedef struct {
+  real u[FIRMWARE_ROTORS];
+  real thrust_command, estimate, shadow;
+} fw_output;
+
+/* One run of the whole firmware. */
+void firmware_run(const fw_config *c, const fw_input *in, fw_state *state, fw_output *out);
+
+/* Ground effect estimate of every rotor, bias and pulse included; fills out->estimate and out->shadow. */
+void ge_ff_estimate(const fw_config *c, const fw_input *in, real range, real thrust_command, fw_state *state,
+                    real factor[FIRMWARE_ROTORS], fw_output *out);
+
+/* What the command of a rotor is multiplied with to cancel the factor. */
+real ge_ff_scale(const fw_config *c, real factor);
+
+/* The exported network. */
+real ge_ff_network(const real feature[FIRMWARE_FEATURES]);
+
+/* Thrust of each rotor per unit of collective thrust and moment: inverse of the rotor geometry.
+ * Returns 0 when the rotors cannot make them. x, y: hubs; yaw: torque about z per thrust. */
+int mixer_make(const float x[4], const float y[4], const float yaw[4], float mixer[4][4]);
+
+#endif

@@ -1,0 +1,298 @@
+/* Public interface: check what comes in, group flights that share a plan, hand them to a kernel lane by lane. */
+#define GES_W 1
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "../effects/effect.h"
+#include "../firmware/firmware.h"
+#include "../world/ground.h"
+#include "columns.h"
+#include "kernel.h"
+#include "parameters.h"
+
+#define X(name) extern const effect_t effect_##name##_w1;
+#include "../effects/effects.def"
+#undef X
+
+static const effect_t *const effects_known[] = {
+#define X(name) &effect_##name##_w1,
+#include "../effects/effects.def"
+#undef X
+};
+enum { N_EFFECTS = sizeof effects_known / sizeof *effects_known };
+
+static const ges_parameter parameter_table[] = {
+#define X(name, unit, value, low, high, doc) {#name, unit, doc, value, low, high},
+#include "params.def"
+#undef X
+};
+
+static const ges_column column_table[] = {
+#define X(name, unit, value, doc) {#name, unit, doc},
+#include "columns.def"
+#undef X
+};
+
+static const ges_column replay_in_table[] = {
+#define X(name, unit, doc) {#name, unit, doc},
+#include "replay_in.def"
+#undef X
+};
+
+static const ges_column replay_out_table[] = {
+#define X(name, unit, value, doc) {#name, unit, doc},
+#include "replay_out.def"
+#undef X
+};
+
+int ges_abi(void) { return GES_ABI; }
+
+int ges_parameters(const ges_parameter **table) {
+  *table = parameter_table;
+  return N_PARAMETERS;
+}
+
+int ges_columns(const ges_column **table) {
+  *table = column_table;
+  return N_COLUMNS;
+}
+
+int ges_replay_columns(const ges_column **inputs, int *n_inputs, const ges_column **outputs, int *n_outputs) {
+  *inputs = replay_in_table;
+  *n_inputs = N_REPLAY_IN;
+  *outputs = replay_out_table;
+  *n_outputs = N_REPLAY_OUT;
+  return 1;
+}
+
+int ges_effect_count(void) { return N_EFFECTS; }
+
+int ges_effect(int id, ges_effect_info *info) {
+  if (id < 0 || id >= N_EFFECTS) return 0;
+  const effect_t *e = effects_known[id];
+  *info = (ges_effect_info){e->name, e->title,        e->equation, e->reference, e->modifies,
+                            e->channels, e->kind, e->n_parameters, e->n_states, e->laws, e->parameters};
+  return 1;
+}
+
+/* ---- checks ------------------------------------------------------------------------------------------------ */
+
+static int fail(char *error, int size, const char *format, ...) {
+  va_list arguments;
+  va_start(arguments, format);
+  if (error && size > 0) vsnprintf(error, (size_t)size, format, arguments);
+  va_end(arguments);
+  return 0;
+}
+
+static int check_parameters(const double *p, char *error, int size) {
+  for (int k = 0; k < N_PARAMETERS; k++) {
+    const ges_parameter *known = &parameter_table[k];
+    if (!(p[k] >= known->low && p[k] <= known->high))
+      return fail(error, size, "%s is %g %s; allowed is %g to %g", known->name, p[k], known->unit, known->low, known->high);
+  }
+  if (p[P_terrain_features_max] < p[P_terrain_features_min])
+    return fail(error, size, "terrain_features_max is %g, below terrain_features_min %g; raise it", p[P_terrain_features_max],
+                p[P_terrain_features_min]);
+  double reach = fabs(p[P_rotor_1_x_m]);
+  for (int i = 0; i < GES_ROTORS; i++) {
+    int at = P_rotor_1_x_m + i * (P_rotor_2_x_m - P_rotor_1_x_m);
+    reach = fmax(reach, sqrt(p[at] * p[at] + p[at + 1] * p[at + 1] + p[at + 2] * p[at + 2]));
+  }
+  if (p[P_terrain_kind] == 1 && reach > 0.45 * p[P_terrain_length_m] / p[P_terrain_features_max])
+    return fail(error, size, "rotors reach %g m from the centre, too far for terrain features every %g m; use fewer features", reach,
+                p[P_terrain_length_m] / p[P_terrain_features_max]);
+  if (p[P_duration_s] / p[P_dt_s] > 2e9)
+    return fail(error, size, "duration_s / dt_s is %g steps; at most 2e9", p[P_duration_s] / p[P_dt_s]);
+  return 1;
+}
+
+static int check_effects(const ges_effects *e, char *error, int size) {
+  if (e->n < 0 || e->n > GES_MAX_EFFECTS) return fail(error, size, "%d effects; at most %d at once", e->n, GES_MAX_EFFECTS);
+  for (int j = 0; j < e->n; j++) {
+    if (e->id[j] < 0 || e->id[j] >= N_EFFECTS) return fail(error, size, "effect number %d does not exist", e->id[j]);
+    const effect_t *known = effects_known[e->id[j]];
+    for (int m = 0; m < j; m++)
+      if (e->id[m] == e->id[j]) return fail(error, size, "effect %s is listed twice; once is enough", known->name);
+    for (int k = 0; k < known->n_parameters; k++) {
+      const ges_effect_parameter *q = &known->parameters[k];
+      if (!(e->value[j][k] >= q->low && e->value[j][k] <= q->high))
+        return fail(error, size, "%s of effect %s is %g %s; allowed is %g to %g", q->name, known->name, e->value[j][k], q->unit,
+                    q->low, q->high);
+    }
+  }
+  return 1;
+}
+
+static int check_grid(const double *p, const ges_grid *g, char *error, int size) {
+  if (p[P_terrain_kind] != 2) return 1;
+  if (!g || !g->z_m) return fail(error, size, "terrain_kind is 2, a height map, but no height map was given");
+  if (g->nx < 2 || g->ny < 2 || !(g->dx_m > 0.0) || !(g->dy_m > 0.0))
+    return fail(error, size, "height map is %d x %d with spacing %g x %g m; needs 2 x 2 or more and positive spacing", g->nx, g->ny,
+                g->dx_m, g->dy_m);
+  return 1;
+}
+
+static int check_inputs(const ges_flight *f, char *error, int size) {
+  const double *p = f->parameters;
+  int needs = p[P_control] != 0.0 || p[P_attitude_imposed] != 0.0;
+  if (needs && (!f->inputs || f->n_inputs < 1))
+    return fail(error, size, "control is %g and attitude_imposed %g, but no replay table was given", p[P_control], p[P_attitude_imposed]);
+  if (p[P_attitude_imposed] != 0.0 && p[P_control] == 0.0)
+    return fail(error, size, "attitude_imposed needs control 1 or 2: the input table then holds a replay, not references");
+  return 1;
+}
+
+static int check_flight(const ges_flight *f, int number, char *error, int size) {
+  char reason[400];
+  if (check_parameters(f->parameters, reason, sizeof reason) && check_effects(&f->effects, reason, sizeof reason) &&
+      check_grid(f->parameters, f->grid, reason, sizeof reason) && check_inputs(f, reason, sizeof reason))
+    return 1;
+  return fail(error, size, "flight %d: %s", number, reason);
+}
+
+/* ---- plans ------------------------------------------------------------------------------------------------- */
+
+static int compare_int(const void *a, const void *b) { return *(const int *)a - *(const int *)b; }
+
+static void set_effects(plan_t *plan, const ges_effects *e) {
+  plan->n_effects = e->n;
+  for (int j = 0; j < e->n; j++) plan->effect[j] = e->id[j];
+  qsort(plan->effect, (size_t)e->n, sizeof *plan->effect, compare_int);
+}
+
+static int n_steps(const double *p) { return (int)floor(p[P_duration_s] / p[P_dt_s] + 0.5); }
+
+int ges_rows(const double *p) { return n_steps(p) / (int)p[P_record_every] + 1; }
+
+static plan_t plan_of(const ges_flight *f) {
+  plan_t plan;
+  const double *p = f->parameters;
+  memset(&plan, 0, sizeof plan);
+  plan.n_steps = n_steps(p);
+  plan.control_every = (int)p[P_control_every];
+  plan.telemetry_every = (int)p[P_telemetry_every];
+  plan.record_every = (int)p[P_record_every];
+  plan.integrator = (int)p[P_integrator];
+  plan.control = (int)p[P_control];
+  plan.attitude_imposed = (int)p[P_attitude_imposed];
+  set_effects(&plan, &f->effects);
+  return plan;
+}
+
+static int same_plan(const ges_flight *a, const ges_flight *b) {
+  plan_t x = plan_of(a), y = plan_of(b);
+  return !memcmp(&x, &y, sizeof x) && a->parameters[P_terrain_kind] == b->parameters[P_terrain_kind] && !a->inputs == !b->inputs;
+}
+
+/* ---- flying ------------------------------------------------------------------------------------------------ */
+
+#if defined(__AVX512F__)
+static const kernel_t *const widest = &kernel_w8;
+#elif defined(__AVX__)
+static const kernel_t *const widest = &kernel_w4;
+#else
+static const kernel_t *const widest = &kernel_w2;
+#endif
+
+static const kernel_t *kernel_of(int lanes) {
+  return lanes == 1 ? &kernel_w1 : lanes == 2 ? &kernel_w2 : lanes == 4 ? &kernel_w4 : lanes == 8 ? &kernel_w8 : NULL;
+}
+
+static int fly_together(ges_flight **flights, int n, const kernel_t *kernel, const int *columns, int n_columns, char *error, int size) {
+  terrain_t terrain[8];
+  const void *pointer[8];
+  int made = 0, good = 1;
+  plan_t plan = plan_of(flights[0]);
+  for (; made < n && good; made++) {
+    good = terrain_make(&terrain[made], flights[made]->parameters, flights[made]->grid);
+    pointer[made] = &terrain[made];
+  }
+  if (!good) fail(error, size, "out of memory for the terrain");
+  else if (!kernel->fly(&plan, flights, pointer, n, columns, n_columns))
+    good = fail(error, size, "the rotors' places and spins cannot make thrust and three moments independently; check rotor_*_x_m, _y_m, _spin");
+  for (int i = 0; i < made; i++) terrain_free(&terrain[i]);
+  return good;
+}
+
+/* Next flights of the same plan, at most `most`; flown ones are marked. */
+static int collect(ges_flight *flights, int n, int first, char *flown, int most, ges_flight **out) {
+  int m = 0;
+  for (int i = first; i < n && m < most; i++)
+    if (!flown[i] && (i == first || same_plan(&flights[first], &flights[i]))) {
+      out[m++] = &flights[i];
+      flown[i] = 1;
+    }
+  return m;
+}
+
+int ges_fly(ges_flight *flights, int n, const int *columns, int n_columns, int lanes, char *error, int error_size) {
+  const kernel_t *kernel = lanes == 0 ? widest : kernel_of(lanes);
+  ges_flight *together[8];
+  int good = 1;
+  if (!kernel) return fail(error, error_size, "lanes is %d; allowed are 0 (choose), 1, 2, 4 and 8", lanes);
+  for (int c = 0; c < n_columns; c++)
+    if (columns[c] < 0 || columns[c] >= N_COLUMNS) return fail(error, error_size, "column number %d does not exist", columns[c]);
+  for (int i = 0; i < n; i++) {
+    if (!check_flight(&flights[i], i, error, error_size)) return 0;
+    flights[i].stopped_row = -1;
+    flights[i].stopped_field = NULL;
+    flights[i].stopped_t_s = NAN;
+  }
+  char *flown = calloc((size_t)n + 1, 1);
+  if (!flown) return fail(error, error_size, "out of memory");
+  for (int i = 0; i < n && good; i++) {
+    if (flown[i]) continue;
+    int m = collect(flights, n, i, flown, kernel->lanes, together);
+    const kernel_t *fit = lanes == 0 && m == 1 ? &kernel_w1 : kernel;
+    good = fly_together(together, m, fit, columns, n_columns, error, error_size);
+  }
+  free(flown);
+  return good;
+}
+
+int ges_replay(const double *parameters, const ges_effects *effects, const ges_grid *grid, const double *in, int64_t n,
+               double *out, int lanes, char *error, int error_size) {
+  const kernel_t *kernel = lanes == 0 ? widest : kernel_of(lanes);
+  plan_t plan;
+  terrain_t terrain;
+  if (!kernel) return fail(error, error_size, "lanes is %d; allowed are 0 (choose), 1, 2, 4 and 8", lanes);
+  if (!check_parameters(parameters, error, error_size) || !check_effects(effects, error, error_size) ||
+      !check_grid(parameters, grid, error, error_size))
+    return 0;
+  memset(&plan, 0, sizeof plan);
+  set_effects(&plan, effects);
+  for (int j = 0; j < plan.n_effects; j++)
+    if (effects_known[plan.effect[j]]->n_states > 0) kernel = &kernel_w1;
+  if (!terrain_make(&terrain, parameters, grid)) return fail(error, error_size, "out of memory for the terrain");
+  kernel->replay(parameters, &plan, effects, &terrain, in, n, out);
+  terrain_free(&terrain);
+  return 1;
+}
+
+int ges_terrain(const double *parameters, const ges_grid *grid, const double *x_m, const double *y_m, int64_t n,
+                double *height_m, double *slope_x, double *slope_y, double *curvature_1_m, char *error, int error_size) {
+  terrain_t terrain;
+  const terrain_t *one = &terrain;
+  ground_lanes_t lanes;
+  if (!check_parameters(parameters, error, error_size) || !check_grid(parameters, grid, error, error_size)) return 0;
+  if (!terrain_make(&terrain, parameters, grid)) return fail(error, error_size, "out of memory for the terrain");
+  ground_make(&lanes, &one);
+  for (int64_t i = 0; i < n; i++) {
+    ground_move(&lanes, x_m[i]);
+    ground_t g = ground_at(&lanes, x_m[i], y_m[i]);
+    height_m[i] = g.height;
+    slope_x[i] = g.gx;
+    slope_y[i] = g.gy;
+    curvature_1_m[i] = g.laplacian;
+  }
+  terrain_free(&terrain);
+  return 1;
+}
+
+int ges_network(const float *features, float *factor) {
+  *factor = ge_ff_network(features);
+  return 1;
+}

@@ -1,0 +1,708 @@
+/* The step, once for every lane width (GES_W): fly flights, or replay recorded samples.
+ *
+ * A step: sample of the state -> ground effect -> sensors and firmware (every control_every steps) -> drive ->
+ * remaining effects, contact -> record -> integrate. Semi-implicit Euler advances velocities first and positions with
+ * the new velocities; Runge-Kutta 4 holds the command through its four stages.
+ */
+#include "kernel.h"
+
+#include "../body/contact.h"
+#include "../body/model.h"
+#include "../core/random.h"
+#define FIRMWARE_LANES GES_W
+#include "../firmware/firmware.h"
+#include "columns.h"
+
+#define X(name) extern const effect_t PER_WIDTH(effect_##name);
+#include "../effects/effects.def"
+#undef X
+
+static const effect_t *const effect_table[] = {
+#define X(name) &PER_WIDTH(effect_##name),
+#include "../effects/effects.def"
+#undef X
+};
+
+enum { GYRO, RANGE, TELEMETRY, ACCELERATION, NAVIGATION, N_STREAMS };
+
+typedef struct {
+  vd gyro, acc, range, range_max, rpm, current, per_torque, idle, position, velocity;
+} noise_t;
+
+typedef struct {
+  vd agl_ref, cruise, descent, descent_period, preview;
+  int any_preview;
+  const double *inputs[GES_W];
+  int n_inputs[GES_W];
+  vd inputs_dt;
+} task_t;
+
+/* What the firmware and the drive report, as recorded. */
+typedef struct {
+  vd thrust_command, estimate, shadow, p_ref[3], v_ref[3], yaw_ref, battery;
+} report_t;
+
+typedef struct {
+  const plan_t *plan;
+  vehicle_t body;
+  active_t active;
+  ground_lanes_t ground;
+  noise_t noise;
+  task_t task;
+  fw_config config;
+  fw_state memory;
+  stream_t stream[N_STREAMS];
+  vd dt, y[Y_MAX], dy[Y_MAX];
+  int n_y;
+  sample_t sample;
+  reading_t reading;
+  report_t report;
+  vd force[3], acc_error[3]; /* force on the body without gravity; errors of the accelerometer */
+} lanes_t;
+
+/* ---- setting up ------------------------------------------------------------------------------------------- */
+
+static int is_ground_related(const effect_t *e) { return (e->laws & GES_LAW_FADES) != 0; }
+
+static void add_active(active_t *a, int id, const ges_effects *const *effects) {
+  const effect_t *e = effect_table[id];
+  int j = a->n++;
+  a->effect[j] = e;
+  a->first_state[j] = a->n_states;
+  a->n_states += e->n_states;
+  for (int i = 0; i < GES_W; i++)
+    for (int m = 0; m < effects[i]->n; m++)
+      if (effects[i]->id[m] == id)
+        for (int k = 0; k < e->n_parameters; k++) set_lane(&a->p[j][k], i, effects[i]->value[m][k]);
+  if (!strcmp(e->name, "ground_effect")) a->ground_effect = a->p[j];
+  if (e->blow) a->wants_agl = 1;
+}
+
+/* Ground-related effects first, so that the ground effect factor is known before the firmware runs. */
+static void load_active(active_t *a, const plan_t *plan, const ges_effects *const *effects) {
+  memset(a, 0, sizeof *a);
+  for (int ground = 1; ground >= 0; ground--) {
+    for (int j = 0; j < plan->n_effects; j++)
+      if (is_ground_related(effect_table[plan->effect[j]]) == ground) add_active(a, plan->effect[j], effects);
+    if (ground) a->n_ground = a->n;
+  }
+}
+
+static void load_noise(noise_t *n, const double *const *p) {
+  n->gyro = column(p, P_gyro_noise_rad_s);
+  n->acc = column(p, P_acc_noise_m_s2);
+  n->range = column(p, P_range_noise_m);
+  n->range_max = column(p, P_range_max_m);
+  n->rpm = column(p, P_rpm_noise_rad_s);
+  n->current = column(p, P_current_noise_A);
+  n->per_torque = column(p, P_current_per_torque_A_Nm);
+  n->idle = column(p, P_current_idle_A);
+  n->position = column(p, P_position_noise_m);
+  n->velocity = column(p, P_velocity_noise_m_s);
+}
+
+static void load_task(task_t *t, const double *const *p, ges_flight *const *flights) {
+  t->agl_ref = column(p, P_agl_ref_m);
+  t->cruise = column(p, P_cruise_m_s);
+  t->descent = column(p, P_descent_m);
+  t->descent_period = column(p, P_descent_period_s);
+  t->preview = column(p, P_preview_s);
+  t->any_preview = any(GT(t->preview, all_lanes(0.0)));
+  t->inputs_dt = column(p, P_inputs_dt_s);
+  for (int i = 0; i < GES_W; i++) {
+    t->inputs[i] = flights[i]->inputs;
+    t->n_inputs[i] = flights[i]->n_inputs;
+  }
+}
+
+static int load_mixer(fw_config *c, const vehicle_t *b, int i) {
+  float x[4], y[4], yaw[4], mixer[4][4];
+  for (int k = 0; k < 4; k++) {
+    x[k] = (float)lane(b->hub[k][0], i);
+    y[k] = (float)lane(b->hub[k][1], i);
+    yaw[k] = (float)(-lane(b->spin[k], i) * lane(b->torque_coefficient, i) / lane(b->thrust_coefficient, i));
+  }
+  int good = mixer_make(x, y, yaw, mixer);
+  for (int j = 0; good && j < 4; j++)
+    for (int k = 0; k < 4; k++) memcpy((char *)&c->mixer[j][k] + 4 * i, &mixer[j][k], 4);
+  return good;
+}
+
+static vf setting(const double *const *p, int index) { return to_float(column(p, index)); }
+
+static void load_gains(fw_config *c, const double *const *p) {
+  c->altitude_kp = setting(p, P_altitude_kp);
+  c->altitude_ki = setting(p, P_altitude_ki);
+  c->altitude_kd = setting(p, P_altitude_kd);
+  c->altitude_filter = setting(p, P_altitude_filter_s);
+  c->altitude_integral = setting(p, P_altitude_integral_m_s2);
+  c->position_kp = setting(p, P_position_kp);
+  c->velocity_kp = setting(p, P_velocity_kp);
+  c->attitude_kp = setting(p, P_attitude_kp);
+  c->attitude_kd = setting(p, P_attitude_kd);
+  c->yaw_kp = setting(p, P_yaw_kp);
+  c->yaw_kd = setting(p, P_yaw_kd);
+  vd sine, cosine;
+  lane_sin_cos(column(p, P_tilt_max_rad), &sine, &cosine);
+  c->tangent_max = to_float(sine / cosine);
+}
+
+static void load_feedforward(fw_config *c, const double *const *p) {
+  c->mode = setting(p, P_mode);
+  c->mapping = setting(p, P_mapping);
+  c->per_rotor = setting(p, P_per_rotor);
+  c->bias = setting(p, P_bias);
+  c->pulse = setting(p, P_pulse);
+  c->pulse_start = setting(p, P_pulse_start_s);
+  c->pulse_end = to_float(column(p, P_pulse_start_s) + column(p, P_pulse_duration_s));
+  c->lead = setting(p, P_lead_s);
+  c->cutover = setting(p, P_cutover_m);
+  c->trust_band = setting(p, P_trust_band);
+  c->overprediction_clamp = setting(p, P_overprediction_clamp);
+  c->range_to_rotor = setting(p, P_range_to_rotor_m);
+  c->height_from_position = WHEN(setting(p, P_altitude_source) > 0.5f);
+  c->network_runs = WHEN(c->mode > 2.5f) | WHEN(setting(p, P_shadow) > 0.5f);
+}
+
+/* What the firmware believes of the vehicle. */
+static int load_belief(fw_config *c, const vehicle_t *b, const double *const *p) {
+  vd mass = column(p, P_fw_mass_kg), thrust = column(p, P_fw_thrust_coefficient_N_s2);
+  c->mass = to_float(sel(GT(mass, all_lanes(0.0)), mass, b->mass));
+  c->thrust_coefficient = to_float(sel(GT(thrust, all_lanes(0.0)), thrust, b->thrust_coefficient));
+  for (int k = 0; k < 3; k++) c->inertia[k] = to_float(b->inertia[k] * column(p, P_fw_inertia_scale));
+  c->gravity = to_float(b->gravity);
+  c->speed_max = to_float(b->speed_max);
+  c->rotor_radius = to_float(b->radius[0]);
+  for (int i = 0; i < GES_W; i++)
+    if (!load_mixer(c, b, i)) return 0;
+  return 1;
+}
+
+static void seed_streams(stream_t *stream, const double *const *p) {
+  for (int k = 0; k < N_STREAMS; k++)
+    for (int i = 0; i < GES_W; i++) seed_lane(&stream[k], i, (uint64_t)p[i][P_seed], (uint64_t)k + 1);
+}
+
+/* One value of an input table, held before its first and after its last row. */
+static double input_at(const task_t *t, int i, int width, double row, int k, int hold) {
+  int last = t->n_inputs[i] - 1;
+  double bounded_row = bounded(row, (double)last);
+  int j = (int)bounded_row < last ? (int)bounded_row : last;
+  const double *a = t->inputs[i] + (int64_t)j * width + k;
+  if (hold || j == last) return a[0];
+  return a[0] + (bounded_row - j) * (a[width] - a[0]);
+}
+
+static vd input(const task_t *task, int width, vd t, int k, int hold) {
+  vd value = all_lanes(0.0), row = t / task->inputs_dt + 1e-9;
+  for (int i = 0; i < GES_W; i++) set_lane(&value, i, input_at(task, i, width, lane(row, i), k, hold));
+  return value;
+}
+
+static void start_trimmed(lanes_t *l) {
+  const vehicle_t *b = &l->body;
+  vd zero = all_lanes(0.0), x = zero, y = zero, vx = l->task.cruise, up = l->task.agl_ref;
+  if (l->task.inputs[0] && l->plan->control == 0) {
+    x = input(&l->task, GES_REFERENCE_COLUMNS, zero, 0, 1);
+    y = input(&l->task, GES_REFERENCE_COLUMNS, zero, 1, 1);
+    up = input(&l->task, GES_REFERENCE_COLUMNS, zero, 2, 1);
+    vx = input(&l->task, GES_REFERENCE_COLUMNS, zero, 3, 1);
+  }
+  ground_move(&l->ground, x);
+  vf in_world = pick(l->config.height_from_position, number(0.0f), number(1.0f));
+  vd ground = ground_at(&l->ground, x, y).height * to_double(in_world);
+  vd speed = lane_sqrt(b->mass * b->gravity / (4.0 * b->thrust_coefficient));
+  l->y[Y_P] = x;
+  l->y[Y_P + 1] = y;
+  l->y[Y_P + 2] = up + ground;
+  l->y[Y_V] = vx;
+  l->y[Y_Q] = all_lanes(1.0);
+  for (int i = 0; i < GES_ROTORS; i++) l->y[Y_SPEED + i] = lane_min(speed, b->speed_max);
+}
+
+static void start_state(lanes_t *l, const double *const *p) {
+  start_trimmed(l);
+  vl given = GT(column(p, P_start), all_lanes(0.5));
+  for (int k = 0; k < Y_X; k++) l->y[k] = sel(given, column(p, P_start_p_x_m + k), l->y[k]);
+  vd *q = l->y + Y_Q, norm = lane_sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  for (int k = 0; k < 4; k++) q[k] = q[k] / norm;
+}
+
+static void begin_effects(lanes_t *l) {
+  const active_t *a = &l->active;
+  l->sample.t = all_lanes(0.0);
+  build_sample(&l->body, a, &l->ground, l->y, &l->sample);
+  sample_center(&l->ground, &l->sample);
+  for (int j = 0; j < a->n; j++)
+    if (a->effect[j]->begin) a->effect[j]->begin(&l->sample, a->p[j], l->y + Y_X + a->first_state[j]);
+}
+
+static int load_lanes(lanes_t *l, const plan_t *plan, ges_flight *const *flights, const void *const *terrain) {
+  const double *p[GES_W];
+  const ges_effects *effects[GES_W];
+  for (int i = 0; i < GES_W; i++) {
+    p[i] = flights[i]->parameters;
+    effects[i] = &flights[i]->effects;
+  }
+  memset(l, 0, sizeof *l);
+  l->plan = plan;
+  l->dt = column(p, P_dt_s);
+  load_vehicle(&l->body, p);
+  load_active(&l->active, plan, effects);
+  ground_make(&l->ground, (const terrain_t *const *)terrain);
+  load_noise(&l->noise, p);
+  load_task(&l->task, p, flights);
+  load_gains(&l->config, p);
+  load_feedforward(&l->config, p);
+  if (!load_belief(&l->config, &l->body, p)) return 0;
+  l->memory.range = to_float(l->noise.range_max);
+  seed_streams(l->stream, p);
+  memset(&l->report, 0xff, sizeof l->report); /* NaN until something is reported */
+  l->n_y = Y_X + l->active.n_states;
+  start_state(l, p);
+  start_sample(&l->body, &l->active, &l->sample);
+  begin_effects(l);
+  return 1;
+}
+
+/* ---- sensors and firmware ---------------------------------------------------------------------------------- */
+
+static vd noisy(vd value, vd sigma, stream_t *stream) {
+  return any(GT(sigma, all_lanes(0.0))) ? value + sigma * normal(stream) : value;
+}
+
+static void read_telemetry(lanes_t *l, const reading_t *add) {
+  const noise_t *n = &l->noise;
+  const sample_t *s = &l->sample;
+  reading_t *y = &l->reading;
+  vd range = noisy(s->range + add->range, n->range, &l->stream[RANGE]);
+  y->range = sel(MASK(range <= n->range_max), range, all_lanes(NAN));
+  for (int i = 0; i < GES_ROTORS; i++) {
+    y->rpm[i] = noisy(s->speed[i], n->rpm, &l->stream[TELEMETRY]);
+    y->current[i] = noisy(n->idle + n->per_torque * s->torque[i], n->current, &l->stream[TELEMETRY]);
+  }
+}
+
+static void read_sensors(lanes_t *l, int k, vd attitude[9]) {
+  reading_t add;
+  sample_t *s = &l->sample;
+  int telemetry = k % l->plan->telemetry_every == 0;
+  sample_center(&l->ground, s);
+  s->ground_slope = lane_sqrt(s->ground.gx * s->ground.gx + s->ground.gy * s->ground.gy);
+  s->range = range_to_ground(&l->ground, s);
+  s->dt = (double)l->plan->control_every * l->dt;
+  add_readings(&l->active, s, l->y, &add);
+  for (int j = 0; j < 3; j++) l->reading.gyro[j] = noisy(s->omega[j] + add.gyro[j], l->noise.gyro, &l->stream[GYRO]);
+  if (telemetry) read_telemetry(l, &add);
+  for (int row = 0; row < 9; row += 3) {
+    const vd *r = s->r + row, *e = add.attitude;
+    attitude[row] = r[0] + (r[1] * e[2] - r[2] * e[1]);
+    attitude[row + 1] = r[1] + (r[2] * e[0] - r[0] * e[2]);
+    attitude[row + 2] = r[2] + (r[0] * e[1] - r[1] * e[0]);
+  }
+  for (int j = 0; j < 3; j++) l->acc_error[j] = add.acc[j];
+}
+
+/* Smooth wave of period 1 between 0 and 1, from the terrain's quintic. */
+static vd descent_wave(vd cycles) {
+  vd t = cycles - nearest(cycles), t2 = t * t;
+  return 0.5 - 0.5 * (1.0 / 1.1721) * (t * (7.0 + t2 * (-40.0 + 48.0 * t2)));
+}
+
+static void cruise_reference(const lanes_t *l, fw_input *in) {
+  const task_t *t = &l->task;
+  const sample_t *s = &l->sample;
+  for (int k = 0; k < 3; k++) in->p_ref[k] = in->v_ref[k] = in->a_ref[k] = number(0.0f);
+  for (int k = 0; k < 4; k++) in->excitation[k] = number(0.0f);
+  in->p_ref[0] = to_float(t->cruise * s->t);
+  in->v_ref[0] = to_float(t->cruise);
+  vd down = t->descent * descent_wave(s->t / t->descent_period + 0.25);
+  in->p_ref[2] = to_float(t->agl_ref - down);
+  in->heading[0] = number(1.0f);
+  in->heading[1] = number(0.0f);
+}
+
+static void table_reference(lanes_t *l, fw_input *in) {
+  vf value[GES_REFERENCE_COLUMNS];
+  vd sine, cosine, yaw = input(&l->task, GES_REFERENCE_COLUMNS, l->sample.t, 9, 0);
+  for (int k = 0; k < GES_REFERENCE_COLUMNS; k++)
+    value[k] = to_float(input(&l->task, GES_REFERENCE_COLUMNS, l->sample.t, k, 0));
+  for (int k = 0; k < 3; k++) {
+    in->p_ref[k] = value[k];
+    in->v_ref[k] = value[3 + k];
+    in->a_ref[k] = value[6 + k];
+  }
+  for (int k = 0; k < 4; k++) in->excitation[k] = value[10 + k];
+  lane_sin_cos(yaw, &sine, &cosine);
+  in->heading[0] = to_float(cosine);
+  in->heading[1] = to_float(sine);
+  l->report.yaw_ref = yaw;
+}
+
+/* The oracle's truth: the factor here, or where the vehicle will be after the preview time. */
+static void oracle(lanes_t *l, fw_input *in) {
+  const sample_t *s = &l->sample;
+  for (int i = 0; i < GES_ROTORS; i++) in->oracle[i] = to_float(s->factor[i]);
+  if (!l->task.any_preview || !l->active.ground_effect) return;
+  sample_t ahead = *s;
+  for (int k = 0; k < 2; k++) ahead.p[k] = s->p[k] + s->v[k] * l->task.preview;
+  sample_rotors(&l->body, &l->ground, &ahead);
+  ground_cushion(&ahead, l->active.ground_effect, ahead.cushion);
+  ground_move(&l->ground, s->p[0]);
+  vl looks = GT(l->task.preview, all_lanes(0.0));
+  for (int i = 0; i < GES_ROTORS; i++) in->oracle[i] = to_float(sel(looks, 1.0 + ahead.cushion[i], s->factor[i]));
+}
+
+static void firmware_sees(lanes_t *l, const vd attitude[9], fw_input *in) {
+  const sample_t *s = &l->sample;
+  in->t = to_float(s->t);
+  in->dt = to_float((double)l->plan->control_every * l->dt);
+  for (int k = 0; k < 9; k++) in->r[k] = to_float(attitude[k]);
+  for (int k = 0; k < 3; k++) {
+    in->gyro[k] = to_float(l->reading.gyro[k]);
+    in->p[k] = to_float(noisy(s->p[k], l->noise.position, &l->stream[NAVIGATION]));
+    in->v[k] = to_float(noisy(s->v[k], l->noise.velocity, &l->stream[NAVIGATION]));
+  }
+  in->range = to_float(l->reading.range);
+  for (int i = 0; i < GES_ROTORS; i++) {
+    in->rpm[i] = to_float(l->reading.rpm[i]);
+    in->current[i] = to_float(l->reading.current[i]);
+  }
+}
+
+static void report(lanes_t *l, const fw_input *in, const fw_output *out) {
+  l->report.thrust_command = to_double(out->thrust_command);
+  l->report.estimate = to_double(out->estimate);
+  l->report.shadow = to_double(out->shadow);
+  for (int k = 0; k < 3; k++) {
+    l->report.p_ref[k] = to_double(in->p_ref[k]);
+    l->report.v_ref[k] = to_double(in->v_ref[k]);
+  }
+}
+
+static void run_control(lanes_t *l, int k) {
+  vd attitude[9];
+  fw_input in;
+  fw_output out;
+  read_sensors(l, k, attitude);
+  if (l->plan->control != 0) return;
+  firmware_sees(l, attitude, &in);
+  if (l->task.inputs[0]) table_reference(l, &in);
+  else cruise_reference(l, &in);
+  oracle(l, &in);
+  firmware_run(&l->config, &in, &l->memory, &out);
+  for (int i = 0; i < GES_ROTORS; i++) l->sample.u[i] = to_double(out.u[i]);
+  report(l, &in, &out);
+}
+
+/* ---- the step ---------------------------------------------------------------------------------------------- */
+
+static vd replayed(const lanes_t *l, int k, int hold) { return input(&l->task, GES_REPLAY_COLUMNS, l->sample.t, k, hold); }
+
+static void impose_attitude(lanes_t *l, vd *y) {
+  vd *q = y + Y_Q, norm = all_lanes(0.0);
+  for (int k = 0; k < 4; k++) {
+    q[k] = replayed(l, 4 + k, 0);
+    norm += q[k] * q[k];
+  }
+  norm = lane_sqrt(norm);
+  for (int k = 0; k < 4; k++) q[k] = q[k] / norm;
+  for (int k = 0; k < 3; k++) y[Y_OMEGA + k] = replayed(l, 9 + k, 0);
+}
+
+/* Parts of the state that a replay table dictates. */
+static void impose(lanes_t *l, vd *y) {
+  if (l->plan->control != 0 && l->task.inputs[0]) l->sample.battery = replayed(l, 8, 1);
+  for (int i = 0; i < GES_ROTORS && l->plan->control == 1; i++) l->sample.u[i] = replayed(l, i, 1);
+  for (int i = 0; i < GES_ROTORS && l->plan->control == 2; i++) y[Y_SPEED + i] = replayed(l, i, 0);
+  if (l->plan->attitude_imposed) impose_attitude(l, y);
+}
+
+static void quaternion_rate(const vd q[4], const vd w[3], vd dq[4]) {
+  dq[0] = -0.5 * (q[1] * w[0] + q[2] * w[1] + q[3] * w[2]);
+  dq[1] = 0.5 * (q[0] * w[0] + q[2] * w[2] - q[3] * w[1]);
+  dq[2] = 0.5 * (q[0] * w[1] + q[3] * w[0] - q[1] * w[2]);
+  dq[3] = 0.5 * (q[0] * w[2] + q[1] * w[1] - q[2] * w[0]);
+}
+
+static void drive_rates(lanes_t *l, const vd *y, vd *dy) {
+  drive_t d;
+  sample_t *s = &l->sample;
+  add_drive(&l->active, s, y, dy, &d);
+  l->report.battery = sel(MASK(s->battery == s->battery), s->battery, d.battery);
+  vd up = 1.0 / d.lag_up, down = 1.0 / d.lag_down;
+  for (int i = 0; i < GES_ROTORS; i++) {
+    vd change = d.speed[i] - s->speed[i];
+    s->speed_rate[i] = change * sel(GT(change, all_lanes(0.0)), up, down);
+    dy[Y_SPEED + i] = l->plan->control == 2 ? all_lanes(0.0) : s->speed_rate[i];
+  }
+}
+
+/* Newton and Euler: accelerations from the force and moment on the body. */
+static void body_rates(lanes_t *l, const wrench_t *w, vd *dy) {
+  vd moment[3];
+  sample_t *s = &l->sample;
+  sum_wrench(s, w, l->force, moment);
+  add_contact(&l->body, s, l->force, moment);
+  for (int k = 0; k < 3; k++) {
+    int a = (k + 1) % 3, b = (k + 2) % 3;
+    dy[Y_V + k] = row_dot(s->r + 3 * k, l->force) / s->mass;
+    dy[Y_OMEGA + k] = (moment[k] - (s->inertia[b] - s->inertia[a]) * s->omega[a] * s->omega[b]) / s->inertia[k];
+  }
+  dy[Y_V + 2] -= s->gravity;
+}
+
+/* Rates dy of the state y at the sample's time; k >= 0: also run what is due at step k. */
+static void rates(lanes_t *l, vd *y, vd *dy, int k) {
+  wrench_t w;
+  sample_t *s = &l->sample;
+  const active_t *a = &l->active;
+  impose(l, y);
+  memset(&w, 0, sizeof w);
+  memset(dy, 0, sizeof(vd) * (size_t)l->n_y);
+  build_sample(&l->body, a, &l->ground, y, s);
+  add_wrenches(a, 0, a->n_ground, s, y, dy, &w);
+  if (k >= 0 && (k % l->plan->control_every == 0 || k % l->plan->record_every == 0)) {
+    set_factor(s, w.thrust);
+    if (k % l->plan->control_every == 0) run_control(l, k);
+  }
+  drive_rates(l, y, dy);
+  add_wrenches(a, a->n_ground, a->n, s, y, dy, &w);
+  body_rates(l, &w, dy);
+}
+
+static void normalise(vd q[4]) {
+  vd scale = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  for (int k = 0; k < 4; k++) q[k] = q[k] * scale;
+}
+
+static void position_rates(const vd *y, vd *dy) {
+  for (int k = 0; k < 3; k++) dy[Y_P + k] = y[Y_V + k];
+  quaternion_rate(y + Y_Q, y + Y_OMEGA, dy + Y_Q);
+}
+
+static void step_euler(lanes_t *l) {
+  vd *y = l->y, *dy = l->dy;
+  for (int k = Y_V; k < Y_Q; k++) y[k] += dy[k] * l->dt;
+  for (int k = Y_OMEGA; k < l->n_y; k++) y[k] += dy[k] * l->dt;
+  position_rates(y, dy);
+  for (int k = 0; k < 3; k++) y[Y_P + k] += dy[Y_P + k] * l->dt;
+  for (int k = 0; k < 4; k++) y[Y_Q + k] += dy[Y_Q + k] * l->dt;
+  normalise(y + Y_Q);
+}
+
+/* The first stage's rates are in l->dy. */
+static void step_runge_kutta(lanes_t *l, vd t) {
+  static const double fraction[3] = {0.5, 0.5, 1.0}, weight[3] = {2.0, 2.0, 1.0};
+  vd stage[Y_MAX], sum[Y_MAX], slope[Y_MAX];
+  position_rates(l->y, l->dy);
+  memcpy(sum, l->dy, sizeof(vd) * (size_t)l->n_y);
+  memcpy(slope, l->dy, sizeof(vd) * (size_t)l->n_y);
+  for (int j = 0; j < 3; j++) {
+    for (int k = 0; k < l->n_y; k++) stage[k] = l->y[k] + slope[k] * (fraction[j] * l->dt);
+    l->sample.t = t + fraction[j] * l->dt;
+    rates(l, stage, slope, -1);
+    position_rates(stage, slope);
+    for (int k = 0; k < l->n_y; k++) sum[k] += weight[j] * slope[k];
+  }
+  for (int k = 0; k < l->n_y; k++) l->y[k] += sum[k] * (l->dt / 6.0);
+  normalise(l->y + Y_Q);
+}
+
+/* ---- recording --------------------------------------------------------------------------------------------- */
+
+static const char *const state_name[Y_X + 1] = {
+    "p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s", "q_w", "q_x", "q_y", "q_z",
+    "omega_x_rad_s", "omega_y_rad_s", "omega_z_rad_s", "rotor_speed_1_rad_s", "rotor_speed_2_rad_s",
+    "rotor_speed_3_rad_s", "rotor_speed_4_rad_s", "state of an effect"};
+
+/* First state of lane i that is not finite. */
+static const char *bad_field(const lanes_t *l, int i) {
+  for (int k = 0; k < l->n_y; k++) {
+    double value = lane(l->y[k], i);
+    if (!(value - value == 0.0)) return state_name[k < Y_X ? k : Y_X];
+  }
+  return NULL;
+}
+
+static void stop_bad_lanes(const lanes_t *l, ges_flight *const *flights, int n, int row) {
+  vd probe = all_lanes(0.0);
+  for (int k = 0; k < l->n_y; k++) probe += l->y[k] * 0.0;
+  if (!any(MASK(probe != 0.0))) return;
+  for (int i = 0; i < n; i++) {
+    const char *field = flights[i]->stopped_row < 0 ? bad_field(l, i) : NULL;
+    if (!field) continue;
+    flights[i]->stopped_row = row;
+    flights[i]->stopped_t_s = lane(l->sample.t, i);
+    flights[i]->stopped_field = field;
+  }
+}
+
+static void fill_row(lanes_t *l, vd *row) {
+  const sample_t *s = &l->sample;
+  const reading_t *y = &l->reading;
+  const report_t *fw = &l->report;
+  for (int k = 0; k < 3; k++)
+    l->reading.acc[k] = noisy(l->force[k] / s->mass + l->acc_error[k], l->noise.acc, &l->stream[ACCELERATION]);
+#define X(name, unit, value, doc) row[C_##name] = value;
+#include "columns.def"
+#undef X
+}
+
+static void record(lanes_t *l, ges_flight *const *flights, int n, int row, const int *columns, int n_columns) {
+  vd value[N_COLUMNS];
+  fill_row(l, value);
+  for (int i = 0; i < n; i++) {
+    int stopped = flights[i]->stopped_row >= 0;
+    double *out = flights[i]->out + (int64_t)row * n_columns;
+    if (row >= flights[i]->n_rows) continue;
+    for (int c = 0; c < n_columns; c++) out[c] = stopped ? NAN : lane(value[columns[c]], i);
+  }
+}
+
+static int fly(const plan_t *plan, ges_flight *const *flights, const void *const *terrain, int n, const int *columns,
+               int n_columns) {
+  lanes_t l;
+  ges_flight *padded[GES_W];
+  const void *ground[GES_W];
+  for (int i = 0; i < GES_W; i++) {
+    padded[i] = flights[i < n ? i : n - 1];
+    ground[i] = terrain[i < n ? i : n - 1];
+  }
+  if (!load_lanes(&l, plan, padded, ground)) return 0;
+  for (int k = 0; k <= plan->n_steps; k++) {
+    int due = k % plan->record_every == 0;
+    vd t = (double)k * l.dt;
+    l.sample.t = t;
+    if (due || k % plan->control_every == 0) stop_bad_lanes(&l, flights, n, (k + plan->record_every - 1) / plan->record_every);
+    rates(&l, l.y, l.dy, k);
+    if (due) record(&l, flights, n, k / plan->record_every, columns, n_columns);
+    if (plan->integrator == 0) step_euler(&l);
+    else step_runge_kutta(&l, t);
+  }
+  return 1;
+}
+
+/* ---- replay ------------------------------------------------------------------------------------------------ */
+
+/* Effects along recorded samples: the sample is built from the recording, nothing is integrated but extra states. */
+typedef struct {
+  vehicle_t body;
+  active_t active;
+  ground_lanes_t ground;
+  sample_t sample;
+  vd y[Y_MAX], dy[Y_MAX];
+  vd force[3], moment[3];
+  wrench_t wrench;
+  drive_t drive;
+  reading_t reading;
+} replay_t;
+
+static vd gather(const double *in, int64_t n, int column_index, const int64_t *at) {
+  vd v = all_lanes(0.0);
+  for (int i = 0; i < GES_W; i++) set_lane(&v, i, in[(int64_t)column_index * n + at[i]]);
+  return v;
+}
+
+static void read_sample(replay_t *r, const double *in, int64_t n, const int64_t *at) {
+  sample_t *s = &r->sample;
+  s->t = gather(in, n, IN_t_s, at);
+  for (int k = 0; k < Y_SPEED; k++) r->y[k] = gather(in, n, IN_p_x_m + k, at);
+  for (int k = 0; k < 3; k++) s->omega_dot[k] = gather(in, n, IN_omega_dot_x_rad_s2 + k, at);
+  for (int i = 0; i < GES_ROTORS; i++) {
+    r->y[Y_SPEED + i] = gather(in, n, IN_rotor_speed_1_rad_s + i, at);
+    s->speed_rate[i] = gather(in, n, IN_rotor_acceleration_1_rad_s2 + i, at);
+    s->u[i] = gather(in, n, IN_u_1 + i, at);
+  }
+  s->battery = gather(in, n, IN_battery_V, at);
+}
+
+static void evaluate(replay_t *r) {
+  const active_t *a = &r->active;
+  sample_t *s = &r->sample;
+  memset(&r->wrench, 0, sizeof r->wrench);
+  memset(r->dy, 0, sizeof r->dy);
+  add_wrenches(a, 0, a->n_ground, s, r->y, r->dy, &r->wrench);
+  set_factor(s, r->wrench.thrust);
+  add_drive(a, s, r->y, r->dy, &r->drive);
+  add_wrenches(a, a->n_ground, a->n, s, r->y, r->dy, &r->wrench);
+  sum_wrench(s, &r->wrench, r->force, r->moment);
+}
+
+static void see_sample(replay_t *r, const double *in, int64_t n, const int64_t *at) {
+  read_sample(r, in, n, at);
+  build_sample(&r->body, &r->active, &r->ground, r->y, &r->sample);
+  sample_center(&r->ground, &r->sample);
+  r->sample.range = range_to_ground(&r->ground, &r->sample);
+  evaluate(r);
+}
+
+static void write_sample(const replay_t *replay, double *out, int64_t n, const int64_t *at, int filled) {
+  const sample_t *s = &replay->sample;
+  const wrench_t *w = &replay->wrench;
+  const drive_t *d = &replay->drive;
+  const reading_t *r = &replay->reading;
+  const vd *force = replay->force, *moment = replay->moment;
+  vd value[N_REPLAY_OUT];
+#define X(name, unit, expression, doc) value[OUT_##name] = expression;
+#include "replay_out.def"
+#undef X
+  for (int c = 0; c < N_REPLAY_OUT; c++)
+    for (int i = 0; i < filled; i++) out[(int64_t)c * n + at[i]] = lane(value[c], i);
+}
+
+static void load_replay(replay_t *r, const double *parameters, const plan_t *plan, const ges_effects *effects,
+                        const void *terrain) {
+  const double *p[GES_W];
+  const ges_effects *e[GES_W];
+  const terrain_t *t[GES_W];
+  for (int i = 0; i < GES_W; i++) {
+    p[i] = parameters;
+    e[i] = effects;
+    t[i] = terrain;
+  }
+  memset(r, 0, sizeof *r);
+  load_vehicle(&r->body, p);
+  load_active(&r->active, plan, e);
+  ground_make(&r->ground, t);
+  start_sample(&r->body, &r->active, &r->sample);
+}
+
+static void begin_replay(replay_t *r) {
+  const active_t *a = &r->active;
+  for (int j = 0; j < a->n; j++)
+    if (a->effect[j]->begin) a->effect[j]->begin(&r->sample, a->p[j], r->y + Y_X + a->first_state[j]);
+}
+
+/* Extra states over the time since the sample before, in steps of at most a millisecond; gaps over 0.1 s are cut. */
+static void advance_states(replay_t *r) {
+  double dt = lane(r->sample.dt, 0);
+  int steps = (int)(dt / 0.001) + 1;
+  for (int m = 0; m < steps; m++) {
+    evaluate(r);
+    for (int k = 0; k < r->active.n_states; k++) r->y[Y_X + k] += r->dy[Y_X + k] * (dt / steps);
+  }
+}
+
+static void replay(const double *parameters, const plan_t *plan, const ges_effects *effects, const void *terrain,
+                   const double *in, int64_t n, double *out) {
+  replay_t r;
+  int64_t at[GES_W];
+  load_replay(&r, parameters, plan, effects, terrain);
+  for (int64_t first = 0; first < n; first += GES_W) {
+    int filled = n - first < GES_W ? (int)(n - first) : GES_W;
+    for (int i = 0; i < GES_W; i++) at[i] = first + (i < filled ? i : filled - 1);
+    see_sample(&r, in, n, at);
+    if (first == 0) begin_replay(&r);
+    if (r.active.n_states > 0 && first > 0) {
+      double dt = in[first] - in[first - 1];
+      r.sample.dt = all_lanes(bounded(dt, 0.1));
+      advance_states(&r);
+    }
+    if (r.active.n_states > 0) evaluate(&r);
+    add_readings(&r.active, &r.sample, r.y, &r.reading);
+    write_sample(&r, out, n, at, filled);
+  }
+}
+
+const kernel_t PER_WIDTH(kernel) = {GES_W, fly, replay};

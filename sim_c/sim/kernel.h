@@ -1,0 +1,28 @@
+/* The compiled step for one lane width; batch.c chooses among them. */
+#ifndef GES_KERNEL_H
+#define GES_KERNEL_H
+
+#include "../include/ges.h"
+
+/* What the flights of one group share; the rest may differ from lane to lane. */
+typedef struct {
+  int n_steps, control_every, telemetry_every, record_every;
+  int integrator, control, attitude_imposed;
+  int n_effects, effect[GES_MAX_EFFECTS]; /* in the order of effects.def */
+} plan_t;
+
+struct terrain_s;
+
+typedef struct {
+  int lanes;
+  /* Fly `n` <= lanes flights that share a plan. terrain[i] belongs to flights[i]. Returns 0 on a bad rotor layout. */
+  int (*fly)(const plan_t *plan, ges_flight *const *flights, const void *const *terrain, int n, const int *columns,
+             int n_columns);
+  /* Samples [first, last) of a replay; see ges_replay. */
+  void (*replay)(const double *parameters, const plan_t *plan, const ges_effects *effects, const void *terrain,
+                 const double *in, int64_t n, double *out);
+} kernel_t;
+
+extern const kernel_t kernel_w1, kernel_w2, kernel_w4, kernel_w8;
+
+#endif
