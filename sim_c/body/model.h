@@ -89,6 +89,8 @@ static inline void sample_constants(const vehicle_t *b, const active_t *a, sampl
   s->battery_nominal = b->battery_nominal;
   for (int j = 0; j < a->n; j++)
     if (a->effect[j]->adjust) a->effect[j]->adjust(s, a->p[j]);
+  s->inverse_mass = 1.0 / s->mass;
+  for (int k = 0; k < 3; k++) s->inverse_inertia[k] = 1.0 / s->inertia[k];
 }
 
 static inline void sample_state(const vd *y, sample_t *s) {

@@ -42,12 +42,27 @@ typedef float vf __attribute__((vector_size(4 * GES_W)));
 #define MASK(condition) (condition)
 static inline double lane(vd v, int i) { return v[i]; }
 static inline void set_lane(vd *v, int i, double x) { (*v)[i] = x; }
+#if defined(__AVX512F__) && defined(__AVX512DQ__) && GES_W == 8
+#include <immintrin.h>
+static inline vd sel(vl mask, vd a, vd b) {
+  return (vd)_mm512_mask_blend_pd(_mm512_movepi64_mask((__m512i)mask), (__m512d)b, (__m512d)a);
+}
+static inline int any(vl mask) { return _mm512_movepi64_mask((__m512i)mask) != 0; }
+static inline vd lane_sqrt(vd x) { return (vd)_mm512_sqrt_pd((__m512d)x); }
+#elif defined(__AVX__) && GES_W == 4
+#include <immintrin.h>
+static inline vd sel(vl mask, vd a, vd b) { return (vd)_mm256_blendv_pd((__m256d)b, (__m256d)a, (__m256d)mask); }
+static inline int any(vl mask) { return _mm256_movemask_pd((__m256d)mask) != 0; }
+static inline vd lane_sqrt(vd x) { return (vd)_mm256_sqrt_pd((__m256d)x); }
+#else
+#define GES_PLAIN_SQRT
 static inline vd sel(vl mask, vd a, vd b) { return (vd)(((vl)a & mask) | ((vl)b & ~mask)); }
 static inline int any(vl mask) {
   int64_t all = 0;
   for (int i = 0; i < GES_W; i++) all |= mask[i];
   return all != 0;
 }
+#endif
 static inline vf to_float(vd v) { return __builtin_convertvector(v, vf); }
 static inline vd to_double(vf v) { return __builtin_convertvector(v, vd); }
 #endif
@@ -65,13 +80,7 @@ static inline vd lane_abs(vd x) { return from_bits(bits_of(x) & 0x7fffffffffffff
 /* Nearest integer, halves to even; |x| < 2^51. */
 static inline vd nearest(vd x) { return (x + MAGIC_ROUND) - MAGIC_ROUND; }
 
-#if defined(__AVX512F__) && GES_W == 8
-#include <immintrin.h>
-static inline vd lane_sqrt(vd x) { return (vd)_mm512_sqrt_pd((__m512d)x); }
-#elif defined(__AVX__) && GES_W == 4
-#include <immintrin.h>
-static inline vd lane_sqrt(vd x) { return (vd)_mm256_sqrt_pd((__m256d)x); }
-#else
+#if GES_W == 1 || defined(GES_PLAIN_SQRT)
 static inline vd lane_sqrt(vd x) {
   vd r = x;
   for (int i = 0; i < GES_W; i++) set_lane(&r, i, __builtin_sqrt(lane(x, i)));

@@ -33,7 +33,7 @@ typedef struct {
   vd factor[GES_ROTORS], factor_mean; /* 1 + ground-related thrust increments over thrust */
   ground_t ground;             /* below the body origin */
   vd agl, ground_slope, range, contact;
-  vd mass, inertia[3], rho, gravity, thrust_coefficient, torque_coefficient, motor_lag, speed_max;
+  vd mass, inertia[3], inverse_mass, inverse_inertia[3], rho, gravity, thrust_coefficient, torque_coefficient, motor_lag, speed_max;
   vd battery, battery_nominal; /* V; NaN where it was not recorded */
 } sample_t;
 

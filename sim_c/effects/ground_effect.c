@@ -15,11 +15,6 @@
 
 enum { FORM, AMPLITUDE, SLOPE_EXPONENT, CURVATURE_GAIN, LOW, HIGH, CA, DECAY, KB, OFFSET };
 
-static vd cheeseman_bennett(vd x) {
-  vd quarter = 0.25 / lane_max(x, all_lanes(0.26));
-  return 1.0 / (1.0 - quarter * quarter);
-}
-
 static vd hayden(vd x) {
   vd two = 2.0 / lane_max(x, all_lanes(0.1));
   return lane_max(lane_pow(0.9926 + 0.0379 * (two * two), all_lanes(2.0 / 3.0)), all_lanes(1.0));
@@ -51,34 +46,53 @@ static void spacing(const sample_t *s, int i, vd *adjacent, vd *opposite) {
   *opposite = *opposite / s->radius[i];
 }
 
-static vd gain(const sample_t *s, const vd *p, int i) {
-  vd x = (s->height[i] + p[OFFSET]) / s->radius[i];
-  vl is_cb = LT(p[FORM], all_lanes(0.5));
-  vd f = cheeseman_bennett(x);
-  if (any(~is_cb)) {
-    vd adjacent, opposite;
-    spacing(s, i, &adjacent, &opposite);
-    f = sel(GT(p[FORM], all_lanes(0.5)), hayden(x), f);
-    f = sel(GT(p[FORM], all_lanes(1.5)), sanchez_cuevas(x, adjacent, opposite, p[KB]), f);
-    f = sel(GT(p[FORM], all_lanes(2.5)), 1.0 + p[CA] * lane_exp(-p[DECAY] * x), f);
-  }
-  return f - 1.0;
+/* f - 1 of rotor i as a fraction, so that one division serves the form and the slope. */
+typedef struct {
+  vd over, under;
+} fraction_t;
+
+/* 1/(1-u) - 1 = (R/4)^2 / (h^2 - (R/4)^2), h held above 0.26 R. */
+static fraction_t cheeseman_bennett(vd height, vd radius) {
+  vd quarter = 0.25 * radius, h = lane_max(height, 0.26 * radius);
+  return (fraction_t){quarter * quarter, h * h - quarter * quarter};
 }
 
-/* cos(slope)^n; the usual exponents 0, 1/2, 1, 2 without a general power. */
-static vd slope_factor(const ground_t *g, vd n) {
-  vd cos2 = 1.0 / (1.0 + g->gx * g->gx + g->gy * g->gy), cosine = lane_sqrt(cos2);
-  vl usual = MASK(n == 1.0) | MASK(n == 2.0) | MASK(n == 0.0);
-  vd f = sel(MASK(n == 2.0), cos2, sel(MASK(n == 0.0), all_lanes(1.0), cosine));
-  return any(~usual) ? sel(usual, f, lane_pow(cosine, n)) : f;
+static fraction_t other_form(const sample_t *s, const vd *p, int i) {
+  vd adjacent, opposite, x = (s->height[i] + p[OFFSET]) / s->radius[i];
+  spacing(s, i, &adjacent, &opposite);
+  vd f = hayden(x);
+  f = sel(GT(p[FORM], all_lanes(1.5)), sanchez_cuevas(x, adjacent, opposite, p[KB]), f);
+  f = sel(GT(p[FORM], all_lanes(2.5)), 1.0 + p[CA] * lane_exp(-p[DECAY] * x), f);
+  return (fraction_t){f - 1.0, all_lanes(1.0)};
+}
+
+static fraction_t gain(const sample_t *s, const vd *p, int i) {
+  fraction_t g = cheeseman_bennett(s->height[i] + p[OFFSET], s->radius[i]);
+  vl other = GT(p[FORM], all_lanes(0.5));
+  if (any(other)) {
+    fraction_t o = other_form(s, p, i);
+    g.over = sel(other, o.over, g.over);
+    g.under = sel(other, o.under, g.under);
+  }
+  return g;
+}
+
+/* 1 / cos(slope)^n; the usual exponents 0, 1, 2 without a general power. */
+static vd inverse_slope_factor(const ground_t *g, vd n) {
+  vd square = 1.0 + g->gx * g->gx + g->gy * g->gy;
+  vl one = MASK(n == 1.0), two = MASK(n == 2.0), zero = MASK(n == 0.0);
+  vd f = sel(one, lane_sqrt(square), sel(two, square, all_lanes(1.0)));
+  vl usual = one | two | zero;
+  return any(~usual) ? sel(usual, f, lane_pow(square, 0.5 * n)) : f;
 }
 
 void ground_cushion(const sample_t *s, const vd *p, vd cushion[GES_ROTORS]) {
   for (int i = 0; i < GES_ROTORS; i++) {
     const ground_t *g = &s->under[i];
-    vd f = 1.0 + p[AMPLITUDE] * gain(s, p, i) * slope_factor(g, p[SLOPE_EXPONENT]) *
-                     (1.0 + p[CURVATURE_GAIN] * g->laplacian);
-    cushion[i] = clamp(f, p[LOW], p[HIGH]) - 1.0;
+    fraction_t f = gain(s, p, i);
+    vd corrected = p[AMPLITUDE] * f.over * (1.0 + p[CURVATURE_GAIN] * g->laplacian);
+    vd slope = inverse_slope_factor(g, p[SLOPE_EXPONENT]);
+    cushion[i] = clamp(corrected / (f.under * slope), p[LOW] - 1.0, p[HIGH] - 1.0);
   }
 }
 

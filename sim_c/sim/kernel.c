@@ -446,8 +446,8 @@ static void body_rates(lanes_t *l, const wrench_t *w, vd *dy) {
   add_contact(&l->body, s, l->force, moment);
   for (int k = 0; k < 3; k++) {
     int a = (k + 1) % 3, b = (k + 2) % 3;
-    dy[Y_V + k] = row_dot(s->r + 3 * k, l->force) / s->mass;
-    dy[Y_OMEGA + k] = (moment[k] - (s->inertia[b] - s->inertia[a]) * s->omega[a] * s->omega[b]) / s->inertia[k];
+    dy[Y_V + k] = row_dot(s->r + 3 * k, l->force) * s->inverse_mass;
+    dy[Y_OMEGA + k] = (moment[k] - (s->inertia[b] - s->inertia[a]) * s->omega[a] * s->omega[b]) * s->inverse_inertia[k];
   }
   dy[Y_V + 2] -= s->gravity;
 }
@@ -543,7 +543,7 @@ static void fill_row(lanes_t *l, vd *row) {
   const reading_t *y = &l->reading;
   const report_t *fw = &l->report;
   for (int k = 0; k < 3; k++)
-    l->reading.acc[k] = noisy(l->force[k] / s->mass + l->acc_error[k], l->noise.acc, &l->stream[ACCELERATION]);
+    l->reading.acc[k] = noisy(l->force[k] * s->inverse_mass + l->acc_error[k], l->noise.acc, &l->stream[ACCELERATION]);
 #define X(name, unit, value, doc) row[C_##name] = value;
 #include "columns.def"
 #undef X

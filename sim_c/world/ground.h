@@ -42,6 +42,8 @@ static inline void ground_make(ground_lanes_t *g, const terrain_t *const *terrai
       for (int j = 0; j < 3; j++) set_lane(&g->wave[k][j], i, t->wave[k][j]);
     if (g->kind == 1) load_lane(g, i, 0.0);
   }
+  for (int k = 0; k < GES_WAVES; k++)
+    g->wave[k][3] = (g->wave[k][0] * g->wave[k][0] + g->wave[k][1] * g->wave[k][1]) * g->roughness;
 }
 
 /* B(s) = max(1 - s^2, 0)^3 with its first two derivatives. */
@@ -66,14 +68,14 @@ static inline void add_feature(const vd f[6], vd x, vd y, ground_t *out) {
   out->laplacian += p2 * q * (f[1] * f[1]) + p * q2 * (f[3] * f[3]);
 }
 
-static inline void add_wave(const vd w[3], vd amplitude, vd x, vd y, ground_t *out) {
+static inline void add_wave(const vd w[4], vd amplitude, vd x, vd y, ground_t *out) {
   vd u = x * w[0] + y * w[1] + w[2];
   vd t = u - nearest(u), t2 = t * t;
   vd slope = amplitude * (7.0 + t2 * (-120.0 + 240.0 * t2));
   out->height += amplitude * (t * (7.0 + t2 * (-40.0 + 48.0 * t2)));
   out->gx += w[0] * slope;
   out->gy += w[1] * slope;
-  out->laplacian += (w[0] * w[0] + w[1] * w[1]) * (amplitude * (t * (-240.0 + 960.0 * t2)));
+  out->laplacian += w[3] * (t * (-240.0 + 960.0 * t2));
 }
 
 static inline void add_procedural(const ground_lanes_t *g, vd x, vd y, ground_t *out) {

@@ -24,10 +24,10 @@ static feature_t draw_feature(uint32_t *state, const double *p, double slot, int
 }
 
 static void draw_waves(uint32_t *state, terrain_t *t, double wavelength) {
-  static const double direction[GES_WAVES][2] = {{1.0, 0.0}, {-0.5, 0.8660254037844386}, {-0.5, -0.8660254037844386}};
+  static const double direction[GES_WAVES][2] = {{1.0, 0.0}, {0.0, 1.0}};
   for (int k = 0; k < GES_WAVES; k++) {
     double cycles = between(state, 0.8, 1.25) / wavelength;
-    double mix = between(state, -0.25, 0.25);
+    double mix = between(state, -0.5, 0.5);
     t->wave[k][0] = cycles * (direction[k][0] - mix * direction[k][1]);
     t->wave[k][1] = cycles * (direction[k][1] + mix * direction[k][0]);
     t->wave[k][2] = uniform(state);
@@ -44,7 +44,7 @@ static int draw_procedural(terrain_t *t, const double *p) {
   t->features = malloc((size_t)t->n_features * sizeof *t->features);
   if (!t->features) return 0;
   draw_waves(&state, t, p[P_terrain_roughness_length_m]);
-  t->roughness = p[P_terrain_roughness_m] * (1.0 / 3.516); /* three waves of peak 1.172 */
+  t->roughness = p[P_terrain_roughness_m] * (1.0 / 2.344); /* two waves of peak 1.172 */
   for (int i = 0; i < t->n_features; i++) t->features[i] = draw_feature(&state, p, t->slot, i);
   return 1;
 }

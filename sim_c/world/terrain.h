@@ -3,8 +3,8 @@
  * Procedural: the track x in [0, length] is cut into n equal slots, n drawn from [features_min, features_max]; each
  * slot holds one feature that lies inside it, so features do not overlap along the track:
  *   h(x, y) = A (k0 + k1 s) B(s) B(t),  s = (x - xc)/lx,  t = (y - yc)/ly,  B(s) = (1 - s^2)^3 for |s| < 1 else 0,
- * a bump (k0 = 1), a dip (k0 = -1) or an undulation (k1 = +-7^3.5/216, peak 1). Fine roughness adds three plane waves
- * of the periodic quintic w(t) = 7t - 40t^3 + 48t^5, t in [-1/2, 1/2], which is twice continuously differentiable.
+ * a bump (k0 = 1), a dip (k0 = -1) or an undulation (k1 = +-7^3.5/216, peak 1). Fine roughness adds two crossing
+ * plane waves of the periodic quintic w(t) = 7t - 40t^3 + 48t^5, t in [-1/2, 1/2], which is twice continuously differentiable.
  * Gradient and Laplacian are exact derivatives. The numpy port (src/ges/terrain.py) repeats every operation in the
  * same order: equal bit for bit.
  */
@@ -14,7 +14,7 @@
 #include "../core/lanes.h"
 #include "../include/ges.h"
 
-#define GES_WAVES 3
+#define GES_WAVES 2
 
 typedef struct {
   double xc, inverse_lx, yc, inverse_ly, a0, a1;
@@ -46,7 +46,7 @@ typedef struct {
   int kind;
   vd z, slot, inverse_slot, left, edge;
   vd feature[2][6];
-  vd wave[GES_WAVES][3], roughness;
+  vd wave[GES_WAVES][4], roughness; /* cycles per metre along x and y, phase, roughness times squared wave number */
 } ground_lanes_t;
 
 #endif

@@ -15,9 +15,9 @@ import numpy as np
 from .errors import GesError, UsageError
 
 _MASK64 = (1 << 64) - 1
-_DIRECTIONS = ((1.0, 0.0), (-0.5, 0.8660254037844386), (-0.5, -0.8660254037844386))
+_DIRECTIONS = ((1.0, 0.0), (0.0, 1.0))
 _UNDULATION = 4.201355091181271  # 7^3.5 / 216: s (1 - s^2)^3 peaks at s^2 = 1/7
-_WAVE_PEAKS = 1.0 / 3.516
+_WAVE_PEAKS = 1.0 / 2.344
 KINDS = {"flat": 0.0, "procedural": 1.0, "grid": 2.0}
 
 
@@ -64,15 +64,15 @@ class _Xorshift32:
 class _Layout:
     slot_m: float
     features: np.ndarray  # (n, 6): xc, 1/lx, yc, 1/ly, a0, a1
-    waves: np.ndarray  # (3, 3): cycles per metre along x and y, phase
+    waves: np.ndarray  # (2, 3): cycles per metre along x and y, phase
     roughness: float
 
 
 def _draw_waves(draw: _Xorshift32, wavelength_m: float) -> np.ndarray:
-    waves = np.empty((3, 3))
+    waves = np.empty((len(_DIRECTIONS), 3))
     for k, (dx, dy) in enumerate(_DIRECTIONS):
         cycles = draw.between(0.8, 1.25) / wavelength_m
-        mix = draw.between(-0.25, 0.25)
+        mix = draw.between(-0.5, 0.5)
         waves[k] = cycles * (dx - mix * dy), cycles * (dy + mix * dx), draw.uniform()
     return waves
 
@@ -228,4 +228,4 @@ def _add_wave(ground: tuple[np.ndarray, ...], w: np.ndarray, amplitude: float, x
     t2 = t * t
     slope = amplitude * (7.0 + t2 * (-120.0 + 240.0 * t2))
     return (height + amplitude * (t * (7.0 + t2 * (-40.0 + 48.0 * t2))), gx + w[0] * slope, gy + w[1] * slope,
-            laplacian + (w[0] * w[0] + w[1] * w[1]) * (amplitude * (t * (-240.0 + 960.0 * t2))))  # fmt: skip
+            laplacian + ((w[0] * w[0] + w[1] * w[1]) * amplitude) * (t * (-240.0 + 960.0 * t2)))  # fmt: skip
