@@ -108,6 +108,7 @@ static inline void sample_state(const vd *y, sample_t *s) {
 
 static inline void sample_rotors(const vehicle_t *b, ground_lanes_t *g, sample_t *s) {
   ground_move(g, s->p[0]);
+  s->map = g;
   for (int i = 0; i < GES_ROTORS; i++) {
     const vd *hub = b->hub[i];
     s->under[i] = ground_at(g, s->p[0] + row_dot(s->r, hub), s->p[1] + row_dot(s->r + 3, hub));
@@ -149,6 +150,7 @@ static inline void start_sample(const vehicle_t *b, const active_t *a, sample_t 
   memcpy(s->radius, b->radius, sizeof s->radius);
   memcpy(s->spin, b->spin, sizeof s->spin);
   s->battery = all_lanes(NAN);
+  s->ground_effect = a->ground_effect;
 }
 
 /* Wrench increments of effects [first, last). */

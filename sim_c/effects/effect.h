@@ -20,7 +20,7 @@ typedef struct {
   vd p[3], v[3];               /* world, m and m/s */
   vd q[4], r[9];               /* attitude; r row-major, body to world */
   vd omega[3];                 /* body, rad/s */
-  vd omega_dot[3];             /* body, rad/s^2; zero while simulating */
+  vd omega_dot[3];             /* body, rad/s^2; that of the step before while simulating */
   vd wind[3], air[3];          /* wind, world; velocity relative to the air, body, m/s */
   vd hub[GES_ROTORS][3], spin[GES_ROTORS], radius[GES_ROTORS];
   vd speed[GES_ROTORS], u[GES_ROTORS];
@@ -34,6 +34,8 @@ typedef struct {
   ground_t ground;             /* below the body origin */
   vd agl, ground_slope, range, contact;
   vd mass, inertia[3], inverse_mass, inverse_inertia[3], rho, gravity, thrust_coefficient, torque_coefficient, motor_lag, speed_max;
+  const ground_lanes_t *map;   /* the ground itself, for effects that look beside the hubs */
+  const vd *ground_effect;     /* parameters of ground_effect, or NULL where it is off */
   vd battery, battery_nominal; /* V; NaN where it was not recorded */
 } sample_t;
 

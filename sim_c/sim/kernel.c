@@ -450,6 +450,7 @@ static void body_rates(lanes_t *l, const wrench_t *w, vd *dy) {
     dy[Y_OMEGA + k] = (moment[k] - (s->inertia[b] - s->inertia[a]) * s->omega[a] * s->omega[b]) * s->inverse_inertia[k];
   }
   dy[Y_V + 2] -= s->gravity;
+  for (int k = 0; k < 3; k++) s->omega_dot[k] = dy[Y_OMEGA + k];
 }
 
 /* Rates dy of the state y at the sample's time; k >= 0: also run what is due at step k. */

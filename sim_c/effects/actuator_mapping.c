@@ -1,0 +1,24 @@
+/* Ground effect feedforward applied with the wrong power between what is logged and what the motors get:
+ * w_cmd = w_max u f^(-e). e = 1/2: 1/f was applied where 1/sqrt(f) is right. */
+#include "effect.h"
+
+static void drive(const sample_t *s, const vd *p, const vd *x, vd *dx, drive_t *add) {
+  (void)x, (void)dx;
+  for (int i = 0; i < GES_ROTORS; i++) {
+    vd f = lane_max(1.0 + s->cushion[i], all_lanes(0.1));
+    add->speed[i] += s->speed_max * s->u[i] * (lane_pow(f, -p[0]) - 1.0);
+  }
+}
+
+EFFECT(actuator_mapping) = {
+    .name = "actuator_mapping",
+    .title = "feedforward applied with the wrong power of the ground effect factor",
+    .equation = "w_cmd = w_max u f^(-e)",
+    .reference = "thrust is quadratic in rotor speed",
+    .modifies = "ground_effect",
+    .channels = "drive force_z",
+    .kind = GES_ACTUATOR,
+    .n_parameters = 1,
+    .parameters = {{"exponent", "1", "excess exponent; 1/2: 1/f instead of 1/sqrt(f)", 0.5, 0, -1, 1}},
+    .drive = drive,
+};

@@ -1,0 +1,27 @@
+/* Thrust gain below a ceiling: f = 1 / (1 - a (R / 4 z_c)^2), z_c from the hub up to the ceiling, at least 0.3 R.
+ * Mirror image of the ground effect with a fitted amplitude; after Sanchez-Cuevas et al. (bridge inspection). */
+#include "effect.h"
+
+static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+  (void)x, (void)dx;
+  for (int i = 0; i < GES_ROTORS; i++) {
+    vd room = p[1] - (s->height[i] + s->under[i].height);
+    vd quarter = 0.25 * s->radius[i] / lane_max(room, 0.3 * s->radius[i]);
+    vd u = lane_min(p[0] * quarter * quarter, all_lanes(0.8));
+    add->thrust[i] += s->thrust[i] * (u / (1.0 - u));
+  }
+}
+
+EFFECT(ceiling_effect) = {
+    .name = "ceiling_effect",
+    .title = "thrust gain below a ceiling",
+    .equation = "f = 1 / (1 - a (R/4z_c)^2)",
+    .reference = "Sanchez-Cuevas et al.; Hsiao & Chirarattananon 2019",
+    .channels = "force_z",
+    .kind = GES_WRENCH,
+    .n_parameters = 2,
+    .laws = GES_LAW_MIRROR,
+    .parameters = {{"amplitude", "1", "scales (R/4z_c)^2", 1, 0, 0, 12},
+                   {"ceiling_z_m", "m", "height of the ceiling, world", 2.5, NAN, -100, 1000}},
+    .wrench = wrench,
+};

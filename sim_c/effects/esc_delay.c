@@ -1,0 +1,35 @@
+/* Transport delay of the motor controllers: u(t - d), as Pade's (2, 2) approximation.
+ *
+ * u_delayed = u - d x2;  x1' = x2,  x2' = (12/d^2)(u - x1) - (6/d) x2, per rotor. Delays below 3 ms are taken as 0.
+ */
+#include "effect.h"
+
+static void begin(const sample_t *s, const vd *p, vd *x) {
+  (void)p;
+  for (int i = 0; i < GES_ROTORS; i++) x[i] = s->speed[i] / s->speed_max;
+}
+
+static void drive(const sample_t *s, const vd *p, const vd *x, vd *dx, drive_t *add) {
+  vl on = GT(p[0], all_lanes(0.003));
+  vd d = lane_max(p[0], all_lanes(0.003)), rate = 1.0 / d;
+  for (int i = 0; i < GES_ROTORS; i++) {
+    vd late = x[GES_ROTORS + i];
+    dx[i] = late;
+    dx[GES_ROTORS + i] = (12.0 * rate * rate) * (s->u[i] - x[i]) - (6.0 * rate) * late;
+    add->speed[i] -= sel(on, s->speed_max * (d * late), all_lanes(0.0));
+  }
+}
+
+EFFECT(esc_delay) = {
+    .name = "esc_delay",
+    .title = "transport delay of the motor controllers",
+    .equation = "w_cmd(t) = w_max u(t - d)",
+    .reference = "Pade approximation",
+    .channels = "drive force_z moment_x moment_y moment_z",
+    .kind = GES_ACTUATOR,
+    .n_parameters = 1,
+    .n_states = 8,
+    .parameters = {{"delay_s", "s", "delay", 0.01, 0, 0, 0.1}},
+    .begin = begin,
+    .drive = drive,
+};

@@ -1,0 +1,35 @@
+/* The cushion follows the height with a lag: d(phi)/dt = ((f - 1) - phi) / tau, tau = c (h + R) / v_h.
+ * c 0.5 to 5 (Pitt & Peters 1981 give less for pure dynamic inflow). The state phi replaces f - 1. */
+#include "effect.h"
+
+static void begin(const sample_t *s, const vd *p, vd *x) {
+  (void)p;
+  for (int i = 0; i < GES_ROTORS; i++) x[i] = s->cushion[i];
+}
+
+static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+  vl on = GT(p[0], all_lanes(0.0));
+  for (int i = 0; i < GES_ROTORS; i++) {
+    vd induced = lane_sqrt(lane_max(induced_squared(s, i), all_lanes(1e-6)));
+    vd tau = p[0] * (lane_max(s->height[i], all_lanes(0.0)) + s->radius[i]) / induced;
+    vd behind = s->cushion[i] - x[i];
+    dx[i] = behind / lane_max(tau, all_lanes(2e-3));
+    add->thrust[i] -= sel(on, s->thrust[i] * behind, all_lanes(0.0));
+  }
+}
+
+EFFECT(ground_effect_lag) = {
+    .name = "ground_effect_lag",
+    .title = "the ground cushion builds up with a lag",
+    .equation = "tau dphi/dt = (f - 1) - phi, tau = c (h + R)/v_h",
+    .reference = "Pitt & Peters 1981; Carpenter & Fridovich 1953",
+    .modifies = "ground_effect",
+    .channels = "force_z",
+    .kind = GES_WRENCH,
+    .n_parameters = 1,
+    .n_states = 4,
+    .laws = GES_LAW_MIRROR | GES_LAW_FADES,
+    .parameters = {{"c", "1", "lag in units of (h + R)/v_h", 1.5, 0, 0, 10}},
+    .begin = begin,
+    .wrench = wrench,
+};

@@ -1,0 +1,26 @@
+/* Moment of the ground cushions beyond (or short of) what their thrusts make: dM = q sum(r_i x T_i (f_i - 1) e_z).
+ * q = -1 cancels the levelling moment, q < -1 flips it (fountain). Yang et al. 2025. */
+#include "effect.h"
+
+static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+  (void)x, (void)dx;
+  for (int i = 0; i < GES_ROTORS; i++) {
+    vd lift = p[0] * s->thrust[i] * s->cushion[i];
+    add->moment[0] += s->hub[i][1] * lift;
+    add->moment[1] -= s->hub[i][0] * lift;
+  }
+}
+
+EFFECT(ground_effect_moment) = {
+    .name = "ground_effect_moment",
+    .title = "levelling moment near the ground other than the cushions make",
+    .equation = "dM = q sum(r_i x T_i (f_i - 1) e_z)",
+    .reference = "Yang et al. 2025",
+    .modifies = "ground_effect",
+    .channels = "moment_x moment_y",
+    .kind = GES_WRENCH,
+    .n_parameters = 1,
+    .laws = GES_LAW_MIRROR | GES_LAW_FADES,
+    .parameters = {{"q", "1", "excess over the cushions' own moment", 0.5, 0, -3, 3}},
+    .wrench = wrench,
+};

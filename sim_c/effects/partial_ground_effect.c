@@ -1,0 +1,48 @@
+/* Over edges and steps a rotor gains by the part of its disc over the high ground: the cushion is averaged over eight
+ * points on a circle of radius k R under the hub instead of taken at its centre. He & Leang 2020 (disc overlap). */
+#include "effect.h"
+
+#include "../world/ground.h"
+
+enum { POINTS = 8 };
+
+/* Cushions with every hub's ground taken k radii away in the direction (cx, cy) of the world. */
+static void shifted_cushion(const sample_t *s, vd k, double cx, double cy, vd cushion[GES_ROTORS]) {
+  sample_t moved = *s;
+  for (int i = 0; i < GES_ROTORS; i++) {
+    vd reach = k * s->radius[i];
+    vd x = s->p[0] + (s->r[0] * s->hub[i][0] + s->r[1] * s->hub[i][1] + s->r[2] * s->hub[i][2]);
+    vd y = s->p[1] + (s->r[3] * s->hub[i][0] + s->r[4] * s->hub[i][1] + s->r[5] * s->hub[i][2]);
+    moved.under[i] = ground_at(s->map, x + cx * reach, y + cy * reach);
+    moved.height[i] = s->height[i] + s->under[i].height - moved.under[i].height;
+  }
+  ground_cushion(&moved, s->ground_effect, cushion);
+}
+
+static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+  static const double circle[POINTS][2] = {{1, 0}, {0.7071067811865476, 0.7071067811865476}, {0, 1},
+      {-0.7071067811865476, 0.7071067811865476}, {-1, 0}, {-0.7071067811865476, -0.7071067811865476}, {0, -1},
+      {0.7071067811865476, -0.7071067811865476}};
+  (void)x, (void)dx;
+  if (!s->ground_effect) return;
+  for (int m = 0; m < POINTS; m++) {
+    vd cushion[GES_ROTORS];
+    shifted_cushion(s, p[0], circle[m][0], circle[m][1], cushion);
+    for (int i = 0; i < GES_ROTORS; i++)
+      add->thrust[i] += s->thrust[i] * ((cushion[i] - s->cushion[i]) * (1.0 / POINTS));
+  }
+}
+
+EFFECT(partial_ground_effect) = {
+    .name = "partial_ground_effect",
+    .title = "ground cushion averaged over the rotor disc at edges",
+    .equation = "f_i - 1 averaged over a circle of radius k R",
+    .reference = "He & Leang 2020",
+    .modifies = "ground_effect",
+    .channels = "force_z moment_x moment_y",
+    .kind = GES_WRENCH,
+    .n_parameters = 1,
+    .laws = GES_LAW_FADES,
+    .parameters = {{"k", "1", "radius of the circle over the rotor radius", 0.7, 0, 0, 2}},
+    .wrench = wrench,
+};

@@ -1,0 +1,20 @@
+/* Speeding a rotor up turns the body the other way: M_z = -sum_i s_i I_p dw_i/dt. */
+#include "effect.h"
+
+static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+  (void)x, (void)dx;
+  for (int i = 0; i < GES_ROTORS; i++) add->moment[2] -= s->spin[i] * (p[0] * s->speed_rate[i]);
+}
+
+EFFECT(rotor_inertia_reaction) = {
+    .name = "rotor_inertia_reaction",
+    .title = "yaw reaction to rotor acceleration",
+    .equation = "M_z = -sum(s_i I_p dw_i/dt)",
+    .reference = "rigid-body dynamics",
+    .channels = "moment_z",
+    .kind = GES_WRENCH,
+    .n_parameters = 1,
+    .laws = GES_LAW_FREE_AIR,
+    .parameters = {{"inertia_kg_m2", "kg m^2", "inertia of one rotor about its axis", 0.0001, 0, 0, 0.1}},
+    .wrench = wrench,
+};

@@ -1,0 +1,20 @@
+/* Rotor speed saturates below its nominal maximum: w_cmd <= s w_max. */
+#include "effect.h"
+
+static void drive(const sample_t *s, const vd *p, const vd *x, vd *dx, drive_t *add) {
+  (void)x, (void)dx;
+  for (int i = 0; i < GES_ROTORS; i++)
+    add->speed[i] -= s->speed_max * lane_max(s->u[i] - p[0], all_lanes(0.0));
+}
+
+EFFECT(rotor_saturation) = {
+    .name = "rotor_saturation",
+    .title = "rotor speed saturates below its nominal maximum",
+    .equation = "w_cmd <= s w_max",
+    .reference = "definition",
+    .channels = "drive force_z moment_x moment_y",
+    .kind = GES_ACTUATOR,
+    .n_parameters = 1,
+    .parameters = {{"share", "1", "greatest speed over the nominal one", 0.8, 1, 0.1, 1}},
+    .drive = drive,
+};

@@ -1,0 +1,32 @@
+/* Hose or cable to the ground: its lifted length weighs down, and it pulls when taut.
+ *
+ * F = -w h e_z, h the height over the anchor; beyond the length L also k (|p - a| - L) towards the anchor a (on the
+ * world's z = 0). */
+#include "effect.h"
+
+static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+  (void)x, (void)dx;
+  vd d[3] = {s->p[0] - p[3], s->p[1] - p[4], s->p[2]}, world[3];
+  vd length = lane_sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+  vd taut = p[1] * lane_max(length - p[2], all_lanes(0.0)) / lane_max(length, all_lanes(1e-6));
+  for (int k = 0; k < 3; k++) world[k] = -taut * d[k];
+  world[2] -= p[0] * lane_max(s->p[2], all_lanes(0.0));
+  for (int k = 0; k < 3; k++) add->force[k] += s->r[k] * world[0] + s->r[3 + k] * world[1] + s->r[6 + k] * world[2];
+}
+
+EFFECT(tether) = {
+    .name = "tether",
+    .title = "cable or hose to the ground",
+    .equation = "F = -w h e_z - k max(|d| - L, 0) d/|d|",
+    .reference = "statics",
+    .channels = "force_x force_y force_z",
+    .kind = GES_WRENCH,
+    .n_parameters = 5,
+    .laws = GES_LAW_FREE_AIR,
+    .parameters = {{"weight_N_m", "N/m", "weight per lifted length", 0.1, 0, 0, 50},
+                   {"stiffness_N_m", "N/m", "spring when taut", 0, 0, 0, 1000},
+                   {"length_m", "m", "slack length", 3, NAN, 0, 1000},
+                   {"anchor_x_m", "m", "anchor, world x", 0, NAN, -1000, 1000},
+                   {"anchor_y_m", "m", "anchor, world y", 0, NAN, -1000, 1000}},
+    .wrench = wrench,
+};

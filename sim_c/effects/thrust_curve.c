@@ -1,0 +1,23 @@
+/* Thrust not quadratic in the command: T = T_max ((1 - c) u^2 + c u), so w_cmd = w_max sqrt((1 - c) u^2 + c u). */
+#include "effect.h"
+
+static void drive(const sample_t *s, const vd *p, const vd *x, vd *dx, drive_t *add) {
+  (void)x, (void)dx;
+  for (int i = 0; i < GES_ROTORS; i++) {
+    vd u = lane_max(s->u[i], all_lanes(0.0));
+    vd bent = lane_sqrt(lane_max((1.0 - p[0]) * (u * u) + p[0] * u, all_lanes(0.0)));
+    add->speed[i] += s->speed_max * (bent - u);
+  }
+}
+
+EFFECT(thrust_curve) = {
+    .name = "thrust_curve",
+    .title = "thrust not quadratic in the command",
+    .equation = "T = T_max ((1 - c) u^2 + c u)",
+    .reference = "PX4 THR_MDL_FAC (1 - c)",
+    .channels = "drive force_z",
+    .kind = GES_ACTUATOR,
+    .n_parameters = 1,
+    .parameters = {{"c", "1", "linear share", 0.3, 0, -0.5, 1}},
+    .drive = drive,
+};

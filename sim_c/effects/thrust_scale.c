@@ -1,0 +1,20 @@
+/* Thrust coefficient, air density or mass off by a constant share, which one flight cannot tell apart: dT_i = s T_i. */
+#include "effect.h"
+
+static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+  (void)x, (void)dx;
+  for (int i = 0; i < GES_ROTORS; i++) add->thrust[i] += p[0] * s->thrust[i];
+}
+
+EFFECT(thrust_scale) = {
+    .name = "thrust_scale",
+    .title = "thrust per rotor speed off by a constant share (mass, density, thrust coefficient)",
+    .equation = "T_i = (1 + s) K_T w_i^2",
+    .reference = "definition",
+    .channels = "force_z",
+    .kind = GES_WRENCH,
+    .n_parameters = 1,
+    .laws = GES_LAW_MIRROR | GES_LAW_FREE_AIR,
+    .parameters = {{"scale", "1", "relative change of thrust", 0.05, 0, -0.5, 0.5}},
+    .wrench = wrench,
+};

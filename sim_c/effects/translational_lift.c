@@ -1,0 +1,22 @@
+/* Extra thrust with edgewise speed, at any height: dT_i = c T_i V^2 / (V^2 + v_h^2), V across the disc. */
+#include "effect.h"
+
+static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+  (void)x, (void)dx;
+  vd v2 = across_squared(s);
+  for (int i = 0; i < GES_ROTORS; i++)
+    add->thrust[i] += p[0] * s->thrust[i] * (v2 / (v2 + lane_max(induced_squared(s, i), all_lanes(1e-9))));
+}
+
+EFFECT(translational_lift) = {
+    .name = "translational_lift",
+    .title = "extra thrust with edgewise speed",
+    .equation = "dT_i = c T_i V^2 / (V^2 + v_h^2)",
+    .reference = "Leishman 2006",
+    .channels = "force_z",
+    .kind = GES_WRENCH,
+    .n_parameters = 1,
+    .laws = GES_LAW_MIRROR | GES_LAW_FREE_AIR,
+    .parameters = {{"c", "1", "share of thrust gained at high speed", 0.3, 0, 0, 3}},
+    .wrench = wrench,
+};
