@@ -1,0 +1,51 @@
+# Two commands on a fresh machine with python3 (3.11 or later), make and a C compiler:
+#   make all    environment, simulator, the whole study, the paper
+#   make test   the same set-up, then every test
+PYTHON ?= python3
+CC ?= cc
+CORES ?= 2
+UV_VERSION := 0.13.8
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: all test env build docs lint clean check-python check-cc
+.DEFAULT_GOAL := all
+
+all: build
+	$(BIN)/snakemake --cores $(CORES) all
+
+test: build
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/python -m pytest -m "not slow" -n $(CORES) --dist loadfile
+
+env: $(VENV)/.locked
+
+build: env check-cc
+	@$(MAKE) --no-print-directory -C sim_c CC="$(CC)" -j$(CORES)
+
+docs: build
+	$(BIN)/ges effects --markdown > docs/effects.md.new && mv docs/effects.md.new docs/effects.md
+
+lint: env
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/snakefmt --check Snakefile workflow
+
+clean:
+	rm -rf build results .snakemake
+
+check-python:
+	@command -v $(PYTHON) >/dev/null || { echo "no $(PYTHON) found; install Python 3.11 or later, or call make PYTHON=/path/to/python3" >&2; exit 2; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "$(PYTHON) is $$($(PYTHON) --version); needed is 3.11 or later, e.g. make PYTHON=python3.12" >&2; exit 2; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { echo "$(PYTHON) lacks venv or pip; on Debian: apt-get install python3-venv" >&2; exit 2; }
+
+check-cc:
+	@command -v $(firstword $(CC)) >/dev/null || { echo "no C compiler '$(firstword $(CC))' found; install gcc or clang, or call make CC=/path/to/cc" >&2; exit 2; }
+
+$(VENV)/.locked: requirements.lock pyproject.toml | check-python check-cc
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv==$(UV_VERSION)
+	$(BIN)/uv pip sync --quiet --python $(BIN)/python requirements.lock
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --no-deps --editable .
+	touch $@
