@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import keyword
 import pkgutil
 import sys
 
@@ -16,12 +17,13 @@ class LazyGroup(click.Group):
     """A click group whose verbs are the modules of ``ges.commands`` (attribute ``command``)."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return sorted(m.name for m in pkgutil.iter_modules(commands.__path__))
+        return sorted(m.name.rstrip("_") for m in pkgutil.iter_modules(commands.__path__))
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in self.list_commands(ctx):
             return None
-        return importlib.import_module(f"ges.commands.{name.replace('-', '_')}").command
+        module = name + "_" if keyword.iskeyword(name) else name
+        return importlib.import_module(f"ges.commands.{module}").command
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})

@@ -1,0 +1,39 @@
+"""``ges recordings``: published flights."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ..io import published
+
+
+@click.group()
+def command() -> None:
+    """List the published flights, or fetch one set of them.
+
+    Example: ges recordings fetch appius-ground-effect --out recordings
+    """
+
+
+@command.command("list")
+def list_sets() -> None:
+    """Names, sources and licences."""
+    for name, source in published.sources().items():
+        click.echo(f"{name:22s} {len(source.files):3d} files  {source.repository} @ {source.commit[:10]}  licence: {source.licence}")
+        click.echo(f"{'':22s} {source.about}")
+
+
+@command.command()
+@click.argument("names", nargs=-1, required=True)
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder to bring them to.")
+@click.option("--from", "copies", type=click.Path(path_type=Path), envvar="GES_RECORDINGS", help="Take copies from this folder.")
+def fetch(names: tuple[str, ...], out: Path, copies: Path | None) -> None:
+    """Fetch sets by name; every file's SHA-256 is checked.
+
+    Example: ges recordings fetch crazypad --out recordings
+    """
+    for name in names:
+        for path in published.fetch(name, out, copies):
+            click.echo(path, err=True)
