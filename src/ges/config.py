@@ -117,7 +117,8 @@ class GroundEffect(Part):
     curvature_gain_m: Finite = Field(description="gain of the curvature correction")
     low: Positive = Field(description="least factor")
     high: Positive = Field(description="greatest factor")
-    decay: Positive = Field(description="exponential form: decay over height in radii")
+    c_a: NonNegative = Field(description="exponential form: gain at the ground")
+    decay: Positive = Field(description="exponential form: decay per radius of height")
 
     def parameters(self) -> dict[str, float]:
         """Parameters as the simulator's effect takes them."""

@@ -1,0 +1,18 @@
+# The whole study, from configuration to PDF:   snakemake --cores 2 all
+# Another configuration over the default one:   snakemake --cores 2 all --configfile config/tiny.yaml
+from snakemake.utils import min_version
+
+min_version("9.0")
+
+
+configfile: f"{workflow.basedir}/config/default.yaml"
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/build.smk"
+
+
+rule all:
+    default_target: True
+    input:
+        rules.build_simulator.output,

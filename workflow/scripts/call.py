@@ -1,0 +1,31 @@
+"""Call the function that a rule names with the rule's files and its own part of the configuration.
+
+Named inputs, outputs and parameters become keyword arguments, converted to what the function's annotations say. The
+inputs ``code`` and ``library`` are for the workflow: what the function depends on, and the simulator it flies with.
+"""
+
+import importlib
+import logging
+import os
+import sys
+
+import pydantic
+from snakemake.script import snakemake
+
+from ges.errors import GesError
+
+logging.basicConfig(filename=snakemake.log[0], filemode="w", level=logging.INFO, format="%(levelname)s %(message)s")
+logging.captureWarnings(True)
+arguments = {k: v for named in (snakemake.input, snakemake.output, snakemake.params) for k, v in named.items()}
+os.environ["OMP_NUM_THREADS"] = "1"  # the same bytes whatever the number of cores
+os.environ["GES_LIBRARY"] = os.path.abspath(arguments.pop("library", "build/libges.so"))
+arguments.pop("code")
+module, _, name = arguments.pop("call").partition(":")
+try:
+    pydantic.validate_call(getattr(importlib.import_module(module), name))(**arguments)
+except GesError as error:
+    logging.error("%s", error)
+    sys.exit(f"{snakemake.rule}: {error}")
+except Exception:
+    logging.exception("%s failed", snakemake.rule)
+    raise
