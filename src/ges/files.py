@@ -6,7 +6,7 @@ import contextlib
 import hashlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -39,3 +39,9 @@ def sha256(path: str | Path) -> str:
     """SHA-256 of a file's bytes, hexadecimal."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def tree_hash(root: Path, files: Iterable[Path]) -> str:
+    """Hash over names (relative to ``root``) and contents of files."""
+    listing = "".join(f"{sha256(file)}  {file.relative_to(root).as_posix()}\n" for file in sorted(files))
+    return hashlib.sha256(listing.encode()).hexdigest()

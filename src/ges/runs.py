@@ -83,12 +83,6 @@ def config_hash(config: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(config, sort_keys=True).encode()).hexdigest()
 
 
-def files_hash(root: Path, files: Sequence[str]) -> str:
-    """Hash over names and contents of files below ``root``."""
-    listing = "".join(f"{sha256(root / name)}  {name}\n" for name in sorted(files))
-    return hashlib.sha256(listing.encode()).hexdigest()
-
-
 def run_id(config: Mapping[str, Any], code_sha256: str) -> str:
     """Id of the run of a configuration with given code."""
     return f"{config_hash(config)[:8]}-{code_sha256[:8]}"

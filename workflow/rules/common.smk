@@ -1,9 +1,10 @@
-# The checked configuration, the project's files, and the sources that a function depends on.
+# The checked configuration, the project's files, and the code that a job depends on.
 import os
 from pathlib import Path
 
 from ges import config as ges_config
 from ges.errors import GesError
+from ges.files import tree_hash
 from ges.sources import sources
 from snakemake.exceptions import WorkflowError
 
@@ -12,21 +13,21 @@ try:
 except GesError as error:
     raise WorkflowError(str(error))
 
+ROOT = Path(workflow.basedir)
 SCRIPT = f"{workflow.basedir}/workflow/scripts/call.py"
 
 
 def project(*patterns):
-    """Files of the project by glob patterns, relative to the folder that the workflow runs in."""
-    root = Path(workflow.basedir)
-    found = sorted(
-        path for pattern in patterns for path in root.glob(pattern) if path.is_file()
+    """Files of the project by glob patterns."""
+    found = {path for pattern in patterns for path in ROOT.glob(pattern)}
+    return sorted(
+        path for path in found if path.is_file() and "__pycache__" not in path.parts
     )
-    return [os.path.relpath(path) for path in found]
 
 
-def code(call):
-    """Source files that the function ``module:name`` depends on."""
-    return [os.path.relpath(path) for path in sources(call.partition(":")[0])]
+def call(function):
+    """The function ``module:name`` with a hash of the sources it depends on, so that a change of them runs it again."""
+    return f"{function}@{tree_hash(ROOT, sources(function.partition(':')[0]))[:12]}"
 
 
 def part(key):

@@ -1,7 +1,8 @@
 """Call the function that a rule names with the rule's files and its own part of the configuration.
 
 Named inputs, outputs and parameters become keyword arguments, converted to what the function's annotations say. The
-inputs ``code`` and ``library`` are for the workflow: what the function depends on, and the simulator it flies with.
+parameter ``call`` names the function and, behind an @, the state of its sources; the input ``library`` is the simulator
+that it flies with.
 """
 
 import importlib
@@ -19,8 +20,7 @@ logging.captureWarnings(True)
 arguments = {k: v for named in (snakemake.input, snakemake.output, snakemake.params) for k, v in named.items()}
 os.environ["OMP_NUM_THREADS"] = "1"  # the same bytes whatever the number of cores
 os.environ["GES_LIBRARY"] = os.path.abspath(arguments.pop("library", "build/libges.so"))
-arguments.pop("code")
-module, _, name = arguments.pop("call").partition(":")
+module, _, name = arguments.pop("call").partition("@")[0].partition(":")
 try:
     pydantic.validate_call(getattr(importlib.import_module(module), name))(**arguments)
 except GesError as error:
