@@ -1,0 +1,60 @@
+"""Every manoeuvre can be flown, and a vehicle file flies as it is."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from ges import manoeuvres, sim
+from ges.commands.simulate import command
+from ges.errors import GesError
+from ges.io.recording import checked_frame
+from ges.terrain import Terrain
+
+VEHICLES = ["crazyflie", "appius", "px4-quad"]
+
+
+@pytest.mark.parametrize("name", manoeuvres.MENU)
+def test_references_are_consistent(name):
+    table = manoeuvres.make(name)
+    for k in range(3):
+        assert np.allclose(np.gradient(table[:, k], manoeuvres.STEP_S)[2:-2], table[2:-2, 3 + k], atol=0.12)
+        assert np.abs(table[:, 6 + k]).max() < 6
+    assert table[:, 2].min() >= 0.1
+
+
+@pytest.mark.parametrize("name", manoeuvres.MENU)
+@pytest.mark.parametrize("vehicle", VEHICLES)
+def test_manoeuvre_is_flown_without_touching_the_ground(name, vehicle, request, tmp_path):
+    out = tmp_path / "f.parquet"
+    path = request.config.rootpath / "config" / "vehicles" / f"{vehicle}.yaml"
+    result = CliRunner().invoke(command, [str(path), "--plan", name, "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    frame, _ = checked_frame("f", pd.read_parquet(out))
+    assert frame["contact"].sum() == 0
+    assert np.abs(frame["p_z_m"] - frame["p_ref_z_m"]).max() < 0.25
+    assert np.hypot(frame["p_x_m"] - frame["p_ref_x_m"], frame["p_y_m"] - frame["p_ref_y_m"]).max() < 1.0
+
+
+def test_set_point_file_round_trips():
+    table = manoeuvres.make("height_staircase")
+    assert np.allclose(manoeuvres.from_frame(manoeuvres.to_frame(table)), table, atol=1e-12)
+
+
+def test_references_without_position_are_refused():
+    with pytest.raises(GesError, match="p_ref_x_m"):
+        manoeuvres.from_frame(pd.DataFrame({"t_s": [0.0, 1.0]}))
+
+
+def test_rollout_from_a_recorded_state_repeats_the_flight():
+    """Recorded rotor speeds and attitude, imposed, bring the vehicle where the flight went."""
+    flown = sim.fly([sim.Flight({"duration_s": 3, "record_every": 1, "seed": 2}, {"ground_effect": {}}, Terrain.flat())])[0]
+    first = 500
+    table = np.stack([flown[n][first:] for n in (*(f"rotor_speed_{i}_rad_s" for i in range(1, 5)), "q_w", "q_x", "q_y", "q_z",
+                                                  "battery_V", "omega_x_rad_s", "omega_y_rad_s", "omega_z_rad_s")], 1)  # fmt: skip
+    names = ["p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s", "q_w", "q_x", "q_y", "q_z", "omega_x_rad_s",
+             "omega_y_rad_s", "omega_z_rad_s", *(f"rotor_speed_{i}_rad_s" for i in range(1, 5))]  # fmt: skip
+    start = {f"start_{n}": flown[n][first] for n in names}
+    numbers = {**start, "start": 1, "control": 2, "attitude_imposed": 1, "inputs_dt_s": 0.001, "duration_s": 1, "record_every": 1}
+    again = sim.fly([sim.Flight(numbers, {"ground_effect": {}}, Terrain.flat(), table)])[0]
+    assert np.abs(again["p_z_m"] - flown["p_z_m"][first : first + 1001]).max() < 1e-9
