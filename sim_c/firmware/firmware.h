@@ -60,6 +60,9 @@ real ge_ff_scale(const fw_config *c, real factor);
 /* The exported network. */
 real ge_ff_network(const real feature[FIRMWARE_FEATURES]);
 
+/* Whether the network gives, within float rounding, the output stored in its header beside its sample input. */
+int ge_ff_network_is_sound(void);
+
 /* Thrust of each rotor per unit of collective thrust and moment: inverse of the rotor geometry.
  * Returns 0 when the rotors cannot make them. x, y: hubs; yaw: torque about z per thrust. */
 int mixer_make(const float x[4], const float y[4], const float yaw[4], float mixer[4][4]);

@@ -42,6 +42,13 @@ real ge_ff_network(const real feature[FIRMWARE_FEATURES]) {
   return out[0] * ges_mlp_out_scale + ges_mlp_out_mean;
 }
 
+int ge_ff_network_is_sound(void) {
+  real feature[FIRMWARE_FEATURES];
+  for (int i = 0; i < FIRMWARE_FEATURES; i++) feature[i] = number(ges_mlp_sample_in[i]);
+  real off = ge_ff_network(feature) - ges_mlp_sample_out;
+  return !some(WHEN(off * off > 1e-10f) | WHEN(off != off));
+}
+
 static real run_network(const fw_config *c, const fw_input *in, real range, real thrust_command) {
   if (!some(c->network_runs)) return number(__builtin_nanf(""));
   real feature[FIRMWARE_FEATURES] = {in->gyro[0], in->gyro[1], in->gyro[2], range};

@@ -17,6 +17,7 @@
 #define ge_ff_estimate FIRMWARE_PASTE(ge_ff_estimate, FIRMWARE_LANES)
 #define ge_ff_scale FIRMWARE_PASTE(ge_ff_scale, FIRMWARE_LANES)
 #define ge_ff_network FIRMWARE_PASTE(ge_ff_network, FIRMWARE_LANES)
+#define ge_ff_network_is_sound FIRMWARE_PASTE(ge_ff_network_is_sound, FIRMWARE_LANES)
 #endif
 
 #if FIRMWARE_LANES == 1

@@ -145,10 +145,17 @@ static int check_inputs(const ges_flight *f, char *error, int size) {
   return 1;
 }
 
+static int check_network(const double *p, char *error, int size) {
+  if (p[P_mode] < 3.0 && p[P_shadow] == 0.0) return 1;
+  if (ge_ff_network_is_sound()) return 1;
+  return fail(error, size, "the compiled network does not give the output stored in ge_ff_mlp_weights.h; export it again and rebuild");
+}
+
 static int check_flight(const ges_flight *f, int number, char *error, int size) {
   char reason[400];
   if (check_parameters(f->parameters, reason, sizeof reason) && check_effects(&f->effects, reason, sizeof reason) &&
-      check_grid(f->parameters, f->grid, reason, sizeof reason) && check_inputs(f, reason, sizeof reason))
+      check_grid(f->parameters, f->grid, reason, sizeof reason) && check_inputs(f, reason, sizeof reason) &&
+      check_network(f->parameters, reason, sizeof reason))
     return 1;
   return fail(error, size, "flight %d: %s", number, reason);
 }
