@@ -25,7 +25,9 @@ build: env check-cc
 	@$(MAKE) --no-print-directory -C sim_c CC="$(CC)" -j$(CORES)
 
 docs: build
-	$(BIN)/ges effects --markdown > docs/effects.md.new && mv docs/effects.md.new docs/effects.md
+	$(BIN)/ges effects --markdown > docs/effects.md
+	$(BIN)/ges config --markdown > docs/config.md
+	$(BIN)/ges config --schema > config/schema.json
 
 lint: env
 	$(BIN)/ruff check .

@@ -27,7 +27,7 @@ def command() -> None:
 
 
 def _print(table: Table) -> None:
-    Console(soft_wrap=not sys.stdout.isatty()).print(table)
+    Console(width=None if sys.stdout.isatty() else 1000).print(table)
 
 
 def _table(*headings: str) -> Table:

@@ -1,0 +1,9 @@
+"""What the workflow's tests share."""
+
+import pytest
+from click.testing import CliRunner
+
+
+@pytest.fixture
+def runner() -> CliRunner:
+    return CliRunner()

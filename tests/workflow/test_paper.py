@@ -1,0 +1,60 @@
+"""No result is typed into the paper; tables keep their origin; the same results give the same PDF."""
+
+import json
+
+import pytest
+
+from ges import paper
+from ges.errors import GesError
+from ges.runs import Code
+
+CODE = Code(commit="0123456789", modified=False, sha256="0" * 64)
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ("The error is 0.061 m.", ["0.061"]),
+        ("A drop of -3 mm\nand 12,000 rows", ["-3", "12,000"]),
+        ('#fig("fig03")[Over 30 seeds.]', ["30"]),
+        ('#fig("fig03", [Over 30 seeds.])', ["30"]),
+        ('At #num("agl_rms_30") in @fig12, where $x_2 = 3$ // 7 of them', []),
+        ("#let inches = 5\n#set page(margin: 2cm,\n  columns: 2)\nprose", []),
+        ("`ge_ff_3` and ```\n1 2 3\n``` <sec:4>", []),
+    ],
+)
+def test_naked_numbers(source, found):
+    assert [number for _, number in paper.naked_numbers(source)] == found
+
+
+def test_line_of_a_naked_number(tmp_path):
+    (tmp_path / "main.typ").write_text("/* 1\n2 */\n\nA mean of 5 m.\n")
+    with pytest.raises(GesError, match=r"main.typ line 4: '5'"):
+        paper.check_source([tmp_path / "main.typ"], tmp_path / "ok.json")
+    assert not (tmp_path / "ok.json").exists()
+
+
+def test_facts_and_latex(tmp_path):
+    table = tmp_path / "table1.csv"
+    table.write_text("model,rmse_m\nrandom_forest & co,0.00123456\nlinear,\n")
+    paper.write_facts([table], {str(table): "make_table1"}, CODE, tmp_path / "facts.json")
+    fact = json.loads((tmp_path / "facts.json").read_text())["table1"]
+    assert fact["rule"] == "make_table1" and fact["commit"] == "0123456789" and len(fact["data"]) == 12
+    paper.write_latex(table, tmp_path / "facts.json", tmp_path / "table1.tex")
+    text = (tmp_path / "table1.tex").read_text()
+    assert r"random\_forest \& co & 0.001235 \\" in text and "linear & -- " in text
+    assert f"data {fact['data']}" in text
+
+
+def test_pdf_is_the_same_twice_and_errors_are_sentences(tmp_path):
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results/numbers.json").write_text('{"x": {"text": "4.2"}}')
+    (tmp_path / "main.typ").write_text('#let n = json(sys.inputs.results + "/numbers.json")\nValue #n.x.text.\n')
+    made = [tmp_path / f"{i}.pdf" for i in range(2)]
+    for pdf in made:
+        paper.render(tmp_path / "main.typ", tmp_path / "results", pdf)
+    assert made[0].read_bytes() == made[1].read_bytes()
+    (tmp_path / "main.typ").write_text("#nothing")
+    with pytest.raises(GesError, match="unknown variable"):
+        paper.render(tmp_path / "main.typ", tmp_path / "results", tmp_path / "no.pdf")
+    assert not (tmp_path / "no.pdf").exists()

@@ -1,0 +1,100 @@
+"""Manifests: what is recorded, compared, verified, exported."""
+
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from ges import config, runs
+from ges.commands.runs import command
+from ges.errors import GesError, UsageError
+
+ROOT = Path(__file__).resolve().parents[2]
+DEFAULT = config.read(ROOT / "config/default.yaml")
+
+
+def write_run(folder: Path, seed: int, value: float) -> str:
+    """A run of a study with another seed and another result, as the workflow's last rule writes it."""
+    study = config.validate(config.merged(DEFAULT, {"models": {"seed": seed}}))
+    (folder / "results/benchmarks").mkdir(parents=True, exist_ok=True)
+    (folder / "results/benchmarks/fly.tsv").write_text("s\th:m:s\tmax_rss\tcpu_time\n1.5\t0:00:01\t20.5\t-\n")
+    (folder / "results/table1.csv").write_text(f"x\n{value}\n")
+    (folder / "results/numbers.json").write_text(json.dumps({"rmse": {"value": value}, "name": {"value": "text"}}))
+    code = runs.Code(commit="abc", modified=True, sha256="1" * 64)
+    name = runs.run_id(study.model_dump(mode="json"), code.sha256)
+    runs.write_manifest(
+        made=[Path("results/table1.csv")],
+        numbers=Path("results/numbers.json"),
+        study=study,
+        makers={"results/table1.csv": "make_table1"},
+        read={"requirements.lock": "2" * 64},
+        code=code,
+        benchmarks=Path("results/benchmarks"),
+        manifest=Path("results/runs") / name / "manifest.json",
+    )
+    return name
+
+
+@pytest.fixture
+def two(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return write_run(tmp_path, 1, 0.5), write_run(tmp_path, 2, 0.25)
+
+
+def test_manifest_holds_what_it_promises(two):
+    run = runs.find(Path("results"), two[1])
+    assert run.metrics == {"rmse": 0.25} and run.timings["fly"].wall_s == 1.5 and run.timings["fly"].cpu_s is None
+    assert run.seeds["validation"] == list(range(241, 271)) and run.config["models"]["seed"] == 2
+    assert run.environment.packages["numpy"] and run.outputs["results/table1.csv"].rule == "make_table1"
+    assert run.config_sha256 == runs.config_hash(run.config) and run.config_sha256.startswith(two[1].split("-")[0])
+
+
+def test_list_show_diff(two, runner):
+    assert all(name in runner.invoke(command, ["list"]).output for name in two)
+    shown = runner.invoke(command, ["show", two[0]]).output
+    assert "rmse" in shown and "abc + changes" in shown
+    assert json.loads(runner.invoke(command, ["show", two[0], "--json"]).output)["id"] == two[0]
+    lines = runner.invoke(command, ["diff", *two]).output
+    assert "models.seed" in lines and "rmse" in lines and "table1.csv" in lines and "mass_kg" not in lines
+    assert runner.invoke(command, ["diff", two[0], two[0]]).output == "the same\n"
+
+
+def test_verify_finds_what_changed(two, runner):
+    done = runner.invoke(command, ["verify", two[1]])
+    assert done.exit_code == 0 and "1 of 1" in done.output
+    Path("results/table1.csv").write_text("x\n0.26\n")
+    done = runner.invoke(command, ["verify", two[1]])
+    assert done.exit_code == 1 and "changed: results/table1.csv" in done.output
+    Path("results/table1.csv").unlink()
+    assert "missing: results/table1.csv" in runner.invoke(command, ["verify", two[1]]).output
+
+
+def test_unknown_and_broken_runs(two):
+    with pytest.raises(UsageError, match="unknown run 'zzz'"):
+        runs.find(Path("results"), "zzz")
+    with pytest.raises(GesError, match="make all"):
+        runs.find(Path("nowhere"), "latest")
+    file = Path("results/runs") / two[0] / "manifest.json"
+    content = json.loads(file.read_text())
+    file.write_text(json.dumps({**content, "extra": 1}))
+    with pytest.raises(GesError, match="extra"):
+        runs.load_manifest(file)
+
+
+def test_commit_of_a_checkout(tmp_path):
+    assert runs.commit(tmp_path) == ("unknown", False)
+    git = ["git", "-c", "user.name=n", "-c", "user.email=e@localhost"]
+    for step in (["init", "-q"], ["add", "."], ["commit", "-qm", "first"]):
+        (tmp_path / "a").write_text("1")
+        subprocess.run([*git, *step], cwd=tmp_path, check=True)
+    name, modified = runs.commit(tmp_path)
+    assert len(name) == 10 and not modified
+    (tmp_path / "a").write_text("2")
+    assert runs.commit(tmp_path) == (name, True)
+
+
+def test_export_without_mlflow_says_what_to_install(two, runner, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "mlflow", None)
+    done = runner.invoke(command, ["export", two[0], "--mlflow", "sqlite:///x.db"])
+    assert isinstance(done.exception, GesError) and "ges[mlflow]" in str(done.exception)
