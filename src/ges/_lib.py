@@ -45,9 +45,9 @@ class CEffectInfo(ct.Structure):
 
 
 class CGrid(ct.Structure):
-    _fields_ = [("nx", ct.c_int), ("ny", ct.c_int)] + [(n, ct.c_double) for n in ("x0_m", "y0_m", "dx_m", "dy_m")] + [
-        ("z_m", _double_p)
-    ]
+    _fields_ = (
+        [("nx", ct.c_int), ("ny", ct.c_int)] + [(n, ct.c_double) for n in ("x0_m", "y0_m", "dx_m", "dy_m")] + [("z_m", _double_p)]
+    )
 
 
 class CEffects(ct.Structure):
@@ -178,7 +178,13 @@ def fly(flights: list[tuple], columns: list[int], lanes: int) -> list[tuple[np.n
     for c, (parameters, effects, grid, inputs) in zip(batch, flights, strict=True):
         parameters = contiguous(parameters)
         out = np.full((max(library.ges_rows(_pointer(parameters)), 0), len(columns)), np.nan)
-        c.parameters, c.effects, c.grid, c.out, c.n_rows = _pointer(parameters), effects, _reference(grid), _pointer(out), len(out)
+        c.parameters, c.effects, c.grid, c.out, c.n_rows = (
+            _pointer(parameters),
+            effects,
+            _reference(grid),
+            _pointer(out),
+            len(out),
+        )
         if inputs is not None:
             inputs = contiguous(inputs)
             c.inputs, c.n_inputs = _pointer(inputs), len(inputs)

@@ -116,4 +116,6 @@ def from_frame(frame: pd.DataFrame) -> np.ndarray:
             raise GesError(f"references need the column {name}; have: {', '.join(frame.columns)}")
     t = frame["t_s"].to_numpy(dtype=float)
     grid = _times(t[-1] - t[0]) + t[0]
-    return np.stack([np.interp(grid, t, frame[c].to_numpy(dtype=float)) if c in frame else np.zeros_like(grid) for c in COLUMNS], 1)
+    return np.stack(
+        [np.interp(grid, t, frame[c].to_numpy(dtype=float)) if c in frame else np.zeros_like(grid) for c in COLUMNS], 1
+    )

@@ -153,7 +153,9 @@ class Terrain:
             if axis.ndim != 1 or len(axis) < 2 or not np.all(step > 0) or np.ptp(step) > 1e-6 * step.mean() + 1e-9:
                 raise UsageError(f"terrain axis {name} must hold two or more uniformly increasing values")
         if heights_m.shape != (len(y_m), len(x_m)) or not np.all(np.isfinite(heights_m)):
-            raise UsageError(f"terrain heights have shape {heights_m.shape}; needed are finite values of shape {(len(y_m), len(x_m))}")
+            raise UsageError(
+                f"terrain heights have shape {heights_m.shape}; needed are finite values of shape {(len(y_m), len(x_m))}"
+            )
         return cls("grid", x_m=x_m, y_m=y_m, heights_m=heights_m)
 
     @classmethod

@@ -105,7 +105,11 @@ def check_mirror(effect):
     a = added(effect, effect.defaults(), random_samples(), terrain=bowl())
     b = added(effect, effect.defaults(), mirrored(random_samples()), terrain=bowl(flip=True))
     scale = max(largest(a), 1e-12)
-    gaps = [a.force_N * [1, -1, 1] - b.force_N, a.moment_Nm * [-1, 1, -1] - b.moment_Nm, a.thrust_N[:, MIRROR_ROTORS] - b.thrust_N]
+    gaps = [
+        a.force_N * [1, -1, 1] - b.force_N,
+        a.moment_Nm * [-1, 1, -1] - b.moment_Nm,
+        a.thrust_N[:, MIRROR_ROTORS] - b.thrust_N,
+    ]
     if max(np.abs(g).max() for g in gaps) > 1e-9 * scale:
         yield "is not mirror-symmetric"
 

@@ -54,7 +54,9 @@ def test_planted_fault_is_caught(copy, fault):
     try:
         subprocess.run(["make", "-s", "-j2", "-C", str(copy / "sim_c"), "OPT=-O0"], check=True)
         environment = {**os.environ, "GES_LIBRARY": str(copy / "build" / "libges.so")}
-        run = subprocess.run([sys.executable, str(ROOT / "tests/contract/laws.py")], env=environment, capture_output=True, text=True)
+        run = subprocess.run(
+            [sys.executable, str(ROOT / "tests/contract/laws.py")], env=environment, capture_output=True, text=True
+        )
     finally:
         source.write_text(good)
     assert run.returncode == 1

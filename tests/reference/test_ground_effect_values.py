@@ -27,7 +27,9 @@ def factor(values: dict, x: np.ndarray) -> np.ndarray:
     numbers = {f"rotor_{i}_radius_m": R for i in range(1, 5)}
     for i, (sx, sy) in enumerate(places, 1):
         numbers |= {f"rotor_{i}_x_m": sx * half, f"rotor_{i}_y_m": sy * half}
-    samples = effects.Samples.from_columns({"t_s": np.arange(len(x)) * 1.0, "p_z_m": x * R, "rotor_speed_1_rad_s": np.full(len(x), 400.0)})
+    samples = effects.Samples.from_columns(
+        {"t_s": np.arange(len(x)) * 1.0, "p_z_m": x * R, "rotor_speed_1_rad_s": np.full(len(x), 400.0)}
+    )
     return effects.replay(numbers, samples, {"ground_effect": values}, Terrain.flat())["ge_factor_1"]
 
 

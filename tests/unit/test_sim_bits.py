@@ -25,7 +25,9 @@ def batch() -> list[sim.Flight]:
         on = {"ground_effect": {"curvature_gain_m": 0.6, "amplitude": 1 + 0.1 * i}, "rotor_drag": {"k_kg": 1e-4 * rng.uniform()}}
         flights.append(sim.Flight(numbers, on))
     flights.append(sim.Flight({"seed": 99, "duration_s": 2, "integrator": 1}, {"wind": {"roughness_m": 0.02}, "rotor_drag": {}}))
-    flights.append(sim.Flight({"duration_s": 2, "agl_ref_m": 0.5}, {"ground_effect": {"form": 3}, "ground_effect_lag": {}}, Terrain.flat()))
+    flights.append(
+        sim.Flight({"duration_s": 2, "agl_ref_m": 0.5}, {"ground_effect": {"form": 3}, "ground_effect_lag": {}}, Terrain.flat())
+    )
     return flights
 
 
@@ -72,7 +74,9 @@ def widths() -> dict[str, str]:
 def test_results_do_not_depend_on_vector_width(width, tmp_path):
     if width not in widths():
         pytest.skip(f"this processor has no {width}")
-    subprocess.run(["make", "-s", "-j2", "-C", ROOT / "sim_c", f"BUILD={tmp_path / 'b'}", f"MARCH={widths()[width]}", "OPT=-O1"], check=True)
+    subprocess.run(
+        ["make", "-s", "-j2", "-C", ROOT / "sim_c", f"BUILD={tmp_path / 'b'}", f"MARCH={widths()[width]}", "OPT=-O1"], check=True
+    )
     script = tmp_path / "flights.txt"
     sim.write_script(batch(), script)
     outputs = []
@@ -145,10 +149,21 @@ def test_a_million_samples_go_through_one_effect():
 @pytest.mark.skipif(shutil.which("valgrind") is None, reason="valgrind is not installed")
 def test_no_leak_and_no_undefined_value_by_valgrind(tmp_path):
     """Sanitized and plain builds are covered below; valgrind sees uninitialised values."""
-    subprocess.run(["make", "-s", "-j2", "-C", ROOT / "sim_c", f"BUILD={tmp_path / 'b'}", "MARCH=-march=x86-64", "OPT=-O1 -g"], check=True)
+    subprocess.run(
+        ["make", "-s", "-j2", "-C", ROOT / "sim_c", f"BUILD={tmp_path / 'b'}", "MARCH=-march=x86-64", "OPT=-O1 -g"], check=True
+    )
     script = tmp_path / "flights.txt"
     sim.write_script([sim.Flight({**f.parameters, "duration_s": 0.1}, f.effects, f.terrain, f.inputs) for f in batch()], script)
-    command = ["valgrind", "-q", "--error-exitcode=9", "--leak-check=full", tmp_path / "b" / "ges_sim", script, "--out", tmp_path / "o"]
+    command = [
+        "valgrind",
+        "-q",
+        "--error-exitcode=9",
+        "--leak-check=full",
+        tmp_path / "b" / "ges_sim",
+        script,
+        "--out",
+        tmp_path / "o",
+    ]
     assert subprocess.run(command).returncode == 0
 
 

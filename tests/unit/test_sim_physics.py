@@ -106,7 +106,8 @@ def test_nonfinite_state_stops_its_lane_alone():
 
 @pytest.mark.parametrize(
     ("numbers", "words"),
-    [({"mass_kg": -1}, "mass_kg is -1 kg; allowed is"), ({"dt_s": 0}, "dt_s is 0"), ({"duration_s": float("nan")}, "duration_s is nan"),
+    [({"mass_kg": -1}, "mass_kg is -1 kg; allowed is"), ({"dt_s": 0}, "dt_s is 0"),
+     ({"duration_s": float("nan")}, "duration_s is nan"),
      ({"terrain_features_max": 10, "terrain_features_min": 20}, "raise it"), ({"control": 1}, "no replay table"),
      ({"rotor_1_x_m": 0, "rotor_2_x_m": 0, "rotor_3_x_m": 0, "rotor_4_x_m": 0}, "rotors")],
 )  # fmt: skip
@@ -151,7 +152,15 @@ def test_oracle_cancels_the_ground_effect_where_motors_are_instant():
 
 def test_historical_mapping_overcorrects():
     def bias(mapping):
-        numbers = {**QUIET, "mode": "oracle", "mapping": mapping, "altitude_ki": 0, "cruise_m_s": 0, "agl_ref_m": 0.12, "duration_s": 20}
+        numbers = {
+            **QUIET,
+            "mode": "oracle",
+            "mapping": mapping,
+            "altitude_ki": 0,
+            "cruise_m_s": 0,
+            "agl_ref_m": 0.12,
+            "duration_s": 20,
+        }
         return sim.fly([sim.Flight(numbers, {"ground_effect": {"amplitude": 3}}, FLAT)])[0]["agl_m"][-1] - 0.12
 
     assert abs(bias(0)) < 2e-4
@@ -172,7 +181,9 @@ def test_table_of_references_is_followed():
 
 def test_steady_drag_trim():
     """Steady speed: the tilt balances rotor drag, tan(theta) = k sum(w) V / (m g)."""
-    r = sim.fly([sim.Flight({**QUIET, "agl_ref_m": 1, "mode": "none", "duration_s": 20}, {"rotor_drag": {"k_kg": 2e-4}}, FLAT)])[0]
+    r = sim.fly([sim.Flight({**QUIET, "agl_ref_m": 1, "mode": "none", "duration_s": 20}, {"rotor_drag": {"k_kg": 2e-4}}, FLAT)])[
+        0
+    ]
     pitch = np.arcsin(2 * (r["q_w"] * r["q_y"] - r["q_x"] * r["q_z"]))[-1]
     total = sum(r[f"rotor_speed_{i}_rad_s"][-1] for i in range(1, 5))
     assert np.tan(pitch) == pytest.approx(2e-4 * total * r["v_x_m_s"][-1] / (1.2 * 9.80665), rel=0.02)

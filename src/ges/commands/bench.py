@@ -61,7 +61,11 @@ def _replay_case(repeats: int) -> dict:
     record = sim.fly([sim.Flight({"duration_s": 100}, STUDY_EFFECTS, Terrain.procedural(1))])[0]
     samples = effects.Samples.from_columns({name: values.repeat(100) for name, values in record.columns.items()})
     times = _seconds(lambda: effects.replay({}, samples, STUDY_EFFECTS, Terrain.procedural(1)), repeats)
-    return {"case": "recorded samples through the ground effect", "samples": len(samples), "samples_per_s": len(samples) / min(times)}
+    return {
+        "case": "recorded samples through the ground effect",
+        "samples": len(samples),
+        "samples_per_s": len(samples) / min(times),
+    }
 
 
 @click.command()
@@ -77,7 +81,9 @@ def command(what: str, duration: float, repeats: int, out: Path | None) -> None:
     cases = _cases(duration, repeats)
     scale = cases[-1]["steps_per_s"]
     for case in cases:
-        click.echo(f"{case['steps_per_s'] / 1e6:8.2f} million steps/s  {case['steps_per_s'] / scale:6.2f} x cheap kernel  {case['case']}")
+        click.echo(
+            f"{case['steps_per_s'] / 1e6:8.2f} million steps/s  {case['steps_per_s'] / scale:6.2f} x cheap kernel  {case['case']}"
+        )
     replay = _replay_case(repeats)
     click.echo(f"{replay['samples_per_s'] / 1e6:8.2f} million samples/s                     {replay['case']}")
     if out:

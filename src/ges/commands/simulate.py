@@ -72,13 +72,16 @@ def command(vehicle_path, plan, references, duration, seed, settings, out) -> No
     for sentence in said:
         click.echo(f"warning: {sentence}", err=True)
     table = _references(plan, references, duration)
-    numbers = {**vehicle.parameters(), **values, "seed": seed, "altitude_source": 1, "mode": "none",
-               "inputs_dt_s": manoeuvres.STEP_S, "duration_s": (len(table) - 1) * manoeuvres.STEP_S, **_settings(settings)}  # fmt: skip
+    timing = {"inputs_dt_s": manoeuvres.STEP_S, "duration_s": (len(table) - 1) * manoeuvres.STEP_S}
+    fixed = {"seed": seed, "altitude_source": 1, "mode": "none", **timing}
+    numbers = {**vehicle.parameters(), **values, **fixed, **_settings(settings)}
     record = sim.fly([sim.Flight(numbers, vehicle.effect_values(), vehicle.ground(vehicle_path.parent), table)])[0]
     if record.status != "ok":
         raise GesError(record.status)
     write_flight(out, pd.DataFrame(_recorded(record)))
-    click.echo(f"{out}: {numbers['duration_s']:.1f} s, {int(record['contact'].sum())} samples in contact with the ground", err=True)
+    click.echo(
+        f"{out}: {numbers['duration_s']:.1f} s, {int(record['contact'].sum())} samples in contact with the ground", err=True
+    )
 
 
 def _settings(settings: tuple[str, ...]) -> dict[str, float]:
