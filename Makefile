@@ -25,9 +25,9 @@ build: env check-cc
 	@$(MAKE) --no-print-directory -C sim_c CC="$(CC)" -j$(CORES)
 
 docs: build
-	$(BIN)/ges effects --markdown > docs/effects.md
-	$(BIN)/ges config --markdown > docs/config.md
-	$(BIN)/ges config --schema > config/schema.json
+	$(BIN)/ges effects --markdown > docs/effects.md.new && mv docs/effects.md.new docs/effects.md
+	$(BIN)/ges config --markdown > docs/config.md.new && mv docs/config.md.new docs/config.md
+	$(BIN)/ges config --schema > config/schema.json.new && mv config/schema.json.new config/schema.json
 
 lint: env
 	$(BIN)/ruff check .
