@@ -50,10 +50,10 @@ def test_rollout_from_a_recorded_state_repeats_the_flight():
     """Recorded rotor speeds and attitude, imposed, bring the vehicle where the flight went."""
     flown = sim.fly([sim.Flight({"duration_s": 3, "record_every": 1, "seed": 2}, {"ground_effect": {}}, Terrain.flat())])[0]
     first = 500
-    table = np.stack([flown[n][first:] for n in (*(f"rotor_speed_{i}_rad_s" for i in range(1, 5)), "q_w", "q_x", "q_y",
-                                                  "q_z", "battery_V", "omega_x_rad_s", "omega_y_rad_s", "omega_z_rad_s")], 1)  # fmt: skip
-    names = ["p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s", "q_w", "q_x", "q_y", "q_z", "omega_x_rad_s",
-             "omega_y_rad_s", "omega_z_rad_s", *(f"rotor_speed_{i}_rad_s" for i in range(1, 5))]  # fmt: skip
+    speeds, rates = [f"rotor_speed_{i}_rad_s" for i in range(1, 5)], [f"omega_{a}_rad_s" for a in "xyz"]
+    attitude = ["q_w", "q_x", "q_y", "q_z"]
+    table = np.stack([flown[n][first:] for n in (*speeds, *attitude, "battery_V", *rates)], axis=1)
+    names = ["p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s", *attitude, *rates, *speeds]
     start = {f"start_{n}": flown[n][first] for n in names}
     numbers = {**start, "start": 1, "control": 2, "attitude_imposed": 1, "inputs_dt_s": 0.001, "duration_s": 1, "record_every": 1}
     again = sim.fly([sim.Flight(numbers, {"ground_effect": {}}, Terrain.flat(), table)])[0]
