@@ -67,6 +67,9 @@ static inline vf to_float(vd v) { return __builtin_convertvector(v, vf); }
 static inline vd to_double(vf v) { return __builtin_convertvector(v, vd); }
 #endif
 
+/* For the innermost functions, whose results should stay in registers. */
+#define INNER static inline __attribute__((always_inline))
+
 #define LT(a, b) MASK((a) < (b))
 #define GT(a, b) MASK((a) > (b))
 

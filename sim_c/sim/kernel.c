@@ -283,12 +283,17 @@ static void read_telemetry(lanes_t *l, const reading_t *add) {
   }
 }
 
+/* Ground below the body now: sensors read it, and rows record it even where no firmware runs. */
+static void see_ground(lanes_t *l) {
+  sample_t *s = &l->sample;
+  sample_center(&l->ground, s);
+  s->ground_slope = lane_sqrt(s->ground.gx * s->ground.gx + s->ground.gy * s->ground.gy);
+}
+
 static void read_sensors(lanes_t *l, int k, vd attitude[9]) {
   reading_t add;
   sample_t *s = &l->sample;
   int telemetry = k % l->plan->telemetry_every == 0;
-  sample_center(&l->ground, s);
-  s->ground_slope = lane_sqrt(s->ground.gx * s->ground.gx + s->ground.gy * s->ground.gy);
   s->range = range_to_ground(&l->ground, s);
   s->dt = (double)l->plan->control_every * l->dt;
   add_readings(&l->active, s, l->y, &add);
@@ -465,6 +470,7 @@ static void rates(lanes_t *l, vd *y, vd *dy, int k) {
   add_wrenches(a, 0, a->n_ground, s, y, dy, &w);
   if (k >= 0 && (k % l->plan->control_every == 0 || k % l->plan->record_every == 0)) {
     set_factor(s, w.thrust);
+    see_ground(l);
     if (k % l->plan->control_every == 0) run_control(l, k);
   }
   drive_rates(l, y, dy);

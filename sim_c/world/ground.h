@@ -47,7 +47,7 @@ static inline void ground_make(ground_lanes_t *g, const terrain_t *const *terrai
 }
 
 /* B(s) = max(1 - s^2, 0)^3 with its first two derivatives. */
-static inline void bump(vd s, vd *b, vd *b1, vd *b2) {
+INNER void bump(vd s, vd *b, vd *b1, vd *b2) {
   vd m = lane_max(1.0 - s * s, all_lanes(0.0));
   vd m2 = m * m;
   *b = m2 * m;
@@ -55,7 +55,7 @@ static inline void bump(vd s, vd *b, vd *b1, vd *b2) {
   *b2 = 24.0 * (s * s) * m - 6.0 * m2;
 }
 
-static inline void add_feature(const vd f[6], vd x, vd y, ground_t *out) {
+INNER void add_feature(const vd f[6], vd x, vd y, ground_t *out) {
   vd s = (x - f[0]) * f[1], t = (y - f[2]) * f[3];
   vd b, b1, b2, q, q1, q2;
   bump(s, &b, &b1, &b2);
@@ -68,7 +68,7 @@ static inline void add_feature(const vd f[6], vd x, vd y, ground_t *out) {
   out->laplacian += p2 * q * (f[1] * f[1]) + p * q2 * (f[3] * f[3]);
 }
 
-static inline void add_wave(const vd w[4], vd amplitude, vd x, vd y, ground_t *out) {
+INNER void add_wave(const vd w[4], vd amplitude, vd x, vd y, ground_t *out) {
   vd u = x * w[0] + y * w[1] + w[2];
   vd t = u - nearest(u), t2 = t * t;
   vd slope = amplitude * (7.0 + t2 * (-120.0 + 240.0 * t2));
@@ -78,7 +78,7 @@ static inline void add_wave(const vd w[4], vd amplitude, vd x, vd y, ground_t *o
   out->laplacian += w[3] * (t * (-240.0 + 960.0 * t2));
 }
 
-static inline void add_procedural(const ground_lanes_t *g, vd x, vd y, ground_t *out) {
+INNER void add_procedural(const ground_lanes_t *g, vd x, vd y, ground_t *out) {
   vl right = MASK(x >= g->edge);
   vd f[6];
   for (int k = 0; k < 6; k++) f[k] = sel(right, g->feature[1][k], g->feature[0][k]);
@@ -103,7 +103,7 @@ static inline void add_grid_lane(const ges_grid *m, int i, vd x, vd y, ground_t 
 }
 
 /* Ground at (x, y), both within half a slot of the last ground_move(). */
-static inline ground_t ground_at(const ground_lanes_t *g, vd x, vd y) {
+INNER ground_t ground_at(const ground_lanes_t *g, vd x, vd y) {
   ground_t out = {g->z, all_lanes(0.0), all_lanes(0.0), all_lanes(0.0)};
   if (g->kind == 1) add_procedural(g, x, y, &out);
   if (g->kind == 2)
