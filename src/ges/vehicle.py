@@ -6,7 +6,6 @@ tolerance a calibration may use: a fitted value well outside it is a finding.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -15,8 +14,9 @@ import numpy as np
 import pydantic
 import yaml
 
-from .conventions import N_ROTORS
+from .conventions import GRAVITY_M_S2, N_ROTORS
 from .errors import GesError, UsageError, unknown_name
+from .files import write_text
 from .terrain import Terrain
 
 
@@ -35,17 +35,45 @@ class Quantity(_Strict):
     def _read(cls, given: Any) -> Any:
         if isinstance(given, int | float) and not isinstance(given, bool):
             return {"value": given}
+        if isinstance(given, str | bool) or given is None:
+            raise ValueError("must be a number, or {value, sd} or {value, sd_rel}")
         if isinstance(given, Mapping) and "sd_rel" in given:
-            if "sd" in given:
-                raise ValueError("give sd or sd_rel, not both")
-            value, share = float(given["value"]), float(given["sd_rel"])
-            rest = {k: v for k, v in given.items() if k != "sd_rel"}
-            return {**rest, "sd": abs(value) * share}
+            return _with_sd(given)
         return given
 
     def plain(self) -> float | dict[str, float]:
         """As it is written in a file."""
         return {"value": self.value, "sd": self.sd} if self.sd else self.value
+
+
+def _with_sd(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The same with ``sd`` in place of ``sd_rel``."""
+    if "sd" in given:
+        raise ValueError("give sd or sd_rel, not both")
+    value, share = given.get("value"), given["sd_rel"]
+    if not all(isinstance(x, int | float) and not isinstance(x, bool) for x in (value, share)):
+        raise ValueError("sd_rel needs a value, both numbers")
+    if not share >= 0:
+        raise ValueError(f"sd_rel is {share:g}; it must not be negative")
+    return {**{k: v for k, v in given.items() if k != "sd_rel"}, "sd": abs(value) * share}
+
+
+class Estimate(Quantity):
+    """A parameter of an effect, which may state its 95 % interval."""
+
+    ci95: tuple[float, float] | None = None
+
+    @pydantic.model_validator(mode="after")
+    def _ordered(self) -> Estimate:
+        if self.ci95 and self.ci95[0] > self.ci95[1]:
+            raise ValueError(f"ci95 is {list(self.ci95)}; the lower end comes first")
+        return self
+
+    def plain(self) -> float | dict[str, Any]:
+        """As it is written in a file."""
+        if self.ci95 is None:
+            return super().plain()
+        return {"value": self.value, **({"sd": self.sd} if self.sd else {}), "ci95": list(self.ci95)}
 
 
 def _positive(quantity: Quantity) -> Quantity:
@@ -58,7 +86,10 @@ Positive = Annotated[Quantity, pydantic.AfterValidator(_positive)]
 
 
 class Rotor(_Strict):
-    """One rotor: hub in the body frame (FLU), radius, spin seen from above."""
+    """One rotor: hub in the body frame (FLU, from the centre of mass), radius, spin seen from above.
+
+    A rotor that spins ccw turns the body cw: its reaction torque on the body is negative about z.
+    """
 
     x_m: Quantity
     y_m: Quantity
@@ -96,14 +127,21 @@ class Vehicle(_Strict):
     name: str
     mass_kg: Positive
     inertia_kg_m2: Inertia | None = None
-    rotors: tuple[Rotor, ...] = pydantic.Field(min_length=1)
+    rotors: tuple[Rotor, ...]
     thrust_coefficient_N_s2: Positive
     torque_coefficient_Nm_s2: Positive | None = None
     motor_time_constant_s: Positive | None = None
     max_rotor_speed_rad_s: Positive | None = None
     rho_kg_m3: Positive = Quantity(value=1.225)
     terrain: GroundFile = GroundFile()
-    effects: dict[str, dict[str, Quantity]] = {}
+    effects: dict[str, dict[str, Estimate]] = {}
+
+    @pydantic.field_validator("rotors")
+    @classmethod
+    def _some(cls, rotors: tuple[Rotor, ...]) -> tuple[Rotor, ...]:
+        if not rotors:
+            raise ValueError("the list is empty; a vehicle has at least one rotor")
+        return rotors
 
     @pydantic.model_validator(mode="before")
     @classmethod
@@ -113,9 +151,17 @@ class Vehicle(_Strict):
         return given
 
     def rotor_arrays(self) -> dict[str, np.ndarray]:
-        """``x_m, y_m, z_m, radius_m`` and ``spin`` (+1 counter-clockwise from above), each of shape (n_rotors,)."""
+        """``x_m, y_m, z_m, radius_m`` and ``spin`` (+1 ccw seen from above), each of shape (n_rotors,).
+
+        The reaction torque of rotor i on the body about z is ``-spin[i] k_q w^2``.
+        """
         arrays = {name: np.array([getattr(r, name).value for r in self.rotors]) for name in ("x_m", "y_m", "z_m", "radius_m")}
         return {**arrays, "spin": np.array([1.0 if r.spin == "ccw" else -1.0 for r in self.rotors])}
+
+    def hover_speed_rad_s(self) -> float:
+        """Rotor speed at which equal rotors carry the weight, out of ground effect."""
+        per_rotor = self.mass_kg.value * GRAVITY_M_S2 / len(self.rotors)
+        return float(np.sqrt(per_rotor / self.thrust_coefficient_N_s2.value))
 
     def effect_values(self) -> dict[str, dict[str, float]]:
         """Effects that the simulator already models, as plain numbers."""
@@ -232,7 +278,4 @@ def vehicle_content(vehicle: Vehicle) -> dict[str, Any]:
 
 def save_vehicle(vehicle: Vehicle, path: str | Path) -> None:
     """Write a vehicle file; complete or not at all."""
-    path = Path(path)
-    fresh = path.with_name(path.name + ".new")
-    fresh.write_text(yaml.safe_dump(vehicle_content(vehicle), sort_keys=False))
-    os.replace(fresh, path)
+    write_text(path, yaml.safe_dump(vehicle_content(vehicle), sort_keys=False))

@@ -11,7 +11,7 @@ from ..io import published
 
 @click.group()
 def command() -> None:
-    """List the published flights, or fetch one set of them.
+    """List the published flights, or fetch them.
 
     Example: ges recordings fetch appius-ground-effect --out recordings
     """
@@ -21,19 +21,21 @@ def command() -> None:
 def list_sets() -> None:
     """Names, sources and licences."""
     for name, source in published.sources().items():
-        click.echo(f"{name:22s} {len(source.files):3d} files  {source.repository} @ {source.commit[:10]}  licence: {source.licence}")
+        click.echo(
+            f"{name:22s} {len(source.files):3d} files  {source.repository} @ {source.commit[:10]}  licence: {source.licence}"
+        )
         click.echo(f"{'':22s} {source.about}")
 
 
 @command.command()
-@click.argument("names", nargs=-1, required=True)
+@click.argument("names", nargs=-1)
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder to bring them to.")
 @click.option("--from", "copies", type=click.Path(path_type=Path), envvar="GES_RECORDINGS", help="Take copies from this folder.")
 def fetch(names: tuple[str, ...], out: Path, copies: Path | None) -> None:
-    """Fetch sets by name; every file's SHA-256 is checked.
+    """Fetch sets by name, or all of them; every file's SHA-256 is checked.
 
     Example: ges recordings fetch crazypad --out recordings
     """
-    for name in names:
+    for name in names or published.sources():
         for path in published.fetch(name, out, copies):
             click.echo(path, err=True)

@@ -12,14 +12,24 @@ import pint
 import pydantic
 import yaml
 
-from ..errors import GesError, UsageError
+from ..conventions import GRAVITY_M_S2, QUATERNION, SPECIFIC_FORCE
+from ..errors import GesError, UsageError, unknown_name
 from .recording import unit_of
 
 EULER = ("roll_rad", "pitch_rad", "yaw_rad")
+WORLD_ACCELERATION = ("acc_world_x_m_s2", "acc_world_y_m_s2", "acc_world_z_m_s2")
 
 
 class Column(pydantic.BaseModel):
-    """Where one column goes: name, unit in the file, factor (a sign, or a full scale) and offset after the unit."""
+    """Where one column goes.
+
+    Attributes
+    ----------
+    to : column of the recording set; a name without meaning there is kept and ignored.
+    unit : unit in the file; that of the column if not given. ``g`` is the standard acceleration of gravity.
+    factor, offset : after the unit: a sign, a full scale, a zero.
+    missing : number by which the file says that a sample is missing (besides an empty field and nan).
+    """
 
     model_config = pydantic.ConfigDict(extra="forbid")
 
@@ -27,6 +37,7 @@ class Column(pydantic.BaseModel):
     unit: str | None = None
     factor: float = 1.0
     offset: float = 0.0
+    missing: float | None = None
 
 
 class Layout(pydantic.BaseModel):
@@ -48,7 +59,9 @@ class ColumnMap(pydantic.BaseModel):
 
 @functools.cache
 def _units() -> pint.UnitRegistry:
-    return pint.UnitRegistry()
+    registry = pint.UnitRegistry(on_redefinition="ignore")
+    registry.define("g = 9.80665 * meter / second ** 2")
+    return registry
 
 
 @functools.cache
@@ -57,10 +70,19 @@ def unit_factor(unit: str, target: str | None) -> float:
     try:
         quantity = _units().Quantity(1.0, unit)
         return float((quantity.to(target) if target and target != "1" else quantity.to_base_units()).magnitude)
-    except pint.errors.UndefinedUnitError:
+    except (pint.errors.UndefinedUnitError, pint.errors.DefinitionSyntaxError, AssertionError):
         raise UsageError(f"unit '{unit}' of the column map is not known; write it as in 'deg', 'rpm', 'mV', 'm/s'") from None
     except pint.errors.DimensionalityError:
         raise UsageError(f"unit '{unit}' of the column map cannot become {target}; check the column") from None
+
+
+def _sentence(problems: list[dict]) -> str:
+    problem = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
+    if problem["type"] == "extra_forbidden":
+        known = {key for model in (ColumnMap, Layout, Column) for key in model.model_fields}
+        return str(unknown_name("key", str(problem["loc"][-1]), known))
+    place = ".".join(str(p) for p in problem["loc"] if not str(p).startswith(("list[", "dict["))) or "the file"
+    return f"{place}: {problem['msg']}"
 
 
 def load_map(path: str | Path) -> ColumnMap:
@@ -73,14 +95,14 @@ def load_map(path: str | Path) -> ColumnMap:
     except yaml.YAMLError as error:
         raise UsageError(f"{path.name} is not YAML: {str(error).splitlines()[0]}") from None
     except pydantic.ValidationError as error:
-        problem = error.errors()[0]
-        raise UsageError(f"{path.name}: {'.'.join(map(str, problem['loc']))}: {problem['msg']}") from None
+        raise UsageError(f"{path.name}: {_sentence(error.errors())}") from None
 
 
 def convert(values: np.ndarray, column: Column) -> np.ndarray:
     """A column in the file's unit as the quantity it stands for."""
     target = unit_of(column.to) or ("rad" if column.to.endswith("_rad") else None)
     scale = unit_factor(column.unit, target) if column.unit else 1.0
+    values = values if column.missing is None else np.where(values == column.missing, np.nan, values)
     return values * (scale * column.factor) + column.offset
 
 
@@ -95,8 +117,23 @@ def with_quaternion(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Add the quaternion where roll, pitch and yaw are all there; incomplete angles stay as they are."""
     out = dict(columns)
     if all(name in out for name in EULER):
-        for name, values in zip(("q_w", "q_x", "q_y", "q_z"), quaternion(*(out.pop(n) for n in EULER)), strict=True):
+        for name, values in zip(QUATERNION, quaternion(*(out.pop(n) for n in EULER)), strict=True):
             out[name] = values
+    return out
+
+
+def with_specific_force(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Turn a world acceleration without gravity into the body's specific force where the whole attitude was logged."""
+    out = dict(columns)
+    if all(name in out for name in (*QUATERNION, *WORLD_ACCELERATION)) and not any(name in out for name in SPECIFIC_FORCE):
+        world = [out.pop(name) for name in WORLD_ACCELERATION]
+        world[2] = world[2] + GRAVITY_M_S2
+        w, x, y, z = (out[name] for name in QUATERNION)
+        rows = ((1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)),
+                (2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)),
+                (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)))  # fmt: skip
+        for name, row in zip(SPECIFIC_FORCE, rows, strict=True):
+            out[name] = sum(r * a for r, a in zip(row, world, strict=True))
     return out
 
 
@@ -104,7 +141,9 @@ def increasing(frame: pd.DataFrame, name: str) -> tuple[pd.DataFrame, list[str]]
     """Drop rows whose time does not go on; say how many."""
     t = frame["t_s"].to_numpy()
     if not np.all(np.isfinite(t)):
-        raise GesError(f"{name}: the time column is not a number in row {int(np.argmin(np.isfinite(t)))}; every row needs its time")
+        raise GesError(
+            f"{name}: the time column is not a number in row {int(np.argmin(np.isfinite(t)))}; every row needs its time"
+        )
     keep = np.concatenate([[True], t[1:] > np.maximum.accumulate(t)[:-1]])
     dropped = int(np.sum(~keep))
     warning = [f"{name}: {dropped} rows repeat an earlier time and were dropped"] if dropped else []

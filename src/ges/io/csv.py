@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ..errors import GesError
-from .columns import Column, ColumnMap, Layout, convert, increasing, with_quaternion
+from .columns import Column, ColumnMap, Layout, convert, increasing, with_quaternion, with_specific_force
 
 
 def _lines(path: Path) -> list[tuple[int, str]]:
@@ -43,7 +43,10 @@ def _layout(mapping: ColumnMap, first: list[str], name: str) -> tuple[list[Colum
             return named, True
         if isinstance(layout.columns, list) and len(layout.columns) == len(first):
             return layout.columns, False
-    known = [str(len(x.columns)) if isinstance(x.columns, list) else "the named columns " + ", ".join(x.columns) for x in mapping.layouts]
+    known = [
+        str(len(x.columns)) if isinstance(x.columns, list) else "the named columns " + ", ".join(x.columns)
+        for x in mapping.layouts
+    ]
     raise GesError(f"{name} line 1 has {len(first)} columns; the column map knows {' or '.join(known)}")
 
 
@@ -52,7 +55,9 @@ def _numbers(lines: list[tuple[int, str]], separator: str, width: int, name: str
     for row, (number, line) in enumerate(lines):
         cells = line.split(separator)
         if len(cells) != width:
-            raise GesError(f"{name} line {number} has {len(cells)} columns, the lines before it {width}; mend or cut the file there")
+            raise GesError(
+                f"{name} line {number} has {len(cells)} columns, the lines before it {width}; mend or cut the file there"
+            )
         try:
             table[row] = [float(cell) if cell.strip() else np.nan for cell in cells]
         except ValueError as error:
@@ -83,5 +88,5 @@ def read_csv(path: str | Path, mapping: ColumnMap) -> tuple[pd.DataFrame, list[s
     values = {c.to: convert(table[:, k], c) for k, c in enumerate(columns) if c is not None}
     if "t_s" not in values:
         raise GesError(f"{path.name}: the column map sends no column to t_s; a flight needs its time")
-    frame, repeats = increasing(pd.DataFrame(with_quaternion(values)), path.name)
+    frame, repeats = increasing(pd.DataFrame(with_specific_force(with_quaternion(values))), path.name)
     return frame, cut + repeats

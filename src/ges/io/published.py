@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
@@ -14,6 +13,7 @@ import pydantic
 import yaml
 
 from ..errors import GesError, unknown_name
+from ..files import replacing
 
 
 class Source(pydantic.BaseModel):
@@ -48,7 +48,9 @@ def _download(source: Source, path: str) -> bytes:
         with urllib.request.urlopen(address, timeout=60) as answer:
             return answer.read()
     except (urllib.error.URLError, OSError) as error:
-        raise GesError(f"cannot fetch {source.repository}/{path}: {error}; name a folder with copies by --from or GES_RECORDINGS") from None
+        raise GesError(
+            f"cannot fetch {source.repository}/{path}: {error}; name a folder with copies by --from or GES_RECORDINGS"
+        ) from None
 
 
 def _copy(folder: Path, local: str) -> bytes:
@@ -67,8 +69,6 @@ def fetch(name: str, out: Path, copies: Path | None) -> Iterator[Path]:
     for local, (path, sha256) in source.files.items():
         take: Callable[[], bytes] = (lambda p=local: _copy(copies, p)) if copies else (lambda p=path: _download(source, p))
         target = out / local
-        target.parent.mkdir(parents=True, exist_ok=True)
-        fresh = target.with_name(target.name + ".new")
-        fresh.write_bytes(check(take(), sha256, local))
-        os.replace(fresh, target)
+        with replacing(target) as new:
+            new.write_bytes(check(take(), sha256, local))
         yield target

@@ -7,7 +7,7 @@ necessarily regular. Columns that are not known are kept and ignored.
 from __future__ import annotations
 
 import dataclasses
-import os
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -18,17 +18,24 @@ import pyarrow.parquet as pq
 
 from ..conventions import BODY_RATE, POSITION, POSITION_REF, QUATERNION, SPECIFIC_FORCE, VELOCITY, VELOCITY_REF
 from ..errors import GesError
+from ..files import replacing
 from ..vehicle import Vehicle, load_vehicle, save_vehicle
 
-_PREFIX_UNITS = (("rotor_speed_", "rad/s"), ("motor_current_", "A"), ("u_", "1"))
+_ROTOR_UNITS = ((r"rotor_speed_[1-9]\d*_rad_s", "rad/s"), (r"motor_current_[1-9]\d*_A", "A"), (r"u_[1-9]\d*", "1"))
 _UNITS = {
     "t_s": "s", "battery_V": "V", "battery_A": "A", "range_m": "m", "ground_z_m": "m", "yaw_ref_rad": "rad",
     **dict.fromkeys(POSITION + POSITION_REF, "m"), **dict.fromkeys(VELOCITY + VELOCITY_REF, "m/s"),
     **dict.fromkeys(QUATERNION, "1"), **dict.fromkeys(BODY_RATE, "rad/s"), **dict.fromkeys(SPECIFIC_FORCE, "m/s^2"),
 }  # fmt: skip
 
+_FAR = 4.0  # rotor speeds over hover that no vehicle reaches; rpm are 9.5 times too large
+_DEGREES = 20.0  # body rates over what the attitude does; degrees are 57 times too large
+_LOWEST_FORCE_M_S2 = 3.0  # no vehicle falls freely most of the time
+
 # Largest believable magnitude of a column in its unit, and what is usually wrong beyond it.
 _PLAUSIBLE = (
+    ("p_", 1e5, "it looks like millimetres; convert to m"),
+    ("v_", 300.0, "it looks like millimetres per second; convert to m/s"),
     ("rotor_speed_", 4500.0, "it looks like rpm; convert to rad/s"),
     ("omega_", 60.0, "it looks like degrees per second; convert to rad/s"),
     ("acc_", 400.0, "it looks like a raw count or mm/s^2; convert to m/s^2"),
@@ -44,7 +51,7 @@ def unit_of(column: str) -> str | None:
     """Unit of a known column, None for a column that is only kept."""
     if column in _UNITS:
         return _UNITS[column]
-    return next((unit for prefix, unit in _PREFIX_UNITS if column.startswith(prefix) and column[len(prefix)].isdigit()), None)
+    return next((unit for form, unit in _ROTOR_UNITS if re.fullmatch(form, column)), None)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,7 +87,40 @@ def _check_time(name: str, frame: pd.DataFrame) -> None:
     step = np.diff(t)
     if not np.all(step > 0):
         row = int(np.argmax(step <= 0))
-        raise GesError(f"{name}: t_s does not increase after row {row} ({t[row]:g} s, then {t[row + 1]:g} s); sort or drop repeats")
+        raise GesError(
+            f"{name}: t_s does not increase after row {row} ({t[row]:g} s, then {t[row + 1]:g} s); sort or drop repeats"
+        )
+
+
+def _rms(values: np.ndarray) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite**2))) if len(finite) else 0.0
+
+
+def _turn_rate(frame: pd.DataFrame) -> np.ndarray:
+    """Size of the body rate (n - 1,) that the attitudes imply."""
+    q = frame[list(QUATERNION)].to_numpy(dtype=float)
+    aligned = np.clip(np.abs(np.sum(q[1:] * q[:-1], axis=1)), 0.0, 1.0)
+    return 2 * np.arccos(aligned) / np.diff(frame["t_s"].to_numpy(dtype=float))
+
+
+def _contradiction(name: str, frame: pd.DataFrame, hover_rad_s: float) -> str | None:
+    """A unit that the other columns or the vehicle's weight refute."""
+    has = frame.columns.__contains__
+    speeds = [c for c in frame if c.startswith("rotor_speed_") and unit_of(c)]
+    top = max((float(np.nanquantile(frame[c], 0.95)) for c in speeds), default=0.0)
+    if top > _FAR * hover_rad_s:
+        return (f"{name}: rotor speeds reach {top:.0f} rad/s where the vehicle hovers at {hover_rad_s:.0f}: they look like rpm; "
+                "convert to rad/s or mend the vehicle's thrust coefficient")  # fmt: skip
+    if all(map(has, SPECIFIC_FORCE)):
+        size = float(np.nanmedian(np.linalg.norm(frame[list(SPECIFIC_FORCE)], axis=1)))
+        if 0 < size < _LOWEST_FORCE_M_S2:
+            return f"{name}: the accelerometer reads {size:.2g} m/s^2 most of the time: it looks like g; convert to m/s^2"
+    if all(map(has, (*QUATERNION, *BODY_RATE))):
+        logged, implied = _rms(np.linalg.norm(frame[list(BODY_RATE)], axis=1)), _rms(_turn_rate(frame))
+        if logged > _DEGREES * implied > 0:
+            return f"{name}: body rates of {logged:.2g} rad/s where the attitude turns at {implied:.2g}; they look like deg/s, convert them"
+    return None
 
 
 def _implausible(name: str, column: str, values: np.ndarray) -> str | None:
@@ -111,6 +151,10 @@ def checked_frame(name: str, frame: pd.DataFrame) -> tuple[pd.DataFrame, list[st
         if not pd.api.types.is_numeric_dtype(frame[column]):
             raise GesError(f"{name}: column {column} holds {frame[column].dtype}, not numbers")
         values = frame[column].to_numpy(dtype=float)
+        if np.any(np.isinf(values)):
+            raise GesError(
+                f"{name}: {column} is infinite in row {int(np.argmax(np.isinf(values)))}; write NaN for a missing sample"
+            )
         if np.all(np.isnan(values)):
             empty.append(column)
             warnings.append(f"{name}: {column} holds no sample (all NaN); it is left out")
@@ -121,10 +165,13 @@ def checked_frame(name: str, frame: pd.DataFrame) -> tuple[pd.DataFrame, list[st
 
 
 def make_set(vehicle: Vehicle, frames: Iterable[tuple[str, pd.DataFrame]], folder: Path | str = ".") -> RecordingSet:
-    """Recording set from tables in memory, checked."""
+    """Recording set from tables in memory, checked, also against the vehicle."""
     flights, warnings = [], []
+    hover = vehicle.hover_speed_rad_s()
     for name, frame in frames:
         good, noticed = checked_frame(name, frame)
+        if problem := _contradiction(name, good, hover):
+            raise GesError(problem)
         flights.append(Flight(name, good))
         warnings += noticed
     return RecordingSet(vehicle, tuple(flights), Path(folder), tuple(warnings))
@@ -151,26 +198,38 @@ def load_set(folder: str | Path, least: int = 2) -> RecordingSet:
 
 def _read(path: Path) -> pd.DataFrame:
     try:
-        return pq.read_table(path).to_pandas()
+        table = pq.read_table(path)
     except (OSError, pa.ArrowException) as error:
         raise GesError(f"{path.name} is not a readable Parquet file: {str(error).splitlines()[0]}") from None
+    for field in table.schema:
+        told, known = (field.metadata or {}).get(b"unit", b"").decode(), unit_of(field.name)
+        if told and known and told != known:
+            raise GesError(f"{path.name}: the file calls {field.name} a number of {told}; it must be {known}")
+    return table.to_pandas(ignore_metadata=True)
 
 
 def write_flight(path: Path, frame: pd.DataFrame) -> None:
     """Write one flight, units in the metadata; complete or not at all."""
-    fields = [pa.field(c, pa.float64(), metadata={"unit": unit_of(c) or ""}) for c in frame.columns]
-    table = pa.Table.from_pandas(frame, schema=pa.schema(fields), preserve_index=False).replace_schema_metadata(None)
-    fresh = path.with_name(path.name + ".new")
-    pq.write_table(table, fresh)
-    os.replace(fresh, path)
+    table = pa.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None)
+    fields = [f.with_type(pa.float64()).with_metadata({"unit": unit}) if (unit := unit_of(f.name)) else f for f in table.schema]
+    with replacing(path) as new:
+        pq.write_table(table.cast(pa.schema(fields)), new)
 
 
 def write_set(folder: str | Path, vehicle: Vehicle, frames: Iterable[tuple[str, pd.DataFrame]]) -> None:
-    """Write a recording set: vehicle.yaml and a Parquet file a flight."""
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    """Write a recording set: vehicle.yaml and a Parquet file a flight.
+
+    Raises
+    ------
+    GesError
+        When the folder already holds other flights, which would become part of the set.
+    """
+    folder, frames = Path(folder), dict(frames)
+    others = sorted(p.name for p in folder.glob("*.parquet") if p.stem not in frames)
+    if others:
+        raise GesError(f"{folder} already holds other flights ({', '.join(others[:3])}); remove them or name another folder")
     save_vehicle(vehicle, folder / "vehicle.yaml")
-    for name, frame in frames:
+    for name, frame in frames.items():
         write_flight(folder / f"{name}.parquet", frame)
 
 
@@ -184,7 +243,9 @@ def require_drive(recordings: RecordingSet) -> None:
     """
     n = len(recordings.vehicle.rotors)
     for flight in recordings.flights:
-        complete = [all(f"{p}{i}{s}" in flight.frame for i in range(1, n + 1)) for p, s in (("rotor_speed_", "_rad_s"), ("u_", ""))]
+        complete = [
+            all(f"{p}{i}{s}" in flight.frame for i in range(1, n + 1)) for p, s in (("rotor_speed_", "_rad_s"), ("u_", ""))
+        ]
         if not any(complete):
-            raise GesError(f"{flight.name} has neither rotor speeds (rotor_speed_1_rad_s ...) nor motor commands (u_1 ...) of all "
+            raise GesError(f"{flight.name} has neither rotor speeds (rotor_speed_1_rad_s ...) nor commands (u_1 ...) of all "
                            f"{n} rotors; log one of them to diagnose forces")  # fmt: skip

@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ..conventions import GRAVITY_M_S2 as _G
 from ..errors import GesError
-from .columns import increasing, with_quaternion
+from .columns import increasing, with_quaternion, with_specific_force
 
 _MAGIC = 0xBC
-_G = 9.80665
 _STAMP = {1: ("I", 1e-3), 2: ("Q", 1e-6)}
 _PWM_FULL = 65535.0
 
@@ -110,8 +110,8 @@ def read_usd(path: str | Path) -> tuple[pd.DataFrame, list[str]]:
     Returns
     -------
     frame, warnings : contract columns. Commands ``u_i`` are what the mixer asked for over its full scale; world
-        accelerations without gravity are kept as ``acc_world_*_m_s2``, roll and yaw without pitch as ``roll_rad``,
-        ``yaw_rad``.
+        accelerations without gravity become the body's specific force where the whole attitude was logged and are
+        kept as ``acc_world_*_m_s2`` where not; roll and yaw without pitch are kept as ``roll_rad``, ``yaw_rad``.
 
     Raises
     ------
@@ -131,5 +131,5 @@ def read_usd(path: str | Path) -> tuple[pd.DataFrame, list[str]]:
     for name in raw.columns[1:]:
         column, factor = _KNOWN.get(name, (name.replace(".", "_"), 1.0))
         values[column] = raw[name].to_numpy() * factor
-    frame, repeats = increasing(pd.DataFrame(with_quaternion(values)), path.name)
+    frame, repeats = increasing(pd.DataFrame(with_specific_force(with_quaternion(values))), path.name)
     return frame, warnings + repeats
