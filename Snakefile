@@ -10,9 +10,10 @@ configfile: f"{workflow.basedir}/config/default.yaml"
 
 include: "workflow/rules/common.smk"
 include: "workflow/rules/build.smk"
+include: "workflow/rules/data.smk"
 
 
 rule all:
     default_target: True
     input:
-        rules.build_simulator.output,
+        expand("results/splits/{plan}.leakage.json", plan=PLANS),

@@ -30,6 +30,11 @@ def call(function):
     return f"{function}@{tree_hash(ROOT, sources(function.partition(':')[0]))[:12]}"
 
 
+def batched(items, size):
+    """Items in lists of at most ``size``."""
+    return [items[i : i + size] for i in range(0, len(items), size)]
+
+
 def part(key):
     """A part of the configuration, by its dotted key, as plain values."""
     value = STUDY.model_dump()

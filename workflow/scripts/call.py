@@ -11,7 +11,6 @@ import os
 import sys
 
 import pydantic
-from snakemake.script import snakemake
 
 from ges.errors import GesError
 

@@ -1,0 +1,74 @@
+# The data set: flights in batches, two ways to split them, and the proof that nothing leaks.
+PLANS = list(STUDY.data.plans)
+SPLITS = ["seedwise", "blockwise"]
+DATA_SEEDS = STUDY.seeds.data()
+FLIGHTS = [f"results/data/{{plan}}/seed{seed:04d}.parquet" for seed in DATA_SEEDS]
+
+
+wildcard_constraints:
+    plan="|".join(PLANS),
+    split="|".join(SPLITS),
+
+
+# The files of a flight bear no trace of its batch, so another batch size runs nothing again.
+for number, batch in enumerate(batched(FLIGHTS, STUDY.data.flights_per_batch)):
+
+    rule:
+        name:
+            f"fly_batch_{number}"
+        input:
+            library="build/libges.so",
+        output:
+            flights=batch,
+        log:
+            f"results/logs/fly_{{plan}}_batch{number}.log",
+        benchmark:
+            f"results/benchmarks/fly_{{plan}}_batch{number}.tsv"
+        params:
+            call=call("ges.datasets.flights:fly_batch"),
+            simulator=part("simulator"),
+            plan=lambda wildcards: part(f"data.plans.{wildcards.plan}"),
+            duration_s=part("data.duration_s"),
+            rate_hz=part("data.rate_hz"),
+        message:
+            "fly {wildcards.plan}: {output.flights[0]} and on"
+        script:
+            SCRIPT
+
+
+rule split_rows:
+    output:
+        split="results/splits/rows.{split}.csv",
+    log:
+        "results/logs/split_{split}.log",
+    params:
+        call=call("ges.datasets.split:write_split"),
+        kind=lambda wildcards: wildcards.split,
+        seeds=part("seeds"),
+        duration_s=part("data.duration_s"),
+        rate_hz=part("data.rate_hz"),
+        block_s=part("models.block_s"),
+        seed=part("models.seed"),
+    message:
+        "split rows {wildcards.split}"
+    script:
+        SCRIPT
+
+
+rule check_leakage:
+    input:
+        flights=FLIGHTS,
+        splits=expand("results/splits/rows.{split}.csv", split=SPLITS),
+    output:
+        report="results/splits/{plan}.leakage.json",
+    log:
+        "results/logs/leakage_{plan}.log",
+    benchmark:
+        "results/benchmarks/leakage_{plan}.tsv"
+    params:
+        call=call("ges.datasets.leakage:check_leakage"),
+        terrain=part("simulator.terrain"),
+    message:
+        "check {wildcards.plan} for leakage"
+    script:
+        SCRIPT
