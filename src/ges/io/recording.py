@@ -119,7 +119,10 @@ def _contradiction(name: str, frame: pd.DataFrame, hover_rad_s: float) -> str | 
     if all(map(has, (*QUATERNION, *BODY_RATE))):
         logged, implied = _rms(np.linalg.norm(frame[list(BODY_RATE)], axis=1)), _rms(_turn_rate(frame))
         if logged > _DEGREES * implied > 0:
-            return f"{name}: body rates of {logged:.2g} rad/s where the attitude turns at {implied:.2g}; they look like deg/s, convert them"
+            return (
+                f"{name}: body rates of {logged:.2g} rad/s where the attitude turns at {implied:.2g}; "
+                "they look like deg/s, convert them"
+            )
     return None
 
 

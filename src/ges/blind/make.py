@@ -1,0 +1,196 @@
+"""Make concealed cases: fly them, write the recording sets, seal the truth and hash the seal."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from ..errors import GesError, UsageError
+from . import ground
+from .airframe import Airframe, draw_airframe
+from .flight import Simulation, Sortie
+from .grid import COMPOSITIONS, FLIGHTS, Circumstances, Spec, draw_circumstances, draw_numbers, specs, truth
+from .plan import Room, make_plan
+from .sensing import Recorder
+from .whereabouts import TRUTH_STEP, seen_channels
+
+BATCH = 12
+ATTEMPTS = 6
+SUMS = "SHA256SUMS"
+
+
+@dataclass
+class Case:
+    """A case on its way: what surrounds it, what is concealed, and its sorties."""
+
+    spec: Spec
+    around: Circumstances
+    craft: Airframe
+    numbers: dict[str, dict[str, float]]
+    grid: np.ndarray
+    sorties: list[Sortie]
+
+
+def make_cases(out: Path, seed: int, grid: str, processes: int = 1, tell: Callable[[int, int], None] = lambda *_: None):
+    """Write ``out/cases`` and the sealed truth; return the number of cases.
+
+    Raises
+    ------
+    UsageError
+        For an unknown grid or a folder that already holds cases.
+    """
+    if grid not in COMPOSITIONS:
+        raise UsageError(f"unknown grid '{grid}'; known: {', '.join(COMPOSITIONS)}")
+    if (out / "sealed" / SUMS).exists():
+        raise UsageError(f"'{out}' already holds sealed cases; name an empty folder")
+    for name in ("cases", "sealed"):
+        shutil.rmtree(out / name, ignore_errors=True)
+        (out / name).mkdir(parents=True)
+    every = specs(grid, seed)
+    batches = [every[i : i + BATCH] for i in range(0, len(every), BATCH)]
+    done = 0
+    for count in _spread(batches, out, grid, seed, processes):
+        done += count
+        tell(done, len(every))
+    _seal(out / "sealed", {"grid": grid, "seed": seed, "cases": len(every)})
+    return len(every)
+
+
+def _spread(batches, out, grid, seed, processes) -> Iterator[int]:
+    jobs = [(b, out, grid, seed) for b in batches]
+    if processes == 1:
+        yield from map(_make_batch, jobs)
+        return
+    with ProcessPoolExecutor(processes) as pool:
+        yield from pool.map(_make_batch, jobs)
+
+
+def _make_batch(job) -> int:
+    batch, out, grid, seed = job
+    waiting = list(batch)
+    for attempt in range(ATTEMPTS):
+        cases = [draw_case(spec, grid, seed, attempt) for spec in waiting]
+        book = Simulation([s for c in cases for s in c.sorties]).run()
+        parts = [_slice(book, k) for k in range(len(cases))]
+        flown = [_flew(c, part) for c, part in zip(cases, parts, strict=True)]
+        for case, part, ok in zip(cases, parts, flown, strict=True):
+            if ok:
+                _write_case(case, part, out, seed)
+        waiting = [s for s, ok in zip(waiting, flown, strict=True) if not ok]
+        if not waiting:
+            return len(batch)
+    raise GesError(f"case {waiting[0].index} ({waiting[0].names}) could not be flown in {ATTEMPTS} attempts")
+
+
+def draw_case(spec: Spec, grid: str, seed: int, attempt: int = 0) -> Case:
+    """Draw everything of a case; a further attempt keeps its circumstances and draws its numbers anew."""
+    around = draw_circumstances(spec, grid, seed)
+    rng = np.random.default_rng([seed, spec.index, 3, attempt])
+    craft = draw_airframe(spec.size, rng)
+    numbers = draw_numbers(spec, craft, seed, attempt)
+    z = ground.draw_terrain(around.terrain, craft.radius_m, rng)
+    merged = {k: v for one in numbers.values() for k, v in one.items()}
+    sorties = [_sortie(f, around, craft, merged, z, [seed, spec.index, 4, attempt, f]) for f in range(FLIGHTS)]
+    return Case(spec, around, craft, numbers, z, sorties)
+
+
+def _sortie(f, around, craft, numbers, z, stream) -> Sortie:
+    rng = np.random.default_rng(stream)
+    low = max(1.3 * craft.radius_m, 0.6 * craft.radius_m + 0.04)
+    pace = float(np.clip(np.sqrt(craft.radius_m / 0.06), 0.7, 1.25))
+    room = Room(around.seconds[f], craft.radius_m, low, pace, z)
+    plan = make_plan(around.menu[f], room, around.excited[f], around.parked[f], rng)
+    turbulence = around.turbulence * float(np.clip((0.65 / craft.true["mass"]) ** 0.15, 0.8, 1.5))
+    return Sortie(craft, numbers, plan, z, around.charge[f], turbulence, int(rng.integers(2**62)))
+
+
+def _slice(book, k) -> list[dict[str, np.ndarray]]:
+    return [{n: v[:, :, k * FLIGHTS + f] for n, v in book.items()} for f in range(FLIGHTS)]
+
+
+def _flew(case: Case, flights) -> bool:
+    """Say whether every flight stayed up and near its references."""
+    for sortie, flight in zip(case.sorties, flights, strict=True):
+        n = sortie.plan.reference.shape[1]
+        p, ref = flight["p"][:n], sortie.plan.reference[:3].T
+        upright = 1.0 - 2.0 * (flight["q"][:n, 1] ** 2 + flight["q"][:n, 2] ** 2)
+        if not (np.isfinite(p).all() and np.abs(p - ref).max() < 3.5 and upright.min() > 0.5):
+            return False
+    return True
+
+
+def _write_case(case: Case, flights, out: Path, seed: int) -> None:
+    identity = case.around.identity
+    final, folder = out / "cases" / identity, out / "cases" / f".{identity}"
+    folder.mkdir()
+    rng = np.random.default_rng([seed, case.spec.index, 5])
+    flights = [{k: v[: s.plan.reference.shape[1]] for k, v in f.items()} for s, f in zip(case.sorties, flights, strict=True)]
+    for k, (sortie, flight) in enumerate(zip(case.sorties, flights, strict=True)):
+        frame = Recorder(flight, sortie, case.around.logging, rng).frame()
+        frame = frame.astype({c: "float32" for c in frame.columns if c != "t_s"})
+        frame.to_parquet(folder / f"flight_{k + 1}.parquet", index=False, compression="zstd")
+    terrain = _terrain_entry(case, folder, rng)
+    text = yaml.safe_dump(case.craft.vehicle_file(terrain), sort_keys=False)
+    (folder / "vehicle.yaml").write_text(text)
+    os.replace(folder, final)
+    _write_truth(case, flights, out / "sealed" / identity)
+
+
+def _terrain_entry(case: Case, folder: Path, rng) -> dict:
+    """Write the case's map, with a survey error of some millimetres, and return its entry."""
+    if case.around.terrain == "flat":
+        return {"kind": "flat", "z_m": 0.0}
+    x = ground.axis()
+    coarse = 0.003 * rng.standard_normal((9, 9))
+    at = np.linspace(-ground.HALF_SIZE_M, ground.HALF_SIZE_M, 9)
+    rows = np.stack([np.interp(x, at, row) for row in coarse])
+    error = np.stack([np.interp(x, at, column) for column in rows.T], axis=1)
+    z = np.round(case.grid + error, 4)
+    np.savez_compressed(folder / "terrain.npz", x_m=x, y_m=x, z_m=z)
+    return {"kind": "grid", "file": "terrain.npz"}
+
+
+def _write_truth(case: Case, flights, stem: Path) -> None:
+    content = truth(case.spec, case.numbers, case.around.terrain)
+    content["located"] = seen_channels(case, flights)
+    content["situation"] = {
+        "vehicle": case.craft.size,
+        "noise": case.around.logging.noise,
+        "rotor_speeds": case.around.logging.rotor_speeds,
+        "references": case.around.logging.references,
+        "excitation": any(case.around.excited),
+        "terrain": case.around.terrain,
+        "menu": case.spec.menu,
+    }
+    content["true_values"] = case.craft.true | {"weight_N": case.craft.true["mass"] * 9.80665}
+    stem.with_suffix(".json").write_text(json.dumps(content, indent=1) + "\n")
+    keep = ("p", "v", "q", "omega", "rotor_speed", "u", "battery", "ground", "extra_force", "extra_moment")
+    arrays = {
+        f"flight_{k + 1}/{name}": flight[name][::TRUTH_STEP].astype(np.float32)
+        for k, flight in enumerate(flights)
+        for name in keep
+    }
+    np.savez_compressed(stem.with_suffix(".npz"), **arrays)
+
+
+def _seal(folder: Path, about: dict) -> None:
+    """Write what was made and the hashes of all that is sealed: the last file, so the seal is whole."""
+    (folder / "made.json").write_text(json.dumps(about) + "\n")
+    lines = [f"{sha256(f)}  {f.name}\n" for f in sorted(folder.iterdir()) if f.name != SUMS]
+    temporary = folder / f".{SUMS}"
+    temporary.write_text("".join(lines))
+    os.replace(temporary, folder / SUMS)
+
+
+def sha256(path: Path) -> str:
+    """Return a file's SHA-256 in hex."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,127 @@
+"""Rows that models read: windows of features, never across the border of a block, and the target ahead of them."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from ..config import Models
+from ..errors import GesError
+from .columns import FEATURES, TARGET, WHEREABOUTS
+from .flights import read_flight, seed_of
+
+
+@dataclasses.dataclass(frozen=True)
+class Rows:
+    """n rows of one part.
+
+    Attributes
+    ----------
+    x : (n, window, 13) float32, oldest row first; the last one is the present.
+    y : (n,) target at the horizon.
+    seed, row : (n,) flight and row of the present.
+    places : true places at the present and ``ge_factor`` now, for analysis.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    seed: np.ndarray
+    row: np.ndarray
+    places: dict[str, np.ndarray]
+
+    def __len__(self) -> int:
+        return len(self.y)
+
+    @property
+    def now(self) -> np.ndarray:
+        """(n, 13) features of the present alone."""
+        return self.x[:, -1]
+
+    @property
+    def flat(self) -> np.ndarray:
+        """(n, window * 13) features of the whole window."""
+        return self.x.reshape(len(self.x), -1)
+
+
+@dataclasses.dataclass(frozen=True)
+class Window:
+    """How much of the past a row carries and how far ahead its target lies, in rows; ``reserve`` rows ahead are kept free."""
+
+    rows: int
+    step: int
+    horizon: int
+    reserve: int
+
+    @classmethod
+    def of(cls, models: Models, rate_hz: float, horizon_s: float | None = None, reserve_s: float = 0.0) -> Window:
+        """Window of a configuration; the reserve keeps one row set for several horizons."""
+        ahead = round((models.horizon_s if horizon_s is None else horizon_s) * rate_hz)
+        return cls(models.window_rows, models.window_step, ahead, max(ahead, round(reserve_s * rate_hz)))
+
+    @property
+    def past(self) -> int:
+        """Rows before the present that a window reaches back."""
+        return (self.rows - 1) * self.step
+
+    def offsets(self) -> np.ndarray:
+        """Rows of a window relative to the present, oldest first."""
+        return np.arange(-self.past, 1, self.step)
+
+
+def eligible(blocks: pd.DataFrame, window: Window) -> np.ndarray:
+    """Rows of one flight's blocks whose window and target stay inside their own block."""
+    spans = [np.arange(b.first_row + window.past, b.last_row - window.reserve + 1) for b in blocks.itertuples()]
+    return np.concatenate(spans) if spans else np.empty(0, dtype=int)
+
+
+def _chosen(rows: np.ndarray, most: int | None, seed: int, flight: int) -> np.ndarray:
+    """At most ``most`` rows of a flight, drawn by its own random numbers."""
+    if most is None or len(rows) <= most:
+        return rows
+    return np.sort(np.random.default_rng([seed, flight]).choice(rows, most, replace=False))
+
+
+def _gather(path: Path, rows: np.ndarray, window: Window) -> tuple:
+    seed, data = read_flight(path, (*FEATURES, TARGET, *WHEREABOUTS))
+    table = np.stack([data[name] for name in FEATURES], axis=1)
+    if len(rows) and rows[-1] + window.horizon >= len(table):
+        raise GesError(f"{Path(path).name} has {len(table)} rows; the split asks for row {rows[-1] + window.horizon}")
+    x = table[rows[:, None] + window.offsets()]
+    places = {name: data[name][rows] for name in (*WHEREABOUTS, TARGET)}
+    return np.full(len(rows), seed), x, data[TARGET][rows + window.horizon], rows, places
+
+
+def load_rows(flights: list[Path], split: Path, part: str, window: Window, most: int | None, seed: int) -> Rows:
+    """Rows of a part: every model, whatever its kind, reads through here.
+
+    Parameters
+    ----------
+    flights : files of the data set.
+    split : table of blocks.
+    part : 'train', 'validation' or 'test'.
+    window : past and horizon.
+    most : cap on all rows of the part, shared equally by its flights; None takes all.
+    seed : of the draw.
+
+    Raises
+    ------
+    GesError
+        When the part is empty or a flight is missing. Rows with an undefined feature are left out.
+    """
+    blocks = pd.read_csv(split)
+    blocks = blocks[blocks["part"] == part]
+    files = {seed_of(f): Path(f) for f in flights}
+    missing = set(blocks["seed"]) - set(files)
+    if missing or blocks.empty:
+        raise GesError(
+            f"split {Path(split).name}, part '{part}': {f'no flight of seed {min(missing)}' if missing else 'it is empty'}"
+        )
+    share = None if most is None else max(most // blocks["seed"].nunique(), 1)
+    found = [_gather(files[s], _chosen(eligible(b, window), share, seed, s), window) for s, b in blocks.groupby("seed")]
+    seeds, x, y, rows = (np.concatenate([f[i] for f in found]) for i in range(4))
+    places = {k: np.concatenate([f[4][k] for f in found]) for k in found[0][4]}
+    defined = np.isfinite(x).all(axis=(1, 2))
+    return Rows(x[defined], y[defined], seeds[defined], rows[defined], {k: v[defined] for k, v in places.items()})

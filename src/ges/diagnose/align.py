@@ -1,0 +1,217 @@
+"""Data first: which samples fly, how often each stream really speaks, how late one stream is against another.
+
+A recording becomes a :class:`Prepared` flight on a uniform grid. Nothing here knows the name of a file.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter
+
+from ..conventions import BODY_RATE, COMMAND, MOTOR_CURRENT, POSITION, QUATERNION, ROTOR_SPEED, SPECIFIC_FORCE, VELOCITY
+from ..errors import GesError
+
+STREAMS: Mapping[str, tuple[str, ...]] = {
+    "position": POSITION,
+    "velocity": VELOCITY,
+    "attitude": QUATERNION,
+    "gyro": BODY_RATE,
+    "accelerometer": SPECIFIC_FORCE,
+    "rotor_speed": ROTOR_SPEED,
+    "command": COMMAND,
+    "motor_current": MOTOR_CURRENT,
+    "battery": ("battery_V",),
+    "range": ("range_m",),
+    "ground": ("ground_z_m",),
+    "reference": ("p_ref_x_m", "p_ref_y_m", "p_ref_z_m", "v_ref_x_m_s", "v_ref_y_m_s", "v_ref_z_m_s", "yaw_ref_rad"),
+}
+FASTEST_STEP_S, SLOWEST_STEP_S = 0.005, 0.05
+SHORTEST_FLIGHT_S = 2.0
+LONGEST_GAP_S = 0.5
+
+
+@dataclasses.dataclass(frozen=True)
+class Prepared:
+    """One flight on a uniform grid.
+
+    Attributes
+    ----------
+    t_s : (n,) uniform times.
+    columns : contract columns on the grid, without NaN; what was not logged is absent.
+    flying : (n,) True where the vehicle is in the air, away from contact and from gaps.
+    left_out : seconds left out, by reason.
+    update_s : median time between two new values of each stream.
+    lateness_s : delay taken out of a stream, by stream.
+    derived : streams that were not logged but made from others.
+    """
+
+    t_s: np.ndarray
+    columns: Mapping[str, np.ndarray]
+    flying: np.ndarray
+    left_out: Mapping[str, float]
+    update_s: Mapping[str, float]
+    lateness_s: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    derived: frozenset[str] = frozenset()
+
+    @property
+    def dt_s(self) -> float:
+        """Spacing of the grid."""
+        return float(self.t_s[1] - self.t_s[0])
+
+    def has(self, stream: str) -> bool:
+        """Whether every column of a stream was logged."""
+        return all(name in self.columns for name in STREAMS[stream])
+
+    def stack(self, stream: str) -> np.ndarray:
+        """Columns of a stream, (n, k)."""
+        return np.stack([self.columns[name] for name in STREAMS[stream]], axis=1)
+
+    def replaced(self, **changes) -> Prepared:
+        """A copy with other fields."""
+        return dataclasses.replace(self, **changes)
+
+
+def _present(frame: pd.DataFrame, names: Sequence[str]) -> list[str]:
+    return [name for name in names if name in frame and np.isfinite(frame[name].to_numpy(dtype=float)).sum() >= 2]
+
+
+def _fresh(values: np.ndarray) -> np.ndarray:
+    """Rows that bring a new value of a stream: finite, and any column other than in the row before."""
+    finite = np.isfinite(values).all(axis=1)
+    rows = np.flatnonzero(finite)
+    changed = np.r_[True, (np.diff(values[rows], axis=0) != 0).any(axis=1)] if len(rows) else np.zeros(0, bool)
+    fresh = np.zeros(len(values), dtype=bool)
+    fresh[rows[changed]] = True
+    return fresh
+
+
+def _held_ends(t_s: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Rows at which a value is known: its arrival; where it stood long without news, also the last row that repeats it."""
+    usual = np.median(np.diff(t_s[rows])) if len(rows) > 2 else np.inf
+    before_next = np.r_[rows[1:] - 1, len(t_s) - 1]
+    stood = t_s[before_next] - t_s[rows] > 3.0 * usual
+    return np.unique(np.r_[rows, before_next[stood]])
+
+
+def _regrid(t_s: np.ndarray, values: np.ndarray, grid_s: np.ndarray) -> tuple[np.ndarray, float]:
+    """A stream between its new values, straight lines; and the median time between them."""
+    fresh = np.flatnonzero(_fresh(values))
+    if len(fresh) < 2:
+        return np.repeat(values[np.isfinite(values).all(axis=1)][:1], len(grid_s), axis=0), np.inf
+    knots = _held_ends(t_s, fresh)
+    knots = knots[np.isfinite(values[knots]).all(axis=1)]
+    on_grid = np.stack([np.interp(grid_s, t_s[knots], values[knots, k]) for k in range(values.shape[1])], axis=1)
+    return on_grid, float(np.median(np.diff(t_s[fresh])))
+
+
+def _continuous(q: np.ndarray) -> np.ndarray:
+    """Quaternions of one sign along the flight."""
+    q = q.copy()
+    finite = np.flatnonzero(np.isfinite(q).all(axis=1))
+    flips = np.cumprod(np.where((q[finite][1:] * q[finite][:-1]).sum(axis=1) < 0, -1.0, 1.0))
+    q[finite[1:]] *= flips[:, None]
+    return q
+
+
+def grid_step_s(frame: pd.DataFrame) -> float:
+    """Step of the uniform grid: the median spacing of the rows, within 5 to 50 ms."""
+    return float(np.clip(np.median(np.diff(frame["t_s"].to_numpy(dtype=float))), FASTEST_STEP_S, SLOWEST_STEP_S))
+
+
+def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
+    """Put a recording on a uniform grid; ``flying`` is not decided yet.
+
+    Parameters
+    ----------
+    frame : a recording with contract columns.
+    step_s : spacing of the grid.
+    number : index of the flight, for messages.
+    """
+    t_s = frame["t_s"].to_numpy(dtype=float)
+    if len(t_s) < 2 or t_s[-1] - t_s[0] < SHORTEST_FLIGHT_S:
+        raise GesError(f"flight {number}: {len(t_s)} rows are less than {SHORTEST_FLIGHT_S:g} s; leave this recording out")
+    if not (np.diff(t_s) > 0).all():
+        raise GesError(
+            f"flight {number}: t_s does not increase at row {int(np.argmin(np.diff(t_s) > 0)) + 1}; sort the recording"
+        )
+    grid = np.arange(t_s[0], t_s[-1], step_s)
+    columns, update = {}, {}
+    for stream, names in STREAMS.items():
+        if stream in ("position", "reference", "accelerometer"):
+            groups = [[name] for name in _present(frame, names)]
+        else:
+            groups = [list(names)] if len(_present(frame, names)) == len(names) else []
+        for group in groups:
+            values = frame[group].to_numpy(dtype=float)
+            values = _continuous(values) if stream == "attitude" else values
+            on_grid, every = _regrid(t_s, values, grid)
+            columns.update(zip(group, on_grid.T, strict=True))
+            update[stream] = max(every, update.get(stream, 0.0)) if np.isfinite(every) else update.get(stream, every)
+    if all(name in columns for name in QUATERNION):
+        norm = np.sqrt(sum(columns[name] ** 2 for name in QUATERNION))
+        columns.update({name: columns[name] / norm for name in QUATERNION})
+    return Prepared(grid, columns, np.ones(len(grid), bool), {}, update)
+
+
+def gaps(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
+    """True on the grid where the recording itself stopped for long (no row, or motion not logged)."""
+    motion = _present(frame, VELOCITY) or _present(frame, POSITION) or _present(frame, SPECIFIC_FORCE)
+    t_s = frame["t_s"].to_numpy(dtype=float)
+    good = t_s[np.isfinite(frame[motion].to_numpy(dtype=float)).all(axis=1)] if motion else t_s
+    if len(good) < 2:
+        return np.ones(len(grid_s), dtype=bool)
+    after = np.searchsorted(good, grid_s, side="left").clip(1, len(good) - 1)
+    return (good[after] - good[after - 1] > LONGEST_GAP_S) | (grid_s < good[0]) | (grid_s > good[-1])
+
+
+def lift(flight: Prepared, thrust_coefficient: float, speed_max: float, weight_N: float) -> np.ndarray | None:
+    """Thrust over weight as the drive tells it, smoothed over 0.3 s; None without rotor speeds and commands."""
+    if flight.has("rotor_speed"):
+        speeds = flight.stack("rotor_speed")
+    elif flight.has("command"):
+        speeds = speed_max * flight.stack("command")
+    else:
+        return None
+    ratio = thrust_coefficient * (speeds**2).sum(axis=1) / weight_N
+    return gaussian_filter1d(ratio, 0.15 / flight.dt_s)
+
+
+def _moving_or_high(flight: Prepared) -> np.ndarray:
+    """Above the resting height by 2 cm, or moving vertically."""
+    z = flight.columns.get("p_z_m")
+    if z is None:
+        return np.ones(len(flight.t_s), dtype=bool)
+    ground = flight.columns.get("ground_z_m", 0.0)
+    height = z - ground
+    rest = min(np.median(height[: max(1, int(0.5 / flight.dt_s))]), np.median(height[-max(1, int(0.5 / flight.dt_s)) :]))
+    return height > rest + 0.02
+
+
+def airborne(flight: Prepared, ratio: np.ndarray | None, margin_s: float = 0.5) -> np.ndarray:
+    """Samples in the air.
+
+    The drive must carry at least 70 % of its own median where it is clearly up (so a wrong thrust coefficient does not
+    matter), and the vehicle must be off its resting height; ``margin_s`` around every contact is left out.
+    """
+    if ratio is None:
+        up = _shaken(flight) & _moving_or_high(flight)
+    else:
+        usual = np.median(ratio[ratio > 0.5 * np.quantile(ratio, 0.9)])
+        up = (ratio > 0.7 * usual) & _moving_or_high(flight) if usual > 0 else np.zeros(len(ratio), bool)
+    up = median_filter(up.astype(np.uint8), size=2 * int(0.25 / flight.dt_s) + 1, mode="nearest").astype(bool)
+    around = int(round(margin_s / flight.dt_s))
+    return ~binary_dilation(~up, iterations=max(around, 1)) if (~up).any() else up
+
+
+def _shaken(flight: Prepared) -> np.ndarray:
+    """Without a drive, flight shows as motion of the gyro or the accelerometer."""
+    name = "omega_x_rad_s" if flight.has("gyro") else next((n for n in SPECIFIC_FORCE if n in flight.columns), None)
+    if name is None:
+        return np.ones(len(flight.t_s), bool)
+    value = flight.columns[name]
+    rough = gaussian_filter1d((value - gaussian_filter1d(value, 0.5 / flight.dt_s)) ** 2, 0.5 / flight.dt_s)
+    return rough > 0.05 * np.quantile(rough, 0.8)

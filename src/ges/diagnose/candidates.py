@@ -1,0 +1,132 @@
+"""What could be missing: every compiled effect, as columns that the library itself computes.
+
+An effect enters a fit through *variants*: a setting of its shape parameters (decay, length, form) with the amplitude
+parameters that multiply it. Which shapes are tried is search, not physics; the equations stay in the library.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Callable, Mapping
+
+from .. import effects as effect_table
+from .model import Model
+
+PARAMETER_EFFECTS = frozenset({"thrust_scale", "inertia", "torque_coefficient", "actuator_mapping"})
+SMALL_STEP = 0.1
+
+
+@dataclasses.dataclass(frozen=True)
+class Amplitude:
+    """One coefficient of a variant: the parameter it moves, its step for the column, and its bounds."""
+
+    parameter: str
+    step: float
+    low: float
+    high: float
+    neutral: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Variant:
+    """One shape of one effect, linear (or linearised) in its amplitudes."""
+
+    effect: str
+    shape: Mapping[str, float]
+    amplitudes: tuple[Amplitude, ...]
+
+    @property
+    def key(self) -> str:
+        """A name for the shape and the amplitudes."""
+        shape = ",".join(f"{k}={v:g}" for k, v in self.shape.items())
+        return f"{self.effect}[{shape}]({','.join(a.parameter for a in self.amplitudes)})"
+
+    def parameters(self, values: Mapping[str, float]) -> dict[str, float]:
+        """The effect's parameters with the given amplitudes, all others neutral."""
+        zero = {a.parameter: a.neutral for a in self.amplitudes}
+        return {**effect_table.get(self.effect).neutral(), **self.shape, **zero, **values}
+
+
+@dataclasses.dataclass(frozen=True)
+class Candidate:
+    """An effect under test."""
+
+    name: str
+    kind: str
+    variants: tuple[Variant, ...]
+    needs: tuple[str, ...] = ()
+
+
+def kind_of(name: str) -> str:
+    """Kind of a finding: physics, parameter or sensor."""
+    if name in PARAMETER_EFFECTS:
+        return "parameter"
+    return "sensor" if effect_table.get(name).kind == "sensor" else "physics"
+
+
+def _amplitude(effect: str, name: str) -> Amplitude:
+    p = next(p for p in effect_table.get(effect).parameters if p.name == name)
+    neutral = 0.0 if math.isnan(p.neutral) else p.neutral
+    siblings = [q for q in effect_table.get(effect).parameters if q.unit == p.unit and not math.isnan(q.neutral)]
+    typical = p.default - neutral or max((abs(q.default - q.neutral) for q in siblings), default=0.0) or 0.1 * (p.high - p.low)
+    return Amplitude(name, SMALL_STEP * typical, p.low, p.high, neutral)
+
+
+def _variant(effect: str, amplitudes: tuple[str, ...], **shape: float) -> Variant:
+    return Variant(effect, shape, tuple(_amplitude(effect, name) for name in amplitudes))
+
+
+def _plain(effect: str) -> tuple[Variant, ...]:
+    """All parameters that can vanish, together."""
+    names = tuple(p.name for p in effect_table.get(effect).parameters if not math.isnan(p.neutral))
+    return (_variant(effect, names),)
+
+
+def _grid(effect: str, amplitudes: tuple[str, ...], fixed: Mapping[str, float] | None = None, **axes: tuple[float, ...]):
+    return tuple(
+        _variant(effect, amplitudes, **(fixed or {}), **dict(zip(axes, values, strict=True)))
+        for values in itertools.product(*axes.values())
+    )
+
+
+def _plane_offsets(model: Model) -> tuple[float, ...]:
+    return tuple(model.plane_sd_m * k for k in (-1.5, -0.75, 0.0, 0.75, 1.5)) if model.plane_sd_m > 0 else (0.0,)
+
+
+def _ground_effect(model: Model) -> tuple[Variant, ...]:
+    offsets, wide = _plane_offsets(model), {"high": 10.0}
+    exponential = _grid("ground_effect", ("c_a",), {"form": 3.0, "amplitude": 1.0, **wide},
+                        decay=(0.5, 0.75, 1.0, 1.4, 2.0, 2.8))  # fmt: skip
+    others = _grid("ground_effect", ("amplitude",), wide, form=(0.0, 1.0, 2.0), rotor_plane_offset_m=offsets)
+    return exponential + others
+
+
+def _single(effect: str, names: tuple[str, ...]) -> tuple[Variant, ...]:
+    return tuple(_variant(effect, (name,)) for name in names)
+
+
+_SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
+    "ground_effect": _ground_effect,
+    "fountain_lift": lambda m: _grid("fountain_lift", ("c_b",), c_s=(0.5, 1.0, 2.0)),
+    "weak_rotor": lambda m: _single("weak_rotor", tuple(f"loss_{i}" for i in range(1, 5))),
+    "slung_load": lambda m: _grid("slung_load", ("mass_kg",), length_m=(0.3, 0.6, 1.2, 2.4)),
+    "wind": lambda m: (_variant("wind", ("east_m_s", "north_m_s")),),
+    "battery_sag": lambda m: (_variant("battery_sag", ("sensitivity",)),),
+    "tether": lambda m: (_variant("tether", ("weight_N_m",)),),
+}
+_LEFT_OUT = frozenset({"rotor_saturation"})
+_CHILDREN: Mapping[str, tuple[str, ...]] = {"wind": ("rotor_drag", "parasitic_drag")}
+
+
+def library(model: Model) -> dict[str, Candidate]:
+    """Every candidate by name; ``needs`` names the effects of which one must be on for it to act."""
+    found = {}
+    for name, effect in effect_table.table().items():
+        if name in _LEFT_OUT or name in model.effects and name not in ("weak_rotor", "cg_offset"):
+            continue
+        variants = _SEARCH[name](model) if name in _SEARCH else _plain(name)
+        needs = (effect.modifies,) if effect.modifies else _CHILDREN.get(name, ())
+        found[name] = Candidate(name, kind_of(name), variants, needs)
+    return found

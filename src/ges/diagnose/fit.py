@@ -1,0 +1,210 @@
+"""Joint least squares with priors: nuisances common and by flight, and the chosen effects; intervals by blocks of time."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from .. import effects as effect_table
+from .align import Prepared
+from .candidates import Amplitude, Variant, _amplitude
+from .evidence import Board, make_board
+from .model import Model
+from .select import Hypothesis
+from .system import System, build
+
+BLOCK_S = 10.0
+ROUNDS = 4
+TIGHT = 0.02
+
+
+@dataclasses.dataclass(frozen=True)
+class Joint:
+    """Coefficients: chosen columns, common nuisances, nuisances by flight; covariance of the chosen, by blocks and by priors."""
+
+    chosen: np.ndarray
+    covariance: np.ndarray
+    common: Mapping[str, float]
+    common_sd: Mapping[str, float]
+    by_flight: tuple[Mapping[str, float], ...]
+    left: tuple[np.ndarray, ...]
+
+
+def _blocks(board: Board) -> list[np.ndarray]:
+    """Number of the block of time of every window, by flight; no block is shared by two flights."""
+    found, first = [], 0
+    for r in board.system.flights:
+        number = ((r.windows.center_s - r.flight.t_s[0]) // BLOCK_S).astype(int) + first
+        found.append(number)
+        first = int(number.max(initial=first)) + 1
+    return found
+
+
+def joint_fit(
+    board: Board, chosen: Sequence[int], prior_mean: np.ndarray | None = None, prior_sd: np.ndarray | None = None
+) -> Joint:
+    """Fit chosen columns and all nuisances at once.
+
+    Parameters
+    ----------
+    chosen : columns of the system.
+    prior_mean, prior_sd : (k,) prior of the chosen coefficients; the board's scale times 10 where not given.
+    """
+    columns, chosen = board.system.columns, np.asarray(chosen, dtype=int)
+    common = np.array([k for k in board.nuisance if columns[k].nuisance.sd > 0], dtype=int)
+    varies = np.array([k for k in board.nuisance if columns[k].nuisance.flight_sd > 0], dtype=int)
+    sizes = (len(chosen), len(common), len(varies))
+    start = np.cumsum((0, *sizes[:2]))
+    total = sizes[0] + sizes[1] + sizes[2] * len(board.whites)
+    mean, precision = np.zeros(total), np.zeros(total)
+    mean[: sizes[0]] = 0.0 if prior_mean is None else prior_mean
+    precision[: sizes[0]] = 1.0 / (10.0 * board.prior_sd[chosen] if prior_sd is None else prior_sd) ** 2
+    precision[start[1] : start[2]] = [1.0 / columns[k].nuisance.sd ** 2 for k in common]
+    precision[start[2] :] = np.tile([1.0 / columns[k].nuisance.flight_sd ** 2 for k in varies], len(board.whites))
+    places = [np.r_[np.arange(start[2]), start[2] + f * sizes[2] + np.arange(sizes[2])] for f in range(len(board.whites))]
+    designs = [w.x[:, :, np.r_[chosen, common, varies]] for w in board.whites]
+    xx, xy = np.diag(precision), precision * mean
+    for w, d, at in zip(board.whites, designs, places, strict=True):
+        flat = d.reshape(-1, d.shape[2])
+        xx[np.ix_(at, at)] += flat.T @ flat
+        xy[at] += flat.T @ w.y.ravel()
+    inverse = np.linalg.pinv(xx, hermitian=True)
+    beta = inverse @ xy
+    left = tuple(w.y - d @ beta[at] for w, d, at in zip(board.whites, designs, places, strict=True))
+    covariance = np.maximum(1.0, _inflation(board, designs, places, left, inverse, sizes[0])) * inverse[: sizes[0], : sizes[0]]
+    names = [columns[k].nuisance.key for k in common]
+    flight_names = [columns[k].nuisance.key for k in varies]
+    return Joint(
+        beta[: sizes[0]],
+        covariance,
+        dict(zip(names, beta[start[1] : start[2]], strict=True)),
+        dict(zip(names, np.sqrt(np.diag(inverse)[start[1] : start[2]]), strict=True)),
+        tuple(dict(zip(flight_names, beta[at[start[2] :]], strict=True)) for at in places),
+        left,
+    )
+
+
+def _inflation(board: Board, designs: Sequence[np.ndarray], places: Sequence[np.ndarray], left: Sequence[np.ndarray],
+               inverse: np.ndarray, count: int) -> np.ndarray:  # fmt: skip
+    """Factor by which blocks of time scatter more than independent rows would (sandwich over blocks), (k, k)."""
+    if not count:
+        return np.ones((0, 0))
+    middle = np.zeros_like(inverse)
+    for d, at, e, number in zip(designs, places, left, _blocks(board), strict=True):
+        for b in np.unique(number):
+            score = np.einsum("mck,mc->k", d[number == b], e[number == b])
+            middle[np.ix_(at, at)] += np.outer(score, score)
+    robust = (inverse @ middle @ inverse)[:count, :count]
+    factor = np.sqrt(np.maximum(np.diag(robust) / np.diag(inverse)[:count], 1.0))
+    return np.outer(factor, factor)
+
+
+@dataclasses.dataclass(frozen=True)
+class Fitted:
+    """Parameters of the accepted effects with covariance, and what the nuisances came to."""
+
+    effects: effect_table.Effects
+    free: tuple[tuple[str, str], ...]
+    covariance: np.ndarray
+    joint: Joint
+    board: Board
+
+    def sd(self, effect: str, parameter: str) -> float:
+        """Standard deviation of one fitted parameter."""
+        i = self.free.index((effect, parameter))
+        return float(np.sqrt(self.covariance[i, i]))
+
+    def correlation(self, a: tuple[str, str], b: tuple[str, str]) -> float:
+        """Correlation of two fitted parameters."""
+        i, j = self.free.index(a), self.free.index(b)
+        return float(self.covariance[i, j] / np.sqrt(self.covariance[i, i] * self.covariance[j, j]))
+
+
+def starting_values(board: Board, hypothesis: Hypothesis) -> dict[str, dict[str, float]]:
+    """Parameters of every accepted effect as the linear search left them."""
+    found: dict[str, dict[str, float]] = {}
+    for k, value in zip(hypothesis.posterior.columns, hypothesis.posterior.mean, strict=True):
+        column = board.system.columns[k]
+        a = column.variant.amplitudes[column.amplitude]
+        held = found.get(column.variant.effect) or column.variant.parameters({})
+        found[column.variant.effect] = {**held, a.parameter: float(np.clip(a.neutral + value, a.low, a.high))}
+    return found
+
+
+_SHAPES: Mapping[str, tuple[str, ...]] = {"ground_effect": ("decay", "rotor_plane_offset_m"), "fountain_lift": ("c_s",),
+                                          "slung_load": ("length_m",)}  # fmt: skip
+
+
+def free_parameters(board: Board, hypothesis: Hypothesis, model: Model, values: effect_table.Effects) -> list[tuple[str, str]]:
+    """Amplitudes of the hypothesis, and those shape parameters that its variants try and the data may move."""
+    found = []
+    for k in hypothesis.posterior.columns:
+        column = board.system.columns[k]
+        found.append((column.variant.effect, column.variant.amplitudes[column.amplitude].parameter))
+    for effect in dict.fromkeys(e for e, _ in found):
+        for shape in _SHAPES.get(effect, ()):
+            if shape == "decay" and values[effect]["form"] != 3.0 or shape == "rotor_plane_offset_m" and model.plane_sd_m <= 0:
+                continue
+            found.append((effect, shape))
+    return found
+
+
+def _prior(name: tuple[str, str], value: float, model: Model) -> tuple[float, float]:
+    """Mean and sd of a free parameter's deviation from its present value."""
+    if name[1] == "rotor_plane_offset_m":
+        return -value, model.plane_sd_m
+    if name in (("ground_effect", "decay"),):
+        return 1.0 - value, 1.0
+    return 0.0, math.inf
+
+
+def polish(flights: Sequence[Prepared], model: Model, values: effect_table.Effects, free: Sequence[tuple[str, str]],
+           length_s: float) -> Fitted:  # fmt: skip
+    """Gauss-Newton over all free parameters, the compiled effects linearised anew each round."""
+    values = {name: dict(v) for name, v in values.items()}
+    bounds = {(e, p.name): (p.low, p.high) for e in values for p in effect_table.get(e).parameters}
+    for _ in range(ROUNDS):
+        variants = [Variant(e, {}, (_small(_amplitude(e, p), values[e][p]),)) for e, p in free]
+        system = build(flights, model.with_effects(values), variants, length_s)
+        chosen = [k for k, c in enumerate(system.columns) if c.variant is not None]
+        board = make_board(system, chosen)
+        prior = [_prior(name, values[name[0]][name[1]], model) for name in free]
+        sd = np.array(
+            [10.0 * max(board.prior_sd[k], 1e-9) if math.isinf(s) else s for (_, s), k in zip(prior, chosen, strict=True)]
+        )
+        joint = joint_fit(board, chosen, np.array([m for m, _ in prior]), sd)
+        moved = 0.0
+        for (e, p), step, var in zip(free, joint.chosen, np.diag(joint.covariance), strict=True):
+            low, high = bounds[e, p]
+            new = float(np.clip(values[e][p] + step, low, high))
+            moved = max(moved, abs(new - values[e][p]) / np.sqrt(var))
+            values[e][p] = new
+        if moved < TIGHT:
+            break
+    return Fitted(values, tuple(free), joint.covariance, joint, board)
+
+
+def _small(a: Amplitude, value: float) -> Amplitude:
+    """A step that stays within bounds on the inner side."""
+    step = a.step if value + a.step <= a.high else -a.step
+    return dataclasses.replace(a, step=step, neutral=value)
+
+
+def calibrated(model: Model, common: Mapping[str, float]) -> Model:
+    """The vehicle with its nuisances set, each through the compiled effect that corrects it."""
+    more: dict[str, dict[str, float]] = {}
+    for key, value in common.items():
+        effect, parameter = key.split(".")
+        held = more.get(effect) or {**effect_table.get(effect).neutral(), **model.effects.get(effect, {})}
+        p = next(q for q in effect_table.get(effect).parameters if q.name == parameter)
+        more[effect] = {**held, parameter: float(np.clip(held[parameter] + value, p.low, p.high))}
+    return model.with_effects(more)
+
+
+def null_fit(system: System) -> tuple[Board, Joint]:
+    """Nuisances alone: the best that the declared parameters can do."""
+    board = make_board(system)
+    return board, joint_fit(board, ())

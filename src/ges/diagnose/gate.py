@@ -1,0 +1,159 @@
+"""Gate before any physics: flying samples, delays between streams, and what a recording cannot speak about."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from scipy.ndimage import gaussian_filter1d
+
+from ..errors import GesError
+from .align import Prepared, airborne, gaps, grid_step_s, lift, regrid
+from .model import Model
+
+LATEST_S, EARLIEST_S = 0.6, -0.3
+LEAST_CORRELATION = 0.3
+
+
+@dataclasses.dataclass(frozen=True)
+class Delay:
+    """How late one stream is against the motion: seconds, sd over flights, correlation at the peak."""
+
+    stream: str
+    delay_s: float
+    sd_s: float
+    correlation: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Gate:
+    """Prepared flights (None where a recording is of no use), delays, and sentences for the report."""
+
+    flights: tuple[Prepared | None, ...]
+    delays: tuple[Delay, ...]
+    warnings: tuple[str, ...]
+
+    def usable(self) -> list[int]:
+        """Indices of the flights that can be used."""
+        return [i for i, f in enumerate(self.flights) if f is not None]
+
+
+def prepare(frame: pd.DataFrame, model: Model, number: int = 0) -> Prepared:
+    """One recording on a grid, flying samples found, seconds left out counted by reason."""
+    flight = with_thrust_direction(regrid(frame, grid_step_s(frame), number), frame)
+    ratio = lift(flight, model.number("thrust_coefficient_N_s2"), model.number("max_rotor_speed_rad_s"), model.weight_N)
+    gap = gaps(frame, flight.t_s)
+    up = airborne(flight, ratio)
+    left = {"on_ground": float((~up & ~gap).sum() * flight.dt_s), "gaps": float(gap.sum() * flight.dt_s)}
+    return flight.replaced(flying=up & ~gap, left_out={k: v for k, v in left.items() if v > 0})
+
+
+def with_thrust_direction(flight: Prepared, frame: pd.DataFrame) -> Prepared:
+    """Where no attitude was logged: the body axis along thrust from the acceleration, and the yaw that was logged (or 0).
+
+    Good for slow flight: drag counts as tilt, so horizontal forces say nothing then; ``derived`` remembers it.
+    """
+    if flight.has("attitude") or not flight.has("velocity"):
+        return flight
+    step = flight.dt_s
+    smooth = gaussian_filter1d(flight.stack("velocity"), 0.1 / step, axis=0)
+    up = np.gradient(smooth, step, axis=0) + np.array([0.0, 0.0, 9.80665])
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    yaw = np.zeros(len(flight.t_s))
+    if "yaw_rad" in frame:
+        yaw = np.interp(flight.t_s, frame["t_s"], np.unwrap(frame["yaw_rad"].to_numpy(dtype=float)))
+    tilt = np.column_stack([1.0 + up[:, 2], -up[:, 1], up[:, 0], np.zeros(len(up))])
+    tilt /= np.linalg.norm(tilt, axis=1, keepdims=True)
+    c, s = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
+    w, x, y, _ = tilt.T
+    q = np.column_stack([w * c, x * c + y * s, y * c - x * s, w * s])
+    columns = {**flight.columns, **dict(zip(("q_w", "q_x", "q_y", "q_z"), q.T, strict=True))}
+    return flight.replaced(columns=columns, derived=frozenset({"attitude"}), update_s={**flight.update_s, "attitude": 0.2})
+
+
+def _high_pass(x: np.ndarray, step_s: float) -> np.ndarray:
+    return x - gaussian_filter1d(x, 1.5 / step_s)
+
+
+def _correlations(flight: Prepared, model: Model, lags_s: np.ndarray) -> np.ndarray | None:
+    """Sums for the correlation of thrust with vertical acceleration at every lag: (3, lags)."""
+    ratio = lift(flight, model.number("thrust_coefficient_N_s2"), model.number("max_rotor_speed_rad_s"), model.weight_N)
+    if ratio is None or "v_z_m_s" not in flight.columns or flight.flying.sum() * flight.dt_s < 5.0:
+        return None
+    step, inside = flight.dt_s, flight.flying
+    a = _high_pass(gaussian_filter1d(flight.columns["v_z_m_s"], 0.15 / step, order=1) / step, step)
+    b = _high_pass(ratio, step)
+    out = []
+    for lag in lags_s:
+        shifted = np.interp(flight.t_s + lag, flight.t_s, b)[inside]
+        out.append((a[inside] @ shifted, shifted @ shifted, a[inside] @ a[inside]))
+    return np.array(out).T
+
+
+def _peak(sums: np.ndarray, lags_s: np.ndarray) -> tuple[float, float]:
+    """Lag and correlation at the peak, by a parabola through the three highest points."""
+    r = sums[0] / np.sqrt(np.maximum(sums[1] * sums[2], 1e-30))
+    i = int(np.clip(np.argmax(r), 1, len(r) - 2))
+    below, top, above = r[i - 1 : i + 2]
+    bend = below - 2.0 * top + above
+    shift = 0.5 * (below - above) / bend if bend < 0 else 0.0
+    return float(lags_s[i] + shift * (lags_s[1] - lags_s[0])), float(r[i])
+
+
+def drive_delay(flights: Sequence[Prepared], model: Model) -> Delay | None:
+    """How late the rotor speeds are logged against the motion, by direct correlation of thrust and vertical acceleration.
+
+    Commands are left alone: their delay is physics (motor lag, transport delay).
+    """
+    lags = np.arange(EARLIEST_S, LATEST_S + 1e-9, 0.02)
+    told = [s for f in flights if f.has("rotor_speed") for s in [_correlations(f, model, lags)] if s is not None]
+    if not told:
+        return None
+    delay, top = _peak(np.sum(told, axis=0), lags)
+    if top < LEAST_CORRELATION:
+        return None
+    each = [_peak(s, lags)[0] for s in told]
+    sd = float(np.std(each, ddof=1) / np.sqrt(len(each))) if len(each) > 1 else float(lags[1] - lags[0])
+    return Delay("rotor_speed", delay, max(sd, 0.005), top)
+
+
+def shifted(flight: Prepared, stream: str, delay_s: float) -> Prepared:
+    """The flight with one stream moved back by its delay."""
+    from .align import STREAMS
+
+    moved = {n: np.interp(flight.t_s + delay_s, flight.t_s, flight.columns[n]) for n in STREAMS[stream] if n in flight.columns}
+    return flight.replaced(columns={**flight.columns, **moved}, lateness_s={**flight.lateness_s, stream: delay_s})
+
+
+def _problem(flight: Prepared, number: int) -> str | None:
+    if not (flight.has("rotor_speed") or flight.has("command")):
+        return f"flight {number} has neither rotor speeds nor commands: its forces cannot be modelled; it was left out"
+    if flight.flying.sum() * flight.dt_s < 3.0:
+        return f"flight {number} has less than 3 s in the air; it was left out"
+    return None
+
+
+def pass_gate(frames: Sequence[pd.DataFrame], model: Model) -> Gate:
+    """Prepare all recordings.
+
+    Raises
+    ------
+    GesError
+        When no recording is left that the model can be held against.
+    """
+    flights: list[Prepared | None] = [prepare(frame, model, i) for i, frame in enumerate(frames)]
+    warnings = []
+    for i, flight in enumerate(flights):
+        problem = _problem(flight, i)
+        if problem:
+            warnings.append(problem)
+            flights[i] = None
+    usable = [f for f in flights if f is not None]
+    if not usable:
+        raise GesError(f"no usable flight among {len(frames)}: {warnings[0]}; log rotor speeds or motor commands in the air")
+    delay = drive_delay(usable, model)
+    if delay:
+        flights = [f and shifted(f, delay.stream, delay.delay_s) for f in flights]
+    return Gate(tuple(flights), (delay,) if delay else (), tuple(warnings))

@@ -1,0 +1,94 @@
+"""The declared vehicle as the compiled simulator takes it, with the user's doubts."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+
+from .. import effects as effect_table
+from ..terrain import Terrain
+from ..vehicle import Quantity, Vehicle
+
+
+@dataclasses.dataclass(frozen=True)
+class Model:
+    """What the engine knows of the vehicle.
+
+    Attributes
+    ----------
+    parameters : numbers of the simulator by name.
+    effects : effects that the vehicle file already switches on.
+    terrain : the ground.
+    doubts : standard deviations by ``effect.parameter``: how far the declared numbers may honestly be off, put as the
+        effect that would correct them (``thrust_scale.scale`` for mass and thrust coefficient together, ``inertia.xx``),
+        or the user's own doubt on a trim of a calibrated vehicle (``cg_offset.x_m``).
+    known : parts that the file declares: ``inertia``, ``torque``, ``motor``, ``speed``.
+    plane_sd_m : doubt on the height of the rotor plane.
+    """
+
+    parameters: Mapping[str, float]
+    effects: effect_table.Effects = dataclasses.field(default_factory=dict)
+    terrain: Terrain = dataclasses.field(default_factory=Terrain.flat)
+    doubts: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    known: frozenset[str] = frozenset({"inertia", "torque", "motor", "speed"})
+    plane_sd_m: float = 0.0
+
+    def number(self, name: str) -> float:
+        """A simulator parameter, default where not declared."""
+        from ..sim import parameters
+
+        return float(self.parameters.get(name, parameters()[name].default))
+
+    @property
+    def weight_N(self) -> float:
+        """Mass times gravity."""
+        return self.number("mass_kg") * self.number("gravity_m_s2")
+
+    @property
+    def arm_m(self) -> float:
+        """Mean distance of the hubs from the body origin, in the plane of the rotors."""
+        hubs = [(self.number(f"rotor_{i}_x_m"), self.number(f"rotor_{i}_y_m")) for i in range(1, 5)]
+        return sum((x * x + y * y) ** 0.5 for x, y in hubs) / 4.0
+
+    @property
+    def radius_m(self) -> float:
+        """Mean rotor radius."""
+        return sum(self.number(f"rotor_{i}_radius_m") for i in range(1, 5)) / 4.0
+
+    def with_effects(self, more: effect_table.Effects) -> Model:
+        """The same vehicle with effects added; parameters given replace those that were on."""
+        merged = {name: dict(values) for name, values in self.effects.items()}
+        for name, values in more.items():
+            merged[name] = {**merged.get(name, {}), **values}
+        return dataclasses.replace(self, effects=merged)
+
+
+def _relative(quantity: Quantity | None) -> float:
+    return quantity.sd / abs(quantity.value) if quantity else 0.0
+
+
+def _doubts(vehicle: Vehicle) -> dict[str, float]:
+    doubts = {"thrust_scale.scale": (_relative(vehicle.mass_kg) ** 2 + _relative(vehicle.thrust_coefficient_N_s2) ** 2) ** 0.5,
+              "torque_coefficient.scale": _relative(vehicle.torque_coefficient_Nm_s2)}  # fmt: skip
+    if vehicle.inertia_kg_m2:
+        doubts.update({f"inertia.{axis}": vehicle.inertia_kg_m2.sd_rel for axis in ("xx", "yy", "zz")})
+    if vehicle.motor_time_constant_s:
+        doubts.update({f"motor_lag.{way}_s": vehicle.motor_time_constant_s.sd for way in ("up", "down")})
+    for name, values in vehicle.effects.items():
+        doubts.update({f"{name}.{key}": quantity.sd for key, quantity in values.items()})
+    return {name: sd for name, sd in doubts.items() if sd > 0}
+
+
+def from_vehicle(vehicle: Vehicle, folder: Path | str = ".") -> Model:
+    """Read a vehicle file's content as a model; ``folder`` is where a height map lies."""
+    known = {"inertia": vehicle.inertia_kg_m2, "torque": vehicle.torque_coefficient_Nm_s2,
+             "motor": vehicle.motor_time_constant_s, "speed": vehicle.max_rotor_speed_rad_s}  # fmt: skip
+    return Model(
+        vehicle.parameters(),
+        vehicle.effect_values(),
+        vehicle.ground(folder),
+        _doubts(vehicle),
+        frozenset(name for name, given in known.items() if given is not None),
+        max(rotor.z_m.sd for rotor in vehicle.rotors),
+    )

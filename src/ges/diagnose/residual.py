@@ -1,0 +1,238 @@
+"""Residuals in weak form: what the recording shows less what the model gives, window by window and channel by channel.
+
+Blocks: ``force_*`` (from velocity), ``acc_*`` (from the accelerometer, as a force), ``moment_*`` (from the gyro),
+``drive_*`` (rotor speeds against commands) and ``range``. A force shows in the first two alike; a fault of one sensor
+shows in one of them only. The model side always is the compiled library's.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from .. import effects as effect_table
+from .. import sim
+from ..conventions import BODY_RATE, COMMAND, QUATERNION, ROTOR_SPEED, VELOCITY
+from .align import Prepared
+from .model import Model
+from .weak import Windows
+
+FORCE = ("force_x", "force_y", "force_z")
+MOMENT = ("moment_x", "moment_y", "moment_z")
+ACC = ("acc_x", "acc_y", "acc_z")
+DRIVE = ("drive_1", "drive_2", "drive_3", "drive_4")
+UNITS = {**dict.fromkeys(FORCE + ACC, "N"), **dict.fromkeys(MOMENT, "Nm"), **dict.fromkeys(DRIVE, "rad_s"), "range": "m"}
+HIGH_ABOVE_GROUND_M = 5e4
+DRIVE_STEP_S = 0.0025
+
+
+@dataclasses.dataclass(frozen=True)
+class Recorded:
+    """A prepared flight with its windows and, per unit of what was asked, cached arrays."""
+
+    flight: Prepared
+    windows: Windows
+
+
+def channels(flight: Prepared, model: Model) -> tuple[str, ...]:
+    """Channels that a flight can speak about."""
+    driven = flight.has("rotor_speed") or flight.has("command")
+    attitude = flight.has("attitude")
+    found: list[str] = []
+    if driven and attitude and flight.has("velocity"):
+        found += ["force_z"] if "attitude" in flight.derived else FORCE
+    if driven:
+        found += [
+            name for name, column in zip(ACC, ("acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2"), strict=True) if column in flight.columns
+        ]
+    if driven and (flight.has("gyro") or attitude) and "inertia" in model.known:
+        found += MOMENT if "torque" in model.known else MOMENT[:2]
+    if flight.has("rotor_speed") and flight.has("command"):
+        found += DRIVE
+    if flight.has("range") and "p_z_m" in flight.columns and attitude:
+        found.append("range")
+    return tuple(found)
+
+
+def quaternion_product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Hamilton product, rows (n, 4)."""
+    w1, x1, y1, z1 = a.T
+    w2, x2, y2, z2 = b.T
+    return np.stack(
+        [
+            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
+            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
+            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
+            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
+        ],
+        axis=1,
+    )
+
+
+def to_body(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """World vectors in the body frame, rows (n, 3)."""
+    u, w = -q[:, 1:], q[:, :1]
+    t = 2.0 * np.cross(u, v)
+    return v + w * t + np.cross(u, t)
+
+
+def body_rates(flight: Prepared) -> np.ndarray:
+    """Gyro where logged, else from the attitude, else zero; (n, 3) rad/s."""
+    if flight.has("gyro"):
+        return flight.stack("gyro")
+    if not flight.has("attitude"):
+        return np.zeros((len(flight.t_s), 3))
+    q = flight.stack("attitude")
+    rate = np.gradient(gaussian_filter1d(q, 0.02 / flight.dt_s, axis=0), flight.dt_s, axis=0)
+    conjugate = q * np.array([1.0, -1.0, -1.0, -1.0])
+    return 2.0 * quaternion_product(conjugate, rate)[:, 1:]
+
+
+def height_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
+    """Position with the logged ground taken out where one is logged and the terrain is flat."""
+    columns = {name: flight.columns[name] for name in ("p_x_m", "p_y_m", "p_z_m") if name in flight.columns}
+    if "ground_z_m" in flight.columns and model.terrain.kind == "flat" and "p_z_m" in columns:
+        columns["p_z_m"] = columns["p_z_m"] - flight.columns["ground_z_m"] + model.terrain.parameters().get("terrain_z_m", 0.0)
+    if "p_z_m" not in columns and flight.has("range"):
+        columns["p_z_m"] = flight.columns["range_m"]
+    return columns
+
+
+def state_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
+    """What the library reads of every sample, rotor speeds apart."""
+    columns = {"t_s": flight.t_s - flight.t_s[0], **height_columns(flight, model)}
+    for names in (VELOCITY, QUATERNION, COMMAND, ("battery_V",)):
+        columns.update({name: flight.columns[name] for name in names if name in flight.columns})
+    omega = body_rates(flight)
+    rate = np.gradient(gaussian_filter1d(omega, 0.02 / flight.dt_s, axis=0), flight.dt_s, axis=0)
+    columns.update(zip(BODY_RATE, omega.T, strict=True))
+    columns.update(zip((f"omega_dot_{a}_rad_s2" for a in "xyz"), rate.T, strict=True))
+    return columns
+
+
+def _of_kind(effects: effect_table.Effects, *kinds: str) -> dict:
+    return {name: values for name, values in effects.items() if effect_table.get(name).kind in kinds}
+
+
+def _turns_readings(name: str) -> bool:
+    return bool({"gyro", "attitude"} & set(effect_table.get(name).channels)) and effect_table.get(name).kind == "sensor"
+
+
+def corrected(columns: dict[str, np.ndarray], model: Model, effects: effect_table.Effects) -> dict[str, np.ndarray]:
+    """Attitude and rates as they were, if the given sensor faults had made the readings."""
+    faults = {name: values for name, values in effects.items() if _turns_readings(name)}
+    if not faults:
+        return columns
+    said = effect_table.replay(model.parameters, effect_table.Samples.from_columns(columns), faults, model.terrain)
+    turned = -0.5 * said.stack("attitude_error_x_rad", "attitude_error_y_rad", "attitude_error_z_rad")
+    columns = dict(columns)
+    if "q_w" in columns:
+        q = np.stack([columns[name] for name in QUATERNION], axis=1)
+        q = quaternion_product(q, np.column_stack([np.sqrt(1.0 - (turned**2).sum(axis=1)), turned]))
+        columns.update(zip(QUATERNION, q.T, strict=True))
+    for k, name in enumerate(BODY_RATE):
+        columns[name] = 2.0 * columns[name] - said[f"gyro_{'xyz'[k]}_rad_s"]
+    return columns
+
+
+def driven_speeds(flights: Sequence[Prepared], model: Model, effects: effect_table.Effects) -> list[np.ndarray]:
+    """Rotor speeds that the commands make, flown through the compiled drive; (n, 4) rad/s each."""
+    batch = [_drive_flight(flight, model, _of_kind(effects, "actuator")) for flight in flights]
+    records = sim.fly(batch, ROTOR_SPEED)
+    return [np.stack([r[name][: len(f.t_s)] for name in ROTOR_SPEED], axis=1) for r, f in zip(records, flights, strict=True)]
+
+
+def _drive_flight(flight: Prepared, model: Model, effects: effect_table.Effects) -> sim.Flight:
+    from ..terrain import Terrain
+
+    n, every = len(flight.t_s), max(1, int(np.ceil(flight.dt_s / DRIVE_STEP_S)))
+    u = flight.stack("command").clip(0.0, 1.0)
+    upright = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+    inputs = np.column_stack([u, upright, flight.columns.get("battery_V", np.full(n, np.nan)), np.zeros((n, 3))])
+    first = {f"start_{name}": model.number("max_rotor_speed_rad_s") * u[0, i] for i, name in enumerate(ROTOR_SPEED)}
+    numbers = {**model.parameters, **first, "control": 1, "attitude_imposed": 1, "start": 1, "start_p_z_m": HIGH_ABOVE_GROUND_M,
+               "inputs_dt_s": flight.dt_s, "dt_s": flight.dt_s / every, "record_every": every, "control_every": every,
+               "telemetry_every": every, "duration_s": n * flight.dt_s}  # fmt: skip
+    return sim.Flight(numbers, effects, Terrain.flat(), inputs)
+
+
+def speeds_at_work(flight: Prepared, model: Model, effects: effect_table.Effects) -> np.ndarray:
+    """Rotor speeds that turn the air: measured, or made by the commands; (n, 4) rad/s."""
+    if not flight.has("rotor_speed"):
+        return driven_speeds([flight], model, effects)[0]
+    measured = flight.stack("rotor_speed")
+    suspect = {name: values for name, values in effects.items() if name == "battery_sag"}
+    if not suspect or flight.has("command") or not flight.has("battery"):
+        return measured
+    return _as_if_commanded(flight, measured, model, suspect)
+
+
+def _as_if_commanded(flight: Prepared, speeds: np.ndarray, model: Model, effects: effect_table.Effects) -> np.ndarray:
+    """Without commands, sag can only hide in the telemetry: speeds as the voltage would have changed them."""
+    columns = {"t_s": flight.t_s, "battery_V": flight.columns["battery_V"]}
+    columns.update(zip(ROTOR_SPEED, speeds.T, strict=True))
+    columns.update(zip(COMMAND, speeds.T / model.number("max_rotor_speed_rad_s"), strict=True))
+    parameters = {**model.parameters, "battery_nominal_V": float(np.median(flight.columns["battery_V"]))}
+    return effect_table.replay(parameters, effect_table.Samples.from_columns(columns), effects).rotor_command_rad_s
+
+
+def model_along(flight: Prepared, model: Model, effects: effect_table.Effects,
+                speeds: np.ndarray | None = None) -> tuple[dict[str, np.ndarray], effect_table.Replay]:  # fmt: skip
+    """State columns as believed, and the compiled model along them."""
+    columns = corrected(state_columns(flight, model), model, effects)
+    speeds = speeds_at_work(flight, model, effects) if speeds is None else speeds
+    columns.update(zip(ROTOR_SPEED, speeds.T, strict=True))
+    rate = np.gradient(speeds, flight.dt_s, axis=0)
+    columns.update(zip((f"rotor_acceleration_{i}_rad_s2" for i in range(1, 5)), rate.T, strict=True))
+    samples = effect_table.Samples.from_columns(columns)
+    return columns, effect_table.replay(model.parameters, samples, effects, model.terrain)
+
+
+def residual(flight: Prepared, windows: Windows, model: Model, names: Sequence[str],
+             more: effect_table.Effects | None = None, speeds: np.ndarray | None = None) -> np.ndarray:  # fmt: skip
+    """Recorded less modelled, (windows, channels); N, N m, rad/s and m.
+
+    Parameters
+    ----------
+    more : effects added to those of the model, for this evaluation.
+    speeds : rotor speeds at work if already known, (n, 4) rad/s.
+    """
+    effects = model.with_effects(more).effects if more else model.effects
+    columns, said = model_along(flight, model, effects, speeds)
+    parts: dict[str, np.ndarray] = {}
+    if "force_z" in names:
+        parts.update(zip(FORCE, _force(columns, said, model, windows).T, strict=True))
+    if "moment_x" in names:
+        parts.update(zip(MOMENT, _moment(columns, said, windows).T, strict=True))
+    for name in set(ACC) & set(names):
+        column = f"{name}_m_s2"
+        parts[name] = windows.mean @ (said["mass_kg"] * (flight.columns[column] - said[column]))
+    if DRIVE[0] in names:
+        parts.update(zip(DRIVE, _drive(flight, model, effects, windows).T, strict=True))
+    if "range" in names:
+        parts["range"] = windows.mean @ (flight.columns["range_m"] - said["range_m"])
+    return np.stack([parts[name] for name in names], axis=1)
+
+
+def _force(columns: dict, said: effect_table.Replay, model: Model, windows: Windows) -> np.ndarray:
+    """m (a - g) - F in the body frame; the derivative of the velocity rests on the test function."""
+    q = np.stack([columns[name] for name in QUATERNION], axis=1)
+    v = to_body(q, np.stack([columns[name] for name in VELOCITY], axis=1))
+    omega = np.stack([columns[name] for name in BODY_RATE], axis=1)
+    up = to_body(q, np.tile([0.0, 0.0, model.number("gravity_m_s2")], (len(q), 1)))
+    mass = float(said["mass_kg"][0])
+    return mass * (windows.rate @ v) + windows.mean @ (mass * (np.cross(omega, v) + up) - said.force_N)
+
+
+def _moment(columns: dict, said: effect_table.Replay, windows: Windows) -> np.ndarray:
+    """I dOmega + Omega x I Omega - M in the body frame."""
+    omega = np.stack([columns[name] for name in BODY_RATE], axis=1)
+    spin = said.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2") * omega
+    return windows.rate @ spin + windows.mean @ (np.cross(omega, spin) - said.moment_Nm)
+
+
+def _drive(flight: Prepared, model: Model, effects: effect_table.Effects, windows: Windows) -> np.ndarray:
+    return windows.mean @ (flight.stack("rotor_speed") - driven_speeds([flight], model, effects)[0])

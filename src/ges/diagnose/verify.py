@@ -1,0 +1,139 @@
+"""Proof on flights that took no part: weak-form errors and open-loop rollouts, before, recalibrated and after."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from .. import effects as effect_table
+from .. import sim
+from ..conventions import BODY_RATE, POSITION, QUATERNION, ROTOR_SPEED, VELOCITY
+from .align import Prepared
+from .model import Model
+from .residual import UNITS, channels, model_along, residual
+from .weak import make_windows
+
+HORIZON_S = 1.0
+RESAMPLES = 1000
+STAGES = ("before", "recalibrated", "after")
+
+
+def errors(
+    flights: Sequence[Prepared], models: Mapping[str, Model], names: Sequence[str], length_s: float
+) -> dict[str, list[np.ndarray]]:
+    """Weak-form residuals by stage: a list over flights of (m, C), NaN where a channel is absent."""
+    out: dict[str, list[np.ndarray]] = {stage: [] for stage in models}
+    for flight in flights:
+        windows = make_windows(flight.t_s, flight.flying, length_s)
+        for stage, model in models.items():
+            here = channels(flight, model)
+            full = np.full((len(windows), len(names)), np.nan)
+            full[:, [names.index(n) for n in here]] = residual(flight, windows, model, here)
+            out[stage].append(full)
+    return out
+
+
+def _blocks(e: np.ndarray, block: int) -> np.ndarray:
+    """Sums of squares and counts by block, (b, 2)."""
+    good = np.isfinite(e)
+    edges = np.arange(0, len(e), block)
+    return np.stack([np.add.reduceat(np.where(good, e, 0.0) ** 2, edges), np.add.reduceat(good.astype(float), edges)], axis=1)
+
+
+def reduction(
+    before: Sequence[np.ndarray], after: Sequence[np.ndarray], block: int, seed: int = 0
+) -> tuple[float, float, list[float]]:
+    """Rms before and after, and the 95 % interval of 1 - after/before, resampling blocks of time within flights."""
+    pairs = [np.hstack([_blocks(b, block), _blocks(a, block)]) for b, a in zip(before, after, strict=True) if len(b)]
+    table = np.vstack(pairs) if pairs else np.full((1, 4), np.nan)
+    total = table.sum(axis=0)
+    rng = np.random.default_rng(seed)
+    drawn = table[rng.integers(0, len(table), (RESAMPLES, len(table)))].sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = 1.0 - np.sqrt((drawn[:, 2] / drawn[:, 3]) / (drawn[:, 0] / drawn[:, 1]))
+        rms = np.sqrt(total[[0, 2]] / total[[1, 3]])
+    return float(rms[0]), float(rms[1]), [float(v) for v in np.nanquantile(share, [0.025, 0.975])]
+
+
+def channel_table(told: Mapping[str, Sequence[np.ndarray]], names: Sequence[str], spacing_s: float) -> dict[str, dict]:
+    """``channels`` of the fit, as the contract writes them; blocks of 5 s."""
+    block = max(1, int(round(5.0 / spacing_s)))
+    table = {}
+    for c, name in enumerate(names):
+        pick = {stage: [e[:, c] for e in told[stage]] for stage in STAGES}
+        if not any(np.isfinite(e).any() for e in pick["before"]):
+            continue
+        recalibrated, after, interval = reduction(pick["recalibrated"], pick["after"], block)
+        before, _, _ = reduction(pick["before"], pick["after"], block)
+        table[f"{name}_{UNITS[name]}"] = {
+            "before": before,
+            "recalibrated": recalibrated,
+            "after": after,
+            "reduction_ci95": interval,
+        }
+    return table
+
+
+def can_roll(flight: Prepared) -> bool:
+    """Whether a rollout has a start and a drive."""
+    return (
+        flight.has("attitude")
+        and flight.has("velocity")
+        and flight.has("position")
+        and (flight.has("rotor_speed") or flight.has("command"))
+    )
+
+
+def _starts(flight: Prepared) -> np.ndarray:
+    """Rows where a whole horizon flies, one horizon apart."""
+    n = int(round(HORIZON_S / flight.dt_s))
+    grounded = np.r_[0, np.cumsum(~flight.flying)]
+    rows = np.arange(0, len(flight.t_s) - n - 1, n)
+    return rows[grounded[rows + n + 1] == grounded[rows]]
+
+
+def rollout(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
+    """Open-loop errors after one horizon: rotor speeds and attitude imposed from the recording, position and velocity free.
+
+    Returns
+    -------
+    error by contract column (``p_z_m`` ...), (k,) one value a start.
+    """
+    starts, n = _starts(flight), int(round(HORIZON_S / flight.dt_s))
+    if not len(starts):
+        return {}
+    columns, _ = model_along(flight, model, model.effects)
+    smooth = {name: gaussian_filter1d(flight.columns[name], 0.05 / flight.dt_s) for name in VELOCITY + POSITION}
+    smooth["p_z_m"] = smooth["p_z_m"] + (columns["p_z_m"] - flight.columns["p_z_m"])
+    table = np.stack([columns[name] for name in (*ROTOR_SPEED, *QUATERNION)], axis=1)
+    rates = np.stack([columns[name] for name in BODY_RATE], axis=1)
+    battery = flight.columns.get("battery_V", np.full(len(table), np.nan))
+    inputs = np.column_stack([table, battery, rates])
+    effects = {k: v for k, v in model.effects.items() if effect_table.get(k).kind not in ("sensor", "actuator")}
+    flown = sim.fly([_piece(flight, model, effects, smooth, inputs, s, n) for s in starts], (*POSITION, *VELOCITY))
+    ends = starts + n
+    return {name: np.array([r[name][-1] for r in flown]) - smooth[name][ends] for name in POSITION + VELOCITY}
+
+
+def _piece(flight: Prepared, model: Model, effects: dict, smooth: dict, inputs: np.ndarray, start: int, n: int) -> sim.Flight:
+    step = flight.dt_s / max(1, int(np.ceil(flight.dt_s / 0.005)))
+    state = {f"start_{name}": float(smooth[name][start]) for name in POSITION + VELOCITY}
+    state |= {f"start_{name}": float(v) for name, v in zip((*ROTOR_SPEED, *QUATERNION), inputs[start, :8], strict=True)}
+    numbers = {**model.parameters, **state, "control": 2, "attitude_imposed": 1, "start": 1, "inputs_dt_s": flight.dt_s,
+               "dt_s": step, "duration_s": n * flight.dt_s, "record_every": int(round(n * flight.dt_s / step)),
+               "gear_height_m": 0.0, "gear_stiffness_N_m": 0.0}  # fmt: skip
+    return sim.Flight(numbers, effects, model.terrain, inputs[start : start + n + 2])
+
+
+def rollout_table(flights: Sequence[Prepared], models: Mapping[str, Model]) -> dict:
+    """``rollout`` of the fit: rms error after one horizon by channel and stage."""
+    told: dict[str, dict[str, float]] = {}
+    for stage, model in models.items():
+        pieces = [rollout(f, model) for f in flights if can_roll(f)]
+        for name in POSITION + VELOCITY:
+            values = np.concatenate([p[name] for p in pieces if name in p] or [np.zeros(0)])
+            if len(values):
+                told.setdefault(name, {})[stage] = float(np.sqrt(np.mean(values**2)))
+    return {"horizon_s": HORIZON_S, "channels": told} if told else {}

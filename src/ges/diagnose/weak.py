@@ -1,0 +1,73 @@
+"""Weak form: averages with smooth test functions of compact support, so that no signal is ever differentiated.
+
+For a test function phi with compact support, integral(phi x') = -integral(phi' x): the derivative moves from the noisy
+signal to the known function (Messenger & Bortz 2021, weak SINDy).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from scipy.sparse import csr_array
+
+SHORTEST_WINDOW_S = 0.2
+UPDATES_PER_WINDOW = 3.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Windows:
+    """Test functions along one flight.
+
+    Attributes
+    ----------
+    center_s : (m,) centres, seconds from the start of the recording's clock.
+    center : (m,) rows of the centres on the grid.
+    mean : (m, n) weights of the average, each row sums to 1.
+    rate : (m, n) weights that give the average of the time derivative.
+    length_s : support of each function.
+    """
+
+    center_s: np.ndarray
+    center: np.ndarray
+    mean: csr_array
+    rate: csr_array
+    length_s: float
+
+    def __len__(self) -> int:
+        return len(self.center)
+
+
+def bump(half: int, step_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Weights of (1 - s^2)^3 on 2 half + 1 points, and those of minus its derivative; exact for constants and ramps."""
+    s = np.arange(-half, half + 1) / (half + 1.0)
+    phi = (1.0 - s**2) ** 3
+    slope = 6.0 * s * (1.0 - s**2) ** 2
+    return phi / phi.sum(), slope / (slope @ (s * (half + 1.0) * step_s))
+
+
+def make_windows(t_s: np.ndarray, flying: np.ndarray, length_s: float) -> Windows:
+    """Half-overlapping windows whose whole support flies.
+
+    Parameters
+    ----------
+    t_s : (n,) uniform times.
+    flying : (n,) usable samples.
+    length_s : support of a test function.
+    """
+    step_s = t_s[1] - t_s[0]
+    half = max(int(round(0.5 * length_s / step_s)), 2)
+    centers = np.arange(half, len(t_s) - half, half)
+    grounded = np.r_[0, np.cumsum(~flying)]
+    centers = centers[grounded[centers + half + 1] == grounded[centers - half]]
+    phi, slope = bump(half, step_s)
+    columns = (centers[:, None] + np.arange(-half, half + 1)).ravel()
+    starts = np.arange(len(centers) + 1) * (2 * half + 1)
+    shape = (len(centers), len(t_s))
+    return Windows(
+        t_s[centers],
+        centers,
+        csr_array((np.tile(phi, len(centers)), columns, starts), shape=shape),
+        csr_array((np.tile(slope, len(centers)), columns, starts), shape=shape),
+        (2 * half + 1) * step_s,
+    )

@@ -1,0 +1,123 @@
+"""Noise of each channel: autocorrelation, size, and where a slow stream makes it larger; so that windows count once."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from .system import AR_ORDER, Rows, System
+
+RIDGE = 1e-6
+
+
+@dataclasses.dataclass(frozen=True)
+class Noise:
+    """Per channel: AR coefficients (C, p), innovation sd (C,), and growth with unrest (C,)."""
+
+    ar: np.ndarray
+    sd: np.ndarray
+    growth: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class White:
+    """One flight, whitened: residuals (m, C) and columns (m, C, K), zero where a row is unusable."""
+
+    y: np.ndarray
+    x: np.ndarray
+    used: np.ndarray
+
+
+def _left_over(system: System, channel: int, kept: np.ndarray) -> list[np.ndarray]:
+    """What nuisances, chosen columns and a constant of each flight do not explain, in one channel."""
+    found = []
+    for r in system.flights:
+        good = np.isfinite(r.y[:, channel])
+        left = np.full(len(r.y), np.nan)
+        x = np.column_stack([np.ones(good.sum()), r.x[good, channel][:, kept]])
+        if good.sum() > 2 * x.shape[1]:
+            scale = np.sqrt((x**2).mean(axis=0))
+            x = x[:, scale > 0] / scale[scale > 0]
+            u, s, _ = np.linalg.svd(x, full_matrices=False)
+            u = u[:, s > 1e-3 * s[0]]
+            left[good] = r.y[good, channel] - u @ (u.T @ r.y[good, channel])
+        elif good.any():
+            left[good] = r.y[good, channel] - r.y[good, channel].mean()
+        found.append(left)
+    return found
+
+
+def _lagged(left: np.ndarray, follows: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows with a full past, their value and their past."""
+    run = np.zeros(len(left), int)
+    for i in range(1, len(left)):
+        run[i] = run[i - 1] + 1 if follows[i] else 0
+    at = np.flatnonzero((run >= order) & np.isfinite(left))
+    past = np.stack([left[at - k] for k in range(1, order + 1)], axis=1) if len(at) else np.zeros((0, order))
+    good = np.isfinite(past).all(axis=1)
+    return at[good], left[at[good]], past[good]
+
+
+def _growth(e: np.ndarray, unrest: np.ndarray) -> tuple[float, float]:
+    """Maximum-likelihood sd and growth of e ~ N(0, sd^2 (1 + g unrest^2)), unrest in units of its median."""
+    best = (np.inf, 1.0, 0.0)
+    for g in (0.0, 0.1, 0.3, 1.0, 3.0):
+        w = 1.0 + g * unrest**2
+        sd2 = np.mean(e**2 / w)
+        cost = len(e) * np.log(sd2) + np.log(w).sum()
+        if cost < best[0]:
+            best = (cost, float(np.sqrt(sd2)), g)
+    return best[1], best[2]
+
+
+def estimate(system: System, chosen: Sequence[int] = ()) -> Noise:
+    """Noise of every channel, pooled over flights, from what nuisances and the chosen columns leave.
+
+    Without chosen columns a strong effect counts as noise: cautious, so the search starts there.
+    """
+    nuisance = [
+        k for k, column in enumerate(system.columns) if column.nuisance is not None and column.nuisance.effect != "motor_lag"
+    ]
+    kept = np.array([*nuisance, *chosen], dtype=int)
+    count = len(system.names)
+    ar, sd, growth = np.zeros((count, AR_ORDER)), np.ones(count), np.zeros(count)
+    unrest = unrest_of(system.flights)
+    for c in range(count):
+        pieces = [
+            (*_lagged(left, r.follows, AR_ORDER), u)
+            for left, r, u in zip(_left_over(system, c, kept), system.flights, unrest, strict=True)
+        ]
+        value = np.concatenate([p[1] for p in pieces])
+        past = np.concatenate([p[2] for p in pieces])
+        if len(value) < 4 * AR_ORDER:
+            continue
+        gram = past.T @ past
+        ar[c] = np.linalg.solve(gram + RIDGE * np.trace(gram) * np.eye(AR_ORDER), past.T @ value)
+        sd[c], growth[c] = _growth(value - past @ ar[c], np.concatenate([p[3][p[0]] for p in pieces]))
+    return Noise(ar, np.maximum(sd, 1e-12), growth)
+
+
+def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:
+    """Unrest of every window in units of the median over all flights."""
+    median = np.median(np.concatenate([r.noise for r in flights])) or 1.0
+    return [r.noise / median for r in flights]
+
+
+def whiten(rows: Rows, noise: Noise, unrest: np.ndarray) -> White:
+    """Filter residuals and columns by the same noise model; rows without a full past are left out."""
+    order = noise.ar.shape[1]
+    y, x = np.zeros_like(rows.y), np.zeros_like(rows.x)
+    used = np.zeros(rows.y.shape, bool)
+    for c in range(rows.y.shape[1]):
+        at, _, _ = _lagged(rows.y[:, c], rows.follows, order)
+        if not len(at):
+            continue
+        sd = noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * unrest[at] ** 2)
+        used[at, c] = True
+        y[at, c] = rows.y[at, c] - sum(noise.ar[c, k] * rows.y[at - k - 1, c] for k in range(order))
+        x[at, c] = rows.x[at, c] - sum(noise.ar[c, k] * rows.x[at - k - 1, c] for k in range(order))
+        y[at, c] /= sd
+        x[at, c] /= sd[:, None]
+    return White(y, x, used)
