@@ -134,8 +134,7 @@ def _fountain(craft, level, rng):
 
 
 def _battery_sag(craft, level, rng):
-    drop = _pick(level, (0.025, 0.05, 0.09), rng)
-    return {"sags": 1.0, "resistance": 0.6 * drop, "polar_resistance": 0.4 * drop, "drain_1_s": 0.0006}
+    return {"sags": _pick(level, (0.3, 0.6, 0.95), rng, 0.05)}
 
 
 def _motor_lag(craft, level, rng):

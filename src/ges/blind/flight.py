@@ -111,10 +111,14 @@ class Bench:
 
     def hover_command(self, volt):
         """Return the command (F,) that holds the hover speed at a voltage ratio."""
-        duty = drive.linear_duty(self.hover_x, self.droop) / np.where(self.hid["sags"] > 0.0, volt, 1.0)
+        duty = drive.linear_duty(self.hover_x, self.droop) / self.felt(volt)
         bend = 1.0 - self.droop
         linear = (np.sqrt(bend**2 + 4.0 * self.droop * duty) - bend) / (2.0 * self.droop)
         return np.where(self.linear, linear, duty)
+
+    def felt(self, volt):
+        """Return the voltage ratio that the motors feel: 1 where the speed controllers make up for the battery."""
+        return 1.0 + self.hid["sags"] * (volt - 1.0)
 
     def steady_moment(self):
         """Return the body moment (3, F) of CG offset and weak rotor at hover with equal speeds."""
@@ -301,8 +305,7 @@ class Simulation:
             asked = asked * (1.0 + self._gain_of_ground()) ** -b.hid["mapping"]
         s.esc = s.esc + (DT_S / (b.filter + DT_S)) * (asked - s.esc)
         duty = np.where(b.linear, drive.linear_duty(s.esc, b.droop), s.esc)
-        volt = np.where(b.hid["sags"] > 0.0, s.volt, 1.0)
-        x, self.current = drive.step_motor(s.x, duty, volt, b.droop, b.rate, b.hid["coast"], 1.5, DT_S)
+        x, self.current = drive.step_motor(s.x, duty, b.felt(s.volt), b.droop, b.rate, b.hid["coast"], 1.5, DT_S)
         s.speed_rate = (x - s.x) * b.true["speed"] / DT_S
         s.x = np.maximum(x, 0.0)
 

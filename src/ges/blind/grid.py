@@ -66,8 +66,8 @@ def specs(grid: str, seed: int) -> list[Spec]:
     rng = np.random.default_rng([seed, 0xB11D])
     kinds = [(category, k) for category, n in COMPOSITIONS[grid].items() for k in range(n)]
     order = rng.permutation(len(kinds))
-    sizes = list(CLASSES)
-    return [_spec(i, *kinds[j], sizes, rng) for i, j in enumerate(order)]
+    sizes = {category: [str(s) for s in rng.permutation(list(CLASSES))] for category in COMPOSITIONS[grid]}
+    return [_spec(i, *kinds[j], sizes[kinds[j][0]], rng) for i, j in enumerate(order)]
 
 
 def _spec(index, category, k, sizes, rng) -> Spec:
@@ -102,6 +102,7 @@ class Circumstances:
     menu: tuple[str, ...]
     seconds: tuple[float, ...]
     charge: tuple[float, ...]
+    battery: dict[str, float]
     turbulence: float
     logging: Logging
 
@@ -128,6 +129,11 @@ def draw_circumstances(spec: Spec, grid: str, seed: int) -> Circumstances:
         menu=tuple(str(m) for m in menu),
         seconds=tuple(rng.uniform(*SECONDS[grid], FLIGHTS)),
         charge=tuple(rng.permutation(np.linspace(0.98, 0.5, FLIGHTS))),
+        battery={
+            "resistance": float(rng.uniform(0.015, 0.05)),
+            "polar_resistance": float(rng.uniform(0.01, 0.03)),
+            "drain_1_s": float(rng.uniform(0.0005, 0.001)),
+        },
         turbulence=float(rng.uniform(0.02, 0.08)),
         logging=Logging(**(logging | spec.logging)),
     )

@@ -98,7 +98,7 @@ def draw_case(spec: Spec, grid: str, seed: int, attempt: int = 0) -> Case:
     craft = draw_airframe(spec.size, rng)
     numbers = draw_numbers(spec, craft, seed, attempt)
     z = ground.draw_terrain(around.terrain, craft.radius_m, rng)
-    merged = {k: v for one in numbers.values() for k, v in one.items()}
+    merged = around.battery | {k: v for one in numbers.values() for k, v in one.items()}
     sorties = [_sortie(f, around, craft, merged, z, [seed, spec.index, 4, attempt, f]) for f in range(FLIGHTS)]
     return Case(spec, around, craft, numbers, z, sorties)
 

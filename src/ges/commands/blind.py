@@ -1,0 +1,59 @@
+"""``ges blind``: conceal effects, diagnose blind, open the seal, score."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import click
+
+FOLDER = click.argument("folder", type=click.Path(path_type=Path), metavar="DIR")
+PROCESSES = click.option("--processes", type=click.IntRange(min=1), default=2, show_default=True, help="How many at a time.")
+
+
+class Progress:
+    """A bar on stderr at a terminal, nothing in a file."""
+
+    def __init__(self, what: str):
+        from rich.console import Console
+        from rich.progress import Progress as Bars
+
+        self.bars = Bars(console=Console(stderr=True), disable=not sys.stderr.isatty())
+        self.task = self.bars.add_task(what, total=None)
+
+    def __enter__(self) -> Progress:
+        self.bars.start()
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.bars.stop()
+
+    def __call__(self, done: int, total: int) -> None:
+        self.bars.update(self.task, completed=done, total=total)
+
+
+@click.group()
+def command() -> None:
+    """Make cases with concealed effects, diagnose them blind, open the seal and score.
+
+    Example: ges blind make --seed 7 --out proof && ges blind run proof && ges blind score proof
+    """
+
+
+@command.command()
+@click.option("--seed", type=click.IntRange(min=0), required=True, help="Seed of everything drawn.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/.")
+@click.option("--grid", default="sample", show_default=True, help="Which composition: tiny (40 cases), sample (60) or full.")
+@PROCESSES
+def make(seed: int, out: Path, grid: str, processes: int) -> None:
+    """Write concealed cases and seal their truth.
+
+    Example: ges blind make --seed 7 --grid tiny --out proof
+    """
+    from ..blind.make import make_cases
+
+    start = time.perf_counter()
+    with Progress("making") as progress:
+        count = make_cases(out, seed, grid, processes, progress)
+    click.echo(f"{count} cases sealed in {out}, {time.perf_counter() - start:.0f} s", err=True)
