@@ -9,15 +9,13 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from .. import effects as effect_table
 from .align import Prepared
-from .candidates import Candidate, kind_of, library
+from .candidates import Candidate, library
 from .evidence import Board, make_board
 from .fit import Fitted, Joint, free_parameters, joint_fit, polish, starting_values
-from .gate import Gate, pass_gate
 from .model import Model
 from .select import Hypothesis, Search, search
-from .system import System, build, window_length_s
+from .system import System, build
 
 ACCEPT = 0.9
 ROUNDS = 4
@@ -125,47 +123,3 @@ def null_of(flights: Sequence[Prepared], model: Model, length_s: float) -> tuple
     system = build(flights, model, [], length_s)
     board = make_board(system)
     return board, joint_fit(board, ()), system
-
-
-def effect_size(fitted: Fitted, name: str, model: Model) -> dict:
-    """Rms of what one effect adds on the training flights, in the channel where it weighs most."""
-    best = {"value": 0.0, "unit": "N", "share_of_weight": 0.0, "channel": "force_z"}
-    rows = fitted.board.system.flights
-    for c, channel in enumerate(fitted.board.system.names):
-        unit = channel.split("_")[0]
-        if unit not in ("force", "acc", "moment"):
-            continue
-        whole = model.weight_N * (model.arm_m if unit == "moment" else 1.0)
-        total = sum(np.nansum(_added(r, name, fitted, c) ** 2) for r in rows)
-        count = sum(np.isfinite(r.y[:, c]).sum() for r in rows)
-        rms = float(np.sqrt(total / max(count, 1)))
-        if rms / whole > best["share_of_weight"]:
-            best = {"value": rms, "unit": "N m" if unit == "moment" else "N", "share_of_weight": rms / whole, "channel": channel}
-    return best
-
-
-def _added(rows, name: str, fitted: Fitted, channel: int) -> np.ndarray:
-    """Residual without the effect less residual with it, in one channel."""
-    from .residual import channels, residual
-
-    model = fitted.board.system.model
-    bare = dataclasses.replace(model, effects={k: v for k, v in model.effects.items() if k != name})
-    here = channels(rows.flight, model)
-    if fitted.board.system.names[channel] not in here:
-        return np.full(len(rows.windows), np.nan)
-    c = here.index(fitted.board.system.names[channel])
-    return (residual(rows.flight, rows.windows, bare, here) - residual(rows.flight, rows.windows, model, here))[:, c]
-
-
-__all__ = [
-    "Accepted",
-    "accept",
-    "effect_size",
-    "effect_table",
-    "kind_of",
-    "null_of",
-    "pass_gate",
-    "split",
-    "window_length_s",
-    "Gate",
-]

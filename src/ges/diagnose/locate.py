@@ -46,7 +46,6 @@ def regimes(rows: Rows, model: Model) -> dict[str, np.ndarray]:
     if flight.has("velocity"):
         v = flight.stack("velocity")[at]
         found |= {"airspeed_m_s": np.hypot(v[:, 0], v[:, 1]), "climb_m_s": v[:, 2]}
-    found["thrust_over_weight"] = (rows.windows.mean @ said.force_N[:, 2]) / model.weight_N
     if flight.has("battery"):
         found["battery_V"] = flight.columns["battery_V"][at]
     return found

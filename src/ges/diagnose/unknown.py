@@ -60,7 +60,7 @@ def left_over(board: Board, joint: Joint, model: Model, seed: int = 0) -> list[U
     R^2 of the null's 95 % over all channels and regimes.
     """
     told = [regimes(r, model) for r in board.system.flights]
-    shared = [name for name in told[0] if all(name in t for t in told) and name != "thrust_over_weight"]
+    shared = [name for name in told[0] if all(name in t for t in told)]
     flight_of = np.concatenate([np.full(len(r.windows), f) for f, r in enumerate(board.system.flights)])
     blocks = np.concatenate([((r.windows.center_s - r.flight.t_s[0]) // BLOCK_S).astype(int) + 10000 * f
                              for f, r in enumerate(board.system.flights)])  # fmt: skip

@@ -1,0 +1,22 @@
+"""Diagnosis: where simulation and recording differ, which physics that is, and how much better flights never seen become.
+
+``ges.diagnose(recordings, vehicle)`` runs the whole chain of :func:`ges.diagnose.chain.diagnose`; the modules beside it are
+its steps: gate, system, evidence, select, fit, locate, unknown, verify, report.
+"""
+
+from __future__ import annotations
+
+import sys
+import types
+
+
+class _Package(types.ModuleType):
+    """The package can be called like the function it is named after."""
+
+    def __call__(self, recordings, vehicle=None, **options):
+        from .chain import diagnose
+
+        return diagnose(recordings, vehicle, **options)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -1,0 +1,214 @@
+"""``diagnose``: recordings and a vehicle in, a :class:`Diagnosis` out. Names of flights serve only to be given back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from .. import effects as effect_table
+from ..errors import GesError, unknown_name
+from ..io.recording import RecordingSet, make_set, require_drive
+from ..vehicle import Estimate as Fitting
+from ..vehicle import Vehicle
+from .engine import Accepted, accept, null_of, split
+from .findings import finding, open_findings, vehicle_corrections
+from .fit import Joint, calibrated
+from .gate import Gate, pass_gate
+from .locate import cells, merged, strongest
+from .model import Model, from_vehicle
+from .result import Diagnosis
+from .system import System, common_channels, window_length_s
+from .unknown import left_over
+from .verdict import sentence_of, verdict_of
+from .verify import channel_table, errors, rollout_table
+
+METRIC = (
+    "rms of the weak-form residual (windowed average, nothing differentiated) on flights that took no part; reduction_ci95: "
+    "share by which 'after' is below 'recalibrated', 95 % interval over blocks of 5 s"
+)
+
+
+def diagnose(
+    recordings: RecordingSet | Mapping[str, pd.DataFrame] | Sequence[pd.DataFrame],
+    vehicle: Vehicle | None = None,
+    *,
+    holdout: Sequence[str] | None = None,
+    folder: Path | str = ".",
+) -> Diagnosis:
+    """Find what a simulator lacks, from real flights.
+
+    Parameters
+    ----------
+    recordings : a recording set, or tables with contract columns (a mapping gives them names).
+    vehicle : what is known of the vehicle, with doubts; taken from a recording set where there is one.
+    holdout : names of flights that take no part in fitting or choosing; None lets a rule choose that does not look at them.
+    folder : where a height map named by the vehicle file lies.
+
+    Raises
+    ------
+    GesError
+        When the recordings cannot be used, in one sentence.
+    """
+    flights = _as_set(recordings, vehicle, folder)
+    require_drive(flights)
+    model = from_vehicle(flights.vehicle, flights.folder)
+    names, frames = [f.name for f in flights.flights], [f.frame for f in flights.flights]
+    gate = pass_gate(frames, model)
+    train, held = split(frames, gate.usable(), _numbers(holdout, names))
+    if not train:
+        raise GesError("every usable flight is held out; leave at least one for fitting")
+    return _Chain(flights.vehicle, model, gate, train, held, names, flights.warnings).run()
+
+
+def _as_set(recordings, vehicle: Vehicle | None, folder: Path | str) -> RecordingSet:
+    if isinstance(recordings, RecordingSet):
+        return recordings if vehicle is None else make_set(vehicle, [(f.name, f.frame) for f in recordings.flights], folder)
+    if vehicle is None:
+        raise GesError("no vehicle given; pass one (ges.vehicle.load_vehicle) or a recording set that has one")
+    named = recordings.items() if isinstance(recordings, Mapping) else [(f"flight{i}", f) for i, f in enumerate(recordings, 1)]
+    return make_set(vehicle, named, folder)
+
+
+def _numbers(holdout: Sequence[str] | None, names: Sequence[str]) -> list[int] | None:
+    if holdout is None:
+        return None
+    for name in holdout:
+        if name not in names:
+            raise unknown_name("flight", name, names)
+    return [names.index(name) for name in holdout]
+
+
+class _Chain:
+    """The steps in their order; every step reads what the ones before it left."""
+
+    def __init__(self, vehicle: Vehicle, model: Model, gate: Gate, train, held, names, warnings) -> None:
+        self.vehicle, self.model, self.gate, self.names = vehicle, model, gate, names
+        self.train = [gate.flights[i] for i in train]
+        self.held, self.held_names = [gate.flights[i] for i in held], [names[i] for i in held]
+        self.warnings = [*warnings, *(_named(w, names) for w in gate.warnings)]
+        self.length_s = window_length_s(self.train)
+
+    def run(self) -> Diagnosis:
+        board, joint, system = null_of(self.train, self.model, self.length_s)
+        recalibrated = calibrated(self.model, joint.common)
+        located = strongest(merged(cells(board, joint, self.model, _left_raw(system, joint))))
+        accepted = accept(self.train, self.model, self.length_s)
+        after, fitted_joint, fitted_board = self._after(accepted, recalibrated, joint, board)
+        proven = sorted((finding(accepted, name) for name in accepted.names), key=lambda f: -f.size["share_of_weight"])
+        findings = [*proven, *open_findings(accepted)]
+        unexplained = [_unexplained(u) for u in left_over(fitted_board, fitted_joint, after)]
+        fit = self._proof({"before": self.model, "recalibrated": recalibrated, "after": after})
+        verdict = verdict_of(findings, accepted.rivals, unexplained)
+        return Diagnosis(
+            verdict=verdict,
+            sentence=sentence_of(verdict, findings, located, unexplained, fit),
+            findings=tuple(findings),
+            located=tuple(located),
+            unexplained=tuple(unexplained),
+            fit=fit,
+            detectable={},
+            next_flight={},
+            data=self._data(system),
+            calibration=_calibration(joint if not accepted.fitted else accepted.fitted.joint, self.model),
+            not_tested={},
+            vehicle=self._fitted_vehicle(accepted, fitted_joint),
+            details={"accepted": accepted, "board": board, "joint": joint, "after": after, "recalibrated": recalibrated},
+        )
+
+    def _after(self, accepted: Accepted, recalibrated: Model, joint: Joint, board):
+        """Model with the findings and its nuisances set anew, and the fit behind it."""
+        if accepted.fitted is None:
+            return recalibrated, joint, board
+        found = self.model.with_effects(accepted.fitted.effects)
+        return calibrated(found, accepted.fitted.joint.common), accepted.fitted.joint, accepted.fitted.board
+
+    def _proof(self, models: Mapping[str, Model]) -> dict:
+        """Errors before, recalibrated and after on the held-out flights."""
+        if not self.held:
+            return {"metric": METRIC, "holdout_flights": [], "channels": {}, "rollout": {}}
+        channels = common_channels(self.held, self.model)
+        told = errors(self.held, models, channels, self.length_s)
+        table = channel_table(told, channels, 0.5 * self.length_s)
+        return {
+            "metric": METRIC,
+            "holdout_flights": self.held_names,
+            "channels": table,
+            "rollout": rollout_table(self.held, models),
+        }
+
+    def _data(self, system: System) -> dict:
+        used = [*self.train, *self.held]
+        reasons = sorted({r for f in used for r in f.left_out})
+        return {
+            "flights": len(used),
+            "seconds_used": float(sum(f.flying.sum() * f.dt_s for f in used)),
+            "left_out": {r: float(sum(f.left_out.get(r, 0.0) for f in used)) for r in reasons},
+            "channels_used": list(system.names),
+            "delays": [
+                {"stream": d.stream, "delay_s": d.delay_s, "sd_s": d.sd_s, "correlation": d.correlation} for d in self.gate.delays
+            ],
+            "window_s": self.length_s,
+            "warnings": self.warnings,
+        }
+
+    def _fitted_vehicle(self, accepted: Accepted, joint: Joint) -> Vehicle:
+        """The vehicle file with findings and corrected numbers under ``effects``."""
+        effects = {name: dict(values) for name, values in self.vehicle.effects.items()}
+        for key, value in vehicle_corrections(joint.common).items():
+            name, parameter = key.split(".")
+            held = effects.setdefault(name, {})
+            start = held[parameter].value if parameter in held else effect_table.get(name).neutral()[parameter]
+            held[parameter] = Fitting(value=start + value, sd=joint.common_sd[key])
+        for name in accepted.names:
+            effects.setdefault(name, {}).update(_fittings(accepted, name))
+        return self.vehicle.model_copy(update={"effects": effects})
+
+
+def _named(warning: str, names: Sequence[str]) -> str:
+    """``flight 3`` of a message by its name."""
+    for i in reversed(range(len(names))):
+        warning = warning.replace(f"flight {i} ", f"{names[i]} ")
+    return warning
+
+
+def _fittings(accepted: Accepted, name: str) -> dict[str, Fitting]:
+    fitted, free = accepted.fitted, {p for e, p in accepted.fitted.free if e == name}
+    told = {}
+    for parameter, value in fitted.effects[name].items():
+        sd = fitted.sd(name, parameter) if parameter in free else 0.0
+        told[parameter] = Fitting(value=value, sd=sd, ci95=(value - 1.96 * sd, value + 1.96 * sd) if sd else None)
+    return told
+
+
+def _left_raw(system: System, joint: Joint) -> list[np.ndarray]:
+    """Residuals in the channels' units after the nuisances, by flight, (m, C)."""
+    nuisance = {c.nuisance.key: k for k, c in enumerate(system.columns) if c.nuisance is not None}
+    out = []
+    for rows, own in zip(system.flights, joint.by_flight, strict=True):
+        left = rows.y.copy()
+        for key, k in nuisance.items():
+            left -= rows.x[:, :, k] * (joint.common.get(key, 0.0) + own.get(key, 0.0))
+        out.append(left)
+    return out
+
+
+def _unexplained(u) -> dict:
+    return {
+        "channel": u.channel,
+        "regime": {u.regime: [u.low, u.high]},
+        "r2": u.r2,
+        "threshold": u.threshold,
+        "rms": u.rms,
+    }
+
+
+def _calibration(joint: Joint, model: Model) -> dict[str, dict]:
+    """What the declared numbers came to, each beside its declared doubt."""
+    told = {}
+    for key, value in joint.common.items():
+        sd, doubt = joint.common_sd[key], model.doubts.get(key)
+        told[key] = {"value": value, "ci95": [value - 1.96 * sd, value + 1.96 * sd], "declared_sd": doubt}
+    return told

@@ -1,0 +1,130 @@
+"""Findings: an accepted effect with its parameters, size, probability and rivals, as the contract names them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from .. import effects as effect_table
+from .candidates import kind_of
+from .engine import Accepted
+from .fit import Fitted
+from .model import Model
+from .residual import channels, residual
+from .result import Estimate, Finding
+
+RIVALS = 4
+CONFOUNDED = 0.9
+
+
+def parameters_of(fitted: Fitted, name: str) -> dict[str, Estimate]:
+    """Fitted parameters of one effect with 95 % intervals; what it is strongly tied to is noted."""
+    units = {p.name: p.unit for p in effect_table.get(name).parameters}
+    return {
+        p: Estimate(fitted.effects[e][p], _interval(fitted, e, p), units[p], _tied(fitted, (e, p)))
+        for e, p in fitted.free
+        if e == name
+    }
+
+
+def _interval(fitted: Fitted, effect: str, parameter: str) -> tuple[float, float]:
+    value, half = fitted.effects[effect][parameter], 1.96 * fitted.sd(effect, parameter)
+    return (value - half, value + half)
+
+
+def _tied(fitted: Fitted, key: tuple[str, str]) -> str:
+    others = [(abs(fitted.correlation(key, other)), other) for other in fitted.free if other != key]
+    top = max(others, default=(0.0, key))
+    return (
+        f"tied to {'.'.join(top[1])} (correlation {top[0]:.2f}): together well known, apart less" if top[0] > CONFOUNDED else ""
+    )
+
+
+def alternatives_of(accepted: Accepted, name: str) -> tuple[dict, ...]:
+    """Names that could stand in its place, with the log odds against the best set that has it."""
+    weighed = accepted.found.hypotheses
+    having = max((h.log_evidence for h in weighed if name in h.names), default=0.0)
+    best: dict[str, float] = {}
+    for h in weighed:
+        if name not in h.names:
+            for other in set(h.names) - set(accepted.names):
+                best[other] = max(best.get(other, -np.inf), h.log_evidence - having)
+    ranked = sorted(best.items(), key=lambda item: -item[1])[:RIVALS]
+    return tuple({"name": n, "log_odds": float(v)} for n, v in ranked)
+
+
+def size_of(fitted: Fitted, name: str) -> dict:
+    """Rms of what one effect adds on the training flights, in the channel where it weighs most."""
+    system = fitted.board.system
+    added = [_added(rows, name, system.model, system.names) for rows in fitted.board.system.flights]
+    best = {"value": 0.0, "unit": "N", "share_of_weight": 0.0, "channel": ""}
+    for c, channel in enumerate(system.names):
+        unit, whole = _scale(channel, system.model)
+        values = np.concatenate([a[:, c] for a in added])
+        values = values[np.isfinite(values)]
+        rms = float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+        if rms / whole > best["share_of_weight"]:
+            best = {"value": rms, "unit": unit, "share_of_weight": rms / whole, "channel": channel}
+    return best
+
+
+def _scale(channel: str, model: Model) -> tuple[str, float]:
+    """Unit of a channel and what counts as whole in it: weight, weight times arm, full speed, a rotor radius."""
+    return {
+        "force": ("N", model.weight_N),
+        "acc": ("N", model.weight_N),
+        "moment": ("N m", model.weight_N * model.arm_m),
+        "drive": ("rad/s", model.number("max_rotor_speed_rad_s")),
+        "range": ("m", model.radius_m),
+    }[channel.split("_")[0]]
+
+
+def _added(rows, name: str, model: Model, names: tuple[str, ...]) -> np.ndarray:
+    """Residual without the effect less residual with it, (m, C); NaN where a channel is absent."""
+    bare = dataclasses.replace(model, effects={k: v for k, v in model.effects.items() if k != name})
+    here = channels(rows.flight, model)
+    out = np.full((len(rows.windows), len(names)), np.nan)
+    without, having = (residual(rows.flight, rows.windows, m, here) for m in (bare, model))
+    out[:, [names.index(n) for n in here]] = without - having
+    return out
+
+
+def finding(accepted: Accepted, name: str) -> Finding:
+    """One accepted effect."""
+    effect = effect_table.get(name)
+    return Finding(
+        name,
+        kind_of(name),
+        effect.title,
+        accepted.probability[name],
+        effect.equation,
+        parameters_of(accepted.fitted, name),
+        size_of(accepted.fitted, name),
+        alternatives_of(accepted, name),
+    )
+
+
+def open_findings(accepted: Accepted) -> list[Finding]:
+    """Names that the flights cannot tell apart, each with its coefficient from the search."""
+    return [_open(accepted, name) for group in accepted.rivals for name in group]
+
+
+def _open(accepted: Accepted, name: str) -> Finding:
+    best = max((h for h in accepted.found.hypotheses if name in h.names), key=lambda h: h.log_evidence)
+    effect = effect_table.get(name)
+    units = {p.name: p.unit for p in effect.parameters}
+    told: dict[str, Estimate] = {}
+    for k, mean, sd in zip(best.posterior.columns, best.posterior.mean, best.posterior.sd, strict=True):
+        column = accepted.board.system.columns[k]
+        if column.variant.effect == name:
+            a = column.variant.amplitudes[column.amplitude]
+            value = a.neutral + float(mean)
+            told[a.parameter] = Estimate(value, (value - 1.96 * float(sd), value + 1.96 * float(sd)), units[a.parameter])
+    return Finding(name, kind_of(name), effect.title, accepted.found.inclusion[name], effect.equation, told, {}, ())
+
+
+def vehicle_corrections(common: Mapping[str, float]) -> dict[str, float]:
+    """Calibrated numbers that belong to the vehicle, not to a sensor or to one day's trim."""
+    return {key: value for key, value in common.items() if effect_table.get(key.split(".")[0]).kind != "sensor"}
