@@ -180,15 +180,15 @@ def lift(flight: Prepared, thrust_coefficient: float, speed_max: float, weight_N
     return gaussian_filter1d(ratio, 0.15 / flight.dt_s)
 
 
-def _moving_or_high(flight: Prepared) -> np.ndarray:
-    """Above the resting height by 2 cm, or moving vertically."""
+def _off_rest(flight: Prepared, idle: np.ndarray) -> np.ndarray:
+    """Above the resting height by 2 cm: the height at an end of the recording where the drive idles; a recording that begins
+    and ends in the air never rests."""
     z = flight.columns.get("p_z_m")
     if z is None:
         return np.ones(len(flight.t_s), dtype=bool)
-    ground = flight.columns.get("ground_z_m", 0.0)
-    height = z - ground
-    rest = min(np.median(height[: max(1, int(0.5 / flight.dt_s))]), np.median(height[-max(1, int(0.5 / flight.dt_s)) :]))
-    return height > rest + 0.02
+    height, n = z - flight.columns.get("ground_z_m", 0.0), max(1, int(0.5 / flight.dt_s))
+    rest = [np.median(height[end]) for end in (slice(n), slice(-n, None)) if idle[end].mean() > 0.5]
+    return height > min(rest, default=-np.inf) + 0.02
 
 
 def airborne(flight: Prepared, ratio: np.ndarray | None, margin_s: float = 0.5) -> np.ndarray:
@@ -198,10 +198,11 @@ def airborne(flight: Prepared, ratio: np.ndarray | None, margin_s: float = 0.5) 
     matter), and the vehicle must be off its resting height; ``margin_s`` around every contact is left out.
     """
     if ratio is None:
-        up = _shaken(flight) & _moving_or_high(flight)
+        up = _shaken(flight)
     else:
         usual = np.median(ratio[ratio > 0.5 * np.quantile(ratio, 0.9)])
-        up = (ratio > 0.7 * usual) & _moving_or_high(flight) if usual > 0 else np.zeros(len(ratio), bool)
+        up = ratio > 0.7 * usual if usual > 0 else np.zeros(len(ratio), bool)
+    up = up & _off_rest(flight, ~up)
     up = median_filter(up.astype(np.uint8), size=2 * int(0.25 / flight.dt_s) + 1, mode="nearest").astype(bool)
     around = int(round(margin_s / flight.dt_s))
     return ~binary_dilation(~up, iterations=max(around, 1)) if (~up).any() else up
