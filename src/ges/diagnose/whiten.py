@@ -7,9 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .system import AR_ORDER, Rows, System
+from .system import AR_ORDER, Column, Rows, System
 
 RIDGE = 1e-6
+WIDE = 10.0
+ROUNDS = 4
+NOISE_ROUNDS = 3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,23 +33,39 @@ class White:
     used: np.ndarray
 
 
+def _tolerance(system: System, kept: np.ndarray) -> np.ndarray:
+    """Sd that each kept column's coefficient may have: a nuisance's, over vehicles and flights; none for a chosen effect."""
+    told = [system.columns[k].nuisance for k in kept]
+    return np.array([np.hypot(n.sd, n.flight_sd) if n else np.inf for n in told])
+
+
+def _spread(column: Column, x: np.ndarray, y: np.ndarray) -> float:
+    """How far a coefficient may go here: the declared doubt, or far beyond what the residual could ask for."""
+    if column.nuisance is not None:
+        return float(np.hypot(column.nuisance.sd, column.nuisance.flight_sd))
+    size = np.sqrt(np.mean(x**2))
+    return float(WIDE * np.sqrt(np.mean(y**2)) / size) if size > 0 else 0.0
+
+
 def _left_over(system: System, channel: int, kept: np.ndarray) -> list[np.ndarray]:
-    """What nuisances, chosen columns and a constant of each flight do not explain, in one channel."""
-    found = []
-    for r in system.flights:
-        good = np.isfinite(r.y[:, channel])
-        left = np.full(len(r.y), np.nan)
-        x = np.column_stack([np.ones(good.sum()), r.x[good, channel][:, kept]])
-        if good.sum() > 2 * x.shape[1]:
-            scale = np.sqrt((x**2).mean(axis=0))
-            x = x[:, scale > 0] / scale[scale > 0]
-            u, s, _ = np.linalg.svd(x, full_matrices=False)
-            u = u[:, s > 1e-3 * s[0]]
-            left[good] = r.y[good, channel] - u @ (u.T @ r.y[good, channel])
-        elif good.any():
-            left[good] = r.y[good, channel] - r.y[good, channel].mean()
-        found.append(left)
-    return found
+    """What nuisances within their doubts, chosen columns and a constant of each flight leave, in one channel."""
+    return [_left_of(r.y[:, channel], r.x[:, channel][:, kept], [system.columns[k] for k in kept]) for r in system.flights]
+
+
+def _left_of(y: np.ndarray, x: np.ndarray, columns: Sequence[Column]) -> np.ndarray:
+    good = np.isfinite(y)
+    left = np.full(len(y), np.nan)
+    if not good.any():
+        return left
+    y, x = y[good] - y[good].mean(), x[good] - x[good].mean(axis=0)
+    x = x * np.array([_spread(c, x[:, k], y) for k, c in enumerate(columns)])
+    gram, right, sd2 = x.T @ x, x.T @ y, np.mean(y**2)
+    e = y
+    for _ in range(ROUNDS):
+        e = y - x @ np.linalg.solve(gram + max(sd2, 1e-30) * np.eye(len(gram)), right)
+        sd2 = np.mean(e**2)
+    left[good] = e
+    return left
 
 
 def _lagged(left: np.ndarray, follows: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -77,9 +96,7 @@ def estimate(system: System, chosen: Sequence[int] = ()) -> Noise:
 
     Without chosen columns a strong effect counts as noise: cautious, so the search starts there.
     """
-    nuisance = [
-        k for k, column in enumerate(system.columns) if column.nuisance is not None and column.nuisance.effect != "motor_lag"
-    ]
+    nuisance = [k for k, column in enumerate(system.columns) if column.nuisance is not None]
     kept = np.array([*nuisance, *chosen], dtype=int)
     count = len(system.names)
     ar, sd, growth = np.zeros((count, AR_ORDER)), np.ones(count), np.zeros(count)
