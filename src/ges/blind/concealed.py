@@ -82,7 +82,7 @@ def _rotor_drag(craft, level, rng):
 
 
 def _parasitic_drag(craft, level, rng):
-    share_at_3_m_s = _pick(level, (0.012, 0.03, 0.06), rng)
+    share_at_3_m_s = _pick(level, (0.02, 0.045, 0.09), rng)
     return {"area_m2": share_at_3_m_s * weight_N(craft) / (0.5 * RHO_KG_M3 * 9.0)}
 
 
@@ -91,7 +91,7 @@ def _axial_inflow(craft, level, rng):
 
 
 def _translational_lift(craft, level, rng):
-    return {"edgewise": 1.0, "blade_s": _pick(level, (0.2, 0.45, 0.85), rng)}
+    return {"edgewise": 1.0, "blade_s": _pick(level, (0.35, 0.6, 1.0), rng)}
 
 
 def _moving_air(craft, rng):

@@ -21,7 +21,7 @@ DT_S = 0.001
 SLOW = 8
 CONTROL = 4
 CHANNELS = {
-    "p": 3, "v": 3, "q": 4, "omega": 3, "rotor_speed": 4, "u": 4, "current": 4, "battery": 1,
+    "p": 3, "v": 3, "q": 4, "omega": 3, "rotor_speed": 4, "plain_speed": 4, "u": 4, "current": 4, "battery": 1,
     "specific_force": 3, "ground": 1, "extra_force": 3, "extra_moment": 3,
 }  # fmt: skip
 
@@ -106,6 +106,7 @@ class Bench:
         self.hover_x = hover_x
         self.rate = drive.rate_of_lag(self.lag * 0.9, hover_x, self.droop)
         self.filter = 0.1 * self.lag
+        self.plain_rate = drive.rate_of_lag(true["lag"] * 0.9, hover_x, drive.DROOP)
         self.delay = np.round(hid["delay_s"] / DT_S).astype(int)
         self.hover_current = 4.0 * self.droop * hover_x**2
 
@@ -208,6 +209,7 @@ class Simulation:
         self.queue = np.repeat(self.s.esc[None].copy(), longest, axis=0)
         self.u = self.s.esc.copy()
         self.current = self.b.droop * self.s.x**2
+        self.plain_x, self.plain_esc = self.s.x.copy(), self.s.esc.copy()
 
     def _trim(self):
         """Begin with the rotors and integrators of a vehicle that was trimmed on flights before."""
@@ -308,6 +310,15 @@ class Simulation:
         x, self.current = drive.step_motor(s.x, duty, b.felt(s.volt), b.droop, b.rate, b.hid["coast"], 1.5, DT_S)
         s.speed_rate = (x - s.x) * b.true["speed"] / DT_S
         s.x = np.maximum(x, 0.0)
+        self._plain_motors()
+
+    def _plain_motors(self):
+        """Advance motors with nothing concealed on the same commands: what the drive alone does is the difference."""
+        b = self.b
+        slow = 0.1 * b.true["lag"]
+        self.plain_esc = self.plain_esc + (DT_S / (slow + DT_S)) * (self.u - self.plain_esc)
+        duty = drive.linear_duty(self.plain_esc, drive.DROOP)
+        self.plain_x = np.maximum(drive.step_motor(self.plain_x, duty, 1.0, drive.DROOP, b.plain_rate, 1.0, 1.5, DT_S)[0], 0.0)
 
     def _gain_of_ground(self):
         b = self.b
@@ -403,6 +414,7 @@ class Simulation:
         felt = (force + to_body(self.r, push)) / b.mass
         rows = {
             "p": s.p, "v": s.v, "q": s.q, "omega": s.omega, "rotor_speed": s.x * b.true["speed"],
+            "plain_speed": self.plain_x * b.true["speed"],
             "u": self.u, "current": self.current, "battery": s.volt, "specific_force": felt,
             "ground": self.under, "extra_force": extra[0], "extra_moment": extra[1],
         }  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
@@ -15,7 +14,8 @@ import numpy as np
 import yaml
 
 from ..errors import GesError, UsageError
-from . import ground
+from ..files import write_json
+from . import ground, seal
 from .airframe import Airframe, draw_airframe
 from .flight import Simulation, Sortie
 from .grid import COMPOSITIONS, FLIGHTS, Circumstances, Spec, draw_circumstances, draw_numbers, specs, truth
@@ -25,7 +25,6 @@ from .whereabouts import TRUTH_STEP, seen_channels
 
 BATCH = 12
 ATTEMPTS = 6
-SUMS = "SHA256SUMS"
 
 
 @dataclass
@@ -50,7 +49,7 @@ def make_cases(out: Path, seed: int, grid: str, processes: int = 1, tell: Callab
     """
     if grid not in COMPOSITIONS:
         raise UsageError(f"unknown grid '{grid}'; known: {', '.join(COMPOSITIONS)}")
-    if (out / "sealed" / SUMS).exists():
+    if (out / "sealed" / seal.SUMS).exists():
         raise UsageError(f"'{out}' already holds sealed cases; name an empty folder")
     for name in ("cases", "sealed"):
         shutil.rmtree(out / name, ignore_errors=True)
@@ -61,7 +60,8 @@ def make_cases(out: Path, seed: int, grid: str, processes: int = 1, tell: Callab
     for count in _spread(batches, out, grid, seed, processes):
         done += count
         tell(done, len(every))
-    _seal(out / "sealed", {"grid": grid, "seed": seed, "cases": len(every)})
+    write_json(out / "sealed" / "made.json", {"grid": grid, "seed": seed, "cases": len(every)})
+    seal.close(out)
     return len(every)
 
 
@@ -141,6 +141,8 @@ def _write_case(case: Case, flights, out: Path, seed: int) -> None:
     terrain = _terrain_entry(case, folder, rng)
     text = yaml.safe_dump(case.craft.vehicle_file(terrain), sort_keys=False)
     (folder / "vehicle.yaml").write_text(text)
+    for path in (*folder.iterdir(), folder):
+        os.utime(path, (0, 0))
     os.replace(folder, final)
     _write_truth(case, flights, out / "sealed" / identity)
 
@@ -161,7 +163,7 @@ def _terrain_entry(case: Case, folder: Path, rng) -> dict:
 
 def _write_truth(case: Case, flights, stem: Path) -> None:
     content = truth(case.spec, case.numbers, case.around.terrain)
-    content["located"] = seen_channels(case, flights)
+    content |= seen_channels(case, flights)
     content["situation"] = {
         "vehicle": case.craft.size,
         "noise": case.around.logging.noise,
@@ -180,17 +182,3 @@ def _write_truth(case: Case, flights, stem: Path) -> None:
         for name in keep
     }
     np.savez_compressed(stem.with_suffix(".npz"), **arrays)
-
-
-def _seal(folder: Path, about: dict) -> None:
-    """Write what was made and the hashes of all that is sealed: the last file, so the seal is whole."""
-    (folder / "made.json").write_text(json.dumps(about) + "\n")
-    lines = [f"{sha256(f)}  {f.name}\n" for f in sorted(folder.iterdir()) if f.name != SUMS]
-    temporary = folder / f".{SUMS}"
-    temporary.write_text("".join(lines))
-    os.replace(temporary, folder / SUMS)
-
-
-def sha256(path: Path) -> str:
-    """Return a file's SHA-256 in hex."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()

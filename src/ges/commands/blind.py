@@ -57,3 +57,19 @@ def make(seed: int, out: Path, grid: str, processes: int) -> None:
     with Progress("making") as progress:
         count = make_cases(out, seed, grid, processes, progress)
     click.echo(f"{count} cases sealed in {out}, {time.perf_counter() - start:.0f} s", err=True)
+
+
+@command.command()
+@FOLDER
+@PROCESSES
+def run(folder: Path, processes: int) -> None:
+    """Diagnose every case that has no verdict yet, each by a process that can read that case alone.
+
+    Example: ges blind run proof --processes 2
+    """
+    from ..blind.run import run_cases
+
+    start = time.perf_counter()
+    with Progress("diagnosing") as progress:
+        count = run_cases(folder, processes, tell=progress)
+    click.echo(f"{count} cases diagnosed in {folder}, {time.perf_counter() - start:.0f} s", err=True)

@@ -1,0 +1,126 @@
+"""Diagnose every case of a folder, each by a process that can read that case alone."""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
+
+from ..errors import GesError
+from ..files import sha256, write_json
+from . import jail, seal
+
+OUT = "diagnosed"
+LIMIT_S = 600
+
+
+def run_cases(
+    folder: Path, processes: int = 2, only: list[str] | None = None, out: str = OUT, options: dict | None = None,
+    tell: Callable[[int, int], None] = lambda *_: None,
+) -> int:  # fmt: skip
+    """Diagnose the cases that have no verdict yet; return how many were diagnosed now.
+
+    Parameters
+    ----------
+    only : case names to restrict the run to (a batch).
+    out : folder beside ``cases/`` for the verdicts; options : keywords for ``ges.diagnose`` (ablations).
+
+    Raises
+    ------
+    GesError
+        For a case that is not sealed, a recording changed since, or a folder that the walls could not hide.
+    """
+    _hidden(folder)
+    names = [n for n in seal.cases(folder) if only is None or n in only]
+    waiting = [n for n in names if not finished(folder / out / n)]
+    seal.check(folder, [s for s in seal.listed(folder) if s.startswith("../cases/") and s.split("/")[2] in waiting])
+    tell(len(names) - len(waiting), len(names))
+    with ThreadPoolExecutor(processes) as pool:
+        jobs = [pool.submit(_one, folder / "cases" / n, folder / out / n, options or {}) for n in waiting]
+        for done, job in enumerate(as_completed(jobs), 1):
+            job.result()
+            tell(len(names) - len(waiting) + done, len(names))
+    return len(waiting)
+
+
+def finished(verdict: Path) -> bool:
+    """Say whether a case has its verdict; one that failed is tried again."""
+    try:
+        return json.loads((verdict / "run.json").read_text())["ended"] == "well"
+    except FileNotFoundError:
+        return False
+
+
+def _hidden(folder: Path) -> None:
+    real = folder.resolve()
+    for root in jail.interpreter():
+        if real.is_relative_to(root):
+            raise GesError(f"'{folder}' lies in {root}, which every process may read; move the cases elsewhere")
+
+
+def _one(case: Path, final: Path, options: dict) -> None:
+    """Diagnose one case under a name that says nothing and move the whole result into place."""
+    with tempfile.TemporaryDirectory(prefix="") as scratch:
+        given, made, home = (Path(scratch) / secrets.token_hex(6) for _ in range(3))
+        for each in (given, made, home):
+            each.mkdir()
+        anonymous(case, given)
+        start = time.perf_counter()
+        said = _process(given, made, home, options)
+        about = {"ended": "well" if said is None else "failed", "wall_s": round(time.perf_counter() - start, 3)}
+        if said is not None:
+            write_json(made / "diagnosis.json", {"schema": 1, "verdict": "failed", "sentence": said, "findings": []})
+        worker = made / "worker.json"
+        if worker.exists():
+            about |= json.loads(worker.read_text())
+            worker.unlink()
+        write_json(made / "run.json", about)
+        _move(made, final)
+
+
+def _process(given: Path, made: Path, home: Path, options: dict) -> str | None:
+    """Run the worker; return None, or what it said when it failed."""
+    quiet = {"PATH": os.defpath, "HOME": str(home), "TMPDIR": str(made), "MPLCONFIGDIR": str(made), "OMP_NUM_THREADS": "1",
+             "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", "LC_ALL": "C.UTF-8"}  # fmt: skip
+    command = [sys.executable, "-I", "-B", "-m", "ges.blind.worker", str(given), str(made), json.dumps(options)]
+    try:
+        done = subprocess.run(command, cwd=given, env=quiet, capture_output=True, text=True, timeout=LIMIT_S)
+    except subprocess.TimeoutExpired:
+        return f"no verdict within {LIMIT_S} s"
+    return None if done.returncode == 0 else (done.stderr.strip().splitlines() or ["no word"])[-1][:400]
+
+
+def _move(made: Path, final: Path) -> None:
+    final.parent.mkdir(parents=True, exist_ok=True)
+    new = final.with_name(f".{final.name}.{os.getpid()}")
+    shutil.rmtree(new, ignore_errors=True)
+    shutil.copytree(made, new)
+    shutil.rmtree(final, ignore_errors=True)
+    os.replace(new, final)
+
+
+def anonymous(case: Path, given: Path) -> None:
+    """Copy a recording set without anything that could tell: names, order, times of files, metadata, stray files."""
+    import pyarrow.parquet as pq
+    import yaml
+
+    vehicle = yaml.safe_load((case / "vehicle.yaml").read_text())
+    vehicle["name"] = "vehicle"
+    map_file = (vehicle.get("terrain") or {}).get("file")
+    if map_file:
+        shutil.copyfile(case / map_file, given / "terrain.npz")
+        vehicle["terrain"]["file"] = "terrain.npz"
+    (given / "vehicle.yaml").write_text(yaml.safe_dump(vehicle, sort_keys=False))
+    flights = sorted(case.glob("*.parquet"), key=sha256)
+    for number, path in enumerate(flights, 1):
+        pq.write_table(pq.read_table(path).replace_schema_metadata(None), given / f"flight_{number}.parquet")
+    for path in given.iterdir():
+        os.utime(path, (0, 0))

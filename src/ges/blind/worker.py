@@ -1,0 +1,46 @@
+"""One diagnosis behind walls: ``python -I -m ges.blind.worker CASE OUT OPTIONS``.
+
+It is started with an environment and a working folder that tell it nothing, on a copy of one case under a drawn name,
+and gives up every other file before it reads the case. OPTIONS are those of ``ges.diagnose`` as JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+
+from ..errors import GesError
+from . import jail
+
+
+def main(case: Path, out: Path, options: dict) -> int:
+    """Diagnose the set in ``case`` and write the contract's files to ``out``; return 1 where it says that it cannot."""
+    kernel = jail.lock_in([case, *jail.interpreter(), *jail.package()], [out])
+    try:
+        seconds = _diagnose(case, out, options)
+    except GesError as error:
+        print(error, file=sys.stderr)
+        return 1
+    (out / "worker.json").write_text(json.dumps({"kernel": kernel, "seconds": round(seconds, 3)}))
+    return 0
+
+
+def _diagnose(case: Path, out: Path, options: dict) -> float:
+    import ges.diagnose
+
+    from ..files import write_json
+    from ..io.recording import load_set
+    from ..vehicle import save_vehicle
+
+    start = time.perf_counter()
+    found = ges.diagnose(load_set(case), **options)
+    seconds = time.perf_counter() - start
+    write_json(out / "diagnosis.json", found.content())
+    save_vehicle(found.vehicle, out / "vehicle.fitted.yaml")
+    return seconds
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1]), Path(sys.argv[2]), json.loads(sys.argv[3])))
