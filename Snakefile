@@ -11,9 +11,13 @@ configfile: f"{workflow.basedir}/config/default.yaml"
 include: "workflow/rules/common.smk"
 include: "workflow/rules/build.smk"
 include: "workflow/rules/data.smk"
+include: "workflow/rules/models.smk"
+include: "workflow/rules/figures.smk"
 
 
 rule all:
     default_target: True
     input:
-        expand("results/splits/{plan}.leakage.json", plan=PLANS),
+        FIGURES,
+        "results/table1.csv",
+        "build/ml/libges.so",

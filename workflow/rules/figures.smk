@@ -1,0 +1,130 @@
+# Figures: one rule each, made from the table below; a PDF for the paper, a PNG for the screen, a CSV of what is shown.
+APPIUS = ["HOVERING", "VERTICAL_SPEEDS", "NO_COMPENSATION_V_050", "HIGH_ALTITUDE_V_050"]
+RECORDINGS = (
+    Path(os.environ.get("GES_RECORDINGS", "recordings")) / "appius-ground-effect"
+)
+REAL_FLIGHTS = [
+    str(f) for f in (RECORDINGS / f"{name}.csv" for name in APPIUS) if f.is_file()
+]
+APPIUS_VEHICLE = str(ROOT / "config/vehicles/appius.yaml")
+APPIUS_MAP = str(ROOT / "config/imports/appius.yaml")
+LIBRARY = {"library": "build/libges.so"}
+NETWORK = {"library": "build/ml/libges.so"}
+SHOWN_SEED = STUDY.seeds.closed_loop.first
+FLOWN = {"simulator": part("simulator"), "plan": part("closed_loop")}
+
+
+# Published recordings are read where they are; without them the tables have headings only, and the paper says so.
+rule real_flights:
+    input:
+        **LIBRARY,
+        recordings=REAL_FLIGHTS,
+        vehicle=APPIUS_VEHICLE,
+        mapping=APPIUS_MAP,
+    output:
+        blocks="results/real/blocks.csv",
+    log:
+        "results/logs/real_flights.log",
+    params:
+        call=call("ges.figures.flights:thrust_blocks"),
+    message:
+        "thrust ratio of real flights"
+    script:
+        SCRIPT
+
+
+rule real_forms:
+    input:
+        **LIBRARY,
+        blocks="results/real/blocks.csv",
+        vehicle=APPIUS_VEHICLE,
+    output:
+        forms="results/real/forms.csv",
+    log:
+        "results/logs/real_forms.log",
+    params:
+        call=call("ges.figures.flights:fit_forms"),
+    message:
+        "forms of the ground effect fitted to real flights"
+    script:
+        SCRIPT
+
+
+rule real_dispersion:
+    input:
+        **LIBRARY,
+        recordings=REAL_FLIGHTS,
+        vehicle=APPIUS_VEHICLE,
+        mapping=APPIUS_MAP,
+    output:
+        scatter="results/real/dispersion.csv",
+    log:
+        "results/logs/real_dispersion.log",
+    params:
+        **FLOWN,
+        call=call("ges.figures.flights:hover_dispersion"),
+        seed=SHOWN_SEED,
+    message:
+        "dispersion in hover, real and simulated"
+    script:
+        SCRIPT
+
+
+# name of the figure: function of ges.figures, its inputs, its parameters
+FIGURE_RULES = {
+    "system": ("diagrams:system", {}, {}),
+    "decision": ("diagrams:decision", {}, {}),
+    "pipeline": ("diagrams:pipeline", {}, {}),
+    "terrain": (
+        "ground:terrain",
+        LIBRARY,
+        {"simulator": part("simulator"), "seed": SHOWN_SEED},
+    ),
+    "fig02": ("real:dispersion", {"scatter": "results/real/dispersion.csv"}, {}),
+    "fig03": ("ground:track", LIBRARY, {**FLOWN, "seed": SHOWN_SEED}),
+    "fig04": (
+        "ground:curve",
+        {
+            **LIBRARY,
+            "flights": [
+                f"results/data/{{plan}}/seed{s:04d}.parquet".format(plan=PLANS[-1])
+                for s in STUDY.seeds.test.list()
+            ],
+        },
+        {"simulator": part("simulator")},
+    ),
+    "real_thrust": (
+        "real:thrust",
+        {
+            **LIBRARY,
+            "blocks": "results/real/blocks.csv",
+            "forms": "results/real/forms.csv",
+            "vehicle": APPIUS_VEHICLE,
+        },
+        {},
+    ),
+}
+
+for figure, (function, inputs, parameters) in FIGURE_RULES.items():
+
+    rule:
+        name:
+            f"figure_{figure}"
+        input:
+            **inputs,
+        output:
+            data=f"results/figures/{figure}.csv",
+            pdf=f"results/figures/{figure}.pdf",
+            png=report(f"results/figures/{figure}.png", category="Figures"),
+        log:
+            f"results/logs/figure_{figure}.log",
+        params:
+            **parameters,
+            call=call(f"ges.figures.{function}"),
+        message:
+            f"figure {figure}"
+        script:
+            SCRIPT
+
+
+FIGURES = [f"results/figures/{name}.pdf" for name in FIGURE_RULES]
