@@ -14,6 +14,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
+from .._lib import library_path
 from ..errors import GesError
 from ..files import sha256, write_json
 from . import jail, seal
@@ -88,8 +89,10 @@ def _one(case: Path, final: Path, options: dict) -> None:
 
 def _process(given: Path, made: Path, home: Path, options: dict) -> str | None:
     """Run the worker; return None, or what it said when it failed."""
-    quiet = {"PATH": os.defpath, "HOME": str(home), "TMPDIR": str(made), "MPLCONFIGDIR": str(made), "OMP_NUM_THREADS": "1",
-             "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", "LC_ALL": "C.UTF-8"}  # fmt: skip
+    quiet = {
+        "PATH": os.defpath, "HOME": str(home), "TMPDIR": str(made), "MPLCONFIGDIR": str(made), "LC_ALL": "C.UTF-8",
+        "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0", "GES_LIBRARY": str(library_path().resolve()),
+    }  # fmt: skip
     command = [sys.executable, "-I", "-B", "-m", "ges.blind.worker", str(given), str(made), json.dumps(options)]
     try:
         done = subprocess.run(command, cwd=given, env=quiet, capture_output=True, text=True, timeout=LIMIT_S)

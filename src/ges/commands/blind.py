@@ -73,3 +73,20 @@ def run(folder: Path, processes: int) -> None:
     with Progress("diagnosing") as progress:
         count = run_cases(folder, processes, tell=progress)
     click.echo(f"{count} cases diagnosed in {folder}, {time.perf_counter() - start:.0f} s", err=True)
+
+
+@command.command()
+@FOLDER
+@click.option("--out", type=click.Path(path_type=Path), help="Folder for tables and figures; default: DIR/scores.")
+def score(folder: Path, out: Path | None) -> None:
+    """Open the seal and score the verdicts; writes CSV, JSON and figures.
+
+    Example: ges blind score proof
+    """
+    from ..blind.score import score_cases
+
+    report = score_cases(folder, out)
+    for row in report["scores"]:
+        if row["n"]:
+            interval = f"[{row['low']:.3g}, {row['high']:.3g}]"
+            click.echo(f"{row['score']:<55} {row['value']:8.3g} {interval:<18} n={row['n']:<5} {row['aim']:<8} {row['met']}")

@@ -1,0 +1,230 @@
+"""Open the seal and score: rates with Clopper-Pearson intervals, medians and F1 with bootstrap intervals, all 95 %."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from ..errors import GesError
+from ..files import replacing, write_json
+from . import seal
+from .judge import CATEGORIES, Judgement, judge
+from .run import OUT
+
+CONFIDENCE = 0.95
+DRAWS = 2000
+LIMIT_S = 10.0
+# score: aim and its direction
+AIMS = {
+    "false alarms on nulls": ("<=", 0.02), "wrong name on singles": ("<=", 0.01), "singles exactly right": (">=", 0.90),
+    "singles exactly right above the stated detection limit": (">=", 0.98), "pairs exactly right": (">=", 0.85),
+    "out of library flagged": (">=", 0.95), "out of library falsely named": ("<=", 0.03), "location F1": (">=", 0.85),
+    "coefficient error relative to the oracle, median": ("<=", 0.05), "intervals that hold the oracle": (">=", 0.85),
+    "held-out reduction, share of the oracle's": (">=", 0.90), "calibration error of stated probabilities": ("<=", 0.05),
+    "seconds a case, 95 % quantile": ("<=", LIMIT_S),
+}  # fmt: skip
+
+
+def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> dict:
+    """Score every case and write tables and figures to ``out`` (default ``folder/scores``); return the summary.
+
+    Raises
+    ------
+    GesError
+        For a case without a verdict, a broken seal, or files that are not what the contract says.
+    """
+    from .figures import draw_all
+
+    out = out or folder / "scores"
+    names = seal.cases(folder)
+    seal.check(folder, list(seal.listed(folder)))
+    judged = [judge(n, seal.truth(folder, n), read_verdict(folder / diagnosed / n)) for n in names]
+    table = case_table(folder, diagnosed, judged)
+    scores = summary(judged, table)
+    tables = {"cases": table, "scores": scores, "singles": by_effect(judged), "confusion": confusion(judged),
+              "categories": outcomes(judged), "reliability": reliability(judged)}  # fmt: skip
+    for name, frame in tables.items():
+        _write_csv(out / f"{name}.csv", frame)
+    report = {"schema": 1, "cases": len(names), "scores": json.loads(scores.to_json(orient="records", double_precision=6))}
+    write_json(out / "scores.json", report)
+    draw_all(out, tables)
+    return report
+
+
+def read_verdict(folder: Path) -> dict:
+    """Read a case's diagnosis.json.
+
+    Raises
+    ------
+    GesError
+        When there is none or it lacks what the contract demands.
+    """
+    path = folder / "diagnosis.json"
+    try:
+        said = json.loads(path.read_text())
+        if not {"verdict", "findings"} <= said.keys():
+            raise ValueError("verdict or findings are missing")
+    except FileNotFoundError:
+        raise GesError(f"case '{folder.name}' has no verdict; run ges blind run first") from None
+    except ValueError as error:
+        raise GesError(f"{path} is not a diagnosis: {error}") from None
+    return said
+
+
+def _write_csv(path: Path, frame: pd.DataFrame) -> None:
+    with replacing(path) as new:
+        frame.to_csv(new, index=False, float_format="%.6g")
+
+
+def case_table(folder: Path, diagnosed: str, judged: Sequence[Judgement]) -> pd.DataFrame:
+    """One row a case: what was concealed, what was said, what came of it, in which situation, in how many seconds."""
+    rows = []
+    for j in judged:
+        truth = seal.truth(folder, j.case)
+        about = folder / diagnosed / j.case / "run.json"
+        ran = json.loads(about.read_text()) if about.exists() else {}
+        rows.append({
+            "case": j.case, "category": j.category, "severity": j.severity, "truth": "+".join(j.truth), "verdict": j.verdict,
+            "claimed": "+".join(j.claimed), "offered": "+".join(j.offered), "outcome": j.outcome, "wrong": "+".join(j.wrong),
+            "flagged": j.flagged, "located": j.located[0], "located_too_many": j.located[1], "located_missed": j.located[2],
+            **truth.get("situation", {}), "seconds": ran.get("seconds"), "wall_s": ran.get("wall_s"),
+        })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def proportion(hits: Sequence[bool]) -> tuple[float, float, float]:
+    """Share with its Clopper-Pearson interval; NaN where there is nothing to count."""
+    from scipy.stats import binomtest
+
+    if not len(hits):
+        return (np.nan,) * 3
+    test = binomtest(int(sum(hits)), len(hits))
+    low, high = test.proportion_ci(CONFIDENCE, method="exact")
+    return (test.statistic, float(low), float(high))
+
+
+def bootstrap(values: np.ndarray, statistic: Callable[[np.ndarray], float]) -> tuple[float, float, float]:
+    """Statistic of rows of ``values`` with its percentile interval over resampled rows."""
+    if not len(values):
+        return (np.nan,) * 3
+    rng = np.random.default_rng(0)
+    drawn = [statistic(values[rng.integers(0, len(values), len(values))]) for _ in range(DRAWS)]
+    low, high = np.nanquantile(drawn, [0.5 - CONFIDENCE / 2.0, 0.5 + CONFIDENCE / 2.0])
+    return (float(statistic(values)), float(low), float(high))
+
+
+def f1(counts: np.ndarray) -> float:
+    """F1 of rows (found, too many, missed)."""
+    found, many, missed = counts.sum(axis=0)
+    return 2.0 * found / (2.0 * found + many + missed) if found + many + missed else np.nan
+
+
+def calibration_error(stated: np.ndarray, bins: int = 10) -> float:
+    """Expected calibration error of rows (probability, came true) over equal bins."""
+    place = np.clip((stated[:, 0] * bins).astype(int), 0, bins - 1)
+    gaps = [abs((stated[place == b, 0] - stated[place == b, 1]).sum()) for b in range(bins)]
+    return float(sum(gaps) / len(stated))
+
+
+def summary(judged: Sequence[Judgement], table: pd.DataFrame) -> pd.DataFrame:
+    """All scores with interval, number of cases, aim and whether it is met."""
+    of = {c: [j for j in judged if j.category == c] for c in CATEGORIES}
+    found = {
+        "false alarms on nulls": _rate(of["null"], lambda j: j.alarm),
+        "nulls given a name": _rate(of["null"], lambda j: bool(j.claimed)),
+        "wrong name on singles": _rate(of["single"], lambda j: bool(j.wrong)),
+        "singles exactly right": _rate(of["single"], lambda j: j.exact),
+        "singles with nothing said": _rate(of["single"], lambda j: j.outcome == "nothing"),
+        "pairs exactly right": _rate(of["pair"], lambda j: j.exact),
+        "pairs with true names only": _rate(of["pair"], lambda j: bool(j.claimed) and not j.wrong),
+        "triples exactly right": _rate(of["triple"], lambda j: j.exact),
+        "triples with true names only": _rate(of["triple"], lambda j: bool(j.claimed) and not j.wrong),
+        "parameter errors exactly right": _rate(of["parameter"], lambda j: j.exact),
+        "sensor faults exactly right": _rate(of["sensor"], lambda j: j.exact),
+        "out of library flagged": _rate(of["unknown"], lambda j: j.flagged or j.exact),
+        "out of library falsely named": _rate(of["unknown"], lambda j: bool(j.wrong)),
+        "confounded called ambiguous": _rate(of["confounded"], lambda j: j.exact),
+        "confounded given one name": _rate(of["confounded"], lambda j: j.verdict != "ambiguous" and bool(j.claimed)),
+        "diagnosis failed": _rate(judged, lambda j: j.outcome == "failed"),
+    }
+    located = np.array([j.located for j in judged if sum(j.located)], dtype=float).reshape(-1, 3)
+    stated = np.array([s for j in judged for s in j.stated], dtype=float).reshape(-1, 2)
+    seconds = table["seconds"].dropna().to_numpy(dtype=float)
+    found["location F1"] = (*bootstrap(located, f1), len(located))
+    found["calibration error of stated probabilities"] = (*bootstrap(stated, calibration_error), len(stated))
+    found["seconds a case, median"] = (*bootstrap(seconds, np.median), len(seconds))
+    found["seconds a case, 95 % quantile"] = (*bootstrap(seconds, lambda s: float(np.quantile(s, 0.95))), len(seconds))
+    return pd.DataFrame([_score(name, *values) for name, values in found.items()])
+
+
+def _rate(judged: Sequence[Judgement], hit: Callable[[Judgement], bool]) -> tuple[float, float, float, int]:
+    return (*proportion([hit(j) for j in judged]), len(judged))
+
+
+def _score(name: str, value: float, low: float, high: float, count: int) -> dict:
+    sign, aim = AIMS.get(name, ("", np.nan))
+    met = "" if not sign or not count else "yes" if (value <= aim if sign == "<=" else value >= aim) else "no"
+    return {
+        "score": name,
+        "value": value,
+        "low": low,
+        "high": high,
+        "n": count,
+        "aim": f"{sign} {aim:g}" if sign else "",
+        "met": met,
+    }
+
+
+def by_effect(judged: Sequence[Judgement]) -> pd.DataFrame:
+    """Cases with one thing concealed: share exactly right, wrong and silent by effect and severity."""
+    rows = []
+    for category in ("single", "parameter", "sensor", "unknown"):
+        of = [j for j in judged if j.category == category]
+        for name in sorted({j.truth[-1] for j in of if j.truth}):
+            for severity in ("weak", "medium", "strong"):
+                here = [j for j in of if j.truth and j.truth[-1] == name and j.severity == severity]
+                if here:
+                    value, low, high = proportion([j.exact for j in here])
+                    rows.append({"category": category, "effect": name, "severity": severity, "n": len(here), "exact": value,
+                                 "low": low, "high": high, "nothing": np.mean([j.outcome == "nothing" for j in here]),
+                                 "wrong": np.mean([bool(j.wrong) for j in here])})  # fmt: skip
+    return pd.DataFrame(rows, columns=["category", "effect", "severity", "n", "exact", "low", "high", "nothing", "wrong"])
+
+
+def confusion(judged: Sequence[Judgement]) -> pd.DataFrame:
+    """Count, for every concealed name (or kind, where nothing has a name), the answers that cases with it got."""
+    rows = []
+    for j in judged:
+        truth = j.truth if j.category in ("single", "parameter", "sensor", "unknown") else (j.category,)
+        answer = j.claimed or (j.verdict,)
+        known = set(j.truth) if j.category != "unknown" else set()
+        concealed = truth[-1] if truth else j.category
+        rows += [(concealed, name) for name in answer if name == concealed or name not in known]
+        if j.category in ("pair", "triple") and j.claimed and not j.wrong:
+            rows.append((concealed, "true names"))
+        elif j.category not in ("pair", "triple") and j.claimed and not [n for n in answer if n == concealed or n not in known]:
+            rows.append((concealed, "true companion only"))
+    frame = pd.DataFrame(rows, columns=["concealed", "answer"])
+    return frame.value_counts(sort=False).rename("cases").reset_index()
+
+
+def outcomes(judged: Sequence[Judgement]) -> pd.DataFrame:
+    """Count of every outcome by category."""
+    frame = pd.DataFrame([(j.category, j.outcome) for j in judged], columns=["category", "outcome"])
+    return frame.value_counts(sort=False).rename("cases").reset_index()
+
+
+def reliability(judged: Sequence[Judgement], bins: int = 10) -> pd.DataFrame:
+    """Stated probability against the share that came true, by bin."""
+    stated = np.array([s for j in judged for s in j.stated], dtype=float).reshape(-1, 2)
+    place = np.clip((stated[:, 0] * bins).astype(int), 0, bins - 1)
+    rows = []
+    for b in np.unique(place):
+        here = stated[place == b]
+        value, low, high = proportion(here[:, 1].astype(bool))
+        rows.append({"bin": b / bins, "n": len(here), "stated": here[:, 0].mean(), "true": value, "low": low, "high": high})
+    return pd.DataFrame(rows, columns=["bin", "n", "stated", "true", "low", "high"])
