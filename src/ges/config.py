@@ -201,6 +201,72 @@ class Data(Part):
     flights_per_batch: Count = Field(description="flights a job; results do not depend on it")
 
 
+class Window(Part):
+    """What sequence models see: the present row and rows before it."""
+
+    rows: Count = Field(description="rows of a window, the present one included")
+    step: Count = Field(description="rows of the data set between two rows of a window")
+
+
+class Fit(Part):
+    """Rows that a model is fitted to."""
+
+    train_rows: Count | None = Field(description="cap on training rows, shared equally by the flights; null takes all")
+
+
+class TreeFit(Fit):
+    """Decision tree."""
+
+    min_leaf_rows: Count = Field(description="fewest training rows in a leaf")
+
+
+class ForestFit(TreeFit):
+    """Random forest."""
+
+    trees: Count = Field(description="trees")
+    features_share: Annotated[float, Field(gt=0, le=1)] = Field(description="share of the features that a split looks at")
+
+
+class BoostingFit(TreeFit):
+    """Histogram gradient boosting, stopped early on the validation rows."""
+
+    trees: Count = Field(description="greatest number of trees")
+    leaves: Count = Field(description="greatest number of leaves of a tree")
+    learning_rate: Positive = Field(description="share of a tree's correction that is taken")
+    patience: Count = Field(description="trees without gain on validation rows before stopping")
+
+
+class NetworkFit(Fit):
+    """Multilayer perceptron 13-64-32-1, stopped early on the validation rows."""
+
+    epochs: Count = Field(description="greatest number of passes over the training rows")
+    patience: Count = Field(description="passes without gain on validation rows before stopping")
+    batch_rows: Count = Field(description="rows a step")
+    learning_rate: Positive = Field(description="greatest step size; it falls to nothing over the passes")
+
+
+class LstmFit(NetworkFit):
+    """Long short-term memory network over the window."""
+
+    units: Count = Field(description="units of the layer")
+
+
+class TransformerFit(LstmFit):
+    """Transformer encoder over the window."""
+
+    heads: Count = Field(description="attention heads; they divide the units")
+    layers: Count = Field(description="encoder layers")
+
+    @model_validator(mode="after")
+    def _divides(self) -> TransformerFit:
+        if self.units % self.heads:
+            raise ValueError(f"heads = {self.heads} do not divide units = {self.units}")
+        return self
+
+
+AnyFit = Fit | TreeFit | ForestFit | BoostingFit | NetworkFit | LstmFit | TransformerFit
+
+
 class Models(Part):
     """Models and their comparison."""
 
@@ -208,12 +274,18 @@ class Models(Part):
     seed: Annotated[int, Field(ge=0)] = Field(description="seed of every random number in training")
     horizon_s: NonNegative = Field(description="how far ahead the factor is predicted")
     block_s: Positive = Field(description="length of a block of the block-wise split")
-    window_rows: Count = Field(description="rows that sequence models see")
-    window_step: Count = Field(description="rows between two rows of a window")
-    train_rows: Count | None = Field(description="cap on the training rows of every model; null takes all")
-    epochs: Count = Field(description="greatest number of passes of the networks")
-    patience: Count = Field(description="passes without gain on validation seeds before stopping")
-    trees: Count = Field(description="trees of the random forest")
+    validation_rows: Count | None = Field(description="cap on validation rows; null takes all")
+    test_rows: Count | None = Field(description="cap on test rows, the same rows for every model; null takes all")
+    resamples: Count = Field(description="draws of seeds behind an interval")
+    firmware_plan: Literal["published", "consistent"] = Field(description="flight plan whose MLP the firmware flies")
+    window: Window = Field(description="window of the sequence models")
+    linear: Fit = Field(description="linear regression")
+    decision_tree: TreeFit = Field(description="decision tree")
+    random_forest: ForestFit = Field(description="random forest")
+    gradient_boosting: BoostingFit = Field(description="gradient boosting")
+    mlp: NetworkFit = Field(description="multilayer perceptron")
+    lstm: LstmFit = Field(description="LSTM")
+    transformer: TransformerFit = Field(description="Transformer")
 
 
 class Offline(Part):

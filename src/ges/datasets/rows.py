@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ..config import Models
+from ..config import Window as Shape
 from ..errors import GesError
 from .columns import FEATURES, TARGET, WHEREABOUTS
 from .flights import read_flight, seed_of
@@ -56,10 +56,10 @@ class Window:
     reserve: int
 
     @classmethod
-    def of(cls, models: Models, rate_hz: float, horizon_s: float | None = None, reserve_s: float = 0.0) -> Window:
+    def of(cls, shape: Shape, rate_hz: float, horizon_s: float, reserve_s: float = 0.0) -> Window:
         """Window of a configuration; the reserve keeps one row set for several horizons."""
-        ahead = round((models.horizon_s if horizon_s is None else horizon_s) * rate_hz)
-        return cls(models.window_rows, models.window_step, ahead, max(ahead, round(reserve_s * rate_hz)))
+        ahead = round(horizon_s * rate_hz)
+        return cls(shape.rows, shape.step, ahead, max(ahead, round(reserve_s * rate_hz)))
 
     @property
     def past(self) -> int:
