@@ -68,7 +68,7 @@ class Recorder:
         return pd.DataFrame(columns)
 
     def _at(self, name: str, shift: float = 0.0, smooth: float = 0.0) -> np.ndarray:
-        """Return (width, n) truth at the sample times, after an anti-alias mean over ``smooth`` seconds."""
+        """Return (width, n) truth at the sample times, after a centred anti-alias mean over ``smooth`` seconds (an odd count)."""
         from scipy.ndimage import uniform_filter1d
 
         rows = self.truth[name].T
@@ -98,8 +98,8 @@ class Recorder:
     def _inertial(self):
         n = len(self.t)
         tone, scale = self._vibration(), self.log.scale
-        gyro = self._at("omega", smooth=0.008) + self._noise((3, n), 0.008) + 0.006 * scale * tone
-        acc = self._at("specific_force", smooth=0.008) + self._noise((3, n), 0.15) + 0.25 * scale * tone
+        gyro = self._at("omega", smooth=3 * CONTROL_DT_S) + self._noise((3, n), 0.008) + 0.006 * scale * tone
+        acc = self._at("specific_force", smooth=3 * CONTROL_DT_S) + self._noise((3, n), 0.15) + 0.25 * scale * tone
         for k, axis in enumerate("xyz"):
             gyro[k] += self.hid[f"gyro_bias_{axis}_rad_s"] + 0.001 * self.rng.standard_normal()
             acc[k] += self.hid[f"acc_bias_{axis}_m_s2"] + 0.02 * self.rng.standard_normal()
@@ -144,8 +144,8 @@ class Recorder:
     def _range(self):
         n = len(self.t)
         reading = self._cone()
-        lag = self.hid["range_lag_s"] + 0.008
-        reading = _lagged(reading, lag, CONTROL_DT_S)
+        if self.hid["range_lag_s"]:
+            reading = _lagged(reading, self.hid["range_lag_s"], CONTROL_DT_S)
         y = np.interp(self.t, self.clock, reading) + self.hid["range_bias_m"] + self._noise(n, 0.004)
         y = np.where((y > RANGE_LIMIT_M) | (self.rng.random(n) < 0.002), np.nan, _quantise(y, 1e-3))
         named = {"range_m": y}
