@@ -1,0 +1,292 @@
+"""The report and its pictures, made from a diagnosis of simulated flights; what is drawn is read back from the figures."""
+
+import dataclasses
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import ges
+from ges import manoeuvres, sim
+from ges.diagnose import pictures, report, words
+from ges.terrain import Terrain
+from ges.vehicle import parse_vehicle
+
+ARM = 0.12
+VEHICLE = parse_vehicle(
+    {
+        "name": "quad",
+        "mass_kg": {"value": 1.0, "sd": 0.02},
+        "inertia_kg_m2": {"xx": 0.01, "yy": 0.01, "zz": 0.018, "sd_rel": 0.1},
+        "rotors": [
+            {"x_m": x * ARM, "y_m": y * ARM, "radius_m": 0.1, "spin": spin}
+            for x, y, spin in ((1, -1, "ccw"), (-1, 1, "ccw"), (1, 1, "cw"), (-1, -1, "cw"))
+        ],
+        "thrust_coefficient_N_s2": {"value": 6e-6, "sd_rel": 0.03},
+        "max_rotor_speed_rad_s": 1000,
+    }
+)
+
+
+def _flown(effects: dict, seed: int) -> pd.DataFrame:
+    """Straight runs, with the noise of a decent estimator; accelerometer and gyro left out for speed."""
+    table = manoeuvres.make("straight_runs", 20.0)
+    numbers = {
+        **VEHICLE.parameters(),
+        "ixx_kg_m2": 0.01,
+        "seed": seed,
+        "altitude_source": 1,
+        "mode": "none",
+        "inputs_dt_s": manoeuvres.STEP_S,
+        "duration_s": 20.0,
+    }
+    wanted = [
+        "t_s",
+        *(f"p_{a}_m" for a in "xyz"),
+        *(f"v_{a}_m_s" for a in "xyz"),
+        "q_w",
+        "q_x",
+        "q_y",
+        "q_z",
+        *(f"rotor_speed_{i}_rad_s" for i in range(1, 5)),
+    ]
+    (record,) = sim.fly([sim.Flight(numbers, effects, Terrain.flat(), table)], wanted)
+    frame, rng = pd.DataFrame(record.columns), np.random.default_rng(seed)
+    for column in frame:
+        if column.startswith(("v_", "q_")):
+            frame[column] += rng.normal(0.0, 0.02 if column.startswith("v_") else 0.001, len(frame))
+    return frame
+
+
+@pytest.fixture(scope="module")
+def content() -> dict:
+    flights = {f"run {k} <b>": _flown({"rotor_drag": {"k_kg": 4e-5}}, k) for k in (1, 2, 3)}
+    return ges.diagnose(flights, VEHICLE).content()
+
+
+@pytest.fixture(scope="module")
+def page(content) -> str:
+    shown = {"held_out": pictures.png(pictures.held_out_bars(content["fit"]["channels"]))}
+    return report.render(content, shown)
+
+
+class _Balanced(HTMLParser):
+    VOID = {"meta", "img", "br"}
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.sources, self.text, self.headings = [], [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in self.VOID:
+            self.open.append(tag)
+        self.sources += [value for name, value in attrs if name in ("src", "href")]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] != "style":
+            self.text.append(data)
+        if self.open and self.open[-1] == "h2":
+            self.headings.append(data)
+
+
+def _parsed(page: str) -> tuple[str, _Balanced]:
+    parser = _Balanced()
+    parser.feed(page)
+    assert parser.open == []
+    return re.sub(r" +([:;,.])", r"\1", " ".join(" ".join(parser.text).split())), parser
+
+
+def test_the_flights_carry_a_finding_for_the_report(content):
+    assert content["findings"], content["sentence"]
+    assert content["fit"]["channels"]
+
+
+def test_page_is_whole_and_needs_no_network(page):
+    _, parser = _parsed(page)
+    assert parser.sources and all(s.startswith("data:image/png;base64,") for s in parser.sources)
+    assert "http" not in re.sub(r"base64,[A-Za-z0-9+/=]+", "", page) and "<script" not in page
+
+
+def test_sentence_comes_first_then_where_what_how_sure_and_the_limits(page, content):
+    text, parser = _parsed(page)
+    assert parser.headings == ["Where", "What, and how much", "How sure", "What these flights cannot tell", "Details"]
+    assert text.index(content["sentence"]) < text.index("Where Conditions")
+
+
+def test_every_number_of_the_findings_is_on_the_page(page, content):
+    text, _ = _parsed(page)
+    for f in content["findings"]:
+        assert f["equation"] in page.replace("&gt;", ">").replace("&#39;", "'")
+        for name, p in f["parameters"].items():
+            span = f"{words.number_words(p['ci95'][0])} to {words.number_words(p['ci95'][1])}"
+            assert f"{name} {words.number_words(p['value'])} {span} {p['unit'].replace('1', '')}".strip() in text
+    for c in content["fit"]["channels"].values():
+        assert " ".join(words.number_words(c[s]) for s in ("before", "recalibrated", "after")) in text
+
+
+def test_names_of_flights_are_text_not_markup(page, content):
+    assert any("<b>" in name for name in content["fit"]["holdout_flights"])
+    assert "<b>" not in page and "&lt;b&gt;" in page
+
+
+@pytest.mark.parametrize("verdict", report.VERDICTS)
+def test_every_verdict_makes_a_page_even_with_nothing_in_it(content, verdict):
+    bare = {
+        **content,
+        "verdict": verdict,
+        "findings": [],
+        "located": [],
+        "unexplained": [],
+        "detectable": {},
+        "next_flight": {},
+        "calibration": {},
+        "not_tested": {},
+        "fit": {"metric": "", "holdout_flights": [], "channels": {}, "rollout": {}},
+    }
+    text, _ = _parsed(report.render(bare, {}))
+    assert report.VERDICTS[verdict] in text and "No flight could be held out" in text and "No cause is proven" in text
+
+
+def test_what_is_open_is_told(content):
+    finding = content["findings"][0]
+    told = {
+        **content,
+        "verdict": "ambiguous",
+        "findings": [{**finding, "name": "wind", "size": {}}, {**finding, "name": "attitude_bias"}],
+        "unexplained": [{"channel": "force_z", "regime": {"height_over_radius": [0.5, 2.0]}, "r2": 0.31}],
+        "detectable": {
+            "wind": {"parameter": "east_m_s", "smallest": 0.4, "unit": "m/s"},
+            "tether": {"parameter": "weight_N_m", "smallest": None},
+        },
+        "next_flight": {"manoeuvre": "yaw_turn", "separates": ["wind", "attitude_bias"], "expected_log_odds": 12.0},
+    }
+    text, _ = _parsed(report.render(json.loads(json.dumps(told)), {}))
+    for expected in (
+        "wind or attitude bias: the flights fit either",
+        "force along thrust height over rotor radius 0.500 to 2.00 0.310",
+        "wind east_m_s 0.400 m/s",
+        "tether weight_N_m not visible",
+        "Fly yaw turn: it separates wind from attitude bias (expected log odds 12.0, both simulated)",
+    ):
+        assert expected in text
+
+
+def test_written_whole_and_the_same_every_time(tmp_path, content):
+    shown = {"held_out": pictures.save(pictures.held_out_bars(content["fit"]["channels"]), tmp_path, "held_out")}
+    report.write_report(content, shown, tmp_path / "report.html")
+    first = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+    pictures.save(pictures.held_out_bars(content["fit"]["channels"]), tmp_path, "held_out")
+    report.write_report(content, shown, tmp_path / "report.html")
+    assert set(first) == {"held_out.png", "held_out.pdf", "report.html"}
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == first
+
+
+def test_bars_have_the_lengths_and_whiskers_of_the_table(content):
+    channels = content["fit"]["channels"]
+    axis = pictures.held_out_bars(channels).axes[0]
+    for bars, stage in zip(axis.containers[:2] + axis.containers[3:], ("before", "recalibrated", "after"), strict=False):
+        if hasattr(bars, "patches"):
+            assert [b.get_width() for b in bars] == pytest.approx([c[stage] / c["before"] for c in channels.values()])
+    whiskers = next(c for c in axis.containers if hasattr(c, "has_xerr")).lines[2][0].get_segments()
+    for segment, c in zip(whiskers, channels.values(), strict=True):
+        ends = [(1.0 - r) * c["recalibrated"] / c["before"] for r in reversed(c["reduction_ci95"])]
+        value = c["after"] / c["before"]
+        assert segment[:, 0] == pytest.approx([min(ends[0], value), max(ends[1], value)], abs=1e-9)
+
+
+@dataclasses.dataclass
+class _Cell:
+    channel: str
+    regime: str
+    low: float
+    high: float
+    mean: float
+    sd: float
+    q_value: float
+
+
+def test_map_shows_score_and_significance_where_they_belong():
+    rng = np.random.default_rng(0)
+    bounds = np.array([0.2, 0.5, 1.0, 3.0])
+    cells = [
+        dataclasses.asdict(_Cell(c, "height_over_radius", low, high, rng.normal(), 0.3, q))
+        for c in ("force_z", "moment_x")
+        for low, high, q in zip(bounds[:-1], bounds[1:], (0.9, 0.01, 0.2), strict=True)
+    ]
+    axis = pictures.location_map(cells).axes[0]
+    expected = np.array([c["mean"] / c["sd"] for c in cells]).reshape(2, 3)
+    assert np.allclose(axis.images[0].get_array(), expected)
+    assert sorted(tuple(float(v) for v in line.get_xydata()[0]) for line in axis.lines) == [(1.0, 0.0), (1.0, 1.0)]
+    assert [t.get_text() for t in axis.get_yticklabels()] == ["force along thrust", "moment in roll"]
+
+
+def test_bins_give_means_and_intervals_that_count_blocks():
+    rng = np.random.default_rng(1)
+    covered = []
+    for _ in range(200):
+        blocks = np.repeat(np.arange(12), 25)
+        x, y = rng.uniform(0, 1, 300), np.repeat(rng.normal(0, 1, 12), 25) + rng.normal(0, 0.1, 300)
+        center, mean, half = pictures.binned(x, y, blocks, np.array([0.0, 0.5, 1.0]))
+        assert mean[0] == pytest.approx(y[x < 0.5].mean()) and center[1] == pytest.approx(x[x >= 0.5].mean())
+        covered.append(abs(mean[0]) < half[0])
+    assert 0.90 < np.mean(covered) < 0.99
+
+
+def test_curves_of_both_models_are_drawn_over_the_recorded_bins():
+    rng = np.random.default_rng(2)
+    x = rng.uniform(0.5, 4.0, 600)
+    truth = 0.5 / x**2
+    figure = pictures.residual_against(
+        x,
+        truth + rng.normal(0, 0.02, 600),
+        {"recalibrated": 0 * x, "after": truth},
+        np.arange(600) // 40,
+        "height over rotor radius",
+        "force, N",
+    )
+    lines = {line.get_label(): line for line in figure.axes[0].lines}
+    after = lines[words.stage_words("after")]
+    edges = np.quantile(x, np.linspace(0, 1, pictures.BINS + 1))
+    inside = x <= edges[1]
+    assert after.get_ydata()[0] == pytest.approx(truth[inside].mean(), rel=1e-6)
+    assert np.all(lines[words.stage_words("recalibrated")].get_ydata() == 0.0)
+
+
+def test_rollout_lines_are_rms_over_the_starts():
+    rng, t = np.random.default_rng(3), np.linspace(0.1, 1.0, 10)
+    e = {stage: rng.normal(0, size, (30, 10)) * t for stage, size in (("before", 0.2), ("recalibrated", 0.1), ("after", 0.05))}
+    axis = pictures.rollout_growth(t, {"p_z_m": e}).axes[0]
+    for line, stage in zip(axis.lines, e, strict=True):
+        assert line.get_ydata() == pytest.approx(np.sqrt((e[stage] ** 2).mean(axis=0)))
+    assert axis.get_title() == "height"
+
+
+def test_interval_plot_shows_value_interval_and_declared_doubt():
+    rows = [{"label": "mass_kg", "value": 1.1, "ci95": [1.05, 1.15], "unit": "kg", "declared": 1.0, "declared_sd": 0.02}]
+    axis = pictures.parameter_intervals(rows).axes[0]
+    bar = next(line for line in axis.lines if line.get_linewidth() == 3.0)
+    assert list(bar.get_xdata()) == [1.05, 1.15]
+    assert axis.patches[0].get_x() == pytest.approx(0.96) and axis.patches[0].get_width() == pytest.approx(0.08)
+    assert "1.10 kg" in axis.get_title(loc="left")
+
+
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [
+        (0.0, "0"),
+        (1234.5, "1234"),
+        (0.01234, "0.0123"),
+        (-2.0, "−2.00"),
+        (1.05e-5, "1.05·10⁻⁵"),
+        (None, "not known"),
+        (float("nan"), "not known"),
+    ],
+)
+def test_numbers_in_words(value, told):
+    assert words.number_words(value) == told
