@@ -8,6 +8,11 @@ from ges.files import tree_hash
 from ges.sources import sources
 from snakemake.exceptions import WorkflowError
 
+
+# Not needed to run: an image that has all that make asks for, for those who want one (--software-deployment-method).
+container: "docker://python:3.11-bookworm"
+
+
 try:
     STUDY = ges_config.validate(config)
 except GesError as error:
