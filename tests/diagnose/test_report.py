@@ -125,7 +125,9 @@ def test_every_number_of_the_findings_is_on_the_page(page, content):
         assert f["equation"] in page.replace("&gt;", ">").replace("&#39;", "'")
         for name, p in f["parameters"].items():
             span = f"{words.number_words(p['ci95'][0])} to {words.number_words(p['ci95'][1])}"
-            assert f"{name} {words.number_words(p['value'])} {span} {p['unit'].replace('1', '')}".strip() in text
+            unit = "" if p["unit"] == "1" else p["unit"]
+            told = (name, p.get("note", ""), words.number_words(p["value"]), span, unit)
+            assert " ".join(word for word in told if word) in text
     for c in content["fit"]["channels"].values():
         assert " ".join(words.number_words(c[s]) for s in ("before", "recalibrated", "after")) in text
 
