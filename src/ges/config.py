@@ -165,6 +165,7 @@ class Seeds(Part):
     train: SeedRange = Field(description="models are fitted to these")
     validation: SeedRange = Field(description="early stopping and every choice, the clamp threshold included")
     test: SeedRange = Field(description="offline scores")
+    calibration: SeedRange = Field(description="fit of the simulator's free numbers to published figures")
     closed_loop_small: SeedRange = Field(description="closed loop: the small comparison")
     closed_loop: SeedRange = Field(description="closed loop: all other experiments")
 
@@ -301,6 +302,17 @@ class Pulse(Part):
     bias: Finite = Field(description="height of the pulse")
     start_s: NonNegative = Field(description="start")
     duration_s: Positive = Field(description="length")
+    window_edges_s: list[NonNegative] = Field(min_length=2, description="edges of the windows after its end")
+
+
+class PulseMap(Part):
+    """Pulses of every height and length: which the vehicle recovers from."""
+
+    biases: list[Finite] = Field(min_length=1, description="heights")
+    durations_s: list[Positive] = Field(min_length=1, description="lengths")
+    recovery_s: Positive = Field(description="time to recover after a pulse")
+    judged_s: Positive = Field(description="last part of the recovery, in which it is judged")
+    tolerance_m: Positive = Field(description="RMS difference of clearance from the unpulsed flight that counts as returned")
 
 
 class ClosedLoop(Part):
@@ -314,6 +326,7 @@ class ClosedLoop(Part):
     clamp_thresholds: list[Finite] = Field(min_length=1, description="candidates for the asymmetric clamp")
     biases: list[Finite] = Field(min_length=1, description="biases of the estimate")
     pulse: Pulse = Field(description="bias pulse")
+    pulse_map: PulseMap = Field(description="map of bias pulses")
     pole_factors: list[Positive] = Field(min_length=1, description="ground effect factors of the pole analysis")
     slope_exponents: list[NonNegative] = Field(min_length=1, description="grid: slope exponents")
     curvature_gains_m: list[Finite] = Field(min_length=1, description="grid: curvature gains")

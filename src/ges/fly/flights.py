@@ -1,16 +1,21 @@
-"""Flights of a closed-loop experiment: every condition over every seed, in one batch."""
+"""Flights of a closed-loop experiment: every condition over every seed, a row of metrics a flight."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 
 import pandas as pd
 
 from .. import sim
 from ..config import ClosedLoop, Simulator
 from ..errors import GesError
+from ..files import replacing
 from .metrics import COLUMNS, flight_metrics
+
+AT_ONCE = 120  # flights in memory together; results do not depend on it
 
 
 @dataclasses.dataclass(frozen=True)
@@ -19,14 +24,16 @@ class Condition:
 
     Parameters
     ----------
-    labels : columns that name the condition in the table.
+    name : the arm, in the column ``condition`` of the table.
     parameters : numbers of :class:`ges.sim.Flight` that differ.
     ground_effect : parameters of the true ground effect that differ.
+    labels : further columns of the table.
     """
 
-    labels: Mapping[str, float | str]
+    name: str
     parameters: Mapping[str, float | str]
     ground_effect: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    labels: Mapping[str, float | str] = dataclasses.field(default_factory=dict)
 
     def flight(self, simulator: Simulator, plan: ClosedLoop, seed: int) -> sim.Flight:
         """The flight of one seed; the same seed has the same terrain and the same sensor noise in every condition."""
@@ -34,20 +41,55 @@ class Condition:
         truth = {**simulator.ground_effect.parameters(), **self.ground_effect}
         return sim.Flight({**simulator.parameters(), **numbers, **self.parameters}, {"ground_effect": truth})
 
+    def but(self, name: str, **parameters: float | str) -> Condition:
+        """The same condition under another name with other numbers."""
+        return dataclasses.replace(self, name=name, parameters={**self.parameters, **parameters})
 
-def flown(flights: Sequence[sim.Flight], columns: Iterable[str]) -> list[sim.Record]:
-    """Fly, and stop with a sentence where a flight did not end well."""
-    records = sim.fly(flights, columns)
-    for record in records:
-        if record.status != "ok":
-            raise GesError(f"closed loop: {record.status}; this flight plan or these gains cannot be flown")
-    return records
+
+def mode(name: str, **parameters: float | str) -> Condition:
+    """The condition of a feedforward mode, named after it."""
+    return Condition(name, {"mode": name, **parameters})
+
+
+def _counted(total: int) -> Iterator[int]:
+    """Starts of the batches; a bar on stderr where that is a terminal."""
+    starts = range(0, total, AT_ONCE)
+    if not sys.stderr.isatty():
+        yield from starts
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("flights", total=total)
+        for start in starts:
+            yield start
+            bar.advance(task, AT_ONCE)
+
+
+def flown(flights: Sequence[sim.Flight], columns: Iterable[str]) -> Iterator[sim.Record]:
+    """Fly in batches, and stop with a sentence where a flight did not end well."""
+    columns = tuple(columns)
+    for start in _counted(len(flights)):
+        for record in sim.fly(flights[start : start + AT_ONCE], columns):
+            if record.status != "ok":
+                raise GesError(f"closed loop: {record.status}; this flight plan or these gains cannot be flown")
+            yield record
 
 
 def fly_conditions(conditions: Sequence[Condition], seeds: Sequence[int], simulator: Simulator, plan: ClosedLoop) -> pd.DataFrame:
-    """Metrics of every condition over every seed, a row a flight."""
+    """Metrics of every condition over every seed, a row a flight: ``condition``, labels, ``seed``, metrics."""
     arms = [(c, seed) for c in conditions for seed in seeds]
     records = flown([c.flight(simulator, plan, seed) for c, seed in arms], COLUMNS)
     limits = simulator.controller.agl_ref_m, plan.low_clearance_m, plan.restricted_m
-    rows = [{**c.labels, "seed": seed, **flight_metrics(r, *limits)} for (c, seed), r in zip(arms, records, strict=True)]
+    rows = [
+        {"condition": c.name, **c.labels, "seed": seed, **flight_metrics(record, *limits)}
+        for (c, seed), record in zip(arms, records, strict=True)
+    ]
     return pd.DataFrame(rows)
+
+
+def write_csv(table: pd.DataFrame, path: Path) -> None:
+    """Write a table whole or not at all."""
+    with replacing(path) as new:
+        table.to_csv(new, index=False, lineterminator="\n")

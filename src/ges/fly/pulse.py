@@ -1,0 +1,168 @@
+"""A bias pulse on the oracle, each flight beside the same flight without it: does the disturbance grow or die out?"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from ..config import ClosedLoop, SeedRange, Simulator
+from ..files import write_json
+from ..sim import Record
+from ..stats.paired import contrasts
+from .flights import Condition, flown, write_csv
+
+COLUMNS = ("t_s", "agl_m", "ge_factor", "ge_shadow")
+BEFORE_S = 0.5
+TRACE_EVERY = 2
+
+
+def pulse_pair(plan: ClosedLoop, bias: float, duration_s: float) -> tuple[Condition, Condition]:
+    """The oracle without and with a pulse, the network running beside it."""
+    plain = Condition("unpulsed", {"mode": "oracle", "shadow": 1.0})
+    kick = {"pulse": bias, "pulse_start_s": plan.pulse.start_s, "pulse_duration_s": duration_s}
+    return plain, plain.but("pulsed", **kick)
+
+
+def _rows(name: str, seed: int, record: Record, plan: ClosedLoop) -> Iterator[dict]:
+    after = record["t_s"] - (plan.pulse.start_s + plan.pulse.duration_s)
+    error = np.abs(record["ge_shadow"] - record["ge_factor"])
+    for low, high in itertools.pairwise(plan.pulse.window_edges_s):
+        inside = (after >= low) & (after < high)
+        clearance, shadow = float(record["agl_m"][inside].mean()), float(error[inside].mean())
+        yield {"condition": name, "seed": seed, "window_s": f"{low:g}-{high:g}", "clearance_m": clearance, "shadow_mae": shadow}
+
+
+def _tests(windows: pd.DataFrame) -> pd.DataFrame:
+    """Paired tests of pulsed against unpulsed by window; Holm's correction is over all windows of a metric and both metrics."""
+    wide = windows.pivot(index=["condition", "seed"], columns="window_s", values=["clearance_m", "shadow_mae"])
+    wide.columns = [f"{metric} {window}" for metric, window in wide.columns]
+    names = [f"{metric} {window}" for metric in ("clearance_m", "shadow_mae") for window in windows["window_s"].unique()]
+    table = contrasts(wide.reset_index(), names, [("pulsed", "unpulsed")])
+    split = table.pop("metric").str.split(" ", expand=True)
+    table.insert(0, "metric", split[0])
+    table.insert(1, "window_s", split[1])
+    return table
+
+
+def _trace(t_s: np.ndarray, change: np.ndarray, plan: ClosedLoop) -> pd.DataFrame:
+    """Mean change of clearance over seeds against time after the pulse, with its 95 % interval; change: (seeds, rows)."""
+    after = t_s - (plan.pulse.start_s + plan.pulse.duration_s)
+    near = np.flatnonzero((after >= -BEFORE_S - plan.pulse.duration_s) & (after < plan.pulse.window_edges_s[-1]))[::TRACE_EVERY]
+    part, mean = change[:, near], change[:, near].mean(axis=0)
+    half = stats.t.ppf(0.975, max(len(part) - 1, 1)) * part.std(axis=0, ddof=1) / np.sqrt(len(part)) if len(part) > 1 else np.nan
+    return pd.DataFrame({"after_s": after[near].round(6), "change_m": mean, "low_m": mean - half, "high_m": mean + half})
+
+
+def _response(trace: pd.DataFrame) -> dict[str, float]:
+    """Depth of the mean response, its rebound, when they occur, and when it stays within a tenth of the depth."""
+    after = trace[trace["after_s"] >= 0].reset_index(drop=True)
+    low = int(after["change_m"].idxmin())
+    high = low + int(after["change_m"][low:].argmax())
+    depth = float(after["change_m"][low])
+    outside = np.flatnonzero(np.abs(after["change_m"]) > 0.1 * abs(depth))
+    return {
+        "lowest_m": depth,
+        "lowest_after_s": float(after["after_s"][low]),
+        "rebound_m": float(after["change_m"][high]),
+        "rebound_after_s": float(after["after_s"][high]),
+        "settled_after_s": float(after["after_s"][min(outside[-1] + 1, len(after) - 1)]),
+        "last_m": float(after["change_m"].iloc[-1]),
+    }
+
+
+def fly_pulse(
+    simulator: Simulator, plan: ClosedLoop, closed_loop: SeedRange, flights: Path, tests: Path, trace: Path, response: Path
+) -> None:
+    """Pulsed and unpulsed flights of every seed.
+
+    Parameters
+    ----------
+    flights : to write: mean clearance and shadow error of every flight and window after the pulse.
+    tests : to write: paired tests of pulsed against unpulsed in every window.
+    trace : to write: mean change of clearance against time.
+    response : to write (JSON): depth, rebound and settling of that mean.
+    """
+    seeds, pair = closed_loop.list(), pulse_pair(plan, plan.pulse.bias, plan.pulse.duration_s)
+    arms = [(c, seed) for c in pair for seed in seeds]
+    records = list(flown([c.flight(simulator, plan, seed) for c, seed in arms], COLUMNS))
+    rows = [row for (c, seed), r in zip(arms, records, strict=True) for row in _rows(c.name, seed, r, plan)]
+    table, clearance = pd.DataFrame(rows), np.array([r["agl_m"] for r in records])
+    mean = _trace(records[0]["t_s"], clearance[len(seeds) :] - clearance[: len(seeds)], plan)
+    write_csv(table, flights)
+    write_csv(_tests(table), tests)
+    write_csv(mean, trace)
+    write_json(response, _response(mean))
+
+
+def _outcome(unpulsed: Record, pulsed: Record, end_s: float, limits: ClosedLoop) -> dict[str, float]:
+    """What a pulse did to one flight: deepest loss of clearance, what is left of it, seconds on the ground it adds."""
+    change, t_s = pulsed["agl_m"] - unpulsed["agl_m"], pulsed["t_s"]
+    last = t_s >= end_s + limits.pulse_map.recovery_s - limits.pulse_map.judged_s
+    after = t_s >= limits.pulse.start_s
+    row_s = float(t_s[1] - t_s[0])
+    left = float(np.sqrt(np.mean(change[last] ** 2)))
+    return {
+        "greatest_loss_m": float(-change.min()),
+        "left_m": left,
+        "returned": float(left <= limits.pulse_map.tolerance_m),
+        "touched_s": float((pulsed["contact"][after].sum() - unpulsed["contact"][after].sum()) * row_s),
+    }
+
+
+def _map_rows(simulator: Simulator, plan: ClosedLoop, seeds: list[int], duration_s: float) -> Iterator[dict]:
+    end = plan.pulse.start_s + duration_s
+    short = plan.model_copy(update={"duration_s": end + plan.pulse_map.recovery_s})
+    arms = [pulse_pair(plan, 0.0, duration_s)[0], *(pulse_pair(plan, b, duration_s)[1] for b in plan.pulse_map.biases)]
+    arms = [c.but(c.name, shadow=0.0) for c in arms]
+    columns = ("t_s", "agl_m", "contact")
+    records = list(flown([c.flight(simulator, short, seed) for c in arms for seed in seeds], columns))
+    unpulsed, rest = records[: len(seeds)], records[len(seeds) :]
+    for (bias, seed), record in zip(itertools.product(plan.pulse_map.biases, seeds), rest, strict=True):
+        outcome = _outcome(unpulsed[seeds.index(seed)], record, end, plan)
+        yield {"bias": bias, "duration_s": duration_s, "seed": seed, **outcome}
+
+
+def fly_pulse_map(
+    simulator: Simulator, plan: ClosedLoop, closed_loop: SeedRange, flights: Path, summary: Path, limits: Path
+) -> None:
+    """Pulses of every height and length: which return, which touch the ground.
+
+    Parameters
+    ----------
+    flights : to write: a row a pulsed flight, against the same flight without the pulse.
+    summary : to write: share of seeds that returned and that touched the ground more than without, for every pulse.
+    limits : to write: for every length and sign, the greatest height up to which every seed returned, and up to which none
+        touched more; 0 where the smallest already fails.
+    """
+    seeds = closed_loop.list()
+    rows = [row for length in plan.pulse_map.durations_s for row in _map_rows(simulator, plan, seeds, length)]
+    table = pd.DataFrame(rows)
+    grouped = table.assign(touches=table["touched_s"] > 0).groupby(["bias", "duration_s"], as_index=False)
+    shares = grouped.agg(
+        seeds=("seed", "size"), returned=("returned", "mean"), touched=("touches", "mean"), loss_m=("greatest_loss_m", "mean"),
+        greatest_loss_m=("greatest_loss_m", "max"), left_m=("left_m", "max"),
+    )  # fmt: skip
+    write_csv(table, flights)
+    write_csv(shares, summary)
+    write_csv(_limits(shares), limits)
+
+
+def _up_to(cell: pd.DataFrame, good: pd.Series) -> float:
+    """Greatest |bias| below which every pulse is good; cell sorted by |bias|."""
+    passed = good.to_numpy().cumprod().sum()
+    return float(cell["bias"].abs().iloc[passed - 1]) if passed else 0.0
+
+
+def _limits(shares: pd.DataFrame) -> pd.DataFrame:
+    rows = []
+    for (length, sign), cell in shares.groupby(["duration_s", np.sign(shares["bias"])]):
+        cell = cell.sort_values("bias", key=np.abs)
+        returned, untouched = _up_to(cell, cell["returned"] == 1), _up_to(cell, cell["touched"] == 0)
+        highest = float(cell["bias"].abs().max())
+        rows.append((length, "+" if sign > 0 else "-", returned, untouched, highest))
+    return pd.DataFrame(rows, columns=["duration_s", "sign", "returns_up_to", "untouched_up_to", "tried_up_to"])

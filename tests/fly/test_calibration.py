@@ -1,0 +1,39 @@
+"""The simulator's free numbers are those that the calibration found, on seeds that serve nothing else."""
+
+import json
+
+import pytest
+
+from ges import config
+from ges.fly import calibrate
+
+
+@pytest.fixture(scope="module")
+def study(root):
+    return config.load(root / "config/default.yaml")
+
+
+@pytest.fixture(scope="module")
+def report(root):
+    return json.loads((root / "config/calibration.json").read_text())
+
+
+def test_configuration_holds_what_was_fitted(study, report):
+    flat = {**study.simulator.parameters(), "cruise_m_s": study.closed_loop.cruise_m_s}
+    for name, value in report["fitted"].items():
+        assert flat[name] == pytest.approx(value, rel=5e-3), name
+
+
+def test_nothing_but_the_calibration_list_was_used(study, report):
+    assert report["seeds"] == study.seeds.calibration.list()
+
+
+def test_operating_point_can_be_flown_again(study, report):
+    flown = calibrate.operating_point(study, report["fitted"], report["seeds"])
+    assert flown == pytest.approx(report["flown"], rel=1e-6, abs=1e-9)
+
+
+def test_misfit_is_worse_away_from_the_fit(study, report):
+    moved = {**report["fitted"], "altitude_ki": 0.5}
+    here, there = (calibrate.misfit(calibrate.operating_point(study, n, report["seeds"][:2])) for n in (report["fitted"], moved))
+    assert there > 2 * here

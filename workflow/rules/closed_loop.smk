@@ -1,0 +1,301 @@
+# Closed loop: every experiment flies the simulator that carries this study's network.
+import itertools
+
+FLOWN = "results/closed_loop"
+FLYING = "build/ml/libges.so"
+CLAMP = f"{FLOWN}/clamp.json"
+FORMS = ["cheeseman_bennett", "hayden", "sanchez_cuevas", "exponential"]
+CELLS = [
+    f"{FLOWN}/grid/slope{exponent:g}_curvature{gain:g}.csv"
+    for exponent, gain in itertools.product(
+        STUDY.closed_loop.slope_exponents, STUDY.closed_loop.curvature_gains_m
+    )
+]
+WORLDS = [
+    f"{FLOWN}/worlds/{form}_mapping{mapping}.csv"
+    for form, mapping in itertools.product(FORMS, [0, 1])
+]
+
+
+rule choose_clamp:
+    input:
+        library=FLYING,
+    output:
+        flights=f"{FLOWN}/clamp.csv",
+        choice=CLAMP,
+    log:
+        "results/logs/choose_clamp.log",
+    benchmark:
+        "results/benchmarks/choose_clamp.tsv"
+    params:
+        call=call("ges.fly.clamp:choose_clamp"),
+        simulator=part("simulator"),
+        plan=part("closed_loop"),
+        validation=part("seeds.validation"),
+    message:
+        "choose the clamp threshold on validation seeds"
+    script:
+        SCRIPT
+
+
+rule fly_comparison:
+    input:
+        library=FLYING,
+        clamp=CLAMP,
+    output:
+        flights=f"{FLOWN}/comparison.csv",
+        summary=f"{FLOWN}/comparison_summary.csv",
+    log:
+        "results/logs/fly_comparison.log",
+    benchmark:
+        "results/benchmarks/fly_comparison.tsv"
+    params:
+        call=call("ges.fly.comparison:fly_comparison"),
+        simulator=part("simulator"),
+        plan=part("closed_loop"),
+        seeds=part("seeds"),
+    message:
+        "fly the feedforward modes against each other"
+    script:
+        SCRIPT
+
+
+rule summarise_restricted:
+    input:
+        flights=f"{FLOWN}/comparison.csv",
+    output:
+        summary=f"{FLOWN}/restricted_summary.csv",
+    log:
+        "results/logs/summarise_restricted.log",
+    params:
+        call=call("ges.fly.comparison:summarise_restricted"),
+    message:
+        "tracking in the restricted zone"
+    script:
+        SCRIPT
+
+
+rule fly_bias:
+    input:
+        library=FLYING,
+    output:
+        flights=f"{FLOWN}/bias.csv",
+        summary=f"{FLOWN}/bias_summary.csv",
+        tests=f"{FLOWN}/bias_tests.csv",
+    log:
+        "results/logs/fly_bias.log",
+    benchmark:
+        "results/benchmarks/fly_bias.tsv"
+    params:
+        call=call("ges.fly.bias:fly_bias"),
+        simulator=part("simulator"),
+        plan=part("closed_loop"),
+        closed_loop=part("seeds.closed_loop"),
+    message:
+        "fly the oracle under constant biases"
+    script:
+        SCRIPT
+
+
+rule table2:
+    input:
+        comparison=f"{FLOWN}/comparison_summary.csv",
+        bias=f"{FLOWN}/bias_summary.csv",
+    output:
+        table="results/table2.csv",
+    log:
+        "results/logs/table2.log",
+    params:
+        call=call("ges.fly.comparison:write_table2"),
+    message:
+        "Table 2"
+    script:
+        SCRIPT
+
+
+rule fly_pulse:
+    input:
+        library=FLYING,
+    output:
+        flights=f"{FLOWN}/pulse.csv",
+        tests=f"{FLOWN}/pulse_tests.csv",
+        trace=f"{FLOWN}/pulse_trace.csv",
+        response=f"{FLOWN}/pulse_response.json",
+    log:
+        "results/logs/fly_pulse.log",
+    benchmark:
+        "results/benchmarks/fly_pulse.tsv"
+    params:
+        call=call("ges.fly.pulse:fly_pulse"),
+        simulator=part("simulator"),
+        plan=part("closed_loop"),
+        closed_loop=part("seeds.closed_loop"),
+    message:
+        "fly the bias pulse"
+    script:
+        SCRIPT
+
+
+rule fly_pulse_map:
+    input:
+        library=FLYING,
+    output:
+        flights=f"{FLOWN}/pulse_map.csv",
+        summary=f"{FLOWN}/pulse_map_summary.csv",
+        limits=f"{FLOWN}/pulse_map_limits.csv",
+    log:
+        "results/logs/fly_pulse_map.log",
+    benchmark:
+        "results/benchmarks/fly_pulse_map.tsv"
+    params:
+        call=call("ges.fly.pulse:fly_pulse_map"),
+        simulator=part("simulator"),
+        plan=part("closed_loop"),
+        closed_loop=part("seeds.closed_loop"),
+    message:
+        "map the pulses that the vehicle recovers from"
+    script:
+        SCRIPT
+
+
+rule write_poles:
+    input:
+        library=FLYING,
+    output:
+        poles=f"{FLOWN}/poles.csv",
+        summary=f"{FLOWN}/poles_summary.csv",
+    log:
+        "results/logs/write_poles.log",
+    benchmark:
+        "results/benchmarks/write_poles.tsv"
+    params:
+        call=call("ges.fly.poles:write_poles"),
+        simulator=part("simulator"),
+        plan=part("closed_loop"),
+        validation=part("seeds.validation"),
+    message:
+        "poles of the height loop"
+    script:
+        SCRIPT
+
+
+rule fly_grid_cell:
+    input:
+        library=FLYING,
+        clamp=CLAMP,
+    output:
+        flights=f"{FLOWN}/grid/slope{{exponent}}_curvature{{gain}}.csv",
+    log:
+        "results/logs/fly_grid_slope{exponent}_curvature{gain}.log",
+    benchmark:
+        "results/benchmarks/fly_grid_slope{exponent}_curvature{gain}.tsv"
+    params:
+        call=call("ges.fly.grid:fly_grid_cell"),
+        simulator=part("simulator"),
+        plan=part("closed_loop"),
+        closed_loop=part("seeds.closed_loop"),
+        slope_exponent=lambda wildcards: float(wildcards.exponent),
+        curvature_gain_m=lambda wildcards: float(wildcards.gain),
+    message:
+        "fly slope exponent {wildcards.exponent}, curvature gain {wildcards.gain} m"
+    script:
+        SCRIPT
+
+
+rule summarise_grid:
+    input:
+        cells=CELLS,
+    output:
+        flights=f"{FLOWN}/grid.csv",
+        summary=f"{FLOWN}/grid_summary.csv",
+    log:
+        "results/logs/summarise_grid.log",
+    params:
+        call=call("ges.fly.grid:summarise_grid"),
+    message:
+        "the grid of slope exponents and curvature gains"
+    script:
+        SCRIPT
+
+
+rule fly_causes:
+    input:
+        library=FLYING,
+    output:
+        flights=f"{FLOWN}/causes.csv",
+        summary=f"{FLOWN}/causes_summary.csv",
+        tests=f"{FLOWN}/causes_tests.csv",
+    log:
+        "results/logs/fly_causes.log",
+    benchmark:
+        "results/benchmarks/fly_causes.tsv"
+    params:
+        call=call("ges.fly.causes:fly_causes"),
+        simulator=part("simulator"),
+        plan=part("closed_loop"),
+        closed_loop=part("seeds.closed_loop"),
+    message:
+        "take away what may keep the oracle from winning"
+    script:
+        SCRIPT
+
+
+rule fly_world:
+    input:
+        library=FLYING,
+        clamp=CLAMP,
+    output:
+        flights=f"{FLOWN}/worlds/{{form}}_mapping{{mapping}}.csv",
+    wildcard_constraints:
+        form="|".join(FORMS),
+        mapping="0|1",
+    log:
+        "results/logs/fly_world_{form}_mapping{mapping}.log",
+    benchmark:
+        "results/benchmarks/fly_world_{form}_mapping{mapping}.tsv"
+    params:
+        call=call("ges.fly.forms:fly_world"),
+        simulator=part("simulator"),
+        plan=part("closed_loop"),
+        closed_loop=part("seeds.closed_loop"),
+        form=lambda wildcards: wildcards.form,
+        mapping=lambda wildcards: int(wildcards.mapping),
+    message:
+        "fly {wildcards.form}, mapping {wildcards.mapping}"
+    script:
+        SCRIPT
+
+
+rule summarise_worlds:
+    input:
+        worlds=WORLDS,
+    output:
+        flights=f"{FLOWN}/worlds.csv",
+        summary=f"{FLOWN}/worlds_summary.csv",
+        tests=f"{FLOWN}/worlds_bias_tests.csv",
+    log:
+        "results/logs/summarise_worlds.log",
+    params:
+        call=call("ges.fly.forms:summarise_worlds"),
+    message:
+        "which claims hang on the form of the ground effect"
+    script:
+        SCRIPT
+
+
+CLOSED_LOOP = [
+    "results/table2.csv",
+    *(
+        f"{FLOWN}/{name}"
+        for name in (
+            "restricted_summary.csv",
+            "bias_tests.csv",
+            "pulse_tests.csv",
+            "pulse_map_limits.csv",
+            "poles_summary.csv",
+            "grid_summary.csv",
+            "causes_tests.csv",
+            "worlds_summary.csv",
+        )
+    ),
+]
