@@ -1,6 +1,7 @@
 /* Transport delay of the motor controllers: u(t - d), as Pade's (2, 2) approximation.
  *
- * u_delayed = u - d x2;  x1' = x2,  x2' = (12/d^2)(u - x1) - (6/d) x2, per rotor. Delays below 3 ms are taken as 0.
+ * u_delayed = u - d x2;  x1' = x2,  x2' = (12/d^2)(u - x1) - (6/d) x2, per rotor. For delays below 6 ms the
+ * filter keeps 6 ms, so that it is stable at steps up to 2.5 ms, and u_delayed = u - delay x2.
  */
 #include "effect.h"
 
@@ -10,13 +11,12 @@ static void begin(const sample_t *s, const vd *p, vd *x) {
 }
 
 static void drive(const sample_t *s, const vd *p, const vd *x, vd *dx, drive_t *add) {
-  vl on = GT(p[0], all_lanes(0.003));
-  vd d = lane_max(p[0], all_lanes(0.003)), rate = 1.0 / d;
+  vd d = lane_max(p[0], all_lanes(0.006)), rate = 1.0 / d;
   for (int i = 0; i < GES_ROTORS; i++) {
     vd late = x[GES_ROTORS + i];
     dx[i] = late;
     dx[GES_ROTORS + i] = (12.0 * rate * rate) * (s->u[i] - x[i]) - (6.0 * rate) * late;
-    add->speed[i] -= sel(on, s->speed_max * (d * late), all_lanes(0.0));
+    add->speed[i] -= s->speed_max * (p[0] * late);
   }
 }
 

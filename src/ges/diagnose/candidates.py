@@ -116,7 +116,7 @@ _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "battery_sag": lambda m: (_variant("battery_sag", ("sensitivity",)),),
     "tether": lambda m: (_variant("tether", ("weight_N_m",)),),
 }
-_LEFT_OUT = frozenset({"rotor_saturation"})
+_LEFT_OUT = frozenset({"rotor_saturation", "time_offset", "gyro_bias", "wall_effect", "ceiling_effect"})
 _CHILDREN: Mapping[str, tuple[str, ...]] = {"wind": ("rotor_drag", "parasitic_drag")}
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,9 +13,9 @@ from .. import effects as effect_table
 from ..errors import GesError, unknown_name
 from ..io.recording import RecordingSet, make_set, require_drive
 from ..vehicle import Estimate as Fitting
-from ..vehicle import Vehicle
+from ..vehicle import Quantity, Vehicle
 from .engine import Accepted, accept, null_of, split
-from .findings import finding, open_findings, vehicle_corrections
+from .findings import finding, open_findings
 from .fit import Joint, calibrated
 from .gate import Gate, pass_gate
 from .locate import cells, merged, strongest
@@ -155,16 +156,20 @@ class _Chain:
         }
 
     def _fitted_vehicle(self, accepted: Accepted, joint: Joint) -> Vehicle:
-        """The vehicle file with findings and corrected numbers under ``effects``."""
+        """The vehicle file with findings and corrected numbers; what belongs to a sensor or to one day's trim stays out."""
+        numbers: dict[str, Any] = {}
         effects = {name: dict(values) for name, values in self.vehicle.effects.items()}
-        for key, value in vehicle_corrections(joint.common).items():
+        for key, value in joint.common.items():
             name, parameter = key.split(".")
-            held = effects.setdefault(name, {})
-            start = held[parameter].value if parameter in held else effect_table.get(name).neutral()[parameter]
-            held[parameter] = Fitting(value=start + value, sd=joint.common_sd[key])
+            if name == "vehicle":
+                numbers[parameter] = Quantity(value=self.model.number(parameter) + value, sd=joint.common_sd[key])
+            elif effect_table.get(name).kind != "sensor":
+                held = effects.setdefault(name, {})
+                start = held[parameter].value if parameter in held else effect_table.get(name).neutral()[parameter]
+                held[parameter] = Fitting(value=start + value, sd=joint.common_sd[key])
         for name in accepted.names:
             effects.setdefault(name, {}).update(_fittings(accepted, name))
-        return self.vehicle.model_copy(update={"effects": effects})
+        return self.vehicle.model_copy(update={"effects": effects, **numbers})
 
 
 def _named(warning: str, names: Sequence[str]) -> str:

@@ -78,8 +78,13 @@ def accept(flights: Sequence[Prepared], model: Model, length_s: float) -> Accept
     names: tuple[str, ...] = ()
     probability: dict[str, float] = {}
     base, fitted, first = model, None, None
-    for _ in range(3):
-        listed = [c for c in library(base).values() if c.name not in names and (not c.needs or set(c.needs) & set(base.effects))]
+    for turn in range(3):
+        listed = [
+            c for c in library(base).values()
+            if c.name not in names and (set(c.needs) & set(base.effects) if c.needs else not turn)
+        ]  # fmt: skip
+        if not listed:
+            break
         system = build(flights, base, [v for c in listed for v in c.variants], length_s)
         board, found, _ = search_until_stable(system, listed, tuple(base.effects))
         first = first or (board, found)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 
 import numpy as np
 
@@ -123,8 +122,3 @@ def _open(accepted: Accepted, name: str) -> Finding:
             value = a.neutral + float(mean)
             told[a.parameter] = Estimate(value, (value - 1.96 * float(sd), value + 1.96 * float(sd)), units[a.parameter])
     return Finding(name, kind_of(name), effect.title, accepted.found.inclusion[name], effect.equation, told, {}, ())
-
-
-def vehicle_corrections(common: Mapping[str, float]) -> dict[str, float]:
-    """Calibrated numbers that belong to the vehicle, not to a sensor or to one day's trim."""
-    return {key: value for key, value in common.items() if effect_table.get(key.split(".")[0]).kind != "sensor"}

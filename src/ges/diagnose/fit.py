@@ -198,6 +198,9 @@ def calibrated(model: Model, common: Mapping[str, float]) -> Model:
     more: dict[str, dict[str, float]] = {}
     for key, value in common.items():
         effect, parameter = key.split(".")
+        if effect == "vehicle":
+            model = model.with_number(parameter, model.number(parameter) + value)
+            continue
         held = more.get(effect) or {**effect_table.get(effect).neutral(), **model.effects.get(effect, {})}
         p = next(q for q in effect_table.get(effect).parameters if q.name == parameter)
         more[effect] = {**held, parameter: float(np.clip(held[parameter] + value, p.low, p.high))}

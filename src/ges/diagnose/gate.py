@@ -15,6 +15,7 @@ from .model import Model
 
 LATEST_S, EARLIEST_S = 0.6, -0.3
 LEAST_CORRELATION = 0.3
+SURE = 4.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -154,6 +155,6 @@ def pass_gate(frames: Sequence[pd.DataFrame], model: Model) -> Gate:
     if not usable:
         raise GesError(f"no usable flight among {len(frames)}: {warnings[0]}; log rotor speeds or motor commands in the air")
     delay = drive_delay(usable, model)
-    if delay:
+    if delay and abs(delay.delay_s) > SURE * delay.sd_s:
         flights = [f and shifted(f, delay.stream, delay.delay_s) for f in flights]
     return Gate(tuple(flights), (delay,) if delay else (), tuple(warnings))

@@ -10,6 +10,8 @@ from .. import effects as effect_table
 from ..terrain import Terrain
 from ..vehicle import Quantity, Vehicle
 
+SPEED = "vehicle.max_rotor_speed_rad_s"
+
 
 @dataclasses.dataclass(frozen=True)
 class Model:
@@ -56,6 +58,10 @@ class Model:
         """Mean rotor radius."""
         return sum(self.number(f"rotor_{i}_radius_m") for i in range(1, 5)) / 4.0
 
+    def with_number(self, name: str, value: float) -> Model:
+        """The same vehicle with one declared number replaced."""
+        return dataclasses.replace(self, parameters={**self.parameters, name: value})
+
     def with_effects(self, more: effect_table.Effects) -> Model:
         """The same vehicle with effects added; parameters given replace those that were on."""
         merged = {name: dict(values) for name, values in self.effects.items()}
@@ -71,6 +77,8 @@ def _relative(quantity: Quantity | None) -> float:
 def _doubts(vehicle: Vehicle) -> dict[str, float]:
     doubts = {"thrust_scale.scale": (_relative(vehicle.mass_kg) ** 2 + _relative(vehicle.thrust_coefficient_N_s2) ** 2) ** 0.5,
               "torque_coefficient.scale": _relative(vehicle.torque_coefficient_Nm_s2)}  # fmt: skip
+    if vehicle.max_rotor_speed_rad_s:
+        doubts[SPEED] = vehicle.max_rotor_speed_rad_s.sd
     if vehicle.inertia_kg_m2:
         doubts.update({f"inertia.{axis}": vehicle.inertia_kg_m2.sd_rel for axis in ("xx", "yy", "zz")})
     if vehicle.motor_time_constant_s:

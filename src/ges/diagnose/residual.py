@@ -206,7 +206,7 @@ def residual(flight: Prepared, windows: Windows, model: Model, names: Sequence[s
     if "force_z" in names:
         parts.update(zip(FORCE, _force(columns, said, model, windows).T, strict=True))
     if "moment_x" in names:
-        parts.update(zip(MOMENT, _moment(columns, said, windows).T, strict=True))
+        parts.update(zip(MOMENT, _moment(columns, said, model, windows).T, strict=True))
     for name in set(ACC) & set(names):
         column = f"{name}_m_s2"
         parts[name] = windows.mean @ (said["mass_kg"] * (flight.columns[column] - said[column]))
@@ -227,11 +227,17 @@ def _force(columns: dict, said: effect_table.Replay, model: Model, windows: Wind
     return mass * (windows.rate @ v) + windows.mean @ (mass * (np.cross(omega, v) + up) - said.force_N)
 
 
-def _moment(columns: dict, said: effect_table.Replay, windows: Windows) -> np.ndarray:
-    """I dOmega + Omega x I Omega - M in the body frame."""
+def _moment(columns: dict, said: effect_table.Replay, model: Model, windows: Windows) -> np.ndarray:
+    """I dOmega + Omega x I Omega - M in the body frame, as an angular acceleration times the declared inertia.
+
+    In that unit a wrong inertia scales what the model says and not what was measured; otherwise the best fit would be to
+    shrink both to nothing.
+    """
     omega = np.stack([columns[name] for name in BODY_RATE], axis=1)
-    spin = said.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2") * omega
-    return windows.rate @ spin + windows.mean @ (np.cross(omega, spin) - said.moment_Nm)
+    inertia = said.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2")
+    declared = np.array([model.number(f"i{a}_kg_m2") for a in ("xx", "yy", "zz")])
+    acting = (np.cross(omega, inertia * omega) - said.moment_Nm) / inertia
+    return declared * (windows.rate @ omega + windows.mean @ acting)
 
 
 def _drive(flight: Prepared, model: Model, effects: effect_table.Effects, windows: Windows) -> np.ndarray:

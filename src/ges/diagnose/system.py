@@ -10,11 +10,35 @@ import numpy as np
 from .. import effects as effect_table
 from .align import Prepared
 from .candidates import Variant
-from .model import Model
+from .model import SPEED, Model
 from .residual import channels, residual, speeds_at_work
 from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, make_windows
 
 AR_ORDER = 3
+USUAL: tuple[tuple[str, str, float, float, float], ...] = (
+    # channel, effect.parameter, step, usual doubt (sd), sd from flight to flight; cg_offset in arm lengths
+    ("force", "attitude_bias.x_rad", 0.002, 0.006, 0.003),
+    ("force", "attitude_bias.y_rad", 0.002, 0.006, 0.003),
+    ("acc", "accelerometer_bias.x_m_s2", 0.02, 0.04, 0.03),
+    ("acc", "accelerometer_bias.y_m_s2", 0.02, 0.04, 0.03),
+    ("acc", "accelerometer_bias.z_m_s2", 0.02, 0.04, 0.03),
+    ("moment", "weak_rotor.loss_1", 0.005, 0.01, 0.003),
+    ("moment", "weak_rotor.loss_2", 0.005, 0.01, 0.003),
+    ("moment", "weak_rotor.loss_3", 0.005, 0.01, 0.003),
+    ("moment", "weak_rotor.loss_4", 0.005, 0.01, 0.003),
+    ("moment", "cg_offset.x_m", 0.01, 0.01, 0.004),
+    ("moment", "cg_offset.y_m", 0.01, 0.01, 0.004),
+    ("moment", "inertia.xx", 0.02, 0.0, 0.0),
+    ("moment", "inertia.yy", 0.02, 0.0, 0.0),
+    ("moment", "inertia.zz", 0.02, 0.0, 0.0),
+    ("moment", "torque_coefficient.scale", 0.02, 0.0, 0.0),
+    ("moment", "time_offset.delay_s", 0.001, 0.003, 0.0),
+    ("drive", "thrust_curve.c", 0.02, 0.03, 0.0),
+    ("drive", "esc_delay.delay_s", 0.001, 0.002, 0.0),
+    ("range", "rangefinder_bias.bias_m", 0.005, 0.01, 0.003),
+    ("range", "rangefinder_bias.scale", 0.01, 0.02, 0.0),
+    ("range", "rangefinder_lag.tau_s", 0.005, 0.015, 0.0),
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,30 +94,35 @@ class System:
     flights: tuple[Rows, ...]
 
 
-def nuisances(model: Model, names: Iterable[str]) -> tuple[Nuisance, ...]:
-    """Numbers that are always free: declared doubts, trims, and biases of sensors, each within its tolerance."""
-    names, doubt, arm = set(names), model.doubts, model.arm_m
-    force, moment, acc = "force_x" in names, "moment_x" in names, bool({"acc_x", "acc_y", "acc_z"} & names)
-    found = [Nuisance("thrust_scale", "scale", 0.01, doubt.get("thrust_scale.scale", 0.0), 0.01)]
-    if force:
-        found += [Nuisance("attitude_bias", f"{a}_rad", 0.002, doubt.get(f"attitude_bias.{a}_rad", 0.01), 0.004) for a in "xy"]
-    if acc:
-        found += [Nuisance("accelerometer_bias", f"{a}_m_s2", 0.02, 0.1, 0.03) for a in "xyz" if f"acc_{a}" in names]
-    if moment:
-        found += [Nuisance("weak_rotor", f"loss_{i}", 0.005, doubt.get(f"weak_rotor.loss_{i}", 0.01), 0.003) for i in range(1, 5)]
-        found += [
-            Nuisance("cg_offset", f"{a}_m", 0.01 * arm, doubt.get(f"cg_offset.{a}_m", 0.01 * arm), 0.004 * arm) for a in "xy"
-        ]
-        found += [
-            Nuisance("inertia", a + a, 0.02, doubt.get(f"inertia.{a}{a}", 0.0), 0.0) for a in "xyz" if f"moment_{a}" in names
-        ]
-    if "moment_z" in names:
-        found.append(Nuisance("torque_coefficient", "scale", 0.02, doubt.get("torque_coefficient.scale", 0.0), 0.0))
-    if "drive_1" in names or moment:
-        found += [Nuisance("motor_lag", f"{w}_s", 0.002, doubt.get(f"motor_lag.{w}_s", 0.0), 0.0) for w in ("up", "down")]
-    if "range" in names:
-        found.append(Nuisance("rangefinder_bias", "bias_m", 0.005, 0.01, 0.003))
-    return tuple(n for n in found if n.sd > 0 or n.flight_sd > 0)
+def nuisances(model: Model, names: Iterable[str], battery: bool = False) -> tuple[Nuisance, ...]:
+    """Numbers that are always free: declared doubts, trims, and what no drive and no sensor does exactly.
+
+    A doubt that the vehicle file states under ``effects`` replaces the usual one of :data:`USUAL`.
+    """
+    names, arm = set(names), model.arm_m
+    has = {name.split("_")[0] for name in names}
+    listed = [Nuisance("thrust_scale", "scale", 0.01, model.doubts.get("thrust_scale.scale", 0.0), 0.01)]
+    for group, key, step, usual, by_flight in USUAL:
+        effect, parameter = key.split(".")
+        scale = arm if effect == "cg_offset" else 1.0
+        if group in has and _axis_is_there(effect, parameter, names):
+            listed.append(Nuisance(effect, parameter, scale * step, model.doubts.get(key, scale * usual), scale * by_flight))
+    if has & {"drive", "moment"}:
+        listed += [Nuisance("motor_lag", f"{w}_s", 0.002, model.doubts.get(f"motor_lag.{w}_s", 0.0), 0.0) for w in ("up", "down")]
+    if "drive" in has:
+        speed = model.number("max_rotor_speed_rad_s")
+        listed.append(Nuisance(*SPEED.split("."), 0.01 * speed, model.doubts.get(SPEED, 0.0), 0.0))
+        if battery:
+            listed.append(Nuisance("battery_sag", "sensitivity", 0.02, model.doubts.get("battery_sag.sensitivity", 0.04), 0.0))
+    return tuple(n for n in listed if n.sd > 0 or n.flight_sd > 0)
+
+
+def _axis_is_there(effect: str, parameter: str, names: set[str]) -> bool:
+    """Whether the channel that shows this parameter was recorded."""
+    axis = {"xx": "x", "yy": "y", "zz": "z"}.get(parameter, parameter[0])
+    if effect == "accelerometer_bias":
+        return f"acc_{axis}" in names
+    return f"moment_{axis}" in names if effect == "inertia" else effect != "torque_coefficient" or "moment_z" in names
 
 
 def window_length_s(flights: Sequence[Prepared]) -> float:
@@ -114,6 +143,12 @@ def _stepped(model: Model, effect: str, values: Mapping[str, float], parameter: 
     return {effect: {**now, parameter: now[parameter] + step}}
 
 
+def _inward(effect: str, parameter: str, value: float, step: float) -> float:
+    """The step, turned round where it would leave the effect's bounds."""
+    high = next(p.high for p in effect_table.get(effect).parameters if p.name == parameter)
+    return -step if value + step > high else step
+
+
 def _reference(model: Model, column: Column) -> dict:
     """Effects that must be on already for the column's shape, with the amplitude still neutral."""
     if column.nuisance is not None or column.variant.effect in model.effects:
@@ -124,7 +159,9 @@ def _reference(model: Model, column: Column) -> dict:
 def _shift(model: Model, column: Column) -> tuple[dict, float]:
     if column.nuisance is not None:
         n = column.nuisance
-        return _stepped(model, n.effect, {}, n.parameter, n.step), n.step
+        held = {**effect_table.get(n.effect).neutral(), **model.effects.get(n.effect, {})}
+        step = _inward(n.effect, n.parameter, held[n.parameter], n.step)
+        return _stepped(model, n.effect, {}, n.parameter, step), step
     variant, a = column.variant, column.variant.amplitudes[column.amplitude]
     return _stepped(
         model, variant.effect, variant.parameters({}) if variant.effect not in model.effects else {}, a.parameter, a.step
@@ -141,7 +178,7 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     here = channels(flight, model)
     speeds = speeds_at_work(flight, model, model.effects)
 
-    def at(effects: dict) -> np.ndarray:
+    def at(effects: dict, model: Model = model) -> np.ndarray:
         full = np.full((len(windows), len(names)), np.nan)
         told = residual(flight, windows, model, here, effects, None if _drives(effects) else speeds)
         full[:, [names.index(name) for name in here]] = told
@@ -150,6 +187,10 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     y = at({})
     x = np.empty((*y.shape, len(columns)))
     for k, column in enumerate(columns):
+        if column.nuisance is not None and column.nuisance.effect == "vehicle":
+            n = column.nuisance
+            x[:, :, k] = (y - at({}, model.with_number(n.parameter, model.number(n.parameter) + n.step))) / n.step
+            continue
         shifted, step = _shift(model, column)
         reference = _reference(model, column)
         x[:, :, k] = ((at(reference) if reference and _drives(reference) else y) - at(shifted)) / step
@@ -174,7 +215,8 @@ def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant]
     """
     names = common_channels(flights, model)
     length_s = length_s or window_length_s(flights)
-    columns = [Column(n.key, nuisance=n) for n in nuisances(model, names)]
+    battery = all(f.has("battery") for f in flights)
+    columns = [Column(n.key, nuisance=n) for n in nuisances(model, names, battery)]
     columns += [Column(v.key, variant=v, amplitude=j) for v in variants for j in range(len(v.amplitudes))]
     made = list(run(lambda flight: rows(flight, model, names, columns, length_s), flights))
     return System(model, names, tuple(columns), tuple(made))
