@@ -29,10 +29,16 @@ def slung_load(load, load_v, p, v, mass, hid, dt):
     return np.where(on, share * mass * pull * line, 0.0), load, load_v
 
 
-def tether(p, stiffness, slack):
-    """Return the world force of a spring line from the ground origin that is slack up to a length."""
-    reach = np.maximum(np.sqrt((p * p).sum(axis=0)), 1e-6)
-    return -stiffness * np.maximum(reach - slack, 0.0) * p / reach
+def tether(p, under, weight_N_m, sag_m):
+    """Return the world force of a cable from a winch at the origin: a catenary that touches down on the ground.
+
+    ``sag_m`` is horizontal tension over weight a metre; what hangs is sqrt(h^2 + 2 a h) long.
+    """
+    height = np.maximum(p[2] - under, 0.0)
+    hanging = weight_N_m * np.sqrt(height * height + 2.0 * sag_m * height)
+    away = np.sqrt(p[0] * p[0] + p[1] * p[1])
+    drawn = -weight_N_m * sag_m * np.tanh(away / 0.3) / np.maximum(away, 1e-6)
+    return np.stack([drawn * p[0], drawn * p[1], -hanging])
 
 
 def fountain_share(height, spacing, upright):

@@ -28,7 +28,7 @@ NEUTRAL: dict[str, float] = {
     "sags": 0.0, "resistance": 0.05, "polar_resistance": 0.02, "drain_1_s": 0.001, "lag_gain": 1.0,
     "coast": 1.0, "delay_s": 0.0, "curve_droop": 0.0, "ceiling_u": 1.0, "mapping": 0.0,
     # attached
-    "load_share": 0.0, "rope_m": 0.3, "tether_N_m": 0.0, "tether_slack_m": 0.4,
+    "load_share": 0.0, "rope_m": 0.3, "tether_N_m": 0.0, "tether_sag_m": 0.2,
     # nobody's library
     "magnet_N": 0.0, "magnet_x_m": 0.0, "magnet_y_m": 0.0, "magnet_width_m": 0.7, "buffet": 0.0,
     "pitch_up_s_m": 0.0, "interference": 0.0, "updraft_N": 0.0, "hatch_N": 0.0, "wall_N": 0.0,
@@ -118,11 +118,11 @@ def _ground_effect(craft, level, rng):
 
 
 def _forward_fade(craft, level, rng):
-    return _ground_effect(craft, max(level, 1), rng) | {"image_sweep": _pick(level, (1.0, 2.0, 4.0), rng)}
+    return _ground_effect(craft, max(level, 1), rng) | {"image_sweep": _pick(level, (2.0, 3.5, 6.0), rng)}
 
 
 def _ground_lag(craft, level, rng):
-    return _ground_effect(craft, max(level, 1), rng) | {"image_lag": _pick(level, (2.0, 5.0, 12.0), rng)}
+    return _ground_effect(craft, max(level, 1), rng) | {"image_lag": _pick(level, (1.5, 3.5, 8.0), rng)}
 
 
 def _ground_moment(craft, level, rng):
@@ -181,8 +181,8 @@ def _slung_load(craft, level, rng):
 
 def _tether(craft, level, rng):
     return {
-        "tether_N_m": _pick(level, (0.012, 0.03, 0.06), rng) * weight_N(craft),
-        "tether_slack_m": rng.uniform(0.2, 0.6),
+        "tether_N_m": _pick(level, (0.01, 0.025, 0.05), rng) * weight_N(craft),
+        "tether_sag_m": rng.uniform(0.1, 0.4),
     }
 
 

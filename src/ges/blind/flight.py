@@ -387,7 +387,7 @@ class Simulation:
         force = -0.5 * RHO_KG_M3 * b.hid["area_m2"] * speed * air_body * np.array([[1.0], [1.1], [1.5]])
         total = thrust.sum(axis=0)
         force[2] += b.hid["fountain"] * s.fountain * total
-        pull = attached.tether(s.p, b.hid["tether_N_m"], b.hid["tether_slack_m"])
+        pull = attached.tether(s.p, self.under, b.hid["tether_N_m"], b.hid["tether_sag_m"])
         pull = pull + attached.patches(s.p, s.v, b.hid)
         rope, s.load, s.load_v = attached.slung_load(s.load, s.load_v, s.p, s.v, b.mass, b.hid, DT_S)
         force += to_body(self.r, pull + rope)

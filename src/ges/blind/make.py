@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -13,18 +12,21 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from ..conventions import GRAVITY_M_S2
 from ..errors import GesError, UsageError
 from ..files import write_json
 from . import ground, seal
 from .airframe import Airframe, draw_airframe
 from .flight import Simulation, Sortie
 from .grid import COMPOSITIONS, FLIGHTS, Circumstances, Spec, draw_circumstances, draw_numbers, specs, truth
-from .plan import Room, make_plan
+from .plan import CONTROL_DT_S, Room, make_plan
 from .sensing import Recorder
-from .whereabouts import TRUTH_STEP, seen_channels
+from .whereabouts import FAST_STEP, TRUTH_STEP, seen_channels
 
 BATCH = 12
 ATTEMPTS = 6
+WITNESSED = ("p", "v", "q", "omega", "rotor_speed", "u", "battery", "ground", "extra_force", "extra_moment")
+DRIVEN = {"battery_sag", "motor_lag", "esc_delay", "thrust_curve", "rotor_saturation", "actuator_mapping"}
 
 
 @dataclass
@@ -173,12 +175,22 @@ def _write_truth(case: Case, flights, stem: Path) -> None:
         "terrain": case.around.terrain,
         "menu": case.spec.menu,
     }
-    content["true_values"] = case.craft.true | {"weight_N": case.craft.true["mass"] * 9.80665}
-    stem.with_suffix(".json").write_text(json.dumps(content, indent=1) + "\n")
-    keep = ("p", "v", "q", "omega", "rotor_speed", "u", "battery", "ground", "extra_force", "extra_moment")
-    arrays = {
-        f"flight_{k + 1}/{name}": flight[name][::TRUTH_STEP].astype(np.float32)
-        for k, flight in enumerate(flights)
-        for name in keep
+    content["true_values"] = case.craft.true | {
+        "weight_N": case.craft.true["mass"] * GRAVITY_M_S2,
+        "battery_V": case.craft.battery_V,
     }
-    np.savez_compressed(stem.with_suffix(".npz"), **arrays)
+    write_json(stem.with_suffix(".json"), content)
+    np.savez_compressed(stem.with_suffix(".npz"), **_witness(case, flights))
+
+
+def _witness(case: Case, flights) -> dict[str, np.ndarray]:
+    """Return what the oracle is told: states and extra loads at 25 Hz, the drive at 125 Hz where it is concerned."""
+    kept = {}
+    for k, flight in enumerate(flights, 1):
+        spin_up = np.gradient(flight["rotor_speed"], CONTROL_DT_S, axis=0)
+        slow = {name: flight[name] for name in WITNESSED} | {"rotor_acceleration": spin_up}
+        kept |= {f"flight_{k}/{name}": rows[::TRUTH_STEP].astype(np.float32) for name, rows in slow.items()}
+        if set(case.spec.names) & DRIVEN:
+            fast = {name: flight[name] for name in ("u", "rotor_speed", "battery")}
+            kept |= {f"flight_{k}/fast_{name}": rows[::FAST_STEP].astype(np.float32) for name, rows in fast.items()}
+    return kept

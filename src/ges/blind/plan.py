@@ -76,12 +76,8 @@ def staircase(room, rng):
 def runs(room, rng):
     """Out-and-back runs of growing speed along one heading, high above the ground, nose turned between."""
     t = _clock(room)
-    heading, speeds = rng.uniform(0.0, 2.0 * np.pi), np.array([1.2, -1.2, 2.4, -2.4, 4.0, -4.0]) * room.pace
-    weights = 1.0 / np.abs(speeds)
-    edges = np.cumsum(weights / weights.sum()) * t[-1]
-    speed = speeds[np.minimum(np.searchsorted(edges, t), 5)]
-    along = np.cumsum(speed) * CONTROL_DT_S
-    along = np.clip(along - along.mean(), -REACH_M, REACH_M)
+    heading = rng.uniform(0.0, 2.0 * np.pi)
+    along = _out_and_back(t, np.array([1.2, -1.2, 2.4, -2.4, 4.0, -4.0]) * room.pace)
     high = room.top_m + 8.0 * room.radius_m + rng.uniform(0.8, 1.5)
     return _track(t, along * np.cos(heading), along * np.sin(heading), high, _hold(t, rng.uniform(-3, 3, 3)))
 
@@ -96,16 +92,23 @@ def climbs(room, rng):
 
 
 def low_runs(room, rng):
-    """Runs at 0.4 to 1.6 m/s close to the ground, following it."""
+    """Runs of growing speed, 0.5 to 2.6 m/s, close to the ground, following it."""
     t = _clock(room)
     heading = rng.uniform(-0.5, 0.5) + rng.choice([0.0, np.pi])
-    speed = _hold(t, np.array([0.4, -0.4, 0.9, -0.9, 1.6, -1.6]) * room.pace)
-    along = np.cumsum(speed) * CONTROL_DT_S
-    along -= along.mean()
+    along = _out_and_back(t, np.array([0.5, -0.5, 1.2, -1.2, 2.6, -2.6]) * room.pace)
     x, y = along * np.cos(heading), along * np.sin(heading)
     ground = _under(room, x, y)
     clear = _hold(t, rng.permutation([1.0, 1.6, 1.0, 2.4])) * room.low_m
     return _track(t, x, y, ground + clear, _hold(t, rng.uniform(-1.5, 1.5, 3)))
+
+
+def _out_and_back(t: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+    """Legs of equal length at the given speeds, within reach, as a coordinate along a line."""
+    weights = 1.0 / np.abs(speeds)
+    edges = np.cumsum(weights / weights.sum()) * t[-1]
+    speed = speeds[np.minimum(np.searchsorted(edges, t), len(speeds) - 1)]
+    along = np.cumsum(speed) * CONTROL_DT_S
+    return np.clip(along - along.mean(), -REACH_M, REACH_M)
 
 
 def mixed(room, rng):

@@ -9,6 +9,7 @@ from .concealed import SENSOR
 from .plan import CONTROL_DT_S
 
 TRUTH_STEP = 10
+FAST_STEP = 2
 DRIVE_ERROR = 0.01
 TRACE = 0.1
 
