@@ -11,7 +11,12 @@ APPIUS_MAP = str(ROOT / "config/imports/appius.yaml")
 LIBRARY = {"library": "build/libges.so"}
 NETWORK = {"library": "build/ml/libges.so"}
 SHOWN_SEED = STUDY.seeds.closed_loop.first
-FLOWN = {"simulator": part("simulator"), "plan": part("closed_loop")}
+SHOWN_FLIGHT = {"simulator": part("simulator"), "plan": part("closed_loop")}
+
+
+def closed_loop(name):
+    """The input of a figure that shows one summary of the closed loop."""
+    return {"summary": f"results/closed_loop/{name}.csv"}
 
 
 # Published recordings are read where they are; without them the tables have headings only, and the paper says so.
@@ -61,7 +66,7 @@ rule real_dispersion:
     log:
         "results/logs/real_dispersion.log",
     params:
-        **FLOWN,
+        **SHOWN_FLIGHT,
         call=call("ges.figures.flights:hover_dispersion"),
         seed=SHOWN_SEED,
     message:
@@ -81,7 +86,7 @@ FIGURE_RULES = {
         {"simulator": part("simulator"), "seed": SHOWN_SEED},
     ),
     "fig02": ("real:dispersion", {"scatter": "results/real/dispersion.csv"}, {}),
-    "fig03": ("ground:track", LIBRARY, {**FLOWN, "seed": SHOWN_SEED}),
+    "fig03": ("ground:track", LIBRARY, {**SHOWN_FLIGHT, "seed": SHOWN_SEED}),
     "fig04": (
         "ground:curve",
         {
@@ -103,6 +108,49 @@ FIGURE_RULES = {
         },
         {},
     ),
+    "fig06": ("offline:models", {"table1": "results/table1.csv"}, {}),
+    "fig07": (
+        "offline:splits",
+        {"table1": "results/table1.csv"},
+        {"plan": PLANS[0]},
+    ),
+    "fig08": (
+        "offline:predicted",
+        {
+            "table1": "results/table1.csv",
+            "predictions": [
+                f"results/models/{PLANS[0]}/blockwise/{model}.predictions.parquet"
+                for model in MODELS
+            ],
+        },
+        {"plan": PLANS[0]},
+    ),
+    "fig15": ("closed_loop:traces", NETWORK, {**SHOWN_FLIGHT, "seed": SHOWN_SEED}),
+    "fig16": ("closed_loop:small", closed_loop("comparison_summary"), {}),
+    "fig17": ("closed_loop:modes", closed_loop("comparison_summary"), {}),
+    "fig18": ("closed_loop:bias", closed_loop("bias_summary"), {}),
+    "fig19": (
+        "closed_loop:pulse",
+        {
+            "trace": "results/closed_loop/pulse_trace.csv",
+            "tests": "results/closed_loop/pulse_tests.csv",
+        },
+        {},
+    ),
+    "fig22": ("closed_loop:restricted", closed_loop("restricted_summary"), {}),
+    "fig23": ("closed_loop:grid", closed_loop("grid_summary"), {}),
+    "poles": (
+        "closed_loop:poles",
+        {"poles": "results/closed_loop/poles.csv"},
+        {},
+    ),
+    "causes": (
+        "closed_loop:causes",
+        {"tests": "results/closed_loop/causes_tests.csv"},
+        {},
+    ),
+    "worlds": ("closed_loop:worlds", closed_loop("worlds_summary"), {}),
+    "pulse_map": ("closed_loop:pulse_map", closed_loop("pulse_map_summary"), {}),
 }
 
 for figure, (function, inputs, parameters) in FIGURE_RULES.items():
