@@ -1,4 +1,7 @@
-/* Motors slower than the vehicle file says, speeding up and slowing down: dw/dt = (w_cmd - w)/(tau + d_tau). */
+/* Motors slower than the vehicle file says, speeding up and slowing down: dw/dt = (w_cmd - w)/(tau + d_tau).
+ *
+ * A lag shorter than one step counts as one step.
+ */
 #include "effect.h"
 
 static void drive(const sample_t *s, const vd *p, const vd *x, vd *dx, drive_t *add) {

@@ -435,7 +435,7 @@ static void drive_rates(lanes_t *l, const vd *y, vd *dy) {
   sample_t *s = &l->sample;
   add_drive(&l->active, s, y, dy, &d);
   l->report.battery = sel(MASK(s->battery == s->battery), s->battery, d.battery);
-  vd up = 1.0 / d.lag_up, down = 1.0 / d.lag_down;
+  vd up = 1.0 / lane_max(d.lag_up, l->dt), down = 1.0 / lane_max(d.lag_down, l->dt); /* faster than a step: one step */
   for (int i = 0; i < GES_ROTORS; i++) {
     vd change = d.speed[i] - s->speed[i];
     s->speed_rate[i] = change * sel(GT(change, all_lanes(0.0)), up, down);
