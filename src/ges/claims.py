@@ -119,7 +119,7 @@ def look(frame: pd.DataFrame, where: Where, value: str, reduce: str | None = Non
             raise GesError(f"claims.yaml names column '{name}'; the table has {', '.join(frame.columns)}")
         frame = frame[_matches(frame[name], wanted)]
     if reduce and len(frame):
-        return Ours(value=float(getattr(frame[value], reduce)()))
+        return Ours(value=float(frame[value].iloc[0] if reduce == "first" else getattr(frame[value], reduce)()))
     if len(frame) > 1:
         raise GesError(f"claims.yaml: {len(frame)} rows fit {where}; say which")
     return _cell(frame.iloc[0], value) if len(frame) else None
@@ -190,13 +190,13 @@ def verdict(claim: Claim, found: Ours | None, baseline: Ours | None = None) -> s
     return {"sign": _sign, "null": _null, "above": _above}[claim.kind](claim, found)
 
 
-def _read(results: Path, name: str) -> pd.DataFrame:
-    path = results / name
-    if not path.is_file():
-        return pd.DataFrame()
-    if path.suffix == ".json":
-        return pd.json_normalize(json.loads(path.read_text()))
-    return pd.read_csv(path)
+def read_tables(tables: list[Path], results: Path) -> dict[str, pd.DataFrame]:
+    """Tables (CSV, or JSON as one row) by their path below ``results``."""
+
+    def read(path: Path) -> pd.DataFrame:
+        return pd.json_normalize(json.loads(path.read_text())) if path.suffix == ".json" else pd.read_csv(path)
+
+    return {path.relative_to(results).as_posix(): read(path) for path in tables}
 
 
 def _number(value: float | None) -> str:
@@ -234,6 +234,6 @@ def write_claims(tables: list[Path], results: Path, seeds: Seeds, table: Path) -
     tables : results to look into; named in ``claims.yaml`` relative to ``results``.
     seeds : seed lists of the configuration.
     """
-    read = {str(path.relative_to(results)): _read(results, str(path.relative_to(results))) for path in tables}
+    read = read_tables(tables, results)
     with replacing(table) as new:
         pd.DataFrame(list(_rows(read, seeds))).to_csv(new, index=False)
