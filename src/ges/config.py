@@ -315,6 +315,13 @@ class PulseMap(Part):
     tolerance_m: Positive = Field(description="RMS difference of clearance from the unpulsed flight that counts as returned")
 
 
+class Retune(Part):
+    """Gains of the height loop that are tried on validation seeds, as factors of the controller's."""
+
+    kp_factors: list[Positive] = Field(min_length=1, description="proportional")
+    kd_factors: list[Positive] = Field(min_length=1, description="derivative")
+
+
 class ClosedLoop(Part):
     """Closed-loop experiments."""
 
@@ -327,9 +334,18 @@ class ClosedLoop(Part):
     biases: list[Finite] = Field(min_length=1, description="biases of the estimate")
     pulse: Pulse = Field(description="bias pulse")
     pulse_map: PulseMap = Field(description="map of bias pulses")
+    retune: Retune = Field(description="search for a controller that does win")
     pole_factors: list[Positive] = Field(min_length=1, description="ground effect factors of the pole analysis")
     slope_exponents: list[NonNegative] = Field(min_length=1, description="grid: slope exponents")
     curvature_gains_m: list[Finite] = Field(min_length=1, description="grid: curvature gains")
+
+
+class Proof(Part):
+    """The proof with concealed effects."""
+
+    grid: Literal["tiny", "sample", "full"] = Field(description="which composition of cases: 40, 60, or all")
+    seed: Annotated[int, Field(ge=0)] = Field(description="seed of the cases")
+    cases_per_batch: Count = Field(description="cases that one job diagnoses")
 
 
 class Study(Part):
@@ -341,6 +357,7 @@ class Study(Part):
     models: Models = Field(description="models")
     offline: Offline = Field(description="offline experiments")
     closed_loop: ClosedLoop = Field(description="closed-loop experiments")
+    proof: Proof = Field(description="the proof with concealed effects")
 
 
 def _model_at(location: tuple) -> type[BaseModel]:

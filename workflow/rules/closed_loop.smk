@@ -283,6 +283,52 @@ rule summarise_worlds:
         SCRIPT
 
 
+rule choose_gains:
+    input:
+        library=FLYING,
+        clamp=CLAMP,
+    output:
+        flights=f"{FLOWN}/gains.csv",
+        choice=f"{FLOWN}/gains.json",
+    log:
+        "results/logs/choose_gains.log",
+    benchmark:
+        "results/benchmarks/choose_gains.tsv"
+    params:
+        call=call("ges.fly.winner:choose_gains"),
+        simulator=part("simulator"),
+        plan=part("closed_loop"),
+        validation=part("seeds.validation"),
+    message:
+        "choose gains for every mode on validation seeds"
+    script:
+        SCRIPT
+
+
+rule fly_winner:
+    input:
+        library=FLYING,
+        clamp=CLAMP,
+        choice=f"{FLOWN}/gains.json",
+    output:
+        flights=f"{FLOWN}/winner.csv",
+        summary=f"{FLOWN}/winner_summary.csv",
+        tests=f"{FLOWN}/winner_tests.csv",
+    log:
+        "results/logs/fly_winner.log",
+    benchmark:
+        "results/benchmarks/fly_winner.tsv"
+    params:
+        call=call("ges.fly.winner:fly_winner"),
+        simulator=part("simulator"),
+        plan=part("closed_loop"),
+        closed_loop=part("seeds.closed_loop"),
+    message:
+        "fly every mode with its own gains"
+    script:
+        SCRIPT
+
+
 CLOSED_LOOP = [
     "results/table2.csv",
     *(
@@ -295,6 +341,7 @@ CLOSED_LOOP = [
             "poles_summary.csv",
             "grid_summary.csv",
             "causes_tests.csv",
+            "winner_tests.csv",
             "worlds_summary.csv",
         )
     ),
