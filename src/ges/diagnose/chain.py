@@ -24,7 +24,7 @@ from .result import Diagnosis
 from .system import System, common_channels, window_length_s
 from .unknown import left_over
 from .verdict import sentence_of, verdict_of
-from .verify import channel_table, errors, rollout_table
+from .verify import channel_table, errors, rollout_table, rollouts
 
 METRIC = (
     "rms of the weak-form residual (windowed average, nothing differentiated) on flights that took no part; reduction_ci95: "
@@ -95,13 +95,15 @@ class _Chain:
     def run(self) -> Diagnosis:
         board, joint, system = null_of(self.train, self.model, self.length_s)
         recalibrated = calibrated(self.model, joint.common)
-        located = strongest(merged(cells(board, joint, self.model, _left_raw(system, joint))))
+        map_cells = cells(board, joint, self.model, _left_raw(system, joint))
+        located = strongest(merged(map_cells, self.model))
         accepted = accept(self.train, self.model, self.length_s)
         after, fitted_joint, fitted_board = self._after(accepted, recalibrated, joint, board)
         proven = sorted((finding(accepted, name) for name in accepted.names), key=lambda f: -f.size["share_of_weight"])
         findings = [*proven, *open_findings(accepted)]
         unexplained = [_unexplained(u) for u in left_over(fitted_board, fitted_joint, after)]
-        fit = self._proof({"before": self.model, "recalibrated": recalibrated, "after": after})
+        models = {"before": self.model, "recalibrated": recalibrated, "after": after}
+        fit, proof = self._proof(models)
         verdict = verdict_of(findings, accepted.rivals, unexplained)
         return Diagnosis(
             verdict=verdict,
@@ -116,7 +118,7 @@ class _Chain:
             calibration=_calibration(joint if not accepted.fitted else accepted.fitted.joint, self.model),
             not_tested={},
             vehicle=self._fitted_vehicle(accepted, fitted_joint),
-            details={"accepted": accepted, "board": board, "joint": joint, "after": after, "recalibrated": recalibrated},
+            details={"accepted": accepted, "cells": map_cells, "models": models, "held": self.held, **proof},
         )
 
     def _after(self, accepted: Accepted, recalibrated: Model, joint: Joint, board):
@@ -126,19 +128,19 @@ class _Chain:
         found = self.model.with_effects(accepted.fitted.effects)
         return calibrated(found, accepted.fitted.joint.common), accepted.fitted.joint, accepted.fitted.board
 
-    def _proof(self, models: Mapping[str, Model]) -> dict:
-        """Errors before, recalibrated and after on the held-out flights."""
+    def _proof(self, models: Mapping[str, Model]) -> tuple[dict, dict]:
+        """Errors before, recalibrated and after on the held-out flights: for the file, and in full for the pictures."""
         if not self.held:
-            return {"metric": METRIC, "holdout_flights": [], "channels": {}, "rollout": {}}
+            return {"metric": METRIC, "holdout_flights": [], "channels": {}, "rollout": {}}, {}
         channels = common_channels(self.held, self.model)
-        told = errors(self.held, models, channels, self.length_s)
-        table = channel_table(told, channels, 0.5 * self.length_s)
-        return {
+        told, rolled = errors(self.held, models, channels, self.length_s), rollouts(self.held, models)
+        fit = {
             "metric": METRIC,
             "holdout_flights": self.held_names,
-            "channels": table,
-            "rollout": rollout_table(self.held, models),
+            "channels": channel_table(told, channels, 0.5 * self.length_s),
+            "rollout": rollout_table(rolled),
         }
+        return fit, {"errors": told, "channels": channels, "rollouts": rolled, "length_s": self.length_s}
 
     def _data(self, system: System) -> dict:
         used = [*self.train, *self.held]

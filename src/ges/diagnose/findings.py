@@ -16,6 +16,7 @@ from .result import Estimate, Finding
 
 RIVALS = 4
 CONFOUNDED = 0.9
+SIZE_UNITS = {"force": "N", "acc": "N", "moment": "N m", "drive": "rad/s", "range": "m"}
 
 
 def parameters_of(fitted: Fitted, name: str) -> dict[str, Estimate]:
@@ -60,24 +61,13 @@ def size_of(fitted: Fitted, name: str) -> dict:
     added = [_added(rows, name, system.model, system.names) for rows in fitted.board.system.flights]
     best = {"value": 0.0, "unit": "N", "share_of_weight": 0.0, "channel": ""}
     for c, channel in enumerate(system.names):
-        unit, whole = _scale(channel, system.model)
+        unit, whole = SIZE_UNITS[channel.split("_")[0]], system.model.whole(channel)
         values = np.concatenate([a[:, c] for a in added])
         values = values[np.isfinite(values)]
         rms = float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
         if rms / whole > best["share_of_weight"]:
             best = {"value": rms, "unit": unit, "share_of_weight": rms / whole, "channel": channel}
     return best
-
-
-def _scale(channel: str, model: Model) -> tuple[str, float]:
-    """Unit of a channel and what counts as whole in it: weight, weight times arm, full speed, a rotor radius."""
-    return {
-        "force": ("N", model.weight_N),
-        "acc": ("N", model.weight_N),
-        "moment": ("N m", model.weight_N * model.arm_m),
-        "drive": ("rad/s", model.number("max_rotor_speed_rad_s")),
-        "range": ("m", model.radius_m),
-    }[channel.split("_")[0]]
 
 
 def _added(rows, name: str, model: Model, names: tuple[str, ...]) -> np.ndarray:

@@ -8,11 +8,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.stats import false_discovery_control, norm
 
+from .align import Prepared
 from .evidence import Board
 from .fit import Joint
 from .model import Model
 from .residual import model_along
-from .system import Rows
+from .weak import Windows
 
 BLOCK_S = 5.0
 BINS = 6
@@ -35,11 +36,11 @@ class Cell:
     windows: int
 
 
-def regimes(rows: Rows, model: Model) -> dict[str, np.ndarray]:
+def regimes(flight: Prepared, windows: Windows, model: Model) -> dict[str, np.ndarray]:
     """Regime variables of every window, (m,) each; what cannot be known is absent."""
-    flight, at = rows.flight, rows.windows.center
+    at = windows.center
     columns, said = model_along(flight, model, model.effects)
-    found = {"time_s": rows.windows.center_s - flight.t_s[0]}
+    found = {"time_s": windows.center_s - flight.t_s[0]}
     if "p_z_m" in columns:
         height = said.stack(*(f"rotor_height_{i}_m" for i in range(1, 5))).mean(axis=1)
         found["height_over_radius"] = height[at] / model.radius_m
@@ -68,7 +69,7 @@ def cells(board: Board, joint: Joint, model: Model, raw: Sequence[np.ndarray]) -
     joint : fit of the nuisances alone; its whitened residuals are tested.
     raw : by flight, (m, C) residuals in the channels' units after that fit, for the size of what is found.
     """
-    told = [regimes(r, model) for r in board.system.flights]
+    told = [regimes(r.flight, r.windows, model) for r in board.system.flights]
     shared = [name for name in told[0] if all(name in t for t in told)]
     block, first = [], 0
     for r in board.system.flights:
@@ -138,8 +139,8 @@ def _small_sample(z: float, blocks: int) -> float:
     return float(norm.isf(max(student.sf(statistic, blocks - 1), 1e-16)))
 
 
-def merged(found: Sequence[Cell]) -> list[dict]:
-    """Neighbouring significant cells of one sign joined, worst first, as the contract writes them."""
+def merged(found: Sequence[Cell], model: Model) -> list[dict]:
+    """Neighbouring significant cells of one sign joined, the largest (energy, as a share of the whole) first."""
     out: list[dict] = []
     for channel in dict.fromkeys(c.channel for c in found):
         for regime in dict.fromkeys(c.regime for c in found if c.channel == channel):
@@ -151,7 +152,7 @@ def merged(found: Sequence[Cell]) -> list[dict]:
                     chain = []
                 if keep:
                     chain.append(cell)
-    return sorted(out, key=lambda item: (item["q_value"], -item["share_of_excess"]))
+    return sorted(out, key=lambda item: -item.pop("windows") * (item["mean"] / model.whole(item["channel"])) ** 2)
 
 
 def _joined(chain: Sequence[Cell]) -> dict:
@@ -162,6 +163,7 @@ def _joined(chain: Sequence[Cell]) -> dict:
         "share_of_excess": float(sum(c.share for c in chain)),
         "q_value": float(min(c.q_value for c in chain)),
         "mean": float(sum(c.mean * c.windows for c in chain) / windows),
+        "windows": windows,
     }
 
 

@@ -58,6 +58,15 @@ class Model:
         """Mean rotor radius."""
         return sum(self.number(f"rotor_{i}_radius_m") for i in range(1, 5)) / 4.0
 
+    def whole(self, channel: str) -> float:
+        """What sizes in a channel are shares of: weight, weight times arm, full rotor speed, a rotor radius."""
+        kind = channel.split("_")[0]
+        if kind in ("force", "acc"):
+            return self.weight_N
+        if kind == "moment":
+            return self.weight_N * self.arm_m
+        return self.number("max_rotor_speed_rad_s") if kind == "drive" else self.radius_m
+
     def with_number(self, name: str, value: float) -> Model:
         """The same vehicle with one declared number replaced."""
         return dataclasses.replace(self, parameters={**self.parameters, name: value})

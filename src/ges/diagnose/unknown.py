@@ -59,7 +59,7 @@ def left_over(board: Board, joint: Joint, model: Model, seed: int = 0) -> list[U
     The null flips the sign of whole blocks of time, which keeps autocorrelation and flights; the threshold is the largest
     R^2 of the null's 95 % over all channels and regimes.
     """
-    told = [regimes(r, model) for r in board.system.flights]
+    told = [regimes(r.flight, r.windows, model) for r in board.system.flights]
     shared = [name for name in told[0] if all(name in t for t in told)]
     flight_of = np.concatenate([np.full(len(r.windows), f) for f, r in enumerate(board.system.flights)])
     blocks = np.concatenate([((r.windows.center_s - r.flight.t_s[0]) // BLOCK_S).astype(int) + 10000 * f

@@ -5,21 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from .result import Finding
-
-REGIMES = {
-    "height_over_radius": "height over rotor radius",
-    "airspeed_m_s": "speed (m/s)",
-    "climb_m_s": "climb (m/s)",
-    "battery_V": "battery voltage (V)",
-    "time_s": "time in flight (s)",
-}
-CHANNELS = {
-    "force": "force",
-    "acc": "accelerometer",
-    "moment": "moment",
-    "drive": "drive",
-    "range": "rangefinder",
-}
+from .words import channel_words, number_words, quantity_words, unit_words
 
 
 def verdict_of(findings: Sequence[Finding], rivals: Sequence[Sequence[str]], unexplained: Sequence[Mapping]) -> str:
@@ -33,25 +19,18 @@ def verdict_of(findings: Sequence[Finding], rivals: Sequence[Sequence[str]], une
     return "unknown" if unexplained else "nothing_proven"
 
 
-def channel_words(channel: str) -> str:
-    """``force_z`` as ``vertical force``."""
-    kind, _, axis = channel.partition("_")
-    word = CHANNELS.get(kind, kind)
-    if kind == "drive":
-        return f"drive of rotor {axis}"
-    where = {"x": f"{word} along x", "y": f"{word} along y", "z": f"vertical {word}"}
-    return ("yaw moment" if channel == "moment_z" else where[axis]) if axis else word
-
-
 def where_words(item: Mapping) -> str:
     """A located entry in words."""
     name, (low, high) = next(iter(item["regime"].items()))
-    return f"{channel_words(item['channel'])} at {REGIMES.get(name, name)} {low:.2g} to {high:.2g}"
+    words, _, unit = quantity_words(name).partition(", ")
+    return f"{channel_words(item['channel'])} at {words} {number_words(low, 2)} to {number_words(high, 2)} {unit}".strip()
 
 
 def _finding_words(f: Finding) -> str:
     size = (
-        f"{f.size['value']:.2g} {f.size['unit']} rms in the {channel_words(f.size['channel'])}" if f.size.get("channel") else ""
+        f"{number_words(f.size['value'], 2)} {f.size['unit']} rms in the {channel_words(f.size['channel'])}"
+        if f.size.get("channel")
+        else ""
     )
     return f"{f.name} ({f.title}; P {f.probability:.2f}{'; ' + size if size else ''})"
 
@@ -65,10 +44,10 @@ def _gain(fit: Mapping) -> str:
         return ""
     name = max(gains, key=gains.get)
     told = fit["channels"][name]
-    unit = name.rpartition("_")[2]
+    before, recalibrated, after = (number_words(told[stage], 3) for stage in ("before", "recalibrated", "after"))
     return (
-        f" On flights that took no part the error in {name} is {told['before']:.3g} {unit} as given,"
-        f" {told['recalibrated']:.3g} recalibrated and {told['after']:.3g} with it."
+        f" On flights that took no part the error of the {channel_words(name)} is {before} {unit_words(name)} as given,"
+        f" {recalibrated} recalibrated and {after} with it."
     )
 
 

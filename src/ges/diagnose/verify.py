@@ -16,6 +16,7 @@ from .residual import UNITS, channels, model_along, residual
 from .weak import make_windows
 
 HORIZON_S = 1.0
+STEPS = 20
 RESAMPLES = 1000
 STAGES = ("before", "recalibrated", "after")
 
@@ -95,11 +96,11 @@ def _starts(flight: Prepared) -> np.ndarray:
 
 
 def rollout(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
-    """Open-loop errors after one horizon: rotor speeds and attitude imposed from the recording, position and velocity free.
+    """Open-loop errors along one horizon: rotor speeds and attitude imposed from the recording, position and velocity free.
 
     Returns
     -------
-    error by contract column (``p_z_m`` ...), (k,) one value a start.
+    error by contract column (``p_z_m`` ...), (starts, STEPS + 1), the first column at the start.
     """
     starts, n = _starts(flight), int(round(HORIZON_S / flight.dt_s))
     if not len(starts):
@@ -112,28 +113,38 @@ def rollout(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
     battery = flight.columns.get("battery_V", np.full(len(table), np.nan))
     inputs = np.column_stack([table, battery, rates])
     effects = {k: v for k, v in model.effects.items() if effect_table.get(k).kind not in ("sensor", "actuator")}
-    flown = sim.fly([_piece(flight, model, effects, smooth, inputs, s, n) for s in starts], (*POSITION, *VELOCITY))
-    ends = starts + n
-    return {name: np.array([r[name][-1] for r in flown]) - smooth[name][ends] for name in POSITION + VELOCITY}
+    flown = sim.fly([_piece(flight, model, effects, smooth, inputs, s, n) for s in starts], ("t_s", *POSITION, *VELOCITY))
+    at = np.linspace(0.0, n * flight.dt_s, STEPS + 1)
+    clock = np.arange(n + 1) * flight.dt_s
+    errors = {}
+    for name in POSITION + VELOCITY:
+        said = np.array([np.interp(at, r["t_s"] - r["t_s"][0], r[name]) for r in flown])
+        seen = np.array([np.interp(at, clock, smooth[name][s : s + n + 1]) for s in starts])
+        errors[name] = said - seen
+    return errors
 
 
 def _piece(flight: Prepared, model: Model, effects: dict, smooth: dict, inputs: np.ndarray, start: int, n: int) -> sim.Flight:
-    step = flight.dt_s / max(1, int(np.ceil(flight.dt_s / 0.005)))
+    every = max(1, int(np.ceil(flight.dt_s / 0.005)))
     state = {f"start_{name}": float(smooth[name][start]) for name in POSITION + VELOCITY}
     state |= {f"start_{name}": float(v) for name, v in zip((*ROTOR_SPEED, *QUATERNION), inputs[start, :8], strict=True)}
     numbers = {**model.parameters, **state, "control": 2, "attitude_imposed": 1, "start": 1, "inputs_dt_s": flight.dt_s,
-               "dt_s": step, "duration_s": n * flight.dt_s, "record_every": int(round(n * flight.dt_s / step)),
+               "dt_s": flight.dt_s / every, "duration_s": n * flight.dt_s, "record_every": every,
                "gear_height_m": 0.0, "gear_stiffness_N_m": 0.0}  # fmt: skip
     return sim.Flight(numbers, effects, model.terrain, inputs[start : start + n + 2])
 
 
-def rollout_table(flights: Sequence[Prepared], models: Mapping[str, Model]) -> dict:
-    """``rollout`` of the fit: rms error after one horizon by channel and stage."""
-    told: dict[str, dict[str, float]] = {}
+def rollouts(flights: Sequence[Prepared], models: Mapping[str, Model]) -> dict[str, dict[str, np.ndarray]]:
+    """Errors of :func:`rollout` over all flights, by contract column and stage, (starts, STEPS + 1)."""
+    told: dict[str, dict[str, np.ndarray]] = {}
     for stage, model in models.items():
-        pieces = [rollout(f, model) for f in flights if can_roll(f)]
-        for name in POSITION + VELOCITY:
-            values = np.concatenate([p[name] for p in pieces if name in p] or [np.zeros(0)])
-            if len(values):
-                told.setdefault(name, {})[stage] = float(np.sqrt(np.mean(values**2)))
-    return {"horizon_s": HORIZON_S, "channels": told} if told else {}
+        pieces = [p for f in flights if can_roll(f) for p in [rollout(f, model)] if p]
+        for name in pieces[0] if pieces else ():
+            told.setdefault(name, {})[stage] = np.concatenate([p[name] for p in pieces])
+    return told
+
+
+def rollout_table(told: Mapping[str, Mapping[str, np.ndarray]]) -> dict:
+    """``rollout`` of the fit: rms error after one horizon by channel and stage."""
+    channels = {n: {s: float(np.sqrt(np.mean(e[:, -1] ** 2))) for s, e in by.items()} for n, by in told.items()}
+    return {"horizon_s": HORIZON_S, "channels": channels} if channels else {}

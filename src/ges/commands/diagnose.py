@@ -1,0 +1,39 @@
+"""``ges diagnose``: what a simulator lacks, from recorded flights."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command()
+@click.argument("recordings", type=click.Path(path_type=Path), metavar="SET")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for the report and its files.")
+@click.option("--holdout", multiple=True, metavar="FLIGHT",
+              help="A flight (file name without .parquet) that takes no part; may be given again. Default: a rule that does not "
+              "look at the flights.")  # fmt: skip
+@click.option("--vehicle", "vehicle_path", type=click.Path(path_type=Path), help="Another vehicle file than the set's own.")
+def command(recordings, out, holdout, vehicle_path) -> None:
+    """Locate where the simulator and the flights of SET differ, name what is missing, fit it, and show the fit improve.
+
+    Example: ges diagnose flights/monday --out reports/monday
+    """
+    from rich.console import Console
+
+    from ..diagnose.chain import diagnose
+    from ..diagnose.output import write_diagnosis
+    from ..io.recording import load_set
+    from ..vehicle import load_vehicle
+
+    console = Console(stderr=True)
+    flights = load_set(recordings)
+    vehicle = load_vehicle(vehicle_path) if vehicle_path else None
+    folder = vehicle_path.parent if vehicle_path else recordings
+    with console.status(f"diagnosing {len(flights.flights)} flights"):
+        found = diagnose(flights, vehicle, holdout=list(holdout) or None, folder=folder)
+    write_diagnosis(found, out, folder)
+    for warning in found.data["warnings"]:
+        click.echo(f"warning: {warning}", err=True)
+    click.echo(found.sentence)
+    click.echo(f"{out / 'report.html'}", err=True)

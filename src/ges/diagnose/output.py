@@ -1,0 +1,103 @@
+"""Files of a diagnosis: diagnosis.json, the fitted vehicle, the figures and the report."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import effects as effect_table
+from ..files import write_json
+from ..vehicle import save_vehicle
+from . import pictures
+from .locate import regimes
+from .report import write_report
+from .result import Diagnosis
+from .verify import HORIZON_S, STEPS
+from .weak import make_windows
+from .words import channel_words, quantity_words
+
+BLOCK_S = 5.0
+
+
+def write_diagnosis(diagnosis: Diagnosis, out: Path, vehicle_folder: Path | str = ".") -> None:
+    """Write every file of the contract into ``out``; ``vehicle_folder`` is where a height map lies."""
+    out.mkdir(parents=True, exist_ok=True)
+    content = diagnosis.content()
+    drawn = {name: pictures.save(figure, out, name) for name, figure in _figures(diagnosis, content)}
+    ground = diagnosis.vehicle.terrain.file
+    if ground and Path(vehicle_folder).resolve() != out.resolve():
+        shutil.copyfile(Path(vehicle_folder) / ground, out / ground)
+    save_vehicle(diagnosis.vehicle, out / "vehicle.fitted.yaml")
+    write_report(content, drawn, out / "report.html")
+    write_json(out / "diagnosis.json", content)
+
+
+def _figures(diagnosis: Diagnosis, content: Mapping[str, Any]):
+    """Names and figures, those that this diagnosis has something for."""
+    details = diagnosis.details
+    if details["cells"]:
+        yield "where", pictures.location_map([_cell(c) for c in details["cells"]])
+    told = _parameters(content)
+    if told:
+        yield "parameters", pictures.parameter_intervals(told)
+    if content["fit"]["channels"]:
+        yield "held_out", pictures.held_out_bars(content["fit"]["channels"])
+        place = next((item for item in content["located"] if item["channel"] in details["channels"]), None)
+        if place:
+            yield "located", _residual_picture(place, details)
+    if details.get("rollouts"):
+        yield "rollout", pictures.rollout_growth(np.linspace(0.0, HORIZON_S, STEPS + 1), details["rollouts"])
+
+
+def _cell(cell) -> dict[str, Any]:
+    return {"channel": cell.channel, "regime": cell.regime, "low": cell.low, "high": cell.high, "mean": cell.mean,
+            "sd": cell.sd, "q_value": cell.q_value}  # fmt: skip
+
+
+def _parameters(content: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Fitted parameters of the findings, then declared numbers that recalibration moved."""
+    told = [
+        {"label": f"{f['name']}.{name}", **{k: p[k] for k in ("value", "ci95", "unit")}}
+        for f in content["findings"]
+        for name, p in f["parameters"].items()
+    ]
+    for key, p in content["calibration"].items():
+        if p["declared_sd"]:
+            told.append({"label": key, "value": p["value"], "ci95": p["ci95"], "unit": _unit(key), "declared": 0.0,
+                         "declared_sd": p["declared_sd"]})  # fmt: skip
+    return told
+
+
+def _unit(key: str) -> str:
+    effect, parameter = key.split(".")
+    if effect == "vehicle":
+        return "rad/s"
+    return next(p.unit for p in effect_table.get(effect).parameters if p.name == parameter)
+
+
+def _residual_picture(place: Mapping[str, Any], details: Mapping[str, Any]):
+    """The clearest location on held-out flights: what recalibration leaves there, and what the findings add."""
+    regime, c = next(iter(place["regime"])), details["channels"].index(place["channel"])
+    x, block = _regime_values(details["held"], regime, details)
+    left = {stage: np.concatenate([e[:, c] for e in details["errors"][stage]]) for stage in ("recalibrated", "after")}
+    good = np.isfinite(left["recalibrated"]) & np.isfinite(x)
+    curves = {"recalibrated": np.zeros(good.sum()), "after": (left["recalibrated"] - left["after"])[good]}
+    unit = {"force": "N", "acc": "N", "moment": "N m", "drive": "rad/s", "range": "m"}[place["channel"].split("_")[0]]
+    words = f"{channel_words(place['channel'])}, {unit}"
+    return pictures.residual_against(x[good], left["recalibrated"][good], curves, block[good], quantity_words(regime), words)
+
+
+def _regime_values(flights: Sequence, regime: str, details: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    values, blocks, first = [], [], 0
+    for flight in flights:
+        windows = make_windows(flight.t_s, flight.flying, details["length_s"])
+        told = regimes(flight, windows, details["models"]["after"])
+        number = ((windows.center_s - flight.t_s[0]) // BLOCK_S).astype(int) + first
+        values.append(told.get(regime, np.full(len(windows), np.nan)))
+        blocks.append(number)
+        first = int(number.max(initial=first)) + 1
+    return np.concatenate(values), np.concatenate(blocks)
