@@ -43,12 +43,12 @@ def interpreter() -> list[Path]:
 
 
 def package() -> list[Path]:
-    """Return the files of this package without the generator of cases, and the compiled simulator."""
+    """Return the files of this package without the generator of cases, and the folder of the compiled simulator."""
     from .._lib import library_path
 
     root = Path(__file__).resolve().parents[1]
     parts = [p for p in root.iterdir() if p.name not in ("blind", "__pycache__")]
-    return [*sorted(parts), library_path().resolve()]
+    return [*sorted(parts), library_path().resolve().parent]
 
 
 def lock_in(readable: Iterable[Path], writable: Iterable[Path]) -> bool:

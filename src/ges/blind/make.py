@@ -67,6 +67,14 @@ def make_cases(out: Path, seed: int, grid: str, processes: int = 1, tell: Callab
     return len(every)
 
 
+def make_and_seal(sums: Path, grid: str, seed: int, processes: int = 2) -> None:
+    """Make cases anew in the folder above ``sealed/``, where ``sums`` is the list of hashes."""
+    folder = sums.parents[1]
+    for part in ("cases", "sealed"):
+        shutil.rmtree(folder / part, ignore_errors=True)
+    make_cases(folder, seed, grid, processes)
+
+
 def _spread(batches, out, grid, seed, processes) -> Iterator[int]:
     jobs = [(b, out, grid, seed) for b in batches]
     if processes == 1:
@@ -109,7 +117,8 @@ def _sortie(f, around, craft, numbers, z, stream) -> Sortie:
     rng = np.random.default_rng(stream)
     low = max(1.3 * craft.radius_m, 0.6 * craft.radius_m + 0.04)
     pace = float(np.clip(np.sqrt(craft.radius_m / 0.06), 0.7, 1.25))
-    room = Room(around.seconds[f], craft.radius_m, low, pace, z)
+    agility = float(np.clip(craft.declared["lag"] / 0.03, 0.9, 2.2))
+    room = Room(around.seconds[f], craft.radius_m, low, pace, agility, z)
     plan = make_plan(around.menu[f], room, around.excited[f], around.parked[f], rng)
     turbulence = around.turbulence * float(np.clip((0.65 / craft.true["mass"]) ** 0.15, 0.8, 1.5))
     return Sortie(craft, numbers, plan, z, around.charge[f], turbulence, int(rng.integers(2**62)))

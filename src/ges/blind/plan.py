@@ -27,12 +27,13 @@ class Plan:
 
 @dataclass(frozen=True)
 class Room:
-    """What a manoeuvre must know: duration, scales of the vehicle and the terrain under it."""
+    """What a manoeuvre must know: duration, scales of the vehicle (``smooth_s``: its agility) and the terrain under it."""
 
     seconds: float
     radius_m: float
     low_m: float
     pace: float
+    smooth_s: float
     grid: np.ndarray
 
     @property
@@ -161,7 +162,7 @@ def make_plan(name: str, room: Room, excite: bool, on_ground: bool, rng: np.rand
     ground_s = float(rng.uniform(1.0, 2.0)) if on_ground else 0.0
     if on_ground:
         track = _after_ground(track, ground_s, room)
-    smooth = np.stack([_smooth(row, 0.7 if k == 2 else 1.0) for k, row in enumerate(track)])
+    smooth = np.stack([_smooth(row, (0.7 if k == 2 else 1.0) * room.smooth_s) for k, row in enumerate(track)])
     rate = np.gradient(smooth, CONTROL_DT_S, axis=1)
     acceleration = np.gradient(rate[:3], CONTROL_DT_S, axis=1)
     reference = np.concatenate([smooth[:3], rate[:3], acceleration, smooth[3:4], rate[3:4]])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import secrets
@@ -16,8 +17,9 @@ from pathlib import Path
 
 from .._lib import library_path
 from ..errors import GesError
-from ..files import sha256, write_json
-from . import jail, seal
+from ..files import sha256, tree_hash, write_json
+from ..sources import sources
+from . import jail, seal, worker
 
 OUT = "diagnosed"
 LIMIT_S = 600
@@ -41,33 +43,53 @@ def run_cases(
     """
     _hidden(folder)
     names = [n for n in seal.cases(folder) if only is None or n in only]
-    waiting = [n for n in names if not finished(folder / out / n)]
+    tool = tool_state(options or {})
+    waiting = [n for n in names if not finished(folder / out / n, tool)]
     seal.check(folder, [s for s in seal.listed(folder) if s.startswith("../cases/") and s.split("/")[2] in waiting])
     tell(len(names) - len(waiting), len(names))
     with ThreadPoolExecutor(processes) as pool:
-        jobs = [pool.submit(_one, folder / "cases" / n, folder / out / n, options or {}) for n in waiting]
+        jobs = [pool.submit(_one, folder / "cases" / n, folder / out / n, options or {}, tool) for n in waiting]
         for done, job in enumerate(as_completed(jobs), 1):
             job.result()
             tell(len(names) - len(waiting) + done, len(names))
     return len(waiting)
 
 
-def finished(verdict: Path) -> bool:
-    """Say whether a case has its verdict; one that failed is tried again."""
+def run_batch(sums: Path, verdicts: Path, batch: int, batches: int) -> None:
+    """Diagnose every ``batches``-th case of the folder above ``sealed/``; ``verdicts`` lists the hash of each diagnosis.
+
+    What an interrupted batch had done is kept and not done again.
+    """
+    folder = sums.parents[1]
+    names = seal.cases(folder)[batch::batches]
+    run_cases(folder, 1, names)
+    write_json(verdicts, {n: sha256(folder / OUT / n / "diagnosis.json") for n in names})
+
+
+def tool_state(options: dict) -> str:
+    """Hash of all that makes a verdict: sources of the diagnosis, the compiled simulator, options."""
+    root = Path(__file__).parents[1]
+    parts = [tree_hash(root, sources(worker.__name__)), sha256(library_path()), json.dumps(options, sort_keys=True)]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def finished(verdict: Path, tool: str) -> bool:
+    """Say whether a case has its verdict from this very tool; one that failed is tried again."""
     try:
-        return json.loads((verdict / "run.json").read_text())["ended"] == "well"
+        about = json.loads((verdict / "run.json").read_text())
     except FileNotFoundError:
         return False
+    return about["ended"] == "well" and about["tool"] == tool
 
 
 def _hidden(folder: Path) -> None:
     real = folder.resolve()
-    for root in jail.interpreter():
+    for root in (*jail.interpreter(), *jail.package()):
         if real.is_relative_to(root):
-            raise GesError(f"'{folder}' lies in {root}, which every process may read; move the cases elsewhere")
+            raise GesError(f"'{folder}' lies in {root}, which a diagnosis may read; move the cases elsewhere")
 
 
-def _one(case: Path, final: Path, options: dict) -> None:
+def _one(case: Path, final: Path, options: dict, tool: str) -> None:
     """Diagnose one case under a name that says nothing and move the whole result into place."""
     with tempfile.TemporaryDirectory(prefix="") as scratch:
         given, made, home = (Path(scratch) / secrets.token_hex(6) for _ in range(3))
@@ -76,7 +98,7 @@ def _one(case: Path, final: Path, options: dict) -> None:
         anonymous(case, given)
         start = time.perf_counter()
         said = _process(given, made, home, options)
-        about = {"ended": "well" if said is None else "failed", "wall_s": round(time.perf_counter() - start, 3)}
+        about = {"ended": "well" if said is None else "failed", "tool": tool, "wall_s": round(time.perf_counter() - start, 3)}
         if said is not None:
             write_json(made / "diagnosis.json", {"schema": 1, "verdict": "failed", "sentence": said, "findings": []})
         worker = made / "worker.json"

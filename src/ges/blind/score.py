@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..errors import GesError
-from ..files import replacing, write_json
+from ..files import replacing, sha256, write_json
 from . import seal
 from .judge import CATEGORIES, Judgement, judge
 from .run import OUT
@@ -53,6 +53,22 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
     write_json(out / "scores.json", report)
     draw_all(out, tables)
     return report
+
+
+def score_batches(sums: Path, verdicts: list[Path], scores: Path) -> None:
+    """Score what the workflow's batches diagnosed; tables and figures go beside ``scores``.
+
+    Raises
+    ------
+    GesError
+        When a verdict is not the one that its batch wrote.
+    """
+    folder = sums.parents[1]
+    for path in verdicts:
+        for name, digest in json.loads(path.read_text()).items():
+            if sha256(folder / OUT / name / "diagnosis.json") != digest:
+                raise GesError(f"the verdict of case '{name}' is not the one that its batch wrote; run the batch again")
+    score_cases(folder, scores.parent)
 
 
 def read_verdict(folder: Path) -> dict:

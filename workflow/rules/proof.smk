@@ -1,0 +1,93 @@
+# The proof: concealed effects are made and sealed, diagnosed blind in batches, and scored.
+from ges.blind.grid import COMPOSITIONS
+
+PROVEN = "results/proof"
+SEAL = f"{PROVEN}/sealed/SHA256SUMS"
+N_BATCHES = len(
+    batched(
+        range(sum(COMPOSITIONS[STUDY.proof.grid].values())), STUDY.proof.cases_per_batch
+    )
+)
+VERDICTS = [f"{PROVEN}/verdicts/batch{k:03d}.json" for k in range(N_BATCHES)]
+PROOF_TABLES = expand(
+    f"{PROVEN}/{{table}}.csv",
+    table=[
+        "cases",
+        "scores",
+        "singles",
+        "categories",
+        "confusion",
+        "reliability",
+        "oracle",
+    ],
+)
+PROOF_FIGURES = expand(
+    f"{PROVEN}/{{figure}}.{{kind}}",
+    figure=["confusion_matrix", "detection", "calibration", "outcomes"],
+    kind=["pdf", "png"],
+)
+PROOF = [f"{PROVEN}/scores.json", *PROOF_TABLES, *PROOF_FIGURES]
+
+
+rule make_cases:
+    output:
+        sums=SEAL,
+    log:
+        "results/logs/make_cases.log",
+    benchmark:
+        "results/benchmarks/make_cases.tsv"
+    threads: 2
+    params:
+        call=call("ges.blind.make:make_and_seal"),
+        grid=STUDY.proof.grid,
+        seed=STUDY.proof.seed,
+    message:
+        "make concealed cases and seal the truth"
+    script:
+        SCRIPT
+
+
+rule diagnose_batch:
+    input:
+        library="build/libges.so",
+        sums=SEAL,
+    output:
+        verdicts=f"{PROVEN}/verdicts/batch{{batch}}.json",
+    log:
+        "results/logs/diagnose_batch{batch}.log",
+    benchmark:
+        "results/benchmarks/diagnose_batch{batch}.tsv"
+    params:
+        call=call("ges.blind.run:run_batch"),
+        batch=lambda wildcards: int(wildcards.batch),
+        batches=N_BATCHES,
+    message:
+        "diagnose concealed cases, batch {wildcards.batch}"
+    script:
+        SCRIPT
+
+
+rule score_proof:
+    input:
+        library="build/libges.so",
+        sums=SEAL,
+        verdicts=VERDICTS,
+    output:
+        PROOF_TABLES,
+        PROOF_FIGURES,
+        scores=f"{PROVEN}/scores.json",
+    log:
+        "results/logs/score_proof.log",
+    benchmark:
+        "results/benchmarks/score_proof.tsv"
+    params:
+        call=call("ges.blind.score:score_batches"),
+    message:
+        "open the seal and score"
+    script:
+        SCRIPT
+
+
+rule proof:
+    input:
+        PROOF,
