@@ -105,9 +105,10 @@ class _Chain:
         models = {"before": self.model, "recalibrated": recalibrated, "after": after}
         fit, proof = self._proof(models)
         verdict = verdict_of(findings, accepted.rivals, unexplained)
+        calibration = _calibration(fitted_joint, self.model)
         return Diagnosis(
             verdict=verdict,
-            sentence=sentence_of(verdict, findings, located, unexplained, fit),
+            sentence=sentence_of(verdict, findings, located, unexplained, fit, calibration),
             findings=tuple(findings),
             located=tuple(located),
             unexplained=tuple(unexplained),
@@ -115,7 +116,7 @@ class _Chain:
             detectable={},
             next_flight={},
             data=self._data(system),
-            calibration=_calibration(joint if not accepted.fitted else accepted.fitted.joint, self.model),
+            calibration=calibration,
             not_tested={},
             vehicle=self._fitted_vehicle(accepted, fitted_joint),
             details={"accepted": accepted, "cells": map_cells, "models": models, "held": self.held, **proof},

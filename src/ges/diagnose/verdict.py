@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from .result import Finding
 from .words import channel_words, number_words, quantity_words, unit_words
 
+NOTEWORTHY = 2.0
+
 
 def verdict_of(findings: Sequence[Finding], rivals: Sequence[Sequence[str]], unexplained: Sequence[Mapping]) -> str:
     """One word of the contract."""
@@ -27,12 +29,10 @@ def where_words(item: Mapping) -> str:
 
 
 def _finding_words(f: Finding) -> str:
-    size = (
-        f"{number_words(f.size['value'], 2)} {f.size['unit']} rms in the {channel_words(f.size['channel'])}"
-        if f.size.get("channel")
-        else ""
-    )
-    return f"{f.name} ({f.title}; P {f.probability:.2f}{'; ' + size if size else ''})"
+    told = [f.title, f"P {f.probability:.2f}"]
+    if f.size.get("channel"):
+        told.append(f"{number_words(f.size['value'], 2)} {f.size['unit']} rms in the {channel_words(f.size['channel'])}")
+    return f"{f.name} ({'; '.join(told)})"
 
 
 def _gain(fit: Mapping) -> str:
@@ -51,9 +51,19 @@ def _gain(fit: Mapping) -> str:
     )
 
 
+def _moved(calibration: Mapping[str, Mapping]) -> str:
+    """The declared number that recalibration moved farthest, where that is beyond twice its doubt."""
+    far = {k: abs(c["value"]) / c["declared_sd"] for k, c in calibration.items() if c["declared_sd"]}
+    name = max(far, key=far.get, default=None)
+    if name is None or far[name] < NOTEWORTHY:
+        return ""
+    return f" Recalibration moved {name} by {number_words(calibration[name]['value'])}, {far[name]:.1f} times its declared sd."
+
+
 def sentence_of(
-    verdict: str, findings: Sequence[Finding], located: Sequence[Mapping], unexplained: Sequence[Mapping], fit: Mapping
-) -> str:
+    verdict: str, findings: Sequence[Finding], located: Sequence[Mapping], unexplained: Sequence[Mapping], fit: Mapping,
+    calibration: Mapping[str, Mapping],
+) -> str:  # fmt: skip
     """One or two sentences: where, what, how much, how sure."""
     where = f"The simulator is wrong first in the {where_words(located[0])}." if located else ""
     named = "; ".join(_finding_words(f) for f in findings)
@@ -67,4 +77,4 @@ def sentence_of(
         return f"{where} No effect of the library explains it: it stays unknown, rather than under the nearest name.".strip()
     if verdict == "ambiguous":
         return f"{where} One of these is needed and these flights cannot tell which: {named}.{left}".strip()
-    return f"{where} What is missing: {named}.{_gain(fit)}{left}".strip()
+    return f"{where} What is missing: {named}.{_gain(fit)}{_moved(calibration)}{left}".strip()
