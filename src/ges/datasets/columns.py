@@ -13,5 +13,8 @@ TARGET = "ge_factor"
 WHEREABOUTS = ("p_x_m", "p_y_m", "ground_z_m", "agl_m")
 """True places, for analysis alone: no model sees them."""
 
+CONTACT = "contact"
+"""1 where the feet touch the ground: no flight, so models neither learn from such rows nor answer for them."""
+
 TYPES = {"t_s": "float64", **dict.fromkeys(FEATURES, "float32"), TARGET: "float32",
-         **dict.fromkeys(WHEREABOUTS, "float64")}  # fmt: skip
+         **dict.fromkeys(WHEREABOUTS, "float64"), CONTACT: "float32"}  # fmt: skip

@@ -10,7 +10,7 @@ import pandas as pd
 
 from ..config import Window as Shape
 from ..errors import GesError
-from .columns import FEATURES, TARGET, WHEREABOUTS
+from .columns import CONTACT, FEATURES, TARGET, WHEREABOUTS
 from .flights import read_flight, seed_of
 
 
@@ -85,13 +85,16 @@ def _chosen(rows: np.ndarray, most: int | None, seed: int, flight: int) -> np.nd
 
 
 def _gather(path: Path, rows: np.ndarray, window: Window) -> tuple:
-    seed, data = read_flight(path, (*FEATURES, TARGET, *WHEREABOUTS))
+    seed, data = read_flight(path, (*FEATURES, TARGET, *WHEREABOUTS, CONTACT))
     table = np.stack([data[name] for name in FEATURES], axis=1)
     if len(rows) and rows[-1] + window.horizon >= len(table):
         raise GesError(f"{Path(path).name} has {len(table)} rows; the split asks for row {rows[-1] + window.horizon}")
     x = table[rows[:, None] + window.offsets()]
+    ahead = rows + window.horizon
+    flown = np.isfinite(x).all(axis=(1, 2)) & (data[CONTACT][rows] == 0) & (data[CONTACT][ahead] == 0)
+    rows, x, ahead = rows[flown], x[flown], ahead[flown]
     places = {name: data[name][rows] for name in (*WHEREABOUTS, TARGET)}
-    return np.full(len(rows), seed), x, data[TARGET][rows + window.horizon], rows, places
+    return np.full(len(rows), seed), x, data[TARGET][ahead], rows, places
 
 
 def load_rows(flights: list[Path], split: Path, part: str, window: Window, most: int | None, seed: int) -> Rows:
@@ -109,7 +112,8 @@ def load_rows(flights: list[Path], split: Path, part: str, window: Window, most:
     Raises
     ------
     GesError
-        When the part is empty or a flight is missing. Rows with an undefined feature are left out.
+        When the part is empty or a flight is missing. Rows with an undefined feature, or that touch the ground
+        now or at the horizon, are left out.
     """
     blocks = pd.read_csv(split)
     blocks = blocks[blocks["part"] == part]
@@ -123,5 +127,4 @@ def load_rows(flights: list[Path], split: Path, part: str, window: Window, most:
     found = [_gather(files[s], _chosen(eligible(b, window), share, seed, s), window) for s, b in blocks.groupby("seed")]
     seeds, x, y, rows = (np.concatenate([f[i] for f in found]) for i in range(4))
     places = {k: np.concatenate([f[4][k] for f in found]) for k in found[0][4]}
-    defined = np.isfinite(x).all(axis=(1, 2))
-    return Rows(x[defined], y[defined], seeds[defined], rows[defined], {k: v[defined] for k, v in places.items()})
+    return Rows(x, y, seeds, rows, places)
