@@ -12,6 +12,7 @@ import pandas as pd
 from ..errors import GesError
 from ..files import replacing, sha256, write_json
 from . import seal
+from .coefficients import Comparison, compare
 from .judge import CATEGORIES, Judgement, judge
 from .run import OUT
 
@@ -42,11 +43,14 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
     out = out or folder / "scores"
     names = seal.cases(folder)
     seal.check(folder, list(seal.listed(folder)))
-    judged = [judge(n, seal.truth(folder, n), read_verdict(folder / diagnosed / n)) for n in names]
-    table = case_table(folder, diagnosed, judged)
-    scores = summary(judged, table)
+    truths = {n: seal.truth(folder, n) for n in names}
+    said = {n: read_verdict(folder / diagnosed / n) for n in names}
+    judged = [judge(n, truths[n], said[n]) for n in names]
+    held = {n: compare(folder, n, truths[n], said[n], folder / diagnosed / n / "vehicle.fitted.yaml") for n in names}
+    table = case_table(folder, diagnosed, judged, truths, held)
+    scores = summary(judged, table, {n: c for n, c in held.items() if c})
     tables = {"cases": table, "scores": scores, "singles": by_effect(judged), "confusion": confusion(judged),
-              "categories": outcomes(judged), "reliability": reliability(judged)}  # fmt: skip
+              "categories": outcomes(judged), "reliability": reliability(judged), "oracle": reach(judged, held)}  # fmt: skip
     for name, frame in tables.items():
         _write_csv(out / f"{name}.csv", frame)
     report = {"schema": 1, "cases": len(names), "scores": json.loads(scores.to_json(orient="records", double_precision=6))}
@@ -96,20 +100,31 @@ def _write_csv(path: Path, frame: pd.DataFrame) -> None:
         frame.to_csv(new, index=False, float_format="%.6g")
 
 
-def case_table(folder: Path, diagnosed: str, judged: Sequence[Judgement]) -> pd.DataFrame:
+def case_table(folder: Path, diagnosed: str, judged: Sequence[Judgement], truths: dict, held: dict) -> pd.DataFrame:
     """One row a case: what was concealed, what was said, what came of it, in which situation, in how many seconds."""
     rows = []
     for j in judged:
-        truth = seal.truth(folder, j.case)
         about = folder / diagnosed / j.case / "run.json"
         ran = json.loads(about.read_text()) if about.exists() else {}
+        against = held[j.case]
+        worst = max(against.errors.values(), default=np.nan) if against else np.nan
         rows.append({
             "case": j.case, "category": j.category, "severity": j.severity, "truth": "+".join(j.truth), "verdict": j.verdict,
             "claimed": "+".join(j.claimed), "offered": "+".join(j.offered), "outcome": j.outcome, "wrong": "+".join(j.wrong),
             "flagged": j.flagged, "located": j.located[0], "located_too_many": j.located[1], "located_missed": j.located[2],
-            **truth.get("situation", {}), "seconds": ran.get("seconds"), "wall_s": ran.get("wall_s"),
+            "reach": against.best.reach if against else np.nan, "coefficient_error": worst,
+            "above_limit": against.above_limit if against else None,
+            **truths[j.case].get("situation", {}), "seconds": ran.get("seconds"), "wall_s": ran.get("wall_s"),
         })  # fmt: skip
     return pd.DataFrame(rows)
+
+
+def reach(judged: Sequence[Judgement], held: dict) -> pd.DataFrame:
+    """The oracle: share of a concealed effect that the library's form of that name explains at best, by effect."""
+    of = [(j.truth[-1], held[j.case].best.reach) for j in judged if j.category in ("single", "parameter") and held[j.case]]
+    frame = pd.DataFrame(of, columns=["effect", "reach"]).dropna()
+    told = frame.groupby("effect")["reach"].agg(n="count", median="median", lowest="min").reset_index()
+    return told.astype({"n": int})
 
 
 def proportion(hits: Sequence[bool]) -> tuple[float, float, float]:
@@ -146,7 +161,7 @@ def calibration_error(stated: np.ndarray, bins: int = 10) -> float:
     return float(sum(gaps) / len(stated))
 
 
-def summary(judged: Sequence[Judgement], table: pd.DataFrame) -> pd.DataFrame:
+def summary(judged: Sequence[Judgement], table: pd.DataFrame, held: dict[str, Comparison]) -> pd.DataFrame:
     """All scores with interval, number of cases, aim and whether it is met."""
     of = {c: [j for j in judged if j.category == c] for c in CATEGORIES}
     found = {
@@ -169,6 +184,12 @@ def summary(judged: Sequence[Judgement], table: pd.DataFrame) -> pd.DataFrame:
     }
     located = np.array([j.located for j in judged if sum(j.located)], dtype=float).reshape(-1, 3)
     stated = np.array([s for j in judged for s in j.stated], dtype=float).reshape(-1, 2)
+    above = [j for j in of["single"] if j.case in held and held[j.case].above_limit]
+    found["singles exactly right above the stated detection limit"] = _rate(above, lambda j: j.exact)
+    errors = np.array([e for c in held.values() for e in c.errors.values()])
+    found["coefficient error relative to the oracle, median"] = (*bootstrap(errors, np.median), len(errors))
+    within = [k < c.intervals[0] for c in held.values() for k in range(c.intervals[1])]
+    found["intervals that hold the oracle"] = (*proportion(within), len(within))
     seconds = table["seconds"].dropna().to_numpy(dtype=float)
     found["location F1"] = (*bootstrap(located, f1), len(located))
     found["calibration error of stated probabilities"] = (*bootstrap(stated, calibration_error), len(stated))

@@ -1,0 +1,93 @@
+"""Fitted coefficients against the oracle's: error, intervals, and whether an effect was above the stated detection limit."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from .. import effects as effect_table
+from ..errors import GesError
+from ..vehicle import load_vehicle
+from . import oracle
+from .oracle import FREE, SHAPES, Oracle, Witness
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """One case: errors relative to the oracle, (held, tried) intervals, and how concealed effect and limit compare."""
+
+    best: Oracle
+    errors: dict[str, float]
+    intervals: tuple[int, int]
+    above_limit: bool | None
+
+
+def compare(folder: Path, case: str, truth: Mapping, said: Mapping, fitted: Path) -> Comparison | None:
+    """Hold a diagnosis against the oracle of its case; None for a case whose maker kept no witness."""
+    seen = oracle.witness(folder, case, truth)
+    if seen is None:
+        return None
+    names = [f["name"] for f in truth["findings"]]
+    best = oracle.fit(seen, names)
+    told = oracle.declared_values(truth, load_vehicle(folder / "cases" / case / "vehicle.yaml"))
+    best = dataclasses.replace(best, parameters={**best.parameters, **told})
+    claimed = {f["name"]: f["parameters"] for f in said["findings"] if f["name"] in best.parameters}
+    return Comparison(best, _errors(seen, best, claimed, fitted), _intervals(best, claimed), _above(names, best, said))
+
+
+def _errors(seen: Witness, best: Oracle, claimed: Mapping[str, Mapping], fitted: Path) -> dict[str, float]:
+    """Error by effect: of the loads where it makes loads (so that the form chosen does not matter), else of the numbers."""
+    wrenches = [n for n in best.parameters if _is_load(n)]
+    errors = {n: _relative(best.parameters[n], claimed[n]) for n in claimed if n not in wrenches}
+    if wrenches and set(wrenches) <= set(claimed):
+        errors["+".join(wrenches)] = _load_error(seen, best, wrenches, fitted)
+    return {name: e for name, e in errors.items() if np.isfinite(e)}
+
+
+def _is_load(name: str) -> bool:
+    return name in FREE and effect_table.get(name).kind in ("wrench", "wind")
+
+
+def _load_error(seen: Witness, best: Oracle, names: list[str], fitted: Path) -> float:
+    try:
+        held = load_vehicle(fitted).effect_values()
+    except GesError:
+        return np.nan
+    if not set(names) <= set(held):
+        return np.nan
+    right = seen.loads({n: {**effect_table.get(n).neutral(), **best.parameters[n]} for n in names})
+    return _rms(seen.loads({n: held[n] for n in names}) - right) / max(_rms(right), 1e-12)
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _relative(right: Mapping[str, float], told: Mapping[str, Mapping]) -> float:
+    shared = [p for p in right if p in told]
+    whole = np.linalg.norm(list(right.values()))
+    return float(np.linalg.norm([told[p]["value"] - right[p] for p in shared]) / whole) if shared and whole > 0 else np.nan
+
+
+def _intervals(best: Oracle, claimed: Mapping[str, Mapping]) -> tuple[int, int]:
+    """Count 95 % intervals that hold the oracle's value, where a parameter means the same whatever the others are."""
+    checks = [
+        told[p]["ci95"][0] <= value <= told[p]["ci95"][1]
+        for name, told in claimed.items()
+        if not set(FREE.get(name, ())) & set(SHAPES)
+        for p, value in best.parameters[name].items()
+        if p in told and None not in told[p]["ci95"]
+    ]
+    return (sum(checks), len(checks))
+
+
+def _above(names: list[str], best: Oracle, said: Mapping) -> bool | None:
+    """Whether the effect exceeds the smallest that the diagnosis says it would have seen; None where it says none."""
+    limit = said.get("detectable", {}).get(names[-1]) if names else None
+    if not limit or limit.get("smallest") is None or names[-1] not in best.parameters:
+        return None
+    value = best.parameters[names[-1]].get(limit["parameter"])
+    return None if value is None else abs(value) >= limit["smallest"]

@@ -1,0 +1,203 @@
+"""The generator: its own physics, right in the limits that theory knows, and silent about its secret."""
+
+from __future__ import annotations
+
+import ast
+import collections
+import dataclasses
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ges
+from ges.blind import air, attached, drive, grid, ground, make, rotor
+from ges.blind.airframe import CLASSES, DOUBTS, draw_airframe
+from ges.blind.concealed import EVERY, NEUTRAL, PHYSICS
+from ges.blind.sensing import Recorder
+
+BLIND = Path(ges.__file__).parent / "blind"
+GENERATOR = ("air", "airframe", "attached", "concealed", "drive", "flight", "grid", "ground", "make", "pilot", "plan", "rotor",
+             "sensing", "whereabouts")  # fmt: skip
+SHARED = {"conventions", "errors", "files"}
+
+
+def _imports(path: Path) -> set[str]:
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found |= {"." * node.level + (node.module or "")} if node.module else {"." * node.level + a.name for a in node.names}
+    return found
+
+
+@pytest.mark.parametrize("module", GENERATOR)
+def test_generator_imports_nothing_of_the_simulator(module):
+    own = {f".{name}" for name in (*GENERATOR, "seal")}
+    allowed = own | {f"..{name}" for name in SHARED} | {"__future__", ".", ".."}
+    outside = {i for i in _imports(BLIND / f"{module}.py") if i.startswith(".") or i.startswith("ges")}
+    assert outside <= allowed
+    assert not {"ctypes", "cffi", "importlib"} & _imports(BLIND / f"{module}.py")
+
+
+def test_generator_runs_without_the_compiled_simulator():
+    """No symbol of the library is loaded by making a case: the library is not even there."""
+    code = (
+        "import sys, os\n"
+        "from ges.blind import make\n"
+        "from ges.blind.flight import Simulation\n"
+        "c = make.draw_case(make.Spec(0, 'null', (), (), '650g'), 'tiny', 1)\n"
+        "assert not any(m in sys.modules for m in ('ges._lib', 'ges.sim', 'ges.effects', 'ges.terrain', 'ctypes.util'))\n"
+        "maps = open('/proc/self/maps').read() if os.path.exists('/proc/self/maps') else ''\n"
+        "assert 'libges' not in maps\n"
+    )
+    import sys
+
+    done = subprocess.run(
+        [sys.executable, "-c", code], env={"GES_LIBRARY": "/nowhere/libges.so", "PATH": ""}, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_equations_are_not_copied_from_the_simulator():
+    """No function of the generator has the name of a symbol of the simulator's effects."""
+    effects = {p.stem for p in (Path(ges.__file__).parents[2] / "sim_c" / "effects").glob("*.c")}
+    assert effects
+    named = {
+        node.name for m in GENERATOR if m != "concealed" for node in ast.walk(ast.parse((BLIND / f"{m}.py").read_text()))
+        if isinstance(node, ast.FunctionDef)
+    }  # fmt: skip
+    assert named & effects <= {"slung_load", "tether"}
+
+
+def test_flat_ground_is_the_image_rotor():
+    """One rotor over flat ground: (R/4z)^2 of Cheeseman and Bennett, to the ray count's accuracy."""
+    radius = np.array([0.12])
+    for height in (0.12, 0.24, 0.48):
+        centre = np.zeros((3, 4, 1)) + np.array([0.0, 0.0, height])[:, None, None]
+        centre[0] += np.array([0.0, 1e3, 2e3, 3e3])[:, None]
+        share = ground.image_fraction(centre, radius, lambda x, y: 0.0 * x, np.zeros((2, 1)))
+        assert share[0, 0] == pytest.approx((radius[0] / (4.0 * height)) ** 2, rel=0.05)
+
+
+def test_hover_of_the_blade_element_rotor():
+    """Pitch gives back its thrust coefficient, and climbing takes away what heave damping says (Bramwell)."""
+    mass, radius, tip, s = 0.65, 0.0635, 79.4, 0.6
+    disc = 1.225 * np.pi * radius**2
+    ct = mass * 9.81 / (4.0 * disc * tip**2)
+    theta, lam = rotor.blade_pitch(ct, s), np.sqrt(ct / 2.0)
+    assert rotor.thrust_coefficient(theta, s, lam, 0.0) == pytest.approx(ct, rel=1e-12)
+    thrust, v_i, climb = 0.25 * mass * 9.81, lam * tip, 0.05
+    for _ in range(4000):
+        v_i = rotor.step_inflow(v_i, thrust, 0.0, climb, radius, 1.225, 1e-3)
+        thrust = disc * tip**2 * rotor.thrust_coefficient(theta, s, (v_i + climb) / tip, 0.0)
+    damping = -4.0 * (thrust - 0.25 * mass * 9.81) / mass / climb
+    assert damping == pytest.approx(rotor.heave_damping_1_s(s, ct, radius, tip, mass, 1.225), rel=0.02)
+
+
+def test_motor_reaches_the_speed_that_its_map_asks_for():
+    droop, x = np.array([0.15]), np.full((4, 1), 0.2)
+    for _ in range(3000):
+        x, _ = drive.step_motor(x, drive.linear_duty(np.full((4, 1), 0.6), droop), 1.0, droop, 30.0, 1.0, 1.5, 1e-3)
+    assert x == pytest.approx(np.full((4, 1), 0.6), abs=1e-6)
+
+
+def test_gusts_have_their_standard_deviation():
+    rng, state, u = np.random.default_rng(1), np.zeros((5, 400)), []
+    for k in range(6000):
+        state = air.step_gusts(
+            state, np.full(400, 1.5), np.full(400, 4.0), np.full(400, 2.0), rng.standard_normal((3, 400)), 0.05
+        )
+        if k > 1000 and k % 50 == 0:
+            u.append(state[[0, 1, 3]])
+    assert np.std(np.stack(u), axis=(0, 2)) == pytest.approx([1.5, 1.5, 0.75], rel=0.08)
+
+
+def test_hanging_cable_weighs_what_hangs():
+    force = attached.tether(np.array([[0.0], [0.0], [1.5]]), 0.0, 0.2, 0.0)
+    assert force.ravel() == pytest.approx([0.0, 0.0, -0.3])
+
+
+@pytest.mark.parametrize("size", list(CLASSES))
+def test_vehicle_files_are_honestly_wrong(size):
+    """Declared numbers are off by about their doubt, never beyond two of it."""
+    crafts = [draw_airframe(size, np.random.default_rng(k)) for k in range(200)]
+    for key, doubt in (("mass", "mass"), ("thrust", "thrust"), ("lag", "lag"), ("izz", "inertia")):
+        off = np.array([c.true[key] / c.declared[key] - 1.0 for c in crafts]) / DOUBTS[doubt]
+        assert np.abs(off).max() <= 2.0 + 1e-9
+        assert 0.75 < off.std() < 1.0
+
+
+def test_full_grid_has_what_it_promises(every_spec):
+    count = collections.Counter(s.category for s in every_spec)
+    assert count == grid.COMPOSITIONS["full"]
+    assert count["null"] >= 300 and count["pair"] >= 150 and count["triple"] >= 60 and count["unknown"] >= 100
+    singles = collections.Counter((s.names[0], s.levels[0], s.size) for s in every_spec if s.category == "single")
+    assert len({n for n, _, _ in singles}) == len(PHYSICS) >= 15
+    assert len(singles) == len(PHYSICS) * 3 * len(CLASSES)
+
+
+@pytest.mark.parametrize("name", [g for g in grid.COMPOSITIONS if g != "full"])
+def test_small_grids_show_every_kind(name):
+    assert sum(grid.COMPOSITIONS[name].values()) == {"tiny": 40, "sample": 60}[name]
+    assert {s.category for s in grid.specs(name, 1)} == set(grid.COMPOSITIONS["full"])
+
+
+@pytest.mark.parametrize("name", sorted(EVERY))
+def test_a_secret_touches_only_known_numbers(name):
+    craft = draw_airframe("650g", np.random.default_rng(1))
+    sizes = []
+    for level in range(3):
+        numbers = EVERY[name](craft, level, np.random.default_rng(2))
+        assert set(numbers) <= set(NEUTRAL)
+        sizes.append(max(abs(v - NEUTRAL[k]) for k, v in numbers.items()))
+    assert all(np.isfinite(sizes)) and max(sizes) > 0
+
+
+def test_circumstances_do_not_know_the_secret(every_spec):
+    """Name, terrain, flights, logging: the same whatever is concealed."""
+    for spec in every_spec[:50]:
+        spec = dataclasses.replace(spec, menu="full", logging={})
+        bare = dataclasses.replace(spec, category="null", names=(), levels=())
+        assert grid.draw_circumstances(spec, "full", 3) == grid.draw_circumstances(bare, "full", 3)
+
+
+def test_recordings_say_nothing_but_physics(flown):
+    """With and without a secret: same columns, types, times and rows; only what is measured differs."""
+    _, cases, parts = flown
+    a, b = (
+        Recorder(p[0], c.sorties[0], c.around.logging, np.random.default_rng(0)).frame()
+        for c, p in zip(cases, parts, strict=True)
+    )
+    assert list(a) == list(b) and (a.dtypes == b.dtypes).all() and len(a) == len(b)
+    assert (a["t_s"] == b["t_s"]).all()
+    assert not np.allclose(a["p_x_m"], b["p_x_m"], atol=1e-3)
+
+
+def test_concealed_force_is_there_and_only_there(flown):
+    _, cases, parts = flown
+    weight = cases[0].craft.true["mass"] * 9.80665
+    drag, nothing = (np.abs(p[0]["extra_force"]).max() / weight for p in parts)
+    assert drag > 0.01 and nothing < 1e-9
+
+
+def test_flights_stay_up(flown):
+    _, cases, parts = flown
+    for case, flights in zip(cases, parts, strict=True):
+        assert make._flew(case, flights)
+
+
+def test_streams_are_in_step(flown):
+    """Nothing is late in a recording without a concealed lateness."""
+    _, cases, parts = flown
+    case, truth = cases[1], parts[1][0]
+    case = dataclasses.replace(case, around=dataclasses.replace(case.around, logging=dataclasses.replace(
+        case.around.logging, noise="low", rotor_speeds=True)))  # fmt: skip
+    record = Recorder(truth, case.sorties[0], case.around.logging, np.random.default_rng(0))
+    frame, shifts = record.frame(), np.arange(-6, 7) * 1e-3
+    for name, columns in (("omega", "omega_{}_rad_s"), ("v", "v_{}_m_s"), ("specific_force", "acc_{}_m_s2")):
+        logged = frame[[columns.format(a) for a in "xyz"]].to_numpy()
+        off = [((record._at(name, d).T - logged) ** 2).sum() for d in shifts]
+        assert abs(shifts[int(np.argmin(off))]) <= 1e-3
