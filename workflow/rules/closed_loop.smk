@@ -246,13 +246,13 @@ rule fly_world:
         clamp=CLAMP,
     output:
         flights=f"{FLOWN}/worlds/{{form}}_mapping{{mapping}}.csv",
-    wildcard_constraints:
-        form="|".join(FORMS),
-        mapping="0|1",
     log:
         "results/logs/fly_world_{form}_mapping{mapping}.log",
     benchmark:
         "results/benchmarks/fly_world_{form}_mapping{mapping}.tsv"
+    wildcard_constraints:
+        form="|".join(FORMS),
+        mapping="0|1",
     params:
         call=call("ges.fly.forms:fly_world"),
         simulator=part("simulator"),
@@ -266,9 +266,29 @@ rule fly_world:
         SCRIPT
 
 
+rule fly_fitted_world:
+    input:
+        library=FLYING,
+        clamp=CLAMP,
+        forms="results/real/forms.csv",
+    output:
+        flights=f"{FLOWN}/worlds/fitted.csv",
+    log:
+        "results/logs/fly_fitted_world.log",
+    params:
+        call=call("ges.fly.forms:fly_fitted_world"),
+        simulator=part("simulator"),
+        plan=part("closed_loop"),
+        closed_loop=part("seeds.closed_loop"),
+    message:
+        "fly the ground effect that fits real flights"
+    script:
+        SCRIPT
+
+
 rule summarise_worlds:
     input:
-        worlds=WORLDS,
+        worlds=[*WORLDS, f"{FLOWN}/worlds/fitted.csv"],
     output:
         flights=f"{FLOWN}/worlds.csv",
         summary=f"{FLOWN}/worlds_summary.csv",

@@ -7,6 +7,7 @@ deviation of the differences); p-values of one table are corrected by Holm's met
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -17,13 +18,17 @@ from statsmodels.stats.multitest import multipletests
 RESAMPLES = 9999
 
 
+@functools.lru_cache(maxsize=8)
+def _resamples(n: int) -> np.ndarray:
+    return np.random.default_rng(0).integers(0, n, (RESAMPLES, n))
+
+
 def mean_interval(values: np.ndarray, confidence: float = 0.95) -> tuple[float, float]:
     """Bootstrap interval (percentile, seeded) of the mean of ``values`` (n,); NaN below two values."""
     if len(values) < 2:
         return float("nan"), float("nan")
-    picks = np.random.default_rng(0).integers(0, len(values), (RESAMPLES, len(values)))
     tail = 50.0 * (1.0 - confidence)
-    low, high = np.percentile(np.asarray(values)[picks].mean(axis=1), [tail, 100.0 - tail])
+    low, high = np.percentile(np.asarray(values)[_resamples(len(values))].mean(axis=1), [tail, 100.0 - tail])
     return float(low), float(high)
 
 

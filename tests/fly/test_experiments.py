@@ -1,0 +1,186 @@
+"""Every experiment in its tiny version: what it flies, with which seeds, and that its numbers are what they claim."""
+
+import json
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ges.errors import GesError, UsageError
+from ges.fly import bias, causes, clamp, comparison, flights, forms, grid, pulse, winner
+from ges.stats.paired import means
+
+
+@pytest.fixture(scope="session")
+def flown(tiny, tmp_path_factory):
+    """Folder with the outputs of every experiment."""
+    folder = tmp_path_factory.mktemp("closed_loop")
+    world, plan, seeds = tiny.simulator, tiny.closed_loop, tiny.seeds
+    at, choice = folder.joinpath, folder / "clamp.json"
+    clamp.choose_clamp(world, plan, seeds.validation, at("clamp.csv"), choice)
+    comparison.fly_comparison(world, plan, seeds, choice, at("comparison.csv"), at("comparison_summary.csv"))
+    comparison.summarise_restricted(at("comparison.csv"), at("restricted_summary.csv"))
+    bias.fly_bias(world, plan, seeds.closed_loop, at("bias.csv"), at("bias_summary.csv"), at("bias_tests.csv"))
+    comparison.write_table2(at("comparison_summary.csv"), at("bias_summary.csv"), at("table2.csv"))
+    names = ("pulse.csv", "pulse_tests.csv", "pulse_trace.csv", "pulse_response.json")
+    pulse.fly_pulse(world, plan, seeds.closed_loop, *map(at, names))
+    names = ("pulse_map.csv", "pulse_map_summary.csv", "pulse_map_limits.csv")
+    pulse.fly_pulse_map(world, plan, seeds.closed_loop, *map(at, names))
+    causes.fly_causes(world, plan, seeds.closed_loop, at("causes.csv"), at("causes_summary.csv"), at("causes_tests.csv"))
+    winner.choose_gains(world, plan, seeds.validation, choice, at("gains.csv"), at("gains.json"))
+    names = ("winner.csv", "winner_summary.csv", "winner_tests.csv")
+    winner.fly_winner(world, plan, seeds.closed_loop, choice, at("gains.json"), *map(at, names))
+    return folder
+
+
+def _table(folder, name):
+    return pd.read_csv(folder / name)
+
+
+@pytest.mark.parametrize("name", ["clamp", "gains"])
+def test_choices_see_validation_seeds_alone(tiny, flown, name):
+    validation = set(tiny.seeds.validation.list())
+    assert set(_table(flown, f"{name}.csv")["seed"]) == validation
+    assert json.loads((flown / f"{name}.json").read_text())["seeds"] == sorted(validation)
+
+
+@pytest.mark.parametrize("name", ["comparison", "bias", "pulse", "pulse_map", "causes", "winner"])
+def test_evaluations_see_closed_loop_seeds_alone(tiny, flown, name):
+    allowed = {*tiny.seeds.closed_loop.list(), *(tiny.seeds.closed_loop_small.list() if name == "comparison" else [])}
+    assert set(_table(flown, f"{name}.csv")["seed"]) == allowed
+    assert not allowed & {*tiny.seeds.data(), *tiny.seeds.calibration.list()}
+
+
+def test_rules_that_choose_are_given_validation_seeds_alone(root):
+    text = (root / "workflow/rules/closed_loop.smk").read_text()
+    for rule in re.split(r"\nrule ", text)[1:]:
+        seeds = set(re.findall(r'part\("(seeds[\w.]*)"\)', rule))
+        wanted = {"seeds.validation"} if rule.startswith(("choose", "write_poles")) else {"seeds.closed_loop", "seeds"}
+        assert seeds <= wanted, rule.split(":")[0]
+
+
+def test_choice_is_the_best_candidate(flown):
+    chosen = json.loads((flown / "clamp.json").read_text())
+    mean = _table(flown, "clamp.csv").groupby("threshold")["agl_rms_m"].mean()
+    assert mean[chosen["threshold"]] == mean.min()
+    gains = json.loads((flown / "gains.json").read_text())["gains"]
+    mean = _table(flown, "gains.csv").groupby(["mode", "kp_factor", "kd_factor"])["agl_rms_m"].mean()
+    for mode, best in gains.items():
+        assert mean[mode].min() == pytest.approx(mean[mode, best["kp_factor"], best["kd_factor"]]), mode
+
+
+def test_same_seed_same_world(tiny, flown):
+    """No bias in the bias experiment is the oracle of the comparison, and of the causes: one flight, one set of numbers."""
+    oracle = _table(flown, "comparison.csv").query("condition == 'oracle' and seed_list == 'closed_loop'")
+    unbiased = _table(flown, "bias.csv").query("bias == 0")
+    published = _table(flown, "causes.csv").query("condition == 'oracle, as published'")
+    for other in (unbiased, published):
+        np.testing.assert_array_equal(oracle["agl_rms_m"], other["agl_rms_m"])
+
+
+def test_rows_do_not_depend_on_the_batch(tiny, flown, monkeypatch):
+    monkeypatch.setattr(flights, "AT_ONCE", 5)
+    seeds = tiny.seeds.closed_loop.list()
+    again = flights.fly_conditions(bias.bias_conditions(tiny.closed_loop.biases), seeds, tiny.simulator, tiny.closed_loop)
+    assert again.to_csv(index=False) == (flown / "bias.csv").read_text()
+
+
+def test_oracle_knows_the_truth_and_bias_is_added_to_it(flown):
+    table = _table(flown, "bias.csv")
+    assert table["estimate_mae"].to_numpy() == pytest.approx(np.abs(table["bias"]).to_numpy(), abs=1e-5)
+
+
+def test_overprediction_costs_clearance(flown):
+    tests = _table(flown, "bias_tests.csv").set_index(["metric", "condition"])
+    assert tests.loc[("clearance_mean_m", 0.02), "high"] < 0
+    assert set(tests["p_holm"] >= tests["p"]) == {True}
+
+
+def test_table2_quotes_the_summaries(flown):
+    table = _table(flown, "table2.csv")
+    small = table.query("experiment == 'modes' and seed_list == 'closed_loop_small'").set_index("condition")
+    flown_small = _table(flown, "comparison.csv").query("seed_list == 'closed_loop_small'")
+    for name, rows in flown_small.groupby("condition"):
+        assert small.loc[name, "mean"] == pytest.approx(rows["agl_rms_m"].mean()), name
+    assert len(table) == 2 * 6 + 5
+
+
+def test_restricted_summary_is_of_the_large_list(flown):
+    rows = _table(flown, "comparison.csv").query("seed_list == 'closed_loop'")
+    summary = _table(flown, "restricted_summary.csv").query("metric == 'agl_rms_restricted_m'").set_index("condition")
+    for name, group in rows.groupby("condition"):
+        assert summary.loc[name, "mean"] == pytest.approx(group["agl_rms_restricted_m"].mean())
+
+
+def test_nothing_happens_before_the_pulse(tiny, flown):
+    trace = _table(flown, "pulse_trace.csv")
+    before = trace["after_s"] < -tiny.closed_loop.pulse.duration_s
+    assert before.any() and (trace.loc[before, "change_m"] == 0).all()
+    assert trace.loc[trace["after_s"].between(0, 0.5), "change_m"].mean() < -1e-3
+
+
+def test_pulse_windows_hold_the_trace(tiny, flown):
+    first = _table(flown, "pulse_tests.csv").query("metric == 'clearance_m' and window_s == '0-0.5'")["difference"].item()
+    trace = _table(flown, "pulse_trace.csv")
+    assert first == pytest.approx(trace.loc[trace["after_s"].between(0, 0.49), "change_m"].mean(), rel=0.02)
+
+
+def test_response_of_a_damped_wave():
+    after = np.arange(0, 10, 0.02)
+    wave = -0.004 * np.exp(-0.5 * after) * np.sin(3.0 * after)
+    found = pulse._response(pd.DataFrame({"after_s": after, "change_m": wave}))
+    peak = np.arctan(3.0 / 0.5) / 3.0
+    assert found["lowest_after_s"] == pytest.approx(peak, abs=0.02)
+    assert found["rebound_after_s"] == pytest.approx(peak + np.pi / 3.0, abs=0.02)
+    assert found["rebound_m"] == pytest.approx(-found["lowest_m"] * np.exp(-0.5 * np.pi / 3.0), rel=0.01)
+    assert 3.5 < found["settled_after_s"] < 6.0
+
+
+def test_limits_stop_at_the_first_pulse_that_fails():
+    shares = pd.DataFrame(
+        {"bias": [0.1, 0.2, 0.5, -0.1], "duration_s": 1.0, "returned": [1, 0.9, 1, 1], "touched": [0, 0, 0, 0.1]}
+    )
+    found = pulse._limits(shares).set_index("sign")
+    assert (found.loc["+", "returns_up_to"], found.loc["+", "untouched_up_to"]) == (0.1, 0.5)
+    assert (found.loc["-", "returns_up_to"], found.loc["-", "untouched_up_to"]) == (0.1, 0.0)
+
+
+def test_a_perfect_oracle_flies_as_if_there_were_no_ground_effect(flown):
+    table = _table(flown, "causes.csv").query("cause == 'all'").pivot(index="seed", columns="mode", values="agl_rms_m")
+    np.testing.assert_allclose(table["oracle"], table[causes.FLOOR], rtol=5e-3)
+    assert (table["none"] - table[causes.FLOOR]).abs().max() > 1e-4
+
+
+def test_grid_and_worlds_change_the_truth_alone(tiny, flown, tmp_path):
+    world, plan, seeds, choice = tiny.simulator, tiny.closed_loop, tiny.seeds.closed_loop, flown / "clamp.json"
+    cells = [tmp_path / f"cell{gain}.csv" for gain in (0.6, 0.9)]
+    for cell, gain in zip(cells, (0.6, 0.9), strict=True):
+        grid.fly_grid_cell(world, plan, seeds, choice, 1.0, gain, cell)
+    grid.summarise_grid(cells, tmp_path / "grid.csv", tmp_path / "grid_summary.csv")
+    same, other = (pd.read_csv(cell).query("condition == 'none'")["agl_rms_m"] for cell in cells)
+    reference = _table(flown, "comparison.csv").query("condition == 'none' and seed_list == 'closed_loop'")["agl_rms_m"]
+    np.testing.assert_array_equal(same, reference)
+    assert (other.to_numpy() != reference.to_numpy()).all()
+    forms.fly_world(world, plan, seeds, choice, "hayden", 0, tmp_path / "hayden.csv")
+    (tmp_path / "none.csv").write_text("form,offset_m,c_a,decay,rank\n")
+    forms.fly_fitted_world(world, plan, seeds, choice, tmp_path / "none.csv", tmp_path / "fitted.csv")
+    outputs = [tmp_path / f"worlds{i}.csv" for i in range(3)]
+    forms.summarise_worlds([tmp_path / "hayden.csv", tmp_path / "fitted.csv"], *outputs)
+    assert set(pd.read_csv(outputs[1])["form"]) == {"hayden"}
+
+
+def test_means_name_every_condition(flown):
+    summary = means(_table(flown, "winner.csv"), ["agl_rms_m"])
+    assert len(summary) == 2 * 7 and (summary["seeds"] == 3).all()
+
+
+def test_a_flight_that_fails_is_a_sentence(tiny):
+    wild = flights.mode("none", attitude_kp=1e5, attitude_kd=0.0, altitude_kp=0.0, gear_stiffness_N_m=1e7, gear_height_m=10.0)
+    with pytest.raises(GesError, match="cannot be flown|not finite"):
+        flights.fly_conditions([wild], [2001], tiny.simulator, tiny.closed_loop)
+
+
+def test_unknown_mode_is_a_sentence(tiny):
+    with pytest.raises(UsageError, match="did you mean 'oracle'"):
+        flights.fly_conditions([flights.mode("orakle")], [2001], tiny.simulator, tiny.closed_loop)
