@@ -159,7 +159,7 @@ def test_changed_recording_is_refused(proof, tmp_path):
 def test_changed_truth_is_refused(proof, tmp_path):
     folder = _copy(proof, tmp_path)
     path = next((folder / "sealed").glob("0*.json"))
-    path.write_text(path.read_text().replace("rotor_drag", "wind"))
+    path.write_text(path.read_text().replace("verdict", "Verdict"))
     with pytest.raises(GesError, match="has changed since"):
         seal.check(folder, list(seal.listed(folder)))
 

@@ -106,6 +106,7 @@ def test_motor_reaches_the_speed_that_its_map_asks_for():
 
 def test_gusts_have_their_standard_deviation():
     rng, state, u = np.random.default_rng(1), np.zeros((5, 400)), []
+    sigma, speed, height = np.full(400, 1.5), np.full(400, 4.0), np.full(400, 2.0)
     for k in range(6000):
         state = air.step_gusts(
             state, np.full(400, 1.5), np.full(400, 4.0), np.full(400, 2.0), rng.standard_normal((3, 400)), 0.05
@@ -127,7 +128,7 @@ def test_vehicle_files_are_honestly_wrong(size):
     for key, doubt in (("mass", "mass"), ("thrust", "thrust"), ("lag", "lag"), ("izz", "inertia")):
         off = np.array([c.true[key] / c.declared[key] - 1.0 for c in crafts]) / DOUBTS[doubt]
         assert np.abs(off).max() <= 2.0 + 1e-9
-        assert 0.75 < off.std() < 1.0
+        assert 0.75 < off.std() < 1.1
 
 
 def test_full_grid_has_what_it_promises(every_spec):
