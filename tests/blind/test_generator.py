@@ -108,9 +108,7 @@ def test_gusts_have_their_standard_deviation():
     rng, state, u = np.random.default_rng(1), np.zeros((5, 400)), []
     sigma, speed, height = np.full(400, 1.5), np.full(400, 4.0), np.full(400, 2.0)
     for k in range(6000):
-        state = air.step_gusts(
-            state, np.full(400, 1.5), np.full(400, 4.0), np.full(400, 2.0), rng.standard_normal((3, 400)), 0.05
-        )
+        state = air.step_gusts(state, sigma, speed, height, rng.standard_normal((3, 400)), 0.05)
         if k > 1000 and k % 50 == 0:
             u.append(state[[0, 1, 3]])
     assert np.std(np.stack(u), axis=(0, 2)) == pytest.approx([1.5, 1.5, 0.75], rel=0.08)
