@@ -12,12 +12,17 @@ include: "workflow/rules/common.smk"
 include: "workflow/rules/build.smk"
 include: "workflow/rules/data.smk"
 include: "workflow/rules/models.smk"
+include: "workflow/rules/closed_loop.smk"
+include: "workflow/rules/proof.smk"
 include: "workflow/rules/figures.smk"
+include: "workflow/rules/runs.smk"
+include: "workflow/rules/paper.smk"
 
 
 rule all:
     default_target: True
     input:
-        FIGURES,
-        "results/table1.csv",
-        "build/ml/libges.so",
+        CLOSED_LOOP,
+        PROOF,
+        RESULTS,
+        MANIFEST,

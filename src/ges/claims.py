@@ -19,7 +19,7 @@ from pydantic import BaseModel, ConfigDict
 
 from .config import SeedRange, Seeds
 from .errors import GesError
-from .files import replacing
+from .files import replacing, write_json
 
 CLOSE = 0.10
 """Relative distance from the published value that counts as reproduced where our interval misses it."""
@@ -40,6 +40,7 @@ RULES = {
         "a number said to exceed a bound: reproduced if our interval, or our value where there is none, lies above it; same "
         "direction if only our value does"
     ),
+    "not_below": "no better (lower) than something: reproduced unless our interval of the difference lies below zero",
 }
 
 
@@ -61,7 +62,7 @@ class Claim(Strict):
     id: str
     section: str
     says: str
-    kind: Literal["value", "sign", "null", "above"] = "value"
+    kind: Literal["value", "sign", "null", "above", "not_below"] = "value"
     paper: float | None = None
     paper_text: str = ""
     unit: str = "1"
@@ -181,13 +182,17 @@ def _above(claim: Claim, found: Ours) -> str:
     return DIRECTION if found.low <= claim.bound else REPRODUCED
 
 
+def _not_below(_: Claim, found: Ours) -> str:
+    return NOT if max(found.value, found.high) < 0 else REPRODUCED
+
+
 def verdict(claim: Claim, found: Ours | None, baseline: Ours | None = None) -> str:
     """The verdict by :data:`RULES`."""
     if found is None:
         return UNMEASURED
     if claim.kind == "value":
         return _value(claim, found, baseline)
-    return {"sign": _sign, "null": _null, "above": _above}[claim.kind](claim, found)
+    return {"sign": _sign, "null": _null, "above": _above, "not_below": _not_below}[claim.kind](claim, found)
 
 
 def read_tables(tables: list[Path], results: Path) -> dict[str, pd.DataFrame]:
@@ -226,8 +231,8 @@ def _rows(tables: Mapping[str, pd.DataFrame], seeds: Seeds) -> Iterator[dict[str
         }  # fmt: skip
 
 
-def write_claims(tables: list[Path], results: Path, seeds: Seeds, table: Path) -> None:
-    """Every claim with the paper's value, ours, and the verdict.
+def write_claims(tables: list[Path], results: Path, seeds: Seeds, table: Path, rules: Path) -> None:
+    """Every claim with the paper's value, ours, and the verdict; and the rules of the verdict (JSON).
 
     Parameters
     ----------
@@ -237,3 +242,4 @@ def write_claims(tables: list[Path], results: Path, seeds: Seeds, table: Path) -
     read = read_tables(tables, results)
     with replacing(table) as new:
         pd.DataFrame(list(_rows(read, seeds))).to_csv(new, index=False)
+    write_json(rules, RULES)

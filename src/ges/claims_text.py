@@ -17,6 +17,7 @@ from .files import write_json
 MILLIMETRES = 0.2
 """Metres below this are printed in millimetres."""
 ABSENT = "n/a"
+RAISED = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
 
 
 class Quoted(Strict):
@@ -41,8 +42,8 @@ def digits(value: float, significant: int = 3) -> str:
     if "e" in text and abs(value) >= 1e-4:
         text = f"{value:.0f}"
     mantissa, _, exponent = text.partition("e")
-    power = f" × 10^{int(exponent)}" if exponent else ""
-    return (mantissa.rstrip(".") + power).replace("-", "\u2212")
+    power = f" × 10{str(int(exponent)).translate(RAISED)}" if exponent else ""
+    return mantissa.rstrip(".").replace("-", "\u2212") + power
 
 
 def entry(found: Ours | None, unit: str, significant: int = 3) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import os
 import re
 from pathlib import Path
 
+from .config import Study
 from .errors import GesError
 from .files import replacing, sha256, write_json, write_text
 from .runs import Code
@@ -52,6 +53,11 @@ def write_facts(made: list[Path], makers: dict[str, str], code: Code, facts: Pat
     """
     state = code.commit + (" with changes" if code.modified else "")
     write_json(facts, {f.stem: {"rule": makers[str(f)], "data": sha256(f)[:12], "commit": state} for f in made})
+
+
+def write_settings(study: Study, settings: Path) -> None:
+    """The configuration as JSON, from which the text quotes settings."""
+    write_json(settings, study.model_dump(mode="json"))
 
 
 def _cell(value: object) -> str:

@@ -77,8 +77,8 @@ rule real_dispersion:
 
 # name of the figure: function of ges.figures, its inputs, its parameters
 FIGURE_RULES = {
-    "system": ("diagrams:system", {}, {}),
-    "decision": ("diagrams:decision", {}, {}),
+    "fig05": ("diagrams:system", {}, {}),
+    "fig20": ("diagrams:decision", {}, {}),
     "pipeline": ("diagrams:pipeline", {}, {}),
     "terrain": (
         "ground:terrain",
@@ -136,6 +136,15 @@ FIGURE_RULES = {
             "tests": "results/closed_loop/pulse_tests.csv",
         },
         {},
+    ),
+    "fig21": (
+        "closed_loop:ablation",
+        NETWORK,
+        {
+            **SHOWN_FLIGHT,
+            "seeds": part("seeds.closed_loop_small"),
+            "narrow": part("simulator.controller.trust_band") / 10,
+        },
     ),
     "fig22": ("closed_loop:restricted", closed_loop("restricted_summary"), {}),
     "fig23": ("closed_loop:grid", closed_loop("grid_summary"), {}),

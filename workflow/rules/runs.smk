@@ -1,5 +1,6 @@
 # The record of the run: where every table and figure comes from, and the manifest, written after everything else.
 from ges import runs
+from ges.files import sha256
 
 RUN_FILES = project(
     "Snakefile",
@@ -7,6 +8,7 @@ RUN_FILES = project(
     "src/ges/**/*",
     "sim_c/**/*",
     "paper/**/*",
+    "config/**/*.yaml",
     "requirements.lock",
 )
 COMMIT, MODIFIED = runs.commit(ROOT)
@@ -19,3 +21,27 @@ def makers(files):
     return {
         str(f): next(r.name for r in workflow.rules if r.is_producer(f)) for f in files
     }
+
+
+MANIFEST = f"results/runs/{RUN_ID}/manifest.json"
+
+
+rule write_manifest:
+    input:
+        made=lambda wildcards: RESULTS,
+        numbers="results/numbers.json",
+    output:
+        manifest=MANIFEST,
+    log:
+        "results/logs/write_manifest.log",
+    params:
+        call=call("ges.runs:write_manifest"),
+        study=STUDY.model_dump(mode="json"),
+        makers=lambda wildcards, input: makers(input.made),
+        read={f.relative_to(ROOT).as_posix(): sha256(f) for f in RUN_FILES},
+        code=CODE,
+        benchmarks="results/benchmarks",
+    message:
+        "record of the run"
+    script:
+        SCRIPT

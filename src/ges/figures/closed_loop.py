@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from ..config import ClosedLoop, Simulator
-from ..fly.flights import flown, mode
+from ..config import ClosedLoop, SeedRange, Simulator
+from ..fly.flights import flown, fly_conditions, mode
+from ..stats.paired import means
 from . import style
 
 SHOWN = ("none", "analytical", "ml")
@@ -152,7 +154,7 @@ def poles(poles: Path, data: Path, pdf: Path, png: Path) -> None:
     table = pd.read_csv(poles)
     table = table[(table["factor_is"] == "of height") & (table["real_1_s"] > -12.0)]
     names = [n for n in style.MODE_LABELS if n in set(table["mode"])]
-    figure, axes = style.subplots(1, len(names), width=style.PAGE_IN, height=2.4, sharey=True)
+    figure, axes = style.subplots(1, len(names), width=style.PAGE_IN, height=2.6, sharey=True)
     for ax, name in zip(np.atleast_1d(axes), names, strict=True):
         for i, mapping in enumerate(table["mapping"].unique()):
             rows = table[(table["mode"] == name) & (table["mapping"] == mapping)]
@@ -161,7 +163,8 @@ def poles(poles: Path, data: Path, pdf: Path, png: Path) -> None:
         ax.axvline(0, color=style.RED, lw=0.8)
         ax.set(title=style.MODE_LABELS[name], xlabel="real part (1/s)")
     np.atleast_1d(axes)[0].set_ylabel("imaginary part (rad/s)")
-    np.atleast_1d(axes)[0].legend(title="command scaled by", loc="upper left", title_fontsize=7.5)
+    handles = np.atleast_1d(axes)[0].get_legend_handles_labels()
+    figure.legend(*handles, title="command scaled by", loc="outside upper center", ncols=2, title_fontsize=7.5)
     figure.colorbar(shown, ax=axes, label="ground effect factor")
     style.save(figure, table, data, pdf, png)
 
@@ -214,4 +217,27 @@ def pulse_map(summary: Path, data: Path, pdf: Path, png: Path) -> None:
     axes.set(xlabel="bias of the pulse", ylabel="length of the pulse (s)")
     axes.grid(False)
     figure.colorbar(image, ax=axes, label="seeds that touch\nthe ground (%)")
+    style.save(figure, table, data, pdf, png)
+
+
+ABLATION_METRICS = {"agl_rms_m": "AGL RMS (m)", "clearance_p5_m": "5th percentile of clearance (m)"}
+
+
+def ablation(simulator: Simulator, plan: ClosedLoop, seeds: SeedRange, narrow: float, data: Path, pdf: Path, png: Path) -> None:
+    """Parts of the hybrid on the small list of seeds: the network alone, in a narrow band only, and both with the cutover."""
+    arms = {
+        "no feedforward": mode("none"), "analytical": mode("analytical"), "network alone": mode("ml_direct"),
+        f"band of {narrow:g},\nno cutover": mode("ml", cutover_m=0.0, trust_band=narrow), "hybrid": mode("ml"),
+    }  # fmt: skip
+    named = [dataclasses.replace(arm, name=name) for name, arm in arms.items()]
+    table = means(fly_conditions(named, seeds.list(), simulator, plan), ABLATION_METRICS)
+    figure, axes = style.subplots(1, 2, width=style.PAGE_IN, height=2.1, sharey=True)
+    for ax, (metric, label), letter in zip(axes, ABLATION_METRICS.items(), "ab", strict=True):
+        rows = table[table["metric"] == metric].reset_index(drop=True)
+        span = [rows["mean"] - rows["mean_low"], rows["mean_high"] - rows["mean"]]
+        ax.errorbar(rows["mean"], rows.index, xerr=span, fmt="o", color=style.BLUE)
+        ax.set_yticks(rows.index, rows["condition"])
+        ax.set_xlabel(f"{label}, mean and 95 % interval")
+        style.panel(ax, letter)
+    axes[0].invert_yaxis()
     style.save(figure, table, data, pdf, png)

@@ -72,7 +72,7 @@ def system(data: Path, pdf: Path, png: Path) -> None:
     b.box("ml", (4.35, 0.64), "network: 13 features", (1.75, 0.3), GREENISH)
     b.box("oracle", (4.35, 0.26), "oracle: true $f$, diagnostic only", (1.75, 0.3), REDDISH)
     b.box("select", (2.45, 0.64), "mode\ncutover, trust\nband, clamp", (0.95, 1.06), PALE)
-    b.box("control", (0.75, 0.64), "PID and mixer\ncommand $\\times\\,1/\\sqrt{\\hat f}$", (1.35, 0.5), PALE)
+    b.box("control", (0.75, 0.64), "PID and mixer\n\ncommand $\\times\\,1/\\sqrt{\\hat f}$", (1.35, 0.62), PALE)
     b.join("ground", "effect", "rl")
     b.join("effect", "body", "rl", "$f_i$")
     b.join("body", "sensors", "rl")

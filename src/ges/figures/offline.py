@@ -45,7 +45,7 @@ def splits(table1: Path, plan: str, data: Path, pdf: Path, png: Path) -> None:
             _dots(axes, table[table["split"] == split], order, metric, i, label, 2)
     left.set(xscale="log", xlabel="RMSE of the factor")
     right.set(xlabel="$R^2$")
-    left.legend()
+    figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=2)
     style.panel(left, "a")
     style.panel(right, "b")
     style.save(figure, table, data, pdf, png)
