@@ -44,7 +44,7 @@ def _figures(diagnosis: Diagnosis, content: Mapping[str, Any]):
     told = _parameters(content)
     if told:
         yield "parameters", pictures.parameter_intervals(told)
-    if content["fit"]["channels"]:
+    if any(c["before"] for c in content["fit"]["channels"].values()):
         yield "held_out", pictures.held_out_bars(content["fit"]["channels"])
         place = next((item for item in content["located"] if item["channel"] in details["channels"]), None)
         if place:

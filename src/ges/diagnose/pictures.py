@@ -119,7 +119,7 @@ def held_out_bars(channels: Mapping[str, Mapping[str, Any]]) -> Figure:
     channels : as ``fit.channels`` of diagnosis.json: ``before``, ``recalibrated``, ``after`` and ``reduction_ci95``, the 95 %
         interval of 1 - after / recalibrated, which is drawn on ``after``.
     """
-    names = list(channels)
+    names = [n for n in channels if channels[n]["before"] > 0]
     with mpl.rc_context(_STYLE):
         figure = _figure(0.9 + 0.5 * len(names))
         axis = figure.subplots()

@@ -10,6 +10,8 @@ import numpy as np
 from .system import AR_ORDER, Column, Rows, System
 
 RIDGE = 1e-6
+TINY = 1e-30
+LEAST_NOISE = 1e-5  # of the weight and its like: no recording is better
 WIDE = 10.0
 ROUNDS = 4
 NOISE_ROUNDS = 3
@@ -62,7 +64,8 @@ def _left_of(y: np.ndarray, x: np.ndarray, columns: Sequence[Column]) -> np.ndar
     gram, right, sd2 = x.T @ x, x.T @ y, np.mean(y**2)
     e = y
     for _ in range(ROUNDS):
-        e = y - x @ np.linalg.solve(gram + max(sd2, 1e-30) * np.eye(len(gram)), right)
+        ridge = max(sd2, RIDGE**2 * np.trace(gram), TINY)
+        e = y - x @ np.linalg.solve(gram + ridge * np.eye(len(gram)), right)
         sd2 = np.mean(e**2)
     left[good] = e
     return left
@@ -84,7 +87,7 @@ def _growth(e: np.ndarray, unrest: np.ndarray) -> tuple[float, float]:
     best = (np.inf, 1.0, 0.0)
     for g in (0.0, 0.1, 0.3, 1.0, 3.0):
         w = 1.0 + g * unrest**2
-        sd2 = np.mean(e**2 / w)
+        sd2 = max(float(np.mean(e**2 / w)), TINY)
         cost = len(e) * np.log(sd2) + np.log(w).sum()
         if cost < best[0]:
             best = (cost, float(np.sqrt(sd2)), g)
@@ -111,9 +114,10 @@ def estimate(system: System, chosen: Sequence[int] = ()) -> Noise:
         if len(value) < 4 * AR_ORDER:
             continue
         gram = past.T @ past
-        ar[c] = np.linalg.solve(gram + RIDGE * np.trace(gram) * np.eye(AR_ORDER), past.T @ value)
+        ar[c] = np.linalg.solve(gram + max(RIDGE * np.trace(gram), TINY) * np.eye(AR_ORDER), past.T @ value)
         sd[c], growth[c] = _growth(value - past @ ar[c], np.concatenate([p[3][p[0]] for p in pieces]))
-    return Noise(ar, np.maximum(sd, 1e-12), growth)
+    floor = [LEAST_NOISE * system.model.whole(name) for name in system.names]
+    return Noise(ar, np.maximum(sd, floor), growth)
 
 
 def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:

@@ -1,0 +1,86 @@
+"""Bad recordings end in one sentence that says what was wrong and what to do, never in a traceback or a wrong number."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from ges.cli import cli, main
+from ges.io.recording import write_set
+from ges.vehicle import load_vehicle
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+T = np.arange(0.0, 8.0, 0.02)
+
+
+def _flight(**changes) -> pd.DataFrame:
+    """A hover of the appius vehicle, smooth and without noise."""
+    n = len(T)
+    columns = {"t_s": T, "p_x_m": 0 * T, "p_y_m": 0 * T, "p_z_m": 1.0 + 0.1 * np.sin(T), "v_x_m_s": 0 * T, "v_y_m_s": 0 * T,
+               "v_z_m_s": 0.1 * np.cos(T), "q_w": np.ones(n), "q_x": 0 * T, "q_y": 0 * T, "q_z": 0 * T}  # fmt: skip
+    columns |= {f"rotor_speed_{i}_rad_s": np.full(n, 595.0) + np.sin(T + i) for i in range(1, 5)}
+    frame = pd.DataFrame(columns | {k: v for k, v in changes.items() if v is not None})
+    return frame.drop(columns=[k for k, v in changes.items() if v is None])
+
+
+def _set(folder, *frames):
+    write_set(folder, load_vehicle(ROOT / "config" / "vehicles" / "appius.yaml"), [(f"f{i}", f) for i, f in enumerate(frames)])
+    return folder
+
+
+def _told(arguments, capsys, monkeypatch) -> tuple[str, int]:
+    monkeypatch.setattr("sys.argv", ["ges", *map(str, arguments)])
+    with pytest.raises(SystemExit) as stop:
+        main()
+    return capsys.readouterr().err, stop.value.code
+
+
+SPEEDS = {f"rotor_speed_{i}_rad_s": None for i in range(1, 5)}
+CASES = {
+    "no drive": ([_flight(**SPEEDS), _flight(**SPEEDS)], "neither rotor speeds", 1),
+    "zero length": ([_flight().iloc[:1], _flight()], "needs two or more", 1),
+    "too short": ([_flight().iloc[:20], _flight().iloc[:20]], "leave this recording out", 1),
+    "time runs back": ([_flight(t_s=T[::-1]), _flight()], "does not increase", 1),
+    "rpm as rad/s": ([_flight(rotor_speed_1_rad_s=np.full(len(T), 5681.0)), _flight()], "rpm", 1),
+    "one flight": ([_flight()], "needed are 2 or more", 1),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_one_sentence(case, tmp_path, capsys, monkeypatch):
+    frames, words, code = CASES[case]
+    if case in ("zero length", "time runs back", "rpm as rad/s"):
+        _set(tmp_path / "set", _flight(), _flight())
+        frames[0].to_parquet(tmp_path / "set" / "f0.parquet")
+    else:
+        _set(tmp_path / "set", *frames)
+    said, exit_code = _told(["diagnose", tmp_path / "set", "--out", tmp_path / "out"], capsys, monkeypatch)
+    assert exit_code == code and words in said and "Traceback" not in said
+    assert not (tmp_path / "out" / "diagnosis.json").exists()
+
+
+def test_channel_of_nothing_but_nan_is_left_out_and_said(tmp_path):
+    nan = {"battery_V": np.full(len(T), np.nan)}
+    _set(tmp_path / "set", _flight(**nan), _flight(**nan))
+    told = CliRunner().invoke(cli, ["diagnose", str(tmp_path / "set"), "--out", str(tmp_path / "out")])
+    assert told.exit_code == 0, told.output
+    assert "battery_V holds no sample (all NaN)" in told.output
+
+
+def test_unknown_flight_to_hold_out_names_the_nearest(tmp_path, capsys, monkeypatch):
+    _set(tmp_path / "set", _flight(), _flight())
+    said, code = _told(["diagnose", tmp_path / "set", "--out", tmp_path / "out", "--holdout", "f3"], capsys, monkeypatch)
+    assert code == 2 and "unknown flight 'f3'" in said
+
+
+def test_negative_mass_and_unknown_key(tmp_path, capsys, monkeypatch):
+    _set(tmp_path / "set", _flight(), _flight())
+    good = (ROOT / "config" / "vehicles" / "appius.yaml").read_text()
+    for text, words in ((good.replace("value: 1.5", "value: -1.5"), "must be positive"), (good + "\nweight: 3\n", "weight")):
+        (tmp_path / "set" / "vehicle.yaml").write_text(text)
+        said, code = _told(["diagnose", tmp_path / "set", "--out", tmp_path / "out"], capsys, monkeypatch)
+        assert code in (1, 2) and words in said and "Traceback" not in said
