@@ -86,7 +86,7 @@ def read_verdict(folder: Path) -> dict:
     path = folder / "diagnosis.json"
     try:
         said = json.loads(path.read_text())
-        if not {"verdict", "findings"} <= said.keys():
+        if not isinstance(said, dict) or not {"verdict", "findings"} <= said.keys():
             raise ValueError("verdict or findings are missing")
     except FileNotFoundError:
         raise GesError(f"case '{folder.name}' has no verdict; run ges blind run first") from None

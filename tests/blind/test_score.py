@@ -1,0 +1,164 @@
+"""Judging and scoring, against answers worked out by hand."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ges.blind import run, score, seal
+from ges.blind.judge import category_of, judge
+from ges.errors import GesError
+
+
+def _truth(*names: str, verdict: str = "physics", **more) -> dict:
+    return {"verdict": verdict, "findings": [{"name": n, "parameters": {}} for n in names], "severity": "weak", **more}
+
+
+def _said(*names: str, verdict: str = "physics", probability: float = 0.97, **more) -> dict:
+    return {"verdict": verdict, "findings": [{"name": n, "probability": probability, "parameters": {}} for n in names], **more}
+
+
+NOTHING = _said(verdict="nothing_proven")
+NULL = _truth(verdict="nothing_proven")
+UNKNOWN = _truth(verdict="unknown")
+OPEN = _truth("cg_offset", verdict="ambiguous", also_acceptable=[["weak_rotor"]])
+
+
+@pytest.mark.parametrize(
+    ("truth", "said", "outcome", "wrong"),
+    [
+        (_truth("rotor_drag"), _said("rotor_drag"), "exact", ()),
+        (_truth("rotor_drag"), NOTHING, "nothing", ()),
+        (_truth("rotor_drag"), _said("wind"), "wrong", ("wind",)),
+        (_truth("rotor_drag"), _said("rotor_drag", "wind"), "extra", ("wind",)),
+        (_truth("rotor_drag", "wind"), _said("rotor_drag"), "partial", ()),
+        (_truth("rotor_drag", "wind", also_acceptable=[["wind"]]), _said("wind"), "exact", ()),
+        (_truth("rotor_drag"), _said("rotor_drag", "wind", verdict="ambiguous", probability=0.5), "hedged", ()),
+        (_truth("rotor_drag"), _said("rotor_drag", verdict="unknown"), "partial", ()),
+        (_truth("rotor_drag"), {"verdict": "failed", "findings": []}, "failed", ()),
+        (NULL, NOTHING, "exact", ()),
+        (NULL, _said("wind"), "wrong", ("wind",)),
+        (NULL, _said(verdict="unknown"), "unknown", ()),
+        (UNKNOWN, _said(verdict="unknown"), "exact", ()),
+        (UNKNOWN, NOTHING, "nothing", ()),
+        (UNKNOWN, _said("wind", verdict="unknown"), "wrong", ("wind",)),
+        (OPEN, _said("cg_offset", "weak_rotor", verdict="ambiguous", probability=0.5), "exact", ()),
+        (OPEN, _said("cg_offset"), "partial", ()),
+        (OPEN, _said("wind", verdict="physics"), "wrong", ("wind",)),
+        (OPEN, NOTHING, "nothing", ()),
+    ],
+)
+def test_outcomes(truth, said, outcome, wrong):
+    judged = judge("a", truth, said)
+    assert (judged.outcome, judged.wrong) == (outcome, wrong)
+
+
+@pytest.mark.parametrize(
+    ("truth", "category"),
+    [
+        (NULL, "null"),
+        (UNKNOWN, "unknown"),
+        (OPEN, "confounded"),
+        (_truth("wind"), "single"),
+        (_truth("a", "b"), "pair"),
+        (_truth("a", "b", "c"), "triple"),
+        (_truth("time_offset", verdict="sensor"), "sensor"),
+        (_truth("inertia", verdict="parameter"), "parameter"),
+        (_truth("rotor_drag", "wind", category="single"), "single"),
+    ],
+)
+def test_category_of_a_truth_that_states_none(truth, category):
+    assert category_of(truth) == category
+
+
+def test_alarm_on_a_null_is_any_other_answer():
+    answers = [NOTHING, _said("wind"), _said(verdict="unknown"), _said("a", "b", verdict="ambiguous", probability=0.5)]
+    assert [judge("a", NULL, s).alarm for s in answers] == [False, True, True, True]
+
+
+def test_location_counts():
+    """acc_z speaks of the same force as force_z; a trace is neither demanded nor a mistake."""
+    truth = _truth("rotor_drag", located=["force_x", "force_y"], traces=["force_x", "force_y", "moment_x"])
+    said = _said("rotor_drag", located=[{"channel": c} for c in ("acc_x", "force_x", "moment_x", "moment_z", "drive_2")])
+    assert judge("a", truth, said).located == (1, 2, 1)
+    assert score.f1(np.array([[1, 2, 1], [1, 0, 0]])) == pytest.approx(2 * 2 / (2 * 2 + 2 + 1))
+
+
+def test_clopper_pearson():
+    """0 of 300: the upper end is 1 - 0.025^(1/300); 9 of 10 from the tables."""
+    value, low, high = score.proportion([False] * 300)
+    assert (value, low) == (0.0, 0.0) and high == pytest.approx(1.0 - 0.025 ** (1.0 / 300.0), rel=1e-6)
+    assert score.proportion([True] * 9 + [False]) == pytest.approx((0.9, 0.5550, 0.9975), abs=1e-4)
+
+
+def test_calibration_error():
+    """Ten names stated at 0.95 of which half are true: 0.45."""
+    stated = np.array([[0.95, k % 2] for k in range(10)])
+    assert score.calibration_error(stated) == pytest.approx(0.45)
+
+
+def _foreign(folder: Path, proof: Path, cases: int = 1) -> Path:
+    """A folder by somebody else: contract files alone, hashes of the truths alone, names of their own."""
+    lines = []
+    (folder / "sealed").mkdir(parents=True)
+    for k, case in enumerate(sorted((proof / "cases").iterdir())[:cases]):
+        shutil.copytree(case, folder / "cases" / f"theirs-{k}")
+        path = folder / "sealed" / f"theirs-{k}.json"
+        path.write_text(json.dumps(_truth("rotor_drag")))
+        lines.append(f"{seal.sha256(path)}  {path.name}\n")
+    (folder / "sealed" / seal.SUMS).write_text("".join(lines))
+    return folder
+
+
+def test_folder_of_somebody_else_runs_and_scores(tmp_path, proof):
+    """Run, resumed without running again, scored, drawn: strong rotor drag in two short flights is found."""
+    folder = _foreign(tmp_path / "theirs", proof)
+    assert run.run_cases(folder, processes=1) == 1
+    assert run.run_cases(folder, processes=1) == 0
+    about = json.loads((folder / "diagnosed" / "theirs-0" / "run.json").read_text())
+    said = score.read_verdict(folder / "diagnosed" / "theirs-0")
+    assert about["ended"] == "well", said["sentence"]
+    report = score.score_cases(folder)
+    scores = {row["score"]: row for row in report["scores"]}
+    assert scores["singles exactly right"]["n"] == 1
+    assert scores["false alarms on nulls"]["value"] is None
+    for name in ("cases.csv", "scores.csv", "confusion_matrix.png", "detection.pdf", "outcomes.png"):
+        assert (folder / "scores" / name).stat().st_size > 0
+
+
+def test_missing_verdict_is_said(tmp_path, proof):
+    folder = _foreign(tmp_path / "theirs", proof)
+    with pytest.raises(GesError, match="no verdict; run ges blind run first"):
+        score.score_cases(folder)
+
+
+@pytest.mark.parametrize("content", ["", "{", '{"verdict": "physics"}', "[1]"])
+def test_bad_verdict_is_said(tmp_path, content):
+    (tmp_path / "diagnosis.json").write_text(content)
+    with pytest.raises(GesError, match="is not a diagnosis"):
+        score.read_verdict(tmp_path)
+
+
+def test_oracle_recovers_what_was_concealed(proof):
+    """Fitted to the noise-free forces, the library's rotor drag explains nearly all of a blade element rotor's."""
+    from ges.blind import oracle
+
+    case = sorted(p.stem for p in (proof / "sealed").glob("*.npz"))[0]
+    truth = json.loads((proof / "sealed" / f"{case}.json").read_text())
+    best = oracle.fit(oracle.witness(proof, case, truth), ["rotor_drag"])
+    assert best.reach > 0.95
+    assert best.parameters["rotor_drag"]["k_kg"] > 0
+
+
+def test_confusion_counts_every_case_once():
+    judged = [judge("a", _truth("rotor_drag"), _said("rotor_drag")), judge("b", _truth("rotor_drag"), _said("wind")),
+              judge("c", NULL, NOTHING)]  # fmt: skip
+    table = score.confusion(judged).set_index(["concealed", "answer"])["cases"]
+    expected = {("rotor_drag", "rotor_drag"): 1, ("rotor_drag", "wind"): 1, ("null", "nothing_proven"): 1}
+    assert table.to_dict() == expected
+    assert isinstance(table, pd.Series)
