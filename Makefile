@@ -1,14 +1,16 @@
 # Two commands on a fresh machine with python3 (3.11 or later), make and a C compiler:
 #   make all    environment, simulator, the whole study, the paper
 #   make test   the same set-up, then every test
+# and   make proof    every concealed case, hours long, resumable; GRID=sample is what make all runs
 PYTHON ?= python3
 CC ?= cc
 CORES ?= 2
+GRID ?= full
 UV_VERSION := 0.13.8
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: all test env build docs lint clean check-python check-cc
+.PHONY: all test proof env build docs lint clean check-python check-cc
 .DEFAULT_GOAL := all
 
 all: build
@@ -18,6 +20,9 @@ test: build
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m pytest -m "not slow" -n $(CORES) --dist loadfile
+
+proof: build
+	$(BIN)/snakemake --cores $(CORES) proof --config 'proof={grid: $(GRID)}'
 
 env: $(VENV)/.locked
 
