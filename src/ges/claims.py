@@ -115,14 +115,15 @@ def _matches(column: pd.Series, wanted: str | float) -> pd.Series:
 
 def look(frame: pd.DataFrame, where: Where, value: str, reduce: str | None = None) -> Ours | None:
     """The one row that fits, or what ``reduce`` makes of several; nothing where the table has no such row."""
-    for name, wanted in where.items():
+    for name in (*where, value):
         if name not in frame:
-            raise GesError(f"claims.yaml names column '{name}'; the table has {', '.join(frame.columns)}")
+            raise GesError(f"a claim or number names column '{name}'; its table has {', '.join(frame.columns)}")
+    for name, wanted in where.items():
         frame = frame[_matches(frame[name], wanted)]
     if reduce and len(frame):
         return Ours(value=float(frame[value].iloc[0] if reduce == "first" else getattr(frame[value], reduce)()))
     if len(frame) > 1:
-        raise GesError(f"claims.yaml: {len(frame)} rows fit {where}; say which")
+        raise GesError(f"a claim or number: {len(frame)} rows fit {where}; say which")
     return _cell(frame.iloc[0], value) if len(frame) else None
 
 

@@ -29,7 +29,7 @@ PAGE_IN = 6.93
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PINK = (
     "#000000", "#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7",
 )  # fmt: skip
-GREY = "#777777"
+GREY = "#999999"
 COLOURS = (BLUE, RED, GREEN, ORANGE, PINK, SKY, BLACK, GREY)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 LINES = ("-", "--", "-.", ":")
