@@ -16,7 +16,8 @@ LAYERS = ("1", "3", "5")
 
 
 def _c_float(value: float) -> str:
-    return f"{float(np.float32(value)).hex()}f"
+    digits, exponent = float(np.float32(value)).hex().split("p")
+    return f"{digits.rstrip('0').rstrip('.')}p{exponent}f"
 
 
 def _array(name: str, values: np.ndarray) -> str:
