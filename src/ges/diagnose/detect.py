@@ -1,0 +1,108 @@
+"""The smallest size of every effect that these flights would have shown, from the information matrix alone.
+
+The flights' noise, nuisances and rivals are those of the search itself: an effect counts as seen when its evidence beats
+nothing and every rival by the odds that an acceptance takes, in nine of ten such sets of flights.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import norm
+
+from .. import effects as effect_table
+from .evidence import TEMPERING, Board, Gram
+from .select import PRIOR_OF_SIZE
+
+POWER = 0.9
+
+
+@dataclasses.dataclass(frozen=True)
+class _Shape:
+    """One variant of one effect: its columns on the board."""
+
+    name: str
+    columns: tuple[int, ...]
+
+
+def _shapes(board: Board, leave_out: Sequence[str]) -> list[_Shape]:
+    found: dict[tuple[str, str], list[int]] = {}
+    for k, column in enumerate(board.system.columns):
+        if column.variant is not None and column.variant.effect not in leave_out and board.prior_sd[k] > 0:
+            found.setdefault((column.variant.effect, column.variant.key), []).append(k)
+    return [_Shape(name, tuple(columns)) for (name, _), columns in found.items()]
+
+
+def expected_evidence(gram: Gram, columns: Sequence[int], prior_sd: np.ndarray, truth: int) -> tuple[float, float]:
+    """Log evidence of a set of columns when column ``truth`` alone acts: ``gain * size^2 - cost``, noise left out.
+
+    Returns
+    -------
+    gain, cost : per squared unit of the true column's coefficient, and the price of the set's freedom.
+    """
+    at = np.asarray(columns, dtype=int)
+    scale = prior_sd[at]
+    chol = np.linalg.cholesky(np.eye(len(at)) + gram.xx[np.ix_(at, at)] * np.outer(scale, scale))
+    half = np.linalg.solve(chol, gram.xx[at, truth] * scale)
+    return 0.5 * float(half @ half), float(np.log(np.diag(chol)).sum())
+
+
+def _needed(gram: Gram, board: Board, shape: _Shape, truth: int, others: Sequence[_Shape], odds: float) -> tuple[float, str]:
+    """Size of the true coefficient at which its evidence beats nothing and every other effect; inf and the effect that hides
+    it where one does."""
+    gain, cost = expected_evidence(gram, shape.columns, board.prior_sd, truth)
+    count = max(1, len({s.name for s in others} | {shape.name}))
+    worst, hidden = (np.log(odds) + cost + np.log(PRIOR_OF_SIZE[0] / PRIOR_OF_SIZE[1] * count)) / max(gain, 1e-300), ""
+    for other in others:
+        if other.name == shape.name:
+            continue
+        rival_gain, rival_cost = expected_evidence(gram, other.columns, board.prior_sd, truth)
+        lead, price = gain - rival_gain, np.log(odds) + cost - rival_cost
+        square = max(price, 0.0) / lead if lead > 0 else np.inf if price > 0 else 0.0
+        if square > worst:
+            worst, hidden = square, other.name
+    margin = norm.ppf(POWER) * np.sqrt(TEMPERING) / np.sqrt(2.0 * max(gain, 1e-300))
+    return float(np.sqrt(worst) + margin), hidden
+
+
+def smallest_detectable(board: Board, given: Sequence[str] = (), odds: float = 9.0) -> dict[str, dict[str, Any]]:
+    """Smallest size by effect.
+
+    Parameters
+    ----------
+    board : of the search, with the columns of every candidate.
+    given : effects that are accepted already; they are free and no rivals.
+    odds : that an acceptance takes.
+
+    Returns
+    -------
+    by effect: ``parameter``, ``smallest`` (None where it never would), ``unit``, ``shape`` (the fixed parameters), and
+    ``limited_by``, the rival that is hardest to tell from it ('' when it is noise).
+    """
+    free = np.array([k for k, c in enumerate(board.system.columns)
+                     if c.variant is not None and c.variant.effect in given and board.prior_sd[k] > 0], dtype=int)  # fmt: skip
+    gram = board.pooled().without(free, 10.0 * board.prior_sd[free])
+    shapes = _shapes(board, given)
+    told: dict[str, tuple[float, dict[str, Any]]] = {}
+    for shape in shapes:
+        for k in shape.columns:
+            size, hidden = _needed(gram, board, shape, k, shapes, odds)
+            relative, entry = _entry(board, k, size, hidden)
+            if shape.name not in told or relative < told[shape.name][0]:
+                told[shape.name] = (relative, entry)
+    return {name: entry for name, (_, entry) in told.items()}
+
+
+def _entry(board: Board, k: int, size: float, hidden: str) -> tuple[float, dict[str, Any]]:
+    """The size relative to the parameter's room, and what is told of it."""
+    variant = board.system.columns[k].variant
+    amplitude = variant.amplitudes[board.system.columns[k].amplitude]
+    room = max(amplitude.high - amplitude.neutral, amplitude.neutral - amplitude.low)
+    seen = np.isfinite(size) and size <= room
+    unit = next(p.unit for p in effect_table.get(variant.effect).parameters if p.name == amplitude.parameter)
+    entry = {"parameter": amplitude.parameter, "smallest": size if seen else None, "unit": unit, "shape": dict(variant.shape),
+             "limited_by": hidden}  # fmt: skip
+    return (size / abs(amplitude.step) if seen else np.inf), entry

@@ -1,0 +1,143 @@
+"""The next flight: every explanation that is still open is flown, simulated, over a menu of manoeuvres, and judged as a real
+flight would be; the manoeuvre whose outcome separates them most is recommended."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from .. import manoeuvres, sim
+from .align import STREAMS, Prepared
+from .evidence import TEMPERING, Board, Gram, flight_grams, posterior
+from .fit import starting_values
+from .gate import prepare
+from .model import Model
+from .select import Hypothesis
+from .system import rows
+from .whiten import whiten
+
+DURATION_S = 30.0
+LEAST_FLYING = 0.5
+SEED = 1
+READINGS = {f"omega_{a}_rad_s": f"gyro_{a}_rad_s" for a in "xyz"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Rival:
+    """An explanation that is still open: its effects with their sizes, and its columns on the board."""
+
+    names: tuple[str, ...]
+    effects: Mapping[str, Mapping[str, float]]
+    columns: tuple[int, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Option:
+    """One manoeuvre: log odds expected for the true explanation over its best rival after it, the worse of all truths; and
+    what the flights so far give by the same count."""
+
+    manoeuvre: str
+    separates: tuple[str, ...]
+    expected_log_odds: float
+    so_far: float
+
+    def content(self) -> dict:
+        """``next_flight`` of diagnosis.json."""
+        return {"manoeuvre": self.manoeuvre, "separates": list(self.separates), "expected_log_odds": self.expected_log_odds,
+                "so_far_log_odds": self.so_far}  # fmt: skip
+
+
+def rivals_of(board: Board, open_sets: Sequence[Hypothesis]) -> list[Rival]:
+    """Rivals from hypotheses of the search; nothing at all is a rival too."""
+    return [
+        Rival(
+            h.names or ("nothing",), starting_values(board, h) if h.posterior else {}, h.posterior.columns if h.posterior else ()
+        )
+        for h in open_sets
+    ]
+
+
+def _logged(flights: Sequence[Prepared]) -> list[str]:
+    """Columns that every recording had, what was derived from others left out."""
+    made = {name for f in flights for stream in f.derived for name in STREAMS[stream]}
+    common = set.intersection(*(set(f.columns) for f in flights)) - made
+    return ["t_s", *sorted(common & {*sim.columns(), *READINGS, "ground_z_m"})]
+
+
+def simulate(model: Model, rival: Rival, plan: str, logged: Sequence[str], parameters: Mapping[str, float]) -> Prepared | None:
+    """One manoeuvre flown with a rival's effects, recorded as the flights so far were; None where it could not be flown."""
+    table = manoeuvres.make(plan, DURATION_S)
+    numbers = {**parameters, "seed": SEED, "altitude_source": 1, "mode": "none", "inputs_dt_s": manoeuvres.STEP_S,
+               "duration_s": (len(table) - 1) * manoeuvres.STEP_S}  # fmt: skip
+    effects = model.with_effects(rival.effects).effects
+    wanted = [READINGS.get(name, name) for name in logged]
+    (record,) = sim.fly([sim.Flight(numbers, effects, model.terrain, table)], wanted)
+    if record.status != "ok":
+        return None
+    frame = pd.DataFrame({name: record[source] for name, source in zip(logged, wanted, strict=True)})
+    flight = prepare(frame, model)
+    return flight if flight.flying.mean() > LEAST_FLYING else None
+
+
+def _subset(board: Board, rivals: Sequence[Rival]) -> np.ndarray:
+    """Columns that matter: the nuisances in use and those of the rivals."""
+    used = [k for k in board.nuisance if board.prior_sd[k] > 0]
+    return np.array(sorted({*used, *(k for r in rivals for k in r.columns)}), dtype=int)
+
+
+def _gram(board: Board, flight: Prepared, keep: np.ndarray) -> Gram:
+    """Normal equations of one more flight, in the noise of the flights so far."""
+    system = dataclasses.replace(board.system, columns=tuple(board.system.columns[k] for k in keep))
+    made = rows(flight, system.model, system.names, system.columns, board.system.flights[0].windows.length_s)
+    usual = np.median(np.concatenate([r.noise for r in board.system.flights])) or 1.0
+    white = whiten(made, board.noise, made.noise / usual, system)
+    return flight_grams([white], system.columns, TEMPERING)[0]
+
+
+def _log_odds(board: Board, gram: Gram, keep: np.ndarray, rivals: Sequence[Rival]) -> np.ndarray:
+    """Log evidence of every rival on these normal equations."""
+    place = {int(k): i for i, k in enumerate(keep)}
+    drop = np.array([place[int(k)] for k in keep if k in set(board.nuisance)], dtype=int)
+    left = gram.without(drop, board.prior_sd[keep][drop])
+    weigh = [[place[int(k)] for k in r.columns] for r in rivals]
+    sd, sided = board.prior_sd[keep], board.one_sided[keep]
+    return np.array([posterior(left, at, sd, sided).log_evidence if at else 0.0 for at in weigh])
+
+
+def _lead(evidence: np.ndarray, truth: int) -> float:
+    """How far the true rival is ahead of the best other."""
+    return float(evidence[truth] - np.delete(evidence, truth).max())
+
+
+def rank(
+    board: Board,
+    rivals: Sequence[Rival],
+    parameters: Mapping[str, float] | None = None,
+    plans: Sequence[str] = tuple(manoeuvres.MENU),
+) -> list[Option]:
+    """Manoeuvres, best first.
+
+    Parameters
+    ----------
+    board : of the search over the flights so far.
+    rivals : two or more open explanations.
+    parameters : numbers to fly with, where the vehicle file is not complete enough to fly; the model's otherwise.
+    plans : names of the menu in ``ges.manoeuvres``.
+    """
+    model, keep = board.system.model, _subset(board, rivals)
+    logged = _logged([r.flight for r in board.system.flights])
+    past = sum((g.take(keep) for g in board.by_flight[1:]), board.by_flight[0].take(keep))
+    now = _log_odds(board, past, keep, rivals)
+    so_far = float(np.sort(now)[-1] - np.sort(now)[-2])
+    separates = tuple(dict.fromkeys(name for r in rivals for name in r.names))
+    options = []
+    for plan in plans:
+        flown = [simulate(model, r, plan, logged, parameters or model.parameters) for r in rivals]
+        if any(f is None for f in flown):
+            continue
+        leads = [_lead(_log_odds(board, past + _gram(board, f, keep), keep, rivals), i) for i, f in enumerate(flown)]
+        options.append(Option(plan, separates, min(leads), so_far))
+    return sorted(options, key=lambda o: -o.expected_log_odds)

@@ -1,0 +1,163 @@
+"""The next flight and the smallest effect that would have been seen, each held against simulated flights."""
+
+import dataclasses
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ges import manoeuvres, sim
+from ges.diagnose.candidates import library
+from ges.diagnose.detect import smallest_detectable
+from ges.diagnose.evidence import make_board
+from ges.diagnose.gate import pass_gate
+from ges.diagnose.model import from_vehicle
+from ges.diagnose.recommend import Rival, rank, rivals_of
+from ges.diagnose.select import search
+from ges.diagnose.system import build
+from ges.terrain import Terrain
+from ges.vehicle import parse_vehicle
+
+VEHICLE = {
+    "name": "quad",
+    "mass_kg": {"value": 1.0, "sd": 0.01},
+    "inertia_kg_m2": {"xx": 0.01, "yy": 0.01, "zz": 0.018, "sd_rel": 0.05},
+    "rotors": [
+        {"x_m": 0.12 * x, "y_m": 0.12 * y, "radius_m": 0.1, "spin": spin}
+        for x, y, spin in ((1, -1, "ccw"), (-1, 1, "ccw"), (1, 1, "cw"), (-1, -1, "cw"))
+    ],
+    "thrust_coefficient_N_s2": {"value": 6e-6, "sd_rel": 0.01},
+    "max_rotor_speed_rad_s": 1000,
+    "effects": {"rotor_drag": {"k_kg": 6e-5}},
+}
+LOGGED = ("t_s", "p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s", "q_w", "q_x", "q_y", "q_z",
+          "rotor_speed_1_rad_s", "rotor_speed_2_rad_s", "rotor_speed_3_rad_s", "rotor_speed_4_rad_s")  # fmt: skip
+
+
+def _flown(model, effects: dict, table: np.ndarray, seed: int) -> pd.DataFrame:
+    numbers = {**model.parameters, "seed": seed, "altitude_source": 1, "mode": "none", "inputs_dt_s": manoeuvres.STEP_S,
+               "duration_s": (len(table) - 1) * manoeuvres.STEP_S}  # fmt: skip
+    flight = sim.Flight(numbers, model.with_effects(effects).effects, Terrain.flat(), table)
+    frame, rng = pd.DataFrame(sim.fly([flight], LOGGED)[0].columns), np.random.default_rng(seed)
+    for column in frame:
+        frame[column] += rng.normal(0.0, {"v_": 0.02, "q_": 0.001}.get(column[:2], 0.0), len(frame))
+    return frame
+
+
+def _board(model, effects: dict, tables: list[np.ndarray], names: tuple[str, ...]):
+    frames = [_flown(model, effects, table, seed) for seed, table in enumerate(tables, 1)]
+    listed = [c for name, c in library(model).items() if name in names]
+    system = build(pass_gate(frames, model).flights, model, [v for c in listed for v in c.variants])
+    return make_board(system), listed
+
+
+@pytest.fixture(scope="module")
+def model():
+    return from_vehicle(parse_vehicle(VEHICLE))
+
+
+def test_wind_and_tilted_attitude_are_told_apart_by_turning_round(model):
+    """In hover at one heading both are a constant side force; a turn leaves one with the world and one with the body."""
+    board, listed = _board(model, {"wind": {"east_m_s": 3.0}}, [manoeuvres.hover(15.0)] * 2, ("wind", "attitude_bias"))
+    found = search(board, listed, tuple(model.effects))
+    open_sets = [h for h in found.hypotheses if len(h.names) == 1]
+    rivals = rivals_of(board, open_sets)
+    assert {r.names for r in rivals} == {("wind",), ("attitude_bias",)}
+    ranked = {o.manoeuvre: o for o in rank(board, rivals, plans=("hover", "climbs", "yaw_turn"))}
+    assert abs(ranked["hover"].so_far) < 3.0
+    assert next(iter(ranked)) == "yaw_turn"
+    assert ranked["yaw_turn"].expected_log_odds > ranked["hover"].expected_log_odds + 10.0
+    assert set(ranked["yaw_turn"].separates) == {"wind", "attitude_bias"}
+
+
+def test_what_the_recommended_flight_promises_it_keeps(model):
+    """Fly the turn for real, the effect planted: the log odds must come out near what was expected."""
+    names, plans = ("wind", "attitude_bias"), [manoeuvres.hover(15.0)] * 2
+    board, listed = _board(model, {"wind": {"east_m_s": 3.0}}, plans, names)
+    open_sets = [h for h in search(board, listed, tuple(model.effects)).hypotheses if len(h.names) == 1]
+    (option,) = rank(board, rivals_of(board, open_sets), plans=("yaw_turn",))
+    after, listed = _board(model, {"wind": {"east_m_s": 3.0}}, [*plans, manoeuvres.yaw_turn(30.0)], names)
+    found = {h.names: h.log_evidence for h in search(after, listed, tuple(model.effects)).hypotheses}
+    assert found["wind",] - found["attitude_bias",] > 0.4 * option.expected_log_odds > 4.0
+
+
+def test_more_thrust_and_ground_effect_are_told_apart_by_a_ladder_of_heights(model):
+    low = manoeuvres.hover(15.0, 0.2)
+    board, _ = _board(model, {}, [low] * 2, ("thrust_scale", "ground_effect"))
+    columns = board.system.columns
+    chosen = {}
+    for k, column in enumerate(columns):
+        if column.variant is not None and board.prior_sd[k] > 0:
+            chosen.setdefault(column.effect, k)
+    rivals = [
+        Rival(("thrust_scale",), {"thrust_scale": {"scale": 0.1}}, (chosen["thrust_scale"],)),
+        Rival(("ground_effect",), {"ground_effect": columns[chosen["ground_effect"]].variant.parameters({"c_a": 0.5})},
+              (chosen["ground_effect"],)),
+    ]  # fmt: skip
+    ranked = rank(board, rivals, plans=("hover", "height_staircase", "yaw_turn"))
+    assert ranked[0].manoeuvre == "height_staircase"
+    assert ranked[0].expected_log_odds > 4.0 > 2.0 > max(o.expected_log_odds for o in ranked[1:])
+
+
+DRAG = ("rotor_drag", "parasitic_drag", "weak_rotor", "thrust_scale", "axial_inflow", "rotor_tilt", "cg_offset")
+
+
+@pytest.fixture(scope="module")
+def bare(model):
+    return dataclasses.replace(model, effects={})
+
+
+@pytest.fixture(scope="module")
+def null(bare):
+    return _board(bare, {}, [manoeuvres.straight_runs(20.0), manoeuvres.climbs(40.0)], DRAG)
+
+
+def _planted(board, effect: str, size: float):
+    """The same flights with an effect of this size in their residuals."""
+    k = next(i for i, c in enumerate(board.system.columns) if c.variant is not None and c.effect == effect)
+    flights = tuple(dataclasses.replace(r, y=r.y + size * r.x[:, :, k]) for r in board.system.flights)
+    return make_board(dataclasses.replace(board.system, flights=flights))
+
+
+@pytest.mark.parametrize("effect", ["rotor_drag", "axial_inflow"])
+def test_what_is_called_detectable_is_found_and_much_less_is_not(null, effect):
+    board, listed = null
+    smallest = smallest_detectable(board)[effect]["smallest"]
+    found = {f: search(_planted(board, effect, f * smallest), listed).inclusion[effect] for f in (0.3, 2.0)}
+    assert found[2.0] > 0.9 and found[0.3] < 0.5
+
+
+def test_a_real_flight_with_the_effect_shows_it_too(bare, null):
+    smallest = smallest_detectable(null[0])["rotor_drag"]["smallest"]
+    board, listed = _board(bare, {"rotor_drag": {"k_kg": 3.0 * smallest}}, [manoeuvres.straight_runs(20.0)] * 2, DRAG)
+    assert search(board, listed).inclusion["rotor_drag"] > 0.9
+
+
+def test_more_noise_hides_more(bare, null):
+    board, _ = null
+    quarter = tuple(g.scaled(0.25) for g in board.by_flight)  # of the information: twice the noise
+    noisy = dataclasses.replace(board, by_flight=quarter)
+    quiet, loud = (smallest_detectable(b)["rotor_drag"]["smallest"] for b in (board, noisy))
+    assert 1.5 < loud / quiet < 2.5
+
+
+def test_what_a_rival_hides_names_the_rival(null):
+    board, _ = null
+    told = smallest_detectable(board)
+    assert set(told) <= set(DRAG) and {"rotor_drag", "thrust_scale"} <= set(told)
+    columns = board.system.columns
+    drag = next(i for i, c in enumerate(columns) if c.variant is not None and c.effect == "rotor_drag")
+    twin = next(i for i, c in enumerate(columns) if c.variant is not None and c.effect == "parasitic_drag")
+
+    def doubled(gram):
+        xx, xy = gram.xx.copy(), gram.xy.copy()
+        xx[twin], xx[:, twin] = xx[drag], xx[:, drag]
+        xx[twin, twin], xy[twin] = xx[drag, drag], xy[drag]
+        return dataclasses.replace(gram, xx=xx, xy=xy)
+
+    sd = board.prior_sd.copy()
+    sd[twin] = sd[drag]
+    twins = dataclasses.replace(board, by_flight=tuple(doubled(g) for g in board.by_flight), prior_sd=sd)
+    hidden = smallest_detectable(twins)["rotor_drag"]
+    assert hidden["smallest"] is None and hidden["limited_by"] == "parasitic_drag"
+    assert "parasitic_drag" not in smallest_detectable(twins, given=("parasitic_drag",))
