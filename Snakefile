@@ -12,6 +12,7 @@ include: "workflow/rules/common.smk"
 include: "workflow/rules/build.smk"
 include: "workflow/rules/data.smk"
 include: "workflow/rules/models.smk"
+include: "workflow/rules/offline.smk"
 include: "workflow/rules/closed_loop.smk"
 include: "workflow/rules/proof.smk"
 include: "workflow/rules/figures.smk"
@@ -22,6 +23,7 @@ include: "workflow/rules/paper.smk"
 rule all:
     default_target: True
     input:
+        OFFLINE_TABLES,
         CLOSED_LOOP,
         PROOF,
         RESULTS,

@@ -293,7 +293,11 @@ class Offline(Part):
     """Offline experiments."""
 
     horizons_s: list[NonNegative] = Field(min_length=1, description="horizon sweep")
+    sweep_rows: Count = Field(description="training rows of the forest at each horizon")
     clearance_edges_m: list[NonNegative] = Field(min_length=2, description="edges of the clearance bins")
+    importance_rows: Count = Field(description="test rows whose features are shuffled")
+    importance_repeats: Count = Field(description="shuffles of each feature")
+    curve_shares: list[Positive] = Field(min_length=1, description="learning curves: rows over the cap of each model")
 
 
 class Pulse(Part):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from pathlib import Path
 
@@ -12,15 +11,15 @@ import pandas as pd
 from ..config import TerrainShape
 from ..errors import GesError
 from ..files import write_json
-from ..terrain import ProceduralShape, Terrain
 from .flights import read_flight, seed_of
+from .ground import ground_of
 from .split import PARTS
 
 
-def check_terrain(path: Path, shape: ProceduralShape) -> int:
+def check_terrain(path: Path, terrain: TerrainShape) -> int:
     """Seed of a flight, proven by the ground it recorded: it equals, bit for bit, that of the seed's terrain."""
     seed, data = read_flight(path, ("p_x_m", "p_y_m", "ground_z_m"))
-    expected = Terrain.procedural(seed, shape).at(data["p_x_m"], data["p_y_m"]).height_m
+    expected = ground_of(seed, terrain).at(data["p_x_m"], data["p_y_m"]).height_m
     if seed != seed_of(path) or not np.array_equal(expected, data["ground_z_m"]):
         raise GesError(
             f"leakage: {Path(path).name} is not the flight of its seed: it says seed {seed}, and its ground "
@@ -54,9 +53,7 @@ def check_blocks(blocks: pd.DataFrame, name: str, by_seed: bool) -> None:
 
 def check_leakage(flights: list[Path], splits: list[Path], report: Path, terrain: TerrainShape) -> None:
     """Check every flight and every split (files named ``*.seedwise.csv`` must share no seed); write what was checked."""
-    known = {f.name for f in dataclasses.fields(ProceduralShape)}
-    shape = ProceduralShape(**{k: float(v) for k, v in terrain.model_dump().items() if k in known})
-    seeds = {check_terrain(f, shape) for f in flights}
+    seeds = {check_terrain(f, terrain) for f in flights}
     checked = {"flights": len(flights), "seeds": len(seeds)}
     if len(seeds) != len(flights):
         raise GesError(f"leakage: {len(flights)} flights hold {len(seeds)} seeds; each seed is flown once")

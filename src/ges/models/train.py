@@ -3,7 +3,7 @@
 A job writes, beside each other under ``results/models/<plan>/<split>/``:
 
 - ``<model>.predictions.parquet``: a row a test row: ``seed``, ``row``, ``truth`` and ``predicted`` (factor at the
-  horizon), ``p_x_m``, ``p_y_m``, ``agl_m`` (true place at the present);
+  horizon), ``range_m`` (reading) and ``p_x_m``, ``p_y_m``, ``agl_m`` (true place) at the present;
 - ``<model>.metrics.json``: plan, split, model, rows of each part, scores with intervals;
 - ``<model>.joblib``: the fitted model.
 """
@@ -19,6 +19,7 @@ import pandas as pd
 
 from ..config import AnyFit, Vehicle
 from ..config import Window as Shape
+from ..datasets.columns import FEATURES
 from ..datasets.rows import Rows, Window, load_rows
 from ..datasets.split import PARTS
 from ..files import replacing, write_json
@@ -72,6 +73,7 @@ def train_model(
 def write_predictions(path: Path, rows: Rows, predicted: np.ndarray) -> None:
     """Write predictions of rows beside the truth and the place."""
     table = {"seed": rows.seed.astype(np.int32), "row": rows.row.astype(np.int32), "truth": rows.y, "predicted": predicted}
+    table["range_m"] = rows.now[:, FEATURES.index("range_m")]
     frame = pd.DataFrame({**table, **{name: rows.places[name] for name in PLACES}})
     with replacing(path) as new:
         frame.to_parquet(new, compression="zstd", index=False)

@@ -1,0 +1,14 @@
+"""The ground that a seed was flown over, in numpy."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from ..config import TerrainShape
+from ..terrain import ProceduralShape, Terrain
+
+
+def ground_of(seed: int, terrain: TerrainShape) -> Terrain:
+    """Procedural terrain of a seed."""
+    known = {f.name for f in dataclasses.fields(ProceduralShape)}
+    return Terrain.procedural(seed, ProceduralShape(**{k: float(v) for k, v in terrain.model_dump().items() if k in known}))

@@ -1,0 +1,176 @@
+# Offline experiments: horizons, importances, errors by ground and clearance, learning curves.
+OFFLINE_PARTS = {
+    "horizons": [
+        f"results/offline/parts/horizon_{plan}_{horizon}.csv"
+        for plan in PLANS
+        for horizon in STUDY.offline.horizons_s
+    ],
+    "importances": [
+        f"results/offline/parts/importances_{plan}.csv"
+        for plan in PLANS
+        if "random_forest" in MODELS
+    ],
+    "ground_quartiles": [
+        f"results/offline/parts/ground_quartiles_{plan}.csv" for plan in PLANS
+    ],
+    "clearance_bins": [
+        f"results/offline/parts/clearance_bins_{plan}.csv" for plan in PLANS
+    ],
+    "learning_curves": [
+        f"results/offline/parts/curve_{model}.csv"
+        for model in MODELS
+        if model != "analytical"
+    ],
+}
+OFFLINE_TABLES = [f"results/offline/{name}.csv" for name in OFFLINE_PARTS]
+CURVE_PLAN = STUDY.models.firmware_plan
+SEEDWISE = "results/splits/rows.seedwise.csv"
+SEEDWISE_PREDICTIONS = [
+    f"results/models/{{plan}}/seedwise/{model}.predictions.parquet" for model in MODELS
+]
+
+
+wildcard_constraints:
+    horizon=r"[0-9.]+",
+    table="|".join(OFFLINE_PARTS),
+
+
+rule sweep_horizon:
+    input:
+        "results/splits/{plan}.leakage.json",
+        library="build/libges.so",
+        flights=FLIGHTS,
+        split=SEEDWISE,
+    output:
+        table="results/offline/parts/horizon_{plan}_{horizon}.csv",
+    log:
+        "results/logs/horizon_{plan}_{horizon}.log",
+    benchmark:
+        "results/benchmarks/horizon_{plan}_{horizon}.tsv"
+    params:
+        call=call("ges.offline.horizons:sweep_horizon"),
+        plan=lambda wildcards: wildcards.plan,
+        horizon_s=lambda wildcards: float(wildcards.horizon),
+        reserve_s=max(part("offline.horizons_s")),
+        fit=part("models.random_forest"),
+        sweep_rows=part("offline.sweep_rows"),
+        window=part("models.window"),
+        vehicle=part("simulator.vehicle"),
+        rate_hz=part("data.rate_hz"),
+        test_rows=part("models.test_rows"),
+        resamples=part("models.resamples"),
+        seed=part("models.seed"),
+    message:
+        "{wildcards.horizon} s ahead, {wildcards.plan}"
+    script:
+        SCRIPT
+
+
+rule importances:
+    input:
+        flights=FLIGHTS,
+        split=SEEDWISE,
+        model="results/models/{plan}/seedwise/random_forest.joblib",
+    output:
+        table="results/offline/parts/importances_{plan}.csv",
+    log:
+        "results/logs/importances_{plan}.log",
+    benchmark:
+        "results/benchmarks/importances_{plan}.tsv"
+    params:
+        call=call("ges.offline.importances:write_importances"),
+        plan=lambda wildcards: wildcards.plan,
+        window=part("models.window"),
+        rate_hz=part("data.rate_hz"),
+        horizon_s=part("models.horizon_s"),
+        rows=part("offline.importance_rows"),
+        repeats=part("offline.importance_repeats"),
+        seed=part("models.seed"),
+    message:
+        "importance of features, {wildcards.plan}"
+    script:
+        SCRIPT
+
+
+rule ground_quartiles:
+    input:
+        predictions=SEEDWISE_PREDICTIONS,
+    output:
+        table="results/offline/parts/ground_quartiles_{plan}.csv",
+    log:
+        "results/logs/ground_quartiles_{plan}.log",
+    params:
+        call=call("ges.offline.bins:write_ground_quartiles"),
+        plan=lambda wildcards: wildcards.plan,
+        terrain=part("simulator.terrain"),
+        resamples=part("models.resamples"),
+        seed=part("models.seed"),
+    message:
+        "errors by slope and curvature, {wildcards.plan}"
+    script:
+        SCRIPT
+
+
+rule clearance_bins:
+    input:
+        predictions=SEEDWISE_PREDICTIONS,
+    output:
+        table="results/offline/parts/clearance_bins_{plan}.csv",
+    log:
+        "results/logs/clearance_bins_{plan}.log",
+    params:
+        call=call("ges.offline.bins:write_clearance_bins"),
+        plan=lambda wildcards: wildcards.plan,
+        edges_m=part("offline.clearance_edges_m"),
+        resamples=part("models.resamples"),
+        seed=part("models.seed"),
+    message:
+        "errors by clearance, {wildcards.plan}"
+    script:
+        SCRIPT
+
+
+rule learning_curve:
+    input:
+        f"results/splits/{CURVE_PLAN}.leakage.json",
+        library="build/libges.so",
+        flights=[f.format(plan=CURVE_PLAN) for f in FLIGHTS],
+        split=SEEDWISE,
+    output:
+        table="results/offline/parts/curve_{model}.csv",
+    log:
+        "results/logs/curve_{model}.log",
+    benchmark:
+        "results/benchmarks/curve_{model}.tsv"
+    params:
+        call=call("ges.offline.curves:learning_curve"),
+        name=lambda wildcards: wildcards.model,
+        plan=CURVE_PLAN,
+        fit=lambda wildcards: part("models")[wildcards.model],
+        shares=part("offline.curve_shares"),
+        window=part("models.window"),
+        vehicle=part("simulator.vehicle"),
+        horizon_s=part("models.horizon_s"),
+        rate_hz=part("data.rate_hz"),
+        validation_rows=part("models.validation_rows"),
+        resamples=part("models.resamples"),
+        seed=part("models.seed"),
+    message:
+        "learning curve of {wildcards.model}"
+    script:
+        SCRIPT
+
+
+rule offline_table:
+    input:
+        parts=lambda wildcards: OFFLINE_PARTS[wildcards.table],
+    output:
+        table="results/offline/{table}.csv",
+    log:
+        "results/logs/offline_{table}.log",
+    params:
+        call=call("ges.offline.tables:join_tables"),
+    message:
+        "offline table {wildcards.table}"
+    script:
+        SCRIPT
