@@ -40,6 +40,7 @@ RULES = {
         "a number said to exceed a bound: reproduced if our interval, or our value where there is none, lies above it; same "
         "direction if only our value does"
     ),
+    "below": "the same for a number said to lie below a bound",
     "not_below": "no better (lower) than something: reproduced unless our interval of the difference lies below zero",
 }
 
@@ -56,13 +57,13 @@ class Claim(Strict):
 
     ``where`` and ``value`` find our number, ``reduce`` the greatest, least or mean of several; ``minus`` (a further
     ``where``) is subtracted, ``over`` divides. ``baseline`` finds our counterpart of the published ``paper_baseline``.
-    ``margin`` belongs to ``null``, ``bound`` to ``above``.
+    ``margin`` belongs to ``null``, ``bound`` to ``above`` and ``below``.
     """
 
     id: str
     section: str
     says: str
-    kind: Literal["value", "sign", "null", "above", "not_below"] = "value"
+    kind: Literal["value", "sign", "null", "above", "below", "not_below"] = "value"
     paper: float | None = None
     paper_text: str = ""
     unit: str = "1"
@@ -183,6 +184,12 @@ def _above(claim: Claim, found: Ours) -> str:
     return DIRECTION if found.low <= claim.bound else REPRODUCED
 
 
+def _below(claim: Claim, found: Ours) -> str:
+    if found.value >= claim.bound:
+        return NOT
+    return DIRECTION if found.high >= claim.bound else REPRODUCED
+
+
 def _not_below(_: Claim, found: Ours) -> str:
     return NOT if max(found.value, found.high) < 0 else REPRODUCED
 
@@ -193,7 +200,7 @@ def verdict(claim: Claim, found: Ours | None, baseline: Ours | None = None) -> s
         return UNMEASURED
     if claim.kind == "value":
         return _value(claim, found, baseline)
-    return {"sign": _sign, "null": _null, "above": _above, "not_below": _not_below}[claim.kind](claim, found)
+    return {"sign": _sign, "null": _null, "above": _above, "below": _below, "not_below": _not_below}[claim.kind](claim, found)
 
 
 def read_tables(tables: list[Path], results: Path) -> dict[str, pd.DataFrame]:

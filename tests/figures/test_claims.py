@@ -39,6 +39,9 @@ def claim(**given) -> Claim:
         ({"kind": "above", "bound": 1.0}, (2.0, 1.5, 2.5), None, REPRODUCED),
         ({"kind": "above", "bound": 1.0}, (2.0, 0.5, 2.5), None, DIRECTION),
         ({"kind": "above", "bound": 1.0}, (0.9,), None, NOT),
+        ({"kind": "below", "bound": 1.0}, (0.5, 0.4, 0.6), None, REPRODUCED),
+        ({"kind": "below", "bound": 1.0}, (0.5, 0.4, 1.6), None, DIRECTION),
+        ({"kind": "below", "bound": 1.0}, (1.5, 1.4, 1.6), None, NOT),
         ({"kind": "not_below"}, (-0.1, -0.3, 0.1), None, REPRODUCED),
         ({"kind": "not_below"}, (-0.2, -0.3, -0.1), None, NOT),
     ],
@@ -57,8 +60,8 @@ def test_every_kind_of_claim_has_a_rule_and_every_id_is_its_own():
     assert {c.kind for c in listed} == set(claims.RULES)
     assert len({c.id for c in listed}) == len(listed) > 80
     for c in listed:
-        assert c.paper is not None or c.kind in ("null", "above", "not_below"), c.id
-        assert (c.kind == "above") == (c.bound is not None), c.id
+        assert c.paper is not None or c.kind in ("null", "above", "below", "not_below"), c.id
+        assert (c.kind in ("above", "below")) == (c.bound is not None), c.id
         assert (c.baseline is None) == (c.paper_baseline is None), c.id
 
 

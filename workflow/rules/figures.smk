@@ -158,6 +158,7 @@ FIGURE_RULES = {
         {"tests": "results/closed_loop/causes_tests.csv"},
         {},
     ),
+    "winner": ("closed_loop:winner", closed_loop("winner_summary"), {}),
     "worlds": ("closed_loop:worlds", closed_loop("worlds_summary"), {}),
     "pulse_map": ("closed_loop:pulse_map", closed_loop("pulse_map_summary"), {}),
 }

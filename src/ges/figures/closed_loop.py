@@ -187,7 +187,7 @@ def worlds(summary: Path, data: Path, pdf: Path, png: Path) -> None:
     """Every mode against the analytical one, by form of the true ground effect and by mapping."""
     table = pd.read_csv(summary).query("metric == 'agl_rms_m'").dropna(subset=["difference"])
     mappings, forms = list(table["mapping"].unique()), list(table["form"].unique())
-    figure, axes = style.subplots(1, len(mappings), width=style.PAGE_IN, height=2.5, sharey=True)
+    figure, axes = style.subplots(1, len(mappings), width=style.PAGE_IN, height=2.5)
     for ax, mapping in zip(np.atleast_1d(axes), mappings, strict=True):
         part = table[table["mapping"] == mapping]
         for i, (name, rows) in enumerate(part.groupby("condition", sort=False)):
@@ -240,4 +240,20 @@ def ablation(simulator: Simulator, plan: ClosedLoop, seeds: SeedRange, narrow: f
         ax.set_xlabel(f"{label}, mean and 95 % interval")
         style.panel(ax, letter)
     axes[0].invert_yaxis()
+    style.save(figure, table, data, pdf, png)
+
+
+def winner(summary: Path, data: Path, pdf: Path, png: Path) -> None:
+    """Every mode with the published gains and with gains of its own."""
+    table = pd.read_csv(summary).query("metric == 'agl_rms_m'")
+    table[["mode", "gains"]] = table["condition"].str.rsplit(", ", n=1, expand=True)
+    names = list(dict.fromkeys(table["mode"]))
+    figure, axes = style.subplots(width=style.PAGE_IN, height=2.2)
+    for i, (gains, rows) in enumerate(table.groupby("gains", sort=False)):
+        place = np.array([names.index(m) for m in rows["mode"]]) + 0.16 * (i - 0.5)
+        error = [rows["mean"] - rows["mean_low"], rows["mean_high"] - rows["mean"]]
+        axes.errorbar(place, rows["mean"], error, fmt=style.MARKERS[i], color=style.COLOURS[i], label=f"gains {gains}")
+    axes.set_xticks(range(len(names)), [style.MODE_LABELS.get(m, m.replace(", ", ",\n", 1)) for m in names])
+    axes.set_ylabel("AGL RMS (m)\nmean and 95 % interval")
+    axes.legend()
     style.save(figure, table, data, pdf, png)
