@@ -19,8 +19,8 @@ def flown(tiny, tmp_path_factory):
     world, plan, seeds = tiny.simulator, tiny.closed_loop, tiny.seeds
     at, choice = folder.joinpath, folder / "clamp.json"
     clamp.choose_clamp(world, plan, seeds.validation, at("clamp.csv"), choice)
-    comparison.fly_comparison(world, plan, seeds, choice, at("comparison.csv"), at("comparison_summary.csv"))
-    comparison.summarise_restricted(at("comparison.csv"), at("restricted_summary.csv"))
+    names = ("comparison.csv", "comparison_summary.csv", "restricted_summary.csv")
+    comparison.fly_comparison(world, plan, seeds, choice, *map(at, names))
     bias.fly_bias(world, plan, seeds.closed_loop, at("bias.csv"), at("bias_summary.csv"), at("bias_tests.csv"))
     comparison.write_table2(at("comparison_summary.csv"), at("bias_summary.csv"), at("table2.csv"))
     names = ("pulse.csv", "pulse_tests.csv", "pulse_trace.csv", "pulse_response.json")
@@ -152,7 +152,7 @@ def test_a_perfect_oracle_flies_as_if_there_were_no_ground_effect(flown):
     assert (table["none"] - table[causes.FLOOR]).abs().max() > 1e-4
 
 
-def test_grid_and_worlds_change_the_truth_alone(tiny, flown, tmp_path):
+def test_grid_changes_the_truth_alone(tiny, flown, tmp_path):
     world, plan, seeds, choice = tiny.simulator, tiny.closed_loop, tiny.seeds.closed_loop, flown / "clamp.json"
     cells = [tmp_path / f"cell{gain}.csv" for gain in (0.6, 0.9)]
     for cell, gain in zip(cells, (0.6, 0.9), strict=True):
@@ -162,12 +162,22 @@ def test_grid_and_worlds_change_the_truth_alone(tiny, flown, tmp_path):
     reference = _table(flown, "comparison.csv").query("condition == 'none' and seed_list == 'closed_loop'")["agl_rms_m"]
     np.testing.assert_array_equal(same, reference)
     assert (other.to_numpy() != reference.to_numpy()).all()
-    forms.fly_world(world, plan, seeds, choice, "hayden", 0, tmp_path / "hayden.csv")
-    (tmp_path / "none.csv").write_text("form,offset_m,c_a,decay,rank\n")
-    forms.fly_fitted_world(world, plan, seeds, choice, tmp_path / "none.csv", tmp_path / "fitted.csv")
-    outputs = [tmp_path / f"worlds{i}.csv" for i in range(3)]
-    forms.summarise_worlds([tmp_path / "hayden.csv", tmp_path / "fitted.csv"], *outputs)
-    assert set(pd.read_csv(outputs[1])["form"]) == {"hayden"}
+
+
+def test_worlds_differ_and_the_fitted_one_flies_where_it_was_fitted(tiny, flown, tmp_path):
+    plan = tiny.closed_loop.model_copy(update={"modes": ["analytical", "oracle"], "biases": [-0.02, 0.02]})
+    one = tiny.seeds.closed_loop.model_copy(update={"count": 2})
+    outputs = [tmp_path / name for name in ("worlds.csv", "summary.csv", "tests.csv")]
+    found = {}
+    for name, rows in (("none", ""), ("fitted", "hayden,0.05,,,2\nexponential,0.0,0.12,0.7,1\n")):
+        (tmp_path / f"{name}.csv").write_text("form,offset_m,c_a,decay,rank\n" + rows)
+        forms.fly_worlds(tiny.simulator, plan, one, flown / "clamp.json", tmp_path / f"{name}.csv", *outputs)
+        found[name] = pd.read_csv(outputs[0])
+        assert set(pd.read_csv(outputs[1])["form"]) == set(found[name]["form"]) == set(pd.read_csv(outputs[2])["form"])
+    assert set(found["none"]["form"]) == set(forms.FORMS)
+    assert set(found["fitted"]["form"]) == {*forms.FORMS, forms.FITTED}
+    oracle = found["fitted"].query("condition == 'oracle'").groupby(["form", "mapping"])["agl_rms_m"].mean()
+    assert oracle.nunique() == 9
 
 
 def test_means_name_every_condition(flown):

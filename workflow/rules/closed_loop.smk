@@ -4,16 +4,11 @@ import itertools
 FLOWN = "results/closed_loop"
 FLYING = "build/ml/libges.so"
 CLAMP = f"{FLOWN}/clamp.json"
-FORMS = ["cheeseman_bennett", "hayden", "sanchez_cuevas", "exponential"]
 CELLS = [
     f"{FLOWN}/grid/slope{exponent:g}_curvature{gain:g}.csv"
     for exponent, gain in itertools.product(
         STUDY.closed_loop.slope_exponents, STUDY.closed_loop.curvature_gains_m
     )
-]
-WORLDS = [
-    f"{FLOWN}/worlds/{form}_mapping{mapping}.csv"
-    for form, mapping in itertools.product(FORMS, [0, 1])
 ]
 
 
@@ -45,6 +40,7 @@ rule fly_comparison:
     output:
         flights=f"{FLOWN}/comparison.csv",
         summary=f"{FLOWN}/comparison_summary.csv",
+        restricted=f"{FLOWN}/restricted_summary.csv",
     log:
         "results/logs/fly_comparison.log",
     benchmark:
@@ -56,21 +52,6 @@ rule fly_comparison:
         seeds=part("seeds"),
     message:
         "fly the feedforward modes against each other"
-    script:
-        SCRIPT
-
-
-rule summarise_restricted:
-    input:
-        flights=f"{FLOWN}/comparison.csv",
-    output:
-        summary=f"{FLOWN}/restricted_summary.csv",
-    log:
-        "results/logs/summarise_restricted.log",
-    params:
-        call=call("ges.fly.comparison:summarise_restricted"),
-    message:
-        "tracking in the restricted zone"
     script:
         SCRIPT
 
@@ -240,65 +221,26 @@ rule fly_causes:
         SCRIPT
 
 
-rule fly_world:
-    input:
-        library=FLYING,
-        clamp=CLAMP,
-    output:
-        flights=f"{FLOWN}/worlds/{{form}}_mapping{{mapping}}.csv",
-    log:
-        "results/logs/fly_world_{form}_mapping{mapping}.log",
-    benchmark:
-        "results/benchmarks/fly_world_{form}_mapping{mapping}.tsv"
-    wildcard_constraints:
-        form="|".join(FORMS),
-        mapping="0|1",
-    params:
-        call=call("ges.fly.forms:fly_world"),
-        simulator=part("simulator"),
-        plan=part("closed_loop"),
-        closed_loop=part("seeds.closed_loop"),
-        form=lambda wildcards: wildcards.form,
-        mapping=lambda wildcards: int(wildcards.mapping),
-    message:
-        "fly {wildcards.form}, mapping {wildcards.mapping}"
-    script:
-        SCRIPT
-
-
-rule fly_fitted_world:
+rule fly_worlds:
     input:
         library=FLYING,
         clamp=CLAMP,
         forms="results/real/forms.csv",
     output:
-        flights=f"{FLOWN}/worlds/fitted.csv",
-    log:
-        "results/logs/fly_fitted_world.log",
-    params:
-        call=call("ges.fly.forms:fly_fitted_world"),
-        simulator=part("simulator"),
-        plan=part("closed_loop"),
-        closed_loop=part("seeds.closed_loop"),
-    message:
-        "fly the ground effect that fits real flights"
-    script:
-        SCRIPT
-
-
-rule summarise_worlds:
-    input:
-        worlds=[*WORLDS, f"{FLOWN}/worlds/fitted.csv"],
-    output:
         flights=f"{FLOWN}/worlds.csv",
         summary=f"{FLOWN}/worlds_summary.csv",
         tests=f"{FLOWN}/worlds_bias_tests.csv",
     log:
-        "results/logs/summarise_worlds.log",
+        "results/logs/fly_worlds.log",
+    benchmark:
+        "results/benchmarks/fly_worlds.tsv"
     params:
-        call=call("ges.fly.forms:summarise_worlds"),
+        call=call("ges.fly.forms:fly_worlds"),
+        simulator=part("simulator"),
+        plan=part("closed_loop"),
+        closed_loop=part("seeds.closed_loop"),
     message:
-        "which claims hang on the form of the ground effect"
+        "fly other forms of the ground effect, and the historical mapping"
     script:
         SCRIPT
 

@@ -23,7 +23,7 @@ FITTED = "fitted to real flights"
 def _fly(
     simulator: Simulator, plan: ClosedLoop, seeds: list[int], clamp: Path, mapping: int, **truth: float | str
 ) -> pd.DataFrame:
-    """Every mode, and the oracle under every bias, with another true ground effect."""
+    """Every mode, and the oracle under every bias, with another true ground effect and one of :data:`MAPPINGS`."""
     world = simulator.model_copy(update={"ground_effect": simulator.ground_effect.model_copy(update=truth)})
     number = float(mapping)
     arms = {"modes": mode_conditions(plan, clamp, mapping=number), "bias": bias_conditions(plan.biases, mapping=number)}
@@ -31,49 +31,46 @@ def _fly(
     return pd.concat(tables).assign(mapping=MAPPINGS[mapping])
 
 
-def fly_world(
-    simulator: Simulator, plan: ClosedLoop, closed_loop: SeedRange, clamp: Path, form: str, mapping: int, flights: Path
-) -> None:
-    """Fly one form of the true ground effect with one mapping.
-
-    Parameters
-    ----------
-    form : of :data:`FORMS`; the firmware's analytical estimate and the network stay those of the default form.
-    mapping : 0: command scaled by 1/sqrt(estimate); 1: by 1/estimate, the historical error.
-    flights : to write: a row a flight; ``experiment`` says modes or bias.
-    """
-    write_csv(_fly(simulator, plan, closed_loop.list(), clamp, mapping, form=form).assign(form=form), flights)
+def _fitted(forms: Path) -> dict[str, float | str] | None:
+    """The form that fits real flights best, with its constants; nothing where none were fitted."""
+    table = pd.read_csv(forms).sort_values("rank")
+    if table.empty:
+        return None
+    best = table.iloc[0]
+    return {"form": str(best["form"]), **{name: float(best[name]) for name in ("c_a", "decay") if pd.notna(best[name])}}
 
 
-def fly_fitted_world(
-    simulator: Simulator, plan: ClosedLoop, closed_loop: SeedRange, clamp: Path, forms: Path, flights: Path
-) -> None:
-    """Fly the form that fits real flights best, with its constants; a table without rows where none were fitted.
-
-    Parameters
-    ----------
-    forms : the fitted forms, rank 1 the best. The height of the rotor plane is the real vehicle's own and stays behind.
-    """
-    fitted = pd.read_csv(forms).sort_values("rank")
-    if fitted.empty:
-        write_csv(pd.DataFrame(columns=["condition", "seed", "experiment", "mapping", "form"]), flights)
-        return
-    best = fitted.iloc[0]
-    own = {name: float(best[name]) for name in ("c_a", "decay") if pd.notna(best[name])}
-    table = _fly(simulator, plan, closed_loop.list(), clamp, 0, form=str(best["form"]), **own)
-    write_csv(table.assign(form=FITTED), flights)
-
-
-def summarise_worlds(worlds: list[Path], flights: Path, summary: Path, tests: Path) -> None:
-    """All worlds in one table; modes against the analytical one, and opposed biases against each other, in every world."""
-    tables = [pd.read_csv(world) for world in worlds]
-    table = pd.concat([t for t in tables if len(t)])
+def _summaries(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
     summaries, tested = [], []
     for (form, mapping), part in table.groupby(["form", "mapping"], sort=False):
         modes, bias = (part[part["experiment"] == name] for name in ("modes", "bias"))
         pairs = opposed(sorted(bias["bias"].unique()))
         summaries.append(compare(modes, METRICS, REFERENCE).assign(form=form, mapping=mapping))
         tested.append(contrasts(bias, METRICS, pairs).assign(form=form, mapping=mapping))
-    write_csv(table, flights)
-    write_csv(pd.concat(summaries), summary)
-    write_csv(pd.concat(tested), tests)
+    return pd.concat(summaries), pd.concat(tested)
+
+
+def fly_worlds(
+    simulator: Simulator, plan: ClosedLoop, closed_loop: SeedRange, clamp: Path, forms: Path, flights: Path, summary: Path,
+    tests: Path,
+) -> None:  # fmt: skip
+    """Fly every form of the true ground effect with both mappings, and the form that fits real flights best.
+
+    The firmware's analytical estimate and the network stay those of the default form.
+
+    Parameters
+    ----------
+    forms : forms fitted to real flights, rank 1 the best; may hold no rows. The height of the real vehicle's rotor plane is
+        its own and stays behind.
+    flights : to write: a row a flight; ``experiment`` says modes or bias.
+    summary : to write: modes against the analytical one in every world.
+    tests : to write: opposed biases against each other in every world.
+    """
+    fitted = _fitted(forms)
+    worlds = [(form, {"form": form}, mapping) for form in FORMS for mapping in range(len(MAPPINGS))]
+    worlds += [(FITTED, fitted, 0)] if fitted else []
+    seeds = closed_loop.list()
+    table = pd.concat([_fly(simulator, plan, seeds, clamp, m, **truth).assign(form=name) for name, truth, m in worlds])
+    found = _summaries(table)
+    for content, path in zip((table, *found), (flights, summary, tests), strict=True):
+        write_csv(content, path)

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from ..config import ClosedLoop, SeedRange, Simulator
 from ..files import write_json
@@ -51,10 +50,14 @@ def _tests(windows: pd.DataFrame) -> pd.DataFrame:
 
 def _trace(t_s: np.ndarray, change: np.ndarray, plan: ClosedLoop) -> pd.DataFrame:
     """Mean change of clearance over seeds against time after the pulse, with its 95 % interval; change: (seeds, rows)."""
+    from scipy.stats import t as student_t
+
     after = t_s - (plan.pulse.start_s + plan.pulse.duration_s)
     near = np.flatnonzero((after >= -BEFORE_S - plan.pulse.duration_s) & (after < plan.pulse.window_edges_s[-1]))[::TRACE_EVERY]
     part, mean = change[:, near], change[:, near].mean(axis=0)
-    half = stats.t.ppf(0.975, max(len(part) - 1, 1)) * part.std(axis=0, ddof=1) / np.sqrt(len(part)) if len(part) > 1 else np.nan
+    half = (
+        student_t.ppf(0.975, max(len(part) - 1, 1)) * part.std(axis=0, ddof=1) / np.sqrt(len(part)) if len(part) > 1 else np.nan
+    )
     return pd.DataFrame({"after_s": after[near].round(6), "change_m": mean, "low_m": mean - half, "high_m": mean + half})
 
 

@@ -12,8 +12,6 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 import pandas as pd
-from scipy import stats
-from statsmodels.stats.multitest import multipletests
 
 RESAMPLES = 9999
 
@@ -41,6 +39,8 @@ def difference(a: np.ndarray, b: np.ndarray) -> dict[str, float]:
         ``difference`` (mean of a - b), ``low``, ``high`` (95 %, t distribution), ``t``, ``p`` (two-sided), ``d_z``. Where
         every difference is zero, t = 0 and p = 1; below two pairs the interval is NaN.
     """
+    from scipy import stats
+
     d = np.asarray(a, float) - np.asarray(b, float)
     mean = float(d.mean())
     if not d.any():
@@ -56,6 +56,8 @@ def difference(a: np.ndarray, b: np.ndarray) -> dict[str, float]:
 
 def holm(p: Sequence[float]) -> np.ndarray:
     """p-values corrected by Holm's method; NaN stays NaN and counts for nothing."""
+    from statsmodels.stats.multitest import multipletests
+
     p = np.asarray(p, float)
     known, corrected = np.isfinite(p), np.full(len(p), np.nan)
     if known.any():
