@@ -70,7 +70,8 @@ class Claim(Strict):
     table: str
     where: Where = {}
     value: str
-    reduce: Literal["max", "min", "mean"] | None = None
+    reduce: Literal["max", "min", "mean", "first"] | None = None
+    over_reduce: Literal["max", "min", "mean", "first"] | None = None
     minus: Where | None = None
     over: Where | None = None
     scale: float = 1.0
@@ -134,9 +135,9 @@ def ours(claim: Claim, tables: Mapping[str, pd.DataFrame]) -> Ours | None:
     if frame is None or frame.empty:
         return None
     found = look(frame, claim.where, claim.value, claim.reduce)
-    for extra in (claim.minus, claim.over):
+    for extra, reduce in ((claim.minus, claim.reduce), (claim.over, claim.over_reduce or claim.reduce)):
         if found and extra is not None:
-            other = look(frame, {**claim.where, **extra}, claim.value, claim.reduce)
+            other = look(frame, {**claim.where, **extra}, claim.value, reduce)
             found = other and _combined(found, other, subtract=extra is claim.minus)
     if not found or not math.isfinite(found.value):
         return None

@@ -10,6 +10,8 @@ APPIUS_VEHICLE = str(ROOT / "config/vehicles/appius.yaml")
 APPIUS_MAP = str(ROOT / "config/imports/appius.yaml")
 LIBRARY = {"library": "build/libges.so"}
 NETWORK = {"library": "build/ml/libges.so"}
+QUARTILES = {"quartiles": "results/offline/ground_quartiles.csv"}
+CLEARANCE_BINS = {"bins": "results/offline/clearance_bins.csv"}
 SHOWN_SEED = STUDY.seeds.closed_loop.first
 SHOWN_FLIGHT = {"simulator": part("simulator"), "plan": part("closed_loop")}
 
@@ -124,6 +126,21 @@ FIGURE_RULES = {
             ],
         },
         {"plan": PLANS[0]},
+    ),
+    "fig09": ("offline:horizons", {"horizons": "results/offline/horizons.csv"}, {}),
+    "fig10": (
+        "offline:importances",
+        {"importances": "results/offline/importances.csv"},
+        {"plan": PLANS[0]},
+    ),
+    "fig11": ("offline:ground_quartiles", QUARTILES, {"quantity": "slope"}),
+    "fig12": ("offline:ground_quartiles", QUARTILES, {"quantity": "curvature"}),
+    "fig13": ("offline:clearance", CLEARANCE_BINS, {}),
+    "fig14": ("offline:reduction", CLEARANCE_BINS, {}),
+    "learning_curves": (
+        "offline:learning_curves",
+        {"curves": "results/offline/learning_curves.csv"},
+        {},
     ),
     "fig15": ("closed_loop:traces", NETWORK, {**SHOWN_FLIGHT, "seed": SHOWN_SEED}),
     "fig16": ("closed_loop:small", closed_loop("comparison_summary"), {}),
