@@ -16,13 +16,29 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 from .._lib import library_path
-from ..errors import GesError
+from ..errors import GesError, unknown_name
 from ..files import sha256, tree_hash, write_json
 from ..sources import sources
 from . import jail, seal, worker
 
 OUT = "diagnosed"
+METHODS: dict[str, dict] = {
+    "ges": {},
+    **{name: {"baseline": name} for name in ("stepwise", "sindy", "parameters", "boosting")},
+}
 LIMIT_S = 600
+
+
+def method_options(method: str) -> dict:
+    """Return the worker's options of a method: this tool, a baseline, or this tool with a part taken out."""
+    if method not in METHODS:
+        raise unknown_name("method", method, METHODS)
+    return METHODS[method]
+
+
+def method_folder(method: str) -> str:
+    """Return the folder of a method's verdicts beside ``cases/``."""
+    return OUT if method == "ges" else f"{OUT}-{method}"
 
 
 def run_cases(

@@ -10,6 +10,7 @@ import click
 
 FOLDER = click.argument("folder", type=click.Path(path_type=Path), metavar="DIR")
 PROCESSES = click.option("--processes", type=click.IntRange(min=1), default=2, show_default=True, help="How many at a time.")
+OF = click.option("--of", "method", default="ges", show_default=True, help="ges, a baseline or an ablation (ges blind methods).")
 
 
 class Progress:
@@ -62,31 +63,46 @@ def make(seed: int, out: Path, grid: str, processes: int) -> None:
 @command.command()
 @FOLDER
 @PROCESSES
-def run(folder: Path, processes: int) -> None:
+@OF
+def run(folder: Path, processes: int, method: str) -> None:
     """Diagnose every case that has no verdict yet, each by a process that can read that case alone.
 
-    Example: ges blind run proof --processes 2
+    Example: ges blind run proof --of stepwise
     """
-    from ..blind.run import run_cases
+    from ..blind.run import method_folder, method_options, run_cases
 
     start = time.perf_counter()
     with Progress("diagnosing") as progress:
-        count = run_cases(folder, processes, tell=progress)
+        count = run_cases(folder, processes, out=method_folder(method), options=method_options(method), tell=progress)
     click.echo(f"{count} cases diagnosed in {folder}, {time.perf_counter() - start:.0f} s", err=True)
 
 
 @command.command()
 @FOLDER
 @click.option("--out", type=click.Path(path_type=Path), help="Folder for tables and figures; default: DIR/scores.")
-def score(folder: Path, out: Path | None) -> None:
+@OF
+def score(folder: Path, out: Path | None, method: str) -> None:
     """Open the seal and score the verdicts; writes CSV, JSON and figures.
 
     Example: ges blind score proof
     """
+    from ..blind.run import method_folder
     from ..blind.score import score_cases
 
-    report = score_cases(folder, out)
+    report = score_cases(folder, out or folder / method_folder(method).replace("diagnosed", "scores"), method_folder(method))
     for row in report["scores"]:
         if row["n"]:
             interval = f"[{row['low']:.3g}, {row['high']:.3g}]"
             click.echo(f"{row['score']:<55} {row['value']:8.3g} {interval:<18} n={row['n']:<5} {row['aim']:<8} {row['met']}")
+
+
+@command.command()
+def methods() -> None:
+    """List what can be run and scored on the same cases: ges, the baselines, the ablations.
+
+    Example: ges blind methods
+    """
+    from ..blind.run import METHODS
+
+    for name in METHODS:
+        click.echo(name)
