@@ -65,7 +65,8 @@ def joint_fit(
     precision[start[1] : start[2]] = [1.0 / columns[k].nuisance.sd ** 2 for k in common]
     precision[start[2] :] = np.tile([1.0 / columns[k].nuisance.flight_sd ** 2 for k in varies], len(board.whites))
     places = [np.r_[np.arange(start[2]), start[2] + f * sizes[2] + np.arange(sizes[2])] for f in range(len(board.whites))]
-    designs = [w.x[:, :, np.r_[chosen, common, varies]] for w in board.whites]
+    kept = np.r_[chosen, common, varies]
+    designs = [w.x[:, :, kept] for w in board.whites]
     xx, xy = np.diag(precision), precision * mean
     for w, d, at in zip(board.whites, designs, places, strict=True):
         flat = d.reshape(-1, d.shape[2])
@@ -73,7 +74,7 @@ def joint_fit(
         xy[at] += flat.T @ w.y.ravel()
     inverse = np.linalg.pinv(xx, hermitian=True)
     beta = inverse @ xy
-    left = tuple(w.y - d @ beta[at] for w, d, at in zip(board.whites, designs, places, strict=True))
+    left = tuple(w.y - w.full[:, :, kept] @ beta[at] for w, at in zip(board.whites, places, strict=True))
     covariance = np.maximum(1.0, _inflation(board, designs, places, left, inverse, sizes[0])) * inverse[: sizes[0], : sizes[0]]
     names = [columns[k].nuisance.key for k in common]
     flight_names = [columns[k].nuisance.key for k in varies]
@@ -129,8 +130,9 @@ def starting_values(board: Board, hypothesis: Hypothesis) -> dict[str, dict[str,
     for k, value in zip(hypothesis.posterior.columns, hypothesis.posterior.mean, strict=True):
         column = board.system.columns[k]
         a = column.variant.amplitudes[column.amplitude]
-        held = found.get(column.variant.effect) or column.variant.parameters({})
-        found[column.variant.effect] = {**held, a.parameter: float(np.clip(a.neutral + value, a.low, a.high))}
+        declared = board.system.model.effects.get(column.variant.effect, {})
+        held = found.get(column.variant.effect) or {**column.variant.parameters({}), **declared}
+        found[column.variant.effect] = {**held, a.parameter: float(np.clip(held[a.parameter] + value, a.low, a.high))}
     return found
 
 

@@ -9,9 +9,10 @@ import numpy as np
 
 from .. import effects as effect_table
 from .align import Prepared
-from .candidates import Variant
+from .candidates import NEEDS_ATTITUDE, Variant
+from .instruments import MOVED, instruments, own_signal, projected, strength
 from .model import SPEED, Model
-from .residual import channels, residual, speeds_at_work
+from .residual import MOMENT, channels, residual, speeds_at_work
 from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, make_windows
 
 AR_ORDER = 3
@@ -57,6 +58,9 @@ class Nuisance:
         return f"{self.effect}.{self.parameter}"
 
 
+VERTICAL = ("force_z", "acc_z")
+
+
 @dataclasses.dataclass(frozen=True)
 class Column:
     """One column: a nuisance, or one amplitude of one variant of a candidate."""
@@ -66,16 +70,27 @@ class Column:
     variant: Variant | None = None
     amplitude: int = 0
 
+    @property
+    def moved(self) -> bool:
+        """Whether it is a candidate whose column follows what the controller does; nuisances stay within their doubts anyway."""
+        return self.variant is not None and self.variant.effect in MOVED
+
 
 @dataclasses.dataclass(frozen=True)
 class Rows:
-    """One flight: residuals ``y`` (m, C), columns ``x`` (m, C, K), NaN where a channel is not there."""
+    """One flight: residuals ``y`` (m, C) and columns ``x`` (m, C, K), NaN where a channel is not there.
+
+    ``full`` are the columns before those that the controller moves were projected on the instruments; ``strength`` is the
+    share of the model's own thrust or moment that the instruments explain, by channel.
+    """
 
     flight: Prepared
     windows: Windows
     y: np.ndarray
     x: np.ndarray
     noise: np.ndarray
+    full: np.ndarray
+    strength: Mapping[str, float]
 
     @property
     def follows(self) -> np.ndarray:
@@ -94,10 +109,11 @@ class System:
     flights: tuple[Rows, ...]
 
 
-def nuisances(model: Model, names: Iterable[str], battery: bool = False) -> tuple[Nuisance, ...]:
+def nuisances(model: Model, names: Iterable[str], battery: bool = False, rates: bool = True) -> tuple[Nuisance, ...]:
     """Numbers that are always free: declared doubts, trims, and what no drive and no sensor does exactly.
 
-    A doubt that the vehicle file states under ``effects`` replaces the usual one of :data:`USUAL`.
+    A doubt that the vehicle file states under ``effects`` replaces the usual one of :data:`USUAL`. Without measured
+    ``rates`` or attitude, numbers that only they show stay as declared.
     """
     names, arm = set(names), model.arm_m
     has = {name.split("_")[0] for name in names}
@@ -114,7 +130,7 @@ def nuisances(model: Model, names: Iterable[str], battery: bool = False) -> tupl
         listed.append(Nuisance(*SPEED.split("."), 0.01 * speed, model.doubts.get(SPEED, 0.0), 0.0))
         if battery:
             listed.append(Nuisance("battery_sag", "sensitivity", 0.02, model.doubts.get("battery_sag.sensitivity", 0.04), 0.0))
-    return tuple(n for n in listed if n.sd > 0 or n.flight_sd > 0)
+    return tuple(n for n in listed if (n.sd > 0 or n.flight_sd > 0) and (rates or n.effect not in NEEDS_ATTITUDE))
 
 
 def _axis_is_there(effect: str, parameter: str, names: set[str]) -> bool:
@@ -123,6 +139,11 @@ def _axis_is_there(effect: str, parameter: str, names: set[str]) -> bool:
     if effect == "accelerometer_bias":
         return f"acc_{axis}" in names
     return f"moment_{axis}" in names if effect == "inertia" else effect != "torque_coefficient" or "moment_z" in names
+
+
+def attitude_measured(flights: Sequence[Prepared]) -> bool:
+    """Whether every flight logged its attitude."""
+    return not any("attitude" in f.derived for f in flights)
 
 
 def window_length_s(flights: Sequence[Prepared]) -> float:
@@ -172,7 +193,9 @@ def _drives(effects: Mapping[str, Mapping]) -> bool:
     return any(effect_table.get(name).kind == "actuator" for name in effects)
 
 
-def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence[Column], length_s: float) -> Rows:
+def rows(
+    flight: Prepared, model: Model, names: Sequence[str], columns: Sequence[Column], length_s: float, instrumented: bool = True
+) -> Rows:
     """Residuals and columns of one flight; a column is minus the residual's change per unit of its coefficient."""
     windows = make_windows(flight.t_s, flight.flying, length_s)
     here = channels(flight, model)
@@ -194,7 +217,23 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
         shifted, step = _shift(model, column)
         reference = _reference(model, column)
         x[:, :, k] = ((at(reference) if reference and _drives(reference) else y) - at(shifted)) / step
-    return Rows(flight, windows, y, x, restless(flight, windows, model, speeds))
+    moved = [k for k, column in enumerate(columns) if column.moved] if instrumented else []
+    told, strength = _through_instruments(x, moved, flight, windows, model, names, speeds)
+    return Rows(flight, windows, y, told, restless(flight, windows, model, speeds), x, strength)
+
+
+def _through_instruments(x, moved, flight: Prepared, windows: Windows, model: Model, names, speeds):
+    """Columns with the moved ones projected where a controller's answer shows: in moments; along thrust without rotor speeds."""
+    vertical = () if flight.has("rotor_speed") else VERTICAL
+    answered = [c for c, name in enumerate(names) if name in (*MOMENT, *vertical) and np.isfinite(x[:, c]).all()]
+    if not moved or not answered:
+        return x, {}
+    z, own = instruments(flight, windows, model, names), own_signal(flight, windows, model, speeds)
+    told, strong = x.copy(), {}
+    for c in answered:
+        told[:, c, moved] = projected(x[:, c][:, moved], z[names[c]])
+        strong[names[c]] = strength(own[names[c]], z[names[c]])
+    return told, strong
 
 
 def restless(flight: Prepared, windows: Windows, model: Model, speeds: np.ndarray) -> np.ndarray:
@@ -216,7 +255,7 @@ def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant]
     names = common_channels(flights, model)
     length_s = length_s or window_length_s(flights)
     battery = all(f.has("battery") for f in flights)
-    columns = [Column(n.key, nuisance=n) for n in nuisances(model, names, battery)]
+    columns = [Column(n.key, nuisance=n) for n in nuisances(model, names, battery, attitude_measured(flights))]
     columns += [Column(v.key, variant=v, amplitude=j) for v in variants for j in range(len(v.amplitudes))]
     made = list(run(lambda flight: rows(flight, model, names, columns, length_s), flights))
     return System(model, names, tuple(columns), tuple(made))

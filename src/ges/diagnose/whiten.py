@@ -28,11 +28,12 @@ class Noise:
 
 @dataclasses.dataclass(frozen=True)
 class White:
-    """One flight, whitened: residuals (m, C) and columns (m, C, K), zero where a row is unusable."""
+    """One flight, whitened: residuals (m, C), columns (m, C, K), zero where a row is unusable; ``full``: before instruments."""
 
     y: np.ndarray
     x: np.ndarray
     used: np.ndarray
+    full: np.ndarray
 
 
 def _tolerance(system: System, kept: np.ndarray) -> np.ndarray:
@@ -128,17 +129,20 @@ def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:
 
 def whiten(rows: Rows, noise: Noise, unrest: np.ndarray) -> White:
     """Filter residuals and columns by the same noise model; rows without a full past are left out."""
-    order = noise.ar.shape[1]
-    y, x = np.zeros_like(rows.y), np.zeros_like(rows.x)
+    y, x, full = np.zeros_like(rows.y), np.zeros_like(rows.x), np.zeros_like(rows.x)
     used = np.zeros(rows.y.shape, bool)
     for c in range(rows.y.shape[1]):
-        at, _, _ = _lagged(rows.y[:, c], rows.follows, order)
+        at, _, _ = _lagged(rows.y[:, c], rows.follows, noise.ar.shape[1])
         if not len(at):
             continue
         sd = noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * unrest[at] ** 2)
         used[at, c] = True
-        y[at, c] = rows.y[at, c] - sum(noise.ar[c, k] * rows.y[at - k - 1, c] for k in range(order))
-        x[at, c] = rows.x[at, c] - sum(noise.ar[c, k] * rows.x[at - k - 1, c] for k in range(order))
-        y[at, c] /= sd
-        x[at, c] /= sd[:, None]
-    return White(y, x, used)
+        y[at, c] = _filtered(rows.y[:, c], at, noise.ar[c]) / sd
+        x[at, c] = _filtered(rows.x[:, c], at, noise.ar[c]) / sd[:, None]
+        full[at, c] = x[at, c] if rows.full is rows.x else _filtered(rows.full[:, c], at, noise.ar[c]) / sd[:, None]
+    return White(y, x, used, full)
+
+
+def _filtered(signal: np.ndarray, at: np.ndarray, ar: np.ndarray) -> np.ndarray:
+    """Rows ``at`` less what the rows before them foretell."""
+    return signal[at] - sum(a * signal[at - k] for k, a in enumerate(ar, 1))

@@ -1,0 +1,104 @@
+"""Instruments: the part of what a controller did that the references alone explain.
+
+A controller answers turbulence, so commands and rotor speeds correlate with the disturbance that a residual contains, and a
+direct fit invents motor lag and wrong inertia. What the nominal simulator does when it follows the logged references without
+any noise cannot know the disturbance; columns that a controller moves are projected on it (two-stage least squares). A flight
+without references leaves such columns nothing but their mean: it then cannot speak for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .. import effects as effect_table
+from .. import sim
+from ..conventions import BODY_RATE, POSITION, QUATERNION, ROTOR_SPEED, VELOCITY
+from .align import Prepared
+from .model import Model
+from .weak import Windows
+
+MOVED = frozenset(
+    {"inertia", "torque_coefficient", "motor_lag", "esc_delay", "thrust_curve", "rotor_inertia_reaction", "gyroscopic_moment"}
+)
+"""Effects whose columns follow what the controller does."""
+
+LAGS = range(-1, 6)
+STEP_S = 0.002
+
+
+def _table(flight: Prepared) -> np.ndarray:
+    """The references as the simulator's firmware takes them, on the flight's grid."""
+    t, ref = flight.t_s, flight.stack("reference")
+    acceleration = np.gradient(ref[:, 3:6], flight.dt_s, axis=0)
+    yaw = np.unwrap(ref[:, 6])[:, None]
+    return np.column_stack([ref[:, :6], acceleration, yaw, np.zeros((len(t), 4))])
+
+
+def replayed(flight: Prepared, model: Model) -> dict[str, np.ndarray] | None:
+    """The nominal vehicle following the references without noise or disturbance: contract columns on the flight's grid."""
+    if not flight.has("reference"):
+        return None
+    table, every = _table(flight), max(1, int(np.ceil(flight.dt_s / STEP_S)))
+    start = {f"start_{name}": float(table[0, k]) for k, name in enumerate(POSITION + VELOCITY)}
+    hover = float(np.sqrt(model.weight_N / (4.0 * model.number("thrust_coefficient_N_s2"))))
+    quiet = {name: 0.0 for name in sim.parameters() if name.endswith(("_noise_rad_s", "_noise_m_s2", "_noise_m", "_noise_m_s"))}
+    half = 0.5 * table[0, 9]
+    start |= {"start_q_w": float(np.cos(half)), "start_q_z": float(np.sin(half)), **{f"start_{n}": hover for n in ROTOR_SPEED}}
+    numbers = {**model.parameters, **quiet, **start, "start": 1, "altitude_source": 1, "mode": "none",
+               "inputs_dt_s": flight.dt_s, "dt_s": flight.dt_s / every, "record_every": every, "control_every": 1,
+               "telemetry_every": every, "duration_s": (len(table) - 1) * flight.dt_s}  # fmt: skip
+    numbers |= {"gear_height_m": 0.0, "gear_stiffness_N_m": 0.0}
+    columns = ("t_s", *POSITION, *VELOCITY, *QUATERNION, *BODY_RATE, *ROTOR_SPEED)
+    record = sim.fly([sim.Flight(numbers, model.effects, model.terrain, table)], columns)[0]
+    if record.status != "ok":
+        return None
+    return {name: np.interp(flight.t_s - flight.t_s[0], record["t_s"], record[name]) for name in columns[1:]}
+
+
+def instruments(flight: Prepared, windows: Windows, model: Model, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Instruments of one flight by channel, (m, k): a constant, and the replayed thrust or moment at several lags."""
+    constant = np.ones((len(windows), 1))
+    said = replayed(flight, model)
+    if said is None:
+        return {name: constant for name in names}
+    samples = effect_table.Samples.from_columns({"t_s": flight.t_s - flight.t_s[0], **said})
+    replay = effect_table.replay(model.parameters, samples, model.effects, model.terrain)
+    told = {"z": replay.force_N[:, 2], **{f"moment_{a}": replay.moment_Nm[:, k] for k, a in enumerate("xyz")}}
+    lagged = {key: np.column_stack([constant, *_lags(values, flight, windows)]) for key, values in told.items()}
+    return {name: lagged.get(name, lagged["z"] if name in ("force_z", "acc_z") else constant) for name in names}
+
+
+def own_signal(flight: Prepared, windows: Windows, model: Model, speeds: np.ndarray) -> dict[str, np.ndarray]:
+    """Thrust and moment that the rotor speeds at work make, by channel, (m,)."""
+    samples = {"t_s": flight.t_s - flight.t_s[0], **dict(zip(ROTOR_SPEED, speeds.T, strict=True))}
+    replay = effect_table.replay(model.parameters, effect_table.Samples.from_columns(samples), {})
+    moments = {f"moment_{a}": windows.mean @ replay.moment_Nm[:, k] for k, a in enumerate("xyz")}
+    return {**moments, **dict.fromkeys(("force_z", "acc_z"), windows.mean @ replay.force_N[:, 2])}
+
+
+def _lags(values: np.ndarray, flight: Prepared, windows: Windows) -> list[np.ndarray]:
+    """Window averages of a signal, late by multiples of half a window."""
+    step = 0.5 * windows.length_s
+    t = flight.t_s
+    return [windows.mean @ np.interp(t - lag * step, t, values) for lag in LAGS]
+
+
+def projected(x: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Columns x (m, k) projected on the instruments z (m, j)."""
+    size = np.sqrt((z**2).sum(axis=0))
+    z = z[:, size > 0] / size[size > 0]
+    u, s, _ = np.linalg.svd(z, full_matrices=False)
+    u = u[:, s > 1e-6 * s[0]] if len(s) else u
+    return u @ (u.T @ x)
+
+
+def strength(moved: np.ndarray, z: np.ndarray) -> float:
+    """Share of a signal's variance (m,) that its instruments (m, j) explain, corrected for their number."""
+    centred = moved - moved.mean()
+    total = float(centred @ centred)
+    if total <= 0 or len(moved) <= z.shape[1] + 1:
+        return 0.0
+    left = centred - projected(centred[:, None], z)[:, 0]
+    return max(0.0, 1.0 - float(left @ left) / total * (len(moved) - 1) / (len(moved) - z.shape[1] - 1))
