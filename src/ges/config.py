@@ -326,6 +326,15 @@ class Retune(Part):
     kd_factors: list[Positive] = Field(min_length=1, description="derivative")
 
 
+class Ensemble(Part):
+    """Walk through simulators that fit the published figures about as well as the one that is flown."""
+
+    steps: Count = Field(description="steps of the walk")
+    stride: Positive = Field(description="standard deviation of a step, as a share of each number's bounds")
+    slack: Positive = Field(description="tolerances of the fit are widened by this")
+    seed: Annotated[int, Field(ge=0)] = Field(description="seed of the walk")
+
+
 class ClosedLoop(Part):
     """Closed-loop experiments."""
 
@@ -338,6 +347,7 @@ class ClosedLoop(Part):
     biases: list[Finite] = Field(min_length=1, description="biases of the estimate")
     pulse: Pulse = Field(description="bias pulse")
     pulse_map: PulseMap = Field(description="map of bias pulses")
+    ensemble: Ensemble = Field(description="simulators that fit as well")
     retune: Retune = Field(description="search for a controller that does win")
     pole_factors: list[Positive] = Field(min_length=1, description="ground effect factors of the pole analysis")
     slope_exponents: list[NonNegative] = Field(min_length=1, description="grid: slope exponents")

@@ -14,6 +14,11 @@ def study(root):
 
 
 @pytest.fixture(scope="module")
+def world(study):
+    return study.simulator, study.closed_loop
+
+
+@pytest.fixture(scope="module")
 def report(root):
     return json.loads((root / "config/calibration.json").read_text())
 
@@ -28,12 +33,13 @@ def test_nothing_but_the_calibration_list_was_used(study, report):
     assert report["seeds"] == study.seeds.calibration.list()
 
 
-def test_operating_point_can_be_flown_again(study, report):
-    flown = calibrate.operating_point(study, report["fitted"], report["seeds"])
+def test_operating_point_can_be_flown_again(world, report):
+    flown = calibrate.operating_point(*world, calibrate.fly_arms(*world, report["fitted"], report["seeds"]))
     assert flown == pytest.approx(report["flown"], rel=1e-6, abs=1e-9)
 
 
-def test_misfit_is_worse_away_from_the_fit(study, report):
+def test_misfit_is_worse_away_from_the_fit(world, report):
     moved = {**report["fitted"], "altitude_ki": 0.5}
-    here, there = (calibrate.misfit(calibrate.operating_point(study, n, report["seeds"][:2])) for n in (report["fitted"], moved))
+    arms = [calibrate.fly_arms(*world, numbers, report["seeds"][:2]) for numbers in (report["fitted"], moved)]
+    here, there = (calibrate.misfit(calibrate.operating_point(*world, a)) for a in arms)
     assert there > 2 * here

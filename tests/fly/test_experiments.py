@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from ges.errors import GesError, UsageError
-from ges.fly import bias, causes, clamp, comparison, flights, forms, grid, pulse, winner
+from ges.fly import bias, causes, clamp, comparison, ensemble, flights, forms, grid, pulse, winner
 from ges.stats.paired import means
 
 
@@ -57,6 +57,7 @@ def test_rules_that_choose_are_given_validation_seeds_alone(root):
     for rule in re.split(r"\nrule ", text)[1:]:
         seeds = set(re.findall(r'part\("(seeds[\w.]*)"\)', rule))
         wanted = {"seeds.validation"} if rule.startswith(("choose", "write_poles")) else {"seeds.closed_loop", "seeds"}
+        wanted = {"seeds.calibration"} if rule.startswith("fly_ensemble") else wanted
         assert seeds <= wanted, rule.split(":")[0]
 
 
@@ -178,6 +179,18 @@ def test_worlds_differ_and_the_fitted_one_flies_where_it_was_fitted(tiny, flown,
     assert set(found["fitted"]["form"]) == {*forms.FORMS, forms.FITTED}
     oracle = found["fitted"].query("condition == 'oracle'").groupby(["form", "mapping"])["agl_rms_m"].mean()
     assert oracle.nunique() == 9
+
+
+def test_ensemble_starts_at_the_fit_and_keeps_what_fits(tiny, root, tmp_path):
+    outputs = [tmp_path / "ensemble.csv", tmp_path / "summary.csv"]
+    two = tiny.seeds.calibration.model_copy(update={"count": 2})
+    ensemble.fly_ensemble(tiny.simulator, tiny.closed_loop, two, root / "config/calibration.json", *outputs)
+    walk, summary = map(pd.read_csv, outputs)
+    fitted = json.loads((root / "config/calibration.json").read_text())["fitted"]
+    assert {name: walk.loc[0, name] for name in fitted} == pytest.approx(fitted)
+    assert len(walk) == tiny.closed_loop.ensemble.steps + 1
+    assert ((summary["low"] <= summary["median"]) & (summary["median"] <= summary["high"])).all()
+    assert set(summary["effect"]) == set(ensemble.CLAIMED_SIGN) <= set(walk.columns)
 
 
 def test_means_name_every_condition(flown):

@@ -291,6 +291,28 @@ rule fly_winner:
         SCRIPT
 
 
+rule fly_ensemble:
+    input:
+        library="build/libges.so",
+        calibration=str(ROOT / "config/calibration.json"),
+    output:
+        flights=f"{FLOWN}/ensemble.csv",
+        summary=f"{FLOWN}/ensemble_summary.csv",
+    log:
+        "results/logs/fly_ensemble.log",
+    benchmark:
+        "results/benchmarks/fly_ensemble.tsv"
+    params:
+        call=call("ges.fly.ensemble:fly_ensemble"),
+        simulator=part("simulator"),
+        plan=part("closed_loop"),
+        calibration_seeds=part("seeds.calibration"),
+    message:
+        "fly simulators that fit the published figures as well"
+    script:
+        SCRIPT
+
+
 CLOSED_LOOP = [
     "results/table2.csv",
     *(
@@ -304,6 +326,7 @@ CLOSED_LOOP = [
             "grid_summary.csv",
             "causes_tests.csv",
             "winner_tests.csv",
+            "ensemble_summary.csv",
             "worlds_summary.csv",
         )
     ),

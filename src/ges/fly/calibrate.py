@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import differential_evolution
 
 from .. import config, files, sim
-from ..config import ClosedLoop, Study
+from ..config import ClosedLoop, Simulator
 from .flights import Condition
 from .metrics import GYRO, gyro_rms
 
@@ -52,27 +52,38 @@ def free_parameters(x: Sequence[float]) -> dict[str, float]:
     return {**numbers, "terrain_amplitude_min_m": AMPLITUDE_RATIO * numbers["terrain_amplitude_max_m"]}
 
 
-def operating_point(study: Study, numbers: dict[str, float], seeds: Sequence[int]) -> dict[str, float]:
-    """The quantities of :data:`PUBLISHED`, flown; NaN where a flight did not end well."""
-    plan, pulse = study.closed_loop, study.closed_loop.pulse
+Arms = dict[str, list[sim.Record]]
+
+
+def fly_arms(simulator: Simulator, plan: ClosedLoop, numbers: dict[str, float], seeds: Sequence[int]) -> Arms:
+    """Flights of every arm that the fit looks at: ``none``, ``analytical``, ``oracle``, and the oracle disturbed."""
+    pulse = plan.pulse
     kick = {"pulse": pulse.bias, "pulse_start_s": pulse.start_s, "pulse_duration_s": pulse.duration_s}
-    others = ({}, kick, {"bias": BIAS}, {"bias": -BIAS})
-    arms = [{"mode": "none"}, {"mode": "analytical"}, *({"mode": "oracle", **o} for o in others)]
-    flights = [Condition("", {**numbers, **a}).flight(study.simulator, plan, s) for a in arms for s in seeds]
+    arms = {"none": {"mode": "none"}, "analytical": {"mode": "analytical"}, "oracle": {"mode": "oracle"}}
+    arms |= {"pulsed": {"mode": "oracle", **kick}}
+    arms |= {"over": {"mode": "oracle", "bias": BIAS}, "under": {"mode": "oracle", "bias": -BIAS}}
+    flights = [Condition(name, {**numbers, **a}).flight(simulator, plan, s) for name, a in arms.items() for s in seeds]
     records = sim.fly(flights, _COLUMNS)
-    none, analytical, oracle, pulsed, over, under = (records[i : i + len(seeds)] for i in range(0, len(records), len(seeds)))
-    reference = study.simulator.controller.agl_ref_m
+    return {name: records[i * len(seeds) : (i + 1) * len(seeds)] for i, name in enumerate(arms)}
+
+
+def operating_point(simulator: Simulator, plan: ClosedLoop, arms: Arms) -> dict[str, float]:
+    """The quantities of :data:`PUBLISHED`, flown; NaN where a flight did not end well."""
+    reference = simulator.controller.agl_ref_m
     return {
-        "none_m": _mean_rms(none, reference),
-        "analytical_m": _mean_rms(analytical, reference),
-        "gyro_rad_s": float(np.mean([gyro_rms(r) for r in none])),
-        "pulse_m": _pulse_response(oracle, pulsed, plan),
-        "bias_m": float(np.mean([a["agl_m"].mean() - b["agl_m"].mean() for a, b in zip(over, under, strict=True)])),
-        "contact_share": float(np.mean([r["contact"].mean() for r in analytical])),
+        "none_m": mean_rms(arms["none"], reference),
+        "analytical_m": mean_rms(arms["analytical"], reference),
+        "gyro_rad_s": float(np.mean([gyro_rms(r) for r in arms["none"]])),
+        "pulse_m": _pulse_response(arms["oracle"], arms["pulsed"], plan),
+        "bias_m": float(
+            np.mean([a["agl_m"].mean() - b["agl_m"].mean() for a, b in zip(arms["over"], arms["under"], strict=True)])
+        ),
+        "contact_share": float(np.mean([r["contact"].mean() for r in arms["analytical"]])),
     }
 
 
-def _mean_rms(records: Sequence[sim.Record], reference: float) -> float:
+def mean_rms(records: Sequence[sim.Record], reference: float) -> float:
+    """Mean over flights of the AGL RMS (m)."""
     return float(np.mean([np.sqrt(np.nanmean((r["range_m"] - reference) ** 2)) for r in records]))
 
 
@@ -98,14 +109,19 @@ def calibrate(study_file: Path, out: Path, generations: int = 40, seed: int = 1)
     generations, seed : of the differential evolution.
     """
     study = config.load(study_file)
+    world = study.simulator, study.closed_loop
     seeds = study.seeds.calibration.list()
+
+    def flown(numbers: dict[str, float]) -> dict[str, float]:
+        return operating_point(*world, fly_arms(*world, numbers, seeds))
+
     found = differential_evolution(
-        lambda x: misfit(operating_point(study, free_parameters(x), seeds)), list(FREE.values()), seed=seed,
+        lambda x: misfit(flown(free_parameters(x))), list(FREE.values()), seed=seed,
         popsize=5, maxiter=generations, polish=False, tol=0.0,
     )  # fmt: skip
     numbers = free_parameters(found.x)
     report = {
-        "fitted": numbers, "flown": operating_point(study, numbers, seeds), "published": PUBLISHED, "tolerance": TOLERANCE,
+        "fitted": numbers, "flown": flown(numbers), "published": PUBLISHED, "tolerance": TOLERANCE,
         "bounds": FREE, "seeds": seeds, "misfit": float(found.fun), "evaluations": int(found.nfev),
     }  # fmt: skip
     files.write_json(out, report)
