@@ -18,7 +18,7 @@ from . import effects as effect_table
 from .diagnose.align import Prepared
 from .diagnose.evidence import Gram
 from .diagnose.fit import calibrated, null_fit
-from .diagnose.gate import pass_gate
+from .diagnose.gate import at_flown_voltage, pass_gate
 from .diagnose.model import SPEED, Model, from_vehicle
 from .diagnose.system import System, build, window_length_s
 from .errors import GesError
@@ -283,7 +283,7 @@ def calibrate(recordings: RecordingSet) -> Calibration:
     flights = [f for f in gate.flights if f is not None]
     if len(flights) < 2:
         raise GesError(f"{len(flights)} usable reference flight; calibration needs two or more to see how much flights differ")
-    numbers, factor = _fit(flights, _opened(model))
+    numbers, factor = _fit(flights, _opened(at_flown_voltage(model, flights)))
     update = _folded(recordings.vehicle, numbers) | {"effects": _effects(recordings.vehicle, numbers)}
     seconds = float(sum(f.flying.sum() * f.dt_s for f in flights))
     told = (*recordings.warnings, *gate.warnings, *_far(numbers))

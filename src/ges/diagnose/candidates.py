@@ -16,6 +16,11 @@ from .model import Model
 
 PARAMETER_EFFECTS = frozenset({"thrust_scale", "inertia", "torque_coefficient", "actuator_mapping"})
 SMALL_STEP = 0.1
+NEEDS_ATTITUDE = frozenset(
+    {"inertia", "torque_coefficient", "motor_lag", "esc_delay", "time_offset", "gyro_bias", "attitude_bias", "rotor_tilt",
+     "rotor_inertia_reaction", "gyroscopic_moment", "rotor_drag", "parasitic_drag", "wind", "gusts", "wall_effect"}
+)  # fmt: skip
+"""Effects that only a measured attitude or measured rates can show; a derived attitude tells the slow balance alone."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,18 +108,44 @@ def _ground_effect(model: Model) -> tuple[Variant, ...]:
     return exponential + others
 
 
+def _slung_load(model: Model) -> tuple[Variant, ...]:
+    """On threads of several lengths below the middle, and on one below each rotor."""
+    middle = _grid("slung_load", ("mass_kg",), length_m=(0.3, 0.6, 1.2, 2.4))
+    hubs = [(model.number(f"rotor_{i}_x_m"), model.number(f"rotor_{i}_y_m")) for i in range(1, 5)]
+    return middle + tuple(_variant("slung_load", ("mass_kg",), length_m=0.6, attach_x_m=x, attach_y_m=y) for x, y in hubs)
+
+
 def _single(effect: str, names: tuple[str, ...]) -> tuple[Variant, ...]:
     return tuple(_variant(effect, (name,)) for name in names)
+
+
+def _axes(effect: str, names: tuple[str, ...]) -> tuple[Variant, ...]:
+    """Every subset of the axes: an error of one axis does not pay for the others."""
+    sets = [c for n in range(1, len(names) + 1) for c in itertools.combinations(names, n)]
+    return tuple(_variant(effect, chosen) for chosen in sets)
+
+
+def _slower(model: Model) -> tuple[Variant, ...]:
+    """Motors slower than declared; faster ones are within the declared doubt or another matter."""
+    both = _variant("motor_lag", ("up_s", "down_s"))
+    return (dataclasses.replace(both, amplitudes=tuple(dataclasses.replace(a, low=0.0) for a in both.amplitudes)),)
 
 
 _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "ground_effect": _ground_effect,
     "fountain_lift": lambda m: _grid("fountain_lift", ("c_b",), c_s=(0.5, 1.0, 2.0)),
     "weak_rotor": lambda m: _single("weak_rotor", tuple(f"loss_{i}" for i in range(1, 5))),
-    "slung_load": lambda m: _grid("slung_load", ("mass_kg",), length_m=(0.3, 0.6, 1.2, 2.4)),
+    "slung_load": lambda m: _grid("slung_load", ("mass_kg",), length_m=(0.15, 0.2, 0.27, 0.36, 0.5, 0.7, 1.2, 2.4)),
     "wind": lambda m: (_variant("wind", ("east_m_s", "north_m_s")),),
     "battery_sag": lambda m: (_variant("battery_sag", ("sensitivity",)),),
     "tether": lambda m: (_variant("tether", ("weight_N_m",)),),
+    "motor_lag": _slower,
+    "accelerometer_bias": lambda m: _axes("accelerometer_bias", ("x_m_s2", "y_m_s2", "z_m_s2")),
+    "attitude_bias": lambda m: _axes("attitude_bias", ("x_rad", "y_rad")),
+    "rotor_tilt": lambda m: _axes("rotor_tilt", ("x_rad", "y_rad")),
+    "cg_offset": lambda m: _axes("cg_offset", ("x_m", "y_m")),
+    "inertia": lambda m: _axes("inertia", ("xx", "yy", "zz")),
+    "rangefinder_bias": lambda m: _axes("rangefinder_bias", ("bias_m", "scale")),
 }
 _LEFT_OUT = frozenset({"rotor_saturation", "time_offset", "gyro_bias", "wall_effect", "ceiling_effect"})
 _CHILDREN: Mapping[str, tuple[str, ...]] = {"wind": ("rotor_drag", "parasitic_drag")}

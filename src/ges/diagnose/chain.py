@@ -17,7 +17,7 @@ from ..vehicle import Quantity, Vehicle
 from .engine import Accepted, accept, null_of, split
 from .findings import finding, open_findings
 from .fit import Joint, calibrated
-from .gate import Gate, pass_gate
+from .gate import Gate, at_flown_voltage, pass_gate
 from .locate import cells, merged, strongest
 from .model import Model, from_vehicle
 from .result import Diagnosis
@@ -58,6 +58,7 @@ def diagnose(
     model = from_vehicle(flights.vehicle, flights.folder)
     names, frames = [f.name for f in flights.flights], [f.frame for f in flights.flights]
     gate = pass_gate(frames, model)
+    model = at_flown_voltage(model, gate.flights)
     train, held = split(frames, gate.usable(), _numbers(holdout, names))
     if not train:
         raise GesError("every usable flight is held out; leave at least one for fitting")

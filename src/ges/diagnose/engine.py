@@ -10,12 +10,12 @@ import numpy as np
 import pandas as pd
 
 from .align import Prepared
-from .candidates import Candidate, library
+from .candidates import NEEDS_ATTITUDE, Candidate, library
 from .evidence import Board, make_board
 from .fit import Fitted, Joint, free_parameters, joint_fit, polish, starting_values
 from .model import Model
 from .select import Hypothesis, Search, search
-from .system import System, build
+from .system import System, attitude_measured, build
 
 ACCEPT = 0.9
 ROUNDS = 4
@@ -77,11 +77,12 @@ def accept(flights: Sequence[Prepared], model: Model, length_s: float) -> Accept
     """Search the library, keep what is proven, then let effects that modify the kept ones compete too."""
     names: tuple[str, ...] = ()
     probability: dict[str, float] = {}
-    base, fitted, first = model, None, None
+    base, fitted, first, rates = model, None, None, attitude_measured(flights)
     for turn in range(3):
         listed = [
             c for c in library(base).values()
             if c.name not in names and (set(c.needs) & set(base.effects) if c.needs else not turn)
+            and (rates or c.name not in NEEDS_ATTITUDE)
         ]  # fmt: skip
         if not listed:
             break

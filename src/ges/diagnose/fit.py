@@ -19,6 +19,7 @@ from .system import System, build
 BLOCK_S = 10.0
 ROUNDS = 4
 TIGHT = 0.02
+FIRMER = {("motor_lag", "up_s"): (0.0, 0.5), ("motor_lag", "down_s"): (0.0, 0.5), ("esc_delay", "delay_s"): (0.0, 0.06)}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -167,7 +168,7 @@ def polish(flights: Sequence[Prepared], model: Model, values: effect_table.Effec
            length_s: float) -> Fitted:  # fmt: skip
     """Gauss-Newton over all free parameters, the compiled effects linearised anew each round."""
     values = {name: dict(v) for name, v in values.items()}
-    bounds = {(e, p.name): (p.low, p.high) for e in values for p in effect_table.get(e).parameters}
+    bounds = {(e, p.name): (p.low, p.high) for e in values for p in effect_table.get(e).parameters} | FIRMER
     for _ in range(ROUNDS):
         variants = [Variant(e, {}, (_small(_amplitude(e, p), values[e][p]),)) for e, p in free]
         system = build(flights, model.with_effects(values), variants, length_s)

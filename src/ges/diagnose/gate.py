@@ -128,6 +128,14 @@ def shifted(flight: Prepared, stream: str, delay_s: float) -> Prepared:
     return flight.replaced(columns={**flight.columns, **moved}, lateness_s={**flight.lateness_s, stream: delay_s})
 
 
+def at_flown_voltage(model: Model, flights: Sequence[Prepared | None]) -> Model:
+    """The model with the median battery voltage in the air as its nominal one, unless the vehicle file models sag already."""
+    volts = [f.columns["battery_V"][f.flying] for f in flights if f is not None and f.has("battery")]
+    if not volts or "battery_sag" in model.effects:
+        return model
+    return model.with_number("battery_nominal_V", float(np.median(np.concatenate(volts))))
+
+
 def _problem(flight: Prepared, number: int) -> str | None:
     if not (flight.has("rotor_speed") or flight.has("command")):
         return f"flight {number} has neither rotor speeds nor commands: its forces cannot be modelled; it was left out"
