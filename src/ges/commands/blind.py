@@ -106,3 +106,21 @@ def methods() -> None:
 
     for name in METHODS:
         click.echo(name)
+
+
+@command.command()
+@click.option(
+    "--recordings", type=click.Path(path_type=Path, exists=True, file_okay=False), required=True, help="Published flights."
+)
+@click.option(
+    "--config", type=click.Path(path_type=Path), default=Path("config"), show_default=True, help="Vehicles and imports."
+)
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/.")
+def real(recordings: Path, config: Path, out: Path) -> None:
+    """Write published flights as concealed cases, with what was done to the vehicle as the sealed truth.
+
+    Example: ges blind real --recordings recordings --out proof-real
+    """
+    from ..blind.real import make_real
+
+    click.echo(f"{make_real(out, recordings, config)} cases sealed in {out}", err=True)
