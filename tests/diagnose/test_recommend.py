@@ -9,6 +9,7 @@ import pytest
 from ges import manoeuvres, sim
 from ges.diagnose.candidates import library
 from ges.diagnose.detect import smallest_detectable
+from ges.diagnose.engine import search_until_stable
 from ges.diagnose.evidence import make_board
 from ges.diagnose.gate import pass_gate
 from ges.diagnose.model import from_vehicle
@@ -77,7 +78,8 @@ def test_what_the_recommended_flight_promises_it_keeps(model):
     open_sets = [h for h in search(board, listed, tuple(model.effects)).hypotheses if len(h.names) == 1]
     (option,) = rank(board, rivals_of(board, open_sets), plans=("yaw_turn",))
     after, listed = _board(model, {"wind": {"east_m_s": 3.0}}, [*plans, manoeuvres.yaw_turn(30.0)], names)
-    found = {h.names: h.log_evidence for h in search(after, listed, tuple(model.effects)).hypotheses}
+    _, judged, _ = search_until_stable(after.system, listed, tuple(model.effects))
+    found = {h.names: h.log_evidence for h in judged.hypotheses}
     assert found["wind",] - found["attitude_bias",] > 0.4 * option.expected_log_odds > 4.0
 
 
@@ -88,7 +90,7 @@ def test_more_thrust_and_ground_effect_are_told_apart_by_a_ladder_of_heights(mod
     chosen = {}
     for k, column in enumerate(columns):
         if column.variant is not None and board.prior_sd[k] > 0:
-            chosen.setdefault(column.effect, k)
+            chosen.setdefault(column.variant.effect, k)
     rivals = [
         Rival(("thrust_scale",), {"thrust_scale": {"scale": 0.1}}, (chosen["thrust_scale"],)),
         Rival(("ground_effect",), {"ground_effect": columns[chosen["ground_effect"]].variant.parameters({"c_a": 0.5})},
@@ -114,7 +116,7 @@ def null(bare):
 
 def _planted(board, effect: str, size: float):
     """The same flights with an effect of this size in their residuals."""
-    k = next(i for i, c in enumerate(board.system.columns) if c.variant is not None and c.effect == effect)
+    k = next(i for i, c in enumerate(board.system.columns) if c.variant is not None and c.variant.effect == effect)
     flights = tuple(dataclasses.replace(r, y=r.y + size * r.x[:, :, k]) for r in board.system.flights)
     return make_board(dataclasses.replace(board.system, flights=flights))
 
@@ -146,8 +148,8 @@ def test_what_a_rival_hides_names_the_rival(null):
     told = smallest_detectable(board)
     assert set(told) <= set(DRAG) and {"rotor_drag", "thrust_scale"} <= set(told)
     columns = board.system.columns
-    drag = next(i for i, c in enumerate(columns) if c.variant is not None and c.effect == "rotor_drag")
-    twin = next(i for i, c in enumerate(columns) if c.variant is not None and c.effect == "parasitic_drag")
+    drag = next(i for i, c in enumerate(columns) if c.variant is not None and c.variant.effect == "rotor_drag")
+    twin = next(i for i, c in enumerate(columns) if c.variant is not None and c.variant.effect == "parasitic_drag")
 
     def doubled(gram):
         xx, xy = gram.xx.copy(), gram.xy.copy()

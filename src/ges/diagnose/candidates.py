@@ -110,7 +110,7 @@ def _ground_effect(model: Model) -> tuple[Variant, ...]:
 
 def _slung_load(model: Model) -> tuple[Variant, ...]:
     """On threads of several lengths below the middle, and on one below each rotor."""
-    middle = _grid("slung_load", ("mass_kg",), length_m=(0.3, 0.6, 1.2, 2.4))
+    middle = _grid("slung_load", ("mass_kg",), length_m=(0.15, 0.2, 0.27, 0.36, 0.5, 0.7, 1.2, 2.4))
     hubs = [(model.number(f"rotor_{i}_x_m"), model.number(f"rotor_{i}_y_m")) for i in range(1, 5)]
     return middle + tuple(_variant("slung_load", ("mass_kg",), length_m=0.6, attach_x_m=x, attach_y_m=y) for x, y in hubs)
 
@@ -135,9 +135,9 @@ _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "ground_effect": _ground_effect,
     "fountain_lift": lambda m: _grid("fountain_lift", ("c_b",), c_s=(0.5, 1.0, 2.0)),
     "weak_rotor": lambda m: _single("weak_rotor", tuple(f"loss_{i}" for i in range(1, 5))),
-    "slung_load": lambda m: _grid("slung_load", ("mass_kg",), length_m=(0.15, 0.2, 0.27, 0.36, 0.5, 0.7, 1.2, 2.4)),
+    "slung_load": _slung_load,
     "wind": lambda m: (_variant("wind", ("east_m_s", "north_m_s")),),
-    "battery_sag": lambda m: (_variant("battery_sag", ("sensitivity",)),),
+    "battery_sag": lambda m: (_variant("battery_sag", ("sensitivity",), nominal_V=m.number("battery_nominal_V")),),
     "tether": lambda m: (_variant("tether", ("weight_N_m",)),),
     "motor_lag": _slower,
     "accelerometer_bias": lambda m: _axes("accelerometer_bias", ("x_m_s2", "y_m_s2", "z_m_s2")),

@@ -90,11 +90,11 @@ def _subset(board: Board, rivals: Sequence[Rival]) -> np.ndarray:
 
 def _gram(board: Board, flight: Prepared, keep: np.ndarray) -> Gram:
     """Normal equations of one more flight, in the noise of the flights so far."""
-    system = dataclasses.replace(board.system, columns=tuple(board.system.columns[k] for k in keep))
-    made = rows(flight, system.model, system.names, system.columns, board.system.flights[0].windows.length_s)
-    usual = np.median(np.concatenate([r.noise for r in board.system.flights])) or 1.0
-    white = whiten(made, board.noise, made.noise / usual, system)
-    return flight_grams([white], system.columns, TEMPERING)[0]
+    system, columns = board.system, [board.system.columns[k] for k in keep]
+    made = rows(flight, system.model, system.names, columns, system.flights[0].windows.length_s)
+    usual = np.median(np.concatenate([r.noise for r in system.flights])) or 1.0
+    white = whiten(made, board.noise, made.noise / usual)
+    return flight_grams([white], columns, TEMPERING)[0]
 
 
 def _log_odds(board: Board, gram: Gram, keep: np.ndarray, rivals: Sequence[Rival]) -> np.ndarray:
