@@ -153,7 +153,6 @@ rule write_poles:
         call=call("ges.fly.poles:write_poles"),
         simulator=part("simulator"),
         plan=part("closed_loop"),
-        validation=part("seeds.validation"),
     message:
         "poles of the height loop"
     script:

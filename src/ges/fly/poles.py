@@ -9,8 +9,8 @@ the estimate, about trim
 
 D(s) is the delay of sampling and hold (Pade, order 1): half the period of the rangefinder, of the firmware for the oracle.
 A second set of poles takes the factor as a constant gain (no slopes), which is what a linearisation of actuator and
-controller alone amounts to. Factors above 1 are met over flat ground; those below 1 over the sharpest crest of a track,
-whose curvature turns the sign of the simulator's correction.
+controller alone amounts to. Factors above 1 are met over flat ground; those below 1 over the top of a hill so
+round that the curvature correction turns the sign of f - 1 (1 + gain kappa = -1).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ import numpy as np
 import pandas as pd
 
 from .. import sim
-from ..config import ClosedLoop, SeedRange, Simulator
+from ..config import ClosedLoop, Simulator
 from ..errors import GesError
 from ..terrain import ProceduralShape, Terrain
 from .flights import write_csv
@@ -38,7 +38,7 @@ FACTOR_IS = ("of height", "constant")
 HEIGHTS_M = np.geomspace(0.02, 2.0, 150)
 SLOPE_STEP = 0.005
 S = control.tf("s")
-TRACK_M = 60.0
+HILL_M = 10.0
 
 
 def gravity() -> float:
@@ -69,25 +69,40 @@ class Site:
         speed = math.sqrt(simulator.vehicle.mass_kg * gravity() / (4.0 * simulator.vehicle.thrust_coefficient_N_s2))
         start = {f"start_rotor_speed_{i}_rad_s": speed for i in range(1, 5)}
         z = height_m + float(self.ground.at(np.array([self.x_m]), np.zeros(1)).height_m[0])
-        quiet = {"range_noise_m": 0.0, "gyro_noise_rad_s": 0.0, "cruise_m_s": 0.0, "agl_ref_m": height_m}
+        quiet = {"range_noise_m": 0.0, "gyro_noise_rad_s": 0.0, "cruise_m_s": 0.0, "position_kp": 0.0, "agl_ref_m": height_m}
         where = {"start": 1.0, "start_p_x_m": self.x_m, "start_p_z_m": z, **start}
-        return sim.Flight({**simulator.parameters(), **quiet, **where, **parameters}, simulator.effects(), self.ground)
+        own = {name: value for name, value in simulator.parameters().items() if not name.startswith("terrain_")}
+        return sim.Flight({**own, **quiet, **where, **parameters}, simulator.effects(), self.ground)
+
+
+def _hill(seed: int, amplitude_m: float) -> Terrain:
+    """Ground with a single wide feature of the given height, without roughness."""
+    one = {"terrain_features_min": 1.0, "terrain_features_max": 1.0, "terrain_length_m": HILL_M, "terrain_roughness_m": 0.0}
+    size = {"terrain_amplitude_min_m": amplitude_m, "terrain_amplitude_max_m": amplitude_m}
+    wide = {"terrain_width_min_m": 100.0 * HILL_M, "terrain_width_max_m": 100.0 * HILL_M}
+    return Terrain.procedural(seed, ProceduralShape(**one, **size, **wide))
 
 
 @functools.lru_cache(maxsize=8)
-def sharpest_crest(shape: ProceduralShape, seed: int) -> Site:
-    """The most convex place of the first part of the track over one seed's ground."""
-    ground = Terrain.procedural(seed, shape)
-    x = np.arange(0.0, TRACK_M, 0.01)
-    return Site(ground, float(x[np.argmin(ground.at(x, np.zeros_like(x)).curvature_1_m)]))
+def crest(curvature_1_m: float) -> Site:
+    """The top of a round-topped hill, of the given (negative) Laplacian."""
+    x = np.arange(0.0, HILL_M, 0.001)
+    for seed in itertools.count(1):
+        ground = _hill(seed, 1.0).at(x, np.zeros_like(x))
+        top = int(np.argmax(ground.height_m))
+        if ground.height_m[top] > 0.5:
+            return Site(_hill(seed, curvature_1_m / float(ground.curvature_1_m[top])), float(x[top]))
+    raise AssertionError
 
 
-def site(simulator: Simulator, factor: float, seed: int) -> Site:
+def site(simulator: Simulator, factor: float) -> Site:
     """Ground over which hovering low makes factors on the side of 1 that ``factor`` is on."""
     if factor >= 1.0:
         return Site(Terrain.flat(0.0))
-    names = [field.name for field in dataclasses.fields(ProceduralShape)]
-    return sharpest_crest(ProceduralShape(**{name: getattr(simulator.terrain, name) for name in names}), seed)
+    gain = simulator.ground_effect.curvature_gain_m
+    if gain <= 0.0:
+        raise GesError(f"poles: factor {factor:g} is below 1, which no ground makes with a curvature gain of {gain:g} m")
+    return crest(-2.0 / gain)
 
 
 def _readings(simulator: Simulator, place: Site, mode: str, heights_m: np.ndarray) -> np.ndarray:
@@ -107,11 +122,11 @@ def _height_of(factor: float, heights_m: np.ndarray, factors: np.ndarray) -> flo
     return float(heights_m[i] + share * (heights_m[i + 1] - heights_m[i]))
 
 
-def trim(simulator: Simulator, factor: float, mode: str, seed: int) -> Trim:
+def trim(simulator: Simulator, factor: float, mode: str) -> Trim:
     """Where the true factor is ``factor``, and what the mode believes there; factor 1 is far from the ground."""
     if factor == 1.0:
         return Trim(math.inf, 1.0, 0.0, 1.0, 0.0)
-    place = site(simulator, factor, seed)
+    place = site(simulator, factor)
     height = _height_of(factor, HEIGHTS_M, _readings(simulator, place, mode, HEIGHTS_M)[:, 0])
     step = SLOPE_STEP * height
     low, here, high = _readings(simulator, place, mode, np.array([height - step, height, height + step]))
@@ -153,11 +168,16 @@ def estimate_response(simulator: Simulator, at: Trim, mode: str, power: int) -> 
     return push * control.feedback(1 / S**2, restoring(simulator, at, mode, power))
 
 
+def closed_loop_poles(simulator: Simulator, at: Trim, mode: str, power: int) -> np.ndarray:
+    """Poles (1/s) of the closed height loop about a trim."""
+    return control.feedback(1 / S**2, restoring(simulator, at, mode, power)).poles()
+
+
 def _pole_rows(simulator: Simulator, at: Trim, factor: float, mode: str, power: int, slopes: str) -> Iterator[dict]:
     if slopes == "constant":
         at = dataclasses.replace(at, factor_slope_1_m=0.0, estimate_slope_1_m=0.0)
     loop = restoring(simulator, at, mode, power)
-    poles = control.feedback(1 / S**2, loop).poles()
+    poles = closed_loop_poles(simulator, at, mode, power)
     gain, phase, _, _ = control.margin(loop / S**2)
     for number, pole in enumerate(sorted(poles, key=lambda p: (-round(p.real, 9), -p.imag)), start=1):
         yield {
@@ -186,7 +206,7 @@ def _verdict(poles: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def write_poles(simulator: Simulator, plan: ClosedLoop, validation: SeedRange, poles: Path, summary: Path) -> None:
+def write_poles(simulator: Simulator, plan: ClosedLoop, poles: Path, summary: Path) -> None:
     """Poles of every mode, mapping and factor.
 
     Parameters
@@ -196,7 +216,7 @@ def write_poles(simulator: Simulator, plan: ClosedLoop, validation: SeedRange, p
     """
     rows = []
     for mode, factor in itertools.product(MODES, plan.pole_factors):
-        at = trim(simulator, factor, mode, validation.first)
+        at = trim(simulator, factor, mode)
         for power, slopes in itertools.product((1, 2), FACTOR_IS):
             rows += _pole_rows(simulator, at, factor, mode, power, slopes)
     table = pd.DataFrame(rows)
