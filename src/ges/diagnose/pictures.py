@@ -108,7 +108,7 @@ def _strip(axis, cells: Sequence[Mapping[str, Any]], channels: Sequence[str], re
 def _ticks(bounds: Sequence[float], shown: Sequence[int]) -> list[str]:
     """Bounds to a hundredth of their span."""
     decimals = max(0, 2 - int(np.ceil(np.log10(max(bounds[-1] - bounds[0], 1e-9)))))
-    return [f"{bounds[i] + 0.0:.{decimals}f}".replace("-", "−") for i in shown]
+    return [f"{round(bounds[i], decimals) + 0.0:.{decimals}f}".replace("-", "−") for i in shown]
 
 
 def held_out_bars(channels: Mapping[str, Mapping[str, Any]]) -> Figure:

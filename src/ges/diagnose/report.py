@@ -26,7 +26,7 @@ VERDICTS: Mapping[str, str] = {
     "nothing_proven": "nothing proven", "parameter": "a declared parameter is wrong", "sensor": "a sensor is wrong",
     "physics": "missing physics", "ambiguous": "more than one explanation", "unknown": "unknown cause",
 }  # fmt: skip
-_KNOWN_DATA = frozenset({"flights", "seconds_used", "left_out", "channels_used", "warnings"})
+_KNOWN_DATA = frozenset({"flights", "seconds_used", "left_out", "channels_used", "warnings", "window_s"})
 
 
 def _percent(share: float | None) -> str:
