@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
-from sklearn.utils.validation import check_array, validate_data
+from sklearn.utils.validation import validate_data
 
 from .. import effects
 from ..datasets.columns import FEATURES
@@ -48,9 +48,10 @@ class AnalyticalBaseline(RegressorMixin, BaseEstimator):
 
     def predict(self, X: np.ndarray) -> np.ndarray:
         """Factor (n,) for rows (n, k)."""
-        return flat_ground_factor(check_array(X)[:, self.column], self.vehicle)
+        return flat_ground_factor(validate_data(self, X, reset=False)[:, self.column], self.vehicle)
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
         tags.requires_fit = False
+        tags.regressor_tags.poor_score = True
         return tags
