@@ -19,14 +19,15 @@ CONFOUNDED = 0.9
 SIZE_UNITS = {"force": "N", "acc": "N", "moment": "N m", "drive": "rad/s", "range": "m"}
 
 
-def parameters_of(fitted: Fitted, name: str) -> dict[str, Estimate]:
-    """Fitted parameters of one effect with 95 % intervals; what it is strongly tied to is noted."""
+def parameters_of(fitted: Fitted, name: str, declared: Mapping[str, float]) -> dict[str, Estimate]:
+    """Fitted parameters of one effect with 95 % intervals; what it is strongly tied to, and what the file has, is noted."""
     units = {p.name: p.unit for p in effect_table.get(name).parameters}
-    return {
-        p: Estimate(fitted.effects[e][p], _interval(fitted, e, p), units[p], _tied(fitted, (e, p)))
-        for e, p in fitted.free
-        if e == name
-    }
+    told = {}
+    for e, p in fitted.free:
+        if e == name:
+            notes = (f"the vehicle file has {declared[p]:.3g}" if p in declared else "", _tied(fitted, (e, p)))
+            told[p] = Estimate(fitted.effects[e][p], _interval(fitted, e, p), units[p], "; ".join(n for n in notes if n))
+    return told
 
 
 def _interval(fitted: Fitted, effect: str, parameter: str) -> tuple[float, float]:
@@ -55,10 +56,11 @@ def alternatives_of(accepted: Accepted, name: str) -> tuple[dict, ...]:
     return tuple({"name": n, "log_odds": float(v)} for n, v in ranked)
 
 
-def size_of(fitted: Fitted, name: str) -> dict:
-    """Rms of what one effect adds on the training flights, in the channel where it weighs most."""
+def size_of(fitted: Fitted, name: str, declared: Mapping[str, float]) -> dict:
+    """Rms of what one effect adds on the training flights to what the file has of it, where it weighs most."""
     system = fitted.board.system
-    added = [_added(rows, name, system.model, system.names) for rows in fitted.board.system.flights]
+    bare = {k: v for k, v in system.model.effects.items() if k != name} | ({name: declared} if declared else {})
+    added = [_added(rows, bare, system.model, system.names) for rows in system.flights]
     best = {"value": 0.0, "unit": "N", "share_of_weight": 0.0, "channel": ""}
     for c, channel in enumerate(system.names):
         unit, whole = SIZE_UNITS[channel.split("_")[0]], system.model.whole(channel)
@@ -70,9 +72,9 @@ def size_of(fitted: Fitted, name: str) -> dict:
     return best
 
 
-def _added(rows, name: str, model: Model, names: tuple[str, ...]) -> np.ndarray:
-    """Residual without the effect less residual with it, (m, C); NaN where a channel is absent."""
-    bare = dataclasses.replace(model, effects={k: v for k, v in model.effects.items() if k != name})
+def _added(rows, effects: Mapping, model: Model, names: tuple[str, ...]) -> np.ndarray:
+    """Residual with these effects alone less residual with the model's, (m, C); NaN where a channel is absent."""
+    bare = dataclasses.replace(model, effects=effects)
     here = channels(rows.flight, model)
     out = np.full((len(rows.windows), len(names)), np.nan)
     without, having = (residual(rows.flight, rows.windows, m, here) for m in (bare, model))
@@ -82,15 +84,15 @@ def _added(rows, name: str, model: Model, names: tuple[str, ...]) -> np.ndarray:
 
 def finding(accepted: Accepted, name: str) -> Finding:
     """One accepted effect."""
-    effect = effect_table.get(name)
+    effect, declared = effect_table.get(name), accepted.board.system.model.effects.get(name, {})
     return Finding(
         name,
         kind_of(name),
         effect.title,
         accepted.probability[name],
         effect.equation,
-        parameters_of(accepted.fitted, name),
-        size_of(accepted.fitted, name),
+        parameters_of(accepted.fitted, name, declared),
+        size_of(accepted.fitted, name, declared),
         alternatives_of(accepted, name),
     )
 
