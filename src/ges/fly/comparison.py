@@ -25,7 +25,9 @@ def mode_conditions(plan: ClosedLoop, clamp: Path, **parameters: float) -> list[
 def fly_comparison(
     simulator: Simulator, plan: ClosedLoop, seeds: Seeds, clamp: Path, flights: Path, summary: Path, restricted: Path
 ) -> None:
-    """Every mode over the small and the large list of seeds.
+    """Every mode over the small and the large list of seeds, the network running beside each of them.
+
+    The network's error in a mode that does not use it, against its error where it flies, is what its own actions cost it.
 
     Parameters
     ----------
@@ -34,7 +36,7 @@ def fly_comparison(
     summary : to write: mean of every metric, mode and list, with the paired difference from the analytical mode.
     restricted : to write: the same for the tracking error where the rangefinder reads the restricted zone, large list.
     """
-    conditions, tables, summaries = mode_conditions(plan, clamp), [], []
+    conditions, tables, summaries = mode_conditions(plan, clamp, shadow=1.0), [], []
     for name in LISTS:
         table = fly_conditions(conditions, getattr(seeds, name).list(), simulator, plan)
         tables.append(table.assign(seed_list=name))

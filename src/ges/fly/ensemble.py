@@ -16,7 +16,7 @@ import pandas as pd
 
 from ..config import ClosedLoop, SeedRange, Simulator
 from . import calibrate
-from .flights import write_csv
+from .flights import counted, write_csv
 
 CLAIMED_SIGN = {
     "none - analytical, AGL RMS (m)": 1, "oracle - analytical, AGL RMS (m)": 0, "bias +0.02 - -0.02, AGL RMS (m)": -1,
@@ -48,7 +48,7 @@ def _walk(simulator: Simulator, plan: ClosedLoop, seeds: list[int], start: dict[
     how = plan.ensemble
     low, high = np.array(list(calibrate.FREE.values()), float).T
     rng, here, row = np.random.default_rng(how.seed), np.array([start[name] for name in calibrate.FREE]), None
-    for step in range(how.steps + 1):
+    for step in counted(how.steps + 1, 1):
         there = _folded(here + how.stride * (high - low) * rng.normal(size=len(here)), low, high) if step else here
         numbers = calibrate.free_parameters(there)
         arms = calibrate.fly_arms(simulator, plan, numbers, seeds)

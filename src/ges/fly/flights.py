@@ -51,9 +51,9 @@ def mode(name: str, **parameters: float | str) -> Condition:
     return Condition(name, {"mode": name, **parameters})
 
 
-def _counted(total: int) -> Iterator[int]:
-    """Starts of the batches; a bar on stderr where that is a terminal."""
-    starts = range(0, total, AT_ONCE)
+def counted(total: int, at_once: int) -> Iterator[int]:
+    """Starts of the batches of some work; a bar on stderr where that is a terminal."""
+    starts = range(0, total, at_once)
     if not sys.stderr.isatty():
         yield from starts
         return
@@ -64,13 +64,13 @@ def _counted(total: int) -> Iterator[int]:
         task = bar.add_task("flights", total=total)
         for start in starts:
             yield start
-            bar.advance(task, AT_ONCE)
+            bar.advance(task, at_once)
 
 
 def flown(flights: Sequence[sim.Flight], columns: Iterable[str]) -> Iterator[sim.Record]:
     """Fly in batches, and stop with a sentence where a flight did not end well."""
     columns = tuple(columns)
-    for start in _counted(len(flights)):
+    for start in counted(len(flights), AT_ONCE):
         for record in sim.fly(flights[start : start + AT_ONCE], columns):
             if record.status != "ok":
                 raise GesError(f"closed loop: {record.status}; this flight plan or these gains cannot be flown")

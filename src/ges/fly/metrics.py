@@ -8,10 +8,10 @@ from ..conventions import AXES
 from ..sim import Record
 
 GYRO = tuple(f"gyro_{a}_rad_s" for a in AXES)
-COLUMNS = ("t_s", *GYRO, "range_m", "agl_m", "ge_factor", "ge_estimate", "contact")
+COLUMNS = ("t_s", *GYRO, "range_m", "agl_m", "ge_factor", "ge_estimate", "ge_shadow", "contact")
 NAMES = (
     "agl_rms_m", "gyro_rms_rad_s", "clearance_mean_m", "clearance_p5_m", "clearance_min_m", "low_clearance_s",
-    "agl_rms_restricted_m", "estimate_mae", "contact_s",
+    "agl_rms_restricted_m", "estimate_mae", "network_mae", "contact_s",
 )  # fmt: skip
 
 
@@ -24,7 +24,8 @@ def flight_metrics(record: Record, agl_ref_m: float, low_clearance_m: float, res
     """Metrics of one flight.
 
     The tracking error is that of the rangefinder, as published: sqrt(mean((range - reference)^2)). Clearances are those
-    of the true height of the body over the ground, so that sensor noise does not move a minimum.
+    of the true height of the body over the ground, so that sensor noise does not move a minimum. The network's error is
+    NaN where it did not run.
 
     Parameters
     ----------
@@ -44,5 +45,6 @@ def flight_metrics(record: Record, agl_ref_m: float, low_clearance_m: float, res
         "low_clearance_s": float((clearance < low_clearance_m).sum() * row_s),
         "agl_rms_restricted_m": float(np.sqrt(np.mean((far - agl_ref_m) ** 2))) if len(far) else float("nan"),
         "estimate_mae": float(np.mean(np.abs(record["ge_estimate"] - record["ge_factor"]))),
+        "network_mae": float(np.mean(np.abs(record["ge_shadow"] - record["ge_factor"]))),
         "contact_s": float(record["contact"].sum() * row_s),
     }
