@@ -82,7 +82,7 @@ TABLES = {
     "worlds": (closed_loop.worlds, {"summary": summary(**WORLDS)}, {}),
     "pulse_map": (
         closed_loop.pulse_map,
-        {"summary": pd.DataFrame({"bias": [-0.1, 0.1], "duration_s": 0.1, "touched": [0.0, 1.0]})},
+        {"summary": pd.DataFrame({"bias": [-0.1, 0.1], "duration_s": 0.1, "touched": [0.0, 1.0], "returned": 1.0})},
         {},
     ),
     "system": (diagrams.system, {}, {}),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.image import AxesImage
 
 from ..config import ClosedLoop, SeedRange, Simulator
 from ..fly.flights import flown, fly_conditions, mode
@@ -203,20 +204,29 @@ def worlds(summary: Path, data: Path, pdf: Path, png: Path) -> None:
     style.save(figure, table, data, pdf, png)
 
 
-def pulse_map(summary: Path, data: Path, pdf: Path, png: Path) -> None:
-    """Share of seeds that touch the ground more than without the pulse, by height and length of the pulse."""
-    table = pd.read_csv(summary)
-    wide = 100 * table.pivot(index="duration_s", columns="bias", values="touched")
-    figure, axes = style.subplots(height=2.3)
+def _shares(axes, table: pd.DataFrame, column: str) -> AxesImage:
+    """Shares of seeds (%) over height and length of the pulse."""
+    wide = 100 * table.pivot(index="duration_s", columns="bias", values=column)
     image = axes.imshow(wide, cmap="cividis", vmin=0, vmax=100, aspect="auto", origin="lower")
     for i, j in np.ndindex(wide.shape):
         value = wide.iloc[i, j]
-        axes.text(j, i, f"{value:.0f}", ha="center", va="center", fontsize=7, color="black" if value > 55 else "white")
+        axes.text(j, i, f"{value:.0f}", ha="center", va="center", fontsize=6.5, color="black" if value > 55 else "white")
     axes.set_xticks(range(wide.shape[1]), [f"{v:g}" for v in wide.columns], rotation=45)
     axes.set_yticks(range(wide.shape[0]), [f"{v:g}" for v in wide.index])
     axes.set(xlabel="bias of the pulse", ylabel="length of the pulse (s)")
     axes.grid(False)
-    figure.colorbar(image, ax=axes, label="seeds that touch\nthe ground (%)")
+    return image
+
+
+def pulse_map(summary: Path, data: Path, pdf: Path, png: Path) -> None:
+    """By height and length of a pulse: seeds that touch the ground more than without it, and seeds that return."""
+    table = pd.read_csv(summary)
+    figure, (left, right) = style.subplots(1, 2, width=style.PAGE_IN, height=2.2)
+    _shares(left, table, "touched")
+    image = _shares(right, table, "returned")
+    left.set_title("(a) touched the ground", loc="left")
+    right.set_title("(b) returned to the unpulsed flight", loc="left")
+    figure.colorbar(image, ax=[left, right], label="seeds (%)")
     style.save(figure, table, data, pdf, png)
 
 

@@ -76,7 +76,7 @@ SHOWN = {"analytical": "analytical", "random_forest": "random forest"}
 
 def _panels(table: pd.DataFrame, height: float) -> tuple:
     """A panel for each flight plan of a table."""
-    plans = list(dict.fromkeys(table["plan"]))
+    plans = [p for p in PLAN_LABELS if p in set(table["plan"])]
     figure, axes = style.subplots(1, len(plans), width=style.PAGE_IN, height=height, squeeze=False)
     for ax, plan, letter in zip(axes[0], plans, "ab", strict=False):
         ax.set_title(f"({letter}) {PLAN_LABELS[plan]}", loc="left")
@@ -168,11 +168,12 @@ def reduction(bins: Path, data: Path, pdf: Path, png: Path) -> None:
     """How much less the forest errs than the formula, against clearance (the paper's figure 14)."""
     table = pd.read_csv(bins).query("model == 'random_forest'")
     figure, axes = style.subplots(height=2.3)
-    for i, (plan, rows) in enumerate(table.groupby("plan", sort=False)):
+    for i, plan in enumerate(p for p in PLAN_LABELS if p in set(table["plan"])):
+        rows = table[table["plan"] == plan]
         percent = rows[["mae_reduction", "mae_reduction_low", "mae_reduction_high"]] * 100
         _band(axes, _middle(rows), percent, "mae_reduction", i, PLAN_LABELS[plan])
     axes.axhline(0, color=style.BLACK, lw=0.6)
-    axes.set(xlabel="rangefinder reading (m)", ylabel="reduction of the mean\nabsolute error (%)", ylim=(None, 100))
+    axes.set(xlabel="rangefinder reading (m)", ylabel="reduction of the mean\nabsolute error (%)", ylim=(-60, 100))
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center")
     style.save(figure, table, data, pdf, png)
 
