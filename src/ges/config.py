@@ -353,6 +353,16 @@ class ClosedLoop(Part):
     slope_exponents: list[NonNegative] = Field(min_length=1, description="grid: slope exponents")
     curvature_gains_m: list[Finite] = Field(min_length=1, description="grid: curvature gains")
 
+    @model_validator(mode="after")
+    def _pulse_fits(self) -> ClosedLoop:
+        edges = self.pulse.window_edges_s
+        if any(a >= b for a, b in itertools.pairwise(edges)):
+            raise ValueError(f"pulse.window_edges_s = {edges} do not rise")
+        end = self.pulse.start_s + self.pulse.duration_s + edges[-1]
+        if end > self.duration_s:
+            raise ValueError(f"the last window after the pulse ends at {end:g} s, the flight at duration_s = {self.duration_s:g}")
+        return self
+
 
 class Proof(Part):
     """The proof with concealed effects."""

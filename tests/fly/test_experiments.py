@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from ges import config
 from ges.errors import GesError, UsageError
 from ges.fly import bias, causes, clamp, comparison, ensemble, flights, forms, grid, pulse, winner
 from ges.stats.paired import means
@@ -136,6 +137,16 @@ def test_response_of_a_damped_wave():
     assert found["rebound_after_s"] == pytest.approx(peak + np.pi / 3.0, abs=0.02)
     assert found["rebound_m"] == pytest.approx(-found["lowest_m"] * np.exp(-0.5 * np.pi / 3.0), rel=0.01)
     assert 3.5 < found["settled_after_s"] < 6.0
+
+
+def test_no_response_settles_at_once():
+    assert pulse._response(pd.DataFrame({"after_s": [0.0, 1.0], "change_m": [0.0, 0.0]}))["settled_after_s"] == 0.0
+
+
+def test_a_pulse_too_late_for_its_windows_is_a_sentence(root):
+    over = {"closed_loop": {"duration_s": 20.0}}
+    with pytest.raises(UsageError, match="last window after the pulse ends at 40.1 s"):
+        config.validate(config.merged(config.read(root / "config/default.yaml"), over))
 
 
 def test_limits_stop_at_the_first_pulse_that_fails():

@@ -15,6 +15,8 @@ from ..errors import GesError
 from ..files import replacing
 from .metrics import COLUMNS, flight_metrics
 
+MAPPINGS = ("1/sqrt(f)", "1/f")
+"""What the firmware scales the command by, in the order of the simulator's parameter ``mapping``."""
 AT_ONCE = 120  # flights in memory together; results do not depend on it
 
 

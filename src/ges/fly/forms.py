@@ -11,12 +11,11 @@ from ..config import ClosedLoop, GroundEffect, SeedRange, Simulator
 from ..stats.paired import compare, contrasts
 from .bias import METRICS, bias_conditions, opposed
 from .comparison import REFERENCE, mode_conditions
-from .flights import fly_conditions, write_csv
+from .flights import MAPPINGS, fly_conditions, write_csv
 
 FORMS = get_args(GroundEffect.model_fields["form"].annotation)
 
 
-MAPPINGS = ("1/sqrt(f)", "1/f")
 FITTED = "fitted to real flights"
 
 

@@ -30,10 +30,9 @@ from .. import sim
 from ..config import ClosedLoop, Simulator
 from ..errors import GesError
 from ..terrain import ProceduralShape, Terrain
-from .flights import write_csv
+from .flights import MAPPINGS, write_csv
 
 MODES = ("none", "analytical", "oracle")
-MAPPINGS = ("1/sqrt(f)", "1/f")
 FACTOR_IS = ("of height", "constant")
 HEIGHTS_M = np.geomspace(0.02, 2.0, 150)
 SLOPE_STEP = 0.005
@@ -87,12 +86,9 @@ def _hill(seed: int, amplitude_m: float) -> Terrain:
 def crest(curvature_1_m: float) -> Site:
     """The top of a round-topped hill, of the given (negative) Laplacian."""
     x = np.arange(0.0, HILL_M, 0.001)
-    for seed in itertools.count(1):
-        ground = _hill(seed, 1.0).at(x, np.zeros_like(x))
-        top = int(np.argmax(ground.height_m))
-        if ground.height_m[top] > 0.5:
-            return Site(_hill(seed, curvature_1_m / float(ground.curvature_1_m[top])), float(x[top]))
-    raise AssertionError
+    seed, ground = next((s, g) for s in itertools.count(1) if (g := _hill(s, 1.0).at(x, np.zeros_like(x))).height_m.max() > 0.5)
+    top = int(np.argmax(ground.height_m))
+    return Site(_hill(seed, curvature_1_m / float(ground.curvature_1_m[top])), float(x[top]))
 
 
 def site(simulator: Simulator, factor: float) -> Site:

@@ -54,10 +54,8 @@ def _trace(t_s: np.ndarray, change: np.ndarray, plan: ClosedLoop) -> pd.DataFram
 
     after = t_s - (plan.pulse.start_s + plan.pulse.duration_s)
     near = np.flatnonzero((after >= -BEFORE_S - plan.pulse.duration_s) & (after < plan.pulse.window_edges_s[-1]))[::TRACE_EVERY]
-    part, mean = change[:, near], change[:, near].mean(axis=0)
-    half = (
-        student_t.ppf(0.975, max(len(part) - 1, 1)) * part.std(axis=0, ddof=1) / np.sqrt(len(part)) if len(part) > 1 else np.nan
-    )
+    part, mean, n = change[:, near], change[:, near].mean(axis=0), len(change)
+    half = student_t.ppf(0.975, n - 1) * part.std(axis=0, ddof=1) / np.sqrt(n) if n > 1 else np.nan
     return pd.DataFrame({"after_s": after[near].round(6), "change_m": mean, "low_m": mean - half, "high_m": mean + half})
 
 
@@ -68,12 +66,13 @@ def _response(trace: pd.DataFrame) -> dict[str, float]:
     high = low + int(after["change_m"][low:].argmax())
     depth = float(after["change_m"][low])
     outside = np.flatnonzero(np.abs(after["change_m"]) > 0.1 * abs(depth))
+    settled = min(outside[-1] + 1, len(after) - 1) if len(outside) else 0
     return {
         "lowest_m": depth,
         "lowest_after_s": float(after["after_s"][low]),
         "rebound_m": float(after["change_m"][high]),
         "rebound_after_s": float(after["after_s"][high]),
-        "settled_after_s": float(after["after_s"][min(outside[-1] + 1, len(after) - 1)]),
+        "settled_after_s": float(after["after_s"][settled]),
         "last_m": float(after["change_m"].iloc[-1]),
     }
 
