@@ -13,8 +13,8 @@ from ges.diagnose.engine import search_until_stable
 from ges.diagnose.evidence import make_board
 from ges.diagnose.gate import pass_gate
 from ges.diagnose.model import from_vehicle
-from ges.diagnose.recommend import Rival, rank, rivals_of
-from ges.diagnose.select import search
+from ges.diagnose.recommend import Rival, next_flight, open_sets, rank, rivals_of
+from ges.diagnose.select import Search, search
 from ges.diagnose.system import build
 from ges.terrain import Terrain
 from ges.vehicle import parse_vehicle
@@ -69,6 +69,19 @@ def test_wind_and_tilted_attitude_are_told_apart_by_turning_round(model):
     assert next(iter(ranked)) == "yaw_turn"
     assert ranked["yaw_turn"].expected_log_odds > ranked["hover"].expected_log_odds + 10.0
     assert set(ranked["yaw_turn"].separates) == {"wind", "attitude_bias"}
+
+
+def test_next_flight_of_an_open_question_and_of_none(model):
+    names = ("wind", "attitude_bias")
+    board, listed = _board(model, {"wind": {"east_m_s": 3.0}}, [manoeuvres.hover(15.0)] * 2, names)
+    found = search(board, listed, tuple(model.effects))
+    assert {n for h in open_sets(found, ()) for n in h.names} == set(names), "both explain the side force"
+    told = next_flight(board, found, ())
+    assert told["manoeuvre"] in manoeuvres.MENU and told["expected_log_odds"] > told["so_far_log_odds"]
+    assert set(names) <= set(told["separates"])
+    certain = dataclasses.replace(found.hypotheses[0], probability=1.0)
+    settled = Search((certain,), {n: float(n in certain.names) for n in names})
+    assert next_flight(board, settled, certain.names) == {}
 
 
 def test_what_the_recommended_flight_promises_it_keeps(model):

@@ -15,13 +15,15 @@ from .evidence import TEMPERING, Board, Gram, flight_grams, posterior
 from .fit import starting_values
 from .gate import prepare
 from .model import Model
-from .select import Hypothesis
+from .select import Hypothesis, Search
 from .system import rows
 from .whiten import whiten
 
 DURATION_S = 30.0
 LEAST_FLYING = 0.5
 SEED = 1
+POSSIBLE = 0.1
+MOST = 3
 READINGS = {f"omega_{a}_rad_s": f"gyro_{a}_rad_s" for a in "xyz"}
 
 
@@ -58,6 +60,31 @@ def rivals_of(board: Board, open_sets: Sequence[Hypothesis]) -> list[Rival]:
         )
         for h in open_sets
     ]
+
+
+def open_sets(found: Search, proven: Sequence[str]) -> list[Hypothesis]:
+    """The best set with each name that is neither proven nor ruled out, and the best without any where that is possible."""
+    names = [n for n in sorted(found.inclusion, key=lambda n: -found.inclusion[n]) if n not in proven]
+    names = [n for n in names if found.inclusion[n] > POSSIBLE]
+    sets = [max((h for h in found.hypotheses if n in h.names), key=lambda h: h.log_evidence) for n in names[:MOST]]
+    without = [h for h in found.hypotheses if set(h.names) <= set(proven)]
+    if sum(h.probability for h in without) > POSSIBLE:
+        sets.append(max(without, key=lambda h: h.log_evidence))
+    return list({h.names: h for h in sets}.values())
+
+
+def next_flight(board: Board, found: Search, proven: Sequence[str], parameters: Mapping[str, float] | None = None) -> dict:
+    """``next_flight`` of diagnosis.json: the manoeuvre that separates best what is open; empty where nothing is.
+
+    Parameters
+    ----------
+    board, found : the search and what it was made on.
+    proven : names that are accepted.
+    parameters : as for :func:`rank`.
+    """
+    rivals = rivals_of(board, open_sets(found, proven))
+    ranked = rank(board, rivals, parameters) if len(rivals) > 1 else []
+    return ranked[0].content() if ranked else {}
 
 
 def _logged(flights: Sequence[Prepared]) -> list[str]:
