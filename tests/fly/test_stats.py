@@ -22,12 +22,13 @@ def test_difference_is_the_paired_t_test(pairs):
     assert (found["low"], found["high"]) == pytest.approx((low, high))
     d = pairs[0] - pairs[1]
     assert found["d_z"] == pytest.approx(d.mean() / d.std(ddof=1))
+    assert found["above"] == (pairs[0] > pairs[1]).mean()
     assert found["t"] == pytest.approx(found["d_z"] * np.sqrt(30))
 
 
 def test_equal_conditions_differ_by_nothing(pairs):
     found = paired.difference(pairs[1], pairs[1])
-    assert found == {"difference": 0.0, "low": 0.0, "high": 0.0, "t": 0.0, "p": 1.0, "d_z": 0.0}
+    assert found == {"difference": 0.0, "low": 0.0, "high": 0.0, "t": 0.0, "p": 1.0, "d_z": 0.0, "above": 0.0}
 
 
 def test_one_pair_has_no_interval():

@@ -36,22 +36,23 @@ def difference(a: np.ndarray, b: np.ndarray) -> dict[str, float]:
     Returns
     -------
     dict
-        ``difference`` (mean of a - b), ``low``, ``high`` (95 %, t distribution), ``t``, ``p`` (two-sided), ``d_z``. Where
-        every difference is zero, t = 0 and p = 1; below two pairs the interval is NaN.
+        ``difference`` (mean of a - b), ``low``, ``high`` (95 %, t distribution), ``t``, ``p`` (two-sided), ``d_z``, and
+        ``above`` (share of pairs with a > b). Where every difference is zero, t = 0 and p = 1; below two pairs the interval
+        is NaN.
     """
     from scipy import stats
 
     d = np.asarray(a, float) - np.asarray(b, float)
-    mean = float(d.mean())
+    mean, above = float(d.mean()), float((d > 0).mean())
     if not d.any():
-        return {"difference": 0.0, "low": 0.0, "high": 0.0, "t": 0.0, "p": 1.0, "d_z": 0.0}
+        return {"difference": 0.0, "low": 0.0, "high": 0.0, "t": 0.0, "p": 1.0, "d_z": 0.0, "above": 0.0}
     if len(d) < 2:
-        return {"difference": mean} | dict.fromkeys(("low", "high", "t", "p", "d_z"), float("nan"))
+        return {"difference": mean} | dict.fromkeys(("low", "high", "t", "p", "d_z"), float("nan")) | {"above": above}
     test = stats.ttest_1samp(d, 0.0)
     low, high = test.confidence_interval(0.95)
     d_z = mean / float(d.std(ddof=1)) if np.ptp(d) > 0 else float("inf") * np.sign(mean)
-    values = mean, low, high, test.statistic, test.pvalue, d_z
-    return dict(zip(("difference", "low", "high", "t", "p", "d_z"), map(float, values), strict=True))
+    values = mean, low, high, test.statistic, test.pvalue, d_z, above
+    return dict(zip(("difference", "low", "high", "t", "p", "d_z", "above"), map(float, values), strict=True))
 
 
 def holm(p: Sequence[float]) -> np.ndarray:
