@@ -91,6 +91,7 @@ def render(main: Path, results: Path, pdf: Path) -> None:
     try:
         content = typst.compile(str(main.resolve()), root=root, ignore_system_fonts=True, sys_inputs={"results": inside})
     except typst.TypstError as error:
-        raise GesError(f"the paper cannot be rendered: {error}") from None
+        where = re.search(r"┌─ (\S+)", error.diagnostic)
+        raise GesError(f"the paper cannot be rendered: {where[1] + ': ' if where else ''}{error}") from None
     with replacing(pdf) as new:
         new.write_bytes(content)

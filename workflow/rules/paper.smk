@@ -6,6 +6,7 @@ SHOWN_TABLES = [
     "results/real/forms.csv",
     "results/closed_loop/poles_summary.csv",
     "results/closed_loop/pulse_map_limits.csv",
+    "results/closed_loop/ensemble_summary.csv",
 ]
 PROVEN_TABLES = globals().get("PROOF_TABLES", [])
 PROVEN_FIGURES = [f for f in globals().get("PROOF_FIGURES", []) if f.endswith(".pdf")]
@@ -33,6 +34,8 @@ CLAIMED_TABLES = [
 ]
 QUOTED_TABLES = [
     *CLAIMED_TABLES,
+    "results/closed_loop/winner_summary.csv",
+    "results/closed_loop/ensemble_summary.csv",
     "results/real/blocks.csv",
     "results/real/forms.csv",
     "results/figures/real_thrust.csv",
