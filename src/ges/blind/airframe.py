@@ -123,3 +123,8 @@ def _with_errors(declared: dict[str, float], rng: np.random.Generator) -> dict[s
     doubt_of = {"ixx": "inertia", "iyy": "inertia", "izz": "inertia"}
     errors = {k: np.clip(rng.standard_normal(), -2.0, 2.0) * DOUBTS[doubt_of.get(k, k)] for k in declared}
     return {k: float(v * (1.0 + errors[k])) for k, v in declared.items()}
+
+
+def declare(true: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
+    """Return what a file honestly says of known true numbers: each off by its doubt, within two of it."""
+    return _with_errors(true, rng)

@@ -124,3 +124,18 @@ def real(recordings: Path, config: Path, out: Path) -> None:
     from ..blind.real import make_real
 
     click.echo(f"{make_real(out, recordings, config)} cases sealed in {out}", err=True)
+
+
+@command.command()
+@click.option("--seed", type=click.IntRange(min=0), required=True, help="Seed of plans, sensors and file errors.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/.")
+def rotorpy(seed: int, out: Path) -> None:
+    """Write cases that RotorPy flies: physics and control that nobody here wrote (extra 'simulators').
+
+    Example: ges blind rotorpy --seed 7 --out proof-rotorpy
+    """
+    from ..blind.rotorpy_cases import make_rotorpy
+
+    with Progress("flying") as progress:
+        count = make_rotorpy(out, seed, tell=progress)
+    click.echo(f"{count} cases sealed in {out}", err=True)

@@ -1,0 +1,167 @@
+"""Cases flown by RotorPy (Folk, Paulos and Kumar 2023): its physics, its controller; what it has switched on is the truth.
+
+Needs the optional extra ``simulators``. Plans, sensors and the errors of the vehicle files are those of the other cases.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from ..errors import GesError, UsageError
+from ..files import write_json
+from . import ground, seal
+from .airframe import Airframe, declare
+from .flight import Sortie
+from .grid import SECONDS
+from .plan import CONTROL_DT_S, FULL_MENU, Room, make_plan
+from .sensing import Logging, Recorder
+
+AERO = ("c_Dx", "c_Dy", "c_Dz", "k_d", "k_z", "k_h", "k_flap")
+PARASITIC = {"c_Dx": 0.02, "c_Dy": 0.02, "c_Dz": 0.02}
+FLAPPING = {"k_flap": 2e-5}
+# vehicle, aerodynamic coefficients kept as published, coefficients set here, wind (m/s), names of what is on
+CASES = (
+    ("hummingbird", (), {}, 0.0, ()),
+    ("hummingbird", ("k_d",), {}, 0.0, ("rotor_drag",)),
+    ("hummingbird", ("k_z",), {}, 0.0, ("axial_inflow",)),
+    ("hummingbird", ("k_h",), {}, 0.0, ("translational_lift",)),
+    ("hummingbird", (), PARASITIC, 0.0, ("parasitic_drag",)),
+    ("hummingbird", ("k_d",), {}, 2.5, ("rotor_drag", "wind")),
+    ("hummingbird", ("k_d", "k_z"), {}, 0.0, ("rotor_drag", "axial_inflow")),
+    ("hummingbird", (), FLAPPING, 0.0, ()),
+    ("crazyflie", (), {}, 0.0, ()),
+    ("crazyflie", ("k_d",), {}, 0.0, ("rotor_drag",)),
+    ("crazyflie", ("k_d",), {}, 1.5, ("rotor_drag", "wind")),
+    ("crazyflie", ("k_d", "k_z"), {}, 0.0, ("rotor_drag", "axial_inflow")),
+)  # fmt: skip
+
+
+def make_rotorpy(out: Path, seed: int, seconds: tuple[float, float] = SECONDS["sample"], only: int | None = None,
+                 tell: Callable[[int, int], None] = lambda *_: None) -> int:  # fmt: skip
+    """Fly and seal RotorPy's cases; return their number. ``only`` restricts to the first so many.
+
+    Raises
+    ------
+    UsageError
+        When ``out`` already holds sealed cases.
+    GesError
+        When RotorPy is not installed.
+    """
+    if (out / "sealed" / seal.SUMS).exists():
+        raise UsageError(f"'{out}' already holds sealed cases; name an empty folder")
+    for part in ("cases", "sealed"):
+        (out / part).mkdir(parents=True, exist_ok=True)
+    cases = CASES[:only]
+    for number, case in enumerate(cases):
+        _make_case(out, case, np.random.default_rng([seed, number, 6]), seconds)
+        tell(number + 1, len(cases))
+    seal.close(out)
+    return len(cases)
+
+
+def _parameters(vehicle: str, kept: tuple[str, ...], own: dict[str, float]) -> dict:
+    try:
+        from rotorpy.vehicles import crazyflie_params, hummingbird_params
+    except ImportError:
+        raise GesError("RotorPy is not installed; pip install 'ges[simulators]'") from None
+    published = {"hummingbird": hummingbird_params, "crazyflie": crazyflie_params}[vehicle].quad_params
+    return published | {k: 0.0 for k in AERO if k not in kept} | {k: published[k] for k in kept} | own
+
+
+def _make_case(out: Path, case: tuple, rng: np.random.Generator, seconds: tuple[float, float]) -> None:
+    vehicle, kept, own, wind, names = case
+    numbers = _parameters(vehicle, kept, own)
+    craft = _airframe(vehicle, numbers, rng)
+    log = Logging(100.0, str(rng.choice(["low", "ordinary"])), bool(rng.random() < 0.6), True, False, False, False)
+    identity = rng.bytes(6).hex()
+    folder = out / "cases" / identity
+    folder.mkdir()
+    heading = rng.uniform(0.0, 2.0 * np.pi)
+    for k, manoeuvre in enumerate(rng.permutation(FULL_MENU), 1):
+        room = Room(float(rng.uniform(*seconds)), craft.radius_m, 0.5, 0.8, 1.3, np.zeros((ground.NODES, ground.NODES)))
+        plan = make_plan(str(manoeuvre), room, False, False, rng)
+        sortie = Sortie(craft, {}, plan, room.grid, 1.0, 0.0, 0)
+        flown = _fly(numbers, plan.reference, wind * np.array([np.cos(heading), np.sin(heading), 0.0]))
+        frame = Recorder(flown, sortie, log, rng).frame()
+        frame.astype({c: "float32" for c in frame.columns if c != "t_s"}).to_parquet(folder / f"flight_{k}.parquet", index=False)
+    flat = {"kind": "flat", "z_m": 0.0}
+    (folder / "vehicle.yaml").write_text(yaml.safe_dump(craft.vehicle_file(flat), sort_keys=False))
+    write_json(out / "sealed" / f"{identity}.json", _truth(case, numbers, log))
+
+
+def _truth(case: tuple, numbers: dict, log: Logging) -> dict:
+    vehicle, kept, own, wind, names = case
+    strange = not names and bool(own)
+    verdict = "unknown" if strange else "physics" if names else "nothing_proven"
+    blown = wind > 0.0
+    category = "unknown" if strange else "null" if not names else "single" if len(names) == 1 or blown else "pair"
+    return {"verdict": verdict, "findings": [{"name": n, "parameters": {}} for n in names], "severity": "strong",
+            "also_acceptable": [["wind"]] if blown else [], "category": category,
+            "concealed": {"rotorpy": {k: numbers[k] for k in (*kept, *own)} | ({"wind_m_s": wind} if blown else {})},
+            "situation": {"vehicle": vehicle, "noise": log.noise, "rotor_speeds": log.rotor_speeds, "references": True,
+                          "excitation": False, "terrain": "flat", "menu": "full"}}  # fmt: skip
+
+
+def _airframe(vehicle: str, numbers: dict, rng: np.random.Generator) -> Airframe:
+    """RotorPy's vehicle as the true one, and a file about it with honest errors. Positive torque: the rotor turns cw."""
+    theirs = {"mass": "mass", "ixx": "Ixx", "iyy": "Iyy", "izz": "Izz", "thrust": "k_eta", "torque": "k_m", "lag": "tau_m",
+              "speed": "rotor_speed_max"}  # fmt: skip
+    true = {own: float(numbers[name]) for own, name in theirs.items()}
+    places = np.array(list(numbers["rotor_pos"].values()))
+    radius = float(numbers.get("rotor_radius", 0.0231))
+    spin = tuple(-int(d) for d in numbers["rotor_directions"])
+    return Airframe(vehicle, radius, tuple(map(float, places[:, 0])), tuple(map(float, places[:, 1])), 0.0, spin, 12.0,
+                    declare(true, rng), true)  # fmt: skip
+
+
+def _fly(numbers: dict, reference: np.ndarray, wind: np.ndarray) -> dict[str, np.ndarray]:
+    """Fly a plan's references (11, n) with RotorPy's SE(3) controller; return the truth at the control rate."""
+    from rotorpy.controllers.quadrotor_control import SE3Control
+    from rotorpy.vehicles.multirotor import Multirotor
+
+    hover = np.sqrt(numbers["mass"] * 9.81 / (4.0 * numbers["k_eta"]))
+    turned = np.array([0.0, 0.0, np.sin(0.5 * reference[9, 0]), np.cos(0.5 * reference[9, 0])])
+    state = {"x": reference[:3, 0].copy(), "v": np.zeros(3), "q": turned, "w": np.zeros(3), "wind": wind,
+             "rotor_speeds": np.full(4, hover)}  # fmt: skip
+    vehicle, pilot = Multirotor(numbers, state, aero=True), SE3Control(numbers)
+    rows = []
+    for k in range(reference.shape[1]):
+        ref = reference[:, k]
+        asked = {"x": ref[:3], "x_dot": ref[3:6], "x_ddot": ref[6:9], "x_dddot": np.zeros(3), "x_ddddot": np.zeros(3),
+                 "yaw": ref[9], "yaw_dot": ref[10]}  # fmt: skip
+        control = pilot.update(k * CONTROL_DT_S, state, asked)
+        state["wind"] = wind
+        rows.append(_row(vehicle, state, control, numbers))
+        state = _step(vehicle, state, control)
+    book = {name: np.stack([r[name] for r in rows]) for name in rows[0]}
+    if not (np.isfinite(book["p"]).all() and np.abs(book["p"] - reference[:3].T).max() < 4.0):
+        raise GesError("RotorPy's controller lost the vehicle; the plan is too fast for it")
+    return book
+
+
+def _step(vehicle, state: dict, control: dict) -> dict:
+    """Advance RotorPy's equations of motion by one step of Runge and Kutta's fourth order, ten times faster than its own."""
+    asked = np.clip(control["cmd_motor_speeds"], vehicle.rotor_speed_min, vehicle.rotor_speed_max)
+    s, dt = vehicle._pack_state(state), CONTROL_DT_S
+    k1 = vehicle._s_dot_fn(0.0, s, asked)
+    k2 = vehicle._s_dot_fn(0.0, s + 0.5 * dt * k1, asked)
+    k3 = vehicle._s_dot_fn(0.0, s + 0.5 * dt * k2, asked)
+    k4 = vehicle._s_dot_fn(0.0, s + dt * k3, asked)
+    new = vehicle._unpack_state(s + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
+    return new | {"q": new["q"] / np.linalg.norm(new["q"])}
+
+
+def _row(vehicle, state: dict, control: dict, numbers: dict) -> dict[str, np.ndarray]:
+    x, y, z, w = state["q"]
+    turn = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                     [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                     [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])  # fmt: skip
+    felt = turn.T @ (vehicle.statedot(state, control, 0.0)["vdot"] + np.array([0.0, 0.0, 9.81]))
+    asked = np.clip(control["cmd_motor_speeds"], 0.0, numbers["rotor_speed_max"]) / numbers["rotor_speed_max"]
+    told = {"p": state["x"], "v": state["v"], "q": [w, x, y, z], "omega": state["w"], "rotor_speed": state["rotor_speeds"],
+            "u": asked, "current": np.zeros(4), "battery": [1.0], "ground": [0.0], "specific_force": felt}  # fmt: skip
+    return {name: np.array(value, dtype=float) for name, value in told.items()}
