@@ -32,6 +32,7 @@ STREAMS: Mapping[str, tuple[str, ...]] = {
 FASTEST_STEP_S, SLOWEST_STEP_S = 0.005, 0.05
 SHORTEST_FLIGHT_S = 2.0
 LONGEST_GAP_S = 0.5
+WELL_ABOVE_M = 0.3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -180,32 +181,38 @@ def lift(flight: Prepared, thrust_coefficient: float, speed_max: float, weight_N
     return gaussian_filter1d(ratio, 0.15 / flight.dt_s)
 
 
-def _off_rest(flight: Prepared, idle: np.ndarray) -> np.ndarray:
-    """Above the resting height by 2 cm: the height at an end of the recording where the drive idles; a recording that begins
-    and ends in the air never rests."""
+def _above_rest(flight: Prepared, idle: np.ndarray) -> np.ndarray | None:
+    """Height over the resting height, which is that of an end of the recording where the drive idles; infinite in a recording
+    that begins and ends in the air, None without a logged height."""
     z = flight.columns.get("p_z_m")
     if z is None:
-        return np.ones(len(flight.t_s), dtype=bool)
+        return None
     height, n = z - flight.columns.get("ground_z_m", 0.0), max(1, int(0.5 / flight.dt_s))
     rest = [np.median(height[end]) for end in (slice(n), slice(-n, None)) if idle[end].mean() > 0.5]
-    return height > min(rest, default=-np.inf) + 0.02
+    return height - min(rest, default=-np.inf)
 
 
 def airborne(flight: Prepared, ratio: np.ndarray | None, margin_s: float = 0.5) -> np.ndarray:
     """Samples in the air.
 
     The drive must carry at least 70 % of its own median where it is clearly up (so a wrong thrust coefficient does not
-    matter), and the vehicle must be off its resting height; ``margin_s`` around every contact is left out.
+    matter), or 30 % well above the resting height, as in a brisk descent; and the vehicle must be off its resting height.
+    ``margin_s`` around every contact is left out.
     """
-    if ratio is None:
-        up = _shaken(flight)
-    else:
-        usual = np.median(ratio[ratio > 0.5 * np.quantile(ratio, 0.9)])
-        up = ratio > 0.7 * usual if usual > 0 else np.zeros(len(ratio), bool)
-    up = up & _off_rest(flight, ~up)
+    share = _shaken(flight).astype(float) if ratio is None else ratio / _usual(ratio)
+    up = share > 0.7
+    above = _above_rest(flight, ~up)
+    if above is not None:
+        up = (up & (above > 0.02)) | ((share > 0.3) & (above > WELL_ABOVE_M))
     up = median_filter(up.astype(np.uint8), size=2 * int(0.25 / flight.dt_s) + 1, mode="nearest").astype(bool)
     around = int(round(margin_s / flight.dt_s))
     return ~binary_dilation(~up, iterations=max(around, 1)) if (~up).any() else up
+
+
+def _usual(ratio: np.ndarray) -> float:
+    """Median of the thrust where it is clearly up; infinite for a drive that never runs."""
+    top = np.quantile(ratio, 0.9)
+    return float(np.median(ratio[ratio > 0.5 * top])) if top > 0 else np.inf
 
 
 def _shaken(flight: Prepared) -> np.ndarray:
