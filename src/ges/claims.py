@@ -122,6 +122,8 @@ def look(frame: pd.DataFrame, where: Where, value: str, reduce: str | None = Non
             raise GesError(f"a claim or number names column '{name}'; its table has {', '.join(frame.columns)}")
     for name, wanted in where.items():
         frame = frame[_matches(frame[name], wanted)]
+    if reduce == "count":
+        return Ours(value=float(frame[value].count()))
     if reduce and len(frame):
         return Ours(value=float(frame[value].iloc[0] if reduce == "first" else getattr(frame[value], reduce)()))
     if len(frame) > 1:

@@ -187,17 +187,18 @@ def causes(tests: Path, data: Path, pdf: Path, png: Path) -> None:
 def worlds(summary: Path, data: Path, pdf: Path, png: Path) -> None:
     """Every mode against the analytical one, by form of the true ground effect and by mapping."""
     table = pd.read_csv(summary).query("metric == 'agl_rms_m'").dropna(subset=["difference"])
-    mappings, forms = list(table["mapping"].unique()), list(table["form"].unique())
+    mappings = list(table["mapping"].unique())
     figure, axes = style.subplots(1, len(mappings), width=style.PAGE_IN, height=2.5)
     for ax, mapping in zip(np.atleast_1d(axes), mappings, strict=True):
         part = table[table["mapping"] == mapping]
+        forms = list(dict.fromkeys(part["form"]))
         for i, (name, rows) in enumerate(part.groupby("condition", sort=False)):
             place = np.array([forms.index(f) for f in rows["form"]]) + 0.13 * (i - 2)
             y = 1000 * rows["difference"]
             ax.errorbar(place, y, [y - 1000 * rows["low"], 1000 * rows["high"] - y], fmt=style.MARKERS[i + 1], ms=3.5,
                         color=style.MODE_COLOURS[name], label=style.MODE_LABELS[name])  # fmt: skip
         ax.axhline(0, color=style.BLACK, lw=0.6)
-        ax.set_xticks(range(len(forms)), [f.replace("_", "-\n") for f in forms])
+        ax.set_xticks(range(len(forms)), [f.replace("_", "-\n").replace(" to ", "\nto ") for f in forms])
         ax.set_title(f"command scaled by {mapping}")
     np.atleast_1d(axes)[0].set_ylabel("AGL RMS less analytical (mm)\npaired, 95 % interval")
     figure.legend(*np.atleast_1d(axes)[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
