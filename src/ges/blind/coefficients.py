@@ -12,17 +12,20 @@ from .. import effects as effect_table
 from ..errors import GesError
 from ..vehicle import load_vehicle
 from . import oracle
+from .heldout import reductions
 from .oracle import FREE, SHAPES, Oracle, Witness
 
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """One case: errors relative to the oracle, (held, tried) intervals, and how concealed effect and limit compare."""
+    """One case: errors relative to the oracle, (held, tried) intervals, whether the effect exceeds the stated limit, and the
+    reductions of held-out errors by the diagnosis and by the oracle."""
 
     best: Oracle
     errors: dict[str, float]
     intervals: tuple[int, int]
     above_limit: bool | None
+    reductions: tuple[float, float] | None
 
 
 def compare(folder: Path, case: str, truth: Mapping, said: Mapping, fitted: Path) -> Comparison | None:
@@ -35,7 +38,8 @@ def compare(folder: Path, case: str, truth: Mapping, said: Mapping, fitted: Path
     told = oracle.declared_values(truth, load_vehicle(folder / "cases" / case / "vehicle.yaml"))
     best = dataclasses.replace(best, parameters={**best.parameters, **told})
     claimed = {f["name"]: f["parameters"] for f in said["findings"] if f["name"] in best.parameters}
-    return Comparison(best, _errors(seen, best, claimed, fitted), _intervals(best, claimed), _above(names, best, said))
+    gains = reductions(folder / "cases" / case, best, said)
+    return Comparison(best, _errors(seen, best, claimed, fitted), _intervals(best, claimed), _above(names, best, said), gains)
 
 
 def _errors(seen: Witness, best: Oracle, claimed: Mapping[str, Mapping], fitted: Path) -> dict[str, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from .run import OUT
 CONFIDENCE = 0.95
 DRAWS = 2000
 LIMIT_S = 10.0
+PROCESSES = 2
 # score: aim and its direction
 AIMS = {
     "false alarms on nulls": ("<=", 0.02), "wrong name on singles": ("<=", 0.01), "singles exactly right": (">=", 0.90),
@@ -46,7 +48,7 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
     truths = {n: seal.truth(folder, n) for n in names}
     said = {n: read_verdict(folder / diagnosed / n) for n in names}
     judged = [judge(n, truths[n], said[n]) for n in names]
-    held = {n: compare(folder, n, truths[n], said[n], folder / diagnosed / n / "vehicle.fitted.yaml") for n in names}
+    held = _against_oracle(folder, diagnosed, truths, said)
     table = case_table(folder, diagnosed, judged, truths, held)
     scores = summary(judged, table, {n: c for n, c in held.items() if c})
     tables = {"cases": table, "scores": scores, "singles": by_effect(judged), "confusion": confusion(judged),
@@ -57,6 +59,13 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
     write_json(out / "scores.json", report)
     draw_all(out, tables)
     return report
+
+
+def _against_oracle(folder: Path, diagnosed: str, truths: dict, said: dict) -> dict[str, Comparison | None]:
+    with ProcessPoolExecutor(PROCESSES) as pool:
+        fitted = {n: folder / diagnosed / n / "vehicle.fitted.yaml" for n in truths}
+        jobs = {n: pool.submit(compare, folder, n, truths[n], said[n], fitted[n]) for n in truths}
+        return {n: job.result() for n, job in jobs.items()}
 
 
 def score_batches(sums: Path, verdicts: list[Path], scores: Path) -> None:
@@ -154,6 +163,11 @@ def f1(counts: np.ndarray) -> float:
     return 2.0 * found / (2.0 * found + many + missed) if found + many + missed else np.nan
 
 
+def _share(gains: np.ndarray) -> float:
+    """Sum of the first column over that of the second."""
+    return float(gains[:, 0].sum() / gains[:, 1].sum())
+
+
 def calibration_error(stated: np.ndarray, bins: int = 10) -> float:
     """Expected calibration error of rows (probability, came true) over equal bins."""
     place = np.clip((stated[:, 0] * bins).astype(int), 0, bins - 1)
@@ -190,6 +204,8 @@ def summary(judged: Sequence[Judgement], table: pd.DataFrame, held: dict[str, Co
     found["coefficient error relative to the oracle, median"] = (*bootstrap(errors, np.median), len(errors))
     within = [k < c.intervals[0] for c in held.values() for k in range(c.intervals[1])]
     found["intervals that hold the oracle"] = (*proportion(within), len(within))
+    gains = np.array([c.reductions for c in held.values() if c.reductions]).reshape(-1, 2)
+    found["held-out reduction, share of the oracle's"] = (*bootstrap(gains, _share), len(gains))
     seconds = table["seconds"].dropna().to_numpy(dtype=float)
     found["location F1"] = (*bootstrap(located, f1), len(located))
     found["calibration error of stated probabilities"] = (*bootstrap(stated, calibration_error), len(stated))
