@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 DROOP = 0.15
+NOMINAL = 0.92  # voltage over full at which a vehicle file states the top speed
 
 
 def linear_duty(x: np.ndarray, droop: np.ndarray) -> np.ndarray:

@@ -118,8 +118,8 @@ class Bench:
         return np.where(self.linear, linear, duty)
 
     def felt(self, volt):
-        """Return the voltage ratio that the motors feel: 1 where the speed controllers make up for the battery."""
-        return 1.0 + self.hid["sags"] * (volt - 1.0)
+        """Return what the motors feel of the voltage over its nominal value: 1 where speed controllers make up for it."""
+        return 1.0 + self.hid["sags"] * (volt / drive.NOMINAL - 1.0)
 
     def steady_moment(self):
         """Return the body moment (3, F) of CG offset and weak rotor at hover with equal speeds."""
