@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
+from scipy.special import softmax
 
 from .. import manoeuvres, sim
 from .align import STREAMS, Prepared
@@ -24,6 +25,9 @@ LEAST_FLYING = 0.5
 SEED = 1
 POSSIBLE = 0.1
 MOST = 3
+FIRM = {"attitude_kp": 400.0, "attitude_kd": 40.0}
+"""Stands in for the integral action of a real autopilot, which trims unequal motors away."""
+WORTH_FLYING = float(np.log(4.0))
 READINGS = {f"omega_{a}_rad_s": f"gyro_{a}_rad_s" for a in "xyz"}
 
 
@@ -38,8 +42,8 @@ class Rival:
 
 @dataclasses.dataclass(frozen=True)
 class Option:
-    """One manoeuvre: log odds expected for the true explanation over its best rival after it, the worse of all truths; and
-    what the flights so far give by the same count."""
+    """One manoeuvre: log odds expected after it for the true explanation over its best rival, over the rivals as likely as
+    they are now; and what the flights so far give the best of them."""
 
     manoeuvre: str
     separates: tuple[str, ...]
@@ -54,12 +58,8 @@ class Option:
 
 def rivals_of(board: Board, open_sets: Sequence[Hypothesis]) -> list[Rival]:
     """Rivals from hypotheses of the search; nothing at all is a rival too."""
-    return [
-        Rival(
-            h.names or ("nothing",), starting_values(board, h) if h.posterior else {}, h.posterior.columns if h.posterior else ()
-        )
-        for h in open_sets
-    ]
+    empty = Rival((), {}, ())
+    return [Rival(h.names, starting_values(board, h), h.posterior.columns) if h.posterior else empty for h in open_sets]
 
 
 def open_sets(found: Search, proven: Sequence[str]) -> list[Hypothesis]:
@@ -74,7 +74,8 @@ def open_sets(found: Search, proven: Sequence[str]) -> list[Hypothesis]:
 
 
 def next_flight(board: Board, found: Search, proven: Sequence[str], parameters: Mapping[str, float] | None = None) -> dict:
-    """``next_flight`` of diagnosis.json: the manoeuvre that separates best what is open; empty where nothing is.
+    """``next_flight`` of diagnosis.json: the manoeuvre that separates best what is open; empty where nothing is, and without a
+    manoeuvre where none of the menu would.
 
     Parameters
     ----------
@@ -84,7 +85,10 @@ def next_flight(board: Board, found: Search, proven: Sequence[str], parameters: 
     """
     rivals = rivals_of(board, open_sets(found, proven))
     ranked = rank(board, rivals, parameters) if len(rivals) > 1 else []
-    return ranked[0].content() if ranked else {}
+    if not ranked:
+        return {}
+    best = ranked[0].content()
+    return best if best["expected_log_odds"] > WORTH_FLYING else {**best, "manoeuvre": None}
 
 
 def _logged(flights: Sequence[Prepared]) -> list[str]:
@@ -97,7 +101,7 @@ def _logged(flights: Sequence[Prepared]) -> list[str]:
 def simulate(model: Model, rival: Rival, plan: str, logged: Sequence[str], parameters: Mapping[str, float]) -> Prepared | None:
     """One manoeuvre flown with a rival's effects, recorded as the flights so far were; None where it could not be flown."""
     table = manoeuvres.make(plan, DURATION_S)
-    numbers = {**parameters, "seed": SEED, "altitude_source": 1, "mode": "none", "inputs_dt_s": manoeuvres.STEP_S,
+    numbers = {**parameters, **FIRM, "seed": SEED, "altitude_source": 1, "mode": "none", "inputs_dt_s": manoeuvres.STEP_S,
                "duration_s": (len(table) - 1) * manoeuvres.STEP_S}  # fmt: skip
     effects = model.with_effects(rival.effects).effects
     wanted = [READINGS.get(name, name) for name in logged]
@@ -158,13 +162,14 @@ def rank(
     logged = _logged([r.flight for r in board.system.flights])
     past = sum((g.take(keep) for g in board.by_flight[1:]), board.by_flight[0].take(keep))
     now = _log_odds(board, past, keep, rivals)
-    so_far = float(np.sort(now)[-1] - np.sort(now)[-2])
-    separates = tuple(dict.fromkeys(name for r in rivals for name in r.names))
+    so_far, chance = float(np.sort(now)[-1] - np.sort(now)[-2]), softmax(now)
+    shared = set.intersection(*(set(r.names) for r in rivals))
+    separates = tuple(dict.fromkeys("+".join(n for n in r.names if n not in shared) or "nothing more" for r in rivals))
     options = []
     for plan in plans:
         flown = [simulate(model, r, plan, logged, parameters or model.parameters) for r in rivals]
         if any(f is None for f in flown):
             continue
         leads = [_lead(_log_odds(board, past + _gram(board, f, keep), keep, rivals), i) for i, f in enumerate(flown)]
-        options.append(Option(plan, separates, min(leads), so_far))
+        options.append(Option(plan, separates, float(chance @ leads), so_far))
     return sorted(options, key=lambda o: -o.expected_log_odds)
