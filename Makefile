@@ -6,6 +6,7 @@ PYTHON ?= python3
 CC ?= cc
 CORES ?= 2
 GRID ?= full
+METHODS ?= stepwise, parameters, boosting
 UV_VERSION := 0.13.8
 VENV := .venv
 BIN := $(VENV)/bin
@@ -22,7 +23,7 @@ test: build
 	$(BIN)/python -m pytest -m "not slow" -n $(CORES) --dist loadfile
 
 proof: build
-	$(BIN)/snakemake --cores $(CORES) proof --config 'proof={grid: $(GRID)}'
+	$(BIN)/snakemake --cores $(CORES) proof --config 'proof={grid: $(GRID), methods: [$(METHODS)]}'
 
 env: $(VENV)/.locked
 

@@ -370,6 +370,9 @@ class Proof(Part):
     grid: Literal["tiny", "sample", "full"] = Field(description="which composition of cases: 40, 60, or all")
     seed: Annotated[int, Field(ge=0)] = Field(description="seed of the cases")
     cases_per_batch: Count = Field(description="cases that one job diagnoses")
+    methods: list[Literal["stepwise", "sindy", "parameters", "boosting"]] = Field(
+        description="baselines on the same cases (sindy needs the extra 'baselines')"
+    )
 
 
 class Study(Part):

@@ -8,7 +8,8 @@ N_BATCHES = len(
         range(sum(COMPOSITIONS[STUDY.proof.grid].values())), STUDY.proof.cases_per_batch
     )
 )
-VERDICTS = [f"{PROVEN}/verdicts/batch{k:03d}.json" for k in range(N_BATCHES)]
+METHODS = ["ges", *STUDY.proof.methods]
+BATCHES = [f"{k:03d}" for k in range(N_BATCHES)]
 PROOF_TABLES = expand(
     f"{PROVEN}/{{table}}.csv",
     table=[
@@ -27,6 +28,8 @@ PROOF_FIGURES = expand(
     kind=["pdf", "png"],
 )
 PROOF = [f"{PROVEN}/scores.json", *PROOF_TABLES, *PROOF_FIGURES]
+if STUDY.proof.methods:
+    PROOF.append(f"{PROVEN}/methods.csv")
 
 
 rule make_cases:
@@ -52,17 +55,18 @@ rule diagnose_batch:
         library="build/libges.so",
         sums=SEAL,
     output:
-        verdicts=f"{PROVEN}/verdicts/batch{{batch}}.json",
+        verdicts=f"{PROVEN}/verdicts/{{method}}/batch{{batch}}.json",
     log:
-        "results/logs/diagnose_batch{batch}.log",
+        "results/logs/diagnose_{method}_batch{batch}.log",
     benchmark:
-        "results/benchmarks/diagnose_batch{batch}.tsv"
+        "results/benchmarks/diagnose_{method}_batch{batch}.tsv"
     params:
         call=call("ges.blind.run:run_batch"),
         batch=lambda wildcards: int(wildcards.batch),
         batches=N_BATCHES,
+        method=lambda wildcards: wildcards.method,
     message:
-        "diagnose concealed cases, batch {wildcards.batch}"
+        "diagnose concealed cases by {wildcards.method}, batch {wildcards.batch}"
     script:
         SCRIPT
 
@@ -71,7 +75,7 @@ rule score_proof:
     input:
         library="build/libges.so",
         sums=SEAL,
-        verdicts=VERDICTS,
+        verdicts=expand(f"{PROVEN}/verdicts/ges/batch{{batch}}.json", batch=BATCHES),
     output:
         PROOF_TABLES,
         PROOF_FIGURES,
@@ -84,6 +88,30 @@ rule score_proof:
         call=call("ges.blind.score:score_batches"),
     message:
         "open the seal and score"
+    script:
+        SCRIPT
+
+
+rule compare_methods:
+    input:
+        library="build/libges.so",
+        sums=SEAL,
+        verdicts=expand(
+            f"{PROVEN}/verdicts/{{method}}/batch{{batch}}.json",
+            method=METHODS,
+            batch=BATCHES,
+        ),
+    output:
+        table=f"{PROVEN}/methods.csv",
+    log:
+        "results/logs/compare_methods.log",
+    benchmark:
+        "results/benchmarks/compare_methods.tsv"
+    params:
+        call=call("ges.blind.score:compare_methods"),
+        methods=METHODS,
+    message:
+        "score the baselines on the same cases"
     script:
         SCRIPT
 

@@ -55,6 +55,7 @@ class Problem:
     nuisances: tuple[Column, ...]
     train: Rows
     held: Rows
+    holdout: tuple[str, ...]
 
 
 Answer = tuple[dict[str, float], Callable[[Rows], np.ndarray]]
@@ -78,7 +79,8 @@ def prepare(recordings: RecordingSet) -> Problem:
     beta = _ridge(rows[0].nuisance, rows[0].raw, sd)
     train_rows, held_rows = (dataclasses.replace(r, y=r.raw - r.nuisance @ beta) for r in rows)
     columns = np.array(first.columns, dtype=object)
-    return Problem(first.names, scale, tuple(columns[~free]), tuple(columns[free]), train_rows, held_rows)
+    names = tuple(recordings.flights[i].name for i in held)
+    return Problem(first.names, scale, tuple(columns[~free]), tuple(columns[free]), train_rows, held_rows, names)
 
 
 def _stack(system: System, scale: np.ndarray, free: np.ndarray) -> Rows:
@@ -204,7 +206,8 @@ def diagnose(recordings: RecordingSet, method: str) -> dict:
     verdict = next((k for k in ("physics", "parameter", "sensor") if k in kinds.values()), "nothing_proven")
     findings = [{"name": n, "kind": kinds[n], "probability": p, "parameters": {}} for n, p in named.items()]
     return {"schema": 1, "verdict": verdict, "sentence": f"baseline {method}", "findings": findings, "located": [],
-            "unexplained": [], "fit": {"channels": _table(problem, predict(problem.held))}, "detectable": {}}  # fmt: skip
+            "unexplained": [], "detectable": {},
+            "fit": {"holdout_flights": list(problem.holdout), "channels": _table(problem, predict(problem.held))}}  # fmt: skip
 
 
 def _table(problem: Problem, predicted: np.ndarray) -> dict:

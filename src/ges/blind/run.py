@@ -71,15 +71,15 @@ def run_cases(
     return len(waiting)
 
 
-def run_batch(sums: Path, verdicts: Path, batch: int, batches: int) -> None:
+def run_batch(sums: Path, verdicts: Path, batch: int, batches: int, method: str = "ges") -> None:
     """Diagnose every ``batches``-th case of the folder above ``sealed/``; ``verdicts`` lists the hash of each diagnosis.
 
     What an interrupted batch had done is kept and not done again.
     """
-    folder = sums.parents[1]
+    folder, out = sums.parents[1], method_folder(method)
     names = seal.cases(folder)[batch::batches]
-    run_cases(folder, 1, names)
-    write_json(verdicts, {n: sha256(folder / OUT / n / "diagnosis.json") for n in names})
+    run_cases(folder, 1, names, out, method_options(method))
+    write_json(verdicts, {n: sha256(folder / out / n / "diagnosis.json") for n in names})
 
 
 def tool_state(options: dict) -> str:

@@ -15,7 +15,7 @@ from ..files import replacing, sha256, write_json
 from . import seal
 from .coefficients import Comparison, compare
 from .judge import CATEGORIES, Judgement, judge
-from .run import OUT
+from .run import OUT, method_folder
 
 CONFIDENCE = 0.95
 DRAWS = 2000
@@ -77,11 +77,37 @@ def score_batches(sums: Path, verdicts: list[Path], scores: Path) -> None:
         When a verdict is not the one that its batch wrote.
     """
     folder = sums.parents[1]
+    _check_batches(folder, OUT, verdicts)
+    score_cases(folder, scores.parent)
+
+
+def _check_batches(folder: Path, diagnosed: str, verdicts: Sequence[Path]) -> None:
     for path in verdicts:
         for name, digest in json.loads(path.read_text()).items():
-            if sha256(folder / OUT / name / "diagnosis.json") != digest:
+            if sha256(folder / diagnosed / name / "diagnosis.json") != digest:
                 raise GesError(f"the verdict of case '{name}' is not the one that its batch wrote; run the batch again")
-    score_cases(folder, scores.parent)
+
+
+def compare_methods(sums: Path, verdicts: list[Path], methods: list[str], table: Path) -> None:
+    """Write the scores of several methods on the same cases side by side: one row a score, columns by method."""
+    folder = sums.parents[1]
+    names = seal.cases(folder)
+    seal.check(folder, list(seal.listed(folder)))
+    truths = {n: seal.truth(folder, n) for n in names}
+    columns = {}
+    for method in methods:
+        diagnosed = method_folder(method)
+        _check_batches(folder, diagnosed, [p for p in verdicts if p.parent.name == method])
+        said = {n: read_verdict(folder / diagnosed / n) for n in names}
+        judged = [judge(n, truths[n], said[n]) for n in names]
+        held = _against_oracle(folder, diagnosed, truths, said)
+        cases = case_table(folder, diagnosed, judged, truths, held)
+        columns[method] = summary(judged, cases, {n: c for n, c in held.items() if c}).set_index("score")[
+            ["value", "low", "high"]
+        ]
+    side_by_side = pd.concat(columns, axis=1)
+    side_by_side.columns = [f"{method}_{part}" for method, part in side_by_side.columns]
+    _write_csv(table, side_by_side.reset_index())
 
 
 def read_verdict(folder: Path) -> dict:
