@@ -3,10 +3,10 @@
 import ctypes
 import shutil
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ROOT
 
 from ges import sim
 from ges.datasets.columns import FEATURES
@@ -14,6 +14,7 @@ from ges.errors import GesError
 from ges.models.export import header
 from ges.models.networks import MlpRegressor
 
+ROOT = Path(__file__).resolve().parents[2]
 RNG = np.random.default_rng(3)
 CENTRE = np.array([0, 0, 0, 0.2, *[440.0] * 4, *[4.9] * 4, 0.49])
 SPREAD = np.array([0.1, 0.1, 0.1, 0.05, *[40.0] * 4, *[0.8] * 4, 0.04])

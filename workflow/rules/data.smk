@@ -3,6 +3,7 @@ PLANS = list(STUDY.data.plans)
 SPLITS = ["seedwise", "blockwise"]
 DATA_SEEDS = STUDY.seeds.data()
 FLIGHTS = [f"results/data/{{plan}}/seed{seed:04d}.parquet" for seed in DATA_SEEDS]
+CHECKED_FLIGHTS = "results/splits/{plan}.leakage.json"
 
 
 wildcard_constraints:
@@ -60,7 +61,7 @@ rule check_leakage:
         flights=FLIGHTS,
         splits=expand("results/splits/rows.{split}.csv", split=SPLITS),
     output:
-        report="results/splits/{plan}.leakage.json",
+        report=CHECKED_FLIGHTS,
     log:
         "results/logs/leakage_{plan}.log",
     benchmark:

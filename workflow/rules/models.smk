@@ -10,9 +10,8 @@ wildcard_constraints:
 
 rule train_model:
     input:
-        "results/splits/{plan}.leakage.json",
         library="build/libges.so",
-        flights=FLIGHTS,
+        flights=CHECKED_FLIGHTS,
         split="results/splits/rows.{split}.csv",
     output:
         predictions=f"{TRAINED}.predictions.parquet",

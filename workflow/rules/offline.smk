@@ -37,9 +37,8 @@ wildcard_constraints:
 
 rule sweep_horizon:
     input:
-        "results/splits/{plan}.leakage.json",
         library="build/libges.so",
-        flights=FLIGHTS,
+        flights=CHECKED_FLIGHTS,
         split=SEEDWISE,
     output:
         table="results/offline/parts/horizon_{plan}_{horizon}.csv",
@@ -68,7 +67,7 @@ rule sweep_horizon:
 
 rule importances:
     input:
-        flights=FLIGHTS,
+        flights=CHECKED_FLIGHTS,
         split=SEEDWISE,
         model="results/models/{plan}/seedwise/random_forest.joblib",
     output:
@@ -132,9 +131,8 @@ rule clearance_bins:
 
 rule learning_curve:
     input:
-        f"results/splits/{CURVE_PLAN}.leakage.json",
         library="build/libges.so",
-        flights=[f.format(plan=CURVE_PLAN) for f in FLIGHTS],
+        flights=CHECKED_FLIGHTS.format(plan=CURVE_PLAN),
         split=SEEDWISE,
     output:
         table="results/offline/parts/curve_{model}.csv",

@@ -10,7 +10,7 @@ import pandas as pd
 
 from ..config import TerrainShape
 from ..errors import GesError
-from ..files import write_json
+from ..files import sha256, write_json
 from .flights import read_flight, seed_of
 from .ground import ground_of
 from .split import PARTS
@@ -52,9 +52,12 @@ def check_blocks(blocks: pd.DataFrame, name: str, by_seed: bool) -> None:
 
 
 def check_leakage(flights: list[Path], splits: list[Path], report: Path, terrain: TerrainShape) -> None:
-    """Check every flight and every split (files named ``*.seedwise.csv`` must share no seed); write what was checked."""
+    """Check every flight and every split (files named ``*.seedwise.csv`` must share no seed); write what was checked.
+
+    The report names the SHA-256 of every flight; rows are read from flights of a report alone.
+    """
     seeds = {check_terrain(f, terrain) for f in flights}
-    checked = {"flights": len(flights), "seeds": len(seeds)}
+    checked = {"flights": {str(f): sha256(f) for f in flights}, "seeds": len(seeds)}
     if len(seeds) != len(flights):
         raise GesError(f"leakage: {len(flights)} flights hold {len(seeds)} seeds; each seed is flown once")
     for split in map(Path, splits):

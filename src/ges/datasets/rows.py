@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pandas as pd
 
 from ..config import Window as Shape
 from ..errors import GesError
+from ..files import sha256
 from .columns import CONTACT, FEATURES, TARGET, WHEREABOUTS
 from .flights import read_flight, seed_of
 
@@ -97,12 +99,24 @@ def _gather(path: Path, rows: np.ndarray, window: Window) -> tuple:
     return np.full(len(rows), seed), x, data[TARGET][ahead], rows, places
 
 
-def load_rows(flights: list[Path], split: Path, part: str, window: Window, most: int | None, seed: int) -> Rows:
+def _checked(report: Path, seeds: set[int]) -> dict[int, Path]:
+    """Flights of seeds, proven to be those that the leakage check saw."""
+    listed = json.loads(Path(report).read_text())["flights"]
+    files = {seed_of(Path(name)): name for name in listed}
+    for seed in sorted(seeds):
+        if seed not in files:
+            raise GesError(f"{Path(report).name} has no flight of seed {seed}; fly the data set again")
+        if sha256(files[seed]) != listed[files[seed]]:
+            raise GesError(f"{files[seed]} is not the flight that {Path(report).name} has checked; run the check again")
+    return {seed: Path(files[seed]) for seed in seeds}
+
+
+def load_rows(flights: Path, split: Path, part: str, window: Window, most: int | None, seed: int) -> Rows:
     """Rows of a part: every model, whatever its kind, reads through here.
 
     Parameters
     ----------
-    flights : files of the data set.
+    flights : report of the leakage check, which names the flights and their hashes.
     split : table of blocks.
     part : 'train', 'validation' or 'test'.
     window : past and horizon.
@@ -112,17 +126,14 @@ def load_rows(flights: list[Path], split: Path, part: str, window: Window, most:
     Raises
     ------
     GesError
-        When the part is empty or a flight is missing. Rows with an undefined feature, or that touch the ground
-        now or at the horizon, are left out.
+        When the part is empty, or a flight is missing or is not the one that was checked. Rows with an undefined
+        feature, or that touch the ground now or at the horizon, are left out.
     """
     blocks = pd.read_csv(split)
     blocks = blocks[blocks["part"] == part]
-    files = {seed_of(f): Path(f) for f in flights}
-    missing = set(blocks["seed"]) - set(files)
-    if missing or blocks.empty:
-        raise GesError(
-            f"split {Path(split).name}, part '{part}': {f'no flight of seed {min(missing)}' if missing else 'it is empty'}"
-        )
+    if blocks.empty:
+        raise GesError(f"split {Path(split).name}: part '{part}' is empty")
+    files = _checked(flights, set(blocks["seed"]))
     share = None if most is None else max(most // blocks["seed"].nunique(), 1)
     found = [_gather(files[s], _chosen(eligible(b, window), share, seed, s), window) for s, b in blocks.groupby("seed")]
     seeds, x, y, rows = (np.concatenate([f[i] for f in found]) for i in range(4))

@@ -4,13 +4,14 @@ A job writes, beside each other under ``results/models/<plan>/<split>/``:
 
 - ``<model>.predictions.parquet``: a row a test row: ``seed``, ``row``, ``truth`` and ``predicted`` (factor at the
   horizon), ``range_m`` (reading) and ``p_x_m``, ``p_y_m``, ``agl_m`` (true place) at the present;
-- ``<model>.metrics.json``: plan, split, model, rows of each part, scores with intervals;
+- ``<model>.metrics.json``: plan, split, model, rows of each part, scores with intervals (null where one seed gives none);
 - ``<model>.joblib``: the fitted model.
 """
 
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import joblib
@@ -30,7 +31,7 @@ PLACES = ("p_x_m", "p_y_m", "agl_m")
 
 
 def train_model(
-    flights: list[Path],
+    flights: Path,
     split: Path,
     name: str,
     plan: str,
@@ -52,7 +53,7 @@ def train_model(
 
     Parameters
     ----------
-    flights, split : the data set and its blocks.
+    flights, split : report of the leakage check, which names the flights, and the blocks.
     name, plan, kind : model, flight plan and split.
     fit : the model's part of the configuration; a model that has none is fitted to no rows.
     """
@@ -65,6 +66,7 @@ def train_model(
     write_predictions(predictions, test, predicted)
     found = scores(test.y, predicted, test.seed, resamples, seed)
     rows = {f"{part}_rows": len(parts.get(part, ())) for part in PARTS}
+    found = {key: value if math.isfinite(value) else None for key, value in found.items()}
     write_json(metrics, {"plan": plan, "split": kind, "model": name, **rows, "test_seeds": len(set(test.seed)), **found})
     with replacing(model) as new:
         joblib.dump(made, new, compress=3)

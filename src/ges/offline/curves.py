@@ -19,7 +19,7 @@ from ..models.scores import scores
 
 
 def learning_curve(
-    flights: list[Path], split: Path, name: str, plan: str, fit: AnyFit, shares: list[float], window: Shape, vehicle: Vehicle,
+    flights: Path, split: Path, name: str, plan: str, fit: AnyFit, shares: list[float], window: Shape, vehicle: Vehicle,
     horizon_s: float, rate_hz: float, validation_rows: int | None, resamples: int, seed: int, table: Path,
 ) -> None:  # fmt: skip
     """Fit a model to shares of its cap; a model without a cap has its whole row set only."""

@@ -22,7 +22,7 @@ MODELS = ("analytical", "random_forest")
 
 
 def sweep_horizon(
-    flights: list[Path], split: Path, plan: str, horizon_s: float, reserve_s: float, fit: ForestFit, sweep_rows: int,
+    flights: Path, split: Path, plan: str, horizon_s: float, reserve_s: float, fit: ForestFit, sweep_rows: int,
     window: Shape, vehicle: Vehicle, rate_hz: float, test_rows: int | None, resamples: int, seed: int, table: Path,
 ) -> None:  # fmt: skip
     """Fit and score both models at one horizon; ``reserve_s`` is the longest horizon of the sweep."""

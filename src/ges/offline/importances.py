@@ -20,7 +20,7 @@ from ..files import replacing
 
 
 def write_importances(
-    flights: list[Path], split: Path, model: Path, plan: str, window: Shape, rate_hz: float, horizon_s: float, rows: int,
+    flights: Path, split: Path, model: Path, plan: str, window: Shape, rate_hz: float, horizon_s: float, rows: int,
     repeats: int, seed: int, table: Path,
 ) -> None:  # fmt: skip
     """Impurity and permutation importance of a fitted forest on at most ``rows`` test rows."""
