@@ -14,14 +14,16 @@ from ..errors import GesError, unknown_name
 from ..io.recording import RecordingSet, make_set, require_drive
 from ..vehicle import Estimate as Fitting
 from ..vehicle import Quantity, Vehicle
-from .engine import Accepted, accept, null_of, split
-from .findings import finding, open_findings
+from .detect import smallest_detectable
+from .engine import Accepted, accept, first_system, null_of, split
+from .findings import finding, open_findings, settled_findings
 from .fit import Joint, calibrated
 from .gate import Gate, at_flown_voltage, pass_gate
 from .locate import cells, merged, strongest
 from .model import Model, from_vehicle
+from .recommend import next_flight
 from .result import Diagnosis
-from .system import System, common_channels, window_length_s
+from .system import ALL_ON, Switches, System, common_channels, window_length_s
 from .unknown import left_over
 from .verdict import sentence_of, verdict_of
 from .verify import channel_table, errors, rollout_table, rollouts
@@ -38,6 +40,8 @@ def diagnose(
     *,
     holdout: Sequence[str] | None = None,
     folder: Path | str = ".",
+    names: Sequence[str] | None = None,
+    switches: Switches = ALL_ON,
 ) -> Diagnosis:
     """Find what a simulator lacks, from real flights.
 
@@ -47,6 +51,8 @@ def diagnose(
     vehicle : what is known of the vehicle, with doubts; taken from a recording set where there is one.
     holdout : names of flights that take no part in fitting or choosing; None lets a rule choose that does not look at them.
     folder : where a height map named by the vehicle file lies.
+    names : fit exactly these effects instead of searching: what the library could reach if the cause were known.
+    switches : parts of the method to leave out, for ablations.
 
     Raises
     ------
@@ -56,13 +62,13 @@ def diagnose(
     flights = _as_set(recordings, vehicle, folder)
     require_drive(flights)
     model = from_vehicle(flights.vehicle, flights.folder)
-    names, frames = [f.name for f in flights.flights], [f.frame for f in flights.flights]
+    labels, frames = [f.name for f in flights.flights], [f.frame for f in flights.flights]
     gate = pass_gate(frames, model)
     model = at_flown_voltage(model, gate.flights)
-    train, held = split(frames, gate.usable(), _numbers(holdout, names))
+    train, held = split(frames, gate.usable(), _numbers(holdout, labels))
     if not train:
         raise GesError("every usable flight is held out; leave at least one for fitting")
-    return _Chain(flights.vehicle, model, gate, train, held, names, flights.warnings).run()
+    return _Chain(flights.vehicle, model, gate, train, held, labels, flights.warnings).run(names, switches)
 
 
 def _as_set(recordings, vehicle: Vehicle | None, folder: Path | str) -> RecordingSet:
@@ -93,15 +99,16 @@ class _Chain:
         self.warnings = [*warnings, *(_named(w, names) for w in gate.warnings)]
         self.length_s = window_length_s(self.train)
 
-    def run(self) -> Diagnosis:
-        board, joint, system = null_of(self.train, self.model, self.length_s)
+    def run(self, names: Sequence[str] | None, switches: Switches) -> Diagnosis:
+        system = first_system(self.train, self.model, self.length_s, switches)
+        board, joint = null_of(system)
         recalibrated = calibrated(self.model, joint.common)
         map_cells = cells(board, joint, self.model, _left_raw(system, joint))
         located = strongest(merged(map_cells, self.model))
-        accepted = accept(self.train, self.model, self.length_s)
+        accepted = accept(system, self.length_s, switches, names)
         after, fitted_joint, fitted_board = self._after(accepted, recalibrated, joint, board)
         proven = sorted((finding(accepted, name) for name in accepted.names), key=lambda f: -f.size["share_of_weight"])
-        findings = [*proven, *open_findings(accepted)]
+        findings = [*proven, *settled_findings(self.gate), *open_findings(accepted)]
         unexplained = [_unexplained(u) for u in left_over(fitted_board, fitted_joint, after)]
         models = {"before": self.model, "recalibrated": recalibrated, "after": after}
         fit, proof = self._proof(models)
@@ -114,8 +121,8 @@ class _Chain:
             located=tuple(located),
             unexplained=tuple(unexplained),
             fit=fit,
-            detectable={},
-            next_flight={},
+            detectable=smallest_detectable(accepted.board, accepted.names),
+            next_flight=next_flight(accepted.board, accepted.found, accepted.names) if _something_open(accepted) else {},
             data=self._data(system),
             calibration=calibration,
             not_tested={},
@@ -174,6 +181,11 @@ class _Chain:
         for name in accepted.names:
             effects.setdefault(name, {}).update(_fittings(accepted, name))
         return self.vehicle.model_copy(update={"effects": effects, **numbers})
+
+
+def _something_open(accepted: Accepted) -> bool:
+    """Whether rivals are left that another flight could separate."""
+    return bool(accepted.rivals) or any(0.1 < p < 0.9 for p in accepted.found.inclusion.values())
 
 
 def _named(warning: str, names: Sequence[str]) -> str:

@@ -14,11 +14,12 @@ from .candidates import NEEDS_ATTITUDE, Candidate, library
 from .evidence import Board, make_board
 from .fit import Fitted, Joint, free_parameters, joint_fit, polish, starting_values
 from .model import Model
-from .select import Hypothesis, Search, search
-from .system import System, attitude_measured, build
+from .select import Hypothesis, Search, exactly, search
+from .system import ALL_ON, Switches, System, attitude_measured, build
 
 ACCEPT = 0.9
 ROUNDS = 4
+LEAST_SHARE = 0.002  # of weight, weight times arm, full speed or a rotor radius: no model is right to less
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,13 +59,13 @@ def _pick(h: Hypothesis, names: Sequence[str], board: Board) -> tuple[int, ...]:
 
 
 def search_until_stable(
-    system: System, candidates: Sequence[Candidate], base: Sequence[str]
+    system: System, candidates: Sequence[Candidate], base: Sequence[str], only: Sequence[str] | None = None
 ) -> tuple[Board, Search, tuple[int, ...]]:
     """Search, measure the noise that the best set leaves, search again; starts from the most cautious noise."""
     chosen: tuple[int, ...] = ()
     for _ in range(ROUNDS):
         board = make_board(system, chosen)
-        found = search(board, candidates, base)
+        found = search(board, candidates, base) if only is None else exactly(board, candidates)
         sure = [n for n in found.best.names if found.inclusion[n] > 0.5]
         now = _pick(found.best, sure, board)
         if set(now) == set(chosen):
@@ -73,37 +74,67 @@ def search_until_stable(
     return board, found, chosen
 
 
-def accept(flights: Sequence[Prepared], model: Model, length_s: float) -> Accepted:
-    """Search the library, keep what is proven, then let effects that modify the kept ones compete too."""
-    names: tuple[str, ...] = ()
-    probability: dict[str, float] = {}
-    base, fitted, first, rates = model, None, None, attitude_measured(flights)
-    for turn in range(3):
-        listed = [
-            c for c in library(base).values()
-            if c.name not in names and (set(c.needs) & set(base.effects) if c.needs else not turn)
-            and (rates or c.name not in NEEDS_ATTITUDE)
-        ]  # fmt: skip
-        if not listed:
-            break
-        system = build(flights, base, [v for c in listed for v in c.variants], length_s)
-        board, found, _ = search_until_stable(system, listed, tuple(base.effects))
+def candidates_of(flights: Sequence[Prepared], base: Model, taken: Sequence[str] = (), only: Sequence[str] | None = None):
+    """Candidates that can act now: those without needs at first, then what modifies the effects that are on."""
+    rates = attitude_measured(flights)
+    return [
+        c for c in library(base).values()
+        if c.name not in taken and (only is None or c.name in only) and (rates or c.name not in NEEDS_ATTITUDE)
+        and (set(c.needs) & set(base.effects) if c.needs else not taken)
+    ]  # fmt: skip
+
+
+def first_system(flights: Sequence[Prepared], model: Model, length_s: float, switches: Switches) -> System:
+    """The system of the declared vehicle with every candidate that needs no other."""
+    variants = [v for c in candidates_of(flights, model) for v in c.variants]
+    return build(flights, model, variants, length_s, switches=switches)
+
+
+def accept(system: System, length_s: float, switches: Switches = ALL_ON, only: Sequence[str] | None = None) -> Accepted:
+    """Search the library, keep what is proven, then let effects that modify the kept ones compete too.
+
+    Parameters
+    ----------
+    system : of :func:`first_system`.
+    only : fit exactly these names instead of searching.
+    """
+    flights, model = [r.flight for r in system.flights], system.model
+    listed, names, probability, first, fitted, base = candidates_of(flights, model, (), only), (), {}, None, None, model
+    while listed:
+        here = (
+            system if first is None else build(flights, base, [v for c in listed for v in c.variants], length_s, system, switches)
+        )
+        board, found, _ = search_until_stable(here, listed, tuple(base.effects), only)
         first = first or (board, found)
-        new = tuple(n for n in found.best.names if found.inclusion[n] >= ACCEPT)
+        new = tuple(n for n in found.best.names if found.inclusion[n] >= ACCEPT and _share(board, found.best, n) >= LEAST_SHARE)
         if not new:
             break
         probability |= {n: found.inclusion[n] for n in new}
         kept = dataclasses.replace(found.best, posterior=_only(found.best, new, board))
         values = starting_values(board, kept)
-        held = dict(fitted.effects) if fitted else {}
-        free = list(fitted.free) if fitted else []
-        fitted = polish(flights, model, {**held, **values}, free + free_parameters(board, kept, model, values), length_s)
+        held, free = (dict(fitted.effects), list(fitted.free)) if fitted else ({}, [])
+        free += free_parameters(board, kept, base, values)
+        fitted = polish(flights, model, {**held, **values}, free, length_s, system, switches)
         names += new
         base = model.with_effects(fitted.effects)
-        if not any(set(c.needs) & set(new) for c in library(model).values()):
-            break
+        listed = candidates_of(flights, base, names, only)
+    if first is None:
+        first = search_until_stable(system, (), ())[:2]
     board, found = first
     return Accepted(names, found, board, fitted, probability, _ambiguous(found, names))
+
+
+def _share(board: Board, h: Hypothesis, name: str) -> float:
+    """Rms of what one effect adds by the search's coefficients, as a share of the whole, in its greatest channel."""
+    system, picked = board.system, [
+        (k, value) for k, value in zip(h.posterior.columns, h.posterior.mean, strict=True)
+        if board.system.columns[k].variant.effect == name
+    ]  # fmt: skip
+    added = np.concatenate([sum(value * r.full[:, :, k] for k, value in picked) for r in system.flights])
+    whole = np.array([system.model.whole(channel) for channel in system.names])
+    with np.errstate(invalid="ignore"):
+        rms = np.sqrt(np.nanmean(np.where(np.isfinite(added).any(axis=0), added, 0.0) ** 2, axis=0))
+    return float(np.max(rms / whole))
 
 
 def _only(h: Hypothesis, names: Sequence[str], board: Board):
@@ -124,8 +155,7 @@ def _ambiguous(found: Search, names: Sequence[str]) -> tuple[tuple[str, ...], ..
     return (tuple(ranked),)
 
 
-def null_of(flights: Sequence[Prepared], model: Model, length_s: float) -> tuple[Board, Joint, System]:
+def null_of(system: System) -> tuple[Board, Joint]:
     """Calibration alone: the best that the declared parameters can do."""
-    system = build(flights, model, [], length_s)
     board = make_board(system)
-    return board, joint_fit(board, ()), system
+    return board, joint_fit(board, ())

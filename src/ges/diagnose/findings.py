@@ -11,12 +11,14 @@ from .. import effects as effect_table
 from .candidates import kind_of
 from .engine import Accepted
 from .fit import Fitted
+from .gate import Gate
 from .model import Model
 from .residual import channels, residual
 from .result import Estimate, Finding
 
 RIVALS = 4
 CONFOUNDED = 0.9
+SETTLED = 0.999
 SIZE_UNITS = {"force": "N", "acc": "N", "moment": "N m", "drive": "rad/s", "range": "m"}
 
 
@@ -96,6 +98,27 @@ def finding(accepted: Accepted, name: str) -> Finding:
         size_of(accepted.fitted, name, declared),
         alternatives_of(accepted, name),
     )
+
+
+def settled_findings(gate: Gate) -> list[Finding]:
+    """Sensor faults that the gate settled before any physics: a late pose, a gyro offset."""
+    found = []
+    if gate.pose:
+        half = 1.96 * gate.pose.sd_s
+        value = Estimate(gate.pose.delay_s, (gate.pose.delay_s - half, gate.pose.delay_s + half), "s",
+                         "position, velocity and attitude late against gyro, accelerometer and drive")  # fmt: skip
+        found.append(_settled("time_offset", {"delay_s": value}, {"value": abs(gate.pose.delay_s), "unit": "s"}))
+    if gate.gyro:
+        told = {f"{a}_rad_s": Estimate(float(b), (float(b - 1.96 * s), float(b + 1.96 * s)), "rad/s")
+                for a, b, s in zip("xyz", *gate.gyro, strict=True)}  # fmt: skip
+        found.append(_settled("gyro_bias", told, {"value": float(np.linalg.norm(gate.gyro[0])), "unit": "rad/s"}))
+    return found
+
+
+def _settled(name: str, parameters: dict[str, Estimate], size: dict) -> Finding:
+    effect = effect_table.get(name)
+    size = {**size, "share_of_weight": 0.0}
+    return Finding(name, kind_of(name), effect.title, SETTLED, effect.equation, parameters, size, ())
 
 
 def open_findings(accepted: Accepted) -> list[Finding]:

@@ -14,7 +14,7 @@ from .candidates import Amplitude, Variant, _amplitude
 from .evidence import Board, make_board
 from .model import Model
 from .select import Hypothesis
-from .system import System, build
+from .system import ALL_ON, Switches, System, build
 
 BLOCK_S = 10.0
 ROUNDS = 4
@@ -165,13 +165,18 @@ def _prior(name: tuple[str, str], value: float, model: Model) -> tuple[float, fl
 
 
 def polish(flights: Sequence[Prepared], model: Model, values: effect_table.Effects, free: Sequence[tuple[str, str]],
-           length_s: float) -> Fitted:  # fmt: skip
-    """Gauss-Newton over all free parameters, the compiled effects linearised anew each round."""
+           length_s: float, like: System | None = None, switches: Switches = ALL_ON) -> Fitted:  # fmt: skip
+    """Gauss-Newton over all free parameters, the compiled effects linearised anew each round.
+
+    Parameters
+    ----------
+    like : system of the same flights whose nuisance columns serve again.
+    """
     values = {name: dict(v) for name, v in values.items()}
     bounds = {(e, p.name): (p.low, p.high) for e in values for p in effect_table.get(e).parameters} | FIRMER
     for _ in range(ROUNDS):
         variants = [Variant(e, {}, (_small(_amplitude(e, p), values[e][p]),)) for e, p in free]
-        system = build(flights, model.with_effects(values), variants, length_s)
+        system = build(flights, model.with_effects(values), variants, length_s, like, switches)
         chosen = [k for k, c in enumerate(system.columns) if c.variant is not None]
         board = make_board(system, chosen)
         prior = [_prior(name, values[name[0]][name[1]], model) for name in free]

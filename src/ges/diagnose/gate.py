@@ -10,12 +10,17 @@ import pandas as pd
 from scipy.ndimage import gaussian_filter1d
 
 from ..errors import GesError
-from .align import Prepared, airborne, gaps, grid_step_s, lift, regrid
+from .align import STREAMS, Prepared, airborne, gaps, grid_step_s, lift, regrid
 from .model import Model
 
-LATEST_S, EARLIEST_S = 0.6, -0.3
+LATEST_S, EARLIEST_S = 0.6, -0.04
 LEAST_CORRELATION = 0.3
+LEAST_GAIN = 0.02  # of the variance
 SURE = 4.0
+POSE = ("position", "velocity", "attitude")
+RATE_SMOOTHING_S = 0.03
+LEAST_DELAY_SD_S, LEAST_DELAY_S = 0.001, 0.006
+LEAST_GYRO_SD_RAD_S, LEAST_GYRO_RAD_S = 0.002, 0.01
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,6 +40,8 @@ class Gate:
     flights: tuple[Prepared | None, ...]
     delays: tuple[Delay, ...]
     warnings: tuple[str, ...]
+    pose: Delay | None = None
+    gyro: tuple[np.ndarray, np.ndarray] | None = None
 
     def usable(self) -> list[int]:
         """Indices of the flights that can be used."""
@@ -113,18 +120,72 @@ def drive_delay(flights: Sequence[Prepared], model: Model) -> Delay | None:
     if not told:
         return None
     delay, top = _peak(np.sum(told, axis=0), lags)
-    if top < LEAST_CORRELATION:
+    unmoved = np.sum(told, axis=0)[:, np.argmin(np.abs(lags))]
+    if top < LEAST_CORRELATION or top**2 - unmoved[0] * abs(unmoved[0]) / (unmoved[1] * unmoved[2]) < LEAST_GAIN:
         return None
     each = [_peak(s, lags)[0] for s in told]
     sd = float(np.std(each, ddof=1) / np.sqrt(len(each))) if len(each) > 1 else float(lags[1] - lags[0])
     return Delay("rotor_speed", delay, max(sd, 0.005), top)
 
 
+def _attitude_rates(flight: Prepared) -> np.ndarray:
+    """Body rates that the logged attitude implies, (n, 3)."""
+    q = flight.stack("attitude")
+    w, x, y, z = (q * np.array([1.0, -1.0, -1.0, -1.0])).T
+    a, b, c, d = np.gradient(q, flight.dt_s, axis=0).T
+    return 2.0 * np.column_stack([w * b + x * a + y * d - z * c, w * c - x * d + y * a + z * b, w * d + x * c - y * b + z * a])
+
+
+def _both_rates(flight: Prepared) -> tuple[np.ndarray, np.ndarray] | None:
+    """Smoothed body rates by gyro and by attitude."""
+    if "attitude" in flight.derived or not (flight.has("gyro") and flight.has("attitude")):
+        return None
+    width = max(RATE_SMOOTHING_S, 1.5 * max(flight.update_s["attitude"], flight.update_s["gyro"])) / flight.dt_s
+    return tuple(gaussian_filter1d(r, width, axis=0) for r in (flight.stack("gyro"), _attitude_rates(flight)))
+
+
+def pose_delay(flights: Sequence[Prepared]) -> Delay | None:
+    """How late position, velocity and attitude are against the gyro, by direct correlation of the two body rates."""
+    lags = np.arange(-0.15, 0.15 + 1e-9, 0.005)
+    told = []
+    for flight, pair in ((f, p) for f in flights if (p := _both_rates(f)) is not None):
+        inside, sums = flight.flying, np.zeros((3, len(lags)))
+        for a, b in zip(pair[0].T, pair[1].T, strict=True):
+            a, b = _high_pass(a, flight.dt_s), _high_pass(b, flight.dt_s)
+            late = np.stack([np.interp(flight.t_s + lag, flight.t_s, b)[inside] for lag in lags])
+            sums += np.stack([late @ a[inside], (late**2).sum(axis=1), np.full(len(lags), a[inside] @ a[inside])])
+        if inside.sum() * flight.dt_s > 5.0:
+            told.append(sums)
+    if not told:
+        return None
+    delay, top = _peak(np.sum(told, axis=0), lags)
+    each = [_peak(s, lags)[0] for s in told]
+    sd = float(np.std(each, ddof=1) / np.sqrt(len(each))) if len(each) > 1 else 0.005
+    return Delay("attitude", delay, max(sd, LEAST_DELAY_SD_S), top) if top > LEAST_CORRELATION else None
+
+
+def gyro_bias(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray] | None:
+    """Gyro less the rates that the attitude implies: mean (3,) and its sd over flights, rad/s."""
+    means = [(p[0] - p[1])[f.flying].mean(axis=0) for f in flights if (p := _both_rates(f)) is not None and f.flying.any()]
+    if len(means) < 2:
+        return None
+    sd = np.std(means, axis=0, ddof=1) / np.sqrt(len(means))
+    return np.mean(means, axis=0), np.hypot(sd, LEAST_GYRO_SD_RAD_S)
+
+
+def without_bias(flight: Prepared, bias: np.ndarray) -> Prepared:
+    """The flight with a constant taken out of its gyro."""
+    if not flight.has("gyro"):
+        return flight
+    mended = {n: flight.columns[n] - b for n, b in zip(STREAMS["gyro"], bias, strict=True)}
+    return flight.replaced(columns={**flight.columns, **mended})
+
+
 def shifted(flight: Prepared, stream: str, delay_s: float) -> Prepared:
     """The flight with one stream moved back by its delay."""
-    from .align import STREAMS
-
-    moved = {n: np.interp(flight.t_s + delay_s, flight.t_s, flight.columns[n]) for n in STREAMS[stream] if n in flight.columns}
+    streams = POSE if stream == "attitude" else (stream,)
+    names = [n for s in streams for n in STREAMS[s] if n in flight.columns]
+    moved = {n: np.interp(flight.t_s + delay_s, flight.t_s, flight.columns[n]) for n in names}
     return flight.replaced(columns={**flight.columns, **moved}, lateness_s={**flight.lateness_s, stream: delay_s})
 
 
@@ -162,7 +223,18 @@ def pass_gate(frames: Sequence[pd.DataFrame], model: Model) -> Gate:
     usable = [f for f in flights if f is not None]
     if not usable:
         raise GesError(f"no usable flight among {len(frames)}: {warnings[0]}; log rotor speeds or motor commands in the air")
+    pose, gyro = pose_delay(usable), None
+    if pose and abs(pose.delay_s) > max(SURE * pose.sd_s, LEAST_DELAY_S):
+        flights = [f and shifted(f, pose.stream, pose.delay_s) for f in flights]
+    else:
+        pose = None
+    usable = [f for f in flights if f is not None]
+    found = gyro_bias(usable)
+    if found and (np.abs(found[0]) > np.maximum(SURE * found[1], LEAST_GYRO_RAD_S)).any():
+        gyro = found
+        flights = [f and without_bias(f, gyro[0]) for f in flights]
+    usable = [f for f in flights if f is not None]
     delay = drive_delay(usable, model)
-    if delay and abs(delay.delay_s) > SURE * delay.sd_s:
+    if delay and delay.delay_s > SURE * delay.sd_s:
         flights = [f and shifted(f, delay.stream, delay.delay_s) for f in flights]
-    return Gate(tuple(flights), (delay,) if delay else (), tuple(warnings))
+    return Gate(tuple(flights), (delay,) if delay else (), tuple(warnings), pose, gyro)

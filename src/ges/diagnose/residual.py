@@ -159,6 +159,23 @@ def _drive_flight(flight: Prepared, model: Model, effects: effect_table.Effects)
     return sim.Flight(numbers, effects, Terrain.flat(), inputs)
 
 
+@dataclasses.dataclass(frozen=True)
+class Drive:
+    """Rotor speeds that turn the air, and those that the commands make (None where nothing asks for them); (n, 4) rad/s."""
+
+    at_work: np.ndarray
+    commanded: np.ndarray | None
+
+
+def drive_of(flight: Prepared, model: Model, effects: effect_table.Effects, names: Sequence[str]) -> Drive:
+    """Both of one flight, flown once."""
+    if not flight.has("rotor_speed"):
+        made = driven_speeds([flight], model, effects)[0]
+        return Drive(made, made)
+    commanded = driven_speeds([flight], model, effects)[0] if DRIVE[0] in names else None
+    return Drive(speeds_at_work(flight, model, effects), commanded)
+
+
 def speeds_at_work(flight: Prepared, model: Model, effects: effect_table.Effects) -> np.ndarray:
     """Rotor speeds that turn the air: measured, or made by the commands; (n, 4) rad/s."""
     if not flight.has("rotor_speed"):
@@ -192,16 +209,17 @@ def model_along(flight: Prepared, model: Model, effects: effect_table.Effects,
 
 
 def residual(flight: Prepared, windows: Windows, model: Model, names: Sequence[str],
-             more: effect_table.Effects | None = None, speeds: np.ndarray | None = None) -> np.ndarray:  # fmt: skip
+             more: effect_table.Effects | None = None, drive: Drive | None = None) -> np.ndarray:  # fmt: skip
     """Recorded less modelled, (windows, channels); N, N m, rad/s and m.
 
     Parameters
     ----------
     more : effects added to those of the model, for this evaluation.
-    speeds : rotor speeds at work if already known, (n, 4) rad/s.
+    drive : rotor speeds if already known.
     """
     effects = model.with_effects(more).effects if more else model.effects
-    columns, said = model_along(flight, model, effects, speeds)
+    drive = drive or drive_of(flight, model, effects, names)
+    columns, said = model_along(flight, model, effects, drive.at_work)
     parts: dict[str, np.ndarray] = {}
     if "force_z" in names:
         parts.update(zip(FORCE, _force(columns, said, model, windows).T, strict=True))
@@ -211,7 +229,7 @@ def residual(flight: Prepared, windows: Windows, model: Model, names: Sequence[s
         column = f"{name}_m_s2"
         parts[name] = windows.mean @ (said["mass_kg"] * (flight.columns[column] - said[column]))
     if DRIVE[0] in names:
-        parts.update(zip(DRIVE, _drive(flight, model, effects, windows).T, strict=True))
+        parts.update(zip(DRIVE, (windows.mean @ (flight.stack("rotor_speed") - drive.commanded)).T, strict=True))
     if "range" in names:
         parts["range"] = windows.mean @ (flight.columns["range_m"] - said["range_m"])
     return np.stack([parts[name] for name in names], axis=1)
@@ -238,7 +256,3 @@ def _moment(columns: dict, said: effect_table.Replay, model: Model, windows: Win
     declared = np.array([model.number(f"i{a}_kg_m2") for a in ("xx", "yy", "zz")])
     acting = (np.cross(omega, inertia * omega) - said.moment_Nm) / inertia
     return declared * (windows.rate @ omega + windows.mean @ acting)
-
-
-def _drive(flight: Prepared, model: Model, effects: effect_table.Effects, windows: Windows) -> np.ndarray:
-    return windows.mean @ (flight.stack("rotor_speed") - driven_speeds([flight], model, effects)[0])

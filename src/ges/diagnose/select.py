@@ -122,6 +122,22 @@ def search(board: Board, candidates: Sequence[Candidate], base: Sequence[str] = 
     return _normalised(list(found.values()))
 
 
+def exactly(board: Board, candidates: Sequence[Candidate]) -> Search:
+    """All candidates together and nothing else, the best variant of each."""
+    listed = entries(board, candidates)
+    by_name = [[e for e in listed if e.name == name] for name in dict.fromkeys(e.name for e in listed)]
+    gram = board.pooled()
+    chosen = [max(options, key=lambda e: _weigh(gram, board, (e,)).log_evidence) for options in by_name]
+    if not chosen:
+        return _normalised([Hypothesis((), (), None, 0.0)])
+    for _ in range(2):
+        for i, options in enumerate(by_name):
+            chosen[i] = max(options, key=lambda e, i=i: _weigh(gram, board, [*chosen[:i], e, *chosen[i + 1 :]]).log_evidence)
+    found = _weigh(gram, board, chosen)
+    names = tuple(sorted(e.name for e in chosen))
+    return _normalised([Hypothesis(names, tuple(e.number for e in chosen), found, found.log_evidence)])
+
+
 def _normalised(found: list[Hypothesis]) -> Search:
     total = logsumexp([h.log_evidence for h in found])
     weighed = [dataclasses.replace(h, probability=float(np.exp(h.log_evidence - total))) for h in found]

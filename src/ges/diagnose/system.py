@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from .align import Prepared
 from .candidates import NEEDS_ATTITUDE, Variant
 from .instruments import MOVED, instruments, own_signal, projected, strength
 from .model import SPEED, Model
-from .residual import MOMENT, channels, residual, speeds_at_work
+from .residual import MOMENT, channels, drive_of, residual
 from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, make_windows
 
 AR_ORDER = 3
@@ -40,6 +40,18 @@ USUAL: tuple[tuple[str, str, float, float, float], ...] = (
     ("range", "rangefinder_bias.scale", 0.01, 0.02, 0.0),
     ("range", "rangefinder_lag.tau_s", 0.005, 0.015, 0.0),
 )
+
+
+@dataclasses.dataclass(frozen=True)
+class Switches:
+    """Parts of the method that an ablation turns off: instruments, whitening, tolerance of declared numbers."""
+
+    instruments: bool = True
+    whitening: bool = True
+    tolerance: bool = True
+
+
+ALL_ON = Switches()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,16 +119,19 @@ class System:
     names: tuple[str, ...]
     columns: tuple[Column, ...]
     flights: tuple[Rows, ...]
+    whitened: bool = True
 
 
-def nuisances(model: Model, names: Iterable[str], battery: bool = False, rates: bool = True) -> tuple[Nuisance, ...]:
+def nuisances(model: Model, names: Iterable[str], flights: Sequence[Prepared]) -> tuple[Nuisance, ...]:
     """Numbers that are always free: declared doubts, trims, and what no drive and no sensor does exactly.
 
-    A doubt that the vehicle file states under ``effects`` replaces the usual one of :data:`USUAL`. Without measured
-    ``rates`` or attitude, numbers that only they show stay as declared.
+    A doubt that the vehicle file states under ``effects`` replaces the usual one of :data:`USUAL`. Where no
+    attitude was measured, numbers that only it shows stay as declared; where rotor speeds have to be made from commands, the
+    drive is as doubtful as where both were logged.
     """
     names, arm = set(names), model.arm_m
-    has = {name.split("_")[0] for name in names}
+    commanded = any(not f.has("rotor_speed") for f in flights)
+    has = {name.split("_")[0] for name in names} | ({"drive"} if commanded else set())
     listed = [Nuisance("thrust_scale", "scale", 0.01, model.doubts.get("thrust_scale.scale", 0.0), 0.01)]
     for group, key, step, usual, by_flight in USUAL:
         effect, parameter = key.split(".")
@@ -128,8 +143,9 @@ def nuisances(model: Model, names: Iterable[str], battery: bool = False, rates: 
     if "drive" in has:
         speed = model.number("max_rotor_speed_rad_s")
         listed.append(Nuisance(*SPEED.split("."), 0.01 * speed, model.doubts.get(SPEED, 0.0), 0.0))
-        if battery:
+        if all(f.has("battery") for f in flights):
             listed.append(Nuisance("battery_sag", "sensitivity", 0.02, model.doubts.get("battery_sag.sensitivity", 0.04), 0.0))
+    rates = attitude_measured(flights)
     return tuple(n for n in listed if (n.sd > 0 or n.flight_sd > 0) and (rates or n.effect not in NEEDS_ATTITUDE))
 
 
@@ -193,33 +209,35 @@ def _drives(effects: Mapping[str, Mapping]) -> bool:
     return any(effect_table.get(name).kind == "actuator" for name in effects)
 
 
-def rows(
-    flight: Prepared, model: Model, names: Sequence[str], columns: Sequence[Column], length_s: float, instrumented: bool = True
-) -> Rows:
+def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence[Column], length_s: float,
+         instrumented: bool = True, known: Rows | None = None) -> Rows:  # fmt: skip
     """Residuals and columns of one flight; a column is minus the residual's change per unit of its coefficient."""
     windows = make_windows(flight.t_s, flight.flying, length_s)
     here = channels(flight, model)
-    speeds = speeds_at_work(flight, model, model.effects)
+    drive = drive_of(flight, model, model.effects, here)
 
-    def at(effects: dict, model: Model = model) -> np.ndarray:
+    def at(effects: dict, model: Model = model, same_drive: bool = True) -> np.ndarray:
         full = np.full((len(windows), len(names)), np.nan)
-        told = residual(flight, windows, model, here, effects, None if _drives(effects) else speeds)
+        told = residual(flight, windows, model, here, effects, drive if same_drive and not _drives(effects) else None)
         full[:, [names.index(name) for name in here]] = told
         return full
 
     y = at({})
     x = np.empty((*y.shape, len(columns)))
     for k, column in enumerate(columns):
+        if known is not None and column.nuisance is not None:
+            x[:, :, k] = known.full[:, :, k]
+            continue
         if column.nuisance is not None and column.nuisance.effect == "vehicle":
             n = column.nuisance
-            x[:, :, k] = (y - at({}, model.with_number(n.parameter, model.number(n.parameter) + n.step))) / n.step
+            x[:, :, k] = (y - at({}, model.with_number(n.parameter, model.number(n.parameter) + n.step), False)) / n.step
             continue
         shifted, step = _shift(model, column)
         reference = _reference(model, column)
         x[:, :, k] = ((at(reference) if reference and _drives(reference) else y) - at(shifted)) / step
     moved = [k for k, column in enumerate(columns) if column.moved] if instrumented else []
-    told, strength = _through_instruments(x, moved, flight, windows, model, names, speeds)
-    return Rows(flight, windows, y, told, restless(flight, windows, model, speeds), x, strength)
+    told, strength = _through_instruments(x, moved, flight, windows, model, names, drive.at_work)
+    return Rows(flight, windows, y, told, restless(flight, windows, model, drive.at_work), x, strength)
 
 
 def _through_instruments(x, moved, flight: Prepared, windows: Windows, model: Model, names, speeds):
@@ -245,17 +263,17 @@ def restless(flight: Prepared, windows: Windows, model: Model, speeds: np.ndarra
 
 
 def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant], length_s: float | None = None,
-          run: Callable = map) -> System:  # fmt: skip
+          like: System | None = None, switches: Switches = ALL_ON) -> System:  # fmt: skip
     """Assemble the system: nuisance columns first, then every amplitude of every variant.
 
     Parameters
     ----------
-    run : a ``map`` over flights; pass a pool's to use more cores.
+    like : a system of the same flights and channels whose nuisance columns are taken over: they hardly change with effects.
     """
     names = common_channels(flights, model)
     length_s = length_s or window_length_s(flights)
-    battery = all(f.has("battery") for f in flights)
-    columns = [Column(n.key, nuisance=n) for n in nuisances(model, names, battery, attitude_measured(flights))]
+    columns = [Column(n.key, nuisance=n) for n in nuisances(model, names, flights)] if switches.tolerance else []
     columns += [Column(v.key, variant=v, amplitude=j) for v in variants for j in range(len(v.amplitudes))]
-    made = list(run(lambda flight: rows(flight, model, names, columns, length_s), flights))
-    return System(model, names, tuple(columns), tuple(made))
+    known = like.flights if like else [None] * len(flights)
+    made = [rows(f, model, names, columns, length_s, switches.instruments, k) for f, k in zip(flights, known, strict=True)]
+    return System(model, names, tuple(columns), tuple(made), switches.whitening)

@@ -115,6 +115,9 @@ def estimate(system: System, chosen: Sequence[int] = ()) -> Noise:
         if len(value) < 4 * AR_ORDER:
             continue
         gram = past.T @ past
+        if not system.whitened:
+            sd[c] = float(np.sqrt(np.mean(value**2)))
+            continue
         ar[c] = np.linalg.solve(gram + max(RIDGE * np.trace(gram), TINY) * np.eye(AR_ORDER), past.T @ value)
         sd[c], growth[c] = _growth(value - past @ ar[c], np.concatenate([p[3][p[0]] for p in pieces]))
     floor = [LEAST_NOISE * system.model.whole(name) for name in system.names]
