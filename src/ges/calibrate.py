@@ -115,7 +115,14 @@ def _balance(system: System) -> _Trims:
         seen = np.isfinite(y)
         grams.append(Gram(x[seen].T @ x[seen], x[seen].T @ y[seen], float(y[seen] @ y[seen]), float(seen.sum())))
     prior = np.array([system.columns[k].nuisance.sd for k in kept])
-    return _Trims(keys, prior, np.array([SPREAD if key in LOSSES else 0.0 for key in keys]), tuple(grams))
+    return _Trims(keys, prior, np.array([_usual_spread(key, keys) for key in keys]), tuple(grams))
+
+
+def _usual_spread(key: str, keys: Sequence[str]) -> float:
+    """Spread between flights before its factor: of every motor's gain; of the thrust where motors cannot be told apart."""
+    if key in LOSSES:
+        return SPREAD
+    return 0.5 * SPREAD if key == TRIMS[0] and not set(LOSSES) & set(keys) else 0.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -159,7 +166,7 @@ def _trims(flights: Sequence[Prepared], model: Model, before: Mapping[str, Numbe
     factor = _spread_factor(told.grams, start, told.prior_sd, told.spread)
     found, turn = _posterior(told.grams, start, told.prior_sd, factor * told.spread), _gauge(told.keys)
     sd = np.sqrt(np.diag(turn @ found.covariance @ turn.T))
-    small = float(student.ppf(0.975, len(SLOW_CHANNELS) * (len(flights) - 1))) / 1.96
+    small = float(student.ppf(0.975, told.grams[0].n * (len(flights) - 1))) / 1.96
     later = np.hypot(sd, small * factor * told.spread)
     values = turn @ (found.mean - start)
     rows = zip(told.keys, values, sd, factor * told.spread, told.prior_sd, later, strict=True)

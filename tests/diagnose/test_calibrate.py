@@ -101,6 +101,22 @@ def test_flights_that_differ_make_later_doubts_wide(known, vehicle):
     assert spread.numbers[LOSSES[1]].later_sd > 4 * known.numbers[LOSSES[1]].later_sd
 
 
+def test_without_inertia_only_the_thrust_is_told(vehicle):
+    bare = parse_vehicle({k: v for k, v in VEHICLE.items() if k not in ("inertia_kg_m2", "torque_coefficient_Nm_s2")})
+    found = calibrate(make_set(bare, _reference(vehicle, *[_losses(0.0, 0.05, 0.0, 0.0)] * 3)))
+    thrust = found.numbers["thrust_scale.scale"]
+    assert thrust.value == pytest.approx(1.02 * (1 - 0.05 / 4) - 1, abs=0.006) and thrust.flight_sd > 0.0
+    assert not set(LOSSES) & set(found.numbers) and "weak_rotor" not in found.vehicle.effects
+
+
+def test_a_declared_doubt_frees_the_centre_of_gravity(vehicle):
+    doubtful = parse_vehicle({**VEHICLE, "effects": {"cg_offset": {"x_m": {"value": 0.0, "sd": 0.003}}}})
+    found = calibrate(make_set(doubtful, _reference(vehicle, *[_losses(0.0, 0.05, 0.0, 0.0)] * 3)))
+    moved = found.numbers["cg_offset.x_m"]
+    assert 0.0 < abs(moved.value) < 0.006 and found.vehicle.effects["cg_offset"]["x_m"].value == moved.value
+    assert "cg_offset.y_m" not in found.numbers
+
+
 def test_one_flight_is_refused_with_a_sentence(vehicle):
     frames = _reference(vehicle, *[_losses(0, 0, 0, 0)] * 3)[:1]
     with pytest.raises(GesError, match="needs two or more"):
