@@ -22,7 +22,7 @@ class Rows:
 
     Attributes
     ----------
-    x : (n, window, 13) float32, oldest row first; the last one is the present.
+    x : (n, window, 13) float32, oldest row first; the last one is the present. Without the past, (n, 1, 13).
     y : (n,) target at the horizon.
     seed, row : (n,) flight and row of the present.
     places : true places at the present and ``ge_factor`` now, for analysis.
@@ -86,17 +86,16 @@ def _chosen(rows: np.ndarray, most: int | None, seed: int, flight: int) -> np.nd
     return np.sort(np.random.default_rng([seed, flight]).choice(rows, most, replace=False))
 
 
-def _gather(path: Path, rows: np.ndarray, window: Window) -> tuple:
+def _gather(path: Path, rows: np.ndarray, window: Window, past: bool) -> tuple:
     seed, data = read_flight(path, (*FEATURES, TARGET, *WHEREABOUTS, CONTACT))
     table = np.stack([data[name] for name in FEATURES], axis=1)
     if len(rows) and rows[-1] + window.horizon >= len(table):
         raise GesError(f"{Path(path).name} has {len(table)} rows; the split asks for row {rows[-1] + window.horizon}")
-    x = table[rows[:, None] + window.offsets()]
-    ahead = rows + window.horizon
-    flown = np.isfinite(x).all(axis=(1, 2)) & (data[CONTACT][rows] == 0) & (data[CONTACT][ahead] == 0)
-    rows, x, ahead = rows[flown], x[flown], ahead[flown]
+    defined = np.isfinite(table).all(axis=1)[rows[:, None] + window.offsets()].all(axis=1)
+    rows = rows[defined & (data[CONTACT][rows] == 0) & (data[CONTACT][rows + window.horizon] == 0)]
+    x = table[rows[:, None] + (window.offsets() if past else np.zeros(1, dtype=int))]
     places = {name: data[name][rows] for name in (*WHEREABOUTS, TARGET)}
-    return np.full(len(rows), seed), x, data[TARGET][ahead], rows, places
+    return np.full(len(rows), seed), x, data[TARGET][rows + window.horizon], rows, places
 
 
 def _checked(report: Path, seeds: set[int]) -> dict[int, Path]:
@@ -111,7 +110,7 @@ def _checked(report: Path, seeds: set[int]) -> dict[int, Path]:
     return {seed: Path(files[seed]) for seed in seeds}
 
 
-def load_rows(flights: Path, split: Path, part: str, window: Window, most: int | None, seed: int) -> Rows:
+def load_rows(flights: Path, split: Path, part: str, window: Window, most: int | None, seed: int, past: bool = True) -> Rows:
     """Rows of a part: every model, whatever its kind, reads through here.
 
     Parameters
@@ -122,6 +121,7 @@ def load_rows(flights: Path, split: Path, part: str, window: Window, most: int |
     window : past and horizon.
     most : cap on all rows of the part, shared equally by its flights; None takes all.
     seed : of the draw.
+    past : whether rows carry their window; which rows there are does not depend on it.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def load_rows(flights: Path, split: Path, part: str, window: Window, most: int |
         raise GesError(f"split {Path(split).name}: part '{part}' is empty")
     files = _checked(flights, set(blocks["seed"]))
     share = None if most is None else max(most // blocks["seed"].nunique(), 1)
-    found = [_gather(files[s], _chosen(eligible(b, window), share, seed, s), window) for s, b in blocks.groupby("seed")]
+    found = [_gather(files[s], _chosen(eligible(b, window), share, seed, s), window, past) for s, b in blocks.groupby("seed")]
     seeds, x, y, rows = (np.concatenate([f[i] for f in found]) for i in range(4))
     places = {k: np.concatenate([f[4][k] for f in found]) for k in found[0][4]}
     return Rows(x, y, seeds, rows, places)

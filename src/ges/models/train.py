@@ -59,7 +59,8 @@ def train_model(
     """
     shape = Window.of(window, rate_hz, horizon_s)
     caps = {"train": fit.train_rows, "validation": validation_rows} if fit else {}
-    parts = {part: load_rows(flights, split, part, shape, most, seed) for part, most in (caps | {"test": test_rows}).items()}
+    caps, past = caps | {"test": test_rows}, name in zoo.SEQUENCE_MODELS
+    parts = {part: load_rows(flights, split, part, shape, most, seed, past) for part, most in caps.items()}
     made = zoo.fitted(name, zoo.make(name, fit, window, vehicle, seed), parts.get("train"), parts.get("validation"))
     test = parts["test"]
     predicted = made.predict(zoo.features(name, test)).astype(np.float32)

@@ -24,11 +24,12 @@ def learning_curve(
 ) -> None:  # fmt: skip
     """Fit a model to shares of its cap; a model without a cap has its whole row set only."""
     shape = Window.of(window, rate_hz, horizon_s)
-    validation = load_rows(flights, split, "validation", shape, validation_rows, seed)
+    past = name in zoo.SEQUENCE_MODELS
+    validation = load_rows(flights, split, "validation", shape, validation_rows, seed, past)
     rows = []
     for share in shares if fit.train_rows else [1.0]:
         most = round(share * fit.train_rows) if fit.train_rows else None
-        train = load_rows(flights, split, "train", shape, most, seed)
+        train = load_rows(flights, split, "train", shape, most, seed, past)
         model = zoo.fitted(name, zoo.make(name, fit, window, vehicle, seed), train, validation)
         found = scores(validation.y, model.predict(zoo.features(name, validation)), validation.seed, resamples, seed)
         rows.append({"plan": plan, "model": name, "share": share, "train_rows": len(train), **found})

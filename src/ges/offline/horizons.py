@@ -27,8 +27,8 @@ def sweep_horizon(
 ) -> None:  # fmt: skip
     """Fit and score both models at one horizon; ``reserve_s`` is the longest horizon of the sweep."""
     shape = Window.of(window, rate_hz, horizon_s, reserve_s)
-    train = load_rows(flights, split, "train", shape, sweep_rows, seed)
-    test = load_rows(flights, split, "test", shape, test_rows, seed)
+    train = load_rows(flights, split, "train", shape, sweep_rows, seed, past=False)
+    test = load_rows(flights, split, "test", shape, test_rows, seed, past=False)
     rows = []
     for name in MODELS:
         learned = train if name == "random_forest" else None

@@ -25,7 +25,7 @@ def write_importances(
 ) -> None:  # fmt: skip
     """Impurity and permutation importance of a fitted forest on at most ``rows`` test rows."""
     forest = joblib.load(model)
-    test = load_rows(flights, split, "test", Window.of(window, rate_hz, horizon_s), rows, seed)
+    test = load_rows(flights, split, "test", Window.of(window, rate_hz, horizon_s), rows, seed, past=False)
     found = permutation_importance(forest, test.now, test.y, n_repeats=repeats, random_state=seed, scoring="r2").importances
     frame = pd.DataFrame(
         {
