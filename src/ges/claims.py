@@ -91,10 +91,13 @@ class Ours(Strict):
     high: float = math.nan
 
 
-def claims() -> list[Claim]:
-    """Every claim; keys of a group hold for all of its claims, ``where`` is merged."""
+LISTED = Path(str(resources.files("ges") / "claims.yaml"))
+
+
+def claims(listed: Path = LISTED) -> list[Claim]:
+    """Every claim of a file; keys of a group hold for all of its claims, ``where`` is merged."""
     found = []
-    for group in yaml.safe_load((resources.files("ges") / "claims.yaml").read_text()):
+    for group in yaml.safe_load(listed.read_text()):
         common = {k: v for k, v in group.items() if k != "claims"}
         for entry in group["claims"]:
             where = {**common.get("where", {}), **entry.get("where", {})}
@@ -229,8 +232,8 @@ def _range(r: SeedRange) -> str:
     return f"{r.first}-{r.first + r.count - 1} ({r.count})"
 
 
-def _rows(tables: Mapping[str, pd.DataFrame], seeds: Seeds) -> Iterator[dict[str, Any]]:
-    for claim in claims():
+def _rows(listed: list[Claim], tables: Mapping[str, pd.DataFrame], seeds: Seeds) -> Iterator[dict[str, Any]]:
+    for claim in listed:
         found = ours(claim, tables)
         baseline = ours(claim.model_copy(update={"where": {**claim.where, **claim.baseline}}), tables) if claim.baseline else None
         judged = verdict(claim, found, baseline)
@@ -242,15 +245,16 @@ def _rows(tables: Mapping[str, pd.DataFrame], seeds: Seeds) -> Iterator[dict[str
         }  # fmt: skip
 
 
-def write_claims(tables: list[Path], results: Path, seeds: Seeds, table: Path, rules: Path) -> None:
+def write_claims(listed: Path, tables: list[Path], results: Path, seeds: Seeds, table: Path, rules: Path) -> None:
     """Every claim with the paper's value, ours, and the verdict; and the rules of the verdict (JSON).
 
     Parameters
     ----------
-    tables : results to look into; named in ``claims.yaml`` relative to ``results``.
+    listed : the claims (YAML).
+    tables : results to look into; named in ``listed`` relative to ``results``.
     seeds : seed lists of the configuration.
     """
     read = read_tables(tables, results)
     with replacing(table) as new:
-        pd.DataFrame(list(_rows(read, seeds))).to_csv(new, index=False)
+        pd.DataFrame(list(_rows(claims(listed), read, seeds))).to_csv(new, index=False)
     write_json(rules, RULES)

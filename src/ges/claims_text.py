@@ -81,16 +81,19 @@ def _published(row: dict[str, Any]) -> str:
         return str(row["paper"])
 
 
-def quoted() -> dict[str, Quoted]:
-    """What ``numbers.yaml`` names."""
-    content = yaml.safe_load((resources.files("ges") / "numbers.yaml").read_text())
+LISTED = Path(str(resources.files("ges") / "numbers.yaml"))
+
+
+def quoted(listed: Path = LISTED) -> dict[str, Quoted]:
+    """Numbers that a file names."""
+    content = yaml.safe_load(listed.read_text())
     return {name: Quoted.model_validate(spec) for name, spec in content.items()}
 
 
-def write_numbers(claims: Path, tables: list[Path], results: Path, numbers: Path) -> None:
+def write_numbers(listed: Path, claims: Path, tables: list[Path], results: Path, numbers: Path) -> None:
     """Write every number that the paper may quote; one whose table or row is absent prints as ``n/a``."""
     made, read = _claims(pd.read_csv(claims)), read_tables(tables, results)
-    for name, spec in quoted().items():
+    for name, spec in quoted(listed).items():
         frame = read.get(spec.table)
         found = None if frame is None or frame.empty else look(frame, spec.where, spec.value, spec.reduce)
         if found is not None:

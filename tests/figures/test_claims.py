@@ -90,7 +90,7 @@ def _written(folder: Path) -> pd.DataFrame:
     table.write_text(
         "metric,condition,difference,low,high\nagl_rms_m,0.02,-0.0003,-0.0006,-0.0001\nclearance_p5_m,0.02,0.001,0.0005,0.002\n"
     )
-    claims.write_claims([table], folder, SEEDS, folder / "claims.csv", folder / "rules.json")
+    claims.write_claims(claims.LISTED, [table], folder, SEEDS, folder / "claims.csv", folder / "rules.json")
     return pd.read_csv(folder / "claims.csv", keep_default_na=False).set_index("id")
 
 
@@ -107,7 +107,9 @@ def test_numbers_to_print(tmp_path):
     _written(tmp_path)
     (tmp_path / "real").mkdir()
     (tmp_path / "real/forms.csv").write_text("form,c_a,decay,offset_m,aicc,rmse\nexponential,0.12345,0.7,0,1,1\n")
-    claims_text.write_numbers(tmp_path / "claims.csv", [tmp_path / "real/forms.csv"], tmp_path, tmp_path / "n.json")
+    claims_text.write_numbers(
+        claims_text.LISTED, tmp_path / "claims.csv", [tmp_path / "real/forms.csv"], tmp_path, tmp_path / "n.json"
+    )
     made = json.loads((tmp_path / "n.json").read_text())
     assert made["s45.rms2"]["full"] == "\u22120.300 [\u22120.600, \u22120.100]\u202fmm"
     assert made["s45.rms2"]["paper"] == "\u22120.351\u202fmm" and made["s45.rms2"]["verdict"] == REPRODUCED
