@@ -21,14 +21,14 @@ from .config import SeedRange, Seeds
 from .errors import GesError
 from .files import replacing, write_json
 
-CLOSE = 0.10
+CLOSE = 0.05
 """Relative distance from the published value that counts as reproduced where our interval misses it."""
 
 REPRODUCED, DIRECTION, NOT, UNMEASURED = "reproduced", "same direction", "not reproduced", "not measured"
 RULES = {
     "value": (
-        "a number: reproduced if we are within a tenth of it, or our 95 % interval holds it and reaches less far than the "
-        "number itself; same direction if ours lies on the same side of the same baseline (of zero for a difference whose "
+        "a number: reproduced if we are within a twentieth of it (of 1 - R² for an R²), or our 95 % interval holds it and "
+        "reaches less far than the number itself; same direction if ours lies on the same side of the same baseline (of zero for a difference whose "
         "interval excludes zero)"
     ),
     "sign": (
@@ -160,7 +160,20 @@ def _side(value: float) -> float:
     return math.copysign(1.0, value) if value else 0.0
 
 
+def _unexplained(claim: Claim, found: Ours, baseline: Ours | None) -> tuple[Claim, Ours, Ours | None]:
+    """The same in 1 - R^2, so that closeness is that of what a model leaves unexplained."""
+
+    def rest(value: float | None) -> float | None:
+        return None if value is None else 1.0 - value
+
+    told = {"value": "unexplained", "paper": rest(claim.paper), "paper_baseline": rest(claim.paper_baseline)}
+    turned = [o and Ours(value=1 - o.value, low=1 - o.high, high=1 - o.low) for o in (found, baseline)]
+    return claim.model_copy(update=told), *turned
+
+
 def _value(claim: Claim, found: Ours, baseline: Ours | None) -> str:
+    if claim.value == "r2":
+        return _value(*_unexplained(claim, found, baseline))
     published = claim.paper
     holds = found.low <= published <= found.high and (found.high - found.low) / 2 < abs(published)
     if holds or abs(found.value - published) <= CLOSE * abs(published):

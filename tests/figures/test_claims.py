@@ -23,7 +23,11 @@ def claim(**given) -> Claim:
 @pytest.mark.parametrize(
     ("given", "found", "baseline", "expected"),
     [
-        ({"paper": 1.0}, (1.09,), None, REPRODUCED),
+        ({"paper": 1.0}, (1.04,), None, REPRODUCED),
+        ({"paper": 1.0}, (1.06,), None, NOT),
+        ({"paper": 0.998, "value": "r2"}, (0.96, 0.95, 0.97), None, NOT),
+        ({"paper": 0.998, "value": "r2"}, (0.9979, 0.9978, 0.99802), None, REPRODUCED),
+        ({"paper": 0.998, "value": "r2", "paper_baseline": 0.85}, (0.96, 0.95, 0.97), 0.8, DIRECTION),
         ({"paper": 1.0}, (1.2, 0.95, 1.45), None, REPRODUCED),
         ({"paper": 1.0}, (1.2, -3.0, 5.4), None, NOT),  # an interval that reaches further than the number proves nothing
         ({"paper": 1.0, "paper_baseline": 2.0}, (0.5, 0.4, 0.6), 3.0, DIRECTION),
