@@ -28,8 +28,8 @@ REPRODUCED, DIRECTION, NOT, UNMEASURED = "reproduced", "same direction", "not re
 RULES = {
     "value": (
         "a number: reproduced if we are within a twentieth of it (of 1 - R² for an R²), or our 95 % interval holds it and "
-        "reaches less far than the number itself; same direction if ours lies on the same side of the same baseline (of zero for a difference whose "
-        "interval excludes zero)"
+        "reaches less far than the number itself; same direction if ours lies on the same side of the same baseline (of "
+        "zero for a difference whose interval excludes zero)"
     ),
     "sign": (
         "a difference said to be there: reproduced if ours has its sign and an interval that excludes zero; same direction "
