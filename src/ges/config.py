@@ -324,6 +324,7 @@ class Retune(Part):
 
     kp_factors: list[Positive] = Field(min_length=1, description="proportional")
     kd_factors: list[Positive] = Field(min_length=1, description="derivative")
+    phase_margin_deg: NonNegative = Field(description="least phase margin of a candidate, far from the ground")
 
 
 class Ensemble(Part):

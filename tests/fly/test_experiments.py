@@ -72,6 +72,15 @@ def test_choice_is_the_best_candidate(flown):
         assert mean[mode].min() == pytest.approx(mean[mode, best["kp_factor"], best["kd_factor"]]), mode
 
 
+def test_no_gains_without_a_phase_margin(tiny, flown):
+    chosen = json.loads((flown / "gains.json").read_text())
+    least = tiny.closed_loop.retune.phase_margin_deg
+    assert (_table(flown, "gains.csv")["phase_margin_deg"] >= least).all() and chosen["published_phase_margin_deg"] < least
+    greedy = tiny.closed_loop.retune.model_copy(update={"phase_margin_deg": 60.0})
+    with pytest.raises(UsageError, match="phase margin of 60 degrees; the best has 3"):
+        winner.sound_gains(tiny.simulator, greedy)
+
+
 def test_same_seed_same_world(tiny, flown):
     """No bias in the bias experiment is the oracle of the comparison, and of the causes: one flight, one set of numbers."""
     oracle = _table(flown, "comparison.csv").query("condition == 'oracle' and seed_list == 'closed_loop'")

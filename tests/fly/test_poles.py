@@ -63,6 +63,18 @@ def test_small_step_over_a_crest_where_the_loop_is_unstable(simulator, factor, m
     assert poles.closed_loop_poles(simulator, at, mode, 1).real.max() > 0
 
 
+def test_phase_margin_is_the_lag_that_the_loop_bears(simulator):
+    """More delay in the loop than the margin allows makes it unstable, less does not; an unstable loop has none."""
+    loop = poles.restoring(simulator, poles.FAR, "none", 1) / poles.S**2
+    margin, crossover = control.margin(loop)[1], control.margin(loop)[3]
+    assert poles.phase_margin_deg(simulator) == pytest.approx(margin)
+    for share, stable in ((0.8, True), (1.2, False)):
+        late = control.tf(*control.pade(share * np.radians(margin) / crossover, 3))
+        assert (control.feedback(loop * late, 1).poles().real.max() < 0) == stable
+    stiff = simulator.model_copy(update={"controller": simulator.controller.model_copy(update={"altitude_kp": 100.0})})
+    assert poles.phase_margin_deg(stiff) == 0.0
+
+
 def test_comparison_would_see_another_lag(simulator):
     """The bound of the test above is tight enough to refuse a motor that is a fifth slower."""
     at = poles.trim(simulator, 1.01, "oracle")

@@ -56,6 +56,9 @@ class Trim:
     estimate_slope_1_m: float
 
 
+FAR = Trim(math.inf, 1.0, 0.0, 1.0, 0.0)
+
+
 @dataclasses.dataclass(frozen=True)
 class Site:
     """A place to hover: ground, and where on it (m)."""
@@ -121,7 +124,7 @@ def _height_of(factor: float, heights_m: np.ndarray, factors: np.ndarray) -> flo
 def trim(simulator: Simulator, factor: float, mode: str) -> Trim:
     """Where the true factor is ``factor``, and what the mode believes there; factor 1 is far from the ground."""
     if factor == 1.0:
-        return Trim(math.inf, 1.0, 0.0, 1.0, 0.0)
+        return FAR
     place = site(simulator, factor)
     height = _height_of(factor, HEIGHTS_M, _readings(simulator, place, mode, HEIGHTS_M)[:, 0])
     step = SLOPE_STEP * height
@@ -167,6 +170,13 @@ def estimate_response(simulator: Simulator, at: Trim, mode: str, power: int) -> 
 def closed_loop_poles(simulator: Simulator, at: Trim, mode: str, power: int) -> np.ndarray:
     """Poles (1/s) of the closed height loop about a trim."""
     return control.feedback(1 / S**2, restoring(simulator, at, mode, power)).poles()
+
+
+def phase_margin_deg(simulator: Simulator) -> float:
+    """Phase margin of the height loop far from the ground; 0 where it is unstable."""
+    if closed_loop_poles(simulator, FAR, "none", 1).real.max() >= 0:
+        return 0.0
+    return float(control.margin(restoring(simulator, FAR, "none", 1) / S**2)[1])
 
 
 def _pole_rows(simulator: Simulator, at: Trim, factor: float, mode: str, power: int, slopes: str) -> Iterator[dict]:

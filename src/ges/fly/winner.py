@@ -1,17 +1,22 @@
-"""A controller that does win: the gains of the height loop chosen anew for every mode, on validation seeds alone."""
+"""A controller that does win: the gains of the height loop chosen anew for every mode, on validation seeds alone.
+
+Only gains with a stated phase margin far from the ground are candidates, so that what wins could be flown.
+"""
 
 from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from ..config import ClosedLoop, SeedRange, Simulator
+from ..config import ClosedLoop, Retune, SeedRange, Simulator
+from ..errors import UsageError
 from ..files import write_json
 from ..stats.paired import compare, contrasts, means
 from .comparison import REFERENCE, mode_conditions
 from .flights import Condition, fly_conditions, write_csv
+from .poles import phase_margin_deg
 
 METRICS = ("agl_rms_m", "gyro_rms_rad_s", "clearance_p5_m", "clearance_min_m", "low_clearance_s")
 PUBLISHED, RETUNED = "as published", "retuned"
@@ -28,22 +33,40 @@ def _scaled(simulator: Simulator, kp: float, kd: float) -> dict[str, float]:
     return {"altitude_kp": kp * simulator.controller.altitude_kp, "altitude_kd": kd * simulator.controller.altitude_kd}
 
 
-def _candidates(arm: Condition, simulator: Simulator, plan: ClosedLoop) -> Iterator[Condition]:
-    for kp, kd in itertools.product(plan.retune.kp_factors, plan.retune.kd_factors):
-        labels = {"mode": arm.name, "kp_factor": kp, "kd_factor": kd}
+def _margin_deg(simulator: Simulator, kp: float, kd: float) -> float:
+    controller = simulator.controller.model_copy(update=_scaled(simulator, kp, kd))
+    return phase_margin_deg(simulator.model_copy(update={"controller": controller}))
+
+
+def sound_gains(simulator: Simulator, retune: Retune) -> dict[tuple[float, float], float]:
+    """Phase margin (degrees) of every pair of factors that has enough of it."""
+    pairs = {pair: _margin_deg(simulator, *pair) for pair in itertools.product(retune.kp_factors, retune.kd_factors)}
+    sound = {pair: margin for pair, margin in pairs.items() if margin >= retune.phase_margin_deg}
+    if not sound:
+        raise UsageError(
+            f"closed_loop.retune: no pair of factors has a phase margin of {retune.phase_margin_deg:g} degrees; the best has "
+            f"{max(pairs.values()):.1f}; allow less or try other factors"
+        )
+    return sound
+
+
+def _candidates(arm: Condition, simulator: Simulator, sound: Mapping[tuple[float, float], float]) -> Iterator[Condition]:
+    for (kp, kd), margin in sound.items():
+        labels = {"mode": arm.name, "kp_factor": kp, "kd_factor": kd, "phase_margin_deg": margin}
         parameters = {**arm.parameters, **_scaled(simulator, kp, kd)}
         yield Condition(f"{arm.name}, kp x {kp:g}, kd x {kd:g}", parameters, labels=labels)
 
 
 def choose_gains(simulator: Simulator, plan: ClosedLoop, validation: SeedRange, clamp: Path, flights: Path, choice: Path) -> None:
-    """Fly every mode with every pair of gains; for each mode take the pair of least mean AGL RMS.
+    """Fly every mode with every sound pair of gains; for each mode take the pair of least mean AGL RMS.
 
     Parameters
     ----------
     flights : to write: a row a flight.
-    choice : to write (JSON): the seeds, and kp_factor, kd_factor and mean AGL RMS of the choice of every mode.
+    choice : to write (JSON): the seeds, and kp_factor, kd_factor, phase margin and mean AGL RMS of every mode's choice.
     """
-    candidates = [c for arm in arms(simulator, plan, clamp) for c in _candidates(arm, simulator, plan)]
+    sound = sound_gains(simulator, plan.retune)
+    candidates = [c for arm in arms(simulator, plan, clamp) for c in _candidates(arm, simulator, sound)]
     table = fly_conditions(candidates, validation.list(), simulator, plan)
     score = means(table, ["agl_rms_m"]).set_index("condition")["mean"]
     best = {}
@@ -51,8 +74,9 @@ def choose_gains(simulator: Simulator, plan: ClosedLoop, validation: SeedRange, 
         value, mode = float(score[candidate.name]), candidate.labels["mode"]
         if mode not in best or value < best[mode]["agl_rms_m"]:
             best[mode] = {**candidate.labels, "agl_rms_m": value}
+    published = _margin_deg(simulator, 1.0, 1.0)
     write_csv(table, flights)
-    write_json(choice, {"seeds": validation.list(), "gains": best})
+    write_json(choice, {"seeds": validation.list(), "gains": best, "published_phase_margin_deg": published})
 
 
 def fly_winner(
