@@ -70,7 +70,9 @@ def _claims(table: pd.DataFrame) -> dict[str, dict[str, Any]]:
         made[row["id"]] = {**entry(found, row["unit"]), "paper": _published(row), "verdict": row["verdict"]}
     for verdict in (REPRODUCED, DIRECTION, NOT, UNMEASURED):
         made[f"claims.{verdict.replace(' ', '_')}"] = entry(Ours(value=float((table["verdict"] == verdict).sum())), "1")
-    return {**made, "claims.all": entry(Ours(value=float(len(table))), "1")}
+    fitted = table[(table["fitted"] == "yes") & (table["verdict"] == REPRODUCED)]
+    counts = {"claims.all": len(table), "claims.reproduced_fitted": len(fitted)}
+    return made | {name: entry(Ours(value=float(count)), "1") for name, count in counts.items()}
 
 
 def _published(row: dict[str, Any]) -> str:

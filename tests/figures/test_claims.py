@@ -118,7 +118,7 @@ def test_numbers_to_print(tmp_path):
     assert made["s45.rms2"]["full"] == "\u22120.300 [\u22120.600, \u22120.100]\u202fmm"
     assert made["s45.rms2"]["paper"] == "\u22120.351\u202fmm" and made["s45.rms2"]["verdict"] == REPRODUCED
     assert made["real.c_a"]["text"] == "0.123" and made["t1.mlp.rmse"]["text"] == "n/a"
-    assert made["claims.reproduced"]["value"] == 1
+    assert made["claims.reproduced"]["value"] == 1 and made["claims.reproduced_fitted"]["value"] == 0
 
 
 @pytest.mark.parametrize(
@@ -134,7 +134,10 @@ def test_the_paper_quotes_what_exists_and_types_no_number(tmp_path):
     paper.check_source([source], tmp_path / "ok.json")
     text = source.read_text()
     known = {c.id for c in claims.claims()} | set(claims_text.quoted())
-    known |= {f"claims.{name}" for name in ("all", "reproduced", "same_direction", "not_reproduced", "not_measured")}
+    known |= {
+        f"claims.{name}"
+        for name in ("all", "reproduced", "reproduced_fitted", "same_direction", "not_reproduced", "not_measured")
+    }
     quoted = set(re.findall(r'#(?:num|ours|theirs|verdict|beside|if known)\("([^"]+)"\)', text))
     assert quoted and quoted <= known
     rules = (ROOT / "workflow/rules/figures.smk").read_text()
