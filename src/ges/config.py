@@ -26,6 +26,9 @@ Mode = Literal["none", "analytical", "oracle", "ml", "ml_direct", "ml_asym_clamp
 ModelName = Literal[
     "analytical", "linear", "decision_tree", "random_forest", "gradient_boosting", "mlp", "lstm", "transformer"
 ]  # fmt: skip
+Method = Literal[
+    "stepwise", "sindy", "parameters", "boosting", "without-instruments", "without-whitening", "without-tolerance"
+]  # fmt: skip
 
 
 class Part(BaseModel):
@@ -371,9 +374,7 @@ class Proof(Part):
     grid: Literal["tiny", "sample", "full"] = Field(description="which composition of cases: 40, 60, or all")
     seed: Annotated[int, Field(ge=0)] = Field(description="seed of the cases")
     cases_per_batch: Count = Field(description="cases that one job diagnoses")
-    methods: list[Literal["stepwise", "sindy", "parameters", "boosting"]] = Field(
-        description="baselines on the same cases (sindy needs the extra 'baselines')"
-    )
+    methods: list[Method] = Field(description="baselines and ablations on the same cases (sindy needs the extra 'baselines')")
 
 
 class Study(Part):

@@ -38,7 +38,7 @@ def compare(folder: Path, case: str, truth: Mapping, said: Mapping, fitted: Path
     told = oracle.declared_values(truth, load_vehicle(folder / "cases" / case / "vehicle.yaml"))
     best = dataclasses.replace(best, parameters={**best.parameters, **told})
     claimed = {f["name"]: f["parameters"] for f in said["findings"] if f["name"] in best.parameters}
-    gains = reductions(folder / "cases" / case, best, said)
+    gains = reductions(folder / "cases" / case, names, said)
     return Comparison(best, _errors(seen, best, claimed, fitted), _intervals(best, claimed), _above(names, best, said), gains)
 
 

@@ -25,6 +25,7 @@ OUT = "diagnosed"
 METHODS: dict[str, dict] = {
     "ges": {},
     **{name: {"baseline": name} for name in ("stepwise", "sindy", "parameters", "boosting")},
+    **{f"without-{part}": {"without": [part]} for part in ("instruments", "whitening", "tolerance")},
 }
 LIMIT_S = 600
 
@@ -50,7 +51,7 @@ def run_cases(
     Parameters
     ----------
     only : case names to restrict the run to (a batch).
-    out : folder beside ``cases/`` for the verdicts; options : keywords for ``ges.diagnose`` (ablations).
+    out : folder beside ``cases/`` for the verdicts; options : what the worker is told (:data:`METHODS`).
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """One diagnosis behind walls: ``python -I -m ges.blind.worker CASE OUT OPTIONS``.
 
 It is started with an environment and a working folder that tell it nothing, on a copy of one case under a drawn name,
-and gives up every other file before it reads the case. OPTIONS are those of ``ges.diagnose`` as JSON; ``baseline`` among
-them names a method to use instead.
+and gives up every other file before it reads the case. OPTIONS are JSON: ``without`` lists parts of the method to
+leave out, ``baseline`` names another method to use.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ def main(case: Path, out: Path, options: dict) -> int:
 def _diagnose(case: Path, out: Path, options: dict) -> float:
     import ges.diagnose
 
+    from ..diagnose.system import Switches
     from ..files import write_json
     from ..io.recording import load_set
     from ..vehicle import save_vehicle
@@ -43,7 +44,8 @@ def _diagnose(case: Path, out: Path, options: dict) -> float:
 
         write_json(out / "diagnosis.json", diagnose(load_set(case), options["baseline"]))
         return time.perf_counter() - start
-    found = ges.diagnose(load_set(case), **options)
+    switches = Switches(**{part: False for part in options.get("without", ())})
+    found = ges.diagnose(load_set(case), switches=switches)
     seconds = time.perf_counter() - start
     write_json(out / "diagnosis.json", found.content())
     save_vehicle(found.vehicle, out / "vehicle.fitted.yaml")
