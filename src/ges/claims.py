@@ -57,7 +57,8 @@ class Claim(Strict):
 
     ``where`` and ``value`` find our number, ``reduce`` the greatest, least or mean of several; ``minus`` (a further
     ``where``) is subtracted, ``over`` divides. ``baseline`` finds our counterpart of the published ``paper_baseline``.
-    ``fitted`` marks a number that the simulator was calibrated to, which is no test. ``margin`` belongs to ``null``, ``bound`` to ``above`` and ``below``.
+    ``fitted`` marks a number that the simulator was calibrated to, which is no test. ``margin`` belongs to ``null``,
+    ``bound`` to ``above`` and ``below``.
     """
 
     id: str
@@ -255,7 +256,8 @@ def _rows(listed: list[Claim], tables: Mapping[str, pd.DataFrame], seeds: Seeds)
             "id": claim.id, "section": claim.section, "claim": claim.says, "rule": claim.kind,
             "paper": claim.paper_text or _number(claim.paper), "unit": claim.unit, "ours": _number(found and found.value),
             "low": _number(found and found.low), "high": _number(found and found.high), "seeds": _behind(claim, seeds),
-            "verdict": judged, "fitted": "yes" if claim.fitted else "", "why": "" if judged in (REPRODUCED, UNMEASURED) else claim.why,
+            "verdict": judged, "fitted": "yes" if claim.fitted else "",
+            "why": "" if judged in (REPRODUCED, UNMEASURED) else claim.why,
         }  # fmt: skip
 
 
