@@ -34,6 +34,7 @@ LARGEST_SPREAD = 10.0
 BLOCK_S = 3.0
 WORTH = 3.0
 ROUNDS = 3
+OF_THE_DRIVE = (SPEED, "thrust_curve.c", "battery_sag.sensitivity")
 FOLDED = frozenset({"thrust_scale", "torque_coefficient", "inertia", "motor_lag", "vehicle"})
 DRIVE_EFFECTS = frozenset({"thrust_curve", "battery_sag"})
 
@@ -74,11 +75,18 @@ class Calibration:
     warnings: tuple[str, ...]
 
 
-def _opened(model: Model) -> Model:
+def _opened(model: Model, flights: Sequence[Prepared]) -> Model:
     """The model with the motors' gains free; in hover a shifted centre of gravity looks the same, so that one only moves
-    within the doubt that the file itself declares."""
-    held = {"cg_offset.x_m": 0.0, "cg_offset.y_m": 0.0}
-    return dataclasses.replace(model, doubts={**dict.fromkeys(LOSSES, LOSS_SD), **held, **model.doubts})
+    within the doubt that the file itself declares. What turns commands into thrust is one number without rotor speeds."""
+    doubts = {**dict.fromkeys(LOSSES, LOSS_SD), "cg_offset.x_m": 0.0, "cg_offset.y_m": 0.0, **model.doubts}
+    if _commanded(flights):
+        doubts |= dict.fromkeys(OF_THE_DRIVE, 0.0)
+    return dataclasses.replace(model, doubts=doubts)
+
+
+def _commanded(flights: Sequence[Prepared]) -> bool:
+    """Whether thrust is known from commands alone."""
+    return not any(f.has("rotor_speed") for f in flights)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -252,6 +260,15 @@ def _folded(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict:
     return update
 
 
+def _drive_held(vehicle: Vehicle, effects: dict[str, dict[str, Estimate]]) -> dict:
+    """Top speed and thrust curve as they are: what flights show of them is in the thrust coefficient and its doubt."""
+    curve = {key: Estimate(value=q.value) for key, q in effects.get("thrust_curve", {}).items()}
+    held = {"effects": {**effects, "thrust_curve": curve} if curve else effects}
+    if vehicle.max_rotor_speed_rad_s:
+        held["max_rotor_speed_rad_s"] = Quantity(value=vehicle.max_rotor_speed_rad_s.value)
+    return held
+
+
 def _belongs(key: str, number: Number, vehicle: Vehicle) -> bool:
     """Whether a number is written under ``effects``: trims always, drive effects where declared or beyond the usual."""
     effect = key.split(".")[0]
@@ -290,8 +307,10 @@ def calibrate(recordings: RecordingSet) -> Calibration:
     flights = [f for f in gate.flights if f is not None]
     if len(flights) < 2:
         raise GesError(f"{len(flights)} usable reference flight; calibration needs two or more to see how much flights differ")
-    numbers, factor = _fit(flights, _opened(at_flown_voltage(model, flights)))
+    numbers, factor = _fit(flights, _opened(at_flown_voltage(model, flights), flights))
     update = _folded(recordings.vehicle, numbers) | {"effects": _effects(recordings.vehicle, numbers)}
+    if _commanded(flights):
+        update |= _drive_held(recordings.vehicle, update["effects"])
     seconds = float(sum(f.flying.sum() * f.dt_s for f in flights))
     told = (*recordings.warnings, *gate.warnings, *_far(numbers))
     return Calibration(recordings.vehicle.model_copy(update=update), numbers, factor * SPREAD, seconds, told)

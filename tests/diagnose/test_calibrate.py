@@ -145,6 +145,8 @@ def test_small_quadrotors_gains_and_their_spread(recordings_dir, airframe):
         n = found.numbers[key]
         assert 0.02 < abs(n.value) < 0.15 and n.sd < n.later_sd < 0.04
     assert not any(key.startswith(("inertia", "motor_lag")) for key in found.numbers), "no rates were logged"
+    assert found.vehicle.max_rotor_speed_rad_s.sd == 0.0 and found.vehicle.effects["thrust_curve"]["c"].sd == 0.0
+    assert 0.0 < found.vehicle.thrust_coefficient_N_s2.sd < 0.02 * found.vehicle.thrust_coefficient_N_s2.value
 
 
 def test_balance_of_commands_is_what_the_gains_say(recordings_dir):

@@ -92,9 +92,8 @@ def _doubts(vehicle: Vehicle) -> dict[str, float]:
         doubts.update({f"inertia.{axis}": vehicle.inertia_kg_m2.sd_rel for axis in ("xx", "yy", "zz")})
     if vehicle.motor_time_constant_s:
         doubts.update({f"motor_lag.{way}_s": vehicle.motor_time_constant_s.sd for way in ("up", "down")})
-    for name, values in vehicle.effects.items():
-        doubts.update({f"{name}.{key}": quantity.sd for key, quantity in values.items()})
-    return {name: sd for name, sd in doubts.items() if sd > 0}
+    given = {f"{name}.{key}": quantity.sd for name, values in vehicle.effects.items() for key, quantity in values.items()}
+    return {name: sd for name, sd in doubts.items() if sd > 0} | given
 
 
 def from_vehicle(vehicle: Vehicle, folder: Path | str = ".") -> Model:
