@@ -43,3 +43,13 @@ def test_misfit_is_worse_away_from_the_fit(world, report):
     arms = [calibrate.fly_arms(*world, numbers, report["seeds"][:2]) for numbers in (report["fitted"], moved)]
     here, there = (calibrate.misfit(calibrate.operating_point(*world, a)) for a in arms)
     assert there > 2 * here
+
+
+def test_search_writes_what_it_found(world, study, tmp_path, monkeypatch):
+    monkeypatch.setattr(calibrate, "GENERATIONS", 1)
+    monkeypatch.setattr(calibrate, "FREE", {name: calibrate.FREE[name] for name in ("altitude_ki", "terrain_amplitude_max_m")})
+    short = world[1].model_copy(update={"duration_s": 32.0})
+    calibrate.calibrate(world[0], short, study.seeds.calibration.model_copy(update={"count": 1}), tmp_path / "found.json")
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert found["misfit"] == pytest.approx(calibrate.misfit(found["flown"])) and found["evaluations"] > 10
+    assert set(found["fitted"]) == {"altitude_ki", "terrain_amplitude_max_m", "terrain_amplitude_min_m"}

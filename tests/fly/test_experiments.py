@@ -58,7 +58,7 @@ def test_rules_that_choose_are_given_validation_seeds_alone(root):
     for rule in re.split(r"\nrule ", text)[1:]:
         seeds = set(re.findall(r'part\("(seeds[\w.]*)"\)', rule))
         wanted = {"seeds.validation"} if rule.startswith("choose") else {"seeds.closed_loop", "seeds"}
-        wanted = {"seeds.calibration"} if rule.startswith("fly_ensemble") else wanted
+        wanted = {"seeds.calibration"} if rule.startswith(("fly_ensemble", "calibrate")) else wanted
         assert seeds <= wanted, rule.split(":")[0]
 
 

@@ -12,6 +12,25 @@ CELLS = [
 ]
 
 
+# Ten minutes, and no part of the study: its result stands in config/, its numbers in config/default.yaml.
+rule calibrate:
+    input:
+        library=PLAIN,
+    output:
+        calibration="results/calibration.json",
+    log:
+        "results/logs/calibrate.log",
+    params:
+        call=call("ges.fly.calibrate:calibrate"),
+        simulator=part("simulator"),
+        plan=part("closed_loop"),
+        calibration_seeds=part("seeds.calibration"),
+    message:
+        "fit the simulator's free numbers to published figures"
+    script:
+        SCRIPT
+
+
 rule choose_clamp:
     input:
         library=FLYING,

@@ -11,13 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.optimize import differential_evolution
 
-from .. import config, files, sim
-from ..config import ClosedLoop, Simulator
+from .. import files, sim
+from ..config import ClosedLoop, SeedRange, Simulator
 from .flights import Condition
 from .metrics import GYRO, gyro_rms
 
@@ -30,6 +29,7 @@ TOLERANCE = {
     "contact_share": 0.001,
 }  # fmt: skip
 BIAS = 0.02
+GENERATIONS = 40
 FREE = {
     "cruise_m_s": (0.8, 1.6),
     "terrain_amplitude_max_m": (0.08, 0.2),
@@ -99,30 +99,26 @@ def misfit(flown: dict[str, float]) -> float:
     return value if np.isfinite(value) else 1e9
 
 
-def calibrate(study_file: Path, out: Path, generations: int = 40, seed: int = 1) -> dict[str, Any]:
-    """Search the free numbers; write what was fitted to what, and how near it came.
+def calibrate(simulator: Simulator, plan: ClosedLoop, calibration_seeds: SeedRange, calibration: Path) -> None:
+    """Search the free numbers by differential evolution; write what was fitted to what, and how near it came.
 
     Parameters
     ----------
-    study_file : configuration that says everything that is not free.
-    out : JSON file: free numbers, published and flown figures, bounds and seeds of the search.
-    generations, seed : of the differential evolution.
+    simulator, plan : say everything that is not free.
+    calibration : to write (JSON): free numbers, published and flown figures, bounds and seeds of the search.
     """
-    study = config.load(study_file)
-    world = study.simulator, study.closed_loop
-    seeds = study.seeds.calibration.list()
+    seeds = calibration_seeds.list()
 
     def flown(numbers: dict[str, float]) -> dict[str, float]:
-        return operating_point(*world, fly_arms(*world, numbers, seeds))
+        return operating_point(simulator, plan, fly_arms(simulator, plan, numbers, seeds))
 
     found = differential_evolution(
-        lambda x: misfit(flown(free_parameters(x))), list(FREE.values()), seed=seed,
-        popsize=5, maxiter=generations, polish=False, tol=0.0,
+        lambda x: misfit(flown(free_parameters(x))), list(FREE.values()), seed=1, popsize=5, maxiter=GENERATIONS, polish=False,
+        tol=0.0,
     )  # fmt: skip
     numbers = free_parameters(found.x)
     report = {
         "fitted": numbers, "flown": flown(numbers), "published": PUBLISHED, "tolerance": TOLERANCE,
         "bounds": FREE, "seeds": seeds, "misfit": float(found.fun), "evaluations": int(found.nfev),
     }  # fmt: skip
-    files.write_json(out, report)
-    return report
+    files.write_json(calibration, report)
