@@ -29,8 +29,9 @@ VEHICLE = {
     "torque_coefficient_Nm_s2": {"value": 1e-7, "sd_rel": 0.1},
     "max_rotor_speed_rad_s": 1000,
 }
-LOGGED = ("p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s", "q_w", "q_x", "q_y", "q_z",
-          "rotor_speed_1_rad_s", "rotor_speed_2_rad_s", "rotor_speed_3_rad_s", "rotor_speed_4_rad_s")  # fmt: skip
+REFERENCES = ("p_ref_x_m", "p_ref_y_m", "p_ref_z_m", "v_ref_x_m_s", "v_ref_y_m_s", "v_ref_z_m_s", "yaw_ref_rad")
+LOGGED = ("p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s", "q_w", "q_x", "q_y", "q_z", "rotor_speed_1_rad_s",
+          "rotor_speed_2_rad_s", "rotor_speed_3_rad_s", "rotor_speed_4_rad_s", *REFERENCES)  # fmt: skip
 GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 
 
@@ -43,6 +44,7 @@ def _flown(vehicle, effects: dict, plan: str, seed: int) -> pd.DataFrame:
     rng = np.random.default_rng(seed)
     for column in frame:
         noise = 0.02 if column.startswith(("v_", "omega")) else 0.001 if column.startswith("q_") else 0.0
+        noise = 0.0 if column in REFERENCES else noise
         frame[column] += rng.normal(0.0, noise, len(frame))
     return frame
 
