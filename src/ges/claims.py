@@ -71,7 +71,7 @@ class Claim(Strict):
     table: str
     where: Where = {}
     value: str
-    reduce: Literal["max", "min", "mean", "first"] | None = None
+    reduce: Literal["max", "min", "mean", "first", "count"] | None = None
     over_reduce: Literal["max", "min", "mean", "first"] | None = None
     minus: Where | None = None
     over: Where | None = None

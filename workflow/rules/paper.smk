@@ -26,6 +26,7 @@ CLAIMED_TABLES = [
             "pulse_map_limits.csv",
             "poles_summary.csv",
             "grid_summary.csv",
+            "grid.csv",
             "causes_tests.csv",
             "worlds_summary.csv",
             "worlds_bias_tests.csv",
