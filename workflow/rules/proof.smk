@@ -24,7 +24,13 @@ PROOF_TABLES = expand(
 )
 PROOF_FIGURES = expand(
     f"{PROVEN}/{{figure}}.{{kind}}",
-    figure=["confusion_matrix", "detection", "calibration", "outcomes"],
+    figure=[
+        "confusion_matrix",
+        "detection",
+        "detection_limit",
+        "calibration",
+        "outcomes",
+    ],
     kind=["pdf", "png"],
 )
 PROOF = [f"{PROVEN}/scores.json", *PROOF_TABLES, *PROOF_FIGURES]

@@ -175,8 +175,10 @@ def parameters(problem: Problem) -> Answer:
 def boosting(problem: Problem) -> Answer:
     """Gradient boosting of the residual on everything that was logged, a channel at a time; it names nothing."""
     from sklearn.ensemble import HistGradientBoostingRegressor
+    from threadpoolctl import threadpool_limits
 
     rows, models = problem.train, {}
+    threadpool_limits(1)
     for c in np.unique(rows.channel):
         here = np.flatnonzero(rows.channel == c)
         here = here[:: max(1, len(here) // BOOSTED_ROWS)]

@@ -18,13 +18,13 @@ from .oracle import FREE, SHAPES, Oracle, Witness
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """One case: errors relative to the oracle, (held, tried) intervals, whether the effect exceeds the stated limit, and the
+    """One case: errors relative to the oracle, (held, tried) intervals, effect over stated limit, and the
     reductions of held-out errors by the diagnosis and by the oracle."""
 
     best: Oracle
     errors: dict[str, float]
     intervals: tuple[int, int]
-    above_limit: bool | None
+    over_limit: float | None
     reductions: tuple[float, float] | None
 
 
@@ -39,7 +39,9 @@ def compare(folder: Path, case: str, truth: Mapping, said: Mapping, fitted: Path
     best = dataclasses.replace(best, parameters={**best.parameters, **told})
     claimed = {f["name"]: f["parameters"] for f in said["findings"] if f["name"] in best.parameters}
     gains = reductions(folder / "cases" / case, names, said)
-    return Comparison(best, _errors(seen, best, claimed, fitted), _intervals(best, claimed), _above(names, best, said), gains)
+    return Comparison(
+        best, _errors(seen, best, claimed, fitted), _intervals(best, claimed), _over_limit(names, best, said), gains
+    )
 
 
 def _errors(seen: Witness, best: Oracle, claimed: Mapping[str, Mapping], fitted: Path) -> dict[str, float]:
@@ -88,10 +90,10 @@ def _intervals(best: Oracle, claimed: Mapping[str, Mapping]) -> tuple[int, int]:
     return (sum(checks), len(checks))
 
 
-def _above(names: list[str], best: Oracle, said: Mapping) -> bool | None:
-    """Whether the effect exceeds the smallest that the diagnosis says it would have seen; None where it says none."""
+def _over_limit(names: list[str], best: Oracle, said: Mapping) -> float | None:
+    """Size of the effect over the smallest that the diagnosis says it would have seen; None where it says none."""
     limit = said.get("detectable", {}).get(names[-1]) if names else None
-    if not limit or limit.get("smallest") is None or names[-1] not in best.parameters:
+    if not limit or not limit.get("smallest") or names[-1] not in best.parameters:
         return None
     value = best.parameters[names[-1]].get(limit["parameter"])
-    return None if value is None else abs(value) >= limit["smallest"]
+    return None if value is None else abs(value) / limit["smallest"]

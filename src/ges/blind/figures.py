@@ -25,6 +25,7 @@ def draw_all(out: Path, tables: Mapping[str, pd.DataFrame]) -> None:
         "detection": (draw_detection, "singles"),
         "calibration": (draw_calibration, "reliability"),
         "outcomes": (draw_outcomes, "categories"),
+        "detection_limit": (draw_limit, "cases"),
     }
     for name, (draw, source) in drawn.items():
         if len(tables[source]):
@@ -54,7 +55,7 @@ def draw_confusion(table: pd.DataFrame):
     axes.set_xticks(range(len(columns)), [_words(c) for c in columns], rotation=60, ha="right", fontsize=6)
     axes.set_yticks(range(len(rows)), [_words(r) for r in rows], fontsize=6)
     axes.grid(False)
-    axes.set(xlabel="answer", ylabel="concealed")
+    axes.set(xlabel="answer (a case with several names counts in each)", ylabel="concealed")
     return figure
 
 
@@ -110,4 +111,24 @@ def draw_outcomes(table: pd.DataFrame):
     axes.set(xlabel="share of cases", xlim=(0, 1), ylim=(len(kinds) - 0.4, -0.6))
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=8, handlelength=1.0, columnspacing=1.0)
     axes.grid(False)
+    return figure
+
+
+def draw_limit(table: pd.DataFrame):
+    """Cases with one effect by its size over the smallest that the diagnosis says it would have seen."""
+    single = table[(table["category"] == "single") & table["over_limit"].notna()]
+    size, right = single["over_limit"].astype(float), single["outcome"] == "exact"
+    figure, axes = style.subplots(height=2.4)
+    axes.axvline(1.0, color=style.GREY, lw=0.8, ls="--", label="stated detection limit")
+    lanes = {effect: k for k, effect in enumerate(dict.fromkeys(single["truth"].sort_values()))}
+    at = 0.12 * (np.array([lanes[t] for t in single["truth"]]) / max(len(lanes), 1) - 0.5)
+    axes.plot(size[right], 1.0 + at[right], "o", color=style.BLUE, label="exactly right")
+    axes.plot(size[~right], at[~right], "x", color=style.RED, label="not")
+    if len(size) > 3:
+        edges = np.quantile(size, np.linspace(0.0, 1.0, min(6, len(size) // 3 + 2)))
+        place = np.clip(np.searchsorted(edges, size, side="right") - 1, 0, len(edges) - 2)
+        shares = [(float(np.exp(np.log(size[place == b]).mean())), right[place == b].mean()) for b in np.unique(place)]
+        axes.plot(*zip(*shares, strict=True), color=style.BLACK, lw=1.0, marker=".", label="share, equal counts")
+    axes.set(xscale="log", xlabel="size of the effect over the stated limit", ylabel="exactly right", ylim=(-0.15, 1.15))
+    axes.legend(loc="center right", fontsize=6)
     return figure

@@ -148,7 +148,7 @@ def case_table(folder: Path, diagnosed: str, judged: Sequence[Judgement], truths
             "claimed": "+".join(j.claimed), "offered": "+".join(j.offered), "outcome": j.outcome, "wrong": "+".join(j.wrong),
             "flagged": j.flagged, "located": j.located[0], "located_too_many": j.located[1], "located_missed": j.located[2],
             "reach": against.best.reach if against else np.nan, "coefficient_error": worst,
-            "above_limit": against.above_limit if against else None,
+            "over_limit": against.over_limit if against else None,
             **truths[j.case].get("situation", {}), "seconds": ran.get("seconds"), "wall_s": ran.get("wall_s"),
         })  # fmt: skip
     return pd.DataFrame(rows)
@@ -224,7 +224,7 @@ def summary(judged: Sequence[Judgement], table: pd.DataFrame, held: dict[str, Co
     }
     located = np.array([j.located for j in judged if sum(j.located)], dtype=float).reshape(-1, 3)
     stated = np.array([s for j in judged for s in j.stated], dtype=float).reshape(-1, 2)
-    above = [j for j in of["single"] if j.case in held and held[j.case].above_limit]
+    above = [j for j in of["single"] if j.case in held and (held[j.case].over_limit or 0.0) >= 1.0]
     found["singles exactly right above the stated detection limit"] = _rate(above, lambda j: j.exact)
     errors = np.array([e for c in held.values() for e in c.errors.values()])
     found["coefficient error relative to the oracle, median"] = (*bootstrap(errors, np.median), len(errors))

@@ -1,0 +1,141 @@
+"""Baselines on a problem whose answer is known, oracle and limits, a run that is interrupted, real flights as cases."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ges.blind import baselines, figures, run, score, seal
+from ges.blind.coefficients import _over_limit, _relative
+from ges.blind.oracle import Oracle
+from ges.errors import UsageError
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def _column(name: str) -> SimpleNamespace:
+    return SimpleNamespace(variant=SimpleNamespace(effect=name), nuisance=None)
+
+
+def _problem(coefficients: dict[str, float], noise: float = 1.0) -> baselines.Problem:
+    """Three flights of independent columns, residual = columns times coefficients + white noise; calibration has no part."""
+    names = ("rotor_drag", "wind", "axial_inflow", "tether")
+    rng = np.random.default_rng(3)
+    beta = np.array([coefficients.get(n, 0.0) for n in names])
+    nuisance = SimpleNamespace(nuisance=SimpleNamespace(effect="thrust_scale", sd=0.1, flight_sd=0.0))
+
+    def rows(n: int) -> baselines.Rows:
+        x, free = rng.standard_normal((n, 4)), rng.standard_normal((n, 1))
+        y = x @ beta + noise * rng.standard_normal(n)
+        return baselines.Rows(y, y + 0.5 * free[:, 0], x, free, x.copy(), np.arange(n) % 2, np.arange(n) % 3)
+
+    columns = tuple(_column(n) for n in names)
+    return baselines.Problem(("force_x", "force_y"), np.ones(2), columns, (nuisance,), rows(3000), rows(1000), ("flight_1",))
+
+
+def test_stepwise_finds_strong_columns():
+    named, predict = baselines.stepwise(_problem({"rotor_drag": 0.5, "tether": -0.3}))
+    assert {"rotor_drag", "tether"} <= set(named) and named["rotor_drag"] > 0.99
+    problem = _problem({"rotor_drag": 0.5})
+    left = problem.held.y - baselines.stepwise(problem)[1](problem.held)
+    assert np.var(left) < 0.85 * np.var(problem.held.y)
+
+
+def test_stepwise_p_values_are_those_of_least_squares():
+    import statsmodels.api as sm
+
+    problem = _problem({"wind": 0.05})
+    named, _ = baselines.stepwise(problem)
+    alone = sm.OLS(problem.train.y, problem.train.x[:, [1]]).fit()
+    assert 1.0 - named["wind"] == pytest.approx(alone.pvalues[0], rel=0.02)
+
+
+def test_sindy_finds_strong_columns():
+    pytest.importorskip("pysindy", reason="the extra 'baselines' is not installed")
+    assert set(baselines.sindy(_problem({"rotor_drag": 0.5, "wind": 0.4}, noise=0.1))[0]) == {"rotor_drag", "wind"}
+
+
+def test_parameter_fit_names_what_is_outside_its_tolerance():
+    """The nuisance is 0.5 with a tolerance of 0.1: named; within five times the tolerance: not."""
+    problem = _problem({})
+    assert set(baselines.parameters(problem)[0]) == {"thrust_scale"}
+    wide = SimpleNamespace(nuisance=SimpleNamespace(effect="thrust_scale", sd=0.5, flight_sd=0.0))
+    assert not baselines.parameters(dataclasses.replace(problem, nuisances=(wide,)))[0]
+
+
+def test_boosting_learns_and_names_nothing():
+    problem = _problem({"rotor_drag": 2.0})
+    named, predict = baselines.boosting(problem)
+    assert not named and np.var(problem.held.y - predict(problem.held)) < 0.5 * np.var(problem.held.y)
+
+
+def test_size_over_stated_limit():
+    best = Oracle({"rotor_drag": {"k_kg": 4e-6}}, 1.0)
+    said = {"detectable": {"rotor_drag": {"parameter": "k_kg", "smallest": 2e-6}}}
+    assert _over_limit(["rotor_drag"], best, said) == pytest.approx(2.0)
+    assert _over_limit(["rotor_drag"], best, {"detectable": {}}) is None
+    assert _over_limit([], best, said) is None
+
+
+def test_coefficient_error_of_a_vector():
+    told = {"x_m": {"value": 3.0}, "y_m": {"value": 0.0}}
+    assert _relative({"x_m": 3.0, "y_m": 4.0}, told) == pytest.approx(0.8)
+
+
+def test_unknown_method_is_said():
+    with pytest.raises(UsageError, match="did you mean 'stepwise'"):
+        run.method_options("stepwize")
+
+
+def test_limit_figure_draws():
+    table = pd.DataFrame({"category": ["single"] * 8, "truth": list("aabbccdd"), "over_limit": np.geomspace(0.2, 20, 8),
+                          "outcome": ["nothing"] * 3 + ["exact"] * 5})  # fmt: skip
+    axes = figures.draw_limit(table).axes[0]
+    assert [len(line.get_xdata()) for line in axes.lines[1:3]] == [5, 3]
+
+
+def test_interrupted_run_goes_on_and_ends_the_same(tmp_path, proof):
+    """Killed between two cases and started again: the finished case is kept, and the verdicts are those of one run."""
+    import shutil
+
+    folder = Path(shutil.copytree(proof, tmp_path / "proof", ignore=shutil.ignore_patterns("diagnosed", "scores")))
+    code = f"from pathlib import Path; from ges.blind.run import run_cases; run_cases(Path({str(folder)!r}), 1, out='cut')"
+    killed = subprocess.Popen([sys.executable, "-c", code])
+    first, last = (folder / "cut" / n for n in seal.cases(folder))
+    for _ in range(1200):
+        time.sleep(0.1)
+        if first.exists() or killed.poll() is not None:
+            break
+    killed.send_signal(signal.SIGKILL)
+    killed.wait()
+    stamp = (first / "run.json").stat().st_mtime_ns
+    assert not last.exists()
+    assert run.run_cases(folder, 1, out="cut") == 1
+    assert (first / "run.json").stat().st_mtime_ns == stamp
+    assert json.loads((last / "run.json").read_text())["ended"] == "well"
+    assert score.read_verdict(last)["verdict"] != "failed"
+
+
+def test_real_flights_become_cases(tmp_path, recordings_dir):
+    """Every published change is a sealed case; nothing in a case's folder names what was done."""
+    from ges.blind.real import CHANGES, make_real
+
+    count = make_real(tmp_path / "real", recordings_dir, ROOT / "config")
+    names = seal.cases(tmp_path / "real")
+    assert len(names) == count == len(CHANGES) + 4 + 2
+    for path in (tmp_path / "real" / "cases").rglob("*"):
+        assert not any(
+            word in str(path.relative_to(tmp_path)) for word in ("cut", "tape", "string", "weight", "normal", "E8", "E9")
+        )
+    truths = [seal.truth(tmp_path / "real", n) for n in names]
+    assert sum(t["verdict"] == "nothing_proven" for t in truths) == 5
