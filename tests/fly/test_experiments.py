@@ -140,7 +140,7 @@ def test_pulse_windows_hold_the_trace(tiny, flown):
 def test_response_of_a_damped_wave():
     after = np.arange(0, 10, 0.02)
     wave = -0.004 * np.exp(-0.5 * after) * np.sin(3.0 * after)
-    found = pulse._response(pd.DataFrame({"after_s": after, "change_m": wave}))
+    found = pulse._response(after, wave)
     peak = np.arctan(3.0 / 0.5) / 3.0
     assert found["lowest_after_s"] == pytest.approx(peak, abs=0.02)
     assert found["rebound_after_s"] == pytest.approx(peak + np.pi / 3.0, abs=0.02)
@@ -148,8 +148,20 @@ def test_response_of_a_damped_wave():
     assert 3.5 < found["settled_after_s"] < 6.0
 
 
+def test_interval_of_a_response_is_that_of_its_seeds():
+    """Depths of 20 seeds spread by a tenth: the interval of the mean's depth is about two standard errors each way."""
+    after, rng = np.arange(0, 10, 0.02), np.random.default_rng(5)
+    wave = np.exp(-0.5 * after) * np.sin(3.0 * after)
+    seeds = -0.004 * (1 + 0.1 * rng.normal(size=(20, 1))) * wave
+    found = pulse._mean_response(after, seeds)
+    half = 1.96 * seeds.min(axis=1).std(ddof=1) / np.sqrt(20)
+    assert found["lowest_m_low"] < found["lowest_m"] < found["lowest_m_high"]
+    assert found["lowest_m_high"] - found["lowest_m_low"] == pytest.approx(2 * half, rel=0.2)
+    assert found["rebound_after_s_low"] == found["rebound_after_s_high"] == found["rebound_after_s"]
+
+
 def test_no_response_settles_at_once():
-    assert pulse._response(pd.DataFrame({"after_s": [0.0, 1.0], "change_m": [0.0, 0.0]}))["settled_after_s"] == 0.0
+    assert pulse._response(np.array([0.0, 1.0]), np.zeros(2))["settled_after_s"] == 0.0
 
 
 def test_a_pulse_too_late_for_its_windows_is_a_sentence(root):

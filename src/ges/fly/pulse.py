@@ -18,6 +18,7 @@ from .flights import Condition, flown, write_csv
 COLUMNS = ("t_s", "agl_m", "ge_factor", "ge_shadow")
 BEFORE_S = 0.5
 TRACE_EVERY = 2
+RESAMPLES = 999
 
 
 def pulse_pair(plan: ClosedLoop, bias: float, duration_s: float) -> tuple[Condition, Condition]:
@@ -48,33 +49,40 @@ def _tests(windows: pd.DataFrame) -> pd.DataFrame:
     return table
 
 
-def _trace(t_s: np.ndarray, change: np.ndarray, plan: ClosedLoop) -> pd.DataFrame:
-    """Mean change of clearance over seeds against time after the pulse, with its 95 % interval; change: (seeds, rows)."""
-    from scipy.stats import t as student_t
-
+def _near(t_s: np.ndarray, plan: ClosedLoop) -> tuple[np.ndarray, np.ndarray]:
+    """(rows around the pulse, their times after its end)."""
     after = t_s - (plan.pulse.start_s + plan.pulse.duration_s)
     near = np.flatnonzero((after >= -BEFORE_S - plan.pulse.duration_s) & (after < plan.pulse.window_edges_s[-1]))[::TRACE_EVERY]
-    part, mean, n = change[:, near], change[:, near].mean(axis=0), len(change)
-    half = student_t.ppf(0.975, n - 1) * part.std(axis=0, ddof=1) / np.sqrt(n) if n > 1 else np.nan
-    return pd.DataFrame({"after_s": after[near].round(6), "change_m": mean, "low_m": mean - half, "high_m": mean + half})
+    return near, after[near].round(6)
 
 
-def _response(trace: pd.DataFrame) -> dict[str, float]:
-    """Depth of the mean response, its rebound, when they occur, and when it stays within a tenth of the depth."""
-    after = trace[trace["after_s"] >= 0].reset_index(drop=True)
-    low = int(after["change_m"].idxmin())
-    high = low + int(after["change_m"][low:].argmax())
-    depth = float(after["change_m"][low])
-    outside = np.flatnonzero(np.abs(after["change_m"]) > 0.1 * abs(depth))
+def _trace(after_s: np.ndarray, change_m: np.ndarray) -> pd.DataFrame:
+    """Mean change of clearance over seeds against time after the pulse, with its 95 % interval; change_m: (seeds, rows)."""
+    from scipy.stats import t as student_t
+
+    mean, n = change_m.mean(axis=0), len(change_m)
+    half = student_t.ppf(0.975, n - 1) * change_m.std(axis=0, ddof=1) / np.sqrt(n) if n > 1 else np.nan
+    return pd.DataFrame({"after_s": after_s, "change_m": mean, "low_m": mean - half, "high_m": mean + half})
+
+
+def _response(after_s: np.ndarray, change_m: np.ndarray) -> dict[str, float]:
+    """Depth of a response, its rebound, when they occur, and when it stays within a tenth of the depth."""
+    after, change = after_s[after_s >= 0], change_m[after_s >= 0]
+    low = int(change.argmin())
+    high = low + int(change[low:].argmax())
+    outside = np.flatnonzero(np.abs(change) > 0.1 * abs(change[low]))
     settled = min(outside[-1] + 1, len(after) - 1) if len(outside) else 0
-    return {
-        "lowest_m": depth,
-        "lowest_after_s": float(after["after_s"][low]),
-        "rebound_m": float(after["change_m"][high]),
-        "rebound_after_s": float(after["after_s"][high]),
-        "settled_after_s": float(after["after_s"][settled]),
-        "last_m": float(after["change_m"].iloc[-1]),
-    }
+    names = ("lowest_m", "lowest_after_s", "rebound_m", "rebound_after_s", "settled_after_s", "last_m")
+    values = change[low], after[low], change[high], after[high], after[settled], change[-1]
+    return dict(zip(names, map(float, values), strict=True))
+
+
+def _mean_response(after_s: np.ndarray, change_m: np.ndarray) -> dict[str, float]:
+    """Response of the mean over seeds; ``x_low``, ``x_high``: 95 % of what resampled seeds give."""
+    picks = np.random.default_rng(0).integers(0, len(change_m), (RESAMPLES, len(change_m)))
+    resampled = pd.DataFrame([_response(after_s, change_m[pick].mean(axis=0)) for pick in picks]).quantile([0.025, 0.975])
+    low, high = (resampled.iloc[i].add_suffix(suffix).to_dict() for i, suffix in enumerate(("_low", "_high")))
+    return {**_response(after_s, change_m.mean(axis=0)), **low, **high}
 
 
 def fly_pulse(
@@ -87,18 +95,19 @@ def fly_pulse(
     flights : to write: mean clearance and shadow error of every flight and window after the pulse.
     tests : to write: paired tests of pulsed against unpulsed in every window.
     trace : to write: mean change of clearance against time.
-    response : to write (JSON): depth, rebound and settling of that mean.
+    response : to write (JSON): depth, rebound and settling of that mean, with their intervals.
     """
     seeds, pair = closed_loop.list(), pulse_pair(plan, plan.pulse.bias, plan.pulse.duration_s)
     arms = [(c, seed) for c in pair for seed in seeds]
     records = list(flown([c.flight(simulator, plan, seed) for c, seed in arms], COLUMNS))
     rows = [row for (c, seed), r in zip(arms, records, strict=True) for row in _rows(c.name, seed, r, plan)]
     table, clearance = pd.DataFrame(rows), np.array([r["agl_m"] for r in records])
-    mean = _trace(records[0]["t_s"], clearance[len(seeds) :] - clearance[: len(seeds)], plan)
+    near, after_s = _near(records[0]["t_s"], plan)
+    change = (clearance[len(seeds) :] - clearance[: len(seeds)])[:, near]
     write_csv(table, flights)
     write_csv(_tests(table), tests)
-    write_csv(mean, trace)
-    write_json(response, _response(mean))
+    write_csv(_trace(after_s, change), trace)
+    write_json(response, _mean_response(after_s, change))
 
 
 def _outcome(unpulsed: Record, pulsed: Record, end_s: float, limits: ClosedLoop) -> dict[str, float]:
