@@ -8,11 +8,11 @@ SHOWN_TABLES = [
     "results/closed_loop/pulse_map_limits.csv",
     "results/closed_loop/ensemble_summary.csv",
 ]
-PROVEN_TABLES = globals().get("PROOF_TABLES", [])
-PROVEN_FIGURES = [f for f in globals().get("PROOF_FIGURES", []) if f.endswith(".pdf")]
+PROVEN_TABLES = [f for f in PROOF if f.endswith(".csv")]
+PROVEN_FIGURES = [f for f in PROOF if f.endswith(".pdf")]
 CLAIMED_TABLES = [
     "results/table1.csv",
-    *globals().get("OFFLINE_TABLES", []),
+    *OFFLINE_TABLES,
     *(
         f"results/closed_loop/{name}"
         for name in (
