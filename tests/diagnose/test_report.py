@@ -163,7 +163,7 @@ def test_what_is_open_is_told(content):
         "findings": [{**finding, "name": "wind", "size": {}}, {**finding, "name": "attitude_bias"}],
         "unexplained": [{"channel": "force_z", "regime": {"height_over_radius": [0.5, 2.0]}, "r2": 0.31}],
         "detectable": {
-            "wind": {"parameter": "east_m_s", "smallest": 0.4, "unit": "m/s"},
+            "wind": {"parameter": "east_m_s", "smallest": 0.4, "unit": "m/s", "limited_by": "attitude_bias"},
             "tether": {"parameter": "weight_N_m", "smallest": None},
         },
         "next_flight": {"manoeuvre": "yaw_turn", "separates": ["wind", "attitude_bias"], "expected_log_odds": 12.0},
@@ -172,8 +172,8 @@ def test_what_is_open_is_told(content):
     for expected in (
         "wind or attitude bias: the flights fit either",
         "force along thrust height over rotor radius 0.500 to 2.00 0.310",
-        "wind east_m_s 0.400 m/s",
-        "tether weight_N_m not visible",
+        "wind east_m_s 0.400 m/s attitude bias",
+        "tether weight_N_m not visible noise",
         "Fly yaw turn: simulated with each explanation, it separates wind from attitude bias (expected log odds 12.0).",
     ):
         assert expected in text
