@@ -92,6 +92,7 @@ rule score_proof:
         "results/benchmarks/score_proof.tsv"
     params:
         call=call("ges.blind.score:score_batches"),
+    threads: 2
     message:
         "open the seal and score"
     script:
@@ -116,6 +117,7 @@ rule compare_methods:
     params:
         call=call("ges.blind.score:compare_methods"),
         methods=METHODS,
+    threads: 2
     message:
         "score the baselines on the same cases"
     script:
