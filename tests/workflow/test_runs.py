@@ -98,3 +98,11 @@ def test_export_without_mlflow_says_what_to_install(two, runner, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "mlflow", None)
     done = runner.invoke(command, ["export", two[0], "--mlflow", "sqlite:///x.db"])
     assert isinstance(done.exception, GesError) and "ges[mlflow]" in str(done.exception)
+
+
+def test_export_into_mlflow_writes_a_run_once(two):
+    mlflow = pytest.importorskip("mlflow", reason="the extra 'mlflow' is not installed")
+    run = runs.find(Path("results"), two[0])
+    first, second = (runs.export_mlflow(run, "runs.db", "ges") for _ in range(2))
+    stored = mlflow.MlflowClient("sqlite:///runs.db").get_run(first)
+    assert first == second and stored.data.metrics["rmse"] == 0.5 and stored.data.tags["commit"] == "abc"
