@@ -239,13 +239,19 @@ def differences(a: Manifest, b: Manifest) -> dict[str, dict[str, tuple[Any, Any]
 
 
 def export_mlflow(run: Manifest, uri: str, experiment: str) -> str:
-    """Write a run into an MLflow store, by one writer; returns MLflow's own run id."""
+    """Write a run into an MLflow store, by one writer, once; returns MLflow's own run id.
+
+    ``uri`` is a tracking address, or the name of an SQLite file.
+    """
     try:
         import mlflow
     except ImportError:
         raise GesError("MLflow is not installed; uv pip install 'ges[mlflow]' adds it") from None
-    mlflow.set_tracking_uri(uri)
+    mlflow.set_tracking_uri(uri if "://" in uri else f"sqlite:///{uri}")
     mlflow.set_experiment(experiment)
+    same = f"attributes.run_name = '{run.id}'"
+    if known := mlflow.search_runs(experiment_names=[experiment], filter_string=same, output_format="list"):
+        return known[0].info.run_id
     with mlflow.start_run(run_name=run.id) as started:
         mlflow.log_params({key: str(value) for key, value in flat(run.config).items()})
         mlflow.log_metrics(run.metrics)

@@ -106,11 +106,11 @@ def verify(run: str, results: Path) -> None:
 @command.command()
 @RUN
 @RESULTS
-@click.option("--mlflow", "uri", required=True, metavar="URI", help="Tracking store, e.g. sqlite:///mlflow.db")
+@click.option("--mlflow", "uri", required=True, metavar="STORE", help="SQLite file, or a tracking address.")
 @click.option("--experiment", default="ges", show_default=True, help="MLflow experiment.")
 def export(run: str, results: Path, uri: str, experiment: str) -> None:
     """Write a run into an MLflow store.
 
-    Example: ges runs export latest --mlflow sqlite:///mlflow.db
+    Example: ges runs export latest --mlflow mlflow.db
     """
     click.echo(f"MLflow run {runs.export_mlflow(runs.find(results, run), uri, experiment)}")
