@@ -17,7 +17,7 @@
 
 #define GES_ABI 1
 #define GES_ROTORS 4
-#define GES_MAX_EFFECTS 16       /* effects switched on in one flight */
+#define GES_MAX_EFFECTS 40       /* effects switched on in one flight */
 #define GES_MAX_PARAMETERS 12    /* parameters of one effect */
 #define GES_MAX_STATES 8         /* extra states of one effect */
 #define GES_REFERENCE_COLUMNS 14 /* p_ref[3] v_ref[3] a_ref[3] yaw_ref, excitation: angular acc. [3], vertical acc. */

@@ -16,7 +16,7 @@ import numpy as np
 from .errors import GesError
 
 ABI = 1
-MAX_EFFECTS, MAX_PARAMETERS = 16, 12
+MAX_EFFECTS, MAX_PARAMETERS = 40, 12
 REFERENCE_COLUMNS, REPLAY_COLUMNS = 14, 12
 _ERROR_SIZE = 512
 _double_p = ct.POINTER(ct.c_double)

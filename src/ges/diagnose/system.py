@@ -34,7 +34,7 @@ USUAL: tuple[tuple[str, str, float, float, float], ...] = (
     ("moment", "inertia.zz", 0.02, 0.0, 0.0),
     ("moment", "torque_coefficient.scale", 0.02, 0.0, 0.0),
     ("moment", "time_offset.delay_s", 0.001, 0.003, 0.0),
-    ("drive", "thrust_curve.c", 0.02, 0.03, 0.0),
+    ("drive command", "thrust_curve.c", 0.02, 0.03, 0.0),
     ("drive", "esc_delay.delay_s", 0.001, 0.002, 0.0),
     ("range", "rangefinder_bias.bias_m", 0.005, 0.01, 0.003),
     ("range", "rangefinder_bias.scale", 0.01, 0.02, 0.0),
@@ -84,8 +84,8 @@ class Column:
 
     @property
     def moved(self) -> bool:
-        """Whether it is a candidate whose column follows what the controller does; nuisances stay within their doubts anyway."""
-        return self.variant is not None and self.variant.effect in MOVED
+        """Whether the column follows what the controller does."""
+        return (self.variant.effect if self.variant is not None else self.nuisance.effect) in MOVED
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,16 +127,16 @@ def nuisances(model: Model, names: Iterable[str], flights: Sequence[Prepared]) -
 
     A doubt that the vehicle file states under ``effects`` replaces the usual one of :data:`USUAL`. Where no
     attitude was measured, numbers that only it shows stay as declared; where rotor speeds have to be made from commands, the
-    drive is as doubtful as where both were logged.
+    thrust curve is as doubtful as where both were logged.
     """
     names, arm = set(names), model.arm_m
     commanded = any(not f.has("rotor_speed") for f in flights)
-    has = {name.split("_")[0] for name in names} | ({"drive"} if commanded else set())
+    has = {name.split("_")[0] for name in names} | ({"command"} if commanded else set())
     listed = [Nuisance("thrust_scale", "scale", 0.01, model.doubts.get("thrust_scale.scale", 0.0), 0.01)]
     for group, key, step, usual, by_flight in USUAL:
         effect, parameter = key.split(".")
         scale = arm if effect == "cg_offset" else 1.0
-        if group in has and _axis_is_there(effect, parameter, names):
+        if set(group.split()) & has and _axis_is_there(effect, parameter, names):
             listed.append(Nuisance(effect, parameter, scale * step, model.doubts.get(key, scale * usual), scale * by_flight))
     if has & {"drive", "moment"}:
         listed += [Nuisance("motor_lag", f"{w}_s", 0.002, model.doubts.get(f"motor_lag.{w}_s", 0.0), 0.0) for w in ("up", "down")]
@@ -235,13 +235,17 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
         shifted, step = _shift(model, column)
         reference = _reference(model, column)
         x[:, :, k] = ((at(reference) if reference and _drives(reference) else y) - at(shifted)) / step
-    moved = [k for k, column in enumerate(columns) if column.moved] if instrumented else []
+    moved = [k for k, c in enumerate(columns) if instrumented and c.moved and (c.variant or not flight.has("reference"))]
     told, strength = _through_instruments(x, moved, flight, windows, model, names, drive.at_work)
     return Rows(flight, windows, y, told, restless(flight, windows, model, drive.at_work), x, strength)
 
 
 def _through_instruments(x, moved, flight: Prepared, windows: Windows, model: Model, names, speeds):
-    """Columns with the moved ones projected where a controller's answer shows: in moments; along thrust without rotor speeds."""
+    """Columns with the moved ones projected where a controller's answer shows: in moments; along thrust without rotor speeds.
+
+    Nuisances that a controller moves stay free where references are logged, so that what they explain is not put down to a
+    candidate; without references nothing tells them from the answer to a disturbance, and they stay as declared.
+    """
     vertical = () if flight.has("rotor_speed") else VERTICAL
     answered = [c for c, name in enumerate(names) if name in (*MOMENT, *vertical) and np.isfinite(x[:, c]).all()]
     if not moved or not answered:
