@@ -23,7 +23,7 @@ from .diagnose.model import SPEED, Model, from_vehicle
 from .diagnose.system import System, build, window_length_s
 from .errors import GesError
 from .io.recording import RecordingSet, require_drive
-from .vehicle import Estimate, Quantity, Vehicle
+from .vehicle import Estimate, Quantity, Vehicle, parse_vehicle, vehicle_content
 
 LOSSES = tuple(f"weak_rotor.loss_{i}" for i in range(1, 5))
 TRIMS = ("thrust_scale.scale", *LOSSES, "cg_offset.x_m", "cg_offset.y_m")
@@ -99,7 +99,7 @@ class _Trims:
     grams: tuple[Gram, ...]
 
 
-def _mean_sd(values: np.ndarray, block: int) -> float:
+def _mean_variance(values: np.ndarray, block: int) -> float:
     """Variance of the mean of one flight's windows, from blocks of time."""
     blocks = [values[k : k + block].mean() for k in range(0, len(values), block)]
     return float(np.var(blocks, ddof=1) / len(blocks)) if len(blocks) > 1 else np.nan
@@ -115,11 +115,11 @@ def _balance(system: System) -> _Trims:
     keys = tuple(system.columns[k].nuisance.key for k in kept)
     slow = [c for c, name in enumerate(system.names) if name in SLOW_CHANNELS]
     block = max(1, int(round(2.0 * BLOCK_S / system.flights[0].windows.length_s)))
-    variance = np.nanmean([[_mean_sd(r.y[:, c], block) for c in slow] for r in system.flights], axis=0)
+    variance = np.nanmean([[_mean_variance(r.y[:, c], block) for c in slow] for r in system.flights], axis=0)
     grams = []
     for r in system.flights:
         y = r.y[:, slow].mean(axis=0) / np.sqrt(variance)
-        x = r.x[:, slow][:, :, kept].mean(axis=0) / np.sqrt(variance)[:, None]
+        x = r.full[:, slow][:, :, kept].mean(axis=0) / np.sqrt(variance)[:, None]
         seen = np.isfinite(y)
         grams.append(Gram(x[seen].T @ x[seen], x[seen].T @ y[seen], float(y[seen] @ y[seen]), float(seen.sum())))
     prior = np.array([system.columns[k].nuisance.sd for k in kept])
@@ -300,6 +300,8 @@ def calibrate(recordings: RecordingSet) -> Calibration:
     ------
     GesError
         When fewer than two flights can be used.
+    UsageError
+        When the flights contradict the file so far that a corrected number is impossible, such as a negative mass.
     """
     require_drive(recordings)
     model = from_vehicle(recordings.vehicle, recordings.folder)
@@ -313,7 +315,8 @@ def calibrate(recordings: RecordingSet) -> Calibration:
         update |= _drive_held(recordings.vehicle, update["effects"])
     seconds = float(sum(f.flying.sum() * f.dt_s for f in flights))
     told = (*recordings.warnings, *gate.warnings, *_far(numbers))
-    return Calibration(recordings.vehicle.model_copy(update=update), numbers, factor * SPREAD, seconds, told)
+    vehicle = parse_vehicle(vehicle_content(recordings.vehicle.model_copy(update=update)), "the calibrated vehicle")
+    return Calibration(vehicle, numbers, factor * SPREAD, seconds, told)
 
 
 def _far(numbers: Mapping[str, Number]) -> list[str]:
