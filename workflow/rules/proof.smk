@@ -90,9 +90,9 @@ rule score_proof:
         "results/logs/score_proof.log",
     benchmark:
         "results/benchmarks/score_proof.tsv"
+    threads: 2
     params:
         call=call("ges.blind.score:score_batches"),
-    threads: 2
     message:
         "open the seal and score"
     script:
@@ -114,10 +114,10 @@ rule compare_methods:
         "results/logs/compare_methods.log",
     benchmark:
         "results/benchmarks/compare_methods.tsv"
+    threads: 2
     params:
         call=call("ges.blind.score:compare_methods"),
         methods=METHODS,
-    threads: 2
     message:
         "score the baselines on the same cases"
     script:

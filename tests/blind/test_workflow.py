@@ -1,0 +1,40 @@
+"""The proof as a part of the workflow, with the forty cases of ``config/tiny.yaml``."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def _snakemake(folder: Path, *more: str) -> subprocess.CompletedProcess:
+    snakemake, tiny = Path(sys.executable).with_name("snakemake"), ROOT / "config" / "tiny.yaml"
+    where = ["--snakefile", ROOT / "Snakefile", "--directory", folder, "--cores", "2"]
+    command = [str(part) for part in (snakemake, "proof", *where, *more, "--configfile", tiny)]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+def test_proof_is_planned(tmp_path):
+    """Cases are made once, diagnosed in as many jobs as the batches ask for, and scored once."""
+    planned = _snakemake(tmp_path, "--dry-run", "--quiet", "rules")
+    assert planned.returncode == 0, planned.stderr
+    jobs = {line.split()[0]: line.split()[1] for line in (planned.stdout + planned.stderr).splitlines() if len(line.split()) == 2}
+    assert (jobs["make_cases"], jobs["diagnose_batch"], jobs["score_proof"]) == ("1", "7", "1")
+
+
+@pytest.mark.slow
+def test_forty_cases_from_seal_to_scores(tmp_path):
+    done = _snakemake(tmp_path)
+    assert done.returncode == 0, done.stderr[-3000:]
+    proof = tmp_path / "results" / "proof"
+    cases = pd.read_csv(proof / "cases.csv")
+    assert len(cases) == 40 and json.loads((proof / "scores.json").read_text())["cases"] == 40
+    assert (cases["outcome"] != "failed").all()
+    again = _snakemake(tmp_path, "--dry-run")
+    assert "Nothing to be done" in again.stdout + again.stderr
