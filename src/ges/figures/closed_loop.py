@@ -117,7 +117,7 @@ def grid(summary: Path, data: Path, pdf: Path, png: Path) -> None:
         table.assign(half=table["high"] - table["low"]).pivot(index=wide.index.name, columns=wide.columns.name, values="half")
     )
     reach = max(np.abs(wide.to_numpy()).max(), 1e-9)
-    figure, axes = style.subplots(height=2.3)
+    figure, axes = style.subplots(height=2.0)
     image = axes.imshow(wide, cmap="PuOr_r", vmin=-reach, vmax=reach, aspect="auto")
     for i, j in np.ndindex(wide.shape):
         colour = "white" if abs(wide.iloc[i, j]) > 0.65 * reach else "black"
