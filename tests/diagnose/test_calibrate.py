@@ -7,70 +7,50 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from ges import manoeuvres, sim
+from ges import manoeuvres
 from ges.calibrate import LOSSES, calibrate
 from ges.cli import cli
 from ges.errors import GesError
 from ges.io.recording import make_set, write_set
 from ges.io.usd import read_usd
-from ges.terrain import Terrain
-from ges.vehicle import load_vehicle, parse_vehicle
+from ges.vehicle import load_vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
-VEHICLE = {
-    "name": "quad",
-    "mass_kg": {"value": 1.0, "sd": 0.02},
-    "inertia_kg_m2": {"xx": 0.01, "yy": 0.01, "zz": 0.018, "sd_rel": 0.1},
-    "rotors": [
-        {"x_m": 0.12 * x, "y_m": 0.12 * y, "radius_m": 0.1, "spin": spin}
-        for x, y, spin in ((1, -1, "ccw"), (-1, 1, "ccw"), (1, 1, "cw"), (-1, -1, "cw"))
-    ],
-    "thrust_coefficient_N_s2": {"value": 6e-6, "sd_rel": 0.03},
-    "torque_coefficient_Nm_s2": {"value": 1e-7, "sd_rel": 0.1},
-    "max_rotor_speed_rad_s": 1000,
-}
-REFERENCES = ("p_ref_x_m", "p_ref_y_m", "p_ref_z_m", "v_ref_x_m_s", "v_ref_y_m_s", "v_ref_z_m_s", "yaw_ref_rad")
-LOGGED = ("p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s", "q_w", "q_x", "q_y", "q_z", "rotor_speed_1_rad_s",
-          "rotor_speed_2_rad_s", "rotor_speed_3_rad_s", "rotor_speed_4_rad_s", *REFERENCES)  # fmt: skip
-GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
-
-
-def _flown(vehicle, effects: dict, plan: str, seed: int) -> pd.DataFrame:
-    table = manoeuvres.make(plan, 20.0)
-    numbers = {**vehicle.parameters(), "seed": seed, "altitude_source": 1, "mode": "none", "inputs_dt_s": manoeuvres.STEP_S,
-               "duration_s": 20.0}  # fmt: skip
-    (record,) = sim.fly([sim.Flight(numbers, effects, Terrain.flat(), table)], ("t_s", *LOGGED, *GYRO))
-    frame = pd.DataFrame(record.columns).rename(columns={name: name.replace("gyro", "omega") for name in GYRO})
-    rng = np.random.default_rng(seed)
-    for column in frame:
-        noise = 0.02 if column.startswith(("v_", "omega")) else 0.001 if column.startswith("q_") else 0.0
-        noise = 0.0 if column in REFERENCES else noise
-        frame[column] += rng.normal(0.0, noise, len(frame))
-    return frame
 
 
 def _losses(*values: float) -> dict[str, float]:
     return {f"loss_{i}": v for i, v in enumerate(values, 1)}
 
 
-def _reference(vehicle, *losses: dict) -> list[tuple[str, pd.DataFrame]]:
-    plans = ("straight_runs", "multisine", "multisine")
+@pytest.fixture(scope="module")
+def reference(flown, with_rates, sheet):
+    """Three flights of a vehicle with 2 % more thrust, other inertia and the given losses of rotor 2."""
     common = {"thrust_scale": {"scale": 0.02}, "inertia": {"xx": 0.08, "yy": -0.05, "zz": 0.0}}
-    return [
-        (f"f{k}", _flown(vehicle, {**common, "weak_rotor": loss}, plan, k))
-        for k, (plan, loss) in enumerate(zip(plans, losses, strict=True), 1)
-    ]
+    plans = ("straight_runs", "multisine", "multisine")
+
+    def make(*lost: float) -> list[tuple[str, pd.DataFrame]]:
+        return [
+            (f"f{k}", flown(sheet(), {**common, "weak_rotor": _losses(0.0, loss)}, manoeuvres.make(plan, 20.0), k, with_rates))
+            for k, (plan, loss) in enumerate(zip(plans, lost, strict=True), 1)
+        ]
+
+    return make
 
 
 @pytest.fixture(scope="module")
-def vehicle():
-    return parse_vehicle(VEHICLE)
+def alike(reference):
+    """Flights that all lost 5 % at rotor 2."""
+    return reference(0.05, 0.05, 0.05)
 
 
 @pytest.fixture(scope="module")
-def known(vehicle):
-    """Flights of a vehicle with 2 % more thrust, other inertia and 5 % lost at rotor 2, calibrated."""
-    return calibrate(make_set(vehicle, _reference(vehicle, *[_losses(0.0, 0.05, 0.0, 0.0)] * 3)))
+def vehicle(sheet):
+    return sheet()
+
+
+@pytest.fixture(scope="module")
+def known(vehicle, alike):
+    return calibrate(make_set(vehicle, alike))
 
 
 def test_true_numbers_are_found_the_common_gain_counted_as_thrust(known):
@@ -90,43 +70,41 @@ def test_the_file_takes_the_corrections(known, vehicle):
     assert loss.ci95[0] < loss.value < loss.ci95[1] and loss.sd == known.numbers["weak_rotor.loss_2"].later_sd
 
 
-def test_a_second_calibration_moves_nothing(known, vehicle):
-    again = calibrate(make_set(known.vehicle, _reference(vehicle, *[_losses(0.0, 0.05, 0.0, 0.0)] * 3)))
+def test_a_second_calibration_moves_nothing(known, alike):
+    again = calibrate(make_set(known.vehicle, alike))
     for key in ("thrust_scale.scale", *LOSSES, "inertia.xx", "inertia.yy"):
         assert abs(again.numbers[key].value) < 0.003, key
 
 
-def test_flights_that_differ_make_later_doubts_wide(known, vehicle):
-    differing = [_losses(0.0, 0.05 + d, 0.0, 0.0) for d in (-0.03, 0.0, 0.03)]
-    spread = calibrate(make_set(vehicle, _reference(vehicle, *differing)))
+def test_flights_that_differ_make_later_doubts_wide(known, vehicle, reference):
+    spread = calibrate(make_set(vehicle, reference(0.02, 0.05, 0.08)))
     assert 0.008 < spread.spread < 0.04 and known.spread < 0.003
     assert spread.numbers[LOSSES[1]].later_sd > 4 * known.numbers[LOSSES[1]].later_sd
 
 
-def test_without_inertia_only_the_thrust_is_told(vehicle):
-    bare = parse_vehicle({k: v for k, v in VEHICLE.items() if k not in ("inertia_kg_m2", "torque_coefficient_Nm_s2")})
-    found = calibrate(make_set(bare, _reference(vehicle, *[_losses(0.0, 0.05, 0.0, 0.0)] * 3)))
+def test_without_inertia_only_the_thrust_is_told(sheet, alike):
+    bare = sheet(inertia_kg_m2=None, torque_coefficient_Nm_s2=None)
+    found = calibrate(make_set(bare, alike))
     thrust = found.numbers["thrust_scale.scale"]
     assert thrust.value == pytest.approx(1.02 * (1 - 0.05 / 4) - 1, abs=0.006) and thrust.flight_sd > 0.0
     assert not set(LOSSES) & set(found.numbers) and "weak_rotor" not in found.vehicle.effects
 
 
-def test_a_declared_doubt_frees_the_centre_of_gravity(vehicle):
-    doubtful = parse_vehicle({**VEHICLE, "effects": {"cg_offset": {"x_m": {"value": 0.0, "sd": 0.003}}}})
-    found = calibrate(make_set(doubtful, _reference(vehicle, *[_losses(0.0, 0.05, 0.0, 0.0)] * 3)))
+def test_a_declared_doubt_frees_the_centre_of_gravity(sheet, alike):
+    doubtful = sheet(effects={"cg_offset": {"x_m": {"value": 0.0, "sd": 0.003}}})
+    found = calibrate(make_set(doubtful, alike))
     moved = found.numbers["cg_offset.x_m"]
     assert 0.0 < abs(moved.value) < 0.006 and found.vehicle.effects["cg_offset"]["x_m"].value == moved.value
     assert "cg_offset.y_m" not in found.numbers
 
 
-def test_one_flight_is_refused_with_a_sentence(vehicle):
-    frames = _reference(vehicle, *[_losses(0, 0, 0, 0)] * 3)[:1]
+def test_one_flight_is_refused_with_a_sentence(vehicle, alike):
     with pytest.raises(GesError, match="needs two or more"):
-        calibrate(make_set(vehicle, frames))
+        calibrate(make_set(vehicle, alike[:1]))
 
 
-def test_verb_writes_a_vehicle_file_the_same_every_time(tmp_path, vehicle):
-    write_set(tmp_path / "set", vehicle, _reference(vehicle, *[_losses(0.0, 0.05, 0.0, 0.0)] * 3))
+def test_verb_writes_a_vehicle_file_the_same_every_time(tmp_path, vehicle, alike):
+    write_set(tmp_path / "set", vehicle, alike)
     written = []
     for name in ("a.yaml", "b.yaml"):
         result = CliRunner().invoke(cli, ["calibrate", str(tmp_path / "set"), "--out", str(tmp_path / name)])

@@ -3,10 +3,9 @@
 import dataclasses
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from ges import manoeuvres, sim
+from ges import manoeuvres
 from ges.diagnose.candidates import library
 from ges.diagnose.detect import smallest_detectable
 from ges.diagnose.engine import search_until_stable
@@ -16,51 +15,33 @@ from ges.diagnose.model import from_vehicle
 from ges.diagnose.recommend import Rival, next_flight, open_sets, rank, rivals_of
 from ges.diagnose.select import Search, search
 from ges.diagnose.system import build
-from ges.terrain import Terrain
-from ges.vehicle import parse_vehicle
-
-VEHICLE = {
-    "name": "quad",
-    "mass_kg": {"value": 1.0, "sd": 0.01},
-    "inertia_kg_m2": {"xx": 0.01, "yy": 0.01, "zz": 0.018, "sd_rel": 0.05},
-    "rotors": [
-        {"x_m": 0.12 * x, "y_m": 0.12 * y, "radius_m": 0.1, "spin": spin}
-        for x, y, spin in ((1, -1, "ccw"), (-1, 1, "ccw"), (1, 1, "cw"), (-1, -1, "cw"))
-    ],
-    "thrust_coefficient_N_s2": {"value": 6e-6, "sd_rel": 0.01},
-    "max_rotor_speed_rad_s": 1000,
-    "effects": {"rotor_drag": {"k_kg": 6e-5}},
-}
-LOGGED = ("t_s", "p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s", "q_w", "q_x", "q_y", "q_z",
-          "rotor_speed_1_rad_s", "rotor_speed_2_rad_s", "rotor_speed_3_rad_s", "rotor_speed_4_rad_s")  # fmt: skip
-
-
-def _flown(model, effects: dict, table: np.ndarray, seed: int) -> pd.DataFrame:
-    numbers = {**model.parameters, "seed": seed, "altitude_source": 1, "mode": "none", "inputs_dt_s": manoeuvres.STEP_S,
-               "duration_s": (len(table) - 1) * manoeuvres.STEP_S}  # fmt: skip
-    flight = sim.Flight(numbers, model.with_effects(effects).effects, Terrain.flat(), table)
-    frame, rng = pd.DataFrame(sim.fly([flight], LOGGED)[0].columns), np.random.default_rng(seed)
-    for column in frame:
-        frame[column] += rng.normal(0.0, {"v_": 0.02, "q_": 0.001}.get(column[:2], 0.0), len(frame))
-    return frame
-
-
-def _board(model, effects: dict, tables: list[np.ndarray], names: tuple[str, ...]):
-    frames = [_flown(model, effects, table, seed) for seed, table in enumerate(tables, 1)]
-    listed = [c for name, c in library(model).items() if name in names]
-    system = build(pass_gate(frames, model).flights, model, [v for c in listed for v in c.variants])
-    return make_board(system), listed
 
 
 @pytest.fixture(scope="module")
-def model():
-    return from_vehicle(parse_vehicle(VEHICLE))
+def judged(flown):
+    """Flights of a vehicle with effects planted, as the search sees them: the board and the candidates of these names."""
+
+    def make(vehicle, effects: dict, tables: list[np.ndarray], names: tuple[str, ...]):
+        model = from_vehicle(vehicle)
+        frames = [flown(vehicle, effects, table, seed) for seed, table in enumerate(tables, 1)]
+        listed = [c for name, c in library(model).items() if name in names]
+        system = build(pass_gate(frames, model).flights, model, [v for c in listed for v in c.variants])
+        return make_board(system), listed
+
+    return make
 
 
-def test_wind_and_tilted_attitude_are_told_apart_by_turning_round(model):
+@pytest.fixture(scope="module")
+def quad(sheet):
+    """A well-known vehicle whose rotor drag is modelled, so that wind acts on it."""
+    return sheet(mass_kg={"value": 1.0, "sd": 0.01}, thrust_coefficient_N_s2={"value": 6e-6, "sd_rel": 0.01},
+                 torque_coefficient_Nm_s2=None, effects={"rotor_drag": {"k_kg": 6e-5}})  # fmt: skip
+
+
+def test_wind_and_tilted_attitude_are_told_apart_by_turning_round(quad, judged):
     """In hover at one heading both are a constant side force; a turn leaves one with the world and one with the body."""
-    board, listed = _board(model, {"wind": {"east_m_s": 3.0}}, [manoeuvres.hover(15.0)] * 2, ("wind", "attitude_bias"))
-    found = search(board, listed, tuple(model.effects))
+    board, listed = judged(quad, {"wind": {"east_m_s": 3.0}}, [manoeuvres.hover(15.0)] * 2, ("wind", "attitude_bias"))
+    found = search(board, listed, tuple(quad.effects))
     open_sets = [h for h in found.hypotheses if len(h.names) == 1]
     rivals = rivals_of(board, open_sets)
     assert {r.names for r in rivals} == {("wind",), ("attitude_bias",)}
@@ -71,10 +52,10 @@ def test_wind_and_tilted_attitude_are_told_apart_by_turning_round(model):
     assert set(ranked["yaw_turn"].separates) == {"wind", "attitude_bias"}
 
 
-def test_next_flight_of_an_open_question_and_of_none(model):
+def test_next_flight_of_an_open_question_and_of_none(quad, judged):
     names = ("wind", "attitude_bias")
-    board, listed = _board(model, {"wind": {"east_m_s": 3.0}}, [manoeuvres.hover(15.0)] * 2, names)
-    found = search(board, listed, tuple(model.effects))
+    board, listed = judged(quad, {"wind": {"east_m_s": 3.0}}, [manoeuvres.hover(15.0)] * 2, names)
+    found = search(board, listed, tuple(quad.effects))
     assert {n for h in open_sets(found, ()) for n in h.names} == set(names), "both explain the side force"
     told = next_flight(board, found, ())
     assert told["manoeuvre"] in manoeuvres.MENU and told["expected_log_odds"] > told["so_far_log_odds"]
@@ -84,21 +65,21 @@ def test_next_flight_of_an_open_question_and_of_none(model):
     assert next_flight(board, settled, certain.names) == {}
 
 
-def test_what_the_recommended_flight_promises_it_keeps(model):
+def test_what_the_recommended_flight_promises_it_keeps(quad, judged):
     """Fly the turn for real, the effect planted: the log odds must come out near what was expected."""
     names, plans = ("wind", "attitude_bias"), [manoeuvres.hover(15.0)] * 2
-    board, listed = _board(model, {"wind": {"east_m_s": 3.0}}, plans, names)
-    open_sets = [h for h in search(board, listed, tuple(model.effects)).hypotheses if len(h.names) == 1]
+    board, listed = judged(quad, {"wind": {"east_m_s": 3.0}}, plans, names)
+    open_sets = [h for h in search(board, listed, tuple(quad.effects)).hypotheses if len(h.names) == 1]
     (option,) = rank(board, rivals_of(board, open_sets), plans=("yaw_turn",))
-    after, listed = _board(model, {"wind": {"east_m_s": 3.0}}, [*plans, manoeuvres.yaw_turn(30.0)], names)
-    _, judged, _ = search_until_stable(after.system, listed, tuple(model.effects))
+    after, listed = judged(quad, {"wind": {"east_m_s": 3.0}}, [*plans, manoeuvres.yaw_turn(30.0)], names)
+    _, judged, _ = search_until_stable(after.system, listed, tuple(quad.effects))
     found = {h.names: h.log_evidence for h in judged.hypotheses}
     assert found["wind",] - found["attitude_bias",] > 0.4 * option.expected_log_odds > 4.0
 
 
-def test_more_thrust_and_ground_effect_are_told_apart_by_a_ladder_of_heights(model):
+def test_more_thrust_and_ground_effect_are_told_apart_by_a_ladder_of_heights(quad, judged):
     low = manoeuvres.hover(15.0, 0.2)
-    board, _ = _board(model, {}, [low] * 2, ("thrust_scale", "ground_effect"))
+    board, _ = judged(quad, {}, [low] * 2, ("thrust_scale", "ground_effect"))
     columns = board.system.columns
     chosen = {}
     for k, column in enumerate(columns):
@@ -118,13 +99,13 @@ DRAG = ("rotor_drag", "parasitic_drag", "weak_rotor", "thrust_scale", "axial_inf
 
 
 @pytest.fixture(scope="module")
-def bare(model):
-    return dataclasses.replace(model, effects={})
+def bare(quad):
+    return quad.model_copy(update={"effects": {}})
 
 
 @pytest.fixture(scope="module")
-def null(bare):
-    return _board(bare, {}, [manoeuvres.straight_runs(20.0), manoeuvres.climbs(40.0)], DRAG)
+def null(bare, judged):
+    return judged(bare, {}, [manoeuvres.straight_runs(20.0), manoeuvres.climbs(40.0)], DRAG)
 
 
 def _planted(board, effect: str, size: float):
@@ -142,13 +123,13 @@ def test_what_is_called_detectable_is_found_and_much_less_is_not(null, effect):
     assert found[2.0] > 0.9 and found[0.3] < 0.5
 
 
-def test_a_real_flight_with_the_effect_shows_it_too(bare, null):
+def test_a_real_flight_with_the_effect_shows_it_too(bare, null, judged):
     smallest = smallest_detectable(null[0])["rotor_drag"]["smallest"]
-    board, listed = _board(bare, {"rotor_drag": {"k_kg": 3.0 * smallest}}, [manoeuvres.straight_runs(20.0)] * 2, DRAG)
+    board, listed = judged(bare, {"rotor_drag": {"k_kg": 3.0 * smallest}}, [manoeuvres.straight_runs(20.0)] * 2, DRAG)
     assert search(board, listed).inclusion["rotor_drag"] > 0.9
 
 
-def test_more_noise_hides_more(bare, null):
+def test_more_noise_hides_more(null):
     board, _ = null
     quarter = tuple(g.scaled(0.25) for g in board.by_flight)  # of the information: twice the noise
     noisy = dataclasses.replace(board, by_flight=quarter)

@@ -6,65 +6,18 @@ import re
 from html.parser import HTMLParser
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import ges
-from ges import manoeuvres, sim
+from ges import manoeuvres
 from ges.diagnose import pictures, report, words
-from ges.terrain import Terrain
-from ges.vehicle import parse_vehicle
-
-ARM = 0.12
-VEHICLE = parse_vehicle(
-    {
-        "name": "quad",
-        "mass_kg": {"value": 1.0, "sd": 0.02},
-        "inertia_kg_m2": {"xx": 0.01, "yy": 0.01, "zz": 0.018, "sd_rel": 0.1},
-        "rotors": [
-            {"x_m": x * ARM, "y_m": y * ARM, "radius_m": 0.1, "spin": spin}
-            for x, y, spin in ((1, -1, "ccw"), (-1, 1, "ccw"), (1, 1, "cw"), (-1, -1, "cw"))
-        ],
-        "thrust_coefficient_N_s2": {"value": 6e-6, "sd_rel": 0.03},
-        "max_rotor_speed_rad_s": 1000,
-    }
-)
-
-
-def _flown(effects: dict, seed: int) -> pd.DataFrame:
-    """Straight runs, with the noise of a decent estimator; accelerometer and gyro left out for speed."""
-    table = manoeuvres.make("straight_runs", 20.0)
-    numbers = {
-        **VEHICLE.parameters(),
-        "ixx_kg_m2": 0.01,
-        "seed": seed,
-        "altitude_source": 1,
-        "mode": "none",
-        "inputs_dt_s": manoeuvres.STEP_S,
-        "duration_s": 20.0,
-    }
-    wanted = [
-        "t_s",
-        *(f"p_{a}_m" for a in "xyz"),
-        *(f"v_{a}_m_s" for a in "xyz"),
-        "q_w",
-        "q_x",
-        "q_y",
-        "q_z",
-        *(f"rotor_speed_{i}_rad_s" for i in range(1, 5)),
-    ]
-    (record,) = sim.fly([sim.Flight(numbers, effects, Terrain.flat(), table)], wanted)
-    frame, rng = pd.DataFrame(record.columns), np.random.default_rng(seed)
-    for column in frame:
-        if column.startswith(("v_", "q_")):
-            frame[column] += rng.normal(0.0, 0.02 if column.startswith("v_") else 0.001, len(frame))
-    return frame
 
 
 @pytest.fixture(scope="module")
-def content() -> dict:
-    flights = {f"run {k} <b>": _flown({"rotor_drag": {"k_kg": 4e-5}}, k) for k in (1, 2, 3)}
-    return ges.diagnose(flights, VEHICLE).content()
+def content(flown, sheet) -> dict:
+    table, vehicle = manoeuvres.make("straight_runs", 20.0), sheet(torque_coefficient_Nm_s2=None)
+    flights = {f"run {k} <b>": flown(vehicle, {"rotor_drag": {"k_kg": 4e-5}}, table, k) for k in (1, 2, 3)}
+    return ges.diagnose(flights, vehicle).content()
 
 
 @pytest.fixture(scope="module")

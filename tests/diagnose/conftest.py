@@ -1,0 +1,60 @@
+"""A small simulated quadrotor and its recorded flights, shared by the tests of the diagnosis."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ges import manoeuvres, sim
+from ges.terrain import Terrain
+from ges.vehicle import Vehicle, parse_vehicle
+
+ARM_M = 0.12
+SHEET = {
+    "name": "quad",
+    "mass_kg": {"value": 1.0, "sd": 0.02},
+    "inertia_kg_m2": {"xx": 0.01, "yy": 0.01, "zz": 0.018, "sd_rel": 0.1},
+    "rotors": [
+        {"x_m": ARM_M * x, "y_m": ARM_M * y, "radius_m": 0.1, "spin": spin}
+        for x, y, spin in ((1, -1, "ccw"), (-1, 1, "ccw"), (1, 1, "cw"), (-1, -1, "cw"))
+    ],
+    "thrust_coefficient_N_s2": {"value": 6e-6, "sd_rel": 0.03},
+    "torque_coefficient_Nm_s2": {"value": 1e-7, "sd_rel": 0.1},
+    "max_rotor_speed_rad_s": 1000,
+}
+POSE = ("t_s", "p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s", "q_w", "q_x", "q_y", "q_z")
+SPEEDS = tuple(f"rotor_speed_{i}_rad_s" for i in range(1, 5))
+REFERENCES = ("p_ref_x_m", "p_ref_y_m", "p_ref_z_m", "v_ref_x_m_s", "v_ref_y_m_s", "v_ref_z_m_s", "yaw_ref_rad")
+GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
+NOISE = {"v_x": 0.02, "v_y": 0.02, "v_z": 0.02, "gyr": 0.02, "q_w": 0.001, "q_x": 0.001, "q_y": 0.001, "q_z": 0.001}
+
+
+@pytest.fixture(scope="session")
+def sheet() -> Callable[..., Vehicle]:
+    """The vehicle with keys changed, or left out where None is given."""
+    return lambda **changes: parse_vehicle({k: v for k, v in {**SHEET, **changes}.items() if v is not None})
+
+
+def fly(vehicle: Vehicle, effects: dict, table: np.ndarray, seed: int, extra: tuple[str, ...] = ()) -> pd.DataFrame:
+    """Fly a manoeuvre, on the vehicle's own effects and these, and record it with the noise of a decent estimator."""
+    numbers = {**vehicle.parameters(), "seed": seed, "altitude_source": 1, "mode": "none", "inputs_dt_s": manoeuvres.STEP_S,
+               "duration_s": (len(table) - 1) * manoeuvres.STEP_S}  # fmt: skip
+    flight = sim.Flight(numbers, {**vehicle.effect_values(), **effects}, Terrain.flat(), table)
+    (record,) = sim.fly([flight], (*POSE, *SPEEDS, *extra))
+    assert record.status == "ok", record.status
+    rng = np.random.default_rng(seed)
+    noisy = {name: values + rng.normal(0.0, NOISE.get(name[:3], 0.0), len(values)) for name, values in record.columns.items()}
+    return pd.DataFrame(noisy).rename(columns={name: name.replace("gyro", "omega") for name in GYRO})
+
+
+@pytest.fixture(scope="session")
+def flown() -> Callable[..., pd.DataFrame]:
+    """:func:`fly`: vehicle, effects, manoeuvre table, seed, extra columns."""
+    return fly
+
+
+@pytest.fixture(scope="session")
+def with_rates() -> tuple[str, ...]:
+    """Extra columns: gyro and references."""
+    return (*GYRO, *REFERENCES)
