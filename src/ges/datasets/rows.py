@@ -89,10 +89,11 @@ def _chosen(rows: np.ndarray, most: int | None, seed: int, flight: int) -> np.nd
 def _gather(path: Path, rows: np.ndarray, window: Window, past: bool) -> tuple:
     seed, data = read_flight(path, (*FEATURES, TARGET, *WHEREABOUTS, CONTACT))
     table = np.stack([data[name] for name in FEATURES], axis=1)
-    if len(rows) and rows[-1] + window.horizon >= len(table):
-        raise GesError(f"{Path(path).name} has {len(table)} rows; the split asks for row {rows[-1] + window.horizon}")
+    if len(rows) and rows[-1] + window.reserve >= len(table):
+        raise GesError(f"{Path(path).name} has {len(table)} rows; the split asks for row {rows[-1] + window.reserve}")
     defined = np.isfinite(table).all(axis=1)[rows[:, None] + window.offsets()].all(axis=1)
-    rows = rows[defined & (data[CONTACT][rows] == 0) & (data[CONTACT][rows + window.horizon] == 0)]
+    touched = np.concatenate([[0], np.cumsum(data[CONTACT] > 0)])
+    rows = rows[defined & (touched[rows + window.reserve + 1] == touched[rows])]
     x = table[rows[:, None] + (window.offsets() if past else np.zeros(1, dtype=int))]
     places = {name: data[name][rows] for name in (*WHEREABOUTS, TARGET)}
     return np.full(len(rows), seed), x, data[TARGET][rows + window.horizon], rows, places
@@ -127,7 +128,7 @@ def load_rows(flights: Path, split: Path, part: str, window: Window, most: int |
     ------
     GesError
         When the part is empty, or a flight is missing or is not the one that was checked. Rows with an undefined
-        feature, or that touch the ground now or at the horizon, are left out.
+        feature, or with a touch of the ground between now and the end of the reserve, are left out.
     """
     blocks = pd.read_csv(split)
     blocks = blocks[blocks["part"] == part]
