@@ -141,5 +141,5 @@ def test_the_paper_quotes_what_exists_and_types_no_number(tmp_path):
     quoted = set(re.findall(r'#(?:num|ours|theirs|verdict|beside|if known)\("([^"]+)"\)', text))
     assert quoted and quoted <= known
     rules = (ROOT / "workflow/rules/figures.smk").read_text()
-    shown = set(re.findall(r'#fig\("([^"]+)"', text))
+    shown = set(re.findall(r'\bfig\("([^"]+)"', text))
     assert shown and {name for name in shown if f'"{name}": (' not in rules} <= {"detection", "outcomes"}
