@@ -109,7 +109,7 @@ class _Chain:
         after, fitted_joint, fitted_board = self._after(accepted, recalibrated, joint, board)
         proven = sorted((finding(accepted, name) for name in accepted.names), key=lambda f: -f.size["share_of_weight"])
         findings = [*proven, *settled_findings(self.gate), *open_findings(accepted)]
-        unexplained = [_unexplained(u) for u in left_over(fitted_board, fitted_joint, after)]
+        unexplained = [_unexplained(u) for u in left_over(fitted_board, _left_raw(fitted_board.system, fitted_joint), after)]
         models = {"before": self.model, "recalibrated": recalibrated, "after": after}
         fit, proof = self._proof(models)
         verdict = verdict_of(findings, accepted.rivals, unexplained)
@@ -211,7 +211,7 @@ def _left_raw(system: System, joint: Joint) -> list[np.ndarray]:
     for rows, own in zip(system.flights, joint.by_flight, strict=True):
         left = rows.y.copy()
         for key, k in nuisance.items():
-            left -= rows.x[:, :, k] * (joint.common.get(key, 0.0) + own.get(key, 0.0))
+            left -= rows.full[:, :, k] * (joint.common.get(key, 0.0) + own.get(key, 0.0))
         out.append(left)
     return out
 

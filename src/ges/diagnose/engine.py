@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 
+from .. import effects as effect_table
 from .align import Prepared
 from .candidates import NEEDS_ATTITUDE, Candidate, library
 from .evidence import Board, make_board
@@ -19,6 +20,8 @@ from .system import ALL_ON, Switches, System, attitude_measured, build
 
 ACCEPT = 0.9
 ROUNDS = 4
+FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}, {"motor_lag", "esc_delay"})
+MODIFIER_ERROR = 0.15
 LEAST_SHARE = 0.002  # of weight, weight times arm, full speed or a rotor radius: no model is right to less
 
 
@@ -99,14 +102,17 @@ def accept(system: System, length_s: float, switches: Switches = ALL_ON, only: S
     only : fit exactly these names instead of searching.
     """
     flights, model = [r.flight for r in system.flights], system.model
-    listed, names, probability, first, fitted, base = candidates_of(flights, model, (), only), (), {}, None, None, model
+    listed, names, probability, shares = candidates_of(flights, model, (), only), (), {}, {}
+    first, fitted, base = None, None, model
     while listed:
         here = (
             system if first is None else build(flights, base, [v for c in listed for v in c.variants], length_s, system, switches)
         )
         board, found, _ = search_until_stable(here, listed, tuple(base.effects), only)
         first = first or (board, found)
-        new = tuple(n for n in found.best.names if found.inclusion[n] >= ACCEPT and _share(board, found.best, n) >= LEAST_SHARE)
+        mattering = _mattering(board, found, shares)
+        shares |= mattering
+        new = tuple(mattering)
         if not new:
             break
         probability |= {n: found.inclusion[n] for n in new}
@@ -121,7 +127,27 @@ def accept(system: System, length_s: float, switches: Switches = ALL_ON, only: S
     if first is None:
         first = search_until_stable(system, (), ())[:2]
     board, found = first
-    return Accepted(names, found, board, fitted, probability, _ambiguous(found, names))
+    settled = {*names, *(n for n, p in found.inclusion.items() if p >= ACCEPT)}
+    return Accepted(names, found, board, fitted, probability, _ambiguous(found, settled))
+
+
+def _mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[str, float]:
+    """Names that are probable and large enough, with their shares of the whole; ``known`` are those of accepted effects.
+
+    Two of a family act in the same place, and one of them makes up for what the other's form is wrong by: the better of the
+    two is kept. A small modifier likewise is no more than what the form that it modifies is wrong by.
+    """
+    share = {n: _share(board, found.best, n) for n in found.best.names if found.inclusion[n] >= ACCEPT}
+    share = {n: s for n, s in share.items() if s >= LEAST_SHARE}
+    for family in FAMILIES:
+        if family <= set(share):
+            share.pop(min(sorted(family), key=lambda n: _alone(found, n, family)))
+    return {n: s for n, s in share.items() if s >= MODIFIER_ERROR * known.get(effect_table.get(n).modifies or "", 0.0)}
+
+
+def _alone(found: Search, name: str, family: set[str]) -> float:
+    """Log evidence of the best set that has this member of a family and no other."""
+    return max((h.log_evidence for h in found.hypotheses if family & set(h.names) == {name}), default=-np.inf)
 
 
 def _share(board: Board, h: Hypothesis, name: str) -> float:
@@ -145,10 +171,10 @@ def _only(h: Hypothesis, names: Sequence[str], board: Board):
     )
 
 
-def _ambiguous(found: Search, names: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+def _ambiguous(found: Search, names: set[str]) -> tuple[tuple[str, ...], ...]:
     """Names that replace each other: none proven alone, but one of them needed."""
     open_names = {n: p for n, p in found.inclusion.items() if n not in names and p > 0.1}
-    without = sum(h.probability for h in found.hypotheses if not set(h.names) - set(names))
+    without = sum(h.probability for h in found.hypotheses if not set(h.names) - names)
     if without > 1.0 - ACCEPT or len(open_names) < 2:
         return ()
     ranked = sorted(open_names, key=lambda n: -open_names[n])

@@ -12,7 +12,7 @@ from .align import Prepared
 from .evidence import Board
 from .fit import Joint
 from .model import Model
-from .residual import model_along
+from .residual import model_along, to_body
 from .weak import Windows
 
 BLOCK_S = 5.0
@@ -47,6 +47,11 @@ def regimes(flight: Prepared, windows: Windows, model: Model) -> dict[str, np.nd
     if flight.has("velocity"):
         v = flight.stack("velocity")[at]
         found |= {"airspeed_m_s": np.hypot(v[:, 0], v[:, 1]), "climb_m_s": v[:, 2]}
+        if flight.has("attitude") and "attitude" not in flight.derived:
+            along = to_body(flight.stack("attitude")[at], v)
+            found |= {"forward_m_s": along[:, 0], "left_m_s": along[:, 1]}
+    if flight.has("position"):
+        found |= {"east_m": flight.columns["p_x_m"][at], "north_m": flight.columns["p_y_m"][at]}
     if flight.has("battery"):
         found["battery_V"] = flight.columns["battery_V"][at]
     return found

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from .evidence import Board
-from .fit import Joint
 from .locate import regimes
 from .model import Model
 
-LEAST_R2 = 0.03
-DRAWS = 60
+LEAST_R2 = 0.02
+DRAWS = 200
 BLOCK_S = 5.0
+LEAST_SHARE = 0.004  # of weight and its like
 RIDGE = 3.0
 
 
@@ -53,11 +53,16 @@ def _held_out_r2(x: np.ndarray, y: np.ndarray, fold: np.ndarray) -> np.ndarray:
     return 1.0 - press / np.maximum((y**2).sum(axis=0), 1e-30)
 
 
-def left_over(board: Board, joint: Joint, model: Model, seed: int = 0) -> list[Unexplained]:
+def left_over(board: Board, raw: Sequence[np.ndarray], model: Model, seed: int = 0) -> list[Unexplained]:
     """Test what the accepted model leaves, channel by channel and regime by regime.
 
-    The null flips the sign of whole blocks of time, which keeps autocorrelation and flights; the threshold is the largest
-    R^2 of the null's 95 % over all channels and regimes.
+    The null flips the sign of whole blocks of time, which keeps autocorrelation and flights; the threshold is what the null
+    exceeds over all channels and regimes once in fifty times. Residuals are taken as they are: a force that changes slowly
+    along the flight would look like coloured noise to a whitening filter, and go.
+
+    Parameters
+    ----------
+    raw : by flight, (m, C) residuals in the channels' units that the accepted model leaves.
     """
     told = [regimes(r.flight, r.windows, model) for r in board.system.flights]
     shared = [name for name in told[0] if all(name in t for t in told)]
@@ -70,8 +75,8 @@ def left_over(board: Board, joint: Joint, model: Model, seed: int = 0) -> list[U
     fold = _folds(len(board.system.flights), number, flight_of)
     tested, nulls = [], []
     for c, channel in enumerate(board.system.names):
-        e = np.concatenate([left[:, c] for left in joint.left])
-        used = np.concatenate([w.used[:, c] for w in board.whites])
+        e = np.concatenate([left[:, c] for left in raw])
+        used = np.isfinite(e)
         if used.sum() < 60 or len(np.unique(fold[used])) < 2:
             continue
         for name in shared:
@@ -80,18 +85,19 @@ def left_over(board: Board, joint: Joint, model: Model, seed: int = 0) -> list[U
             if len(knots) < 3:
                 continue
             x = _features(value, knots, 1.0)
-            y = np.column_stack([e[used], e[used][:, None] * flips[used]])
+            y = np.column_stack([e[used], e[used][:, None] * flips[used]]) / max(float(np.std(e[used])), 1e-30)
             r2 = _held_out_r2(x, y, fold[used])
             beta = np.linalg.solve(x.T @ x + RIDGE * np.eye(x.shape[1]), x.T @ y[:, 0])
             peak = int(np.argmax(np.abs(beta)))
-            sd = float(board.noise.sd[c])
+            sd = float(np.std(e[used]))
             tested.append(Unexplained(channel, name, float(knots[max(peak - 1, 0)]), float(knots[min(peak + 1, len(knots) - 1)]),
                                       float(r2[0]), 0.0, float(np.sqrt(np.mean((x @ beta) ** 2)) * sd)))  # fmt: skip
             nulls.append(r2[1:])
     if not tested:
         return []
-    threshold = max(LEAST_R2, float(np.quantile(np.max(nulls, axis=0), 0.95)))
-    fired = [dataclasses.replace(t, threshold=threshold) for t in tested if t.r2 > threshold]
+    threshold = max(LEAST_R2, float(np.quantile(np.max(nulls, axis=0), 0.98)))
+    least = {name: LEAST_SHARE * model.whole(name) for name in board.system.names}
+    fired = [dataclasses.replace(t, threshold=threshold) for t in tested if t.r2 > threshold and t.rms > least[t.channel]]
     return _worst_by_channel(fired)
 
 
