@@ -104,7 +104,8 @@ FEATURE_LABELS = {"range_m": "range", "thrust_command": "thrust command"}
 
 
 def _feature(name: str) -> str:
-    return FEATURE_LABELS.get(name) or name.replace("_rad_s", "").replace("_A", "").replace("_", " ")
+    plain = name.replace("_rad_s", "").replace("_A", "").replace("rpm", "rotor speed").replace("_", " ")
+    return FEATURE_LABELS.get(name, plain)
 
 
 def importances(importances: Path, plan: str, data: Path, pdf: Path, png: Path) -> None:
