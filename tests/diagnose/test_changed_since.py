@@ -9,6 +9,8 @@ import pytest
 
 import ges
 from ges.calibrate import calibrate
+from ges.diagnose.evidence import posterior
+from ges.diagnose.result import Diagnosis
 from ges.io.recording import make_set
 from ges.io.usd import read_usd
 from ges.vehicle import load_vehicle
@@ -51,6 +53,21 @@ def test_a_clearly_cut_propeller_is_a_weak_rotor_3_and_nothing_else(recordings_d
     assert 0.06 < loss.value - before < 0.20
     assert loss.ci95[0] > before + 0.03
     assert set(found.findings[0].parameters) == {"loss_3"}
+
+
+def _loss_3(found: Diagnosis) -> tuple[float, float]:
+    """Loss of rotor 3 beyond the file's, and its sd, if it alone had changed."""
+    board = found.details["accepted"].board
+    at = next(k for k, c in enumerate(board.system.columns) if c.variant is not None and c.label == "weak_rotor[](loss_3)")
+    alone = posterior(board.pooled(), [at], board.prior_sd)
+    return float(alone.mean[0]), float(alone.sd[0])
+
+
+def test_the_loss_grows_with_the_cut(recordings_dir, e8, e9):
+    one = _loss_3(ges.diagnose(_tables(recordings_dir, "cut_propeller_M3_1mm", "E8_*"), e8))
+    three = _loss_3(ges.diagnose(_tables(recordings_dir, "cut_propeller_M3_3mm", "E9_*"), e9))
+    assert 0.0 < one[0] < three[0]
+    assert one[0] < 2.0 * one[1] and three[0] > 4.0 * three[1], "1 mm drowns in the healthy spread, 3 mm does not"
 
 
 @pytest.mark.parametrize(
