@@ -135,3 +135,27 @@ def test_a_wrong_configuration_is_one_sentence(tmp_path, path, value, said):
     assert done.returncode != 0
     (sentence,) = (line for line in printed.splitlines() if line.startswith("configuration: "))
     assert said in sentence and "Traceback" not in printed
+
+
+def elsewhere(finished: Path, folder: Path, profile: str) -> None:
+    """The small study sent away by a profile gives the bytes of the local one."""
+    done = run(prepared(folder), SMALL, "--workflow-profile", str(ROOT / "profiles" / profile), *METRICS)
+    assert done.returncode == 0, done.stderr
+    assert hashes(folder) == hashes(finished)
+
+
+@pytest.mark.slow
+def test_jobs_sent_away_by_a_command_give_the_same_bytes(finished, tmp_path):
+    elsewhere(finished, tmp_path / "run", "generic")
+
+
+@pytest.mark.slow
+def test_slurm_gives_the_same_bytes(finished, tmp_path):
+    if os.geteuid() or not shutil.which("slurmctld") or not shutil.which("munged") or Path("/etc/slurm/slurm.conf").exists():
+        pytest.skip("needs root, slurm-wlm and munge, and no Slurm of the machine's own")
+    script = ROOT / "tests/workflow/slurm.sh"
+    try:
+        subprocess.run([script, "start", tmp_path / "slurm"], check=True)
+        elsewhere(finished, tmp_path / "run", "slurm")
+    finally:
+        subprocess.run([script, "stop", tmp_path / "slurm"], check=True)
