@@ -49,7 +49,17 @@ def test_wind_and_tilted_attitude_are_told_apart_by_turning_round(quad, judged):
     assert abs(ranked["hover"].so_far) < 3.0
     assert next(iter(ranked)) == "yaw_turn"
     assert ranked["yaw_turn"].expected_log_odds > ranked["hover"].expected_log_odds + 10.0
-    assert set(ranked["yaw_turn"].separates) == {"wind", "attitude_bias"}
+    assert set(ranked["yaw_turn"].separates) == {"wind", "attitude_bias"} and not ranked["yaw_turn"].stays_open
+
+
+def test_what_stays_open_is_told(quad, judged):
+    """A turn tells wind from what is fixed in the body; tilted rotors and a tilted attitude stay alike."""
+    names = ("wind", "attitude_bias", "rotor_tilt")
+    board, listed = judged(quad, {"wind": {"east_m_s": 3.0}}, [manoeuvres.hover(15.0)] * 2, names)
+    single = [h for h in search(board, listed, tuple(quad.effects)).hypotheses if len(h.names) == 1]
+    (option,) = rank(board, rivals_of(board, single), plans=("yaw_turn",))
+    assert set(option.stays_open) == {"attitude_bias", "rotor_tilt"}
+    assert option.separates[0] == "wind" and option.separates[1] in option.stays_open
 
 
 def test_next_flight_of_an_open_question_and_of_none(quad, judged):

@@ -127,7 +127,7 @@ def test_what_is_open_is_told(content):
         "force along thrust height over rotor radius 0.500 to 2.00 0.310",
         "wind east_m_s 0.400 m/s attitude bias",
         "tether weight_N_m not visible noise",
-        "Fly yaw turn: simulated with each explanation, it separates wind from attitude bias (expected log odds 12.0).",
+        "Fly yaw turn: simulated with each explanation, it tells wind and attitude bias apart (expected log odds 12.0).",
     ):
         assert expected in text
 
@@ -135,7 +135,7 @@ def test_what_is_open_is_told(content):
 def test_a_flight_that_would_not_help_is_not_recommended(content):
     told = {"manoeuvre": None, "separates": ["tether", "nothing more"], "expected_log_odds": 0.4, "so_far_log_odds": 0.1}
     text, _ = _parsed(report.render({**content, "next_flight": told}, {}))
-    assert "No manoeuvre of the menu would separate tether from nothing more (best expected log odds 0.400)." in text
+    assert "No manoeuvre of the menu would tell tether and nothing more apart (best expected log odds 0.400)." in text
 
 
 def test_written_whole_and_the_same_every_time(tmp_path, content):

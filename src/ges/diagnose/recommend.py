@@ -28,6 +28,7 @@ MOST = 3
 FIRM = {"attitude_kp": 400.0, "attitude_kd": 40.0}
 """Stands in for the integral action of a real autopilot, which trims unequal motors away."""
 WORTH_FLYING = float(np.log(4.0))
+SETTLED = 20.0  # log odds beyond which nothing more is gained
 READINGS = {f"omega_{a}_rad_s": f"gyro_{a}_rad_s" for a in "xyz"}
 
 
@@ -42,18 +43,26 @@ class Rival:
 
 @dataclasses.dataclass(frozen=True)
 class Option:
-    """One manoeuvre: log odds expected after it for the true explanation over its best rival, over the rivals as likely as
-    they are now; and what the flights so far give the best of them."""
+    """One manoeuvre.
+
+    Attributes
+    ----------
+    separates : explanations that would be told from all others, with one that stands for the rest.
+    stays_open : explanations that it would leave open among themselves.
+    expected_log_odds : of the true explanation over its best rival afterwards, the rivals as likely as they are now.
+    so_far : what the flights so far give the best of them.
+    """
 
     manoeuvre: str
     separates: tuple[str, ...]
+    stays_open: tuple[str, ...]
     expected_log_odds: float
     so_far: float
 
     def content(self) -> dict:
         """``next_flight`` of diagnosis.json."""
-        return {"manoeuvre": self.manoeuvre, "separates": list(self.separates), "expected_log_odds": self.expected_log_odds,
-                "so_far_log_odds": self.so_far}  # fmt: skip
+        return {"manoeuvre": self.manoeuvre, "separates": list(self.separates), "stays_open": list(self.stays_open),
+                "expected_log_odds": self.expected_log_odds, "so_far_log_odds": self.so_far}  # fmt: skip
 
 
 def rivals_of(board: Board, open_sets: Sequence[Hypothesis]) -> list[Rival]:
@@ -143,6 +152,12 @@ def _lead(evidence: np.ndarray, truth: int) -> float:
     return float(evidence[truth] - np.delete(evidence, truth).max())
 
 
+def _labels(rivals: Sequence[Rival]) -> tuple[str, ...]:
+    """What sets each rival apart: the names that not all of them have."""
+    shared = set.intersection(*(set(r.names) for r in rivals))
+    return tuple("+".join(n for n in r.names if n not in shared) or "nothing more" for r in rivals)
+
+
 def rank(
     board: Board,
     rivals: Sequence[Rival],
@@ -163,13 +178,14 @@ def rank(
     past = sum((g.take(keep) for g in board.by_flight[1:]), board.by_flight[0].take(keep))
     now = _log_odds(board, past, keep, rivals)
     so_far, chance = float(np.sort(now)[-1] - np.sort(now)[-2]), softmax(now)
-    shared = set.intersection(*(set(r.names) for r in rivals))
-    separates = tuple(dict.fromkeys("+".join(n for n in r.names if n not in shared) or "nothing more" for r in rivals))
-    options = []
+    labels, options = _labels(rivals), []
     for plan in plans:
         flown = [simulate(model, r, plan, logged, parameters or model.parameters) for r in rivals]
         if any(f is None for f in flown):
             continue
         leads = [_lead(_log_odds(board, past + _gram(board, f, keep), keep, rivals), i) for i, f in enumerate(flown)]
-        options.append(Option(plan, separates, float(chance @ leads), so_far))
+        left = tuple(label for label, lead in zip(labels, leads, strict=True) if lead <= WORTH_FLYING)
+        told = tuple(label for label in labels if label not in left)
+        expected = float(chance @ np.minimum(leads, SETTLED))
+        options.append(Option(plan, told + left[:1] if told else labels, left if told else (), expected, so_far))
     return sorted(options, key=lambda o: -o.expected_log_odds)
