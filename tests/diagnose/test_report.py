@@ -235,6 +235,7 @@ def test_interval_plot_shows_value_interval_and_declared_doubt():
     assert list(bar.get_xdata()) == [1.05, 1.15]
     assert axis.patches[0].get_x() == pytest.approx(0.96) and axis.patches[0].get_width() == pytest.approx(0.08)
     assert "1.10 kg" in axis.get_title(loc="left")
+    assert len(pictures.parameter_intervals(rows * 30).axes) == pictures.MOST_PARAMETERS, "one page"
 
 
 @pytest.mark.parametrize(

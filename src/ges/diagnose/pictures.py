@@ -26,6 +26,7 @@ WIDTH_IN = 7.0
 BINS = 12
 LARGEST_Z = 6.0
 MAP_COLUMNS = 3
+MOST_PARAMETERS = 10
 SIGNIFICANT = 0.05
 DRAWS = 400
 
@@ -233,13 +234,15 @@ def _rms_band(e: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.n
 
 
 def parameter_intervals(parameters: Sequence[Mapping[str, Any]]) -> Figure:
-    """Fitted parameters with 95 % intervals, a line each on its own scale, zero and the declared value marked.
+    """Fitted parameters with 95 % intervals, a line each on its own scale, zero and the declared value marked; the first ten,
+    which a printed page holds.
 
     Parameters
     ----------
     parameters : ``label``, ``value``, ``ci95``, ``unit``, and, where the vehicle file declares one, ``declared`` and
         ``declared_sd``.
     """
+    parameters = parameters[:MOST_PARAMETERS]
     with mpl.rc_context(_STYLE):
         figure = _figure(0.2 + 0.75 * len(parameters))
         figure.get_layout_engine().set(h_pad=0.08)

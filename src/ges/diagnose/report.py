@@ -16,7 +16,7 @@ CAPTIONS: Mapping[str, str] = {
     "where": "Where the recordings leave the recalibrated model: colour is the mean residual over its standard error in each bin "
     "of a condition; a dot marks bins that are significant after control of false discoveries.",
     "parameters": "Fitted parameters: the bar is the 95 % interval, the dot the value, grey the number and doubt that the "
-    "vehicle file declares, the dotted line zero.",
+    "vehicle file declares, the dotted line zero; details list all.",
     "located": "The residual where it is largest, in windows of flights that took no part, and what the models add there.",
     "held_out": "Error on flights that took no part, each channel relative to the vehicle file as given; the whisker on the last "
     "bar is the 95 % interval of its reduction against the recalibrated model.",
