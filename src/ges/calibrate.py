@@ -33,7 +33,8 @@ SPREAD = 0.02
 LARGEST_SPREAD = 10.0
 BLOCK_S = 3.0
 WORTH = 3.0
-ROUNDS = 3
+ROUNDS = 4
+TIGHT = 0.2
 OF_THE_DRIVE = (SPEED, "thrust_curve.c", "battery_sag.sensitivity")
 FOLDED = frozenset({"thrust_scale", "torque_coefficient", "inertia", "motor_lag", "vehicle"})
 DRIVE_EFFECTS = frozenset({"thrust_curve", "battery_sag"})
@@ -214,11 +215,14 @@ def _within(key: str, value: float, model: Model) -> float:
 
 
 def _fit(flights: Sequence[Prepared], model: Model) -> tuple[dict[str, Number], float]:
-    """Trims and declared numbers in turn, each with the other's last values."""
+    """Trims and declared numbers in turn, each with the other's last values, until nothing moves."""
     length_s, numbers, factor = window_length_s(flights), {}, 1.0
     for _ in range(ROUNDS):
-        trims, factor = _trims(flights, model, numbers, length_s)
-        numbers = {**trims, **_declared(flights, model, {**numbers, **trims}, length_s)}
+        last = numbers
+        trims, factor = _trims(flights, model, last, length_s)
+        numbers = {**trims, **_declared(flights, model, {**last, **trims}, length_s)}
+        if last and all(abs(n.value - last[key].value) < TIGHT * n.later_sd for key, n in numbers.items()):
+            break
     return numbers, factor
 
 
