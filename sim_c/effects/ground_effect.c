@@ -7,6 +7,7 @@
  *   2 Sanchez-Cuevas, Heredia & Ollero 2017:  image sources of four rotors with the body lift K_b,
  *       1/f = 1 - u - x/(d^2+4x^2)^1.5 - x/2/(b^2+4x^2)^1.5 ... with d, b the adjacent and opposite hub distances over R
  *   3 He & Leang 2020:  1 + C_a exp(-C_b x)
+ *   4 rational:  1 + C_a / (1 + (C_b x)^2): flat at the ground, where measured gains level off, and falling as x^-2, as images do
  * The slope exponent, the curvature gain and the clamp are the study's heuristics, without external support.
  * Valid: hover-like flight, x >= 0.5. Cheeseman-Bennett is a ratio at constant power, used here at constant rotor
  * speed: the amplitude a takes up the difference.
@@ -63,6 +64,8 @@ static fraction_t other_form(const sample_t *s, const vd *p, int i) {
   vd f = hayden(x);
   f = sel(GT(p[FORM], all_lanes(1.5)), sanchez_cuevas(x, adjacent, opposite, p[KB]), f);
   f = sel(GT(p[FORM], all_lanes(2.5)), 1.0 + p[CA] * lane_exp(-p[DECAY] * x), f);
+  vd k = p[DECAY] * x;
+  f = sel(GT(p[FORM], all_lanes(3.5)), 1.0 + p[CA] / (1.0 + k * k), f);
   return (fraction_t){f - 1.0, all_lanes(1.0)};
 }
 
@@ -110,14 +113,14 @@ EFFECT(ground_effect) = {
     .kind = GES_WRENCH,
     .n_parameters = 10,
     .laws = GES_LAW_MIRROR | GES_LAW_FADES,
-    .parameters = {{"form", "1", "0 Cheeseman-Bennett, 1 Hayden, 2 Sanchez-Cuevas, 3 exponential", 0, NAN, 0, 3},
+    .parameters = {{"form", "1", "0 Cheeseman-Bennett, 1 Hayden, 2 Sanchez-Cuevas, 3 exponential, 4 rational", 0, NAN, 0, 4},
                    {"amplitude", "1", "scales f - 1", 1, 0, 0, 12},
                    {"slope_exponent", "1", "exponent of the cosine of the slope", 1, NAN, 0, 4},
                    {"curvature_gain_m", "m", "change of the gain per curvature", 0, NAN, -5, 5},
                    {"low", "1", "least factor", 0.5, NAN, 0, 1},
                    {"high", "1", "greatest factor", 1.8, NAN, 1, 10},
-                   {"c_a", "1", "exponential form: gain at the ground", 0.4, NAN, 0, 2},
-                   {"decay", "1", "exponential form: decay per radius", 1.5, NAN, 0.3, 5},
+                   {"c_a", "1", "exponential and rational form: gain at the ground", 0.4, NAN, 0, 2},
+                   {"decay", "1", "exponential and rational form: decay per radius", 1.5, NAN, 0.3, 5},
                    {"k_b", "1", "Sanchez-Cuevas form: body lift", 2, NAN, 0, 5},
                    {"rotor_plane_offset_m", "m", "rotor plane above where the vehicle file puts it", 0, NAN, -1, 1}},
     .wrench = wrench,

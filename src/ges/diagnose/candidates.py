@@ -102,10 +102,11 @@ def _plane_offsets(model: Model) -> tuple[float, ...]:
 
 def _ground_effect(model: Model) -> tuple[Variant, ...]:
     offsets, wide = _plane_offsets(model), {"high": 10.0}
-    exponential = _grid("ground_effect", ("c_a",), {"form": 3.0, "amplitude": 1.0, **wide},
+    scaled = _grid("ground_effect", ("c_a",), {"form": 3.0, "amplitude": 1.0, **wide},
                         decay=(0.5, 0.75, 1.0, 1.4, 2.0, 2.8))  # fmt: skip
+    scaled += _grid("ground_effect", ("c_a",), {"form": 4.0, "amplitude": 1.0, **wide}, decay=(0.4, 0.6, 0.9, 1.4))
     others = _grid("ground_effect", ("amplitude",), wide, form=(0.0, 1.0, 2.0), rotor_plane_offset_m=offsets)
-    return exponential + others
+    return scaled + others
 
 
 def _slung_load(model: Model) -> tuple[Variant, ...]:

@@ -88,7 +88,7 @@ def smallest_detectable(board: Board, given: Sequence[str] = (), odds: float = 9
     shapes = _shapes(board, given)
     told: dict[str, tuple[float, dict[str, Any]]] = {}
     for shape in shapes:
-        for k in shape.columns:
+        for k in (k for k in shape.columns if board.system.columns[k].part != "moment"):
             size, hidden = _needed(gram, board, shape, k, shapes, odds)
             relative, entry = _entry(board, k, size, hidden)
             if shape.name not in told or relative < told[shape.name][0]:

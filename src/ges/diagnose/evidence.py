@@ -145,13 +145,16 @@ def make_board(system: System, chosen: Sequence[int] = (), tempering: float = TE
     whites = tuple(whiten(r, noise, u) for r, u in zip(system.flights, unrest_of(system.flights), strict=True))
     grams = tuple(flight_grams(whites, system.columns, tempering))
     prior = np.array([c.nuisance.sd if c.nuisance else _size_of(c, k, system, share) for k, c in enumerate(system.columns)])
+    for k, column in enumerate(system.columns):
+        if column.part == "moment":
+            prior[k] = prior[k - 1]
     sided = np.array([_one_sided(c) for c in system.columns])
     nuisance = np.array([k for k, c in enumerate(system.columns) if c.nuisance is not None], dtype=int)
     return Board(system, noise, whites, grams, prior, sided, nuisance)
 
 
 def _one_sided(column: Column) -> bool:
-    if column.variant is None:
+    if column.variant is None or column.part == "moment":
         return False
     a = column.variant.amplitudes[column.amplitude]
     return a.low >= a.neutral

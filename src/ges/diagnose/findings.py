@@ -133,7 +133,7 @@ def _open(accepted: Accepted, name: str) -> Finding:
     told: dict[str, Estimate] = {}
     for k, mean, sd in zip(best.posterior.columns, best.posterior.mean, best.posterior.sd, strict=True):
         column = accepted.board.system.columns[k]
-        if column.variant.effect == name:
+        if column.variant.effect == name and column.part != "moment":
             a = column.variant.amplitudes[column.amplitude]
             value = a.neutral + float(mean)
             told[a.parameter] = Estimate(value, (value - 1.96 * float(sd), value + 1.96 * float(sd)), units[a.parameter])

@@ -130,6 +130,8 @@ def starting_values(board: Board, hypothesis: Hypothesis) -> dict[str, dict[str,
     found: dict[str, dict[str, float]] = {}
     for k, value in zip(hypothesis.posterior.columns, hypothesis.posterior.mean, strict=True):
         column = board.system.columns[k]
+        if column.part == "moment":
+            continue
         a = column.variant.amplitudes[column.amplitude]
         declared = board.system.model.effects.get(column.variant.effect, {})
         held = found.get(column.variant.effect) or {**column.variant.parameters({}), **declared}
@@ -146,10 +148,12 @@ def free_parameters(board: Board, hypothesis: Hypothesis, model: Model, values: 
     found = []
     for k in hypothesis.posterior.columns:
         column = board.system.columns[k]
+        if column.part == "moment":
+            continue
         found.append((column.variant.effect, column.variant.amplitudes[column.amplitude].parameter))
     for effect in dict.fromkeys(e for e, _ in found):
         for shape in _SHAPES.get(effect, ()):
-            if shape == "decay" and values[effect]["form"] != 3.0 or shape == "rotor_plane_offset_m" and model.plane_sd_m <= 0:
+            if shape == "decay" and values[effect]["form"] < 3.0 or shape == "rotor_plane_offset_m" and model.plane_sd_m <= 0:
                 continue
             found.append((effect, shape))
     return found

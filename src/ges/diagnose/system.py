@@ -16,6 +16,8 @@ from .residual import MOMENT, channels, drive_of, residual
 from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, make_windows
 
 AR_ORDER = 3
+LEAST_STRENGTH = 0.2
+LEVELLED, LEVELLING_SD = "ground_effect", 0.7
 USUAL: tuple[tuple[str, str, float, float, float], ...] = (
     # channel, effect.parameter, step, usual doubt (sd), sd from flight to flight; cg_offset in arm lengths
     ("force", "attitude_bias.x_rad", 0.002, 0.006, 0.003),
@@ -75,12 +77,17 @@ VERTICAL = ("force_z", "acc_z")
 
 @dataclasses.dataclass(frozen=True)
 class Column:
-    """One column: a nuisance, or one amplitude of one variant of a candidate."""
+    """One column: a nuisance, or one amplitude of one variant of a candidate.
+
+    ``part`` 'force' or 'moment' is a column of those channels alone. A thrust gain near the ground is split so: how much the
+    cushions of four rotors differ, and so the moment, depends on how far each of them spreads.
+    """
 
     label: str
     nuisance: Nuisance | None = None
     variant: Variant | None = None
     amplitude: int = 0
+    part: str = ""
 
     @property
     def moved(self) -> bool:
@@ -145,6 +152,8 @@ def nuisances(model: Model, names: Iterable[str], flights: Sequence[Prepared]) -
         listed.append(Nuisance(*SPEED.split("."), 0.01 * speed, model.doubts.get(SPEED, 0.0), 0.0))
         if all(f.has("battery") for f in flights):
             listed.append(Nuisance("battery_sag", "sensitivity", 0.02, model.doubts.get("battery_sag.sensitivity", 0.04), 0.0))
+    if "moment" in has and LEVELLED in model.effects:
+        listed.append(Nuisance("ground_effect_moment", "q", 0.1, LEVELLING_SD, 0.0))
     rates = attitude_measured(flights)
     return tuple(n for n in listed if (n.sd > 0 or n.flight_sd > 0) and (rates or n.effect not in NEEDS_ATTITUDE))
 
@@ -210,8 +219,13 @@ def _drives(effects: Mapping[str, Mapping]) -> bool:
 
 
 def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence[Column], length_s: float,
-         instrumented: bool = True, known: Rows | None = None) -> Rows:  # fmt: skip
-    """Residuals and columns of one flight; a column is minus the residual's change per unit of its coefficient."""
+         instrumented: bool = True, known: Mapping[str, np.ndarray] | None = None) -> Rows:  # fmt: skip
+    """Residuals and columns of one flight; a column is minus the residual's change per unit of its coefficient.
+
+    Parameters
+    ----------
+    known : nuisance columns to take over, by key.
+    """
     windows = make_windows(flight.t_s, flight.flying, length_s)
     here = channels(flight, model)
     drive = drive_of(flight, model, model.effects, here)
@@ -225,8 +239,8 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     y = at({})
     x = np.empty((*y.shape, len(columns)))
     for k, column in enumerate(columns):
-        if known is not None and column.nuisance is not None:
-            x[:, :, k] = known.full[:, :, k]
+        if known and column.nuisance is not None and column.nuisance.key in known:
+            x[:, :, k] = known[column.nuisance.key]
             continue
         if column.nuisance is not None and column.nuisance.effect == "vehicle":
             n = column.nuisance
@@ -235,6 +249,10 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
         shifted, step = _shift(model, column)
         reference = _reference(model, column)
         x[:, :, k] = ((at(reference) if reference and _drives(reference) else y) - at(shifted)) / step
+    moments = np.array([name in MOMENT for name in names])
+    for k, column in enumerate(columns):
+        if column.part:
+            x[:, moments if column.part == "force" else ~moments, k] *= 0.0
     moved = [k for k, c in enumerate(columns) if instrumented and c.moved and (c.variant or not flight.has("reference"))]
     told, strength = _through_instruments(x, moved, flight, windows, model, names, drive.at_work)
     return Rows(flight, windows, y, told, restless(flight, windows, model, drive.at_work), x, strength)
@@ -253,8 +271,9 @@ def _through_instruments(x, moved, flight: Prepared, windows: Windows, model: Mo
     z, own = instruments(flight, windows, model, names), own_signal(flight, windows, model, speeds)
     told, strong = x.copy(), {}
     for c in answered:
-        told[:, c, moved] = projected(x[:, c][:, moved], z[names[c]])
         strong[names[c]] = strength(own[names[c]], z[names[c]])
+        usable = z[names[c]] if strong[names[c]] > LEAST_STRENGTH else z[names[c]][:, :1]
+        told[:, c, moved] = projected(x[:, c][:, moved], usable)
     return told, strong
 
 
@@ -264,6 +283,11 @@ def restless(flight: Prepared, windows: Windows, model: Model, speeds: np.ndarra
     thrust = model.number("thrust_coefficient_N_s2") * (speeds**2).sum(axis=1)
     rate = np.abs(np.gradient(thrust, flight.dt_s)) / model.weight_N
     return windows.mean @ rate * (every if np.isfinite(every) else flight.dt_s)
+
+
+def _known(system: System, flight: Rows) -> dict[str, np.ndarray]:
+    """Nuisance columns of one flight by key."""
+    return {c.nuisance.key: flight.full[:, :, k] for k, c in enumerate(system.columns) if c.nuisance is not None}
 
 
 def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant], length_s: float | None = None,
@@ -277,7 +301,9 @@ def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant]
     names = common_channels(flights, model)
     length_s = length_s or window_length_s(flights)
     columns = [Column(n.key, nuisance=n) for n in nuisances(model, names, flights)] if switches.tolerance else []
-    columns += [Column(v.key, variant=v, amplitude=j) for v in variants for j in range(len(v.amplitudes))]
-    known = like.flights if like else [None] * len(flights)
+    for v in variants:
+        parts = ("force", "moment") if v.effect == LEVELLED and v.effect not in model.effects and MOMENT[0] in names else ("",)
+        columns += [Column(v.key, variant=v, amplitude=j, part=part) for j in range(len(v.amplitudes)) for part in parts]
+    known = [_known(like, r) for r in like.flights] if like else [{}] * len(flights)
     made = [rows(f, model, names, columns, length_s, switches.instruments, k) for f, k in zip(flights, known, strict=True)]
     return System(model, names, tuple(columns), tuple(made), switches.whitening)
