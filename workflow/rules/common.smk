@@ -46,3 +46,20 @@ def part(key):
     for name in key.split("."):
         value = value[name]
     return value
+
+
+def closed_loop(name):
+    """The input of a figure that shows one summary of the closed loop."""
+    return {"summary": f"results/closed_loop/{name}.csv"}
+
+
+def makers(files):
+    """Name of the rule that makes each file."""
+    return {
+        str(f): next(r.name for r in workflow.rules if r.is_producer(f)) for f in files
+    }
+
+
+def folder_of(wildcards, output):
+    """The folder that a rule writes into."""
+    return os.path.dirname(output[0])

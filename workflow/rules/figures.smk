@@ -16,11 +16,6 @@ SHOWN_SEED = STUDY.seeds.closed_loop.first
 SHOWN_FLIGHT = {"simulator": part("simulator"), "plan": part("closed_loop")}
 
 
-def closed_loop(name):
-    """The input of a figure that shows one summary of the closed loop."""
-    return {"summary": f"results/closed_loop/{name}.csv"}
-
-
 # Published recordings are read where they are; without them the tables have headings only, and the paper says so.
 rule real_flights:
     input:

@@ -58,7 +58,7 @@ rule write_claims:
         "results/logs/write_claims.log",
     params:
         call=call("ges.claims:write_claims"),
-        results="results",
+        results=folder_of,
         seeds=part("seeds"),
     message:
         "the paper's claims beside ours"
@@ -77,7 +77,7 @@ rule write_numbers:
         "results/logs/write_numbers.log",
     params:
         call=call("ges.claims_text:write_numbers"),
-        results="results",
+        results=folder_of,
     message:
         "numbers of the text"
     script:
@@ -167,7 +167,7 @@ rule render_paper:
         "results/logs/render_paper.log",
     params:
         call=call("ges.paper:render"),
-        results="results",
+        results=folder_of,
     message:
         "render the paper"
     script:

@@ -16,13 +16,6 @@ CODE = {"commit": COMMIT, "modified": MODIFIED, "sha256": tree_hash(ROOT, RUN_FI
 RUN_ID = runs.run_id(STUDY.model_dump(mode="json"), CODE["sha256"])
 
 
-def makers(files):
-    """Name of the rule that makes each file."""
-    return {
-        str(f): next(r.name for r in workflow.rules if r.is_producer(f)) for f in files
-    }
-
-
 MANIFEST = f"results/runs/{RUN_ID}/manifest.json"
 
 
