@@ -52,16 +52,46 @@ def make_rotorpy(out: Path, seed: int, seconds: tuple[float, float] = SECONDS, o
     GesError
         When RotorPy is not installed.
     """
-    if (out / "sealed" / seal.SUMS).exists():
-        raise UsageError(f"'{out}' already holds sealed cases; name an empty folder")
-    for part in ("cases", "sealed"):
-        (out / part).mkdir(parents=True, exist_ok=True)
+    new_folder(out)
     cases = CASES[:only]
     for number, case in enumerate(cases):
         _make_case(out, case, np.random.default_rng([seed, number, 6]), seconds)
         tell(number + 1, len(cases))
     seal.close(out)
     return len(cases)
+
+
+def new_folder(out: Path) -> None:
+    """Make the folders of a proof; UsageError where sealed cases lie already."""
+    if (out / "sealed" / seal.SUMS).exists():
+        raise UsageError(f"'{out}' already holds sealed cases; name an empty folder")
+    for part in ("cases", "sealed"):
+        (out / part).mkdir(parents=True, exist_ok=True)
+
+
+def plan_flights(craft: Airframe, rng: np.random.Generator, seconds: tuple[float, float] = SECONDS, pace: float = 0.8,
+                 smooth_s: float = 1.3) -> list[Sortie]:  # fmt: skip
+    """Plan one flight of every manoeuvre over flat ground."""
+    grid = np.zeros((ground.NODES, ground.NODES))
+    rooms = [Room(float(rng.uniform(*seconds)), craft.radius_m, 0.5, pace, smooth_s, grid) for _ in FULL_MENU]
+    plans = [make_plan(str(m), room, False, False, rng) for m, room in zip(rng.permutation(FULL_MENU), rooms, strict=True)]
+    return [Sortie(craft, {}, plan, grid, 1.0, 0.0, 0) for plan in plans]
+
+
+def write_case(out: Path, craft: Airframe, sorties: list[Sortie], flights: list[dict], log: Logging, truth: dict,
+               rng: np.random.Generator) -> None:  # fmt: skip
+    """Record flights with the other cases' sensors, and seal the truth with the situation."""
+    identity = rng.bytes(6).hex()
+    folder = out / "cases" / identity
+    folder.mkdir()
+    for k, (sortie, flown) in enumerate(zip(sorties, flights, strict=True), 1):
+        frame = Recorder(flown, sortie, log, rng).frame()
+        frame.astype({c: "float32" for c in frame.columns if c != "t_s"}).to_parquet(folder / f"flight_{k}.parquet", index=False)
+    content = craft.vehicle_file({"kind": "flat", "z_m": 0.0})
+    (folder / "vehicle.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
+    situation = {"vehicle": craft.size, "noise": log.noise, "rotor_speeds": log.rotor_speeds, "references": True,
+                 "excitation": False, "terrain": "flat", "menu": "full"}  # fmt: skip
+    write_json(out / "sealed" / f"{identity}.json", truth | {"situation": situation})
 
 
 def _parameters(vehicle: str, kept: tuple[str, ...], own: dict[str, float]) -> dict:
@@ -78,23 +108,14 @@ def _make_case(out: Path, case: tuple, rng: np.random.Generator, seconds: tuple[
     numbers = _parameters(vehicle, kept, own)
     craft = _airframe(vehicle, numbers, rng)
     log = Logging(100.0, str(rng.choice(["low", "ordinary"])), bool(rng.random() < 0.6), True, False, False, False)
-    identity = rng.bytes(6).hex()
-    folder = out / "cases" / identity
-    folder.mkdir()
     heading = rng.uniform(0.0, 2.0 * np.pi)
-    for k, manoeuvre in enumerate(rng.permutation(FULL_MENU), 1):
-        room = Room(float(rng.uniform(*seconds)), craft.radius_m, 0.5, 0.8, 1.3, np.zeros((ground.NODES, ground.NODES)))
-        plan = make_plan(str(manoeuvre), room, False, False, rng)
-        sortie = Sortie(craft, {}, plan, room.grid, 1.0, 0.0, 0)
-        flown = _fly(numbers, plan.reference, wind * np.array([np.cos(heading), np.sin(heading), 0.0]))
-        frame = Recorder(flown, sortie, log, rng).frame()
-        frame.astype({c: "float32" for c in frame.columns if c != "t_s"}).to_parquet(folder / f"flight_{k}.parquet", index=False)
-    flat = {"kind": "flat", "z_m": 0.0}
-    (folder / "vehicle.yaml").write_text(yaml.safe_dump(craft.vehicle_file(flat), sort_keys=False))
-    write_json(out / "sealed" / f"{identity}.json", _truth(case, numbers, log))
+    air = wind * np.array([np.cos(heading), np.sin(heading), 0.0])
+    sorties = plan_flights(craft, rng, seconds)
+    flights = [_fly(numbers, s.plan.reference, air) for s in sorties]
+    write_case(out, craft, sorties, flights, log, _truth(case, numbers), rng)
 
 
-def _truth(case: tuple, numbers: dict, log: Logging) -> dict:
+def _truth(case: tuple, numbers: dict) -> dict:
     vehicle, kept, own, wind, names = case
     strange = not names and bool(own)
     verdict = "unknown" if strange else "physics" if names else "nothing_proven"
@@ -102,9 +123,7 @@ def _truth(case: tuple, numbers: dict, log: Logging) -> dict:
     category = "unknown" if strange else "null" if not names else "single" if len(names) == 1 or blown else "pair"
     return {"verdict": verdict, "findings": [{"name": n, "parameters": {}} for n in names], "severity": "strong",
             "also_acceptable": [["wind"]] if blown else [], "category": category,
-            "concealed": {"rotorpy": {k: numbers[k] for k in (*kept, *own)} | ({"wind_m_s": wind} if blown else {})},
-            "situation": {"vehicle": vehicle, "noise": log.noise, "rotor_speeds": log.rotor_speeds, "references": True,
-                          "excitation": False, "terrain": "flat", "menu": "full"}}  # fmt: skip
+            "concealed": {"rotorpy": {k: numbers[k] for k in (*kept, *own)} | ({"wind_m_s": wind} if blown else {})}}  # fmt: skip
 
 
 def _airframe(vehicle: str, numbers: dict, rng: np.random.Generator) -> Airframe:
@@ -138,14 +157,14 @@ def _fly(numbers: dict, reference: np.ndarray, wind: np.ndarray) -> dict[str, np
         state["wind"] = wind
         rows.append(_row(vehicle, state, control, numbers))
         state = _step(vehicle, state, control)
-    book = {name: _between(np.stack([r[name] for r in rows]), name == "u") for name in rows[0]}
+    book = {name: between(np.stack([r[name] for r in rows]), name == "u") for name in rows[0]}
     lost = np.abs(book["p"][: reference.shape[1]] - reference[:3].T[: len(book["p"])]).max()
     if not lost < 4.0:
         raise GesError(f"RotorPy's controller was {lost:.1f} m off its references; the plan is too fast for it")
     return book
 
 
-def _between(rows: np.ndarray, held: bool) -> np.ndarray:
+def between(rows: np.ndarray, held: bool) -> np.ndarray:
     """Rows at the control rate from rows at half of it: commands held, all else half way."""
     following = rows if held else 0.5 * (rows + np.concatenate([rows[1:], rows[-1:]]))
     return np.stack([rows, following], axis=1).reshape(-1, rows.shape[1])

@@ -139,3 +139,18 @@ def rotorpy(seed: int, out: Path) -> None:
     with Progress("flying") as progress:
         count = make_rotorpy(out, seed, tell=progress)
     click.echo(f"{count} cases sealed in {out}", err=True)
+
+
+@command.command()
+@click.option("--seed", type=click.IntRange(min=0), required=True, help="Seed of plans, sensors and file errors.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/.")
+def crazyflow(seed: int, out: Path) -> None:
+    """Write cases with crazyflow's identified Crazyflies: drag, motors and propellers of others (extra 'simulators').
+
+    Example: ges blind crazyflow --seed 7 --out proof-crazyflow
+    """
+    from ..blind.crazyflow_cases import make_crazyflow
+
+    with Progress("flying") as progress:
+        count = make_crazyflow(out, seed, tell=progress)
+    click.echo(f"{count} cases sealed in {out}", err=True)
