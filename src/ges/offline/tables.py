@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pandas as pd
-
-from ..files import replacing
+from ..errors import GesError
+from ..files import write_text
 
 
 def join_tables(parts: list[Path], table: Path) -> None:
-    """Write the rows of all parts, in their order, as text, so that no number is rounded twice."""
-    with replacing(table) as new:
-        pd.concat([pd.read_csv(part, dtype=str) for part in parts]).to_csv(new, index=False)
+    """Write the rows of all parts, in their order, as they stand, so that no number is rounded twice."""
+    headings, bodies = zip(*(Path(part).read_text().split("\n", 1) for part in parts), strict=True)
+    if len(set(headings)) > 1:
+        raise GesError(f"{Path(table).name}: its parts have different columns; run the workflow again to make them anew")
+    write_text(table, headings[0] + "\n" + "".join(bodies))
