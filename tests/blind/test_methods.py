@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 import json
 import signal
 import subprocess
@@ -139,3 +140,53 @@ def test_real_flights_become_cases(tmp_path, recordings_dir):
         )
     truths = [seal.truth(tmp_path / "real", n) for n in names]
     assert sum(t["verdict"] == "nothing_proven" for t in truths) == 5
+
+
+def test_rotorpy_flies_its_own_physics(tmp_path):
+    """A hover of RotorPy's own vehicle: the specific force is gravity, the rotors carry the weight, the file is honest."""
+    pytest.importorskip("rotorpy", reason="the extra 'simulators' is not installed")
+    from ges.blind import rotorpy_cases
+
+    numbers = rotorpy_cases._parameters("hummingbird", ("k_d",), {})
+    reference = np.zeros((11, 500))
+    reference[2] = 1.0
+    flown = rotorpy_cases._fly(numbers, reference, np.zeros(3))
+    assert flown["specific_force"][-1] == pytest.approx([0.0, 0.0, 9.81], abs=0.01)
+    assert 4.0 * numbers["k_eta"] * flown["rotor_speed"][-1].mean() ** 2 == pytest.approx(numbers["mass"] * 9.81, rel=1e-3)
+    assert numbers["k_d"] > 0.0 and numbers["k_z"] == numbers["k_h"] == numbers["c_Dx"] == 0.0
+
+
+CRAZYFLOW = """
+import sys
+import numpy as np
+from ges.blind import crazyflow_cases as c
+numbers = c._parameters("cf2x_L250", c.CASES[0])
+craft = c._airframe("cf2x_L250", numbers, c.CASES[0], np.random.default_rng(1))
+reference = np.zeros((11, 1500))
+reference[2], reference[0], reference[9] = 1.0, 0.1, 0.3
+flown = c._fly(numbers, craft, reference)
+assert np.abs(flown["p"][-1, :2] - [0.1, 0.0]).max() < 0.02, flown["p"][-1]
+assert abs(flown["specific_force"][-1, 2] / 9.81 - 1.0) < 0.02, flown["specific_force"][-1]
+"""
+
+
+def test_crazyflow_flies_its_own_physics():
+    """Its Crazyflie holds a hover under our controller: geometry, spins and signs are translated rightly.
+
+    In a process of its own, because the package wants to be imported before scipy.
+    """
+    if not importlib.util.find_spec("drone_models"):
+        pytest.skip("the extra 'simulators' is not installed")
+    done = subprocess.run([sys.executable, "-c", CRAZYFLOW], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_missing_simulators_are_said(monkeypatch, tmp_path):
+    from ges.blind import crazyflow_cases, rotorpy_cases
+    from ges.errors import GesError
+
+    monkeypatch.setitem(sys.modules, "rotorpy.vehicles", None)
+    monkeypatch.setitem(sys.modules, "drone_models", None)
+    for make in (rotorpy_cases.make_rotorpy, crazyflow_cases.make_crazyflow):
+        with pytest.raises(GesError, match="pip install 'ges.simulators.'"):
+            make(tmp_path / make.__name__, 1)

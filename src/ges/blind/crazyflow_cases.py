@@ -55,7 +55,7 @@ def _parameters(drone: str, case: tuple) -> dict:
         from drone_models import parametrize
         from drone_models.first_principles import dynamics
     except ImportError:
-        raise GesError("crazyflow is not installed; pip install 'ges[simulators]'") from None
+        raise GesError("crazyflow's drone-models is not installed; pip install 'ges[simulators]'") from None
     plane, axial, propeller, _, _ = case
     numbers = dict(parametrize(dynamics, drone).keywords)
     numbers["drag_matrix"] = np.asarray(numbers["drag_matrix"]) * np.diag([plane, plane, axial])
