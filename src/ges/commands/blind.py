@@ -127,30 +127,17 @@ def real(recordings: Path, config: Path, out: Path) -> None:
 
 
 @command.command()
+@click.argument("simulator", type=click.Choice(["rotorpy", "crazyflow"]))
 @click.option("--seed", type=click.IntRange(min=0), required=True, help="Seed of plans, sensors and file errors.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/.")
-def rotorpy(seed: int, out: Path) -> None:
-    """Write cases that RotorPy flies: physics and control that nobody here wrote (extra 'simulators').
+def others(simulator: str, seed: int, out: Path) -> None:
+    """Write cases flown by a simulator that nobody here wrote (extra 'simulators'): what it has switched on is the truth.
 
-    Example: ges blind rotorpy --seed 7 --out proof-rotorpy
+    Example: ges blind others rotorpy --seed 7 --out proof-rotorpy
     """
-    from ..blind.rotorpy_cases import make_rotorpy
+    import importlib
 
+    make = getattr(importlib.import_module(f"ges.blind.{simulator}_cases"), f"make_{simulator}")
     with Progress("flying") as progress:
-        count = make_rotorpy(out, seed, tell=progress)
-    click.echo(f"{count} cases sealed in {out}", err=True)
-
-
-@command.command()
-@click.option("--seed", type=click.IntRange(min=0), required=True, help="Seed of plans, sensors and file errors.")
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/.")
-def crazyflow(seed: int, out: Path) -> None:
-    """Write cases with crazyflow's identified Crazyflies: drag, motors and propellers of others (extra 'simulators').
-
-    Example: ges blind crazyflow --seed 7 --out proof-crazyflow
-    """
-    from ..blind.crazyflow_cases import make_crazyflow
-
-    with Progress("flying") as progress:
-        count = make_crazyflow(out, seed, tell=progress)
+        count = make(out, seed, tell=progress)
     click.echo(f"{count} cases sealed in {out}", err=True)
