@@ -31,6 +31,7 @@ def models(table1: Path, data: Path, pdf: Path, png: Path) -> None:
     for i, plan in enumerate(plans):
         _dots(axes, table[table["plan"] == plan], order, "rmse", i, PLAN_LABELS[plan], len(plans))
     axes.set(xscale="log", xlabel="RMSE of the factor on held-out seeds")
+    style.log_ticks(axes.xaxis)
     axes.legend(loc="upper center", bbox_to_anchor=(0.4, 1.22))
     style.save(figure, table, data, pdf, png)
 
@@ -44,6 +45,7 @@ def splits(table1: Path, plan: str, data: Path, pdf: Path, png: Path) -> None:
         for axes, metric in ((left, "rmse"), (right, "r2")):
             _dots(axes, table[table["split"] == split], order, metric, i, label, 2)
     left.set(xscale="log", xlabel="RMSE of the factor")
+    style.log_ticks(left.xaxis)
     right.set(xlabel="$R^2$")
     figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=2)
     style.panel(left, "a")
@@ -133,11 +135,15 @@ def ground_quartiles(quartiles: Path, quantity: str, data: Path, pdf: Path, png:
             ax.errorbar(rows["quartile"] + 0.12 * (i - 0.5), rows["mae"], span, fmt=style.MARKERS[i], color=style.COLOURS[i],
                         label=label)  # fmt: skip
         unit = "" if rows["unit"].iloc[0] == "1" else f"\n({rows['unit'].iloc[0]})"
-        labels = [f"{r.low:.2g} to\n{r.high:.2g}" for r in rows.itertuples()]
+        labels = [f"{round(r.low, 4):.2g} to\n{r.high:.2g}" for r in rows.itertuples()]
         ax.set_xticks(rows["quartile"], labels)
         ax.set(xlabel=f"{quantity} of the ground, quartiles{unit}", ylabel="mean absolute error", ylim=(0, None))
     _legend(figure, ax)
     style.save(figure, table, data, pdf, png)
+
+
+LEAST_SHARE = 0.001
+"""Bins with a smaller share of the test rows are not shown."""
 
 
 def _middle(table: pd.DataFrame) -> pd.Series:
@@ -146,7 +152,7 @@ def _middle(table: pd.DataFrame) -> pd.Series:
 
 def clearance(bins: Path, data: Path, pdf: Path, png: Path) -> None:
     """Error against clearance and the share of test rows in each bin (the paper's figure 13)."""
-    table = pd.read_csv(bins)
+    table = pd.read_csv(bins).query("share >= @LEAST_SHARE")
     table = table[table["model"].isin(SHOWN)]
     figure, panels = _panels(table, 2.4)
     for plan, ax in panels.items():
@@ -161,13 +167,14 @@ def clearance(bins: Path, data: Path, pdf: Path, png: Path) -> None:
         ax.set_zorder(share.get_zorder() + 1)
         ax.patch.set_visible(False)
         ax.set(xlabel="rangefinder reading (m)", ylabel="mean absolute error", yscale="log")
+        style.log_ticks(ax.yaxis)
     _legend(figure, ax)
     style.save(figure, table, data, pdf, png)
 
 
 def reduction(bins: Path, data: Path, pdf: Path, png: Path) -> None:
     """How much less the forest errs than the formula, against clearance (the paper's figure 14)."""
-    table = pd.read_csv(bins).query("model == 'random_forest'")
+    table = pd.read_csv(bins).query("model == 'random_forest' and share >= @LEAST_SHARE")
     figure, axes = style.subplots(height=2.3)
     for i, plan in enumerate(p for p in PLAN_LABELS if p in set(table["plan"])):
         rows = table[table["plan"] == plan]
@@ -189,5 +196,6 @@ def learning_curves(curves: Path, data: Path, pdf: Path, png: Path) -> None:
         cap = rows[rows["share"] == 1.0]
         axes.plot(cap["train_rows"], cap["rmse"], "o", ms=8, mfc="none", color=style.COLOURS[i])
     axes.set(xscale="log", xlabel="training rows (ring: the cap in use)", ylabel="RMSE on validation seeds")
+    style.log_ticks(axes.xaxis)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     style.save(figure, table, data, pdf, png)

@@ -14,7 +14,9 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ..files import replacing
 
@@ -70,6 +72,13 @@ def save(figure: Figure, table: pd.DataFrame, data: Path, pdf: Path, png: Path) 
     with replacing(png) as new:
         figure.savefig(new, format="png", metadata={"Software": None})
     plt.close(figure)
+
+
+def log_ticks(axis: Axis) -> None:
+    """Plain numbers at 1, 2 and 5 of every decade of a logarithmic axis."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def panel(axes: Axes, letter: str) -> None:
