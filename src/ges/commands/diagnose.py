@@ -14,7 +14,13 @@ import click
               help="A flight (file name without .parquet) that takes no part; may be given again. Default: a rule that does not "
               "look at the flights.")  # fmt: skip
 @click.option("--vehicle", "vehicle_path", type=click.Path(path_type=Path), help="Another vehicle file than the set's own.")
-def command(recordings, out, holdout, vehicle_path) -> None:
+@click.option(
+    "--write-flight",
+    type=click.Path(path_type=Path),
+    metavar="FILE.csv",
+    help="Write the recommended next flight as a set-point file, which ges simulate --references flies too.",
+)
+def command(recordings, out, holdout, vehicle_path, write_flight) -> None:
     """Locate where the simulator and the flights of SET differ, name what is missing, fit it, and show the fit improve.
 
     Example: ges diagnose flights/monday --out reports/monday
@@ -36,4 +42,18 @@ def command(recordings, out, holdout, vehicle_path) -> None:
     for warning in found.data["warnings"]:
         click.echo(f"warning: {warning}", err=True)
     click.echo(found.sentence)
+    if write_flight:
+        click.echo(_flight_written(found.next_flight, write_flight), err=True)
     click.echo(f"{out / 'report.html'}", err=True)
+
+
+def _flight_written(advised, path: Path) -> str:
+    """Write the set points of the advised manoeuvre; what was done, as a sentence."""
+    from .. import manoeuvres
+    from ..files import replacing
+
+    if not advised.get("manoeuvre"):
+        return "no next flight is needed: nothing is open that another manoeuvre would separate"
+    with replacing(path) as new:
+        manoeuvres.to_frame(manoeuvres.make(advised["manoeuvre"])).to_csv(new, index=False)
+    return f"{path}: set points of {advised['manoeuvre']}, to separate {' from '.join(advised['separates'])}"

@@ -14,11 +14,13 @@ from ..errors import GesError, unknown_name
 from ..io.recording import RecordingSet, make_set, require_drive
 from ..vehicle import Estimate as Fitting
 from ..vehicle import Quantity, Vehicle
+from .candidates import NEEDS_ATTITUDE
 from .detect import smallest_detectable
 from .engine import Accepted, accept, first_system, null_of, split
 from .findings import finding, open_findings, settled_findings
 from .fit import Joint, calibrated
 from .gate import Gate, at_flown_voltage, pass_gate
+from .instruments import MOVED
 from .locate import cells, merged, strongest
 from .model import Model, from_vehicle
 from .recommend import next_flight
@@ -125,7 +127,7 @@ class _Chain:
             next_flight=next_flight(accepted.board, accepted.found, accepted.names) if _something_open(accepted) else {},
             data=self._data(system),
             calibration=calibration,
-            not_tested={},
+            not_tested=_not_tested(system, self.train),
             vehicle=self._fitted_vehicle(accepted, fitted_joint),
             details={"accepted": accepted, "cells": map_cells, "models": models, "held": self.held, **proof},
         )
@@ -186,6 +188,20 @@ class _Chain:
 def _something_open(accepted: Accepted) -> bool:
     """Whether rivals are left that another flight could separate."""
     return bool(accepted.rivals) or any(0.1 < p < 0.9 for p in accepted.found.inclusion.values())
+
+
+def _not_tested(system: System, flights) -> dict[str, str]:
+    """Candidates that these recordings cannot speak about, each with what they lack."""
+    told = {}
+    searched = {c.variant.effect for c in system.columns if c.variant is not None}
+    for name, effect in effect_table.table().items():
+        if name in searched or effect.modifies or name in ("time_offset", "gyro_bias", "wind"):
+            continue
+        told[name] = "needs a measured attitude" if name in NEEDS_ATTITUDE else "flown by the simulator, not searched for"
+    references = any(f.has("reference") for f in flights)
+    for name in MOVED & searched if not references else ():
+        told[name] = "needs the references that the controller followed, or its answers to disturbances look like this effect"
+    return told
 
 
 def _named(warning: str, names: Sequence[str]) -> str:
