@@ -22,7 +22,7 @@ READ = EXECUTE | READ_FILE | READ_DIR
 ALL_TCP = 3
 SYSTEM = ("/usr/lib", "/lib", "/lib64", "/usr/share", "/usr/local/lib", "/etc", "/dev/null", "/dev/urandom", "/proc/cpuinfo",
           "/proc/meminfo", "/sys/devices/system/cpu")  # fmt: skip
-FORBIDDEN = ("subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "os.spawn", "socket.connect", "os.putenv")
+FORBIDDEN = ("subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "os.spawn", "socket.connect")
 WATCHED = ("open", "os.listdir", "os.scandir", "os.chdir", "os.rename", "os.remove", "os.link", "os.symlink", "ctypes.dlopen")
 
 
