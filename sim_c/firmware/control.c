@@ -48,7 +48,8 @@ static void wanted_moment(const fw_config *c, const fw_input *in, const real d[3
 }
 
 static real command_of(const fw_config *c, real thrust) {
-  return root(greatest(thrust, number(0.0f)) / c->thrust_coefficient) / c->speed_max;
+  real u = root(greatest(thrust, number(0.0f)) / c->thrust_coefficient) / c->speed_max, share = u * u, k = c->thrust_curve;
+  return pick(WHEN(k > 0.0f), 2.0f * share / (k + root(k * k + 4.0f * (1.0f - k) * share)), u);
 }
 
 void firmware_run(const fw_config *c, const fw_input *in, fw_state *state, fw_output *out) {

@@ -15,6 +15,7 @@ enum { FF_NONE, FF_ANALYTICAL, FF_ORACLE, FF_ML, FF_ML_DIRECT, FF_ML_ASYM_CLAMP 
 
 typedef struct {
   real mass, inertia[3], gravity, thrust_coefficient, speed_max, rotor_radius;
+  real thrust_curve; /* c of T = T_max ((1 - c) u^2 + c u) */
   real mixer[FIRMWARE_ROTORS][4]; /* thrust of each rotor per collective thrust and moments x, y, z */
   real altitude_kp, altitude_ki, altitude_kd, altitude_filter, altitude_integral;
   real position_kp, velocity_kp, tangent_max;

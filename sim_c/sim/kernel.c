@@ -170,6 +170,7 @@ static int load_belief(fw_config *c, const vehicle_t *b, const double *const *p)
   c->mass = to_float(sel(GT(mass, all_lanes(0.0)), mass, b->mass));
   c->thrust_coefficient = to_float(sel(GT(thrust, all_lanes(0.0)), thrust, b->thrust_coefficient));
   for (int k = 0; k < 3; k++) c->inertia[k] = to_float(b->inertia[k] * column(p, P_fw_inertia_scale));
+  c->thrust_curve = to_float(column(p, P_fw_thrust_curve));
   c->gravity = to_float(b->gravity);
   c->speed_max = to_float(b->speed_max);
   c->rotor_radius = to_float(b->radius[0]);

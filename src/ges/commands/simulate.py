@@ -74,6 +74,8 @@ def command(vehicle_path, plan, references, duration, seed, settings, out) -> No
     table = _references(plan, references, duration)
     timing = {"inputs_dt_s": manoeuvres.STEP_S, "duration_s": (len(table) - 1) * manoeuvres.STEP_S}
     fixed = {"seed": seed, "altitude_source": 1, "mode": "none", **timing}
+    curve = vehicle.effect_values().get("thrust_curve", {}).get("c", 0.0)
+    fixed["fw_thrust_curve"] = min(max(curve, 0.0), 1.0)  # an autopilot is set up for its motors
     numbers = {**vehicle.parameters(), **values, **fixed, **_settings(settings)}
     record = sim.fly([sim.Flight(numbers, vehicle.effect_values(), vehicle.ground(vehicle_path.parent), table)])[0]
     if record.status != "ok":
