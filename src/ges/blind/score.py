@@ -194,6 +194,11 @@ def _share(gains: np.ndarray) -> float:
     return float(gains[:, 0].sum() / gains[:, 1].sum())
 
 
+def _median_share(gains: np.ndarray) -> float:
+    """Median of the first column over the second: one case that got much worse does not decide it."""
+    return float(np.median(gains[:, 0] / gains[:, 1]))
+
+
 def calibration_error(stated: np.ndarray, bins: int = 10) -> float:
     """Expected calibration error of rows (probability, came true) over equal bins."""
     place = np.clip((stated[:, 0] * bins).astype(int), 0, bins - 1)
@@ -232,6 +237,7 @@ def summary(judged: Sequence[Judgement], table: pd.DataFrame, held: dict[str, Co
     found["intervals that hold the oracle"] = (*proportion(within), len(within))
     gains = np.array([c.reductions for c in held.values() if c.reductions]).reshape(-1, 2)
     found["held-out reduction, share of the oracle's"] = (*bootstrap(gains, _share), len(gains))
+    found["held-out reduction, median share of a case"] = (*bootstrap(gains, _median_share), len(gains))
     seconds = table["seconds"].dropna().to_numpy(dtype=float)
     found["location F1"] = (*bootstrap(located, f1), len(located))
     found["calibration error of stated probabilities"] = (*bootstrap(stated, calibration_error), len(stated))
