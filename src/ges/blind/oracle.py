@@ -16,6 +16,7 @@ import numpy as np
 from .. import effects as effect_table
 from ..conventions import BODY_RATE, COMMAND, POSITION, QUATERNION, ROTOR_SPEED, VELOCITY
 from ..vehicle import load_vehicle
+from .drive import NOMINAL
 from .whereabouts import FAST_STEP, TRUTH_STEP
 
 STEP_S = 0.004
@@ -104,6 +105,7 @@ def witness(folder: Path, case: str, truth: Mapping) -> Witness | None:
     numbers = vehicle.parameters() | {
         "mass_kg": true["mass"], "thrust_coefficient_N_s2": true["thrust"], "torque_coefficient_Nm_s2": true["torque"],
         "max_rotor_speed_rad_s": true["speed"], "ixx_kg_m2": true["ixx"], "iyy_kg_m2": true["iyy"], "izz_kg_m2": true["izz"],
+        "battery_nominal_V": NOMINAL * true["battery_V"],
     }  # fmt: skip
     flights: dict[str, dict] = {}
     with np.load(path) as kept:
