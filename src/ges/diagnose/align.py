@@ -28,10 +28,12 @@ STREAMS: Mapping[str, tuple[str, ...]] = {
     "range": ("range_m",),
     "ground": ("ground_z_m",),
     "reference": ("p_ref_x_m", "p_ref_y_m", "p_ref_z_m", "v_ref_x_m_s", "v_ref_y_m_s", "v_ref_z_m_s", "yaw_ref_rad"),
+    "excitation": ("excite_x_rad_s2", "excite_y_rad_s2", "excite_z_rad_s2", "excite_up_m_s2"),
 }
 FASTEST_STEP_S, SLOWEST_STEP_S = 0.005, 0.05
 SHORTEST_FLIGHT_S = 2.0
 LONGEST_GAP_S = 0.5
+LONGEST_SILENCE_S = 0.3
 WELL_ABOVE_M = 0.3
 
 
@@ -42,7 +44,7 @@ class Prepared:
     Attributes
     ----------
     t_s : (n,) uniform times.
-    columns : contract columns on the grid, without NaN; what was not logged is absent.
+    columns : contract columns on the grid; what was not logged is absent. Only the rangefinder's may be NaN, out of its range.
     flying : (n,) True where the vehicle is in the air, away from contact and from gaps.
     left_out : seconds left out, by reason.
     update_s : median time between two new values of each stream.
@@ -152,10 +154,19 @@ def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
             on_grid, every = _regrid(t_s, values, grid)
             columns.update(zip(group, on_grid.T, strict=True))
             update[stream] = max(every, update.get(stream, 0.0)) if np.isfinite(every) else update.get(stream, every)
+    if "range_m" in columns and "p_z_m" in columns:
+        columns["range_m"] = np.where(_silent(frame, "range_m", grid), np.nan, columns["range_m"])
     if all(name in columns for name in QUATERNION):
         norm = np.sqrt(sum(columns[name] ** 2 for name in QUATERNION))
         columns.update({name: columns[name] / norm for name in QUATERNION})
     return Prepared(grid, columns, np.ones(len(grid), bool), {}, update)
+
+
+def _silent(frame: pd.DataFrame, name: str, grid_s: np.ndarray) -> np.ndarray:
+    """True on the grid where a sensor had nothing to say for longer than :data:`LONGEST_SILENCE_S`."""
+    heard = frame["t_s"].to_numpy(dtype=float)[np.isfinite(frame[name].to_numpy(dtype=float))]
+    after = np.searchsorted(heard, grid_s, side="left").clip(1, len(heard) - 1)
+    return (heard[after] - heard[after - 1] > LONGEST_SILENCE_S) | (grid_s < heard[0]) | (grid_s > heard[-1])
 
 
 def gaps(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from ..vehicle import Estimate as Fitting
 from ..vehicle import Quantity, Vehicle
 from .candidates import NEEDS_ATTITUDE
 from .detect import smallest_detectable
-from .engine import Accepted, accept, first_system, null_of, split
+from .engine import LEAST_SHARE, Accepted, accept, first_system, null_of, split
 from .findings import finding, open_findings, settled_findings
 from .fit import Joint, calibrated
 from .gate import Gate, at_flown_voltage, pass_gate
@@ -110,6 +110,7 @@ class _Chain:
         accepted = accept(system, self.length_s, switches, names)
         after, fitted_joint, fitted_board = self._after(accepted, recalibrated, joint, board)
         proven = sorted((finding(accepted, name) for name in accepted.names), key=lambda f: -f.size["share_of_weight"])
+        proven = [f for f in proven if names or f.size["share_of_weight"] >= LEAST_SHARE]
         findings = [*proven, *settled_findings(self.gate), *open_findings(accepted)]
         unexplained = [_unexplained(u) for u in left_over(fitted_board, _left_raw(fitted_board.system, fitted_joint), after)]
         models = {"before": self.model, "recalibrated": recalibrated, "after": after}

@@ -12,6 +12,7 @@ from .system import Column, System
 from .whiten import Noise, White, estimate, unrest_of, whiten
 
 TEMPERING = 0.25
+SHARES_OF_DECLARED, WIDE_SHARE = frozenset({"thrust_scale", "inertia", "torque_coefficient"}), 0.3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -146,6 +147,8 @@ def make_board(system: System, chosen: Sequence[int] = (), tempering: float = TE
     grams = tuple(flight_grams(whites, system.columns, tempering))
     prior = np.array([c.nuisance.sd if c.nuisance else _size_of(c, k, system, share) for k, c in enumerate(system.columns)])
     for k, column in enumerate(system.columns):
+        if column.variant is not None and column.variant.effect in SHARES_OF_DECLARED:
+            prior[k] = min(prior[k], WIDE_SHARE)
         if column.part == "moment":
             prior[k] = prior[k - 1]
     sided = np.array([_one_sided(c) for c in system.columns])

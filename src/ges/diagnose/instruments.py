@@ -33,7 +33,8 @@ def _table(flight: Prepared) -> np.ndarray:
     t, ref = flight.t_s, flight.stack("reference")
     acceleration = np.gradient(ref[:, 3:6], flight.dt_s, axis=0)
     yaw = np.unwrap(ref[:, 6])[:, None]
-    return np.column_stack([ref[:, :6], acceleration, yaw, np.zeros((len(t), 4))])
+    excitation = flight.stack("excitation") if flight.has("excitation") else np.zeros((len(t), 4))
+    return np.column_stack([ref[:, :6], acceleration, yaw, excitation])
 
 
 def replayed(flight: Prepared, model: Model) -> dict[str, np.ndarray] | None:

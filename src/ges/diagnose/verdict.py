@@ -71,7 +71,7 @@ def sentence_of(
     if verdict == "nothing_proven":
         return (
             "Nothing proven: within the declared doubts these flights do not contradict the simulator by more than the "
-            "smallest effects listed as detectable."
+            f"smallest effects listed as detectable.{_moved(calibration)}"
         )
     if verdict == "unknown":
         return f"{where} No effect of the library explains it: it stays unknown, rather than under the nearest name.".strip()
