@@ -146,7 +146,7 @@ _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "rotor_tilt": lambda m: _axes("rotor_tilt", ("x_rad", "y_rad")),
     "cg_offset": lambda m: _axes("cg_offset", ("x_m", "y_m")),
     "inertia": lambda m: _axes("inertia", ("xx", "yy", "zz")),
-    "rangefinder_bias": lambda m: _axes("rangefinder_bias", ("bias_m", "scale")),
+    "rangefinder_bias": lambda m: _single("rangefinder_bias", ("bias_m", "scale")),
 }
 _LEFT_OUT = frozenset({"rotor_saturation", "time_offset", "gyro_bias", "wall_effect", "ceiling_effect"})
 _CHILDREN: Mapping[str, tuple[str, ...]] = {"wind": ("rotor_drag", "parasitic_drag")}

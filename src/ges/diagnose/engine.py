@@ -22,6 +22,7 @@ ACCEPT = 0.9
 ROUNDS = 4
 FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}, {"motor_lag", "esc_delay"})
 MODIFIER_ERROR = 0.15
+REACH_M = 10.0  # 2 cm of a rangefinder matter
 LEAST_SHARE = 0.002  # of weight, weight times arm, full speed or a rotor radius: no model is right to less
 
 
@@ -157,7 +158,7 @@ def _share(board: Board, h: Hypothesis, name: str) -> float:
         if board.system.columns[k].variant.effect == name
     ]  # fmt: skip
     added = np.concatenate([sum(value * r.full[:, :, k] for k, value in picked) for r in system.flights])
-    whole = np.array([system.model.whole(channel) for channel in system.names])
+    whole = np.array([REACH_M if channel == "range" else system.model.whole(channel) for channel in system.names])
     with np.errstate(invalid="ignore"):
         rms = np.sqrt(np.nanmean(np.where(np.isfinite(added).any(axis=0), added, 0.0) ** 2, axis=0))
     return float(np.max(rms / whole))

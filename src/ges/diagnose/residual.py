@@ -38,7 +38,7 @@ class Recorded:
 
 
 def channels(flight: Prepared, model: Model) -> tuple[str, ...]:
-    """Channels that a flight can speak about."""
+    """Channels that a flight can speak about; the rangefinder over flat ground alone: elsewhere it sees a patch, not a point."""
     driven = flight.has("rotor_speed") or flight.has("command")
     attitude = flight.has("attitude")
     found: list[str] = []
@@ -52,7 +52,7 @@ def channels(flight: Prepared, model: Model) -> tuple[str, ...]:
         found += MOMENT if "torque" in model.known else MOMENT[:2]
     if flight.has("rotor_speed") and flight.has("command"):
         found += DRIVE
-    if flight.has("range") and "p_z_m" in flight.columns and attitude:
+    if flight.has("range") and "p_z_m" in flight.columns and attitude and model.terrain.kind == "flat":
         found.append("range")
     return tuple(found)
 
