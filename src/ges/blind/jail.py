@@ -38,9 +38,9 @@ class _Beneath(ctypes.Structure):
 def interpreter() -> list[Path]:
     """Return what Python and its packages need to be read from."""
     paths = sysconfig.get_paths()
-    own = str(Path(__file__).resolve().parents[2])
+    own = Path(__file__).resolve().parents[2]
     found = {paths[k] for k in ("stdlib", "platstdlib", "purelib", "platlib")} | {os.path.join(sys.base_prefix, "lib"), *SYSTEM}
-    found |= {p for p in sys.path if p and os.path.isdir(p) and os.path.realpath(p) != own}
+    found |= {p for p in sys.path if p and os.path.isdir(p) and not own.is_relative_to(Path(p).resolve())}
     return sorted(Path(p).resolve() for p in found if os.path.exists(p))
 
 
