@@ -16,6 +16,7 @@ include: "workflow/rules/offline.smk"
 include: "workflow/rules/closed_loop.smk"
 include: "workflow/rules/proof.smk"
 include: "workflow/rules/figures.smk"
+include: "workflow/rules/diagnosis.smk"
 include: "workflow/rules/runs.smk"
 include: "workflow/rules/paper.smk"
 
@@ -26,5 +27,6 @@ rule all:
         OFFLINE_TABLES,
         CLOSED_LOOP,
         PROOF,
+        DIAGNOSIS,
         RESULTS,
         MANIFEST,
