@@ -16,9 +16,9 @@ from ..vehicle import Estimate as Fitting
 from ..vehicle import Quantity, Vehicle
 from .candidates import NEEDS_ATTITUDE
 from .detect import smallest_detectable
-from .engine import LEAST_SHARE, Accepted, accept, first_system, null_of, split
+from .engine import LEAST_SHARE, Accepted, accept, first_system, split
 from .findings import finding, open_findings, settled_findings
-from .fit import Joint, calibrated
+from .fit import Joint, calibrated, null_fit
 from .gate import Gate, at_flown_voltage, pass_gate
 from .instruments import MOVED
 from .locate import cells, merged, strongest
@@ -103,7 +103,7 @@ class _Chain:
 
     def run(self, names: Sequence[str] | None, switches: Switches) -> Diagnosis:
         system = first_system(self.train, self.model, self.length_s, switches)
-        board, joint = null_of(system)
+        board, joint = null_fit(system)
         recalibrated = calibrated(self.model, joint.common)
         map_cells = cells(board, joint, self.model, _left_raw(system, joint))
         located = strongest(merged(map_cells, self.model))

@@ -13,7 +13,7 @@ from .. import effects as effect_table
 from .align import Prepared
 from .candidates import NEEDS_ATTITUDE, Candidate, library
 from .evidence import Board, make_board
-from .fit import Fitted, Joint, free_parameters, joint_fit, polish, starting_values
+from .fit import Fitted, free_parameters, polish, starting_values
 from .model import Model
 from .select import Hypothesis, Search, exactly, search
 from .system import ALL_ON, Switches, System, attitude_measured, build
@@ -180,9 +180,3 @@ def _ambiguous(found: Search, names: set[str]) -> tuple[tuple[str, ...], ...]:
         return ()
     ranked = sorted(open_names, key=lambda n: -open_names[n])
     return (tuple(ranked),)
-
-
-def null_of(system: System) -> tuple[Board, Joint]:
-    """Calibration alone: the best that the declared parameters can do."""
-    board = make_board(system)
-    return board, joint_fit(board, ())

@@ -15,11 +15,11 @@ from .gate import Gate
 from .model import Model
 from .residual import channels, residual
 from .result import Estimate, Finding
+from .words import size_unit
 
 RIVALS = 4
 CONFOUNDED = 0.9
 SETTLED = 0.999
-SIZE_UNITS = {"force": "N", "acc": "N", "moment": "N m", "drive": "rad/s", "range": "m"}
 
 
 def parameters_of(fitted: Fitted, name: str, declared: Mapping[str, float]) -> dict[str, Estimate]:
@@ -66,7 +66,7 @@ def size_of(fitted: Fitted, name: str, declared: Mapping[str, float]) -> dict:
     added = [_added(rows, bare, system.model, system.names) for rows in system.flights]
     best = {"value": 0.0, "unit": "N", "share_of_weight": 0.0, "channel": ""}
     for c, channel in enumerate(system.names):
-        unit, whole = SIZE_UNITS[channel.split("_")[0]], system.model.whole(channel)
+        unit, whole = size_unit(channel), system.model.whole(channel)
         values = np.concatenate([a[:, c] for a in added])
         values = values[np.isfinite(values)]
         rms = float(np.sqrt(np.mean(values**2))) if len(values) else 0.0

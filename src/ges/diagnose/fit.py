@@ -34,16 +34,6 @@ class Joint:
     left: tuple[np.ndarray, ...]
 
 
-def _blocks(board: Board) -> list[np.ndarray]:
-    """Number of the block of time of every window, by flight; no block is shared by two flights."""
-    found, first = [], 0
-    for r in board.system.flights:
-        number = ((r.windows.center_s - r.flight.t_s[0]) // BLOCK_S).astype(int) + first
-        found.append(number)
-        first = int(number.max(initial=first)) + 1
-    return found
-
-
 def joint_fit(
     board: Board, chosen: Sequence[int], prior_mean: np.ndarray | None = None, prior_sd: np.ndarray | None = None
 ) -> Joint:
@@ -95,7 +85,7 @@ def _inflation(board: Board, designs: Sequence[np.ndarray], places: Sequence[np.
     if not count:
         return np.ones((0, 0))
     middle = np.zeros_like(inverse)
-    for d, at, e, number in zip(designs, places, left, _blocks(board), strict=True):
+    for d, at, e, number in zip(designs, places, left, board.system.blocks(BLOCK_S), strict=True):
         for b in np.unique(number):
             score = np.einsum("mck,mc->k", d[number == b], e[number == b])
             middle[np.ix_(at, at)] += np.outer(score, score)

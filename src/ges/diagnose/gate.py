@@ -12,6 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 from ..errors import GesError
 from .align import STREAMS, Prepared, airborne, gaps, grid_step_s, lift, regrid
 from .model import Model
+from .residual import turn_rates
 
 LATEST_S, EARLIEST_S = 0.6, -0.04
 LEAST_CORRELATION = 0.3
@@ -128,20 +129,14 @@ def drive_delay(flights: Sequence[Prepared], model: Model) -> Delay | None:
     return Delay("rotor_speed", delay, max(sd, 0.005), top)
 
 
-def _attitude_rates(flight: Prepared) -> np.ndarray:
-    """Body rates that the logged attitude implies, (n, 3)."""
-    q = flight.stack("attitude")
-    w, x, y, z = (q * np.array([1.0, -1.0, -1.0, -1.0])).T
-    a, b, c, d = np.gradient(q, flight.dt_s, axis=0).T
-    return 2.0 * np.column_stack([w * b + x * a + y * d - z * c, w * c - x * d + y * a + z * b, w * d + x * c - y * b + z * a])
-
-
 def _both_rates(flight: Prepared) -> tuple[np.ndarray, np.ndarray] | None:
     """Smoothed body rates by gyro and by attitude."""
     if "attitude" in flight.derived or not (flight.has("gyro") and flight.has("attitude")):
         return None
     width = max(RATE_SMOOTHING_S, 1.5 * max(flight.update_s["attitude"], flight.update_s["gyro"])) / flight.dt_s
-    return tuple(gaussian_filter1d(r, width, axis=0) for r in (flight.stack("gyro"), _attitude_rates(flight)))
+    q = flight.stack("attitude")
+    turning = turn_rates(q, np.gradient(q, flight.dt_s, axis=0))
+    return tuple(gaussian_filter1d(r, width, axis=0) for r in (flight.stack("gyro"), turning))
 
 
 def pose_delay(flights: Sequence[Prepared]) -> Delay | None:

@@ -76,12 +76,7 @@ def cells(board: Board, joint: Joint, model: Model, raw: Sequence[np.ndarray]) -
     """
     told = [regimes(r.flight, r.windows, model) for r in board.system.flights]
     shared = [name for name in told[0] if all(name in t for t in told)]
-    block, first = [], 0
-    for r in board.system.flights:
-        number = ((r.windows.center_s - r.flight.t_s[0]) // BLOCK_S).astype(int) + first
-        block.append(number)
-        first = int(number.max(initial=first)) + 1
-    block_all = np.concatenate(block)
+    block_all = np.concatenate(board.system.blocks(BLOCK_S))
     found, p = [], []
     for c, channel in enumerate(board.system.names):
         e = np.concatenate([left[:, c] for left in joint.left])

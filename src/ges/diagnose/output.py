@@ -17,8 +17,8 @@ from .locate import regimes
 from .report import write_report
 from .result import Diagnosis
 from .verify import HORIZON_S, STEPS
-from .weak import make_windows
-from .words import channel_words, quantity_words
+from .weak import blocks_of, make_windows
+from .words import channel_words, quantity_words, size_unit
 
 BLOCK_S = 5.0
 
@@ -86,18 +86,13 @@ def _residual_picture(place: Mapping[str, Any], details: Mapping[str, Any]):
     left = {stage: np.concatenate([e[:, c] for e in details["errors"][stage]]) for stage in ("recalibrated", "after")}
     good = np.isfinite(left["recalibrated"]) & np.isfinite(x)
     curves = {"recalibrated": np.zeros(good.sum()), "after": (left["recalibrated"] - left["after"])[good]}
-    unit = {"force": "N", "acc": "N", "moment": "N m", "drive": "rad/s", "range": "m"}[place["channel"].split("_")[0]]
-    words = f"{channel_words(place['channel'])}, {unit}"
+    words = f"{channel_words(place['channel'])}, {size_unit(place['channel'])}"
     return pictures.residual_against(x[good], left["recalibrated"][good], curves, block[good], quantity_words(regime), words)
 
 
 def _regime_values(flights: Sequence, regime: str, details: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
-    values, blocks, first = [], [], 0
-    for flight in flights:
-        windows = make_windows(flight.t_s, flight.flying, details["length_s"])
-        told = regimes(flight, windows, details["models"]["after"])
-        number = ((windows.center_s - flight.t_s[0]) // BLOCK_S).astype(int) + first
-        values.append(told.get(regime, np.full(len(windows), np.nan)))
-        blocks.append(number)
-        first = int(number.max(initial=first)) + 1
+    cut = [make_windows(f.t_s, f.flying, details["length_s"]) for f in flights]
+    told = [regimes(f, w, details["models"]["after"]) for f, w in zip(flights, cut, strict=True)]
+    values = [t.get(regime, np.full(len(w), np.nan)) for t, w in zip(told, cut, strict=True)]
+    blocks = blocks_of([(w, f.t_s[0]) for f, w in zip(flights, cut, strict=True)], BLOCK_S)
     return np.concatenate(values), np.concatenate(blocks)

@@ -10,7 +10,7 @@ from typing import Any
 import jinja2
 
 from ..files import write_text
-from .words import chance_words, channel_words, number_words, odds_words, quantity_words, unit_words
+from .words import chance_words, channel_words, number_words, odds_words, quantity_words, size_unit, unit_words
 
 CAPTIONS: Mapping[str, str] = {
     "where": "Where the recordings leave the recalibrated model: colour is the mean residual over its standard error in each bin "
@@ -50,11 +50,6 @@ def _regime(regime: Mapping[str, Any]) -> str:
     return ", ".join(parts) or "everywhere"
 
 
-def _size_unit(channel: str) -> str:
-    """Unit of a channel of a location (``force_z``), which has no unit in its name."""
-    return {"force": "N", "acc": "N", "moment": "N m", "drive": "rad/s", "range": "m"}.get(channel.split("_")[0], "")
-
-
 def _whole(unit: str) -> str:
     """What a size is a share of, by its unit."""
     return {"N": "weight", "N m": "weight times arm", "rad/s": "full rotor speed", "m": "a rotor radius"}.get(unit, "the whole")
@@ -69,7 +64,7 @@ def _environment() -> jinja2.Environment:
         undefined=jinja2.ChainableUndefined,
     )
     environment.filters.update(
-        number=number_words, percent=_percent, probability=_probability, regime=_regime, size_unit=_size_unit, whole=_whole,
+        number=number_words, percent=_percent, probability=_probability, regime=_regime, size_unit=size_unit, whole=_whole,
         channel=channel_words, unit=unit_words, chance=chance_words, odds=odds_words,
         plain=lambda name: str(name).replace("_", " "),
     )  # fmt: skip

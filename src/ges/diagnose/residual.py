@@ -29,14 +29,6 @@ HIGH_ABOVE_GROUND_M = 5e4
 DRIVE_STEP_S = 0.0025
 
 
-@dataclasses.dataclass(frozen=True)
-class Recorded:
-    """A prepared flight with its windows and, per unit of what was asked, cached arrays."""
-
-    flight: Prepared
-    windows: Windows
-
-
 def channels(flight: Prepared, model: Model) -> tuple[str, ...]:
     """Channels that a flight can speak about; the rangefinder over flat ground alone: elsewhere it sees a patch, not a point."""
     driven = flight.has("rotor_speed") or flight.has("command")
@@ -79,6 +71,12 @@ def to_body(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     return v + w * t + np.cross(u, t)
 
 
+def turn_rates(q: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """Body rates (n, 3) of attitudes (n, 4) whose quaternions change at ``rate`` (n, 4)."""
+    conjugate = q * np.array([1.0, -1.0, -1.0, -1.0])
+    return 2.0 * quaternion_product(conjugate, rate)[:, 1:]
+
+
 def body_rates(flight: Prepared) -> np.ndarray:
     """Gyro where logged, else from the attitude, else zero; (n, 3) rad/s."""
     if flight.has("gyro"):
@@ -87,8 +85,7 @@ def body_rates(flight: Prepared) -> np.ndarray:
         return np.zeros((len(flight.t_s), 3))
     q = flight.stack("attitude")
     rate = np.gradient(gaussian_filter1d(q, 0.02 / flight.dt_s, axis=0), flight.dt_s, axis=0)
-    conjugate = q * np.array([1.0, -1.0, -1.0, -1.0])
-    return 2.0 * quaternion_product(conjugate, rate)[:, 1:]
+    return turn_rates(q, rate)
 
 
 def height_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:

@@ -13,7 +13,7 @@ from .candidates import NEEDS_ATTITUDE, Variant
 from .instruments import MOVED, instruments, own_signal, projected, strength
 from .model import SPEED, Model
 from .residual import MOMENT, channels, drive_of, residual
-from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, make_windows
+from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, blocks_of, make_windows
 
 AR_ORDER = 3
 LEAST_STRENGTH = 0.2
@@ -127,6 +127,10 @@ class System:
     columns: tuple[Column, ...]
     flights: tuple[Rows, ...]
     whitened: bool = True
+
+    def blocks(self, length_s: float) -> list[np.ndarray]:
+        """Number of the block of time of every window, by flight."""
+        return blocks_of([(r.windows, r.flight.t_s[0]) for r in self.flights], length_s)
 
 
 def nuisances(model: Model, names: Iterable[str], flights: Sequence[Prepared]) -> tuple[Nuisance, ...]:

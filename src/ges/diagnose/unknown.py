@@ -67,9 +67,7 @@ def left_over(board: Board, raw: Sequence[np.ndarray], model: Model, seed: int =
     told = [regimes(r.flight, r.windows, model) for r in board.system.flights]
     shared = [name for name in told[0] if all(name in t for t in told)]
     flight_of = np.concatenate([np.full(len(r.windows), f) for f, r in enumerate(board.system.flights)])
-    blocks = np.concatenate([((r.windows.center_s - r.flight.t_s[0]) // BLOCK_S).astype(int) + 10000 * f
-                             for f, r in enumerate(board.system.flights)])  # fmt: skip
-    _, number = np.unique(blocks, return_inverse=True)
+    _, number = np.unique(np.concatenate(board.system.blocks(BLOCK_S)), return_inverse=True)
     rng = np.random.default_rng(seed)
     flips = rng.choice([-1.0, 1.0], (number.max() + 1, DRAWS))[number] if len(number) else np.zeros((0, DRAWS))
     fold = _folds(len(board.system.flights), number, flight_of)

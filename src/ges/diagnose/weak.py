@@ -7,6 +7,7 @@ signal to the known function (Messenger & Bortz 2021, weak SINDy).
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -36,6 +37,22 @@ class Windows:
 
     def __len__(self) -> int:
         return len(self.center)
+
+
+def blocks_of(flights: Sequence[tuple[Windows, float]], length_s: float) -> list[np.ndarray]:
+    """Number of the block of time of every window, by flight; no block is shared by two flights.
+
+    Parameters
+    ----------
+    flights : windows, and the first time of the flight's clock (s).
+    length_s : length of a block.
+    """
+    found, first = [], 0
+    for windows, start_s in flights:
+        number = ((windows.center_s - start_s) // length_s).astype(int) + first
+        found.append(number)
+        first = int(number.max(initial=first)) + 1
+    return found
 
 
 def bump(half: int, step_s: float) -> tuple[np.ndarray, np.ndarray]:

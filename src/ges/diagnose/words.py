@@ -51,6 +51,11 @@ def unit_words(channel: str) -> str:
     return _split(channel)[1]
 
 
+def size_unit(channel: str) -> str:
+    """Unit of sizes in a channel that has none in its name (``force_z``)."""
+    return {"force": "N", "acc": "N", "moment": "N m", "drive": "rad/s", "range": "m"}.get(channel.split("_")[0], "")
+
+
 def stage_words(stage: str) -> str:
     """Stage of the proof in words."""
     return _STAGES[stage]
