@@ -200,7 +200,7 @@ def _not_tested(system: System, flights) -> dict[str, str]:
             continue
         told[name] = "needs a measured attitude" if name in NEEDS_ATTITUDE else "flown by the simulator, not searched for"
     references = any(f.has("reference") for f in flights)
-    for name in MOVED & searched if not references else ():
+    for name in sorted(MOVED & searched) if not references else ():
         told[name] = "needs the references that the controller followed, or its answers to disturbances look like this effect"
     return told
 

@@ -178,5 +178,5 @@ def _ambiguous(found: Search, names: set[str]) -> tuple[tuple[str, ...], ...]:
     without = sum(h.probability for h in found.hypotheses if not set(h.names) - names)
     if without > 1.0 - ACCEPT or len(open_names) < 2:
         return ()
-    ranked = sorted(open_names, key=lambda n: -open_names[n])
+    ranked = sorted(open_names, key=lambda n: (-open_names[n], n))
     return (tuple(ranked),)

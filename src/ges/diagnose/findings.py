@@ -55,7 +55,7 @@ def alternatives_of(accepted: Accepted, name: str) -> tuple[dict, ...]:
         if name not in h.names:
             for other in set(h.names) - set(accepted.names):
                 best[other] = max(best.get(other, -np.inf), h.log_evidence - having)
-    ranked = sorted(best.items(), key=lambda item: -item[1])[:RIVALS]
+    ranked = sorted(best.items(), key=lambda item: (-item[1], item[0]))[:RIVALS]
     return tuple({"name": n, "log_odds": float(v)} for n, v in ranked)
 
 
