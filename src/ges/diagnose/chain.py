@@ -17,14 +17,15 @@ from ..vehicle import Quantity, Vehicle
 from .candidates import NEEDS_ATTITUDE
 from .detect import smallest_detectable
 from .engine import LEAST_SHARE, Accepted, accept, first_system, split
-from .findings import finding, open_findings, settled_findings
+from .findings import contributions, finding, open_findings, settled_findings
 from .fit import Joint, calibrated, null_fit
 from .gate import Gate, at_flown_voltage, pass_gate
 from .instruments import MOVED
-from .locate import cells, merged, strongest
+from .locate import BLOCK_S, cells, from_findings, from_residuals, regimes_of, strongest
 from .model import Model, from_vehicle
 from .recommend import next_flight
 from .result import Diagnosis
+from .structure import Structure, structures
 from .system import ALL_ON, Switches, System, common_channels, window_length_s
 from .unknown import left_over
 from .verdict import sentence_of, verdict_of
@@ -105,14 +106,22 @@ class _Chain:
         system = first_system(self.train, self.model, self.length_s, switches)
         board, joint = null_fit(system)
         recalibrated = calibrated(self.model, joint.common)
-        map_cells = cells(board, joint, self.model, _left_raw(system, joint))
-        located = strongest(merged(map_cells, self.model))
+        left, told = _left_raw(system, joint), regimes_of(system)
+        found = structures(left, told, system.names, system.blocks(BLOCK_S))
+        map_cells = cells(system, left, told, found)
         accepted = accept(system, self.length_s, switches, names)
         after, fitted_joint, fitted_board = self._after(accepted, recalibrated, joint, board)
-        proven = sorted((finding(accepted, name) for name in accepted.names), key=lambda f: -f.size["share_of_weight"])
+        added, left_after = contributions(accepted), _left_raw(fitted_board.system, fitted_joint)
+        located = strongest([
+            *from_residuals(map_cells, found, system),
+            *from_findings(added, left_after, accepted.probability, told, system),
+        ])  # fmt: skip
+        if fitted_board is not board:
+            found = structures(left_after, told, system.names, system.blocks(BLOCK_S))
+        proven = sorted((finding(accepted, name, by) for name, by in added.items()), key=lambda f: -f.size["share_of_weight"])
         proven = [f for f in proven if names or f.size["share_of_weight"] >= LEAST_SHARE]
         findings = [*proven, *settled_findings(self.gate), *open_findings(accepted)]
-        unexplained = [_unexplained(u) for u in left_over(fitted_board, _left_raw(fitted_board.system, fitted_joint), after)]
+        unexplained = [_unexplained(u) for u in left_over(found, after)]
         models = {"before": self.model, "recalibrated": recalibrated, "after": after}
         fit, proof = self._proof(models)
         verdict = verdict_of(findings, accepted.rivals, unexplained)
@@ -233,14 +242,8 @@ def _left_raw(system: System, joint: Joint) -> list[np.ndarray]:
     return out
 
 
-def _unexplained(u) -> dict:
-    return {
-        "channel": u.channel,
-        "regime": {u.regime: [u.low, u.high]},
-        "r2": u.r2,
-        "threshold": u.threshold,
-        "rms": u.rms,
-    }
+def _unexplained(u: Structure) -> dict:
+    return {"channel": u.channel, "regime": u.bounds, "r2": u.r2, "q_value": u.q_value, "rms": u.rms}
 
 
 def _calibration(joint: Joint, model: Model) -> dict[str, dict]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from .gate import Gate
 from .model import Model
 from .residual import channels, residual
 from .result import Estimate, Finding
+from .system import System
 from .words import size_unit
 
 RIVALS = 4
@@ -59,11 +60,8 @@ def alternatives_of(accepted: Accepted, name: str) -> tuple[dict, ...]:
     return tuple({"name": n, "log_odds": float(v)} for n, v in ranked)
 
 
-def size_of(fitted: Fitted, name: str, declared: Mapping[str, float]) -> dict:
-    """Rms of what one effect adds on the training flights to what the file has of it, where it weighs most."""
-    system = fitted.board.system
-    bare = {k: v for k, v in system.model.effects.items() if k != name} | ({name: declared} if declared else {})
-    added = [_added(rows, bare, system.model, system.names) for rows in system.flights]
+def size_of(added: Sequence[np.ndarray], system: System) -> dict:
+    """Rms of what one effect adds (of :func:`contributions`) where it weighs most."""
     best = {"value": 0.0, "unit": "N", "share_of_weight": 0.0, "channel": ""}
     for c, channel in enumerate(system.names):
         unit, whole = size_unit(channel), system.model.whole(channel)
@@ -73,6 +71,19 @@ def size_of(fitted: Fitted, name: str, declared: Mapping[str, float]) -> dict:
         if rms / whole > best["share_of_weight"]:
             best = {"value": rms, "unit": unit, "share_of_weight": rms / whole, "channel": channel}
     return best
+
+
+def contributions(accepted: Accepted) -> dict[str, list[np.ndarray]]:
+    """What each accepted effect adds on the training flights to what the vehicle file has of it, by name and flight, (m, C)."""
+    if accepted.fitted is None:
+        return {}
+    system, declared = accepted.fitted.board.system, accepted.board.system.model.effects
+    told = {}
+    for name in accepted.names:
+        bare = {k: v for k, v in system.model.effects.items() if k != name}
+        bare |= {name: declared[name]} if name in declared else {}
+        told[name] = [_added(rows, bare, system.model, system.names) for rows in system.flights]
+    return told
 
 
 def _added(rows, effects: Mapping, model: Model, names: tuple[str, ...]) -> np.ndarray:
@@ -85,8 +96,8 @@ def _added(rows, effects: Mapping, model: Model, names: tuple[str, ...]) -> np.n
     return out
 
 
-def finding(accepted: Accepted, name: str) -> Finding:
-    """One accepted effect."""
+def finding(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> Finding:
+    """One accepted effect; ``added`` of :func:`contributions`."""
     effect, declared = effect_table.get(name), accepted.board.system.model.effects.get(name, {})
     return Finding(
         name,
@@ -95,7 +106,7 @@ def finding(accepted: Accepted, name: str) -> Finding:
         accepted.probability[name],
         effect.equation,
         parameters_of(accepted.fitted, name, declared),
-        size_of(accepted.fitted, name, declared),
+        size_of(added, accepted.fitted.board.system),
         alternatives_of(accepted, name),
     )
 

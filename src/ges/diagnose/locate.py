@@ -1,4 +1,4 @@
-"""Where the mismatch lives: whitened residuals by regime cell, against a null that keeps flights and autocorrelation."""
+"""Where the mismatch lives: channels whose residual a regime predicts, cells of that regime, and where the findings act."""
 
 from __future__ import annotations
 
@@ -6,19 +6,24 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.stats import false_discovery_control, norm
 
 from .align import Prepared
-from .evidence import Board
-from .fit import Joint
 from .model import Model
 from .residual import model_along, to_body
+from .structure import Structure, Told, shared
+from .system import System
 from .weak import Windows
 
 BLOCK_S = 5.0
 BINS = 6
-FALSE_DISCOVERY_RATE = 0.05
+CHANCE = 0.01
+LEAST_R2 = 0.1
 LEAST_BLOCKS = 4
+CLEAR = 2.0
+LEAST_OF_NOISE = 0.3  # a finding counts in a channel from this share of what the model leaves there
+PEAK = 0.5
+BY_CHANNEL = 3
+MOST = 12
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,120 +62,179 @@ def regimes(flight: Prepared, windows: Windows, model: Model) -> dict[str, np.nd
     return found
 
 
+def regimes_of(system: System) -> list[dict[str, np.ndarray]]:
+    """:func:`regimes` of every flight."""
+    return [regimes(r.flight, r.windows, system.model) for r in system.flights]
+
+
 def edges(values: np.ndarray) -> np.ndarray:
     """Bin edges of one regime: quantiles, so that each bin holds as many windows."""
     return np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)))
 
 
-def _block_sums(e: np.ndarray, inside: np.ndarray, block: np.ndarray) -> np.ndarray:
-    return np.bincount(block, weights=np.where(inside, e, 0.0))
+def clear(found: Sequence[Structure], chance: float = CHANCE, least_r2: float = LEAST_R2) -> list[Structure]:
+    """Structures that no noise makes and that carry a part of the residual that matters."""
+    return [s for s in found if s.q_value <= chance and s.r2 >= least_r2]
 
 
-def cells(board: Board, joint: Joint, model: Model, raw: Sequence[np.ndarray]) -> list[Cell]:
-    """Test every cell of every channel; false discovery rate by Benjamini and Hochberg over all of them.
+def cells(system: System, raw: Sequence[np.ndarray], told: Told, found: Sequence[Structure]) -> list[Cell]:
+    """Mean residual of every channel in every bin of every regime.
+
+    A cell is significant (its q is that of its channel over its regime) where that structure is clear and the cell's mean
+    is beyond twice its standard error over blocks of time.
 
     Parameters
     ----------
-    joint : fit of the nuisances alone; its whitened residuals are tested.
-    raw : by flight, (m, C) residuals in the channels' units after that fit, for the size of what is found.
+    raw : by flight, (m, C) residuals in the channels' units after the fit of the nuisances alone.
+    told : of :func:`regimes_of`.
+    found : structures of the same residuals.
     """
-    told = [regimes(r.flight, r.windows, model) for r in board.system.flights]
-    shared = [name for name in told[0] if all(name in t for t in told)]
-    block_all = np.concatenate(board.system.blocks(BLOCK_S))
-    found, p = [], []
-    for c, channel in enumerate(board.system.names):
-        e = np.concatenate([left[:, c] for left in joint.left])
-        used = np.concatenate([w.used[:, c] for w in board.whites])
-        size = np.concatenate([r[:, c] for r in raw])
-        for name in shared:
-            value = np.concatenate([t[name] for t in told])
-            if not used.any() or np.ptp(value[used]) < 1e-9:
-                continue
-            for cell, chance in _cells_of(channel, name, value, e, used, size, block_all):
-                found.append(cell)
-                p.append(chance)
-    if not found:
-        return []
-    q = false_discovery_control(np.array(p))
-    return [dataclasses.replace(cell, q_value=float(v)) for cell, v in zip(found, q, strict=True)]
+    block = np.concatenate(system.blocks(BLOCK_S))
+    values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
+    chance = {(s.channel, s.regime[0]): s.q_value for s in clear(found) if len(s.regime) == 1}
+    made: list[Cell] = []
+    for c, channel in enumerate(system.names):
+        e = np.concatenate([r[:, c] for r in raw])
+        used = np.isfinite(e)
+        for name, value in values.items():
+            if used.any() and np.ptp(value[used]) > 1e-9:
+                made += _cells_of(channel, name, value[used], e[used], block[used], chance.get((channel, name), 1.0))
+    return made
 
 
-def _cells_of(channel: str, name: str, value: np.ndarray, e: np.ndarray, used: np.ndarray, size: np.ndarray, block: np.ndarray):
-    limits = edges(value[used])
-    total = 0.0
-    made = []
-    for low, high, last in zip(limits[:-1], limits[1:], np.arange(len(limits) - 1) == len(limits) - 2, strict=True):
-        inside = used & (value >= low) & ((value <= high) if last else (value < high))
-        sums = _block_sums(e, inside, block)
-        live = np.bincount(block, weights=inside.astype(float)) > 0
-        if live.sum() < LEAST_BLOCKS:
-            continue
-        spread = np.sqrt((sums[live] ** 2).sum())
-        z = abs(sums[live].sum()) / spread if spread > 0 else 0.0
-        excess = max(0.0, float(sums[live].sum() ** 2 / max(inside.sum(), 1) - 1.0))
-        total += excess
-        good = inside & np.isfinite(size)
-        mean = float(size[good].mean())
-        made.append(
-            (
-                low,
-                high,
-                mean,
-                mean / z if z > 0 else np.inf,
-                excess,
-                int(inside.sum()),
-                float(2.0 * norm.sf(_small_sample(z, live.sum()))),
-            )
-        )
-    for low, high, mean, sd, excess, n, chance in made:
-        yield (
-            Cell(channel, name, float(low), float(high), mean, abs(float(sd)), excess / total if total > 0 else 0.0, 1.0, n),
-            chance,
-        )
+def _bins(value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Edges, and the bin of every value."""
+    limits = edges(value)
+    return limits, np.clip(np.searchsorted(limits, value, side="right") - 1, 0, len(limits) - 2)
 
 
-def _small_sample(z: float, blocks: int) -> float:
-    """Self-normalised sums are bounded by sqrt(n): a t statistic with n - 1 degrees of freedom, as a normal quantile."""
-    from scipy.stats import t as student
+def _cells_of(channel: str, name: str, value: np.ndarray, e: np.ndarray, block: np.ndarray, q: float) -> list[Cell]:
+    limits, which = _bins(value)
+    told = []
+    for k in range(len(limits) - 1):
+        inside = which == k
+        if len(np.unique(block[inside])) >= LEAST_BLOCKS:
+            told.append((k, float(e[inside].mean()), _error(e[inside], block[inside]), int(inside.sum())))
+    excess = [n * max(0.0, mean**2 - sd**2) for _, mean, sd, n in told]
+    total = sum(excess) or 1.0
+    return [
+        Cell(channel, name, float(limits[k]), float(limits[k + 1]), mean, sd, x / total, q if abs(mean) > CLEAR * sd else 1.0, n)
+        for (k, mean, sd, n), x in zip(told, excess, strict=True)
+    ]
 
-    if z * z >= blocks:
-        return 8.0
-    statistic = z * np.sqrt((blocks - 1) / (blocks - z * z))
-    return float(norm.isf(max(student.sf(statistic, blocks - 1), 1e-16)))
+
+def _error(e: np.ndarray, block: np.ndarray) -> float:
+    """Standard error of a mean whose blocks are independent and whose windows are not."""
+    sums = np.bincount(block, e - e.mean())
+    live = len(np.unique(block))
+    return float(np.sqrt((sums**2).sum() * live / (live - 1.0)) / len(e))
 
 
-def merged(found: Sequence[Cell], model: Model) -> list[dict]:
-    """Neighbouring significant cells of one sign joined, the largest (energy, as a share of the whole) first."""
+def from_residuals(made: Sequence[Cell], found: Sequence[Structure], system: System) -> list[dict]:
+    """Entries of ``located`` from what the recalibrated vehicle leaves: neighbouring significant cells of one sign joined, and
+    places that no single variable shows."""
+    entries = _merged([c for c in made if c.q_value <= CHANCE], made)
+    told = {item["channel"] for item in entries}
+    for s in sorted(clear(found), key=lambda s: -s.r2):
+        if s.channel not in told:
+            told.add(s.channel)
+            entries.append({"channel": s.channel, "regime": s.bounds, "share_of_excess": min(1.0, s.r2), "q_value": s.q_value,
+                            "mean": s.rms, "energy": s.rms**2})  # fmt: skip
+    return sorted(entries, key=lambda item: -item.pop("energy") / system.model.whole(item["channel"]) ** 2)
+
+
+def _merged(kept: Sequence[Cell], made: Sequence[Cell]) -> list[dict]:
     out: list[dict] = []
-    for channel in dict.fromkeys(c.channel for c in found):
-        for regime in dict.fromkeys(c.regime for c in found if c.channel == channel):
-            chain: list[Cell] = []
-            for cell in [c for c in found if c.channel == channel and c.regime == regime] + [None]:
-                keep = cell is not None and cell.q_value < FALSE_DISCOVERY_RATE
-                if chain and (not keep or np.sign(cell.mean) != np.sign(chain[-1].mean)):
-                    out.append(_joined(chain))
-                    chain = []
-                if keep:
-                    chain.append(cell)
-    return sorted(out, key=lambda item: -item.pop("windows") * (item["mean"] / model.whole(item["channel"])) ** 2)
+    for channel, regime in dict.fromkeys((c.channel, c.regime) for c in kept):
+        chain: list[Cell] = []
+        here = [c for c in made if (c.channel, c.regime) == (channel, regime)]
+        windows = sum(c.windows for c in here)
+        for cell in [*here, None]:
+            keep = cell is not None and cell.q_value <= CHANCE
+            if chain and (not keep or np.sign(cell.mean) != np.sign(chain[-1].mean)):
+                out.append(_joined(chain, windows))
+                chain = []
+            if keep:
+                chain.append(cell)
+    return out
 
 
-def _joined(chain: Sequence[Cell]) -> dict:
-    windows = sum(c.windows for c in chain)
+def _joined(chain: Sequence[Cell], windows: int) -> dict:
+    inside = sum(c.windows for c in chain)
+    mean = float(sum(c.mean * c.windows for c in chain) / inside)
     return {
         "channel": chain[0].channel,
         "regime": {chain[0].regime: [chain[0].low, chain[-1].high]},
         "share_of_excess": float(sum(c.share for c in chain)),
-        "q_value": float(min(c.q_value for c in chain)),
-        "mean": float(sum(c.mean * c.windows for c in chain) / windows),
-        "windows": windows,
+        "q_value": chain[0].q_value,
+        "mean": mean,
+        "energy": mean**2 * inside / windows,
     }
 
 
-def strongest(located: Sequence[Mapping], most: int = 12) -> list[dict]:
-    """The clearest entries, at most three of a channel."""
-    kept: list[dict] = []
-    for item in located:
-        if sum(k["channel"] == item["channel"] for k in kept) < 3:
-            kept.append(dict(item))
+def from_findings(added: Mapping[str, Sequence[np.ndarray]], left: Sequence[np.ndarray], probability: Mapping[str, float],
+                  told: Told, system: System) -> list[dict]:  # fmt: skip
+    """Entries of ``located`` from what was found: channels in which a finding stands out of what the model leaves, each with
+    the regime that its contribution follows most closely.
+
+    Parameters
+    ----------
+    added : by finding and flight, (m, C) of what it adds; NaN where a channel is absent.
+    left : by flight, (m, C) residuals with the findings.
+    probability : of each finding.
+    """
+    values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
+    noise, entries = np.concatenate(left), []
+    for name, by_flight in added.items():
+        acts = np.concatenate(by_flight)
+        for c, channel in enumerate(system.names):
+            good = np.isfinite(acts[:, c]) & np.isfinite(noise[:, c])
+            if _rms(acts[good, c]) > LEAST_OF_NOISE * _rms(noise[good, c]):
+                where = _acting(acts[good, c], {n: v[good] for n, v in values.items()})
+                entries.append({"channel": channel, **where, "q_value": 1.0 - probability[name], "finding": name})
+    return sorted(entries, key=lambda item: -item.pop("energy") / system.model.whole(item["channel"]) ** 2)
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
+def _acting(a: np.ndarray, values: Mapping[str, np.ndarray]) -> dict:
+    """Regime whose bins explain most of ``a``, and the run of bins around its peak that hold at least half of the peak."""
+    best = ("", -1.0, np.zeros(1), np.zeros(1), np.zeros(1))
+    for name, value in values.items():
+        if np.ptp(value) > 1e-9:
+            limits, which = _bins(value)
+            count = np.bincount(which, minlength=len(limits) - 1)
+            mean = np.bincount(which, a, len(count)) / np.maximum(count, 1)
+            between = float(count @ (mean - a.mean()) ** 2)
+            if between > best[1]:
+                best = (name, between, limits, mean, count)
+    name, _, limits, mean, count = best
+    low, high = _run(np.abs(mean) >= PEAK * np.abs(mean).max(), int(np.argmax(np.abs(mean))))
+    inside, energy = slice(low, high), count * mean**2
+    return {
+        "regime": {name: [float(limits[low]), float(limits[high])]},
+        "share_of_excess": float(energy[inside].sum() / max(energy.sum(), 1e-30)),
+        "mean": float(count[inside] @ mean[inside] / max(count[inside].sum(), 1)),
+        "energy": float(np.mean(a**2)),
+    }
+
+
+def _run(high: np.ndarray, at: int) -> tuple[int, int]:
+    """First and one past the last of the true values around ``at``."""
+    low, end = at, at + 1
+    while low > 0 and high[low - 1]:
+        low -= 1
+    while end < len(high) and high[end]:
+        end += 1
+    return low, end
+
+
+def strongest(entries: Sequence[Mapping], most: int = MOST) -> list[dict]:
+    """The clearest entries, a few of a channel, every channel once before any twice."""
+    by_channel: dict[str, list[dict]] = {}
+    for item in entries:
+        by_channel.setdefault(item["channel"], []).append(dict(item))
+    kept = [items[k] for k in range(BY_CHANNEL) for items in by_channel.values() if len(items) > k]
     return kept[:most]
