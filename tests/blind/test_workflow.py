@@ -1,4 +1,4 @@
-"""The proof as a part of the workflow, with the forty cases of ``config/tiny.yaml``."""
+"""The proof as a part of the workflow, with the eight cases of ``config/tiny.yaml``."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ def test_proof_is_planned(tmp_path):
     planned = _snakemake(tmp_path, "--dry-run", "--quiet", "rules")
     assert planned.returncode == 0, planned.stderr
     jobs = {line.split()[0]: line.split()[1] for line in (planned.stdout + planned.stderr).splitlines() if len(line.split()) == 2}
-    assert (jobs["make_cases"], jobs["diagnose_batch"], jobs["score_proof"]) == ("1", "7", "1")
+    assert (jobs["make_cases"], jobs["diagnose_batch"], jobs["score_proof"]) == ("1", "2", "1")
 
 
 @pytest.mark.slow
-def test_forty_cases_from_seal_to_scores(tmp_path):
+def test_eight_cases_from_seal_to_scores(tmp_path):
     done = _snakemake(tmp_path)
     assert done.returncode == 0, done.stderr[-3000:]
     proof = tmp_path / "results" / "proof"
     cases = pd.read_csv(proof / "cases.csv")
-    assert len(cases) == 40 and json.loads((proof / "scores.json").read_text())["cases"] == 40
+    assert len(cases) == 8 and json.loads((proof / "scores.json").read_text())["cases"] == 8
     assert (cases["outcome"] != "failed").all()
     again = _snakemake(tmp_path, "--dry-run")
     assert "Nothing to be done" in again.stdout + again.stderr

@@ -35,6 +35,7 @@ GROUPS = (
     ("rotor_inertia_reaction",),
 )
 COMPOSITIONS = {
+    "smoke": dict.fromkeys(("single", "null", "pair", "triple", "unknown", "parameter", "sensor", "confounded"), 1),
     "tiny": {"single": 14, "null": 8, "pair": 4, "triple": 2, "unknown": 4, "parameter": 3, "sensor": 3, "confounded": 2},
     "sample": {
         "single": 22, "null": 12, "pair": 6, "triple": 3, "unknown": 6, "parameter": 4, "sensor": 4, "confounded": 3,
@@ -44,7 +45,7 @@ COMPOSITIONS = {
         "sensor": 50, "confounded": 50,
     },
 }  # fmt: skip
-SECONDS = {"tiny": (11.0, 13.0), "sample": (20.0, 27.0), "full": (20.0, 27.0)}
+SECONDS = {"smoke": (11.0, 13.0), "tiny": (11.0, 13.0), "sample": (20.0, 27.0), "full": (20.0, 27.0)}
 
 
 @dataclass(frozen=True)
