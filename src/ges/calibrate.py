@@ -2,7 +2,9 @@
 
 Every declared number may move within its tolerance; gains of single motors and the centre of gravity (trims) may move as
 far as small vehicles do. Flights of one vehicle differ by more than noise (a battery put back elsewhere, warm motors), so
-one factor for the spread between flights is fitted too, and it enters the doubt that the new file states.
+one factor for the spread between flights is fitted too, and it enters the doubt that the new file states. A handful of
+flights, perhaps all of one afternoon, tells that spread badly: it is pooled with what such vehicles usually do, by degrees of
+freedom (scaled inverse chi-squared; Gelman et al., *Bayesian Data Analysis*, 3rd ed., section 2.6).
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from scipy.stats import t as student
 
 from . import effects as effect_table
 from .diagnose.align import Prepared
+from .diagnose.balance import CHANNELS, LOSSES, mean_variance, windows_per_block
 from .diagnose.evidence import Gram
 from .diagnose.fit import calibrated, null_fit
 from .diagnose.gate import at_flown_voltage, pass_gate
@@ -25,13 +28,13 @@ from .errors import GesError
 from .io.recording import RecordingSet, require_drive
 from .vehicle import Estimate, Quantity, Vehicle, parse_vehicle, vehicle_content
 
-LOSSES = tuple(f"weak_rotor.loss_{i}" for i in range(1, 5))
 TRIMS = ("thrust_scale.scale", *LOSSES, "cg_offset.x_m", "cg_offset.y_m")
-SLOW_CHANNELS = ("force_z", "moment_x", "moment_y", "moment_z")
 LOSS_SD = 0.1
 SPREAD = 0.02
+USUAL_FACTOR = {True: 1.0, False: 0.25}
+"""Spread that flights usually have, over :data:`SPREAD`: from commands, which warm motors blur, and from rotor speeds."""
+USUAL_WORTH = 4.0  # degrees of freedom
 LARGEST_SPREAD = 10.0
-BLOCK_S = 3.0
 WORTH = 3.0
 ROUNDS = 4
 TIGHT = 0.2
@@ -100,12 +103,6 @@ class _Trims:
     grams: tuple[Gram, ...]
 
 
-def _mean_variance(values: np.ndarray, block: int) -> float:
-    """Variance of the mean of one flight's windows, from blocks of time."""
-    blocks = [values[k : k + block].mean() for k in range(0, len(values), block)]
-    return float(np.var(blocks, ddof=1) / len(blocks)) if len(blocks) > 1 else np.nan
-
-
 def _balance(system: System) -> _Trims:
     """Reduce every flight to its mean balance of thrust and moments.
 
@@ -114,9 +111,9 @@ def _balance(system: System) -> _Trims:
     """
     kept = [k for k, c in enumerate(system.columns) if c.nuisance and c.nuisance.key in TRIMS and c.nuisance.sd > 0]
     keys = tuple(system.columns[k].nuisance.key for k in kept)
-    slow = [c for c, name in enumerate(system.names) if name in SLOW_CHANNELS]
-    block = max(1, int(round(2.0 * BLOCK_S / system.flights[0].windows.length_s)))
-    variance = np.nanmean([[_mean_variance(r.y[:, c], block) for c in slow] for r in system.flights], axis=0)
+    slow = [c for c, name in enumerate(system.names) if name in CHANNELS]
+    block = windows_per_block(system)
+    variance = np.nanmean([[mean_variance(r.y[:, c], block) for c in slow] for r in system.flights], axis=0)
     grams = []
     for r in system.flights:
         y = r.y[:, slow].mean(axis=0) / np.sqrt(variance)
@@ -173,12 +170,12 @@ def _trims(flights: Sequence[Prepared], model: Model, before: Mapping[str, Numbe
     told = _balance(build(flights, calibrated(model, shift), [], length_s))
     start = -np.array([shift.get(key, 0.0) for key in told.keys])
     factor = _spread_factor(told.grams, start, told.prior_sd, told.spread)
-    found, turn = _posterior(told.grams, start, told.prior_sd, factor * told.spread), _gauge(told.keys)
+    pooled, freedom = _pooled(factor, told.grams[0].n * (len(flights) - 1), USUAL_FACTOR[_commanded(flights)])
+    found, turn = _posterior(told.grams, start, told.prior_sd, pooled * told.spread), _gauge(told.keys)
     sd = np.sqrt(np.diag(turn @ found.covariance @ turn.T))
-    small = float(student.ppf(0.975, told.grams[0].n * (len(flights) - 1))) / 1.96
-    later = np.hypot(sd, small * factor * told.spread)
+    later = np.hypot(sd, float(student.ppf(0.975, freedom)) / 1.96 * pooled * told.spread)
     values = turn @ (found.mean - start)
-    rows = zip(told.keys, values, sd, factor * told.spread, told.prior_sd, later, strict=True)
+    rows = zip(told.keys, values, sd, pooled * told.spread, told.prior_sd, later, strict=True)
     return {key: Number(*(float(v) for v in row)) for key, *row in rows}, factor
 
 
@@ -236,6 +233,12 @@ def _spread_factor(grams: Sequence[Gram], start: np.ndarray, prior: np.ndarray, 
     return float(np.exp(minimize_scalar(cost, bounds=bounds, method="bounded").x))
 
 
+def _pooled(factor: float, freedom: float, usual: float) -> tuple[float, float]:
+    """The spread of these flights and the usual one, weighed by their degrees of freedom; and the sum of these."""
+    total = freedom + USUAL_WORTH
+    return float(np.sqrt((freedom * factor**2 + USUAL_WORTH * usual**2) / total)), total
+
+
 def _scaled(quantity: Quantity, number: Number) -> Quantity:
     """A quantity after a relative correction, its doubt that of later flights."""
     return Quantity(value=quantity.value * (1.0 + number.value), sd=abs(quantity.value) * number.later_sd)
@@ -281,6 +284,7 @@ def _belongs(key: str, number: Number, vehicle: Vehicle) -> bool:
 
 
 def _effects(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict[str, dict[str, Estimate]]:
+    """``effects`` of the new file. Where the battery sat is in the gains' spread already: the centre of gravity has no more."""
     effects = {name: dict(values) for name, values in vehicle.effects.items()}
     for key, number in numbers.items():
         name, parameter = key.split(".")
@@ -290,6 +294,8 @@ def _effects(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict[str, dict[
         start = held[parameter].value if parameter in held else effect_table.get(name).neutral()[parameter]
         value, low, high = (start + v for v in (number.value, *number.ci95))
         held[parameter] = Estimate(value=value, sd=number.later_sd, ci95=(low, high))
+    if set(LOSSES) & set(numbers):
+        effects["cg_offset"] = {"x_m": Estimate(value=0.0), "y_m": Estimate(value=0.0), **effects.get("cg_offset", {})}
     return effects
 
 

@@ -14,6 +14,7 @@ from ..errors import GesError, unknown_name
 from ..io.recording import RecordingSet, make_set, require_drive
 from ..vehicle import Estimate as Fitting
 from ..vehicle import Quantity, Vehicle
+from .balance import shift_of
 from .candidates import NEEDS_ATTITUDE
 from .detect import smallest_detectable
 from .engine import LEAST_SHARE, Accepted, accept, first_system, split
@@ -120,21 +121,22 @@ class _Chain:
             found = structures(left_after, told, system.names, system.blocks(BLOCK_S))
         proven = sorted((finding(accepted, name, by) for name, by in added.items()), key=lambda f: -f.size["share_of_weight"])
         proven = [f for f in proven if names or f.size["share_of_weight"] >= LEAST_SHARE]
-        findings = [*proven, *settled_findings(self.gate), *open_findings(accepted)]
+        moved = None if accepted.names or accepted.rivals else shift_of(system)
+        findings = [*proven, *settled_findings(self.gate), *open_findings(accepted), *(moved.findings() if moved else ())]
         unexplained = [_unexplained(u) for u in left_over(found, after)]
         models = {"before": self.model, "recalibrated": recalibrated, "after": after}
         fit, proof = self._proof(models)
-        verdict = verdict_of(findings, accepted.rivals, unexplained)
+        verdict = verdict_of(findings, (moved.rivals,) if moved else accepted.rivals, unexplained)
         calibration = _calibration(fitted_joint, self.model)
         return Diagnosis(
             verdict=verdict,
-            sentence=sentence_of(verdict, findings, located, unexplained, fit, calibration),
+            sentence=moved.sentence() if moved else sentence_of(verdict, findings, located, unexplained, fit, calibration),
             findings=tuple(findings),
             located=tuple(located),
             unexplained=tuple(unexplained),
             fit=fit,
             detectable=smallest_detectable(accepted.board, accepted.names),
-            next_flight=next_flight(accepted.board, accepted.found, accepted.names) if _something_open(accepted) else {},
+            next_flight=moved.next_flight() if moved else _next_flight(accepted),
             data=self._data(system),
             calibration=calibration,
             not_tested=_not_tested(system, self.train),
@@ -193,6 +195,10 @@ class _Chain:
         for name in accepted.names:
             effects.setdefault(name, {}).update(_fittings(accepted, name))
         return self.vehicle.model_copy(update={"effects": effects, **numbers})
+
+
+def _next_flight(accepted: Accepted) -> dict:
+    return next_flight(accepted.board, accepted.found, accepted.names) if _something_open(accepted) else {}
 
 
 def _something_open(accepted: Accepted) -> bool:

@@ -1,0 +1,171 @@
+"""Has the balance of thrust and moments left what healthy flights do among themselves, and towards which rotor?
+
+A vehicle file from ``ges calibrate`` states how far the gain of every motor may be off in a later flight. What goes beyond is
+one number in each of four directions (thrust, roll, pitch, yaw), and two single causes near one rotor ask for nearly the same
+answer of the controller: a rotor that lost thrust, and a mass at its hub. They differ in yaw alone. The search weighs names
+one by one against nothing; here the two are held against each other, so that a change which is certain while its cause is not
+is told as such.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import norm
+
+from .. import effects as effect_table
+from .candidates import kind_of
+from .result import Estimate, Finding
+from .system import System, attitude_measured
+
+CHANNELS = ("force_z", "moment_x", "moment_y", "moment_z")
+LOSSES = tuple(f"weak_rotor.loss_{i}" for i in range(1, 5))
+MASS = ("cg_offset.x_m", "cg_offset.y_m", "thrust_scale.scale")
+LEVEL = 0.01  # chance that healthy flights are called changed
+TOLD_APART = 2.0 * float(np.log(99.0))  # a wrong name at most once in a hundred
+BLOCK_S = 3.0
+
+
+def mean_variance(values: np.ndarray, block: int) -> float:
+    """Variance of the mean of one flight's windows, from blocks of time; nan where there is but one block."""
+    blocks = [values[k : k + block].mean() for k in range(0, len(values), block)]
+    return float(np.var(blocks, ddof=1) / len(blocks)) if len(blocks) > 1 else np.nan
+
+
+def windows_per_block(system: System) -> int:
+    """Half-overlapping windows in :data:`BLOCK_S`."""
+    return max(1, int(round(2.0 * BLOCK_S / system.flights[0].windows.length_s)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Cause:
+    """One cause near one rotor: amplitude (loss, or kg), its sd, and the squared distance that it explains."""
+
+    rotor: int
+    value: float
+    sd: float
+    explained: float
+
+    @property
+    def ci95(self) -> tuple[float, float]:
+        """95 % interval."""
+        return (self.value - 1.96 * self.sd, self.value + 1.96 * self.sd)
+
+
+@dataclasses.dataclass(frozen=True)
+class Shift:
+    """A balance that moved: both causes at the rotor that explains it best, and whether the load's swing could be seen."""
+
+    system: System
+    loss: Cause
+    mass: Cause
+    swing_seen: bool
+
+    @property
+    def rotor(self) -> int:
+        """Number of the rotor, from 1."""
+        return self.loss.rotor
+
+    @property
+    def gained(self) -> float:
+        """Squared distance that the better cause explains, in sd^2."""
+        return max(self.loss.explained, self.mass.explained)
+
+    @property
+    def rivals(self) -> tuple[str, ...]:
+        """Names that these flights cannot tell apart."""
+        return ("weak_rotor", "cg_offset", "thrust_scale", *(() if self.swing_seen else ("slung_load",)))
+
+    def sentence(self) -> str:
+        """Where the balance went, what would do it, and how to find out."""
+        away, odds = self.gained**0.5, np.exp(0.5 * abs(self.loss.explained - self.mass.explained))
+        return (
+            f"Since the calibration the balance of thrust and moments has moved towards rotor {self.rotor}, {away:.1f} sd beyond "
+            f"what healthy flights do among themselves. A rotor {self.rotor} that lost {100 * self.loss.value:.0f} % of its "
+            f"thrust or {1e3 * self.mass.value:.2g} g near rotor {self.rotor} (fixed or hanging) would do it; the two differ in "
+            f"yaw alone, too little here (odds {odds:.0f}:1). Weigh the vehicle, or fly the same with a new propeller "
+            f"{self.rotor}: the shift then goes if the propeller was the cause, and stays if a mass is."
+        )
+
+    def next_flight(self) -> dict:
+        """``next_flight`` of diagnosis.json: what a healthy balance would be worth against the shift that was seen."""
+        return {"manoeuvre": "hover", "preparation": f"a new propeller on rotor {self.rotor}",
+                "separates": ["weak_rotor", "cg_offset+thrust_scale"], "stays_open": [], "expected_log_odds": 0.5 * self.gained,
+                "so_far_log_odds": 0.5 * abs(self.loss.explained - self.mass.explained)}  # fmt: skip
+
+    def findings(self) -> list[Finding]:
+        """Both causes in the library's names; their probabilities are those of each given that one of them acts."""
+        model, i = self.system.model, self.rotor
+        share = 1.0 / (1.0 + np.exp(-0.5 * (self.loss.explained - self.mass.explained)))
+        per_kg = 1.0 / model.number("mass_kg")
+        start = {key: model.effects.get(key.split(".")[0], {}).get(key.split(".")[1], 0.0) for key in (*LOSSES, *MASS)}
+        lost = {f"loss_{i}": (start[LOSSES[i - 1]], 1.0)}
+        hub = {f"{a}_m": (start[f"cg_offset.{a}_m"], per_kg * model.number(f"rotor_{i}_{a}_m")) for a in "xy"}
+        heavier = [("cg_offset", hub), ("thrust_scale", {"scale": (start[MASS[2]], -per_kg)})]
+        heavier += [] if self.swing_seen else [("slung_load", {"mass_kg": (0.0, 1.0)})]
+        return [_named("weak_rotor", share, lost, self.loss), *(_named(n, 1.0 - share, p, self.mass) for n, p in heavier)]
+
+
+def _named(name: str, probability: float, parameters: dict[str, tuple[float, float]], cause: Cause) -> Finding:
+    """A cause as a finding: parameters as start and change per unit of its amplitude."""
+    effect = effect_table.get(name)
+    units = {p.name: p.unit for p in effect.parameters}
+    told = {}
+    for key, (start, per) in parameters.items():
+        low, high = sorted(start + per * v for v in cause.ci95)
+        told[key] = Estimate(start + per * cause.value, (low, high), units[key], f"near rotor {cause.rotor}")
+    return Finding(name, kind_of(name), effect.title, float(probability), effect.equation, told, {}, ())
+
+
+def shift_of(system: System) -> Shift | None:
+    """The shift, where the vehicle file states the doubts of all motors' gains and the balance leaves them; else None.
+
+    Parameters
+    ----------
+    system : nuisance columns suffice; its first columns of ``weak_rotor``, ``cg_offset`` and ``thrust_scale`` are read.
+    """
+    column = {c.nuisance.key: k for k, c in enumerate(system.columns) if c.nuisance is not None}
+    stated = all(key in column and "weak_rotor" in system.model.effects for key in LOSSES)
+    if not stated or not {*MASS} <= set(column) or not set(CHANNELS) <= set(system.names):
+        return None
+    y, x, precision = _distance(system, [*LOSSES, *MASS], column)
+    causes = [(_loss(x, i), _mass(x, i, system)) for i in range(4)]
+    weighed = [tuple(_weigh(y, direction, precision, i + 1) for direction in pair) for i, pair in enumerate(causes)]
+    loss, mass = max(weighed, key=lambda pair: max(c.explained for c in pair))
+    least = norm.isf(LEVEL / (2 * len(weighed))) ** 2
+    gained, between = max(loss.explained, mass.explained), abs(loss.explained - mass.explained)
+    seen = attitude_measured([r.flight for r in system.flights])
+    return Shift(system, loss, mass, seen) if gained > least and between < TOLD_APART else None
+
+
+def _distance(system: System, keys: Sequence[str], column: dict[str, int]):
+    """Mean residuals (4,), mean columns by key (4,) and the inverse covariance of the former under the file's doubts."""
+    slow, block, count = [system.names.index(c) for c in CHANNELS], windows_per_block(system), len(system.flights)
+    y = np.mean([r.y[:, slow].mean(axis=0) for r in system.flights], axis=0)
+    x = {key: np.mean([r.full[:, slow, column[key]].mean(axis=0) for r in system.flights], axis=0) for key in keys}
+    variance = np.nanmean([[mean_variance(r.y[:, c], block) for c in slow] for r in system.flights], axis=0) / count
+    covariance = np.diag(variance)
+    for key in keys:
+        n = system.columns[column[key]].nuisance
+        covariance += (n.sd**2 + n.flight_sd**2 / count) * np.outer(x[key], x[key])
+    return y, x, np.linalg.inv(covariance)
+
+
+def _loss(x: dict[str, np.ndarray], i: int) -> np.ndarray:
+    """Change of the residual by the loss of one rotor."""
+    return x[LOSSES[i]]
+
+
+def _mass(x: dict[str, np.ndarray], i: int, system: System) -> np.ndarray:
+    """Change of the residual by a kilogram at one hub: the centre of gravity moves, and the thrust weighs less in comparison."""
+    hub = [system.model.number(f"rotor_{i + 1}_{a}_m") for a in "xy"]
+    return (hub[0] * x[MASS[0]] + hub[1] * x[MASS[1]] - x[MASS[2]]) / system.model.number("mass_kg")
+
+
+def _weigh(y: np.ndarray, direction: np.ndarray, precision: np.ndarray, rotor: int) -> Cause:
+    """Generalised least squares of one amplitude; a loss or a mass below zero explains nothing."""
+    information = float(direction @ precision @ direction)
+    value = float(direction @ precision @ y) / information
+    return Cause(rotor, value, information**-0.5, value**2 * information if value > 0 else 0.0)
