@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -20,9 +21,11 @@ from . import effects as effect_table
 from .diagnose.align import Prepared
 from .diagnose.balance import CHANNELS, LOSSES, mean_variance, windows_per_block
 from .diagnose.evidence import Gram
-from .diagnose.fit import calibrated, null_fit
+from .diagnose.fit import calibrated, left_raw, null_fit
 from .diagnose.gate import at_flown_voltage, pass_gate
+from .diagnose.locate import BLOCK_S, regimes_of
 from .diagnose.model import SPEED, Model, from_vehicle
+from .diagnose.structure import structures
 from .diagnose.system import System, build, window_length_s
 from .errors import GesError
 from .io.recording import RecordingSet, require_drive
@@ -325,8 +328,21 @@ def calibrate(recordings: RecordingSet) -> Calibration:
         update |= _drive_held(recordings.vehicle, update["effects"])
     seconds = float(sum(f.flying.sum() * f.dt_s for f in flights))
     told = (*recordings.warnings, *gate.warnings, *_far(numbers))
-    vehicle = parse_vehicle(vehicle_content(recordings.vehicle.model_copy(update=update)), "the calibrated vehicle")
+    vehicle = recordings.vehicle.model_copy(update=update)
+    vehicle = vehicle.model_copy(update={"left_unexplained": _left_unexplained(flights, vehicle, recordings.folder)})
+    vehicle = parse_vehicle(vehicle_content(vehicle), "the calibrated vehicle")
     return Calibration(vehicle, numbers, factor * SPREAD, seconds, told)
+
+
+def _left_unexplained(flights: Sequence[Prepared], vehicle: Vehicle, folder: Path) -> dict[str, float]:
+    """By channel, the largest structure that the calibrated file leaves in its own flights: no news in later ones."""
+    model = at_flown_voltage(from_vehicle(vehicle, folder), flights)
+    system = build(flights, model, [], window_length_s(flights))
+    left = left_raw(system, null_fit(system)[1])
+    largest: dict[str, float] = {}
+    for s in structures(left, regimes_of(system), system.names, system.blocks(BLOCK_S)):
+        largest[s.channel] = max(largest.get(s.channel, 0.0), float(f"{s.rms:.3g}"))
+    return largest
 
 
 def _far(numbers: Mapping[str, Number]) -> list[str]:

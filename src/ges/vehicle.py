@@ -135,6 +135,8 @@ class Vehicle(_Strict):
     rho_kg_m3: Positive = Quantity(value=1.225)
     terrain: GroundFile = GroundFile()
     effects: dict[str, dict[str, Estimate]] = {}
+    left_unexplained: dict[str, Annotated[float, pydantic.Field(ge=0)]] | None = None
+    """By channel (``force_z`` in N, ``moment_y`` in N m...): rms of what even the flights it was calibrated on show beyond it."""
 
     @pydantic.field_validator("rotors")
     @classmethod

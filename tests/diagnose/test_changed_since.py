@@ -98,18 +98,21 @@ def test_the_loss_grows_with_the_cut(recordings_dir, e8, e9):
     assert one[0] < 2.0 * one[1] and three[0] > 4.0 * three[1], "1 mm drowns in the healthy spread, 3 mm does not"
 
 
-@pytest.mark.parametrize(
-    ("folder", "flights", "may_say"),
-    [
-        ("cut_propeller_M3_1mm", "E8_*", {"weak_rotor"}),
-        ("tape_on_propeller_M3", "E8_*", {"weak_rotor"}),
-    ],
-)
-def test_changes_near_the_healthy_spread_get_no_wrong_name(recordings_dir, e8, e9, folder, flights, may_say):
-    """They shift the trims by one to two sd of what healthy flights do among themselves."""
-    found = ges.diagnose(_tables(recordings_dir, folder, flights), e8 if flights.startswith("E8") else e9)
-    proven = {f.name for f in found.findings} if found.verdict != "ambiguous" else set()
-    assert proven <= may_say, found.sentence
+@pytest.mark.parametrize("folder", ["cut_propeller_M3_1mm", "tape_on_propeller_M3"])
+def test_changes_within_the_healthy_spread_prove_nothing(recordings_dir, e8, folder):
+    """They shift the balance by no more than two sd of what healthy flights do among themselves."""
+    found = ges.diagnose(_tables(recordings_dir, folder, "E8_*"), e8)
+    assert found.verdict == "nothing_proven", found.sentence
+
+
+@pytest.mark.parametrize("airframe", ["E8", "E9"])
+def test_structure_that_healthy_flights_show_too_is_no_news(recordings_dir, e8, e9, airframe):
+    """Thrust drifts by half a per cent of the weight in every flight: unknown to a file without calibration, known to this."""
+    known, tables = {"E8": e8, "E9": e9}[airframe], _tables(recordings_dir, "normal_flight", f"{airframe}_*")[:3]
+    assert known.left_unexplained["force_z"] > 0.001
+    forgetful = known.model_copy(update={"left_unexplained": None})
+    assert ges.diagnose(tables, known).verdict == "nothing_proven"
+    assert {u["channel"] for u in ges.diagnose(tables, forgetful).unexplained} & {"force_z", "moment_y"}
 
 
 def test_the_cut_is_seen_because_it_leaves_the_healthy_spread(e9):

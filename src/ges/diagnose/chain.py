@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from .. import effects as effect_table
@@ -19,7 +18,7 @@ from .candidates import NEEDS_ATTITUDE
 from .detect import smallest_detectable
 from .engine import LEAST_SHARE, Accepted, accept, first_system, split
 from .findings import contributions, finding, open_findings, settled_findings
-from .fit import Joint, calibrated, null_fit
+from .fit import Joint, calibrated, left_raw, null_fit
 from .gate import Gate, at_flown_voltage, pass_gate
 from .instruments import MOVED
 from .locate import BLOCK_S, cells, from_findings, from_residuals, regimes_of, strongest
@@ -107,12 +106,12 @@ class _Chain:
         system = first_system(self.train, self.model, self.length_s, switches)
         board, joint = null_fit(system)
         recalibrated = calibrated(self.model, joint.common)
-        left, told = _left_raw(system, joint), regimes_of(system)
+        left, told = left_raw(system, joint), regimes_of(system)
         found = structures(left, told, system.names, system.blocks(BLOCK_S))
         map_cells = cells(system, left, told, found)
         accepted = accept(system, self.length_s, switches, names)
         after, fitted_joint, fitted_board = self._after(accepted, recalibrated, joint, board)
-        added, left_after = contributions(accepted), _left_raw(fitted_board.system, fitted_joint)
+        added, left_after = contributions(accepted), left_raw(fitted_board.system, fitted_joint)
         located = strongest([
             *from_residuals(map_cells, found, system),
             *from_findings(added, left_after, accepted.probability, told, system),
@@ -234,18 +233,6 @@ def _fittings(accepted: Accepted, name: str) -> dict[str, Fitting]:
         sd = fitted.sd(name, parameter) if parameter in free else 0.0
         told[parameter] = Fitting(value=value, sd=sd, ci95=(value - 1.96 * sd, value + 1.96 * sd) if sd else None)
     return told
-
-
-def _left_raw(system: System, joint: Joint) -> list[np.ndarray]:
-    """Residuals in the channels' units after the nuisances, by flight, (m, C)."""
-    nuisance = {c.nuisance.key: k for k, c in enumerate(system.columns) if c.nuisance is not None}
-    out = []
-    for rows, own in zip(system.flights, joint.by_flight, strict=True):
-        left = rows.y.copy()
-        for key, k in nuisance.items():
-            left -= rows.full[:, :, k] * (joint.common.get(key, 0.0) + own.get(key, 0.0))
-        out.append(left)
-    return out
 
 
 def _unexplained(u: Structure) -> dict:

@@ -213,3 +213,15 @@ def null_fit(system: System) -> tuple[Board, Joint]:
     """Nuisances alone: the best that the declared parameters can do."""
     board = make_board(system)
     return board, joint_fit(board, ())
+
+
+def left_raw(system: System, joint: Joint) -> list[np.ndarray]:
+    """Residuals in the channels' units after the nuisances, by flight, (m, C)."""
+    nuisance = {c.nuisance.key: k for k, c in enumerate(system.columns) if c.nuisance is not None}
+    out = []
+    for rows, own in zip(system.flights, joint.by_flight, strict=True):
+        left = rows.y.copy()
+        for key, k in nuisance.items():
+            left -= rows.full[:, :, k] * (joint.common.get(key, 0.0) + own.get(key, 0.0))
+        out.append(left)
+    return out

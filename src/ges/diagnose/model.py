@@ -27,6 +27,7 @@ class Model:
         or the user's own doubt on a trim of a calibrated vehicle (``cg_offset.x_m``).
     known : parts that the file declares: ``inertia``, ``torque``, ``motor``, ``speed``.
     plane_sd_m : doubt on the height of the rotor plane.
+    left_unexplained : by channel, rms of structure that the flights it was calibrated on show too.
     """
 
     parameters: Mapping[str, float]
@@ -35,6 +36,7 @@ class Model:
     doubts: Mapping[str, float] = dataclasses.field(default_factory=dict)
     known: frozenset[str] = frozenset({"inertia", "torque", "motor", "speed"})
     plane_sd_m: float = 0.0
+    left_unexplained: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
     def number(self, name: str) -> float:
         """A simulator parameter, default where not declared."""
@@ -107,4 +109,5 @@ def from_vehicle(vehicle: Vehicle, folder: Path | str = ".") -> Model:
         _doubts(vehicle),
         frozenset(name for name, given in known.items() if given is not None),
         max(rotor.z_m.sd for rotor in vehicle.rotors),
+        vehicle.left_unexplained or {},
     )
