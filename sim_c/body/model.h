@@ -124,11 +124,11 @@ static inline void sample_center(const ground_lanes_t *g, sample_t *s) {
   s->agl = s->p[2] - s->ground.height;
 }
 
-static inline void sample_air(const active_t *a, sample_t *s) {
+static inline void sample_air(const active_t *a, const vd *y, sample_t *s) {
   vd relative[3];
   for (int k = 0; k < 3; k++) s->wind[k] = all_lanes(0.0);
   for (int j = 0; j < a->n; j++)
-    if (a->effect[j]->blow) a->effect[j]->blow(s, a->p[j], s->wind);
+    if (a->effect[j]->blow) a->effect[j]->blow(s, a->p[j], y + Y_X + a->first_state[j], s->wind);
   for (int k = 0; k < 3; k++) relative[k] = s->v[k] - s->wind[k];
   for (int k = 0; k < 3; k++) s->air[k] = column_dot(s->r, k, relative);
 }
@@ -138,7 +138,7 @@ static inline void build_sample(const vehicle_t *b, const active_t *a, ground_la
   sample_state(y, s);
   sample_rotors(b, g, s);
   if (a->wants_agl) sample_center(g, s);
-  sample_air(a, s);
+  sample_air(a, y, s);
   if (a->ground_effect) ground_cushion(s, a->ground_effect, s->cushion);
 }
 

@@ -32,6 +32,20 @@ static inline void seed_lane(stream_t *stream, int i, uint64_t seed, uint64_t pu
   memcpy((char *)&stream->b + 8 * i, &b, 8);
 }
 
+/* The stream of a seed at the number k, both integers below 2^51: random access instead of a sequence. */
+static inline stream_t stream_at(vd seed, vd k) {
+  stream_t stream;
+  vu z = bits_of(seed + MAGIC_ROUND) * 0x9e3779b97f4a7c15ULL + bits_of(k + MAGIC_ROUND) * 0xd1342543de82ef95ULL;
+  vu *part[2] = {&stream.a, &stream.b};
+  for (int i = 0; i < 2; i++) {
+    z += 0x9e3779b97f4a7c15ULL;
+    vu x = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;
+    x = (x ^ (x >> 27)) * 0x94d049bb133111ebULL;
+    *part[i] = x ^ (x >> 31);
+  }
+  return stream;
+}
+
 static inline vu next_bits(stream_t *s) {
   vu x = s->a, y = s->b;
   s->a = y;

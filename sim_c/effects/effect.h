@@ -63,7 +63,7 @@ typedef struct {
   ges_effect_parameter parameters[GES_MAX_PARAMETERS];
   void (*adjust)(sample_t *s, const vd *p); /* kind parameter: corrects the vehicle's constants */
   void (*begin)(const sample_t *s, const vd *p, vd *x); /* first values of the extra states; default 0 */
-  void (*blow)(const sample_t *s, const vd *p, vd wind[3]);
+  void (*blow)(const sample_t *s, const vd *p, const vd *x, vd wind[3]);
   void (*wrench)(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add);
   void (*drive)(const sample_t *s, const vd *p, const vd *x, vd *dx, drive_t *add);
   void (*sense)(const sample_t *s, const vd *p, vd *x, reading_t *add); /* may advance x by s->dt */

@@ -5,7 +5,8 @@
  */
 #include "effect.h"
 
-static void blow(const sample_t *s, const vd *p, vd wind[3]) {
+static void blow(const sample_t *s, const vd *p, const vd *x, vd wind[3]) {
+  (void)x;
   vd profile = all_lanes(1.0);
   vl rough = GT(p[2], all_lanes(0.0));
   if (any(rough)) {

@@ -686,10 +686,13 @@ static void begin_replay(replay_t *r) {
 static void advance_states(replay_t *r) {
   double dt = lane(r->sample.dt, 0);
   int steps = (int)(dt / 0.001) + 1;
+  vd end = r->sample.t;
   for (int m = 0; m < steps; m++) {
+    r->sample.t = end - dt * (steps - m) / steps;
     evaluate(r);
     for (int k = 0; k < r->active.n_states; k++) r->y[Y_X + k] += r->dy[Y_X + k] * (dt / steps);
   }
+  r->sample.t = end;
 }
 
 static void replay(const double *parameters, const plan_t *plan, const ges_effects *effects, const void *terrain,
@@ -707,7 +710,10 @@ static void replay(const double *parameters, const plan_t *plan, const ges_effec
       r.sample.dt = all_lanes(bounded(dt, 0.1));
       advance_states(&r);
     }
-    if (r.active.n_states > 0) evaluate(&r);
+    if (r.active.n_states > 0) {
+      sample_air(&r.active, r.y, &r.sample);
+      evaluate(&r);
+    }
     add_readings(&r.active, &r.sample, r.y, &r.reading);
     write_sample(&r, out, n, at, filled);
   }

@@ -24,7 +24,9 @@ def batch() -> list[sim.Flight]:
                    "preview_s": 0.1 * (i % 2), "lead_s": 0.01 * (i % 3)}  # fmt: skip
         on = {"ground_effect": {"curvature_gain_m": 0.6, "amplitude": 1 + 0.1 * i}, "rotor_drag": {"k_kg": 1e-4 * rng.uniform()}}
         flights.append(sim.Flight(numbers, on))
-    flights.append(sim.Flight({"seed": 99, "duration_s": 2, "integrator": 1}, {"wind": {"roughness_m": 0.02}, "rotor_drag": {}}))
+    flights.append(
+        sim.Flight({"seed": 99, "duration_s": 2, "integrator": 1}, {"wind": {"roughness_m": 0.02}, "rotor_drag": {}, "gusts": {}})
+    )
     flights.append(
         sim.Flight({"duration_s": 2, "agl_ref_m": 0.5}, {"ground_effect": {"form": 3}, "ground_effect_lag": {}}, Terrain.flat())
     )

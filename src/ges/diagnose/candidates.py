@@ -148,7 +148,7 @@ _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "inertia": lambda m: _axes("inertia", ("xx", "yy", "zz")),
     "rangefinder_bias": lambda m: _single("rangefinder_bias", ("bias_m", "scale")),
 }
-_LEFT_OUT = frozenset({"rotor_saturation", "time_offset", "gyro_bias", "wall_effect", "ceiling_effect"})
+_LEFT_OUT = frozenset({"gusts", "downwash", "rotor_saturation", "time_offset", "gyro_bias", "wall_effect", "ceiling_effect"})
 _CHILDREN: Mapping[str, tuple[str, ...]] = {"wind": ("rotor_drag", "parasitic_drag")}
 
 

@@ -1,0 +1,35 @@
+/* Wake of another vehicle that hovers at a fixed place above: a push downwards,
+ * F = -a (R / 4 dz)^2 exp(-1/2 (d / s)^2) e_z, s = b dz + c, dz and d how far the other is above and beside.
+ *
+ * a 2267 N, b 0.16, c -0.11 m for a 27 g vehicle (gym-pybullet-drones). There s vanishes at dz = 0.69 m: s is held to at least a
+ * rotor radius, and dz too. Nothing acts on a vehicle above the other.
+ */
+#include "effect.h"
+
+static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+  (void)x, (void)dx;
+  vd radius = s->radius[0], away[3] = {s->p[0] - p[3], s->p[1] - p[4], p[5] - s->p[2]};
+  vd below = lane_max(away[2], radius), width = lane_max(p[1] * below + p[2], radius), quarter = 0.25 * radius / below;
+  vd off = (away[0] * away[0] + away[1] * away[1]) / (width * width);
+  vd push = p[0] * quarter * quarter * lane_exp(-0.5 * off);
+  push = sel(GT(away[2], all_lanes(0.0)), push, all_lanes(0.0));
+  for (int k = 0; k < 3; k++) add->force[k] -= push * s->r[6 + k];
+}
+
+EFFECT(downwash) = {
+    .name = "downwash",
+    .title = "downwash of another vehicle above",
+    .equation = "F = -a (R/4dz)^2 exp(-1/2 (d/(b dz + c))^2) e_z",
+    .reference = "gym-pybullet-drones (Panerati et al. 2021)",
+    .channels = "force_x force_y force_z",
+    .kind = GES_WRENCH,
+    .n_parameters = 6,
+    .laws = GES_LAW_FREE_AIR,
+    .parameters = {{"force_N", "N", "push where dz is a quarter radius", 2267.18, 0, 0, 1e6},
+                   {"spread", "1", "growth of the wake's width with distance", 0.16, NAN, 0, 2},
+                   {"width_m", "m", "width at the other vehicle, extrapolated", -0.11, NAN, -1, 2},
+                   {"other_x_m", "m", "other vehicle, world x", 0, NAN, -1e4, 1e4},
+                   {"other_y_m", "m", "other vehicle, world y", 0, NAN, -1e4, 1e4},
+                   {"other_z_m", "m", "other vehicle, world z", 2, NAN, -1e4, 1e4}},
+    .wrench = wrench,
+};
