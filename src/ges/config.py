@@ -34,7 +34,7 @@ Method = Literal[
 class Part(BaseModel):
     """A part of the configuration; keys that are not listed are errors."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, protected_namespaces=())
+    model_config = ConfigDict(defer_build=True, extra="forbid", frozen=True, protected_namespaces=())
 
 
 class Vehicle(Part):

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import hashlib
 import importlib.metadata
+import itertools
 import json
 import os
 import platform
+import re
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -55,11 +57,13 @@ class Environment(Strict):
 
 
 class Timing(Strict):
-    """Cost of one job."""
+    """Cost of one job, named ``<stage>/<job>``."""
 
     wall_s: float
     cpu_s: float | None
     peak_MiB: float | None
+    started_s: float = Field(description="after the first job of those recorded began")
+    starting_cpu_s: float | None = Field(description="part of cpu_s before the work began: interpreter and imports")
 
 
 class Manifest(Strict):
@@ -127,14 +131,25 @@ def _number(text: str) -> float | None:
     return None if text in {"-", "NA", ""} else float(text)
 
 
-def _timing(path: Path) -> Timing:
+def _starting(log: Path) -> float | None:
+    """Processor time that a job's log says it took to start."""
+    found = re.search(r"([\d.]+) s of processor time to start", log.read_text(errors="replace")) if log.is_file() else None
+    return float(found[1]) if found else None
+
+
+def _timing(path: Path, log: Path) -> dict[str, float | None]:
     keys, values = (line.split("\t") for line in path.read_text().splitlines()[:2])
     row = dict(zip(keys, values, strict=True))
-    return Timing(wall_s=float(row["s"]), cpu_s=_number(row["cpu_time"]), peak_MiB=_number(row["max_rss"]))
+    spent = {"wall_s": float(row["s"]), "cpu_s": _number(row["cpu_time"]), "peak_MiB": _number(row["max_rss"])}
+    return {**spent, "started_s": path.stat().st_mtime - float(row["s"]), "starting_cpu_s": _starting(log)}
 
 
-def _timings(folder: Path) -> dict[str, Timing]:
-    return {f.relative_to(folder).with_suffix("").as_posix(): _timing(f) for f in sorted(folder.rglob("*.tsv"))}
+def _timings(folder: Path, logs: Path) -> dict[str, Timing]:
+    """Timing of every job; a benchmark file is written when its job ends."""
+    names = {f: f.relative_to(folder).with_suffix("").as_posix() for f in sorted(folder.rglob("*.tsv"))}
+    rows = {name: _timing(f, logs / f"{name}.log") for f, name in names.items()}
+    first = min((row["started_s"] for row in rows.values()), default=0.0)
+    return {name: Timing(**{**row, "started_s": round(row["started_s"] - first, 2)}) for name, row in rows.items()}
 
 
 def write_manifest(
@@ -145,6 +160,7 @@ def write_manifest(
     read: dict[str, str],
     code: Code,
     benchmarks: Path,
+    logs: Path,
     manifest: Path,
 ) -> None:
     """Write the manifest of a finished run.
@@ -155,7 +171,7 @@ def write_manifest(
     numbers : JSON of the numbers quoted in the paper, the run's metrics.
     makers : rule that made each result.
     read : sha256 of the files that the run read.
-    benchmarks : folder of Snakemake's benchmark files.
+    benchmarks, logs : folders of Snakemake's benchmark files and of the logs, a folder a stage in each.
     """
     config = study.model_dump(mode="json")
     values = {name: entry["value"] for name, entry in json.loads(numbers.read_text()).items()}
@@ -170,9 +186,47 @@ def write_manifest(
         inputs=read,
         outputs={str(f): Output(rule=makers[str(f)], sha256=sha256(f), size_bytes=f.stat().st_size) for f in made if f.is_file()},
         metrics={name: value for name, value in values.items() if isinstance(value, int | float)},
-        timings=_timings(benchmarks),
+        timings=_timings(benchmarks, logs),
     )
     write_json(manifest, record.model_dump(mode="json"))
+
+
+class Cost(NamedTuple):
+    """What a stage, or the whole run, took."""
+
+    jobs: int
+    wall_s: float
+    cpu_s: float
+    starting_cpu_s: float
+    peak_MiB: float
+
+
+def _together(timings: Iterable[Timing]) -> Iterator[tuple[float, list[Timing]]]:
+    """Stretches of time between starts and ends of jobs: length, and the jobs that ran in it."""
+    timings = list(timings)
+    edges = sorted({edge for t in timings for edge in (t.started_s, t.started_s + t.wall_s)})
+    for low, high in itertools.pairwise(edges):
+        yield high - low, [t for t in timings if t.started_s < high and t.started_s + t.wall_s > low]
+
+
+def cost(timings: Collection[Timing]) -> Cost:
+    """Cost of jobs: time in which any of them ran, and the most memory that those running at once can have held."""
+    stretches = [(length, jobs) for length, jobs in _together(timings) if jobs]
+    return Cost(
+        jobs=len(timings),
+        wall_s=sum(length for length, _ in stretches),
+        cpu_s=sum(t.cpu_s or 0.0 for t in timings),
+        starting_cpu_s=sum(t.starting_cpu_s or 0.0 for t in timings),
+        peak_MiB=max((sum(t.peak_MiB or 0.0 for t in jobs) for _, jobs in stretches), default=0.0),
+    )
+
+
+def stages(run: Manifest) -> dict[str, Cost]:
+    """Cost of every stage of a run, in the order in which they began, and of the whole under 'all'."""
+    groups: dict[str, list[Timing]] = {}
+    for name, timing in sorted(run.timings.items(), key=lambda item: item[1].started_s):
+        groups.setdefault(name.partition("/")[0], []).append(timing)
+    return {**{name: cost(group) for name, group in groups.items()}, "all": cost(run.timings.values())}
 
 
 def load_manifest(path: Path) -> Manifest:

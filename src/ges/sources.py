@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import functools
-from collections.abc import Iterator
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parent
@@ -20,17 +19,20 @@ def module_file(module: str) -> Path | None:
     return found[0] if found else None
 
 
-def _imported(module: str) -> Iterator[str]:
+@functools.cache
+def _imported(module: str) -> tuple[str, ...]:
     """Names that a module imports, absolute; of ``from x import y`` both x and x.y, one of which may be no module."""
+    names: list[str] = []
     file = module_file(module)
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
     for node in ast.walk(ast.parse(file.read_text())):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             up = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
             base = ".".join([*up, *([node.module] if node.module else [])])
-            yield from (base, *(f"{base}.{alias.name}" for alias in node.names))
+            names += [base, *(f"{base}.{alias.name}" for alias in node.names)]
+    return tuple(names)
 
 
 @functools.cache

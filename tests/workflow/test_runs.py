@@ -1,6 +1,7 @@
 """Manifests: what is recorded, compared, verified, exported."""
 
 import json
+import os
 import subprocess
 from pathlib import Path
 
@@ -17,8 +18,13 @@ DEFAULT = config.read(ROOT / "config/default.yaml")
 def write_run(folder: Path, seed: int, value: float) -> str:
     """A run of a study with another seed and another result, as the workflow's last rule writes it."""
     study = config.validate(config.merged(DEFAULT, {"models": {"seed": seed}}))
-    (folder / "results/benchmarks").mkdir(parents=True, exist_ok=True)
-    (folder / "results/benchmarks/fly.tsv").write_text("s\th:m:s\tmax_rss\tcpu_time\n1.5\t0:00:01\t20.5\t-\n")
+    for place in ("benchmarks", "logs"):
+        (folder / f"results/{place}/data").mkdir(parents=True, exist_ok=True)
+    for ended_s, job in ((101.5, "fly"), (102.5, "check")):
+        measured = folder / f"results/benchmarks/data/{job}.tsv"
+        measured.write_text("s\th:m:s\tmax_rss\tcpu_time\n1.5\t0:00:01\t20.5\t-\n")
+        os.utime(measured, (ended_s, ended_s))
+    (folder / "results/logs/data/fly.log").write_text("INFO 0.75 s of processor time to start\n")
     (folder / "results/table1.csv").write_text(f"x\n{value}\n")
     (folder / "results/numbers.json").write_text(json.dumps({"rmse": {"value": value}, "name": {"value": "text"}}))
     code = runs.Code(commit="abc", modified=True, sha256="1" * 64)
@@ -31,6 +37,7 @@ def write_run(folder: Path, seed: int, value: float) -> str:
         read={"requirements.lock": "2" * 64},
         code=code,
         benchmarks=Path("results/benchmarks"),
+        logs=Path("results/logs"),
         manifest=Path("results/runs") / name / "manifest.json",
     )
     return name
@@ -44,7 +51,8 @@ def two(tmp_path, monkeypatch):
 
 def test_manifest_holds_what_it_promises(two):
     run = runs.find(Path("results"), two[1])
-    assert run.metrics == {"rmse": 0.25} and run.timings["fly"].wall_s == 1.5 and run.timings["fly"].cpu_s is None
+    assert run.metrics == {"rmse": 0.25} and run.timings["data/fly"].wall_s == 1.5
+    assert run.timings["data/fly"].cpu_s is None and run.timings["data/check"].started_s == 1.0
     assert run.seeds["validation"] == list(range(241, 271)) and run.config["models"]["seed"] == 2
     assert run.environment.packages["numpy"] and run.outputs["results/table1.csv"].rule == "make_table1"
     assert run.config_sha256 == runs.config_hash(run.config) and run.config_sha256.startswith(two[1].split("-")[0])
@@ -58,6 +66,14 @@ def test_list_show_diff(two, runner):
     lines = runner.invoke(command, ["diff", *two]).output
     assert "models.seed" in lines and "rmse" in lines and "table1.csv" in lines and "mass_kg" not in lines
     assert runner.invoke(command, ["diff", two[0], two[0]]).output == "the same\n"
+
+
+def test_cost_of_jobs_that_overlap(two, runner):
+    """Two jobs of 1.5 s, the second begins 1 s after the first: 2.5 s in all, and for half a second the memory of both."""
+    whole = runs.stages(runs.find(Path("results"), two[0]))["all"]
+    assert whole == runs.Cost(jobs=2, wall_s=2.5, cpu_s=0.0, starting_cpu_s=0.75, peak_MiB=41.0)
+    lines = runner.invoke(command, ["cost", two[0]]).output.splitlines()
+    assert [line.split()[0] for line in lines] == ["stage", "data", "all"]
 
 
 def test_verify_finds_what_changed(two, runner):

@@ -117,7 +117,7 @@ def test_a_planted_leak_stops_the_run(finished, tmp_path):
     shutil.copy(flights / "seed0001.parquet", flights / "seed0271.parquet")
     done = run(folder, SMALL, "--cores", "1", *METRICS)
     assert done.returncode != 0
-    log = (folder / "results/logs/leakage_consistent.log").read_text()
+    log = (folder / "results/logs/data/leakage_consistent.log").read_text()
     assert "leakage: seed0271.parquet is not the flight of its seed: it says seed 1" in log
 
 

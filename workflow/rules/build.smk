@@ -10,7 +10,9 @@ rule build_simulator:
     output:
         library="build/libges.so",
     log:
-        "results/logs/build_simulator.log",
+        "results/logs/build/build_simulator.log",
+    benchmark:
+        "results/benchmarks/build/build_simulator.tsv"
     threads: 2
     params:
         sources=SIM_HASH,

@@ -19,7 +19,7 @@ rule calibrate:
     output:
         calibration="results/calibration.json",
     log:
-        "results/logs/calibrate.log",
+        "results/logs/closed_loop/calibrate.log",
     params:
         call=call("ges.fly.calibrate:calibrate"),
         simulator=part("simulator"),
@@ -38,9 +38,9 @@ rule choose_clamp:
         flights=f"{FLOWN}/clamp.csv",
         choice=CLAMP,
     log:
-        "results/logs/choose_clamp.log",
+        "results/logs/closed_loop/choose_clamp.log",
     benchmark:
-        "results/benchmarks/choose_clamp.tsv"
+        "results/benchmarks/closed_loop/choose_clamp.tsv"
     params:
         call=call("ges.fly.clamp:choose_clamp"),
         simulator=part("simulator"),
@@ -61,9 +61,9 @@ rule fly_comparison:
         summary=f"{FLOWN}/comparison_summary.csv",
         restricted=f"{FLOWN}/restricted_summary.csv",
     log:
-        "results/logs/fly_comparison.log",
+        "results/logs/closed_loop/fly_comparison.log",
     benchmark:
-        "results/benchmarks/fly_comparison.tsv"
+        "results/benchmarks/closed_loop/fly_comparison.tsv"
     params:
         call=call("ges.fly.comparison:fly_comparison"),
         simulator=part("simulator"),
@@ -83,9 +83,9 @@ rule fly_bias:
         summary=f"{FLOWN}/bias_summary.csv",
         tests=f"{FLOWN}/bias_tests.csv",
     log:
-        "results/logs/fly_bias.log",
+        "results/logs/closed_loop/fly_bias.log",
     benchmark:
-        "results/benchmarks/fly_bias.tsv"
+        "results/benchmarks/closed_loop/fly_bias.tsv"
     params:
         call=call("ges.fly.bias:fly_bias"),
         simulator=part("simulator"),
@@ -104,7 +104,9 @@ rule table2:
     output:
         table="results/table2.csv",
     log:
-        "results/logs/table2.log",
+        "results/logs/closed_loop/table2.log",
+    benchmark:
+        "results/benchmarks/closed_loop/table2.tsv"
     params:
         call=call("ges.fly.comparison:write_table2"),
     message:
@@ -122,9 +124,9 @@ rule fly_pulse:
         trace=f"{FLOWN}/pulse_trace.csv",
         response=f"{FLOWN}/pulse_response.json",
     log:
-        "results/logs/fly_pulse.log",
+        "results/logs/closed_loop/fly_pulse.log",
     benchmark:
-        "results/benchmarks/fly_pulse.tsv"
+        "results/benchmarks/closed_loop/fly_pulse.tsv"
     params:
         call=call("ges.fly.pulse:fly_pulse"),
         simulator=part("simulator"),
@@ -144,9 +146,9 @@ rule fly_pulse_map:
         summary=f"{FLOWN}/pulse_map_summary.csv",
         limits=f"{FLOWN}/pulse_map_limits.csv",
     log:
-        "results/logs/fly_pulse_map.log",
+        "results/logs/closed_loop/fly_pulse_map.log",
     benchmark:
-        "results/benchmarks/fly_pulse_map.tsv"
+        "results/benchmarks/closed_loop/fly_pulse_map.tsv"
     params:
         call=call("ges.fly.pulse:fly_pulse_map"),
         simulator=part("simulator"),
@@ -165,9 +167,9 @@ rule write_poles:
         poles=f"{FLOWN}/poles.csv",
         summary=f"{FLOWN}/poles_summary.csv",
     log:
-        "results/logs/write_poles.log",
+        "results/logs/closed_loop/write_poles.log",
     benchmark:
-        "results/benchmarks/write_poles.tsv"
+        "results/benchmarks/closed_loop/write_poles.tsv"
     params:
         call=call("ges.fly.poles:write_poles"),
         simulator=part("simulator"),
@@ -185,9 +187,9 @@ rule fly_grid_cell:
     output:
         flights=f"{FLOWN}/grid/slope{{exponent}}_curvature{{gain}}.csv",
     log:
-        "results/logs/fly_grid_slope{exponent}_curvature{gain}.log",
+        "results/logs/closed_loop/fly_grid_slope{exponent}_curvature{gain}.log",
     benchmark:
-        "results/benchmarks/fly_grid_slope{exponent}_curvature{gain}.tsv"
+        "results/benchmarks/closed_loop/fly_grid_slope{exponent}_curvature{gain}.tsv"
     params:
         call=call("ges.fly.grid:fly_grid_cell"),
         simulator=part("simulator"),
@@ -208,7 +210,9 @@ rule summarise_grid:
         flights=f"{FLOWN}/grid.csv",
         summary=f"{FLOWN}/grid_summary.csv",
     log:
-        "results/logs/summarise_grid.log",
+        "results/logs/closed_loop/summarise_grid.log",
+    benchmark:
+        "results/benchmarks/closed_loop/summarise_grid.tsv"
     params:
         call=call("ges.fly.grid:summarise_grid"),
     message:
@@ -225,9 +229,9 @@ rule fly_causes:
         summary=f"{FLOWN}/causes_summary.csv",
         tests=f"{FLOWN}/causes_tests.csv",
     log:
-        "results/logs/fly_causes.log",
+        "results/logs/closed_loop/fly_causes.log",
     benchmark:
-        "results/benchmarks/fly_causes.tsv"
+        "results/benchmarks/closed_loop/fly_causes.tsv"
     params:
         call=call("ges.fly.causes:fly_causes"),
         simulator=part("simulator"),
@@ -249,9 +253,9 @@ rule fly_worlds:
         summary=f"{FLOWN}/worlds_summary.csv",
         tests=f"{FLOWN}/worlds_bias_tests.csv",
     log:
-        "results/logs/fly_worlds.log",
+        "results/logs/closed_loop/fly_worlds.log",
     benchmark:
-        "results/benchmarks/fly_worlds.tsv"
+        "results/benchmarks/closed_loop/fly_worlds.tsv"
     params:
         call=call("ges.fly.forms:fly_worlds"),
         simulator=part("simulator"),
@@ -271,9 +275,9 @@ rule choose_gains:
         flights=f"{FLOWN}/gains.csv",
         choice=f"{FLOWN}/gains.json",
     log:
-        "results/logs/choose_gains.log",
+        "results/logs/closed_loop/choose_gains.log",
     benchmark:
-        "results/benchmarks/choose_gains.tsv"
+        "results/benchmarks/closed_loop/choose_gains.tsv"
     params:
         call=call("ges.fly.winner:choose_gains"),
         simulator=part("simulator"),
@@ -295,9 +299,9 @@ rule fly_winner:
         summary=f"{FLOWN}/winner_summary.csv",
         tests=f"{FLOWN}/winner_tests.csv",
     log:
-        "results/logs/fly_winner.log",
+        "results/logs/closed_loop/fly_winner.log",
     benchmark:
-        "results/benchmarks/fly_winner.tsv"
+        "results/benchmarks/closed_loop/fly_winner.tsv"
     params:
         call=call("ges.fly.winner:fly_winner"),
         simulator=part("simulator"),
@@ -317,9 +321,9 @@ rule fly_ensemble:
         flights=f"{FLOWN}/ensemble.csv",
         summary=f"{FLOWN}/ensemble_summary.csv",
     log:
-        "results/logs/fly_ensemble.log",
+        "results/logs/closed_loop/fly_ensemble.log",
     benchmark:
-        "results/benchmarks/fly_ensemble.tsv"
+        "results/benchmarks/closed_loop/fly_ensemble.tsv"
     params:
         call=call("ges.fly.ensemble:fly_ensemble"),
         simulator=part("simulator"),

@@ -22,9 +22,9 @@ for number, batch in enumerate(batched(FLIGHTS, STUDY.data.flights_per_batch)):
         output:
             flights=batch,
         log:
-            f"results/logs/fly_{{plan}}_batch{number}.log",
+            f"results/logs/data/fly_{{plan}}_batch{number}.log",
         benchmark:
-            f"results/benchmarks/fly_{{plan}}_batch{number}.tsv"
+            f"results/benchmarks/data/fly_{{plan}}_batch{number}.tsv"
         params:
             call=call("ges.datasets.flights:fly_batch"),
             simulator=part("simulator"),
@@ -41,7 +41,9 @@ rule split_rows:
     output:
         split="results/splits/rows.{split}.csv",
     log:
-        "results/logs/split_{split}.log",
+        "results/logs/data/split_{split}.log",
+    benchmark:
+        "results/benchmarks/data/split_{split}.tsv"
     params:
         call=call("ges.datasets.split:write_split"),
         kind=lambda wildcards: wildcards.split,
@@ -63,9 +65,9 @@ rule check_leakage:
     output:
         report=CHECKED_FLIGHTS,
     log:
-        "results/logs/leakage_{plan}.log",
+        "results/logs/data/leakage_{plan}.log",
     benchmark:
-        "results/benchmarks/leakage_{plan}.tsv"
+        "results/benchmarks/data/leakage_{plan}.tsv"
     params:
         call=call("ges.datasets.leakage:check_leakage"),
         terrain=part("simulator.terrain"),

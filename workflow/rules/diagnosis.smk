@@ -11,7 +11,9 @@ rule diagnose_published:
     output:
         report=DIAGNOSIS[0],
     log:
-        "results/logs/diagnose_published.log",
+        "results/logs/diagnosis/diagnose_published.log",
+    benchmark:
+        "results/benchmarks/diagnosis/diagnose_published.tsv"
     params:
         call=call("ges.diagnose.published:diagnose_published"),
     message:

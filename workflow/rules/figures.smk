@@ -26,7 +26,9 @@ rule real_flights:
     output:
         blocks="results/real/blocks.csv",
     log:
-        "results/logs/real_flights.log",
+        "results/logs/figures/real_flights.log",
+    benchmark:
+        "results/benchmarks/figures/real_flights.tsv"
     params:
         call=call("ges.figures.flights:thrust_blocks"),
     message:
@@ -43,7 +45,9 @@ rule real_forms:
     output:
         forms="results/real/forms.csv",
     log:
-        "results/logs/real_forms.log",
+        "results/logs/figures/real_forms.log",
+    benchmark:
+        "results/benchmarks/figures/real_forms.tsv"
     params:
         call=call("ges.figures.flights:fit_forms"),
     message:
@@ -61,7 +65,9 @@ rule real_dispersion:
     output:
         scatter="results/real/dispersion.csv",
     log:
-        "results/logs/real_dispersion.log",
+        "results/logs/figures/real_dispersion.log",
+    benchmark:
+        "results/benchmarks/figures/real_dispersion.tsv"
     params:
         **SHOWN_FLIGHT,
         call=call("ges.figures.flights:hover_dispersion"),
@@ -187,7 +193,9 @@ for figure, (function, inputs, parameters) in FIGURE_RULES.items():
             pdf=f"results/figures/{figure}.pdf",
             png=report(f"results/figures/{figure}.png", category="Figures"),
         log:
-            f"results/logs/figure_{figure}.log",
+            f"results/logs/figures/figure_{figure}.log",
+        benchmark:
+            f"results/benchmarks/figures/figure_{figure}.tsv"
         params:
             **parameters,
             call=call(f"ges.figures.{function}"),

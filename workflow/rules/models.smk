@@ -18,9 +18,9 @@ rule train_model:
         metrics=f"{TRAINED}.metrics.json",
         model=f"{TRAINED}.joblib",
     log:
-        "results/logs/train_{plan}_{split}_{model}.log",
+        "results/logs/models/train_{plan}_{split}_{model}.log",
     benchmark:
-        "results/benchmarks/train_{plan}_{split}_{model}.tsv"
+        "results/benchmarks/models/train_{plan}_{split}_{model}.tsv"
     params:
         call=call("ges.models.train:train_model"),
         name=lambda wildcards: wildcards.model,
@@ -49,7 +49,9 @@ rule table1:
     output:
         table="results/table1.csv",
     log:
-        "results/logs/table1.log",
+        "results/logs/models/table1.log",
+    benchmark:
+        "results/benchmarks/models/table1.tsv"
     params:
         call=call("ges.models.train:write_table1"),
     message:
@@ -64,7 +66,9 @@ rule export_mlp:
     output:
         header_file="results/models/ge_ff_mlp_weights.h",
     log:
-        "results/logs/export_mlp.log",
+        "results/logs/models/export_mlp.log",
+    benchmark:
+        "results/benchmarks/models/export_mlp.tsv"
     params:
         call=call("ges.models.export:export_mlp"),
         plan=part("models.firmware_plan"),
@@ -77,10 +81,13 @@ rule export_mlp:
 rule build_simulator_ml:
     input:
         header="results/models/ge_ff_mlp_weights.h",
+        plain="build/libges.so",
     output:
         library="build/ml/libges.so",
     log:
-        "results/logs/build_simulator_ml.log",
+        "results/logs/models/build_simulator_ml.log",
+    benchmark:
+        "results/benchmarks/models/build_simulator_ml.tsv"
     threads: 2
     params:
         sources=SIM_HASH,
@@ -88,4 +95,4 @@ rule build_simulator_ml:
     message:
         "compile the simulator with the network of this study"
     shell:
-        "({params.make} -j{threads} WEIGHTS=$PWD/results/models BUILD=$PWD/build/ml) > {log} 2>&1"
+        "({params.make} -j{threads} WEIGHTS=$PWD/results/models SHARED=$PWD/build BUILD=$PWD/build/ml) > {log} 2>&1"

@@ -43,9 +43,9 @@ rule sweep_horizon:
     output:
         table="results/offline/parts/horizon_{plan}_{horizon}.csv",
     log:
-        "results/logs/horizon_{plan}_{horizon}.log",
+        "results/logs/offline/horizon_{plan}_{horizon}.log",
     benchmark:
-        "results/benchmarks/horizon_{plan}_{horizon}.tsv"
+        "results/benchmarks/offline/horizon_{plan}_{horizon}.tsv"
     params:
         call=call("ges.offline.horizons:sweep_horizon"),
         plan=lambda wildcards: wildcards.plan,
@@ -73,9 +73,9 @@ rule importances:
     output:
         table="results/offline/parts/importances_{plan}.csv",
     log:
-        "results/logs/importances_{plan}.log",
+        "results/logs/offline/importances_{plan}.log",
     benchmark:
-        "results/benchmarks/importances_{plan}.tsv"
+        "results/benchmarks/offline/importances_{plan}.tsv"
     params:
         call=call("ges.offline.importances:write_importances"),
         plan=lambda wildcards: wildcards.plan,
@@ -97,7 +97,9 @@ rule ground_quartiles:
     output:
         table="results/offline/parts/ground_quartiles_{plan}.csv",
     log:
-        "results/logs/ground_quartiles_{plan}.log",
+        "results/logs/offline/ground_quartiles_{plan}.log",
+    benchmark:
+        "results/benchmarks/offline/ground_quartiles_{plan}.tsv"
     params:
         call=call("ges.offline.bins:write_ground_quartiles"),
         plan=lambda wildcards: wildcards.plan,
@@ -116,7 +118,9 @@ rule clearance_bins:
     output:
         table="results/offline/parts/clearance_bins_{plan}.csv",
     log:
-        "results/logs/clearance_bins_{plan}.log",
+        "results/logs/offline/clearance_bins_{plan}.log",
+    benchmark:
+        "results/benchmarks/offline/clearance_bins_{plan}.tsv"
     params:
         call=call("ges.offline.bins:write_clearance_bins"),
         plan=lambda wildcards: wildcards.plan,
@@ -134,12 +138,13 @@ rule learning_curve:
         library="build/libges.so",
         flights=CHECKED_FLIGHTS.format(plan=CURVE_PLAN),
         split=SEEDWISE,
+        at_cap=f"results/models/{CURVE_PLAN}/seedwise/{{model}}.joblib",
     output:
         table="results/offline/parts/curve_{model}.csv",
     log:
-        "results/logs/curve_{model}.log",
+        "results/logs/offline/curve_{model}.log",
     benchmark:
-        "results/benchmarks/curve_{model}.tsv"
+        "results/benchmarks/offline/curve_{model}.tsv"
     params:
         call=call("ges.offline.curves:learning_curve"),
         name=lambda wildcards: wildcards.model,
@@ -165,7 +170,9 @@ rule offline_table:
     output:
         table="results/offline/{table}.csv",
     log:
-        "results/logs/offline_{table}.log",
+        "results/logs/offline/offline_{table}.log",
+    benchmark:
+        "results/benchmarks/offline/offline_{table}.tsv"
     params:
         call=call("ges.offline.tables:join_tables"),
     message:

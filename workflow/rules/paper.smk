@@ -55,7 +55,9 @@ rule write_claims:
         table=report("results/claims.csv", category="Tables"),
         rules="results/claims_rules.json",
     log:
-        "results/logs/write_claims.log",
+        "results/logs/paper/write_claims.log",
+    benchmark:
+        "results/benchmarks/paper/write_claims.tsv"
     params:
         call=call("ges.claims:write_claims"),
         results=folder_of,
@@ -74,7 +76,9 @@ rule write_numbers:
     output:
         numbers="results/numbers.json",
     log:
-        "results/logs/write_numbers.log",
+        "results/logs/paper/write_numbers.log",
+    benchmark:
+        "results/benchmarks/paper/write_numbers.tsv"
     params:
         call=call("ges.claims_text:write_numbers"),
         results=folder_of,
@@ -88,7 +92,9 @@ rule write_settings:
     output:
         settings="results/config.json",
     log:
-        "results/logs/write_settings.log",
+        "results/logs/paper/write_settings.log",
+    benchmark:
+        "results/benchmarks/paper/write_settings.tsv"
     params:
         call=call("ges.paper:write_settings"),
         study=STUDY.model_dump(mode="json"),
@@ -104,7 +110,9 @@ rule write_facts:
     output:
         facts="results/facts.json",
     log:
-        "results/logs/write_facts.log",
+        "results/logs/paper/write_facts.log",
+    benchmark:
+        "results/benchmarks/paper/write_facts.tsv"
     params:
         call=call("ges.paper:write_facts"),
         makers=lambda wildcards, input: makers(input.made),
@@ -122,7 +130,9 @@ rule write_latex:
     output:
         fragment="results/latex/{table}.tex",
     log:
-        "results/logs/write_latex_{table}.log",
+        "results/logs/paper/write_latex_{table}.log",
+    benchmark:
+        "results/benchmarks/paper/write_latex_{table}.tsv"
     wildcard_constraints:
         table="table1|table2|claims",
     params:
@@ -139,7 +149,9 @@ rule check_paper:
     output:
         checked="results/paper.checked.json",
     log:
-        "results/logs/check_paper.log",
+        "results/logs/paper/check_paper.log",
+    benchmark:
+        "results/benchmarks/paper/check_paper.tsv"
     params:
         call=call("ges.paper:check_source"),
     message:
@@ -164,7 +176,9 @@ rule render_paper:
     output:
         pdf=report("results/paper.pdf", category="Paper"),
     log:
-        "results/logs/render_paper.log",
+        "results/logs/paper/render_paper.log",
+    benchmark:
+        "results/benchmarks/paper/render_paper.tsv"
     params:
         call=call("ges.paper:render"),
         results=folder_of,
@@ -180,5 +194,13 @@ PAPER = [
     *expand("results/latex/{table}.tex", table=["table1", "table2", "claims"]),
 ]
 RESULTS = sorted(
-    {*FIGURES, *SHOWN_FIGURES, *SHOWN_TABLES, *QUOTED_TABLES, *PROVEN_FIGURES, *PAPER}
+    {
+        *FIGURES,
+        *SHOWN_FIGURES,
+        *SHOWN_TABLES,
+        *QUOTED_TABLES,
+        *PROVEN_FIGURES,
+        *DIAGNOSIS,
+        *PAPER,
+    }
 )

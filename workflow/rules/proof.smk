@@ -42,9 +42,9 @@ rule make_cases:
     output:
         sums=SEAL,
     log:
-        "results/logs/make_cases.log",
+        "results/logs/proof/make_cases.log",
     benchmark:
-        "results/benchmarks/make_cases.tsv"
+        "results/benchmarks/proof/make_cases.tsv"
     threads: 2
     params:
         call=call("ges.blind.make:make_and_seal"),
@@ -63,9 +63,9 @@ rule diagnose_batch:
     output:
         verdicts=f"{PROVEN}/verdicts/{{method}}/batch{{batch}}.json",
     log:
-        "results/logs/diagnose_{method}_batch{batch}.log",
+        "results/logs/proof/diagnose_{method}_batch{batch}.log",
     benchmark:
-        "results/benchmarks/diagnose_{method}_batch{batch}.tsv"
+        "results/benchmarks/proof/diagnose_{method}_batch{batch}.tsv"
     params:
         call=call("ges.blind.run:run_batch"),
         batch=lambda wildcards: int(wildcards.batch),
@@ -87,9 +87,9 @@ rule score_proof:
         PROOF_FIGURES,
         scores=f"{PROVEN}/scores.json",
     log:
-        "results/logs/score_proof.log",
+        "results/logs/proof/score_proof.log",
     benchmark:
-        "results/benchmarks/score_proof.tsv"
+        "results/benchmarks/proof/score_proof.tsv"
     threads: 2
     params:
         call=call("ges.blind.score:score_batches"),
@@ -111,9 +111,9 @@ rule compare_methods:
     output:
         table=f"{PROVEN}/methods.csv",
     log:
-        "results/logs/compare_methods.log",
+        "results/logs/proof/compare_methods.log",
     benchmark:
-        "results/benchmarks/compare_methods.tsv"
+        "results/benchmarks/proof/compare_methods.tsv"
     threads: 2
     params:
         call=call("ges.blind.score:compare_methods"),

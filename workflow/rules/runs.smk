@@ -26,7 +26,7 @@ rule write_manifest:
     output:
         manifest=MANIFEST,
     log:
-        "results/logs/write_manifest.log",
+        "results/logs/runs/write_manifest.log",
     params:
         call=call("ges.runs:write_manifest"),
         study=STUDY.model_dump(mode="json"),
@@ -34,6 +34,7 @@ rule write_manifest:
         read={f.relative_to(ROOT).as_posix(): sha256(f) for f in RUN_FILES},
         code=CODE,
         benchmarks="results/benchmarks",
+        logs="results/logs",
     message:
         "record of the run"
     script:

@@ -9,6 +9,7 @@ import importlib
 import logging
 import os
 import sys
+import time
 
 import pydantic
 
@@ -21,7 +22,9 @@ os.environ["OMP_NUM_THREADS"] = "1"  # the same bytes whatever the number of cor
 os.environ["GES_LIBRARY"] = os.path.abspath(arguments.pop("library", "build/libges.so"))
 module, _, name = arguments.pop("call").partition("@")[0].partition(":")
 try:
-    pydantic.validate_call(getattr(importlib.import_module(module), name))(**arguments)
+    function = pydantic.validate_call(getattr(importlib.import_module(module), name))
+    logging.info("%.2f s of processor time to start", time.process_time())
+    function(**arguments)
 except GesError as error:
     logging.error("%s", error)
     sys.exit(f"{snakemake.rule}: {error}")

@@ -72,6 +72,18 @@ def show(run: str, results: Path, as_json: bool) -> None:
     _print(table)
 
 
+@command.command()
+@RUN
+@RESULTS
+def cost(run: str, results: Path) -> None:
+    """Time and memory of a run by stage; 'starting' is interpreter and imports, memory what jobs at once held at most."""
+    found = runs.find(results, run)
+    table = _table("stage", "jobs", "wall s", "CPU s", "starting CPU s", "peak MiB")
+    for name, c in runs.stages(found).items():
+        table.add_row(name, str(c.jobs), *(f"{v:.0f}" for v in c[1:]))
+    _print(table)
+
+
 def _short(value: Any) -> str:
     return "-" if value is None else str(value)[:40]
 
