@@ -14,10 +14,11 @@ from .structure import Structure, Told, shared
 from .system import System
 from .weak import Windows
 
-BLOCK_S = 5.0
+BLOCK_S = 2.5
 BINS = 6
 CHANCE = 0.01
 LEAST_R2 = 0.1
+LEAST_R2_OF_SIZE = 0.3
 LEAST_BLOCKS = 4
 CLEAR = 2.0
 LEAST_OF_NOISE = 0.3  # a finding counts in a channel from this share of what the model leaves there
@@ -54,7 +55,7 @@ def regimes(flight: Prepared, windows: Windows, model: Model) -> dict[str, np.nd
         found |= {"airspeed_m_s": np.hypot(v[:, 0], v[:, 1]), "climb_m_s": v[:, 2]}
         if flight.has("attitude") and "attitude" not in flight.derived:
             along = to_body(flight.stack("attitude")[at], v)
-            found |= {"forward_m_s": along[:, 0], "left_m_s": along[:, 1]}
+            found |= {"forward_m_s": along[:, 0], "left_m_s": along[:, 1], "along_thrust_m_s": along[:, 2]}
     if flight.has("position"):
         found |= {"east_m": flight.columns["p_x_m"][at], "north_m": flight.columns["p_y_m"][at]}
     if flight.has("battery"):
@@ -72,9 +73,10 @@ def edges(values: np.ndarray) -> np.ndarray:
     return np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)))
 
 
-def clear(found: Sequence[Structure], chance: float = CHANCE, least_r2: float = LEAST_R2) -> list[Structure]:
-    """Structures that no noise makes and that carry a part of the residual that matters."""
-    return [s for s in found if s.q_value <= chance and s.r2 >= least_r2]
+def clear(found: Sequence[Structure], least_r2: float = LEAST_R2) -> list[Structure]:
+    """Structures that no noise makes and that carry a part of the residual that matters; of its energy, a larger one: vibration
+    and the attitude's noise grow with speed in any flight."""
+    return [s for s in found if s.q_value <= CHANCE and s.r2 >= (LEAST_R2_OF_SIZE if s.of_size else least_r2)]
 
 
 def cells(system: System, raw: Sequence[np.ndarray], told: Told, found: Sequence[Structure]) -> list[Cell]:
@@ -91,7 +93,7 @@ def cells(system: System, raw: Sequence[np.ndarray], told: Told, found: Sequence
     """
     block = np.concatenate(system.blocks(BLOCK_S))
     values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
-    chance = {(s.channel, s.regime[0]): s.q_value for s in clear(found) if len(s.regime) == 1}
+    chance = {(s.channel, s.regime[0]): s.q_value for s in clear(found) if len(s.regime) == 1 and not s.of_size}
     made: list[Cell] = []
     for c, channel in enumerate(system.names):
         e = np.concatenate([r[:, c] for r in raw])

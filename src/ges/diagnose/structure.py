@@ -1,10 +1,14 @@
-"""Structure in residuals: does a smooth function of a regime variable predict a flight it never saw, and by chance how often?
+"""Structure in residuals: does a smooth function of a regime variable predict blocks of time it never saw, how often by chance?
 
-The statistic is R^2 on flights left out. Its null flips the sign of whole blocks of time of what the prediction misses (as
-ter Braak 1992 permutes residuals of the full model: signs of the signal itself would hide a strong one), which keeps
-autocorrelation and flights. Over all channels and regimes together the largest standardised statistic counts (Westfall and
-Young 1993), so that a set of flights without structure shows any at all with the stated probability. Residuals are taken as
-they are: to a whitening filter a force that changes slowly along the flight would look like coloured noise, and go.
+The statistic is R^2 on blocks of time left out; blocks and not flights, or a regime that one flight alone visits could not
+show. Its null flips the sign of whole blocks of what the prediction misses (as ter Braak 1992 permutes residuals of the full
+model: signs of the signal itself would hide a strong one), which keeps autocorrelation. Over all channels and regimes, and
+over channels that one cause moves together, the largest standardised statistic counts (Westfall and Young 1993): a set of
+flights without structure shows any at all with the stated probability. Residuals are taken as they are: to a whitening filter
+a force that changes slowly along the flight would look like coloured noise, and go.
+
+The same test of the logarithm of the residual's energy asks where its size, not its mean, depends on the regime: a buffet, or
+a field whose direction turns faster than the regime resolves.
 """
 
 from __future__ import annotations
@@ -13,14 +17,28 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
-KNOTS = 7
-PLACE_KNOTS = 5
+KNOTS = 9
+PLACE_KNOTS = 7
 PLACE = ("east_m", "north_m")
+FLOWN = (0.01, 0.99)  # quantiles between which the knots lie
+EXCITED = (0.05, 0.95)
+LEAST_SPREAD: Mapping[str, float] = {
+    **dict.fromkeys(("airspeed_m_s", "climb_m_s", "forward_m_s", "left_m_s", "along_thrust_m_s", *PLACE), 0.5),
+    "height_over_radius": 1.0,
+}
+"""Between these quantiles; a regime that varies less was moved by the disturbance itself, and follows from it."""
+TOGETHER = (("force_x", "force_y", "acc_x", "acc_y"), ("force_z", "acc_z"), ("moment_x", "moment_y"),
+            ("drive_1", "drive_2", "drive_3", "drive_4"))  # fmt: skip
+CLEAR = 2.0
 DRAWS = 499
+SEED = 0
+FOLDS = 4
 RIDGE = 3.0
 LEAST_WINDOWS = 60
-FEWEST_FLIGHTS = 3
+SMOOTH = 5  # windows over which energy is averaged
+TINY = 1e-30
 
 Told = Sequence[Mapping[str, np.ndarray]]
 
@@ -32,9 +50,10 @@ class Structure:
     Attributes
     ----------
     low, high : by variable, where the prediction is largest.
-    r2 : on flights left out.
+    r2 : on blocks of time left out.
     q_value : chance of so clear a structure anywhere, in flights without any.
-    rms : of the prediction, in the channel's unit.
+    rms : of the prediction, in the channel's unit; of the residual where the prediction is largest, if ``of_size``.
+    of_size : whether it is the residual's size that depends on the regime, not its mean.
     """
 
     channel: str
@@ -44,6 +63,7 @@ class Structure:
     r2: float
     q_value: float
     rms: float
+    of_size: bool = False
 
     @property
     def bounds(self) -> dict[str, list[float]]:
@@ -78,11 +98,15 @@ def hats(value: np.ndarray, knots: np.ndarray) -> np.ndarray:
     return np.stack([np.interp(value, knots, row) for row in np.eye(len(knots))], axis=1)
 
 
-def _basis(values: Mapping[str, np.ndarray], regime: tuple[str, ...], fold: np.ndarray) -> Basis | None:
+def excited(values: Mapping[str, np.ndarray]) -> list[str]:
+    """Regime variables that were flown over a range, and not only disturbed."""
+    spread = {name: float(np.subtract(*np.quantile(v, EXCITED[::-1]))) for name, v in values.items()}
+    return [name for name, s in spread.items() if s >= LEAST_SPREAD.get(name, TINY)]
+
+
+def _basis(values: Mapping[str, np.ndarray], regime: tuple[str, ...], fold: np.ndarray) -> Basis:
     count = KNOTS if len(regime) == 1 else PLACE_KNOTS
-    knots = tuple(np.unique(np.quantile(values[name], np.linspace(0.0, 1.0, count))) for name in regime)
-    if min(len(k) for k in knots) < 3:
-        return None
+    knots = tuple(np.linspace(*np.quantile(values[name], FLOWN), count) for name in regime)
     x = hats(values[regime[0]], knots[0])
     for name, k in zip(regime[1:], knots[1:], strict=True):
         x = (x[:, :, None] * hats(values[name], k)[:, None, :]).reshape(len(x), -1)
@@ -95,18 +119,8 @@ def _regimes(names: Sequence[str]) -> list[tuple[str, ...]]:
     return [(name,) for name in names] + ([PLACE] if set(PLACE) <= set(names) else [])
 
 
-def _fold_of_blocks(block: np.ndarray, flight: np.ndarray) -> np.ndarray:
-    """Fold of every block: its flight; thirds of the blocks where there are fewer than three flights."""
-    numbers = np.arange(block.max(initial=-1) + 1)
-    if len(np.unique(flight)) < FEWEST_FLIGHTS:
-        return numbers % FEWEST_FLIGHTS
-    of = np.zeros(len(numbers), dtype=int)
-    of[block] = flight
-    return of
-
-
 def _gain(basis: Basis, y: np.ndarray, block: np.ndarray, fold_of: np.ndarray, signs: np.ndarray) -> np.ndarray:
-    """R^2 on folds left out, of ``y`` (n,) with its blocks' signs flipped as in ``signs`` (b, d); (d,)."""
+    """R^2 on the folds left out, of ``y`` (n,) with its blocks' signs flipped as in ``signs`` (b, d); (d,)."""
     sums = np.stack([np.bincount(block, column * y, minlength=len(fold_of)) for column in basis.x.T], axis=1)
     right = {f: sums[fold_of == f].T @ signs[fold_of == f] for f in basis.gram}
     total, gain = sum(right.values()), 0.0
@@ -125,9 +139,8 @@ def _missed(basis: Basis, y: np.ndarray, fold: np.ndarray) -> np.ndarray:
     return left
 
 
-def structures(raw: Sequence[np.ndarray], told: Told, names: Sequence[str], blocks: Sequence[np.ndarray],
-               seed: int = 0) -> list[Structure]:  # fmt: skip
-    """Test every channel over every regime.
+def structures(raw: Sequence[np.ndarray], told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]) -> list[Structure]:
+    """Test mean and size of every channel over every regime.
 
     Parameters
     ----------
@@ -136,27 +149,56 @@ def structures(raw: Sequence[np.ndarray], told: Told, names: Sequence[str], bloc
     names : of the C channels.
     blocks : by flight, number of the block of time of every window.
     """
+    return [*_of_mean(raw, told, names, blocks), *_of_size(raw, told, names, blocks)]
+
+
+def _of_mean(raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]) -> list[Structure]:
     values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
-    flight = np.concatenate([np.full(len(r), f) for f, r in enumerate(raw)])
     _, block = np.unique(np.concatenate(blocks), return_inverse=True)
-    fold_of = _fold_of_blocks(block, flight)
-    signs = np.random.default_rng(seed).choice([-1.0, 1.0], (len(fold_of), DRAWS))
+    rng = np.random.default_rng(SEED)
+    count = int(block.max(initial=-1)) + 1
+    fold_of, signs = rng.permutation(count) % FOLDS, rng.choice([-1.0, 1.0], (count, DRAWS))
     kept: dict[bytes, list[Basis]] = {}
     tested, chance = [], []
     for c, channel in enumerate(names):
         e = np.concatenate([r[:, c] for r in raw])
         used = np.isfinite(e)
         fold = fold_of[block[used]]
-        if used.sum() < LEAST_WINDOWS or len(np.unique(fold)) < 2:
+        if used.sum() < LEAST_WINDOWS or len(np.unique(fold)) < FOLDS:
             continue
         if used.tobytes() not in kept:
-            bases = [_basis({n: v[used] for n, v in values.items()}, r, fold) for r in _regimes(list(values))]
-            kept[used.tobytes()] = [b for b in bases if b is not None]
+            here = {n: v[used] for n, v in values.items()}
+            kept[used.tobytes()] = [_basis(here, r, fold) for r in _regimes(excited(here))]
         for basis in kept[used.tobytes()]:
             found, draws = _tested(channel, basis, e[used], block[used], fold_of, signs)
             tested.append(found)
             chance.append(draws)
     return _judged(tested, np.array(chance))
+
+
+def _of_size(raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]) -> list[Structure]:
+    """The same of the logarithm of the residuals' energy."""
+    energy = [uniform_filter1d(np.where(np.isfinite(r), r, 0.0) ** 2, SMOOTH, axis=0) for r in raw]
+    logs = [np.where(np.isfinite(r), np.log(np.maximum(e, TINY)), np.nan) for r, e in zip(raw, energy, strict=True)]
+    middle = [_middle(np.concatenate([row[:, c] for row in logs])) for c in range(len(names))]
+    values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
+    found = _of_mean([row - middle for row in logs], told, names, blocks)
+    pooled = np.concatenate(energy)
+    return [_sized(s, pooled[:, list(names).index(s.channel)], values) for s in found]
+
+
+def _middle(values: np.ndarray) -> float:
+    good = values[np.isfinite(values)]
+    return float(good.mean()) if len(good) else 0.0
+
+
+def _sized(found: Structure, energy: np.ndarray, values: Mapping[str, np.ndarray]) -> Structure:
+    """With the rms of the residual inside the structure's bounds."""
+    inside = np.ones(len(energy), bool)
+    for name, (low, high) in found.bounds.items():
+        inside &= (values[name] >= low) & (values[name] <= high)
+    rms = float(np.sqrt(energy[inside].mean())) if inside.any() else 0.0
+    return dataclasses.replace(found, rms=rms, of_size=True)
 
 
 def _tested(channel: str, basis: Basis, e: np.ndarray, block: np.ndarray, fold_of: np.ndarray, signs: np.ndarray):
@@ -172,11 +214,24 @@ def _tested(channel: str, basis: Basis, e: np.ndarray, block: np.ndarray, fold_o
 
 
 def _judged(tested: Sequence[Structure], chance: np.ndarray) -> list[Structure]:
-    """Chance that the largest standardised statistic of all tests reaches each one's."""
+    """Chance that the largest standardised statistic of all tests, and of all channels that go together, reaches each one's."""
     if not tested:
         return []
-    mean, sd = chance.mean(axis=1), np.maximum(chance.std(axis=1), 1e-12)
-    largest = ((chance - mean[:, None]) / sd[:, None]).max(axis=0)
-    z = (np.array([t.r2 for t in tested]) - mean) / sd
-    q = [(1.0 + float((largest >= v).sum())) / (1.0 + len(largest)) for v in z]
-    return [dataclasses.replace(t, q_value=v) for t, v in zip(tested, q, strict=True)]
+    mean, sd = chance.mean(axis=1), np.maximum(chance.std(axis=1), TINY)
+    z = np.column_stack([np.array([t.r2 for t in tested]), chance])
+    z = (z - mean[:, None]) / sd[:, None]
+    groups = [at for at in _groups(tested) if len(at) > 1]
+    joint = [z[at].sum(axis=0) for at in groups]
+    every = np.vstack([z, *(((j - j[1:].mean()) / max(j[1:].std(), TINY))[None] for j in joint)])
+    largest = every[:, 1:].max(axis=0)
+    q = np.array([(1.0 + float((largest >= v).sum())) / (1.0 + len(largest)) for v in every[:, 0]])
+    for at, together in zip(groups, q[len(tested) :], strict=True):
+        clear = [i for i in at if z[i, 0] > CLEAR]
+        q[clear] = np.minimum(q[clear], together)
+    return [dataclasses.replace(t, q_value=float(v)) for t, v in zip(tested, q[: len(tested)], strict=True)]
+
+
+def _groups(tested: Sequence[Structure]) -> list[list[int]]:
+    """Tests of one regime in channels that one cause moves together."""
+    regimes = dict.fromkeys(t.regime for t in tested)
+    return [[i for i, t in enumerate(tested) if t.regime == r and t.channel in names] for r in regimes for names in TOGETHER]

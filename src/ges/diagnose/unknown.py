@@ -1,4 +1,4 @@
-"""Structure that no candidate explains: what a smooth function of the regime still predicts of flights it never saw."""
+"""Structure that no candidate explains: what a smooth function of the regime still predicts of blocks of time it never saw."""
 
 from __future__ import annotations
 
@@ -8,19 +8,28 @@ from .locate import clear
 from .model import Model
 from .structure import Structure
 
-CHANCE = 0.01
-LEAST_R2 = 0.05
-LEAST_SHARE = 0.004  # of weight and its like
+LEAST_R2 = 0.03
+LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0004, "drive": 0.004, "range": 0.3}
+"""Of weight, weight times arm, full rotor speed, a rotor radius."""
+FORCED = ("force", "acc", "moment")
+LEAST_SIZE = 0.01
 AGAIN = 1.5  # times what the flights of the calibration show too
 
 
 def left_over(found: Sequence[Structure], model: Model) -> list[Structure]:
-    """Structures in the residuals of the accepted model that no noise makes and that are large enough; the one that predicts
-    most of each channel, the largest share first."""
-    known = {channel: AGAIN * rms for channel, rms in model.left_unexplained.items()}
-    least = {s.channel: max(LEAST_SHARE * model.whole(s.channel), known.get(s.channel, 0.0)) for s in found}
-    fired = [s for s in clear(found, CHANCE, LEAST_R2) if s.rms > least[s.channel]]
+    """Structures in the residuals of the accepted model that no noise makes and that are large enough: of the mean, or where
+    that shows none, of the size of forces and moments. The one that predicts most of each channel, the largest share first."""
+    large = [s for s in clear(found, LEAST_R2) if s.rms > _least(s, model)]
     best: dict[str, Structure] = {}
-    for s in sorted(fired, key=lambda s: (-s.r2, s.regime)):
+    for s in sorted([s for s in large if not s.of_size] or large, key=lambda s: (-s.r2, s.regime)):
         best.setdefault(s.channel, s)
     return list(best.values())
+
+
+def _least(s: Structure, model: Model) -> float:
+    """Smallest rms that counts; what the flights of the calibration show too does not."""
+    kind = s.channel.split("_")[0]
+    usual = LEAST_SHARE[kind]
+    if s.of_size:
+        usual = LEAST_SIZE if kind in FORCED else float("inf")
+    return max(usual * model.whole(s.channel), AGAIN * model.left_unexplained.get(s.channel, 0.0))

@@ -16,6 +16,7 @@ _QUANTITIES = {
     "height_over_radius": ("height over rotor radius", ""), "airspeed_m_s": ("horizontal speed", "m/s"),
     "climb_m_s": ("climb rate", "m/s"), "thrust_over_weight": ("thrust over weight", ""), "battery_V": ("battery voltage", "V"),
     "forward_m_s": ("speed forward", "m/s"), "left_m_s": ("speed to the left", "m/s"),
+    "along_thrust_m_s": ("speed along thrust", "m/s"),
     "east_m": ("position east", "m"), "north_m": ("position north", "m"),
     "time_s": ("time since start", "s"),
 }  # fmt: skip
