@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from .. import effects as effect_table
@@ -16,7 +18,8 @@ from ..vehicle import Quantity, Vehicle
 from .balance import shift_of
 from .candidates import NEEDS_ATTITUDE
 from .detect import smallest_detectable
-from .engine import LEAST_SHARE, Accepted, accept, first_system, split
+from .engine import LEAST_SHARE, Accepted, accept, first_system, split, withdrawn
+from .evidence import Board
 from .findings import contributions, finding, open_findings, settled_findings
 from .fit import Joint, calibrated, left_raw, null_fit
 from .gate import Gate, at_flown_voltage, pass_gate
@@ -25,9 +28,9 @@ from .locate import BLOCK_S, cells, from_findings, from_residuals, regimes_of, s
 from .model import Model, from_vehicle
 from .recommend import next_flight
 from .result import Diagnosis
-from .structure import Structure, structures
+from .structure import Structure, Told, structures
 from .system import ALL_ON, Switches, System, common_channels, window_length_s
-from .unknown import left_over
+from .unknown import borrowed, left_over
 from .verdict import sentence_of, verdict_of
 from .verify import channel_table, errors, rollout_table, rollouts
 
@@ -92,6 +95,22 @@ def _numbers(holdout: Sequence[str] | None, names: Sequence[str]) -> list[int] |
     return [names.index(name) for name in holdout]
 
 
+@dataclasses.dataclass(frozen=True)
+class _Stage:
+    """A model, the fit behind it, and what it leaves: residuals by flight (m, C) and the structure in them."""
+
+    model: Model
+    joint: Joint
+    board: Board
+    left: Sequence[np.ndarray]
+    structures: list[Structure]
+
+
+def _stage(model: Model, joint: Joint, board: Board, told: Told) -> _Stage:
+    left = left_raw(board.system, joint)
+    return _Stage(model, joint, board, left, structures(left, told, board.system.names, board.system.blocks(BLOCK_S)))
+
+
 class _Chain:
     """The steps in their order; every step reads what the ones before it left."""
 
@@ -106,27 +125,27 @@ class _Chain:
         system = first_system(self.train, self.model, self.length_s, switches)
         board, joint = null_fit(system)
         recalibrated = calibrated(self.model, joint.common)
-        left, told = left_raw(system, joint), regimes_of(system)
-        found = structures(left, told, system.names, system.blocks(BLOCK_S))
-        map_cells = cells(system, left, told, found)
+        told = regimes_of(system)
+        first = _stage(recalibrated, joint, board, told)
+        map_cells = cells(system, first.left, told, first.structures)
         accepted = accept(system, self.length_s, switches, names)
-        after, fitted_joint, fitted_board = self._after(accepted, recalibrated, joint, board)
-        added, left_after = contributions(accepted), left_raw(fitted_board.system, fitted_joint)
+        last = self._last(accepted, first, told)
+        if names is None and last is not first and borrowed(last.structures, self.model):
+            accepted, last = withdrawn(accepted), first
+        added, after = contributions(accepted), last.model
         located = strongest([
-            *from_residuals(map_cells, found, system),
-            *from_findings(added, left_after, accepted.probability, told, system),
+            *from_residuals(map_cells, first.structures, system),
+            *from_findings(added, last.left, accepted.probability, told, system),
         ])  # fmt: skip
-        if fitted_board is not board:
-            found = structures(left_after, told, system.names, system.blocks(BLOCK_S))
         proven = sorted((finding(accepted, name, by) for name, by in added.items()), key=lambda f: -f.size["share_of_weight"])
         proven = [f for f in proven if names or f.size["share_of_weight"] >= LEAST_SHARE]
         moved = None if accepted.names or accepted.rivals else shift_of(system)
         findings = [*proven, *settled_findings(self.gate), *open_findings(accepted), *(moved.findings() if moved else ())]
-        unexplained = [_unexplained(u) for u in left_over(found, after)]
+        unexplained = [_unexplained(u) for u in left_over(last.structures, after)]
         models = {"before": self.model, "recalibrated": recalibrated, "after": after}
         fit, proof = self._proof(models)
         verdict = verdict_of(findings, (moved.rivals,) if moved else accepted.rivals, unexplained)
-        calibration = _calibration(fitted_joint, self.model)
+        calibration = _calibration(last.joint, self.model)
         return Diagnosis(
             verdict=verdict,
             sentence=moved.sentence() if moved else sentence_of(verdict, findings, located, unexplained, fit, calibration),
@@ -139,16 +158,16 @@ class _Chain:
             data=self._data(system),
             calibration=calibration,
             not_tested=_not_tested(system, self.train),
-            vehicle=self._fitted_vehicle(accepted, fitted_joint),
+            vehicle=self._fitted_vehicle(accepted, last.joint),
             details={"accepted": accepted, "cells": map_cells, "models": models, "held": self.held, **proof},
         )
 
-    def _after(self, accepted: Accepted, recalibrated: Model, joint: Joint, board):
-        """Model with the findings and its nuisances set anew, and the fit behind it."""
+    def _last(self, accepted: Accepted, first: _Stage, told: Told) -> _Stage:
+        """With the accepted effects and the nuisances set anew."""
         if accepted.fitted is None:
-            return recalibrated, joint, board
-        found = self.model.with_effects(accepted.fitted.effects)
-        return calibrated(found, accepted.fitted.joint.common), accepted.fitted.joint, accepted.fitted.board
+            return first
+        found = calibrated(self.model.with_effects(accepted.fitted.effects), accepted.fitted.joint.common)
+        return _stage(found, accepted.fitted.joint, accepted.fitted.board, told)
 
     def _proof(self, models: Mapping[str, Model]) -> tuple[dict, dict]:
         """Errors before, recalibrated and after on the held-out flights: for the file, and in full for the pictures."""

@@ -132,6 +132,11 @@ def accept(system: System, length_s: float, switches: Switches = ALL_ON, only: S
     return Accepted(names, found, board, fitted, probability, _ambiguous(found, settled))
 
 
+def withdrawn(accepted: Accepted) -> Accepted:
+    """The search as it was, with nothing accepted of it."""
+    return dataclasses.replace(accepted, names=(), fitted=None, probability={}, rivals=())
+
+
 def _mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[str, float]:
     """Names that are probable and large enough, with their shares of the whole; ``known`` are those of accepted effects.
 

@@ -13,6 +13,8 @@ LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0004, "drive": 0.004, "
 """Of weight, weight times arm, full rotor speed, a rotor radius."""
 FORCED = ("force", "acc", "moment")
 LEAST_SIZE = 0.01
+BORROWED_R2 = 0.2
+BORROWED_SHARE = {"force": 0.005, "acc": 0.005, "moment": 0.002, "range": 1.0}
 AGAIN = 1.5  # times what the flights of the calibration show too
 
 
@@ -33,3 +35,10 @@ def _least(s: Structure, model: Model) -> float:
     if s.of_size:
         usual = LEAST_SIZE if kind in FORCED else float("inf")
     return max(usual * model.whole(s.channel), AGAIN * model.left_unexplained.get(s.channel, 0.0))
+
+
+def borrowed(found: Sequence[Structure], model: Model) -> bool:
+    """Whether what was accepted leaves a structure so large that its names are only the nearest: an effect of the library that
+    is really there explains its channels, and one that is not makes up for a part of what is."""
+    kinds = [(s, s.channel.split("_")[0]) for s in clear(found, BORROWED_R2) if not s.of_size]
+    return any(k in BORROWED_SHARE and s.rms > BORROWED_SHARE[k] * model.whole(s.channel) for s, k in kinds)
