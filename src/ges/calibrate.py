@@ -318,7 +318,7 @@ def calibrate(recordings: RecordingSet) -> Calibration:
     """
     require_drive(recordings)
     model = from_vehicle(recordings.vehicle, recordings.folder)
-    gate = pass_gate([f.frame for f in recordings.flights], model)
+    gate = pass_gate([f.frame for f in recordings.flights], model, [f.name for f in recordings.flights])
     flights = [f for f in gate.flights if f is not None]
     if len(flights) < 2:
         raise GesError(f"{len(flights)} usable reference flight; calibration needs two or more to see how much flights differ")

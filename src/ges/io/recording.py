@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
+from scipy.spatial.transform import Rotation
 
 from ..conventions import BODY_RATE, POSITION, POSITION_REF, QUATERNION, SPECIFIC_FORCE, VELOCITY, VELOCITY_REF
 from ..errors import GesError
@@ -31,6 +32,9 @@ _UNITS = {
 _FAR = 4.0  # rotor speeds over hover that no vehicle reaches; rpm are 9.5 times too large
 _DEGREES = 20.0  # body rates over what the attitude does; degrees are 57 times too large
 _LOWEST_FORCE_M_S2 = 3.0  # no vehicle falls freely most of the time
+_AGAINST = 0.8  # correlation beyond which two columns say the same, or the opposite
+_SCALED = 3.0  # times as fast; feet, centimetres and millimetres are beyond
+_FEWEST = 50
 
 # Largest believable magnitude of a column in its unit, and what is usually wrong beyond it.
 _PLAUSIBLE = (
@@ -97,33 +101,82 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(finite**2))) if len(finite) else 0.0
 
 
-def _turn_rate(frame: pd.DataFrame) -> np.ndarray:
-    """Size of the body rate (n - 1,) that the attitudes imply."""
+def _turning(frame: pd.DataFrame) -> np.ndarray:
+    """Body rates (n - 1, 3) that the attitudes imply, rad/s; NaN where one of two is missing."""
     q = frame[list(QUATERNION)].to_numpy(dtype=float)
-    aligned = np.clip(np.abs(np.sum(q[1:] * q[:-1], axis=1)), 0.0, 1.0)
-    return 2 * np.arccos(aligned) / np.diff(frame["t_s"].to_numpy(dtype=float))
+    good = np.isfinite(q).all(axis=1) & (np.linalg.norm(q, axis=1) > 0)
+    turned = Rotation.from_quat(np.where(good[:, None], q, [1.0, 0.0, 0.0, 0.0]), scalar_first=True)
+    rates = (turned[:-1].inv() * turned[1:]).as_rotvec() / np.diff(frame["t_s"].to_numpy(dtype=float))[:, None]
+    return np.where((good[1:] & good[:-1])[:, None], rates, np.nan)
+
+
+def _agreement(a: np.ndarray, b: np.ndarray) -> float:
+    """Correlation of two signals where both are there; 0 where one of them stands still."""
+    both = np.isfinite(a) & np.isfinite(b)
+    if both.sum() < _FEWEST or np.std(a[both]) == 0 or np.std(b[both]) == 0:
+        return 0.0
+    return float(np.corrcoef(a[both], b[both])[0, 1])
 
 
 def _contradiction(name: str, frame: pd.DataFrame, hover_rad_s: float) -> str | None:
-    """A unit that the other columns or the vehicle's weight refute."""
-    has = frame.columns.__contains__
+    """A unit or an axis that the other columns or the vehicle's weight refute, in one sentence with what to do."""
+    checks = (_too_fast(frame, hover_rad_s), _wrong_force(frame), _wrong_rates(frame), _wrong_velocity(frame))
+    return next((f"{name}: {told}" for told in checks if told), None)
+
+
+def _too_fast(frame: pd.DataFrame, hover_rad_s: float) -> str | None:
     speeds = [c for c in frame if c.startswith("rotor_speed_") and unit_of(c)]
     top = max((float(np.nanquantile(frame[c], 0.95)) for c in speeds), default=0.0)
     if top > _FAR * hover_rad_s:
-        return (f"{name}: rotor speeds reach {top:.0f} rad/s where the vehicle hovers at {hover_rad_s:.0f}: they look like rpm; "
+        return (f"rotor speeds reach {top:.0f} rad/s where the vehicle hovers at {hover_rad_s:.0f}: they look like rpm; "
                 "convert to rad/s or mend the vehicle's thrust coefficient")  # fmt: skip
-    if all(map(has, SPECIFIC_FORCE)):
-        size = float(np.nanmedian(np.linalg.norm(frame[list(SPECIFIC_FORCE)], axis=1)))
-        if 0 < size < _LOWEST_FORCE_M_S2:
-            return f"{name}: the accelerometer reads {size:.2g} m/s^2 most of the time: it looks like g; convert to m/s^2"
-    if all(map(has, (*QUATERNION, *BODY_RATE))):
-        logged, implied = _rms(np.linalg.norm(frame[list(BODY_RATE)], axis=1)), _rms(_turn_rate(frame))
-        if logged > _DEGREES * implied > 0:
-            return (
-                f"{name}: body rates of {logged:.2g} rad/s where the attitude turns at {implied:.2g}; "
-                "they look like deg/s, convert them"
-            )
     return None
+
+
+def _wrong_force(frame: pd.DataFrame) -> str | None:
+    if not all(name in frame for name in SPECIFIC_FORCE):
+        return None
+    size = float(np.nanmedian(np.linalg.norm(frame[list(SPECIFIC_FORCE)], axis=1)))
+    if 0 < size < _LOWEST_FORCE_M_S2:
+        return f"the accelerometer reads {size:.2g} m/s^2 most of the time: it looks like g; convert to m/s^2"
+    along = float(np.nanmedian(frame["acc_z_m_s2"]))
+    if along < -_LOWEST_FORCE_M_S2:
+        return (f"acc_z_m_s2 reads {along:.2g} most of the time: z points down; the body frame is forward-left-up, so negate y "
+                "and z of accelerometer and gyro")  # fmt: skip
+    return None
+
+
+def _wrong_rates(frame: pd.DataFrame) -> str | None:
+    if not all(name in frame for name in (*QUATERNION, *BODY_RATE)):
+        return None
+    turning, rates = _turning(frame), frame[list(BODY_RATE)].to_numpy(dtype=float)
+    logged, implied = _rms(np.linalg.norm(rates, axis=1)), _rms(np.linalg.norm(turning, axis=1))
+    if logged > _DEGREES * implied > 0:
+        return f"body rates of {logged:.2g} rad/s where the attitude turns at {implied:.2g}; they look like deg/s, convert them"
+    for k, column in enumerate(BODY_RATE):
+        if _agreement(rates[1:, k], turning[:, k]) < -_AGAINST:
+            return (f"{column} runs against the attitude: one of them is not forward-left-up in east-north-up; a log in "
+                    "forward-right-down needs y and z negated")  # fmt: skip
+    return None
+
+
+def _wrong_velocity(frame: pd.DataFrame) -> str | None:
+    t_s = frame["t_s"].to_numpy(dtype=float)
+    for position, velocity in zip(POSITION, VELOCITY, strict=True):
+        if position not in frame or velocity not in frame:
+            continue
+        p, v = (frame[c].interpolate().rolling(_over(t_s), center=True).mean().to_numpy() for c in (position, velocity))
+        moving = np.gradient(p, t_s)
+        if _agreement(moving, v) < -_AGAINST:
+            return f"{velocity} runs against {position}: one of them points the other way (down, in north-east-down); negate it"
+        if _agreement(moving, v) > _AGAINST and not 1.0 / _SCALED < (ratio := np.nanstd(moving) / np.nanstd(v)) < _SCALED:
+            return f"{position} moves {ratio:.2g} times as fast as {velocity} says: one of them is not in metres and seconds"
+    return None
+
+
+def _over(t_s: np.ndarray) -> int:
+    """Rows in a quarter of a second."""
+    return max(3, int(0.25 / np.median(np.diff(t_s))))
 
 
 def _implausible(name: str, column: str, values: np.ndarray) -> str | None:
@@ -195,7 +248,8 @@ def load_set(folder: str | Path, least: int = 2) -> RecordingSet:
         raise GesError(f"{folder} has no vehicle.yaml; add the vehicle file to make it a recording set")
     paths = sorted(folder.glob("*.parquet"))
     if len(paths) < least:
-        raise GesError(f"{folder} holds {len(paths)} flights (*.parquet); needed are {least} or more")
+        held = "1 flight" if len(paths) == 1 else f"{len(paths)} flights"
+        raise GesError(f"{folder} holds {held} (*.parquet); needed are {least} or more; 'ges import --parts 4' cuts a long log")
     return make_set(load_vehicle(folder / "vehicle.yaml"), ((p.stem, _read(p)) for p in paths), folder)
 
 

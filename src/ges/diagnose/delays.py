@@ -1,0 +1,156 @@
+"""How late one stream is against another, how that drifts, and gyro offsets: by direct comparison, before any physics."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from .align import STREAMS, Prepared, lift
+from .model import Model
+from .residual import turn_rates
+
+LATEST_S, EARLIEST_S = 0.6, -0.04
+LEAST_CORRELATION = 0.3
+LEAST_GAIN = 0.02  # of the variance
+POSE = ("position", "velocity", "attitude")
+RATE_SMOOTHING_S = 0.03
+LEAST_DELAY_SD_S, LEAST_DRIVE_SD_S = 0.001, 0.005
+POSE_LAGS_S = np.arange(-0.15, 0.15 + 1e-9, 0.005)
+SHORTEST_S = 5.0
+CLEAR_CORRELATION = 0.8
+LEAST_GYRO_SD_RAD_S = 0.002
+
+
+@dataclasses.dataclass(frozen=True)
+class Delay:
+    """How late one stream is against the motion: seconds, sd over flights, correlation at the peak."""
+
+    stream: str
+    delay_s: float
+    sd_s: float
+    correlation: float
+
+
+def _high_pass(x: np.ndarray, step_s: float) -> np.ndarray:
+    return x - gaussian_filter1d(x, 1.5 / step_s)
+
+
+def _correlations(flight: Prepared, model: Model, lags_s: np.ndarray) -> np.ndarray | None:
+    """Sums for the correlation of thrust with vertical acceleration at every lag: (3, lags)."""
+    ratio = lift(flight, model.number("thrust_coefficient_N_s2"), model.number("max_rotor_speed_rad_s"), model.weight_N)
+    if ratio is None or "v_z_m_s" not in flight.columns or flight.flying.sum() * flight.dt_s < SHORTEST_S:
+        return None
+    step, inside = flight.dt_s, flight.flying
+    a = _high_pass(gaussian_filter1d(flight.columns["v_z_m_s"], 0.15 / step, order=1) / step, step)
+    b = _high_pass(ratio, step)
+    out = []
+    for lag in lags_s:
+        shifted = np.interp(flight.t_s + lag, flight.t_s, b)[inside]
+        out.append((a[inside] @ shifted, shifted @ shifted, a[inside] @ a[inside]))
+    return np.array(out).T
+
+
+def _peak(sums: np.ndarray, lags_s: np.ndarray) -> tuple[float, float]:
+    """Lag and correlation at the peak, by a parabola through the three highest points."""
+    r = sums[0] / np.sqrt(np.maximum(sums[1] * sums[2], 1e-30))
+    i = int(np.clip(np.argmax(r), 1, len(r) - 2))
+    below, top, above = r[i - 1 : i + 2]
+    bend = below - 2.0 * top + above
+    shift = 0.5 * (below - above) / bend if bend < 0 else 0.0
+    return float(lags_s[i] + shift * (lags_s[1] - lags_s[0])), float(r[i])
+
+
+def _told(stream: str, told: Sequence[np.ndarray], lags_s: np.ndarray, least_sd_s: float) -> Delay | None:
+    """The delay that the flights' summed correlations (3, lags) peak at, its sd from flight to flight; None without a clear
+    peak."""
+    if not told:
+        return None
+    delay, top = _peak(np.sum(told, axis=0), lags_s)
+    each = [_peak(s, lags_s)[0] for s in told]
+    sd = float(np.std(each, ddof=1) / np.sqrt(len(each))) if len(each) > 1 else float(lags_s[1] - lags_s[0])
+    return Delay(stream, delay, max(sd, least_sd_s), top) if top > LEAST_CORRELATION else None
+
+
+def drive_delay(flights: Sequence[Prepared], model: Model) -> Delay | None:
+    """How late the rotor speeds are logged against the motion, by direct correlation of thrust and vertical acceleration.
+
+    Commands are left alone: their delay is physics (motor lag, transport delay).
+    """
+    lags = np.arange(EARLIEST_S, LATEST_S + 1e-9, 0.02)
+    told = [s for f in flights if f.has("rotor_speed") for s in [_correlations(f, model, lags)] if s is not None]
+    found = _told("rotor_speed", told, lags, LEAST_DRIVE_SD_S)
+    if found is None:
+        return None
+    at, shifted_2, still_2 = np.sum(told, axis=0)[:, np.argmin(np.abs(lags))]
+    gained = found.correlation**2 - at * abs(at) / (shifted_2 * still_2)
+    return found if gained > LEAST_GAIN else None
+
+
+def _both_rates(flight: Prepared) -> tuple[np.ndarray, np.ndarray] | None:
+    """Smoothed body rates by gyro and by attitude."""
+    if "attitude" in flight.derived or not (flight.has("gyro") and flight.has("attitude")):
+        return None
+    width = max(RATE_SMOOTHING_S, 1.5 * max(flight.update_s["attitude"], flight.update_s["gyro"])) / flight.dt_s
+    q = flight.stack("attitude")
+    turning = turn_rates(q, np.gradient(q, flight.dt_s, axis=0))
+    return tuple(gaussian_filter1d(r, width, axis=0) for r in (flight.stack("gyro"), turning))
+
+
+def _rate_correlations(flight: Prepared, inside: np.ndarray) -> np.ndarray | None:
+    """Sums for the correlation of the two body rates at every lag of the pose, over some samples: (3, lags)."""
+    pair, lags_s = _both_rates(flight), POSE_LAGS_S
+    if pair is None or inside.sum() * flight.dt_s <= SHORTEST_S:
+        return None
+    sums = np.zeros((3, len(lags_s)))
+    for a, b in zip(pair[0].T, pair[1].T, strict=True):
+        a, b = _high_pass(a, flight.dt_s), _high_pass(b, flight.dt_s)
+        late = np.stack([np.interp(flight.t_s + lag, flight.t_s, b)[inside] for lag in lags_s])
+        sums += np.stack([late @ a[inside], (late**2).sum(axis=1), np.full(len(lags_s), a[inside] @ a[inside])])
+    return sums
+
+
+def pose_delay(flights: Sequence[Prepared]) -> Delay | None:
+    """How late position, velocity and attitude are against the gyro, by direct correlation of the two body rates."""
+    told = [s for f in flights if (s := _rate_correlations(f, f.flying)) is not None]
+    return _told("attitude", told, POSE_LAGS_S, LEAST_DELAY_SD_S)
+
+
+def clock_drift(flight: Prepared) -> float:
+    """How much later the pose gets against the gyro from the first third of a flight to the last, s; 0 where it is not told."""
+    at, found = np.flatnonzero(flight.flying), []
+    for part in (at[: len(at) // 3], at[-(len(at) // 3) :]) if len(at) > 2 else ():
+        inside = np.zeros(len(flight.t_s), bool)
+        inside[part] = True
+        sums = _rate_correlations(flight, inside)
+        found.append(_told("attitude", [] if sums is None else [sums], POSE_LAGS_S, LEAST_DELAY_SD_S))
+    if len(found) < 2 or any(f is None or f.correlation < CLEAR_CORRELATION for f in found):
+        return 0.0
+    return found[1].delay_s - found[0].delay_s
+
+
+def gyro_bias(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray] | None:
+    """Gyro less the rates that the attitude implies: mean (3,) and its sd over flights, rad/s."""
+    means = [(p[0] - p[1])[f.flying].mean(axis=0) for f in flights if (p := _both_rates(f)) is not None and f.flying.any()]
+    if len(means) < 2:
+        return None
+    sd = np.std(means, axis=0, ddof=1) / np.sqrt(len(means))
+    return np.mean(means, axis=0), np.hypot(sd, LEAST_GYRO_SD_RAD_S)
+
+
+def without_bias(flight: Prepared, bias: np.ndarray) -> Prepared:
+    """The flight with a constant taken out of its gyro."""
+    if not flight.has("gyro"):
+        return flight
+    mended = {n: flight.columns[n] - b for n, b in zip(STREAMS["gyro"], bias, strict=True)}
+    return flight.replaced(columns={**flight.columns, **mended})
+
+
+def shifted(flight: Prepared, stream: str, delay_s: float) -> Prepared:
+    """The flight with one stream moved back by its delay."""
+    streams = POSE if stream == "attitude" else (stream,)
+    names = [n for s in streams for n in STREAMS[s] if n in flight.columns]
+    moved = {n: np.interp(flight.t_s + delay_s, flight.t_s, flight.columns[n]) for n in names}
+    return flight.replaced(columns={**flight.columns, **moved}, lateness_s={**flight.lateness_s, stream: delay_s})

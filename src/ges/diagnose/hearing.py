@@ -1,0 +1,54 @@
+"""What a recording cannot speak about: effects and channels, each with what would have to be logged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from .align import Prepared
+from .candidates import NEEDS_ATTITUDE
+from .model import Model
+from .residual import channels
+
+NEEDS_HEIGHT = frozenset(
+    {"ground_effect", "ground_effect_forward_flight", "partial_ground_effect", "ground_effect_lag", "ground_effect_moment",
+     "fountain_lift", "ceiling_effect", "wall_effect", "tether", "downwash"}
+)  # fmt: skip
+NEEDS_VELOCITY = frozenset(
+    {"rotor_drag", "parasitic_drag", "axial_inflow", "translational_lift", "wind", "gusts", "slung_load",
+     "ground_effect_forward_flight"}
+)  # fmt: skip
+NEEDS_RANGE = frozenset({"rangefinder_bias", "rangefinder_lag"})
+NEEDS_COMMANDS = frozenset({"motor_lag", "esc_delay"})
+
+
+def lacking(name: str, flights: Sequence[Prepared]) -> str:
+    """What some of these flights lack to speak about an effect, as ``needs ...``; '' where nothing is missing."""
+    if name in NEEDS_ATTITUDE and any("attitude" in f.derived for f in flights):
+        return "needs a measured attitude"
+    if name in NEEDS_HEIGHT and not all("p_z_m" in f.columns or f.has("range") for f in flights):
+        return "needs a logged height (p_z_m or range_m)"
+    if name in NEEDS_RANGE and not any(f.has("range") and "p_z_m" in f.columns for f in flights):
+        return "needs a rangefinder and a logged height (range_m, p_z_m)"
+    if name == "battery_sag" and not all(f.has("battery") for f in flights):
+        return "needs a logged battery voltage (battery_V)"
+    if name in NEEDS_VELOCITY and not all(f.has("velocity") for f in flights):
+        return "needs a logged velocity (v_x_m_s, v_y_m_s, v_z_m_s)"
+    if name in NEEDS_COMMANDS and not all(f.has("command") for f in flights):
+        return "needs logged motor commands (u_1 ...)"
+    return ""
+
+
+def silent_channels(flights: Sequence[Prepared], model: Model) -> dict[str, str]:
+    """Channels that no flight speaks about, each with what to log, or to state, to hear it."""
+    heard = {name for f in flights for name in channels(f, model)}
+    pose, gyro = "log velocity and attitude (v_x_m_s ..., q_w ...)", "log the gyro (omega_x_rad_s ...)"
+    reasons = {
+        "force_x": "log the attitude (q_w ...)" if "force_z" in heard else pose,
+        "force_z": pose,
+        "acc_x": "log the accelerometer (acc_x_m_s2 ...)",
+        "moment_x": gyro if "inertia" in model.known else "state inertia_kg_m2 in the vehicle file",
+        "moment_z": gyro if "torque" in model.known else "state torque_coefficient_Nm_s2 in the vehicle file",
+        "drive_1": "log rotor speeds and motor commands, both (rotor_speed_1_rad_s ..., u_1 ...)",
+        "range": "log a rangefinder and the height (range_m, p_z_m), over flat ground",
+    }
+    return {name: why for name, why in reasons.items() if name not in heard}

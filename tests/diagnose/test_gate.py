@@ -1,0 +1,86 @@
+"""Data before physics: damaged recordings are mended or left out, and the report says so."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ges import manoeuvres
+from ges.diagnose.gate import clipped, pass_gate
+from ges.diagnose.model import from_vehicle
+from ges.errors import GesError
+
+RATES = tuple(f"omega_{a}_rad_s" for a in "xyz")
+
+
+@pytest.fixture(scope="module")
+def whole(flown, sheet, with_rates):
+    return flown(sheet(), {}, manoeuvres.make("multisine", 30.0), 1, with_rates)
+
+
+@pytest.fixture(scope="module")
+def model(sheet):
+    return from_vehicle(sheet())
+
+
+def _changed(frame: pd.DataFrame, **columns) -> pd.DataFrame:
+    return frame.assign(**columns)
+
+
+def test_nothing_is_wrong_with_a_whole_flight(whole, model):
+    gate = pass_gate([whole, whole], model)
+    assert not gate.warnings and gate.pose is None and gate.gyro is None
+    assert not {"clipping", "gaps"} & set(gate.flights[0].left_out)
+
+
+def test_a_gap_is_left_out_with_its_seconds(whole, model):
+    t = whole["t_s"]
+    gate = pass_gate([whole[(t < 10.0) | (t > 13.0)].reset_index(drop=True)] * 2, model)
+    flight = gate.flights[0]
+    assert flight.left_out["gaps"] == pytest.approx(3.0, abs=0.1)
+    assert not flight.flying[(flight.t_s > 10.1) & (flight.t_s < 12.9)].any()
+
+
+def test_a_gyro_at_its_limit_is_left_out_and_said(whole, model):
+    """The controller of a tumbling vehicle sees full scale, the flight does not."""
+    rate = whole[RATES[0]].to_numpy().copy()
+    limit = 1.5 * np.abs(rate).max()
+    hit = (whole["t_s"] > 12.0) & (whole["t_s"] < 12.4)
+    rate[hit] = limit
+    gate = pass_gate([_changed(whole, **{RATES[0]: rate})] * 2, model, ["tumble", "again"])
+    assert gate.flights[0].left_out["clipping"] == pytest.approx(0.5, abs=0.06)
+    assert "tumble reaches the limit of its gyro" in gate.warnings[0]
+
+
+def test_a_slow_or_constant_sensor_is_not_taken_for_clipped(whole):
+    t = whole["t_s"].to_numpy()
+    held = whole[RATES[0]].to_numpy()[(np.arange(len(t)) // 10) * 10]
+    still = np.full(len(t), 9.81)
+    frame = _changed(whole, **{RATES[0]: held}, acc_z_m_s2=still)
+    assert not clipped(frame, t).any()
+
+
+def test_two_clocks_that_drift_are_said(whole, model):
+    """The pose's clock runs 0.3 % slow: 90 ms over the flight."""
+    t = whole["t_s"].to_numpy()
+    pose = [n for n in whole if n.startswith(("p_x", "p_y", "p_z", "v_x", "v_y", "v_z", "q_"))]
+    late = {n: np.interp(t * (1.0 - 0.003), t, whole[n]) for n in pose}
+    gate = pass_gate([_changed(whole, **late)] * 2, model, ["drifting", "too"])
+    assert any("drifting has two clocks" in w for w in gate.warnings), gate.warnings
+    assert not any("two clocks" in w for w in pass_gate([whole, whole], model).warnings)
+
+
+def test_a_constant_delay_of_the_pose_is_taken_out(whole, model):
+    t = whole["t_s"].to_numpy()
+    pose = [n for n in whole if n.startswith(("p_x", "p_y", "p_z", "v_x", "v_y", "v_z", "q_"))]
+    late = _changed(whole, **{n: np.interp(t - 0.03, t, whole[n]) for n in pose})
+    gate = pass_gate([late, late], model)
+    assert gate.pose.delay_s == pytest.approx(0.03, abs=0.003) and not gate.warnings
+
+
+def test_rotors_that_never_turn_are_no_flight(whole, model):
+    still = _changed(whole, **{f"rotor_speed_{i}_rad_s": 0.0 for i in range(1, 5)})
+    told = "bench never leaves the ground: its rotor speeds are zero throughout"
+    with pytest.raises(GesError, match=rf"{told} .*esc_status or actuator_motors"):
+        pass_gate([still, still], model, ["bench", "bench 2"])
+    gate = pass_gate([whole, still], model, ["air", "bench"])
+    assert gate.usable() == [0] and len(gate.warnings) == 1 and gate.warnings[0].startswith(told)
