@@ -89,6 +89,12 @@ def test_location_counts():
     assert score.f1(np.array([[1, 2, 1], [1, 0, 0]])) == pytest.approx(2 * 2 / (2 * 2 + 2 + 1))
 
 
+def test_location_on_a_null_is_one_too_many_and_a_sensor_fault_is_not_scored():
+    said = _said(located=[{"channel": "acc_x"}, {"channel": "force_x"}, {"channel": "moment_z"}])
+    assert judge("a", NULL | {"located": [], "traces": []}, said).located == (0, 2, 0)
+    assert judge("a", _truth("gyro_bias", verdict="sensor", located=[], traces=[]), said).located == (0, 0, 0)
+
+
 def test_clopper_pearson():
     """0 of 300: the upper end is 1 - 0.025^(1/300); 9 of 10 from the tables."""
     value, low, high = score.proportion([False] * 300)

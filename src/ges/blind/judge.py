@@ -117,10 +117,14 @@ def _named(claimed: set[str], right: list[frozenset[str]], known: frozenset[str]
 
 
 def _located(truth: Mapping, said: Mapping) -> tuple[int, int, int]:
-    """Return (found, too many, missed) channels; a trace of an effect is neither to be found nor a mistake."""
-    if not truth.get("located"):
+    """Return (found, too many, missed) channels; a trace of an effect is neither to be found nor a mistake.
+
+    Where nothing is concealed every channel is one too many. A truth that tells no channels (a sensor fault; other people's
+    cases) is not scored.
+    """
+    must, may = set(truth.get("located", ())), set(truth.get("located", ())) | set(truth.get("traces", ()))
+    if not may and category_of(truth) != "null":
         return (0, 0, 0)
-    must, may = set(truth["located"]), set(truth["located"]) | set(truth.get("traces", ()))
     got = {_channel(entry["channel"]) for entry in said.get("located", [])}
     return (len(must & got), len(got - may), len(must - got))
 
