@@ -12,7 +12,7 @@ from ges.diagnose.engine import search_until_stable
 from ges.diagnose.evidence import make_board
 from ges.diagnose.gate import pass_gate
 from ges.diagnose.model import from_vehicle
-from ges.diagnose.recommend import Rival, next_flight, open_sets, rank, rivals_of
+from ges.diagnose.recommend import SURE, Option, Rival, next_flight, open_sets, rank, rivals_of
 from ges.diagnose.select import Search, search
 from ges.diagnose.system import build
 
@@ -73,6 +73,19 @@ def test_next_flight_of_an_open_question_and_of_none(quad, judged):
     certain = dataclasses.replace(found.hypotheses[0], probability=1.0)
     settled = Search((certain,), {n: float(n in certain.names) for n in names})
     assert next_flight(board, settled, certain.names) == {}
+
+
+@pytest.mark.parametrize(
+    "expected, gain, flights",
+    [(12.0, 11.0, 1), (1.2, 0.5, 3), (1.2, 0.01, None), (0.1, 0.06, None)],
+    ids=["settled at once", "often enough", "no gain", "too often"],
+)
+def test_how_often_to_fly(expected, gain, flights):
+    """1.2 and then 0.5 more a flight reach ln 9 = 2.2 with the third."""
+    option = Option("hover", ("a", "b"), (), expected, 0.0, gain)
+    assert option.flights == flights
+    assert option.content()["manoeuvre"] == ("hover" if flights else None)
+    assert flights is None or expected + (flights - 1) * gain >= SURE
 
 
 def test_what_the_recommended_flight_promises_it_keeps(quad, judged):

@@ -132,6 +132,14 @@ def test_what_is_open_is_told(content):
         assert expected in text
 
 
+def test_how_to_fly_what_one_flight_does_not_settle(content):
+    told = {"manoeuvre": "hover", "separates": ["a", "b"], "expected_log_odds": 1.5, "so_far_log_odds": 0.1}
+    text, _ = _parsed(report.render({**content, "next_flight": {**told, "flights": 3}}, {}))
+    assert "Fly hover 3 times: simulated with each explanation, together they tell a and b apart" in text
+    text, _ = _parsed(report.render({**content, "next_flight": {**told, "preparation": "a new propeller on rotor 3"}}, {}))
+    assert "Fly hover with a new propeller on rotor 3: it tells a and b apart (expected log odds 1.50, so far 0.100)." in text
+
+
 def test_a_flight_that_would_not_help_is_not_recommended(content):
     told = {"manoeuvre": None, "separates": ["tether", "nothing more"], "expected_log_odds": 0.4, "so_far_log_odds": 0.1}
     text, _ = _parsed(report.render({**content, "next_flight": told}, {}))

@@ -29,6 +29,9 @@ FIRM = {"attitude_kp": 400.0, "attitude_kd": 40.0}
 """Stands in for the integral action of a real autopilot, which trims unequal motors away."""
 WORTH_FLYING = float(np.log(4.0))
 SETTLED = 20.0  # log odds beyond which nothing more is gained
+SURE = float(np.log(9.0))  # odds that an acceptance takes
+LEAST_GAIN = 0.05
+MOST_FLIGHTS = 20
 READINGS = {f"omega_{a}_rad_s": f"gyro_{a}_rad_s" for a in "xyz"}
 
 
@@ -51,6 +54,7 @@ class Option:
     stays_open : explanations that it would leave open among themselves.
     expected_log_odds : of the true explanation over its best rival afterwards, the rivals as likely as they are now.
     so_far : what the flights so far give the best of them.
+    gain : of the expected log odds by one such flight.
     """
 
     manoeuvre: str
@@ -58,11 +62,23 @@ class Option:
     stays_open: tuple[str, ...]
     expected_log_odds: float
     so_far: float
+    gain: float
+
+    @property
+    def flights(self) -> int | None:
+        """How often to fly it until the odds of an acceptance are expected; None where that would take too many."""
+        if self.expected_log_odds >= SURE:
+            return 1
+        if self.gain < LEAST_GAIN:
+            return None
+        wanted = 1 + int(np.ceil((SURE - self.expected_log_odds) / self.gain))
+        return wanted if wanted <= MOST_FLIGHTS else None
 
     def content(self) -> dict:
-        """``next_flight`` of diagnosis.json."""
-        return {"manoeuvre": self.manoeuvre, "separates": list(self.separates), "stays_open": list(self.stays_open),
-                "expected_log_odds": self.expected_log_odds, "so_far_log_odds": self.so_far}  # fmt: skip
+        """``next_flight`` of diagnosis.json; without a manoeuvre where this one would not do."""
+        return {"manoeuvre": self.manoeuvre if self.flights else None, "flights": self.flights, "separates": list(self.separates),
+                "stays_open": list(self.stays_open), "expected_log_odds": self.expected_log_odds,
+                "so_far_log_odds": self.so_far}  # fmt: skip
 
 
 def rivals_of(board: Board, open_sets: Sequence[Hypothesis]) -> list[Rival]:
@@ -83,8 +99,8 @@ def open_sets(found: Search, proven: Sequence[str]) -> list[Hypothesis]:
 
 
 def next_flight(board: Board, found: Search, proven: Sequence[str], parameters: Mapping[str, float] | None = None) -> dict:
-    """``next_flight`` of diagnosis.json: the manoeuvre that separates best what is open; empty where nothing is, and without a
-    manoeuvre where none of the menu would.
+    """``next_flight`` of diagnosis.json: the manoeuvre that separates best what is open, and how often to fly it; empty where
+    nothing is open, and without a manoeuvre where none of the menu would do.
 
     Parameters
     ----------
@@ -94,10 +110,7 @@ def next_flight(board: Board, found: Search, proven: Sequence[str], parameters: 
     """
     rivals = rivals_of(board, open_sets(found, proven))
     ranked = rank(board, rivals, parameters) if len(rivals) > 1 else []
-    if not ranked:
-        return {}
-    best = ranked[0].content()
-    return best if best["expected_log_odds"] > WORTH_FLYING else {**best, "manoeuvre": None}
+    return ranked[0].content() if ranked else {}
 
 
 def _logged(flights: Sequence[Prepared]) -> list[str]:
@@ -152,6 +165,11 @@ def _lead(evidence: np.ndarray, truth: int) -> float:
     return float(evidence[truth] - np.delete(evidence, truth).max())
 
 
+def _expected(chance: np.ndarray, leads: Sequence[float]) -> float:
+    """Lead of the true rival, the rivals as likely as they are; what is settled is not counted twice."""
+    return float(chance @ np.minimum(leads, SETTLED))
+
+
 def _labels(rivals: Sequence[Rival]) -> tuple[str, ...]:
     """What sets each rival apart: the names that not all of them have."""
     shared = set.intersection(*(set(r.names) for r in rivals))
@@ -179,6 +197,7 @@ def rank(
     now = _log_odds(board, past, keep, rivals)
     so_far, chance = float(np.sort(now)[-1] - np.sort(now)[-2]), softmax(now)
     labels, options = _labels(rivals), []
+    expected_now = _expected(chance, [_lead(now, i) for i in range(len(rivals))])
     for plan in plans:
         flown = [simulate(model, r, plan, logged, parameters or model.parameters) for r in rivals]
         if any(f is None for f in flown):
@@ -186,6 +205,7 @@ def rank(
         leads = [_lead(_log_odds(board, past + _gram(board, f, keep), keep, rivals), i) for i, f in enumerate(flown)]
         left = tuple(label for label, lead in zip(labels, leads, strict=True) if lead <= WORTH_FLYING)
         told = tuple(label for label in labels if label not in left)
-        expected = float(chance @ np.minimum(leads, SETTLED))
-        options.append(Option(plan, told + left[:1] if told else labels, left if told else (), expected, so_far))
+        expected = _expected(chance, leads)
+        separates, open_still = (told + left[:1], left) if told else (labels, ())
+        options.append(Option(plan, separates, open_still, expected, so_far, expected - expected_now))
     return sorted(options, key=lambda o: -o.expected_log_odds)
