@@ -9,16 +9,23 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
 
 from .. import effects as effect_table
+from .align import Prepared
 from .model import Model
 
 PARAMETER_EFFECTS = frozenset({"thrust_scale", "inertia", "torque_coefficient", "actuator_mapping"})
 SMALL_STEP = 0.1
+COMMAND_QUANTILES = (0.8, 0.95, 0.99, 0.999)
+FINEST_SQUARE_M, MOST_PLACES = 0.25, 24
+ABOVE_M, ABOVE_RADII = 0.5, 5.0
 NEEDS_ATTITUDE = frozenset(
     {"inertia", "torque_coefficient", "motor_lag", "esc_delay", "time_offset", "gyro_bias", "attitude_bias", "rotor_tilt",
-     "rotor_inertia_reaction", "gyroscopic_moment", "rotor_drag", "parasitic_drag", "wind", "gusts", "wall_effect"}
+     "rotor_inertia_reaction", "gyroscopic_moment", "rotor_drag", "parasitic_drag", "wind", "gusts", "wall_effect",
+     "rotor_saturation"}
 )  # fmt: skip
 """Effects that only a measured attitude or measured rates can show; a derived attitude tells the slow balance alone."""
 
@@ -62,6 +69,50 @@ class Candidate:
     kind: str
     variants: tuple[Variant, ...]
     needs: tuple[str, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True)
+class Flown:
+    """Where the flights went and what they asked of the motors; no force, no residual.
+
+    Attributes
+    ----------
+    low_m, high_m : corners of the box of positions, world; None where no position was logged.
+    places_m : middles of the squares of the ground plan that were visited, ``square_m`` wide.
+    commands : levels near the top of the commands; empty where none were logged.
+    """
+
+    low_m: tuple[float, ...] | None = None
+    high_m: tuple[float, ...] | None = None
+    places_m: tuple[tuple[float, float], ...] = ()
+    square_m: float = 0.0
+    commands: tuple[float, ...] = ()
+
+
+NOWHERE = Flown()
+
+
+def flown(flights: Sequence[Prepared]) -> Flown:
+    """Sum up where flights went, samples in the air alone."""
+    commands = [f.stack("command")[f.flying].ravel() for f in flights if f.has("command")]
+    asked = np.concatenate(commands) if commands else np.zeros(0)
+    levels = tuple(float(q) for q in np.quantile(asked, COMMAND_QUANTILES)) if len(asked) else ()
+    positions = [f.stack("position")[f.flying] for f in flights if f.has("position")]
+    if not positions or not sum(len(p) for p in positions):
+        return Flown(commands=levels)
+    p = np.concatenate(positions)
+    places, square = _places(p[:, :2])
+    return Flown(tuple(p.min(axis=0)), tuple(p.max(axis=0)), places, square, levels)
+
+
+def _places(plan: np.ndarray) -> tuple[tuple[tuple[float, float], ...], float]:
+    """Squares of the ground plan that were visited, coarse enough to be few."""
+    square = FINEST_SQUARE_M
+    while True:
+        cells = np.unique(np.floor(plan / square), axis=0)
+        if len(cells) <= MOST_PLACES:
+            return tuple((float(x), float(y)) for x, y in (cells + 0.5) * square), square
+        square *= 1.25
 
 
 def kind_of(name: str) -> str:
@@ -132,6 +183,50 @@ def _slower(model: Model) -> tuple[Variant, ...]:
     return (dataclasses.replace(both, amplitudes=tuple(dataclasses.replace(a, low=0.0) for a in both.amplitudes)),)
 
 
+def _ceilings(model: Model, reached: Flown) -> tuple[Variant, ...]:
+    """Ceilings a little above the greatest height."""
+    if reached.high_m is None:
+        return ()
+    top = reached.high_m[2] + max(model.number(f"rotor_{i}_z_m") for i in range(1, 5))
+    return _grid("ceiling_effect", ("amplitude",), ceiling_z_m=tuple(top + k * model.radius_m for k in (0.5, 1.0, 2.0, 4.0)))
+
+
+def _walls(model: Model, reached: Flown) -> tuple[Variant, ...]:
+    """A wall beyond each side of what was flown; how far is one with how strong, since the pull is exponential."""
+    if reached.high_m is None:
+        return ()
+    sides = ((0.0, reached.high_m[0]), (0.5 * math.pi, reached.high_m[1]), (math.pi, -reached.low_m[0]),
+             (-0.5 * math.pi, -reached.low_m[1]))  # fmt: skip
+    return tuple(_variant("wall_effect", ("c",), bearing_rad=b, distance_m=d + model.radius_m) for b, d in sides)
+
+
+def _other_vehicles(model: Model, reached: Flown) -> tuple[Variant, ...]:
+    """Another vehicle above each place that was visited, with a wake as wide as the places are apart."""
+    if reached.high_m is None:
+        return ()
+    above, wide = reached.high_m[2] + max(ABOVE_M, ABOVE_RADII * model.radius_m), {"spread": 0.0}
+    wide["width_m"] = max(0.5 * reached.square_m, model.radius_m)
+    return tuple(
+        _variant("downwash", ("force_N",), **wide, other_x_m=x, other_y_m=y, other_z_m=above) for x, y in reached.places_m
+    )
+
+
+def _saturations(model: Model, reached: Flown) -> tuple[Variant, ...]:
+    """The speed is cut at a level: not linear in it, so each column is the whole step from no cut to its level."""
+    found = []
+    for level in sorted({round(q, 3) for q in reached.commands if 0.1 < q < 1.0}):
+        whole = dataclasses.replace(_amplitude("rotor_saturation", "share"), step=level - 1.0)
+        found.append(Variant("rotor_saturation", {"share": level}, (whole,)))
+    return tuple(found)
+
+
+_LAID_OUT: Mapping[str, Callable[[Model, Flown], tuple[Variant, ...]]] = {
+    "ceiling_effect": _ceilings,
+    "wall_effect": _walls,
+    "downwash": _other_vehicles,
+    "rotor_saturation": _saturations,
+}
+"""Candidates whose shapes depend on where the flights went."""
 _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "ground_effect": _ground_effect,
     "fountain_lift": lambda m: _grid("fountain_lift", ("c_b",), c_s=(0.5, 1.0, 2.0)),
@@ -148,17 +243,25 @@ _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "inertia": lambda m: _axes("inertia", ("xx", "yy", "zz")),
     "rangefinder_bias": lambda m: _single("rangefinder_bias", ("bias_m", "scale")),
 }
-_LEFT_OUT = frozenset({"gusts", "downwash", "rotor_saturation", "time_offset", "gyro_bias", "wall_effect", "ceiling_effect"})
+_LEFT_OUT = frozenset({"gusts", "time_offset", "gyro_bias"})
 _CHILDREN: Mapping[str, tuple[str, ...]] = {"wind": ("rotor_drag", "parasitic_drag")}
 
 
-def library(model: Model) -> dict[str, Candidate]:
+def _variants(name: str, model: Model, reached: Flown) -> tuple[Variant, ...]:
+    if name in _LAID_OUT:
+        return _LAID_OUT[name](model, reached)
+    return _SEARCH[name](model) if name in _SEARCH else _plain(name)
+
+
+def library(model: Model, reached: Flown = NOWHERE) -> dict[str, Candidate]:
     """Every candidate by name; ``needs`` names the effects of which one must be on for it to act."""
     found = {}
     for name, effect in effect_table.table().items():
         if name in _LEFT_OUT or name in model.effects and name not in ("weak_rotor", "cg_offset"):
             continue
-        variants = _SEARCH[name](model) if name in _SEARCH else _plain(name)
+        variants = _variants(name, model, reached)
+        if not variants:
+            continue
         needs = (effect.modifies,) if effect.modifies else _CHILDREN.get(name, ())
         found[name] = Candidate(name, kind_of(name), variants, needs)
     return found

@@ -11,12 +11,13 @@ import pandas as pd
 
 from .. import effects as effect_table
 from .align import Prepared
-from .candidates import NEEDS_ATTITUDE, Candidate, library
+from .candidates import Candidate, flown, library
 from .evidence import Board, make_board
 from .fit import Fitted, free_parameters, polish, starting_values
+from .hearing import lacking
 from .model import Model
 from .select import Hypothesis, Search, exactly, search
-from .system import ALL_ON, Switches, System, attitude_measured, build
+from .system import ALL_ON, Switches, System, build
 
 ACCEPT = 0.9
 ROUNDS = 4
@@ -80,10 +81,9 @@ def search_until_stable(
 
 def candidates_of(flights: Sequence[Prepared], base: Model, taken: Sequence[str] = (), only: Sequence[str] | None = None):
     """Candidates that can act now: those without needs at first, then what modifies the effects that are on."""
-    rates = attitude_measured(flights)
     return [
-        c for c in library(base).values()
-        if c.name not in taken and (only is None or c.name in only) and (rates or c.name not in NEEDS_ATTITUDE)
+        c for c in library(base, flown(flights)).values()
+        if c.name not in taken and (only is None or c.name in only) and not lacking(c.name, flights)
         and (set(c.needs) & set(base.effects) if c.needs else not taken)
     ]  # fmt: skip
 
