@@ -16,13 +16,13 @@ from ..io.recording import RecordingSet, make_set, require_drive
 from ..vehicle import Estimate as Fitting
 from ..vehicle import Quantity, Vehicle
 from .balance import shift_of
-from .candidates import NEEDS_ATTITUDE
 from .detect import smallest_detectable
 from .engine import LEAST_SHARE, Accepted, accept, first_system, split, withdrawn
 from .evidence import Board
 from .findings import contributions, finding, open_findings, settled_findings
 from .fit import Joint, calibrated, left_raw, null_fit
 from .gate import Gate, at_flown_voltage, pass_gate
+from .hearing import lacking, silent_channels, unheard
 from .instruments import MOVED
 from .locate import BLOCK_S, cells, from_findings, from_residuals, regimes_of, strongest
 from .model import Model, from_vehicle
@@ -69,7 +69,7 @@ def diagnose(
     require_drive(flights)
     model = from_vehicle(flights.vehicle, flights.folder)
     labels, frames = [f.name for f in flights.flights], [f.frame for f in flights.flights]
-    gate = pass_gate(frames, model)
+    gate = pass_gate(frames, model, labels)
     model = at_flown_voltage(model, gate.flights)
     train, held = split(frames, gate.usable(), _numbers(holdout, labels))
     if not train:
@@ -118,7 +118,7 @@ class _Chain:
         self.vehicle, self.model, self.gate, self.names = vehicle, model, gate, names
         self.train = [gate.flights[i] for i in train]
         self.held, self.held_names = [gate.flights[i] for i in held], [names[i] for i in held]
-        self.warnings = [*warnings, *(_named(w, names) for w in gate.warnings)]
+        self.warnings = [*warnings, *gate.warnings]
         self.length_s = window_length_s(self.train)
 
     def run(self, names: Sequence[str] | None, switches: Switches) -> Diagnosis:
@@ -146,16 +146,18 @@ class _Chain:
         fit, proof = self._proof(models)
         verdict = verdict_of(findings, (moved.rivals,) if moved else accepted.rivals, unexplained)
         calibration = _calibration(last.joint, self.model)
+        off = silent_channels([*self.train, *self.held], self.model)
+        told_first = sentence_of(verdict, findings, located, unexplained, fit, calibration)
         return Diagnosis(
             verdict=verdict,
-            sentence=moved.sentence() if moved else sentence_of(verdict, findings, located, unexplained, fit, calibration),
+            sentence=moved.sentence() if moved else told_first + (unheard(off) if verdict == "nothing_proven" else ""),
             findings=tuple(findings),
             located=tuple(located),
             unexplained=tuple(unexplained),
             fit=fit,
             detectable=smallest_detectable(accepted.board, accepted.names),
             next_flight=moved.next_flight() if moved else _next_flight(accepted),
-            data=self._data(system),
+            data=self._data(system, off),
             calibration=calibration,
             not_tested=_not_tested(system, self.train),
             vehicle=self._fitted_vehicle(accepted, last.joint),
@@ -183,7 +185,7 @@ class _Chain:
         }
         return fit, {"errors": told, "channels": channels, "rollouts": rolled, "length_s": self.length_s}
 
-    def _data(self, system: System) -> dict:
+    def _data(self, system: System, off: Mapping[str, str]) -> dict:
         used = [*self.train, *self.held]
         reasons = sorted({r for f in used for r in f.left_out})
         return {
@@ -191,6 +193,7 @@ class _Chain:
             "seconds_used": float(sum(f.flying.sum() * f.dt_s for f in used)),
             "left_out": {r: float(sum(f.left_out.get(r, 0.0) for f in used)) for r in reasons},
             "channels_used": list(system.names),
+            "channels_off": off,
             "delays": [
                 {"stream": d.stream, "delay_s": d.delay_s, "sd_s": d.sd_s, "correlation": d.correlation} for d in self.gate.delays
             ],
@@ -231,18 +234,11 @@ def _not_tested(system: System, flights) -> dict[str, str]:
     for name, effect in effect_table.table().items():
         if name in searched or effect.modifies or name in ("time_offset", "gyro_bias", "wind"):
             continue
-        told[name] = "needs a measured attitude" if name in NEEDS_ATTITUDE else "flown by the simulator, not searched for"
+        told[name] = lacking(name, flights) or "flown by the simulator, not searched for"
     references = any(f.has("reference") for f in flights)
     for name in sorted(MOVED & searched) if not references else ():
         told[name] = "needs the references that the controller followed, or its answers to disturbances look like this effect"
     return told
-
-
-def _named(warning: str, names: Sequence[str]) -> str:
-    """``flight 3`` of a message by its name."""
-    for i in reversed(range(len(names))):
-        warning = warning.replace(f"flight {i} ", f"{names[i]} ")
-    return warning
 
 
 def _fittings(accepted: Accepted, name: str) -> dict[str, Fitting]:

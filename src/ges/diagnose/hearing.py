@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from .align import Prepared
 from .candidates import NEEDS_ATTITUDE
@@ -52,3 +52,15 @@ def silent_channels(flights: Sequence[Prepared], model: Model) -> dict[str, str]
         "range": "log a rangefinder and the height (range_m, p_z_m), over flat ground",
     }
     return {name: why for name, why in reasons.items() if name not in heard}
+
+
+def unheard(off: Mapping[str, str]) -> str:
+    """A sentence on what a verdict of nothing proven does not speak about, from :func:`silent_channels`; '' for full logs."""
+    told = []
+    if "force_z" in off:
+        told.append(f"nothing of drag, inflow, loads and the ground ({off['force_z']})")
+    elif "force_x" in off:
+        told.append(f"nothing of drag and wind ({off['force_x']})")
+    if "moment_x" in off:
+        told.append(f"nothing of moments ({off['moment_x']})")
+    return f" They say {' and '.join(told)}." if told else ""
