@@ -66,13 +66,17 @@ def _parameters(drone: str, case: tuple) -> dict:
 
 
 def _airframe(drone: str, numbers: dict, case: tuple, rng: np.random.Generator) -> Airframe:
-    """The true vehicle in our terms; a positive entry of the mixing matrix's last row turns the body ccw, the rotor cw."""
+    """The true vehicle in our terms; a positive entry of the mixing matrix's last row turns the body ccw, the rotor cw.
+
+    Their motors slow down faster than they speed up; a vehicle file has one time constant: the mean of both in hover.
+    """
     mixing, arm = np.asarray(numbers["mixing_matrix"]), float(numbers["L"])
     inertia = np.diag(np.asarray(numbers["J"]))
     thrust, torque = (float(numbers[k][2]) * RPM**2 for k in ("rpm2thrust", "rpm2torque"))
     hover = np.sqrt(float(numbers["mass"]) * 9.81 / (4.0 * thrust))
-    up = np.asarray(numbers["rotor_dyn_coef"])
-    lag = 1.0 / (up[0] + 2.0 * up[1] * hover * RPM)
+    up, up_squares, down, down_squares = np.asarray(numbers["rotor_dyn_coef"])
+    rates = np.array([up, down]) + 2.0 * np.array([up_squares, down_squares]) * hover * RPM
+    lag = float(np.mean(1.0 / rates))
     true = {"mass": numbers["mass"], "ixx": inertia[0], "iyy": inertia[1], "izz": inertia[2], "thrust": thrust,
             "torque": torque, "lag": lag, "speed": 1.5 * hover}  # fmt: skip
     true = {key: float(value) for key, value in true.items()}
