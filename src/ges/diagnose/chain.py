@@ -16,6 +16,7 @@ from ..io.recording import RecordingSet, make_set, require_drive
 from ..vehicle import Estimate as Fitting
 from ..vehicle import Quantity, Vehicle
 from .balance import shift_of
+from .closed_loop import closed_loop
 from .detect import smallest_detectable
 from .engine import LEAST_SHARE, Accepted, accept, first_system, split, withdrawn
 from .evidence import Board
@@ -24,7 +25,7 @@ from .fit import Joint, calibrated, left_raw, null_fit
 from .gate import Gate, at_flown_voltage, pass_gate
 from .hearing import lacking, silent_channels, unheard
 from .instruments import MOVED
-from .locate import BLOCK_S, cells, from_findings, from_residuals, regimes_of, strongest
+from .locate import BLOCK_S, cells, from_findings, from_residuals, regimes, regimes_of, strongest
 from .model import Model, from_vehicle
 from .recommend import next_flight
 from .result import Diagnosis
@@ -32,7 +33,8 @@ from .structure import Structure, Told, structures
 from .system import ALL_ON, Switches, System, common_channels, window_length_s
 from .unknown import borrowed, left_over
 from .verdict import sentence_of, verdict_of
-from .verify import channel_table, errors, rollout_table, rollouts
+from .verify import channel_table, elsewhere, errors, rollout_table, rollouts
+from .weak import make_windows
 
 METRIC = (
     "rms of the weak-form residual (windowed average, nothing differentiated) on flights that took no part; reduction_ci95: "
@@ -143,7 +145,7 @@ class _Chain:
         findings = [*proven, *settled_findings(self.gate), *open_findings(accepted), *(moved.findings() if moved else ())]
         unexplained = [_unexplained(u) for u in left_over(last.structures, after)]
         models = {"before": self.model, "recalibrated": recalibrated, "after": after}
-        fit, proof = self._proof(models)
+        fit, proof = self._proof(models, located)
         verdict = verdict_of(findings, (moved.rivals,) if moved else accepted.rivals, unexplained)
         calibration = _calibration(last.joint, self.model)
         off = silent_channels([*self.train, *self.held], self.model)
@@ -171,19 +173,24 @@ class _Chain:
         found = calibrated(self.model.with_effects(accepted.fitted.effects), accepted.fitted.joint.common)
         return _stage(found, accepted.fitted.joint, accepted.fitted.board, told)
 
-    def _proof(self, models: Mapping[str, Model]) -> tuple[dict, dict]:
+    def _proof(self, models: Mapping[str, Model], located: Sequence[Mapping]) -> tuple[dict, dict]:
         """Errors before, recalibrated and after on the held-out flights: for the file, and in full for the pictures."""
         if not self.held:
             return {"metric": METRIC, "holdout_flights": [], "channels": {}, "rollout": {}}, {}
-        channels = common_channels(self.held, self.model)
-        told, rolled = errors(self.held, models, channels, self.length_s), rollouts(self.held, models)
+        channels, spacing_s = common_channels(self.held, self.model), 0.5 * self.length_s
+        windows = [make_windows(f.t_s, f.flying, self.length_s) for f in self.held]
+        told = [regimes(f, w, models["after"]) for f, w in zip(self.held, windows, strict=True)]
+        left, rolled = errors(self.held, models, channels, self.length_s), rollouts(self.held, models)
         fit = {
             "metric": METRIC,
             "holdout_flights": self.held_names,
-            "channels": channel_table(told, channels, 0.5 * self.length_s),
+            "channels": channel_table(left, channels, spacing_s),
+            "elsewhere": elsewhere(left, channels, located, told, spacing_s),
             "rollout": rollout_table(rolled),
+            "closed_loop": closed_loop(self.held, models, self.length_s),
         }
-        return fit, {"errors": told, "channels": channels, "rollouts": rolled, "length_s": self.length_s}
+        proof = {"errors": left, "channels": channels, "rollouts": rolled, "length_s": self.length_s, "regimes": told}
+        return fit, proof
 
     def _data(self, system: System, off: Mapping[str, str]) -> dict:
         used = [*self.train, *self.held]

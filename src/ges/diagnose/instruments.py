@@ -37,8 +37,9 @@ def _table(flight: Prepared) -> np.ndarray:
     return np.column_stack([ref[:, :6], acceleration, yaw, excitation])
 
 
-def replayed(flight: Prepared, model: Model) -> dict[str, np.ndarray] | None:
-    """The nominal vehicle following the references without noise or disturbance: contract columns on the flight's grid."""
+def replayed(flight: Prepared, model: Model, more: Sequence[str] = ()) -> dict[str, np.ndarray] | None:
+    """The nominal vehicle following the references without noise or disturbance: contract columns on the flight's grid, those
+    of the motion, rotor speeds and ``more``; None where there are no references or it cannot follow them."""
     if not flight.has("reference"):
         return None
     table, every = _table(flight), max(1, int(np.ceil(flight.dt_s / STEP_S)))
@@ -51,7 +52,7 @@ def replayed(flight: Prepared, model: Model) -> dict[str, np.ndarray] | None:
                "inputs_dt_s": flight.dt_s, "dt_s": flight.dt_s / every, "record_every": every, "control_every": 1,
                "telemetry_every": every, "duration_s": (len(table) - 1) * flight.dt_s}  # fmt: skip
     numbers |= {"gear_height_m": 0.0, "gear_stiffness_N_m": 0.0}
-    columns = ("t_s", *POSITION, *VELOCITY, *QUATERNION, *BODY_RATE, *ROTOR_SPEED)
+    columns = ("t_s", *POSITION, *VELOCITY, *QUATERNION, *BODY_RATE, *ROTOR_SPEED, *more)
     record = sim.fly([sim.Flight(numbers, model.effects, model.terrain, table)], columns)[0]
     if record.status != "ok":
         return None

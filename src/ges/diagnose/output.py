@@ -13,7 +13,6 @@ from .. import effects as effect_table
 from ..files import write_json
 from ..vehicle import save_vehicle
 from . import pictures
-from .locate import regimes
 from .report import write_report
 from .result import Diagnosis
 from .verify import HORIZON_S, STEPS
@@ -92,7 +91,6 @@ def _residual_picture(place: Mapping[str, Any], details: Mapping[str, Any]):
 
 def _regime_values(flights: Sequence, regime: str, details: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     cut = [make_windows(f.t_s, f.flying, details["length_s"]) for f in flights]
-    told = [regimes(f, w, details["models"]["after"]) for f, w in zip(flights, cut, strict=True)]
-    values = [t.get(regime, np.full(len(w), np.nan)) for t, w in zip(told, cut, strict=True)]
+    values = [t.get(regime, np.full(len(w), np.nan)) for t, w in zip(details["regimes"], cut, strict=True)]
     blocks = blocks_of([(w, f.t_s[0]) for f, w in zip(flights, cut, strict=True)], BLOCK_S)
     return np.concatenate(values), np.concatenate(blocks)

@@ -14,7 +14,7 @@ LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0004, "drive": 0.004, "
 FORCED = ("force", "acc", "moment")
 LEAST_SIZE = 0.01
 BORROWED_R2 = 0.2
-BORROWED_SHARE = {"force": 0.005, "acc": 0.005, "moment": 0.002, "range": 1.0}
+BORROWED_SHARE = {"force": 0.005, "acc": 0.005, "moment": 0.002, "range": 0.25}
 AGAIN = 1.5  # times what the flights of the calibration show too
 
 

@@ -18,6 +18,8 @@ from .weak import make_windows
 HORIZON_S = 1.0
 STEPS = 20
 RESAMPLES = 1000
+BLOCK_S = 5.0
+WORSE = 0.02
 STAGES = ("before", "recalibrated", "after")
 
 
@@ -60,7 +62,7 @@ def reduction(
 
 def channel_table(told: Mapping[str, Sequence[np.ndarray]], names: Sequence[str], spacing_s: float) -> dict[str, dict]:
     """``channels`` of the fit, as the contract writes them; blocks of 5 s."""
-    block = max(1, int(round(5.0 / spacing_s)))
+    block = max(1, int(round(BLOCK_S / spacing_s)))
     table = {}
     for c, name in enumerate(names):
         pick = {stage: [e[:, c] for e in told[stage]] for stage in STAGES}
@@ -75,6 +77,45 @@ def channel_table(told: Mapping[str, Sequence[np.ndarray]], names: Sequence[str]
             "reduction_ci95": interval,
         }
     return table
+
+
+def elsewhere(told: Mapping[str, Sequence[np.ndarray]], names: Sequence[str], located: Sequence[Mapping],
+              regimes: Sequence[Mapping[str, np.ndarray]], spacing_s: float) -> dict[str, dict]:  # fmt: skip
+    """``elsewhere`` of the fit: the same errors outside every regime in which a channel was found wrong: must not get worse.
+
+    Parameters
+    ----------
+    told : of :func:`errors`.
+    located : entries of the diagnosis.
+    regimes : by flight, regime variables of every window.
+
+    Returns
+    -------
+    by channel, of those that have such regimes and windows outside: rms ``recalibrated`` and ``after``, the 95 % interval
+    ``change_ci95`` of after/recalibrated - 1, and ``worse``: whether it lies above two percent.
+    """
+    block, table = max(1, int(round(BLOCK_S / spacing_s))), {}
+    for c, name in enumerate(names):
+        wrong = [item["regime"] for item in located if item["channel"] == name]
+        if not wrong:
+            continue
+        masks = [~np.any([_inside(r, bounds) for bounds in wrong], axis=0) for r in regimes]
+        pick = {s: [np.where(m, e[:, c], np.nan) for e, m in zip(told[s], masks, strict=True)] for s in STAGES[1:]}
+        if sum(np.isfinite(e).sum() for e in pick["after"]) < 2 * block:
+            continue
+        recalibrated, after, interval = reduction(pick["recalibrated"], pick["after"], block)
+        change = [-interval[1], -interval[0]]
+        table[f"{name}_{UNITS[name]}"] = {"recalibrated": recalibrated, "after": after, "change_ci95": change,
+                                          "worse": change[0] > WORSE}  # fmt: skip
+    return table
+
+
+def _inside(values: Mapping[str, np.ndarray], bounds: Mapping[str, Sequence[float]]) -> np.ndarray:
+    """Windows within all bounds; none where a variable is not known."""
+    inside = np.ones(len(next(iter(values.values()))), bool)
+    for name, (low, high) in bounds.items():
+        inside &= (values[name] >= low) & (values[name] <= high) if name in values else False
+    return inside
 
 
 def can_roll(flight: Prepared) -> bool:

@@ -1,0 +1,162 @@
+"""Where residuals have structure: found where it is, not found where there is none, and what of it stays unexplained."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from ges.diagnose.locate import cells, from_findings, from_residuals, strongest
+from ges.diagnose.model import from_vehicle
+from ges.diagnose.structure import Structure, excited, structures
+from ges.diagnose.unknown import borrowed, left_over
+
+NAMES = ("force_x", "force_z", "moment_y")
+STEP_S, WINDOWS, FLIGHTS, BLOCK = 0.1, 250, 4, 25
+
+
+@pytest.fixture
+def model(sheet):
+    return from_vehicle(sheet())
+
+
+def _noise(rng, correlation=0.8, size=0.05):
+    """Coloured noise of every flight and channel, (m, C) N."""
+    white = rng.standard_normal((FLIGHTS, WINDOWS, len(NAMES))) * size * np.sqrt(1 - correlation**2)
+    return list(lfilter([1.0], [1.0, -correlation], white, axis=1))
+
+
+def _flights(seed=0):
+    """Regimes of every flight: speeds that go to and fro, a height that goes up, and time."""
+    rng, t = np.random.default_rng(seed), np.arange(WINDOWS) * STEP_S
+    return [{"time_s": t, "forward_m_s": 2.0 * np.sin(2 * np.pi * t / 8.0 + rng.uniform(0, 6)),
+             "height_over_radius": np.linspace(2.0, 12.0, WINDOWS)[:: rng.choice([-1, 1])]} for _ in range(FLIGHTS)]  # fmt: skip
+
+
+def _blocks():
+    return [np.arange(WINDOWS) // BLOCK + 1000 * f for f in range(FLIGHTS)]
+
+
+def _clear(found, chance=0.01):
+    return {(s.channel, *s.regime): s for s in found if s.q_value <= chance and not s.of_size}
+
+
+def _system(model):
+    return SimpleNamespace(names=NAMES, model=model, blocks=lambda _: _blocks())
+
+
+def test_a_force_that_follows_a_speed_is_found_there_and_not_elsewhere():
+    told, raw = _flights(), _noise(np.random.default_rng(1))
+    for r, t in zip(raw, told, strict=True):
+        r[:, 0] -= 0.04 * t["forward_m_s"]
+    found = _clear(structures(raw, told, NAMES, _blocks()))
+    best = max(found.values(), key=lambda s: s.r2)
+    assert (best.channel, best.regime) == ("force_x", ("forward_m_s",)) and best.r2 > 0.3
+    assert {key[0] for key in found} == {"force_x"}
+    assert best.low[0] <= -1.5 or best.high[0] >= 1.5, "the force is largest at full speed"
+
+
+def test_coloured_noise_has_structure_no_oftener_than_it_should():
+    """Forty sets of flights without anything: at a chance of 5 %, seven or more would happen once in a hundred times."""
+    alarms = sum(
+        bool(_clear(structures(_noise(np.random.default_rng(k)), _flights(k), NAMES, _blocks()), 0.05)) for k in range(40)
+    )
+    assert alarms <= 6
+
+
+def test_a_strong_structure_does_not_hide_itself():
+    """Ninety times the noise: signs of the signal itself would make any prediction look like chance."""
+    told, raw = _flights(), _noise(np.random.default_rng(2))
+    for r, t in zip(raw, told, strict=True):
+        r[:, 2] += 4.5 * np.maximum(t["forward_m_s"], 0.0)
+    assert ("moment_y", "forward_m_s") in _clear(structures(raw, told, NAMES, _blocks()))
+
+
+def test_what_one_flight_alone_visits_is_seen():
+    told, raw = _flights(), _noise(np.random.default_rng(3))
+    for t in told:
+        t["height_over_radius"] = np.full(WINDOWS, 12.0)
+    told[0]["height_over_radius"] = 7.0 + 5.0 * np.cos(2 * np.pi * told[0]["time_s"] / 5.0)
+    raw[0][:, 1] += 0.4 * (told[0]["height_over_radius"] < 6.0)
+    assert ("force_z", "height_over_radius") in _clear(structures(raw, told, NAMES, _blocks()))
+
+
+def test_a_speed_that_only_the_disturbance_moved_is_no_regime():
+    """In hover the drift follows from the force that the residual shows; it would look like drag of the wrong sign."""
+    hover = {"forward_m_s": np.linspace(-0.1, 0.1, 50), "left_m_s": np.linspace(-1.0, 1.0, 50), "battery_V": np.full(50, 15.0)}
+    assert excited(hover) == ["left_m_s"]
+
+
+def test_where_the_size_changes_and_the_mean_does_not():
+    told, raw = _flights(), _noise(np.random.default_rng(4))
+    for r, t in zip(raw, told, strict=True):
+        r[:, 1] *= 1.0 + 5.0 * (t["height_over_radius"] < 5.0)
+    found = [s for s in structures(raw, told, NAMES, _blocks()) if s.q_value <= 0.01]
+    best = max((s for s in found if s.of_size), key=lambda s: s.r2)
+    assert (best.channel, best.regime) == ("force_z", ("height_over_radius",)) and best.low[0] < 5.0
+    assert best.rms == pytest.approx(0.3, rel=0.3), "rms of the residual there, not of its logarithm"
+    assert all(s.of_size for s in found)
+
+
+def test_same_bytes_every_time():
+    told, raw = _flights(), _noise(np.random.default_rng(5))
+    assert structures(raw, told, NAMES, _blocks()) == structures(raw, told, NAMES, _blocks())
+
+
+def test_map_and_entries_show_the_cells(model):
+    told, raw = _flights(), _noise(np.random.default_rng(6))
+    for r, t in zip(raw, told, strict=True):
+        r[:, 1] += 0.3 * (t["height_over_radius"] < 5.0)
+    found = structures(raw, told, NAMES, _blocks())
+    made = cells(_system(model), raw, told, found)
+    first = from_residuals(made, found, _system(model))[0]
+    low, high = first["regime"]["height_over_radius"]
+    assert first["channel"] == "force_z" and low < 2.5 and 3.0 < high < 7.0
+    assert first["mean"] == pytest.approx(0.3, abs=0.1) and first["q_value"] <= 0.01 and 0.5 < first["share_of_excess"] <= 1.0
+    dark = [c for c in made if c.q_value <= 0.01]
+    assert {c.channel for c in dark} == {"force_z"}
+    of_map = [c for c in made if (c.channel, c.regime) == ("force_z", "height_over_radius")]
+    assert sum(c.share for c in of_map) == pytest.approx(1.0)
+
+
+def test_a_finding_is_located_where_it_stands_out_of_the_noise(model):
+    told, raw = _flights(), _noise(np.random.default_rng(7))
+    acts = [np.stack([-0.05 * t["forward_m_s"], np.zeros(WINDOWS), 1e-4 * t["forward_m_s"]], axis=1) for t in told]
+    entries = from_findings({"rotor_drag": acts}, raw, {"rotor_drag": 0.98}, told, _system(model))
+    assert [(e["channel"], *e["regime"], e["finding"]) for e in entries] == [("force_x", "forward_m_s", "rotor_drag")]
+    assert entries[0]["q_value"] == pytest.approx(0.02)
+    low, high = entries[0]["regime"]["forward_m_s"]
+    assert abs(low) > 0.9 or abs(high) > 0.9
+
+
+def test_every_channel_once_before_any_twice():
+    entries = [{"channel": c, "n": k} for c in ("a", "b") for k in range(5)]
+    assert [e["channel"] for e in strongest(entries)] == ["a", "b", "a", "b", "a", "b"]
+    assert len(strongest(entries, 3)) == 3
+
+
+def _structure(model, channel="force_z", share=0.01, r2=0.5, q=0.002, **more):
+    return Structure(channel, ("climb_m_s",), (0.0,), (1.0,), r2, q, share * model.whole(channel), **more)
+
+
+def test_unexplained_is_what_is_clear_and_large(model):
+    large = _structure(model)
+    quiet = [_structure(model, "force_x", share=0.001), _structure(model, "acc_x", q=0.2), _structure(model, "acc_y", r2=0.01)]
+    assert left_over([large, *quiet], model) == [large]
+    calibrated = dataclasses.replace(model, left_unexplained={"force_z": 0.01 * model.weight_N})
+    assert left_over([large], calibrated) == [], "the flights of the calibration show it too"
+
+
+def test_size_speaks_where_no_mean_does(model):
+    restless = _structure(model, "force_x", share=0.03, of_size=True)
+    assert left_over([restless], model) == [restless]
+    assert left_over([_structure(model), restless], model) == [_structure(model)]
+    assert left_over([dataclasses.replace(restless, channel="range")], model) == []
+
+
+def test_a_name_that_leaves_structure_of_its_own_size_is_borrowed(model):
+    assert borrowed([_structure(model, share=0.01, r2=0.4)], model)
+    assert not borrowed([_structure(model, share=0.01, r2=0.1)], model), "a form that is a little wrong"
+    assert not borrowed([_structure(model, share=0.003, r2=0.4)], model), "a second, smaller cause"
+    assert not borrowed([_structure(model, share=0.05, r2=0.4, of_size=True)], model)
