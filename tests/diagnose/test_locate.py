@@ -160,3 +160,5 @@ def test_a_name_that_leaves_structure_of_its_own_size_is_borrowed(model):
     assert not borrowed([_structure(model, share=0.01, r2=0.1)], model), "a form that is a little wrong"
     assert not borrowed([_structure(model, share=0.003, r2=0.4)], model), "a second, smaller cause"
     assert not borrowed([_structure(model, share=0.05, r2=0.4, of_size=True)], model)
+    calibrated = dataclasses.replace(model, left_unexplained={"force_z": 0.01 * model.weight_N})
+    assert not borrowed([_structure(model, share=0.01, r2=0.4)], calibrated), "the flights of the calibration show it too"

@@ -132,7 +132,7 @@ class _Chain:
         map_cells = cells(system, first.left, told, first.structures)
         accepted = accept(system, self.length_s, switches, names)
         last = self._last(accepted, first, told)
-        if names is None and last is not first and borrowed(last.structures, self.model):
+        if names is None and last is not first and not accepted.rivals and borrowed(last.structures, self.model):
             accepted, last = withdrawn(accepted), first
         added, after = contributions(accepted), last.model
         located = strongest([

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from .locate import clear
 from .model import Model
@@ -28,17 +28,20 @@ def left_over(found: Sequence[Structure], model: Model) -> list[Structure]:
     return list(best.values())
 
 
-def _least(s: Structure, model: Model) -> float:
-    """Smallest rms that counts; what the flights of the calibration show too does not."""
-    kind = s.channel.split("_")[0]
-    usual = LEAST_SHARE[kind]
-    if s.of_size:
-        usual = LEAST_SIZE if kind in FORCED else float("inf")
-    return max(usual * model.whole(s.channel), AGAIN * model.left_unexplained.get(s.channel, 0.0))
-
-
 def borrowed(found: Sequence[Structure], model: Model) -> bool:
     """Whether what was accepted leaves a structure so large that its names are only the nearest: an effect of the library that
     is really there explains its channels, and one that is not makes up for a part of what is."""
-    kinds = [(s, s.channel.split("_")[0]) for s in clear(found, BORROWED_R2) if not s.of_size]
-    return any(k in BORROWED_SHARE and s.rms > BORROWED_SHARE[k] * model.whole(s.channel) for s, k in kinds)
+    means = [s for s in clear(found, BORROWED_R2) if not s.of_size and _kind(s) in BORROWED_SHARE]
+    return any(s.rms > _least(s, model, BORROWED_SHARE) for s in means)
+
+
+def _kind(s: Structure) -> str:
+    return s.channel.split("_")[0]
+
+
+def _least(s: Structure, model: Model, shares: Mapping[str, float] = LEAST_SHARE) -> float:
+    """Smallest rms that counts; what the flights of the calibration show too does not."""
+    usual = shares[_kind(s)]
+    if s.of_size:
+        usual = LEAST_SIZE if _kind(s) in FORCED else float("inf")
+    return max(usual * model.whole(s.channel), AGAIN * model.left_unexplained.get(s.channel, 0.0))
