@@ -21,10 +21,11 @@ RAISED = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u207
 
 
 class Quoted(Strict):
-    """A number of a table: row, column, what it is multiplied with, digits to print."""
+    """A number of a table: row, less another row, column, what it is multiplied with, digits to print."""
 
     table: str
     where: Where = {}
+    minus: Where | None = None
     value: str
     reduce: Literal["max", "min", "mean", "sum", "count", "first"] | None = None
     scale: float = 1.0
@@ -92,12 +93,21 @@ def quoted(listed: Path = LISTED) -> dict[str, Quoted]:
     return {name: Quoted.model_validate(spec) for name, spec in content.items()}
 
 
+def _found(frame: pd.DataFrame, spec: Quoted) -> Ours | None:
+    """The number that is asked for; a difference of two rows has no interval, since they are not independent."""
+    found = look(frame, spec.where, spec.value, spec.reduce)
+    if found is None or spec.minus is None:
+        return found
+    other = look(frame, {**spec.where, **spec.minus}, spec.value, spec.reduce)
+    return other and Ours(value=found.value - other.value)
+
+
 def write_numbers(listed: Path, claims: Path, tables: list[Path], results: Path, numbers: Path) -> None:
     """Write every number that the paper may quote; one whose table or row is absent prints as ``n/a``."""
     made, read = _claims(pd.read_csv(claims)), read_tables(tables, results)
     for name, spec in quoted(listed).items():
         frame = read.get(spec.table)
-        found = None if frame is None or frame.empty else look(frame, spec.where, spec.value, spec.reduce)
+        found = None if frame is None or frame.empty else _found(frame, spec)
         if found is not None:
             found = Ours(value=spec.scale * found.value, low=spec.scale * found.low, high=spec.scale * found.high)
         made[name] = entry(found, spec.unit, spec.digits)

@@ -138,7 +138,8 @@ def test_the_paper_quotes_what_exists_and_types_no_number(tmp_path):
         f"claims.{name}"
         for name in ("all", "reproduced", "reproduced_fitted", "same_direction", "not_reproduced", "not_measured")
     }
-    quoted = set(re.findall(r'#(?:num|ours|theirs|verdict|beside|if known)\("([^"]+)"\)', text))
+    asked = r'\b(num|ours|theirs|verdict|beside|word|known|less)\("([^"]+)"(?:, "([^"]+)")?'
+    quoted = {name for call, *names in re.findall(asked, text) for name in names[: 1 + (call == "less")] if name}
     assert quoted and quoted <= known
     rules = (ROOT / "workflow/rules/figures.smk").read_text()
     shown = set(re.findall(r'\bfig\("([^"]+)"', text))

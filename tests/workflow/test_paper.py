@@ -1,6 +1,7 @@
 """No result is typed into the paper; tables keep their origin; the same results give the same PDF."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -8,6 +9,7 @@ from ges import paper
 from ges.errors import GesError
 from ges.runs import Code
 
+ROOT = Path(__file__).resolve().parents[2]
 CODE = Code(commit="0123456789", modified=False, sha256="0" * 64)
 
 
@@ -58,3 +60,17 @@ def test_pdf_is_the_same_twice_and_errors_are_sentences(tmp_path):
     with pytest.raises(GesError, match="unknown variable"):
         paper.render(tmp_path / "main.typ", tmp_path / "results", tmp_path / "no.pdf")
     assert not (tmp_path / "no.pdf").exists()
+
+
+def test_words_follow_the_sign(tmp_path):
+    """A rerun that turns a result turns the word that tells it, and one that cannot tell says so."""
+    (tmp_path / "lib.typ").write_text((ROOT / "paper/lib.typ").read_text())
+    spans = {"up": (1, [0.5, 2]), "down": (-1, [-2, -0.5]), "either": (1, [-1, 3]), "absent": (None, None), "alone": (-3, None)}
+    numbers = {name: {"value": value, "ci95": span} for name, (value, span) in spans.items()}
+    for name, content in {"numbers": numbers, "facts": {}, "config": {}, "claims_rules": {}}.items():
+        (tmp_path / f"{name}.json").write_text(json.dumps(content))
+    said = {"up": "trails", "down": "leads", "either": "level", "absent": "level", "alone": "leads"}
+    checks = [f'#assert.eq(word("{name}", "trails", "leads", "level"), "{words}")' for name, words in said.items()]
+    checks += ['#assert(less("down", "up") and not less("up", "down") and not less("absent", "up"))']
+    (tmp_path / "main.typ").write_text("\n".join(['#import "lib.typ": word, less', *checks]))
+    paper.render(tmp_path / "main.typ", tmp_path, tmp_path / "ok.pdf")
