@@ -139,12 +139,11 @@ def pulse(trace: Path, tests: Path, data: Path, pdf: Path, png: Path) -> None:
     left.axhline(0, color=style.BLACK, lw=0.6)
     left.set(xlabel="time after the pulse (s)", ylabel="change of clearance (mm)\nmean and 95 % interval")
     rows = tested[tested["metric"] == "shadow_mae"]
-    error = np.array([rows["difference"] - rows["low"], rows["high"] - rows["difference"]])
-    right.errorbar(range(len(rows)), rows["difference"], error, fmt="s", color=style.RED)
+    change = 1000 * rows["difference"]
+    right.errorbar(range(len(rows)), change, [change - 1000 * rows["low"], 1000 * rows["high"] - change], fmt="s", color=style.RED)
     right.axhline(0, color=style.BLACK, lw=0.6)
     right.set_xticks(range(len(rows)), rows["window_s"])
-    right.set(xlabel="window after the pulse (s)", ylabel="change of the network's error\npaired, 95 % interval")
-    right.ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
+    right.set(xlabel="window after the pulse (s)", ylabel="change of the network's error\n(thousandths), 95 % interval")
     style.panel(left, "a")
     style.panel(right, "b")
     style.save(figure, tested, data, pdf, png)

@@ -134,10 +134,10 @@ def ground_quartiles(quartiles: Path, quantity: str, data: Path, pdf: Path, png:
             span = [rows["mae"] - rows["mae_low"], rows["mae_high"] - rows["mae"]]
             ax.errorbar(rows["quartile"] + 0.12 * (i - 0.5), rows["mae"], span, fmt=style.MARKERS[i], color=style.COLOURS[i],
                         label=label)  # fmt: skip
-        unit = "" if rows["unit"].iloc[0] == "1" else f"\n({rows['unit'].iloc[0]})"
+        unit = "" if rows["unit"].iloc[0] == "1" else f" ({rows['unit'].iloc[0]})"
         labels = [f"{round(r.low, 4):.2g} to\n{r.high:.2g}" for r in rows.itertuples()]
         ax.set_xticks(rows["quartile"], labels)
-        ax.set(xlabel=f"{quantity} of the ground, quartiles{unit}", ylabel="mean absolute error", ylim=(0, None))
+        ax.set(xlabel=f"quartiles of {quantity}{unit}", ylabel="mean absolute error", ylim=(0, None))
     _legend(figure, ax)
     style.save(figure, table, data, pdf, png)
 
@@ -192,10 +192,10 @@ def learning_curves(curves: Path, data: Path, pdf: Path, png: Path) -> None:
     figure, axes = style.subplots(height=2.9)
     for i, (model, rows) in enumerate(table.groupby("model", sort=False)):
         look = {"marker": style.MARKERS[i], "color": style.COLOURS[i], "ls": style.LINES[i % 4]}
-        axes.plot(rows["train_rows"], rows["rmse"], label=style.MODEL_LABELS[model], **look)
+        axes.plot(rows["train_rows"] / 1000, rows["rmse"], label=style.MODEL_LABELS[model], **look)
         cap = rows[rows["share"] == 1.0]
-        axes.plot(cap["train_rows"], cap["rmse"], "o", ms=8, mfc="none", color=style.COLOURS[i])
-    axes.set(xscale="log", xlabel="training rows (ring: the cap in use)", ylabel="RMSE on validation seeds")
+        axes.plot(cap["train_rows"] / 1000, cap["rmse"], "o", ms=8, mfc="none", color=style.COLOURS[i])
+    axes.set(xscale="log", xlabel="training rows (thousands; ring: the cap in use)", ylabel="RMSE of the factor on validation seeds")
     style.log_ticks(axes.xaxis)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     style.save(figure, table, data, pdf, png)
