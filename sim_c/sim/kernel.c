@@ -306,7 +306,10 @@ static void read_sensors(lanes_t *l, int k, vd attitude[9]) {
     attitude[row + 1] = r[1] + (r[2] * e[0] - r[0] * e[2]);
     attitude[row + 2] = r[2] + (r[0] * e[1] - r[1] * e[0]);
   }
-  for (int j = 0; j < 3; j++) l->acc_error[j] = add.acc[j];
+  for (int j = 0; j < 3; j++) {
+    l->acc_error[j] = add.acc[j];
+    l->reading.attitude[j] = add.attitude[j];
+  }
 }
 
 /* Smooth wave of period 1 between 0 and 1, from the terrain's quintic. */
@@ -546,7 +549,20 @@ static void stop_bad_lanes(const lanes_t *l, ges_flight *const *flights, int n, 
   }
 }
 
+/* The attitude reading as a quaternion: q (1, e/2), e the small rotation by which the sensors turn it. */
+static void read_attitude(const vd q[4], const vd e[3], vd out[4]) {
+  vd rate[4], norm = all_lanes(0.0);
+  quaternion_rate(q, e, rate);
+  for (int k = 0; k < 4; k++) {
+    out[k] = q[k] + rate[k];
+    norm += out[k] * out[k];
+  }
+  for (int k = 0; k < 4; k++) out[k] = out[k] / lane_sqrt(norm);
+}
+
 static void fill_row(lanes_t *l, vd *row) {
+  vd attitude[4];
+  read_attitude(l->sample.q, l->reading.attitude, attitude);
   const sample_t *s = &l->sample;
   const reading_t *y = &l->reading;
   const report_t *fw = &l->report;

@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 from ges import manoeuvres, sim
-from ges.terrain import Terrain
 from ges.vehicle import Vehicle, parse_vehicle
 
 ARM_M = 0.12
@@ -23,11 +22,14 @@ SHEET = {
     "torque_coefficient_Nm_s2": {"value": 1e-7, "sd_rel": 0.1},
     "max_rotor_speed_rad_s": 1000,
 }
-POSE = ("t_s", "p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s", "q_w", "q_x", "q_y", "q_z")
+POSE = ("t_s", "p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s")
 SPEEDS = tuple(f"rotor_speed_{i}_rad_s" for i in range(1, 5))
 REFERENCES = ("p_ref_x_m", "p_ref_y_m", "p_ref_z_m", "v_ref_x_m_s", "v_ref_y_m_s", "v_ref_z_m_s", "yaw_ref_rad")
 GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
-NOISE = {"v_x": 0.02, "v_y": 0.02, "v_z": 0.02, "gyr": 0.02, "q_w": 0.001, "q_x": 0.001, "q_y": 0.001, "q_z": 0.001}
+ATTITUDE = ("attitude_w", "attitude_x", "attitude_y", "attitude_z")
+READINGS = {"gyro_x_rad_s": "omega_x_rad_s", "gyro_y_rad_s": "omega_y_rad_s", "gyro_z_rad_s": "omega_z_rad_s",
+            "attitude_w": "q_w", "attitude_x": "q_x", "attitude_y": "q_y", "attitude_z": "q_z"}  # fmt: skip
+NOISE = {"v_x": 0.02, "v_y": 0.02, "v_z": 0.02, "gyr": 0.02, "att": 0.001}
 
 
 @pytest.fixture(scope="session")
@@ -37,15 +39,15 @@ def sheet() -> Callable[..., Vehicle]:
 
 
 def fly(vehicle: Vehicle, effects: dict, table: np.ndarray, seed: int, extra: tuple[str, ...] = ()) -> pd.DataFrame:
-    """Fly a manoeuvre, on the vehicle's own effects and these, and record it with the noise of a decent estimator."""
+    """Fly a manoeuvre, on the vehicle's own effects and ground, and record it with the noise of a decent estimator."""
     numbers = {**vehicle.parameters(), "seed": seed, "altitude_source": 1, "mode": "none", "inputs_dt_s": manoeuvres.STEP_S,
                "duration_s": (len(table) - 1) * manoeuvres.STEP_S}  # fmt: skip
-    flight = sim.Flight(numbers, {**vehicle.effect_values(), **effects}, Terrain.flat(), table)
-    (record,) = sim.fly([flight], (*POSE, *SPEEDS, *extra))
+    flight = sim.Flight(numbers, {**vehicle.effect_values(), **effects}, vehicle.ground(), table)
+    (record,) = sim.fly([flight], (*POSE, *ATTITUDE, *SPEEDS, *extra))
     assert record.status == "ok", record.status
     rng = np.random.default_rng(seed)
     noisy = {name: values + rng.normal(0.0, NOISE.get(name[:3], 0.0), len(values)) for name, values in record.columns.items()}
-    return pd.DataFrame(noisy).rename(columns={name: name.replace("gyro", "omega") for name in GYRO})
+    return pd.DataFrame(noisy).rename(columns=READINGS)
 
 
 @pytest.fixture(scope="session")

@@ -198,3 +198,14 @@ def test_slung_load_swings_at_its_frequency():
     swing = v - np.polyval(np.polyfit(np.arange(len(v)), v, 6), np.arange(len(v)))
     frequency = np.fft.rfftfreq(len(swing), 0.01)[np.argmax(np.abs(np.fft.rfft(swing)))]
     assert frequency == pytest.approx(np.sqrt(9.80665 / 1.0 * (1 + 0.1 / 1.2)) / (2 * np.pi), abs=0.06)
+
+
+def test_attitude_reading_is_turned_by_the_sensor_alone():
+    angle = 0.04
+    biased = sim.Flight({"duration_s": 1}, {"attitude_bias": {"x_rad": angle}}, Terrain.flat())
+    plain = sim.Flight({"duration_s": 1}, {}, Terrain.flat())
+    turned, true = sim.fly([biased, plain])
+    assert turned["attitude_x"][0] == pytest.approx(np.sin(angle / 2), rel=1e-3)
+    assert np.abs(turned["q_x"][-1]) > 1e-4, "the firmware flies by the reading"
+    for a in "wxyz":
+        assert np.allclose(true[f"attitude_{a}"], true[f"q_{a}"], atol=1e-15)

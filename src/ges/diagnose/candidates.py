@@ -211,6 +211,13 @@ def _other_vehicles(model: Model, reached: Flown) -> tuple[Variant, ...]:
     )
 
 
+def reach_of(name: tuple[str, str], values: effect_table.Effects, model: Model) -> float:
+    """How far a parameter that is a place may move in one round of a fit, m: half of what it acts over; 0 for all others."""
+    if name[0] == "downwash" and name[1] != "force_N":
+        return 0.5 * max(values["downwash"]["width_m"], model.radius_m)
+    return 0.5 * model.radius_m if name == ("ceiling_effect", "ceiling_z_m") else 0.0
+
+
 def _saturations(model: Model, reached: Flown) -> tuple[Variant, ...]:
     """The speed is cut at a level: not linear in it, so each column is the whole step from no cut to its level."""
     found = []

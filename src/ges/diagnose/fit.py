@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import effects as effect_table
 from .align import Prepared
-from .candidates import Amplitude, Variant, _amplitude
+from .candidates import Amplitude, Variant, _amplitude, reach_of
 from .evidence import Board, make_board
 from .model import Model
 from .select import Hypothesis
@@ -19,6 +19,7 @@ from .system import ALL_ON, Switches, System, build
 BLOCK_S = 10.0
 ROUNDS = 4
 TIGHT = 0.02
+PART_OF_REACH = 0.2
 FIRMER = {("motor_lag", "up_s"): (0.0, 0.5), ("motor_lag", "down_s"): (0.0, 0.5), ("esc_delay", "delay_s"): (0.0, 0.06)}
 
 
@@ -130,7 +131,8 @@ def starting_values(board: Board, hypothesis: Hypothesis) -> dict[str, dict[str,
 
 
 _SHAPES: Mapping[str, tuple[str, ...]] = {"ground_effect": ("decay", "rotor_plane_offset_m"), "fountain_lift": ("c_s",),
-                                          "slung_load": ("length_m",)}  # fmt: skip
+                                          "slung_load": ("length_m",), "ceiling_effect": ("ceiling_z_m",),
+                                          "downwash": ("width_m", "other_x_m", "other_y_m")}  # fmt: skip
 
 
 def free_parameters(board: Board, hypothesis: Hypothesis, model: Model, values: effect_table.Effects) -> list[tuple[str, str]]:
@@ -149,13 +151,22 @@ def free_parameters(board: Board, hypothesis: Hypothesis, model: Model, values: 
     return found
 
 
-def _prior(name: tuple[str, str], value: float, model: Model) -> tuple[float, float]:
-    """Mean and sd of a free parameter's deviation from its present value."""
+def _prior(name: tuple[str, str], values: effect_table.Effects, model: Model) -> tuple[float, float]:
+    """Mean and sd of a free parameter's deviation from its present value; a place moves little in one round."""
+    value, reach = values[name[0]][name[1]], reach_of(name, values, model)
+    if reach:
+        return 0.0, reach
     if name[1] == "rotor_plane_offset_m":
         return -value, model.plane_sd_m
     if name in (("ground_effect", "decay"),):
         return 1.0 - value, 1.0
     return 0.0, math.inf
+
+
+def _moves(name: tuple[str, str], values: effect_table.Effects, model: Model) -> Amplitude:
+    """A free parameter about its present value, with the step of its column; a place moves by a part of what it acts over."""
+    a, reach = _amplitude(*name), reach_of(name, values, model)
+    return _small(dataclasses.replace(a, step=PART_OF_REACH * reach) if reach else a, values[name[0]][name[1]])
 
 
 def polish(flights: Sequence[Prepared], model: Model, values: effect_table.Effects, free: Sequence[tuple[str, str]],
@@ -169,11 +180,11 @@ def polish(flights: Sequence[Prepared], model: Model, values: effect_table.Effec
     values = {name: dict(v) for name, v in values.items()}
     bounds = {(e, p.name): (p.low, p.high) for e in values for p in effect_table.get(e).parameters} | FIRMER
     for _ in range(ROUNDS):
-        variants = [Variant(e, {}, (_small(_amplitude(e, p), values[e][p]),)) for e, p in free]
+        variants = [Variant(e, {}, (_moves((e, p), values, model),)) for e, p in free]
         system = build(flights, model.with_effects(values), variants, length_s, like, switches)
         chosen = [k for k, c in enumerate(system.columns) if c.variant is not None]
         board = make_board(system, chosen)
-        prior = [_prior(name, values[name[0]][name[1]], model) for name in free]
+        prior = [_prior(name, values, model) for name in free]
         sd = np.array(
             [10.0 * max(board.prior_sd[k], 1e-9) if math.isinf(s) else s for (_, s), k in zip(prior, chosen, strict=True)]
         )
