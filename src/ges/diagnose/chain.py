@@ -15,7 +15,7 @@ from ..errors import GesError, unknown_name
 from ..io.recording import RecordingSet, make_set, require_drive
 from ..vehicle import Estimate as Fitting
 from ..vehicle import Quantity, Vehicle
-from .balance import shift_of
+from .balance import centred, shift_of
 from .closed_loop import closed_loop
 from .detect import smallest_detectable
 from .engine import LEAST_SHARE, Accepted, accept, first_system, split, withdrawn
@@ -24,6 +24,7 @@ from .findings import contributions, finding, open_findings, settled_findings
 from .fit import Joint, calibrated, left_raw, null_fit
 from .gate import Gate, at_flown_voltage, pass_gate
 from .hearing import lacking, silent_channels, unheard
+from .hypothesis import Form, hypotheses
 from .instruments import MOVED
 from .locate import BLOCK_S, cells, from_findings, from_residuals, regimes, regimes_of, strongest
 from .model import Model, from_vehicle
@@ -109,7 +110,7 @@ class _Stage:
 
 
 def _stage(model: Model, joint: Joint, board: Board, told: Told) -> _Stage:
-    left = left_raw(board.system, joint)
+    left = centred(left_raw(board.system, joint), board.system)
     return _Stage(model, joint, board, left, structures(left, told, board.system.names, board.system.blocks(BLOCK_S)))
 
 
@@ -143,7 +144,9 @@ class _Chain:
         proven = [f for f in proven if names or f.size["share_of_weight"] >= LEAST_SHARE]
         moved = None if accepted.names or accepted.rivals else shift_of(system)
         findings = [*proven, *settled_findings(self.gate), *open_findings(accepted), *(moved.findings() if moved else ())]
-        unexplained = [_unexplained(u) for u in left_over(last.structures, after)]
+        remains = left_over(last.structures, after)
+        forms = hypotheses(system, last.left, told, [u.channel for u in remains if not u.of_size], BLOCK_S) if remains else {}
+        unexplained = [_unexplained(u, forms.get(u.channel)) for u in remains]
         models = {"before": self.model, "recalibrated": recalibrated, "after": after}
         fit, proof = self._proof(models, located)
         verdict = verdict_of(findings, (moved.rivals,) if moved else accepted.rivals, unexplained)
@@ -257,8 +260,9 @@ def _fittings(accepted: Accepted, name: str) -> dict[str, Fitting]:
     return told
 
 
-def _unexplained(u: Structure) -> dict:
-    return {"channel": u.channel, "regime": u.bounds, "r2": u.r2, "q_value": u.q_value, "rms": u.rms}
+def _unexplained(u: Structure, form: Form | None) -> dict:
+    told = {"channel": u.channel, "regime": u.bounds, "r2": u.r2, "q_value": u.q_value, "rms": u.rms, "of_size": u.of_size}
+    return {**told, "hypothesis": form.content()} if form else told
 
 
 def _calibration(joint: Joint, model: Model) -> dict[str, dict]:
