@@ -140,7 +140,9 @@ def pulse(trace: Path, tests: Path, data: Path, pdf: Path, png: Path) -> None:
     left.set(xlabel="time after the pulse (s)", ylabel="change of clearance (mm)\nmean and 95 % interval")
     rows = tested[tested["metric"] == "shadow_mae"]
     change = 1000 * rows["difference"]
-    right.errorbar(range(len(rows)), change, [change - 1000 * rows["low"], 1000 * rows["high"] - change], fmt="s", color=style.RED)
+    right.errorbar(
+        range(len(rows)), change, [change - 1000 * rows["low"], 1000 * rows["high"] - change], fmt="s", color=style.RED
+    )
     right.axhline(0, color=style.BLACK, lw=0.6)
     right.set_xticks(range(len(rows)), rows["window_s"])
     right.set(xlabel="window after the pulse (s)", ylabel="change of the network's error\n(thousandths), 95 % interval")

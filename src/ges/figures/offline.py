@@ -195,7 +195,9 @@ def learning_curves(curves: Path, data: Path, pdf: Path, png: Path) -> None:
         axes.plot(rows["train_rows"] / 1000, rows["rmse"], label=style.MODEL_LABELS[model], **look)
         cap = rows[rows["share"] == 1.0]
         axes.plot(cap["train_rows"] / 1000, cap["rmse"], "o", ms=8, mfc="none", color=style.COLOURS[i])
-    axes.set(xscale="log", xlabel="training rows (thousands; ring: the cap in use)", ylabel="RMSE of the factor on validation seeds")
+    axes.set(
+        xscale="log", xlabel="training rows (thousands; ring: the cap in use)", ylabel="RMSE of the factor on validation seeds"
+    )
     style.log_ticks(axes.xaxis)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     style.save(figure, table, data, pdf, png)
