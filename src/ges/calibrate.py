@@ -10,6 +10,7 @@ freedom (scaled inverse chi-squared; Gelman et al., *Bayesian Data Analysis*, 3r
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from scipy.stats import t as student
 
 from . import effects as effect_table
 from .diagnose.align import Prepared
-from .diagnose.balance import CHANNELS, LOSSES, mean_variance, windows_per_block
+from .diagnose.balance import CHANNELS, LOSSES, centred, mean_variance, windows_per_block
 from .diagnose.evidence import Gram
 from .diagnose.fit import calibrated, left_raw, null_fit
 from .diagnose.gate import at_flown_voltage, pass_gate
@@ -335,13 +336,15 @@ def calibrate(recordings: RecordingSet) -> Calibration:
 
 
 def _left_unexplained(flights: Sequence[Prepared], vehicle: Vehicle, folder: Path) -> dict[str, float]:
-    """By channel, the largest structure that the calibrated file leaves in its own flights: no news in later ones."""
+    """By channel, the largest structure that the calibrated file leaves in two of its own flights: no news in later ones."""
     model = at_flown_voltage(from_vehicle(vehicle, folder), flights)
     system = build(flights, model, [], window_length_s(flights))
-    left = left_raw(system, null_fit(system)[1])
+    left = centred(left_raw(system, null_fit(system)[1]), system)
+    told, blocks = regimes_of(system), system.blocks(BLOCK_S)
     largest: dict[str, float] = {}
-    for s in structures(left, regimes_of(system), system.names, system.blocks(BLOCK_S)):
-        largest[s.channel] = max(largest.get(s.channel, 0.0), float(f"{s.rms:.3g}"))
+    for pair in itertools.combinations(range(len(flights)), 2):
+        for s in structures(*([each[i] for i in pair] for each in (left, told)), system.names, [blocks[i] for i in pair]):
+            largest[s.key] = max(largest.get(s.key, 0.0), float(f"{s.rms:.3g}"))
     return largest
 
 

@@ -136,7 +136,8 @@ class Vehicle(_Strict):
     terrain: GroundFile = GroundFile()
     effects: dict[str, dict[str, Estimate]] = {}
     left_unexplained: dict[str, Annotated[float, pydantic.Field(ge=0)]] | None = None
-    """By channel (``force_z`` in N, ``moment_y`` in N m...): rms of what even the flights it was calibrated on show beyond it."""
+    """By channel (``force_z`` in N, ``moment_y`` in N m...): rms of what even the flights of its calibration show beyond it;
+    with ``_size``, the largest that their residual gets anywhere."""
 
     @pydantic.field_validator("rotors")
     @classmethod

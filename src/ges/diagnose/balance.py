@@ -10,7 +10,7 @@ is told as such.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.stats import norm
@@ -119,6 +119,26 @@ def _named(name: str, probability: float, parameters: dict[str, tuple[float, flo
     return Finding(name, kind_of(name), effect.title, float(probability), effect.equation, told, {}, ())
 
 
+def _stated(system: System, column: Mapping[str, int]) -> bool:
+    """Whether the vehicle file, a calibrated one, states how far the gain of every motor may be off."""
+    gains = "weak_rotor" in system.model.effects and {*LOSSES, *MASS} <= set(column)
+    return gains and set(CHANNELS) <= set(system.names)
+
+
+def _nuisances(system: System) -> dict[str, int]:
+    return {c.nuisance.key: k for k, c in enumerate(system.columns) if c.nuisance is not None}
+
+
+def centred(left: Sequence[np.ndarray], system: System) -> list[np.ndarray]:
+    """Residuals (m, C) by flight less their mean over all flights where :func:`shift_of` judges that mean; else as they are."""
+    if not _stated(system, _nuisances(system)):
+        return list(left)
+    slow = [system.names.index(c) for c in CHANNELS]
+    mean = np.zeros(len(system.names))
+    mean[slow] = np.concatenate(left)[:, slow].mean(axis=0)
+    return [rows - mean for rows in left]
+
+
 def shift_of(system: System) -> Shift | None:
     """The shift, where the vehicle file states the doubts of all motors' gains and the balance leaves them; else None.
 
@@ -126,9 +146,8 @@ def shift_of(system: System) -> Shift | None:
     ----------
     system : nuisance columns suffice; its first columns of ``weak_rotor``, ``cg_offset`` and ``thrust_scale`` are read.
     """
-    column = {c.nuisance.key: k for k, c in enumerate(system.columns) if c.nuisance is not None}
-    stated = all(key in column and "weak_rotor" in system.model.effects for key in LOSSES)
-    if not stated or not {*MASS} <= set(column) or not set(CHANNELS) <= set(system.names):
+    column = _nuisances(system)
+    if not _stated(system, column):
         return None
     y, x, precision = _distance(system, [*LOSSES, *MASS], column)
     causes = [(_loss(x, i), _mass(x, i, system)) for i in range(4)]

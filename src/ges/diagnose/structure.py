@@ -66,6 +66,11 @@ class Structure:
     of_size: bool = False
 
     @property
+    def key(self) -> str:
+        """Its name among what a calibrated file leaves unexplained: of a mean by the channel, of a size with ``_size``."""
+        return f"{self.channel}_size" if self.of_size else self.channel
+
+    @property
     def bounds(self) -> dict[str, list[float]]:
         """``regime`` as the contract writes it."""
         return {name: [a, b] for name, a, b in zip(self.regime, self.low, self.high, strict=True)}

@@ -44,4 +44,4 @@ def _least(s: Structure, model: Model, shares: Mapping[str, float] = LEAST_SHARE
     usual = shares[_kind(s)]
     if s.of_size:
         usual = LEAST_SIZE if _kind(s) in FORCED else float("inf")
-    return max(usual * model.whole(s.channel), AGAIN * model.left_unexplained.get(s.channel, 0.0))
+    return max(usual * model.whole(s.channel), AGAIN * model.left_unexplained.get(s.key, 0.0))
