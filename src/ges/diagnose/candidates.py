@@ -250,7 +250,12 @@ _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "inertia": lambda m: _axes("inertia", ("xx", "yy", "zz")),
     "rangefinder_bias": lambda m: _single("rangefinder_bias", ("bias_m", "scale")),
 }
-_LEFT_OUT = frozenset({"gusts", "time_offset", "gyro_bias"})
+NOT_SEARCHED: Mapping[str, str] = {
+    "gusts": "a random push: it looks like any other slow disturbance of these flights; log the wind to tell them apart",
+    "time_offset": "settled before the search, by the delay between streams",
+    "gyro_bias": "settled before the search, by the attitude's own rate",
+}
+"""Effects that are flown but enter no fit, and why."""
 _CHILDREN: Mapping[str, tuple[str, ...]] = {"wind": ("rotor_drag", "parasitic_drag")}
 
 
@@ -264,7 +269,7 @@ def library(model: Model, reached: Flown = NOWHERE) -> dict[str, Candidate]:
     """Every candidate by name; ``needs`` names the effects of which one must be on for it to act."""
     found = {}
     for name, effect in effect_table.table().items():
-        if name in _LEFT_OUT or name in model.effects and name not in ("weak_rotor", "cg_offset"):
+        if name in NOT_SEARCHED or name in model.effects and name not in ("weak_rotor", "cg_offset"):
             continue
         variants = _variants(name, model, reached)
         if not variants:

@@ -16,6 +16,7 @@ from ..io.recording import RecordingSet, make_set, require_drive
 from ..vehicle import Estimate as Fitting
 from ..vehicle import Quantity, Vehicle
 from .balance import centred, shift_of
+from .candidates import NOT_SEARCHED
 from .closed_loop import closed_loop
 from .detect import smallest_detectable
 from .engine import LEAST_SHARE, Accepted, accept, first_system, split, withdrawn
@@ -244,7 +245,7 @@ def _not_tested(system: System, flights) -> dict[str, str]:
     for name, effect in effect_table.table().items():
         if name in searched or effect.modifies or name in ("time_offset", "gyro_bias", "wind"):
             continue
-        told[name] = lacking(name, flights) or "flown by the simulator, not searched for"
+        told[name] = lacking(name, flights) or NOT_SEARCHED.get(name, "these flights do not excite it")
     references = any(f.has("reference") for f in flights)
     for name in sorted(MOVED & searched) if not references else ():
         told[name] = "needs the references that the controller followed, or its answers to disturbances look like this effect"
