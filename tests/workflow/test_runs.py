@@ -2,7 +2,13 @@
 
 import json
 import os
+import signal
+import socket
 import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
 from pathlib import Path
 
 import pytest
@@ -122,3 +128,50 @@ def test_export_into_mlflow_writes_a_run_once(two):
     first, second = (runs.export_mlflow(run, "runs.db", "ges") for _ in range(2))
     stored = mlflow.MlflowClient("sqlite:///runs.db").get_run(first)
     assert first == second and stored.data.metrics["rmse"] == 0.5 and stored.data.tags["commit"] == "abc"
+
+
+@pytest.fixture
+def interface(two):
+    """``mlflow ui`` over a store that two runs were exported into: its address."""
+    pytest.importorskip("mlflow", reason="the extra 'mlflow' is not installed")
+    for name in two:
+        runs.export_mlflow(runs.find(Path("results"), name), "runs.db", "ges")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = str(free.getsockname()[1])
+    mlflow = [sys.executable, "-m", "mlflow", "ui", "--backend-store-uri", "sqlite:///runs.db", "--port", port, "--workers", "1"]
+    with open("ui.log", "w") as log:
+        server = subprocess.Popen(mlflow, stdout=log, stderr=log, start_new_session=True)
+    yield f"http://127.0.0.1:{port}"
+    os.killpg(server.pid, signal.SIGTERM)
+    server.wait(timeout=30)
+
+
+def answer(address: str, asked: dict | None = None) -> bytes:
+    """What a server says, which may still be starting."""
+    body = None if asked is None else json.dumps(asked).encode()
+    until = time.monotonic() + 120
+    while True:
+        try:
+            request = urllib.request.Request(address, body, {"Content-Type": "application/json"})
+            with urllib.request.urlopen(request, timeout=30) as reply:
+                return reply.read()
+        except urllib.error.URLError as error:
+            if isinstance(error, urllib.error.HTTPError) or time.monotonic() > until:
+                raise AssertionError(f"{address}: {error}; the server says\n{Path('ui.log').read_text()[-2000:]}") from error
+            time.sleep(0.2)
+
+
+@pytest.mark.slow
+def test_mlflow_shows_the_exported_runs(two, interface):
+    """The page is served, and the interface it talks to finds both runs with their numbers, origin and configuration."""
+    assert b"<title>MLflow</title>" in answer(f"{interface}/")
+    api = f"{interface}/api/2.0/mlflow"
+    experiment = json.loads(answer(f"{api}/experiments/get-by-name?experiment_name=ges"))["experiment"]["experiment_id"]
+    found = json.loads(answer(f"{api}/runs/search", {"experiment_ids": [experiment]}))["runs"]
+    data = {run["info"]["run_name"]: run["data"] for run in found}
+    assert set(data) == set(two)
+    metrics = {m["key"]: m["value"] for m in data[two[1]]["metrics"]}
+    assert metrics["rmse"] == 0.25 and metrics["wall_s/data/fly"] == 1.5
+    assert {"key": "commit", "value": "abc"} in data[two[1]]["tags"]
+    assert {"key": "models.seed", "value": "2"} in data[two[1]]["params"]
