@@ -30,6 +30,7 @@ try:
     gc.freeze()
     gc.enable()
     function(**arguments)
+    logging.info("%.2f s of processor time in all", sum(os.times()[:4]))
 except GesError as error:
     logging.error("%s", error)
     sys.exit(f"{snakemake.rule}: {error}")
