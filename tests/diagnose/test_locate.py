@@ -136,6 +136,11 @@ def test_every_channel_once_before_any_twice():
     assert len(strongest(entries, 3)) == 3
 
 
+def test_the_accelerometer_speaks_where_the_force_does_not():
+    entries = [{"channel": c} for c in ("acc_x", "force_x", "acc_z", "moment_y")]
+    assert [e["channel"] for e in strongest(entries)] == ["force_x", "acc_z", "moment_y"]
+
+
 def _structure(model, channel="force_z", share=0.01, r2=0.5, q=0.002, **more):
     return Structure(channel, ("climb_m_s",), (0.0,), (1.0,), r2, q, share * model.whole(channel), **more)
 

@@ -234,9 +234,12 @@ def _run(high: np.ndarray, at: int) -> tuple[int, int]:
 
 
 def strongest(entries: Sequence[Mapping], most: int = MOST) -> list[dict]:
-    """The clearest entries, a few of a channel, every channel once before any twice."""
+    """The clearest entries, a few of a channel, every channel once before any twice; the accelerometer where the force, which it
+    measures too, has none."""
+    forces = {item["channel"] for item in entries if item["channel"].startswith("force")}
     by_channel: dict[str, list[dict]] = {}
     for item in entries:
-        by_channel.setdefault(item["channel"], []).append(dict(item))
+        if item["channel"].replace("acc_", "force_") not in forces - {item["channel"]}:
+            by_channel.setdefault(item["channel"], []).append(dict(item))
     kept = [items[k] for k in range(BY_CHANNEL) for items in by_channel.values() if len(items) > k]
     return kept[:most]

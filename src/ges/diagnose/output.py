@@ -84,7 +84,8 @@ def _residual_picture(place: Mapping[str, Any], details: Mapping[str, Any]):
     x, block = _regime_values(details["held"], regime, details)
     left = {stage: np.concatenate([e[:, c] for e in details["errors"][stage]]) for stage in ("recalibrated", "after")}
     good = np.isfinite(left["recalibrated"]) & np.isfinite(x)
-    curves = {"recalibrated": np.zeros(good.sum()), "after": (left["recalibrated"] - left["after"])[good]}
+    added = (left["recalibrated"] - left["after"])[good]
+    curves = {"recalibrated": np.zeros(good.sum())} | ({"after": added} if added.any() else {})
     words = f"{channel_words(place['channel'])}, {size_unit(place['channel'])}"
     return pictures.residual_against(x[good], left["recalibrated"][good], curves, block[good], quantity_words(regime), words)
 

@@ -78,7 +78,7 @@ def location_map(cells: Sequence[Mapping[str, Any]], most_channels: int = 8) -> 
         for axis in list(axes.flat)[len(regimes) :]:
             axis.set_axis_off()
         bar = figure.colorbar(drawn, ax=axes, location="bottom", shrink=0.6, aspect=40)
-        bar.set_label("mean residual over its standard error (dot: significant, q < 0.05)")
+        bar.set_label("mean residual over its standard error (dot: significant)")
     return figure
 
 

@@ -14,7 +14,7 @@ from .words import chance_words, channel_words, number_words, odds_words, quanti
 
 CAPTIONS: Mapping[str, str] = {
     "where": "Where the recordings leave the recalibrated model: colour is the mean residual over its standard error in each bin "
-    "of a condition; a dot marks bins that are significant after control of false discoveries.",
+    "of a condition; a dot marks bins off zero in a condition that predicts the channel in blocks of time left out.",
     "parameters": "Fitted parameters: the bar is the 95 % interval, the dot the value, grey the number and doubt that the "
     "vehicle file declares, the dotted line zero; details list all.",
     "located": "The residual where it is largest, in windows of flights that took no part, and what the models add there.",
