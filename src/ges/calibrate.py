@@ -121,7 +121,7 @@ def _balance(system: System) -> _Trims:
     grams = []
     for r in system.flights:
         y = r.y[:, slow].mean(axis=0) / np.sqrt(variance)
-        x = r.full[:, slow][:, :, kept].mean(axis=0) / np.sqrt(variance)[:, None]
+        x = r.x[:, slow][:, :, kept].mean(axis=0) / np.sqrt(variance)[:, None]
         seen = np.isfinite(y)
         grams.append(Gram(x[seen].T @ x[seen], x[seen].T @ y[seen], float(y[seen] @ y[seen]), float(seen.sum())))
     prior = np.array([system.columns[k].nuisance.sd for k in kept])
@@ -343,7 +343,7 @@ def _left_unexplained(flights: Sequence[Prepared], vehicle: Vehicle, folder: Pat
     told, blocks = regimes_of(system), system.blocks(BLOCK_S)
     largest: dict[str, float] = {}
     for pair in itertools.combinations(range(len(flights)), 2):
-        for s in structures(*([each[i] for i in pair] for each in (left, told)), system.names, [blocks[i] for i in pair]):
+        for s in structures(*([each[i] for i in pair] for each in (left, told)), system.main, [blocks[i] for i in pair]):
             largest[s.key] = max(largest.get(s.key, 0.0), float(f"{s.rms:.3g}"))
     return largest
 

@@ -19,7 +19,7 @@ from .balance import centred, shift_of
 from .candidates import NOT_SEARCHED
 from .closed_loop import closed_loop
 from .detect import smallest_detectable
-from .engine import LEAST_SHARE, Accepted, accept, first_system, split, withdrawn
+from .engine import Accepted, accept, first_system, split, withdrawn
 from .evidence import Board
 from .findings import contributions, finding, open_findings, settled_findings
 from .fit import Joint, calibrated, left_raw, null_fit
@@ -112,7 +112,7 @@ class _Stage:
 
 def _stage(model: Model, joint: Joint, board: Board, told: Told) -> _Stage:
     left = centred(left_raw(board.system, joint), board.system)
-    return _Stage(model, joint, board, left, structures(left, told, board.system.names, board.system.blocks(BLOCK_S)))
+    return _Stage(model, joint, board, left, structures(left, told, board.system.main, board.system.blocks(BLOCK_S)))
 
 
 class _Chain:
@@ -142,7 +142,6 @@ class _Chain:
             *from_findings(added, last.left, accepted.probability, told, system),
         ])  # fmt: skip
         proven = sorted((finding(accepted, name, by) for name, by in added.items()), key=lambda f: -f.size["share_of_weight"])
-        proven = [f for f in proven if names or f.size["share_of_weight"] >= LEAST_SHARE]
         moved = None if accepted.names or accepted.rivals else shift_of(system)
         findings = [*proven, *settled_findings(self.gate), *open_findings(accepted), *(moved.findings() if moved else ())]
         remains = left_over(last.structures, after)
@@ -203,7 +202,7 @@ class _Chain:
             "flights": len(used),
             "seconds_used": float(sum(f.flying.sum() * f.dt_s for f in used)),
             "left_out": {r: float(sum(f.left_out.get(r, 0.0) for f in used)) for r in reasons},
-            "channels_used": list(system.names),
+            "channels_used": list(system.main),
             "channels_off": off,
             "delays": [
                 {"stream": d.stream, "delay_s": d.delay_s, "sd_s": d.sd_s, "correlation": d.correlation} for d in self.gate.delays

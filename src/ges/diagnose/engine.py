@@ -15,7 +15,7 @@ from .candidates import Candidate, flown, library
 from .evidence import Board, make_board
 from .fit import Fitted, free_parameters, polish, starting_values
 from .hearing import lacking
-from .model import Model
+from .model import Model, block_of
 from .select import Hypothesis, Search, exactly, search
 from .system import ALL_ON, Switches, System, build
 
@@ -24,7 +24,8 @@ ROUNDS = 4
 FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}, {"motor_lag", "esc_delay"})
 MODIFIER_ERROR = 0.15
 REACH_M = 10.0  # 2 cm of a rangefinder matter
-LEAST_SHARE = 0.002  # of weight, weight times arm, full speed or a rotor radius: no model is right to less
+LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0005, "drive": 0.0005, "range": 0.002}
+"""Of weight, weight times arm, full speed or a rotor radius: no model is right to less."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -138,13 +139,13 @@ def withdrawn(accepted: Accepted) -> Accepted:
 
 
 def _mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[str, float]:
-    """Names that are probable and large enough, with their shares of the whole; ``known`` are those of accepted effects.
+    """Names that are probable and large enough, with their sizes (see :func:`_share`); ``known`` are those of accepted effects.
 
     Two of a family act in the same place, and one of them makes up for what the other's form is wrong by: the better of the
     two is kept. A small modifier likewise is no more than what the form that it modifies is wrong by.
     """
     share = {n: _share(board, found.best, n) for n in found.best.names if found.inclusion[n] >= ACCEPT}
-    share = {n: s for n, s in share.items() if s >= LEAST_SHARE}
+    share = {n: s for n, s in share.items() if s >= 1.0}
     for family in FAMILIES:
         if family <= set(share):
             share.pop(min(sorted(family), key=lambda n: _alone(found, n, family)))
@@ -157,16 +158,17 @@ def _alone(found: Search, name: str, family: set[str]) -> float:
 
 
 def _share(board: Board, h: Hypothesis, name: str) -> float:
-    """Rms of what one effect adds by the search's coefficients, as a share of the whole, in its greatest channel."""
+    """Rms of what one effect adds by the search's coefficients, over the least that matters, in its greatest channel."""
     system, picked = board.system, [
         (k, value) for k, value in zip(h.posterior.columns, h.posterior.mean, strict=True)
         if board.system.columns[k].variant.effect == name
     ]  # fmt: skip
-    added = np.concatenate([sum(value * r.full[:, :, k] for k, value in picked) for r in system.flights])
-    whole = np.array([REACH_M if channel == "range" else system.model.whole(channel) for channel in system.names])
+    count = len(system.main)
+    added = np.concatenate([sum(value * r.x[:, :count, k] for k, value in picked) for r in system.flights])
+    least = np.array([LEAST_SHARE[block_of(n)] * (REACH_M if n == "range" else system.model.whole(n)) for n in system.main])
     with np.errstate(invalid="ignore"):
         rms = np.sqrt(np.nanmean(np.where(np.isfinite(added).any(axis=0), added, 0.0) ** 2, axis=0))
-    return float(np.max(rms / whole))
+    return float(np.max(rms / least))
 
 
 def _only(h: Hypothesis, names: Sequence[str], board: Board):

@@ -6,13 +6,20 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import log_ndtr
 
 from .system import Column, System
 from .whiten import Noise, White, estimate, unrest_of, whiten
 
 TEMPERING = 0.25
-SHARES_OF_DECLARED, WIDE_SHARE = frozenset({"thrust_scale", "inertia", "torque_coefficient"}), 0.3
+FEEDBACK, OWN_FEEDBACK = 0.7, 0.3
+PLAUSIBLE = {
+    **{("inertia", axis): 0.3 for axis in ("xx", "yy", "zz")},
+    ("thrust_scale", "scale"): 0.3, ("torque_coefficient", "scale"): 0.3,
+    ("motor_lag", "up_s"): 0.05, ("motor_lag", "down_s"): 0.05, ("esc_delay", "delay_s"): 0.015,
+    ("ground_effect", "amplitude"): 4.0, ("ground_effect", "c_a"): 0.7,
+}  # fmt: skip
+"""Sd of coefficients that are plausible by themselves: shares of a declared number, times of a drive, gains near the ground."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,29 +55,46 @@ class Gram:
         return Gram(self.xx[np.ix_(keep, keep)], self.xy[keep], self.yy, self.n)
 
 
-def gram_of(white: White) -> Gram:
-    """Normal equations of one whitened flight."""
-    k = white.x.shape[2]
-    x, y = white.x.reshape(-1, k), white.y.ravel()
-    return Gram(x.T @ x, x.T @ y, float(y @ y), float(white.used.sum()))
+def gram_of(white: White, tempering: float = 1.0) -> Gram:
+    """Normal equations of one whitened flight, every row counted ``tempering`` times, (K + moved) columns.
+
+    Where a controller answers, the error of a coefficient is not only noise: its column follows the disturbances, by some
+    share of their size. The loose part of each moved column therefore comes once more: at the end, scaled so that its
+    coefficient, one for all flights and channels, has sd 1; and with a coefficient of its own for this flight and channel,
+    integrated out here.
+    """
+    answers = np.zeros((*white.y.shape, len(white.moved)))
+    for c, loose in white.loose.items():
+        size = np.sqrt((loose**2).sum(axis=0) / max(white.used[:, c].sum(), 1))
+        answers[:, c, size > 0] = loose[:, size > 0] / size[size > 0]
+    x, y = np.concatenate([white.x, FEEDBACK * answers], axis=2)[white.used], white.y[white.used]
+    gram = Gram(x.T @ x, x.T @ y, float(y @ y), float(white.used.sum())).scaled(tempering)
+    for c in white.loose:
+        own = OWN_FEEDBACK * answers[:, c]
+        cross = np.concatenate([white.x[:, c], FEEDBACK * answers[:, c]], axis=1).T @ own
+        gram = _without_copies(gram, tempering * own.T @ own, tempering * cross, tempering * own.T @ white.y[:, c])
+    return gram
+
+
+def _without_copies(gram: Gram, inner: np.ndarray, cross: np.ndarray, right: np.ndarray) -> Gram:
+    """Further columns of unit prior sd integrated out: their products with themselves, with the columns, with the residual."""
+    gain = np.linalg.solve(np.eye(len(inner)) + inner, np.column_stack([cross.T, right]))
+    return Gram(gram.xx - cross @ gain[:, :-1], gram.xy - cross @ gain[:, -1], gram.yy - float(right @ gain[:, -1]), gram.n)
 
 
 def flight_grams(whites: Sequence[White], columns: Sequence[Column], tempering: float) -> list[Gram]:
     """Normal equations by flight; what may differ from flight to flight is integrated out of each."""
     varies = np.array([k for k, c in enumerate(columns) if c.nuisance is not None and c.nuisance.flight_sd > 0], dtype=int)
     sd = np.array([columns[k].nuisance.flight_sd for k in varies])
-    return [_with_flight_effects(gram_of(w).scaled(tempering), varies, sd) for w in whites]
+    return [_with_flight_effects(gram_of(w, tempering), varies, sd) for w in whites]
 
 
 def _with_flight_effects(gram: Gram, varies: np.ndarray, sd: np.ndarray) -> Gram:
     """Marginalise a copy of the varying columns, keeping the originals (Woodbury)."""
     if not len(varies):
         return gram
-    inner = np.diag(1.0 / sd**2) + gram.xx[np.ix_(varies, varies)]
-    cross = gram.xx[:, varies]
-    gain = np.linalg.solve(inner, np.column_stack([cross.T, gram.xy[varies]]))
-    return Gram(
-        gram.xx - cross @ gain[:, :-1], gram.xy - cross @ gain[:, -1], gram.yy - float(gram.xy[varies] @ gain[:, -1]), gram.n
+    return _without_copies(
+        gram, gram.xx[np.ix_(varies, varies)] * np.outer(sd, sd), gram.xx[:, varies] * sd, gram.xy[varies] * sd
     )
 
 
@@ -89,21 +113,30 @@ class Posterior:
         return np.sqrt(np.diag(self.covariance))
 
 
-def posterior(gram: Gram, columns: Sequence[int], prior_sd: np.ndarray, one_sided: np.ndarray | None = None) -> Posterior:
-    """Gaussian posterior of some columns under N(0, prior_sd^2); half-normal where ``one_sided``."""
-    at = np.asarray(columns, dtype=int)
+def posteriors(gram: Gram, sets: Sequence[Sequence[int]], prior_sd: np.ndarray, one_sided: np.ndarray):
+    """Gaussian posteriors of sets of columns, all of one size, under N(0, prior_sd^2); half-normal where ``one_sided``.
+
+    Returns
+    -------
+    mean (s, k), covariance (s, k, k) and log evidence over the null (s,).
+    """
+    at = np.asarray(sets, dtype=int)
     scale = prior_sd[at]
-    xx, xy = gram.xx[np.ix_(at, at)] * np.outer(scale, scale), gram.xy[at] * scale
-    inner = np.eye(len(at)) + xx
-    chol = np.linalg.cholesky(inner)
-    half = np.linalg.solve(chol, xy)
-    mean = np.linalg.solve(chol.T, half)
+    both = scale[:, :, None] * scale[:, None, :]
+    inner = np.eye(at.shape[1]) + gram.xx[at[:, :, None], at[:, None, :]] * both
+    right = gram.xy[at] * scale
     covariance = np.linalg.inv(inner)
-    log_evidence = 0.5 * float(half @ half) - float(np.log(np.diag(chol)).sum())
-    if one_sided is not None and one_sided[at].any():
-        z = mean / np.sqrt(np.diag(covariance))
-        log_evidence += float((np.log(2.0) + norm.logcdf(z))[one_sided[at]].sum())
-    return Posterior(tuple(int(k) for k in at), mean * scale, covariance * np.outer(scale, scale), log_evidence)
+    mean = np.einsum("sij,sj->si", covariance, right)
+    z = mean / np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    sided = np.where(one_sided[at], np.log(2.0) + log_ndtr(z), 0.0).sum(axis=1)
+    log_evidence = 0.5 * (mean * right).sum(axis=1) - 0.5 * np.linalg.slogdet(inner)[1] + sided
+    return mean * scale, covariance * both, log_evidence
+
+
+def posterior(gram: Gram, columns: Sequence[int], prior_sd: np.ndarray, one_sided: np.ndarray) -> Posterior:
+    """Of one set of columns."""
+    mean, covariance, log_evidence = posteriors(gram, [tuple(columns)], prior_sd, one_sided)
+    return Posterior(tuple(int(k) for k in columns), mean[0], covariance[0], float(log_evidence[0]))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -124,20 +157,30 @@ class Board:
         for f, gram in enumerate(self.by_flight):
             total = total if f == leave_out else total + gram
         common = np.array([k for k in self.nuisance if self.prior_sd[k] > 0], dtype=int)
-        return total.without(common, self.prior_sd[common])
+        answers = np.arange(len(self.prior_sd), len(total.xy))
+        return total.without(np.r_[common, answers], np.r_[self.prior_sd[common], np.ones(len(answers))])
 
 
-def _size_of(column: Column, k: int, system: System, share: float) -> float:
-    """Prior scale of a candidate's coefficient: the size at which it makes ``share`` of weight (or of weight times arm)."""
-    model, scales = system.model, []
-    unit = {"force": model.weight_N, "acc": model.weight_N, "moment": model.weight_N * model.arm_m,
-            "drive": model.number("max_rotor_speed_rad_s"), "range": model.radius_m / share}  # fmt: skip
-    for c, name in enumerate(system.names):
-        values = np.concatenate([r.x[np.isfinite(r.x[:, c, k]), c, k] for r in system.flights])
-        rms = float(np.sqrt((values**2).mean())) if len(values) else 0.0
-        if rms > 0:
-            scales.append(share * unit[name.split("_")[0]] / rms)
-    return min(scales, default=0.0)
+def _sizes(system: System, share: float) -> np.ndarray:
+    """Prior scale of every candidate's coefficient, (K,): the size at which it makes ``share`` of weight (or of weight times
+    arm) in its greatest channel, and no more than is plausible."""
+    rows = [r.x[:, : len(system.main)] for r in system.flights]
+    count = sum(np.isfinite(x).sum(axis=0) for x in rows)
+    rms = np.sqrt(sum(np.nansum(x**2, axis=0) for x in rows) / np.maximum(count, 1))
+    whole = np.array([system.model.whole(name) * (1.0 if name != "range" else 1.0 / share) for name in system.main])
+    with np.errstate(divide="ignore"):
+        sizes = np.where(rms > 0, share * whole[:, None] / rms, np.inf).min(axis=0)
+    sizes = np.minimum(sizes, [_plausible(column) for column in system.columns])
+    return np.where(np.isfinite(sizes), sizes, 0.0)
+
+
+def _plausible(column: Column) -> float:
+    """What a coefficient may be at all, whatever the flights would allow: half of its room in the library, or less."""
+    if column.variant is None:
+        return np.inf
+    a = column.variant.amplitudes[column.amplitude]
+    room = 0.5 * max(a.high - a.neutral, a.neutral - a.low)
+    return min(room, PLAUSIBLE.get((column.variant.effect, a.parameter), np.inf))
 
 
 def make_board(system: System, chosen: Sequence[int] = (), tempering: float = TEMPERING, share: float = 0.05) -> Board:
@@ -145,10 +188,10 @@ def make_board(system: System, chosen: Sequence[int] = (), tempering: float = TE
     noise = estimate(system, chosen)
     whites = tuple(whiten(r, noise, u) for r, u in zip(system.flights, unrest_of(system.flights), strict=True))
     grams = tuple(flight_grams(whites, system.columns, tempering))
-    prior = np.array([c.nuisance.sd if c.nuisance else _size_of(c, k, system, share) for k, c in enumerate(system.columns)])
+    prior = np.where([c.nuisance is None for c in system.columns], _sizes(system, share), 0.0)
     for k, column in enumerate(system.columns):
-        if column.variant is not None and column.variant.effect in SHARES_OF_DECLARED:
-            prior[k] = min(prior[k], WIDE_SHARE)
+        if column.nuisance is not None:
+            prior[k] = column.nuisance.sd
         if column.part == "moment":
             prior[k] = prior[k - 1]
     sided = np.array([_one_sided(c) for c in system.columns])

@@ -63,7 +63,7 @@ def alternatives_of(accepted: Accepted, name: str) -> tuple[dict, ...]:
 def size_of(added: Sequence[np.ndarray], system: System) -> dict:
     """Rms of what one effect adds (of :func:`contributions`) where it weighs most."""
     best = {"value": 0.0, "unit": "N", "share_of_weight": 0.0, "channel": ""}
-    for c, channel in enumerate(system.names):
+    for c, channel in enumerate(system.main):
         unit, whole = size_unit(channel), system.model.whole(channel)
         values = np.concatenate([a[:, c] for a in added])
         values = values[np.isfinite(values)]
@@ -82,7 +82,7 @@ def contributions(accepted: Accepted) -> dict[str, list[np.ndarray]]:
     for name in accepted.names:
         bare = {k: v for k, v in system.model.effects.items() if k != name}
         bare |= {name: declared[name]} if name in declared else {}
-        told[name] = [_added(rows, bare, system.model, system.names) for rows in system.flights]
+        told[name] = [_added(rows, bare, system.model, system.main) for rows in system.flights]
     return told
 
 

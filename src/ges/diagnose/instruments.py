@@ -2,8 +2,9 @@
 
 A controller answers turbulence, so commands and rotor speeds correlate with the disturbance that a residual contains, and a
 direct fit invents motor lag and wrong inertia. What the nominal simulator does when it follows the logged references without
-any noise cannot know the disturbance; columns that a controller moves are projected on it (two-stage least squares). A flight
-without references leaves such columns nothing but their mean: it then cannot speak for them.
+any noise cannot know the disturbance: the part of a column that it explains (two-stage least squares) counts in full. For the
+rest the answer to disturbances may be as large as the disturbances themselves, and counts as little as that bound allows:
+without references and without strong motion, nothing.
 """
 
 from __future__ import annotations
@@ -68,8 +69,13 @@ def instruments(flight: Prepared, windows: Windows, model: Model, names: Sequenc
     samples = effect_table.Samples.from_columns({"t_s": flight.t_s - flight.t_s[0], **said})
     replay = effect_table.replay(model.parameters, samples, model.effects, model.terrain)
     told = {"z": replay.force_N[:, 2], **{f"moment_{a}": replay.moment_Nm[:, k] for k, a in enumerate("xyz")}}
-    lagged = {key: np.column_stack([constant, *_lags(values, flight, windows)]) for key, values in told.items()}
-    return {name: lagged.get(name, lagged["z"] if name in ("force_z", "acc_z") else constant) for name in names}
+    told |= dict.fromkeys(("force_z", "acc_z"), told["z"])
+    means = {"": windows.mean, **{f"/{k}": mean for k, (mean, _) in enumerate(windows.overtones, 1)}}
+    lagged = {
+        name: np.column_stack([constant, *_lags(told[base], flight, windows, means[name.removeprefix(base)])])
+        for name in names if (base := name.split("/")[0]) in told
+    }  # fmt: skip
+    return {name: lagged.get(name, constant) for name in names}
 
 
 def own_signal(flight: Prepared, windows: Windows, model: Model, speeds: np.ndarray) -> dict[str, np.ndarray]:
@@ -80,11 +86,11 @@ def own_signal(flight: Prepared, windows: Windows, model: Model, speeds: np.ndar
     return {**moments, **dict.fromkeys(("force_z", "acc_z"), windows.mean @ replay.force_N[:, 2])}
 
 
-def _lags(values: np.ndarray, flight: Prepared, windows: Windows) -> list[np.ndarray]:
-    """Window averages of a signal, late by multiples of half a window."""
+def _lags(values: np.ndarray, flight: Prepared, windows: Windows, mean) -> list[np.ndarray]:
+    """Window averages, by the weights ``mean``, of a signal late by multiples of half a window."""
     step = 0.5 * windows.length_s
     t = flight.t_s
-    return [windows.mean @ np.interp(t - lag * step, t, values) for lag in LAGS]
+    return [mean @ np.interp(t - lag * step, t, values) for lag in LAGS]
 
 
 def projected(x: np.ndarray, z: np.ndarray) -> np.ndarray:

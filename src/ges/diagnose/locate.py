@@ -95,7 +95,7 @@ def cells(system: System, raw: Sequence[np.ndarray], told: Told, found: Sequence
     values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
     chance = {(s.channel, s.regime[0]): s.q_value for s in clear(found) if len(s.regime) == 1 and not s.of_size}
     made: list[Cell] = []
-    for c, channel in enumerate(system.names):
+    for c, channel in enumerate(system.main):
         e = np.concatenate([r[:, c] for r in raw])
         used = np.isfinite(e)
         for name, value in values.items():
@@ -189,7 +189,7 @@ def from_findings(added: Mapping[str, Sequence[np.ndarray]], left: Sequence[np.n
     noise, entries = np.concatenate(left), []
     for name, by_flight in added.items():
         acts = np.concatenate(by_flight)
-        for c, channel in enumerate(system.names):
+        for c, channel in enumerate(system.main):
             good = np.isfinite(acts[:, c]) & np.isfinite(noise[:, c])
             if _rms(acts[good, c]) > LEAST_OF_NOISE * _rms(noise[good, c]):
                 where = _acting(acts[good, c], {n: v[good] for n, v in values.items()})

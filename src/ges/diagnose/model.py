@@ -13,6 +13,11 @@ from ..vehicle import Quantity, Vehicle
 SPEED = "vehicle.max_rotor_speed_rad_s"
 
 
+def block_of(channel: str) -> str:
+    """``force``, ``acc``, ``moment``, ``drive`` or ``range``."""
+    return channel.split("_")[0]
+
+
 @dataclasses.dataclass(frozen=True)
 class Model:
     """What the engine knows of the vehicle.
@@ -62,7 +67,7 @@ class Model:
 
     def whole(self, channel: str) -> float:
         """What sizes in a channel are shares of: weight, weight times arm, full rotor speed, a rotor radius."""
-        kind = channel.split("_")[0]
+        kind = block_of(channel)
         if kind in ("force", "acc"):
             return self.weight_N
         if kind == "moment":

@@ -17,7 +17,7 @@ from .. import effects as effect_table
 from .. import sim
 from ..conventions import BODY_RATE, COMMAND, QUATERNION, ROTOR_SPEED, VELOCITY
 from .align import Prepared
-from .model import Model
+from .model import Model, block_of
 from .weak import Windows
 
 FORCE = ("force_x", "force_y", "force_z")
@@ -25,6 +25,8 @@ MOMENT = ("moment_x", "moment_y", "moment_z")
 ACC = ("acc_x", "acc_y", "acc_z")
 DRIVE = ("drive_1", "drive_2", "drive_3", "drive_4")
 UNITS = {**dict.fromkeys(FORCE + ACC, "N"), **dict.fromkeys(MOMENT, "Nm"), **dict.fromkeys(DRIVE, "rad_s"), "range": "m"}
+FINE = ("moment", "drive")
+"""Blocks that are also held against faster test functions: what acts within a few hundredths of a second shows there."""
 HIGH_ABOVE_GROUND_M = 5e4
 DRIVE_STEP_S = 0.0025
 
@@ -47,6 +49,12 @@ def channels(flight: Prepared, model: Model) -> tuple[str, ...]:
     if flight.has("range") and "p_z_m" in flight.columns and attitude and model.terrain.kind == "flat":
         found.append("range")
     return tuple(found)
+
+
+def with_overtones(names: Sequence[str], count: int) -> tuple[str, ...]:
+    """Channels and, after them, those of the faster test functions: ``moment_x/1`` is ``moment_x`` under the first."""
+    fine = [name for name in names if block_of(name) in FINE]
+    return (*names, *(f"{name}/{k}" for k in range(1, count + 1) for name in fine))
 
 
 def quaternion_product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -146,14 +154,23 @@ def _drive_flight(flight: Prepared, model: Model, effects: effect_table.Effects)
     from ..terrain import Terrain
 
     n, every = len(flight.t_s), max(1, int(np.ceil(flight.dt_s / DRIVE_STEP_S)))
-    u = flight.stack("command").clip(0.0, 1.0)
-    upright = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
-    inputs = np.column_stack([u, upright, flight.columns.get("battery_V", np.full(n, np.nan)), np.zeros((n, 3))])
+    u, voltage = _between(flight.stack("command").clip(0.0, 1.0), every), flight.columns.get("battery_V", np.full(n, np.nan))
+    upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(u), 1))
+    inputs = np.column_stack([u, upright, np.repeat(voltage, every), np.zeros((len(u), 3))])
     first = {f"start_{name}": model.number("max_rotor_speed_rad_s") * u[0, i] for i, name in enumerate(ROTOR_SPEED)}
     numbers = {**model.parameters, **first, "control": 1, "attitude_imposed": 1, "start": 1, "start_p_z_m": HIGH_ABOVE_GROUND_M,
-               "inputs_dt_s": flight.dt_s, "dt_s": flight.dt_s / every, "record_every": every, "control_every": every,
+               "inputs_dt_s": flight.dt_s / every, "dt_s": flight.dt_s / every, "record_every": every, "control_every": every,
                "telemetry_every": every, "duration_s": n * flight.dt_s}  # fmt: skip
     return sim.Flight(numbers, effects, Terrain.flat(), inputs)
+
+
+def _between(u: np.ndarray, every: int) -> np.ndarray:
+    """Commands (n, 4) at the middles of the steps of the replay, (n * every, 4), on straight lines between the samples.
+
+    The replay holds a row for its step; held for a whole sample, commands would come half a sample late.
+    """
+    rows = (np.arange(len(u) * every) + 0.5) / every
+    return np.stack([np.interp(rows, np.arange(len(u)), column) for column in u.T], axis=1)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -211,6 +228,7 @@ def residual(flight: Prepared, windows: Windows, model: Model, names: Sequence[s
 
     Parameters
     ----------
+    names : channels, those of faster test functions included (see :func:`with_overtones`).
     more : effects added to those of the model, for this evaluation.
     drive : rotor speeds if already known.
     """
@@ -221,15 +239,25 @@ def residual(flight: Prepared, windows: Windows, model: Model, names: Sequence[s
     if "force_z" in names:
         parts.update(zip(FORCE, _force(columns, said, model, windows).T, strict=True))
     if "moment_x" in names:
-        parts.update(zip(MOMENT, _moment(columns, said, model, windows).T, strict=True))
+        turning = _turning(columns, said, model)
+        for mark, mean, rate in _marked(windows, "moment_x", names):
+            parts.update(zip((n + mark for n in MOMENT), _moment(*turning, mean, rate).T, strict=True))
     for name in set(ACC) & set(names):
         column = f"{name}_m_s2"
         parts[name] = windows.mean @ (said["mass_kg"] * (flight.columns[column] - said[column]))
     if DRIVE[0] in names:
-        parts.update(zip(DRIVE, (windows.mean @ (flight.stack("rotor_speed") - drive.commanded)).T, strict=True))
+        lost = flight.stack("rotor_speed") - drive.commanded
+        for mark, mean, _ in _marked(windows, DRIVE[0], names):
+            parts.update(zip((n + mark for n in DRIVE), (mean @ lost).T, strict=True))
     if "range" in names:
         parts["range"] = windows.mean @ (flight.columns["range_m"] - said["range_m"])
     return np.stack([parts[name] for name in names], axis=1)
+
+
+def _marked(windows: Windows, channel: str, names: Sequence[str]):
+    """Every test function that one channel is asked under: mark of its name, weights, rate weights."""
+    every = [("", windows.mean, windows.rate), *((f"/{k}", a, b) for k, (a, b) in enumerate(windows.overtones, 1))]
+    return [(mark, mean, rate) for mark, mean, rate in every if channel + mark in names]
 
 
 def _force(columns: dict, said: effect_table.Replay, model: Model, windows: Windows) -> np.ndarray:
@@ -242,14 +270,18 @@ def _force(columns: dict, said: effect_table.Replay, model: Model, windows: Wind
     return mass * (windows.rate @ v) + windows.mean @ (mass * (np.cross(omega, v) + up) - said.force_N)
 
 
-def _moment(columns: dict, said: effect_table.Replay, model: Model, windows: Windows) -> np.ndarray:
+def _turning(columns: dict, said: effect_table.Replay, model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Declared inertia (3,), body rates (n, 3), and the angular acceleration that the model takes away from them (n, 3)."""
+    omega = np.stack([columns[name] for name in BODY_RATE], axis=1)
+    inertia = said.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2")
+    declared = np.array([model.number(f"i{a}_kg_m2") for a in ("xx", "yy", "zz")])
+    return declared, omega, (np.cross(omega, inertia * omega) - said.moment_Nm) / inertia
+
+
+def _moment(declared: np.ndarray, omega: np.ndarray, acting: np.ndarray, mean, rate) -> np.ndarray:
     """I dOmega + Omega x I Omega - M in the body frame, as an angular acceleration times the declared inertia.
 
     In that unit a wrong inertia scales what the model says and not what was measured; otherwise the best fit would be to
     shrink both to nothing.
     """
-    omega = np.stack([columns[name] for name in BODY_RATE], axis=1)
-    inertia = said.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2")
-    declared = np.array([model.number(f"i{a}_kg_m2") for a in ("xx", "yy", "zz")])
-    acting = (np.cross(omega, inertia * omega) - said.moment_Nm) / inertia
-    return declared * (windows.rate @ omega + windows.mean @ acting)
+    return declared * (rate @ omega + mean @ acting)

@@ -10,11 +10,12 @@ import numpy as np
 from scipy.special import logsumexp
 
 from .candidates import Candidate
-from .evidence import Board, Gram, Posterior, posterior
+from .evidence import Board, Gram, Posterior, posterior, posteriors
 
 PRIOR_OF_SIZE = (0.5, 0.3, 0.13, 0.05, 0.02)
 LARGEST = 4
 BEAM = 3
+AT_ONCE = 4096
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,8 +70,23 @@ def _log_prior(size: int, count: int) -> float:
     return float(np.log(PRIOR_OF_SIZE[size]) - np.log(sets))
 
 
+def _columns(chosen: Sequence[Entry]) -> tuple[int, ...]:
+    return tuple(k for e in chosen for k in e.columns)
+
+
 def _weigh(gram: Gram, board: Board, chosen: Sequence[Entry]) -> Posterior:
-    return posterior(gram, [k for e in chosen for k in e.columns], board.prior_sd, board.one_sided)
+    return posterior(gram, _columns(chosen), board.prior_sd, board.one_sided)
+
+
+def _log_evidences(gram: Gram, board: Board, combos: Sequence[tuple[Entry, ...]]) -> np.ndarray:
+    """Log evidence of every combination, those of one number of columns at once."""
+    columns = [_columns(c) for c in combos]
+    sizes, out = np.array([len(c) for c in columns], dtype=int), np.zeros(len(combos))
+    for size in np.unique(sizes):
+        same = np.flatnonzero(sizes == size)
+        for part in np.array_split(same, 1 + len(same) // AT_ONCE):
+            out[part] = posteriors(gram, [columns[i] for i in part], board.prior_sd, board.one_sided)[2]
+    return out
 
 
 def _compatible(names: Sequence[str], needs: Mapping[str, tuple[str, ...]], base: Sequence[str]) -> bool:
@@ -80,15 +96,15 @@ def _compatible(names: Sequence[str], needs: Mapping[str, tuple[str, ...]], base
 
 def _sets_of(gram: Gram, board: Board, combos: Sequence[tuple[Entry, ...]], count: int) -> dict[tuple[str, ...], Hypothesis]:
     """Evidence of every set of names: mean over the variants, the best variant kept."""
-    grouped: dict[tuple[str, ...], list[tuple[float, tuple[Entry, ...], Posterior]]] = {}
-    for combo in combos:
-        found = _weigh(gram, board, combo)
-        grouped.setdefault(tuple(sorted(e.name for e in combo)), []).append((found.log_evidence, combo, found))
+    weight = _log_evidences(gram, board, combos)
+    grouped: dict[tuple[str, ...], list[int]] = {}
+    for i, combo in enumerate(combos):
+        grouped.setdefault(tuple(sorted(e.name for e in combo)), []).append(i)
     out = {}
-    for names, weighed in grouped.items():
-        top = max(weighed, key=lambda w: w[0])
-        total = float(logsumexp([w[0] for w in weighed]) - np.log(len(weighed))) + _log_prior(len(names), count)
-        out[names] = Hypothesis(names, tuple(e.number for e in top[1]), top[2], total)
+    for names, members in grouped.items():
+        top = combos[max(members, key=lambda i: weight[i])]
+        total = float(logsumexp(weight[members]) - np.log(len(members))) + _log_prior(len(names), count)
+        out[names] = Hypothesis(names, tuple(e.number for e in top), _weigh(gram, board, top), total)
     return out
 
 

@@ -12,11 +12,12 @@ from .align import Prepared
 from .candidates import NEEDS_ATTITUDE, Variant
 from .instruments import MOVED, instruments, own_signal, projected, strength
 from .model import SPEED, Model
-from .residual import MOMENT, channels, drive_of, residual
+from .residual import MOMENT, channels, drive_of, residual, with_overtones
 from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, blocks_of, make_windows
 
 AR_ORDER = 3
 LEAST_STRENGTH = 0.2
+MOST_HALF_WAVES, UPDATES_PER_HALF_WAVE = 3, 2.5
 LEVELLED, LEVELLING_SD = "ground_effect", 0.7
 USUAL: tuple[tuple[str, str, float, float, float], ...] = (
     # channel, effect.parameter, step, usual doubt (sd), sd from flight to flight; cg_offset in arm lengths
@@ -99,8 +100,9 @@ class Column:
 class Rows:
     """One flight: residuals ``y`` (m, C) and columns ``x`` (m, C, K), NaN where a channel is not there.
 
-    ``full`` are the columns before those that the controller moves were projected on the instruments; ``strength`` is the
-    share of the model's own thrust or moment that the instruments explain, by channel.
+    ``loose`` is what the instruments do not vouch for, by channel: the part of each column in ``moved`` (those that the
+    controller moves) that they do not explain, (m, len(moved)). ``strength`` is the share of the model's own thrust or moment
+    that they do explain, by channel.
     """
 
     flight: Prepared
@@ -108,7 +110,8 @@ class Rows:
     y: np.ndarray
     x: np.ndarray
     noise: np.ndarray
-    full: np.ndarray
+    moved: tuple[int, ...]
+    loose: Mapping[int, np.ndarray]
     strength: Mapping[str, float]
 
     @property
@@ -127,6 +130,11 @@ class System:
     columns: tuple[Column, ...]
     flights: tuple[Rows, ...]
     whitened: bool = True
+
+    @property
+    def main(self) -> tuple[str, ...]:
+        """Channels under the plain average: what is told and drawn."""
+        return tuple(name for name in self.names if "/" not in name)
 
     def blocks(self, length_s: float) -> list[np.ndarray]:
         """Number of the block of time of every window, by flight."""
@@ -230,8 +238,8 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     ----------
     known : nuisance columns to take over, by key.
     """
-    windows = make_windows(flight.t_s, flight.flying, length_s)
-    here = channels(flight, model)
+    windows = make_windows(flight.t_s, flight.flying, length_s, half_waves(flight, length_s))
+    here = tuple(name for name in with_overtones(channels(flight, model), len(windows.overtones)) if name in names)
     drive = drive_of(flight, model, model.effects, here)
 
     def at(effects: dict, model: Model = model, same_drive: bool = True) -> np.ndarray:
@@ -253,31 +261,35 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
         shifted, step = _shift(model, column)
         reference = _reference(model, column)
         x[:, :, k] = ((at(reference) if reference and _drives(reference) else y) - at(shifted)) / step
-    moments = np.array([name in MOMENT for name in names])
+    moments = np.array([name.split("/")[0] in MOMENT for name in names])
     for k, column in enumerate(columns):
         if column.part:
             x[:, moments if column.part == "force" else ~moments, k] *= 0.0
-    moved = [k for k, c in enumerate(columns) if instrumented and c.moved and (c.variant or not flight.has("reference"))]
-    told, strength = _through_instruments(x, moved, flight, windows, model, names, drive.at_work)
-    return Rows(flight, windows, y, told, restless(flight, windows, model, drive.at_work), x, strength)
+    moved = tuple(k for k, c in enumerate(columns) if instrumented and c.moved)
+    loose, strength = _loose(x[:, :, moved], flight, windows, model, names, drive.at_work) if moved else ({}, {})
+    return Rows(flight, windows, y, x, restless(flight, windows, model, drive.at_work), moved, loose, strength)
 
 
-def _through_instruments(x, moved, flight: Prepared, windows: Windows, model: Model, names, speeds):
-    """Columns with the moved ones projected where a controller's answer shows: in moments; along thrust without rotor speeds.
+def half_waves(flight: Prepared, length_s: float) -> int:
+    """How many half-waves a test function may have before a stream cannot follow it."""
+    used = ("gyro", "attitude", "rotor_speed", "command")
+    slowest = max((flight.update_s[s] for s in used if np.isfinite(flight.update_s.get(s, np.nan))), default=np.inf)
+    return min(MOST_HALF_WAVES, int(length_s / (UPDATES_PER_HALF_WAVE * slowest)))
 
-    Nuisances that a controller moves stay free where references are logged, so that what they explain is not put down to a
-    candidate; without references nothing tells them from the answer to a disturbance, and they stay as declared.
-    """
+
+def _loose(moved: np.ndarray, flight: Prepared, windows: Windows, model: Model, names, speeds):
+    """What instruments leave of the moved columns (m, C, K) where a controller's answer shows: in moments; along thrust
+    without rotor speeds. Weak instruments vouch for the mean alone."""
     vertical = () if flight.has("rotor_speed") else VERTICAL
-    answered = [c for c, name in enumerate(names) if name in (*MOMENT, *vertical) and np.isfinite(x[:, c]).all()]
-    if not moved or not answered:
-        return x, {}
+    answered = [c for c, n in enumerate(names) if n.split("/")[0] in (*MOMENT, *vertical) and np.isfinite(moved[:, c]).all()]
+    if not answered:
+        return {}, {}
     z, own = instruments(flight, windows, model, names), own_signal(flight, windows, model, speeds)
-    told, strong = x.copy(), {}
+    strong = {name: strength(own[name], z[name]) for name in (names[c] for c in answered) if name in own}
+    told = {}
     for c in answered:
-        strong[names[c]] = strength(own[names[c]], z[names[c]])
-        usable = z[names[c]] if strong[names[c]] > LEAST_STRENGTH else z[names[c]][:, :1]
-        told[:, c, moved] = projected(x[:, c][:, moved], usable)
+        usable = z[names[c]] if strong[names[c].split("/")[0]] > LEAST_STRENGTH else z[names[c]][:, :1]
+        told[c] = moved[:, c] - projected(moved[:, c], usable)
     return told, strong
 
 
@@ -291,7 +303,7 @@ def restless(flight: Prepared, windows: Windows, model: Model, speeds: np.ndarra
 
 def _known(system: System, flight: Rows) -> dict[str, np.ndarray]:
     """Nuisance columns of one flight by key."""
-    return {c.nuisance.key: flight.full[:, :, k] for k, c in enumerate(system.columns) if c.nuisance is not None}
+    return {c.nuisance.key: flight.x[:, :, k] for k, c in enumerate(system.columns) if c.nuisance is not None}
 
 
 def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant], length_s: float | None = None,
@@ -302,9 +314,10 @@ def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant]
     ----------
     like : a system of the same flights and channels whose nuisance columns are taken over: they hardly change with effects.
     """
-    names = common_channels(flights, model)
+    main = common_channels(flights, model)
     length_s = length_s or window_length_s(flights)
-    columns = [Column(n.key, nuisance=n) for n in nuisances(model, names, flights)] if switches.tolerance else []
+    names = with_overtones(main, 2 * max(half_waves(f, length_s) for f in flights))
+    columns = [Column(n.key, nuisance=n) for n in nuisances(model, main, flights)] if switches.tolerance else []
     for v in variants:
         parts = ("force", "moment") if v.effect == LEVELLED and v.effect not in model.effects and MOMENT[0] in names else ("",)
         columns += [Column(v.key, variant=v, amplitude=j, part=part) for j in range(len(v.amplitudes)) for part in parts]

@@ -27,6 +27,7 @@ class Windows:
     mean : (m, n) weights of the average, each row sums to 1.
     rate : (m, n) weights that give the average of the time derivative.
     length_s : support of each function.
+    overtones : weights and rate weights (m, n) of faster test functions on the same supports, see :func:`tones`.
     """
 
     center_s: np.ndarray
@@ -34,6 +35,7 @@ class Windows:
     mean: csr_array
     rate: csr_array
     length_s: float
+    overtones: tuple[tuple[csr_array, csr_array], ...] = ()
 
     def __len__(self) -> int:
         return len(self.center)
@@ -63,7 +65,28 @@ def bump(half: int, step_s: float) -> tuple[np.ndarray, np.ndarray]:
     return phi / phi.sum(), slope / (slope @ (s * (half + 1.0) * step_s))
 
 
-def make_windows(t_s: np.ndarray, flying: np.ndarray, length_s: float) -> Windows:
+def tones(half: int, step_s: float, count: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Faster test functions: the bump times sines and cosines of 1 ... count half-waves, freed of the slower ones.
+
+    Returns
+    -------
+    weights and rate weights, (2 half + 1,) each; white noise has the same size in all of them as in the bump's average.
+    """
+    s = np.arange(-half, half + 1) / (half + 1.0)
+    phi, slope = (1.0 - s**2) ** 3, 6.0 * s * (1.0 - s**2) ** 2
+    made = [np.stack([phi, slope])]
+    for k in range(1, count + 1):
+        c, w = np.cos(np.pi * k * s), np.sin(np.pi * k * s)
+        made += [np.stack([phi * w, slope * w - np.pi * k * phi * c]), np.stack([phi * c, slope * c + np.pi * k * phi * w])]
+    for i, pair in enumerate(made):
+        for other in made[:i]:
+            pair = pair - (pair[0] @ other[0]) * other
+        made[i] = pair / np.linalg.norm(pair[0])
+    size, reach_s = np.linalg.norm(phi) / phi.sum(), (half + 1.0) * step_s
+    return [(size * pair[0], size * pair[1] / reach_s) for pair in made[1:]]
+
+
+def make_windows(t_s: np.ndarray, flying: np.ndarray, length_s: float, overtones: int = 0) -> Windows:
     """Half-overlapping windows whose whole support flies.
 
     Parameters
@@ -71,6 +94,7 @@ def make_windows(t_s: np.ndarray, flying: np.ndarray, length_s: float) -> Window
     t_s : (n,) uniform times.
     flying : (n,) usable samples.
     length_s : support of a test function.
+    overtones : how many half-waves the faster test functions go up to.
     """
     step_s = t_s[1] - t_s[0]
     half = max(int(round(0.5 * length_s / step_s)), 2)
@@ -80,11 +104,9 @@ def make_windows(t_s: np.ndarray, flying: np.ndarray, length_s: float) -> Window
     phi, slope = bump(half, step_s)
     columns = (centers[:, None] + np.arange(-half, half + 1)).ravel()
     starts = np.arange(len(centers) + 1) * (2 * half + 1)
-    shape = (len(centers), len(t_s))
-    return Windows(
-        t_s[centers],
-        centers,
-        csr_array((np.tile(phi, len(centers)), columns, starts), shape=shape),
-        csr_array((np.tile(slope, len(centers)), columns, starts), shape=shape),
-        (2 * half + 1) * step_s,
-    )
+
+    def spread(weights: np.ndarray) -> csr_array:
+        return csr_array((np.tile(weights, len(centers)), columns, starts), shape=(len(centers), len(t_s)))
+
+    faster = tuple((spread(a), spread(b)) for a, b in tones(half, step_s, overtones))
+    return Windows(t_s[centers], centers, spread(phi), spread(slope), (2 * half + 1) * step_s, faster)

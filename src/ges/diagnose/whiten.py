@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -28,12 +28,13 @@ class Noise:
 
 @dataclasses.dataclass(frozen=True)
 class White:
-    """One flight, whitened: residuals (m, C), columns (m, C, K), zero where a row is unusable; ``full``: before instruments."""
+    """One flight, whitened: residuals (m, C), columns (m, C, K), zero where a row is unusable; ``loose`` as in ``Rows``."""
 
     y: np.ndarray
     x: np.ndarray
     used: np.ndarray
-    full: np.ndarray
+    moved: tuple[int, ...]
+    loose: Mapping[int, np.ndarray]
 
 
 def _tolerance(system: System, kept: np.ndarray) -> np.ndarray:
@@ -132,8 +133,8 @@ def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:
 
 def whiten(rows: Rows, noise: Noise, unrest: np.ndarray) -> White:
     """Filter residuals and columns by the same noise model; rows without a full past are left out."""
-    y, x, full = np.zeros_like(rows.y), np.zeros_like(rows.x), np.zeros_like(rows.x)
-    used = np.zeros(rows.y.shape, bool)
+    y, x, used = np.zeros_like(rows.y), np.zeros_like(rows.x), np.zeros(rows.y.shape, bool)
+    loose = {c: np.zeros_like(part) for c, part in rows.loose.items()}
     for c in range(rows.y.shape[1]):
         at, _, _ = _lagged(rows.y[:, c], rows.follows, noise.ar.shape[1])
         if not len(at):
@@ -142,8 +143,9 @@ def whiten(rows: Rows, noise: Noise, unrest: np.ndarray) -> White:
         used[at, c] = True
         y[at, c] = _filtered(rows.y[:, c], at, noise.ar[c]) / sd
         x[at, c] = _filtered(rows.x[:, c], at, noise.ar[c]) / sd[:, None]
-        full[at, c] = x[at, c] if rows.full is rows.x else _filtered(rows.full[:, c], at, noise.ar[c]) / sd[:, None]
-    return White(y, x, used, full)
+        if c in loose:
+            loose[c][at] = _filtered(rows.loose[c], at, noise.ar[c]) / sd[:, None]
+    return White(y, x, used, rows.moved, loose)
 
 
 def _filtered(signal: np.ndarray, at: np.ndarray, ar: np.ndarray) -> np.ndarray:
