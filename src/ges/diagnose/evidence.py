@@ -12,7 +12,6 @@ from .system import Column, System
 from .whiten import Noise, White, estimate, unrest_of, whiten
 
 TEMPERING = 0.25
-FEEDBACK, OWN_FEEDBACK = 0.7, 0.3
 PLAUSIBLE = {
     **{("inertia", axis): 0.3 for axis in ("xx", "yy", "zz")},
     ("thrust_scale", "scale"): 0.3, ("torque_coefficient", "scale"): 0.3,
@@ -56,23 +55,13 @@ class Gram:
 
 
 def gram_of(white: White, tempering: float = 1.0) -> Gram:
-    """Normal equations of one whitened flight, every row counted ``tempering`` times, (K + moved) columns.
-
-    Where a controller answers, the error of a coefficient is not only noise: its column follows the disturbances, by some
-    share of their size. The loose part of each moved column therefore comes once more: at the end, scaled so that its
-    coefficient, one for all flights and channels, has sd 1; and with a coefficient of its own for this flight and channel,
-    integrated out here.
-    """
-    answers = np.zeros((*white.y.shape, len(white.moved)))
-    for c, loose in white.loose.items():
-        size = np.sqrt((loose**2).sum(axis=0) / max(white.used[:, c].sum(), 1))
-        answers[:, c, size > 0] = loose[:, size > 0] / size[size > 0]
-    x, y = np.concatenate([white.x, FEEDBACK * answers], axis=2)[white.used], white.y[white.used]
+    """Normal equations of one whitened flight, every row counted ``tempering`` times, what a controller's answer may have done
+    to them integrated out."""
+    x, y = white.x[white.used], white.y[white.used]
     gram = Gram(x.T @ x, x.T @ y, float(y @ y), float(white.used.sum())).scaled(tempering)
-    for c in white.loose:
-        own = OWN_FEEDBACK * answers[:, c]
-        cross = np.concatenate([white.x[:, c], FEEDBACK * answers[:, c]], axis=1).T @ own
-        gram = _without_copies(gram, tempering * own.T @ own, tempering * cross, tempering * own.T @ white.y[:, c])
+    for c, answer in white.answers.items():
+        gram = _without_copies(gram, tempering * answer.T @ answer, tempering * white.x[:, c].T @ answer,
+                               tempering * answer.T @ white.y[:, c])  # fmt: skip
     return gram
 
 
@@ -157,8 +146,7 @@ class Board:
         for f, gram in enumerate(self.by_flight):
             total = total if f == leave_out else total + gram
         common = np.array([k for k in self.nuisance if self.prior_sd[k] > 0], dtype=int)
-        answers = np.arange(len(self.prior_sd), len(total.xy))
-        return total.without(np.r_[common, answers], np.r_[self.prior_sd[common], np.ones(len(answers))])
+        return total.without(common, self.prior_sd[common])
 
 
 def _sizes(system: System, share: float) -> np.ndarray:
@@ -186,7 +174,7 @@ def _plausible(column: Column) -> float:
 def make_board(system: System, chosen: Sequence[int] = (), tempering: float = TEMPERING, share: float = 0.05) -> Board:
     """Whiten and count, with the noise that the chosen columns leave."""
     noise = estimate(system, chosen)
-    whites = tuple(whiten(r, noise, u) for r, u in zip(system.flights, unrest_of(system.flights), strict=True))
+    whites = whiten(system.flights, noise, unrest_of(system.flights))
     grams = tuple(flight_grams(whites, system.columns, tempering))
     prior = np.where([c.nuisance is None for c in system.columns], _sizes(system, share), 0.0)
     for k, column in enumerate(system.columns):

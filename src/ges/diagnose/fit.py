@@ -48,24 +48,22 @@ def joint_fit(
     columns, chosen = board.system.columns, np.asarray(chosen, dtype=int)
     common = np.array([k for k in board.nuisance if columns[k].nuisance.sd > 0], dtype=int)
     varies = np.array([k for k in board.nuisance if columns[k].nuisance.flight_sd > 0], dtype=int)
-    answers = len(columns) + np.arange(len(board.whites[0].moved))
-    sizes = (len(chosen), len(common) + len(answers), len(varies))
+    sizes = (len(chosen), len(common), len(varies))
     start = np.cumsum((0, *sizes[:2]))
     total = sizes[0] + sizes[1] + sizes[2] * len(board.whites)
     mean, precision = np.zeros(total), np.zeros(total)
     mean[: sizes[0]] = 0.0 if prior_mean is None else prior_mean
     precision[: sizes[0]] = 1.0 / (10.0 * board.prior_sd[chosen] if prior_sd is None else prior_sd) ** 2
-    precision[start[1] : start[2]] = [*(1.0 / columns[k].nuisance.sd ** 2 for k in common), *np.ones(len(answers))]
+    precision[start[1] : start[2]] = [1.0 / columns[k].nuisance.sd ** 2 for k in common]
     precision[start[2] :] = np.tile([1.0 / columns[k].nuisance.flight_sd ** 2 for k in varies], len(board.whites))
     places = [np.r_[np.arange(start[2]), start[2] + f * sizes[2] + np.arange(sizes[2])] for f in range(len(board.whites))]
-    kept, of_rows = np.r_[chosen, common, answers, varies], np.r_[chosen, common, varies]
+    kept = np.r_[chosen, common, varies]
+    designs = [w.x[:, :, kept] for w in board.whites]
     xx, xy = np.diag(precision), precision * mean
     for w, at in zip(board.whites, places, strict=True):
         gram = gram_of(w).take(kept)
         xx[np.ix_(at, at)] += gram.xx
         xy[at] += gram.xy
-    drawn = np.r_[np.arange(start[1] + len(common)), start[2] + np.arange(sizes[2])]
-    designs, places = [w.x[:, :, of_rows] for w in board.whites], [at[drawn] for at in places]
     inverse = np.linalg.pinv(xx, hermitian=True)
     beta = inverse @ xy
     left = tuple(w.y - d @ beta[at] for w, d, at in zip(board.whites, designs, places, strict=True))
@@ -75,9 +73,9 @@ def joint_fit(
     return Joint(
         beta[: sizes[0]],
         covariance,
-        dict(zip(names, beta[start[1] :], strict=False)),
-        dict(zip(names, np.sqrt(np.diag(inverse)[start[1] :]), strict=False)),
-        tuple(dict(zip(flight_names, beta[at[start[1] + len(common) :]], strict=True)) for at in places),
+        dict(zip(names, beta[start[1] : start[2]], strict=True)),
+        dict(zip(names, np.sqrt(np.diag(inverse)[start[1] : start[2]]), strict=True)),
+        tuple(dict(zip(flight_names, beta[at[start[2] :]], strict=True)) for at in places),
         left,
     )
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from .. import effects as effect_table
 from .. import sim
@@ -27,6 +28,7 @@ MOVED = frozenset(
 
 LAGS = range(-1, 6)
 STEP_S = 0.002
+FOLDS, RIDGE = 4, 1.0
 
 
 def _table(flight: Prepared) -> np.ndarray:
@@ -61,36 +63,50 @@ def replayed(flight: Prepared, model: Model, more: Sequence[str] = ()) -> dict[s
 
 
 def instruments(flight: Prepared, windows: Windows, model: Model, names: Sequence[str]) -> dict[str, np.ndarray]:
-    """Instruments of one flight by channel, (m, k): a constant, and the replayed thrust or moment at several lags."""
-    constant = np.ones((len(windows), 1))
+    """Instruments of one flight by channel, (m, k): changes of the replayed thrust or moment at several lags.
+
+    Means are no instruments: a trim moment has other causes than what a column would make of it.
+    """
+    nothing = np.zeros((len(windows), 1))
     said = replayed(flight, model)
     if said is None:
-        return {name: constant for name in names}
+        return {name: nothing for name in names}
     samples = effect_table.Samples.from_columns({"t_s": flight.t_s - flight.t_s[0], **said})
     replay = effect_table.replay(model.parameters, samples, model.effects, model.terrain)
     told = {"z": replay.force_N[:, 2], **{f"moment_{a}": replay.moment_Nm[:, k] for k, a in enumerate("xyz")}}
     told |= dict.fromkeys(("force_z", "acc_z"), told["z"])
-    means = {"": windows.mean, **{f"/{k}": mean for k, (mean, _) in enumerate(windows.overtones, 1)}}
+    means = _means(windows)
     lagged = {
-        name: np.column_stack([constant, *_lags(told[base], flight, windows, means[name.removeprefix(base)])])
+        name: np.column_stack(_lags(told[base], flight, windows, means[_mark(name)]))
         for name in names if (base := name.split("/")[0]) in told
     }  # fmt: skip
-    return {name: lagged.get(name, constant) for name in names}
+    return {name: lagged.get(name, nothing) for name in names}
 
 
-def own_signal(flight: Prepared, windows: Windows, model: Model, speeds: np.ndarray) -> dict[str, np.ndarray]:
+def own_signal(flight: Prepared, windows: Windows, model: Model, speeds: np.ndarray, names: Sequence[str]):
     """Thrust and moment that the rotor speeds at work make, by channel, (m,)."""
     samples = {"t_s": flight.t_s - flight.t_s[0], **dict(zip(ROTOR_SPEED, speeds.T, strict=True))}
     replay = effect_table.replay(model.parameters, effect_table.Samples.from_columns(samples), {})
-    moments = {f"moment_{a}": windows.mean @ replay.moment_Nm[:, k] for k, a in enumerate("xyz")}
-    return {**moments, **dict.fromkeys(("force_z", "acc_z"), windows.mean @ replay.force_N[:, 2])}
+    told = {"z": replay.force_N[:, 2], **{f"moment_{a}": replay.moment_Nm[:, k] for k, a in enumerate("xyz")}}
+    means = _means(windows)
+    return {n: means[_mark(n)] @ told.get(n.split("/")[0], told["z"]) for n in names}
+
+
+def _means(windows: Windows) -> dict[str, csr_array]:
+    """Weights of every test function by the mark of its channels."""
+    return {"": windows.mean, **{f"/{k}": mean for k, (mean, _) in enumerate(windows.overtones, 1)}}
+
+
+def _mark(name: str) -> str:
+    return name[len(name.split("/")[0]) :]
 
 
 def _lags(values: np.ndarray, flight: Prepared, windows: Windows, mean) -> list[np.ndarray]:
     """Window averages, by the weights ``mean``, of a signal late by multiples of half a window."""
     step = 0.5 * windows.length_s
     t = flight.t_s
-    return [mean @ np.interp(t - lag * step, t, values) for lag in LAGS]
+    late = [mean @ np.interp(t - lag * step, t, values) for lag in LAGS]
+    return [values - values.mean() for values in late]
 
 
 def projected(x: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -98,15 +114,22 @@ def projected(x: np.ndarray, z: np.ndarray) -> np.ndarray:
     size = np.sqrt((z**2).sum(axis=0))
     z = z[:, size > 0] / size[size > 0]
     u, s, _ = np.linalg.svd(z, full_matrices=False)
-    u = u[:, s > 1e-6 * s[0]] if len(s) else u
+    u = u[:, s > 1e-6 * s.max(initial=0.0)]
     return u @ (u.T @ x)
 
 
-def strength(moved: np.ndarray, z: np.ndarray) -> float:
-    """Share of a signal's variance (m,) that its instruments (m, j) explain, corrected for their number."""
+def strength(moved: np.ndarray, z: np.ndarray, block: np.ndarray) -> float:
+    """Share of a signal's variance (m,) that its instruments (m, j) foretell, each block of time from the other blocks.
+
+    Instruments that explain no more than chance would let two-stage least squares err as plain regression does (Bound, Jaeger
+    and Baker 1995); what they explain of time they were not fitted to is no chance.
+    """
     centred = moved - moved.mean()
     total = float(centred @ centred)
-    if total <= 0 or len(moved) <= z.shape[1] + 1:
-        return 0.0
-    left = centred - projected(centred[:, None], z)[:, 0]
-    return max(0.0, 1.0 - float(left @ left) / total * (len(moved) - 1) / (len(moved) - z.shape[1] - 1))
+    size = np.sqrt((z**2).mean(axis=0))
+    z, fold, left = z[:, size > 0] / size[size > 0], block % FOLDS, np.zeros_like(moved)
+    for f in np.unique(fold):
+        out = fold == f
+        gram = z[~out].T @ z[~out] + RIDGE * np.eye(z.shape[1])
+        left[out] = centred[out] - z[out] @ np.linalg.solve(gram, z[~out].T @ centred[~out])
+    return max(0.0, 1.0 - float(left @ left) / total) if total > 0 else 0.0

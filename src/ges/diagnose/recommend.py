@@ -146,8 +146,7 @@ def _gram(board: Board, flight: Prepared, keep: np.ndarray) -> Gram:
     system, columns = board.system, [board.system.columns[k] for k in keep]
     made = rows(flight, system.model, system.names, columns, system.flights[0].windows.length_s)
     usual = np.median(np.concatenate([r.noise for r in system.flights])) or 1.0
-    white = whiten(made, board.noise, made.noise / usual)
-    return flight_grams([white], columns, TEMPERING)[0]
+    return flight_grams(whiten([made], board.noise, [made.noise / usual]), columns, TEMPERING)[0]
 
 
 def _log_odds(board: Board, gram: Gram, keep: np.ndarray, rivals: Sequence[Rival]) -> np.ndarray:

@@ -16,7 +16,7 @@ from .residual import MOMENT, channels, drive_of, residual, with_overtones
 from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, blocks_of, make_windows
 
 AR_ORDER = 3
-LEAST_STRENGTH = 0.2
+LEAST_STRENGTH, INSTRUMENT_BLOCK_S = 0.4, 5.0
 MOST_HALF_WAVES, UPDATES_PER_HALF_WAVE = 3, 2.5
 LEVELLED, LEVELLING_SD = "ground_effect", 0.7
 USUAL: tuple[tuple[str, str, float, float, float], ...] = (
@@ -279,18 +279,18 @@ def half_waves(flight: Prepared, length_s: float) -> int:
 
 def _loose(moved: np.ndarray, flight: Prepared, windows: Windows, model: Model, names, speeds):
     """What instruments leave of the moved columns (m, C, K) where a controller's answer shows: in moments; along thrust
-    without rotor speeds. Weak instruments vouch for the mean alone."""
+    without rotor speeds. Weak instruments vouch for nothing."""
     vertical = () if flight.has("rotor_speed") else VERTICAL
     answered = [c for c, n in enumerate(names) if n.split("/")[0] in (*MOMENT, *vertical) and np.isfinite(moved[:, c]).all()]
     if not answered:
         return {}, {}
-    z, own = instruments(flight, windows, model, names), own_signal(flight, windows, model, speeds)
-    strong = {name: strength(own[name], z[name]) for name in (names[c] for c in answered) if name in own}
+    z, own = instruments(flight, windows, model, names), own_signal(flight, windows, model, speeds, names)
+    block = blocks_of([(windows, flight.t_s[0])], INSTRUMENT_BLOCK_S)[0]
+    strong = {names[c]: strength(own[names[c]], z[names[c]], block) for c in answered}
     told = {}
     for c in answered:
-        usable = z[names[c]] if strong[names[c].split("/")[0]] > LEAST_STRENGTH else z[names[c]][:, :1]
-        told[c] = moved[:, c] - projected(moved[:, c], usable)
-    return told, strong
+        told[c] = moved[:, c] - (projected(moved[:, c], z[names[c]]) if strong[names[c]] > LEAST_STRENGTH else 0.0)
+    return told, {name: value for name, value in strong.items() if "/" not in name}
 
 
 def restless(flight: Prepared, windows: Windows, model: Model, speeds: np.ndarray) -> np.ndarray:

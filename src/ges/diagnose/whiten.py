@@ -13,6 +13,7 @@ RIDGE = 1e-6
 TINY = 1e-30
 LEAST_NOISE = 1e-5  # of the weight and its like: no recording is better
 WIDE = 10.0
+FEEDBACK = 0.7
 ROUNDS = 4
 NOISE_ROUNDS = 3
 
@@ -28,13 +29,15 @@ class Noise:
 
 @dataclasses.dataclass(frozen=True)
 class White:
-    """One flight, whitened: residuals (m, C), columns (m, C, K), zero where a row is unusable; ``loose`` as in ``Rows``."""
+    """One flight, whitened: residuals (m, C), columns (m, C, K), zero where a row is unusable.
+
+    ``answers`` are columns (m, moved), by channel, of unit prior sd: what a controller's answer to disturbances may have added.
+    """
 
     y: np.ndarray
     x: np.ndarray
     used: np.ndarray
-    moved: tuple[int, ...]
-    loose: Mapping[int, np.ndarray]
+    answers: Mapping[int, np.ndarray]
 
 
 def _tolerance(system: System, kept: np.ndarray) -> np.ndarray:
@@ -131,8 +134,28 @@ def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:
     return [r.noise / median for r in flights]
 
 
-def whiten(rows: Rows, noise: Noise, unrest: np.ndarray) -> White:
+def whiten(flights: Sequence[Rows], noise: Noise, unrest: Sequence[np.ndarray]) -> tuple[White, ...]:
     """Filter residuals and columns by the same noise model; rows without a full past are left out."""
+    whites = [_white(rows, noise, u) for rows, u in zip(flights, unrest, strict=True)]
+    power = [{c: (part**2).sum(axis=0) / max(w.used[:, c].sum(), 1) for c, part in w.answers.items()} for w in whites]
+    every = [p for told in power for p in told.values()]
+    if not every:
+        return tuple(whites)
+    alike = sum(every) ** 2 / np.maximum(sum(p**2 for p in every), TINY)
+    return tuple(dataclasses.replace(w, answers=_bounds(w.answers, p, alike)) for w, p in zip(whites, power, strict=True))
+
+
+def _bounds(loose: Mapping[int, np.ndarray], power: Mapping[int, np.ndarray], alike: np.ndarray) -> dict[int, np.ndarray]:
+    """Loose parts as errors of unit prior sd.
+
+    A controller makes a column follow the disturbances; the coefficient then errs by up to their correlation over the
+    column's size in noise (FEEDBACK is the sd of that correlation). The error has the same cause in every flight and channel,
+    so that ``alike`` of them (the number that share the column's power) are worth one.
+    """
+    return {c: part * FEEDBACK * np.sqrt(alike / np.maximum(power[c], TINY)) for c, part in loose.items()}
+
+
+def _white(rows: Rows, noise: Noise, unrest: np.ndarray) -> White:
     y, x, used = np.zeros_like(rows.y), np.zeros_like(rows.x), np.zeros(rows.y.shape, bool)
     loose = {c: np.zeros_like(part) for c, part in rows.loose.items()}
     for c in range(rows.y.shape[1]):
@@ -145,7 +168,7 @@ def whiten(rows: Rows, noise: Noise, unrest: np.ndarray) -> White:
         x[at, c] = _filtered(rows.x[:, c], at, noise.ar[c]) / sd[:, None]
         if c in loose:
             loose[c][at] = _filtered(rows.loose[c], at, noise.ar[c]) / sd[:, None]
-    return White(y, x, used, rows.moved, loose)
+    return White(y, x, used, loose)
 
 
 def _filtered(signal: np.ndarray, at: np.ndarray, ar: np.ndarray) -> np.ndarray:
