@@ -139,7 +139,7 @@ def test_a_wrong_configuration_is_one_sentence(tmp_path, path, value, said):
 
 def elsewhere(finished: Path, folder: Path, profile: str) -> None:
     """The small study sent away by a profile gives the bytes of the local one."""
-    done = run(prepared(folder), SMALL, "--workflow-profile", str(ROOT / "profiles" / profile), *METRICS)
+    done = run(prepared(folder), SMALL, "--workflow-profile", str(ROOT / "workflow/profiles" / profile), *METRICS)
     assert done.returncode == 0, done.stderr
     assert hashes(folder) == hashes(finished)
 
