@@ -122,7 +122,7 @@ def _named(name: str, probability: float, parameters: dict[str, tuple[float, flo
 def _stated(system: System, column: Mapping[str, int]) -> bool:
     """Whether the vehicle file, a calibrated one, states how far the gain of every motor may be off."""
     gains = "weak_rotor" in system.model.effects and {*LOSSES, *MASS} <= set(column)
-    return gains and set(CHANNELS) <= set(system.names)
+    return gains and set(CHANNELS) <= set(system.main)
 
 
 def _nuisances(system: System) -> dict[str, int]:
@@ -130,11 +130,11 @@ def _nuisances(system: System) -> dict[str, int]:
 
 
 def centred(left: Sequence[np.ndarray], system: System) -> list[np.ndarray]:
-    """Residuals (m, C) by flight less their mean over all flights where :func:`shift_of` judges that mean; else as they are."""
+    """Residuals of the plain averages (m, C) by flight, less their mean over all flights where :func:`shift_of` judges it."""
     if not _stated(system, _nuisances(system)):
         return list(left)
-    slow = [system.names.index(c) for c in CHANNELS]
-    mean = np.zeros(len(system.names))
+    slow = [system.main.index(c) for c in CHANNELS]
+    mean = np.zeros(len(system.main))
     mean[slow] = np.concatenate(left)[:, slow].mean(axis=0)
     return [rows - mean for rows in left]
 
