@@ -94,7 +94,7 @@ def _scales(system: System) -> list[Quantity]:
 
 
 def _thrust(flight, windows, model: Model) -> np.ndarray:
-    return own_signal(flight, windows, model, speeds_at_work(flight, model, model.effects))["force_z"]
+    return own_signal(flight, windows, model, speeds_at_work(flight, model, model.effects), ("force_z",))["force_z"]
 
 
 def _shapes(system: System, told: Told) -> list[Quantity]:
