@@ -64,7 +64,8 @@ def joint_fit(
         gram = gram_of(w).take(kept)
         xx[np.ix_(at, at)] += gram.xx
         xy[at] += gram.xy
-    inverse = np.linalg.pinv(xx, hermitian=True)
+    unit = 1.0 / np.sqrt(np.diag(xx))  # coefficients differ by many orders in their units
+    inverse = np.linalg.pinv(xx * np.outer(unit, unit), hermitian=True) * np.outer(unit, unit)
     beta = inverse @ xy
     left = tuple(w.y - d @ beta[at] for w, d, at in zip(board.whites, designs, places, strict=True))
     covariance = np.maximum(1.0, _inflation(board, designs, places, left, inverse, sizes[0])) * inverse[: sizes[0], : sizes[0]]

@@ -145,16 +145,32 @@ def corrected(columns: dict[str, np.ndarray], model: Model, effects: effect_tabl
 
 def driven_speeds(flights: Sequence[Prepared], model: Model, effects: effect_table.Effects) -> list[np.ndarray]:
     """Rotor speeds that the commands make, flown through the compiled drive; (n, 4) rad/s each."""
-    batch = [_drive_flight(flight, model, _of_kind(effects, "actuator")) for flight in flights]
+    drives = {name: values for name, values in _of_kind(effects, "actuator").items() if not effect_table.get(name).modifies}
+    batch = [_drive_flight(flight, model, drives, commands_at_work(flight, model, effects)) for flight in flights]
     records = sim.fly(batch, ROTOR_SPEED)
     return [np.stack([r[name][: len(f.t_s)] for name in ROTOR_SPEED], axis=1) for r, f in zip(records, flights, strict=True)]
 
 
-def _drive_flight(flight: Prepared, model: Model, effects: effect_table.Effects) -> sim.Flight:
+def commands_at_work(flight: Prepared, model: Model, effects: effect_table.Effects) -> np.ndarray:
+    """Commands that reach the motors, (n, 4): the logged ones, changed by what acts by height between log and motor.
+
+    The drive itself is flown far above the ground, so such effects are asked here, along the recorded path.
+    """
+    u = flight.stack("command").clip(0.0, 1.0)
+    acting = {name for name in _of_kind(effects, "actuator") if effect_table.get(name).modifies}
+    if not acting:
+        return u
+    on = {name: effects[name] for name in acting | {effect_table.get(name).modifies for name in acting} if name in effects}
+    samples = effect_table.Samples.from_columns({**state_columns(flight, model), **dict(zip(COMMAND, u.T, strict=True))})
+    said = effect_table.replay(model.parameters, samples, on, model.terrain)
+    return said.rotor_command_rad_s / model.number("max_rotor_speed_rad_s")
+
+
+def _drive_flight(flight: Prepared, model: Model, effects: effect_table.Effects, commands: np.ndarray) -> sim.Flight:
     from ..terrain import Terrain
 
     n, every = len(flight.t_s), max(1, int(np.ceil(flight.dt_s / DRIVE_STEP_S)))
-    u, voltage = _between(flight.stack("command").clip(0.0, 1.0), every), flight.columns.get("battery_V", np.full(n, np.nan))
+    u, voltage = _between(commands, every), flight.columns.get("battery_V", np.full(n, np.nan))
     upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(u), 1))
     inputs = np.column_stack([u, upright, np.repeat(voltage, every), np.zeros((len(u), 3))])
     first = {f"start_{name}": model.number("max_rotor_speed_rad_s") * u[0, i] for i, name in enumerate(ROTOR_SPEED)}

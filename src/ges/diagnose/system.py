@@ -226,8 +226,10 @@ def _shift(model: Model, column: Column) -> tuple[dict, float]:
     ), a.step
 
 
-def _drives(effects: Mapping[str, Mapping]) -> bool:
-    return any(effect_table.get(name).kind == "actuator" for name in effects)
+def _drives(effects: Mapping[str, Mapping], on: Mapping[str, Mapping] | None = None) -> bool:
+    """Whether effects change the rotor speeds: actuators, and what an actuator that is ``on`` acts upon."""
+    acting = [*effects, *(name for name in on or {} if effect_table.get(name).modifies in effects)]
+    return any(effect_table.get(name).kind == "actuator" for name in acting)
 
 
 def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence[Column], length_s: float,
@@ -244,7 +246,8 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
 
     def at(effects: dict, model: Model = model, same_drive: bool = True) -> np.ndarray:
         full = np.full((len(windows), len(names)), np.nan)
-        told = residual(flight, windows, model, here, effects, drive if same_drive and not _drives(effects) else None)
+        same = same_drive and not _drives(effects, model.effects)
+        told = residual(flight, windows, model, here, effects, drive if same else None)
         full[:, [names.index(name) for name in here]] = told
         return full
 
