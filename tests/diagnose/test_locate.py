@@ -43,7 +43,7 @@ def _clear(found, chance=0.01):
 
 
 def _system(model):
-    return SimpleNamespace(names=NAMES, model=model, blocks=lambda _: _blocks())
+    return SimpleNamespace(main=NAMES, model=model, blocks=lambda _: _blocks())
 
 
 def test_a_force_that_follows_a_speed_is_found_there_and_not_elsewhere():
@@ -97,6 +97,15 @@ def test_where_the_size_changes_and_the_mean_does_not():
     assert (best.channel, best.regime) == ("force_z", ("height_over_radius",)) and best.low[0] < 5.0
     assert best.rms == pytest.approx(0.3, rel=0.3), "rms of the residual there, not of its logarithm"
     assert all(s.of_size for s in found)
+
+
+def test_what_differs_from_flight_to_flight_only_is_no_structure():
+    """A battery that is fuller in one flight than in the next, and a thrust that is a little off in each."""
+    told, raw = _flights(), _noise(np.random.default_rng(8))
+    for k, (r, t) in enumerate(zip(raw, told, strict=True)):
+        t["battery_V"] = 16.0 - 0.4 * k - 0.01 * t["time_s"]
+        r[:, 1] += 0.1 * k
+    assert not _clear(structures(raw, told, NAMES, _blocks()))
 
 
 def test_same_bytes_every_time():

@@ -179,7 +179,7 @@ def hypotheses(system: System, left: Sequence[np.ndarray], told: Told, channels:
     block = np.concatenate(system.blocks(length_s))
     found = {}
     for name in (c for c in channels if c.split("_")[0] in dimension):
-        e = np.concatenate([row[:, system.names.index(name)] for row in left])
+        e = np.concatenate([row[:, system.main.index(name)] for row in left])
         form = sparse_form(name, e, library(system, told, dimension[name.split("_")[0]]), block)
         if form:
             found[name] = form

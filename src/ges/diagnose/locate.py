@@ -10,7 +10,7 @@ import numpy as np
 from .align import Prepared
 from .model import Model
 from .residual import model_along, to_body
-from .structure import Structure, Told, shared
+from .structure import Structure, Told, shared, within
 from .system import System
 from .weak import Windows
 
@@ -80,7 +80,7 @@ def clear(found: Sequence[Structure], least_r2: float = LEAST_R2) -> list[Struct
 
 
 def cells(system: System, raw: Sequence[np.ndarray], told: Told, found: Sequence[Structure]) -> list[Cell]:
-    """Mean residual of every channel in every bin of every regime.
+    """Mean residual of every channel in every bin of every regime, the mean of each flight left out.
 
     A cell is significant (its q is that of its channel over its regime) where that structure is clear and the cell's mean
     is beyond twice its standard error over blocks of time.
@@ -96,7 +96,7 @@ def cells(system: System, raw: Sequence[np.ndarray], told: Told, found: Sequence
     chance = {(s.channel, s.regime[0]): s.q_value for s in clear(found) if len(s.regime) == 1 and not s.of_size}
     made: list[Cell] = []
     for c, channel in enumerate(system.main):
-        e = np.concatenate([r[:, c] for r in raw])
+        e = np.concatenate([within(r)[:, c] for r in raw])
         used = np.isfinite(e)
         for name, value in values.items():
             if used.any() and np.ptp(value[used]) > 1e-9:

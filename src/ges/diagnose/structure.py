@@ -145,7 +145,7 @@ def _missed(basis: Basis, y: np.ndarray, fold: np.ndarray) -> np.ndarray:
 
 
 def structures(raw: Sequence[np.ndarray], told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]) -> list[Structure]:
-    """Test mean and size of every channel over every regime.
+    """Test mean and size of every channel over every regime, within the flights: thrust and trims differ from flight to flight.
 
     Parameters
     ----------
@@ -154,7 +154,14 @@ def structures(raw: Sequence[np.ndarray], told: Told, names: Sequence[str], bloc
     names : of the C channels.
     blocks : by flight, number of the block of time of every window.
     """
+    raw = [within(r) for r in raw]
     return [*_of_mean(raw, told, names, blocks), *_of_size(raw, told, names, blocks)]
+
+
+def within(e: np.ndarray) -> np.ndarray:
+    """Residuals of one flight (m, C) less their mean in every channel."""
+    good = np.isfinite(e)
+    return e - np.where(good, e, 0.0).sum(axis=0) / np.maximum(good.sum(axis=0), 1)
 
 
 def _of_mean(raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]) -> list[Structure]:
