@@ -180,7 +180,7 @@ def polish(flights: Sequence[Prepared], model: Model, values: effect_table.Effec
     """
     values = {name: dict(v) for name, v in values.items()}
     bounds = {(e, p.name): (p.low, p.high) for e in values for p in effect_table.get(e).parameters} | FIRMER
-    for _ in range(ROUNDS):
+    for _ in range(2 * ROUNDS if any(reach_of(name, values, model) for name in free) else ROUNDS):
         variants = [Variant(e, {}, (_moves((e, p), values, model),)) for e, p in free]
         system = build(flights, model.with_effects(values), variants, length_s, like, switches)
         chosen = [k for k, c in enumerate(system.columns) if c.variant is not None]
@@ -190,8 +190,8 @@ def polish(flights: Sequence[Prepared], model: Model, values: effect_table.Effec
             [10.0 * max(board.prior_sd[k], 1e-9) if math.isinf(s) else s for (_, s), k in zip(prior, chosen, strict=True)]
         )
         joint = joint_fit(board, chosen, np.array([m for m, _ in prior]), sd)
-        moved = 0.0
-        for (e, p), step, var in zip(free, joint.chosen, np.diag(joint.covariance), strict=True):
+        moved, share = 0.0, _share_in_reach(joint.chosen, free, values, model)
+        for (e, p), step, var in zip(free, share * joint.chosen, np.diag(joint.covariance), strict=True):
             low, high = bounds[e, p]
             new = float(np.clip(values[e][p] + step, low, high))
             moved = max(moved, abs(new - values[e][p]) / np.sqrt(var))
@@ -199,6 +199,12 @@ def polish(flights: Sequence[Prepared], model: Model, values: effect_table.Effec
         if moved < TIGHT:
             break
     return Fitted(values, tuple(free), joint.covariance, joint, board)
+
+
+def _share_in_reach(steps: np.ndarray, free: Sequence[tuple[str, str]], values: effect_table.Effects, model: Model) -> float:
+    """Share of a step that moves no place further than its reach, within which the columns still hold."""
+    reaches = np.array([reach_of(name, values, model) or math.inf for name in free])
+    return float(min(1.0, np.min(reaches / np.maximum(np.abs(steps), 1e-30), initial=1.0)))
 
 
 def _small(a: Amplitude, value: float) -> Amplitude:
