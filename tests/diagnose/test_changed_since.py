@@ -5,6 +5,7 @@ The flights are published, each with one labelled change to the vehicle; the dia
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import ges
@@ -87,7 +88,7 @@ def _loss_3(found: Diagnosis) -> tuple[float, float]:
     """Loss of rotor 3 beyond the file's, and its sd, if it alone had changed."""
     board = found.details["accepted"].board
     at = next(k for k, c in enumerate(board.system.columns) if c.variant is not None and c.label == "weak_rotor[](loss_3)")
-    alone = posterior(board.pooled(), [at], board.prior_sd)
+    alone = posterior(board.pooled(), [at], board.prior_sd, np.zeros_like(board.one_sided))
     return float(alone.mean[0]), float(alone.sd[0])
 
 

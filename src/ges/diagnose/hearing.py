@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from ..conventions import SPECIFIC_FORCE
 from .align import Prepared
 from .candidates import NEEDS_ATTITUDE
 from .model import Model
@@ -29,6 +30,8 @@ def lacking(name: str, flights: Sequence[Prepared]) -> str:
         return "needs a logged height (p_z_m or range_m)"
     if name in NEEDS_RANGE and not any(f.has("range") and "p_z_m" in f.columns for f in flights):
         return "needs a rangefinder and a logged height (range_m, p_z_m)"
+    if name == "accelerometer_bias" and not any(n in f.columns for f in flights for n in SPECIFIC_FORCE):
+        return "needs a logged accelerometer (acc_x_m_s2 ...)"
     if name == "battery_sag" and not all(f.has("battery") for f in flights):
         return "needs a logged battery voltage (battery_V)"
     if name in NEEDS_VELOCITY and not all(f.has("velocity") for f in flights):
