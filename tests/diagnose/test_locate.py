@@ -130,6 +130,15 @@ def test_map_and_entries_show_the_cells(model):
     assert sum(c.share for c in of_map) == pytest.approx(1.0)
 
 
+def test_what_is_too_small_to_matter_is_not_located(model):
+    told, raw = _flights(), [1e-3 * r for r in _noise(np.random.default_rng(9))]
+    for r, t in zip(raw, told, strict=True):
+        r[:, 0] -= 1e-4 * t["forward_m_s"]
+    found = structures(raw, told, NAMES, _blocks())
+    assert "force_x" in {key[0] for key in _clear(found)}
+    assert from_residuals(cells(_system(model), raw, told, found), found, _system(model)) == []
+
+
 def test_a_finding_is_located_where_it_stands_out_of_the_noise(model):
     told, raw = _flights(), _noise(np.random.default_rng(7))
     acts = [np.stack([-0.05 * t["forward_m_s"], np.zeros(WINDOWS), 1e-4 * t["forward_m_s"]], axis=1) for t in told]

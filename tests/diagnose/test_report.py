@@ -124,7 +124,7 @@ def test_what_is_open_is_told(content):
     text, _ = _parsed(report.render(json.loads(json.dumps(told)), {}))
     for expected in (
         "wind or attitude bias: the flights fit either",
-        "force along thrust height over rotor radius 0.500 to 2.00 0.310",
+        "force along thrust height over rotor radius 0.50 to 2.00 0.310",
         "wind east_m_s 0.400 m/s attitude bias",
         "tether weight_N_m not visible noise",
         "Fly yaw turn: simulated with each explanation, it tells wind and attitude bias apart (expected log odds 12.0).",

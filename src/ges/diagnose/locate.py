@@ -19,6 +19,10 @@ BINS = 6
 CHANCE = 0.01
 LEAST_R2 = 0.1
 LEAST_R2_OF_SIZE = 0.3
+LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0004, "drive": 0.004, "range": 0.3}
+"""Of weight, weight times arm, full rotor speed, a rotor radius."""
+LEAST_SIZE = dict.fromkeys(("force", "acc", "moment"), 0.01)
+AGAIN = 1.5  # times what the flights of the calibration show too
 LEAST_BLOCKS = 4
 CLEAR = 2.0
 LEAST_OF_NOISE = 0.3  # a finding counts in a channel from this share of what the model leaves there
@@ -73,10 +77,18 @@ def edges(values: np.ndarray) -> np.ndarray:
     return np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)))
 
 
-def clear(found: Sequence[Structure], least_r2: float = LEAST_R2) -> list[Structure]:
-    """Structures that no noise makes and that carry a part of the residual that matters; of its energy, a larger one: vibration
-    and the attitude's noise grow with speed in any flight."""
-    return [s for s in found if s.q_value <= CHANCE and s.r2 >= (LEAST_R2_OF_SIZE if s.of_size else least_r2)]
+def clear(found: Sequence[Structure], model: Model, least_r2: float = LEAST_R2,
+          shares: Mapping[str, float] = LEAST_SHARE) -> list[Structure]:  # fmt: skip
+    """Structures that no noise makes, that carry a part of the residual that matters, and that are large enough to matter; of the
+    residual's size, a larger part: vibration and the attitude's noise grow with speed in any flight."""
+    likely = [s for s in found if s.q_value <= CHANCE and s.r2 >= (LEAST_R2_OF_SIZE if s.of_size else least_r2)]
+    return [s for s in likely if s.rms > _least(s, model, shares)]
+
+
+def _least(s: Structure, model: Model, shares: Mapping[str, float]) -> float:
+    """Smallest rms that counts; what the flights of the calibration show too does not."""
+    share = LEAST_SIZE.get(s.kind, np.inf) if s.of_size else shares.get(s.kind, np.inf)
+    return max(share * model.whole(s.channel), AGAIN * model.left_unexplained.get(s.key, 0.0))
 
 
 def cells(system: System, raw: Sequence[np.ndarray], told: Told, found: Sequence[Structure]) -> list[Cell]:
@@ -93,7 +105,7 @@ def cells(system: System, raw: Sequence[np.ndarray], told: Told, found: Sequence
     """
     block = np.concatenate(system.blocks(BLOCK_S))
     values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
-    chance = {(s.channel, s.regime[0]): s.q_value for s in clear(found) if len(s.regime) == 1 and not s.of_size}
+    chance = {(s.channel, s.regime[0]): s.q_value for s in clear(found, system.model) if len(s.regime) == 1 and not s.of_size}
     made: list[Cell] = []
     for c, channel in enumerate(system.main):
         e = np.concatenate([within(r)[:, c] for r in raw])
@@ -135,9 +147,10 @@ def _error(e: np.ndarray, block: np.ndarray) -> float:
 def from_residuals(made: Sequence[Cell], found: Sequence[Structure], system: System) -> list[dict]:
     """Entries of ``located`` from what the recalibrated vehicle leaves: neighbouring significant cells of one sign joined, and
     places that no single variable shows."""
-    entries = _merged([c for c in made if c.q_value <= CHANCE], made)
+    size = {(s.channel, s.regime[0]): s.rms for s in found if len(s.regime) == 1 and not s.of_size}
+    entries = _merged([c for c in made if c.q_value <= CHANCE], made, size)
     told = {item["channel"] for item in entries}
-    for s in sorted(clear(found), key=lambda s: -s.r2):
+    for s in sorted(clear(found, system.model), key=lambda s: -s.r2):
         if s.channel not in told:
             told.add(s.channel)
             entries.append({"channel": s.channel, "regime": s.bounds, "share_of_excess": min(1.0, s.r2), "q_value": s.q_value,
@@ -145,32 +158,28 @@ def from_residuals(made: Sequence[Cell], found: Sequence[Structure], system: Sys
     return sorted(entries, key=lambda item: -item.pop("energy") / system.model.whole(item["channel"]) ** 2)
 
 
-def _merged(kept: Sequence[Cell], made: Sequence[Cell]) -> list[dict]:
+def _merged(kept: Sequence[Cell], made: Sequence[Cell], size: Mapping[tuple[str, str], float]) -> list[dict]:
     out: list[dict] = []
     for channel, regime in dict.fromkeys((c.channel, c.regime) for c in kept):
         chain: list[Cell] = []
         here = [c for c in made if (c.channel, c.regime) == (channel, regime)]
-        windows = sum(c.windows for c in here)
         for cell in [*here, None]:
             keep = cell is not None and cell.q_value <= CHANCE
             if chain and (not keep or np.sign(cell.mean) != np.sign(chain[-1].mean)):
-                out.append(_joined(chain, windows))
+                out.append({**_joined(chain), "energy": size[channel, regime] ** 2})
                 chain = []
             if keep:
                 chain.append(cell)
     return out
 
 
-def _joined(chain: Sequence[Cell], windows: int) -> dict:
-    inside = sum(c.windows for c in chain)
-    mean = float(sum(c.mean * c.windows for c in chain) / inside)
+def _joined(chain: Sequence[Cell]) -> dict:
     return {
         "channel": chain[0].channel,
         "regime": {chain[0].regime: [chain[0].low, chain[-1].high]},
         "share_of_excess": float(sum(c.share for c in chain)),
         "q_value": chain[0].q_value,
-        "mean": mean,
-        "energy": mean**2 * inside / windows,
+        "mean": float(sum(c.mean * c.windows for c in chain) / sum(c.windows for c in chain)),
     }
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import jinja2
 
 from ..files import write_text
-from .words import chance_words, channel_words, number_words, odds_words, quantity_words, size_unit, unit_words
+from .words import bounds_words, chance_words, channel_words, number_words, odds_words, quantity_words, size_unit, unit_words
 
 CAPTIONS: Mapping[str, str] = {
     "where": "Where the recordings leave the recalibrated model: colour is the mean residual over its standard error in each bin "
@@ -46,7 +46,7 @@ def _regime(regime: Mapping[str, Any]) -> str:
     parts = []
     for name, (low, high) in regime.items():
         words, _, unit = quantity_words(name).partition(", ")
-        parts.append(f"{words} {number_words(low)} to {number_words(high)}{' ' + unit if unit else ''}")
+        parts.append(f"{words} {bounds_words(low, high, 3)}{' ' + unit if unit else ''}")
     return ", ".join(parts) or "everywhere"
 
 

@@ -71,6 +71,11 @@ class Structure:
         return f"{self.channel}_size" if self.of_size else self.channel
 
     @property
+    def kind(self) -> str:
+        """``force``, ``moment`` and their like."""
+        return self.channel.split("_")[0]
+
+    @property
     def bounds(self) -> dict[str, list[float]]:
         """``regime`` as the contract writes it."""
         return {name: [a, b] for name, a, b in zip(self.regime, self.low, self.high, strict=True)}

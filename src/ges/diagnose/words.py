@@ -73,6 +73,15 @@ def number_words(value: float | None, digits: int = 3) -> str:
     return f"{value:.{decimals}f}".replace("-", "−")
 
 
+def bounds_words(low: float, high: float, digits: int = 2) -> str:
+    """Two bounds to the same decimals, so many digits of the larger; a bound that is next to nothing is zero."""
+    largest = max(abs(low), abs(high))
+    if not largest or not 1e-3 <= largest < 1e6:
+        return f"{number_words(low, digits)} to {number_words(high, digits)}"
+    decimals = max(0, digits - 1 - math.floor(math.log10(largest)))
+    return " to ".join(f"{round(b, decimals) + 0.0:.{decimals}f}".replace("-", "−") for b in (low, high))
+
+
 def _raised(exponent: int) -> str:
     return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
