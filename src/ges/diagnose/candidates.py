@@ -19,6 +19,7 @@ from .model import Model
 
 PARAMETER_EFFECTS = frozenset({"thrust_scale", "inertia", "torque_coefficient", "actuator_mapping"})
 SMALL_STEP = 0.1
+LEAST_LAG_STEP_S = 0.004
 COMMAND_QUANTILES = (0.8, 0.95, 0.99, 0.999)
 FINEST_SQUARE_M, MOST_PLACES = 0.25, 24
 ABOVE_M, ABOVE_RADII = 0.5, 5.0
@@ -51,9 +52,9 @@ class Variant:
 
     @property
     def key(self) -> str:
-        """A name for the shape and the amplitudes."""
+        """A name for the shape, the amplitudes and their steps."""
         shape = ",".join(f"{k}={v:g}" for k, v in self.shape.items())
-        return f"{self.effect}[{shape}]({','.join(a.parameter for a in self.amplitudes)})"
+        return f"{self.effect}[{shape}]({','.join(f'{a.parameter} by {a.step:g}' for a in self.amplitudes)})"
 
     def parameters(self, values: Mapping[str, float]) -> dict[str, float]:
         """The effect's parameters with the given amplitudes, all others neutral."""
@@ -177,10 +178,20 @@ def _axes(effect: str, names: tuple[str, ...]) -> tuple[Variant, ...]:
     return tuple(_variant(effect, chosen) for chosen in sets)
 
 
+def _stepped(variant: Variant, **changes) -> Variant:
+    return dataclasses.replace(variant, amplitudes=tuple(dataclasses.replace(a, **changes) for a in variant.amplitudes))
+
+
 def _slower(model: Model) -> tuple[Variant, ...]:
     """Motors slower than declared; faster ones are within the declared doubt or another matter."""
     both = _variant("motor_lag", ("up_s", "down_s"))
-    return (dataclasses.replace(both, amplitudes=tuple(dataclasses.replace(a, low=0.0) for a in both.amplitudes)),)
+    declared = model.number("motor_time_constant_s")
+    return tuple(_stepped(both, low=0.0, step=max(share * declared, LEAST_LAG_STEP_S)) for share in (0.25, 1.0, 2.0))
+
+
+def _later(model: Model) -> tuple[Variant, ...]:
+    """Transport delays of several lengths: the answer to a delay is not linear in it."""
+    return tuple(_stepped(_variant("esc_delay", ("delay_s",)), step=delay_s) for delay_s in (0.004, 0.01, 0.02, 0.035))
 
 
 def _ceilings(model: Model, reached: Flown) -> tuple[Variant, ...]:
@@ -243,6 +254,7 @@ _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "battery_sag": lambda m: (_variant("battery_sag", ("sensitivity",), nominal_V=m.number("battery_nominal_V")),),
     "tether": lambda m: (_variant("tether", ("weight_N_m",)),),
     "motor_lag": _slower,
+    "esc_delay": _later,
     "accelerometer_bias": lambda m: _axes("accelerometer_bias", ("x_m_s2", "y_m_s2", "z_m_s2")),
     "attitude_bias": lambda m: _axes("attitude_bias", ("x_rad", "y_rad")),
     "rotor_tilt": lambda m: _axes("rotor_tilt", ("x_rad", "y_rad")),

@@ -19,7 +19,7 @@ from .balance import centred, shift_of
 from .candidates import NOT_SEARCHED
 from .closed_loop import closed_loop
 from .detect import smallest_detectable
-from .engine import Accepted, accept, first_system, split, withdrawn
+from .engine import Accepted, accept, first_system, matters, split, withdrawn
 from .evidence import Board
 from .findings import contributions, finding, open_findings, settled_findings
 from .fit import Joint, calibrated, left_raw, null_fit
@@ -142,6 +142,7 @@ class _Chain:
             *from_findings(added, last.left, accepted.probability, told, system),
         ])  # fmt: skip
         proven = sorted((finding(accepted, name, by) for name, by in added.items()), key=lambda f: -f.size["share_of_weight"])
+        proven = [f for f in proven if names or matters(f.size["channel"], f.size["share_of_weight"])]
         moved = None if accepted.names or accepted.rivals else shift_of(system)
         findings = [*proven, *settled_findings(self.gate), *open_findings(accepted), *(moved.findings() if moved else ())]
         remains = left_over(last.structures, after)

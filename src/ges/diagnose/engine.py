@@ -138,6 +138,11 @@ def withdrawn(accepted: Accepted) -> Accepted:
     return dataclasses.replace(accepted, names=(), fitted=None, probability={}, rivals=())
 
 
+def matters(channel: str, share: float) -> bool:
+    """Whether a share of a channel's whole is more than what no model is right to."""
+    return bool(channel) and share >= LEAST_SHARE[block_of(channel)]
+
+
 def _mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[str, float]:
     """Names that are probable and large enough, with their sizes (see :func:`_share`); ``known`` are those of accepted effects.
 

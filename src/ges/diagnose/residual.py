@@ -29,6 +29,7 @@ FINE = ("moment", "drive")
 """Blocks that are also held against faster test functions: what acts within a few hundredths of a second shows there."""
 HIGH_ABOVE_GROUND_M = 5e4
 DRIVE_STEP_S = 0.0025
+HELD_SHARE = 0.25
 
 
 def channels(flight: Prepared, model: Model) -> tuple[str, ...]:
@@ -183,9 +184,10 @@ def _drive_flight(flight: Prepared, model: Model, effects: effect_table.Effects,
 def _between(u: np.ndarray, every: int) -> np.ndarray:
     """Commands (n, 4) at the middles of the steps of the replay, (n * every, 4), on straight lines between the samples.
 
-    The replay holds a row for its step; held for a whole sample, commands would come half a sample late.
+    The replay holds a row for its step. How long the vehicle held a command is not known: between not at all and until the
+    next sample, so that they come a quarter of a sample late, give or take as much (see ``system.nuisances``).
     """
-    rows = (np.arange(len(u) * every) + 0.5) / every
+    rows = (np.arange(len(u) * every) + 0.5) / every - HELD_SHARE
     return np.stack([np.interp(rows, np.arange(len(u)), column) for column in u.T], axis=1)
 
 

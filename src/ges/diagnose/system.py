@@ -12,7 +12,7 @@ from .align import Prepared
 from .candidates import NEEDS_ATTITUDE, Variant
 from .instruments import MOVED, instruments, own_signal, projected, strength
 from .model import SPEED, Model
-from .residual import MOMENT, channels, drive_of, residual, with_overtones
+from .residual import HELD_SHARE, MOMENT, channels, drive_of, residual, with_overtones
 from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, blocks_of, make_windows
 
 AR_ORDER = 3
@@ -155,6 +155,7 @@ def nuisances(model: Model, names: Iterable[str], flights: Sequence[Prepared]) -
     for group, key, step, usual, by_flight in USUAL:
         effect, parameter = key.split(".")
         scale = arm if effect == "cg_offset" else 1.0
+        usual = float(np.hypot(usual, HELD_SHARE * _slowest(flights, ("command",)))) if effect == "esc_delay" else usual
         if set(group.split()) & has and _axis_is_there(effect, parameter, names):
             listed.append(Nuisance(effect, parameter, scale * step, model.doubts.get(key, scale * usual), scale * by_flight))
     if has & {"drive", "moment"}:
@@ -183,10 +184,14 @@ def attitude_measured(flights: Sequence[Prepared]) -> bool:
     return not any("attitude" in f.derived for f in flights)
 
 
+def _slowest(flights: Sequence[Prepared], streams: Sequence[str]) -> float:
+    """Longest usual time between two values of a stream, s."""
+    return max((f.update_s[s] for f in flights for s in streams if np.isfinite(f.update_s.get(s, np.nan))), default=0.0)
+
+
 def window_length_s(flights: Sequence[Prepared]) -> float:
     """Support of the test functions: 0.2 s, longer where a stream speaks more seldom."""
-    used = ("velocity", "attitude", "gyro", "rotor_speed", "command")
-    slowest = max((f.update_s[s] for f in flights for s in used if np.isfinite(f.update_s.get(s, np.nan))), default=0.0)
+    slowest = _slowest(flights, ("velocity", "attitude", "gyro", "rotor_speed", "command"))
     return max(SHORTEST_WINDOW_S, UPDATES_PER_WINDOW * slowest)
 
 
@@ -275,8 +280,7 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
 
 def half_waves(flight: Prepared, length_s: float) -> int:
     """How many half-waves a test function may have before a stream cannot follow it."""
-    used = ("gyro", "attitude", "rotor_speed", "command")
-    slowest = max((flight.update_s[s] for s in used if np.isfinite(flight.update_s.get(s, np.nan))), default=np.inf)
+    slowest = _slowest([flight], ("gyro", "attitude", "rotor_speed", "command")) or np.inf
     return min(MOST_HALF_WAVES, int(length_s / (UPDATES_PER_HALF_WAVE * slowest)))
 
 
