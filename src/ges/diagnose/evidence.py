@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from scipy.special import log_ndtr
@@ -140,12 +140,12 @@ class Board:
     one_sided: np.ndarray
     nuisance: np.ndarray
 
-    def pooled(self, leave_out: int | None = None) -> Gram:
-        """All flights (but one), common nuisances integrated out."""
+    def pooled(self, but: Collection[int] = ()) -> Gram:
+        """All flights, common nuisances integrated out ``but`` for some."""
         total = self.by_flight[0].scaled(0.0)
-        for f, gram in enumerate(self.by_flight):
-            total = total if f == leave_out else total + gram
-        common = np.array([k for k in self.nuisance if self.prior_sd[k] > 0], dtype=int)
+        for gram in self.by_flight:
+            total = total + gram
+        common = np.array([k for k in self.nuisance if self.prior_sd[k] > 0 and k not in but], dtype=int)
         return total.without(common, self.prior_sd[common])
 
 

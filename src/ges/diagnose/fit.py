@@ -38,7 +38,7 @@ class Joint:
 def joint_fit(
     board: Board, chosen: Sequence[int], prior_mean: np.ndarray | None = None, prior_sd: np.ndarray | None = None
 ) -> Joint:
-    """Fit chosen columns and all nuisances at once.
+    """Fit chosen columns and all nuisances at once, but for those whose number a chosen column frees.
 
     Parameters
     ----------
@@ -46,7 +46,8 @@ def joint_fit(
     prior_mean, prior_sd : (k,) prior of the chosen coefficients; the board's scale times 10 where not given.
     """
     columns, chosen = board.system.columns, np.asarray(chosen, dtype=int)
-    common = np.array([k for k in board.nuisance if columns[k].nuisance.sd > 0], dtype=int)
+    freed = {columns[k].key for k in chosen}
+    common = np.array([k for k in board.nuisance if columns[k].nuisance.sd > 0 and columns[k].key not in freed], dtype=int)
     varies = np.array([k for k in board.nuisance if columns[k].nuisance.flight_sd > 0], dtype=int)
     sizes = (len(chosen), len(common), len(varies))
     start = np.cumsum((0, *sizes[:2]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 from collections.abc import Mapping, Sequence
 
@@ -70,23 +71,53 @@ def _log_prior(size: int, count: int) -> float:
     return float(np.log(PRIOR_OF_SIZE[size]) - np.log(sets))
 
 
-def _columns(chosen: Sequence[Entry]) -> tuple[int, ...]:
-    return tuple(k for e in chosen for k in e.columns)
+@dataclasses.dataclass(frozen=True)
+class Scales:
+    """What sets of candidates are weighed on: normal equations, and the nuisances that some candidate frees.
+
+    A declared number is right within its doubt, or it is a finding and free: never the sum of both. So ``twins``, the
+    nuisances by ``effect.parameter``, take part in every set that does not have their effect's candidate for it.
+    """
+
+    board: Board
+    gram: Gram
+    twins: Mapping[str, int]
+
+    def columns(self, chosen: Sequence[Entry]) -> tuple[int, ...]:
+        """Columns of a set: its own first, then the nuisances that stay within their doubts."""
+        own = tuple(k for e in chosen for k in e.columns)
+        freed = {self.board.system.columns[k].key for k in own}
+        return own + tuple(k for key, k in self.twins.items() if key not in freed)
+
+    def weigh(self, chosen: Sequence[Entry]) -> Posterior:
+        """Posterior of a set's own columns."""
+        found = posterior(self.gram, self.columns(chosen), self.board.prior_sd, self.board.one_sided)
+        n = sum(len(e.columns) for e in chosen)
+        return Posterior(found.columns[:n], found.mean[:n], found.covariance[:n, :n], found.log_evidence - self.nothing)
+
+    @functools.cached_property
+    def nothing(self) -> float:
+        """Log evidence of the nuisances alone."""
+        columns = self.columns(())
+        return posterior(self.gram, columns, self.board.prior_sd, self.board.one_sided).log_evidence if columns else 0.0
+
+    def log_evidences(self, combos: Sequence[tuple[Entry, ...]]) -> np.ndarray:
+        """Of every combination over nothing, those of one number of columns at once."""
+        columns = [self.columns(c) for c in combos]
+        sizes, out = np.array([len(c) for c in columns], dtype=int), np.zeros(len(combos))
+        for size in np.unique(sizes):
+            same = np.flatnonzero(sizes == size)
+            for part in np.array_split(same, 1 + len(same) // AT_ONCE):
+                out[part] = posteriors(self.gram, [columns[i] for i in part], self.board.prior_sd, self.board.one_sided)[2]
+        return out - self.nothing
 
 
-def _weigh(gram: Gram, board: Board, chosen: Sequence[Entry]) -> Posterior:
-    return posterior(gram, _columns(chosen), board.prior_sd, board.one_sided)
-
-
-def _log_evidences(gram: Gram, board: Board, combos: Sequence[tuple[Entry, ...]]) -> np.ndarray:
-    """Log evidence of every combination, those of one number of columns at once."""
-    columns = [_columns(c) for c in combos]
-    sizes, out = np.array([len(c) for c in columns], dtype=int), np.zeros(len(combos))
-    for size in np.unique(sizes):
-        same = np.flatnonzero(sizes == size)
-        for part in np.array_split(same, 1 + len(same) // AT_ONCE):
-            out[part] = posteriors(gram, [columns[i] for i in part], board.prior_sd, board.one_sided)[2]
-    return out
+def scales(board: Board, listed: Sequence[Entry]) -> Scales:
+    """For these variants."""
+    columns = board.system.columns
+    keys = {columns[k].key for e in listed for k in e.columns}
+    twins = {columns[k].key: int(k) for k in board.nuisance if board.prior_sd[k] > 0 and columns[k].key in keys}
+    return Scales(board, board.pooled(frozenset(twins.values())), twins)
 
 
 def _compatible(names: Sequence[str], needs: Mapping[str, tuple[str, ...]], base: Sequence[str]) -> bool:
@@ -94,9 +125,9 @@ def _compatible(names: Sequence[str], needs: Mapping[str, tuple[str, ...]], base
     return all(not needs[n] or present & set(needs[n]) for n in names)
 
 
-def _sets_of(gram: Gram, board: Board, combos: Sequence[tuple[Entry, ...]], count: int) -> dict[tuple[str, ...], Hypothesis]:
+def _sets_of(on: Scales, combos: Sequence[tuple[Entry, ...]], count: int) -> dict[tuple[str, ...], Hypothesis]:
     """Evidence of every set of names: mean over the variants, the best variant kept."""
-    weight = _log_evidences(gram, board, combos)
+    weight = on.log_evidences(combos)
     grouped: dict[tuple[str, ...], list[int]] = {}
     for i, combo in enumerate(combos):
         grouped.setdefault(tuple(sorted(e.name for e in combo)), []).append(i)
@@ -104,24 +135,24 @@ def _sets_of(gram: Gram, board: Board, combos: Sequence[tuple[Entry, ...]], coun
     for names, members in grouped.items():
         top = combos[max(members, key=lambda i: weight[i])]
         total = float(logsumexp(weight[members]) - np.log(len(members))) + _log_prior(len(names), count)
-        out[names] = Hypothesis(names, tuple(e.number for e in top), _weigh(gram, board, top), total)
+        out[names] = Hypothesis(names, tuple(e.number for e in top), on.weigh(top), total)
     return out
 
 
-def search(board: Board, candidates: Sequence[Candidate], base: Sequence[str] = (), leave_out: int | None = None) -> Search:
+def search(board: Board, candidates: Sequence[Candidate], base: Sequence[str] = ()) -> Search:
     """Weigh the null, all singles, all pairs, and larger sets grown from the best.
 
     Parameters
     ----------
     base : effects that are switched on already (so their modifiers may act).
-    leave_out : a flight that takes no part.
     """
-    gram, listed = board.pooled(leave_out), entries(board, candidates)
+    listed = entries(board, candidates)
+    on = scales(board, listed)
     needs = {c.name: c.needs for c in candidates}
     count = max(len({e.name for e in listed}), 1)
     found: dict[tuple[str, ...], Hypothesis] = {(): Hypothesis((), (), None, _log_prior(0, count))}
     combos = [(e,) for e in listed] + [p for p in itertools.combinations(listed, 2) if p[0].name != p[1].name]
-    found |= _sets_of(gram, board, [c for c in combos if _compatible([e.name for e in c], needs, base)], count)
+    found |= _sets_of(on, [c for c in combos if _compatible([e.name for e in c], needs, base)], count)
     for size in range(2, LARGEST):
         grown = [h for h in found.values() if len(h.names) == size]
         top = sorted(grown, key=lambda h: -h.log_evidence)[:BEAM]
@@ -132,7 +163,7 @@ def search(board: Board, candidates: Sequence[Candidate], base: Sequence[str] = 
             for e in listed
             if e.name not in h.names and _compatible([*h.names, e.name], needs, base)
         ]
-        for names, h in _sets_of(gram, board, larger, count).items():
+        for names, h in _sets_of(on, larger, count).items():
             if names not in found or found[names].log_evidence < h.log_evidence:
                 found[names] = h
     return _normalised(list(found.values()))
@@ -142,14 +173,14 @@ def exactly(board: Board, candidates: Sequence[Candidate]) -> Search:
     """All candidates together and nothing else, the best variant of each."""
     listed = entries(board, candidates)
     by_name = [[e for e in listed if e.name == name] for name in dict.fromkeys(e.name for e in listed)]
-    gram = board.pooled()
-    chosen = [max(options, key=lambda e: _weigh(gram, board, (e,)).log_evidence) for options in by_name]
+    on = scales(board, listed)
+    chosen = [max(options, key=lambda e: on.weigh((e,)).log_evidence) for options in by_name]
     if not chosen:
         return _normalised([Hypothesis((), (), None, 0.0)])
     for _ in range(2):
         for i, options in enumerate(by_name):
-            chosen[i] = max(options, key=lambda e, i=i: _weigh(gram, board, [*chosen[:i], e, *chosen[i + 1 :]]).log_evidence)
-    found = _weigh(gram, board, chosen)
+            chosen[i] = max(options, key=lambda e, i=i: on.weigh([*chosen[:i], e, *chosen[i + 1 :]]).log_evidence)
+    found = on.weigh(chosen)
     names = tuple(sorted(e.name for e in chosen))
     return _normalised([Hypothesis(names, tuple(e.number for e in chosen), found, found.log_evidence)])
 

@@ -91,6 +91,13 @@ class Column:
     part: str = ""
 
     @property
+    def key(self) -> str:
+        """``effect.parameter``: a nuisance and a candidate with one key correct the same number."""
+        if self.nuisance is not None:
+            return self.nuisance.key
+        return f"{self.variant.effect}.{self.variant.amplitudes[self.amplitude].parameter}"
+
+    @property
     def moved(self) -> bool:
         """Whether the column follows what the controller does."""
         return (self.variant.effect if self.variant is not None else self.nuisance.effect) in MOVED
