@@ -20,6 +20,7 @@ RATE_SMOOTHING_S = 0.03
 LEAST_DELAY_SD_S, LEAST_DRIVE_SD_S = 0.001, 0.005
 POSE_LAGS_S = np.arange(-0.15, 0.15 + 1e-9, 0.005)
 SHORTEST_S = 5.0
+LEAST_FREE = 0.5
 CLEAR_CORRELATION = 0.8
 LEAST_GYRO_SD_RAD_S = 0.002
 
@@ -64,13 +65,15 @@ def _peak(sums: np.ndarray, lags_s: np.ndarray) -> tuple[float, float]:
 
 
 def _told(stream: str, told: Sequence[np.ndarray], lags_s: np.ndarray, least_sd_s: float) -> Delay | None:
-    """The delay that the flights' summed correlations (3, lags) peak at, its sd from flight to flight; None without a clear
-    peak."""
+    """The delay that the flights' summed correlations (3, lags) peak at; None without a clear peak. Its sd is the
+    scatter of the flights, each by how much it moves: one that hardly does says nothing of it."""
     if not told:
         return None
     delay, top = _peak(np.sum(told, axis=0), lags_s)
-    each = [_peak(s, lags_s)[0] for s in told]
-    sd = float(np.std(each, ddof=1) / np.sqrt(len(each))) if len(each) > 1 else float(lags_s[1] - lags_s[0])
+    weight = np.array([s[0].max() for s in told]) / sum(s[0].max() for s in told)
+    free = 1.0 / float(weight @ weight) - 1.0  # flights beyond one, as many as speak up
+    scatter = np.sqrt(weight @ (np.array([_peak(s, lags_s)[0] for s in told]) - delay) ** 2)
+    sd = float(scatter / np.sqrt(free)) if free > LEAST_FREE else float(lags_s[1] - lags_s[0])
     return Delay(stream, delay, max(sd, least_sd_s), top) if top > LEAST_CORRELATION else None
 
 
