@@ -81,12 +81,14 @@ class Shift:
     def sentence(self) -> str:
         """Where the balance went, what would do it, and how to find out."""
         away, odds = self.gained**0.5, np.exp(0.5 * abs(self.loss.explained - self.mass.explained))
+        lost = f"{100 * self.loss.value:.0f} +- {196 * self.loss.sd:.0f} %"
+        grams = f"{1e3 * self.mass.value:.2f} +- {1960 * self.mass.sd:.2f} g"
+        i = self.rotor
         return (
-            f"Since the calibration the balance of thrust and moments has moved towards rotor {self.rotor}, {away:.1f} sd beyond "
-            f"what healthy flights do among themselves. A rotor {self.rotor} that lost {100 * self.loss.value:.0f} % of its "
-            f"thrust or {1e3 * self.mass.value:.2g} g near rotor {self.rotor} (fixed or hanging) would do it; the two differ in "
-            f"yaw alone, too little here (odds {odds:.0f}:1). Weigh the vehicle, or fly the same with a new propeller "
-            f"{self.rotor}: the shift then goes if the propeller was the cause, and stays if a mass is."
+            f"Since the calibration the balance of thrust and moments has moved towards rotor {i}, {away:.1f} sd beyond what healthy "
+            f"flights do among themselves. A rotor {i} that lost {lost} of its thrust or {grams} near rotor {i} (fixed or hanging) "
+            f"would do it; the two differ in yaw alone, too little here (odds {odds:.0f}:1). Weigh the vehicle, or fly the same with "
+            f"a new propeller {i}: the shift then goes if the propeller was the cause, and stays if a mass is."
         )
 
     def next_flight(self) -> dict:
@@ -115,7 +117,8 @@ def _named(name: str, probability: float, parameters: dict[str, tuple[float, flo
     told = {}
     for key, (start, per) in parameters.items():
         low, high = sorted(start + per * v for v in cause.ci95)
-        told[key] = Estimate(start + per * cause.value, (low, high), units[key], f"near rotor {cause.rotor}")
+        note = f"near rotor {cause.rotor}" + (f"; the vehicle file has {start:.3g}" if start else "")
+        told[key] = Estimate(start + per * cause.value, (low, high), units[key], note)
     return Finding(name, kind_of(name), effect.title, float(probability), effect.equation, told, {}, ())
 
 
