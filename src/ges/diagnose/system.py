@@ -9,14 +9,13 @@ import numpy as np
 
 from .. import effects as effect_table
 from .align import Prepared
+from .answers import Loose, loose
 from .candidates import NEEDS_ATTITUDE, Variant
-from .instruments import MOVED, instruments, own_signal, projected, strength
 from .model import SPEED, Model
 from .residual import HELD_SHARE, MOMENT, channels, drive_of, residual, with_overtones
 from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, blocks_of, make_windows
 
 AR_ORDER = 3
-LEAST_STRENGTH, INSTRUMENT_BLOCK_S = 0.4, 5.0
 MOST_HALF_WAVES, UPDATES_PER_HALF_WAVE = 3, 2.5
 LEVELLED, LEVELLING_SD = "ground_effect", 0.7
 USUAL: tuple[tuple[str, str, float, float, float], ...] = (
@@ -73,9 +72,6 @@ class Nuisance:
         return f"{self.effect}.{self.parameter}"
 
 
-VERTICAL = ("force_z", "acc_z")
-
-
 @dataclasses.dataclass(frozen=True)
 class Column:
     """One column: a nuisance, or one amplitude of one variant of a candidate.
@@ -97,19 +93,13 @@ class Column:
             return self.nuisance.key
         return f"{self.variant.effect}.{self.variant.amplitudes[self.amplitude].parameter}"
 
-    @property
-    def moved(self) -> bool:
-        """Whether the column follows what the controller does."""
-        return (self.variant.effect if self.variant is not None else self.nuisance.effect) in MOVED
-
 
 @dataclasses.dataclass(frozen=True)
 class Rows:
     """One flight: residuals ``y`` (m, C) and columns ``x`` (m, C, K), NaN where a channel is not there.
 
-    ``loose`` is what the instruments do not vouch for, by channel: the part of each column in ``moved`` (those that the
-    controller moves) that they do not explain, (m, len(moved)). ``strength`` is the share of the model's own thrust or moment
-    that they do explain, by channel.
+    ``loose`` are the parts of columns that instruments do not vouch for (see ``answers``); ``strength`` is the share of the
+    model's own thrust or moment that they do explain, by channel.
     """
 
     flight: Prepared
@@ -117,8 +107,7 @@ class Rows:
     y: np.ndarray
     x: np.ndarray
     noise: np.ndarray
-    moved: tuple[int, ...]
-    loose: Mapping[int, np.ndarray]
+    loose: Loose
     strength: Mapping[str, float]
 
     @property
@@ -280,31 +269,15 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     for k, column in enumerate(columns):
         if column.part:
             x[:, moments if column.part == "force" else ~moments, k] *= 0.0
-    moved = tuple(k for k, c in enumerate(columns) if instrumented and c.moved)
-    loose, strength = _loose(x[:, :, moved], flight, windows, model, names, drive.at_work) if moved else ({}, {})
-    return Rows(flight, windows, y, x, restless(flight, windows, model, drive.at_work), moved, loose, strength)
+    keys = [c.key for c in columns]
+    answered, strength = loose(keys, x, flight, windows, model, names, drive.at_work) if instrumented and keys else ({}, {})
+    return Rows(flight, windows, y, x, restless(flight, windows, model, drive.at_work), answered, strength)
 
 
 def half_waves(flight: Prepared, length_s: float) -> int:
     """How many half-waves a test function may have before a stream cannot follow it."""
     slowest = _slowest([flight], ("gyro", "attitude", "rotor_speed", "command")) or np.inf
     return min(MOST_HALF_WAVES, int(length_s / (UPDATES_PER_HALF_WAVE * slowest)))
-
-
-def _loose(moved: np.ndarray, flight: Prepared, windows: Windows, model: Model, names, speeds):
-    """What instruments leave of the moved columns (m, C, K) where a controller's answer shows: in moments; along thrust
-    without rotor speeds. Weak instruments vouch for nothing."""
-    vertical = () if flight.has("rotor_speed") else VERTICAL
-    answered = [c for c, n in enumerate(names) if n.split("/")[0] in (*MOMENT, *vertical) and np.isfinite(moved[:, c]).all()]
-    if not answered:
-        return {}, {}
-    z, own = instruments(flight, windows, model, names), own_signal(flight, windows, model, speeds, names)
-    block = blocks_of([(windows, flight.t_s[0])], INSTRUMENT_BLOCK_S)[0]
-    strong = {names[c]: strength(own[names[c]], z[names[c]], block) for c in answered}
-    told = {}
-    for c in answered:
-        told[c] = moved[:, c] - (projected(moved[:, c], z[names[c]]) if strong[names[c]] > LEAST_STRENGTH else 0.0)
-    return told, {name: value for name, value in strong.items() if "/" not in name}
 
 
 def restless(flight: Prepared, windows: Windows, model: Model, speeds: np.ndarray) -> np.ndarray:

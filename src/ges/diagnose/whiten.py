@@ -136,28 +136,37 @@ def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:
 
 def whiten(flights: Sequence[Rows], noise: Noise, unrest: Sequence[np.ndarray]) -> tuple[White, ...]:
     """Filter residuals and columns by the same noise model; rows without a full past are left out."""
-    whites = [_white(rows, noise, u) for rows, u in zip(flights, unrest, strict=True)]
-    power = [{c: (part**2).sum(axis=0) / max(w.used[:, c].sum(), 1) for c, part in w.answers.items()} for w in whites]
-    every = [p for told in power for p in told.values()]
-    if not every:
-        return tuple(whites)
-    alike = sum(every) ** 2 / np.maximum(sum(p**2 for p in every), TINY)
-    return tuple(dataclasses.replace(w, answers=_bounds(w.answers, p, alike)) for w, p in zip(whites, power, strict=True))
+    made = [_white(rows, noise, u) for rows, u in zip(flights, unrest, strict=True)]
+    bounds: list[dict[int, list[np.ndarray]]] = [{} for _ in made]
+    for kind in made[0][1] if made else ():
+        for found, told in zip(bounds, _bounds([parts[kind] for _, parts in made], [w.used for w, _ in made]), strict=True):
+            for c, error in told.items():
+                found.setdefault(c, []).append(error)
+    answers = [{c: np.concatenate(errors, axis=1) for c, errors in found.items()} for found in bounds]
+    return tuple(dataclasses.replace(w, answers=a) for (w, _), a in zip(made, answers, strict=True))
 
 
-def _bounds(loose: Mapping[int, np.ndarray], power: Mapping[int, np.ndarray], alike: np.ndarray) -> dict[int, np.ndarray]:
-    """Loose parts as errors of unit prior sd.
+def _bounds(loose: Sequence[Mapping[int, np.ndarray]], used: Sequence[np.ndarray]) -> list[dict[int, np.ndarray]]:
+    """Loose parts of one kind, by flight and channel, as errors of unit prior sd.
 
     A controller makes a column follow the disturbances; the coefficient then errs by up to their correlation over the
     column's size in noise (FEEDBACK is the sd of that correlation). The error has the same cause in every flight and channel,
-    so that ``alike`` of them (the number that share the column's power) are worth one.
+    so that as many of them as share the column's power are worth one.
     """
-    return {c: part * FEEDBACK * np.sqrt(alike / np.maximum(power[c], TINY)) for c, part in loose.items()}
+    power = [
+        {c: (p**2).sum(axis=0) / max(u[:, c].sum(), 1) for c, p in parts.items()} for parts, u in zip(loose, used, strict=True)
+    ]
+    every = [p for told in power for p in told.values()]
+    alike = sum(every) ** 2 / np.maximum(sum(p**2 for p in every), TINY)
+    return [
+        {c: part * FEEDBACK * np.sqrt(alike / np.maximum(told[c], TINY)) for c, part in parts.items()}
+        for parts, told in zip(loose, power, strict=True)
+    ]
 
 
-def _white(rows: Rows, noise: Noise, unrest: np.ndarray) -> White:
+def _white(rows: Rows, noise: Noise, unrest: np.ndarray) -> tuple[White, dict[str, dict[int, np.ndarray]]]:
     y, x, used = np.zeros_like(rows.y), np.zeros_like(rows.x), np.zeros(rows.y.shape, bool)
-    loose = {c: np.zeros_like(part) for c, part in rows.loose.items()}
+    loose = {kind: {c: np.zeros_like(part) for c, part in parts.items()} for kind, parts in rows.loose.items()}
     for c in range(rows.y.shape[1]):
         at, _, _ = _lagged(rows.y[:, c], rows.follows, noise.ar.shape[1])
         if not len(at):
@@ -166,9 +175,9 @@ def _white(rows: Rows, noise: Noise, unrest: np.ndarray) -> White:
         used[at, c] = True
         y[at, c] = _filtered(rows.y[:, c], at, noise.ar[c]) / sd
         x[at, c] = _filtered(rows.x[:, c], at, noise.ar[c]) / sd[:, None]
-        if c in loose:
-            loose[c][at] = _filtered(rows.loose[c], at, noise.ar[c]) / sd[:, None]
-    return White(y, x, used, loose)
+        for kind in (kind for kind, parts in loose.items() if c in parts):
+            loose[kind][c][at] = _filtered(rows.loose[kind][c], at, noise.ar[c]) / sd[:, None]
+    return White(y, x, used, {}), loose
 
 
 def _filtered(signal: np.ndarray, at: np.ndarray, ar: np.ndarray) -> np.ndarray:

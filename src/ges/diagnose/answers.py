@@ -1,0 +1,88 @@
+"""What a controller's answer to disturbances, or the noise of a reading, may have done to columns.
+
+A controller answers turbulence, and what it moves then correlates with the disturbance that a residual contains. Instruments
+vouch for a part of such a column; the rest is *loose*, and its coefficient may err by the correlation (see ``whiten``):
+
+- ``dynamic``: what rotor speeds and their changes make of a moment, and of thrust where commands alone are known. All of it is
+  loose, but along thrust not the mean: a trim moment has causes of its own, a mean thrust has none but the balance.
+- ``gain``: what multiplies thrust. Loose is what it does along thrust because thrust changed, not because its gain did; and what
+  changes of its moment, because attitude answers too.
+- ``height``: errors of a rangefinder that grow with height or its rate: the height that they are held against is a reading, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from .align import Prepared
+from .instruments import MOVED, instruments, own_signal, projected, strength
+from .model import Model, block_of
+from .weak import Windows, blocks_of
+
+VERTICAL = ("force_z", "acc_z")
+GAINS = frozenset(
+    {"thrust_scale", "battery_sag", "ground_effect", "fountain_lift", "ceiling_effect", "partial_ground_effect",
+     "ground_effect_lag", "ground_effect_forward_flight"}
+)  # fmt: skip
+HEIGHTS = frozenset({"rangefinder_bias.scale", "rangefinder_lag.tau_s"})
+LEAST_STRENGTH, INSTRUMENT_BLOCK_S = 0.4, 5.0
+
+Loose = Mapping[str, Mapping[int, np.ndarray]]
+
+
+def kind_of(key: str) -> str:
+    """Kind of a column by its ``effect.parameter``; '' where no answer shows in it."""
+    effect = key.split(".")[0]
+    if effect in MOVED:
+        return "dynamic"
+    return "gain" if effect in GAINS else "height" if key in HEIGHTS else ""
+
+
+def loose(keys: Sequence[str], x: np.ndarray, flight: Prepared, windows: Windows, model: Model, names: Sequence[str],
+          speeds: np.ndarray) -> tuple[Loose, dict[str, float]]:  # fmt: skip
+    """Loose parts by kind and channel, (m, columns of the kind), and the strength of the instruments by channel.
+
+    Parameters
+    ----------
+    keys, x : ``effect.parameter`` of every column, and the columns (m, C, K).
+    speeds : (n, 4) rotor speeds at work.
+    """
+    parts = {kind: x[:, :, [k for k, key in enumerate(keys) if kind_of(key) == kind]] for kind in ("dynamic", "gain", "height")}
+    heard = {c: name for c, name in enumerate(names) if np.isfinite(x[:, c]).all()}
+    z, own = instruments(flight, windows, model, names), own_signal(flight, windows, model, speeds, names)
+    block = blocks_of([(windows, flight.t_s[0])], INSTRUMENT_BLOCK_S)[0]
+    answered = {c: n for c, n in heard.items() if block_of(n) == "moment" or n in VERTICAL}
+    strong = {n: strength(own[n], z[n], block) for n in answered.values()}
+    vouched = {c: _vouched(own[n], z[n], strong[n]) for c, n in answered.items()}
+    found = {
+        "dynamic": {c: _beyond(parts["dynamic"][:, c], z[n], strong[n], n in VERTICAL) for c, n in answered.items()},
+        "gain": {
+            c: parts["gain"][:, c] * _by_thrust(own[n], vouched[c]) if n in VERTICAL else _centred(parts["gain"][:, c])
+            for c, n in answered.items()
+        },
+        "height": {c: _centred(parts["height"][:, c]) for c, n in heard.items() if n == "range"},
+    }
+    return {k: v for k, v in found.items() if parts[k].shape[2]}, {n: v for n, v in strong.items() if "/" not in n}
+
+
+def _centred(x: np.ndarray) -> np.ndarray:
+    return x - x.mean(axis=0)
+
+
+def _vouched(own: np.ndarray, z: np.ndarray, strong: float) -> np.ndarray:
+    """The part of a signal (m,) that its mean and its instruments explain."""
+    change = projected(_centred(own)[:, None], z)[:, 0] if strong > LEAST_STRENGTH else 0.0
+    return own.mean() + change
+
+
+def _by_thrust(thrust: np.ndarray, vouched: np.ndarray) -> np.ndarray:
+    """Share of a gain's force that is there because thrust is not what is vouched for, (m, 1)."""
+    return ((thrust - vouched) / np.maximum(thrust, 0.1 * thrust.mean()))[:, None]
+
+
+def _beyond(x: np.ndarray, z: np.ndarray, strong: float, mean_is_told: bool) -> np.ndarray:
+    """Columns (m, k) less what their instruments, and along thrust their means, explain."""
+    rest = _centred(x) if mean_is_told else x
+    return rest - projected(x, z) if strong > LEAST_STRENGTH else rest
