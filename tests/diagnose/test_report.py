@@ -113,7 +113,7 @@ def test_what_is_open_is_told(content):
     told = {
         **content,
         "verdict": "ambiguous",
-        "findings": [{**finding, "name": "wind", "size": {}}, {**finding, "name": "attitude_bias"}],
+        "findings": [{**finding, "name": n, "size": {}} for n in ("wind", "attitude_bias")],
         "unexplained": [{"channel": "force_z", "regime": {"height_over_radius": [0.5, 2.0]}, "r2": 0.31}],
         "detectable": {
             "wind": {"parameter": "east_m_s", "smallest": 0.4, "unit": "m/s", "limited_by": "attitude_bias"},
@@ -130,6 +130,15 @@ def test_what_is_open_is_told(content):
         "Fly yaw turn: simulated with each explanation, it tells wind and attitude bias apart (expected log odds 12.0).",
     ):
         assert expected in text
+
+
+def test_a_finding_that_fails_on_flights_it_never_saw_is_told(content):
+    table = content["fit"]["channels"]
+    name = next(iter(table))
+    poor = {**table, name: {**table[name], "reduction_ci95": [-0.4, -0.1]}}
+    text, _ = _parsed(report.render({**content, "fit": {**content["fit"], "channels": poor}}, {}))
+    assert "is worse on these flights than recalibration alone" in text
+    assert "is worse on these flights" not in _parsed(report.render(content, {}))[0]
 
 
 def test_how_to_fly_what_one_flight_does_not_settle(content):

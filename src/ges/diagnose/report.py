@@ -10,6 +10,7 @@ from typing import Any
 import jinja2
 
 from ..files import write_text
+from .verify import WORSE
 from .words import bounds_words, chance_words, channel_words, number_words, odds_words, quantity_words, size_unit, unit_words
 
 CAPTIONS: Mapping[str, str] = {
@@ -72,7 +73,14 @@ def _environment() -> jinja2.Environment:
 
 
 def _ambiguous(content: Mapping[str, Any]) -> list[str]:
-    return [f["name"] for f in content["findings"]] if content["verdict"] == "ambiguous" else []
+    """Names that are left open: those that no fit was made with."""
+    return [f["name"] for f in content["findings"] if not f["size"]] if content["verdict"] == "ambiguous" else []
+
+
+def _worse(content: Mapping[str, Any]) -> list[str]:
+    """Channels that the findings make worse on flights that took no part, beyond doubt."""
+    table = content["fit"].get("channels", {})
+    return [name for name, c in table.items() if c["reduction_ci95"][1] is not None and c["reduction_ci95"][1] < -WORSE]
 
 
 def render(content: Mapping[str, Any], pictures: Mapping[str, bytes]) -> str:
@@ -94,6 +102,7 @@ def render(content: Mapping[str, Any], pictures: Mapping[str, bytes]) -> str:
         **content,
         "verdict": VERDICTS[content["verdict"]],
         "ambiguous": _ambiguous(content),
+        "worse": _worse(content),
         "other": other,
         "pictures": told,
     }
