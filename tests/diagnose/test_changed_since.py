@@ -5,12 +5,11 @@ The flights are published, each with one labelled change to the vehicle; the dia
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import ges
 from ges.calibrate import calibrate
-from ges.diagnose.evidence import posterior
+from ges.diagnose.balance import Cause, causes_of
 from ges.diagnose.result import Diagnosis
 from ges.io.recording import make_set
 from ges.io.usd import read_usd
@@ -84,19 +83,16 @@ def test_a_weight_near_motor_3_is_told_openly_as_that_or_a_weak_rotor_3(recordin
     assert found.next_flight["preparation"] == "a new propeller on rotor 3"
 
 
-def _loss_3(found: Diagnosis) -> tuple[float, float]:
-    """Loss of rotor 3 beyond the file's, and its sd, if it alone had changed."""
-    board = found.details["accepted"].board
-    at = next(k for k, c in enumerate(board.system.columns) if c.variant is not None and c.label == "weak_rotor[](loss_3)")
-    alone = posterior(board.pooled(), [at], board.prior_sd, np.zeros_like(board.one_sided))
-    return float(alone.mean[0]), float(alone.sd[0])
+def _loss_3(found: Diagnosis) -> Cause:
+    """Loss of rotor 3 beyond the file's, if it alone had changed."""
+    return causes_of(found.details["accepted"].board.system)[2][0]
 
 
 def test_the_loss_grows_with_the_cut(recordings_dir, e8, e9):
     one = _loss_3(ges.diagnose(_tables(recordings_dir, "cut_propeller_M3_1mm", "E8_*"), e8))
     three = _loss_3(ges.diagnose(_tables(recordings_dir, "cut_propeller_M3_3mm", "E9_*"), e9))
-    assert 0.0 < one[0] < three[0]
-    assert one[0] < 2.0 * one[1] and three[0] > 4.0 * three[1], "1 mm drowns in the healthy spread, 3 mm does not"
+    assert 0.0 < one.value < three.value
+    assert one.value < 2.0 * one.sd and three.value > 4.0 * three.sd, "1 mm drowns in the healthy spread, 3 mm does not"
 
 
 @pytest.mark.parametrize("folder", ["cut_propeller_M3_1mm", "tape_on_propeller_M3"])

@@ -85,10 +85,11 @@ class Shift:
         grams = f"{1e3 * self.mass.value:.2f} +- {1960 * self.mass.sd:.2f} g"
         i = self.rotor
         return (
-            f"Since the calibration the balance of thrust and moments has moved towards rotor {i}, {away:.1f} sd beyond what healthy "
-            f"flights do among themselves. A rotor {i} that lost {lost} of its thrust or {grams} near rotor {i} (fixed or hanging) "
-            f"would do it; the two differ in yaw alone, too little here (odds {odds:.0f}:1). Weigh the vehicle, or fly the same with "
-            f"a new propeller {i}: the shift then goes if the propeller was the cause, and stays if a mass is."
+            f"Since the calibration the balance of thrust and moments has moved towards rotor {i}, {away:.1f} sd beyond what "
+            f"healthy flights do among themselves. A rotor {i} that lost {lost} of its thrust or {grams} near rotor {i} "
+            f"(fixed or hanging) would do it; the two differ in yaw alone, too little here (odds {odds:.0f}:1). Weigh the "
+            f"vehicle, or fly the same with a new propeller {i}: the shift then goes if the propeller was the cause, and stays "
+            "if a mass is."
         )
 
     def next_flight(self) -> dict:
@@ -142,19 +143,26 @@ def centred(left: Sequence[np.ndarray], system: System) -> list[np.ndarray]:
     return [rows - mean for rows in left]
 
 
-def shift_of(system: System) -> Shift | None:
-    """The shift, where the vehicle file states the doubts of all motors' gains and the balance leaves them; else None.
+def causes_of(system: System) -> list[tuple[Cause, Cause]]:
+    """By rotor, its loss and a mass at its hub, each as if it alone had changed; none without a calibrated file.
 
     Parameters
     ----------
-    system : nuisance columns suffice; its first columns of ``weak_rotor``, ``cg_offset`` and ``thrust_scale`` are read.
+    system : nuisance columns suffice; those of ``weak_rotor``, ``cg_offset`` and ``thrust_scale`` are read.
     """
     column = _nuisances(system)
     if not _stated(system, column):
-        return None
+        return []
     y, x, precision = _distance(system, [*LOSSES, *MASS], column)
-    causes = [(_loss(x, i), _mass(x, i, system)) for i in range(4)]
-    weighed = [tuple(_weigh(y, direction, precision, i + 1) for direction in pair) for i, pair in enumerate(causes)]
+    directions = [(_loss(x, i), _mass(x, i, system)) for i in range(len(LOSSES))]
+    return [tuple(_weigh(y, d, precision, i) for d in pair) for i, pair in enumerate(directions, 1)]
+
+
+def shift_of(system: System) -> Shift | None:
+    """The shift, where the balance leaves what a calibrated file allows and its cause is open; else None."""
+    weighed = causes_of(system)
+    if not weighed:
+        return None
     loss, mass = max(weighed, key=lambda pair: max(c.explained for c in pair))
     least = norm.isf(LEVEL / (2 * len(weighed))) ** 2
     gained, between = max(loss.explained, mass.explained), abs(loss.explained - mass.explained)
