@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from ges.diagnose.locate import cells, from_findings, from_residuals, strongest
+from ges.diagnose.locate import cells, from_findings, from_open, from_residuals, strongest
 from ges.diagnose.model import from_vehicle
 from ges.diagnose.structure import Structure, excited, structures
 from ges.diagnose.unknown import borrowed, left_over
@@ -147,6 +147,27 @@ def test_a_finding_is_located_where_it_stands_out_of_the_noise(model):
     assert entries[0]["q_value"] == pytest.approx(0.02)
     low, high = entries[0]["regime"]["forward_m_s"]
     assert abs(low) > 0.9 or abs(high) > 0.9
+
+
+def _open(name, value, probability):
+    posterior = SimpleNamespace(columns=(0 if name == "a" else 1,), mean=[value])
+    return SimpleNamespace(names=(name,), posterior=posterior, probability=probability)
+
+
+@pytest.mark.parametrize("likely, channels", [((0.6, 0.38), ["force_x"]), ((0.6, 0.2), [])], ids=["one of them", "perhaps none"])
+def test_what_is_open_is_located_where_every_explanation_acts(model, likely, channels):
+    """Two explanations of a side force, one with a moment too: the force is there whichever holds, the moment is not sure."""
+    told, raw = _flights(), _noise(np.random.default_rng(10))
+    shape = [np.stack([0.05 * t["forward_m_s"], np.zeros(WINDOWS), np.zeros(WINDOWS)], axis=1) for t in told]
+    both = [s + np.stack([np.zeros(WINDOWS)] * 2 + [0.1 * t["forward_m_s"]], axis=1) for s, t in zip(shape, told, strict=True)]
+    flights = [SimpleNamespace(x=np.stack([a, b], axis=2)) for a, b in zip(shape, both, strict=True)]
+    columns = [SimpleNamespace(variant=SimpleNamespace(effect=n)) for n in "ab"]
+    board = SimpleNamespace(system=SimpleNamespace(main=NAMES, columns=columns, flights=flights))
+    found = SimpleNamespace(hypotheses=[_open(n, 1.0, p) for n, p in zip("ab", likely, strict=True)])
+    entries = from_open(found, board, raw, told, ())
+    assert [e["channel"] for e in entries] == channels
+    assert all(e["q_value"] == pytest.approx(1.0 - sum(likely)) and "forward_m_s" in e["regime"] for e in entries)
+    assert from_open(found, board, raw, told, ("a", "b")) == []
 
 
 def test_every_channel_once_before_any_twice():

@@ -3,9 +3,11 @@
 import dataclasses
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from ges import manoeuvres
+from ges.commands.diagnose import _flight_written
 from ges.diagnose.candidates import library
 from ges.diagnose.detect import smallest_detectable
 from ges.diagnose.engine import search_until_stable
@@ -180,3 +182,19 @@ def test_what_a_rival_hides_names_the_rival(null):
     hidden = smallest_detectable(twins)["rotor_drag"]
     assert hidden["smallest"] is None and hidden["limited_by"] == "parasitic_drag"
     assert "parasitic_drag" not in smallest_detectable(twins, given=("parasitic_drag",))
+
+
+def test_set_points_of_the_advised_flight_are_written(tmp_path):
+    """The file holds what the simulator flew when it compared the explanations."""
+    path = tmp_path / "next.csv"
+    said = _flight_written({"manoeuvre": "yaw_turn", "separates": ["wind", "attitude_bias"]}, path)
+    assert "yaw_turn" in said and "wind from attitude_bias" in said
+    table = pd.read_csv(path)
+    assert list(table.columns) == ["t_s", *manoeuvres.COLUMNS]
+    assert table[list(manoeuvres.COLUMNS)].to_numpy() == pytest.approx(manoeuvres.make("yaw_turn"))
+
+
+@pytest.mark.parametrize("advised", [{}, {"manoeuvre": None, "separates": ["a", "b"]}])
+def test_no_file_where_no_flight_is_advised(tmp_path, advised):
+    assert "nothing is open" in _flight_written(advised, tmp_path / "next.csv")
+    assert not list(tmp_path.iterdir())

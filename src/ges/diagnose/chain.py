@@ -27,7 +27,7 @@ from .gate import Gate, at_flown_voltage, pass_gate
 from .hearing import lacking, silent_channels, unheard
 from .hypothesis import Form, hypotheses
 from .instruments import MOVED
-from .locate import BLOCK_S, cells, from_findings, from_residuals, regimes, regimes_of, strongest
+from .locate import BLOCK_S, cells, from_findings, from_open, from_residuals, regimes, regimes_of, strongest
 from .model import Model, from_vehicle
 from .recommend import next_flight
 from .result import Diagnosis
@@ -140,6 +140,7 @@ class _Chain:
         located = strongest([
             *from_residuals(map_cells, first.structures, system),
             *from_findings(added, last.left, accepted.probability, told, system),
+            *(from_open(accepted.found, accepted.board, last.left, told, accepted.names) if accepted.rivals else ()),
         ])  # fmt: skip
         proven = sorted((finding(accepted, name, by) for name, by in added.items()), key=lambda f: -f.size["share_of_weight"])
         proven = [f for f in proven if names or matters(f.size["channel"], f.size["share_of_weight"])]

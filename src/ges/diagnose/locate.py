@@ -8,8 +8,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from .align import Prepared
+from .evidence import Board
 from .model import Model
 from .residual import model_along, to_body
+from .select import Hypothesis, Search
 from .structure import Structure, Told, shared, within
 from .system import System
 from .weak import Windows
@@ -27,6 +29,8 @@ LEAST_BLOCKS = 4
 CLEAR = 2.0
 LEAST_OF_NOISE = 0.3  # a finding counts in a channel from this share of what the model leaves there
 PEAK = 0.5
+SURE = 0.9
+LEAST_CHANCE = 0.005
 BY_CHANNEL = 3
 MOST = 12
 
@@ -204,6 +208,42 @@ def from_findings(added: Mapping[str, Sequence[np.ndarray]], left: Sequence[np.n
                 where = _acting(acts[good, c], {n: v[good] for n, v in values.items()})
                 entries.append({"channel": channel, **where, "q_value": 1.0 - probability[name], "finding": name})
     return sorted(entries, key=lambda item: -item.pop("energy") / system.model.whole(item["channel"]) ** 2)
+
+
+def from_open(found: Search, board: Board, left: Sequence[np.ndarray], told: Told, proven: Sequence[str]) -> list[dict]:
+    """Entries of ``located`` where something is open: channels in which, whichever of the open explanations holds, something
+    that is not proven acts; the sum of their probabilities has to reach nine in ten.
+
+    Parameters
+    ----------
+    found, board : of the search.
+    left : by flight, (m, C) residuals of what is proven.
+    """
+    system, noise = board.system, np.concatenate(left)
+    chance: dict[str, float] = {}
+    shown: dict[str, np.ndarray] = {}
+    for h in (h for h in found.hypotheses if h.probability > LEAST_CHANCE and set(h.names) - set(proven)):
+        acts = _open_part(h, board, proven)
+        for c, channel in enumerate(system.main):
+            good = np.isfinite(acts[:, c]) & np.isfinite(noise[:, c])
+            if _rms(acts[good, c]) > LEAST_OF_NOISE * _rms(noise[good, c]):
+                chance[channel] = chance.get(channel, 0.0) + h.probability
+                shown.setdefault(channel, np.where(good, acts[:, c], np.nan))
+    values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
+    entries = []
+    for channel in (c for c, p in chance.items() if p >= SURE):
+        good = np.isfinite(shown[channel])
+        where = _acting(shown[channel][good], {n: v[good] for n, v in values.items()})
+        where.pop("energy")
+        entries.append({"channel": channel, **where, "q_value": max(0.0, 1.0 - chance[channel])})
+    return entries
+
+
+def _open_part(h: Hypothesis, board: Board, proven: Sequence[str]) -> np.ndarray:
+    """What the effects of a hypothesis that are not proven add, (windows of all flights, channels)."""
+    columns = [(k, value) for k, value in zip(h.posterior.columns, h.posterior.mean, strict=True)
+               if board.system.columns[k].variant.effect not in proven]  # fmt: skip
+    return np.concatenate([sum(value * r.x[:, :, k] for k, value in columns) for r in board.system.flights])
 
 
 def _rms(values: np.ndarray) -> float:
