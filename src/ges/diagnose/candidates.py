@@ -182,16 +182,17 @@ def _stepped(variant: Variant, **changes) -> Variant:
     return dataclasses.replace(variant, amplitudes=tuple(dataclasses.replace(a, **changes) for a in variant.amplitudes))
 
 
+def _levels(effect: str, parameter: str, levels: tuple[float, ...]) -> tuple[Variant, ...]:
+    """For what is not linear in its parameter: each column is the whole step from the neutral value to a level."""
+    plain = _variant(effect, (parameter,))
+    return tuple(_stepped(plain, step=level - plain.amplitudes[0].neutral) for level in levels)
+
+
 def _slower(model: Model) -> tuple[Variant, ...]:
     """Motors slower than declared; faster ones are within the declared doubt or another matter."""
     both = _variant("motor_lag", ("up_s", "down_s"))
     declared = model.number("motor_time_constant_s")
     return tuple(_stepped(both, low=0.0, step=max(share * declared, LEAST_LAG_STEP_S)) for share in (0.25, 1.0, 2.0))
-
-
-def _later(model: Model) -> tuple[Variant, ...]:
-    """Transport delays of several lengths: the answer to a delay is not linear in it."""
-    return tuple(_stepped(_variant("esc_delay", ("delay_s",)), step=delay_s) for delay_s in (0.004, 0.01, 0.02, 0.035))
 
 
 def _ceilings(model: Model, reached: Flown) -> tuple[Variant, ...]:
@@ -230,12 +231,8 @@ def reach_of(name: tuple[str, str], values: effect_table.Effects, model: Model) 
 
 
 def _saturations(model: Model, reached: Flown) -> tuple[Variant, ...]:
-    """The speed is cut at a level: not linear in it, so each column is the whole step from no cut to its level."""
-    found = []
-    for level in sorted({round(q, 3) for q in reached.commands if 0.1 < q < 1.0}):
-        whole = dataclasses.replace(_amplitude("rotor_saturation", "share"), step=level - 1.0)
-        found.append(Variant("rotor_saturation", {"share": level}, (whole,)))
-    return tuple(found)
+    """The speed is cut at a level near the top of what was asked."""
+    return _levels("rotor_saturation", "share", tuple(sorted({round(q, 3) for q in reached.commands if 0.1 < q < 1.0})))
 
 
 _LAID_OUT: Mapping[str, Callable[[Model, Flown], tuple[Variant, ...]]] = {
@@ -250,11 +247,12 @@ _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "fountain_lift": lambda m: _grid("fountain_lift", ("c_b",), c_s=(0.5, 1.0, 2.0)),
     "weak_rotor": lambda m: _single("weak_rotor", tuple(f"loss_{i}" for i in range(1, 5))),
     "slung_load": _slung_load,
+    "partial_ground_effect": lambda m: _levels("partial_ground_effect", "k", (0.4, 0.7, 1.0, 1.5)),
     "wind": lambda m: (_variant("wind", ("east_m_s", "north_m_s")),),
     "battery_sag": lambda m: (_variant("battery_sag", ("sensitivity",), nominal_V=m.number("battery_nominal_V")),),
     "tether": lambda m: (_variant("tether", ("weight_N_m",)),),
     "motor_lag": _slower,
-    "esc_delay": _later,
+    "esc_delay": lambda m: _levels("esc_delay", "delay_s", (0.004, 0.01, 0.02, 0.035)),
     "accelerometer_bias": lambda m: _axes("accelerometer_bias", ("x_m_s2", "y_m_s2", "z_m_s2")),
     "attitude_bias": lambda m: _axes("attitude_bias", ("x_rad", "y_rad")),
     "rotor_tilt": lambda m: _axes("rotor_tilt", ("x_rad", "y_rad")),

@@ -70,8 +70,9 @@ def _told(stream: str, told: Sequence[np.ndarray], lags_s: np.ndarray, least_sd_
     if not told:
         return None
     delay, top = _peak(np.sum(told, axis=0), lags_s)
-    weight = np.array([s[0].max() for s in told]) / sum(s[0].max() for s in told)
-    free = 1.0 / float(weight @ weight) - 1.0  # flights beyond one, as many as speak up
+    weight = np.maximum([s[0].max() for s in told], 0.0)
+    weight = weight / (weight.sum() or 1.0)
+    free = 1.0 / max(float(weight @ weight), 1e-9) - 1.0  # flights beyond one, as many as speak up
     scatter = np.sqrt(weight @ (np.array([_peak(s, lags_s)[0] for s in told]) - delay) ** 2)
     sd = float(scatter / np.sqrt(free)) if free > LEAST_FREE else float(lags_s[1] - lags_s[0])
     return Delay(stream, delay, max(sd, least_sd_s), top) if top > LEAST_CORRELATION else None
