@@ -19,7 +19,8 @@ def seen_channels(case, flights) -> dict[str, list[str]]:
 
     ``located``: RMS of force or moment over all flights above the turbulence's, or rotor speeds (where logged) off by
     over 1 % of top speed from those of motors with nothing concealed. ``traces``: above a tenth of that. A concealed
-    sensor fault is no force: both lists are then empty.
+    sensor fault is no force: both lists are then empty. All of it is the generator's own account of what acted along the
+    flights; what a diagnosis can resolve, or reports, plays no part.
     """
     if not case.spec.names or set(case.spec.names) & set(SENSOR):
         return {"located": [], "traces": []}
