@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ges.blind import run, score, seal
+from ges.blind import figures, run, score, seal
 from ges.blind.judge import category_of, judge
 from ges.errors import GesError
 
@@ -168,3 +168,11 @@ def test_confusion_counts_every_case_once():
     expected = {("rotor_drag", "rotor_drag"): 1, ("rotor_drag", "wind"): 1, ("null", "nothing_proven"): 1}
     assert table.to_dict() == expected
     assert isinstance(table, pd.Series)
+
+
+def test_every_figure_is_drawn_even_of_nothing(tmp_path):
+    """A workflow promises the files; where no case states a probability, the picture says so."""
+    names = ("confusion", "singles", "reliability", "categories", "cases")
+    figures.draw_all(tmp_path, dict.fromkeys(names, pd.DataFrame({"n": []})))
+    drawn = [{f.stem for f in tmp_path.glob(f"*.{kind}")} for kind in ("pdf", "png", "csv")]
+    assert drawn[0] == drawn[1] == drawn[2] and len(drawn[0]) == len(names)

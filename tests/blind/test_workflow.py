@@ -1,4 +1,4 @@
-"""The proof as a part of the workflow, with the eight cases of ``config/tiny.yaml``."""
+"""The proof as a part of the workflow, with the four cases of ``config/tiny.yaml``."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ def test_proof_is_planned(tmp_path):
 
 
 @pytest.mark.slow
-def test_eight_cases_from_seal_to_scores(tmp_path):
+def test_four_cases_from_seal_to_scores(tmp_path):
     done = _snakemake(tmp_path)
     assert done.returncode == 0, done.stderr[-3000:]
     proof = tmp_path / "results" / "proof"
     cases = pd.read_csv(proof / "cases.csv")
-    assert len(cases) == 8 and json.loads((proof / "scores.json").read_text())["cases"] == 8
+    assert len(cases) == 4 and json.loads((proof / "scores.json").read_text())["cases"] == 4
     assert (cases["outcome"] != "failed").all()
     again = _snakemake(tmp_path, "--dry-run")
     assert "Nothing to be done" in again.stdout + again.stderr

@@ -28,9 +28,16 @@ def draw_all(out: Path, tables: Mapping[str, pd.DataFrame]) -> None:
         "detection_limit": (draw_limit, "cases"),
     }
     for name, (draw, source) in drawn.items():
-        if len(tables[source]):
-            stem = out / name
-            style.save(draw(tables[source]), tables[source], *(stem.with_suffix(s) for s in (".csv", ".pdf", ".png")))
+        figure = draw(tables[source]) if len(tables[source]) else draw_nothing()
+        style.save(figure, tables[source], *((out / name).with_suffix(s) for s in (".csv", ".pdf", ".png")))
+
+
+def draw_nothing():
+    """What stands in the place of a figure that no case has anything to show in."""
+    figure, axes = style.subplots(height=0.8)
+    axes.set_axis_off()
+    axes.text(0.5, 0.5, "no case has anything to show here", ha="center", va="center")
+    return figure
 
 
 def _words(name: str) -> str:

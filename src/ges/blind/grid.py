@@ -35,7 +35,7 @@ GROUPS = (
     ("rotor_inertia_reaction",),
 )
 COMPOSITIONS = {
-    "smoke": dict.fromkeys(("single", "null", "pair", "triple", "unknown", "parameter", "sensor", "confounded"), 1),
+    "smoke": dict.fromkeys(("single", "null", "pair", "unknown"), 1),
     "tiny": {"single": 14, "null": 8, "pair": 4, "triple": 2, "unknown": 4, "parameter": 3, "sensor": 3, "confounded": 2},
     "sample": {
         "single": 22, "null": 12, "pair": 6, "triple": 3, "unknown": 6, "parameter": 4, "sensor": 4, "confounded": 3,
