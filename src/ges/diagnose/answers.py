@@ -7,7 +7,7 @@ vouch for a part of such a column; the rest is *loose*, and its coefficient may 
   loose, but along thrust not the mean: a trim moment has causes of its own, a mean thrust has none but the balance.
 - ``gain``: what multiplies thrust. Loose is what it does along thrust because thrust changed, not because its gain did; and what
   changes of its moment, because attitude answers too.
-- ``height``: errors of a rangefinder that grow with height or its rate: the height that they are held against is a reading, too.
+- ``height``: an error of a rangefinder that grows with height: the height that it is held against is a reading, too.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ GAINS = frozenset(
     {"thrust_scale", "battery_sag", "ground_effect", "fountain_lift", "ceiling_effect", "partial_ground_effect",
      "ground_effect_lag", "ground_effect_forward_flight"}
 )  # fmt: skip
-HEIGHTS = frozenset({"rangefinder_bias.scale", "rangefinder_lag.tau_s"})
+HEIGHTS = frozenset({"rangefinder_bias.scale"})
 LEAST_STRENGTH, INSTRUMENT_BLOCK_S = 0.4, 5.0
 
 Loose = Mapping[str, Mapping[int, np.ndarray]]
