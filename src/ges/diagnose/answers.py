@@ -6,7 +6,7 @@ vouch for a part of such a column; the rest is *loose*, and its coefficient may 
 - ``dynamic``: what rotor speeds and their changes make of a moment, and of thrust where commands alone are known. All of it is
   loose, but along thrust not the mean: a trim moment has causes of its own, a mean thrust has none but the balance.
 - ``gain``: what multiplies thrust. Loose is what it does along thrust because thrust changed, not because its gain did; and what
-  changes of its moment, because attitude answers too.
+  changes of a cushion's moment, because attitude answers too.
 - ``height``: an error of a rangefinder that grows with height: the height that it is held against is a reading, too.
 """
 
@@ -22,10 +22,17 @@ from .model import Model, block_of
 from .weak import Windows, blocks_of
 
 VERTICAL = ("force_z", "acc_z")
-GAINS = frozenset(
-    {"thrust_scale", "battery_sag", "ground_effect", "fountain_lift", "ceiling_effect", "partial_ground_effect",
-     "ground_effect_lag", "ground_effect_forward_flight"}
-)  # fmt: skip
+CUSHIONS = frozenset(
+    {
+        "ground_effect",
+        "fountain_lift",
+        "ceiling_effect",
+        "partial_ground_effect",
+        "ground_effect_lag",
+        "ground_effect_forward_flight",
+    }
+)
+GAINS = CUSHIONS | {"thrust_scale", "battery_sag"}
 HEIGHTS = frozenset({"rangefinder_bias.scale"})
 LEAST_STRENGTH, INSTRUMENT_BLOCK_S = 0.4, 5.0
 
@@ -44,12 +51,16 @@ def loose(keys: Sequence[str], x: np.ndarray, flight: Prepared, windows: Windows
           speeds: np.ndarray) -> tuple[Loose, dict[str, float]]:  # fmt: skip
     """Loose parts by kind and channel, (m, columns of the kind), and the strength of the instruments by channel.
 
+    Shapes of one parameter are loose alike: its first column stands for them.
+
     Parameters
     ----------
     keys, x : ``effect.parameter`` of every column, and the columns (m, C, K).
     speeds : (n, 4) rotor speeds at work.
     """
-    parts = {kind: x[:, :, [k for k, key in enumerate(keys) if kind_of(key) == kind]] for kind in ("dynamic", "gain", "height")}
+    which = {kind: _first(keys, kind) for kind in ("dynamic", "gain", "height")}
+    parts = {kind: x[:, :, at] for kind, at in which.items()}
+    levels = np.array([keys[k].split(".")[0] in CUSHIONS for k in which["gain"]], dtype=float)
     heard = {c: name for c, name in enumerate(names) if np.isfinite(x[:, c]).all()}
     z, own = instruments(flight, windows, model, names), own_signal(flight, windows, model, speeds, names)
     block = blocks_of([(windows, flight.t_s[0])], INSTRUMENT_BLOCK_S)[0]
@@ -59,12 +70,17 @@ def loose(keys: Sequence[str], x: np.ndarray, flight: Prepared, windows: Windows
     found = {
         "dynamic": {c: _beyond(parts["dynamic"][:, c], z[n], strong[n], n in VERTICAL) for c, n in answered.items()},
         "gain": {
-            c: parts["gain"][:, c] * _by_thrust(own[n], vouched[c]) if n in VERTICAL else _centred(parts["gain"][:, c])
+            c: parts["gain"][:, c] * _by_thrust(own[n], vouched[c]) if n in VERTICAL else levels * _centred(parts["gain"][:, c])
             for c, n in answered.items()
         },
         "height": {c: _centred(parts["height"][:, c]) for c, n in heard.items() if n == "range"},
     }
     return {k: v for k, v in found.items() if parts[k].shape[2]}, {n: v for n, v in strong.items() if "/" not in n}
+
+
+def _first(keys: Sequence[str], kind: str) -> list[int]:
+    """First column of every parameter of a kind."""
+    return list({key: k for k, key in reversed(list(enumerate(keys))) if kind_of(key) == kind}.values())
 
 
 def _centred(x: np.ndarray) -> np.ndarray:
