@@ -78,18 +78,19 @@ def instruments(flight: Prepared, windows: Windows, model: Model, names: Sequenc
     means = _means(windows)
     lagged = {
         name: np.column_stack(_lags(told[base], flight, windows, means[_mark(name)]))
-        for name in names if (base := name.split("/")[0]) in told
+        for name in names if (base := name.split("/")[0]) in told and _mark(name) in means
     }  # fmt: skip
     return {name: lagged.get(name, nothing) for name in names}
 
 
 def own_signal(flight: Prepared, windows: Windows, model: Model, speeds: np.ndarray, names: Sequence[str]):
-    """Thrust and moment that the rotor speeds at work make, by channel, (m,)."""
+    """Thrust and moment that the rotor speeds at work make, by channel, (m,); without the faster averages that this flight,
+    its streams slower than another's, does not have."""
     samples = {"t_s": flight.t_s - flight.t_s[0], **dict(zip(ROTOR_SPEED, speeds.T, strict=True))}
     replay = effect_table.replay(model.parameters, effect_table.Samples.from_columns(samples), {})
     told = {"z": replay.force_N[:, 2], **{f"moment_{a}": replay.moment_Nm[:, k] for k, a in enumerate("xyz")}}
     means = _means(windows)
-    return {n: means[_mark(n)] @ told.get(n.split("/")[0], told["z"]) for n in names}
+    return {n: means[_mark(n)] @ told.get(n.split("/")[0], told["z"]) for n in names if _mark(n) in means}
 
 
 def _means(windows: Windows) -> dict[str, csr_array]:
