@@ -5,8 +5,8 @@ vouch for a part of such a column; the rest is *loose*, and its coefficient may 
 
 - ``dynamic``: what rotor speeds and their changes make of a moment, and of thrust where commands alone are known. All of it is
   loose, but along thrust not the mean: a trim moment has causes of its own, a mean thrust has none but the balance.
-- ``gain``: what multiplies thrust. Loose is what it does along thrust because thrust changed, not because its gain did; and what
-  changes of a cushion's moment, because attitude answers too.
+- ``gain``: what multiplies thrust. Loose is what it does along thrust because thrust changed fast, not because its gain did;
+  and what changes of a cushion's moment, because attitude answers too.
 - ``height``: an error of a rangefinder that grows with height: the height that it is held against is a reading, too.
 """
 
@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from .align import Prepared
 from .instruments import MOVED, instruments, own_signal, projected, strength
@@ -35,6 +36,7 @@ CUSHIONS = frozenset(
 GAINS = CUSHIONS | {"thrust_scale", "battery_sag"}
 HEIGHTS = frozenset({"rangefinder_bias.scale"})
 LEAST_STRENGTH, INSTRUMENT_BLOCK_S = 0.4, 5.0
+SLOW_S = 0.5
 
 Loose = Mapping[str, Mapping[int, np.ndarray]]
 
@@ -66,11 +68,11 @@ def loose(keys: Sequence[str], x: np.ndarray, flight: Prepared, windows: Windows
     block = blocks_of([(windows, flight.t_s[0])], INSTRUMENT_BLOCK_S)[0]
     answered = {c: n for c, n in heard.items() if block_of(n) == "moment" or n in VERTICAL}
     strong = {n: strength(own[n], z[n], block) for n in answered.values()}
-    vouched = {c: _vouched(own[n], z[n], strong[n]) for c, n in answered.items()}
+    share = {c: _by_thrust(own[n], z[n], strong[n], windows.length_s) for c, n in answered.items() if n in VERTICAL}
     found = {
         "dynamic": {c: _beyond(parts["dynamic"][:, c], z[n], strong[n], n in VERTICAL) for c, n in answered.items()},
         "gain": {
-            c: parts["gain"][:, c] * _by_thrust(own[n], vouched[c]) if n in VERTICAL else levels * _centred(parts["gain"][:, c])
+            c: parts["gain"][:, c] * share[c] if c in share else levels * _centred(parts["gain"][:, c])
             for c, n in answered.items()
         },
         "height": {c: _centred(parts["height"][:, c]) for c, n in heard.items() if n == "range"},
@@ -87,15 +89,15 @@ def _centred(x: np.ndarray) -> np.ndarray:
     return x - x.mean(axis=0)
 
 
-def _vouched(own: np.ndarray, z: np.ndarray, strong: float) -> np.ndarray:
-    """The part of a signal (m,) that its mean and its instruments explain."""
-    change = projected(_centred(own)[:, None], z)[:, 0] if strong > LEAST_STRENGTH else 0.0
-    return own.mean() + change
+def _by_thrust(thrust: np.ndarray, z: np.ndarray, strong: float, length_s: float) -> np.ndarray:
+    """Share of a gain's force that is there because thrust is not what is vouched for, (m, 1).
 
-
-def _by_thrust(thrust: np.ndarray, vouched: np.ndarray) -> np.ndarray:
-    """Share of a gain's force that is there because thrust is not what is vouched for, (m, 1)."""
-    return ((thrust - vouched) / np.maximum(thrust, 0.1 * thrust.mean()))[:, None]
+    Instruments vouch for what they explain; and slow changes are no answers to turbulence: they are what balances a height, a
+    climb, a load.
+    """
+    rest = _centred(thrust) - (projected(_centred(thrust)[:, None], z)[:, 0] if strong > LEAST_STRENGTH else 0.0)
+    rest = rest - gaussian_filter1d(rest, SLOW_S / (0.5 * length_s))
+    return (rest / np.maximum(thrust, 0.1 * thrust.mean()))[:, None]
 
 
 def _beyond(x: np.ndarray, z: np.ndarray, strong: float, mean_is_told: bool) -> np.ndarray:

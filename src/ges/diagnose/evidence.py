@@ -12,6 +12,7 @@ from .system import Column, System
 from .whiten import Noise, White, estimate, unrest_of, whiten
 
 TEMPERING = 0.25
+DECLARED = frozenset({"inertia", "thrust_scale", "torque_coefficient"})
 PLAUSIBLE = {
     **{("inertia", axis): 0.3 for axis in ("xx", "yy", "zz")},
     ("thrust_scale", "scale"): 0.3, ("torque_coefficient", "scale"): 0.3,
@@ -158,17 +159,17 @@ def _sizes(system: System, share: float) -> np.ndarray:
     whole = np.array([system.model.whole(name) * (1.0 if name != "range" else 1.0 / share) for name in system.main])
     with np.errstate(divide="ignore"):
         sizes = np.where(rms > 0, share * whole[:, None] / rms, np.inf).min(axis=0)
-    sizes = np.minimum(sizes, [_plausible(column) for column in system.columns])
+    sizes = np.array([_plausible(column, size) for column, size in zip(system.columns, sizes, strict=True)])
     return np.where(np.isfinite(sizes), sizes, 0.0)
 
 
-def _plausible(column: Column) -> float:
-    """What a coefficient may be at all, whatever the flights would allow: half of its room in the library, or less."""
-    if column.variant is None:
-        return np.inf
+def _plausible(column: Column, size: float) -> float:
+    """The size where nothing better is known, but no more than half of its room in the library; 0 where nothing shows it."""
+    if column.variant is None or not np.isfinite(size):
+        return 0.0
     a = column.variant.amplitudes[column.amplitude]
-    room = 0.5 * max(a.high - a.neutral, a.neutral - a.low)
-    return min(room, PLAUSIBLE.get((column.variant.effect, a.parameter), np.inf))
+    known = PLAUSIBLE.get((column.variant.effect, a.parameter), size)
+    return min(known if column.variant.effect in DECLARED else min(known, size), 0.5 * max(a.high - a.neutral, a.neutral - a.low))
 
 
 def make_board(system: System, chosen: Sequence[int] = (), tempering: float = TEMPERING, share: float = 0.05) -> Board:

@@ -5,18 +5,20 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.special import logsumexp
 
 from .candidates import Candidate
-from .evidence import Board, Gram, Posterior, posterior, posteriors
+from .evidence import DECLARED, Board, Gram, Posterior, posterior, posteriors
 
 PRIOR_OF_SIZE = (0.5, 0.3, 0.13, 0.05, 0.02)
 LARGEST = 4
 BEAM = 3
 AT_ONCE = 4096
+RARER = 0.1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,9 +68,10 @@ def entries(board: Board, candidates: Sequence[Candidate]) -> list[Entry]:
     return [Entry(name, i, tuple(columns)) for i, ((name, _), columns) in enumerate(found.items())]
 
 
-def _log_prior(size: int, count: int) -> float:
-    sets = max(1.0, float(np.prod([count - i for i in range(size)]) / np.prod(range(1, size + 1))))
-    return float(np.log(PRIOR_OF_SIZE[size]) - np.log(sets))
+def _log_prior(names: Sequence[str], count: int) -> float:
+    """Of one set of this size among all of them; a declared number that is wrong is rarer than physics left out."""
+    rare = sum(name in DECLARED for name in names)
+    return float(np.log(PRIOR_OF_SIZE[len(names)]) - np.log(max(1, math.comb(count, len(names)))) + rare * np.log(RARER))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -134,7 +137,7 @@ def _sets_of(on: Scales, combos: Sequence[tuple[Entry, ...]], count: int) -> dic
     out = {}
     for names, members in grouped.items():
         top = combos[max(members, key=lambda i: weight[i])]
-        total = float(logsumexp(weight[members]) - np.log(len(members))) + _log_prior(len(names), count)
+        total = float(logsumexp(weight[members]) - np.log(len(members))) + _log_prior(names, count)
         out[names] = Hypothesis(names, tuple(e.number for e in top), on.weigh(top), total)
     return out
 
@@ -150,7 +153,7 @@ def search(board: Board, candidates: Sequence[Candidate], base: Sequence[str] = 
     on = scales(board, listed)
     needs = {c.name: c.needs for c in candidates}
     count = max(len({e.name for e in listed}), 1)
-    found: dict[tuple[str, ...], Hypothesis] = {(): Hypothesis((), (), None, _log_prior(0, count))}
+    found: dict[tuple[str, ...], Hypothesis] = {(): Hypothesis((), (), None, _log_prior((), count))}
     combos = [(e,) for e in listed] + [p for p in itertools.combinations(listed, 2) if p[0].name != p[1].name]
     found |= _sets_of(on, [c for c in combos if _compatible([e.name for e in c], needs, base)], count)
     for size in range(2, LARGEST):
