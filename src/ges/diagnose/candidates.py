@@ -21,7 +21,7 @@ PARAMETER_EFFECTS = frozenset({"thrust_scale", "inertia", "torque_coefficient", 
 SMALL_STEP = 0.1
 LEAST_LAG_STEP_S = 0.004
 COMMAND_QUANTILES = (0.8, 0.95, 0.99, 0.999)
-FINEST_SQUARE_M, MOST_PLACES = 0.25, 24
+FINEST_SQUARE_M, MOST_PLACES = 0.125, 36
 ABOVE_M, ABOVE_RADII = 0.5, 5.0
 NEEDS_ATTITUDE = frozenset(
     {"inertia", "torque_coefficient", "motor_lag", "esc_delay", "time_offset", "gyro_bias", "attitude_bias", "rotor_tilt",
