@@ -18,13 +18,14 @@ NEEDS_VELOCITY = frozenset(
     {"rotor_drag", "parasitic_drag", "axial_inflow", "translational_lift", "wind", "gusts", "slung_load",
      "ground_effect_forward_flight"}
 )  # fmt: skip
+NEEDS_SWING = frozenset({"slung_load"})  # with a derived attitude its weight shows in the balance alone, see ``balance``
 NEEDS_RANGE = frozenset({"rangefinder_bias", "rangefinder_lag"})
 NEEDS_COMMANDS = frozenset({"motor_lag", "esc_delay"})
 
 
 def lacking(name: str, flights: Sequence[Prepared]) -> str:
     """What some of these flights lack to speak about an effect, as ``needs ...``; '' where nothing is missing."""
-    if name in NEEDS_ATTITUDE and any("attitude" in f.derived for f in flights):
+    if name in NEEDS_ATTITUDE | NEEDS_SWING and any("attitude" in f.derived for f in flights):
         return "needs a measured attitude"
     if name in NEEDS_HEIGHT and not all("p_z_m" in f.columns or f.has("range") for f in flights):
         return "needs a logged height (p_z_m or range_m)"
@@ -38,6 +39,10 @@ def lacking(name: str, flights: Sequence[Prepared]) -> str:
         return "needs a logged velocity (v_x_m_s, v_y_m_s, v_z_m_s)"
     if name in NEEDS_COMMANDS and not all(f.has("command") for f in flights):
         return "needs logged motor commands (u_1 ...)"
+    if name in NEEDS_COMMANDS and not any(
+        f.has(stream) for f in flights for stream in ("rotor_speed", "reference", "excitation")
+    ):
+        return "needs rotor speeds or the controller's references: its answers to disturbances look like this effect"
     return ""
 
 
