@@ -22,7 +22,7 @@ from .detect import smallest_detectable
 from .engine import Accepted, accept, first_system, matters, split, withdrawn
 from .evidence import Board
 from .findings import contributions, finding, open_findings, settled_findings
-from .fit import Joint, calibrated, left_raw, null_fit
+from .fit import Joint, calibrated, left_raw, null_fit, strain
 from .gate import Gate, at_flown_voltage, pass_gate
 from .hearing import lacking, silent_channels, unheard
 from .hypothesis import Form, hypotheses
@@ -38,6 +38,7 @@ from .verdict import sentence_of, verdict_of
 from .verify import channel_table, elsewhere, errors, rollout_table, rollouts
 from .weak import make_windows
 
+STRAINED = 5.0
 METRIC = (
     "rms of the weak-form residual (windowed average, nothing differentiated) on flights that took no part; reduction_ci95: "
     "share by which 'after' is below 'recalibrated', 95 % interval over blocks of 5 s"
@@ -115,6 +116,11 @@ def _stage(model: Model, joint: Joint, board: Board, told: Told) -> _Stage:
     return _Stage(model, joint, board, left, structures(left, told, board.system.main, board.system.blocks(BLOCK_S)))
 
 
+def _strained(last: _Stage, first: _Stage) -> bool:
+    """Whether what was accepted needs declared numbers far outside their doubts that nothing else puts there."""
+    return strain(last.joint, last.board.system) > max(STRAINED, strain(first.joint, first.board.system))
+
+
 class _Chain:
     """The steps in their order; every step reads what the ones before it left."""
 
@@ -134,7 +140,7 @@ class _Chain:
         map_cells = cells(system, first.left, told, first.structures)
         accepted = accept(system, self.length_s, switches, names)
         last = self._last(accepted, first, told)
-        if names is None and last is not first and not accepted.rivals and borrowed(last.structures, self.model):
+        if names is None and last is not first and (_strained(last, first) or self._borrowed(accepted, last)):
             accepted, last = withdrawn(accepted), first
         added, after = contributions(accepted), last.model
         located = strongest([
@@ -170,6 +176,9 @@ class _Chain:
             vehicle=self._fitted_vehicle(accepted, last.joint),
             details={"accepted": accepted, "cells": map_cells, "models": models, "held": self.held, **proof},
         )
+
+    def _borrowed(self, accepted: Accepted, last: _Stage) -> bool:
+        return not accepted.rivals and borrowed(last.structures, self.model)
 
     def _last(self, accepted: Accepted, first: _Stage, told: Told) -> _Stage:
         """With the accepted effects and the nuisances set anew."""

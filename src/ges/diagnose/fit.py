@@ -228,6 +228,12 @@ def calibrated(model: Model, common: Mapping[str, float]) -> Model:
     return model.with_effects(more)
 
 
+def strain(joint: Joint, system: System) -> float:
+    """How many of its declared (or usual) sds the farthest common nuisance was moved."""
+    sd = {c.key: c.nuisance.sd for c in system.columns if c.nuisance is not None}
+    return max((abs(value) / sd[key] for key, value in joint.common.items()), default=0.0)
+
+
 def null_fit(system: System) -> tuple[Board, Joint]:
     """Nuisances alone: the best that the declared parameters can do."""
     board = make_board(system)
