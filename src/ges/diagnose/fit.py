@@ -229,9 +229,9 @@ def calibrated(model: Model, common: Mapping[str, float]) -> Model:
 
 
 def strain(joint: Joint, system: System) -> float:
-    """How many of its declared (or usual) sds the farthest common nuisance was moved."""
-    sd = {c.key: c.nuisance.sd for c in system.columns if c.nuisance is not None}
-    return max((abs(value) / sd[key] for key, value in joint.common.items()), default=0.0)
+    """How many of its declared sds the farthest declared number was moved."""
+    doubts = system.model.doubts
+    return max((abs(value) / doubts[key] for key, value in joint.common.items() if doubts.get(key)), default=0.0)
 
 
 def null_fit(system: System) -> tuple[Board, Joint]:
