@@ -129,13 +129,9 @@ def _stated(system: System, column: Mapping[str, int]) -> bool:
     return gains and set(CHANNELS) <= set(system.main)
 
 
-def _nuisances(system: System) -> dict[str, int]:
-    return {c.nuisance.key: k for k, c in enumerate(system.columns) if c.nuisance is not None}
-
-
 def centred(left: Sequence[np.ndarray], system: System) -> list[np.ndarray]:
     """Residuals of the plain averages (m, C) by flight, less their mean over all flights where :func:`shift_of` judges it."""
-    if not _stated(system, _nuisances(system)):
+    if not _stated(system, system.nuisances):
         return list(left)
     slow = [system.main.index(c) for c in CHANNELS]
     mean = np.zeros(len(system.main))
@@ -150,7 +146,7 @@ def causes_of(system: System) -> list[tuple[Cause, Cause]]:
     ----------
     system : nuisance columns suffice; those of ``weak_rotor``, ``cg_offset`` and ``thrust_scale`` are read.
     """
-    column = _nuisances(system)
+    column = system.nuisances
     if not _stated(system, column):
         return []
     y, x, precision = _distance(system, [*LOSSES, *MASS], column)

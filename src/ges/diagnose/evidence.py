@@ -159,8 +159,7 @@ def _sizes(system: System, share: float) -> np.ndarray:
     whole = np.array([system.model.whole(name) * (1.0 if name != "range" else 1.0 / share) for name in system.main])
     with np.errstate(divide="ignore"):
         sizes = np.where(rms > 0, share * whole[:, None] / rms, np.inf).min(axis=0)
-    sizes = np.array([_plausible(column, size) for column, size in zip(system.columns, sizes, strict=True)])
-    return np.where(np.isfinite(sizes), sizes, 0.0)
+    return np.array([_plausible(column, size) for column, size in zip(system.columns, sizes, strict=True)])
 
 
 def _plausible(column: Column, size: float) -> float:
@@ -177,7 +176,7 @@ def make_board(system: System, chosen: Sequence[int] = (), tempering: float = TE
     noise = estimate(system, chosen)
     whites = whiten(system.flights, noise, unrest_of(system.flights))
     grams = tuple(flight_grams(whites, system.columns, tempering))
-    prior = np.where([c.nuisance is None for c in system.columns], _sizes(system, share), 0.0)
+    prior = _sizes(system, share)
     for k, column in enumerate(system.columns):
         if column.nuisance is not None:
             prior[k] = column.nuisance.sd

@@ -243,11 +243,10 @@ def null_fit(system: System) -> tuple[Board, Joint]:
 def left_raw(system: System, joint: Joint) -> list[np.ndarray]:
     """Residuals of the channels under the plain average, in their units, after the nuisances, by flight, (m, C)."""
     count = len(system.main)
-    nuisance = {c.nuisance.key: k for k, c in enumerate(system.columns) if c.nuisance is not None}
     out = []
     for rows, own in zip(system.flights, joint.by_flight, strict=True):
         left = rows.y[:, :count].copy()
-        for key, k in nuisance.items():
+        for key, k in system.nuisances.items():
             left -= rows.x[:, :count, k] * (joint.common.get(key, 0.0) + own.get(key, 0.0))
         out.append(left)
     return out

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from .. import effects as effect_table
 from .. import sim
@@ -75,10 +74,10 @@ def instruments(flight: Prepared, windows: Windows, model: Model, names: Sequenc
     replay = effect_table.replay(model.parameters, samples, model.effects, model.terrain)
     told = {"z": replay.force_N[:, 2], **{f"moment_{a}": replay.moment_Nm[:, k] for k, a in enumerate("xyz")}}
     told |= dict.fromkeys(("force_z", "acc_z"), told["z"])
-    means = _means(windows)
+    functions = windows.functions
     lagged = {
-        name: np.column_stack(_lags(told[base], flight, windows, means[_mark(name)]))
-        for name in names if (base := name.split("/")[0]) in told and _mark(name) in means
+        name: np.column_stack(_lags(told[base], flight, windows, functions[_mark(name)][0]))
+        for name in names if (base := name.split("/")[0]) in told and _mark(name) in functions
     }  # fmt: skip
     return {name: lagged.get(name, nothing) for name in names}
 
@@ -89,13 +88,8 @@ def own_signal(flight: Prepared, windows: Windows, model: Model, speeds: np.ndar
     samples = {"t_s": flight.t_s - flight.t_s[0], **dict(zip(ROTOR_SPEED, speeds.T, strict=True))}
     replay = effect_table.replay(model.parameters, effect_table.Samples.from_columns(samples), {})
     told = {"z": replay.force_N[:, 2], **{f"moment_{a}": replay.moment_Nm[:, k] for k, a in enumerate("xyz")}}
-    means = _means(windows)
-    return {n: means[_mark(n)] @ told.get(n.split("/")[0], told["z"]) for n in names if _mark(n) in means}
-
-
-def _means(windows: Windows) -> dict[str, csr_array]:
-    """Weights of every test function by the mark of its channels."""
-    return {"": windows.mean, **{f"/{k}": mean for k, (mean, _) in enumerate(windows.overtones, 1)}}
+    functions = windows.functions
+    return {n: functions[_mark(n)][0] @ told.get(n.split("/")[0], told["z"]) for n in names if _mark(n) in functions}
 
 
 def _mark(name: str) -> str:

@@ -274,8 +274,7 @@ def residual(flight: Prepared, windows: Windows, model: Model, names: Sequence[s
 
 def _marked(windows: Windows, channel: str, names: Sequence[str]):
     """Every test function that one channel is asked under: mark of its name, weights, rate weights."""
-    every = [("", windows.mean, windows.rate), *((f"/{k}", a, b) for k, (a, b) in enumerate(windows.overtones, 1))]
-    return [(mark, mean, rate) for mark, mean, rate in every if channel + mark in names]
+    return [(mark, *pair) for mark, pair in windows.functions.items() if channel + mark in names]
 
 
 def _force(columns: dict, said: effect_table.Replay, model: Model, windows: Windows) -> np.ndarray:

@@ -11,7 +11,7 @@ from .. import effects as effect_table
 from .align import Prepared
 from .answers import Loose, loose
 from .candidates import NEEDS_ATTITUDE, Variant
-from .model import SPEED, Model
+from .model import SPEED, Model, block_of
 from .residual import HELD_SHARE, MOMENT, channels, drive_of, residual, with_overtones
 from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, blocks_of, make_windows
 
@@ -126,6 +126,11 @@ class System:
     columns: tuple[Column, ...]
     flights: tuple[Rows, ...]
     whitened: bool = True
+
+    @property
+    def nuisances(self) -> dict[str, int]:
+        """Columns of the nuisances by ``effect.parameter``."""
+        return {c.key: k for k, c in enumerate(self.columns) if c.nuisance is not None}
 
     @property
     def main(self) -> tuple[str, ...]:
@@ -265,7 +270,7 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
         shifted, step = _shift(model, column)
         reference = _reference(model, column)
         x[:, :, k] = ((at(reference) if reference and _drives(reference) else y) - at(shifted)) / step
-    moments = np.array([name.split("/")[0] in MOMENT for name in names])
+    moments = np.array([block_of(name) == "moment" for name in names])
     for k, column in enumerate(columns):
         if column.part:
             x[:, moments if column.part == "force" else ~moments, k] *= 0.0
@@ -290,7 +295,7 @@ def restless(flight: Prepared, windows: Windows, model: Model, speeds: np.ndarra
 
 def _known(system: System, flight: Rows) -> dict[str, np.ndarray]:
     """Nuisance columns of one flight by key."""
-    return {c.nuisance.key: flight.x[:, :, k] for k, c in enumerate(system.columns) if c.nuisance is not None}
+    return {key: flight.x[:, :, k] for key, k in system.nuisances.items()}
 
 
 def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant], length_s: float | None = None,

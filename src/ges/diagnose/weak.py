@@ -37,6 +37,11 @@ class Windows:
     length_s: float
     overtones: tuple[tuple[csr_array, csr_array], ...] = ()
 
+    @property
+    def functions(self) -> dict[str, tuple[csr_array, csr_array]]:
+        """Weights and rate weights of every test function, by the mark that it puts on a channel's name."""
+        return {"": (self.mean, self.rate), **{f"/{k}": pair for k, pair in enumerate(self.overtones, 1)}}
+
     def __len__(self) -> int:
         return len(self.center)
 
@@ -59,10 +64,14 @@ def blocks_of(flights: Sequence[tuple[Windows, float]], length_s: float) -> list
 
 def bump(half: int, step_s: float) -> tuple[np.ndarray, np.ndarray]:
     """Weights of (1 - s^2)^3 on 2 half + 1 points, and those of minus its derivative; exact for constants and ramps."""
-    s = np.arange(-half, half + 1) / (half + 1.0)
-    phi = (1.0 - s**2) ** 3
-    slope = 6.0 * s * (1.0 - s**2) ** 2
+    s, phi, slope = _bump(half)
     return phi / phi.sum(), slope / (slope @ (s * (half + 1.0) * step_s))
+
+
+def _bump(half: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Places s in (-1, 1), (1 - s^2)^3, and minus its derivative."""
+    s = np.arange(-half, half + 1) / (half + 1.0)
+    return s, (1.0 - s**2) ** 3, 6.0 * s * (1.0 - s**2) ** 2
 
 
 def tones(half: int, step_s: float, count: int) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -72,8 +81,7 @@ def tones(half: int, step_s: float, count: int) -> list[tuple[np.ndarray, np.nda
     -------
     weights and rate weights, (2 half + 1,) each; white noise has the same size in all of them as in the bump's average.
     """
-    s = np.arange(-half, half + 1) / (half + 1.0)
-    phi, slope = (1.0 - s**2) ** 3, 6.0 * s * (1.0 - s**2) ** 2
+    s, phi, slope = _bump(half)
     made = [np.stack([phi, slope])]
     for k in range(1, count + 1):
         c, w = np.cos(np.pi * k * s), np.sin(np.pi * k * s)
