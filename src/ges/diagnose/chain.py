@@ -117,8 +117,8 @@ def _stage(model: Model, joint: Joint, board: Board, told: Told) -> _Stage:
 
 
 def _strained(last: _Stage, first: _Stage) -> bool:
-    """Whether what was accepted needs declared numbers far outside their doubts that nothing else puts there."""
-    return strain(last.joint, last.board.system) > max(STRAINED, strain(first.joint, first.board.system))
+    """Whether what was accepted needs declared numbers far outside their doubts, farther than they go without it."""
+    return strain(last.joint, last.board.system) > max(STRAINED, strain(first.joint, first.board.system) + 1.0)
 
 
 class _Chain:
