@@ -8,7 +8,8 @@ shows in one of them only. The model side always is the compiled library's.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import functools
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -119,17 +120,44 @@ def state_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
     return columns
 
 
+@dataclasses.dataclass(frozen=True)
+class Motion:
+    """What the library reads of every sample, rotor speeds apart, and what the equations of motion take of it."""
+
+    columns: Mapping[str, np.ndarray]
+    gravity_m_s2: float
+
+    @functools.cached_property
+    def omega(self) -> np.ndarray:
+        """Body rates, (n, 3)."""
+        return np.stack([self.columns[name] for name in BODY_RATE], axis=1)
+
+    @functools.cached_property
+    def carried(self) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity in the body frame, and the part of the acceleration less gravity that is not its derivative; (n, 3) each."""
+        q = np.stack([self.columns[name] for name in QUATERNION], axis=1)
+        v = to_body(q, np.stack([self.columns[name] for name in VELOCITY], axis=1))
+        return v, np.cross(self.omega, v) + to_body(q, np.tile([0.0, 0.0, self.gravity_m_s2], (len(q), 1)))
+
+
+def motion_of(flight: Prepared, model: Model, effects: effect_table.Effects) -> Motion:
+    """Of one flight, as believed with these effects."""
+    return Motion(corrected(state_columns(flight, model), model, effects), model.number("gravity_m_s2"))
+
+
 def _of_kind(effects: effect_table.Effects, *kinds: str) -> dict:
     return {name: values for name, values in effects.items() if effect_table.get(name).kind in kinds}
 
 
-def _turns_readings(name: str) -> bool:
-    return bool({"gyro", "attitude"} & set(effect_table.get(name).channels)) and effect_table.get(name).kind == "sensor"
+def _turning_faults(effects: effect_table.Effects) -> dict:
+    """Faults of sensors that turn what was read of attitude and rates."""
+    faults = _of_kind(effects, "sensor")
+    return {name: values for name, values in faults.items() if {"gyro", "attitude"} & set(effect_table.get(name).channels)}
 
 
 def corrected(columns: dict[str, np.ndarray], model: Model, effects: effect_table.Effects) -> dict[str, np.ndarray]:
     """Attitude and rates as they were, if the given sensor faults had made the readings."""
-    faults = {name: values for name, values in effects.items() if _turns_readings(name)}
+    faults = _turning_faults(effects)
     if not faults:
         return columns
     said = effect_table.replay(model.parameters, effect_table.Samples.from_columns(columns), faults, model.terrain)
@@ -228,48 +256,89 @@ def _as_if_commanded(flight: Prepared, speeds: np.ndarray, model: Model, effects
     return effect_table.replay(parameters, effect_table.Samples.from_columns(columns), effects).rotor_command_rad_s
 
 
-def model_along(flight: Prepared, model: Model, effects: effect_table.Effects,
-                speeds: np.ndarray | None = None) -> tuple[dict[str, np.ndarray], effect_table.Replay]:  # fmt: skip
-    """State columns as believed, and the compiled model along them."""
-    columns = corrected(state_columns(flight, model), model, effects)
+def drives(effects: effect_table.Effects, on: effect_table.Effects | None = None) -> bool:
+    """Whether effects change the rotor speeds: actuators, and what an actuator that is ``on`` acts upon."""
+    acting = [*effects, *(name for name in on or {} if effect_table.get(name).modifies in effects)]
+    return bool(_of_kind(dict.fromkeys(acting), "actuator"))
+
+
+def model_along(flight: Prepared, model: Model, effects: effect_table.Effects, speeds: np.ndarray | None = None,
+                motion: Motion | None = None) -> tuple[dict[str, np.ndarray], effect_table.Replay]:  # fmt: skip
+    """State columns as believed, and the compiled model along them.
+
+    Actuators have made the speeds and change nothing else of it: left out, none of their states is advanced.
+    """
+    motion = motion or motion_of(flight, model, effects)
     speeds = speeds_at_work(flight, model, effects) if speeds is None else speeds
-    columns.update(zip(ROTOR_SPEED, speeds.T, strict=True))
+    columns = {**motion.columns, **dict(zip(ROTOR_SPEED, speeds.T, strict=True))}
     rate = np.gradient(speeds, flight.dt_s, axis=0)
     columns.update(zip((f"rotor_acceleration_{i}_rad_s2" for i in range(1, 5)), rate.T, strict=True))
     samples = effect_table.Samples.from_columns(columns)
-    return columns, effect_table.replay(model.parameters, samples, effects, model.terrain)
+    return columns, effect_table.replay(model.parameters, samples, _but_actuators(effects), model.terrain)
+
+
+def _but_actuators(effects: effect_table.Effects) -> dict:
+    return {name: values for name, values in effects.items() if effect_table.get(name).kind != "actuator"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Along:
+    """One evaluation of a flight: drive, motion, what the model says along it, and by channel what that leaves, (m,) each.
+
+    The next evaluation takes over what it does not change.
+    """
+
+    drive: Drive
+    motion: Motion
+    effects: effect_table.Effects
+    said: effect_table.Replay
+    parts: Mapping[str, np.ndarray]
+
+    def stack(self, names: Sequence[str]) -> np.ndarray:
+        """Channels as an array of shape (m, k)."""
+        return np.stack([self.parts[name] for name in names], axis=1)
+
+    def says_alike(self, said: effect_table.Replay, motion: Motion, block: str) -> bool:
+        """Whether this evaluation had the same of all that a block of channels is held against."""
+        return motion is self.motion and all(np.array_equal(said[name], self.said[name]) for name in _HELD_AGAINST[block])
 
 
 def residual(flight: Prepared, windows: Windows, model: Model, names: Sequence[str],
-             more: effect_table.Effects | None = None, drive: Drive | None = None) -> np.ndarray:  # fmt: skip
-    """Recorded less modelled, (windows, channels); N, N m, rad/s and m.
+             more: effect_table.Effects | None = None) -> np.ndarray:  # fmt: skip
+    """Recorded less modelled, (windows, channels); N, N m, rad/s and m. See :func:`along`."""
+    return along(flight, windows, model, names, more).stack(names)
+
+
+def along(flight: Prepared, windows: Windows, model: Model, names: Sequence[str], more: effect_table.Effects | None = None,
+          like: Along | None = None) -> Along:  # fmt: skip
+    """Recorded less modelled.
 
     Parameters
     ----------
     names : channels, those of faster test functions included (see :func:`with_overtones`).
     more : effects added to those of the model, for this evaluation.
-    drive : rotor speeds if already known.
+    like : evaluation without ``more``.
     """
     effects = model.with_effects(more).effects if more else model.effects
-    drive = drive or drive_of(flight, model, effects, names)
-    columns, said = model_along(flight, model, effects, drive.at_work)
+    drive = like.drive if like and not drives(more or {}, model.effects) else drive_of(flight, model, effects, names)
+    motion = like.motion if like and not _turning_faults(more or {}) else motion_of(flight, model, effects)
+    said = _said_again(like, drive, motion, effects)
+    if said is None:
+        said = model_along(flight, model, effects, drive.at_work, motion)[1]
     parts: dict[str, np.ndarray] = {}
-    if "force_z" in names:
-        parts.update(zip(FORCE, _force(columns, said, model, windows).T, strict=True))
-    if "moment_x" in names:
-        turning = _turning(columns, said, model)
-        for mark, mean, rate in _marked(windows, "moment_x", names):
-            parts.update(zip((n + mark for n in MOMENT), _moment(*turning, mean, rate).T, strict=True))
-    for name in set(ACC) & set(names):
-        column = f"{name}_m_s2"
-        parts[name] = windows.mean @ (said["mass_kg"] * (flight.columns[column] - said[column]))
-    if DRIVE[0] in names:
-        lost = flight.stack("rotor_speed") - drive.commanded
-        for mark, mean, _ in _marked(windows, DRIVE[0], names):
-            parts.update(zip((n + mark for n in DRIVE), (mean @ lost).T, strict=True))
-    if "range" in names:
-        parts["range"] = windows.mean @ (flight.columns["range_m"] - said["range_m"])
-    return np.stack([parts[name] for name in names], axis=1)
+    for block in dict.fromkeys(block_of(name) for name in names):
+        same = like and (drive is like.drive if block == "drive" else like.says_alike(said, motion, block))
+        if same:
+            parts.update({name: value for name, value in like.parts.items() if block_of(name) == block})
+        else:
+            parts.update(_PARTS[block](flight, windows, model, names, drive, motion, said))
+    return Along(drive, motion, effects, said, parts)
+
+
+def _said_again(like: Along | None, drive: Drive, motion: Motion, effects: effect_table.Effects) -> effect_table.Replay | None:
+    """What the model said before, if nothing that it is asked about differs."""
+    same = like and motion is like.motion and _but_actuators(effects) == _but_actuators(like.effects)
+    return like.said if same and np.array_equal(drive.at_work, like.drive.at_work) else None
 
 
 def _marked(windows: Windows, channel: str, names: Sequence[str]):
@@ -277,28 +346,49 @@ def _marked(windows: Windows, channel: str, names: Sequence[str]):
     return [(mark, *pair) for mark, pair in windows.functions.items() if channel + mark in names]
 
 
-def _force(columns: dict, said: effect_table.Replay, model: Model, windows: Windows) -> np.ndarray:
+def _force(flight, windows: Windows, model, names, drive, motion: Motion, said: effect_table.Replay) -> dict[str, np.ndarray]:
     """m (a - g) - F in the body frame; the derivative of the velocity rests on the test function."""
-    q = np.stack([columns[name] for name in QUATERNION], axis=1)
-    v = to_body(q, np.stack([columns[name] for name in VELOCITY], axis=1))
-    omega = np.stack([columns[name] for name in BODY_RATE], axis=1)
-    up = to_body(q, np.tile([0.0, 0.0, model.number("gravity_m_s2")], (len(q), 1)))
+    v, carried = motion.carried
     mass = float(said["mass_kg"][0])
-    return mass * (windows.rate @ v) + windows.mean @ (mass * (np.cross(omega, v) + up) - said.force_N)
+    left = mass * (windows.rate @ v) + windows.mean @ (mass * carried - said.force_N)
+    return dict(zip(FORCE, left.T, strict=True))
 
 
-def _turning(columns: dict, said: effect_table.Replay, model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Declared inertia (3,), body rates (n, 3), and the angular acceleration that the model takes away from them (n, 3)."""
-    omega = np.stack([columns[name] for name in BODY_RATE], axis=1)
-    inertia = said.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2")
-    declared = np.array([model.number(f"i{a}_kg_m2") for a in ("xx", "yy", "zz")])
-    return declared, omega, (np.cross(omega, inertia * omega) - said.moment_Nm) / inertia
-
-
-def _moment(declared: np.ndarray, omega: np.ndarray, acting: np.ndarray, mean, rate) -> np.ndarray:
+def _moment(flight, windows: Windows, model: Model, names, drive, motion: Motion, said: effect_table.Replay) -> dict:
     """I dOmega + Omega x I Omega - M in the body frame, as an angular acceleration times the declared inertia.
 
     In that unit a wrong inertia scales what the model says and not what was measured; otherwise the best fit would be to
     shrink both to nothing.
     """
-    return declared * (rate @ omega + mean @ acting)
+    omega, inertia = motion.omega, said.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2")
+    declared = np.array([model.number(f"i{a}_kg_m2") for a in ("xx", "yy", "zz")])
+    acting = (np.cross(omega, inertia * omega) - said.moment_Nm) / inertia
+    left = [(mark, declared * (rate @ omega + mean @ acting)) for mark, mean, rate in _marked(windows, "moment_x", names)]
+    return {name + mark: column for mark, each in left for name, column in zip(MOMENT, each.T, strict=True)}
+
+
+def _acc(flight: Prepared, windows: Windows, model, names: Sequence[str], drive, motion, said) -> dict[str, np.ndarray]:
+    """The accelerometer's readings less the model's, as a force."""
+    columns = {name: f"{name}_m_s2" for name in ACC if name in names}
+    return {n: windows.mean @ (said["mass_kg"] * (flight.columns[c] - said[c])) for n, c in columns.items()}
+
+
+def _lost(flight: Prepared, windows: Windows, model, names, drive: Drive, motion, said) -> dict[str, np.ndarray]:
+    """Rotor speeds less those that the commands make."""
+    lost = flight.stack("rotor_speed") - drive.commanded
+    left = [(mark, mean @ lost) for mark, mean, _ in _marked(windows, DRIVE[0], names)]
+    return {name + mark: column for mark, each in left for name, column in zip(DRIVE, each.T, strict=True)}
+
+
+def _range(flight: Prepared, windows: Windows, model, names, drive, motion, said: effect_table.Replay) -> dict[str, np.ndarray]:
+    """The rangefinder's readings less the model's."""
+    return {"range": windows.mean @ (flight.columns["range_m"] - said["range_m"])}
+
+
+_PARTS = {"force": _force, "moment": _moment, "acc": _acc, "drive": _lost, "range": _range}
+_HELD_AGAINST = {
+    "force": ("mass_kg", "force_x_N", "force_y_N", "force_z_N"),
+    "moment": ("moment_x_Nm", "moment_y_Nm", "moment_z_Nm", "ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"),
+    "acc": ("mass_kg", "acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2"),
+    "range": ("range_m",),
+}

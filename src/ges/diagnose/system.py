@@ -12,7 +12,7 @@ from .align import Prepared
 from .answers import Loose, loose
 from .candidates import NEEDS_ATTITUDE, Variant
 from .model import SPEED, Model, block_of
-from .residual import HELD_SHARE, MOMENT, channels, drive_of, residual, with_overtones
+from .residual import HELD_SHARE, MOMENT, Along, along, channels, drives, with_overtones
 from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, blocks_of, make_windows
 
 AR_ORDER = 3
@@ -232,12 +232,6 @@ def _shift(model: Model, column: Column) -> tuple[dict, float]:
     ), a.step
 
 
-def _drives(effects: Mapping[str, Mapping], on: Mapping[str, Mapping] | None = None) -> bool:
-    """Whether effects change the rotor speeds: actuators, and what an actuator that is ``on`` acts upon."""
-    acting = [*effects, *(name for name in on or {} if effect_table.get(name).modifies in effects)]
-    return any(effect_table.get(name).kind == "actuator" for name in acting)
-
-
 def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence[Column], length_s: float,
          instrumented: bool = True, known: Mapping[str, np.ndarray] | None = None) -> Rows:  # fmt: skip
     """Residuals and columns of one flight; a column is minus the residual's change per unit of its coefficient.
@@ -248,16 +242,17 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     """
     windows = make_windows(flight.t_s, flight.flying, length_s, half_waves(flight, length_s))
     here = tuple(name for name in with_overtones(channels(flight, model), len(windows.overtones)) if name in names)
-    drive = drive_of(flight, model, model.effects, here)
+    now = along(flight, windows, model, here)
 
-    def at(effects: dict, model: Model = model, same_drive: bool = True) -> np.ndarray:
+    def seen(evaluated: Along) -> np.ndarray:
         full = np.full((len(windows), len(names)), np.nan)
-        same = same_drive and not _drives(effects, model.effects)
-        told = residual(flight, windows, model, here, effects, drive if same else None)
-        full[:, [names.index(name) for name in here]] = told
+        full[:, [names.index(name) for name in here]] = evaluated.stack(here)
         return full
 
-    y = at({})
+    def at(effects: dict) -> np.ndarray:
+        return seen(along(flight, windows, model, here, effects, now))
+
+    y = seen(now)
     x = np.empty((*y.shape, len(columns)))
     for k, column in enumerate(columns):
         if known and column.nuisance is not None and column.nuisance.key in known:
@@ -265,18 +260,19 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
             continue
         if column.nuisance is not None and column.nuisance.effect == "vehicle":
             n = column.nuisance
-            x[:, :, k] = (y - at({}, model.with_number(n.parameter, model.number(n.parameter) + n.step), False)) / n.step
+            other = model.with_number(n.parameter, model.number(n.parameter) + n.step)
+            x[:, :, k] = (y - seen(along(flight, windows, other, here))) / n.step
             continue
         shifted, step = _shift(model, column)
         reference = _reference(model, column)
-        x[:, :, k] = ((at(reference) if reference and _drives(reference) else y) - at(shifted)) / step
+        x[:, :, k] = ((at(reference) if reference and drives(reference) else y) - at(shifted)) / step
     moments = np.array([block_of(name) == "moment" for name in names])
     for k, column in enumerate(columns):
         if column.part:
             x[:, moments if column.part == "force" else ~moments, k] *= 0.0
     keys = [c.key for c in columns]
-    answered, strength = loose(keys, x, flight, windows, model, names, drive.at_work) if instrumented and keys else ({}, {})
-    return Rows(flight, windows, y, x, restless(flight, windows, model, drive.at_work), answered, strength)
+    answered, strength = loose(keys, x, flight, windows, model, names, now.drive.at_work) if instrumented and keys else ({}, {})
+    return Rows(flight, windows, y, x, restless(flight, windows, model, now.drive.at_work), answered, strength)
 
 
 def half_waves(flight: Prepared, length_s: float) -> int:
