@@ -97,7 +97,7 @@ def test_what_the_recommended_flight_promises_it_keeps(quad, judged):
     open_sets = [h for h in search(board, listed, tuple(quad.effects)).hypotheses if len(h.names) == 1]
     (option,) = rank(board, rivals_of(board, open_sets), plans=("yaw_turn",))
     after, listed = judged(quad, {"wind": {"east_m_s": 3.0}}, [*plans, manoeuvres.yaw_turn(30.0)], names)
-    _, judged, _ = search_until_stable(after.system, listed, tuple(quad.effects))
+    _, judged, _ = search_until_stable(after, listed, tuple(quad.effects))
     found = {h.names: h.log_evidence for h in judged.hypotheses}
     assert found["wind",] - found["attitude_bias",] > 0.4 * option.expected_log_odds > 4.0
 

@@ -13,7 +13,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from .. import effects as effect_table
 from .candidates import kind_of
@@ -160,7 +160,7 @@ def shift_of(system: System) -> Shift | None:
     if not weighed:
         return None
     loss, mass = max(weighed, key=lambda pair: max(c.explained for c in pair))
-    least = norm.isf(LEVEL / (2 * len(weighed))) ** 2
+    least = ndtri(LEVEL / (2 * len(weighed))) ** 2
     gained, between = max(loss.explained, mass.explained), abs(loss.explained - mass.explained)
     seen = attitude_measured([r.flight for r in system.flights])
     return Shift(system, loss, mass, seen) if gained > least and between < TOLD_APART else None

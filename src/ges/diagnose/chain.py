@@ -138,7 +138,7 @@ class _Chain:
         told = regimes_of(system)
         first = _stage(recalibrated, joint, board, told)
         map_cells = cells(system, first.left, told, first.structures)
-        accepted = accept(system, self.length_s, switches, names)
+        accepted = accept(board, self.length_s, switches, names)
         last = self._last(accepted, first, told)
         if names is None and last is not first and (_strained(last, first) or self._borrowed(accepted, last)):
             accepted, last = withdrawn(accepted), first

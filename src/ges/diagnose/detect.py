@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from .. import effects as effect_table
 from .evidence import TEMPERING, Board, Gram
@@ -22,49 +22,52 @@ POWER = 0.9
 
 @dataclasses.dataclass(frozen=True)
 class _Shape:
-    """One variant of one effect: its columns on the board."""
+    """One variant of one effect: its columns on the board, and by true column the evidence that they gain at what price."""
 
     name: str
     columns: tuple[int, ...]
+    gain: np.ndarray
+    cost: float
 
 
-def _shapes(board: Board, leave_out: Sequence[str]) -> list[_Shape]:
+def _shapes(board: Board, gram: Gram, leave_out: Sequence[str]) -> list[_Shape]:
     found: dict[tuple[str, str], list[int]] = {}
     for k, column in enumerate(board.system.columns):
         if column.variant is not None and column.variant.effect not in leave_out and board.prior_sd[k] > 0:
             found.setdefault((column.variant.effect, column.variant.key), []).append(k)
-    return [_Shape(name, tuple(columns)) for (name, _), columns in found.items()]
+    return [
+        _Shape(name, tuple(columns), *expected_evidence(gram, columns, board.prior_sd)) for (name, _), columns in found.items()
+    ]
 
 
-def expected_evidence(gram: Gram, columns: Sequence[int], prior_sd: np.ndarray, truth: int) -> tuple[float, float]:
-    """Log evidence of a set of columns when column ``truth`` alone acts: ``gain * size^2 - cost``, noise left out.
+def expected_evidence(gram: Gram, columns: Sequence[int], prior_sd: np.ndarray) -> tuple[np.ndarray, float]:
+    """Log evidence of a set of columns when one column of the board alone acts: ``gain * size^2 - cost``, noise left out.
 
     Returns
     -------
-    gain, cost : per squared unit of the true column's coefficient, and the price of the set's freedom.
+    gain, cost : per squared unit of the coefficient of every column that may be the true one, and the price of the set's freedom.
     """
     at = np.asarray(columns, dtype=int)
     scale = prior_sd[at]
     chol = np.linalg.cholesky(np.eye(len(at)) + gram.xx[np.ix_(at, at)] * np.outer(scale, scale))
-    half = np.linalg.solve(chol, gram.xx[at, truth] * scale)
-    return 0.5 * float(half @ half), float(np.log(np.diag(chol)).sum())
+    half = np.linalg.solve(chol, (gram.xx[at] * scale[:, None]).T[:, :, None])[:, :, 0]
+    return 0.5 * np.array([h @ h for h in half]), float(np.log(np.diag(chol)).sum())
 
 
-def _needed(gram: Gram, board: Board, shape: _Shape, truth: int, others: Sequence[_Shape], odds: float) -> tuple[float, str]:
+def _needed(shape: _Shape, truth: int, others: Sequence[_Shape], odds: float) -> tuple[float, str]:
     """Size of the true coefficient at which its evidence beats nothing and every other effect; inf and the effect that hides
     it where one does."""
-    gain, cost = expected_evidence(gram, shape.columns, board.prior_sd, truth)
+    gain, cost = float(shape.gain[truth]), shape.cost
     count = max(1, len({s.name for s in others} | {shape.name}))
     worst, hidden = (np.log(odds) + cost + np.log(PRIOR_OF_SIZE[0] / PRIOR_OF_SIZE[1] * count)) / max(gain, 1e-300), ""
     for other in others:
         if other.name == shape.name:
             continue
-        rival_gain, rival_cost = expected_evidence(gram, other.columns, board.prior_sd, truth)
-        lead, price = gain - rival_gain, np.log(odds) + cost - rival_cost
+        lead, price = gain - float(other.gain[truth]), np.log(odds) + cost - other.cost
         square = max(price, 0.0) / lead if lead > 0 else np.inf if price > 0 else 0.0
         if square > worst:
             worst, hidden = square, other.name
-    margin = norm.ppf(POWER) * np.sqrt(TEMPERING) / np.sqrt(2.0 * max(gain, 1e-300))
+    margin = ndtri(POWER) * np.sqrt(TEMPERING) / np.sqrt(2.0 * max(gain, 1e-300))
     return float(np.sqrt(worst) + margin), hidden
 
 
@@ -85,11 +88,11 @@ def smallest_detectable(board: Board, given: Sequence[str] = (), odds: float = 9
     free = np.array([k for k, c in enumerate(board.system.columns)
                      if c.variant is not None and c.variant.effect in given and board.prior_sd[k] > 0], dtype=int)  # fmt: skip
     gram = board.pooled().without(free, 10.0 * board.prior_sd[free])
-    shapes = _shapes(board, given)
+    shapes = _shapes(board, gram, given)
     told: dict[str, tuple[float, dict[str, Any]]] = {}
     for shape in shapes:
         for k in (k for k in shape.columns if board.system.columns[k].part != "moment"):
-            size, hidden = _needed(gram, board, shape, k, shapes, odds)
+            size, hidden = _needed(shape, k, shapes, odds)
             relative, entry = _entry(board, k, size, hidden)
             if shape.name not in told or relative < told[shape.name][0]:
                 told[shape.name] = (relative, entry)

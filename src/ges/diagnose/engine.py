@@ -65,12 +65,12 @@ def _pick(h: Hypothesis, names: Sequence[str], board: Board) -> tuple[int, ...]:
 
 
 def search_until_stable(
-    system: System, candidates: Sequence[Candidate], base: Sequence[str], only: Sequence[str] | None = None
+    board: Board, candidates: Sequence[Candidate], base: Sequence[str], only: Sequence[str] | None = None
 ) -> tuple[Board, Search, tuple[int, ...]]:
-    """Search, measure the noise that the best set leaves, search again; starts from the most cautious noise."""
+    """Search, measure the noise that the best set leaves, search again; starts from the most cautious noise, the board's."""
     chosen: tuple[int, ...] = ()
-    for _ in range(ROUNDS):
-        board = make_board(system, chosen)
+    for again in range(ROUNDS):
+        board = make_board(board.system, chosen) if again else board
         found = search(board, candidates, base) if only is None else exactly(board, candidates)
         sure = [n for n in found.best.names if found.inclusion[n] > 0.5]
         now = _pick(found.best, sure, board)
@@ -95,21 +95,20 @@ def first_system(flights: Sequence[Prepared], model: Model, length_s: float, swi
     return build(flights, model, variants, length_s, switches=switches)
 
 
-def accept(system: System, length_s: float, switches: Switches = ALL_ON, only: Sequence[str] | None = None) -> Accepted:
+def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Sequence[str] | None = None) -> Accepted:
     """Search the library, keep what is proven, then let effects that modify the kept ones compete too.
 
     Parameters
     ----------
-    system : of :func:`first_system`.
+    start : of :func:`first_system`, with nothing chosen.
     only : fit exactly these names instead of searching.
     """
-    flights, model = [r.flight for r in system.flights], system.model
+    system, flights, model = start.system, [r.flight for r in start.system.flights], start.system.model
     listed, names, probability, shares = candidates_of(flights, model, (), only), (), {}, {}
     first, fitted, base = None, None, model
     while listed:
-        here = (
-            system if first is None else build(flights, base, [v for c in listed for v in c.variants], length_s, system, switches)
-        )
+        variants = [v for c in listed for v in c.variants]
+        here = start if first is None else make_board(build(flights, base, variants, length_s, system, switches))
         board, found, _ = search_until_stable(here, listed, tuple(base.effects), only)
         first = first or (board, found)
         mattering = _mattering(board, found, shares)
@@ -127,7 +126,7 @@ def accept(system: System, length_s: float, switches: Switches = ALL_ON, only: S
         base = model.with_effects(fitted.effects)
         listed = candidates_of(flights, base, names, only)
     if first is None:
-        first = search_until_stable(system, (), ())[:2]
+        first = search_until_stable(start, (), ())[:2]
     board, found = first
     settled = {*names, *(n for n, p in found.inclusion.items() if p >= ACCEPT)}
     return Accepted(names, found, board, fitted, probability, _ambiguous(found, settled))

@@ -58,8 +58,7 @@ class Gram:
 def gram_of(white: White, tempering: float = 1.0) -> Gram:
     """Normal equations of one whitened flight, every row counted ``tempering`` times, what a controller's answer may have done
     to them integrated out."""
-    x, y = white.x[white.used], white.y[white.used]
-    gram = Gram(x.T @ x, x.T @ y, float(y @ y), float(white.used.sum())).scaled(tempering)
+    gram = Gram(*white.products, float(white.used.sum())).scaled(tempering)
     for c, answer in white.answers.items():
         gram = _without_copies(gram, tempering * answer.T @ answer, tempering * white.x[:, c].T @ answer,
                                tempering * answer.T @ white.y[:, c])  # fmt: skip

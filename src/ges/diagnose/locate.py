@@ -131,7 +131,7 @@ def _cells_of(channel: str, name: str, value: np.ndarray, e: np.ndarray, block: 
     told = []
     for k in range(len(limits) - 1):
         inside = which == k
-        if len(np.unique(block[inside])) >= LEAST_BLOCKS:
+        if np.count_nonzero(np.bincount(block[inside])) >= LEAST_BLOCKS:
             told.append((k, float(e[inside].mean()), _error(e[inside], block[inside]), int(inside.sum())))
     excess = [n * max(0.0, mean**2 - sd**2) for _, mean, sd, n in told]
     total = sum(excess) or 1.0

@@ -181,7 +181,7 @@ def _of_mean(raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
         e = np.concatenate([r[:, c] for r in raw])
         used = np.isfinite(e)
         fold = fold_of[block[used]]
-        if used.sum() < LEAST_WINDOWS or len(np.unique(fold)) < FOLDS:
+        if used.sum() < LEAST_WINDOWS or np.count_nonzero(np.bincount(fold)) < FOLDS:
             continue
         if used.tobytes() not in kept:
             here = {n: v[used] for n, v in values.items()}

@@ -232,6 +232,45 @@ def _shift(model: Model, column: Column) -> tuple[dict, float]:
     ), a.step
 
 
+def _among(names: Sequence[str], here: Sequence[str], evaluated: Along) -> np.ndarray:
+    """An evaluation of the channels of one flight among those of all flights, (m, C), NaN elsewhere."""
+    told = evaluated.stack(here)
+    full = np.full((len(told), len(names)), np.nan)
+    full[:, [names.index(name) for name in here]] = told
+    return full
+
+
+@dataclasses.dataclass(frozen=True)
+class _Seen:
+    """One flight as the model sees it ``now``, and what a column makes of it; channels are ``here`` among ``names``."""
+
+    flight: Prepared
+    windows: Windows
+    model: Model
+    names: Sequence[str]
+    here: Sequence[str]
+    now: Along
+
+    def column(self, column: Column) -> np.ndarray:
+        """Minus the residual's change per unit of the column's coefficient, (m, C)."""
+        if column.nuisance is not None and column.nuisance.effect == "vehicle":
+            n = column.nuisance
+            other = self.model.with_number(n.parameter, self.model.number(n.parameter) + n.step)
+            return (self._at() - _among(self.names, self.here, along(self.flight, self.windows, other, self.here))) / n.step
+        shifted, step = _shift(self.model, column)
+        reference = _reference(self.model, column)
+        change = (self._at(reference if drives(reference) else None) - self._at(shifted)) / step
+        if column.part:
+            moments = np.array([block_of(name) == "moment" for name in self.names])
+            change[:, moments if column.part == "force" else ~moments] *= 0.0
+        return change
+
+    def _at(self, effects: effect_table.Effects | None = None) -> np.ndarray:
+        """Residuals with effects added."""
+        now = along(self.flight, self.windows, self.model, self.here, effects, self.now) if effects else self.now
+        return _among(self.names, self.here, now)
+
+
 def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence[Column], length_s: float,
          instrumented: bool = True, known: Mapping[str, np.ndarray] | None = None) -> Rows:  # fmt: skip
     """Residuals and columns of one flight; a column is minus the residual's change per unit of its coefficient.
@@ -243,33 +282,11 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     windows = make_windows(flight.t_s, flight.flying, length_s, half_waves(flight, length_s))
     here = tuple(name for name in with_overtones(channels(flight, model), len(windows.overtones)) if name in names)
     now = along(flight, windows, model, here)
-
-    def seen(evaluated: Along) -> np.ndarray:
-        full = np.full((len(windows), len(names)), np.nan)
-        full[:, [names.index(name) for name in here]] = evaluated.stack(here)
-        return full
-
-    def at(effects: dict) -> np.ndarray:
-        return seen(along(flight, windows, model, here, effects, now))
-
-    y = seen(now)
-    x = np.empty((*y.shape, len(columns)))
-    for k, column in enumerate(columns):
-        if known and column.nuisance is not None and column.nuisance.key in known:
-            x[:, :, k] = known[column.nuisance.key]
-            continue
-        if column.nuisance is not None and column.nuisance.effect == "vehicle":
-            n = column.nuisance
-            other = model.with_number(n.parameter, model.number(n.parameter) + n.step)
-            x[:, :, k] = (y - seen(along(flight, windows, other, here))) / n.step
-            continue
-        shifted, step = _shift(model, column)
-        reference = _reference(model, column)
-        x[:, :, k] = ((at(reference) if reference and drives(reference) else y) - at(shifted)) / step
-    moments = np.array([block_of(name) == "moment" for name in names])
-    for k, column in enumerate(columns):
-        if column.part:
-            x[:, moments if column.part == "force" else ~moments, k] *= 0.0
+    y = _among(names, here, now)
+    x = np.empty((*y.shape, 0))
+    if columns:
+        told, seen = known or {}, _Seen(flight, windows, model, names, here, now)
+        x = np.stack([told[c.key] if c.nuisance and c.key in told else seen.column(c) for c in columns], axis=2)
     keys = [c.key for c in columns]
     answered, strength = loose(keys, x, flight, windows, model, names, now.drive.at_work) if instrumented and keys else ({}, {})
     return Rows(flight, windows, y, x, restless(flight, windows, model, now.drive.at_work), answered, strength)

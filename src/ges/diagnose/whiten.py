@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -38,6 +39,12 @@ class White:
     x: np.ndarray
     used: np.ndarray
     answers: Mapping[int, np.ndarray]
+
+    @functools.cached_property
+    def products(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Of the usable rows: columns with columns (K, K), columns with residuals (K,), residuals with residuals."""
+        x, y = self.x[self.used], self.y[self.used]
+        return x.T @ x, x.T @ y, float(y @ y)
 
 
 def _tolerance(system: System, kept: np.ndarray) -> np.ndarray:
@@ -76,11 +83,14 @@ def _left_of(y: np.ndarray, x: np.ndarray, columns: Sequence[Column]) -> np.ndar
     return left
 
 
-def _lagged(left: np.ndarray, follows: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows with a full past, their value and their past."""
-    run = np.zeros(len(left), int)
-    for i in range(1, len(left)):
-        run[i] = run[i - 1] + 1 if follows[i] else 0
+def _run(follows: np.ndarray) -> np.ndarray:
+    """How many rows every row directly follows in one run."""
+    at = np.arange(len(follows))
+    return at - np.maximum.accumulate(np.where(follows, 0, at))
+
+
+def _lagged(left: np.ndarray, run: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows with a full past, their value and their past; ``run`` of :func:`_run`."""
     at = np.flatnonzero((run >= order) & np.isfinite(left))
     past = np.stack([left[at - k] for k in range(1, order + 1)], axis=1) if len(at) else np.zeros((0, order))
     good = np.isfinite(past).all(axis=1)
@@ -108,11 +118,10 @@ def estimate(system: System, chosen: Sequence[int] = ()) -> Noise:
     kept = np.array([*nuisance, *chosen], dtype=int)
     count = len(system.names)
     ar, sd, growth = np.zeros((count, AR_ORDER)), np.ones(count), np.zeros(count)
-    unrest = unrest_of(system.flights)
+    unrest, runs = unrest_of(system.flights), [_run(r.follows) for r in system.flights]
     for c in range(count):
         pieces = [
-            (*_lagged(left, r.follows, AR_ORDER), u)
-            for left, r, u in zip(_left_over(system, c, kept), system.flights, unrest, strict=True)
+            (*_lagged(left, run, AR_ORDER), u) for left, run, u in zip(_left_over(system, c, kept), runs, unrest, strict=True)
         ]
         value = np.concatenate([p[1] for p in pieces])
         past = np.concatenate([p[2] for p in pieces])
@@ -165,10 +174,10 @@ def _bounds(loose: Sequence[Mapping[int, np.ndarray]], used: Sequence[np.ndarray
 
 
 def _white(rows: Rows, noise: Noise, unrest: np.ndarray) -> tuple[White, dict[str, dict[int, np.ndarray]]]:
-    y, x, used = np.zeros_like(rows.y), np.zeros_like(rows.x), np.zeros(rows.y.shape, bool)
+    y, x, used, run = np.zeros(rows.y.shape), np.zeros(rows.x.shape), np.zeros(rows.y.shape, bool), _run(rows.follows)
     loose = {kind: {c: np.zeros_like(part) for c, part in parts.items()} for kind, parts in rows.loose.items()}
     for c in range(rows.y.shape[1]):
-        at, _, _ = _lagged(rows.y[:, c], rows.follows, noise.ar.shape[1])
+        at, _, _ = _lagged(rows.y[:, c], run, noise.ar.shape[1])
         if not len(at):
             continue
         sd = noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * unrest[at] ** 2)
