@@ -110,9 +110,10 @@ def _places(plan: np.ndarray) -> tuple[tuple[tuple[float, float], ...], float]:
     """Squares of the ground plan that were visited, coarse enough to be few."""
     square = FINEST_SQUARE_M
     while True:
-        cells = np.unique(np.floor(plan / square), axis=0)
+        corner = np.floor(plan / square)
+        cells = np.unique(corner[:, 0] + 1j * corner[:, 1])  # in the order of rows, and several times as fast
         if len(cells) <= MOST_PLACES:
-            return tuple((float(x), float(y)) for x, y in (cells + 0.5) * square), square
+            return tuple((float((c.real + 0.5) * square), float((c.imag + 0.5) * square)) for c in cells), square
         square *= 1.25
 
 

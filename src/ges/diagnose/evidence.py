@@ -8,6 +8,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from scipy.special import log_ndtr
 
+from ..threads import each
 from .system import Column, System
 from .whiten import Noise, White, estimate, unrest_of, whiten
 
@@ -75,7 +76,7 @@ def flight_grams(whites: Sequence[White], columns: Sequence[Column], tempering: 
     """Normal equations by flight; what may differ from flight to flight is integrated out of each."""
     varies = np.array([k for k, c in enumerate(columns) if c.nuisance is not None and c.nuisance.flight_sd > 0], dtype=int)
     sd = np.array([columns[k].nuisance.flight_sd for k in varies])
-    return [_with_flight_effects(gram_of(w, tempering), varies, sd) for w in whites]
+    return each(lambda w: _with_flight_effects(gram_of(w, tempering), varies, sd), whites)
 
 
 def _with_flight_effects(gram: Gram, varies: np.ndarray, sd: np.ndarray) -> Gram:

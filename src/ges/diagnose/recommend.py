@@ -11,6 +11,7 @@ import pandas as pd
 from scipy.special import softmax
 
 from .. import manoeuvres, sim
+from ..threads import each
 from .align import STREAMS, Prepared
 from .evidence import TEMPERING, Board, Gram, flight_grams, posterior
 from .fit import starting_values
@@ -198,10 +199,11 @@ def rank(
     labels, options = _labels(rivals), []
     expected_now = _expected(chance, [_lead(now, i) for i in range(len(rivals))])
     for plan in plans:
-        flown = [simulate(model, r, plan, logged, parameters or model.parameters) for r in rivals]
+        flown = each(lambda r, plan=plan: simulate(model, r, plan, logged, parameters or model.parameters), rivals)
         if any(f is None for f in flown):
             continue
-        leads = [_lead(_log_odds(board, past + _gram(board, f, keep), keep, rivals), i) for i, f in enumerate(flown)]
+        after = each(lambda f: _log_odds(board, past + _gram(board, f, keep), keep, rivals), flown)
+        leads = [_lead(evidence, i) for i, evidence in enumerate(after)]
         left = tuple(label for label, lead in zip(labels, leads, strict=True) if lead <= WORTH_FLYING)
         told = tuple(label for label in labels if label not in left)
         expected = _expected(chance, leads)

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from .. import effects as effect_table
+from ..threads import each
 from .align import Prepared
 from .answers import Loose, loose
 from .candidates import NEEDS_ATTITUDE, Variant
@@ -235,6 +236,8 @@ def _shift(model: Model, column: Column) -> tuple[dict, float]:
 def _among(names: Sequence[str], here: Sequence[str], evaluated: Along) -> np.ndarray:
     """An evaluation of the channels of one flight among those of all flights, (m, C), NaN elsewhere."""
     told = evaluated.stack(here)
+    if tuple(names) == tuple(here):
+        return told
     full = np.full((len(told), len(names)), np.nan)
     full[:, [names.index(name) for name in here]] = told
     return full
@@ -327,5 +330,5 @@ def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant]
         parts = ("force", "moment") if v.effect == LEVELLED and v.effect not in model.effects and MOMENT[0] in names else ("",)
         columns += [Column(v.key, variant=v, amplitude=j, part=part) for j in range(len(v.amplitudes)) for part in parts]
     known = [_known(like, r) for r in like.flights] if like else [{}] * len(flights)
-    made = [rows(f, model, names, columns, length_s, switches.instruments, k) for f, k in zip(flights, known, strict=True)]
+    made = each(lambda f, k: rows(f, model, names, columns, length_s, switches.instruments, k), flights, known)
     return System(model, names, tuple(columns), tuple(made), switches.whitening)

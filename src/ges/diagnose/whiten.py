@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ..threads import each
 from .system import AR_ORDER, Column, Rows, System
 
 RIDGE = 1e-6
@@ -145,7 +146,7 @@ def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:
 
 def whiten(flights: Sequence[Rows], noise: Noise, unrest: Sequence[np.ndarray]) -> tuple[White, ...]:
     """Filter residuals and columns by the same noise model; rows without a full past are left out."""
-    made = [_white(rows, noise, u) for rows, u in zip(flights, unrest, strict=True)]
+    made = each(lambda rows, u: _white(rows, noise, u), flights, unrest)
     bounds: list[dict[int, list[np.ndarray]]] = [{} for _ in made]
     for kind in made[0][1] if made else ():
         for found, told in zip(bounds, _bounds([parts[kind] for _, parts in made], [w.used for w, _ in made]), strict=True):
