@@ -1,0 +1,24 @@
+"""Work on several cores: in order, and on no more of them than allowed."""
+
+import threading
+
+import pytest
+
+from ges import threads
+
+
+@pytest.mark.parametrize("told", ["1", "2", "64"])
+def test_results_come_in_order_whatever_the_number_of_threads(told, monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", told)
+    assert threads.each(lambda a, b: a - b, range(9), [1] * 9) == list(range(-1, 8))
+
+
+def test_one_thread_works_where_it_was_called(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    assert threads.each(lambda _: threading.current_thread(), [0, 0]) == [threading.current_thread()] * 2
+
+
+def test_what_goes_wrong_in_a_thread_is_told(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    with pytest.raises(ZeroDivisionError):
+        threads.each(lambda a: 1 // a, [1, 0])
