@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from ..conventions import BODY_RATE, SPECIFIC_FORCE
 from ..errors import GesError
+from ..threads import each
 from .align import Prepared, airborne, gaps, grid_step_s, lift, regrid
 from .delays import Delay, clock_drift, drive_delay, gyro_bias, pose_delay, shifted, without_bias
 from .model import Model
@@ -145,14 +146,15 @@ def pass_gate(frames: Sequence[pd.DataFrame], model: Model, names: Sequence[str]
         When no recording is left that the model can be held against.
     """
     names = names or [f"flight {i}" for i in range(len(frames))]
-    flights: list[Prepared | None] = [prepare(frame, model, i) for i, frame in enumerate(frames)]
+    flights: list[Prepared | None] = each(lambda i: prepare(frames[i], model, i), range(len(frames)))
     problems = [_problem(f) for f in flights]
     flights = [None if problem else f for f, problem in zip(flights, problems, strict=True)]
     if all(problems):
         raise GesError(f"no usable flight among {len(frames)}: {names[0]} {problems[0]}; log a flight with rotor speeds or motor "
                        "commands (PX4: esc_status or actuator_motors; Crazyflie: motor.m1 ...)")  # fmt: skip
     warnings = [f"{name} {problem}; it was left out" for name, problem in zip(names, problems, strict=True) if problem]
-    warnings += [f"{name} {told}" for name, f in zip(names, flights, strict=True) if f for told in _remarks(f)]
+    noticed = each(lambda f: _remarks(f) if f else [], flights)
+    warnings += [f"{name} {told}" for name, remarks in zip(names, noticed, strict=True) for told in remarks]
     pose, flights = _pose_settled(flights)
     gyro, flights = _gyro_settled(flights)
     delay = drive_delay([f for f in flights if f], model)

@@ -18,6 +18,7 @@ from .. import sim
 from ..conventions import BODY_RATE, POSITION, QUATERNION, ROTOR_SPEED, VELOCITY
 from .align import Prepared
 from .model import Model
+from .residual import but_actuators
 from .weak import Windows
 
 MOVED = frozenset(
@@ -71,13 +72,13 @@ def instruments(flight: Prepared, windows: Windows, model: Model, names: Sequenc
     if said is None:
         return {name: nothing for name in names}
     samples = effect_table.Samples.from_columns({"t_s": flight.t_s - flight.t_s[0], **said})
-    replay = effect_table.replay(model.parameters, samples, model.effects, model.terrain)
+    replay = effect_table.replay(model.parameters, samples, but_actuators(model.effects), model.terrain)
     told = {"z": replay.force_N[:, 2], **{f"moment_{a}": replay.moment_Nm[:, k] for k, a in enumerate("xyz")}}
-    told |= dict.fromkeys(("force_z", "acc_z"), told["z"])
-    functions = windows.functions
+    functions, late = windows.functions, {base: _late(values, flight, windows) for base, values in told.items()}
+    late |= dict.fromkeys(("force_z", "acc_z"), late["z"])
     lagged = {
-        name: np.column_stack(_lags(told[base], flight, windows, functions[_mark(name)][0]))
-        for name in names if (base := name.split("/")[0]) in told and _mark(name) in functions
+        name: np.column_stack(_centred_means(late[base], functions[_mark(name)][0]))
+        for name in names if (base := name.split("/")[0]) in late and _mark(name) in functions
     }  # fmt: skip
     return {name: lagged.get(name, nothing) for name in names}
 
@@ -96,12 +97,16 @@ def _mark(name: str) -> str:
     return name[len(name.split("/")[0]) :]
 
 
-def _lags(values: np.ndarray, flight: Prepared, windows: Windows, mean) -> list[np.ndarray]:
-    """Window averages, by the weights ``mean``, of a signal late by multiples of half a window."""
-    step = 0.5 * windows.length_s
-    t = flight.t_s
-    late = [mean @ np.interp(t - lag * step, t, values) for lag in LAGS]
-    return [values - values.mean() for values in late]
+def _late(values: np.ndarray, flight: Prepared, windows: Windows) -> list[np.ndarray]:
+    """A signal late by multiples of half a window."""
+    step, t = 0.5 * windows.length_s, flight.t_s
+    return [np.interp(t - lag * step, t, values) for lag in LAGS]
+
+
+def _centred_means(signals: Sequence[np.ndarray], mean) -> list[np.ndarray]:
+    """Window averages of signals, by the weights ``mean``, less what they are on average."""
+    averages = [mean @ signal for signal in signals]
+    return [a - a.mean() for a in averages]
 
 
 def projected(x: np.ndarray, z: np.ndarray) -> np.ndarray:

@@ -274,10 +274,11 @@ def model_along(flight: Prepared, model: Model, effects: effect_table.Effects, s
     rate = np.gradient(speeds, flight.dt_s, axis=0)
     columns.update(zip((f"rotor_acceleration_{i}_rad_s2" for i in range(1, 5)), rate.T, strict=True))
     samples = effect_table.Samples.from_columns(columns)
-    return columns, effect_table.replay(model.parameters, samples, _but_actuators(effects), model.terrain)
+    return columns, effect_table.replay(model.parameters, samples, but_actuators(effects), model.terrain)
 
 
-def _but_actuators(effects: effect_table.Effects) -> dict:
+def but_actuators(effects: effect_table.Effects) -> dict:
+    """Effects on what given rotor speeds do."""
     return {name: values for name, values in effects.items() if effect_table.get(name).kind != "actuator"}
 
 
@@ -337,7 +338,7 @@ def along(flight: Prepared, windows: Windows, model: Model, names: Sequence[str]
 
 def _said_again(like: Along | None, drive: Drive, motion: Motion, effects: effect_table.Effects) -> effect_table.Replay | None:
     """What the model said before, if nothing that it is asked about differs."""
-    same = like and motion is like.motion and _but_actuators(effects) == _but_actuators(like.effects)
+    same = like and motion is like.motion and but_actuators(effects) == but_actuators(like.effects)
     return like.said if same and np.array_equal(drive.at_work, like.drive.at_work) else None
 
 
