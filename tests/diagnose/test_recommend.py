@@ -108,7 +108,7 @@ def test_more_thrust_and_ground_effect_are_told_apart_by_a_ladder_of_heights(qua
     columns = board.system.columns
     chosen = {}
     for k, column in enumerate(columns):
-        if column.variant is not None and board.prior_sd[k] > 0:
+        if column.variant is not None and board.prior.sd[k] > 0:
             chosen.setdefault(column.variant.effect, k)
     rivals = [
         Rival(("thrust_scale",), {"thrust_scale": {"scale": 0.1}}, (chosen["thrust_scale"],)),
@@ -176,9 +176,11 @@ def test_what_a_rival_hides_names_the_rival(null):
         xx[twin, twin], xy[twin] = xx[drag, drag], xy[drag]
         return dataclasses.replace(gram, xx=xx, xy=xy)
 
-    sd = board.prior_sd.copy()
+    sd = board.prior.sd.copy()
     sd[twin] = sd[drag]
-    twins = dataclasses.replace(board, by_flight=tuple(doubled(g) for g in board.by_flight), prior_sd=sd)
+    twins = dataclasses.replace(
+        board, by_flight=tuple(doubled(g) for g in board.by_flight), prior=dataclasses.replace(board.prior, sd=sd)
+    )
     hidden = smallest_detectable(twins)["rotor_drag"]
     assert hidden["smallest"] is None and hidden["limited_by"] == "parasitic_drag"
     assert "parasitic_drag" not in smallest_detectable(twins, given=("parasitic_drag",))

@@ -33,13 +33,17 @@ NEEDS_ATTITUDE = frozenset(
 
 @dataclasses.dataclass(frozen=True)
 class Amplitude:
-    """One coefficient of a variant: the parameter it moves, its step for the column, and its bounds."""
+    """One coefficient of a variant: the parameter it moves, its step for the column, and its bounds.
+
+    ``level`` is the coefficient that the column holds at where the effect is not linear in it; 0 where it is.
+    """
 
     parameter: str
     step: float
     low: float
     high: float
     neutral: float
+    level: float = 0.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -179,21 +183,23 @@ def _axes(effect: str, names: tuple[str, ...]) -> tuple[Variant, ...]:
     return tuple(_variant(effect, chosen) for chosen in sets)
 
 
-def _stepped(variant: Variant, **changes) -> Variant:
-    return dataclasses.replace(variant, amplitudes=tuple(dataclasses.replace(a, **changes) for a in variant.amplitudes))
+def _at_level(variant: Variant, step: float, **changes) -> Variant:
+    """The variant with columns of the whole step, which hold about it."""
+    moved = tuple(dataclasses.replace(a, step=step, level=step, **changes) for a in variant.amplitudes)
+    return dataclasses.replace(variant, amplitudes=moved)
 
 
 def _levels(effect: str, parameter: str, levels: tuple[float, ...]) -> tuple[Variant, ...]:
     """For what is not linear in its parameter: each column is the whole step from the neutral value to a level."""
     plain = _variant(effect, (parameter,))
-    return tuple(_stepped(plain, step=level - plain.amplitudes[0].neutral) for level in levels)
+    return tuple(_at_level(plain, level - plain.amplitudes[0].neutral) for level in levels)
 
 
 def _slower(model: Model) -> tuple[Variant, ...]:
     """Motors slower than declared; faster ones are within the declared doubt or another matter."""
     both = _variant("motor_lag", ("up_s", "down_s"))
     declared = model.number("motor_time_constant_s")
-    return tuple(_stepped(both, low=0.0, step=max(share * declared, LEAST_LAG_STEP_S)) for share in (0.25, 1.0, 2.0))
+    return tuple(_at_level(both, max(share * declared, LEAST_LAG_STEP_S), low=0.0) for share in (0.25, 1.0, 2.0))
 
 
 def _ceilings(model: Model, reached: Flown) -> tuple[Variant, ...]:

@@ -33,10 +33,10 @@ class _Shape:
 def _shapes(board: Board, gram: Gram, leave_out: Sequence[str]) -> list[_Shape]:
     found: dict[tuple[str, str], list[int]] = {}
     for k, column in enumerate(board.system.columns):
-        if column.variant is not None and column.variant.effect not in leave_out and board.prior_sd[k] > 0:
+        if column.variant is not None and column.variant.effect not in leave_out and board.prior.sd[k] > 0:
             found.setdefault((column.variant.effect, column.variant.key), []).append(k)
     return [
-        _Shape(name, tuple(columns), *expected_evidence(gram, columns, board.prior_sd)) for (name, _), columns in found.items()
+        _Shape(name, tuple(columns), *expected_evidence(gram, columns, board.prior.sd)) for (name, _), columns in found.items()
     ]
 
 
@@ -86,8 +86,8 @@ def smallest_detectable(board: Board, given: Sequence[str] = (), odds: float = 9
     ``limited_by``, the rival that is hardest to tell from it ('' when it is noise).
     """
     free = np.array([k for k, c in enumerate(board.system.columns)
-                     if c.variant is not None and c.variant.effect in given and board.prior_sd[k] > 0], dtype=int)  # fmt: skip
-    gram = board.pooled().without(free, 10.0 * board.prior_sd[free])
+                     if c.variant is not None and c.variant.effect in given and board.prior.sd[k] > 0], dtype=int)  # fmt: skip
+    gram = board.pooled().without(free, 10.0 * board.prior.sd[free])
     shapes = _shapes(board, gram, given)
     told: dict[str, tuple[float, dict[str, Any]]] = {}
     for shape in shapes:

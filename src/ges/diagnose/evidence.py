@@ -17,10 +17,11 @@ DECLARED = frozenset({"inertia", "thrust_scale", "torque_coefficient"})
 PLAUSIBLE = {
     **{("inertia", axis): 0.3 for axis in ("xx", "yy", "zz")},
     ("thrust_scale", "scale"): 0.3, ("torque_coefficient", "scale"): 0.3,
-    ("motor_lag", "up_s"): 0.05, ("motor_lag", "down_s"): 0.05, ("esc_delay", "delay_s"): 0.015,
     ("ground_effect", "amplitude"): 4.0, ("ground_effect", "c_a"): 0.7,
 }  # fmt: skip
-"""Sd of coefficients that are plausible by themselves: shares of a declared number, times of a drive, gains near the ground."""
+"""Sd of coefficients that are plausible by themselves: shares of a declared number, gains near the ground."""
+LEVEL_REACH = 2.0
+"""Factor above and below the level that a column holds at within which its coefficient counts."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,6 +67,18 @@ def gram_of(white: White, tempering: float = 1.0) -> Gram:
     return gram
 
 
+def unanswered(white: White) -> tuple[np.ndarray, np.ndarray]:
+    """Columns (m, C, K) and residuals (m, C) weighted down along the answers, so that their products are those of
+    :func:`gram_of`."""
+    x, y = white.x.copy(), white.y.copy()
+    for c, answer in white.answers.items():
+        u, size, _ = np.linalg.svd(answer, full_matrices=False)
+        lost = u * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
+        x[:, c] -= lost @ (u.T @ x[:, c])
+        y[:, c] -= lost @ (u.T @ y[:, c])
+    return x, y
+
+
 def _without_copies(gram: Gram, inner: np.ndarray, cross: np.ndarray, right: np.ndarray) -> Gram:
     """Further columns of unit prior sd integrated out: their products with themselves, with the columns, with the residual."""
     gain = np.linalg.solve(np.eye(len(inner)) + inner, np.column_stack([cross.T, right]))
@@ -103,42 +116,65 @@ class Posterior:
         return np.sqrt(np.diag(self.covariance))
 
 
-def posteriors(gram: Gram, sets: Sequence[Sequence[int]], prior_sd: np.ndarray, one_sided: np.ndarray):
-    """Gaussian posteriors of sets of columns, all of one size, under N(0, prior_sd^2); half-normal where ``one_sided``.
+@dataclasses.dataclass(frozen=True)
+class Prior:
+    """N(mean, sd^2) of every coefficient between ``low`` and ``high``, (K,) each."""
+
+    mean: np.ndarray
+    sd: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    def take(self, keep: np.ndarray) -> Prior:
+        """Only some columns."""
+        return Prior(*(getattr(self, f.name)[keep] for f in dataclasses.fields(self)))
+
+
+def _log_mass(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Log of the standard normal's mass between two bounds, exact in both tails."""
+    low, high = np.where(low > 0, -high, low), np.where(low > 0, -low, high)
+    with np.errstate(divide="ignore"):
+        return log_ndtr(high) + np.log1p(-np.exp(log_ndtr(low) - log_ndtr(high)))
+
+
+def posteriors(gram: Gram, sets: Sequence[Sequence[int]], prior: Prior):
+    """Gaussian posteriors of sets of columns, all of one size; bounds count each coefficient by itself, in the evidence alone.
 
     Returns
     -------
     mean (s, k), covariance (s, k, k) and log evidence over the null (s,).
     """
     at = np.asarray(sets, dtype=int)
-    scale = prior_sd[at]
+    scale, low, high = prior.sd[at], prior.low[at], prior.high[at]
+    start = prior.mean[at] / scale
     both = scale[:, :, None] * scale[:, None, :]
     inner = np.eye(at.shape[1]) + gram.xx[at[:, :, None], at[:, None, :]] * both
-    right = gram.xy[at] * scale
+    right = gram.xy[at] * scale + start
     covariance = np.linalg.inv(inner)
     mean = np.einsum("sij,sj->si", covariance, right)
-    z = mean / np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    sided = np.where(one_sided[at], np.log(2.0) + log_ndtr(z), 0.0).sum(axis=1)
-    log_evidence = 0.5 * (mean * right).sum(axis=1) - 0.5 * np.linalg.slogdet(inner)[1] + sided
-    return mean * scale, covariance * both, log_evidence
+    sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    within = _log_mass((low / scale - mean) / sd, (high / scale - mean) / sd) - _log_mass(
+        low / scale - start, high / scale - start
+    )
+    gain = 0.5 * (mean * right - start**2) + within
+    return mean * scale, covariance * both, gain.sum(axis=1) - 0.5 * np.linalg.slogdet(inner)[1]
 
 
-def posterior(gram: Gram, columns: Sequence[int], prior_sd: np.ndarray, one_sided: np.ndarray) -> Posterior:
+def posterior(gram: Gram, columns: Sequence[int], prior: Prior) -> Posterior:
     """Of one set of columns."""
-    mean, covariance, log_evidence = posteriors(gram, [tuple(columns)], prior_sd, one_sided)
+    mean, covariance, log_evidence = posteriors(gram, [tuple(columns)], prior)
     return Posterior(tuple(int(k) for k in columns), mean[0], covariance[0], float(log_evidence[0]))
 
 
 @dataclasses.dataclass(frozen=True)
 class Board:
-    """Everything that the search needs: normal equations by flight and pooled, prior scales, signs."""
+    """Everything that the search needs: normal equations by flight and pooled, priors of the coefficients."""
 
     system: System
     noise: Noise
     whites: tuple[White, ...]
     by_flight: tuple[Gram, ...]
-    prior_sd: np.ndarray
-    one_sided: np.ndarray
+    prior: Prior
     nuisance: np.ndarray
 
     def pooled(self, but: Collection[int] = ()) -> Gram:
@@ -146,8 +182,8 @@ class Board:
         total = self.by_flight[0].scaled(0.0)
         for gram in self.by_flight:
             total = total + gram
-        common = np.array([k for k in self.nuisance if self.prior_sd[k] > 0 and k not in but], dtype=int)
-        return total.without(common, self.prior_sd[common])
+        common = np.array([k for k in self.nuisance if self.prior.sd[k] > 0 and k not in but], dtype=int)
+        return total.without(common, self.prior.sd[common])
 
 
 def _sizes(system: System, share: float) -> np.ndarray:
@@ -167,6 +203,8 @@ def _plausible(column: Column, size: float) -> float:
     if column.variant is None or not np.isfinite(size):
         return 0.0
     a = column.variant.amplitudes[column.amplitude]
+    if a.level:
+        return abs(a.level)
     known = PLAUSIBLE.get((column.variant.effect, a.parameter), size)
     return min(known if column.variant.effect in DECLARED else min(known, size), 0.5 * max(a.high - a.neutral, a.neutral - a.low))
 
@@ -176,19 +214,26 @@ def make_board(system: System, chosen: Sequence[int] = (), tempering: float = TE
     noise = estimate(system, chosen)
     whites = whiten(system.flights, noise, unrest_of(system.flights))
     grams = tuple(flight_grams(whites, system.columns, tempering))
-    prior = _sizes(system, share)
+    nuisance = np.array([k for k, c in enumerate(system.columns) if c.nuisance is not None], dtype=int)
+    return Board(system, noise, whites, grams, _prior(system, share), nuisance)
+
+
+def _prior(system: System, share: float) -> Prior:
+    sd = _sizes(system, share)
     for k, column in enumerate(system.columns):
         if column.nuisance is not None:
-            prior[k] = column.nuisance.sd
+            sd[k] = column.nuisance.sd
         if column.part == "moment":
-            prior[k] = prior[k - 1]
-    sided = np.array([_one_sided(c) for c in system.columns])
-    nuisance = np.array([k for k, c in enumerate(system.columns) if c.nuisance is not None], dtype=int)
-    return Board(system, noise, whites, grams, prior, sided, nuisance)
+            sd[k] = sd[k - 1]
+    level, low, high = np.array([_bounds(c) for c in system.columns]).T
+    return Prior(level, sd, low, high)
 
 
-def _one_sided(column: Column) -> bool:
+def _bounds(column: Column) -> tuple[float, float, float]:
+    """Level, lowest and highest coefficient: about the level, or what the effect's bounds leave."""
     if column.variant is None or column.part == "moment":
-        return False
+        return 0.0, -np.inf, np.inf
     a = column.variant.amplitudes[column.amplitude]
-    return a.low >= a.neutral
+    if a.level:
+        return a.level, *sorted((a.level / LEVEL_REACH, a.level * LEVEL_REACH))
+    return 0.0, a.low - a.neutral, a.high - a.neutral

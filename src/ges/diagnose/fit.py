@@ -11,7 +11,7 @@ import numpy as np
 from .. import effects as effect_table
 from .align import Prepared
 from .candidates import Amplitude, Variant, _amplitude, reach_of
-from .evidence import Board, gram_of, make_board
+from .evidence import Board, gram_of, make_board, unanswered
 from .model import Model
 from .select import Hypothesis
 from .system import ALL_ON, Switches, System, build
@@ -54,7 +54,7 @@ def joint_fit(
     total = sizes[0] + sizes[1] + sizes[2] * len(board.whites)
     mean, precision = np.zeros(total), np.zeros(total)
     mean[: sizes[0]] = 0.0 if prior_mean is None else prior_mean
-    precision[: sizes[0]] = 1.0 / (10.0 * board.prior_sd[chosen] if prior_sd is None else prior_sd) ** 2
+    precision[: sizes[0]] = 1.0 / (10.0 * board.prior.sd[chosen] if prior_sd is None else prior_sd) ** 2
     precision[start[1] : start[2]] = [1.0 / columns[k].nuisance.sd ** 2 for k in common]
     precision[start[2] :] = np.tile([1.0 / columns[k].nuisance.flight_sd ** 2 for k in varies], len(board.whites))
     places = [np.r_[np.arange(start[2]), start[2] + f * sizes[2] + np.arange(sizes[2])] for f in range(len(board.whites))]
@@ -69,7 +69,7 @@ def joint_fit(
     inverse = np.linalg.pinv(xx * np.outer(unit, unit), hermitian=True) * np.outer(unit, unit)
     beta = inverse @ xy
     left = tuple(w.y - d @ beta[at] for w, d, at in zip(board.whites, designs, places, strict=True))
-    covariance = np.maximum(1.0, _inflation(board, designs, places, left, inverse, sizes[0])) * inverse[: sizes[0], : sizes[0]]
+    covariance = np.maximum(1.0, _inflation(board, kept, places, beta, inverse, sizes[0])) * inverse[: sizes[0], : sizes[0]]
     names = [columns[k].nuisance.key for k in common]
     flight_names = [columns[k].nuisance.key for k in varies]
     return Joint(
@@ -82,13 +82,15 @@ def joint_fit(
     )
 
 
-def _inflation(board: Board, designs: Sequence[np.ndarray], places: Sequence[np.ndarray], left: Sequence[np.ndarray],
+def _inflation(board: Board, kept: np.ndarray, places: Sequence[np.ndarray], beta: np.ndarray,
                inverse: np.ndarray, count: int) -> np.ndarray:  # fmt: skip
     """Factor by which blocks of time scatter more than independent rows would (sandwich over blocks), (k, k)."""
     if not count:
         return np.ones((0, 0))
     middle = np.zeros_like(inverse)
-    for d, at, e, number in zip(designs, places, left, board.system.blocks(BLOCK_S), strict=True):
+    for white, at, number in zip(board.whites, places, board.system.blocks(BLOCK_S), strict=True):
+        x, y = unanswered(white)
+        d, e = x[:, :, kept], y - x[:, :, kept] @ beta[at]
         for b in np.unique(number):
             score = np.einsum("mck,mc->k", d[number == b], e[number == b])
             middle[np.ix_(at, at)] += np.outer(score, score)
@@ -188,7 +190,7 @@ def polish(flights: Sequence[Prepared], model: Model, values: effect_table.Effec
         board = make_board(system, chosen)
         prior = [_prior(name, values, model) for name in free]
         sd = np.array(
-            [10.0 * max(board.prior_sd[k], 1e-9) if math.isinf(s) else s for (_, s), k in zip(prior, chosen, strict=True)]
+            [10.0 * max(board.prior.sd[k], 1e-9) if math.isinf(s) else s for (_, s), k in zip(prior, chosen, strict=True)]
         )
         joint = joint_fit(board, chosen, np.array([m for m, _ in prior]), sd)
         moved, share = 0.0, _share_in_reach(joint.chosen, free, values, model)

@@ -138,7 +138,7 @@ def simulate(model: Model, rival: Rival, plan: str, logged: Sequence[str], param
 
 def _subset(board: Board, rivals: Sequence[Rival]) -> np.ndarray:
     """Columns that matter: the nuisances in use and those of the rivals."""
-    used = [k for k in board.nuisance if board.prior_sd[k] > 0]
+    used = [k for k in board.nuisance if board.prior.sd[k] > 0]
     return np.array(sorted({*used, *(k for r in rivals for k in r.columns)}), dtype=int)
 
 
@@ -154,10 +154,10 @@ def _log_odds(board: Board, gram: Gram, keep: np.ndarray, rivals: Sequence[Rival
     """Log evidence of every rival on these normal equations."""
     place = {int(k): i for i, k in enumerate(keep)}
     drop = np.array([place[int(k)] for k in keep if k in set(board.nuisance)], dtype=int)
-    left = gram.without(drop, board.prior_sd[keep][drop])
+    left = gram.without(drop, board.prior.sd[keep][drop])
     weigh = [[place[int(k)] for k in r.columns] for r in rivals]
-    sd, sided = board.prior_sd[keep], board.one_sided[keep]
-    return np.array([posterior(left, at, sd, sided).log_evidence if at else 0.0 for at in weigh])
+    prior = board.prior.take(keep)
+    return np.array([posterior(left, at, prior).log_evidence if at else 0.0 for at in weigh])
 
 
 def _lead(evidence: np.ndarray, truth: int) -> float:

@@ -63,7 +63,7 @@ def entries(board: Board, candidates: Sequence[Candidate]) -> list[Entry]:
     allowed = {c.name for c in candidates}
     found: dict[tuple[str, str], list[int]] = {}
     for k, column in enumerate(board.system.columns):
-        if column.variant is not None and column.variant.effect in allowed and board.prior_sd[k] > 0:
+        if column.variant is not None and column.variant.effect in allowed and board.prior.sd[k] > 0:
             found.setdefault((column.variant.effect, column.variant.key), []).append(k)
     return [Entry(name, i, tuple(columns)) for i, ((name, _), columns) in enumerate(found.items())]
 
@@ -94,7 +94,7 @@ class Scales:
 
     def weigh(self, chosen: Sequence[Entry]) -> Posterior:
         """Posterior of a set's own columns."""
-        found = posterior(self.gram, self.columns(chosen), self.board.prior_sd, self.board.one_sided)
+        found = posterior(self.gram, self.columns(chosen), self.board.prior)
         n = sum(len(e.columns) for e in chosen)
         return Posterior(found.columns[:n], found.mean[:n], found.covariance[:n, :n], found.log_evidence - self.nothing)
 
@@ -102,7 +102,7 @@ class Scales:
     def nothing(self) -> float:
         """Log evidence of the nuisances alone."""
         columns = self.columns(())
-        return posterior(self.gram, columns, self.board.prior_sd, self.board.one_sided).log_evidence if columns else 0.0
+        return posterior(self.gram, columns, self.board.prior).log_evidence if columns else 0.0
 
     def log_evidences(self, combos: Sequence[tuple[Entry, ...]]) -> np.ndarray:
         """Of every combination over nothing, those of one number of columns at once."""
@@ -111,7 +111,7 @@ class Scales:
         for size in np.unique(sizes):
             same = np.flatnonzero(sizes == size)
             for part in np.array_split(same, 1 + len(same) // AT_ONCE):
-                out[part] = posteriors(self.gram, [columns[i] for i in part], self.board.prior_sd, self.board.one_sided)[2]
+                out[part] = posteriors(self.gram, [columns[i] for i in part], self.board.prior)[2]
         return out - self.nothing
 
 
@@ -119,7 +119,7 @@ def scales(board: Board, listed: Sequence[Entry]) -> Scales:
     """For these variants."""
     columns = board.system.columns
     keys = {columns[k].key for e in listed for k in e.columns}
-    twins = {columns[k].key: int(k) for k in board.nuisance if board.prior_sd[k] > 0 and columns[k].key in keys}
+    twins = {columns[k].key: int(k) for k in board.nuisance if board.prior.sd[k] > 0 and columns[k].key in keys}
     return Scales(board, board.pooled(frozenset(twins.values())), twins)
 
 
