@@ -19,7 +19,7 @@ from .model import Model
 
 PARAMETER_EFFECTS = frozenset({"thrust_scale", "inertia", "torque_coefficient", "actuator_mapping"})
 SMALL_STEP = 0.1
-LEAST_LAG_STEP_S = 0.004
+LEAST_LAG_STEP_S, LAG_SHARES = 0.004, (0.25, 1.0, 3.0)
 COMMAND_QUANTILES = (0.8, 0.95, 0.99, 0.999)
 FINEST_SQUARE_M, MOST_PLACES = 0.125, 36
 ABOVE_M, ABOVE_RADII = 0.5, 5.0
@@ -183,10 +183,10 @@ def _axes(effect: str, names: tuple[str, ...]) -> tuple[Variant, ...]:
     return tuple(_variant(effect, chosen) for chosen in sets)
 
 
-def _at_level(variant: Variant, step: float, **changes) -> Variant:
-    """The variant with columns of the whole step, which hold about it."""
-    moved = tuple(dataclasses.replace(a, step=step, level=step, **changes) for a in variant.amplitudes)
-    return dataclasses.replace(variant, amplitudes=moved)
+def _at_level(variant: Variant, *steps: float, **changes) -> Variant:
+    """The variant with columns of these whole steps, which hold about them."""
+    moved = zip(variant.amplitudes, steps, strict=True)
+    return dataclasses.replace(variant, amplitudes=tuple(dataclasses.replace(a, step=s, level=s, **changes) for a, s in moved))
 
 
 def _levels(effect: str, parameter: str, levels: tuple[float, ...]) -> tuple[Variant, ...]:
@@ -196,10 +196,11 @@ def _levels(effect: str, parameter: str, levels: tuple[float, ...]) -> tuple[Var
 
 
 def _slower(model: Model) -> tuple[Variant, ...]:
-    """Motors slower than declared; faster ones are within the declared doubt or another matter."""
-    both = _variant("motor_lag", ("up_s", "down_s"))
-    declared = model.number("motor_time_constant_s")
-    return tuple(_at_level(both, max(share * declared, LEAST_LAG_STEP_S), low=0.0) for share in (0.25, 1.0, 2.0))
+    """Motors slower than declared, slowing down no sooner than they speed up; faster ones are within the declared doubt or
+    another matter."""
+    both, declared = _variant("motor_lag", ("up_s", "down_s")), model.number("motor_time_constant_s")
+    levels = [max(share * declared, LEAST_LAG_STEP_S) for share in LAG_SHARES]
+    return tuple(_at_level(both, up, down, low=0.0) for i, up in enumerate(levels) for down in levels[i : i + 2])
 
 
 def _ceilings(model: Model, reached: Flown) -> tuple[Variant, ...]:

@@ -48,7 +48,7 @@ def channels(flight: Prepared, model: Model) -> tuple[str, ...]:
         found += MOMENT if "torque" in model.known else MOMENT[:2]
     if flight.has("rotor_speed") and flight.has("command"):
         found += DRIVE
-    if flight.has("range") and "p_z_m" in flight.columns and attitude and model.terrain.kind == "flat":
+    if flight.has("range") and "p_z_m" in flight.columns and attitude:
         found.append("range")
     return tuple(found)
 
