@@ -23,6 +23,8 @@ LEAST_LAG_STEP_S, LAG_SHARES = 0.004, (0.25, 1.0, 3.0)
 COMMAND_QUANTILES = (0.8, 0.95, 0.99, 0.999)
 FINEST_SQUARE_M, MOST_PLACES = 0.125, 36
 ABOVE_M, ABOVE_RADII = 0.5, 5.0
+USUAL_DRAG = 0.02
+"""Of the weight, at 1 m/s."""
 NEEDS_ATTITUDE = frozenset(
     {"inertia", "torque_coefficient", "motor_lag", "esc_delay", "time_offset", "gyro_bias", "attitude_bias", "rotor_tilt",
      "rotor_inertia_reaction", "gyroscopic_moment", "rotor_drag", "parasitic_drag", "wind", "gusts", "wall_effect",
@@ -48,11 +50,13 @@ class Amplitude:
 
 @dataclasses.dataclass(frozen=True)
 class Variant:
-    """One shape of one effect, linear (or linearised) in its amplitudes."""
+    """One shape of one effect, linear (or linearised) in its amplitudes; ``beside`` are effects through which it acts, at a
+    usual size, where the vehicle has none of them on."""
 
     effect: str
     shape: Mapping[str, float]
     amplitudes: tuple[Amplitude, ...]
+    beside: effect_table.Effects = dataclasses.field(default_factory=dict)
 
     @property
     def key(self) -> str:
@@ -68,12 +72,17 @@ class Variant:
 
 @dataclasses.dataclass(frozen=True)
 class Candidate:
-    """An effect under test."""
+    """An effect under test; it acts through one of those that it ``needs``."""
 
     name: str
     kind: str
     variants: tuple[Variant, ...]
     needs: tuple[str, ...] = ()
+
+    @property
+    def stands_alone(self) -> bool:
+        """Whether it does anything where nothing else is on: it needs nothing, or its variants bring it."""
+        return not self.needs or any(v.beside for v in self.variants)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -231,6 +240,16 @@ def _other_vehicles(model: Model, reached: Flown) -> tuple[Variant, ...]:
     )
 
 
+def _winds(model: Model) -> tuple[Variant, ...]:
+    """Through the drag that is on, else through a usual one."""
+    plain = _variant("wind", ("east_m_s", "north_m_s"))
+    if set(_CHILDREN["wind"]) & set(model.effects):
+        return (plain,)
+    turning = 4.0 * math.sqrt(model.weight_N / (4.0 * model.number("thrust_coefficient_N_s2")))
+    usual = {"rotor_drag": {"k_kg": USUAL_DRAG * model.weight_N / turning}}
+    return (dataclasses.replace(plain, beside=usual),)
+
+
 def reach_of(name: tuple[str, str], values: effect_table.Effects, model: Model) -> float:
     """How far a parameter that is a place may move in one round of a fit, m: half of what it acts over; 0 for all others."""
     if name[0] == "downwash" and name[1] != "force_N":
@@ -256,7 +275,7 @@ _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "weak_rotor": lambda m: _single("weak_rotor", tuple(f"loss_{i}" for i in range(1, 5))),
     "slung_load": _slung_load,
     "partial_ground_effect": lambda m: _levels("partial_ground_effect", "k", (0.4, 0.7, 1.0, 1.5)),
-    "wind": lambda m: (_variant("wind", ("east_m_s", "north_m_s")),),
+    "wind": _winds,
     "battery_sag": lambda m: (_variant("battery_sag", ("sensitivity",), nominal_V=m.number("battery_nominal_V")),),
     "tether": lambda m: (_variant("tether", ("weight_N_m",)),),
     "motor_lag": _slower,
@@ -277,6 +296,12 @@ NOT_SEARCHED: Mapping[str, str] = {
 _CHILDREN: Mapping[str, tuple[str, ...]] = {"wind": ("rotor_drag", "parasitic_drag")}
 
 
+def needs_of(name: str) -> tuple[str, ...]:
+    """Effects of which one must be on for this one to act; none for most."""
+    modifies = effect_table.get(name).modifies
+    return (modifies,) if modifies else _CHILDREN.get(name, ())
+
+
 def _variants(name: str, model: Model, reached: Flown) -> tuple[Variant, ...]:
     if name in _LAID_OUT:
         return _LAID_OUT[name](model, reached)
@@ -284,14 +309,13 @@ def _variants(name: str, model: Model, reached: Flown) -> tuple[Variant, ...]:
 
 
 def library(model: Model, reached: Flown = NOWHERE) -> dict[str, Candidate]:
-    """Every candidate by name; ``needs`` names the effects of which one must be on for it to act."""
+    """Every candidate by name."""
     found = {}
-    for name, effect in effect_table.table().items():
+    for name in effect_table.table():
         if name in NOT_SEARCHED or name in model.effects and name not in ("weak_rotor", "cg_offset"):
             continue
         variants = _variants(name, model, reached)
         if not variants:
             continue
-        needs = (effect.modifies,) if effect.modifies else _CHILDREN.get(name, ())
-        found[name] = Candidate(name, kind_of(name), variants, needs)
+        found[name] = Candidate(name, kind_of(name), variants, needs_of(name))
     return found

@@ -11,7 +11,7 @@ import pandas as pd
 
 from .. import effects as effect_table
 from .align import Prepared
-from .candidates import Candidate, flown, library
+from .candidates import Candidate, flown, library, needs_of
 from .evidence import Board, make_board
 from .fit import Fitted, free_parameters, polish, starting_values
 from .hearing import lacking
@@ -81,11 +81,11 @@ def search_until_stable(
 
 
 def candidates_of(flights: Sequence[Prepared], base: Model, taken: Sequence[str] = (), only: Sequence[str] | None = None):
-    """Candidates that can act now: those without needs at first, then what modifies the effects that are on."""
+    """Candidates that can act now: those that need no other at first, then what acts through the effects that are on."""
     return [
         c for c in library(base, flown(flights)).values()
         if c.name not in taken and (only is None or c.name in only) and not lacking(c.name, flights)
-        and (set(c.needs) & set(base.effects) if c.needs else not taken)
+        and (set(c.needs) & set(base.effects) or c.stands_alone and not taken)
     ]  # fmt: skip
 
 
@@ -149,7 +149,10 @@ def _mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[
     two is kept. A small modifier likewise is no more than what the form that it modifies is wrong by.
     """
     share = {n: _share(board, found.best, n) for n in found.best.names if found.inclusion[n] >= ACCEPT}
-    share = {n: s for n, s in share.items() if s >= 1.0}
+    carriers = {c for n, s in share.items() if s >= 1.0 for c in needs_of(n)}
+    share = {n: s for n, s in share.items() if s >= 1.0 or n in carriers}
+    present = {*share, *board.system.model.effects}
+    share = {n: s for n, s in share.items() if not needs_of(n) or present & set(needs_of(n))}
     for family in FAMILIES:
         if family <= set(share):
             share.pop(min(sorted(family), key=lambda n: _alone(found, n, family)))

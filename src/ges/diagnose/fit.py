@@ -19,7 +19,7 @@ from .system import ALL_ON, Switches, System, build
 BLOCK_S = 10.0
 ROUNDS = 4
 TIGHT = 0.02
-PART_OF_REACH = 0.2
+PART_OF_REACH, LEAST_CARRIER = 0.2, 0.3
 FIRMER = {("motor_lag", "up_s"): (0.0, 0.5), ("motor_lag", "down_s"): (0.0, 0.5), ("esc_delay", "delay_s"): (0.0, 0.06)}
 
 
@@ -123,6 +123,7 @@ class Fitted:
 def starting_values(board: Board, hypothesis: Hypothesis) -> dict[str, dict[str, float]]:
     """Parameters of every accepted effect as the linear search left them."""
     found: dict[str, dict[str, float]] = {}
+    carriers: dict[tuple[str, str], effect_table.Effects] = {}
     for k, value in zip(hypothesis.posterior.columns, hypothesis.posterior.mean, strict=True):
         column = board.system.columns[k]
         if column.part == "moment":
@@ -131,7 +132,21 @@ def starting_values(board: Board, hypothesis: Hypothesis) -> dict[str, dict[str,
         declared = board.system.model.effects.get(column.variant.effect, {})
         held = found.get(column.variant.effect) or {**column.variant.parameters({}), **declared}
         found[column.variant.effect] = {**held, a.parameter: float(np.clip(held[a.parameter] + value, a.low, a.high))}
+        carriers |= {(column.variant.effect, a.parameter): column.variant.beside} if column.variant.beside else {}
+    for (effect, parameter), beside in carriers.items():
+        found[effect][parameter] *= _through(found, beside)
     return found
+
+
+def _through(found: dict[str, dict[str, float]], beside: effect_table.Effects) -> float:
+    """Usual size of what an effect acts through over the size that was found, which is raised to a part of the usual one."""
+    share = 1.0
+    for carrier, usual in beside.items():
+        for parameter, value in usual.items():
+            if carrier in found:
+                found[carrier][parameter] = max(found[carrier][parameter], LEAST_CARRIER * value)
+                share *= value / found[carrier][parameter]
+    return share
 
 
 _SHAPES: Mapping[str, tuple[str, ...]] = {"ground_effect": ("decay", "rotor_plane_offset_m"), "fountain_lift": ("c_s",),

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.special import logsumexp
 
-from .candidates import Candidate
+from .candidates import Candidate, needs_of
 from .evidence import DECLARED, Board, Gram, Posterior, posterior, posteriors
 
 PRIOR_OF_SIZE = (0.5, 0.3, 0.13, 0.05, 0.02)
@@ -69,9 +69,11 @@ def entries(board: Board, candidates: Sequence[Candidate]) -> list[Entry]:
 
 
 def _log_prior(names: Sequence[str], count: int) -> float:
-    """Of one set of this size among all of them; a declared number that is wrong is rarer than physics left out."""
+    """Of one set of this size among all of them; what acts through another of the set counts no more than that one alone, and
+    a declared number that is wrong is rarer than physics left out."""
+    size = sum(not set(needs_of(name)) & set(names) for name in names)
     rare = sum(name in DECLARED for name in names)
-    return float(np.log(PRIOR_OF_SIZE[len(names)]) - np.log(max(1, math.comb(count, len(names)))) + rare * np.log(RARER))
+    return float(np.log(PRIOR_OF_SIZE[size]) - np.log(max(1, math.comb(count, size))) + rare * np.log(RARER))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,9 +125,9 @@ def scales(board: Board, listed: Sequence[Entry]) -> Scales:
     return Scales(board, board.pooled(frozenset(twins.values())), twins)
 
 
-def _compatible(names: Sequence[str], needs: Mapping[str, tuple[str, ...]], base: Sequence[str]) -> bool:
+def _compatible(names: Sequence[str], base: Sequence[str]) -> bool:
     present = set(names) | set(base)
-    return all(not needs[n] or present & set(needs[n]) for n in names)
+    return all(not needs_of(n) or present & set(needs_of(n)) for n in names)
 
 
 def _sets_of(on: Scales, combos: Sequence[tuple[Entry, ...]], count: int) -> dict[tuple[str, ...], Hypothesis]:
@@ -151,11 +153,10 @@ def search(board: Board, candidates: Sequence[Candidate], base: Sequence[str] = 
     """
     listed = entries(board, candidates)
     on = scales(board, listed)
-    needs = {c.name: c.needs for c in candidates}
     count = max(len({e.name for e in listed}), 1)
     found: dict[tuple[str, ...], Hypothesis] = {(): Hypothesis((), (), None, _log_prior((), count))}
     combos = [(e,) for e in listed] + [p for p in itertools.combinations(listed, 2) if p[0].name != p[1].name]
-    found |= _sets_of(on, [c for c in combos if _compatible([e.name for e in c], needs, base)], count)
+    found |= _sets_of(on, [c for c in combos if _compatible([e.name for e in c], base)], count)
     for size in range(2, LARGEST):
         grown = [h for h in found.values() if len(h.names) == size]
         top = sorted(grown, key=lambda h: -h.log_evidence)[:BEAM]
@@ -164,7 +165,7 @@ def search(board: Board, candidates: Sequence[Candidate], base: Sequence[str] = 
             (*(by_number[i] for i in h.variants), e)
             for h in top
             for e in listed
-            if e.name not in h.names and _compatible([*h.names, e.name], needs, base)
+            if e.name not in h.names and _compatible([*h.names, e.name], base)
         ]
         for names, h in _sets_of(on, larger, count).items():
             if names not in found or found[names].log_evidence < h.log_evidence:

@@ -218,7 +218,7 @@ def _reference(model: Model, column: Column) -> dict:
     """Effects that must be on already for the column's shape, with the amplitude still neutral."""
     if column.nuisance is not None or column.variant.effect in model.effects:
         return {}
-    return {column.variant.effect: column.variant.parameters({})}
+    return {**column.variant.beside, column.variant.effect: column.variant.parameters({})}
 
 
 def _shift(model: Model, column: Column) -> tuple[dict, float]:
@@ -228,9 +228,8 @@ def _shift(model: Model, column: Column) -> tuple[dict, float]:
         step = _inward(n.effect, n.parameter, held[n.parameter], n.step)
         return _stepped(model, n.effect, {}, n.parameter, step), step
     variant, a = column.variant, column.variant.amplitudes[column.amplitude]
-    return _stepped(
-        model, variant.effect, variant.parameters({}) if variant.effect not in model.effects else {}, a.parameter, a.step
-    ), a.step
+    values = variant.parameters({}) if variant.effect not in model.effects else {}
+    return {**variant.beside, **_stepped(model, variant.effect, values, a.parameter, a.step)}, a.step
 
 
 def _among(names: Sequence[str], here: Sequence[str], evaluated: Along) -> np.ndarray:
@@ -262,7 +261,8 @@ class _Seen:
             return (self._at() - _among(self.names, self.here, along(self.flight, self.windows, other, self.here))) / n.step
         shifted, step = _shift(self.model, column)
         reference = _reference(self.model, column)
-        change = (self._at(reference if drives(reference) else None) - self._at(shifted)) / step
+        acts = drives(reference) or column.variant is not None and bool(column.variant.beside)
+        change = (self._at(reference if acts else None) - self._at(shifted)) / step
         if column.part:
             moments = np.array([block_of(name) == "moment" for name in self.names])
             change[:, moments if column.part == "force" else ~moments] *= 0.0
