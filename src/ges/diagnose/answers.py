@@ -4,7 +4,8 @@ A controller answers turbulence, and what it moves then correlates with the dist
 vouch for a part of such a column; the rest is *loose*, and its coefficient may err by the correlation (see ``whiten``):
 
 - ``dynamic``: what rotor speeds and their changes make of a moment, and of thrust where commands alone are known. All of it is
-  loose, but along thrust not the mean: a trim moment has causes of its own, a mean thrust has none but the balance.
+  loose, but along thrust not the mean, which has no cause but the balance. A trim moment has causes of its own (a shifted
+  centre of gravity, a weak rotor), and is taken out of such columns first (see :func:`untrimmed`).
 - ``gain``: what multiplies thrust. Loose is what it does along thrust because thrust changed fast, not because its gain did;
   and what changes of a cushion's moment, because attitude answers too.
 - ``height``: an error of a rangefinder that grows with height: the height that it is held against is a reading, too.
@@ -18,7 +19,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from .align import Prepared
-from .instruments import MOVED, instruments, own_signal, projected, strength
+from .instruments import MOVED, instruments, mark_of, own_signal, projected, strength
 from .model import Model, block_of
 from .weak import Windows, blocks_of
 
@@ -49,6 +50,17 @@ def kind_of(key: str) -> str:
     return "gain" if effect in GAINS else "height" if key in HEIGHTS else ""
 
 
+def untrimmed(keys: Sequence[str], x: np.ndarray, windows: Windows, names: Sequence[str], thrust: np.ndarray) -> np.ndarray:
+    """Columns (m, C, K), those of kind ``dynamic`` without what is constant or goes with thrust (n,) in the moments."""
+    moving = [k for k, key in enumerate(keys) if kind_of(key) == "dynamic"]
+    held, x = np.column_stack([np.ones(len(thrust)), thrust]), x.copy()
+    for c, name in enumerate(names):
+        if block_of(name) == "moment" and moving and np.isfinite(x[:, c]).all():
+            trim = windows.functions[mark_of(name)][0] @ held
+            x[:, c, moving] -= trim @ np.linalg.lstsq(trim, x[:, c, moving], rcond=None)[0]
+    return x
+
+
 def loose(keys: Sequence[str], x: np.ndarray, flight: Prepared, windows: Windows, model: Model, names: Sequence[str],
           speeds: np.ndarray) -> tuple[Loose, dict[str, float]]:  # fmt: skip
     """Loose parts by kind and channel, (m, columns of the kind), and the strength of the instruments by channel.
@@ -60,7 +72,7 @@ def loose(keys: Sequence[str], x: np.ndarray, flight: Prepared, windows: Windows
     keys, x : ``effect.parameter`` of every column, and the columns (m, C, K).
     speeds : (n, 4) rotor speeds at work.
     """
-    which = {kind: _first(keys, kind) for kind in ("dynamic", "gain", "height")}
+    which = {kind: first_of(keys, kind) for kind in ("dynamic", "gain", "height")}
     parts = {kind: x[:, :, at] for kind, at in which.items()}
     levels = np.array([keys[k].split(".")[0] in CUSHIONS for k in which["gain"]], dtype=float)
     heard = {c: name for c, name in enumerate(names) if np.isfinite(x[:, c]).all()}
@@ -80,7 +92,7 @@ def loose(keys: Sequence[str], x: np.ndarray, flight: Prepared, windows: Windows
     return {k: v for k, v in found.items() if parts[k].shape[2]}, {n: v for n, v in strong.items() if "/" not in n}
 
 
-def _first(keys: Sequence[str], kind: str) -> list[int]:
+def first_of(keys: Sequence[str], kind: str) -> list[int]:
     """First column of every parameter of a kind."""
     return list({key: k for k, key in reversed(list(enumerate(keys))) if kind_of(key) == kind}.values())
 

@@ -77,8 +77,8 @@ def instruments(flight: Prepared, windows: Windows, model: Model, names: Sequenc
     functions, late = windows.functions, {base: _late(values, flight, windows) for base, values in told.items()}
     late |= dict.fromkeys(("force_z", "acc_z"), late["z"])
     lagged = {
-        name: np.column_stack(_centred_means(late[base], functions[_mark(name)][0]))
-        for name in names if (base := name.split("/")[0]) in late and _mark(name) in functions
+        name: np.column_stack(_centred_means(late[base], functions[mark_of(name)][0]))
+        for name in names if (base := name.split("/")[0]) in late and mark_of(name) in functions
     }  # fmt: skip
     return {name: lagged.get(name, nothing) for name in names}
 
@@ -90,10 +90,10 @@ def own_signal(flight: Prepared, windows: Windows, model: Model, speeds: np.ndar
     replay = effect_table.replay(model.parameters, effect_table.Samples.from_columns(samples), {})
     told = {"z": replay.force_N[:, 2], **{f"moment_{a}": replay.moment_Nm[:, k] for k, a in enumerate("xyz")}}
     functions = windows.functions
-    return {n: functions[_mark(n)][0] @ told.get(n.split("/")[0], told["z"]) for n in names if _mark(n) in functions}
+    return {n: functions[mark_of(n)][0] @ told.get(n.split("/")[0], told["z"]) for n in names if mark_of(n) in functions}
 
 
-def _mark(name: str) -> str:
+def mark_of(name: str) -> str:
     return name[len(name.split("/")[0]) :]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from .. import effects as effect_table
 from ..threads import each
 from .align import Prepared
-from .answers import Loose, loose
+from .answers import Loose, loose, untrimmed
 from .candidates import NEEDS_ATTITUDE, Variant
 from .model import SPEED, Model, block_of
 from .residual import HELD_SHARE, MOMENT, Along, along, channels, drives, with_overtones
@@ -290,7 +290,8 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     if columns:
         told, seen = known or {}, _Seen(flight, windows, model, names, here, now)
         x = np.stack([told[c.key] if c.nuisance and c.key in told else seen.column(c) for c in columns], axis=2)
-    keys = [c.key for c in columns]
+    keys, thrust = [c.key for c in columns], model.number("thrust_coefficient_N_s2") * (now.drive.at_work**2).sum(axis=1)
+    x = untrimmed(keys, x, windows, names, thrust)
     answered, strength = loose(keys, x, flight, windows, model, names, now.drive.at_work) if instrumented and keys else ({}, {})
     return Rows(flight, windows, y, x, restless(flight, windows, model, now.drive.at_work), answered, strength)
 
