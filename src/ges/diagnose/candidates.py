@@ -23,6 +23,7 @@ LEAST_LAG_STEP_S, LAG_SHARES = 0.004, (0.25, 1.0, 3.0)
 COMMAND_QUANTILES = (0.8, 0.95, 0.99, 0.999)
 FINEST_SQUARE_M, MOST_PLACES = 0.125, 36
 ABOVE_M, ABOVE_RADII = 0.5, 5.0
+I_AXES = ("xx", "yy", "zz")
 USUAL_DRAG = 0.02
 """Of the weight, at 1 m/s."""
 NEEDS_ATTITUDE = frozenset(
@@ -186,10 +187,12 @@ def _single(effect: str, names: tuple[str, ...]) -> tuple[Variant, ...]:
     return tuple(_variant(effect, (name,)) for name in names)
 
 
-def _axes(effect: str, names: tuple[str, ...]) -> tuple[Variant, ...]:
+def _axes(effect: str, names: tuple[str, ...], **changes) -> tuple[Variant, ...]:
     """Every subset of the axes: an error of one axis does not pay for the others."""
-    sets = [c for n in range(1, len(names) + 1) for c in itertools.combinations(names, n)]
-    return tuple(_variant(effect, chosen) for chosen in sets)
+    sets = [_variant(effect, c) for n in range(1, len(names) + 1) for c in itertools.combinations(names, n)]
+    return tuple(
+        dataclasses.replace(v, amplitudes=tuple(dataclasses.replace(a, **changes) for a in v.amplitudes)) for v in sets
+    )
 
 
 def _at_level(variant: Variant, *steps: float, **changes) -> Variant:
@@ -284,8 +287,9 @@ _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "attitude_bias": lambda m: _axes("attitude_bias", ("x_rad", "y_rad")),
     "rotor_tilt": lambda m: _axes("rotor_tilt", ("x_rad", "y_rad")),
     "cg_offset": lambda m: _axes("cg_offset", ("x_m", "y_m")),
-    "inertia": lambda m: _axes("inertia", ("xx", "yy", "zz")),
+    "inertia": lambda m: _axes("inertia", I_AXES, step=0.4, low=0.0) + _axes("inertia", I_AXES, step=-0.3, high=0.0),
     "rangefinder_bias": lambda m: _single("rangefinder_bias", ("bias_m", "scale")),
+    "rangefinder_lag": lambda m: _levels("rangefinder_lag", "tau_s", (0.05, 0.12, 0.3)),
 }
 NOT_SEARCHED: Mapping[str, str] = {
     "gusts": "a random push: it looks like any other slow disturbance of these flights; log the wind to tell them apart",

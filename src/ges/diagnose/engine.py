@@ -23,7 +23,7 @@ ACCEPT = 0.9
 ROUNDS = 4
 FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}, {"motor_lag", "esc_delay"})
 MODIFIER_ERROR = 0.15
-REACH_M = 10.0  # 2 cm of a rangefinder matter
+REACH_M = 5.0  # 1 cm of a rangefinder matters
 LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0005, "drive": 0.0005, "range": 0.002}
 """Of weight, weight times arm, full speed or a rotor radius: no model is right to less."""
 

@@ -19,6 +19,7 @@ from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, blocks_of, mak
 AR_ORDER = 3
 MOST_HALF_WAVES, UPDATES_PER_HALF_WAVE = 3, 2.5
 LEVELLED, LEVELLING_SD = "ground_effect", 0.7
+FAR_SDS = 3.0
 USUAL: tuple[tuple[str, str, float, float, float], ...] = (
     # channel, effect.parameter, step, usual doubt (sd), sd from flight to flight; cg_offset in arm lengths
     ("force", "attitude_bias.x_rad", 0.002, 0.006, 0.003),
@@ -68,6 +69,14 @@ class Nuisance:
     flight_sd: float
 
     @property
+    def made_of(self) -> tuple:
+        """What the column is computed from: two columns with the same are the same."""
+        if self.nuisance is not None:
+            return (self.nuisance,)
+        v = self.variant
+        return v.effect, tuple(v.shape.items()), v.amplitudes[self.amplitude], self.part
+
+    @property
     def key(self) -> str:
         """``effect.parameter``."""
         return f"{self.effect}.{self.parameter}"
@@ -86,6 +95,14 @@ class Column:
     variant: Variant | None = None
     amplitude: int = 0
     part: str = ""
+
+    @property
+    def made_of(self) -> tuple:
+        """What the column is computed from: two columns with the same are the same."""
+        if self.nuisance is not None:
+            return (self.nuisance,)
+        v = self.variant
+        return v.effect, tuple(v.shape.items()), v.amplitudes[self.amplitude], self.part
 
     @property
     def key(self) -> str:
@@ -159,7 +176,9 @@ def nuisances(model: Model, names: Iterable[str], flights: Sequence[Prepared]) -
         scale = arm if effect == "cg_offset" else 1.0
         usual = float(np.hypot(usual, HELD_SHARE * _slowest(flights, ("command",)))) if effect == "esc_delay" else usual
         if set(group.split()) & has and _axis_is_there(effect, parameter, names):
-            listed.append(Nuisance(effect, parameter, scale * step, model.doubts.get(key, scale * usual), scale * by_flight))
+            sd = model.doubts.get(key, scale * usual)
+            step = FAR_SDS * sd if effect == "inertia" else scale * step  # as 1/I: linear up to where a doubt would end
+            listed.append(Nuisance(effect, parameter, step, sd, scale * by_flight))
     if has & {"drive", "moment"}:
         listed += [Nuisance("motor_lag", f"{w}_s", 0.002, model.doubts.get(f"motor_lag.{w}_s", 0.0), 0.0) for w in ("up", "down")]
     if "drive" in has:
@@ -289,7 +308,9 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     x = np.empty((*y.shape, 0))
     if columns:
         told, seen = known or {}, _Seen(flight, windows, model, names, here, now)
-        x = np.stack([told[c.key] if c.nuisance and c.key in told else seen.column(c) for c in columns], axis=2)
+        made = {c.made_of: c for c in columns}
+        values = {of: told[c.key] if c.nuisance and c.key in told else seen.column(c) for of, c in made.items()}
+        x = np.stack([values[c.made_of] for c in columns], axis=2)
     keys, thrust = [c.key for c in columns], model.number("thrust_coefficient_N_s2") * (now.drive.at_work**2).sum(axis=1)
     x = untrimmed(keys, x, windows, names, thrust)
     answered, strength = loose(keys, x, flight, windows, model, names, now.drive.at_work) if instrumented and keys else ({}, {})
