@@ -190,9 +190,7 @@ def _single(effect: str, names: tuple[str, ...]) -> tuple[Variant, ...]:
 def _axes(effect: str, names: tuple[str, ...], **changes) -> tuple[Variant, ...]:
     """Every subset of the axes: an error of one axis does not pay for the others."""
     sets = [_variant(effect, c) for n in range(1, len(names) + 1) for c in itertools.combinations(names, n)]
-    return tuple(
-        dataclasses.replace(v, amplitudes=tuple(dataclasses.replace(a, **changes) for a in v.amplitudes)) for v in sets
-    )
+    return tuple(dataclasses.replace(v, amplitudes=tuple(dataclasses.replace(a, **changes) for a in v.amplitudes)) for v in sets)
 
 
 def _at_level(variant: Variant, *steps: float, **changes) -> Variant:
@@ -279,6 +277,8 @@ _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "slung_load": _slung_load,
     "partial_ground_effect": lambda m: _levels("partial_ground_effect", "k", (0.4, 0.7, 1.0, 1.5)),
     "wind": _winds,
+    "ground_effect_forward_flight": lambda m: _levels("ground_effect_forward_flight", "c", (0.4, 1.0, 2.2)),
+    "ground_effect_lag": lambda m: _levels("ground_effect_lag", "c", (0.7, 2.0, 5.0)),
     "battery_sag": lambda m: (_variant("battery_sag", ("sensitivity",), nominal_V=m.number("battery_nominal_V")),),
     "tether": lambda m: (_variant("tether", ("weight_N_m",)),),
     "motor_lag": _slower,

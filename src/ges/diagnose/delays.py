@@ -12,7 +12,8 @@ from .align import STREAMS, Prepared, lift
 from .model import Model
 from .residual import turn_rates
 
-LATEST_S, EARLIEST_S = 0.6, -0.04
+LAG_DOUBT_S = 0.03
+DRIVE_LAGS_S = np.arange(-0.04, 0.6 + 1e-9, 0.02)
 LEAST_CORRELATION = 0.3
 LEAST_GAIN = 0.02  # of the variance
 POSE = ("position", "velocity", "attitude")
@@ -78,19 +79,33 @@ def _told(stream: str, told: Sequence[np.ndarray], lags_s: np.ndarray, least_sd_
     return Delay(stream, delay, max(sd, least_sd_s), top) if top > LEAST_CORRELATION else None
 
 
+def _behind_commands(flights: Sequence[Prepared]) -> float:
+    """How far the rotor speeds lag behind their commands, s; infinite where that is not told."""
+    told = []
+    for f in (f for f in flights if f.has("rotor_speed") and f.has("command")):
+        squares = ((f.stack(s) ** 2).sum(axis=1) for s in ("command", "rotor_speed"))
+        asked, given = (_high_pass(gaussian_filter1d(s / s.mean(), 0.05 / f.dt_s), f.dt_s) for s in squares)
+        late = np.stack([np.interp(f.t_s + lag, f.t_s, given)[f.flying] for lag in DRIVE_LAGS_S])
+        asked = asked[f.flying]
+        told.append(np.stack([late @ asked, (late**2).sum(axis=1), np.full(len(late), asked @ asked)]))
+    found = _told("rotor_speed", told, DRIVE_LAGS_S, LEAST_DRIVE_SD_S)
+    return found.delay_s if found else np.inf
+
+
 def drive_delay(flights: Sequence[Prepared], model: Model) -> Delay | None:
     """How late the rotor speeds are logged against the motion, by direct correlation of thrust and vertical acceleration.
 
-    Commands are left alone: their delay is physics (motor lag, transport delay).
+    Commands are left alone: their delay is physics (motor lag, transport delay). But what is late against the motion is as
+    late against the commands that made it; where it is not, the controller's answers to disturbances made the peak.
     """
-    lags = np.arange(EARLIEST_S, LATEST_S + 1e-9, 0.02)
-    told = [s for f in flights if f.has("rotor_speed") for s in [_correlations(f, model, lags)] if s is not None]
-    found = _told("rotor_speed", told, lags, LEAST_DRIVE_SD_S)
+    told = [s for f in flights if f.has("rotor_speed") for s in [_correlations(f, model, DRIVE_LAGS_S)] if s is not None]
+    found = _told("rotor_speed", told, DRIVE_LAGS_S, LEAST_DRIVE_SD_S)
     if found is None:
         return None
-    at, shifted_2, still_2 = np.sum(told, axis=0)[:, np.argmin(np.abs(lags))]
+    at, shifted_2, still_2 = np.sum(told, axis=0)[:, np.argmin(np.abs(DRIVE_LAGS_S))]
     gained = found.correlation**2 - at * abs(at) / (shifted_2 * still_2)
-    return found if gained > LEAST_GAIN else None
+    room = _behind_commands(flights) - model.number("motor_time_constant_s")
+    return found if gained > LEAST_GAIN and found.delay_s < room + LAG_DOUBT_S else None
 
 
 def _both_rates(flight: Prepared) -> tuple[np.ndarray, np.ndarray] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -20,10 +21,11 @@ from .select import Hypothesis, Search, exactly, search
 from .system import ALL_ON, Switches, System, build
 
 ACCEPT = 0.9
+SEPARATE = math.log(20.0)
 ROUNDS = 4
 FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}, {"motor_lag", "esc_delay"})
 MODIFIER_ERROR = 0.15
-REACH_M = 5.0  # 1 cm of a rangefinder matters
+REACH_M = 10.0  # 2 cm of a rangefinder matter
 LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0005, "drive": 0.0005, "range": 0.002}
 """Of weight, weight times arm, full speed or a rotor radius: no model is right to less."""
 
@@ -67,7 +69,23 @@ def _pick(h: Hypothesis, names: Sequence[str], board: Board) -> tuple[int, ...]:
 def search_until_stable(
     board: Board, candidates: Sequence[Candidate], base: Sequence[str], only: Sequence[str] | None = None
 ) -> tuple[Board, Search, tuple[int, ...]]:
-    """Search, measure the noise that the best set leaves, search again; starts from the most cautious noise, the board's."""
+    """Search, measure the noise that the best set leaves, search again; starts from the most cautious noise, the board's.
+
+    There a strong effect counts as noise and may hide itself. Where nothing is found, the search starts once more from the
+    noise that the best set would leave; if it was noise, it is not found there either.
+    """
+    board, found, chosen = _settled(board, candidates, base, only)
+    best = max((h for h in found.hypotheses if h.names), key=lambda h: h.of_data, default=None)
+    if chosen or only is not None or best is None or best.of_data <= 0.0:
+        return board, found, chosen
+    again = _settled(make_board(board.system, best.posterior.columns), candidates, base, only)
+    return again if again[2] else (board, found, chosen)
+
+
+def _settled(
+    board: Board, candidates: Sequence[Candidate], base: Sequence[str], only: Sequence[str] | None
+) -> tuple[Board, Search, tuple[int, ...]]:
+    """Search and noise that agree, from the noise of a board on."""
     chosen: tuple[int, ...] = ()
     for again in range(ROUNDS):
         board = make_board(board.system, chosen) if again else board
@@ -104,7 +122,7 @@ def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Seq
     only : fit exactly these names instead of searching.
     """
     system, flights, model = start.system, [r.flight for r in start.system.flights], start.system.model
-    listed, names, probability, shares = candidates_of(flights, model, (), only), (), {}, {}
+    listed, names, probability, shares, contested = candidates_of(flights, model, (), only), (), {}, {}, set()
     first, fitted, base = None, None, model
     while listed:
         variants = [v for c in listed for v in c.variants]
@@ -112,6 +130,9 @@ def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Seq
         board, found, _ = search_until_stable(here, listed, tuple(base.effects), only)
         first = first or (board, found)
         mattering = _mattering(board, found, shares)
+        replaced = {n: others for n in mattering if (others := _replaced_by(found, n))}
+        contested = contested if names else {n for name, others in replaced.items() for n in (name, *others)}
+        mattering = {n: s for n, s in mattering.items() if n not in replaced}
         shares |= mattering
         new = tuple(mattering)
         if not new:
@@ -129,7 +150,7 @@ def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Seq
         first = search_until_stable(start, (), ())[:2]
     board, found = first
     settled = {*names, *(n for n, p in found.inclusion.items() if p >= ACCEPT)}
-    return Accepted(names, found, board, fitted, probability, _ambiguous(found, settled))
+    return Accepted(names, found, board, fitted, probability, _ambiguous(found, settled - contested, contested))
 
 
 def withdrawn(accepted: Accepted) -> Accepted:
@@ -186,11 +207,21 @@ def _only(h: Hypothesis, names: Sequence[str], board: Board):
     )
 
 
-def _ambiguous(found: Search, names: set[str]) -> tuple[tuple[str, ...], ...]:
-    """Names that replace each other: none proven alone, but one of them needed."""
-    open_names = {n: p for n, p in found.inclusion.items() if n not in names and p > 0.1}
-    without = sum(h.probability for h in found.hypotheses if not set(h.names) - names)
-    if without > 1.0 - ACCEPT or len(open_names) < 2:
+def _replaced_by(found: Search, name: str) -> tuple[str, ...]:
+    """What explains the flights nearly as well in its place, whatever is thought of either beforehand; () where nothing does."""
+    best = found.best
+    others = [h for h in found.hypotheses if name not in h.names and h.names and len(h.names) <= len(best.names)]
+    other = max(others, key=lambda h: h.of_data, default=None)
+    if name not in best.names or other is None or best.of_data - other.of_data > SEPARATE:
         return ()
-    ranked = sorted(open_names, key=lambda n: (-open_names[n], n))
-    return (tuple(ranked),)
+    return tuple(n for n in other.names if n not in best.names)
+
+
+def _ambiguous(found: Search, names: set[str], contested: set[str]) -> tuple[tuple[str, ...], ...]:
+    """Names that replace each other: none proven alone, but one of them needed."""
+    without = sum(h.probability for h in found.hypotheses if not set(h.names) - names)
+    needed = without <= 1.0 - ACCEPT
+    open_names = contested | {n for n, p in found.inclusion.items() if needed and n not in names and p > 0.1}
+    if len(open_names) < 2:
+        return ()
+    return (tuple(sorted(open_names, key=lambda n: (-found.inclusion.get(n, 0.0), n))),)

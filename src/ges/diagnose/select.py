@@ -30,6 +30,12 @@ class Hypothesis:
     posterior: Posterior | None
     log_evidence: float
     probability: float = 0.0
+    log_prior: float = 0.0
+
+    @property
+    def of_data(self) -> float:
+        """Log evidence of the flights alone."""
+        return self.log_evidence - self.log_prior
 
 
 @dataclasses.dataclass(frozen=True)
@@ -139,8 +145,9 @@ def _sets_of(on: Scales, combos: Sequence[tuple[Entry, ...]], count: int) -> dic
     out = {}
     for names, members in grouped.items():
         top = combos[max(members, key=lambda i: weight[i])]
-        total = float(logsumexp(weight[members]) - np.log(len(members))) + _log_prior(names, count)
-        out[names] = Hypothesis(names, tuple(e.number for e in top), on.weigh(top), total)
+        prior = _log_prior(names, count)
+        total = float(logsumexp(weight[members]) - np.log(len(members))) + prior
+        out[names] = Hypothesis(names, tuple(e.number for e in top), on.weigh(top), total, log_prior=prior)
     return out
 
 
@@ -154,7 +161,8 @@ def search(board: Board, candidates: Sequence[Candidate], base: Sequence[str] = 
     listed = entries(board, candidates)
     on = scales(board, listed)
     count = max(len({e.name for e in listed}), 1)
-    found: dict[tuple[str, ...], Hypothesis] = {(): Hypothesis((), (), None, _log_prior((), count))}
+    nothing = _log_prior((), count)
+    found: dict[tuple[str, ...], Hypothesis] = {(): Hypothesis((), (), None, nothing, log_prior=nothing)}
     combos = [(e,) for e in listed] + [p for p in itertools.combinations(listed, 2) if p[0].name != p[1].name]
     found |= _sets_of(on, [c for c in combos if _compatible([e.name for e in c], base)], count)
     for size in range(2, LARGEST):
