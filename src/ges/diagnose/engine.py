@@ -22,6 +22,7 @@ from .system import ALL_ON, Switches, System, build
 
 ACCEPT = 0.9
 SEPARATE = math.log(20.0)
+CLEAR_SDS = 1.96
 ROUNDS = 4
 FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}, {"motor_lag", "esc_delay"})
 MODIFIER_ERROR = 0.15
@@ -134,15 +135,11 @@ def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Seq
         contested = contested if names else {n for name, others in replaced.items() for n in (name, *others)}
         mattering = {n: s for n, s in mattering.items() if n not in replaced}
         shares |= mattering
-        new = tuple(mattering)
+        new, polished = _polished(board, found, tuple(mattering), base, fitted, only is None, system, length_s, switches)
         if not new:
             break
         probability |= {n: found.inclusion[n] for n in new}
-        kept = dataclasses.replace(found.best, posterior=_only(found.best, new, board))
-        values = starting_values(board, kept)
-        held, free = (dict(fitted.effects), list(fitted.free)) if fitted else ({}, [])
-        free += free_parameters(board, kept, base, values)
-        fitted = polish(flights, model, {**held, **values}, free, length_s, system, switches)
+        fitted = polished
         names += new
         base = model.with_effects(fitted.effects)
         listed = candidates_of(flights, base, names, only)
@@ -151,6 +148,38 @@ def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Seq
     board, found = first
     settled = {*names, *(n for n, p in found.inclusion.items() if p >= ACCEPT)}
     return Accepted(names, found, board, fitted, probability, _ambiguous(found, settled - contested, contested))
+
+
+def _polished(
+    board: Board, found: Search, new: tuple[str, ...], base: Model, fitted: Fitted | None, choosing: bool, system: System,
+    length_s: float, switches: Switches,
+) -> tuple[tuple[str, ...], Fitted | None]:  # fmt: skip
+    """The new names that stand when their numbers are fitted in full, and that fit; those that do not are left out of it."""
+    flights, model = [r.flight for r in system.flights], system.model
+    held, known = (dict(fitted.effects), list(fitted.free)) if fitted else ({}, [])
+    while new:
+        kept = dataclasses.replace(found.best, posterior=_only(found.best, new, board))
+        values = starting_values(board, kept)
+        free = known + free_parameters(board, kept, base, values)
+        polished = polish(flights, model, {**held, **values}, free, length_s, system, switches)
+        fallen = {n for n in new if choosing and not _stands(polished, n)}
+        fallen |= {n for n in new if needs_of(n) and not {*held, *base.effects, *(set(new) - fallen)} & set(needs_of(n))}
+        if not fallen:
+            return new, polished
+        new = tuple(n for n in new if n not in fallen)
+    return (), fitted
+
+
+def _stands(fitted: Fitted, name: str) -> bool:
+    """Whether some amplitude is clearly not neutral, and none went as far as the effect allows."""
+    clear = False
+    for p in effect_table.get(name).parameters:
+        if (name, p.name) in fitted.free and not math.isnan(p.neutral):
+            value = fitted.effects[name][p.name]
+            if value != p.neutral and value in (p.low, p.high):
+                return False
+            clear |= abs(value - p.neutral) > CLEAR_SDS * fitted.sd(name, p.name)
+    return clear
 
 
 def withdrawn(accepted: Accepted) -> Accepted:
