@@ -9,6 +9,7 @@ from ges.diagnose.gate import clipped, pass_gate
 from ges.diagnose.model import from_vehicle
 from ges.errors import GesError
 
+COMMAND = ("u_1", "u_2", "u_3", "u_4")
 RATES = tuple(f"omega_{a}_rad_s" for a in "xyz")
 
 
@@ -84,3 +85,23 @@ def test_rotors_that_never_turn_are_no_flight(whole, model):
         pass_gate([still, still], model, ["bench", "bench 2"])
     gate = pass_gate([whole, still], model, ["air", "bench"])
     assert gate.usable() == [0] and len(gate.warnings) == 1 and gate.warnings[0].startswith(told)
+
+
+def _in_flight(flown, sheet, with_rates, motion_late_s: float, speeds_late_s: float):
+    """A flight whose motion, or whose rotor speeds, were logged late; commands are on time."""
+    frame = flown(sheet(motor_time_constant_s=0.03), {}, manoeuvres.make("multisine", 30.0), 1, (*with_rates, *COMMAND))
+    late = {c: motion_late_s for c in frame if c[:2] in ("p_", "v_", "q_") or c.startswith("omega")}
+    late |= {c: speeds_late_s for c in frame if c.startswith("rotor_speed")}
+    return frame.assign(**{c: np.interp(frame["t_s"] - s, frame["t_s"], frame[c]) for c, s in late.items()})
+
+
+def test_late_rotor_speeds_are_found_beside_their_commands(flown, sheet, with_rates, model):
+    gate = pass_gate([_in_flight(flown, sheet, with_rates, 0.0, 0.15)] * 2, model)
+    (told,) = gate.delays
+    assert told.stream == "rotor_speed" and told.delay_s == pytest.approx(0.15, abs=0.03)
+
+
+def test_rotor_speeds_on_time_beside_their_commands_are_left_alone(flown, sheet, with_rates, model):
+    """Late against the motion alone is what a controller's answers to disturbances look like."""
+    gate = pass_gate([_in_flight(flown, sheet, with_rates, -0.15, 0.0)] * 2, model)
+    assert not gate.delays

@@ -25,8 +25,6 @@ SHAKEN = (*ORDINARY[:3], ("multisine", (40.0, 1.5, 9.0)), ("multisine", (20.0, 1
 """Manoeuvres with their seconds, lengths and heights: the usual ones, near the ground, within a small room, shaken harder."""
 LEDGES = (("height_staircase", (30.0, 0.3, 1.5)), ("straight_runs", (40.0, 2.0, 0.27)), ("climbs", (20.0, 1.0, 3.0)),
           ("multisine", (20.0,)), ("straight_runs", (20.0, 2.0, 0.3)))  # fmt: skip
-TAKEN_UP = ("inertia", "rangefinder_lag")
-"""Not found at any size tried: the answers that every hypothesis grants a controller take them up (docs/diagnosis.md)."""
 DRAG = {"rotor_drag": {"k_kg": 1e-4}}
 CUSHION = {"ground_effect": {"form": 3, "c_a": 0.5, "decay": 1.0, "high": 10}}
 PLANTED = {
@@ -49,7 +47,9 @@ PLANTED = {
     "slung_load": {"slung_load": {"mass_kg": 0.12, "length_m": 0.5}},
     "thrust_scale": {"thrust_scale": {"scale": -0.2}},
     "torque_coefficient": {"torque_coefficient": {"scale": 0.6}},
+    "inertia": {"inertia": {"xx": 0.6, "yy": 0.0, "zz": 0.0}},
     "rangefinder_bias": {"rangefinder_bias": {"bias_m": 0.1}},
+    "rangefinder_lag": {"rangefinder_lag": {"tau_s": 0.3}},
     "accelerometer_bias": {"accelerometer_bias": {"x_m_s2": 0.5}},
     "gyro_bias": {"gyro_bias": {"x_rad_s": 0.05}},
     "attitude_bias": {"attitude_bias": {"x_rad": 0.05}},
@@ -67,6 +67,7 @@ WHERE = {
     **dict.fromkeys(("ground_effect_forward_flight", "ground_effect_lag", "ground_effect_moment", "actuator_mapping"), LOW),
     **dict.fromkeys(("wall_effect", "ceiling_effect", "downwash"), ROOM),
     "gyroscopic_moment": SHAKEN,
+    "inertia": SHAKEN,
 }
 
 
@@ -156,4 +157,4 @@ def test_every_effect_is_planted_or_said_to_be_out_of_reach():
     from ges.diagnose.candidates import NOT_SEARCHED
 
     elsewhere = {"time_offset", "partial_ground_effect"}
-    assert set(effects.table()) - set(PLANTED) - elsewhere == {"gusts", *TAKEN_UP} and "gusts" in NOT_SEARCHED
+    assert set(effects.table()) - set(PLANTED) - elsewhere == {"gusts"} and "gusts" in NOT_SEARCHED

@@ -19,13 +19,13 @@ from .oracle import FREE, SHAPES, Oracle, Witness
 @dataclasses.dataclass(frozen=True)
 class Comparison:
     """One case: errors relative to the oracle, (held, tried) intervals, effect over stated limit, and the
-    reductions of held-out errors by the diagnosis and by the oracle."""
+    reductions of held-out errors by the diagnosis and by the oracle (see :func:`heldout.reductions`)."""
 
     best: Oracle
     errors: dict[str, float]
     intervals: tuple[int, int]
     over_limit: float | None
-    reductions: tuple[float, float] | None
+    reductions: dict[str, tuple[float, float]]
 
 
 def compare(folder: Path, case: str, truth: Mapping, said: Mapping, fitted: Path) -> Comparison | None:

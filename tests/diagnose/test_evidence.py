@@ -1,0 +1,68 @@
+"""Evidence of sets of columns: against the formulas of statistics, at the bounds of coefficients, and without trims."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal, norm
+
+from ges.diagnose.answers import untrimmed
+from ges.diagnose.evidence import Gram, Prior, gram_of, posterior, unanswered
+from ges.diagnose.weak import make_windows
+from ges.diagnose.whiten import White
+
+FREE = np.array([-np.inf, -np.inf]), np.array([np.inf, np.inf])
+
+
+@pytest.fixture(scope="module")
+def seen():
+    rng = np.random.default_rng(3)
+    x = rng.normal(size=(60, 2))
+    return x, x @ [0.4, -0.2] + rng.normal(size=60)
+
+
+def _gram(x, y):
+    return Gram(x.T @ x, x.T @ y, float(y @ y), float(len(y)))
+
+
+def test_evidence_is_the_marginal_likelihood_over_that_of_noise(seen):
+    x, y = seen
+    prior = Prior(np.array([0.5, 0.0]), np.array([0.3, 2.0]), *FREE)
+    found = posterior(_gram(x, y), (0, 1), prior)
+    marginal = multivariate_normal(x @ prior.mean, np.eye(60) + (x * prior.sd**2) @ x.T)
+    assert found.log_evidence == pytest.approx(marginal.logpdf(y) - norm.logpdf(y).sum())
+
+
+def test_bounds_count_the_share_of_the_coefficient_within_them(seen):
+    x, y = seen
+    free = posterior(_gram(x, y), (0,), Prior(np.zeros(1), np.ones(1), FREE[0][:1], FREE[1][:1]))
+    sided = posterior(_gram(x, y), (0,), Prior(np.zeros(1), np.ones(1), np.array([0.1]), np.array([0.6])))
+    mass = np.diff(norm.cdf([0.1, 0.6], free.mean[0], free.sd[0]))[0] / np.diff(norm.cdf([0.1, 0.6]))[0]
+    assert sided.log_evidence - free.log_evidence == pytest.approx(np.log(mass))
+
+
+def test_a_coefficient_far_beyond_its_bounds_has_no_evidence_left(seen):
+    x, y = seen
+    told = posterior(
+        _gram(100.0 * x, 100.0 * y), (0,), Prior(np.array([20.0]), np.array([20.0]), np.array([8.0]), np.array([50.0]))
+    )
+    assert np.isfinite(told.log_evidence) and told.log_evidence < -1e5
+
+
+def test_rows_without_answers_have_the_products_of_the_fit(seen):
+    x, y = seen
+    rng = np.random.default_rng(5)
+    white = White(y[:, None], x[:, None, :], np.ones((60, 1), bool), {0: 3.0 * rng.normal(size=(60, 4))})
+    left_x, left_y = unanswered(white)
+    gram = gram_of(white)
+    np.testing.assert_allclose(left_x[:, 0].T @ left_x[:, 0], gram.xx)
+    np.testing.assert_allclose(left_x[:, 0].T @ left_y[:, 0], gram.xy)
+
+
+def test_a_trim_moment_is_taken_out_of_what_follows_the_controller_alone():
+    t = np.arange(0.0, 20.0, 0.01)
+    thrust, motion = 10.0 + np.sin(0.7 * t), np.sin(5.0 * t)
+    windows = make_windows(t, np.ones(len(t), bool), 0.2)
+    column = windows.mean @ (3.0 + 0.5 * thrust + motion)
+    x = np.stack([column, column], axis=1)[:, None, :]
+    left = untrimmed(("inertia.xx", "cg_offset.x_m"), x, windows, ("moment_x",), thrust)
+    assert np.array_equal(left[:, 0, 1], column)
+    np.testing.assert_allclose(left[:, 0, 0], windows.mean @ motion, atol=0.02)
