@@ -255,7 +255,7 @@ def _not_tested(system: System, flights) -> dict[str, str]:
     for name, effect in effect_table.table().items():
         if name in searched or effect.modifies or name in ("time_offset", "gyro_bias", "wind"):
             continue
-        told[name] = lacking(name, flights) or NOT_SEARCHED.get(name, "these flights do not excite it")
+        told[name] = lacking(name, flights, system.model) or NOT_SEARCHED.get(name, "these flights do not excite it")
     references = any(f.has("reference") for f in flights)
     for name in sorted(MOVED & searched) if not references else ():
         told[name] = "needs the references that the controller followed, or its answers to disturbances look like this effect"

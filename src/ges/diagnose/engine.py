@@ -103,7 +103,7 @@ def candidates_of(flights: Sequence[Prepared], base: Model, taken: Sequence[str]
     """Candidates that can act now: those that need no other at first, then what acts through the effects that are on."""
     return [
         c for c in library(base, flown(flights)).values()
-        if c.name not in taken and (only is None or c.name in only) and not lacking(c.name, flights)
+        if c.name not in taken and (only is None or c.name in only) and not lacking(c.name, flights, base)
         and (set(c.needs) & set(base.effects) or c.stands_alone and not taken)
     ]  # fmt: skip
 

@@ -23,7 +23,10 @@ NEEDS_RANGE = frozenset({"rangefinder_bias", "rangefinder_lag"})
 NEEDS_COMMANDS = frozenset({"motor_lag", "esc_delay"})
 
 
-def lacking(name: str, flights: Sequence[Prepared]) -> str:
+EDGE_SLOPE = 0.4
+
+
+def lacking(name: str, flights: Sequence[Prepared], model: Model) -> str:
     """What some of these flights lack to speak about an effect, as ``needs ...``; '' where nothing is missing."""
     if name in NEEDS_ATTITUDE | NEEDS_SWING and any("attitude" in f.derived for f in flights):
         return "needs a measured attitude"
@@ -31,6 +34,8 @@ def lacking(name: str, flights: Sequence[Prepared]) -> str:
         return "needs a logged height (p_z_m or range_m)"
     if name in NEEDS_RANGE and not any(f.has("range") and "p_z_m" in f.columns for f in flights):
         return "needs a rangefinder and a logged height (range_m, p_z_m)"
+    if name == "rangefinder_lag" and any(_flown_over_an_edge(f, model) for f in flights):
+        return "needs ground without edges: the cone of a rangefinder rounds them off as a lag would"
     if name == "accelerometer_bias" and not any(n in f.columns for f in flights for n in SPECIFIC_FORCE):
         return "needs a logged accelerometer (acc_x_m_s2 ...)"
     if name == "battery_sag" and not all(f.has("battery") for f in flights):
@@ -46,6 +51,12 @@ def lacking(name: str, flights: Sequence[Prepared]) -> str:
     return ""
 
 
+def _flown_over_an_edge(flight: Prepared, model: Model) -> bool:
+    if model.terrain.kind == "flat" or not flight.has("position"):
+        return False
+    return bool(model.terrain.at(flight.columns["p_x_m"], flight.columns["p_y_m"]).slope.max() > EDGE_SLOPE)
+
+
 def silent_channels(flights: Sequence[Prepared], model: Model) -> dict[str, str]:
     """Channels that no flight speaks about, each with what to log, or to state, to hear it."""
     heard = {name for f in flights for name in channels(f, model)}
@@ -57,7 +68,7 @@ def silent_channels(flights: Sequence[Prepared], model: Model) -> dict[str, str]
         "moment_x": gyro if "inertia" in model.known else "state inertia_kg_m2 in the vehicle file",
         "moment_z": gyro if "torque" in model.known else "state torque_coefficient_Nm_s2 in the vehicle file",
         "drive_1": "log rotor speeds and motor commands, both (rotor_speed_1_rad_s ..., u_1 ...)",
-        "range": "log a rangefinder and the height (range_m, p_z_m), over flat ground",
+        "range": "log a rangefinder and the height (range_m, p_z_m)",
     }
     return {name: why for name, why in reasons.items() if name not in heard}
 
