@@ -105,3 +105,13 @@ def test_rotor_speeds_on_time_beside_their_commands_are_left_alone(flown, sheet,
     """Late against the motion alone is what a controller's answers to disturbances look like."""
     gate = pass_gate([_in_flight(flown, sheet, with_rates, -0.15, 0.0)] * 2, model)
     assert not gate.delays
+
+
+def test_a_blow_from_the_ground_is_left_out_and_counted(whole, model):
+    """30 ms of eight times gravity close to the ground; the same high above is what a recording says of its motion."""
+    at = (whole["t_s"] > 12.0) & (whole["t_s"] < 12.03)
+    blown = _changed(whole, acc_z_m_s2=np.where(at, 80.0, 9.81))
+    low = _changed(blown, p_z_m=whole["p_z_m"] - whole.loc[at, "p_z_m"].mean() + 0.08)
+    struck, free = pass_gate([low, blown], model).flights
+    assert struck.left_out["contact"] == pytest.approx(0.8, abs=0.2) and "contact" not in free.left_out
+    assert not struck.flying[np.abs(struck.t_s - 12.0) < 0.3].any()

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter
 
 from ..conventions import BODY_RATE, SPECIFIC_FORCE
 from ..errors import GesError
@@ -24,6 +24,9 @@ LEAST_FLYING_S = 3.0
 CLIPPED_FOR = 3.0  # times the usual wait for a new value
 CLIPPED_FAR = 3.0  # sd from the median
 CLIPPED_AROUND_S = 0.05
+LEAST_BLOW_M_S2, BLOW_SDS = 4.0, 8.0
+BLOW_S, AROUND_BLOW_S = 0.2, 0.4
+CLOSE_RADII = 2.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,9 +50,23 @@ def prepare(frame: pd.DataFrame, model: Model, number: int = 0) -> Prepared:
     ratio = lift(flight, model.number("thrust_coefficient_N_s2"), model.number("max_rotor_speed_rad_s"), model.weight_N)
     gap, up = gaps(frame, flight.t_s), airborne(flight, ratio)
     cut = clipped(frame, flight.t_s) & up & ~gap
-    left = {"on_ground": ~up & ~gap, "gaps": gap, "clipping": cut}
+    hit = struck(flight, model) & up & ~gap & ~cut
+    left = {"on_ground": ~up & ~gap, "gaps": gap, "clipping": cut, "contact": hit}
     seconds = {reason: float(at.sum() * flight.dt_s) for reason, at in left.items() if at.any()}
-    return flight.replaced(flying=up & ~gap & ~cut, left_out=seconds)
+    return flight.replaced(flying=up & ~gap & ~cut & ~hit, left_out=seconds)
+
+
+def struck(flight: Prepared, model: Model) -> np.ndarray:
+    """True around every blow from the ground: a short force close to it that no drive makes and no noise."""
+    if "p_z_m" not in flight.columns or "acc_z_m_s2" not in flight.columns:
+        return np.zeros(len(flight.t_s), bool)
+    x, y = (flight.columns.get(name, np.zeros(len(flight.t_s))) for name in ("p_x_m", "p_y_m"))
+    ground = flight.columns.get("ground_z_m", model.terrain.at(x, y).height_m)
+    push = flight.columns["acc_z_m_s2"]
+    blow = np.abs(push - median_filter(push, size=2 * int(BLOW_S / flight.dt_s) + 1, mode="nearest"))
+    usual = 1.4826 * np.median(blow)
+    hit = (blow > max(LEAST_BLOW_M_S2, BLOW_SDS * usual)) & (flight.columns["p_z_m"] - ground < CLOSE_RADII * model.radius_m)
+    return binary_dilation(hit, iterations=max(1, int(AROUND_BLOW_S / flight.dt_s))) if hit.any() else hit
 
 
 def clipped(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
