@@ -14,7 +14,7 @@ from .. import effects as effect_table
 from .align import Prepared
 from .candidates import Candidate, flown, library, needs_of
 from .evidence import Board, make_board
-from .fit import Fitted, free_parameters, polish, starting_values
+from .fit import SHAPES, Fitted, free_parameters, polish, starting_values
 from .hearing import lacking
 from .model import Model, block_of
 from .select import Hypothesis, Search, exactly, search
@@ -174,11 +174,11 @@ def _stands(fitted: Fitted, name: str) -> bool:
     """Whether some amplitude is clearly not neutral, and none went as far as the effect allows."""
     clear = False
     for p in effect_table.get(name).parameters:
-        if (name, p.name) in fitted.free and not math.isnan(p.neutral):
-            value = fitted.effects[name][p.name]
-            if value != p.neutral and value in (p.low, p.high):
+        if (name, p.name) in fitted.free and p.name not in SHAPES.get(name, ()):
+            value, neutral = fitted.effects[name][p.name], 0.0 if math.isnan(p.neutral) else p.neutral
+            if value != neutral and value in (p.low, p.high):
                 return False
-            clear |= abs(value - p.neutral) > CLEAR_SDS * fitted.sd(name, p.name)
+            clear |= abs(value - neutral) > CLEAR_SDS * fitted.sd(name, p.name)
     return clear
 
 

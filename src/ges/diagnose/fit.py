@@ -149,7 +149,7 @@ def _through(found: dict[str, dict[str, float]], beside: effect_table.Effects) -
     return share
 
 
-_SHAPES: Mapping[str, tuple[str, ...]] = {"ground_effect": ("decay", "rotor_plane_offset_m"), "fountain_lift": ("c_s",),
+SHAPES: Mapping[str, tuple[str, ...]] = {"ground_effect": ("decay", "rotor_plane_offset_m"), "fountain_lift": ("c_s",),
                                           "slung_load": ("length_m",), "ceiling_effect": ("ceiling_z_m",),
                                           "downwash": ("width_m", "other_x_m", "other_y_m")}  # fmt: skip
 
@@ -163,7 +163,7 @@ def free_parameters(board: Board, hypothesis: Hypothesis, model: Model, values: 
             continue
         found.append((column.variant.effect, column.variant.amplitudes[column.amplitude].parameter))
     for effect in dict.fromkeys(e for e, _ in found):
-        for shape in _SHAPES.get(effect, ()):
+        for shape in SHAPES.get(effect, ()):
             if shape == "decay" and values[effect]["form"] < 3.0 or shape == "rotor_plane_offset_m" and model.plane_sd_m <= 0:
                 continue
             found.append((effect, shape))
