@@ -20,6 +20,7 @@ AR_ORDER = 3
 MOST_HALF_WAVES, UPDATES_PER_HALF_WAVE = 3, 2.5
 LEVELLED, LEVELLING_SD = "ground_effect", 0.7
 FAR_SDS = 3.0
+SECOND_POLE = 0.06  # of the motor's time constant
 USUAL: tuple[tuple[str, str, float, float, float], ...] = (
     # channel, effect.parameter, step, usual doubt (sd), sd from flight to flight; cg_offset in arm lengths
     ("force", "attitude_bias.x_rad", 0.002, 0.006, 0.003),
@@ -174,7 +175,7 @@ def nuisances(model: Model, names: Iterable[str], flights: Sequence[Prepared]) -
     for group, key, step, usual, by_flight in USUAL:
         effect, parameter = key.split(".")
         scale = arm if effect == "cg_offset" else 1.0
-        usual = float(np.hypot(usual, HELD_SHARE * _slowest(flights, ("command",)))) if effect == "esc_delay" else usual
+        usual = _usual_delay_s(usual, model, flights) if effect == "esc_delay" else usual
         if set(group.split()) & has and _axis_is_there(effect, parameter, names):
             sd = model.doubts.get(key, scale * usual)
             step = FAR_SDS * sd if effect == "inertia" else scale * step  # as 1/I: linear up to where a doubt would end
@@ -190,6 +191,12 @@ def nuisances(model: Model, names: Iterable[str], flights: Sequence[Prepared]) -
         listed.append(Nuisance("ground_effect_moment", "q", 0.1, LEVELLING_SD, 0.0))
     rates = attitude_measured(flights)
     return tuple(n for n in listed if (n.sd > 0 or n.flight_sd > 0) and (rates or n.effect not in NEEDS_ATTITUDE))
+
+
+def _usual_delay_s(usual_s: float, model: Model, flights: Sequence[Prepared]) -> float:
+    """Doubt on a drive's delay: its own, how long a command was held, and what a motor's second pole looks like (s)."""
+    held = HELD_SHARE * _slowest(flights, ("command",))
+    return float(np.linalg.norm([usual_s, held, SECOND_POLE * model.number("motor_time_constant_s")]))
 
 
 def _axis_is_there(effect: str, parameter: str, names: set[str]) -> bool:
