@@ -97,6 +97,25 @@ def score(folder: Path, out: Path | None, method: str) -> None:
 
 
 @command.command()
+@click.argument(
+    "folders", type=click.Path(path_type=Path, exists=True, file_okay=False), nargs=-1, required=True, metavar="DIR ..."
+)
+def calibrate(folders: tuple[Path, ...]) -> None:
+    """Fit the correction of stated probabilities to diagnosed cases of development seeds (below 1000).
+
+    Prints the two numbers of src/ges/diagnose/stated.py. Example: ges blind calibrate dev-21 dev-22
+    """
+    import numpy as np
+
+    from ..blind.platt import fit, pairs
+    from ..diagnose.stated import searched
+
+    told = pairs(folders)
+    offset, slope = fit(np.array([searched(p) for p in told[:, 0]]), told[:, 1])
+    click.echo(f"OFFSET, SLOPE = {offset:.3g}, {slope:.3g}  # {len(told)} names, {told[:, 1].mean():.1%} true")
+
+
+@command.command()
 def methods() -> None:
     """List what can be run and scored on the same cases: ges, the baselines, the ablations.
 

@@ -15,6 +15,7 @@ from .gate import Gate
 from .model import Model
 from .residual import channels, residual
 from .result import Estimate, Finding
+from .stated import stated
 from .system import System
 from .words import size_unit
 
@@ -103,7 +104,7 @@ def finding(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> Findi
         name,
         kind_of(name),
         effect.title,
-        accepted.probability[name],
+        stated(accepted.probability[name]),
         effect.equation,
         parameters_of(accepted.fitted, name, declared),
         size_of(added, accepted.fitted.board.system),
@@ -148,4 +149,4 @@ def _open(accepted: Accepted, name: str) -> Finding:
             a = column.variant.amplitudes[column.amplitude]
             value = a.neutral + float(mean)
             told[a.parameter] = Estimate(value, (value - 1.96 * float(sd), value + 1.96 * float(sd)), units[a.parameter])
-    return Finding(name, kind_of(name), effect.title, accepted.found.inclusion[name], effect.equation, told, {}, ())
+    return Finding(name, kind_of(name), effect.title, stated(accepted.found.inclusion[name]), effect.equation, told, {}, ())
