@@ -22,7 +22,7 @@ from .system import ALL_ON, Switches, System, build
 
 ACCEPT = 0.9
 SEPARATE = math.log(20.0)
-CLEAR_SDS = 1.96
+CLEAR_SDS = 3.0
 ROUNDS = 4
 FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}, {"motor_lag", "esc_delay"})
 MODIFIER_ERROR = 0.15
