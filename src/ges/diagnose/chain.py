@@ -19,10 +19,10 @@ from .balance import centred, shift_of
 from .candidates import NOT_SEARCHED
 from .closed_loop import closed_loop
 from .detect import smallest_detectable
-from .engine import Accepted, accept, first_system, matters, split, withdrawn
+from .engine import Accepted, accept, first_system, split, withdrawn
 from .evidence import Board
 from .findings import contributions, finding, open_findings, settled_findings
-from .fit import Joint, calibrated, left_raw, null_fit, strain
+from .fit import Joint, calibrated, left_raw, null_fit
 from .gate import Gate, at_flown_voltage, pass_gate
 from .hearing import lacking, silent_channels, unheard
 from .hypothesis import Form, hypotheses
@@ -31,6 +31,7 @@ from .locate import BLOCK_S, cells, from_findings, from_open, from_residuals, re
 from .model import Model, from_vehicle
 from .recommend import next_flight
 from .result import Diagnosis
+from .standing import matters, strained
 from .structure import Structure, Told, structures
 from .system import ALL_ON, Switches, System, common_channels, window_length_s
 from .unknown import borrowed, left_over
@@ -38,7 +39,6 @@ from .verdict import sentence_of, verdict_of
 from .verify import channel_table, elsewhere, errors, rollout_table, rollouts
 from .weak import make_windows
 
-STRAINED = 5.0
 METRIC = (
     "rms of the weak-form residual (windowed average, nothing differentiated) on flights that took no part; reduction_ci95: "
     "share by which 'after' is below 'recalibrated', 95 % interval over blocks of 5 s"
@@ -116,11 +116,6 @@ def _stage(model: Model, joint: Joint, board: Board, told: Told) -> _Stage:
     return _Stage(model, joint, board, left, structures(left, told, board.system.main, board.system.blocks(BLOCK_S)))
 
 
-def _strained(last: _Stage, first: _Stage) -> bool:
-    """Whether what was accepted needs declared numbers far outside their doubts, farther than they go without it."""
-    return strain(last.joint, last.board.system) > max(STRAINED, strain(first.joint, first.board.system) + 1.0)
-
-
 class _Chain:
     """The steps in their order; every step reads what the ones before it left."""
 
@@ -140,7 +135,7 @@ class _Chain:
         map_cells = cells(system, first.left, told, first.structures)
         accepted = accept(board, self.length_s, switches, names)
         last = self._last(accepted, first, told)
-        if names is None and last is not first and (_strained(last, first) or self._borrowed(accepted, last)):
+        if names is None and last is not first and (strained(last.joint, first.joint, system) or self._borrowed(accepted, last)):
             accepted, last = withdrawn(accepted), first
         added, after = contributions(accepted), last.model
         located = strongest([

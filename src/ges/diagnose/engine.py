@@ -4,31 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 
-from .. import effects as effect_table
 from .align import Prepared
 from .candidates import Candidate, flown, library, needs_of
 from .evidence import Board, make_board
-from .fit import SHAPES, Fitted, free_parameters, polish, starting_values
+from .fit import Fitted, free_parameters, polish, starting_values
 from .hearing import lacking
-from .model import Model, block_of
+from .model import Model
 from .select import Hypothesis, Search, exactly, search
+from .standing import ACCEPT, ambiguous, mattering, replaced_by, stands
 from .system import ALL_ON, Switches, System, build
 
-ACCEPT = 0.9
-SEPARATE = math.log(20.0)
-CLEAR_SDS = 3.0
 ROUNDS = 4
-FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}, {"motor_lag", "esc_delay"})
-MODIFIER_ERROR = 0.15
-REACH_M = 10.0  # 2 cm of a rangefinder matter
-LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0005, "drive": 0.0005, "range": 0.002}
-"""Of weight, weight times arm, full speed or a rotor radius: no model is right to less."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -130,12 +121,12 @@ def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Seq
         here = start if first is None else make_board(build(flights, base, variants, length_s, system, switches))
         board, found, _ = search_until_stable(here, listed, tuple(base.effects), only)
         first = first or (board, found)
-        mattering = _mattering(board, found, shares)
-        replaced = {n: others for n in mattering if (others := _replaced_by(found, n))}
+        sizes = mattering(board, found, shares)
+        replaced = {n: others for n in sizes if (others := replaced_by(found, n))}
         contested = contested if names else {n for name, others in replaced.items() for n in (name, *others)}
-        mattering = {n: s for n, s in mattering.items() if n not in replaced}
-        shares |= mattering
-        new, polished = _polished(board, found, tuple(mattering), base, fitted, only is None, system, length_s, switches)
+        sizes = {n: s for n, s in sizes.items() if n not in replaced}
+        shares |= sizes
+        new, polished = _polished(board, found, tuple(sizes), base, fitted, only is None, system, length_s, switches)
         if not new:
             break
         probability |= {n: found.inclusion[n] for n in new}
@@ -147,7 +138,7 @@ def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Seq
         first = search_until_stable(start, (), ())[:2]
     board, found = first
     settled = {*names, *(n for n, p in found.inclusion.items() if p >= ACCEPT)}
-    return Accepted(names, found, board, fitted, probability, _ambiguous(found, settled - contested, contested))
+    return Accepted(names, found, board, fitted, probability, ambiguous(found, settled - contested, contested))
 
 
 def _polished(
@@ -162,7 +153,7 @@ def _polished(
         values = starting_values(board, kept)
         free = known + free_parameters(board, kept, base, values)
         polished = polish(flights, model, {**held, **values}, free, length_s, system, switches)
-        fallen = {n for n in new if choosing and not _stands(polished, n)}
+        fallen = {n for n in new if choosing and not stands(polished, n)}
         fallen |= {n for n in new if needs_of(n) and not {*held, *base.effects, *(set(new) - fallen)} & set(needs_of(n))}
         if not fallen:
             return new, polished
@@ -170,62 +161,9 @@ def _polished(
     return (), fitted
 
 
-def _stands(fitted: Fitted, name: str) -> bool:
-    """Whether some amplitude is clearly not neutral, and none went as far as the effect allows."""
-    clear = False
-    for p in effect_table.get(name).parameters:
-        if (name, p.name) in fitted.free and p.name not in SHAPES.get(name, ()):
-            value, neutral = fitted.effects[name][p.name], 0.0 if math.isnan(p.neutral) else p.neutral
-            if value != neutral and value in (p.low, p.high):
-                return False
-            clear |= abs(value - neutral) > CLEAR_SDS * fitted.sd(name, p.name)
-    return clear
-
-
 def withdrawn(accepted: Accepted) -> Accepted:
     """The search as it was, with nothing accepted of it."""
     return dataclasses.replace(accepted, names=(), fitted=None, probability={}, rivals=())
-
-
-def matters(channel: str, share: float) -> bool:
-    """Whether a share of a channel's whole is more than what no model is right to."""
-    return bool(channel) and share >= LEAST_SHARE[block_of(channel)]
-
-
-def _mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[str, float]:
-    """Names that are probable and large enough, with their sizes (see :func:`_share`); ``known`` are those of accepted effects.
-
-    Two of a family act in the same place, and one of them makes up for what the other's form is wrong by: the better of the
-    two is kept. A small modifier likewise is no more than what the form that it modifies is wrong by.
-    """
-    share = {n: _share(board, found.best, n) for n in found.best.names if found.inclusion[n] >= ACCEPT}
-    carriers = {c for n, s in share.items() if s >= 1.0 for c in needs_of(n)}
-    share = {n: s for n, s in share.items() if s >= 1.0 or n in carriers}
-    present = {*share, *board.system.model.effects}
-    share = {n: s for n, s in share.items() if not needs_of(n) or present & set(needs_of(n))}
-    for family in FAMILIES:
-        if family <= set(share):
-            share.pop(min(sorted(family), key=lambda n: _alone(found, n, family)))
-    return {n: s for n, s in share.items() if s >= MODIFIER_ERROR * known.get(effect_table.get(n).modifies or "", 0.0)}
-
-
-def _alone(found: Search, name: str, family: set[str]) -> float:
-    """Log evidence of the best set that has this member of a family and no other."""
-    return max((h.log_evidence for h in found.hypotheses if family & set(h.names) == {name}), default=-np.inf)
-
-
-def _share(board: Board, h: Hypothesis, name: str) -> float:
-    """Rms of what one effect adds by the search's coefficients, over the least that matters, in its greatest channel."""
-    system, picked = board.system, [
-        (k, value) for k, value in zip(h.posterior.columns, h.posterior.mean, strict=True)
-        if board.system.columns[k].variant.effect == name
-    ]  # fmt: skip
-    count = len(system.main)
-    added = np.concatenate([sum(value * r.x[:, :count, k] for k, value in picked) for r in system.flights])
-    least = np.array([LEAST_SHARE[block_of(n)] * (REACH_M if n == "range" else system.model.whole(n)) for n in system.main])
-    with np.errstate(invalid="ignore"):
-        rms = np.sqrt(np.nanmean(np.where(np.isfinite(added).any(axis=0), added, 0.0) ** 2, axis=0))
-    return float(np.max(rms / least))
 
 
 def _only(h: Hypothesis, names: Sequence[str], board: Board):
@@ -234,23 +172,3 @@ def _only(h: Hypothesis, names: Sequence[str], board: Board):
     return dataclasses.replace(
         p, columns=tuple(p.columns[i] for i in keep), mean=p.mean[keep], covariance=p.covariance[np.ix_(keep, keep)]
     )
-
-
-def _replaced_by(found: Search, name: str) -> tuple[str, ...]:
-    """What explains the flights nearly as well in its place, whatever is thought of either beforehand; () where nothing does."""
-    best = found.best
-    others = [h for h in found.hypotheses if name not in h.names and h.names and len(h.names) <= len(best.names)]
-    other = max(others, key=lambda h: h.of_data, default=None)
-    if name not in best.names or other is None or best.of_data - other.of_data > SEPARATE:
-        return ()
-    return tuple(n for n in other.names if n not in best.names)
-
-
-def _ambiguous(found: Search, names: set[str], contested: set[str]) -> tuple[tuple[str, ...], ...]:
-    """Names that replace each other: none proven alone, but one of them needed."""
-    without = sum(h.probability for h in found.hypotheses if not set(h.names) - names)
-    needed = without <= 1.0 - ACCEPT
-    open_names = contested | {n for n, p in found.inclusion.items() if needed and n not in names and p > 0.1}
-    if len(open_names) < 2:
-        return ()
-    return (tuple(sorted(open_names, key=lambda n: (-found.inclusion.get(n, 0.0), n))),)

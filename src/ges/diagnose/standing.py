@@ -1,0 +1,103 @@
+"""What of a search is proven: probable, large enough to matter, not to be replaced, and firm when fitted in full."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from .. import effects as effect_table
+from .candidates import needs_of
+from .evidence import Board
+from .fit import SHAPES, Fitted, Joint, strain
+from .model import block_of
+from .select import Hypothesis, Search
+from .system import System
+
+ACCEPT = 0.9
+SEPARATE = math.log(20.0)
+CLEAR_SDS, STRAINED = 3.0, 5.0
+FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}, {"motor_lag", "esc_delay"})
+MODIFIER_ERROR = 0.15
+REACH_M = 10.0  # 2 cm of a rangefinder matter
+LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0005, "drive": 0.0005, "range": 0.002}
+"""Of weight, weight times arm, full speed or a rotor radius: no model is right to less."""
+
+
+def matters(channel: str, share: float) -> bool:
+    """Whether a share of a channel's whole is more than what no model is right to."""
+    return bool(channel) and share >= LEAST_SHARE[block_of(channel)]
+
+
+def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[str, float]:
+    """Names that are probable and large enough, with their sizes (see :func:`_share`); ``known`` are those of accepted effects.
+
+    Two of a family act in the same place, and one of them makes up for what the other's form is wrong by: the better of the
+    two is kept. A small modifier likewise is no more than what the form that it modifies is wrong by.
+    """
+    share = {n: _share(board, found.best, n) for n in found.best.names if found.inclusion[n] >= ACCEPT}
+    carriers = {c for n, s in share.items() if s >= 1.0 for c in needs_of(n)}
+    share = {n: s for n, s in share.items() if s >= 1.0 or n in carriers}
+    present = {*share, *board.system.model.effects}
+    share = {n: s for n, s in share.items() if not needs_of(n) or present & set(needs_of(n))}
+    for family in FAMILIES:
+        if family <= set(share):
+            share.pop(min(sorted(family), key=lambda n: _alone(found, n, family)))
+    return {n: s for n, s in share.items() if s >= MODIFIER_ERROR * known.get(effect_table.get(n).modifies or "", 0.0)}
+
+
+def _alone(found: Search, name: str, family: set[str]) -> float:
+    """Log evidence of the best set that has this member of a family and no other."""
+    return max((h.log_evidence for h in found.hypotheses if family & set(h.names) == {name}), default=-np.inf)
+
+
+def _share(board: Board, h: Hypothesis, name: str) -> float:
+    """Rms of what one effect adds by the search's coefficients, over the least that matters, in its greatest channel."""
+    system, picked = board.system, [
+        (k, value) for k, value in zip(h.posterior.columns, h.posterior.mean, strict=True)
+        if board.system.columns[k].variant.effect == name
+    ]  # fmt: skip
+    count = len(system.main)
+    added = np.concatenate([sum(value * r.x[:, :count, k] for k, value in picked) for r in system.flights])
+    least = np.array([LEAST_SHARE[block_of(n)] * (REACH_M if n == "range" else system.model.whole(n)) for n in system.main])
+    with np.errstate(invalid="ignore"):
+        rms = np.sqrt(np.nanmean(np.where(np.isfinite(added).any(axis=0), added, 0.0) ** 2, axis=0))
+    return float(np.max(rms / least))
+
+
+def replaced_by(found: Search, name: str) -> tuple[str, ...]:
+    """What explains the flights nearly as well in its place, whatever is thought of either beforehand; () where nothing does."""
+    best = found.best
+    others = [h for h in found.hypotheses if name not in h.names and h.names and len(h.names) <= len(best.names)]
+    other = max(others, key=lambda h: h.of_data, default=None)
+    if name not in best.names or other is None or best.of_data - other.of_data > SEPARATE:
+        return ()
+    return tuple(n for n in other.names if n not in best.names)
+
+
+def ambiguous(found: Search, names: set[str], contested: set[str]) -> tuple[tuple[str, ...], ...]:
+    """Names that replace each other: none proven alone, but one of them needed."""
+    without = sum(h.probability for h in found.hypotheses if not set(h.names) - names)
+    needed = without <= 1.0 - ACCEPT
+    open_names = contested | {n for n, p in found.inclusion.items() if needed and n not in names and p > 0.1}
+    if len(open_names) < 2:
+        return ()
+    return (tuple(sorted(open_names, key=lambda n: (-found.inclusion.get(n, 0.0), n))),)
+
+
+def strained(last: Joint, first: Joint, system: System) -> bool:
+    """Whether a fit needs declared numbers far outside their doubts, farther than they go without what was accepted."""
+    return strain(last, system) > max(STRAINED, strain(first, system) + 1.0)
+
+
+def stands(fitted: Fitted, name: str) -> bool:
+    """Whether some amplitude is clearly not neutral, and none went as far as the effect allows."""
+    clear = False
+    for p in effect_table.get(name).parameters:
+        if (name, p.name) in fitted.free and p.name not in SHAPES.get(name, ()):
+            value, neutral = fitted.effects[name][p.name], 0.0 if math.isnan(p.neutral) else p.neutral
+            if value != neutral and value in (p.low, p.high):
+                return False
+            clear |= abs(value - neutral) > CLEAR_SDS * fitted.sd(name, p.name)
+    return clear
