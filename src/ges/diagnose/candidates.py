@@ -282,7 +282,7 @@ _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "battery_sag": lambda m: (_variant("battery_sag", ("sensitivity",), nominal_V=m.number("battery_nominal_V")),),
     "tether": lambda m: (_variant("tether", ("weight_N_m",)),),
     "motor_lag": _slower,
-    "esc_delay": lambda m: _levels("esc_delay", "delay_s", (0.004, 0.01, 0.02, 0.035)),
+    "esc_delay": lambda m: _levels("esc_delay", "delay_s", (0.005, 0.012, 0.03)),
     "accelerometer_bias": lambda m: _axes("accelerometer_bias", ("x_m_s2", "y_m_s2", "z_m_s2")),
     "attitude_bias": lambda m: _axes("attitude_bias", ("x_rad", "y_rad")),
     "rotor_tilt": lambda m: _axes("rotor_tilt", ("x_rad", "y_rad")),

@@ -20,7 +20,7 @@ PLAUSIBLE = {
     ("ground_effect", "amplitude"): 4.0, ("ground_effect", "c_a"): 0.7,
 }  # fmt: skip
 """Sd of coefficients that are plausible by themselves: shares of a declared number, gains near the ground."""
-LEVEL_REACH = 2.5
+LEVEL_REACH = 2.0
 """Factor above and below the level that a column holds at within which its coefficient counts."""
 
 

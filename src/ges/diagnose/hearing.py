@@ -20,6 +20,7 @@ NEEDS_VELOCITY = frozenset(
 )  # fmt: skip
 NEEDS_SWING = frozenset({"slung_load"})  # with a derived attitude its weight shows in the balance alone, see ``balance``
 NEEDS_RANGE = frozenset({"rangefinder_bias", "rangefinder_lag"})
+LIKE_SAG = frozenset({"battery_sag", "thrust_curve", "thrust_scale"})
 NEEDS_COMMANDS = frozenset({"motor_lag", "esc_delay"})
 
 
@@ -38,8 +39,8 @@ def lacking(name: str, flights: Sequence[Prepared], model: Model) -> str:
         return "needs ground without edges: the cone of a rangefinder rounds them off as a lag would"
     if name == "accelerometer_bias" and not any(n in f.columns for f in flights for n in SPECIFIC_FORCE):
         return "needs a logged accelerometer (acc_x_m_s2 ...)"
-    if name == "battery_sag" and not all(f.has("battery") for f in flights):
-        return "needs a logged battery voltage (battery_V)"
+    if name in LIKE_SAG and not all(f.has("battery") or name == "thrust_scale" and f.has("rotor_speed") for f in flights):
+        return "needs a logged battery voltage (battery_V); without it a sagging battery cannot be told apart"
     if name in NEEDS_VELOCITY and not all(f.has("velocity") for f in flights):
         return "needs a logged velocity (v_x_m_s, v_y_m_s, v_z_m_s)"
     if name in NEEDS_COMMANDS and not all(f.has("command") for f in flights):

@@ -11,7 +11,7 @@ import math
 
 from scipy.special import expit, logit
 
-OFFSET, SLOPE = 0.0, 1.0
+OFFSET, SLOPE = -0.36, 0.488
 FARTHEST = 7.0
 """Log odds beyond which the search's certainty says no more."""
 

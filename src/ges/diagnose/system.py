@@ -40,7 +40,7 @@ USUAL: tuple[tuple[str, str, float, float, float], ...] = (
     ("moment", "torque_coefficient.scale", 0.02, 0.0, 0.0),
     ("moment", "time_offset.delay_s", 0.001, 0.003, 0.0),
     ("drive command", "thrust_curve.c", 0.02, 0.03, 0.0),
-    ("drive", "esc_delay.delay_s", 0.001, 0.002, 0.0),
+    ("drive", "esc_delay.delay_s", 0.004, 0.002, 0.0),
     ("range", "rangefinder_bias.bias_m", 0.005, 0.01, 0.003),
     ("range", "rangefinder_bias.scale", 0.01, 0.02, 0.0),
     ("range", "rangefinder_lag.tau_s", 0.005, 0.015, 0.0),
