@@ -173,7 +173,7 @@ class _Chain:
         )
 
     def _borrowed(self, accepted: Accepted, last: _Stage) -> bool:
-        return borrowed(last.structures, self.model)
+        return not accepted.rivals and borrowed(last.structures, self.model)
 
     def _last(self, accepted: Accepted, first: _Stage, told: Told) -> _Stage:
         """With the accepted effects and the nuisances set anew."""

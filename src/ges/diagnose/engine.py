@@ -61,23 +61,7 @@ def _pick(h: Hypothesis, names: Sequence[str], board: Board) -> tuple[int, ...]:
 def search_until_stable(
     board: Board, candidates: Sequence[Candidate], base: Sequence[str], only: Sequence[str] | None = None
 ) -> tuple[Board, Search, tuple[int, ...]]:
-    """Search, measure the noise that the best set leaves, search again; starts from the most cautious noise, the board's.
-
-    There a strong effect counts as noise and may hide itself. Where nothing is found, the search starts once more from the
-    noise that the best set would leave; if it was noise, it is not found there either.
-    """
-    board, found, chosen = _settled(board, candidates, base, only)
-    best = max((h for h in found.hypotheses if h.names), key=lambda h: h.of_data, default=None)
-    if chosen or only is not None or best is None or best.of_data <= 0.0:
-        return board, found, chosen
-    again = _settled(make_board(board.system, best.posterior.columns), candidates, base, only)
-    return again if again[2] else (board, found, chosen)
-
-
-def _settled(
-    board: Board, candidates: Sequence[Candidate], base: Sequence[str], only: Sequence[str] | None
-) -> tuple[Board, Search, tuple[int, ...]]:
-    """Search and noise that agree, from the noise of a board on."""
+    """Search, measure the noise that the best set leaves, search again; starts from the most cautious noise, the board's."""
     chosen: tuple[int, ...] = ()
     for again in range(ROUNDS):
         board = make_board(board.system, chosen) if again else board

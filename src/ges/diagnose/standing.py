@@ -16,7 +16,7 @@ from .select import Hypothesis, Search
 from .system import System
 
 ACCEPT = 0.9
-SEPARATE = math.log(20.0)
+SEPARATE = math.log(ACCEPT / (1.0 - ACCEPT))
 CLEAR_SDS, STRAINED = 3.0, 5.0
 FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}, {"motor_lag", "esc_delay"})
 MODIFIER_ERROR = 0.15
