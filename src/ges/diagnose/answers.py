@@ -72,7 +72,7 @@ def loose(keys: Sequence[str], x: np.ndarray, flight: Prepared, windows: Windows
     keys, x : ``effect.parameter`` of every column, and the columns (m, C, K).
     speeds : (n, 4) rotor speeds at work.
     """
-    which = {kind: first_of(keys, kind) for kind in ("dynamic", "gain", "height")}
+    which = {kind: _first(keys, kind) for kind in ("dynamic", "gain", "height")}
     parts = {kind: x[:, :, at] for kind, at in which.items()}
     levels = np.array([keys[k].split(".")[0] in CUSHIONS for k in which["gain"]], dtype=float)
     heard = {c: name for c, name in enumerate(names) if np.isfinite(x[:, c]).all()}
@@ -92,7 +92,7 @@ def loose(keys: Sequence[str], x: np.ndarray, flight: Prepared, windows: Windows
     return {k: v for k, v in found.items() if parts[k].shape[2]}, {n: v for n, v in strong.items() if "/" not in n}
 
 
-def first_of(keys: Sequence[str], kind: str) -> list[int]:
+def _first(keys: Sequence[str], kind: str) -> list[int]:
     """First column of every parameter of a kind."""
     return list({key: k for k, key in reversed(list(enumerate(keys))) if kind_of(key) == kind}.values())
 

@@ -137,6 +137,8 @@ class _Chain:
         last = self._last(accepted, first, told)
         if names is None and last is not first and (strained(last.joint, first.joint, system) or self._borrowed(accepted, last)):
             accepted, last = withdrawn(accepted), first
+        moved = None if accepted.names else shift_of(system)
+        accepted = dataclasses.replace(accepted, rivals=()) if moved else accepted
         added, after = contributions(accepted), last.model
         located = strongest([
             *from_residuals(map_cells, first.structures, system),
@@ -145,7 +147,6 @@ class _Chain:
         ])  # fmt: skip
         proven = sorted((finding(accepted, name, by) for name, by in added.items()), key=lambda f: -f.size["share_of_weight"])
         proven = [f for f in proven if names or matters(f.size["channel"], f.size["share_of_weight"])]
-        moved = None if accepted.names or accepted.rivals else shift_of(system)
         findings = [*proven, *settled_findings(self.gate), *open_findings(accepted), *(moved.findings() if moved else ())]
         remains = left_over(last.structures, after)
         forms = hypotheses(system, last.left, told, [u.channel for u in remains if not u.of_size], BLOCK_S) if remains else {}

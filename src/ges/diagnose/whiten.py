@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..threads import each
-from .answers import first_of, kind_of
 from .system import AR_ORDER, Column, Rows, System
 
 RIDGE = 1e-6
@@ -111,30 +110,17 @@ def _growth(e: np.ndarray, unrest: np.ndarray) -> tuple[float, float]:
     return best[1], best[2]
 
 
-def _vouched_for(system: System, channel: int, k: int) -> bool:
-    """Whether at least half of a column's changes in a channel are no answers to disturbances."""
-    key, keys = system.columns[k].key, [c.key for c in system.columns]
-    kind, changes, loose = kind_of(key), 0.0, 0.0
-    for r in system.flights:
-        parts = r.loose.get(kind, {}).get(channel)
-        if parts is not None:
-            part = parts[:, [keys[i] for i in first_of(keys, kind)].index(key)]
-            changes, loose = changes + np.nanvar(r.x[:, channel, k]) * len(part), loose + float(part @ part)
-    return loose <= 0.5 * changes
-
-
 def estimate(system: System, chosen: Sequence[int] = ()) -> Noise:
     """Noise of every channel, pooled over flights, from what nuisances and the chosen columns leave.
 
-    Without chosen columns a strong effect counts as noise: cautious, so the search starts there. A column that follows what
-    the controller does takes no noise away where nothing vouches for it: it may be the disturbance itself.
+    Without chosen columns a strong effect counts as noise: cautious, so the search starts there.
     """
     nuisance = [k for k, column in enumerate(system.columns) if column.nuisance is not None]
+    kept = np.array([*nuisance, *chosen], dtype=int)
     count = len(system.names)
     ar, sd, growth = np.zeros((count, AR_ORDER)), np.ones(count), np.zeros(count)
     unrest, runs = unrest_of(system.flights), [_run(r.follows) for r in system.flights]
     for c in range(count):
-        kept = np.array([*nuisance, *(k for k in chosen if _vouched_for(system, c, k))], dtype=int)
         pieces = [
             (*_lagged(left, run, AR_ORDER), u) for left, run, u in zip(_left_over(system, c, kept), runs, unrest, strict=True)
         ]
