@@ -34,7 +34,7 @@ class Hypothesis:
 
     @property
     def of_data(self) -> float:
-        """Log evidence of the flights alone."""
+        """Log evidence whatever its size, of the flights and of how rare a wrong declared number is."""
         return self.log_evidence - self.log_prior
 
 
@@ -75,11 +75,9 @@ def entries(board: Board, candidates: Sequence[Candidate]) -> list[Entry]:
 
 
 def _log_prior(names: Sequence[str], count: int) -> float:
-    """Of one set of this size among all of them; what acts through another of the set counts no more than that one alone, and
-    a declared number that is wrong is rarer than physics left out."""
+    """Of one set of this size among all of them; what acts through another of the set counts no more than that one alone."""
     size = sum(not set(needs_of(name)) & set(names) for name in names)
-    rare = sum(name in DECLARED for name in names)
-    return float(np.log(PRIOR_OF_SIZE[size]) - np.log(max(1, math.comb(count, size))) + rare * np.log(RARER))
+    return float(np.log(PRIOR_OF_SIZE[size]) - np.log(max(1, math.comb(count, size))))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -145,8 +143,8 @@ def _sets_of(on: Scales, combos: Sequence[tuple[Entry, ...]], count: int) -> dic
     out = {}
     for names, members in grouped.items():
         top = combos[max(members, key=lambda i: weight[i])]
-        prior = _log_prior(names, count)
-        total = float(logsumexp(weight[members]) - np.log(len(members))) + prior
+        prior, rare = _log_prior(names, count), sum(name in DECLARED for name in names)
+        total = float(logsumexp(weight[members]) - np.log(len(members))) + prior + rare * np.log(RARER)
         out[names] = Hypothesis(names, tuple(e.number for e in top), on.weigh(top), total, log_prior=prior)
     return out
 

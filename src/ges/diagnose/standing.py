@@ -67,7 +67,7 @@ def _share(board: Board, h: Hypothesis, name: str) -> float:
 
 
 def replaced_by(found: Search, name: str) -> tuple[str, ...]:
-    """What explains the flights nearly as well in its place, whatever is thought of either beforehand; () where nothing does."""
+    """What explains the flights nearly as well in its place; () where nothing does."""
     best = found.best
     others = [h for h in found.hypotheses if name not in h.names and h.names and len(h.names) <= len(best.names)]
     other = max(others, key=lambda h: h.of_data, default=None)
