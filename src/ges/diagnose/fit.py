@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import effects as effect_table
 from .align import Prepared
-from .candidates import Amplitude, Variant, _amplitude, reach_of
+from .candidates import Amplitude, Variant, _amplitude, kind_of, reach_of
 from .evidence import Board, gram_of, make_board, unanswered
 from .model import Model
 from .select import Hypothesis
@@ -20,6 +20,8 @@ BLOCK_S = 10.0
 ROUNDS = 4
 TIGHT = 0.02
 PART_OF_REACH, LEAST_CARRIER = 0.2, 0.3
+FORM_ERROR = 0.15
+"""Sd of a physical effect's size, over it, that is due to its form alone: what development cases of other forms came to."""
 FIRMER = {("motor_lag", "up_s"): (0.0, 0.5), ("motor_lag", "down_s"): (0.0, 0.5), ("esc_delay", "delay_s"): (0.0, 0.06)}
 
 
@@ -110,9 +112,12 @@ class Fitted:
     board: Board
 
     def sd(self, effect: str, parameter: str) -> float:
-        """Standard deviation of one fitted parameter."""
+        """Standard deviation of one fitted parameter; the size of a physical effect is no better known than its form."""
         i = self.free.index((effect, parameter))
-        return float(np.sqrt(self.covariance[i, i]))
+        own = float(np.sqrt(self.covariance[i, i]))
+        if kind_of(effect) != "physics" or parameter in SHAPES.get(effect, ()):
+            return own
+        return math.hypot(own, FORM_ERROR * (self.effects[effect][parameter] - _amplitude(effect, parameter).neutral))
 
     def correlation(self, a: tuple[str, str], b: tuple[str, str]) -> float:
         """Correlation of two fitted parameters."""

@@ -10,7 +10,7 @@ import numpy as np
 from .. import effects as effect_table
 from .candidates import needs_of
 from .evidence import Board
-from .fit import SHAPES, Fitted, Joint, strain
+from .fit import FORM_ERROR, SHAPES, Fitted, Joint, strain
 from .model import block_of
 from .select import Hypothesis, Search
 from .system import System
@@ -19,7 +19,6 @@ ACCEPT = 0.9
 SEPARATE = math.log(ACCEPT / (1.0 - ACCEPT))
 CLEAR_SDS, STRAINED = 3.0, 5.0
 FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}, {"motor_lag", "esc_delay"})
-MODIFIER_ERROR = 0.15
 REACH_M = 10.0  # 2 cm of a rangefinder matter
 LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0005, "drive": 0.0005, "range": 0.002}
 """Of weight, weight times arm, full speed or a rotor radius: no model is right to less."""
@@ -44,7 +43,7 @@ def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[s
     for family in FAMILIES:
         if family <= set(share):
             share.pop(min(sorted(family), key=lambda n: _alone(found, n, family)))
-    return {n: s for n, s in share.items() if s >= MODIFIER_ERROR * known.get(effect_table.get(n).modifies or "", 0.0)}
+    return {n: s for n, s in share.items() if s >= FORM_ERROR * known.get(effect_table.get(n).modifies or "", 0.0)}
 
 
 def _alone(found: Search, name: str, family: set[str]) -> float:
