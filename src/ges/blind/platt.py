@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..diagnose.findings import SETTLED
 from ..errors import GesError
 from . import seal
 from .judge import judge
@@ -15,12 +16,11 @@ from .run import OUT
 from .score import read_verdict
 
 FIRST_OF_EVALUATION = 1000
-SETTLED = 0.999
-"""What the gate settles is told with this probability and takes no part."""
 
 
 def pairs(folders: Sequence[Path]) -> np.ndarray:
-    """Stated probability and whether the name was true, (n, 2), of all diagnosed cases of these folders.
+    """Stated probability and whether the name was true, (n, 2), of all diagnosed cases of these folders; what the gate settles
+    takes no part.
 
     Raises
     ------

@@ -78,7 +78,11 @@ class Candidate:
     name: str
     kind: str
     variants: tuple[Variant, ...]
-    needs: tuple[str, ...] = ()
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """See :func:`needs_of`."""
+        return needs_of(self.name)
 
     @property
     def stands_alone(self) -> bool:
@@ -138,7 +142,8 @@ def kind_of(name: str) -> str:
     return "sensor" if effect_table.get(name).kind == "sensor" else "physics"
 
 
-def _amplitude(effect: str, name: str) -> Amplitude:
+def amplitude_of(effect: str, name: str) -> Amplitude:
+    """A parameter as a coefficient: a small step of its usual size, its bounds, and neutral at zero where it states none."""
     p = next(p for p in effect_table.get(effect).parameters if p.name == name)
     neutral = 0.0 if math.isnan(p.neutral) else p.neutral
     siblings = [q for q in effect_table.get(effect).parameters if q.unit == p.unit and not math.isnan(q.neutral)]
@@ -147,7 +152,7 @@ def _amplitude(effect: str, name: str) -> Amplitude:
 
 
 def _variant(effect: str, amplitudes: tuple[str, ...], **shape: float) -> Variant:
-    return Variant(effect, shape, tuple(_amplitude(effect, name) for name in amplitudes))
+    return Variant(effect, shape, tuple(amplitude_of(effect, name) for name in amplitudes))
 
 
 def _plain(effect: str) -> tuple[Variant, ...]:
@@ -246,8 +251,7 @@ def _winds(model: Model) -> tuple[Variant, ...]:
     plain = _variant("wind", ("east_m_s", "north_m_s"))
     if set(_CHILDREN["wind"]) & set(model.effects):
         return (plain,)
-    turning = 4.0 * math.sqrt(model.weight_N / (4.0 * model.number("thrust_coefficient_N_s2")))
-    usual = {"rotor_drag": {"k_kg": USUAL_DRAG * model.weight_N / turning}}
+    usual = {"rotor_drag": {"k_kg": USUAL_DRAG * model.weight_N / (4.0 * model.hover_rad_s)}}
     return (dataclasses.replace(plain, beside=usual),)
 
 
@@ -321,5 +325,5 @@ def library(model: Model, reached: Flown = NOWHERE) -> dict[str, Candidate]:
         variants = _variants(name, model, reached)
         if not variants:
             continue
-        found[name] = Candidate(name, kind_of(name), variants, needs_of(name))
+        found[name] = Candidate(name, kind_of(name), variants)
     return found

@@ -55,6 +55,12 @@ def _correlations(flight: Prepared, model: Model, lags_s: np.ndarray) -> np.ndar
     return np.array(out).T
 
 
+def _sums(flight: Prepared, a: np.ndarray, b: np.ndarray, inside: np.ndarray, lags_s: np.ndarray) -> np.ndarray:
+    """Sums for the correlation of one signal with another taken later by every lag, over some samples: (3, lags)."""
+    late, a = np.stack([np.interp(flight.t_s + lag, flight.t_s, b)[inside] for lag in lags_s]), a[inside]
+    return np.stack([late @ a, (late**2).sum(axis=1), np.full(len(lags_s), a @ a)])
+
+
 def _peak(sums: np.ndarray, lags_s: np.ndarray) -> tuple[float, float]:
     """Lag and correlation at the peak, by a parabola through the three highest points."""
     r = sums[0] / np.sqrt(np.maximum(sums[1] * sums[2], 1e-30))
@@ -85,9 +91,7 @@ def _behind_commands(flights: Sequence[Prepared]) -> float:
     for f in (f for f in flights if f.has("rotor_speed") and f.has("command")):
         squares = ((f.stack(s) ** 2).sum(axis=1) for s in ("command", "rotor_speed"))
         asked, given = (_high_pass(gaussian_filter1d(s / s.mean(), 0.05 / f.dt_s), f.dt_s) for s in squares)
-        late = np.stack([np.interp(f.t_s + lag, f.t_s, given)[f.flying] for lag in DRIVE_LAGS_S])
-        asked = asked[f.flying]
-        told.append(np.stack([late @ asked, (late**2).sum(axis=1), np.full(len(late), asked @ asked)]))
+        told.append(_sums(f, asked, given, f.flying, DRIVE_LAGS_S))
     found = _told("rotor_speed", told, DRIVE_LAGS_S, LEAST_DRIVE_SD_S)
     return found.delay_s if found else np.inf
 
@@ -126,8 +130,7 @@ def _rate_correlations(flight: Prepared, inside: np.ndarray) -> np.ndarray | Non
     sums = np.zeros((3, len(lags_s)))
     for a, b in zip(pair[0].T, pair[1].T, strict=True):
         a, b = _high_pass(a, flight.dt_s), _high_pass(b, flight.dt_s)
-        late = np.stack([np.interp(flight.t_s + lag, flight.t_s, b)[inside] for lag in lags_s])
-        sums += np.stack([late @ a[inside], (late**2).sum(axis=1), np.full(len(lags_s), a[inside] @ a[inside])])
+        sums += _sums(flight, a, b, inside, lags_s)
     return sums
 
 

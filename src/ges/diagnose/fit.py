@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import effects as effect_table
 from .align import Prepared
-from .candidates import Amplitude, Variant, _amplitude, kind_of, reach_of
+from .candidates import Amplitude, Variant, amplitude_of, kind_of, reach_of
 from .evidence import Board, gram_of, make_board, unanswered
 from .model import Model
 from .select import Hypothesis
@@ -34,7 +34,6 @@ class Joint:
     common: Mapping[str, float]
     common_sd: Mapping[str, float]
     by_flight: tuple[Mapping[str, float], ...]
-    left: tuple[np.ndarray, ...]
 
 
 def joint_fit(
@@ -61,7 +60,6 @@ def joint_fit(
     precision[start[2] :] = np.tile([1.0 / columns[k].nuisance.flight_sd ** 2 for k in varies], len(board.whites))
     places = [np.r_[np.arange(start[2]), start[2] + f * sizes[2] + np.arange(sizes[2])] for f in range(len(board.whites))]
     kept = np.r_[chosen, common, varies]
-    designs = [w.x[:, :, kept] for w in board.whites]
     xx, xy = np.diag(precision), precision * mean
     for w, at in zip(board.whites, places, strict=True):
         gram = gram_of(w).take(kept)
@@ -70,7 +68,6 @@ def joint_fit(
     unit = 1.0 / np.sqrt(np.diag(xx))  # coefficients differ by many orders in their units
     inverse = np.linalg.pinv(xx * np.outer(unit, unit), hermitian=True) * np.outer(unit, unit)
     beta = inverse @ xy
-    left = tuple(w.y - d @ beta[at] for w, d, at in zip(board.whites, designs, places, strict=True))
     covariance = np.maximum(1.0, _inflation(board, kept, places, beta, inverse, sizes[0])) * inverse[: sizes[0], : sizes[0]]
     names = [columns[k].nuisance.key for k in common]
     flight_names = [columns[k].nuisance.key for k in varies]
@@ -80,7 +77,6 @@ def joint_fit(
         dict(zip(names, beta[start[1] : start[2]], strict=True)),
         dict(zip(names, np.sqrt(np.diag(inverse)[start[1] : start[2]]), strict=True)),
         tuple(dict(zip(flight_names, beta[at[start[2] :]], strict=True)) for at in places),
-        left,
     )
 
 
@@ -117,7 +113,7 @@ class Fitted:
         own = float(np.sqrt(self.covariance[i, i]))
         if kind_of(effect) != "physics" or parameter in SHAPES.get(effect, ()):
             return own
-        return math.hypot(own, FORM_ERROR * (self.effects[effect][parameter] - _amplitude(effect, parameter).neutral))
+        return math.hypot(own, FORM_ERROR * (self.effects[effect][parameter] - amplitude_of(effect, parameter).neutral))
 
     def correlation(self, a: tuple[str, str], b: tuple[str, str]) -> float:
         """Correlation of two fitted parameters."""
@@ -189,7 +185,7 @@ def _prior(name: tuple[str, str], values: effect_table.Effects, model: Model) ->
 
 def _moves(name: tuple[str, str], values: effect_table.Effects, model: Model) -> Amplitude:
     """A free parameter about its present value, with the step of its column; a place moves by a part of what it acts over."""
-    a, reach = _amplitude(*name), reach_of(name, values, model)
+    a, reach = amplitude_of(*name), reach_of(name, values, model)
     return _small(dataclasses.replace(a, step=PART_OF_REACH * reach) if reach else a, values[name[0]][name[1]])
 
 

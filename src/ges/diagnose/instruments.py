@@ -47,10 +47,13 @@ def replayed(flight: Prepared, model: Model, more: Sequence[str] = ()) -> dict[s
         return None
     table, every = _table(flight), max(1, int(np.ceil(flight.dt_s / STEP_S)))
     start = {f"start_{name}": float(table[0, k]) for k, name in enumerate(POSITION + VELOCITY)}
-    hover = float(np.sqrt(model.weight_N / (4.0 * model.number("thrust_coefficient_N_s2"))))
     quiet = {name: 0.0 for name in sim.parameters() if name.endswith(("_noise_rad_s", "_noise_m_s2", "_noise_m", "_noise_m_s"))}
     half = 0.5 * table[0, 9]
-    start |= {"start_q_w": float(np.cos(half)), "start_q_z": float(np.sin(half)), **{f"start_{n}": hover for n in ROTOR_SPEED}}
+    start |= {
+        "start_q_w": float(np.cos(half)),
+        "start_q_z": float(np.sin(half)),
+        **{f"start_{n}": model.hover_rad_s for n in ROTOR_SPEED},
+    }
     numbers = {**model.parameters, **quiet, **start, "start": 1, "altitude_source": 1, "mode": "none",
                "inputs_dt_s": flight.dt_s, "dt_s": flight.dt_s / every, "record_every": every, "control_every": 1,
                "telemetry_every": every, "duration_s": (len(table) - 1) * flight.dt_s}  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -53,6 +54,11 @@ class Model:
     def weight_N(self) -> float:
         """Mass times gravity."""
         return self.number("mass_kg") * self.number("gravity_m_s2")
+
+    @property
+    def hover_rad_s(self) -> float:
+        """Rotor speed at which four rotors carry the weight."""
+        return math.sqrt(self.weight_N / (4.0 * self.number("thrust_coefficient_N_s2")))
 
     @property
     def arm_m(self) -> float:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from .. import effects as effect_table
-from .candidates import needs_of
+from .candidates import amplitude_of, needs_of
 from .evidence import Board
 from .fit import FORM_ERROR, SHAPES, Fitted, Joint, strain
 from .model import block_of
@@ -93,10 +93,9 @@ def strained(last: Joint, first: Joint, system: System) -> bool:
 def stands(fitted: Fitted, name: str) -> bool:
     """Whether some amplitude is clearly not neutral, and none went as far as the effect allows."""
     clear = False
-    for p in effect_table.get(name).parameters:
-        if (name, p.name) in fitted.free and p.name not in SHAPES.get(name, ()):
-            value, neutral = fitted.effects[name][p.name], 0.0 if math.isnan(p.neutral) else p.neutral
-            if value != neutral and value in (p.low, p.high):
-                return False
-            clear |= abs(value - neutral) > CLEAR_SDS * fitted.sd(name, p.name)
+    for parameter in (p for e, p in fitted.free if e == name and p not in SHAPES.get(name, ())):
+        value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
+        if value != a.neutral and value in (a.low, a.high):
+            return False
+        clear |= abs(value - a.neutral) > CLEAR_SDS * fitted.sd(name, parameter)
     return clear

@@ -321,7 +321,7 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     keys, thrust = [c.key for c in columns], model.number("thrust_coefficient_N_s2") * (now.drive.at_work**2).sum(axis=1)
     x = untrimmed(keys, x, windows, names, thrust)
     answered, strength = loose(keys, x, flight, windows, model, names, now.drive.at_work) if instrumented and keys else ({}, {})
-    return Rows(flight, windows, y, x, restless(flight, windows, model, now.drive.at_work), answered, strength)
+    return Rows(flight, windows, y, x, restless(flight, windows, model, thrust), answered, strength)
 
 
 def half_waves(flight: Prepared, length_s: float) -> int:
@@ -330,10 +330,9 @@ def half_waves(flight: Prepared, length_s: float) -> int:
     return min(MOST_HALF_WAVES, int(length_s / (UPDATES_PER_HALF_WAVE * slowest)))
 
 
-def restless(flight: Prepared, windows: Windows, model: Model, speeds: np.ndarray) -> np.ndarray:
+def restless(flight: Prepared, windows: Windows, model: Model, thrust: np.ndarray) -> np.ndarray:
     """Change of thrust between two readings of the rotor speeds, over weight, (m,): how much a slow stream may hide."""
     every = flight.update_s.get("rotor_speed" if flight.has("rotor_speed") else "command", flight.dt_s)
-    thrust = model.number("thrust_coefficient_N_s2") * (speeds**2).sum(axis=1)
     rate = np.abs(np.gradient(thrust, flight.dt_s)) / model.weight_N
     return windows.mean @ rate * (every if np.isfinite(every) else flight.dt_s)
 

@@ -17,7 +17,6 @@ LEAST_NOISE = 1e-5  # of the weight and its like: no recording is better
 WIDE = 10.0
 FEEDBACK = 0.7
 ROUNDS = 4
-NOISE_ROUNDS = 3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,12 +45,6 @@ class White:
         """Of the usable rows: columns with columns (K, K), columns with residuals (K,), residuals with residuals."""
         x, y = self.x[self.used], self.y[self.used]
         return x.T @ x, x.T @ y, float(y @ y)
-
-
-def _tolerance(system: System, kept: np.ndarray) -> np.ndarray:
-    """Sd that each kept column's coefficient may have: a nuisance's, over vehicles and flights; none for a chosen effect."""
-    told = [system.columns[k].nuisance for k in kept]
-    return np.array([np.hypot(n.sd, n.flight_sd) if n else np.inf for n in told])
 
 
 def _spread(column: Column, x: np.ndarray, y: np.ndarray) -> float:
