@@ -10,8 +10,10 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from scipy.special import stdtrit
 
 from ..files import replacing
 from .words import channel_words, number_words, quantity_words, stage_words, unit_words
@@ -38,7 +40,7 @@ def _figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
 
 
 def png(figure: Figure, dpi: int = 160) -> bytes:
-    """The figure as PNG, the same bytes every time."""
+    """The figure, laid out, as PNG, the same bytes every time."""
     out = io.BytesIO()
     with mpl.rc_context(_STYLE):
         figure.savefig(out, format="png", dpi=dpi, metadata={"Software": None})
@@ -50,8 +52,9 @@ def save(figure: Figure, folder: Path | str, name: str) -> bytes:
     picture = png(figure)
     with replacing(Path(folder) / f"{name}.png") as new:
         new.write_bytes(picture)
+    figure.set_layout_engine("none")  # as the PNG is laid out: half of the time to draw a figure is its layout
     with replacing(Path(folder) / f"{name}.pdf") as new, mpl.rc_context(_STYLE):
-        figure.savefig(new, format="pdf", metadata={"CreationDate": None, "Producer": None, "Creator": None})
+        FigureCanvasPdf(figure).print_pdf(new, metadata={"CreationDate": None, "Producer": None, "Creator": None})
     return picture
 
 
@@ -180,8 +183,6 @@ def residual_against(x: np.ndarray, y: np.ndarray, curves: Mapping[str, np.ndarr
 
 def binned(x: np.ndarray, y: np.ndarray, blocks: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Centre, mean and half width of the 95 % interval of every bin; a block of time counts as one draw."""
-    from scipy.stats import t as student
-
     center, mean, half = [], [], []
     number = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
     for k in range(len(edges) - 1):
@@ -194,7 +195,7 @@ def binned(x: np.ndarray, y: np.ndarray, blocks: np.ndarray, edges: np.ndarray) 
         error = np.sqrt((sums**2).sum() * count / max(count - 1, 1)) / inside.sum()
         center.append(float(x[inside].mean()))
         mean.append(about)
-        half.append(float(student.ppf(0.975, count - 1) * error) if count > 1 else np.nan)
+        half.append(float(stdtrit(count - 1, 0.975) * error) if count > 1 else np.nan)
     return np.array(center), np.array(mean), np.array(half)
 
 
