@@ -174,10 +174,26 @@ def corrected(columns: dict[str, np.ndarray], model: Model, effects: effect_tabl
 
 def driven_speeds(flights: Sequence[Prepared], model: Model, effects: effect_table.Effects) -> list[np.ndarray]:
     """Rotor speeds that the commands make, flown through the compiled drive; (n, 4) rad/s each."""
-    drives = {name: values for name, values in _of_kind(effects, "actuator").items() if not effect_table.get(name).modifies}
-    batch = [_drive_flight(flight, model, drives, commands_at_work(flight, model, effects)) for flight in flights]
-    records = sim.fly(batch, ROTOR_SPEED)
-    return [np.stack([r[name][: len(f.t_s)] for name in ROTOR_SPEED], axis=1) for r, f in zip(records, flights, strict=True)]
+    return _flown([(f, effects, _drive_inputs(f, commands_at_work(f, model, effects))) for f in flights], model)
+
+
+def driven_by_each(flight: Prepared, model: Model, sets: Sequence[effect_table.Effects]) -> list[np.ndarray]:
+    """The same of one flight under several sets of effects, flown as one batch."""
+    plain = _drive_inputs(flight, commands_at_work(flight, model, {}))
+    inputs = [_drive_inputs(flight, commands_at_work(flight, model, e)) if _modified(e) else plain for e in sets]
+    return _flown([(flight, e, table) for e, table in zip(sets, inputs, strict=True)], model)
+
+
+def _flown(batch: Sequence[tuple[Prepared, effect_table.Effects, np.ndarray]], model: Model) -> list[np.ndarray]:
+    """Rotor speeds (n, 4) of flights with their effects and the inputs of their drives."""
+    records = sim.fly([_drive_flight(flight, model, effects, inputs) for flight, effects, inputs in batch], ROTOR_SPEED)
+    lengths = [len(flight.t_s) for flight, _, _ in batch]
+    return [np.stack([r[name][:n] for name in ROTOR_SPEED], axis=1) for r, n in zip(records, lengths, strict=True)]
+
+
+def _modified(effects: effect_table.Effects) -> set[str]:
+    """Actuators that change the commands by what another effect says."""
+    return {name for name in _of_kind(effects, "actuator") if effect_table.get(name).modifies}
 
 
 def commands_at_work(flight: Prepared, model: Model, effects: effect_table.Effects) -> np.ndarray:
@@ -186,7 +202,7 @@ def commands_at_work(flight: Prepared, model: Model, effects: effect_table.Effec
     The drive itself is flown far above the ground, so such effects are asked here, along the recorded path.
     """
     u = flight.stack("command").clip(0.0, 1.0)
-    acting = {name for name in _of_kind(effects, "actuator") if effect_table.get(name).modifies}
+    acting = _modified(effects)
     if not acting:
         return u
     on = {name: effects[name] for name in acting | {effect_table.get(name).modifies for name in acting} if name in effects}
@@ -195,18 +211,28 @@ def commands_at_work(flight: Prepared, model: Model, effects: effect_table.Effec
     return said.rotor_command_rad_s / model.number("max_rotor_speed_rad_s")
 
 
-def _drive_flight(flight: Prepared, model: Model, effects: effect_table.Effects, commands: np.ndarray) -> sim.Flight:
+def _drive_inputs(flight: Prepared, commands: np.ndarray) -> np.ndarray:
+    """Commands, attitude, battery voltage and rates, a row for every step of the drive."""
+    u, voltage = _between(commands, _drive_steps(flight)), flight.columns.get("battery_V", np.full(len(flight.t_s), np.nan))
+    upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(u), 1))
+    return np.column_stack([u, upright, np.repeat(voltage, _drive_steps(flight)), np.zeros((len(u), 3))])
+
+
+def _drive_steps(flight: Prepared) -> int:
+    """Steps of the drive between two samples."""
+    return max(1, int(np.ceil(flight.dt_s / DRIVE_STEP_S)))
+
+
+def _drive_flight(flight: Prepared, model: Model, effects: effect_table.Effects, inputs: np.ndarray) -> sim.Flight:
     from ..terrain import Terrain
 
-    n, every = len(flight.t_s), max(1, int(np.ceil(flight.dt_s / DRIVE_STEP_S)))
-    u, voltage = _between(commands, every), flight.columns.get("battery_V", np.full(n, np.nan))
-    upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(u), 1))
-    inputs = np.column_stack([u, upright, np.repeat(voltage, every), np.zeros((len(u), 3))])
-    first = {f"start_{name}": model.number("max_rotor_speed_rad_s") * u[0, i] for i, name in enumerate(ROTOR_SPEED)}
+    drives = {name: values for name, values in _of_kind(effects, "actuator").items() if not effect_table.get(name).modifies}
+    every, n = _drive_steps(flight), len(flight.t_s)
+    first = {f"start_{name}": model.number("max_rotor_speed_rad_s") * inputs[0, i] for i, name in enumerate(ROTOR_SPEED)}
     numbers = {**model.parameters, **first, "control": 1, "attitude_imposed": 1, "start": 1, "start_p_z_m": HIGH_ABOVE_GROUND_M,
                "inputs_dt_s": flight.dt_s / every, "dt_s": flight.dt_s / every, "record_every": every, "control_every": every,
                "telemetry_every": every, "duration_s": n * flight.dt_s}  # fmt: skip
-    return sim.Flight(numbers, effects, Terrain.flat(), inputs)
+    return sim.Flight(numbers, drives, Terrain.flat(), inputs)
 
 
 def _between(u: np.ndarray, every: int) -> np.ndarray:
@@ -227,13 +253,12 @@ class Drive:
     commanded: np.ndarray | None
 
 
-def drive_of(flight: Prepared, model: Model, effects: effect_table.Effects, names: Sequence[str]) -> Drive:
-    """Both of one flight, flown once."""
+def drives_of(flight: Prepared, model: Model, sets: Sequence[effect_table.Effects], names: Sequence[str]) -> list[Drive]:
+    """Both of one flight under each of these sets of effects, flown once."""
     if not flight.has("rotor_speed"):
-        made = driven_speeds([flight], model, effects)[0]
-        return Drive(made, made)
-    commanded = driven_speeds([flight], model, effects)[0] if DRIVE[0] in names else None
-    return Drive(speeds_at_work(flight, model, effects), commanded)
+        return [Drive(made, made) for made in driven_by_each(flight, model, sets)]
+    commanded = driven_by_each(flight, model, sets) if DRIVE[0] in names else [None] * len(sets)
+    return [Drive(speeds_at_work(flight, model, e), made) for e, made in zip(sets, commanded, strict=True)]
 
 
 def speeds_at_work(flight: Prepared, model: Model, effects: effect_table.Effects) -> np.ndarray:
@@ -311,7 +336,7 @@ def residual(flight: Prepared, windows: Windows, model: Model, names: Sequence[s
 
 
 def along(flight: Prepared, windows: Windows, model: Model, names: Sequence[str], more: effect_table.Effects | None = None,
-          like: Along | None = None) -> Along:  # fmt: skip
+          like: Along | None = None, drive: Drive | None = None) -> Along:  # fmt: skip
     """Recorded less modelled.
 
     Parameters
@@ -319,9 +344,11 @@ def along(flight: Prepared, windows: Windows, model: Model, names: Sequence[str]
     names : channels, those of faster test functions included (see :func:`with_overtones`).
     more : effects added to those of the model, for this evaluation.
     like : evaluation without ``more``.
+    drive : the drive with ``more``, where it is known.
     """
     effects = model.with_effects(more).effects if more else model.effects
-    drive = like.drive if like and not drives(more or {}, model.effects) else drive_of(flight, model, effects, names)
+    if drive is None:
+        drive = like.drive if like and not drives(more or {}, model.effects) else drives_of(flight, model, [effects], names)[0]
     motion = like.motion if like and not _turning_faults(more or {}) else motion_of(flight, model, effects)
     said = _said_again(like, drive, motion, effects)
     if said is None:

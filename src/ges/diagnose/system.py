@@ -13,7 +13,7 @@ from .align import Prepared
 from .answers import Loose, loose, untrimmed
 from .candidates import NEEDS_ATTITUDE, Variant
 from .model import SPEED, Model, block_of
-from .residual import HELD_SHARE, MOMENT, Along, along, channels, drives, with_overtones
+from .residual import HELD_SHARE, MOMENT, Along, Drive, along, channels, drives, drives_of, with_overtones
 from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, blocks_of, make_windows
 
 AR_ORDER = 3
@@ -68,14 +68,6 @@ class Nuisance:
     step: float
     sd: float
     flight_sd: float
-
-    @property
-    def made_of(self) -> tuple:
-        """What the column is computed from: two columns with the same are the same."""
-        if self.nuisance is not None:
-            return (self.nuisance,)
-        v = self.variant
-        return v.effect, tuple(v.shape.items()), v.amplitudes[self.amplitude], self.part
 
     @property
     def key(self) -> str:
@@ -241,10 +233,11 @@ def _inward(effect: str, parameter: str, value: float, step: float) -> float:
 
 
 def _reference(model: Model, column: Column) -> dict:
-    """Effects that must be on already for the column's shape, with the amplitude still neutral."""
+    """Effects that must be on already for the column's shape, with the amplitude still neutral; {} where they do nothing."""
     if column.nuisance is not None or column.variant.effect in model.effects:
         return {}
-    return {**column.variant.beside, column.variant.effect: column.variant.parameters({})}
+    neutral = {**column.variant.beside, column.variant.effect: column.variant.parameters({})}
+    return neutral if drives(neutral) or column.variant.beside else {}
 
 
 def _shift(model: Model, column: Column) -> tuple[dict, float]:
@@ -278,6 +271,7 @@ class _Seen:
     names: Sequence[str]
     here: Sequence[str]
     now: Along
+    driven: Mapping[str, Drive]
 
     def column(self, column: Column) -> np.ndarray:
         """Minus the residual's change per unit of the column's coefficient, (m, C)."""
@@ -286,9 +280,7 @@ class _Seen:
             other = self.model.with_number(n.parameter, self.model.number(n.parameter) + n.step)
             return (self._at() - _among(self.names, self.here, along(self.flight, self.windows, other, self.here))) / n.step
         shifted, step = _shift(self.model, column)
-        reference = _reference(self.model, column)
-        acts = drives(reference) or column.variant is not None and bool(column.variant.beside)
-        change = (self._at(reference if acts else None) - self._at(shifted)) / step
+        change = (self._at(_reference(self.model, column)) - self._at(shifted)) / step
         if column.part:
             moments = np.array([block_of(name) == "moment" for name in self.names])
             change[:, moments if column.part == "force" else ~moments] *= 0.0
@@ -296,8 +288,17 @@ class _Seen:
 
     def _at(self, effects: effect_table.Effects | None = None) -> np.ndarray:
         """Residuals with effects added."""
-        now = along(self.flight, self.windows, self.model, self.here, effects, self.now) if effects else self.now
-        return _among(self.names, self.here, now)
+        if not effects:
+            return _among(self.names, self.here, self.now)
+        drive = self.driven.get(repr(effects))
+        return _among(self.names, self.here, along(self.flight, self.windows, self.model, self.here, effects, self.now, drive))
+
+
+def _driven(flight: Prepared, model: Model, here: Sequence[str], columns: Iterable[Column]) -> dict[str, Drive]:
+    """Drives under all that these columns add to the effects, flown as one batch, by what is added."""
+    added = [e for c in columns if c.key != SPEED for e in (_reference(model, c), _shift(model, c)[0])]
+    sets = {repr(e): e for e in added if e and drives(e, model.effects)}
+    return dict(zip(sets, drives_of(flight, model, [model.with_effects(e).effects for e in sets.values()], here), strict=True))
 
 
 def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence[Column], length_s: float,
@@ -314,9 +315,10 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     y = _among(names, here, now)
     x = np.empty((*y.shape, 0))
     if columns:
-        told, seen = known or {}, _Seen(flight, windows, model, names, here, now)
-        made = {c.made_of: c for c in columns}
-        values = {of: told[c.key] if c.nuisance and c.key in told else seen.column(c) for of, c in made.items()}
+        told, made = known or {}, {c.made_of: c for c in columns}
+        new = {of: c for of, c in made.items() if not (c.nuisance and c.key in told)}
+        seen = _Seen(flight, windows, model, names, here, now, _driven(flight, model, here, new.values()))
+        values = {of: seen.column(c) if of in new else told[c.key] for of, c in made.items()}
         x = np.stack([values[c.made_of] for c in columns], axis=2)
     keys, thrust = [c.key for c in columns], model.number("thrust_coefficient_N_s2") * (now.drive.at_work**2).sum(axis=1)
     x = untrimmed(keys, x, windows, names, thrust)
