@@ -9,12 +9,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from .. import effects as effect_table
+from ..threads import each
 from .align import Prepared
 from .candidates import Amplitude, Variant, amplitude_of, kind_of, reach_of
 from .evidence import Board, gram_of, make_board, unanswered
 from .model import Model
 from .select import Hypothesis
 from .system import ALL_ON, Switches, System, build
+from .whiten import White
 
 BLOCK_S = 10.0
 ROUNDS = 4
@@ -85,16 +87,22 @@ def _inflation(board: Board, kept: np.ndarray, places: Sequence[np.ndarray], bet
     """Factor by which blocks of time scatter more than independent rows would (sandwich over blocks), (k, k)."""
     if not count:
         return np.ones((0, 0))
-    middle = np.zeros_like(inverse)
-    for white, at, number in zip(board.whites, places, board.system.blocks(BLOCK_S), strict=True):
-        x, y = unanswered(white)
-        d, e = x[:, :, kept], y - x[:, :, kept] @ beta[at]
-        for b in np.unique(number):
-            score = np.einsum("mck,mc->k", d[number == b], e[number == b])
+    middle, blocks = np.zeros_like(inverse), board.system.blocks(BLOCK_S)
+    found = each(lambda white, at, number: _scores(white, kept, beta[at], number), board.whites, places, blocks)
+    for scores, at in zip(found, places, strict=True):
+        for score in scores:
             middle[np.ix_(at, at)] += np.outer(score, score)
     robust = (inverse @ middle @ inverse)[:count, :count]
     factor = np.sqrt(np.maximum(np.diag(robust) / np.diag(inverse)[:count], 1.0))
     return np.outer(factor, factor)
+
+
+def _scores(white: White, kept: np.ndarray, beta: np.ndarray, block: np.ndarray) -> list[np.ndarray]:
+    """By block of time of one flight, what its residuals push the kept coefficients to, (k,)."""
+    x, y = unanswered(white)
+    d = x[:, :, kept]
+    e = y - d @ beta
+    return [np.einsum("mck,mc->k", d[block == b], e[block == b]) for b in np.unique(block)]
 
 
 @dataclasses.dataclass(frozen=True)

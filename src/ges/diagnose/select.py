@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.special import logsumexp
 
+from ..threads import each
 from .candidates import Candidate, needs_of
 from .evidence import DECLARED, Board, Gram, Posterior, posterior, posteriors
 
@@ -114,11 +115,14 @@ class Scales:
         """Of every combination over nothing, those of one number of columns at once."""
         columns = [self.columns(c) for c in combos]
         sizes, out = np.array([len(c) for c in columns], dtype=int), np.zeros(len(combos))
-        for size in np.unique(sizes):
-            same = np.flatnonzero(sizes == size)
-            for part in np.array_split(same, 1 + len(same) // AT_ONCE):
-                out[part] = posteriors(self.gram, [columns[i] for i in part], self.board.prior)[2]
+        same = [np.flatnonzero(sizes == size) for size in np.unique(sizes)]
+        parts = [part for at in same for part in np.array_split(at, 1 + len(at) // AT_ONCE)]
+        for part, found in zip(parts, each(lambda part: self._weighed([columns[i] for i in part]), parts), strict=True):
+            out[part] = found
         return out - self.nothing
+
+    def _weighed(self, sets: Sequence[tuple[int, ...]]) -> np.ndarray:
+        return posteriors(self.gram, sets, self.board.prior)[2]
 
 
 def scales(board: Board, listed: Sequence[Entry]) -> Scales:

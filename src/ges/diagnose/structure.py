@@ -19,6 +19,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from ..threads import each
+
 KNOTS = 9
 PLACE_KNOTS = 7
 PLACE = ("east_m", "north_m")
@@ -176,7 +178,7 @@ def _of_mean(raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
     count = int(block.max(initial=-1)) + 1
     fold_of, signs = rng.permutation(count) % FOLDS, rng.choice([-1.0, 1.0], (count, DRAWS))
     kept: dict[bytes, list[Basis]] = {}
-    tested, chance = [], []
+    asked: list[tuple[str, Basis, np.ndarray, np.ndarray]] = []
     for c, channel in enumerate(names):
         e = np.concatenate([r[:, c] for r in raw])
         used = np.isfinite(e)
@@ -186,11 +188,9 @@ def _of_mean(raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
         if used.tobytes() not in kept:
             here = {n: v[used] for n, v in values.items()}
             kept[used.tobytes()] = [_basis(here, r, fold) for r in _regimes(excited(here))]
-        for basis in kept[used.tobytes()]:
-            found, draws = _tested(channel, basis, e[used], block[used], fold_of, signs)
-            tested.append(found)
-            chance.append(draws)
-    return _judged(tested, np.array(chance))
+        asked += [(channel, basis, e[used], block[used]) for basis in kept[used.tobytes()]]
+    found = each(lambda ask: _tested(*ask, fold_of, signs), asked)
+    return _judged([tested for tested, _ in found], np.array([draws for _, draws in found]))
 
 
 def _of_size(raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]) -> list[Structure]:

@@ -109,26 +109,27 @@ def estimate(system: System, chosen: Sequence[int] = ()) -> Noise:
     Without chosen columns a strong effect counts as noise: cautious, so the search starts there.
     """
     nuisance = [k for k, column in enumerate(system.columns) if column.nuisance is not None]
-    kept = np.array([*nuisance, *chosen], dtype=int)
-    count = len(system.names)
-    ar, sd, growth = np.zeros((count, AR_ORDER)), np.ones(count), np.zeros(count)
-    unrest, runs = unrest_of(system.flights), [_run(r.follows) for r in system.flights]
-    for c in range(count):
-        pieces = [
-            (*_lagged(left, run, AR_ORDER), u) for left, run, u in zip(_left_over(system, c, kept), runs, unrest, strict=True)
-        ]
-        value = np.concatenate([p[1] for p in pieces])
-        past = np.concatenate([p[2] for p in pieces])
-        if len(value) < 4 * AR_ORDER:
-            continue
-        gram = past.T @ past
-        if not system.whitened:
-            sd[c] = float(np.sqrt(np.mean(value**2)))
-            continue
-        ar[c] = np.linalg.solve(gram + max(RIDGE * np.trace(gram), TINY) * np.eye(AR_ORDER), past.T @ value)
-        sd[c], growth[c] = _growth(value - past @ ar[c], np.concatenate([p[3][p[0]] for p in pieces]))
+    kept, unrest = np.array([*nuisance, *chosen], dtype=int), unrest_of(system.flights)
+    runs = [_run(r.follows) for r in system.flights]
+    found = each(lambda c: _of_channel(system, _left_over(system, c, kept), runs, unrest), range(len(system.names)))
+    ar, sd, growth = (np.array(told) for told in zip(*found, strict=True))
     floor = [LEAST_NOISE * system.model.whole(name) for name in system.names]
     return Noise(ar, np.maximum(sd, floor), growth)
+
+
+def _of_channel(
+    system: System, left: Sequence[np.ndarray], runs: Sequence[np.ndarray], unrest: Sequence[np.ndarray]
+) -> tuple[np.ndarray, float, float]:
+    """AR coefficients, innovation sd and growth of what is left of one channel, by flight."""
+    pieces = [(*_lagged(e, run, AR_ORDER), u) for e, run, u in zip(left, runs, unrest, strict=True)]
+    value, past = np.concatenate([p[1] for p in pieces]), np.concatenate([p[2] for p in pieces])
+    if len(value) < 4 * AR_ORDER:
+        return np.zeros(AR_ORDER), 1.0, 0.0
+    if not system.whitened:
+        return np.zeros(AR_ORDER), float(np.sqrt(np.mean(value**2))), 0.0
+    gram = past.T @ past
+    ar = np.linalg.solve(gram + max(RIDGE * np.trace(gram), TINY) * np.eye(AR_ORDER), past.T @ value)
+    return ar, *_growth(value - past @ ar, np.concatenate([p[3][p[0]] for p in pieces]))
 
 
 def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:
@@ -171,9 +172,10 @@ def _white(rows: Rows, noise: Noise, unrest: np.ndarray) -> tuple[White, dict[st
     y, x, used, run = np.zeros(rows.y.shape), np.zeros(rows.x.shape), np.zeros(rows.y.shape, bool), _run(rows.follows)
     loose = {kind: {c: np.zeros_like(part) for c, part in parts.items()} for kind, parts in rows.loose.items()}
     for c in range(rows.y.shape[1]):
-        at, _, _ = _lagged(rows.y[:, c], run, noise.ar.shape[1])
-        if not len(at):
+        found, _, _ = _lagged(rows.y[:, c], run, noise.ar.shape[1])
+        if not len(found):
             continue
+        at = _together(found)
         sd = noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * unrest[at] ** 2)
         used[at, c] = True
         y[at, c] = _filtered(rows.y[:, c], at, noise.ar[c]) / sd
@@ -183,6 +185,12 @@ def _white(rows: Rows, noise: Noise, unrest: np.ndarray) -> tuple[White, dict[st
     return White(y, x, used, {}), loose
 
 
-def _filtered(signal: np.ndarray, at: np.ndarray, ar: np.ndarray) -> np.ndarray:
+def _together(at: np.ndarray) -> np.ndarray | slice:
+    """Rows as a slice, which copies nothing, where they are without gaps."""
+    return slice(int(at[0]), int(at[-1]) + 1) if len(at) == at[-1] - at[0] + 1 else at
+
+
+def _filtered(signal: np.ndarray, at: np.ndarray | slice, ar: np.ndarray) -> np.ndarray:
     """Rows ``at`` less what the rows before them foretell."""
-    return signal[at] - sum(a * signal[at - k] for k, a in enumerate(ar, 1))
+    before = (slice(at.start - k, at.stop - k) if isinstance(at, slice) else at - k for k in range(1, len(ar) + 1))
+    return signal[at] - sum(a * signal[rows] for a, rows in zip(ar, before, strict=True))
