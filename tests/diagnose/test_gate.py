@@ -70,6 +70,13 @@ def test_two_clocks_that_drift_are_said(whole, model):
     assert not any("two clocks" in w for w in pass_gate([whole, whole], model).warnings)
 
 
+def test_noise_is_no_second_clock(whole, model):
+    """The attitude of a calm flight, as noisy as its motion: delays of single stretches scatter by tens of milliseconds."""
+    rng, attitude = np.random.default_rng(0), ["q_w", "q_x", "q_y", "q_z"]
+    flights = [_changed(whole, **{n: whole[n] + rng.normal(0.0, sd, len(whole)) for n in attitude}) for sd in (0.003, 0.01, 0.03)]
+    assert not any("two clocks" in w for w in pass_gate(flights * 2, model).warnings)
+
+
 def test_a_constant_delay_of_the_pose_is_taken_out(whole, model):
     t = whole["t_s"].to_numpy()
     pose = [n for n in whole if n.startswith(("p_x", "p_y", "p_z", "v_x", "v_y", "v_z", "q_"))]

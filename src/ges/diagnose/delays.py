@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
+from scipy.special import stdtrit
 
 from .align import STREAMS, Prepared, lift
 from .model import Model
@@ -22,7 +23,8 @@ LEAST_DELAY_SD_S, LEAST_DRIVE_SD_S = 0.001, 0.005
 POSE_LAGS_S = np.arange(-0.15, 0.15 + 1e-9, 0.005)
 SHORTEST_S = 5.0
 LEAST_FREE = 0.5
-CLEAR_CORRELATION = 0.8
+DRIFT_BLOCK_S, LEAST_BLOCKS, CHANCE_OF_DRIFT = 2.5, 5, 0.001
+LEAST_OF_BLOCK, CLEAREST = 0.5, 0.98  # correlations: of a block that tells its delay, and that no noise counts beyond
 LEAST_GYRO_SD_RAD_S = 0.002
 
 
@@ -122,35 +124,61 @@ def _both_rates(flight: Prepared) -> tuple[np.ndarray, np.ndarray] | None:
     return tuple(gaussian_filter1d(r, width, axis=0) for r in (flight.stack("gyro"), turning))
 
 
-def _rate_correlations(flight: Prepared, inside: np.ndarray) -> np.ndarray | None:
-    """Sums for the correlation of the two body rates at every lag of the pose, over some samples: (3, lags)."""
+def _rate_correlations(flight: Prepared) -> np.ndarray | None:
+    """Sums for the correlation of the two body rates at every lag of the pose: (3, lags)."""
     pair, lags_s = _both_rates(flight), POSE_LAGS_S
-    if pair is None or inside.sum() * flight.dt_s <= SHORTEST_S:
+    if pair is None or flight.flying.sum() * flight.dt_s <= SHORTEST_S:
         return None
     sums = np.zeros((3, len(lags_s)))
     for a, b in zip(pair[0].T, pair[1].T, strict=True):
         a, b = _high_pass(a, flight.dt_s), _high_pass(b, flight.dt_s)
-        sums += _sums(flight, a, b, inside, lags_s)
+        sums += _sums(flight, a, b, flight.flying, lags_s)
     return sums
 
 
 def pose_delay(flights: Sequence[Prepared]) -> Delay | None:
     """How late position, velocity and attitude are against the gyro, by direct correlation of the two body rates."""
-    told = [s for f in flights if (s := _rate_correlations(f, f.flying)) is not None]
+    told = [s for f in flights if (s := _rate_correlations(f)) is not None]
     return _told("attitude", told, POSE_LAGS_S, LEAST_DELAY_SD_S)
 
 
 def clock_drift(flight: Prepared) -> float:
-    """How much later the pose gets against the gyro from the first third of a flight to the last, s; 0 where it is not told."""
-    at, found = np.flatnonzero(flight.flying), []
-    for part in (at[: len(at) // 3], at[-(len(at) // 3) :]) if len(at) > 2 else ():
-        inside = np.zeros(len(flight.t_s), bool)
-        inside[part] = True
-        sums = _rate_correlations(flight, inside)
-        found.append(_told("attitude", [] if sums is None else [sums], POSE_LAGS_S, LEAST_DELAY_SD_S))
-    if len(found) < 2 or any(f is None or f.correlation < CLEAR_CORRELATION for f in found):
+    """How much later the pose gets against the gyro along a flight, s; 0 where that is not told, or may be chance.
+
+    A line through the delays of blocks of time, at whole samples: interpolation between them smooths noise, and draws the peak
+    of a noisy correlation to half a sample, one way in one block and the other way in the next.
+    """
+    pair, rows = _both_rates(flight), np.flatnonzero(flight.flying)
+    count = int(len(rows) * flight.dt_s // DRIFT_BLOCK_S)
+    if pair is None or count < LEAST_BLOCKS:
         return 0.0
-    return found[1].delay_s - found[0].delay_s
+    gyro, pose = (_high_pass(rates.T, flight.dt_s) for rates in pair)
+    lags = np.arange(int(POSE_LAGS_S[0] / flight.dt_s), int(POSE_LAGS_S[-1] / flight.dt_s) + 1)
+    blocks = np.array_split(rows, count)
+    told = np.array([_peak(_whole_sums(gyro, pose, block, lags), lags * flight.dt_s) for block in blocks])
+    centers_s = np.array([flight.t_s[block].mean() for block in blocks])
+    return (flight.t_s[rows[-1]] - flight.t_s[rows[0]]) * _slope(centers_s, *told.T)
+
+
+def _whole_sums(a: np.ndarray, b: np.ndarray, rows: np.ndarray, lags: np.ndarray) -> np.ndarray:
+    """Sums for the correlation of signals (k, n) with others taken later by whole samples, over some rows: (3, lags)."""
+    late, now = b[:, np.clip(rows + lags[:, None], 0, b.shape[1] - 1)], a[:, rows]
+    return np.stack([np.einsum("klr,kr->l", late, now), (late**2).sum(axis=(0, 2)), np.full(len(lags), (now**2).sum())])
+
+
+def _slope(t_s: np.ndarray, delay_s: np.ndarray, correlation: np.ndarray) -> float:
+    """Of the line through delays, each as good as its correlation; 0 where their scatter about it may have made it."""
+    told = correlation > LEAST_OF_BLOCK
+    if told.sum() < LEAST_BLOCKS:
+        return 0.0
+    x, y, free = t_s[told], delay_s[told], told.sum() - 2
+    share = np.minimum(correlation[told], CLEAREST) ** 2
+    weight = share / (1.0 - share)
+    x, y = x - np.average(x, weights=weight), y - np.average(y, weights=weight)
+    spread = weight @ x**2
+    slope = float(weight @ (x * y) / spread)
+    sd = float(np.sqrt(weight @ (y - slope * x) ** 2 / free / spread))
+    return slope if abs(slope) > -stdtrit(free, 0.5 * CHANCE_OF_DRIFT) * sd else 0.0
 
 
 def gyro_bias(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray] | None:

@@ -144,7 +144,7 @@ def _remarks(flight: Prepared) -> list[str]:
         told.append(
             f"reaches the limit of its gyro or accelerometer; {flight.left_out['clipping']:.2g} s around that are left out"
         )
-    if abs(drift) > LEAST_DRIFT_S:
+    if abs(drift) > max(LEAST_DRIFT_S, *(flight.update_s[s] for s in ("gyro", "attitude") if flight.has(s))):
         told.append(f"has two clocks: its attitude gets {1e3 * drift:.0f} ms later against its gyro along the flight; bring the "
                     "logs to one clock before they are imported")  # fmt: skip
     return told
