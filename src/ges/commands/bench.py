@@ -1,4 +1,4 @@
-"""``ges bench``: how fast the simulator is, measured in one run."""
+"""``ges bench``: how fast the simulator and the diagnosis are, measured in one run."""
 
 from __future__ import annotations
 
@@ -7,15 +7,33 @@ import os
 import platform
 import statistics
 import sys
+import tempfile
 import time
 from pathlib import Path
 
 import click
+import numpy as np
 
-from .. import effects, sim
+from .. import effects, manoeuvres, sim
 from ..terrain import Terrain
+from ..threads import cores
 
 STUDY_EFFECTS = {"ground_effect": {"curvature_gain_m": 0.6}}
+QUAD = {
+    "name": "quad", "mass_kg": {"value": 1.0, "sd": 0.02}, "inertia_kg_m2": {"xx": 0.01, "yy": 0.01, "zz": 0.018, "sd_rel": 0.1},
+    "rotors": [{"x_m": 0.12 * x, "y_m": 0.12 * y, "radius_m": 0.1, "spin": spin}
+               for x, y, spin in ((1, -1, "ccw"), (-1, 1, "ccw"), (1, 1, "cw"), (-1, -1, "cw"))],
+    "thrust_coefficient_N_s2": {"value": 6e-6, "sd_rel": 0.03}, "torque_coefficient_Nm_s2": {"value": 1e-7, "sd_rel": 0.1},
+    "max_rotor_speed_rad_s": {"value": 1000, "sd_rel": 0.01}, "motor_time_constant_s": {"value": 0.023, "sd_rel": 0.12},
+}  # fmt: skip
+PLANTED = {"rotor_drag": {"k_kg": 1e-4}}
+PLANS = ("height_staircase", "straight_runs", "climbs", "hover", "yaw_turn")
+HELD_OUT = ("flight5",)
+READ = {**{f"gyro_{a}_rad_s": f"omega_{a}_rad_s" for a in "xyz"}, **{f"attitude_{a}": f"q_{a}" for a in "wxyz"}}
+LOGGED = ("t_s", *(f"p_{a}_m" for a in "xyz"), *(f"v_{a}_m_s" for a in "xyz"), *(f"acc_{a}_m_s2" for a in "xyz"), "range_m",
+          "battery_V", *(f"rotor_speed_{i}_rad_s" for i in range(1, 5)), *(f"u_{i}" for i in range(1, 5)),
+          *manoeuvres.COLUMNS[:6], "yaw_ref_rad", *READ)  # fmt: skip
+NOISE = {"v_": 0.02, "q_": 0.001}  # of an estimator: m/s and 1
 
 
 def _seconds(work, repeats: int) -> list[float]:
@@ -68,16 +86,40 @@ def _replay_case(repeats: int) -> dict:
     }
 
 
-@click.command()
-@click.argument("what", type=click.Choice(["sim"]))
-@click.option("--duration", default=30.0, show_default=True, help="Simulated seconds of each flight.")
-@click.option("--repeats", default=5, show_default=True, help="Runs of each case; the fastest counts.")
-@click.option("--out", type=click.Path(path_type=Path), help="Write the figures here as JSON.")
-def command(what: str, duration: float, repeats: int, out: Path | None) -> None:
-    """Steps per second and core, for one flight and for lanes, beside cheaper kernels for scale.
+def _manoeuvre(vehicle, plan: str, duration: float, seed: int) -> sim.Flight:
+    numbers = {**vehicle.parameters(), "seed": seed, "altitude_source": 1, "mode": "none", "inputs_dt_s": manoeuvres.STEP_S,
+               "duration_s": duration}  # fmt: skip
+    return sim.Flight(numbers, PLANTED, Terrain.flat(), manoeuvres.make(plan, duration))
 
-    Example: ges bench sim --out bench.json
-    """
+
+def _logged(record: sim.Record, seed: int):
+    """A flight's table, its velocity and attitude as noisy as an estimator's."""
+    import pandas as pd
+
+    rng, columns = np.random.default_rng(seed), {READ.get(name, name): values for name, values in record.columns.items()}
+    return pd.DataFrame({n: v + rng.normal(0.0, NOISE.get(n[:2], 0.0), len(v)) for n, v in columns.items()})
+
+
+def _diagnosis_case(duration: float, repeats: int) -> dict:
+    """Five flights with rotor drag: seconds of simulating them, of diagnosing them and of writing the report."""
+    from ..diagnose.chain import diagnose
+    from ..diagnose.output import write_diagnosis
+    from ..vehicle import parse_vehicle
+
+    vehicle = parse_vehicle(QUAD)
+    flights = [_manoeuvre(vehicle, plan, duration, seed) for seed, plan in enumerate(PLANS, 1)]
+    frames = [_logged(record, seed) for seed, record in enumerate(sim.fly(flights, LOGGED), 1)]
+    found = diagnose(frames, vehicle, holdout=HELD_OUT)
+    simulated = min(_seconds(lambda: sim.fly(flights, LOGGED), repeats))
+    diagnosed = min(_seconds(lambda: diagnose(frames, vehicle, holdout=HELD_OUT), repeats))
+    with tempfile.TemporaryDirectory() as out:
+        written = min(_seconds(lambda: write_diagnosis(found, Path(out)), repeats))
+    return {"case": "five flights with rotor drag", "flown_s": len(PLANS) * duration, "cores": cores(),
+            "found": [f.name for f in found.findings], "simulation_s": simulated, "diagnosis_s": diagnosed, "report_s": written,
+            "times_simulation": diagnosed / simulated}  # fmt: skip
+
+
+def _bench_sim(duration: float, repeats: int) -> list[dict]:
     cases = _cases(duration, repeats)
     scale = cases[-1]["steps_per_s"]
     for case in cases:
@@ -86,7 +128,35 @@ def command(what: str, duration: float, repeats: int, out: Path | None) -> None:
         )
     replay = _replay_case(repeats)
     click.echo(f"{replay['samples_per_s'] / 1e6:8.2f} million samples/s                     {replay['case']}")
+    return [*cases, replay]
+
+
+def _bench_diagnosis(duration: float, repeats: int) -> list[dict]:
+    case = _diagnosis_case(duration, repeats)
+    of = f"{case['case']}, {duration:g} s each, {case['cores']} cores"
+    click.echo(f"{case['diagnosis_s']:8.2f} s diagnosis  {case['times_simulation']:6.1f} x simulating the same flights  {of}")
+    click.echo(f"{case['report_s']:8.2f} s report")
+    return [case]
+
+
+BENCHES = {"sim": _bench_sim, "diagnosis": _bench_diagnosis}
+
+
+@click.command()
+@click.argument("what", type=click.Choice(list(BENCHES)))
+@click.option("--duration", default=30.0, show_default=True, help="Simulated seconds of each flight.")
+@click.option("--repeats", default=5, show_default=True, help="Runs of each case; the fastest counts.")
+@click.option("--out", type=click.Path(path_type=Path), help="Write the figures here as JSON.")
+def command(what: str, duration: float, repeats: int, out: Path | None) -> None:
+    """How fast it is. sim: steps per second and core, for one flight and for lanes, beside cheaper kernels for scale.
+    diagnosis: seconds of diagnosing five flights, as many times those of simulating them, and of writing the report.
+
+    Example: ges bench sim --out bench.json
+
+    Example: ges bench diagnosis --duration 60 --repeats 1
+    """
+    cases = BENCHES[what](duration, repeats)
     if out:
         machine = {"processor": platform.machine(), "cores": os.cpu_count(), "python": sys.version.split()[0]}
-        out.with_suffix(".new").write_text(json.dumps({"machine": machine, "cases": [*cases, replay]}, indent=1) + "\n")
+        out.with_suffix(".new").write_text(json.dumps({"machine": machine, "cases": cases}, indent=1) + "\n")
         out.with_suffix(".new").replace(out)
