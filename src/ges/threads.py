@@ -1,10 +1,11 @@
-"""Work on several cores within one process: compiled calls and large array operations of different threads run at once."""
+"""Work on several cores: compiled calls and large array operations by threads of one process, plain Python by processes."""
 
 from __future__ import annotations
 
+import multiprocessing
 import os
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 
 def cores() -> int:
@@ -21,3 +22,23 @@ def each(work: Callable, *arguments: Iterable) -> list:
         return list(map(work, *arguments))
     with ThreadPoolExecutor(count) as pool:
         return list(pool.map(work, *arguments))
+
+
+_inherited: list[Callable] = []
+
+
+def _inherit(work: Callable) -> None:
+    _inherited[:] = [work]
+
+
+def _do(argument):
+    return _inherited[0](argument)
+
+
+def each_apart(work: Callable, arguments: Sequence) -> list:
+    """The same by processes, for what keeps Python itself busy; ``work`` is inherited, arguments and results are copied."""
+    count = min(cores(), len(arguments))
+    if count < 2 or "fork" not in multiprocessing.get_all_start_methods():
+        return list(map(work, arguments))
+    with ProcessPoolExecutor(count, multiprocessing.get_context("fork"), _inherit, (work,)) as pool:
+        return list(pool.map(_do, arguments))

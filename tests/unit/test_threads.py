@@ -1,5 +1,6 @@
 """Work on several cores: in order, and on no more of them than allowed."""
 
+import os
 import threading
 
 import pytest
@@ -11,14 +12,22 @@ from ges import threads
 def test_results_come_in_order_whatever_the_number_of_threads(told, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", told)
     assert threads.each(lambda a, b: a - b, range(9), [1] * 9) == list(range(-1, 8))
+    assert threads.each_apart(lambda a: a - 1, range(9)) == list(range(-1, 8))
 
 
 def test_one_thread_works_where_it_was_called(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     assert threads.each(lambda _: threading.current_thread(), [0, 0]) == [threading.current_thread()] * 2
+    assert threads.each_apart(lambda _: os.getpid(), [0, 0]) == [os.getpid()] * 2
 
 
-def test_what_goes_wrong_in_a_thread_is_told(monkeypatch):
+def test_processes_are_others(monkeypatch):
+    monkeypatch.setattr(threads, "cores", lambda: 2)
+    assert os.getpid() not in threads.each_apart(lambda _: os.getpid(), [0, 0])
+
+
+@pytest.mark.parametrize("each", [threads.each, threads.each_apart])
+def test_what_goes_wrong_elsewhere_is_told(each, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
     with pytest.raises(ZeroDivisionError):
-        threads.each(lambda a: 1 // a, [1, 0])
+        each(lambda a: 1 // a, [1, 0])

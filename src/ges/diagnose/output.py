@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from .. import effects as effect_table
 from ..files import write_json
+from ..threads import each_apart
 from ..vehicle import save_vehicle
 from . import pictures
 from .report import write_report
@@ -26,7 +28,8 @@ def write_diagnosis(diagnosis: Diagnosis, out: Path, vehicle_folder: Path | str 
     """Write every file of the contract into ``out``; ``vehicle_folder`` is where a height map lies."""
     out.mkdir(parents=True, exist_ok=True)
     content = diagnosis.content()
-    drawn = {name: pictures.save(figure, out, name) for name, figure in _figures(diagnosis, content)}
+    figures = dict(_figures(diagnosis, content))
+    drawn = dict(zip(figures, each_apart(lambda name: pictures.save(figures[name](), out, name), list(figures)), strict=True))
     ground = diagnosis.vehicle.terrain.file
     if ground and Path(vehicle_folder).resolve() != out.resolve():
         shutil.copyfile(Path(vehicle_folder) / ground, out / ground)
@@ -35,21 +38,21 @@ def write_diagnosis(diagnosis: Diagnosis, out: Path, vehicle_folder: Path | str 
     write_json(out / "diagnosis.json", content)
 
 
-def _figures(diagnosis: Diagnosis, content: Mapping[str, Any]):
-    """Names and figures, those that this diagnosis has something for."""
+def _figures(diagnosis: Diagnosis, content: Mapping[str, Any]) -> Iterator[tuple[str, Callable[[], Figure]]]:
+    """Names and how to draw them, of the figures that this diagnosis has something for."""
     details = diagnosis.details
     if details["cells"]:
-        yield "where", pictures.location_map([_cell(c) for c in details["cells"]])
+        yield "where", lambda: pictures.location_map([_cell(c) for c in details["cells"]])
     told = _parameters(content)
     if told:
-        yield "parameters", pictures.parameter_intervals(told)
+        yield "parameters", lambda: pictures.parameter_intervals(told)
     if any(c["before"] for c in content["fit"]["channels"].values()):
-        yield "held_out", pictures.held_out_bars(content["fit"]["channels"])
+        yield "held_out", lambda: pictures.held_out_bars(content["fit"]["channels"])
         place = next((item for item in content["located"] if item["channel"] in details["channels"]), None)
         if place:
-            yield "located", _residual_picture(place, details)
+            yield "located", lambda: _residual_picture(place, details)
     if details.get("rollouts"):
-        yield "rollout", pictures.rollout_growth(np.linspace(0.0, HORIZON_S, STEPS + 1), details["rollouts"])
+        yield "rollout", lambda: pictures.rollout_growth(np.linspace(0.0, HORIZON_S, STEPS + 1), details["rollouts"])
 
 
 def _cell(cell) -> dict[str, Any]:
