@@ -50,6 +50,7 @@ class Prepared:
     update_s : median time between two new values of each stream.
     lateness_s : delay taken out of a stream, by stream.
     derived : streams that were not logged but made from others.
+    path : position and velocity at which the model is asked, where not at the recorded ones; world, m and m/s.
     """
 
     t_s: np.ndarray
@@ -59,6 +60,7 @@ class Prepared:
     update_s: Mapping[str, float]
     lateness_s: Mapping[str, float] = dataclasses.field(default_factory=dict)
     derived: frozenset[str] = frozenset()
+    path: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
 
     @property
     def dt_s(self) -> float:

@@ -9,13 +9,15 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from ..threads import each
 from .align import Prepared
 from .candidates import Candidate, flown, library, needs_of
 from .evidence import Board, make_board
-from .fit import Fitted, free_parameters, polish, starting_values
+from .fit import Fitted, calibrated, free_parameters, polish, starting_values
 from .hearing import lacking
 from .model import Model
 from .select import Hypothesis, Search, exactly, search
+from .shoot import shot
 from .standing import ACCEPT, ambiguous, mattering, replaced_by, stands
 from .system import ALL_ON, Switches, System, build
 
@@ -120,6 +122,7 @@ def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Seq
         listed = candidates_of(flights, base, names, only)
     if first is None:
         first = search_until_stable(start, (), ())[:2]
+    fitted = fitted and _shot(fitted, system, length_s, switches)
     board, found = first
     settled = {*names, *(n for n, p in found.inclusion.items() if p >= ACCEPT)}
     return Accepted(names, found, board, fitted, probability, ambiguous(found, settled - contested, contested))
@@ -143,6 +146,13 @@ def _polished(
             return new, polished
         new = tuple(n for n in new if n not in fallen)
     return (), fitted
+
+
+def _shot(fitted: Fitted, system: System, length_s: float, switches: Switches) -> Fitted:
+    """The fit polished by multiple shooting: the model is asked along the path that it flies itself."""
+    found = calibrated(system.model.with_effects(fitted.effects), fitted.joint.common)
+    flights = each(lambda r: shot(r.flight, found), system.flights)
+    return polish(flights, system.model, fitted.effects, fitted.free, length_s, system, switches)
 
 
 def withdrawn(accepted: Accepted) -> Accepted:

@@ -118,10 +118,22 @@ class Fitted:
     def sd(self, effect: str, parameter: str) -> float:
         """Standard deviation of one fitted parameter; the size of a physical effect is no better known than its form."""
         i = self.free.index((effect, parameter))
-        own = float(np.sqrt(self.covariance[i, i]))
+        return math.hypot(math.sqrt(self.covariance[i, i]), self._form_error(effect, parameter))
+
+    def sds_from_neutral(self, effect: str, parameter: str) -> float:
+        """Distance of an amplitude from neutral in its sd, the effect's shape held: how certain it is that something acts."""
+        i = self.free.index((effect, parameter))
+        shape = [k for k, (e, p) in enumerate(self.free) if e == effect and p in SHAPES.get(effect, ())]
+        tied = self.covariance[i, shape]
+        own = self.covariance[i, i] - tied @ np.linalg.pinv(self.covariance[np.ix_(shape, shape)], hermitian=True) @ tied
+        away = self.effects[effect][parameter] - amplitude_of(effect, parameter).neutral
+        return abs(away) / math.hypot(math.sqrt(max(own, 0.0)), self._form_error(effect, parameter))
+
+    def _form_error(self, effect: str, parameter: str) -> float:
+        """Sd of a parameter that is due to the form of its effect."""
         if kind_of(effect) != "physics" or parameter in SHAPES.get(effect, ()):
-            return own
-        return math.hypot(own, FORM_ERROR * (self.effects[effect][parameter] - amplitude_of(effect, parameter).neutral))
+            return 0.0
+        return FORM_ERROR * abs(self.effects[effect][parameter] - amplitude_of(effect, parameter).neutral)
 
     def correlation(self, a: tuple[str, str], b: tuple[str, str]) -> float:
         """Correlation of two fitted parameters."""

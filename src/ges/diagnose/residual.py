@@ -295,7 +295,7 @@ def model_along(flight: Prepared, model: Model, effects: effect_table.Effects, s
     """
     motion = motion or motion_of(flight, model, effects)
     speeds = speeds_at_work(flight, model, effects) if speeds is None else speeds
-    columns = {**motion.columns, **dict(zip(ROTOR_SPEED, speeds.T, strict=True))}
+    columns = {**motion.columns, **flight.path, **dict(zip(ROTOR_SPEED, speeds.T, strict=True))}
     rate = np.gradient(speeds, flight.dt_s, axis=0)
     columns.update(zip((f"rotor_acceleration_{i}_rad_s2" for i in range(1, 5)), rate.T, strict=True))
     samples = effect_table.Samples.from_columns(columns)

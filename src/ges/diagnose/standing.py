@@ -97,5 +97,5 @@ def stands(fitted: Fitted, name: str) -> bool:
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
         if value != a.neutral and value in (a.low, a.high):
             return False
-        clear |= abs(value - a.neutral) > CLEAR_SDS * fitted.sd(name, parameter)
+        clear |= fitted.sds_from_neutral(name, parameter) > CLEAR_SDS
     return clear

@@ -11,7 +11,7 @@ from .. import effects as effect_table
 from ..threads import each
 from .align import Prepared
 from .answers import Loose, loose, untrimmed
-from .candidates import NEEDS_ATTITUDE, Variant
+from .candidates import NEEDS_ATTITUDE, PARAMETER_EFFECTS, Variant
 from .model import SPEED, Model, block_of
 from .residual import HELD_SHARE, MOMENT, Along, Drive, along, channels, drives, drives_of, with_overtones
 from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, blocks_of, make_windows
@@ -344,6 +344,15 @@ def _known(system: System, flight: Rows) -> dict[str, np.ndarray]:
     return {key: flight.x[:, :, k] for key, k in system.nuisances.items()}
 
 
+def _parts(effect: str, model: Model) -> tuple[str, ...]:
+    """Parts that an effect's columns come in: what shows in forces alone says nothing by the small moments that it makes."""
+    if effect == LEVELLED and effect not in model.effects:
+        return "force", "moment"
+    about = effect_table.get(effect)
+    pushes = about.kind in ("wrench", "wind") and effect not in PARAMETER_EFFECTS
+    return ("",) if not pushes or any(block_of(name) == "moment" for name in about.channels) else ("force",)
+
+
 def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant], length_s: float | None = None,
           like: System | None = None, switches: Switches = ALL_ON) -> System:  # fmt: skip
     """Assemble the system: nuisance columns first, then every amplitude of every variant.
@@ -357,7 +366,7 @@ def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant]
     names = with_overtones(main, 2 * max(half_waves(f, length_s) for f in flights))
     columns = [Column(n.key, nuisance=n) for n in nuisances(model, main, flights)] if switches.tolerance else []
     for v in variants:
-        parts = ("force", "moment") if v.effect == LEVELLED and v.effect not in model.effects and MOMENT[0] in names else ("",)
+        parts = _parts(v.effect, model) if MOMENT[0] in names else ("",)
         columns += [Column(v.key, variant=v, amplitude=j, part=part) for j in range(len(v.amplitudes)) for part in parts]
     known = [_known(like, r) for r in like.flights] if like else [{}] * len(flights)
     made = each(lambda f, k: rows(f, model, names, columns, length_s, switches.instruments, k), flights, known)

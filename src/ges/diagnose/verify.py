@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
-from .. import effects as effect_table
-from .. import sim
-from ..conventions import BODY_RATE, POSITION, QUATERNION, ROTOR_SPEED, VELOCITY
+from ..conventions import POSITION, VELOCITY
 from .align import Prepared
 from .model import Model
-from .residual import UNITS, channels, model_along, residual
+from .residual import UNITS, channels, residual
+from .shoot import can_roll, rollouts_of
 from .weak import make_windows
 
 HORIZON_S = 1.0
@@ -118,61 +116,24 @@ def _inside(values: Mapping[str, np.ndarray], bounds: Mapping[str, Sequence[floa
     return inside
 
 
-def can_roll(flight: Prepared) -> bool:
-    """Whether a rollout has a start and a drive."""
-    return (
-        flight.has("attitude")
-        and flight.has("velocity")
-        and flight.has("position")
-        and (flight.has("rotor_speed") or flight.has("command"))
-    )
-
-
-def _starts(flight: Prepared) -> np.ndarray:
-    """Rows where a whole horizon flies, one horizon apart."""
-    n = int(round(HORIZON_S / flight.dt_s))
-    grounded = np.r_[0, np.cumsum(~flight.flying)]
-    rows = np.arange(0, len(flight.t_s) - n - 1, n)
-    return rows[grounded[rows + n + 1] == grounded[rows]]
-
-
 def rollout(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
-    """Open-loop errors along one horizon: rotor speeds and attitude imposed from the recording, position and velocity free.
+    """Open-loop errors along one horizon, see :mod:`~ges.diagnose.shoot`.
 
     Returns
     -------
     error by contract column (``p_z_m`` ...), (starts, STEPS + 1), the first column at the start.
     """
-    starts, n = _starts(flight), int(round(HORIZON_S / flight.dt_s))
-    if not len(starts):
+    n = int(round(HORIZON_S / flight.dt_s))
+    rolled = rollouts_of(flight, model, n)
+    if not len(rolled.starts):
         return {}
-    columns, _ = model_along(flight, model, model.effects)
-    smooth = {name: gaussian_filter1d(flight.columns[name], 0.05 / flight.dt_s) for name in VELOCITY + POSITION}
-    smooth["p_z_m"] = smooth["p_z_m"] + (columns["p_z_m"] - flight.columns["p_z_m"])
-    table = np.stack([columns[name] for name in (*ROTOR_SPEED, *QUATERNION)], axis=1)
-    rates = np.stack([columns[name] for name in BODY_RATE], axis=1)
-    battery = flight.columns.get("battery_V", np.full(len(table), np.nan))
-    inputs = np.column_stack([table, battery, rates])
-    effects = {k: v for k, v in model.effects.items() if effect_table.get(k).kind not in ("sensor", "actuator")}
-    flown = sim.fly([_piece(flight, model, effects, smooth, inputs, s, n) for s in starts], ("t_s", *POSITION, *VELOCITY))
-    at = np.linspace(0.0, n * flight.dt_s, STEPS + 1)
-    clock = np.arange(n + 1) * flight.dt_s
+    at, clock = np.linspace(0.0, n * flight.dt_s, STEPS + 1), np.arange(n + 1) * flight.dt_s
     errors = {}
     for name in POSITION + VELOCITY:
-        said = np.array([np.interp(at, r["t_s"] - r["t_s"][0], r[name]) for r in flown])
-        seen = np.array([np.interp(at, clock, smooth[name][s : s + n + 1]) for s in starts])
+        said = np.array([np.interp(at, r["t_s"] - r["t_s"][0], r[name]) for r in rolled.flown])
+        seen = np.array([np.interp(at, clock, rolled.recorded[name][s : s + n + 1]) for s in rolled.starts])
         errors[name] = said - seen
     return errors
-
-
-def _piece(flight: Prepared, model: Model, effects: dict, smooth: dict, inputs: np.ndarray, start: int, n: int) -> sim.Flight:
-    every = max(1, int(np.ceil(flight.dt_s / 0.005)))
-    state = {f"start_{name}": float(smooth[name][start]) for name in POSITION + VELOCITY}
-    state |= {f"start_{name}": float(v) for name, v in zip((*ROTOR_SPEED, *QUATERNION), inputs[start, :8], strict=True)}
-    numbers = {**model.parameters, **state, "control": 2, "attitude_imposed": 1, "start": 1, "inputs_dt_s": flight.dt_s,
-               "dt_s": flight.dt_s / every, "duration_s": n * flight.dt_s, "record_every": every,
-               "gear_height_m": 0.0, "gear_stiffness_N_m": 0.0}  # fmt: skip
-    return sim.Flight(numbers, effects, model.terrain, inputs[start : start + n + 2])
 
 
 def rollouts(flights: Sequence[Prepared], models: Mapping[str, Model]) -> dict[str, dict[str, np.ndarray]]:
