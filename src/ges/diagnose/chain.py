@@ -19,10 +19,10 @@ from .balance import centred, shift_of
 from .candidates import NOT_SEARCHED
 from .closed_loop import closed_loop
 from .detect import smallest_detectable
-from .engine import Accepted, accept, first_system, split, withdrawn
+from .engine import Accepted, accept, first_system, shot_fit, split, withdrawn, without
 from .evidence import Board
 from .findings import contributions, finding, open_findings, settled_findings
-from .fit import Joint, calibrated, left_raw, null_fit
+from .fit import Joint, calibrated, left_raw, null_fit, strain
 from .gate import Gate, at_flown_voltage, pass_gate
 from .hearing import lacking, silent_channels, unheard
 from .hypothesis import Form, hypotheses
@@ -134,8 +134,11 @@ class _Chain:
         first = _stage(recalibrated, joint, board, told)
         map_cells = cells(system, first.left, told, first.structures)
         accepted = accept(board, self.length_s, switches, names)
+        if names is None:
+            accepted = self._unstrained(accepted, joint, switches)
+        accepted = shot_fit(accepted, self.length_s, switches)
         last = self._last(accepted, first, told)
-        if names is None and last is not first and (strained(last.joint, first.joint, system) or self._borrowed(accepted, last)):
+        if names is None and last is not first and self._borrowed(accepted, last):
             accepted, last = withdrawn(accepted), first
         moved = None if accepted.names else shift_of(system)
         accepted = dataclasses.replace(accepted, rivals=()) if moved else accepted
@@ -172,6 +175,13 @@ class _Chain:
             vehicle=self._fitted_vehicle(accepted, last.joint),
             details={"accepted": accepted, "cells": map_cells, "models": models, "held": self.held, **proof},
         )
+
+    def _unstrained(self, accepted: Accepted, first: Joint, switches: Switches) -> Accepted:
+        """Without the names that need declared numbers far outside their doubts: one by one, the worst offender first."""
+        while accepted.fitted is not None and strained(accepted.fitted.joint, first, accepted.board.system):
+            others = [without(accepted, name, self.length_s, switches) for name in accepted.names]
+            accepted = min(others, key=lambda a: strain(a.fitted.joint if a.fitted else first, a.board.system))
+        return accepted
 
     def _borrowed(self, accepted: Accepted, last: _Stage) -> bool:
         return not accepted.rivals and borrowed(last.structures, self.model)

@@ -122,7 +122,6 @@ def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Seq
         listed = candidates_of(flights, base, names, only)
     if first is None:
         first = search_until_stable(start, (), ())[:2]
-    fitted = fitted and _shot(fitted, system, length_s, switches)
     board, found = first
     settled = {*names, *(n for n, p in found.inclusion.items() if p >= ACCEPT)}
     return Accepted(names, found, board, fitted, probability, ambiguous(found, settled - contested, contested))
@@ -148,11 +147,28 @@ def _polished(
     return (), fitted
 
 
-def _shot(fitted: Fitted, system: System, length_s: float, switches: Switches) -> Fitted:
-    """The fit polished by multiple shooting: the model is asked along the path that it flies itself."""
+def shot_fit(accepted: Accepted, length_s: float, switches: Switches = ALL_ON) -> Accepted:
+    """The same, its fit polished by multiple shooting: the model is asked along the path that it flies itself."""
+    fitted, system = accepted.fitted, accepted.board.system
+    if fitted is None:
+        return accepted
     found = calibrated(system.model.with_effects(fitted.effects), fitted.joint.common)
     flights = each(lambda r: shot(r.flight, found), system.flights)
-    return polish(flights, system.model, fitted.effects, fitted.free, length_s, system, switches)
+    polished = polish(flights, system.model, fitted.effects, fitted.free, length_s, system, switches)
+    return dataclasses.replace(accepted, fitted=polished)
+
+
+def without(accepted: Accepted, name: str, length_s: float, switches: Switches = ALL_ON) -> Accepted:
+    """The same with one name less, and what acts through it alone; the others fitted anew."""
+    fitted, system = accepted.fitted, accepted.board.system
+    rest = {*accepted.names, *system.model.effects} - {name}
+    names = tuple(n for n in accepted.names if n in rest and (not needs_of(n) or rest & set(needs_of(n))))
+    if not names:
+        return withdrawn(accepted)
+    values, free = {n: fitted.effects[n] for n in names}, [f for f in fitted.free if f[0] in names]
+    left = polish([r.flight for r in system.flights], system.model, values, free, length_s, system, switches)
+    probability = {n: accepted.probability[n] for n in names}
+    return dataclasses.replace(accepted, names=names, fitted=left, probability=probability)
 
 
 def withdrawn(accepted: Accepted) -> Accepted:
