@@ -1,50 +1,104 @@
-/* Load on a thread: a pendulum below the body, and its weight.
+/* Load on a thread: a pendulum where it hangs free, a weight that is dragged over the ground where the thread is longer
+ * than the attachment a is high (h < L, h over the ground at the load).
  *
- * Load at horizontal position l (states l, dl/dt): l'' = (g/L)(p - l) - 2 z sqrt(g/L) (l' - v); force on the vehicle
- * -m_l (l'' , g) at the attachment point. Small swings; the load's vertical acceleration is left out.
+ * Hanging, load at horizontal position l (states l, dl/dt): l'' = (g/L)(a - l) - 2 z sqrt(g/L) (l' - v); force on the vehicle
+ * -m_l (l'' , g) at the attachment. Small swings; the load's vertical acceleration is left out.
+ * On the ground, rho = |a - l| horizontally, s = sqrt(rho^2 + h^2): the thread only pulls, T = m_l g e / (c L) with the
+ * extension e = s - (1 - c) L, so that it has its length L under the load's weight. The load stays where it is up to the pull
+ * at which friction gives way (Coulomb, quasi-static), T rho/s = mu (m_l g - T h/s), hence T = mu m_l g s / (rho + mu h); it
+ * then follows within FOLLOWS_S. As h grows to L both agree: no more than the weight, straight down. Not where the height is
+ * unknown: there it hangs free.
  */
 #include "effect.h"
 
+#include "../world/ground.h"
+
+#define GIVE 0.01       /* c: a thread's extension under the load's weight, over its length */
+#define FOLLOWS_S 0.02  /* some steps of a recording, so that the load neither lags nor overshoots */
+
+enum { MASS, LENGTH, DAMPING, ATTACH_X, ATTACH_Y, FRICTION, START_X, START_Y };
+
+/* Attachment, world. */
+static void attachment(const sample_t *s, const vd *p, vd a[3]) {
+  for (int k = 0; k < 3; k++) a[k] = s->p[k] + (s->r[3 * k] * p[ATTACH_X] + s->r[3 * k + 1] * p[ATTACH_Y]);
+}
+
 static void begin(const sample_t *s, const vd *p, vd *x) {
-  (void)p;
+  vd a[3];
+  attachment(s, p, a);
   for (int k = 0; k < 2; k++) {
-    x[k] = s->p[k];
+    x[k] = a[k] + p[START_X + k];
     x[2 + k] = s->v[k];
   }
 }
 
-static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
-  vd rate2 = s->gravity / p[1], damping = 2.0 * p[2] * lane_sqrt(rate2), world[3];
+/* Acceleration of a hanging load, and the force of its thread, world. */
+static void hang(const sample_t *s, const vd *p, const vd *x, const vd a[3], vd swing[2], vd force[3]) {
+  vd rate2 = s->gravity / p[LENGTH], damping = 2.0 * p[DAMPING] * lane_sqrt(rate2);
   for (int k = 0; k < 2; k++) {
-    vd pull = rate2 * (s->p[k] - x[k]) + damping * (s->v[k] - x[2 + k]);
-    dx[k] = x[2 + k];
-    dx[2 + k] = pull;
-    world[k] = -p[0] * pull;
+    swing[k] = rate2 * (a[k] - x[k]) + damping * (s->v[k] - x[2 + k]);
+    force[k] = -p[MASS] * swing[k];
   }
-  world[2] = -p[0] * s->gravity;
+  force[2] = -p[MASS] * s->gravity;
+}
+
+/* Velocity of a load that lies on the ground, and the force of its thread, world. */
+static void drag(const sample_t *s, const vd *p, const vd *x, const vd a[3], vd height, vd slide[2], vd force[3]) {
+  vd away[2] = {a[0] - x[0], a[1] - x[1]}, h = lane_max(height, all_lanes(0.0)), least = 1e-9 * p[LENGTH];
+  vd rho = lane_sqrt(away[0] * away[0] + away[1] * away[1]), reach = lane_max(lane_sqrt(rho * rho + h * h), least);
+  vd extension = lane_max(reach - (1.0 - GIVE) * p[LENGTH], all_lanes(0.0));
+  vd yields = GIVE * p[LENGTH] * p[FRICTION] * reach / lane_max(rho + p[FRICTION] * h, least);
+  vd pull = p[MASS] * s->gravity / (GIVE * p[LENGTH]) * lane_min(extension, yields) / reach;
+  vd follow = lane_max(extension - yields, all_lanes(0.0)) / (FOLLOWS_S * lane_max(rho, least));
+  for (int k = 0; k < 2; k++) {
+    slide[k] = follow * away[k];
+    force[k] = -pull * away[k];
+  }
+  force[2] = -pull * h;
+}
+
+static void apply(const sample_t *s, const vd *p, const vd world[3], wrench_t *add) {
   vd body[3];
   for (int k = 0; k < 3; k++) body[k] = s->r[k] * world[0] + s->r[3 + k] * world[1] + s->r[6 + k] * world[2];
   for (int k = 0; k < 3; k++) add->force[k] += body[k];
-  add->moment[0] += p[4] * body[2];
-  add->moment[1] -= p[3] * body[2];
-  add->moment[2] += p[3] * body[1] - p[4] * body[0];
+  add->moment[0] += p[ATTACH_Y] * body[2];
+  add->moment[1] -= p[ATTACH_X] * body[2];
+  add->moment[2] += p[ATTACH_X] * body[1] - p[ATTACH_Y] * body[0];
+}
+
+static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+  vd a[3], swing[2], slide[2], free_force[3], ground_force[3];
+  attachment(s, p, a);
+  vd height = a[2] - ground_at(s->map, x[0], x[1]).height;
+  hang(s, p, x, a, swing, free_force);
+  drag(s, p, x, a, height, slide, ground_force);
+  vl lies = LT(height, p[LENGTH]);
+  for (int k = 0; k < 2; k++) {
+    dx[k] = sel(lies, slide[k], x[2 + k]);
+    dx[2 + k] = sel(lies, (slide[k] - x[2 + k]) / FOLLOWS_S, swing[k]);
+  }
+  for (int k = 0; k < 3; k++) free_force[k] = sel(lies, ground_force[k], free_force[k]);
+  apply(s, p, free_force, add);
 }
 
 EFFECT(slung_load) = {
     .name = "slung_load",
     .title = "load on a thread",
-    .equation = "l'' = (g/L)(p - l) - 2 z sqrt(g/L)(l' - v), F = -m_l (l'', g)",
-    .reference = "pendulum dynamics",
-    .channels = "force_x force_y force_z moment_x moment_y",
+    .equation = "hanging: l'' = (g/L)(a - l) - 2 z sqrt(g/L)(l' - v), F = -m_l (l'', g); dragged over the ground: "
+                "T = mu m_l g s / (rho + mu h) along the thread",
+    .reference = "pendulum dynamics; Coulomb friction",
+    .channels = "force_x force_y force_z moment_x moment_y moment_z",
     .kind = GES_WRENCH,
-    .n_parameters = 5,
+    .n_parameters = 8,
     .n_states = 4,
-    .laws = GES_LAW_FREE_AIR,
     .parameters = {{"mass_kg", "kg", "mass of the load", 0.1, 0, 0, 20},
                    {"length_m", "m", "length of the thread", 0.6, NAN, 0.05, 20},
                    {"damping", "1", "damping ratio of the swing", 0.02, NAN, 0, 1},
                    {"attach_x_m", "m", "attachment, forward", 0, NAN, -1, 1},
-                   {"attach_y_m", "m", "attachment, left", 0, NAN, -1, 1}},
+                   {"attach_y_m", "m", "attachment, left", 0, NAN, -1, 1},
+                   {"friction", "1", "friction of the load on the ground", 0.5, NAN, 0, 2},
+                   {"start_x_m", "m", "load at first, from below the attachment, world x", 0, NAN, -20, 20},
+                   {"start_y_m", "m", "load at first, from below the attachment, world y", 0, NAN, -20, 20}},
     .begin = begin,
     .wrench = wrench,
 };
