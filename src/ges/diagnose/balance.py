@@ -154,12 +154,26 @@ def causes_of(system: System) -> list[tuple[Cause, Cause]]:
     return [tuple(_weigh(y, d, precision, i) for d in pair) for i, pair in enumerate(directions, 1)]
 
 
+def _strongest(weighed: Sequence[tuple[Cause, Cause]]) -> tuple[Cause, Cause]:
+    """Both causes at the rotor that explains most."""
+    return max(weighed, key=lambda pair: max(c.explained for c in pair))
+
+
+def undecided(system: System) -> frozenset[str]:
+    """``weak_rotor``, where a calibrated vehicle's balance does not tell it from a mass near the rotor; then it is not proven."""
+    weighed = causes_of(system)
+    if not weighed:
+        return frozenset()
+    loss, mass = _strongest(weighed)
+    return frozenset({"weak_rotor"} if loss.explained - mass.explained < TOLD_APART else ())
+
+
 def shift_of(system: System) -> Shift | None:
     """The shift, where the balance leaves what a calibrated file allows and its cause is open; else None."""
     weighed = causes_of(system)
     if not weighed:
         return None
-    loss, mass = max(weighed, key=lambda pair: max(c.explained for c in pair))
+    loss, mass = _strongest(weighed)
     least = ndtri(LEVEL / (2 * len(weighed))) ** 2
     gained, between = max(loss.explained, mass.explained), abs(loss.explained - mass.explained)
     seen = attitude_measured([r.flight for r in system.flights])

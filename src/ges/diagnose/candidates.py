@@ -26,6 +26,10 @@ ABOVE_M, ABOVE_RADII = 0.5, 5.0
 I_AXES = ("xx", "yy", "zz")
 USUAL_DRAG = 0.02
 """Of the weight, at 1 m/s."""
+DRAWN_M_PER_M = (0.4, 0.6, 0.9, 1.3)
+"""How far behind a load may be drawn over the ground, over the height of flight."""
+DRAWN = {"start_x_m": 0.0, "start_y_m": 0.0}
+"""First place of a load that lies on the ground: below, until the flights have moved it."""
 NEEDS_ATTITUDE = frozenset(
     {"inertia", "torque_coefficient", "motor_lag", "esc_delay", "time_offset", "gyro_bias", "attitude_bias", "rotor_tilt",
      "rotor_inertia_reaction", "gyroscopic_moment", "rotor_drag", "parasitic_drag", "wind", "gusts", "wall_effect",
@@ -97,15 +101,19 @@ class Flown:
     Attributes
     ----------
     low_m, high_m : corners of the box of positions, world; None where no position was logged.
+    middle_m : median of the positions by axis; None where no position was logged.
     places_m : middles of the squares of the ground plan that were visited, ``square_m`` wide.
     commands : levels near the top of the commands; empty where none were logged.
+    tilt_seen : whether every flight logged its attitude.
     """
 
     low_m: tuple[float, ...] | None = None
     high_m: tuple[float, ...] | None = None
+    middle_m: tuple[float, ...] | None = None
     places_m: tuple[tuple[float, float], ...] = ()
     square_m: float = 0.0
     commands: tuple[float, ...] = ()
+    tilt_seen: bool = True
 
 
 NOWHERE = Flown()
@@ -116,12 +124,13 @@ def flown(flights: Sequence[Prepared]) -> Flown:
     commands = [f.stack("command")[f.flying].ravel() for f in flights if f.has("command")]
     asked = np.concatenate(commands) if commands else np.zeros(0)
     levels = tuple(float(q) for q in np.quantile(asked, COMMAND_QUANTILES)) if len(asked) else ()
+    tilt_seen = not any("attitude" in f.derived for f in flights)
     positions = [f.stack("position")[f.flying] for f in flights if f.has("position")]
     if not positions or not sum(len(p) for p in positions):
-        return Flown(commands=levels)
+        return Flown(commands=levels, tilt_seen=tilt_seen)
     p = np.concatenate(positions)
     places, square = _places(p[:, :2])
-    return Flown(tuple(p.min(axis=0)), tuple(p.max(axis=0)), places, square, levels)
+    return Flown(tuple(p.min(axis=0)), tuple(p.max(axis=0)), tuple(np.median(p, axis=0)), places, square, levels, tilt_seen)
 
 
 def _places(plan: np.ndarray) -> tuple[tuple[tuple[float, float], ...], float]:
@@ -181,11 +190,38 @@ def _ground_effect(model: Model) -> tuple[Variant, ...]:
     return scaled + others
 
 
-def _slung_load(model: Model) -> tuple[Variant, ...]:
-    """On threads of several lengths below the middle, and on one below each rotor."""
+def _hubs(model: Model) -> list[tuple[float, float]]:
+    return [(model.number(f"rotor_{i}_x_m"), model.number(f"rotor_{i}_y_m")) for i in range(1, 5)]
+
+
+def usual_height_m(model: Model, reached: Flown) -> float:
+    """Over the ground, at the median of the positions."""
+    x, y, z = reached.middle_m
+    return z - float(model.terrain.at(np.array([x]), np.array([y])).height_m[0])
+
+
+def _slung_load(model: Model, reached: Flown) -> tuple[Variant, ...]:
+    """Hanging where the tilt shows its swing, on threads of several lengths below the middle and on one below each rotor; and
+    drawn over the ground."""
+    drawn = _drawn_load(model, reached)
+    if not reached.tilt_seen:
+        return drawn
     middle = _grid("slung_load", ("mass_kg",), length_m=(0.15, 0.2, 0.27, 0.36, 0.5, 0.7, 1.2, 2.4))
-    hubs = [(model.number(f"rotor_{i}_x_m"), model.number(f"rotor_{i}_y_m")) for i in range(1, 5)]
-    return middle + tuple(_variant("slung_load", ("mass_kg",), length_m=0.6, attach_x_m=x, attach_y_m=y) for x, y in hubs)
+    hubs = tuple(_variant("slung_load", ("mass_kg",), length_m=0.6, attach_x_m=x, attach_y_m=y) for x, y in _hubs(model))
+    return middle + hubs + drawn
+
+
+def _drawn_load(model: Model, reached: Flown) -> tuple[Variant, ...]:
+    """On threads longer than the height of flight, below the middle and below each rotor; none that stays slack all the way."""
+    if reached.middle_m is None:
+        return ()
+    height = usual_height_m(model, reached)
+    way = max(high - low for high, low in zip(reached.high_m[:2], reached.low_m[:2], strict=True))
+    lengths = [height * math.hypot(1.0, k) for k in DRAWN_M_PER_M if height > 0.0 and k * height < way]
+    return tuple(
+        _variant("slung_load", ("mass_kg",), length_m=length, attach_x_m=x, attach_y_m=y, **DRAWN)
+        for x, y in ((0.0, 0.0), *_hubs(model)) for length in lengths
+    )  # fmt: skip
 
 
 def _single(effect: str, names: tuple[str, ...]) -> tuple[Variant, ...]:
@@ -272,13 +308,13 @@ _LAID_OUT: Mapping[str, Callable[[Model, Flown], tuple[Variant, ...]]] = {
     "wall_effect": _walls,
     "downwash": _other_vehicles,
     "rotor_saturation": _saturations,
+    "slung_load": _slung_load,
 }
 """Candidates whose shapes depend on where the flights went."""
 _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "ground_effect": _ground_effect,
     "fountain_lift": lambda m: _grid("fountain_lift", ("c_b",), c_s=(0.5, 1.0, 2.0)),
     "weak_rotor": lambda m: _single("weak_rotor", tuple(f"loss_{i}" for i in range(1, 5))),
-    "slung_load": _slung_load,
     "partial_ground_effect": lambda m: _levels("partial_ground_effect", "k", (0.4, 0.7, 1.0, 1.5)),
     "wind": _winds,
     "ground_effect_forward_flight": lambda m: _levels("ground_effect_forward_flight", "c", (0.4, 1.0, 2.2)),

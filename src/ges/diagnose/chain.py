@@ -19,7 +19,7 @@ from .balance import centred, shift_of
 from .candidates import NOT_SEARCHED
 from .closed_loop import closed_loop
 from .detect import smallest_detectable
-from .engine import Accepted, accept, first_system, shot_fit, split, withdrawn, without
+from .engine import Accepted, accept, first_system, shot_fit, split, withdrawn, without, without_old_news
 from .evidence import Board
 from .findings import contributions, finding, open_findings, settled_findings
 from .fit import Joint, calibrated, left_raw, null_fit, strain
@@ -142,6 +142,8 @@ class _Chain:
             accepted, last = withdrawn(accepted), first
         moved = None if accepted.names else shift_of(system)
         accepted = dataclasses.replace(accepted, rivals=()) if moved else accepted
+        remains = left_over(last.structures, last.model)
+        accepted = without_old_news(accepted) if self.model.left_unexplained and not remains else accepted
         added, after = contributions(accepted), last.model
         located = strongest([
             *from_residuals(map_cells, first.structures, system),
@@ -151,7 +153,6 @@ class _Chain:
         proven = sorted((finding(accepted, name, by) for name, by in added.items()), key=lambda f: -f.size["share_of_weight"])
         proven = [f for f in proven if names or matters(f.size["channel"], f.size["share_of_weight"])]
         findings = [*proven, *settled_findings(self.gate), *open_findings(accepted), *(moved.findings() if moved else ())]
-        remains = left_over(last.structures, after)
         forms = hypotheses(system, last.left, told, [u.channel for u in remains if not u.of_size], BLOCK_S) if remains else {}
         unexplained = [_unexplained(u, forms.get(u.channel)) for u in remains]
         models = {"before": self.model, "recalibrated": recalibrated, "after": after}

@@ -11,7 +11,9 @@ import pandas as pd
 
 from ..threads import each
 from .align import Prepared
-from .candidates import Candidate, flown, library, needs_of
+from .balance import undecided
+from .candidates import DRAWN, Candidate, Variant, flown, library, needs_of
+from .drawn import sharpened
 from .evidence import Board, make_board
 from .fit import Fitted, calibrated, free_parameters, polish, starting_values
 from .hearing import lacking
@@ -26,7 +28,7 @@ ROUNDS = 4
 
 @dataclasses.dataclass(frozen=True)
 class Accepted:
-    """Outcome of the search on the training flights."""
+    """Outcome of the search on the training flights; ``contested`` are those of the rivals that others could replace."""
 
     names: tuple[str, ...]
     found: Search
@@ -34,6 +36,7 @@ class Accepted:
     fitted: Fitted | None
     probability: dict[str, float]
     rivals: tuple[tuple[str, ...], ...]
+    contested: frozenset[str] = frozenset()
 
 
 def split(frames: Sequence[pd.DataFrame], usable: Sequence[int], holdout: Sequence[int] | None) -> tuple[list[int], list[int]]:
@@ -102,15 +105,17 @@ def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Seq
     system, flights, model = start.system, [r.flight for r in start.system.flights], start.system.model
     listed, names, probability, shares, contested = candidates_of(flights, model, (), only), (), {}, {}, set()
     first, fitted, base = None, None, model
+    open_names = undecided(system) if only is None else frozenset()
     while listed:
         variants = [v for c in listed for v in c.variants]
         here = start if first is None else make_board(build(flights, base, variants, length_s, system, switches))
         board, found, _ = search_until_stable(here, listed, tuple(base.effects), only)
+        board, found = _drawn_sharper(board, found, listed, length_s, switches, only)
         first = first or (board, found)
         sizes = mattering(board, found, shares)
         replaced = {n: others for n in sizes if (others := replaced_by(found, n))}
         contested = contested if names else {n for name, others in replaced.items() for n in (name, *others)}
-        sizes = {n: s for n, s in sizes.items() if n not in replaced}
+        sizes = {n: s for n, s in sizes.items() if n not in replaced and n not in open_names}
         shares |= sizes
         new, polished = _polished(board, found, tuple(sizes), base, fitted, only is None, system, length_s, switches)
         if not new:
@@ -124,7 +129,30 @@ def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Seq
         first = search_until_stable(start, (), ())[:2]
     board, found = first
     settled = {*names, *(n for n, p in found.inclusion.items() if p >= ACCEPT)}
-    return Accepted(names, found, board, fitted, probability, ambiguous(found, settled - contested, contested))
+    return Accepted(names, found, board, fitted, probability, ambiguous(found, settled - contested, contested),
+                    frozenset(contested))  # fmt: skip
+
+
+def _drawn_sharper(board: Board, found: Search, listed: Sequence[Candidate], length_s: float, switches: Switches,
+                   only: Sequence[str] | None) -> tuple[Board, Search]:  # fmt: skip
+    """Search again beside a load whose thread and first place are sharp: missed by centimetres, they need other names for what
+    is left."""
+    variant = _drawn(board, found)
+    if variant is None:
+        return board, found
+    known = board.system
+    sharp = sharpened(known, variant, length_s, switches)
+    listed = [dataclasses.replace(c, variants=(*c.variants, sharp)) if c.name == variant.effect else c for c in listed]
+    flights, variants = [r.flight for r in known.flights], [v for c in listed for v in c.variants]
+    system = build(flights, known.model, variants, length_s, known, switches)
+    return search_until_stable(make_board(system), listed, tuple(known.model.effects), only)[:2]
+
+
+def _drawn(board: Board, found: Search) -> Variant | None:
+    """The variant of a load that is drawn over the ground, where the best set has one that is more probable than not."""
+    variants = [board.system.columns[k].variant for k in (found.best.posterior.columns if found.best.posterior else ())]
+    drawn = [v for v in variants if DRAWN.keys() <= v.shape.keys() and found.inclusion[v.effect] > 0.5]
+    return drawn[0] if drawn else None
 
 
 def _polished(
@@ -169,6 +197,11 @@ def without(accepted: Accepted, name: str, length_s: float, switches: Switches =
     left = polish([r.flight for r in system.flights], system.model, values, free, length_s, system, switches)
     probability = {n: accepted.probability[n] for n in names}
     return dataclasses.replace(accepted, names=names, fitted=left, probability=probability)
+
+
+def without_old_news(accepted: Accepted) -> Accepted:
+    """The search without rivals that are needed beside what is proven for no more than healthy flights leave too."""
+    return accepted if accepted.contested or not accepted.names else dataclasses.replace(accepted, rivals=())
 
 
 def withdrawn(accepted: Accepted) -> Accepted:

@@ -12,13 +12,12 @@ from .residual import channels
 
 NEEDS_HEIGHT = frozenset(
     {"ground_effect", "ground_effect_forward_flight", "partial_ground_effect", "ground_effect_lag", "ground_effect_moment",
-     "fountain_lift", "ceiling_effect", "wall_effect", "tether", "downwash"}
+     "fountain_lift", "ceiling_effect", "wall_effect", "tether", "downwash", "slung_load"}
 )  # fmt: skip
 NEEDS_VELOCITY = frozenset(
     {"rotor_drag", "parasitic_drag", "axial_inflow", "translational_lift", "wind", "gusts", "slung_load",
      "ground_effect_forward_flight"}
 )  # fmt: skip
-NEEDS_SWING = frozenset({"slung_load"})  # with a derived attitude its weight shows in the balance alone, see ``balance``
 NEEDS_RANGE = frozenset({"rangefinder_bias", "rangefinder_lag"})
 LIKE_SAG = frozenset({"battery_sag", "thrust_curve", "thrust_scale"})
 NEEDS_COMMANDS = frozenset({"motor_lag", "esc_delay"})
@@ -29,7 +28,7 @@ EDGE_SLOPE = 0.4
 
 def lacking(name: str, flights: Sequence[Prepared], model: Model) -> str:
     """What some of these flights lack to speak about an effect, as ``needs ...``; '' where nothing is missing."""
-    if name in NEEDS_ATTITUDE | NEEDS_SWING and any("attitude" in f.derived for f in flights):
+    if name in NEEDS_ATTITUDE and any("attitude" in f.derived for f in flights):
         return "needs a measured attitude"
     if name in NEEDS_HEIGHT and not all("p_z_m" in f.columns or f.has("range") for f in flights):
         return "needs a logged height (p_z_m or range_m)"

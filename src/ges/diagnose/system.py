@@ -302,12 +302,12 @@ def _driven(flight: Prepared, model: Model, here: Sequence[str], columns: Iterab
 
 
 def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence[Column], length_s: float,
-         instrumented: bool = True, known: Mapping[str, np.ndarray] | None = None) -> Rows:  # fmt: skip
+         instrumented: bool = True, known: Mapping | None = None) -> Rows:  # fmt: skip
     """Residuals and columns of one flight; a column is minus the residual's change per unit of its coefficient.
 
     Parameters
     ----------
-    known : nuisance columns to take over, by key.
+    known : columns to take over, nuisances by key and others by what they are made of.
     """
     windows = make_windows(flight.t_s, flight.flying, length_s, half_waves(flight, length_s))
     here = tuple(name for name in with_overtones(channels(flight, model), len(windows.overtones)) if name in names)
@@ -316,9 +316,10 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     x = np.empty((*y.shape, 0))
     if columns:
         told, made = known or {}, {c.made_of: c for c in columns}
-        new = {of: c for of, c in made.items() if not (c.nuisance and c.key in told)}
+        asked = {of: c.key if c.nuisance else of for of, c in made.items()}
+        new = {of: c for of, c in made.items() if asked[of] not in told}
         seen = _Seen(flight, windows, model, names, here, now, _driven(flight, model, here, new.values()))
-        values = {of: seen.column(c) if of in new else told[c.key] for of, c in made.items()}
+        values = {of: seen.column(c) if of in new else told[asked[of]] for of, c in made.items()}
         x = np.stack([values[c.made_of] for c in columns], axis=2)
     keys, thrust = [c.key for c in columns], model.number("thrust_coefficient_N_s2") * (now.drive.at_work**2).sum(axis=1)
     x = untrimmed(keys, x, windows, names, thrust)
@@ -339,9 +340,12 @@ def restless(flight: Prepared, windows: Windows, model: Model, thrust: np.ndarra
     return windows.mean @ rate * (every if np.isfinite(every) else flight.dt_s)
 
 
-def _known(system: System, flight: Rows) -> dict[str, np.ndarray]:
-    """Nuisance columns of one flight by key."""
-    return {key: flight.x[:, :, k] for key, k in system.nuisances.items()}
+def _known(system: System, flight: Rows, model: Model) -> dict:
+    """Nuisance columns of one flight by key; the others, if computed for this very model, by what they are made of."""
+    known = {key: flight.x[:, :, k] for key, k in system.nuisances.items()}
+    if system.model is model:
+        known |= {c.made_of: flight.x[:, :, k] for k, c in enumerate(system.columns) if c.variant is not None}
+    return known
 
 
 def _parts(effect: str, model: Model) -> tuple[str, ...]:
@@ -359,7 +363,8 @@ def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant]
 
     Parameters
     ----------
-    like : a system of the same flights and channels whose nuisance columns are taken over: they hardly change with effects.
+    like : a system of the same flights and channels whose nuisance columns are taken over: they hardly change with effects; all
+        of its columns where the model is the same.
     """
     main = common_channels(flights, model)
     length_s = length_s or window_length_s(flights)
@@ -368,6 +373,6 @@ def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant]
     for v in variants:
         parts = _parts(v.effect, model) if MOMENT[0] in names else ("",)
         columns += [Column(v.key, variant=v, amplitude=j, part=part) for j in range(len(v.amplitudes)) for part in parts]
-    known = [_known(like, r) for r in like.flights] if like else [{}] * len(flights)
+    known = [_known(like, r, model) for r in like.flights] if like else [{}] * len(flights)
     made = each(lambda f, k: rows(f, model, names, columns, length_s, switches.instruments, k), flights, known)
     return System(model, names, tuple(columns), tuple(made), switches.whitening)

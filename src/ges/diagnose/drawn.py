@@ -1,0 +1,99 @@
+"""A load that is drawn over the ground: how long its thread is, and where it lay first.
+
+Both decide where the thread gets taut, to centimetres, and the flights show it as a step. No affordable grid is that fine and no
+slope leads there from afar, so the best of a coarse grid is made sharper before rivals are weighed: first the place on the way
+out at which the thread gets taut, then what that leaves open between the thread and the first place, then both.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from .align import Prepared
+from .candidates import DRAWN, Candidate, Variant, flown, usual_height_m
+from .evidence import make_board
+from .select import entries, scales
+from .system import ALL_ON, Switches, System, build
+
+FIRST_PLACES = np.linspace(-1.0, 1.0, 11)
+BEHIND_M_PER_M = np.geomspace(0.3, 1.6, 12)
+NEARBY = (0.08, 0.04, 0.02)
+
+
+@dataclasses.dataclass(frozen=True)
+class Drawn:
+    """A load that is drawn ``behind_m`` behind and lay ``ahead_m`` ahead at first, both horizontal."""
+
+    behind_m: float
+    ahead_m: float
+
+    def with_thread(self, behind_m: float) -> Drawn:
+        """On another thread that gets taut at the same place on the way out."""
+        return Drawn(behind_m, self.ahead_m + self.behind_m - behind_m)
+
+    def with_place(self, ahead_m: float) -> Drawn:
+        """From another first place."""
+        return Drawn(self.behind_m, ahead_m)
+
+
+def sharpened(like: System, variant: Variant, length_s: float, switches: Switches = ALL_ON) -> Variant:
+    """The variant with the thread and the first place that explain most.
+
+    Parameters
+    ----------
+    like : a system of the flights.
+    variant : of ``slung_load``, from :data:`DRAWN`; where it is attached stays.
+    """
+    flights = [r.flight for r in like.flights]
+    height_m, way = usual_height_m(like.model, flown(flights)), way_out(flights)
+    best = Drawn(math.sqrt(max(variant.shape["length_m"] ** 2 - height_m**2, 0.0)), 0.0)
+
+    def shaped(load: Drawn) -> Variant:
+        start = dict(zip(DRAWN, (float(load.ahead_m * c) for c in way), strict=True))
+        return dataclasses.replace(variant, shape={**variant.shape, "length_m": math.hypot(height_m, load.behind_m), **start})
+
+    for options in (_first_places, _threads, *(_nearby(share) for share in NEARBY)):
+        tried = [best, *options(best, height_m)]
+        best = tried[_most_probable(like, [shaped(load) for load in tried], length_s, switches)]
+    return shaped(best)
+
+
+def way_out(flights: Sequence[Prepared]) -> np.ndarray:
+    """Horizontal direction from where the flights begin to where they are farthest from there, (2,), of length 1."""
+    total = np.array([1e-9, 0.0])
+    for flight in flights:
+        p = flight.stack("position")[:, :2]
+        total += p[np.argmax(np.linalg.norm(p - p[0], axis=1))] - p[0]
+    return total / np.linalg.norm(total)
+
+
+def _first_places(load: Drawn, height_m: float) -> list[Drawn]:
+    return [load.with_place(load.behind_m * k) for k in FIRST_PLACES]
+
+
+def _threads(load: Drawn, height_m: float) -> list[Drawn]:
+    return [load.with_thread(height_m * k) for k in BEHIND_M_PER_M]
+
+
+def _nearby(share: float) -> Callable[[Drawn, float], list[Drawn]]:
+    def options(load: Drawn, height_m: float) -> list[Drawn]:
+        step = share * load.behind_m
+        threads = [load.with_thread(load.behind_m + k * step) for k in (-2, -1, 1, 2)]
+        return threads + [load.with_place(load.ahead_m + k * step) for k in (-2, -1, 1, 2)]
+
+    return options
+
+
+def _most_probable(like: System, variants: Sequence[Variant], length_s: float, switches: Switches) -> int:
+    """Number of the variant with most evidence; the noise is what the first of them leaves."""
+    system = build([r.flight for r in like.flights], like.model, variants, length_s, like, switches)
+    columns = [k for k, c in enumerate(system.columns) if c.variant is not None]
+    board = make_board(system, columns[:1])
+    listed = entries(board, [Candidate("slung_load", "physics", tuple(variants))])
+    on = scales(board, listed)
+    best = max(listed, key=lambda e: on.weigh((e,)).log_evidence)
+    return columns.index(best.columns[0])
