@@ -25,6 +25,8 @@ SHAKEN = (*ORDINARY[:3], ("multisine", (40.0, 1.5, 9.0)), ("multisine", (20.0, 1
 """Manoeuvres with their seconds, lengths and heights: the usual ones, near the ground, within a small room, shaken harder."""
 LEDGES = (("height_staircase", (30.0, 0.3, 1.5)), ("straight_runs", (40.0, 2.0, 0.27)), ("climbs", (20.0, 1.0, 3.0)),
           ("multisine", (20.0,)), ("straight_runs", (20.0, 2.0, 0.3)))  # fmt: skip
+JUST_ABOVE = (("straight_runs", (40.0, 2.0, 0.5)), ("straight_runs", (30.0, 3.0, 0.5)), ("yaw_turn", (20.0, 0.5)),
+              ("multisine", (20.0,)), ("straight_runs", (30.0, 2.0, 0.5)))  # fmt: skip
 DRAG = {"rotor_drag": {"k_kg": 1e-4}}
 CUSHION = {"ground_effect": {"form": 3, "c_a": 0.5, "decay": 1.0, "high": 10}}
 PLANTED = {
@@ -105,7 +107,7 @@ def test_nothing_planted_nothing_found(flown, vehicle):
 def test_a_load_is_found_in_flights_that_begin_in_mid_swing(flown, vehicle):
     """The replay hangs it at rest; what it forgets of that in a few swings is enough."""
     load = {"mass_kg": 0.12, "length_m": 0.5}
-    flights = [f[f["t_s"] >= 7.3].reset_index(drop=True) for f in _recordings(flown, vehicle, {"slung_load": load})]
+    flights = [f[f["t_s"] >= 7.3].reset_index(drop=True) for f in _recordings(flown, vehicle, {"slung_load": load}, ROOM)]
     found = ges.diagnose(flights, vehicle, holdout=["flight5"])
     assert [f.name for f in found.findings] == ["slung_load"], found.sentence
     told = {name: e.value for name, e in found.findings[0].parameters.items()}
@@ -119,6 +121,20 @@ def test_a_name_that_strains_the_declared_numbers_takes_no_true_one_along(flown,
     found = ges.diagnose(_recordings(flown, vehicle, DRAG, plans), vehicle, holdout=["flight4"])
     assert [f.name for f in found.findings] == ["rotor_drag"], found.sentence
     assert found.findings[0].parameters["k_kg"].value == pytest.approx(DRAG["rotor_drag"]["k_kg"], rel=0.05)
+
+
+@pytest.mark.parametrize("start_x_m", [0.0, 0.2])
+def test_a_load_that_is_dragged_over_the_ground_is_found_with_its_thread(flown, vehicle, start_x_m):
+    """On a thread below rotor 2 that is longer than the flights are high, from below or from ahead."""
+    hub = {"attach_x_m": -0.12, "attach_y_m": 0.12}
+    load = {"mass_kg": 0.06, "length_m": 0.8, **hub, "start_x_m": start_x_m}
+    found = ges.diagnose(_recordings(flown, vehicle, {"slung_load": load}, JUST_ABOVE), vehicle, holdout=["flight5"])
+    assert [f.name for f in found.findings] == ["slung_load"], found.sentence
+    told = {name: e.value for name, e in found.vehicle.effects["slung_load"].items()}
+    assert told["length_m"] == pytest.approx(load["length_m"], rel=0.02)
+    assert told["mass_kg"] == pytest.approx(load["mass_kg"], rel=0.1)
+    assert {name: told[name] for name in hub} == hub
+    assert told["start_x_m"] == pytest.approx(start_x_m, abs=0.03)
 
 
 def test_another_vehicle_is_found_where_it_hovers(flown, vehicle):

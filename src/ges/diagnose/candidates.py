@@ -26,7 +26,7 @@ ABOVE_M, ABOVE_RADII = 0.5, 5.0
 I_AXES = ("xx", "yy", "zz")
 USUAL_DRAG = 0.02
 """Of the weight, at 1 m/s."""
-DRAWN_M_PER_M = (0.4, 0.6, 0.9, 1.3)
+DRAWN_M_PER_M = (0.6, 1.2)
 """How far behind a load may be drawn over the ground, over the height of flight."""
 DRAWN = {"start_x_m": 0.0, "start_y_m": 0.0}
 """First place of a load that lies on the ground: below, until the flights have moved it."""

@@ -63,11 +63,12 @@ def sharpened(like: System, variant: Variant, length_s: float, switches: Switche
 
 
 def way_out(flights: Sequence[Prepared]) -> np.ndarray:
-    """Horizontal direction from where the flights begin to where they are farthest from there, (2,), of length 1."""
+    """Horizontal direction in which the flights leave their first places, (2,), of length 1: to where half of the way is gone."""
     total = np.array([1e-9, 0.0])
     for flight in flights:
-        p = flight.stack("position")[:, :2]
-        total += p[np.argmax(np.linalg.norm(p - p[0], axis=1))] - p[0]
+        gone = flight.stack("position")[:, :2] - flight.stack("position")[0, :2]
+        far = np.linalg.norm(gone, axis=1)
+        total += gone[np.argmax(far >= 0.5 * far.max())]
     return total / np.linalg.norm(total)
 
 
