@@ -6,8 +6,8 @@
  * On the ground, rho = |a - l| horizontally, s = sqrt(rho^2 + h^2): the thread only pulls, T = m_l g e / (c L) with the
  * extension e = s - (1 - c) L, so that it has its length L under the load's weight. The load stays where it is up to the pull
  * at which friction gives way (Coulomb, quasi-static), T rho/s = mu (m_l g - T h/s), hence T = mu m_l g s / (rho + mu h); it
- * then follows within FOLLOWS_S. As h grows to L both agree: no more than the weight, straight down. Not where the height is
- * unknown: there it hangs free.
+ * then follows within FOLLOWS_S. As h grows to L both agree: no more than the weight, straight down. Where the height is
+ * unknown the load hangs free, and where the ground is said to be lower it hangs lower.
  */
 #include "effect.h"
 
@@ -16,7 +16,7 @@
 #define GIVE 0.01       /* c: a thread's extension under the load's weight, over its length */
 #define FOLLOWS_S 0.02  /* some steps of a recording, so that the load neither lags nor overshoots */
 
-enum { MASS, LENGTH, DAMPING, ATTACH_X, ATTACH_Y, FRICTION, START_X, START_Y };
+enum { MASS, LENGTH, DAMPING, ATTACH_X, ATTACH_Y, FRICTION, START_X, START_Y, BELOW };
 
 /* Attachment, world. */
 static void attachment(const sample_t *s, const vd *p, vd a[3]) {
@@ -69,7 +69,7 @@ static void apply(const sample_t *s, const vd *p, const vd world[3], wrench_t *a
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   vd a[3], swing[2], slide[2], free_force[3], ground_force[3];
   attachment(s, p, a);
-  vd height = a[2] - ground_at(s->map, x[0], x[1]).height;
+  vd height = a[2] - ground_at(s->map, x[0], x[1]).height + p[BELOW];
   hang(s, p, x, a, swing, free_force);
   drag(s, p, x, a, height, slide, ground_force);
   vl lies = LT(height, p[LENGTH]);
@@ -89,7 +89,7 @@ EFFECT(slung_load) = {
     .reference = "pendulum dynamics; Coulomb friction",
     .channels = "force_x force_y force_z moment_x moment_y moment_z",
     .kind = GES_WRENCH,
-    .n_parameters = 8,
+    .n_parameters = 9,
     .n_states = 4,
     .parameters = {{"mass_kg", "kg", "mass of the load", 0.1, 0, 0, 20},
                    {"length_m", "m", "length of the thread", 0.6, NAN, 0.05, 20},
@@ -98,7 +98,8 @@ EFFECT(slung_load) = {
                    {"attach_y_m", "m", "attachment, left", 0, NAN, -1, 1},
                    {"friction", "1", "friction of the load on the ground", 0.5, NAN, 0, 2},
                    {"start_x_m", "m", "load at first, from below the attachment, world x", 0, NAN, -20, 20},
-                   {"start_y_m", "m", "load at first, from below the attachment, world y", 0, NAN, -20, 20}},
+                   {"start_y_m", "m", "load at first, from below the attachment, world y", 0, NAN, -20, 20},
+                   {"below_m", "m", "ground lower at the load than the terrain says", 0, NAN, 0, 20}},
     .begin = begin,
     .wrench = wrench,
 };

@@ -72,6 +72,11 @@ def test_a_load_over_ground_of_unknown_height_hangs_free():
     assert np.all(dragged(x, np.nan * x).force_N[:, 2] != 0.0)
 
 
+def test_over_a_pit_a_load_hangs_free():
+    force = dragged(0.5 * np.arange(0, 4, 0.01), below_m=1.0).force_N
+    assert np.allclose(force[:, 2], -WEIGHT_N)
+
+
 def test_a_flown_load_is_dragged_steadily():
     """In closed loop at coarse steps: the thread, stiff as it is, shakes nothing, and the tilt answers the pull."""
     numbers = {**QUIET, "agl_ref_m": HEIGHT_M, "cruise_m_s": 0.5, "mode": "none", "duration_s": 20, "dt_s": 0.005}

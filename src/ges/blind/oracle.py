@@ -31,7 +31,8 @@ FREE: Mapping[str, tuple[str, ...]] = {
     "tether": ("weight_N_m",), "battery_sag": ("sensitivity",), "motor_lag": ("up_s", "down_s"),
     "esc_delay": ("delay_s",), "thrust_curve": ("c",), "rotor_saturation": ("share",), "actuator_mapping": ("exponent",),
 }  # fmt: skip
-FIXED: Mapping[str, dict[str, float]] = {"ground_effect": WIDE}
+HANGING = {"below_m": 20.0}  # the concealed load hangs free, through the ground
+FIXED: Mapping[str, dict[str, float]] = {"ground_effect": WIDE, "slung_load": HANGING}
 SHAPES = ("decay", "c_s", "length_m", "damping")
 
 

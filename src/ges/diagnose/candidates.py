@@ -28,6 +28,8 @@ USUAL_DRAG = 0.02
 """Of the weight, at 1 m/s."""
 DRAWN_M_PER_M = (0.6, 1.2)
 """How far behind a load may be drawn over the ground, over the height of flight."""
+THREADS_M = (0.15, 0.2, 0.27, 0.36, 0.5, 0.7, 1.2, 2.4)
+FREE_BELOW = {"below_m": 20.0}
 DRAWN = {"start_x_m": 0.0, "start_y_m": 0.0}
 """First place of a load that lies on the ground: below, until the flights have moved it."""
 NEEDS_ATTITUDE = frozenset(
@@ -201,14 +203,18 @@ def usual_height_m(model: Model, reached: Flown) -> float:
 
 
 def _slung_load(model: Model, reached: Flown) -> tuple[Variant, ...]:
-    """Hanging where the tilt shows its swing, on threads of several lengths below the middle and on one below each rotor; and
-    drawn over the ground."""
+    """Hanging where the tilt shows its swing, on threads of several lengths below the middle and on one below each rotor, and
+    drawn over the ground. Where the flights come lower than a thread is long, its load lies on the ground, or there is none
+    there: they took off from a table, say."""
     drawn = _drawn_load(model, reached)
     if not reached.tilt_seen:
         return drawn
-    middle = _grid("slung_load", ("mass_kg",), length_m=(0.15, 0.2, 0.27, 0.36, 0.5, 0.7, 1.2, 2.4))
-    hubs = tuple(_variant("slung_load", ("mass_kg",), length_m=0.6, attach_x_m=x, attach_y_m=y) for x, y in _hubs(model))
-    return middle + hubs + drawn
+    lowest_m = reached.low_m[2] if reached.low_m else 0.0
+    free = _grid("slung_load", ("mass_kg",), FREE_BELOW, length_m=THREADS_M)
+    lying = _grid("slung_load", ("mass_kg",), length_m=tuple(length for length in THREADS_M if length > lowest_m))
+    hubs = tuple(_variant("slung_load", ("mass_kg",), length_m=0.6, attach_x_m=x, attach_y_m=y, **FREE_BELOW)
+                 for x, y in _hubs(model))  # fmt: skip
+    return free + hubs + lying + drawn
 
 
 def _drawn_load(model: Model, reached: Flown) -> tuple[Variant, ...]:
