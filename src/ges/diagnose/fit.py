@@ -222,22 +222,25 @@ def polish(flights: Sequence[Prepared], model: Model, values: effect_table.Effec
     for _ in range(2 * ROUNDS if any(reach_of(name, values, model) for name in free) else ROUNDS):
         variants = [Variant(e, {}, (_moves((e, p), values, model),)) for e, p in free]
         system = build(flights, model.with_effects(values), variants, length_s, like, switches)
-        chosen = [k for k, c in enumerate(system.columns) if c.variant is not None]
+        columns = [k for k, c in enumerate(system.columns) if c.variant is not None]
+        levers = [k for k in columns if system.columns[k].part == "moment"]
+        chosen = [k for k in columns if k not in levers] + levers
         board = make_board(system, chosen)
-        prior = [_prior(name, values, model) for name in free]
+        prior = [_prior(name, values, model) for name in free] + [(0.0, math.inf)] * len(levers)
         sd = np.array(
             [10.0 * max(board.prior.sd[k], 1e-9) if math.isinf(s) else s for (_, s), k in zip(prior, chosen, strict=True)]
         )
         joint = joint_fit(board, chosen, np.array([m for m, _ in prior]), sd)
-        moved, share = 0.0, _share_in_reach(joint.chosen, free, values, model)
-        for (e, p), step, var in zip(free, share * joint.chosen, np.diag(joint.covariance), strict=True):
+        steps, covariance = joint.chosen[: len(free)], joint.covariance[: len(free), : len(free)]
+        moved, share = 0.0, _share_in_reach(steps, free, values, model)
+        for (e, p), step, var in zip(free, share * steps, np.diag(covariance), strict=True):
             low, high = bounds[e, p]
             new = float(np.clip(values[e][p] + step, low, high))
             moved = max(moved, abs(new - values[e][p]) / np.sqrt(var))
             values[e][p] = new
         if moved < TIGHT:
             break
-    return Fitted(values, tuple(free), joint.covariance, joint, board)
+    return Fitted(values, tuple(free), covariance, joint, board)
 
 
 def _share_in_reach(steps: np.ndarray, free: Sequence[tuple[str, str]], values: effect_table.Effects, model: Model) -> float:

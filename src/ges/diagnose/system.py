@@ -11,7 +11,7 @@ from .. import effects as effect_table
 from ..threads import each
 from .align import Prepared
 from .answers import Loose, loose, untrimmed
-from .candidates import NEEDS_ATTITUDE, PARAMETER_EFFECTS, Variant
+from .candidates import NEEDS_ATTITUDE, Variant
 from .model import SPEED, Model, block_of
 from .residual import HELD_SHARE, MOMENT, Along, Drive, along, channels, drives, drives_of, with_overtones
 from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, blocks_of, make_windows
@@ -19,6 +19,7 @@ from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, blocks_of, mak
 AR_ORDER = 3
 MOST_HALF_WAVES, UPDATES_PER_HALF_WAVE = 3, 2.5
 LEVELLED, LEVELLING_SD = "ground_effect", 0.7
+DRAGS = frozenset({"rotor_drag", "parasitic_drag", "wind"})
 FAR_SDS = 3.0
 SECOND_POLE = 0.06  # of the motor's time constant
 USUAL: tuple[tuple[str, str, float, float, float], ...] = (
@@ -79,8 +80,10 @@ class Nuisance:
 class Column:
     """One column: a nuisance, or one amplitude of one variant of a candidate.
 
-    ``part`` 'force' or 'moment' is a column of those channels alone. A thrust gain near the ground is split so: how much the
-    cushions of four rotors differ, and so the moment, depends on how far each of them spreads.
+    ``part`` 'force' or 'moment' is a column of those channels alone, with a coefficient of its own. A thrust gain near the ground
+    is split so: how much the cushions of four rotors differ, and so the moment, depends on how far each of them spreads. So is
+    drag: its lever about the centre of gravity is millimetres long, and as small moments are measured far better than small
+    forces, they would decide its size.
     """
 
     label: str
@@ -91,11 +94,18 @@ class Column:
 
     @property
     def made_of(self) -> tuple:
-        """What the column is computed from: two columns with the same are the same."""
+        """What the column is computed from: two columns with the same differ in their parts at most."""
         if self.nuisance is not None:
             return (self.nuisance,)
         v = self.variant
-        return v.effect, tuple(v.shape.items()), v.amplitudes[self.amplitude], self.part
+        return v.effect, tuple(v.shape.items()), v.amplitudes[self.amplitude]
+
+    def part_of(self, whole: np.ndarray, names: Sequence[str]) -> np.ndarray:
+        """This column's part of all that its coefficient changes, (m, C)."""
+        if not self.part:
+            return whole
+        moments = np.array([block_of(name) == "moment" for name in names])
+        return whole * np.where(moments == (self.part == "moment"), 1.0, 0.0)
 
     @property
     def key(self) -> str:
@@ -274,17 +284,13 @@ class _Seen:
     driven: Mapping[str, Drive]
 
     def column(self, column: Column) -> np.ndarray:
-        """Minus the residual's change per unit of the column's coefficient, (m, C)."""
+        """Minus the residual's change per unit of the column's coefficient, (m, C), whatever its part."""
         if column.nuisance is not None and column.nuisance.effect == "vehicle":
             n = column.nuisance
             other = self.model.with_number(n.parameter, self.model.number(n.parameter) + n.step)
             return (self._at() - _among(self.names, self.here, along(self.flight, self.windows, other, self.here))) / n.step
         shifted, step = _shift(self.model, column)
-        change = (self._at(_reference(self.model, column)) - self._at(shifted)) / step
-        if column.part:
-            moments = np.array([block_of(name) == "moment" for name in self.names])
-            change[:, moments if column.part == "force" else ~moments] *= 0.0
-        return change
+        return (self._at(_reference(self.model, column)) - self._at(shifted)) / step
 
     def _at(self, effects: effect_table.Effects | None = None) -> np.ndarray:
         """Residuals with effects added."""
@@ -320,7 +326,7 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
         new = {of: c for of, c in made.items() if asked[of] not in told}
         seen = _Seen(flight, windows, model, names, here, now, _driven(flight, model, here, new.values()))
         values = {of: seen.column(c) if of in new else told[asked[of]] for of, c in made.items()}
-        x = np.stack([values[c.made_of] for c in columns], axis=2)
+        x = np.stack([c.part_of(values[c.made_of], names) for c in columns], axis=2)
     keys, thrust = [c.key for c in columns], model.number("thrust_coefficient_N_s2") * (now.drive.at_work**2).sum(axis=1)
     x = untrimmed(keys, x, windows, names, thrust)
     answered, strength = loose(keys, x, flight, windows, model, names, now.drive.at_work) if instrumented and keys else ({}, {})
@@ -343,18 +349,16 @@ def restless(flight: Prepared, windows: Windows, model: Model, thrust: np.ndarra
 def _known(system: System, flight: Rows, model: Model) -> dict:
     """Nuisance columns of one flight by key; the others, if computed for this very model, by what they are made of."""
     known = {key: flight.x[:, :, k] for key, k in system.nuisances.items()}
-    if system.model is model:
-        known |= {c.made_of: flight.x[:, :, k] for k, c in enumerate(system.columns) if c.variant is not None}
+    for k, c in enumerate(system.columns) if system.model is model else ():
+        if c.variant is not None:
+            known[c.made_of] = known.get(c.made_of, 0.0) + flight.x[:, :, k]
     return known
 
 
 def _parts(effect: str, model: Model) -> tuple[str, ...]:
-    """Parts that an effect's columns come in: what shows in forces alone says nothing by the small moments that it makes."""
-    if effect == LEVELLED and effect not in model.effects:
-        return "force", "moment"
-    about = effect_table.get(effect)
-    pushes = about.kind in ("wrench", "wind") and effect not in PARAMETER_EFFECTS
-    return ("",) if not pushes or any(block_of(name) == "moment" for name in about.channels) else ("force",)
+    """Parts that an effect's columns come in, see :class:`Column`."""
+    split = effect in DRAGS or effect == LEVELLED and effect not in model.effects
+    return ("force", "moment") if split else ("",)
 
 
 def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant], length_s: float | None = None,
