@@ -13,6 +13,7 @@ vouch for a part of such a column; the rest is *loose*, and its coefficient may 
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -61,25 +62,42 @@ def untrimmed(keys: Sequence[str], x: np.ndarray, windows: Windows, names: Seque
     return x
 
 
-def loose(keys: Sequence[str], x: np.ndarray, flight: Prepared, windows: Windows, model: Model, names: Sequence[str],
-          speeds: np.ndarray) -> tuple[Loose, dict[str, float]]:  # fmt: skip
-    """Loose parts by kind and channel, (m, columns of the kind), and the strength of the instruments by channel.
+@dataclasses.dataclass(frozen=True)
+class Vouched:
+    """What instruments say of one flight by channel: instruments (m, k), thrust or moment of the rotors (m,), and the share of
+    the latter that the former explain."""
+
+    z: Mapping[str, np.ndarray]
+    own: Mapping[str, np.ndarray]
+    strong: Mapping[str, float]
+
+
+def vouched(flight: Prepared, windows: Windows, model: Model, names: Sequence[str], y: np.ndarray, speeds: np.ndarray) -> Vouched:
+    """Of the moments and of what acts along thrust, where residuals y (m, C) are known; ``speeds`` (n, 4) are those at work."""
+    z, own = instruments(flight, windows, model, names), own_signal(flight, windows, model, speeds, names)
+    block = blocks_of([(windows, flight.t_s[0])], INSTRUMENT_BLOCK_S)[0]
+    answered = [n for n, heard in zip(names, np.isfinite(y).all(axis=0), strict=True) if heard and _answered(n)]
+    return Vouched(z, own, {n: strength(own[n], z[n], block) for n in answered})
+
+
+def _answered(name: str) -> bool:
+    return block_of(name) == "moment" or name in VERTICAL
+
+
+def loose(keys: Sequence[str], x: np.ndarray, windows: Windows, names: Sequence[str], told: Vouched) -> Loose:
+    """Loose parts by kind and channel, (m, columns of the kind).
 
     Shapes of one parameter are loose alike: its first column stands for them.
 
     Parameters
     ----------
     keys, x : ``effect.parameter`` of every column, and the columns (m, C, K).
-    speeds : (n, 4) rotor speeds at work.
     """
     which = {kind: _first(keys, kind) for kind in ("dynamic", "gain", "height")}
     parts = {kind: x[:, :, at] for kind, at in which.items()}
     levels = np.array([keys[k].split(".")[0] in CUSHIONS for k in which["gain"]], dtype=float)
     heard = {c: name for c, name in enumerate(names) if np.isfinite(x[:, c]).all()}
-    z, own = instruments(flight, windows, model, names), own_signal(flight, windows, model, speeds, names)
-    block = blocks_of([(windows, flight.t_s[0])], INSTRUMENT_BLOCK_S)[0]
-    answered = {c: n for c, n in heard.items() if block_of(n) == "moment" or n in VERTICAL}
-    strong = {n: strength(own[n], z[n], block) for n in answered.values()}
+    z, own, strong, answered = told.z, told.own, told.strong, {c: n for c, n in heard.items() if n in told.strong}
     share = {c: _by_thrust(own[n], z[n], strong[n], windows.length_s) for c, n in answered.items() if n in VERTICAL}
     found = {
         "dynamic": {c: _beyond(parts["dynamic"][:, c], z[n], strong[n], n in VERTICAL) for c, n in answered.items()},
@@ -89,7 +107,7 @@ def loose(keys: Sequence[str], x: np.ndarray, flight: Prepared, windows: Windows
         },
         "height": {c: _centred(parts["height"][:, c]) for c, n in heard.items() if n == "range"},
     }
-    return {k: v for k, v in found.items() if parts[k].shape[2]}, {n: v for n, v in strong.items() if "/" not in n}
+    return {k: v for k, v in found.items() if parts[k].shape[2]}
 
 
 def _first(keys: Sequence[str], kind: str) -> list[int]:

@@ -211,11 +211,15 @@ def _plausible(column: Column, size: float) -> float:
 
 def make_board(system: System, chosen: Sequence[int] = (), tempering: float = TEMPERING, share: float = 0.05) -> Board:
     """Whiten and count, with the noise that the chosen columns leave."""
-    noise = estimate(system, chosen)
+    board = whitened(system, estimate(system, chosen), share)
+    return dataclasses.replace(board, by_flight=tuple(flight_grams(board.whites, system.columns, tempering)))
+
+
+def whitened(system: System, noise: Noise, share: float = 0.05) -> Board:
+    """Whiten with a known noise and count nothing: what a fit needs."""
     whites = whiten(system.flights, noise, unrest_of(system.flights))
-    grams = tuple(flight_grams(whites, system.columns, tempering))
     nuisance = np.array([k for k, c in enumerate(system.columns) if c.nuisance is not None], dtype=int)
-    return Board(system, noise, whites, grams, _prior(system, share), nuisance)
+    return Board(system, noise, whites, (), _prior(system, share), nuisance)
 
 
 def _prior(system: System, share: float) -> Prior:

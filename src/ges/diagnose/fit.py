@@ -12,11 +12,11 @@ from .. import effects as effect_table
 from ..threads import each
 from .align import Prepared
 from .candidates import Amplitude, Variant, amplitude_of, kind_of, reach_of
-from .evidence import Board, gram_of, make_board, unanswered
+from .evidence import Board, gram_of, make_board, unanswered, whitened
 from .model import Model
 from .select import Hypothesis
 from .system import ALL_ON, Switches, System, build
-from .whiten import White
+from .whiten import White, estimate
 
 BLOCK_S = 10.0
 ROUNDS = 4
@@ -219,13 +219,15 @@ def polish(flights: Sequence[Prepared], model: Model, values: effect_table.Effec
     """
     values = {name: dict(v) for name, v in values.items()}
     bounds = {(e, p.name): (p.low, p.high) for e in values for p in effect_table.get(e).parameters} | FIRMER
+    noise = None
     for _ in range(2 * ROUNDS if any(reach_of(name, values, model) for name in free) else ROUNDS):
         variants = [Variant(e, {}, (_moves((e, p), values, model),)) for e, p in free]
         system = build(flights, model.with_effects(values), variants, length_s, like, switches)
         columns = [k for k, c in enumerate(system.columns) if c.variant is not None]
         levers = [k for k in columns if system.columns[k].part == "moment"]
         chosen = [k for k in columns if k not in levers] + levers
-        board = make_board(system, chosen)
+        noise = noise or estimate(system, chosen)
+        board = whitened(system, noise)
         prior = [_prior(name, values, model) for name in free] + [(0.0, math.inf)] * len(levers)
         sd = np.array(
             [10.0 * max(board.prior.sd[k], 1e-9) if math.isinf(s) else s for (_, s), k in zip(prior, chosen, strict=True)]

@@ -10,7 +10,7 @@ import numpy as np
 from .. import effects as effect_table
 from ..threads import each
 from .align import Prepared
-from .answers import Loose, loose, untrimmed
+from .answers import Loose, Vouched, loose, untrimmed, vouched
 from .candidates import NEEDS_ATTITUDE, Variant
 from .model import SPEED, Model, block_of
 from .residual import HELD_SHARE, MOMENT, Along, Drive, along, channels, drives, drives_of, with_overtones
@@ -120,7 +120,7 @@ class Rows:
     """One flight: residuals ``y`` (m, C) and columns ``x`` (m, C, K), NaN where a channel is not there.
 
     ``loose`` are the parts of columns that instruments do not vouch for (see ``answers``); ``strength`` is the share of the
-    model's own thrust or moment that they do explain, by channel.
+    model's own thrust or moment that they do explain.
     """
 
     flight: Prepared
@@ -129,7 +129,12 @@ class Rows:
     x: np.ndarray
     noise: np.ndarray
     loose: Loose
-    strength: Mapping[str, float]
+    vouched: Vouched | None
+
+    @property
+    def strength(self) -> dict[str, float]:
+        """Of the instruments, by channel."""
+        return {n: v for n, v in self.vouched.strong.items() if "/" not in n} if self.vouched else {}
 
     @property
     def follows(self) -> np.ndarray:
@@ -308,12 +313,13 @@ def _driven(flight: Prepared, model: Model, here: Sequence[str], columns: Iterab
 
 
 def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence[Column], length_s: float,
-         instrumented: bool = True, known: Mapping | None = None) -> Rows:  # fmt: skip
+         instrumented: bool = True, known: Mapping | None = None, like: Rows | None = None) -> Rows:  # fmt: skip
     """Residuals and columns of one flight; a column is minus the residual's change per unit of its coefficient.
 
     Parameters
     ----------
     known : columns to take over, nuisances by key and others by what they are made of.
+    like : of the same flight, whose instruments serve again: they hardly change with effects.
     """
     windows = make_windows(flight.t_s, flight.flying, length_s, half_waves(flight, length_s))
     here = tuple(name for name in with_overtones(channels(flight, model), len(windows.overtones)) if name in names)
@@ -329,8 +335,9 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
         x = np.stack([c.part_of(values[c.made_of], names) for c in columns], axis=2)
     keys, thrust = [c.key for c in columns], model.number("thrust_coefficient_N_s2") * (now.drive.at_work**2).sum(axis=1)
     x = untrimmed(keys, x, windows, names, thrust)
-    answered, strength = loose(keys, x, flight, windows, model, names, now.drive.at_work) if instrumented and keys else ({}, {})
-    return Rows(flight, windows, y, x, restless(flight, windows, model, thrust), answered, strength)
+    vouch = like.vouched if like else vouched(flight, windows, model, names, y, now.drive.at_work) if instrumented else None
+    answered = loose(keys, x, windows, names, vouch) if vouch else {}
+    return Rows(flight, windows, y, x, restless(flight, windows, model, thrust), answered, vouch)
 
 
 def half_waves(flight: Prepared, length_s: float) -> int:
@@ -367,8 +374,8 @@ def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant]
 
     Parameters
     ----------
-    like : a system of the same flights and channels whose nuisance columns are taken over: they hardly change with effects; all
-        of its columns where the model is the same.
+    like : a system of the same flights and channels whose nuisance columns and instruments are taken over: they hardly change
+        with effects; all of its columns where the model is the same.
     """
     main = common_channels(flights, model)
     length_s = length_s or window_length_s(flights)
@@ -377,6 +384,7 @@ def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant]
     for v in variants:
         parts = _parts(v.effect, model) if MOMENT[0] in names else ("",)
         columns += [Column(v.key, variant=v, amplitude=j, part=part) for j in range(len(v.amplitudes)) for part in parts]
-    known = [_known(like, r, model) for r in like.flights] if like else [{}] * len(flights)
-    made = each(lambda f, k: rows(f, model, names, columns, length_s, switches.instruments, k), flights, known)
+    before = like.flights if like else [None] * len(flights)
+    known = [_known(like, r, model) if like else {} for r in before]
+    made = each(lambda f, k, r: rows(f, model, names, columns, length_s, switches.instruments, k, r), flights, known, before)
     return System(model, names, tuple(columns), tuple(made), switches.whitening)
