@@ -75,9 +75,14 @@ def entries(board: Board, candidates: Sequence[Candidate]) -> list[Entry]:
     return [Entry(name, i, tuple(columns)) for i, ((name, _), columns) in enumerate(found.items())]
 
 
+def size_of(names: Sequence[str]) -> int:
+    """How many causes a set has: what acts through another of the set counts no more than that one alone."""
+    return sum(not set(needs_of(name)) & set(names) for name in names)
+
+
 def _log_prior(names: Sequence[str], count: int) -> float:
-    """Of one set of this size among all of them; what acts through another of the set counts no more than that one alone."""
-    size = sum(not set(needs_of(name)) & set(names) for name in names)
+    """Of one set of this size among all of them."""
+    size = size_of(names)
     return float(np.log(PRIOR_OF_SIZE[size]) - np.log(max(1, math.comb(count, size))))
 
 

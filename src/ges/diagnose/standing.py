@@ -12,7 +12,7 @@ from .candidates import amplitude_of, needs_of
 from .evidence import Board
 from .fit import FORM_ERROR, SHAPES, Fitted, Joint, strain
 from .model import block_of
-from .select import Hypothesis, Search
+from .select import Hypothesis, Search, size_of
 from .system import System
 
 ACCEPT = 0.9
@@ -68,7 +68,7 @@ def _share(board: Board, h: Hypothesis, name: str) -> float:
 def replaced_by(found: Search, name: str) -> tuple[str, ...]:
     """What explains the flights nearly as well in its place; () where nothing does."""
     best = found.best
-    others = [h for h in found.hypotheses if name not in h.names and h.names and len(h.names) <= len(best.names)]
+    others = [h for h in found.hypotheses if name not in h.names and h.names and size_of(h.names) <= size_of(best.names)]
     other = max(others, key=lambda h: h.of_data, default=None)
     if name not in best.names or other is None or best.of_data - other.of_data > SEPARATE:
         return ()
