@@ -1,10 +1,10 @@
 """Multiple shooting: the simulator flies a recording again, piece by piece, each from where the recording was.
 
 Rotor speeds and attitude are imposed as recorded, position and velocity are free. Held-out flights are judged by the error after
-one second. Fits are polished by rollouts of a fifth of a second: the model is asked along the flown path instead of the recorded
-one. What a window of the weak form then sees is the error of the rollout (its test function vanishes at both ends, and the
-derivative of the simulated velocity is the simulated force), and a push of turbulence no longer moves the velocity that a
-drag is held against.
+one second. Fits are polished by rollouts as long as the shortest window: the model is asked along the flown path instead of the
+recorded one. What a window of the weak form then sees is the error of the rollout (its test function vanishes at both ends,
+and the derivative of the simulated velocity is the simulated force), and a push of turbulence no longer moves the velocity
+that a drag is held against.
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ from ..conventions import BODY_RATE, POSITION, QUATERNION, ROTOR_SPEED, VELOCITY
 from .align import Prepared
 from .model import Model
 from .residual import model_along
+from .system import window_length_s
+from .weak import SHORTEST_WINDOW_S
 
-SHOT_S = 0.2
 START_SMOOTH_S = 0.05
 LONGEST_STEP_S = 0.005
 
@@ -74,10 +75,13 @@ def _piece(flight: Prepared, model: Model, effects: dict, recorded: dict, inputs
 
 
 def shot(flight: Prepared, model: Model) -> Prepared:
-    """The flight with the path that the model flies, see :attr:`Prepared.path`; as it is where it cannot be flown."""
-    if not can_roll(flight):
+    """The flight with the path that the model flies, see :attr:`Prepared.path`; as it is where it cannot be flown.
+
+    What rotors did between slow readings would move such a path against the residual that it makes: then nothing is flown.
+    """
+    if not can_roll(flight) or window_length_s([flight]) > SHORTEST_WINDOW_S:
         return flight
-    n = max(1, int(round(SHOT_S / flight.dt_s)))
+    n = max(1, int(round(SHORTEST_WINDOW_S / flight.dt_s)))
     rolled, clock = rollouts_of(flight, model, n), flight.dt_s * np.arange(n)
     path = {name: values.copy() for name, values in rolled.recorded.items()}
     for start, record in zip(rolled.starts, rolled.flown, strict=True):
