@@ -19,7 +19,7 @@ from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, blocks_of, mak
 AR_ORDER = 3
 MOST_HALF_WAVES, UPDATES_PER_HALF_WAVE = 3, 2.5
 LEVELLED, LEVELLING_SD = "ground_effect", 0.7
-DRAGS = frozenset({"rotor_drag", "parasitic_drag", "wind"})
+SIDEWAYS = frozenset({"rotor_drag", "parasitic_drag", "wind", "rotor_tilt"})
 FAR_SDS = 3.0
 SECOND_POLE = 0.06  # of the motor's time constant
 USUAL: tuple[tuple[str, str, float, float, float], ...] = (
@@ -81,9 +81,9 @@ class Column:
     """One column: a nuisance, or one amplitude of one variant of a candidate.
 
     ``part`` 'force' or 'moment' is a column of those channels alone, with a coefficient of its own. A thrust gain near the ground
-    is split so: how much the cushions of four rotors differ, and so the moment, depends on how far each of them spreads. So is
-    drag: its lever about the centre of gravity is millimetres long, and as small moments are measured far better than small
-    forces, they would decide its size.
+    is split so: how much the cushions of four rotors differ, and so the moment, depends on how far each of them spreads. And so
+    is what pushes the rotors sideways: its lever about the centre of gravity is millimetres long, and as small moments are
+    measured far better than small forces, they would decide its size.
     """
 
     label: str
@@ -364,7 +364,7 @@ def _known(system: System, flight: Rows, model: Model) -> dict:
 
 def _parts(effect: str, model: Model) -> tuple[str, ...]:
     """Parts that an effect's columns come in, see :class:`Column`."""
-    split = effect in DRAGS or effect == LEVELLED and effect not in model.effects
+    split = effect in SIDEWAYS or effect == LEVELLED and effect not in model.effects
     return ("force", "moment") if split else ("",)
 
 
