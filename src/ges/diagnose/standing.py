@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -35,15 +35,20 @@ def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[s
     Two of a family act in the same place, and one of them makes up for what the other's form is wrong by: the better of the
     two is kept. A small modifier likewise is no more than what the form that it modifies is wrong by.
     """
-    share = {n: _share(board, found.best, n) for n in found.best.names if found.inclusion[n] >= ACCEPT}
+    probable = [n for n in found.best.names if found.inclusion[n] >= ACCEPT]
+    places = {n: _place(found, n, probable) for n in probable}
+    share = {n: _share(board, found.best, place) for n, place in places.items() if place}
     carriers = {c for n, s in share.items() if s >= 1.0 for c in needs_of(n)}
     share = {n: s for n, s in share.items() if s >= 1.0 or n in carriers}
     present = {*share, *board.system.model.effects}
     share = {n: s for n, s in share.items() if not needs_of(n) or present & set(needs_of(n))}
-    for family in FAMILIES:
-        if family <= set(share):
-            share.pop(min(sorted(family), key=lambda n: _alone(found, n, family)))
     return {n: s for n, s in share.items() if s >= FORM_ERROR * known.get(effect_table.get(n).modifies or "", 0.0)}
+
+
+def _place(found: Search, name: str, probable: Sequence[str]) -> set[str]:
+    """All that acts in a name's place, which the name takes over; nothing where another of its family is the better."""
+    family = next((f for f in FAMILIES if name in f and f <= set(probable)), {name})
+    return family if name == max(sorted(family), key=lambda n: _alone(found, n, family)) else set()
 
 
 def _alone(found: Search, name: str, family: set[str]) -> float:
@@ -51,11 +56,11 @@ def _alone(found: Search, name: str, family: set[str]) -> float:
     return max((h.log_evidence for h in found.hypotheses if family & set(h.names) == {name}), default=-np.inf)
 
 
-def _share(board: Board, h: Hypothesis, name: str) -> float:
-    """Rms of what one effect adds by the search's coefficients, over the least that matters, in its greatest channel."""
+def _share(board: Board, h: Hypothesis, names: set[str]) -> float:
+    """Rms of what effects add together by the search's coefficients, over the least that matters, in their greatest channel."""
     system, picked = board.system, [
         (k, value) for k, value in zip(h.posterior.columns, h.posterior.mean, strict=True)
-        if board.system.columns[k].variant.effect == name
+        if board.system.columns[k].variant.effect in names
     ]  # fmt: skip
     count = len(system.main)
     added = np.concatenate([sum(value * r.x[:, :count, k] for k, value in picked) for r in system.flights])
