@@ -22,7 +22,7 @@ BLOCK_S = 10.0
 ROUNDS = 4
 TIGHT = 0.02
 PART_OF_REACH, LEAST_CARRIER = 0.2, 0.3
-FORM_ERROR = 0.15
+FORM_ERROR = 0.12
 """Sd of a physical effect's size, over it, that is due to its form alone: what development cases of other forms came to."""
 FIRMER = {("motor_lag", "up_s"): (0.0, 0.5), ("motor_lag", "down_s"): (0.0, 0.5), ("esc_delay", "delay_s"): (0.0, 0.06)}
 

@@ -36,7 +36,7 @@ def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[s
     two is kept. A small modifier likewise is no more than what the form that it modifies is wrong by.
     """
     probable = [n for n in found.best.names if found.inclusion[n] >= ACCEPT]
-    places = {n: _place(found, n, probable) for n in probable}
+    places = {n: taken_over(found, n, probable) for n in probable}
     share = {n: _share(board, found.best, place) for n, place in places.items() if place}
     carriers = {c for n, s in share.items() if s >= 1.0 for c in needs_of(n)}
     share = {n: s for n, s in share.items() if s >= 1.0 or n in carriers}
@@ -45,7 +45,7 @@ def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[s
     return {n: s for n, s in share.items() if s >= FORM_ERROR * known.get(effect_table.get(n).modifies or "", 0.0)}
 
 
-def _place(found: Search, name: str, probable: Sequence[str]) -> set[str]:
+def taken_over(found: Search, name: str, probable: Sequence[str]) -> set[str]:
     """All that acts in a name's place, which the name takes over; nothing where another of its family is the better."""
     family = next((f for f in FAMILIES if name in f and f <= set(probable)), {name})
     return family if name == max(sorted(family), key=lambda n: _alone(found, n, family)) else set()

@@ -11,7 +11,7 @@ import math
 
 from scipy.special import expit, logit
 
-OFFSET, SLOPE = -0.36, 0.488
+OFFSET, SLOPE = -0.36, 0.597
 FARTHEST = 7.0
 """Log odds beyond which the search's certainty says no more."""
 

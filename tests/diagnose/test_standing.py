@@ -1,0 +1,38 @@
+"""What stands of a search, by sets of names and their evidence alone."""
+
+import numpy as np
+import pytest
+
+from ges.diagnose.fit import FORM_ERROR, Fitted
+from ges.diagnose.select import Hypothesis, Search
+from ges.diagnose.standing import replaced_by, taken_over
+
+
+def _search(evidence: dict[tuple[str, ...], float]) -> Search:
+    ranked = sorted(evidence.items(), key=lambda item: -item[1])
+    names = {n for told in evidence for n in told}
+    return Search(tuple(Hypothesis(told, (), None, log) for told, log in ranked), dict.fromkeys(names, 1.0))
+
+
+def test_of_a_family_the_better_alone_takes_over_what_both_do():
+    found = _search({("fountain_lift", "ground_effect"): 60.0, ("ground_effect",): 50.0, ("fountain_lift",): 30.0})
+    both = ("fountain_lift", "ground_effect")
+    assert taken_over(found, "ground_effect", both) == set(both)
+    assert taken_over(found, "fountain_lift", both) == set()
+    assert taken_over(found, "ground_effect", ("ground_effect",)) == {"ground_effect"}
+
+
+@pytest.mark.parametrize(("behind", "replaced"), [(1.0, ("parasitic_drag", "wind")), (3.0, ())])
+def test_a_wind_through_a_drag_is_one_cause_that_may_replace_a_tilt(behind, replaced):
+    found = _search({("rotor_tilt",): 20.0, ("parasitic_drag", "wind"): 20.0 - behind})
+    assert replaced_by(found, "rotor_tilt") == replaced
+
+
+def test_an_amplitude_is_as_clear_as_it_is_with_its_shape_held():
+    """Amplitude and decay on a ridge: neither is known well, that something acts is certain."""
+    covariance = np.array([[0.01, 0.0099], [0.0099, 0.01]])
+    free = (("ground_effect", "c_a"), ("ground_effect", "decay"))
+    fitted = Fitted({"ground_effect": {"c_a": 0.2, "decay": 1.0}}, free, covariance, None, None)
+    assert fitted.sd("ground_effect", "c_a") > 0.1
+    held = np.hypot(np.sqrt(0.01 - 0.0099**2 / 0.01), FORM_ERROR * 0.2)
+    assert fitted.sds_from_neutral("ground_effect", "c_a") == pytest.approx(0.2 / held)
