@@ -22,7 +22,7 @@ from .detect import smallest_detectable
 from .engine import Accepted, accept, first_system, shot_fit, split, withdrawn, without, without_old_news
 from .evidence import Board
 from .findings import contributions, finding, open_findings, settled_findings
-from .fit import Joint, calibrated, left_raw, null_fit, strain
+from .fit import Joint, calibrated, left_raw, null_fit, strain_without
 from .gate import Gate, at_flown_voltage, pass_gate
 from .hearing import lacking, silent_channels, unheard
 from .hypothesis import Form, hypotheses
@@ -180,8 +180,8 @@ class _Chain:
     def _unstrained(self, accepted: Accepted, first: Joint, switches: Switches) -> Accepted:
         """Without the names that need declared numbers far outside their doubts: one by one, the worst offender first."""
         while accepted.fitted is not None and strained(accepted.fitted.joint, first, accepted.board.system):
-            others = [without(accepted, name, self.length_s, switches) for name in accepted.names]
-            accepted = min(others, key=lambda a: strain(a.fitted.joint if a.fitted else first, a.board.system))
+            worst = min(accepted.names, key=lambda name: strain_without(accepted.fitted, name))
+            accepted = without(accepted, worst, self.length_s, switches)
         return accepted
 
     def _borrowed(self, accepted: Accepted, last: _Stage) -> bool:

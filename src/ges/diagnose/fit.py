@@ -223,12 +223,10 @@ def polish(flights: Sequence[Prepared], model: Model, values: effect_table.Effec
     for _ in range(2 * ROUNDS if any(reach_of(name, values, model) for name in free) else ROUNDS):
         variants = [Variant(e, {}, (_moves((e, p), values, model),)) for e, p in free]
         system = build(flights, model.with_effects(values), variants, length_s, like, switches)
-        columns = [k for k, c in enumerate(system.columns) if c.variant is not None]
-        levers = [k for k in columns if system.columns[k].part == "moment"]
-        chosen = [k for k in columns if k not in levers] + levers
+        chosen = _free_first(system)
         noise = noise or estimate(system, chosen)
         board = whitened(system, noise)
-        prior = [_prior(name, values, model) for name in free] + [(0.0, math.inf)] * len(levers)
+        prior = [_prior(name, values, model) for name in free] + [(0.0, math.inf)] * (len(chosen) - len(free))
         sd = np.array(
             [10.0 * max(board.prior.sd[k], 1e-9) if math.isinf(s) else s for (_, s), k in zip(prior, chosen, strict=True)]
         )
@@ -243,6 +241,12 @@ def polish(flights: Sequence[Prepared], model: Model, values: effect_table.Effec
         if moved < TIGHT:
             break
     return Fitted(values, tuple(free), covariance, joint, board)
+
+
+def _free_first(system: System) -> list[int]:
+    """Columns of the free parameters in their order, after them the small moments that some of them make."""
+    columns = [k for k, c in enumerate(system.columns) if c.variant is not None]
+    return sorted(columns, key=lambda k: system.columns[k].part == "moment")
 
 
 def _share_in_reach(steps: np.ndarray, free: Sequence[tuple[str, str]], values: effect_table.Effects, model: Model) -> float:
@@ -275,6 +279,17 @@ def strain(joint: Joint, system: System) -> float:
     """How many of its declared sds the farthest declared number was moved."""
     doubts = system.model.doubts
     return max((abs(value) / doubts[key] for key, value in joint.common.items() if doubts.get(key)), default=0.0)
+
+
+def strain_without(fitted: Fitted, name: str) -> float:
+    """The same, to first order, with the amplitudes of one effect back at neutral."""
+    chosen = _free_first(fitted.board.system)
+    mean, sd = np.zeros(len(chosen)), 10.0 * np.maximum(fitted.board.prior.sd[chosen], 1e-9)
+    for i, (effect, parameter) in enumerate(fitted.free):
+        if effect == name and parameter not in SHAPES.get(effect, ()):
+            mean[i] = amplitude_of(effect, parameter).neutral - fitted.effects[effect][parameter]
+            sd[i] = TIGHT * max(abs(mean[i]), 1e-9)
+    return strain(joint_fit(fitted.board, chosen, mean, sd), fitted.board.system)
 
 
 def null_fit(system: System) -> tuple[Board, Joint]:
