@@ -5,7 +5,7 @@ vouch for a part of such a column; the rest is *loose*, and its coefficient may 
 
 - ``dynamic``: what rotor speeds and their changes make of a moment, and of thrust where commands alone are known. All of it is
   loose, but along thrust not the mean, which has no cause but the balance. A trim moment has causes of its own (a shifted
-  centre of gravity, a weak rotor), and is taken out of such columns first (see :func:`untrimmed`).
+  centre of gravity, a weak rotor), and is taken out of such columns first (see :func:`untrim`).
 - ``gain``: what multiplies thrust. Loose is what it does along thrust because thrust changed fast, not because its gain did;
   and what changes of a cushion's moment, because attitude answers too.
 - ``height``: an error of a rangefinder that grows with height: the height that it is held against is a reading, too.
@@ -51,15 +51,14 @@ def kind_of(key: str) -> str:
     return "gain" if effect in GAINS else "height" if key in HEIGHTS else ""
 
 
-def untrimmed(keys: Sequence[str], x: np.ndarray, windows: Windows, names: Sequence[str], thrust: np.ndarray) -> np.ndarray:
-    """Columns (m, C, K), those of kind ``dynamic`` without what is constant or goes with thrust (n,) in the moments."""
+def untrim(keys: Sequence[str], x: np.ndarray, windows: Windows, names: Sequence[str], thrust: np.ndarray) -> None:
+    """Take out of the ``dynamic`` ones of columns x (m, C, K) what is constant or goes with thrust (n,) in the moments."""
     moving = [k for k, key in enumerate(keys) if kind_of(key) == "dynamic"]
-    held, x = np.column_stack([np.ones(len(thrust)), thrust]), x.copy()
+    held = np.column_stack([np.ones(len(thrust)), thrust])
     for c, name in enumerate(names):
-        if block_of(name) == "moment" and moving and np.isfinite(x[:, c]).all():
-            trim = windows.functions[mark_of(name)][0] @ held
-            x[:, c, moving] -= trim @ np.linalg.lstsq(trim, x[:, c, moving], rcond=None)[0]
-    return x
+        if block_of(name) == "moment" and moving and np.isfinite(x[:, c, moving]).all():
+            trim, part = windows.functions[mark_of(name)][0] @ held, x[:, c, moving]
+            x[:, c, moving] = part - trim @ np.linalg.lstsq(trim, part, rcond=None)[0]
 
 
 @dataclasses.dataclass(frozen=True)

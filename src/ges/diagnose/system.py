@@ -10,7 +10,7 @@ import numpy as np
 from .. import effects as effect_table
 from ..threads import each
 from .align import Prepared
-from .answers import Loose, Vouched, loose, untrimmed, vouched
+from .answers import Loose, Vouched, loose, untrim, vouched
 from .candidates import NEEDS_ATTITUDE, Variant
 from .model import SPEED, Model, block_of
 from .residual import HELD_SHARE, MOMENT, Along, Drive, along, channels, drives, drives_of, with_overtones
@@ -334,7 +334,7 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
         values = {of: seen.column(c) if of in new else told[asked[of]] for of, c in made.items()}
         x = np.stack([c.part_of(values[c.made_of], names) for c in columns], axis=2)
     keys, thrust = [c.key for c in columns], model.number("thrust_coefficient_N_s2") * (now.drive.at_work**2).sum(axis=1)
-    x = untrimmed(keys, x, windows, names, thrust)
+    untrim(keys, x, windows, names, thrust)
     vouch = like.vouched if like else vouched(flight, windows, model, names, y, now.drive.at_work) if instrumented else None
     answered = loose(keys, x, windows, names, vouch) if vouch else {}
     return Rows(flight, windows, y, x, restless(flight, windows, model, thrust), answered, vouch)
