@@ -5,7 +5,7 @@ import pytest
 
 from ges.diagnose.fit import FORM_ERROR, Fitted
 from ges.diagnose.select import Hypothesis, Search
-from ges.diagnose.standing import replaced_by, taken_over
+from ges.diagnose.standing import beside_larger, replaced_by, taken_over
 
 
 def _search(evidence: dict[tuple[str, ...], float]) -> Search:
@@ -36,3 +36,11 @@ def test_an_amplitude_is_as_clear_as_it_is_with_its_shape_held():
     assert fitted.sd("ground_effect", "c_a") > 0.1
     held = np.hypot(np.sqrt(0.01 - 0.0099**2 / 0.01), FORM_ERROR * 0.2)
     assert fitted.sds_from_neutral("ground_effect", "c_a") == pytest.approx(0.2 / held)
+
+
+def test_what_is_small_beside_a_larger_one_in_every_block_may_be_its_form():
+    shares = {"slung_load": {"force": 98.0, "moment": 4.0}, "parasitic_drag": {"force": 1.9, "moment": 0.0},
+              "cg_offset": {"force": 0.0, "moment": 9.0}}  # fmt: skip
+    assert beside_larger("parasitic_drag", shares)
+    assert not beside_larger("cg_offset", shares)
+    assert not beside_larger("slung_load", shares)

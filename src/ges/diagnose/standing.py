@@ -15,7 +15,7 @@ from .model import block_of
 from .select import Hypothesis, Search, size_of
 from .system import System
 
-ACCEPT = 0.9
+ACCEPT, SURE = 0.9, 0.999
 SEPARATE = math.log(ACCEPT / (1.0 - ACCEPT))
 CLEAR_SDS, STRAINED = 3.0, 5.0
 FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}, {"motor_lag", "esc_delay"})
@@ -33,11 +33,14 @@ def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[s
     """Names that are probable and large enough, with their sizes (see :func:`_share`); ``known`` are those of accepted effects.
 
     Two of a family act in the same place, and one of them makes up for what the other's form is wrong by: the better of the
-    two is kept. A small modifier likewise is no more than what the form that it modifies is wrong by.
+    two is kept. What is small beside a larger one may be what the larger one's form is wrong by, and takes more to be told; a
+    small modifier is no more than that.
     """
     probable = [n for n in found.best.names if found.inclusion[n] >= ACCEPT]
     places = {n: taken_over(found, n, probable) for n in probable}
-    share = {n: _share(board, found.best, place) for n, place in places.items() if place}
+    shares = {n: _shares(board, found.best, place) for n, place in places.items() if place}
+    small = {n for n in shares if found.inclusion[n] < SURE and beside_larger(n, shares)}
+    share = {n: max(by.values()) for n, by in shares.items() if n not in small}
     carriers = {c for n, s in share.items() if s >= 1.0 for c in needs_of(n)}
     share = {n: s for n, s in share.items() if s >= 1.0 or n in carriers}
     present = {*share, *board.system.model.effects}
@@ -56,8 +59,15 @@ def _alone(found: Search, name: str, family: set[str]) -> float:
     return max((h.log_evidence for h in found.hypotheses if family & set(h.names) == {name}), default=-np.inf)
 
 
-def _share(board: Board, h: Hypothesis, names: set[str]) -> float:
-    """Rms of what effects add together by the search's coefficients, over the least that matters, in their greatest channel."""
+def beside_larger(name: str, shares: Mapping[str, Mapping[str, float]]) -> bool:
+    """Whether another effect is so much larger in each block of channels that the name may be an error of the other's form."""
+    others = [by for n, by in shares.items() if n != name]
+    return all(v < FORM_ERROR * max((by[block] for by in others), default=0.0) for block, v in shares[name].items() if v > 0.0)
+
+
+def _shares(board: Board, h: Hypothesis, names: set[str]) -> dict[str, float]:
+    """Rms of what effects add together by the search's coefficients, over the least that matters, by block of channels the greatest;
+    an accelerometer shows forces."""
     system, picked = board.system, [
         (k, value) for k, value in zip(h.posterior.columns, h.posterior.mean, strict=True)
         if board.system.columns[k].variant.effect in names
@@ -67,7 +77,8 @@ def _share(board: Board, h: Hypothesis, names: set[str]) -> float:
     least = np.array([LEAST_SHARE[block_of(n)] * (REACH_M if n == "range" else system.model.whole(n)) for n in system.main])
     with np.errstate(invalid="ignore"):
         rms = np.sqrt(np.nanmean(np.where(np.isfinite(added).any(axis=0), added, 0.0) ** 2, axis=0))
-    return float(np.max(rms / least))
+    blocks = np.array(["force" if block_of(n) == "acc" else block_of(n) for n in system.main])
+    return {block: float(np.max((rms / least)[blocks == block])) for block in dict.fromkeys(blocks)}
 
 
 def replaced_by(found: Search, name: str) -> tuple[str, ...]:
