@@ -66,8 +66,8 @@ def beside_larger(name: str, shares: Mapping[str, Mapping[str, float]]) -> bool:
 
 
 def _shares(board: Board, h: Hypothesis, names: set[str]) -> dict[str, float]:
-    """Rms of what effects add together by the search's coefficients, over the least that matters, by block of channels the greatest;
-    an accelerometer shows forces."""
+    """Rms of what effects add together by the search's coefficients, over the least that matters, in each block its greatest
+    channel; an accelerometer shows forces."""
     system, picked = board.system, [
         (k, value) for k, value in zip(h.posterior.columns, h.posterior.mean, strict=True)
         if board.system.columns[k].variant.effect in names
