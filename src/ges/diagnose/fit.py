@@ -240,7 +240,15 @@ def polish(flights: Sequence[Prepared], model: Model, values: effect_table.Effec
             values[e][p] = new
         if moved < TIGHT:
             break
-    return Fitted(values, tuple(free), covariance, joint, board)
+    return Fitted(values, tuple(free), covariance, _with_levers_as_they_are(board, chosen, joint, len(free)), board)
+
+
+def _with_levers_as_they_are(board: Board, chosen: Sequence[int], joint: Joint, count: int) -> Joint:
+    """The nuisances as the fitted vehicle needs them, where small moments had coefficients of their own beside the ``count`` free
+    ones: a vehicle flies with the levers that its file has, and trims make up for the rest."""
+    if len(chosen) == count:
+        return joint
+    return joint_fit(board, chosen[:count], joint.chosen[:count], np.sqrt(np.diag(joint.covariance)[:count]) * TIGHT)
 
 
 def _free_first(system: System) -> list[int]:
