@@ -20,6 +20,7 @@ from ges.blind import baselines, figures, run, score, seal
 from ges.blind.coefficients import _over_limit, _relative
 from ges.blind.oracle import Oracle
 from ges.errors import UsageError
+from ges.io.recording import load_set
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -91,6 +92,14 @@ def test_size_over_stated_limit():
 def test_coefficient_error_of_a_vector():
     told = {"x_m": {"value": 3.0}, "y_m": {"value": 0.0}}
     assert _relative({"x_m": 3.0, "y_m": 4.0}, told) == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize("method", ["stepwise", "parameters", "boosting"])
+def test_baselines_answer_on_a_whole_case(proof, method):
+    answer = baselines.diagnose(load_set(proof / "cases" / seal.cases(proof)[0]), method)
+    assert answer["verdict"] in ("nothing_proven", "physics", "parameter", "sensor")
+    assert answer["fit"]["channels"]["force_z_N"]["recalibrated"] > 0.0
+    assert not any("/" in name for name in answer["fit"]["channels"])
 
 
 def test_unknown_method_is_said():
