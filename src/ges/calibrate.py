@@ -19,7 +19,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
 from . import effects as effect_table
-from .diagnose.align import Prepared
+from .diagnose.align import Prepared, attitude_measured
 from .diagnose.balance import CHANNELS, LOSSES, centred, mean_variance, windows_per_block
 from .diagnose.evidence import Gram
 from .diagnose.fit import calibrated, left_raw, null_fit
@@ -188,7 +188,7 @@ def _declared(flights: Sequence[Prepared], model: Model, before: Mapping[str, Nu
 
     The fit starts from the last values, so its prior sits at minus those: each is pulled back by its share of prior.
     """
-    if any("attitude" in f.derived for f in flights):
+    if not attitude_measured(flights):
         return {}
     known = {key: n.later_sd for key, n in before.items() if key in TRIMS}
     now = dataclasses.replace(calibrated(model, {k: n.value for k, n in before.items()}), doubts={**model.doubts, **known})

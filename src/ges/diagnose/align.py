@@ -75,9 +75,18 @@ class Prepared:
         """Columns of a stream, (n, k)."""
         return np.stack([self.columns[name] for name in STREAMS[stream]], axis=1)
 
+    def steps(self, longest_s: float) -> int:
+        """Steps no longer than this between two samples."""
+        return max(1, int(np.ceil(self.dt_s / longest_s)))
+
     def replaced(self, **changes) -> Prepared:
         """A copy with other fields."""
         return dataclasses.replace(self, **changes)
+
+
+def attitude_measured(flights: Sequence[Prepared]) -> bool:
+    """Whether every flight logged its attitude."""
+    return not any("attitude" in f.derived for f in flights)
 
 
 def _present(frame: pd.DataFrame, names: Sequence[str]) -> list[str]:

@@ -16,9 +16,10 @@ import numpy as np
 from scipy.special import ndtri
 
 from .. import effects as effect_table
+from .align import attitude_measured
 from .candidates import kind_of
 from .result import Estimate, Finding
-from .system import System, attitude_measured
+from .system import System
 
 CHANNELS = ("force_z", "moment_x", "moment_y", "moment_z")
 LOSSES = tuple(f"weak_rotor.loss_{i}" for i in range(1, 5))

@@ -9,12 +9,12 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 
 from .. import effects as effect_table
-from .align import Prepared
+from .align import Prepared, attitude_measured
 from .model import Model
 
 PARAMETER_EFFECTS = frozenset({"thrust_scale", "inertia", "torque_coefficient", "actuator_mapping"})
@@ -126,7 +126,7 @@ def flown(flights: Sequence[Prepared]) -> Flown:
     commands = [f.stack("command")[f.flying].ravel() for f in flights if f.has("command")]
     asked = np.concatenate(commands) if commands else np.zeros(0)
     levels = tuple(float(q) for q in np.quantile(asked, COMMAND_QUANTILES)) if len(asked) else ()
-    tilt_seen = not any("attitude" in f.derived for f in flights)
+    tilt_seen = attitude_measured(flights)
     positions = [f.stack("position")[f.flying] for f in flights if f.has("position")]
     if not positions or not sum(len(p) for p in positions):
         return Flown(commands=levels, tilt_seen=tilt_seen)
@@ -350,6 +350,11 @@ def needs_of(name: str) -> tuple[str, ...]:
     """Effects of which one must be on for this one to act; none for most."""
     modifies = effect_table.get(name).modifies
     return (modifies,) if modifies else _CHILDREN.get(name, ())
+
+
+def acts_among(name: str, present: Collection[str]) -> bool:
+    """Whether an effect does anything beside those that are present."""
+    return not needs_of(name) or not set(needs_of(name)).isdisjoint(present)
 
 
 def _variants(name: str, model: Model, reached: Flown) -> tuple[Variant, ...]:

@@ -22,7 +22,7 @@ from .detect import smallest_detectable
 from .engine import Accepted, accept, first_system, shot_fit, split, withdrawn, without, without_old_news
 from .evidence import Board
 from .findings import contributions, finding, open_findings, settled_findings
-from .fit import Joint, calibrated, left_raw, null_fit, strain_without
+from .fit import Joint, calibrated, fitted_model, left_raw, null_fit, strain_without
 from .gate import Gate, at_flown_voltage, pass_gate
 from .hearing import lacking, silent_channels, unheard
 from .hypothesis import Form, hypotheses
@@ -191,8 +191,7 @@ class _Chain:
         """With the accepted effects and the nuisances set anew."""
         if accepted.fitted is None:
             return first
-        found = calibrated(self.model.with_effects(accepted.fitted.effects), accepted.fitted.joint.common)
-        return _stage(found, accepted.fitted.joint, accepted.fitted.board, told)
+        return _stage(fitted_model(self.model, accepted.fitted), accepted.fitted.joint, accepted.fitted.board, told)
 
     def _proof(self, models: Mapping[str, Model], located: Sequence[Mapping]) -> tuple[dict, dict]:
         """Errors before, recalibrated and after on the held-out flights: for the file, and in full for the pictures."""

@@ -12,10 +12,10 @@ import pandas as pd
 from ..threads import each
 from .align import Prepared
 from .balance import undecided
-from .candidates import DRAWN, Candidate, Variant, flown, library, needs_of
+from .candidates import DRAWN, Candidate, Variant, acts_among, flown, library
 from .drawn import sharpened
 from .evidence import Board, make_board
-from .fit import Fitted, calibrated, free_parameters, polish, starting_values
+from .fit import Fitted, fitted_model, free_parameters, polish, starting_values
 from .hearing import lacking
 from .model import Model
 from .select import Hypothesis, Search, exactly, search
@@ -168,7 +168,7 @@ def _polished(
         free = known + free_parameters(board, kept, base, values)
         polished = polish(flights, model, {**held, **values}, free, length_s, system, switches)
         fallen = {n for n in new if choosing and not stands(polished, n)}
-        fallen |= {n for n in new if needs_of(n) and not {*held, *base.effects, *(set(new) - fallen)} & set(needs_of(n))}
+        fallen |= {n for n in new if not acts_among(n, {*held, *base.effects, *(set(new) - fallen)})}
         if not fallen:
             return new, polished
         new = tuple(n for n in new if n not in fallen)
@@ -180,7 +180,7 @@ def shot_fit(accepted: Accepted, length_s: float, switches: Switches = ALL_ON) -
     fitted, system = accepted.fitted, accepted.board.system
     if fitted is None:
         return accepted
-    found = calibrated(system.model.with_effects(fitted.effects), fitted.joint.common)
+    found = fitted_model(system.model, fitted)
     flights = each(lambda r: shot(r.flight, found), system.flights)
     polished = polish(flights, system.model, fitted.effects, fitted.free, length_s, system, switches)
     return dataclasses.replace(accepted, fitted=polished)
@@ -190,7 +190,7 @@ def without(accepted: Accepted, name: str, length_s: float, switches: Switches =
     """The same with one name less, and what acts through it alone; the others fitted anew."""
     fitted, system = accepted.fitted, accepted.board.system
     rest = {*accepted.names, *system.model.effects} - {name}
-    names = tuple(n for n in accepted.names if n in rest and (not needs_of(n) or rest & set(needs_of(n))))
+    names = tuple(n for n in accepted.names if n in rest and acts_among(n, rest))
     if not names:
         return withdrawn(accepted)
     values, free = {n: fitted.effects[n] for n in names}, [f for f in fitted.free if f[0] in names]

@@ -226,11 +226,8 @@ def polish(flights: Sequence[Prepared], model: Model, values: effect_table.Effec
         chosen = _free_first(system)
         noise = noise or estimate(system, chosen)
         board = whitened(system, noise)
-        prior = [_prior(name, values, model) for name in free] + [(0.0, math.inf)] * (len(chosen) - len(free))
-        sd = np.array(
-            [10.0 * max(board.prior.sd[k], 1e-9) if math.isinf(s) else s for (_, s), k in zip(prior, chosen, strict=True)]
-        )
-        joint = joint_fit(board, chosen, np.array([m for m, _ in prior]), sd)
+        mean, sd = np.array([_prior(name, values, model) for name in free] + [(0.0, math.inf)] * (len(chosen) - len(free))).T
+        joint = joint_fit(board, chosen, mean, np.where(np.isinf(sd), _wide(board, chosen), sd))
         steps, covariance = joint.chosen[: len(free)], joint.covariance[: len(free), : len(free)]
         moved, share = 0.0, _share_in_reach(steps, free, values, model)
         for (e, p), step, var in zip(free, share * steps, np.diag(covariance), strict=True):
@@ -249,6 +246,11 @@ def _with_levers_as_they_are(board: Board, chosen: Sequence[int], joint: Joint, 
     if len(chosen) == count:
         return joint
     return joint_fit(board, chosen[:count], joint.chosen[:count], np.sqrt(np.diag(joint.covariance)[:count]) * TIGHT)
+
+
+def _wide(board: Board, chosen: Sequence[int]) -> np.ndarray:
+    """Sd of coefficients that the flights alone shall set."""
+    return 10.0 * np.maximum(board.prior.sd[chosen], 1e-9)
 
 
 def _free_first(system: System) -> list[int]:
@@ -283,6 +285,11 @@ def calibrated(model: Model, common: Mapping[str, float]) -> Model:
     return model.with_effects(more)
 
 
+def fitted_model(model: Model, fitted: Fitted) -> Model:
+    """The vehicle with what was fitted: effects, and the nuisances beside them."""
+    return calibrated(model.with_effects(fitted.effects), fitted.joint.common)
+
+
 def strain(joint: Joint, system: System) -> float:
     """How many of its declared sds the farthest declared number was moved."""
     doubts = system.model.doubts
@@ -292,7 +299,7 @@ def strain(joint: Joint, system: System) -> float:
 def strain_without(fitted: Fitted, name: str) -> float:
     """The same, to first order, with the amplitudes of one effect back at neutral."""
     chosen = _free_first(fitted.board.system)
-    mean, sd = np.zeros(len(chosen)), 10.0 * np.maximum(fitted.board.prior.sd[chosen], 1e-9)
+    mean, sd = np.zeros(len(chosen)), _wide(fitted.board, chosen)
     for i, (effect, parameter) in enumerate(fitted.free):
         if effect == name and parameter not in SHAPES.get(effect, ()):
             mean[i] = amplitude_of(effect, parameter).neutral - fitted.effects[effect][parameter]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..conventions import SPECIFIC_FORCE
-from .align import Prepared
+from .align import Prepared, attitude_measured
 from .candidates import NEEDS_ATTITUDE
 from .model import Model
 from .residual import channels
@@ -28,7 +28,7 @@ EDGE_SLOPE = 0.4
 
 def lacking(name: str, flights: Sequence[Prepared], model: Model) -> str:
     """What some of these flights lack to speak about an effect, as ``needs ...``; '' where nothing is missing."""
-    if name in NEEDS_ATTITUDE and any("attitude" in f.derived for f in flights):
+    if name in NEEDS_ATTITUDE and not attitude_measured(flights):
         return "needs a measured attitude"
     if name in NEEDS_HEIGHT and not all("p_z_m" in f.columns or f.has("range") for f in flights):
         return "needs a logged height (p_z_m or range_m)"

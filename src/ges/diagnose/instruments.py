@@ -45,7 +45,7 @@ def replayed(flight: Prepared, model: Model, more: Sequence[str] = ()) -> dict[s
     of the motion, rotor speeds and ``more``; None where there are no references or it cannot follow them."""
     if not flight.has("reference"):
         return None
-    table, every = _table(flight), max(1, int(np.ceil(flight.dt_s / STEP_S)))
+    table, every = _table(flight), flight.steps(STEP_S)
     start = {f"start_{name}": float(table[0, k]) for k, name in enumerate(POSITION + VELOCITY)}
     quiet = {name: 0.0 for name in sim.parameters() if name.endswith(("_noise_rad_s", "_noise_m_s2", "_noise_m", "_noise_m_s"))}
     half = 0.5 * table[0, 9]

@@ -213,21 +213,17 @@ def commands_at_work(flight: Prepared, model: Model, effects: effect_table.Effec
 
 def _drive_inputs(flight: Prepared, commands: np.ndarray) -> np.ndarray:
     """Commands, attitude, battery voltage and rates, a row for every step of the drive."""
-    u, voltage = _between(commands, _drive_steps(flight)), flight.columns.get("battery_V", np.full(len(flight.t_s), np.nan))
+    every = flight.steps(DRIVE_STEP_S)
+    u, voltage = _between(commands, every), flight.columns.get("battery_V", np.full(len(flight.t_s), np.nan))
     upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(u), 1))
-    return np.column_stack([u, upright, np.repeat(voltage, _drive_steps(flight)), np.zeros((len(u), 3))])
-
-
-def _drive_steps(flight: Prepared) -> int:
-    """Steps of the drive between two samples."""
-    return max(1, int(np.ceil(flight.dt_s / DRIVE_STEP_S)))
+    return np.column_stack([u, upright, np.repeat(voltage, every), np.zeros((len(u), 3))])
 
 
 def _drive_flight(flight: Prepared, model: Model, effects: effect_table.Effects, inputs: np.ndarray) -> sim.Flight:
     from ..terrain import Terrain
 
     drives = {name: values for name, values in _of_kind(effects, "actuator").items() if not effect_table.get(name).modifies}
-    every, n = _drive_steps(flight), len(flight.t_s)
+    every, n = flight.steps(DRIVE_STEP_S), len(flight.t_s)
     first = {f"start_{name}": model.number("max_rotor_speed_rad_s") * inputs[0, i] for i, name in enumerate(ROTOR_SPEED)}
     numbers = {**model.parameters, **first, "control": 1, "attitude_imposed": 1, "start": 1, "start_p_z_m": HIGH_ABOVE_GROUND_M,
                "inputs_dt_s": flight.dt_s / every, "dt_s": flight.dt_s / every, "record_every": every, "control_every": every,

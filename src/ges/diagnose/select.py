@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from ..threads import each
-from .candidates import Candidate, needs_of
+from .candidates import Candidate, acts_among, needs_of
 from .evidence import DECLARED, Board, Gram, Posterior, posterior, posteriors
 
 PRIOR_OF_SIZE = (0.5, 0.3, 0.13, 0.05, 0.02)
@@ -140,7 +140,7 @@ def scales(board: Board, listed: Sequence[Entry]) -> Scales:
 
 def _compatible(names: Sequence[str], base: Sequence[str]) -> bool:
     present = set(names) | set(base)
-    return all(not needs_of(n) or present & set(needs_of(n)) for n in names)
+    return all(acts_among(n, present) for n in names)
 
 
 def _sets_of(on: Scales, combos: Sequence[tuple[Entry, ...]], count: int) -> dict[tuple[str, ...], Hypothesis]:

@@ -65,7 +65,7 @@ def rollouts_of(flight: Prepared, model: Model, n: int) -> Rollouts:
 
 
 def _piece(flight: Prepared, model: Model, effects: dict, recorded: dict, inputs: np.ndarray, start: int) -> sim.Flight:
-    every = max(1, int(np.ceil(flight.dt_s / LONGEST_STEP_S)))
+    every = flight.steps(LONGEST_STEP_S)
     state = {f"start_{name}": float(recorded[name][start]) for name in POSITION + VELOCITY}
     state |= {f"start_{name}": float(v) for name, v in zip((*ROTOR_SPEED, *QUATERNION), inputs[0, :8], strict=True)}
     numbers = {**model.parameters, **state, "control": 2, "attitude_imposed": 1, "start": 1, "inputs_dt_s": flight.dt_s,

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from .. import effects as effect_table
-from .candidates import amplitude_of, needs_of
+from .candidates import acts_among, amplitude_of, needs_of
 from .evidence import Board
 from .fit import FORM_ERROR, SHAPES, Fitted, Joint, strain
 from .model import block_of
@@ -30,7 +30,7 @@ def matters(channel: str, share: float) -> bool:
 
 
 def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[str, float]:
-    """Names that are probable and large enough, with their sizes (see :func:`_share`); ``known`` are those of accepted effects.
+    """Names that are probable and large enough, with their sizes (see :func:`_shares`); ``known`` are those of accepted effects.
 
     Two of a family act in the same place, and one of them makes up for what the other's form is wrong by: the better of the
     two is kept. What is small beside a larger one may be what the larger one's form is wrong by, and takes more to be told; a
@@ -44,7 +44,7 @@ def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[s
     carriers = {c for n, s in share.items() if s >= 1.0 for c in needs_of(n)}
     share = {n: s for n, s in share.items() if s >= 1.0 or n in carriers}
     present = {*share, *board.system.model.effects}
-    share = {n: s for n, s in share.items() if not needs_of(n) or present & set(needs_of(n))}
+    share = {n: s for n, s in share.items() if acts_among(n, present)}
     return {n: s for n, s in share.items() if s >= FORM_ERROR * known.get(effect_table.get(n).modifies or "", 0.0)}
 
 

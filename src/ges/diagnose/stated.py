@@ -7,8 +7,7 @@ concealed cases of the project's own generator with development seeds, apart fro
 
 from __future__ import annotations
 
-import math
-
+import numpy as np
 from scipy.special import expit, logit
 
 OFFSET, SLOPE = -0.36, 0.597
@@ -18,11 +17,7 @@ FARTHEST = 7.0
 
 def log_odds(probability: float) -> float:
     """Of a probability, within +-``FARTHEST``."""
-    return (
-        float(min(max(logit(probability), -FARTHEST), FARTHEST))
-        if 0.0 < probability < 1.0
-        else math.copysign(FARTHEST, probability - 0.5)
-    )
+    return float(np.clip(logit(np.clip(probability, 0.0, 1.0)), -FARTHEST, FARTHEST))
 
 
 def stated(probability: float) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import effects as effect_table
 from ..threads import each
-from .align import Prepared
+from .align import Prepared, attitude_measured
 from .answers import Loose, Vouched, loose, untrim, vouched
 from .candidates import NEEDS_ATTITUDE, Variant
 from .model import SPEED, Model, block_of
@@ -119,8 +119,7 @@ class Column:
 class Rows:
     """One flight: residuals ``y`` (m, C) and columns ``x`` (m, C, K), NaN where a channel is not there.
 
-    ``loose`` are the parts of columns that instruments do not vouch for (see ``answers``); ``strength`` is the share of the
-    model's own thrust or moment that they do explain.
+    ``loose`` are the parts of columns that instruments do not vouch for, ``vouched`` is what they say (see ``answers``).
     """
 
     flight: Prepared
@@ -130,11 +129,6 @@ class Rows:
     noise: np.ndarray
     loose: Loose
     vouched: Vouched | None
-
-    @property
-    def strength(self) -> dict[str, float]:
-        """Of the instruments, by channel."""
-        return {n: v for n, v in self.vouched.strong.items() if "/" not in n} if self.vouched else {}
 
     @property
     def follows(self) -> np.ndarray:
@@ -212,11 +206,6 @@ def _axis_is_there(effect: str, parameter: str, names: set[str]) -> bool:
     if effect == "accelerometer_bias":
         return f"acc_{axis}" in names
     return f"moment_{axis}" in names if effect == "inertia" else effect != "torque_coefficient" or "moment_z" in names
-
-
-def attitude_measured(flights: Sequence[Prepared]) -> bool:
-    """Whether every flight logged its attitude."""
-    return not any("attitude" in f.derived for f in flights)
 
 
 def _slowest(flights: Sequence[Prepared], streams: Sequence[str]) -> float:
@@ -353,11 +342,12 @@ def restless(flight: Prepared, windows: Windows, model: Model, thrust: np.ndarra
     return windows.mean @ rate * (every if np.isfinite(every) else flight.dt_s)
 
 
-def _known(system: System, flight: Rows, model: Model) -> dict:
-    """Nuisance columns of one flight by key; the others, if computed for this very model, by what they are made of."""
+def _known(system: System, flight: Rows, model: Model, wanted: set[tuple]) -> dict:
+    """Nuisance columns of one flight by key; of the others, if computed for this very model, those that are ``wanted``, by what
+    they are made of."""
     known = {key: flight.x[:, :, k] for key, k in system.nuisances.items()}
     for k, c in enumerate(system.columns) if system.model is model else ():
-        if c.variant is not None:
+        if c.variant is not None and c.made_of in wanted:
             known[c.made_of] = known.get(c.made_of, 0.0) + flight.x[:, :, k]
     return known
 
@@ -385,6 +375,7 @@ def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant]
         parts = _parts(v.effect, model) if MOMENT[0] in names else ("",)
         columns += [Column(v.key, variant=v, amplitude=j, part=part) for j in range(len(v.amplitudes)) for part in parts]
     before = like.flights if like else [None] * len(flights)
-    known = [_known(like, r, model) if like else {} for r in before]
+    wanted = {c.made_of for c in columns}
+    known = [_known(like, r, model, wanted) if like else {} for r in before]
     made = each(lambda f, k, r: rows(f, model, names, columns, length_s, switches.instruments, k, r), flights, known, before)
     return System(model, names, tuple(columns), tuple(made), switches.whitening)
