@@ -55,6 +55,17 @@ def _parsed(page: str) -> tuple[str, _Balanced]:
     return re.sub(r" +([:;,.])", r"\1", " ".join(" ".join(parser.text).split())), parser
 
 
+def test_the_strength_of_the_instruments_is_told_where_references_are_logged(content, flown, sheet, with_rates):
+    assert content["data"]["instruments"] == []
+    vehicle, table = sheet(torque_coefficient_Nm_s2=None), manoeuvres.make("height_staircase", 15.0)
+    told = ges.diagnose([flown(vehicle, {}, table, k, with_rates) for k in (1, 2)], vehicle).content()
+    strong = {i["channel"]: i for i in told["data"]["instruments"]}
+    assert {"force_z", "moment_x"} <= strong.keys() <= set(told["data"]["channels_used"])
+    assert all(0.0 <= i["share"] <= 1.0 and i["flights_strong"] <= i["flights"] for i in strong.values())
+    assert strong["force_z"]["flights_strong"] == strong["force_z"]["flights"] > 0  # climbs that the references command
+    assert "What the references vouch for" in _parsed(report.render(told, {}))[0]
+
+
 def test_the_flights_carry_a_finding_for_the_report(content):
     assert content["findings"], content["sentence"]
     assert content["fit"]["channels"]

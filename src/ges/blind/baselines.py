@@ -17,7 +17,7 @@ from ..diagnose.engine import split
 from ..diagnose.gate import pass_gate
 from ..diagnose.model import from_vehicle
 from ..diagnose.residual import UNITS
-from ..diagnose.system import Column, System, build
+from ..diagnose.system import SPEED, Column, System, build
 from ..errors import GesError
 from ..io.recording import RecordingSet
 
@@ -159,13 +159,14 @@ def sindy(problem: Problem) -> Answer:
 
 
 def parameters(problem: Problem) -> Answer:
-    """Least squares of all declared numbers, trims and biases; named is what ends beyond three times its tolerance."""
+    """Least squares of all declared numbers, trims and biases; named is what ends beyond three times its tolerance, where it has
+    a name: full rotor speed has none."""
     rows = problem.train
     beta, *_ = np.linalg.lstsq(rows.nuisance, rows.raw, rcond=None)
     named = {}
     for column, value in zip(problem.nuisances, beta, strict=True):
         n = column.nuisance
-        if abs(value) > OUTSIDE_SD * max(n.sd, n.flight_sd):
+        if n.effect != SPEED.split(".")[0] and abs(value) > OUTSIDE_SD * max(n.sd, n.flight_sd):
             named[n.effect] = 1.0
     calibrated = rows.raw - rows.y
     prior = np.linalg.lstsq(rows.nuisance, calibrated, rcond=None)[0]
@@ -175,10 +176,8 @@ def parameters(problem: Problem) -> Answer:
 def boosting(problem: Problem) -> Answer:
     """Gradient boosting of the residual on everything that was logged, a channel at a time; it names nothing."""
     from sklearn.ensemble import HistGradientBoostingRegressor
-    from threadpoolctl import threadpool_limits
 
     rows, models = problem.train, {}
-    threadpool_limits(1)
     for c in np.unique(rows.channel):
         here = np.flatnonzero(rows.channel == c)
         here = here[:: max(1, len(here) // BOOSTED_ROWS)]

@@ -24,7 +24,7 @@ from .sensing import Recorder
 from .whereabouts import FAST_STEP, TRUTH_STEP, seen_channels
 
 BATCH = 12
-ATTEMPTS = 6
+ATTEMPTS, GENTLER = 8, 0.9
 WITNESSED = ("p", "v", "q", "omega", "rotor_speed", "u", "battery", "ground", "extra_force", "extra_moment")
 DRIVEN = {"battery_sag", "motor_lag", "esc_delay", "thrust_curve", "rotor_saturation", "actuator_mapping"}
 
@@ -102,21 +102,21 @@ def _make_batch(job) -> int:
 
 
 def draw_case(spec: Spec, grid: str, seed: int, attempt: int = 0) -> Case:
-    """Draw everything of a case; a further attempt keeps its circumstances and draws its numbers anew."""
+    """Draw everything of a case; a further attempt keeps its circumstances, draws its numbers anew and is flown gentler."""
     around = draw_circumstances(spec, grid, seed)
     rng = np.random.default_rng([seed, spec.index, 3, attempt])
     craft = draw_airframe(spec.size, rng)
     numbers = draw_numbers(spec, craft, seed, attempt)
     z = ground.draw_terrain(around.terrain, craft.radius_m, rng)
     merged = around.battery | {k: v for one in numbers.values() for k, v in one.items()}
-    sorties = [_sortie(f, around, craft, merged, z, [seed, spec.index, 4, attempt, f]) for f in range(FLIGHTS)]
+    sorties = [_sortie(f, around, craft, merged, z, [seed, spec.index, 4, attempt, f], GENTLER**attempt) for f in range(FLIGHTS)]
     return Case(spec, around, craft, numbers, z, sorties)
 
 
-def _sortie(f, around, craft, numbers, z, stream) -> Sortie:
+def _sortie(f, around, craft, numbers, z, stream, gentle: float) -> Sortie:
     rng = np.random.default_rng(stream)
     low = max(1.3 * craft.radius_m, 0.6 * craft.radius_m + 0.04)
-    pace = float(np.clip(np.sqrt(craft.radius_m / 0.06), 0.7, 1.25))
+    pace = gentle * float(np.clip(np.sqrt(craft.radius_m / 0.06), 0.7, 1.25))
     agility = float(np.clip(craft.declared["lag"] / 0.03, 0.9, 2.2))
     room = Room(around.seconds[f], craft.radius_m, low, pace, agility, z)
     plan = make_plan(around.menu[f], room, around.excited[f], around.parked[f], rng)

@@ -79,6 +79,16 @@ def vouched(flight: Prepared, windows: Windows, model: Model, names: Sequence[st
     return Vouched(z, own, {n: strength(own[n], z[n], block) for n in answered})
 
 
+def strengths(told: Sequence[Vouched], names: Sequence[str]) -> list[dict]:
+    """How strong the instruments are by channel: the share of the rotors' thrust or moment that the references foretell, mean of
+    the flights, and in how many flights that is enough to vouch for it."""
+    heard = {n: [t.strong[n] for t in told if n in t.strong] for n in names}
+    return [
+        {"channel": n, "share": float(np.mean(s)), "flights_strong": sum(v > LEAST_STRENGTH for v in s), "flights": len(s)}
+        for n, s in heard.items() if s
+    ]  # fmt: skip
+
+
 def _answered(name: str) -> bool:
     return block_of(name) == "moment" or name in VERTICAL
 

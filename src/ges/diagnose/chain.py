@@ -15,6 +15,7 @@ from ..errors import GesError, unknown_name
 from ..io.recording import RecordingSet, make_set, require_drive
 from ..vehicle import Estimate as Fitting
 from ..vehicle import Quantity, Vehicle
+from .answers import strengths
 from .balance import centred, shift_of
 from .candidates import NOT_SEARCHED
 from .closed_loop import closed_loop
@@ -224,6 +225,7 @@ class _Chain:
             "delays": [
                 {"stream": d.stream, "delay_s": d.delay_s, "sd_s": d.sd_s, "correlation": d.correlation} for d in self.gate.delays
             ],
+            "instruments": strengths([r.vouched for r in system.flights if r.vouched and r.flight.has("reference")], system.main),
             "window_s": self.length_s,
             "warnings": self.warnings,
         }

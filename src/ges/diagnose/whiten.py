@@ -7,6 +7,7 @@ import functools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from ..threads import each
 from .system import AR_ORDER, Column, Rows, System
@@ -172,16 +173,15 @@ def _white(rows: Rows, noise: Noise, unrest: np.ndarray) -> tuple[White, dict[st
     y, x, used, run = np.zeros(rows.y.shape), np.zeros(rows.x.shape), np.zeros(rows.y.shape, bool), _run(rows.follows)
     loose = {kind: {c: np.zeros_like(part) for c, part in parts.items()} for kind, parts in rows.loose.items()}
     for c in range(rows.y.shape[1]):
-        found, _, _ = _lagged(rows.y[:, c], run, noise.ar.shape[1])
-        if not len(found):
+        at, _, _ = _lagged(rows.y[:, c], run, noise.ar.shape[1])
+        if not len(at):
             continue
-        at = _together(found)
-        sd = noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * unrest[at] ** 2)
-        used[at, c] = True
-        y[at, c] = _filtered(rows.y[:, c], at, noise.ar[c]) / sd
-        x[at, c] = _filtered(rows.x[:, c], at, noise.ar[c]) / sd[:, None]
+        here = _together(at)
+        innovation = _innovation(at, len(y), noise.ar[c], noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * unrest[at] ** 2))
+        used[here, c] = True
+        y[here, c], x[here, c] = innovation @ rows.y[:, c], innovation @ rows.x[:, c]
         for kind in (kind for kind, parts in loose.items() if c in parts):
-            loose[kind][c][at] = _filtered(rows.loose[kind][c], at, noise.ar[c]) / sd[:, None]
+            loose[kind][c][here] = innovation @ rows.loose[kind][c]
     return White(y, x, used, {}), loose
 
 
@@ -190,7 +190,8 @@ def _together(at: np.ndarray) -> np.ndarray | slice:
     return slice(int(at[0]), int(at[-1]) + 1) if len(at) == at[-1] - at[0] + 1 else at
 
 
-def _filtered(signal: np.ndarray, at: np.ndarray | slice, ar: np.ndarray) -> np.ndarray:
-    """Rows ``at`` less what the rows before them foretell."""
-    before = (slice(at.start - k, at.stop - k) if isinstance(at, slice) else at - k for k in range(1, len(ar) + 1))
-    return signal[at] - sum(a * signal[rows] for a, rows in zip(ar, before, strict=True))
+def _innovation(at: np.ndarray, count: int, ar: np.ndarray, sd: np.ndarray) -> csr_array:
+    """What makes of ``count`` rows those at ``at`` less what the rows before them foretell, over ``sd``."""
+    wide = len(ar) + 1
+    weights, before = np.r_[1.0, -ar] / sd[:, None], at[:, None] - np.arange(wide)
+    return csr_array((weights.ravel(), before.ravel(), np.arange(len(at) + 1) * wide), shape=(len(at), count))
