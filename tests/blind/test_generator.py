@@ -189,7 +189,7 @@ def test_flights_stay_up(flown):
 
 
 def test_what_cannot_be_flown_is_flown_gentler(every_spec):
-    """A further attempt at a case, its numbers drawn anew, asks for slower runs: a full grid has motors too lazy for the first."""
+    """A further attempt at a case, its numbers drawn anew, asks for slower runs: some motors are too lazy for the first."""
     spec = next(s for s in every_spec if s.names == ("motor_lag",) and s.menu == "full")
     runs = list(make.draw_case(spec, "full", 3).around.menu).index("runs")
     fastest = [np.abs(make.draw_case(spec, "full", 3, a).sorties[runs].plan.reference[3:6]).max() for a in (0, make.ATTEMPTS - 1)]
