@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import ges
-from ges.blind import air, attached, drive, grid, ground, make, rotor
+from ges.blind import air, attached, drive, grid, ground, make, rotor, seal
 from ges.blind.airframe import CLASSES, DOUBTS, draw_airframe
 from ges.blind.concealed import EVERY, NEUTRAL, PHYSICS
 from ges.blind.sensing import Recorder
@@ -20,7 +20,7 @@ from ges.blind.sensing import Recorder
 BLIND = Path(ges.__file__).parent / "blind"
 GENERATOR = ("air", "airframe", "attached", "concealed", "drive", "flight", "grid", "ground", "make", "pilot", "plan", "rotor",
              "sensing", "whereabouts")  # fmt: skip
-SHARED = {"conventions", "errors", "files"}
+SHARED = {"conventions", "errors", "files", "sources"}
 
 
 def _imports(path: Path) -> set[str]:
@@ -194,6 +194,27 @@ def test_what_cannot_be_flown_is_flown_gentler(every_spec):
     runs = list(make.draw_case(spec, "full", 3).around.menu).index("runs")
     fastest = [np.abs(make.draw_case(spec, "full", 3, a).sorties[runs].plan.reference[3:6]).max() for a in (0, make.ATTEMPTS - 1)]
     assert fastest[1] < 0.7 * fastest[0]
+    hard = dataclasses.replace(spec, levels=(2,))
+    assert [make.draw_case(hard, "full", 3, a).spec.levels for a in (0, make.ATTEMPTS, 2 * make.ATTEMPTS)] == [(2,), (1,), (0,)]
+
+
+def test_an_interrupted_making_goes_on_to_the_same_bytes(tmp_path, monkeypatch):
+    monkeypatch.setattr(make, "BATCH", 2)
+    whole, broken, made, turns = tmp_path / "whole", tmp_path / "broken", make._make_batch, []
+    make.make_cases(whole, 5, "smoke")
+
+    def second_fails(job):
+        turns.append(job)
+        if len(turns) == 2:
+            raise KeyboardInterrupt
+        return made(job)
+
+    monkeypatch.setattr(make, "_make_batch", second_fails)
+    with pytest.raises(KeyboardInterrupt):
+        make.make_cases(broken, 5, "smoke")
+    assert make.make_cases(broken, 5, "smoke") == 4 and len(turns) == 3
+    sums = [(folder / "sealed" / seal.SUMS).read_text() for folder in (whole, broken)]
+    assert sums[0] == sums[1]
 
 
 def test_streams_are_in_step(flown):

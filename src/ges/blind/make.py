@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -14,9 +16,11 @@ import yaml
 
 from ..conventions import GRAVITY_M_S2
 from ..errors import GesError, UsageError
-from ..files import write_json
+from ..files import tree_hash, write_json
+from ..sources import PACKAGE, sources
 from . import ground, seal
 from .airframe import Airframe, draw_airframe
+from .concealed import LEVELS
 from .flight import Simulation, Sortie
 from .grid import COMPOSITIONS, FLIGHTS, Circumstances, Spec, draw_circumstances, draw_numbers, specs, truth
 from .plan import CONTROL_DT_S, Room, make_plan
@@ -25,6 +29,7 @@ from .whereabouts import FAST_STEP, TRUTH_STEP, seen_channels
 
 BATCH = 12
 ATTEMPTS, GENTLER = 8, 0.9
+BEGUN, MADE = "begun.json", "made.json"
 WITNESSED = ("p", "v", "q", "omega", "rotor_speed", "u", "battery", "ground", "extra_force", "extra_moment")
 DRIVEN = {"battery_sag", "motor_lag", "esc_delay", "thrust_curve", "rotor_saturation", "actuator_mapping"}
 
@@ -42,7 +47,7 @@ class Case:
 
 
 def make_cases(out: Path, seed: int, grid: str, processes: int = 1, tell: Callable[[int, int], None] = lambda *_: None):
-    """Write ``out/cases`` and the sealed truth; return the number of cases.
+    """Write ``out/cases`` and the sealed truth; return the number of cases. Interrupted, it goes on with the next batch.
 
     Raises
     ------
@@ -53,26 +58,40 @@ def make_cases(out: Path, seed: int, grid: str, processes: int = 1, tell: Callab
         raise UsageError(f"unknown grid '{grid}'; known: {', '.join(COMPOSITIONS)}")
     if (out / "sealed" / seal.SUMS).exists():
         raise UsageError(f"'{out}' already holds sealed cases; name an empty folder")
-    for name in ("cases", "sealed"):
-        shutil.rmtree(out / name, ignore_errors=True)
-        (out / name).mkdir(parents=True)
     every = specs(grid, seed)
+    about = {"grid": grid, "seed": seed, "cases": len(every), "generator": tree_hash(PACKAGE, sources(__name__))}
+    _begin(out, about)
     batches = [every[i : i + BATCH] for i in range(0, len(every), BATCH)]
-    done = 0
-    for count in _spread(batches, out, grid, seed, processes):
+    waiting = [b for b in batches if not all(_sealed(out, spec, grid, seed) for spec in b)]
+    done = len(every) - sum(map(len, waiting))
+    tell(done, len(every))
+    for count in _spread(waiting, out, grid, seed, processes):
         done += count
         tell(done, len(every))
-    write_json(out / "sealed" / "made.json", {"grid": grid, "seed": seed, "cases": len(every)})
+    os.replace(out / "sealed" / BEGUN, out / "sealed" / MADE)
     seal.close(out)
     return len(every)
 
 
 def make_and_seal(sums: Path, grid: str, seed: int, processes: int = 2) -> None:
-    """Make cases anew in the folder above ``sealed/``, where ``sums`` is the list of hashes."""
-    folder = sums.parents[1]
-    for part in ("cases", "sealed"):
-        shutil.rmtree(folder / part, ignore_errors=True)
-    make_cases(folder, seed, grid, processes)
+    """Make cases in the folder above ``sealed/``, where ``sums`` is the list of hashes; go on where it was interrupted."""
+    sums.unlink(missing_ok=True)
+    make_cases(sums.parents[1], seed, grid, processes)
+
+
+def _begin(out: Path, about: dict) -> None:
+    """Keep the cases of an interrupted run of the very same generator, grid and seed; clear away all others."""
+    note = out / "sealed" / BEGUN
+    if note.exists() and json.loads(note.read_text()) == about:
+        return
+    for name in ("cases", "sealed"):
+        shutil.rmtree(out / name, ignore_errors=True)
+        (out / name).mkdir(parents=True)
+    write_json(note, about)
+
+
+def _sealed(out: Path, spec: Spec, grid: str, seed: int) -> bool:
+    return (out / "sealed" / f"{draw_circumstances(spec, grid, seed).identity}.json").exists()
 
 
 def _spread(batches, out, grid, seed, processes) -> Iterator[int]:
@@ -87,7 +106,7 @@ def _spread(batches, out, grid, seed, processes) -> Iterator[int]:
 def _make_batch(job) -> int:
     batch, out, grid, seed = job
     waiting = list(batch)
-    for attempt in range(ATTEMPTS):
+    for attempt in range(ATTEMPTS * len(LEVELS)):
         cases = [draw_case(spec, grid, seed, attempt) for spec in waiting]
         book = Simulation([s for c in cases for s in c.sorties]).run()
         parts = [_slice(book, k) for k in range(len(cases))]
@@ -98,18 +117,24 @@ def _make_batch(job) -> int:
         waiting = [s for s, ok in zip(waiting, flown, strict=True) if not ok]
         if not waiting:
             return len(batch)
-    raise GesError(f"case {waiting[0].index} ({waiting[0].names}) could not be flown in {ATTEMPTS} attempts")
+    raise GesError(f"case {waiting[0].index} ({waiting[0].names}) could not be flown at any severity")
 
 
 def draw_case(spec: Spec, grid: str, seed: int, attempt: int = 0) -> Case:
-    """Draw everything of a case; a further attempt keeps its circumstances, draws its numbers anew and is flown gentler."""
+    """Draw everything of a case; a further attempt keeps its circumstances, draws its numbers anew and is flown gentler.
+
+    After every :data:`ATTEMPTS` of them less is concealed: what a vehicle cannot fly with is not to be found in any log.
+    """
+    eased = tuple(max(0, level - attempt // ATTEMPTS) for level in spec.levels)
+    spec = dataclasses.replace(spec, levels=eased)
     around = draw_circumstances(spec, grid, seed)
     rng = np.random.default_rng([seed, spec.index, 3, attempt])
     craft = draw_airframe(spec.size, rng)
     numbers = draw_numbers(spec, craft, seed, attempt)
     z = ground.draw_terrain(around.terrain, craft.radius_m, rng)
     merged = around.battery | {k: v for one in numbers.values() for k, v in one.items()}
-    sorties = [_sortie(f, around, craft, merged, z, [seed, spec.index, 4, attempt, f], GENTLER**attempt) for f in range(FLIGHTS)]
+    gentle = GENTLER ** (attempt % ATTEMPTS)
+    sorties = [_sortie(f, around, craft, merged, z, [seed, spec.index, 4, attempt, f], gentle) for f in range(FLIGHTS)]
     return Case(spec, around, craft, numbers, z, sorties)
 
 
@@ -142,6 +167,8 @@ def _flew(case: Case, flights) -> bool:
 def _write_case(case: Case, flights, out: Path, seed: int) -> None:
     identity = case.around.identity
     final, folder = out / "cases" / identity, out / "cases" / f".{identity}"
+    for left in (final, folder):
+        shutil.rmtree(left, ignore_errors=True)
     folder.mkdir()
     rng = np.random.default_rng([seed, case.spec.index, 5])
     flights = [{k: v[: s.plan.reference.shape[1]] for k, v in f.items()} for s, f in zip(case.sorties, flights, strict=True)]
@@ -188,8 +215,8 @@ def _write_truth(case: Case, flights, stem: Path) -> None:
         "weight_N": case.craft.true["mass"] * GRAVITY_M_S2,
         "battery_V": case.craft.battery_V,
     }
-    write_json(stem.with_suffix(".json"), content)
     np.savez_compressed(stem.with_suffix(".npz"), **_witness(case, flights))
+    write_json(stem.with_suffix(".json"), content)
 
 
 def _witness(case: Case, flights) -> dict[str, np.ndarray]:
