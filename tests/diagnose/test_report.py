@@ -10,7 +10,7 @@ import pytest
 
 import ges
 from ges import manoeuvres
-from ges.diagnose import pictures, report, words
+from ges.diagnose import pictures, report, verdict, words
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +64,14 @@ def test_the_strength_of_the_instruments_is_told_where_references_are_logged(con
     assert all(0.0 <= i["share"] <= 1.0 and i["flights_strong"] <= i["flights"] for i in strong.values())
     assert strong["force_z"]["flights_strong"] == strong["force_z"]["flights"] > 0  # climbs that the references command
     assert "What the references vouch for" in _parsed(report.render(told, {}))[0]
+
+
+@pytest.mark.parametrize(
+    ("after", "said"), [(0.995, "hardly show it"), (0.6, "1.50 N as given, 1.00 recalibrated and 0.600 with it")]
+)
+def test_the_sentence_says_what_flights_that_took_no_part_show(after, said):
+    fit = {"channels": {"force_z_N": {"before": 1.5, "recalibrated": 1.0, "after": after}}}
+    assert said in verdict.sentence_of("physics", (), (), (), fit, {})
 
 
 def test_the_flights_carry_a_finding_for_the_report(content):

@@ -8,6 +8,7 @@ from .result import Finding
 from .words import channel_words, number_words, quantity_words, unit_words
 
 NOTEWORTHY = 2.0
+LEAST_GAIN = 0.02
 
 
 def verdict_of(findings: Sequence[Finding], rivals: Sequence[Sequence[str]], unexplained: Sequence[Mapping]) -> str:
@@ -36,12 +37,14 @@ def _finding_words(f: Finding) -> str:
 
 
 def _gain(fit: Mapping) -> str:
-    """The channel that gains most on flights never seen, against recalibration alone."""
+    """The channel that gains most on flights never seen, against recalibration alone; or that they hardly show the findings."""
     gains = {
         name: 1.0 - told["after"] / told["recalibrated"] for name, told in fit.get("channels", {}).items() if told["recalibrated"]
     }
     if not gains:
         return ""
+    if max(map(abs, gains.values())) < LEAST_GAIN:
+        return f" The flights that took no part hardly show it: none of their errors changes by {100.0 * LEAST_GAIN:.0f} %."
     name = max(gains, key=gains.get)
     told = fit["channels"][name]
     before, recalibrated, after = (number_words(told[stage], 3) for stage in ("before", "recalibrated", "after"))
