@@ -183,7 +183,16 @@ def test_what_a_rival_hides_names_the_rival(null):
     )
     hidden = smallest_detectable(twins)["rotor_drag"]
     assert hidden["smallest"] is None and hidden["limited_by"] == "parasitic_drag"
-    assert "parasitic_drag" not in smallest_detectable(twins, given=("parasitic_drag",))
+    beside = smallest_detectable(twins, given=("parasitic_drag",))
+    assert beside["parasitic_drag"]["smallest"] is None and beside["parasitic_drag"]["limited_by"] == "rotor_drag"
+
+
+def test_what_was_found_has_a_limit_too(null):
+    """Beside what else was found, and the same as if it had not been found."""
+    board, _ = null
+    before, after = smallest_detectable(board), smallest_detectable(board, given=("rotor_drag",))
+    assert after["rotor_drag"] == before["rotor_drag"]
+    assert after.keys() == before.keys()
 
 
 def test_set_points_of_the_advised_flight_are_written(tmp_path):

@@ -12,7 +12,7 @@ from .. import effects as effect_table
 from ..errors import GesError
 from ..vehicle import load_vehicle
 from . import oracle
-from .heldout import reductions
+from .heldout import reductions, told_the_truth
 from .oracle import FREE, SHAPES, Oracle, Witness
 
 
@@ -38,10 +38,9 @@ def compare(folder: Path, case: str, truth: Mapping, said: Mapping, fitted: Path
     told = oracle.declared_values(truth, load_vehicle(folder / "cases" / case / "vehicle.yaml"))
     best = dataclasses.replace(best, parameters={**best.parameters, **told})
     claimed = {f["name"]: f["parameters"] for f in said["findings"] if f["name"] in best.parameters}
-    gains = reductions(folder / "cases" / case, names, said)
-    return Comparison(
-        best, _errors(seen, best, claimed, fitted), _intervals(best, claimed), _over_limit(names, best, said), gains
-    )
+    rerun = told_the_truth(folder / "cases" / case, names)
+    over_limit = _over_limit(seen, names, best, rerun.get("detectable", {}))
+    return Comparison(best, _errors(seen, best, claimed, fitted), _intervals(best, claimed), over_limit, reductions(said, rerun))
 
 
 def _errors(seen: Witness, best: Oracle, claimed: Mapping[str, Mapping], fitted: Path) -> dict[str, float]:
@@ -90,10 +89,22 @@ def _intervals(best: Oracle, claimed: Mapping[str, Mapping]) -> tuple[int, int]:
     return (sum(checks), len(checks))
 
 
-def _over_limit(names: list[str], best: Oracle, said: Mapping) -> float | None:
-    """Size of the effect over the smallest that the diagnosis says it would have seen; None where it says none."""
-    limit = said.get("detectable", {}).get(names[-1]) if names else None
+def _over_limit(seen: Witness, names: list[str], best: Oracle, detectable: Mapping) -> float | None:
+    """Size of the effect over the smallest that these flights would have shown: of the loads where it makes loads, else of the
+    numbers along any axis; None where no smallest is told.
+
+    The limit is the one that is stated when the true name is known, so that what was found and what was missed are held against
+    the same.
+    """
+    limit = detectable.get(names[-1]) if names else None
     if not limit or not limit.get("smallest") or names[-1] not in best.parameters:
         return None
-    value = best.parameters[names[-1]].get(limit["parameter"])
-    return None if value is None else abs(value) / limit["smallest"]
+    neutral, right = effect_table.get(names[-1]).neutral(), best.parameters[names[-1]]
+    if _is_load(names[-1]):
+        least = neutral | limit["shape"] | {limit["parameter"]: limit["smallest"]}
+        sizes = [_rms(seen.loads({names[-1]: values})) for values in (neutral | right, least)]
+        if sizes[1] > 0.0:
+            return sizes[0] / sizes[1]
+    units = {p.name: p.unit for p in effect_table.get(names[-1]).parameters}
+    alike = [v for p, v in right.items() if p not in SHAPES and units[p] == units[limit["parameter"]]]
+    return float(np.linalg.norm(alike)) / limit["smallest"] if alike else None

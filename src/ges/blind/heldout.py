@@ -1,9 +1,10 @@
-"""How much better held-out flights became, beside what the same fit makes of them when it is told the true names."""
+"""What the same tool makes of a case when it is told the true names, and how much better held-out flights became beside it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from .. import effects as effect_table
 from ..errors import GesError
@@ -12,27 +13,32 @@ from ..io.recording import load_set
 WORTH = 0.02
 
 
-def reductions(case: Path, names: Sequence[str], said: Mapping) -> dict[str, tuple[float, float]]:
+def told_the_truth(case: Path, names: Sequence[str]) -> dict[str, Any]:
+    """Return ``diagnosis.json`` of a case whose true names were given; {} where they are of sensors or cannot be fitted."""
+    import ges.diagnose
+
+    known = [n for n in names if n in effect_table.table() and effect_table.get(n).kind != "sensor"]
+    if not known:
+        return {}
+    try:
+        return ges.diagnose(load_set(case), names=known).content()
+    except GesError:
+        return {}
+
+
+def reductions(said: Mapping, best: Mapping) -> dict[str, tuple[float, float]]:
     """Return the summed relative reductions of mean square error on held-out flights, by the diagnosis and by the oracle.
 
     Of the weak-form residuals (``open_loop``), and of the flights flown again in closed loop where their references were logged
     (``closed_loop``). Summed over the channels in which the oracle takes away 2 % or more of what recalibration leaves; left out
     where there are none, or no flight was held out.
-    """
-    import ges.diagnose
 
-    known = [n for n in names if n in effect_table.table() and effect_table.get(n).kind != "sensor"]
-    told = said.get("fit", {})
-    if not known or not told.get("channels"):
-        return {}
-    try:
-        best = ges.diagnose(load_set(case), names=known).fit
-    except GesError:
-        return {}
-    found = {
-        "open_loop": _gains(told["channels"], best["channels"]),
-        "closed_loop": _gains(told.get("closed_loop", {}).get("channels", {}), best["closed_loop"].get("channels", {})),
-    }
+    Parameters
+    ----------
+    said, best : ``diagnosis.json`` of the blind diagnosis and of the one that was told the true names.
+    """
+    tool, oracle = ({"open_loop": d.get("fit", {}), "closed_loop": d.get("fit", {}).get("closed_loop", {})} for d in (said, best))
+    found = {kind: _gains(tool[kind].get("channels", {}), oracle[kind].get("channels", {})) for kind in oracle}
     return {kind: gains for kind, gains in found.items() if gains[1] > 0.0}
 
 

@@ -7,7 +7,7 @@ nothing and every rival by the odds that an acceptance takes, in nine of ten suc
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ class _Shape:
     cost: float
 
 
-def _shapes(board: Board, gram: Gram, leave_out: Sequence[str]) -> list[_Shape]:
+def _shapes(board: Board, gram: Gram, leave_out: Collection[str]) -> list[_Shape]:
     found: dict[tuple[str, str], list[int]] = {}
     for k, column in enumerate(board.system.columns):
         if column.variant is not None and column.variant.effect not in leave_out and board.prior.sd[k] > 0:
@@ -77,7 +77,7 @@ def smallest_detectable(board: Board, given: Sequence[str] = (), odds: float = 9
     Parameters
     ----------
     board : of the search, with the columns of every candidate.
-    given : effects that are accepted already; they are free and no rivals.
+    given : effects that are accepted already; beside them the others are judged, and each of them beside the rest.
     odds : that an acceptance takes.
 
     Returns
@@ -85,12 +85,20 @@ def smallest_detectable(board: Board, given: Sequence[str] = (), odds: float = 9
     by effect: ``parameter``, ``smallest`` (None where it never would), ``unit``, ``shape`` (the fixed parameters), and
     ``limited_by``, the rival that is hardest to tell from it ('' when it is noise).
     """
+    told: dict[str, dict[str, Any]] = {}
+    for name in given:
+        told |= _beside(board, {*given} - {name}, {name}, odds)
+    return told | _beside(board, {*given}, None, odds)
+
+
+def _beside(board: Board, given: Collection[str], asked: Collection[str] | None, odds: float) -> dict[str, dict[str, Any]]:
+    """Smallest sizes of the ``asked`` effects (of all where None), those ``given`` being free and no rivals."""
     free = np.array([k for k, c in enumerate(board.system.columns)
                      if c.variant is not None and c.variant.effect in given and board.prior.sd[k] > 0], dtype=int)  # fmt: skip
     gram = board.pooled().without(free, 10.0 * board.prior.sd[free])
     shapes = _shapes(board, gram, given)
     told: dict[str, tuple[float, dict[str, Any]]] = {}
-    for shape in shapes:
+    for shape in (s for s in shapes if asked is None or s.name in asked):
         for k in (k for k in shape.columns if board.system.columns[k].part != "moment"):
             size, hidden = _needed(shape, k, shapes, odds)
             relative, entry = _entry(board, k, size, hidden)
