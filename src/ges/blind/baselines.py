@@ -17,7 +17,7 @@ from ..diagnose.engine import split
 from ..diagnose.gate import pass_gate
 from ..diagnose.model import from_vehicle
 from ..diagnose.residual import UNITS
-from ..diagnose.system import SPEED, Column, System, build
+from ..diagnose.system import Column, System, build
 from ..errors import GesError
 from ..io.recording import RecordingSet
 
@@ -166,7 +166,7 @@ def parameters(problem: Problem) -> Answer:
     named = {}
     for column, value in zip(problem.nuisances, beta, strict=True):
         n = column.nuisance
-        if n.effect != SPEED.split(".")[0] and abs(value) > OUTSIDE_SD * max(n.sd, n.flight_sd):
+        if n.effect != "vehicle" and abs(value) > OUTSIDE_SD * max(n.sd, n.flight_sd):
             named[n.effect] = 1.0
     calibrated = rows.raw - rows.y
     prior = np.linalg.lstsq(rows.nuisance, calibrated, rcond=None)[0]

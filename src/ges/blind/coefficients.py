@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -28,19 +28,23 @@ class Comparison:
     reductions: dict[str, tuple[float, float]]
 
 
-def compare(folder: Path, case: str, truth: Mapping, said: Mapping, fitted: Path) -> Comparison | None:
-    """Hold a diagnosis against the oracle of its case; None for a case whose maker kept no witness."""
+def compare(folder: Path, case: str, truth: Mapping, answers: Sequence[tuple[Mapping, Path]]) -> list[Comparison | None]:
+    """Hold diagnoses of one case, each with its fitted vehicle file, against the oracle, which is the same for all; None for a
+    case whose maker kept no witness."""
     seen = oracle.witness(folder, case, truth)
     if seen is None:
-        return None
+        return [None] * len(answers)
     names = [f["name"] for f in truth["findings"]]
     best = oracle.fit(seen, names)
     told = oracle.declared_values(truth, load_vehicle(folder / "cases" / case / "vehicle.yaml"))
     best = dataclasses.replace(best, parameters={**best.parameters, **told})
-    claimed = {f["name"]: f["parameters"] for f in said["findings"] if f["name"] in best.parameters}
     rerun = told_the_truth(folder / "cases" / case, names)
     over_limit = _over_limit(seen, names, best, rerun.get("detectable", {}))
-    return Comparison(best, _errors(seen, best, claimed, fitted), _intervals(best, claimed), over_limit, reductions(said, rerun))
+    claimed = [{f["name"]: f["parameters"] for f in said["findings"] if f["name"] in best.parameters} for said, _ in answers]
+    return [
+        Comparison(best, _errors(seen, best, named, fitted), _intervals(best, named), over_limit, reductions(said, rerun))
+        for (said, fitted), named in zip(answers, claimed, strict=True)
+    ]
 
 
 def _errors(seen: Witness, best: Oracle, claimed: Mapping[str, Mapping], fitted: Path) -> dict[str, float]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import os
 import shutil
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -126,7 +125,7 @@ def draw_case(spec: Spec, grid: str, seed: int, attempt: int = 0) -> Case:
     After every :data:`ATTEMPTS` of them less is concealed: what a vehicle cannot fly with is not to be found in any log.
     """
     eased = tuple(max(0, level - attempt // ATTEMPTS) for level in spec.levels)
-    spec = dataclasses.replace(spec, levels=eased)
+    spec = replace(spec, levels=eased)
     around = draw_circumstances(spec, grid, seed)
     rng = np.random.default_rng([seed, spec.index, 3, attempt])
     craft = draw_airframe(spec.size, rng)

@@ -49,7 +49,7 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
     truths = {n: seal.truth(folder, n) for n in names}
     said = {n: read_verdict(folder / diagnosed / n) for n in names}
     judged = [judge(n, truths[n], said[n]) for n in names]
-    held = _against_oracle(folder, diagnosed, truths, said)
+    held = _against_oracle(folder, truths, {diagnosed: said})[diagnosed]
     table = case_table(folder, diagnosed, judged, truths, held)
     scores = summary(judged, table, {n: c for n, c in held.items() if c})
     tables = {"cases": table, "scores": scores, "singles": by_effect(judged), "confusion": confusion(judged),
@@ -62,11 +62,13 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
     return report
 
 
-def _against_oracle(folder: Path, diagnosed: str, truths: dict, said: dict) -> dict[str, Comparison | None]:
+def _against_oracle(folder: Path, truths: dict, said: dict[str, dict]) -> dict[str, dict[str, Comparison | None]]:
+    """Comparisons by folder of verdicts and case; what ``said`` holds by the same. The oracle of a case is asked once."""
+    answers = {n: [(told[n], folder / d / n / "vehicle.fitted.yaml") for d, told in said.items()] for n in truths}
     with ProcessPoolExecutor(PROCESSES) as pool:
-        fitted = {n: folder / diagnosed / n / "vehicle.fitted.yaml" for n in truths}
-        jobs = {n: pool.submit(compare, folder, n, truths[n], said[n], fitted[n]) for n in truths}
-        return {n: job.result() for n, job in jobs.items()}
+        jobs = {n: pool.submit(compare, folder, n, truths[n], answers[n]) for n in truths}
+        held = {n: dict(zip(said, job.result(), strict=True)) for n, job in jobs.items()}
+    return {d: {n: by[d] for n, by in held.items()} for d in said}
 
 
 def score_batches(sums: Path, verdicts: list[Path], scores: Path) -> None:
@@ -95,13 +97,15 @@ def compare_methods(sums: Path, verdicts: list[Path], methods: list[str], table:
     names = seal.cases(folder)
     seal.check(folder, list(seal.listed(folder)))
     truths = {n: seal.truth(folder, n) for n in names}
-    columns = {}
+    columns, said = {}, {}
     for method in methods:
         diagnosed = method_folder(method)
         _check_batches(folder, diagnosed, [p for p in verdicts if p.parent.name == method])
-        said = {n: read_verdict(folder / diagnosed / n) for n in names}
-        judged = [judge(n, truths[n], said[n]) for n in names]
-        held = _against_oracle(folder, diagnosed, truths, said)
+        said[diagnosed] = {n: read_verdict(folder / diagnosed / n) for n in names}
+    every = _against_oracle(folder, truths, said)
+    for method in methods:
+        diagnosed = method_folder(method)
+        judged, held = [judge(n, truths[n], said[diagnosed][n]) for n in names], every[diagnosed]
         cases = case_table(folder, diagnosed, judged, truths, held)
         columns[method] = summary(judged, cases, {n: c for n, c in held.items() if c}).set_index("score")[
             ["value", "low", "high"]

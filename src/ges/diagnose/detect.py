@@ -85,17 +85,17 @@ def smallest_detectable(board: Board, given: Sequence[str] = (), odds: float = 9
     by effect: ``parameter``, ``smallest`` (None where it never would), ``unit``, ``shape`` (the fixed parameters), and
     ``limited_by``, the rival that is hardest to tell from it ('' when it is noise).
     """
-    told: dict[str, dict[str, Any]] = {}
+    pooled, told = board.pooled(), {}
     for name in given:
-        told |= _beside(board, {*given} - {name}, {name}, odds)
-    return told | _beside(board, {*given}, None, odds)
+        told |= _beside(board, pooled, {*given} - {name}, {name}, odds)
+    return told | _beside(board, pooled, {*given}, None, odds)
 
 
-def _beside(board: Board, given: Collection[str], asked: Collection[str] | None, odds: float) -> dict[str, dict[str, Any]]:
+def _beside(board: Board, pooled: Gram, given: Collection[str], asked: Collection[str] | None, odds: float) -> dict[str, dict]:
     """Smallest sizes of the ``asked`` effects (of all where None), those ``given`` being free and no rivals."""
     free = np.array([k for k, c in enumerate(board.system.columns)
                      if c.variant is not None and c.variant.effect in given and board.prior.sd[k] > 0], dtype=int)  # fmt: skip
-    gram = board.pooled().without(free, 10.0 * board.prior.sd[free])
+    gram = pooled.without(free, 10.0 * board.prior.sd[free])
     shapes = _shapes(board, gram, given)
     told: dict[str, tuple[float, dict[str, Any]]] = {}
     for shape in (s for s in shapes if asked is None or s.name in asked):
