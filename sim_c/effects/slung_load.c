@@ -1,8 +1,9 @@
 /* Load on a thread: a pendulum where it hangs free, a weight that is dragged over the ground where the thread is longer
  * than the attachment a is high (h < L, h over the ground at the load).
  *
- * Hanging, load at horizontal position l (states l, dl/dt): l'' = (g/L)(a - l) - 2 z sqrt(g/L) (l' - v); force on the vehicle
- * -m_l (l'' , g) at the attachment. Small swings; the load's vertical acceleration is left out.
+ * Hanging, load at horizontal position l (states l, dl/dt) and at the height of the attachment less L (state w = dl_z/dt, which
+ * follows the attachment within FOLLOWS_S): l'' = (g + w')/L (a - l) - 2 z sqrt(g/L) (l' - v); force on the vehicle
+ * -m_l (l'', g + w') at the attachment. Small swings: what the load weighs and what it lags in a climb, the thread has to bear.
  * On the ground, rho = |a - l| horizontally, s = sqrt(rho^2 + h^2): the thread only pulls, T = m_l g e / (c L) with the
  * extension e = s - (1 - c) L, so that it has its length L under the load's weight. The load stays where it is up to the pull
  * at which friction gives way (Coulomb, quasi-static), T rho/s = mu (m_l g - T h/s), hence T = mu m_l g s / (rho + mu h); it
@@ -16,6 +17,7 @@
 #define GIVE 0.01       /* c: a thread's extension under the load's weight, over its length */
 #define FOLLOWS_S 0.02  /* some steps of a recording, so that the load neither lags nor overshoots */
 
+enum { AT = 0, MOVES = 2, CLIMBS = 4 }; /* states */
 enum { MASS, LENGTH, DAMPING, ATTACH_X, ATTACH_Y, FRICTION, START_X, START_Y, BELOW };
 
 /* Attachment, world. */
@@ -27,24 +29,27 @@ static void begin(const sample_t *s, const vd *p, vd *x) {
   vd a[3];
   attachment(s, p, a);
   for (int k = 0; k < 2; k++) {
-    x[k] = a[k] + p[START_X + k];
-    x[2 + k] = s->v[k];
+    x[AT + k] = a[k] + p[START_X + k];
+    x[MOVES + k] = s->v[k];
   }
+  x[CLIMBS] = s->v[2];
 }
 
-/* Acceleration of a hanging load, and the force of its thread, world. */
-static void hang(const sample_t *s, const vd *p, const vd *x, const vd a[3], vd swing[2], vd force[3]) {
-  vd rate2 = s->gravity / p[LENGTH], damping = 2.0 * p[DAMPING] * lane_sqrt(rate2);
+/* Acceleration of a hanging load, and the force of its thread, world; a thread that would have to push is slack. */
+static void hang(const sample_t *s, const vd *p, const vd *x, const vd a[3], vd swing[3], vd force[3]) {
+  vd damping = 2.0 * p[DAMPING] * lane_sqrt(s->gravity / p[LENGTH]);
+  swing[2] = lane_max((s->v[2] - x[CLIMBS]) / FOLLOWS_S, -s->gravity);
+  vd rate2 = (s->gravity + swing[2]) / p[LENGTH];
   for (int k = 0; k < 2; k++) {
-    swing[k] = rate2 * (a[k] - x[k]) + damping * (s->v[k] - x[2 + k]);
+    swing[k] = rate2 * (a[k] - x[AT + k]) + damping * (s->v[k] - x[MOVES + k]);
     force[k] = -p[MASS] * swing[k];
   }
-  force[2] = -p[MASS] * s->gravity;
+  force[2] = -p[MASS] * (s->gravity + swing[2]);
 }
 
 /* Velocity of a load that lies on the ground, and the force of its thread, world. */
 static void drag(const sample_t *s, const vd *p, const vd *x, const vd a[3], vd height, vd slide[2], vd force[3]) {
-  vd away[2] = {a[0] - x[0], a[1] - x[1]}, h = lane_max(height, all_lanes(0.0)), least = 1e-9 * p[LENGTH];
+  vd away[2] = {a[0] - x[AT], a[1] - x[AT + 1]}, h = lane_max(height, all_lanes(0.0)), least = 1e-9 * p[LENGTH];
   vd rho = lane_sqrt(away[0] * away[0] + away[1] * away[1]), reach = lane_max(lane_sqrt(rho * rho + h * h), least);
   vd extension = lane_max(reach - (1.0 - GIVE) * p[LENGTH], all_lanes(0.0));
   vd yields = GIVE * p[LENGTH] * p[FRICTION] * reach / lane_max(rho + p[FRICTION] * h, least);
@@ -67,16 +72,17 @@ static void apply(const sample_t *s, const vd *p, const vd world[3], wrench_t *a
 }
 
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
-  vd a[3], swing[2], slide[2], free_force[3], ground_force[3];
+  vd a[3], swing[3], slide[2], free_force[3], ground_force[3];
   attachment(s, p, a);
-  vd height = a[2] - ground_at(s->map, x[0], x[1]).height + p[BELOW];
+  vd height = a[2] - ground_at(s->map, x[AT], x[AT + 1]).height + p[BELOW];
   hang(s, p, x, a, swing, free_force);
   drag(s, p, x, a, height, slide, ground_force);
   vl lies = LT(height, p[LENGTH]);
   for (int k = 0; k < 2; k++) {
-    dx[k] = sel(lies, slide[k], x[2 + k]);
-    dx[2 + k] = sel(lies, (slide[k] - x[2 + k]) / FOLLOWS_S, swing[k]);
+    dx[AT + k] = sel(lies, slide[k], x[MOVES + k]);
+    dx[MOVES + k] = sel(lies, (slide[k] - x[MOVES + k]) / FOLLOWS_S, swing[k]);
   }
+  dx[CLIMBS] = sel(lies, -x[CLIMBS] / FOLLOWS_S, swing[2]);
   for (int k = 0; k < 3; k++) free_force[k] = sel(lies, ground_force[k], free_force[k]);
   apply(s, p, free_force, add);
 }
@@ -84,13 +90,13 @@ static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t
 EFFECT(slung_load) = {
     .name = "slung_load",
     .title = "load on a thread",
-    .equation = "hanging: l'' = (g/L)(a - l) - 2 z sqrt(g/L)(l' - v), F = -m_l (l'', g); dragged over the ground: "
+    .equation = "hanging: l'' = (g + v_z')/L (a - l) - 2 z sqrt(g/L)(l' - v), F = -m_l (l'', g + v_z'); dragged over the ground: "
                 "T = mu m_l g s / (rho + mu h) along the thread",
     .reference = "pendulum dynamics; Coulomb friction",
     .channels = "force_x force_y force_z moment_x moment_y moment_z",
     .kind = GES_WRENCH,
     .n_parameters = 9,
-    .n_states = 4,
+    .n_states = 5,
     .parameters = {{"mass_kg", "kg", "mass of the load", 0.1, 0, 0, 20},
                    {"length_m", "m", "length of the thread", 0.6, NAN, 0.05, 20},
                    {"damping", "1", "damping ratio of the swing", 0.02, NAN, 0, 1},

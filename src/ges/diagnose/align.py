@@ -10,7 +10,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
+from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter
+from scipy.signal import butter, sosfiltfilt
 
 from ..conventions import BODY_RATE, COMMAND, MOTOR_CURRENT, POSITION, QUATERNION, ROTOR_SPEED, SPECIFIC_FORCE, VELOCITY
 from ..errors import GesError
@@ -35,6 +37,7 @@ SHORTEST_FLIGHT_S = 2.0
 LONGEST_GAP_S = 0.5
 LONGEST_SILENCE_S = 0.3
 WELL_ABOVE_M = 0.3
+STEADY_HZ = 0.3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -189,6 +192,25 @@ def gaps(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
         return np.ones(len(grid_s), dtype=bool)
     after = np.searchsorted(good, grid_s, side="left").clip(1, len(good) - 1)
     return (good[after] - good[after - 1] > LONGEST_GAP_S) | (grid_s < good[0]) | (grid_s > good[-1])
+
+
+def with_steady_position(flight: Prepared) -> Prepared:
+    """Positions that change fast as the velocity says and slowly as they were read, within each stretch in the air.
+
+    The wander of a reading within seconds would swing a load that hangs on it, at its own frequency; the velocity, which is its
+    rate, wanders less there (Brown and Hwang 2012, complementary filter; forwards and backwards, so that nothing lags).
+    """
+    if not (flight.has("position") and flight.has("velocity")):
+        return flight
+    p, v = flight.stack("position"), flight.stack("velocity")
+    travelled, slow = (
+        cumulative_trapezoid(v, dx=flight.dt_s, axis=0, initial=0.0),
+        butter(2, STEADY_HZ, fs=1.0 / flight.dt_s, output="sos"),
+    )
+    for at in np.split(np.arange(len(p)), np.flatnonzero(np.diff(flight.flying)) + 1):
+        if flight.flying[at[0]] and len(at) * flight.dt_s * STEADY_HZ > 1.0:
+            p[at] = travelled[at] + sosfiltfilt(slow, p[at] - travelled[at], axis=0)
+    return flight.replaced(columns={**flight.columns, **dict(zip(POSITION, p.T, strict=True))})
 
 
 def lift(flight: Prepared, thrust_coefficient: float, speed_max: float, weight_N: float) -> np.ndarray | None:

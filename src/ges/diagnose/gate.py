@@ -12,7 +12,7 @@ from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter
 from ..conventions import BODY_RATE, SPECIFIC_FORCE
 from ..errors import GesError
 from ..threads import each
-from .align import Prepared, airborne, gaps, grid_step_s, lift, regrid
+from .align import Prepared, airborne, gaps, grid_step_s, lift, regrid, with_steady_position
 from .delays import Delay, clock_drift, drive_delay, gyro_bias, pose_delay, shifted, without_bias
 from .model import Model
 
@@ -177,6 +177,7 @@ def pass_gate(frames: Sequence[pd.DataFrame], model: Model, names: Sequence[str]
     delay = drive_delay([f for f in flights if f], model)
     if delay and delay.delay_s > SURE * delay.sd_s:
         flights = [f and shifted(f, delay.stream, delay.delay_s) for f in flights]
+    flights = [f and with_steady_position(f) for f in flights]
     return Gate(tuple(flights), (delay,) if delay else (), tuple(warnings), pose, gyro)
 
 
