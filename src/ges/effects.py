@@ -56,6 +56,11 @@ class Effect:
     laws: frozenset[str]
     parameters: tuple[Parameter, ...]
 
+    @property
+    def remembers_the_path(self) -> bool:
+        """Whether its force depends on where the vehicle has been, and not on where it is alone."""
+        return self.n_states > 0 and self.kind == "wrench"
+
     def defaults(self) -> dict[str, float]:
         """Typical parameters, at which the effect is switched on by name alone."""
         return {p.name: p.default for p in self.parameters}

@@ -9,14 +9,15 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from .. import effects as effect_table
 from ..threads import each
 from .align import Prepared
 from .balance import undecided
-from .candidates import DRAWN, Candidate, Variant, acts_among, flown, library
-from .drawn import sharpened
+from .candidates import Candidate, Variant, acts_among, flown, library
 from .evidence import Board, make_board
 from .fit import Fitted, fitted_model, free_parameters, polish, starting_values
 from .hearing import lacking
+from .loads import sharpened
 from .model import Model
 from .select import Hypothesis, Search, exactly, search
 from .shoot import shot
@@ -110,7 +111,7 @@ def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Seq
         variants = [v for c in listed for v in c.variants]
         here = start if first is None else make_board(build(flights, base, variants, length_s, system, switches))
         board, found, _ = search_until_stable(here, listed, tuple(base.effects), only)
-        board, found = _drawn_sharper(board, found, listed, length_s, switches, only)
+        board, found = _load_sharper(board, found, listed, length_s, switches, only)
         first = first or (board, found)
         sizes = mattering(board, found, shares)
         replaced = {n: others for n in sizes if (others := replaced_by(found, n))}
@@ -133,11 +134,11 @@ def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Seq
                     frozenset(contested))  # fmt: skip
 
 
-def _drawn_sharper(board: Board, found: Search, listed: Sequence[Candidate], length_s: float, switches: Switches,
+def _load_sharper(board: Board, found: Search, listed: Sequence[Candidate], length_s: float, switches: Switches,
                    only: Sequence[str] | None) -> tuple[Board, Search]:  # fmt: skip
     """Search again beside a load whose thread and first place are sharp: missed by centimetres, they need other names for what
     is left."""
-    variant = _drawn(board, found)
+    variant = _load(board, found)
     if variant is None:
         return board, found
     known = board.system
@@ -148,11 +149,10 @@ def _drawn_sharper(board: Board, found: Search, listed: Sequence[Candidate], len
     return search_until_stable(make_board(system), listed, tuple(known.model.effects), only)[:2]
 
 
-def _drawn(board: Board, found: Search) -> Variant | None:
-    """The variant of a load that is drawn over the ground, where the best set has one that is more probable than not."""
+def _load(board: Board, found: Search) -> Variant | None:
+    """The variant of a load on a thread, where the best set has one that is more probable than not."""
     variants = [board.system.columns[k].variant for k in (found.best.posterior.columns if found.best.posterior else ())]
-    drawn = [v for v in variants if DRAWN.keys() <= v.shape.keys() and found.inclusion[v.effect] > 0.5]
-    return drawn[0] if drawn else None
+    return next((v for v in variants if v.effect == "slung_load" and found.inclusion[v.effect] > 0.5), None)
 
 
 def _polished(
@@ -176,9 +176,13 @@ def _polished(
 
 
 def shot_fit(accepted: Accepted, length_s: float, switches: Switches = ALL_ON) -> Accepted:
-    """The same, its fit polished by multiple shooting: the model is asked along the path that it flies itself."""
+    """The same, its fit polished by multiple shooting: the model is asked along the path that it flies itself.
+
+    What remembers the path, as a load that swings on it, would remember where one piece of it ends and the next begins: then
+    nothing is shot.
+    """
     fitted, system = accepted.fitted, accepted.board.system
-    if fitted is None:
+    if fitted is None or any(effect_table.get(name).remembers_the_path for name in fitted.effects):
         return accepted
     found = fitted_model(system.model, fitted)
     flights = each(lambda r: shot(r.flight, found), system.flights)

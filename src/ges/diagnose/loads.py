@@ -1,8 +1,9 @@
-"""A load that is drawn over the ground: how long its thread is, and where it lay first.
+"""Loads on threads: how long the thread is, and where a load that is drawn over the ground lay first.
 
-Both decide where the thread gets taut, to centimetres, and the flights show it as a step. No affordable grid is that fine and no
-slope leads there from afar, so the best of a coarse grid is made sharper before rivals are weighed: first the place on the way
-out at which the thread gets taut, then what that leaves open between the thread and the first place, then both.
+How long a thread is decides how fast its load swings, to hundredths; that and the first place decide where the thread of a drawn
+load gets taut, to centimetres, and the flights show it as a step. No affordable grid is that fine and no slope leads there from
+afar, so the best of a coarse grid is made sharper before rivals are weighed. Of a drawn load: first the place on the way out at
+which the thread gets taut, then what that leaves open between the thread and the first place, then both.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ from .system import ALL_ON, Switches, System, build
 FIRST_PLACES = np.linspace(-1.0, 1.0, 11)
 BEHIND_M_PER_M = np.geomspace(0.3, 1.6, 12)
 NEARBY = (0.08, 0.04, 0.02)
+THREADS_NEARBY = (np.geomspace(0.85, 1.2, 13), np.geomspace(0.98, 1.02, 5))
+"""Over the length of a hanging load's thread; the first as far as the next of the coarse grid."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,13 +44,27 @@ class Drawn:
 
 
 def sharpened(like: System, variant: Variant, length_s: float, switches: Switches = ALL_ON) -> Variant:
-    """The variant with the thread and the first place that explain most.
+    """The variant with the thread, and of a drawn load the first place, that explain most.
 
     Parameters
     ----------
     like : a system of the flights.
-    variant : of ``slung_load``, from :data:`DRAWN`; where it is attached stays.
+    variant : of ``slung_load``; where it is attached stays.
     """
+    fine = _drawn if DRAWN.keys() <= variant.shape.keys() else _hanging
+    return fine(like, variant, length_s, switches)
+
+
+def _hanging(like: System, variant: Variant, length_s: float, switches: Switches) -> Variant:
+    best = variant
+    for shares in THREADS_NEARBY:
+        lengths = float(best.shape["length_m"]) * shares
+        tried = [dataclasses.replace(variant, shape={**variant.shape, "length_m": float(length)}) for length in lengths]
+        best = tried[_most_probable(like, tried, length_s, switches)]
+    return best
+
+
+def _drawn(like: System, variant: Variant, length_s: float, switches: Switches) -> Variant:
     flights = [r.flight for r in like.flights]
     height_m, way = usual_height_m(like.model, flown(flights)), way_out(flights)
     best = Drawn(math.sqrt(max(variant.shape["length_m"] ** 2 - height_m**2, 0.0)), 0.0)
