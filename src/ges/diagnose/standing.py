@@ -22,7 +22,7 @@ FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}
 REACH_M = 10.0  # 2 cm of a rangefinder matter
 LATE = frozenset({"ground_effect_lag"})
 """Modifiers that act in time: what a form is wrong by depends on the moment alone, and does not look like them."""
-LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0005, "drive": 0.0005, "range": 0.002}
+LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0005, "drive": 0.0003, "range": 0.002}
 """Of weight, weight times arm, full speed or a rotor radius: no model is right to less."""
 
 

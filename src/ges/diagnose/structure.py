@@ -31,6 +31,8 @@ LEAST_SPREAD: Mapping[str, float] = {
     "height_over_radius": 1.0,
 }
 """Between these quantiles; a regime that varies less was moved by the disturbance itself, and follows from it."""
+LEAST_SHARE_OF_HEIGHT = 0.1
+"""The same for the height over its median: high up, a radius more or less is no other place."""
 TOGETHER = (("force_x", "force_y", "acc_x", "acc_y"), ("force_z", "acc_z"), ("moment_x", "moment_y"),
             ("drive_1", "drive_2", "drive_3", "drive_4"))  # fmt: skip
 CLEAR = 2.0
@@ -113,7 +115,12 @@ def hats(value: np.ndarray, knots: np.ndarray) -> np.ndarray:
 def excited(values: Mapping[str, np.ndarray]) -> list[str]:
     """Regime variables that were flown over a range, and not only disturbed."""
     spread = {name: float(np.subtract(*np.quantile(v, EXCITED[::-1]))) for name, v in values.items()}
-    return [name for name, s in spread.items() if s >= LEAST_SPREAD.get(name, TINY)]
+    return [name for name, s in spread.items() if s >= _least_spread(name, values[name])]
+
+
+def _least_spread(name: str, values: np.ndarray) -> float:
+    least = LEAST_SPREAD.get(name, TINY)
+    return max(least, LEAST_SHARE_OF_HEIGHT * float(np.median(values))) if name == "height_over_radius" else least
 
 
 def _basis(values: Mapping[str, np.ndarray], regime: tuple[str, ...], fold: np.ndarray) -> Basis:
