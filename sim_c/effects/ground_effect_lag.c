@@ -29,7 +29,7 @@ EFFECT(ground_effect_lag) = {
     .n_parameters = 1,
     .n_states = 4,
     .laws = GES_LAW_MIRROR | GES_LAW_FADES,
-    .parameters = {{"c", "1", "lag in units of (h + R)/v_h", 1.5, 0, 0, 10}},
+    .parameters = {{"c", "1", "lag in units of (h + R)/v_h", 1.5, 0, 0, 30}},
     .begin = begin,
     .wrench = wrench,
 };

@@ -21,6 +21,6 @@ EFFECT(ground_effect_moment) = {
     .kind = GES_WRENCH,
     .n_parameters = 1,
     .laws = GES_LAW_MIRROR | GES_LAW_FADES,
-    .parameters = {{"q", "1", "excess over the cushions' own moment", 0.5, 0, -3, 3}},
+    .parameters = {{"q", "1", "excess over the cushions' own moment", 0.5, 0, -10, 10}},
     .wrench = wrench,
 };

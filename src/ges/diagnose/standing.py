@@ -20,8 +20,8 @@ SEPARATE = math.log(ACCEPT / (1.0 - ACCEPT))
 CLEAR_SDS, STRAINED = 3.0, 5.0
 FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}, {"motor_lag", "esc_delay"})
 REACH_M = 10.0  # 2 cm of a rangefinder matter
-LATE = frozenset({"ground_effect_lag"})
-"""Modifiers that act in time: what a form is wrong by depends on the moment alone, and does not look like them."""
+UNLIKE_FORM = frozenset({"ground_effect_lag", "ground_effect_forward_flight"})
+"""Modifiers that act through time or speed: what a form is wrong by depends on the place alone, and does not look like them."""
 LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0005, "drive": 0.0003, "range": 0.002}
 """Of weight, weight times arm, full speed or a rotor radius: no model is right to less."""
 
@@ -36,7 +36,7 @@ def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[s
 
     Two of a family act in the same place, and one of them makes up for what the other's form is wrong by: the better of the
     two is kept. What is small beside a larger one may be what the larger one's form is wrong by, and takes more to be told; a
-    small modifier is no more than that, if it is not :data:`LATE`.
+    small modifier is no more than that, if it is not :data:`UNLIKE_FORM`.
     """
     probable = [n for n in found.best.names if found.inclusion[n] >= ACCEPT]
     places = {n: taken_over(found, n, probable) for n in probable}
@@ -52,7 +52,7 @@ def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[s
 
 def least_beside(name: str, known: Mapping[str, float]) -> float:
     """The least size at which a modifier is more than what the form of the effect that it modifies is wrong by."""
-    return 0.0 if name in LATE else FORM_ERROR * known.get(effect_table.get(name).modifies or "", 0.0)
+    return 0.0 if name in UNLIKE_FORM else FORM_ERROR * known.get(effect_table.get(name).modifies or "", 0.0)
 
 
 def taken_over(found: Search, name: str, probable: Sequence[str]) -> set[str]:

@@ -8,7 +8,7 @@ from .locate import clear
 from .model import Model
 from .structure import Structure
 
-LEAST_R2 = 0.03
+LEAST_R2 = 0.05
 BORROWED_R2 = 0.2
 BORROWED_SHARE = {"force": 0.005, "acc": 0.005, "moment": 0.002, "range": 0.25}
 
