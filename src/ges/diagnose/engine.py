@@ -23,8 +23,10 @@ from .select import Hypothesis, Search, exactly, search
 from .shoot import shot
 from .standing import ACCEPT, ambiguous, mattering, replaced_by, stands
 from .system import ALL_ON, Switches, System, build
+from .whiten import TINY, left_over
 
 ROUNDS = 4
+HIDDEN = 0.3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,8 +69,26 @@ def _pick(h: Hypothesis, names: Sequence[str], board: Board) -> tuple[int, ...]:
 def search_until_stable(
     board: Board, candidates: Sequence[Candidate], base: Sequence[str], only: Sequence[str] | None = None
 ) -> tuple[Board, Search, tuple[int, ...]]:
-    """Search, measure the noise that the best set leaves, search again; starts from the most cautious noise, the board's."""
-    chosen: tuple[int, ...] = ()
+    """Search, measure the noise that the best set leaves, search again; starts from the most cautious noise, the board's.
+
+    To that noise a strong effect that comes and goes, or shakes, is noise. So where a candidate explains much of what the best
+    set leaves in a channel, the search starts once more from the noise without that, and stays if what hid is then found.
+    """
+    found = _settled(board, (), candidates, base, only)
+    for _ in range(ROUNDS if only is None else 0):
+        hidden = _hidden(found[0].system, found[2], candidates, base)
+        if not hidden:
+            break
+        again = _settled(make_board(board.system, (*found[2], *hidden)), (*found[2], *hidden), candidates, base, only)
+        if board.system.columns[hidden[0]].variant.effect not in {board.system.columns[k].variant.effect for k in again[2]}:
+            break
+        found = again
+    return found
+
+
+def _settled(board: Board, chosen: tuple[int, ...], candidates: Sequence[Candidate], base: Sequence[str],
+             only: Sequence[str] | None) -> tuple[Board, Search, tuple[int, ...]]:  # fmt: skip
+    """Search from the noise that ``chosen`` columns leave, the board's, until it stays the same."""
     for again in range(ROUNDS):
         board = make_board(board.system, chosen) if again else board
         found = search(board, candidates, base) if only is None else exactly(board, candidates)
@@ -78,6 +98,31 @@ def search_until_stable(
             break
         chosen = now
     return board, found, chosen
+
+
+def _hidden(system: System, chosen: Sequence[int], candidates: Sequence[Candidate], base: Sequence[str]) -> tuple[int, ...]:
+    """Columns of the variant that explains most of what chosen columns leave in some channel; () where none explains much."""
+    taken = {system.columns[k].variant.effect for k in chosen}
+    free = {c.name for c in candidates if c.name not in taken and acts_among(c.name, {c.name, *taken, *base})}
+    listed = [k for k, c in enumerate(system.columns) if c.variant is not None and c.variant.effect in free]
+    if not listed:
+        return ()
+    share = np.max(each(lambda c: _explained(system, c, left_over(system, c, chosen), listed), range(len(system.names))), axis=0)
+    if share.max() < HIDDEN:
+        return ()
+    best = system.columns[listed[int(np.argmax(share))]].variant
+    return tuple(k for k in listed if system.columns[k].variant is best)
+
+
+def _explained(system: System, channel: int, left: Sequence[np.ndarray], listed: Sequence[int]) -> np.ndarray:
+    """Share of what is left in a channel, (m,) by flight, that each of these columns explains alone."""
+    xy, xx, yy = np.zeros(len(listed)), np.zeros(len(listed)), 0.0
+    for e, r in zip(left, system.flights, strict=True):
+        good = np.isfinite(e)
+        x = r.x[good, channel][:, listed]
+        x, y = x - x.mean(axis=0), e[good] - e[good].mean()
+        xy, xx, yy = xy + x.T @ y, xx + (x**2).sum(axis=0), yy + float(y @ y)
+    return xy**2 / np.maximum(xx * yy, TINY)
 
 
 def candidates_of(flights: Sequence[Prepared], base: Model, taken: Sequence[str] = (), only: Sequence[str] | None = None):

@@ -22,11 +22,13 @@ ROUNDS = 4
 
 @dataclasses.dataclass(frozen=True)
 class Noise:
-    """Per channel: AR coefficients (C, p), innovation sd (C,), and growth with unrest (C,)."""
+    """Per channel: AR coefficients (C, p), innovation sd (C,), growth with unrest (C,), and over the innovation sd the size of
+    the disturbances that a controller may have answered (C,): what nuisances alone leave in all but the restless flights."""
 
     ar: np.ndarray
     sd: np.ndarray
     growth: np.ndarray
+    answered: np.ndarray
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,8 +58,10 @@ def _spread(column: Column, x: np.ndarray, y: np.ndarray) -> float:
     return float(WIDE * np.sqrt(np.mean(y**2)) / size) if size > 0 else 0.0
 
 
-def _left_over(system: System, channel: int, kept: np.ndarray) -> list[np.ndarray]:
-    """What nuisances within their doubts, chosen columns and a constant of each flight leave, in one channel."""
+def left_over(system: System, channel: int, chosen: Sequence[int] = ()) -> list[np.ndarray]:
+    """What nuisances within their doubts, chosen columns and a constant of each flight leave, in one channel, (m,) by flight."""
+    nuisance = [k for k, column in enumerate(system.columns) if column.nuisance is not None]
+    kept = np.array([*nuisance, *chosen], dtype=int)
     return [_left_of(r.y[:, channel], r.x[:, channel][:, kept], [system.columns[k] for k in kept]) for r in system.flights]
 
 
@@ -109,13 +113,22 @@ def estimate(system: System, chosen: Sequence[int] = ()) -> Noise:
 
     Without chosen columns a strong effect counts as noise: cautious, so the search starts there.
     """
-    nuisance = [k for k, column in enumerate(system.columns) if column.nuisance is not None]
-    kept, unrest = np.array([*nuisance, *chosen], dtype=int), unrest_of(system.flights)
-    runs = [_run(r.follows) for r in system.flights]
-    found = each(lambda c: _of_channel(system, _left_over(system, c, kept), runs, unrest), range(len(system.names)))
-    ar, sd, growth = (np.array(told) for told in zip(*found, strict=True))
-    floor = [LEAST_NOISE * system.model.whole(name) for name in system.names]
-    return Noise(ar, np.maximum(sd, floor), growth)
+    unrest, runs = unrest_of(system.flights), [_run(r.follows) for r in system.flights]
+    floor = np.array([LEAST_NOISE * system.model.whole(name) for name in system.names])
+
+    def of_channel(c: int) -> tuple[np.ndarray, float, float, float]:
+        ar, sd, growth = _of_channel(system, left_over(system, c, chosen), runs, unrest)
+        sd = max(sd, floor[c])
+        return ar, sd, growth, _quiet(left_over(system, c), runs, ar, sd) if len(chosen) else 1.0
+
+    return Noise(*(np.array(told) for told in zip(*each(of_channel, range(len(system.names))), strict=True)))
+
+
+def _quiet(left: Sequence[np.ndarray], runs: Sequence[np.ndarray], ar: np.ndarray, sd: float) -> float:
+    """Size of what is left (m,) over the innovation sd, of the flight with the middle one, of two the lesser; at least 1."""
+    sizes = [np.sqrt(np.mean((value - past @ ar) ** 2)) for _, value, past in
+             (_lagged(e, run, len(ar)) for e, run in zip(left, runs, strict=True)) if len(value)]  # fmt: skip
+    return max(1.0, float(sorted(sizes)[(len(sizes) - 1) // 2]) / sd) if sizes else 1.0
 
 
 def _of_channel(
@@ -146,7 +159,7 @@ def whiten(flights: Sequence[Rows], noise: Noise, unrest: Sequence[np.ndarray]) 
     for kind in made[0][1] if made else ():
         for found, told in zip(bounds, _bounds([parts[kind] for _, parts in made], [w.used for w, _ in made]), strict=True):
             for c, error in told.items():
-                found.setdefault(c, []).append(error)
+                found.setdefault(c, []).append(error * noise.answered[c])
     answers = [{c: np.concatenate(errors, axis=1) for c, errors in found.items()} for found in bounds]
     return tuple(dataclasses.replace(w, answers=a) for (w, _), a in zip(made, answers, strict=True))
 
