@@ -80,7 +80,7 @@ def search_until_stable(
         if not hidden:
             break
         again = _settled(make_board(board.system, (*found[2], *hidden)), (*found[2], *hidden), candidates, base, only)
-        if board.system.columns[hidden[0]].variant.effect not in {board.system.columns[k].variant.effect for k in again[2]}:
+        if not _effects(board.system, again[2]) - _effects(board.system, found[2]):
             break
         found = again
     return found
@@ -102,7 +102,7 @@ def _settled(board: Board, chosen: tuple[int, ...], candidates: Sequence[Candida
 
 def _hidden(system: System, chosen: Sequence[int], candidates: Sequence[Candidate], base: Sequence[str]) -> tuple[int, ...]:
     """Columns of the variant that explains most of what chosen columns leave in some channel; () where none explains much."""
-    taken = {system.columns[k].variant.effect for k in chosen}
+    taken = _effects(system, chosen)
     free = {c.name for c in candidates if c.name not in taken and acts_among(c.name, {c.name, *taken, *base})}
     listed = [k for k, c in enumerate(system.columns) if c.variant is not None and c.variant.effect in free]
     if not listed:
@@ -112,6 +112,10 @@ def _hidden(system: System, chosen: Sequence[int], candidates: Sequence[Candidat
         return ()
     best = system.columns[listed[int(np.argmax(share))]].variant
     return tuple(k for k in listed if system.columns[k].variant is best)
+
+
+def _effects(system: System, chosen: Sequence[int]) -> set[str]:
+    return {system.columns[k].variant.effect for k in chosen}
 
 
 def _explained(system: System, channel: int, left: Sequence[np.ndarray], listed: Sequence[int]) -> np.ndarray:
