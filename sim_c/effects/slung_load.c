@@ -2,8 +2,9 @@
  * than the attachment a is high (h < L, h over the ground at the load).
  *
  * Hanging, load at horizontal position l (states l, dl/dt) and at the height of the attachment less L (state w = dl_z/dt, which
- * follows the attachment within FOLLOWS_S): l'' = (g + w')/L (a - l) - 2 z sqrt(g/L) (l' - v); force on the vehicle
- * -m_l (l'', g + w') at the attachment. Small swings: what the load weighs and what it lags in a climb, the thread has to bear.
+ * follows the attachment within FOLLOWS_S): l'' = (g + w')/L (a - l) - 2 z sqrt(g/L) (l' - v_wind), since the air brakes a load
+ * on a thread; force of the thread on the vehicle -m_l (g + w') ((a - l)/L, 1) at the attachment. Small swings: what the load
+ * weighs and what it lags in a climb, the thread has to bear.
  * On the ground, rho = |a - l| horizontally, s = sqrt(rho^2 + h^2): the thread only pulls, T = m_l g e / (c L) with the
  * extension e = s - (1 - c) L, so that it has its length L under the load's weight. The load stays where it is up to the pull
  * at which friction gives way (Coulomb, quasi-static), T rho/s = mu (m_l g - T h/s), hence T = mu m_l g s / (rho + mu h); it
@@ -41,8 +42,9 @@ static void hang(const sample_t *s, const vd *p, const vd *x, const vd a[3], vd 
   swing[2] = lane_max((s->v[2] - x[CLIMBS]) / FOLLOWS_S, -s->gravity);
   vd rate2 = (s->gravity + swing[2]) / p[LENGTH];
   for (int k = 0; k < 2; k++) {
-    swing[k] = rate2 * (a[k] - x[AT + k]) + damping * (s->v[k] - x[MOVES + k]);
-    force[k] = -p[MASS] * swing[k];
+    vd pull = rate2 * (a[k] - x[AT + k]);
+    swing[k] = pull + damping * (s->wind[k] - x[MOVES + k]);
+    force[k] = -p[MASS] * pull;
   }
   force[2] = -p[MASS] * (s->gravity + swing[2]);
 }
@@ -90,8 +92,8 @@ static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t
 EFFECT(slung_load) = {
     .name = "slung_load",
     .title = "load on a thread",
-    .equation = "hanging: l'' = (g + v_z')/L (a - l) - 2 z sqrt(g/L)(l' - v), F = -m_l (l'', g + v_z'); dragged over the ground: "
-                "T = mu m_l g s / (rho + mu h) along the thread",
+    .equation = "hanging: l'' = (g + v_z')/L (a - l) - 2 z sqrt(g/L)(l' - v_wind), F = -m_l (g + v_z')((a - l)/L, 1); "
+                "dragged over the ground: T = mu m_l g s / (rho + mu h) along the thread",
     .reference = "pendulum dynamics; Coulomb friction",
     .channels = "force_x force_y force_z moment_x moment_y moment_z",
     .kind = GES_WRENCH,
@@ -99,7 +101,7 @@ EFFECT(slung_load) = {
     .n_states = 5,
     .parameters = {{"mass_kg", "kg", "mass of the load", 0.1, 0, 0, 20},
                    {"length_m", "m", "length of the thread", 0.6, NAN, 0.05, 20},
-                   {"damping", "1", "damping ratio of the swing", 0.02, NAN, 0, 1},
+                   {"damping", "1", "damping ratio of the swing, by the air", 0.02, NAN, 0, 1},
                    {"attach_x_m", "m", "attachment, forward", 0, NAN, -1, 1},
                    {"attach_y_m", "m", "attachment, left", 0, NAN, -1, 1},
                    {"friction", "1", "friction of the load on the ground", 0.5, NAN, 0, 2},
