@@ -698,34 +698,62 @@ static void begin_replay(replay_t *r) {
     if (a->effect[j]->begin) a->effect[j]->begin(&r->sample, a->p[j], r->y + Y_X + a->first_state[j]);
 }
 
-/* Extra states over the time since the sample before, in steps of at most a millisecond; gaps over 0.1 s are cut. */
-static void advance_states(replay_t *r) {
+/* Position and velocity of a sample. */
+typedef struct {
+  vd p[3], v[3];
+} motion_t;
+
+static motion_t motion_of(const sample_t *s) {
+  motion_t m;
+  memcpy(m.p, s->p, sizeof m.p);
+  memcpy(m.v, s->v, sizeof m.v);
+  return m;
+}
+
+static void move(sample_t *s, const motion_t *from, const motion_t *to, double share) {
+  for (int k = 0; k < 3; k++) {
+    s->p[k] = from->p[k] + share * (to->p[k] - from->p[k]);
+    s->v[k] = from->v[k] + share * (to->v[k] - from->v[k]);
+  }
+}
+
+/* Extra states over the time since the sample before, in steps of at most a millisecond, position and velocity on straight lines
+ * between the samples; gaps over 0.1 s are cut. */
+static void advance_states(replay_t *r, const motion_t *before) {
   double dt = lane(r->sample.dt, 0);
   int steps = (int)(dt / 0.001) + 1;
   vd end = r->sample.t;
+  motion_t now = motion_of(&r->sample);
   for (int m = 0; m < steps; m++) {
     r->sample.t = end - dt * (steps - m) / steps;
+    move(&r->sample, before, &now, (m + 0.5) / steps);
     evaluate(r);
     for (int k = 0; k < r->active.n_states; k++) r->y[Y_X + k] += r->dy[Y_X + k] * (dt / steps);
   }
   r->sample.t = end;
+  move(&r->sample, &now, &now, 1.0);
 }
 
 static void replay(const double *parameters, const plan_t *plan, const ges_effects *effects, const void *terrain,
                    const double *in, int64_t n, double *out) {
   replay_t r;
+  motion_t before;
   int64_t at[GES_W];
   load_replay(&r, parameters, plan, effects, terrain);
   for (int64_t first = 0; first < n; first += GES_W) {
     int filled = n - first < GES_W ? (int)(n - first) : GES_W;
     for (int i = 0; i < GES_W; i++) at[i] = first + (i < filled ? i : filled - 1);
     see_sample(&r, in, n, at);
-    if (first == 0) begin_replay(&r);
+    if (first == 0) {
+      begin_replay(&r);
+      before = motion_of(&r.sample);
+    }
     if (r.active.n_states > 0 && first > 0) {
       double dt = in[first] - in[first - 1];
       r.sample.dt = all_lanes(bounded(dt, 0.1));
-      advance_states(&r);
+      advance_states(&r, &before);
     }
+    before = motion_of(&r.sample);
     if (r.active.n_states > 0) {
       sample_air(&r.active, r.y, &r.sample);
       evaluate(&r);

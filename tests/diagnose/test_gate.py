@@ -123,3 +123,20 @@ def test_a_blow_from_the_ground_is_left_out_and_counted(whole, model):
     struck, free = pass_gate([low, blown], model).flights
     assert struck.left_out["contact"] == pytest.approx(0.8, abs=0.2) and "contact" not in free.left_out
     assert not struck.flying[np.abs(struck.t_s - 12.0) < 0.3].any()
+
+
+def test_a_wandering_position_moves_fast_as_the_velocity_says(whole, model):
+    """A reading that wanders by 2 cm within a second, as a camera's may, hardly moves a load that swings at 1 Hz on the path."""
+    t = whole["t_s"].to_numpy()
+    wander = 0.02 * np.sin(2.0 * np.pi * 0.9 * t)
+    moved = whole.assign(p_x_m=whole["p_x_m"] + wander)
+    true, steadied = (pass_gate([f, f], model).flights[0] for f in (whole, moved))
+    error = (steadied.columns["p_x_m"] - true.columns["p_x_m"])[true.flying]
+    assert np.abs(error).max() < 0.005 < 0.019 < np.abs(wander).max()
+
+
+def test_a_velocity_that_is_off_leads_no_position_away(whole, model):
+    off = whole.assign(v_x_m_s=whole["v_x_m_s"] + 0.3)
+    true, led = (pass_gate([f, f], model).flights[0] for f in (whole, off))
+    error = (led.columns["p_x_m"] - true.columns["p_x_m"])[true.flying]
+    assert np.abs(error).max() < 0.01

@@ -88,6 +88,12 @@ def test_a_speed_that_only_the_disturbance_moved_is_no_regime():
     assert excited(hover) == ["left_m_s"]
 
 
+@pytest.mark.parametrize(("middle", "counts"), [(3.0, True), (47.0, False)])
+def test_a_radius_of_height_is_a_regime_near_the_ground_alone(middle, counts):
+    heights = np.linspace(middle - 1.0, middle + 1.0, 500)
+    assert (excited({"height_over_radius": heights}) == ["height_over_radius"]) == counts
+
+
 def test_where_the_size_changes_and_the_mean_does_not():
     told, raw = _flights(), _noise(np.random.default_rng(4))
     for r, t in zip(raw, told, strict=True):

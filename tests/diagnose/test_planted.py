@@ -115,6 +115,17 @@ def test_a_load_is_found_in_flights_that_begin_in_mid_swing(flown, vehicle):
     assert told["mass_kg"] == pytest.approx(load["mass_kg"], rel=0.1)
 
 
+def test_what_shakes_one_flight_of_four_does_not_hide_as_its_noise(flown, vehicle):
+    """Where only one flight shakes, the reaction of its rotors looks like coloured noise; commands alone are logged."""
+    plans = (*ORDINARY[:3], ("multisine", (25.0,)), ORDINARY[4])
+    reaction = {"rotor_inertia_reaction": {"inertia_kg_m2": 1e-4}}
+    flights = _recordings(flown, vehicle, reaction, plans)
+    flights = [f.drop(columns=[c for c in f if c.startswith("rotor_speed")]) for f in flights]
+    found = ges.diagnose(flights, vehicle, holdout=["flight5"])
+    assert [f.name for f in found.findings] == ["rotor_inertia_reaction"], found.sentence
+    assert found.findings[0].parameters["inertia_kg_m2"].value == pytest.approx(1e-4, rel=0.2)
+
+
 def test_a_name_that_strains_the_declared_numbers_takes_no_true_one_along(flown, vehicle):
     """A minute of shaking invents a delay of the drive, against a motor 13 sds faster than declared; the drag is true."""
     plans = [(plan, (60.0, *numbers[1:])) for plan, numbers in ORDINARY if plan != "climbs"]

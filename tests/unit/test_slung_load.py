@@ -87,3 +87,28 @@ def test_a_flown_load_is_dragged_steadily():
     back = FRICTION * WEIGHT_N * ahead / (ahead + FRICTION * HEIGHT_M)
     assert r.status == "ok" and tilt.std() < 1e-3
     assert np.tan(tilt.mean()) * (1.2 * 9.80665 + back * HEIGHT_M / ahead) == pytest.approx(back, rel=0.05)
+
+
+def test_a_hanging_load_is_lifted_with_the_vehicle():
+    """Climbing at a = 2 m/s^2 the thread bears m (g + a), and the load swings faster by sqrt(1 + a/g)."""
+    t, a = np.arange(0.0, 3.0, 0.005), 2.0
+    samples = {"t_s": t, "p_x_m": 0.02 * (t > 0.5), "p_z_m": 5.0 + 0.5 * a * t**2, "v_x_m_s": 0.0 * t, "v_z_m_s": a * t}
+    load = {"mass_kg": 0.1, "length_m": LENGTH_M, "damping": 0.0, "below_m": 20.0}
+    columns = effects.Samples.from_columns(samples)
+    force = effects.evaluate("slung_load", load, columns, {}, terrain=Terrain.flat()).force_N
+    assert force[t > 0.2, 2] == pytest.approx(-0.1 * (9.80665 + a), rel=0.005)
+    pull = force[t > 0.6, 0]
+    crossings = np.flatnonzero(np.diff(np.sign(pull)))
+    half_period = np.mean(np.diff(t[t > 0.6][crossings]))
+    assert half_period == pytest.approx(np.pi * np.sqrt(LENGTH_M / (9.80665 + a)), rel=0.02)
+
+
+def test_the_air_brakes_a_hanging_load_behind_a_steady_flight():
+    """At constant speed v the load trails, and the thread pulls back with its drag 2 z sqrt(g/L) m v."""
+    t, v, damping = np.arange(0.0, 40.0, 0.01), 3.0, 0.1
+    samples = {"t_s": t, "p_x_m": v * t, "p_z_m": 5.0 + 0.0 * t, "v_x_m_s": v + 0.0 * t}
+    load = {"mass_kg": 0.1, "length_m": LENGTH_M, "damping": damping}
+    columns = effects.Samples.from_columns(samples)
+    force = effects.evaluate("slung_load", load, columns, {}, terrain=Terrain.flat()).force_N
+    drag = 2.0 * damping * np.sqrt(9.80665 / LENGTH_M) * 0.1 * v
+    assert force[t > 35.0, 0] == pytest.approx(-drag, rel=0.02)

@@ -209,7 +209,8 @@ def with_steady_position(flight: Prepared) -> Prepared:
     )
     for at in np.split(np.arange(len(p)), np.flatnonzero(np.diff(flight.flying)) + 1):
         if flight.flying[at[0]] and len(at) * flight.dt_s * STEADY_HZ > 1.0:
-            p[at] = travelled[at] + sosfiltfilt(slow, p[at] - travelled[at], axis=0)
+            ends = min(len(at) - 1, int(2.0 / (STEADY_HZ * flight.dt_s)))
+            p[at] = travelled[at] + sosfiltfilt(slow, p[at] - travelled[at], axis=0, padlen=ends)
     return flight.replaced(columns={**flight.columns, **dict(zip(POSITION, p.T, strict=True))})
 
 
