@@ -26,7 +26,7 @@ from .system import ALL_ON, Switches, System, build
 from .whiten import TINY, left_over
 
 ROUNDS = 4
-HIDDEN = 0.3
+HIDDEN, MOST_HIDDEN, RESTLESS = 0.5, 3, 3.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,19 +71,27 @@ def search_until_stable(
 ) -> tuple[Board, Search, tuple[int, ...]]:
     """Search, measure the noise that the best set leaves, search again; starts from the most cautious noise, the board's.
 
-    To that noise a strong effect that comes and goes, or shakes, is noise. So where a candidate explains much of what the best
-    set leaves in a channel, the search starts once more from the noise without that, and stays if what hid is then found.
+    To that noise a strong effect that shakes some flights and not others is noise. So where a candidate explains most of what the
+    best set leaves in such a channel, the search starts once more from the noise without that, and stays if just that is then
+    found.
     """
     found = _settled(board, (), candidates, base, only)
     for _ in range(ROUNDS if only is None else 0):
-        hidden = _hidden(found[0].system, found[2], candidates, base)
-        if not hidden:
-            break
-        again = _settled(make_board(board.system, (*found[2], *hidden)), (*found[2], *hidden), candidates, base, only)
-        if not _effects(board.system, again[2]) - _effects(board.system, found[2]):
+        again = _bolder(*found, candidates, base)
+        if again is None:
             break
         found = again
     return found
+
+
+def _bolder(board: Board, _: Search, chosen: tuple[int, ...], candidates: Sequence[Candidate], base: Sequence[str]):
+    """The search from the noise without a candidate that explains most of what is left, if it finds that and nothing else new."""
+    for hidden in _hidden(board.system, chosen, candidates, base):
+        start = (*chosen, *hidden)
+        again = _settled(make_board(board.system, start), start, candidates, base, None)
+        if _effects(board.system, again[2]) - _effects(board.system, chosen) == _effects(board.system, hidden):
+            return again
+    return None
 
 
 def _settled(board: Board, chosen: tuple[int, ...], candidates: Sequence[Candidate], base: Sequence[str],
@@ -100,18 +108,18 @@ def _settled(board: Board, chosen: tuple[int, ...], candidates: Sequence[Candida
     return board, found, chosen
 
 
-def _hidden(system: System, chosen: Sequence[int], candidates: Sequence[Candidate], base: Sequence[str]) -> tuple[int, ...]:
-    """Columns of the variant that explains most of what chosen columns leave in some channel; () where none explains much."""
+def _hidden(system: System, chosen: Sequence[int], candidates: Sequence[Candidate], base: Sequence[str]) -> list[tuple[int, ...]]:
+    """Columns of the variants, one of an effect, that explain most of what chosen columns leave in some channel, best first."""
     taken = _effects(system, chosen)
     free = {c.name for c in candidates if c.name not in taken and acts_among(c.name, {c.name, *taken, *base})}
     listed = [k for k, c in enumerate(system.columns) if c.variant is not None and c.variant.effect in free]
     if not listed:
-        return ()
+        return []
     share = np.max(each(lambda c: _explained(system, c, left_over(system, c, chosen), listed), range(len(system.names))), axis=0)
-    if share.max() < HIDDEN:
-        return ()
-    best = system.columns[listed[int(np.argmax(share))]].variant
-    return tuple(k for k in listed if system.columns[k].variant is best)
+    best: dict[str, Variant] = {}
+    for i in np.argsort(-share, kind="stable")[: np.count_nonzero(share > HIDDEN)]:
+        best.setdefault(system.columns[listed[i]].variant.effect, system.columns[listed[i]].variant)
+    return [tuple(k for k in listed if system.columns[k].variant is v) for v in list(best.values())[:MOST_HIDDEN]]
 
 
 def _effects(system: System, chosen: Sequence[int]) -> set[str]:
@@ -119,8 +127,11 @@ def _effects(system: System, chosen: Sequence[int]) -> set[str]:
 
 
 def _explained(system: System, channel: int, left: Sequence[np.ndarray], listed: Sequence[int]) -> np.ndarray:
-    """Share of what is left in a channel, (m,) by flight, that each of these columns explains alone."""
+    """Share of what is left in a channel, (m,) by flight, that each of these columns explains alone; 0 if left in all."""
     xy, xx, yy = np.zeros(len(listed)), np.zeros(len(listed)), 0.0
+    sizes = sorted(float(np.nanstd(e)) for e in left if np.isfinite(e).any())
+    if not sizes or sizes[-1] < RESTLESS * sizes[(len(sizes) - 1) // 2]:
+        return xy
     for e, r in zip(left, system.flights, strict=True):
         good = np.isfinite(e)
         x = r.x[good, channel][:, listed]
