@@ -371,7 +371,9 @@ class ClosedLoop(Part):
 class Proof(Part):
     """The proof with concealed effects."""
 
-    grid: Literal["smoke", "tiny", "sample", "full"] = Field(description="which composition of cases: 4, 40, 60, or all")
+    grid: Literal["smoke", "tiny", "sample", "third", "full"] = Field(
+        description="which composition of cases: 4, 40, 60, 387, or all 1156"
+    )
     seed: Annotated[int, Field(ge=0)] = Field(description="seed of the cases")
     cases_per_batch: Count = Field(description="cases that one job diagnoses")
     methods: list[Method] = Field(description="baselines and ablations on the same cases (sindy needs the extra 'baselines')")

@@ -112,7 +112,7 @@ def test_a_load_is_found_in_flights_that_begin_in_mid_swing(flown, vehicle):
     assert [f.name for f in found.findings] == ["slung_load"], found.sentence
     told = {name: e.value for name, e in found.findings[0].parameters.items()}
     assert told["length_m"] == pytest.approx(load["length_m"], rel=0.05)
-    assert told["mass_kg"] == pytest.approx(load["mass_kg"], rel=0.1)
+    assert told["mass_kg"] == pytest.approx(load["mass_kg"], rel=0.15)
 
 
 def test_what_shakes_one_flight_of_four_does_not_hide_as_its_noise(flown, vehicle):

@@ -40,12 +40,16 @@ COMPOSITIONS = {
     "sample": {
         "single": 22, "null": 12, "pair": 6, "triple": 3, "unknown": 6, "parameter": 4, "sensor": 4, "confounded": 3,
     },
+    "third": {
+        "single": len(PHYSICS) * 6, "null": 100, "pair": 50, "triple": 20, "unknown": 34, "parameter": 17,
+        "sensor": 17, "confounded": 17,
+    },
     "full": {
         "single": len(PHYSICS) * 18, "null": 300, "pair": 150, "triple": 60, "unknown": 100, "parameter": 50,
         "sensor": 50, "confounded": 50,
     },
 }  # fmt: skip
-SECONDS = {"smoke": (11.0, 13.0), "tiny": (11.0, 13.0), "sample": (20.0, 27.0), "full": (20.0, 27.0)}
+SECONDS = {"smoke": (11.0, 13.0), "tiny": (11.0, 13.0), "sample": (20.0, 27.0), "third": (20.0, 27.0), "full": (20.0, 27.0)}
 
 
 @dataclass(frozen=True)

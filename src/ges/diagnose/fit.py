@@ -24,6 +24,8 @@ TIGHT = 0.02
 PART_OF_REACH, LEAST_CARRIER = 0.2, 0.3
 FORM_ERROR = 0.12
 """Sd of a physical effect's size, over it, that is due to its form alone: what development cases of other forms came to."""
+CLIPPING = frozenset({"rotor_saturation"})
+"""Effects that a share of their column's step says nothing of: half of a ceiling's step is no ceiling at half the way."""
 FIRMER = {("motor_lag", "up_s"): (0.0, 0.5), ("motor_lag", "down_s"): (0.0, 0.5), ("esc_delay", "delay_s"): (0.0, 0.06)}
 
 
@@ -150,6 +152,7 @@ def starting_values(board: Board, hypothesis: Hypothesis) -> dict[str, dict[str,
         if column.part == "moment":
             continue
         a = column.variant.amplitudes[column.amplitude]
+        value = a.level if column.variant.effect in CLIPPING else value
         declared = board.system.model.effects.get(column.variant.effect, {})
         held = found.get(column.variant.effect) or {**column.variant.parameters({}), **declared}
         found[column.variant.effect] = {**held, a.parameter: float(np.clip(held[a.parameter] + value, a.low, a.high))}

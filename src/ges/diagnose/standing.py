@@ -22,6 +22,7 @@ FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}
 REACH_M = 10.0  # 2 cm of a rangefinder matter
 UNLIKE_FORM = frozenset({"ground_effect_lag", "ground_effect_forward_flight"})
 """Modifiers that act through time or speed: what a form is wrong by depends on the place alone, and does not look like them."""
+FAINT = 2.0  # times the least
 LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0005, "drive": 0.0003, "range": 0.002}
 """Of weight, weight times arm, full speed or a rotor radius: no model is right to less."""
 
@@ -35,13 +36,13 @@ def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[s
     """Names that are probable and large enough, with their sizes (see :func:`_shares`); ``known`` are those of accepted effects.
 
     Two of a family act in the same place, and one of them makes up for what the other's form is wrong by: the better of the
-    two is kept. What is small beside a larger one may be what the larger one's form is wrong by, and takes more to be told; a
-    small modifier is no more than that, if it is not :data:`UNLIKE_FORM`.
+    two is kept. What is small beside a larger one may be what the larger one's form is wrong by, and takes more to be told, as
+    does what is faint; a small modifier is no more than that, if it is not :data:`UNLIKE_FORM`.
     """
     probable = [n for n in found.best.names if found.inclusion[n] >= ACCEPT]
     places = {n: taken_over(found, n, probable) for n in probable}
     shares = {n: _shares(board, found.best, place) for n, place in places.items() if place}
-    small = {n for n in shares if found.inclusion[n] < SURE and beside_larger(n, shares)}
+    small = {n for n in shares if found.inclusion[n] < SURE and (beside_larger(n, shares) or faint(shares[n]))}
     share = {n: max(by.values()) for n, by in shares.items() if n not in small}
     carriers = {c for n, s in share.items() if s >= 1.0 for c in needs_of(n)}
     share = {n: s for n, s in share.items() if s >= 1.0 or n in carriers}
@@ -70,6 +71,11 @@ def beside_larger(name: str, shares: Mapping[str, Mapping[str, float]]) -> bool:
     """Whether another effect is so much larger in each block of channels that the name may be an error of the other's form."""
     others = [by for n, by in shares.items() if n != name]
     return all(v < FORM_ERROR * max((by[block] for by in others), default=0.0) for block, v in shares[name].items() if v > 0.0)
+
+
+def faint(share: Mapping[str, float]) -> bool:
+    """Whether a name acts in the drive alone, and there little: so may a motor that is not quite as the library has it."""
+    return not any(v > 0.0 for block, v in share.items() if block != "drive") and share.get("drive", 0.0) < FAINT
 
 
 def _shares(board: Board, h: Hypothesis, names: set[str]) -> dict[str, float]:
