@@ -140,7 +140,7 @@ def test_full_grid_has_what_it_promises(every_spec):
 
 @pytest.mark.parametrize("name", [g for g in grid.COMPOSITIONS if g != "full"])
 def test_small_grids_show_every_kind(name):
-    assert sum(grid.COMPOSITIONS[name].values()) == {"smoke": 4, "tiny": 40, "sample": 60}[name]
+    assert sum(grid.COMPOSITIONS[name].values()) == {"smoke": 4, "tiny": 40, "sample": 60, "third": 387}[name]
     assert name == "smoke" or {s.category for s in grid.specs(name, 1)} == set(grid.COMPOSITIONS["full"])
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from ges.diagnose.fit import FORM_ERROR, Fitted
 from ges.diagnose.select import Hypothesis, Search
-from ges.diagnose.standing import beside_larger, least_beside, replaced_by, taken_over
+from ges.diagnose.standing import beside_larger, faint, least_beside, replaced_by, taken_over
 
 
 def _search(evidence: dict[tuple[str, ...], float]) -> Search:
@@ -46,8 +46,13 @@ def test_what_is_small_beside_a_larger_one_in_every_block_may_be_its_form():
     assert not beside_larger("slung_load", shares)
 
 
-def test_a_small_modifier_is_the_error_of_a_form_unless_it_acts_in_time():
+def test_a_small_modifier_is_the_error_of_a_form_unless_it_acts_through_time_or_speed():
     known = {"ground_effect": 30.0}
-    assert least_beside("ground_effect_forward_flight", known) == pytest.approx(FORM_ERROR * 30.0)
-    assert least_beside("ground_effect_lag", known) == 0.0
+    assert least_beside("ground_effect_moment", known) == pytest.approx(FORM_ERROR * 30.0)
+    assert least_beside("ground_effect_lag", known) == least_beside("ground_effect_forward_flight", known) == 0.0
     assert least_beside("rotor_drag", known) == 0.0
+
+
+def test_what_is_faint_in_the_drive_alone_takes_more_to_be_told():
+    assert faint({"force": 0.0, "drive": 1.4}) and not faint({"force": 0.0, "drive": 2.5})
+    assert not faint({"force": 1.2, "drive": 1.4})

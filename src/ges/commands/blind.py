@@ -45,7 +45,12 @@ def command() -> None:
 @command.command()
 @click.option("--seed", type=click.IntRange(min=0), required=True, help="Seed of everything drawn.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/.")
-@click.option("--grid", default="sample", show_default=True, help="Composition: smoke (4 cases), tiny (40), sample (60) or full.")
+@click.option(
+    "--grid",
+    default="sample",
+    show_default=True,
+    help="Composition: smoke (4 cases), tiny (40), sample (60), third or full (1156).",
+)
 @PROCESSES
 def make(seed: int, out: Path, grid: str, processes: int) -> None:
     """Write concealed cases and seal their truth.
