@@ -10,12 +10,12 @@ from ges import manoeuvres
 from ges.commands.diagnose import _flight_written
 from ges.diagnose.candidates import library
 from ges.diagnose.detect import smallest_detectable
-from ges.diagnose.engine import search_until_stable
 from ges.diagnose.evidence import make_board
 from ges.diagnose.gate import pass_gate
 from ges.diagnose.model import from_vehicle
 from ges.diagnose.recommend import SURE, Option, Rival, next_flight, open_sets, rank, rivals_of
 from ges.diagnose.select import Search, search
+from ges.diagnose.stable import search_until_stable
 from ges.diagnose.system import build
 
 

@@ -19,14 +19,11 @@ from .fit import Fitted, fitted_model, free_parameters, polish, starting_values
 from .hearing import lacking
 from .loads import sharpened
 from .model import Model
-from .select import Hypothesis, Search, exactly, search
+from .select import Hypothesis, Search
 from .shoot import shot
+from .stable import search_until_stable
 from .standing import ACCEPT, ambiguous, mattering, replaced_by, stands
 from .system import ALL_ON, Switches, System, build
-from .whiten import TINY, left_over
-
-ROUNDS = 4
-HIDDEN, MOST_HIDDEN, RESTLESS = 0.5, 3, 3.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,84 +57,6 @@ def split(frames: Sequence[pd.DataFrame], usable: Sequence[int], holdout: Sequen
 def _digest(frame: pd.DataFrame) -> str:
     numbers = frame.reindex(sorted(frame.columns), axis=1).to_numpy(dtype=float)
     return hashlib.sha256(np.ascontiguousarray(numbers).tobytes()).hexdigest()
-
-
-def _pick(h: Hypothesis, names: Sequence[str], board: Board) -> tuple[int, ...]:
-    return tuple(k for k in (h.posterior.columns if h.posterior else ()) if board.system.columns[k].variant.effect in names)
-
-
-def search_until_stable(
-    board: Board, candidates: Sequence[Candidate], base: Sequence[str], only: Sequence[str] | None = None
-) -> tuple[Board, Search, tuple[int, ...]]:
-    """Search, measure the noise that the best set leaves, search again; starts from the most cautious noise, the board's.
-
-    To that noise a strong effect that shakes some flights and not others is noise. So where a candidate explains most of what the
-    best set leaves in such a channel, the search starts once more from the noise without that, and stays if just that is then
-    found.
-    """
-    found = _settled(board, (), candidates, base, only)
-    for _ in range(ROUNDS if only is None else 0):
-        again = _bolder(*found, candidates, base)
-        if again is None:
-            break
-        found = again
-    return found
-
-
-def _bolder(board: Board, _: Search, chosen: tuple[int, ...], candidates: Sequence[Candidate], base: Sequence[str]):
-    """The search from the noise without a candidate that explains most of what is left, if it finds that and nothing else new."""
-    for hidden in _hidden(board.system, chosen, candidates, base):
-        start = (*chosen, *hidden)
-        again = _settled(make_board(board.system, start), start, candidates, base, None)
-        if _effects(board.system, again[2]) - _effects(board.system, chosen) == _effects(board.system, hidden):
-            return again
-    return None
-
-
-def _settled(board: Board, chosen: tuple[int, ...], candidates: Sequence[Candidate], base: Sequence[str],
-             only: Sequence[str] | None) -> tuple[Board, Search, tuple[int, ...]]:  # fmt: skip
-    """Search from the noise that ``chosen`` columns leave, the board's, until it stays the same."""
-    for again in range(ROUNDS):
-        board = make_board(board.system, chosen) if again else board
-        found = search(board, candidates, base) if only is None else exactly(board, candidates)
-        sure = [n for n in found.best.names if found.inclusion[n] > 0.5]
-        now = _pick(found.best, sure, board)
-        if set(now) == set(chosen):
-            break
-        chosen = now
-    return board, found, chosen
-
-
-def _hidden(system: System, chosen: Sequence[int], candidates: Sequence[Candidate], base: Sequence[str]) -> list[tuple[int, ...]]:
-    """Columns of the variants, one of an effect, that explain most of what chosen columns leave in some channel, best first."""
-    taken = _effects(system, chosen)
-    free = {c.name for c in candidates if c.name not in taken and acts_among(c.name, {c.name, *taken, *base})}
-    listed = [k for k, c in enumerate(system.columns) if c.variant is not None and c.variant.effect in free]
-    if not listed:
-        return []
-    share = np.max(each(lambda c: _explained(system, c, left_over(system, c, chosen), listed), range(len(system.names))), axis=0)
-    best: dict[str, Variant] = {}
-    for i in np.argsort(-share, kind="stable")[: np.count_nonzero(share > HIDDEN)]:
-        best.setdefault(system.columns[listed[i]].variant.effect, system.columns[listed[i]].variant)
-    return [tuple(k for k in listed if system.columns[k].variant is v) for v in list(best.values())[:MOST_HIDDEN]]
-
-
-def _effects(system: System, chosen: Sequence[int]) -> set[str]:
-    return {system.columns[k].variant.effect for k in chosen}
-
-
-def _explained(system: System, channel: int, left: Sequence[np.ndarray], listed: Sequence[int]) -> np.ndarray:
-    """Share of what is left in a channel, (m,) by flight, that each of these columns explains alone; 0 if left in all."""
-    xy, xx, yy = np.zeros(len(listed)), np.zeros(len(listed)), 0.0
-    sizes = sorted(float(np.nanstd(e)) for e in left if np.isfinite(e).any())
-    if not sizes or sizes[-1] < RESTLESS * sizes[(len(sizes) - 1) // 2]:
-        return xy
-    for e, r in zip(left, system.flights, strict=True):
-        good = np.isfinite(e)
-        x = r.x[good, channel][:, listed]
-        x, y = x - x.mean(axis=0), e[good] - e[good].mean()
-        xy, xx, yy = xy + x.T @ y, xx + (x**2).sum(axis=0), yy + float(y @ y)
-    return xy**2 / np.maximum(xx * yy, TINY)
 
 
 def candidates_of(flights: Sequence[Prepared], base: Model, taken: Sequence[str] = (), only: Sequence[str] | None = None):
