@@ -731,7 +731,8 @@ static void advance_states(replay_t *r, const motion_t *before) {
     for (int k = 0; k < r->active.n_states; k++) r->y[Y_X + k] += r->dy[Y_X + k] * (dt / steps);
   }
   r->sample.t = end;
-  move(&r->sample, &now, &now, 1.0);
+  memcpy(r->sample.p, now.p, sizeof now.p);
+  memcpy(r->sample.v, now.v, sizeof now.v);
 }
 
 static void replay(const double *parameters, const plan_t *plan, const ges_effects *effects, const void *terrain,
@@ -744,17 +745,13 @@ static void replay(const double *parameters, const plan_t *plan, const ges_effec
     int filled = n - first < GES_W ? (int)(n - first) : GES_W;
     for (int i = 0; i < GES_W; i++) at[i] = first + (i < filled ? i : filled - 1);
     see_sample(&r, in, n, at);
-    if (first == 0) {
-      begin_replay(&r);
-      before = motion_of(&r.sample);
-    }
-    if (r.active.n_states > 0 && first > 0) {
-      double dt = in[first] - in[first - 1];
-      r.sample.dt = all_lanes(bounded(dt, 0.1));
-      advance_states(&r, &before);
-    }
-    before = motion_of(&r.sample);
+    if (first == 0) begin_replay(&r);
     if (r.active.n_states > 0) {
+      if (first > 0) {
+        r.sample.dt = all_lanes(bounded(in[first] - in[first - 1], 0.1));
+        advance_states(&r, &before);
+      }
+      before = motion_of(&r.sample);
       sample_air(&r.active, r.y, &r.sample);
       evaluate(&r);
     }

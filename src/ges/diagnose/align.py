@@ -203,10 +203,8 @@ def with_steady_position(flight: Prepared) -> Prepared:
     if not (flight.has("position") and flight.has("velocity")):
         return flight
     p, v = flight.stack("position"), flight.stack("velocity")
-    travelled, slow = (
-        cumulative_trapezoid(v, dx=flight.dt_s, axis=0, initial=0.0),
-        butter(2, STEADY_HZ, fs=1.0 / flight.dt_s, output="sos"),
-    )
+    travelled = cumulative_trapezoid(v, dx=flight.dt_s, axis=0, initial=0.0)
+    slow = butter(2, STEADY_HZ, fs=1.0 / flight.dt_s, output="sos")
     for at in np.split(np.arange(len(p)), np.flatnonzero(np.diff(flight.flying)) + 1):
         if flight.flying[at[0]] and len(at) * flight.dt_s * STEADY_HZ > 1.0:
             ends = min(len(at) - 1, int(2.0 / (STEADY_HZ * flight.dt_s)))

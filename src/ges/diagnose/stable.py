@@ -33,16 +33,14 @@ def search_until_stable(
     """
     found = _settled(board, (), candidates, base, only)
     for _ in range(ROUNDS if only is None else 0):
-        again = _bolder(*found, candidates, base)
+        again = _bolder(found[0], found[2], candidates, base)
         if again is None:
             break
         found = again
     return found
 
 
-def _bolder(
-    board: Board, _: Search, chosen: tuple[int, ...], candidates: Sequence[Candidate], base: Sequence[str]
-) -> Found | None:
+def _bolder(board: Board, chosen: tuple[int, ...], candidates: Sequence[Candidate], base: Sequence[str]) -> Found | None:
     """The search from the noise without a candidate that explains most of what is left, if it finds that and nothing else new."""
     for hidden in _hidden(board, chosen, candidates, base):
         start = (*chosen, *hidden)

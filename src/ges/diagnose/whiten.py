@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Mapping, Sequence
+from statistics import median_low
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -116,33 +117,30 @@ def estimate(system: System, chosen: Sequence[int] = ()) -> Noise:
     Without chosen columns a strong effect counts as noise: cautious, so the search starts there.
     """
     unrest, runs = unrest_of(system.flights), [_run(r.follows) for r in system.flights]
+    loose = {c for r in system.flights for parts in r.loose.values() for c in parts}
     floor = np.array([LEAST_NOISE * system.model.whole(name) for name in system.names])
 
     def of_channel(c: int) -> tuple[np.ndarray, float, float, float, float]:
         left = left_over(system, c, chosen)
         ar, sd, growth = _of_channel(system, left, runs, unrest)
         sd = max(sd, floor[c])
-        return ar, sd, growth, _quiet(left_over(system, c), runs, ar, sd) if len(chosen) else 1.0, _restless(left)
+        answered = _quiet(left_over(system, c), runs, ar, sd) if len(chosen) and c in loose else 1.0
+        return ar, sd, growth, answered, _restless(left)
 
     return Noise(*(np.array(told) for told in zip(*each(of_channel, range(len(system.names))), strict=True)))
 
 
 def _quiet(left: Sequence[np.ndarray], runs: Sequence[np.ndarray], ar: np.ndarray, sd: float) -> float:
-    """Size of what is left (m,) over the innovation sd, of the middle flight; at least 1."""
+    """Size of what is left (m,) over the innovation sd, of the middle flight, of two the lesser; at least 1."""
     sizes = [np.sqrt(np.mean((value - past @ ar) ** 2)) for _, value, past in
              (_lagged(e, run, len(ar)) for e, run in zip(left, runs, strict=True)) if len(value)]  # fmt: skip
-    return max(1.0, _middle(sizes) / sd) if sizes else 1.0
+    return max(1.0, float(median_low(sizes)) / sd) if sizes else 1.0
 
 
 def _restless(left: Sequence[np.ndarray]) -> float:
     """Size of what is left (m,) in the flight with most of it, over that of the middle flight."""
     sizes = [float(np.nanstd(e)) for e in left if np.isfinite(e).any()]
-    return max(sizes) / max(_middle(sizes), TINY) if sizes else 1.0
-
-
-def _middle(sizes: Sequence[float]) -> float:
-    """The median, of two the lesser."""
-    return float(sorted(sizes)[(len(sizes) - 1) // 2])
+    return max(sizes) / max(median_low(sizes), TINY) if sizes else 1.0
 
 
 def _of_channel(
