@@ -6,6 +6,8 @@
  */
 #include "kernel.h"
 
+#include <math.h>
+
 #include "../body/contact.h"
 #include "../body/model.h"
 #include "../core/random.h"
@@ -717,18 +719,20 @@ static void move(sample_t *s, const motion_t *from, const motion_t *to, double s
   }
 }
 
-/* Extra states over the time since the sample before, in steps of at most a millisecond, position and velocity on straight lines
- * between the samples; gaps over 0.1 s are cut. */
+/* Extra states over the time since the sample before, by the midpoint rule in steps of at most 5 ms, position and velocity on
+ * straight lines between the samples; gaps over 0.1 s are cut. */
 static void advance_states(replay_t *r, const motion_t *before) {
   double dt = lane(r->sample.dt, 0);
-  int steps = (int)(dt / 0.001) + 1;
-  vd end = r->sample.t;
+  int steps = (int)ceil(dt / 0.005 - 1e-6);
+  vd end = r->sample.t, start[Y_MAX];
   motion_t now = motion_of(&r->sample);
-  for (int m = 0; m < steps; m++) {
-    r->sample.t = end - dt * (steps - m) / steps;
-    move(&r->sample, before, &now, (m + 0.5) / steps);
+  for (int half = 0; half < 2 * steps; half++) {
+    double ahead = dt / steps * (half % 2 ? 1.0 : 0.5);
+    if (half % 2 == 0) memcpy(start, r->y, sizeof start);
+    r->sample.t = end - dt * (1.0 - 0.5 * half / steps);
+    move(&r->sample, before, &now, 0.5 * half / steps);
     evaluate(r);
-    for (int k = 0; k < r->active.n_states; k++) r->y[Y_X + k] += r->dy[Y_X + k] * (dt / steps);
+    for (int k = Y_X; k < Y_X + r->active.n_states; k++) r->y[k] = start[k] + r->dy[k] * ahead;
   }
   r->sample.t = end;
   memcpy(r->sample.p, now.p, sizeof now.p);

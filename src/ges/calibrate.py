@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
+from threadpoolctl import threadpool_limits
 
 from . import effects as effect_table
 from .diagnose.align import Prepared, attitude_measured
@@ -121,7 +122,7 @@ def _balance(system: System) -> _Trims:
     grams = []
     for r in system.flights:
         y = r.y[:, slow].mean(axis=0) / np.sqrt(variance)
-        x = r.x[:, slow][:, :, kept].mean(axis=0) / np.sqrt(variance)[:, None]
+        x = np.stack([r.x.of(c, kept).mean(axis=0) for c in slow]) / np.sqrt(variance)[:, None]
         seen = np.isfinite(y)
         grams.append(Gram(x[seen].T @ x[seen], x[seen].T @ y[seen], float(y[seen] @ y[seen]), float(seen.sum())))
     prior = np.array([system.columns[k].nuisance.sd for k in kept])
@@ -303,8 +304,9 @@ def _effects(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict[str, dict[
     return effects
 
 
+@threadpool_limits.wrap(limits=1)
 def calibrate(recordings: RecordingSet) -> Calibration:
-    """Fit a vehicle file to reference flights.
+    """Fit a vehicle file to reference flights, to the same bytes whatever the number of cores.
 
     Parameters
     ----------

@@ -6,8 +6,9 @@ from scipy.stats import multivariate_normal, norm
 
 from ges.diagnose.answers import untrim
 from ges.diagnose.evidence import Gram, Prior, gram_of, posterior, unanswered
+from ges.diagnose.table import table_of
 from ges.diagnose.weak import make_windows
-from ges.diagnose.whiten import White
+from ges.diagnose.whiten import Part, White
 
 FREE = np.array([-np.inf, -np.inf]), np.array([np.inf, np.inf])
 
@@ -50,11 +51,21 @@ def test_a_coefficient_far_beyond_its_bounds_has_no_evidence_left(seen):
 def test_rows_without_answers_have_the_products_of_the_fit(seen):
     x, y = seen
     rng = np.random.default_rng(5)
-    white = White(y[:, None], x[:, None, :], np.ones((60, 1), bool), {0: 3.0 * rng.normal(size=(60, 4))})
-    left_x, left_y = unanswered(white)
-    gram = gram_of(white)
-    np.testing.assert_allclose(left_x[:, 0].T @ left_x[:, 0], gram.xx)
-    np.testing.assert_allclose(left_x[:, 0].T @ left_y[:, 0], gram.xy)
+    part = Part(np.arange(60), np.arange(x.shape[1]), y, x, 3.0 * rng.normal(size=(60, 4)))
+    left_x, left_y = unanswered(part)
+    gram = gram_of(White((part,), x.shape[1]))
+    np.testing.assert_allclose(left_x.T @ left_x, gram.xx)
+    np.testing.assert_allclose(left_x.T @ left_y, gram.xy)
+
+
+def test_channels_add_up_whatever_columns_act_on_them(seen):
+    x, y = seen
+    none = np.zeros((60, 0))
+    few = White((Part(np.arange(60), np.array([2]), y, x[:, :1], none), Part(np.arange(60), np.array([0, 2]), y, x, none)), 3)
+    full = np.zeros((120, 3))
+    full[:60, 2], full[60:, 0], full[60:, 2] = x[:, 0], x[:, 0], x[:, 1]
+    np.testing.assert_allclose(gram_of(few).xx, full.T @ full)
+    np.testing.assert_allclose(gram_of(few).xy, full.T @ np.r_[y, y])
 
 
 def test_a_trim_moment_is_taken_out_of_what_follows_the_controller_alone():
@@ -62,7 +73,7 @@ def test_a_trim_moment_is_taken_out_of_what_follows_the_controller_alone():
     thrust, motion = 10.0 + np.sin(0.7 * t), np.sin(5.0 * t)
     windows = make_windows(t, np.ones(len(t), bool), 0.2)
     column = windows.mean @ (3.0 + 0.5 * thrust + motion)
-    x = np.stack([column, column], axis=1)[:, None, :]
+    x = table_of([{0: column}, {0: column}], len(column), 1)
     untrim(("inertia.xx", "cg_offset.x_m"), x, windows, ("moment_x",), thrust)
-    assert np.array_equal(x[:, 0, 1], column)
-    np.testing.assert_allclose(x[:, 0, 0], windows.mean @ motion, atol=0.02)
+    assert np.array_equal(x.of(0, [1])[:, 0], column)
+    np.testing.assert_allclose(x.of(0, [0])[:, 0], windows.mean @ motion, atol=0.02)

@@ -166,7 +166,8 @@ def test_what_is_open_is_located_where_every_explanation_acts(model, likely, cha
     told, raw = _flights(), _noise(np.random.default_rng(10))
     shape = [np.stack([0.05 * t["forward_m_s"], np.zeros(WINDOWS), np.zeros(WINDOWS)], axis=1) for t in told]
     both = [s + np.stack([np.zeros(WINDOWS)] * 2 + [0.1 * t["forward_m_s"]], axis=1) for s, t in zip(shape, told, strict=True)]
-    flights = [SimpleNamespace(x=np.stack([a, b], axis=2)) for a, b in zip(shape, both, strict=True)]
+    flights = [SimpleNamespace(added=lambda terms, count, ab=ab: sum(size * ab[k][:, :count] for k, size in terms.items()))
+               for ab in zip(shape, both, strict=True)]  # fmt: skip
     columns = [SimpleNamespace(variant=SimpleNamespace(effect=n)) for n in "ab"]
     board = SimpleNamespace(system=SimpleNamespace(main=NAMES, columns=columns, flights=flights))
     found = SimpleNamespace(hypotheses=[_open(n, 1.0, p) for n, p in zip("ab", likely, strict=True)])

@@ -136,7 +136,7 @@ def null(bare, judged):
 def _planted(board, effect: str, size: float):
     """The same flights with an effect of this size in their residuals."""
     k = next(i for i, c in enumerate(board.system.columns) if c.variant is not None and c.variant.effect == effect)
-    flights = tuple(dataclasses.replace(r, y=r.y + size * r.x[:, :, k]) for r in board.system.flights)
+    flights = tuple(dataclasses.replace(r, y=r.y + r.added({k: size}, len(board.system.names))) for r in board.system.flights)
     return make_board(dataclasses.replace(board.system, flights=flights))
 
 

@@ -89,8 +89,10 @@ def _stack(system: System, scale: np.ndarray, free: np.ndarray) -> Rows:
         m, c = flight.y.shape
         states = np.stack([v[flight.windows.center] for v in flight.flight.columns.values()], axis=1)
         channel = np.tile(np.arange(c), m)
-        y, x = (flight.y / scale).ravel(), (flight.x / scale[:, None]).reshape(m * c, -1)
-        good = np.isfinite(y) & np.isfinite(x).all(axis=1)
+        every = np.arange(len(system.columns))
+        x = np.stack([flight.x.of(i, every) / scale[i] for i in range(c)], axis=1).reshape(m * c, -1)
+        y = (flight.y / scale).ravel()
+        good = np.isfinite(y)
         parts.append((y, x, np.repeat(states, c, axis=0), channel, np.full(m * c, number), good))
     width = min(p[2].shape[1] for p in parts)
     y, x, state, channel, flight = (

@@ -22,6 +22,7 @@ from scipy.ndimage import gaussian_filter1d
 from .align import Prepared
 from .instruments import MOVED, instruments, mark_of, own_signal, projected, strength
 from .model import Model, block_of
+from .table import Table
 from .weak import Windows, blocks_of
 
 VERTICAL = ("force_z", "acc_z")
@@ -51,14 +52,14 @@ def kind_of(key: str) -> str:
     return "gain" if effect in GAINS else "height" if key in HEIGHTS else ""
 
 
-def untrim(keys: Sequence[str], x: np.ndarray, windows: Windows, names: Sequence[str], thrust: np.ndarray) -> None:
+def untrim(keys: Sequence[str], x: Table, windows: Windows, names: Sequence[str], thrust: np.ndarray) -> None:
     """Take out of the ``dynamic`` ones of columns x (m, C, K) what is constant or goes with thrust (n,) in the moments."""
-    moving = [k for k, key in enumerate(keys) if kind_of(key) == "dynamic"]
+    dynamic = np.array([kind_of(key) == "dynamic" for key in keys], dtype=bool)
     held = np.column_stack([np.ones(len(thrust)), thrust])
-    for c, name in enumerate(names):
-        if block_of(name) == "moment" and moving and np.isfinite(x[:, c, moving]).all():
-            trim, part = windows.functions[mark_of(name)][0] @ held, x[:, c, moving]
-            x[:, c, moving] = part - trim @ np.linalg.lstsq(trim, part, rcond=None)[0]
+    for c in (c for c, name in enumerate(names) if block_of(name) == "moment" and dynamic[x.at[c]].any()):
+        trim, moving = windows.functions[mark_of(names[c])][0] @ held, dynamic[x.at[c]]
+        part = x.values[c][:, moving]
+        x.values[c][:, moving] = part - trim @ np.linalg.lstsq(trim, part, rcond=None)[0]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,7 +94,7 @@ def _answered(name: str) -> bool:
     return block_of(name) == "moment" or name in VERTICAL
 
 
-def loose(keys: Sequence[str], x: np.ndarray, windows: Windows, names: Sequence[str], told: Vouched) -> Loose:
+def loose(keys: Sequence[str], x: Table, windows: Windows, heard: Mapping[int, str], told: Vouched) -> Loose:
     """Loose parts by kind and channel, (m, columns of the kind).
 
     Shapes of one parameter are loose alike: its first column stands for them.
@@ -101,22 +102,21 @@ def loose(keys: Sequence[str], x: np.ndarray, windows: Windows, names: Sequence[
     Parameters
     ----------
     keys, x : ``effect.parameter`` of every column, and the columns (m, C, K).
+    heard : names of the channels that are there, by their number.
     """
     which = {kind: _first(keys, kind) for kind in ("dynamic", "gain", "height")}
-    parts = {kind: x[:, :, at] for kind, at in which.items()}
+    parts = {kind: {c: x.of(c, at) for c in heard} for kind, at in which.items()}
     levels = np.array([keys[k].split(".")[0] in CUSHIONS for k in which["gain"]], dtype=float)
-    heard = {c: name for c, name in enumerate(names) if np.isfinite(x[:, c]).all()}
     z, own, strong, answered = told.z, told.own, told.strong, {c: n for c, n in heard.items() if n in told.strong}
     share = {c: _by_thrust(own[n], z[n], strong[n], windows.length_s) for c, n in answered.items() if n in VERTICAL}
     found = {
-        "dynamic": {c: _beyond(parts["dynamic"][:, c], z[n], strong[n], n in VERTICAL) for c, n in answered.items()},
+        "dynamic": {c: _beyond(parts["dynamic"][c], z[n], strong[n], n in VERTICAL) for c, n in answered.items()},
         "gain": {
-            c: parts["gain"][:, c] * share[c] if c in share else levels * _centred(parts["gain"][:, c])
-            for c, n in answered.items()
+            c: parts["gain"][c] * share[c] if c in share else levels * _centred(parts["gain"][c]) for c, n in answered.items()
         },
-        "height": {c: _centred(parts["height"][:, c]) for c, n in heard.items() if n == "range"},
+        "height": {c: _centred(parts["height"][c]) for c, n in heard.items() if n == "range"},
     }
-    return {k: v for k, v in found.items() if parts[k].shape[2]}
+    return {k: v for k, v in found.items() if which[k]}
 
 
 def _first(keys: Sequence[str], kind: str) -> list[int]:

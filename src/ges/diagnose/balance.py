@@ -185,7 +185,7 @@ def _distance(system: System, keys: Sequence[str], column: dict[str, int]):
     """Mean residuals (4,), mean columns by key (4,) and the inverse covariance of the former under the file's doubts."""
     slow, block, count = [system.names.index(c) for c in CHANNELS], windows_per_block(system), len(system.flights)
     y = np.mean([r.y[:, slow].mean(axis=0) for r in system.flights], axis=0)
-    x = {key: np.mean([r.x[:, slow, column[key]].mean(axis=0) for r in system.flights], axis=0) for key in keys}
+    x = {key: np.mean([[r.x.of(c, [column[key]]).mean() for c in slow] for r in system.flights], axis=0) for key in keys}
     variance = np.nanmean([[mean_variance(r.y[:, c], block) for c in slow] for r in system.flights], axis=0) / count
     covariance = np.diag(variance)
     for key in keys:

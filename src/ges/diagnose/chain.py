@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from .. import effects as effect_table
 from ..errors import GesError, unknown_name
@@ -46,6 +47,7 @@ METRIC = (
 )
 
 
+@threadpool_limits.wrap(limits=1)
 def diagnose(
     recordings: RecordingSet | Mapping[str, pd.DataFrame] | Sequence[pd.DataFrame],
     vehicle: Vehicle | None = None,
@@ -55,7 +57,7 @@ def diagnose(
     names: Sequence[str] | None = None,
     switches: Switches = ALL_ON,
 ) -> Diagnosis:
-    """Find what a simulator lacks, from real flights.
+    """Find what a simulator lacks, from real flights, to the same bytes whatever the number of cores.
 
     Parameters
     ----------

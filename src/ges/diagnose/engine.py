@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 
 from .. import effects as effect_table
-from ..threads import each
 from .align import Prepared
 from .balance import undecided
 from .candidates import Candidate, Variant, acts_among, flown, library
@@ -164,7 +163,7 @@ def shot_fit(accepted: Accepted, length_s: float, switches: Switches = ALL_ON) -
     if fitted is None or any(effect_table.get(name).remembers_the_path for name in fitted.effects):
         return accepted
     found = fitted_model(system.model, fitted)
-    flights = each(lambda r: shot(r.flight, found), system.flights)
+    flights = [shot(r.flight, found) for r in system.flights]
     polished = polish(flights, system.model, fitted.effects, fitted.free, length_s, system, switches)
     return dataclasses.replace(accepted, fitted=polished)
 

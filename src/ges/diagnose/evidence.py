@@ -8,9 +8,8 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from scipy.special import log_ndtr
 
-from ..threads import each
 from .system import Column, System
-from .whiten import Noise, White, estimate, unrest_of, whiten
+from .whiten import Noise, Part, White, estimate, unrest_of, whiten
 
 TEMPERING = 0.25
 DECLARED = frozenset({"inertia", "thrust_scale", "torque_coefficient"})
@@ -60,23 +59,29 @@ class Gram:
 def gram_of(white: White, tempering: float = 1.0) -> Gram:
     """Normal equations of one whitened flight, every row counted ``tempering`` times, what a controller's answer may have done
     to them integrated out."""
-    gram = Gram(*white.products, float(white.used.sum())).scaled(tempering)
-    for c, answer in white.answers.items():
-        gram = _without_copies(gram, tempering * answer.T @ answer, tempering * white.x[:, c].T @ answer,
-                               tempering * answer.T @ white.y[:, c])  # fmt: skip
-    return gram
+    xx, xy, yy, n = np.zeros((white.count, white.count)), np.zeros(white.count), 0.0, 0.0
+    for part in white.parts:
+        gram = _of_part(part, tempering)
+        xx[np.ix_(part.columns, part.columns)] += gram.xx
+        xy[part.columns] += gram.xy
+        yy, n = yy + gram.yy, n + gram.n
+    return Gram(xx, xy, yy, n)
 
 
-def unanswered(white: White) -> tuple[np.ndarray, np.ndarray]:
-    """Columns (m, C, K) and residuals (m, C) weighted down along the answers, so that their products are those of
+def _of_part(part: Part, tempering: float) -> Gram:
+    gram, answer = Gram(*part.products, float(len(part.at))).scaled(tempering), part.answer
+    if not answer.shape[1]:
+        return gram
+    inner, cross, right = answer.T @ answer, part.x.T @ answer, answer.T @ part.y
+    return _without_copies(gram, tempering * inner, tempering * cross, tempering * right)
+
+
+def unanswered(part: Part) -> tuple[np.ndarray, np.ndarray]:
+    """Columns (n, k) and residuals (n,) weighted down along the answers, so that their products are those of
     :func:`gram_of`."""
-    x, y = white.x.copy(), white.y.copy()
-    for c, answer in white.answers.items():
-        u, size, _ = np.linalg.svd(answer, full_matrices=False)
-        lost = u * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
-        x[:, c] -= lost @ (u.T @ x[:, c])
-        y[:, c] -= lost @ (u.T @ y[:, c])
-    return x, y
+    u, size, _ = np.linalg.svd(part.answer, full_matrices=False)
+    lost = u * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
+    return part.x - lost @ (u.T @ part.x), part.y - lost @ (u.T @ part.y)
 
 
 def _without_copies(gram: Gram, inner: np.ndarray, cross: np.ndarray, right: np.ndarray) -> Gram:
@@ -89,7 +94,7 @@ def flight_grams(whites: Sequence[White], columns: Sequence[Column], tempering: 
     """Normal equations by flight; what may differ from flight to flight is integrated out of each."""
     varies = np.array([k for k, c in enumerate(columns) if c.nuisance is not None and c.nuisance.flight_sd > 0], dtype=int)
     sd = np.array([columns[k].nuisance.flight_sd for k in varies])
-    return each(lambda w: _with_flight_effects(gram_of(w, tempering), varies, sd), whites)
+    return [_with_flight_effects(gram_of(w, tempering), varies, sd) for w in whites]
 
 
 def _with_flight_effects(gram: Gram, varies: np.ndarray, sd: np.ndarray) -> Gram:
@@ -189,9 +194,12 @@ class Board:
 def _sizes(system: System, share: float) -> np.ndarray:
     """Prior scale of every candidate's coefficient, (K,): the size at which it makes ``share`` of weight (or of weight times
     arm) in its greatest channel, and no more than is plausible."""
-    rows = [r.x[:, : len(system.main)] for r in system.flights]
-    count = sum(np.isfinite(x).sum(axis=0) for x in rows)
-    rms = np.sqrt(sum(np.nansum(x**2, axis=0) for x in rows) / np.maximum(count, 1))
+    square, count = np.zeros((len(system.main), len(system.columns))), np.zeros(len(system.main))
+    for r in system.flights:
+        count += np.isfinite(r.y[:, : len(count)]).sum(axis=0)
+        for c in range(len(count)):
+            square[c, r.x.at[c]] += (r.x.values[c] ** 2).sum(axis=0)
+    rms = np.sqrt(square / np.maximum(count, 1.0)[:, None])
     whole = np.array([system.model.whole(name) * (1.0 if name != "range" else 1.0 / share) for name in system.main])
     with np.errstate(divide="ignore"):
         sizes = np.where(rms > 0, share * whole[:, None] / rms, np.inf).min(axis=0)

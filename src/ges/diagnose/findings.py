@@ -22,6 +22,7 @@ from .words import size_unit
 RIVALS = 4
 CONFOUNDED = 0.9
 SETTLED = 0.999
+ALIKE = 1.0 + 1e-9  # what force and accelerometer show of one push differs by rounding alone: the first is told
 
 
 def parameters_of(fitted: Fitted, name: str, declared: Mapping[str, float]) -> dict[str, Estimate]:
@@ -69,7 +70,7 @@ def size_of(added: Sequence[np.ndarray], system: System) -> dict:
         values = np.concatenate([a[:, c] for a in added])
         values = values[np.isfinite(values)]
         rms = float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
-        if rms / whole > best["share_of_weight"]:
+        if rms / whole > ALIKE * best["share_of_weight"]:
             best = {"value": rms, "unit": unit, "share_of_weight": rms / whole, "channel": channel}
     return best
 

@@ -9,13 +9,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from .. import effects as effect_table
-from ..threads import each
 from .align import Prepared
 from .candidates import Amplitude, Variant, amplitude_of, kind_of, reach_of
 from .evidence import Board, gram_of, make_board, unanswered, whitened
 from .model import Model
 from .select import Hypothesis
 from .system import ALL_ON, Switches, System, build
+from .table import spread
 from .whiten import White, estimate
 
 BLOCK_S = 10.0
@@ -90,21 +90,24 @@ def _inflation(board: Board, kept: np.ndarray, places: Sequence[np.ndarray], bet
     if not count:
         return np.ones((0, 0))
     middle, blocks = np.zeros_like(inverse), board.system.blocks(BLOCK_S)
-    found = each(lambda white, at, number: _scores(white, kept, beta[at], number), board.whites, places, blocks)
-    for scores, at in zip(found, places, strict=True):
-        for score in scores:
+    for white, at, block in zip(board.whites, places, blocks, strict=True):
+        for score in _scores(white, kept, beta[at], block):
             middle[np.ix_(at, at)] += np.outer(score, score)
     robust = (inverse @ middle @ inverse)[:count, :count]
     factor = np.sqrt(np.maximum(np.diag(robust) / np.diag(inverse)[:count], 1.0))
     return np.outer(factor, factor)
 
 
-def _scores(white: White, kept: np.ndarray, beta: np.ndarray, block: np.ndarray) -> list[np.ndarray]:
-    """By block of time of one flight, what its residuals push the kept coefficients to, (k,)."""
-    x, y = unanswered(white)
-    d = x[:, :, kept]
-    e = y - d @ beta
-    return [np.einsum("mck,mc->k", d[block == b], e[block == b]) for b in np.unique(block)]
+def _scores(white: White, kept: np.ndarray, beta: np.ndarray, block: np.ndarray) -> np.ndarray:
+    """By block of time of one flight, what its residuals push the kept coefficients to, (b, k)."""
+    number = np.unique(block, return_inverse=True)[1]
+    scores = np.zeros((number.max(initial=-1) + 1, len(kept)))
+    for part in white.parts:
+        x, y = unanswered(part)
+        d = spread(x, part.columns, kept)
+        first = np.flatnonzero(np.diff(number[part.at], prepend=-1))
+        scores[number[part.at[first]]] += np.add.reduceat(d * (y - d @ beta)[:, None], first, axis=0)
+    return scores
 
 
 @dataclasses.dataclass(frozen=True)
@@ -318,11 +321,8 @@ def null_fit(system: System) -> tuple[Board, Joint]:
 
 def left_raw(system: System, joint: Joint) -> list[np.ndarray]:
     """Residuals of the channels under the plain average, in their units, after the nuisances, by flight, (m, C)."""
-    count = len(system.main)
-    out = []
+    count, out = len(system.main), []
     for rows, own in zip(system.flights, joint.by_flight, strict=True):
-        left = rows.y[:, :count].copy()
-        for key, k in system.nuisances.items():
-            left -= rows.x[:, :count, k] * (joint.common.get(key, 0.0) + own.get(key, 0.0))
-        out.append(left)
+        terms = {k: joint.common.get(key, 0.0) + own.get(key, 0.0) for key, k in system.nuisances.items()}
+        out.append(rows.y[:, :count] - rows.added(terms, count))
     return out

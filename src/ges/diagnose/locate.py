@@ -159,7 +159,7 @@ def from_residuals(made: Sequence[Cell], found: Sequence[Structure], system: Sys
             told.add(s.channel)
             entries.append({"channel": s.channel, "regime": s.bounds, "share_of_excess": min(1.0, s.r2), "q_value": s.q_value,
                             "mean": s.rms, "energy": s.rms**2})  # fmt: skip
-    return sorted(entries, key=lambda item: -item.pop("energy") / system.model.whole(item["channel"]) ** 2)
+    return _weightiest(entries, system)
 
 
 def _merged(kept: Sequence[Cell], made: Sequence[Cell], size: Mapping[tuple[str, str], float]) -> list[dict]:
@@ -206,8 +206,9 @@ def from_findings(added: Mapping[str, Sequence[np.ndarray]], left: Sequence[np.n
             good = np.isfinite(acts[:, c]) & np.isfinite(noise[:, c])
             if _rms(acts[good, c]) > LEAST_OF_NOISE * _rms(noise[good, c]):
                 where = _acting(acts[good, c], {n: v[good] for n, v in values.items()})
-                entries.append({"channel": channel, **where, "q_value": 1.0 - probability[name], "finding": name})
-    return sorted(entries, key=lambda item: -item.pop("energy") / system.model.whole(item["channel"]) ** 2)
+                entries.append({"channel": channel, **where, "q_value": max(0.0, 1.0 - probability[name]),
+                                "finding": name})  # fmt: skip
+    return _weightiest(entries, system)
 
 
 def from_open(found: Search, board: Board, left: Sequence[np.ndarray], told: Told, proven: Sequence[str]) -> list[dict]:
@@ -241,9 +242,9 @@ def from_open(found: Search, board: Board, left: Sequence[np.ndarray], told: Tol
 
 def _open_part(h: Hypothesis, board: Board, proven: Sequence[str]) -> np.ndarray:
     """What the effects of a hypothesis that are not proven add, (windows of all flights, channels)."""
-    columns = [(k, value) for k, value in zip(h.posterior.columns, h.posterior.mean, strict=True)
-               if board.system.columns[k].variant.effect not in proven]  # fmt: skip
-    return np.concatenate([sum(value * r.x[:, :, k] for k, value in columns) for r in board.system.flights])
+    terms = {k: value for k, value in zip(h.posterior.columns, h.posterior.mean, strict=True)
+             if board.system.columns[k].variant.effect not in proven}  # fmt: skip
+    return np.concatenate([r.added(terms, len(board.system.main)) for r in board.system.flights])
 
 
 def _rms(values: np.ndarray) -> float:
@@ -292,3 +293,9 @@ def strongest(entries: Sequence[Mapping], most: int = MOST) -> list[dict]:
             by_channel.setdefault(item["channel"], []).append(dict(item))
     kept = [items[k] for k in range(BY_CHANNEL) for items in by_channel.values() if len(items) > k]
     return kept[:most]
+
+
+def _weightiest(entries: Sequence[dict], system: System) -> list[dict]:
+    """Entries by their ``energy`` over weight, which they lose; what differs by rounding alone stays in the channels' order."""
+    weight = [float(f"{item.pop('energy') / system.model.whole(item['channel']) ** 2:.6g}") for item in entries]
+    return [entries[i] for i in sorted(range(len(entries)), key=lambda i: -weight[i])]

@@ -202,7 +202,7 @@ def rank(
         flown = each(lambda r, plan=plan: simulate(model, r, plan, logged, parameters or model.parameters), rivals)
         if any(f is None for f in flown):
             continue
-        after = each(lambda f: _log_odds(board, past + _gram(board, f, keep), keep, rivals), flown)
+        after = [_log_odds(board, past + _gram(board, f, keep), keep, rivals) for f in flown]
         leads = [_lead(evidence, i) for i, evidence in enumerate(after)]
         left = tuple(label for label, lead in zip(labels, leads, strict=True) if lead <= WORTH_FLYING)
         told = tuple(label for label in labels if label not in left)

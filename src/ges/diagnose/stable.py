@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..threads import each
 from .candidates import Candidate, Variant, acts_among
 from .evidence import Board, make_board
 from .select import Hypothesis, Search, exactly, search
@@ -77,7 +76,7 @@ def _hidden(board: Board, chosen: Sequence[int], candidates: Sequence[Candidate]
     channels = np.flatnonzero(board.noise.restless > RESTLESS)
     if not listed or not len(channels):
         return []
-    share = np.max(each(lambda c: _explained(system, c, left_over(system, c, chosen), listed), channels), axis=0)
+    share = np.max([_explained(system, c, left_over(system, c, chosen), listed) for c in channels], axis=0)
     best: dict[str, Variant] = {}
     for i in np.argsort(-share, kind="stable")[: np.count_nonzero(share > HIDDEN)]:
         best.setdefault(system.columns[listed[i]].variant.effect, system.columns[listed[i]].variant)
@@ -93,7 +92,7 @@ def _explained(system: System, channel: int, left: Sequence[np.ndarray], listed:
     xy, xx, yy = np.zeros(len(listed)), np.zeros(len(listed)), 0.0
     for e, r in zip(left, system.flights, strict=True):
         good = np.isfinite(e)
-        x = r.x[good, channel][:, listed]
+        x = r.x.of(channel, listed)[good]
         x, y = x - x.mean(axis=0), e[good] - e[good].mean()
         xy, xx, yy = xy + x.T @ y, xx + (x**2).sum(axis=0), yy + float(y @ y)
     return xy**2 / np.maximum(xx * yy, TINY)

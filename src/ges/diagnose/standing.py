@@ -81,12 +81,11 @@ def faint(share: Mapping[str, float]) -> bool:
 def _shares(board: Board, h: Hypothesis, names: set[str]) -> dict[str, float]:
     """Rms of what effects add together by the search's coefficients, over the least that matters, in each block its greatest
     channel; an accelerometer shows forces."""
-    system, picked = board.system, [
-        (k, value) for k, value in zip(h.posterior.columns, h.posterior.mean, strict=True)
+    system, terms = board.system, {
+        k: value for k, value in zip(h.posterior.columns, h.posterior.mean, strict=True)
         if board.system.columns[k].variant.effect in names
-    ]  # fmt: skip
-    count = len(system.main)
-    added = np.concatenate([sum(value * r.x[:, :count, k] for k, value in picked) for r in system.flights])
+    }  # fmt: skip
+    added = np.concatenate([r.added(terms, len(system.main)) for r in system.flights])
     least = np.array([LEAST_SHARE[block_of(n)] * (REACH_M if n == "range" else system.model.whole(n)) for n in system.main])
     with np.errstate(invalid="ignore"):
         rms = np.sqrt(np.nanmean(np.where(np.isfinite(added).any(axis=0), added, 0.0) ** 2, axis=0))

@@ -19,8 +19,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from ..threads import each
-
 KNOTS = 9
 PLACE_KNOTS = 7
 PLACE = ("east_m", "north_m")
@@ -196,7 +194,7 @@ def _of_mean(raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
             here = {n: v[used] for n, v in values.items()}
             kept[used.tobytes()] = [_basis(here, r, fold) for r in _regimes(excited(here))]
         asked += [(channel, basis, e[used], block[used]) for basis in kept[used.tobytes()]]
-    found = each(lambda ask: _tested(*ask, fold_of, signs), asked)
+    found = [_tested(*ask, fold_of, signs) for ask in asked]
     return _judged([tested for tested, _ in found], np.array([draws for _, draws in found]))
 
 

@@ -14,6 +14,7 @@ from .answers import Loose, Vouched, loose, untrim, vouched
 from .candidates import NEEDS_ATTITUDE, Variant
 from .model import SPEED, Model, block_of
 from .residual import HELD_SHARE, MOMENT, Along, Drive, along, channels, drives, drives_of, with_overtones
+from .table import Table, table_of
 from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, blocks_of, make_windows
 
 AR_ORDER = 3
@@ -100,12 +101,11 @@ class Column:
         v = self.variant
         return v.effect, tuple(v.shape.items()), v.amplitudes[self.amplitude]
 
-    def part_of(self, whole: np.ndarray, names: Sequence[str]) -> np.ndarray:
-        """This column's part of all that its coefficient changes, (m, C)."""
+    def part_of(self, whole: Mapping[int, np.ndarray], names: Sequence[str]) -> Mapping[int, np.ndarray]:
+        """This column's part of all that its coefficient changes, by channel."""
         if not self.part:
             return whole
-        moments = np.array([block_of(name) == "moment" for name in names])
-        return whole * np.where(moments == (self.part == "moment"), 1.0, 0.0)
+        return {c: value for c, value in whole.items() if (block_of(names[c]) == "moment") == (self.part == "moment")}
 
     @property
     def key(self) -> str:
@@ -117,7 +117,7 @@ class Column:
 
 @dataclasses.dataclass(frozen=True)
 class Rows:
-    """One flight: residuals ``y`` (m, C) and columns ``x`` (m, C, K), NaN where a channel is not there.
+    """One flight: residuals ``y`` (m, C), NaN where a channel is not there, and columns ``x`` (m, C, K).
 
     ``loose`` are the parts of columns that instruments do not vouch for, ``vouched`` is what they say (see ``answers``).
     """
@@ -125,7 +125,7 @@ class Rows:
     flight: Prepared
     windows: Windows
     y: np.ndarray
-    x: np.ndarray
+    x: Table
     noise: np.ndarray
     loose: Loose
     vouched: Vouched | None
@@ -135,6 +135,10 @@ class Rows:
         """(m,) True where a window directly follows the one before."""
         half = np.diff(self.windows.center)
         return np.r_[False, half == half.min()] if len(half) else np.zeros(len(self.windows), bool)
+
+    def added(self, terms: Mapping[int, float], count: int) -> np.ndarray:
+        """Columns times ``terms``, in the first ``count`` channels, (m, count), NaN where a channel is not there."""
+        return np.where(np.isfinite(self.y[:, :count]), self.x.summed(terms, count), np.nan)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -277,21 +281,25 @@ class _Seen:
     now: Along
     driven: Mapping[str, Drive]
 
-    def column(self, column: Column) -> np.ndarray:
-        """Minus the residual's change per unit of the column's coefficient, (m, C), whatever its part."""
+    def column(self, column: Column) -> dict[int, np.ndarray]:
+        """Minus the residual's change per unit of the column's coefficient, by channel, (m,) each, whatever its part."""
         if column.nuisance is not None and column.nuisance.effect == "vehicle":
             n = column.nuisance
             other = self.model.with_number(n.parameter, self.model.number(n.parameter) + n.step)
-            return (self._at() - _among(self.names, self.here, along(self.flight, self.windows, other, self.here))) / n.step
+            return self._change(self.now, along(self.flight, self.windows, other, self.here), n.step)
         shifted, step = _shift(self.model, column)
-        return (self._at(_reference(self.model, column)) - self._at(shifted)) / step
+        return self._change(self._with(_reference(self.model, column)), self._with(shifted), step)
 
-    def _at(self, effects: effect_table.Effects | None = None) -> np.ndarray:
-        """Residuals with effects added."""
+    def _with(self, effects: effect_table.Effects) -> Along:
+        """The evaluation with effects added."""
         if not effects:
-            return _among(self.names, self.here, self.now)
-        drive = self.driven.get(repr(effects))
-        return _among(self.names, self.here, along(self.flight, self.windows, self.model, self.here, effects, self.now, drive))
+            return self.now
+        return along(self.flight, self.windows, self.model, self.here, effects, self.now, self.driven.get(repr(effects)))
+
+    def _change(self, before: Along, after: Along, step: float) -> dict[int, np.ndarray]:
+        pairs = ((self.names.index(name), before.parts[name], after.parts[name]) for name in self.here)
+        changes = {c: (a - b) / step for c, a, b in pairs if a is not b}
+        return {c: change for c, change in changes.items() if change.any()}
 
 
 def _driven(flight: Prepared, model: Model, here: Sequence[str], columns: Iterable[Column]) -> dict[str, Drive]:
@@ -314,18 +322,17 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     here = tuple(name for name in with_overtones(channels(flight, model), len(windows.overtones)) if name in names)
     now = along(flight, windows, model, here)
     y = _among(names, here, now)
-    x = np.empty((*y.shape, 0))
-    if columns:
-        told, made = known or {}, {c.made_of: c for c in columns}
-        asked = {of: c.key if c.nuisance else of for of, c in made.items()}
-        new = {of: c for of, c in made.items() if asked[of] not in told}
-        seen = _Seen(flight, windows, model, names, here, now, _driven(flight, model, here, new.values()))
-        values = {of: seen.column(c) if of in new else told[asked[of]] for of, c in made.items()}
-        x = np.stack([c.part_of(values[c.made_of], names) for c in columns], axis=2)
+    told, made = known or {}, {c.made_of: c for c in columns}
+    asked = {of: c.key if c.nuisance else of for of, c in made.items()}
+    new = {of: c for of, c in made.items() if asked[of] not in told}
+    seen = _Seen(flight, windows, model, names, here, now, _driven(flight, model, here, new.values()))
+    values = {of: seen.column(c) if of in new else told[asked[of]] for of, c in made.items()}
+    x = table_of([c.part_of(values[c.made_of], names) for c in columns], *y.shape)
     keys, thrust = [c.key for c in columns], model.number("thrust_coefficient_N_s2") * (now.drive.at_work**2).sum(axis=1)
     untrim(keys, x, windows, names, thrust)
     vouch = like.vouched if like else vouched(flight, windows, model, names, y, now.drive.at_work) if instrumented else None
-    answered = loose(keys, x, windows, names, vouch) if vouch else {}
+    heard = {c: name for c, name in enumerate(names) if np.isfinite(y[:, c]).all()}
+    answered = loose(keys, x, windows, heard, vouch) if vouch else {}
     return Rows(flight, windows, y, x, restless(flight, windows, model, thrust), answered, vouch)
 
 
@@ -345,10 +352,10 @@ def restless(flight: Prepared, windows: Windows, model: Model, thrust: np.ndarra
 def _known(system: System, flight: Rows, model: Model, wanted: set[tuple]) -> dict:
     """Nuisance columns of one flight by key; of the others, if computed for this very model, those that are ``wanted``, by what
     they are made of."""
-    known = {key: flight.x[:, :, k] for key, k in system.nuisances.items()}
+    known: dict = {key: flight.x.alone(k) for key, k in system.nuisances.items()}
     for k, c in enumerate(system.columns) if system.model is model else ():
         if c.variant is not None and c.made_of in wanted:
-            known[c.made_of] = known.get(c.made_of, 0.0) + flight.x[:, :, k]
+            known[c.made_of] = known.get(c.made_of, {}) | flight.x.alone(k)
     return known
 
 

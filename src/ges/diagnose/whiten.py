@@ -10,7 +10,6 @@ from statistics import median_low
 import numpy as np
 from scipy.sparse import csr_array
 
-from ..threads import each
 from .system import AR_ORDER, Column, Rows, System
 
 RIDGE = 1e-6
@@ -35,22 +34,31 @@ class Noise:
 
 
 @dataclasses.dataclass(frozen=True)
-class White:
-    """One flight, whitened: residuals (m, C), columns (m, C, K), zero where a row is unusable.
+class Part:
+    """One channel of a whitened flight: usable rows ``at`` (n,), their residuals (n,) and those ``columns`` (k,) of all that act
+    there, (n, k).
 
-    ``answers`` are columns (m, moved), by channel, of unit prior sd: what a controller's answer to disturbances may have added.
+    ``answer`` are more columns (n, moved) of unit prior sd: what a controller's answer to disturbances may have added.
     """
 
+    at: np.ndarray
+    columns: np.ndarray
     y: np.ndarray
     x: np.ndarray
-    used: np.ndarray
-    answers: Mapping[int, np.ndarray]
+    answer: np.ndarray
 
     @functools.cached_property
     def products(self) -> tuple[np.ndarray, np.ndarray, float]:
-        """Of the usable rows: columns with columns (K, K), columns with residuals (K,), residuals with residuals."""
-        x, y = self.x[self.used], self.y[self.used]
-        return x.T @ x, x.T @ y, float(y @ y)
+        """Columns with columns (k, k), columns with residuals (k,), residuals with residuals."""
+        return self.x.T @ self.x, self.x.T @ self.y, float(self.y @ self.y)
+
+
+@dataclasses.dataclass(frozen=True)
+class White:
+    """One flight, whitened: the channels that have usable rows, and how many columns there are in all."""
+
+    parts: tuple[Part, ...]
+    count: int
 
 
 def _spread(column: Column, x: np.ndarray, y: np.ndarray) -> float:
@@ -63,9 +71,10 @@ def _spread(column: Column, x: np.ndarray, y: np.ndarray) -> float:
 
 def left_over(system: System, channel: int, chosen: Sequence[int] = ()) -> list[np.ndarray]:
     """What nuisances within their doubts, chosen columns and a constant of each flight leave, in one channel, (m,) by flight."""
-    nuisance = [k for k, column in enumerate(system.columns) if column.nuisance is not None]
-    kept = np.array([*nuisance, *chosen], dtype=int)
-    return [_left_of(r.y[:, channel], r.x[:, channel][:, kept], [system.columns[k] for k in kept]) for r in system.flights]
+    kept = [k for k, column in enumerate(system.columns) if column.nuisance is not None or k in chosen]
+    acting = [np.intersect1d(kept, r.x.at[channel]) for r in system.flights]
+    return [_left_of(r.y[:, channel], r.x.of(channel, at), [system.columns[k] for k in at])
+            for r, at in zip(system.flights, acting, strict=True)]  # fmt: skip
 
 
 def _left_of(y: np.ndarray, x: np.ndarray, columns: Sequence[Column]) -> np.ndarray:
@@ -91,12 +100,19 @@ def _run(follows: np.ndarray) -> np.ndarray:
     return at - np.maximum.accumulate(np.where(follows, 0, at))
 
 
+def _with_past(left: np.ndarray, run: np.ndarray, order: int) -> np.ndarray:
+    """Rows that are there as all of those before them are, up to ``order``; ``run`` of :func:`_run`."""
+    there = np.isfinite(left)
+    full = (run >= order) & there
+    for k in range(1, order + 1):
+        full[k:] &= there[:-k]
+    return np.flatnonzero(full)
+
+
 def _lagged(left: np.ndarray, run: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows with a full past, their value and their past; ``run`` of :func:`_run`."""
-    at = np.flatnonzero((run >= order) & np.isfinite(left))
-    past = np.stack([left[at - k] for k in range(1, order + 1)], axis=1) if len(at) else np.zeros((0, order))
-    good = np.isfinite(past).all(axis=1)
-    return at[good], left[at[good]], past[good]
+    """Rows with a full past, their value and their past."""
+    at = _with_past(left, run, order)
+    return at, left[at], np.stack([left[at - k] for k in range(1, order + 1)], axis=1)
 
 
 def _growth(e: np.ndarray, unrest: np.ndarray) -> tuple[float, float]:
@@ -127,7 +143,7 @@ def estimate(system: System, chosen: Sequence[int] = ()) -> Noise:
         answered = _quiet(left_over(system, c), runs, ar, sd) if len(chosen) and c in loose else 1.0
         return ar, sd, growth, answered, _restless(left)
 
-    return Noise(*(np.array(told) for told in zip(*each(of_channel, range(len(system.names))), strict=True)))
+    return Noise(*(np.array(told) for told in zip(*map(of_channel, range(len(system.names))), strict=True)))
 
 
 def _quiet(left: Sequence[np.ndarray], runs: Sequence[np.ndarray], ar: np.ndarray, sd: float) -> float:
@@ -166,26 +182,27 @@ def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:
 
 def whiten(flights: Sequence[Rows], noise: Noise, unrest: Sequence[np.ndarray]) -> tuple[White, ...]:
     """Filter residuals and columns by the same noise model; rows without a full past are left out."""
-    made = each(lambda rows, u: _white(rows, noise, u), flights, unrest)
-    bounds: list[dict[int, list[np.ndarray]]] = [{} for _ in made]
+    made = [_white(rows, noise, u) for rows, u in zip(flights, unrest, strict=True)]
+    answers: list[dict[int, list[np.ndarray]]] = [{} for _ in made]
     for kind in made[0][1] if made else ():
-        for found, told in zip(bounds, _bounds([parts[kind] for _, parts in made], [w.used for w, _ in made]), strict=True):
+        for found, told in zip(answers, _bounds([parts[kind] for _, parts in made]), strict=True):
             for c, error in told.items():
                 found.setdefault(c, []).append(error * noise.answered[c])
-    answers = [{c: np.concatenate(errors, axis=1) for c, errors in found.items()} for found in bounds]
-    return tuple(dataclasses.replace(w, answers=a) for (w, _), a in zip(made, answers, strict=True))
+    return tuple(
+        White(tuple(Part(*part, np.hstack(found.get(c, [np.zeros((len(part[0]), 0))]))) for c, part in parts.items()),
+              rows.x.shape[2])
+        for rows, (parts, _), found in zip(flights, made, answers, strict=True)
+    )  # fmt: skip
 
 
-def _bounds(loose: Sequence[Mapping[int, np.ndarray]], used: Sequence[np.ndarray]) -> list[dict[int, np.ndarray]]:
+def _bounds(loose: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndarray]]:
     """Loose parts of one kind, by flight and channel, as errors of unit prior sd.
 
     A controller makes a column follow the disturbances; the coefficient then errs by up to their correlation over the
     column's size in noise (FEEDBACK is the sd of that correlation). The error has the same cause in every flight and channel,
     so that as many of them as share the column's power are worth one.
     """
-    power = [
-        {c: (p**2).sum(axis=0) / max(u[:, c].sum(), 1) for c, p in parts.items()} for parts, u in zip(loose, used, strict=True)
-    ]
+    power = [{c: (p**2).mean(axis=0) for c, p in parts.items()} for parts in loose]
     every = [p for told in power for p in told.values()]
     alike = sum(every) ** 2 / np.maximum(sum(p**2 for p in every), TINY)
     return [
@@ -194,25 +211,19 @@ def _bounds(loose: Sequence[Mapping[int, np.ndarray]], used: Sequence[np.ndarray
     ]
 
 
-def _white(rows: Rows, noise: Noise, unrest: np.ndarray) -> tuple[White, dict[str, dict[int, np.ndarray]]]:
-    y, x, used, run = np.zeros(rows.y.shape), np.zeros(rows.x.shape), np.zeros(rows.y.shape, bool), _run(rows.follows)
-    loose = {kind: {c: np.zeros_like(part) for c, part in parts.items()} for kind, parts in rows.loose.items()}
+def _white(rows: Rows, noise: Noise, unrest: np.ndarray) -> tuple[dict[int, tuple], dict[str, dict[int, np.ndarray]]]:
+    """By channel what a :class:`Part` is made of but its answer, and of what acts there the loose parts by kind."""
+    run, parts, loose = _run(rows.follows), {}, {kind: {} for kind in rows.loose}
     for c in range(rows.y.shape[1]):
-        at, _, _ = _lagged(rows.y[:, c], run, noise.ar.shape[1])
+        at = _with_past(rows.y[:, c], run, noise.ar.shape[1])
         if not len(at):
             continue
-        here = _together(at)
-        innovation = _innovation(at, len(y), noise.ar[c], noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * unrest[at] ** 2))
-        used[here, c] = True
-        y[here, c], x[here, c] = innovation @ rows.y[:, c], innovation @ rows.x[:, c]
-        for kind in (kind for kind, parts in loose.items() if c in parts):
-            loose[kind][c][here] = innovation @ rows.loose[kind][c]
-    return White(y, x, used, {}), loose
-
-
-def _together(at: np.ndarray) -> np.ndarray | slice:
-    """Rows as a slice, which copies nothing, where they are without gaps."""
-    return slice(int(at[0]), int(at[-1]) + 1) if len(at) == at[-1] - at[0] + 1 else at
+        sd = noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * unrest[at] ** 2)
+        innovation = _innovation(at, len(rows.y), noise.ar[c], sd)
+        parts[c] = at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c]
+        for kind in (kind for kind, told in rows.loose.items() if c in told):
+            loose[kind][c] = innovation @ rows.loose[kind][c]
+    return parts, loose
 
 
 def _innovation(at: np.ndarray, count: int, ar: np.ndarray, sd: np.ndarray) -> csr_array:

@@ -1,0 +1,42 @@
+"""Columns by channel: what is asked comes back, and what is zero costs nothing."""
+
+import numpy as np
+import pytest
+
+from ges import manoeuvres
+from ges.diagnose.candidates import library
+from ges.diagnose.gate import pass_gate
+from ges.diagnose.model import from_vehicle
+from ges.diagnose.system import build
+from ges.diagnose.table import table_of
+
+
+@pytest.fixture
+def table():
+    columns = [{0: np.array([1.0, 2.0])}, {0: np.array([3.0, 4.0]), 2: np.array([5.0, 6.0])}, {}]
+    return table_of(columns, 2, 3)
+
+
+def test_a_column_is_what_it_was_made_of_and_zero_elsewhere(table):
+    assert table.shape == (2, 3, 3)
+    np.testing.assert_array_equal(table.of(0, [1, 2, 0]), [[3.0, 0.0, 1.0], [4.0, 0.0, 2.0]])
+    np.testing.assert_array_equal(table.of(1, [0, 1]), np.zeros((2, 2)))
+    assert {c: list(v) for c, v in table.alone(1).items()} == {0: [3.0, 4.0], 2: [5.0, 6.0]}
+    assert table.alone(2) == {}
+
+
+def test_columns_add_up_in_the_channels_that_are_asked_for(table):
+    np.testing.assert_array_equal(table.summed({0: 1.0, 1: -2.0}, 3), [[-5.0, 0.0, -10.0], [-6.0, 0.0, -12.0]])
+    assert table.summed({1: 1.0}, 1).shape == (2, 1)
+
+
+def test_columns_taken_over_from_another_system_are_those_computed_anew(sheet, flown):
+    vehicle = sheet()
+    model = from_vehicle(vehicle)
+    flights = pass_gate([flown(vehicle, {}, manoeuvres.straight_runs(20.0), 1)], model).flights
+    variants = library(model)["cg_offset"].variants  # one axis, the other, and both: each column several times
+    first = build(flights, model, variants)
+    again = build(flights, model, variants, like=first)
+    for c in range(len(first.names)):
+        wanted = range(len(first.columns))
+        np.testing.assert_allclose(again.flights[0].x.of(c, wanted), first.flights[0].x.of(c, wanted), rtol=1e-6, atol=1e-9)
