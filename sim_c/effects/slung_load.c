@@ -1,10 +1,11 @@
 /* Load on a thread: a pendulum where it hangs free, a weight that is dragged over the ground where the thread is longer
  * than the attachment a is high (h < L, h over the ground at the load).
  *
- * Hanging, load at horizontal position l (states l, dl/dt) and at the height of the attachment less L (state w = dl_z/dt, which
- * follows the attachment within FOLLOWS_S): l'' = (g + w')/L (a - l) - 2 z sqrt(g/L) (l' - v_wind), since the air brakes a load
- * on a thread; force of the thread on the vehicle -m_l (g + w') ((a - l)/L, 1) at the attachment. Small swings: what the load
- * weighs and what it lags in a climb, the thread has to bear.
+ * Hanging, a spherical pendulum: load at horizontal position l (states l, dl/dt), with r = a - l, and h = sqrt(L^2 - r^2) below
+ * the attachment: l'' = (g + l_z'') r/h + d, with the air's brake d = -2 z sqrt(g/L) (l' - v_wind), and force of the thread on the
+ * vehicle -m_l (g + l_z'') (r/h, 1) at the attachment. From l_z = a_z - h follows, twice derived,
+ * l_z'' (1 + r^2/h^2) = a_z'' + (r'^2 + r.(a'' - d) - g r^2/h + (r.r')^2/h^2)/h, where a'' = (a' - u)/TAUT_S and the states u follow
+ * the attachment's velocity a' within TAUT_S.
  * On the ground, rho = |a - l| horizontally, s = sqrt(rho^2 + h^2): the thread only pulls, T = m_l g e / (c L) with the
  * extension e = s - (1 - c) L, so that it has its length L under the load's weight. The load stays where it is up to the pull
  * at which friction gives way (Coulomb, quasi-static), T rho/s = mu (m_l g - T h/s), hence T = mu m_l g s / (rho + mu h); it
@@ -16,9 +17,12 @@
 #include "../world/ground.h"
 
 #define GIVE 0.01       /* c: a thread's extension under the load's weight, over its length */
+#define LEAST_BELOW 0.1 /* square of the cosine of the widest swing */
+#define MOST_G 5.0      /* largest upward acceleration of the load, in g: what comes to more would swing over the top */
+#define TAUT_S 0.005    /* time in which a taut thread takes the load along */
 #define FOLLOWS_S 0.02  /* some steps of a recording, so that the load neither lags nor overshoots */
 
-enum { AT = 0, MOVES = 2, CLIMBS = 4 }; /* states */
+enum { AT = 0, MOVES = 2, TOWED = 4 }; /* states */
 enum { MASS, LENGTH, DAMPING, ATTACH_X, ATTACH_Y, FRICTION, START_X, START_Y, BELOW };
 
 /* Attachment, world. */
@@ -33,17 +37,25 @@ static void begin(const sample_t *s, const vd *p, vd *x) {
     x[AT + k] = a[k] + p[START_X + k];
     x[MOVES + k] = s->v[k];
   }
-  x[CLIMBS] = s->v[2];
+  for (int k = 0; k < 3; k++) x[TOWED + k] = s->v[k];
 }
 
 /* Acceleration of a hanging load, and the force of its thread, world; a thread that would have to push is slack. */
 static void hang(const sample_t *s, const vd *p, const vd *x, const vd a[3], vd swing[3], vd force[3]) {
-  vd damping = 2.0 * p[DAMPING] * lane_sqrt(s->gravity / p[LENGTH]);
-  swing[2] = lane_max((s->v[2] - x[CLIMBS]) / FOLLOWS_S, -s->gravity);
-  vd rate2 = (s->gravity + swing[2]) / p[LENGTH];
+  vd damping = 2.0 * p[DAMPING] * lane_sqrt(s->gravity / p[LENGTH]), square = p[LENGTH] * p[LENGTH];
+  vd away[2] = {a[0] - x[AT], a[1] - x[AT + 1]}, air[2], out2 = away[0] * away[0] + away[1] * away[1];
+  vd h = lane_sqrt(lane_max(square - out2, LEAST_BELOW * square)), opens = all_lanes(0.0), throws = all_lanes(0.0);
   for (int k = 0; k < 2; k++) {
-    vd pull = rate2 * (a[k] - x[AT + k]);
-    swing[k] = pull + damping * (s->wind[k] - x[MOVES + k]);
+    vd apart = s->v[k] - x[MOVES + k];
+    air[k] = damping * (s->wind[k] - x[MOVES + k]);
+    opens += away[k] * apart;
+    throws += apart * apart + away[k] * ((s->v[k] - x[TOWED + k]) / TAUT_S - air[k]);
+  }
+  vd lift = (s->v[2] - x[TOWED + 2]) / TAUT_S + (throws - s->gravity * out2 / h + opens * opens / (h * h)) / h;
+  swing[2] = lane_min(lane_max(lift / (1.0 + out2 / (h * h)), -s->gravity), MOST_G * s->gravity);
+  for (int k = 0; k < 2; k++) {
+    vd pull = (s->gravity + swing[2]) / h * away[k];
+    swing[k] = pull + air[k];
     force[k] = -p[MASS] * pull;
   }
   force[2] = -p[MASS] * (s->gravity + swing[2]);
@@ -84,7 +96,7 @@ static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t
     dx[AT + k] = sel(lies, slide[k], x[MOVES + k]);
     dx[MOVES + k] = sel(lies, (slide[k] - x[MOVES + k]) / FOLLOWS_S, swing[k]);
   }
-  dx[CLIMBS] = sel(lies, -x[CLIMBS] / FOLLOWS_S, swing[2]);
+  for (int k = 0; k < 3; k++) dx[TOWED + k] = (s->v[k] - x[TOWED + k]) / TAUT_S;
   for (int k = 0; k < 3; k++) free_force[k] = sel(lies, ground_force[k], free_force[k]);
   apply(s, p, free_force, add);
 }
@@ -92,13 +104,14 @@ static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t
 EFFECT(slung_load) = {
     .name = "slung_load",
     .title = "load on a thread",
-    .equation = "hanging: l'' = (g + v_z')/L (a - l) - 2 z sqrt(g/L)(l' - v_wind), F = -m_l (g + v_z')((a - l)/L, 1); "
+    .equation = "hanging, h = sqrt(L^2 - |a - l|^2): l'' = (g + l_z'')/h (a - l) - 2 z sqrt(g/L)(l' - v_wind), "
+                "F = -m_l (g + l_z'')((a - l)/h, 1); "
                 "dragged over the ground: T = mu m_l g s / (rho + mu h) along the thread",
     .reference = "pendulum dynamics; Coulomb friction",
     .channels = "force_x force_y force_z moment_x moment_y moment_z",
     .kind = GES_WRENCH,
     .n_parameters = 9,
-    .n_states = 5,
+    .n_states = 7,
     .parameters = {{"mass_kg", "kg", "mass of the load", 0.1, 0, 0, 20},
                    {"length_m", "m", "length of the thread", 0.6, NAN, 0.05, 20},
                    {"damping", "1", "damping ratio of the swing, by the air", 0.02, NAN, 0, 1},

@@ -28,7 +28,10 @@ USUAL_DRAG = 0.02
 """Of the weight, at 1 m/s."""
 DRAWN_M_PER_M = (0.6, 1.2)
 """How far behind a load may be drawn over the ground, over the height of flight."""
-THREADS_M = (0.15, 0.2, 0.27, 0.36, 0.5, 0.7, 1.2, 2.4)
+THREADS_M = (*(round(0.15 * 1.06**k, 3) for k in range(33)), 1.2, 1.7, 2.4)
+"""Of hanging loads: a swing that is a twentieth too fast is out of step after ten."""
+LYING_THREADS_M = (0.15, 0.2, 0.27, 0.36, 0.5, 0.7, 1.2, 2.4)
+OUT_OF_STEP = 0.03
 FREE_BELOW = {"below_m": 20.0}
 DRAWN = {"start_x_m": 0.0, "start_y_m": 0.0}
 """First place of a load that lies on the ground: below, until the flights have moved it."""
@@ -211,7 +214,7 @@ def _slung_load(model: Model, reached: Flown) -> tuple[Variant, ...]:
         return drawn
     lowest_m = reached.low_m[2] if reached.low_m else 0.0
     free = _grid("slung_load", ("mass_kg",), FREE_BELOW, length_m=THREADS_M)
-    lying = _grid("slung_load", ("mass_kg",), length_m=tuple(length for length in THREADS_M if length > lowest_m))
+    lying = _grid("slung_load", ("mass_kg",), length_m=tuple(length for length in LYING_THREADS_M if length > lowest_m))
     hubs = tuple(_variant("slung_load", ("mass_kg",), length_m=0.6, attach_x_m=x, attach_y_m=y, **FREE_BELOW)
                  for x, y in _hubs(model))  # fmt: skip
     return free + hubs + lying + drawn
@@ -298,7 +301,10 @@ def _winds(model: Model) -> tuple[Variant, ...]:
 
 
 def reach_of(name: tuple[str, str], values: effect_table.Effects, model: Model) -> float:
-    """How far a parameter that is a place may move in one round of a fit, m: half of what it acts over; 0 for all others."""
+    """How far a parameter that is a place, or a thread's length, may move in one round of a fit, m: half of what it acts over, or
+    what puts a swing out of step; 0 for all others."""
+    if name == ("slung_load", "length_m"):
+        return OUT_OF_STEP * values["slung_load"]["length_m"]
     if name[0] == "downwash" and name[1] != "force_N":
         return 0.5 * max(values["downwash"]["width_m"], model.radius_m)
     return 0.5 * model.radius_m if name == ("ceiling_effect", "ceiling_z_m") else 0.0

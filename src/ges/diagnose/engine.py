@@ -25,6 +25,9 @@ from .standing import ACCEPT, ambiguous, mattering, replaced_by, stands
 from .system import ALL_ON, Switches, System, build
 
 
+PERHAPS = 0.1
+
+
 @dataclasses.dataclass(frozen=True)
 class Accepted:
     """Outcome of the search on the training flights; ``contested`` are those of the rivals that others could replace."""
@@ -128,9 +131,12 @@ def _load_sharper(board: Board, found: Search, listed: Sequence[Candidate], leng
 
 
 def _load(board: Board, found: Search) -> Variant | None:
-    """The variant of a load on a thread, where the best set has one that is more probable than not."""
-    variants = [board.system.columns[k].variant for k in (found.best.posterior.columns if found.best.posterior else ())]
-    return next((v for v in variants if v.effect == "slung_load" and found.inclusion[v.effect] > 0.5), None)
+    """The variant of a load on a thread in the best set that has one, where that is not out of the question."""
+    best = next((h for h in found.hypotheses if "slung_load" in h.names), None)
+    if best is None or found.inclusion["slung_load"] < PERHAPS:
+        return None
+    variants = (board.system.columns[k].variant for k in best.posterior.columns)
+    return next(v for v in variants if v.effect == "slung_load")
 
 
 def _polished(
