@@ -24,7 +24,6 @@ from .stable import search_until_stable
 from .standing import ACCEPT, ambiguous, mattering, replaced_by, stands
 from .system import ALL_ON, Switches, System, build
 
-
 PERHAPS = 0.1
 
 
