@@ -116,7 +116,7 @@ def test_the_air_brakes_a_hanging_load_behind_a_steady_flight():
 
 
 def test_a_wide_swing_is_a_pendulums():
-    """Let go at 50 degrees from an attachment at rest: the thread bears m (g cos(angle) + L rate^2), least where it turns round."""
+    """Let go at 50 degrees from an attachment at rest: the thread bears m (g cos(angle) + L rate^2)."""
     t, start = np.arange(0.0, 4.0, 0.005), np.radians(50.0)
     swing = solve_ivp(lambda _, y: (y[1], -9.80665 / LENGTH_M * np.sin(y[0])), (0.0, 4.0), (start, 0.0), t_eval=t, rtol=1e-9).y
     load = {"mass_kg": 0.1, "length_m": LENGTH_M, "damping": 0.0, "below_m": 20.0, "start_x_m": LENGTH_M * np.sin(start)}

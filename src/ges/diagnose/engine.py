@@ -25,6 +25,7 @@ from .standing import ACCEPT, ambiguous, mattering, replaced_by, stands
 from .system import ALL_ON, Switches, System, build
 
 PERHAPS = 0.1
+"""Probability from which a load is looked at more sharply."""
 
 
 @dataclasses.dataclass(frozen=True)
