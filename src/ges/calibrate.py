@@ -17,7 +17,6 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
-from threadpoolctl import threadpool_limits
 
 from . import effects as effect_table
 from .diagnose.align import Prepared, attitude_measured
@@ -31,6 +30,7 @@ from .diagnose.structure import structures
 from .diagnose.system import System, build, window_length_s
 from .errors import GesError
 from .io.recording import RecordingSet, require_drive
+from .threads import blas_alone
 from .vehicle import Estimate, Quantity, Vehicle, parse_vehicle, vehicle_content
 
 TRIMS = ("thrust_scale.scale", *LOSSES, "cg_offset.x_m", "cg_offset.y_m")
@@ -304,7 +304,7 @@ def _effects(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict[str, dict[
     return effects
 
 
-@threadpool_limits.wrap(limits=1)
+@blas_alone
 def calibrate(recordings: RecordingSet) -> Calibration:
     """Fit a vehicle file to reference flights, to the same bytes whatever the number of cores.
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import multiprocessing
 import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+
+from threadpoolctl import threadpool_limits
 
 
 def cores() -> int:
@@ -13,6 +16,19 @@ def cores() -> int:
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     told = os.environ.get("OMP_NUM_THREADS", "")
     return max(1, min(allowed, int(told))) if told.isdigit() else allowed
+
+
+def blas_alone(work: Callable) -> Callable:
+    """``work`` with one thread of BLAS: the same bytes whatever the number of cores, and its threads do not wait for ours."""
+
+    @functools.wraps(work)
+    def alone(*arguments, **named):
+        if os.environ.get("OPENBLAS_NUM_THREADS") == "1":  # as ``ges`` and the proof start it, where no library can be looked for
+            return work(*arguments, **named)
+        with threadpool_limits(1):
+            return work(*arguments, **named)
+
+    return alone
 
 
 def each(work: Callable, *arguments: Iterable) -> list:

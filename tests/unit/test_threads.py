@@ -4,6 +4,7 @@ import os
 import threading
 
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from ges import threads
 
@@ -31,3 +32,11 @@ def test_what_goes_wrong_elsewhere_is_told(each, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
     with pytest.raises(ZeroDivisionError):
         each(lambda a: 1 // a, [1, 0])
+
+
+@pytest.mark.parametrize("told, threads_in", [("1", None), ("2", 1)])
+def test_blas_has_one_thread_unless_it_was_told_so_before(told, threads_in, monkeypatch):
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", told)
+    with threadpool_limits(2):
+        seen = threads.blas_alone(lambda: {p["num_threads"] for p in threadpool_info() if p["user_api"] == "blas"})()
+    assert seen == {threads_in or 2}

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from threadpoolctl import threadpool_limits
 
 from .. import effects as effect_table
 from ..errors import GesError, unknown_name
 from ..io.recording import RecordingSet, make_set, require_drive
+from ..threads import blas_alone
 from ..vehicle import Estimate as Fitting
 from ..vehicle import Quantity, Vehicle
 from .answers import strengths
@@ -47,7 +47,7 @@ METRIC = (
 )
 
 
-@threadpool_limits.wrap(limits=1)
+@blas_alone
 def diagnose(
     recordings: RecordingSet | Mapping[str, pd.DataFrame] | Sequence[pd.DataFrame],
     vehicle: Vehicle | None = None,
