@@ -40,8 +40,9 @@ static void begin(const sample_t *s, const vd *p, vd *x) {
   for (int k = 0; k < 3; k++) x[TOWED + k] = s->v[k];
 }
 
-/* Acceleration of a hanging load, and the force of its thread, world; a thread that would have to push is slack. */
-static void hang(const sample_t *s, const vd *p, const vd *x, const vd a[3], vd swing[3], vd force[3]) {
+/* Horizontal acceleration of a hanging load whose attachment is accelerated by `tow`, and the force of its thread, world; a
+ * thread that would have to push is slack. */
+static void hang(const sample_t *s, const vd *p, const vd *x, const vd a[3], const vd tow[3], vd swing[2], vd force[3]) {
   vd damping = 2.0 * p[DAMPING] * lane_sqrt(s->gravity / p[LENGTH]), square = p[LENGTH] * p[LENGTH];
   vd away[2] = {a[0] - x[AT], a[1] - x[AT + 1]}, air[2], out2 = away[0] * away[0] + away[1] * away[1];
   vd h = lane_sqrt(lane_max(square - out2, LEAST_BELOW * square)), opens = all_lanes(0.0), throws = all_lanes(0.0);
@@ -49,16 +50,16 @@ static void hang(const sample_t *s, const vd *p, const vd *x, const vd a[3], vd 
     vd apart = s->v[k] - x[MOVES + k];
     air[k] = damping * (s->wind[k] - x[MOVES + k]);
     opens += away[k] * apart;
-    throws += apart * apart + away[k] * ((s->v[k] - x[TOWED + k]) / TAUT_S - air[k]);
+    throws += apart * apart + away[k] * (tow[k] - air[k]);
   }
-  vd lift = (s->v[2] - x[TOWED + 2]) / TAUT_S + (throws - s->gravity * out2 / h + opens * opens / (h * h)) / h;
-  swing[2] = lane_min(lane_max(lift / (1.0 + out2 / (h * h)), -s->gravity), MOST_G * s->gravity);
+  vd lift = (tow[2] + (throws - s->gravity * out2 / h + opens * opens / (h * h)) / h) / (1.0 + out2 / (h * h));
+  vd bears = s->gravity + lane_min(lane_max(lift, -s->gravity), MOST_G * s->gravity);
   for (int k = 0; k < 2; k++) {
-    vd pull = (s->gravity + swing[2]) / h * away[k];
+    vd pull = bears / h * away[k];
     swing[k] = pull + air[k];
     force[k] = -p[MASS] * pull;
   }
-  force[2] = -p[MASS] * (s->gravity + swing[2]);
+  force[2] = -p[MASS] * bears;
 }
 
 /* Velocity of a load that lies on the ground, and the force of its thread, world. */
@@ -86,17 +87,17 @@ static void apply(const sample_t *s, const vd *p, const vd world[3], wrench_t *a
 }
 
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
-  vd a[3], swing[3], slide[2], free_force[3], ground_force[3];
+  vd a[3], *tow = dx + TOWED, swing[2], slide[2], free_force[3], ground_force[3];
   attachment(s, p, a);
   vd height = a[2] - ground_at(s->map, x[AT], x[AT + 1]).height + p[BELOW];
-  hang(s, p, x, a, swing, free_force);
+  for (int k = 0; k < 3; k++) tow[k] = (s->v[k] - x[TOWED + k]) / TAUT_S;
+  hang(s, p, x, a, tow, swing, free_force);
   drag(s, p, x, a, height, slide, ground_force);
   vl lies = LT(height, p[LENGTH]);
   for (int k = 0; k < 2; k++) {
     dx[AT + k] = sel(lies, slide[k], x[MOVES + k]);
     dx[MOVES + k] = sel(lies, (slide[k] - x[MOVES + k]) / FOLLOWS_S, swing[k]);
   }
-  for (int k = 0; k < 3; k++) dx[TOWED + k] = (s->v[k] - x[TOWED + k]) / TAUT_S;
   for (int k = 0; k < 3; k++) free_force[k] = sel(lies, ground_force[k], free_force[k]);
   apply(s, p, free_force, add);
 }

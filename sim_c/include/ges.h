@@ -15,7 +15,7 @@
 
 #include <stdint.h>
 
-#define GES_ABI 1
+#define GES_ABI 2
 #define GES_ROTORS 4
 #define GES_MAX_EFFECTS 40       /* effects switched on in one flight */
 #define GES_MAX_PARAMETERS 12    /* parameters of one effect */
@@ -103,9 +103,10 @@ int ges_fly(ges_flight *flights, int n, const int *columns, int n_columns, int l
 /* Rows a flight records. */
 int ges_rows(const double *parameters);
 
-/* The model's forces, drive and readings along n recorded samples: in[i_column * n + i], out likewise.
- * Effects without states take lanes of samples; with states they run through the samples in order. */
-int ges_replay(const double *parameters, const ges_effects *effects, const ges_grid *grid, const double *in,
+/* The model's forces, drive and readings along n recorded samples under each of n_sets sets of effects:
+ * in[i_column * n + i], out[(i_set * n_columns + i_column) * n + i].
+ * Effects without states take lanes of samples; with states lanes of sets, through the samples in order. */
+int ges_replay(const double *parameters, const ges_effects *sets, int n_sets, const ges_grid *grid, const double *in,
                int64_t n, double *out, int lanes, char *error, int error_size);
 
 /* Height (m), slope components, and Laplacian (1/m) of the ground of a flight at n points. */

@@ -260,21 +260,51 @@ int ges_fly(ges_flight *flights, int n, const int *columns, int n_columns, int l
   return good;
 }
 
-int ges_replay(const double *parameters, const ges_effects *effects, const ges_grid *grid, const double *in, int64_t n,
+static plan_t replay_plan(const ges_effects *e) {
+  plan_t plan;
+  memset(&plan, 0, sizeof plan);
+  set_effects(&plan, e);
+  return plan;
+}
+
+static int has_states(const plan_t *plan) {
+  for (int j = 0; j < plan->n_effects; j++)
+    if (effects_known[plan->effect[j]]->n_states > 0) return 1;
+  return 0;
+}
+
+/* How many of the sets from the first on go together: those that share its plan, at most `most`. */
+static int alike(const ges_effects *sets, int n, int most) {
+  plan_t plan = replay_plan(sets), other;
+  int m = 1;
+  for (; m < n && m < most; m++) {
+    other = replay_plan(&sets[m]);
+    if (memcmp(&plan, &other, sizeof plan)) break;
+  }
+  return m;
+}
+
+int ges_replay(const double *parameters, const ges_effects *sets, int n_sets, const ges_grid *grid, const double *in, int64_t n,
                double *out, int lanes, char *error, int error_size) {
   const kernel_t *kernel = lanes == 0 ? widest : kernel_of(lanes);
-  plan_t plan;
   terrain_t terrain;
   if (!kernel) return fail(error, error_size, "lanes is %d; allowed are 0 (choose), 1, 2, 4 and 8", lanes);
-  if (!check_parameters(parameters, error, error_size) || !check_effects(effects, error, error_size) ||
-      !check_grid(parameters, grid, error, error_size))
-    return 0;
-  memset(&plan, 0, sizeof plan);
-  set_effects(&plan, effects);
-  for (int j = 0; j < plan.n_effects; j++)
-    if (effects_known[plan.effect[j]]->n_states > 0) kernel = &kernel_w1;
+  if (!check_parameters(parameters, error, error_size) || !check_grid(parameters, grid, error, error_size)) return 0;
+  for (int i = 0; i < n_sets; i++)
+    if (!check_effects(&sets[i], error, error_size)) return 0;
   if (!terrain_make(&terrain, parameters, grid)) return fail(error, error_size, "out of memory for the terrain");
-  kernel->replay(parameters, &plan, effects, &terrain, in, n, out);
+  for (int i = 0, m; i < n_sets; i += m) {
+    const ges_effects *together[8];
+    double *to[8];
+    plan_t plan = replay_plan(&sets[i]);
+    m = has_states(&plan) ? alike(&sets[i], n_sets - i, kernel->lanes) : 1;
+    for (int k = 0; k < m; k++) {
+      together[k] = &sets[i + k];
+      to[k] = out + (int64_t)(i + k) * N_REPLAY_OUT * n;
+    }
+    const kernel_t *fit = lanes == 0 && m == 1 && has_states(&plan) ? &kernel_w1 : kernel;
+    fit->replay(parameters, &plan, together, to, m, &terrain, in, n);
+  }
   terrain_free(&terrain);
   return 1;
 }

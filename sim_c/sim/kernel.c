@@ -663,7 +663,8 @@ static void see_sample(replay_t *r, const double *in, int64_t n, const int64_t *
   evaluate(r);
 }
 
-static void write_sample(const replay_t *replay, double *out, int64_t n, const int64_t *at, int filled) {
+/* Lane i goes to sample at[i] of out[i]. */
+static void write_sample(const replay_t *replay, double *const *out, int64_t n, const int64_t *at, int filled) {
   const sample_t *s = &replay->sample;
   const wrench_t *w = &replay->wrench;
   const drive_t *d = &replay->drive;
@@ -674,17 +675,17 @@ static void write_sample(const replay_t *replay, double *out, int64_t n, const i
 #include "replay_out.def"
 #undef X
   for (int c = 0; c < N_REPLAY_OUT; c++)
-    for (int i = 0; i < filled; i++) out[(int64_t)c * n + at[i]] = lane(value[c], i);
+    for (int i = 0; i < filled; i++) out[i][(int64_t)c * n + at[i]] = lane(value[c], i);
 }
 
-static void load_replay(replay_t *r, const double *parameters, const plan_t *plan, const ges_effects *effects,
+static void load_replay(replay_t *r, const double *parameters, const plan_t *plan, const ges_effects *const *sets, int n_sets,
                         const void *terrain) {
   const double *p[GES_W];
   const ges_effects *e[GES_W];
   const terrain_t *t[GES_W];
   for (int i = 0; i < GES_W; i++) {
     p[i] = parameters;
-    e[i] = effects;
+    e[i] = sets[i < n_sets ? i : n_sets - 1];
     t[i] = terrain;
   }
   memset(r, 0, sizeof *r);
@@ -724,44 +725,61 @@ static void move(sample_t *s, const motion_t *from, const motion_t *to, double s
 static void advance_states(replay_t *r, const motion_t *before) {
   double dt = lane(r->sample.dt, 0);
   int steps = (int)ceil(dt / 0.005 - 1e-6);
-  vd end = r->sample.t, start[Y_MAX];
+  vd end = r->sample.t, start[Y_MAX - Y_X], *x = r->y + Y_X, *dx = r->dy + Y_X;
   motion_t now = motion_of(&r->sample);
   for (int half = 0; half < 2 * steps; half++) {
     double ahead = dt / steps * (half % 2 ? 1.0 : 0.5);
-    if (half % 2 == 0) memcpy(start, r->y, sizeof start);
+    if (half % 2 == 0) memcpy(start, x, sizeof start);
     r->sample.t = end - dt * (1.0 - 0.5 * half / steps);
     move(&r->sample, before, &now, 0.5 * half / steps);
     evaluate(r);
-    for (int k = Y_X; k < Y_X + r->active.n_states; k++) r->y[k] = start[k] + r->dy[k] * ahead;
+    for (int k = 0; k < r->active.n_states; k++) x[k] = start[k] + dx[k] * ahead;
   }
   r->sample.t = end;
   memcpy(r->sample.p, now.p, sizeof now.p);
   memcpy(r->sample.v, now.v, sizeof now.v);
 }
 
-static void replay(const double *parameters, const plan_t *plan, const ges_effects *effects, const void *terrain,
-                   const double *in, int64_t n, double *out) {
-  replay_t r;
-  motion_t before;
+/* Lanes of samples: nothing is remembered from one to the next. */
+static void replay_samples(replay_t *r, double *out, const double *in, int64_t n) {
   int64_t at[GES_W];
-  load_replay(&r, parameters, plan, effects, terrain);
+  double *all[GES_W];
+  for (int i = 0; i < GES_W; i++) all[i] = out;
   for (int64_t first = 0; first < n; first += GES_W) {
     int filled = n - first < GES_W ? (int)(n - first) : GES_W;
     for (int i = 0; i < GES_W; i++) at[i] = first + (i < filled ? i : filled - 1);
-    see_sample(&r, in, n, at);
-    if (first == 0) begin_replay(&r);
-    if (r.active.n_states > 0) {
-      if (first > 0) {
-        r.sample.dt = all_lanes(bounded(in[first] - in[first - 1], 0.1));
-        advance_states(&r, &before);
-      }
-      before = motion_of(&r.sample);
-      sample_air(&r.active, r.y, &r.sample);
-      evaluate(&r);
-    }
-    add_readings(&r.active, &r.sample, r.y, &r.reading);
-    write_sample(&r, out, n, at, filled);
+    see_sample(r, in, n, at);
+    add_readings(&r->active, &r->sample, r->y, &r->reading);
+    write_sample(r, all, n, at, filled);
   }
+}
+
+/* Lanes of sets, through the samples in order. */
+static void replay_in_order(replay_t *r, double *const *out, int n_sets, const double *in, int64_t n) {
+  motion_t before;
+  int64_t at[GES_W];
+  for (int64_t now = 0; now < n; now++) {
+    for (int i = 0; i < GES_W; i++) at[i] = now;
+    see_sample(r, in, n, at);
+    if (now == 0) begin_replay(r);
+    else {
+      r->sample.dt = all_lanes(bounded(in[now] - in[now - 1], 0.1));
+      advance_states(r, &before);
+    }
+    before = motion_of(&r->sample);
+    sample_air(&r->active, r->y, &r->sample);
+    evaluate(r);
+    add_readings(&r->active, &r->sample, r->y, &r->reading);
+    write_sample(r, out, n, at, n_sets);
+  }
+}
+
+static void replay(const double *parameters, const plan_t *plan, const ges_effects *const *sets, double *const *out, int n_sets,
+                   const void *terrain, const double *in, int64_t n) {
+  replay_t r;
+  load_replay(&r, parameters, plan, sets, n_sets, terrain);
+  if (r.active.n_states > 0) replay_in_order(&r, out, n_sets, in, n);
+  else replay_samples(&r, out[0], in, n);
 }
 
 const kernel_t PER_WIDTH(kernel) = {GES_W, fly, replay};

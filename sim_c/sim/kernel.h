@@ -18,9 +18,9 @@ typedef struct {
   /* Fly `n` <= lanes flights that share a plan. terrain[i] belongs to flights[i]. Returns 0 on a bad rotor layout. */
   int (*fly)(const plan_t *plan, ges_flight *const *flights, const void *const *terrain, int n, const int *columns,
              int n_columns);
-  /* Samples [first, last) of a replay; see ges_replay. */
-  void (*replay)(const double *parameters, const plan_t *plan, const ges_effects *effects, const void *terrain,
-                 const double *in, int64_t n, double *out);
+  /* A replay of `n_sets` <= lanes sets that share a plan, of one where it has no states; out[i] belongs to sets[i]. */
+  void (*replay)(const double *parameters, const plan_t *plan, const ges_effects *const *sets, double *const *out, int n_sets,
+                 const void *terrain, const double *in, int64_t n);
 } kernel_t;
 
 extern const kernel_t kernel_w1, kernel_w2, kernel_w4, kernel_w8;

@@ -15,7 +15,7 @@ import numpy as np
 
 from .errors import GesError
 
-ABI = 1
+ABI = 2
 MAX_EFFECTS, MAX_PARAMETERS = 40, 12
 REFERENCE_COLUMNS, REPLAY_COLUMNS = 14, 12
 _ERROR_SIZE = 512
@@ -91,7 +91,7 @@ def load(path: Path | None = None) -> ct.CDLL:
     if library.ges_abi() != ABI:
         raise GesError(f"{path.name} has interface {library.ges_abi()}, this package needs {ABI}; run 'make build'")
     library.ges_rows.argtypes = [_double_p]
-    library.ges_replay.argtypes = [_double_p, ct.POINTER(CEffects), ct.POINTER(CGrid), _double_p, ct.c_int64, _double_p,
+    library.ges_replay.argtypes = [_double_p, ct.POINTER(CEffects), ct.c_int, ct.POINTER(CGrid), _double_p, ct.c_int64, _double_p,
                                    ct.c_int, ct.c_char_p, ct.c_int]  # fmt: skip
     library.ges_terrain.argtypes = [_double_p, ct.POINTER(CGrid), _double_p, _double_p, ct.c_int64, _double_p, _double_p,
                                     _double_p, _double_p, ct.c_char_p, ct.c_int]  # fmt: skip
@@ -196,12 +196,12 @@ def fly(flights: list[tuple], columns: list[int], lanes: int) -> list[tuple[np.n
     ]
 
 
-def replay(parameters, effects: CEffects, grid: CGrid | None, samples: np.ndarray, n_outputs: int, lanes: int) -> np.ndarray:
-    """Model along recorded samples: (n_inputs, n) in, (n_outputs, n) out."""
+def replay(parameters, sets: list[CEffects], grid: CGrid | None, samples: np.ndarray, n_outputs: int, lanes: int) -> np.ndarray:
+    """Model along recorded samples under each set of effects: (n_inputs, n) in, (n_sets, n_outputs, n) out."""
     samples, parameters = contiguous(samples), contiguous(parameters)
-    out = np.empty((n_outputs, samples.shape[1]))
-    _checked(load().ges_replay, _pointer(parameters), ct.byref(effects), _reference(grid), _pointer(samples),
-             samples.shape[1], _pointer(out), lanes)  # fmt: skip
+    out = np.empty((len(sets), n_outputs, samples.shape[1]))
+    _checked(load().ges_replay, _pointer(parameters), (CEffects * len(sets))(*sets), len(sets), _reference(grid),
+             _pointer(samples), samples.shape[1], _pointer(out), lanes)  # fmt: skip
     return out
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -205,12 +205,19 @@ def replay(parameters: Mapping[str, float], samples: Samples, effects: Effects |
     effects : effects that are switched on.
     terrain : ground; flat at 0 if not given.
     """
+    return replay_each(parameters, samples, [effects or {}], terrain, lanes)[0]
+
+
+def replay_each(parameters: Mapping[str, float], samples: Samples, sets: Sequence[Effects], terrain: Terrain | None = None,
+                lanes: int = 0) -> list[Replay]:  # fmt: skip
+    """:func:`replay` under each of several sets of effects; those with extra states fly side by side where they are alike."""
     from .sim import parameter_vector
 
     terrain = terrain or Terrain.flat()
     vector = parameter_vector({**terrain.parameters(), **parameters})
     grid = _lib.pack_grid(terrain.x_m, terrain.y_m, terrain.heights_m) if terrain.kind == "grid" else None
-    return Replay(_lib.replay(vector, pack(effects or {}), grid, samples.data, len(Replay.columns()), lanes))
+    told = _lib.replay(vector, [pack(e) for e in sets], grid, samples.data, len(Replay.columns()), lanes)
+    return [Replay(data) for data in told]
 
 
 def evaluate(name: str, values: Mapping[str, float], samples: Samples, parameters: Mapping[str, float],

@@ -140,6 +140,19 @@ def test_replay_asks_the_function_that_flew():
     assert np.allclose(specific, record["acc_z_m_s2"][record["contact"] == 0], atol=6 * 0.05)
 
 
+@pytest.mark.parametrize("lanes", [0, 1, 2, 4, 8])
+def test_sets_are_replayed_alike_side_by_side_and_alone(lanes):
+    record = sim.fly([sim.Flight({"seed": 3, "duration_s": 4}, {"ground_effect": {}})])[0]
+    samples = effects.Samples.from_columns(record.columns)
+    loads = [{"slung_load": {"length_m": length}} for length in (0.3, 0.5, 0.9)]
+    lagging = [{"ground_effect": {}, "ground_effect_lag": {"c": c}} for c in (2.0, 5.0)]
+    sets = [*loads, {}, *lagging, {"ground_effect": {}}, loads[0]]
+    alone = [effects.replay({}, samples, e, Terrain.procedural(3)).data for e in sets]
+    together = [r.data for r in effects.replay_each({}, samples, sets, Terrain.procedural(3), lanes)]
+    assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(alone, together, strict=True))
+    assert not np.array_equal(together[0], together[1])
+
+
 def test_a_million_samples_go_through_one_effect():
     record = sim.fly([sim.Flight({"duration_s": 100}, {"ground_effect": {}}, Terrain.flat())])[0]
     samples = effects.Samples.from_columns({n: np.tile(v, 100) for n, v in record.columns.items()})

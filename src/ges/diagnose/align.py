@@ -6,13 +6,12 @@ A recording becomes a :class:`Prepared` flight on a uniform grid. Nothing here k
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
-from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter
-from scipy.signal import butter, sosfiltfilt
 
 from ..conventions import BODY_RATE, COMMAND, MOTOR_CURRENT, POSITION, QUATERNION, ROTOR_SPEED, SPECIFIC_FORCE, VELOCITY
 from ..errors import GesError
@@ -198,18 +197,24 @@ def with_steady_position(flight: Prepared) -> Prepared:
     """Positions that change fast as the velocity says and slowly as they were read, within each stretch in the air.
 
     The wander of a reading within seconds would swing a load that hangs on it, at its own frequency; the velocity, which is its
-    rate, wanders less there (Brown and Hwang 2012, complementary filter; forwards and backwards, so that nothing lags).
+    rate, wanders less there (Brown and Hwang 2012, complementary filter; symmetric in time, so that nothing lags).
     """
     if not (flight.has("position") and flight.has("velocity")):
         return flight
     p, v = flight.stack("position"), flight.stack("velocity")
-    travelled = cumulative_trapezoid(v, dx=flight.dt_s, axis=0, initial=0.0)
-    slow = butter(2, STEADY_HZ, fs=1.0 / flight.dt_s, output="sos")
+    travelled = np.vstack([np.zeros(3), np.cumsum(0.5 * (v[1:] + v[:-1]) * flight.dt_s, axis=0)])
     for at in np.split(np.arange(len(p)), np.flatnonzero(np.diff(flight.flying)) + 1):
         if flight.flying[at[0]] and len(at) * flight.dt_s * STEADY_HZ > 1.0:
-            ends = min(len(at) - 1, int(2.0 / (STEADY_HZ * flight.dt_s)))
-            p[at] = travelled[at] + sosfiltfilt(slow, p[at] - travelled[at], axis=0, padlen=ends)
+            p[at] = travelled[at] + _slow(p[at] - travelled[at], flight.dt_s)
     return flight.replaced(columns={**flight.columns, **dict(zip(POSITION, p.T, strict=True))})
+
+
+def _slow(values: np.ndarray, dt_s: float) -> np.ndarray:
+    """What of values (n, 3) changes slowly: at :data:`STEADY_HZ` half of the amplitude is left; trends go on beyond both ends."""
+    width = math.sqrt(0.5 * math.log(2.0)) / (math.pi * STEADY_HZ * dt_s)
+    ends = min(len(values) - 1, int(4.0 * width))
+    padded = np.pad(values, ((ends, ends), (0, 0)), mode="reflect", reflect_type="odd")
+    return gaussian_filter1d(padded, width, axis=0)[ends : ends + len(values)]
 
 
 def lift(flight: Prepared, thrust_coefficient: float, speed_max: float, weight_N: float) -> np.ndarray | None:

@@ -135,6 +135,12 @@ class Prior:
         return Prior(*(getattr(self, f.name)[keep] for f in dataclasses.fields(self)))
 
 
+def acts_of(found: Posterior, names: Collection[str], system: System) -> np.ndarray:
+    """What these effects add together by their coefficients, (windows of all flights, main channels)."""
+    terms = {k: value for k, value in zip(found.columns, found.mean, strict=True) if system.columns[k].variant.effect in names}
+    return np.concatenate([r.added(terms, len(system.main)) for r in system.flights])
+
+
 def _log_mass(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Log of the standard normal's mass between two bounds, exact in both tails."""
     low, high = np.where(low > 0, -high, low), np.where(low > 0, -low, high)

@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from .align import Prepared
-from .evidence import Board
+from .evidence import Board, acts_of
 from .model import Model
 from .residual import model_along, to_body
-from .select import Hypothesis, Search
+from .select import Search
 from .structure import Structure, Told, shared, within
 from .system import System
 from .weak import Windows
@@ -224,7 +224,7 @@ def from_open(found: Search, board: Board, left: Sequence[np.ndarray], told: Tol
     chance: dict[str, float] = {}
     shown: dict[str, np.ndarray] = {}
     for h in (h for h in found.hypotheses if h.probability > LEAST_CHANCE and set(h.names) - set(proven)):
-        acts = _open_part(h, board, proven)
+        acts = acts_of(h.posterior, set(h.names) - set(proven), board.system)
         for c, channel in enumerate(system.main):
             good = np.isfinite(acts[:, c]) & np.isfinite(noise[:, c])
             if _rms(acts[good, c]) > LEAST_OF_NOISE * _rms(noise[good, c]):
@@ -238,13 +238,6 @@ def from_open(found: Search, board: Board, left: Sequence[np.ndarray], told: Tol
         where.pop("energy")
         entries.append({"channel": channel, **where, "q_value": max(0.0, 1.0 - chance[channel])})
     return entries
-
-
-def _open_part(h: Hypothesis, board: Board, proven: Sequence[str]) -> np.ndarray:
-    """What the effects of a hypothesis that are not proven add, (windows of all flights, channels)."""
-    terms = {k: value for k, value in zip(h.posterior.columns, h.posterior.mean, strict=True)
-             if board.system.columns[k].variant.effect not in proven}  # fmt: skip
-    return np.concatenate([r.added(terms, len(board.system.main)) for r in board.system.flights])
 
 
 def _rms(values: np.ndarray) -> float:

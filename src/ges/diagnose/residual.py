@@ -291,11 +291,17 @@ def model_along(flight: Prepared, model: Model, effects: effect_table.Effects, s
     """
     motion = motion or motion_of(flight, model, effects)
     speeds = speeds_at_work(flight, model, effects) if speeds is None else speeds
+    columns = _with_rotors(flight, motion, speeds)
+    samples = effect_table.Samples.from_columns(columns)
+    return columns, effect_table.replay(model.parameters, samples, but_actuators(effects), model.terrain)
+
+
+def _with_rotors(flight: Prepared, motion: Motion, speeds: np.ndarray) -> dict[str, np.ndarray]:
+    """All that the library reads of every sample, with these rotor speeds (n, 4)."""
     columns = {**motion.columns, **flight.path, **dict(zip(ROTOR_SPEED, speeds.T, strict=True))}
     rate = np.gradient(speeds, flight.dt_s, axis=0)
     columns.update(zip((f"rotor_acceleration_{i}_rad_s2" for i in range(1, 5)), rate.T, strict=True))
-    samples = effect_table.Samples.from_columns(columns)
-    return columns, effect_table.replay(model.parameters, samples, but_actuators(effects), model.terrain)
+    return columns
 
 
 def but_actuators(effects: effect_table.Effects) -> dict:
@@ -332,7 +338,7 @@ def residual(flight: Prepared, windows: Windows, model: Model, names: Sequence[s
 
 
 def along(flight: Prepared, windows: Windows, model: Model, names: Sequence[str], more: effect_table.Effects | None = None,
-          like: Along | None = None, drive: Drive | None = None) -> Along:  # fmt: skip
+          like: Along | None = None, drive: Drive | None = None, said: effect_table.Replay | None = None) -> Along:  # fmt: skip
     """Recorded less modelled.
 
     Parameters
@@ -340,15 +346,14 @@ def along(flight: Prepared, windows: Windows, model: Model, names: Sequence[str]
     names : channels, those of faster test functions included (see :func:`with_overtones`).
     more : effects added to those of the model, for this evaluation.
     like : evaluation without ``more``.
-    drive : the drive with ``more``, where it is known.
+    drive, said : with ``more``, where they are known.
     """
     effects = model.with_effects(more).effects if more else model.effects
     if drive is None:
         drive = like.drive if like and not drives(more or {}, model.effects) else drives_of(flight, model, [effects], names)[0]
     motion = like.motion if like and not _turning_faults(more or {}) else motion_of(flight, model, effects)
-    said = _said_again(like, drive, motion, effects)
     if said is None:
-        said = model_along(flight, model, effects, drive.at_work, motion)[1]
+        said = _said_again(like, drive, motion, effects) or model_along(flight, model, effects, drive.at_work, motion)[1]
     parts: dict[str, np.ndarray] = {}
     for block in dict.fromkeys(block_of(name) for name in names):
         same = like and (drive is like.drive if block == "drive" else like.says_alike(said, motion, block))
@@ -357,6 +362,19 @@ def along(flight: Prepared, windows: Windows, model: Model, names: Sequence[str]
         else:
             parts.update(_PARTS[block](flight, windows, model, names, drive, motion, said))
     return Along(drive, motion, effects, said, parts)
+
+
+def said_with_each(flight: Prepared, model: Model, like: Along, added: Sequence[effect_table.Effects]) -> list:
+    """The :class:`Replay` with each of these additions, which change neither drive nor motion; asked in one batch."""
+    samples = effect_table.Samples.from_columns(_with_rotors(flight, like.motion, like.drive.at_work))
+    sets = [but_actuators(model.with_effects(more).effects) for more in added]
+    return effect_table.replay_each(model.parameters, samples, sets, model.terrain)
+
+
+def act_along_the_path(effects: effect_table.Effects, on: effect_table.Effects) -> bool:
+    """Whether effects remember where the vehicle has been, and change neither drive nor motion beside those that are ``on``."""
+    remembers = any(effect_table.get(name).remembers_the_path for name in effects)
+    return remembers and not _turning_faults(effects) and not drives(effects, on)
 
 
 def _said_again(like: Along | None, drive: Drive, motion: Motion, effects: effect_table.Effects) -> effect_table.Replay | None:

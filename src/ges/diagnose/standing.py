@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import effects as effect_table
 from .candidates import acts_among, amplitude_of, needs_of
-from .evidence import Board
+from .evidence import Board, acts_of
 from .fit import FORM_ERROR, SHAPES, Fitted, Joint, strain
 from .model import block_of
 from .select import Hypothesis, Search, size_of
@@ -81,11 +81,7 @@ def faint(share: Mapping[str, float]) -> bool:
 def _shares(board: Board, h: Hypothesis, names: set[str]) -> dict[str, float]:
     """Rms of what effects add together by the search's coefficients, over the least that matters, in each block its greatest
     channel; an accelerometer shows forces."""
-    system, terms = board.system, {
-        k: value for k, value in zip(h.posterior.columns, h.posterior.mean, strict=True)
-        if board.system.columns[k].variant.effect in names
-    }  # fmt: skip
-    added = np.concatenate([r.added(terms, len(system.main)) for r in system.flights])
+    system, added = board.system, acts_of(h.posterior, names, board.system)
     least = np.array([LEAST_SHARE[block_of(n)] * (REACH_M if n == "range" else system.model.whole(n)) for n in system.main])
     with np.errstate(invalid="ignore"):
         rms = np.sqrt(np.nanmean(np.where(np.isfinite(added).any(axis=0), added, 0.0) ** 2, axis=0))

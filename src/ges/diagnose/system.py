@@ -8,12 +8,25 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from .. import effects as effect_table
+from ..effects import Replay
 from ..threads import each
 from .align import Prepared, attitude_measured
 from .answers import Loose, Vouched, loose, untrim, vouched
 from .candidates import NEEDS_ATTITUDE, Variant
 from .model import SPEED, Model, block_of
-from .residual import HELD_SHARE, MOMENT, Along, Drive, along, channels, drives, drives_of, with_overtones
+from .residual import (
+    HELD_SHARE,
+    MOMENT,
+    Along,
+    Drive,
+    act_along_the_path,
+    along,
+    channels,
+    drives,
+    drives_of,
+    said_with_each,
+    with_overtones,
+)
 from .table import Table, table_of
 from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, blocks_of, make_windows
 
@@ -280,6 +293,7 @@ class _Seen:
     here: Sequence[str]
     now: Along
     driven: Mapping[str, Drive]
+    said: Mapping[str, Replay]
 
     def column(self, column: Column) -> dict[int, np.ndarray]:
         """Minus the residual's change per unit of the column's coefficient, by channel, (m,) each, whatever its part."""
@@ -294,7 +308,9 @@ class _Seen:
         """The evaluation with effects added."""
         if not effects:
             return self.now
-        return along(self.flight, self.windows, self.model, self.here, effects, self.now, self.driven.get(repr(effects)))
+        known = repr(effects)
+        return along(self.flight, self.windows, self.model, self.here, effects, self.now, self.driven.get(known),
+                     self.said.get(known))  # fmt: skip
 
     def _change(self, before: Along, after: Along, step: float) -> dict[int, np.ndarray]:
         pairs = ((self.names.index(name), before.parts[name], after.parts[name]) for name in self.here)
@@ -302,11 +318,22 @@ class _Seen:
         return {c: change for c, change in changes.items() if change.any()}
 
 
-def _driven(flight: Prepared, model: Model, here: Sequence[str], columns: Iterable[Column]) -> dict[str, Drive]:
-    """Drives under all that these columns add to the effects, flown as one batch, by what is added."""
+def _added(model: Model, columns: Iterable[Column]) -> dict[str, dict]:
+    """All that these columns add to the effects, by its name among what is known."""
     added = [e for c in columns if c.key != SPEED for e in (_reference(model, c), _shift(model, c)[0])]
-    sets = {repr(e): e for e in added if e and drives(e, model.effects)}
+    return {repr(e): e for e in added if e}
+
+
+def _driven(flight: Prepared, model: Model, here: Sequence[str], added: Mapping[str, dict]) -> dict[str, Drive]:
+    """Drives under what is added, flown as one batch."""
+    sets = {name: e for name, e in added.items() if drives(e, model.effects)}
     return dict(zip(sets, drives_of(flight, model, [model.with_effects(e).effects for e in sets.values()], here), strict=True))
+
+
+def _said(flight: Prepared, model: Model, now: Along, added: Mapping[str, dict]) -> dict[str, Replay]:
+    """What the model says with what is added and remembers its path, replayed as one batch."""
+    sets = {name: e for name, e in added.items() if act_along_the_path(e, model.effects)}
+    return dict(zip(sets, said_with_each(flight, model, now, list(sets.values())), strict=True))
 
 
 def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence[Column], length_s: float,
@@ -325,7 +352,8 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     told, made = known or {}, {c.made_of: c for c in columns}
     asked = {of: c.key if c.nuisance else of for of, c in made.items()}
     new = {of: c for of, c in made.items() if asked[of] not in told}
-    seen = _Seen(flight, windows, model, names, here, now, _driven(flight, model, here, new.values()))
+    added = _added(model, new.values())
+    seen = _Seen(flight, windows, model, names, here, now, _driven(flight, model, here, added), _said(flight, model, now, added))
     values = {of: seen.column(c) if of in new else told[asked[of]] for of, c in made.items()}
     x = table_of([c.part_of(values[c.made_of], names) for c in columns], *y.shape)
     keys, thrust = [c.key for c in columns], model.number("thrust_coefficient_N_s2") * (now.drive.at_work**2).sum(axis=1)

@@ -52,6 +52,10 @@ class Part:
         """Columns with columns (k, k), columns with residuals (k,), residuals with residuals."""
         return self.x.T @ self.x, self.x.T @ self.y, float(self.y @ self.y)
 
+    def answering(self, errors: np.ndarray) -> Part:
+        """With more columns of what a controller may have answered, (n, moved)."""
+        return dataclasses.replace(self, answer=np.hstack([self.answer, errors]))
+
 
 @dataclasses.dataclass(frozen=True)
 class White:
@@ -183,16 +187,10 @@ def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:
 def whiten(flights: Sequence[Rows], noise: Noise, unrest: Sequence[np.ndarray]) -> tuple[White, ...]:
     """Filter residuals and columns by the same noise model; rows without a full past are left out."""
     made = [_white(rows, noise, u) for rows, u in zip(flights, unrest, strict=True)]
-    answers: list[dict[int, list[np.ndarray]]] = [{} for _ in made]
     for kind in made[0][1] if made else ():
-        for found, told in zip(answers, _bounds([parts[kind] for _, parts in made]), strict=True):
-            for c, error in told.items():
-                found.setdefault(c, []).append(error * noise.answered[c])
-    return tuple(
-        White(tuple(Part(*part, np.hstack(found.get(c, [np.zeros((len(part[0]), 0))]))) for c, part in parts.items()),
-              rows.x.shape[2])
-        for rows, (parts, _), found in zip(flights, made, answers, strict=True)
-    )  # fmt: skip
+        for (parts, _), errors in zip(made, _bounds([loose[kind] for _, loose in made]), strict=True):
+            parts.update({c: parts[c].answering(error * noise.answered[c]) for c, error in errors.items()})
+    return tuple(White(tuple(parts.values()), rows.x.shape[2]) for rows, (parts, _) in zip(flights, made, strict=True))
 
 
 def _bounds(loose: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndarray]]:
@@ -211,8 +209,8 @@ def _bounds(loose: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndar
     ]
 
 
-def _white(rows: Rows, noise: Noise, unrest: np.ndarray) -> tuple[dict[int, tuple], dict[str, dict[int, np.ndarray]]]:
-    """By channel what a :class:`Part` is made of but its answer, and of what acts there the loose parts by kind."""
+def _white(rows: Rows, noise: Noise, unrest: np.ndarray) -> tuple[dict[int, Part], dict[str, dict[int, np.ndarray]]]:
+    """Parts by channel, none of them answering yet, and the loose parts of their columns by kind and channel."""
     run, parts, loose = _run(rows.follows), {}, {kind: {} for kind in rows.loose}
     for c in range(rows.y.shape[1]):
         at = _with_past(rows.y[:, c], run, noise.ar.shape[1])
@@ -220,7 +218,7 @@ def _white(rows: Rows, noise: Noise, unrest: np.ndarray) -> tuple[dict[int, tupl
             continue
         sd = noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * unrest[at] ** 2)
         innovation = _innovation(at, len(rows.y), noise.ar[c], sd)
-        parts[c] = at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c]
+        parts[c] = Part(at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c], np.zeros((len(at), 0)))
         for kind in (kind for kind, told in rows.loose.items() if c in told):
             loose[kind][c] = innovation @ rows.loose[kind][c]
     return parts, loose
