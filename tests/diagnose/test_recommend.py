@@ -10,12 +10,13 @@ from ges import manoeuvres
 from ges.commands.diagnose import _flight_written
 from ges.diagnose.candidates import library
 from ges.diagnose.detect import smallest_detectable
-from ges.diagnose.evidence import make_board
+from ges.diagnose.evidence import make_board, rms_of
 from ges.diagnose.gate import pass_gate
 from ges.diagnose.model import from_vehicle
 from ges.diagnose.recommend import SURE, Option, Rival, next_flight, open_sets, rank, rivals_of
 from ges.diagnose.select import Search, search
 from ges.diagnose.stable import search_until_stable
+from ges.diagnose.standing import least_sizes
 from ges.diagnose.system import build
 
 
@@ -154,12 +155,22 @@ def test_a_real_flight_with_the_effect_shows_it_too(bare, null, judged):
     assert search(board, listed).inclusion["rotor_drag"] > 0.9
 
 
+def _with_information(board, share: float):
+    return dataclasses.replace(board, by_flight=tuple(g.scaled(share) for g in board.by_flight))
+
+
 def test_more_noise_hides_more(null):
     board, _ = null
-    quarter = tuple(g.scaled(0.25) for g in board.by_flight)  # of the information: twice the noise
-    noisy = dataclasses.replace(board, by_flight=quarter)
-    quiet, loud = (smallest_detectable(b)["rotor_drag"]["smallest"] for b in (board, noisy))
-    assert 1.5 < loud / quiet < 2.5
+    quiet, loud = (smallest_detectable(_with_information(board, share))["rotor_drag"]["smallest"] for share in (1 / 16, 1 / 64))
+    assert 1.5 < loud / quiet < 2.5  # a quarter of the information: twice the noise
+
+
+def test_no_quiet_makes_detectable_what_is_too_small_to_be_told(null):
+    board, _ = null
+    k = next(i for i, c in enumerate(board.system.columns) if c.variant is not None and c.variant.effect == "rotor_drag")
+    share = np.nanmax(rms_of(board.system)[:, k] / least_sizes(board.system))
+    clear, loud = (smallest_detectable(_with_information(board, s))["rotor_drag"]["smallest"] for s in (1e8, 1 / 64))
+    assert clear * share == pytest.approx(1.0) and loud > 1.5 * clear
 
 
 def test_what_a_rival_hides_names_the_rival(null):

@@ -1,7 +1,8 @@
 """The smallest size of every effect that these flights would have shown, from the information matrix alone.
 
 The flights' noise, nuisances and rivals are those of the search itself: an effect counts as seen when its evidence beats
-nothing and every rival by the odds that an acceptance takes, in nine of ten such sets of flights.
+nothing and every rival by the odds that an acceptance takes, in nine of ten such sets of flights, and when it is large enough to
+be told (see ``standing``).
 """
 
 from __future__ import annotations
@@ -14,8 +15,10 @@ import numpy as np
 from scipy.special import ndtri
 
 from .. import effects as effect_table
-from .evidence import TEMPERING, Board, Gram
+from .evidence import TEMPERING, Board, Gram, rms_of
+from .model import block_of
 from .select import PRIOR_OF_SIZE
+from .standing import FAINT, SURE, least_sizes
 
 POWER = 0.9
 
@@ -71,6 +74,14 @@ def _needed(shape: _Shape, truth: int, others: Sequence[_Shape], odds: float) ->
     return float(np.sqrt(worst) + margin), hidden
 
 
+def _least_told(board: Board) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficient of every column (K,) at which it matters in its greatest channel, and whether it acts in the drive alone."""
+    shares = rms_of(board.system) / least_sizes(board.system)[:, None]
+    elsewhere = shares[[block_of(name) != "drive" for name in board.system.main]]
+    with np.errstate(divide="ignore"):
+        return 1.0 / shares.max(axis=0), ~elsewhere.any(axis=0)
+
+
 def smallest_detectable(board: Board, given: Sequence[str] = (), odds: float = 9.0) -> dict[str, dict[str, Any]]:
     """Smallest size by effect.
 
@@ -96,11 +107,14 @@ def _beside(board: Board, pooled: Gram, given: Collection[str], asked: Collectio
     free = np.array([k for k, c in enumerate(board.system.columns)
                      if c.variant is not None and c.variant.effect in given and board.prior.sd[k] > 0], dtype=int)  # fmt: skip
     gram = pooled.without(free, 10.0 * board.prior.sd[free])
-    shapes = _shapes(board, gram, given)
+    shapes, (least, drive_alone) = _shapes(board, gram, given), _least_told(board)
     told: dict[str, tuple[float, dict[str, Any]]] = {}
     for shape in (s for s in shapes if asked is None or s.name in asked):
         for k in (k for k in shape.columns if board.system.columns[k].part != "moment"):
             size, hidden = _needed(shape, k, shapes, odds)
+            if drive_alone[k]:  # what is faint has to be sure
+                size = min(max(size, FAINT * least[k]), _needed(shape, k, shapes, SURE / (1.0 - SURE))[0])
+            size, hidden = max((size, hidden), (float(least[k]), ""))
             relative, entry = _entry(board, k, size, hidden)
             if shape.name not in told or relative < told[shape.name][0]:
                 told[shape.name] = (relative, entry)

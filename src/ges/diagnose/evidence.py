@@ -197,15 +197,20 @@ class Board:
         return total.without(common, self.prior.sd[common])
 
 
-def _sizes(system: System, share: float) -> np.ndarray:
-    """Prior scale of every candidate's coefficient, (K,): the size at which it makes ``share`` of weight (or of weight times
-    arm) in its greatest channel, and no more than is plausible."""
+def rms_of(system: System) -> np.ndarray:
+    """Root mean square of every column in each main channel, (C, K), over all windows that have the channel."""
     square, count = np.zeros((len(system.main), len(system.columns))), np.zeros(len(system.main))
     for r in system.flights:
         count += np.isfinite(r.y[:, : len(count)]).sum(axis=0)
         for c in range(len(count)):
             square[c, r.x.at[c]] += (r.x.values[c] ** 2).sum(axis=0)
-    rms = np.sqrt(square / np.maximum(count, 1.0)[:, None])
+    return np.sqrt(square / np.maximum(count, 1.0)[:, None])
+
+
+def _sizes(system: System, share: float) -> np.ndarray:
+    """Prior scale of every candidate's coefficient, (K,): the size at which it makes ``share`` of weight (or of weight times
+    arm) in its greatest channel, and no more than is plausible."""
+    rms = rms_of(system)
     whole = np.array([system.model.whole(name) * (1.0 if name != "range" else 1.0 / share) for name in system.main])
     with np.errstate(divide="ignore"):
         sizes = np.where(rms > 0, share * whole[:, None] / rms, np.inf).min(axis=0)

@@ -11,7 +11,7 @@ import numpy as np
 from .. import effects as effect_table
 from .align import Prepared
 from .candidates import Amplitude, Variant, amplitude_of, kind_of, reach_of
-from .evidence import Board, gram_of, make_board, unanswered, whitened
+from .evidence import DECLARED, PLAUSIBLE, Board, gram_of, make_board, unanswered, whitened
 from .model import Model
 from .select import Hypothesis
 from .system import ALL_ON, Switches, System, build
@@ -126,13 +126,18 @@ class Fitted:
         return math.hypot(math.sqrt(self.covariance[i, i]), self._form_error(effect, parameter))
 
     def sds_from_neutral(self, effect: str, parameter: str) -> float:
-        """Distance of an amplitude from neutral in its sd, the effect's shape held: how certain it is that something acts."""
+        """Distance of an amplitude from neutral in its sd, the effect's shape held: how certain it is that something acts.
+
+        Of a declared number, as it is with what is plausible of it: twice the inertia give or take a third is no finding.
+        """
         i = self.free.index((effect, parameter))
         shape = [k for k, (e, p) in enumerate(self.free) if e == effect and p in SHAPES.get(effect, ())]
         tied = self.covariance[i, shape]
         own = self.covariance[i, i] - tied @ np.linalg.pinv(self.covariance[np.ix_(shape, shape)], hermitian=True) @ tied
         away = self.effects[effect][parameter] - amplitude_of(effect, parameter).neutral
-        return abs(away) / math.hypot(math.sqrt(max(own, 0.0)), self._form_error(effect, parameter))
+        sd = math.hypot(math.sqrt(max(own, 0.0)), self._form_error(effect, parameter))
+        plausible = PLAUSIBLE[effect, parameter] if effect in DECLARED else math.inf
+        return abs(away) / (sd * math.hypot(1.0, sd / plausible))
 
     def _form_error(self, effect: str, parameter: str) -> float:
         """Sd of a parameter that is due to the form of its effect."""

@@ -32,6 +32,11 @@ def matters(channel: str, share: float) -> bool:
     return bool(channel) and share >= LEAST_SHARE[block_of(channel)]
 
 
+def least_sizes(system: System) -> np.ndarray:
+    """What matters at least in each main channel, rms over all windows, in the channel's unit."""
+    return np.array([LEAST_SHARE[block_of(n)] * (REACH_M if n == "range" else system.model.whole(n)) for n in system.main])
+
+
 def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[str, float]:
     """Names that are probable and large enough, with their sizes (see :func:`_shares`); ``known`` are those of accepted effects.
 
@@ -82,11 +87,10 @@ def _shares(board: Board, h: Hypothesis, names: set[str]) -> dict[str, float]:
     """Rms of what effects add together by the search's coefficients, over the least that matters, in each block its greatest
     channel; an accelerometer shows forces."""
     system, added = board.system, acts_of(h.posterior, names, board.system)
-    least = np.array([LEAST_SHARE[block_of(n)] * (REACH_M if n == "range" else system.model.whole(n)) for n in system.main])
     with np.errstate(invalid="ignore"):
         rms = np.sqrt(np.nanmean(np.where(np.isfinite(added).any(axis=0), added, 0.0) ** 2, axis=0))
     blocks = np.array(["force" if block_of(n) == "acc" else block_of(n) for n in system.main])
-    return {block: float(np.max((rms / least)[blocks == block])) for block in dict.fromkeys(blocks)}
+    return {block: float(np.max((rms / least_sizes(system))[blocks == block])) for block in dict.fromkeys(blocks)}
 
 
 def replaced_by(found: Search, name: str) -> tuple[str, ...]:
