@@ -82,17 +82,19 @@ def test_boosting_learns_and_names_nothing():
 
 
 def test_size_over_stated_limit():
-    """Of loads, whichever rotor is weak and whatever the shape; of numbers where there are no loads."""
-    best = Oracle(
-        {"weak_rotor": {f"loss_{i}": 0.2 * (i == 2) for i in range(1, 5)}, "motor_lag": {"up_s": 0.03, "down_s": 0.04}}, 1.0
-    )
+    """Of loads, whichever rotor is weak and whatever the shape; of numbers from neutral where there are no loads."""
+    weak = {f"loss_{i}": 0.2 * (i == 2) for i in range(1, 5)}
+    drive = {"motor_lag": {"up_s": 0.03, "down_s": 0.04}, "rotor_saturation": {"share": 0.7}}
+    best = Oracle({"weak_rotor": weak, **drive}, 1.0)
     seen = SimpleNamespace(loads=lambda e: np.array([v for values in e.values() for v in values.values()]))
     told = {
         "weak_rotor": {"parameter": "loss_4", "smallest": 0.1, "shape": {}},
         "motor_lag": {"parameter": "up_s", "smallest": 0.01},
+        "rotor_saturation": {"parameter": "share", "smallest": 0.15},
     }
     assert _over_limit(seen, ["weak_rotor"], best, told) == pytest.approx(2.0)
     assert _over_limit(seen, ["motor_lag"], best, told) == pytest.approx(5.0)
+    assert _over_limit(seen, ["rotor_saturation"], best, told) == pytest.approx(2.0)
     assert _over_limit(seen, ["weak_rotor"], best, {}) is None
     assert _over_limit(seen, [], best, told) is None
 

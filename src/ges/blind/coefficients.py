@@ -110,5 +110,5 @@ def _over_limit(seen: Witness, names: list[str], best: Oracle, detectable: Mappi
         if sizes[1] > 0.0:
             return sizes[0] / sizes[1]
     units = {p.name: p.unit for p in effect_table.get(names[-1]).parameters}
-    alike = [v for p, v in right.items() if p not in SHAPES and units[p] == units[limit["parameter"]]]
+    alike = [v - neutral[p] for p, v in right.items() if p not in SHAPES and units[p] == units[limit["parameter"]]]
     return float(np.linalg.norm(alike)) / limit["smallest"] if alike else None

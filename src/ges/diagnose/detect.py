@@ -2,7 +2,7 @@
 
 The flights' noise, nuisances and rivals are those of the search itself: an effect counts as seen when its evidence beats
 nothing and every rival by the odds that an acceptance takes, in nine of ten such sets of flights, and when it is large enough to
-be told (see ``standing``).
+be told (see ``standing``). Of an effect of several shapes, a load on threads of any length say, the middle one stands for all.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from scipy.special import ndtri
 
 from .. import effects as effect_table
 from .evidence import TEMPERING, Board, Gram, rms_of
+from .fit import CLIPPING
 from .model import block_of
 from .select import PRIOR_OF_SIZE
 from .standing import FAINT, SURE, least_sizes
@@ -108,24 +109,29 @@ def _beside(board: Board, pooled: Gram, given: Collection[str], asked: Collectio
                      if c.variant is not None and c.variant.effect in given and board.prior.sd[k] > 0], dtype=int)  # fmt: skip
     gram = pooled.without(free, 10.0 * board.prior.sd[free])
     shapes, (least, drive_alone) = _shapes(board, gram, given), _least_told(board)
-    told: dict[str, tuple[float, dict[str, Any]]] = {}
+    told: dict[str, list[tuple[float, dict[str, Any]]]] = {}
     for shape in (s for s in shapes if asked is None or s.name in asked):
         for k in (k for k in shape.columns if board.system.columns[k].part != "moment"):
             size, hidden = _needed(shape, k, shapes, odds)
             if drive_alone[k]:  # what is faint has to be sure
                 size = min(max(size, FAINT * least[k]), _needed(shape, k, shapes, SURE / (1.0 - SURE))[0])
             size, hidden = max((size, hidden), (float(least[k]), ""))
-            relative, entry = _entry(board, k, size, hidden)
-            if shape.name not in told or relative < told[shape.name][0]:
-                told[shape.name] = (relative, entry)
-    return {name: entry for name, (_, entry) in told.items()}
+            told.setdefault(shape.name, []).append(_entry(board, k, size, hidden))
+    return {name: _standing_for(entries) for name, entries in told.items()}
+
+
+def _standing_for(entries: list[tuple[float, dict[str, Any]]]) -> dict[str, Any]:
+    """The middle of entries by their relative size."""
+    return sorted(entries, key=lambda entry: entry[0])[(len(entries) - 1) // 2][1]
 
 
 def _entry(board: Board, k: int, size: float, hidden: str) -> tuple[float, dict[str, Any]]:
-    """The size relative to the parameter's room, and what is told of it."""
+    """The size relative to the parameter's room, and what is told of it; of what clips, the level, if its whole is seen."""
     variant = board.system.columns[k].variant
     amplitude = variant.amplitudes[board.system.columns[k].amplitude]
     room = max(amplitude.high - amplitude.neutral, amplitude.neutral - amplitude.low)
+    if variant.effect in CLIPPING:
+        size = abs(amplitude.level) if size <= abs(amplitude.level) else np.inf
     seen = np.isfinite(size) and size <= room
     unit = next(p.unit for p in effect_table.get(variant.effect).parameters if p.name == amplitude.parameter)
     entry = {"parameter": amplitude.parameter, "smallest": size if seen else None, "unit": unit, "shape": dict(variant.shape),

@@ -26,6 +26,8 @@ FORM_ERROR = 0.12
 """Sd of a physical effect's size, over it, that is due to its form alone: what development cases of other forms came to."""
 CLIPPING = frozenset({"rotor_saturation"})
 """Effects that a share of their column's step says nothing of: half of a ceiling's step is no ceiling at half the way."""
+USUAL_SHAPES = {("ground_effect", "decay"): (1.0, 1.0), ("fountain_lift", "c_s"): (1.5, 1.0)}
+"""Usual value and sd of a shape that some flights hardly tell."""
 FIRMER = {("motor_lag", "up_s"): (0.0, 0.5), ("motor_lag", "down_s"): (0.0, 0.5), ("esc_delay", "delay_s"): (0.0, 0.06)}
 
 
@@ -209,9 +211,8 @@ def _prior(name: tuple[str, str], values: effect_table.Effects, model: Model) ->
         return 0.0, reach
     if name[1] == "rotor_plane_offset_m":
         return -value, model.plane_sd_m
-    if name in (("ground_effect", "decay"),):
-        return 1.0 - value, 1.0
-    return 0.0, math.inf
+    usual, sd = USUAL_SHAPES.get(name, (value, math.inf))
+    return usual - value, sd
 
 
 def _moves(name: tuple[str, str], values: effect_table.Effects, model: Model) -> Amplitude:
@@ -240,15 +241,24 @@ def polish(flights: Sequence[Prepared], model: Model, values: effect_table.Effec
         mean, sd = np.array([_prior(name, values, model) for name in free] + [(0.0, math.inf)] * (len(chosen) - len(free))).T
         joint = joint_fit(board, chosen, mean, np.where(np.isinf(sd), _wide(board, chosen), sd))
         steps, covariance = joint.chosen[: len(free)], joint.covariance[: len(free), : len(free)]
-        moved, share = 0.0, _share_in_reach(steps, free, values, model)
-        for (e, p), step, var in zip(free, share * steps, np.diag(covariance), strict=True):
-            low, high = bounds[e, p]
-            new = float(np.clip(values[e][p] + step, low, high))
-            moved = max(moved, abs(new - values[e][p]) / np.sqrt(var))
-            values[e][p] = new
-        if moved < TIGHT:
+        steps = _share_in_reach(steps, free, values, model) * steps
+        now = np.array([values[e][p] for e, p in free])
+        new = _within(now + steps, covariance, np.array([bounds[name] for name in free]).T)
+        for (e, p), value in zip(free, new, strict=True):
+            values[e][p] = float(value)
+        if np.max(np.abs(new - now) / np.sqrt(np.diag(covariance)), initial=0.0) < TIGHT:
             break
     return Fitted(values, tuple(free), covariance, _with_levers_as_they_are(board, chosen, joint, len(free)), board)
+
+
+def _within(mean: np.ndarray, covariance: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """The mean (k,) with what leaves its bounds (2, k) held there, and the others where they are most probable beside that."""
+    held = np.clip(mean, *bounds)
+    out = held != mean
+    if not out.any():
+        return mean
+    moved = mean + covariance[:, out] @ np.linalg.solve(covariance[np.ix_(out, out)], (held - mean)[out])
+    return np.where(out, held, np.clip(moved, *bounds))
 
 
 def _with_levers_as_they_are(board: Board, chosen: Sequence[int], joint: Joint, count: int) -> Joint:
