@@ -155,11 +155,37 @@ def test_another_vehicle_is_found_where_it_hovers(flown, vehicle):
     assert told["other_y_m"].value == pytest.approx(0.0, abs=0.2)
 
 
-def test_gusts_are_told_as_out_of_reach_and_borrow_no_name(flown, vehicle):
-    """Their drag is found; the gusts themselves are a random push, and the report says so."""
-    found = ges.diagnose(_recordings(flown, vehicle, {**DRAG, "gusts": {"wind_20ft_m_s": 5.0}}), vehicle, holdout=["flight5"])
-    assert {f.name for f in found.findings} <= {"rotor_drag", "wind"}, found.sentence
-    assert "slow disturbance" in found.not_tested["gusts"]
+@pytest.fixture(scope="module")
+def gusty(flown, vehicle):
+    """Flights with drag, a wind (east and north, m/s) and gusts that are others in every flight."""
+
+    def make(strength_m_s: float, *wind: float):
+        blowing = {"wind": dict(zip(("east_m_s", "north_m_s"), wind, strict=True))} if wind else {}
+        gusts = [{"gusts": {"wind_20ft_m_s": strength_m_s, "seed": float(k)}} for k, _ in enumerate(ORDINARY, 7)]
+        return [_recordings(flown, vehicle, {**DRAG, **blowing, **g}, [plan])[0] for g, plan in zip(gusts, ORDINARY, strict=True)]
+
+    return make
+
+
+@pytest.mark.parametrize("strength_m_s", [2.5, 8.0])
+def test_gusts_are_told_with_their_strength_and_not_as_a_steady_wind(strength_m_s, gusty, vehicle):
+    found = ges.diagnose(gusty(strength_m_s), vehicle, holdout=["flight5"])
+    assert {f.name for f in found.findings} == {"rotor_drag", "gusts"}, found.sentence
+    low, high = next(f for f in found.findings if f.name == "gusts").parameters["wind_20ft_m_s"].ci95
+    assert 0.6 * low < strength_m_s < high / 0.6 and high < 5.0 * low
+    assert found.vehicle.effects["gusts"]["wind_20ft_m_s"].value == pytest.approx((low * high) ** 0.5)
+    again = ges.diagnose(gusty(strength_m_s), found.vehicle, holdout=["flight5"])
+    assert not again.findings, again.sentence
+
+
+def test_a_wind_that_gusts_do_not_make_stands_beside_them(gusty, vehicle):
+    found = ges.diagnose(gusty(4.0, 3.0, 1.5), vehicle, holdout=["flight5"])
+    assert {f.name for f in found.findings} == {"rotor_drag", "wind", "gusts"}, found.sentence
+
+
+def test_gusts_are_not_looked_for_where_nothing_carries_them(flown, vehicle):
+    found = ges.diagnose(_recordings(flown, vehicle, {"weak_rotor": {"loss_2": 0.15}}), vehicle, holdout=["flight5"])
+    assert "through drag" in found.not_tested["gusts"]
 
 
 @pytest.fixture

@@ -344,11 +344,11 @@ _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "rangefinder_lag": lambda m: _levels("rangefinder_lag", "tau_s", (0.05, 0.12, 0.3)),
 }
 NOT_SEARCHED: Mapping[str, str] = {
-    "gusts": "a random push: it looks like any other slow disturbance of these flights; log the wind to tell them apart",
+    "gusts": "they push through drag, and none is known or found here",
     "time_offset": "settled before the search, by the delay between streams",
     "gyro_bias": "settled before the search, by the attitude's own rate",
 }
-"""Effects that are flown but enter no fit, and why."""
+"""Effects that are flown but enter no search, and why."""
 _CHILDREN: Mapping[str, tuple[str, ...]] = {"wind": ("rotor_drag", "parasitic_drag")}
 
 

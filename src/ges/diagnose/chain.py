@@ -24,8 +24,9 @@ from .detect import smallest_detectable
 from .engine import Accepted, accept, first_system, shot_fit, split, withdrawn, without, without_old_news
 from .evidence import Board
 from .findings import contributions, finding, open_findings, settled_findings
-from .fit import Joint, calibrated, fitted_model, left_raw, null_fit, strain_without
+from .fit import Joint, calibrated, fitted_model, left_raw, null_fit, strain_without, within_bounds
 from .gate import Gate, at_flown_voltage, pass_gate
+from .gusts import Gusts, gusts_of, heard_by
 from .hearing import lacking, silent_channels, unheard
 from .hypothesis import Form, hypotheses
 from .instruments import MOVED
@@ -139,6 +140,9 @@ class _Chain:
         accepted = accept(board, self.length_s, switches, names)
         if names is None:
             accepted = self._unstrained(accepted, joint, switches)
+        gusts = gusts_of(accepted.fitted, self.length_s, self.vehicle.effect_values().get("gusts"))
+        if gusts and names is None and "wind" in accepted.names and gusts.may_be(accepted.fitted.effects["wind"]):
+            accepted = without(accepted, "wind", self.length_s, switches)
         accepted = shot_fit(accepted, self.length_s, switches)
         last = self._last(accepted, first, told)
         if names is None and last is not first and self._borrowed(accepted, last):
@@ -154,6 +158,7 @@ class _Chain:
             *(from_open(accepted.found, accepted.board, last.left, told, accepted.names) if accepted.rivals else ()),
         ])  # fmt: skip
         proven = sorted((finding(accepted, name, by) for name, by in added.items()), key=lambda f: -f.size["share_of_weight"])
+        proven += [gusts.finding()] if gusts else []
         proven = [f for f in proven if names or matters(f.size["channel"], f.size["share_of_weight"])]
         findings = [*proven, *settled_findings(self.gate), *open_findings(accepted), *(moved.findings() if moved else ())]
         forms = hypotheses(system, last.left, told, [u.channel for u in remains if not u.of_size], BLOCK_S) if remains else {}
@@ -175,8 +180,8 @@ class _Chain:
             next_flight=moved.next_flight() if moved else _next_flight(accepted),
             data=self._data(system, off),
             calibration=calibration,
-            not_tested=_not_tested(system, self.train),
-            vehicle=self._fitted_vehicle(accepted, last.joint),
+            not_tested=_not_tested(system, self.train, after),
+            vehicle=self._fitted_vehicle(accepted, last.joint, gusts),
             details={"accepted": accepted, "cells": map_cells, "models": models, "held": self.held, **proof},
         )
 
@@ -232,7 +237,7 @@ class _Chain:
             "warnings": self.warnings,
         }
 
-    def _fitted_vehicle(self, accepted: Accepted, joint: Joint) -> Vehicle:
+    def _fitted_vehicle(self, accepted: Accepted, joint: Joint, gusts: Gusts | None) -> Vehicle:
         """The vehicle file with findings and corrected numbers; what belongs to a sensor or to one day's trim stays out."""
         numbers: dict[str, Any] = {}
         effects = {name: dict(values) for name, values in self.vehicle.effects.items()}
@@ -243,9 +248,12 @@ class _Chain:
             elif effect_table.get(name).kind != "sensor":
                 held = effects.setdefault(name, {})
                 start = held[parameter].value if parameter in held else effect_table.get(name).neutral()[parameter]
-                held[parameter] = Fitting(value=start + value, sd=joint.common_sd[key])
+                held[parameter] = Fitting(value=within_bounds(name, parameter, start + value), sd=joint.common_sd[key])
         for name in accepted.names:
             effects.setdefault(name, {}).update(_fittings(accepted, name))
+        if gusts:
+            told = gusts.finding().parameters
+            effects["gusts"] = {parameter: Fitting(value=e.value, ci95=e.ci95) for parameter, e in told.items()}
         return self.vehicle.model_copy(update={"effects": effects, **numbers})
 
 
@@ -258,12 +266,13 @@ def _something_open(accepted: Accepted) -> bool:
     return bool(accepted.rivals) or any(0.1 < p < 0.9 for p in accepted.found.inclusion.values())
 
 
-def _not_tested(system: System, flights) -> dict[str, str]:
+def _not_tested(system: System, flights, found: Model) -> dict[str, str]:
     """Candidates that these recordings cannot speak about, each with what they lack."""
     told = {}
-    searched = {c.variant.effect for c in system.columns if c.variant is not None}
+    searched = {c.variant.effect for c in system.columns if c.variant is not None} | {"time_offset", "gyro_bias", "wind"}
+    searched |= {"gusts"} if heard_by(found.effects) else set()
     for name, effect in effect_table.table().items():
-        if name in searched or effect.modifies or name in ("time_offset", "gyro_bias", "wind"):
+        if name in searched or effect.modifies:
             continue
         told[name] = lacking(name, flights, system.model) or NOT_SEARCHED.get(name, "these flights do not excite it")
     references = any(f.has("reference") for f in flights)

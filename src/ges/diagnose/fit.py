@@ -301,9 +301,14 @@ def calibrated(model: Model, common: Mapping[str, float]) -> Model:
             model = model.with_number(parameter, model.number(parameter) + value)
             continue
         held = more.get(effect) or {**effect_table.get(effect).neutral(), **model.effects.get(effect, {})}
-        p = next(q for q in effect_table.get(effect).parameters if q.name == parameter)
-        more[effect] = {**held, parameter: float(np.clip(held[parameter] + value, p.low, p.high))}
+        more[effect] = {**held, parameter: within_bounds(effect, parameter, held[parameter] + value)}
     return model.with_effects(more)
+
+
+def within_bounds(effect: str, parameter: str, value: float) -> float:
+    """The value, or the bound that it goes beyond: a vehicle flies no other."""
+    p = next(q for q in effect_table.get(effect).parameters if q.name == parameter)
+    return float(np.clip(value, p.low, p.high))
 
 
 def fitted_model(model: Model, fitted: Fitted) -> Model:

@@ -110,12 +110,15 @@ def _doubts(vehicle: Vehicle) -> dict[str, float]:
 
 
 def from_vehicle(vehicle: Vehicle, folder: Path | str = ".") -> Model:
-    """Read a vehicle file's content as a model; ``folder`` is where a height map lies."""
+    """Read a vehicle file's content as a model; ``folder`` is where a height map lies.
+
+    Gusts are left out: which of them blew, no file knows.
+    """
     known = {"inertia": vehicle.inertia_kg_m2, "torque": vehicle.torque_coefficient_Nm_s2,
              "motor": vehicle.motor_time_constant_s, "speed": vehicle.max_rotor_speed_rad_s}  # fmt: skip
     return Model(
         vehicle.parameters(),
-        vehicle.effect_values(),
+        {name: values for name, values in vehicle.effect_values().items() if name != "gusts"},
         vehicle.ground(folder),
         _doubts(vehicle),
         frozenset(name for name, given in known.items() if given is not None),

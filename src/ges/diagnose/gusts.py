@@ -1,0 +1,200 @@
+"""Gusts: a horizontal push through the drag that is on, slow as large eddies are, and foretold by nothing else.
+
+The search weighs what place, speed, time or command foretell, and gusts none of them does. So they are looked for in what the
+accepted effects leave: as the wind that would make it, window by window, less what a steady wind, its profile with height, an
+error of the drag's form and trims would leave. Noise averages out over seconds and gusts do not: means of :data:`STRETCH_S` are
+held against what the scatter of shorter means within them foretells. How strong the gusts are, the compiled effect says: it blows
+along the same flights and goes through the same means.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.special import fdtrc
+
+from .. import effects as effect_table
+from .candidates import Variant, acts_among, amplitude_of
+from .fit import Fitted, left_raw
+from .residual import FORCE, motion_of
+from .result import Estimate, Finding
+from .stated import stated
+from .system import Rows, System, build
+
+STRETCH_S, SHORT_S = 4.0, 0.5
+FEWEST = 12
+"""Stretches, in two axes each, from which a scatter is told."""
+LEAST_RATIO = 6.0
+"""Variance of means over what noise makes of it: development flights with drag come to 3.5, with gusts of 0.4 m/s to 12."""
+TRIM_RAD = 0.006
+SEEDS = 16
+CLEAR = 3.0
+TINY = 1e-12
+STRENGTH = "wind_20ft_m_s"
+
+
+@dataclasses.dataclass(frozen=True)
+class Gusts:
+    """Gusts that were found.
+
+    ``strength_m_s`` is the compiled effect's with its relative sd, ``mean_sd_m_s`` how far gusts so strong may leave the mean
+    wind of all flights from zero, ``push_N`` their rms force, ``chance`` that noise alone scatters so.
+    """
+
+    strength_m_s: float
+    relative_sd: float
+    mean_sd_m_s: float
+    push_N: float
+    weight_N: float
+    chance: float
+
+    def may_be(self, wind: Mapping[str, float]) -> bool:
+        """Whether a mean wind is no more than what gusts like these leave."""
+        return float(np.hypot(wind["east_m_s"], wind["north_m_s"])) < CLEAR * self.mean_sd_m_s
+
+    @property
+    def ci95(self) -> tuple[float, float]:
+        """95 % interval of the strength."""
+        factor = float(np.exp(1.96 * self.relative_sd))
+        return self.strength_m_s / factor, self.strength_m_s * factor
+
+    def finding(self) -> Finding:
+        """As the contract has it."""
+        effect, value = effect_table.get("gusts"), Estimate(self.strength_m_s, self.ci95, "m/s", "")
+        size = {"value": self.push_N, "unit": "N", "share_of_weight": self.push_N / self.weight_N, "channel": FORCE[0]}
+        return Finding("gusts", "physics", effect.title, stated(1.0 - self.chance), effect.equation, {STRENGTH: value}, size, ())
+
+
+@dataclasses.dataclass(frozen=True)
+class _Air:
+    """Windows of all flights that tell of horizontal forces, M in all: what wind would leave what is left, (M, 2) east and north,
+    what else looks like it, (M, 2, k), with the precision of each coefficient, (k,), and the windows of every stretch."""
+
+    wind: np.ndarray
+    known: np.ndarray
+    precision: np.ndarray
+    stretches: Sequence[np.ndarray]
+    short: int
+
+    def less_known(self, wind: np.ndarray) -> np.ndarray:
+        """Wind (M, 2) less what else explains it, each window counted as noisy as the wind that was found."""
+        x, variance = self.known.reshape(-1, self.known.shape[2]), max(float(np.var(self.wind)), TINY)
+        gram = x.T @ x + np.diag(variance * self.precision)
+        return wind - self.known @ np.linalg.lstsq(gram, x.T @ wind.ravel(), rcond=None)[0]
+
+    def means(self, left: np.ndarray) -> np.ndarray:
+        """Of every stretch, (s, 2)."""
+        return np.array([left[at].mean(axis=0) for at in self.stretches])
+
+    def noise(self, left: np.ndarray) -> float:
+        """Variance of such a mean as the scatter of shorter means within the stretches foretells it."""
+        shorter = [np.array([left[part].mean(axis=0) for part in np.array_split(at, max(2, len(at) // self.short))])
+                   for at in self.stretches]  # fmt: skip
+        return float(np.mean([m.var(axis=0, ddof=1) / len(m) for m in shorter]))
+
+
+def heard_by(effects: effect_table.Effects) -> bool:
+    """Whether something is on that moving air pushes."""
+    return acts_among("wind", effects)
+
+
+def gusts_of(fitted: Fitted | None, length_s: float, known: Mapping[str, float] | None = None) -> Gusts | None:
+    """Gusts beside the fitted effects; None where no drag is on, nothing scatters as they do, or no more than those that are
+    ``known`` (parameters of the effect)."""
+    if fitted is None or not heard_by(fitted.board.system.model.effects) or FORCE[1] not in fitted.board.system.names:
+        return None
+    winds, pushes = _winds(fitted, length_s)
+    air = _air(winds, fitted.board.system, pushes)
+    if len(air.stretches) < FEWEST:
+        return None
+    left = air.less_known(air.wind)
+    slow, noise = float(np.mean(air.means(left) ** 2)), air.noise(left)
+    count = 2 * len(air.stretches)
+    if slow < LEAST_RATIO * noise:
+        return None
+    chance = float(fdtrc(count, count * (STRETCH_S / SHORT_S - 1.0), slow / noise))
+    found = _measured(slow - noise, chance, air, np.concatenate(winds), np.concatenate(pushes), fitted.board.system)
+    expected = 0.0 if known is None else {**effect_table.get("gusts").defaults(), **known}[STRENGTH]
+    return found if found.ci95[0] > expected else None
+
+
+def _winds(fitted: Fitted, length_s: float) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """By flight what is left as wind, (m, 2), NaN where not told, and the push of a unit wind, (m, 2, 2): channel by axis."""
+    system = fitted.board.system
+    east_and_north = Variant("wind", {}, (amplitude_of("wind", "east_m_s"), amplitude_of("wind", "north_m_s")))
+    blown = build([r.flight for r in system.flights], system.model, [east_and_north], length_s, like=system)
+    columns = [k for k, c in enumerate(blown.columns) if c.variant is not None and c.part != "moment"]
+    at, winds, pushes = [blown.names.index(name) for name in FORCE[:2]], [], []
+    for rows, left in zip(blown.flights, left_raw(system, fitted.joint), strict=True):
+        push = np.stack([rows.x.of(c, columns) for c in at], axis=1)
+        winds.append(np.linalg.solve(_firm(push), left[:, at, None])[:, :, 0])
+        pushes.append(push)
+    return winds, pushes
+
+
+def _firm(push: np.ndarray) -> np.ndarray:
+    """Pushes (m, 2, 2) that can be inverted, though the vehicle stands on edge."""
+    return push + TINY * np.abs(push).max() * np.eye(2)
+
+
+def _air(winds: Sequence[np.ndarray], system: System, pushes: Sequence[np.ndarray]) -> _Air:
+    told = [np.isfinite(w).all(axis=1) for w in winds]
+    trim_N = TRIM_RAD * system.model.weight_N
+    known = [_known(r, push, i, len(winds)) for i, (r, push) in enumerate(zip(system.flights, pushes, strict=True))]
+    precision = np.r_[np.zeros(6), np.full(2 * len(winds), trim_N**-2)]
+    first = np.cumsum([0, *(t.sum() for t in told)])
+    stretches = [k + part for k, rows, t in zip(first, system.flights, told, strict=False) for part in _stretches(rows, t)]
+    spacing_s = 0.5 * system.flights[0].windows.length_s
+    everywhere = np.concatenate(told)
+    return _Air(np.concatenate(winds)[everywhere], np.concatenate(known)[everywhere], precision, stretches,
+                max(1, round(SHORT_S / spacing_s)))  # fmt: skip
+
+
+def _known(rows: Rows, push: np.ndarray, number: int, flights: int) -> np.ndarray:
+    """Of one flight, (m, 2, 6 + 2 flights): a steady wind, its profile with height, an error of the drag's form, and a trim of
+    this flight, which is a force that turns with the body."""
+    at, flight = rows.windows.center, rows.flight
+    v = flight.stack("velocity")[at, :2]
+    height = np.log(np.maximum(flight.columns["p_z_m"][at], 0.05)) if "p_z_m" in flight.columns else np.zeros(len(at))
+    axes = np.broadcast_to(np.eye(2), (len(at), 2, 2))
+    trims = np.zeros((len(at), 2, 2 * flights))
+    trims[:, :, 2 * number : 2 * number + 2] = np.linalg.inv(_firm(push))
+    faster = np.linalg.norm(v, axis=1, keepdims=True) * v
+    return np.concatenate([axes, height[:, None, None] * axes, v[:, :, None], faster[:, :, None], trims], axis=2)
+
+
+def _stretches(rows: Rows, told: np.ndarray) -> list[np.ndarray]:
+    """Windows of every stretch of one flight, numbered among those that are told; none shorter than half of one."""
+    at = np.flatnonzero(told)
+    if not len(at):
+        return []
+    number = ((rows.windows.center_s[at] - rows.windows.center_s[at[0]]) // STRETCH_S).astype(int)
+    whole = 2.0 * STRETCH_S / rows.windows.length_s
+    parts = [np.flatnonzero(number == k) for k in np.unique(number)]
+    return [part for part in parts if len(part) >= 0.5 * whole]
+
+
+def _measured(excess: float, chance: float, air: _Air, wind: np.ndarray, push: np.ndarray, system: System) -> Gusts:
+    """The strength at which the compiled gusts make as much excess variance of the means, along the same flights.
+
+    Parameters
+    ----------
+    wind, push : (n, 2) and (n, 2, 2) of all windows, those that tell nothing included.
+    """
+    told = np.isfinite(wind).all(axis=1)
+    by_flight = [_blown(rows, system, i) for i, rows in enumerate(system.flights)]
+    blown = [np.concatenate(draw)[told] for draw in zip(*by_flight, strict=True)]
+    made = np.array([np.mean(air.means(air.less_known(wind)) ** 2) for wind in blown])
+    strength, spread = float(np.sqrt(excess / made.mean())), float(np.std([wind.mean(axis=0) for wind in blown]))
+    force_N = float(np.sqrt(excess * (push[told] ** 2).sum(axis=2).mean()))
+    return Gusts(strength, 0.5 * float(made.std() / made.mean()), strength * spread, force_N, system.model.weight_N, chance)
+
+
+def _blown(rows: Rows, system: System, number: int) -> list[np.ndarray]:
+    """Winds (m, 2) of the compiled gusts of unit strength along one flight, by draw."""
+    samples = effect_table.Samples.from_columns(motion_of(rows.flight, system.model, {}).columns)
+    sets = [{"gusts": {STRENGTH: 1.0, "seed": float(SEEDS * number + k)}} for k in range(SEEDS)]
+    said = effect_table.replay_each(system.model.parameters, samples, sets, system.model.terrain)
+    return [rows.windows.mean @ r.stack("wind_x_m_s", "wind_y_m_s") for r in said]
