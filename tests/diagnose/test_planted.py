@@ -9,7 +9,7 @@ import pytest
 
 import ges
 from ges import manoeuvres
-from ges.vehicle import GroundFile
+from ges.vehicle import Estimate, GroundFile
 
 POSE = ("t_s", "p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s")
 ACC = ("acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2")
@@ -181,6 +181,14 @@ def test_gusts_are_told_with_their_strength_and_not_as_a_steady_wind(strength_m_
 def test_a_wind_that_gusts_do_not_make_stands_beside_them(gusty, vehicle):
     found = ges.diagnose(gusty(4.0, 3.0, 1.5), vehicle, holdout=["flight5"])
     assert {f.name for f in found.findings} == {"rotor_drag", "wind", "gusts"}, found.sentence
+
+
+def test_gusts_are_found_where_the_drag_is_known_and_one_flight_tells_of_no_forces(gusty, vehicle):
+    dragged = vehicle.model_copy(update={"effects": {"rotor_drag": {"k_kg": Estimate(value=DRAG["rotor_drag"]["k_kg"])}}})
+    flights = gusty(8.0)
+    silent = flights[1].drop(columns=["v_x_m_s", "v_y_m_s", "v_z_m_s"])
+    found = ges.diagnose([silent, *flights], dragged, holdout=["flight6"])
+    assert [f.name for f in found.findings] == ["gusts"], found.sentence
 
 
 def test_gusts_are_not_looked_for_where_nothing_carries_them(flown, vehicle):

@@ -67,7 +67,12 @@ def test_the_strength_of_the_instruments_is_told_where_references_are_logged(con
 
 
 @pytest.mark.parametrize(
-    ("after", "said"), [(0.995, "hardly show it"), (0.6, "1.50 N as given, 1.00 recalibrated and 0.600 with it")]
+    ("after", "said"),
+    [
+        (0.995, "hardly show it"),
+        (0.6, "1.50 N as given, 1.00 recalibrated and 0.600 with it"),
+        (1.3, "no error falls by 2 %, and that"),
+    ],
 )
 def test_the_sentence_says_what_flights_that_took_no_part_show(after, said):
     fit = {"channels": {"force_z_N": {"before": 1.5, "recalibrated": 1.0, "after": after}}}

@@ -26,7 +26,7 @@ from .evidence import Board
 from .findings import contributions, finding, open_findings, settled_findings
 from .fit import Joint, calibrated, fitted_model, left_raw, null_fit, strain_without, within_bounds
 from .gate import Gate, at_flown_voltage, pass_gate
-from .gusts import Gusts, gusts_of, heard_by
+from .gusts import PUSHED, Gusts, gusts_of, heard_by
 from .hearing import lacking, silent_channels, unheard
 from .hypothesis import Form, hypotheses
 from .instruments import MOVED
@@ -140,16 +140,18 @@ class _Chain:
         accepted = accept(board, self.length_s, switches, names)
         if names is None:
             accepted = self._unstrained(accepted, joint, switches)
-        gusts = gusts_of(accepted.fitted, self.length_s, self.vehicle.effect_values().get("gusts"))
+        known = (accepted.fitted.board.system, accepted.fitted.joint) if accepted.fitted else (system, joint)
+        gusts = gusts_of(*known, self.length_s, self.vehicle.effect_values().get("gusts"))
         if gusts and names is None and "wind" in accepted.names and gusts.may_be(accepted.fitted.effects["wind"]):
             accepted = without(accepted, "wind", self.length_s, switches)
         accepted = shot_fit(accepted, self.length_s, switches)
         last = self._last(accepted, first, told)
-        if names is None and last is not first and self._borrowed(accepted, last):
-            accepted, last = withdrawn(accepted), first
+        foretold = [s for s in last.structures if not gusts or s.channel not in PUSHED]
+        if names is None and last is not first and not accepted.rivals and borrowed(foretold, self.model):
+            accepted, last, foretold, gusts = withdrawn(accepted), first, first.structures, None
         moved = None if accepted.names else shift_of(system)
         accepted = dataclasses.replace(accepted, rivals=()) if moved else accepted
-        remains = left_over(last.structures, last.model)
+        remains = left_over(foretold, last.model)
         accepted = without_old_news(accepted) if self.model.left_unexplained and not remains else accepted
         added, after = contributions(accepted), last.model
         located = strongest([
@@ -191,9 +193,6 @@ class _Chain:
             worst = min(accepted.names, key=lambda name: strain_without(accepted.fitted, name))
             accepted = without(accepted, worst, self.length_s, switches)
         return accepted
-
-    def _borrowed(self, accepted: Accepted, last: _Stage) -> bool:
-        return not accepted.rivals and borrowed(last.structures, self.model)
 
     def _last(self, accepted: Accepted, first: _Stage, told: Told) -> _Stage:
         """With the accepted effects and the nuisances set anew."""

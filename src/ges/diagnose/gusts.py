@@ -17,7 +17,8 @@ from scipy.special import fdtrc
 
 from .. import effects as effect_table
 from .candidates import Variant, acts_among, amplitude_of
-from .fit import Fitted, left_raw
+from .fit import Joint, left_raw
+from .model import Model
 from .residual import FORCE, motion_of
 from .result import Estimate, Finding
 from .stated import stated
@@ -33,6 +34,8 @@ SEEDS = 16
 CLEAR = 3.0
 TINY = 1e-12
 STRENGTH = "wind_20ft_m_s"
+PUSHED = frozenset({"force_x", "force_y", "acc_x", "acc_y"})
+"""Channels in which what slow gusts did in one flight may look foretold by its time or place."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,101 +103,101 @@ def heard_by(effects: effect_table.Effects) -> bool:
     return acts_among("wind", effects)
 
 
-def gusts_of(fitted: Fitted | None, length_s: float, known: Mapping[str, float] | None = None) -> Gusts | None:
-    """Gusts beside the fitted effects; None where no drag is on, nothing scatters as they do, or no more than those that are
-    ``known`` (parameters of the effect)."""
-    if fitted is None or not heard_by(fitted.board.system.model.effects) or FORCE[1] not in fitted.board.system.names:
+def gusts_of(system: System, joint: Joint, length_s: float, known: Mapping[str, float] | None = None) -> Gusts | None:
+    """Gusts in what a fit leaves; None where no drag is on, nothing scatters as they do, or no more than those that are ``known``
+    (parameters of the effect)."""
+    if not heard_by(system.model.effects) or not {*FORCE} <= {*system.names}:
         return None
-    winds, pushes = _winds(fitted, length_s)
-    air = _air(winds, fitted.board.system, pushes)
+    told = _told(system, joint, length_s)
+    air = _air(told, system.model)
     if len(air.stretches) < FEWEST:
         return None
     left = air.less_known(air.wind)
     slow, noise = float(np.mean(air.means(left) ** 2)), air.noise(left)
-    count = 2 * len(air.stretches)
     if slow < LEAST_RATIO * noise:
         return None
+    count = 2 * len(air.stretches)
     chance = float(fdtrc(count, count * (STRETCH_S / SHORT_S - 1.0), slow / noise))
-    found = _measured(slow - noise, chance, air, np.concatenate(winds), np.concatenate(pushes), fitted.board.system)
+    found = _measured(slow - noise, chance, air, told, system.model)
     expected = 0.0 if known is None else {**effect_table.get("gusts").defaults(), **known}[STRENGTH]
     return found if found.ci95[0] > expected else None
 
 
-def _winds(fitted: Fitted, length_s: float) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """By flight what is left as wind, (m, 2), NaN where not told, and the push of a unit wind, (m, 2, 2): channel by axis."""
-    system = fitted.board.system
+@dataclasses.dataclass(frozen=True)
+class _Told:
+    """One flight: its windows ``at`` (m,) that tell of horizontal forces, what is left there as wind, (m, 2) east and north, and
+    the push of a unit wind, (m, 2, 2) channel by axis."""
+
+    rows: Rows
+    at: np.ndarray
+    wind: np.ndarray
+    push: np.ndarray
+
+
+def _told(system: System, joint: Joint, length_s: float) -> list[_Told]:
+    """Of the flights that tell anything."""
     east_and_north = Variant("wind", {}, (amplitude_of("wind", "east_m_s"), amplitude_of("wind", "north_m_s")))
     blown = build([r.flight for r in system.flights], system.model, [east_and_north], length_s, like=system)
     columns = [k for k, c in enumerate(blown.columns) if c.variant is not None and c.part != "moment"]
-    at, winds, pushes = [blown.names.index(name) for name in FORCE[:2]], [], []
-    for rows, left in zip(blown.flights, left_raw(system, fitted.joint), strict=True):
-        push = np.stack([rows.x.of(c, columns) for c in at], axis=1)
-        winds.append(np.linalg.solve(_firm(push), left[:, at, None])[:, :, 0])
-        pushes.append(push)
-    return winds, pushes
+    channels, told = [blown.names.index(name) for name in FORCE[:2]], []
+    for rows, left in zip(blown.flights, left_raw(system, joint), strict=True):
+        push = np.stack([rows.x.of(c, columns) for c in channels], axis=1)
+        push += TINY * np.abs(push).max() * np.eye(2)  # can be inverted where the vehicle stands on edge
+        at = np.flatnonzero(np.isfinite(left[:, channels]).all(axis=1))
+        if push.any() and len(at):
+            wind = np.linalg.solve(push[at], left[np.ix_(at, channels)][:, :, None])[:, :, 0]
+            told.append(_Told(rows, at, wind, push[at]))
+    return told
 
 
-def _firm(push: np.ndarray) -> np.ndarray:
-    """Pushes (m, 2, 2) that can be inverted, though the vehicle stands on edge."""
-    return push + TINY * np.abs(push).max() * np.eye(2)
+def _air(told: Sequence[_Told], model: Model) -> _Air:
+    if not told:
+        return _Air(np.zeros((0, 2)), np.zeros((0, 2, 6)), np.zeros(6), (), 1)
+    first = np.cumsum([0, *(len(t.at) for t in told)])
+    trim_N = TRIM_RAD * model.weight_N
+    return _Air(
+        np.concatenate([t.wind for t in told]),
+        np.concatenate([_known(t, i, len(told)) for i, t in enumerate(told)]),
+        np.r_[np.zeros(6), np.full(2 * len(told), trim_N**-2)],
+        [k + part for k, t in zip(first, told, strict=False) for part in _stretches(t)],
+        max(1, round(SHORT_S / (0.5 * told[0].rows.windows.length_s))),
+    )
 
 
-def _air(winds: Sequence[np.ndarray], system: System, pushes: Sequence[np.ndarray]) -> _Air:
-    told = [np.isfinite(w).all(axis=1) for w in winds]
-    trim_N = TRIM_RAD * system.model.weight_N
-    known = [_known(r, push, i, len(winds)) for i, (r, push) in enumerate(zip(system.flights, pushes, strict=True))]
-    precision = np.r_[np.zeros(6), np.full(2 * len(winds), trim_N**-2)]
-    first = np.cumsum([0, *(t.sum() for t in told)])
-    stretches = [k + part for k, rows, t in zip(first, system.flights, told, strict=False) for part in _stretches(rows, t)]
-    spacing_s = 0.5 * system.flights[0].windows.length_s
-    everywhere = np.concatenate(told)
-    return _Air(np.concatenate(winds)[everywhere], np.concatenate(known)[everywhere], precision, stretches,
-                max(1, round(SHORT_S / spacing_s)))  # fmt: skip
-
-
-def _known(rows: Rows, push: np.ndarray, number: int, flights: int) -> np.ndarray:
+def _known(told: _Told, number: int, flights: int) -> np.ndarray:
     """Of one flight, (m, 2, 6 + 2 flights): a steady wind, its profile with height, an error of the drag's form, and a trim of
     this flight, which is a force that turns with the body."""
-    at, flight = rows.windows.center, rows.flight
+    at, flight = told.rows.windows.center[told.at], told.rows.flight
     v = flight.stack("velocity")[at, :2]
     height = np.log(np.maximum(flight.columns["p_z_m"][at], 0.05)) if "p_z_m" in flight.columns else np.zeros(len(at))
     axes = np.broadcast_to(np.eye(2), (len(at), 2, 2))
     trims = np.zeros((len(at), 2, 2 * flights))
-    trims[:, :, 2 * number : 2 * number + 2] = np.linalg.inv(_firm(push))
+    trims[:, :, 2 * number : 2 * number + 2] = np.linalg.inv(told.push)
     faster = np.linalg.norm(v, axis=1, keepdims=True) * v
     return np.concatenate([axes, height[:, None, None] * axes, v[:, :, None], faster[:, :, None], trims], axis=2)
 
 
-def _stretches(rows: Rows, told: np.ndarray) -> list[np.ndarray]:
+def _stretches(told: _Told) -> list[np.ndarray]:
     """Windows of every stretch of one flight, numbered among those that are told; none shorter than half of one."""
-    at = np.flatnonzero(told)
-    if not len(at):
-        return []
-    number = ((rows.windows.center_s[at] - rows.windows.center_s[at[0]]) // STRETCH_S).astype(int)
-    whole = 2.0 * STRETCH_S / rows.windows.length_s
+    windows = told.rows.windows
+    number = ((windows.center_s[told.at] - windows.center_s[told.at[0]]) // STRETCH_S).astype(int)
     parts = [np.flatnonzero(number == k) for k in np.unique(number)]
-    return [part for part in parts if len(part) >= 0.5 * whole]
+    return [part for part in parts if len(part) >= STRETCH_S / windows.length_s]
 
 
-def _measured(excess: float, chance: float, air: _Air, wind: np.ndarray, push: np.ndarray, system: System) -> Gusts:
-    """The strength at which the compiled gusts make as much excess variance of the means, along the same flights.
-
-    Parameters
-    ----------
-    wind, push : (n, 2) and (n, 2, 2) of all windows, those that tell nothing included.
-    """
-    told = np.isfinite(wind).all(axis=1)
-    by_flight = [_blown(rows, system, i) for i, rows in enumerate(system.flights)]
-    blown = [np.concatenate(draw)[told] for draw in zip(*by_flight, strict=True)]
+def _measured(excess: float, chance: float, air: _Air, told: Sequence[_Told], model: Model) -> Gusts:
+    """The strength at which the compiled gusts make as much excess variance of the means, along the same flights."""
+    blown = [np.concatenate(draw) for draw in zip(*(_blown(t, model, i) for i, t in enumerate(told)), strict=True)]
     made = np.array([np.mean(air.means(air.less_known(wind)) ** 2) for wind in blown])
     strength, spread = float(np.sqrt(excess / made.mean())), float(np.std([wind.mean(axis=0) for wind in blown]))
-    force_N = float(np.sqrt(excess * (push[told] ** 2).sum(axis=2).mean()))
-    return Gusts(strength, 0.5 * float(made.std() / made.mean()), strength * spread, force_N, system.model.weight_N, chance)
+    push_2 = np.concatenate([(t.push**2).sum(axis=2) for t in told]).mean()
+    return Gusts(strength, 0.5 * float(made.std() / made.mean()), strength * spread, float(np.sqrt(excess * push_2)),
+                 model.weight_N, chance)  # fmt: skip
 
 
-def _blown(rows: Rows, system: System, number: int) -> list[np.ndarray]:
+def _blown(told: _Told, model: Model, number: int) -> list[np.ndarray]:
     """Winds (m, 2) of the compiled gusts of unit strength along one flight, by draw."""
-    samples = effect_table.Samples.from_columns(motion_of(rows.flight, system.model, {}).columns)
+    samples = effect_table.Samples.from_columns(motion_of(told.rows.flight, model, {}).columns)
     sets = [{"gusts": {STRENGTH: 1.0, "seed": float(SEEDS * number + k)}} for k in range(SEEDS)]
-    said = effect_table.replay_each(system.model.parameters, samples, sets, system.model.terrain)
-    return [rows.windows.mean @ r.stack("wind_x_m_s", "wind_y_m_s") for r in said]
+    said = effect_table.replay_each(model.parameters, samples, sets, model.terrain)
+    return [(told.rows.windows.mean @ r.stack("wind_x_m_s", "wind_y_m_s"))[told.at] for r in said]

@@ -37,7 +37,8 @@ def _finding_words(f: Finding) -> str:
 
 
 def _gain(fit: Mapping) -> str:
-    """The channel that gains most on flights never seen, against recalibration alone; or that they hardly show the findings."""
+    """The channel that gains most on flights never seen, against recalibration alone; or that they hardly show the findings, or
+    none of them does, and which loses most."""
     gains = {
         name: 1.0 - told["after"] / told["recalibrated"] for name, told in fit.get("channels", {}).items() if told["recalibrated"]
     }
@@ -45,7 +46,10 @@ def _gain(fit: Mapping) -> str:
         return ""
     if max(map(abs, gains.values())) < LEAST_GAIN:
         return f" The flights that took no part hardly show it: none of their errors changes by {100.0 * LEAST_GAIN:.0f} %."
-    name = max(gains, key=gains.get)
+    name, worst = max(gains, key=gains.get), min(gains, key=gains.get)
+    if gains[name] < LEAST_GAIN:
+        return (f" On flights that took no part no error falls by {100.0 * LEAST_GAIN:.0f} %, and that of the"
+                f" {channel_words(worst)} rises by {-100.0 * gains[worst]:.0f} %.")  # fmt: skip
     told = fit["channels"][name]
     before, recalibrated, after = (number_words(told[stage], 3) for stage in ("before", "recalibrated", "after"))
     return (
