@@ -140,3 +140,20 @@ def test_a_velocity_that_is_off_leads_no_position_away(whole, model):
     true, led = (pass_gate([f, f], model).flights[0] for f in (whole, off))
     error = (led.columns["p_x_m"] - true.columns["p_x_m"])[true.flying]
     assert np.abs(error).max() < 0.01
+
+
+@pytest.mark.parametrize(("late_s", "settled"), [(0.002, False), (0.014, True)])
+def test_noise_that_draws_a_delay_to_half_a_sample_settles_nothing(late_s, settled, flown, sheet, with_rates, model):
+    """At 80 Hz, where half a sample is 6 ms: the noisy correlation of what is 2 ms late peaks there."""
+    flight = flown(sheet(), {}, manoeuvres.make("straight_runs", 30.0), 1, with_rates)
+    t = np.arange(0.0, 30.0, 0.0125)
+    slow = pd.DataFrame({name: np.interp(t, flight["t_s"], flight[name]) for name in flight})
+
+    def noisy(seed: int) -> pd.DataFrame:
+        rng = np.random.default_rng(seed)
+        turned = {n: np.interp(t - late_s, t, slow[n]) + rng.normal(0.0, 0.02, len(t)) for n in ("q_x", "q_y", "q_z")}
+        return slow.assign(**turned, **{n: slow[n] + rng.normal(0.0, 0.2, len(t)) for n in RATES})
+
+    pose = pass_gate([noisy(seed) for seed in range(4)], model).pose
+    assert bool(pose) == settled
+    assert not settled or pose.delay_s == pytest.approx(late_s, abs=0.006)

@@ -18,6 +18,8 @@ from .model import Model
 
 SURE = 4.0
 LEAST_DELAY_S = 0.006
+LEAST_OF_SAMPLE = 0.6
+"""Noise draws the peak of a correlation to half a sample, as interpolation between samples smooths it."""
 LEAST_DRIFT_S = 0.02
 LEAST_GYRO_RAD_S = 0.01
 LEAST_FLYING_S = 3.0
@@ -183,8 +185,9 @@ def pass_gate(frames: Sequence[pd.DataFrame], model: Model, names: Sequence[str]
 
 def _pose_settled(flights: list[Prepared | None]) -> tuple[Delay | None, list[Prepared | None]]:
     """A clear delay of the pose, and the flights without it."""
-    pose = pose_delay([f for f in flights if f])
-    if not pose or abs(pose.delay_s) <= max(SURE * pose.sd_s, LEAST_DELAY_S):
+    used = [f for f in flights if f]
+    pose, least_s = pose_delay(used), max(LEAST_DELAY_S, LEAST_OF_SAMPLE * max(f.dt_s for f in used))
+    if not pose or abs(pose.delay_s) <= max(SURE * pose.sd_s, least_s):
         return None, flights
     return pose, [f and shifted(f, pose.stream, pose.delay_s) for f in flights]
 
