@@ -174,10 +174,17 @@ static int n_steps(const double *p) { return (int)floor(p[P_duration_s] / p[P_dt
 
 int ges_rows(const double *p) { return n_steps(p) / (int)p[P_record_every] + 1; }
 
-static plan_t plan_of(const ges_flight *f) {
+/* What sets of effects share that are replayed together; all of a plan that a replay reads. */
+static plan_t replay_plan(const ges_effects *e) {
   plan_t plan;
-  const double *p = f->parameters;
   memset(&plan, 0, sizeof plan);
+  set_effects(&plan, e);
+  return plan;
+}
+
+static plan_t plan_of(const ges_flight *f) {
+  plan_t plan = replay_plan(&f->effects);
+  const double *p = f->parameters;
   plan.n_steps = n_steps(p);
   plan.control_every = (int)p[P_control_every];
   plan.telemetry_every = (int)p[P_telemetry_every];
@@ -185,7 +192,6 @@ static plan_t plan_of(const ges_flight *f) {
   plan.integrator = (int)p[P_integrator];
   plan.control = (int)p[P_control];
   plan.attitude_imposed = (int)p[P_attitude_imposed];
-  set_effects(&plan, &f->effects);
   return plan;
 }
 
@@ -260,13 +266,6 @@ int ges_fly(ges_flight *flights, int n, const int *columns, int n_columns, int l
   return good;
 }
 
-static plan_t replay_plan(const ges_effects *e) {
-  plan_t plan;
-  memset(&plan, 0, sizeof plan);
-  set_effects(&plan, e);
-  return plan;
-}
-
 static int has_states(const plan_t *plan) {
   for (int j = 0; j < plan->n_effects; j++)
     if (effects_known[plan->effect[j]]->n_states > 0) return 1;
@@ -274,14 +273,12 @@ static int has_states(const plan_t *plan) {
 }
 
 /* How many of the sets from the first on go together: those that share its plan, at most `most`. */
-static int alike(const ges_effects *sets, int n, int most) {
-  plan_t plan = replay_plan(sets), other;
-  int m = 1;
-  for (; m < n && m < most; m++) {
-    other = replay_plan(&sets[m]);
-    if (memcmp(&plan, &other, sizeof plan)) break;
+static int alike(const plan_t *plan, const ges_effects *sets, int n, int most) {
+  for (int m = 1; m < n && m < most; m++) {
+    plan_t other = replay_plan(&sets[m]);
+    if (memcmp(plan, &other, sizeof other)) return m;
   }
-  return m;
+  return n < most ? n : most;
 }
 
 int ges_replay(const double *parameters, const ges_effects *sets, int n_sets, const ges_grid *grid, const double *in, int64_t n,
@@ -297,12 +294,13 @@ int ges_replay(const double *parameters, const ges_effects *sets, int n_sets, co
     const ges_effects *together[8];
     double *to[8];
     plan_t plan = replay_plan(&sets[i]);
-    m = has_states(&plan) ? alike(&sets[i], n_sets - i, kernel->lanes) : 1;
+    int in_order = has_states(&plan);
+    m = in_order ? alike(&plan, &sets[i], n_sets - i, kernel->lanes) : 1;
     for (int k = 0; k < m; k++) {
       together[k] = &sets[i + k];
       to[k] = out + (int64_t)(i + k) * N_REPLAY_OUT * n;
     }
-    const kernel_t *fit = lanes == 0 && m == 1 && has_states(&plan) ? &kernel_w1 : kernel;
+    const kernel_t *fit = lanes == 0 && in_order && m == 1 ? &kernel_w1 : kernel;
     fit->replay(parameters, &plan, together, to, m, &terrain, in, n);
   }
   terrain_free(&terrain);

@@ -22,7 +22,7 @@ from . import effects as effect_table
 from .diagnose.align import Prepared, attitude_measured
 from .diagnose.balance import CHANNELS, LOSSES, centred, mean_variance, windows_per_block
 from .diagnose.evidence import Gram
-from .diagnose.fit import calibrated, left_raw, null_fit
+from .diagnose.fit import calibrated, left_raw, null_fit, within_bounds
 from .diagnose.gate import at_flown_voltage, pass_gate
 from .diagnose.locate import BLOCK_S, regimes_of
 from .diagnose.model import SPEED, Model, from_vehicle
@@ -210,10 +210,8 @@ def _within(key: str, value: float, model: Model) -> float:
     if key == SPEED:
         return value
     name, parameter = key.split(".")
-    known = effect_table.get(name)
-    start = model.effects.get(name, {}).get(parameter, known.neutral()[parameter])
-    low, high = next((p.low, p.high) for p in known.parameters if p.name == parameter)
-    return float(np.clip(start + value, low, high)) - start
+    start = model.effects.get(name, {}).get(parameter, effect_table.get(name).neutral()[parameter])
+    return within_bounds(name, parameter, start + value) - start
 
 
 def _fit(flights: Sequence[Prepared], model: Model) -> tuple[dict[str, Number], float]:

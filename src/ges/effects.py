@@ -61,6 +61,10 @@ class Effect:
         """Whether its force depends on where the vehicle has been, and not on where it is alone."""
         return self.n_states > 0 and self.kind == "wrench"
 
+    def parameter(self, name: str) -> Parameter:
+        """One parameter by name."""
+        return next(p for p in self.parameters if p.name == name)
+
     def defaults(self) -> dict[str, float]:
         """Typical parameters, at which the effect is switched on by name alone."""
         return {p.name: p.default for p in self.parameters}

@@ -158,7 +158,7 @@ def kind_of(name: str) -> str:
 
 def amplitude_of(effect: str, name: str) -> Amplitude:
     """A parameter as a coefficient: a small step of its usual size, its bounds, and neutral at zero where it states none."""
-    p = next(p for p in effect_table.get(effect).parameters if p.name == name)
+    p = effect_table.get(effect).parameter(name)
     neutral = 0.0 if math.isnan(p.neutral) else p.neutral
     siblings = [q for q in effect_table.get(effect).parameters if q.unit == p.unit and not math.isnan(q.neutral)]
     typical = p.default - neutral or max((abs(q.default - q.neutral) for q in siblings), default=0.0) or 0.1 * (p.high - p.low)

@@ -104,18 +104,20 @@ def smallest_detectable(board: Board, given: Sequence[str] = (), odds: float = 9
     by effect: ``parameter``, ``smallest`` (None where it never would), ``unit``, ``shape`` (the fixed parameters), and
     ``limited_by``, the rival that is hardest to tell from it ('' when it is noise).
     """
-    pooled, told = board.pooled(), {}
+    pooled, least, told = board.pooled(), _least_told(board), {}
     for name in given:
-        told |= _beside(board, pooled, {*given} - {name}, {name}, odds)
-    return told | _beside(board, pooled, {*given}, None, odds)
+        told |= _beside(board, pooled, least, {*given} - {name}, {name}, odds)
+    return told | _beside(board, pooled, least, {*given}, None, odds)
 
 
-def _beside(board: Board, pooled: Gram, given: Collection[str], asked: Collection[str] | None, odds: float) -> dict[str, dict]:
-    """Smallest sizes of the ``asked`` effects (of all where None), those ``given`` being free and no rivals."""
+def _beside(board: Board, pooled: Gram, least_told: tuple[np.ndarray, np.ndarray], given: Collection[str],
+            asked: Collection[str] | None, odds: float) -> dict[str, dict]:  # fmt: skip
+    """Smallest sizes of the ``asked`` effects (of all where None), those ``given`` being free and no rivals; ``least_told`` of
+    :func:`_least_told`."""
     free = np.array([k for k, c in enumerate(board.system.columns)
                      if c.variant is not None and c.variant.effect in given and board.prior.sd[k] > 0], dtype=int)  # fmt: skip
     gram = pooled.without(free, 10.0 * board.prior.sd[free])
-    shapes, (least, drive_alone) = _shapes(board, gram, given), _least_told(board)
+    shapes, (least, drive_alone) = _shapes(board, gram, given), least_told
     told: dict[str, list[tuple[float, dict[str, Any]]]] = {}
     for shape in (s for s in shapes if asked is None or s.name in asked):
         for k in (k for k in shape.columns if board.system.columns[k].part != "moment"):
@@ -140,7 +142,7 @@ def _entry(board: Board, k: int, size: float, hidden: str) -> tuple[float, dict[
     if variant.effect in CLIPPING:
         size = abs(amplitude.level) if size <= abs(amplitude.level) else np.inf
     seen = np.isfinite(size) and size <= room
-    unit = next(p.unit for p in effect_table.get(variant.effect).parameters if p.name == amplitude.parameter)
+    unit = effect_table.get(variant.effect).parameter(amplitude.parameter).unit
     entry = {"parameter": amplitude.parameter, "smallest": size if seen else None, "unit": unit, "shape": dict(variant.shape),
              "limited_by": hidden}  # fmt: skip
     return (size / abs(amplitude.step) if seen else np.inf), entry

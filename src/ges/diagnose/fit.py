@@ -307,7 +307,7 @@ def calibrated(model: Model, common: Mapping[str, float]) -> Model:
 
 def within_bounds(effect: str, parameter: str, value: float) -> float:
     """The value, or the bound that it goes beyond: a vehicle flies no other."""
-    p = next(q for q in effect_table.get(effect).parameters if q.name == parameter)
+    p = effect_table.get(effect).parameter(parameter)
     return float(np.clip(value, p.low, p.high))
 
 

@@ -78,7 +78,7 @@ def _unit(key: str) -> str:
     effect, parameter = key.split(".")
     if effect == "vehicle":
         return "rad/s"
-    return next(p.unit for p in effect_table.get(effect).parameters if p.name == parameter)
+    return effect_table.get(effect).parameter(parameter).unit
 
 
 def _residual_picture(place: Mapping[str, Any], details: Mapping[str, Any]):

@@ -88,9 +88,9 @@ def _shares(board: Board, h: Hypothesis, names: set[str]) -> dict[str, float]:
     channel; an accelerometer shows forces."""
     system, added = board.system, acts_of(h.posterior, names, board.system)
     with np.errstate(invalid="ignore"):
-        rms = np.sqrt(np.nanmean(np.where(np.isfinite(added).any(axis=0), added, 0.0) ** 2, axis=0))
+        share = np.sqrt(np.nanmean(np.where(np.isfinite(added).any(axis=0), added, 0.0) ** 2, axis=0)) / least_sizes(system)
     blocks = np.array(["force" if block_of(n) == "acc" else block_of(n) for n in system.main])
-    return {block: float(np.max((rms / least_sizes(system))[blocks == block])) for block in dict.fromkeys(blocks)}
+    return {block: float(np.max(share[blocks == block])) for block in dict.fromkeys(blocks)}
 
 
 def replaced_by(found: Search, name: str) -> tuple[str, ...]:

@@ -249,8 +249,7 @@ def _stepped(model: Model, effect: str, values: Mapping[str, float], parameter: 
 
 def _inward(effect: str, parameter: str, value: float, step: float) -> float:
     """The step, turned round where it would leave the effect's bounds."""
-    high = next(p.high for p in effect_table.get(effect).parameters if p.name == parameter)
-    return -step if value + step > high else step
+    return -step if value + step > effect_table.get(effect).parameter(parameter).high else step
 
 
 def _reference(model: Model, column: Column) -> dict:
@@ -326,14 +325,14 @@ def _added(model: Model, columns: Iterable[Column]) -> dict[str, dict]:
 
 def _driven(flight: Prepared, model: Model, here: Sequence[str], added: Mapping[str, dict]) -> dict[str, Drive]:
     """Drives under what is added, flown as one batch."""
-    sets = {name: e for name, e in added.items() if drives(e, model.effects)}
-    return dict(zip(sets, drives_of(flight, model, [model.with_effects(e).effects for e in sets.values()], here), strict=True))
+    sets = {name: model.with_effects(e).effects for name, e in added.items() if drives(e, model.effects)}
+    return dict(zip(sets, drives_of(flight, model, list(sets.values()), here), strict=True)) if sets else {}
 
 
 def _said(flight: Prepared, model: Model, now: Along, added: Mapping[str, dict]) -> dict[str, Replay]:
     """What the model says with what is added and remembers its path, replayed as one batch."""
     sets = {name: e for name, e in added.items() if act_along_the_path(e, model.effects)}
-    return dict(zip(sets, said_with_each(flight, model, now, list(sets.values())), strict=True))
+    return dict(zip(sets, said_with_each(flight, model, now, list(sets.values())), strict=True)) if sets else {}
 
 
 def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence[Column], length_s: float,
