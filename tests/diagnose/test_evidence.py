@@ -32,6 +32,17 @@ def test_evidence_is_the_marginal_likelihood_over_that_of_noise(seen):
     assert found.log_evidence == pytest.approx(marginal.logpdf(y) - norm.logpdf(y).sum())
 
 
+def test_a_coefficient_about_a_mean_is_integrated_out_about_it(seen):
+    x, y = seen
+    prior = Prior(np.array([0.0, 0.7]), np.array([0.3, 0.5]), *FREE)
+    both = posterior(_gram(x, y), (0, 1), prior)
+    alone = posterior(_gram(x, y), (1,), prior)
+    about, sd = np.array([0.7]), np.array([0.5])
+    left = posterior(_gram(x, y).about(np.array([1]), about).without(np.array([1]), sd), (0,), prior)
+    assert left.mean == pytest.approx(both.mean[:1])
+    assert left.log_evidence == pytest.approx(both.log_evidence - alone.log_evidence)
+
+
 def test_bounds_count_the_share_of_the_coefficient_within_them(seen):
     x, y = seen
     free = posterior(_gram(x, y), (0,), Prior(np.zeros(1), np.ones(1), FREE[0][:1], FREE[1][:1]))

@@ -4,11 +4,15 @@ Both sides have the same form here, so this shows that each signature is right, 
 concealed cases are for (docs/proof.md).
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import ges
 from ges import manoeuvres
+from ges.diagnose.gusts import Gusts
+from ges.diagnose.residual import FORCE
 from ges.vehicle import Estimate, GroundFile
 
 POSE = ("t_s", "p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s")
@@ -189,6 +193,14 @@ def test_gusts_are_found_where_the_drag_is_known_and_one_flight_tells_of_no_forc
     silent = flights[1].drop(columns=["v_x_m_s", "v_y_m_s", "v_z_m_s"])
     found = ges.diagnose([silent, *flights], dragged, holdout=["flight6"])
     assert [f.name for f in found.findings] == ["gusts"], found.sentence
+
+
+def test_a_tether_that_may_lean_makes_no_gusts():
+    """Ten newtons that lean by an eighth push as gusts of 1.2 N do."""
+    gusts, system = Gusts(1.0, 0.2, 0.1, 1.2, 10.0, 0.0), SimpleNamespace(main=FORCE)
+    assert gusts.lost_beside({"tether": [np.full((50, 3), [0.0, 0.0, -10.0])]}, system)
+    assert not gusts.lost_beside({"tether": [np.full((50, 3), [0.0, 0.0, -1.0])]}, system)
+    assert not gusts.lost_beside({"ground_effect": [np.full((50, 3), [0.0, 0.0, 10.0])]}, system)
 
 
 def test_gusts_are_not_looked_for_where_nothing_carries_them(flown, vehicle):

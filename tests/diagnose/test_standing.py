@@ -5,7 +5,7 @@ import pytest
 
 from ges.diagnose.fit import FORM_ERROR, Fitted
 from ges.diagnose.select import Hypothesis, Search
-from ges.diagnose.standing import beside_larger, faint, least_beside, replaced_by, taken_over
+from ges.diagnose.standing import beside_larger, faint, least_beside, matters, replaced_by, taken_over
 
 
 def _search(evidence: dict[tuple[str, ...], float]) -> Search:
@@ -28,11 +28,18 @@ def test_a_wind_through_a_drag_is_one_cause_that_may_replace_a_tilt(behind, repl
     assert replaced_by(found, "rotor_tilt") == replaced
 
 
+def test_a_fountain_is_told_from_the_cushion_that_is_always_there_by_more():
+    found = _search({("fountain_lift",): 20.0, ("ground_effect",): 16.5})
+    assert replaced_by(found, "fountain_lift") == ("ground_effect",)
+    assert replaced_by(_search({("fountain_lift",): 20.0, ("ground_effect",): 15.0}), "fountain_lift") == ()
+    assert replaced_by(_search({("ground_effect",): 20.0, ("fountain_lift",): 16.5}), "ground_effect") == ()
+
+
 def test_an_amplitude_is_as_clear_as_it_is_with_its_shape_held():
     """Amplitude and decay on a ridge: neither is known well, that something acts is certain."""
     covariance = np.array([[0.01, 0.0099], [0.0099, 0.01]])
     free = (("ground_effect", "c_a"), ("ground_effect", "decay"))
-    fitted = Fitted({"ground_effect": {"c_a": 0.2, "decay": 1.0}}, free, covariance, None, None)
+    fitted = Fitted({"ground_effect": {"c_a": 0.2, "decay": 1.0}}, free, covariance, None, None, None)
     assert fitted.sd("ground_effect", "c_a") > 0.1
     held = np.hypot(np.sqrt(0.01 - 0.0099**2 / 0.01), FORM_ERROR * 0.2)
     assert fitted.sds_from_neutral("ground_effect", "c_a") == pytest.approx(0.2 / held)
@@ -46,11 +53,17 @@ def test_what_is_small_beside_a_larger_one_in_every_block_may_be_its_form():
     assert not beside_larger("slung_load", shares)
 
 
-def test_a_small_modifier_is_the_error_of_a_form_unless_it_acts_through_time_or_speed():
+def test_a_small_modifier_is_the_error_of_a_form_unless_it_does_not_look_like_one():
     known = {"ground_effect": 30.0}
-    assert least_beside("ground_effect_moment", known) == pytest.approx(FORM_ERROR * 30.0)
+    assert least_beside("partial_ground_effect", known) == pytest.approx(FORM_ERROR * 30.0)
     assert least_beside("ground_effect_lag", known) == least_beside("ground_effect_forward_flight", known) == 0.0
     assert least_beside("rotor_drag", known) == 0.0
+
+
+def test_what_does_not_look_like_the_error_of_a_form_may_be_smaller():
+    assert matters("ground_effect_lag", "force_z", 0.001) and not matters("partial_ground_effect", "force_z", 0.001)
+    assert not matters("ground_effect_lag", "force_z", 0.0007)
+    assert not matters("ground_effect", "", 1.0)
 
 
 def test_what_is_faint_in_the_drive_alone_takes_more_to_be_told():

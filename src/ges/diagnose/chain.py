@@ -18,7 +18,7 @@ from ..vehicle import Estimate as Fitting
 from ..vehicle import Quantity, Vehicle
 from .answers import strengths
 from .balance import centred, shift_of
-from .candidates import NOT_SEARCHED
+from .candidates import NOT_SEARCHED, needs_of
 from .closed_loop import closed_loop
 from .detect import smallest_detectable
 from .engine import Accepted, accept, first_system, shot_fit, split, withdrawn, without, without_old_news
@@ -142,6 +142,7 @@ class _Chain:
             accepted = self._unstrained(accepted, joint, switches)
         known = (accepted.fitted.board.system, accepted.fitted.joint) if accepted.fitted else (system, joint)
         gusts = gusts_of(*known, self.length_s, self.vehicle.effect_values().get("gusts"))
+        gusts = None if gusts and gusts.lost_beside(contributions(accepted), system) else gusts
         if gusts and names is None and "wind" in accepted.names and gusts.may_be(accepted.fitted.effects["wind"]):
             accepted = without(accepted, "wind", self.length_s, switches)
         accepted = shot_fit(accepted, self.length_s, switches)
@@ -161,7 +162,7 @@ class _Chain:
         ])  # fmt: skip
         proven = sorted((finding(accepted, name, by) for name, by in added.items()), key=lambda f: -f.size["share_of_weight"])
         proven += [gusts.finding()] if gusts else []
-        proven = [f for f in proven if names or matters(f.size["channel"], f.size["share_of_weight"])]
+        proven = [f for f in proven if names or matters(f.name, f.size["channel"], f.size["share_of_weight"])]
         findings = [*proven, *settled_findings(self.gate), *open_findings(accepted), *(moved.findings() if moved else ())]
         forms = hypotheses(system, last.left, told, [u.channel for u in remains if not u.of_size], BLOCK_S) if remains else {}
         unexplained = [_unexplained(u, forms.get(u.channel)) for u in remains]
@@ -188,9 +189,11 @@ class _Chain:
         )
 
     def _unstrained(self, accepted: Accepted, first: Joint, switches: Switches) -> Accepted:
-        """Without the names that need declared numbers far outside their doubts: one by one, the worst offender first."""
-        while accepted.fitted is not None and strained(accepted.fitted.joint, first, accepted.board.system):
-            worst = min(accepted.names, key=lambda name: strain_without(accepted.fitted, name))
+        """Without the names that need declared numbers far outside their doubts: one by one, the worst offender first of those
+        through which no other acts."""
+        while accepted.fitted is not None and strained(accepted.fitted.apart, first, accepted.board.system):
+            last = [n for n in accepted.names if not any(n in needs_of(other) for other in accepted.names)]
+            worst = min(last, key=lambda name: strain_without(accepted.fitted, name))
             accepted = without(accepted, worst, self.length_s, switches)
         return accepted
 

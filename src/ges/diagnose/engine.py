@@ -111,8 +111,19 @@ def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Seq
         first = search_until_stable(start, (), ())[:2]
     board, found = first
     settled = {*names, *(n for n, p in found.inclusion.items() if p >= ACCEPT)}
-    return Accepted(names, found, board, fitted, probability, ambiguous(found, settled - contested, contested),
-                    frozenset(contested))  # fmt: skip
+    rivals = ambiguous(found, settled - contested, contested)
+    if rivals and names and not _needed(rivals, base, system, length_s, switches):
+        rivals = ()
+    return Accepted(names, found, board, fitted, probability, rivals, frozenset(contested))
+
+
+def _needed(rivals: Sequence[Sequence[str]], base: Model, system: System, length_s: float, switches: Switches) -> bool:
+    """Whether one of these is needed still beside what was accepted, as its fit in full has it."""
+    flights = [r.flight for r in system.flights]
+    listed = candidates_of(flights, base, (), [name for group in rivals for name in group])
+    here = build(flights, base, [v for c in listed for v in c.variants], length_s, system, switches)
+    found = search_until_stable(make_board(here), listed, tuple(base.effects))[1]
+    return found.null().probability <= 1.0 - ACCEPT
 
 
 def _load_sharper(board: Board, found: Search, listed: Sequence[Candidate], length_s: float, switches: Switches,
@@ -147,7 +158,7 @@ def _polished(
     flights, model = [r.flight for r in system.flights], system.model
     held, known = (dict(fitted.effects), list(fitted.free)) if fitted else ({}, [])
     while new:
-        kept = dataclasses.replace(found.best, posterior=_only(found.best, new, board))
+        kept = _with_names(found, new, board)
         values = starting_values(board, kept)
         free = known + free_parameters(board, kept, base, values)
         polished = polish(flights, model, {**held, **values}, free, length_s, system, switches)
@@ -195,6 +206,12 @@ def without_old_news(accepted: Accepted) -> Accepted:
 def withdrawn(accepted: Accepted) -> Accepted:
     """The search as it was, with nothing accepted of it."""
     return dataclasses.replace(accepted, names=(), fitted=None, probability={}, rivals=())
+
+
+def _with_names(found: Search, names: Sequence[str], board: Board) -> Hypothesis:
+    """The set of just these names as the search weighed it, else the best set less all others."""
+    weighed = next((h for h in found.hypotheses if set(h.names) == set(names)), None)
+    return weighed or dataclasses.replace(found.best, posterior=_only(found.best, names, board))
 
 
 def _only(h: Hypothesis, names: Sequence[str], board: Board):

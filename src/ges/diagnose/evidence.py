@@ -42,6 +42,11 @@ class Gram:
         """Every row counted ``factor`` times."""
         return Gram(self.xx * factor, self.xy * factor, self.yy * factor, self.n * factor)
 
+    def about(self, columns: np.ndarray, mean: np.ndarray) -> Gram:
+        """With coefficients counted from a mean."""
+        moved = self.xx[:, columns] @ mean
+        return Gram(self.xx, self.xy - moved, self.yy - float(mean @ (2.0 * self.xy - moved)[columns]), self.n)
+
     def without(self, drop: np.ndarray, sd: np.ndarray) -> Gram:
         """Columns ``drop`` integrated out under N(0, sd^2); they stay in place, as zero."""
         if not len(drop):
@@ -194,7 +199,7 @@ class Board:
         for gram in self.by_flight:
             total = total + gram
         common = np.array([k for k in self.nuisance if self.prior.sd[k] > 0 and k not in but], dtype=int)
-        return total.without(common, self.prior.sd[common])
+        return total.about(common, self.prior.mean[common]).without(common, self.prior.sd[common])
 
 
 def rms_of(system: System) -> np.ndarray:
@@ -243,13 +248,13 @@ def whitened(system: System, noise: Noise, share: float = 0.05) -> Board:
 
 def _prior(system: System, share: float) -> Prior:
     sd = _sizes(system, share)
+    mean, low, high = np.array([_bounds(c) for c in system.columns]).T
     for k, column in enumerate(system.columns):
         if column.nuisance is not None:
-            sd[k] = column.nuisance.sd
+            mean[k], sd[k] = column.nuisance.mean, column.nuisance.sd
         if column.part == "moment":
             sd[k] = sd[k - 1]
-    level, low, high = np.array([_bounds(c) for c in system.columns]).T
-    return Prior(level, sd, low, high)
+    return Prior(mean, sd, low, high)
 
 
 def _bounds(column: Column) -> tuple[float, float, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Mapping, Sequence
 
@@ -19,8 +20,9 @@ from .table import spread
 from .whiten import White, estimate
 
 BLOCK_S = 10.0
-ROUNDS = 4
-TIGHT = 0.02
+ROUNDS = 12
+TIGHT, FAR = 0.02, 2.0  # sds
+SAME_COST = 0.5  # of -2 log posterior; columns are secants, which err by less
 PART_OF_REACH, LEAST_CARRIER = 0.2, 0.3
 FORM_ERROR = 0.12
 """Sd of a physical effect's size, over it, that is due to its form alone: what development cases of other forms came to."""
@@ -33,13 +35,22 @@ FIRMER = {("motor_lag", "up_s"): (0.0, 0.5), ("motor_lag", "down_s"): (0.0, 0.5)
 
 @dataclasses.dataclass(frozen=True)
 class Joint:
-    """Coefficients: chosen columns, common nuisances, nuisances by flight; covariance of the chosen, by blocks and by priors."""
+    """Coefficients: chosen columns, common nuisances, nuisances by flight; covariance of the chosen, by blocks and by priors, and
+    as independent rows would have it; and the cost, -2 log posterior but for a constant, which is the least."""
 
     chosen: np.ndarray
     covariance: np.ndarray
+    by_rows: np.ndarray
+    cost: float
     common: Mapping[str, float]
     common_sd: Mapping[str, float]
     by_flight: tuple[Mapping[str, float], ...]
+
+    def cost_with_first(self, values: np.ndarray) -> float:
+        """The same with the first of the chosen at these values (k,), and all else where it is best beside that."""
+        away = self.chosen[: len(values)] - values
+        held = self.by_rows[: len(values), : len(values)]
+        return self.cost + float(away @ np.linalg.pinv(held, hermitian=True) @ away) if len(values) else self.cost
 
 
 def joint_fit(
@@ -62,24 +73,29 @@ def joint_fit(
     mean, precision = np.zeros(total), np.zeros(total)
     mean[: sizes[0]] = 0.0 if prior_mean is None else prior_mean
     precision[: sizes[0]] = 1.0 / (10.0 * board.prior.sd[chosen] if prior_sd is None else prior_sd) ** 2
+    mean[start[1] : start[2]] = [columns[k].nuisance.mean for k in common]
     precision[start[1] : start[2]] = [1.0 / columns[k].nuisance.sd ** 2 for k in common]
     precision[start[2] :] = np.tile([1.0 / columns[k].nuisance.flight_sd ** 2 for k in varies], len(board.whites))
     places = [np.r_[np.arange(start[2]), start[2] + f * sizes[2] + np.arange(sizes[2])] for f in range(len(board.whites))]
     kept = np.r_[chosen, common, varies]
-    xx, xy = np.diag(precision), precision * mean
+    xx, xy, yy = np.diag(precision), precision * mean, float(precision @ mean**2)
     for w, at in zip(board.whites, places, strict=True):
         gram = gram_of(w).take(kept)
         xx[np.ix_(at, at)] += gram.xx
         xy[at] += gram.xy
+        yy += gram.yy
     unit = 1.0 / np.sqrt(np.diag(xx))  # coefficients differ by many orders in their units
     inverse = np.linalg.pinv(xx * np.outer(unit, unit), hermitian=True) * np.outer(unit, unit)
     beta = inverse @ xy
-    covariance = np.maximum(1.0, _inflation(board, kept, places, beta, inverse, sizes[0])) * inverse[: sizes[0], : sizes[0]]
+    by_rows = inverse[: sizes[0], : sizes[0]]
+    covariance = np.maximum(1.0, _inflation(board, kept, places, beta, inverse, sizes[0])) * by_rows
     names = [columns[k].nuisance.key for k in common]
     flight_names = [columns[k].nuisance.key for k in varies]
     return Joint(
         beta[: sizes[0]],
         covariance,
+        by_rows,
+        yy - float(xy @ beta),
         dict(zip(names, beta[start[1] : start[2]], strict=True)),
         dict(zip(names, np.sqrt(np.diag(inverse)[start[1] : start[2]]), strict=True)),
         tuple(dict(zip(flight_names, beta[at[start[2] :]], strict=True)) for at in places),
@@ -114,12 +130,14 @@ def _scores(white: White, kept: np.ndarray, beta: np.ndarray, block: np.ndarray)
 
 @dataclasses.dataclass(frozen=True)
 class Fitted:
-    """Parameters of the accepted effects with covariance, and what the nuisances came to."""
+    """Parameters of the accepted effects with covariance, and what the nuisances came to: ``joint`` as a vehicle flies with them,
+    ``apart`` where small moments have coefficients of their own."""
 
     effects: effect_table.Effects
     free: tuple[tuple[str, str], ...]
     covariance: np.ndarray
     joint: Joint
+    apart: Joint
     board: Board
 
     def sd(self, effect: str, parameter: str) -> float:
@@ -221,34 +239,84 @@ def _moves(name: tuple[str, str], values: effect_table.Effects, model: Model) ->
     return _small(dataclasses.replace(a, step=PART_OF_REACH * reach) if reach else a, values[name[0]][name[1]])
 
 
+@dataclasses.dataclass(frozen=True)
+class _Point:
+    """Free parameters at some values, linearised there."""
+
+    values: effect_table.Effects
+    free: tuple[tuple[str, str], ...]
+    board: Board
+    chosen: Sequence[int]
+    joint: Joint
+
+    @functools.cached_property
+    def cost(self) -> float:
+        """-2 log posterior of these values, all else where it is best beside them."""
+        return self.joint.cost_with_first(np.zeros(len(self.free)))
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of the free parameters, (k, k)."""
+        return self.joint.covariance[: len(self.free), : len(self.free)]
+
+    def numbers(self) -> np.ndarray:
+        """The free parameters, (k,)."""
+        return np.array([self.values[e][p] for e, p in self.free])
+
+    def moved_to(self, numbers: np.ndarray) -> effect_table.Effects:
+        """The values with the free parameters at these numbers (k,)."""
+        values = {name: dict(v) for name, v in self.values.items()}
+        for (e, p), number in zip(self.free, numbers, strict=True):
+            values[e][p] = float(number)
+        return values
+
+    def sds_to(self, values: effect_table.Effects) -> float:
+        """Distance to other values, of the free parameter that is farthest from its own in its sd."""
+        away = np.array([values[e][p] for e, p in self.free]) - self.numbers()
+        return float(np.max(np.abs(away) / np.sqrt(np.diag(self.covariance)), initial=0.0))
+
+    def best(self, model: Model) -> np.ndarray:
+        """The free parameters (k,) that cost least as far as the linearisation holds, within their bounds."""
+        bounds = {(e, p.name): (p.low, p.high) for e in self.values for p in effect_table.get(e).parameters} | FIRMER
+        steps = self.joint.chosen[: len(self.free)]
+        steps = _share_in_reach(steps, self.free, self.values, model) * steps
+        return _within(self.numbers() + steps, self.covariance, np.array([bounds[name] for name in self.free]).T)
+
+
 def polish(flights: Sequence[Prepared], model: Model, values: effect_table.Effects, free: Sequence[tuple[str, str]],
            length_s: float, like: System | None = None, switches: Switches = ALL_ON) -> Fitted:  # fmt: skip
-    """Gauss-Newton over all free parameters, the compiled effects linearised anew each round.
+    """Gauss-Newton over all free parameters, the compiled effects linearised anew each round; a step that costs more than it
+    saves is halved, and the noise that a far start left is measured again.
 
     Parameters
     ----------
     like : system of the same flights whose nuisance columns serve again.
     """
-    values = {name: dict(v) for name, v in values.items()}
-    bounds = {(e, p.name): (p.low, p.high) for e in values for p in effect_table.get(e).parameters} | FIRMER
-    noise = None
-    for _ in range(2 * ROUNDS if any(reach_of(name, values, model) for name in free) else ROUNDS):
+    free, at, first = tuple(free), None, None
+    for _ in range(ROUNDS):
         variants = [Variant(e, {}, (_moves((e, p), values, model),)) for e, p in free]
         system = build(flights, model.with_effects(values), variants, length_s, like, switches)
-        chosen = _free_first(system)
-        noise = noise or estimate(system, chosen)
-        board = whitened(system, noise)
-        mean, sd = np.array([_prior(name, values, model) for name in free] + [(0.0, math.inf)] * (len(chosen) - len(free))).T
-        joint = joint_fit(board, chosen, mean, np.where(np.isinf(sd), _wide(board, chosen), sd))
-        steps, covariance = joint.chosen[: len(free)], joint.covariance[: len(free), : len(free)]
-        steps = _share_in_reach(steps, free, values, model) * steps
-        now = np.array([values[e][p] for e, p in free])
-        new = _within(now + steps, covariance, np.array([bounds[name] for name in free]).T)
-        for (e, p), value in zip(free, new, strict=True):
-            values[e][p] = float(value)
-        if np.max(np.abs(new - now) / np.sqrt(np.diag(covariance)), initial=0.0) < TIGHT:
-            break
-    return Fitted(values, tuple(free), covariance, _with_levers_as_they_are(board, chosen, joint, len(free)), board)
+        noise = first.board.noise if first else estimate(system, _free_first(system))
+        there = _linearised(values, free, whitened(system, noise), model)
+        if first and there.cost > at.cost + SAME_COST:
+            values = at.moved_to(0.5 * (at.numbers() + there.numbers()))
+            continue
+        at, first = there, first or there
+        values = at.moved_to(at.best(model))
+        if at.sds_to(values) < TIGHT:
+            at = dataclasses.replace(at, values=values)
+            if at.sds_to(first.values) < FAR:
+                break
+            first = None
+    joint = _with_levers_as_they_are(at.board, at.chosen, at.joint, len(free))
+    return Fitted(at.values, free, at.covariance, joint, at.joint, at.board)
+
+
+def _linearised(values: effect_table.Effects, free: tuple[tuple[str, str], ...], board: Board, model: Model) -> _Point:
+    """The free parameters at their values, fitted together with all else."""
+    chosen = _free_first(board.system)
+    mean, sd = np.array([_prior(name, values, model) for name in free] + [(0.0, math.inf)] * (len(chosen) - len(free))).T
+    return _Point(values, free, board, chosen, joint_fit(board, chosen, mean, np.where(np.isinf(sd), _wide(board, chosen), sd)))
 
 
 def _within(mean: np.ndarray, covariance: np.ndarray, bounds: np.ndarray) -> np.ndarray:

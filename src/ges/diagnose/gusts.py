@@ -30,6 +30,8 @@ FEWEST = 12
 LEAST_RATIO = 6.0
 """Variance of means over what noise makes of it: development flights with drag come to 3.5, with gusts of 0.4 m/s to 12."""
 TRIM_RAD = 0.006
+HANGING, LEAN = ("tether", "slung_load"), 0.25
+"""What the vehicle may have hanging, and how far it may lean from where the library has it hang: as a share of its pull."""
 SEEDS = 16
 CLEAR = 3.0
 TINY = 1e-12
@@ -56,6 +58,12 @@ class Gusts:
     def may_be(self, wind: Mapping[str, float]) -> bool:
         """Whether a mean wind is no more than what gusts like these leave."""
         return float(np.hypot(wind["east_m_s"], wind["north_m_s"])) < CLEAR * self.mean_sd_m_s
+
+    def lost_beside(self, added: Mapping[str, Sequence[np.ndarray]], system: System) -> bool:
+        """Whether something hangs below whose pull need only lean to push so; ``added`` by effect and flight, (m, C)."""
+        axes = [system.main.index(name) for name in FORCE]
+        pulls = [np.concatenate(added[name])[:, axes] for name in HANGING if name in added]
+        return any(self.push_N < LEAN * float(np.sqrt(np.nanmean(pull**2, axis=0).sum())) for pull in pulls)
 
     @property
     def ci95(self) -> tuple[float, float]:

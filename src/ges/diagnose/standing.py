@@ -16,20 +16,30 @@ from .select import Hypothesis, Search, size_of
 from .system import System
 
 ACCEPT, SURE = 0.9, 0.999
-SEPARATE = math.log(ACCEPT / (1.0 - ACCEPT))
-CLEAR_SDS, STRAINED = 3.0, 5.0
+SEPARATE, SEPARATE_FROM_USUAL = math.log(ACCEPT / (1.0 - ACCEPT)), 4.5
+USUAL_IN_PLACE = {"fountain_lift": "ground_effect"}
+"""What is there without the name, too, and of which other forms than the library's look like it."""
+CLEAR_SDS, OPEN_SDS, STRAINED = 3.0, 1.5, 5.0
+"""Of a lag or a fading: how large it is may be open far up where that there is one is not."""
 FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}, {"motor_lag", "esc_delay"})
 REACH_M = 10.0  # 2 cm of a rangefinder matter
-UNLIKE_FORM = frozenset({"ground_effect_lag", "ground_effect_forward_flight"})
-"""Modifiers that act through time or speed: what a form is wrong by depends on the place alone, and does not look like them."""
+UNLIKE_FORM = frozenset({"ground_effect_lag", "ground_effect_forward_flight", "ground_effect_moment"})
+"""Modifiers that act through time or speed: what a form is wrong by depends on the place alone, and does not look like them; and
+the levelling moment, of which a form's error is a doubt of its own."""
+NEAR_FORM = frozenset({"ground_effect_moment"})
+"""Of these the doubt of the form is a guess."""
+PLACED = frozenset({"wall_effect", "downwash"})
+"""Pushes at a place, which a wind that is not the same everywhere makes too."""
 FAINT = 2.0  # times the least
+LIGHTER = 0.4
+"""Of the least, of what does not look like an error of a form."""
 LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0005, "drive": 0.0003, "range": 0.002}
 """Of weight, weight times arm, full speed or a rotor radius: no model is right to less."""
 
 
-def matters(channel: str, share: float) -> bool:
-    """Whether a share of a channel's whole is more than what no model is right to."""
-    return bool(channel) and share >= LEAST_SHARE[block_of(channel)]
+def matters(name: str, channel: str, share: float) -> bool:
+    """Whether an effect's share of a channel's whole is more than what no model is right to."""
+    return bool(channel) and share >= LEAST_SHARE[block_of(channel)] * (LIGHTER if name in UNLIKE_FORM else 1.0)
 
 
 def least_sizes(system: System) -> np.ndarray:
@@ -47,13 +57,20 @@ def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[s
     probable = [n for n in found.best.names if found.inclusion[n] >= ACCEPT]
     places = {n: taken_over(found, n, probable) for n in probable}
     shares = {n: _shares(board, found.best, place) for n, place in places.items() if place}
-    small = {n for n in shares if found.inclusion[n] < SURE and (beside_larger(n, shares) or faint(shares[n]))}
+    beside = {n for n in shares if beside_larger(n, shares)}
+    small = {n for n in shares if found.inclusion[n] < SURE and (n in beside or faint(shares[n]) or n in NEAR_FORM)}
+    small |= beside & PLACED if "wind" in shares else set()
     share = {n: max(by.values()) for n, by in shares.items() if n not in small}
     carriers = {c for n, s in share.items() if s >= 1.0 for c in needs_of(n)}
-    share = {n: s for n, s in share.items() if s >= 1.0 or n in carriers}
+    share = {n: s for n, s in share.items() if s >= _least(n, found.inclusion[n]) or n in carriers}
     present = {*share, *board.system.model.effects}
     share = {n: s for n, s in share.items() if acts_among(n, present)}
     return {n: s for n, s in share.items() if s >= least_beside(n, known)}
+
+
+def _least(name: str, probability: float) -> float:
+    """How many times the least that matters a name has to make."""
+    return LIGHTER if name in UNLIKE_FORM - NEAR_FORM and probability >= SURE else 1.0
 
 
 def least_beside(name: str, known: Mapping[str, float]) -> float:
@@ -98,7 +115,10 @@ def replaced_by(found: Search, name: str) -> tuple[str, ...]:
     best = found.best
     others = [h for h in found.hypotheses if name not in h.names and h.names and size_of(h.names) <= size_of(best.names)]
     other = max(others, key=lambda h: h.of_data, default=None)
-    if name not in best.names or other is None or best.of_data - other.of_data > SEPARATE:
+    if name not in best.names or other is None:
+        return ()
+    apart = SEPARATE_FROM_USUAL if USUAL_IN_PLACE.get(name) in other.names else SEPARATE
+    if best.of_data - other.of_data > apart:
         return ()
     return tuple(n for n in other.names if n not in best.names)
 
@@ -125,5 +145,5 @@ def stands(fitted: Fitted, name: str) -> bool:
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
         if value != a.neutral and value in (a.low, a.high):
             return False
-        clear |= fitted.sds_from_neutral(name, parameter) > CLEAR_SDS
+        clear |= fitted.sds_from_neutral(name, parameter) > (OPEN_SDS if name in UNLIKE_FORM else CLEAR_SDS)
     return clear

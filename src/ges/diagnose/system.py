@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -32,7 +32,9 @@ from .weak import SHORTEST_WINDOW_S, UPDATES_PER_WINDOW, Windows, blocks_of, mak
 
 AR_ORDER = 3
 MOST_HALF_WAVES, UPDATES_PER_HALF_WAVE = 3, 2.5
-LEVELLED, LEVELLING_SD = "ground_effect", 0.7
+LEVELLED, LEVELLER, LEVELLING, LEVELLING_SD = "ground_effect", "ground_effect_moment", -0.35, 0.25
+"""Excess over the moment of cushions that each end where their rotor does. Wakes mix, which takes from how much cushions differ
+and never adds: about a third on development cases."""
 SIDEWAYS = frozenset({"rotor_drag", "parasitic_drag", "wind", "rotor_tilt"})
 FAR_SDS = 3.0
 SECOND_POLE = 0.06  # of the motor's time constant
@@ -76,13 +78,14 @@ ALL_ON = Switches()
 
 @dataclasses.dataclass(frozen=True)
 class Nuisance:
-    """A number that every hypothesis may adjust: sd over vehicles (declared doubt) and from flight to flight."""
+    """A number that every hypothesis may adjust: sd over vehicles (declared doubt) and from flight to flight, about a mean."""
 
     effect: str
     parameter: str
     step: float
     sd: float
     flight_sd: float
+    mean: float = 0.0
 
     @property
     def key(self) -> str:
@@ -206,7 +209,7 @@ def nuisances(model: Model, names: Iterable[str], flights: Sequence[Prepared]) -
         if all(f.has("battery") for f in flights):
             listed.append(Nuisance("battery_sag", "sensitivity", 0.02, model.doubts.get("battery_sag.sensitivity", 0.04), 0.0))
     if "moment" in has and LEVELLED in model.effects:
-        listed.append(Nuisance("ground_effect_moment", "q", 0.1, LEVELLING_SD, 0.0))
+        listed.append(Nuisance(LEVELLER, "q", 0.1, LEVELLING_SD, 0.0, LEVELLING))
     rates = attitude_measured(flights)
     return tuple(n for n in listed if (n.sd > 0 or n.flight_sd > 0) and (rates or n.effect not in NEEDS_ATTITUDE))
 
@@ -359,7 +362,9 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     untrim(keys, x, windows, names, thrust)
     vouch = like.vouched if like else vouched(flight, windows, model, names, y, now.drive.at_work) if instrumented else None
     heard = {c: name for c, name in enumerate(names) if np.isfinite(y[:, c]).all()}
-    answered = loose(keys, x, windows, heard, vouch) if vouch else {}
+    apart = [f"{key}/{c.part}" if c.part == "moment" and c.variant.effect in model.effects else key
+             for key, c in zip(keys, columns, strict=True)]  # fmt: skip
+    answered = loose(apart, x, windows, heard, vouch) if vouch else {}
     return Rows(flight, windows, y, x, restless(flight, windows, model, thrust), answered, vouch)
 
 
@@ -386,10 +391,12 @@ def _known(system: System, flight: Rows, model: Model, wanted: set[tuple]) -> di
     return known
 
 
-def _parts(effect: str, model: Model) -> tuple[str, ...]:
-    """Parts that an effect's columns come in, see :class:`Column`."""
-    split = effect in SIDEWAYS or effect == LEVELLED and effect not in model.effects
-    return ("force", "moment") if split else ("",)
+def _parts(effect: str, beside: Collection[str]) -> tuple[str, ...]:
+    """Parts that an effect's columns come in, see :class:`Column`; of cushions the force alone, where what they make of moments
+    is free ``beside`` them."""
+    if effect == LEVELLED and LEVELLER in beside:
+        return ("force",)
+    return ("force", "moment") if effect in SIDEWAYS or effect == LEVELLED else ("",)
 
 
 def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant], length_s: float | None = None,
@@ -406,7 +413,7 @@ def build(flights: Sequence[Prepared], model: Model, variants: Sequence[Variant]
     names = with_overtones(main, 2 * max(half_waves(f, length_s) for f in flights))
     columns = [Column(n.key, nuisance=n) for n in nuisances(model, main, flights)] if switches.tolerance else []
     for v in variants:
-        parts = _parts(v.effect, model) if MOMENT[0] in names else ("",)
+        parts = _parts(v.effect, {w.effect for w in variants}) if MOMENT[0] in names else ("",)
         columns += [Column(v.key, variant=v, amplitude=j, part=part) for j in range(len(v.amplitudes)) for part in parts]
     before = like.flights if like else [None] * len(flights)
     wanted = {c.made_of for c in columns}

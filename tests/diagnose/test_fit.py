@@ -1,0 +1,34 @@
+"""The fit in full: from anywhere it comes to the same numbers."""
+
+import pytest
+
+from ges import manoeuvres
+from ges.diagnose.fit import polish
+from ges.diagnose.gate import pass_gate
+from ges.diagnose.model import from_vehicle
+from ges.diagnose.system import window_length_s
+
+CUSHION = {"form": 3.0, "amplitude": 1.0, "high": 10.0}
+TRUE = {"c_a": 0.5, "decay": 0.5}
+LEVELLING = {"q": -0.9}
+FREE = tuple(("ground_effect", name) for name in TRUE)
+LOW = (("height_staircase", (30.0, 0.15, 0.6)), ("climbs", (20.0, 0.15, 0.6)), ("straight_runs", (20.0, 2.0, 0.2)))
+
+
+@pytest.fixture(scope="module")
+def near_ground(flown, sheet, with_rates):
+    """The model that knows no cushion, and flights on one that hardly levels."""
+    vehicle, acting = sheet(), {"ground_effect": {**CUSHION, **TRUE}, "ground_effect_moment": LEVELLING}
+    frames = [flown(vehicle, acting, manoeuvres.MENU[plan](*n), seed, with_rates) for seed, (plan, n) in enumerate(LOW, 1)]
+    model = from_vehicle(vehicle)
+    return model, [f for f in pass_gate(frames, model).flights if f]
+
+
+@pytest.mark.parametrize(("c_a", "decay"), [(0.4, 1.0), (1.1, 2.0), (2.0, 2.9), (2.0, 0.3)])
+def test_an_amplitude_and_its_decay_are_found_from_far_away(c_a, decay, near_ground):
+    """Gauss-Newton alone leaps to where nothing acts, and moments that another levelling makes are no wrong decay."""
+    model, flights = near_ground
+    start = {"ground_effect": {**CUSHION, "c_a": c_a, "decay": decay}}
+    fitted = polish(flights, model, start, FREE, window_length_s(flights))
+    assert {name: fitted.effects["ground_effect"][name] for name in TRUE} == pytest.approx(TRUE, rel=0.05)
+    assert start["ground_effect"]["c_a"] == c_a
