@@ -5,7 +5,7 @@ import pytest
 
 from ges.diagnose.fit import FORM_ERROR, Fitted
 from ges.diagnose.select import Hypothesis, Search
-from ges.diagnose.standing import beside_larger, faint, least_beside, matters, replaced_by, taken_over
+from ges.diagnose.standing import beside_larger, faint, least_beside, matters, replaced_by, stands, taken_over
 
 
 def _search(evidence: dict[tuple[str, ...], float]) -> Search:
@@ -43,6 +43,16 @@ def test_an_amplitude_is_as_clear_as_it_is_with_its_shape_held():
     assert fitted.sd("ground_effect", "c_a") > 0.1
     held = np.hypot(np.sqrt(0.01 - 0.0099**2 / 0.01), FORM_ERROR * 0.2)
     assert fitted.sds_from_neutral("ground_effect", "c_a") == pytest.approx(0.2 / held)
+
+
+@pytest.mark.parametrize(("amplitude", "proven"), [(0.2, True), (0.08, False), (2.0, False)])
+def test_an_amplitude_that_its_shape_leaves_open_does_not_stand(amplitude, proven):
+    """Flights at one height tell a gain there and no cushion; and what ran to its bound is something else."""
+    covariance = np.array([[0.01, 0.00999], [0.00999, 0.01]])
+    free = (("ground_effect", "c_a"), ("ground_effect", "decay"))
+    fitted = Fitted({"ground_effect": {"c_a": amplitude, "decay": 0.3}}, free, covariance, None, None, None)
+    assert fitted.sds_from_neutral("ground_effect", "c_a") > 3.0
+    assert stands(fitted, "ground_effect") == proven
 
 
 def test_what_is_small_beside_a_larger_one_in_every_block_may_be_its_form():

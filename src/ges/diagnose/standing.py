@@ -139,11 +139,13 @@ def strained(last: Joint, first: Joint, system: System) -> bool:
 
 
 def stands(fitted: Fitted, name: str) -> bool:
-    """Whether some amplitude is clearly not neutral, and none went as far as the effect allows."""
+    """Whether some amplitude is clearly not neutral with its shape held and more than its sd with it free, and none went as far as
+    the effect allows."""
     clear = False
     for parameter in (p for e, p in fitted.free if e == name and p not in SHAPES.get(name, ())):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
         if value != a.neutral and value in (a.low, a.high):
             return False
-        clear |= fitted.sds_from_neutral(name, parameter) > (OPEN_SDS if name in UNLIKE_FORM else CLEAR_SDS)
+        told = abs(value - a.neutral) > fitted.sd(name, parameter)
+        clear |= told and fitted.sds_from_neutral(name, parameter) > (OPEN_SDS if name in UNLIKE_FORM else CLEAR_SDS)
     return clear
