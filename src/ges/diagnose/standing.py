@@ -139,8 +139,8 @@ def strained(last: Joint, first: Joint, system: System) -> bool:
 
 
 def stands(fitted: Fitted, name: str) -> bool:
-    """Whether some amplitude is clearly not neutral with its shape held and more than its sd with it free, and none went as far as
-    the effect allows."""
+    """Whether some amplitude is clearly not neutral with its shape held and more than its sd with it free, and none went as far
+    as the effect allows."""
     clear = False
     for parameter in (p for e, p in fitted.free if e == name and p not in SHAPES.get(name, ())):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
