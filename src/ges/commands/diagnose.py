@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
 from pathlib import Path
 
 import click
@@ -28,7 +30,6 @@ def command(recordings, out, holdout, vehicle_path, write_flight) -> None:
     from rich.console import Console
 
     from ..diagnose.chain import diagnose
-    from ..diagnose.output import write_diagnosis
     from ..io.recording import load_set
     from ..vehicle import load_vehicle
 
@@ -36,9 +37,10 @@ def command(recordings, out, holdout, vehicle_path, write_flight) -> None:
     flights = load_set(recordings)
     vehicle = load_vehicle(vehicle_path) if vehicle_path else None
     folder = vehicle_path.parent if vehicle_path else recordings
-    with console.status(f"diagnosing {len(flights.flights)} flights"):
+    with console.status(f"diagnosing {len(flights.flights)} flights"), ThreadPoolExecutor(1) as aside:
+        drawing = aside.submit(import_module, "ges.diagnose.output")  # matplotlib, while the other core has little to do
         found = diagnose(flights, vehicle, holdout=list(holdout) or None, folder=folder)
-    write_diagnosis(found, out, folder)
+    drawing.result().write_diagnosis(found, out, folder)
     for warning in found.data["warnings"]:
         click.echo(f"warning: {warning}", err=True)
     click.echo(found.sentence)
