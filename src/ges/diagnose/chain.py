@@ -26,7 +26,7 @@ from .evidence import Board
 from .findings import contributions, finding, open_findings, settled_findings
 from .fit import Joint, calibrated, fitted_model, left_raw, null_fit, strain_without, within_bounds
 from .gate import Gate, at_flown_voltage, pass_gate
-from .gusts import PUSHED, Gusts, gusts_of, heard_by
+from .gusts import HANGING, PUSHED, Gusts, gusts_of, heard_by
 from .hearing import lacking, silent_channels, unheard
 from .hypothesis import Form, hypotheses
 from .instruments import MOVED
@@ -142,7 +142,7 @@ class _Chain:
             accepted = self._unstrained(accepted, joint, switches)
         known = (accepted.fitted.board.system, accepted.fitted.joint) if accepted.fitted else (system, joint)
         gusts = gusts_of(*known, self.length_s, self.vehicle.effect_values().get("gusts"))
-        gusts = None if gusts and gusts.lost_beside(contributions(accepted), system) else gusts
+        gusts = None if gusts and gusts.lost_beside(contributions(accepted, HANGING), system) else gusts
         if gusts and names is None and "wind" in accepted.names and gusts.may_be(accepted.fitted.effects["wind"]):
             accepted = without(accepted, "wind", self.length_s, switches)
         accepted = shot_fit(accepted, self.length_s, switches)

@@ -89,8 +89,7 @@ def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Seq
     first, fitted, base = None, None, model
     open_names = undecided(system) if only is None else frozenset()
     while listed:
-        variants = [v for c in listed for v in c.variants]
-        here = start if first is None else make_board(build(flights, base, variants, length_s, system, switches))
+        here = start if first is None else _laid_out(listed, base, system, length_s, switches)
         board, found, _ = search_until_stable(here, listed, tuple(base.effects), only)
         board, found = _load_sharper(board, found, listed, length_s, switches, only)
         first = first or (board, found)
@@ -117,12 +116,16 @@ def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Seq
     return Accepted(names, found, board, fitted, probability, rivals, frozenset(contested))
 
 
+def _laid_out(listed: Sequence[Candidate], base: Model, like: System, length_s: float, switches: Switches) -> Board:
+    """The board of candidates beside the base, on the flights of a system like it."""
+    flights, variants = [r.flight for r in like.flights], [v for c in listed for v in c.variants]
+    return make_board(build(flights, base, variants, length_s, like, switches))
+
+
 def _needed(rivals: Sequence[Sequence[str]], base: Model, system: System, length_s: float, switches: Switches) -> bool:
     """Whether one of these is needed still beside what was accepted, as its fit in full has it."""
-    flights = [r.flight for r in system.flights]
-    listed = candidates_of(flights, base, (), [name for group in rivals for name in group])
-    here = build(flights, base, [v for c in listed for v in c.variants], length_s, system, switches)
-    found = search_until_stable(make_board(here), listed, tuple(base.effects))[1]
+    listed = candidates_of([r.flight for r in system.flights], base, (), [name for group in rivals for name in group])
+    found = search_until_stable(_laid_out(listed, base, system, length_s, switches), listed, tuple(base.effects))[1]
     return found.null().probability <= 1.0 - ACCEPT
 
 
@@ -136,9 +139,8 @@ def _load_sharper(board: Board, found: Search, listed: Sequence[Candidate], leng
     known = board.system
     sharp = sharpened(known, variant, length_s, switches)
     listed = [dataclasses.replace(c, variants=(*c.variants, sharp)) if c.name == variant.effect else c for c in listed]
-    flights, variants = [r.flight for r in known.flights], [v for c in listed for v in c.variants]
-    system = build(flights, known.model, variants, length_s, known, switches)
-    return search_until_stable(make_board(system), listed, tuple(known.model.effects), only)[:2]
+    here = _laid_out(listed, known.model, known, length_s, switches)
+    return search_until_stable(here, listed, tuple(known.model.effects), only)[:2]
 
 
 def _load(board: Board, found: Search) -> Variant | None:
@@ -210,7 +212,8 @@ def withdrawn(accepted: Accepted) -> Accepted:
 
 def _with_names(found: Search, names: Sequence[str], board: Board) -> Hypothesis:
     """The set of just these names as the search weighed it, else the best set less all others."""
-    weighed = next((h for h in found.hypotheses if set(h.names) == set(names)), None)
+    just = tuple(sorted(names))
+    weighed = next((h for h in found.hypotheses if h.names == just), None)
     return weighed or dataclasses.replace(found.best, posterior=_only(found.best, names, board))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -75,13 +75,14 @@ def size_of(added: Sequence[np.ndarray], system: System) -> dict:
     return best
 
 
-def contributions(accepted: Accepted) -> dict[str, list[np.ndarray]]:
-    """What each accepted effect adds on the training flights to what the vehicle file has of it, by name and flight, (m, C)."""
+def contributions(accepted: Accepted, among: Collection[str] | None = None) -> dict[str, list[np.ndarray]]:
+    """What each accepted effect (``among`` some, where given) adds on the training flights to what the vehicle file has of it, by
+    name and flight, (m, C)."""
     if accepted.fitted is None:
         return {}
     system, declared = accepted.fitted.board.system, accepted.board.system.model.effects
     told = {}
-    for name in accepted.names:
+    for name in (n for n in accepted.names if among is None or n in among):
         bare = {k: v for k, v in system.model.effects.items() if k != name}
         bare |= {name: declared[name]} if name in declared else {}
         told[name] = [_added(rows, bare, system.model, system.main) for rows in system.flights]

@@ -46,12 +46,6 @@ class Joint:
     common_sd: Mapping[str, float]
     by_flight: tuple[Mapping[str, float], ...]
 
-    def cost_with_first(self, values: np.ndarray) -> float:
-        """The same with the first of the chosen at these values (k,), and all else where it is best beside that."""
-        away = self.chosen[: len(values)] - values
-        held = self.by_rows[: len(values), : len(values)]
-        return self.cost + float(away @ np.linalg.pinv(held, hermitian=True) @ away) if len(values) else self.cost
-
 
 def joint_fit(
     board: Board, chosen: Sequence[int], prior_mean: np.ndarray | None = None, prior_sd: np.ndarray | None = None
@@ -252,7 +246,9 @@ class _Point:
     @functools.cached_property
     def cost(self) -> float:
         """-2 log posterior of these values, all else where it is best beside them."""
-        return self.joint.cost_with_first(np.zeros(len(self.free)))
+        k = len(self.free)
+        steps = self.joint.chosen[:k]
+        return self.joint.cost + float(steps @ np.linalg.pinv(self.joint.by_rows[:k, :k], hermitian=True) @ steps)
 
     @property
     def covariance(self) -> np.ndarray:

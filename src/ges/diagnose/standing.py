@@ -13,21 +13,20 @@ from .evidence import Board, acts_of
 from .fit import FORM_ERROR, SHAPES, Fitted, Joint, strain
 from .model import block_of
 from .select import Hypothesis, Search, size_of
-from .system import System
+from .system import LEVELLER, System
 
 ACCEPT, SURE = 0.9, 0.999
 SEPARATE, SEPARATE_FROM_USUAL = math.log(ACCEPT / (1.0 - ACCEPT)), 4.5
 USUAL_IN_PLACE = {"fountain_lift": "ground_effect"}
 """What is there without the name, too, and of which other forms than the library's look like it."""
 CLEAR_SDS, OPEN_SDS, STRAINED = 3.0, 1.5, 5.0
-"""Of a lag or a fading: how large it is may be open far up where that there is one is not."""
+"""Open: of what is unlike an error of a form; how large a lag is may be open far up where that there is one is not."""
 FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}, {"motor_lag", "esc_delay"})
 REACH_M = 10.0  # 2 cm of a rangefinder matter
-UNLIKE_FORM = frozenset({"ground_effect_lag", "ground_effect_forward_flight", "ground_effect_moment"})
+THROUGH_TIME = frozenset({"ground_effect_lag", "ground_effect_forward_flight"})
+UNLIKE_FORM = THROUGH_TIME | {LEVELLER}
 """Modifiers that act through time or speed: what a form is wrong by depends on the place alone, and does not look like them; and
-the levelling moment, of which a form's error is a doubt of its own."""
-NEAR_FORM = frozenset({"ground_effect_moment"})
-"""Of these the doubt of the form is a guess."""
+the levelling moment, of which a form's error is a doubt of its own, though only a guess."""
 PLACED = frozenset({"wall_effect", "downwash"})
 """Pushes at a place, which a wind that is not the same everywhere makes too."""
 FAINT = 2.0  # times the least
@@ -52,13 +51,14 @@ def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[s
 
     Two of a family act in the same place, and one of them makes up for what the other's form is wrong by: the better of the
     two is kept. What is small beside a larger one may be what the larger one's form is wrong by, and takes more to be told, as
-    does what is faint; a small modifier is no more than that, if it is not :data:`UNLIKE_FORM`.
+    does what is faint and a levelling moment; a small modifier is no more than that, if it is not :data:`UNLIKE_FORM`, and so is
+    a small push at a place beside a wind.
     """
     probable = [n for n in found.best.names if found.inclusion[n] >= ACCEPT]
     places = {n: taken_over(found, n, probable) for n in probable}
     shares = {n: _shares(board, found.best, place) for n, place in places.items() if place}
     beside = {n for n in shares if beside_larger(n, shares)}
-    small = {n for n in shares if found.inclusion[n] < SURE and (n in beside or faint(shares[n]) or n in NEAR_FORM)}
+    small = {n for n in shares if found.inclusion[n] < SURE and (n in beside or faint(shares[n]) or n == LEVELLER)}
     small |= beside & PLACED if "wind" in shares else set()
     share = {n: max(by.values()) for n, by in shares.items() if n not in small}
     carriers = {c for n, s in share.items() if s >= 1.0 for c in needs_of(n)}
@@ -70,7 +70,7 @@ def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[s
 
 def _least(name: str, probability: float) -> float:
     """How many times the least that matters a name has to make."""
-    return LIGHTER if name in UNLIKE_FORM - NEAR_FORM and probability >= SURE else 1.0
+    return LIGHTER if name in THROUGH_TIME and probability >= SURE else 1.0
 
 
 def least_beside(name: str, known: Mapping[str, float]) -> float:

@@ -69,7 +69,7 @@ class White:
 def _spread(column: Column, x: np.ndarray, y: np.ndarray) -> float:
     """How far a coefficient may go here: the declared doubt, or far beyond what the residual could ask for."""
     if column.nuisance is not None:
-        return float(math.hypot(column.nuisance.sd, column.nuisance.flight_sd, column.nuisance.mean))
+        return math.hypot(column.nuisance.sd, column.nuisance.flight_sd, column.nuisance.mean)
     size = np.sqrt(np.mean(x**2))
     return float(WIDE * np.sqrt(np.mean(y**2)) / size) if size > 0 else 0.0
 
