@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import multiprocessing
 import os
-from collections.abc import Callable, Iterable, Sequence
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 from threadpoolctl import threadpool_limits
@@ -40,21 +43,26 @@ def each(work: Callable, *arguments: Iterable) -> list:
         return list(pool.map(work, *arguments))
 
 
-_inherited: list[Callable] = []
-
-
-def _inherit(work: Callable) -> None:
-    _inherited[:] = [work]
-
-
-def _do(argument):
-    return _inherited[0](argument)
-
-
-def each_apart(work: Callable, arguments: Sequence) -> list:
-    """The same by processes, for what keeps Python itself busy; ``work`` is inherited, arguments and results are copied."""
-    count = min(cores(), len(arguments))
+@contextlib.contextmanager
+def apart(prepare: Callable[[], object], most: int) -> Iterator[Callable[..., list]]:
+    """``each`` by up to ``most`` processes, for what keeps Python itself busy. They ``prepare`` while the caller goes on; work and
+    arguments are copied to them, results back."""
+    count = min(cores(), most)
     if count < 2 or "fork" not in multiprocessing.get_all_start_methods():
-        return list(map(work, arguments))
-    with ProcessPoolExecutor(count, multiprocessing.get_context("fork"), _inherit, (work,)) as pool:
-        return list(pool.map(_do, arguments))
+        yield lambda work, *arguments: list(map(work, *arguments))
+        return
+    with ProcessPoolExecutor(count, multiprocessing.get_context("fork"), _ready, (prepare,)) as pool:
+        pool.submit(os.getpid)  # the first task starts them all
+        yield lambda work, *arguments: list(pool.map(work, *arguments))
+
+
+def _ready(prepare: Callable[[], object]) -> None:
+    """Leave interrupts to the caller, end with it however it ends, and prepare."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(multiprocessing.parent_process(),), daemon=True).start()
+    prepare()
+
+
+def _end_with(caller) -> None:
+    caller.join()
+    os._exit(1)

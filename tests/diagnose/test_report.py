@@ -271,12 +271,16 @@ def test_rollout_lines_are_rms_over_the_starts():
 
 def test_interval_plot_shows_value_interval_and_declared_doubt():
     rows = [{"label": "mass_kg", "value": 1.1, "ci95": [1.05, 1.15], "unit": "kg", "declared": 1.0, "declared_sd": 0.02}]
-    axis = pictures.parameter_intervals(rows).axes[0]
+    figure = pictures.parameter_intervals(rows)
+    axis = figure.axes[0]
     bar = next(line for line in axis.lines if line.get_linewidth() == 3.0)
-    assert list(bar.get_xdata()) == [1.05, 1.15]
-    assert axis.patches[0].get_x() == pytest.approx(0.96) and axis.patches[0].get_width() == pytest.approx(0.08)
-    assert "1.10 kg" in axis.get_title(loc="left")
-    assert len(pictures.parameter_intervals(rows * 30).axes) == pictures.MOST_PARAMETERS, "one page"
+    assert list(bar.get_xdata()) == pytest.approx([1.05 / 1.15, 1.0]), "on a scale from zero to the end of the interval"
+    band = axis.collections[0].get_paths()[0].get_extents()
+    assert [band.x0, band.x1] == pytest.approx([0.96 / 1.15, 1.04 / 1.15])
+    assert axis.texts[0].get_text() == "mass_kg = 1.10 kg  (95 %: 1.05 to 1.15; declared: 1.00 ± 0.040)"
+    told = {t.get_text() for t in figure.legends[0].get_texts()}
+    assert told == {"fitted", "95 % interval", "declared, with two standard deviations", "zero"}
+    assert len(pictures.parameter_intervals(rows * 30).axes[0].texts) == pictures.MOST_PARAMETERS, "one page"
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,12 @@
 """Work on several cores: in order, and on no more of them than allowed."""
 
+import operator
 import os
+import subprocess
+import sys
 import threading
+import time
+from pathlib import Path
 
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
@@ -9,29 +14,69 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from ges import threads
 
 
+def _process(_) -> int:
+    return os.getpid()
+
+
 @pytest.mark.parametrize("told", ["1", "2", "64"])
 def test_results_come_in_order_whatever_the_number_of_threads(told, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", told)
     assert threads.each(lambda a, b: a - b, range(9), [1] * 9) == list(range(-1, 8))
-    assert threads.each_apart(lambda a: a - 1, range(9)) == list(range(-1, 8))
+    with threads.apart(os.getpid, 5) as each:
+        assert each(operator.neg, range(9)) == list(range(0, -9, -1))
 
 
 def test_one_thread_works_where_it_was_called(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     assert threads.each(lambda _: threading.current_thread(), [0, 0]) == [threading.current_thread()] * 2
-    assert threads.each_apart(lambda _: os.getpid(), [0, 0]) == [os.getpid()] * 2
+    with threads.apart(os.getpid, 5) as each:
+        assert each(_process, [0, 0]) == [os.getpid()] * 2
 
 
-def test_processes_are_others(monkeypatch):
+def test_processes_are_others_and_prepare_at_once(monkeypatch, tmp_path):
     monkeypatch.setattr(threads, "cores", lambda: 2)
-    assert os.getpid() not in threads.each_apart(lambda _: os.getpid(), [0, 0])
+    with threads.apart((tmp_path / "prepared").touch, 5) as each:
+        while not (tmp_path / "prepared").exists():
+            time.sleep(0.01)
+        assert os.getpid() not in each(_process, [0, 0])
 
 
-@pytest.mark.parametrize("each", [threads.each, threads.each_apart])
-def test_what_goes_wrong_elsewhere_is_told(each, monkeypatch):
+def test_what_goes_wrong_elsewhere_is_told(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
     with pytest.raises(ZeroDivisionError):
-        each(lambda a: 1 // a, [1, 0])
+        threads.each(lambda a: 1 // a, [1, 0])
+    with pytest.raises(ZeroDivisionError), threads.apart(os.getpid, 5) as each:
+        each(operator.truediv, [1, 1], [1, 0])
+
+
+def _runs(process: int) -> bool:
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+def test_processes_end_with_a_caller_that_is_killed(tmp_path):
+    code = f"""
+import os, signal, pathlib
+from ges import threads
+threads.cores = lambda: 2
+here = pathlib.Path({str(tmp_path)!r})
+def prepare():
+    (here / str(os.getpid())).touch()
+with threads.apart(prepare, 2) as each:
+    while len(list(here.iterdir())) < 2:
+        pass
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+    subprocess.run([sys.executable, "-c", code], check=False)
+    left = [int(p.name) for p in tmp_path.iterdir()]
+    assert len(left) == 2
+    until = time.monotonic() + 60.0
+    while any(map(_runs, left)) and time.monotonic() < until:
+        time.sleep(0.02)
+    assert not any(map(_runs, left))
 
 
 @pytest.mark.parametrize("told, threads_in", [("1", 2), ("2", 1)])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-from importlib import import_module
 from pathlib import Path
 
 import click
@@ -30,17 +28,17 @@ def command(recordings, out, holdout, vehicle_path, write_flight) -> None:
     from rich.console import Console
 
     from ..diagnose.chain import diagnose
+    from ..diagnose.output import drawing, write_diagnosis
     from ..io.recording import load_set
     from ..vehicle import load_vehicle
 
     console = Console(stderr=True)
-    flights = load_set(recordings)
-    vehicle = load_vehicle(vehicle_path) if vehicle_path else None
-    folder = vehicle_path.parent if vehicle_path else recordings
-    with console.status(f"diagnosing {len(flights.flights)} flights"), ThreadPoolExecutor(1) as aside:
-        drawing = aside.submit(import_module, "ges.diagnose.output")  # matplotlib, while the other core has little to do
+    with drawing() as each, console.status(f"diagnosing {recordings}"):
+        flights = load_set(recordings)
+        vehicle = load_vehicle(vehicle_path) if vehicle_path else None
+        folder = vehicle_path.parent if vehicle_path else recordings
         found = diagnose(flights, vehicle, holdout=list(holdout) or None, folder=folder)
-    drawing.result().write_diagnosis(found, out, folder)
+        write_diagnosis(found, out, folder, each)
     for warning in found.data["warnings"]:
         click.echo(f"warning: {warning}", err=True)
     click.echo(found.sentence)

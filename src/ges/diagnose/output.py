@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from .. import effects as effect_table
 from ..files import write_json
-from ..threads import each_apart
+from ..threads import apart
 from ..vehicle import save_vehicle
-from . import pictures
 from .report import write_report
 from .result import Diagnosis
 from .verify import HORIZON_S, STEPS
@@ -22,37 +23,58 @@ from .weak import blocks_of, make_windows
 from .words import channel_words, quantity_words, size_unit
 
 BLOCK_S = 5.0
+PICTURES, MOST_AT_ONCE = "ges.diagnose.pictures", 5
 
 
-def write_diagnosis(diagnosis: Diagnosis, out: Path, vehicle_folder: Path | str = ".") -> None:
-    """Write every file of the contract into ``out``; ``vehicle_folder`` is where a height map lies."""
+def drawing() -> AbstractContextManager[Callable[..., list]]:
+    """Processes that draw the figures; they read matplotlib, which takes a second, while the caller goes on."""
+    return apart(partial(import_module, PICTURES), MOST_AT_ONCE)
+
+
+def write_diagnosis(
+    diagnosis: Diagnosis, out: Path, vehicle_folder: Path | str = ".", each: Callable[..., list] | None = None
+) -> None:
+    """Write every file of the contract into ``out``; ``vehicle_folder`` is where a height map lies.
+
+    ``each`` is of :func:`drawing`, where that was started before.
+    """
+    if each is None:
+        with drawing() as each:
+            return write_diagnosis(diagnosis, out, vehicle_folder, each)
     out.mkdir(parents=True, exist_ok=True)
     content = diagnosis.content()
-    figures = dict(_figures(diagnosis, content))
-    drawn = dict(zip(figures, each_apart(lambda name: pictures.save(figures[name](), out, name), list(figures)), strict=True))
+    figures = list(_figures(diagnosis, content))
+    drawn = each(partial(_drawn, out), figures)
     ground = diagnosis.vehicle.terrain.file
     if ground and Path(vehicle_folder).resolve() != out.resolve():
         shutil.copyfile(Path(vehicle_folder) / ground, out / ground)
     save_vehicle(diagnosis.vehicle, out / "vehicle.fitted.yaml")
-    write_report(content, drawn, out / "report.html")
+    write_report(content, dict(zip((name for name, *_ in figures), drawn, strict=True)), out / "report.html")
     write_json(out / "diagnosis.json", content)
 
 
-def _figures(diagnosis: Diagnosis, content: Mapping[str, Any]) -> Iterator[tuple[str, Callable[[], Figure]]]:
-    """Names and how to draw them, of the figures that this diagnosis has something for."""
+def _drawn(out: Path, figure: tuple[str, str, Sequence]) -> bytes:
+    """The picture of one figure, which is written too."""
+    name, draw, arguments = figure
+    pictures = import_module(PICTURES)
+    return pictures.save(getattr(pictures, draw)(*arguments), out, name)
+
+
+def _figures(diagnosis: Diagnosis, content: Mapping[str, Any]) -> Iterator[tuple[str, str, Sequence]]:
+    """Name, function of ``pictures`` and its arguments, of the figures that this diagnosis has something for."""
     details = diagnosis.details
     if details["cells"]:
-        yield "where", lambda: pictures.location_map([_cell(c) for c in details["cells"]])
+        yield "where", "location_map", ([_cell(c) for c in details["cells"]],)
     told = _parameters(content)
     if told:
-        yield "parameters", lambda: pictures.parameter_intervals(told)
+        yield "parameters", "parameter_intervals", (told,)
+    if details.get("rollouts"):
+        yield "rollout", "rollout_growth", (np.linspace(0.0, HORIZON_S, STEPS + 1), details["rollouts"])
     if any(c["before"] for c in content["fit"]["channels"].values()):
-        yield "held_out", lambda: pictures.held_out_bars(content["fit"]["channels"])
+        yield "held_out", "held_out_bars", (content["fit"]["channels"],)
         place = next((item for item in content["located"] if item["channel"] in details["channels"]), None)
         if place:
-            yield "located", lambda: _residual_picture(place, details)
-    if details.get("rollouts"):
-        yield "rollout", lambda: pictures.rollout_growth(np.linspace(0.0, HORIZON_S, STEPS + 1), details["rollouts"])
+            yield "located", "residual_against", _residual_picture(place, details)
 
 
 def _cell(cell) -> dict[str, Any]:
@@ -81,7 +103,7 @@ def _unit(key: str) -> str:
     return effect_table.get(effect).parameter(parameter).unit
 
 
-def _residual_picture(place: Mapping[str, Any], details: Mapping[str, Any]):
+def _residual_picture(place: Mapping[str, Any], details: Mapping[str, Any]) -> tuple:
     """The clearest location on held-out flights: what recalibration leaves there, and what the findings add."""
     regime, c = next(iter(place["regime"])), details["channels"].index(place["channel"])
     x, block = _regime_values(details["held"], regime, details)
@@ -90,7 +112,7 @@ def _residual_picture(place: Mapping[str, Any], details: Mapping[str, Any]):
     added = (left["recalibrated"] - left["after"])[good]
     curves = {"recalibrated": np.zeros(good.sum())} | ({"after": added} if added.any() else {})
     words = f"{channel_words(place['channel'])}, {size_unit(place['channel'])}"
-    return pictures.residual_against(x[good], left["recalibrated"][good], curves, block[good], quantity_words(regime), words)
+    return x[good], left["recalibrated"][good], curves, block[good], quantity_words(regime), words
 
 
 def _regime_values(flights: Sequence, regime: str, details: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:

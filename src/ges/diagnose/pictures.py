@@ -23,7 +23,7 @@ COLOURS = {"before": "#999999", "recalibrated": "#56B4E9", "after": "#D55E00"}  
 HATCHES = {"before": "", "recalibrated": "///", "after": ""}
 LINES = {"before": ":", "recalibrated": "--", "after": "-"}
 _STYLE = {"font.size": 9.0, "axes.spines.top": False, "axes.spines.right": False, "axes.titlesize": 9.0, "hatch.linewidth": 0.6,
-          "legend.frameon": False, "svg.hashsalt": "ges", "pdf.fonttype": 42, "figure.dpi": 100.0}  # fmt: skip
+          "legend.frameon": False, "svg.hashsalt": "ges", "figure.dpi": 100.0}  # fmt: skip
 WIDTH_IN = 7.0
 BINS = 12
 LARGEST_Z = 6.0
@@ -245,29 +245,33 @@ def parameter_intervals(parameters: Sequence[Mapping[str, Any]]) -> Figure:
     """
     parameters = parameters[:MOST_PARAMETERS]
     with mpl.rc_context(_STYLE):
-        figure = _figure(0.2 + 0.75 * len(parameters))
-        figure.get_layout_engine().set(h_pad=0.08)
-        axes = figure.subplots(len(parameters), 1, squeeze=False)[:, 0]
-        for axis, p in zip(axes, parameters, strict=True):
-            _interval(axis, p)
+        figure = _figure(0.4 + 0.55 * len(parameters))
+        axis = figure.subplots()
+        for row, p in enumerate(parameters):
+            _interval(axis, row, p)
+        axis.set(xlim=(-0.02, 1.02), ylim=(len(parameters) - 0.5, -0.5))
+        axis.set_axis_off()
+        told = dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
+        figure.legend(told.values(), told.keys(), loc="outside lower center", ncols=len(told))
     return figure
 
 
-def _interval(axis, p: Mapping[str, Any]) -> None:
+def _interval(axis, row: int, p: Mapping[str, Any]) -> None:
+    """One line: what is drawn lies between 0 and 1."""
     low, high = (v if v is not None else p["value"] for v in p["ci95"])
-    reach = [low, high, 0.0]
-    if p.get("declared") is not None:
-        doubt = 2.0 * (p.get("declared_sd") or 0.0)
-        axis.axvspan(p["declared"] - doubt, p["declared"] + doubt, color="#CCCCCC", linewidth=0)
-        axis.axvline(p["declared"], color="#777777", linewidth=0.8)
-        reach = [low, high, p["declared"] - doubt, p["declared"] + doubt]
-    axis.axvline(0.0, color="black", linewidth=0.6, linestyle=":")
-    axis.plot([low, high], [0.0, 0.0], color=COLOURS["after"], linewidth=3.0, solid_capstyle="butt")
-    axis.plot(p["value"], 0.0, "o", color="black", markersize=5.0)
-    room = 0.08 * (max(reach) - min(reach) or 1.0)
-    axis.ticklabel_format(axis="x", scilimits=(-4, 5), useMathText=True)
-    axis.set(xlim=(min(reach) - room, max(reach) + room), ylim=(-1.0, 1.0), yticks=[])
+    declared, doubt = p.get("declared"), 2.0 * (p.get("declared_sd") or 0.0)
+    band = [declared - doubt, declared + doubt] if declared is not None else []
+    reach = [low, high, 0.0, *band]
+    span = max(reach) - min(reach) or 1.0
+    (low_at, high_at, zero_at, *band_at), value_at = ((v - min(reach)) / span for v in reach), (p["value"] - min(reach)) / span
+    if band:
+        axis.fill_between(band_at, row, row + 0.4, color="#CCCCCC", linewidth=0, label="declared, with two standard deviations")
+    axis.plot([0.0, 1.0], [row + 0.4] * 2, color="#777777", linewidth=0.6)
+    axis.plot([zero_at] * 2, [row, row + 0.4], ":", color="black", linewidth=0.8, label="zero")
+    axis.plot([low_at, high_at], [row + 0.2] * 2, color=COLOURS["after"], linewidth=3.0, solid_capstyle="butt",
+              label="95 % interval")  # fmt: skip
+    axis.plot(value_at, row + 0.2, "o", color="black", markersize=5.0, label="fitted")
     unit = f" {p['unit']}" if p["unit"] not in ("1", "") else ""
-    span = f"{number_words(low)} to {number_words(high)}"
-    axis.set_title(f"{p['label']} = {number_words(p['value'])}{unit}  (95 %: {span})", loc="left", pad=2.0)
-    axis.spines["left"].set_visible(False)
+    span_words = f"95 %: {number_words(low)} to {number_words(high)}"
+    known = f"; declared: {number_words(declared)} ± {number_words(doubt, 2)}" if band else ""
+    axis.text(0.0, row - 0.07, f"{p['label']} = {number_words(p['value'])}{unit}  ({span_words}{known})")
