@@ -1,22 +1,26 @@
-/* Parasitic drag of the airframe: F = -1/2 rho C_d A |V| V, body frame. C_d A 0.001 (27 g) to 0.03 m^2 (1.5 kg). */
+/* Parasitic drag of the airframe: F = -1/2 rho C_d A |V| V, body frame. C_d A 0.001 (27 g) to 0.03 m^2 (1.5 kg); along thrust
+ * it meets the plan of the airframe, which is larger than its front. */
 #include "effect.h"
 
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
   vd speed = lane_sqrt(across_squared(s) + s->air[2] * s->air[2]);
   vd factor = -0.5 * s->rho * p[0] * speed;
-  for (int k = 0; k < 3; k++) add->force[k] += factor * s->air[k];
+  add->force[0] += factor * s->air[0];
+  add->force[1] += factor * s->air[1];
+  add->force[2] += factor * p[1] * s->air[2];
 }
 
 EFFECT(parasitic_drag) = {
     .name = "parasitic_drag",
     .title = "parasitic drag of the airframe, quadratic in air speed",
-    .equation = "F = -1/2 rho C_dA |V| V",
+    .equation = "F = -1/2 rho C_dA |V| (V_x, V_y, kappa V_z)",
     .reference = "Leishman 2006",
     .channels = "force_x force_y force_z",
     .kind = GES_WRENCH,
-    .n_parameters = 1,
+    .n_parameters = 2,
     .laws = GES_LAW_MIRROR | GES_LAW_DISSIPATES | GES_LAW_FREE_AIR,
-    .parameters = {{"area_m2", "m^2", "drag area C_d A", 0.02, 0, 0, 1}},
+    .parameters = {{"area_m2", "m^2", "drag area C_d A", 0.02, 0, 0, 1},
+                   {"vertical_ratio", "1", "kappa, drag area along thrust over that across", 1, NAN, 0.2, 5}},
     .wrench = wrench,
 };

@@ -45,8 +45,8 @@ def each(work: Callable, *arguments: Iterable) -> list:
 
 @contextlib.contextmanager
 def apart(prepare: Callable[[], object], most: int) -> Iterator[Callable[..., list]]:
-    """``each`` by up to ``most`` processes, for what keeps Python itself busy. They ``prepare`` while the caller goes on; work and
-    arguments are copied to them, results back."""
+    """``each`` by up to ``most`` processes, for what keeps Python itself busy. They ``prepare`` while the caller goes on; work
+    and arguments are copied to them, results back."""
     count = min(cores(), most)
     if count < 2 or "fork" not in multiprocessing.get_all_start_methods():
         yield lambda work, *arguments: list(map(work, *arguments))

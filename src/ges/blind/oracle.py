@@ -25,7 +25,8 @@ WIDE = {"form": 3.0, "amplitude": 1.0, "slope_exponent": 0.0, "low": 0.0, "high"
 FREE: Mapping[str, tuple[str, ...]] = {
     "ground_effect": ("c_a", "decay"), "ground_effect_forward_flight": ("c",), "partial_ground_effect": ("k",),
     "ground_effect_lag": ("c",), "ground_effect_moment": ("q",), "fountain_lift": ("c_b", "c_s"), "rotor_drag": ("k_kg",),
-    "parasitic_drag": ("area_m2",), "axial_inflow": ("k_kg",), "translational_lift": ("c",), "wind": ("east_m_s", "north_m_s"),
+    "parasitic_drag": ("area_m2", "vertical_ratio"), "axial_inflow": ("k_kg",), "translational_lift": ("c",),
+    "wind": ("east_m_s", "north_m_s"),
     "weak_rotor": ("loss_1", "loss_2", "loss_3", "loss_4"), "cg_offset": ("x_m", "y_m"), "rotor_tilt": ("x_rad", "y_rad"),
     "rotor_inertia_reaction": ("inertia_kg_m2",), "slung_load": ("mass_kg", "length_m", "damping"),
     "tether": ("weight_N_m",), "battery_sag": ("sensitivity",), "motor_lag": ("up_s", "down_s"),
@@ -33,7 +34,7 @@ FREE: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 HANGING = {"below_m": 20.0}  # the concealed load hangs free, through the ground
 FIXED: Mapping[str, dict[str, float]] = {"ground_effect": WIDE, "slung_load": HANGING}
-SHAPES = ("decay", "c_s", "length_m", "damping")
+SHAPES = ("decay", "c_s", "vertical_ratio", "length_m", "damping")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -28,7 +28,8 @@ FORM_ERROR = 0.12
 """Sd of a physical effect's size, over it, that is due to its form alone: what development cases of other forms came to."""
 CLIPPING = frozenset({"rotor_saturation"})
 """Effects that a share of their column's step says nothing of: half of a ceiling's step is no ceiling at half the way."""
-USUAL_SHAPES = {("ground_effect", "decay"): (1.0, 1.0), ("fountain_lift", "c_s"): (1.5, 1.0)}
+USUAL_SHAPES = {("ground_effect", "decay"): (1.0, 1.0), ("fountain_lift", "c_s"): (1.5, 1.0),
+                ("parasitic_drag", "vertical_ratio"): (1.0, 1.0)}  # fmt: skip
 """Usual value and sd of a shape that some flights hardly tell."""
 FIRMER = {("motor_lag", "up_s"): (0.0, 0.5), ("motor_lag", "down_s"): (0.0, 0.5), ("esc_delay", "delay_s"): (0.0, 0.06)}
 
@@ -196,7 +197,8 @@ def _through(found: dict[str, dict[str, float]], beside: effect_table.Effects) -
 
 
 SHAPES: Mapping[str, tuple[str, ...]] = {"ground_effect": ("decay", "rotor_plane_offset_m"), "fountain_lift": ("c_s",),
-                                          "slung_load": ("length_m",), "ceiling_effect": ("ceiling_z_m",),
+                                          "parasitic_drag": ("vertical_ratio",), "slung_load": ("length_m",),
+                                          "ceiling_effect": ("ceiling_z_m",),
                                           "downwash": ("width_m", "other_x_m", "other_y_m")}  # fmt: skip
 
 
