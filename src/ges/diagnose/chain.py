@@ -34,7 +34,7 @@ from .locate import BLOCK_S, cells, from_findings, from_open, from_residuals, re
 from .model import Model, from_vehicle
 from .recommend import next_flight
 from .result import Diagnosis
-from .standing import matters, strained
+from .standing import matters, relieved, strained
 from .structure import Structure, Told, structures
 from .system import ALL_ON, Switches, System, common_channels, window_length_s
 from .unknown import borrowed, left_over
@@ -143,7 +143,7 @@ class _Chain:
         known = (accepted.fitted.board.system, accepted.fitted.joint) if accepted.fitted else (system, joint)
         gusts = gusts_of(*known, self.length_s, self.vehicle.effect_values().get("gusts"))
         gusts = None if gusts and gusts.lost_beside(contributions(accepted, HANGING), system) else gusts
-        if gusts and names is None and "wind" in accepted.names and gusts.may_be(accepted.fitted.effects["wind"]):
+        if gusts and names is None and "wind" in accepted.names and gusts.may_be(accepted.fitted):
             accepted = without(accepted, "wind", self.length_s, switches)
         accepted = shot_fit(accepted, self.length_s, switches)
         last = self._last(accepted, first, told)
@@ -190,10 +190,12 @@ class _Chain:
 
     def _unstrained(self, accepted: Accepted, first: Joint, switches: Switches) -> Accepted:
         """Without the names that need declared numbers far outside their doubts: one by one, the worst offender first of those
-        through which no other acts."""
+        through which no other acts, while that relieves the numbers."""
         while accepted.fitted is not None and strained(accepted.fitted.apart, first, accepted.board.system):
             last = [n for n in accepted.names if not any(n in needs_of(other) for other in accepted.names)]
             worst = min(last, key=lambda name: strain_without(accepted.fitted, name))
+            if not relieved(accepted.fitted, worst, accepted.board.system):
+                break
             accepted = without(accepted, worst, self.length_s, switches)
         return accepted
 

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import stdtrit
 
+from ..threads import each
 from .align import STREAMS, Prepared, lift
 from .model import Model
 from .residual import turn_rates
@@ -104,7 +105,8 @@ def drive_delay(flights: Sequence[Prepared], model: Model) -> Delay | None:
     Commands are left alone: their delay is physics (motor lag, transport delay). But what is late against the motion is as
     late against the commands that made it; where it is not, the controller's answers to disturbances made the peak.
     """
-    told = [s for f in flights if f.has("rotor_speed") for s in [_correlations(f, model, DRIVE_LAGS_S)] if s is not None]
+    logged = [f for f in flights if f.has("rotor_speed")]
+    told = [s for s in each(lambda f: _correlations(f, model, DRIVE_LAGS_S), logged) if s is not None]
     found = _told("rotor_speed", told, DRIVE_LAGS_S, LEAST_DRIVE_SD_S)
     if found is None:
         return None
@@ -138,7 +140,7 @@ def _rate_correlations(flight: Prepared) -> np.ndarray | None:
 
 def pose_delay(flights: Sequence[Prepared]) -> Delay | None:
     """How late position, velocity and attitude are against the gyro, by direct correlation of the two body rates."""
-    told = [s for f in flights if (s := _rate_correlations(f)) is not None]
+    told = [s for s in each(_rate_correlations, flights) if s is not None]
     return _told("attitude", told, POSE_LAGS_S, LEAST_DELAY_SD_S)
 
 

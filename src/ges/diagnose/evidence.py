@@ -16,9 +16,9 @@ DECLARED = frozenset({"inertia", "thrust_scale", "torque_coefficient"})
 PLAUSIBLE = {
     **{("inertia", axis): 0.3 for axis in ("xx", "yy", "zz")},
     ("thrust_scale", "scale"): 0.3, ("torque_coefficient", "scale"): 0.3,
-    ("ground_effect", "amplitude"): 4.0, ("ground_effect", "c_a"): 0.7,
+    ("ground_effect", "amplitude"): 4.0, ("ground_effect", "c_a"): 0.7, ("ceiling_effect", "amplitude"): 3.0,
 }  # fmt: skip
-"""Sd of coefficients that are plausible by themselves: shares of a declared number, gains near the ground."""
+"""Sd of coefficients that are plausible by themselves: shares of a declared number, gains near the ground or a ceiling."""
 LEVEL_REACH = 2.0
 """Factor above and below the level that a column holds at within which its coefficient counts."""
 

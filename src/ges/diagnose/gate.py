@@ -172,7 +172,7 @@ def pass_gate(frames: Sequence[pd.DataFrame], model: Model, names: Sequence[str]
         raise GesError(f"no usable flight among {len(frames)}: {names[0]} {problems[0]}; log a flight with rotor speeds or motor "
                        "commands (PX4: esc_status or actuator_motors; Crazyflie: motor.m1 ...)")  # fmt: skip
     warnings = [f"{name} {problem}; it was left out" for name, problem in zip(names, problems, strict=True) if problem]
-    noticed = [_remarks(f) if f else [] for f in flights]
+    noticed = each(lambda f: _remarks(f) if f else [], flights)
     warnings += [f"{name} {told}" for name, remarks in zip(names, noticed, strict=True) for told in remarks]
     pose, flights = _pose_settled(flights)
     gyro, flights = _gyro_settled(flights)

@@ -17,7 +17,7 @@ from scipy.special import fdtrc
 
 from .. import effects as effect_table
 from .candidates import Variant, acts_among, amplitude_of
-from .fit import Joint, left_raw
+from .fit import Fitted, Joint, left_raw
 from .model import Model
 from .residual import FORCE, motion_of
 from .result import Estimate, Finding
@@ -55,9 +55,10 @@ class Gusts:
     weight_N: float
     chance: float
 
-    def may_be(self, wind: Mapping[str, float]) -> bool:
-        """Whether a mean wind is no more than what gusts like these leave."""
-        return float(np.hypot(wind["east_m_s"], wind["north_m_s"])) < CLEAR * self.mean_sd_m_s
+    def may_be(self, fitted: Fitted) -> bool:
+        """Whether the mean wind of a fit is no more than what gusts like these leave and the fit doubts."""
+        wind, sd_m_s = fitted.effects["wind"], max(fitted.sd("wind", p) for p in ("east_m_s", "north_m_s"))
+        return float(np.hypot(wind["east_m_s"], wind["north_m_s"])) < CLEAR * float(np.hypot(self.mean_sd_m_s, sd_m_s))
 
     def lost_beside(self, added: Mapping[str, Sequence[np.ndarray]], system: System) -> bool:
         """Whether something hangs below whose pull need only lean to push so; ``added`` by effect and flight, (m, C)."""

@@ -10,7 +10,7 @@ import numpy as np
 from .. import effects as effect_table
 from .candidates import acts_among, amplitude_of, needs_of
 from .evidence import Board, acts_of
-from .fit import FORM_ERROR, SHAPES, Fitted, Joint, strain
+from .fit import FORM_ERROR, SHAPES, Fitted, Joint, strain, strain_without
 from .model import block_of
 from .select import Hypothesis, Search, size_of
 from .system import LEVELLER, System
@@ -29,6 +29,8 @@ UNLIKE_FORM = THROUGH_TIME | {LEVELLER}
 the levelling moment, of which a form's error is a doubt of its own, though only a guess."""
 PLACED = frozenset({"wall_effect", "downwash"})
 """Pushes at a place, which a wind that is not the same everywhere makes too."""
+STILL_AIR_M_S = 0.3
+"""No air is stiller, nor any position more at rest."""
 FAINT = 2.0  # times the least
 LIGHTER = 0.4
 """Of the least, of what does not look like an error of a form."""
@@ -138,9 +140,16 @@ def strained(last: Joint, first: Joint, system: System) -> bool:
     return strain(last, system) > max(STRAINED, strain(first, system) + 1.0)
 
 
+def relieved(fitted: Fitted, name: str, system: System) -> bool:
+    """Whether the declared numbers come nearer to their doubts, by one at least, without a name."""
+    return strain_without(fitted, name) < strain(fitted.apart, system) - 1.0
+
+
 def stands(fitted: Fitted, name: str) -> bool:
     """Whether some amplitude is clearly not neutral with its shape held and more than its sd with it free, and none went as far
-    as the effect allows."""
+    as the effect allows; a wind, whether it blows at all."""
+    if name == "wind" and math.hypot(*(fitted.effects[name][p] for p in ("east_m_s", "north_m_s"))) < STILL_AIR_M_S:
+        return False
     clear = False
     for parameter in (p for e, p in fitted.free if e == name and p not in SHAPES.get(name, ())):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)

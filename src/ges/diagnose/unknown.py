@@ -8,7 +8,8 @@ from .locate import clear
 from .model import Model
 from .structure import Structure
 
-LEAST_R2 = 0.05
+LEAST_R2 = 0.1
+"""Healthy flights that come below the chance that is asked explain less."""
 BORROWED_R2 = 0.2
 BORROWED_SHARE = {"force": 0.005, "acc": 0.005, "moment": 0.002, "range": 0.25}
 

@@ -72,7 +72,8 @@ def sentence_of(
     calibration: Mapping[str, Mapping],
 ) -> str:  # fmt: skip
     """One or two sentences: where, what, how much, how sure."""
-    where = f"The simulator is wrong first in the {where_words(located[0])}." if located else ""
+    first = next(iter([*located, *unexplained]), None)
+    where = f"The simulator is wrong first in the {where_words(first)}." if first else ""
     named = "; ".join(_finding_words(f) for f in findings)
     left = f" Something is left unexplained in the {channel_words(unexplained[0]['channel'])}." if unexplained else ""
     if verdict == "nothing_proven":
