@@ -108,6 +108,20 @@ def test_nothing_planted_nothing_found(flown, vehicle):
     assert found.detectable["ground_effect"]["smallest"]
 
 
+def test_an_airframe_that_meets_the_climb_with_its_plan_is_no_inflow(flown, vehicle):
+    """Twice the drag along thrust is the airframe's own, not a loss of thrust when climbing."""
+    drag = {"parasitic_drag": {"area_m2": 0.15, "vertical_ratio": 2.0}}
+    found = ges.diagnose(_recordings(flown, vehicle, drag), vehicle, holdout=["flight5"])
+    assert [f.name for f in found.findings] == ["parasitic_drag"], found.sentence
+    assert found.findings[0].parameters["vertical_ratio"].value == pytest.approx(2.0, rel=0.1)
+
+
+def test_air_that_hardly_moves_is_no_wind(flown, vehicle):
+    breath = {"rotor_drag": {"k_kg": 2e-4}, "wind": {"east_m_s": 0.2, "north_m_s": 0.0}}
+    found = ges.diagnose(_recordings(flown, vehicle, breath), vehicle, holdout=["flight5"])
+    assert [f.name for f in found.findings] == ["rotor_drag"], found.sentence
+
+
 def test_a_load_is_found_in_flights_that_begin_in_mid_swing(flown, vehicle):
     """The replay hangs it at rest; what it forgets of that in a few swings is enough."""
     load = {"mass_kg": 0.12, "length_m": 0.5}

@@ -79,6 +79,12 @@ def test_the_sentence_says_what_flights_that_took_no_part_show(after, said):
     assert said in verdict.sentence_of("physics", (), (), (), fit, {})
 
 
+def test_what_stays_unknown_is_told_with_its_place():
+    left = {"channel": "acc_z", "regime": {"battery_V": [7.92, 8.09]}}
+    said = verdict.sentence_of("unknown", (), (), [left], {}, {})
+    assert said.startswith("The simulator is wrong first in the accelerometer along thrust at battery voltage 7.9 to 8.1 V. No")
+
+
 def test_the_flights_carry_a_finding_for_the_report(content):
     assert content["findings"], content["sentence"]
     assert content["fit"]["channels"]

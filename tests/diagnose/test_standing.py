@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from ges.diagnose import standing
 from ges.diagnose.fit import FORM_ERROR, Fitted
 from ges.diagnose.select import Hypothesis, Search
-from ges.diagnose.standing import beside_larger, faint, least_beside, matters, replaced_by, stands, taken_over
+from ges.diagnose.standing import beside_larger, faint, least_beside, matters, relieved, replaced_by, stands, taken_over
 
 
 def _search(evidence: dict[tuple[str, ...], float]) -> Search:
@@ -53,6 +54,20 @@ def test_an_amplitude_that_its_shape_leaves_open_does_not_stand(amplitude, prove
     fitted = Fitted({"ground_effect": {"c_a": amplitude, "decay": 0.3}}, free, covariance, None, None, None)
     assert fitted.sds_from_neutral("ground_effect", "c_a") > 3.0
     assert stands(fitted, "ground_effect") == proven
+
+
+@pytest.mark.parametrize(("without", "goes"), [(2.0, True), (5.5, False), (9.0, False)])
+def test_a_name_goes_only_if_that_relieves_the_declared_numbers(without, goes, monkeypatch):
+    monkeypatch.setattr(standing, "strain", lambda *_: 6.0)
+    monkeypatch.setattr(standing, "strain_without", lambda *_: without)
+    assert relieved(Fitted({}, (), np.zeros((0, 0)), None, None, None), "wind", None) == goes
+
+
+@pytest.mark.parametrize(("east", "north", "blows"), [(0.2, 0.2, False), (-0.25, 0.25, True)])
+def test_air_that_hardly_moves_is_no_wind(east, north, blows):
+    free = (("wind", "east_m_s"), ("wind", "north_m_s"))
+    fitted = Fitted({"wind": {"east_m_s": east, "north_m_s": north}}, free, 1e-4 * np.eye(2), None, None, None)
+    assert stands(fitted, "wind") == blows
 
 
 def test_what_is_small_beside_a_larger_one_in_every_block_may_be_its_form():
