@@ -33,6 +33,20 @@ def test_nothing_is_wrong_with_a_whole_flight(whole, model):
     assert not {"clipping", "gaps"} & set(gate.flights[0].left_out)
 
 
+def test_a_flight_from_air_to_air_is_on_the_ground_where_others_rest(whole, sheet, tmp_path):
+    """Over a ledge that the vehicle file knows of: low enough to stand on it for two seconds, on which no blow tells."""
+    t, drive = whole["t_s"].to_numpy(), [c for c in whole if c.startswith(("u_", "rotor_speed_"))]
+    np.savez(tmp_path / "ledge.npz", x_m=[-50.0, 50.0], y_m=[-50.0, 50.0], z_m=np.full((2, 2), 0.4))
+    over = from_vehicle(sheet(terrain={"kind": "grid", "file": "ledge.npz"}), tmp_path)
+    low, first, wander = (t > 10.0) & (t < 12.0), t < 4.0, 1e-3 * np.sin(40.0 * t)
+    touching = whole.assign(p_z_m=np.where(low, 0.43, 1.5) + wander)
+    resting = whole.assign(p_z_m=np.where(first, 0.43, 1.5) + wander, **{c: np.where(first, 0.0, whole[c]) for c in drive})
+    with_others, alone = pass_gate([touching, resting], over).flights[0], pass_gate([touching, touching], over).flights[0]
+    assert not with_others.flying[(with_others.t_s > 10.0) & (with_others.t_s < 12.0)].any()
+    assert with_others.left_out["on_ground"] == pytest.approx(3.0, abs=0.1)
+    assert "on_ground" not in alone.left_out
+
+
 def test_a_gap_is_left_out_with_its_seconds(whole, model):
     t = whole["t_s"]
     gate = pass_gate([whole[(t < 10.0) | (t > 13.0)].reset_index(drop=True)] * 2, model)

@@ -35,7 +35,7 @@ FASTEST_STEP_S, SLOWEST_STEP_S = 0.005, 0.05
 SHORTEST_FLIGHT_S = 2.0
 LONGEST_GAP_S = 0.5
 LONGEST_SILENCE_S = 0.3
-WELL_ABOVE_M = 0.3
+UP, WELL_ABOVE_M = 0.7, 0.3
 STEADY_HZ = 0.3
 
 
@@ -229,29 +229,33 @@ def lift(flight: Prepared, thrust_coefficient: float, speed_max: float, weight_N
     return gaussian_filter1d(ratio, 0.15 / flight.dt_s)
 
 
-def _above_rest(flight: Prepared, idle: np.ndarray) -> np.ndarray | None:
-    """Height over the resting height, which is that of an end of the recording where the drive idles; infinite in a recording
-    that begins and ends in the air, None without a logged height."""
-    z = flight.columns.get("p_z_m")
-    if z is None:
-        return None
-    height, n = z - flight.columns.get("ground_z_m", 0.0), max(1, int(0.5 / flight.dt_s))
-    rest = [np.median(height[end]) for end in (slice(n), slice(-n, None)) if idle[end].mean() > 0.5]
-    return height - min(rest, default=-np.inf)
+def at_work(flight: Prepared, ratio: np.ndarray | None) -> np.ndarray:
+    """Thrust over its own median where it is clearly up, (n,), so that a wrong thrust coefficient does not matter; without a
+    drive, whether the vehicle moves."""
+    return _shaken(flight).astype(float) if ratio is None else ratio / _usual(ratio)
 
 
-def airborne(flight: Prepared, ratio: np.ndarray | None, margin_s: float = 0.5) -> np.ndarray:
+def resting_m(flight: Prepared, working: np.ndarray, height_m: np.ndarray | None) -> float:
+    """Height over the ground that the vehicle rests at: that of an end of the recording where the drive idles; infinite in a
+    recording that begins and ends in the air, or has no height."""
+    if height_m is None:
+        return np.inf
+    idle, n = working <= UP, max(1, int(0.5 / flight.dt_s))
+    return min((float(np.median(height_m[end])) for end in (slice(n), slice(-n, None)) if idle[end].mean() > 0.5), default=np.inf)
+
+
+def airborne(
+    flight: Prepared, working: np.ndarray, above_m: np.ndarray | None, off_m: float, margin_s: float = 0.5
+) -> np.ndarray:
     """Samples in the air.
 
-    The drive must carry at least 70 % of its own median where it is clearly up (so a wrong thrust coefficient does not
-    matter), or 30 % well above the resting height, as in a brisk descent; and the vehicle must be off its resting height.
+    The drive must carry at least 70 % of its own median where it is clearly up, or 30 % well above the resting height, as in a
+    brisk descent; and the vehicle must be off its resting height: ``above_m`` it by ``off_m``, where that is known.
     ``margin_s`` around every contact is left out.
     """
-    share = _shaken(flight).astype(float) if ratio is None else ratio / _usual(ratio)
-    up = share > 0.7
-    above = _above_rest(flight, ~up)
-    if above is not None:
-        up = (up & (above > 0.02)) | ((share > 0.3) & (above > WELL_ABOVE_M))
+    up = working > UP
+    if above_m is not None:
+        up = (up & (above_m > off_m)) | ((working > 0.3) & (above_m > WELL_ABOVE_M))
     up = median_filter(up.astype(np.uint8), size=2 * int(0.25 / flight.dt_s) + 1, mode="nearest").astype(bool)
     around = int(round(margin_s / flight.dt_s))
     return ~binary_dilation(~up, iterations=max(around, 1)) if (~up).any() else up

@@ -12,7 +12,7 @@ from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter
 from ..conventions import BODY_RATE, SPECIFIC_FORCE
 from ..errors import GesError
 from ..threads import each
-from .align import Prepared, airborne, gaps, grid_step_s, lift, regrid, with_steady_position
+from .align import Prepared, airborne, at_work, gaps, grid_step_s, lift, regrid, resting_m, with_steady_position
 from .delays import Delay, clock_drift, drive_delay, gyro_bias, pose_delay, shifted, without_bias
 from .model import Model
 
@@ -29,6 +29,9 @@ CLIPPED_AROUND_S = 0.05
 LEAST_BLOW_M_S2, BLOW_SDS = 4.0, 8.0
 BLOW_S, AROUND_BLOW_S = 0.2, 0.4
 CLOSE_RADII = 2.0
+OFF_REST_M = 0.02
+TOUCHES = 0.1
+"""Rotor radii over where other flights rest: a flight that begins and ends in the air may be meant to be as low as that."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,28 +49,59 @@ class Gate:
         return [i for i, f in enumerate(self.flights) if f is not None]
 
 
+@dataclasses.dataclass(frozen=True)
+class _Gridded:
+    """One recording on a grid, its thrust over the usual (n,), its height over the ground (n,) if known, and that at rest, m."""
+
+    flight: Prepared
+    working: np.ndarray
+    height_m: np.ndarray | None
+    resting_m: float
+
+
 def prepare(frame: pd.DataFrame, model: Model, number: int = 0) -> Prepared:
     """One recording on a grid, flying samples found, seconds left out counted by reason."""
+    return _in_the_air(_on_grid(frame, model, number), frame, model)
+
+
+def _on_grid(frame: pd.DataFrame, model: Model, number: int) -> _Gridded:
     flight = with_thrust_direction(regrid(frame, grid_step_s(frame), number), frame)
     ratio = lift(flight, model.number("thrust_coefficient_N_s2"), model.number("max_rotor_speed_rad_s"), model.weight_N)
-    gap, up = gaps(frame, flight.t_s), airborne(flight, ratio)
+    working, height = at_work(flight, ratio), height_over_ground_m(flight, model)
+    return _Gridded(flight, working, height, resting_m(flight, working, height))
+
+
+def _in_the_air(gridded: _Gridded, frame: pd.DataFrame, model: Model, others_rest_m: float = np.inf) -> Prepared:
+    """With the samples that fly; ``others_rest_m`` is where other flights rest, for a flight that begins and ends in the air."""
+    flight, own = gridded.flight, np.isfinite(gridded.resting_m)
+    rest_m = gridded.resting_m if own else others_rest_m
+    above = gridded.height_m - (rest_m if np.isfinite(rest_m) else -np.inf) if gridded.height_m is not None else None
+    gap, up = gaps(frame, flight.t_s), airborne(flight, gridded.working, above, OFF_REST_M if own else TOUCHES * model.radius_m)
     cut = clipped(frame, flight.t_s) & up & ~gap
-    hit = struck(flight, model) & up & ~gap & ~cut
+    hit = struck(gridded, model) & up & ~gap & ~cut
     left = {"on_ground": ~up & ~gap, "gaps": gap, "clipping": cut, "contact": hit}
     seconds = {reason: float(at.sum() * flight.dt_s) for reason, at in left.items() if at.any()}
     return flight.replaced(flying=up & ~gap & ~cut & ~hit, left_out=seconds)
 
 
-def struck(flight: Prepared, model: Model) -> np.ndarray:
-    """True around every blow from the ground: a short force close to it that no drive makes and no noise."""
-    if "p_z_m" not in flight.columns or "acc_z_m_s2" not in flight.columns:
-        return np.zeros(len(flight.t_s), bool)
+def height_over_ground_m(flight: Prepared, model: Model) -> np.ndarray | None:
+    """Over the ground as it was logged, or as the vehicle file has it; None without a logged height."""
+    if "p_z_m" not in flight.columns:
+        return None
     x, y = (flight.columns.get(name, np.zeros(len(flight.t_s))) for name in ("p_x_m", "p_y_m"))
-    ground = flight.columns.get("ground_z_m", model.terrain.at(x, y).height_m)
+    ground = flight.columns["ground_z_m"] if "ground_z_m" in flight.columns else model.terrain.at(x, y).height_m
+    return flight.columns["p_z_m"] - ground
+
+
+def struck(gridded: _Gridded, model: Model) -> np.ndarray:
+    """True around every blow from the ground: a short force close to it that no drive makes and no noise."""
+    flight = gridded.flight
+    if gridded.height_m is None or "acc_z_m_s2" not in flight.columns:
+        return np.zeros(len(flight.t_s), bool)
     push = flight.columns["acc_z_m_s2"]
     blow = np.abs(push - median_filter(push, size=2 * int(BLOW_S / flight.dt_s) + 1, mode="nearest"))
     usual = 1.4826 * np.median(blow)
-    hit = (blow > max(LEAST_BLOW_M_S2, BLOW_SDS * usual)) & (flight.columns["p_z_m"] - ground < CLOSE_RADII * model.radius_m)
+    hit = (blow > max(LEAST_BLOW_M_S2, BLOW_SDS * usual)) & (gridded.height_m < CLOSE_RADII * model.radius_m)
     return binary_dilation(hit, iterations=max(1, int(AROUND_BLOW_S / flight.dt_s))) if hit.any() else hit
 
 
@@ -165,7 +199,9 @@ def pass_gate(frames: Sequence[pd.DataFrame], model: Model, names: Sequence[str]
         When no recording is left that the model can be held against.
     """
     names = names or [f"flight {i}" for i in range(len(frames))]
-    flights: list[Prepared | None] = each(lambda i: prepare(frames[i], model, i), range(len(frames)))
+    gridded = each(lambda i: _on_grid(frames[i], model, i), range(len(frames)))
+    rest_m = min(g.resting_m for g in gridded)
+    flights: list[Prepared | None] = each(lambda g, frame: _in_the_air(g, frame, model, rest_m), gridded, frames)
     problems = [_problem(f) for f in flights]
     flights = [None if problem else f for f, problem in zip(flights, problems, strict=True)]
     if all(problems):
