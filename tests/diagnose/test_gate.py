@@ -47,6 +47,16 @@ def test_a_flight_from_air_to_air_is_on_the_ground_where_others_rest(whole, shee
     assert "on_ground" not in alone.left_out
 
 
+def test_a_recording_that_ends_in_a_brisk_descent_is_flown_all_the_same(whole, model):
+    """The drive idles at four metres, and nothing rests there."""
+    t, drive = whole["t_s"].to_numpy(), [c for c in whole if c.startswith(("u_", "rotor_speed_"))]
+    falling, wander = t > t[-1] - 1.0, 1e-3 * np.sin(40.0 * t)
+    frame = whole.assign(
+        p_z_m=np.where(t < 20.0, 1.5, 4.0) + wander, **{c: np.where(falling, 0.5 * whole[c], whole[c]) for c in drive}
+    )
+    assert pass_gate([frame, whole], model).flights[0].flying.mean() > 0.9
+
+
 def test_a_gap_is_left_out_with_its_seconds(whole, model):
     t = whole["t_s"]
     gate = pass_gate([whole[(t < 10.0) | (t > 13.0)].reset_index(drop=True)] * 2, model)

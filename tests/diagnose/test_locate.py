@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from ges.diagnose.locate import cells, from_findings, from_open, from_residuals, strongest
 from ges.diagnose.model import from_vehicle
 from ges.diagnose.structure import Structure, excited, structures
-from ges.diagnose.unknown import borrowed, left_over
+from ges.diagnose.unknown import borrowed, left_over, theirs
 
 NAMES = ("force_x", "force_z", "moment_y")
 STEP_S, WINDOWS, FLIGHTS, BLOCK = 0.1, 250, 4, 25
@@ -194,8 +194,10 @@ def _structure(model, channel="force_z", share=0.01, r2=0.5, q=0.002, **more):
 
 def test_unexplained_is_what_is_clear_and_large(model):
     large = _structure(model)
-    quiet = [_structure(model, "force_x", share=0.001), _structure(model, "acc_x", q=0.2), _structure(model, "acc_y", r2=0.08)]
+    quiet = [_structure(model, "force_x", share=0.001), _structure(model, "acc_x", q=0.2), _structure(model, "acc_y", r2=0.01)]
     assert left_over([large, *quiet], model) == [large]
+    assert left_over([_structure(model, share=0.003, r2=0.08)], model) == [], "faint: so do healthy flights"
+    assert left_over([_structure(model, share=0.008, r2=0.08)], model), "no noise is that large"
     calibrated = dataclasses.replace(model, left_unexplained={"force_z": 0.01 * model.weight_N})
     assert left_over([large], calibrated) == [], "the flights of the calibration show it too"
 
@@ -205,6 +207,15 @@ def test_size_speaks_where_no_mean_does(model):
     assert left_over([restless], model) == [restless]
     assert left_over([_structure(model), restless], model) == [_structure(model)]
     assert left_over([dataclasses.replace(restless, channel="range")], model) == []
+
+
+def test_a_name_that_acts_elsewhere_or_hangs_below_leaves_what_others_do(model):
+    """A drag of half a newton forward, and a tether that pulls ten downward."""
+    system = SimpleNamespace(main=("force_x", "force_y", "force_z", "moment_y"))
+    drag, tether = [np.full((50, 4), [0.5, 0.0, 0.0, 0.0])], [np.full((50, 4), [0.0, 0.0, -10.0, 0.0])]
+    forward, upward = _structure(model, "force_x", share=0.1), _structure(model, "force_z", share=0.01)
+    assert theirs([forward, upward], {"rotor_drag": drag}, system) == [forward], "it adds nothing along thrust"
+    assert theirs([forward, upward], {"rotor_drag": drag, "tether": tether}, system) == [upward], "a tether may lean"
 
 
 def test_a_name_that_leaves_structure_of_its_own_size_is_borrowed(model):

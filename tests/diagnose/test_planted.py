@@ -11,7 +11,7 @@ import pytest
 
 import ges
 from ges import manoeuvres
-from ges.diagnose.gusts import Gusts
+from ges.diagnose.gusts import may_lean
 from ges.diagnose.residual import FORCE
 from ges.vehicle import Estimate, GroundFile
 
@@ -122,6 +122,13 @@ def test_air_that_hardly_moves_is_no_wind(flown, vehicle):
     assert [f.name for f in found.findings] == ["rotor_drag"], found.sentence
 
 
+def test_a_rangefinder_that_sees_no_ground_for_a_while_is_held_against_the_height_all_the_same(flown, vehicle):
+    flights = _recordings(flown, vehicle, PLANTED["rangefinder_bias"])
+    gone = [f.assign(range_m=f["range_m"].where((f["t_s"] < 5.0) | (f["t_s"] > 8.0))) for f in flights]
+    found = ges.diagnose(gone, vehicle, holdout=["flight5"])
+    assert [f.name for f in found.findings] == ["rangefinder_bias"], found.sentence
+
+
 def test_a_load_is_found_in_flights_that_begin_in_mid_swing(flown, vehicle):
     """The replay hangs it at rest; what it forgets of that in a few swings is enough."""
     load = {"mass_kg": 0.12, "length_m": 0.5}
@@ -209,12 +216,12 @@ def test_gusts_are_found_where_the_drag_is_known_and_one_flight_tells_of_no_forc
     assert [f.name for f in found.findings] == ["gusts"], found.sentence
 
 
-def test_a_tether_that_may_lean_makes_no_gusts():
+def test_a_tether_that_may_lean_pushes_as_gusts_do():
     """Ten newtons that lean by an eighth push as gusts of 1.2 N do."""
-    gusts, system = Gusts(1.0, 0.2, 0.1, 1.2, 10.0, 0.0), SimpleNamespace(main=FORCE)
-    assert gusts.lost_beside({"tether": [np.full((50, 3), [0.0, 0.0, -10.0])]}, system)
-    assert not gusts.lost_beside({"tether": [np.full((50, 3), [0.0, 0.0, -1.0])]}, system)
-    assert not gusts.lost_beside({"ground_effect": [np.full((50, 3), [0.0, 0.0, 10.0])]}, system)
+    system = SimpleNamespace(main=FORCE)
+    assert may_lean(1.2, {"tether": [np.full((50, 3), [0.0, 0.0, -10.0])]}, system)
+    assert not may_lean(1.2, {"tether": [np.full((50, 3), [0.0, 0.0, -1.0])]}, system)
+    assert not may_lean(1.2, {"ground_effect": [np.full((50, 3), [0.0, 0.0, 10.0])]}, system)
 
 
 def test_gusts_are_not_looked_for_where_nothing_carries_them(flown, vehicle):

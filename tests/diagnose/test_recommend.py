@@ -179,13 +179,12 @@ def test_what_a_rival_hides_names_the_rival(null):
     assert set(told) <= set(DRAG) and {"rotor_drag", "thrust_scale"} <= set(told)
     columns = board.system.columns
     drag = next(i for i, c in enumerate(columns) if c.variant is not None and c.variant.effect == "rotor_drag")
-    twin = next(i for i, c in enumerate(columns) if c.variant is not None and c.variant.effect == "parasitic_drag")
+    twin = [i for i, c in enumerate(columns) if c.variant is not None and c.key == "parasitic_drag.area_m2" and c.part == "force"]
+    same = np.arange(len(columns))
+    same[twin] = drag
 
     def doubled(gram):
-        xx, xy = gram.xx.copy(), gram.xy.copy()
-        xx[twin], xx[:, twin] = xx[drag], xx[:, drag]
-        xx[twin, twin], xy[twin] = xx[drag, drag], xy[drag]
-        return dataclasses.replace(gram, xx=xx, xy=xy)
+        return dataclasses.replace(gram, xx=gram.xx[np.ix_(same, same)], xy=gram.xy[same])
 
     sd = board.prior.sd.copy()
     sd[twin] = sd[drag]

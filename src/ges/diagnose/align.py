@@ -35,7 +35,7 @@ FASTEST_STEP_S, SLOWEST_STEP_S = 0.005, 0.05
 SHORTEST_FLIGHT_S = 2.0
 LONGEST_GAP_S = 0.5
 LONGEST_SILENCE_S = 0.3
-UP, WELL_ABOVE_M = 0.7, 0.3
+UP, WELL_ABOVE_M, MUCH_LOWER_M = 0.7, 0.3, 0.1
 STEADY_HZ = 0.3
 
 
@@ -236,12 +236,15 @@ def at_work(flight: Prepared, ratio: np.ndarray | None) -> np.ndarray:
 
 
 def resting_m(flight: Prepared, working: np.ndarray, height_m: np.ndarray | None) -> float:
-    """Height over the ground that the vehicle rests at: that of an end of the recording where the drive idles; infinite in a
-    recording that begins and ends in the air, or has no height."""
+    """Height over the ground that the vehicle rests at: that of an end of the recording where the drive idles, if nothing is much
+    lower (a brisk descent idles too, and a table is left for what is below it); infinite in a recording that begins and ends
+    in the air, or has no height."""
     if height_m is None:
         return np.inf
     idle, n = working <= UP, max(1, int(0.5 / flight.dt_s))
-    return min((float(np.median(height_m[end])) for end in (slice(n), slice(-n, None)) if idle[end].mean() > 0.5), default=np.inf)
+    ends = (end for end in (slice(n), slice(-n, None)) if idle[end].mean() > 0.5)
+    rest_m = min((float(np.median(height_m[end])) for end in ends), default=np.inf)
+    return rest_m if rest_m < float(np.quantile(height_m, 0.01)) + MUCH_LOWER_M else np.inf
 
 
 def airborne(

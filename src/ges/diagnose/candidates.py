@@ -326,7 +326,7 @@ _LAID_OUT: Mapping[str, Callable[[Model, Flown], tuple[Variant, ...]]] = {
 _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "ground_effect": _ground_effect,
     "fountain_lift": lambda m: _grid("fountain_lift", ("c_b",), c_s=(0.5, 1.0, 2.0, 3.0)),
-    "parasitic_drag": lambda m: _grid("parasitic_drag", ("area_m2",), vertical_ratio=(0.7, 1.0, 1.4, 2.0, 2.8)),
+    "parasitic_drag": lambda m: _grid("parasitic_drag", ("area_m2",), vertical_ratio=(1.0, 1.7)),
     "weak_rotor": lambda m: _single("weak_rotor", tuple(f"loss_{i}" for i in range(1, 5))),
     "partial_ground_effect": lambda m: _levels("partial_ground_effect", "k", (0.4, 0.7, 1.0, 1.5)),
     "wind": _winds,

@@ -26,7 +26,7 @@ from .evidence import Board
 from .findings import contributions, finding, open_findings, settled_findings
 from .fit import Joint, calibrated, fitted_model, left_raw, null_fit, strain_without, within_bounds
 from .gate import Gate, at_flown_voltage, pass_gate
-from .gusts import HANGING, PUSHED, Gusts, gusts_of, heard_by
+from .gusts import HANGING, PUSHED, Gusts, gusts_of, heard_by, may_lean
 from .hearing import lacking, silent_channels, unheard
 from .hypothesis import Form, hypotheses
 from .instruments import MOVED
@@ -37,7 +37,7 @@ from .result import Diagnosis
 from .standing import matters, relieved, strained
 from .structure import Structure, Told, structures
 from .system import ALL_ON, Switches, System, common_channels, window_length_s
-from .unknown import borrowed, left_over
+from .unknown import borrowed, left_over, theirs
 from .verdict import sentence_of, verdict_of
 from .verify import channel_table, elsewhere, errors, rollout_table, rollouts
 from .weak import make_windows
@@ -142,19 +142,20 @@ class _Chain:
             accepted = self._unstrained(accepted, joint, switches)
         known = (accepted.fitted.board.system, accepted.fitted.joint) if accepted.fitted else (system, joint)
         gusts = gusts_of(*known, self.length_s, self.vehicle.effect_values().get("gusts"))
-        gusts = None if gusts and gusts.lost_beside(contributions(accepted, HANGING), system) else gusts
+        hanging = contributions(accepted, HANGING)
+        gusts = None if gusts and may_lean(gusts.push_N, hanging, system) else gusts
         if gusts and names is None and "wind" in accepted.names and gusts.may_be(accepted.fitted):
             accepted = without(accepted, "wind", self.length_s, switches)
         accepted = shot_fit(accepted, self.length_s, switches)
         last = self._last(accepted, first, told)
         foretold = [s for s in last.structures if not gusts or s.channel not in PUSHED]
-        if names is None and last is not first and not accepted.rivals and borrowed(foretold, self.model):
-            accepted, last, foretold, gusts = withdrawn(accepted), first, first.structures, None
+        added = contributions(accepted)
+        if names is None and added and not accepted.rivals and borrowed(theirs(foretold, added, system), self.model):
+            accepted, last, foretold, gusts, added = withdrawn(accepted), first, first.structures, None, {}
         moved = None if accepted.names else shift_of(system)
         accepted = dataclasses.replace(accepted, rivals=()) if moved else accepted
         remains = left_over(foretold, last.model)
         accepted = without_old_news(accepted) if self.model.left_unexplained and not remains else accepted
-        added, after = contributions(accepted), last.model
         located = strongest([
             *from_residuals(map_cells, first.structures, system),
             *from_findings(added, last.left, accepted.probability, told, system),
@@ -166,7 +167,7 @@ class _Chain:
         findings = [*proven, *settled_findings(self.gate), *open_findings(accepted), *(moved.findings() if moved else ())]
         forms = hypotheses(system, last.left, told, [u.channel for u in remains if not u.of_size], BLOCK_S) if remains else {}
         unexplained = [_unexplained(u, forms.get(u.channel)) for u in remains]
-        models = {"before": self.model, "recalibrated": recalibrated, "after": after}
+        models = {"before": self.model, "recalibrated": recalibrated, "after": last.model}
         fit, proof = self._proof(models, located)
         verdict = verdict_of(findings, (moved.rivals,) if moved else accepted.rivals, unexplained)
         calibration = _calibration(last.joint, self.model)
@@ -183,7 +184,7 @@ class _Chain:
             next_flight=moved.next_flight() if moved else _next_flight(accepted),
             data=self._data(system, off),
             calibration=calibration,
-            not_tested=_not_tested(system, self.train, after),
+            not_tested=_not_tested(system, self.train, last.model),
             vehicle=self._fitted_vehicle(accepted, last.joint, gusts),
             details={"accepted": accepted, "cells": map_cells, "models": models, "held": self.held, **proof},
         )
@@ -194,9 +195,10 @@ class _Chain:
         while accepted.fitted is not None and strained(accepted.fitted.apart, first, accepted.board.system):
             last = [n for n in accepted.names if not any(n in needs_of(other) for other in accepted.names)]
             worst = min(last, key=lambda name: strain_without(accepted.fitted, name))
-            if not relieved(accepted.fitted, worst, accepted.board.system):
+            less = without(accepted, worst, self.length_s, switches)
+            if not relieved(accepted.fitted.apart, less.fitted.apart if less.fitted else first, accepted.board.system):
                 break
-            accepted = without(accepted, worst, self.length_s, switches)
+            accepted = less
         return accepted
 
     def _last(self, accepted: Accepted, first: _Stage, told: Told) -> _Stage:

@@ -206,9 +206,10 @@ def rms_of(system: System) -> np.ndarray:
     """Root mean square of every column in each main channel, (C, K), over all windows that have the channel."""
     square, count = np.zeros((len(system.main), len(system.columns))), np.zeros(len(system.main))
     for r in system.flights:
-        count += np.isfinite(r.y[:, : len(count)]).sum(axis=0)
+        there = np.isfinite(r.y[:, : len(count)])
+        count += there.sum(axis=0)
         for c in range(len(count)):
-            square[c, r.x.at[c]] += (r.x.values[c] ** 2).sum(axis=0)
+            square[c, r.x.at[c]] += (r.x.values[c][there[:, c]] ** 2).sum(axis=0)
     return np.sqrt(square / np.maximum(count, 1.0)[:, None])
 
 

@@ -60,12 +60,6 @@ class Gusts:
         wind, sd_m_s = fitted.effects["wind"], max(fitted.sd("wind", p) for p in ("east_m_s", "north_m_s"))
         return float(np.hypot(wind["east_m_s"], wind["north_m_s"])) < CLEAR * float(np.hypot(self.mean_sd_m_s, sd_m_s))
 
-    def lost_beside(self, added: Mapping[str, Sequence[np.ndarray]], system: System) -> bool:
-        """Whether something hangs below whose pull need only lean to push so; ``added`` by effect and flight, (m, C)."""
-        axes = [system.main.index(name) for name in FORCE]
-        pulls = [np.concatenate(added[name])[:, axes] for name in HANGING if name in added]
-        return any(self.push_N < LEAN * float(np.sqrt(np.nanmean(pull**2, axis=0).sum())) for pull in pulls)
-
     @property
     def ci95(self) -> tuple[float, float]:
         """95 % interval of the strength."""
@@ -77,6 +71,13 @@ class Gusts:
         effect, value = effect_table.get("gusts"), Estimate(self.strength_m_s, self.ci95, "m/s", "")
         size = {"value": self.push_N, "unit": "N", "share_of_weight": self.push_N / self.weight_N, "channel": FORCE[0]}
         return Finding("gusts", "physics", effect.title, stated(1.0 - self.chance), effect.equation, {STRENGTH: value}, size, ())
+
+
+def may_lean(push_N: float, added: Mapping[str, Sequence[np.ndarray]], system: System) -> bool:
+    """Whether something hangs below whose pull need only lean to push so; ``added`` by effect and flight, (m, C)."""
+    axes = [c for c, name in enumerate(system.main) if name in FORCE]
+    pulls = [np.concatenate(added[name])[:, axes] for name in HANGING if name in added]
+    return any(push_N < LEAN * float(np.sqrt(np.nanmean(pull**2, axis=0).sum())) for pull in pulls)
 
 
 @dataclasses.dataclass(frozen=True)

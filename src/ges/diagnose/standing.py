@@ -10,7 +10,7 @@ import numpy as np
 from .. import effects as effect_table
 from .candidates import acts_among, amplitude_of, needs_of
 from .evidence import Board, acts_of
-from .fit import FORM_ERROR, SHAPES, Fitted, Joint, strain, strain_without
+from .fit import FORM_ERROR, SHAPES, Fitted, Joint, strain
 from .model import block_of
 from .select import Hypothesis, Search, size_of
 from .system import LEVELLER, System
@@ -140,9 +140,9 @@ def strained(last: Joint, first: Joint, system: System) -> bool:
     return strain(last, system) > max(STRAINED, strain(first, system) + 1.0)
 
 
-def relieved(fitted: Fitted, name: str, system: System) -> bool:
-    """Whether the declared numbers come nearer to their doubts, by one at least, without a name."""
-    return strain_without(fitted, name) < strain(fitted.apart, system) - 1.0
+def relieved(last: Joint, less: Joint, system: System) -> bool:
+    """Whether the declared numbers come nearer to their doubts, by one at least, with a name less."""
+    return strain(less, system) < strain(last, system) - 1.0
 
 
 def stands(fitted: Fitted, name: str) -> bool:

@@ -2,29 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+import numpy as np
+
+from .gusts import PUSHED, may_lean
 from .locate import clear
 from .model import Model
 from .structure import Structure
+from .system import System
 
-LEAST_R2 = 0.1
-"""Healthy flights that come below the chance that is asked explain less."""
+LEAST_R2, FAINT_R2 = 0.05, 0.1
 BORROWED_R2 = 0.2
-BORROWED_SHARE = {"force": 0.005, "acc": 0.005, "moment": 0.002, "range": 0.25}
+ACTS = 0.1
+"""Of what is left in a channel: names that add less there have nothing to do with it."""
+LARGE_SHARE = {"force": 0.005, "acc": 0.005, "moment": 0.002, "range": 0.25}
 
 
 def left_over(found: Sequence[Structure], model: Model) -> list[Structure]:
-    """Structures in the residuals of the accepted model that no noise makes and that are large enough: of the mean, or where
-    that shows none, of the size of forces and moments. The one that predicts most of each channel, the largest share first."""
-    large = clear(found, model, LEAST_R2)
+    """Structures in the residuals of the accepted model that no noise makes and that are large, or explain much, as those of
+    healthy flights that come below the asked chance do not: of the mean, or where that shows none, of the size of forces and
+    moments. The one that predicts most of each channel, the largest share first."""
+    large = [*clear(found, model, FAINT_R2), *clear(found, model, LEAST_R2, LARGE_SHARE)]
     best: dict[str, Structure] = {}
     for s in sorted([s for s in large if not s.of_size] or large, key=lambda s: (-s.r2, s.regime)):
         best.setdefault(s.channel, s)
     return list(best.values())
 
 
+def theirs(found: Sequence[Structure], added: Mapping[str, Sequence[np.ndarray]], system: System) -> list[Structure]:
+    """Structures in channels in which names act, ``added`` by name and flight, (m, C); but for sideways pushes that what hangs
+    below may make: its pull need only lean."""
+    acting = np.max([np.sqrt(np.nanmean(np.concatenate(by) ** 2, axis=0)) for by in added.values()], axis=0, initial=0.0)
+    acting = dict(zip(system.main, np.broadcast_to(acting, len(system.main)), strict=True))
+    return [
+        s for s in found
+        if acting[s.channel] > ACTS * s.rms and not (s.channel in PUSHED and may_lean(s.rms, added, system))
+    ]  # fmt: skip
+
+
 def borrowed(found: Sequence[Structure], model: Model) -> bool:
     """Whether what was accepted leaves a structure so large that its names are only the nearest: an effect of the library that
     is really there explains its channels, and one that is not makes up for a part of what is."""
-    return any(not s.of_size for s in clear(found, model, BORROWED_R2, BORROWED_SHARE))
+    return any(not s.of_size for s in clear(found, model, BORROWED_R2, LARGE_SHARE))
