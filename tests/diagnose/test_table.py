@@ -25,6 +25,11 @@ def test_a_column_is_what_it_was_made_of_and_zero_elsewhere(table):
     assert table.alone(2) == {}
 
 
+def test_windows_are_told_in_which_some_column_of_a_channel_is_no_number():
+    table = table_of([{0: np.array([1.0, np.nan])}, {0: np.ones(2), 2: np.ones(2)}], 2, 3)
+    np.testing.assert_array_equal(table.finite(), [[True, True, True], [False, True, True]])
+
+
 def test_columns_add_up_in_the_channels_that_are_asked_for(table):
     np.testing.assert_array_equal(table.summed({0: 1.0, 1: -2.0}, 3), [[-5.0, 0.0, -10.0], [-6.0, 0.0, -12.0]])
     assert table.summed({1: 1.0}, 1).shape == (2, 1)

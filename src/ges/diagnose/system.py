@@ -358,6 +358,7 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     seen = _Seen(flight, windows, model, names, here, now, _driven(flight, model, here, added), _said(flight, model, now, added))
     values = {of: seen.column(c) if of in new else told[asked[of]] for of, c in made.items()}
     x = table_of([c.part_of(values[c.made_of], names) for c in columns], *y.shape)
+    y = np.where(x.finite(), y, np.nan)  # a beam that tilted a little further would see no ground
     keys, thrust = [c.key for c in columns], model.number("thrust_coefficient_N_s2") * (now.drive.at_work**2).sum(axis=1)
     untrim(keys, x, windows, names, thrust)
     vouch = like.vouched if like else vouched(flight, windows, model, names, y, now.drive.at_work) if instrumented else None

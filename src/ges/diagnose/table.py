@@ -20,6 +20,10 @@ class Table:
         """Wanted columns of one channel, (m, len(wanted))."""
         return spread(self.values[channel], self.at[channel], wanted)
 
+    def finite(self) -> np.ndarray:
+        """Where every column that acts on a channel is a number, (m, C)."""
+        return np.stack([np.isfinite(v).all(axis=1) for v in self.values], axis=1)
+
     def alone(self, column: int) -> dict[int, np.ndarray]:
         """One column by the channels that it acts on, (m,) each."""
         places = ((c, np.flatnonzero(at == column)) for c, at in enumerate(self.at))
