@@ -229,7 +229,7 @@ def lift(flight: Prepared, thrust_coefficient: float, speed_max: float, weight_N
     return gaussian_filter1d(ratio, 0.15 / flight.dt_s)
 
 
-def at_work(flight: Prepared, ratio: np.ndarray | None) -> np.ndarray:
+def over_usual(flight: Prepared, ratio: np.ndarray | None) -> np.ndarray:
     """Thrust over its own median where it is clearly up, (n,), so that a wrong thrust coefficient does not matter; without a
     drive, whether the vehicle moves."""
     return _shaken(flight).astype(float) if ratio is None else ratio / _usual(ratio)

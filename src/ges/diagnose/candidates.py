@@ -24,6 +24,7 @@ COMMAND_QUANTILES = (0.8, 0.95, 0.99, 0.999)
 FINEST_SQUARE_M, MOST_PLACES = 0.125, 36
 ABOVE_M, ABOVE_RADII = 0.5, 5.0
 I_AXES = ("xx", "yy", "zz")
+WIND = ("east_m_s", "north_m_s")
 USUAL_DRAG = 0.02
 """Of the weight, at 1 m/s."""
 DRAWN_M_PER_M = (0.6, 1.2)
@@ -291,9 +292,14 @@ def _other_vehicles(model: Model, reached: Flown) -> tuple[Variant, ...]:
     )
 
 
+def wind_speed_m_s(values: Mapping[str, float]) -> float:
+    """Of a wind by its parameters."""
+    return math.hypot(*(values[p] for p in WIND))
+
+
 def _winds(model: Model) -> tuple[Variant, ...]:
     """Through the drag that is on, else through a usual one."""
-    plain = _variant("wind", ("east_m_s", "north_m_s"))
+    plain = _variant("wind", WIND)
     if set(_CHILDREN["wind"]) & set(model.effects):
         return (plain,)
     usual = {"rotor_drag": {"k_kg": USUAL_DRAG * model.weight_N / (4.0 * model.hover_rad_s)}}

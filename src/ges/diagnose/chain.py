@@ -142,8 +142,7 @@ class _Chain:
             accepted = self._unstrained(accepted, joint, switches)
         known = (accepted.fitted.board.system, accepted.fitted.joint) if accepted.fitted else (system, joint)
         gusts = gusts_of(*known, self.length_s, self.vehicle.effect_values().get("gusts"))
-        hanging = contributions(accepted, HANGING)
-        gusts = None if gusts and may_lean(gusts.push_N, hanging, system) else gusts
+        gusts = None if gusts and may_lean(gusts.push_N, contributions(accepted, HANGING), system) else gusts
         if gusts and names is None and "wind" in accepted.names and gusts.may_be(accepted.fitted):
             accepted = without(accepted, "wind", self.length_s, switches)
         accepted = shot_fit(accepted, self.length_s, switches)

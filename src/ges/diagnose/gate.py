@@ -12,7 +12,7 @@ from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter
 from ..conventions import BODY_RATE, SPECIFIC_FORCE
 from ..errors import GesError
 from ..threads import each
-from .align import Prepared, airborne, at_work, gaps, grid_step_s, lift, regrid, resting_m, with_steady_position
+from .align import Prepared, airborne, gaps, grid_step_s, lift, over_usual, regrid, resting_m, with_steady_position
 from .delays import Delay, clock_drift, drive_delay, gyro_bias, pose_delay, shifted, without_bias
 from .model import Model
 
@@ -67,7 +67,7 @@ def prepare(frame: pd.DataFrame, model: Model, number: int = 0) -> Prepared:
 def _on_grid(frame: pd.DataFrame, model: Model, number: int) -> _Gridded:
     flight = with_thrust_direction(regrid(frame, grid_step_s(frame), number), frame)
     ratio = lift(flight, model.number("thrust_coefficient_N_s2"), model.number("max_rotor_speed_rad_s"), model.weight_N)
-    working, height = at_work(flight, ratio), height_over_ground_m(flight, model)
+    working, height = over_usual(flight, ratio), height_over_ground_m(flight, model)
     return _Gridded(flight, working, height, resting_m(flight, working, height))
 
 

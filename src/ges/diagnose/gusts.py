@@ -10,13 +10,14 @@ along the same flights and goes through the same means.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.special import fdtrc
 
 from .. import effects as effect_table
-from .candidates import Variant, acts_among, amplitude_of
+from .candidates import WIND, Variant, acts_among, amplitude_of, wind_speed_m_s
 from .fit import Fitted, Joint, left_raw
 from .model import Model
 from .residual import FORCE, motion_of
@@ -57,8 +58,8 @@ class Gusts:
 
     def may_be(self, fitted: Fitted) -> bool:
         """Whether the mean wind of a fit is no more than what gusts like these leave and the fit doubts."""
-        wind, sd_m_s = fitted.effects["wind"], max(fitted.sd("wind", p) for p in ("east_m_s", "north_m_s"))
-        return float(np.hypot(wind["east_m_s"], wind["north_m_s"])) < CLEAR * float(np.hypot(self.mean_sd_m_s, sd_m_s))
+        sd_m_s = max(fitted.sd("wind", p) for p in WIND)
+        return wind_speed_m_s(fitted.effects["wind"]) < CLEAR * math.hypot(self.mean_sd_m_s, sd_m_s)
 
     @property
     def ci95(self) -> tuple[float, float]:
@@ -146,7 +147,7 @@ class _Told:
 
 def _told(system: System, joint: Joint, length_s: float) -> list[_Told]:
     """Of the flights that tell anything."""
-    east_and_north = Variant("wind", {}, (amplitude_of("wind", "east_m_s"), amplitude_of("wind", "north_m_s")))
+    east_and_north = Variant("wind", {}, tuple(amplitude_of("wind", p) for p in WIND))
     blown = build([r.flight for r in system.flights], system.model, [east_and_north], length_s, like=system)
     columns = [k for k, c in enumerate(blown.columns) if c.variant is not None and c.part != "moment"]
     channels, told = [blown.names.index(name) for name in FORCE[:2]], []

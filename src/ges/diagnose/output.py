@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -38,13 +38,11 @@ def write_diagnosis(
 
     ``each`` is of :func:`drawing`, where that was started before.
     """
-    if each is None:
-        with drawing() as each:
-            return write_diagnosis(diagnosis, out, vehicle_folder, each)
     out.mkdir(parents=True, exist_ok=True)
     content = diagnosis.content()
     figures = list(_figures(diagnosis, content))
-    drawn = each(partial(_drawn, out), figures)
+    with nullcontext(each) if each else drawing() as draw_each:
+        drawn = draw_each(partial(_drawn, out), figures)
     ground = diagnosis.vehicle.terrain.file
     if ground and Path(vehicle_folder).resolve() != out.resolve():
         shutil.copyfile(Path(vehicle_folder) / ground, out / ground)

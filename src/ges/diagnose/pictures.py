@@ -262,8 +262,8 @@ def _interval(axis, row: int, p: Mapping[str, Any]) -> None:
     declared, doubt = p.get("declared"), 2.0 * (p.get("declared_sd") or 0.0)
     band = [declared - doubt, declared + doubt] if declared is not None else []
     reach = [low, high, 0.0, *band]
-    span = max(reach) - min(reach) or 1.0
-    (low_at, high_at, zero_at, *band_at), value_at = ((v - min(reach)) / span for v in reach), (p["value"] - min(reach)) / span
+    start, length = min(reach), max(reach) - min(reach) or 1.0
+    value_at, low_at, high_at, zero_at, *band_at = ((v - start) / length for v in (p["value"], *reach))
     if band:
         axis.fill_between(band_at, row, row + 0.4, color="#CCCCCC", linewidth=0, label="declared, with two standard deviations")
     axis.plot([0.0, 1.0], [row + 0.4] * 2, color="#777777", linewidth=0.6)
@@ -272,6 +272,6 @@ def _interval(axis, row: int, p: Mapping[str, Any]) -> None:
               label="95 % interval")  # fmt: skip
     axis.plot(value_at, row + 0.2, "o", color="black", markersize=5.0, label="fitted")
     unit = f" {p['unit']}" if p["unit"] not in ("1", "") else ""
-    span_words = f"95 %: {number_words(low)} to {number_words(high)}"
+    span = f"95 %: {number_words(low)} to {number_words(high)}"
     known = f"; declared: {number_words(declared)} ± {number_words(doubt, 2)}" if band else ""
-    axis.text(0.0, row - 0.07, f"{p['label']} = {number_words(p['value'])}{unit}  ({span_words}{known})")
+    axis.text(0.0, row - 0.07, f"{p['label']} = {number_words(p['value'])}{unit}  ({span}{known})")

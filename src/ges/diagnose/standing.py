@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from .. import effects as effect_table
-from .candidates import acts_among, amplitude_of, needs_of
+from .candidates import acts_among, amplitude_of, needs_of, wind_speed_m_s
 from .evidence import Board, acts_of
 from .fit import FORM_ERROR, SHAPES, Fitted, Joint, strain
 from .model import block_of
@@ -148,7 +148,7 @@ def relieved(last: Joint, less: Joint, system: System) -> bool:
 def stands(fitted: Fitted, name: str) -> bool:
     """Whether some amplitude is clearly not neutral with its shape held and more than its sd with it free, and none went as far
     as the effect allows; a wind, whether it blows at all."""
-    if name == "wind" and math.hypot(*(fitted.effects[name][p] for p in ("east_m_s", "north_m_s"))) < STILL_AIR_M_S:
+    if name == "wind" and wind_speed_m_s(fitted.effects[name]) < STILL_AIR_M_S:
         return False
     clear = False
     for parameter in (p for e, p in fitted.free if e == name and p not in SHAPES.get(name, ())):

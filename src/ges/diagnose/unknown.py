@@ -33,8 +33,8 @@ def left_over(found: Sequence[Structure], model: Model) -> list[Structure]:
 def theirs(found: Sequence[Structure], added: Mapping[str, Sequence[np.ndarray]], system: System) -> list[Structure]:
     """Structures in channels in which names act, ``added`` by name and flight, (m, C); but for sideways pushes that what hangs
     below may make: its pull need only lean."""
-    acting = np.max([np.sqrt(np.nanmean(np.concatenate(by) ** 2, axis=0)) for by in added.values()], axis=0, initial=0.0)
-    acting = dict(zip(system.main, np.broadcast_to(acting, len(system.main)), strict=True))
+    each = [np.sqrt(np.nanmean(np.concatenate(by) ** 2, axis=0)) for by in added.values()]
+    acting = dict(zip(system.main, np.max(each, axis=0), strict=True))
     return [
         s for s in found
         if acting[s.channel] > ACTS * s.rms and not (s.channel in PUSHED and may_lean(s.rms, added, system))
