@@ -44,16 +44,25 @@ def each(work: Callable, *arguments: Iterable) -> list:
 
 
 @contextlib.contextmanager
-def apart(prepare: Callable[[], object], most: int) -> Iterator[Callable[..., list]]:
-    """``each`` by up to ``most`` processes, for what keeps Python itself busy. They ``prepare`` while the caller goes on; work
-    and arguments are copied to them, results back."""
-    count = min(cores(), most)
-    if count < 2 or "fork" not in multiprocessing.get_all_start_methods():
+def apart(prepare: Callable[[], object]) -> Iterator[Callable[..., list]]:
+    """``each`` by processes, for what keeps Python itself busy. They come of one that does ``prepare`` while the caller goes on;
+    work and arguments are copied to them, results back."""
+    if cores() < 2 or "fork" not in multiprocessing.get_all_start_methods():
         yield lambda work, *arguments: list(map(work, *arguments))
         return
-    with ProcessPoolExecutor(count, multiprocessing.get_context("fork"), _ready, (prepare,)) as pool:
-        pool.submit(os.getpid)  # the first task starts them all
-        yield lambda work, *arguments: list(pool.map(work, *arguments))
+    with _processes(1, prepare) as one:
+        one.submit(os.getpid)  # the first task starts it
+        yield lambda work, *arguments: one.submit(_shared, work, *arguments).result()
+
+
+def _processes(count: int, prepare: Callable[[], object]) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(count, multiprocessing.get_context("fork"), _ready, (prepare,))
+
+
+def _shared(work: Callable, *arguments: Iterable) -> list:
+    """What :func:`each` does, by processes that are born as this one is."""
+    with _processes(cores(), os.getpid) as pool:
+        return list(pool.map(work, *arguments))
 
 
 def _ready(prepare: Callable[[], object]) -> None:

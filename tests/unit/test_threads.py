@@ -8,6 +8,7 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
@@ -22,20 +23,20 @@ def _process(_) -> int:
 def test_results_come_in_order_whatever_the_number_of_threads(told, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", told)
     assert threads.each(lambda a, b: a - b, range(9), [1] * 9) == list(range(-1, 8))
-    with threads.apart(os.getpid, 5) as each:
+    with threads.apart(os.getpid) as each:
         assert each(operator.neg, range(9)) == list(range(0, -9, -1))
 
 
 def test_one_thread_works_where_it_was_called(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     assert threads.each(lambda _: threading.current_thread(), [0, 0]) == [threading.current_thread()] * 2
-    with threads.apart(os.getpid, 5) as each:
+    with threads.apart(os.getpid) as each:
         assert each(_process, [0, 0]) == [os.getpid()] * 2
 
 
 def test_processes_are_others_and_prepare_at_once(monkeypatch, tmp_path):
     monkeypatch.setattr(threads, "cores", lambda: 2)
-    with threads.apart((tmp_path / "prepared").touch, 5) as each:
+    with threads.apart((tmp_path / "prepared").touch) as each:
         while not (tmp_path / "prepared").exists():
             time.sleep(0.01)
         assert os.getpid() not in each(_process, [0, 0])
@@ -45,7 +46,7 @@ def test_what_goes_wrong_elsewhere_is_told(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
     with pytest.raises(ZeroDivisionError):
         threads.each(lambda a: 1 // a, [1, 0])
-    with pytest.raises(ZeroDivisionError), threads.apart(os.getpid, 5) as each:
+    with pytest.raises(ZeroDivisionError), threads.apart(os.getpid) as each:
         each(operator.truediv, [1, 1], [1, 0])
 
 
@@ -59,20 +60,22 @@ def _runs(process: int) -> bool:
 
 def test_processes_end_with_a_caller_that_is_killed(tmp_path):
     code = f"""
-import os, signal, pathlib
+import os, pathlib, signal, threading, time
 from ges import threads
 threads.cores = lambda: 2
 here = pathlib.Path({str(tmp_path)!r})
-def prepare():
+def tell(_=None):
     (here / str(os.getpid())).touch()
-with threads.apart(prepare, 2) as each:
-    while len(list(here.iterdir())) < 2:
-        pass
+    time.sleep(0.1 if _ is None else 60.0)
+with threads.apart(tell) as each:
+    threading.Thread(target=each, args=(tell, [1, 2])).start()
+    while len(list(here.iterdir())) < 3:
+        time.sleep(0.01)
     os.kill(os.getpid(), signal.SIGKILL)
 """
     subprocess.run([sys.executable, "-c", code], check=False)
     left = [int(p.name) for p in tmp_path.iterdir()]
-    assert len(left) == 2
+    assert len(left) == 3
     until = time.monotonic() + 60.0
     while any(map(_runs, left)) and time.monotonic() < until:
         time.sleep(0.02)
@@ -81,6 +84,7 @@ with threads.apart(prepare, 2) as each:
 
 @pytest.mark.parametrize("told, threads_in", [("1", 2), ("2", 1)])
 def test_blas_has_one_thread_unless_it_was_told_so_before(told, threads_in, monkeypatch):
+    assert np.dot(np.ones(2), np.ones(2)) == 2.0  # now BLAS is there
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", told)
     with threadpool_limits(2):
         seen = threads.blas_alone(lambda: {p["num_threads"] for p in threadpool_info() if p["user_api"] == "blas"})()

@@ -27,24 +27,30 @@ def command(recordings, out, holdout, vehicle_path, write_flight) -> None:
     """
     from rich.console import Console
 
-    from ..diagnose.chain import diagnose
-    from ..diagnose.output import drawing, write_diagnosis
-    from ..io.recording import load_set
-    from ..vehicle import load_vehicle
+    from ..diagnose.drawing import drawing
 
-    console = Console(stderr=True)
-    with drawing() as each, console.status(f"diagnosing {recordings}"):
-        flights = load_set(recordings)
-        vehicle = load_vehicle(vehicle_path) if vehicle_path else None
-        folder = vehicle_path.parent if vehicle_path else recordings
-        found = diagnose(flights, vehicle, holdout=list(holdout) or None, folder=folder)
-        write_diagnosis(found, out, folder, each)
+    with drawing() as each, Console(stderr=True).status(f"diagnosing {recordings}"):
+        found = _diagnosed(recordings, out, list(holdout) or None, vehicle_path, each)
     for warning in found.data["warnings"]:
         click.echo(f"warning: {warning}", err=True)
     click.echo(found.sentence)
     if write_flight:
         click.echo(_flight_written(found.next_flight, write_flight), err=True)
     click.echo(f"{out / 'report.html'}", err=True)
+
+
+def _diagnosed(recordings: Path, out: Path, holdout: list[str] | None, vehicle_path: Path | None, each):
+    """The diagnosis of a set, its files written; what that takes is imported here, while ``each`` gets ready to draw."""
+    from ..diagnose.chain import diagnose
+    from ..diagnose.output import write_diagnosis
+    from ..io.recording import load_set
+    from ..vehicle import load_vehicle
+
+    vehicle = load_vehicle(vehicle_path) if vehicle_path else None
+    folder = vehicle_path.parent if vehicle_path else recordings
+    found = diagnose(load_set(recordings), vehicle, holdout=holdout, folder=folder)
+    write_diagnosis(found, out, folder, each)
+    return found
 
 
 def _flight_written(advised, path: Path) -> str:

@@ -153,8 +153,10 @@ def _log_mass(low: np.ndarray, high: np.ndarray) -> np.ndarray:
         return log_ndtr(high) + np.log1p(-np.exp(log_ndtr(low) - log_ndtr(high)))
 
 
-def posteriors(gram: Gram, sets: Sequence[Sequence[int]], prior: Prior):
+def posteriors(gram: Gram, sets: Sequence[Sequence[int]], prior: Prior, more: tuple | None = None):
     """Gaussian posteriors of sets of columns, all of one size; bounds count each coefficient by itself, in the evidence alone.
+
+    ``more`` is added to the normal equations of each, (s, k, k) and (s, k), and to their log evidence, (s,).
 
     Returns
     -------
@@ -164,8 +166,9 @@ def posteriors(gram: Gram, sets: Sequence[Sequence[int]], prior: Prior):
     scale, low, high = prior.sd[at], prior.low[at], prior.high[at]
     start = prior.mean[at] / scale
     both = scale[:, :, None] * scale[:, None, :]
-    inner = np.eye(at.shape[1]) + gram.xx[at[:, :, None], at[:, None, :]] * both
-    right = gram.xy[at] * scale + start
+    xx, xy, known = more or (0.0, 0.0, 0.0)
+    inner = np.eye(at.shape[1]) + (gram.xx[at[:, :, None], at[:, None, :]] + xx) * both
+    right = (gram.xy[at] + xy) * scale + start
     covariance = np.linalg.inv(inner)
     mean = np.einsum("sij,sj->si", covariance, right)
     sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
@@ -173,7 +176,7 @@ def posteriors(gram: Gram, sets: Sequence[Sequence[int]], prior: Prior):
         low / scale - start, high / scale - start
     )
     gain = 0.5 * (mean * right - start**2) + within
-    return mean * scale, covariance * both, gain.sum(axis=1) - 0.5 * np.linalg.slogdet(inner)[1]
+    return mean * scale, covariance * both, gain.sum(axis=1) - 0.5 * np.linalg.slogdet(inner)[1] + known
 
 
 def posterior(gram: Gram, columns: Sequence[int], prior: Prior) -> Posterior:

@@ -17,7 +17,7 @@ import numpy as np
 from .align import Prepared
 from .candidates import DRAWN, Candidate, Variant, flown, usual_height_m
 from .evidence import make_board
-from .select import entries, scales
+from .scales import entries, scales
 from .system import ALL_ON, Switches, System, build
 
 FIRST_PLACES = np.linspace(-1.0, 1.0, 11)
@@ -113,5 +113,5 @@ def _most_probable(like: System, variants: Sequence[Variant], length_s: float, s
     board = make_board(system, columns[:1])
     listed = entries(board, [Candidate("slung_load", "physics", tuple(variants))])
     on = scales(board, listed)
-    best = max(listed, key=lambda e: on.weigh((e,)).log_evidence)
+    best = listed[int(np.argmax(on.log_evidences([(e,) for e in listed])))]
     return columns.index(best.columns[0])

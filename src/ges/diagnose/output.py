@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +12,8 @@ import numpy as np
 
 from .. import effects as effect_table
 from ..files import write_json
-from ..threads import apart
 from ..vehicle import save_vehicle
+from .drawing import drawn
 from .report import write_report
 from .result import Diagnosis
 from .verify import HORIZON_S, STEPS
@@ -23,39 +21,23 @@ from .weak import blocks_of, make_windows
 from .words import channel_words, quantity_words, size_unit
 
 BLOCK_S = 5.0
-PICTURES, MOST_AT_ONCE = "ges.diagnose.pictures", 5
-
-
-def drawing() -> AbstractContextManager[Callable[..., list]]:
-    """Processes that draw the figures; they read matplotlib, which takes a second, while the caller goes on."""
-    return apart(partial(import_module, PICTURES), MOST_AT_ONCE)
 
 
 def write_diagnosis(
-    diagnosis: Diagnosis, out: Path, vehicle_folder: Path | str = ".", each: Callable[..., list] | None = None
+    diagnosis: Diagnosis, out: Path, vehicle_folder: Path | str = ".", each: Callable[..., Iterable] = map
 ) -> None:
-    """Write every file of the contract into ``out``; ``vehicle_folder`` is where a height map lies.
-
-    ``each`` is of :func:`drawing`, where that was started before.
-    """
+    """Write every file of the contract into ``out``; ``vehicle_folder`` is where a height map lies, ``each`` draws the figures,
+    by other processes (:func:`ges.diagnose.drawing.drawing`) where they were started before."""
     out.mkdir(parents=True, exist_ok=True)
     content = diagnosis.content()
     figures = list(_figures(diagnosis, content))
-    with nullcontext(each) if each else drawing() as draw_each:
-        drawn = draw_each(partial(_drawn, out), figures)
+    pictures = list(each(partial(drawn, out), figures))
     ground = diagnosis.vehicle.terrain.file
     if ground and Path(vehicle_folder).resolve() != out.resolve():
         shutil.copyfile(Path(vehicle_folder) / ground, out / ground)
     save_vehicle(diagnosis.vehicle, out / "vehicle.fitted.yaml")
-    write_report(content, dict(zip((name for name, *_ in figures), drawn, strict=True)), out / "report.html")
+    write_report(content, dict(zip((name for name, *_ in figures), pictures, strict=True)), out / "report.html")
     write_json(out / "diagnosis.json", content)
-
-
-def _drawn(out: Path, figure: tuple[str, str, Sequence]) -> bytes:
-    """The picture of one figure, which is written too."""
-    name, draw, arguments = figure
-    pictures = import_module(PICTURES)
-    return pictures.save(getattr(pictures, draw)(*arguments), out, name)
 
 
 def _figures(diagnosis: Diagnosis, content: Mapping[str, Any]) -> Iterator[tuple[str, str, Sequence]]:

@@ -28,6 +28,7 @@ WIDTH_IN = 7.0
 BINS = 12
 LARGEST_Z = 6.0
 MAP_COLUMNS = 3
+MOST_DECIMALS = 4
 MOST_PARAMETERS = 10
 SIGNIFICANT = 0.05
 DRAWS = 400
@@ -110,8 +111,10 @@ def _strip(axis, cells: Sequence[Mapping[str, Any]], channels: Sequence[str], re
 
 
 def _ticks(bounds: Sequence[float], shown: Sequence[int]) -> list[str]:
-    """Bounds to a hundredth of their span."""
+    """Bounds to a hundredth of their span, or as finely as tells them apart."""
     decimals = max(0, 2 - int(np.ceil(np.log10(max(bounds[-1] - bounds[0], 1e-9)))))
+    while decimals < MOST_DECIMALS and len({round(bounds[i], decimals) for i in shown}) < len(shown):
+        decimals += 1
     return [f"{round(bounds[i], decimals) + 0.0:.{decimals}f}".replace("-", "−") for i in shown]
 
 

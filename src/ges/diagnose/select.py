@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import itertools
 import math
 from collections.abc import Mapping, Sequence
@@ -11,14 +10,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.special import logsumexp
 
-from ..threads import each
 from .candidates import Candidate, acts_among, needs_of
-from .evidence import DECLARED, Board, Gram, Posterior, posterior, posteriors
+from .evidence import DECLARED, Board, Posterior
+from .scales import Entry, Scales, entries, scales
 
 PRIOR_OF_SIZE = (0.5, 0.3, 0.13, 0.05, 0.02)
 LARGEST = 4
 BEAM = 3
-AT_ONCE = 4096
 RARER = 0.1
 
 
@@ -56,25 +54,6 @@ class Search:
         return next(h for h in self.hypotheses if not h.names)
 
 
-@dataclasses.dataclass(frozen=True)
-class Entry:
-    """Columns of one variant of one candidate."""
-
-    name: str
-    number: int
-    columns: tuple[int, ...]
-
-
-def entries(board: Board, candidates: Sequence[Candidate]) -> list[Entry]:
-    """Variants whose columns the flights excite at all."""
-    allowed = {c.name for c in candidates}
-    found: dict[tuple[str, str], list[int]] = {}
-    for k, column in enumerate(board.system.columns):
-        if column.variant is not None and column.variant.effect in allowed and board.prior.sd[k] > 0:
-            found.setdefault((column.variant.effect, column.variant.key), []).append(k)
-    return [Entry(name, i, tuple(columns)) for i, ((name, _), columns) in enumerate(found.items())]
-
-
 def size_of(names: Sequence[str]) -> int:
     """How many causes a set has: what acts through another of the set counts no more than that one alone."""
     return sum(not set(needs_of(name)) & set(names) for name in names)
@@ -84,58 +63,6 @@ def _log_prior(names: Sequence[str], count: int) -> float:
     """Of one set of this size among all of them."""
     size = size_of(names)
     return float(np.log(PRIOR_OF_SIZE[size]) - np.log(max(1, math.comb(count, size))))
-
-
-@dataclasses.dataclass(frozen=True)
-class Scales:
-    """What sets of candidates are weighed on: normal equations, and the nuisances that some candidate frees.
-
-    A declared number is right within its doubt, or it is a finding and free: never the sum of both. So ``twins``, the
-    nuisances by ``effect.parameter``, take part in every set that does not have their effect's candidate for it.
-    """
-
-    board: Board
-    gram: Gram
-    twins: Mapping[str, int]
-
-    def columns(self, chosen: Sequence[Entry]) -> tuple[int, ...]:
-        """Columns of a set: its own first, then the nuisances that stay within their doubts."""
-        own = tuple(k for e in chosen for k in e.columns)
-        freed = {self.board.system.columns[k].key for k in own}
-        return own + tuple(k for key, k in self.twins.items() if key not in freed)
-
-    def weigh(self, chosen: Sequence[Entry]) -> Posterior:
-        """Posterior of a set's own columns."""
-        found = posterior(self.gram, self.columns(chosen), self.board.prior)
-        n = sum(len(e.columns) for e in chosen)
-        return Posterior(found.columns[:n], found.mean[:n], found.covariance[:n, :n], found.log_evidence - self.nothing)
-
-    @functools.cached_property
-    def nothing(self) -> float:
-        """Log evidence of the nuisances alone."""
-        columns = self.columns(())
-        return posterior(self.gram, columns, self.board.prior).log_evidence if columns else 0.0
-
-    def log_evidences(self, combos: Sequence[tuple[Entry, ...]]) -> np.ndarray:
-        """Of every combination over nothing, those of one number of columns at once."""
-        columns = [self.columns(c) for c in combos]
-        sizes, out = np.array([len(c) for c in columns], dtype=int), np.zeros(len(combos))
-        same = [np.flatnonzero(sizes == size) for size in np.unique(sizes)]
-        parts = [part for at in same for part in np.array_split(at, 1 + len(at) // AT_ONCE)]
-        for part, found in zip(parts, each(lambda part: self._weighed([columns[i] for i in part]), parts), strict=True):
-            out[part] = found
-        return out - self.nothing
-
-    def _weighed(self, sets: Sequence[tuple[int, ...]]) -> np.ndarray:
-        return posteriors(self.gram, sets, self.board.prior)[2]
-
-
-def scales(board: Board, listed: Sequence[Entry]) -> Scales:
-    """For these variants."""
-    columns = board.system.columns
-    keys = {columns[k].key for e in listed for k in e.columns}
-    twins = {columns[k].key: int(k) for k in board.nuisance if board.prior.sd[k] > 0 and columns[k].key in keys}
-    return Scales(board, board.pooled(frozenset(twins.values())), twins)
 
 
 def _compatible(names: Sequence[str], base: Sequence[str]) -> bool:
@@ -149,12 +76,12 @@ def _sets_of(on: Scales, combos: Sequence[tuple[Entry, ...]], count: int) -> dic
     grouped: dict[tuple[str, ...], list[int]] = {}
     for i, combo in enumerate(combos):
         grouped.setdefault(tuple(sorted(e.name for e in combo)), []).append(i)
+    best = [combos[max(members, key=lambda i: weight[i])] for members in grouped.values()]
     out = {}
-    for names, members in grouped.items():
-        top = combos[max(members, key=lambda i: weight[i])]
+    for (names, members), top, found in zip(grouped.items(), best, on.weigh(best), strict=True):
         prior, rare = _log_prior(names, count), sum(name in DECLARED for name in names)
-        total = float(logsumexp(weight[members]) - np.log(len(members))) + prior + rare * np.log(RARER)
-        out[names] = Hypothesis(names, tuple(e.number for e in top), on.weigh(top), total, log_prior=prior)
+        total = float(np.logaddexp.reduce(weight[members]) - np.log(len(members))) + prior + rare * np.log(RARER)
+        out[names] = Hypothesis(names, tuple(e.number for e in top), found, total, log_prior=prior)
     return out
 
 
@@ -193,15 +120,20 @@ def exactly(board: Board, candidates: Sequence[Candidate]) -> Search:
     listed = entries(board, candidates)
     by_name = [[e for e in listed if e.name == name] for name in dict.fromkeys(e.name for e in listed)]
     on = scales(board, listed)
-    chosen = [max(options, key=lambda e: on.weigh((e,)).log_evidence) for options in by_name]
+    chosen = [_best(on, [(e,) for e in options])[0] for options in by_name]
     if not chosen:
         return _normalised([Hypothesis((), (), None, 0.0)])
     for _ in range(2):
         for i, options in enumerate(by_name):
-            chosen[i] = max(options, key=lambda e, i=i: on.weigh([*chosen[:i], e, *chosen[i + 1 :]]).log_evidence)
-    found = on.weigh(chosen)
+            chosen = _best(on, [[*chosen[:i], e, *chosen[i + 1 :]] for e in options])
+    found = on.weigh([chosen])[0]
     names = tuple(sorted(e.name for e in chosen))
     return _normalised([Hypothesis(names, tuple(e.number for e in chosen), found, found.log_evidence)])
+
+
+def _best(on: Scales, sets: Sequence[Sequence[Entry]]) -> list[Entry]:
+    """The set with most evidence."""
+    return list(sets[int(np.argmax(on.log_evidences(sets)))])
 
 
 def _normalised(found: list[Hypothesis]) -> Search:

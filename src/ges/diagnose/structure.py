@@ -18,6 +18,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
+from scipy.sparse import csr_array
 
 KNOTS = 9
 PLACE_KNOTS = 7
@@ -136,19 +137,20 @@ def _regimes(names: Sequence[str]) -> list[tuple[str, ...]]:
     return [(name,) for name in names] + ([PLACE] if set(PLACE) <= set(names) else [])
 
 
-def _gain(basis: Basis, y: np.ndarray, block: np.ndarray, fold_of: np.ndarray, signs: np.ndarray) -> np.ndarray:
-    """R^2 on the folds left out, of ``y`` (n,) with its blocks' signs flipped as in ``signs`` (b, d); (d,)."""
-    sums = np.stack([np.bincount(block, column * y, minlength=len(fold_of)) for column in basis.x.T], axis=1)
+def _gain(basis: Basis, y: np.ndarray, of_block: csr_array, fold_of: np.ndarray, signs: np.ndarray) -> np.ndarray:
+    """R^2 on the folds left out, of every channel ``y`` (n, C) with its blocks' signs flipped as in ``signs`` (b, d); (C, d)."""
+    sums = np.stack([of_block @ (basis.x * channel[:, None]) for channel in y.T], axis=2).reshape(len(fold_of), -1)
     right = {f: sums[fold_of == f].T @ signs[fold_of == f] for f in basis.gram}
+    right = {f: r.reshape(basis.x.shape[1], -1) for f, r in right.items()}
     total, gain = sum(right.values()), 0.0
     for f, gram in basis.gram.items():
         beta = basis.inverse[f] @ (total - right[f])
-        gain = gain + 2.0 * (beta * right[f]).sum(axis=0) - (beta * (gram @ beta)).sum(axis=0)
-    return gain / max(float(y @ y), 1e-30)
+        gain = gain + (beta * (2.0 * right[f] - gram @ beta)).sum(axis=0)
+    return gain.reshape(y.shape[1], -1) / np.maximum((y**2).sum(axis=0), TINY)[:, None]
 
 
 def _missed(basis: Basis, y: np.ndarray, fold: np.ndarray) -> np.ndarray:
-    """What the prediction from the other folds leaves of ``y``."""
+    """What the prediction from the other folds leaves of ``y`` (n, C)."""
     left, total = y.copy(), basis.x.T @ y
     for f, inverse in basis.inverse.items():
         here = basis.x[fold == f]
@@ -182,20 +184,22 @@ def _of_mean(raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
     rng = np.random.default_rng(SEED)
     count = int(block.max(initial=-1)) + 1
     fold_of, signs = rng.permutation(count) % FOLDS, rng.choice([-1.0, 1.0], (count, DRAWS))
-    kept: dict[bytes, list[Basis]] = {}
-    asked: list[tuple[str, Basis, np.ndarray, np.ndarray]] = []
-    for c, channel in enumerate(names):
-        e = np.concatenate([r[:, c] for r in raw])
-        used = np.isfinite(e)
-        fold = fold_of[block[used]]
+    e = np.concatenate(raw)
+    alike: dict[bytes, list[int]] = {}
+    for c in range(len(names)):
+        alike.setdefault(np.isfinite(e[:, c]).tobytes(), []).append(c)
+    found: dict[int, list[tuple[Structure, np.ndarray]]] = {}
+    for channels in alike.values():
+        used = np.isfinite(e[:, channels[0]])
+        fold, here = fold_of[block[used]], {n: v[used] for n, v in values.items()}
         if used.sum() < LEAST_WINDOWS or np.count_nonzero(np.bincount(fold)) < FOLDS:
             continue
-        if used.tobytes() not in kept:
-            here = {n: v[used] for n, v in values.items()}
-            kept[used.tobytes()] = [_basis(here, r, fold) for r in _regimes(excited(here))]
-        asked += [(channel, basis, e[used], block[used]) for basis in kept[used.tobytes()]]
-    found = [_tested(*ask, fold_of, signs) for ask in asked]
-    return _judged([tested for tested, _ in found], np.array([draws for _, draws in found]))
+        for regime in _regimes(excited(here)):
+            tested = _tested(_basis(here, regime, fold), e[np.ix_(used, channels)], block[used], fold_of, signs)
+            for c, of_channel in zip(channels, tested, strict=True):
+                found.setdefault(c, []).append(of_channel)
+    listed = [(dataclasses.replace(s, channel=names[c]), draws) for c in sorted(found) for s, draws in found[c]]
+    return _judged([tested for tested, _ in listed], np.array([draws for _, draws in listed]))
 
 
 def _of_size(raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]) -> list[Structure]:
@@ -223,16 +227,17 @@ def _sized(found: Structure, energy: np.ndarray, values: Mapping[str, np.ndarray
     return dataclasses.replace(found, rms=rms, of_size=True)
 
 
-def _tested(channel: str, basis: Basis, e: np.ndarray, block: np.ndarray, fold_of: np.ndarray, signs: np.ndarray):
-    """One structure, its chance not known yet, and R^2 of its null draws."""
-    size = max(float(np.sqrt(np.mean(e**2))), 1e-30)
-    y = e / size
-    r2 = float(_gain(basis, y, block, fold_of, np.ones((len(fold_of), 1)))[0])
-    draws = _gain(basis, _missed(basis, y, fold_of[block]), block, fold_of, signs)
+def _tested(basis: Basis, e: np.ndarray, block: np.ndarray, fold_of: np.ndarray, signs: np.ndarray) -> list:
+    """Of every channel of ``e`` (n, C) one structure, nameless and its chance not known yet, and R^2 of its null draws."""
+    size = np.maximum(np.sqrt(np.mean(e**2, axis=0)), TINY)
+    y, rows = e / size, len(e)
+    of_block = csr_array((np.ones(rows), (block, np.arange(rows))), shape=(len(fold_of), rows))
+    r2 = _gain(basis, y, of_block, fold_of, np.ones((len(fold_of), 1)))[:, 0]
+    draws = _gain(basis, _missed(basis, y, fold_of[block]), of_block, fold_of, signs)
     beta = np.linalg.solve(sum(basis.gram.values()) + RIDGE * np.eye(basis.x.shape[1]), basis.x.T @ y)
-    low, high = basis.peak(beta)
-    rms = float(np.sqrt(np.mean((basis.x @ beta) ** 2))) * size
-    return Structure(channel, basis.regime, low, high, r2, 1.0, rms), draws
+    rms = np.sqrt(np.mean((basis.x @ beta) ** 2, axis=0)) * size
+    return [(Structure("", basis.regime, *basis.peak(beta[:, c]), float(r2[c]), 1.0, float(rms[c])), draws[c])
+            for c in range(e.shape[1])]  # fmt: skip
 
 
 def _judged(tested: Sequence[Structure], chance: np.ndarray) -> list[Structure]:

@@ -66,12 +66,12 @@ class White:
     count: int
 
 
-def _spread(column: Column, x: np.ndarray, y: np.ndarray) -> float:
-    """How far a coefficient may go here: the declared doubt, or far beyond what the residual could ask for."""
-    if column.nuisance is not None:
-        return math.hypot(column.nuisance.sd, column.nuisance.flight_sd, column.nuisance.mean)
-    size = np.sqrt(np.mean(x**2))
-    return float(WIDE * np.sqrt(np.mean(y**2)) / size) if size > 0 else 0.0
+def _spread(columns: Sequence[Column], x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """How far every coefficient may go here: the declared doubt, or far beyond what the residual could ask for."""
+    size = np.sqrt(np.mean(x**2, axis=0))
+    far = np.where(size > 0, WIDE * np.sqrt(np.mean(y**2)) / np.maximum(size, TINY), 0.0)
+    doubts = [math.hypot(n.sd, n.flight_sd, n.mean) if (n := column.nuisance) else np.nan for column in columns]
+    return np.where(np.isnan(doubts), far, doubts)
 
 
 def left_over(system: System, channel: int, chosen: Sequence[int] = ()) -> list[np.ndarray]:
@@ -88,7 +88,7 @@ def _left_of(y: np.ndarray, x: np.ndarray, columns: Sequence[Column]) -> np.ndar
     if not good.any():
         return left
     y, x = y[good] - y[good].mean(), x[good] - x[good].mean(axis=0)
-    x = x * np.array([_spread(c, x[:, k], y) for k, c in enumerate(columns)])
+    x = x * _spread(columns, x, y)
     gram, right, sd2 = x.T @ x, x.T @ y, np.mean(y**2)
     e = y
     for _ in range(ROUNDS):
