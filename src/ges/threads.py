@@ -43,16 +43,26 @@ def each(work: Callable, *arguments: Iterable) -> list:
         return list(pool.map(work, *arguments))
 
 
+Begin = Callable[..., Callable[[], list]]
+"""Begins ``work`` of one of each of the arguments after another; what it returns waits for the results, in their order."""
+
+
+def at_once(work: Callable, *arguments: Iterable) -> Callable[[], list]:
+    """A :data:`Begin` that does all of the work before it returns."""
+    done = list(map(work, *arguments))
+    return lambda: done
+
+
 @contextlib.contextmanager
-def apart(prepare: Callable[[], object]) -> Iterator[Callable[..., list]]:
-    """``each`` by processes, for what keeps Python itself busy. They come of one that does ``prepare`` while the caller goes on;
-    work and arguments are copied to them, results back."""
+def apart(prepare: Callable[[], object]) -> Iterator[Begin]:
+    """A :data:`Begin` by other processes, for what keeps Python itself busy. They come of one that does ``prepare`` while the
+    caller goes on; work and arguments are copied to them, results back."""
     if cores() < 2 or "fork" not in multiprocessing.get_all_start_methods():
-        yield lambda work, *arguments: list(map(work, *arguments))
+        yield at_once
         return
     with _processes(1, prepare) as one:
         one.submit(os.getpid)  # the first task starts it
-        yield lambda work, *arguments: one.submit(_shared, work, *arguments).result()
+        yield lambda work, *arguments: one.submit(_shared, work, *arguments).result
 
 
 def _processes(count: int, prepare: Callable[[], object]) -> ProcessPoolExecutor:

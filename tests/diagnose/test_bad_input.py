@@ -7,7 +7,9 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
+import ges
 from ges.cli import cli, main
+from ges.errors import GesError
 from ges.io.recording import make_set, write_set
 from ges.vehicle import load_vehicle
 
@@ -104,3 +106,8 @@ def test_a_flight_in_order_is_not_refused():
     still = {"acc_x_m_s2": 0 * T, "acc_y_m_s2": 0 * T, "acc_z_m_s2": 0 * T + 9.8}
     flights = make_set(load_vehicle(ROOT / "config" / "vehicles" / "appius.yaml"), [("f", _moving(**still))])
     assert not flights.warnings and len(flights.flights) == 1
+
+
+def test_no_flight_at_all_is_said():
+    with pytest.raises(GesError, match="no flight among the recordings"):
+        ges.diagnose([], load_vehicle(ROOT / "config" / "vehicles" / "appius.yaml"))

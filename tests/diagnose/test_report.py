@@ -1,5 +1,6 @@
 """The report and its pictures, made from a diagnosis of simulated flights; what is drawn is read back from the figures."""
 
+import base64
 import dataclasses
 import json
 import re
@@ -11,19 +12,47 @@ import pytest
 import ges
 from ges import manoeuvres
 from ges.diagnose import pictures, report, verdict, words
+from ges.diagnose.drawing import Drawing
+from ges.diagnose.output import map_figure, write_diagnosis
+from ges.threads import at_once
 
 
 @pytest.fixture(scope="module")
-def content(flown, sheet) -> dict:
-    table, vehicle = manoeuvres.make("straight_runs", 20.0), sheet(torque_coefficient_Nm_s2=None)
+def watched(flown, sheet) -> tuple:
+    """A diagnosis, and what was told while it went on."""
+    table, vehicle, steps = manoeuvres.make("straight_runs", 20.0), sheet(torque_coefficient_Nm_s2=None), []
     flights = {f"run {k} <b>": flown(vehicle, {"rotor_drag": {"k_kg": 4e-5}}, table, k) for k in (1, 2, 3)}
-    return ges.diagnose(flights, vehicle).content()
+    return ges.diagnose(flights, vehicle, watch=lambda *step: steps.append(step)), steps
+
+
+@pytest.fixture(scope="module")
+def content(watched) -> dict:
+    return watched[0].content()
 
 
 @pytest.fixture(scope="module")
 def page(content) -> str:
     shown = {"held_out": pictures.png(pictures.held_out_bars(content["fit"]["channels"]))}
     return report.render(content, shown)
+
+
+def test_the_map_is_drawn_while_the_search_goes_on_and_once(watched, tmp_path):
+    found, ((located, cells), (fitted, names)) = watched
+    assert (located, fitted, names) == ("located", "fitted", ("rotor_drag",))
+    begun = []
+
+    def begin(work, drawn):
+        begun.append([name for name, *_ in drawn])
+        return at_once(work, drawn)
+
+    figures = Drawing(tmp_path, begin)
+    figures.start(map_figure(cells))
+    early = (tmp_path / "where.png").read_bytes()
+    write_diagnosis(found, tmp_path, drawing=figures)
+    assert begun[0] == ["where"] and len(begun) == 2 and "where" not in begun[1] and "rollout" in begun[1]
+    assert base64.b64encode(early).decode() in (tmp_path / "report.html").read_text()
+    write_diagnosis(found, tmp_path / "alone")
+    assert {p.name for p in tmp_path.iterdir()} - {"alone"} == {p.name for p in (tmp_path / "alone").iterdir()}
 
 
 class _Balanced(HTMLParser):

@@ -23,31 +23,31 @@ def _process(_) -> int:
 def test_results_come_in_order_whatever_the_number_of_threads(told, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", told)
     assert threads.each(lambda a, b: a - b, range(9), [1] * 9) == list(range(-1, 8))
-    with threads.apart(os.getpid) as each:
-        assert each(operator.neg, range(9)) == list(range(0, -9, -1))
+    with threads.apart(os.getpid) as begin:
+        assert begin(operator.neg, range(9))() == list(range(0, -9, -1))
 
 
 def test_one_thread_works_where_it_was_called(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     assert threads.each(lambda _: threading.current_thread(), [0, 0]) == [threading.current_thread()] * 2
-    with threads.apart(os.getpid) as each:
-        assert each(_process, [0, 0]) == [os.getpid()] * 2
+    with threads.apart(os.getpid) as begin:
+        assert begin(_process, [0, 0])() == [os.getpid()] * 2
 
 
 def test_processes_are_others_and_prepare_at_once(monkeypatch, tmp_path):
     monkeypatch.setattr(threads, "cores", lambda: 2)
-    with threads.apart((tmp_path / "prepared").touch) as each:
+    with threads.apart((tmp_path / "prepared").touch) as begin:
         while not (tmp_path / "prepared").exists():
             time.sleep(0.01)
-        assert os.getpid() not in each(_process, [0, 0])
+        assert os.getpid() not in begin(_process, [0, 0])()
 
 
 def test_what_goes_wrong_elsewhere_is_told(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
     with pytest.raises(ZeroDivisionError):
         threads.each(lambda a: 1 // a, [1, 0])
-    with pytest.raises(ZeroDivisionError), threads.apart(os.getpid) as each:
-        each(operator.truediv, [1, 1], [1, 0])
+    with pytest.raises(ZeroDivisionError), threads.apart(os.getpid) as begin:
+        begin(operator.truediv, [1, 1], [1, 0])()
 
 
 def _runs(process: int) -> bool:
@@ -60,15 +60,15 @@ def _runs(process: int) -> bool:
 
 def test_processes_end_with_a_caller_that_is_killed(tmp_path):
     code = f"""
-import os, pathlib, signal, threading, time
+import os, pathlib, signal, time
 from ges import threads
 threads.cores = lambda: 2
 here = pathlib.Path({str(tmp_path)!r})
 def tell(_=None):
     (here / str(os.getpid())).touch()
     time.sleep(0.1 if _ is None else 60.0)
-with threads.apart(tell) as each:
-    threading.Thread(target=each, args=(tell, [1, 2])).start()
+with threads.apart(tell) as begin:
+    begin(tell, [1, 2])
     while len(list(here.iterdir())) < 3:
         time.sleep(0.01)
     os.kill(os.getpid(), signal.SIGKILL)

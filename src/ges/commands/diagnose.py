@@ -6,6 +6,9 @@ from pathlib import Path
 
 import click
 
+NEXT = {"located": "looking for physics that explains it", "fitted": "flying again what took no part"}
+"""What goes on once a step has ended."""
+
 
 @click.command()
 @click.argument("recordings", type=click.Path(path_type=Path), metavar="SET")
@@ -29,8 +32,8 @@ def command(recordings, out, holdout, vehicle_path, write_flight) -> None:
 
     from ..diagnose.drawing import drawing
 
-    with drawing() as each, Console(stderr=True).status(f"diagnosing {recordings}"):
-        found = _diagnosed(recordings, out, list(holdout) or None, vehicle_path, each)
+    with drawing(out) as figures, Console(stderr=True).status(f"locating where {recordings} differs") as status:
+        found = _diagnosed(recordings, out, list(holdout) or None, vehicle_path, figures, status)
     for warning in found.data["warnings"]:
         click.echo(f"warning: {warning}", err=True)
     click.echo(found.sentence)
@@ -39,17 +42,22 @@ def command(recordings, out, holdout, vehicle_path, write_flight) -> None:
     click.echo(f"{out / 'report.html'}", err=True)
 
 
-def _diagnosed(recordings: Path, out: Path, holdout: list[str] | None, vehicle_path: Path | None, each):
-    """The diagnosis of a set, its files written; what that takes is imported here, while ``each`` gets ready to draw."""
+def _diagnosed(recordings: Path, out: Path, holdout: list[str] | None, vehicle_path: Path | None, figures, status):
+    """The diagnosis of a set, its files written; what that takes is imported here, while ``figures`` get ready to be drawn."""
     from ..diagnose.chain import diagnose
-    from ..diagnose.output import write_diagnosis
+    from ..diagnose.output import map_figure, write_diagnosis
     from ..io.recording import load_set
     from ..vehicle import load_vehicle
 
+    def watch(step: str, known) -> None:
+        if step == "located":
+            figures.start(map_figure(known))
+        status.update(NEXT[step])
+
     vehicle = load_vehicle(vehicle_path) if vehicle_path else None
     folder = vehicle_path.parent if vehicle_path else recordings
-    found = diagnose(load_set(recordings), vehicle, holdout=holdout, folder=folder)
-    write_diagnosis(found, out, folder, each)
+    found = diagnose(load_set(recordings), vehicle, holdout=holdout, folder=folder, watch=watch)
+    write_diagnosis(found, out, folder, figures)
     return found
 
 

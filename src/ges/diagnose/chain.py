@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from ..threads import blas_alone
 from ..vehicle import Estimate as Fitting
 from ..vehicle import Quantity, Vehicle
 from .answers import strengths
-from .balance import centred, shift_of
+from .balance import Shift, centred, shift_of
 from .candidates import NOT_SEARCHED, needs_of
 from .closed_loop import closed_loop
 from .detect import smallest_detectable
@@ -30,10 +30,10 @@ from .gusts import HANGING, PUSHED, Gusts, gusts_of, heard_by, may_lean
 from .hearing import lacking, silent_channels, unheard
 from .hypothesis import Form, hypotheses
 from .instruments import MOVED
-from .locate import BLOCK_S, cells, from_findings, from_open, from_residuals, regimes, regimes_of, strongest
+from .locate import BLOCK_S, Cell, cells, from_findings, from_open, from_residuals, regimes, regimes_of, strongest
 from .model import Model, from_vehicle
 from .recommend import next_flight
-from .result import Diagnosis
+from .result import Diagnosis, Finding
 from .standing import matters, relieved, strained
 from .structure import Structure, Told, structures
 from .system import ALL_ON, Switches, System, common_channels, window_length_s
@@ -47,6 +47,12 @@ METRIC = (
     "share by which 'after' is below 'recalibrated', 95 % interval over blocks of 5 s"
 )
 
+Watch = Callable[[str, Any], object]
+
+
+def _unwatched(step: str, known: Any) -> None:
+    """Nobody looks."""
+
 
 @blas_alone
 def diagnose(
@@ -57,6 +63,7 @@ def diagnose(
     folder: Path | str = ".",
     names: Sequence[str] | None = None,
     switches: Switches = ALL_ON,
+    watch: Watch = _unwatched,
 ) -> Diagnosis:
     """Find what a simulator lacks, from real flights, to the same bytes whatever the number of cores.
 
@@ -68,6 +75,7 @@ def diagnose(
     folder : where a height map named by the vehicle file lies.
     names : fit exactly these effects instead of searching: what the library could reach if the cause were known.
     switches : parts of the method to leave out, for ablations.
+    watch : is called as steps end, with ``"located"`` and the cells of the location map, then ``"fitted"`` and the names.
 
     Raises
     ------
@@ -83,7 +91,7 @@ def diagnose(
     train, held = split(frames, gate.usable(), _numbers(holdout, labels))
     if not train:
         raise GesError("every usable flight is held out; leave at least one for fitting")
-    return _Chain(flights.vehicle, model, gate, train, held, labels, flights.warnings).run(names, switches)
+    return _Chain(flights.vehicle, model, gate, train, held, labels, flights.warnings, watch).run(names, switches)
 
 
 def _as_set(recordings, vehicle: Vehicle | None, folder: Path | str) -> RecordingSet:
@@ -120,56 +128,54 @@ def _stage(model: Model, joint: Joint, board: Board, told: Told) -> _Stage:
     return _Stage(model, joint, board, left, structures(left, told, board.system.main, board.system.blocks(BLOCK_S)))
 
 
+@dataclasses.dataclass(frozen=True)
+class _Start:
+    """What the declared vehicle leaves: the system, the regimes of its windows, the first stage and its map."""
+
+    system: System
+    told: Told
+    first: _Stage
+    cells: list[Cell]
+
+
+@dataclasses.dataclass(frozen=True)
+class _Answer:
+    """What the search came to: what is accepted, gusts beside it, the stage with both, the structures of that which no gust
+    makes, and what every accepted effect adds."""
+
+    accepted: Accepted
+    gusts: Gusts | None
+    last: _Stage
+    foretold: list[Structure]
+    added: Mapping[str, Sequence[np.ndarray]]
+
+
 class _Chain:
     """The steps in their order; every step reads what the ones before it left."""
 
-    def __init__(self, vehicle: Vehicle, model: Model, gate: Gate, train, held, names, warnings) -> None:
+    def __init__(self, vehicle: Vehicle, model: Model, gate: Gate, train, held, names, warnings, watch: Watch) -> None:
         self.vehicle, self.model, self.gate, self.names = vehicle, model, gate, names
         self.train = [gate.flights[i] for i in train]
         self.held, self.held_names = [gate.flights[i] for i in held], [names[i] for i in held]
         self.warnings = [*warnings, *gate.warnings]
-        self.length_s = window_length_s(self.train)
+        self.length_s, self.watch = window_length_s(self.train), watch
 
     def run(self, names: Sequence[str] | None, switches: Switches) -> Diagnosis:
-        system = first_system(self.train, self.model, self.length_s, switches)
-        board, joint = null_fit(system)
-        recalibrated = calibrated(self.model, joint.common)
-        told = regimes_of(system)
-        first = _stage(recalibrated, joint, board, told)
-        map_cells = cells(system, first.left, told, first.structures)
-        accepted = accept(board, self.length_s, switches, names)
+        """The steps; with ``names``, of just these effects, whatever speaks against them."""
+        start = self._start(switches)
+        self.watch("located", start.cells)
+        answer = self._fitted(start, names, switches)
+        self.watch("fitted", answer.accepted.names)
         if names is None:
-            accepted = self._unstrained(accepted, joint, switches)
-        known = (accepted.fitted.board.system, accepted.fitted.joint) if accepted.fitted else (system, joint)
-        gusts = gusts_of(*known, self.length_s, self.vehicle.effect_values().get("gusts"))
-        gusts = None if gusts and may_lean(gusts.push_N, contributions(accepted, HANGING), system) else gusts
-        if gusts and names is None and "wind" in accepted.names and gusts.may_be(accepted.fitted):
-            accepted = without(accepted, "wind", self.length_s, switches)
-        accepted = shot_fit(accepted, self.length_s, switches)
-        last = self._last(accepted, first, told)
-        foretold = [s for s in last.structures if not gusts or s.channel not in PUSHED]
-        added = contributions(accepted)
-        if names is None and added and not accepted.rivals and borrowed(theirs(foretold, added, system), self.model):
-            accepted, last, foretold, gusts, added = withdrawn(accepted), first, first.structures, None, {}
-        moved = None if accepted.names else shift_of(system)
-        accepted = dataclasses.replace(accepted, rivals=()) if moved else accepted
-        remains = left_over(foretold, last.model)
-        accepted = without_old_news(accepted) if self.model.left_unexplained and not remains else accepted
-        located = strongest([
-            *from_residuals(map_cells, first.structures, system),
-            *from_findings(added, last.left, accepted.probability, told, system),
-            *(from_open(accepted.found, accepted.board, last.left, told, accepted.names) if accepted.rivals else ()),
-        ])  # fmt: skip
-        proven = sorted((finding(accepted, name, by) for name, by in added.items()), key=lambda f: -f.size["share_of_weight"])
-        proven += [gusts.finding()] if gusts else []
-        proven = [f for f in proven if names or matters(f.name, f.size["channel"], f.size["share_of_weight"])]
-        findings = [*proven, *settled_findings(self.gate), *open_findings(accepted), *(moved.findings() if moved else ())]
-        forms = hypotheses(system, last.left, told, [u.channel for u in remains if not u.of_size], BLOCK_S) if remains else {}
-        unexplained = [_unexplained(u, forms.get(u.channel)) for u in remains]
-        models = {"before": self.model, "recalibrated": recalibrated, "after": last.model}
+            answer = self._not_borrowed(answer, start)
+        moved = None if answer.accepted.names else shift_of(start.system)
+        answer, remains = self._remaining(answer, moved)
+        located, findings = self._located(start, answer), self._findings(answer, moved, names)
+        unexplained = _unexplained(remains, start, answer.last)
+        models = {"before": self.model, "recalibrated": start.first.model, "after": answer.last.model}
         fit, proof = self._proof(models, located)
-        verdict = verdict_of(findings, (moved.rivals,) if moved else accepted.rivals, unexplained)
-        calibration = _calibration(last.joint, self.model)
+        calibration = _calibration(answer.last.joint, self.model)
+        verdict = verdict_of(findings, (moved.rivals,) if moved else answer.accepted.rivals, unexplained)
         off = silent_channels([*self.train, *self.held], self.model)
         told_first = sentence_of(verdict, findings, located, unexplained, fit, calibration)
         return Diagnosis(
@@ -179,14 +185,72 @@ class _Chain:
             located=tuple(located),
             unexplained=tuple(unexplained),
             fit=fit,
-            detectable=smallest_detectable(accepted.board, accepted.names),
-            next_flight=moved.next_flight() if moved else _next_flight(accepted),
-            data=self._data(system, off),
+            detectable=smallest_detectable(answer.accepted.board, answer.accepted.names),
+            next_flight=moved.next_flight() if moved else _next_flight(answer.accepted),
+            data=self._data(start.system, off),
             calibration=calibration,
-            not_tested=_not_tested(system, self.train, last.model),
-            vehicle=self._fitted_vehicle(accepted, last.joint, gusts),
-            details={"accepted": accepted, "cells": map_cells, "models": models, "held": self.held, **proof},
+            not_tested=_not_tested(start.system, self.train, answer.last.model),
+            vehicle=self._fitted_vehicle(answer.accepted, answer.last.joint, answer.gusts),
+            details={"accepted": answer.accepted, "cells": start.cells, "models": models, "held": self.held, **proof},
         )
+
+    def _start(self, switches: Switches) -> _Start:
+        system = first_system(self.train, self.model, self.length_s, switches)
+        board, joint = null_fit(system)
+        told = regimes_of(system)
+        first = _stage(calibrated(self.model, joint.common), joint, board, told)
+        return _Start(system, told, first, cells(system, first.left, told, first.structures))
+
+    def _fitted(self, start: _Start, names: Sequence[str] | None, switches: Switches) -> _Answer:
+        """What the library explains, fitted in full, and gusts in what it leaves."""
+        accepted = accept(start.first.board, self.length_s, switches, names)
+        if names is None:
+            accepted = self._unstrained(accepted, start.first.joint, switches)
+        gusts = self._gusts(accepted, start)
+        if gusts and names is None and "wind" in accepted.names and gusts.may_be(accepted.fitted):
+            accepted = without(accepted, "wind", self.length_s, switches)
+        accepted = shot_fit(accepted, self.length_s, switches)
+        last = self._last(accepted, start.first, start.told)
+        foretold = [s for s in last.structures if not gusts or s.channel not in PUSHED]
+        return _Answer(accepted, gusts, last, foretold, contributions(accepted))
+
+    def _gusts(self, accepted: Accepted, start: _Start) -> Gusts | None:
+        """Gusts beside what is accepted, where nothing hangs below that may lean to push so."""
+        fitted = accepted.fitted
+        known = (fitted.board.system, fitted.joint) if fitted else (start.system, start.first.joint)
+        gusts = gusts_of(*known, self.length_s, self.vehicle.effect_values().get("gusts"))
+        return None if gusts and may_lean(gusts.push_N, contributions(accepted, HANGING), start.system) else gusts
+
+    def _not_borrowed(self, answer: _Answer, start: _Start) -> _Answer:
+        """The answer, or none at all where its names may stand for something that is not in the library."""
+        if not answer.added or answer.accepted.rivals:
+            return answer
+        if not borrowed(theirs(answer.foretold, answer.added, start.system), self.model):
+            return answer
+        return _Answer(withdrawn(answer.accepted), None, start.first, start.first.structures, {})
+
+    def _remaining(self, answer: _Answer, moved: Shift | None) -> tuple[_Answer, list[Structure]]:
+        """The answer without rivals that a shift or old news make idle, and the structure that is left."""
+        accepted, remains = answer.accepted, left_over(answer.foretold, answer.last.model)
+        accepted = dataclasses.replace(accepted, rivals=()) if moved else accepted
+        accepted = without_old_news(accepted) if self.model.left_unexplained and not remains else accepted
+        return dataclasses.replace(answer, accepted=accepted), remains
+
+    def _located(self, start: _Start, answer: _Answer) -> list[dict]:
+        accepted, left = answer.accepted, answer.last.left
+        return strongest([
+            *from_residuals(start.cells, start.first.structures, start.system),
+            *from_findings(answer.added, left, accepted.probability, start.told, start.system),
+            *(from_open(accepted.found, accepted.board, left, start.told, accepted.names) if accepted.rivals else ()),
+        ])  # fmt: skip
+
+    def _findings(self, answer: _Answer, moved: Shift | None, names: Sequence[str] | None) -> list[Finding]:
+        """What is proven, the largest first, what the gate settled, and what is open."""
+        accepted = answer.accepted
+        proven = sorted((finding(accepted, n, by) for n, by in answer.added.items()), key=lambda f: -f.size["share_of_weight"])
+        proven += [answer.gusts.finding()] if answer.gusts else []
+        proven = [f for f in proven if names or matters(f.name, f.size["channel"], f.size["share_of_weight"])]
+        return [*proven, *settled_findings(self.gate), *open_findings(accepted), *(moved.findings() if moved else ())]
 
     def _unstrained(self, accepted: Accepted, first: Joint, switches: Switches) -> Accepted:
         """Without the names that need declared numbers far outside their doubts: one by one, the worst offender first of those
@@ -295,7 +359,14 @@ def _fittings(accepted: Accepted, name: str) -> dict[str, Fitting]:
     return told
 
 
-def _unexplained(u: Structure, form: Form | None) -> dict:
+def _unexplained(remains: Sequence[Structure], start: _Start, last: _Stage) -> list[dict]:
+    """Structure that is left, each with a sparse form of it as a hypothesis where it is one of the mean."""
+    by_mean = [u.channel for u in remains if not u.of_size]
+    forms = hypotheses(start.system, last.left, start.told, by_mean, BLOCK_S) if remains else {}
+    return [_structure_told(u, forms.get(u.channel)) for u in remains]
+
+
+def _structure_told(u: Structure, form: Form | None) -> dict:
     told = {"channel": u.channel, "regime": u.bounds, "r2": u.r2, "q_value": u.q_value, "rms": u.rms, "of_size": u.of_size}
     return {**told, "hypothesis": form.content()} if form else told
 

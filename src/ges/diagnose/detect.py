@@ -17,10 +17,10 @@ import numpy as np
 from scipy.special import ndtri
 
 from .. import effects as effect_table
-from .evidence import DECLARED, TEMPERING, Board, Gram, rms_of
+from .evidence import TEMPERING, Board, Gram, rms_of
 from .fit import CLIPPING
 from .model import block_of
-from .select import PRIOR_OF_SIZE, RARER
+from .select import PRIOR_OF_SIZE, RARE, RARER
 from .standing import FAINT, SURE, least_sizes
 
 POWER = 0.9
@@ -29,7 +29,7 @@ POWER = 0.9
 @dataclasses.dataclass(frozen=True)
 class _Shape:
     """One variant of one effect: its columns on the board, and by true column the evidence that they gain at what price: that of
-    their freedom, of being one of many shapes, and of a declared number that is seldom wrong."""
+    their freedom, of being one of many shapes, and of being rarely met."""
 
     name: str
     columns: tuple[int, ...]
@@ -43,7 +43,7 @@ def _shapes(board: Board, gram: Gram, leave_out: Collection[str]) -> list[_Shape
         if column.variant is not None and column.variant.effect not in leave_out and board.prior.sd[k] > 0:
             found.setdefault((column.variant.effect, column.variant.key), []).append(k)
     many = Counter(name for name, _ in found)
-    rare = {name: -math.log(RARER) for name in DECLARED}
+    rare = {name: -math.log(RARER) for name in RARE}
     return [
         _Shape(name, tuple(columns), gain, cost + math.log(many[name]) + rare.get(name, 0.0))
         for (name, _), columns in found.items()

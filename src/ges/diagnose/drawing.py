@@ -1,17 +1,44 @@
-"""Drawing the figures of a diagnosis by other processes: importable at once, as what it needs takes them a second to read."""
+"""Drawing the figures of a diagnosis, each as soon as it can be: importable at once, what draws them takes a second to read."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
-from ..threads import apart
+from ..threads import Begin, apart, at_once
+
+Figure = tuple[str, str, Sequence]
+"""Name, function of ``pictures`` and its arguments."""
 
 
-def drawing() -> AbstractContextManager[Callable[..., list]]:
-    """An ``each`` for :func:`ges.diagnose.output.write_diagnosis`, by processes that get ready while the caller goes on."""
-    return apart(_ready)
+class Drawing:
+    """The figures of one folder; each is drawn once."""
+
+    def __init__(self, out: Path, begin: Begin = at_once) -> None:
+        self._out, self._begin = out, begin
+        self._begun: dict[str, tuple[Callable[[], list[bytes]], int]] = {}
+
+    def start(self, figures: Sequence[Figure]) -> None:
+        """Begin to draw those that were not begun before."""
+        new = [f for f in figures if f[0] not in self._begun]
+        if new:
+            pictures = self._begin(partial(_drawn, self._out), new)
+            self._begun |= {name: (pictures, i) for i, (name, *_) in enumerate(new)}
+
+    def pictures(self, figures: Sequence[Figure]) -> Mapping[str, bytes]:
+        """The figures as PNG, by name, once all of them are written."""
+        self.start(figures)
+        begun = {name: self._begun[name] for name, *_ in figures}
+        return {name: pictures()[i] for name, (pictures, i) in begun.items()}
+
+
+@contextmanager
+def drawing(out: Path) -> Iterator[Drawing]:
+    """Drawing by processes that get ready while the caller goes on."""
+    with apart(_ready) as begin:
+        yield Drawing(out, begin)
 
 
 def _ready() -> None:
@@ -20,9 +47,10 @@ def _ready() -> None:
     png(Figure(figsize=(1.0, 1.0)))
 
 
-def drawn(out: Path, figure: tuple[str, str, Sequence]) -> bytes:
-    """The picture of one figure, given by name, function of ``pictures`` and its arguments; which is written too."""
+def _drawn(out: Path, figure: Figure) -> bytes:
+    """The picture of one figure, which is written too."""
     from . import pictures
 
     name, draw, arguments = figure
+    out.mkdir(parents=True, exist_ok=True)
     return pictures.save(getattr(pictures, draw)(*arguments), out, name)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,8 @@ import numpy as np
 from .. import effects as effect_table
 from ..files import write_json
 from ..vehicle import save_vehicle
-from .drawing import drawn
+from .drawing import Drawing, Figure
+from .locate import Cell
 from .report import write_report
 from .result import Diagnosis
 from .verify import HORIZON_S, STEPS
@@ -23,28 +23,30 @@ from .words import channel_words, quantity_words, size_unit
 BLOCK_S = 5.0
 
 
-def write_diagnosis(
-    diagnosis: Diagnosis, out: Path, vehicle_folder: Path | str = ".", each: Callable[..., Iterable] = map
-) -> None:
-    """Write every file of the contract into ``out``; ``vehicle_folder`` is where a height map lies, ``each`` draws the figures,
-    by other processes (:func:`ges.diagnose.drawing.drawing`) where they were started before."""
+def write_diagnosis(diagnosis: Diagnosis, out: Path, vehicle_folder: Path | str = ".", drawing: Drawing | None = None) -> None:
+    """Write every file of the contract into ``out``; ``vehicle_folder`` is where a height map lies, ``drawing`` is of the same
+    ``out``, where figures were begun before (:func:`map_figure`)."""
     out.mkdir(parents=True, exist_ok=True)
     content = diagnosis.content()
-    figures = list(_figures(diagnosis, content))
-    pictures = list(each(partial(drawn, out), figures))
+    drawing, figures = drawing or Drawing(out), list(_figures(diagnosis, content))
+    drawing.start(figures)
     ground = diagnosis.vehicle.terrain.file
     if ground and Path(vehicle_folder).resolve() != out.resolve():
         shutil.copyfile(Path(vehicle_folder) / ground, out / ground)
     save_vehicle(diagnosis.vehicle, out / "vehicle.fitted.yaml")
-    write_report(content, dict(zip((name for name, *_ in figures), pictures, strict=True)), out / "report.html")
+    write_report(content, drawing.pictures(figures), out / "report.html")
     write_json(out / "diagnosis.json", content)
 
 
-def _figures(diagnosis: Diagnosis, content: Mapping[str, Any]) -> Iterator[tuple[str, str, Sequence]]:
-    """Name, function of ``pictures`` and its arguments, of the figures that this diagnosis has something for."""
+def map_figure(cells: Sequence[Cell]) -> list[Figure]:
+    """The map of where the mismatch lives, which can be drawn as soon as it was located; none where nothing could be."""
+    return [("where", "location_map", ([_cell(c) for c in cells],))] if cells else []
+
+
+def _figures(diagnosis: Diagnosis, content: Mapping[str, Any]) -> Iterator[Figure]:
+    """Those that this diagnosis has something for."""
     details = diagnosis.details
-    if details["cells"]:
-        yield "where", "location_map", ([_cell(c) for c in details["cells"]],)
+    yield from map_figure(details["cells"])
     told = _parameters(content)
     if told:
         yield "parameters", "parameter_intervals", (told,)

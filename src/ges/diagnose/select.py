@@ -17,7 +17,8 @@ from .scales import Entry, Scales, entries, scales
 PRIOR_OF_SIZE = (0.5, 0.3, 0.13, 0.05, 0.02)
 LARGEST = 4
 BEAM = 3
-RARER = 0.1
+RARE, RARER = DECLARED | {"ceiling_effect", "wall_effect", "downwash"}, 0.1
+"""Wrong declared numbers, and effects of things at a place that the vehicle file has not; how much more rarely they are met."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,7 +34,7 @@ class Hypothesis:
 
     @property
     def of_data(self) -> float:
-        """Log evidence whatever its size, of the flights and of how rare a wrong declared number is."""
+        """Log evidence whatever its size, of the flights and of how rarely such names are met."""
         return self.log_evidence - self.log_prior
 
 
@@ -79,7 +80,7 @@ def _sets_of(on: Scales, combos: Sequence[tuple[Entry, ...]], count: int) -> dic
     best = [combos[max(members, key=lambda i: weight[i])] for members in grouped.values()]
     out = {}
     for (names, members), top, found in zip(grouped.items(), best, on.weigh(best), strict=True):
-        prior, rare = _log_prior(names, count), sum(name in DECLARED for name in names)
+        prior, rare = _log_prior(names, count), sum(name in RARE for name in names)
         total = float(np.logaddexp.reduce(weight[members]) - np.log(len(members))) + prior + rare * np.log(RARER)
         out[names] = Hypothesis(names, tuple(e.number for e in top), found, total, log_prior=prior)
     return out

@@ -296,8 +296,11 @@ def require_drive(recordings: RecordingSet) -> None:
     Raises
     ------
     GesError
-        When a flight has neither rotor speeds nor motor commands.
+        When there is no flight, or one has neither rotor speeds nor motor commands.
     """
+    if not recordings.flights:
+        raise GesError("there is no flight among the recordings; give one table at least, a row a sample, with the columns of "
+                       "docs/importing.md")  # fmt: skip
     n = len(recordings.vehicle.rotors)
     for flight in recordings.flights:
         complete = [
