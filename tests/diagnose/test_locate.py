@@ -114,6 +114,17 @@ def test_what_differs_from_flight_to_flight_only_is_no_structure():
     assert not _clear(structures(raw, told, NAMES, _blocks()))
 
 
+@pytest.mark.parametrize("alike", [True, False])
+def test_what_drifts_is_no_function_of_voltage_unless_every_flight_says_so(alike):
+    """A battery for each flight, or one for all of them: then no voltage is flown twice, and any drift is foretold beside it."""
+    told, raw = _flights(), _noise(np.random.default_rng(9))
+    for k, (r, t) in enumerate(zip(raw, told, strict=True)):
+        t["battery_V"] = 16.0 - 0.02 * (t["time_s"] + (0.0 if alike else 60.0 * k))
+        r[:, 1] += (0.3 if alike or k % 2 else -0.3) * t["time_s"] / 25.0
+    found = {key for key in _clear(structures(raw, told, NAMES, _blocks())) if key[1] in ("time_s", "battery_V")}
+    assert found == ({("force_z", "time_s"), ("force_z", "battery_V")} if alike else set())
+
+
 def test_same_bytes_every_time():
     told, raw = _flights(), _noise(np.random.default_rng(5))
     assert structures(raw, told, NAMES, _blocks()) == structures(raw, told, NAMES, _blocks())

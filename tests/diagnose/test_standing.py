@@ -47,6 +47,17 @@ def test_an_amplitude_is_as_clear_as_it_is_with_its_shape_held():
     assert fitted.sds_from_neutral("ground_effect", "c_a") == pytest.approx(0.2 / held)
 
 
+@pytest.mark.parametrize(("product_sd", "proven"), [(0.05, True), (0.5, False)])
+def test_a_wind_and_its_drag_stand_together_where_their_product_is_clear(product_sd, proven):
+    """Slow flights in a strong wind: drag and wind vary against each other by 40 %, what they make together is known."""
+    drag, wind = np.array([0.4, -0.4, -0.4]), np.eye(3) * product_sd**2
+    relative, size = np.outer(drag, drag) + wind, np.array([4e-5, 3.0, -5.0])
+    effects = {"rotor_drag": {"k_kg": size[0]}, "wind": {"east_m_s": size[1], "north_m_s": size[2], "roughness_m": 0.0}}
+    free = (("rotor_drag", "k_kg"), ("wind", "east_m_s"), ("wind", "north_m_s"))
+    fitted = Fitted(effects, free, relative * np.outer(size, size), None, None, None)
+    assert (stands(fitted, "wind"), stands(fitted, "rotor_drag")) == (proven, proven)
+
+
 @pytest.mark.parametrize(("amplitude", "proven"), [(0.2, True), (0.08, False), (2.0, False)])
 def test_an_amplitude_that_its_shape_leaves_open_does_not_stand(amplitude, proven):
     """Flights at one height tell a gain there and no cushion; and what ran to its bound is something else."""

@@ -28,6 +28,7 @@ FORM_ERROR = 0.12
 """Sd of a physical effect's size, over it, that is due to its form alone: what development cases of other forms came to."""
 CLIPPING = frozenset({"rotor_saturation"})
 """Effects that a share of their column's step says nothing of: half of a ceiling's step is no ceiling at half the way."""
+TIED = ({"wind", "rotor_drag"}, {"wind", "parasitic_drag"})
 USUAL_SHAPES = {("ground_effect", "decay"): (1.0, 1.0), ("fountain_lift", "c_s"): (1.5, 1.0),
                 ("parasitic_drag", "vertical_ratio"): (1.0, 1.0)}  # fmt: skip
 """Usual value and sd of a shape that some flights hardly tell."""
@@ -143,12 +144,13 @@ class Fitted:
     def sds_from_neutral(self, effect: str, parameter: str) -> float:
         """Distance of an amplitude from neutral in its sd, the effect's shape held: how certain it is that something acts.
 
+        A wind and the drag that it acts through are held for each other: slow flights tell their product well and neither alone.
         Of a declared number, as it is with what is plausible of it: twice the inertia give or take a third is no finding.
         """
         i = self.free.index((effect, parameter))
-        shape = [k for k, (e, p) in enumerate(self.free) if e == effect and p in SHAPES.get(effect, ())]
-        tied = self.covariance[i, shape]
-        own = self.covariance[i, i] - tied @ np.linalg.pinv(self.covariance[np.ix_(shape, shape)], hermitian=True) @ tied
+        held = [k for k, (e, p) in enumerate(self.free) if (e == effect and p in SHAPES.get(effect, ())) or {e, effect} in TIED]
+        tied = self.covariance[i, held]
+        own = self.covariance[i, i] - tied @ np.linalg.pinv(self.covariance[np.ix_(held, held)], hermitian=True) @ tied
         away = self.effects[effect][parameter] - amplitude_of(effect, parameter).neutral
         sd = math.hypot(math.sqrt(max(own, 0.0)), self._form_error(effect, parameter))
         plausible = PLAUSIBLE[effect, parameter] if effect in DECLARED else math.inf

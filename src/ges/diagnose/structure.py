@@ -1,11 +1,12 @@
 """Structure in residuals: does a smooth function of a regime variable predict blocks of time it never saw, how often by chance?
 
 The statistic is R^2 on blocks of time left out; blocks and not flights, or a regime that one flight alone visits could not
-show. Its null flips the sign of whole blocks of what the prediction misses (as ter Braak 1992 permutes residuals of the full
-model: signs of the signal itself would hide a strong one), which keeps autocorrelation. Over all channels and regimes, and
-over channels that one cause moves together, the largest standardised statistic counts (Westfall and Young 1993): a set of
-flights without structure shows any at all with the stated probability. Residuals are taken as they are: to a whitening filter
-a force that changes slowly along the flight would look like coloured noise, and go.
+show. But time and voltage run along with the flight, and whatever drifts is foretold by the blocks beside: of them whole flights
+are left out, where there are two. The null flips the sign of whole blocks of what the prediction misses (as ter Braak 1992
+permutes residuals of the full model: signs of the signal itself would hide a strong one), which keeps autocorrelation. Over all
+channels and regimes, and over channels that one cause moves together, the largest standardised statistic counts (Westfall and
+Young 1993): a set of flights without structure shows any at all with the stated probability. Residuals are taken as they are: to
+a whitening filter a force that changes slowly along the flight would look like coloured noise, and go.
 
 The same test of the logarithm of the residual's energy asks where its size, not its mean, depends on the regime: a buffet, or
 a field whose direction turns faster than the regime resolves.
@@ -23,6 +24,7 @@ from scipy.sparse import csr_array
 KNOTS = 9
 PLACE_KNOTS = 7
 PLACE = ("east_m", "north_m")
+RUNNING = frozenset({"time_s", "battery_V"})
 FLOWN = (0.01, 0.99)  # quantiles between which the knots lie
 EXCITED = (0.05, 0.95)
 LEAST_SPREAD: Mapping[str, float] = {
@@ -138,7 +140,8 @@ def _regimes(names: Sequence[str]) -> list[tuple[str, ...]]:
 
 
 def _gain(basis: Basis, y: np.ndarray, of_block: csr_array, fold_of: np.ndarray, signs: np.ndarray) -> np.ndarray:
-    """R^2 on the folds left out, of every channel ``y`` (n, C) with its blocks' signs flipped as in ``signs`` (b, d); (C, d)."""
+    """R^2 on the folds left out, of every channel ``y`` (n, C) with its blocks' signs flipped as in ``signs`` (b, d); (C, d).
+    ``of_block`` (b, n) sums rows by block."""
     sums = np.stack([of_block @ (basis.x * channel[:, None]) for channel in y.T], axis=2).reshape(len(fold_of), -1)
     right = {f: sums[fold_of == f].T @ signs[fold_of == f] for f in basis.gram}
     right = {f: r.reshape(basis.x.shape[1], -1) for f, r in right.items()}
@@ -183,23 +186,32 @@ def _of_mean(raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
     _, block = np.unique(np.concatenate(blocks), return_inverse=True)
     rng = np.random.default_rng(SEED)
     count = int(block.max(initial=-1)) + 1
-    fold_of, signs = rng.permutation(count) % FOLDS, rng.choice([-1.0, 1.0], (count, DRAWS))
+    by_block, signs = rng.permutation(count) % FOLDS, rng.choice([-1.0, 1.0], (count, DRAWS))
+    by_flight = np.zeros(count, dtype=int)
+    by_flight[block] = np.repeat(np.arange(len(raw)), [len(r) for r in raw])
     e = np.concatenate(raw)
-    alike: dict[bytes, list[int]] = {}
-    for c in range(len(names)):
-        alike.setdefault(np.isfinite(e[:, c]).tobytes(), []).append(c)
     found: dict[int, list[tuple[Structure, np.ndarray]]] = {}
-    for channels in alike.values():
+    for channels in _there_together(e):
         used = np.isfinite(e[:, channels[0]])
-        fold, here = fold_of[block[used]], {n: v[used] for n, v in values.items()}
-        if used.sum() < LEAST_WINDOWS or np.count_nonzero(np.bincount(fold)) < FOLDS:
+        here, several = {n: v[used] for n, v in values.items()}, len(np.unique(by_flight[block[used]])) > 1
+        if used.sum() < LEAST_WINDOWS or len(np.unique(by_block[block[used]])) < FOLDS:
             continue
         for regime in _regimes(excited(here)):
-            tested = _tested(_basis(here, regime, fold), e[np.ix_(used, channels)], block[used], fold_of, signs)
+            fold_of = by_flight if several and regime[0] in RUNNING else by_block
+            basis = _basis(here, regime, fold_of[block[used]])
+            tested = _tested(basis, e[np.ix_(used, channels)], block[used], fold_of, signs)
             for c, of_channel in zip(channels, tested, strict=True):
                 found.setdefault(c, []).append(of_channel)
     listed = [(dataclasses.replace(s, channel=names[c]), draws) for c in sorted(found) for s, draws in found[c]]
     return _judged([tested for tested, _ in listed], np.array([draws for _, draws in listed]))
+
+
+def _there_together(e: np.ndarray) -> list[list[int]]:
+    """Channels (columns of ``e``) that have the same windows."""
+    alike: dict[bytes, list[int]] = {}
+    for c, there in enumerate(np.isfinite(e).T):
+        alike.setdefault(there.tobytes(), []).append(c)
+    return list(alike.values())
 
 
 def _of_size(raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]) -> list[Structure]:
