@@ -18,10 +18,20 @@ from ges.threads import at_once
 
 
 @pytest.fixture(scope="module")
-def watched(flown, sheet) -> tuple:
+def vehicle(sheet):
+    return sheet(torque_coefficient_Nm_s2=None)
+
+
+@pytest.fixture(scope="module")
+def flights(flown, vehicle) -> dict:
+    table = manoeuvres.make("straight_runs", 20.0)
+    return {f"run {k} <b>": flown(vehicle, {"rotor_drag": {"k_kg": 4e-5}}, table, k) for k in (1, 2, 3)}
+
+
+@pytest.fixture(scope="module")
+def watched(flights, vehicle) -> tuple:
     """A diagnosis, and what was told while it went on."""
-    table, vehicle, steps = manoeuvres.make("straight_runs", 20.0), sheet(torque_coefficient_Nm_s2=None), []
-    flights = {f"run {k} <b>": flown(vehicle, {"rotor_drag": {"k_kg": 4e-5}}, table, k) for k in (1, 2, 3)}
+    steps = []
     return ges.diagnose(flights, vehicle, watch=lambda *step: steps.append(step)), steps
 
 
@@ -34,6 +44,15 @@ def content(watched) -> dict:
 def page(content) -> str:
     shown = {"held_out": pictures.png(pictures.held_out_bars(content["fit"]["channels"]))}
     return report.render(content, shown)
+
+
+def test_neither_names_nor_order_of_flights_matter(watched, flights, vehicle):
+    renamed = {f"{9 - k}": frame for k, frame in enumerate(reversed(flights.values()))}
+    (found, _), other = watched, ges.diagnose(renamed, vehicle)
+    (held,), (held_too,) = (d.fit["holdout_flights"] for d in (found, other))
+    assert renamed[held_too] is flights[held]
+    assert json.dumps(other.content()).replace(f'"{held_too}"', "") == json.dumps(found.content()).replace(f'"{held}"', "")
+    assert other.details["accepted"].found.inclusion == found.details["accepted"].found.inclusion, "to the last digit"
 
 
 def test_the_map_is_drawn_while_the_search_goes_on_and_once(watched, tmp_path):

@@ -21,7 +21,7 @@ from .balance import Shift, centred, shift_of
 from .candidates import NOT_SEARCHED, needs_of
 from .closed_loop import closed_loop
 from .detect import smallest_detectable
-from .engine import Accepted, accept, first_system, shot_fit, split, withdrawn, without, without_old_news
+from .engine import Accepted, accept, digest, first_system, shot_fit, split, withdrawn, without, without_old_news
 from .evidence import Board
 from .findings import contributions, finding, open_findings, settled_findings
 from .fit import Joint, calibrated, fitted_model, left_raw, null_fit, strain_without, within_bounds
@@ -85,7 +85,8 @@ def diagnose(
     flights = _as_set(recordings, vehicle, folder)
     require_drive(flights)
     model = from_vehicle(flights.vehicle, flights.folder)
-    labels, frames = [f.name for f in flights.flights], [f.frame for f in flights.flights]
+    ordered = sorted(flights.flights, key=lambda f: digest(f.frame))  # neither names nor their order matter
+    labels, frames = [f.name for f in ordered], [f.frame for f in ordered]
     gate = pass_gate(frames, model, labels)
     model = at_flown_voltage(model, gate.flights)
     train, held = split(frames, gate.usable(), _numbers(holdout, labels))

@@ -50,13 +50,14 @@ def split(frames: Sequence[pd.DataFrame], usable: Sequence[int], holdout: Sequen
     if holdout is not None:
         held = [i for i in usable if i in set(holdout)]
         return [i for i in usable if i not in set(held)], held
-    ranked = sorted(usable, key=lambda i: _digest(frames[i]))
+    ranked = sorted(usable, key=lambda i: digest(frames[i]))
     count = max(1, len(usable) // 4) if len(usable) > 1 else 0
     held = sorted(ranked[:count])
     return [i for i in usable if i not in set(held)], held
 
 
-def _digest(frame: pd.DataFrame) -> str:
+def digest(frame: pd.DataFrame) -> str:
+    """Hash of what a flight recorded."""
     numbers = frame.reindex(sorted(frame.columns), axis=1).to_numpy(dtype=float)
     return hashlib.sha256(np.ascontiguousarray(numbers).tobytes()).hexdigest()
 
