@@ -205,7 +205,8 @@ def pass_gate(frames: Sequence[pd.DataFrame], model: Model, names: Sequence[str]
     problems = [_problem(f) for f in flights]
     flights = [None if problem else f for f, problem in zip(flights, problems, strict=True)]
     if all(problems):
-        raise GesError(f"no usable flight among {len(frames)}: {names[0]} {problems[0]}; log a flight with rotor speeds or motor "
+        name, problem = min(zip(names, problems, strict=True))
+        raise GesError(f"no usable flight among {len(frames)}: {name} {problem}; log a flight with rotor speeds or motor "
                        "commands (PX4: esc_status or actuator_motors; Crazyflie: motor.m1 ...)")  # fmt: skip
     warnings = [f"{name} {problem}; it was left out" for name, problem in zip(names, problems, strict=True) if problem]
     noticed = each(lambda f: _remarks(f) if f else [], flights)
@@ -216,7 +217,7 @@ def pass_gate(frames: Sequence[pd.DataFrame], model: Model, names: Sequence[str]
     if delay and delay.delay_s > SURE * delay.sd_s:
         flights = [f and shifted(f, delay.stream, delay.delay_s) for f in flights]
     flights = [f and with_steady_position(f) for f in flights]
-    return Gate(tuple(flights), (delay,) if delay else (), tuple(warnings), pose, gyro)
+    return Gate(tuple(flights), (delay,) if delay else (), tuple(sorted(warnings)), pose, gyro)
 
 
 def _pose_settled(flights: list[Prepared | None]) -> tuple[Delay | None, list[Prepared | None]]:
