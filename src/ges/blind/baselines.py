@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..diagnose.candidates import kind_of, library
-from ..diagnose.engine import split
+from ..diagnose.engine import digest, split
 from ..diagnose.gate import pass_gate
 from ..diagnose.model import from_vehicle
 from ..diagnose.residual import UNITS
@@ -66,7 +66,7 @@ def prepare(recordings: RecordingSet) -> Problem:
     model = from_vehicle(recordings.vehicle, recordings.folder)
     frames = [f.frame for f in recordings.flights]
     gate = pass_gate(frames, model)
-    train, held = split(frames, gate.usable(), None)
+    train, held = split([digest(f) for f in frames], gate.usable(), None)
     variants = [c.variants[0] for c in library(model).values() if not c.needs]
     parts = [build([gate.flights[i] for i in part], model, variants) for part in (train, held)]
     first = parts[0]

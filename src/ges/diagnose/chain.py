@@ -85,11 +85,12 @@ def diagnose(
     flights = _as_set(recordings, vehicle, folder)
     require_drive(flights)
     model = from_vehicle(flights.vehicle, flights.folder)
-    ordered = sorted(flights.flights, key=lambda f: digest(f.frame))  # neither names nor their order matter
-    labels, frames = [f.name for f in ordered], [f.frame for f in ordered]
+    hashed = [(digest(f.frame), f) for f in flights.flights]
+    ordered = sorted(hashed, key=lambda pair: pair[0])  # neither names nor their order matter
+    labels, frames = [f.name for _, f in ordered], [f.frame for _, f in ordered]
     gate = pass_gate(frames, model, labels)
     model = at_flown_voltage(model, gate.flights)
-    train, held = split(frames, gate.usable(), _numbers(holdout, labels))
+    train, held = split([d for d, _ in ordered], gate.usable(), _numbers(holdout, labels))
     if not train:
         raise GesError("every usable flight is held out; leave at least one for fitting")
     return _Chain(flights.vehicle, model, gate, train, held, labels, flights.warnings, watch).run(names, switches)

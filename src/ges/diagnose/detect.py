@@ -20,7 +20,7 @@ from .. import effects as effect_table
 from .evidence import TEMPERING, Board, Gram, rms_of
 from .fit import CLIPPING
 from .model import block_of
-from .select import PRIOR_OF_SIZE, RARE, RARER
+from .select import PRIOR_OF_SIZE, log_rarity
 from .standing import FAINT, SURE, least_sizes
 
 POWER = 0.9
@@ -38,15 +38,11 @@ class _Shape:
 
 
 def _shapes(board: Board, gram: Gram, leave_out: Collection[str]) -> list[_Shape]:
-    found: dict[tuple[str, str], list[int]] = {}
-    for k, column in enumerate(board.system.columns):
-        if column.variant is not None and column.variant.effect not in leave_out and board.prior.sd[k] > 0:
-            found.setdefault((column.variant.effect, column.variant.key), []).append(k)
+    found = [(name, columns) for (name, _), columns in board.by_variant().items() if name not in leave_out]
     many = Counter(name for name, _ in found)
-    rare = {name: -math.log(RARER) for name in RARE}
     return [
-        _Shape(name, tuple(columns), gain, cost + math.log(many[name]) + rare.get(name, 0.0))
-        for (name, _), columns in found.items()
+        _Shape(name, tuple(columns), gain, cost + math.log(many[name]) - log_rarity([name]))
+        for name, columns in found
         for gain, cost in [expected_evidence(gram, columns, board.prior.sd)]
     ]
 

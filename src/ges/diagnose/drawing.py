@@ -24,6 +24,7 @@ class Drawing:
         """Begin to draw those that were not begun before."""
         new = [f for f in figures if f[0] not in self._begun]
         if new:
+            self._out.mkdir(parents=True, exist_ok=True)
             pictures = self._begin(partial(_drawn, self._out), new)
             self._begun |= {name: (pictures, i) for i, (name, *_) in enumerate(new)}
 
@@ -42,9 +43,9 @@ def drawing(out: Path) -> Iterator[Drawing]:
 
 
 def _ready() -> None:
-    from .pictures import Figure, png
+    from . import pictures
 
-    png(Figure(figsize=(1.0, 1.0)))
+    pictures.png(pictures.Figure(figsize=(1.0, 1.0)))
 
 
 def _drawn(out: Path, figure: Figure) -> bytes:
@@ -52,5 +53,4 @@ def _drawn(out: Path, figure: Figure) -> bytes:
     from . import pictures
 
     name, draw, arguments = figure
-    out.mkdir(parents=True, exist_ok=True)
     return pictures.save(getattr(pictures, draw)(*arguments), out, name)

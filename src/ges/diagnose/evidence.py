@@ -196,6 +196,14 @@ class Board:
     prior: Prior
     nuisance: np.ndarray
 
+    def by_variant(self) -> dict[tuple[str, str], list[int]]:
+        """Columns that the flights excite at all, by effect and variant."""
+        found: dict[tuple[str, str], list[int]] = {}
+        for k, column in enumerate(self.system.columns):
+            if column.variant is not None and self.prior.sd[k] > 0:
+                found.setdefault((column.variant.effect, column.variant.key), []).append(k)
+        return found
+
     def pooled(self, but: Collection[int] = ()) -> Gram:
         """All flights, common nuisances integrated out ``but`` for some."""
         total = self.by_flight[0].scaled(0.0)

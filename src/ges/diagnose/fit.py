@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import effects as effect_table
 from .align import Prepared
-from .candidates import Amplitude, Variant, amplitude_of, kind_of, reach_of
+from .candidates import Amplitude, Variant, amplitude_of, kind_of, needs_of, reach_of
 from .evidence import DECLARED, PLAUSIBLE, Board, gram_of, make_board, unanswered, whitened
 from .model import Model
 from .select import Hypothesis
@@ -28,7 +28,6 @@ FORM_ERROR = 0.12
 """Sd of a physical effect's size, over it, that is due to its form alone: what development cases of other forms came to."""
 CLIPPING = frozenset({"rotor_saturation"})
 """Effects that a share of their column's step says nothing of: half of a ceiling's step is no ceiling at half the way."""
-TIED = ({"wind", "rotor_drag"}, {"wind", "parasitic_drag"})
 USUAL_SHAPES = {("ground_effect", "decay"): (1.0, 1.0), ("fountain_lift", "c_s"): (1.5, 1.0),
                 ("parasitic_drag", "vertical_ratio"): (1.0, 1.0)}  # fmt: skip
 """Usual value and sd of a shape that some flights hardly tell."""
@@ -148,7 +147,7 @@ class Fitted:
         Of a declared number, as it is with what is plausible of it: twice the inertia give or take a third is no finding.
         """
         i = self.free.index((effect, parameter))
-        held = [k for k, (e, p) in enumerate(self.free) if (e == effect and p in SHAPES.get(effect, ())) or {e, effect} in TIED]
+        held = [k for k, (e, p) in enumerate(self.free) if (e == effect and p in SHAPES.get(effect, ())) or _blown(e, effect)]
         tied = self.covariance[i, held]
         own = self.covariance[i, i] - tied @ np.linalg.pinv(self.covariance[np.ix_(held, held)], hermitian=True) @ tied
         away = self.effects[effect][parameter] - amplitude_of(effect, parameter).neutral
@@ -166,6 +165,11 @@ class Fitted:
         """Correlation of two fitted parameters."""
         i, j = self.free.index(a), self.free.index(b)
         return float(self.covariance[i, j] / np.sqrt(self.covariance[i, i] * self.covariance[j, j]))
+
+
+def _blown(one: str, other: str) -> bool:
+    """Whether one is a wind and the other a drag that it acts through."""
+    return "wind" in (one, other) and (one in needs_of(other) or other in needs_of(one))
 
 
 def starting_values(board: Board, hypothesis: Hypothesis) -> dict[str, dict[str, float]]:

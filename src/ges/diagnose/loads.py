@@ -113,5 +113,5 @@ def _most_probable(like: System, variants: Sequence[Variant], length_s: float, s
     board = make_board(system, columns[:1])
     listed = entries(board, [Candidate("slung_load", "physics", tuple(variants))])
     on = scales(board, listed)
-    best = listed[int(np.argmax(on.log_evidences([(e,) for e in listed])))]
+    (best,) = on.best([(e,) for e in listed])
     return columns.index(best.columns[0])

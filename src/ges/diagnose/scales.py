@@ -27,13 +27,10 @@ class Entry:
 
 def entries(board: Board, candidates: Sequence[Candidate]) -> list[Entry]:
     """Variants whose columns the flights excite at all."""
-    allowed = {c.name for c in candidates}
-    found: dict[tuple[str, str], list[int]] = {}
-    for k, column in enumerate(board.system.columns):
-        if column.variant is not None and column.variant.effect in allowed and board.prior.sd[k] > 0:
-            found.setdefault((column.variant.effect, column.variant.key), []).append(k)
-    keys = [tuple(dict.fromkeys(board.system.columns[k].key for k in columns)) for columns in found.values()]
-    return [Entry(name, i, tuple(found[name, variant]), keys[i]) for i, (name, variant) in enumerate(found)]
+    allowed, all_columns = {c.name for c in candidates}, board.system.columns
+    found = [(name, columns) for (name, _), columns in board.by_variant().items() if name in allowed]
+    keys = [tuple(dict.fromkeys(all_columns[k].key for k in columns)) for _, columns in found]
+    return [Entry(name, i, tuple(columns), keys[i]) for i, (name, columns) in enumerate(found)]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,8 +76,8 @@ class Scales:
     every set that does not have their effect's candidate for it, and are zero beside that.
     """
 
-    board: Board
     gram: Gram
+    prior: Prior
     twins: Twins
 
     def weigh(self, sets: Sequence[Sequence[Entry]]) -> list[Posterior]:
@@ -98,6 +95,10 @@ class Scales:
             out[at] = log_evidence
         return out
 
+    def best(self, sets: Sequence[Sequence[Entry]]) -> Sequence[Entry]:
+        """The set with most evidence."""
+        return sets[int(np.argmax(self.log_evidences(sets)))]
+
     def _by_size(self, sets: Sequence[Sequence[Entry]]) -> list[tuple[list[int], np.ndarray, tuple]]:
         """Which sets, their columns and their posteriors, those with as many columns and freed nuisances at once."""
         alike: dict[tuple[int, int], list[tuple[int, tuple[int, ...], tuple[int, ...]]]] = {}
@@ -112,11 +113,11 @@ class Scales:
         at, own, freed = (list(told) for told in zip(*part, strict=True))
         own, freed = np.array(own, dtype=int), np.array(freed, dtype=int)
         more = self.twins.known_zero(freed, own) if freed.shape[1] else None
-        return at, own, posteriors(self.gram, own, self.board.prior, more)
+        return at, own, posteriors(self.gram, own, self.prior, more)
 
 
 def scales(board: Board, listed: Sequence[Entry]) -> Scales:
     """For these variants."""
     columns, keys = board.system.columns, {key for e in listed for key in e.keys}
     at = {columns[k].key: int(k) for k in board.nuisance if board.prior.sd[k] > 0 and columns[k].key in keys}
-    return Scales(board, board.pooled(), _twins(board.pooled(frozenset(at.values())), board.prior, at))
+    return Scales(board.pooled(), board.prior, _twins(board.pooled(frozenset(at.values())), board.prior, at))

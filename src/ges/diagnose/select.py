@@ -66,6 +66,11 @@ def _log_prior(names: Sequence[str], count: int) -> float:
     return float(np.log(PRIOR_OF_SIZE[size]) - np.log(max(1, math.comb(count, size))))
 
 
+def log_rarity(names: Sequence[str]) -> float:
+    """How much less often than others of their number such names are met."""
+    return sum(name in RARE for name in names) * math.log(RARER)
+
+
 def _compatible(names: Sequence[str], base: Sequence[str]) -> bool:
     present = set(names) | set(base)
     return all(acts_among(n, present) for n in names)
@@ -80,8 +85,8 @@ def _sets_of(on: Scales, combos: Sequence[tuple[Entry, ...]], count: int) -> dic
     best = [combos[max(members, key=lambda i: weight[i])] for members in grouped.values()]
     out = {}
     for (names, members), top, found in zip(grouped.items(), best, on.weigh(best), strict=True):
-        prior, rare = _log_prior(names, count), sum(name in RARE for name in names)
-        total = float(np.logaddexp.reduce(weight[members]) - np.log(len(members))) + prior + rare * np.log(RARER)
+        prior, rarity = _log_prior(names, count), log_rarity(names)
+        total = float(np.logaddexp.reduce(weight[members]) - np.log(len(members))) + prior + rarity
         out[names] = Hypothesis(names, tuple(e.number for e in top), found, total, log_prior=prior)
     return out
 
@@ -121,20 +126,15 @@ def exactly(board: Board, candidates: Sequence[Candidate]) -> Search:
     listed = entries(board, candidates)
     by_name = [[e for e in listed if e.name == name] for name in dict.fromkeys(e.name for e in listed)]
     on = scales(board, listed)
-    chosen = [_best(on, [(e,) for e in options])[0] for options in by_name]
+    chosen = [on.best([(e,) for e in options])[0] for options in by_name]
     if not chosen:
         return _normalised([Hypothesis((), (), None, 0.0)])
     for _ in range(2):
         for i, options in enumerate(by_name):
-            chosen = _best(on, [[*chosen[:i], e, *chosen[i + 1 :]] for e in options])
+            chosen = on.best([[*chosen[:i], e, *chosen[i + 1 :]] for e in options])
     found = on.weigh([chosen])[0]
     names = tuple(sorted(e.name for e in chosen))
     return _normalised([Hypothesis(names, tuple(e.number for e in chosen), found, found.log_evidence)])
-
-
-def _best(on: Scales, sets: Sequence[Sequence[Entry]]) -> list[Entry]:
-    """The set with most evidence."""
-    return list(sets[int(np.argmax(on.log_evidences(sets)))])
 
 
 def _normalised(found: list[Hypothesis]) -> Search:

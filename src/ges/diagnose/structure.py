@@ -88,11 +88,14 @@ class Structure:
 
 @dataclasses.dataclass(frozen=True)
 class Basis:
-    """Hats over the knots of a regime's variables for the windows in use, (n, K), and the normal equations by fold."""
+    """Hats over the knots of a regime's variables for the windows in use, (n, K), the fold of every window (n,) and of every
+    block (b,), and the normal equations by fold."""
 
     regime: tuple[str, ...]
     knots: tuple[np.ndarray, ...]
     x: np.ndarray
+    fold: np.ndarray
+    fold_of: np.ndarray
     gram: Mapping[int, np.ndarray]
     inverse: Mapping[int, np.ndarray]
 
@@ -124,27 +127,27 @@ def _least_spread(name: str, values: np.ndarray) -> float:
     return max(least, LEAST_SHARE_OF_HEIGHT * float(np.median(values))) if name == "height_over_radius" else least
 
 
-def _basis(values: Mapping[str, np.ndarray], regime: tuple[str, ...], fold: np.ndarray) -> Basis:
-    count = KNOTS if len(regime) == 1 else PLACE_KNOTS
+def _basis(values: Mapping[str, np.ndarray], regime: tuple[str, ...], block: np.ndarray, fold_of: np.ndarray) -> Basis:
+    fold, count = fold_of[block], KNOTS if len(regime) == 1 else PLACE_KNOTS
     knots = tuple(np.linspace(*np.quantile(values[name], FLOWN), count) for name in regime)
     x = hats(values[regime[0]], knots[0])
     for name, k in zip(regime[1:], knots[1:], strict=True):
         x = (x[:, :, None] * hats(values[name], k)[:, None, :]).reshape(len(x), -1)
     gram = {int(f): x[fold == f].T @ x[fold == f] for f in np.unique(fold)}
     total = sum(gram.values()) + RIDGE * np.eye(x.shape[1])
-    return Basis(regime, knots, x, gram, {f: np.linalg.inv(total - g) for f, g in gram.items()})
+    return Basis(regime, knots, x, fold, fold_of, gram, {f: np.linalg.inv(total - g) for f, g in gram.items()})
 
 
 def _regimes(names: Sequence[str]) -> list[tuple[str, ...]]:
     return [(name,) for name in names] + ([PLACE] if set(PLACE) <= set(names) else [])
 
 
-def _gain(basis: Basis, y: np.ndarray, of_block: csr_array, fold_of: np.ndarray, signs: np.ndarray) -> np.ndarray:
+def _gain(basis: Basis, y: np.ndarray, of_block: csr_array, signs: np.ndarray) -> np.ndarray:
     """R^2 on the folds left out, of every channel ``y`` (n, C) with its blocks' signs flipped as in ``signs`` (b, d); (C, d).
     ``of_block`` (b, n) sums rows by block."""
-    sums = np.stack([of_block @ (basis.x * channel[:, None]) for channel in y.T], axis=2).reshape(len(fold_of), -1)
-    right = {f: sums[fold_of == f].T @ signs[fold_of == f] for f in basis.gram}
-    right = {f: r.reshape(basis.x.shape[1], -1) for f, r in right.items()}
+    sums = np.stack([of_block @ (basis.x * channel[:, None]) for channel in y.T], axis=2).reshape(len(signs), -1)
+    parts = {f: basis.fold_of == f for f in basis.gram}
+    right = {f: (sums[at].T @ signs[at]).reshape(basis.x.shape[1], -1) for f, at in parts.items()}
     total, gain = sum(right.values()), 0.0
     for f, gram in basis.gram.items():
         beta = basis.inverse[f] @ (total - right[f])
@@ -152,12 +155,12 @@ def _gain(basis: Basis, y: np.ndarray, of_block: csr_array, fold_of: np.ndarray,
     return gain.reshape(y.shape[1], -1) / np.maximum((y**2).sum(axis=0), TINY)[:, None]
 
 
-def _missed(basis: Basis, y: np.ndarray, fold: np.ndarray) -> np.ndarray:
+def _missed(basis: Basis, y: np.ndarray) -> np.ndarray:
     """What the prediction from the other folds leaves of ``y`` (n, C)."""
     left, total = y.copy(), basis.x.T @ y
     for f, inverse in basis.inverse.items():
-        here = basis.x[fold == f]
-        left[fold == f] -= here @ (inverse @ (total - here.T @ y[fold == f]))
+        at = basis.fold == f
+        left[at] -= basis.x[at] @ (inverse @ (total - basis.x[at].T @ y[at]))
     return left
 
 
@@ -193,16 +196,17 @@ def _of_mean(raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
     found: dict[int, list[tuple[Structure, np.ndarray]]] = {}
     for channels in _there_together(e):
         used = np.isfinite(e[:, channels[0]])
-        here, several = {n: v[used] for n, v in values.items()}, len(np.unique(by_flight[block[used]])) > 1
-        if used.sum() < LEAST_WINDOWS or len(np.unique(by_block[block[used]])) < FOLDS:
+        here, at = {n: v[used] for n, v in values.items()}, block[used]
+        if used.sum() < LEAST_WINDOWS or len(np.unique(by_block[at])) < FOLDS:
             continue
+        several = len(np.unique(by_flight[at])) > 1
+        of_block = csr_array((np.ones(len(at)), (at, np.arange(len(at)))), shape=(count, len(at)))
         for regime in _regimes(excited(here)):
-            fold_of = by_flight if several and regime[0] in RUNNING else by_block
-            basis = _basis(here, regime, fold_of[block[used]])
-            tested = _tested(basis, e[np.ix_(used, channels)], block[used], fold_of, signs)
+            basis = _basis(here, regime, at, by_flight if several and regime[0] in RUNNING else by_block)
+            tested = _tested([names[c] for c in channels], basis, e[np.ix_(used, channels)], of_block, signs)
             for c, of_channel in zip(channels, tested, strict=True):
                 found.setdefault(c, []).append(of_channel)
-    listed = [(dataclasses.replace(s, channel=names[c]), draws) for c in sorted(found) for s, draws in found[c]]
+    listed = [of_channel for c in sorted(found) for of_channel in found[c]]
     return _judged([tested for tested, _ in listed], np.array([draws for _, draws in listed]))
 
 
@@ -239,17 +243,16 @@ def _sized(found: Structure, energy: np.ndarray, values: Mapping[str, np.ndarray
     return dataclasses.replace(found, rms=rms, of_size=True)
 
 
-def _tested(basis: Basis, e: np.ndarray, block: np.ndarray, fold_of: np.ndarray, signs: np.ndarray) -> list:
-    """Of every channel of ``e`` (n, C) one structure, nameless and its chance not known yet, and R^2 of its null draws."""
+def _tested(names: Sequence[str], basis: Basis, e: np.ndarray, of_block: csr_array, signs: np.ndarray) -> list:
+    """Of every named channel of ``e`` (n, C) one structure, its chance not known yet, and R^2 of its null draws."""
     size = np.maximum(np.sqrt(np.mean(e**2, axis=0)), TINY)
-    y, rows = e / size, len(e)
-    of_block = csr_array((np.ones(rows), (block, np.arange(rows))), shape=(len(fold_of), rows))
-    r2 = _gain(basis, y, of_block, fold_of, np.ones((len(fold_of), 1)))[:, 0]
-    draws = _gain(basis, _missed(basis, y, fold_of[block]), of_block, fold_of, signs)
+    y = e / size
+    r2 = _gain(basis, y, of_block, np.ones((len(signs), 1)))[:, 0]
+    draws = _gain(basis, _missed(basis, y), of_block, signs)
     beta = np.linalg.solve(sum(basis.gram.values()) + RIDGE * np.eye(basis.x.shape[1]), basis.x.T @ y)
     rms = np.sqrt(np.mean((basis.x @ beta) ** 2, axis=0)) * size
-    return [(Structure("", basis.regime, *basis.peak(beta[:, c]), float(r2[c]), 1.0, float(rms[c])), draws[c])
-            for c in range(e.shape[1])]  # fmt: skip
+    return [(Structure(name, basis.regime, *basis.peak(beta[:, c]), float(r2[c]), 1.0, float(rms[c])), draws[c])
+            for c, name in enumerate(names)]  # fmt: skip
 
 
 def _judged(tested: Sequence[Structure], chance: np.ndarray) -> list[Structure]:
