@@ -57,6 +57,18 @@ def test_a_recording_that_ends_in_a_brisk_descent_is_flown_all_the_same(whole, m
     assert pass_gate([frame, whole], model).flights[0].flying.mean() > 0.9
 
 
+def test_a_drive_tells_of_itself_on_the_ground_where_it_lifts(whole, model):
+    """Resting, spinning up, at full thrust without leaving the ground, in the air."""
+    t, speeds = whole["t_s"].to_numpy(), [c for c in whole if c.startswith("rotor_speed_")]
+    spun = np.interp(t, [1.0, 2.0], [0.0, 1.0])
+    heights = np.where(t < 4.0, 0.0, 1.5) + 1e-3 * np.sin(40.0 * t)
+    frame = whole.assign(p_z_m=heights, **{c: spun * whole[c] for c in speeds})
+    flight = pass_gate([frame, frame], model).flights[0]
+    assert not flight.flying[flight.t_s < 4.4].any() and flight.flying[flight.t_s > 4.7].all()
+    assert not flight.driven[flight.t_s < 1.8].any()
+    assert flight.driven[flight.t_s > 2.2].mean() > 0.98
+
+
 def test_a_gap_is_left_out_with_its_seconds(whole, model):
     t = whole["t_s"]
     gate = pass_gate([whole[(t < 10.0) | (t > 13.0)].reset_index(drop=True)] * 2, model)

@@ -7,6 +7,7 @@ concealed cases are for (docs/proof.md).
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import ges
@@ -106,6 +107,28 @@ def test_nothing_planted_nothing_found(flown, vehicle):
     found = ges.diagnose(_recordings(flown, vehicle, {}), vehicle)
     assert found.verdict == "nothing_proven", found.sentence
     assert found.detectable["ground_effect"]["smallest"]
+
+
+def _taken_off(frame: pd.DataFrame, vehicle, share: float) -> pd.DataFrame:
+    """The flight after a take-off at 0.95 of the command, of which the motors reach ``share``; it rests for a second before."""
+    t, p = np.arange(0.0, 2.0, 0.01), vehicle.parameters()
+    on = t >= 1.0
+    reached = share * p["max_rotor_speed_rad_s"] * np.where(on, 1.0 - np.exp((1.0 - t) / p["motor_time_constant_s"]), 0.0)
+    rest = {c: np.full(len(t), frame[c].iloc[0]) for c in frame}
+    rest |= {"t_s": t, "p_z_m": np.where(t < 1.9, 0.0, frame["p_z_m"].iloc[0])}
+    rest |= {f"u_{i}": np.where(on, 0.95, 0.0) for i in range(1, 5)} | {f"rotor_speed_{i}_rad_s": reached for i in range(1, 5)}
+    return pd.concat([pd.DataFrame(rest), frame.assign(t_s=frame["t_s"] + 2.0)], ignore_index=True)
+
+
+def test_a_ceiling_that_only_a_take_off_reaches_is_found(flown, vehicle):
+    """What a drive does counts on the ground, too, while it lifts; all else there is left out."""
+    flights = _recordings(flown, vehicle, {})
+    reached = [_taken_off(f, vehicle, 0.8) if i < 2 else f for i, f in enumerate(flights)]
+    found = ges.diagnose(reached, vehicle, holdout=["flight5"])
+    assert [f.name for f in found.findings] == ["rotor_saturation"], found.sentence
+    assert found.findings[0].parameters["share"].value == pytest.approx(0.8, rel=0.02)
+    whole = ges.diagnose([_taken_off(f, vehicle, 0.95) for f in flights], vehicle, holdout=["flight5"])
+    assert whole.verdict == "nothing_proven", whole.sentence
 
 
 def test_an_airframe_that_meets_the_climb_with_its_plan_is_no_inflow(flown, vehicle):

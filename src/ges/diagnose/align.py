@@ -36,6 +36,7 @@ SHORTEST_FLIGHT_S = 2.0
 LONGEST_GAP_S = 0.5
 LONGEST_SILENCE_S = 0.3
 UP, WELL_ABOVE_M, MUCH_LOWER_M = 0.7, 0.3, 0.1
+SPUN_UP_S = 0.1
 STEADY_HZ = 0.3
 
 
@@ -48,6 +49,7 @@ class Prepared:
     t_s : (n,) uniform times.
     columns : contract columns on the grid; what was not logged is absent. Only the rangefinder's may be NaN, out of its range.
     flying : (n,) True where the vehicle is in the air, away from contact and from gaps.
+    lifting : (n,) True where the drive carries nearly as much as in flight, away from gaps; as ``flying`` where nothing is said.
     left_out : seconds left out, by reason.
     update_s : median time between two new values of each stream.
     lateness_s : delay taken out of a stream, by stream.
@@ -63,6 +65,12 @@ class Prepared:
     lateness_s: Mapping[str, float] = dataclasses.field(default_factory=dict)
     derived: frozenset[str] = frozenset()
     path: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    lifting: np.ndarray | None = None
+
+    @property
+    def driven(self) -> np.ndarray:
+        """(n,) True where the drive tells of itself: in the air, and on the ground where it lifts."""
+        return self.flying if self.lifting is None else self.flying | self.lifting
 
     @property
     def dt_s(self) -> float:
@@ -262,6 +270,16 @@ def airborne(
     up = median_filter(up.astype(np.uint8), size=2 * int(0.25 / flight.dt_s) + 1, mode="nearest").astype(bool)
     around = int(round(margin_s / flight.dt_s))
     return ~binary_dilation(~up, iterations=max(around, 1)) if (~up).any() else up
+
+
+def lifting(flight: Prepared, flying: np.ndarray) -> np.ndarray:
+    """Samples in which the rotors push at least 70 % of their median in flight, and a little before and after do: a take-off
+    shows what a drive does at its limits, but not while it spins up."""
+    if not flight.has("rotor_speed") or not flying.any():
+        return flying
+    push = (flight.stack("rotor_speed") ** 2).sum(axis=1)
+    idle = push <= UP * np.median(push[flying])
+    return ~binary_dilation(idle, iterations=max(1, int(round(SPUN_UP_S / flight.dt_s)))) if idle.any() else ~idle
 
 
 def _usual(ratio: np.ndarray) -> float:

@@ -52,14 +52,15 @@ def kind_of(key: str) -> str:
     return "gain" if effect in GAINS else "height" if key in HEIGHTS else ""
 
 
-def untrim(keys: Sequence[str], x: Table, windows: Windows, names: Sequence[str], thrust: np.ndarray) -> None:
-    """Take out of the ``dynamic`` ones of columns x (m, C, K) what is constant or goes with thrust (n,) in the moments."""
+def untrim(keys: Sequence[str], x: Table, windows: Windows, names: Sequence[str], thrust: np.ndarray, air: np.ndarray) -> None:
+    """Take out of the ``dynamic`` ones of columns x (m, C, K) what is constant or goes with thrust (n,) in the moments, where
+    they are in the ``air`` (m,)."""
     dynamic = np.array([kind_of(key) == "dynamic" for key in keys], dtype=bool)
     held = np.column_stack([np.ones(len(thrust)), thrust])
     for c in (c for c, name in enumerate(names) if block_of(name) == "moment" and dynamic[x.at[c]].any()):
-        trim, moving = windows.functions[mark_of(names[c])][0] @ held, dynamic[x.at[c]]
-        part = x.values[c][:, moving]
-        x.values[c][:, moving] = part - trim @ np.linalg.lstsq(trim, part, rcond=None)[0]
+        trim, there = (windows.functions[mark_of(names[c])][0] @ held)[air], np.ix_(air, dynamic[x.at[c]])
+        part = x.values[c][there]
+        x.values[c][there] = part - trim @ np.linalg.lstsq(trim, part, rcond=None)[0]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,8 +95,8 @@ def _answered(name: str) -> bool:
     return block_of(name) == "moment" or name in VERTICAL
 
 
-def loose(keys: Sequence[str], x: Table, windows: Windows, heard: Mapping[int, str], told: Vouched) -> Loose:
-    """Loose parts by kind and channel, (m, columns of the kind).
+def loose(keys: Sequence[str], x: Table, length_s: float, heard: Mapping[int, str], told: Vouched, air: np.ndarray) -> Loose:
+    """Loose parts by kind and channel, (m, columns of the kind), zero where they are not in the ``air`` (m,).
 
     Shapes of one parameter are loose alike: its first column stands for them.
 
@@ -105,10 +106,10 @@ def loose(keys: Sequence[str], x: Table, windows: Windows, heard: Mapping[int, s
     heard : names of the channels that are there, by their number.
     """
     which = {kind: _first(keys, kind) for kind in ("dynamic", "gain", "height")}
-    parts = {kind: {c: x.of(c, at) for c in heard} for kind, at in which.items()}
+    parts = {kind: {c: x.of(c, at)[air] for c in heard} for kind, at in which.items()}
     levels = np.array([keys[k].split(".")[0] in CUSHIONS for k in which["gain"]], dtype=float)
     z, own, strong, answered = told.z, told.own, told.strong, {c: n for c, n in heard.items() if n in told.strong}
-    share = {c: _by_thrust(own[n], z[n], strong[n], windows.length_s) for c, n in answered.items() if n in VERTICAL}
+    share = {c: _by_thrust(own[n], z[n], strong[n], length_s) for c, n in answered.items() if n in VERTICAL}
     found = {
         "dynamic": {c: _beyond(parts["dynamic"][c], z[n], strong[n], n in VERTICAL) for c, n in answered.items()},
         "gain": {
@@ -116,7 +117,16 @@ def loose(keys: Sequence[str], x: Table, windows: Windows, heard: Mapping[int, s
         },
         "height": {c: _centred(parts["height"][c]) for c, n in heard.items() if n == "range"},
     }
-    return {k: v for k, v in found.items() if which[k]}
+    return {k: {c: _among(air, part) for c, part in v.items()} for k, v in found.items() if which[k]}
+
+
+def _among(air: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values of the windows in the air among all of them, (m, k), zero elsewhere."""
+    if air.all():
+        return values
+    full = np.zeros((len(air), values.shape[1]))
+    full[air] = values
+    return full
 
 
 def _first(keys: Sequence[str], kind: str) -> list[int]:

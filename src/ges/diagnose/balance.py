@@ -136,7 +136,7 @@ def centred(left: Sequence[np.ndarray], system: System) -> list[np.ndarray]:
         return list(left)
     slow = [system.main.index(c) for c in CHANNELS]
     mean = np.zeros(len(system.main))
-    mean[slow] = np.concatenate(left)[:, slow].mean(axis=0)
+    mean[slow] = np.nanmean(np.concatenate(left)[:, slow], axis=0)
     return [rows - mean for rows in left]
 
 
@@ -184,9 +184,9 @@ def shift_of(system: System) -> Shift | None:
 def _distance(system: System, keys: Sequence[str], column: dict[str, int]):
     """Mean residuals (4,), mean columns by key (4,) and the inverse covariance of the former under the file's doubts."""
     slow, block, count = [system.names.index(c) for c in CHANNELS], windows_per_block(system), len(system.flights)
-    y = np.mean([r.y[:, slow].mean(axis=0) for r in system.flights], axis=0)
-    x = {key: np.mean([[r.x.of(c, [column[key]]).mean() for c in slow] for r in system.flights], axis=0) for key in keys}
-    variance = np.nanmean([[mean_variance(r.y[:, c], block) for c in slow] for r in system.flights], axis=0) / count
+    y = np.mean([r.y[np.ix_(r.air, slow)].mean(axis=0) for r in system.flights], axis=0)
+    x = {key: np.mean([[r.x.of(c, [column[key]])[r.air].mean() for c in slow] for r in system.flights], axis=0) for key in keys}
+    variance = np.nanmean([[mean_variance(r.y[r.air, c], block) for c in slow] for r in system.flights], axis=0) / count
     covariance = np.diag(variance)
     for key in keys:
         n = system.columns[column[key]].nuisance

@@ -127,7 +127,7 @@ NOWHERE = Flown()
 
 def flown(flights: Sequence[Prepared]) -> Flown:
     """Sum up where flights went, samples in the air alone."""
-    commands = [f.stack("command")[f.flying].ravel() for f in flights if f.has("command")]
+    commands = [f.stack("command")[f.driven].ravel() for f in flights if f.has("command")]
     asked = np.concatenate(commands) if commands else np.zeros(0)
     levels = tuple(float(q) for q in np.quantile(asked, COMMAND_QUANTILES)) if len(asked) else ()
     tilt_seen = attitude_measured(flights)

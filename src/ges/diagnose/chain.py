@@ -24,7 +24,7 @@ from .detect import smallest_detectable
 from .engine import Accepted, accept, digest, first_system, shot_fit, split, withdrawn, without, without_old_news
 from .evidence import Board
 from .findings import contributions, finding, open_findings, settled_findings
-from .fit import Joint, calibrated, fitted_model, left_raw, null_fit, strain_without, within_bounds
+from .fit import Joint, calibrated, fitted_model, in_the_air, left_raw, null_fit, strain_without, within_bounds
 from .gate import Gate, at_flown_voltage, pass_gate
 from .gusts import HANGING, PUSHED, Gusts, gusts_of, heard_by, may_lean
 from .hearing import lacking, silent_channels, unheard
@@ -127,7 +127,8 @@ class _Stage:
 
 def _stage(model: Model, joint: Joint, board: Board, told: Told) -> _Stage:
     left = centred(left_raw(board.system, joint), board.system)
-    return _Stage(model, joint, board, left, structures(left, told, board.system.main, board.system.blocks(BLOCK_S)))
+    found = structures(in_the_air(left, board.system), told, board.system.main, board.system.blocks(BLOCK_S))
+    return _Stage(model, joint, board, left, found)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -201,7 +202,7 @@ class _Chain:
         board, joint = null_fit(system)
         told = regimes_of(system)
         first = _stage(calibrated(self.model, joint.common), joint, board, told)
-        return _Start(system, told, first, cells(system, first.left, told, first.structures))
+        return _Start(system, told, first, cells(system, in_the_air(first.left, system), told, first.structures))
 
     def _fitted(self, start: _Start, names: Sequence[str] | None, switches: Switches) -> _Answer:
         """What the library explains, fitted in full, and gusts in what it leaves."""
@@ -364,7 +365,7 @@ def _fittings(accepted: Accepted, name: str) -> dict[str, Fitting]:
 def _unexplained(remains: Sequence[Structure], start: _Start, last: _Stage) -> list[dict]:
     """Structure that is left, each with a sparse form of it as a hypothesis where it is one of the mean."""
     by_mean = [u.channel for u in remains if not u.of_size]
-    forms = hypotheses(start.system, last.left, start.told, by_mean, BLOCK_S) if remains else {}
+    forms = hypotheses(start.system, in_the_air(last.left, start.system), start.told, by_mean, BLOCK_S) if remains else {}
     return [_structure_told(u, forms.get(u.channel)) for u in remains]
 
 

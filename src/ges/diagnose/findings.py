@@ -96,7 +96,7 @@ def _added(rows, effects: Mapping, model: Model, names: tuple[str, ...]) -> np.n
     out = np.full((len(rows.windows), len(names)), np.nan)
     without, having = (residual(rows.flight, rows.windows, m, here) for m in (bare, model))
     out[:, [names.index(n) for n in here]] = without - having
-    return out
+    return np.where(np.isfinite(rows.y[:, : len(names)]), out, np.nan)
 
 
 def finding(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> Finding:

@@ -418,3 +418,8 @@ def left_raw(system: System, joint: Joint) -> list[np.ndarray]:
         terms = {k: joint.common.get(key, 0.0) + own.get(key, 0.0) for key, k in system.nuisances.items()}
         out.append(rows.y[:, :count] - rows.added(terms, count))
     return out
+
+
+def in_the_air(left: Sequence[np.ndarray], system: System) -> list[np.ndarray]:
+    """Residuals (m, C) by flight, NaN where windows are not in the air: what a drive does on the ground is no regime of flight."""
+    return [np.where(rows.air[:, None], e, np.nan) for rows, e in zip(system.flights, left, strict=True)]

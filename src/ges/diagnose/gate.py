@@ -12,7 +12,7 @@ from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter
 from ..conventions import BODY_RATE, SPECIFIC_FORCE
 from ..errors import GesError
 from ..threads import each
-from .align import Prepared, airborne, gaps, grid_step_s, lift, over_usual, regrid, resting_m, with_steady_position
+from .align import Prepared, airborne, gaps, grid_step_s, lift, lifting, over_usual, regrid, resting_m, with_steady_position
 from .delays import Delay, clock_drift, drive_delay, gyro_bias, pose_delay, shifted, without_bias
 from .model import Model
 
@@ -81,7 +81,8 @@ def _in_the_air(gridded: _Gridded, frame: pd.DataFrame, model: Model, others_res
     hit = struck(gridded, model) & up & ~gap & ~cut
     left = {"on_ground": ~up & ~gap, "gaps": gap, "clipping": cut, "contact": hit}
     seconds = {reason: float(at.sum() * flight.dt_s) for reason, at in left.items() if at.any()}
-    return flight.replaced(flying=up & ~gap & ~cut & ~hit, left_out=seconds)
+    flying = up & ~gap & ~cut & ~hit
+    return flight.replaced(flying=flying, lifting=lifting(flight, flying) & ~gap, left_out=seconds)
 
 
 def height_over_ground_m(flight: Prepared, model: Model) -> np.ndarray | None:

@@ -135,6 +135,7 @@ class Column:
 class Rows:
     """One flight: residuals ``y`` (m, C), NaN where a channel is not there, and columns ``x`` (m, C, K).
 
+    Windows that are not in the ``air`` (m,) tell of the drive alone.
     ``loose`` are the parts of columns that instruments do not vouch for, ``vouched`` is what they say (see ``answers``).
     """
 
@@ -145,6 +146,7 @@ class Rows:
     noise: np.ndarray
     loose: Loose
     vouched: Vouched | None
+    air: np.ndarray
 
     @property
     def follows(self) -> np.ndarray:
@@ -347,7 +349,8 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     known : columns to take over, nuisances by key and others by what they are made of.
     like : of the same flight, whose instruments serve again: they hardly change with effects.
     """
-    windows = make_windows(flight.t_s, flight.flying, length_s, half_waves(flight, length_s))
+    windows = make_windows(flight.t_s, flight.driven, length_s, half_waves(flight, length_s))
+    air, driven = windows.within(flight.flying), np.array([block_of(name) == "drive" for name in names])
     here = tuple(name for name in with_overtones(channels(flight, model), len(windows.overtones)) if name in names)
     now = along(flight, windows, model, here)
     y = _among(names, here, now)
@@ -358,15 +361,16 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     seen = _Seen(flight, windows, model, names, here, now, _driven(flight, model, here, added), _said(flight, model, now, added))
     values = {of: seen.column(c) if of in new else told[asked[of]] for of, c in made.items()}
     x = table_of([c.part_of(values[c.made_of], names) for c in columns], *y.shape)
-    y = np.where(x.finite(), y, np.nan)  # a beam that tilted a little further would see no ground
+    y = np.where(x.finite() & (air[:, None] | driven), y, np.nan)  # a beam that tilted a little further would see no ground
     keys, thrust = [c.key for c in columns], model.number("thrust_coefficient_N_s2") * (now.drive.at_work**2).sum(axis=1)
-    untrim(keys, x, windows, names, thrust)
-    vouch = like.vouched if like else vouched(flight, windows, model, names, y, now.drive.at_work) if instrumented else None
-    heard = {c: name for c, name in enumerate(names) if np.isfinite(y[:, c]).all()}
+    untrim(keys, x, windows, names, thrust, air)
+    flown = windows.some(air)
+    vouch = like.vouched if like else vouched(flight, flown, model, names, y[air], now.drive.at_work) if instrumented else None
+    heard = {c: name for c, name in enumerate(names) if np.isfinite(y[air, c]).all()}
     apart = [f"{key}/{c.part}" if c.part == "moment" and c.variant.effect in model.effects else key
              for key, c in zip(keys, columns, strict=True)]  # fmt: skip
-    answered = loose(apart, x, windows, heard, vouch) if vouch else {}
-    return Rows(flight, windows, y, x, restless(flight, windows, model, thrust), answered, vouch)
+    answered = loose(apart, x, windows.length_s, heard, vouch, air) if vouch else {}
+    return Rows(flight, windows, y, x, restless(flight, windows, model, thrust), answered, vouch, air)
 
 
 def half_waves(flight: Prepared, length_s: float) -> int:

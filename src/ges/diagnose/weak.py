@@ -45,6 +45,19 @@ class Windows:
     def __len__(self) -> int:
         return len(self.center)
 
+    def within(self, allowed: np.ndarray) -> np.ndarray:
+        """(m,) True where the whole support lies in ``allowed`` (n,) samples."""
+        half = (self.mean.indptr[1] - 1) // 2 if len(self) else 0
+        out = np.r_[0, np.cumsum(~allowed)]
+        return out[self.center + half + 1] == out[self.center - half]
+
+    def some(self, which: np.ndarray) -> Windows:
+        """Those that are true in ``which`` (m,); all of them are these themselves."""
+        if which.all():
+            return self
+        faster = tuple((a[which], b[which]) for a, b in self.overtones)
+        return Windows(self.center_s[which], self.center[which], self.mean[which], self.rate[which], self.length_s, faster)
+
 
 def blocks_of(flights: Sequence[tuple[Windows, float]], length_s: float) -> list[np.ndarray]:
     """Number of the block of time of every window, by flight; no block is shared by two flights.

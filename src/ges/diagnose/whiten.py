@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from statistics import median_low
 
 import numpy as np
+from scipy.linalg import toeplitz
 from scipy.sparse import csr_array
 
 from .system import AR_ORDER, Column, Rows, System
@@ -181,12 +182,12 @@ def _of_channel(
 
 def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:
     """Unrest of every window in units of the median over all flights."""
-    median = np.median(np.concatenate([r.noise for r in flights])) or 1.0
+    median = np.median(np.concatenate([r.noise[r.air] for r in flights])) or 1.0
     return [r.noise / median for r in flights]
 
 
 def whiten(flights: Sequence[Rows], noise: Noise, unrest: Sequence[np.ndarray]) -> tuple[White, ...]:
-    """Filter residuals and columns by the same noise model; rows without a full past are left out."""
+    """Filter residuals and columns by the same noise model; the first rows of a run are foretold by the few before them."""
     made = [_white(rows, noise, u) for rows, u in zip(flights, unrest, strict=True)]
     for kind in made[0][1] if made else ():
         for (parts, _), errors in zip(made, _bounds([loose[kind] for _, loose in made]), strict=True):
@@ -214,19 +215,43 @@ def _white(rows: Rows, noise: Noise, unrest: np.ndarray) -> tuple[dict[int, Part
     """Parts by channel, none of them answering yet, and the loose parts of their columns by kind and channel."""
     run, parts, loose = _run(rows.follows), {}, {kind: {} for kind in rows.loose}
     for c in range(rows.y.shape[1]):
-        at = _with_past(rows.y[:, c], run, noise.ar.shape[1])
+        weights, past = _foretelling(noise.ar[c]), _past(rows.y[:, c], run)
+        at = np.flatnonzero(past >= len(noise.ar[c]) + 1 - len(weights))
         if not len(at):
             continue
         sd = noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * unrest[at] ** 2)
-        innovation = _innovation(at, len(rows.y), noise.ar[c], sd)
+        innovation = _innovation(at, past[at], len(rows.y), weights, sd)
         parts[c] = Part(at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c], np.zeros((len(at), 0)))
         for kind in (kind for kind, told in rows.loose.items() if c in told):
             loose[kind][c] = innovation @ rows.loose[kind][c]
     return parts, loose
 
 
-def _innovation(at: np.ndarray, count: int, ar: np.ndarray, sd: np.ndarray) -> csr_array:
-    """What makes of ``count`` rows those at ``at`` less what the rows before them foretell, over ``sd``."""
-    wide = len(ar) + 1
-    weights, before = np.r_[1.0, -ar] / sd[:, None], at[:, None] - np.arange(wide)
-    return csr_array((weights.ravel(), before.ravel(), np.arange(len(at) + 1) * wide), shape=(len(at), count))
+def _past(y: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """How many rows that are there every row (m,) directly follows; -1 where it is not there itself. ``run`` of :func:`_run`."""
+    there, at = np.isfinite(y), np.arange(len(y))
+    first = there & ((run == 0) | ~np.r_[False, there[:-1]])
+    return np.where(there, at - np.maximum.accumulate(np.where(first, at, 0)), -1)
+
+
+def _foretelling(ar: np.ndarray) -> np.ndarray:
+    """Weights (p + 1, p + 1) of a row and of those before it that leave its innovation, in sds of one with a full past: line j for
+    j rows before (Brockwell and Davis 1991, sec. 5.2); the last line alone where the filter's own noise would grow for ever."""
+    order = len(ar)
+    full, lag = np.r_[1.0, -ar], np.arange(order + 1)
+    of_lag = np.zeros((order + 1, order + 1))
+    np.add.at(of_lag, (np.repeat(lag, order + 1), np.abs(lag[:, None] - lag).ravel()), np.tile(full, order + 1))
+    covariance = toeplitz(np.linalg.lstsq(of_lag, np.eye(order + 1)[0], rcond=None)[0])
+    if np.linalg.eigvalsh(covariance)[0] <= TINY:
+        return full[None]
+    # Backward in the rows: the inverse of the triangular factor takes from each row what those before it foretell.
+    whitening = np.linalg.inv(np.linalg.cholesky(covariance))
+    return np.stack([np.r_[whitening[j, j::-1], np.zeros(order - j)] for j in range(order)] + [full])
+
+
+def _innovation(at: np.ndarray, past: np.ndarray, count: int, weights: np.ndarray, sd: np.ndarray) -> csr_array:
+    """What makes of ``count`` rows those at ``at`` less what the rows before them, ``past`` of them, foretell, over ``sd``."""
+    order = weights.shape[1] - 1
+    known = np.minimum(past, order)
+    values, before = weights[known - order - 1] / sd[:, None], at[:, None] - np.minimum(np.arange(order + 1), known[:, None])
+    return csr_array((values.ravel(), before.ravel(), np.arange(len(at) + 1) * (order + 1)), shape=(len(at), count))
