@@ -15,6 +15,7 @@ from .answers import Loose, Vouched, loose, untrim, vouched
 from .candidates import NEEDS_ATTITUDE, Variant
 from .model import SPEED, Model, block_of
 from .residual import (
+    DRIVE,
     HELD_SHARE,
     MOMENT,
     Along,
@@ -38,6 +39,8 @@ and never adds: about a third on development cases."""
 SIDEWAYS = frozenset({"rotor_drag", "parasitic_drag", "wind", "rotor_tilt"})
 FAR_SDS = 3.0
 SECOND_POLE = 0.06  # of the motor's time constant
+BEYOND_FLIGHT = 0.12
+"""Sd of what a drive does with more than is ever asked in the air, over what its model does with it: as wrong as any form."""
 USUAL: tuple[tuple[str, str, float, float, float], ...] = (
     # channel, effect.parameter, step, usual doubt (sd), sd from flight to flight; cg_offset in arm lengths
     ("force", "attitude_bias.x_rad", 0.002, 0.006, 0.003),
@@ -135,7 +138,8 @@ class Column:
 class Rows:
     """One flight: residuals ``y`` (m, C), NaN where a channel is not there, and columns ``x`` (m, C, K).
 
-    Windows that are not in the ``air`` (m,) tell of the drive alone.
+    Windows that are not in the ``air`` (m,) tell of the drive alone; ``beyond`` is an error of unit sd that its model may have where
+    more is asked of it than in the air, (m,) by channel.
     ``loose`` are the parts of columns that instruments do not vouch for, ``vouched`` is what they say (see ``answers``).
     """
 
@@ -147,6 +151,7 @@ class Rows:
     loose: Loose
     vouched: Vouched | None
     air: np.ndarray
+    beyond: Mapping[int, np.ndarray]
 
     @property
     def follows(self) -> np.ndarray:
@@ -370,7 +375,19 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     apart = [f"{key}/{c.part}" if c.part == "moment" and c.variant.effect in model.effects else key
              for key, c in zip(keys, columns, strict=True)]  # fmt: skip
     answered = loose(apart, x, windows.length_s, heard, vouch, air) if vouch else {}
-    return Rows(flight, windows, y, x, restless(flight, windows, model, thrust), answered, vouch, air)
+    beyond = _beyond(flight, windows, names, now.drive.commanded)
+    return Rows(flight, windows, y, x, restless(flight, windows, model, thrust), answered, vouch, air, beyond)
+
+
+def _beyond(flight: Prepared, windows: Windows, names: Sequence[str], commanded: np.ndarray | None) -> dict[int, np.ndarray]:
+    """By channel of the drive, (m,): how far commands (n, 4), as rotor speeds, are beyond all that the flight asks in the air, times
+    the doubt on what one more asks there."""
+    if commanded is None or not (flight.driven & ~flight.flying).any():
+        return {}
+    more = BEYOND_FLIGHT * np.maximum(commanded - commanded[flight.flying].max(axis=0), 0.0)
+    marked = {f"{name}{mark}": mean @ speeds for name, speeds in zip(DRIVE, more.T, strict=True)
+              for mark, (mean, _) in windows.functions.items()}  # fmt: skip
+    return {c: marked[name] for c, name in enumerate(names) if name in marked and marked[name].any()}
 
 
 def half_waves(flight: Prepared, length_s: float) -> int:

@@ -45,11 +45,15 @@ class Windows:
     def __len__(self) -> int:
         return len(self.center)
 
+    @property
+    def half(self) -> int:
+        """Samples from the centre of a function to its end, and from one centre to the next."""
+        return (self.mean.indptr[1] - 1) // 2 if len(self) else 0
+
     def within(self, allowed: np.ndarray) -> np.ndarray:
         """(m,) True where the whole support lies in ``allowed`` (n,) samples."""
-        half = (self.mean.indptr[1] - 1) // 2 if len(self) else 0
         out = np.r_[0, np.cumsum(~allowed)]
-        return out[self.center + half + 1] == out[self.center - half]
+        return out[self.center + self.half + 1] == out[self.center - self.half]
 
     def some(self, which: np.ndarray) -> Windows:
         """Those that are true in ``which`` (m,); all of them are these themselves."""

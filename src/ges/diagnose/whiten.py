@@ -21,12 +21,11 @@ WIDE = 10.0
 FEEDBACK = 0.7
 ROUNDS = 4
 
-
 @dataclasses.dataclass(frozen=True)
 class Noise:
     """Per channel: AR coefficients (C, p), innovation sd (C,), growth with unrest (C,); over the innovation sd the size of the
     disturbances that a controller may have answered (C,): what nuisances alone leave in all but the restless flights; and how
-    many times as much is left in the most restless flight as in the middle one (C,)."""
+    many times as much is left in the most restless flight as in the middle one (C,). """
 
     ar: np.ndarray
     sd: np.ndarray
@@ -76,10 +75,11 @@ def _spread(columns: Sequence[Column], x: np.ndarray, y: np.ndarray) -> np.ndarr
 
 
 def left_over(system: System, channel: int, chosen: Sequence[int] = ()) -> list[np.ndarray]:
-    """What nuisances within their doubts, chosen columns and a constant of each flight leave, in one channel, (m,) by flight."""
+    """What nuisances within their doubts, chosen columns and a constant of each flight leave in the air, in one channel, (m,) by
+    flight."""
     kept = [k for k, column in enumerate(system.columns) if column.nuisance is not None or k in chosen]
     acting = [np.intersect1d(kept, r.x.at[channel]) for r in system.flights]
-    return [_left_of(r.y[:, channel], r.x.of(channel, at), [system.columns[k] for k in at])
+    return [_left_of(np.where(r.air, r.y[:, channel], np.nan), r.x.of(channel, at), [system.columns[k] for k in at])
             for r, at in zip(system.flights, acting, strict=True)]  # fmt: skip
 
 
@@ -214,14 +214,16 @@ def _bounds(loose: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndar
 def _white(rows: Rows, noise: Noise, unrest: np.ndarray) -> tuple[dict[int, Part], dict[str, dict[int, np.ndarray]]]:
     """Parts by channel, none of them answering yet, and the loose parts of their columns by kind and channel."""
     run, parts, loose = _run(rows.follows), {}, {kind: {} for kind in rows.loose}
+    later = rows.windows.center > (noise.ar.shape[1] + 1) * rows.windows.half  # replays settle from a start that they guess
     for c in range(rows.y.shape[1]):
         weights, past = _foretelling(noise.ar[c]), _past(rows.y[:, c], run)
-        at = np.flatnonzero(past >= len(noise.ar[c]) + 1 - len(weights))
+        at = np.flatnonzero((past >= noise.ar.shape[1]) | (past >= 0) & later & (len(weights) > 1))
         if not len(at):
             continue
         sd = noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * unrest[at] ** 2)
         innovation = _innovation(at, past[at], len(rows.y), weights, sd)
-        parts[c] = Part(at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c], np.zeros((len(at), 0)))
+        beyond = (innovation @ rows.beyond[c])[:, None] if c in rows.beyond else np.zeros((len(at), 0))
+        parts[c] = Part(at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c], beyond)
         for kind in (kind for kind, told in rows.loose.items() if c in told):
             loose[kind][c] = innovation @ rows.loose[kind][c]
     return parts, loose
