@@ -426,5 +426,5 @@ def left_raw(system: System, joint: Joint) -> list[np.ndarray]:
 
 
 def in_the_air(left: Sequence[np.ndarray], system: System) -> list[np.ndarray]:
-    """Residuals (m, C) by flight, NaN where windows are not in the air: what a drive does on the ground is no regime of flight."""
+    """Residuals (m, C) by flight, NaN where windows are not in the air: a drive on the ground is in no regime of flight."""
     return [np.where(rows.air[:, None], e, np.nan) for rows, e in zip(system.flights, left, strict=True)]

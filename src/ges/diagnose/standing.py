@@ -148,7 +148,7 @@ def relieved(last: Joint, less: Joint, system: System) -> bool:
 
 
 def stands(fitted: Fitted, name: str) -> bool:
-    """Whether some amplitude is clearly not neutral with its shape held and more than its sd with it free, and not within the doubt
+    """Whether some amplitude is clearly not neutral with its shape held, more than its sd with it free, and not within the doubt
     that is declared or usual, and none went as far as the effect allows; a wind, whether it blows at all."""
     if name == "wind" and wind_speed_m_s(fitted.effects[name]) < STILL_AIR_M_S:
         return False

@@ -138,8 +138,8 @@ class Column:
 class Rows:
     """One flight: residuals ``y`` (m, C), NaN where a channel is not there, and columns ``x`` (m, C, K).
 
-    Windows that are not in the ``air`` (m,) tell of the drive alone; ``beyond`` is an error of unit sd that its model may have where
-    more is asked of it than in the air, (m,) by channel.
+    Windows that are not in the ``air`` (m,) tell of the drive alone; ``beyond`` is an error of unit sd that its model may have
+    where more is asked of it than in the air, (m,) by channel.
     ``loose`` are the parts of columns that instruments do not vouch for, ``vouched`` is what they say (see ``answers``).
     """
 
@@ -380,8 +380,8 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
 
 
 def _beyond(flight: Prepared, windows: Windows, names: Sequence[str], commanded: np.ndarray | None) -> dict[int, np.ndarray]:
-    """By channel of the drive, (m,): how far commands (n, 4), as rotor speeds, are beyond all that the flight asks in the air, times
-    the doubt on what one more asks there."""
+    """By channel of the drive, (m,): how far commands (n, 4), as rotor speeds, are beyond all that the flight asks in the air,
+    times the doubt on what they do there."""
     if commanded is None or not (flight.driven & ~flight.flying).any():
         return {}
     more = BEYOND_FLIGHT * np.maximum(commanded - commanded[flight.flying].max(axis=0), 0.0)

@@ -21,11 +21,12 @@ WIDE = 10.0
 FEEDBACK = 0.7
 ROUNDS = 4
 
+
 @dataclasses.dataclass(frozen=True)
 class Noise:
     """Per channel: AR coefficients (C, p), innovation sd (C,), growth with unrest (C,); over the innovation sd the size of the
     disturbances that a controller may have answered (C,): what nuisances alone leave in all but the restless flights; and how
-    many times as much is left in the most restless flight as in the middle one (C,). """
+    many times as much is left in the most restless flight as in the middle one (C,)."""
 
     ar: np.ndarray
     sd: np.ndarray
@@ -237,8 +238,8 @@ def _past(y: np.ndarray, run: np.ndarray) -> np.ndarray:
 
 
 def _foretelling(ar: np.ndarray) -> np.ndarray:
-    """Weights (p + 1, p + 1) of a row and of those before it that leave its innovation, in sds of one with a full past: line j for
-    j rows before (Brockwell and Davis 1991, sec. 5.2); the last line alone where the filter's own noise would grow for ever."""
+    """Weights (p + 1, p + 1) of a row and of those before it that leave its innovation, in sds of one with a full past: line j
+    for j rows before (Brockwell and Davis 1991, sec. 5.2); the last line alone where such noise would grow for ever."""
     order = len(ar)
     full, lag = np.r_[1.0, -ar], np.arange(order + 1)
     of_lag = np.zeros((order + 1, order + 1))
@@ -246,7 +247,6 @@ def _foretelling(ar: np.ndarray) -> np.ndarray:
     covariance = toeplitz(np.linalg.lstsq(of_lag, np.eye(order + 1)[0], rcond=None)[0])
     if np.linalg.eigvalsh(covariance)[0] <= TINY:
         return full[None]
-    # Backward in the rows: the inverse of the triangular factor takes from each row what those before it foretell.
     whitening = np.linalg.inv(np.linalg.cholesky(covariance))
     return np.stack([np.r_[whitening[j, j::-1], np.zeros(order - j)] for j in range(order)] + [full])
 
