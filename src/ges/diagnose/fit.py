@@ -140,11 +140,6 @@ class Fitted:
         i = self.free.index((effect, parameter))
         return math.hypot(math.sqrt(self.covariance[i, i]), self._form_error(effect, parameter))
 
-    def doubt(self, effect: str, parameter: str) -> float:
-        """Sd that is declared, or usual, for a parameter where nothing is found; 0 where there is none."""
-        k = self.board.system.nuisances.get(f"{effect}.{parameter}")
-        return 0.0 if k is None else self.board.system.columns[k].nuisance.sd
-
     def sds_from_neutral(self, effect: str, parameter: str) -> float:
         """Distance of an amplitude from neutral in its sd, the effect's shape held: how certain it is that something acts.
 

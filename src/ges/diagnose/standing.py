@@ -22,7 +22,7 @@ USUAL_IN_PLACE = {"fountain_lift": "ground_effect"}
 CLEAR_SDS, OPEN_SDS, STRAINED = 3.0, 1.5, 5.0
 """Open: of what is unlike an error of a form; how large a lag is may be open far up where that there is one is not."""
 DOUBTFUL_SDS = 2.0
-"""What is within as many sds of a doubt is no finding, however well it is measured."""
+"""What is within as many declared sds is no finding, however well it is measured."""
 FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}, {"motor_lag", "esc_delay"})
 REACH_M = 10.0  # 2 cm of a rangefinder matter
 THROUGH_TIME = frozenset({"ground_effect_lag", "ground_effect_forward_flight"})
@@ -149,14 +149,14 @@ def relieved(last: Joint, less: Joint, system: System) -> bool:
 
 def stands(fitted: Fitted, name: str) -> bool:
     """Whether some amplitude is clearly not neutral with its shape held, more than its sd with it free, and not within the doubt
-    that is declared or usual, and none went as far as the effect allows; a wind, whether it blows at all."""
+    that is declared, and none went as far as the effect allows; a wind, whether it blows at all."""
     if name == "wind" and wind_speed_m_s(fitted.effects[name]) < STILL_AIR_M_S:
         return False
-    clear = False
+    clear, declared = False, fitted.board.system.model.doubts
     for parameter in (p for e, p in fitted.free if e == name and p not in SHAPES.get(name, ())):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
         if value != a.neutral and value in (a.low, a.high):
             return False
-        told = abs(value - a.neutral) > max(fitted.sd(name, parameter), DOUBTFUL_SDS * fitted.doubt(name, parameter))
+        told = abs(value - a.neutral) > max(fitted.sd(name, parameter), DOUBTFUL_SDS * declared.get(f"{name}.{parameter}", 0.0))
         clear |= told and fitted.sds_from_neutral(name, parameter) > (OPEN_SDS if name in UNLIKE_FORM else CLEAR_SDS)
     return clear
