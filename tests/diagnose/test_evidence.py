@@ -85,6 +85,6 @@ def test_a_trim_moment_is_taken_out_of_what_follows_the_controller_alone():
     windows = make_windows(t, np.ones(len(t), bool), 0.2)
     column = windows.mean @ (3.0 + 0.5 * thrust + motion)
     x = table_of([{0: column}, {0: column}], len(column), 1)
-    untrim(("inertia.xx", "cg_offset.x_m"), x, windows, ("moment_x",), thrust)
+    untrim(("inertia.xx", "cg_offset.x_m"), x, windows, ("moment_x",), thrust, np.ones(len(windows), bool))
     assert np.array_equal(x.of(0, [1])[:, 0], column)
     np.testing.assert_allclose(x.of(0, [0])[:, 0], windows.mean @ motion, atol=0.02)

@@ -112,17 +112,20 @@ def test_nothing_planted_nothing_found(flown, vehicle):
 def _taken_off(frame: pd.DataFrame, vehicle, share: float) -> pd.DataFrame:
     """The flight after a take-off at 0.95 of the command, of which the motors reach ``share``; it rests for a second before."""
     t, p = np.arange(0.0, 2.0, 0.01), vehicle.parameters()
-    on = t >= 1.0
-    reached = share * p["max_rotor_speed_rad_s"] * np.where(on, 1.0 - np.exp((1.0 - t) / p["motor_time_constant_s"]), 0.0)
+    on, speeds, lag_s = t >= 1.0, [f"rotor_speed_{i}_rad_s" for i in range(1, 5)], p["motor_time_constant_s"]
+    reached = share * p["max_rotor_speed_rad_s"] * np.where(on, 1.0 - np.exp((1.0 - t) / lag_s), 0.0)
     rest = {c: np.full(len(t), frame[c].iloc[0]) for c in frame}
-    rest |= {"t_s": t, "p_z_m": np.where(t < 1.9, 0.0, frame["p_z_m"].iloc[0])}
-    rest |= {f"u_{i}": np.where(on, 0.95, 0.0) for i in range(1, 5)} | {f"rotor_speed_{i}_rad_s": reached for i in range(1, 5)}
-    return pd.concat([pd.DataFrame(rest), frame.assign(t_s=frame["t_s"] + 2.0)], ignore_index=True)
+    rest |= {"t_s": t, "p_z_m": np.where(t < 1.9, 0.0, frame["p_z_m"].iloc[0]), **dict.fromkeys(speeds, reached)}
+    rest |= {f"u_{i}": np.where(on, 0.95, 0.0) for i in range(1, 5)}
+    slowing = np.exp(-frame["t_s"] / lag_s)
+    later = {c: frame[c] + (reached[-1] - frame[c].iloc[0]) * slowing for c in speeds}
+    return pd.concat([pd.DataFrame(rest), frame.assign(t_s=frame["t_s"] + 2.0, **later)], ignore_index=True)
 
 
 def test_a_ceiling_that_only_a_take_off_reaches_is_found(flown, vehicle):
     """What a drive does counts on the ground, too, while it lifts; all else there is left out."""
-    flights = _recordings(flown, vehicle, {})
+    calm = (*ORDINARY[:2], ("height_staircase", (20.0, 0.5, 1.5)), ORDINARY[4], ORDINARY[4])
+    flights = _recordings(flown, vehicle, {}, calm)
     reached = [_taken_off(f, vehicle, 0.8) if i < 2 else f for i, f in enumerate(flights)]
     found = ges.diagnose(reached, vehicle, holdout=["flight5"])
     assert [f.name for f in found.findings] == ["rotor_saturation"], found.sentence

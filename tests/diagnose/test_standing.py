@@ -10,6 +10,9 @@ from ges.diagnose.select import Hypothesis, Search
 from ges.diagnose.standing import beside_larger, faint, least_beside, matters, relieved, replaced_by, stands, taken_over
 
 
+BOARD = SimpleNamespace(system=SimpleNamespace(model=SimpleNamespace(doubts={"motor_lag.up_s": 0.004})))
+
+
 def _search(evidence: dict[tuple[str, ...], float]) -> Search:
     ranked = sorted(evidence.items(), key=lambda item: -item[1])
     names = {n for told in evidence for n in told}
@@ -37,11 +40,17 @@ def test_a_fountain_is_told_from_the_cushion_that_is_always_there_by_more():
     assert replaced_by(_search({("ground_effect",): 20.0, ("fountain_lift",): 16.5}), "ground_effect") == ()
 
 
+@pytest.mark.parametrize(("up_s", "proven"), [(0.007, False), (0.009, True)])
+def test_what_is_within_two_declared_sds_does_not_stand_however_clear(up_s, proven):
+    fitted = Fitted({"motor_lag": {"up_s": up_s, "down_s": 0.0}}, (("motor_lag", "up_s"),), 1e-7 * np.eye(1), None, None, BOARD)
+    assert stands(fitted, "motor_lag") == proven
+
+
 def test_an_amplitude_is_as_clear_as_it_is_with_its_shape_held():
     """Amplitude and decay on a ridge: neither is known well, that something acts is certain."""
     covariance = np.array([[0.01, 0.0099], [0.0099, 0.01]])
     free = (("ground_effect", "c_a"), ("ground_effect", "decay"))
-    fitted = Fitted({"ground_effect": {"c_a": 0.2, "decay": 1.0}}, free, covariance, None, None, None)
+    fitted = Fitted({"ground_effect": {"c_a": 0.2, "decay": 1.0}}, free, covariance, None, None, BOARD)
     assert fitted.sd("ground_effect", "c_a") > 0.1
     held = np.hypot(np.sqrt(0.01 - 0.0099**2 / 0.01), FORM_ERROR * 0.2)
     assert fitted.sds_from_neutral("ground_effect", "c_a") == pytest.approx(0.2 / held)
@@ -54,7 +63,7 @@ def test_a_wind_and_its_drag_stand_together_where_their_product_is_clear(product
     relative, size = np.outer(drag, drag) + wind, np.array([4e-5, 3.0, -5.0])
     effects = {"rotor_drag": {"k_kg": size[0]}, "wind": {"east_m_s": size[1], "north_m_s": size[2], "roughness_m": 0.0}}
     free = (("rotor_drag", "k_kg"), ("wind", "east_m_s"), ("wind", "north_m_s"))
-    fitted = Fitted(effects, free, relative * np.outer(size, size), None, None, None)
+    fitted = Fitted(effects, free, relative * np.outer(size, size), None, None, BOARD)
     assert (stands(fitted, "wind"), stands(fitted, "rotor_drag")) == (proven, proven)
 
 
@@ -63,7 +72,7 @@ def test_an_amplitude_that_its_shape_leaves_open_does_not_stand(amplitude, prove
     """Flights at one height tell a gain there and no cushion; and what ran to its bound is something else."""
     covariance = np.array([[0.01, 0.00999], [0.00999, 0.01]])
     free = (("ground_effect", "c_a"), ("ground_effect", "decay"))
-    fitted = Fitted({"ground_effect": {"c_a": amplitude, "decay": 0.3}}, free, covariance, None, None, None)
+    fitted = Fitted({"ground_effect": {"c_a": amplitude, "decay": 0.3}}, free, covariance, None, None, BOARD)
     assert fitted.sds_from_neutral("ground_effect", "c_a") > 3.0
     assert stands(fitted, "ground_effect") == proven
 
@@ -78,7 +87,7 @@ def test_a_name_goes_only_if_that_relieves_the_declared_numbers(without, goes):
 @pytest.mark.parametrize(("east", "north", "blows"), [(0.2, 0.2, False), (-0.25, 0.25, True)])
 def test_air_that_hardly_moves_is_no_wind(east, north, blows):
     free = (("wind", "east_m_s"), ("wind", "north_m_s"))
-    fitted = Fitted({"wind": {"east_m_s": east, "north_m_s": north}}, free, 1e-4 * np.eye(2), None, None, None)
+    fitted = Fitted({"wind": {"east_m_s": east, "north_m_s": north}}, free, 1e-4 * np.eye(2), None, None, BOARD)
     assert stands(fitted, "wind") == blows
 
 

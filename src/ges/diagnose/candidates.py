@@ -21,6 +21,7 @@ PARAMETER_EFFECTS = frozenset({"thrust_scale", "inertia", "torque_coefficient", 
 SMALL_STEP = 0.1
 LEAST_LAG_STEP_S, LAG_SHARES = 0.004, (0.25, 1.0, 3.0)
 COMMAND_QUANTILES = (0.8, 0.95, 0.99, 0.999)
+TAKE_OFF_SHARES = (0.1, 0.4, 0.7)
 FINEST_SQUARE_M, MOST_PLACES = 0.125, 36
 ABOVE_M, ABOVE_RADII = 0.5, 5.0
 I_AXES = ("xx", "yy", "zz")
@@ -127,9 +128,7 @@ NOWHERE = Flown()
 
 def flown(flights: Sequence[Prepared]) -> Flown:
     """Sum up where flights went, samples in the air alone."""
-    commands = [f.stack("command")[f.driven].ravel() for f in flights if f.has("command")]
-    asked = np.concatenate(commands) if commands else np.zeros(0)
-    levels = tuple(float(q) for q in np.quantile(asked, COMMAND_QUANTILES)) if len(asked) else ()
+    levels = _asked(flights)
     tilt_seen = attitude_measured(flights)
     positions = [f.stack("position")[f.flying] for f in flights if f.has("position")]
     if not positions or not sum(len(p) for p in positions):
@@ -137,6 +136,17 @@ def flown(flights: Sequence[Prepared]) -> Flown:
     p = np.concatenate(positions)
     places, square = _places(p[:, :2])
     return Flown(tuple(p.min(axis=0)), tuple(p.max(axis=0)), tuple(np.median(p, axis=0)), places, square, levels, tilt_seen)
+
+
+def _asked(flights: Sequence[Prepared]) -> tuple[float, ...]:
+    """Levels near the top of the commands in the air, and between there and what a take-off asks."""
+    told = [f for f in flights if f.has("command") and f.flying.any()]
+    if not told:
+        return ()
+    air = np.concatenate([f.stack("command")[f.flying].ravel() for f in told])
+    top, most = float(air.max()), max(float(f.stack("command")[f.driven].max()) for f in told)
+    between = top + (most - top) * np.array(TAKE_OFF_SHARES) if most > top else ()
+    return tuple(float(level) for level in (*np.quantile(air, COMMAND_QUANTILES), *between))
 
 
 def _places(plan: np.ndarray) -> tuple[tuple[tuple[float, float], ...], float]:

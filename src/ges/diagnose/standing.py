@@ -29,8 +29,9 @@ THROUGH_TIME = frozenset({"ground_effect_lag", "ground_effect_forward_flight"})
 UNLIKE_FORM = THROUGH_TIME | {LEVELLER}
 """Modifiers that act through time or speed: what a form is wrong by depends on the place alone, and does not look like them; and
 the levelling moment, of which a form's error is a doubt of its own, though only a guess."""
-PLACED = frozenset({"wall_effect", "downwash"})
-"""Pushes at a place, which a wind that is not the same everywhere makes too."""
+ERRORS_OF = {"wind": frozenset({"wall_effect", "downwash"}), "thrust_curve": frozenset({"rotor_saturation"})}
+"""What the form of a larger effect is wrong by looks like these: a wind is not the same everywhere, and where a drive is asked
+for most, a ceiling explains what another curve would."""
 STILL_AIR_M_S = 0.3
 """No air is stiller, nor any position more at rest."""
 FAINT = 2.0  # times the least
@@ -55,15 +56,15 @@ def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[s
 
     Two of a family act in the same place, and one of them makes up for what the other's form is wrong by: the better of the
     two is kept. What is small beside a larger one may be what the larger one's form is wrong by, and takes more to be told, as
-    does what is faint and a levelling moment; a small modifier is no more than that, if it is not :data:`UNLIKE_FORM`, and so is
-    a small push at a place beside a wind.
+    does what is faint and a levelling moment; a small modifier is no more than that, if it is not :data:`UNLIKE_FORM`, and so
+    is what a larger effect's form is known to be wrong by (:data:`ERRORS_OF`).
     """
     probable = [n for n in found.best.names if found.inclusion[n] >= ACCEPT]
     places = {n: taken_over(found, n, probable) for n in probable}
     shares = {n: _shares(board, found.best, place) for n, place in places.items() if place}
     beside = {n for n in shares if beside_larger(n, shares)}
     small = {n for n in shares if found.inclusion[n] < SURE and (n in beside or faint(shares[n]) or n == LEVELLER)}
-    small |= beside & PLACED if "wind" in shares else set()
+    small |= beside & {n for larger, like in ERRORS_OF.items() if larger in shares for n in like}
     share = {n: max(by.values()) for n, by in shares.items() if n not in small}
     carriers = {c for n, s in share.items() if s >= 1.0 for c in needs_of(n)}
     share = {n: s for n, s in share.items() if s >= _least(n, found.inclusion[n]) or n in carriers}

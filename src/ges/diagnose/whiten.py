@@ -188,7 +188,8 @@ def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:
 
 
 def whiten(flights: Sequence[Rows], noise: Noise, unrest: Sequence[np.ndarray]) -> tuple[White, ...]:
-    """Filter residuals and columns by the same noise model; the first rows of a run are foretold by the few before them."""
+    """Filter residuals and columns by the same noise model; the first rows of a run on the ground are foretold
+    by the few before them: take-offs are short."""
     made = [_white(rows, noise, u) for rows, u in zip(flights, unrest, strict=True)]
     for kind in made[0][1] if made else ():
         for (parts, _), errors in zip(made, _bounds([loose[kind] for _, loose in made]), strict=True):
@@ -216,9 +217,10 @@ def _white(rows: Rows, noise: Noise, unrest: np.ndarray) -> tuple[dict[int, Part
     """Parts by channel, none of them answering yet, and the loose parts of their columns by kind and channel."""
     run, parts, loose = _run(rows.follows), {}, {kind: {} for kind in rows.loose}
     later = rows.windows.center > (noise.ar.shape[1] + 1) * rows.windows.half  # replays settle from a start that they guess
+    opening = later & ~rows.air
     for c in range(rows.y.shape[1]):
         weights, past = _foretelling(noise.ar[c]), _past(rows.y[:, c], run)
-        at = np.flatnonzero((past >= noise.ar.shape[1]) | (past >= 0) & later & (len(weights) > 1))
+        at = np.flatnonzero((past >= noise.ar.shape[1]) | (past >= 0) & opening & (len(weights) > 1))
         if not len(at):
             continue
         sd = noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * unrest[at] ** 2)
