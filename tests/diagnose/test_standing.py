@@ -5,10 +5,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from ges.diagnose import standing
 from ges.diagnose.fit import FORM_ERROR, Fitted
 from ges.diagnose.select import Hypothesis, Search
-from ges.diagnose.standing import beside_larger, faint, least_beside, matters, relieved, replaced_by, stands, taken_over
-
+from ges.diagnose.standing import (
+    beside_larger,
+    faint,
+    least_beside,
+    mattering,
+    matters,
+    relieved,
+    replaced_by,
+    stands,
+    taken_over,
+)
 
 BOARD = SimpleNamespace(system=SimpleNamespace(model=SimpleNamespace(doubts={"motor_lag.up_s": 0.004})))
 
@@ -38,6 +48,16 @@ def test_a_fountain_is_told_from_the_cushion_that_is_always_there_by_more():
     assert replaced_by(found, "fountain_lift") == ("ground_effect",)
     assert replaced_by(_search({("fountain_lift",): 20.0, ("ground_effect",): 15.0}), "fountain_lift") == ()
     assert replaced_by(_search({("ground_effect",): 20.0, ("fountain_lift",): 16.5}), "ground_effect") == ()
+
+
+@pytest.mark.parametrize(("larger", "like"), [("thrust_curve", "rotor_saturation"), ("weak_rotor", "rotor_saturation")])
+def test_what_the_form_of_a_larger_effect_is_wrong_by_is_not_told(larger, like, monkeypatch):
+    """A ceiling of a hundredth of a curve is the curve's own end; beside what bends nothing it stays."""
+    sizes = {larger: {"drive": 200.0}, like: {"drive": 2.0}}
+    monkeypatch.setattr(standing, "_shares", lambda board, best, names: sizes[min(names)])
+    board = SimpleNamespace(system=SimpleNamespace(model=SimpleNamespace(effects={})))
+    told = mattering(board, _search({(larger, like): 50.0}), {})
+    assert (like in told) == (larger != "thrust_curve") and larger in told
 
 
 @pytest.mark.parametrize(("up_s", "proven"), [(0.007, False), (0.009, True)])
