@@ -20,9 +20,9 @@ from scipy.stats import t as student
 
 from . import effects as effect_table
 from .diagnose.align import Prepared, attitude_measured
-from .diagnose.balance import CHANNELS, LOSSES, centred, mean_variance, windows_per_block
+from .diagnose.balance import CHANNELS, LOSSES, centred, variance_of_means
 from .diagnose.evidence import Gram
-from .diagnose.fit import calibrated, left_raw, null_fit, within_bounds
+from .diagnose.fit import calibrated, in_the_air, left_raw, null_fit, within_bounds
 from .diagnose.gate import at_flown_voltage, pass_gate
 from .diagnose.locate import BLOCK_S, regimes_of
 from .diagnose.model import SPEED, Model, from_vehicle
@@ -117,12 +117,9 @@ def _balance(system: System) -> _Trims:
     kept = [k for k, c in enumerate(system.columns) if c.nuisance and c.nuisance.key in TRIMS and c.nuisance.sd > 0]
     keys = tuple(system.columns[k].nuisance.key for k in kept)
     slow = [c for c, name in enumerate(system.names) if name in CHANNELS]
-    block = windows_per_block(system)
-    variance = np.nanmean([[mean_variance(r.y[:, c], block) for c in slow] for r in system.flights], axis=0)
-    grams = []
+    sd, grams = np.sqrt(variance_of_means(system, slow)), []
     for r in system.flights:
-        y = r.y[:, slow].mean(axis=0) / np.sqrt(variance)
-        x = np.stack([r.x.of(c, kept).mean(axis=0) for c in slow]) / np.sqrt(variance)[:, None]
+        y, x = r.in_air(slow).mean(axis=0) / sd, r.columns_in_air(slow, kept) / sd[:, None]
         seen = np.isfinite(y)
         grams.append(Gram(x[seen].T @ x[seen], x[seen].T @ y[seen], float(y[seen] @ y[seen]), float(seen.sum())))
     prior = np.array([system.columns[k].nuisance.sd for k in kept])
@@ -339,7 +336,7 @@ def _left_unexplained(flights: Sequence[Prepared], vehicle: Vehicle, folder: Pat
     """By channel, the largest structure that the calibrated file leaves in two of its own flights: no news in later ones."""
     model = at_flown_voltage(from_vehicle(vehicle, folder), flights)
     system = build(flights, model, [], window_length_s(flights))
-    left = centred(left_raw(system, null_fit(system)[1]), system)
+    left = in_the_air(centred(left_raw(system, null_fit(system)[1]), system), system)
     told, blocks = regimes_of(system), system.blocks(BLOCK_S)
     largest: dict[str, float] = {}
     for pair in itertools.combinations(range(len(flights)), 2):

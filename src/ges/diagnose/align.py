@@ -275,7 +275,7 @@ def airborne(
 def lifting(flight: Prepared, flying: np.ndarray) -> np.ndarray:
     """Samples in which the rotors push at least 70 % of their median in flight, and a little before and after do: a take-off
     shows what a drive does at its limits, but not while it spins up."""
-    if not flight.has("rotor_speed") or not flying.any():
+    if not (flight.has("rotor_speed") and flight.has("command") and flying.any()):
         return flying
     push = (flight.stack("rotor_speed") ** 2).sum(axis=1)
     idle = push <= UP * np.median(push[flying])

@@ -29,15 +29,17 @@ TOLD_APART = 2.0 * float(np.log(99.0))  # a wrong name at most once in a hundred
 BLOCK_S = 3.0
 
 
-def mean_variance(values: np.ndarray, block: int) -> float:
+def _mean_variance(values: np.ndarray, block: int) -> float:
     """Variance of the mean of one flight's windows, from blocks of time; nan where there is but one block."""
     blocks = [values[k : k + block].mean() for k in range(0, len(values), block)]
     return float(np.var(blocks, ddof=1) / len(blocks)) if len(blocks) > 1 else np.nan
 
 
-def windows_per_block(system: System) -> int:
-    """Half-overlapping windows in :data:`BLOCK_S`."""
-    return max(1, int(round(2.0 * BLOCK_S / system.flights[0].windows.length_s)))
+def variance_of_means(system: System, channels: Sequence[int]) -> np.ndarray:
+    """Variance of a flight's mean residual in the air by channel, (len(channels),), from blocks of :data:`BLOCK_S`, mean of the
+    flights."""
+    block = max(1, int(round(2.0 * BLOCK_S / system.flights[0].windows.length_s)))
+    return np.nanmean([[_mean_variance(e, block) for e in r.in_air(channels).T] for r in system.flights], axis=0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -183,10 +185,10 @@ def shift_of(system: System) -> Shift | None:
 
 def _distance(system: System, keys: Sequence[str], column: dict[str, int]):
     """Mean residuals (4,), mean columns by key (4,) and the inverse covariance of the former under the file's doubts."""
-    slow, block, count = [system.names.index(c) for c in CHANNELS], windows_per_block(system), len(system.flights)
-    y = np.mean([r.y[np.ix_(r.air, slow)].mean(axis=0) for r in system.flights], axis=0)
-    x = {key: np.mean([[r.x.of(c, [column[key]])[r.air].mean() for c in slow] for r in system.flights], axis=0) for key in keys}
-    variance = np.nanmean([[mean_variance(r.y[r.air, c], block) for c in slow] for r in system.flights], axis=0) / count
+    slow, count = [system.names.index(c) for c in CHANNELS], len(system.flights)
+    y = np.mean([r.in_air(slow).mean(axis=0) for r in system.flights], axis=0)
+    means = np.mean([r.columns_in_air(slow, [column[key] for key in keys]) for r in system.flights], axis=0)
+    x, variance = dict(zip(keys, means.T, strict=True)), variance_of_means(system, slow) / count
     covariance = np.diag(variance)
     for key in keys:
         n = system.columns[column[key]].nuisance

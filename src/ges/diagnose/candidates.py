@@ -127,7 +127,7 @@ NOWHERE = Flown()
 
 
 def flown(flights: Sequence[Prepared]) -> Flown:
-    """Sum up where flights went, samples in the air alone."""
+    """Sum up where flights went, samples in the air alone, and what they asked."""
     levels = _asked(flights)
     tilt_seen = attitude_measured(flights)
     positions = [f.stack("position")[f.flying] for f in flights if f.has("position")]

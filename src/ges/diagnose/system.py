@@ -159,6 +159,14 @@ class Rows:
         half = np.diff(self.windows.center)
         return np.r_[False, half == half.min()] if len(half) else np.zeros(len(self.windows), bool)
 
+    def in_air(self, channels: Sequence[int]) -> np.ndarray:
+        """Residuals of these channels in the air, (a, len(channels))."""
+        return self.y[np.ix_(self.air, channels)]
+
+    def columns_in_air(self, channels: Sequence[int], wanted: Sequence[int]) -> np.ndarray:
+        """Means in the air of wanted columns in these channels, (len(channels), len(wanted))."""
+        return np.stack([self.x.of(c, wanted)[self.air].mean(axis=0) for c in channels])
+
     def added(self, terms: Mapping[int, float], count: int) -> np.ndarray:
         """Columns times ``terms``, in the first ``count`` channels, (m, count), NaN where a channel is not there."""
         return np.where(np.isfinite(self.y[:, :count]), self.x.summed(terms, count), np.nan)
