@@ -63,6 +63,9 @@ def test_a_drive_tells_of_itself_on_the_ground_where_it_lifts(whole, model):
     spun = np.interp(t, [1.0, 2.0], [0.0, 1.0])
     heights = np.where(t < 4.0, 0.0, 1.5) + 1e-3 * np.sin(40.0 * t)
     frame = whole.assign(p_z_m=heights, **{c: spun * whole[c] for c in speeds})
+    alone = pass_gate([frame, frame], model).flights[0]
+    np.testing.assert_array_equal(alone.driven, alone.flying)  # without commands there is no drive to tell of
+    frame = frame.assign(**{u: 1e-3 * frame[speed] for u, speed in zip(COMMAND, speeds, strict=True)})
     flight = pass_gate([frame, frame], model).flights[0]
     assert not flight.flying[flight.t_s < 4.4].any() and flight.flying[flight.t_s > 4.7].all()
     assert not flight.driven[flight.t_s < 1.8].any()
