@@ -119,7 +119,7 @@ def _balance(system: System) -> _Trims:
     slow = [c for c, name in enumerate(system.names) if name in CHANNELS]
     sd, grams = np.sqrt(variance_of_means(system, slow)), []
     for r in system.flights:
-        y, x = r.in_air(slow).mean(axis=0) / sd, r.columns_in_air(slow, kept) / sd[:, None]
+        y, x = r.in_air(slow).mean(axis=0) / sd, r.mean_columns(slow, kept) / sd[:, None]
         seen = np.isfinite(y)
         grams.append(Gram(x[seen].T @ x[seen], x[seen].T @ y[seen], float(y[seen] @ y[seen]), float(seen.sum())))
     prior = np.array([system.columns[k].nuisance.sd for k in kept])

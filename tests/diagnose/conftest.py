@@ -56,6 +56,19 @@ def flown() -> Callable[..., pd.DataFrame]:
     return fly
 
 
+def on_the_ground_first(frame: pd.DataFrame, push: np.ndarray) -> pd.DataFrame:
+    """The flight with its first four seconds on the ground, and all that is logged of the drive times ``push`` (n,)."""
+    t = frame["t_s"].to_numpy()
+    heights = np.where(t < 4.0, 0.0, 1.5) + 1e-3 * np.sin(40.0 * t)
+    return frame.assign(p_z_m=heights, **{c: push * frame[c] for c in frame if c.startswith(("u_", "rotor_speed_"))})
+
+
+@pytest.fixture(scope="session")
+def held_down() -> Callable[..., pd.DataFrame]:
+    """:func:`on_the_ground_first`: flight, push by sample."""
+    return on_the_ground_first
+
+
 @pytest.fixture(scope="session")
 def with_rates() -> tuple[str, ...]:
     """Extra columns: gyro and references."""

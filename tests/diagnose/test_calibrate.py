@@ -63,15 +63,13 @@ def test_true_numbers_are_found_the_common_gain_counted_as_thrust(known):
         assert abs(n.value - value) < 2.0 * n.sd < 0.11 and abs(n.value - value) < 0.02, key
 
 
-def test_what_the_drive_does_on_the_ground_is_no_balance(flown, with_rates, vehicle):
+def test_what_the_drive_does_on_the_ground_is_no_balance(flown, held_down, with_rates, vehicle):
     """Two seconds at more than full thrust before each flight leaves the ground."""
     columns, frames = (*with_rates, "u_1", "u_2", "u_3", "u_4"), []
     for k in (1, 2, 3):
         frame = flown(vehicle, {"thrust_scale": {"scale": 0.02}}, manoeuvres.make("multisine", 20.0), k, columns)
         t = frame["t_s"].to_numpy()
-        more = np.where(t < 2.0, 0.0, np.where(t < 4.0, 1.3, 1.0))
-        pushed = {c: more * frame[c] for c in frame if c.startswith(("u_", "rotor_speed_"))}
-        frames.append((f"f{k}", frame.assign(p_z_m=np.where(t < 4.0, 0.0, 1.5) + 1e-3 * np.sin(40.0 * t), **pushed)))
+        frames.append((f"f{k}", held_down(frame, np.where(t < 2.0, 0.0, np.where(t < 4.0, 1.3, 1.0)))))
     told = calibrate(make_set(vehicle, frames))
     assert told.numbers["thrust_scale.scale"].value == pytest.approx(0.02, abs=0.006)
     assert all(abs(told.numbers[key].value) < 0.006 for key in LOSSES)

@@ -57,12 +57,10 @@ def test_a_recording_that_ends_in_a_brisk_descent_is_flown_all_the_same(whole, m
     assert pass_gate([frame, whole], model).flights[0].flying.mean() > 0.9
 
 
-def test_a_drive_tells_of_itself_on_the_ground_where_it_lifts(whole, model):
+def test_a_drive_tells_of_itself_on_the_ground_where_it_lifts(whole, held_down, model):
     """Resting, spinning up, at full thrust without leaving the ground, in the air."""
     t, speeds = whole["t_s"].to_numpy(), [c for c in whole if c.startswith("rotor_speed_")]
-    spun = np.interp(t, [1.0, 2.0], [0.0, 1.0])
-    heights = np.where(t < 4.0, 0.0, 1.5) + 1e-3 * np.sin(40.0 * t)
-    frame = whole.assign(p_z_m=heights, **{c: spun * whole[c] for c in speeds})
+    frame = held_down(whole, np.interp(t, [1.0, 2.0], [0.0, 1.0]))
     alone = pass_gate([frame, frame], model).flights[0]
     np.testing.assert_array_equal(alone.driven, alone.flying)  # without commands there is no drive to tell of
     frame = frame.assign(**{u: 1e-3 * frame[speed] for u, speed in zip(COMMAND, speeds, strict=True)})

@@ -38,13 +38,11 @@ def test_the_past_ends_where_a_row_is_missing_or_follows_none():
 
 
 @pytest.fixture(scope="module")
-def taking_off(flown, sheet, with_rates):
+def taking_off(flown, held_down, sheet, with_rates):
     """The system of a flight that pushes harder than ever in the air for two seconds without leaving the ground."""
     whole = flown(sheet(), {}, manoeuvres.make("multisine", 30.0), 1, (*with_rates, "u_1", "u_2", "u_3", "u_4"))
     t = whole["t_s"].to_numpy()
-    frame = whole.assign(p_z_m=np.where(t < 4.0, 0.0, 1.5) + 1e-3 * np.sin(40.0 * t))
-    more = np.where(t < 2.0, 0.0, np.where(t < 4.0, 1.5, 1.0))
-    frame = frame.assign(**{c: more * whole[c] for c in whole if c.startswith(("u_", "rotor_speed_"))})
+    frame = held_down(whole, np.where(t < 2.0, 0.0, np.where(t < 4.0, 1.5, 1.0)))
     model = from_vehicle(sheet(motor_time_constant_s=0.02))
     return build([pass_gate([frame, frame], model).flights[0]], model, [])
 

@@ -268,8 +268,7 @@ def airborne(
     if above_m is not None:
         up = (up & (above_m > off_m)) | ((working > 0.3) & (above_m > WELL_ABOVE_M))
     up = median_filter(up.astype(np.uint8), size=2 * int(0.25 / flight.dt_s) + 1, mode="nearest").astype(bool)
-    around = int(round(margin_s / flight.dt_s))
-    return ~binary_dilation(~up, iterations=max(around, 1)) if (~up).any() else up
+    return _well_within(up, margin_s, flight.dt_s)
 
 
 def lifting(flight: Prepared, flying: np.ndarray) -> np.ndarray:
@@ -278,8 +277,12 @@ def lifting(flight: Prepared, flying: np.ndarray) -> np.ndarray:
     if not (flight.has("rotor_speed") and flight.has("command") and flying.any()):
         return flying
     push = (flight.stack("rotor_speed") ** 2).sum(axis=1)
-    idle = push <= UP * np.median(push[flying])
-    return ~binary_dilation(idle, iterations=max(1, int(round(SPUN_UP_S / flight.dt_s)))) if idle.any() else ~idle
+    return _well_within(push > UP * np.median(push[flying]), SPUN_UP_S, flight.dt_s)
+
+
+def _well_within(at: np.ndarray, margin_s: float, dt_s: float) -> np.ndarray:
+    """Those of the samples ``at`` (n,) that are a margin away from all others."""
+    return ~binary_dilation(~at, iterations=max(1, int(round(margin_s / dt_s)))) if (~at).any() else at
 
 
 def _usual(ratio: np.ndarray) -> float:

@@ -187,7 +187,7 @@ def _distance(system: System, keys: Sequence[str], column: dict[str, int]):
     """Mean residuals (4,), mean columns by key (4,) and the inverse covariance of the former under the file's doubts."""
     slow, count = [system.names.index(c) for c in CHANNELS], len(system.flights)
     y = np.mean([r.in_air(slow).mean(axis=0) for r in system.flights], axis=0)
-    means = np.mean([r.columns_in_air(slow, [column[key] for key in keys]) for r in system.flights], axis=0)
+    means = np.mean([r.mean_columns(slow, [column[key] for key in keys]) for r in system.flights], axis=0)
     x, variance = dict(zip(keys, means.T, strict=True)), variance_of_means(system, slow) / count
     covariance = np.diag(variance)
     for key in keys:

@@ -116,19 +116,21 @@ def _numbers(holdout: Sequence[str] | None, names: Sequence[str]) -> list[int] |
 
 @dataclasses.dataclass(frozen=True)
 class _Stage:
-    """A model, the fit behind it, and what it leaves: residuals by flight (m, C) and the structure in them."""
+    """A model, the fit behind it, and what it leaves: residuals by flight (m, C), those in the air, and their structure."""
 
     model: Model
     joint: Joint
     board: Board
     left: Sequence[np.ndarray]
+    in_air: Sequence[np.ndarray]
     structures: list[Structure]
 
 
 def _stage(model: Model, joint: Joint, board: Board, told: Told) -> _Stage:
     left = centred(left_raw(board.system, joint), board.system)
-    found = structures(in_the_air(left, board.system), told, board.system.main, board.system.blocks(BLOCK_S))
-    return _Stage(model, joint, board, left, found)
+    in_air = in_the_air(left, board.system)
+    found = structures(in_air, told, board.system.main, board.system.blocks(BLOCK_S))
+    return _Stage(model, joint, board, left, in_air, found)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -202,7 +204,7 @@ class _Chain:
         board, joint = null_fit(system)
         told = regimes_of(system)
         first = _stage(calibrated(self.model, joint.common), joint, board, told)
-        return _Start(system, told, first, cells(system, in_the_air(first.left, system), told, first.structures))
+        return _Start(system, told, first, cells(system, first.in_air, told, first.structures))
 
     def _fitted(self, start: _Start, names: Sequence[str] | None, switches: Switches) -> _Answer:
         """What the library explains, fitted in full, and gusts in what it leaves."""
@@ -365,7 +367,7 @@ def _fittings(accepted: Accepted, name: str) -> dict[str, Fitting]:
 def _unexplained(remains: Sequence[Structure], start: _Start, last: _Stage) -> list[dict]:
     """Structure that is left, each with a sparse form of it as a hypothesis where it is one of the mean."""
     by_mean = [u.channel for u in remains if not u.of_size]
-    forms = hypotheses(start.system, in_the_air(last.left, start.system), start.told, by_mean, BLOCK_S) if remains else {}
+    forms = hypotheses(start.system, last.in_air, start.told, by_mean, BLOCK_S) if remains else {}
     return [_structure_told(u, forms.get(u.channel)) for u in remains]
 
 

@@ -29,13 +29,13 @@ POWER = 0.9
 
 @dataclasses.dataclass(frozen=True)
 class _Shape:
-    """One variant of one effect: its columns on the board, by true column the evidence that they gain and the ``most`` that they
-    can beside what is free without them, and the price: of their freedom, of being one of many shapes, of being rarely met."""
+    """One variant of one effect: its columns on the board, by true column the evidence that they gain and what of it is ``over``
+    what is free without them, and the price: of their freedom, of being one of many shapes, of being rarely met."""
 
     name: str
     columns: tuple[int, ...]
     gain: np.ndarray
-    most: np.ndarray
+    over: np.ndarray
     cost: float
 
 
@@ -43,7 +43,7 @@ def _shapes(board: Board, gram: Gram, leave_out: Collection[str]) -> list[_Shape
     found = [(name, columns) for (name, _), columns in board.by_variant().items() if name not in leave_out]
     many, most = Counter(name for name, _ in found), _most(board)
     return [
-        _Shape(name, tuple(columns), gain, most, cost + math.log(many[name]) - log_rarity([name]))
+        _Shape(name, tuple(columns), gain, np.minimum(gain, most), cost + math.log(many[name]) - log_rarity([name]))
         for name, columns in found
         for gain, cost in [expected_evidence(gram, columns, board.prior.sd)]
     ]
@@ -52,9 +52,8 @@ def _shapes(board: Board, gram: Gram, leave_out: Collection[str]) -> list[_Shape
 def _most(board: Board) -> np.ndarray:
     """Evidence per squared unit of every column's coefficient, (K,), that no flights exceed: a nuisance of its key costs no more
     (what columns that hold at different levels differ by would count as evidence without end)."""
-    columns, sd = board.system.columns, board.prior.sd
-    doubt = {columns[k].key: sd[k] for k in board.nuisance if sd[k] > 0}
-    return np.array([0.5 / doubt[c.key] ** 2 if c.key in doubt else np.inf for c in columns])
+    doubt = {key: sd for key, k in board.system.nuisances.items() if (sd := board.prior.sd[k]) > 0}
+    return np.array([0.5 / doubt[c.key] ** 2 if c.key in doubt else np.inf for c in board.system.columns])
 
 
 def expected_evidence(gram: Gram, columns: Sequence[int], prior_sd: np.ndarray) -> tuple[np.ndarray, float]:
@@ -75,8 +74,8 @@ def _needed(shape: _Shape, truth: int, others: Sequence[_Shape], odds: float) ->
     """Size of the true coefficient at which its evidence beats nothing and every other effect; inf and the effect that hides
     it where one does."""
     gain, cost = float(shape.gain[truth]), shape.cost
-    count, least = max(1, len({s.name for s in others} | {shape.name})), max(min(gain, float(shape.most[truth])), 1e-300)
-    worst, hidden = (np.log(odds) + cost + np.log(PRIOR_OF_SIZE[0] / PRIOR_OF_SIZE[1] * count)) / least, ""
+    count, over = max(1, len({s.name for s in others} | {shape.name})), max(float(shape.over[truth]), 1e-300)
+    worst, hidden = (np.log(odds) + cost + np.log(PRIOR_OF_SIZE[0] / PRIOR_OF_SIZE[1] * count)) / over, ""
     for other in others:
         if other.name == shape.name:
             continue
@@ -84,7 +83,7 @@ def _needed(shape: _Shape, truth: int, others: Sequence[_Shape], odds: float) ->
         square = max(price, 0.0) / lead if lead > 0 else np.inf if price > 0 else 0.0
         if square > worst:
             worst, hidden = square, other.name
-    margin = ndtri(POWER) * np.sqrt(TEMPERING) / np.sqrt(2.0 * least)
+    margin = ndtri(POWER) * np.sqrt(TEMPERING) / np.sqrt(2.0 * over)
     return float(np.sqrt(worst) + margin), hidden
 
 

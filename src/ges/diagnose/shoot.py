@@ -21,7 +21,7 @@ from .align import Prepared
 from .model import Model
 from .residual import model_along
 from .system import window_length_s
-from .weak import SHORTEST_WINDOW_S
+from .weak import SHORTEST_WINDOW_S, whole
 
 START_SMOOTH_S = 0.05
 LONGEST_STEP_S = 0.005
@@ -35,9 +35,8 @@ def can_roll(flight: Prepared) -> bool:
 
 def starts_of(flight: Prepared, n: int) -> np.ndarray:
     """Rows where a whole horizon of ``n`` rows flies, one horizon apart."""
-    grounded = np.r_[0, np.cumsum(~flight.flying)]
     rows = np.arange(0, len(flight.t_s) - n - 1, n)
-    return rows[grounded[rows + n + 1] == grounded[rows]]
+    return rows[whole(flight.flying, rows, rows + n + 1)]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -163,7 +163,7 @@ class Rows:
         """Residuals of these channels in the air, (a, len(channels))."""
         return self.y[np.ix_(self.air, channels)]
 
-    def columns_in_air(self, channels: Sequence[int], wanted: Sequence[int]) -> np.ndarray:
+    def mean_columns(self, channels: Sequence[int], wanted: Sequence[int]) -> np.ndarray:
         """Means in the air of wanted columns in these channels, (len(channels), len(wanted))."""
         return np.stack([self.x.of(c, wanted)[self.air].mean(axis=0) for c in channels])
 
@@ -377,8 +377,10 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     y = np.where(x.finite() & (air[:, None] | driven), y, np.nan)  # a beam that tilted a little further would see no ground
     keys, thrust = [c.key for c in columns], model.number("thrust_coefficient_N_s2") * (now.drive.at_work**2).sum(axis=1)
     untrim(keys, x, windows, names, thrust, air)
-    flown = windows.some(air)
-    vouch = like.vouched if like else vouched(flight, flown, model, names, y[air], now.drive.at_work) if instrumented else None
+    if like or not instrumented:
+        vouch = like.vouched if like else None
+    else:
+        vouch = vouched(flight, windows.some(air), model, names, y[air], now.drive.at_work)
     heard = {c: name for c, name in enumerate(names) if np.isfinite(y[air, c]).all()}
     apart = [f"{key}/{c.part}" if c.part == "moment" and c.variant.effect in model.effects else key
              for key, c in zip(keys, columns, strict=True)]  # fmt: skip

@@ -52,8 +52,7 @@ class Windows:
 
     def within(self, allowed: np.ndarray) -> np.ndarray:
         """(m,) True where the whole support lies in ``allowed`` (n,) samples."""
-        out = np.r_[0, np.cumsum(~allowed)]
-        return out[self.center + self.half + 1] == out[self.center - self.half]
+        return whole(allowed, self.center - self.half, self.center + self.half + 1)
 
     def some(self, which: np.ndarray) -> Windows:
         """Those that are true in ``which`` (m,); all of them are these themselves."""
@@ -61,6 +60,12 @@ class Windows:
             return self
         faster = tuple((a[which], b[which]) for a, b in self.overtones)
         return Windows(self.center_s[which], self.center[which], self.mean[which], self.rate[which], self.length_s, faster)
+
+
+def whole(allowed: np.ndarray, first: np.ndarray, past: np.ndarray) -> np.ndarray:
+    """(m,) True where all ``allowed`` (n,) samples from ``first`` to before ``past`` (m,) are."""
+    out = np.r_[0, np.cumsum(~allowed)]
+    return out[past] == out[first]
 
 
 def blocks_of(flights: Sequence[tuple[Windows, float]], length_s: float) -> list[np.ndarray]:
@@ -124,8 +129,7 @@ def make_windows(t_s: np.ndarray, flying: np.ndarray, length_s: float, overtones
     step_s = t_s[1] - t_s[0]
     half = max(int(round(0.5 * length_s / step_s)), 2)
     centers = np.arange(half, len(t_s) - half, half)
-    grounded = np.r_[0, np.cumsum(~flying)]
-    centers = centers[grounded[centers + half + 1] == grounded[centers - half]]
+    centers = centers[whole(flying, centers - half, centers + half + 1)]
     phi, slope = bump(half, step_s)
     columns = (centers[:, None] + np.arange(-half, half + 1)).ravel()
     starts = np.arange(len(centers) + 1) * (2 * half + 1)

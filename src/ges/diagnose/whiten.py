@@ -107,18 +107,16 @@ def _run(follows: np.ndarray) -> np.ndarray:
     return at - np.maximum.accumulate(np.where(follows, 0, at))
 
 
-def _with_past(left: np.ndarray, run: np.ndarray, order: int) -> np.ndarray:
-    """Rows that are there as all of those before them are, up to ``order``; ``run`` of :func:`_run`."""
-    there = np.isfinite(left)
-    full = (run >= order) & there
-    for k in range(1, order + 1):
-        full[k:] &= there[:-k]
-    return np.flatnonzero(full)
+def _past(y: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """How many rows that are there every row (m,) directly follows; -1 where it is not there itself. ``run`` of :func:`_run`."""
+    there, at = np.isfinite(y), np.arange(len(y))
+    first = there & ((run == 0) | ~np.r_[False, there[:-1]])
+    return np.where(there, at - np.maximum.accumulate(np.where(first, at, 0)), -1)
 
 
 def _lagged(left: np.ndarray, run: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows with a full past, their value and their past."""
-    at = _with_past(left, run, order)
+    at = np.flatnonzero(_past(left, run) >= order)
     return at, left[at], np.stack([left[at - k] for k in range(1, order + 1)], axis=1)
 
 
@@ -190,7 +188,9 @@ def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:
 def whiten(flights: Sequence[Rows], noise: Noise, unrest: Sequence[np.ndarray]) -> tuple[White, ...]:
     """Filter residuals and columns by the same noise model; the first rows of a run on the ground are foretold
     by the few before them: take-offs are short."""
-    made = [_white(rows, noise, u) for rows, u in zip(flights, unrest, strict=True)]
+    short = any(not rows.air.all() for rows in flights)
+    filters = [_foretelling(ar) if short else _full(ar)[None] for ar in noise.ar]
+    made = [_white(rows, noise, filters, u) for rows, u in zip(flights, unrest, strict=True)]
     for kind in made[0][1] if made else ():
         for (parts, _), errors in zip(made, _bounds([loose[kind] for _, loose in made]), strict=True):
             parts.update({c: parts[c].answering(error * noise.answered[c]) for c, error in errors.items()})
@@ -213,13 +213,15 @@ def _bounds(loose: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndar
     ]
 
 
-def _white(rows: Rows, noise: Noise, unrest: np.ndarray) -> tuple[dict[int, Part], dict[str, dict[int, np.ndarray]]]:
-    """Parts by channel, none of them answering yet, and the loose parts of their columns by kind and channel."""
+def _white(rows: Rows, noise: Noise, filters: Sequence[np.ndarray],
+           unrest: np.ndarray) -> tuple[dict[int, Part], dict[str, dict[int, np.ndarray]]]:  # fmt: skip
+    """Parts by channel, ``filters`` of :func:`_foretelling`, none of them answering yet, and the loose parts of their columns by
+    kind and channel."""
     run, parts, loose = _run(rows.follows), {}, {kind: {} for kind in rows.loose}
     later = rows.windows.center > (noise.ar.shape[1] + 1) * rows.windows.half  # replays settle from a start that they guess
     opening = later & ~rows.air
-    for c in range(rows.y.shape[1]):
-        weights, past = _foretelling(noise.ar[c]), _past(rows.y[:, c], run)
+    for c, weights in enumerate(filters):
+        past = _past(rows.y[:, c], run)
         at = np.flatnonzero((past >= noise.ar.shape[1]) | (past >= 0) & opening & (len(weights) > 1))
         if not len(at):
             continue
@@ -232,18 +234,16 @@ def _white(rows: Rows, noise: Noise, unrest: np.ndarray) -> tuple[dict[int, Part
     return parts, loose
 
 
-def _past(y: np.ndarray, run: np.ndarray) -> np.ndarray:
-    """How many rows that are there every row (m,) directly follows; -1 where it is not there itself. ``run`` of :func:`_run`."""
-    there, at = np.isfinite(y), np.arange(len(y))
-    first = there & ((run == 0) | ~np.r_[False, there[:-1]])
-    return np.where(there, at - np.maximum.accumulate(np.where(first, at, 0)), -1)
+def _full(ar: np.ndarray) -> np.ndarray:
+    """Weights (p + 1,) of a row and of the p before it that leave its innovation."""
+    return np.r_[1.0, -ar]
 
 
 def _foretelling(ar: np.ndarray) -> np.ndarray:
     """Weights (p + 1, p + 1) of a row and of those before it that leave its innovation, in sds of one with a full past: line j
     for j rows before (Brockwell and Davis 1991, sec. 5.2); the last line alone where such noise would grow for ever."""
     order = len(ar)
-    full, lag = np.r_[1.0, -ar], np.arange(order + 1)
+    full, lag = _full(ar), np.arange(order + 1)
     of_lag = np.zeros((order + 1, order + 1))
     np.add.at(of_lag, (np.repeat(lag, order + 1), np.abs(lag[:, None] - lag).ravel()), np.tile(full, order + 1))
     covariance = toeplitz(np.linalg.lstsq(of_lag, np.eye(order + 1)[0], rcond=None)[0])
