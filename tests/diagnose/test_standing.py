@@ -7,7 +7,7 @@ import pytest
 
 from ges.diagnose import standing
 from ges.diagnose.fit import FORM_ERROR, Fitted
-from ges.diagnose.select import Hypothesis, Search
+from ges.diagnose.select import Hypothesis, Search, log_rarity
 from ges.diagnose.standing import (
     beside_larger,
     faint,
@@ -41,6 +41,12 @@ def test_of_a_family_the_better_alone_takes_over_what_both_do():
 def test_a_wind_through_a_drag_is_one_cause_that_may_replace_a_tilt(behind, replaced):
     found = _search({("rotor_tilt",): 20.0, ("parasitic_drag", "wind"): 20.0 - behind})
     assert replaced_by(found, "rotor_tilt") == replaced
+
+
+@pytest.mark.parametrize(("behind", "replaced"), [(1.0, ("thrust_scale",)), (3.0, ())])
+def test_a_declared_number_that_is_rarely_wrong_is_a_rival_where_the_flights_do_not_tell(behind, replaced):
+    found = _search({("thrust_curve",): 20.0, ("thrust_scale",): 20.0 - behind + log_rarity(["thrust_scale"])})
+    assert replaced_by(found, "thrust_curve") == replaced
 
 
 def test_a_fountain_is_told_from_the_cushion_that_is_always_there_by_more():

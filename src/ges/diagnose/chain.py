@@ -37,6 +37,7 @@ from .result import Diagnosis, Finding
 from .standing import matters, relieved, strained
 from .structure import Structure, Told, structures
 from .system import ALL_ON, Switches, System, common_channels, window_length_s
+from .thrust import UntoldThrust, untold_thrust
 from .unknown import borrowed, left_over, theirs
 from .verdict import sentence_of, verdict_of
 from .verify import channel_table, elsewhere, errors, rollout_table, rollouts
@@ -175,14 +176,17 @@ class _Chain:
             answer = self._not_borrowed(answer, start)
         moved = None if answer.accepted.names else shift_of(start.system)
         answer, remains = self._remaining(answer, moved)
-        located, findings = self._located(start, answer), self._findings(answer, moved, names)
+        thrust = None if moved or names else self._thrust(answer)
+        rivals = answer.accepted.rivals if not (moved or thrust) else ((moved or thrust).rivals,)
+        located, findings = self._located(start, answer), self._findings(answer, moved or thrust, names)
         unexplained = _unexplained(remains, start, answer.last)
         models = {"before": self.model, "recalibrated": start.first.model, "after": answer.last.model}
         fit, proof = self._proof(models, located)
         calibration = _calibration(answer.last.joint, self.model)
-        verdict = verdict_of(findings, (moved.rivals,) if moved else answer.accepted.rivals, unexplained)
+        verdict = verdict_of(findings, rivals, unexplained)
         off = silent_channels([*self.train, *self.held], self.model)
-        told_first = sentence_of(verdict, findings, located, unexplained, fit, calibration)
+        why_open = thrust.sentence() if thrust else ""
+        told_first = sentence_of(verdict, findings, located, unexplained, fit, calibration, rivals, why_open)
         return Diagnosis(
             verdict=verdict,
             sentence=moved.sentence() if moved else told_first + (unheard(off) if verdict == "nothing_proven" else ""),
@@ -249,13 +253,17 @@ class _Chain:
             *(from_open(accepted.found, accepted.board, left, start.told, accepted.names) if accepted.rivals else ()),
         ])  # fmt: skip
 
-    def _findings(self, answer: _Answer, moved: Shift | None, names: Sequence[str] | None) -> list[Finding]:
+    def _thrust(self, answer: _Answer) -> UntoldThrust | None:
+        """Thrust that is far off beside all that was accepted, where nothing says why and no other names are open."""
+        return None if answer.accepted.rivals else untold_thrust(answer.last.joint, self.model, self.train)
+
+    def _findings(self, answer: _Answer, shift: Shift | UntoldThrust | None, names: Sequence[str] | None) -> list[Finding]:
         """What is proven, the largest first, what the gate settled, and what is open."""
         accepted = answer.accepted
         proven = sorted((finding(accepted, n, by) for n, by in answer.added.items()), key=lambda f: -f.size["share_of_weight"])
         proven += [answer.gusts.finding()] if answer.gusts else []
         proven = [f for f in proven if names or matters(f.name, f.size["channel"], f.size["share_of_weight"])]
-        return [*proven, *settled_findings(self.gate), *open_findings(accepted), *(moved.findings() if moved else ())]
+        return [*proven, *settled_findings(self.gate), *open_findings(accepted), *(shift.findings() if shift else ())]
 
     def _unstrained(self, accepted: Accepted, first: Joint, switches: Switches) -> Accepted:
         """Without the names that need declared numbers far outside their doubts: one by one, the worst offender first of those

@@ -112,7 +112,7 @@ def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Seq
     board, found = first
     settled = {*names, *(n for n, p in found.inclusion.items() if p >= ACCEPT)}
     rivals = ambiguous(found, settled - contested, contested)
-    if rivals and names and not _needed(rivals, base, system, length_s, switches):
+    if rivals and not _needed(rivals, base, system, length_s, switches):
         rivals = ()
     return Accepted(names, found, board, fitted, probability, rivals, frozenset(contested))
 

@@ -33,9 +33,9 @@ class Hypothesis:
     log_prior: float = 0.0
 
     @property
-    def of_data(self) -> float:
-        """Log evidence whatever its size, of the flights and of how rarely such names are met."""
-        return self.log_evidence - self.log_prior
+    def of_flights(self) -> float:
+        """Log evidence of the flights alone, whatever its size and however rarely such names are met."""
+        return self.log_evidence - self.log_prior - log_rarity(self.names)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -116,14 +116,14 @@ def _shares(board: Board, h: Hypothesis, names: set[str]) -> dict[str, float]:
 
 
 def replaced_by(found: Search, name: str) -> tuple[str, ...]:
-    """What explains the flights nearly as well in its place; () where nothing does."""
+    """What explains the flights nearly as well in its place, however rarely it is met; () where nothing does."""
     best = found.best
     others = [h for h in found.hypotheses if name not in h.names and h.names and size_of(h.names) <= size_of(best.names)]
-    other = max(others, key=lambda h: h.of_data, default=None)
+    other = max(others, key=lambda h: h.of_flights, default=None)
     if name not in best.names or other is None:
         return ()
     apart = SEPARATE_FROM_USUAL if USUAL_IN_PLACE.get(name) in other.names else SEPARATE
-    if best.of_data - other.of_data > apart:
+    if best.of_flights - other.of_flights > apart:
         return ()
     return tuple(n for n in other.names if n not in best.names)
 

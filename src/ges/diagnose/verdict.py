@@ -67,11 +67,19 @@ def _moved(calibration: Mapping[str, Mapping]) -> str:
     return f" Recalibration moved {name} by {number_words(calibration[name]['value'])}, {far[name]:.1f} times its declared sd."
 
 
+def _open_words(findings: Sequence[Finding], rivals: Sequence[Sequence[str]], why_open: str) -> str:
+    """What is missing for sure, and what else is, of which the flights cannot tell which."""
+    either = {name for group in rivals for name in group}
+    sure, rest = ("; ".join(_finding_words(f) for f in findings if (f.name in either) == is_open) for is_open in (False, True))
+    told = why_open or f"One of these is needed{' beside it' if sure else ''} and these flights cannot tell which: {rest}."
+    return f"What is missing: {sure}. {told}" if sure else told
+
+
 def sentence_of(
     verdict: str, findings: Sequence[Finding], located: Sequence[Mapping], unexplained: Sequence[Mapping], fit: Mapping,
-    calibration: Mapping[str, Mapping],
+    calibration: Mapping[str, Mapping], rivals: Sequence[Sequence[str]] = (), why_open: str = "",
 ) -> str:  # fmt: skip
-    """One or two sentences: where, what, how much, how sure."""
+    """One or two sentences: where, what, how much, how sure; of ``rivals``, ``why_open`` where something is known of it."""
     first = next(iter([*located, *unexplained]), None)
     where = f"The simulator is wrong first in the {where_words(first)}." if first else ""
     named = "; ".join(_finding_words(f) for f in findings)
@@ -84,5 +92,5 @@ def sentence_of(
     if verdict == "unknown":
         return f"{where} No effect of the library explains it: it stays unknown, rather than under the nearest name.".strip()
     if verdict == "ambiguous":
-        return f"{where} One of these is needed and these flights cannot tell which: {named}.{left}".strip()
+        return f"{where} {_open_words(findings, rivals, why_open)}{left}".strip()
     return f"{where} What is missing: {named}.{_gain(fit)}{_moved(calibration)}{left}".strip()

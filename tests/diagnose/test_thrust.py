@@ -1,0 +1,42 @@
+"""Thrust that is not as declared, in flights that do not say why: neither voltage nor rotor speeds were logged."""
+
+import pytest
+
+import ges
+from ges import manoeuvres
+
+LOGGED = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s", "u_1", "u_2", "u_3", "u_4", "battery_V")
+PLANS = (("height_staircase", (30.0,)), ("straight_runs", (30.0,)), ("climbs", (20.0,)), ("yaw_turn", (20.0,)))
+DRAG = {"rotor_drag": {"k_kg": 1e-4}}
+SAG = {"battery_sag": {"sensitivity": 0.8, "nominal_V": 16, "drop_V_s": 0.06, "load_V": 1.0}}
+HEAVY = {"thrust_scale": {"scale": -0.2}}
+
+
+def _diagnosed(flown, vehicle, effects, unlogged):
+    frames = [flown(vehicle, effects, manoeuvres.MENU[plan](*n), seed, LOGGED) for seed, (plan, n) in enumerate(PLANS, 1)]
+    return ges.diagnose([f.drop(columns=[c for c in f if c.startswith(unlogged)]) for f in frames], vehicle, holdout=["flight4"])
+
+
+@pytest.mark.parametrize("effects", [HEAVY, SAG], ids=["heavy", "sagged"])
+def test_its_three_causes_are_named_together(flown, sheet, effects):
+    found = _diagnosed(flown, sheet(), effects, ("rotor_speed", "battery"))
+    assert found.verdict == "ambiguous"
+    assert {f.name for f in found.findings} == {"battery_sag", "thrust_curve", "thrust_scale"}
+    assert "log" in found.sentence and "battery_V" in found.sentence
+
+
+def test_what_is_proven_is_told_apart_from_what_is_open(flown, sheet):
+    found = _diagnosed(flown, sheet(), HEAVY | DRAG, ("rotor_speed", "battery"))
+    assert found.verdict == "ambiguous"
+    sure, opened = found.sentence.split("Thrust is", 1)
+    assert "rotor_drag" in sure and "thrust_scale" not in sure and "rotor_drag" not in opened
+    assert {f.name for f in found.findings if f.probability > 0.9} == {"rotor_drag"}
+
+
+def test_with_rotor_speeds_it_has_one_cause(flown, sheet):
+    assert [f.name for f in _diagnosed(flown, sheet(), HEAVY, ("battery",)).findings] == ["thrust_scale"]
+
+
+def test_thrust_within_its_doubt_is_nothing(flown, sheet):
+    found = _diagnosed(flown, sheet(), {"thrust_scale": {"scale": -0.07}}, ("rotor_speed", "battery"))
+    assert found.verdict == "nothing_proven" and not found.findings
