@@ -138,6 +138,12 @@ def test_full_grid_has_what_it_promises(every_spec):
     assert len(singles) == len(PHYSICS) * 3 * len(CLASSES)
 
 
+def test_each_of_confounded_names_is_concealed_as_often(every_spec):
+    concealed = collections.Counter((s.menu, s.names[0], s.rivals) for s in every_spec if s.category == "confounded")
+    expected = {(menu, n, tuple(r for r in names if r != n)) for menu, names, _ in grid.CONFOUNDED for n in names}
+    assert set(concealed) == expected and set(concealed.values()) == {5}
+
+
 @pytest.mark.parametrize("name", [g for g in grid.COMPOSITIONS if g != "full"])
 def test_small_grids_show_every_kind(name):
     assert sum(grid.COMPOSITIONS[name].values()) == {"smoke": 4, "tiny": 40, "sample": 60, "third": 387}[name]

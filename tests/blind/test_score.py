@@ -76,6 +76,11 @@ def test_category_of_a_truth_that_states_none(truth, category):
     assert category_of(truth) == category
 
 
+def test_of_confounded_names_the_other_one_is_not_true():
+    answers = [_said("cg_offset"), _said("weak_rotor"), _said("cg_offset", "weak_rotor", verdict="ambiguous", probability=0.5)]
+    assert [score.only_true(judge("a", OPEN, said)) for said in (*answers, NOTHING)] == [True, False, None, None]
+
+
 def test_alarm_on_a_null_is_any_other_answer():
     answers = [NOTHING, _said("wind"), _said(verdict="unknown"), _said("a", "b", verdict="ambiguous", probability=0.5)]
     assert [judge("a", NULL, s).alarm for s in answers] == [False, True, True, True]

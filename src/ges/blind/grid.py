@@ -14,7 +14,7 @@ from .sensing import NOISE_LEVELS, Logging
 
 FLIGHTS = 5
 POOR_MENUS = ("hover_low", "hover_high", "one_speed")
-# designs in which one regime cannot tell the first name from the others: menu, names, rotor speeds logged
+# designs in which one regime can hardly tell names apart, each of which is concealed in turn: menu, names, rotor speeds logged
 CONFOUNDED = (
     ("hover_high", ("rotor_tilt", "wind"), True),
     ("hover_low", ("ground_effect", "thrust_scale"), True),
@@ -80,9 +80,11 @@ def _spec(index, category, k, sizes, rng) -> Spec:
     if category == "null":
         return Spec(index, category, size=sizes[k % 6], menu=POOR_MENUS[k // 6 % 3] if k % 6 == 5 else "full")
     if category == "confounded":
-        menu, (name, *rivals), speeds = CONFOUNDED[k % len(CONFOUNDED)]
-        fixed = {"rotor_speeds": speeds}
-        return Spec(index, category, (name,), (2,), sizes[k % 6], menu, tuple(rivals), fixed)
+        turn, design = divmod(k, len(CONFOUNDED))
+        menu, names, speeds = CONFOUNDED[design]
+        name = names[turn % len(names)]
+        rivals = tuple(n for n in names if n != name)
+        return Spec(index, category, (name,), (2,), sizes[k % 6], menu, rivals, {"rotor_speeds": speeds})
     if category in ("pair", "triple"):
         names = _mixture(2 if category == "pair" else 3, rng)
         return Spec(index, category, names, tuple(int(v) for v in rng.integers(0, 3, len(names))), size)

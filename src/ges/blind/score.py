@@ -211,6 +211,11 @@ def calibration_error(stated: np.ndarray, bins: int = 10) -> float:
     return float(sum(gaps) / len(stated))
 
 
+def only_true(j: Judgement) -> bool | None:
+    """Whether all names of an answer are concealed ones; None where it gives none or leaves some open."""
+    return set(j.claimed) <= set(j.truth) if j.claimed and j.verdict != "ambiguous" else None
+
+
 def summary(judged: Sequence[Judgement], table: pd.DataFrame, held: dict[str, Comparison]) -> pd.DataFrame:
     """All scores with interval, number of cases, aim and whether it is met."""
     of = {c: [j for j in judged if j.category == c] for c in CATEGORIES}
@@ -229,7 +234,8 @@ def summary(judged: Sequence[Judgement], table: pd.DataFrame, held: dict[str, Co
         "out of library flagged": _rate(of["unknown"], lambda j: j.flagged or j.exact),
         "out of library falsely named": _rate(of["unknown"], lambda j: bool(j.wrong)),
         "confounded called ambiguous": _rate(of["confounded"], lambda j: j.exact),
-        "confounded given one name": _rate(of["confounded"], lambda j: j.verdict != "ambiguous" and bool(j.claimed)),
+        "confounded given the true name": _rate(of["confounded"], lambda j: only_true(j) is True),
+        "confounded given another name": _rate(of["confounded"], lambda j: only_true(j) is False),
         "diagnosis failed": _rate(judged, lambda j: j.outcome == "failed"),
     }
     located = np.array([j.located for j in judged if sum(j.located)], dtype=float).reshape(-1, 3)
