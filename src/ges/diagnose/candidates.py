@@ -254,15 +254,6 @@ def _axes(effect: str, names: tuple[str, ...], **changes) -> tuple[Variant, ...]
     return tuple(dataclasses.replace(v, amplitudes=tuple(dataclasses.replace(a, **changes) for a in v.amplitudes)) for v in sets)
 
 
-def _far_axes(effect: str, names: tuple[str, ...], step: float) -> tuple[Variant, ...]:
-    """Every subset of the axes, each by a whole step to either side: for what is not linear so far out."""
-    plain = {name: amplitude_of(effect, name) for name in names}
-    sides = {n: (dataclasses.replace(a, step=step, low=a.neutral), dataclasses.replace(a, step=-step, high=a.neutral))
-             for n, a in plain.items()}  # fmt: skip
-    axes = [c for n in range(1, len(names) + 1) for c in itertools.combinations(names, n)]
-    return tuple(Variant(effect, {}, chosen) for c in axes for chosen in itertools.product(*(sides[name] for name in c)))
-
-
 def _at_level(variant: Variant, *steps: float, **changes) -> Variant:
     """The variant with columns of these whole steps, which hold about them."""
     moved = zip(variant.amplitudes, steps, strict=True)
@@ -362,7 +353,7 @@ _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "motor_lag": _slower,
     "esc_delay": lambda m: _levels("esc_delay", "delay_s", (0.005, 0.012, 0.03)),
     "accelerometer_bias": lambda m: _axes("accelerometer_bias", ("x_m_s2", "y_m_s2", "z_m_s2")),
-    "attitude_bias": lambda m: _axes("attitude_bias", ("x_rad", "y_rad")) + _far_axes("attitude_bias", ("x_rad", "y_rad"), 0.05),
+    "attitude_bias": lambda m: _axes("attitude_bias", ("x_rad", "y_rad")),
     "rotor_tilt": lambda m: _axes("rotor_tilt", ("x_rad", "y_rad")),
     "cg_offset": lambda m: _axes("cg_offset", ("x_m", "y_m")),
     "inertia": lambda m: _axes("inertia", I_AXES, step=0.4, low=0.0) + _axes("inertia", I_AXES, step=-0.3, high=0.0),
