@@ -4,6 +4,7 @@ import pytest
 
 import ges
 from ges import manoeuvres
+from ges.diagnose.report import render
 
 LOGGED = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s", "u_1", "u_2", "u_3", "u_4", "battery_V")
 PLANS = (("height_staircase", (30.0,)), ("straight_runs", (30.0,)), ("climbs", (20.0,)), ("yaw_turn", (20.0,)))
@@ -22,7 +23,8 @@ def test_its_three_causes_are_named_together(flown, sheet, effects):
     found = _diagnosed(flown, sheet(), effects, ("rotor_speed", "battery"))
     assert found.verdict == "ambiguous"
     assert {f.name for f in found.findings} == {"battery_sag", "thrust_curve", "thrust_scale"}
-    assert "log" in found.sentence and "battery_V" in found.sentence
+    assert "logged (battery_V)" in found.sentence
+    assert render(found.content(), {}).count("give no number of it") == 2
 
 
 def test_what_is_proven_is_told_apart_from_what_is_open(flown, sheet):

@@ -176,20 +176,20 @@ class _Chain:
             answer = self._not_borrowed(answer, start)
         moved = None if answer.accepted.names else shift_of(start.system)
         answer, remains = self._remaining(answer, moved)
-        thrust = None if moved or names else self._thrust(answer)
-        rivals = answer.accepted.rivals if not (moved or thrust) else ((moved or thrust).rivals,)
-        located, findings = self._located(start, answer), self._findings(answer, moved or thrust, names)
+        shift = moved or (None if names else self._thrust(answer))
+        rivals = (shift.rivals,) if shift else answer.accepted.rivals
+        located, findings = self._located(start, answer), self._findings(answer, shift, names)
         unexplained = _unexplained(remains, start, answer.last)
         models = {"before": self.model, "recalibrated": start.first.model, "after": answer.last.model}
         fit, proof = self._proof(models, located)
         calibration = _calibration(answer.last.joint, self.model)
         verdict = verdict_of(findings, rivals, unexplained)
         off = silent_channels([*self.train, *self.held], self.model)
-        why_open = thrust.sentence() if thrust else ""
+        why_open = shift.sentence() if shift else ""
         told_first = sentence_of(verdict, findings, located, unexplained, fit, calibration, rivals, why_open)
         return Diagnosis(
             verdict=verdict,
-            sentence=moved.sentence() if moved else told_first + (unheard(off) if verdict == "nothing_proven" else ""),
+            sentence=why_open if moved else told_first + (unheard(off) if verdict == "nothing_proven" else ""),
             findings=tuple(findings),
             located=tuple(located),
             unexplained=tuple(unexplained),

@@ -1,8 +1,8 @@
 """Thrust that is far from what the vehicle file says, in flights whose battery voltage was not logged.
 
-Three things would do it: another mass or thrust coefficient, another thrust curve, a battery that sags. Without the voltage none
-of them is searched (see ``hearing``), and the declared thrust takes the difference upon itself, as far as it may be. Farther
-than that, one of the three is needed.
+Three things would do it: another mass or thrust coefficient, another thrust curve, another battery voltage than the file's.
+Without the voltage none of them is searched (see ``hearing``), and the declared thrust takes the difference upon itself, as
+far as it may be. Farther than that, one of the three is needed.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class UntoldThrust:
         return (
             f"Thrust is {value} +- {half} % {'more' if low > 0 else 'less'} than the vehicle file says,"
             f" {number_words(abs(self.excess.value) / self.declared_sd, 2)} times its declared sd. Another mass or thrust"
-            " coefficient (thrust_scale), another thrust curve (thrust_curve) or a sagging battery (battery_sag) would do it; a"
-            " logged battery voltage (battery_V) would tell them apart."
+            " coefficient (thrust_scale), another thrust curve (thrust_curve) or another battery voltage (battery_sag) would do"
+            " it; where the voltage is logged (battery_V) they can be told apart."
         )
 
     def findings(self) -> list[Finding]:
