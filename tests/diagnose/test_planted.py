@@ -12,8 +12,11 @@ import pytest
 
 import ges
 from ges import manoeuvres
+from ges.diagnose.gate import prepare
 from ges.diagnose.gusts import may_lean
-from ges.diagnose.residual import FORCE
+from ges.diagnose.model import from_vehicle
+from ges.diagnose.residual import FORCE, residual
+from ges.diagnose.weak import make_windows
 from ges.vehicle import Estimate, GroundFile
 
 POSE = ("t_s", "p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s")
@@ -281,6 +284,17 @@ def test_partial_ground_effect_is_found_over_ledges(flown, over_ledges):
     effects = {**CUSHION, "partial_ground_effect": {"k": 1.0}}
     found = ges.diagnose(_recordings(flown, over_ledges, effects, LEDGES), over_ledges, holdout=["flight5"])
     assert {f.name for f in found.findings} == set(effects), found.sentence
+
+
+def test_where_a_leaning_beam_falls_speaks_about_no_error_of_the_attitude(flown, over_ledges):
+    """A rangefinder sees a patch, the model a point: of a bias of 50 mrad the forces speak alone."""
+    (frame,) = _recordings(flown, over_ledges, {}, LEDGES[1:2])
+    model = from_vehicle(over_ledges, ".")
+    flight = prepare(frame, model)
+    windows, biased = make_windows(flight.t_s, flight.flying, 0.2), {"attitude_bias": {"x_rad": 0.05}}
+    plain, leaning = (residual(flight, windows, model, ("range", "force_y"), more) for more in (None, biased))
+    assert np.array_equal(plain[:, 0], leaning[:, 0])
+    assert np.mean(plain[:, 1] - leaning[:, 1]) == pytest.approx(0.05 * model.whole("force_y"), rel=0.1)
 
 
 def test_a_late_pose_is_a_time_offset(flown, vehicle):
