@@ -17,8 +17,7 @@ from scipy.special import ndtri
 
 from .. import effects as effect_table
 from .align import attitude_measured
-from .candidates import kind_of
-from .result import Estimate, Finding
+from .result import Estimate, Finding, interval95
 from .system import System
 
 CHANNELS = ("force_z", "moment_x", "moment_y", "moment_z")
@@ -54,7 +53,7 @@ class Cause:
     @property
     def ci95(self) -> tuple[float, float]:
         """95 % interval."""
-        return (self.value - 1.96 * self.sd, self.value + 1.96 * self.sd)
+        return interval95(self.value, self.sd)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,14 +115,13 @@ class Shift:
 
 def _named(name: str, probability: float, parameters: dict[str, tuple[float, float]], cause: Cause) -> Finding:
     """A cause as a finding: parameters as start and change per unit of its amplitude."""
-    effect = effect_table.get(name)
-    units = {p.name: p.unit for p in effect.parameters}
+    units = {p.name: p.unit for p in effect_table.get(name).parameters}
     told = {}
     for key, (start, per) in parameters.items():
         low, high = sorted(start + per * v for v in cause.ci95)
         note = f"near rotor {cause.rotor}" + (f"; the vehicle file has {start:.3g}" if start else "")
         told[key] = Estimate(start + per * cause.value, (low, high), units[key], note)
-    return Finding(name, kind_of(name), effect.title, float(probability), effect.equation, told, {}, ())
+    return Finding.of(name, float(probability), told)
 
 
 def _stated(system: System, column: Mapping[str, int]) -> bool:

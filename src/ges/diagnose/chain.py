@@ -33,7 +33,7 @@ from .instruments import MOVED
 from .locate import BLOCK_S, Cell, cells, from_findings, from_open, from_residuals, regimes, regimes_of, strongest
 from .model import Model, from_vehicle
 from .recommend import next_flight
-from .result import Diagnosis, Finding
+from .result import Diagnosis, Finding, interval95
 from .standing import matters, relieved, strained
 from .structure import Structure, Told, structures
 from .system import ALL_ON, Switches, System, common_channels, window_length_s
@@ -368,7 +368,7 @@ def _fittings(accepted: Accepted, name: str) -> dict[str, Fitting]:
     told = {}
     for parameter, value in fitted.effects[name].items():
         sd = fitted.sd(name, parameter) if parameter in free else 0.0
-        told[parameter] = Fitting(value=value, sd=sd, ci95=(value - 1.96 * sd, value + 1.96 * sd) if sd else None)
+        told[parameter] = Fitting(value=value, sd=sd, ci95=interval95(value, sd) if sd else None)
     return told
 
 
@@ -389,5 +389,5 @@ def _calibration(joint: Joint, model: Model) -> dict[str, dict]:
     told = {}
     for key, value in joint.common.items():
         sd, doubt = joint.common_sd[key], model.doubts.get(key)
-        told[key] = {"value": value, "ci95": [value - 1.96 * sd, value + 1.96 * sd], "declared_sd": doubt}
+        told[key] = {"value": value, "ci95": list(interval95(value, sd)), "declared_sd": doubt}
     return told

@@ -8,13 +8,12 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from .. import effects as effect_table
-from .candidates import kind_of
 from .engine import Accepted
 from .fit import Fitted
 from .gate import Gate
 from .model import Model
 from .residual import channels, residual
-from .result import Estimate, Finding
+from .result import Estimate, Finding, interval95
 from .stated import stated
 from .system import System
 from .words import size_unit
@@ -32,13 +31,9 @@ def parameters_of(fitted: Fitted, name: str, declared: Mapping[str, float]) -> d
     for e, p in fitted.free:
         if e == name:
             notes = (f"the vehicle file has {declared[p]:.3g}" if p in declared else "", _tied(fitted, (e, p)))
-            told[p] = Estimate(fitted.effects[e][p], _interval(fitted, e, p), units[p], "; ".join(n for n in notes if n))
+            value = fitted.effects[e][p]
+            told[p] = Estimate(value, interval95(value, fitted.sd(e, p)), units[p], "; ".join(n for n in notes if n))
     return told
-
-
-def _interval(fitted: Fitted, effect: str, parameter: str) -> tuple[float, float]:
-    value, half = fitted.effects[effect][parameter], 1.96 * fitted.sd(effect, parameter)
-    return (value - half, value + half)
 
 
 def _tied(fitted: Fitted, key: tuple[str, str]) -> str:
@@ -101,13 +96,10 @@ def _added(rows, effects: Mapping, model: Model, names: tuple[str, ...]) -> np.n
 
 def finding(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> Finding:
     """One accepted effect; ``added`` of :func:`contributions`."""
-    effect, declared = effect_table.get(name), accepted.board.system.model.effects.get(name, {})
-    return Finding(
+    declared = accepted.board.system.model.effects.get(name, {})
+    return Finding.of(
         name,
-        kind_of(name),
-        effect.title,
         stated(accepted.probability[name]),
-        effect.equation,
         parameters_of(accepted.fitted, name, declared),
         size_of(added, accepted.fitted.board.system),
         alternatives_of(accepted, name),
@@ -118,21 +110,18 @@ def settled_findings(gate: Gate) -> list[Finding]:
     """Sensor faults that the gate settled before any physics: a late pose, a gyro offset."""
     found = []
     if gate.pose:
-        half = 1.96 * gate.pose.sd_s
-        value = Estimate(gate.pose.delay_s, (gate.pose.delay_s - half, gate.pose.delay_s + half), "s",
+        value = Estimate(gate.pose.delay_s, interval95(gate.pose.delay_s, gate.pose.sd_s), "s",
                          "position, velocity and attitude late against gyro, accelerometer and drive")  # fmt: skip
         found.append(_settled("time_offset", {"delay_s": value}, {"value": abs(gate.pose.delay_s), "unit": "s"}))
     if gate.gyro:
-        told = {f"{a}_rad_s": Estimate(float(b), (float(b - 1.96 * s), float(b + 1.96 * s)), "rad/s")
+        told = {f"{a}_rad_s": Estimate(float(b), interval95(float(b), float(s)), "rad/s")
                 for a, b, s in zip("xyz", *gate.gyro, strict=True)}  # fmt: skip
         found.append(_settled("gyro_bias", told, {"value": float(np.linalg.norm(gate.gyro[0])), "unit": "rad/s"}))
     return found
 
 
 def _settled(name: str, parameters: dict[str, Estimate], size: dict) -> Finding:
-    effect = effect_table.get(name)
-    size = {**size, "share_of_weight": 0.0}
-    return Finding(name, kind_of(name), effect.title, SETTLED, effect.equation, parameters, size, ())
+    return Finding.of(name, SETTLED, parameters, {**size, "share_of_weight": 0.0})
 
 
 def open_findings(accepted: Accepted) -> list[Finding]:
@@ -142,13 +131,12 @@ def open_findings(accepted: Accepted) -> list[Finding]:
 
 def _open(accepted: Accepted, name: str) -> Finding:
     best = max((h for h in accepted.found.hypotheses if name in h.names), key=lambda h: h.log_evidence)
-    effect = effect_table.get(name)
-    units = {p.name: p.unit for p in effect.parameters}
+    units = {p.name: p.unit for p in effect_table.get(name).parameters}
     told: dict[str, Estimate] = {}
     for k, mean, sd in zip(best.posterior.columns, best.posterior.mean, best.posterior.sd, strict=True):
         column = accepted.board.system.columns[k]
         if column.variant.effect == name and column.part != "moment":
             a = column.variant.amplitudes[column.amplitude]
             value = a.neutral + float(mean)
-            told[a.parameter] = Estimate(value, (value - 1.96 * float(sd), value + 1.96 * float(sd)), units[a.parameter])
-    return Finding(name, kind_of(name), effect.title, stated(accepted.found.inclusion[name]), effect.equation, told, {}, ())
+            told[a.parameter] = Estimate(value, interval95(value, float(sd)), units[a.parameter])
+    return Finding.of(name, stated(accepted.found.inclusion[name]), told)

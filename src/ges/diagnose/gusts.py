@@ -69,9 +69,9 @@ class Gusts:
 
     def finding(self) -> Finding:
         """As the contract has it."""
-        effect, value = effect_table.get("gusts"), Estimate(self.strength_m_s, self.ci95, "m/s", "")
+        value = Estimate(self.strength_m_s, self.ci95, "m/s")
         size = {"value": self.push_N, "unit": "N", "share_of_weight": self.push_N / self.weight_N, "channel": FORCE[0]}
-        return Finding("gusts", "physics", effect.title, stated(1.0 - self.chance), effect.equation, {STRENGTH: value}, size, ())
+        return Finding.of("gusts", stated(1.0 - self.chance), {STRENGTH: value}, size)
 
 
 def may_lean(push_N: float, added: Mapping[str, Sequence[np.ndarray]], system: System) -> bool:

@@ -360,17 +360,21 @@ def along(flight: Prepared, windows: Windows, model: Model, names: Sequence[str]
         if same:
             parts.update({name: value for name, value in like.parts.items() if block_of(name) == block})
         else:
-            heard = _as_read(flight, model, effects, drive, said) if block == "range" else said
+            heard = _as_read(flight, model, effects, drive, said, like) if block == "range" else said
             parts.update(_PARTS[block](flight, windows, model, names, drive, motion, heard))
     return Along(drive, motion, effects, said, parts)
 
 
-def _as_read(flight: Prepared, model: Model, effects: effect_table.Effects, drive: Drive, said: effect_table.Replay):
+def _as_read(flight: Prepared, model: Model, effects: effect_table.Effects, drive: Drive, said: effect_table.Replay,
+             like: Along | None) -> effect_table.Replay:  # fmt: skip
     """What the model says with the attitude as it was read: where on uneven ground the beam of a rangefinder falls, which sees a
     patch and not a point, speaks about no error of the attitude."""
     faults = _turning_faults(effects)
+    if not faults:
+        return said
     straight = {name: values for name, values in effects.items() if name not in faults}
-    return model_along(flight, model, straight, drive.at_work)[1] if faults else said
+    known = _said_again(like, drive, like.motion, straight) if like else None
+    return known or model_along(flight, model, straight, drive.at_work)[1]
 
 
 def said_with_each(flight: Prepared, model: Model, like: Along, added: Sequence[effect_table.Effects]) -> list:

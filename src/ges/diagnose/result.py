@@ -7,7 +7,14 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from .. import effects as effect_table
 from ..vehicle import Vehicle
+from .candidates import kind_of
+
+
+def interval95(value: float, sd: float) -> tuple[float, float]:
+    """95 % interval of a Gaussian."""
+    return (value - 1.96 * sd, value + 1.96 * sd)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,6 +44,15 @@ class Finding:
     parameters: Mapping[str, Estimate]
     size: Mapping[str, Any]
     alternatives: tuple[Mapping[str, Any], ...]
+
+    @classmethod
+    def of(
+        cls, name: str, probability: float, parameters: Mapping[str, Estimate], size: Mapping[str, Any] | None = None,
+        alternatives: tuple[Mapping[str, Any], ...] = (),
+    ) -> Finding:  # fmt: skip
+        """An effect of the library; without a ``size`` where no fit was made with it."""
+        effect = effect_table.get(name)
+        return cls(name, kind_of(name), effect.title, probability, effect.equation, parameters, size or {}, alternatives)
 
     def content(self) -> dict[str, Any]:
         """As JSON."""

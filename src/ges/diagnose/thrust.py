@@ -10,13 +10,11 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-from .. import effects as effect_table
 from .align import Prepared
-from .candidates import kind_of
 from .fit import Joint
 from .hearing import LIKE_SAG, lacking
 from .model import Model
-from .result import Estimate, Finding
+from .result import Estimate, Finding, interval95
 from .words import number_words
 
 THRUST = "thrust_scale.scale"
@@ -50,12 +48,8 @@ class UntoldThrust:
 
     def findings(self) -> list[Finding]:
         """The three, each as likely as the others."""
-        return [_named(name, {"scale": self.excess} if name == "thrust_scale" else {}) for name in self.rivals]
-
-
-def _named(name: str, parameters: dict[str, Estimate]) -> Finding:
-    effect = effect_table.get(name)
-    return Finding(name, kind_of(name), effect.title, 1.0 / len(LIKE_SAG), effect.equation, parameters, {}, ())
+        told = {"thrust_scale": {"scale": self.excess}}
+        return [Finding.of(name, 1.0 / len(self.rivals), told.get(name, {})) for name in self.rivals]
 
 
 def untold_thrust(joint: Joint, model: Model, flights: Sequence[Prepared]) -> UntoldThrust | None:
@@ -70,4 +64,4 @@ def untold_thrust(joint: Joint, model: Model, flights: Sequence[Prepared]) -> Un
     heard = any(not lacking(name, flights, model) for name in LIKE_SAG)
     if heard or not declared or abs(value) < BEYOND_SDS * declared:
         return None
-    return UntoldThrust(Estimate(value, (value - 1.96 * sd, value + 1.96 * sd), "1"), declared)
+    return UntoldThrust(Estimate(value, interval95(value, sd), "1"), declared)
