@@ -4,6 +4,8 @@ import pytest
 
 import ges
 from ges import manoeuvres
+from ges.diagnose.hearing import LIKE_SAG
+from ges.diagnose.recommend import SURE
 from ges.diagnose.report import render
 
 LOGGED = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s", "u_1", "u_2", "u_3", "u_4", "battery_V")
@@ -13,9 +15,10 @@ SAG = {"battery_sag": {"sensitivity": 0.8, "nominal_V": 16, "drop_V_s": 0.06, "l
 HEAVY = {"thrust_scale": {"scale": -0.2}}
 
 
-def _diagnosed(flown, vehicle, effects, unlogged):
-    frames = [flown(vehicle, effects, manoeuvres.MENU[plan](*n), seed, LOGGED) for seed, (plan, n) in enumerate(PLANS, 1)]
-    return ges.diagnose([f.drop(columns=[c for c in f if c.startswith(unlogged)]) for f in frames], vehicle, holdout=["flight4"])
+def _diagnosed(flown, vehicle, effects, unlogged, plans=PLANS):
+    frames = [flown(vehicle, effects, manoeuvres.MENU[plan](*n), seed, LOGGED) for seed, (plan, n) in enumerate(plans, 1)]
+    frames = [f.drop(columns=[c for c in f if c.startswith(unlogged)]) for f in frames]
+    return ges.diagnose(frames, vehicle, holdout=[f"flight{len(plans)}"])
 
 
 @pytest.mark.parametrize("effects", [HEAVY, SAG], ids=["heavy", "sagged"])
@@ -24,7 +27,17 @@ def test_its_three_causes_are_named_together(flown, sheet, effects):
     assert found.verdict == "ambiguous"
     assert {f.name for f in found.findings} == {"battery_sag", "thrust_curve", "thrust_scale"}
     assert "logged (battery_V)" in found.sentence
-    assert render(found.content(), {}).count("give no number of it") == 2
+    report = render(found.content(), {})
+    assert report.count("give no number of it") == 2 and "with the battery voltage logged" in report
+
+
+@pytest.mark.parametrize("effects", [HEAVY, SAG], ids=["heavy", "sagged"])
+def test_the_flight_that_it_asks_for_tells(flown, sheet, effects):
+    asked = _diagnosed(flown, sheet(), effects, ("rotor_speed", "battery")).next_flight
+    assert "battery_V" in asked["preparation"] and {n for s in asked["separates"] for n in s.split("+")} == LIKE_SAG
+    assert asked["expected_log_odds"] > SURE
+    told = _diagnosed(flown, sheet(), effects, ("rotor_speed",), ((asked["manoeuvre"], (30.0,)),) * 2)
+    assert set(effects) <= {f.name for f in told.findings} <= {*effects, "thrust_scale"}
 
 
 def test_what_is_proven_is_told_apart_from_what_is_open(flown, sheet):

@@ -176,7 +176,7 @@ class _Chain:
             answer = self._not_borrowed(answer, start)
         moved = None if answer.accepted.names else shift_of(start.system)
         answer, remains = self._remaining(answer, moved)
-        shift = moved or (None if names else self._thrust(answer))
+        shift = moved or (None if names else self._thrust(answer, start.system))
         rivals = (shift.rivals,) if shift else answer.accepted.rivals
         located, findings = self._located(start, answer), self._findings(answer, shift, names)
         unexplained = _unexplained(remains, start, answer.last)
@@ -195,7 +195,7 @@ class _Chain:
             unexplained=tuple(unexplained),
             fit=fit,
             detectable=smallest_detectable(answer.accepted.board, answer.accepted.names),
-            next_flight=moved.next_flight() if moved else _next_flight(answer.accepted),
+            next_flight=shift.next_flight() if shift else _next_flight(answer.accepted),
             data=self._data(start.system, off),
             calibration=calibration,
             not_tested=_not_tested(start.system, self.train, answer.last.model),
@@ -253,9 +253,9 @@ class _Chain:
             *(from_open(accepted.found, accepted.board, left, start.told, accepted.names) if accepted.rivals else ()),
         ])  # fmt: skip
 
-    def _thrust(self, answer: _Answer) -> UntoldThrust | None:
+    def _thrust(self, answer: _Answer, system: System) -> UntoldThrust | None:
         """Thrust that is far off beside all that was accepted, where nothing says why and no other names are open."""
-        return None if answer.accepted.rivals else untold_thrust(answer.last.joint, self.model, self.train)
+        return None if answer.accepted.rivals else untold_thrust(answer.last.joint, system)
 
     def _findings(self, answer: _Answer, shift: Shift | UntoldThrust | None, names: Sequence[str] | None) -> list[Finding]:
         """What is proven, the largest first, what the gate settled, and what is open."""

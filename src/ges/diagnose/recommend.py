@@ -4,7 +4,7 @@ flight would be; the manoeuvre whose outcome separates them most is recommended.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -181,6 +181,7 @@ def rank(
     rivals: Sequence[Rival],
     parameters: Mapping[str, float] | None = None,
     plans: Sequence[str] = tuple(manoeuvres.MENU),
+    also_logged: Collection[str] = (),
 ) -> list[Option]:
     """Manoeuvres, best first.
 
@@ -190,10 +191,12 @@ def rank(
     rivals : two or more open explanations.
     parameters : numbers to fly with, where the vehicle file is not complete enough to fly; the model's otherwise.
     plans : names of the menu in ``ges.manoeuvres``.
+    also_logged : columns that the next flight will have and the flights so far have not; these then tell the rivals nothing.
     """
     model, keep = board.system.model, _subset(board, rivals)
-    logged = _logged([r.flight for r in board.system.flights])
+    logged = [*_logged([r.flight for r in board.system.flights]), *also_logged]
     past = sum((g.take(keep) for g in board.by_flight[1:]), board.by_flight[0].take(keep))
+    past = past.scaled(0.0) if also_logged else past
     now = _log_odds(board, past, keep, rivals)
     so_far, chance = float(np.sort(now)[-1] - np.sort(now)[-2]), softmax(now)
     labels, options = _labels(rivals), []
