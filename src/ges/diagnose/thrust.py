@@ -60,7 +60,6 @@ class UntoldThrust:
         told = {"thrust_scale": {"scale": self.excess}}
         return [Finding.of(name, 1.0 / len(self.rivals), told.get(name, {})) for name in self.rivals]
 
-
     def next_flight(self) -> dict:
         """``next_flight`` of diagnosis.json: the manoeuvre that separates the three best once the voltage is logged."""
         system, flights = self.system, [r.flight for r in self.system.flights]
