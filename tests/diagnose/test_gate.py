@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from ges import manoeuvres
+from ges.diagnose.delays import _told
 from ges.diagnose.gate import clipped, pass_gate
 from ges.diagnose.model import from_vehicle
 from ges.errors import GesError
@@ -143,6 +144,17 @@ def test_late_rotor_speeds_are_found_beside_their_commands(flown, sheet, with_ra
     gate = pass_gate([_in_flight(flown, sheet, with_rates, 0.0, 0.15)] * 2, model)
     (told,) = gate.delays
     assert told.stream == "rotor_speed" and told.delay_s == pytest.approx(0.15, abs=0.03)
+
+
+def test_a_flight_without_which_the_others_agree_better_makes_no_delay_alone():
+    """Of sums over flights of products, squares and squares: one agrees at no delay, another with none but less against late ones."""
+    lags_s, ones = np.arange(-0.04, 0.6, 0.02), np.ones(32)
+    clear = np.stack([100.0 * np.exp(-((lags_s / 0.5) ** 2)), 100.0 * ones, 100.0 * ones])
+    against = np.stack([100.0 * lags_s - 60.0, 10.0 * ones, 10.0 * ones])
+    told = _told("rotor_speed", [clear, against], lags_s, 0.005)
+    assert told.delay_s > 0.08 and told.delay_s < 4.0 * told.sd_s
+    alone = _told("rotor_speed", [clear] * 2, lags_s, 0.005)
+    assert alone.delay_s == pytest.approx(0.0, abs=0.005) and alone.sd_s == 0.005
 
 
 def test_rotor_speeds_on_time_beside_their_commands_are_left_alone(flown, sheet, with_rates, model):

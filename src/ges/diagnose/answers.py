@@ -41,7 +41,7 @@ HEIGHTS = frozenset({"rangefinder_bias.scale"})
 LEAST_STRENGTH, INSTRUMENT_BLOCK_S = 0.4, 5.0
 SLOW_S = 0.5
 
-Loose = Mapping[str, Mapping[int, np.ndarray]]
+Loose = Mapping[str, Mapping[int, Mapping[str, np.ndarray]]]
 
 
 def kind_of(key: str) -> str:
@@ -96,7 +96,7 @@ def _answered(name: str) -> bool:
 
 
 def loose(keys: Sequence[str], x: Table, length_s: float, heard: Mapping[int, str], told: Vouched, air: np.ndarray) -> Loose:
-    """Loose parts by kind and channel, (m, columns of the kind), zero where they are not in the ``air`` (m,).
+    """Loose parts by kind, channel and ``effect.parameter``, (m,), zero where they are not in the ``air`` (m,).
 
     Shapes of one parameter are loose alike: its first column stands for them.
 
@@ -117,7 +117,15 @@ def loose(keys: Sequence[str], x: Table, length_s: float, heard: Mapping[int, st
         },
         "height": {c: _centred(parts["height"][c]) for c, n in heard.items() if n == "range"},
     }
-    return {k: {c: _among(air, part) for c, part in v.items()} for k, v in found.items() if which[k]}
+    named = {kind: [keys[k] for k in at] for kind, at in which.items() if at}
+    return {kind: {c: dict(zip(names, _among(air, part).T, strict=True)) for c, part in found[kind].items()}
+            for kind, names in named.items()}  # fmt: skip
+
+
+def both(known: Loose, new: Loose) -> Loose:
+    """Loose parts of two sets of columns of the same windows, the new ones where both have them."""
+    of_kind = {kind: (known.get(kind, {}), new.get(kind, {})) for kind in (*known, *(k for k in new if k not in known))}
+    return {kind: {c: {**a.get(c, {}), **b.get(c, {})} for c in sorted({*a, *b})} for kind, (a, b) in of_kind.items()}
 
 
 def _among(air: np.ndarray, values: np.ndarray) -> np.ndarray:

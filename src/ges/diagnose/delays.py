@@ -76,7 +76,8 @@ def _peak(sums: np.ndarray, lags_s: np.ndarray) -> tuple[float, float]:
 
 def _told(stream: str, told: Sequence[np.ndarray], lags_s: np.ndarray, least_sd_s: float) -> Delay | None:
     """The delay that the flights' summed correlations (3, lags) peak at; None without a clear peak. Its sd is the
-    scatter of the flights, each by how much it moves: one that hardly does says nothing of it."""
+    scatter of the flights, each by how much it moves: one that hardly does says nothing of it. And one without which the others
+    agree better makes no delay alone."""
     if not told:
         return None
     delay, top = _peak(np.sum(told, axis=0), lags_s)
@@ -85,6 +86,8 @@ def _told(stream: str, told: Sequence[np.ndarray], lags_s: np.ndarray, least_sd_
     free = 1.0 / max(float(weight @ weight), 1e-9) - 1.0  # flights beyond one, as many as speak up
     scatter = np.sqrt(weight @ (np.array([_peak(s, lags_s)[0] for s in told]) - delay) ** 2)
     sd = float(scatter / np.sqrt(free)) if free > LEAST_FREE else float(lags_s[1] - lags_s[0])
+    less = [_peak(np.sum(told, axis=0) - s, lags_s) for s in told] if len(told) > 1 else []
+    sd = max([sd, *(abs(at - delay) for at, r in less if r > top)])
     return Delay(stream, delay, max(sd, least_sd_s), top) if top > LEAST_CORRELATION else None
 
 

@@ -22,7 +22,7 @@ from .evidence import TEMPERING, Board, Gram, rms_of
 from .fit import CLIPPING
 from .model import block_of
 from .select import PRIOR_OF_SIZE, log_rarity
-from .standing import FAINT, SURE, least_sizes
+from .standing import FAINT, SEPARATE, SURE, lead_over, least_sizes
 
 POWER = 0.9
 
@@ -70,21 +70,28 @@ def expected_evidence(gram: Gram, columns: Sequence[int], prior_sd: np.ndarray) 
     return 0.5 * np.array([h @ h for h in half]), float(np.log(np.diag(chol)).sum())
 
 
+def _least(price: float, per_square: float) -> float:
+    """Size from which an evidence that grows as ``per_square size^2`` exceeds a price in nine of ten sets of flights, its noise
+    growing with the size."""
+    if per_square <= 0.0:
+        return np.inf if price > 0.0 else 0.0
+    half = ndtri(POWER) * math.sqrt(TEMPERING / (2.0 * per_square))
+    square = half**2 + price / per_square
+    return half + math.sqrt(square) if square >= 0.0 else 0.0
+
+
 def _needed(shape: _Shape, truth: int, others: Sequence[_Shape], odds: float) -> tuple[float, str]:
     """Size of the true coefficient at which its evidence beats nothing and every other effect; inf and the effect that hides
     it where one does."""
-    gain, cost = float(shape.gain[truth]), shape.cost
-    count, over = max(1, len({s.name for s in others} | {shape.name})), max(float(shape.over[truth]), 1e-300)
-    worst, hidden = (np.log(odds) + cost + np.log(PRIOR_OF_SIZE[0] / PRIOR_OF_SIZE[1] * count)) / over, ""
-    for other in others:
-        if other.name == shape.name:
-            continue
-        lead, price = gain - float(other.gain[truth]), np.log(odds) + cost - other.cost
-        square = max(price, 0.0) / lead if lead > 0 else np.inf if price > 0 else 0.0
-        if square > worst:
-            worst, hidden = square, other.name
-    margin = ndtri(POWER) * np.sqrt(TEMPERING) / np.sqrt(2.0 * over)
-    return float(np.sqrt(worst) + margin), hidden
+    gain, count = float(shape.gain[truth]), max(1, len({s.name for s in others} | {shape.name}))
+    price = math.log(odds) + shape.cost
+    worst, hidden = _least(price + math.log(PRIOR_OF_SIZE[0] / PRIOR_OF_SIZE[1] * count), max(float(shape.over[truth]), 1e-300)), ""
+    for other in (s for s in others if s.name != shape.name):
+        more = lead_over(shape.name, (other.name,)) - SEPARATE
+        size = _least(price + more - other.cost, gain - float(other.gain[truth]))
+        if size > worst:
+            worst, hidden = size, other.name
+    return worst, hidden
 
 
 def _least_told(board: Board) -> tuple[np.ndarray, np.ndarray]:

@@ -122,10 +122,14 @@ def replaced_by(found: Search, name: str) -> tuple[str, ...]:
     other = max(others, key=lambda h: h.of_flights, default=None)
     if name not in best.names or other is None:
         return ()
-    apart = SEPARATE_FROM_USUAL if USUAL_IN_PLACE.get(name) in other.names else SEPARATE
-    if best.of_flights - other.of_flights > apart:
+    if best.of_flights - other.of_flights > lead_over(name, other.names):
         return ()
     return tuple(n for n in other.names if n not in best.names)
+
+
+def lead_over(name: str, others: Sequence[str]) -> float:
+    """Log odds by which a name has to be better than others in its place."""
+    return SEPARATE_FROM_USUAL if USUAL_IN_PLACE.get(name) in others else SEPARATE
 
 
 def ambiguous(found: Search, names: set[str], contested: set[str]) -> tuple[tuple[str, ...], ...]:

@@ -11,7 +11,7 @@ from .. import effects as effect_table
 from ..effects import Replay
 from ..threads import each
 from .align import Prepared, attitude_measured
-from .answers import Loose, Vouched, loose, untrim, vouched
+from .answers import Loose, Vouched, both, loose, untrim, vouched
 from .candidates import NEEDS_ATTITUDE, Variant
 from .model import SPEED, Model, block_of
 from .residual import (
@@ -384,7 +384,7 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     heard = {c: name for c, name in enumerate(names) if np.isfinite(y[air, c]).all()}
     apart = [f"{key}/{c.part}" if c.part == "moment" and c.variant.effect in model.effects else key
              for key, c in zip(keys, columns, strict=True)]  # fmt: skip
-    answered = loose(apart, x, windows.length_s, heard, vouch, air) if vouch else {}
+    answered = both(like.loose if like else {}, loose(apart, x, windows.length_s, heard, vouch, air) if vouch else {})
     beyond = _beyond(flight, windows, names, now.drive.commanded)
     return Rows(flight, windows, y, x, restless(flight, windows, model, thrust), answered, vouch, air, beyond)
 

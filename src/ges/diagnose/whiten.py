@@ -230,7 +230,7 @@ def _white(rows: Rows, noise: Noise, filters: Sequence[np.ndarray],
         beyond = (innovation @ rows.beyond[c])[:, None] if c in rows.beyond else np.zeros((len(at), 0))
         parts[c] = Part(at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c], beyond)
         for kind in (kind for kind, told in rows.loose.items() if c in told):
-            loose[kind][c] = innovation @ rows.loose[kind][c]
+            loose[kind][c] = innovation @ np.column_stack(list(rows.loose[kind][c].values()))
     return parts, loose
 
 
