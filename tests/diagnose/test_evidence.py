@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from ges.diagnose.answers import untrim
+from ges.diagnose.answers import Vouched, loose, untrim
 from ges.diagnose.evidence import Gram, Prior, gram_of, posterior, unanswered
 from ges.diagnose.table import table_of
 from ges.diagnose.weak import make_windows
@@ -88,3 +88,14 @@ def test_a_trim_moment_is_taken_out_of_what_follows_the_controller_alone():
     untrim(("inertia.xx", "cg_offset.x_m"), x, windows, ("moment_x",), thrust, np.ones(len(windows), bool))
     assert np.array_equal(x.of(0, [1])[:, 0], column)
     np.testing.assert_allclose(x.of(0, [0])[:, 0], windows.mean @ motion, atol=0.02)
+
+
+def test_what_changes_slowly_along_thrust_is_no_answer_to_turbulence():
+    t = np.arange(0.0, 40.0, 0.01)
+    windows = make_windows(t, np.ones(len(t), bool), 0.2)
+    slow, fast = windows.mean @ np.sin(0.2 * t), windows.mean @ np.sin(8.0 * t)
+    x, names = table_of([{0: slow + fast, 1: slow + fast}], len(slow), 2), ("force_z", "moment_x")
+    told = Vouched({n: np.zeros((len(slow), 1)) for n in names}, {n: 10.0 + slow for n in names}, dict.fromkeys(names, 0.0))
+    found = loose(("thrust_curve.c",), x, 0.2, dict(enumerate(names)), told, np.ones(len(slow), bool))["dynamic"]
+    np.testing.assert_allclose(found[0]["thrust_curve.c"][20:-20], fast[20:-20], atol=0.05)
+    np.testing.assert_array_equal(found[1]["thrust_curve.c"], slow + fast)

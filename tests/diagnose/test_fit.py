@@ -3,10 +3,11 @@
 import pytest
 
 from ges import manoeuvres
+from ges.diagnose.candidates import library
 from ges.diagnose.fit import polish
 from ges.diagnose.gate import pass_gate
 from ges.diagnose.model import from_vehicle
-from ges.diagnose.system import window_length_s
+from ges.diagnose.system import build, window_length_s
 
 CUSHION = {"form": 3.0, "amplitude": 1.0, "high": 10.0}
 TRUE = {"c_a": 0.5, "decay": 0.5}
@@ -32,3 +33,14 @@ def test_an_amplitude_and_its_decay_are_found_from_far_away(c_a, decay, near_gro
     fitted = polish(flights, model, start, FREE, window_length_s(flights))
     assert {name: fitted.effects["ground_effect"][name] for name in TRUE} == pytest.approx(TRUE, rel=0.05)
     assert start["ground_effect"]["c_a"] == c_a
+
+
+def test_a_fit_allows_for_the_same_answers_as_the_search_before_it(near_ground):
+    """Else what a controller answered is the effect's in one of them and the noise's in the other."""
+    model, flights = near_ground
+    known, length_s = library(model), window_length_s(flights)
+    search = build(flights, model, [v for n in ("ground_effect", "rotor_inertia_reaction") for v in known[n].variants], length_s)
+    fitted = polish(flights, model, {"ground_effect": {**CUSHION, **TRUE}}, FREE, length_s, search)
+    for before, after in zip(search.flights, fitted.board.system.flights, strict=True):
+        answers = [{(c, key) for of in r.loose.values() for c, parts in of.items() for key in parts} for r in (before, after)]
+        assert answers[0] <= answers[1] and any(key.startswith("rotor_inertia_reaction") for _, key in answers[1])

@@ -9,12 +9,12 @@ import pytest
 from ges import manoeuvres
 from ges.commands.diagnose import _flight_written
 from ges.diagnose.candidates import library
-from ges.diagnose.detect import smallest_detectable
-from ges.diagnose.evidence import make_board, rms_of
+from ges.diagnose.detect import _needed, _Shape, expected_evidence, smallest_detectable
+from ges.diagnose.evidence import TEMPERING, Gram, make_board, rms_of
 from ges.diagnose.gate import pass_gate
 from ges.diagnose.model import from_vehicle
 from ges.diagnose.recommend import SURE, Option, Rival, next_flight, open_sets, rank, rivals_of
-from ges.diagnose.select import Search, search
+from ges.diagnose.select import PRIOR_OF_SIZE, Search, search
 from ges.diagnose.stable import search_until_stable
 from ges.diagnose.standing import least_sizes
 from ges.diagnose.system import build
@@ -173,6 +173,22 @@ def test_no_quiet_makes_detectable_what_is_too_small_to_be_told(null):
     assert clear * share == pytest.approx(1.0) and loud > 1.5 * clear
 
 
+@pytest.mark.parametrize(("likeness", "hidden"), [(0.0, ""), (0.95, "b")])
+def test_at_its_limit_nine_of_ten_sets_of_flights_tell_an_effect_from_its_rival(likeness, hidden):
+    rng, sd, n = np.random.default_rng(1), np.array([1.0, 1.0]), 400
+    a, b = rng.normal(0.0, 1.0, (2, n))
+    x = np.column_stack([a, likeness * a + np.sqrt(1.0 - likeness**2) * b])
+    gram = Gram(TEMPERING * x.T @ x, np.zeros(2), 0.0, TEMPERING * n)
+    gains = [expected_evidence(gram, [k], sd) for k in range(2)]
+    shapes = [_Shape(name, (k,), gain, gain, cost) for k, (name, (gain, cost)) in enumerate(zip("ab", gains, strict=True))]
+    size, by = _needed(shapes[0], 0, shapes, 9.0)
+    right = TEMPERING * (size * x[:, :1] + rng.normal(0.0, 1.0, (n, 2000))).T @ x
+    evidence = 0.5 * right**2 / (np.diag(gram.xx) + 1.0 / sd**2) - [cost for _, cost in gains]
+    price = np.log(9.0) + np.log(PRIOR_OF_SIZE[0] / PRIOR_OF_SIZE[1] * 2)
+    told = np.minimum(evidence[:, 0] - price, evidence[:, 0] - evidence[:, 1] - np.log(9.0)) > 0.0
+    assert by == hidden and np.mean(told) == pytest.approx(0.9, abs=0.03)
+
+
 def test_what_a_rival_hides_names_the_rival(null):
     board, _ = null
     told = smallest_detectable(board)
@@ -213,6 +229,11 @@ def test_set_points_of_the_advised_flight_are_written(tmp_path):
     table = pd.read_csv(path)
     assert list(table.columns) == ["t_s", *manoeuvres.COLUMNS]
     assert table[list(manoeuvres.COLUMNS)].to_numpy() == pytest.approx(manoeuvres.make("yaw_turn"))
+
+
+def test_what_the_advised_flight_needs_is_said(tmp_path):
+    advised = {"manoeuvre": "hover", "preparation": "a new propeller on rotor 3", "separates": ["weak_rotor", "cg_offset"]}
+    assert "(to be flown with a new propeller on rotor 3)" in _flight_written(advised, tmp_path / "next.csv")
 
 
 @pytest.mark.parametrize("advised", [{}, {"manoeuvre": None, "separates": ["a", "b"]}])

@@ -70,4 +70,5 @@ def _flight_written(advised, path: Path) -> str:
         return "no next flight is needed: nothing is open that another manoeuvre would separate"
     with replacing(path) as new:
         manoeuvres.to_frame(manoeuvres.make(advised["manoeuvre"])).to_csv(new, index=False)
-    return f"{path}: set points of {advised['manoeuvre']}, to separate {' from '.join(advised['separates'])}"
+    prepared = f" (to be flown with {advised['preparation']})" if "preparation" in advised else ""
+    return f"{path}: set points of {advised['manoeuvre']}{prepared}, to separate {' from '.join(advised['separates'])}"

@@ -14,7 +14,7 @@ vouch for a part of such a column; the rest is *loose*, and its coefficient may 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -111,7 +111,7 @@ def loose(keys: Sequence[str], x: Table, length_s: float, heard: Mapping[int, st
     z, own, strong, answered = told.z, told.own, told.strong, {c: n for c, n in heard.items() if n in told.strong}
     share = {c: _by_thrust(own[n], z[n], strong[n], length_s) for c, n in answered.items() if n in VERTICAL}
     found = {
-        "dynamic": {c: _beyond(parts["dynamic"][c], z[n], strong[n], n in VERTICAL) for c, n in answered.items()},
+        "dynamic": {c: _beyond(parts["dynamic"][c], z[n], strong[n], n in VERTICAL, length_s) for c, n in answered.items()},
         "gain": {
             c: parts["gain"][c] * share[c] if c in share else levels * _centred(parts["gain"][c]) for c, n in answered.items()
         },
@@ -122,10 +122,17 @@ def loose(keys: Sequence[str], x: Table, length_s: float, heard: Mapping[int, st
             for kind, names in named.items()}  # fmt: skip
 
 
-def both(known: Loose, new: Loose) -> Loose:
-    """Loose parts of two sets of columns of the same windows, the new ones where both have them."""
-    of_kind = {kind: (known.get(kind, {}), new.get(kind, {})) for kind in (*known, *(k for k in new if k not in known))}
-    return {kind: {c: {**a.get(c, {}), **b.get(c, {})} for c in sorted({*a, *b})} for kind, (a, b) in of_kind.items()}
+def both(known: Loose, new: Loose, on: Collection[str]) -> Loose:
+    """Loose parts of two sets of columns of the same windows, the new ones where both have them; beside a cushion that is ``on``
+    none of another: what it makes of moments is told."""
+    left_out = CUSHIONS if CUSHIONS & set(on) else frozenset()
+    kept = {
+        kind: {c: {key: x for key, x in parts.items() if key.split(".")[0] not in left_out} for c, parts in of.items()}
+        for kind, of in known.items()
+    }
+    of_kind = {kind: (kept.get(kind, {}), new.get(kind, {})) for kind in dict.fromkeys((*kept, *new))}
+    merged = {kind: {c: {**a.get(c, {}), **b.get(c, {})} for c in sorted({*a, *b})} for kind, (a, b) in of_kind.items()}
+    return {kind: {c: parts for c, parts in of.items() if parts} for kind, of in merged.items()}
 
 
 def _among(air: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -157,7 +164,8 @@ def _by_thrust(thrust: np.ndarray, z: np.ndarray, strong: float, length_s: float
     return (rest / np.maximum(thrust, 0.1 * thrust.mean()))[:, None]
 
 
-def _beyond(x: np.ndarray, z: np.ndarray, strong: float, mean_is_told: bool) -> np.ndarray:
-    """Columns (m, k) less what their instruments, and along thrust their means, explain."""
-    rest = _centred(x) if mean_is_told else x
-    return rest - projected(x, z) if strong > LEAST_STRENGTH else rest
+def _beyond(x: np.ndarray, z: np.ndarray, strong: float, slow_is_told: bool, length_s: float) -> np.ndarray:
+    """Columns (m, k) less what their instruments, and along thrust their slow changes, explain."""
+    rest = _centred(x) if slow_is_told else x
+    rest = rest - projected(x, z) if strong > LEAST_STRENGTH else rest
+    return rest - gaussian_filter1d(rest, SLOW_S / (0.5 * length_s), axis=0) if slow_is_told else rest

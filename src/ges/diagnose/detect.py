@@ -85,7 +85,10 @@ def _needed(shape: _Shape, truth: int, others: Sequence[_Shape], odds: float) ->
     it where one does."""
     gain, count = float(shape.gain[truth]), max(1, len({s.name for s in others} | {shape.name}))
     price = math.log(odds) + shape.cost
-    worst, hidden = _least(price + math.log(PRIOR_OF_SIZE[0] / PRIOR_OF_SIZE[1] * count), max(float(shape.over[truth]), 1e-300)), ""
+    worst, hidden = (
+        _least(price + math.log(PRIOR_OF_SIZE[0] / PRIOR_OF_SIZE[1] * count), max(float(shape.over[truth]), 1e-300)),
+        "",
+    )
     for other in (s for s in others if s.name != shape.name):
         more = lead_over(shape.name, (other.name,)) - SEPARATE
         size = _least(price + more - other.cost, gain - float(other.gain[truth]))

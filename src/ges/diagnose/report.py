@@ -67,7 +67,7 @@ def _environment() -> jinja2.Environment:
     environment.filters.update(
         number=number_words, percent=_percent, probability=_probability, regime=_regime, size_unit=size_unit, whole=_whole,
         channel=channel_words, unit=unit_words, chance=chance_words, odds=odds_words,
-        plain=lambda name: str(name).replace("_", " "),
+        plain=lambda name: str(name).replace("_", " ").replace("+", " with "),
     )  # fmt: skip
     return environment
 
