@@ -147,7 +147,7 @@ def test_late_rotor_speeds_are_found_beside_their_commands(flown, sheet, with_ra
 
 
 def test_a_flight_without_which_the_others_agree_better_makes_no_delay_alone():
-    """Of sums over flights of products, squares and squares: one agrees at no delay, another with none but less against late ones."""
+    """Sums of products, squares and squares: of one flight they agree at no delay, of another nowhere, least there."""
     lags_s, ones = np.arange(-0.04, 0.6, 0.02), np.ones(32)
     clear = np.stack([100.0 * np.exp(-((lags_s / 0.5) ** 2)), 100.0 * ones, 100.0 * ones])
     against = np.stack([100.0 * lags_s - 60.0, 10.0 * ones, 10.0 * ones])

@@ -220,6 +220,14 @@ def test_size_speaks_where_no_mean_does(model):
     assert left_over([dataclasses.replace(restless, channel="range")], model) == []
 
 
+def test_vibration_grows_with_speed_in_any_flight_but_not_with_a_place(model):
+    restless = _structure(model, "force_x", share=0.03, r2=0.15, of_size=True)
+    assert left_over([restless], model) == []
+    somewhere = dataclasses.replace(restless, regime=("east_m", "north_m"), low=(0.0, 0.0), high=(1.0, 1.0))
+    assert left_over([somewhere], model) == [somewhere]
+    assert left_over([dataclasses.replace(somewhere, r2=0.08)], model) == []
+
+
 def test_a_name_that_acts_elsewhere_or_hangs_below_leaves_what_others_do(model):
     """A drag of half a newton forward, and a tether that pulls ten downward."""
     system = SimpleNamespace(main=("force_x", "force_y", "force_z", "moment_y"))

@@ -111,7 +111,7 @@ def loose(keys: Sequence[str], x: Table, length_s: float, heard: Mapping[int, st
     z, own, strong, answered = told.z, told.own, told.strong, {c: n for c, n in heard.items() if n in told.strong}
     share = {c: _by_thrust(own[n], z[n], strong[n], length_s) for c, n in answered.items() if n in VERTICAL}
     found = {
-        "dynamic": {c: _beyond(parts["dynamic"][c], z[n], strong[n], n in VERTICAL, length_s) for c, n in answered.items()},
+        "dynamic": {c: _beyond(parts["dynamic"][c], z[n], strong[n], n in VERTICAL) for c, n in answered.items()},
         "gain": {
             c: parts["gain"][c] * share[c] if c in share else levels * _centred(parts["gain"][c]) for c, n in answered.items()
         },
@@ -164,8 +164,7 @@ def _by_thrust(thrust: np.ndarray, z: np.ndarray, strong: float, length_s: float
     return (rest / np.maximum(thrust, 0.1 * thrust.mean()))[:, None]
 
 
-def _beyond(x: np.ndarray, z: np.ndarray, strong: float, slow_is_told: bool, length_s: float) -> np.ndarray:
-    """Columns (m, k) less what their instruments, and along thrust their slow changes, explain."""
-    rest = _centred(x) if slow_is_told else x
-    rest = rest - projected(x, z) if strong > LEAST_STRENGTH else rest
-    return rest - gaussian_filter1d(rest, SLOW_S / (0.5 * length_s), axis=0) if slow_is_told else rest
+def _beyond(x: np.ndarray, z: np.ndarray, strong: float, mean_is_told: bool) -> np.ndarray:
+    """Columns (m, k) less what their instruments, and along thrust their means, explain."""
+    rest = _centred(x) if mean_is_told else x
+    return rest - projected(x, z) if strong > LEAST_STRENGTH else rest

@@ -12,7 +12,7 @@ from .evidence import Board, acts_of
 from .model import Model
 from .residual import model_along, to_body
 from .select import Search
-from .structure import Structure, Told, shared, within
+from .structure import PLACE, Structure, Told, shared, within
 from .system import System
 from .weak import Windows
 
@@ -20,7 +20,7 @@ BLOCK_S = 2.5
 BINS = 6
 CHANCE = 0.01
 LEAST_R2 = 0.1
-LEAST_R2_OF_SIZE = 0.3
+LEAST_R2_OF_SIZE = 0.3  # over places LEAST_R2
 LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0004, "drive": 0.004, "range": 0.3}
 """Of weight, weight times arm, full rotor speed, a rotor radius."""
 LEAST_SIZE = dict.fromkeys(("force", "acc", "moment"), 0.01)
@@ -84,9 +84,13 @@ def edges(values: np.ndarray) -> np.ndarray:
 def clear(found: Sequence[Structure], model: Model, least_r2: float = LEAST_R2,
           shares: Mapping[str, float] = LEAST_SHARE) -> list[Structure]:  # fmt: skip
     """Structures that no noise makes, that carry a part of the residual that matters, and that are large enough to matter; of the
-    residual's size, a larger part: vibration and the attitude's noise grow with speed in any flight."""
-    likely = [s for s in found if s.q_value <= CHANCE and s.r2 >= (LEAST_R2_OF_SIZE if s.of_size else least_r2)]
+    residual's size, a larger part, but over places: vibration and the attitude's noise grow with speed in any flight."""
+    likely = [s for s in found if s.q_value <= CHANCE and s.r2 >= (_least_r2_of_size(s) if s.of_size else least_r2)]
     return [s for s in likely if s.rms > _least(s, model, shares)]
+
+
+def _least_r2_of_size(s: Structure) -> float:
+    return LEAST_R2 if set(s.regime) <= set(PLACE) else LEAST_R2_OF_SIZE
 
 
 def _least(s: Structure, model: Model, shares: Mapping[str, float]) -> float:
