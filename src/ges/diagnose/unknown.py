@@ -12,7 +12,7 @@ from .model import Model
 from .structure import Structure
 from .system import System
 
-LEAST_R2, FAINT_R2 = 0.05, 0.1
+LEAST_R2, FAINT_R2 = 0.01, 0.1
 BORROWED_R2 = 0.2
 ACTS = 0.1
 """Of what is left in a channel: names that add less there have nothing to do with it."""
