@@ -97,6 +97,6 @@ def test_what_a_drive_does_is_an_answer_but_along_thrust_for_its_mean():
     column = 3.0 + windows.mean @ (np.sin(0.2 * t) + np.sin(8.0 * t))
     x, names = table_of([{0: column, 1: column}], len(column), 2), ("force_z", "moment_x")
     told = Vouched({n: np.zeros((len(column), 1)) for n in names}, {n: column for n in names}, dict.fromkeys(names, 0.0))
-    found = loose(("thrust_curve.c",), x, 0.2, dict(enumerate(names)), told, np.ones(len(column), bool))["dynamic"]
-    np.testing.assert_allclose(found[0]["thrust_curve.c"], column - column.mean())
-    np.testing.assert_array_equal(found[1]["thrust_curve.c"], column)
+    found = loose(("thrust_curve.c",), x, 0.2, dict(enumerate(names)), told, np.ones(len(column), bool))
+    np.testing.assert_allclose(found["dynamic", 0]["thrust_curve.c"], column - column.mean())
+    np.testing.assert_array_equal(found["dynamic", 1]["thrust_curve.c"], column)

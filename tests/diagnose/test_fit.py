@@ -51,4 +51,4 @@ def test_a_fit_allows_for_the_same_answers_as_the_search_before_it(near_ground):
 
 
 def _answered(rows) -> set[str]:
-    return {key for of in rows.loose.values() for parts in of.values() for key in parts}
+    return {key for parts in rows.loose.values() for key in parts}

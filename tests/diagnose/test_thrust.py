@@ -1,5 +1,7 @@
 """Thrust that is not as declared, in flights that do not say why: neither voltage nor rotor speeds were logged."""
 
+import numpy as np
+import pandas as pd
 import pytest
 
 import ges
@@ -15,10 +17,17 @@ SAG = {"battery_sag": {"sensitivity": 0.8, "nominal_V": 16, "drop_V_s": 0.06, "l
 HEAVY = {"thrust_scale": {"scale": -0.2}}
 
 
-def _diagnosed(flown, vehicle, effects, unlogged, plans=PLANS):
+def _diagnosed(flown, vehicle, effects, unlogged, plans=PLANS, steps_s=()):
     frames = [flown(vehicle, effects, manoeuvres.MENU[plan](*n), seed, LOGGED) for seed, (plan, n) in enumerate(plans, 1)]
     frames = [f.drop(columns=[c for c in f if c.startswith(unlogged)]) for f in frames]
+    frames = [_at(f, step_s) for f, step_s in zip(frames, steps_s, strict=True)] if steps_s else frames
     return ges.diagnose(frames, vehicle, holdout=[f"flight{len(plans)}"])
+
+
+def _at(frame, step_s):
+    """The recording as another clock samples it."""
+    t_s = np.arange(0.0, frame["t_s"].iloc[-1], step_s)
+    return pd.DataFrame({c: t_s if c == "t_s" else np.interp(t_s, frame["t_s"], frame[c]) for c in frame})
 
 
 @pytest.mark.parametrize("effects", [HEAVY, SAG], ids=["heavy", "sagged"])
@@ -38,6 +47,12 @@ def test_the_flight_that_it_asks_for_tells(flown, sheet, effects):
     assert asked["expected_log_odds"] > SURE
     told = _diagnosed(flown, sheet(), effects, ("rotor_speed",), ((asked["manoeuvre"], (30.0,)),) * 2)
     assert set(effects) <= {f.name for f in told.findings} <= {*effects, "thrust_scale"}
+
+
+def test_clocks_that_differ_by_little_are_asked_alike(flown, sheet):
+    """Half a window is 12.5 steps, give or take what clocks differ by."""
+    told = _diagnosed(flown, sheet(), HEAVY, ("rotor_speed", "battery"), steps_s=(0.008001, 0.0080008, 0.0080021, 0.0080037))
+    assert told.verdict == "ambiguous" and told.next_flight["manoeuvre"]
 
 
 def test_what_is_proven_is_told_apart_from_what_is_open(flown, sheet):

@@ -41,7 +41,8 @@ HEIGHTS = frozenset({"rangefinder_bias.scale"})
 LEAST_STRENGTH, INSTRUMENT_BLOCK_S = 0.4, 5.0
 SLOW_S = 0.5
 
-Loose = Mapping[str, Mapping[int, Mapping[str, np.ndarray]]]
+Loose = Mapping[tuple[str, int], Mapping[str, np.ndarray]]
+"""By kind and channel, of every ``effect.parameter`` that has it there, (m,)."""
 
 
 def kind_of(key: str) -> str:
@@ -96,7 +97,7 @@ def _answered(name: str) -> bool:
 
 
 def loose(keys: Sequence[str], x: Table, length_s: float, heard: Mapping[int, str], told: Vouched, air: np.ndarray) -> Loose:
-    """Loose parts by kind, channel and ``effect.parameter``, (m,), zero where they are not in the ``air`` (m,).
+    """Loose parts of columns, zero where they are not in the ``air`` (m,).
 
     Shapes of one parameter are loose alike: its first column stands for them.
 
@@ -117,22 +118,19 @@ def loose(keys: Sequence[str], x: Table, length_s: float, heard: Mapping[int, st
         },
         "height": {c: _centred(parts["height"][c]) for c, n in heard.items() if n == "range"},
     }
-    named = {kind: [keys[k] for k in at] for kind, at in which.items() if at}
-    return {kind: {c: dict(zip(names, _among(air, part).T, strict=True)) for c, part in found[kind].items()}
-            for kind, names in named.items()}  # fmt: skip
+    return {
+        (kind, c): {keys[k]: values for k, values in zip(which[kind], _among(air, part).T, strict=True)}
+        for kind, parts in found.items() if which[kind] for c, part in parts.items()
+    }  # fmt: skip
 
 
 def both(known: Loose, new: Loose, on: Collection[str]) -> Loose:
     """Loose parts of two sets of columns of the same windows, the new ones where both have them; beside a cushion that is ``on``
     none of another: what it makes of moments is told."""
     left_out = CUSHIONS if CUSHIONS & set(on) else frozenset()
-    kept = {
-        kind: {c: {key: x for key, x in parts.items() if key.split(".")[0] not in left_out} for c, parts in of.items()}
-        for kind, of in known.items()
-    }
-    of_kind = {kind: (kept.get(kind, {}), new.get(kind, {})) for kind in dict.fromkeys((*kept, *new))}
-    merged = {kind: {c: {**a.get(c, {}), **b.get(c, {})} for c in sorted({*a, *b})} for kind, (a, b) in of_kind.items()}
-    return {kind: {c: parts for c, parts in of.items() if parts} for kind, of in merged.items()}
+    kept = {at: {key: x for key, x in parts.items() if key.split(".")[0] not in left_out} for at, parts in known.items()}
+    merged = {at: {**kept.get(at, {}), **new.get(at, {})} for at in dict.fromkeys((*kept, *new))}
+    return {at: parts for at, parts in merged.items() if parts}
 
 
 def _among(air: np.ndarray, values: np.ndarray) -> np.ndarray:

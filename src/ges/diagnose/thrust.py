@@ -65,7 +65,7 @@ class UntoldThrust:
         system, flights = self.system, [r.flight for r in self.system.flights]
         listed = library(system.model, flown(flights))
         variants = [v for name in self.rivals if name in listed for v in listed[name].variants]
-        board = make_board(build(flights, system.model, variants, system.flights[0].windows.length_s, system))
+        board = make_board(build(flights, system.model, variants, like=system))
         rivals = [Rival(names, self._flown_with(names, system.model), _columns(board, names)) for names in EXPLANATIONS]
         ranked = rank(board, rivals, also_logged=(VOLTAGE,))
         return {**ranked[0].content(), "preparation": f"the battery voltage logged ({VOLTAGE})"} if ranked else {}

@@ -138,7 +138,7 @@ def estimate(system: System, chosen: Sequence[int] = ()) -> Noise:
     Without chosen columns a strong effect counts as noise: cautious, so the search starts there.
     """
     unrest, runs = unrest_of(system.flights), [_run(r.follows) for r in system.flights]
-    loose = {c for r in system.flights for parts in r.loose.values() for c in parts}
+    loose = {c for r in system.flights for _, c in r.loose}
     floor = np.array([LEAST_NOISE * system.model.whole(name) for name in system.names])
 
     def of_channel(c: int) -> tuple[np.ndarray, float, float, float, float]:
@@ -191,8 +191,9 @@ def whiten(flights: Sequence[Rows], noise: Noise, unrest: Sequence[np.ndarray]) 
     short = any(not rows.air.all() for rows in flights)
     filters = [_foretelling(ar) if short else _full(ar)[None] for ar in noise.ar]
     made = [_white(rows, noise, filters, u) for rows, u in zip(flights, unrest, strict=True)]
-    for kind in made[0][1] if made else ():
-        for (parts, _), errors in zip(made, _bounds([loose[kind] for _, loose in made]), strict=True):
+    for kind in dict.fromkeys(kind for _, loose in made for kind, _ in loose):
+        of_kind = [{c: part for (k, c), part in loose.items() if k == kind} for _, loose in made]
+        for (parts, _), errors in zip(made, _bounds(of_kind), strict=True):
             parts.update({c: parts[c].answering(error * noise.answered[c]) for c, error in errors.items()})
     return tuple(White(tuple(parts.values()), rows.x.shape[2]) for rows, (parts, _) in zip(flights, made, strict=True))
 
@@ -214,10 +215,10 @@ def _bounds(loose: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndar
 
 
 def _white(rows: Rows, noise: Noise, filters: Sequence[np.ndarray],
-           unrest: np.ndarray) -> tuple[dict[int, Part], dict[str, dict[int, np.ndarray]]]:  # fmt: skip
+           unrest: np.ndarray) -> tuple[dict[int, Part], dict[tuple[str, int], np.ndarray]]:  # fmt: skip
     """Parts by channel, ``filters`` of :func:`_foretelling`, none of them answering yet, and the loose parts of their columns by
     kind and channel."""
-    run, parts, loose = _run(rows.follows), {}, {kind: {} for kind in rows.loose}
+    run, parts, loose = _run(rows.follows), {}, {}
     later = rows.windows.center > (noise.ar.shape[1] + 1) * rows.windows.half  # replays settle from a start that they guess
     opening = later & ~rows.air
     for c, weights in enumerate(filters):
@@ -229,8 +230,8 @@ def _white(rows: Rows, noise: Noise, filters: Sequence[np.ndarray],
         innovation = _innovation(at, past[at], len(rows.y), weights, sd)
         beyond = (innovation @ rows.beyond[c])[:, None] if c in rows.beyond else np.zeros((len(at), 0))
         parts[c] = Part(at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c], beyond)
-        for kind in (kind for kind, told in rows.loose.items() if c in told):
-            loose[kind][c] = innovation @ np.column_stack(list(rows.loose[kind][c].values()))
+        for at_kind in (k for k in rows.loose if k[1] == c):
+            loose[at_kind] = innovation @ np.column_stack(list(rows.loose[at_kind].values()))
     return parts, loose
 
 
