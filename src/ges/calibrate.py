@@ -26,6 +26,7 @@ from .diagnose.fit import calibrated, in_the_air, left_raw, null_fit, within_bou
 from .diagnose.gate import at_flown_voltage, pass_gate
 from .diagnose.locate import BLOCK_S, regimes_of
 from .diagnose.model import SPEED, Model, from_vehicle
+from .diagnose.result import interval95
 from .diagnose.structure import structures
 from .diagnose.system import System, build, window_length_s
 from .errors import GesError
@@ -70,7 +71,7 @@ class Number:
     @property
     def ci95(self) -> tuple[float, float]:
         """95 % interval of the correction."""
-        return (self.value - 1.96 * self.sd, self.value + 1.96 * self.sd)
+        return interval95(self.value, self.sd)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -70,7 +70,7 @@ def expected_evidence(gram: Gram, columns: Sequence[int], prior_sd: np.ndarray) 
     return 0.5 * np.array([h @ h for h in half]), float(np.log(np.diag(chol)).sum())
 
 
-def _least(price: float, per_square: float) -> float:
+def _size_beyond(price: float, per_square: float) -> float:
     """Size from which an evidence that grows as ``per_square size^2`` exceeds a price in nine of ten sets of flights, its noise
     growing with the size."""
     if per_square <= 0.0:
@@ -83,15 +83,12 @@ def _least(price: float, per_square: float) -> float:
 def _needed(shape: _Shape, truth: int, others: Sequence[_Shape], odds: float) -> tuple[float, str]:
     """Size of the true coefficient at which its evidence beats nothing and every other effect; inf and the effect that hides
     it where one does."""
-    gain, count = float(shape.gain[truth]), max(1, len({s.name for s in others} | {shape.name}))
-    price = math.log(odds) + shape.cost
-    worst, hidden = (
-        _least(price + math.log(PRIOR_OF_SIZE[0] / PRIOR_OF_SIZE[1] * count), max(float(shape.over[truth]), 1e-300)),
-        "",
-    )
+    gain, count = float(shape.gain[truth]), len({s.name for s in others} | {shape.name})
+    price, rarity = math.log(odds) + shape.cost, math.log(PRIOR_OF_SIZE[0] / PRIOR_OF_SIZE[1] * count)
+    worst, hidden = _size_beyond(price + rarity, max(float(shape.over[truth]), 1e-300)), ""
     for other in (s for s in others if s.name != shape.name):
         more = lead_over(shape.name, (other.name,)) - SEPARATE
-        size = _least(price + more - other.cost, gain - float(other.gain[truth]))
+        size = _size_beyond(price + more - other.cost, gain - float(other.gain[truth]))
         if size > worst:
             worst, hidden = size, other.name
     return worst, hidden

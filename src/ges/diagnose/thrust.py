@@ -82,7 +82,7 @@ class UntoldThrust:
 
 def _columns(board: Board, names: Sequence[str]) -> tuple[int, ...]:
     """Columns of these effects on the board."""
-    return tuple(k for k, c in enumerate(board.system.columns) if c.variant is not None and c.variant.effect in names)
+    return tuple(k for (name, _), columns in board.by_variant().items() if name in names for k in columns)
 
 
 def untold_thrust(joint: Joint, system: System) -> UntoldThrust | None:

@@ -230,8 +230,9 @@ def _white(rows: Rows, noise: Noise, filters: Sequence[np.ndarray],
         innovation = _innovation(at, past[at], len(rows.y), weights, sd)
         beyond = (innovation @ rows.beyond[c])[:, None] if c in rows.beyond else np.zeros((len(at), 0))
         parts[c] = Part(at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c], beyond)
-        for at_kind in (k for k in rows.loose if k[1] == c):
-            loose[at_kind] = innovation @ np.column_stack(list(rows.loose[at_kind].values()))
+        for (kind, channel), columns in rows.loose.items():
+            if channel == c:
+                loose[kind, c] = innovation @ np.column_stack(list(columns.values()))
     return parts, loose
 
 
