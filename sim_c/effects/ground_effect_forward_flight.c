@@ -2,7 +2,7 @@
  *
  * dT_i = -T_i (f_i - 1) s / (1 + s),  s = (c V / v_h)^2: the gain becomes (f_i - 1) / (1 + (c V/v_h)^2), with V the
  * speed across the disc and v_h = sqrt(T / (2 rho A)). Form after Cheeseman & Bennett 1955 (c = 1 inside their
- * denominator); c between 0.5 and 2. Acts on ground_effect and is nothing without it.
+ * denominator); c between 0.5 and 2 in the literature. Acts on ground_effect and is nothing without it.
  */
 #include "effect.h"
 
@@ -24,6 +24,6 @@ EFFECT(ground_effect_forward_flight) = {
     .kind = GES_WRENCH,
     .n_parameters = 1,
     .laws = GES_LAW_MIRROR | GES_LAW_FADES,
-    .parameters = {{"c", "1", "speed at which half is gone is v_h / c", 1, 0, 0, 3}},
+    .parameters = {{"c", "1", "speed at which half is gone is v_h / c", 1, 0, 0, 10}},
     .wrench = wrench,
 };

@@ -97,6 +97,13 @@ def _recordings(flown, vehicle, effects, plans=ORDINARY):
     return frames
 
 
+def test_a_cushion_that_any_speed_takes_away_is_one_that_fades(flown, vehicle):
+    """Three was as far as the library went, and what ran to its bound did not stand."""
+    fades = {**CUSHION, "ground_effect_forward_flight": {"c": 5.0}}
+    found = ges.diagnose(_recordings(flown, vehicle, fades, LOW), vehicle, holdout=["flight5"])
+    assert {f.name for f in found.findings} == set(fades), found.sentence
+
+
 @pytest.mark.parametrize("name", PLANTED)
 def test_planted_effect_is_found(name, flown, vehicle):
     flights = _recordings(flown, vehicle, PLANTED[name], WHERE.get(name, ORDINARY))

@@ -34,7 +34,7 @@ def test_of_a_family_the_better_alone_takes_over_what_both_do():
     both = ("fountain_lift", "ground_effect")
     assert taken_over(found, "ground_effect", both) == set(both)
     assert taken_over(found, "fountain_lift", both) == set()
-    assert taken_over(found, "ground_effect", ("ground_effect",)) == {"ground_effect"}
+    assert taken_over(found, "ground_effect", ("ground_effect",)) == set(both)
 
 
 @pytest.mark.parametrize(("behind", "replaced"), [(1.0, ("parasitic_drag", "wind")), (3.0, ())])
@@ -54,6 +54,13 @@ def test_a_fountain_is_told_from_the_cushion_that_is_always_there_by_more():
     assert replaced_by(found, "fountain_lift") == ("ground_effect",)
     assert replaced_by(_search({("fountain_lift",): 20.0, ("ground_effect",): 15.0}), "fountain_lift") == ()
     assert replaced_by(_search({("ground_effect",): 20.0, ("fountain_lift",): 16.5}), "ground_effect") == ()
+
+
+def test_one_of_a_family_that_the_other_explains_as_well_alone_is_contested_where_both_fit_better_still():
+    found = _search({("esc_delay", "motor_lag"): 20.0, ("motor_lag",): 15.0, ("esc_delay",): 13.5})
+    assert replaced_by(found, "motor_lag") == ("esc_delay",)
+    found = _search({("esc_delay", "motor_lag"): 20.0, ("motor_lag",): 15.0, ("esc_delay",): 5.0})
+    assert replaced_by(found, "motor_lag") == ()
 
 
 @pytest.mark.parametrize(("larger", "like"), [("thrust_curve", "rotor_saturation"), ("weak_rotor", "rotor_saturation")])

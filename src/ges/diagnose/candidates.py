@@ -346,7 +346,7 @@ _SEARCH: Mapping[str, Callable[[Model], tuple[Variant, ...]]] = {
     "weak_rotor": lambda m: _single("weak_rotor", tuple(f"loss_{i}" for i in range(1, 5))),
     "partial_ground_effect": lambda m: _levels("partial_ground_effect", "k", (0.4, 0.7, 1.0, 1.5)),
     "wind": _winds,
-    "ground_effect_forward_flight": lambda m: _levels("ground_effect_forward_flight", "c", (0.4, 1.0, 2.2)),
+    "ground_effect_forward_flight": lambda m: _levels("ground_effect_forward_flight", "c", (0.4, 1.0, 2.2, 5.0)),
     "ground_effect_lag": lambda m: _levels("ground_effect_lag", "c", (0.7, 2.0, 5.0)),
     "battery_sag": lambda m: (_variant("battery_sag", ("sensitivity",), nominal_V=m.number("battery_nominal_V")),),
     "tether": lambda m: (_variant("tether", ("weight_N_m",)),),

@@ -84,14 +84,19 @@ def least_beside(name: str, known: Mapping[str, float]) -> float:
 
 
 def taken_over(found: Search, name: str, probable: Sequence[str]) -> set[str]:
-    """All that acts in a name's place, which the name takes over; nothing where another of its family is the better."""
-    family = next((f for f in FAMILIES if name in f and f <= set(probable)), {name})
-    return family if name == max(sorted(family), key=lambda n: _alone(found, n, family)) else set()
+    """All that acts in a name's place, which the name takes over; nothing where another that is probable, too, is the better."""
+    family = _family(name)
+    better = max(sorted(family & set(probable)), key=lambda n: h.log_evidence if (h := _alone(found, n)) else -np.inf)
+    return family & set(found.best.names) if name == better else set()
 
 
-def _alone(found: Search, name: str, family: set[str]) -> float:
-    """Log evidence of the best set that has this member of a family and no other."""
-    return max((h.log_evidence for h in found.hypotheses if family & set(h.names) == {name}), default=-np.inf)
+def _family(name: str) -> set[str]:
+    return next((f for f in FAMILIES if name in f), {name})
+
+
+def _alone(found: Search, name: str) -> Hypothesis | None:
+    """The best set that has this name and no other of its family."""
+    return next((h for h in found.hypotheses if _family(name) & set(h.names) == {name}), None)
 
 
 def beside_larger(name: str, shares: Mapping[str, Mapping[str, float]]) -> bool:
@@ -117,10 +122,10 @@ def _shares(board: Board, h: Hypothesis, names: set[str]) -> dict[str, float]:
 
 def replaced_by(found: Search, name: str) -> tuple[str, ...]:
     """What explains the flights nearly as well in its place, however rarely it is met; () where nothing does."""
-    best = found.best
+    best = _alone(found, name) or found.best
     others = [h for h in found.hypotheses if name not in h.names and h.names and size_of(h.names) <= size_of(best.names)]
     other = max(others, key=lambda h: h.of_flights, default=None)
-    if name not in best.names or other is None:
+    if name not in found.best.names or other is None:
         return ()
     if best.of_flights - other.of_flights > lead_over(name, other.names):
         return ()
