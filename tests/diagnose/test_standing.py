@@ -68,7 +68,7 @@ def test_what_the_form_of_a_larger_effect_is_wrong_by_is_not_told(larger, like, 
     """A ceiling of a hundredth of a curve is the curve's own end; beside what bends nothing it stays."""
     sizes = {larger: {"drive": 200.0}, like: {"drive": 2.0}}
     monkeypatch.setattr(standing, "_shares", lambda board, best, names: sizes[min(names)])
-    board = SimpleNamespace(system=SimpleNamespace(model=SimpleNamespace(effects={})))
+    board = SimpleNamespace(system=SimpleNamespace(model=SimpleNamespace(effects={}), flights=()))
     told = mattering(board, _search({(larger, like): 50.0}), {})
     assert (like in told) == (larger != "thrust_curve") and larger in told
 
@@ -143,6 +143,16 @@ def test_what_does_not_look_like_the_error_of_a_form_may_be_smaller():
     assert matters("ground_effect_lag", "force_z", 0.001) and not matters("partial_ground_effect", "force_z", 0.001)
     assert not matters("ground_effect_lag", "force_z", 0.0007)
     assert not matters("ground_effect", "", 1.0)
+
+
+@pytest.mark.parametrize("asked", [0.0, 1.0])
+@pytest.mark.parametrize("beside", ["rotor_drag", "weak_rotor"])
+def test_an_inertia_beside_a_drag_is_told_by_what_is_asked_for_not_by_gusts(asked, beside, monkeypatch):
+    monkeypatch.setattr(standing, "_shares", lambda board, best, names: {"moment": 5.0})
+    flight = SimpleNamespace(has=lambda stream: True, stack=lambda stream: np.array([[asked, 0.0, 0.0, 1.0]]))
+    board = SimpleNamespace(system=SimpleNamespace(model=SimpleNamespace(effects={}), flights=[SimpleNamespace(flight=flight)]))
+    told = mattering(board, _search({(beside, "inertia"): 50.0}), {})
+    assert ("inertia" in told) == (asked > 0.0 or beside == "weak_rotor") and beside in told
 
 
 def test_what_is_faint_in_the_drive_alone_takes_more_to_be_told():

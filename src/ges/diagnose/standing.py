@@ -32,6 +32,7 @@ the levelling moment, of which a form's error is a doubt of its own, though only
 ERRORS_OF = {"wind": frozenset({"wall_effect", "downwash"}), "thrust_curve": frozenset({"rotor_saturation"})}
 """What the form of a larger effect is wrong by looks like these: a wind is not the same everywhere, and where a drive is asked
 for most, a ceiling explains what another curve would."""
+DRAGS = frozenset({"rotor_drag", "parasitic_drag", "wind"})
 STILL_AIR_M_S = 0.3
 """No air is stiller, nor any position more at rest."""
 FAINT = 2.0  # times the least
@@ -65,12 +66,20 @@ def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[s
     beside = {n for n in shares if beside_larger(n, shares)}
     small = {n for n in shares if found.inclusion[n] < SURE and (n in beside or faint(shares[n]) or n == LEVELLER)}
     small |= beside & {n for larger, like in ERRORS_OF.items() if larger in shares for n in like}
+    small |= answering_gusts({*shares, *board.system.model.effects}, board.system)
     share = {n: max(by.values()) for n, by in shares.items() if n not in small}
     carriers = {c for n, s in share.items() if s >= 1.0 for c in needs_of(n)}
     share = {n: s for n, s in share.items() if s >= _least(n, found.inclusion[n]) or n in carriers}
     present = {*share, *board.system.model.effects}
     share = {n: s for n, s in share.items() if acts_among(n, present)}
     return {n: s for n, s in share.items() if s >= least_beside(n, known)}
+
+
+def answering_gusts(present: set[str], system: System) -> set[str]:
+    """Names that gusts make up: through a drag above the centre of gravity they turn the vehicle, whose angular acceleration
+    answers moments that no column has. Where nothing but the air shook it, that looks like more inertia."""
+    shaken = any(r.flight.has("excitation") and r.flight.stack("excitation")[:, :3].any() for r in system.flights)
+    return {"inertia"} if DRAGS & present and not shaken else set()
 
 
 def _least(name: str, probability: float) -> float:
