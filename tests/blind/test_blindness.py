@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -15,6 +16,7 @@ import pytest
 import yaml
 
 import ges
+from ges._lib import library_path
 from ges.blind import jail, run, seal
 from ges.errors import GesError
 
@@ -128,6 +130,22 @@ def test_process_is_told_nothing(tmp_path, monkeypatch):
     run._one(case, tmp_path / "proof" / "diagnosed" / "telltale", {}, "tool")
     told = json.dumps([seen["command"], {k: v for k, v in seen["env"].items() if k != "GES_LIBRARY"}, str(seen["cwd"])])
     assert "telltale" not in told and "PROOF_TRUTH" not in told and str(tmp_path) not in told
+
+
+def test_the_package_that_vouches_for_a_verdict_makes_it(tmp_path):
+    """A copy of the sources beside an installation: its run must not be diagnosed by what is installed."""
+    copy = tmp_path / "src" / "ges"
+    shutil.copytree(Path(run.__file__).parents[1], copy, ignore=shutil.ignore_patterns("__pycache__"))
+    worker = copy / "blind" / "worker.py"
+    worker.write_text(worker.read_text().replace("sys.exit(main(", "sys.exit('the copy' or main(", 1))
+    for name in ("given", "made", "home"):
+        (tmp_path / name).mkdir()
+    code = (
+        "from pathlib import Path; from ges.blind import run; print(run._process(Path('given'), Path('made'), Path('home'), {}))"
+    )
+    env = {"PYTHONPATH": str(copy.parent), "GES_LIBRARY": str(library_path()), "PATH": os.defpath}
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=env, capture_output=True, text=True)
+    assert done.stdout.strip() == "the copy", done.stderr
 
 
 def test_made_files_bear_no_time(proof):

@@ -40,8 +40,13 @@ def interpreter() -> list[Path]:
     paths = sysconfig.get_paths()
     own = Path(__file__).resolve().parents[2]
     found = {paths[k] for k in ("stdlib", "platstdlib", "purelib", "platlib")} | {os.path.join(sys.base_prefix, "lib"), *SYSTEM}
-    found |= {p for p in sys.path if p and os.path.isdir(p) and not own.is_relative_to(Path(p).resolve())}
+    found |= {p for p in sys.path if p and os.path.isdir(p) and not (own.is_relative_to(Path(p).resolve()) or _other(p))}
     return sorted(Path(p).resolve() for p in found if os.path.exists(p))
+
+
+def _other(path: str) -> bool:
+    """Whether the sources of another installation lie here, with its generator of cases."""
+    return os.path.isdir(os.path.join(path, "ges", "blind"))
 
 
 def package() -> list[Path]:

@@ -1,4 +1,4 @@
-"""One diagnosis behind walls: ``python -I -m ges.blind.worker CASE OUT OPTIONS``.
+"""One diagnosis behind walls: ``python -I -m ges.blind.worker CASE OUT OPTIONS`` (by :data:`run.SAME`).
 
 It is started with an environment and a working folder that tell it nothing, on a copy of one case under a drawn name,
 and gives up every other file before it reads the case. OPTIONS are JSON: ``without`` lists parts of the method to
