@@ -22,6 +22,8 @@ READ = EXECUTE | READ_FILE | READ_DIR
 ALL_TCP = 3
 SYSTEM = ("/usr/lib", "/lib", "/lib64", "/usr/share", "/usr/local/lib", "/etc", "/dev/null", "/dev/urandom", "/proc/cpuinfo",
           "/proc/meminfo", "/sys/devices/system/cpu")  # fmt: skip
+OWN = Path(__file__).resolve().parents[2]
+"""Where this package is imported from."""
 FORBIDDEN = ("subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "os.spawn", "socket.connect")
 WATCHED = ("open", "os.listdir", "os.scandir", "os.chdir", "os.rename", "os.remove", "os.link", "os.symlink", "ctypes.dlopen")
 
@@ -38,9 +40,8 @@ class _Beneath(ctypes.Structure):
 def interpreter() -> list[Path]:
     """Return what Python and its packages need to be read from."""
     paths = sysconfig.get_paths()
-    own = Path(__file__).resolve().parents[2]
     found = {paths[k] for k in ("stdlib", "platstdlib", "purelib", "platlib")} | {os.path.join(sys.base_prefix, "lib"), *SYSTEM}
-    found |= {p for p in sys.path if p and os.path.isdir(p) and not (own.is_relative_to(Path(p).resolve()) or _other(p))}
+    found |= {p for p in sys.path if p and os.path.isdir(p) and not (OWN.is_relative_to(Path(p).resolve()) or _other(p))}
     return sorted(Path(p).resolve() for p in found if os.path.exists(p))
 
 

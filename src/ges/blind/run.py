@@ -22,7 +22,6 @@ from ..sources import sources
 from . import jail, seal, worker
 
 OUT = "diagnosed"
-HERE = str(Path(__file__).resolve().parents[2])
 SAME = "import runpy, sys; sys.path.insert(0, sys.argv.pop(1)); runpy.run_module('ges.blind.worker', run_name='__main__')"
 """An isolated interpreter would take the package that is installed, whichever one makes the verdicts."""
 METHODS: dict[str, dict] = {
@@ -135,7 +134,7 @@ def _process(given: Path, made: Path, home: Path, options: dict) -> str | None:
         "PATH": os.defpath, "HOME": str(home), "TMPDIR": str(made), "MPLCONFIGDIR": str(made), "LC_ALL": "C.UTF-8",
         "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0", "GES_LIBRARY": str(library_path().resolve()),
     }  # fmt: skip
-    command = [sys.executable, "-I", "-B", "-c", SAME, HERE, str(given), str(made), json.dumps(options)]
+    command = [sys.executable, "-I", "-B", "-c", SAME, str(jail.OWN), str(given), str(made), json.dumps(options)]
     try:
         done = subprocess.run(command, cwd=given, env=quiet, capture_output=True, text=True, timeout=LIMIT_S)
     except subprocess.TimeoutExpired:

@@ -32,7 +32,6 @@ the levelling moment, of which a form's error is a doubt of its own, though only
 ERRORS_OF = {"wind": frozenset({"wall_effect", "downwash"}), "thrust_curve": frozenset({"rotor_saturation"})}
 """What the form of a larger effect is wrong by looks like these: a wind is not the same everywhere, and where a drive is asked
 for most, a ceiling explains what another curve would."""
-DRAGS = frozenset({"rotor_drag", "parasitic_drag", "wind"})
 STILL_AIR_M_S = 0.3
 """No air is stiller, nor any position more at rest."""
 FAINT = 2.0  # times the least
@@ -79,7 +78,7 @@ def answering_gusts(present: set[str], system: System) -> set[str]:
     """Names that gusts make up: through a drag above the centre of gravity they turn the vehicle, whose angular acceleration
     answers moments that no column has. Where nothing but the air shook it, that looks like more inertia."""
     shaken = any(r.flight.has("excitation") and r.flight.stack("excitation")[:, :3].any() for r in system.flights)
-    return {"inertia"} if DRAGS & present and not shaken else set()
+    return {"inertia"} if {"wind", *needs_of("wind")} & present and not shaken else set()
 
 
 def _least(name: str, probability: float) -> float:
