@@ -17,7 +17,8 @@ import pandas as pd
 import pytest
 
 from ges.blind import baselines, figures, run, score, seal
-from ges.blind.coefficients import _over_limit, _relative
+from ges.blind.coefficients import _relative
+from ges.blind.opened import _over_limit
 from ges.blind.oracle import Oracle
 from ges.errors import UsageError
 from ges.io.recording import load_set
@@ -92,11 +93,11 @@ def test_size_over_stated_limit():
         "motor_lag": {"parameter": "up_s", "smallest": 0.01},
         "rotor_saturation": {"parameter": "share", "smallest": 0.15},
     }
-    assert _over_limit(seen, ["weak_rotor"], best, told) == pytest.approx(2.0)
-    assert _over_limit(seen, ["motor_lag"], best, told) == pytest.approx(5.0)
-    assert _over_limit(seen, ["rotor_saturation"], best, told) == pytest.approx(2.0)
-    assert _over_limit(seen, ["weak_rotor"], best, {}) is None
-    assert _over_limit(seen, [], best, told) is None
+    assert _over_limit(seen, "weak_rotor", best, told) == pytest.approx(2.0)
+    assert _over_limit(seen, "motor_lag", best, told) == pytest.approx(5.0)
+    assert _over_limit(seen, "rotor_saturation", best, told) == pytest.approx(2.0)
+    assert _over_limit(seen, "weak_rotor", best, {}) is None
+    assert _over_limit(seen, "rotor_drag", best, told) is None
 
 
 def test_coefficient_error_of_a_vector():

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ges.blind import figures, run, score, seal
+from ges.blind import figures, opened, oracle, run, score, seal
 from ges.blind.judge import category_of, judge
 from ges.errors import GesError
 
@@ -157,13 +157,36 @@ def test_bad_verdict_is_said(tmp_path, content):
 
 def test_oracle_recovers_what_was_concealed(proof):
     """Fitted to the noise-free forces, the library's rotor drag explains nearly all of a blade element rotor's."""
-    from ges.blind import oracle
-
     case = sorted(p.stem for p in (proof / "sealed").glob("*.npz"))[0]
     truth = json.loads((proof / "sealed" / f"{case}.json").read_text())
     best = oracle.fit(oracle.witness(proof, case, truth), ["rotor_drag"])
     assert best.reach > 0.95
     assert best.parameters["rotor_drag"]["k_kg"] > 0
+
+
+def test_what_scoring_worked_out_is_kept_until_its_sources_change(proof, monkeypatch):
+    """An interrupted scoring goes on: the oracle and the diagnosis that is told the truth are not asked twice."""
+    case = next(p.stem for p in sorted((proof / "sealed").glob("*.npz")) if seal.truth(proof, p.stem)["findings"])
+    truth = seal.truth(proof, case)
+    seen, asked = oracle.witness(proof, case, truth), []
+    monkeypatch.setattr(opened, "told_the_truth", lambda *_: asked.append(1) or {"detectable": {}, "sentence": "no part of it"})
+    first, again = (opened.known(proof, case, truth, seen) for _ in range(2))
+    assert asked == [1] and first == again and again.told == {"detectable": {}}
+    monkeypatch.setattr(opened, "_made_of", lambda _: "other sources")
+    opened.known(proof, case, truth, seen)
+    assert asked == [1, 1]
+    shutil.rmtree(proof / opened.KEPT)
+
+
+def test_a_pair_is_above_its_limits_when_each_of_its_effects_is(proof, monkeypatch):
+    """Of a pair the smaller of both sizes over limits is told, and none where one has no limit."""
+    case = next(p.stem for p in sorted((proof / "sealed").glob("*.npz")) if seal.truth(proof, p.stem)["findings"])
+    truth = seal.truth(proof, case) | _truth("rotor_drag", "wind") | {"concealed": {"rotor_drag": {}, "wind": {}}}
+    limits = iter((3.0, 2.0, 3.0, None))
+    monkeypatch.setattr(opened, "_over_limit", lambda *_: next(limits))
+    monkeypatch.setattr(opened, "told_the_truth", lambda *_: {})
+    monkeypatch.setattr(oracle, "fit", lambda *_: oracle.Oracle({}, np.nan))
+    assert [opened._work_out(proof, case, truth, None).over_limit for _ in range(2)] == [2.0, None]
 
 
 def test_confusion_counts_every_case_once():

@@ -1,4 +1,4 @@
-"""Fitted coefficients against the oracle's: error, intervals, and whether an effect was above the stated detection limit."""
+"""Fitted coefficients against the oracle's: their errors, and whether their intervals hold it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 from .. import effects as effect_table
 from ..errors import GesError
 from ..vehicle import load_vehicle
-from . import oracle
-from .heldout import reductions, told_the_truth
-from .oracle import FREE, SHAPES, Oracle, Witness
+from . import opened, oracle
+from .heldout import reductions
+from .oracle import FREE, SHAPES, Oracle, Witness, is_load, rms
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,30 +34,22 @@ def compare(folder: Path, case: str, truth: Mapping, answers: Sequence[tuple[Map
     seen = oracle.witness(folder, case, truth)
     if seen is None:
         return [None] * len(answers)
-    names = [f["name"] for f in truth["findings"]]
-    best = oracle.fit(seen, names)
-    told = oracle.declared_values(truth, load_vehicle(folder / "cases" / case / "vehicle.yaml"))
-    best = dataclasses.replace(best, parameters={**best.parameters, **told})
-    rerun = told_the_truth(folder / "cases" / case, names)
-    over_limit = _over_limit(seen, names, best, rerun.get("detectable", {}))
+    known = opened.known(folder, case, truth, seen)
+    best, over_limit = known.best, known.over_limit
     claimed = [{f["name"]: f["parameters"] for f in said["findings"] if f["name"] in best.parameters} for said, _ in answers]
     return [
-        Comparison(best, _errors(seen, best, named, fitted), _intervals(best, named), over_limit, reductions(said, rerun))
+        Comparison(best, _errors(seen, best, named, fitted), _intervals(best, named), over_limit, reductions(said, known.told))
         for (said, fitted), named in zip(answers, claimed, strict=True)
     ]
 
 
 def _errors(seen: Witness, best: Oracle, claimed: Mapping[str, Mapping], fitted: Path) -> dict[str, float]:
     """Error by effect: of the loads where it makes loads (so that the form chosen does not matter), else of the numbers."""
-    wrenches = [n for n in best.parameters if _is_load(n)]
+    wrenches = [n for n in best.parameters if is_load(n)]
     errors = {n: _relative(best.parameters[n], claimed[n]) for n in claimed if n not in wrenches}
     if wrenches and set(wrenches) <= set(claimed):
         errors["+".join(wrenches)] = _load_error(seen, best, wrenches, fitted)
     return {name: e for name, e in errors.items() if np.isfinite(e)}
-
-
-def _is_load(name: str) -> bool:
-    return name in FREE and effect_table.get(name).kind in ("wrench", "wind")
 
 
 def _load_error(seen: Witness, best: Oracle, names: list[str], fitted: Path) -> float:
@@ -68,11 +60,7 @@ def _load_error(seen: Witness, best: Oracle, names: list[str], fitted: Path) -> 
     if not set(names) <= set(held):
         return np.nan
     right = seen.loads({n: {**effect_table.get(n).neutral(), **best.parameters[n]} for n in names})
-    return _rms(seen.loads({n: held[n] for n in names}) - right) / max(_rms(right), 1e-12)
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    return rms(seen.loads({n: held[n] for n in names}) - right) / max(rms(right), 1e-12)
 
 
 def _relative(right: Mapping[str, float], told: Mapping[str, Mapping]) -> float:
@@ -91,24 +79,3 @@ def _intervals(best: Oracle, claimed: Mapping[str, Mapping]) -> tuple[int, int]:
         if p in told and None not in told[p]["ci95"]
     ]
     return (sum(checks), len(checks))
-
-
-def _over_limit(seen: Witness, names: list[str], best: Oracle, detectable: Mapping) -> float | None:
-    """Size of the effect over the smallest that these flights would have shown: of the loads where it makes loads, else of the
-    numbers along any axis; None where no smallest is told.
-
-    The limit is the one that is stated when the true name is known, so that what was found and what was missed are held against
-    the same.
-    """
-    limit = detectable.get(names[-1]) if names else None
-    if not limit or not limit.get("smallest") or names[-1] not in best.parameters:
-        return None
-    neutral, right = effect_table.get(names[-1]).neutral(), best.parameters[names[-1]]
-    if _is_load(names[-1]):
-        least = neutral | limit["shape"] | {limit["parameter"]: limit["smallest"]}
-        sizes = [_rms(seen.loads({names[-1]: values})) for values in (neutral | right, least)]
-        if sizes[1] > 0.0:
-            return sizes[0] / sizes[1]
-    units = {p.name: p.unit for p in effect_table.get(names[-1]).parameters}
-    alike = [v - neutral[p] for p, v in right.items() if p not in SHAPES and units[p] == units[limit["parameter"]]]
-    return float(np.linalg.norm(alike)) / limit["smallest"] if alike else None

@@ -134,6 +134,16 @@ def fit(seen: Witness, names: list[str]) -> Oracle:
     return Oracle(found, float(np.mean(reach)) if reach else np.nan)
 
 
+def is_load(name: str) -> bool:
+    """Whether an effect is fitted by the forces and moments that it makes."""
+    return name in FREE and effect_table.get(name).kind in ("wrench", "wind")
+
+
+def rms(values: np.ndarray) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
 def _least_squares(names: list[str], model, target: np.ndarray) -> tuple[dict[str, dict[str, float]], float]:
     from scipy.optimize import least_squares
 

@@ -240,8 +240,9 @@ def summary(judged: Sequence[Judgement], table: pd.DataFrame, held: dict[str, Co
     }
     located = np.array([j.located for j in judged if sum(j.located)], dtype=float).reshape(-1, 3)
     stated = np.array([s for j in judged for s in j.stated], dtype=float).reshape(-1, 2)
-    above = [j for j in of["single"] if j.case in held and (held[j.case].over_limit or 0.0) >= 1.0]
-    found["singles exactly right above the stated detection limit"] = _rate(above, lambda j: j.exact)
+    for category, limit in (("single", "limit"), ("pair", "limits"), ("triple", "limits")):
+        above = [j for j in of[category] if j.case in held and (held[j.case].over_limit or 0.0) >= 1.0]
+        found[f"{category}s exactly right above the stated detection {limit}"] = _rate(above, lambda j: j.exact)
     errors = np.array([e for c in held.values() for e in c.errors.values()])
     found["coefficient error relative to the oracle, median"] = (*bootstrap(errors, np.median), len(errors))
     within = [k < c.intervals[0] for c in held.values() for k in range(c.intervals[1])]
