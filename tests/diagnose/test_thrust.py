@@ -15,6 +15,7 @@ PLANS = (("height_staircase", (30.0,)), ("straight_runs", (30.0,)), ("climbs", (
 DRAG = {"rotor_drag": {"k_kg": 1e-4}}
 SAG = {"battery_sag": {"sensitivity": 0.8, "nominal_V": 16, "drop_V_s": 0.06, "load_V": 1.0}}
 HEAVY = {"thrust_scale": {"scale": -0.2}}
+BENT = {"thrust_curve": {"c": 0.3}}
 
 
 def _diagnosed(flown, vehicle, effects, unlogged, plans=PLANS, steps_s=()):
@@ -28,6 +29,18 @@ def _at(frame, step_s):
     """The recording as another clock samples it."""
     t_s = np.arange(0.0, frame["t_s"].iloc[-1], step_s)
     return pd.DataFrame({c: t_s if c == "t_s" else np.interp(t_s, frame["t_s"], frame[c]) for c in frame})
+
+
+def test_a_bent_curve_is_not_taken_for_a_usual_one(flown, sheet):
+    """Rotor speeds show the bend, which a usual doubt would take upon itself; a battery that sags under load bends it, too."""
+    found = _diagnosed(flown, sheet(), BENT, ("battery",))
+    assert found.verdict == "ambiguous"
+    told = {f.name: f.parameters for f in found.findings}
+    assert set(told) == {"battery_sag", "thrust_curve"} and told["thrust_curve"]["c"].value == pytest.approx(0.3, rel=0.1)
+    low, high = told["thrust_curve"]["c"].ci95
+    assert low < 0.3 < high and "thrust_curve.c would be" in found.sentence and "logged (battery_V)" in found.sentence
+    assert set(found.next_flight["separates"]) == set(told) and found.next_flight["expected_log_odds"] > SURE
+    assert _diagnosed(flown, sheet(), {"thrust_curve": {"c": 0.05}}, ("battery",)).verdict == "nothing_proven"
 
 
 @pytest.mark.parametrize("effects", [HEAVY, SAG], ids=["heavy", "sagged"])

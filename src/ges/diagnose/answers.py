@@ -8,6 +8,8 @@ vouch for a part of such a column; the rest is *loose*, and its coefficient may 
   centre of gravity, a weak rotor), and is taken out of such columns first (see :func:`untrim`).
 - ``gain``: what multiplies thrust. Loose is what it does along thrust because thrust changed fast, not because its gain did;
   and what changes of a cushion's moment, because attitude answers too.
+- ``rotor``: what takes thrust from one rotor. Loose is what changes of its moment, and along thrust what a gain has: its trim
+  moment counts in full.
 - ``height``: an error of a rangefinder that grows with height: the height that it is held against is a reading, too.
 """
 
@@ -37,7 +39,9 @@ CUSHIONS = frozenset(
     }
 )
 GAINS = CUSHIONS | {"thrust_scale", "battery_sag"}
+ROTORS = frozenset({"weak_rotor"})
 HEIGHTS = frozenset({"rangefinder_bias.scale"})
+KINDS = ("dynamic", "gain", "rotor", "height")
 LEAST_STRENGTH, INSTRUMENT_BLOCK_S = 0.4, 5.0
 SLOW_S = 0.5
 
@@ -50,7 +54,7 @@ def kind_of(key: str) -> str:
     effect = key.split(".")[0]
     if effect in MOVED:
         return "dynamic"
-    return "gain" if effect in GAINS else "height" if key in HEIGHTS else ""
+    return "gain" if effect in GAINS else "rotor" if effect in ROTORS else "height" if key in HEIGHTS else ""
 
 
 def untrim(keys: Sequence[str], x: Table, windows: Windows, names: Sequence[str], thrust: np.ndarray, air: np.ndarray) -> None:
@@ -106,7 +110,7 @@ def loose(keys: Sequence[str], x: Table, length_s: float, heard: Mapping[int, st
     keys, x : ``effect.parameter`` of every column, and the columns (m, C, K).
     heard : names of the channels that are there, by their number.
     """
-    which = {kind: _first(keys, kind) for kind in ("dynamic", "gain", "height")}
+    which = {kind: _first(keys, kind) for kind in KINDS}
     parts = {kind: {c: x.of(c, at)[air] for c in heard} for kind, at in which.items()}
     levels = np.array([keys[k].split(".")[0] in CUSHIONS for k in which["gain"]], dtype=float)
     z, own, strong, answered = told.z, told.own, told.strong, {c: n for c, n in heard.items() if n in told.strong}
@@ -115,6 +119,10 @@ def loose(keys: Sequence[str], x: Table, length_s: float, heard: Mapping[int, st
         "dynamic": {c: _beyond(parts["dynamic"][c], z[n], strong[n], n in VERTICAL) for c, n in answered.items()},
         "gain": {
             c: parts["gain"][c] * share[c] if c in share else levels * _centred(parts["gain"][c]) for c, n in answered.items()
+        },
+        "rotor": {
+            c: parts["rotor"][c] * share[c] if c in share else _beyond(parts["rotor"][c], z[n], strong[n], mean_is_told=True)
+            for c, n in answered.items()
         },
         "height": {c: _centred(parts["height"][c]) for c, n in heard.items() if n == "range"},
     }

@@ -208,15 +208,22 @@ SHAPES: Mapping[str, tuple[str, ...]] = {"ground_effect": ("decay", "rotor_plane
                                           "downwash": ("width_m", "other_x_m", "other_y_m")}  # fmt: skip
 
 
+WHOLE: Mapping[str, tuple[str, ...]] = {"cg_offset": ("x_m", "y_m"), "rotor_tilt": ("x_rad", "y_rad"),
+                                        "attitude_bias": ("x_rad", "y_rad")}  # fmt: skip
+"""Vectors that are fitted whole: an axis that a search can do without may have a third of them."""
+
+
 def free_parameters(board: Board, hypothesis: Hypothesis, model: Model, values: effect_table.Effects) -> list[tuple[str, str]]:
-    """Amplitudes of the hypothesis, and those shape parameters that its variants try and the data may move."""
+    """Amplitudes of the hypothesis, all axes of its vectors, and those shapes that its variants try and the data may move."""
     found = []
     for k in hypothesis.posterior.columns:
         column = board.system.columns[k]
         if column.part == "moment":
             continue
         found.append((column.variant.effect, column.variant.amplitudes[column.amplitude].parameter))
-    for effect in dict.fromkeys(e for e, _ in found):
+    chosen = list(dict.fromkeys(e for e, _ in found))
+    found = [f for f in found if f[0] not in WHOLE] + [(e, axis) for e in chosen for axis in WHOLE.get(e, ())]
+    for effect in chosen:
         for shape in SHAPES.get(effect, ()):
             if shape == "decay" and values[effect]["form"] < 3.0 or shape == "rotor_plane_offset_m" and model.plane_sd_m <= 0:
                 continue
