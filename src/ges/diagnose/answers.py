@@ -10,6 +10,7 @@ vouch for a part of such a column; the rest is *loose*, and its coefficient may 
   and what changes of a cushion's moment, because attitude answers too.
 - ``rotor``: what takes thrust from one rotor. Loose is what changes of its moment, and along thrust what a gain has: its trim
   moment counts in full.
+- ``load``: what hangs below. Loose is what changes fast of its pull along thrust: disturbances shake the vehicle, and so it.
 - ``height``: an error of a rangefinder that grows with height: the height that it is held against is a reading, too.
 """
 
@@ -40,8 +41,9 @@ CUSHIONS = frozenset(
 )
 GAINS = CUSHIONS | {"thrust_scale", "battery_sag"}
 ROTORS = frozenset({"weak_rotor"})
+LOADS = frozenset({"slung_load"})
 HEIGHTS = frozenset({"rangefinder_bias.scale"})
-KINDS = ("dynamic", "gain", "rotor", "height")
+KINDS = ("dynamic", "gain", "rotor", "load", "height")
 LEAST_STRENGTH, INSTRUMENT_BLOCK_S = 0.4, 5.0
 SLOW_S = 0.5
 
@@ -54,7 +56,17 @@ def kind_of(key: str) -> str:
     effect = key.split(".")[0]
     if effect in MOVED:
         return "dynamic"
-    return "gain" if effect in GAINS else "rotor" if effect in ROTORS else "height" if key in HEIGHTS else ""
+    return (
+        "gain"
+        if effect in GAINS
+        else "rotor"
+        if effect in ROTORS
+        else "load"
+        if effect in LOADS
+        else "height"
+        if key in HEIGHTS
+        else ""
+    )
 
 
 def untrim(keys: Sequence[str], x: Table, windows: Windows, names: Sequence[str], thrust: np.ndarray, air: np.ndarray) -> None:
@@ -124,6 +136,7 @@ def loose(keys: Sequence[str], x: Table, length_s: float, heard: Mapping[int, st
             c: parts["rotor"][c] * share[c] if c in share else _beyond(parts["rotor"][c], z[n], strong[n], mean_is_told=True)
             for c, n in answered.items()
         },
+        "load": {c: _fast(parts["load"][c], z[n], strong[n], length_s) for c, n in answered.items() if n in VERTICAL},
         "height": {c: _centred(parts["height"][c]) for c, n in heard.items() if n == "range"},
     }
     return {
@@ -160,14 +173,15 @@ def _centred(x: np.ndarray) -> np.ndarray:
 
 
 def _by_thrust(thrust: np.ndarray, z: np.ndarray, strong: float, length_s: float) -> np.ndarray:
-    """Share of a gain's force that is there because thrust is not what is vouched for, (m, 1).
+    """Share of a gain's force that is there because thrust is not what is vouched for, (m, 1)."""
+    return _fast(thrust[:, None], z, strong, length_s) / np.maximum(thrust, 0.1 * thrust.mean())[:, None]
 
-    Instruments vouch for what they explain; and slow changes are no answers to turbulence: they are what balances a height, a
-    climb, a load.
-    """
-    rest = _centred(thrust) - (projected(_centred(thrust)[:, None], z)[:, 0] if strong > LEAST_STRENGTH else 0.0)
-    rest = rest - gaussian_filter1d(rest, SLOW_S / (0.5 * length_s))
-    return (rest / np.maximum(thrust, 0.1 * thrust.mean()))[:, None]
+
+def _fast(x: np.ndarray, z: np.ndarray, strong: float, length_s: float) -> np.ndarray:
+    """What changes fast of columns (m, k) and instruments do not explain; slow changes are no answers to turbulence: they are
+    what balances a height, a climb, a load."""
+    rest = _beyond(x, z, strong, mean_is_told=True)
+    return rest - gaussian_filter1d(rest, SLOW_S / (0.5 * length_s), axis=0)
 
 
 def _beyond(x: np.ndarray, z: np.ndarray, strong: float, mean_is_told: bool) -> np.ndarray:
