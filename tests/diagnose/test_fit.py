@@ -12,7 +12,6 @@ from ges.diagnose.model import from_vehicle
 from ges.diagnose.select import Hypothesis
 from ges.diagnose.system import build, window_length_s
 
-GYRO_ALONE = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 CUSHION = {"form": 3.0, "amplitude": 1.0, "high": 10.0}
 TRUE = {"c_a": 0.5, "decay": 0.5}
 LEVELLING = {"q": -0.9}
@@ -55,23 +54,6 @@ def test_a_fit_allows_for_the_same_answers_as_the_search_before_it(near_ground):
 
 def _answered(rows) -> set[str]:
     return {key for parts in rows.loose.values() for key in parts}
-
-
-def test_a_weak_rotor_is_as_weak_as_its_trim_says_where_the_controller_answers_gusts(flown, sheet):
-    """What changes of a rotor's moment answers disturbances: taken for told by it, the loss was a sixth too small."""
-    place = {"ccw": ((0.12, -0.12), (-0.12, 0.12)), "cw": ((0.12, 0.12), (-0.12, -0.12))}
-    rotors = [{"x_m": x, "y_m": y, "z_m": 0.1, "radius_m": 0.1, "spin": spin} for spin, at in place.items() for x, y in at]
-    vehicle = sheet(rotors=rotors, inertia_kg_m2={"xx": 0.004, "yy": 0.004, "zz": 0.007, "sd_rel": 0.1})
-    drag, weak = {"rotor_drag": {"k_kg": 1.5e-4}}, dict.fromkeys((f"loss_{i}" for i in range(1, 5)), 0.0)
-    frames = [
-        flown(vehicle, {**drag, "weak_rotor": {**weak, "loss_2": 0.15}, "gusts": {"wind_20ft_m_s": 4.0, "seed": float(seed)}},
-              manoeuvres.make(plan, 20.0), seed, GYRO_ALONE) for seed, plan in enumerate(("hover", "straight_runs", "climbs"), 1)
-    ]  # fmt: skip
-    model = from_vehicle(vehicle)
-    flights = [f for f in pass_gate(frames, model).flights if f]
-    start = {**drag, "weak_rotor": {**weak, "loss_2": 0.1}}
-    fitted = polish(flights, model, start, (("weak_rotor", "loss_2"),), window_length_s(flights))
-    assert fitted.effects["weak_rotor"]["loss_2"] == pytest.approx(0.15, rel=0.06)
 
 
 @pytest.mark.parametrize(("effect", "axes"), WHOLE.items())

@@ -8,8 +8,9 @@ vouch for a part of such a column; the rest is *loose*, and its coefficient may 
   centre of gravity, a weak rotor), and is taken out of such columns first (see :func:`untrim`).
 - ``gain``: what multiplies thrust. Loose is what it does along thrust because thrust changed fast, not because its gain did;
   and what changes of a cushion's moment, because attitude answers too.
-- ``rotor``: what takes thrust from one rotor. Loose is what changes of its moment, and along thrust what a gain has: its trim
-  moment counts in full.
+- ``rotor``: what takes thrust from one rotor. Loose is what changes of its moment in roll and pitch, where answers to yaw show,
+  too (what answers a roll with a weak rotor also yaws, and takes large changes of all speeds), and along thrust what a gain has.
+  Its trim counts in full.
 - ``load``: what hangs below. Loose is what changes fast of its pull along thrust: disturbances shake the vehicle, and so it.
 - ``height``: an error of a rangefinder that grows with height: the height that it is held against is a reading, too.
 """
@@ -29,6 +30,7 @@ from .table import Table
 from .weak import Windows, blocks_of
 
 VERTICAL = ("force_z", "acc_z")
+YAW = "moment_z"
 CUSHIONS = frozenset(
     {
         "ground_effect",
@@ -135,6 +137,7 @@ def loose(keys: Sequence[str], x: Table, length_s: float, heard: Mapping[int, st
         "rotor": {
             c: parts["rotor"][c] * share[c] if c in share else _beyond(parts["rotor"][c], z[n], strong[n], mean_is_told=True)
             for c, n in answered.items()
+            if not n.startswith(YAW)
         },
         "load": {c: _fast(parts["load"][c], z[n], strong[n], length_s) for c, n in answered.items() if n in VERTICAL},
         "height": {c: _centred(parts["height"][c]) for c, n in heard.items() if n == "range"},
