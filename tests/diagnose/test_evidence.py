@@ -110,10 +110,8 @@ def test_what_takes_thrust_from_a_rotor_is_an_answer_but_for_its_trim_and_in_yaw
     x, names = table_of([dict.fromkeys(range(3), column)], len(column), 3), ("force_z", "moment_x", "moment_z")
     told = Vouched({n: np.zeros((len(column), 1)) for n in names}, {n: column for n in names}, dict.fromkeys(names, 0.0))
     found = loose(("weak_rotor.loss_1",), x, 0.2, dict(enumerate(names)), told, np.ones(len(column), bool))
-    assert set(found) == {("rotor", 0), ("rotor", 1)}
+    assert set(found) == {("rotor", 1)}, "neither along thrust nor in yaw"
     np.testing.assert_allclose(found["rotor", 1]["weak_rotor.loss_1"], column - column.mean())
-    along = found["rotor", 0]["weak_rotor.loss_1"]
-    assert abs(along.mean()) < 0.02 and 0.2 < along.std() < column.std(), "of a gain its fast changes alone"
 
 
 def test_of_a_load_what_changes_fast_of_its_pull_is_an_answer():
@@ -123,7 +121,9 @@ def test_of_a_load_what_changes_fast_of_its_pull_is_an_answer():
     slow, fast = 3.0 + windows.mean @ np.sin(0.2 * t), windows.mean @ np.sin(12.0 * t)
     x, names = table_of([{0: slow + fast, 1: slow + fast}], len(slow), 2), ("force_z", "force_x")
     told = Vouched({"force_z": np.zeros((len(slow), 1))}, {"force_z": slow}, {"force_z": 0.0})
-    found = loose(("slung_load.mass_kg",), x, 0.2, dict(enumerate(names)), told, np.ones(len(slow), bool))
+    asked = (("slung_load.mass_kg",), x, 0.2, dict(enumerate(names)), told, np.ones(len(slow), bool))
+    assert not loose(*asked), "a load that may be there takes nothing from cushions"
+    found = loose(*asked, ("slung_load",))
     assert set(found) == {("load", 0)}, "along thrust alone"
     middle = slice(20, -20)
     np.testing.assert_allclose(found["load", 0]["slung_load.mass_kg"][middle], fast[middle], atol=0.05)

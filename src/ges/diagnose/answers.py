@@ -9,9 +9,9 @@ vouch for a part of such a column; the rest is *loose*, and its coefficient may 
 - ``gain``: what multiplies thrust. Loose is what it does along thrust because thrust changed fast, not because its gain did;
   and what changes of a cushion's moment, because attitude answers too.
 - ``rotor``: what takes thrust from one rotor. Loose is what changes of its moment in roll and pitch, where answers to yaw show,
-  too (what answers a roll with a weak rotor also yaws, and takes large changes of all speeds), and along thrust what a gain has.
-  Its trim counts in full.
-- ``load``: what hangs below. Loose is what changes fast of its pull along thrust: disturbances shake the vehicle, and so it.
+  too: what answers a roll with a weak rotor also yaws, and takes large changes of all speeds. Its trim counts in full.
+- ``load``: what hangs below, once it is on. Loose is what changes fast of its pull along thrust: disturbances shake the vehicle,
+  and so it.
 - ``height``: an error of a rangefinder that grows with height: the height that it is held against is a reading, too.
 """
 
@@ -30,7 +30,7 @@ from .table import Table
 from .weak import Windows, blocks_of
 
 VERTICAL = ("force_z", "acc_z")
-YAW = "moment_z"
+ROLL_PITCH = ("moment_x", "moment_y")
 CUSHIONS = frozenset(
     {
         "ground_effect",
@@ -114,7 +114,8 @@ def _answered(name: str) -> bool:
     return block_of(name) == "moment" or name in VERTICAL
 
 
-def loose(keys: Sequence[str], x: Table, length_s: float, heard: Mapping[int, str], told: Vouched, air: np.ndarray) -> Loose:
+def loose(keys: Sequence[str], x: Table, length_s: float, heard: Mapping[int, str], told: Vouched, air: np.ndarray,
+          on: Collection[str] = ()) -> Loose:  # fmt: skip
     """Loose parts of columns, zero where they are not in the ``air`` (m,).
 
     Shapes of one parameter are loose alike: its first column stands for them.
@@ -123,8 +124,9 @@ def loose(keys: Sequence[str], x: Table, length_s: float, heard: Mapping[int, st
     ----------
     keys, x : ``effect.parameter`` of every column, and the columns (m, C, K).
     heard : names of the channels that are there, by their number.
+    on : effects of the model; a load that is not on would take from cushions what they do along thrust.
     """
-    which = {kind: _first(keys, kind) for kind in KINDS}
+    which = {kind: _first(keys, kind) for kind in KINDS if kind != "load" or LOADS & set(on)}
     parts = {kind: {c: x.of(c, at)[air] for c in heard} for kind, at in which.items()}
     levels = np.array([keys[k].split(".")[0] in CUSHIONS for k in which["gain"]], dtype=float)
     z, own, strong, answered = told.z, told.own, told.strong, {c: n for c, n in heard.items() if n in told.strong}
@@ -135,16 +137,20 @@ def loose(keys: Sequence[str], x: Table, length_s: float, heard: Mapping[int, st
             c: parts["gain"][c] * share[c] if c in share else levels * _centred(parts["gain"][c]) for c, n in answered.items()
         },
         "rotor": {
-            c: parts["rotor"][c] * share[c] if c in share else _beyond(parts["rotor"][c], z[n], strong[n], mean_is_told=True)
+            c: _beyond(parts["rotor"][c], z[n], strong[n], mean_is_told=True)
             for c, n in answered.items()
-            if not n.startswith(YAW)
+            if n.startswith(ROLL_PITCH)
         },
-        "load": {c: _fast(parts["load"][c], z[n], strong[n], length_s) for c, n in answered.items() if n in VERTICAL},
+        "load": {
+            c: _fast(parts["load"][c], z[n], strong[n], length_s)
+            for c, n in answered.items()
+            if "load" in parts and n in VERTICAL
+        },
         "height": {c: _centred(parts["height"][c]) for c, n in heard.items() if n == "range"},
     }
     return {
         (kind, c): {keys[k]: values for k, values in zip(which[kind], _among(air, part).T, strict=True)}
-        for kind, parts in found.items() if which[kind] for c, part in parts.items()
+        for kind, parts in found.items() if which.get(kind) for c, part in parts.items()
     }  # fmt: skip
 
 

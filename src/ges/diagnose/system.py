@@ -384,7 +384,7 @@ def rows(flight: Prepared, model: Model, names: Sequence[str], columns: Sequence
     heard = {c: name for c, name in enumerate(names) if np.isfinite(y[air, c]).all()}
     apart = [f"{key}/{c.part}" if c.part == "moment" and c.variant.effect in model.effects else key
              for key, c in zip(keys, columns, strict=True)]  # fmt: skip
-    answered = loose(apart, x, windows.length_s, heard, vouch, air) if vouch else {}
+    answered = loose(apart, x, windows.length_s, heard, vouch, air, model.effects) if vouch else {}
     answered = both(like.loose, answered, model.effects) if like else answered
     beyond = _beyond(flight, windows, names, now.drive.commanded)
     return Rows(flight, windows, y, x, restless(flight, windows, model, thrust), answered, vouch, air, beyond)
