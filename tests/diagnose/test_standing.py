@@ -117,10 +117,11 @@ def test_a_name_goes_only_if_that_relieves_the_declared_numbers(without, goes):
     assert relieved(*moved, system) == goes
 
 
-@pytest.mark.parametrize(("east", "north", "blows"), [(0.2, 0.2, False), (-0.25, 0.25, True)])
-def test_air_that_hardly_moves_is_no_wind(east, north, blows):
-    free = (("wind", "east_m_s"), ("wind", "north_m_s"))
-    fitted = Fitted({"wind": {"east_m_s": east, "north_m_s": north}}, free, 1e-4 * np.eye(2), None, None, BOARD)
+@pytest.mark.parametrize(("size", "rough", "blows"), [((0.2, 0.2), 0.0, 0), ((-0.25, 0.25), 0.0, 1), ((-0.25, 0.25), 0.03, 0)])
+def test_air_that_hardly_moves_is_no_wind(size, rough, blows):
+    """Of what blows at 10 m over rough ground less is left at 1.5 m."""
+    effects = {"wind": {"east_m_s": size[0], "north_m_s": size[1], "roughness_m": rough}}
+    fitted = Fitted(effects, (("wind", "east_m_s"), ("wind", "north_m_s")), 1e-4 * np.eye(2), None, None, BOARD)
     assert stands(fitted, "wind") == blows
 
 

@@ -8,7 +8,7 @@ parameters a diagnosis should come to.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +26,7 @@ FREE: Mapping[str, tuple[str, ...]] = {
     "ground_effect": ("c_a", "decay"), "ground_effect_forward_flight": ("c",), "partial_ground_effect": ("k",),
     "ground_effect_lag": ("c",), "ground_effect_moment": ("q",), "fountain_lift": ("c_b", "c_s"), "rotor_drag": ("k_kg",),
     "parasitic_drag": ("area_m2", "vertical_ratio"), "axial_inflow": ("k_kg",), "translational_lift": ("c",),
-    "wind": ("east_m_s", "north_m_s"),
+    "wind": ("east_m_s", "north_m_s", "roughness_m"),
     "weak_rotor": ("loss_1", "loss_2", "loss_3", "loss_4"), "cg_offset": ("x_m", "y_m"), "rotor_tilt": ("x_rad", "y_rad"),
     "rotor_inertia_reaction": ("inertia_kg_m2",), "slung_load": ("mass_kg", "length_m", "damping"),
     "tether": ("weight_N_m",), "battery_sag": ("sensitivity",), "motor_lag": ("up_s", "down_s"),
@@ -34,7 +34,10 @@ FREE: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 HANGING = {"below_m": 20.0}  # the concealed load hangs free, through the ground
 FIXED: Mapping[str, dict[str, float]] = {"ground_effect": WIDE, "slung_load": HANGING}
-SHAPES = ("decay", "c_s", "vertical_ratio", "length_m", "damping")
+START = {("wind", "roughness_m"): 0.03}
+SHAPES = ("decay", "c_s", "vertical_ratio", "length_m", "damping", "roughness_m")
+DRIVES = ("motor_lag", "esc_delay")
+"""What a diagnosis always leaves free of a drive, beside its top speed."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,9 +132,21 @@ def fit(seen: Witness, names: list[str]) -> Oracle:
         best, share = _least_squares(wrenches, seen.loads, seen.true_loads())
         found, reach = found | best, [*reach, share]
     if driven and "fast_u" in seen.flights[0]:
-        best, share = _least_squares(driven, seen.speeds, seen.true_speeds())
+        best, share = _fit_drive(driven, seen)
         found, reach = found | best, [*reach, share]
     return Oracle(found, float(np.mean(reach)) if reach else np.nan)
+
+
+def _fit_drive(names: list[str], seen: Witness) -> tuple[dict[str, dict[str, float]], float]:
+    """Effects of a drive beside its lags, its delay and the top speed, which a diagnosis leaves free as well: a vehicle file is
+    wrong about them in every case, and no drive is of first order."""
+    true = seen.true_speeds()
+
+    def model(effects: effect_table.Effects) -> np.ndarray:
+        said = seen.speeds(effects)
+        return said * ((true * said).sum() / (said**2).sum())
+
+    return _least_squares(names, model, true, [n for n in DRIVES if n not in names])
 
 
 def is_load(name: str) -> bool:
@@ -144,26 +159,28 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _least_squares(names: list[str], model, target: np.ndarray) -> tuple[dict[str, dict[str, float]], float]:
+def _least_squares(names: list[str], model, target: np.ndarray,
+                   beside: Sequence[str] = ()) -> tuple[dict[str, dict[str, float]], float]:  # fmt: skip
+    """Best parameters of the names, and the share of what the effects ``beside`` them leave that they explain."""
     from scipy.optimize import least_squares
 
-    table = {n: {p.name: p for p in effect_table.get(n).parameters} for n in names}
-    free = [(n, p) for n in names for p in FREE[n]]
+    table = {n: {p.name: p for p in effect_table.get(n).parameters} for n in (*names, *beside)}
+    free = [(n, p) for n in table for p in FREE[n]]
     typical = np.array([_typical(table[n][p]) for n, p in free])
     low, high = (np.array([getattr(table[n][p], end) for n, p in free]) for end in ("low", "high"))
-    start = np.clip([table[n][p].default for n, p in free], low + 1e-9, high - 1e-9)
+    start = np.clip([START.get((n, p), table[n][p].default) for n, p in free], low + 1e-9, high - 1e-9)
 
     def effects(x) -> dict[str, dict[str, float]]:
-        own = {n: {**effect_table.get(n).neutral(), **FIXED.get(n, {})} for n in names}
+        own = {n: {**effect_table.get(n).neutral(), **FIXED.get(n, {})} for n in table}
         for (n, p), value in zip(free, x, strict=True):
             own[n][p] = float(value)
         return own
 
-    none = target - model({})
     limits = {"bounds": (low, high), "x_scale": typical, "diff_step": 1e-3, "max_nfev": 40}
     out = least_squares(lambda x: (target - model(effects(x))).ravel(), start, **limits)
-    share = 1.0 - (out.fun**2).sum() / max((none**2).sum(), 1e-30)
     best = effects(out.x)
+    none = target - model({n: best[n] for n in beside})
+    share = 1.0 - (out.fun**2).sum() / max((none**2).sum(), 1e-30)
     return {n: {p: best[n][p] for p in (*FREE[n], *FIXED.get(n, {}))} for n in names}, float(share)
 
 

@@ -26,6 +26,7 @@ FINEST_SQUARE_M, MOST_PLACES = 0.125, 36
 ABOVE_M, ABOVE_RADII = 0.5, 5.0
 I_AXES = ("xx", "yy", "zz")
 WIND = ("east_m_s", "north_m_s")
+USUAL_ROUGHNESS_M, LOW_M = 0.03, 1.5
 USUAL_DRAG = 0.02
 """Of the weight, at 1 m/s."""
 DRAWN_M_PER_M = (0.6, 1.2)
@@ -303,17 +304,19 @@ def _other_vehicles(model: Model, reached: Flown) -> tuple[Variant, ...]:
 
 
 def wind_speed_m_s(values: Mapping[str, float]) -> float:
-    """Of a wind by its parameters."""
-    return math.hypot(*(values[p] for p in WIND))
+    """Of a wind by its parameters, at the heights of flights near ground."""
+    rough = values["roughness_m"]
+    profile = math.log1p(LOW_M / rough) / math.log1p(10.0 / rough) if rough > 0.0 else 1.0
+    return profile * math.hypot(*(values[p] for p in WIND))
 
 
 def _winds(model: Model) -> tuple[Variant, ...]:
-    """Through the drag that is on, else through a usual one."""
-    plain = _variant("wind", WIND)
+    """Uniform, or growing with height; through the drag that is on, else through a usual one."""
+    found = _grid("wind", WIND, roughness_m=(0.0, USUAL_ROUGHNESS_M))
     if set(_CHILDREN["wind"]) & set(model.effects):
-        return (plain,)
+        return found
     usual = {"rotor_drag": {"k_kg": USUAL_DRAG * model.weight_N / (4.0 * model.hover_rad_s)}}
-    return (dataclasses.replace(plain, beside=usual),)
+    return tuple(dataclasses.replace(v, beside=usual) for v in found)
 
 
 def reach_of(name: tuple[str, str], values: effect_table.Effects, model: Model) -> float:

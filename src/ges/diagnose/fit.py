@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import effects as effect_table
 from .align import Prepared
-from .candidates import Amplitude, Variant, amplitude_of, kind_of, needs_of, reach_of
+from .candidates import USUAL_ROUGHNESS_M, Amplitude, Variant, amplitude_of, kind_of, needs_of, reach_of
 from .evidence import DECLARED, PLAUSIBLE, Board, gram_of, make_board, unanswered, whitened
 from .model import Model
 from .select import Hypothesis
@@ -29,7 +29,8 @@ FORM_ERROR = 0.12
 CLIPPING = frozenset({"rotor_saturation"})
 """Effects that a share of their column's step says nothing of: half of a ceiling's step is no ceiling at half the way."""
 USUAL_SHAPES = {("ground_effect", "decay"): (1.0, 1.0), ("fountain_lift", "c_s"): (1.5, 1.0),
-                ("parasitic_drag", "vertical_ratio"): (1.0, 1.0)}  # fmt: skip
+                ("parasitic_drag", "vertical_ratio"): (1.0, 1.0),
+                ("wind", "roughness_m"): (USUAL_ROUGHNESS_M, USUAL_ROUGHNESS_M)}  # fmt: skip
 """Usual value and sd of a shape that some flights hardly tell."""
 FIRMER = {("motor_lag", "up_s"): (0.0, 0.5), ("motor_lag", "down_s"): (0.0, 0.5), ("esc_delay", "delay_s"): (0.0, 0.06)}
 
@@ -204,7 +205,7 @@ def _through(found: dict[str, dict[str, float]], beside: effect_table.Effects) -
 
 SHAPES: Mapping[str, tuple[str, ...]] = {"ground_effect": ("decay", "rotor_plane_offset_m"), "fountain_lift": ("c_s",),
                                           "parasitic_drag": ("vertical_ratio",), "slung_load": ("length_m",),
-                                          "ceiling_effect": ("ceiling_z_m",),
+                                          "ceiling_effect": ("ceiling_z_m",), "wind": ("roughness_m",),
                                           "downwash": ("width_m", "other_x_m", "other_y_m")}  # fmt: skip
 
 
@@ -225,10 +226,16 @@ def free_parameters(board: Board, hypothesis: Hypothesis, model: Model, values: 
     found = [f for f in found if f[0] not in WHOLE] + [(e, axis) for e in chosen for axis in WHOLE.get(e, ())]
     for effect in chosen:
         for shape in SHAPES.get(effect, ()):
-            if shape == "decay" and values[effect]["form"] < 3.0 or shape == "rotor_plane_offset_m" and model.plane_sd_m <= 0:
+            if _is_held(shape, values[effect], model):
                 continue
             found.append((effect, shape))
     return found
+
+
+def _is_held(shape: str, values: Mapping[str, float], model: Model) -> bool:
+    """Whether a shape does nothing in the variant of these values, or is declared as known."""
+    known = shape == "rotor_plane_offset_m" and model.plane_sd_m <= 0
+    return known or shape == "decay" and values["form"] < 3.0 or shape == "roughness_m" and values[shape] <= 0.0
 
 
 def _prior(name: tuple[str, str], values: effect_table.Effects, model: Model) -> tuple[float, float]:
