@@ -3,11 +3,15 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import lfilter
 
 from ges import manoeuvres
-from ges.diagnose.delays import _told
-from ges.diagnose.gate import clipped, pass_gate
+from ges.diagnose.align import MAY_BE_HELD, Prepared
+from ges.diagnose.delays import HELD_ON, MOVED_ON, _told, command_hold
+from ges.diagnose.gate import clipped, pass_gate, prepare
 from ges.diagnose.model import from_vehicle
+from ges.diagnose.steady import with_steady_voltage
 from ges.errors import GesError
 
 COMMAND = ("u_1", "u_2", "u_3", "u_4")
@@ -161,6 +165,44 @@ def test_rotor_speeds_on_time_beside_their_commands_are_left_alone(flown, sheet,
     """Late against the motion alone is what a controller's answers to disturbances look like."""
     gate = pass_gate([_in_flight(flown, sheet, with_rates, -0.15, 0.0)] * 2, model)
     assert not gate.delays
+
+
+def _commanded(held: bool, late_s: float = 0.0):
+    """A flight of 20 s at 100 Hz: commands that are held from row to row, or move on within it, and the speeds of motors of
+    40 ms that follow them, read with noise."""
+    rng, every, fine_s = np.random.default_rng(0), 20, 5e-4
+    t = np.arange(0.0, 20.0, fine_s)
+    asked = 0.5 + lfilter([0.01], [1.0, fine_s / 0.02 - 1.0], rng.normal(size=(len(t), 4)), axis=0)
+    asked = asked[np.arange(len(t)) // every * every] if held else asked
+    late = np.roll(asked, round(late_s / fine_s), axis=0)
+    speeds = 1000.0 * lfilter([fine_s / 0.04], [1.0, fine_s / 0.04 - 1.0], late, axis=0)[::every]
+    speeds = speeds + rng.normal(0.0, 1.0, speeds.shape)
+    columns = dict(zip(COMMAND, asked[::every].T, strict=True))
+    columns |= {f"rotor_speed_{i}_rad_s": s for i, s in enumerate(speeds.T, 1)}
+    rows = t[::every]
+    return Prepared(rows, columns, rows > 1.0, {}, {"command": 0.01, "rotor_speed": 0.01})
+
+
+def test_how_long_commands_are_held_shows_in_the_speeds_beside_them():
+    assert command_hold([_commanded(held=False)] * 2) == MOVED_ON
+    assert command_hold([_commanded(held=True)] * 2) == HELD_ON
+
+
+def test_what_is_late_or_not_logged_leaves_open_how_long_commands_are_held():
+    late, moved = _commanded(held=False, late_s=0.015), _commanded(held=False)
+    unseen = moved.replaced(columns={c: v for c, v in moved.columns.items() if c in COMMAND})
+    assert command_hold([late] * 2) == command_hold([unseen] * 2) == MAY_BE_HELD
+
+
+def test_a_voltage_falls_as_read_and_dips_as_the_drive_pulls_it_down(whole, model):
+    """A battery that runs down, sags by the current of 50 ms before, and is read with noise as large as its sags."""
+    flight = prepare(whole, model)
+    speeds, n = flight.stack("rotor_speed").mean(axis=1), len(flight.t_s)
+    sag = gaussian_filter1d(speeds - speeds.mean(), 0.05 / flight.dt_s)
+    true = 16.0 - 0.05 * flight.t_s - 0.3 * sag / sag.std()
+    read = true + np.random.default_rng(0).normal(0.0, 0.3, n)
+    told = with_steady_voltage(flight.replaced(columns={**flight.columns, "battery_V": read})).columns["battery_V"]
+    assert np.std(told - true) < 0.25 * np.std(read - true)
 
 
 def test_a_blow_from_the_ground_is_left_out_and_counted(whole, model):

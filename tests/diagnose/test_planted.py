@@ -222,6 +222,25 @@ def test_a_load_that_is_dragged_over_the_ground_is_found_with_its_thread(flown, 
     assert told["start_x_m"] == pytest.approx(start_x_m, abs=0.03)
 
 
+@pytest.mark.parametrize("roughness_m", [0.0, 0.05])
+def test_a_wind_is_told_with_how_it_grows_with_height(roughness_m, flown, vehicle):
+    blows = {**DRAG, "wind": {"east_m_s": 3.0, "north_m_s": 1.5, "roughness_m": roughness_m}}
+    found = ges.diagnose(_recordings(flown, vehicle, blows), vehicle, holdout=["flight5"])
+    told = next(f for f in found.findings if f.name == "wind").parameters
+    assert told["east_m_s"].value == pytest.approx(3.0, rel=0.1) and told["north_m_s"].value == pytest.approx(1.5, rel=0.1)
+    assert ("roughness_m" in told) == (roughness_m > 0.0)
+    assert not roughness_m or told["roughness_m"].value == pytest.approx(roughness_m, rel=0.5)
+
+
+def test_a_noisy_reading_of_the_voltage_makes_no_smaller_sag(flown, vehicle):
+    """Noise of 0.5 %; taken as read it leaves 0.59 of the sensitivity."""
+    flights = _recordings(flown, vehicle, PLANTED["battery_sag"])
+    noise = np.random.default_rng(0)
+    noisy = [f.assign(battery_V=f["battery_V"] + noise.normal(0.0, 0.08, len(f))) for f in flights]
+    (finding,) = ges.diagnose(noisy, vehicle, holdout=["flight5"]).findings
+    assert finding.parameters["sensitivity"].value == pytest.approx(0.8, rel=0.1)
+
+
 def test_another_vehicle_is_found_where_it_hovers(flown, vehicle):
     flights = _recordings(flown, vehicle, PLANTED["downwash"], ROOM)
     told = ges.diagnose(flights, vehicle, holdout=["flight5"]).findings[0].parameters

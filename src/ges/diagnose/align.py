@@ -6,7 +6,6 @@ A recording becomes a :class:`Prepared` flight on a uniform grid. Nothing here k
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -37,7 +36,18 @@ LONGEST_GAP_S = 0.5
 LONGEST_SILENCE_S = 0.3
 UP, WELL_ABOVE_M, MUCH_LOWER_M = 0.7, 0.3, 0.1
 SPUN_UP_S = 0.1
-STEADY_HZ = 0.3
+
+
+@dataclasses.dataclass(frozen=True)
+class Held:
+    """How long a command acts on after its row, so that it comes that much later on the whole: mean and sd, in rows."""
+
+    late: float
+    sd: float
+
+
+MAY_BE_HELD = Held(0.125, 0.22)
+"""Until the next row, or, three times as often, not at all: most controllers run faster than their logs."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,6 +65,7 @@ class Prepared:
     lateness_s : delay taken out of a stream, by stream.
     derived : streams that were not logged but made from others.
     path : position and velocity at which the model is asked, where not at the recorded ones; world, m and m/s.
+    held : how long its commands are held.
     """
 
     t_s: np.ndarray
@@ -66,6 +77,7 @@ class Prepared:
     derived: frozenset[str] = frozenset()
     path: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
     lifting: np.ndarray | None = None
+    held: Held = MAY_BE_HELD
 
     @property
     def driven(self) -> np.ndarray:
@@ -199,30 +211,6 @@ def gaps(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
         return np.ones(len(grid_s), dtype=bool)
     after = np.searchsorted(good, grid_s, side="left").clip(1, len(good) - 1)
     return (good[after] - good[after - 1] > LONGEST_GAP_S) | (grid_s < good[0]) | (grid_s > good[-1])
-
-
-def with_steady_position(flight: Prepared) -> Prepared:
-    """Positions that change fast as the velocity says and slowly as they were read, within each stretch in the air.
-
-    The wander of a reading within seconds would swing a load that hangs on it, at its own frequency; the velocity, which is its
-    rate, wanders less there (Brown and Hwang 2012, complementary filter; symmetric in time, so that nothing lags).
-    """
-    if not (flight.has("position") and flight.has("velocity")):
-        return flight
-    p, v = flight.stack("position"), flight.stack("velocity")
-    travelled = np.vstack([np.zeros(3), np.cumsum(0.5 * (v[1:] + v[:-1]) * flight.dt_s, axis=0)])
-    for at in np.split(np.arange(len(p)), np.flatnonzero(np.diff(flight.flying)) + 1):
-        if flight.flying[at[0]] and len(at) * flight.dt_s * STEADY_HZ > 1.0:
-            p[at] = travelled[at] + _slow(p[at] - travelled[at], flight.dt_s)
-    return flight.replaced(columns={**flight.columns, **dict(zip(POSITION, p.T, strict=True))})
-
-
-def _slow(values: np.ndarray, dt_s: float) -> np.ndarray:
-    """What of values (n, 3) changes slowly: at :data:`STEADY_HZ` half of the amplitude is left; trends go on beyond both ends."""
-    width = math.sqrt(0.5 * math.log(2.0)) / (math.pi * STEADY_HZ * dt_s)
-    ends = min(len(values) - 1, int(4.0 * width))
-    padded = np.pad(values, ((ends, ends), (0, 0)), mode="reflect", reflect_type="odd")
-    return gaussian_filter1d(padded, width, axis=0)[ends : ends + len(values)]
 
 
 def lift(flight: Prepared, thrust_coefficient: float, speed_max: float, weight_N: float) -> np.ndarray | None:

@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.special import stdtrit
 
 from ..threads import each
-from .align import STREAMS, Prepared, lift
+from .align import MAY_BE_HELD, STREAMS, Held, Prepared, lift
 from .model import Model
 from .residual import turn_rates
 
@@ -27,6 +27,9 @@ LEAST_FREE = 0.5
 DRIFT_BLOCK_S, LEAST_BLOCKS, CHANCE_OF_DRIFT = 2.5, 5, 0.001
 LEAST_OF_BLOCK, CLEAREST = 0.5, 0.98  # correlations: of a block that tells its delay, and that no noise counts beyond
 LEAST_GYRO_SD_RAD_S = 0.002
+MOVED_ON, HELD_ON = Held(0.0, 0.1), Held(0.5, 0.1)
+RESPONSE_S, SLOWER_S, SURELY = 0.25, 0.15, 5.0
+LEAST_AT_ONCE, MOST_AT_ONCE, LEAST_FALL = 0.25, 0.1, 0.05  # of the response a row later
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,6 +120,55 @@ def drive_delay(flights: Sequence[Prepared], model: Model) -> Delay | None:
     gained = found.correlation**2 - at * abs(at) / (shifted_2 * still_2)
     room = _behind_commands(flights) - model.number("motor_time_constant_s")
     return found if gained > LEAST_GAIN and found.delay_s < room + LAG_DOUBT_S else None
+
+
+def command_hold(flights: Sequence[Prepared]) -> Held:
+    """How long commands are held, by what rotor speeds logged beside them do in the same row and in the two after it.
+
+    What a command does before the next one is logged shows in its own row only if it was given in parts since the row before:
+    the controller runs faster than the log. Where it was held for a row, nothing shows at once, most a row later, and less from
+    there on. A transport delay or a slow second pole looks like neither, and leaves it open.
+    """
+    told = [f for f in flights if f.has("rotor_speed") and f.has("command") and _every_row(f)]
+    if not told:
+        return MAY_BE_HELD
+    (now, then, after), sds = _responses(told)
+    if now > max(SURELY * sds[0], LEAST_AT_ONCE * then):
+        return MOVED_ON
+    fades = then > SURELY * sds[1] and max(abs(now), sds[0]) < MOST_AT_ONCE * then
+    return HELD_ON if fades and after < (1.0 - LEAST_FALL) * then else MAY_BE_HELD
+
+
+def _every_row(flight: Prepared) -> bool:
+    """Whether commands and rotor speeds bring news in every row."""
+    return max(flight.update_s[s] for s in ("command", "rotor_speed")) < 1.2 * flight.dt_s
+
+
+def _responses(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray]:
+    """How relative rotor speeds follow relative commands at once, a row later and two rows later, and their sds: least squares of
+    a finite response, which noise of the speeds does not bias (Ljung 1999, section 10.1)."""
+    taps = max(3, int(RESPONSE_S / max(f.dt_s for f in flights)))
+    parts = [_delayed(f, taps) for f in flights]
+    x, y = np.concatenate([x for x, _ in parts]), np.concatenate([y for _, y in parts])
+    inverse = np.linalg.pinv(x.T @ x)
+    response = inverse @ (x.T @ y)
+    sds = np.sqrt(np.diag(inverse) * np.mean((y - x @ response) ** 2))
+    return response[:3], sds[:3]
+
+
+def _delayed(flight: Prepared, taps: int) -> tuple[np.ndarray, np.ndarray]:
+    """Commands of every rotor now and up to ``taps`` rows before, and its speeds, over their means, without what is slow; in the
+    air, all rotors after each other."""
+    air = flight.flying[taps:]
+    u, speed = (_without_slow(flight.stack(s), flight) for s in ("command", "rotor_speed"))
+    x = [np.stack([u[taps - k : len(u) - k, r] for k in range(taps)], axis=1)[air] for r in range(u.shape[1])]
+    return np.concatenate(x), np.concatenate(list(speed[taps:][air].T))
+
+
+def _without_slow(values: np.ndarray, flight: Prepared) -> np.ndarray:
+    """Values (n, 4) over their means in the air, less what changes slowly."""
+    relative = values / values[flight.flying].mean(axis=0)
+    return relative - gaussian_filter1d(relative, SLOWER_S / flight.dt_s, axis=0)
 
 
 def _both_rates(flight: Prepared) -> tuple[np.ndarray, np.ndarray] | None:

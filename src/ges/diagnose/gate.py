@@ -12,9 +12,10 @@ from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter
 from ..conventions import BODY_RATE, SPECIFIC_FORCE
 from ..errors import GesError
 from ..threads import each
-from .align import Prepared, airborne, gaps, grid_step_s, lift, lifting, over_usual, regrid, resting_m, with_steady_position
-from .delays import Delay, clock_drift, drive_delay, gyro_bias, pose_delay, shifted, without_bias
+from .align import Prepared, airborne, gaps, grid_step_s, lift, lifting, over_usual, regrid, resting_m
+from .delays import Delay, clock_drift, command_hold, drive_delay, gyro_bias, pose_delay, shifted, without_bias
 from .model import Model
+from .steady import with_steady_position, with_steady_voltage
 
 SURE = 4.0
 LEAST_DELAY_S = 0.006
@@ -214,10 +215,12 @@ def pass_gate(frames: Sequence[pd.DataFrame], model: Model, names: Sequence[str]
     warnings += [f"{name} {told}" for name, remarks in zip(names, noticed, strict=True) for told in remarks]
     pose, flights = _pose_settled(flights)
     gyro, flights = _gyro_settled(flights)
+    held = command_hold([f for f in flights if f])
+    flights = [f and f.replaced(held=held) for f in flights]
     delay = drive_delay([f for f in flights if f], model)
     if delay and delay.delay_s > SURE * delay.sd_s:
         flights = [f and shifted(f, delay.stream, delay.delay_s) for f in flights]
-    flights = [f and with_steady_position(f) for f in flights]
+    flights = [f and with_steady_voltage(with_steady_position(f)) for f in flights]
     return Gate(tuple(flights), (delay,) if delay else (), tuple(sorted(warnings)), pose, gyro)
 
 

@@ -30,7 +30,9 @@ FINE = ("moment", "drive")
 """Blocks that are also held against faster test functions: what acts within a few hundredths of a second shows there."""
 HIGH_ABOVE_GROUND_M = 5e4
 DRIVE_STEP_S = 0.0025
-HELD_SHARE = 0.25
+SECOND_POLE = 0.06
+"""What a motor's second pole or a speed controller's filter looks like: a delay of this share of the time constant, give or
+take as much."""
 
 
 def channels(flight: Prepared, model: Model) -> tuple[str, ...]:
@@ -174,13 +176,13 @@ def corrected(columns: dict[str, np.ndarray], model: Model, effects: effect_tabl
 
 def driven_speeds(flights: Sequence[Prepared], model: Model, effects: effect_table.Effects) -> list[np.ndarray]:
     """Rotor speeds that the commands make, flown through the compiled drive; (n, 4) rad/s each."""
-    return _flown([(f, effects, _drive_inputs(f, commands_at_work(f, model, effects))) for f in flights], model)
+    return _flown([(f, effects, _drive_inputs(f, model, commands_at_work(f, model, effects))) for f in flights], model)
 
 
 def driven_by_each(flight: Prepared, model: Model, sets: Sequence[effect_table.Effects]) -> list[np.ndarray]:
     """The same of one flight under several sets of effects, flown as one batch."""
-    plain = _drive_inputs(flight, commands_at_work(flight, model, {}))
-    inputs = [_drive_inputs(flight, commands_at_work(flight, model, e)) if _modified(e) else plain for e in sets]
+    plain = _drive_inputs(flight, model, commands_at_work(flight, model, {}))
+    inputs = [_drive_inputs(flight, model, commands_at_work(flight, model, e)) if _modified(e) else plain for e in sets]
     return _flown([(flight, e, table) for e, table in zip(sets, inputs, strict=True)], model)
 
 
@@ -211,10 +213,11 @@ def commands_at_work(flight: Prepared, model: Model, effects: effect_table.Effec
     return said.rotor_command_rad_s / model.number("max_rotor_speed_rad_s")
 
 
-def _drive_inputs(flight: Prepared, commands: np.ndarray) -> np.ndarray:
+def _drive_inputs(flight: Prepared, model: Model, commands: np.ndarray) -> np.ndarray:
     """Commands, attitude, battery voltage and rates, a row for every step of the drive."""
-    every = flight.steps(DRIVE_STEP_S)
-    u, voltage = _between(commands, every), flight.columns.get("battery_V", np.full(len(flight.t_s), np.nan))
+    every, late_s = flight.steps(DRIVE_STEP_S), SECOND_POLE * model.number("motor_time_constant_s")
+    u, voltage = _between(commands, every, flight.held.late + late_s / flight.dt_s), flight.columns.get("battery_V")
+    voltage = np.full(len(flight.t_s), np.nan) if voltage is None else voltage
     upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(u), 1))
     return np.column_stack([u, upright, np.repeat(voltage, every), np.zeros((len(u), 3))])
 
@@ -231,13 +234,12 @@ def _drive_flight(flight: Prepared, model: Model, effects: effect_table.Effects,
     return sim.Flight(numbers, drives, Terrain.flat(), inputs)
 
 
-def _between(u: np.ndarray, every: int) -> np.ndarray:
+def _between(u: np.ndarray, every: int, late: float) -> np.ndarray:
     """Commands (n, 4) at the middles of the steps of the replay, (n * every, 4), on straight lines between the samples.
 
-    The replay holds a row for its step. How long the vehicle held a command is not known: between not at all and until the
-    next sample, so that they come a quarter of a sample late, give or take as much (see ``system.nuisances``).
+    The replay holds a row for its step; they act ``late`` (rows): held, see :func:`~.delays.command_hold`, and filtered.
     """
-    rows = (np.arange(len(u) * every) + 0.5) / every - HELD_SHARE
+    rows = (np.arange(len(u) * every) + 0.5) / every - late
     return np.stack([np.interp(rows, np.arange(len(u)), column) for column in u.T], axis=1)
 
 

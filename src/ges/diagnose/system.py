@@ -16,8 +16,8 @@ from .candidates import NEEDS_ATTITUDE, Variant
 from .model import SPEED, Model, block_of
 from .residual import (
     DRIVE,
-    HELD_SHARE,
     MOMENT,
+    SECOND_POLE,
     Along,
     Drive,
     act_along_the_path,
@@ -38,7 +38,6 @@ LEVELLED, LEVELLER, LEVELLING, LEVELLING_SD = "ground_effect", "ground_effect_mo
 and never adds: about a third on development cases."""
 SIDEWAYS = frozenset({"rotor_drag", "parasitic_drag", "wind", "rotor_tilt"})
 FAR_SDS = 3.0
-SECOND_POLE = 0.06  # of the motor's time constant
 BEYOND_FLIGHT = 0.12
 """Sd of what a drive does with more than is ever asked in the air, over what its model does with it: as wrong as any form."""
 USUAL: tuple[tuple[str, str, float, float, float], ...] = (
@@ -231,7 +230,7 @@ def nuisances(model: Model, names: Iterable[str], flights: Sequence[Prepared]) -
 
 def _usual_delay_s(usual_s: float, model: Model, flights: Sequence[Prepared]) -> float:
     """Doubt on a drive's delay: its own, how long a command was held, and what a motor's second pole looks like (s)."""
-    held = HELD_SHARE * _slowest(flights, ("command",))
+    held = max((f.held.sd * _slowest([f], ("command",)) for f in flights), default=0.0)
     return float(np.linalg.norm([usual_s, held, SECOND_POLE * model.number("motor_time_constant_s")]))
 
 
