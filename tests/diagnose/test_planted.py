@@ -233,12 +233,12 @@ def test_a_wind_is_told_with_how_it_grows_with_height(roughness_m, flown, vehicl
 
 
 def test_a_noisy_reading_of_the_voltage_makes_no_smaller_sag(flown, vehicle):
-    """Noise of 0.5 %; taken as read it leaves 0.59 of the sensitivity."""
+    """Noise of 1 %: taken as read it makes a sensitivity of 0.8 one of 0.53."""
     flights = _recordings(flown, vehicle, PLANTED["battery_sag"])
     noise = np.random.default_rng(0)
-    noisy = [f.assign(battery_V=f["battery_V"] + noise.normal(0.0, 0.08, len(f))) for f in flights]
+    noisy = [f.assign(battery_V=f["battery_V"] + noise.normal(0.0, 0.16, len(f))) for f in flights]
     (finding,) = ges.diagnose(noisy, vehicle, holdout=["flight5"]).findings
-    assert finding.parameters["sensitivity"].value == pytest.approx(0.8, rel=0.1)
+    assert finding.parameters["sensitivity"].value == pytest.approx(0.8, rel=0.12)
 
 
 def test_another_vehicle_is_found_where_it_hovers(flown, vehicle):
