@@ -305,9 +305,8 @@ def _other_vehicles(model: Model, reached: Flown) -> tuple[Variant, ...]:
 
 def wind_speed_m_s(values: Mapping[str, float]) -> float:
     """Of a wind by its parameters, at the heights of flights near ground."""
-    rough = values["roughness_m"]
-    profile = math.log1p(LOW_M / rough) / math.log1p(10.0 / rough) if rough > 0.0 else 1.0
-    return profile * math.hypot(*(values[p] for p in WIND))
+    low = effect_table.Samples.from_columns({"t_s": np.zeros(1), "p_z_m": np.full(1, LOW_M)})
+    return float(np.linalg.norm(effect_table.replay({}, low, {"wind": values}).stack("wind_x_m_s", "wind_y_m_s")))
 
 
 def _winds(model: Model) -> tuple[Variant, ...]:

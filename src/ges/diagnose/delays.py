@@ -13,6 +13,7 @@ from ..threads import each
 from .align import MAY_BE_HELD, STREAMS, Held, Prepared, lift
 from .model import Model
 from .residual import turn_rates
+from .steady import with_past
 
 LAG_DOUBT_S = 0.03
 DRIVE_LAGS_S = np.arange(-0.04, 0.6 + 1e-9, 0.02)
@@ -42,8 +43,8 @@ class Delay:
     correlation: float
 
 
-def _high_pass(x: np.ndarray, step_s: float) -> np.ndarray:
-    return x - gaussian_filter1d(x, 1.5 / step_s)
+def _high_pass(x: np.ndarray, step_s: float, slower_s: float = 1.5) -> np.ndarray:
+    return x - gaussian_filter1d(x, slower_s / step_s)
 
 
 def _correlations(flight: Prepared, model: Model, lags_s: np.ndarray) -> np.ndarray | None:
@@ -157,18 +158,13 @@ def _responses(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _delayed(flight: Prepared, taps: int) -> tuple[np.ndarray, np.ndarray]:
-    """Commands of every rotor now and up to ``taps`` rows before, and its speeds, over their means, without what is slow; in the
-    air, all rotors after each other."""
-    air = flight.flying[taps:]
-    u, speed = (_without_slow(flight.stack(s), flight) for s in ("command", "rotor_speed"))
-    x = [np.stack([u[taps - k : len(u) - k, r] for k in range(taps)], axis=1)[air] for r in range(u.shape[1])]
-    return np.concatenate(x), np.concatenate(list(speed[taps:][air].T))
-
-
-def _without_slow(values: np.ndarray, flight: Prepared) -> np.ndarray:
-    """Values (n, 4) over their means in the air, less what changes slowly."""
-    relative = values / values[flight.flying].mean(axis=0)
-    return relative - gaussian_filter1d(relative, SLOWER_S / flight.dt_s, axis=0)
+    """Commands of every rotor now and up to ``taps`` rows before, and its speeds, over their means in the air, without what is
+    slow; in the air, all rotors after each other."""
+    air = np.flatnonzero(flight.flying)
+    u, speed = (flight.stack(s).T / flight.stack(s)[air].mean(axis=0)[:, None] for s in ("command", "rotor_speed"))
+    u, speed = (_high_pass(x, flight.dt_s, SLOWER_S) for x in (u, speed))
+    air = air[air >= taps]
+    return np.concatenate([with_past(x, taps)[air] for x in u]), np.concatenate(list(speed[:, air]))
 
 
 def _both_rates(flight: Prepared) -> tuple[np.ndarray, np.ndarray] | None:

@@ -215,9 +215,9 @@ def commands_at_work(flight: Prepared, model: Model, effects: effect_table.Effec
 
 def _drive_inputs(flight: Prepared, model: Model, commands: np.ndarray) -> np.ndarray:
     """Commands, attitude, battery voltage and rates, a row for every step of the drive."""
-    every, late_s = flight.steps(DRIVE_STEP_S), SECOND_POLE * model.number("motor_time_constant_s")
-    u, voltage = _between(commands, every, flight.held.late + late_s / flight.dt_s), flight.columns.get("battery_V")
-    voltage = np.full(len(flight.t_s), np.nan) if voltage is None else voltage
+    every = flight.steps(DRIVE_STEP_S)
+    late = flight.held.late + SECOND_POLE * model.number("motor_time_constant_s") / flight.dt_s
+    u, voltage = _between(commands, every, late), flight.columns.get("battery_V", np.full(len(flight.t_s), np.nan))
     upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(u), 1))
     return np.column_stack([u, upright, np.repeat(voltage, every), np.zeros((len(u), 3))])
 

@@ -40,17 +40,18 @@ def with_steady_voltage(flight: Prepared) -> Prepared:
     drive = next((s for s in ("rotor_speed", "command") if flight.has(s)), None)
     if not (drive and flight.has("battery")):
         return flight
-    read, work = flight.columns["battery_V"][:, None], flight.stack(drive).mean(axis=1)[:, None]
-    slow = _slow(read, flight.dt_s)
-    past = _past(work - _slow(work, flight.dt_s), max(1, round(ANSWERS_S / flight.dt_s)))
-    fast = past @ np.linalg.lstsq(past, read - slow, rcond=None)[0]
-    return flight.replaced(columns={**flight.columns, "battery_V": (slow + fast)[:, 0]})
+    told = np.column_stack([flight.columns["battery_V"], flight.stack(drive).mean(axis=1)])
+    slow = _slow(told, flight.dt_s)
+    read, work = (told - slow).T
+    past = with_past(work, max(1, round(ANSWERS_S / flight.dt_s)))
+    fast = past @ np.linalg.lstsq(past, read, rcond=None)[0]
+    return flight.replaced(columns={**flight.columns, "battery_V": slow[:, 0] + fast})
 
 
-def _past(values: np.ndarray, taps: int) -> np.ndarray:
-    """Values (n, 1) now and up to ``taps`` - 1 rows before, zero before the first, (n, taps)."""
-    padded = np.pad(values[:, 0], (taps - 1, 0))
-    return np.lib.stride_tricks.sliding_window_view(padded, taps)
+def with_past(values: np.ndarray, taps: int) -> np.ndarray:
+    """Values (n,) now and of up to ``taps`` - 1 rows before, zero before the first: what a finite response takes, (n, taps)."""
+    padded = np.pad(values, (taps - 1, 0))
+    return np.lib.stride_tricks.sliding_window_view(padded, taps)[:, ::-1]
 
 
 def _slow(values: np.ndarray, dt_s: float) -> np.ndarray:
