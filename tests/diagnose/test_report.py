@@ -127,6 +127,13 @@ def test_the_sentence_says_what_flights_that_took_no_part_show(after, said):
     assert said in verdict.sentence_of("physics", (), (), (), fit, {})
 
 
+def test_the_sentence_says_what_each_of_the_open_names_does():
+    table = {"force_z_N": {"before": 1.5, "recalibrated": 1.0, "after": 0.6}}
+    fit = {"channels": table, "alternatives": {"ground_effect": {"force_z_N": 0.6}, "fountain_lift": {"force_z_N": 0.9}}}
+    said = verdict.sentence_of("ambiguous", (), (), (), fit, {})
+    assert "1.50 N as given, 1.00 recalibrated, 0.600 with ground_effect and 0.900 with fountain_lift." in said
+
+
 def test_what_stays_unknown_is_told_with_its_place():
     left = {"channel": "acc_z", "regime": {"battery_V": [7.92, 8.09]}}
     said = verdict.sentence_of("unknown", (), (), [left], {}, {})
@@ -187,11 +194,15 @@ def test_every_verdict_makes_a_page_even_with_nothing_in_it(content, verdict):
 
 
 def test_what_is_open_is_told(content):
-    finding = content["findings"][0]
+    finding, channels = content["findings"][0], content["fit"]["channels"]
     told = {
         **content,
         "verdict": "ambiguous",
-        "findings": [{**finding, "name": n, "size": {}} for n in ("wind", "attitude_bias")],
+        "findings": [{**finding, "name": n, "open": True} for n in ("wind", "attitude_bias")],
+        "fit": {
+            **content["fit"],
+            "alternatives": {"wind": dict.fromkeys(channels, 0.25), "attitude_bias": dict.fromkeys(channels, 0.5)},
+        },
         "unexplained": [{"channel": "force_z", "regime": {"height_over_radius": [0.5, 2.0]}, "r2": 0.31}],
         "detectable": {
             "wind": {"parameter": "east_m_s", "smallest": 0.4, "unit": "m/s", "limited_by": "attitude_bias"},
@@ -202,6 +213,9 @@ def test_what_is_open_is_told(content):
     text, _ = _parsed(report.render(json.loads(json.dumps(told)), {}))
     for expected in (
         "wind or attitude bias: the flights fit either",
+        "of those that are open with wind, the likeliest",
+        "after, with each that is open wind attitude bias",
+        "force forward, N 0.250 0.500",
         "force along thrust height over rotor radius 0.50 to 2.00 0.310",
         "wind east_m_s 0.400 m/s attitude bias",
         "tether weight_N_m not visible noise",

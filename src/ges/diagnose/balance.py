@@ -75,11 +75,6 @@ class Shift:
         """Squared distance that the better cause explains, in sd^2."""
         return max(self.loss.explained, self.mass.explained)
 
-    @property
-    def rivals(self) -> tuple[str, ...]:
-        """Names that these flights cannot tell apart."""
-        return ("weak_rotor", "cg_offset", "thrust_scale", *(() if self.swing_seen else ("slung_load",)))
-
     def sentence(self) -> str:
         """Where the balance went, what would do it, and how to find out."""
         away, odds = self.gained**0.5, np.exp(0.5 * abs(self.loss.explained - self.mass.explained))
@@ -121,7 +116,7 @@ def _named(name: str, probability: float, parameters: dict[str, tuple[float, flo
         low, high = sorted(start + per * v for v in cause.ci95)
         note = f"near rotor {cause.rotor}" + (f"; the vehicle file has {start:.3g}" if start else "")
         told[key] = Estimate(start + per * cause.value, (low, high), units[key], note)
-    return Finding.of(name, float(probability), told)
+    return Finding.of(name, float(probability), told, is_open=True)
 
 
 def _stated(system: System, column: Mapping[str, int]) -> bool:

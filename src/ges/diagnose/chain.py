@@ -21,10 +21,21 @@ from .balance import Shift, centred, shift_of
 from .candidates import NOT_SEARCHED, needs_of
 from .closed_loop import closed_loop
 from .detect import smallest_detectable
-from .engine import Accepted, accept, digest, first_system, shot_fit, split, withdrawn, without, without_old_news
+from .engine import (
+    Accepted,
+    accept,
+    digest,
+    first_system,
+    shot_fit,
+    split,
+    with_alternatives,
+    withdrawn,
+    without,
+    without_old_news,
+)
 from .evidence import Board
 from .findings import contributions, finding, open_findings, settled_findings
-from .fit import Joint, calibrated, fitted_model, in_the_air, left_raw, null_fit, strain_without, within_bounds
+from .fit import Fitted, Joint, calibrated, fitted_model, in_the_air, left_raw, null_fit, strain_without, within_bounds
 from .gate import Gate, at_flown_voltage, pass_gate
 from .gusts import HANGING, PUSHED, Gusts, gusts_of, heard_by, may_lean
 from .hearing import lacking, silent_channels, unheard
@@ -40,7 +51,7 @@ from .system import ALL_ON, Switches, System, common_channels, window_length_s
 from .thrust import UntoldThrust, untold_thrust
 from .unknown import borrowed, left_over, theirs
 from .verdict import sentence_of, verdict_of
-from .verify import channel_table, elsewhere, errors, rollout_table, rollouts
+from .verify import channel_table, elsewhere, errors, rms_table, rollout_table, rollouts
 from .weak import make_windows
 
 METRIC = (
@@ -177,16 +188,17 @@ class _Chain:
         moved = None if answer.accepted.names else shift_of(start.system)
         answer, remains = self._remaining(answer, moved)
         shift = moved or (None if names else self._thrust(answer, start.system))
-        rivals = (shift.rivals,) if shift else answer.accepted.rivals
-        located, findings = self._located(start, answer), self._findings(answer, shift, names)
-        unexplained = _unexplained(remains, start, answer.last)
+        located = self._located(start, answer)
+        if answer.accepted.rivals:
+            answer, remains = self._with_alternatives(answer, start, switches)
+        findings, unexplained = self._findings(answer, shift, names), _unexplained(remains, start, answer.last)
         models = {"before": self.model, "recalibrated": start.first.model, "after": answer.last.model}
-        fit, proof = self._proof(models, located)
+        fit, proof = self._proof(models, located, answer.accepted.alternatives)
         calibration = _calibration(answer.last.joint, self.model)
-        verdict = verdict_of(findings, rivals, unexplained)
+        verdict = verdict_of(findings, unexplained)
         off = silent_channels([*self.train, *self.held], self.model)
         why_open = shift.sentence() if shift else ""
-        told_first = sentence_of(verdict, findings, located, unexplained, fit, calibration, rivals, why_open)
+        told_first = sentence_of(verdict, findings, located, unexplained, fit, calibration, why_open)
         return Diagnosis(
             verdict=verdict,
             sentence=why_open if moved else told_first + (unheard(off) if verdict == "nothing_proven" else ""),
@@ -219,9 +231,19 @@ class _Chain:
         if gusts and names is None and "wind" in accepted.names and gusts.may_be(accepted.fitted):
             accepted = without(accepted, "wind", self.length_s, switches)
         accepted = shot_fit(accepted, self.length_s, switches)
+        return self._answer(accepted, gusts, start)
+
+    def _answer(self, accepted: Accepted, gusts: Gusts | None, start: _Start) -> _Answer:
+        """What is accepted and gusts, with what they leave and add."""
         last = self._last(accepted, start.first, start.told)
         foretold = [s for s in last.structures if not gusts or s.channel not in PUSHED]
         return _Answer(accepted, gusts, last, foretold, contributions(accepted))
+
+    def _with_alternatives(self, answer: _Answer, start: _Start, switches: Switches) -> tuple[_Answer, list[Structure]]:
+        """The answer with all that is open modelled too, the likeliest in the last stage, and the structure that is left."""
+        accepted = with_alternatives(answer.accepted, self.length_s, switches)
+        answer = self._answer(accepted, answer.gusts, start)
+        return answer, left_over(answer.foretold, answer.last.model)
 
     def _gusts(self, accepted: Accepted, start: _Start) -> Gusts | None:
         """Gusts beside what is accepted, where nothing hangs below that may lean to push so."""
@@ -283,7 +305,8 @@ class _Chain:
             return first
         return _stage(fitted_model(self.model, accepted.fitted), accepted.fitted.joint, accepted.fitted.board, told)
 
-    def _proof(self, models: Mapping[str, Model], located: Sequence[Mapping]) -> tuple[dict, dict]:
+    def _proof(self, models: Mapping[str, Model], located: Sequence[Mapping],
+               alternatives: Mapping[str, Fitted]) -> tuple[dict, dict]:  # fmt: skip
         """Errors before, recalibrated and after on the held-out flights: for the file, and in full for the pictures."""
         if not self.held:
             return {"metric": METRIC, "holdout_flights": [], "channels": {}, "rollout": {}}, {}
@@ -295,12 +318,18 @@ class _Chain:
             "metric": METRIC,
             "holdout_flights": self.held_names,
             "channels": channel_table(left, channels, spacing_s),
+            "alternatives": self._with_each(alternatives, channels),
             "elsewhere": elsewhere(left, channels, located, told, spacing_s),
             "rollout": rollout_table(rolled),
             "closed_loop": closed_loop(self.held, models, self.length_s),
         }
         proof = {"errors": left, "channels": channels, "rollouts": rolled, "length_s": self.length_s, "regimes": told}
         return fit, proof
+
+    def _with_each(self, alternatives: Mapping[str, Fitted], channels: Sequence[str]) -> dict[str, dict[str, float]]:
+        """Rms on the held-out flights by channel, with each of the names that are open."""
+        models = {name: fitted_model(self.model, fitted) for name, fitted in alternatives.items()}
+        return {name: rms_table(left, channels) for name, left in errors(self.held, models, channels, self.length_s).items()}
 
     def _data(self, system: System, off: Mapping[str, str]) -> dict:
         used = [*self.train, *self.held]
@@ -331,7 +360,7 @@ class _Chain:
                 held = effects.setdefault(name, {})
                 start = held[parameter].value if parameter in held else effect_table.get(name).neutral()[parameter]
                 held[parameter] = Fitting(value=within_bounds(name, parameter, start + value), sd=joint.common_sd[key])
-        for name in accepted.names:
+        for name in accepted.modelled:
             effects.setdefault(name, {}).update(_fittings(accepted, name))
         if gusts:
             told = gusts.finding().parameters

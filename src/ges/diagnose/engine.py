@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Sequence
+import itertools
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -12,7 +13,7 @@ import pandas as pd
 from .. import effects as effect_table
 from .align import Prepared
 from .balance import undecided
-from .candidates import Candidate, Variant, acts_among, flown, library
+from .candidates import Candidate, Variant, acts_among, flown, library, needs_of
 from .evidence import Board, make_board
 from .fit import Fitted, fitted_model, free_parameters, polish, starting_values
 from .hearing import lacking
@@ -21,7 +22,7 @@ from .model import Model
 from .select import Hypothesis, Search
 from .shoot import shot
 from .stable import search_until_stable
-from .standing import ACCEPT, ambiguous, mattering, replaced_by, stands
+from .standing import ACCEPT, ambiguous, does_something, mattering, replaced_by, stands
 from .system import ALL_ON, Switches, System, build
 
 PERHAPS = 0.1
@@ -30,15 +31,22 @@ PERHAPS = 0.1
 
 @dataclasses.dataclass(frozen=True)
 class Accepted:
-    """Outcome of the search on the training flights; ``contested`` are those of the rivals that others could replace."""
+    """Outcome of the search on the training flights; ``rivals`` are names of which one is needed, the likeliest first,
+    ``contested`` those of them that others could replace, ``alternatives`` the fits with each, the first of them ``fitted``."""
 
     names: tuple[str, ...]
     found: Search
     board: Board
     fitted: Fitted | None
     probability: dict[str, float]
-    rivals: tuple[tuple[str, ...], ...]
+    rivals: tuple[str, ...]
     contested: frozenset[str] = frozenset()
+    alternatives: Mapping[str, Fitted] = dataclasses.field(default_factory=dict)
+
+    @property
+    def modelled(self) -> tuple[str, ...]:
+        """The names, and the first of the alternatives beside them."""
+        return (*self.names, *itertools.islice(self.alternatives, 1))
 
 
 def split(digests: Sequence[str], usable: Sequence[int], holdout: Sequence[int] | None) -> tuple[list[int], list[int]]:
@@ -123,9 +131,9 @@ def _laid_out(listed: Sequence[Candidate], base: Model, like: System, length_s: 
     return make_board(build(flights, base, variants, length_s, like, switches))
 
 
-def _needed(rivals: Sequence[Sequence[str]], base: Model, system: System, length_s: float, switches: Switches) -> bool:
+def _needed(rivals: Sequence[str], base: Model, system: System, length_s: float, switches: Switches) -> bool:
     """Whether one of these is needed still beside what was accepted, as its fit in full has it."""
-    listed = candidates_of([r.flight for r in system.flights], base, (), [name for group in rivals for name in group])
+    listed = candidates_of([r.flight for r in system.flights], base, (), rivals)
     found = search_until_stable(_laid_out(listed, base, system, length_s, switches), listed, tuple(base.effects))[1]
     return found.null().probability <= 1.0 - ACCEPT
 
@@ -188,6 +196,30 @@ def shot_fit(accepted: Accepted, length_s: float, switches: Switches = ALL_ON) -
     return dataclasses.replace(accepted, fitted=polished)
 
 
+def with_alternatives(accepted: Accepted, length_s: float, switches: Switches = ALL_ON) -> Accepted:
+    """The same with every name that is open fitted in full beside what is accepted, where it can act; without the names that
+    then do nothing, if two are left."""
+    tried = {name: _beside(accepted, name, length_s, switches) for name in accepted.rivals}
+    fits = {name: fitted for name, fitted in tried.items() if fitted is not None and does_something(fitted, name)}
+    idle = set(tried) - set(fits) if len(fits) > 1 else set()
+    rivals = tuple(n for n in accepted.rivals if n not in idle)
+    return dataclasses.replace(accepted, rivals=rivals, fitted=next(iter(fits.values()), accepted.fitted), alternatives=fits)
+
+
+def _beside(accepted: Accepted, name: str, length_s: float, switches: Switches) -> Fitted | None:
+    """The fit with one open name, and what it acts through, beside what is accepted; None where it cannot act."""
+    system, fitted, best = accepted.board.system, accepted.fitted, accepted.found.best_with(name, accepted.rivals)
+    held, known = (fitted.effects, fitted.free) if fitted else ({}, ())
+    mine = ({name} | set(needs_of(name)) & set(best.names)) - set(held)
+    if not acts_among(name, {*mine, *held, *system.model.effects}):
+        return None
+    kept = dataclasses.replace(best, posterior=_only(best, mine, accepted.board))
+    values = starting_values(accepted.board, kept)
+    free = [*known, *free_parameters(accepted.board, kept, system.model, values)]
+    polished = polish([r.flight for r in system.flights], system.model, {**held, **values}, free, length_s, system, switches)
+    return shot_fit(dataclasses.replace(accepted, fitted=polished), length_s, switches).fitted
+
+
 def without(accepted: Accepted, name: str, length_s: float, switches: Switches = ALL_ON) -> Accepted:
     """The same with one name less, and what acts through it alone; the others fitted anew."""
     fitted, system = accepted.fitted, accepted.board.system
@@ -218,7 +250,7 @@ def _with_names(found: Search, names: Sequence[str], board: Board) -> Hypothesis
     return weighed or dataclasses.replace(found.best, posterior=_only(found.best, names, board))
 
 
-def _only(h: Hypothesis, names: Sequence[str], board: Board):
+def _only(h: Hypothesis, names: Collection[str], board: Board):
     keep = [i for i, k in enumerate(h.posterior.columns) if board.system.columns[k].variant.effect in names]
     p = h.posterior
     return dataclasses.replace(

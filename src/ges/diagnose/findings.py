@@ -125,18 +125,31 @@ def _settled(name: str, parameters: dict[str, Estimate], size: dict) -> Finding:
 
 
 def open_findings(accepted: Accepted) -> list[Finding]:
-    """Names that the flights cannot tell apart, each with its coefficient from the search."""
-    return [_open(accepted, name) for group in accepted.rivals for name in group]
+    """Names that the flights cannot tell apart, each as it is fitted beside what is proven; of one that could not be, its
+    coefficient from the search."""
+    return [_open(accepted, name) for name in accepted.rivals]
 
 
 def _open(accepted: Accepted, name: str) -> Finding:
-    best = max((h for h in accepted.found.hypotheses if name in h.names), key=lambda h: h.log_evidence)
-    units = {p.name: p.unit for p in effect_table.get(name).parameters}
+    fitted, chance = accepted.alternatives.get(name), stated(accepted.found.inclusion[name])
+    if fitted is None:
+        return Finding.of(name, chance, _searched(accepted, name), is_open=True)
+    added = contributions(dataclasses.replace(accepted, names=(name,), fitted=fitted))[name]
+    declared = accepted.board.system.model.effects.get(name, {})
+    return Finding.of(name, chance, parameters_of(fitted, name, declared), size_of(added, fitted.board.system), is_open=True)
+
+
+def _searched(accepted: Accepted, name: str) -> dict[str, Estimate]:
+    """Parameters of one name as the search has them."""
+    found, units = (
+        accepted.found.best_with(name, accepted.rivals).posterior,
+        {p.name: p.unit for p in effect_table.get(name).parameters},
+    )
     told: dict[str, Estimate] = {}
-    for k, mean, sd in zip(best.posterior.columns, best.posterior.mean, best.posterior.sd, strict=True):
+    for k, mean, sd in zip(found.columns, found.mean, found.sd, strict=True):
         column = accepted.board.system.columns[k]
         if column.variant.effect == name and column.part != "moment":
             a = column.variant.amplitudes[column.amplitude]
             value = a.neutral + float(mean)
             told[a.parameter] = Estimate(value, interval95(value, float(sd)), units[a.parameter])
-    return Finding.of(name, stated(accepted.found.inclusion[name]), told)
+    return told

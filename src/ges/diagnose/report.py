@@ -72,11 +72,6 @@ def _environment() -> jinja2.Environment:
     return environment
 
 
-def _ambiguous(content: Mapping[str, Any]) -> list[str]:
-    """Names that are left open: those that no fit was made with."""
-    return [f["name"] for f in content["findings"] if not f["size"]] if content["verdict"] == "ambiguous" else []
-
-
 def _worse(content: Mapping[str, Any]) -> list[str]:
     """Channels that the findings make worse on flights that took no part, beyond doubt."""
     table = content["fit"].get("channels", {})
@@ -101,7 +96,7 @@ def render(content: Mapping[str, Any], pictures: Mapping[str, bytes]) -> str:
     page = {
         **content,
         "verdict": VERDICTS[content["verdict"]],
-        "ambiguous": _ambiguous(content),
+        "ambiguous": [f["name"] for f in content["findings"] if f["open"]],
         "worse": _worse(content),
         "other": other,
         "pictures": told,

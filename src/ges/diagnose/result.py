@@ -34,7 +34,7 @@ class Estimate:
 
 @dataclasses.dataclass(frozen=True)
 class Finding:
-    """One named cause."""
+    """One named cause; ``is_open`` where the flights cannot tell it from others."""
 
     name: str
     kind: str
@@ -44,15 +44,17 @@ class Finding:
     parameters: Mapping[str, Estimate]
     size: Mapping[str, Any]
     alternatives: tuple[Mapping[str, Any], ...]
+    is_open: bool = False
 
     @classmethod
     def of(
         cls, name: str, probability: float, parameters: Mapping[str, Estimate], size: Mapping[str, Any] | None = None,
-        alternatives: tuple[Mapping[str, Any], ...] = (),
+        alternatives: tuple[Mapping[str, Any], ...] = (), is_open: bool = False,
     ) -> Finding:  # fmt: skip
         """An effect of the library; without a ``size`` where no fit was made with it."""
         effect = effect_table.get(name)
-        return cls(name, kind_of(name), effect.title, probability, effect.equation, parameters, size or {}, alternatives)
+        return cls(name, kind_of(name), effect.title, probability, effect.equation, parameters, size or {}, alternatives,
+                   is_open)  # fmt: skip
 
     def content(self) -> dict[str, Any]:
         """As JSON."""
@@ -65,6 +67,7 @@ class Finding:
             "parameters": {name: e.content() for name, e in self.parameters.items()},
             "size": dict(self.size),
             "alternatives": [dict(a) for a in self.alternatives],
+            "open": self.is_open,
         }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from scipy.special import logsumexp
@@ -49,6 +49,12 @@ class Search:
     def best(self) -> Hypothesis:
         """The most probable."""
         return self.hypotheses[0]
+
+    def best_with(self, name: str, others: Collection[str] = ()) -> Hypothesis:
+        """The most probable set that has this name, and none of some others where there is one."""
+        having = [h for h in self.hypotheses if name in h.names]
+        alone = [h for h in having if not set(others) - {name} & set(h.names)]
+        return max(alone or having, key=lambda h: h.log_evidence)
 
     def null(self) -> Hypothesis:
         """Nothing but the declared doubts."""

@@ -145,14 +145,14 @@ def lead_over(name: str, others: Sequence[str]) -> float:
     return SEPARATE_FROM_USUAL if USUAL_IN_PLACE.get(name) in others else SEPARATE
 
 
-def ambiguous(found: Search, names: set[str], contested: set[str]) -> tuple[tuple[str, ...], ...]:
+def ambiguous(found: Search, names: set[str], contested: set[str]) -> tuple[str, ...]:
     """Names that replace each other: none proven alone, but one of them needed."""
     without = sum(h.probability for h in found.hypotheses if not set(h.names) - names)
     needed = without <= 1.0 - ACCEPT
     open_names = contested | {n for n, p in found.inclusion.items() if needed and n not in names and p > 0.1}
     if len(open_names) < 2:
         return ()
-    return (tuple(sorted(open_names, key=lambda n: (-found.inclusion.get(n, 0.0), n))),)
+    return tuple(sorted(open_names, key=lambda n: (-found.inclusion.get(n, 0.0), n)))
 
 
 def strained(last: Joint, first: Joint, system: System) -> bool:
@@ -178,3 +178,9 @@ def stands(fitted: Fitted, name: str) -> bool:
         told = abs(value - a.neutral) > max(fitted.sd(name, parameter), DOUBTFUL_SDS * declared.get(f"{name}.{parameter}", 0.0))
         clear |= told and fitted.sds_from_neutral(name, parameter) > (OPEN_SDS if name in UNLIKE_FORM else CLEAR_SDS)
     return clear
+
+
+def does_something(fitted: Fitted, name: str) -> bool:
+    """Whether some amplitude is further from neutral than its sd."""
+    own = [(p, amplitude_of(name, p).neutral) for e, p in fitted.free if e == name and p not in SHAPES.get(name, ())]
+    return any(abs(fitted.effects[name][p] - neutral) > fitted.sd(name, p) for p, neutral in own)

@@ -67,7 +67,7 @@ class UntoldThrust:
         """The names, each as likely as the others."""
         effect, parameter = self.key.split(".")
         told = {effect: {parameter: self.excess}}
-        return [Finding.of(name, 1.0 / len(self.rivals), told.get(name, {})) for name in self.rivals]
+        return [Finding.of(name, 1.0 / len(self.rivals), told.get(name, {}), is_open=True) for name in self.rivals]
 
     def next_flight(self) -> dict:
         """``next_flight`` of diagnosis.json: the manoeuvre that separates them best once the voltage is logged."""

@@ -11,9 +11,9 @@ NOTEWORTHY = 2.0
 LEAST_GAIN = 0.02
 
 
-def verdict_of(findings: Sequence[Finding], rivals: Sequence[Sequence[str]], unexplained: Sequence[Mapping]) -> str:
+def verdict_of(findings: Sequence[Finding], unexplained: Sequence[Mapping]) -> str:
     """One word of the contract."""
-    if rivals:
+    if any(f.is_open for f in findings):
         return "ambiguous"
     kinds = {f.kind for f in findings}
     for kind in ("physics", "sensor", "parameter"):
@@ -52,9 +52,11 @@ def _gain(fit: Mapping) -> str:
                 f" {channel_words(worst)} rises by {-100.0 * gains[worst]:.0f} %.")  # fmt: skip
     told = fit["channels"][name]
     before, recalibrated, after = (number_words(told[stage], 3) for stage in ("before", "recalibrated", "after"))
+    each = [f"{number_words(left[name], 3)} with {other}" for other, left in fit.get("alternatives", {}).items()]
+    *rest, last = [f"{recalibrated} recalibrated", *(each or [f"{after} with it"])]
     return (
         f" On flights that took no part the error of the {channel_words(name)} is {before} {unit_words(name)} as given,"
-        f" {recalibrated} recalibrated and {after} with it."
+        f" {', '.join(rest)} and {last}."
     )
 
 
@@ -67,19 +69,18 @@ def _moved(calibration: Mapping[str, Mapping]) -> str:
     return f" Recalibration moved {name} by {number_words(calibration[name]['value'])}, {far[name]:.1f} times its declared sd."
 
 
-def _open_words(findings: Sequence[Finding], rivals: Sequence[Sequence[str]], why_open: str) -> str:
+def _open_words(findings: Sequence[Finding], why_open: str) -> str:
     """What is missing for sure, and what else is, of which the flights cannot tell which."""
-    either = {name for group in rivals for name in group}
-    sure, rest = ("; ".join(_finding_words(f) for f in findings if (f.name in either) == is_open) for is_open in (False, True))
+    sure, rest = ("; ".join(_finding_words(f) for f in findings if f.is_open == is_open) for is_open in (False, True))
     told = why_open or f"One of these is needed{' beside it' if sure else ''} and these flights cannot tell which: {rest}."
     return f"What is missing: {sure}. {told}" if sure else told
 
 
 def sentence_of(
     verdict: str, findings: Sequence[Finding], located: Sequence[Mapping], unexplained: Sequence[Mapping], fit: Mapping,
-    calibration: Mapping[str, Mapping], rivals: Sequence[Sequence[str]] = (), why_open: str = "",
+    calibration: Mapping[str, Mapping], why_open: str = "",
 ) -> str:  # fmt: skip
-    """One or two sentences: where, what, how much, how sure; of ``rivals``, ``why_open`` where something is known of it."""
+    """One or two sentences: where, what, how much, how sure; of what is open, ``why_open`` where something is known of it."""
     first = next(iter([*located, *unexplained]), None)
     where = f"The simulator is wrong first in the {where_words(first)}." if first else ""
     named = "; ".join(_finding_words(f) for f in findings)
@@ -92,5 +93,6 @@ def sentence_of(
     if verdict == "unknown":
         return f"{where} No effect of the library explains it: it stays unknown, rather than under the nearest name.".strip()
     if verdict == "ambiguous":
-        return f"{where} {_open_words(findings, rivals, why_open)}{left}".strip()
+        gain = _gain(fit) if fit.get("alternatives") else ""
+        return f"{where} {_open_words(findings, why_open)}{gain}{left}".strip()
     return f"{where} What is missing: {named}.{_gain(fit)}{_moved(calibration)}{left}".strip()

@@ -77,6 +77,14 @@ def channel_table(told: Mapping[str, Sequence[np.ndarray]], names: Sequence[str]
     return table
 
 
+def rms_table(left: Sequence[np.ndarray], names: Sequence[str]) -> dict[str, float]:
+    """Rms of one stage of :func:`errors` by channel, as the channels of :func:`channel_table`; without those that are absent."""
+    each = np.concatenate(left)
+    good = np.isfinite(each)
+    rms = {n: float(np.sqrt(np.mean(each[good[:, c], c] ** 2))) for c, n in enumerate(names) if good[:, c].any()}
+    return {f"{name}_{UNITS[name]}": value for name, value in rms.items()}
+
+
 def elsewhere(told: Mapping[str, Sequence[np.ndarray]], names: Sequence[str], located: Sequence[Mapping],
               regimes: Sequence[Mapping[str, np.ndarray]], spacing_s: float) -> dict[str, dict]:  # fmt: skip
     """``elsewhere`` of the fit: the same errors outside every regime in which a channel was found wrong: must not get worse.
