@@ -1,5 +1,6 @@
 """What stands of a search, by sets of names and their evidence alone."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -144,6 +145,19 @@ def test_what_does_not_look_like_the_error_of_a_form_may_be_smaller():
     assert matters("ground_effect_lag", "force_z", 0.001) and not matters("partial_ground_effect", "force_z", 0.001)
     assert not matters("ground_effect_lag", "force_z", 0.0007)
     assert not matters("ground_effect", "", 1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "probability", "told"),
+    [("ground_effect_moment", 0.9995, True), ("ground_effect_lag", 0.9995, True), ("ground_effect_lag", 0.99, False),
+     ("partial_ground_effect", 0.9995, False)],
+)  # fmt: skip
+def test_and_is_told_if_it_is_as_good_as_certain(name, probability, told, monkeypatch):
+    monkeypatch.setattr(standing, "_shares", lambda board, best, names: {"moment": 0.7})
+    on = SimpleNamespace(effects={"ground_effect": {}})
+    board = SimpleNamespace(system=SimpleNamespace(model=on, flights=()))
+    found = dataclasses.replace(_search({(name,): 0.0}), inclusion={name: probability})
+    assert (name in mattering(board, found, {})) == told
 
 
 @pytest.mark.parametrize("asked", [0.0, 1.0])

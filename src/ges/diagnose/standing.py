@@ -25,8 +25,7 @@ DOUBTFUL_SDS = 2.0
 """What is within as many declared sds is no finding, however well it is measured."""
 FAMILIES = ({"ground_effect", "fountain_lift"}, {"rotor_drag", "parasitic_drag"}, {"motor_lag", "esc_delay"})
 REACH_M = 10.0  # 2 cm of a rangefinder matter
-THROUGH_TIME = frozenset({"ground_effect_lag", "ground_effect_forward_flight"})
-UNLIKE_FORM = THROUGH_TIME | {LEVELLER}
+UNLIKE_FORM = frozenset({"ground_effect_lag", "ground_effect_forward_flight", LEVELLER})
 """Modifiers that act through time or speed: what a form is wrong by depends on the place alone, and does not look like them; and
 the levelling moment, of which a form's error is a doubt of its own, though only a guess."""
 ERRORS_OF = {"wind": frozenset({"wall_effect", "downwash"}), "thrust_curve": frozenset({"rotor_saturation"})}
@@ -83,7 +82,7 @@ def answering_gusts(present: set[str], system: System) -> set[str]:
 
 def _least(name: str, probability: float) -> float:
     """How many times the least that matters a name has to make."""
-    return LIGHTER if name in THROUGH_TIME and probability >= SURE else 1.0
+    return LIGHTER if name in UNLIKE_FORM and probability >= SURE else 1.0
 
 
 def least_beside(name: str, known: Mapping[str, float]) -> float:
