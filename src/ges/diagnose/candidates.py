@@ -18,6 +18,7 @@ from .align import Prepared, attitude_measured
 from .model import Model
 
 PARAMETER_EFFECTS = frozenset({"thrust_scale", "inertia", "torque_coefficient", "actuator_mapping"})
+CUSHIONS_MODIFIED = (("ground_effect_forward_flight", 1.0), ("ground_effect_forward_flight", 2.7), ("ground_effect_lag", 4.0))
 SMALL_STEP = 0.1
 LEAST_LAG_STEP_S, LAG_SHARES = 0.004, (0.25, 1.0, 3.0)
 COMMAND_QUANTILES = (0.8, 0.95, 0.99, 0.999)
@@ -74,7 +75,8 @@ class Variant:
     @property
     def key(self) -> str:
         """A name for the shape, the amplitudes and their steps."""
-        shape = ",".join(f"{k}={v:g}" for k, v in self.shape.items())
+        known = {**self.shape, **{f"{e}.{k}": v for e, values in self.beside.items() for k, v in values.items()}}
+        shape = ",".join(f"{k}={v:g}" for k, v in known.items())
         return f"{self.effect}[{shape}]({','.join(f'{a.parameter} by {a.step:g}' for a in self.amplitudes)})"
 
     def parameters(self, values: Mapping[str, float]) -> dict[str, float]:
@@ -199,12 +201,18 @@ def _plane_offsets(model: Model) -> tuple[float, ...]:
 
 
 def _ground_effect(model: Model) -> tuple[Variant, ...]:
-    offsets, wide = _plane_offsets(model), {"high": 10.0}
-    scaled = _grid("ground_effect", ("c_a",), {"form": 3.0, "amplitude": 1.0, **wide},
-                        decay=(0.5, 0.75, 1.0, 1.4, 2.0, 2.8))  # fmt: skip
-    scaled += _grid("ground_effect", ("c_a",), {"form": 4.0, "amplitude": 1.0, **wide}, decay=(0.4, 0.6, 0.9, 1.4))
-    others = _grid("ground_effect", ("amplitude",), wide, form=(0.0, 1.0, 2.0), rotor_plane_offset_m=offsets)
-    return scaled + others
+    """Plain cushions, and some that fade with speed or lag: where one does, a fountain is nearer than any plain one."""
+    offsets = _plane_offsets(model)
+    scaled = _cushions(3.0, 0.35, 0.5, 0.75, 1.1, 1.6, 2.6) + _cushions(4.0, 0.4, 0.6, 0.9, 1.4)
+    others = _grid("ground_effect", ("amplitude",), {"high": 10.0}, form=(0.0, 1.0, 2.0), rotor_plane_offset_m=offsets)
+    some = _cushions(3.0, 0.35) + _cushions(4.0, 0.4, 0.6, 0.9)
+    ways = [{effect: {"c": c}} for effect, c in CUSHIONS_MODIFIED if effect not in model.effects]
+    modified = [dataclasses.replace(v, beside=way) for v in some for way in ways]
+    return (*scaled, *others, *modified)
+
+
+def _cushions(form: float, *decays: float) -> tuple[Variant, ...]:
+    return _grid("ground_effect", ("c_a",), {"form": form, "amplitude": 1.0, "high": 10.0}, decay=decays)
 
 
 def _hubs(model: Model) -> list[tuple[float, float]]:
@@ -375,6 +383,11 @@ def needs_of(name: str) -> tuple[str, ...]:
     """Effects of which one must be on for this one to act; none for most."""
     modifies = effect_table.get(name).modifies
     return (modifies,) if modifies else _CHILDREN.get(name, ())
+
+
+def modifiers_of(variant: Variant) -> effect_table.Effects:
+    """What a variant brings with it that acts through its effect."""
+    return {name: values for name, values in variant.beside.items() if variant.effect in needs_of(name)}
 
 
 def acts_among(name: str, present: Collection[str]) -> bool:

@@ -18,11 +18,13 @@ import numpy as np
 from scipy.special import ndtri
 
 from .. import effects as effect_table
+from .candidates import modifiers_of
 from .evidence import TEMPERING, Board, Gram, rms_of
 from .fit import CLIPPING
 from .model import block_of
 from .select import PRIOR_OF_SIZE, log_rarity
 from .standing import FAINT, SEPARATE, SURE, lead_over, least_sizes
+from .system import Column
 
 POWER = 0.9
 
@@ -132,13 +134,18 @@ def _beside(board: Board, pooled: Gram, least_told: tuple[np.ndarray, np.ndarray
     shapes, (least, drive_alone) = _shapes(board, gram, given), least_told
     told: dict[str, list[tuple[float, dict[str, Any]]]] = {}
     for shape in (s for s in shapes if asked is None or s.name in asked):
-        for k in (k for k in shape.columns if board.system.columns[k].part != "moment"):
+        for k in (k for k in shape.columns if _is_told(board.system.columns[k])):
             size, hidden = _needed(shape, k, shapes, odds)
             if drive_alone[k]:  # what is faint has to be sure
                 size = min(max(size, FAINT * least[k]), _needed(shape, k, shapes, SURE / (1.0 - SURE))[0])
             size, hidden = max((size, hidden), (float(least[k]), ""))
             told.setdefault(shape.name, []).append(_entry(board, k, size, hidden))
     return {name: _standing_for(entries) for name, entries in told.items()}
+
+
+def _is_told(column: Column) -> bool:
+    """Whether a size is told of it: of the main part of effects that nothing modifies."""
+    return column.part != "moment" and not modifiers_of(column.variant)
 
 
 def _standing_for(entries: list[tuple[float, dict[str, Any]]]) -> dict[str, Any]:

@@ -5,28 +5,33 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import itertools
+import math
 from collections.abc import Collection, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
+from scipy.special import expit
 
 from .. import effects as effect_table
 from .align import Prepared
 from .balance import undecided
-from .candidates import Candidate, Variant, acts_among, flown, library, needs_of
+from .candidates import Candidate, Variant, acts_among, flown, library, modifiers_of, needs_of
 from .evidence import Board, make_board
 from .fit import Fitted, fitted_model, free_parameters, polish, starting_values
 from .hearing import lacking
 from .loads import sharpened
 from .model import Model
-from .select import Hypothesis, Search
+from .select import Hypothesis, Search, over_plain
 from .shoot import shot
 from .stable import search_until_stable
-from .standing import ACCEPT, ambiguous, does_something, mattering, replaced_by, stands
+from .standing import ACCEPT, SEPARATE, ambiguous, does_something, mattering, replaced_by, stands
 from .system import ALL_ON, Switches, System, build
 
 PERHAPS = 0.1
 """Probability from which a load is looked at more sharply."""
+RARER_MODIFIED = math.log(8.0)
+"""Log odds against each of some five modifiers of an effect before any flight, as a search of them alone has them."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,10 +112,13 @@ def accept(start: Board, length_s: float, switches: Switches = ALL_ON, only: Seq
         contested = contested if names else {n for name, others in replaced.items() for n in (name, *others)}
         sizes = {n: s for n, s in sizes.items() if n not in replaced and n not in open_names}
         shares |= sizes
-        new, polished = _polished(board, found, tuple(sizes), base, fitted, only is None, system, length_s, switches)
+        through = _modifying(board, found, listed, sizes, only)
+        new, polished = _polished(
+            board, found, (*sizes, *through), through, base, fitted, only is None, system, length_s, switches
+        )
         if not new:
             break
-        probability |= {n: found.inclusion[n] for n in new}
+        probability |= {n: through[n].probability if n in through else found.inclusion[n] for n in new}
         fitted = polished
         names += new
         base = model.with_effects(fitted.effects)
@@ -138,6 +146,37 @@ def _needed(rivals: Sequence[str], base: Model, system: System, length_s: float,
     return found.null().probability <= 1.0 - ACCEPT
 
 
+@dataclasses.dataclass(frozen=True)
+class _Modifying:
+    """What the best variant of an effect is modified by: its values, and how probable it is beside the effect alone."""
+
+    values: Mapping[str, float]
+    probability: float
+
+
+def _modifying(board: Board, found: Search, listed: Sequence[Candidate], names: Collection[str],
+               only: Sequence[str] | None) -> dict[str, _Modifying]:  # fmt: skip
+    """Modifiers of these names' variants in the best set, if no plain variant is nearly as good; or if they are asked for."""
+    variants = [board.system.columns[k].variant for k in found.best.posterior.columns] if names else []
+    told = {m: values for v in variants if v.effect in names for m, values in modifiers_of(v).items()}
+    if not told or only is not None:
+        return {m: _Modifying(values, 1.0) for m, values in told.items() if m in only}
+    odds = over_plain(board, listed, found.best) - RARER_MODIFIED
+    return {m: _Modifying(values, float(expit(odds))) for m, values in told.items()} if odds > SEPARATE else {}
+
+
+def _in_full(
+    board: Board, h: Hypothesis, beside: Fitted | None, system: System, length_s: float, switches: Switches,
+    through: effect_table.Effects = MappingProxyType({}),
+) -> Fitted:  # fmt: skip
+    """The fit in full of a set that was weighed on a board, beside what is fitted already; the system is of the model without.
+    What goes ``through`` effects of the set is fitted with it, from its values."""
+    held, known = (beside.effects, beside.free) if beside else ({}, ())
+    values = {**starting_values(board, h), **{m: {**effect_table.get(m).neutral(), **v} for m, v in through.items()}}
+    free = [*known, *free_parameters(board, h, system.model, values), *((m, p) for m, v in through.items() for p in v)]
+    return polish([r.flight for r in system.flights], system.model, {**held, **values}, free, length_s, system, switches)
+
+
 def _load_sharper(board: Board, found: Search, listed: Sequence[Candidate], length_s: float, switches: Switches,
                    only: Sequence[str] | None) -> tuple[Board, Search]:  # fmt: skip
     """Search again beside a load whose thread and first place are sharp: missed by centimetres, they need other names for what
@@ -162,19 +201,18 @@ def _load(board: Board, found: Search) -> Variant | None:
 
 
 def _polished(
-    board: Board, found: Search, new: tuple[str, ...], base: Model, fitted: Fitted | None, choosing: bool, system: System,
-    length_s: float, switches: Switches,
+    board: Board, found: Search, new: tuple[str, ...], through: Mapping[str, _Modifying], base: Model, fitted: Fitted | None,
+    choosing: bool, system: System, length_s: float, switches: Switches,
 ) -> tuple[tuple[str, ...], Fitted | None]:  # fmt: skip
-    """The new names that stand when their numbers are fitted in full, and that fit; those that do not are left out of it."""
-    flights, model = [r.flight for r in system.flights], system.model
-    held, known = (dict(fitted.effects), list(fitted.free)) if fitted else ({}, [])
+    """The new names that stand when their numbers are fitted in full, and that fit; those that do not are left out of it, what
+    goes ``through`` others first."""
     while new:
-        kept = _with_names(found, new, board)
-        values = starting_values(board, kept)
-        free = known + free_parameters(board, kept, base, values)
-        polished = polish(flights, model, {**held, **values}, free, length_s, system, switches)
+        modifying = {m: through[m].values for m in new if m in through}
+        kept = _with_names(found, [n for n in new if n not in modifying], board)
+        polished = _in_full(board, kept, fitted, system, length_s, switches, modifying)
         fallen = {n for n in new if choosing and not stands(polished, n)}
-        fallen |= {n for n in new if not acts_among(n, {*held, *base.effects, *(set(new) - fallen)})}
+        fallen = (fallen & set(modifying)) or fallen
+        fallen |= {n for n in new if not acts_among(n, {*base.effects, *(set(new) - fallen)})}
         if not fallen:
             return new, polished
         new = tuple(n for n in new if n not in fallen)
@@ -209,15 +247,13 @@ def with_alternatives(accepted: Accepted, length_s: float, switches: Switches = 
 def _beside(accepted: Accepted, name: str, length_s: float, switches: Switches) -> Fitted | None:
     """The fit with one open name, and what it acts through, beside what is accepted; None where it cannot act."""
     system, fitted, best = accepted.board.system, accepted.fitted, accepted.found.best_with(name, accepted.rivals)
-    held, known = (fitted.effects, fitted.free) if fitted else ({}, ())
-    mine = ({name} | set(needs_of(name)) & set(best.names)) - set(held)
+    held = set(fitted.effects) if fitted else set()
+    mine = ({name} | set(needs_of(name)) & set(best.names)) - held
     if not acts_among(name, {*mine, *held, *system.model.effects}):
         return None
     kept = dataclasses.replace(best, posterior=_only(best, mine, accepted.board))
-    values = starting_values(accepted.board, kept)
-    free = [*known, *free_parameters(accepted.board, kept, system.model, values)]
-    polished = polish([r.flight for r in system.flights], system.model, {**held, **values}, free, length_s, system, switches)
-    return shot_fit(dataclasses.replace(accepted, fitted=polished), length_s, switches).fitted
+    full = _in_full(accepted.board, kept, fitted, accepted.board.system, length_s, switches)
+    return shot_fit(dataclasses.replace(accepted, fitted=full), length_s, switches).fitted
 
 
 def without(accepted: Accepted, name: str, length_s: float, switches: Switches = ALL_ON) -> Accepted:

@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from scipy.special import logsumexp
 
-from .candidates import Candidate, acts_among, needs_of
+from .candidates import Candidate, Variant, acts_among, modifiers_of, needs_of
 from .evidence import DECLARED, Board, Posterior
 from .scales import Entry, Scales, entries, scales
 
@@ -125,6 +125,19 @@ def search(board: Board, candidates: Sequence[Candidate], base: Sequence[str] = 
             if names not in found or found[names].log_evidence < h.log_evidence:
                 found[names] = h
     return _normalised(list(found.values()))
+
+
+def over_plain(board: Board, candidates: Sequence[Candidate], best: Hypothesis) -> float:
+    """Log evidence of the best set over that of the same names without what modifies a variant of them."""
+    listed = entries(board, candidates)
+    on, chosen = scales(board, listed), [next(e for e in listed if e.number == i) for i in best.variants]
+    plain = [e for e in listed if not modifiers_of(_variant_of(board, e))]
+    options = [[e] if e in plain else [other for other in plain if other.name == e.name] for e in chosen]
+    return float(on.log_evidences([chosen])[0] - on.log_evidences(list(itertools.product(*options))).max())
+
+
+def _variant_of(board: Board, entry: Entry) -> Variant:
+    return board.system.columns[entry.columns[0]].variant
 
 
 def exactly(board: Board, candidates: Sequence[Candidate]) -> Search:

@@ -117,7 +117,7 @@ class Column:
         if self.nuisance is not None:
             return (self.nuisance,)
         v = self.variant
-        return v.effect, tuple(v.shape.items()), v.amplitudes[self.amplitude]
+        return v.effect, tuple(v.shape.items()), v.amplitudes[self.amplitude], repr(v.beside)
 
     def part_of(self, whole: Mapping[int, np.ndarray], names: Sequence[str]) -> Mapping[int, np.ndarray]:
         """This column's part of all that its coefficient changes, by channel."""
