@@ -18,7 +18,7 @@ from .align import Prepared
 from .instruments import replayed
 from .model import Model
 from .residual import to_body
-from .verify import BLOCK_S, STAGES, reduction
+from .verify import BLOCK_S, stages_row
 from .weak import Windows, make_windows
 
 LEAN = ("lean_forward_rad", "lean_left_rad")
@@ -78,12 +78,5 @@ def closed_loop(flights: Sequence[Prepared], models: Mapping[str, Model], length
             for stage, e in told.items():
                 pieces.setdefault(name, {}).setdefault(stage, []).append(e[:, k])
     block = max(1, int(round(BLOCK_S / (0.5 * length_s))))
-    channels = {name: _row(by_stage, block) for name, by_stage in pieces.items()}
+    channels = {name: stages_row(by_stage, block) for name, by_stage in pieces.items()}
     return {"flights": count, "channels": channels} if count else {}
-
-
-def _row(by_stage: Mapping[str, Sequence[np.ndarray]], block: int) -> dict:
-    before, recalibrated, after = (by_stage[stage] for stage in STAGES)
-    first, _, _ = reduction(before, after, block)
-    second, third, interval = reduction(recalibrated, after, block)
-    return {"before": first, "recalibrated": second, "after": third, "reduction_ci95": interval}

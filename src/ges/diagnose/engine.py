@@ -159,9 +159,9 @@ def _modifying(board: Board, found: Search, listed: Sequence[Candidate], names: 
     """Modifiers of these names' variants in the best set, if no plain variant is nearly as good; or if they are asked for."""
     variants = [board.system.columns[k].variant for k in found.best.posterior.columns] if names else []
     told = {m: values for v in variants if v.effect in names for m, values in modifiers_of(v).items()}
-    if not told or only is not None:
+    if only is not None:
         return {m: _Modifying(values, 1.0) for m, values in told.items() if m in only}
-    odds = over_plain(board, listed, found.best) - RARER_MODIFIED
+    odds = over_plain(board, listed, found.best) - RARER_MODIFIED if told else -math.inf
     return {m: _Modifying(values, float(expit(odds))) for m, values in told.items()} if odds > SEPARATE else {}
 
 
@@ -252,7 +252,7 @@ def _beside(accepted: Accepted, name: str, length_s: float, switches: Switches) 
     if not acts_among(name, {*mine, *held, *system.model.effects}):
         return None
     kept = dataclasses.replace(best, posterior=_only(best, mine, accepted.board))
-    full = _in_full(accepted.board, kept, fitted, accepted.board.system, length_s, switches)
+    full = _in_full(accepted.board, kept, fitted, system, length_s, switches)
     return shot_fit(dataclasses.replace(accepted, fitted=full), length_s, switches).fitted
 
 

@@ -43,46 +43,44 @@ def _blocks(e: np.ndarray, block: int) -> np.ndarray:
     return np.stack([np.add.reduceat(np.where(good, e, 0.0) ** 2, edges), np.add.reduceat(good.astype(float), edges)], axis=1)
 
 
-def reduction(
-    before: Sequence[np.ndarray], after: Sequence[np.ndarray], block: int, seed: int = 0
-) -> tuple[float, float, list[float]]:
-    """Rms before and after, and the 95 % interval of 1 - after/before, resampling blocks of time within flights."""
+def rms(each: Sequence[np.ndarray]) -> float:
+    """Of errors by flight (m,), without what is absent."""
+    told = np.concatenate(each)
+    return float(np.sqrt(np.mean(told[np.isfinite(told)] ** 2)))
+
+
+def reduction_ci95(before: Sequence[np.ndarray], after: Sequence[np.ndarray], block: int, seed: int = 0) -> list[float]:
+    """95 % interval of 1 - after/before of the rms, resampling blocks of time within flights."""
     pairs = [np.hstack([_blocks(b, block), _blocks(a, block)]) for b, a in zip(before, after, strict=True) if len(b)]
     table = np.vstack(pairs) if pairs else np.full((1, 4), np.nan)
-    total = table.sum(axis=0)
     rng = np.random.default_rng(seed)
     drawn = table[rng.integers(0, len(table), (RESAMPLES, len(table)))].sum(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = 1.0 - np.sqrt((drawn[:, 2] / drawn[:, 3]) / (drawn[:, 0] / drawn[:, 1]))
-        rms = np.sqrt(total[[0, 2]] / total[[1, 3]])
-    return float(rms[0]), float(rms[1]), [float(v) for v in np.nanquantile(share, [0.025, 0.975])]
+    return [float(v) for v in np.nanquantile(share, [0.025, 0.975])]
+
+
+def stages_row(by_stage: Mapping[str, Sequence[np.ndarray]], block: int) -> dict:
+    """Rms of every stage, and by how much 'after' is below 'recalibrated', of errors by flight (m,)."""
+    interval = reduction_ci95(by_stage["recalibrated"], by_stage["after"], block)
+    return {**{stage: rms(by_stage[stage]) for stage in STAGES}, "reduction_ci95": interval}
 
 
 def channel_table(told: Mapping[str, Sequence[np.ndarray]], names: Sequence[str], spacing_s: float) -> dict[str, dict]:
     """``channels`` of the fit, as the contract writes them; blocks of 5 s."""
     block = max(1, int(round(BLOCK_S / spacing_s)))
-    table = {}
-    for c, name in enumerate(names):
-        pick = {stage: [e[:, c] for e in told[stage]] for stage in STAGES}
-        if not any(np.isfinite(e).any() for e in pick["before"]):
-            continue
-        recalibrated, after, interval = reduction(pick["recalibrated"], pick["after"], block)
-        before, _, _ = reduction(pick["before"], pick["after"], block)
-        table[f"{name}_{UNITS[name]}"] = {
-            "before": before,
-            "recalibrated": recalibrated,
-            "after": after,
-            "reduction_ci95": interval,
-        }
-    return table
+    by_name = {n: {s: [e[:, c] for e in told[s]] for s in STAGES} for c, n in enumerate(names)}
+    return {f"{n}_{UNITS[n]}": stages_row(by, block) for n, by in by_name.items() if _present(by["before"])}
 
 
 def rms_table(left: Sequence[np.ndarray], names: Sequence[str]) -> dict[str, float]:
     """Rms of one stage of :func:`errors` by channel, as the channels of :func:`channel_table`; without those that are absent."""
-    each = np.concatenate(left)
-    good = np.isfinite(each)
-    rms = {n: float(np.sqrt(np.mean(each[good[:, c], c] ** 2))) for c, n in enumerate(names) if good[:, c].any()}
-    return {f"{name}_{UNITS[name]}": value for name, value in rms.items()}
+    by_name = {n: [e[:, c] for e in left] for c, n in enumerate(names)}
+    return {f"{n}_{UNITS[n]}": rms(each) for n, each in by_name.items() if _present(each)}
+
+
+def _present(each: Sequence[np.ndarray]) -> bool:
+    return any(np.isfinite(e).any() for e in each)
 
 
 def elsewhere(told: Mapping[str, Sequence[np.ndarray]], names: Sequence[str], located: Sequence[Mapping],
@@ -109,10 +107,9 @@ def elsewhere(told: Mapping[str, Sequence[np.ndarray]], names: Sequence[str], lo
         pick = {s: [np.where(m, e[:, c], np.nan) for e, m in zip(told[s], masks, strict=True)] for s in STAGES[1:]}
         if sum(np.isfinite(e).sum() for e in pick["after"]) < 2 * block:
             continue
-        recalibrated, after, interval = reduction(pick["recalibrated"], pick["after"], block)
-        change = [-interval[1], -interval[0]]
-        table[f"{name}_{UNITS[name]}"] = {"recalibrated": recalibrated, "after": after, "change_ci95": change,
-                                          "worse": change[0] > WORSE}  # fmt: skip
+        low, high = reduction_ci95(pick["recalibrated"], pick["after"], block)
+        table[f"{name}_{UNITS[name]}"] = {**{stage: rms(each) for stage, each in pick.items()}, "change_ci95": [-high, -low],
+                                          "worse": -high > WORSE}  # fmt: skip
     return table
 
 
