@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from ges.diagnose.answers import Vouched, loose, untrim
+from ges.diagnose.bounded import log_mass_within
 from ges.diagnose.evidence import Gram, Prior, gram_of, posterior, unanswered
 from ges.diagnose.table import table_of
 from ges.diagnose.weak import make_windows
@@ -57,6 +58,26 @@ def test_a_coefficient_far_beyond_its_bounds_has_no_evidence_left(seen):
         _gram(100.0 * x, 100.0 * y), (0,), Prior(np.array([20.0]), np.array([20.0]), np.array([8.0]), np.array([50.0]))
     )
     assert np.isfinite(told.log_evidence) and told.log_evidence < -1e5
+
+
+@pytest.mark.parametrize("tied", [-0.9, 0.0, 0.97])
+@pytest.mark.parametrize("pushing", [0.6, -0.6])
+def test_bounds_of_tied_coefficients_count_together(tied, pushing):
+    rng = np.random.default_rng(5)
+    x = rng.normal(size=(80, 3)) @ np.linalg.cholesky(tied ** np.abs(np.subtract.outer(range(3), range(3)))).T
+    gram = _gram(x, x @ [pushing, 0.3, -0.2] + rng.normal(size=80))
+    free = posterior(gram, (0, 1, 2), Prior(np.zeros(3), np.ones(3), np.full(3, -np.inf), np.full(3, np.inf)))
+    sided = posterior(gram, (0, 1, 2), Prior(np.zeros(3), np.ones(3), np.zeros(3), np.full(3, np.inf)))
+    within = multivariate_normal(np.zeros(3), free.covariance, abseps=1e-12, releps=1e-6, maxpts=10**7).cdf(free.mean)
+    assert sided.log_evidence - free.log_evidence == pytest.approx(np.log(within) + 3.0 * np.log(2.0), abs=0.05)
+
+
+def test_of_coefficients_far_beyond_their_bounds_there_is_no_mass_whatever_rounding_leaves():
+    rng = np.random.default_rng(7)
+    mixed = rng.normal(size=(200, 4, 4))
+    mean, low, high = 10.0 ** rng.uniform(0, 5, (200, 4)), np.full((200, 4), -1.0), np.full((200, 4), 0.5)
+    told = log_mass_within(low, high, mean, mixed @ mixed.transpose(0, 2, 1) + 1e-7 * np.eye(4))
+    assert not np.isnan(told).any() and (told <= 0.0).all()
 
 
 def test_rows_without_answers_have_the_products_of_the_fit(seen):

@@ -6,8 +6,8 @@ import dataclasses
 from collections.abc import Collection, Sequence
 
 import numpy as np
-from scipy.special import log_ndtr
 
+from .bounded import log_mass, log_mass_within
 from .system import Column, System
 from .whiten import Noise, Part, White, estimate, unrest_of, whiten
 
@@ -146,15 +146,8 @@ def acts_of(found: Posterior, names: Collection[str], system: System) -> np.ndar
     return np.concatenate([r.added(terms, len(system.main)) for r in system.flights])
 
 
-def _log_mass(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Log of the standard normal's mass between two bounds, exact in both tails."""
-    low, high = np.where(low > 0, -high, low), np.where(low > 0, -low, high)
-    with np.errstate(divide="ignore"):
-        return log_ndtr(high) + np.log1p(-np.exp(log_ndtr(low) - log_ndtr(high)))
-
-
 def posteriors(gram: Gram, sets: Sequence[Sequence[int]], prior: Prior, more: tuple | None = None):
-    """Gaussian posteriors of sets of columns, all of one size; bounds count each coefficient by itself, in the evidence alone.
+    """Gaussian posteriors of sets of columns, all of one size; bounds count in the evidence alone.
 
     ``more`` is added to the normal equations of each, (s, k, k) and (s, k), and to their log evidence, (s,).
 
@@ -171,12 +164,10 @@ def posteriors(gram: Gram, sets: Sequence[Sequence[int]], prior: Prior, more: tu
     right = (gram.xy[at] + xy) * scale + start
     covariance = np.linalg.inv(inner)
     mean = np.einsum("sij,sj->si", covariance, right)
-    sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    within = _log_mass((low / scale - mean) / sd, (high / scale - mean) / sd) - _log_mass(
-        low / scale - start, high / scale - start
-    )
-    gain = 0.5 * (mean * right - start**2) + within
-    return mean * scale, covariance * both, gain.sum(axis=1) - 0.5 * np.linalg.slogdet(inner)[1] + known
+    low, high = low / scale, high / scale
+    within = log_mass_within(low, high, mean, covariance) - log_mass(low - start, high - start).sum(axis=1)
+    gain = 0.5 * (mean * right - start**2).sum(axis=1) + within
+    return mean * scale, covariance * both, gain - 0.5 * np.linalg.slogdet(inner)[1] + known
 
 
 def posterior(gram: Gram, columns: Sequence[int], prior: Prior) -> Posterior:
