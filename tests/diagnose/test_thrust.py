@@ -43,6 +43,12 @@ def test_a_bent_curve_is_not_taken_for_a_usual_one(flown, sheet):
     assert _diagnosed(flown, sheet(), {"thrust_curve": {"c": 0.05}}, ("battery",)).verdict == "nothing_proven"
 
 
+@pytest.mark.parametrize("share, told", [(0.9, False), (0.8, True)])
+def test_a_ceiling_beside_an_untold_curve_is_told_if_the_form_of_the_curve_cannot_make_it(flown, sheet, share, told):
+    found = _diagnosed(flown, sheet(), BENT | {"rotor_saturation": {"share": share}}, ("battery",))
+    assert {f.name for f in found.findings} == {"battery_sag", "thrust_curve"} | ({"rotor_saturation"} if told else set())
+
+
 @pytest.mark.parametrize("effects", [HEAVY, SAG], ids=["heavy", "sagged"])
 def test_its_three_causes_are_named_together(flown, sheet, effects):
     found = _diagnosed(flown, sheet(), effects, ("rotor_speed", "battery"))

@@ -34,7 +34,7 @@ from .engine import (
     without_old_news,
 )
 from .evidence import Board
-from .findings import contributions, finding, open_findings, settled_findings
+from .findings import contributions, finding, open_findings, settled_findings, size_of
 from .fit import Fitted, Joint, calibrated, fitted_model, in_the_air, left_raw, null_fit, strain_without, within_bounds
 from .gate import Gate, at_flown_voltage, pass_gate
 from .gusts import HANGING, PUSHED, Gusts, gusts_of, heard_by, may_lean
@@ -184,7 +184,7 @@ class _Chain:
         answer = self._fitted(start, names, switches)
         self.watch("fitted", answer.accepted.names)
         if names is None:
-            answer = self._not_borrowed(answer, start)
+            answer = self._not_of_a_form(self._not_borrowed(answer, start), start, switches)
         moved = None if answer.accepted.names else shift_of(start.system)
         answer, remains = self._remaining(answer, moved)
         shift = moved or (None if names else self._thrust(answer, start.system))
@@ -259,6 +259,14 @@ class _Chain:
         if not borrowed(theirs(answer.foretold, answer.added, start.system), self.model):
             return answer
         return _Answer(withdrawn(answer.accepted), None, start.first, start.first.structures, {})
+
+    def _not_of_a_form(self, answer: _Answer, start: _Start, switches: Switches) -> _Answer:
+        """The answer without names that may be what the form of a needed, but untold thrust curve is wrong by."""
+        accepted, thrust = answer.accepted, self._thrust(answer, start.system)
+        for name, by in answer.added.items() if thrust else ():
+            if thrust.is_form_error(name, size_of(by, start.system)):
+                accepted = without(accepted, name, self.length_s, switches)
+        return answer if accepted is answer.accepted else self._answer(accepted, answer.gusts, start)
 
     def _remaining(self, answer: _Answer, moved: Shift | None) -> tuple[_Answer, list[Structure]]:
         """The answer without rivals that a shift or old news make idle, and the structure that is left."""

@@ -10,16 +10,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from .. import effects as effect_table
 from .candidates import flown, library
-from .evidence import Board, make_board
+from .evidence import Board, make_board, rms_of
 from .fit import FORM_ERROR, Joint, within_bounds
 from .hearing import LIKE_SAG, lacking
 from .model import Model
 from .recommend import Rival, rank
 from .result import Estimate, Finding, interval95
+from .standing import ERRORS_OF
 from .system import System, build
 from .words import number_words
 
@@ -42,6 +43,13 @@ class UntoldThrust:
     excess: Estimate
     known_sd: float
     rivals: tuple[str, ...]
+
+    def is_form_error(self, name: str, size: Mapping) -> bool:
+        """Whether an effect of this ``size`` (of a finding) may be what the form of the curve that is needed is wrong by."""
+        if name not in ERRORS_OF.get(self.key.split(".")[0], ()):
+            return False
+        column, channel = self.system.nuisances[self.key], self.system.main.index(size["channel"])
+        return size["value"] < FORM_ERROR * abs(self.excess.value) * rms_of(self.system)[channel, column]
 
     def sentence(self) -> str:
         """How far it is off, what would do it, and how to find out."""
