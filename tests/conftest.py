@@ -10,9 +10,14 @@ ROOT = Path(__file__).resolve().parents[1]
 
 @pytest.fixture(scope="session")
 def recordings_dir() -> Path:
-    """Folder of the published flights: $GES_RECORDINGS, or shared/recordings beside the checkout."""
+    """Folder of the published flights: $GES_RECORDINGS, or shared/recordings beside the
+    checkout.
+    """
     given = os.environ.get("GES_RECORDINGS")
     folder = Path(given) if given else ROOT.parent / "shared" / "recordings"
     if not folder.is_dir():
-        pytest.skip("the published recordings are not here; 'ges recordings fetch' gets them, GES_RECORDINGS names their folder")
+        pytest.skip(
+            "the published recordings are not here; 'ges recordings fetch' gets them,"
+            " GES_RECORDINGS names their folder"
+        )
     return folder

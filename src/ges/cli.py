@@ -10,8 +10,8 @@ import sys
 
 import click
 
-from . import __version__, commands
-from .errors import GesError
+from ges import __version__, commands
+from ges.errors import GesError
 
 
 class LazyGroup(click.Group):
@@ -34,8 +34,12 @@ def cli() -> None:
 
 
 def main() -> None:
-    """Entry point: one clear sentence on stderr instead of a traceback; exit 1 failed, 2 wrong use."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the same bytes whatever the number of cores, and in half the time
+    """Entry point: one clear sentence on stderr instead of a traceback; exit 1 failed, 2
+    wrong use.
+    """
+    os.environ.setdefault(
+        "OPENBLAS_NUM_THREADS", "1"
+    )  # the same bytes whatever the number of cores, and in half the time
     try:
         cli(standalone_mode=True)
     except GesError as error:

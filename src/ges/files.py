@@ -13,7 +13,9 @@ from typing import Any
 
 @contextlib.contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """Yield a name in the same folder to write to; it becomes ``path`` when the block ends well, and goes away if not."""
+    """Yield a name in the same folder to write to; it becomes ``path`` when the block ends well,
+    and goes away if not.
+    """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     new = path.with_name(f".{os.getpid()}.{path.name}")
@@ -43,5 +45,7 @@ def sha256(path: str | Path) -> str:
 
 def tree_hash(root: Path, files: Iterable[Path]) -> str:
     """Hash over names (relative to ``root``) and contents of files."""
-    listing = "".join(f"{sha256(file)}  {file.relative_to(root).as_posix()}\n" for file in sorted(files))
+    listing = "".join(
+        f"{sha256(file)}  {file.relative_to(root).as_posix()}\n" for file in sorted(files)
+    )
     return hashlib.sha256(listing.encode()).hexdigest()

@@ -1,4 +1,6 @@
-"""Work on several cores: compiled calls and large array operations by threads of one process, plain Python by processes."""
+"""Work on several cores: compiled calls and large array operations by threads of one process, plain
+Python by processes.
+"""
 
 from __future__ import annotations
 
@@ -15,18 +17,26 @@ from threadpoolctl import threadpool_limits
 
 
 def cores() -> int:
-    """Cores to work on: those that this process may use, but no more than ``OMP_NUM_THREADS`` where that is set."""
-    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """Cores to work on: those that this process may use, but no more than ``OMP_NUM_THREADS`` where
+    that is set.
+    """
+    allowed = (
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    )
     told = os.environ.get("OMP_NUM_THREADS", "")
     return max(1, min(allowed, int(told))) if told.isdigit() else allowed
 
 
 def blas_alone(work: Callable) -> Callable:
-    """``work`` with one thread of BLAS: the same bytes whatever the number of cores, and its threads do not wait for ours."""
+    """``work`` with one thread of BLAS: the same bytes whatever the number of cores, and its
+    threads do not wait for ours.
+    """
 
     @functools.wraps(work)
     def alone(*arguments, **named):
-        if os.environ.get("OPENBLAS_NUM_THREADS") == "1":  # as ``ges`` and the proof start it, where no library can be looked for
+        if (
+            os.environ.get("OPENBLAS_NUM_THREADS") == "1"
+        ):  # as ``ges`` and the proof start it, where no library can be looked for
             return work(*arguments, **named)
         with threadpool_limits(1):
             return work(*arguments, **named)
@@ -35,7 +45,9 @@ def blas_alone(work: Callable) -> Callable:
 
 
 def each(work: Callable, *arguments: Iterable) -> list:
-    """``work`` of one of each of the arguments after another, in their order, whatever the number of cores."""
+    """``work`` of one of each of the arguments after another, in their order, whatever the number
+    of cores.
+    """
     count = cores()
     if count == 1:
         return list(map(work, *arguments))
@@ -44,7 +56,9 @@ def each(work: Callable, *arguments: Iterable) -> list:
 
 
 Begin = Callable[..., Callable[[], list]]
-"""Begins ``work`` of one of each of the arguments after another; what it returns waits for the results, in their order."""
+"""Begins ``work`` of one of each of the arguments after another; what it returns waits for the
+results, in their order.
+"""
 
 
 def at_once(work: Callable, *arguments: Iterable) -> Callable[[], list]:
@@ -55,8 +69,9 @@ def at_once(work: Callable, *arguments: Iterable) -> Callable[[], list]:
 
 @contextlib.contextmanager
 def apart(prepare: Callable[[], object]) -> Iterator[Begin]:
-    """A :data:`Begin` by other processes, for what keeps Python itself busy. They come of one that does ``prepare`` while the
-    caller goes on; work and arguments are copied to them, results back."""
+    """A :data:`Begin` by other processes, for what keeps Python itself busy. They come of one that
+    does ``prepare`` while the caller goes on; work and arguments are copied to them, results back.
+    """
     if cores() < 2 or "fork" not in multiprocessing.get_all_start_methods():
         yield at_once
         return
@@ -78,7 +93,9 @@ def _shared(work: Callable, *arguments: Iterable) -> list:
 def _ready(prepare: Callable[[], object]) -> None:
     """Leave interrupts to the caller, end with it however it ends, and prepare."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(multiprocessing.parent_process(),), daemon=True).start()
+    threading.Thread(
+        target=_end_with, args=(multiprocessing.parent_process(),), daemon=True
+    ).start()
     prepare()
 
 

@@ -6,21 +6,29 @@ import dataclasses
 
 import pytest
 
-from ges.blind import grid, make, seal
-from ges.blind.grid import Spec
+from ges.blind.generator import grid, make
+from ges.blind.generator.grid import Spec
+from ges.blind.protocol import seal
 
 
 @pytest.fixture(scope="session")
 def flown():
-    """Two cases in the same circumstances, one with something concealed: (specs, cases, their flights at 250 Hz)."""
-    from ges.blind.flight import Simulation
+    """Two cases in the same circumstances, one with something concealed: (specs, cases, their
+    flights at 250 Hz).
+    """
+    from ges.blind.generator.flight import Simulation
 
     specs = [Spec(0, "single", ("rotor_drag",), (2,), "650g"), Spec(0, "null", (), (), "650g")]
     cases = [make.draw_case(s, "tiny", 5) for s in specs]
     cases = [dataclasses.replace(c, sorties=c.sorties[:2]) for c in cases]
     book = Simulation([s for c in cases for s in c.sorties]).run()
-    parts = [[{n: v[: s.plan.reference.shape[1], :, 2 * k + f] for n, v in book.items()} for f, s in enumerate(c.sorties)]
-             for k, c in enumerate(cases)]  # fmt: skip
+    parts = [
+        [
+            {n: v[: s.plan.reference.shape[1], :, 2 * k + f] for n, v in book.items()}
+            for f, s in enumerate(c.sorties)
+        ]
+        for k, c in enumerate(cases)
+    ]
     return specs, cases, parts
 
 

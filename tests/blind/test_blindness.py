@@ -16,9 +16,9 @@ import pytest
 import yaml
 
 import ges
-from ges._lib import library_path
-from ges.blind import jail, run, seal
+from ges.blind.protocol import jail, run, seal
 from ges.errors import GesError
+from ges.simulator._lib import library_path
 
 KERNEL = textwrap.dedent("""
     import ctypes, sys
@@ -36,17 +36,23 @@ ROUTES = {
     "another program": "import subprocess; subprocess.run(['/bin/cat', target], check=True)",
     "a shell": "import os; assert os.system('cat ' + target) == 0",
     "symbolic link": "import os; os.symlink(target, out + '/link'); open(out + '/link').read()",
-    "generator's source": "import ges.blind.grid",
+    "generator's source": "import ges.blind.generator.grid",
     "seed in the tests": f"open({str(Path(__file__))!r}).read()",
     "parent's command line": "import os; open(f'/proc/{os.getppid()}/cmdline').read()",
     "parent's environment": "import os; open(f'/proc/{os.getppid()}/environ').read()",
     "own memory map of others": "import os; os.listdir('/proc')",
     "network": "import socket; socket.create_connection(('127.0.0.1', 9), 1)",
-}  # fmt: skip
+}
 KERNEL_ROUTES = {
-    "C library": "import ctypes; c = ctypes.CDLL(None); c.fopen.restype = ctypes.c_void_p; assert c.fopen(target.encode(), b'r')",
+    "C library": (
+        "import ctypes; c = ctypes.CDLL(None); c.fopen.restype = ctypes.c_void_p; assert"
+        " c.fopen(target.encode(), b'r')"
+    ),
     "Arrow in C++": "import pyarrow as pa; pa.OSFile(target).read()",
-    "C++ listing": "from pyarrow import fs; fs.LocalFileSystem().get_file_info(fs.FileSelector(target.rsplit('/', 1)[0]))",
+    "C++ listing": (
+        "from pyarrow import fs;"
+        " fs.LocalFileSystem().get_file_info(fs.FileSelector(target.rsplit('/', 1)[0]))"
+    ),
 }
 
 
@@ -57,12 +63,14 @@ def _locked(tmp_path: Path, code: str, target: str) -> subprocess.CompletedProce
     program = textwrap.dedent(f"""
         import sys
         from pathlib import Path
-        from ges.blind import jail
+        from ges.blind.protocol import jail
         target, out = {target!r}, {str(out)!r}
         jail.lock_in([Path({str(case)!r}), *jail.interpreter(), *jail.package()], [Path(out)])
         print("locked", flush=True)
     """)
-    return subprocess.run([sys.executable, "-I", "-c", program + code], capture_output=True, text=True, cwd=tmp_path)
+    return subprocess.run(
+        [sys.executable, "-I", "-c", program + code], capture_output=True, text=True, cwd=tmp_path
+    )
 
 
 @pytest.mark.parametrize("route", ROUTES)
@@ -74,10 +82,20 @@ def test_cheating_fails(tmp_path, route):
     assert "locked" in done.stdout, done.stderr
     assert done.returncode != 0
     last = done.stderr.splitlines()[-1]
-    assert any(word in last for word in ("PermissionError", "ModuleNotFoundError", "ImportError", "a diagnosis under test")), last
+    assert any(
+        word in last
+        for word in (
+            "PermissionError",
+            "ModuleNotFoundError",
+            "ImportError",
+            "a diagnosis under test",
+        )
+    ), last
 
 
-@pytest.mark.skipif(not LANDLOCK, reason="this kernel has no Landlock; the interpreter's wall stands alone")
+@pytest.mark.skipif(
+    not LANDLOCK, reason="this kernel has no Landlock; the interpreter's wall stands alone"
+)
 @pytest.mark.parametrize("route", KERNEL_ROUTES)
 def test_cheating_in_compiled_code_fails(tmp_path, route):
     secret = tmp_path / "sealed" / "truth.json"
@@ -90,14 +108,19 @@ def test_cheating_in_compiled_code_fails(tmp_path, route):
 def test_what_is_given_can_be_read(tmp_path):
     (tmp_path / "case").mkdir()
     (tmp_path / "case" / "a.txt").write_text("given")
-    code = f"assert open({str(tmp_path / 'case' / 'a.txt')!r}).read() == 'given'; open(out + '/b.txt', 'w').write('made')"
+    code = (
+        f"assert open({str(tmp_path / 'case' / 'a.txt')!r}).read() == 'given'; open(out + '/b.txt',"
+        " 'w').write('made')"
+    )
     done = _locked(tmp_path, code, "")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "b.txt").read_text() == "made"
 
 
 def test_copy_tells_nothing(tmp_path):
-    """File names, times, metadata, vehicle name and stray files of a case do not reach the diagnosis."""
+    """File names, times, metadata, vehicle name and stray files of a case do not reach the
+    diagnosis.
+    """
     case, given = tmp_path / "cut_propeller_rotor3", tmp_path / "given"
     case.mkdir()
     given.mkdir()
@@ -105,17 +128,25 @@ def test_copy_tells_nothing(tmp_path):
     pq.write_table(table, case / "weak_rotor.parquet")
     pq.write_table(pa.table({"t_s": [0.0, 0.2]}), case / "healthy.parquet")
     (case / "notes.txt").write_text("rotor 3 is cut")
-    (case / "vehicle.yaml").write_text(yaml.safe_dump({"name": "cut rotor 3", "terrain": {"kind": "flat", "z_m": 0.0}}))
+    (case / "vehicle.yaml").write_text(
+        yaml.safe_dump({"name": "cut rotor 3", "terrain": {"kind": "flat", "z_m": 0.0}})
+    )
     os.utime(case / "weak_rotor.parquet", (1e9, 1e9))
     run.anonymous(case, given)
-    assert sorted(p.name for p in given.iterdir()) == ["flight_1.parquet", "flight_2.parquet", "vehicle.yaml"]
+    assert sorted(p.name for p in given.iterdir()) == [
+        "flight_1.parquet",
+        "flight_2.parquet",
+        "vehicle.yaml",
+    ]
     assert {p.stat().st_mtime for p in given.iterdir()} == {0.0}
     assert all(pq.read_schema(p).metadata is None for p in given.glob("*.parquet"))
     assert "cut" not in (given / "vehicle.yaml").read_text()
 
 
 def test_process_is_told_nothing(tmp_path, monkeypatch):
-    """Environment, arguments and working folder of the worker name neither the folder nor the case."""
+    """Environment, arguments and working folder of the worker name neither the folder nor
+    the case.
+    """
     seen = {}
 
     def spy(command, **keywords):
@@ -128,23 +159,38 @@ def test_process_is_told_nothing(tmp_path, monkeypatch):
     case.mkdir(parents=True)
     (case / "vehicle.yaml").write_text("name: x\n")
     run._one(case, tmp_path / "proof" / "diagnosed" / "telltale", {}, "tool")
-    told = json.dumps([seen["command"], {k: v for k, v in seen["env"].items() if k != "GES_LIBRARY"}, str(seen["cwd"])])
+    told = json.dumps(
+        [
+            seen["command"],
+            {k: v for k, v in seen["env"].items() if k != "GES_LIBRARY"},
+            str(seen["cwd"]),
+        ]
+    )
     assert "telltale" not in told and "PROOF_TRUTH" not in told and str(tmp_path) not in told
 
 
 def test_the_package_that_vouches_for_a_verdict_makes_it(tmp_path):
-    """A copy of the sources beside an installation: its run must not be diagnosed by what is installed."""
+    """A copy of the sources beside an installation: its run must not be diagnosed by what is
+    installed.
+    """
     copy = tmp_path / "src" / "ges"
-    shutil.copytree(Path(run.__file__).parents[1], copy, ignore=shutil.ignore_patterns("__pycache__"))
-    worker = copy / "blind" / "worker.py"
-    worker.write_text(worker.read_text().replace("sys.exit(main(", "sys.exit('the copy' or main(", 1))
+    shutil.copytree(
+        Path(run.__file__).parents[2], copy, ignore=shutil.ignore_patterns("__pycache__")
+    )
+    worker = copy / "blind" / "protocol" / "worker.py"
+    worker.write_text(
+        worker.read_text().replace("sys.exit(main(", "sys.exit('the copy' or main(", 1)
+    )
     for name in ("given", "made", "home"):
         (tmp_path / name).mkdir()
     code = (
-        "from pathlib import Path; from ges.blind import run; print(run._process(Path('given'), Path('made'), Path('home'), {}))"
+        "from pathlib import Path; from ges.blind.protocol import run;"
+        " print(run._process(Path('given'), Path('made'), Path('home'), {}))"
     )
     env = {"PYTHONPATH": str(copy.parent), "GES_LIBRARY": str(library_path()), "PATH": os.defpath}
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=env, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=env, capture_output=True, text=True
+    )
     assert done.stdout.strip() == "the copy", done.stderr
 
 
@@ -189,10 +235,10 @@ def test_folder_that_all_may_read_is_refused(monkeypatch, proof):
 
 
 def test_diagnosis_does_not_import_the_generator():
-    from ges.sources import sources
+    from ges.provenance.sources import sources
 
     root = Path(ges.__file__).parent
-    assert not [p for p in sources("ges.diagnose.chain") if p.is_relative_to(root / "blind")]
+    assert not [p for p in sources("ges.diagnose.pipeline") if p.is_relative_to(root / "blind")]
 
 
 def _copy(proof: Path, tmp_path: Path) -> Path:

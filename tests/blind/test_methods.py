@@ -1,4 +1,6 @@
-"""Baselines on a problem whose answer is known, oracle and limits, a run that is interrupted, real flights as cases."""
+"""Baselines on a problem whose answer is known, oracle and limits, a run that is interrupted, real
+flights as cases.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +18,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ges.blind import baselines, figures, run, score, seal
-from ges.blind.coefficients import _relative
-from ges.blind.opened import _over_limit
-from ges.blind.oracle import Oracle
+from ges.blind.protocol import baselines, run, seal
+from ges.blind.score import figures, score
+from ges.blind.score.coefficients import _relative
+from ges.blind.score.opened import _over_limit
+from ges.blind.score.oracle import Oracle
 from ges.errors import UsageError
-from ges.io.recording import load_set
+from ges.recordings.recording import load_set
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -31,19 +34,33 @@ def _column(name: str) -> SimpleNamespace:
 
 
 def _problem(coefficients: dict[str, float], noise: float = 1.0) -> baselines.Problem:
-    """Three flights of independent columns, residual = columns times coefficients + white noise; calibration has no part."""
+    """Three flights of independent columns, residual = columns times coefficients + white noise;
+    calibration has no part.
+    """
     names = ("rotor_drag", "wind", "axial_inflow", "tether")
     rng = np.random.default_rng(3)
     beta = np.array([coefficients.get(n, 0.0) for n in names])
-    nuisance = SimpleNamespace(nuisance=SimpleNamespace(effect="thrust_scale", sd=0.1, flight_sd=0.0))
+    nuisance = SimpleNamespace(
+        nuisance=SimpleNamespace(effect="thrust_scale", sd=0.1, flight_sd=0.0)
+    )
 
     def rows(n: int) -> baselines.Rows:
         x, free = rng.standard_normal((n, 4)), rng.standard_normal((n, 1))
         y = x @ beta + noise * rng.standard_normal(n)
-        return baselines.Rows(y, y + 0.5 * free[:, 0], x, free, x.copy(), np.arange(n) % 2, np.arange(n) % 3)
+        return baselines.Rows(
+            y, y + 0.5 * free[:, 0], x, free, x.copy(), np.arange(n) % 2, np.arange(n) % 3
+        )
 
     columns = tuple(_column(n) for n in names)
-    return baselines.Problem(("force_x", "force_y"), np.ones(2), columns, (nuisance,), rows(3000), rows(1000), ("flight_1",))
+    return baselines.Problem(
+        ("force_x", "force_y"),
+        np.ones(2),
+        columns,
+        (nuisance,),
+        rows(3000),
+        rows(1000),
+        ("flight_1",),
+    )
 
 
 def test_stepwise_finds_strong_columns():
@@ -65,7 +82,10 @@ def test_stepwise_p_values_are_those_of_least_squares():
 
 def test_sindy_finds_strong_columns():
     pytest.importorskip("pysindy", reason="the extra 'baselines' is not installed")
-    assert set(baselines.sindy(_problem({"rotor_drag": 0.5, "wind": 0.4}, noise=0.1))[0]) == {"rotor_drag", "wind"}
+    assert set(baselines.sindy(_problem({"rotor_drag": 0.5, "wind": 0.4}, noise=0.1))[0]) == {
+        "rotor_drag",
+        "wind",
+    }
 
 
 def test_parameter_fit_names_what_is_outside_its_tolerance():
@@ -79,15 +99,21 @@ def test_parameter_fit_names_what_is_outside_its_tolerance():
 def test_boosting_learns_and_names_nothing():
     problem = _problem({"rotor_drag": 2.0})
     named, predict = baselines.boosting(problem)
-    assert not named and np.var(problem.held.y - predict(problem.held)) < 0.5 * np.var(problem.held.y)
+    assert not named and np.var(problem.held.y - predict(problem.held)) < 0.5 * np.var(
+        problem.held.y
+    )
 
 
 def test_size_over_stated_limit():
-    """Of loads, whichever rotor is weak and whatever the shape; of numbers from neutral where there are no loads."""
+    """Of loads, whichever rotor is weak and whatever the shape; of numbers from neutral where there
+    are no loads.
+    """
     weak = {f"loss_{i}": 0.2 * (i == 2) for i in range(1, 5)}
     drive = {"motor_lag": {"up_s": 0.03, "down_s": 0.04}, "rotor_saturation": {"share": 0.7}}
     best = Oracle({"weak_rotor": weak, **drive}, 1.0)
-    seen = SimpleNamespace(loads=lambda e: np.array([v for values in e.values() for v in values.values()]))
+    seen = SimpleNamespace(
+        loads=lambda e: np.array([v for values in e.values() for v in values.values()])
+    )
     told = {
         "weak_rotor": {"parameter": "loss_4", "smallest": 0.1, "shape": {}},
         "motor_lag": {"parameter": "up_s", "smallest": 0.01},
@@ -119,18 +145,33 @@ def test_unknown_method_is_said():
 
 
 def test_limit_figure_draws():
-    table = pd.DataFrame({"category": ["single"] * 8, "truth": list("aabbccdd"), "over_limit": np.geomspace(0.2, 20, 8),
-                          "outcome": ["nothing"] * 3 + ["exact"] * 5})  # fmt: skip
+    table = pd.DataFrame(
+        {
+            "category": ["single"] * 8,
+            "truth": list("aabbccdd"),
+            "over_limit": np.geomspace(0.2, 20, 8),
+            "outcome": ["nothing"] * 3 + ["exact"] * 5,
+        }
+    )
     axes = figures.draw_limit(table).axes[0]
     assert [len(line.get_xdata()) for line in axes.lines[1:3]] == [5, 3]
 
 
 def test_interrupted_run_goes_on_and_ends_the_same(tmp_path, proof):
-    """Killed between two cases and started again: the finished case is kept, and the verdicts are those of one run."""
+    """Killed between two cases and started again: the finished case is kept, and the verdicts are
+    those of one run.
+    """
     import shutil
 
-    folder = Path(shutil.copytree(proof, tmp_path / "proof", ignore=shutil.ignore_patterns("diagnosed", "scores")))
-    code = f"from pathlib import Path; from ges.blind.run import run_cases; run_cases(Path({str(folder)!r}), 1, out='cut')"
+    folder = Path(
+        shutil.copytree(
+            proof, tmp_path / "proof", ignore=shutil.ignore_patterns("diagnosed", "scores")
+        )
+    )
+    code = (
+        "from pathlib import Path; from ges.blind.protocol.run import run_cases;"
+        f" run_cases(Path({str(folder)!r}), 1, out='cut')"
+    )
     killed = subprocess.Popen([sys.executable, "-c", code])
     first, last = (folder / "cut" / n for n in seal.cases(folder))
     for _ in range(1200):
@@ -149,37 +190,42 @@ def test_interrupted_run_goes_on_and_ends_the_same(tmp_path, proof):
 
 def test_real_flights_become_cases(tmp_path, recordings_dir):
     """Every published change is a sealed case; nothing in a case's folder names what was done."""
-    from ges.blind.real import CHANGES, make_real
+    from ges.blind.foreign.real import CHANGES, make_real
 
     count = make_real(tmp_path / "real", recordings_dir, ROOT / "config")
     names = seal.cases(tmp_path / "real")
     assert len(names) == count == len(CHANGES) + 4 + 2
     for path in (tmp_path / "real" / "cases").rglob("*"):
         assert not any(
-            word in str(path.relative_to(tmp_path)) for word in ("cut", "tape", "string", "weight", "normal", "E8", "E9")
+            word in str(path.relative_to(tmp_path))
+            for word in ("cut", "tape", "string", "weight", "normal", "E8", "E9")
         )
     truths = [seal.truth(tmp_path / "real", n) for n in names]
     assert sum(t["verdict"] == "nothing_proven" for t in truths) == 5
 
 
 def test_rotorpy_flies_its_own_physics(tmp_path):
-    """A hover of RotorPy's own vehicle: the specific force is gravity, the rotors carry the weight, the file is honest."""
+    """A hover of RotorPy's own vehicle: the specific force is gravity, the rotors carry the weight,
+    the file is honest.
+    """
     pytest.importorskip("rotorpy", reason="the extra 'simulators' is not installed")
-    from ges.blind import rotorpy_cases
+    from ges.blind.foreign import rotorpy as rotorpy_cases
 
     numbers = rotorpy_cases._parameters("hummingbird", ("k_d",), {})
     reference = np.zeros((11, 500))
     reference[2] = 1.0
     flown = rotorpy_cases._fly(numbers, reference, np.zeros(3))
     assert flown["specific_force"][-1] == pytest.approx([0.0, 0.0, 9.81], abs=0.01)
-    assert 4.0 * numbers["k_eta"] * flown["rotor_speed"][-1].mean() ** 2 == pytest.approx(numbers["mass"] * 9.81, rel=1e-3)
+    assert 4.0 * numbers["k_eta"] * flown["rotor_speed"][-1].mean() ** 2 == pytest.approx(
+        numbers["mass"] * 9.81, rel=1e-3
+    )
     assert numbers["k_d"] > 0.0 and numbers["k_z"] == numbers["k_h"] == numbers["c_Dx"] == 0.0
 
 
 CRAZYFLOW = """
 import sys
 import numpy as np
-from ges.blind import crazyflow_cases as c
+from ges.blind.foreign import crazyflow as c
 numbers = c._parameters("cf2x_L250", c.CASES[0])
 craft = c._airframe("cf2x_L250", numbers, c.CASES[0], np.random.default_rng(1))
 reference = np.zeros((11, 1500))
@@ -191,7 +237,8 @@ assert abs(flown["specific_force"][-1, 2] / 9.81 - 1.0) < 0.02, flown["specific_
 
 
 def test_crazyflow_flies_its_own_physics():
-    """Its Crazyflie holds a hover under our controller: geometry, spins and signs are translated rightly.
+    """Its Crazyflie holds a hover under our controller: geometry, spins and signs are translated
+    rightly.
 
     In a process of its own, because the package wants to be imported before scipy.
     """
@@ -202,7 +249,8 @@ def test_crazyflow_flies_its_own_physics():
 
 
 def test_missing_simulators_are_said(monkeypatch, tmp_path):
-    from ges.blind import crazyflow_cases, rotorpy_cases
+    from ges.blind.foreign import crazyflow as crazyflow_cases
+    from ges.blind.foreign import rotorpy as rotorpy_cases
     from ges.errors import GesError
 
     monkeypatch.setitem(sys.modules, "rotorpy.vehicles", None)

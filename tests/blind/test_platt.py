@@ -1,4 +1,6 @@
-"""Stated probabilities: the correction is found again, undone exactly, and never fitted to evaluation cases."""
+"""Stated probabilities: the correction is found again, undone exactly, and never fitted to
+evaluation cases.
+"""
 
 import json
 
@@ -6,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from ges.blind.platt import fit, pairs
-from ges.diagnose.stated import FARTHEST, log_odds, searched, stated
+from ges.blind.score.platt import fit, pairs
+from ges.diagnose.decide.stated import FARTHEST, log_odds, searched, stated
 from ges.errors import GesError
 
 

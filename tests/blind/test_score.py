@@ -11,17 +11,27 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ges.blind import figures, opened, oracle, run, score, seal
-from ges.blind.judge import category_of, judge
+from ges.blind.protocol import run, seal
+from ges.blind.score import figures, opened, oracle, score
+from ges.blind.score.judge import category_of, judge
 from ges.errors import GesError
 
 
 def _truth(*names: str, verdict: str = "physics", **more) -> dict:
-    return {"verdict": verdict, "findings": [{"name": n, "parameters": {}} for n in names], "severity": "weak", **more}
+    return {
+        "verdict": verdict,
+        "findings": [{"name": n, "parameters": {}} for n in names],
+        "severity": "weak",
+        **more,
+    }
 
 
 def _said(*names: str, verdict: str = "physics", probability: float = 0.97, **more) -> dict:
-    return {"verdict": verdict, "findings": [{"name": n, "probability": probability, "parameters": {}} for n in names], **more}
+    return {
+        "verdict": verdict,
+        "findings": [{"name": n, "probability": probability, "parameters": {}} for n in names],
+        **more,
+    }
 
 
 NOTHING = _said(verdict="nothing_proven")
@@ -39,7 +49,12 @@ OPEN = _truth("cg_offset", verdict="ambiguous", also_acceptable=[["weak_rotor"]]
         (_truth("rotor_drag"), _said("rotor_drag", "wind"), "extra", ("wind",)),
         (_truth("rotor_drag", "wind"), _said("rotor_drag"), "partial", ()),
         (_truth("rotor_drag", "wind", also_acceptable=[["wind"]]), _said("wind"), "exact", ()),
-        (_truth("rotor_drag"), _said("rotor_drag", "wind", verdict="ambiguous", probability=0.5), "hedged", ()),
+        (
+            _truth("rotor_drag"),
+            _said("rotor_drag", "wind", verdict="ambiguous", probability=0.5),
+            "hedged",
+            (),
+        ),
         (_truth("rotor_drag"), _said("rotor_drag", verdict="unknown"), "partial", ()),
         (_truth("rotor_drag"), {"verdict": "failed", "findings": []}, "failed", ()),
         (NULL, NOTHING, "exact", ()),
@@ -78,19 +93,38 @@ def test_category_of_a_truth_that_states_none(truth, category):
 
 
 def test_of_confounded_names_the_other_one_is_not_true():
-    answers = [_said("cg_offset"), _said("weak_rotor"), _said("cg_offset", "weak_rotor", verdict="ambiguous", probability=0.5)]
-    assert [score.only_true(judge("a", OPEN, said)) for said in (*answers, NOTHING)] == [True, False, None, None]
+    answers = [
+        _said("cg_offset"),
+        _said("weak_rotor"),
+        _said("cg_offset", "weak_rotor", verdict="ambiguous", probability=0.5),
+    ]
+    assert [score.only_true(judge("a", OPEN, said)) for said in (*answers, NOTHING)] == [
+        True,
+        False,
+        None,
+        None,
+    ]
 
 
 def test_alarm_on_a_null_is_any_other_answer():
-    answers = [NOTHING, _said("wind"), _said(verdict="unknown"), _said("a", "b", verdict="ambiguous", probability=0.5)]
+    answers = [
+        NOTHING,
+        _said("wind"),
+        _said(verdict="unknown"),
+        _said("a", "b", verdict="ambiguous", probability=0.5),
+    ]
     assert [judge("a", NULL, s).alarm for s in answers] == [False, True, True, True]
 
 
 def test_location_counts():
     """acc_z speaks of the same force as force_z; a trace is neither demanded nor a mistake."""
-    truth = _truth("rotor_drag", located=["force_x", "force_y"], traces=["force_x", "force_y", "moment_x"])
-    said = _said("rotor_drag", located=[{"channel": c} for c in ("acc_x", "force_x", "moment_x", "moment_z", "drive_2")])
+    truth = _truth(
+        "rotor_drag", located=["force_x", "force_y"], traces=["force_x", "force_y", "moment_x"]
+    )
+    said = _said(
+        "rotor_drag",
+        located=[{"channel": c} for c in ("acc_x", "force_x", "moment_x", "moment_z", "drive_2")],
+    )
     assert judge("a", truth, said).located == (1, 2, 1)
     assert score.f1(np.array([[1, 2, 1], [1, 0, 0]])) == pytest.approx(2 * 2 / (2 * 2 + 2 + 1))
 
@@ -98,13 +132,17 @@ def test_location_counts():
 def test_location_on_a_null_is_one_too_many_and_a_sensor_fault_is_not_scored():
     said = _said(located=[{"channel": "acc_x"}, {"channel": "force_x"}, {"channel": "moment_z"}])
     assert judge("a", NULL | {"located": [], "traces": []}, said).located == (0, 2, 0)
-    assert judge("a", _truth("gyro_bias", verdict="sensor", located=[], traces=[]), said).located == (0, 0, 0)
+    assert judge(
+        "a", _truth("gyro_bias", verdict="sensor", located=[], traces=[]), said
+    ).located == (0, 0, 0)
 
 
 def test_clopper_pearson():
     """0 of 300: the upper end is 1 - 0.025^(1/300); 9 of 10 from the tables."""
     value, low, high = score.proportion([False] * 300)
-    assert (value, low) == (0.0, 0.0) and high == pytest.approx(1.0 - 0.025 ** (1.0 / 300.0), rel=1e-6)
+    assert (value, low) == (0.0, 0.0) and high == pytest.approx(
+        1.0 - 0.025 ** (1.0 / 300.0), rel=1e-6
+    )
     assert score.proportion([True] * 9 + [False]) == pytest.approx((0.9, 0.5550, 0.9975), abs=1e-4)
 
 
@@ -115,7 +153,9 @@ def test_calibration_error():
 
 
 def _foreign(folder: Path, proof: Path, cases: int = 1) -> Path:
-    """A folder by somebody else: contract files alone, hashes of the truths alone, names of their own."""
+    """A folder by somebody else: contract files alone, hashes of the truths alone, names of their
+    own.
+    """
     lines = []
     (folder / "sealed").mkdir(parents=True)
     for k, case in enumerate(sorted((proof / "cases").iterdir())[:cases]):
@@ -128,7 +168,9 @@ def _foreign(folder: Path, proof: Path, cases: int = 1) -> Path:
 
 
 def test_folder_of_somebody_else_runs_and_scores(tmp_path, proof):
-    """Run, resumed without running again, scored, drawn: strong rotor drag in two short flights is found."""
+    """Run, resumed without running again, scored, drawn: strong rotor drag in two short flights is
+    found.
+    """
     folder = _foreign(tmp_path / "theirs", proof)
     assert run.run_cases(folder, processes=1) == 1
     assert run.run_cases(folder, processes=1) == 0
@@ -139,7 +181,13 @@ def test_folder_of_somebody_else_runs_and_scores(tmp_path, proof):
     scores = {row["score"]: row for row in report["scores"]}
     assert scores["singles exactly right"]["n"] == 1
     assert scores["false alarms on nulls"]["value"] is None
-    for name in ("cases.csv", "scores.csv", "confusion_matrix.png", "detection.pdf", "outcomes.png"):
+    for name in (
+        "cases.csv",
+        "scores.csv",
+        "confusion_matrix.png",
+        "detection.pdf",
+        "outcomes.png",
+    ):
         assert (folder / "scores" / name).stat().st_size > 0
 
 
@@ -157,7 +205,9 @@ def test_bad_verdict_is_said(tmp_path, content):
 
 
 def test_oracle_recovers_what_was_concealed(proof):
-    """Fitted to the noise-free forces, the library's rotor drag explains nearly all of a blade element rotor's."""
+    """Fitted to the noise-free forces, the library's rotor drag explains nearly all of a blade
+    element rotor's.
+    """
     case = sorted(p.stem for p in (proof / "sealed").glob("*.npz"))[0]
     truth = json.loads((proof / "sealed" / f"{case}.json").read_text())
     best = oracle.fit(oracle.witness(proof, case, truth), ["rotor_drag"])
@@ -166,24 +216,42 @@ def test_oracle_recovers_what_was_concealed(proof):
 
 
 def test_the_oracle_of_a_drive_is_not_led_by_a_file_that_is_wrong_about_its_lag(proof):
-    """The library's own drive, a fifth slower and 3 % faster at the top than the file has it, 20 ms late."""
+    """The library's own drive, a fifth slower and 3 % faster at the top than the file has it, 20 ms
+    late.
+    """
     case = next(p.stem for p in sorted((proof / "sealed").glob("*.npz")))
-    seen, rng, n = oracle.witness(proof, case, seal.truth(proof, case)), np.random.default_rng(0), 2500
+    seen, rng, n = (
+        oracle.witness(proof, case, seal.truth(proof, case)),
+        np.random.default_rng(0),
+        2500,
+    )
     u = 0.6 + np.cumsum(rng.normal(0.0, 0.1 / np.sqrt(n), (n, 4)), axis=0)
     drive = {"fast_u": u.clip(0.3, 0.9), "fast_battery": np.ones((n, 1)), "full_V": 16.0}
     slower = dict(seen.numbers, motor_time_constant_s=1.2 * seen.numbers["motor_time_constant_s"])
-    true = dataclasses.replace(seen, numbers=slower, flights=(drive,)).speeds({"esc_delay": {"delay_s": 0.02}})
+    true = dataclasses.replace(seen, numbers=slower, flights=(drive,)).speeds(
+        {"esc_delay": {"delay_s": 0.02}}
+    )
     drive["fast_rotor_speed"] = 1.03 * seen.numbers["max_rotor_speed_rad_s"] * true
     best = oracle.fit(dataclasses.replace(seen, flights=(drive,)), ["esc_delay"])
     assert best.parameters["esc_delay"]["delay_s"] == pytest.approx(0.02, rel=0.03)
 
 
 def test_what_scoring_worked_out_is_kept_until_its_sources_change(proof, monkeypatch):
-    """An interrupted scoring goes on: the oracle and the diagnosis that is told the truth are not asked twice."""
-    case = next(p.stem for p in sorted((proof / "sealed").glob("*.npz")) if seal.truth(proof, p.stem)["findings"])
+    """An interrupted scoring goes on: the oracle and the diagnosis that is told the truth are not
+    asked twice.
+    """
+    case = next(
+        p.stem
+        for p in sorted((proof / "sealed").glob("*.npz"))
+        if seal.truth(proof, p.stem)["findings"]
+    )
     truth = seal.truth(proof, case)
     seen, asked = oracle.witness(proof, case, truth), []
-    monkeypatch.setattr(opened, "told_the_truth", lambda *_: asked.append(1) or {"detectable": {}, "sentence": "no part of it"})
+    monkeypatch.setattr(
+        opened,
+        "told_the_truth",
+        lambda *_: asked.append(1) or {"detectable": {}, "sentence": "no part of it"},
+    )
     first, again = (opened.known(proof, case, truth, seen) for _ in range(2))
     assert asked == [1] and first == again and again.told == {"detectable": {}}
     monkeypatch.setattr(opened, "_made_of", lambda _: "other sources")
@@ -194,8 +262,16 @@ def test_what_scoring_worked_out_is_kept_until_its_sources_change(proof, monkeyp
 
 def test_a_pair_is_above_its_limits_when_each_of_its_effects_is(proof, monkeypatch):
     """Of a pair the smaller of both sizes over limits is told, and none where one has no limit."""
-    case = next(p.stem for p in sorted((proof / "sealed").glob("*.npz")) if seal.truth(proof, p.stem)["findings"])
-    truth = seal.truth(proof, case) | _truth("rotor_drag", "wind") | {"concealed": {"rotor_drag": {}, "wind": {}}}
+    case = next(
+        p.stem
+        for p in sorted((proof / "sealed").glob("*.npz"))
+        if seal.truth(proof, p.stem)["findings"]
+    )
+    truth = (
+        seal.truth(proof, case)
+        | _truth("rotor_drag", "wind")
+        | {"concealed": {"rotor_drag": {}, "wind": {}}}
+    )
     limits = iter((3.0, 2.0, 3.0, None))
     monkeypatch.setattr(opened, "_over_limit", lambda *_: next(limits))
     monkeypatch.setattr(opened, "told_the_truth", lambda *_: {})
@@ -204,10 +280,17 @@ def test_a_pair_is_above_its_limits_when_each_of_its_effects_is(proof, monkeypat
 
 
 def test_confusion_counts_every_case_once():
-    judged = [judge("a", _truth("rotor_drag"), _said("rotor_drag")), judge("b", _truth("rotor_drag"), _said("wind")),
-              judge("c", NULL, NOTHING)]  # fmt: skip
+    judged = [
+        judge("a", _truth("rotor_drag"), _said("rotor_drag")),
+        judge("b", _truth("rotor_drag"), _said("wind")),
+        judge("c", NULL, NOTHING),
+    ]
     table = score.confusion(judged).set_index(["concealed", "answer"])["cases"]
-    expected = {("rotor_drag", "rotor_drag"): 1, ("rotor_drag", "wind"): 1, ("null", "nothing_proven"): 1}
+    expected = {
+        ("rotor_drag", "rotor_drag"): 1,
+        ("rotor_drag", "wind"): 1,
+        ("null", "nothing_proven"): 1,
+    }
     assert table.to_dict() == expected
     assert isinstance(table, pd.Series)
 

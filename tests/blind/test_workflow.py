@@ -24,7 +24,11 @@ def test_proof_is_planned(tmp_path):
     """Cases are made once, diagnosed in as many jobs as the batches ask for, and scored once."""
     planned = _snakemake(tmp_path, "--dry-run", "--quiet", "rules")
     assert planned.returncode == 0, planned.stderr
-    jobs = {line.split()[0]: line.split()[1] for line in (planned.stdout + planned.stderr).splitlines() if len(line.split()) == 2}
+    jobs = {
+        line.split()[0]: line.split()[1]
+        for line in (planned.stdout + planned.stderr).splitlines()
+        if len(line.split()) == 2
+    }
     assert (jobs["make_cases"], jobs["diagnose_batch"], jobs["score_proof"]) == ("1", "2", "1")
 
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 import pint
 
-from ges import _lib, effects, sim
-from ges.terrain import Terrain
+from ges.simulator import _lib, effects
+from ges.simulator import flight as sim
+from ges.simulator.terrain import Terrain
 
 UNITS = pint.UnitRegistry()
 N = 64
@@ -65,10 +66,21 @@ def context(effect: effects.Effect) -> dict:
     return {"ground_effect": {"amplitude": 1.5}} if effect.modifies else {}
 
 
-def added(effect: effects.Effect, values: dict, samples: dict, numbers: dict | None = None, terrain: Terrain | None = None):
+def added(
+    effect: effects.Effect,
+    values: dict,
+    samples: dict,
+    numbers: dict | None = None,
+    terrain: Terrain | None = None,
+):
     given = {**vehicle(), **(numbers or {})}
     return effects.evaluate(
-        effect.name, values, effects.Samples.from_columns(samples), given, context(effect), terrain or Terrain.flat()
+        effect.name,
+        values,
+        effects.Samples.from_columns(samples),
+        given,
+        context(effect),
+        terrain or Terrain.flat(),
     )
 
 
@@ -78,7 +90,9 @@ def largest(replay: effects.Replay) -> float:
 
 def check_neutral(effect):
     change = added(effect, effect.neutral(), random_samples(), terrain=bowl()).data
-    change[effects.Replay.columns()["battery_V"]] = 0.0  # the voltage itself may sag without consequence
+    change[effects.Replay.columns()["battery_V"]] = (
+        0.0  # the voltage itself may sag without consequence
+    )
     if np.nanmax(np.abs(change)) != 0.0:
         yield "does not vanish at its neutral parameters"
 
@@ -90,7 +104,14 @@ def check_acts(effect):
 
 def mirrored(samples: dict) -> dict:
     out = dict(samples)
-    for name in ["p_y_m", "v_y_m_s", "q_x", "q_z", *columns("omega_", "xz", "_rad_s"), *columns("omega_dot_", "xz", "_rad_s2")]:
+    for name in [
+        "p_y_m",
+        "v_y_m_s",
+        "q_x",
+        "q_z",
+        *columns("omega_", "xz", "_rad_s"),
+        *columns("omega_dot_", "xz", "_rad_s2"),
+    ]:
         out[name] = -samples[name]
     for template in ("rotor_speed_{}_rad_s", "rotor_acceleration_{}_rad_s2", "u_{}"):
         names = rotors(template)
@@ -116,9 +137,13 @@ def check_mirror(effect):
 
 def body_velocity(samples: dict) -> np.ndarray:
     w, x, y, z = (samples[f"q_{a}"] for a in "wxyz")
-    r = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                  [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                  [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])  # fmt: skip
+    r = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
     return np.einsum("jin,jn->ni", r, np.stack([samples[n] for n in columns("v_", "xyz", "_m_s")]))
 
 
@@ -147,11 +172,17 @@ def check_power(effect):
 def check_height(effect):
     samples = random_samples()
     if "fades" in effect.laws:
-        low, high = added(effect, effect.defaults(), samples), dict(samples, p_z_m=samples["p_z_m"] + 20.0)
+        low, high = (
+            added(effect, effect.defaults(), samples),
+            dict(samples, p_z_m=samples["p_z_m"] + 20.0),
+        )
         if largest(added(effect, effect.defaults(), high)) > 1e-3 * largest(low):
             yield "does not fade with height"
     if "free_air" in effect.laws:
-        a, b = (added(effect, effect.defaults(), samples, terrain=t) for t in (Terrain.flat(-50.0), bowl()))
+        a, b = (
+            added(effect, effect.defaults(), samples, terrain=t)
+            for t in (Terrain.flat(-50.0), bowl())
+        )
         if np.abs(a.force_N - b.force_N).max() + np.abs(a.moment_Nm - b.moment_Nm).max() > 1e-9:
             yield "depends on the ground"
 
@@ -172,7 +203,9 @@ def rescaled_samples(samples: dict, scale: dict) -> dict:
 def check_homogeneous(effect):
     scale = {"length": 1.25, "mass": 0.8, "time": 1.0 if effect.n_states else 1.1, "current": 1.05}
     values = {p.name: p.default * factor(p.unit, scale) for p in effect.parameters}
-    base = {p.name: p.default for p in sim.parameters().values() if not p.name.startswith("terrain")} | vehicle()
+    base = {
+        p.name: p.default for p in sim.parameters().values() if not p.name.startswith("terrain")
+    } | vehicle()
     numbers = {n: v * factor(sim.parameters()[n].unit, scale) for n, v in base.items()}
     samples = random_samples()
     a = added(effect, effect.defaults(), samples, base)
@@ -188,7 +221,12 @@ CHECKS = (check_neutral, check_acts, check_mirror, check_power, check_height, ch
 
 
 def violations() -> list[str]:
-    return [f"{effect.name} {what}" for effect in effects.table().values() for check in CHECKS for what in check(effect)]
+    return [
+        f"{effect.name} {what}"
+        for effect in effects.table().values()
+        for check in CHECKS
+        for what in check(effect)
+    ]
 
 
 if __name__ == "__main__":

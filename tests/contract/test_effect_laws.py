@@ -1,4 +1,6 @@
-"""The laws hold for every effect, and the suite catches faults planted into copies of the sources."""
+"""The laws hold for every effect, and the suite catches faults planted into copies of the
+sources.
+"""
 
 import os
 import shutil
@@ -9,7 +11,7 @@ from pathlib import Path
 import pytest
 from laws import CHECKS, violations
 
-from ges import effects
+from ges.simulator import effects
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -24,15 +26,39 @@ def test_no_violation_in_all():
 
 
 FAULTS = {
-    "wrong arm": ("sim_c/effects/axial_inflow.c", "s->omega[0] * s->hub[i][1]", "s->omega[0] * s->hub[i][0]", "axial_inflow"),
-    "wrong arm of all": ("sim_c/body/model.h", "moment[0] += s->hub[i][1] * thrust", "moment[0] += s->hub[i][0] * thrust",
-                         "ground_effect"),
+    "wrong arm": (
+        "sim_c/effects/axial_inflow.c",
+        "s->omega[0] * s->hub[i][1]",
+        "s->omega[0] * s->hub[i][0]",
+        "axial_inflow",
+    ),
+    "wrong arm of all": (
+        "sim_c/body/model.h",
+        "moment[0] += s->hub[i][1] * thrust",
+        "moment[0] += s->hub[i][0] * thrust",
+        "ground_effect",
+    ),
     "flipped sign": ("sim_c/effects/rotor_drag.c", "vd fx = -p[0]", "vd fx = p[0]", "rotor_drag"),
-    "forgotten density": ("sim_c/effects/parasitic_drag.c", "-0.5 * s->rho * p[0]", "-0.5 * p[0]", "parasitic_drag"),
+    "forgotten density": (
+        "sim_c/effects/parasitic_drag.c",
+        "-0.5 * s->rho * p[0]",
+        "-0.5 * p[0]",
+        "parasitic_drag",
+    ),
     "wrong unit": ("sim_c/effects/rotor_drag.c", '{"k_kg", "kg"', '{"k_kg", "kg/m"', "rotor_drag"),
-    "density in the induced velocity": ("sim_c/effects/effect.h", "(s->rho * (2.0", "(1.225 * (2.0", "translational_lift"),
-    "does not switch off": ("sim_c/effects/translational_lift.c", "+= p[0] *", "+= (p[0] + 1e-3) *", "translational_lift"),
-}  # fmt: skip
+    "density in the induced velocity": (
+        "sim_c/effects/effect.h",
+        "(s->rho * (2.0",
+        "(1.225 * (2.0",
+        "translational_lift",
+    ),
+    "does not switch off": (
+        "sim_c/effects/translational_lift.c",
+        "+= p[0] *",
+        "+= (p[0] + 1e-3) *",
+        "translational_lift",
+    ),
+}
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +81,10 @@ def test_planted_fault_is_caught(copy, fault):
         subprocess.run(["make", "-s", "-j2", "-C", str(copy / "sim_c"), "OPT=-O0"], check=True)
         environment = {**os.environ, "GES_LIBRARY": str(copy / "build" / "libges.so")}
         run = subprocess.run(
-            [sys.executable, str(ROOT / "tests/contract/laws.py")], env=environment, capture_output=True, text=True
+            [sys.executable, str(ROOT / "tests/contract/laws.py")],
+            env=environment,
+            capture_output=True,
+            text=True,
         )
     finally:
         source.write_text(good)

@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ges import manoeuvres, sim
-from ges.vehicle import Vehicle, parse_vehicle
+from ges.simulator import flight as sim
+from ges.simulator import manoeuvres
+from ges.vehicle.file import Vehicle, parse_vehicle
 
 ARM_M = 0.12
 SHEET = {
@@ -24,29 +25,59 @@ SHEET = {
 }
 POSE = ("t_s", "p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s")
 SPEEDS = tuple(f"rotor_speed_{i}_rad_s" for i in range(1, 5))
-REFERENCES = ("p_ref_x_m", "p_ref_y_m", "p_ref_z_m", "v_ref_x_m_s", "v_ref_y_m_s", "v_ref_z_m_s", "yaw_ref_rad")
+REFERENCES = (
+    "p_ref_x_m",
+    "p_ref_y_m",
+    "p_ref_z_m",
+    "v_ref_x_m_s",
+    "v_ref_y_m_s",
+    "v_ref_z_m_s",
+    "yaw_ref_rad",
+)
 GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 ATTITUDE = ("attitude_w", "attitude_x", "attitude_y", "attitude_z")
-READINGS = {"gyro_x_rad_s": "omega_x_rad_s", "gyro_y_rad_s": "omega_y_rad_s", "gyro_z_rad_s": "omega_z_rad_s",
-            "attitude_w": "q_w", "attitude_x": "q_x", "attitude_y": "q_y", "attitude_z": "q_z"}  # fmt: skip
+READINGS = {
+    "gyro_x_rad_s": "omega_x_rad_s",
+    "gyro_y_rad_s": "omega_y_rad_s",
+    "gyro_z_rad_s": "omega_z_rad_s",
+    "attitude_w": "q_w",
+    "attitude_x": "q_x",
+    "attitude_y": "q_y",
+    "attitude_z": "q_z",
+}
 NOISE = {"v_x": 0.02, "v_y": 0.02, "v_z": 0.02, "gyr": 0.02, "att": 0.001}
 
 
 @pytest.fixture(scope="session")
 def sheet() -> Callable[..., Vehicle]:
     """The vehicle with keys changed, or left out where None is given."""
-    return lambda **changes: parse_vehicle({k: v for k, v in {**SHEET, **changes}.items() if v is not None})
+    return lambda **changes: parse_vehicle(
+        {k: v for k, v in {**SHEET, **changes}.items() if v is not None}
+    )
 
 
-def fly(vehicle: Vehicle, effects: dict, table: np.ndarray, seed: int, extra: tuple[str, ...] = ()) -> pd.DataFrame:
-    """Fly a manoeuvre, on the vehicle's own effects and ground, and record it with the noise of a decent estimator."""
-    numbers = {**vehicle.parameters(), "seed": seed, "altitude_source": 1, "mode": "none", "inputs_dt_s": manoeuvres.STEP_S,
-               "duration_s": (len(table) - 1) * manoeuvres.STEP_S}  # fmt: skip
+def fly(
+    vehicle: Vehicle, effects: dict, table: np.ndarray, seed: int, extra: tuple[str, ...] = ()
+) -> pd.DataFrame:
+    """Fly a manoeuvre, on the vehicle's own effects and ground, and record it with the noise of a
+    decent estimator.
+    """
+    numbers = {
+        **vehicle.parameters(),
+        "seed": seed,
+        "altitude_source": 1,
+        "mode": "none",
+        "inputs_dt_s": manoeuvres.STEP_S,
+        "duration_s": (len(table) - 1) * manoeuvres.STEP_S,
+    }
     flight = sim.Flight(numbers, {**vehicle.effect_values(), **effects}, vehicle.ground(), table)
     (record,) = sim.fly([flight], (*POSE, *ATTITUDE, *SPEEDS, *extra))
     assert record.status == "ok", record.status
     rng = np.random.default_rng(seed)
-    noisy = {name: values + rng.normal(0.0, NOISE.get(name[:3], 0.0), len(values)) for name, values in record.columns.items()}
+    noisy = {
+        name: values + rng.normal(0.0, NOISE.get(name[:3], 0.0), len(values))
+        for name, values in record.columns.items()
+    }
     return pd.DataFrame(noisy).rename(columns=READINGS)
 
 
@@ -57,10 +88,14 @@ def flown() -> Callable[..., pd.DataFrame]:
 
 
 def on_the_ground_first(frame: pd.DataFrame, push: np.ndarray) -> pd.DataFrame:
-    """The flight with its first four seconds on the ground, and all that is logged of the drive times ``push`` (n,)."""
+    """The flight with its first four seconds on the ground, and all that is logged of the drive
+    times ``push`` (n,).
+    """
     t = frame["t_s"].to_numpy()
     heights = np.where(t < 4.0, 0.0, 1.5) + 1e-3 * np.sin(40.0 * t)
-    return frame.assign(p_z_m=heights, **{c: push * frame[c] for c in frame if c.startswith(("u_", "rotor_speed_"))})
+    return frame.assign(
+        p_z_m=heights, **{c: push * frame[c] for c in frame if c.startswith(("u_", "rotor_speed_"))}
+    )
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,9 @@ from ges.commands.bench import command
 
 def test_a_diagnosis_is_timed_against_simulating_its_flights(tmp_path):
     out = tmp_path / "bench.json"
-    result = CliRunner().invoke(command, ["diagnosis", "--duration", "10", "--repeats", "1", "--out", str(out)])
+    result = CliRunner().invoke(
+        command, ["diagnosis", "--duration", "10", "--repeats", "1", "--out", str(out)]
+    )
     assert result.exit_code == 0, result.output
     assert "x simulating the same flights" in result.output
     (case,) = json.loads(out.read_text())["cases"]

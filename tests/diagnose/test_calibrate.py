@@ -1,4 +1,6 @@
-"""Calibration on reference flights: simulated ones with known truth, and published healthy flights of small quadrotors."""
+"""Calibration on reference flights: simulated ones with known truth, and published healthy flights
+of small quadrotors.
+"""
 
 from pathlib import Path
 
@@ -7,13 +9,13 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from ges import manoeuvres
-from ges.calibrate import LOSSES, calibrate
 from ges.cli import cli
+from ges.diagnose.calibrate.calibrate import LOSSES, calibrate
 from ges.errors import GesError
-from ges.io.recording import make_set, write_set
-from ges.io.usd import read_usd
-from ges.vehicle import load_vehicle
+from ges.recordings.recording import make_set, write_set
+from ges.recordings.usd import read_usd
+from ges.simulator import manoeuvres
+from ges.vehicle.file import load_vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -24,13 +26,24 @@ def _losses(*values: float) -> dict[str, float]:
 
 @pytest.fixture(scope="module")
 def reference(flown, with_rates, sheet):
-    """Three flights of a vehicle with 2 % more thrust, other inertia and the given losses of rotor 2."""
+    """Three flights of a vehicle with 2 % more thrust, other inertia and the given losses of rotor
+    2.
+    """
     common = {"thrust_scale": {"scale": 0.02}, "inertia": {"xx": 0.08, "yy": -0.05, "zz": 0.0}}
     plans = ("straight_runs", "multisine", "multisine")
 
     def make(*lost: float) -> list[tuple[str, pd.DataFrame]]:
         return [
-            (f"f{k}", flown(sheet(), {**common, "weak_rotor": _losses(0.0, loss)}, manoeuvres.make(plan, 20.0), k, with_rates))
+            (
+                f"f{k}",
+                flown(
+                    sheet(),
+                    {**common, "weak_rotor": _losses(0.0, loss)},
+                    manoeuvres.make(plan, 20.0),
+                    k,
+                    with_rates,
+                ),
+            )
             for k, (plan, loss) in enumerate(zip(plans, lost, strict=True), 1)
         ]
 
@@ -54,8 +67,10 @@ def known(vehicle, alike):
 
 
 def test_true_numbers_are_found_the_common_gain_counted_as_thrust(known):
-    truth = {"thrust_scale.scale": 1.02 * (1 - 0.05 / 4) - 1,
-             **dict(zip(LOSSES, (-0.0125, 0.0375, -0.0125, -0.0125), strict=True))}  # fmt: skip
+    truth = {
+        "thrust_scale.scale": 1.02 * (1 - 0.05 / 4) - 1,
+        **dict(zip(LOSSES, (-0.0125, 0.0375, -0.0125, -0.0125), strict=True)),
+    }
     for key, value in truth.items():
         assert known.numbers[key].value == pytest.approx(value, abs=0.006), key
     for key, value in {"inertia.xx": 0.08, "inertia.yy": -0.05, "inertia.zz": 0.0}.items():
@@ -67,9 +82,17 @@ def test_what_the_drive_does_on_the_ground_is_no_balance(flown, held_down, with_
     """Two seconds at more than full thrust before each flight leaves the ground."""
     columns, frames = (*with_rates, "u_1", "u_2", "u_3", "u_4"), []
     for k in (1, 2, 3):
-        frame = flown(vehicle, {"thrust_scale": {"scale": 0.02}}, manoeuvres.make("multisine", 20.0), k, columns)
+        frame = flown(
+            vehicle,
+            {"thrust_scale": {"scale": 0.02}},
+            manoeuvres.make("multisine", 20.0),
+            k,
+            columns,
+        )
         t = frame["t_s"].to_numpy()
-        frames.append((f"f{k}", held_down(frame, np.where(t < 2.0, 0.0, np.where(t < 4.0, 1.3, 1.0)))))
+        frames.append(
+            (f"f{k}", held_down(frame, np.where(t < 2.0, 0.0, np.where(t < 4.0, 1.3, 1.0))))
+        )
     told = calibrate(make_set(vehicle, frames))
     assert told.numbers["thrust_scale.scale"].value == pytest.approx(0.02, abs=0.006)
     assert all(abs(told.numbers[key].value) < 0.006 for key in LOSSES)
@@ -78,11 +101,16 @@ def test_what_the_drive_does_on_the_ground_is_no_balance(flown, held_down, with_
 def test_the_file_takes_the_corrections(known, vehicle):
     new = known.vehicle
     s = known.numbers["thrust_scale.scale"].value
-    assert new.thrust_coefficient_N_s2.value == pytest.approx(6e-6 * (1 + s)) and new.mass_kg.sd == 0.0
+    assert (
+        new.thrust_coefficient_N_s2.value == pytest.approx(6e-6 * (1 + s)) and new.mass_kg.sd == 0.0
+    )
     assert new.inertia_kg_m2.xx == pytest.approx(0.01 * (1 + known.numbers["inertia.xx"].value))
     assert new.inertia_kg_m2.sd_rel < vehicle.inertia_kg_m2.sd_rel
     loss = new.effects["weak_rotor"]["loss_2"]
-    assert loss.ci95[0] < loss.value < loss.ci95[1] and loss.sd == known.numbers["weak_rotor.loss_2"].later_sd
+    assert (
+        loss.ci95[0] < loss.value < loss.ci95[1]
+        and loss.sd == known.numbers["weak_rotor.loss_2"].later_sd
+    )
 
 
 def test_a_second_calibration_moves_nothing(known, alike):
@@ -101,7 +129,10 @@ def test_without_inertia_only_the_thrust_is_told(sheet, alike):
     bare = sheet(inertia_kg_m2=None, torque_coefficient_Nm_s2=None)
     found = calibrate(make_set(bare, alike))
     thrust = found.numbers["thrust_scale.scale"]
-    assert thrust.value == pytest.approx(1.02 * (1 - 0.05 / 4) - 1, abs=0.006) and thrust.flight_sd > 0.0
+    assert (
+        thrust.value == pytest.approx(1.02 * (1 - 0.05 / 4) - 1, abs=0.006)
+        and thrust.flight_sd > 0.0
+    )
     assert not set(LOSSES) & set(found.numbers) and "weak_rotor" not in found.vehicle.effects
 
 
@@ -109,7 +140,10 @@ def test_a_declared_doubt_frees_the_centre_of_gravity(sheet, alike):
     doubtful = sheet(effects={"cg_offset": {"x_m": {"value": 0.0, "sd": 0.003}}})
     found = calibrate(make_set(doubtful, alike))
     moved = found.numbers["cg_offset.x_m"]
-    assert 0.0 < abs(moved.value) < 0.006 and found.vehicle.effects["cg_offset"]["x_m"].value == moved.value
+    assert (
+        0.0 < abs(moved.value) < 0.006
+        and found.vehicle.effects["cg_offset"]["x_m"].value == moved.value
+    )
     assert "cg_offset.y_m" not in found.numbers
 
 
@@ -122,7 +156,9 @@ def test_verb_writes_a_vehicle_file_the_same_every_time(tmp_path, vehicle, alike
     write_set(tmp_path / "set", vehicle, alike)
     written = []
     for name in ("a.yaml", "b.yaml"):
-        result = CliRunner().invoke(cli, ["calibrate", str(tmp_path / "set"), "--out", str(tmp_path / name)])
+        result = CliRunner().invoke(
+            cli, ["calibrate", str(tmp_path / "set"), "--out", str(tmp_path / name)]
+        )
         assert result.exit_code == 0, result.output
         written.append((tmp_path / name).read_bytes())
     assert written[0] == written[1]
@@ -131,26 +167,50 @@ def test_verb_writes_a_vehicle_file_the_same_every_time(tmp_path, vehicle, alike
 
 @pytest.mark.parametrize("airframe", ["E8", "E9"])
 def test_small_quadrotors_gains_and_their_spread(recordings_dir, airframe):
-    """Four healthy flights of one airframe: motor gains some per cent apart, and a spread of one to three per cent."""
-    flights = [(p.name, read_usd(p)[0]) for p in sorted((recordings_dir / "crazypad" / "normal_flight").glob(f"{airframe}_*"))]
-    found = calibrate(make_set(load_vehicle(ROOT / "config" / "vehicles" / "crazyflie.yaml"), flights))
+    """Four healthy flights of one airframe: motor gains some per cent apart, and a spread of one to
+    three per cent.
+    """
+    flights = [
+        (p.name, read_usd(p)[0])
+        for p in sorted((recordings_dir / "crazypad" / "normal_flight").glob(f"{airframe}_*"))
+    ]
+    found = calibrate(
+        make_set(load_vehicle(ROOT / "config" / "vehicles" / "crazyflie.yaml"), flights)
+    )
     assert 0.01 < found.spread < 0.03 and not found.warnings
     assert found.seconds > 50.0
     for key in LOSSES:
         n = found.numbers[key]
         assert 0.02 < abs(n.value) < 0.15 and n.sd < n.later_sd < 0.04
-    assert not any(key.startswith(("inertia", "motor_lag")) for key in found.numbers), "no rates were logged"
-    assert found.vehicle.max_rotor_speed_rad_s.sd == 0.0 and found.vehicle.effects["thrust_curve"]["c"].sd == 0.0
-    assert 0.0 < found.vehicle.thrust_coefficient_N_s2.sd < 0.02 * found.vehicle.thrust_coefficient_N_s2.value
+    assert not any(key.startswith(("inertia", "motor_lag")) for key in found.numbers), (
+        "no rates were logged"
+    )
+    assert (
+        found.vehicle.max_rotor_speed_rad_s.sd == 0.0
+        and found.vehicle.effects["thrust_curve"]["c"].sd == 0.0
+    )
+    assert (
+        0.0
+        < found.vehicle.thrust_coefficient_N_s2.sd
+        < 0.02 * found.vehicle.thrust_coefficient_N_s2.value
+    )
 
 
 def test_balance_of_commands_is_what_the_gains_say(recordings_dir):
-    """The gains alone must explain the mean commands in slow flight: a 'strong' motor is asked for less."""
+    """The gains alone must explain the mean commands in slow flight: a 'strong' motor is asked for
+    less.
+    """
     paths = sorted((recordings_dir / "crazypad" / "normal_flight").glob("E9_*"))
     flights = [(p.name, read_usd(p)[0]) for p in paths]
-    found = calibrate(make_set(load_vehicle(ROOT / "config" / "vehicles" / "crazyflie.yaml"), flights))
-    gain = np.array([1.0 - found.vehicle.effects["weak_rotor"][f"loss_{i}"].value for i in range(1, 5)])
-    mix = np.array([[-1, -1, 1, 1], [-1, 1, 1, -1], [1, -1, 1, -1]])  # roll, pitch, yaw of M1 front right ... M4 front left
+    found = calibrate(
+        make_set(load_vehicle(ROOT / "config" / "vehicles" / "crazyflie.yaml"), flights)
+    )
+    gain = np.array(
+        [1.0 - found.vehicle.effects["weak_rotor"][f"loss_{i}"].value for i in range(1, 5)]
+    )
+    mix = np.array(
+        [[-1, -1, 1, 1], [-1, 1, 1, -1], [1, -1, 1, -1]]
+    )  # roll, pitch, yaw of M1 front right ... M4 front left
     worst = []
     for _, f in flights:
         steady = f[(f.p_z_m > 0.4) & (np.hypot(f.v_x_m_s, f.v_y_m_s) < 0.1)]

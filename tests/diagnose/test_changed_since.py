@@ -1,6 +1,8 @@
-"""What has changed since? Healthy flights of a small quadrotor calibrate its vehicle file; later flights are held against it.
+"""What has changed since? Healthy flights of a small quadrotor calibrate its vehicle file; later
+flights are held against it.
 
-The flights are published, each with one labelled change to the vehicle; the diagnosis sees tables without names.
+The flights are published, each with one labelled change to the vehicle; the diagnosis sees tables
+without names.
 """
 
 from pathlib import Path
@@ -8,12 +10,12 @@ from pathlib import Path
 import pytest
 
 import ges
-from ges.calibrate import calibrate
-from ges.diagnose.balance import Cause, causes_of
-from ges.diagnose.result import Diagnosis
-from ges.io.recording import make_set
-from ges.io.usd import read_usd
-from ges.vehicle import load_vehicle
+from ges.diagnose.calibrate.calibrate import calibrate
+from ges.diagnose.detectors.balance import Cause, causes_of
+from ges.diagnose.types.diagnosis import Diagnosis
+from ges.recordings.recording import make_set
+from ges.recordings.usd import read_usd
+from ges.vehicle.file import load_vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -37,7 +39,9 @@ def e9(recordings_dir):
     return _reference(_tables(recordings_dir, "normal_flight", "E9_*"))
 
 
-@pytest.mark.parametrize(("airframe", "first"), [("E8", True), ("E8", False), ("E9", True), ("E9", False)])
+@pytest.mark.parametrize(
+    ("airframe", "first"), [("E8", True), ("E8", False), ("E9", True), ("E9", False)]
+)
 def test_other_healthy_flights_yield_nothing(recordings_dir, airframe, first):
     tables = _tables(recordings_dir, "normal_flight", f"{airframe}_*")
     known, later = (tables[::2], tables[1::2]) if first else (tables[1::2], tables[::2])
@@ -47,7 +51,9 @@ def test_other_healthy_flights_yield_nothing(recordings_dir, airframe, first):
 
 def test_a_clearly_cut_propeller_is_a_weak_rotor_3_and_nothing_else(recordings_dir, e9):
     found = ges.diagnose(_tables(recordings_dir, "cut_propeller_M3_3mm", "E9_*"), e9)
-    assert [f.name for f in found.findings] == ["weak_rotor"] and found.findings[0].probability > 0.95
+    assert [f.name for f in found.findings] == ["weak_rotor"] and found.findings[
+        0
+    ].probability > 0.95
     before = e9.effects["weak_rotor"]["loss_3"].value
     loss = found.findings[0].parameters["loss_3"]
     assert 0.06 < loss.value - before < 0.20
@@ -55,9 +61,15 @@ def test_a_clearly_cut_propeller_is_a_weak_rotor_3_and_nothing_else(recordings_d
     assert set(found.findings[0].parameters) == {"loss_3"}
 
 
-@pytest.mark.parametrize(("airframe", "reference"), [("E8", (0, 1)), ("E8", (2, 3)), ("E9", (0, 1, 2)), ("E9", (1, 2))])
-def test_few_flights_of_one_afternoon_do_not_make_every_later_one_an_alarm(recordings_dir, airframe, reference):
-    """Flights 0 and 1 of E8 and 0 to 2 of E9 agree to half a per cent, the others of the airframe are 2 % off."""
+@pytest.mark.parametrize(
+    ("airframe", "reference"), [("E8", (0, 1)), ("E8", (2, 3)), ("E9", (0, 1, 2)), ("E9", (1, 2))]
+)
+def test_few_flights_of_one_afternoon_do_not_make_every_later_one_an_alarm(
+    recordings_dir, airframe, reference
+):
+    """Flights 0 and 1 of E8 and 0 to 2 of E9 agree to half a per cent, the others of the airframe
+    are 2 % off.
+    """
     tables = _tables(recordings_dir, "normal_flight", f"{airframe}_*")
     later = [t for i, t in enumerate(tables) if i not in reference]
     found = ges.diagnose(later, _reference([tables[i] for i in reference]))
@@ -68,26 +80,39 @@ def test_a_weight_near_motor_3_is_told_openly_as_that_or_a_weak_rotor_3(recordin
     """Both ask rotor 3 for more; they differ in yaw, where healthy flights spread as much."""
     found = ges.diagnose(_tables(recordings_dir, "add_weight_W1_near_M3", "E9_*"), e9)
     told = {f.name: f for f in found.findings}
-    assert found.verdict == "ambiguous" and set(told) == {"weak_rotor", "cg_offset", "thrust_scale", "slung_load"}
+    assert found.verdict == "ambiguous" and set(told) == {
+        "weak_rotor",
+        "cg_offset",
+        "thrust_scale",
+        "slung_load",
+    }
     assert "rotor 3" in found.sentence and "new propeller 3" in found.sentence
     x, y = (told["cg_offset"].parameters[k].value for k in ("x_m", "y_m"))
     assert x < 0.0 < y and x == pytest.approx(-y), "rotor 3 is behind and to the left"
     added = told["slung_load"].parameters["mass_kg"]
     assert 0.2 < 1e3 * added.value < 0.9 and added.ci95[0] > 0.0
-    assert told["thrust_scale"].parameters["scale"].value == pytest.approx(-added.value / e9.mass_kg.value)
+    assert told["thrust_scale"].parameters["scale"].value == pytest.approx(
+        -added.value / e9.mass_kg.value
+    )
     assert max(f.probability for f in told.values()) < 0.99
     assert found.next_flight["preparation"] == "a new propeller on rotor 3"
 
 
 @pytest.mark.parametrize("taken", [(0, 1, 2), (0, 1), (1, 2)])
 def test_a_weight_on_a_string_is_told_by_its_dragging_over_the_ground(recordings_dir, e8, taken):
-    """The thread, 63 cm by the data's own word, is longer than the flight is high: it gets taut on the way, out and back."""
+    """The thread, 63 cm by the data's own word, is longer than the flight is high: it gets taut on
+    the way, out and back.
+    """
     tables = _tables(recordings_dir, "weight_on_string_W3_near_M3", "E8_*")
     found = ges.diagnose([tables[i] for i in taken], e8)
-    assert found.verdict == "physics" and [f.name for f in found.findings] == ["slung_load"], found.sentence
+    assert found.verdict == "physics" and [f.name for f in found.findings] == ["slung_load"], (
+        found.sentence
+    )
     told = found.findings[0].parameters
     assert told["length_m"].value == pytest.approx(0.65, abs=0.03)
-    assert 0.5e-3 < told["mass_kg"].ci95[0] < told["mass_kg"].value < told["mass_kg"].ci95[1] < 2.2e-3
+    assert (
+        0.5e-3 < told["mass_kg"].ci95[0] < told["mass_kg"].value < told["mass_kg"].ci95[1] < 2.2e-3
+    )
     at = {a: found.vehicle.effects["slung_load"][f"attach_{a}_m"].value for a in "xy"}
     assert at == {"x": e8.rotors[2].x_m.value, "y": e8.rotors[2].y_m.value}, "rotor 3"
     error = found.fit["channels"]["moment_z_Nm"]
@@ -110,7 +135,9 @@ def test_the_loss_grows_with_the_cut(recordings_dir, e8, e9):
     one = _loss_3(ges.diagnose(_tables(recordings_dir, "cut_propeller_M3_1mm", "E8_*"), e8))
     three = _loss_3(ges.diagnose(_tables(recordings_dir, "cut_propeller_M3_3mm", "E9_*"), e9))
     assert 0.0 < one.value < three.value
-    assert one.value < 2.0 * one.sd and three.value > 4.0 * three.sd, "1 mm drowns in the healthy spread, 3 mm does not"
+    assert one.value < 2.0 * one.sd and three.value > 4.0 * three.sd, (
+        "1 mm drowns in the healthy spread, 3 mm does not"
+    )
 
 
 @pytest.mark.parametrize("folder", ["cut_propeller_M3_1mm", "tape_on_propeller_M3"])
@@ -122,15 +149,25 @@ def test_changes_within_the_healthy_spread_prove_nothing(recordings_dir, e8, fol
 
 @pytest.mark.parametrize("airframe", ["E8", "E9"])
 def test_structure_that_healthy_flights_show_too_is_no_news(recordings_dir, e8, e9, airframe):
-    """Thrust drifts by half a per cent of the weight in every flight: unknown to a file without calibration, known to this."""
-    known, tables = {"E8": e8, "E9": e9}[airframe], _tables(recordings_dir, "normal_flight", f"{airframe}_*")[:3]
+    """Thrust drifts by half a per cent of the weight in every flight: unknown to a file without
+    calibration, known to this.
+    """
+    known, tables = (
+        {"E8": e8, "E9": e9}[airframe],
+        _tables(recordings_dir, "normal_flight", f"{airframe}_*")[:3],
+    )
     assert known.left_unexplained["force_z"] > 0.001
     forgetful = known.model_copy(update={"left_unexplained": None})
     assert ges.diagnose(tables, known).verdict == "nothing_proven"
-    assert {u["channel"] for u in ges.diagnose(tables, forgetful).unexplained} & {"force_z", "moment_y"}
+    assert {u["channel"] for u in ges.diagnose(tables, forgetful).unexplained} & {
+        "force_z",
+        "moment_y",
+    }
 
 
 def test_the_cut_is_seen_because_it_leaves_the_healthy_spread(e9):
-    """The doubt about each gain in a later flight is what the three healthy degrees of freedom leave: about 2 %."""
+    """The doubt about each gain in a later flight is what the three healthy degrees of freedom
+    leave: about 2 %.
+    """
     for i in range(1, 5):
         assert 0.012 < e9.effects["weak_rotor"][f"loss_{i}"].sd < 0.03

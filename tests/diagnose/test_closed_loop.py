@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from ges import manoeuvres
-from ges.diagnose.closed_loop import LEAN, closed_loop, lean
-from ges.diagnose.gate import pass_gate
-from ges.diagnose.model import from_vehicle
-from ges.diagnose.verify import elsewhere
+from ges.diagnose.prepare.gate import pass_gate
+from ges.diagnose.types.model import from_vehicle
+from ges.diagnose.validate.closed_loop import LEAN, closed_loop, lean
+from ges.diagnose.validate.verify import elsewhere
+from ges.simulator import manoeuvres
 
 LENGTH_S = 0.2
 DRAG = {"rotor_drag": {"k_kg": 1.5e-4}}
@@ -35,7 +35,9 @@ def test_the_true_model_leans_as_the_vehicle_did(runs):
     told = closed_loop(pass_gate([frame], bare).flights, models, LENGTH_S)
     assert told["flights"] == 1 and {*LEAN, "rotor_speed_rad_s", "p_x_m"} <= set(told["channels"])
     forward = told["channels"][LEAN[0]]
-    assert forward["after"] < 0.5 * forward["before"] and forward["before"] == forward["recalibrated"]
+    assert (
+        forward["after"] < 0.5 * forward["before"] and forward["before"] == forward["recalibrated"]
+    )
     low, high = forward["reduction_ci95"]
     assert 0.3 < low < 1.0 - forward["after"] / forward["recalibrated"] < high
 
@@ -47,7 +49,9 @@ def test_without_references_there_is_no_loop_to_close(runs):
 
 
 def _errors(after_outside):
-    """Two hundred windows, low for the first half, where the finding halves the error; outside as given."""
+    """Two hundred windows, low for the first half, where the finding halves the error; outside as
+    given.
+    """
     rng = np.random.default_rng(0)
     noise = rng.normal(0.0, 1.0, (200, 1))
     low = np.arange(200)[:, None] < 100

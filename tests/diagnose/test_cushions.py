@@ -1,15 +1,21 @@
-"""A cushion that fades with speed or lags so much that no plain one is near: it is found, and fitted, with what modifies it."""
+"""A cushion that fades with speed or lags so much that no plain one is near: it is found, and
+fitted, with what modifies it.
+"""
 
 import pytest
 
 import ges
-from ges import manoeuvres
-from ges.diagnose import candidates
-from ges.diagnose.candidates import library, modifiers_of
-from ges.diagnose.model import from_vehicle
+from ges.diagnose.library import candidates
+from ges.diagnose.library.candidates import library, modifiers_of
+from ges.diagnose.types.model import from_vehicle
+from ges.simulator import manoeuvres
 
 CUSHION = {"form": 3.0, "amplitude": 1.0, "c_a": 0.28, "decay": 0.36, "low": 0.0, "high": 10.0}
-LOW = (manoeuvres.straight_runs(30.0, 6.0, 0.3), manoeuvres.height_staircase(30.0, 0.25, 1.5), manoeuvres.climbs(20.0))
+LOW = (
+    manoeuvres.straight_runs(30.0, 6.0, 0.3),
+    manoeuvres.height_staircase(30.0, 0.25, 1.5),
+    manoeuvres.climbs(20.0),
+)
 RATES = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 
 
@@ -17,8 +23,11 @@ RATES = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 def diagnosed(flown, sheet):
     def made(effects):
         vehicle = sheet()
-        return ges.diagnose([flown(vehicle, effects, table, seed, RATES) for seed, table in enumerate(LOW, 1)], vehicle,
-                            holdout=["flight3"])  # fmt: skip
+        return ges.diagnose(
+            [flown(vehicle, effects, table, seed, RATES) for seed, table in enumerate(LOW, 1)],
+            vehicle,
+            holdout=["flight3"],
+        )
 
     return made
 
@@ -49,11 +58,17 @@ def test_a_plain_cushion_is_given_no_modifier(diagnosed):
 def test_only_what_acts_through_a_variant_modifies_it(sheet):
     """A wind brings a usual drag along, through which it acts itself."""
     listed = library(from_vehicle(sheet()))
-    assert {m for v in listed["ground_effect"].variants for m in modifiers_of(v)} == {m for m, _ in candidates.CUSHIONS_MODIFIED}
-    assert any(v.beside for v in listed["wind"].variants) and not any(modifiers_of(v) for v in listed["wind"].variants)
+    assert {m for v in listed["ground_effect"].variants for m in modifiers_of(v)} == {
+        m for m, _ in candidates.CUSHIONS_MODIFIED
+    }
+    assert any(v.beside for v in listed["wind"].variants) and not any(
+        modifiers_of(v) for v in listed["wind"].variants
+    )
 
 
 def test_what_the_vehicle_file_has_is_not_brought_along(sheet):
     known = sheet(effects={"ground_effect_forward_flight": {"c": 0.5}})
-    brought = {m for v in library(from_vehicle(known))["ground_effect"].variants for m in modifiers_of(v)}
+    brought = {
+        m for v in library(from_vehicle(known))["ground_effect"].variants for m in modifiers_of(v)
+    }
     assert brought == {"ground_effect_lag"}

@@ -1,15 +1,17 @@
-"""Evidence of sets of columns: against the formulas of statistics, at the bounds of coefficients, and without trims."""
+"""Evidence of sets of columns: against the formulas of statistics, at the bounds of coefficients,
+and without trims.
+"""
 
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from ges.diagnose.answers import Vouched, loose, untrim
-from ges.diagnose.bounded import log_mass_within
-from ges.diagnose.evidence import Gram, Prior, gram_of, posterior, unanswered
-from ges.diagnose.table import table_of
-from ges.diagnose.weak import make_windows
-from ges.diagnose.whiten import Part, White
+from ges.diagnose.design.answers import Vouched, loose, untrim
+from ges.diagnose.design.table import table_of
+from ges.diagnose.design.weak import make_windows
+from ges.diagnose.design.whiten import Part, White
+from ges.diagnose.select.bounded import log_mass_within
+from ges.diagnose.select.evidence import Gram, Prior, gram_of, posterior, unanswered
 
 FREE = np.array([-np.inf, -np.inf]), np.array([np.inf, np.inf])
 
@@ -39,7 +41,9 @@ def test_a_coefficient_about_a_mean_is_integrated_out_about_it(seen):
     both = posterior(_gram(x, y), (0, 1), prior)
     alone = posterior(_gram(x, y), (1,), prior)
     about, sd = np.array([0.7]), np.array([0.5])
-    left = posterior(_gram(x, y).about(np.array([1]), about).without(np.array([1]), sd), (0,), prior)
+    left = posterior(
+        _gram(x, y).about(np.array([1]), about).without(np.array([1]), sd), (0,), prior
+    )
     assert left.mean == pytest.approx(both.mean[:1])
     assert left.log_evidence == pytest.approx(both.log_evidence - alone.log_evidence)
 
@@ -47,15 +51,22 @@ def test_a_coefficient_about_a_mean_is_integrated_out_about_it(seen):
 def test_bounds_count_the_share_of_the_coefficient_within_them(seen):
     x, y = seen
     free = posterior(_gram(x, y), (0,), Prior(np.zeros(1), np.ones(1), FREE[0][:1], FREE[1][:1]))
-    sided = posterior(_gram(x, y), (0,), Prior(np.zeros(1), np.ones(1), np.array([0.1]), np.array([0.6])))
-    mass = np.diff(norm.cdf([0.1, 0.6], free.mean[0], free.sd[0]))[0] / np.diff(norm.cdf([0.1, 0.6]))[0]
+    sided = posterior(
+        _gram(x, y), (0,), Prior(np.zeros(1), np.ones(1), np.array([0.1]), np.array([0.6]))
+    )
+    mass = (
+        np.diff(norm.cdf([0.1, 0.6], free.mean[0], free.sd[0]))[0]
+        / np.diff(norm.cdf([0.1, 0.6]))[0]
+    )
     assert sided.log_evidence - free.log_evidence == pytest.approx(np.log(mass))
 
 
 def test_a_coefficient_far_beyond_its_bounds_has_no_evidence_left(seen):
     x, y = seen
     told = posterior(
-        _gram(100.0 * x, 100.0 * y), (0,), Prior(np.array([20.0]), np.array([20.0]), np.array([8.0]), np.array([50.0]))
+        _gram(100.0 * x, 100.0 * y),
+        (0,),
+        Prior(np.array([20.0]), np.array([20.0]), np.array([8.0]), np.array([50.0])),
     )
     assert np.isfinite(told.log_evidence) and told.log_evidence < -1e5
 
@@ -64,18 +75,33 @@ def test_a_coefficient_far_beyond_its_bounds_has_no_evidence_left(seen):
 @pytest.mark.parametrize("pushing", [0.6, -0.6])
 def test_bounds_of_tied_coefficients_count_together(tied, pushing):
     rng = np.random.default_rng(5)
-    x = rng.normal(size=(80, 3)) @ np.linalg.cholesky(tied ** np.abs(np.subtract.outer(range(3), range(3)))).T
+    x = (
+        rng.normal(size=(80, 3))
+        @ np.linalg.cholesky(tied ** np.abs(np.subtract.outer(range(3), range(3)))).T
+    )
     gram = _gram(x, x @ [pushing, 0.3, -0.2] + rng.normal(size=80))
-    free = posterior(gram, (0, 1, 2), Prior(np.zeros(3), np.ones(3), np.full(3, -np.inf), np.full(3, np.inf)))
-    sided = posterior(gram, (0, 1, 2), Prior(np.zeros(3), np.ones(3), np.zeros(3), np.full(3, np.inf)))
-    within = multivariate_normal(np.zeros(3), free.covariance, abseps=1e-12, releps=1e-6, maxpts=10**7).cdf(free.mean)
-    assert sided.log_evidence - free.log_evidence == pytest.approx(np.log(within) + 3.0 * np.log(2.0), abs=0.05)
+    free = posterior(
+        gram, (0, 1, 2), Prior(np.zeros(3), np.ones(3), np.full(3, -np.inf), np.full(3, np.inf))
+    )
+    sided = posterior(
+        gram, (0, 1, 2), Prior(np.zeros(3), np.ones(3), np.zeros(3), np.full(3, np.inf))
+    )
+    within = multivariate_normal(
+        np.zeros(3), free.covariance, abseps=1e-12, releps=1e-6, maxpts=10**7
+    ).cdf(free.mean)
+    assert sided.log_evidence - free.log_evidence == pytest.approx(
+        np.log(within) + 3.0 * np.log(2.0), abs=0.05
+    )
 
 
 def test_of_coefficients_far_beyond_their_bounds_there_is_no_mass_whatever_rounding_leaves():
     rng = np.random.default_rng(7)
     mixed = rng.normal(size=(200, 4, 4))
-    mean, low, high = 10.0 ** rng.uniform(0, 5, (200, 4)), np.full((200, 4), -1.0), np.full((200, 4), 0.5)
+    mean, low, high = (
+        10.0 ** rng.uniform(0, 5, (200, 4)),
+        np.full((200, 4), -1.0),
+        np.full((200, 4), 0.5),
+    )
     told = log_mass_within(low, high, mean, mixed @ mixed.transpose(0, 2, 1) + 1e-7 * np.eye(4))
     assert not np.isnan(told).any() and (told <= 0.0).all()
 
@@ -93,7 +119,13 @@ def test_rows_without_answers_have_the_products_of_the_fit(seen):
 def test_channels_add_up_whatever_columns_act_on_them(seen):
     x, y = seen
     none = np.zeros((60, 0))
-    few = White((Part(np.arange(60), np.array([2]), y, x[:, :1], none), Part(np.arange(60), np.array([0, 2]), y, x, none)), 3)
+    few = White(
+        (
+            Part(np.arange(60), np.array([2]), y, x[:, :1], none),
+            Part(np.arange(60), np.array([0, 2]), y, x, none),
+        ),
+        3,
+    )
     full = np.zeros((120, 3))
     full[:60, 2], full[60:, 0], full[60:, 2] = x[:, 0], x[:, 0], x[:, 1]
     np.testing.assert_allclose(gram_of(few).xx, full.T @ full)
@@ -106,45 +138,82 @@ def test_a_trim_moment_is_taken_out_of_what_follows_the_controller_alone():
     windows = make_windows(t, np.ones(len(t), bool), 0.2)
     column = windows.mean @ (3.0 + 0.5 * thrust + motion)
     x = table_of([{0: column}, {0: column}], len(column), 1)
-    untrim(("inertia.xx", "cg_offset.x_m"), x, windows, ("moment_x",), thrust, np.ones(len(windows), bool))
+    untrim(
+        ("inertia.xx", "cg_offset.x_m"),
+        x,
+        windows,
+        ("moment_x",),
+        thrust,
+        np.ones(len(windows), bool),
+    )
     assert np.array_equal(x.of(0, [1])[:, 0], column)
     np.testing.assert_allclose(x.of(0, [0])[:, 0], windows.mean @ motion, atol=0.02)
 
 
 def test_what_a_drive_does_is_an_answer_but_along_thrust_for_its_mean():
-    """Slow changes of commands answer slow disturbances: a curve of thrust, taken for told by them, was half of what it is."""
+    """Slow changes of commands answer slow disturbances: a curve of thrust, taken for told by them,
+    was half of what it is.
+    """
     t = np.arange(0.0, 40.0, 0.01)
     windows = make_windows(t, np.ones(len(t), bool), 0.2)
     column = 3.0 + windows.mean @ (np.sin(0.2 * t) + np.sin(8.0 * t))
     x, names = table_of([{0: column, 1: column}], len(column), 2), ("force_z", "moment_x")
-    told = Vouched({n: np.zeros((len(column), 1)) for n in names}, {n: column for n in names}, dict.fromkeys(names, 0.0))
-    found = loose(("thrust_curve.c",), x, 0.2, dict(enumerate(names)), told, np.ones(len(column), bool))
+    told = Vouched(
+        {n: np.zeros((len(column), 1)) for n in names},
+        {n: column for n in names},
+        dict.fromkeys(names, 0.0),
+    )
+    found = loose(
+        ("thrust_curve.c",), x, 0.2, dict(enumerate(names)), told, np.ones(len(column), bool)
+    )
     np.testing.assert_allclose(found["dynamic", 0]["thrust_curve.c"], column - column.mean())
     np.testing.assert_array_equal(found["dynamic", 1]["thrust_curve.c"], column)
 
 
 def test_what_takes_thrust_from_a_rotor_is_an_answer_but_for_its_trim_and_in_yaw():
-    """Six weak rotors of development seed 29 came out at 0.77 of their loss in the middle, as roll and pitch answer yaw."""
+    """Six weak rotors of development seed 29 came out at 0.77 of their loss in the middle, as roll
+    and pitch answer yaw.
+    """
     t = np.arange(0.0, 40.0, 0.01)
     windows = make_windows(t, np.ones(len(t), bool), 0.2)
     column = 3.0 + windows.mean @ (np.sin(0.2 * t) + np.sin(8.0 * t))
-    x, names = table_of([dict.fromkeys(range(3), column)], len(column), 3), ("force_z", "moment_x", "moment_z")
-    told = Vouched({n: np.zeros((len(column), 1)) for n in names}, {n: column for n in names}, dict.fromkeys(names, 0.0))
-    found = loose(("weak_rotor.loss_1",), x, 0.2, dict(enumerate(names)), told, np.ones(len(column), bool))
+    x, names = (
+        table_of([dict.fromkeys(range(3), column)], len(column), 3),
+        ("force_z", "moment_x", "moment_z"),
+    )
+    told = Vouched(
+        {n: np.zeros((len(column), 1)) for n in names},
+        {n: column for n in names},
+        dict.fromkeys(names, 0.0),
+    )
+    found = loose(
+        ("weak_rotor.loss_1",), x, 0.2, dict(enumerate(names)), told, np.ones(len(column), bool)
+    )
     assert set(found) == {("rotor", 1)}, "neither along thrust nor in yaw"
     np.testing.assert_allclose(found["rotor", 1]["weak_rotor.loss_1"], column - column.mean())
 
 
 def test_of_a_load_what_changes_fast_of_its_pull_is_an_answer():
-    """A disturbance shakes the vehicle and the load with it: loads came out at a half to nine tenths of what they were."""
+    """A disturbance shakes the vehicle and the load with it: loads came out at a half to nine
+    tenths of what they were.
+    """
     t = np.arange(0.0, 40.0, 0.01)
     windows = make_windows(t, np.ones(len(t), bool), 0.2)
     slow, fast = 3.0 + windows.mean @ np.sin(0.2 * t), windows.mean @ np.sin(12.0 * t)
     x, names = table_of([{0: slow + fast, 1: slow + fast}], len(slow), 2), ("force_z", "force_x")
     told = Vouched({"force_z": np.zeros((len(slow), 1))}, {"force_z": slow}, {"force_z": 0.0})
-    asked = (("slung_load.mass_kg",), x, 0.2, dict(enumerate(names)), told, np.ones(len(slow), bool))
+    asked = (
+        ("slung_load.mass_kg",),
+        x,
+        0.2,
+        dict(enumerate(names)),
+        told,
+        np.ones(len(slow), bool),
+    )
     assert not loose(*asked), "a load that may be there takes nothing from cushions"
     found = loose(*asked, ("slung_load",))
     assert set(found) == {("load", 0)}, "along thrust alone"
     middle = slice(20, -20)
-    np.testing.assert_allclose(found["load", 0]["slung_load.mass_kg"][middle], fast[middle], atol=0.05)
+    np.testing.assert_allclose(
+        found["load", 0]["slung_load.mass_kg"][middle], fast[middle], atol=0.05
+    )

@@ -2,44 +2,60 @@
 
 import pytest
 
-from ges import manoeuvres
-from ges.diagnose.answers import CUSHIONS
-from ges.diagnose.candidates import library
-from ges.diagnose.evidence import make_board, posterior
-from ges.diagnose.fit import WHOLE, free_parameters, polish
-from ges.diagnose.gate import pass_gate
-from ges.diagnose.model import from_vehicle
-from ges.diagnose.select import Hypothesis
-from ges.diagnose.system import build, window_length_s
+from ges.diagnose.design.answers import CUSHIONS
+from ges.diagnose.design.system import build, window_length_s
+from ges.diagnose.estimate.fit import WHOLE, free_parameters, polish
+from ges.diagnose.library.candidates import library
+from ges.diagnose.prepare.gate import pass_gate
+from ges.diagnose.select.evidence import make_board, posterior
+from ges.diagnose.select.search import Hypothesis
+from ges.diagnose.types.model import from_vehicle
+from ges.simulator import manoeuvres
 
 CUSHION = {"form": 3.0, "amplitude": 1.0, "high": 10.0}
 TRUE = {"c_a": 0.5, "decay": 0.5}
 LEVELLING = {"q": -0.9}
 FREE = tuple(("ground_effect", name) for name in TRUE)
-LOW = (("height_staircase", (30.0, 0.15, 0.6)), ("climbs", (20.0, 0.15, 0.6)), ("straight_runs", (20.0, 2.0, 0.2)))
+LOW = (
+    ("height_staircase", (30.0, 0.15, 0.6)),
+    ("climbs", (20.0, 0.15, 0.6)),
+    ("straight_runs", (20.0, 2.0, 0.2)),
+)
 
 
 @pytest.fixture(scope="module")
 def near_ground(flown, sheet, with_rates):
     """The model that knows no cushion, and flights on one that hardly levels."""
-    vehicle, acting = sheet(), {"ground_effect": {**CUSHION, **TRUE}, "ground_effect_moment": LEVELLING}
-    frames = [flown(vehicle, acting, manoeuvres.MENU[plan](*n), seed, with_rates) for seed, (plan, n) in enumerate(LOW, 1)]
+    vehicle, acting = (
+        sheet(),
+        {"ground_effect": {**CUSHION, **TRUE}, "ground_effect_moment": LEVELLING},
+    )
+    frames = [
+        flown(vehicle, acting, manoeuvres.MENU[plan](*n), seed, with_rates)
+        for seed, (plan, n) in enumerate(LOW, 1)
+    ]
     model = from_vehicle(vehicle)
     return model, [f for f in pass_gate(frames, model).flights if f]
 
 
 @pytest.mark.parametrize(("c_a", "decay"), [(0.4, 1.0), (1.1, 2.0), (2.0, 2.9), (2.0, 0.3)])
 def test_an_amplitude_and_its_decay_are_found_from_far_away(c_a, decay, near_ground):
-    """Gauss-Newton alone leaps to where nothing acts, and moments that another levelling makes are no wrong decay."""
+    """Gauss-Newton alone leaps to where nothing acts, and moments that another levelling makes are
+    no wrong decay.
+    """
     model, flights = near_ground
     start = {"ground_effect": {**CUSHION, "c_a": c_a, "decay": decay}}
     fitted = polish(flights, model, start, FREE, window_length_s(flights))
-    assert {name: fitted.effects["ground_effect"][name] for name in TRUE} == pytest.approx(TRUE, rel=0.05)
+    assert {name: fitted.effects["ground_effect"][name] for name in TRUE} == pytest.approx(
+        TRUE, rel=0.05
+    )
     assert start["ground_effect"]["c_a"] == c_a
 
 
 def test_a_fit_allows_for_the_same_answers_as_the_search_before_it(near_ground):
-    """Else what a controller answered is the effect's in one of them and the noise's in the other."""
+    """Else what a controller answered is the effect's in one of them and the noise's in
+    the other.
+    """
     model, flights = near_ground
     known, length_s = library(model), window_length_s(flights)
     names = ("fountain_lift", "ground_effect", "rotor_inertia_reaction")
@@ -49,7 +65,9 @@ def test_a_fit_allows_for_the_same_answers_as_the_search_before_it(near_ground):
         allowed = _answered(after)
         assert allowed >= {key for key in _answered(before) if key.split(".")[0] not in CUSHIONS}
         assert "rotor_inertia_reaction.inertia_kg_m2" in allowed and "ground_effect.c_a" in allowed
-        assert "fountain_lift.c_b" not in allowed, "a cushion that is on tells what it makes of moments"
+        assert "fountain_lift.c_b" not in allowed, (
+            "a cushion that is on tells what it makes of moments"
+        )
 
 
 def _answered(rows) -> set[str]:
@@ -57,11 +75,17 @@ def _answered(rows) -> set[str]:
 
 
 @pytest.mark.parametrize(("effect", "axes"), WHOLE.items())
-def test_a_vector_is_fitted_whole_where_the_search_needed_one_of_its_axes(effect, axes, near_ground):
-    """Three of six centres of gravity of development seed 29 lacked over four tenths of their shift, which trims had taken."""
+def test_a_vector_is_fitted_whole_where_the_search_needed_one_of_its_axes(
+    effect, axes, near_ground
+):
+    """Three of six centres of gravity of development seed 29 lacked over four tenths of their
+    shift, which trims had taken.
+    """
     model, flights = near_ground
     variant = next(v for v in library(model)[effect].variants if len(v.amplitudes) == 1)
     board = make_board(build(flights, model, [variant], window_length_s(flights)))
     found = posterior(board.pooled(), board.by_variant()[effect, variant.key], board.prior)
     chosen = Hypothesis((effect,), (0,), found, 0.0)
-    assert free_parameters(board, chosen, model, {effect: variant.parameters({})}) == [(effect, a) for a in axes]
+    assert free_parameters(board, chosen, model, {effect: variant.parameters({})}) == [
+        (effect, a) for a in axes
+    ]

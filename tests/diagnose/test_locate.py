@@ -1,4 +1,6 @@
-"""Where residuals have structure: found where it is, not found where there is none, and what of it stays unexplained."""
+"""Where residuals have structure: found where it is, not found where there is none, and what of it
+stays unexplained.
+"""
 
 import dataclasses
 from types import SimpleNamespace
@@ -7,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from ges.diagnose.locate import cells, from_findings, from_open, from_residuals, strongest
-from ges.diagnose.model import from_vehicle
-from ges.diagnose.structure import Structure, excited, structures
-from ges.diagnose.unknown import borrowed, left_over, theirs
+from ges.diagnose.decide.unknown import borrowed, left_over, theirs
+from ges.diagnose.types.model import from_vehicle
+from ges.diagnose.validate.locate import cells, from_findings, from_open, from_residuals, strongest
+from ges.diagnose.validate.structure import Structure, excited, structures
 
 NAMES = ("force_x", "force_z", "moment_y")
 STEP_S, WINDOWS, FLIGHTS, BLOCK = 0.1, 250, 4, 25
@@ -30,8 +32,14 @@ def _noise(rng, correlation=0.8, size=0.05):
 def _flights(seed=0):
     """Regimes of every flight: speeds that go to and fro, a height that goes up, and time."""
     rng, t = np.random.default_rng(seed), np.arange(WINDOWS) * STEP_S
-    return [{"time_s": t, "forward_m_s": 2.0 * np.sin(2 * np.pi * t / 8.0 + rng.uniform(0, 6)),
-             "height_over_radius": np.linspace(2.0, 12.0, WINDOWS)[:: rng.choice([-1, 1])]} for _ in range(FLIGHTS)]  # fmt: skip
+    return [
+        {
+            "time_s": t,
+            "forward_m_s": 2.0 * np.sin(2 * np.pi * t / 8.0 + rng.uniform(0, 6)),
+            "height_over_radius": np.linspace(2.0, 12.0, WINDOWS)[:: rng.choice([-1, 1])],
+        }
+        for _ in range(FLIGHTS)
+    ]
 
 
 def _blocks():
@@ -58,15 +66,24 @@ def test_a_force_that_follows_a_speed_is_found_there_and_not_elsewhere():
 
 
 def test_coloured_noise_has_structure_no_oftener_than_it_should():
-    """Forty sets of flights without anything: at a chance of 5 %, seven or more would happen once in a hundred times."""
+    """Forty sets of flights without anything: at a chance of 5 %, seven or more would happen once
+    in a hundred times.
+    """
     alarms = sum(
-        bool(_clear(structures(_noise(np.random.default_rng(k)), _flights(k), NAMES, _blocks()), 0.05)) for k in range(40)
+        bool(
+            _clear(
+                structures(_noise(np.random.default_rng(k)), _flights(k), NAMES, _blocks()), 0.05
+            )
+        )
+        for k in range(40)
     )
     assert alarms <= 6
 
 
 def test_a_strong_structure_does_not_hide_itself():
-    """Ninety times the noise: signs of the signal itself would make any prediction look like chance."""
+    """Ninety times the noise: signs of the signal itself would make any prediction look like
+    chance.
+    """
     told, raw = _flights(), _noise(np.random.default_rng(2))
     for r, t in zip(raw, told, strict=True):
         r[:, 2] += 4.5 * np.maximum(t["forward_m_s"], 0.0)
@@ -83,8 +100,14 @@ def test_what_one_flight_alone_visits_is_seen():
 
 
 def test_a_speed_that_only_the_disturbance_moved_is_no_regime():
-    """In hover the drift follows from the force that the residual shows; it would look like drag of the wrong sign."""
-    hover = {"forward_m_s": np.linspace(-0.1, 0.1, 50), "left_m_s": np.linspace(-1.0, 1.0, 50), "battery_V": np.full(50, 15.0)}
+    """In hover the drift follows from the force that the residual shows; it would look like drag of
+    the wrong sign.
+    """
+    hover = {
+        "forward_m_s": np.linspace(-0.1, 0.1, 50),
+        "left_m_s": np.linspace(-1.0, 1.0, 50),
+        "battery_V": np.full(50, 15.0),
+    }
     assert excited(hover) == ["left_m_s"]
 
 
@@ -101,12 +124,16 @@ def test_where_the_size_changes_and_the_mean_does_not():
     found = [s for s in structures(raw, told, NAMES, _blocks()) if s.q_value <= 0.01]
     best = max((s for s in found if s.of_size), key=lambda s: s.r2)
     assert (best.channel, best.regime) == ("force_z", ("height_over_radius",)) and best.low[0] < 5.0
-    assert best.rms == pytest.approx(0.3, rel=0.3), "rms of the residual there, not of its logarithm"
+    assert best.rms == pytest.approx(0.3, rel=0.3), (
+        "rms of the residual there, not of its logarithm"
+    )
     assert all(s.of_size for s in found)
 
 
 def test_what_differs_from_flight_to_flight_only_is_no_structure():
-    """A battery that is fuller in one flight than in the next, and a thrust that is a little off in each."""
+    """A battery that is fuller in one flight than in the next, and a thrust that is a little off in
+    each.
+    """
     told, raw = _flights(), _noise(np.random.default_rng(8))
     for k, (r, t) in enumerate(zip(raw, told, strict=True)):
         t["battery_V"] = 16.0 - 0.4 * k - 0.01 * t["time_s"]
@@ -116,12 +143,18 @@ def test_what_differs_from_flight_to_flight_only_is_no_structure():
 
 @pytest.mark.parametrize("alike", [True, False])
 def test_what_drifts_is_no_function_of_voltage_unless_every_flight_says_so(alike):
-    """A battery for each flight, or one for all of them: then no voltage is flown twice, and any drift is foretold beside it."""
+    """A battery for each flight, or one for all of them: then no voltage is flown twice, and any
+    drift is foretold beside it.
+    """
     told, raw = _flights(), _noise(np.random.default_rng(9))
     for k, (r, t) in enumerate(zip(raw, told, strict=True)):
         t["battery_V"] = 16.0 - 0.02 * (t["time_s"] + (0.0 if alike else 60.0 * k))
         r[:, 1] += (0.3 if alike or k % 2 else -0.3) * t["time_s"] / 25.0
-    found = {key for key in _clear(structures(raw, told, NAMES, _blocks())) if key[1] in ("time_s", "battery_V")}
+    found = {
+        key
+        for key in _clear(structures(raw, told, NAMES, _blocks()))
+        if key[1] in ("time_s", "battery_V")
+    }
     assert found == ({("force_z", "time_s"), ("force_z", "battery_V")} if alike else set())
 
 
@@ -139,7 +172,9 @@ def test_map_and_entries_show_the_cells(model):
     first = from_residuals(made, found, _system(model))[0]
     low, high = first["regime"]["height_over_radius"]
     assert first["channel"] == "force_z" and low < 2.5 and 3.0 < high < 7.0
-    assert first["mean"] == pytest.approx(0.7 * 0.3, abs=0.07), "the flight's own mean, here of three tenths, is left out"
+    assert first["mean"] == pytest.approx(0.7 * 0.3, abs=0.07), (
+        "the flight's own mean, here of three tenths, is left out"
+    )
     assert first["q_value"] <= 0.01 and 0.5 < first["share_of_excess"] <= 1.0
     dark = [c for c in made if c.q_value <= 0.01]
     assert {c.channel for c in dark} == {"force_z"}
@@ -158,9 +193,14 @@ def test_what_is_too_small_to_matter_is_not_located(model):
 
 def test_a_finding_is_located_where_it_stands_out_of_the_noise(model):
     told, raw = _flights(), _noise(np.random.default_rng(7))
-    acts = [np.stack([-0.05 * t["forward_m_s"], np.zeros(WINDOWS), 1e-4 * t["forward_m_s"]], axis=1) for t in told]
+    acts = [
+        np.stack([-0.05 * t["forward_m_s"], np.zeros(WINDOWS), 1e-4 * t["forward_m_s"]], axis=1)
+        for t in told
+    ]
     entries = from_findings({"rotor_drag": acts}, raw, {"rotor_drag": 0.98}, told, _system(model))
-    assert [(e["channel"], *e["regime"], e["finding"]) for e in entries] == [("force_x", "forward_m_s", "rotor_drag")]
+    assert [(e["channel"], *e["regime"], e["finding"]) for e in entries] == [
+        ("force_x", "forward_m_s", "rotor_drag")
+    ]
     assert entries[0]["q_value"] == pytest.approx(0.02)
     low, high = entries[0]["regime"]["forward_m_s"]
     assert abs(low) > 0.9 or abs(high) > 0.9
@@ -171,20 +211,43 @@ def _open(name, value, probability):
     return SimpleNamespace(names=(name,), posterior=posterior, probability=probability)
 
 
-@pytest.mark.parametrize("likely, channels", [((0.6, 0.38), ["force_x"]), ((0.6, 0.2), [])], ids=["one of them", "perhaps none"])
+@pytest.mark.parametrize(
+    "likely, channels",
+    [((0.6, 0.38), ["force_x"]), ((0.6, 0.2), [])],
+    ids=["one of them", "perhaps none"],
+)
 def test_what_is_open_is_located_where_every_explanation_acts(model, likely, channels):
-    """Two explanations of a side force, one with a moment too: the force is there whichever holds, the moment is not sure."""
+    """Two explanations of a side force, one with a moment too: the force is there whichever holds,
+    the moment is not sure.
+    """
     told, raw = _flights(), _noise(np.random.default_rng(10))
-    shape = [np.stack([0.05 * t["forward_m_s"], np.zeros(WINDOWS), np.zeros(WINDOWS)], axis=1) for t in told]
-    both = [s + np.stack([np.zeros(WINDOWS)] * 2 + [0.1 * t["forward_m_s"]], axis=1) for s, t in zip(shape, told, strict=True)]
-    flights = [SimpleNamespace(added=lambda terms, count, ab=ab: sum(size * ab[k][:, :count] for k, size in terms.items()))
-               for ab in zip(shape, both, strict=True)]  # fmt: skip
+    shape = [
+        np.stack([0.05 * t["forward_m_s"], np.zeros(WINDOWS), np.zeros(WINDOWS)], axis=1)
+        for t in told
+    ]
+    both = [
+        s + np.stack([np.zeros(WINDOWS)] * 2 + [0.1 * t["forward_m_s"]], axis=1)
+        for s, t in zip(shape, told, strict=True)
+    ]
+    flights = [
+        SimpleNamespace(
+            added=lambda terms, count, ab=ab: sum(
+                size * ab[k][:, :count] for k, size in terms.items()
+            )
+        )
+        for ab in zip(shape, both, strict=True)
+    ]
     columns = [SimpleNamespace(variant=SimpleNamespace(effect=n)) for n in "ab"]
     board = SimpleNamespace(system=SimpleNamespace(main=NAMES, columns=columns, flights=flights))
-    found = SimpleNamespace(hypotheses=[_open(n, 1.0, p) for n, p in zip("ab", likely, strict=True)])
+    found = SimpleNamespace(
+        hypotheses=[_open(n, 1.0, p) for n, p in zip("ab", likely, strict=True)]
+    )
     entries = from_open(found, board, raw, told, ())
     assert [e["channel"] for e in entries] == channels
-    assert all(e["q_value"] == pytest.approx(1.0 - sum(likely)) and "forward_m_s" in e["regime"] for e in entries)
+    assert all(
+        e["q_value"] == pytest.approx(1.0 - sum(likely)) and "forward_m_s" in e["regime"]
+        for e in entries
+    )
     assert from_open(found, board, raw, told, ("a", "b")) == []
 
 
@@ -200,14 +263,22 @@ def test_the_accelerometer_speaks_where_the_force_does_not():
 
 
 def _structure(model, channel="force_z", share=0.01, r2=0.5, q=0.002, **more):
-    return Structure(channel, ("climb_m_s",), (0.0,), (1.0,), r2, q, share * model.whole(channel), **more)
+    return Structure(
+        channel, ("climb_m_s",), (0.0,), (1.0,), r2, q, share * model.whole(channel), **more
+    )
 
 
 def test_unexplained_is_what_is_clear_and_large(model):
     large = _structure(model)
-    quiet = [_structure(model, "force_x", share=0.001), _structure(model, "acc_x", q=0.2), _structure(model, "acc_y", r2=0.005)]
+    quiet = [
+        _structure(model, "force_x", share=0.001),
+        _structure(model, "acc_x", q=0.2),
+        _structure(model, "acc_y", r2=0.005),
+    ]
     assert left_over([large, *quiet], model) == [large]
-    assert left_over([_structure(model, share=0.003, r2=0.08)], model) == [], "faint: so do healthy flights"
+    assert left_over([_structure(model, share=0.003, r2=0.08)], model) == [], (
+        "faint: so do healthy flights"
+    )
     assert left_over([_structure(model, share=0.008, r2=0.02)], model), "no noise is that large"
     calibrated = dataclasses.replace(model, left_unexplained={"force_z": 0.01 * model.weight_N})
     assert left_over([large], calibrated) == [], "the flights of the calibration show it too"
@@ -223,7 +294,9 @@ def test_size_speaks_where_no_mean_does(model):
 def test_vibration_grows_with_speed_in_any_flight_but_not_with_a_place(model):
     restless = _structure(model, "force_x", share=0.03, r2=0.15, of_size=True)
     assert left_over([restless], model) == []
-    somewhere = dataclasses.replace(restless, regime=("east_m", "north_m"), low=(0.0, 0.0), high=(1.0, 1.0))
+    somewhere = dataclasses.replace(
+        restless, regime=("east_m", "north_m"), low=(0.0, 0.0), high=(1.0, 1.0)
+    )
     assert left_over([somewhere], model) == [somewhere]
     assert left_over([dataclasses.replace(somewhere, r2=0.08)], model) == []
 
@@ -231,16 +304,30 @@ def test_vibration_grows_with_speed_in_any_flight_but_not_with_a_place(model):
 def test_a_name_that_acts_elsewhere_or_hangs_below_leaves_what_others_do(model):
     """A drag of half a newton forward, and a tether that pulls ten downward."""
     system = SimpleNamespace(main=("force_x", "force_y", "force_z", "moment_y"))
-    drag, tether = [np.full((50, 4), [0.5, 0.0, 0.0, 0.0])], [np.full((50, 4), [0.0, 0.0, -10.0, 0.0])]
-    forward, upward = _structure(model, "force_x", share=0.1), _structure(model, "force_z", share=0.01)
-    assert theirs([forward, upward], {"rotor_drag": drag}, system) == [forward], "it adds nothing along thrust"
-    assert theirs([forward, upward], {"rotor_drag": drag, "tether": tether}, system) == [upward], "a tether may lean"
+    drag, tether = (
+        [np.full((50, 4), [0.5, 0.0, 0.0, 0.0])],
+        [np.full((50, 4), [0.0, 0.0, -10.0, 0.0])],
+    )
+    forward, upward = (
+        _structure(model, "force_x", share=0.1),
+        _structure(model, "force_z", share=0.01),
+    )
+    assert theirs([forward, upward], {"rotor_drag": drag}, system) == [forward], (
+        "it adds nothing along thrust"
+    )
+    assert theirs([forward, upward], {"rotor_drag": drag, "tether": tether}, system) == [upward], (
+        "a tether may lean"
+    )
 
 
 def test_a_name_that_leaves_structure_of_its_own_size_is_borrowed(model):
     assert borrowed([_structure(model, share=0.01, r2=0.4)], model)
-    assert not borrowed([_structure(model, share=0.01, r2=0.1)], model), "a form that is a little wrong"
+    assert not borrowed([_structure(model, share=0.01, r2=0.1)], model), (
+        "a form that is a little wrong"
+    )
     assert not borrowed([_structure(model, share=0.003, r2=0.4)], model), "a second, smaller cause"
     assert not borrowed([_structure(model, share=0.05, r2=0.4, of_size=True)], model)
     calibrated = dataclasses.replace(model, left_unexplained={"force_z": 0.01 * model.weight_N})
-    assert not borrowed([_structure(model, share=0.01, r2=0.4)], calibrated), "the flights of the calibration show it too"
+    assert not borrowed([_structure(model, share=0.01, r2=0.4)], calibrated), (
+        "the flights of the calibration show it too"
+    )

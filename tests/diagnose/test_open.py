@@ -1,11 +1,13 @@
-"""Names that the flights cannot tell apart: each is fitted, and each is held against flights that took no part."""
+"""Names that the flights cannot tell apart: each is fitted, and each is held against flights that
+took no part.
+"""
 
 import numpy as np
 import pytest
 
 import ges
-from ges import manoeuvres
-from ges.diagnose.report import render
+from ges.diagnose.report.page import render
+from ges.simulator import manoeuvres
 
 ALIKE = {"wind", "rotor_tilt", "attitude_bias"}
 EAST_M_S, DRAG_KG = 3.0, 6e-5
@@ -14,18 +16,36 @@ EAST_M_S, DRAG_KG = 3.0, 6e-5
 @pytest.fixture(scope="module")
 def found(flown, sheet):
     """Wind over a known drag in hover at one heading, where it is as good as a tilt."""
-    known = {"mass_kg": {"value": 1.0, "sd": 0.01}, "thrust_coefficient_N_s2": {"value": 6e-6, "sd_rel": 0.01}}
-    vehicle = sheet(**known, torque_coefficient_Nm_s2=None, effects={"rotor_drag": {"k_kg": DRAG_KG}})
+    known = {
+        "mass_kg": {"value": 1.0, "sd": 0.01},
+        "thrust_coefficient_N_s2": {"value": 6e-6, "sd_rel": 0.01},
+    }
+    vehicle = sheet(
+        **known, torque_coefficient_Nm_s2=None, effects={"rotor_drag": {"k_kg": DRAG_KG}}
+    )
     rates = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
-    frames = [flown(vehicle, {"wind": {"east_m_s": EAST_M_S}}, manoeuvres.make("hover", 15.0), seed, rates) for seed in (1, 2, 3)]
+    frames = [
+        flown(
+            vehicle, {"wind": {"east_m_s": EAST_M_S}}, manoeuvres.make("hover", 15.0), seed, rates
+        )
+        for seed in (1, 2, 3)
+    ]
     return ges.diagnose(frames, vehicle, holdout=["flight3"])
 
 
 def test_each_is_fitted_in_full_and_what_then_does_nothing_is_none_of_them(found):
     """The search has a parasitic drag, too, which does nothing in still air."""
     told = {f.name: f.parameters for f in found.findings}
-    assert found.verdict == "ambiguous" and set(told) == ALIKE and all(f.is_open for f in found.findings)
-    wind, tilt, bias = told["wind"]["east_m_s"], told["rotor_tilt"]["x_rad"], told["attitude_bias"]["y_rad"]
+    assert (
+        found.verdict == "ambiguous"
+        and set(told) == ALIKE
+        and all(f.is_open for f in found.findings)
+    )
+    wind, tilt, bias = (
+        told["wind"]["east_m_s"],
+        told["rotor_tilt"]["x_rad"],
+        told["attitude_bias"]["y_rad"],
+    )
     assert wind.value == pytest.approx(EAST_M_S, rel=0.02)
     assert tilt.value == pytest.approx(-bias.value, rel=0.02), "as large a push"
     assert {f.size["channel"] for f in found.findings} == {"force_x"}
@@ -36,7 +56,9 @@ def test_each_makes_flights_that_took_no_part_better(found):
     after = {name: left[channel] for name, left in found.fit["alternatives"].items()}
     assert set(after) == ALIKE and max(after.values()) < 0.95 * told["recalibrated"]
     first = found.findings[0].name
-    assert next(iter(after)) == first and after[first] == told["after"], "the likeliest first, and what 'after' has"
+    assert next(iter(after)) == first and after[first] == told["after"], (
+        "the likeliest first, and what 'after' has"
+    )
     for name, left in after.items():
         assert f"{left:.3g}"[:5] in found.sentence and f"with {name}" in found.sentence
 
@@ -47,5 +69,8 @@ def test_the_likeliest_flies_in_the_fitted_vehicle_alone(found):
 
 def test_the_page_says_that_they_are_open(found):
     page = render(found.content(), {})
-    assert page.count("open: this or another") == len(ALIKE) and "after, with each that is open" in page
+    assert (
+        page.count("open: this or another") == len(ALIKE)
+        and "after, with each that is open" in page
+    )
     assert np.all([name.replace("_", " ") in page for name in ALIKE])

@@ -1,7 +1,8 @@
-"""Plant it, see it found: candidates at the sizes given here, in flights of the project's own simulator.
+"""Plant it, see it found: candidates at the sizes given here, in flights of the project's own
+simulator.
 
-Both sides have the same form here, so this shows that each signature is right, not how good the diagnosis is; that is what
-concealed cases are for (docs/proof.md).
+Both sides have the same form here, so this shows that each signature is right, not how good the
+diagnosis is; that is what concealed cases are for (docs/proof.md).
 """
 
 from types import SimpleNamespace
@@ -11,30 +12,74 @@ import pandas as pd
 import pytest
 
 import ges
-from ges import manoeuvres
-from ges.diagnose.gate import prepare
-from ges.diagnose.gusts import may_lean
-from ges.diagnose.model import from_vehicle
-from ges.diagnose.residual import FORCE, residual
-from ges.diagnose.weak import make_windows
-from ges.vehicle import Estimate, GroundFile
+from ges.diagnose.design.residual import FORCE, residual
+from ges.diagnose.design.weak import make_windows
+from ges.diagnose.detectors.gusts import may_lean
+from ges.diagnose.prepare.gate import prepare
+from ges.diagnose.types.model import from_vehicle
+from ges.simulator import manoeuvres
+from ges.vehicle.file import Estimate, GroundFile
 
 POSE = ("t_s", "p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s")
 ACC = ("acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2")
-LOGGED = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s", *ACC, "u_1", "u_2", "u_3", "u_4", "range_m", "battery_V",
-          "p_ref_x_m", "p_ref_y_m", "p_ref_z_m", "v_ref_x_m_s", "v_ref_y_m_s", "v_ref_z_m_s", "yaw_ref_rad")  # fmt: skip
-ORDINARY = (("height_staircase", (30.0,)), ("straight_runs", (30.0,)), ("climbs", (20.0,)), ("multisine", (20.0,)),
-            ("yaw_turn", (20.0,)))  # fmt: skip
-LOW = (("height_staircase", (30.0,)), ("straight_runs", (30.0, 3.0, 0.2)), ("climbs", (20.0, 0.15, 0.6)), ("multisine", (20.0,)),
-       ("yaw_turn", (20.0, 0.3)))  # fmt: skip
-ROOM = (("height_staircase", (30.0, 0.6, 2.0)), ("straight_runs", (40.0, 1.0)), ("climbs", (20.0, 0.6, 2.0)),
-        ("multisine", (20.0,)), ("yaw_turn", (20.0,)))  # fmt: skip
+LOGGED = (
+    "gyro_x_rad_s",
+    "gyro_y_rad_s",
+    "gyro_z_rad_s",
+    *ACC,
+    "u_1",
+    "u_2",
+    "u_3",
+    "u_4",
+    "range_m",
+    "battery_V",
+    "p_ref_x_m",
+    "p_ref_y_m",
+    "p_ref_z_m",
+    "v_ref_x_m_s",
+    "v_ref_y_m_s",
+    "v_ref_z_m_s",
+    "yaw_ref_rad",
+)
+ORDINARY = (
+    ("height_staircase", (30.0,)),
+    ("straight_runs", (30.0,)),
+    ("climbs", (20.0,)),
+    ("multisine", (20.0,)),
+    ("yaw_turn", (20.0,)),
+)
+LOW = (
+    ("height_staircase", (30.0,)),
+    ("straight_runs", (30.0, 3.0, 0.2)),
+    ("climbs", (20.0, 0.15, 0.6)),
+    ("multisine", (20.0,)),
+    ("yaw_turn", (20.0, 0.3)),
+)
+ROOM = (
+    ("height_staircase", (30.0, 0.6, 2.0)),
+    ("straight_runs", (40.0, 1.0)),
+    ("climbs", (20.0, 0.6, 2.0)),
+    ("multisine", (20.0,)),
+    ("yaw_turn", (20.0,)),
+)
 SHAKEN = (*ORDINARY[:3], ("multisine", (40.0, 1.5, 9.0)), ("multisine", (20.0, 1.5, 9.0)))
-"""Manoeuvres with their seconds, lengths and heights: the usual ones, near the ground, within a small room, shaken harder."""
-LEDGES = (("height_staircase", (30.0, 0.3, 1.5)), ("straight_runs", (40.0, 2.0, 0.27)), ("climbs", (20.0, 1.0, 3.0)),
-          ("multisine", (20.0,)), ("straight_runs", (20.0, 2.0, 0.3)))  # fmt: skip
-JUST_ABOVE = (("straight_runs", (40.0, 2.0, 0.5)), ("straight_runs", (30.0, 3.0, 0.5)), ("yaw_turn", (20.0, 0.5)),
-              ("multisine", (20.0,)), ("straight_runs", (30.0, 2.0, 0.5)))  # fmt: skip
+"""Manoeuvres with their seconds, lengths and heights: the usual ones, near the ground, within a
+small room, shaken harder.
+"""
+LEDGES = (
+    ("height_staircase", (30.0, 0.3, 1.5)),
+    ("straight_runs", (40.0, 2.0, 0.27)),
+    ("climbs", (20.0, 1.0, 3.0)),
+    ("multisine", (20.0,)),
+    ("straight_runs", (20.0, 2.0, 0.3)),
+)
+JUST_ABOVE = (
+    ("straight_runs", (40.0, 2.0, 0.5)),
+    ("straight_runs", (30.0, 3.0, 0.5)),
+    ("yaw_turn", (20.0, 0.5)),
+    ("multisine", (20.0,)),
+    ("straight_runs", (30.0, 2.0, 0.5)),
+)
 DRAG = {"rotor_drag": {"k_kg": 1e-4}}
 CUSHION = {"ground_effect": {"form": 3, "c_a": 0.5, "decay": 1.0, "high": 10}}
 PLANTED = {
@@ -45,7 +90,9 @@ PLANTED = {
     "axial_inflow": {"axial_inflow": {"k_kg": 3e-4}},
     "translational_lift": {"translational_lift": {"c": 0.6}},
     "wind": {**DRAG, "wind": {"east_m_s": 2.5, "north_m_s": 1.0}},
-    "battery_sag": {"battery_sag": {"sensitivity": 0.8, "nominal_V": 16, "drop_V_s": 0.06, "load_V": 0.5}},
+    "battery_sag": {
+        "battery_sag": {"sensitivity": 0.8, "nominal_V": 16, "drop_V_s": 0.06, "load_V": 0.5}
+    },
     "motor_lag": {"motor_lag": {"up_s": 0.05, "down_s": 0.05}},
     "esc_delay": {"esc_delay": {"delay_s": 0.03}},
     "thrust_curve": {"thrust_curve": {"c": 0.3}},
@@ -71,10 +118,20 @@ PLANTED = {
     "actuator_mapping": {**CUSHION, "actuator_mapping": {"exponent": 0.5}},
     "wall_effect": {"wall_effect": {"c": 0.2, "distance_m": 1.4, "bearing_rad": 0}},
     "ceiling_effect": {"ceiling_effect": {"amplitude": 1.5, "ceiling_z_m": 2.2}},
-    "downwash": {"downwash": {"force_N": 2267.18, "other_x_m": 1.0, "other_y_m": 0.0, "other_z_m": 2.5}},
+    "downwash": {
+        "downwash": {"force_N": 2267.18, "other_x_m": 1.0, "other_y_m": 0.0, "other_z_m": 2.5}
+    },
 }
 WHERE = {
-    **dict.fromkeys(("ground_effect_forward_flight", "ground_effect_lag", "ground_effect_moment", "actuator_mapping"), LOW),
+    **dict.fromkeys(
+        (
+            "ground_effect_forward_flight",
+            "ground_effect_lag",
+            "ground_effect_moment",
+            "actuator_mapping",
+        ),
+        LOW,
+    ),
     **dict.fromkeys(("wall_effect", "ceiling_effect", "downwash"), ROOM),
     "gyroscopic_moment": SHAKEN,
     "inertia": SHAKEN,
@@ -83,7 +140,10 @@ WHERE = {
 
 @pytest.fixture(scope="module")
 def vehicle(sheet):
-    return sheet(motor_time_constant_s={"value": 0.023, "sd_rel": 0.12}, max_rotor_speed_rad_s={"value": 1000, "sd_rel": 0.01})
+    return sheet(
+        motor_time_constant_s={"value": 0.023, "sd_rel": 0.12},
+        max_rotor_speed_rad_s={"value": 1000, "sd_rel": 0.01},
+    )
 
 
 def _recordings(flown, vehicle, effects, plans=ORDINARY):
@@ -92,7 +152,9 @@ def _recordings(flown, vehicle, effects, plans=ORDINARY):
     for seed, (plan, numbers) in enumerate(plans, 1):
         table = manoeuvres.MENU[plan](*numbers)
         frame, asked = flown(vehicle, effects, table, seed, LOGGED), manoeuvres.to_frame(table)
-        excitation = {c: np.interp(frame["t_s"], asked["t_s"], asked[c]) for c in manoeuvres.COLUMNS[10:]}
+        excitation = {
+            c: np.interp(frame["t_s"], asked["t_s"], asked[c]) for c in manoeuvres.COLUMNS[10:]
+        }
         frames.append(frame.assign(**excitation))
     return frames
 
@@ -124,25 +186,47 @@ def test_nothing_planted_nothing_found(nothing):
     assert nothing.detectable["ground_effect"]["smallest"]
 
 
-@pytest.mark.parametrize(("name", "parameters"), [("motor_lag", ("up_s", "down_s")), ("esc_delay", ("delay_s",))])
+@pytest.mark.parametrize(
+    ("name", "parameters"), [("motor_lag", ("up_s", "down_s")), ("esc_delay", ("delay_s",))]
+)
 def test_a_lag_as_large_as_would_have_been_seen_is_found(name, parameters, nothing, flown, vehicle):
-    """Lags within their doubts are no finding: flights that tell them to a tenth of a millisecond do not show them all."""
+    """Lags within their doubts are no finding: flights that tell them to a tenth of a millisecond
+    do not show them all.
+    """
     size = 1.1 * nothing.detectable[name]["smallest"]
-    found = ges.diagnose(_recordings(flown, vehicle, {name: dict.fromkeys(parameters, size)}), vehicle, holdout=["flight5"])
+    found = ges.diagnose(
+        _recordings(flown, vehicle, {name: dict.fromkeys(parameters, size)}),
+        vehicle,
+        holdout=["flight5"],
+    )
     assert [f.name for f in found.findings] == [name], found.sentence
 
 
 def _taken_off(frame: pd.DataFrame, vehicle, share: float) -> pd.DataFrame:
-    """The flight after a take-off at 0.95 of the command, of which the motors reach ``share``; it rests for a second before."""
+    """The flight after a take-off at 0.95 of the command, of which the motors reach ``share``; it
+    rests for a second before.
+    """
     t, p = np.arange(0.0, 2.0, 0.01), vehicle.parameters()
-    on, speeds, lag_s = t >= 1.0, [f"rotor_speed_{i}_rad_s" for i in range(1, 5)], p["motor_time_constant_s"]
-    reached = share * p["max_rotor_speed_rad_s"] * np.where(on, 1.0 - np.exp((1.0 - t) / lag_s), 0.0)
+    on, speeds, lag_s = (
+        t >= 1.0,
+        [f"rotor_speed_{i}_rad_s" for i in range(1, 5)],
+        p["motor_time_constant_s"],
+    )
+    reached = (
+        share * p["max_rotor_speed_rad_s"] * np.where(on, 1.0 - np.exp((1.0 - t) / lag_s), 0.0)
+    )
     rest = {c: np.full(len(t), frame[c].iloc[0]) for c in frame}
-    rest |= {"t_s": t, "p_z_m": np.where(t < 1.9, 0.0, frame["p_z_m"].iloc[0]), **dict.fromkeys(speeds, reached)}
+    rest |= {
+        "t_s": t,
+        "p_z_m": np.where(t < 1.9, 0.0, frame["p_z_m"].iloc[0]),
+        **dict.fromkeys(speeds, reached),
+    }
     rest |= {f"u_{i}": np.where(on, 0.95, 0.0) for i in range(1, 5)}
     slowing = np.exp(-frame["t_s"] / lag_s)
     later = {c: frame[c] + (reached[-1] - frame[c].iloc[0]) * slowing for c in speeds}
-    return pd.concat([pd.DataFrame(rest), frame.assign(t_s=frame["t_s"] + 2.0, **later)], ignore_index=True)
+    return pd.concat(
+        [pd.DataFrame(rest), frame.assign(t_s=frame["t_s"] + 2.0, **later)], ignore_index=True
+    )
 
 
 def test_a_ceiling_that_only_a_take_off_reaches_is_found(flown, vehicle):
@@ -153,7 +237,9 @@ def test_a_ceiling_that_only_a_take_off_reaches_is_found(flown, vehicle):
     found = ges.diagnose(reached, vehicle, holdout=["flight5"])
     assert [f.name for f in found.findings] == ["rotor_saturation"], found.sentence
     assert found.findings[0].parameters["share"].value == pytest.approx(0.8, rel=0.02)
-    whole = ges.diagnose([_taken_off(f, vehicle, 0.95) for f in flights], vehicle, holdout=["flight5"])
+    whole = ges.diagnose(
+        [_taken_off(f, vehicle, 0.95) for f in flights], vehicle, holdout=["flight5"]
+    )
     assert whole.verdict == "nothing_proven", whole.sentence
 
 
@@ -171,9 +257,13 @@ def test_air_that_hardly_moves_is_no_wind(flown, vehicle):
     assert [f.name for f in found.findings] == ["rotor_drag"], found.sentence
 
 
-def test_a_rangefinder_that_sees_no_ground_for_a_while_is_held_against_the_height_all_the_same(flown, vehicle):
+def test_a_rangefinder_that_sees_no_ground_for_a_while_is_held_against_the_height_all_the_same(
+    flown, vehicle
+):
     flights = _recordings(flown, vehicle, PLANTED["rangefinder_bias"])
-    gone = [f.assign(range_m=f["range_m"].where((f["t_s"] < 5.0) | (f["t_s"] > 8.0))) for f in flights]
+    gone = [
+        f.assign(range_m=f["range_m"].where((f["t_s"] < 5.0) | (f["t_s"] > 8.0))) for f in flights
+    ]
     found = ges.diagnose(gone, vehicle, holdout=["flight5"])
     assert [f.name for f in found.findings] == ["rangefinder_bias"], found.sentence
 
@@ -181,7 +271,10 @@ def test_a_rangefinder_that_sees_no_ground_for_a_while_is_held_against_the_heigh
 def test_a_load_is_found_in_flights_that_begin_in_mid_swing(flown, vehicle):
     """The replay hangs it at rest; what it forgets of that in a few swings is enough."""
     load = {"mass_kg": 0.12, "length_m": 0.5}
-    flights = [f[f["t_s"] >= 7.3].reset_index(drop=True) for f in _recordings(flown, vehicle, {"slung_load": load}, ROOM)]
+    flights = [
+        f[f["t_s"] >= 7.3].reset_index(drop=True)
+        for f in _recordings(flown, vehicle, {"slung_load": load}, ROOM)
+    ]
     found = ges.diagnose(flights, vehicle, holdout=["flight5"])
     assert [f.name for f in found.findings] == ["slung_load"], found.sentence
     told = {name: e.value for name, e in found.findings[0].parameters.items()}
@@ -190,7 +283,9 @@ def test_a_load_is_found_in_flights_that_begin_in_mid_swing(flown, vehicle):
 
 
 def test_what_shakes_one_flight_of_four_does_not_hide_as_its_noise(flown, vehicle):
-    """Where only one flight shakes, the reaction of its rotors looks like coloured noise; commands alone are logged."""
+    """Where only one flight shakes, the reaction of its rotors looks like coloured noise; commands
+    alone are logged.
+    """
     plans = (*ORDINARY[:3], ("multisine", (25.0,)), ORDINARY[4])
     reaction = {"rotor_inertia_reaction": {"inertia_kg_m2": 1e-4}}
     flights = _recordings(flown, vehicle, reaction, plans)
@@ -201,19 +296,27 @@ def test_what_shakes_one_flight_of_four_does_not_hide_as_its_noise(flown, vehicl
 
 
 def test_a_name_that_strains_the_declared_numbers_takes_no_true_one_along(flown, vehicle):
-    """A minute of shaking invents a delay of the drive, against a motor 13 sds faster than declared; the drag is true."""
+    """A minute of shaking invents a delay of the drive, against a motor 13 sds faster than
+    declared; the drag is true.
+    """
     plans = [(plan, (60.0, *numbers[1:])) for plan, numbers in ORDINARY if plan != "climbs"]
     found = ges.diagnose(_recordings(flown, vehicle, DRAG, plans), vehicle, holdout=["flight4"])
     assert [f.name for f in found.findings] == ["rotor_drag"], found.sentence
-    assert found.findings[0].parameters["k_kg"].value == pytest.approx(DRAG["rotor_drag"]["k_kg"], rel=0.05)
+    assert found.findings[0].parameters["k_kg"].value == pytest.approx(
+        DRAG["rotor_drag"]["k_kg"], rel=0.05
+    )
 
 
 @pytest.mark.parametrize("start_x_m", [0.0, 0.2])
 def test_a_load_that_is_dragged_over_the_ground_is_found_with_its_thread(flown, vehicle, start_x_m):
-    """On a thread below rotor 2 that is longer than the flights are high, from below or from ahead."""
+    """On a thread below rotor 2 that is longer than the flights are high, from below or
+    from ahead.
+    """
     hub = {"attach_x_m": -0.12, "attach_y_m": 0.12}
     load = {"mass_kg": 0.06, "length_m": 0.8, **hub, "start_x_m": start_x_m}
-    found = ges.diagnose(_recordings(flown, vehicle, {"slung_load": load}, JUST_ABOVE), vehicle, holdout=["flight5"])
+    found = ges.diagnose(
+        _recordings(flown, vehicle, {"slung_load": load}, JUST_ABOVE), vehicle, holdout=["flight5"]
+    )
     assert [f.name for f in found.findings] == ["slung_load"], found.sentence
     told = {name: e.value for name, e in found.vehicle.effects["slung_load"].items()}
     assert told["length_m"] == pytest.approx(load["length_m"], rel=0.02)
@@ -227,7 +330,9 @@ def test_a_wind_is_told_with_how_it_grows_with_height(roughness_m, flown, vehicl
     blows = {**DRAG, "wind": {"east_m_s": 3.0, "north_m_s": 1.5, "roughness_m": roughness_m}}
     found = ges.diagnose(_recordings(flown, vehicle, blows), vehicle, holdout=["flight5"])
     told = next(f for f in found.findings if f.name == "wind").parameters
-    assert told["east_m_s"].value == pytest.approx(3.0, rel=0.1) and told["north_m_s"].value == pytest.approx(1.5, rel=0.1)
+    assert told["east_m_s"].value == pytest.approx(3.0, rel=0.1) and told[
+        "north_m_s"
+    ].value == pytest.approx(1.5, rel=0.1)
     assert ("roughness_m" in told) == (roughness_m > 0.0)
     assert not roughness_m or told["roughness_m"].value == pytest.approx(roughness_m, rel=0.5)
 
@@ -254,8 +359,14 @@ def gusty(flown, vehicle):
 
     def make(strength_m_s: float, *wind: float):
         blowing = {"wind": dict(zip(("east_m_s", "north_m_s"), wind, strict=True))} if wind else {}
-        gusts = [{"gusts": {"wind_20ft_m_s": strength_m_s, "seed": float(k)}} for k, _ in enumerate(ORDINARY, 7)]
-        return [_recordings(flown, vehicle, {**DRAG, **blowing, **g}, [plan])[0] for g, plan in zip(gusts, ORDINARY, strict=True)]
+        gusts = [
+            {"gusts": {"wind_20ft_m_s": strength_m_s, "seed": float(k)}}
+            for k, _ in enumerate(ORDINARY, 7)
+        ]
+        return [
+            _recordings(flown, vehicle, {**DRAG, **blowing, **g}, [plan])[0]
+            for g, plan in zip(gusts, ORDINARY, strict=True)
+        ]
 
     return make
 
@@ -264,9 +375,13 @@ def gusty(flown, vehicle):
 def test_gusts_are_told_with_their_strength_and_not_as_a_steady_wind(strength_m_s, gusty, vehicle):
     found = ges.diagnose(gusty(strength_m_s), vehicle, holdout=["flight5"])
     assert {f.name for f in found.findings} == {"rotor_drag", "gusts"}, found.sentence
-    low, high = next(f for f in found.findings if f.name == "gusts").parameters["wind_20ft_m_s"].ci95
+    low, high = (
+        next(f for f in found.findings if f.name == "gusts").parameters["wind_20ft_m_s"].ci95
+    )
     assert 0.6 * low < strength_m_s < high / 0.6 and high < 5.0 * low
-    assert found.vehicle.effects["gusts"]["wind_20ft_m_s"].value == pytest.approx((low * high) ** 0.5)
+    assert found.vehicle.effects["gusts"]["wind_20ft_m_s"].value == pytest.approx(
+        (low * high) ** 0.5
+    )
     again = ges.diagnose(gusty(strength_m_s), found.vehicle, holdout=["flight5"])
     assert not again.findings, again.sentence
 
@@ -277,7 +392,9 @@ def test_a_wind_that_gusts_do_not_make_stands_beside_them(gusty, vehicle):
 
 
 def test_gusts_are_found_where_the_drag_is_known_and_one_flight_tells_of_no_forces(gusty, vehicle):
-    dragged = vehicle.model_copy(update={"effects": {"rotor_drag": {"k_kg": Estimate(value=DRAG["rotor_drag"]["k_kg"])}}})
+    dragged = vehicle.model_copy(
+        update={"effects": {"rotor_drag": {"k_kg": Estimate(value=DRAG["rotor_drag"]["k_kg"])}}}
+    )
     flights = gusty(8.0)
     silent = flights[1].drop(columns=["v_x_m_s", "v_y_m_s", "v_z_m_s"])
     found = ges.diagnose([silent, *flights], dragged, holdout=["flight6"])
@@ -293,7 +410,9 @@ def test_a_tether_that_may_lean_pushes_as_gusts_do():
 
 
 def test_gusts_are_not_looked_for_where_nothing_carries_them(flown, vehicle):
-    found = ges.diagnose(_recordings(flown, vehicle, {"weak_rotor": {"loss_2": 0.15}}), vehicle, holdout=["flight5"])
+    found = ges.diagnose(
+        _recordings(flown, vehicle, {"weak_rotor": {"loss_2": 0.15}}), vehicle, holdout=["flight5"]
+    )
     assert "through drag" in found.not_tested["gusts"]
 
 
@@ -303,30 +422,46 @@ def over_ledges(sheet, vehicle, tmp_path):
     x = np.linspace(-4.0, 8.0, 481)
     steps = np.tile(np.where(x % 1.0 < 0.5, 0.0, 0.15), (2, 1))
     np.savez(tmp_path / "ledges.npz", x_m=x, y_m=[-9.0, 9.0], z_m=steps)
-    return vehicle.model_copy(update={"terrain": GroundFile(kind="grid", file=str(tmp_path / "ledges.npz"))})
+    return vehicle.model_copy(
+        update={"terrain": GroundFile(kind="grid", file=str(tmp_path / "ledges.npz"))}
+    )
 
 
 def test_partial_ground_effect_is_found_over_ledges(flown, over_ledges):
     effects = {**CUSHION, "partial_ground_effect": {"k": 1.0}}
-    found = ges.diagnose(_recordings(flown, over_ledges, effects, LEDGES), over_ledges, holdout=["flight5"])
+    found = ges.diagnose(
+        _recordings(flown, over_ledges, effects, LEDGES), over_ledges, holdout=["flight5"]
+    )
     assert {f.name for f in found.findings} == set(effects), found.sentence
 
 
 def test_where_a_leaning_beam_falls_speaks_about_no_error_of_the_attitude(flown, over_ledges):
-    """A rangefinder sees a patch, the model a point: of a bias of 50 mrad the forces speak alone."""
+    """A rangefinder sees a patch, the model a point: of a bias of 50 mrad the forces speak
+    alone.
+    """
     (frame,) = _recordings(flown, over_ledges, {}, LEDGES[1:2])
     model = from_vehicle(over_ledges, ".")
     flight = prepare(frame, model)
-    windows, biased = make_windows(flight.t_s, flight.flying, 0.2), {"attitude_bias": {"x_rad": 0.05}}
-    plain, leaning = (residual(flight, windows, model, ("range", "force_y"), more) for more in (None, biased))
+    windows, biased = (
+        make_windows(flight.t_s, flight.flying, 0.2),
+        {"attitude_bias": {"x_rad": 0.05}},
+    )
+    plain, leaning = (
+        residual(flight, windows, model, ("range", "force_y"), more) for more in (None, biased)
+    )
     assert np.array_equal(plain[:, 0], leaning[:, 0])
-    assert np.mean(plain[:, 1] - leaning[:, 1]) == pytest.approx(0.05 * model.whole("force_y"), rel=0.1)
+    assert np.mean(plain[:, 1] - leaning[:, 1]) == pytest.approx(
+        0.05 * model.whole("force_y"), rel=0.1
+    )
 
 
 def test_a_late_pose_is_a_time_offset(flown, vehicle):
     """Position, velocity and attitude 30 ms behind gyro, accelerometer and rotor speeds."""
     late = [*POSE[1:], "q_w", "q_x", "q_y", "q_z"]
-    flights = [f.assign(**{c: np.interp(f["t_s"] - 0.03, f["t_s"], f[c]) for c in late}) for f in _recordings(flown, vehicle, {})]
+    flights = [
+        f.assign(**{c: np.interp(f["t_s"] - 0.03, f["t_s"], f[c]) for c in late})
+        for f in _recordings(flown, vehicle, {})
+    ]
     found = ges.diagnose(flights, vehicle, holdout=["flight5"])
     assert [f.name for f in found.findings] == ["time_offset"], found.sentence
     delay = next(iter(found.findings[0].parameters.values()))
@@ -334,8 +469,8 @@ def test_a_late_pose_is_a_time_offset(flown, vehicle):
 
 
 def test_every_effect_is_planted_or_said_to_be_out_of_reach():
-    from ges import effects
-    from ges.diagnose.candidates import NOT_SEARCHED
+    from ges.diagnose.library.candidates import NOT_SEARCHED
+    from ges.simulator import effects
 
     elsewhere = {"time_offset", "partial_ground_effect"}
     assert set(effects.table()) - set(PLANTED) - elsewhere == {"gusts"} and "gusts" in NOT_SEARCHED

@@ -1,4 +1,6 @@
-"""Diagnosis of published flights of a real quadrotor near the ground (A. X. Appius), its vehicle file ignorant of the ground."""
+"""Diagnosis of published flights of a real quadrotor near the ground (A. X. Appius), its vehicle
+file ignorant of the ground.
+"""
 
 import json
 from pathlib import Path
@@ -7,11 +9,11 @@ import numpy as np
 import pytest
 
 import ges
-from ges.diagnose.output import write_diagnosis
-from ges.io.columns import load_map
-from ges.io.csv import read_csv
-from ges.io.recording import load_set, write_set
-from ges.vehicle import load_vehicle
+from ges.diagnose.report.output import write_diagnosis
+from ges.recordings.columns import load_map
+from ges.recordings.csv import read_csv
+from ges.recordings.recording import load_set, write_set
+from ges.vehicle.file import load_vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -24,7 +26,10 @@ FILES = {"diagnosis.json", "report.html", "vehicle.fitted.yaml"}
 @pytest.fixture(scope="module")
 def frames(recordings_dir):
     mapping = load_map(ROOT / "config" / "imports" / "appius.yaml")
-    return {name: read_csv(recordings_dir / "appius-ground-effect" / f"{name}.csv", mapping)[0] for name in FLIGHTS}
+    return {
+        name: read_csv(recordings_dir / "appius-ground-effect" / f"{name}.csv", mapping)[0]
+        for name in FLIGHTS
+    }
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +50,9 @@ def test_ground_effect_is_named_with_its_size(diagnosis):
     assert 0 < low < high
     gain_at_one_radius = p["c_a"].value * np.exp(-p["decay"].value)
     assert 0.02 < gain_at_one_radius < 0.12
-    assert "rotor_plane_offset_m" in p["c_a"].note, "that gain and rotor plane cannot be told apart has to be said"
+    assert "rotor_plane_offset_m" in p["c_a"].note, (
+        "that gain and rotor plane cannot be told apart has to be said"
+    )
     half = np.ptp(p["rotor_plane_offset_m"].ci95) / 2
     assert half > 0.05, "nothing in these flights tells the height of the rotor plane"
 
@@ -77,9 +84,19 @@ def test_names_and_order_of_the_flights_do_not_matter(frames, vehicle, diagnosis
 def test_nothing_near_the_ground_is_invented_high_above_it(frames, vehicle):
     high = frames["HIGH_ALTITUDE_V_050"]
     middle = high["t_s"].median()
-    parts = {"a": high[high["t_s"] < middle], "b": high[high["t_s"] >= middle].reset_index(drop=True)}
+    parts = {
+        "a": high[high["t_s"] < middle],
+        "b": high[high["t_s"] >= middle].reset_index(drop=True),
+    }
     found = ges.diagnose(parts, vehicle)
-    near_ground = {"ground_effect", "fountain_lift", "partial_ground_effect", "ground_effect_lag", "tether", "ceiling_effect"}
+    near_ground = {
+        "ground_effect",
+        "fountain_lift",
+        "partial_ground_effect",
+        "ground_effect_lag",
+        "tether",
+        "ceiling_effect",
+    }
     assert not near_ground & {f.name for f in found.findings}
 
 
@@ -92,10 +109,27 @@ def test_files_of_the_contract_and_a_vehicle_that_flies(diagnosis, frames, vehic
     names = {p.name for p in (tmp_path / "out").iterdir()}
     assert FILES | {"where.png", "located.png", "held_out.png", "rollout.png"} <= names
     content = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
-    assert content["schema"] == 1 and content["findings"] and content["fit"]["rollout"]["horizon_s"] == 1.0
-    assert "http" not in (tmp_path / "out" / "report.html").read_text().replace("http://www.w3.org", "")
-    flown = CliRunner().invoke(cli, ["simulate", str(tmp_path / "out" / "vehicle.fitted.yaml"), "--plan", "hover", "--duration",
-                                     "5", "--out", str(tmp_path / "flight.parquet")])  # fmt: skip
+    assert (
+        content["schema"] == 1
+        and content["findings"]
+        and content["fit"]["rollout"]["horizon_s"] == 1.0
+    )
+    assert "http" not in (tmp_path / "out" / "report.html").read_text().replace(
+        "http://www.w3.org", ""
+    )
+    flown = CliRunner().invoke(
+        cli,
+        [
+            "simulate",
+            str(tmp_path / "out" / "vehicle.fitted.yaml"),
+            "--plan",
+            "hover",
+            "--duration",
+            "5",
+            "--out",
+            str(tmp_path / "flight.parquet"),
+        ],
+    )
     assert flown.exit_code == 0, flown.output
     fitted = load_vehicle(tmp_path / "out" / "vehicle.fitted.yaml")
     assert fitted.effects["ground_effect"]["c_a"].ci95 is not None

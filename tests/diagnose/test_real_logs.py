@@ -20,36 +20,73 @@ def blind_flights(recordings_dir, tmp_path_factory):
     """Two Crazyflie logs with accelerometer, gyro and commands alone, imported and diagnosed."""
     folder = tmp_path_factory.mktemp("usd")
     logs = [recordings_dir / "crazyflie-usd" / name for name in ("log10", "log15")]
-    assert _run("import", *logs, "--vehicle", VEHICLES / "crazyflie.yaml", "--out", folder / "set").exit_code == 0
+    assert (
+        _run(
+            "import", *logs, "--vehicle", VEHICLES / "crazyflie.yaml", "--out", folder / "set"
+        ).exit_code
+        == 0
+    )
     told = _run("diagnose", folder / "set", "--out", folder / "out")
     assert told.exit_code == 0, told.output
-    return json.loads((folder / "out" / "diagnosis.json").read_text()), (folder / "out" / "report.html").read_text()
+    return (
+        json.loads((folder / "out" / "diagnosis.json").read_text()),
+        (folder / "out" / "report.html").read_text(),
+    )
 
 
 def test_a_log_without_position_proves_nothing_and_says_what_it_could_not_hear(blind_flights):
     told, _ = blind_flights
     assert told["verdict"] == "nothing_proven" and not told["findings"]
     assert {c.split("_")[0] for c in told["data"]["channels_used"]} == {"acc", "moment"}
-    assert "nothing of drag, inflow, loads and the ground (log velocity and attitude" in told["sentence"]
+    assert (
+        "nothing of drag, inflow, loads and the ground (log velocity and attitude"
+        in told["sentence"]
+    )
     off = told["data"]["channels_off"]
     assert "velocity and attitude" in off["force_z"] and "rotor speeds" in off["drive_1"]
     for name in ("ground_effect", "rotor_drag", "axial_inflow", "slung_load", "battery_sag"):
         assert told["not_tested"][name].startswith("needs a logged"), name
-        assert name not in told["detectable"], "no size can be promised for what nothing was logged of"
+        assert name not in told["detectable"], (
+            "no size can be promised for what nothing was logged of"
+        )
     assert {"weak_rotor", "accelerometer_bias"} <= set(told["detectable"])
 
 
 def test_without_position_the_open_loop_proof_is_left_out(blind_flights):
     told, _ = blind_flights
     assert not told["fit"]["rollout"] or not told["fit"]["rollout"]["channels"]
-    assert set(told["fit"]["channels"]) == {"acc_x_N", "acc_y_N", "acc_z_N", "moment_x_Nm", "moment_y_Nm", "moment_z_Nm"}
+    assert set(told["fit"]["channels"]) == {
+        "acc_x_N",
+        "acc_y_N",
+        "acc_z_N",
+        "moment_x_Nm",
+        "moment_y_Nm",
+        "moment_z_Nm",
+    }
 
 
 def test_a_log_from_the_bench_is_no_flight(recordings_dir, tmp_path):
-    """The PX4 sample was never armed: all outputs stand at the disarmed pulse width, position is never valid."""
+    """The PX4 sample was never armed: all outputs stand at the disarmed pulse width, position is
+    never valid.
+    """
     log = recordings_dir / "px4-sample" / "sample.ulg"
-    made = _run("import", log, "--parts", "2", "--vehicle", VEHICLES / "px4-quad.yaml", "--out", tmp_path / "set")
+    made = _run(
+        "import",
+        log,
+        "--parts",
+        "2",
+        "--vehicle",
+        VEHICLES / "px4-quad.yaml",
+        "--out",
+        tmp_path / "set",
+    )
     assert made.exit_code == 0 and "motor commands never leave zero" in made.output
-    with pytest.raises(Exception, match="sample_part1 never leaves the ground: its commands are zero throughout") as stop:
-        CliRunner().invoke(cli, ["diagnose", str(tmp_path / "set"), "--out", str(tmp_path / "out")], catch_exceptions=False)
+    with pytest.raises(
+        Exception, match="sample_part1 never leaves the ground: its commands are zero throughout"
+    ) as stop:
+        CliRunner().invoke(
+            cli,
+            ["diagnose", str(tmp_path / "set"), "--out", str(tmp_path / "out")],
+            catch_exceptions=False,
+        )
     assert "actuator_motors" in str(stop.value) and not (tmp_path / "out").exists()

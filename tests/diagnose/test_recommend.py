@@ -1,4 +1,6 @@
-"""The next flight and the smallest effect that would have been seen, each held against simulated flights."""
+"""The next flight and the smallest effect that would have been seen, each held against simulated
+flights.
+"""
 
 import dataclasses
 
@@ -6,29 +8,41 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ges import manoeuvres
 from ges.commands.diagnose import _flight_written
-from ges.diagnose.candidates import library
-from ges.diagnose.detect import _needed, _Shape, expected_evidence, smallest_detectable
-from ges.diagnose.evidence import TEMPERING, Gram, make_board, rms_of
-from ges.diagnose.gate import pass_gate
-from ges.diagnose.model import from_vehicle
-from ges.diagnose.recommend import SURE, Option, Rival, next_flight, open_sets, rank, rivals_of
-from ges.diagnose.select import PRIOR_OF_SIZE, Search, search
-from ges.diagnose.stable import search_until_stable
-from ges.diagnose.standing import least_sizes
-from ges.diagnose.system import build
+from ges.diagnose.advise.detect import _needed, _Shape, expected_evidence, smallest_detectable
+from ges.diagnose.advise.recommend import (
+    SURE,
+    Option,
+    Rival,
+    next_flight,
+    open_sets,
+    rank,
+    rivals_of,
+)
+from ges.diagnose.decide.standing import least_sizes
+from ges.diagnose.design.system import build
+from ges.diagnose.library.candidates import library
+from ges.diagnose.prepare.gate import pass_gate
+from ges.diagnose.select.evidence import TEMPERING, Gram, make_board, rms_of
+from ges.diagnose.select.search import PRIOR_OF_SIZE, Search, search
+from ges.diagnose.select.stable import search_until_stable
+from ges.diagnose.types.model import from_vehicle
+from ges.simulator import manoeuvres
 
 
 @pytest.fixture(scope="module")
 def judged(flown):
-    """Flights of a vehicle with effects planted, as the search sees them: the board and the candidates of these names."""
+    """Flights of a vehicle with effects planted, as the search sees them: the board and the
+    candidates of these names.
+    """
 
     def make(vehicle, effects: dict, tables: list[np.ndarray], names: tuple[str, ...]):
         model = from_vehicle(vehicle)
         frames = [flown(vehicle, effects, table, seed) for seed, table in enumerate(tables, 1)]
         listed = [c for name, c in library(model).items() if name in names]
-        system = build(pass_gate(frames, model).flights, model, [v for c in listed for v in c.variants])
+        system = build(
+            pass_gate(frames, model).flights, model, [v for c in listed for v in c.variants]
+        )
         return make_board(system), listed
 
     return make
@@ -37,13 +51,21 @@ def judged(flown):
 @pytest.fixture(scope="module")
 def quad(sheet):
     """A well-known vehicle whose rotor drag is modelled, so that wind acts on it."""
-    return sheet(mass_kg={"value": 1.0, "sd": 0.01}, thrust_coefficient_N_s2={"value": 6e-6, "sd_rel": 0.01},
-                 torque_coefficient_Nm_s2=None, effects={"rotor_drag": {"k_kg": 6e-5}})  # fmt: skip
+    return sheet(
+        mass_kg={"value": 1.0, "sd": 0.01},
+        thrust_coefficient_N_s2={"value": 6e-6, "sd_rel": 0.01},
+        torque_coefficient_Nm_s2=None,
+        effects={"rotor_drag": {"k_kg": 6e-5}},
+    )
 
 
 def test_wind_and_tilted_attitude_are_told_apart_by_turning_round(quad, judged):
-    """In hover at one heading both are a constant side force; a turn leaves one with the world and one with the body."""
-    board, listed = judged(quad, {"wind": {"east_m_s": 3.0}}, [manoeuvres.hover(15.0)] * 2, ("wind", "attitude_bias"))
+    """In hover at one heading both are a constant side force; a turn leaves one with the world and
+    one with the body.
+    """
+    board, listed = judged(
+        quad, {"wind": {"east_m_s": 3.0}}, [manoeuvres.hover(15.0)] * 2, ("wind", "attitude_bias")
+    )
     found = search(board, listed, tuple(quad.effects))
     open_sets = [h for h in found.hypotheses if len(h.names) == 1]
     rivals = rivals_of(board, open_sets)
@@ -52,11 +74,16 @@ def test_wind_and_tilted_attitude_are_told_apart_by_turning_round(quad, judged):
     assert abs(ranked["hover"].so_far) < 3.0
     assert next(iter(ranked)) == "yaw_turn"
     assert ranked["yaw_turn"].expected_log_odds > ranked["hover"].expected_log_odds + 10.0
-    assert set(ranked["yaw_turn"].separates) == {"wind", "attitude_bias"} and not ranked["yaw_turn"].stays_open
+    assert (
+        set(ranked["yaw_turn"].separates) == {"wind", "attitude_bias"}
+        and not ranked["yaw_turn"].stays_open
+    )
 
 
 def test_what_stays_open_is_told(quad, judged):
-    """A turn tells wind from what is fixed in the body; tilted rotors and a tilted attitude stay alike."""
+    """A turn tells wind from what is fixed in the body; tilted rotors and a tilted attitude stay
+    alike.
+    """
     names = ("wind", "attitude_bias", "rotor_tilt")
     board, listed = judged(quad, {"wind": {"east_m_s": 3.0}}, [manoeuvres.hover(15.0)] * 2, names)
     single = [h for h in search(board, listed, tuple(quad.effects)).hypotheses if len(h.names) == 1]
@@ -69,9 +96,13 @@ def test_next_flight_of_an_open_question_and_of_none(quad, judged):
     names = ("wind", "attitude_bias")
     board, listed = judged(quad, {"wind": {"east_m_s": 3.0}}, [manoeuvres.hover(15.0)] * 2, names)
     found = search(board, listed, tuple(quad.effects))
-    assert {n for h in open_sets(found, ()) for n in h.names} == set(names), "both explain the side force"
+    assert {n for h in open_sets(found, ()) for n in h.names} == set(names), (
+        "both explain the side force"
+    )
     told = next_flight(board, found, ())
-    assert told["manoeuvre"] in manoeuvres.MENU and told["expected_log_odds"] > told["so_far_log_odds"]
+    assert (
+        told["manoeuvre"] in manoeuvres.MENU and told["expected_log_odds"] > told["so_far_log_odds"]
+    )
     assert set(names) <= set(told["separates"])
     certain = dataclasses.replace(found.hypotheses[0], probability=1.0)
     settled = Search((certain,), {n: float(n in certain.names) for n in names})
@@ -92,12 +123,18 @@ def test_how_often_to_fly(expected, gain, flights):
 
 
 def test_what_the_recommended_flight_promises_it_keeps(quad, judged):
-    """Fly the turn for real, the effect planted: the log odds must come out near what was expected."""
+    """Fly the turn for real, the effect planted: the log odds must come out near what was
+    expected.
+    """
     names, plans = ("wind", "attitude_bias"), [manoeuvres.hover(15.0)] * 2
     board, listed = judged(quad, {"wind": {"east_m_s": 3.0}}, plans, names)
-    open_sets = [h for h in search(board, listed, tuple(quad.effects)).hypotheses if len(h.names) == 1]
+    open_sets = [
+        h for h in search(board, listed, tuple(quad.effects)).hypotheses if len(h.names) == 1
+    ]
     (option,) = rank(board, rivals_of(board, open_sets), plans=("yaw_turn",))
-    after, listed = judged(quad, {"wind": {"east_m_s": 3.0}}, [*plans, manoeuvres.yaw_turn(30.0)], names)
+    after, listed = judged(
+        quad, {"wind": {"east_m_s": 3.0}}, [*plans, manoeuvres.yaw_turn(30.0)], names
+    )
     _, judged, _ = search_until_stable(after, listed, tuple(quad.effects))
     found = {h.names: h.log_evidence for h in judged.hypotheses}
     assert found["wind",] - found["attitude_bias",] > 0.4 * option.expected_log_odds > 4.0
@@ -113,15 +150,26 @@ def test_more_thrust_and_ground_effect_are_told_apart_by_a_ladder_of_heights(qua
             chosen.setdefault(column.variant.effect, k)
     rivals = [
         Rival(("thrust_scale",), {"thrust_scale": {"scale": 0.1}}, (chosen["thrust_scale"],)),
-        Rival(("ground_effect",), {"ground_effect": columns[chosen["ground_effect"]].variant.parameters({"c_a": 0.5})},
-              (chosen["ground_effect"],)),
-    ]  # fmt: skip
+        Rival(
+            ("ground_effect",),
+            {"ground_effect": columns[chosen["ground_effect"]].variant.parameters({"c_a": 0.5})},
+            (chosen["ground_effect"],),
+        ),
+    ]
     ranked = rank(board, rivals, plans=("hover", "height_staircase", "yaw_turn"))
     assert ranked[0].manoeuvre == "height_staircase"
     assert ranked[0].expected_log_odds > 4.0 > 2.0 > max(o.expected_log_odds for o in ranked[1:])
 
 
-DRAG = ("rotor_drag", "parasitic_drag", "weak_rotor", "thrust_scale", "axial_inflow", "rotor_tilt", "cg_offset")
+DRAG = (
+    "rotor_drag",
+    "parasitic_drag",
+    "weak_rotor",
+    "thrust_scale",
+    "axial_inflow",
+    "rotor_tilt",
+    "cg_offset",
+)
 
 
 @pytest.fixture(scope="module")
@@ -136,8 +184,15 @@ def null(bare, judged):
 
 def _planted(board, effect: str, size: float):
     """The same flights with an effect of this size in their residuals."""
-    k = next(i for i, c in enumerate(board.system.columns) if c.variant is not None and c.variant.effect == effect)
-    flights = tuple(dataclasses.replace(r, y=r.y + r.added({k: size}, len(board.system.names))) for r in board.system.flights)
+    k = next(
+        i
+        for i, c in enumerate(board.system.columns)
+        if c.variant is not None and c.variant.effect == effect
+    )
+    flights = tuple(
+        dataclasses.replace(r, y=r.y + r.added({k: size}, len(board.system.names)))
+        for r in board.system.flights
+    )
     return make_board(dataclasses.replace(board.system, flights=flights))
 
 
@@ -145,13 +200,18 @@ def _planted(board, effect: str, size: float):
 def test_what_is_called_detectable_is_found_and_much_less_is_not(null, effect):
     board, listed = null
     smallest = smallest_detectable(board)[effect]["smallest"]
-    found = {f: search(_planted(board, effect, f * smallest), listed).inclusion[effect] for f in (0.3, 2.0)}
+    found = {
+        f: search(_planted(board, effect, f * smallest), listed).inclusion[effect]
+        for f in (0.3, 2.0)
+    }
     assert found[2.0] > 0.9 and found[0.3] < 0.5
 
 
 def test_a_real_flight_with_the_effect_shows_it_too(bare, null, judged):
     smallest = smallest_detectable(null[0])["rotor_drag"]["smallest"]
-    board, listed = judged(bare, {"rotor_drag": {"k_kg": 3.0 * smallest}}, [manoeuvres.straight_runs(20.0)] * 2, DRAG)
+    board, listed = judged(
+        bare, {"rotor_drag": {"k_kg": 3.0 * smallest}}, [manoeuvres.straight_runs(20.0)] * 2, DRAG
+    )
     assert search(board, listed).inclusion["rotor_drag"] > 0.9
 
 
@@ -161,15 +221,25 @@ def _with_information(board, share: float):
 
 def test_more_noise_hides_more(null):
     board, _ = null
-    quiet, loud = (smallest_detectable(_with_information(board, share))["rotor_drag"]["smallest"] for share in (1 / 16, 1 / 64))
+    quiet, loud = (
+        smallest_detectable(_with_information(board, share))["rotor_drag"]["smallest"]
+        for share in (1 / 16, 1 / 64)
+    )
     assert 1.5 < loud / quiet < 2.5  # a quarter of the information: twice the noise
 
 
 def test_no_quiet_makes_detectable_what_is_too_small_to_be_told(null):
     board, _ = null
-    k = next(i for i, c in enumerate(board.system.columns) if c.variant is not None and c.variant.effect == "rotor_drag")
+    k = next(
+        i
+        for i, c in enumerate(board.system.columns)
+        if c.variant is not None and c.variant.effect == "rotor_drag"
+    )
     share = np.nanmax(rms_of(board.system)[:, k] / least_sizes(board.system))
-    clear, loud = (smallest_detectable(_with_information(board, s))["rotor_drag"]["smallest"] for s in (1e8, 1 / 64))
+    clear, loud = (
+        smallest_detectable(_with_information(board, s))["rotor_drag"]["smallest"]
+        for s in (1e8, 1 / 64)
+    )
     assert clear * share == pytest.approx(1.0) and loud > 1.5 * clear
 
 
@@ -180,7 +250,10 @@ def test_at_its_limit_nine_of_ten_sets_of_flights_tell_an_effect_from_its_rival(
     x = np.column_stack([a, likeness * a + np.sqrt(1.0 - likeness**2) * b])
     gram = Gram(TEMPERING * x.T @ x, np.zeros(2), 0.0, TEMPERING * n)
     gains = [expected_evidence(gram, [k], sd) for k in range(2)]
-    shapes = [_Shape(name, (k,), gain, gain, cost) for k, (name, (gain, cost)) in enumerate(zip("ab", gains, strict=True))]
+    shapes = [
+        _Shape(name, (k,), gain, gain, cost)
+        for k, (name, (gain, cost)) in enumerate(zip("ab", gains, strict=True))
+    ]
     size, by = _needed(shapes[0], 0, shapes, 9.0)
     right = TEMPERING * (size * x[:, :1] + rng.normal(0.0, 1.0, (n, 2000))).T @ x
     evidence = 0.5 * right**2 / (np.diag(gram.xx) + 1.0 / sd**2) - [cost for _, cost in gains]
@@ -194,8 +267,16 @@ def test_what_a_rival_hides_names_the_rival(null):
     told = smallest_detectable(board)
     assert set(told) <= set(DRAG) and {"rotor_drag", "thrust_scale"} <= set(told)
     columns = board.system.columns
-    drag = next(i for i, c in enumerate(columns) if c.variant is not None and c.variant.effect == "rotor_drag")
-    twin = [i for i, c in enumerate(columns) if c.variant is not None and c.key == "parasitic_drag.area_m2" and c.part == "force"]
+    drag = next(
+        i
+        for i, c in enumerate(columns)
+        if c.variant is not None and c.variant.effect == "rotor_drag"
+    )
+    twin = [
+        i
+        for i, c in enumerate(columns)
+        if c.variant is not None and c.key == "parasitic_drag.area_m2" and c.part == "force"
+    ]
     same = np.arange(len(columns))
     same[twin] = drag
 
@@ -205,12 +286,17 @@ def test_what_a_rival_hides_names_the_rival(null):
     sd = board.prior.sd.copy()
     sd[twin] = sd[drag]
     twins = dataclasses.replace(
-        board, by_flight=tuple(doubled(g) for g in board.by_flight), prior=dataclasses.replace(board.prior, sd=sd)
+        board,
+        by_flight=tuple(doubled(g) for g in board.by_flight),
+        prior=dataclasses.replace(board.prior, sd=sd),
     )
     hidden = smallest_detectable(twins)["rotor_drag"]
     assert hidden["smallest"] is None and hidden["limited_by"] == "parasitic_drag"
     beside = smallest_detectable(twins, given=("parasitic_drag",))
-    assert beside["parasitic_drag"]["smallest"] is None and beside["parasitic_drag"]["limited_by"] == "rotor_drag"
+    assert (
+        beside["parasitic_drag"]["smallest"] is None
+        and beside["parasitic_drag"]["limited_by"] == "rotor_drag"
+    )
 
 
 def test_what_was_found_has_a_limit_too(null):
@@ -232,8 +318,14 @@ def test_set_points_of_the_advised_flight_are_written(tmp_path):
 
 
 def test_what_the_advised_flight_needs_is_said(tmp_path):
-    advised = {"manoeuvre": "hover", "preparation": "a new propeller on rotor 3", "separates": ["weak_rotor", "cg_offset"]}
-    assert "(to be flown with a new propeller on rotor 3)" in _flight_written(advised, tmp_path / "next.csv")
+    advised = {
+        "manoeuvre": "hover",
+        "preparation": "a new propeller on rotor 3",
+        "separates": ["weak_rotor", "cg_offset"],
+    }
+    assert "(to be flown with a new propeller on rotor 3)" in _flight_written(
+        advised, tmp_path / "next.csv"
+    )
 
 
 @pytest.mark.parametrize("advised", [{}, {"manoeuvre": None, "separates": ["a", "b"]}])

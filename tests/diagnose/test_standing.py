@@ -6,10 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ges.diagnose import standing
-from ges.diagnose.fit import FORM_ERROR, Fitted
-from ges.diagnose.select import Hypothesis, Search, log_rarity
-from ges.diagnose.standing import (
+from ges.diagnose.decide import standing
+from ges.diagnose.decide.standing import (
     beside_larger,
     faint,
     least_beside,
@@ -20,18 +18,30 @@ from ges.diagnose.standing import (
     stands,
     taken_over,
 )
+from ges.diagnose.estimate.fit import FORM_ERROR, Fitted
+from ges.diagnose.select.search import Hypothesis, Search, log_rarity
 
-BOARD = SimpleNamespace(system=SimpleNamespace(model=SimpleNamespace(doubts={"motor_lag.up_s": 0.004})))
+BOARD = SimpleNamespace(
+    system=SimpleNamespace(model=SimpleNamespace(doubts={"motor_lag.up_s": 0.004}))
+)
 
 
 def _search(evidence: dict[tuple[str, ...], float]) -> Search:
     ranked = sorted(evidence.items(), key=lambda item: -item[1])
     names = {n for told in evidence for n in told}
-    return Search(tuple(Hypothesis(told, (), None, log) for told, log in ranked), dict.fromkeys(names, 1.0))
+    return Search(
+        tuple(Hypothesis(told, (), None, log) for told, log in ranked), dict.fromkeys(names, 1.0)
+    )
 
 
 def test_of_a_family_the_better_alone_takes_over_what_both_do():
-    found = _search({("fountain_lift", "ground_effect"): 60.0, ("ground_effect",): 50.0, ("fountain_lift",): 30.0})
+    found = _search(
+        {
+            ("fountain_lift", "ground_effect"): 60.0,
+            ("ground_effect",): 50.0,
+            ("fountain_lift",): 30.0,
+        }
+    )
     both = ("fountain_lift", "ground_effect")
     assert taken_over(found, "ground_effect", both) == set(both)
     assert taken_over(found, "fountain_lift", both) == set()
@@ -45,28 +55,42 @@ def test_a_wind_through_a_drag_is_one_cause_that_may_replace_a_tilt(behind, repl
 
 
 @pytest.mark.parametrize(("behind", "replaced"), [(1.0, ("thrust_scale",)), (3.0, ())])
-def test_a_declared_number_that_is_rarely_wrong_is_a_rival_where_the_flights_do_not_tell(behind, replaced):
-    found = _search({("thrust_curve",): 20.0, ("thrust_scale",): 20.0 - behind + log_rarity(["thrust_scale"])})
+def test_a_declared_number_that_is_rarely_wrong_is_a_rival_where_the_flights_do_not_tell(
+    behind, replaced
+):
+    found = _search(
+        {("thrust_curve",): 20.0, ("thrust_scale",): 20.0 - behind + log_rarity(["thrust_scale"])}
+    )
     assert replaced_by(found, "thrust_curve") == replaced
 
 
 def test_a_fountain_is_told_from_the_cushion_that_is_always_there_by_more():
     found = _search({("fountain_lift",): 20.0, ("ground_effect",): 16.5})
     assert replaced_by(found, "fountain_lift") == ("ground_effect",)
-    assert replaced_by(_search({("fountain_lift",): 20.0, ("ground_effect",): 15.0}), "fountain_lift") == ()
-    assert replaced_by(_search({("ground_effect",): 20.0, ("fountain_lift",): 16.5}), "ground_effect") == ()
+    assert (
+        replaced_by(_search({("fountain_lift",): 20.0, ("ground_effect",): 15.0}), "fountain_lift")
+        == ()
+    )
+    assert (
+        replaced_by(_search({("ground_effect",): 20.0, ("fountain_lift",): 16.5}), "ground_effect")
+        == ()
+    )
 
 
-def test_one_of_a_family_that_the_other_explains_as_well_alone_is_contested_where_both_fit_better_still():
+def test_one_of_a_family_is_contested_that_the_other_explains_as_well_alone():
     found = _search({("esc_delay", "motor_lag"): 20.0, ("motor_lag",): 15.0, ("esc_delay",): 13.5})
     assert replaced_by(found, "motor_lag") == ("esc_delay",)
     found = _search({("esc_delay", "motor_lag"): 20.0, ("motor_lag",): 15.0, ("esc_delay",): 5.0})
     assert replaced_by(found, "motor_lag") == ()
 
 
-@pytest.mark.parametrize(("larger", "like"), [("thrust_curve", "rotor_saturation"), ("weak_rotor", "rotor_saturation")])
+@pytest.mark.parametrize(
+    ("larger", "like"), [("thrust_curve", "rotor_saturation"), ("weak_rotor", "rotor_saturation")]
+)
 def test_what_the_form_of_a_larger_effect_is_wrong_by_is_not_told(larger, like, monkeypatch):
-    """A ceiling of a hundredth of a curve is the curve's own end; beside what bends nothing it stays."""
+    """A ceiling of a hundredth of a curve is the curve's own end; beside what bends nothing it
+    stays.
+    """
     sizes = {larger: {"drive": 200.0}, like: {"drive": 2.0}}
     monkeypatch.setattr(standing, "_shares", lambda board, best, names: sizes[min(names)])
     board = SimpleNamespace(system=SimpleNamespace(model=SimpleNamespace(effects={}), flights=()))
@@ -76,7 +100,14 @@ def test_what_the_form_of_a_larger_effect_is_wrong_by_is_not_told(larger, like, 
 
 @pytest.mark.parametrize(("up_s", "proven"), [(0.007, False), (0.009, True)])
 def test_what_is_within_two_declared_sds_does_not_stand_however_clear(up_s, proven):
-    fitted = Fitted({"motor_lag": {"up_s": up_s, "down_s": 0.0}}, (("motor_lag", "up_s"),), 1e-7 * np.eye(1), None, None, BOARD)
+    fitted = Fitted(
+        {"motor_lag": {"up_s": up_s, "down_s": 0.0}},
+        (("motor_lag", "up_s"),),
+        1e-7 * np.eye(1),
+        None,
+        None,
+        BOARD,
+    )
     assert stands(fitted, "motor_lag") == proven
 
 
@@ -84,7 +115,9 @@ def test_an_amplitude_is_as_clear_as_it_is_with_its_shape_held():
     """Amplitude and decay on a ridge: neither is known well, that something acts is certain."""
     covariance = np.array([[0.01, 0.0099], [0.0099, 0.01]])
     free = (("ground_effect", "c_a"), ("ground_effect", "decay"))
-    fitted = Fitted({"ground_effect": {"c_a": 0.2, "decay": 1.0}}, free, covariance, None, None, BOARD)
+    fitted = Fitted(
+        {"ground_effect": {"c_a": 0.2, "decay": 1.0}}, free, covariance, None, None, BOARD
+    )
     assert fitted.sd("ground_effect", "c_a") > 0.1
     held = np.hypot(np.sqrt(0.01 - 0.0099**2 / 0.01), FORM_ERROR * 0.2)
     assert fitted.sds_from_neutral("ground_effect", "c_a") == pytest.approx(0.2 / held)
@@ -92,10 +125,15 @@ def test_an_amplitude_is_as_clear_as_it_is_with_its_shape_held():
 
 @pytest.mark.parametrize(("product_sd", "proven"), [(0.05, True), (0.5, False)])
 def test_a_wind_and_its_drag_stand_together_where_their_product_is_clear(product_sd, proven):
-    """Slow flights in a strong wind: drag and wind vary against each other by 40 %, what they make together is known."""
+    """Slow flights in a strong wind: drag and wind vary against each other by 40 %, what they make
+    together is known.
+    """
     drag, wind = np.array([0.4, -0.4, -0.4]), np.eye(3) * product_sd**2
     relative, size = np.outer(drag, drag) + wind, np.array([4e-5, 3.0, -5.0])
-    effects = {"rotor_drag": {"k_kg": size[0]}, "wind": {"east_m_s": size[1], "north_m_s": size[2], "roughness_m": 0.0}}
+    effects = {
+        "rotor_drag": {"k_kg": size[0]},
+        "wind": {"east_m_s": size[1], "north_m_s": size[2], "roughness_m": 0.0},
+    }
     free = (("rotor_drag", "k_kg"), ("wind", "east_m_s"), ("wind", "north_m_s"))
     fitted = Fitted(effects, free, relative * np.outer(size, size), None, None, BOARD)
     assert (stands(fitted, "wind"), stands(fitted, "rotor_drag")) == (proven, proven)
@@ -103,10 +141,14 @@ def test_a_wind_and_its_drag_stand_together_where_their_product_is_clear(product
 
 @pytest.mark.parametrize(("amplitude", "proven"), [(0.2, True), (0.08, False), (2.0, False)])
 def test_an_amplitude_that_its_shape_leaves_open_does_not_stand(amplitude, proven):
-    """Flights at one height tell a gain there and no cushion; and what ran to its bound is something else."""
+    """Flights at one height tell a gain there and no cushion; and what ran to its bound is
+    something else.
+    """
     covariance = np.array([[0.01, 0.00999], [0.00999, 0.01]])
     free = (("ground_effect", "c_a"), ("ground_effect", "decay"))
-    fitted = Fitted({"ground_effect": {"c_a": amplitude, "decay": 0.3}}, free, covariance, None, None, BOARD)
+    fitted = Fitted(
+        {"ground_effect": {"c_a": amplitude, "decay": 0.3}}, free, covariance, None, None, BOARD
+    )
     assert fitted.sds_from_neutral("ground_effect", "c_a") > 3.0
     assert stands(fitted, "ground_effect") == proven
 
@@ -118,17 +160,25 @@ def test_a_name_goes_only_if_that_relieves_the_declared_numbers(without, goes):
     assert relieved(*moved, system) == goes
 
 
-@pytest.mark.parametrize(("size", "rough", "blows"), [((0.2, 0.2), 0.0, 0), ((-0.25, 0.25), 0.0, 1), ((-0.25, 0.25), 0.03, 0)])
+@pytest.mark.parametrize(
+    ("size", "rough", "blows"),
+    [((0.2, 0.2), 0.0, 0), ((-0.25, 0.25), 0.0, 1), ((-0.25, 0.25), 0.03, 0)],
+)
 def test_air_that_hardly_moves_is_no_wind(size, rough, blows):
     """Of what blows at 10 m over rough ground less is left at 1.5 m."""
     effects = {"wind": {"east_m_s": size[0], "north_m_s": size[1], "roughness_m": rough}}
-    fitted = Fitted(effects, (("wind", "east_m_s"), ("wind", "north_m_s")), 1e-4 * np.eye(2), None, None, BOARD)
+    fitted = Fitted(
+        effects, (("wind", "east_m_s"), ("wind", "north_m_s")), 1e-4 * np.eye(2), None, None, BOARD
+    )
     assert stands(fitted, "wind") == blows
 
 
 def test_what_is_small_beside_a_larger_one_in_every_block_may_be_its_form():
-    shares = {"slung_load": {"force": 98.0, "moment": 4.0}, "parasitic_drag": {"force": 1.9, "moment": 0.0},
-              "cg_offset": {"force": 0.0, "moment": 9.0}}  # fmt: skip
+    shares = {
+        "slung_load": {"force": 98.0, "moment": 4.0},
+        "parasitic_drag": {"force": 1.9, "moment": 0.0},
+        "cg_offset": {"force": 0.0, "moment": 9.0},
+    }
     assert beside_larger("parasitic_drag", shares)
     assert not beside_larger("cg_offset", shares)
     assert not beside_larger("slung_load", shares)
@@ -137,21 +187,31 @@ def test_what_is_small_beside_a_larger_one_in_every_block_may_be_its_form():
 def test_a_small_modifier_is_the_error_of_a_form_unless_it_does_not_look_like_one():
     known = {"ground_effect": 30.0}
     assert least_beside("partial_ground_effect", known) == pytest.approx(FORM_ERROR * 30.0)
-    assert least_beside("ground_effect_lag", known) == least_beside("ground_effect_forward_flight", known) == 0.0
+    assert (
+        least_beside("ground_effect_lag", known)
+        == least_beside("ground_effect_forward_flight", known)
+        == 0.0
+    )
     assert least_beside("rotor_drag", known) == 0.0
 
 
 def test_what_does_not_look_like_the_error_of_a_form_may_be_smaller():
-    assert matters("ground_effect_lag", "force_z", 0.001) and not matters("partial_ground_effect", "force_z", 0.001)
+    assert matters("ground_effect_lag", "force_z", 0.001) and not matters(
+        "partial_ground_effect", "force_z", 0.001
+    )
     assert not matters("ground_effect_lag", "force_z", 0.0007)
     assert not matters("ground_effect", "", 1.0)
 
 
 @pytest.mark.parametrize(
     ("name", "probability", "told"),
-    [("ground_effect_moment", 0.9995, True), ("ground_effect_lag", 0.9995, True), ("ground_effect_lag", 0.99, False),
-     ("partial_ground_effect", 0.9995, False)],
-)  # fmt: skip
+    [
+        ("ground_effect_moment", 0.9995, True),
+        ("ground_effect_lag", 0.9995, True),
+        ("ground_effect_lag", 0.99, False),
+        ("partial_ground_effect", 0.9995, False),
+    ],
+)
 def test_and_is_told_if_it_is_as_good_as_certain(name, probability, told, monkeypatch):
     monkeypatch.setattr(standing, "_shares", lambda board, best, names: {"moment": 0.7})
     on = SimpleNamespace(effects={"ground_effect": {}})
@@ -162,10 +222,18 @@ def test_and_is_told_if_it_is_as_good_as_certain(name, probability, told, monkey
 
 @pytest.mark.parametrize("asked", [0.0, 1.0])
 @pytest.mark.parametrize("beside", ["rotor_drag", "weak_rotor"])
-def test_an_inertia_beside_a_drag_is_told_by_what_is_asked_for_not_by_gusts(asked, beside, monkeypatch):
+def test_an_inertia_beside_a_drag_is_told_by_what_is_asked_for_not_by_gusts(
+    asked, beside, monkeypatch
+):
     monkeypatch.setattr(standing, "_shares", lambda board, best, names: {"moment": 5.0})
-    flight = SimpleNamespace(has=lambda stream: True, stack=lambda stream: np.array([[asked, 0.0, 0.0, 1.0]]))
-    board = SimpleNamespace(system=SimpleNamespace(model=SimpleNamespace(effects={}), flights=[SimpleNamespace(flight=flight)]))
+    flight = SimpleNamespace(
+        has=lambda stream: True, stack=lambda stream: np.array([[asked, 0.0, 0.0, 1.0]])
+    )
+    board = SimpleNamespace(
+        system=SimpleNamespace(
+            model=SimpleNamespace(effects={}), flights=[SimpleNamespace(flight=flight)]
+        )
+    )
     told = mattering(board, _search({(beside, "inertia"): 50.0}), {})
     assert ("inertia" in told) == (asked > 0.0 or beside == "weak_rotor") and beside in told
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from ges import manoeuvres
-from ges.diagnose.candidates import library
-from ges.diagnose.gate import pass_gate
-from ges.diagnose.model import from_vehicle
-from ges.diagnose.system import build
-from ges.diagnose.table import table_of
+from ges.diagnose.design.system import build
+from ges.diagnose.design.table import table_of
+from ges.diagnose.library.candidates import library
+from ges.diagnose.prepare.gate import pass_gate
+from ges.diagnose.types.model import from_vehicle
+from ges.simulator import manoeuvres
 
 
 @pytest.fixture
@@ -31,7 +31,9 @@ def test_windows_are_told_in_which_some_column_of_a_channel_is_no_number():
 
 
 def test_columns_add_up_in_the_channels_that_are_asked_for(table):
-    np.testing.assert_array_equal(table.summed({0: 1.0, 1: -2.0}, 3), [[-5.0, 0.0, -10.0], [-6.0, 0.0, -12.0]])
+    np.testing.assert_array_equal(
+        table.summed({0: 1.0, 1: -2.0}, 3), [[-5.0, 0.0, -10.0], [-6.0, 0.0, -12.0]]
+    )
     assert table.summed({1: 1.0}, 1).shape == (2, 1)
 
 
@@ -39,9 +41,13 @@ def test_columns_taken_over_from_another_system_are_those_computed_anew(sheet, f
     vehicle = sheet()
     model = from_vehicle(vehicle)
     flights = pass_gate([flown(vehicle, {}, manoeuvres.straight_runs(20.0), 1)], model).flights
-    variants = library(model)["cg_offset"].variants  # one axis, the other, and both: each column several times
+    variants = library(model)[
+        "cg_offset"
+    ].variants  # one axis, the other, and both: each column several times
     first = build(flights, model, variants)
     again = build(flights, model, variants, like=first)
     for c in range(len(first.names)):
         wanted = range(len(first.columns))
-        np.testing.assert_allclose(again.flights[0].x.of(c, wanted), first.flights[0].x.of(c, wanted), rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(
+            again.flights[0].x.of(c, wanted), first.flights[0].x.of(c, wanted), rtol=1e-6, atol=1e-9
+        )

@@ -1,17 +1,24 @@
-"""Thrust that is not as declared, in flights that do not say why: neither voltage nor rotor speeds were logged."""
+"""Thrust that is not as declared, in flights that do not say why: neither voltage nor rotor speeds
+were logged.
+"""
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import ges
-from ges import manoeuvres
-from ges.diagnose.hearing import LIKE_SAG
-from ges.diagnose.recommend import SURE
-from ges.diagnose.report import render
+from ges.diagnose.advise.recommend import SURE
+from ges.diagnose.library.hearing import LIKE_SAG
+from ges.diagnose.report.page import render
+from ges.simulator import manoeuvres
 
 LOGGED = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s", "u_1", "u_2", "u_3", "u_4", "battery_V")
-PLANS = (("height_staircase", (30.0,)), ("straight_runs", (30.0,)), ("climbs", (20.0,)), ("yaw_turn", (20.0,)))
+PLANS = (
+    ("height_staircase", (30.0,)),
+    ("straight_runs", (30.0,)),
+    ("climbs", (20.0,)),
+    ("yaw_turn", (20.0,)),
+)
 DRAG = {"rotor_drag": {"k_kg": 1e-4}}
 SAG = {"battery_sag": {"sensitivity": 0.8, "nominal_V": 16, "drop_V_s": 0.06, "load_V": 1.0}}
 HEAVY = {"thrust_scale": {"scale": -0.2}}
@@ -19,34 +26,59 @@ BENT = {"thrust_curve": {"c": 0.3}}
 
 
 def _diagnosed(flown, vehicle, effects, unlogged, plans=PLANS, steps_s=()):
-    frames = [flown(vehicle, effects, manoeuvres.MENU[plan](*n), seed, LOGGED) for seed, (plan, n) in enumerate(plans, 1)]
+    frames = [
+        flown(vehicle, effects, manoeuvres.MENU[plan](*n), seed, LOGGED)
+        for seed, (plan, n) in enumerate(plans, 1)
+    ]
     frames = [f.drop(columns=[c for c in f if c.startswith(unlogged)]) for f in frames]
-    frames = [_at(f, step_s) for f, step_s in zip(frames, steps_s, strict=True)] if steps_s else frames
+    frames = (
+        [_at(f, step_s) for f, step_s in zip(frames, steps_s, strict=True)] if steps_s else frames
+    )
     return ges.diagnose(frames, vehicle, holdout=[f"flight{len(plans)}"])
 
 
 def _at(frame, step_s):
     """The recording as another clock samples it."""
     t_s = np.arange(0.0, frame["t_s"].iloc[-1], step_s)
-    return pd.DataFrame({c: t_s if c == "t_s" else np.interp(t_s, frame["t_s"], frame[c]) for c in frame})
+    return pd.DataFrame(
+        {c: t_s if c == "t_s" else np.interp(t_s, frame["t_s"], frame[c]) for c in frame}
+    )
 
 
 def test_a_bent_curve_is_not_taken_for_a_usual_one(flown, sheet):
-    """Rotor speeds show the bend, which a usual doubt would take upon itself; a battery that sags under load bends it, too."""
+    """Rotor speeds show the bend, which a usual doubt would take upon itself; a battery that sags
+    under load bends it, too.
+    """
     found = _diagnosed(flown, sheet(), BENT, ("battery",))
     assert found.verdict == "ambiguous"
     told = {f.name: f.parameters for f in found.findings}
-    assert set(told) == {"battery_sag", "thrust_curve"} and told["thrust_curve"]["c"].value == pytest.approx(0.3, rel=0.1)
+    assert set(told) == {"battery_sag", "thrust_curve"} and told["thrust_curve"][
+        "c"
+    ].value == pytest.approx(0.3, rel=0.1)
     low, high = told["thrust_curve"]["c"].ci95
-    assert low < 0.3 < high and "thrust_curve.c would be" in found.sentence and "logged (battery_V)" in found.sentence
-    assert set(found.next_flight["separates"]) == set(told) and found.next_flight["expected_log_odds"] > SURE
-    assert _diagnosed(flown, sheet(), {"thrust_curve": {"c": 0.05}}, ("battery",)).verdict == "nothing_proven"
+    assert (
+        low < 0.3 < high
+        and "thrust_curve.c would be" in found.sentence
+        and "logged (battery_V)" in found.sentence
+    )
+    assert (
+        set(found.next_flight["separates"]) == set(told)
+        and found.next_flight["expected_log_odds"] > SURE
+    )
+    assert (
+        _diagnosed(flown, sheet(), {"thrust_curve": {"c": 0.05}}, ("battery",)).verdict
+        == "nothing_proven"
+    )
 
 
 @pytest.mark.parametrize("share, told", [(0.9, False), (0.8, True)])
-def test_a_ceiling_beside_an_untold_curve_is_told_if_the_form_of_the_curve_cannot_make_it(flown, sheet, share, told):
+def test_a_ceiling_beside_an_untold_curve_is_told_if_the_form_of_the_curve_cannot_make_it(
+    flown, sheet, share, told
+):
     found = _diagnosed(flown, sheet(), BENT | {"rotor_saturation": {"share": share}}, ("battery",))
-    assert {f.name for f in found.findings} == {"battery_sag", "thrust_curve"} | ({"rotor_saturation"} if told else set())
+    assert {f.name for f in found.findings} == {"battery_sag", "thrust_curve"} | (
+        {"rotor_saturation"} if told else set()
+    )
 
 
 @pytest.mark.parametrize("effects", [HEAVY, SAG], ids=["heavy", "sagged"])
@@ -62,15 +94,26 @@ def test_its_three_causes_are_named_together(flown, sheet, effects):
 @pytest.mark.parametrize("effects", [HEAVY, SAG], ids=["heavy", "sagged"])
 def test_the_flight_that_it_asks_for_tells(flown, sheet, effects):
     asked = _diagnosed(flown, sheet(), effects, ("rotor_speed", "battery")).next_flight
-    assert "battery_V" in asked["preparation"] and {n for s in asked["separates"] for n in s.split("+")} == LIKE_SAG
+    assert (
+        "battery_V" in asked["preparation"]
+        and {n for s in asked["separates"] for n in s.split("+")} == LIKE_SAG
+    )
     assert asked["expected_log_odds"] > SURE
-    told = _diagnosed(flown, sheet(), effects, ("rotor_speed",), ((asked["manoeuvre"], (30.0,)),) * 2)
+    told = _diagnosed(
+        flown, sheet(), effects, ("rotor_speed",), ((asked["manoeuvre"], (30.0,)),) * 2
+    )
     assert set(effects) <= {f.name for f in told.findings} <= {*effects, "thrust_scale"}
 
 
 def test_clocks_that_differ_by_little_are_asked_alike(flown, sheet):
     """Half a window is 12.5 steps, give or take what clocks differ by."""
-    told = _diagnosed(flown, sheet(), HEAVY, ("rotor_speed", "battery"), steps_s=(0.008001, 0.0080008, 0.0080021, 0.0080037))
+    told = _diagnosed(
+        flown,
+        sheet(),
+        HEAVY,
+        ("rotor_speed", "battery"),
+        steps_s=(0.008001, 0.0080008, 0.0080021, 0.0080037),
+    )
     assert told.verdict == "ambiguous" and told.next_flight["manoeuvre"]
 
 
@@ -83,9 +126,13 @@ def test_what_is_proven_is_told_apart_from_what_is_open(flown, sheet):
 
 
 def test_with_rotor_speeds_it_has_one_cause(flown, sheet):
-    assert [f.name for f in _diagnosed(flown, sheet(), HEAVY, ("battery",)).findings] == ["thrust_scale"]
+    assert [f.name for f in _diagnosed(flown, sheet(), HEAVY, ("battery",)).findings] == [
+        "thrust_scale"
+    ]
 
 
 def test_thrust_within_its_doubt_is_nothing(flown, sheet):
-    found = _diagnosed(flown, sheet(), {"thrust_scale": {"scale": -0.07}}, ("rotor_speed", "battery"))
+    found = _diagnosed(
+        flown, sheet(), {"thrust_scale": {"scale": -0.07}}, ("rotor_speed", "battery")
+    )
     assert found.verdict == "nothing_proven" and not found.findings

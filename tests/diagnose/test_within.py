@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ges.diagnose.fit import _within
+from ges.diagnose.estimate.fit import _within
 
 
 def test_what_leaves_its_bounds_is_held_and_the_others_are_most_probable_beside_it():

@@ -1,4 +1,6 @@
-"""Verdicts follow their rules, every claim says where ours is found, and the text quotes only what exists."""
+"""Verdicts follow their rules, every claim says where ours is found, and the text quotes only what
+exists.
+"""
 
 import json
 import math
@@ -8,16 +10,19 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from ges import claims, claims_text, config, paper
-from ges.claims import DIRECTION, NOT, REPRODUCED, UNMEASURED, Claim, Ours
 from ges.errors import GesError
+from ges.paper import paper
+from ges.study import claims, claims_text, config
+from ges.study.claims import DIRECTION, NOT, REPRODUCED, UNMEASURED, Claim, Ours
 
 ROOT = Path(__file__).resolve().parents[2]
 SEEDS = config.load(ROOT / "config/default.yaml").seeds
 
 
 def claim(**given) -> Claim:
-    return Claim.model_validate({"id": "x", "section": "1", "says": "x", "table": "t.csv", "value": "v", **given})
+    return Claim.model_validate(
+        {"id": "x", "section": "1", "says": "x", "table": "t.csv", "value": "v", **given}
+    )
 
 
 @pytest.mark.parametrize(
@@ -27,9 +32,19 @@ def claim(**given) -> Claim:
         ({"paper": 1.0}, (1.06,), None, NOT),
         ({"paper": 0.998, "value": "r2"}, (0.96, 0.95, 0.97), None, NOT),
         ({"paper": 0.998, "value": "r2"}, (0.9979, 0.9978, 0.99802), None, REPRODUCED),
-        ({"paper": 0.998, "value": "r2", "paper_baseline": 0.85}, (0.96, 0.95, 0.97), 0.8, DIRECTION),
+        (
+            {"paper": 0.998, "value": "r2", "paper_baseline": 0.85},
+            (0.96, 0.95, 0.97),
+            0.8,
+            DIRECTION,
+        ),
         ({"paper": 1.0}, (1.2, 0.95, 1.45), None, REPRODUCED),
-        ({"paper": 1.0}, (1.2, -3.0, 5.4), None, NOT),  # an interval that reaches further than the number proves nothing
+        (
+            {"paper": 1.0},
+            (1.2, -3.0, 5.4),
+            None,
+            NOT,
+        ),  # an interval that reaches further than the number proves nothing
         ({"paper": 1.0, "paper_baseline": 2.0}, (0.5, 0.4, 0.6), 3.0, DIRECTION),
         ({"paper": 1.0, "paper_baseline": 2.0}, (3.5, 3.4, 3.6), 3.0, NOT),
         ({"paper": -1.0, "value": "difference"}, (-0.2, -0.3, -0.1), None, DIRECTION),
@@ -52,7 +67,9 @@ def claim(**given) -> Claim:
 )
 def test_verdict(given, found, baseline, expected):
     ours = Ours(**dict(zip(("value", "low", "high"), found, strict=False)))
-    assert claims.verdict(claim(**given), ours, Ours(value=baseline) if baseline else None) == expected
+    assert (
+        claims.verdict(claim(**given), ours, Ours(value=baseline) if baseline else None) == expected
+    )
 
 
 def test_nothing_found_is_not_measured():
@@ -71,7 +88,13 @@ def test_every_kind_of_claim_has_a_rule_and_every_id_is_its_own():
 
 def test_look_finds_one_row_with_its_interval():
     table = pd.DataFrame(
-        {"m": ["a", "b", "b"], "k": [1, 0.5, 0.25], "v": [1.0, 2.0, 3.0], "v_low": [0.0, 1.0, 2.0], "v_high": 4.0}
+        {
+            "m": ["a", "b", "b"],
+            "k": [1, 0.5, 0.25],
+            "v": [1.0, 2.0, 3.0],
+            "v_low": [0.0, 1.0, 2.0],
+            "v_high": 4.0,
+        }
     )
     assert claims.look(table, {"m": "b", "k": 0.5}, "v") == Ours(value=2.0, low=1.0, high=4.0)
     assert claims.look(table, {"m": "c"}, "v") is None
@@ -83,7 +106,9 @@ def test_look_finds_one_row_with_its_interval():
 
 
 def test_difference_of_rows_has_the_interval_that_always_holds():
-    table = pd.DataFrame({"m": ["a", "b"], "v": [3.0, 1.0], "v_low": [2.5, 0.5], "v_high": [3.5, 1.5]})
+    table = pd.DataFrame(
+        {"m": ["a", "b"], "v": [3.0, 1.0], "v_low": [2.5, 0.5], "v_high": [3.5, 1.5]}
+    )
     found = claims.ours(claim(where={"m": "a"}, minus={"m": "b"}, scale=10.0), {"t.csv": table})
     assert (found.value, found.low, found.high) == (20.0, 10.0, 30.0)
 
@@ -94,7 +119,9 @@ def _written(folder: Path) -> pd.DataFrame:
     table.write_text(
         "metric,condition,difference,low,high\nagl_rms_m,0.02,-0.0003,-0.0006,-0.0001\nclearance_p5_m,0.02,0.001,0.0005,0.002\n"
     )
-    claims.write_claims(claims.LISTED, [table], folder, SEEDS, folder / "claims.csv", folder / "rules.json")
+    claims.write_claims(
+        claims.LISTED, [table], folder, SEEDS, folder / "claims.csv", folder / "rules.json"
+    )
     return pd.read_csv(folder / "claims.csv", keep_default_na=False).set_index("id")
 
 
@@ -110,20 +137,38 @@ def test_claims_table(tmp_path):
 def test_numbers_to_print(tmp_path):
     _written(tmp_path)
     (tmp_path / "real").mkdir()
-    (tmp_path / "real/forms.csv").write_text("form,c_a,decay,offset_m,aicc,rmse\nexponential,0.12345,0.7,0,1,1\n")
+    (tmp_path / "real/forms.csv").write_text(
+        "form,c_a,decay,offset_m,aicc,rmse\nexponential,0.12345,0.7,0,1,1\n"
+    )
     claims_text.write_numbers(
-        claims_text.LISTED, tmp_path / "claims.csv", [tmp_path / "real/forms.csv"], tmp_path, tmp_path / "n.json"
+        claims_text.LISTED,
+        tmp_path / "claims.csv",
+        [tmp_path / "real/forms.csv"],
+        tmp_path,
+        tmp_path / "n.json",
     )
     made = json.loads((tmp_path / "n.json").read_text())
     assert made["s45.rms2"]["full"] == "\u22120.300 [\u22120.600, \u22120.100]\u202fmm"
-    assert made["s45.rms2"]["paper"] == "\u22120.351\u202fmm" and made["s45.rms2"]["verdict"] == REPRODUCED
+    assert (
+        made["s45.rms2"]["paper"] == "\u22120.351\u202fmm"
+        and made["s45.rms2"]["verdict"] == REPRODUCED
+    )
     assert made["real.c_a"]["text"] == "0.123" and made["t1.mlp.rmse"]["text"] == "n/a"
-    assert made["claims.reproduced"]["value"] == 1 and made["claims.reproduced_fitted"]["value"] == 0
+    assert (
+        made["claims.reproduced"]["value"] == 1 and made["claims.reproduced_fitted"]["value"] == 0
+    )
 
 
 @pytest.mark.parametrize(
     ("value", "text"),
-    [(0.5, "0.500"), (-12.34, "\u221212.3"), (1234567.0, "1234567"), (30.0, "30"), (3.2e-5, "3.20 × 10⁻⁵"), (math.nan, "n/a")],
+    [
+        (0.5, "0.500"),
+        (-12.34, "\u221212.3"),
+        (1234567.0, "1234567"),
+        (30.0, "30"),
+        (3.2e-5, "3.20 × 10⁻⁵"),
+        (math.nan, "n/a"),
+    ],
 )
 def test_digits(value, text):
     assert claims_text.digits(value) == text
@@ -136,11 +181,26 @@ def test_the_paper_quotes_what_exists_and_types_no_number(tmp_path):
     known = {c.id for c in claims.claims()} | set(claims_text.quoted())
     known |= {
         f"claims.{name}"
-        for name in ("all", "reproduced", "reproduced_fitted", "same_direction", "not_reproduced", "not_measured")
+        for name in (
+            "all",
+            "reproduced",
+            "reproduced_fitted",
+            "same_direction",
+            "not_reproduced",
+            "not_measured",
+        )
     }
     asked = r'\b(num|ours|theirs|verdict|beside|word|known|less)\("([^"]+)"(?:, "([^"]+)")?'
-    quoted = {name for call, *names in re.findall(asked, text) for name in names[: 1 + (call == "less")] if name}
+    quoted = {
+        name
+        for call, *names in re.findall(asked, text)
+        for name in names[: 1 + (call == "less")]
+        if name
+    }
     assert quoted and quoted <= known
     rules = (ROOT / "workflow/rules/figures.smk").read_text()
     shown = set(re.findall(r'\bfig\("([^"]+)"', text))
-    assert shown and {name for name in shown if f'"{name}": (' not in rules} <= {"detection", "outcomes"}
+    assert shown and {name for name in shown if f'"{name}": (' not in rules} <= {
+        "detection",
+        "outcomes",
+    }

@@ -1,4 +1,6 @@
-"""Every figure from small made-up tables: three files, equal bytes twice, what is shown is what was given."""
+"""Every figure from small made-up tables: three files, equal bytes twice, what is shown is what was
+given.
+"""
 
 import itertools
 from pathlib import Path
@@ -7,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ges import config
-from ges.figures import closed_loop, diagrams, ground, offline, style
+from ges.study import config
+from ges.study.figures import closed_loop, diagrams, ground, offline, style
 
 ROOT = Path(__file__).resolve().parents[2]
 STUDY = config.load(ROOT / "config/default.yaml", ROOT / "config/tiny.yaml")
@@ -17,11 +19,17 @@ MODES = list(style.MODE_LABELS)
 
 
 def files(folder: Path, name: str = "x") -> dict[str, Path]:
-    return {"data": folder / f"{name}.csv", "pdf": folder / f"{name}.pdf", "png": folder / f"{name}.png"}
+    return {
+        "data": folder / f"{name}.csv",
+        "pdf": folder / f"{name}.pdf",
+        "png": folder / f"{name}.png",
+    }
 
 
 def summary(**columns) -> pd.DataFrame:
-    """Rows as ges.stats.paired.compare makes them, for every combination of the given values."""
+    """Rows as ges.study.stats.paired.compare makes them, for every combination of the
+    given values.
+    """
     rows = pd.DataFrame(itertools.product(*columns.values()), columns=list(columns))
     mean = 0.06 + 0.001 * np.arange(len(rows))
     rows = rows.assign(seeds=3, mean=mean, sd=0.004, mean_low=mean - 0.002, mean_high=mean + 0.002)
@@ -33,12 +41,16 @@ def summary(**columns) -> pd.DataFrame:
 
 def table1() -> pd.DataFrame:
     rows = pd.DataFrame(
-        itertools.product(["published", "consistent"], ["seedwise", "blockwise"], style.MODEL_LABELS),
+        itertools.product(
+            ["published", "consistent"], ["seedwise", "blockwise"], style.MODEL_LABELS
+        ),
         columns=["plan", "split", "model"],
     )
     for name, sign in (("rmse", 1.0), ("mae", 1.0), ("r2", -1.0)):
         value = 0.5 + sign * 0.01 * np.arange(len(rows))
-        rows = rows.assign(**{name: value, f"{name}_low": value - 0.005, f"{name}_high": value + 0.005})
+        rows = rows.assign(
+            **{name: value, f"{name}_low": value - 0.005, f"{name}_high": value + 0.005}
+        )
     return rows
 
 
@@ -48,14 +60,31 @@ def stored(folder: Path, name: str, table: pd.DataFrame) -> Path:
 
 
 def poles() -> pd.DataFrame:
-    rows = itertools.product(["none", "oracle"], ["1/sqrt(f)", "1/f"], ["of height", "constant"], [1.0, 1.6])
+    rows = itertools.product(
+        ["none", "oracle"], ["1/sqrt(f)", "1/f"], ["of height", "constant"], [1.0, 1.6]
+    )
     table = pd.DataFrame(rows, columns=["mode", "mapping", "factor_is", "factor"])
     return table.assign(real_1_s=-1.0, imaginary_1_s=2.0)
 
 
 def pulse() -> dict[str, pd.DataFrame]:
-    trace = pd.DataFrame({"after_s": [0.0, 1.0, 2.0], "change_m": [0.0, -0.003, 0.001], "low_m": -0.004, "high_m": 0.002})
-    tests = pd.DataFrame({"metric": ["shadow_mae", "clearance_m"], "window_s": "0-0.5", "difference": 0.1, "low": 0, "high": 0.2})
+    trace = pd.DataFrame(
+        {
+            "after_s": [0.0, 1.0, 2.0],
+            "change_m": [0.0, -0.003, 0.001],
+            "low_m": -0.004,
+            "high_m": 0.002,
+        }
+    )
+    tests = pd.DataFrame(
+        {
+            "metric": ["shadow_mae", "clearance_m"],
+            "window_s": "0-0.5",
+            "difference": 0.1,
+            "low": 0,
+            "high": 0.2,
+        }
+    )
     return {"trace": trace, "tests": tests}
 
 
@@ -64,10 +93,24 @@ def causes() -> pd.DataFrame:
     return table.assign(condition="oracle, per rotor")
 
 
-CELLS = {"slope_exponent": [0.5, 1.0], "curvature_gain_m": [0.3, 0.6], "metric": ["agl_rms_m"], "condition": MODES}
-LISTS = {"seed_list": ["closed_loop_small", "closed_loop"], "metric": ["agl_rms_m", "gyro_rms_rad_s"], "condition": MODES}
+CELLS = {
+    "slope_exponent": [0.5, 1.0],
+    "curvature_gain_m": [0.3, 0.6],
+    "metric": ["agl_rms_m"],
+    "condition": MODES,
+}
+LISTS = {
+    "seed_list": ["closed_loop_small", "closed_loop"],
+    "metric": ["agl_rms_m", "gyro_rms_rad_s"],
+    "condition": MODES,
+}
 BIASES = {"metric": list(closed_loop.BIAS_METRICS), "condition": ["-0.02", "0", "0.02"]}
-WORLDS = {"metric": ["agl_rms_m"], "form": ["hayden", "exponential"], "mapping": ["1/sqrt(f)", "1/f"], "condition": MODES}
+WORLDS = {
+    "metric": ["agl_rms_m"],
+    "form": ["hayden", "exponential"],
+    "mapping": ["1/sqrt(f)", "1/f"],
+    "condition": MODES,
+}
 TABLES = {
     "models": (offline.models, {"table1": table1()}, {}),
     "splits": (offline.splits, {"table1": table1()}, {"plan": "published"}),
@@ -75,14 +118,22 @@ TABLES = {
     "modes": (closed_loop.modes, {"summary": summary(**LISTS)}, {}),
     "bias": (closed_loop.bias, {"summary": summary(**BIASES)}, {}),
     "pulse": (closed_loop.pulse, pulse(), {}),
-    "restricted": (closed_loop.restricted, {"summary": summary(metric=["agl_rms_restricted_m"], condition=MODES)}, {}),
+    "restricted": (
+        closed_loop.restricted,
+        {"summary": summary(metric=["agl_rms_restricted_m"], condition=MODES)},
+        {},
+    ),
     "grid": (closed_loop.grid, {"summary": summary(**CELLS)}, {}),
     "poles": (closed_loop.poles, {"poles": poles()}, {}),
     "causes": (closed_loop.causes, {"tests": causes()}, {}),
     "worlds": (closed_loop.worlds, {"summary": summary(**WORLDS)}, {}),
     "pulse_map": (
         closed_loop.pulse_map,
-        {"summary": pd.DataFrame({"bias": [-0.1, 0.1], "duration_s": 0.1, "touched": [0.0, 1.0], "returned": 1.0})},
+        {
+            "summary": pd.DataFrame(
+                {"bias": [-0.1, 0.1], "duration_s": 0.1, "touched": [0.0, 1.0], "returned": 1.0}
+            )
+        },
         {},
     ),
     "system": (diagrams.system, {}, {}),
@@ -109,9 +160,16 @@ def test_a_figure_is_the_same_twice_and_shows_rows(name, tmp_path):
 def test_predictions_are_those_of_the_best_model(tmp_path):
     rows = pd.DataFrame({"truth": [1.0, 1.1, 1.2], "predicted": [1.0, 1.11, 1.19]})
     for name, shift in (("analytical", 0.0), ("mlp", 1.0)):
-        rows.assign(predicted=rows["predicted"] + shift).to_parquet(tmp_path / f"{name}.predictions.parquet")
+        rows.assign(predicted=rows["predicted"] + shift).to_parquet(
+            tmp_path / f"{name}.predictions.parquet"
+        )
     table = table1().assign(r2=lambda t: (t["model"] == "analytical").astype(float))
-    offline.predicted(stored(tmp_path, "table1", table), sorted(tmp_path.glob("*.parquet")), "published", **files(tmp_path))
+    offline.predicted(
+        stored(tmp_path, "table1", table),
+        sorted(tmp_path.glob("*.parquet")),
+        "published",
+        **files(tmp_path),
+    )
     assert pd.read_csv(tmp_path / "x.csv")["predicted"].max() == pytest.approx(1.19)
 
 
@@ -128,8 +186,20 @@ def _seen(colour: str, matrix: np.ndarray) -> np.ndarray:
 
 
 # Machado, Oliveira and Fernandes 2009, severity 1, linear RGB.
-DEUTERANOPIA = np.array([[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]])
-PROTANOPIA = np.array([[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]])
+DEUTERANOPIA = np.array(
+    [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.011820, 0.042940, 0.968881],
+    ]
+)
+PROTANOPIA = np.array(
+    [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ]
+)
 
 
 @pytest.mark.parametrize("matrix", [np.eye(3), DEUTERANOPIA, PROTANOPIA])

@@ -1,4 +1,6 @@
-"""Real flights: what is fitted comes back from made-up blocks, changed bytes are refused, absence is said in words."""
+"""Real flights: what is fitted comes back from made-up blocks, changed bytes are refused, absence
+is said in words.
+"""
 
 from pathlib import Path
 
@@ -6,10 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ges import config
 from ges.errors import GesError
-from ges.figures import flights, real
-from ges.vehicle import load_vehicle
+from ges.study import config
+from ges.study.figures import flights, real
+from ges.vehicle.file import load_vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
 VEHICLE, MAPPING = ROOT / "config/vehicles/appius.yaml", ROOT / "config/imports/appius.yaml"
@@ -21,8 +23,17 @@ def made_up_blocks(path: Path, form: str, **constants: float) -> Path:
     z, rng = np.geomspace(0.75, 18.0, 60), np.random.default_rng(3)
     row = pd.Series({"offset_m": 0.03, "c_a": np.nan, "decay": np.nan, **constants})
     factor = flights.form_curve(form, row, z, load_vehicle(VEHICLE))
-    table = pd.DataFrame({"flight": np.where(np.arange(60) % 2, "A", "B"), "block": range(60), "t_s": 0.0, "z_over_r": z})
-    table["ratio"] = factor * np.where(table["flight"] == "A", 0.85, 0.9) * (1 + 0.005 * rng.standard_normal(60))
+    table = pd.DataFrame(
+        {
+            "flight": np.where(np.arange(60) % 2, "A", "B"),
+            "block": range(60),
+            "t_s": 0.0,
+            "z_over_r": z,
+        }
+    )
+    table["ratio"] = (
+        factor * np.where(table["flight"] == "A", 0.85, 0.9) * (1 + 0.005 * rng.standard_normal(60))
+    )
     table.assign(factor=table["ratio"]).to_csv(path, index=False)
     return path
 
@@ -41,20 +52,29 @@ def test_constants_of_the_exponential_form_come_back(tmp_path):
     flights.fit_forms(blocks, VEHICLE, tmp_path / "f.csv")
     fitted = pd.read_csv(tmp_path / "f.csv").set_index("form").loc["exponential"]
     assert fitted["rank"] == 1 and fitted["decay"] == pytest.approx(0.9, rel=0.15)
-    assert flights.form_curve("exponential", fitted, np.array([1.0]), load_vehicle(VEHICLE)) == pytest.approx(
-        1 + 0.3 * np.exp(-0.9 * (1 + 0.03 / 0.12)), abs=0.01
-    )
+    assert flights.form_curve(
+        "exponential", fitted, np.array([1.0]), load_vehicle(VEHICLE)
+    ) == pytest.approx(1 + 0.3 * np.exp(-0.9 * (1 + 0.03 / 0.12)), abs=0.01)
 
 
 def test_without_recordings_tables_have_headings_and_figures_say_so(tmp_path):
     flights.thrust_blocks([], VEHICLE, MAPPING, tmp_path / "b.csv")
     flights.fit_forms(tmp_path / "b.csv", VEHICLE, tmp_path / "f.csv")
-    flights.hover_dispersion([], VEHICLE, MAPPING, STUDY.simulator, STUDY.closed_loop, 1, tmp_path / "s.csv")
+    flights.hover_dispersion(
+        [], VEHICLE, MAPPING, STUDY.simulator, STUDY.closed_loop, 1, tmp_path / "s.csv"
+    )
     three = {"data": tmp_path / "x.csv", "pdf": tmp_path / "x.pdf", "png": tmp_path / "x.png"}
     real.thrust(tmp_path / "b.csv", tmp_path / "f.csv", VEHICLE, **three)
-    assert pd.read_csv(tmp_path / "b.csv").empty and pd.read_csv(tmp_path / "f.csv").empty and pd.read_csv(three["data"]).empty
+    assert (
+        pd.read_csv(tmp_path / "b.csv").empty
+        and pd.read_csv(tmp_path / "f.csv").empty
+        and pd.read_csv(three["data"]).empty
+    )
     real.dispersion(tmp_path / "s.csv", **three)
-    assert set(pd.read_csv(tmp_path / "s.csv")["source"]) == {"simulated"} and pd.read_csv(three["data"]).empty
+    assert (
+        set(pd.read_csv(tmp_path / "s.csv")["source"]) == {"simulated"}
+        and pd.read_csv(three["data"]).empty
+    )
 
 
 def test_changed_recording_is_refused(tmp_path, recordings_dir):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from ges import config
+from ges.study import config
 
 
 @pytest.fixture(scope="session")

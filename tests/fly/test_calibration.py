@@ -1,11 +1,13 @@
-"""The simulator's free numbers are those that the calibration found, on seeds that serve nothing else."""
+"""The simulator's free numbers are those that the calibration found, on seeds that serve nothing
+else.
+"""
 
 import json
 
 import pytest
 
-from ges import config
-from ges.fly import calibrate
+from ges.study import config
+from ges.study.fly import calibrate
 
 
 @pytest.fixture(scope="module")
@@ -34,22 +36,43 @@ def test_nothing_but_the_calibration_list_was_used(study, report):
 
 
 def test_operating_point_can_be_flown_again(world, report):
-    flown = calibrate.operating_point(*world, calibrate.fly_arms(*world, report["fitted"], report["seeds"]))
+    flown = calibrate.operating_point(
+        *world, calibrate.fly_arms(*world, report["fitted"], report["seeds"])
+    )
     assert flown == pytest.approx(report["flown"], rel=1e-6, abs=1e-9)
 
 
 def test_misfit_is_worse_away_from_the_fit(world, report):
     moved = {**report["fitted"], "altitude_ki": 0.5}
-    arms = [calibrate.fly_arms(*world, numbers, report["seeds"][:2]) for numbers in (report["fitted"], moved)]
+    arms = [
+        calibrate.fly_arms(*world, numbers, report["seeds"][:2])
+        for numbers in (report["fitted"], moved)
+    ]
     here, there = (calibrate.misfit(calibrate.operating_point(*world, a)) for a in arms)
     assert there > 2 * here
 
 
 def test_search_writes_what_it_found(world, study, tmp_path, monkeypatch):
     monkeypatch.setattr(calibrate, "GENERATIONS", 1)
-    monkeypatch.setattr(calibrate, "FREE", {name: calibrate.FREE[name] for name in ("altitude_ki", "terrain_amplitude_max_m")})
+    monkeypatch.setattr(
+        calibrate,
+        "FREE",
+        {name: calibrate.FREE[name] for name in ("altitude_ki", "terrain_amplitude_max_m")},
+    )
     short = world[1].model_copy(update={"duration_s": 32.0})
-    calibrate.calibrate(world[0], short, study.seeds.calibration.model_copy(update={"count": 1}), tmp_path / "found.json")
+    calibrate.calibrate(
+        world[0],
+        short,
+        study.seeds.calibration.model_copy(update={"count": 1}),
+        tmp_path / "found.json",
+    )
     found = json.loads((tmp_path / "found.json").read_text())
-    assert found["misfit"] == pytest.approx(calibrate.misfit(found["flown"])) and found["evaluations"] > 10
-    assert set(found["fitted"]) == {"altitude_ki", "terrain_amplitude_max_m", "terrain_amplitude_min_m"}
+    assert (
+        found["misfit"] == pytest.approx(calibrate.misfit(found["flown"]))
+        and found["evaluations"] > 10
+    )
+    assert set(found["fitted"]) == {
+        "altitude_ki",
+        "terrain_amplitude_max_m",
+        "terrain_amplitude_min_m",
+    }

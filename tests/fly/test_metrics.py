@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from ges.fly.metrics import COLUMNS, NAMES, flight_metrics
-from ges.sim import Record
+from ges.simulator.flight import Record
+from ges.study.fly.metrics import COLUMNS, NAMES, flight_metrics
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from ges.stats import paired
+from ges.study.stats import paired
 
 
 @pytest.fixture
@@ -28,7 +28,15 @@ def test_difference_is_the_paired_t_test(pairs):
 
 def test_equal_conditions_differ_by_nothing(pairs):
     found = paired.difference(pairs[1], pairs[1])
-    assert found == {"difference": 0.0, "low": 0.0, "high": 0.0, "t": 0.0, "p": 1.0, "d_z": 0.0, "above": 0.0}
+    assert found == {
+        "difference": 0.0,
+        "low": 0.0,
+        "high": 0.0,
+        "t": 0.0,
+        "p": 1.0,
+        "d_z": 0.0,
+        "above": 0.0,
+    }
 
 
 def test_one_pair_has_no_interval():
@@ -38,13 +46,20 @@ def test_one_pair_has_no_interval():
 
 def test_holm_by_hand():
     assert paired.holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
-    assert np.isnan(paired.holm([0.01, np.nan])[1]) and paired.holm([0.01, np.nan])[0] == pytest.approx(0.01)
+    assert np.isnan(paired.holm([0.01, np.nan])[1]) and paired.holm([0.01, np.nan])[
+        0
+    ] == pytest.approx(0.01)
 
 
 def test_bootstrap_interval_covers():
-    """Of 500 samples of 30 from a known mean, the interval holds it in the 93.5 % that a percentile bootstrap of 30 reaches."""
+    """Of 500 samples of 30 from a known mean, the interval holds it in the 93.5 % that a percentile
+    bootstrap of 30 reaches.
+    """
     rng = np.random.default_rng(7)
-    inside = [low <= 5.0 <= high for low, high in (paired.mean_interval(rng.normal(5.0, 2.0, 30)) for _ in range(500))]
+    inside = [
+        low <= 5.0 <= high
+        for low, high in (paired.mean_interval(rng.normal(5.0, 2.0, 30)) for _ in range(500))
+    ]
     assert 0.91 <= np.mean(inside) <= 0.97
 
 
@@ -53,9 +68,20 @@ def test_compare_joins_pairs_by_seed_and_not_by_row():
     seeds, level = np.arange(10), rng.normal(0, 1, 10)
     tables = [pd.DataFrame({"condition": "a", "seed": seeds, "x": level})]
     mixed = rng.permutation(10)
-    tables.append(pd.DataFrame({"condition": "b", "seed": seeds[mixed], "x": level[mixed] + 0.5 + 1e-3 * rng.normal(size=10)}))
+    tables.append(
+        pd.DataFrame(
+            {
+                "condition": "b",
+                "seed": seeds[mixed],
+                "x": level[mixed] + 0.5 + 1e-3 * rng.normal(size=10),
+            }
+        )
+    )
     table = paired.compare(pd.concat(tables), ["x"], "a").set_index("condition")
-    assert table.loc["b", "difference"] == pytest.approx(0.5, abs=1e-3) and table.loc["b", "high"] < 0.51
+    assert (
+        table.loc["b", "difference"] == pytest.approx(0.5, abs=1e-3)
+        and table.loc["b", "high"] < 0.51
+    )
     assert table.loc["b", "pairs"] == 10 and np.isnan(table.loc["a", "difference"])
 
 
@@ -67,4 +93,7 @@ def test_contrasts_correct_over_the_whole_table(pairs):
         ]
     )
     found = paired.contrasts(table, ["x", "y"], [("a", "b")])
-    assert list(found["p_holm"]) == pytest.approx(list(paired.holm(found["p"]))) and (found["p_holm"] >= found["p"]).all()
+    assert (
+        list(found["p_holm"]) == pytest.approx(list(paired.holm(found["p"])))
+        and (found["p_holm"] >= found["p"]).all()
+    )

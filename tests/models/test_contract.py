@@ -2,8 +2,8 @@
 
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from ges.models.analytical import AnalyticalBaseline
-from ges.models.networks import LstmRegressor, MlpRegressor, TransformerRegressor
+from ges.study.models.analytical import AnalyticalBaseline
+from ges.study.models.networks import LstmRegressor, MlpRegressor, TransformerRegressor
 
 VEHICLE = {"thrust_coefficient_N_s2": 1.5e-5}
 QUICK = {"epochs": 20, "batch_rows": 32, "learning_rate": 0.03}

@@ -3,15 +3,26 @@
 import numpy as np
 import pytest
 
-from ges.models.networks import LstmRegressor, MlpRegressor, TransformerRegressor
+from ges.study.models.networks import LstmRegressor, MlpRegressor, TransformerRegressor
 
 RNG = np.random.default_rng(0)
 X = RNG.normal(size=(400, 6 * 3)).astype(np.float32)
 Y = X[:, -3] - 0.5 * X[:, 0] + 0.1 * RNG.normal(size=400)
 KINDS = [
     MlpRegressor(epochs=40, batch_rows=64, learning_rate=0.01, window_rows=6, random_state=1),
-    LstmRegressor(epochs=40, batch_rows=64, learning_rate=0.02, window_rows=6, random_state=1, units=8),
-    TransformerRegressor(epochs=40, batch_rows=64, learning_rate=0.01, window_rows=6, random_state=1, units=8, heads=2, layers=1),
+    LstmRegressor(
+        epochs=40, batch_rows=64, learning_rate=0.02, window_rows=6, random_state=1, units=8
+    ),
+    TransformerRegressor(
+        epochs=40,
+        batch_rows=64,
+        learning_rate=0.01,
+        window_rows=6,
+        random_state=1,
+        units=8,
+        heads=2,
+        layers=1,
+    ),
 ]
 
 
@@ -24,8 +35,12 @@ def test_learns_from_the_past_and_repeats_itself(model):
 
 
 def test_stops_early_and_keeps_the_best_weights():
-    """Validation rows of another law: every pass of learning makes them worse, so the first weights are kept."""
-    model = MlpRegressor(epochs=40, patience=3, batch_rows=32, learning_rate=0.01, window_rows=6, random_state=1)
+    """Validation rows of another law: every pass of learning makes them worse, so the first weights
+    are kept.
+    """
+    model = MlpRegressor(
+        epochs=40, patience=3, batch_rows=32, learning_rate=0.01, window_rows=6, random_state=1
+    )
     model.fit(X[:300], Y[:300], X[300:], -3 * Y[300:])
     assert len(model.validation_rmse_) == int(np.argmin(model.validation_rmse_)) + 4
     kept = float(np.sqrt(np.mean((model.predict(X[300:]) + 3 * Y[300:]) ** 2)))

@@ -1,4 +1,6 @@
-"""Rows: windows and targets stay in their block, the same rows for every model, and only flights that were checked."""
+"""Rows: windows and targets stay in their block, the same rows for every model, and only flights
+that were checked.
+"""
 
 import json
 import shutil
@@ -8,13 +10,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ges import config
-from ges.datasets.columns import CONTACT, FEATURES, TARGET
-from ges.datasets.flights import fly_batch, read_flight
-from ges.datasets.leakage import check_leakage
-from ges.datasets.rows import Window, load_rows
-from ges.datasets.split import PARTS, write_split
 from ges.errors import GesError
+from ges.study import config
+from ges.study.datasets.columns import CONTACT, FEATURES, TARGET
+from ges.study.datasets.flights import fly_batch, read_flight
+from ges.study.datasets.leakage import check_leakage
+from ges.study.datasets.rows import Window, load_rows
+from ges.study.datasets.split import PARTS, write_split
 
 ROOT = Path(__file__).resolve().parents[2]
 STUDY = config.load(ROOT / "config/default.yaml")
@@ -45,7 +47,13 @@ def check() -> None:
     check_leakage(flights, splits, Path("report.json"), STUDY.simulator.terrain)
 
 
-def rows(part: str, kind: str = "blockwise", most: int | None = None, past: bool = True, window: Window = WINDOW):
+def rows(
+    part: str,
+    kind: str = "blockwise",
+    most: int | None = None,
+    past: bool = True,
+    window: Window = WINDOW,
+):
     return load_rows(Path("report.json"), Path(f"rows.{kind}.csv"), part, window, most, 1, past)
 
 
@@ -55,7 +63,11 @@ def test_windows_and_targets_stay_in_their_block(data):
         found, mine = rows(part), blocks[blocks["part"] == part]
         assert len(found)
         for seed, row in zip(found.seed, found.row, strict=True):
-            inside = mine[(mine["seed"] == seed) & (mine["first_row"] <= row - 12) & (mine["last_row"] >= row + 25)]
+            inside = mine[
+                (mine["seed"] == seed)
+                & (mine["first_row"] <= row - 12)
+                & (mine["last_row"] >= row + 25)
+            ]
             assert len(inside) == 1
 
 
@@ -73,29 +85,46 @@ def test_every_model_and_horizon_has_the_same_rows(data):
     with_past, without = rows("train", most=200), rows("train", most=200, past=False)
     farther = rows("train", most=200, window=Window(rows=5, step=3, horizon=25, reserve=25))
     assert without.x.shape[1:] == (1, len(FEATURES)) and np.array_equal(with_past.now, without.now)
-    assert np.array_equal(with_past.row, without.row) and np.array_equal(with_past.seed, without.seed)
+    assert np.array_equal(with_past.row, without.row) and np.array_equal(
+        with_past.seed, without.seed
+    )
     assert np.array_equal(with_past.row, farther.row) and not np.array_equal(with_past.y, farther.y)
     assert len(with_past) <= 200
 
 
 def test_a_flight_that_was_not_checked_is_not_read(data):
     shutil.copy("seed0001.parquet", "seed0002.parquet")
-    with pytest.raises(GesError, match="seed0002.parquet is not the flight that report.json has checked"):
+    with pytest.raises(
+        GesError, match="seed0002.parquet is not the flight that report.json has checked"
+    ):
         rows("train", "seedwise")
 
 
 def test_a_flight_of_another_part_is_found_out(data):
     shutil.copy("seed0001.parquet", "seed0271.parquet")
-    with pytest.raises(GesError, match="seed0271.parquet is not the flight of its seed: it says seed 1"):
+    with pytest.raises(
+        GesError, match="seed0271.parquet is not the flight of its seed: it says seed 1"
+    ):
         check()
 
 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda blocks: blocks.assign(part="train", seed=blocks["seed"].replace(271, 1)), "seed 1 are in two blocks"),
-        (lambda blocks: blocks.assign(part=blocks["part"].replace("test", "tset")), "has a part 'tset'"),
-        (lambda blocks: pd.concat([blocks.assign(last_row=299), blocks.assign(first_row=300, part="test")]), "is in both"),
+        (
+            lambda blocks: blocks.assign(part="train", seed=blocks["seed"].replace(271, 1)),
+            "seed 1 are in two blocks",
+        ),
+        (
+            lambda blocks: blocks.assign(part=blocks["part"].replace("test", "tset")),
+            "has a part 'tset'",
+        ),
+        (
+            lambda blocks: pd.concat(
+                [blocks.assign(last_row=299), blocks.assign(first_row=300, part="test")]
+            ),
+            "is in both",
+        ),
     ],
 )
 def test_leaks_in_a_split_are_found_out(data, change, said):

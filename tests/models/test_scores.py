@@ -1,12 +1,14 @@
-"""Scores are scikit-learn's, intervals come from seeds, and R^2 ranks models as RMSE does on one row set."""
+"""Scores are scikit-learn's, intervals come from seeds, and R^2 ranks models as RMSE does on one
+row set.
+"""
 
 import numpy as np
 import pandas as pd
 import pytest
 from sklearn import metrics
 
-from ges.models.scores import reduction, scores
-from ges.models.train import write_table1
+from ges.study.models.scores import reduction, scores
+from ges.study.models.train import write_table1
 
 RNG = np.random.default_rng(5)
 SEED = np.repeat(np.arange(12), 50)
@@ -16,7 +18,9 @@ PREDICTED = TRUTH + RNG.normal(0.0, 0.01, SEED.size)
 
 def test_scores_are_those_of_scikit_learn():
     found = scores(TRUTH, PREDICTED, SEED, 100, 1)
-    assert found["rmse"] == pytest.approx(metrics.root_mean_squared_error(TRUTH, PREDICTED), rel=1e-12)
+    assert found["rmse"] == pytest.approx(
+        metrics.root_mean_squared_error(TRUTH, PREDICTED), rel=1e-12
+    )
     assert found["mae"] == pytest.approx(metrics.mean_absolute_error(TRUTH, PREDICTED), rel=1e-12)
     assert found["r2"] == pytest.approx(metrics.r2_score(TRUTH, PREDICTED), rel=1e-12)
 
@@ -31,9 +35,15 @@ def test_intervals_hold_the_score_and_grow_when_seeds_differ():
 
 
 def test_more_rows_of_the_same_seeds_are_no_more_evidence():
-    """Each row ten times over: an interval over rows would shrink by three, one over seeds stays."""
-    once, often = (scores(*(np.tile(a, k) for a in (TRUTH, PREDICTED, SEED)), 500, 1) for k in (1, 10))
-    assert often["mae_high"] - often["mae_low"] == pytest.approx(once["mae_high"] - once["mae_low"], rel=1e-6)
+    """Each row ten times over: an interval over rows would shrink by three, one over seeds
+    stays.
+    """
+    once, often = (
+        scores(*(np.tile(a, k) for a in (TRUTH, PREDICTED, SEED)), 500, 1) for k in (1, 10)
+    )
+    assert often["mae_high"] - often["mae_low"] == pytest.approx(
+        once["mae_high"] - once["mae_low"], rel=1e-6
+    )
 
 
 def test_one_seed_has_no_interval():
@@ -46,7 +56,14 @@ def test_reduction():
 
 
 def test_table1_ranks_alike(tmp_path):
-    rows = {"plan": "published", "split": "seedwise", "train_rows": 9, "validation_rows": 9, "test_rows": 600, "test_seeds": 12}
+    rows = {
+        "plan": "published",
+        "split": "seedwise",
+        "train_rows": 9,
+        "validation_rows": 9,
+        "test_rows": 600,
+        "test_seeds": 12,
+    }
     files = []
     for i, noise in enumerate((0.02, 0.005, 0.01)):
         found = scores(TRUTH, TRUTH + noise * RNG.normal(size=SEED.size), SEED, 100, 1)

@@ -1,13 +1,15 @@
-"""Candidates are laid out from where flights went: above the top, beyond the sides, over what was visited."""
+"""Candidates are laid out from where flights went: above the top, beyond the sides, over what was
+visited.
+"""
 
 import math
 
 import numpy as np
 import pytest
 
-from ges.diagnose.align import Prepared
-from ges.diagnose.candidates import MOST_PLACES, flown, library
-from ges.diagnose.model import Model
+from ges.diagnose.library.candidates import MOST_PLACES, flown, library
+from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.types.model import Model
 
 RADIUS_M = 0.1
 MODEL = Model({f"rotor_{i}_radius_m": RADIUS_M for i in range(1, 5)})
@@ -15,10 +17,16 @@ MODEL = Model({f"rotor_{i}_radius_m": RADIUS_M for i in range(1, 5)})
 
 @pytest.fixture
 def flight():
-    """A slow figure over 6 x 3 m between 1 and 2 m, the first tenth on the ground at another place."""
+    """A slow figure over 6 x 3 m between 1 and 2 m, the first tenth on the ground at
+    another place.
+    """
     t = np.arange(0.0, 60.0, 0.01)
     phase = 2.0 * np.pi * t / 60.0
-    columns = {"p_x_m": 3.0 * np.sin(phase), "p_y_m": 1.5 * np.sin(2.0 * phase), "p_z_m": 1.5 + 0.5 * np.cos(phase)}
+    columns = {
+        "p_x_m": 3.0 * np.sin(phase),
+        "p_y_m": 1.5 * np.sin(2.0 * phase),
+        "p_z_m": 1.5 + 0.5 * np.cos(phase),
+    }
     columns |= {f"u_{i}": np.linspace(0.4, 0.8, len(t)) for i in range(1, 5)}
     flying = t >= 6.0
     columns["p_x_m"][~flying] = 50.0
@@ -53,4 +61,6 @@ def test_each_variant_has_a_name_of_its_own(flight):
 
 def test_what_was_not_logged_is_not_laid_out(flight):
     blind = flight.replaced(columns={})
-    assert not {"ceiling_effect", "wall_effect", "downwash", "rotor_saturation"} & set(library(MODEL, flown([blind])))
+    assert not {"ceiling_effect", "wall_effect", "downwash", "rotor_saturation"} & set(
+        library(MODEL, flown([blind]))
+    )

@@ -35,11 +35,31 @@ def run(*words: str) -> subprocess.CompletedProcess:
     [
         (["nonsense"], 2, "No such command"),
         (["effects", "rotor_drg"], 2, "did you mean 'rotor_drag'?"),
-        (["simulate", "missing.yaml", "--out", "x.parquet"], 1, "cannot read the vehicle file missing.yaml"),
-        (["simulate", "config/vehicles/appius.yaml", "--plan", "climb", "--out", "x"], 2, "did you mean 'climbs'?"),
-        (["simulate", "config/vehicles/appius.yaml", "--set", "dt_s=fast", "--out", "x"], 2, "expected NAME=NUMBER"),
-        (["simulate", "config/vehicles/appius.yaml", "--set", "mass=1", "--out", "x"], 2, "unknown parameter 'mass'"),
-        (["simulate", "config/vehicles/appius.yaml", "--set", "dt_s=-1", "--out", "x"], 1, "dt_s is -1 s; allowed is"),
+        (
+            ["simulate", "missing.yaml", "--out", "x.parquet"],
+            1,
+            "cannot read the vehicle file missing.yaml",
+        ),
+        (
+            ["simulate", "config/vehicles/appius.yaml", "--plan", "climb", "--out", "x"],
+            2,
+            "did you mean 'climbs'?",
+        ),
+        (
+            ["simulate", "config/vehicles/appius.yaml", "--set", "dt_s=fast", "--out", "x"],
+            2,
+            "expected NAME=NUMBER",
+        ),
+        (
+            ["simulate", "config/vehicles/appius.yaml", "--set", "mass=1", "--out", "x"],
+            2,
+            "unknown parameter 'mass'",
+        ),
+        (
+            ["simulate", "config/vehicles/appius.yaml", "--set", "dt_s=-1", "--out", "x"],
+            1,
+            "dt_s is -1 s; allowed is",
+        ),
     ],
 )
 def test_wrong_use_ends_in_a_sentence(words, code, sentence):
@@ -53,11 +73,17 @@ def test_missing_simulator_says_how_to_build_it(tmp_path):
     command = [GES, "effects"]
     environment = {"PATH": "/usr/bin:/bin", "GES_LIBRARY": str(tmp_path / "libges.so")}
     result = subprocess.run(command, capture_output=True, text=True, env=environment)
-    assert result.returncode == 1 and "make build" in result.stderr and "Traceback" not in result.stderr
+    assert (
+        result.returncode == 1
+        and "make build" in result.stderr
+        and "Traceback" not in result.stderr
+    )
 
 
 def test_missing_compiler_is_named_before_anything_is_downloaded():
-    result = subprocess.run(["make", "CC=no-such-cc", "check-cc"], capture_output=True, text=True, cwd=ROOT)
+    result = subprocess.run(
+        ["make", "CC=no-such-cc", "check-cc"], capture_output=True, text=True, cwd=ROOT
+    )
     assert result.returncode == 2
     assert "no C compiler 'no-such-cc' found" in result.stderr
 

@@ -1,10 +1,13 @@
-"""Gusts have the spectrum of their source, whatever the lanes and the step; the downwash has its published values."""
+"""Gusts have the spectrum of their source, whatever the lanes and the step; the downwash has its
+published values.
+"""
 
 import numpy as np
 import pytest
 
-from ges import effects, sim
-from ges.terrain import Terrain
+from ges.simulator import effects
+from ges.simulator import flight as sim
+from ges.simulator.terrain import Terrain
 
 FOOT_M = 0.3048
 HEIGHT_FT, SPEED_M_S, STEP_S = 100.0, 20.0, 0.02
@@ -15,7 +18,11 @@ def _winds(seeds, seconds=200.0):
     """Gusts that a vehicle meets at 100 ft and 20 m/s, (seeds, 3, n) m/s."""
     t = np.arange(0.0, seconds, STEP_S)
     samples = effects.Samples.from_columns(
-        {"t_s": t, "p_z_m": np.full_like(t, HEIGHT_FT * FOOT_M), "v_x_m_s": np.full_like(t, SPEED_M_S)}
+        {
+            "t_s": t,
+            "p_z_m": np.full_like(t, HEIGHT_FT * FOOT_M),
+            "v_x_m_s": np.full_like(t, SPEED_M_S),
+        }
     )
     told = [effects.replay({}, samples, {"gusts": {**GUSTY, "seed": seed}}) for seed in seeds]
     return np.array([[r[f"wind_{a}_m_s"] for a in "xyz"] for r in told])
@@ -30,7 +37,9 @@ def test_gusts_have_the_standard_deviations_of_the_low_altitude_form(winds):
     sigma_w = 0.1 * GUSTY["wind_20ft_m_s"]
     sigma_u = sigma_w / (0.177 + 0.000823 * HEIGHT_FT) ** 0.4
     assert winds.std(axis=(0, 2)) == pytest.approx([sigma_u, sigma_u, sigma_w], rel=0.06)
-    assert np.abs(winds[:, :, 0].std(axis=0) / [sigma_u, sigma_u, sigma_w] - 1.0).max() < 0.4, "starts as it goes on"
+    assert np.abs(winds[:, :, 0].std(axis=0) / [sigma_u, sigma_u, sigma_w] - 1.0).max() < 0.4, (
+        "starts as it goes on"
+    )
 
 
 @pytest.mark.parametrize("frequency_hz", [0.05, 0.2, 1.0, 4.0])
@@ -56,22 +65,37 @@ def test_gusts_differ_by_seed_and_axis(winds):
 
 def test_the_same_gusts_blow_whatever_the_lanes_and_the_step():
     flights = [
-        sim.Flight({"seed": i, "duration_s": 3}, {"gusts": {**GUSTY, "seed": i}, "rotor_drag": {}}, Terrain.flat())
+        sim.Flight(
+            {"seed": i, "duration_s": 3},
+            {"gusts": {**GUSTY, "seed": i}, "rotor_drag": {}},
+            Terrain.flat(),
+        )
         for i in range(1, 10)
     ]
-    told = [np.array([list(r.columns.values()) for r in sim.fly(flights, lanes=n)]).tobytes() for n in (0, 1, 2, 4, 8)]
+    told = [
+        np.array([list(r.columns.values()) for r in sim.fly(flights, lanes=n)]).tobytes()
+        for n in (0, 1, 2, 4, 8)
+    ]
     assert len(set(told)) == 1
-    ways = [sim.Flight({**flights[0].parameters, "integrator": i}, flights[0].effects, Terrain.flat()) for i in (0, 1)]
+    ways = [
+        sim.Flight({**flights[0].parameters, "integrator": i}, flights[0].effects, Terrain.flat())
+        for i in (0, 1)
+    ]
     euler, runge_kutta = sim.fly(ways, ("p_y_m",))
     assert np.abs(euler["p_y_m"]).max() > 0.01
-    assert runge_kutta["p_y_m"] == pytest.approx(euler["p_y_m"], abs=0.02 * np.abs(euler["p_y_m"]).max())
+    assert runge_kutta["p_y_m"] == pytest.approx(
+        euler["p_y_m"], abs=0.02 * np.abs(euler["p_y_m"]).max()
+    )
 
 
 @pytest.mark.parametrize(
-    ("above_m", "beside_m", "force_N"), [(1.0, 0.0, 0.0758400), (1.5, 0.1, 0.0250742), (2.0, 0.3, 0.00683408), (-1.0, 0.0, 0.0)]
+    ("above_m", "beside_m", "force_N"),
+    [(1.0, 0.0, 0.0758400), (1.5, 0.1, 0.0250742), (2.0, 0.3, 0.00683408), (-1.0, 0.0, 0.0)],
 )
 def test_downwash_of_the_27_gram_vehicle(above_m, beside_m, force_N):
-    samples = effects.Samples.from_columns({"t_s": np.zeros(1), "p_x_m": np.full(1, beside_m), "p_z_m": np.full(1, 1.0)})
+    samples = effects.Samples.from_columns(
+        {"t_s": np.zeros(1), "p_x_m": np.full(1, beside_m), "p_z_m": np.full(1, 1.0)}
+    )
     numbers = {f"rotor_{i}_radius_m": 0.0231348 for i in range(1, 5)}
     told = effects.evaluate("downwash", {"other_z_m": 1.0 + above_m}, samples, numbers)
     assert told.force_N[0] == pytest.approx([0.0, 0.0, -force_N], rel=1e-4)

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ges import _lib, effects, sim
-from ges.terrain import Terrain
+from ges.simulator import _lib, effects
+from ges.simulator import flight as sim
+from ges.simulator.terrain import Terrain
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -19,16 +20,36 @@ def batch() -> list[sim.Flight]:
     rng = np.random.default_rng(1)
     flights = []
     for i in range(13):
-        numbers = {"seed": i, "duration_s": 4, "mode": sim.MODES[i % 6], "bias": 0.01 * (i % 3 - 1), "shadow": i % 2,
-                   "mass_kg": 1.0 + 0.05 * i, "pulse": 0.02, "pulse_start_s": 1, "pulse_duration_s": 0.1,
-                   "preview_s": 0.1 * (i % 2), "lead_s": 0.01 * (i % 3)}  # fmt: skip
-        on = {"ground_effect": {"curvature_gain_m": 0.6, "amplitude": 1 + 0.1 * i}, "rotor_drag": {"k_kg": 1e-4 * rng.uniform()}}
+        numbers = {
+            "seed": i,
+            "duration_s": 4,
+            "mode": sim.MODES[i % 6],
+            "bias": 0.01 * (i % 3 - 1),
+            "shadow": i % 2,
+            "mass_kg": 1.0 + 0.05 * i,
+            "pulse": 0.02,
+            "pulse_start_s": 1,
+            "pulse_duration_s": 0.1,
+            "preview_s": 0.1 * (i % 2),
+            "lead_s": 0.01 * (i % 3),
+        }
+        on = {
+            "ground_effect": {"curvature_gain_m": 0.6, "amplitude": 1 + 0.1 * i},
+            "rotor_drag": {"k_kg": 1e-4 * rng.uniform()},
+        }
         flights.append(sim.Flight(numbers, on))
     flights.append(
-        sim.Flight({"seed": 99, "duration_s": 2, "integrator": 1}, {"wind": {"roughness_m": 0.02}, "rotor_drag": {}, "gusts": {}})
+        sim.Flight(
+            {"seed": 99, "duration_s": 2, "integrator": 1},
+            {"wind": {"roughness_m": 0.02}, "rotor_drag": {}, "gusts": {}},
+        )
     )
     flights.append(
-        sim.Flight({"duration_s": 2, "agl_ref_m": 0.5}, {"ground_effect": {"form": 3}, "ground_effect_lag": {}}, Terrain.flat())
+        sim.Flight(
+            {"duration_s": 2, "agl_ref_m": 0.5},
+            {"ground_effect": {"form": 3}, "ground_effect_lag": {}},
+            Terrain.flat(),
+        )
     )
     return flights
 
@@ -56,19 +77,36 @@ def test_seeds_and_modes_matter():
 def test_both_faces_give_equal_bytes(tmp_path):
     references = np.zeros((50, 14))
     references[:, 2] = np.linspace(0.5, 1.0, 50)
-    flights = [*batch(), sim.Flight({"duration_s": 2, "inputs_dt_s": 0.05}, {}, Terrain.flat(), references)]
+    flights = [
+        *batch(),
+        sim.Flight({"duration_s": 2, "inputs_dt_s": 0.05}, {}, Terrain.flat(), references),
+    ]
     names = ["t_s", "p_z_m", "gyro_x_rad_s", "range_m", "ge_factor", "battery_V"]
     script, out = tmp_path / "flights.txt", tmp_path / "out.bin"
     sim.write_script(flights, script, names)
     subprocess.run([_lib.library_path().parent / "ges_sim", script, "--out", out], check=True)
-    python = b"".join(np.stack([r[n] for n in names], axis=1).tobytes() for r in sim.fly(flights, names))
+    python = b"".join(
+        np.stack([r[n] for n in names], axis=1).tobytes() for r in sim.fly(flights, names)
+    )
     assert out.read_bytes() == python
 
 
 def widths() -> dict[str, str]:
-    flags = set(Path("/proc/cpuinfo").read_text().split()) if Path("/proc/cpuinfo").exists() else set()
-    known = {"sse2": "-march=x86-64", "avx": "-mavx", "avx2_fma": "-mavx2 -mfma", "avx512": "-mavx512f -mavx512dq -mfma"}
-    needs = {"sse2": {"sse2"}, "avx": {"avx"}, "avx2_fma": {"avx2", "fma"}, "avx512": {"avx512f", "avx512dq", "fma"}}
+    flags = (
+        set(Path("/proc/cpuinfo").read_text().split()) if Path("/proc/cpuinfo").exists() else set()
+    )
+    known = {
+        "sse2": "-march=x86-64",
+        "avx": "-mavx",
+        "avx2_fma": "-mavx2 -mfma",
+        "avx512": "-mavx512f -mavx512dq -mfma",
+    }
+    needs = {
+        "sse2": {"sse2"},
+        "avx": {"avx"},
+        "avx2_fma": {"avx2", "fma"},
+        "avx512": {"avx512f", "avx512dq", "fma"},
+    }
     return {name: flag for name, flag in known.items() if needs[name] <= flags}
 
 
@@ -77,13 +115,28 @@ def test_results_do_not_depend_on_vector_width(width, tmp_path):
     if width not in widths():
         pytest.skip(f"this processor has no {width}")
     subprocess.run(
-        ["make", "-s", "-j2", "-C", ROOT / "sim_c", f"BUILD={tmp_path / 'b'}", f"MARCH={widths()[width]}", "OPT=-O1"], check=True
+        [
+            "make",
+            "-s",
+            "-j2",
+            "-C",
+            ROOT / "sim_c",
+            f"BUILD={tmp_path / 'b'}",
+            f"MARCH={widths()[width]}",
+            "OPT=-O1",
+        ],
+        check=True,
     )
     script = tmp_path / "flights.txt"
     sim.write_script(batch(), script)
     outputs = []
-    for program, lanes in ((ROOT / "build" / "ges_sim", 0), *((tmp_path / "b" / "ges_sim", n) for n in (0, 1, 4, 8))):
-        subprocess.run([program, script, "--out", tmp_path / "out.bin", "--lanes", str(lanes)], check=True)
+    for program, lanes in (
+        (ROOT / "build" / "ges_sim", 0),
+        *((tmp_path / "b" / "ges_sim", n) for n in (0, 1, 4, 8)),
+    ):
+        subprocess.run(
+            [program, script, "--out", tmp_path / "out.bin", "--lanes", str(lanes)], check=True
+        )
         outputs.append((tmp_path / "out.bin").read_bytes())
     assert len(set(outputs)) == 1
 
@@ -94,8 +147,12 @@ def test_numpy_terrain_equals_c_bit_for_bit(first):
     for seed in range(first, first + 50):
         x, y = rng.uniform(-5, 2505, 10_000), rng.uniform(-3, 3, 10_000)
         ours = Terrain.procedural(seed).at(x, y)
-        theirs = _lib.terrain(sim.parameter_vector(Terrain.procedural(seed).parameters()), None, x, y)
-        for a, b in zip((ours.height_m, ours.slope_x, ours.slope_y, ours.curvature_1_m), theirs, strict=True):
+        theirs = _lib.terrain(
+            sim.parameter_vector(Terrain.procedural(seed).parameters()), None, x, y
+        )
+        for a, b in zip(
+            (ours.height_m, ours.slope_x, ours.slope_y, ours.curvature_1_m), theirs, strict=True
+        ):
             assert np.array_equal(a.view(np.int64), b.view(np.int64))
 
 
@@ -109,12 +166,15 @@ def test_numpy_height_map_equals_c():
 
 
 def test_features_do_not_overlap_and_ground_is_irregular():
-    from ges.terrain import ProceduralShape, _layout
+    from ges.simulator.terrain import ProceduralShape, _layout
 
     for seed in range(1, 21):
         layout = _layout(seed, ProceduralShape())
         assert 800 <= len(layout.features) <= 1499
-        low, high = layout.features[:, 0] - 1 / layout.features[:, 1], layout.features[:, 0] + 1 / layout.features[:, 1]
+        low, high = (
+            layout.features[:, 0] - 1 / layout.features[:, 1],
+            layout.features[:, 0] + 1 / layout.features[:, 1],
+        )
         assert np.all(high[:-1] < low[1:])
     heights = Terrain.procedural(1).at(np.linspace(0, 80, 4000), 0.0).height_m
     assert 0.02 < heights.std() < 0.2
@@ -125,7 +185,9 @@ def test_slope_and_curvature_are_derivatives_of_the_height():
     x, y = rng.uniform(1, 100, 2000), rng.uniform(-2, 2, 2000)
     at = terrain.at
     slope_x = (at(x + h, y).height_m - at(x - h, y).height_m) / (2 * h)
-    laplacian = (at(x + h, y).slope_x - at(x - h, y).slope_x + at(x, y + h).slope_y - at(x, y - h).slope_y) / (2 * h)
+    laplacian = (
+        at(x + h, y).slope_x - at(x - h, y).slope_x + at(x, y + h).slope_y - at(x, y - h).slope_y
+    ) / (2 * h)
     assert np.allclose(at(x, y).slope_x, slope_x, atol=1e-6)
     assert np.allclose(at(x, y).curvature_1_m, laplacian, atol=2e-3)
 
@@ -133,7 +195,9 @@ def test_slope_and_curvature_are_derivatives_of_the_height():
 def test_replay_asks_the_function_that_flew():
     on = {"ground_effect": {"curvature_gain_m": 0.6}, "rotor_drag": {}, "parasitic_drag": {}}
     record = sim.fly([sim.Flight({"seed": 3, "duration_s": 20}, on)])[0]
-    replay = effects.replay({}, effects.Samples.from_columns(record.columns), on, Terrain.procedural(3))
+    replay = effects.replay(
+        {}, effects.Samples.from_columns(record.columns), on, Terrain.procedural(3)
+    )
     for i in range(1, 5):
         assert np.array_equal(replay[f"ge_factor_{i}"], record[f"ge_factor_{i}"])
     specific = (replay.force_N[:, 2] / 1.2)[record["contact"] == 0]
@@ -148,7 +212,9 @@ def test_sets_are_replayed_alike_side_by_side_and_alone(lanes):
     lagging = [{"ground_effect": {}, "ground_effect_lag": {"c": c}} for c in (2.0, 5.0)]
     sets = [*loads, {}, *lagging, {"ground_effect": {}}, loads[0]]
     alone = [effects.replay({}, samples, e, Terrain.procedural(3)).data for e in sets]
-    together = [r.data for r in effects.replay_each({}, samples, sets, Terrain.procedural(3), lanes)]
+    together = [
+        r.data for r in effects.replay_each({}, samples, sets, Terrain.procedural(3), lanes)
+    ]
     assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(alone, together, strict=True))
     assert not np.array_equal(together[0], together[1])
 
@@ -165,10 +231,26 @@ def test_a_million_samples_go_through_one_effect():
 def test_no_leak_and_no_undefined_value_by_valgrind(tmp_path):
     """Sanitized and plain builds are covered below; valgrind sees uninitialised values."""
     subprocess.run(
-        ["make", "-s", "-j2", "-C", ROOT / "sim_c", f"BUILD={tmp_path / 'b'}", "MARCH=-march=x86-64", "OPT=-O1 -g"], check=True
+        [
+            "make",
+            "-s",
+            "-j2",
+            "-C",
+            ROOT / "sim_c",
+            f"BUILD={tmp_path / 'b'}",
+            "MARCH=-march=x86-64",
+            "OPT=-O1 -g",
+        ],
+        check=True,
     )
     script = tmp_path / "flights.txt"
-    sim.write_script([sim.Flight({**f.parameters, "duration_s": 0.1}, f.effects, f.terrain, f.inputs) for f in batch()], script)
+    sim.write_script(
+        [
+            sim.Flight({**f.parameters, "duration_s": 0.1}, f.effects, f.terrain, f.inputs)
+            for f in batch()
+        ],
+        script,
+    )
     command = [
         "valgrind",
         "-q",
@@ -184,14 +266,30 @@ def test_no_leak_and_no_undefined_value_by_valgrind(tmp_path):
 
 def test_no_undefined_behaviour_by_sanitizers(tmp_path):
     flags = "-fsanitize=address,undefined -fno-sanitize-recover=all"
-    built = subprocess.run(["make", "-s", "-j2", "-C", ROOT / "sim_c", f"BUILD={tmp_path / 'b'}", "OPT=-O1", f"SANITIZE={flags}"],
-                           capture_output=True, text=True)  # fmt: skip
+    built = subprocess.run(
+        [
+            "make",
+            "-s",
+            "-j2",
+            "-C",
+            ROOT / "sim_c",
+            f"BUILD={tmp_path / 'b'}",
+            "OPT=-O1",
+            f"SANITIZE={flags}",
+        ],
+        capture_output=True,
+        text=True,
+    )
     if "cannot find -lasan" in built.stderr or "libasan" in built.stderr:
         pytest.skip("the compiler has no sanitizer libraries")
     assert built.returncode == 0, built.stderr
     script, out = tmp_path / "flights.txt", tmp_path / "o"
     sim.write_script(batch(), script)
     for lanes in (1, 2, 4, 8):
-        run = subprocess.run([tmp_path / "b" / "ges_sim", script, "--out", out, "--lanes", str(lanes)],
-                             env={**os.environ, "ASAN_OPTIONS": "detect_leaks=1"}, capture_output=True, text=True)  # fmt: skip
+        run = subprocess.run(
+            [tmp_path / "b" / "ges_sim", script, "--out", out, "--lanes", str(lanes)],
+            env={**os.environ, "ASAN_OPTIONS": "detect_leaks=1"},
+            capture_output=True,
+            text=True,
+        )
         assert run.returncode == 0, run.stderr

@@ -5,11 +5,12 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from ges import manoeuvres, sim
 from ges.commands.simulate import command
 from ges.errors import GesError
-from ges.io.recording import checked_frame
-from ges.terrain import Terrain
+from ges.recordings.recording import checked_frame
+from ges.simulator import flight as sim
+from ges.simulator import manoeuvres
+from ges.simulator.terrain import Terrain
 
 VEHICLES = ["crazyflie", "appius", "px4-quad"]
 
@@ -18,7 +19,9 @@ VEHICLES = ["crazyflie", "appius", "px4-quad"]
 def test_references_are_consistent(name):
     table = manoeuvres.make(name)
     for k in range(3):
-        assert np.allclose(np.gradient(table[:, k], manoeuvres.STEP_S)[2:-2], table[2:-2, 3 + k], atol=0.12)
+        assert np.allclose(
+            np.gradient(table[:, k], manoeuvres.STEP_S)[2:-2], table[2:-2, 3 + k], atol=0.12
+        )
         assert np.abs(table[:, 6 + k]).max() < 6
     assert table[:, 2].min() >= 0.1
 
@@ -33,7 +36,10 @@ def test_manoeuvre_is_flown_without_touching_the_ground(name, vehicle, request, 
     frame, _ = checked_frame("f", pd.read_parquet(out))
     assert frame["contact"].sum() == 0
     assert np.abs(frame["p_z_m"] - frame["p_ref_z_m"]).max() < 0.25
-    assert np.hypot(frame["p_x_m"] - frame["p_ref_x_m"], frame["p_y_m"] - frame["p_ref_y_m"]).max() < 1.0
+    assert (
+        np.hypot(frame["p_x_m"] - frame["p_ref_x_m"], frame["p_y_m"] - frame["p_ref_y_m"]).max()
+        < 1.0
+    )
 
 
 def test_set_point_file_round_trips():
@@ -48,13 +54,32 @@ def test_references_without_position_are_refused():
 
 def test_rollout_from_a_recorded_state_repeats_the_flight():
     """Recorded rotor speeds and attitude, imposed, bring the vehicle where the flight went."""
-    flown = sim.fly([sim.Flight({"duration_s": 3, "record_every": 1, "seed": 2}, {"ground_effect": {}}, Terrain.flat())])[0]
+    flown = sim.fly(
+        [
+            sim.Flight(
+                {"duration_s": 3, "record_every": 1, "seed": 2},
+                {"ground_effect": {}},
+                Terrain.flat(),
+            )
+        ]
+    )[0]
     first = 500
-    speeds, rates = [f"rotor_speed_{i}_rad_s" for i in range(1, 5)], [f"omega_{a}_rad_s" for a in "xyz"]
+    speeds, rates = (
+        [f"rotor_speed_{i}_rad_s" for i in range(1, 5)],
+        [f"omega_{a}_rad_s" for a in "xyz"],
+    )
     attitude = ["q_w", "q_x", "q_y", "q_z"]
     table = np.stack([flown[n][first:] for n in (*speeds, *attitude, "battery_V", *rates)], axis=1)
     names = ["p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s", *attitude, *rates, *speeds]
     start = {f"start_{n}": flown[n][first] for n in names}
-    numbers = {**start, "start": 1, "control": 2, "attitude_imposed": 1, "inputs_dt_s": 0.001, "duration_s": 1, "record_every": 1}
+    numbers = {
+        **start,
+        "start": 1,
+        "control": 2,
+        "attitude_imposed": 1,
+        "inputs_dt_s": 0.001,
+        "duration_s": 1,
+        "record_every": 1,
+    }
     again = sim.fly([sim.Flight(numbers, {"ground_effect": {}}, Terrain.flat(), table)])[0]
     assert np.abs(again["p_z_m"] - flown["p_z_m"][first : first + 1001]).max() < 1e-9

@@ -29,7 +29,10 @@ def test_results_come_in_order_whatever_the_number_of_threads(told, monkeypatch)
 
 def test_one_thread_works_where_it_was_called(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    assert threads.each(lambda _: threading.current_thread(), [0, 0]) == [threading.current_thread()] * 2
+    assert (
+        threads.each(lambda _: threading.current_thread(), [0, 0])
+        == [threading.current_thread()] * 2
+    )
     with threads.apart(os.getpid) as begin:
         assert begin(_process, [0, 0])() == [os.getpid()] * 2
 
@@ -87,5 +90,7 @@ def test_blas_has_one_thread_unless_it_was_told_so_before(told, threads_in, monk
     assert np.dot(np.ones(2), np.ones(2)) == 2.0  # now BLAS is there
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", told)
     with threadpool_limits(2):
-        seen = threads.blas_alone(lambda: {p["num_threads"] for p in threadpool_info() if p["user_api"] == "blas"})()
+        seen = threads.blas_alone(
+            lambda: {p["num_threads"] for p in threadpool_info() if p["user_api"] == "blas"}
+        )()
     assert seen == {threads_in}

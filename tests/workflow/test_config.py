@@ -1,13 +1,16 @@
-"""A wrong configuration is refused before anything runs, with the key, the value and what is allowed."""
+"""A wrong configuration is refused before anything runs, with the key, the value and what is
+allowed.
+"""
 
 import json
 from pathlib import Path
 
 import pytest
 
-from ges import config, sim
 from ges.commands.config import INTRO, command
 from ges.errors import UsageError
+from ges.simulator import flight as sim
+from ges.study import config
 
 ROOT = Path(__file__).resolve().parents[2]
 DEFAULT = config.read(ROOT / "config/default.yaml")
@@ -25,16 +28,28 @@ def changed(path: str, value: object) -> dict:
     [
         ("models.sedd", 1, ["models.sedd", "did you mean 'seed'"]),
         ("simulatr", {}, ["simulatr", "did you mean 'simulator'"]),
-        ("data.plans.published.crise_m_s", 1, ["data.plans.published.crise_m_s", "did you mean 'cruise_m_s'"]),
+        (
+            "data.plans.published.crise_m_s",
+            1,
+            ["data.plans.published.crise_m_s", "did you mean 'cruise_m_s'"],
+        ),
         ("data.plans.publishd", {}, ["publishd", "'published'"]),
-        ("simulator.vehicle.mass_kg", -1.2, ["simulator.vehicle.mass_kg", "-1.2", "greater than 0"]),
+        (
+            "simulator.vehicle.mass_kg",
+            -1.2,
+            ["simulator.vehicle.mass_kg", "-1.2", "greater than 0"],
+        ),
         ("simulator.vehicle.mass_kg", float("nan"), ["simulator.vehicle.mass_kg", "finite"]),
         ("models.seed", "one", ["models.seed", "'one'", "integer"]),
         ("models.names", ["mpl"], ["models.names", "'mpl'", "'mlp'"]),
         ("models.names", [], ["models.names", "at least 1"]),
         ("seeds.test.first", 200, ["seed 200", "'train'", "'test'"]),
         ("seeds.closed_loop.first", 300, ["seed 300", "'test'", "'closed_loop'"]),
-        ("simulator.terrain.terrain_width_min_m", 9.0, ["terrain_width_min_m = 9", "terrain_width_max_m"]),
+        (
+            "simulator.terrain.terrain_width_min_m",
+            9.0,
+            ["terrain_width_min_m = 9", "terrain_width_max_m"],
+        ),
     ],
 )
 def test_wrong_value_is_named(path, value, words):
@@ -58,13 +73,17 @@ def test_file_that_is_no_configuration(tmp_path):
 
 
 def test_tiny_is_a_part_of_default():
-    """tiny.yaml replaces values only: it names no key that default.yaml lacks, and the two together are right."""
+    """tiny.yaml replaces values only: it names no key that default.yaml lacks, and the two together
+    are right.
+    """
     tiny = config.load(ROOT / "config/default.yaml", ROOT / "config/tiny.yaml")
     assert len(tiny.seeds.data()) < len(config.validate(DEFAULT).seeds.data())
 
 
 def test_simulator_knows_every_number():
-    """Names are the simulator's, values within its bounds, so no flight of the study is refused for them."""
+    """Names are the simulator's, values within its bounds, so no flight of the study is refused for
+    them.
+    """
     known = sim.parameters()
     for name, value in config.validate(DEFAULT).simulator.parameters().items():
         assert known[name].low <= value <= known[name].high, name
@@ -79,7 +98,9 @@ def test_study_flies():
 
 def test_schema_file_is_the_models():
     """config/schema.json is what 'make docs' writes from the model today."""
-    assert json.loads((ROOT / "config/schema.json").read_text()) == json.loads(json.dumps(config.schema()))
+    assert json.loads((ROOT / "config/schema.json").read_text()) == json.loads(
+        json.dumps(config.schema())
+    )
 
 
 def test_schema_agrees_with_the_model():

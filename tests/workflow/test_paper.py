@@ -1,13 +1,15 @@
-"""No result is typed into the paper; tables keep their origin; the same results give the same PDF."""
+"""No result is typed into the paper; tables keep their origin; the same results give the
+same PDF.
+"""
 
 import json
 from pathlib import Path
 
 import pytest
 
-from ges import paper
 from ges.errors import GesError
-from ges.runs import Code
+from ges.paper import paper
+from ges.provenance.runs import Code
 
 ROOT = Path(__file__).resolve().parents[2]
 CODE = Code(commit="0123456789", modified=False, sha256="0" * 64)
@@ -41,7 +43,9 @@ def test_facts_and_latex(tmp_path):
     table.write_text("model,rmse_m\nrandom_forest & co,0.00123456\nlinear,\n")
     paper.write_facts([table], {str(table): "make_table1"}, CODE, tmp_path / "facts.json")
     fact = json.loads((tmp_path / "facts.json").read_text())["table1"]
-    assert fact["rule"] == "make_table1" and fact["commit"] == "0123456789" and len(fact["data"]) == 12
+    assert (
+        fact["rule"] == "make_table1" and fact["commit"] == "0123456789" and len(fact["data"]) == 12
+    )
     paper.write_latex(table, tmp_path / "facts.json", tmp_path / "table1.tex")
     text = (tmp_path / "table1.tex").read_text()
     assert r"random\_forest \& co & 0.001235 \\" in text and "linear & -- " in text
@@ -51,7 +55,9 @@ def test_facts_and_latex(tmp_path):
 def test_pdf_is_the_same_twice_and_errors_are_sentences(tmp_path):
     (tmp_path / "results").mkdir()
     (tmp_path / "results/numbers.json").write_text('{"x": {"text": "4.2"}}')
-    (tmp_path / "main.typ").write_text('#let n = json(sys.inputs.results + "/numbers.json")\nValue #n.x.text.\n')
+    (tmp_path / "main.typ").write_text(
+        '#let n = json(sys.inputs.results + "/numbers.json")\nValue #n.x.text.\n'
+    )
     made = [tmp_path / f"{i}.pdf" for i in range(2)]
     for pdf in made:
         paper.render(tmp_path / "main.typ", tmp_path / "results", pdf)
@@ -63,14 +69,32 @@ def test_pdf_is_the_same_twice_and_errors_are_sentences(tmp_path):
 
 
 def test_words_follow_the_sign(tmp_path):
-    """A rerun that turns a result turns the word that tells it, and one that cannot tell says so."""
+    """A rerun that turns a result turns the word that tells it, and one that cannot tell
+    says so.
+    """
     (tmp_path / "lib.typ").write_text((ROOT / "paper/lib.typ").read_text())
-    spans = {"up": (1, [0.5, 2]), "down": (-1, [-2, -0.5]), "either": (1, [-1, 3]), "absent": (None, None), "alone": (-3, None)}
+    spans = {
+        "up": (1, [0.5, 2]),
+        "down": (-1, [-2, -0.5]),
+        "either": (1, [-1, 3]),
+        "absent": (None, None),
+        "alone": (-3, None),
+    }
     numbers = {name: {"value": value, "ci95": span} for name, (value, span) in spans.items()}
-    for name, content in {"numbers": numbers, "facts": {}, "config": {}, "claims_rules": {}}.items():
+    for name, content in {
+        "numbers": numbers,
+        "facts": {},
+        "config": {},
+        "claims_rules": {},
+    }.items():
         (tmp_path / f"{name}.json").write_text(json.dumps(content))
     said = {"up": "trails", "down": "leads", "either": "level", "absent": "level", "alone": "leads"}
-    checks = [f'#assert.eq(word("{name}", "trails", "leads", "level"), "{words}")' for name, words in said.items()]
-    checks += ['#assert(less("down", "up") and not less("up", "down") and not less("absent", "up"))']
+    checks = [
+        f'#assert.eq(word("{name}", "trails", "leads", "level"), "{words}")'
+        for name, words in said.items()
+    ]
+    checks += [
+        '#assert(less("down", "up") and not less("up", "down") and not less("absent", "up"))'
+    ]
     (tmp_path / "main.typ").write_text("\n".join(['#import "lib.typ": word, less', *checks]))
     paper.render(tmp_path / "main.typ", tmp_path, tmp_path / "ok.pdf")

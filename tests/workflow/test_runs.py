@@ -13,16 +13,19 @@ from pathlib import Path
 
 import pytest
 
-from ges import config, runs
 from ges.commands.runs import command
 from ges.errors import GesError, UsageError
+from ges.provenance import runs
+from ges.study import config
 
 ROOT = Path(__file__).resolve().parents[2]
 DEFAULT = config.read(ROOT / "config/default.yaml")
 
 
 def write_run(folder: Path, seed: int, value: float) -> str:
-    """A run of a study with another seed and another result, as the workflow's last rule writes it."""
+    """A run of a study with another seed and another result, as the workflow's last rule
+    writes it.
+    """
     study = config.validate(config.merged(DEFAULT, {"models": {"seed": seed}}))
     for place in ("benchmarks", "logs"):
         (folder / f"results/{place}/data").mkdir(parents=True, exist_ok=True)
@@ -34,7 +37,9 @@ def write_run(folder: Path, seed: int, value: float) -> str:
         "INFO 0.75 s of processor time to start\nINFO 1.25 s of processor time in all\n"
     )
     (folder / "results/table1.csv").write_text(f"x\n{value}\n")
-    (folder / "results/numbers.json").write_text(json.dumps({"rmse": {"value": value}, "name": {"value": "text"}}))
+    (folder / "results/numbers.json").write_text(
+        json.dumps({"rmse": {"value": value}, "name": {"value": "text"}})
+    )
     code = runs.Code(commit="abc", modified=True, sha256="1" * 64)
     name = runs.run_id(study.model_dump(mode="json"), code.sha256)
     runs.write_manifest(
@@ -62,8 +67,13 @@ def test_manifest_holds_what_it_promises(two):
     assert run.metrics == {"rmse": 0.25} and run.timings["data/fly"].wall_s == 1.5
     assert run.timings["data/check"].cpu_s is None and run.timings["data/check"].started_s == 1.0
     assert run.seeds["validation"] == list(range(241, 271)) and run.config["models"]["seed"] == 2
-    assert run.environment.packages["numpy"] and run.outputs["results/table1.csv"].rule == "make_table1"
-    assert run.config_sha256 == runs.config_hash(run.config) and run.config_sha256.startswith(two[1].split("-")[0])
+    assert (
+        run.environment.packages["numpy"]
+        and run.outputs["results/table1.csv"].rule == "make_table1"
+    )
+    assert run.config_sha256 == runs.config_hash(run.config) and run.config_sha256.startswith(
+        two[1].split("-")[0]
+    )
 
 
 def test_list_show_diff(two, runner):
@@ -72,12 +82,19 @@ def test_list_show_diff(two, runner):
     assert "rmse" in shown and "abc + changes" in shown
     assert json.loads(runner.invoke(command, ["show", two[0], "--json"]).output)["id"] == two[0]
     lines = runner.invoke(command, ["diff", *two]).output
-    assert "models.seed" in lines and "rmse" in lines and "table1.csv" in lines and "mass_kg" not in lines
+    assert (
+        "models.seed" in lines
+        and "rmse" in lines
+        and "table1.csv" in lines
+        and "mass_kg" not in lines
+    )
     assert runner.invoke(command, ["diff", two[0], two[0]]).output == "the same\n"
 
 
 def test_cost_of_jobs_that_overlap(two, runner):
-    """Two jobs of 1.5 s, the second begins 1 s after the first: 2.5 s in all, and for half a second the memory of both."""
+    """Two jobs of 1.5 s, the second begins 1 s after the first: 2.5 s in all, and for half a second
+    the memory of both.
+    """
     whole = runs.stages(runs.find(Path("results"), two[0]))["all"]
     assert whole == runs.Cost(jobs=2, wall_s=2.5, cpu_s=1.25, starting_cpu_s=0.75, peak_MiB=41.0)
     lines = runner.invoke(command, ["cost", two[0]]).output.splitlines()
@@ -129,7 +146,11 @@ def test_export_into_mlflow_writes_a_run_once(two):
     run = runs.find(Path("results"), two[0])
     first, second = (runs.export_mlflow(run, "runs.db", "ges") for _ in range(2))
     stored = mlflow.MlflowClient(f"sqlite:///{Path('runs.db').resolve()}").get_run(first)
-    assert first == second and stored.data.metrics["rmse"] == 0.5 and stored.data.tags["commit"] == "abc"
+    assert (
+        first == second
+        and stored.data.metrics["rmse"] == 0.5
+        and stored.data.tags["commit"] == "abc"
+    )
 
 
 @pytest.fixture
@@ -142,7 +163,18 @@ def interface(two):
         free.bind(("127.0.0.1", 0))
         port = str(free.getsockname()[1])
     store = f"sqlite:///{Path('runs.db').resolve()}"
-    mlflow = [sys.executable, "-m", "mlflow", "ui", "--backend-store-uri", store, "--port", port, "--workers", "1"]
+    mlflow = [
+        sys.executable,
+        "-m",
+        "mlflow",
+        "ui",
+        "--backend-store-uri",
+        store,
+        "--port",
+        port,
+        "--workers",
+        "1",
+    ]
     with open("ui.log", "w") as log:
         server = subprocess.Popen(mlflow, stdout=log, stderr=log, start_new_session=True)
     yield f"http://127.0.0.1:{port}"
@@ -161,16 +193,22 @@ def answer(address: str, asked: dict | None = None) -> bytes:
                 return reply.read()
         except urllib.error.URLError as error:
             if isinstance(error, urllib.error.HTTPError) or time.monotonic() > until:
-                raise AssertionError(f"{address}: {error}; the server says\n{Path('ui.log').read_text()[-2000:]}") from error
+                raise AssertionError(
+                    f"{address}: {error}; the server says\n{Path('ui.log').read_text()[-2000:]}"
+                ) from error
             time.sleep(0.2)
 
 
 @pytest.mark.slow
 def test_mlflow_shows_the_exported_runs(two, interface):
-    """The page is served, and the interface it talks to finds both runs with their numbers, origin and configuration."""
+    """The page is served, and the interface it talks to finds both runs with their numbers, origin
+    and configuration.
+    """
     assert b"<title>MLflow</title>" in answer(f"{interface}/")
     api = f"{interface}/api/2.0/mlflow"
-    experiment = json.loads(answer(f"{api}/experiments/get-by-name?experiment_name=ges"))["experiment"]["experiment_id"]
+    experiment = json.loads(answer(f"{api}/experiments/get-by-name?experiment_name=ges"))[
+        "experiment"
+    ]["experiment_id"]
     found = json.loads(answer(f"{api}/runs/search", {"experiment_ids": [experiment]}))["runs"]
     data = {run["info"]["run_name"]: run["data"] for run in found}
     assert set(data) == set(two)

@@ -1,4 +1,6 @@
-"""The workflow itself, on a study of four short flights: what runs again, what a crash leaves, what a leak does."""
+"""The workflow itself, on a study of four short flights: what runs again, what a crash leaves, what
+a leak does.
+"""
 
 import os
 import re
@@ -12,20 +14,26 @@ from pathlib import Path
 import pytest
 import yaml
 
-from ges import config
 from ges.files import sha256
+from ges.study import config
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = {
     "seeds": {
-        "train": {"first": 1, "count": 2}, "validation": {"first": 241, "count": 1}, "test": {"first": 271, "count": 1},
+        "train": {"first": 1, "count": 2},
+        "validation": {"first": 241, "count": 1},
+        "test": {"first": 271, "count": 1},
     },
     "data": {"duration_s": 6.0, "flights_per_batch": 2},
     "models": {
-        "names": ["linear", "random_forest"], "validation_rows": 200, "test_rows": 200, "resamples": 20,
-        "linear": {"train_rows": 300}, "random_forest": {"train_rows": 300, "trees": 4},
+        "names": ["linear", "random_forest"],
+        "validation_rows": 200,
+        "test_rows": 200,
+        "resamples": 20,
+        "linear": {"train_rows": 300},
+        "random_forest": {"train_rows": 300, "trees": 4},
     },
-}  # fmt: skip
+}
 METRICS = [f"results/models/consistent/seedwise/{m}.metrics.json" for m in SMALL["models"]["names"]]
 SNAKEMAKE = Path(sys.executable).with_name("snakemake")
 
@@ -41,11 +49,22 @@ def changed(path: str, value: object) -> dict:
 def command(folder: Path, study: dict, *more: str) -> list[str]:
     file = folder / "study.yaml"
     file.write_text(yaml.safe_dump(study))
-    return [str(SNAKEMAKE), "-s", str(ROOT / "Snakefile"), "--directory", str(folder), *more, "--configfile", str(file)]
+    return [
+        str(SNAKEMAKE),
+        "-s",
+        str(ROOT / "Snakefile"),
+        "--directory",
+        str(folder),
+        *more,
+        "--configfile",
+        str(file),
+    ]
 
 
 def run(folder: Path, study: dict, *more: str) -> subprocess.CompletedProcess:
-    return subprocess.run(command(folder, study, *more), capture_output=True, text=True, timeout=300)
+    return subprocess.run(
+        command(folder, study, *more), capture_output=True, text=True, timeout=300
+    )
 
 
 def prepared(folder: Path) -> Path:
@@ -65,9 +84,16 @@ def finished(tmp_path_factory) -> Path:
 
 
 def hashes(folder: Path) -> dict[str, str]:
-    """Hash of every result; what a killed job had begun to write bears a name with a dot and is read by nothing."""
+    """Hash of every result; what a killed job had begun to write bears a name with a dot and is
+    read by nothing.
+    """
     kinds = ("results/data/**/*.parquet", "results/splits/*", "results/models/**/*.*")
-    return {str(f.relative_to(folder)): sha256(f) for kind in kinds for f in folder.glob(kind) if f.name[0] != "."}
+    return {
+        str(f.relative_to(folder)): sha256(f)
+        for kind in kinds
+        for f in folder.glob(kind)
+        if f.name[0] != "."
+    }
 
 
 def would_run(folder: Path, study: dict) -> dict[str, int]:
@@ -86,7 +112,11 @@ def would_run(folder: Path, study: dict) -> dict[str, int]:
         ("models.mlp.epochs", 7, {}),
         ("models.random_forest.trees", 5, {"train_model": 1}),
         ("models.horizon_s", 0.2, {"train_model": 2}),
-        ("simulator.controller.altitude_kp", 5.0, {"fly_batch_0": 1, "fly_batch_1": 1, "check_leakage": 1, "train_model": 2}),
+        (
+            "simulator.controller.altitude_kp",
+            5.0,
+            {"fly_batch_0": 1, "fly_batch_1": 1, "check_leakage": 1, "train_model": 2},
+        ),
     ],
 )
 def test_a_changed_key_runs_its_dependents_and_nothing_else(finished, path, value, jobs):
@@ -96,9 +126,18 @@ def test_a_changed_key_runs_its_dependents_and_nothing_else(finished, path, valu
 def test_killed_and_resumed_with_other_batches_and_cores_gives_the_same_bytes(finished, tmp_path):
     folder, study = prepared(tmp_path / "run"), changed("data.flights_per_batch", 3)
     with open(folder / "log", "w") as log:
-        first = subprocess.Popen(command(folder, study, "--cores", "1", *METRICS), stdout=log, stderr=log, start_new_session=True)
+        first = subprocess.Popen(
+            command(folder, study, "--cores", "1", *METRICS),
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+        )
     until = time.monotonic() + 240
-    while not list(folder.glob("results/data/consistent/seed*.parquet")) and time.monotonic() < until and first.poll() is None:
+    while (
+        not list(folder.glob("results/data/consistent/seed*.parquet"))
+        and time.monotonic() < until
+        and first.poll() is None
+    ):
         time.sleep(0.05)
     os.killpg(first.pid, signal.SIGKILL)
     first.wait()
@@ -126,7 +165,11 @@ def test_a_planted_leak_stops_the_run(finished, tmp_path):
     [
         ("models.sedd", 3, "unknown key 'models.sedd'; did you mean 'seed'?"),
         ("seeds.test.first", 2, "seed 2 is in both 'train' and 'test' (1 shared)"),
-        ("simulator.vehicle.mass_kg", -1.0, "'simulator.vehicle.mass_kg' is -1.0; allowed is greater than 0"),
+        (
+            "simulator.vehicle.mass_kg",
+            -1.0,
+            "'simulator.vehicle.mass_kg' is -1.0; allowed is greater than 0",
+        ),
     ],
 )
 def test_a_wrong_configuration_is_one_sentence(tmp_path, path, value, said):
@@ -139,7 +182,13 @@ def test_a_wrong_configuration_is_one_sentence(tmp_path, path, value, said):
 
 def elsewhere(finished: Path, folder: Path, profile: str) -> None:
     """The small study sent away by a profile gives the bytes of the local one."""
-    done = run(prepared(folder), SMALL, "--workflow-profile", str(ROOT / "workflow/profiles" / profile), *METRICS)
+    done = run(
+        prepared(folder),
+        SMALL,
+        "--workflow-profile",
+        str(ROOT / "workflow/profiles" / profile),
+        *METRICS,
+    )
     assert done.returncode == 0, done.stderr
     assert hashes(folder) == hashes(finished)
 
@@ -151,7 +200,12 @@ def test_jobs_sent_away_by_a_command_give_the_same_bytes(finished, tmp_path):
 
 @pytest.mark.slow
 def test_slurm_gives_the_same_bytes(finished, tmp_path):
-    if os.geteuid() or not shutil.which("slurmctld") or not shutil.which("munged") or Path("/etc/slurm/slurm.conf").exists():
+    if (
+        os.geteuid()
+        or not shutil.which("slurmctld")
+        or not shutil.which("munged")
+        or Path("/etc/slurm/slurm.conf").exists()
+    ):
         pytest.skip("needs root, slurm-wlm and munge, and no Slurm of the machine's own")
     script = ROOT / "tests/workflow/slurm.sh"
     try:

@@ -21,7 +21,7 @@ rule calibrate:
     log:
         "results/logs/closed_loop/calibrate.log",
     params:
-        call=call("ges.fly.calibrate:calibrate"),
+        call=call("ges.study.fly.calibrate:calibrate"),
         simulator=part("simulator"),
         plan=part("closed_loop"),
         calibration_seeds=part("seeds.calibration"),
@@ -42,7 +42,7 @@ rule choose_clamp:
     benchmark:
         "results/benchmarks/closed_loop/choose_clamp.tsv"
     params:
-        call=call("ges.fly.clamp:choose_clamp"),
+        call=call("ges.study.fly.clamp:choose_clamp"),
         simulator=part("simulator"),
         plan=part("closed_loop"),
         validation=part("seeds.validation"),
@@ -65,7 +65,7 @@ rule fly_comparison:
     benchmark:
         "results/benchmarks/closed_loop/fly_comparison.tsv"
     params:
-        call=call("ges.fly.comparison:fly_comparison"),
+        call=call("ges.study.fly.comparison:fly_comparison"),
         simulator=part("simulator"),
         plan=part("closed_loop"),
         seeds=part("seeds"),
@@ -87,7 +87,7 @@ rule fly_bias:
     benchmark:
         "results/benchmarks/closed_loop/fly_bias.tsv"
     params:
-        call=call("ges.fly.bias:fly_bias"),
+        call=call("ges.study.fly.bias:fly_bias"),
         simulator=part("simulator"),
         plan=part("closed_loop"),
         closed_loop=part("seeds.closed_loop"),
@@ -108,7 +108,7 @@ rule table2:
     benchmark:
         "results/benchmarks/closed_loop/table2.tsv"
     params:
-        call=call("ges.fly.comparison:write_table2"),
+        call=call("ges.study.fly.comparison:write_table2"),
     message:
         "Table 2"
     script:
@@ -128,7 +128,7 @@ rule fly_pulse:
     benchmark:
         "results/benchmarks/closed_loop/fly_pulse.tsv"
     params:
-        call=call("ges.fly.pulse:fly_pulse"),
+        call=call("ges.study.fly.pulse:fly_pulse"),
         simulator=part("simulator"),
         plan=part("closed_loop"),
         closed_loop=part("seeds.closed_loop"),
@@ -150,7 +150,7 @@ rule fly_pulse_map:
     benchmark:
         "results/benchmarks/closed_loop/fly_pulse_map.tsv"
     params:
-        call=call("ges.fly.pulse:fly_pulse_map"),
+        call=call("ges.study.fly.pulse:fly_pulse_map"),
         simulator=part("simulator"),
         plan=part("closed_loop"),
         closed_loop=part("seeds.closed_loop"),
@@ -171,7 +171,7 @@ rule write_poles:
     benchmark:
         "results/benchmarks/closed_loop/write_poles.tsv"
     params:
-        call=call("ges.fly.poles:write_poles"),
+        call=call("ges.study.fly.poles:write_poles"),
         simulator=part("simulator"),
         plan=part("closed_loop"),
     message:
@@ -191,7 +191,7 @@ rule fly_grid_cell:
     benchmark:
         "results/benchmarks/closed_loop/fly_grid_slope{exponent}_curvature{gain}.tsv"
     params:
-        call=call("ges.fly.grid:fly_grid_cell"),
+        call=call("ges.study.fly.grid:fly_grid_cell"),
         simulator=part("simulator"),
         plan=part("closed_loop"),
         closed_loop=part("seeds.closed_loop"),
@@ -214,7 +214,7 @@ rule summarise_grid:
     benchmark:
         "results/benchmarks/closed_loop/summarise_grid.tsv"
     params:
-        call=call("ges.fly.grid:summarise_grid"),
+        call=call("ges.study.fly.grid:summarise_grid"),
     message:
         "the grid of slope exponents and curvature gains"
     script:
@@ -233,7 +233,7 @@ rule fly_causes:
     benchmark:
         "results/benchmarks/closed_loop/fly_causes.tsv"
     params:
-        call=call("ges.fly.causes:fly_causes"),
+        call=call("ges.study.fly.causes:fly_causes"),
         simulator=part("simulator"),
         plan=part("closed_loop"),
         closed_loop=part("seeds.closed_loop"),
@@ -257,7 +257,7 @@ rule fly_worlds:
     benchmark:
         "results/benchmarks/closed_loop/fly_worlds.tsv"
     params:
-        call=call("ges.fly.forms:fly_worlds"),
+        call=call("ges.study.fly.forms:fly_worlds"),
         simulator=part("simulator"),
         plan=part("closed_loop"),
         closed_loop=part("seeds.closed_loop"),
@@ -279,7 +279,7 @@ rule choose_gains:
     benchmark:
         "results/benchmarks/closed_loop/choose_gains.tsv"
     params:
-        call=call("ges.fly.winner:choose_gains"),
+        call=call("ges.study.fly.winner:choose_gains"),
         simulator=part("simulator"),
         plan=part("closed_loop"),
         validation=part("seeds.validation"),
@@ -303,7 +303,7 @@ rule fly_winner:
     benchmark:
         "results/benchmarks/closed_loop/fly_winner.tsv"
     params:
-        call=call("ges.fly.winner:fly_winner"),
+        call=call("ges.study.fly.winner:fly_winner"),
         simulator=part("simulator"),
         plan=part("closed_loop"),
         closed_loop=part("seeds.closed_loop"),
@@ -325,7 +325,7 @@ rule fly_ensemble:
     benchmark:
         "results/benchmarks/closed_loop/fly_ensemble.tsv"
     params:
-        call=call("ges.fly.ensemble:fly_ensemble"),
+        call=call("ges.study.fly.ensemble:fly_ensemble"),
         simulator=part("simulator"),
         plan=part("closed_loop"),
         calibration_seeds=part("seeds.calibration"),

@@ -2,10 +2,10 @@
 import os
 from pathlib import Path
 
-from ges import config as ges_config
+from ges.study import config as ges_config
 from ges.errors import GesError
 from ges.files import tree_hash
-from ges.sources import sources
+from ges.provenance.sources import sources
 from snakemake.exceptions import WorkflowError
 
 

@@ -26,7 +26,7 @@ for number, batch in enumerate(batched(FLIGHTS, STUDY.data.flights_per_batch)):
         benchmark:
             f"results/benchmarks/data/fly_{{plan}}_batch{number}.tsv"
         params:
-            call=call("ges.datasets.flights:fly_batch"),
+            call=call("ges.study.datasets.flights:fly_batch"),
             simulator=part("simulator"),
             plan=lambda wildcards: part(f"data.plans.{wildcards.plan}"),
             duration_s=part("data.duration_s"),
@@ -45,7 +45,7 @@ rule split_rows:
     benchmark:
         "results/benchmarks/data/split_{split}.tsv"
     params:
-        call=call("ges.datasets.split:write_split"),
+        call=call("ges.study.datasets.split:write_split"),
         kind=lambda wildcards: wildcards.split,
         seeds=part("seeds"),
         duration_s=part("data.duration_s"),
@@ -69,7 +69,7 @@ rule check_leakage:
     benchmark:
         "results/benchmarks/data/leakage_{plan}.tsv"
     params:
-        call=call("ges.datasets.leakage:check_leakage"),
+        call=call("ges.study.datasets.leakage:check_leakage"),
         terrain=part("simulator.terrain"),
     message:
         "check {wildcards.plan} for leakage"

@@ -30,7 +30,7 @@ rule real_flights:
     benchmark:
         "results/benchmarks/figures/real_flights.tsv"
     params:
-        call=call("ges.figures.flights:thrust_blocks"),
+        call=call("ges.study.figures.flights:thrust_blocks"),
     message:
         "thrust ratio of real flights"
     script:
@@ -49,7 +49,7 @@ rule real_forms:
     benchmark:
         "results/benchmarks/figures/real_forms.tsv"
     params:
-        call=call("ges.figures.flights:fit_forms"),
+        call=call("ges.study.figures.flights:fit_forms"),
     message:
         "forms of the ground effect fitted to real flights"
     script:
@@ -70,7 +70,7 @@ rule real_dispersion:
         "results/benchmarks/figures/real_dispersion.tsv"
     params:
         **SHOWN_FLIGHT,
-        call=call("ges.figures.flights:hover_dispersion"),
+        call=call("ges.study.figures.flights:hover_dispersion"),
         seed=SHOWN_SEED,
     message:
         "dispersion in hover, real and simulated"
@@ -78,7 +78,7 @@ rule real_dispersion:
         SCRIPT
 
 
-# name of the figure: function of ges.figures, its inputs, its parameters
+# name of the figure: function of ges.study.figures, its inputs, its parameters
 FIGURE_RULES = {
     "fig05": ("diagrams:system", {}, {}),
     "fig20": ("diagrams:decision", {}, {}),
@@ -198,7 +198,7 @@ for figure, (function, inputs, parameters) in FIGURE_RULES.items():
             f"results/benchmarks/figures/figure_{figure}.tsv"
         params:
             **parameters,
-            call=call(f"ges.figures.{function}"),
+            call=call(f"ges.study.figures.{function}"),
         message:
             f"figure {figure}"
         script:

@@ -22,7 +22,7 @@ rule train_model:
     benchmark:
         "results/benchmarks/models/train_{plan}_{split}_{model}.tsv"
     params:
-        call=call("ges.models.train:train_model"),
+        call=call("ges.study.models.train:train_model"),
         name=lambda wildcards: wildcards.model,
         plan=lambda wildcards: wildcards.plan,
         kind=lambda wildcards: wildcards.split,
@@ -53,7 +53,7 @@ rule table1:
     benchmark:
         "results/benchmarks/models/table1.tsv"
     params:
-        call=call("ges.models.train:write_table1"),
+        call=call("ges.study.models.train:write_table1"),
     message:
         "Table 1"
     script:
@@ -70,7 +70,7 @@ rule export_mlp:
     benchmark:
         "results/benchmarks/models/export_mlp.tsv"
     params:
-        call=call("ges.models.export:export_mlp"),
+        call=call("ges.study.models.export:export_mlp"),
         plan=part("models.firmware_plan"),
     message:
         "write the firmware's network"

@@ -47,7 +47,7 @@ rule sweep_horizon:
     benchmark:
         "results/benchmarks/offline/horizon_{plan}_{horizon}.tsv"
     params:
-        call=call("ges.offline.horizons:sweep_horizon"),
+        call=call("ges.study.offline.horizons:sweep_horizon"),
         plan=lambda wildcards: wildcards.plan,
         horizon_s=lambda wildcards: float(wildcards.horizon),
         reserve_s=max(part("offline.horizons_s")),
@@ -77,7 +77,7 @@ rule importances:
     benchmark:
         "results/benchmarks/offline/importances_{plan}.tsv"
     params:
-        call=call("ges.offline.importances:write_importances"),
+        call=call("ges.study.offline.importances:write_importances"),
         plan=lambda wildcards: wildcards.plan,
         window=part("models.window"),
         rate_hz=part("data.rate_hz"),
@@ -101,7 +101,7 @@ rule ground_quartiles:
     benchmark:
         "results/benchmarks/offline/ground_quartiles_{plan}.tsv"
     params:
-        call=call("ges.offline.bins:write_ground_quartiles"),
+        call=call("ges.study.offline.bins:write_ground_quartiles"),
         plan=lambda wildcards: wildcards.plan,
         terrain=part("simulator.terrain"),
         resamples=part("models.resamples"),
@@ -122,7 +122,7 @@ rule clearance_bins:
     benchmark:
         "results/benchmarks/offline/clearance_bins_{plan}.tsv"
     params:
-        call=call("ges.offline.bins:write_clearance_bins"),
+        call=call("ges.study.offline.bins:write_clearance_bins"),
         plan=lambda wildcards: wildcards.plan,
         edges_m=part("offline.clearance_edges_m"),
         resamples=part("models.resamples"),
@@ -146,7 +146,7 @@ rule learning_curve:
     benchmark:
         "results/benchmarks/offline/curve_{model}.tsv"
     params:
-        call=call("ges.offline.curves:learning_curve"),
+        call=call("ges.study.offline.curves:learning_curve"),
         name=lambda wildcards: wildcards.model,
         plan=CURVE_PLAN,
         fit=lambda wildcards: part("models")[wildcards.model],
@@ -174,7 +174,7 @@ rule offline_table:
     benchmark:
         "results/benchmarks/offline/offline_{table}.tsv"
     params:
-        call=call("ges.offline.tables:join_tables"),
+        call=call("ges.study.offline.tables:join_tables"),
     message:
         "offline table {wildcards.table}"
     script:

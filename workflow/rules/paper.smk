@@ -59,7 +59,7 @@ rule write_claims:
     benchmark:
         "results/benchmarks/paper/write_claims.tsv"
     params:
-        call=call("ges.claims:write_claims"),
+        call=call("ges.study.claims:write_claims"),
         results=folder_of,
         seeds=part("seeds"),
     message:
@@ -80,7 +80,7 @@ rule write_numbers:
     benchmark:
         "results/benchmarks/paper/write_numbers.tsv"
     params:
-        call=call("ges.claims_text:write_numbers"),
+        call=call("ges.study.claims_text:write_numbers"),
         results=folder_of,
     message:
         "numbers of the text"
@@ -96,7 +96,7 @@ rule write_settings:
     benchmark:
         "results/benchmarks/paper/write_settings.tsv"
     params:
-        call=call("ges.paper:write_settings"),
+        call=call("ges.paper.paper:write_settings"),
         study=STUDY.model_dump(mode="json"),
     message:
         "the configuration for the text"
@@ -114,7 +114,7 @@ rule write_facts:
     benchmark:
         "results/benchmarks/paper/write_facts.tsv"
     params:
-        call=call("ges.paper:write_facts"),
+        call=call("ges.paper.paper:write_facts"),
         makers=lambda wildcards, input: makers(input.made),
         code=CODE,
     message:
@@ -136,7 +136,7 @@ rule write_latex:
     wildcard_constraints:
         table="table1|table2|claims",
     params:
-        call=call("ges.paper:write_latex"),
+        call=call("ges.paper.paper:write_latex"),
     message:
         "LaTeX fragment of {wildcards.table}"
     script:
@@ -153,7 +153,7 @@ rule check_paper:
     benchmark:
         "results/benchmarks/paper/check_paper.tsv"
     params:
-        call=call("ges.paper:check_source"),
+        call=call("ges.paper.paper:check_source"),
     message:
         "no number is typed into the paper"
     script:
@@ -180,7 +180,7 @@ rule render_paper:
     benchmark:
         "results/benchmarks/paper/render_paper.tsv"
     params:
-        call=call("ges.paper:render"),
+        call=call("ges.paper.paper:render"),
         results=folder_of,
     message:
         "render the paper"

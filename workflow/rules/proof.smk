@@ -1,5 +1,5 @@
 # The proof: concealed effects are made and sealed, diagnosed blind in batches, and scored.
-from ges.blind.grid import COMPOSITIONS
+from ges.blind.generator.grid import COMPOSITIONS
 
 PROVEN = "results/proof"
 SEAL = f"{PROVEN}/sealed/SHA256SUMS"
@@ -47,7 +47,7 @@ rule make_cases:
         "results/benchmarks/proof/make_cases.tsv"
     threads: 2
     params:
-        call=call("ges.blind.make:make_and_seal"),
+        call=call("ges.blind.generator.make:make_and_seal"),
         grid=STUDY.proof.grid,
         seed=STUDY.proof.seed,
     message:
@@ -67,7 +67,7 @@ rule diagnose_batch:
     benchmark:
         "results/benchmarks/proof/diagnose_{method}_batch{batch}.tsv"
     params:
-        call=call("ges.blind.run:run_batch"),
+        call=call("ges.blind.protocol.run:run_batch"),
         batch=lambda wildcards: int(wildcards.batch),
         batches=N_BATCHES,
         method=lambda wildcards: wildcards.method,
@@ -92,7 +92,7 @@ rule score_proof:
         "results/benchmarks/proof/score_proof.tsv"
     threads: 2
     params:
-        call=call("ges.blind.score:score_batches"),
+        call=call("ges.blind.score.score:score_batches"),
     message:
         "open the seal and score"
     script:
@@ -116,7 +116,7 @@ rule compare_methods:
         "results/benchmarks/proof/compare_methods.tsv"
     threads: 2
     params:
-        call=call("ges.blind.score:compare_methods"),
+        call=call("ges.blind.score.score:compare_methods"),
         methods=METHODS,
     message:
         "score the baselines on the same cases"

@@ -1,5 +1,5 @@
 # The record of the run: where every table and figure comes from, and the manifest, written after everything else.
-from ges import runs
+from ges.provenance import runs
 from ges.files import sha256
 
 RUN_FILES = project(
@@ -28,7 +28,7 @@ rule write_manifest:
     log:
         "results/logs/runs/write_manifest.log",
     params:
-        call=call("ges.runs:write_manifest"),
+        call=call("ges.provenance.runs:write_manifest"),
         study=STUDY.model_dump(mode="json"),
         makers=lambda wildcards, input: makers(input.made),
         read={f.relative_to(ROOT).as_posix(): sha256(f) for f in RUN_FILES},

@@ -1,9 +1,10 @@
 """Call the function that a rule names with the rule's files and its own part of the configuration.
 
-Named inputs, outputs and parameters become keyword arguments, converted to what the function's annotations say. The
-parameter ``call`` names the function and, behind an @, the state of its sources; the input ``library`` is the simulator
-that it flies with. Half of a short job is its start and end: imports run without the collector of garbage, and at the end
-the system takes the memory back as a whole.
+Named inputs, outputs and parameters become keyword arguments, converted to what the function's
+annotations say. The parameter ``call`` names the function and, behind an @, the state of its
+sources; the input ``library`` is the simulator that it flies with. Half of a short job is its start
+and end: imports run without the collector of garbage, and at the end the system takes the memory
+back as a whole.
 """
 
 import gc
@@ -18,9 +19,15 @@ import pydantic
 from ges.errors import GesError
 
 gc.disable()
-logging.basicConfig(filename=snakemake.log[0], filemode="w", level=logging.INFO, format="%(levelname)s %(message)s")
+logging.basicConfig(
+    filename=snakemake.log[0], filemode="w", level=logging.INFO, format="%(levelname)s %(message)s"
+)
 logging.captureWarnings(True)
-arguments = {k: v for named in (snakemake.input, snakemake.output, snakemake.params) for k, v in named.items()}
+arguments = {
+    k: v
+    for named in (snakemake.input, snakemake.output, snakemake.params)
+    for k, v in named.items()
+}
 os.environ["OMP_NUM_THREADS"] = "1"  # the same bytes whatever the number of cores
 os.environ["GES_LIBRARY"] = os.path.abspath(arguments.pop("library", "build/libges.so"))
 module, _, name = arguments.pop("call").partition("@")[0].partition(":")

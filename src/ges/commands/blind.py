@@ -9,8 +9,20 @@ from pathlib import Path
 import click
 
 FOLDER = click.argument("folder", type=click.Path(path_type=Path), metavar="DIR")
-PROCESSES = click.option("--processes", type=click.IntRange(min=1), default=2, show_default=True, help="How many at a time.")
-OF = click.option("--of", "method", default="ges", show_default=True, help="ges, a baseline or an ablation (ges blind methods).")
+PROCESSES = click.option(
+    "--processes",
+    type=click.IntRange(min=1),
+    default=2,
+    show_default=True,
+    help="How many at a time.",
+)
+OF = click.option(
+    "--of",
+    "method",
+    default="ges",
+    show_default=True,
+    help="ges, a baseline or an ablation (ges blind methods).",
+)
 
 
 class Progress:
@@ -44,7 +56,9 @@ def command() -> None:
 
 @command.command()
 @click.option("--seed", type=click.IntRange(min=0), required=True, help="Seed of everything drawn.")
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/."
+)
 @click.option(
     "--grid",
     default="sample",
@@ -57,7 +71,7 @@ def make(seed: int, out: Path, grid: str, processes: int) -> None:
 
     Example: ges blind make --seed 7 --grid tiny --out proof
     """
-    from ..blind.make import make_cases
+    from ges.blind.generator.make import make_cases
 
     start = time.perf_counter()
     with Progress("making") as progress:
@@ -74,50 +88,97 @@ def run(folder: Path, processes: int, method: str) -> None:
 
     Example: ges blind run proof --of stepwise
     """
-    from ..blind.run import method_folder, method_options, run_cases
+    from ges.blind.protocol.run import method_folder, method_options, run_cases
 
     start = time.perf_counter()
     with Progress("diagnosing") as progress:
-        count = run_cases(folder, processes, out=method_folder(method), options=method_options(method), tell=progress)
-    click.echo(f"{count} cases diagnosed in {folder}, {time.perf_counter() - start:.0f} s", err=True)
+        count = run_cases(
+            folder,
+            processes,
+            out=method_folder(method),
+            options=method_options(method),
+            tell=progress,
+        )
+    click.echo(
+        f"{count} cases diagnosed in {folder}, {time.perf_counter() - start:.0f} s", err=True
+    )
 
 
 @command.command()
 @FOLDER
-@click.option("--out", type=click.Path(path_type=Path), help="Folder for tables and figures; default: DIR/scores.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Folder for tables and figures; default: DIR/scores.",
+)
 @OF
 def score(folder: Path, out: Path | None, method: str) -> None:
     """Open the seal and score the verdicts; writes CSV, JSON and figures.
 
     Example: ges blind score proof
     """
-    from ..blind.run import method_folder
-    from ..blind.score import score_cases
+    from ges.blind.protocol.run import method_folder
+    from ges.blind.score.score import score_cases
 
-    report = score_cases(folder, out or folder / method_folder(method).replace("diagnosed", "scores"), method_folder(method))
+    report = score_cases(
+        folder,
+        out or folder / method_folder(method).replace("diagnosed", "scores"),
+        method_folder(method),
+    )
     for row in report["scores"]:
         if row["n"]:
             interval = f"[{row['low']:.3g}, {row['high']:.3g}]"
-            click.echo(f"{row['score']:<55} {row['value']:8.3g} {interval:<18} n={row['n']:<5} {row['aim']:<8} {row['met']}")
+            click.echo(
+                f"{row['score']:<55} {row['value']:8.3g} {interval:<18} n={row['n']:<5}"
+                f" {row['aim']:<8} {row['met']}"
+            )
 
 
 @command.command()
 @click.argument(
-    "folders", type=click.Path(path_type=Path, exists=True, file_okay=False), nargs=-1, required=True, metavar="DIR ..."
+    "folders",
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
+    nargs=-1,
+    required=True,
+    metavar="DIR ...",
 )
 def calibrate(folders: tuple[Path, ...]) -> None:
-    """Fit the correction of stated probabilities to diagnosed cases of development seeds (below 1000).
+    """Fit the correction of stated probabilities to diagnosed cases of development seeds (below
+    1000).
 
     Prints the two numbers of src/ges/diagnose/stated.py. Example: ges blind calibrate dev-21 dev-22
     """
     import numpy as np
 
-    from ..blind.platt import fit, pairs
-    from ..diagnose.stated import searched
+    from ges.blind.score.platt import fit, pairs
+    from ges.diagnose.decide.stated import searched
 
     told = pairs(folders)
     offset, slope = fit(np.array([searched(p) for p in told[:, 0]]), told[:, 1])
-    click.echo(f"OFFSET, SLOPE = {offset:.3g}, {slope:.3g}  # {len(told)} names, {told[:, 1].mean():.1%} true")
+    click.echo(
+        f"OFFSET, SLOPE = {offset:.3g}, {slope:.3g}  # {len(told)} names, {told[:, 1].mean():.1%}"
+        " true"
+    )
+
+
+@command.command()
+@click.argument("before", type=click.Path(path_type=Path, exists=True, file_okay=False))
+@click.argument("after", type=click.Path(path_type=Path, exists=True, file_okay=False))
+def changes(before: Path, after: Path) -> None:
+    """List what differs between two folders of verdicts on the same cases; exit 1 if anything does.
+    New keys do not count.
+
+    Example: cp -r proof/diagnosed proof/before, change the code, then
+    ges blind run proof && ges blind changes proof/before proof/diagnosed
+    """
+    from ges.blind.score.changes import changed_cases
+
+    found = changed_cases(before, after)
+    for case, differences in found.items():
+        click.echo(f"{case}: {len(differences)} differences, {differences[0]}")
+    click.echo(f"{len(found)} cases differ", err=True)
+    if found:
+        sys.exit(1)
 
 
 @command.command()
@@ -126,7 +187,7 @@ def methods() -> None:
 
     Example: ges blind methods
     """
-    from ..blind.run import METHODS
+    from ges.blind.protocol.run import METHODS
 
     for name in METHODS:
         click.echo(name)
@@ -134,28 +195,46 @@ def methods() -> None:
 
 @command.command()
 @click.option(
-    "--recordings", type=click.Path(path_type=Path, exists=True, file_okay=False), required=True, help="Published flights."
+    "--recordings",
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
+    required=True,
+    help="Published flights.",
 )
 @click.option(
-    "--config", type=click.Path(path_type=Path), default=Path("config"), show_default=True, help="Vehicles and imports."
+    "--config",
+    type=click.Path(path_type=Path),
+    default=Path("config"),
+    show_default=True,
+    help="Vehicles and imports.",
 )
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/."
+)
 def real(recordings: Path, config: Path, out: Path) -> None:
-    """Write published flights as concealed cases, with what was done to the vehicle as the sealed truth.
+    """Write published flights as concealed cases, with what was done to the vehicle as the sealed
+    truth.
 
     Example: ges blind real --recordings recordings --out proof-real
     """
-    from ..blind.real import make_real
+    from ges.blind.foreign.real import make_real
 
     click.echo(f"{make_real(out, recordings, config)} cases sealed in {out}", err=True)
 
 
 @command.command()
 @click.argument("simulator", type=click.Choice(["rotorpy", "crazyflow"]))
-@click.option("--seed", type=click.IntRange(min=0), required=True, help="Seed of plans, sensors and file errors.")
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    required=True,
+    help="Seed of plans, sensors and file errors.",
+)
+@click.option(
+    "--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/."
+)
 def others(simulator: str, seed: int, out: Path) -> None:
-    """Write cases flown by a simulator that nobody here wrote (extra 'simulators'): what it has switched on is the truth.
+    """Write cases flown by a simulator that nobody here wrote (extra 'simulators'): what it has
+    switched on is the truth.
 
     Example: ges blind others rotorpy --seed 7 --out proof-rotorpy
     """

@@ -6,27 +6,40 @@ import json
 
 import click
 
-from .. import effects
+from ges.simulator import effects
 
 
 def _parameter_row(p: effects.Parameter) -> str:
     neutral = "" if p.neutral != p.neutral else f"{p.neutral:g}"
-    return f"| `{p.name}` | {p.unit} | {p.default:g} | {neutral} | {p.low:g} .. {p.high:g} | {p.doc} |"
+    return (
+        f"| `{p.name}` | {p.unit} | {p.default:g} | {neutral} | {p.low:g} .. {p.high:g} | {p.doc} |"
+    )
 
 
 def _markdown(effect: effects.Effect) -> str:
-    facts = [f"kind: {effect.kind}", f"channels: {', '.join(effect.channels)}", f"source: {effect.reference}"]
+    facts = [
+        f"kind: {effect.kind}",
+        f"channels: {', '.join(effect.channels)}",
+        f"source: {effect.reference}",
+    ]
     if effect.modifies:
         facts.append(f"acts on `{effect.modifies}` and is nothing without it")
     if effect.laws:
         facts.append(f"promises: {', '.join(sorted(effect.laws))}")
-    head = "| parameter | unit | typical | off | bounds | meaning |\n| --- | --- | --- | --- | --- | --- |"
+    head = (
+        "| parameter | unit | typical | off | bounds | meaning |\n| --- | --- | --- | --- | --- |"
+        " --- |"
+    )
     rows = "\n".join(map(_parameter_row, effect.parameters))
-    return f"## {effect.name}\n\n{effect.title}.\n\n`{effect.equation}`\n\n{'; '.join(facts)}.\n\n{head}\n{rows}\n"
+    about = f"{effect.title}.\n\n`{effect.equation}`\n\n{'; '.join(facts)}."
+    return f"## {effect.name}\n\n{about}\n\n{head}\n{rows}\n"
 
 
 def _page() -> str:
-    intro = "# Effects\n\nGenerated from the compiled library by `make docs`; the code is in `sim_c/effects/`.\n\n"
+    intro = (
+        "# Effects\n\nGenerated from the compiled library by `make docs`; the code is in"
+        " `sim_c/effects/`.\n\n"
+    )
     return intro + "\n".join(map(_markdown, effects.table().values()))
 
 
@@ -36,7 +49,10 @@ def _record(effect: effects.Effect) -> dict:
         "title": effect.title,
         "kind": effect.kind,
         "equation": effect.equation,
-        "parameters": {p.name: {"unit": p.unit, "default": p.default, "low": p.low, "high": p.high} for p in effect.parameters},
+        "parameters": {
+            p.name: {"unit": p.unit, "default": p.default, "low": p.low, "high": p.high}
+            for p in effect.parameters
+        },
     }
 
 

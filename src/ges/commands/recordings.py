@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from ..io import published
+from ges.recordings import published
 
 
 @click.group()
@@ -22,15 +22,24 @@ def list_sets() -> None:
     """Names, sources and licences."""
     for name, source in published.sources().items():
         click.echo(
-            f"{name:22s} {len(source.files):3d} files  {source.repository} @ {source.commit[:10]}  licence: {source.licence}"
+            f"{name:22s} {len(source.files):3d} files  {source.repository} @ {source.commit[:10]} "
+            f" licence: {source.licence}"
         )
         click.echo(f"{'':22s} {source.about}")
 
 
 @command.command()
 @click.argument("names", nargs=-1)
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder to bring them to.")
-@click.option("--from", "copies", type=click.Path(path_type=Path), envvar="GES_RECORDINGS", help="Take copies from this folder.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), required=True, help="Folder to bring them to."
+)
+@click.option(
+    "--from",
+    "copies",
+    type=click.Path(path_type=Path),
+    envvar="GES_RECORDINGS",
+    help="Take copies from this folder.",
+)
 def fetch(names: tuple[str, ...], out: Path, copies: Path | None) -> None:
     """Fetch sets by name, or all of them; every file's SHA-256 is checked.
 

@@ -10,10 +10,14 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from .. import runs
+from ges.provenance import runs
 
 RESULTS = click.option(
-    "--results", type=click.Path(path_type=Path), default=Path("results"), show_default=True, help="Folder of the results."
+    "--results",
+    type=click.Path(path_type=Path),
+    default=Path("results"),
+    show_default=True,
+    help="Folder of the results.",
 )
 RUN = click.argument("run", default="latest")
 
@@ -60,8 +64,14 @@ def show(run: str, results: Path, as_json: bool) -> None:
     if as_json:
         click.echo(found.model_dump_json(indent=1))
         return
-    click.echo(f"run      {found.id}\ncommit   {found.code.commit}{' + changes' if found.code.modified else ''}")
-    click.echo(f"config   {found.config_sha256}\npython   {found.environment.python}, {found.environment.compiler}")
+    click.echo(
+        f"run      {found.id}\ncommit  "
+        f" {found.code.commit}{' + changes' if found.code.modified else ''}"
+    )
+    click.echo(
+        f"config   {found.config_sha256}\npython   {found.environment.python},"
+        f" {found.environment.compiler}"
+    )
     table = _table("metric", "value")
     for name, value in found.metrics.items():
         table.add_row(name, f"{value:g}")
@@ -76,7 +86,9 @@ def show(run: str, results: Path, as_json: bool) -> None:
 @RUN
 @RESULTS
 def cost(run: str, results: Path) -> None:
-    """Time and memory of a run by stage; 'starting' is interpreter and imports, memory what jobs at once held at most."""
+    """Time and memory of a run by stage; 'starting' is interpreter and imports, memory what jobs at
+    once held at most.
+    """
     found = runs.find(results, run)
     table = _table("stage", "jobs", "wall s", "CPU s", "starting CPU s", "peak MiB")
     for name, c in runs.stages(found).items():
@@ -111,14 +123,19 @@ def verify(run: str, results: Path) -> None:
     wrong = runs.changed_files(found, results.parent)
     for name, what in wrong.items():
         click.echo(f"{what}: {name}")
-    click.echo(f"run {found.id}: {len(found.outputs) - len(wrong)} of {len(found.outputs)} files are as they were made")
+    click.echo(
+        f"run {found.id}: {len(found.outputs) - len(wrong)} of {len(found.outputs)} files are as"
+        " they were made"
+    )
     sys.exit(1 if wrong else 0)
 
 
 @command.command()
 @RUN
 @RESULTS
-@click.option("--mlflow", "uri", required=True, metavar="STORE", help="SQLite file, or a tracking address.")
+@click.option(
+    "--mlflow", "uri", required=True, metavar="STORE", help="SQLite file, or a tracking address."
+)
 @click.option("--experiment", default="ges", show_default=True, help="MLflow experiment.")
 def export(run: str, results: Path, uri: str, experiment: str) -> None:
     """Write a run into an MLflow store.

@@ -7,11 +7,27 @@ from pathlib import Path
 import click
 import numpy as np
 
-from ..errors import GesError, UsageError
+from ges.errors import GesError, UsageError
 
 READINGS = {f"gyro_{a}_rad_s": f"omega_{a}_rad_s" for a in "xyz"}
-KEPT = ("t_s", "p_", "v_", "q_", "omega_", "acc_", "rotor_speed_", "u_", "battery_V", "range_m", "ground_z_m", "yaw_ref_rad",
-        "motor_current_", "contact", "agl_m", "ge_factor")  # fmt: skip
+KEPT = (
+    "t_s",
+    "p_",
+    "v_",
+    "q_",
+    "omega_",
+    "acc_",
+    "rotor_speed_",
+    "u_",
+    "battery_V",
+    "range_m",
+    "ground_z_m",
+    "yaw_ref_rad",
+    "motor_current_",
+    "contact",
+    "agl_m",
+    "ge_factor",
+)
 
 
 def _missing(vehicle) -> tuple[dict[str, float], list[str]]:
@@ -21,41 +37,92 @@ def _missing(vehicle) -> tuple[dict[str, float], list[str]]:
     values, said = {}, []
     if vehicle.inertia_kg_m2 is None:
         mass = vehicle.mass_kg.value
-        values |= {"ixx_kg_m2": 0.2 * mass * arm2, "iyy_kg_m2": 0.2 * mass * arm2, "izz_kg_m2": 0.35 * mass * arm2}
-        said.append("inertia is not in the file; taken as 0.2, 0.2 and 0.35 of mass times arm squared")
+        values |= {
+            "ixx_kg_m2": 0.2 * mass * arm2,
+            "iyy_kg_m2": 0.2 * mass * arm2,
+            "izz_kg_m2": 0.35 * mass * arm2,
+        }
+        said.append(
+            "inertia is not in the file; taken as 0.2, 0.2 and 0.35 of mass times arm squared"
+        )
     if vehicle.torque_coefficient_Nm_s2 is None:
-        values["torque_coefficient_Nm_s2"] = 0.12 * rotors["radius_m"].mean() * vehicle.thrust_coefficient_N_s2.value
-        said.append("the torque coefficient is not in the file; taken as 0.12 of rotor radius times thrust coefficient")
+        values["torque_coefficient_Nm_s2"] = (
+            0.12 * rotors["radius_m"].mean() * vehicle.thrust_coefficient_N_s2.value
+        )
+        said.append(
+            "the torque coefficient is not in the file; taken as 0.12 of rotor radius times thrust"
+            " coefficient"
+        )
     return values, said
 
 
 def _references(plan: str, references: Path | None, duration: float | None) -> np.ndarray:
     import pandas as pd
 
-    from .. import manoeuvres
+    from ges.simulator import manoeuvres
 
     if references is None:
         return manoeuvres.make(plan, duration)
     try:
-        frame = pd.read_parquet(references) if references.suffix == ".parquet" else pd.read_csv(references)
+        frame = (
+            pd.read_parquet(references)
+            if references.suffix == ".parquet"
+            else pd.read_csv(references)
+        )
     except (OSError, ValueError) as error:
         raise GesError(f"cannot read the references {references}: {error}") from None
     return manoeuvres.from_frame(frame)
 
 
 def _recorded(record) -> dict[str, np.ndarray]:
-    columns = {name: v for name, v in record.columns.items() if name.startswith(KEPT) and name not in READINGS.values()}
-    return {READINGS.get(name, name): record.columns[name] for name in [*columns, *READINGS] if name in record.columns}
+    columns = {
+        name: v
+        for name, v in record.columns.items()
+        if name.startswith(KEPT) and name not in READINGS.values()
+    }
+    return {
+        READINGS.get(name, name): record.columns[name]
+        for name in [*columns, *READINGS]
+        if name in record.columns
+    }
 
 
 @click.command()
 @click.argument("vehicle_path", type=click.Path(path_type=Path), metavar="VEHICLE")
-@click.option("--plan", default="height_staircase", show_default=True, help="Manoeuvre of the menu in ges.manoeuvres.")
-@click.option("--references", type=click.Path(path_type=Path), help="Set-point file (CSV or Parquet) instead of a plan.")
-@click.option("--duration", type=click.FloatRange(min=0.1), help="Seconds; default: the plan's own.")
-@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of the sensor noise.")
-@click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="Any number of the simulator, e.g. dt_s=0.0005.")
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Parquet file with the columns of a recording.")
+@click.option(
+    "--plan",
+    default="height_staircase",
+    show_default=True,
+    help="Manoeuvre of the menu in ges.manoeuvres.",
+)
+@click.option(
+    "--references",
+    type=click.Path(path_type=Path),
+    help="Set-point file (CSV or Parquet) instead of a plan.",
+)
+@click.option(
+    "--duration", type=click.FloatRange(min=0.1), help="Seconds; default: the plan's own."
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=1,
+    show_default=True,
+    help="Seed of the sensor noise.",
+)
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Any number of the simulator, e.g. dt_s=0.0005.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="Parquet file with the columns of a recording.",
+)
 def command(vehicle_path, plan, references, duration, seed, settings, out) -> None:
     """Fly a vehicle file, effects and all, in closed loop, and record the flight.
 
@@ -63,9 +130,10 @@ def command(vehicle_path, plan, references, duration, seed, settings, out) -> No
     """
     import pandas as pd
 
-    from .. import manoeuvres, sim
-    from ..io.recording import write_flight
-    from ..vehicle import load_vehicle
+    from ges.recordings.recording import write_flight
+    from ges.simulator import flight as sim
+    from ges.simulator import manoeuvres
+    from ges.vehicle.file import load_vehicle
 
     vehicle = load_vehicle(vehicle_path)
     values, said = _missing(vehicle)
@@ -77,12 +145,16 @@ def command(vehicle_path, plan, references, duration, seed, settings, out) -> No
     curve = vehicle.effect_values().get("thrust_curve", {}).get("c", 0.0)
     fixed["fw_thrust_curve"] = min(max(curve, 0.0), 1.0)  # an autopilot is set up for its motors
     numbers = {**vehicle.parameters(), **values, **fixed, **_settings(settings)}
-    record = sim.fly([sim.Flight(numbers, vehicle.effect_values(), vehicle.ground(vehicle_path.parent), table)])[0]
+    record = sim.fly(
+        [sim.Flight(numbers, vehicle.effect_values(), vehicle.ground(vehicle_path.parent), table)]
+    )[0]
     if record.status != "ok":
         raise GesError(record.status)
     write_flight(out, pd.DataFrame(_recorded(record)))
     click.echo(
-        f"{out}: {numbers['duration_s']:.1f} s, {int(record['contact'].sum())} samples in contact with the ground", err=True
+        f"{out}: {numbers['duration_s']:.1f} s, {int(record['contact'].sum())} samples in contact"
+        " with the ground",
+        err=True,
     )
 
 

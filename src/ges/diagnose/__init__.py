@@ -1,7 +1,9 @@
-"""Diagnosis: where simulation and recording differ, which physics that is, and how much better flights never seen become.
+"""Diagnosis: where simulation and recording differ, which physics that is, and how much better
+flights never seen become.
 
-``ges.diagnose(recordings, vehicle)`` runs the whole chain of :func:`ges.diagnose.chain.diagnose`; the modules beside it are
-its steps: gate, system, evidence, select, fit, locate, unknown, verify, report.
+``ges.diagnose(recordings, vehicle)`` runs the whole chain of
+:func:`ges.diagnose.pipeline.diagnose`; the modules beside it are its steps: gate, system, evidence,
+select, fit, locate, unknown, verify, report.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ class _Package(types.ModuleType):
     """The package can be called like the function it is named after."""
 
     def __call__(self, recordings, vehicle=None, **options):
-        from .chain import diagnose
+        from ges.diagnose.pipeline import diagnose
 
         return diagnose(recordings, vehicle, **options)
 

@@ -1,0 +1,69 @@
+"""Moving air: logarithmic wind profile, Dryden gusts (MIL-F-8785C, low altitude), and coloured
+noise.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+FOOT_M = 0.3048
+ROUGHNESS_M = 0.02
+REFERENCE_HEIGHT_M = 2.0
+
+
+def log_profile(height: np.ndarray) -> np.ndarray:
+    """Return wind speed over that at 2 m for a height (m) above the ground."""
+    z = np.maximum(height, 0.0) + ROUGHNESS_M
+    return np.log(z / ROUGHNESS_M) / np.log(REFERENCE_HEIGHT_M / ROUGHNESS_M + 1.0)
+
+
+def dryden_lengths(height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return (L_u, L_w) in metres; below 10 ft the values of 10 ft."""
+    feet = np.maximum(height / FOOT_M, 10.0)
+    return FOOT_M * feet / (0.177 + 0.000823 * feet) ** 1.2, FOOT_M * feet
+
+
+def step_gusts(
+    state: np.ndarray, sigma: np.ndarray, airspeed, height, noise, dt: float
+) -> np.ndarray:
+    """Advance gust filters by dt; ``state`` (5, F): u, and (output, inner) of v and of w.
+
+    u is first order, v and w second order, discretised exactly on their poles;
+    ``sigma`` (F,) is the standard deviation of u and v, w has half of it (near the ground).
+    """
+    speed = np.maximum(airspeed, 1.0)
+    long, vert = dryden_lengths(height)
+    out = np.empty_like(state)
+    keep = np.exp(-dt * speed / long)
+    out[0] = keep * state[0] + sigma * np.sqrt(1.0 - keep**2) * noise[0]
+    for row, length, share, shock in ((1, long, 1.0, noise[1]), (3, vert, 0.5, noise[2])):
+        out[row], out[row + 1] = _second_order(
+            state[row], state[row + 1], length / speed, share * sigma, shock, dt
+        )
+    return out
+
+
+def _second_order(y, inner, time, sigma, shock, dt):
+    """H = sigma sqrt(T/pi) (1 + sqrt3 T s)/(1 + T s)^2 as y = sqrt3 x1 + (1 - sqrt3) x2, x2 lagging
+    x1.
+    """
+    root3 = np.sqrt(3.0)
+    keep = np.exp(-dt / time)
+    x2 = inner
+    x1 = (y - (1.0 - root3) * x2) / root3
+    scale = sigma * np.sqrt(0.5)
+    x1_new = keep * x1 + scale * np.sqrt(1.0 - keep**2) * shock
+    x2_new = keep * x2 + (1.0 - keep) * 0.5 * (x1 + x1_new)
+    return root3 * x1_new + (1.0 - root3) * x2_new, x2_new
+
+
+def coloured(
+    shape: tuple[int, int], dt: float, time_s: float, rng: np.random.Generator
+) -> np.ndarray:
+    """Return (channels, n) Ornstein-Uhlenbeck noise of unit variance with a correlation time."""
+    from scipy.signal import lfilter
+
+    keep = np.exp(-dt / time_s)
+    white = rng.standard_normal(shape) * np.sqrt(1.0 - keep**2)
+    white[:, 0] /= np.sqrt(1.0 - keep**2)
+    return lfilter([1.0], [1.0, -keep], white, axis=1)

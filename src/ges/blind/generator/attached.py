@@ -1,0 +1,102 @@
+"""Things that pull on the vehicle: slung load, tether, fountain, contact, and forces in nobody's
+library.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ges.conventions import GRAVITY_M_S2
+
+ROPE_RATE_RAD_S = 120.0
+_DOWN = np.array([[0.0], [0.0], [-GRAVITY_M_S2]])
+
+
+def slung_load(load, load_v, p, v, mass, hid, dt):
+    """Advance a point mass on a stiff damped rope below the CG; return (force on the vehicle, load,
+    v).
+
+    The rope only pulls; the load passes through the ground (it is taken to hang free).
+    """
+    share = np.maximum(hid["load_share"], 1e-9)
+    away = load - p
+    length = np.maximum(np.sqrt((away * away).sum(axis=0)), 1e-6)
+    line = away / length
+    stretch = length - hid["rope_m"]
+    closing = ((load_v - v) * line).sum(axis=0)
+    pull = np.maximum(ROPE_RATE_RAD_S**2 * stretch + 0.6 * ROPE_RATE_RAD_S * closing, 0.0) * (
+        stretch > 0.0
+    )
+    acceleration = _DOWN - pull * line - 0.15 * load_v
+    on = hid["load_share"] > 0.0
+    load_v = np.where(on, load_v + dt * acceleration, 0.0)
+    load = np.where(on, load + dt * load_v, p + np.array([[0.0], [0.0], [-1.0]]) * hid["rope_m"])
+    return np.where(on, share * mass * pull * line, 0.0), load, load_v
+
+
+def tether(p, under, weight_N_m, sag_m):
+    """Return the world force of a cable from a winch at the origin: a catenary that touches down on
+    the ground.
+
+    ``sag_m`` is horizontal tension over weight a metre; what hangs is sqrt(h^2 + 2 a h) long.
+    """
+    height = np.maximum(p[2] - under, 0.0)
+    hanging = weight_N_m * np.sqrt(height * height + 2.0 * sag_m * height)
+    away = np.sqrt(p[0] * p[0] + p[1] * p[1])
+    drawn = -weight_N_m * sag_m * np.tanh(away / 0.3) / np.maximum(away, 1e-6)
+    return np.stack([drawn * p[0], drawn * p[1], -hanging])
+
+
+def fountain_share(height, spacing, upright):
+    """Return 0..1: upwash where wakes meet under the body, greatest at 0.8 rotor spacings, dying
+    with tilt.
+    """
+    x = np.maximum(height, 0.0) / spacing
+    return 2.0 * (x / 0.8) ** 2 / (1.0 + (x / 0.8) ** 4) * np.clip(upright, 0.0, 1.0) ** 8
+
+
+def patches(p, v, hid):
+    """Return the world force of what sits at a place: magnet, updraft column, wall."""
+    dx, dy = p[0] - hid["magnet_x_m"], p[1] - hid["magnet_y_m"]
+    near = np.exp(-(dx * dx + dy * dy) / hid["magnet_width_m"] ** 2)
+    pull = 2.3 * hid["magnet_N"] * near / hid["magnet_width_m"]
+    to_wall = np.maximum(1.2 - p[1], 0.15)
+    return np.stack(
+        [-pull * dx, -pull * dy + hid["wall_N"] * np.exp(-to_wall / 0.5), hid["updraft_N"] * near]
+    )
+
+
+def strangers(air_body, thrust, b, noise):
+    """Return body force and moment: vortex-ring buffet, flapping moment, rotor interference, loose
+    hatch.
+    """
+    hid = b.hid
+    sink = np.clip(-air_body[2] / b.v_h - 0.06, 0.0, 0.4) / 0.15
+    total = thrust.sum(axis=0)
+    speed = np.sqrt(air_body[0] ** 2 + air_body[1] ** 2)
+    slam = hid["hatch_N"] * (np.tanh(6.0 * (speed - 1.4)) + 1.0) / 2.0
+    force = np.stack([-slam, 0.0 * slam, -hid["buffet"] * sink * total * (0.6 + 0.5 * noise)])
+    up = hid["pitch_up_s_m"] * b.weight * b.arm
+    behind = np.where(b.rx * air_body[0] < 0.0, 1.0, 0.0)
+    loss = hid["interference"] * np.tanh(np.abs(air_body[0]) / 2.0) * behind * thrust
+    force[2] -= loss.sum(axis=0)
+    moment = np.stack(
+        [
+            up * air_body[1] - (b.ry * loss).sum(axis=0),
+            -up * air_body[0] + (b.rx * loss).sum(axis=0),
+            0.0 * up,
+        ]
+    )
+    return force, moment
+
+
+def contact(s, r, under, b):
+    """Return the ground's world force (N) and angular acceleration (rad/s^2) on the
+    landing gear.
+    """
+    depth = under + 0.5 * b.radius - s.p[2]
+    touching = (depth > 0.0).astype(float)
+    push = touching * np.maximum(b.mass * (2500.0 * depth - 60.0 * s.v[2]), 0.0)
+    force = np.stack([-20.0 * touching * b.mass * s.v[0], -20.0 * touching * b.mass * s.v[1], push])
+    level = np.stack([-r[2, 1], r[2, 0], 0.0 * push])
+    return force, touching * (150.0 * level - 20.0 * s.omega)

@@ -1,0 +1,373 @@
+"""What can be concealed: every effect, its physical numbers at three severities, and the neutral
+craft.
+
+An effect is a function (airframe, level, rng) -> physical numbers that differ from ``NEUTRAL``.
+Severities are shares of the weight at ordinary flight (level 0 weak, 1 medium, 2 strong).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ges.blind.generator import rotor
+from ges.blind.generator.airframe import RHO_KG_M3, Airframe
+from ges.conventions import GRAVITY_M_S2
+
+LEVELS = ("weak", "medium", "strong")
+NEUTRAL: dict[str, float] = {
+    # rotors and frame
+    "weak_share": 0.0,
+    "weak_index": 0.0,
+    "cg_x_m": 0.0,
+    "cg_y_m": 0.0,
+    "tilt_x_rad": 0.0,
+    "tilt_y_rad": 0.0,
+    "rotor_inertia_kg_m2": 0.0,
+    "thrust_error": 1.0,
+    "inertia_error": 1.0,
+    "torque_error": 1.0,
+    # air
+    "blade_s": 0.5,
+    "axial": 0.0,
+    "edgewise": 0.0,
+    "drag_gain": 0.0,
+    "area_m2": 0.0,
+    "wind_m_s": 0.0,
+    "wind_direction_rad": 0.0,
+    "gust_m_s": 0.0,
+    # ground
+    "image_gain": 0.0,
+    "image_sweep": 0.0,
+    "image_lag": 0.0,
+    "image_contrast": 0.0,
+    "fountain": 0.0,
+    # drive
+    "sags": 0.0,
+    "resistance": 0.05,
+    "polar_resistance": 0.02,
+    "drain_1_s": 0.001,
+    "lag_gain": 1.0,
+    "coast": 1.0,
+    "delay_s": 0.0,
+    "curve_droop": 0.0,
+    "ceiling_u": 1.0,
+    "mapping": 0.0,
+    # attached
+    "load_share": 0.0,
+    "rope_m": 0.3,
+    "tether_N_m": 0.0,
+    "tether_sag_m": 0.2,
+    # nobody's library
+    "magnet_N": 0.0,
+    "magnet_x_m": 0.0,
+    "magnet_y_m": 0.0,
+    "magnet_width_m": 0.7,
+    "buffet": 0.0,
+    "pitch_up_s_m": 0.0,
+    "interference": 0.0,
+    "updraft_N": 0.0,
+    "hatch_N": 0.0,
+    "wall_N": 0.0,
+    # sensors
+    "range_bias_m": 0.0,
+    "range_lag_s": 0.0,
+    "time_offset_s": 0.0,
+    "att_bias_x_rad": 0.0,
+    "att_bias_y_rad": 0.0,
+    "acc_bias_x_m_s2": 0.0,
+    "acc_bias_y_m_s2": 0.0,
+    "acc_bias_z_m_s2": 0.0,
+    "gyro_bias_x_rad_s": 0.0,
+    "gyro_bias_y_rad_s": 0.0,
+    "gyro_bias_z_rad_s": 0.0,
+}
+
+Secret = Callable[[Airframe, int, np.random.Generator], dict[str, float]]
+
+
+def weight_N(craft: Airframe) -> float:
+    """Return the true weight."""
+    return craft.true["mass"] * GRAVITY_M_S2
+
+
+def _pick(
+    level: int, values: tuple[float, float, float], rng: np.random.Generator, spread: float = 0.15
+) -> float:
+    return values[level] * rng.uniform(1.0 - spread, 1.0 + spread)
+
+
+def _direction(rng: np.random.Generator) -> tuple[float, float]:
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    return float(np.cos(angle)), float(np.sin(angle))
+
+
+def _sign(rng: np.random.Generator) -> float:
+    return float(rng.choice([-1.0, 1.0]))
+
+
+def hover_drag_N_s_m(craft: Airframe, s: float) -> float:
+    """Return the blade-element in-plane force of four hovering rotors per m/s, at unit gain."""
+    tip = craft.hover_speed_rad_s * craft.radius_m
+    disc = RHO_KG_M3 * np.pi * craft.radius_m**2
+    ct = weight_N(craft) / (4.0 * disc * tip**2)
+    theta = rotor.blade_pitch(ct, s)
+    mu = 0.5 / tip
+    return float(
+        4.0 * disc * tip**2 * rotor.inplane_coefficient(theta, s, np.sqrt(ct / 2.0), mu) / 0.5
+    )
+
+
+def image_sum_at(craft: Airframe, x: float) -> float:
+    """Return the image upwash of all four rotors over flat ground at rotor height x R (a share of
+    v_i).
+    """
+    h, lever = x * craft.radius_m, abs(craft.rotor_x_m[0])
+    squares = np.array([0.0, 2.0 * lever, 2.0 * lever, 2.0 * np.sqrt(2.0) * lever]) ** 2
+    return float((craft.radius_m**2 / 4.0 * 2.0 * h / (squares + 4.0 * h * h) ** 1.5).sum())
+
+
+def _rotor_drag(craft, level, rng):
+    target = _pick(level, (0.008, 0.018, 0.034), rng) * weight_N(craft)
+    return {"drag_gain": target / hover_drag_N_s_m(craft, NEUTRAL["blade_s"])}
+
+
+def _parasitic_drag(craft, level, rng):
+    share_at_3_m_s = _pick(level, (0.02, 0.045, 0.09), rng)
+    return {"area_m2": share_at_3_m_s * weight_N(craft) / (0.5 * RHO_KG_M3 * 9.0)}
+
+
+def _axial_inflow(craft, level, rng):
+    return {"axial": 1.0, "blade_s": _pick(level, (0.2, 0.45, 0.85), rng)}
+
+
+def _translational_lift(craft, level, rng):
+    return {"edgewise": 1.0, "blade_s": _pick(level, (0.35, 0.6, 1.0), rng)}
+
+
+def _moving_air(craft, rng):
+    return _rotor_drag(craft, int(rng.integers(1, 3)), rng)
+
+
+def _wind(craft, level, rng):
+    speed = _pick(level, (1.0, 2.2, 4.5), rng)
+    return _moving_air(craft, rng) | {
+        "wind_m_s": speed,
+        "wind_direction_rad": rng.uniform(0.0, 2.0 * np.pi),
+    }
+
+
+def _gusts(craft, level, rng):
+    return _moving_air(craft, rng) | {"gust_m_s": _pick(level, (0.4, 0.8, 1.6), rng)}
+
+
+def _ground_effect(craft, level, rng):
+    gain_at_one_radius = _pick(level, (0.05, 0.10, 0.20), rng)
+    tip = craft.hover_speed_rad_s * craft.radius_m
+    ct = weight_N(craft) / (4.0 * RHO_KG_M3 * np.pi * craft.radius_m**2 * tip**2)
+    lam, s = np.sqrt(ct / 2.0), NEUTRAL["blade_s"]
+    slope = s * lam / (4.0 * ct)
+    upwash = gain_at_one_radius * (1.0 + 0.5 * slope) / slope
+    return {"image_gain": upwash / (1.0 - min(upwash / 0.75, 0.8)) / image_sum_at(craft, 1.0)}
+
+
+def _forward_fade(craft, level, rng):
+    return _ground_effect(craft, max(level, 1), rng) | {
+        "image_sweep": _pick(level, (2.0, 3.5, 6.0), rng)
+    }
+
+
+def _ground_lag(craft, level, rng):
+    return _ground_effect(craft, max(level, 1), rng) | {
+        "image_lag": _pick(level, (1.5, 3.5, 8.0), rng)
+    }
+
+
+def _ground_moment(craft, level, rng):
+    return _ground_effect(craft, max(level, 1), rng) | {
+        "image_contrast": _pick(level, (0.8, 1.6, 3.0), rng)
+    }
+
+
+def _fountain(craft, level, rng):
+    return {"fountain": _pick(level, (0.025, 0.05, 0.10), rng)}
+
+
+def _battery_sag(craft, level, rng):
+    return {"sags": _pick(level, (0.3, 0.6, 0.95), rng, 0.05)}
+
+
+def _motor_lag(craft, level, rng):
+    return {"lag_gain": _pick(level, (1.5, 1.9, 2.5), rng, 0.05), "coast": rng.uniform(1.0, 1.5)}
+
+
+def _esc_delay(craft, level, rng):
+    return {"delay_s": _pick(level, (0.006, 0.012, 0.025), rng)}
+
+
+def _thrust_curve(craft, level, rng):
+    return {"curve_droop": _pick(level, (0.08, 0.18, 0.35), rng)}
+
+
+def _saturation(craft, level, rng):
+    hover_u = craft.hover_speed_rad_s / craft.true["speed"]
+    return {"ceiling_u": hover_u * np.sqrt(_pick(level, (1.5, 1.35, 1.24), rng, 0.02))}
+
+
+def _weak_rotor(craft, level, rng):
+    return {
+        "weak_share": _pick(level, (0.05, 0.11, 0.22), rng),
+        "weak_index": float(rng.integers(4)),
+    }
+
+
+def _cg_offset(craft, level, rng):
+    x, y = _direction(rng)
+    size = _pick(level, (0.02, 0.04, 0.07), rng) * craft.arm_m
+    return {"cg_x_m": x * size, "cg_y_m": y * size}
+
+
+def _rotor_tilt(craft, level, rng):
+    x, y = _direction(rng)
+    size = np.radians(_pick(level, (0.8, 1.6, 3.0), rng))
+    return {"tilt_x_rad": x * size, "tilt_y_rad": y * size}
+
+
+def _rotor_inertia(craft, level, rng):
+    rate = _pick(level, (1.2, 2.5, 5.0), rng)
+    return {"rotor_inertia_kg_m2": rate * craft.true["izz"] / craft.hover_speed_rad_s}
+
+
+def _slung_load(craft, level, rng):
+    return {"load_share": _pick(level, (0.04, 0.09, 0.18), rng), "rope_m": rng.uniform(0.2, 0.45)}
+
+
+def _tether(craft, level, rng):
+    return {
+        "tether_N_m": _pick(level, (0.01, 0.025, 0.05), rng) * weight_N(craft),
+        "tether_sag_m": rng.uniform(0.1, 0.4),
+    }
+
+
+def _thrust_scale(craft, level, rng):
+    return {"thrust_error": 1.0 + _sign(rng) * _pick(level, (0.10, 0.15, 0.22), rng, 0.1)}
+
+
+def _inertia(craft, level, rng):
+    return {"inertia_error": 1.0 + _pick(level, (0.28, 0.45, 0.7), rng, 0.1)}
+
+
+def _torque(craft, level, rng):
+    return {"torque_error": 1.0 + _sign(rng) * _pick(level, (0.3, 0.45, 0.6), rng, 0.1)}
+
+
+def _mapping(craft, level, rng):
+    return _ground_effect(craft, level, rng) | {"mapping": 0.5}
+
+
+def _range_bias(craft, level, rng):
+    return {"range_bias_m": _sign(rng) * _pick(level, (0.03, 0.06, 0.12), rng)}
+
+
+def _range_lag(craft, level, rng):
+    return {"range_lag_s": _pick(level, (0.06, 0.15, 0.35), rng)}
+
+
+def _time_offset(craft, level, rng):
+    return {"time_offset_s": _sign(rng) * _pick(level, (0.015, 0.03, 0.06), rng)}
+
+
+def _bias(prefix: str, unit: str, values: tuple[float, float, float], axes: str = "xyz") -> Secret:
+    def secret(craft, level, rng):
+        direction = rng.standard_normal(len(axes))
+        size = _pick(level, values, rng) * direction / np.linalg.norm(direction)
+        return {f"{prefix}_{a}_{unit}": float(v) for a, v in zip(axes, size, strict=True)}
+
+    return secret
+
+
+def _magnet(craft, level, rng):
+    x, y = rng.uniform(-1.0, 1.0, 2)
+    force = _pick(level, (0.04, 0.08, 0.15), rng) * weight_N(craft)
+    return {"magnet_N": force, "magnet_x_m": x, "magnet_y_m": y}
+
+
+def _wall(craft, level, rng):
+    return {"wall_N": _pick(level, (0.03, 0.06, 0.12), rng) * weight_N(craft)}
+
+
+def _updraft(craft, level, rng):
+    x, y = rng.uniform(-1.0, 1.0, 2)
+    force = _pick(level, (0.04, 0.08, 0.15), rng) * weight_N(craft)
+    return {"updraft_N": force, "magnet_x_m": x, "magnet_y_m": y}
+
+
+def _hatch(craft, level, rng):
+    return {"hatch_N": _pick(level, (0.05, 0.1, 0.2), rng) * weight_N(craft)}
+
+
+PHYSICS: dict[str, Secret] = {
+    "rotor_drag": _rotor_drag,
+    "parasitic_drag": _parasitic_drag,
+    "axial_inflow": _axial_inflow,
+    "translational_lift": _translational_lift,
+    "wind": _wind,
+    "gusts": _gusts,
+    "ground_effect": _ground_effect,
+    "ground_effect_forward_flight": _forward_fade,
+    "ground_effect_lag": _ground_lag,
+    "ground_effect_moment": _ground_moment,
+    "fountain_lift": _fountain,
+    "battery_sag": _battery_sag,
+    "motor_lag": _motor_lag,
+    "esc_delay": _esc_delay,
+    "thrust_curve": _thrust_curve,
+    "rotor_saturation": _saturation,
+    "weak_rotor": _weak_rotor,
+    "cg_offset": _cg_offset,
+    "rotor_tilt": _rotor_tilt,
+    "rotor_inertia_reaction": _rotor_inertia,
+    "slung_load": _slung_load,
+    "tether": _tether,
+}
+PARAMETER: dict[str, Secret] = {
+    "thrust_scale": _thrust_scale,
+    "inertia": _inertia,
+    "torque_coefficient": _torque,
+    "actuator_mapping": _mapping,
+}
+SENSOR: dict[str, Secret] = {
+    "rangefinder_bias": _range_bias,
+    "rangefinder_lag": _range_lag,
+    "time_offset": _time_offset,
+    "accelerometer_bias": _bias("acc_bias", "m_s2", (0.15, 0.35, 0.8)),
+    "gyro_bias": _bias("gyro_bias", "rad_s", (0.02, 0.05, 0.12)),
+    "attitude_bias": _bias("att_bias", "rad", (0.014, 0.03, 0.06), "xy"),
+}
+STRANGER: dict[str, Secret] = {
+    "magnetic_patch": _magnet,
+    "wall_suction": _wall,
+    "updraft_column": _updraft,
+    "loose_hatch": _hatch,
+    "vortex_ring_buffet": lambda craft, level, rng: {
+        "buffet": _pick(level, (0.08, 0.16, 0.3), rng)
+    },
+    "flapping_moment": lambda craft, level, rng: {
+        "pitch_up_s_m": _pick(level, (0.01, 0.02, 0.04), rng)
+    },
+    "rotor_interference": lambda craft, level, rng: {
+        "interference": _pick(level, (0.04, 0.08, 0.15), rng)
+    },
+}
+EVERY = PHYSICS | PARAMETER | SENSOR | STRANGER
+# what a physical secret brings with it: wind and gusts act through drag, the rest modify the
+# ground's effect
+COMPANIONS = {
+    "wind": ("rotor_drag",),
+    "gusts": ("rotor_drag",),
+    "ground_effect_forward_flight": ("ground_effect",),
+    "ground_effect_lag": ("ground_effect",),
+    "ground_effect_moment": ("ground_effect",),
+    "actuator_mapping": ("ground_effect",),
+}

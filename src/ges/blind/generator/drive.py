@@ -1,0 +1,56 @@
+"""Battery and motors: RC battery, motor equation (voltage less back-EMF), current limit, ESC
+filter.
+
+All in units of the full voltage and the declared top speed: x = w / w_max, d = duty. Torque balance
+dx/dt = rate (d V/V_full - (1 - r) x - r x^2): the bracket's first two terms are the current, the
+last the aerodynamic torque, r the share of the full voltage that falls over the winding at top
+speed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+DROOP = 0.15
+NOMINAL = 0.92  # voltage over full at which a vehicle file states the top speed
+
+
+def linear_duty(x: np.ndarray, droop: np.ndarray) -> np.ndarray:
+    """Return the duty at which the full battery holds speed x: the map of a speed-linear ESC."""
+    return (1.0 - droop) * x + droop * x * x
+
+
+def rate_of_lag(lag_s: np.ndarray, hover_x: np.ndarray, droop: np.ndarray) -> np.ndarray:
+    """Return the rate (1/s) that makes the motor's small-signal time constant at hover
+    ``lag_s``.
+    """
+    return 1.0 / (lag_s * ((1.0 - droop) + 2.0 * droop * hover_x))
+
+
+def step_motor(x, duty, volt_ratio, droop, rate, coast, current_limit, dt):
+    """Advance speed ratios x (4, F) by dt; return (x, current ratio).
+
+    ``coast`` > 1 slows deceleration (no active braking). The quadratic is linearised over the step,
+    so that the step is stable at any rate.
+    """
+    current = np.clip(duty * volt_ratio - (1.0 - droop) * x, -0.5 * current_limit, current_limit)
+    push = current - droop * x * x
+    slope = (1.0 - droop) + 2.0 * droop * x
+    pace = np.where(push < 0.0, rate / coast, rate)
+    return x + dt * pace * push / (1.0 + 0.5 * dt * pace * slope), current
+
+
+def open_circuit(charge: np.ndarray) -> np.ndarray:
+    """Return the cell's rest voltage over full voltage for a state of charge 0..1 (LiPo-like)."""
+    return 0.86 + 0.14 * charge - 0.12 * np.exp(-18.0 * np.maximum(charge, 0.0))
+
+
+def step_battery(charge, polar, current, resistance, polar_resistance, drain, dt, polar_time=6.0):
+    """Advance charge and polarisation; return (charge, polar, terminal voltage over full).
+
+    Voltages over full voltage, current over the hover current, drain = charge a second at hover
+    current.
+    """
+    charge = charge - dt * drain * current
+    polar = polar + dt / polar_time * (polar_resistance * current - polar)
+    return charge, polar, open_circuit(charge) - resistance * current - polar

@@ -1,0 +1,517 @@
+"""Fly many flights abreast: rigid body, blade-element rotors, motors, battery, air, ground; 1 kHz.
+
+Arrays carry the flight on the last axis. Rigid body: symplectic Euler with the mean velocity for
+the position and the exact rotation of a constant rate for the attitude; motors and inflow:
+implicit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ges.blind.generator import air, attached, drive, ground, rotor
+from ges.blind.generator.airframe import RHO_KG_M3, Airframe
+from ges.blind.generator.concealed import NEUTRAL
+from ges.blind.generator.pilot import Pilot
+from ges.blind.generator.plan import CONTROL_DT_S, Plan
+from ges.conventions import GRAVITY_M_S2
+
+DT_S = 0.001
+SLOW = 8
+CONTROL = 4
+CHANNELS = {
+    "p": 3,
+    "v": 3,
+    "q": 4,
+    "omega": 3,
+    "rotor_speed": 4,
+    "plain_speed": 4,
+    "u": 4,
+    "current": 4,
+    "battery": 1,
+    "specific_force": 3,
+    "ground": 1,
+    "extra_force": 3,
+    "extra_moment": 3,
+}
+
+
+@dataclass(frozen=True)
+class Sortie:
+    """One flight to fly: vehicle, what is concealed in it, plan, terrain and its own
+    random stream.
+    """
+
+    craft: Airframe
+    numbers: dict[str, float]
+    plan: Plan
+    grid: np.ndarray
+    charge: float
+    turbulence: float
+    seed: int
+
+
+class Air:
+    """Random inputs of all sorties, each from its own stream: turbulence, gust shocks, control
+    noise.
+    """
+
+    def __init__(self, sorties: list[Sortie], steps: int):
+        n = steps // SLOW + 2
+        parts = [self._one(s, n) for s in sorties]
+        self.turbulence = np.stack([p[0] for p in parts], axis=-1)
+        self.shock = np.stack([p[1] for p in parts], axis=-1)
+        self.control = np.stack([p[2] for p in parts], axis=-1)
+
+    @staticmethod
+    def _one(sortie: Sortie, n: int):
+        rng = np.random.default_rng(sortie.seed)
+        coloured = air.coloured((6, n), SLOW * DT_S, 0.3, rng)
+        return (
+            coloured * sortie.turbulence,
+            rng.standard_normal((3, n)),
+            rng.standard_normal((9, n)),
+        )
+
+
+def _column(values) -> np.ndarray:
+    return np.array(list(values), dtype=float)
+
+
+class Bench:
+    """The constants of all sorties as (F,) and (4, F) arrays."""
+
+    def __init__(self, sorties: list[Sortie]):
+        crafts = [s.craft for s in sorties]
+        self.hid = {k: _column({**NEUTRAL, **s.numbers}[k] for s in sorties) for k in NEUTRAL}
+        self.true = {k: _column(c.true[k] for c in crafts) for k in crafts[0].true}
+        self.declared = {k: _column(c.declared[k] for c in crafts) for k in crafts[0].declared}
+        self.radius = _column(c.radius_m for c in crafts)
+        self.arm = _column(c.arm_m for c in crafts)
+        self.rx = np.array([c.rotor_x_m for c in crafts]).T
+        self.ry = np.array([c.rotor_y_m for c in crafts]).T
+        self.rz = _column(c.rotor_z_m for c in crafts)
+        self.spin = np.array([c.spin for c in crafts], dtype=float).T
+        self._rotors()
+        self._drive()
+
+    def _rotors(self):
+        hid, true = self.hid, self.true
+        self.mass = true["mass"]
+        self.inertia = np.stack([true[k] for k in ("ixx", "iyy", "izz")]) * hid["inertia_error"]
+        self.thrust = true["thrust"] * hid["thrust_error"]
+        health = np.ones_like(self.rx)
+        health[hid["weak_index"].astype(int), np.arange(len(self.mass))] -= hid["weak_share"]
+        self.k = self.thrust * health
+        self.kq = true["torque"] * hid["torque_error"] * health
+        self.weight = self.mass * GRAVITY_M_S2
+        self.hover = np.sqrt(self.weight / (4.0 * self.thrust))
+        self.disc = np.pi * self.radius**2
+        self.ct = self.thrust / (RHO_KG_M3 * self.disc * self.radius**2)
+        self.theta = rotor.blade_pitch(self.ct, hid["blade_s"])
+        self.v_h = np.sqrt(self.weight / (8.0 * RHO_KG_M3 * self.disc))
+        self.breathes = ((hid["axial"] + hid["edgewise"] + hid["image_gain"]) > 0.0).astype(float)
+        self.near = np.flatnonzero((hid["image_gain"] > 0.0) | (hid["fountain"] > 0.0))
+
+    def _drive(self):
+        hid, true = self.hid, self.true
+        curve = hid["curve_droop"] > 0.0
+        self.linear = ~curve
+        self.droop = np.where(curve, hid["curve_droop"], drive.DROOP)
+        self.lag = true["lag"] * hid["lag_gain"]
+        carried = self.weight * (1.0 + hid["load_share"]) / self.k.sum(axis=0)
+        hover_x = np.clip(np.sqrt(carried) / true["speed"], 0.1, 0.95)
+        self.hover_x = hover_x
+        self.rate = drive.rate_of_lag(self.lag * 0.9, hover_x, self.droop)
+        self.filter = 0.1 * self.lag
+        self.plain_rate = drive.rate_of_lag(true["lag"] * 0.9, hover_x, drive.DROOP)
+        self.delay = np.round(hid["delay_s"] / DT_S).astype(int)
+        self.hover_current = 4.0 * self.droop * hover_x**2
+
+    def hover_command(self, volt):
+        """Return the command (F,) that holds the hover speed at a voltage ratio."""
+        duty = drive.linear_duty(self.hover_x, self.droop) / self.felt(volt)
+        bend = 1.0 - self.droop
+        linear = (np.sqrt(bend**2 + 4.0 * self.droop * duty) - bend) / (2.0 * self.droop)
+        return np.where(self.linear, linear, duty)
+
+    def felt(self, volt):
+        """Return what the motors feel of the voltage over its nominal value: 1 where speed
+        controllers make up for it.
+        """
+        return 1.0 + self.hid["sags"] * (volt / drive.NOMINAL - 1.0)
+
+    def steady_moment(self):
+        """Return the body moment (3, F) of CG offset and weak rotor at hover with equal speeds."""
+        share = self.k / self.k.sum(axis=0) * self.weight
+        x, y = self.rx - self.hid["cg_x_m"], self.ry - self.hid["cg_y_m"]
+        torque = -self.spin * self.kq / self.k * share
+        return np.stack([(y * share).sum(axis=0), -(x * share).sum(axis=0), torque.sum(axis=0)])
+
+
+class State:
+    """Everything that moves."""
+
+    def __init__(self, bench: Bench, sorties: list[Sortie], terrain):
+        flights = len(sorties)
+        first = np.stack([s.plan.reference[:, 0] for s in sorties], axis=-1)
+        parked = np.array([s.plan.ground_s > 0.0 for s in sorties])
+        self.p, self.v = first[0:3].copy(), np.zeros((3, flights))
+        self.p[2] = np.where(parked, terrain(self.p[0], self.p[1]) + 0.5 * bench.radius, self.p[2])
+        self.q = np.stack(
+            [np.cos(first[9] / 2), np.zeros(flights), np.zeros(flights), np.sin(first[9] / 2)]
+        )
+        self.omega = np.zeros((3, flights))
+        self.x = np.where(parked, 0.0, bench.hover_x) * np.ones((4, 1))
+        self.v_i = bench.v_h * np.ones((4, 1))
+        self.speed_rate = np.zeros((4, flights))
+        self.charge = _column(s.charge for s in sorties)
+        self.polar = bench.hid["polar_resistance"].copy() * ~parked
+        self.volt = drive.open_circuit(self.charge) - bench.hid["resistance"] - self.polar
+        self.esc = np.where(parked, 0.0, bench.hover_command(self.volt)) * np.ones((4, 1))
+        self.gust = np.zeros((5, flights))
+        self.image, self.fountain = np.zeros((4, flights)), np.zeros(flights)
+        self.load = self.p.copy()
+        self.load[2] -= bench.hid["rope_m"]
+        self.load_v = np.zeros((3, flights))
+
+
+def _stay(rows: np.ndarray, n: int) -> np.ndarray:
+    """Repeat the last column of (k, m) rows up to n columns."""
+    return np.concatenate([rows, np.repeat(rows[:, -1:], n - rows.shape[1], axis=1)], axis=1)
+
+
+def rotation_matrix(q: np.ndarray) -> np.ndarray:
+    """Return (3, 3, F) body to world."""
+    w, x, y, z = q
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def to_world(r, a):
+    """Rotate body vectors (3, F) into the world."""
+    return r[:, 0] * a[0] + r[:, 1] * a[1] + r[:, 2] * a[2]
+
+
+def to_body(r, a):
+    """Rotate world vectors (3, F) into the body."""
+    return (r * a[:, None]).sum(axis=0)
+
+
+def turn(q: np.ndarray, omega: np.ndarray, dt: float) -> np.ndarray:
+    """Rotate attitudes by a constant body rate for dt, exactly, and keep them of unit length."""
+    angle = 0.5 * dt * np.sqrt((omega * omega).sum(axis=0))
+    c = np.cos(angle)
+    x, y, z = omega * (0.5 * dt * np.sinc(angle / np.pi))
+    w0, x0, y0, z0 = q
+    out = np.stack(
+        [
+            c * w0 - x0 * x - y0 * y - z0 * z,
+            c * x0 + w0 * x + y0 * z - z0 * y,
+            c * y0 + w0 * y + z0 * x - x0 * z,
+            c * z0 + w0 * z + x0 * y - y0 * x,
+        ]
+    )
+    return out / np.sqrt((out * out).sum(axis=0))
+
+
+class Simulation:
+    """Sorties of equal length flown together; ``run`` returns the truth at 250 Hz."""
+
+    def __init__(self, sorties: list[Sortie]):
+        self.sorties, self.b = sorties, Bench(sorties)
+        self.steps = max(s.plan.reference.shape[1] for s in sorties) * CONTROL
+        self.air = Air(sorties, self.steps)
+        self.flights = np.arange(len(sorties))
+        self._load_terrain()
+        self.s = State(self.b, sorties, self.terrain)
+        tuned = self.b.lag + self.b.hid["delay_s"]
+        self.pilot = Pilot(self.b.declared, self.b.rx, self.b.ry, self.b.spin, tuned, CONTROL_DT_S)
+        self._trim()
+        longest = int(self.b.delay.max()) + 1
+        self.queue = np.repeat(self.s.esc[None].copy(), longest, axis=0)
+        self.u = self.s.esc.copy()
+        self.current = self.b.droop * self.s.x**2
+        self.plain_x, self.plain_esc = self.s.x.copy(), self.s.esc.copy()
+
+    def _trim(self):
+        """Begin with the rotors and integrators of a vehicle that was trimmed on flights before."""
+        moment, flying = self.b.steady_moment(), self.s.x > 0.0
+        self.pilot.trim(moment, self.b.hover_command(self.s.volt), self.b.declared["thrust"])
+        asked = np.concatenate([self.b.weight[None], -moment])
+        square = (
+            np.einsum("ijf,jf->if", self.pilot.mixer, asked)
+            / (self.b.weight / 4.0)
+            * self.b.declared["thrust"]
+        )
+        share = np.sqrt(np.maximum(square, 0.1))
+        self.s.x, self.s.esc = self.s.x * share, np.where(flying, self.s.esc * share, 0.0)
+
+    def _load_terrain(self):
+        unique: dict[int, int] = {}
+        order = [unique.setdefault(id(s.grid), len(unique)) for s in self.sorties]
+        grids = {id(s.grid): s.grid for s in self.sorties}
+        self.grids = np.stack([grids[k] for k in unique])
+        self.which = np.array(order, dtype=np.intp)
+
+    def terrain(self, x, y, flights=slice(None)):
+        """Return terrain heights under points whose last axis is the flight."""
+        return ground.height_at(self.grids, self.which[flights], x, y)
+
+    def run(self) -> dict[str, np.ndarray]:
+        """Fly; return each channel of CHANNELS as (n, width, F)."""
+        n, flights = self.steps // CONTROL, len(self.sorties)
+        book = {k: np.empty((n, w, flights)) for k, w in CHANNELS.items()}
+        reference = np.stack([_stay(s.plan.reference, n) for s in self.sorties], axis=-1)
+        reference[3:9], reference[10] = (
+            self._while_planned(reference[3:9]),
+            self._while_planned(reference[10:])[0],
+        )
+        excite = self._while_planned(
+            np.stack([_stay(s.plan.excite, n) for s in self.sorties], axis=-1)
+        )
+        start = _column(s.plan.ground_s for s in self.sorties)
+        for i in range(self.steps):
+            self.r = rotation_matrix(self.s.q)
+            if i % SLOW == 0:
+                self._slow(i // SLOW)
+            if i % CONTROL == 0:
+                k = i // CONTROL
+                self._control(
+                    reference[:, k], excite[:, k], (i * DT_S >= start).astype(float), i // SLOW
+                )
+            self._motors(i)
+            force, moment, extra = self._loads()
+            if i % CONTROL == 0:
+                self._write(book, i // CONTROL, force, extra)
+            self._advance(force, moment)
+        return book
+
+    def _while_planned(self, rows):
+        """Zero rows (k, n, F) after each flight's own plan has ended."""
+        ends = np.array([s.plan.reference.shape[1] for s in self.sorties])
+        return rows * (np.arange(rows.shape[1])[:, None] < ends)
+
+    def _control(self, ref, excite, flying, k):
+        s, noise = self.s, self.air.control[:, k]
+        self.u = self.pilot.command(
+            ref,
+            excite,
+            s.p + 0.002 * noise[0:3],
+            s.v + 0.01 * noise[3:6],
+            self.r,
+            s.omega + 0.01 * noise[6:9],
+            flying,
+        )
+
+    def _slow(self, k):
+        s, b = self.s, self.b
+        self.under = self.terrain(s.p[0], s.p[1])
+        height = s.p[2] - self.under
+        speed = b.hid["wind_m_s"] * air.log_profile(height)
+        wind = speed * np.stack(
+            [np.cos(b.hid["wind_direction_rad"]), np.sin(b.hid["wind_direction_rad"])]
+        )
+        airspeed = np.sqrt(((s.v[:2] - wind) ** 2).sum(axis=0))
+        s.gust = air.step_gusts(
+            s.gust, b.hid["gust_m_s"], airspeed, height, self.air.shock[:, k], SLOW * DT_S
+        )
+        self.wind = np.stack([wind[0] + s.gust[0], wind[1] + s.gust[1], s.gust[3]])
+        self.shake = self.air.turbulence[:, k]
+        self.buffet = self.air.shock[0, k]
+        current = np.maximum(self.current.sum(axis=0) / b.hover_current, 0.0)
+        s.charge, s.polar, s.volt = drive.step_battery(
+            s.charge,
+            s.polar,
+            current,
+            b.hid["resistance"],
+            b.hid["polar_resistance"],
+            b.hid["drain_1_s"],
+            SLOW * DT_S,
+        )
+        if b.near.size:
+            self._ground(b.near)
+
+    def _ground(self, f):
+        s, b = self.s, self.b
+        arms = np.stack([b.rx[:, f], b.ry[:, f], np.broadcast_to(b.rz[f], (4, len(f)))])
+        rotors = s.p[:, None, f] + np.einsum("ijf,jkf->ikf", self.r[:, :, f], arms)
+        drift = s.v[:2, f] - self.wind[:2, f]
+        sweep = -b.hid["image_sweep"][f] * drift / b.v_h[f]
+        fraction = ground.image_fraction(
+            rotors, b.radius[f], lambda x, y: self.terrain(x, y, f), sweep
+        )
+        mean = fraction.mean(axis=0)
+        fraction = mean + (fraction - mean) * (1.0 + b.hid["image_contrast"][f])
+        target = ground.saturate(b.hid["image_gain"][f] * np.maximum(fraction, 0.0))
+        time = b.hid["image_lag"][f] * (rotors[2] - self.under[f] + b.radius[f]) / b.v_h[f]
+        keep = np.where(time > 0.0, np.exp(-SLOW * DT_S / np.maximum(time, 1e-3)), 0.0)
+        s.image[:, f] = keep * s.image[:, f] + (1.0 - keep) * target
+        s.fountain[f] = attached.fountain_share(
+            s.p[2, f] - self.under[f], 2.0 * np.abs(b.rx[0, f]), self.r[2, 2, f]
+        )
+
+    def _motors(self, i):
+        s, b = self.s, self.b
+        slot = i % len(self.queue)
+        self.queue[slot] = self.u
+        asked = self.queue[(i - b.delay) % len(self.queue), :, self.flights].T
+        asked = np.minimum(asked, b.hid["ceiling_u"])
+        if self.b.hid["mapping"].any():
+            asked = asked * (1.0 + self._gain_of_ground()) ** -b.hid["mapping"]
+        s.esc = s.esc + (DT_S / (b.filter + DT_S)) * (asked - s.esc)
+        duty = np.where(b.linear, drive.linear_duty(s.esc, b.droop), s.esc)
+        x, self.current = drive.step_motor(
+            s.x, duty, b.felt(s.volt), b.droop, b.rate, b.hid["coast"], 1.5, DT_S
+        )
+        s.speed_rate = (x - s.x) * b.true["speed"] / DT_S
+        s.x = np.maximum(x, 0.0)
+        self._plain_motors()
+
+    def _plain_motors(self):
+        """Advance motors with nothing concealed on the same commands: what the drive alone does is
+        the difference.
+        """
+        b = self.b
+        slow = 0.1 * b.true["lag"]
+        self.plain_esc = self.plain_esc + (DT_S / (slow + DT_S)) * (self.u - self.plain_esc)
+        duty = drive.linear_duty(self.plain_esc, drive.DROOP)
+        self.plain_x = np.maximum(
+            drive.step_motor(self.plain_x, duty, 1.0, drive.DROOP, b.plain_rate, 1.0, 1.5, DT_S)[0],
+            0.0,
+        )
+
+    def _gain_of_ground(self):
+        b = self.b
+        lam = np.sqrt(b.ct / 2.0)
+        full = rotor.thrust_coefficient(b.theta, b.hid["blade_s"], lam * (1.0 - self.s.image), 0.0)
+        return full / b.ct - 1.0
+
+    def _loads(self):
+        """Return body force without gravity, moment, and what exceeds the declared kind of
+        vehicle.
+        """
+        s, b = self.s, self.b
+        w = s.x * b.true["speed"]
+        air_body = to_body(self.r, s.v - self.wind)
+        drag_xy, thrust = self._rotors(w, air_body)
+        force, moment = self._sum_rotors(w, drag_xy, thrust)
+        more, twist = self._extras(w, thrust, air_body)
+        force, moment = force + more, moment + twist
+        plain = b.true["thrust"] * w * w
+        extra = (
+            force - np.stack([0.0 * plain[0], 0.0 * plain[0], plain.sum(axis=0)]),
+            moment - self._moment_of(plain, -b.spin * b.true["torque"] * w * w),
+        )
+        shake = self.shake
+        force = force + to_body(self.r, shake[:3] * b.mass)
+        moment = moment + shake[3:] * 6.0 * self.b.inertia
+        return force, moment, extra
+
+    def _moment_of(self, thrust, torque):
+        b = self.b
+        return np.stack(
+            [(b.ry * thrust).sum(axis=0), -(b.rx * thrust).sum(axis=0), torque.sum(axis=0)]
+        )
+
+    def _rotors(self, w, air_body):
+        s, b = self.s, self.b
+        ex = air_body[0] - s.omega[2] * b.ry
+        ey = air_body[1] + s.omega[2] * b.rx
+        climb = air_body[2] + s.omega[0] * b.ry - s.omega[1] * b.rx
+        edge = np.sqrt(ex * ex + ey * ey)
+        tip = np.maximum(w, 0.05 * b.hover) * b.radius
+        active_edge, active_climb = edge * b.hid["edgewise"], climb * b.hid["axial"]
+        lam = (s.v_i * (1.0 - s.image) + active_climb) / tip
+        ct = rotor.thrust_coefficient(b.theta, b.hid["blade_s"], lam, active_edge / tip)
+        ratio = 1.0 + b.breathes * (np.clip(ct / b.ct, 0.0, 3.0) - 1.0)
+        thrust = b.k * w * w * ratio
+        s.v_i = rotor.step_inflow(
+            s.v_i, thrust, active_edge, active_climb, b.radius, RHO_KG_M3, DT_S
+        )
+        mu = np.maximum(edge, 1e-6) / tip
+        ch = rotor.inplane_coefficient(b.theta, b.hid["blade_s"], s.v_i / tip, mu)
+        size = b.hid["drag_gain"] * RHO_KG_M3 * b.disc * tip * tip * ch / np.maximum(edge, 1e-6)
+        return np.stack([-size * ex, -size * ey]), thrust
+
+    def _sum_rotors(self, w, drag, thrust):
+        b = self.b
+        fx = drag[0] + b.hid["tilt_x_rad"] * thrust
+        fy = drag[1] + b.hid["tilt_y_rad"] * thrust
+        x, y = b.rx - b.hid["cg_x_m"], b.ry - b.hid["cg_y_m"]
+        torque = -b.spin * (b.kq * w * w + b.hid["rotor_inertia_kg_m2"] * self.s.speed_rate)
+        force = np.stack([fx.sum(axis=0), fy.sum(axis=0), thrust.sum(axis=0)])
+        moment = np.stack(
+            [
+                (y * thrust - b.rz * fy).sum(axis=0),
+                (b.rz * fx - x * thrust).sum(axis=0),
+                (x * fy - y * fx + torque).sum(axis=0),
+            ]
+        )
+        return force, moment
+
+    def _extras(self, w, thrust, air_body):
+        """Return body force and moment of all that is not the rotors."""
+        s, b = self.s, self.b
+        speed = np.sqrt((air_body * air_body).sum(axis=0))
+        force = (
+            -0.5 * RHO_KG_M3 * b.hid["area_m2"] * speed * air_body * np.array([[1.0], [1.1], [1.5]])
+        )
+        total = thrust.sum(axis=0)
+        force[2] += b.hid["fountain"] * s.fountain * total
+        pull = attached.tether(s.p, self.under, b.hid["tether_N_m"], b.hid["tether_sag_m"])
+        pull = pull + attached.patches(s.p, s.v, b.hid)
+        rope, s.load, s.load_v = attached.slung_load(
+            s.load, s.load_v, s.p, s.v, b.mass, b.hid, DT_S
+        )
+        force += to_body(self.r, pull + rope)
+        more, moment = attached.strangers(air_body, thrust, b, self.buffet)
+        return force + more, moment
+
+    def _advance(self, force, moment):
+        s, b = self.s, self.b
+        push, level = attached.contact(s, self.r, self.under, b)
+        v = s.v + DT_S * (
+            (to_world(self.r, force) + push) / b.mass - np.array([[0.0], [0.0], [GRAVITY_M_S2]])
+        )
+        s.p = s.p + 0.5 * DT_S * (s.v + v)
+        s.v = v
+        h = b.inertia * s.omega
+        cross = np.stack(
+            [
+                s.omega[1] * h[2] - s.omega[2] * h[1],
+                s.omega[2] * h[0] - s.omega[0] * h[2],
+                s.omega[0] * h[1] - s.omega[1] * h[0],
+            ]
+        )
+        s.omega = s.omega + DT_S * ((moment - cross) / b.inertia + level)
+        s.q = turn(s.q, s.omega, DT_S)
+
+    def _write(self, book, k, force, extra):
+        s, b = self.s, self.b
+        push, _ = attached.contact(s, self.r, self.under, b)
+        felt = (force + to_body(self.r, push)) / b.mass
+        rows = {
+            "p": s.p,
+            "v": s.v,
+            "q": s.q,
+            "omega": s.omega,
+            "rotor_speed": s.x * b.true["speed"],
+            "plain_speed": self.plain_x * b.true["speed"],
+            "u": self.u,
+            "current": self.current,
+            "battery": s.volt,
+            "specific_force": felt,
+            "ground": self.under,
+            "extra_force": extra[0],
+            "extra_moment": extra[1],
+        }
+        for name, value in rows.items():
+            book[name][k] = value

@@ -1,0 +1,263 @@
+"""Which cases are made: what is concealed, how often, how strongly; circumstances drawn apart from
+it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ges.blind.generator import concealed
+from ges.blind.generator.airframe import CLASSES
+from ges.blind.generator.concealed import (
+    COMPANIONS,
+    EVERY,
+    LEVELS,
+    PARAMETER,
+    PHYSICS,
+    SENSOR,
+    STRANGER,
+)
+from ges.blind.generator.plan import FULL_MENU
+from ges.blind.generator.sensing import NOISE_LEVELS, Logging
+
+FLIGHTS = 5
+POOR_MENUS = ("hover_low", "hover_high", "one_speed")
+# designs in which one regime can hardly tell names apart, each of which is concealed in turn: menu,
+# names, rotor speeds logged
+CONFOUNDED = (
+    ("hover_high", ("rotor_tilt", "wind"), True),
+    ("hover_low", ("ground_effect", "thrust_scale"), True),
+    ("hover_high", ("thrust_curve", "thrust_scale"), False),
+    ("one_speed", ("rotor_drag", "parasitic_drag"), True),
+    ("hover_high", ("cg_offset", "weak_rotor"), False),
+)
+# pairs and triples are drawn from effects of different groups, so that each has something of its
+# own
+GROUPS = (
+    ("rotor_drag", "parasitic_drag", "wind"),
+    ("axial_inflow", "translational_lift"),
+    ("ground_effect", "fountain_lift"),
+    ("battery_sag", "thrust_curve"),
+    ("motor_lag", "esc_delay"),
+    ("weak_rotor", "cg_offset"),
+    ("rotor_tilt",),
+    ("slung_load", "tether"),
+    ("rotor_inertia_reaction",),
+)
+COMPOSITIONS = {
+    "smoke": dict.fromkeys(("single", "null", "pair", "unknown"), 1),
+    "tiny": {
+        "single": 14,
+        "null": 8,
+        "pair": 4,
+        "triple": 2,
+        "unknown": 4,
+        "parameter": 3,
+        "sensor": 3,
+        "confounded": 2,
+    },
+    "sample": {
+        "single": 22,
+        "null": 12,
+        "pair": 6,
+        "triple": 3,
+        "unknown": 6,
+        "parameter": 4,
+        "sensor": 4,
+        "confounded": 3,
+    },
+    "third": {
+        "single": len(PHYSICS) * 6,
+        "null": 100,
+        "pair": 50,
+        "triple": 20,
+        "unknown": 34,
+        "parameter": 17,
+        "sensor": 17,
+        "confounded": 17,
+    },
+    "full": {
+        "single": len(PHYSICS) * 18,
+        "null": 300,
+        "pair": 150,
+        "triple": 60,
+        "unknown": 100,
+        "parameter": 50,
+        "sensor": 50,
+        "confounded": 50,
+    },
+}
+SECONDS = {
+    "smoke": (11.0, 13.0),
+    "tiny": (11.0, 13.0),
+    "sample": (20.0, 27.0),
+    "third": (20.0, 27.0),
+    "full": (20.0, 27.0),
+}
+
+
+@dataclass(frozen=True)
+class Spec:
+    """One case to make: its place in the grid and what is concealed."""
+
+    index: int
+    category: str
+    names: tuple[str, ...] = ()
+    levels: tuple[int, ...] = ()
+    size: str = "650g"
+    menu: str = "full"
+    rivals: tuple[str, ...] = ()
+    logging: dict = field(default_factory=dict)
+
+
+def specs(grid: str, seed: int) -> list[Spec]:
+    """Return all cases of a grid in an order that says nothing of their kind."""
+    rng = np.random.default_rng([seed, 0xB11D])
+    kinds = [(category, k) for category, n in COMPOSITIONS[grid].items() for k in range(n)]
+    order = rng.permutation(len(kinds))
+    sizes = {
+        category: [str(s) for s in rng.permutation(list(CLASSES))]
+        for category in COMPOSITIONS[grid]
+    }
+    return [_spec(i, *kinds[j], sizes[kinds[j][0]], rng) for i, j in enumerate(order)]
+
+
+def _spec(index, category, k, sizes, rng) -> Spec:
+    size = sizes[(k // 3 + k) % 6]
+    if category == "null":
+        return Spec(
+            index,
+            category,
+            size=sizes[k % 6],
+            menu=POOR_MENUS[k // 6 % 3] if k % 6 == 5 else "full",
+        )
+    if category == "confounded":
+        turn, design = divmod(k, len(CONFOUNDED))
+        menu, names, speeds = CONFOUNDED[design]
+        name = names[turn % len(names)]
+        rivals = tuple(n for n in names if n != name)
+        return Spec(
+            index, category, (name,), (2,), sizes[k % 6], menu, rivals, {"rotor_speeds": speeds}
+        )
+    if category in ("pair", "triple"):
+        names = _mixture(2 if category == "pair" else 3, rng)
+        return Spec(
+            index, category, names, tuple(int(v) for v in rng.integers(0, 3, len(names))), size
+        )
+    names = list(
+        {"single": PHYSICS, "unknown": STRANGER, "parameter": PARAMETER, "sensor": SENSOR}[category]
+    )
+    turn, which = divmod(k, len(names))
+    return Spec(
+        index, category, (names[which],), ((which + turn) % 3,), sizes[(which + turn // 3) % 6]
+    )
+
+
+def _mixture(n, rng) -> tuple[str, ...]:
+    groups = rng.choice(len(GROUPS), n, replace=False)
+    return tuple(str(rng.choice(GROUPS[g])) for g in groups)
+
+
+@dataclass(frozen=True)
+class Circumstances:
+    """What surrounds the secret; the same draw whatever is concealed."""
+
+    identity: str
+    terrain: str
+    excited: tuple[bool, ...]
+    parked: tuple[bool, ...]
+    menu: tuple[str, ...]
+    seconds: tuple[float, ...]
+    charge: tuple[float, ...]
+    battery: dict[str, float]
+    turbulence: float
+    logging: Logging
+
+
+def draw_circumstances(spec: Spec, grid: str, seed: int) -> Circumstances:
+    """Draw terrain, flights and logging from a stream that does not know the secret."""
+    rng = np.random.default_rng([seed, spec.index, 1])
+    logging = {
+        "rate_hz": float(rng.choice([80.0, 100.0, 125.0])),
+        "noise": str(rng.choice(list(NOISE_LEVELS), p=[0.35, 0.45, 0.2])),
+        "rotor_speeds": bool(rng.random() < 0.6),
+        "references": bool(rng.random() < 0.8),
+        "battery": bool(rng.random() < 0.75),
+        "currents": bool(rng.random() < 0.25),
+        "ground": bool(rng.random() < 0.4),
+    }
+    excited = rng.random() < 0.75
+    menu = rng.permutation(FULL_MENU) if spec.menu == "full" else [spec.menu] * FLIGHTS
+    return Circumstances(
+        identity=rng.bytes(6).hex(),
+        terrain=str(rng.choice(["flat", "bumps", "step"], p=[0.4, 0.4, 0.2])),
+        excited=tuple(
+            bool(excited and spec.menu == "full" and m in ("mixed", "staircase")) for m in menu
+        ),
+        parked=tuple(bool(v) for v in rng.random(FLIGHTS) < 0.25),
+        menu=tuple(str(m) for m in menu),
+        seconds=tuple(rng.uniform(*SECONDS[grid], FLIGHTS)),
+        charge=tuple(rng.permutation(np.linspace(0.98, 0.5, FLIGHTS))),
+        battery={
+            "resistance": float(rng.uniform(0.015, 0.05)),
+            "polar_resistance": float(rng.uniform(0.01, 0.03)),
+            "drain_1_s": float(rng.uniform(0.0005, 0.001)),
+        },
+        turbulence=float(rng.uniform(0.02, 0.08)),
+        logging=Logging(**(logging | spec.logging)),
+    )
+
+
+def draw_numbers(spec: Spec, craft, seed: int, attempt: int) -> dict[str, dict[str, float]]:
+    """Return the physical numbers of each concealed effect."""
+    rng = np.random.default_rng([seed, spec.index, 2, attempt])
+    pairs = zip(spec.names, spec.levels, strict=True)
+    return {name: EVERY[name](craft, level, rng) for name, level in pairs}
+
+
+def truth(spec: Spec, numbers: dict[str, dict[str, float]], terrain: str) -> dict:
+    """Return the truth of a case in the contract's form, with its category beside it."""
+    names = [] if spec.category == "unknown" else _with_companions(spec.names)
+    findings = [{"name": n, "parameters": numbers.get(n, {})} for n in names]
+    other = [[r] for r in spec.rivals] + _also(spec, names, terrain)
+    return {
+        "verdict": _verdict(spec),
+        "findings": findings,
+        "severity": LEVELS[min(spec.levels)] if spec.levels else "weak",
+        "also_acceptable": other,
+        "category": spec.category,
+        "concealed": {name: numbers[name] for name in spec.names},
+    }
+
+
+def _with_companions(names) -> list[str]:
+    out: list[str] = []
+    for name in names:
+        out += [n for n in (*COMPANIONS.get(name, ()), name) if n not in out]
+    return out
+
+
+def _also(spec, names, terrain) -> list[list[str]]:
+    """Return the other answers that are right: the air or mapping alone, a ledge's partial ground
+    effect.
+    """
+    out = []
+    if len(spec.names) == 1 and spec.names[0] in ("wind", "gusts", "actuator_mapping"):
+        out.append([spec.names[0]])
+    if spec.names == ("wall_suction",):
+        out.append(["wall_effect"])
+    if terrain == "step" and "ground_effect" in names:
+        out += [[*a, "partial_ground_effect"] for a in [names, *out] if "ground_effect" in a]
+    return out
+
+
+def _verdict(spec: Spec) -> str:
+    by_category = {"null": "nothing_proven", "unknown": "unknown", "confounded": "ambiguous"}
+    if spec.category in by_category:
+        return by_category[spec.category]
+    for verdict, table in (("physics", concealed.PHYSICS), ("parameter", PARAMETER)):
+        if any(n in table for n in spec.names):
+            return verdict
+    return "sensor"

@@ -1,0 +1,293 @@
+"""Make concealed cases: fly them, write the recording sets, seal the truth and hash the seal."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from ges.blind.generator import ground
+from ges.blind.generator.airframe import Airframe, draw_airframe
+from ges.blind.generator.concealed import LEVELS
+from ges.blind.generator.flight import Simulation, Sortie
+from ges.blind.generator.grid import (
+    COMPOSITIONS,
+    FLIGHTS,
+    Circumstances,
+    Spec,
+    draw_circumstances,
+    draw_numbers,
+    specs,
+    truth,
+)
+from ges.blind.generator.plan import CONTROL_DT_S, Room, make_plan
+from ges.blind.generator.sensing import Recorder
+from ges.blind.generator.whereabouts import FAST_STEP, TRUTH_STEP, seen_channels
+from ges.blind.protocol import seal
+from ges.conventions import GRAVITY_M_S2
+from ges.errors import GesError, UsageError
+from ges.files import tree_hash, write_json
+from ges.provenance.sources import PACKAGE, sources
+
+BATCH = 12
+ATTEMPTS, GENTLER = 8, 0.9
+BEGUN, MADE = "begun.json", "made.json"
+WITNESSED = (
+    "p",
+    "v",
+    "q",
+    "omega",
+    "rotor_speed",
+    "u",
+    "battery",
+    "ground",
+    "extra_force",
+    "extra_moment",
+)
+DRIVEN = {
+    "battery_sag",
+    "motor_lag",
+    "esc_delay",
+    "thrust_curve",
+    "rotor_saturation",
+    "actuator_mapping",
+}
+
+
+@dataclass
+class Case:
+    """A case on its way: what surrounds it, what is concealed, and its sorties."""
+
+    spec: Spec
+    around: Circumstances
+    craft: Airframe
+    numbers: dict[str, dict[str, float]]
+    grid: np.ndarray
+    sorties: list[Sortie]
+
+
+def make_cases(
+    out: Path,
+    seed: int,
+    grid: str,
+    processes: int = 1,
+    tell: Callable[[int, int], None] = lambda *_: None,
+):
+    """Write ``out/cases`` and the sealed truth; return the number of cases. Interrupted, it goes on
+    with the next batch.
+
+    Raises
+    ------
+    UsageError
+        For an unknown grid or a folder that already holds cases.
+    """
+    if grid not in COMPOSITIONS:
+        raise UsageError(f"unknown grid '{grid}'; known: {', '.join(COMPOSITIONS)}")
+    if (out / "sealed" / seal.SUMS).exists():
+        raise UsageError(f"'{out}' already holds sealed cases; name an empty folder")
+    every = specs(grid, seed)
+    about = {
+        "grid": grid,
+        "seed": seed,
+        "cases": len(every),
+        "generator": tree_hash(PACKAGE, sources(__name__)),
+    }
+    _begin(out, about)
+    batches = [every[i : i + BATCH] for i in range(0, len(every), BATCH)]
+    waiting = [b for b in batches if not all(_sealed(out, spec, grid, seed) for spec in b)]
+    done = len(every) - sum(map(len, waiting))
+    tell(done, len(every))
+    for count in _spread(waiting, out, grid, seed, processes):
+        done += count
+        tell(done, len(every))
+    os.replace(out / "sealed" / BEGUN, out / "sealed" / MADE)
+    seal.close(out)
+    return len(every)
+
+
+def make_and_seal(sums: Path, grid: str, seed: int, processes: int = 2) -> None:
+    """Make cases in the folder above ``sealed/``, where ``sums`` is the list of hashes; go on where
+    it was interrupted.
+    """
+    sums.unlink(missing_ok=True)
+    make_cases(sums.parents[1], seed, grid, processes)
+
+
+def _begin(out: Path, about: dict) -> None:
+    """Keep the cases of an interrupted run of the very same generator, grid and seed; clear away
+    all others.
+    """
+    note = out / "sealed" / BEGUN
+    if note.exists() and json.loads(note.read_text()) == about:
+        return
+    for name in ("cases", "sealed"):
+        shutil.rmtree(out / name, ignore_errors=True)
+        (out / name).mkdir(parents=True)
+    write_json(note, about)
+
+
+def _sealed(out: Path, spec: Spec, grid: str, seed: int) -> bool:
+    return (out / "sealed" / f"{draw_circumstances(spec, grid, seed).identity}.json").exists()
+
+
+def _spread(batches, out, grid, seed, processes) -> Iterator[int]:
+    jobs = [(b, out, grid, seed) for b in batches]
+    if processes == 1:
+        yield from map(_make_batch, jobs)
+        return
+    with ProcessPoolExecutor(processes) as pool:
+        yield from pool.map(_make_batch, jobs)
+
+
+def _make_batch(job) -> int:
+    batch, out, grid, seed = job
+    waiting = list(batch)
+    for attempt in range(ATTEMPTS * len(LEVELS)):
+        cases = [draw_case(spec, grid, seed, attempt) for spec in waiting]
+        book = Simulation([s for c in cases for s in c.sorties]).run()
+        parts = [_slice(book, k) for k in range(len(cases))]
+        flown = [_flew(c, part) for c, part in zip(cases, parts, strict=True)]
+        for case, part, ok in zip(cases, parts, flown, strict=True):
+            if ok:
+                _write_case(case, part, out, seed)
+        waiting = [s for s, ok in zip(waiting, flown, strict=True) if not ok]
+        if not waiting:
+            return len(batch)
+    raise GesError(
+        f"case {waiting[0].index} ({waiting[0].names}) could not be flown at any severity"
+    )
+
+
+def draw_case(spec: Spec, grid: str, seed: int, attempt: int = 0) -> Case:
+    """Draw everything of a case; a further attempt keeps its circumstances, draws its numbers anew
+    and is flown gentler.
+
+    After every :data:`ATTEMPTS` of them less is concealed: what a vehicle cannot fly with is not to
+    be found in any log.
+    """
+    eased = tuple(max(0, level - attempt // ATTEMPTS) for level in spec.levels)
+    spec = replace(spec, levels=eased)
+    around = draw_circumstances(spec, grid, seed)
+    rng = np.random.default_rng([seed, spec.index, 3, attempt])
+    craft = draw_airframe(spec.size, rng)
+    numbers = draw_numbers(spec, craft, seed, attempt)
+    z = ground.draw_terrain(around.terrain, craft.radius_m, rng)
+    merged = around.battery | {k: v for one in numbers.values() for k, v in one.items()}
+    gentle = GENTLER ** (attempt % ATTEMPTS)
+    sorties = [
+        _sortie(f, around, craft, merged, z, [seed, spec.index, 4, attempt, f], gentle)
+        for f in range(FLIGHTS)
+    ]
+    return Case(spec, around, craft, numbers, z, sorties)
+
+
+def _sortie(f, around, craft, numbers, z, stream, gentle: float) -> Sortie:
+    rng = np.random.default_rng(stream)
+    low = max(1.3 * craft.radius_m, 0.6 * craft.radius_m + 0.04)
+    pace = gentle * float(np.clip(np.sqrt(craft.radius_m / 0.06), 0.7, 1.25))
+    agility = float(np.clip(craft.declared["lag"] / 0.03, 0.9, 2.2))
+    room = Room(around.seconds[f], craft.radius_m, low, pace, agility, z)
+    plan = make_plan(around.menu[f], room, around.excited[f], around.parked[f], rng)
+    turbulence = around.turbulence * float(np.clip((0.65 / craft.true["mass"]) ** 0.15, 0.8, 1.5))
+    return Sortie(craft, numbers, plan, z, around.charge[f], turbulence, int(rng.integers(2**62)))
+
+
+def _slice(book, k) -> list[dict[str, np.ndarray]]:
+    return [{n: v[:, :, k * FLIGHTS + f] for n, v in book.items()} for f in range(FLIGHTS)]
+
+
+def _flew(case: Case, flights) -> bool:
+    """Say whether every flight stayed up and near its references."""
+    for sortie, flight in zip(case.sorties, flights, strict=True):
+        n = sortie.plan.reference.shape[1]
+        p, ref = flight["p"][:n], sortie.plan.reference[:3].T
+        upright = 1.0 - 2.0 * (flight["q"][:n, 1] ** 2 + flight["q"][:n, 2] ** 2)
+        if not (np.isfinite(p).all() and np.abs(p - ref).max() < 3.5 and upright.min() > 0.5):
+            return False
+    return True
+
+
+def _write_case(case: Case, flights, out: Path, seed: int) -> None:
+    identity = case.around.identity
+    final, folder = out / "cases" / identity, out / "cases" / f".{identity}"
+    for left in (final, folder):
+        shutil.rmtree(left, ignore_errors=True)
+    folder.mkdir()
+    rng = np.random.default_rng([seed, case.spec.index, 5])
+    flights = [
+        {k: v[: s.plan.reference.shape[1]] for k, v in f.items()}
+        for s, f in zip(case.sorties, flights, strict=True)
+    ]
+    for k, (sortie, flight) in enumerate(zip(case.sorties, flights, strict=True)):
+        frame = Recorder(flight, sortie, case.around.logging, rng).frame()
+        frame = frame.astype({c: "float32" for c in frame.columns if c != "t_s"})
+        frame.to_parquet(folder / f"flight_{k + 1}.parquet", index=False, compression="zstd")
+    terrain = _terrain_entry(case, folder, rng)
+    text = yaml.safe_dump(case.craft.vehicle_file(terrain), sort_keys=False)
+    (folder / "vehicle.yaml").write_text(text)
+    for path in (*folder.iterdir(), folder):
+        os.utime(path, (0, 0))
+    os.replace(folder, final)
+    _write_truth(case, flights, out / "sealed" / identity)
+
+
+def _terrain_entry(case: Case, folder: Path, rng) -> dict:
+    """Write the case's map, with a survey error of some millimetres, and return its entry."""
+    if case.around.terrain == "flat":
+        return {"kind": "flat", "z_m": 0.0}
+    x = ground.axis()
+    coarse = 0.003 * rng.standard_normal((9, 9))
+    at = np.linspace(-ground.HALF_SIZE_M, ground.HALF_SIZE_M, 9)
+    rows = np.stack([np.interp(x, at, row) for row in coarse])
+    error = np.stack([np.interp(x, at, column) for column in rows.T], axis=1)
+    z = np.round(case.grid + error, 4)
+    np.savez_compressed(folder / "terrain.npz", x_m=x, y_m=x, z_m=z)
+    return {"kind": "grid", "file": "terrain.npz"}
+
+
+def _write_truth(case: Case, flights, stem: Path) -> None:
+    content = truth(case.spec, case.numbers, case.around.terrain)
+    content |= seen_channels(case, flights)
+    content["situation"] = {
+        "vehicle": case.craft.size,
+        "noise": case.around.logging.noise,
+        "rotor_speeds": case.around.logging.rotor_speeds,
+        "references": case.around.logging.references,
+        "excitation": any(case.around.excited),
+        "terrain": case.around.terrain,
+        "menu": case.spec.menu,
+    }
+    content["true_values"] = case.craft.true | {
+        "weight_N": case.craft.true["mass"] * GRAVITY_M_S2,
+        "battery_V": case.craft.battery_V,
+    }
+    np.savez_compressed(stem.with_suffix(".npz"), **_witness(case, flights))
+    write_json(stem.with_suffix(".json"), content)
+
+
+def _witness(case: Case, flights) -> dict[str, np.ndarray]:
+    """Return what the oracle is told: states and extra loads at 25 Hz, the drive at 125 Hz where it
+    is concerned.
+    """
+    kept = {}
+    for k, flight in enumerate(flights, 1):
+        spin_up = np.gradient(flight["rotor_speed"], CONTROL_DT_S, axis=0)
+        slow = {name: flight[name] for name in WITNESSED} | {"rotor_acceleration": spin_up}
+        kept |= {
+            f"flight_{k}/{name}": rows[::TRUTH_STEP].astype(np.float32)
+            for name, rows in slow.items()
+        }
+        if set(case.spec.names) & DRIVEN:
+            fast = {name: flight[name] for name in ("u", "rotor_speed", "battery")}
+            kept |= {
+                f"flight_{k}/fast_{name}": rows[::FAST_STEP].astype(np.float32)
+                for name, rows in fast.items()
+            }
+    return kept

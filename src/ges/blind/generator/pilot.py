@@ -1,0 +1,66 @@
+"""The generator's own closed-loop controller: position, attitude and rate loops, mixer; flights
+abreast.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ges.conventions import GRAVITY_M_S2
+
+
+class Pilot:
+    """Controller tuned for each vehicle's response; it knows declared numbers only.
+
+    Parameters
+    ----------
+    declared : dict of (F,) arrays: mass, ixx, iyy, izz, thrust, torque, speed.
+    rotor_x, rotor_y, spin : (4, F) geometry; lag_s : (F,) the response it was tuned for.
+    """
+
+    def __init__(self, declared, rotor_x, rotor_y, spin, lag_s, dt):
+        self.mass, self.speed, self.dt = declared["mass"], declared["speed"], dt
+        self.inertia = np.stack([declared[k] for k in ("ixx", "iyy", "izz")])
+        k, q = declared["thrust"], declared["torque"]
+        rows = np.stack([np.broadcast_to(k, rotor_x.shape), k * rotor_y, -k * rotor_x, -q * spin])
+        self.mixer = np.linalg.inv(rows.transpose(2, 0, 1)).transpose(1, 2, 0)
+        slow = lag_s + 0.008
+        self.k_rate = np.minimum(0.5 / slow, 22.0)
+        self.k_att = self.k_rate / 2.2
+        self.k_vel = np.stack([self.k_att / 2.4] * 2 + [np.minimum(0.35 / slow, 8.0)])
+        self.k_pos = self.k_vel / 2.4
+        self.most = np.clip(1.2 * self.k_att, 2.0, 6.0)
+        self.sum_pos = np.zeros_like(self.k_pos)
+        self.sum_rate = np.zeros_like(self.k_pos)
+        self.gain = np.stack([self.k_rate, self.k_rate, 0.6 * self.k_rate])
+
+    def trim(self, moment, hover_u, thrust_coefficient):
+        """Start as a vehicle trimmed on flights before: it holds a body moment (3, F) and its hover
+        command.
+        """
+        self.held = moment
+        lift = 4.0 * thrust_coefficient * (hover_u * self.speed) ** 2 / self.mass
+        self.sum_pos[2] = (lift - GRAVITY_M_S2) / (0.25 * self.k_vel[2] * self.k_pos[2])
+
+    def command(self, ref, excite, p, v, rotation, omega, flying):
+        """Return normalised speed commands (4, F) for references (11, F) and a measured state."""
+        error = ref[0:3] - p
+        self.sum_pos = np.clip(self.sum_pos + self.dt * flying * error, -6.0, 6.0)
+        push = ref[6:9] + self.k_vel * (ref[3:6] + self.k_pos * (error + 0.25 * self.sum_pos) - v)
+        push[:2] = np.clip(push[:2], -self.most, self.most)
+        push[2] = np.clip(push[2] + excite[3], -5.0, 6.0) + GRAVITY_M_S2
+        body = np.einsum("ijf,if->jf", rotation, push)
+        thrust = self.mass * np.maximum(body[2], 2.0)
+        size = np.sqrt((push * push).sum(axis=0))
+        yaw = np.arctan2(rotation[1, 0], rotation[0, 0])
+        turn = (ref[9] - yaw + np.pi) % (2.0 * np.pi) - np.pi
+        wish = self.k_att * np.stack(
+            [-body[1] / size, body[0] / size, 0.5 * np.clip(turn, -1.0, 1.0)]
+        )
+        wish[2] += ref[10]
+        lack = wish - omega
+        self.sum_rate = np.clip(self.sum_rate + self.dt * flying * lack, -4.0, 4.0)
+        moment = self.inertia * (self.gain * (lack + 0.8 * self.sum_rate) + excite[:3])
+        moment -= self.held * thrust / (self.mass * GRAVITY_M_S2)
+        square = np.einsum("ijf,jf->if", self.mixer, np.concatenate([thrust[None], moment]))
+        return np.clip(np.sqrt(np.maximum(square, 0.0)) / self.speed, 0.08, 1.0) * flying

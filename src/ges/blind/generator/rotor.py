@@ -1,0 +1,52 @@
+"""Blade-element rotor in momentum inflow: untwisted blade, uniform dynamic inflow.
+
+Symbols: s = solidity times lift slope, theta = blade pitch, mu = edgewise speed over tip speed,
+lam = total inflow over tip speed. Per unit s (Leishman 2006 ch. 3 and 5; Fay 2001, Mesicopter):
+C_T / s = theta (1/6 + mu^2/4) - lam/4, C_H / s = mu c_d/(4 a) + lam mu theta/4.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+PROFILE_DRAG_OVER_LIFT_SLOPE = 0.02 / 5.0
+
+
+def blade_pitch(thrust_coefficient: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Return the pitch (rad) at which a hovering rotor has this C_T, with lam = sqrt(C_T / 2)."""
+    lam = np.sqrt(thrust_coefficient / 2.0)
+    return 6.0 * (thrust_coefficient / s + lam / 4.0)
+
+
+def thrust_coefficient(theta, s, lam, mu):
+    """Return C_T of the blade element rotor."""
+    return s * (theta * (1.0 / 6.0 + 0.25 * mu * mu) - 0.25 * lam)
+
+
+def inplane_coefficient(theta, s, lam, mu):
+    """Return C_H, the in-plane force against the edgewise air, with flapping tilt of the disc."""
+    hub = s * mu * (0.25 * PROFILE_DRAG_OVER_LIFT_SLOPE + 0.25 * lam * theta)
+    flap = (8.0 / 3.0 * theta - 2.0 * lam) * mu / (1.0 - 0.5 * mu * mu)
+    return hub + flap * thrust_coefficient(theta, s, lam, mu)
+
+
+def step_inflow(v_i, thrust, edge, axial, radius, rho, dt):
+    """Advance the induced velocity (m/s) by dt: (8/3) rho R^3 dv/dt + 2 rho A U v = T, implicit in
+    v.
+
+    Apparent mass after Pitt and Peters 1981; U is the resultant through the disc.
+    """
+    apparent = 8.0 / 3.0 * rho * radius**3
+    through = axial + v_i
+    resultant = np.sqrt(edge * edge + through * through)
+    flow = 2.0 * rho * np.pi * radius * radius * resultant
+    return (v_i + dt * np.maximum(thrust, 0.0) / apparent) / (1.0 + dt * flow / apparent)
+
+
+def heave_damping_1_s(s, ct, radius, tip_speed, mass, rho, rotors=4):
+    """Return Z_w of the hovering vehicle (Bramwell; Padfield): the check on blade_pitch
+    and inflow.
+    """
+    lam = np.sqrt(ct / 2.0)
+    area = np.pi * radius**2
+    return rotors * rho * area * tip_speed * 2.0 * s * lam / ((16.0 * lam + s) * mass)

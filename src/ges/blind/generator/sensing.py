@@ -1,0 +1,259 @@
+"""What is logged: jittered clocks, quantised and noisy sensors, cone rangefinder, sensor faults."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from ges.blind.generator import air
+from ges.blind.generator.flight import rotation_matrix, to_world
+from ges.blind.generator.ground import height_at
+from ges.blind.generator.plan import CONTROL_DT_S
+from ges.conventions import (
+    BODY_RATE,
+    COMMAND,
+    MOTOR_CURRENT,
+    POSITION,
+    POSITION_REF,
+    QUATERNION,
+    ROTOR_SPEED,
+    SPECIFIC_FORCE,
+    VELOCITY,
+    VELOCITY_REF,
+)
+
+NOISE_LEVELS = {"low": 0.4, "ordinary": 1.0, "high": 2.2}
+CONE_HALF_ANGLE_RAD = 0.2
+RANGE_LIMIT_M = 4.0
+REFERENCE_CURRENT_A_PER_KG = 18.0
+
+
+@dataclass(frozen=True)
+class Logging:
+    """How a case is logged; drawn without regard to what is concealed."""
+
+    rate_hz: float
+    noise: str
+    rotor_speeds: bool
+    references: bool
+    battery: bool
+    currents: bool
+    ground: bool
+
+    @property
+    def scale(self) -> float:
+        """Noise relative to the ordinary level."""
+        return NOISE_LEVELS[self.noise]
+
+
+class Recorder:
+    """Turns one flight's truth into a logged flight."""
+
+    def __init__(
+        self, truth: dict[str, np.ndarray], sortie, logging: Logging, rng: np.random.Generator
+    ):
+        self.truth, self.sortie, self.log, self.rng = truth, sortie, logging, rng
+        self.n = len(truth["p"])
+        self.clock = np.arange(self.n) * CONTROL_DT_S
+        self.hid = {k: sortie.numbers.get(k, 0.0) for k in _SENSOR_NUMBERS}
+        dt = 1.0 / logging.rate_hz
+        ticks = np.arange(0.02, self.clock[-1] - 0.12, dt)
+        self.t = ticks * (1.0 + 2e-5 * rng.standard_normal()) + 0.04 * dt * rng.uniform(
+            -1, 1, len(ticks)
+        )
+
+    def frame(self) -> pd.DataFrame:
+        """Return the flight's columns in contract order."""
+        columns: dict[str, np.ndarray] = {"t_s": self.t - self.t[0]}
+        for part in (self._pose, self._inertial, self._drive, self._range, self._asked):
+            columns.update(part())
+        return pd.DataFrame(columns)
+
+    def _at(self, name: str, shift: float = 0.0, smooth: float = 0.0) -> np.ndarray:
+        """Return (width, n) truth at the sample times, after a centred anti-alias mean over
+        ``smooth`` seconds (an odd count).
+        """
+        from scipy.ndimage import uniform_filter1d
+
+        rows = self.truth[name].T
+        if smooth:
+            rows = uniform_filter1d(
+                rows, max(int(round(smooth / CONTROL_DT_S)), 1), axis=1, mode="nearest"
+            )
+        return np.stack([np.interp(self.t - shift, self.clock, row) for row in rows])
+
+    def _noise(self, shape, size: float, time_s: float = 0.0) -> np.ndarray:
+        if time_s:
+            return (
+                size
+                * self.log.scale
+                * air.coloured(shape, 1.0 / self.log.rate_hz, time_s, self.rng)
+            )
+        return size * self.log.scale * self.rng.standard_normal(shape)
+
+    def _pose(self):
+        late = self.hid["time_offset_s"]
+        n = len(self.t)
+        p = self._at("p", late) + self._noise((3, n), 0.002) + self._noise((3, n), 0.003, 1.0)
+        v = self._at("v", late) + self._noise((3, n), 0.012) + self._noise((3, n), 0.006, 0.3)
+        q = self._at("q", late)
+        small = self._noise((3, n), 0.0015) + self._noise((3, n), 0.003, 1.0)
+        small[0] += self.hid["att_bias_x_rad"] + 0.002 * self.rng.standard_normal()
+        small[1] += self.hid["att_bias_y_rad"] + 0.002 * self.rng.standard_normal()
+        q = _tilt(q / np.linalg.norm(q, axis=0), small)
+        named = dict(zip(POSITION, _quantise(p, 1e-4), strict=True))
+        named |= dict(zip(VELOCITY, _quantise(v, 1e-3), strict=True))
+        return named | dict(zip(QUATERNION, _quantise(q, 1e-5), strict=True))
+
+    def _inertial(self):
+        n = len(self.t)
+        tone, scale = self._vibration(), self.log.scale
+        gyro = (
+            self._at("omega", smooth=3 * CONTROL_DT_S)
+            + self._noise((3, n), 0.008)
+            + 0.006 * scale * tone
+        )
+        acc = (
+            self._at("specific_force", smooth=3 * CONTROL_DT_S)
+            + self._noise((3, n), 0.15)
+            + 0.25 * scale * tone
+        )
+        for k, axis in enumerate("xyz"):
+            gyro[k] += self.hid[f"gyro_bias_{axis}_rad_s"] + 0.001 * self.rng.standard_normal()
+            acc[k] += self.hid[f"acc_bias_{axis}_m_s2"] + 0.02 * self.rng.standard_normal()
+        named = dict(zip(BODY_RATE, _quantise(gyro, 0.00106), strict=True))
+        return named | dict(zip(SPECIFIC_FORCE, _quantise(acc, 0.0048), strict=True))
+
+    def _vibration(self):
+        """Once-per-revolution tones of the four rotors as the sampling folds them down, (3, n)."""
+        speed = self.truth["rotor_speed"]
+        phase = np.cumsum(speed, axis=0) * CONTROL_DT_S
+        share = np.sqrt(np.maximum(speed, 0.0) / (speed.max() + 1e-9))
+        out = np.zeros((3, len(self.t)))
+        for rotor in range(4):
+            turned = np.interp(self.t, self.clock, phase[:, rotor])
+            size = np.interp(self.t, self.clock, share[:, rotor])
+            start = self.rng.uniform(0.0, 2.0 * np.pi, (3, 1))
+            out += size * np.sin(turned + start)
+        return 0.5 * out
+
+    def _drive(self):
+        n = len(self.t)
+        named = dict(zip(COMMAND, _quantise(np.clip(self._held("u"), 0.0, 1.0), 1e-4), strict=True))
+        if self.log.rotor_speeds:
+            w = self._at("rotor_speed") * (1.0 + self._noise((4, n), 0.002))
+            named |= dict(zip(ROTOR_SPEED, _quantise(w, 0.5), strict=True))
+        full, amps = (
+            self.sortie.craft.battery_V,
+            REFERENCE_CURRENT_A_PER_KG * self.sortie.craft.true["mass"],
+        )
+        current = np.maximum(self._at("current"), 0.0) * amps
+        if self.log.battery:
+            volt = full * self._at("battery")[0] + self._noise(n, 0.002 * full)
+            named["battery_V"] = _quantise(volt, 0.01)
+            named["battery_A"] = _quantise(current.sum(axis=0) + self._noise(n, 0.01 * amps), 0.01)
+        if self.log.currents:
+            each = current + self._noise((4, n), 0.01 * amps)
+            named |= dict(zip(MOTOR_CURRENT, _quantise(each, 0.005), strict=True))
+        return named
+
+    def _held(self, name):
+        """Return the value last written before each sample: commands are steps, not lines."""
+        index = np.clip((self.t / CONTROL_DT_S).astype(int), 0, self.n - 1)
+        return self.truth[name][index].T
+
+    def _range(self):
+        n = len(self.t)
+        reading = self._cone()
+        if self.hid["range_lag_s"]:
+            reading = _lagged(reading, self.hid["range_lag_s"], CONTROL_DT_S)
+        y = (
+            np.interp(self.t, self.clock, reading)
+            + self.hid["range_bias_m"]
+            + self._noise(n, 0.004)
+        )
+        y = np.where((y > RANGE_LIMIT_M) | (self.rng.random(n) < 0.002), np.nan, _quantise(y, 1e-3))
+        named = {"range_m": y}
+        if self.log.ground:
+            named["ground_z_m"] = _quantise(
+                self._at("ground")[0] + self._noise((1, n), 0.002, 2.0)[0], 1e-3
+            )
+        return named
+
+    def _cone(self):
+        """Return slant range (n,) averaged over the cone's footprint, along body -z."""
+        r = rotation_matrix(self.truth["q"].T)
+        p, grid = self.truth["p"].T, self.sortie.grid[None]
+        total = np.zeros(self.n)
+        spread = np.tan(CONE_HALF_ANGLE_RAD) * 0.6
+        pattern = [(0.0, 0.0)] + [
+            (spread * np.cos(a), spread * np.sin(a)) for a in np.arange(4) * np.pi / 2.0
+        ]
+        for dx, dy in pattern:
+            beam = to_world(r, np.array([dx, dy, -1.0])[:, None] * np.ones(self.n))
+            total += _march(p, beam / np.linalg.norm(beam, axis=0), grid)
+        return np.maximum(total / len(pattern), 0.0)
+
+    def _asked(self):
+        if not self.log.references:
+            return {}
+        k = np.clip((self.t / CONTROL_DT_S).astype(int), 0, self.n - 1)
+        ref = self.sortie.plan.reference[:, k]
+        named = dict(zip(POSITION_REF, ref[0:3], strict=True)) | dict(
+            zip(VELOCITY_REF, ref[3:6], strict=True)
+        )
+        return named | {"yaw_ref_rad": ref[9]}
+
+
+_SENSOR_NUMBERS = (
+    "range_bias_m",
+    "range_lag_s",
+    "time_offset_s",
+    "att_bias_x_rad",
+    "att_bias_y_rad",
+    "acc_bias_x_m_s2",
+    "acc_bias_y_m_s2",
+    "acc_bias_z_m_s2",
+    "gyro_bias_x_rad_s",
+    "gyro_bias_y_rad_s",
+    "gyro_bias_z_rad_s",
+)
+
+
+def _march(p, beam, grid):
+    """Return the distance along unit beams (3, n) to the terrain, by four fixed-point steps."""
+    down = np.maximum(-beam[2], 0.2)
+    zero = np.zeros(p.shape[1], np.intp)
+    distance = (p[2] - height_at(grid, zero, p[0], p[1])) / down
+    for _ in range(4):
+        hit = height_at(grid, zero, p[0] + distance * beam[0], p[1] + distance * beam[1])
+        distance = 0.5 * distance + 0.5 * (p[2] - hit) / down
+    return distance
+
+
+def _lagged(y, lag_s, dt):
+    from scipy.signal import lfilter
+
+    keep = np.exp(-dt / lag_s)
+    return lfilter([1.0 - keep], [1.0, -keep], y, zi=[keep * y[0]])[0]
+
+
+def _tilt(q, small):
+    """Multiply attitudes (4, n) by small body rotations (3, n)."""
+    w, x, y, z = q
+    a, b, c = 0.5 * small
+    out = np.stack(
+        [
+            w - x * a - y * b - z * c,
+            x + w * a + y * c - z * b,
+            y + w * b + z * a - x * c,
+            z + w * c + x * b - y * a,
+        ]
+    )
+    return out / np.linalg.norm(out, axis=0)
+
+
+def _quantise(y, step):
+    return np.round(y / step) * step

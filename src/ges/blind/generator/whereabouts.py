@@ -1,0 +1,79 @@
+"""Where a concealed effect can be seen: the channels in which it stands out against the air's own
+turbulence.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ges.blind.generator.concealed import SENSOR
+from ges.blind.generator.plan import CONTROL_DT_S
+from ges.conventions import AXES
+
+TRUTH_STEP = 10
+FAST_STEP = 2
+DRIVE_ERROR = 0.01
+TRACE = 0.1
+
+
+def seen_channels(case, flights) -> dict[str, list[str]]:
+    """Return the channels to be located, and those that it would be no mistake to locate.
+
+    ``located``: RMS of force or moment over all flights above the turbulence's, or rotor speeds
+    (where logged) off by over 1 % of top speed from those of motors with nothing concealed.
+    ``traces``: above a tenth of that. A concealed sensor fault is no force: both lists are then
+    empty. All of it is the generator's own account of what acted along the flights; what a
+    diagnosis can resolve, or reports, plays no part.
+    """
+    if not case.spec.names or set(case.spec.names) & set(SENSOR):
+        return {"located": [], "traces": []}
+    strength = _strength(case, flights)
+    return {
+        key: [c for c, s in strength.items() if s > level]
+        for key, level in (("located", 1.0), ("traces", TRACE))
+    }
+
+
+def _strength(case, flights) -> dict[str, float]:
+    """Return RMS over what counts as seen, a channel."""
+    aloft = [f["p"][:, 2] - f["ground"][:, 0] > 0.6 * case.craft.radius_m for f in flights]
+    speeds = case.around.logging.rotor_speeds
+    loads = np.concatenate(
+        [_loads(case, f, not speeds)[a] for f, a in zip(flights, aloft, strict=True)]
+    )
+    air, true = case.sorties[0].turbulence, case.craft.true
+    inertia = np.array([true["ixx"], true["iyy"], true["izz"]])
+    scale = np.concatenate([np.full(3, air * true["mass"]), 6.0 * air * inertia])
+    names = [f"force_{a}" for a in AXES] + [f"moment_{a}" for a in AXES]
+    found = dict(zip(names, _rms(loads) / scale, strict=True))
+    if speeds:
+        off = [
+            (f["rotor_speed"] - f["plain_speed"])[a] for f, a in zip(flights, aloft, strict=True)
+        ]
+        found["drive"] = _rms(np.concatenate(off).reshape(-1, 1))[0] / (true["speed"] * DRIVE_ERROR)
+    return {name: float(s) for name, s in found.items()}
+
+
+def _rms(rows: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.mean(np.square(rows), axis=0))
+
+
+def _loads(case, flight, through_drive: bool) -> np.ndarray:
+    """Return (n, 6) body force and moment that nothing declared explains."""
+    true, numbers = case.craft.true, case.sorties[0].numbers
+    inertia = np.array([true["ixx"], true["iyy"], true["izz"]])
+    excess = numbers.get("inertia_error", 1.0) - 1.0
+    spin_up = np.gradient(flight["omega"], CONTROL_DT_S, axis=0)
+    out = np.hstack([flight["extra_force"], flight["extra_moment"] - excess * inertia * spin_up])
+    if through_drive:
+        out[:, 2:] += _thrust_difference(case, flight)
+    return out
+
+
+def _thrust_difference(case, flight) -> np.ndarray:
+    """Return (n, 4): thrust and moments that motors with nothing concealed would not have given."""
+    craft, true = case.craft, case.craft.true
+    square = flight["rotor_speed"] ** 2 - flight["plain_speed"] ** 2
+    thrust, torque = true["thrust"] * square, true["torque"] * square
+    x, y, spin = np.array(craft.rotor_x_m), np.array(craft.rotor_y_m), np.array(craft.spin)
+    return np.stack([thrust.sum(1), thrust @ y, -thrust @ x, -torque @ spin], axis=1)

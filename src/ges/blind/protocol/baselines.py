@@ -1,0 +1,290 @@
+"""What others do with the same recordings: stepwise p-values, sparse regression, a fit of all
+parameters, a black box.
+
+All get the residuals, candidate columns and held-out flights of ``ges.diagnose``, which is
+generous; they differ in how they choose. Each answers in the contract's form.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+
+from ges.diagnose.decide.engine import digest, split
+from ges.diagnose.design.residual import UNITS
+from ges.diagnose.design.system import Column, System, build
+from ges.diagnose.library.candidates import kind_of, library
+from ges.diagnose.prepare.gate import pass_gate
+from ges.diagnose.types.model import from_vehicle
+from ges.errors import GesError
+from ges.recordings.recording import RecordingSet
+
+P_VALUE = 0.05
+MOST_TERMS = 12
+THRESHOLDS = np.geomspace(0.003, 0.5, 12)
+OUTSIDE_SD = 3.0
+BOOSTED_ROWS = 3000
+
+
+@dataclasses.dataclass(frozen=True)
+class Rows:
+    """Stacked rows of some flights, channels in units of their spread on the training flights.
+
+    ``y`` (n,) residual after calibration, ``raw`` (n,) before, ``x`` (n, k) candidates,
+    ``nuisance`` (n, m), ``state`` (n, f), ``channel`` and ``flight`` (n,) numbers.
+    """
+
+    y: np.ndarray
+    raw: np.ndarray
+    x: np.ndarray
+    nuisance: np.ndarray
+    state: np.ndarray
+    channel: np.ndarray
+    flight: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Problem:
+    """A case as the baselines see it."""
+
+    names: tuple[str, ...]
+    scale: np.ndarray
+    candidates: tuple[Column, ...]
+    nuisances: tuple[Column, ...]
+    train: Rows
+    held: Rows
+    holdout: tuple[str, ...]
+
+
+Answer = tuple[dict[str, float], Callable[[Rows], np.ndarray]]
+
+
+def prepare(recordings: RecordingSet) -> Problem:
+    """Residuals and columns of the training and the held-out flights, calibrated within the
+    declared tolerances.
+    """
+    model = from_vehicle(recordings.vehicle, recordings.folder)
+    frames = [f.frame for f in recordings.flights]
+    gate = pass_gate(frames, model)
+    train, held = split([digest(f) for f in frames], gate.usable(), None)
+    variants = [c.variants[0] for c in library(model).values() if not c.needs]
+    parts = [build([gate.flights[i] for i in part], model, variants) for part in (train, held)]
+    first = parts[0]
+    if parts[1].names != first.names:
+        raise GesError(
+            "the held-out flight has other channels than the training flights; a baseline cannot"
+            " use them"
+        )
+    scale = np.array(
+        [
+            np.nanstd(np.concatenate([f.y[:, c] for f in first.flights])) or 1.0
+            for c in range(len(first.names))
+        ]
+    )
+    free = np.array([c.nuisance is not None for c in first.columns])
+    rows = [_stack(system, scale, free) for system in parts]
+    sd = np.array(
+        [max(c.nuisance.sd, c.nuisance.flight_sd) for c in first.columns if c.nuisance is not None]
+    )
+    beta = _ridge(rows[0].nuisance, rows[0].raw, sd)
+    train_rows, held_rows = (dataclasses.replace(r, y=r.raw - r.nuisance @ beta) for r in rows)
+    columns = np.array(first.columns, dtype=object)
+    names = tuple(recordings.flights[i].name for i in held)
+    return Problem(
+        first.names,
+        scale,
+        tuple(columns[~free]),
+        tuple(columns[free]),
+        train_rows,
+        held_rows,
+        names,
+    )
+
+
+def _stack(system: System, scale: np.ndarray, free: np.ndarray) -> Rows:
+    parts = []
+    for number, flight in enumerate(system.flights):
+        m, c = flight.y.shape
+        states = np.stack(
+            [v[flight.windows.center] for v in flight.flight.columns.values()], axis=1
+        )
+        channel = np.tile(np.arange(c), m)
+        every = np.arange(len(system.columns))
+        x = np.stack([flight.x.of(i, every) / scale[i] for i in range(c)], axis=1).reshape(
+            m * c, -1
+        )
+        y = (flight.y / scale).ravel()
+        good = np.isfinite(y)
+        parts.append((y, x, np.repeat(states, c, axis=0), channel, np.full(m * c, number), good))
+    width = min(p[2].shape[1] for p in parts)
+    y, x, state, channel, flight = (
+        np.concatenate([(p[k][:, :width] if k == 2 else p[k])[p[5]] for p in parts])
+        for k in range(5)
+    )
+    return Rows(y, y, x[:, ~free], x[:, free], state, channel, flight)
+
+
+def _ridge(x: np.ndarray, y: np.ndarray, sd: np.ndarray) -> np.ndarray:
+    return np.linalg.solve(x.T @ x + np.diag(1.0 / sd**2), x.T @ y)
+
+
+def stepwise(problem: Problem) -> Answer:
+    """Forward selection at p < 0.05, rows taken as independent."""
+    from scipy.stats import t as student
+
+    rows, kept, p_values = problem.train, [], {}
+    x, y = rows.x.copy(), rows.y.copy()
+    while len(kept) < MOST_TERMS:
+        norm = np.linalg.norm(x, axis=0)
+        fit = np.where(
+            norm > 1e-6 * np.linalg.norm(rows.x, axis=0), x.T @ y / np.maximum(norm, 1e-30), 0.0
+        )
+        best = int(np.argmax(np.abs(fit)))
+        freedom = len(y) - len(kept) - 1
+        p_value = 2.0 * student.sf(
+            abs(fit[best]) / np.sqrt((y @ y - fit[best] ** 2) / freedom), freedom
+        )
+        if not p_value < P_VALUE:
+            break
+        kept.append(best)
+        p_values[best] = p_value
+        unit = x[:, best] / norm[best]
+        x, y = x - np.outer(unit, unit @ x), y - unit * (unit @ y)
+    beta = np.linalg.lstsq(rows.x[:, kept], rows.y, rcond=None)[0] if kept else np.zeros(0)
+    named: dict[str, float] = {}
+    for k in kept:
+        name = problem.candidates[k].variant.effect
+        named[name] = max(named.get(name, 0.0), 1.0 - p_values[k])
+    return named, lambda r: r.x[:, kept] @ beta
+
+
+def sindy(problem: Problem) -> Answer:
+    """Sequentially thresholded least squares of pysindy, the threshold chosen by leaving one flight
+    out.
+
+    A flight's rows are handed over as their triangular factor, which has the same least squares.
+    """
+    from pysindy.optimizers import STLSQ
+
+    rows = problem.train
+    size = np.sqrt((rows.x**2).mean(axis=0))
+    size[size == 0.0] = 1.0
+    flights = np.unique(rows.flight)
+    packed = {
+        f: np.linalg.qr(np.column_stack([rows.x / size, rows.y])[rows.flight == f], mode="r")
+        for f in flights
+    }
+
+    def fit(chosen: np.ndarray, threshold: float) -> np.ndarray:
+        table = np.concatenate([packed[f] for f in chosen])
+        optimizer = STLSQ(threshold=threshold, alpha=1e-3, max_iter=20)
+        optimizer.fit(table[:, :-1], table[:, -1:])
+        return np.ravel(optimizer.coef_)
+
+    def error(threshold: float) -> float:
+        left = [packed[f] @ np.r_[-fit(flights[flights != f], threshold), 1.0] for f in flights]
+        return float(sum(e @ e for e in left))
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        beta = (
+            fit(flights, min(THRESHOLDS, key=error) if len(flights) > 1 else THRESHOLDS[0]) / size
+        )
+    return {
+        problem.candidates[k].variant.effect: 1.0 for k in np.flatnonzero(beta)
+    }, lambda r: r.x @ beta
+
+
+def parameters(problem: Problem) -> Answer:
+    """Least squares of all declared numbers, trims and biases; named is what ends beyond three
+    times its tolerance, where it has a name: full rotor speed has none.
+    """
+    rows = problem.train
+    beta, *_ = np.linalg.lstsq(rows.nuisance, rows.raw, rcond=None)
+    named = {}
+    for column, value in zip(problem.nuisances, beta, strict=True):
+        n = column.nuisance
+        if n.effect != "vehicle" and abs(value) > OUTSIDE_SD * max(n.sd, n.flight_sd):
+            named[n.effect] = 1.0
+    calibrated = rows.raw - rows.y
+    prior = np.linalg.lstsq(rows.nuisance, calibrated, rcond=None)[0]
+    return named, lambda r: r.nuisance @ (beta - prior)
+
+
+def boosting(problem: Problem) -> Answer:
+    """Gradient boosting of the residual on everything that was logged, a channel at a time; it
+    names nothing.
+    """
+    from sklearn.ensemble import HistGradientBoostingRegressor
+
+    rows, models = problem.train, {}
+    for c in np.unique(rows.channel):
+        here = np.flatnonzero(rows.channel == c)
+        here = here[:: max(1, len(here) // BOOSTED_ROWS)]
+        models[c] = HistGradientBoostingRegressor(max_iter=60, random_state=0).fit(
+            rows.state[here], rows.y[here]
+        )
+
+    def predict(r: Rows) -> np.ndarray:
+        out = np.zeros(len(r.y))
+        for c, model in models.items():
+            here = r.channel == c
+            if here.any():
+                out[here] = model.predict(r.state[here])
+        return out
+
+    return {}, predict
+
+
+METHODS: dict[str, Callable[[Problem], Answer]] = {
+    "stepwise": stepwise,
+    "sindy": sindy,
+    "parameters": parameters,
+    "boosting": boosting,
+}
+
+
+def diagnose(recordings: RecordingSet, method: str) -> dict:
+    """Answer by a baseline, as ``diagnosis.json`` would be."""
+    problem = prepare(recordings)
+    named, predict = METHODS[method](problem)
+    kinds = {name: kind_of(name) for name in named}
+    verdict = next(
+        (k for k in ("physics", "parameter", "sensor") if k in kinds.values()), "nothing_proven"
+    )
+    findings = [
+        {"name": n, "kind": kinds[n], "probability": p, "parameters": {}} for n, p in named.items()
+    ]
+    return {
+        "schema": 1,
+        "verdict": verdict,
+        "sentence": f"baseline {method}",
+        "findings": findings,
+        "located": [],
+        "unexplained": [],
+        "detectable": {},
+        "fit": {
+            "holdout_flights": list(problem.holdout),
+            "channels": _table(problem, predict(problem.held)),
+        },
+    }
+
+
+def _table(problem: Problem, predicted: np.ndarray) -> dict:
+    """Errors on the held-out flights by channel, those of faster test functions left out: before,
+    recalibrated, after.
+    """
+    held, table = problem.held, {}
+    for c, name in enumerate(problem.names):
+        here = held.channel == c
+        if here.any() and name in UNITS:
+            stages = {"before": held.raw, "recalibrated": held.y, "after": held.y - predicted}
+            errors = {
+                k: float(np.sqrt(np.mean(v[here] ** 2)) * problem.scale[c])
+                for k, v in stages.items()
+            }
+            table[f"{name}_{UNITS[name]}"] = errors
+    return table

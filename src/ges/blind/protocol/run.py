@@ -1,0 +1,237 @@
+"""Diagnose every case of a folder, each by a process that can read that case alone."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import secrets
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
+
+from ges.blind.protocol import jail, seal, worker
+from ges.errors import GesError, unknown_name
+from ges.files import sha256, tree_hash, write_json
+from ges.provenance.sources import sources
+from ges.simulator._lib import library_path
+
+OUT = "diagnosed"
+SAME = (
+    "import runpy, sys; sys.path.insert(0, sys.argv.pop(1));"
+    " runpy.run_module('ges.blind.protocol.worker', run_name='__main__')"
+)
+"""An isolated interpreter would take the package that is installed, whichever one makes the
+verdicts.
+"""
+METHODS: dict[str, dict] = {
+    "ges": {},
+    **{name: {"baseline": name} for name in ("stepwise", "sindy", "parameters", "boosting")},
+    **{
+        f"without-{part}": {"without": [part]} for part in ("instruments", "whitening", "tolerance")
+    },
+}
+LIMIT_S = 600
+
+
+def method_options(method: str) -> dict:
+    """Return the worker's options of a method: this tool, a baseline, or this tool with a part
+    taken out.
+    """
+    if method not in METHODS:
+        raise unknown_name("method", method, METHODS)
+    return METHODS[method]
+
+
+def method_folder(method: str) -> str:
+    """Return the folder of a method's verdicts beside ``cases/``."""
+    return OUT if method == "ges" else f"{OUT}-{method}"
+
+
+def run_cases(
+    folder: Path,
+    processes: int = 2,
+    only: list[str] | None = None,
+    out: str = OUT,
+    options: dict | None = None,
+    tell: Callable[[int, int], None] = lambda *_: None,
+) -> int:
+    """Diagnose the cases that have no verdict yet; return how many were diagnosed now.
+
+    Parameters
+    ----------
+    only : case names to restrict the run to (a batch).
+    out : folder beside ``cases/`` for the verdicts; options : what the worker is told
+        (:data:`METHODS`).
+
+    Raises
+    ------
+    GesError For a case that is not sealed, a recording changed since, or a folder that the walls
+    could not hide.
+    """
+    _hidden(folder)
+    names = [n for n in seal.cases(folder) if only is None or n in only]
+    tool = tool_state(options or {})
+    waiting = [n for n in names if not finished(folder / out / n, tool)]
+    seal.check(
+        folder,
+        [
+            s
+            for s in seal.listed(folder)
+            if s.startswith("../cases/") and s.split("/")[2] in waiting
+        ],
+    )
+    tell(len(names) - len(waiting), len(names))
+    with ThreadPoolExecutor(processes) as pool:
+        jobs = [
+            pool.submit(_one, folder / "cases" / n, folder / out / n, options or {}, tool)
+            for n in waiting
+        ]
+        for done, job in enumerate(as_completed(jobs), 1):
+            job.result()
+            tell(len(names) - len(waiting) + done, len(names))
+    return len(waiting)
+
+
+def run_batch(sums: Path, verdicts: Path, batch: int, batches: int, method: str = "ges") -> None:
+    """Diagnose every ``batches``-th case of the folder above ``sealed/``; ``verdicts`` lists the
+    hash of each diagnosis.
+
+    What an interrupted batch had done is kept and not done again.
+    """
+    folder, out = sums.parents[1], method_folder(method)
+    names = seal.cases(folder)[batch::batches]
+    run_cases(folder, 1, names, out, method_options(method))
+    write_json(verdicts, {n: sha256(folder / out / n / "diagnosis.json") for n in names})
+
+
+def tool_state(options: dict) -> str:
+    """Hash of all that makes a verdict: sources of the diagnosis, the compiled simulator,
+    options.
+    """
+    root = Path(__file__).parents[2]
+    parts = [
+        tree_hash(root, sources(worker.__name__)),
+        sha256(library_path()),
+        json.dumps(options, sort_keys=True),
+    ]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def finished(verdict: Path, tool: str) -> bool:
+    """Say whether a case has its verdict from this very tool; one that failed is tried again."""
+    try:
+        about = json.loads((verdict / "run.json").read_text())
+    except FileNotFoundError:
+        return False
+    return about["ended"] == "well" and about["tool"] == tool
+
+
+def _hidden(folder: Path) -> None:
+    real = folder.resolve()
+    for root in (*jail.interpreter(), *jail.package()):
+        if real.is_relative_to(root):
+            raise GesError(
+                f"'{folder}' lies in {root}, which a diagnosis may read; move the cases elsewhere"
+            )
+
+
+def _one(case: Path, final: Path, options: dict, tool: str) -> None:
+    """Diagnose one case under a name that says nothing and move the whole result into place."""
+    with tempfile.TemporaryDirectory(prefix="") as scratch:
+        given, made, home = (Path(scratch) / secrets.token_hex(6) for _ in range(3))
+        for each in (given, made, home):
+            each.mkdir()
+        anonymous(case, given)
+        start = time.perf_counter()
+        said = _process(given, made, home, options)
+        about = {
+            "ended": "well" if said is None else "failed",
+            "tool": tool,
+            "wall_s": round(time.perf_counter() - start, 3),
+        }
+        if said is not None:
+            write_json(
+                made / "diagnosis.json",
+                {"schema": 1, "verdict": "failed", "sentence": said, "findings": []},
+            )
+        worker = made / "worker.json"
+        if worker.exists():
+            about |= json.loads(worker.read_text())
+            worker.unlink()
+        write_json(made / "run.json", about)
+        _move(made, final)
+
+
+def _process(given: Path, made: Path, home: Path, options: dict) -> str | None:
+    """Run the worker; return None, or what it said when it failed."""
+    quiet = {
+        "PATH": os.defpath,
+        "HOME": str(home),
+        "TMPDIR": str(made),
+        "MPLCONFIGDIR": str(made),
+        "LC_ALL": "C.UTF-8",
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+        "PYTHONHASHSEED": "0",
+        "GES_LIBRARY": str(library_path().resolve()),
+    }
+    command = [
+        sys.executable,
+        "-I",
+        "-B",
+        "-c",
+        SAME,
+        str(jail.OWN),
+        str(given),
+        str(made),
+        json.dumps(options),
+    ]
+    try:
+        done = subprocess.run(
+            command, cwd=given, env=quiet, capture_output=True, text=True, timeout=LIMIT_S
+        )
+    except subprocess.TimeoutExpired:
+        return f"no verdict within {LIMIT_S} s"
+    return (
+        None
+        if done.returncode == 0
+        else (done.stderr.strip().splitlines() or ["no word"])[-1][:400]
+    )
+
+
+def _move(made: Path, final: Path) -> None:
+    final.parent.mkdir(parents=True, exist_ok=True)
+    new = final.with_name(f".{final.name}.{os.getpid()}")
+    shutil.rmtree(new, ignore_errors=True)
+    shutil.copytree(made, new)
+    shutil.rmtree(final, ignore_errors=True)
+    os.replace(new, final)
+
+
+def anonymous(case: Path, given: Path) -> None:
+    """Copy a recording set without anything that could tell: names, order, times of files,
+    metadata, stray files.
+    """
+    import pyarrow.parquet as pq
+    import yaml
+
+    vehicle = yaml.safe_load((case / "vehicle.yaml").read_text())
+    vehicle["name"] = "vehicle"
+    map_file = (vehicle.get("terrain") or {}).get("file")
+    if map_file:
+        shutil.copyfile(case / map_file, given / "terrain.npz")
+        vehicle["terrain"]["file"] = "terrain.npz"
+    (given / "vehicle.yaml").write_text(yaml.safe_dump(vehicle, sort_keys=False))
+    flights = sorted(case.glob("*.parquet"), key=sha256)
+    for number, path in enumerate(flights, 1):
+        pq.write_table(
+            pq.read_table(path).replace_schema_metadata(None), given / f"flight_{number}.parquet"
+        )
+    for path in given.iterdir():
+        os.utime(path, (0, 0))

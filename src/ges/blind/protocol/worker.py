@@ -1,0 +1,58 @@
+"""One diagnosis behind walls: ``python -I -m ges.blind.protocol.worker CASE OUT OPTIONS`` (by
+:data:`run.SAME`).
+
+It is started with an environment and a working folder that tell it nothing, on a copy of one case
+under a drawn name, and gives up every other file before it reads the case. OPTIONS are JSON:
+``without`` lists parts of the method to leave out, ``baseline`` names another method to use.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+
+from ges.blind.protocol import jail
+from ges.errors import GesError
+
+
+def main(case: Path, out: Path, options: dict) -> int:
+    """Diagnose the set in ``case`` and write the contract's files to ``out``; return 1 where it
+    says that it cannot.
+    """
+    if "baseline" in options:
+        from ges.blind.protocol import baselines  # noqa: F401  its source lies behind the wall
+    kernel = jail.lock_in([case, *jail.interpreter(), *jail.package()], [out])
+    try:
+        seconds = _diagnose(case, out, options)
+    except GesError as error:
+        print(error, file=sys.stderr)
+        return 1
+    (out / "worker.json").write_text(json.dumps({"kernel": kernel, "seconds": round(seconds, 3)}))
+    return 0
+
+
+def _diagnose(case: Path, out: Path, options: dict) -> float:
+    import ges.diagnose
+    from ges.diagnose.design.system import Switches
+    from ges.files import write_json
+    from ges.recordings.recording import load_set
+    from ges.vehicle.file import save_vehicle
+
+    start = time.perf_counter()
+    if "baseline" in options:
+        from ges.blind.protocol.baselines import diagnose
+
+        write_json(out / "diagnosis.json", diagnose(load_set(case), options["baseline"]))
+        return time.perf_counter() - start
+    switches = Switches(**{part: False for part in options.get("without", ())})
+    found = ges.diagnose(load_set(case), switches=switches)
+    seconds = time.perf_counter() - start
+    write_json(out / "diagnosis.json", found.content())
+    save_vehicle(found.vehicle, out / "vehicle.fitted.yaml")
+    return seconds
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1]), Path(sys.argv[2]), json.loads(sys.argv[3])))

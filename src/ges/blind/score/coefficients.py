@@ -1,0 +1,105 @@
+"""Fitted coefficients against the oracle's: their errors, and whether their intervals hold it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ges.blind.score import opened, oracle
+from ges.blind.score.heldout import reductions
+from ges.blind.score.oracle import FREE, SHAPES, Oracle, Witness, is_load, rms
+from ges.errors import GesError
+from ges.simulator import effects as effect_table
+from ges.vehicle.file import load_vehicle
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """One case: errors relative to the oracle, (held, tried) intervals, effect over stated limit,
+    and the reductions of held-out errors by the diagnosis and by the oracle (see
+    :func:`heldout.reductions`).
+    """
+
+    best: Oracle
+    errors: dict[str, float]
+    intervals: tuple[int, int]
+    over_limit: float | None
+    reductions: dict[str, tuple[float, float]]
+
+
+def compare(
+    folder: Path, case: str, truth: Mapping, answers: Sequence[tuple[Mapping, Path]]
+) -> list[Comparison | None]:
+    """Hold diagnoses of one case, each with its fitted vehicle file, against the oracle, which is
+    the same for all; None for a case whose maker kept no witness.
+    """
+    seen = oracle.witness(folder, case, truth)
+    if seen is None:
+        return [None] * len(answers)
+    known = opened.known(folder, case, truth, seen)
+    best, over_limit = known.best, known.over_limit
+    claimed = [
+        {f["name"]: f["parameters"] for f in said["findings"] if f["name"] in best.parameters}
+        for said, _ in answers
+    ]
+    return [
+        Comparison(
+            best,
+            _errors(seen, best, named, fitted),
+            _intervals(best, named),
+            over_limit,
+            reductions(said, known.told),
+        )
+        for (said, fitted), named in zip(answers, claimed, strict=True)
+    ]
+
+
+def _errors(
+    seen: Witness, best: Oracle, claimed: Mapping[str, Mapping], fitted: Path
+) -> dict[str, float]:
+    """Error by effect: of the loads where it makes loads (so that the form chosen does not matter),
+    else of the numbers.
+    """
+    wrenches = [n for n in best.parameters if is_load(n)]
+    errors = {n: _relative(best.parameters[n], claimed[n]) for n in claimed if n not in wrenches}
+    if wrenches and set(wrenches) <= set(claimed):
+        errors["+".join(wrenches)] = _load_error(seen, best, wrenches, fitted)
+    return {name: e for name, e in errors.items() if np.isfinite(e)}
+
+
+def _load_error(seen: Witness, best: Oracle, names: list[str], fitted: Path) -> float:
+    try:
+        held = load_vehicle(fitted).effect_values()
+    except GesError:
+        return np.nan
+    if not set(names) <= set(held):
+        return np.nan
+    right = seen.loads({n: {**effect_table.get(n).neutral(), **best.parameters[n]} for n in names})
+    return rms(seen.loads({n: held[n] for n in names}) - right) / max(rms(right), 1e-12)
+
+
+def _relative(right: Mapping[str, float], told: Mapping[str, Mapping]) -> float:
+    shared = [p for p in right if p in told]
+    whole = np.linalg.norm(list(right.values()))
+    return (
+        float(np.linalg.norm([told[p]["value"] - right[p] for p in shared]) / whole)
+        if shared and whole > 0
+        else np.nan
+    )
+
+
+def _intervals(best: Oracle, claimed: Mapping[str, Mapping]) -> tuple[int, int]:
+    """Count 95 % intervals that hold the oracle's value, where a parameter means the same whatever
+    the others are.
+    """
+    checks = [
+        told[p]["ci95"][0] <= value <= told[p]["ci95"][1]
+        for name, told in claimed.items()
+        if not set(FREE.get(name, ())) & set(SHAPES)
+        for p, value in best.parameters[name].items()
+        if p in told and None not in told[p]["ci95"]
+    ]
+    return (sum(checks), len(checks))

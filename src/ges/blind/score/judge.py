@@ -1,0 +1,153 @@
+"""One verdict against one truth, read from the contract's two files alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+SURE = 0.9
+BY_VERDICT = {
+    "nothing_proven": "null",
+    "unknown": "unknown",
+    "ambiguous": "confounded",
+    "sensor": "sensor",
+    "parameter": "parameter",
+}
+CATEGORIES = ("null", "single", "pair", "triple", "parameter", "sensor", "unknown", "confounded")
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What came of one case.
+
+    ``outcome``: exact, partial (true names, not all), extra (all true names and others), wrong (a
+    name that is not true, not all true ones), hedged (open, the truth among what was offered),
+    nothing, unknown, failed.
+    """
+
+    case: str
+    category: str
+    severity: str
+    truth: tuple[str, ...]
+    verdict: str
+    claimed: tuple[str, ...]
+    offered: tuple[str, ...]
+    outcome: str
+    wrong: tuple[str, ...]
+    flagged: bool
+    stated: tuple[tuple[float, bool], ...] = field(repr=False)
+    located: tuple[int, int, int]
+
+    @property
+    def exact(self) -> bool:
+        """Whether the answer was right."""
+        return self.outcome == "exact"
+
+    @property
+    def alarm(self) -> bool:
+        """Whether anything was said to be there."""
+        return self.verdict not in ("nothing_proven", "failed")
+
+
+def category_of(truth: Mapping) -> str:
+    """Kind of a case: as stated, or from the verdict and the number of findings."""
+    if truth.get("category") in CATEGORIES:
+        return truth["category"]
+    kind = BY_VERDICT.get(truth["verdict"])
+    return kind or {1: "single", 2: "pair"}.get(len(truth["findings"]), "triple")
+
+
+def acceptable(truth: Mapping) -> list[frozenset[str]]:
+    """Sets of names that are right."""
+    names = frozenset(f["name"] for f in truth["findings"])
+    return [names, *(frozenset(other) for other in truth.get("also_acceptable", []))]
+
+
+def judge(case: str, truth: Mapping, said: Mapping) -> Judgement:
+    """Compare a diagnosis with the truth.
+
+    In an ambiguous answer only names of probability 0.9 or more are claimed, the others are
+    offered. A name is wrong when no acceptable answer has it.
+    """
+    findings, verdict = said.get("findings", []), said["verdict"]
+    offered = {f["name"] for f in findings}
+    claimed = {f["name"] for f in findings if verdict != "ambiguous" or f["probability"] >= SURE}
+    right = acceptable(truth)
+    known = frozenset().union(*right)
+    flagged = verdict == "unknown" or bool(said.get("unexplained"))
+    category = category_of(truth)
+    return Judgement(
+        case=case,
+        category=category,
+        severity=truth.get("severity", ""),
+        truth=tuple(f["name"] for f in truth["findings"]) or tuple(truth.get("concealed", ())),
+        verdict=verdict,
+        claimed=tuple(sorted(claimed)),
+        offered=tuple(sorted(offered - claimed)),
+        outcome=_outcome(category, verdict, claimed, offered, right),
+        wrong=tuple(sorted(claimed - known)),
+        flagged=flagged,
+        stated=tuple((float(f["probability"]), f["name"] in known) for f in findings),
+        located=_located(truth, said),
+    )
+
+
+def _outcome(
+    category: str, verdict: str, claimed: set[str], offered: set[str], right: list[frozenset[str]]
+) -> str:
+    if verdict == "failed":
+        return "failed"
+    known = frozenset().union(*right)
+    if category == "confounded":
+        return (
+            "exact"
+            if verdict == "ambiguous" and right[0] <= offered
+            else _named(claimed, right, known, verdict)
+        )
+    if category == "unknown":
+        if claimed and frozenset(claimed) in right[1:]:
+            return "exact"
+        return (
+            "wrong"
+            if claimed - known
+            else "exact"
+            if verdict == "unknown"
+            else verdict.partition("_")[0]
+        )
+    if frozenset(claimed) in right and verdict not in ("ambiguous", "unknown"):
+        return "exact"
+    if verdict == "ambiguous" and any(r <= offered for r in right) and not claimed - known:
+        return "hedged"
+    return _named(claimed, right, known, verdict)
+
+
+def _named(
+    claimed: set[str], right: list[frozenset[str]], known: frozenset[str], verdict: str
+) -> str:
+    if claimed - known:
+        return "extra" if any(r and r <= claimed for r in right) else "wrong"
+    if claimed:
+        return "partial"
+    return "unknown" if verdict == "unknown" else "hedged" if verdict == "ambiguous" else "nothing"
+
+
+def _located(truth: Mapping, said: Mapping) -> tuple[int, int, int]:
+    """Return (found, too many, missed) channels; a trace of an effect is neither to be found nor a
+    mistake.
+
+    Where nothing is concealed every channel is one too many. A truth that tells no channels (a
+    sensor fault; other people's cases) is not scored.
+    """
+    must, may = (
+        set(truth.get("located", ())),
+        set(truth.get("located", ())) | set(truth.get("traces", ())),
+    )
+    if not may and category_of(truth) != "null":
+        return (0, 0, 0)
+    got = {_channel(entry["channel"]) for entry in said.get("located", [])}
+    return (len(must & got), len(got - may), len(must - got))
+
+
+def _channel(name: str) -> str:
+    """Specific force is force; the four drives are one channel."""
+    return "drive" if name.startswith("drive") else name.replace("acc_", "force_")

@@ -1,0 +1,120 @@
+"""What a case comes to once its truth is known: the oracle's fit, and the same tool told the true
+names.
+
+It is most of the work of scoring, the same for all methods, and kept beside the cases: an
+interrupted scoring goes on.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ges.blind.protocol import seal
+from ges.blind.score import oracle
+from ges.blind.score.heldout import told_the_truth
+from ges.blind.score.oracle import SHAPES, Oracle, Witness, is_load, rms
+from ges.files import sha256, tree_hash, write_json
+from ges.provenance.sources import PACKAGE, sources
+from ges.simulator import effects as effect_table
+from ges.simulator._lib import library_path
+from ges.vehicle.file import load_vehicle
+
+KEPT = "opened"
+PARTS = ("fit", "detectable")
+
+
+@dataclasses.dataclass(frozen=True)
+class Opened:
+    """The oracle's best parameters; ``fit`` and ``detectable`` of the ``diagnosis.json`` that was
+    told the true names; what was concealed over the smallest that these flights would have shown,
+    of several names the least, None where none is told.
+    """
+
+    best: Oracle
+    told: Mapping
+    over_limit: float | None
+
+
+def known(folder: Path, case: str, truth: Mapping, seen: Witness) -> Opened:
+    """Return what is known of an opened case; worked out once for these recordings, these sources
+    and this simulator.
+    """
+    kept, made_of = folder / KEPT / f"{case}.json", _made_of(folder)
+    if kept.exists():
+        held = json.loads(kept.read_text())
+        if held.pop("made_of") == made_of:
+            return Opened(
+                _oracle(held["parameters"], held["reach"]), held["told"], held["over_limit"]
+            )
+    found = _work_out(folder, case, truth, seen)
+    reach = found.best.reach if np.isfinite(found.best.reach) else None
+    write_json(
+        kept,
+        {
+            "made_of": made_of,
+            "parameters": found.best.parameters,
+            "reach": reach,
+            "told": found.told,
+            "over_limit": found.over_limit,
+        },
+    )
+    return found
+
+
+def _made_of(folder: Path) -> str:
+    parts = [
+        tree_hash(PACKAGE, sources(__name__)),
+        sha256(library_path()),
+        sha256(folder / "sealed" / seal.SUMS),
+    ]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _oracle(parameters: dict[str, dict[str, float]], reach: float | None) -> Oracle:
+    return Oracle(parameters, np.nan if reach is None else reach)
+
+
+def _work_out(folder: Path, case: str, truth: Mapping, seen: Witness) -> Opened:
+    names, place = [f["name"] for f in truth["findings"]], folder / "cases" / case
+    best = oracle.fit(seen, names)
+    declared = oracle.declared_values(truth, load_vehicle(place / "vehicle.yaml"))
+    best = dataclasses.replace(best, parameters={**best.parameters, **declared})
+    told = told_the_truth(place, names)
+    sizes = [
+        _over_limit(seen, n, best, told.get("detectable", {}))
+        for n in names
+        if n in truth.get("concealed", names[-1:])
+    ]
+    over_limit = min(sizes) if sizes and None not in sizes else None
+    return Opened(best, {part: told[part] for part in PARTS if part in told}, over_limit)
+
+
+def _over_limit(seen: Witness, name: str, best: Oracle, detectable: Mapping) -> float | None:
+    """Size of the effect over the smallest that these flights would have shown: of the loads where
+    it makes loads, else of the numbers along any axis; None where no smallest is told.
+
+    The limit is the one that is stated when the true name is known, so that what was found and what
+    was missed are held against the same.
+    """
+    limit = detectable.get(name)
+    if not limit or not limit.get("smallest") or name not in best.parameters:
+        return None
+    neutral, right = effect_table.get(name).neutral(), best.parameters[name]
+    if is_load(name):
+        least = neutral | limit["shape"] | {limit["parameter"]: limit["smallest"]}
+        sizes = [rms(seen.loads({name: values})) for values in (neutral | right, least)]
+        if sizes[1] > 0.0:
+            return sizes[0] / sizes[1]
+    units = {p.name: p.unit for p in effect_table.get(name).parameters}
+    alike = [
+        v - neutral[p]
+        for p, v in right.items()
+        if p not in SHAPES and units[p] == units[limit["parameter"]]
+    ]
+    return float(np.linalg.norm(alike)) / limit["smallest"] if alike else None

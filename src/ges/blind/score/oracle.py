@@ -1,0 +1,284 @@
+"""The oracle: how well the true names, in the library's form, can match what truly happened.
+
+The library's form is fitted to the noise-free forces, moments and rotor speeds that the generator
+knows and no recording shows. It answers two questions: how much of a concealed effect a candidate
+of that name can reach at all, and which parameters a diagnosis should come to.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ges.blind.generator.drive import NOMINAL
+from ges.blind.generator.whereabouts import FAST_STEP, TRUTH_STEP
+from ges.conventions import BODY_RATE, COMMAND, POSITION, QUATERNION, ROTOR_SPEED, VELOCITY
+from ges.simulator import effects as effect_table
+from ges.vehicle.file import load_vehicle
+
+STEP_S = 0.004
+WIDE = {"form": 3.0, "amplitude": 1.0, "slope_exponent": 0.0, "low": 0.0, "high": 10.0}
+# parameters that are free, by effect; shapes come after amplitudes
+FREE: Mapping[str, tuple[str, ...]] = {
+    "ground_effect": ("c_a", "decay"),
+    "ground_effect_forward_flight": ("c",),
+    "partial_ground_effect": ("k",),
+    "ground_effect_lag": ("c",),
+    "ground_effect_moment": ("q",),
+    "fountain_lift": ("c_b", "c_s"),
+    "rotor_drag": ("k_kg",),
+    "parasitic_drag": ("area_m2", "vertical_ratio"),
+    "axial_inflow": ("k_kg",),
+    "translational_lift": ("c",),
+    "wind": ("east_m_s", "north_m_s", "roughness_m"),
+    "weak_rotor": ("loss_1", "loss_2", "loss_3", "loss_4"),
+    "cg_offset": ("x_m", "y_m"),
+    "rotor_tilt": ("x_rad", "y_rad"),
+    "rotor_inertia_reaction": ("inertia_kg_m2",),
+    "slung_load": ("mass_kg", "length_m", "damping"),
+    "tether": ("weight_N_m",),
+    "battery_sag": ("sensitivity",),
+    "motor_lag": ("up_s", "down_s"),
+    "esc_delay": ("delay_s",),
+    "thrust_curve": ("c",),
+    "rotor_saturation": ("share",),
+    "actuator_mapping": ("exponent",),
+}
+HANGING = {"below_m": 20.0}  # the concealed load hangs free, through the ground
+FIXED: Mapping[str, dict[str, float]] = {"ground_effect": WIDE, "slung_load": HANGING}
+START = {("wind", "roughness_m"): 0.03}
+SHAPES = ("decay", "c_s", "vertical_ratio", "length_m", "damping", "roughness_m")
+DRIVES = ("motor_lag", "esc_delay")
+"""What a diagnosis always leaves free of a drive, beside its top speed."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Oracle:
+    """Best parameters by effect, and the share (0..1) of the effect's mean square that they
+    explain; NaN where unknown.
+    """
+
+    parameters: dict[str, dict[str, float]]
+    reach: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Witness:
+    """What truly happened in a case: the true vehicle in the library's terms, samples, forces and
+    rotor speeds.
+    """
+
+    numbers: dict[str, float]
+    terrain: object
+    flights: tuple[dict[str, np.ndarray], ...]
+    weight_N: float
+    arm_m: float
+
+    def loads(self, effects: effect_table.Effects) -> np.ndarray:
+        """What effects add along all flights: (n, 6) forces over weight, moments over weight times
+        arm.
+        """
+        parts = []
+        for flight in self.flights:
+            samples = effect_table.Samples.from_columns(_columns(flight))
+            having, bare = (
+                effect_table.replay(self.numbers, samples, e, self.terrain) for e in (effects, {})
+            )
+            parts.append(
+                np.hstack(
+                    [
+                        having.force_N - bare.force_N,
+                        (having.moment_Nm - bare.moment_Nm) / self.arm_m,
+                    ]
+                )
+            )
+        return np.concatenate(parts) / self.weight_N
+
+    def true_loads(self) -> np.ndarray:
+        """The same, as it truly was."""
+        parts = [
+            np.hstack([f["extra_force"], f["extra_moment"] / self.arm_m]) for f in self.flights
+        ]
+        return np.concatenate(parts) / self.weight_N
+
+    def speeds(self, effects: effect_table.Effects) -> np.ndarray:
+        """Rotor speeds (n, 4) that the library's drive makes of the commands, over top speed."""
+        from ges.diagnose.design.residual import driven_speeds
+        from ges.diagnose.prepare.align import Prepared
+        from ges.diagnose.types.model import Model
+
+        flights = [_fast(flight) for flight in self.flights]
+        prepared = [Prepared(c["t_s"], c, np.ones(len(c["t_s"]), bool), {}, {}) for c in flights]
+        return (
+            np.concatenate(driven_speeds(prepared, Model(self.numbers), effects))
+            / self.numbers["max_rotor_speed_rad_s"]
+        )
+
+    def true_speeds(self) -> np.ndarray:
+        """The same, as it truly was."""
+        return (
+            np.concatenate([f["fast_rotor_speed"] for f in self.flights])
+            / self.numbers["max_rotor_speed_rad_s"]
+        )
+
+
+def _columns(flight: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    n = len(flight["p"])
+    groups = {
+        "p": POSITION,
+        "v": VELOCITY,
+        "q": QUATERNION,
+        "omega": BODY_RATE,
+        "rotor_speed": ROTOR_SPEED,
+        "u": COMMAND,
+    }
+    told = {c: flight[key][:, k] for key, names in groups.items() for k, c in enumerate(names)}
+    told |= {
+        f"rotor_acceleration_{i + 1}_rad_s2": flight["rotor_acceleration"][:, i] for i in range(4)
+    }
+    return told | {"t_s": np.arange(n) * STEP_S * TRUTH_STEP}
+
+
+def _fast(flight: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    told = {c: flight["fast_u"][:, k] for k, c in enumerate(COMMAND)}
+    told["battery_V"] = flight["fast_battery"][:, 0] * flight["full_V"]
+    return told | {"t_s": np.arange(len(flight["fast_u"])) * STEP_S * FAST_STEP}
+
+
+def witness(folder: Path, case: str, truth: Mapping) -> Witness | None:
+    """Open what the generator kept of a case; None where a case of somebody else keeps nothing."""
+    path = folder / "sealed" / f"{case}.npz"
+    if not path.exists():
+        return None
+    vehicle, true = load_vehicle(folder / "cases" / case / "vehicle.yaml"), truth["true_values"]
+    numbers = vehicle.parameters() | {
+        "mass_kg": true["mass"],
+        "thrust_coefficient_N_s2": true["thrust"],
+        "torque_coefficient_Nm_s2": true["torque"],
+        "max_rotor_speed_rad_s": true["speed"],
+        "ixx_kg_m2": true["ixx"],
+        "iyy_kg_m2": true["iyy"],
+        "izz_kg_m2": true["izz"],
+        "battery_nominal_V": NOMINAL * true["battery_V"],
+    }
+    flights: dict[str, dict] = {}
+    with np.load(path) as kept:
+        for key in kept.files:
+            flight, name = key.split("/")
+            flights.setdefault(flight, {"full_V": true["battery_V"]})[name] = kept[key].astype(
+                float
+            )
+    arm = float(np.mean(np.hypot(*(vehicle.rotor_arrays()[a] for a in ("x_m", "y_m")))))
+    ground = vehicle.ground(folder / "cases" / case)
+    return Witness(numbers, ground, tuple(flights.values()), true["weight_N"], arm)
+
+
+def fit(seen: Witness, names: list[str]) -> Oracle:
+    """Fit the true names that the library has: forces and moments, or rotor speeds where the drive
+    is concerned.
+    """
+    known = [n for n in names if n in FREE and n in effect_table.table()]
+    driven = [
+        n for n in known if effect_table.get(n).kind == "actuator" and n != "actuator_mapping"
+    ]
+    wrenches = [n for n in known if effect_table.get(n).kind in ("wrench", "wind")]
+    found, reach = {}, []
+    if wrenches:
+        best, share = _least_squares(wrenches, seen.loads, seen.true_loads())
+        found, reach = found | best, [*reach, share]
+    if driven and "fast_u" in seen.flights[0]:
+        best, share = _fit_drive(driven, seen)
+        found, reach = found | best, [*reach, share]
+    return Oracle(found, float(np.mean(reach)) if reach else np.nan)
+
+
+def _fit_drive(names: list[str], seen: Witness) -> tuple[dict[str, dict[str, float]], float]:
+    """Effects of a drive beside its lags, its delay and the top speed, which a diagnosis leaves
+    free as well: a vehicle file is wrong about them in every case, and no drive is of first order.
+    """
+    true = seen.true_speeds()
+
+    def model(effects: effect_table.Effects) -> np.ndarray:
+        said = seen.speeds(effects)
+        return said * ((true * said).sum() / (said**2).sum())
+
+    return _least_squares(names, model, true, [n for n in DRIVES if n not in names])
+
+
+def is_load(name: str) -> bool:
+    """Whether an effect is fitted by the forces and moments that it makes."""
+    return name in FREE and effect_table.get(name).kind in ("wrench", "wind")
+
+
+def rms(values: np.ndarray) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _least_squares(
+    names: list[str], model, target: np.ndarray, beside: Sequence[str] = ()
+) -> tuple[dict[str, dict[str, float]], float]:
+    """Best parameters of the names, and the share of what the effects ``beside`` them leave that
+    they explain.
+    """
+    from scipy.optimize import least_squares
+
+    table = {n: {p.name: p for p in effect_table.get(n).parameters} for n in (*names, *beside)}
+    free = [(n, p) for n in table for p in FREE[n]]
+    typical = np.array([_typical(table[n][p]) for n, p in free])
+    low, high = (np.array([getattr(table[n][p], end) for n, p in free]) for end in ("low", "high"))
+    start = np.clip(
+        [START.get((n, p), table[n][p].default) for n, p in free], low + 1e-9, high - 1e-9
+    )
+
+    def effects(x) -> dict[str, dict[str, float]]:
+        own = {n: {**effect_table.get(n).neutral(), **FIXED.get(n, {})} for n in table}
+        for (n, p), value in zip(free, x, strict=True):
+            own[n][p] = float(value)
+        return own
+
+    limits = {"bounds": (low, high), "x_scale": typical, "diff_step": 1e-3, "max_nfev": 40}
+    out = least_squares(lambda x: (target - model(effects(x))).ravel(), start, **limits)
+    best = effects(out.x)
+    none = target - model({n: best[n] for n in beside})
+    share = 1.0 - (out.fun**2).sum() / max((none**2).sum(), 1e-30)
+    return {n: {p: best[n][p] for p in (*FREE[n], *FIXED.get(n, {}))} for n in names}, float(share)
+
+
+def _typical(parameter: effect_table.Parameter) -> float:
+    return abs(parameter.default) or 0.1 * (parameter.high - parameter.low)
+
+
+def declared_values(truth: Mapping, vehicle) -> dict[str, dict[str, float]]:
+    """Parameters that follow from the truth without a fit: what is wrong in the file, and sensor
+    faults.
+    """
+    true, concealed = (
+        truth["true_values"],
+        {k: v for one in truth["concealed"].values() for k, v in one.items()},
+    )
+    lift = (
+        true["thrust"]
+        / true["mass"]
+        * vehicle.mass_kg.value
+        / vehicle.thrust_coefficient_N_s2.value
+    )
+    inertia = {a: true[f"i{a}"] / getattr(vehicle.inertia_kg_m2, a) for a in ("xx", "yy", "zz")}
+    torque = true["torque"] / vehicle.torque_coefficient_Nm_s2.value
+    found = {
+        "thrust_scale": {"scale": lift * concealed.get("thrust_error", 1.0) - 1.0},
+        "inertia": {a: v * concealed.get("inertia_error", 1.0) - 1.0 for a, v in inertia.items()},
+        "torque_coefficient": {"scale": torque * concealed.get("torque_error", 1.0) - 1.0},
+        "actuator_mapping": {"exponent": concealed.get("mapping", 0.0)},
+        "rangefinder_bias": {"bias_m": concealed.get("range_bias_m", 0.0)},
+        "rangefinder_lag": {"tau_s": concealed.get("range_lag_s", 0.0)},
+        "accelerometer_bias": {
+            f"{a}_m_s2": concealed.get(f"acc_bias_{a}_m_s2", 0.0) for a in "xyz"
+        },
+        "gyro_bias": {f"{a}_rad_s": concealed.get(f"gyro_bias_{a}_rad_s", 0.0) for a in "xyz"},
+        "attitude_bias": {f"{a}_rad": concealed.get(f"att_bias_{a}_rad", 0.0) for a in "xy"},
+    }
+    return {f["name"]: found[f["name"]] for f in truth["findings"] if f["name"] in found}

@@ -1,0 +1,57 @@
+"""How often names come true that the search is so sure of: the logistic correction of its log odds
+(Platt 1999).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ges.blind.protocol import seal
+from ges.blind.protocol.run import OUT
+from ges.blind.score.judge import judge
+from ges.blind.score.score import read_verdict
+from ges.diagnose.report.findings import SETTLED
+from ges.errors import GesError
+
+FIRST_OF_EVALUATION = 1000
+
+
+def pairs(folders: Sequence[Path]) -> np.ndarray:
+    """Stated probability and whether the name was true, (n, 2), of all diagnosed cases of these
+    folders; what the gate settles takes no part.
+
+    Raises
+    ------
+    GesError
+        For a folder of an evaluation seed: nothing is fitted to those.
+    """
+    found = []
+    for folder in folders:
+        made = folder / "sealed" / "made.json"
+        seed = json.loads(made.read_text())["seed"] if made.exists() else FIRST_OF_EVALUATION
+        if seed >= FIRST_OF_EVALUATION:
+            raise GesError(
+                f"'{folder}' is for evaluation (seeds from {FIRST_OF_EVALUATION} on); nothing may"
+                " be fitted to it"
+            )
+        for name in seal.cases(folder):
+            judged = judge(name, seal.truth(folder, name), read_verdict(folder / OUT / name))
+            found += [(p, float(true)) for p, true in judged.stated if p != SETTLED]
+    return np.array(found, dtype=float).reshape(-1, 2)
+
+
+def fit(log_odds: np.ndarray, true: np.ndarray) -> tuple[float, float]:
+    """Offset and slope of the log odds that make names come true as often as told.
+
+    Parameters
+    ----------
+    log_odds, true : (n,) of the search, and whether the name was true.
+    """
+    from sklearn.linear_model import LogisticRegression
+
+    found = LogisticRegression(C=1e6).fit(log_odds[:, None], true)
+    return float(found.intercept_[0]), float(found.coef_[0, 0])

@@ -1,0 +1,455 @@
+"""Open the seal and score: rates with Clopper-Pearson intervals, medians and F1 with bootstrap
+intervals, all 95 %.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from ges.blind.protocol import seal
+from ges.blind.protocol.run import OUT, method_folder
+from ges.blind.score.coefficients import Comparison, compare
+from ges.blind.score.judge import CATEGORIES, Judgement, judge
+from ges.errors import GesError
+from ges.files import replacing, sha256, write_json
+
+CONFIDENCE = 0.95
+DRAWS = 2000
+LIMIT_S = 10.0
+PROCESSES = 2
+# score: aim and its direction
+AIMS = {
+    "false alarms on nulls": ("<=", 0.02),
+    "wrong name on singles": ("<=", 0.01),
+    "singles exactly right": (">=", 0.90),
+    "singles exactly right above the stated detection limit": (">=", 0.98),
+    "pairs exactly right": (">=", 0.85),
+    "out of library flagged": (">=", 0.95),
+    "out of library falsely named": ("<=", 0.03),
+    "location F1": (">=", 0.85),
+    "coefficient error relative to the oracle, median": ("<=", 0.05),
+    "intervals that hold the oracle": (">=", 0.85),
+    "held-out reduction in closed loop, share of the oracle's": (">=", 0.90),
+    "calibration error of stated probabilities": ("<=", 0.05),
+    "seconds a case, 95 % quantile": ("<=", LIMIT_S),
+}
+
+
+def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> dict:
+    """Score every case and write tables and figures to ``out`` (default ``folder/scores``); return
+    the summary.
+
+    Raises
+    ------
+    GesError
+        For a case without a verdict, a broken seal, or files that are not what the contract says.
+    """
+    from ges.blind.score.figures import draw_all
+
+    out = out or folder / "scores"
+    names = seal.cases(folder)
+    seal.check(folder, list(seal.listed(folder)))
+    truths = {n: seal.truth(folder, n) for n in names}
+    said = {n: read_verdict(folder / diagnosed / n) for n in names}
+    judged = [judge(n, truths[n], said[n]) for n in names]
+    held = _against_oracle(folder, truths, {diagnosed: said})[diagnosed]
+    table = case_table(folder, diagnosed, judged, truths, held)
+    scores = summary(judged, table, {n: c for n, c in held.items() if c})
+    tables = {
+        "cases": table,
+        "scores": scores,
+        "singles": by_effect(judged),
+        "confusion": confusion(judged),
+        "categories": outcomes(judged),
+        "reliability": reliability(judged),
+        "oracle": reach(judged, held),
+    }
+    for name, frame in tables.items():
+        _write_csv(out / f"{name}.csv", frame)
+    report = {
+        "schema": 1,
+        "cases": len(names),
+        "scores": json.loads(scores.to_json(orient="records", double_precision=6)),
+    }
+    write_json(out / "scores.json", report)
+    draw_all(out, tables)
+    return report
+
+
+def _against_oracle(
+    folder: Path, truths: dict, said: dict[str, dict]
+) -> dict[str, dict[str, Comparison | None]]:
+    """Comparisons by folder of verdicts and case; what ``said`` holds by the same. The oracle of a
+    case is asked once.
+    """
+    answers = {
+        n: [(told[n], folder / d / n / "vehicle.fitted.yaml") for d, told in said.items()]
+        for n in truths
+    }
+    with ProcessPoolExecutor(PROCESSES) as pool:
+        jobs = {n: pool.submit(compare, folder, n, truths[n], answers[n]) for n in truths}
+        held = {n: dict(zip(said, job.result(), strict=True)) for n, job in jobs.items()}
+    return {d: {n: by[d] for n, by in held.items()} for d in said}
+
+
+def score_batches(sums: Path, verdicts: list[Path], scores: Path) -> None:
+    """Score what the workflow's batches diagnosed; tables and figures go beside ``scores``.
+
+    Raises
+    ------
+    GesError
+        When a verdict is not the one that its batch wrote.
+    """
+    folder = sums.parents[1]
+    _check_batches(folder, OUT, verdicts)
+    score_cases(folder, scores.parent)
+
+
+def _check_batches(folder: Path, diagnosed: str, verdicts: Sequence[Path]) -> None:
+    for path in verdicts:
+        for name, digest in json.loads(path.read_text()).items():
+            if sha256(folder / diagnosed / name / "diagnosis.json") != digest:
+                raise GesError(
+                    f"the verdict of case '{name}' is not the one that its batch wrote; run the"
+                    " batch again"
+                )
+
+
+def compare_methods(sums: Path, verdicts: list[Path], methods: list[str], table: Path) -> None:
+    """Write the scores of several methods on the same cases side by side: one row a score, columns
+    by method.
+    """
+    folder = sums.parents[1]
+    names = seal.cases(folder)
+    seal.check(folder, list(seal.listed(folder)))
+    truths = {n: seal.truth(folder, n) for n in names}
+    columns, said = {}, {}
+    for method in methods:
+        diagnosed = method_folder(method)
+        _check_batches(folder, diagnosed, [p for p in verdicts if p.parent.name == method])
+        said[diagnosed] = {n: read_verdict(folder / diagnosed / n) for n in names}
+    every = _against_oracle(folder, truths, said)
+    for method in methods:
+        diagnosed = method_folder(method)
+        judged, held = [judge(n, truths[n], said[diagnosed][n]) for n in names], every[diagnosed]
+        cases = case_table(folder, diagnosed, judged, truths, held)
+        columns[method] = summary(judged, cases, {n: c for n, c in held.items() if c}).set_index(
+            "score"
+        )[["value", "low", "high"]]
+    side_by_side = pd.concat(columns, axis=1)
+    side_by_side.columns = [f"{method}_{part}" for method, part in side_by_side.columns]
+    _write_csv(table, side_by_side.reset_index())
+
+
+def read_verdict(folder: Path) -> dict:
+    """Read a case's diagnosis.json.
+
+    Raises
+    ------
+    GesError
+        When there is none or it lacks what the contract demands.
+    """
+    path = folder / "diagnosis.json"
+    try:
+        said = json.loads(path.read_text())
+        if not isinstance(said, dict) or not {"verdict", "findings"} <= said.keys():
+            raise ValueError("verdict or findings are missing")
+    except FileNotFoundError:
+        raise GesError(f"case '{folder.name}' has no verdict; run ges blind run first") from None
+    except ValueError as error:
+        raise GesError(f"{path} is not a diagnosis: {error}") from None
+    return said
+
+
+def _write_csv(path: Path, frame: pd.DataFrame) -> None:
+    with replacing(path) as new:
+        frame.to_csv(new, index=False, float_format="%.6g")
+
+
+def case_table(
+    folder: Path, diagnosed: str, judged: Sequence[Judgement], truths: dict, held: dict
+) -> pd.DataFrame:
+    """One row a case: what was concealed, what was said, what came of it, in which situation, in
+    how many seconds.
+    """
+    rows = []
+    for j in judged:
+        about = folder / diagnosed / j.case / "run.json"
+        ran = json.loads(about.read_text()) if about.exists() else {}
+        against = held[j.case]
+        worst = max(against.errors.values(), default=np.nan) if against else np.nan
+        rows.append(
+            {
+                "case": j.case,
+                "category": j.category,
+                "severity": j.severity,
+                "truth": "+".join(j.truth),
+                "verdict": j.verdict,
+                "claimed": "+".join(j.claimed),
+                "offered": "+".join(j.offered),
+                "outcome": j.outcome,
+                "wrong": "+".join(j.wrong),
+                "flagged": j.flagged,
+                "located": j.located[0],
+                "located_too_many": j.located[1],
+                "located_missed": j.located[2],
+                "reach": against.best.reach if against else np.nan,
+                "coefficient_error": worst,
+                "over_limit": against.over_limit if against else None,
+                **truths[j.case].get("situation", {}),
+                "seconds": ran.get("seconds"),
+                "wall_s": ran.get("wall_s"),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def reach(judged: Sequence[Judgement], held: dict) -> pd.DataFrame:
+    """The oracle: share of a concealed effect that the library's form of that name explains at
+    best, by effect.
+    """
+    of = [
+        (j.truth[-1], held[j.case].best.reach)
+        for j in judged
+        if j.category in ("single", "parameter") and held[j.case]
+    ]
+    frame = pd.DataFrame(of, columns=["effect", "reach"]).dropna()
+    told = (
+        frame.groupby("effect")["reach"].agg(n="count", median="median", lowest="min").reset_index()
+    )
+    return told.astype({"n": int})
+
+
+def proportion(hits: Sequence[bool]) -> tuple[float, float, float]:
+    """Share with its Clopper-Pearson interval; NaN where there is nothing to count."""
+    from scipy.stats import binomtest
+
+    if not len(hits):
+        return (np.nan,) * 3
+    test = binomtest(int(sum(hits)), len(hits))
+    low, high = test.proportion_ci(CONFIDENCE, method="exact")
+    return (test.statistic, float(low), float(high))
+
+
+def bootstrap(
+    values: np.ndarray, statistic: Callable[[np.ndarray], float]
+) -> tuple[float, float, float]:
+    """Statistic of rows of ``values`` with its percentile interval over resampled rows."""
+    if not len(values):
+        return (np.nan,) * 3
+    rng = np.random.default_rng(0)
+    drawn = [statistic(values[rng.integers(0, len(values), len(values))]) for _ in range(DRAWS)]
+    low, high = np.nanquantile(drawn, [0.5 - CONFIDENCE / 2.0, 0.5 + CONFIDENCE / 2.0])
+    return (float(statistic(values)), float(low), float(high))
+
+
+def f1(counts: np.ndarray) -> float:
+    """F1 of rows (found, too many, missed)."""
+    found, many, missed = counts.sum(axis=0)
+    return 2.0 * found / (2.0 * found + many + missed) if found + many + missed else np.nan
+
+
+def _share(gains: np.ndarray) -> float:
+    """Sum of the first column over that of the second."""
+    return float(gains[:, 0].sum() / gains[:, 1].sum())
+
+
+def _median_share(gains: np.ndarray) -> float:
+    """Median of the first column over the second: one case that got much worse does not
+    decide it.
+    """
+    return float(np.median(gains[:, 0] / gains[:, 1]))
+
+
+def calibration_error(stated: np.ndarray, bins: int = 10) -> float:
+    """Expected calibration error of rows (probability, came true) over equal bins."""
+    place = np.clip((stated[:, 0] * bins).astype(int), 0, bins - 1)
+    gaps = [abs((stated[place == b, 0] - stated[place == b, 1]).sum()) for b in range(bins)]
+    return float(sum(gaps) / len(stated))
+
+
+def only_true(j: Judgement) -> bool | None:
+    """Whether all names of an answer are concealed ones; None where it gives none or leaves some
+    open.
+    """
+    return set(j.claimed) <= set(j.truth) if j.claimed and j.verdict != "ambiguous" else None
+
+
+def summary(
+    judged: Sequence[Judgement], table: pd.DataFrame, held: dict[str, Comparison]
+) -> pd.DataFrame:
+    """All scores with interval, number of cases, aim and whether it is met."""
+    of = {c: [j for j in judged if j.category == c] for c in CATEGORIES}
+    found = {
+        "false alarms on nulls": _rate(of["null"], lambda j: j.alarm),
+        "nulls given a name": _rate(of["null"], lambda j: bool(j.claimed)),
+        "wrong name on singles": _rate(of["single"], lambda j: bool(j.wrong)),
+        "singles exactly right": _rate(of["single"], lambda j: j.exact),
+        "singles with nothing said": _rate(of["single"], lambda j: j.outcome == "nothing"),
+        "pairs exactly right": _rate(of["pair"], lambda j: j.exact),
+        "pairs with true names only": _rate(of["pair"], lambda j: bool(j.claimed) and not j.wrong),
+        "triples exactly right": _rate(of["triple"], lambda j: j.exact),
+        "triples with true names only": _rate(
+            of["triple"], lambda j: bool(j.claimed) and not j.wrong
+        ),
+        "parameter errors exactly right": _rate(of["parameter"], lambda j: j.exact),
+        "sensor faults exactly right": _rate(of["sensor"], lambda j: j.exact),
+        "out of library flagged": _rate(of["unknown"], lambda j: j.flagged or j.exact),
+        "out of library falsely named": _rate(of["unknown"], lambda j: bool(j.wrong)),
+        "confounded called ambiguous": _rate(of["confounded"], lambda j: j.exact),
+        "confounded given the true name": _rate(of["confounded"], lambda j: only_true(j) is True),
+        "confounded given another name": _rate(of["confounded"], lambda j: only_true(j) is False),
+        "diagnosis failed": _rate(judged, lambda j: j.outcome == "failed"),
+    }
+    located = np.array([j.located for j in judged if sum(j.located)], dtype=float).reshape(-1, 3)
+    stated = np.array([s for j in judged for s in j.stated], dtype=float).reshape(-1, 2)
+    for category, limit in (("single", "limit"), ("pair", "limits"), ("triple", "limits")):
+        above = [
+            j for j in of[category] if j.case in held and (held[j.case].over_limit or 0.0) >= 1.0
+        ]
+        found[f"{category}s exactly right above the stated detection {limit}"] = _rate(
+            above, lambda j: j.exact
+        )
+    errors = np.array([e for c in held.values() for e in c.errors.values()])
+    found["coefficient error relative to the oracle, median"] = (
+        *bootstrap(errors, np.median),
+        len(errors),
+    )
+    within = [k < c.intervals[0] for c in held.values() for k in range(c.intervals[1])]
+    found["intervals that hold the oracle"] = (*proportion(within), len(within))
+    for kind, words in (
+        ("open_loop", "held-out reduction"),
+        ("closed_loop", "held-out reduction in closed loop"),
+    ):
+        gains = np.array(
+            [c.reductions[kind] for c in held.values() if kind in c.reductions]
+        ).reshape(-1, 2)
+        found[f"{words}, share of the oracle's"] = (*bootstrap(gains, _share), len(gains))
+        found[f"{words}, median share of a case"] = (*bootstrap(gains, _median_share), len(gains))
+    seconds = table["seconds"].dropna().to_numpy(dtype=float)
+    found["location F1"] = (*bootstrap(located, f1), len(located))
+    found["calibration error of stated probabilities"] = (
+        *bootstrap(stated, calibration_error),
+        len(stated),
+    )
+    found["seconds a case, median"] = (*bootstrap(seconds, np.median), len(seconds))
+    found["seconds a case, 95 % quantile"] = (
+        *bootstrap(seconds, lambda s: float(np.quantile(s, 0.95))),
+        len(seconds),
+    )
+    return pd.DataFrame([_score(name, *values) for name, values in found.items()])
+
+
+def _rate(
+    judged: Sequence[Judgement], hit: Callable[[Judgement], bool]
+) -> tuple[float, float, float, int]:
+    return (*proportion([hit(j) for j in judged]), len(judged))
+
+
+def _score(name: str, value: float, low: float, high: float, count: int) -> dict:
+    sign, aim = AIMS.get(name, ("", np.nan))
+    met = (
+        ""
+        if not sign or not count
+        else "yes"
+        if (value <= aim if sign == "<=" else value >= aim)
+        else "no"
+    )
+    return {
+        "score": name,
+        "value": value,
+        "low": low,
+        "high": high,
+        "n": count,
+        "aim": f"{sign} {aim:g}" if sign else "",
+        "met": met,
+    }
+
+
+def by_effect(judged: Sequence[Judgement]) -> pd.DataFrame:
+    """Cases with one thing concealed: share exactly right, wrong and silent by effect and
+    severity.
+    """
+    rows = []
+    for category in ("single", "parameter", "sensor", "unknown"):
+        of = [j for j in judged if j.category == category]
+        for name in sorted({j.truth[-1] for j in of if j.truth}):
+            for severity in ("weak", "medium", "strong"):
+                here = [j for j in of if j.truth and j.truth[-1] == name and j.severity == severity]
+                if here:
+                    value, low, high = proportion([j.exact for j in here])
+                    rows.append(
+                        {
+                            "category": category,
+                            "effect": name,
+                            "severity": severity,
+                            "n": len(here),
+                            "exact": value,
+                            "low": low,
+                            "high": high,
+                            "nothing": np.mean([j.outcome == "nothing" for j in here]),
+                            "wrong": np.mean([bool(j.wrong) for j in here]),
+                        }
+                    )
+    return pd.DataFrame(
+        rows,
+        columns=["category", "effect", "severity", "n", "exact", "low", "high", "nothing", "wrong"],
+    )
+
+
+def confusion(judged: Sequence[Judgement]) -> pd.DataFrame:
+    """Count, for every concealed name (or kind, where nothing has a name), the answers that cases
+    with it got.
+    """
+    rows = []
+    for j in judged:
+        truth = (
+            j.truth if j.category in ("single", "parameter", "sensor", "unknown") else (j.category,)
+        )
+        answer = j.claimed or (j.verdict,)
+        known = set(j.truth) if j.category != "unknown" else set()
+        concealed = truth[-1] if truth else j.category
+        rows += [(concealed, name) for name in answer if name == concealed or name not in known]
+        if j.category in ("pair", "triple") and j.claimed and not j.wrong:
+            rows.append((concealed, "true names"))
+        elif (
+            j.category not in ("pair", "triple")
+            and j.claimed
+            and not [n for n in answer if n == concealed or n not in known]
+        ):
+            rows.append((concealed, "true companion only"))
+    frame = pd.DataFrame(rows, columns=["concealed", "answer"])
+    return frame.value_counts(sort=False).rename("cases").reset_index()
+
+
+def outcomes(judged: Sequence[Judgement]) -> pd.DataFrame:
+    """Count of every outcome by category."""
+    frame = pd.DataFrame([(j.category, j.outcome) for j in judged], columns=["category", "outcome"])
+    return frame.value_counts(sort=False).rename("cases").reset_index()
+
+
+def reliability(judged: Sequence[Judgement], bins: int = 10) -> pd.DataFrame:
+    """Stated probability against the share that came true, by bin."""
+    stated = np.array([s for j in judged for s in j.stated], dtype=float).reshape(-1, 2)
+    place = np.clip((stated[:, 0] * bins).astype(int), 0, bins - 1)
+    rows = []
+    for b in np.unique(place):
+        here = stated[place == b]
+        value, low, high = proportion(here[:, 1].astype(bool))
+        rows.append(
+            {
+                "bin": b / bins,
+                "n": len(here),
+                "stated": here[:, 0].mean(),
+                "true": value,
+                "low": low,
+                "high": high,
+            }
+        )
+    return pd.DataFrame(rows, columns=["bin", "n", "stated", "true", "low", "high"])

@@ -1,0 +1,268 @@
+"""The next flight: every explanation that is still open is flown, simulated, over a menu of
+manoeuvres, and judged as a real flight would be; the manoeuvre whose outcome separates them most is
+recommended.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+from scipy.special import softmax
+
+from ges.diagnose.design.system import rows
+from ges.diagnose.design.whiten import whiten
+from ges.diagnose.estimate.fit import starting_values
+from ges.diagnose.prepare.align import STREAMS, Prepared
+from ges.diagnose.prepare.gate import prepare
+from ges.diagnose.select.evidence import TEMPERING, Board, Gram, flight_grams, posterior
+from ges.diagnose.select.search import Hypothesis, Search
+from ges.diagnose.types.model import Model
+from ges.simulator import flight as sim
+from ges.simulator import manoeuvres
+from ges.threads import each
+
+DURATION_S = 30.0
+LEAST_FLYING = 0.5
+SEED = 1
+POSSIBLE = 0.1
+MOST = 3
+FIRM = {"attitude_kp": 400.0, "attitude_kd": 40.0}
+"""Stands in for the integral action of a real autopilot, which trims unequal motors away."""
+WORTH_FLYING = float(np.log(4.0))
+SETTLED = 20.0  # log odds beyond which nothing more is gained
+SURE = float(np.log(9.0))  # odds that an acceptance takes
+LEAST_GAIN = 0.05
+MOST_FLIGHTS = 20
+READINGS = {f"omega_{a}_rad_s": f"gyro_{a}_rad_s" for a in "xyz"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Rival:
+    """An explanation that is still open: its effects with their sizes, and its columns on the
+    board.
+    """
+
+    names: tuple[str, ...]
+    effects: Mapping[str, Mapping[str, float]]
+    columns: tuple[int, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Option:
+    """One manoeuvre.
+
+    Attributes
+    ----------
+    separates : explanations that would be told from all others, with one that stands for the rest.
+    stays_open : explanations that it would leave open among themselves.
+    expected_log_odds : of the true explanation over its best rival afterwards, the rivals as likely
+        as they are now.
+    so_far : what the flights so far give the best of them.
+    gain : of the expected log odds by one such flight.
+    """
+
+    manoeuvre: str
+    separates: tuple[str, ...]
+    stays_open: tuple[str, ...]
+    expected_log_odds: float
+    so_far: float
+    gain: float
+
+    @property
+    def flights(self) -> int | None:
+        """How often to fly it until the odds of an acceptance are expected; None where that would
+        take too many.
+        """
+        if self.expected_log_odds >= SURE:
+            return 1
+        if self.gain < LEAST_GAIN:
+            return None
+        wanted = 1 + int(np.ceil((SURE - self.expected_log_odds) / self.gain))
+        return wanted if wanted <= MOST_FLIGHTS else None
+
+    def content(self) -> dict:
+        """``next_flight`` of diagnosis.json; without a manoeuvre where this one would not do."""
+        return {
+            "manoeuvre": self.manoeuvre if self.flights else None,
+            "flights": self.flights,
+            "separates": list(self.separates),
+            "stays_open": list(self.stays_open),
+            "expected_log_odds": self.expected_log_odds,
+            "so_far_log_odds": self.so_far,
+        }
+
+
+def rivals_of(board: Board, open_sets: Sequence[Hypothesis]) -> list[Rival]:
+    """Rivals from hypotheses of the search; nothing at all is a rival too."""
+    empty = Rival((), {}, ())
+    return [
+        Rival(h.names, starting_values(board, h), h.posterior.columns) if h.posterior else empty
+        for h in open_sets
+    ]
+
+
+def open_sets(found: Search, proven: Sequence[str]) -> list[Hypothesis]:
+    """The best set with each name that is neither proven nor ruled out, and the best without any
+    where that is possible.
+    """
+    names = [
+        n for n in sorted(found.inclusion, key=lambda n: -found.inclusion[n]) if n not in proven
+    ]
+    names = [n for n in names if found.inclusion[n] > POSSIBLE]
+    sets = [
+        max((h for h in found.hypotheses if n in h.names), key=lambda h: h.log_evidence)
+        for n in names[:MOST]
+    ]
+    without = [h for h in found.hypotheses if set(h.names) <= set(proven)]
+    if sum(h.probability for h in without) > POSSIBLE:
+        sets.append(max(without, key=lambda h: h.log_evidence))
+    return list({h.names: h for h in sets}.values())
+
+
+def next_flight(
+    board: Board,
+    found: Search,
+    proven: Sequence[str],
+    parameters: Mapping[str, float] | None = None,
+) -> dict:
+    """``next_flight`` of diagnosis.json: the manoeuvre that separates best what is open, and how
+    often to fly it; empty where nothing is open, and without a manoeuvre where none of the menu
+    would do.
+
+    Parameters
+    ----------
+    board, found : the search and what it was made on.
+    proven : names that are accepted.
+    parameters : as for :func:`rank`.
+    """
+    rivals = rivals_of(board, open_sets(found, proven))
+    ranked = rank(board, rivals, parameters) if len(rivals) > 1 else []
+    return ranked[0].content() if ranked else {}
+
+
+def _logged(flights: Sequence[Prepared]) -> list[str]:
+    """Columns that every recording had, what was derived from others left out."""
+    made = {name for f in flights for stream in f.derived for name in STREAMS[stream]}
+    common = set.intersection(*(set(f.columns) for f in flights)) - made
+    return ["t_s", *sorted(common & {*sim.columns(), *READINGS, "ground_z_m"})]
+
+
+def simulate(
+    model: Model, rival: Rival, plan: str, logged: Sequence[str], parameters: Mapping[str, float]
+) -> Prepared | None:
+    """One manoeuvre flown with a rival's effects, recorded as the flights so far were; None where
+    it could not be flown.
+    """
+    table = manoeuvres.make(plan, DURATION_S)
+    numbers = {
+        **parameters,
+        **FIRM,
+        "seed": SEED,
+        "altitude_source": 1,
+        "mode": "none",
+        "inputs_dt_s": manoeuvres.STEP_S,
+        "duration_s": (len(table) - 1) * manoeuvres.STEP_S,
+    }
+    effects = model.with_effects(rival.effects).effects
+    wanted = [READINGS.get(name, name) for name in logged]
+    (record,) = sim.fly([sim.Flight(numbers, effects, model.terrain, table)], wanted)
+    if record.status != "ok":
+        return None
+    frame = pd.DataFrame(
+        {name: record[source] for name, source in zip(logged, wanted, strict=True)}
+    )
+    flight = prepare(frame, model)
+    return flight if flight.flying.mean() > LEAST_FLYING else None
+
+
+def _subset(board: Board, rivals: Sequence[Rival]) -> np.ndarray:
+    """Columns that matter: the nuisances in use and those of the rivals."""
+    used = [k for k in board.nuisance if board.prior.sd[k] > 0]
+    return np.array(sorted({*used, *(k for r in rivals for k in r.columns)}), dtype=int)
+
+
+def _gram(board: Board, flight: Prepared, keep: np.ndarray) -> Gram:
+    """Normal equations of one more flight, in the noise of the flights so far."""
+    system, columns = board.system, [board.system.columns[k] for k in keep]
+    made = rows(flight, system.model, system.names, columns, system.flights[0].windows.length_s)
+    usual = np.median(np.concatenate([r.noise for r in system.flights])) or 1.0
+    return flight_grams(whiten([made], board.noise, [made.noise / usual]), columns, TEMPERING)[0]
+
+
+def _log_odds(board: Board, gram: Gram, keep: np.ndarray, rivals: Sequence[Rival]) -> np.ndarray:
+    """Log evidence of every rival on these normal equations."""
+    place = {int(k): i for i, k in enumerate(keep)}
+    drop = np.array([place[int(k)] for k in keep if k in set(board.nuisance)], dtype=int)
+    left = gram.without(drop, board.prior.sd[keep][drop])
+    weigh = [[place[int(k)] for k in r.columns] for r in rivals]
+    prior = board.prior.take(keep)
+    return np.array([posterior(left, at, prior).log_evidence if at else 0.0 for at in weigh])
+
+
+def _lead(evidence: np.ndarray, truth: int) -> float:
+    """How far the true rival is ahead of the best other."""
+    return float(evidence[truth] - np.delete(evidence, truth).max())
+
+
+def _expected(chance: np.ndarray, leads: Sequence[float]) -> float:
+    """Lead of the true rival, the rivals as likely as they are; what is settled is not counted
+    twice.
+    """
+    return float(chance @ np.minimum(leads, SETTLED))
+
+
+def _labels(rivals: Sequence[Rival]) -> tuple[str, ...]:
+    """What sets each rival apart: the names that not all of them have."""
+    shared = set.intersection(*(set(r.names) for r in rivals))
+    return tuple("+".join(n for n in r.names if n not in shared) or "nothing more" for r in rivals)
+
+
+def rank(
+    board: Board,
+    rivals: Sequence[Rival],
+    parameters: Mapping[str, float] | None = None,
+    plans: Sequence[str] = tuple(manoeuvres.MENU),
+    also_logged: Collection[str] = (),
+) -> list[Option]:
+    """Manoeuvres, best first.
+
+    Parameters
+    ----------
+    board : of the search over the flights so far.
+    rivals : two or more open explanations.
+    parameters : numbers to fly with, where the vehicle file is not complete enough to fly; the
+        model's otherwise.
+    plans : names of the menu in ``ges.simulator.manoeuvres``.
+    also_logged : columns that the next flight will have and the flights so far have not; these then
+        tell the rivals nothing.
+    """
+    model, keep = board.system.model, _subset(board, rivals)
+    logged = [*_logged([r.flight for r in board.system.flights]), *also_logged]
+    past = sum((g.take(keep) for g in board.by_flight[1:]), board.by_flight[0].take(keep))
+    past = past.scaled(0.0) if also_logged else past
+    now = _log_odds(board, past, keep, rivals)
+    so_far, chance = float(np.sort(now)[-1] - np.sort(now)[-2]), softmax(now)
+    labels, options = _labels(rivals), []
+    expected_now = _expected(chance, [_lead(now, i) for i in range(len(rivals))])
+    for plan in plans:
+        flown = each(
+            lambda r, plan=plan: simulate(model, r, plan, logged, parameters or model.parameters),
+            rivals,
+        )
+        if any(f is None for f in flown):
+            continue
+        after = [_log_odds(board, past + _gram(board, f, keep), keep, rivals) for f in flown]
+        leads = [_lead(evidence, i) for i, evidence in enumerate(after)]
+        left = tuple(
+            label for label, lead in zip(labels, leads, strict=True) if lead <= WORTH_FLYING
+        )
+        told = tuple(label for label in labels if label not in left)
+        expected = _expected(chance, leads)
+        separates, open_still = (told + left[:1], left) if told else (labels, ())
+        options.append(
+            Option(plan, separates, open_still, expected, so_far, expected - expected_now)
+        )
+    return sorted(options, key=lambda o: -o.expected_log_odds)

@@ -1,0 +1,462 @@
+"""Calibrate a vehicle file on reference flights that are known to be good: what its later flights
+are held against.
+
+Every declared number may move within its tolerance; gains of single motors and the centre of
+gravity (trims) may move as far as small vehicles do. Flights of one vehicle differ by more than
+noise (a battery put back elsewhere, warm motors), so one factor for the spread between flights is
+fitted too, and it enters the doubt that the new file states. A handful of flights, perhaps all of
+one afternoon, tells that spread badly: it is pooled with what such vehicles usually do, by degrees
+of freedom (scaled inverse chi-squared; Gelman et al., *Bayesian Data Analysis*, 3rd ed., section
+2.6).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.stats import t as student
+
+from ges.diagnose.design.system import System, build, window_length_s
+from ges.diagnose.detectors.balance import CHANNELS, LOSSES, centred, variance_of_means
+from ges.diagnose.estimate.fit import calibrated, in_the_air, left_raw, null_fit, within_bounds
+from ges.diagnose.prepare.align import Prepared, attitude_measured
+from ges.diagnose.prepare.gate import at_flown_voltage, pass_gate
+from ges.diagnose.select.evidence import Gram
+from ges.diagnose.types.diagnosis import interval95
+from ges.diagnose.types.model import SPEED, Model, from_vehicle
+from ges.diagnose.validate.locate import BLOCK_S, regimes_of
+from ges.diagnose.validate.structure import structures
+from ges.errors import GesError
+from ges.recordings.recording import RecordingSet, require_drive
+from ges.simulator import effects as effect_table
+from ges.threads import blas_alone
+from ges.vehicle.file import Estimate, Quantity, Vehicle, parse_vehicle, vehicle_content
+
+TRIMS = ("thrust_scale.scale", *LOSSES, "cg_offset.x_m", "cg_offset.y_m")
+LOSS_SD = 0.1
+SPREAD = 0.02
+USUAL_FACTOR = {True: 1.0, False: 0.25}
+"""Spread that flights usually have, over :data:`SPREAD`: from commands, which warm motors blur, and
+from rotor speeds.
+"""
+USUAL_WORTH = 4.0  # degrees of freedom
+LARGEST_SPREAD = 10.0
+WORTH = 3.0
+ROUNDS = 4
+TIGHT = 0.2
+OF_THE_DRIVE = (SPEED, "thrust_curve.c", "battery_sag.sensitivity")
+FOLDED = frozenset({"thrust_scale", "torque_coefficient", "inertia", "motor_lag", "vehicle"})
+DRIVE_EFFECTS = frozenset({"thrust_curve", "battery_sag"})
+
+
+@dataclasses.dataclass(frozen=True)
+class Number:
+    """One fitted number, as the correction that was added to the file's.
+
+    Attributes
+    ----------
+    value : correction; relative for ``thrust_scale``, ``inertia``, ``torque_coefficient`` and the
+        motors' losses.
+    sd : of the correction, from these flights alone.
+    flight_sd : spread from flight to flight.
+    declared_sd : tolerance it was fitted within.
+    later_sd : doubt about it in a later flight: sd, spread and the small number of flights
+        together.
+    """
+
+    value: float
+    sd: float
+    flight_sd: float
+    declared_sd: float
+    later_sd: float
+
+    @property
+    def ci95(self) -> tuple[float, float]:
+        """95 % interval of the correction."""
+        return interval95(self.value, self.sd)
+
+
+@dataclasses.dataclass(frozen=True)
+class Calibration:
+    """The new vehicle file, the numbers behind it, and what was noticed."""
+
+    vehicle: Vehicle
+    numbers: Mapping[str, Number]
+    spread: float
+    seconds: float
+    warnings: tuple[str, ...]
+
+
+def _opened(model: Model, flights: Sequence[Prepared]) -> Model:
+    """The model with the motors' gains free; in hover a shifted centre of gravity looks the same,
+    so that one only moves within the doubt that the file itself declares. What turns commands into
+    thrust is one number without rotor speeds.
+    """
+    doubts = {
+        **dict.fromkeys(LOSSES, LOSS_SD),
+        "cg_offset.x_m": 0.0,
+        "cg_offset.y_m": 0.0,
+        **model.doubts,
+    }
+    if _commanded(flights):
+        doubts |= dict.fromkeys(OF_THE_DRIVE, 0.0)
+    return dataclasses.replace(model, doubts=doubts)
+
+
+def _commanded(flights: Sequence[Prepared]) -> bool:
+    """Whether thrust is known from commands alone."""
+    return not any(f.has("rotor_speed") for f in flights)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Trims:
+    """Balance of whole flights: by flight, mean residuals y (c,) and columns x (c, k) over the sd
+    of that mean.
+    """
+
+    keys: tuple[str, ...]
+    prior_sd: np.ndarray
+    spread: np.ndarray
+    grams: tuple[Gram, ...]
+
+
+def _balance(system: System) -> _Trims:
+    """Reduce every flight to its mean balance of thrust and moments.
+
+    Slow balance alone tells gains: in single windows the noise of the commands is in the model too,
+    and the fit would shrink the model to be rid of it (errors in variables).
+    """
+    kept = [
+        k
+        for k, c in enumerate(system.columns)
+        if c.nuisance and c.nuisance.key in TRIMS and c.nuisance.sd > 0
+    ]
+    keys = tuple(system.columns[k].nuisance.key for k in kept)
+    slow = [c for c, name in enumerate(system.names) if name in CHANNELS]
+    sd, grams = np.sqrt(variance_of_means(system, slow)), []
+    for r in system.flights:
+        y, x = r.in_air(slow).mean(axis=0) / sd, r.mean_columns(slow, kept) / sd[:, None]
+        seen = np.isfinite(y)
+        grams.append(
+            Gram(
+                x[seen].T @ x[seen],
+                x[seen].T @ y[seen],
+                float(y[seen] @ y[seen]),
+                float(seen.sum()),
+            )
+        )
+    prior = np.array([system.columns[k].nuisance.sd for k in kept])
+    return _Trims(keys, prior, np.array([_usual_spread(key, keys) for key in keys]), tuple(grams))
+
+
+def _usual_spread(key: str, keys: Sequence[str]) -> float:
+    """Spread between flights before its factor: of every motor's gain; of the thrust where motors
+    cannot be told apart.
+    """
+    if key in LOSSES:
+        return SPREAD
+    return 0.5 * SPREAD if key == TRIMS[0] and not set(LOSSES) & set(keys) else 0.0
+
+
+@dataclasses.dataclass(frozen=True)
+class _Posterior:
+    mean: np.ndarray
+    covariance: np.ndarray
+    log_likelihood: float
+
+
+def _posterior(
+    grams: Sequence[Gram], prior_mean: np.ndarray, prior_sd: np.ndarray, flight_sd: np.ndarray
+) -> _Posterior:
+    """Common numbers under N(prior_mean, prior_sd^2), every flight's own deviation N(0,
+    flight_sd^2) integrated out.
+    """
+    precision = np.diag(1.0 / prior_sd**2)
+    right, total = (
+        precision @ prior_mean,
+        -float(np.log(prior_sd).sum()) - 0.5 * float(prior_mean @ precision @ prior_mean),
+    )
+    for gram in grams:
+        inner = np.eye(len(flight_sd)) + flight_sd[:, None] * gram.xx * flight_sd
+        gain = flight_sd[:, None] * np.linalg.solve(
+            inner, flight_sd[:, None] * np.column_stack([gram.xx, gram.xy])
+        )
+        precision = precision + gram.xx - gram.xx @ gain[:, :-1]
+        right = right + gram.xy - gram.xx @ gain[:, -1]
+        total += -0.5 * np.linalg.slogdet(inner)[1] - 0.5 * (gram.yy - float(gram.xy @ gain[:, -1]))
+    covariance = np.linalg.inv(precision)
+    mean = covariance @ right
+    total += 0.5 * float(right @ mean) + 0.5 * np.linalg.slogdet(covariance)[1]
+    return _Posterior(mean, covariance, float(total))
+
+
+def _gauge(keys: Sequence[str]) -> np.ndarray:
+    """Map that moves the mean of the losses, which is a thrust scale, into the thrust scale (small
+    corrections).
+    """
+    turn = np.eye(len(keys))
+    losses = [keys.index(key) for key in LOSSES if key in keys]
+    if losses and TRIMS[0] in keys:
+        turn[np.ix_(losses, losses)] -= 1.0 / len(losses)
+        turn[keys.index(TRIMS[0]), losses] = -1.0 / len(losses)
+    return turn
+
+
+def _trims(
+    flights: Sequence[Prepared], model: Model, before: Mapping[str, Number], length_s: float
+):
+    """Gains and trims from the slow balance, and the factor on the usual spread between flights."""
+    shift = {key: n.value for key, n in before.items()}
+    told = _balance(build(flights, calibrated(model, shift), [], length_s))
+    start = -np.array([shift.get(key, 0.0) for key in told.keys])
+    factor = _spread_factor(told.grams, start, told.prior_sd, told.spread)
+    pooled, freedom = _pooled(
+        factor, told.grams[0].n * (len(flights) - 1), USUAL_FACTOR[_commanded(flights)]
+    )
+    found, turn = (
+        _posterior(told.grams, start, told.prior_sd, pooled * told.spread),
+        _gauge(told.keys),
+    )
+    sd = np.sqrt(np.diag(turn @ found.covariance @ turn.T))
+    later = np.hypot(sd, float(student.ppf(0.975, freedom)) / 1.96 * pooled * told.spread)
+    values = turn @ (found.mean - start)
+    rows = zip(told.keys, values, sd, pooled * told.spread, told.prior_sd, later, strict=True)
+    return {key: Number(*(float(v) for v in row)) for key, *row in rows}, factor
+
+
+def _declared(
+    flights: Sequence[Prepared], model: Model, before: Mapping[str, Number], length_s: float
+) -> dict[str, Number]:
+    """Declared numbers other than trims, from the same fit that a diagnosis begins with; none
+    without measured rates.
+
+    The fit starts from the last values, so its prior sits at minus those: each is pulled back by
+    its share of prior.
+    """
+    if not attitude_measured(flights):
+        return {}
+    known = {key: n.later_sd for key, n in before.items() if key in TRIMS}
+    now = dataclasses.replace(
+        calibrated(model, {k: n.value for k, n in before.items()}), doubts={**model.doubts, **known}
+    )
+    system = build(flights, now, [], length_s)
+    _, joint = null_fit(system)
+    told = {}
+    for nuisance in (
+        c.nuisance for c in system.columns if c.nuisance and c.nuisance.key in joint.common
+    ):
+        key, sd = nuisance.key, float(joint.common_sd[nuisance.key])
+        if key not in TRIMS:
+            last = before[key].value if key in before else 0.0
+            value = last * (1.0 - (sd / nuisance.sd) ** 2) + float(joint.common[key])
+            told[key] = Number(_within(key, value, model), sd, 0.0, nuisance.sd, sd)
+    return told
+
+
+def _within(key: str, value: float, model: Model) -> float:
+    """A correction that keeps its parameter within the effect's bounds."""
+    if key == SPEED:
+        return value
+    name, parameter = key.split(".")
+    start = model.effects.get(name, {}).get(parameter, effect_table.get(name).neutral()[parameter])
+    return within_bounds(name, parameter, start + value) - start
+
+
+def _fit(flights: Sequence[Prepared], model: Model) -> tuple[dict[str, Number], float]:
+    """Trims and declared numbers in turn, each with the other's last values, until nothing
+    moves.
+    """
+    length_s, numbers, factor = window_length_s(flights), {}, 1.0
+    for _ in range(ROUNDS):
+        last = numbers
+        trims, factor = _trims(flights, model, last, length_s)
+        numbers = {**trims, **_declared(flights, model, {**last, **trims}, length_s)}
+        if last and all(
+            abs(n.value - last[key].value) < TIGHT * n.later_sd for key, n in numbers.items()
+        ):
+            break
+    return numbers, factor
+
+
+def _spread_factor(
+    grams: Sequence[Gram], start: np.ndarray, prior: np.ndarray, unit: np.ndarray
+) -> float:
+    """The factor on the typical spreads that makes the flights most likely."""
+
+    def cost(log_factor: float) -> float:
+        return -_posterior(grams, start, prior, np.exp(log_factor) * unit).log_likelihood
+
+    bounds = (np.log(0.05), np.log(LARGEST_SPREAD))
+    return float(np.exp(minimize_scalar(cost, bounds=bounds, method="bounded").x))
+
+
+def _pooled(factor: float, freedom: float, usual: float) -> tuple[float, float]:
+    """The spread of these flights and the usual one, weighed by their degrees of freedom; and the
+    sum of these.
+    """
+    total = freedom + USUAL_WORTH
+    return float(np.sqrt((freedom * factor**2 + USUAL_WORTH * usual**2) / total)), total
+
+
+def _scaled(quantity: Quantity, number: Number) -> Quantity:
+    """A quantity after a relative correction, its doubt that of later flights."""
+    return Quantity(
+        value=quantity.value * (1.0 + number.value), sd=abs(quantity.value) * number.later_sd
+    )
+
+
+def _folded(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict:
+    """Fields of the vehicle file that take corrections themselves; mass and thrust coefficient move
+    as one, in the latter.
+    """
+    update: dict = {}
+    if "thrust_scale.scale" in numbers:
+        update["thrust_coefficient_N_s2"] = _scaled(
+            vehicle.thrust_coefficient_N_s2, numbers["thrust_scale.scale"]
+        )
+        update["mass_kg"] = Quantity(value=vehicle.mass_kg.value)
+    if "torque_coefficient.scale" in numbers:
+        update["torque_coefficient_Nm_s2"] = _scaled(
+            vehicle.torque_coefficient_Nm_s2, numbers["torque_coefficient.scale"]
+        )
+    axes = {a: numbers[f"inertia.{a}"] for a in ("xx", "yy", "zz") if f"inertia.{a}" in numbers}
+    if axes:
+        held = vehicle.inertia_kg_m2
+        values = {a: getattr(held, a) * (1.0 + n.value) for a, n in axes.items()}
+        update["inertia_kg_m2"] = held.model_copy(
+            update={**values, "sd_rel": max(n.later_sd for n in axes.values())}
+        )
+    lags = [
+        numbers[f"motor_lag.{way}_s"] for way in ("up", "down") if f"motor_lag.{way}_s" in numbers
+    ]
+    if lags:
+        value = vehicle.motor_time_constant_s.value + float(np.mean([n.value for n in lags]))
+        update["motor_time_constant_s"] = Quantity(value=value, sd=max(n.later_sd for n in lags))
+    if SPEED in numbers:
+        held = vehicle.max_rotor_speed_rad_s
+        update["max_rotor_speed_rad_s"] = Quantity(
+            value=held.value + numbers[SPEED].value, sd=numbers[SPEED].later_sd
+        )
+    return update
+
+
+def _drive_held(vehicle: Vehicle, effects: dict[str, dict[str, Estimate]]) -> dict:
+    """Top speed and thrust curve as they are: what flights show of them is in the thrust
+    coefficient and its doubt.
+    """
+    curve = {key: Estimate(value=q.value) for key, q in effects.get("thrust_curve", {}).items()}
+    held = {"effects": {**effects, "thrust_curve": curve} if curve else effects}
+    if vehicle.max_rotor_speed_rad_s:
+        held["max_rotor_speed_rad_s"] = Quantity(value=vehicle.max_rotor_speed_rad_s.value)
+    return held
+
+
+def _belongs(key: str, number: Number, vehicle: Vehicle) -> bool:
+    """Whether a number is written under ``effects``: trims always, drive effects where declared or
+    beyond the usual.
+    """
+    effect = key.split(".")[0]
+    clear = abs(number.value) > max(WORTH * number.later_sd, number.declared_sd)
+    return key in TRIMS[1:] or effect in DRIVE_EFFECTS and (clear or effect in vehicle.effects)
+
+
+def _effects(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict[str, dict[str, Estimate]]:
+    """``effects`` of the new file. Where the battery sat is in the gains' spread already: the
+    centre of gravity has no more.
+    """
+    effects = {name: dict(values) for name, values in vehicle.effects.items()}
+    for key, number in numbers.items():
+        name, parameter = key.split(".")
+        if not _belongs(key, number, vehicle):
+            continue
+        held = effects.setdefault(name, {})
+        start = (
+            held[parameter].value
+            if parameter in held
+            else effect_table.get(name).neutral()[parameter]
+        )
+        value, low, high = (start + v for v in (number.value, *number.ci95))
+        held[parameter] = Estimate(value=value, sd=number.later_sd, ci95=(low, high))
+    if set(LOSSES) & set(numbers):
+        effects["cg_offset"] = {
+            "x_m": Estimate(value=0.0),
+            "y_m": Estimate(value=0.0),
+            **effects.get("cg_offset", {}),
+        }
+    return effects
+
+
+@blas_alone
+def calibrate(recordings: RecordingSet) -> Calibration:
+    """Fit a vehicle file to reference flights, to the same bytes whatever the number of cores.
+
+    Parameters
+    ----------
+    recordings : two or more flights that are known to be good, with the vehicle file to start from.
+
+    Raises
+    ------
+    GesError When fewer than two flights can be used. UsageError When the flights contradict the
+    file so far that a corrected number is impossible, such as a negative mass.
+    """
+    require_drive(recordings)
+    model = from_vehicle(recordings.vehicle, recordings.folder)
+    gate = pass_gate(
+        [f.frame for f in recordings.flights], model, [f.name for f in recordings.flights]
+    )
+    flights = [f for f in gate.flights if f is not None]
+    if len(flights) < 2:
+        raise GesError(
+            f"{len(flights)} usable reference flight; calibration needs two or more to see how much"
+            " flights differ"
+        )
+    numbers, factor = _fit(flights, _opened(at_flown_voltage(model, flights), flights))
+    update = _folded(recordings.vehicle, numbers) | {
+        "effects": _effects(recordings.vehicle, numbers)
+    }
+    if _commanded(flights):
+        update |= _drive_held(recordings.vehicle, update["effects"])
+    seconds = float(sum(f.flying.sum() * f.dt_s for f in flights))
+    told = (*recordings.warnings, *gate.warnings, *_far(numbers))
+    vehicle = recordings.vehicle.model_copy(update=update)
+    vehicle = vehicle.model_copy(
+        update={"left_unexplained": _left_unexplained(flights, vehicle, recordings.folder)}
+    )
+    vehicle = parse_vehicle(vehicle_content(vehicle), "the calibrated vehicle")
+    return Calibration(vehicle, numbers, factor * SPREAD, seconds, told)
+
+
+def _left_unexplained(
+    flights: Sequence[Prepared], vehicle: Vehicle, folder: Path
+) -> dict[str, float]:
+    """By channel, the largest structure that the calibrated file leaves in two of its own flights:
+    no news in later ones.
+    """
+    model = at_flown_voltage(from_vehicle(vehicle, folder), flights)
+    system = build(flights, model, [], window_length_s(flights))
+    left = in_the_air(centred(left_raw(system, null_fit(system)[1]), system), system)
+    told, blocks = regimes_of(system), system.blocks(BLOCK_S)
+    largest: dict[str, float] = {}
+    for pair in itertools.combinations(range(len(flights)), 2):
+        for s in structures(
+            *([each[i] for i in pair] for each in (left, told)),
+            system.main,
+            [blocks[i] for i in pair],
+        ):
+            largest[s.key] = max(largest.get(s.key, 0.0), float(f"{s.rms:.3g}"))
+    return largest
+
+
+def _far(numbers: Mapping[str, Number]) -> list[str]:
+    """A sentence for every declared number that left its tolerance."""
+    return [
+        f"{key} moved by {n.value:.3g}, {abs(n.value) / n.declared_sd:.1f} times its declared sd of"
+        f" {n.declared_sd:.3g}; look at the vehicle file before you rely on it"
+        for key, n in numbers.items()
+        if key.split(".")[0] in FOLDED and abs(n.value) > WORTH * n.declared_sd
+    ]

@@ -1,0 +1,58 @@
+"""Structure that no candidate explains: what a smooth function of the regime still predicts of
+blocks of time it never saw.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ges.diagnose.design.system import System
+from ges.diagnose.detectors.gusts import PUSHED, may_lean
+from ges.diagnose.types.model import Model
+from ges.diagnose.validate.locate import clear
+from ges.diagnose.validate.structure import Structure
+
+LEAST_R2, FAINT_R2 = 0.01, 0.1
+BORROWED_R2 = 0.2
+ACTS = 0.1
+"""Of what is left in a channel: names that add less there have nothing to do with it."""
+LARGE_SHARE = {"force": 0.005, "acc": 0.005, "moment": 0.002, "range": 0.25}
+
+
+def left_over(found: Sequence[Structure], model: Model) -> list[Structure]:
+    """Structures in the residuals of the accepted model that no noise makes and that are large, or
+    explain much, as those of healthy flights that come below the asked chance do not: of the mean,
+    or where that shows none, of the size of forces and moments. The one that predicts most of each
+    channel, the largest share first.
+    """
+    large = [*clear(found, model, FAINT_R2), *clear(found, model, LEAST_R2, LARGE_SHARE)]
+    best: dict[str, Structure] = {}
+    for s in sorted([s for s in large if not s.of_size] or large, key=lambda s: (-s.r2, s.regime)):
+        best.setdefault(s.channel, s)
+    return list(best.values())
+
+
+def theirs(
+    found: Sequence[Structure], added: Mapping[str, Sequence[np.ndarray]], system: System
+) -> list[Structure]:
+    """Structures in channels in which names act, ``added`` by name and flight, (m, C); but for
+    sideways pushes that what hangs below may make: its pull need only lean.
+    """
+    each = [np.sqrt(np.nanmean(np.concatenate(by) ** 2, axis=0)) for by in added.values()]
+    acting = dict(zip(system.main, np.max(each, axis=0), strict=True))
+    return [
+        s
+        for s in found
+        if acting[s.channel] > ACTS * s.rms
+        and not (s.channel in PUSHED and may_lean(s.rms, added, system))
+    ]
+
+
+def borrowed(found: Sequence[Structure], model: Model) -> bool:
+    """Whether what was accepted leaves a structure so large that its names are only the nearest: an
+    effect of the library that is really there explains its channels, and one that is not makes up
+    for a part of what is.
+    """
+    return any(not s.of_size for s in clear(found, model, BORROWED_R2, LARGE_SHARE))

@@ -1,0 +1,285 @@
+"""What a controller's answer to disturbances, or the noise of a reading, may have done to columns.
+
+A controller answers turbulence, and what it moves then correlates with the disturbance that a
+residual contains. Instruments vouch for a part of such a column; the rest is *loose*, and its
+coefficient may err by the correlation (see ``whiten``):
+
+- ``dynamic``: what rotor speeds and their changes make of a moment, and of thrust where commands
+  alone are known. All of it is loose, but along thrust not the mean, which has no cause but the
+  balance. A trim moment has causes of its own (a shifted centre of gravity, a weak rotor), and is
+  taken out of such columns first (see :func:`untrim`).
+- ``gain``: what multiplies thrust. Loose is what it does along thrust because thrust changed fast,
+  not because its gain did; and what changes of a cushion's moment, because attitude answers too.
+- ``rotor``: what takes thrust from one rotor. Loose is what changes of its moment in roll and
+  pitch, where answers to yaw show, too: what answers a roll with a weak rotor also yaws, and takes
+  large changes of all speeds. Its trim counts in full.
+- ``load``: what hangs below, once it is on. Loose is what changes fast of its pull along thrust:
+  disturbances shake the vehicle, and so it.
+- ``height``: an error of a rangefinder that grows with height: the height that it is held against
+  is a reading, too.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from ges.diagnose.design.instruments import (
+    MOVED,
+    instruments,
+    mark_of,
+    own_signal,
+    projected,
+    strength,
+)
+from ges.diagnose.design.table import Table
+from ges.diagnose.design.weak import Windows, blocks_of
+from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.types.model import Model, block_of
+
+VERTICAL = ("force_z", "acc_z")
+ROLL_PITCH = ("moment_x", "moment_y")
+CUSHIONS = frozenset(
+    {
+        "ground_effect",
+        "fountain_lift",
+        "ceiling_effect",
+        "partial_ground_effect",
+        "ground_effect_lag",
+        "ground_effect_forward_flight",
+    }
+)
+GAINS = CUSHIONS | {"thrust_scale", "battery_sag"}
+ROTORS = frozenset({"weak_rotor"})
+LOADS = frozenset({"slung_load"})
+HEIGHTS = frozenset({"rangefinder_bias.scale"})
+KINDS = ("dynamic", "gain", "rotor", "load", "height")
+LEAST_STRENGTH, INSTRUMENT_BLOCK_S = 0.4, 5.0
+SLOW_S = 0.5
+
+Loose = Mapping[tuple[str, int], Mapping[str, np.ndarray]]
+"""By kind and channel, of every ``effect.parameter`` that has it there, (m,)."""
+
+
+def kind_of(key: str) -> str:
+    """Kind of a column by its ``effect.parameter``; '' where no answer shows in it."""
+    effect = key.split(".")[0]
+    if effect in MOVED:
+        return "dynamic"
+    return (
+        "gain"
+        if effect in GAINS
+        else (
+            "rotor"
+            if effect in ROTORS
+            else "load"
+            if effect in LOADS
+            else "height"
+            if key in HEIGHTS
+            else ""
+        )
+    )
+
+
+def untrim(
+    keys: Sequence[str],
+    x: Table,
+    windows: Windows,
+    names: Sequence[str],
+    thrust: np.ndarray,
+    air: np.ndarray,
+) -> None:
+    """Take out of the ``dynamic`` ones of columns x (m, C, K) what is constant or goes with thrust
+    (n,) in the moments, where they are in the ``air`` (m,).
+    """
+    dynamic = np.array([kind_of(key) == "dynamic" for key in keys], dtype=bool)
+    held = np.column_stack([np.ones(len(thrust)), thrust])
+    for c in (
+        c for c, name in enumerate(names) if block_of(name) == "moment" and dynamic[x.at[c]].any()
+    ):
+        trim, there = (
+            (windows.functions[mark_of(names[c])][0] @ held)[air],
+            np.ix_(air, dynamic[x.at[c]]),
+        )
+        part = x.values[c][there]
+        x.values[c][there] = part - trim @ np.linalg.lstsq(trim, part, rcond=None)[0]
+
+
+@dataclasses.dataclass(frozen=True)
+class Vouched:
+    """What instruments say of one flight by channel: instruments (m, k), thrust or moment of the
+    rotors (m,), and the share of the latter that the former explain.
+    """
+
+    z: Mapping[str, np.ndarray]
+    own: Mapping[str, np.ndarray]
+    strong: Mapping[str, float]
+
+
+def vouched(
+    flight: Prepared,
+    windows: Windows,
+    model: Model,
+    names: Sequence[str],
+    y: np.ndarray,
+    speeds: np.ndarray,
+) -> Vouched:
+    """Of the moments and of what acts along thrust, where residuals y (m, C) are known; ``speeds``
+    (n, 4) are those at work.
+    """
+    z, own = (
+        instruments(flight, windows, model, names),
+        own_signal(flight, windows, model, speeds, names),
+    )
+    block = blocks_of([(windows, flight.t_s[0])], INSTRUMENT_BLOCK_S)[0]
+    answered = [
+        n
+        for n, heard in zip(names, np.isfinite(y).all(axis=0), strict=True)
+        if heard and _answered(n)
+    ]
+    return Vouched(z, own, {n: strength(own[n], z[n], block) for n in answered})
+
+
+def strengths(told: Sequence[Vouched], names: Sequence[str]) -> list[dict]:
+    """How strong the instruments are by channel: the share of the rotors' thrust or moment that the
+    references foretell, mean of the flights, and in how many flights that is enough to vouch for
+    it.
+    """
+    heard = {n: [t.strong[n] for t in told if n in t.strong] for n in names}
+    return [
+        {
+            "channel": n,
+            "share": float(np.mean(s)),
+            "flights_strong": sum(v > LEAST_STRENGTH for v in s),
+            "flights": len(s),
+        }
+        for n, s in heard.items()
+        if s
+    ]
+
+
+def _answered(name: str) -> bool:
+    return block_of(name) == "moment" or name in VERTICAL
+
+
+def loose(
+    keys: Sequence[str],
+    x: Table,
+    length_s: float,
+    heard: Mapping[int, str],
+    told: Vouched,
+    air: np.ndarray,
+    on: Collection[str] = (),
+) -> Loose:
+    """Loose parts of columns, zero where they are not in the ``air`` (m,).
+
+    Shapes of one parameter are loose alike: its first column stands for them.
+
+    Parameters
+    ----------
+    keys, x : ``effect.parameter`` of every column, and the columns (m, C, K).
+    heard : names of the channels that are there, by their number.
+    on : effects of the model; a load that is not on would take from cushions what they do along
+        thrust.
+    """
+    which = {kind: _first(keys, kind) for kind in KINDS if kind != "load" or LOADS & set(on)}
+    parts = {kind: {c: x.of(c, at)[air] for c in heard} for kind, at in which.items()}
+    levels = np.array([keys[k].split(".")[0] in CUSHIONS for k in which["gain"]], dtype=float)
+    z, own, strong, answered = (
+        told.z,
+        told.own,
+        told.strong,
+        {c: n for c, n in heard.items() if n in told.strong},
+    )
+    share = {
+        c: _by_thrust(own[n], z[n], strong[n], length_s)
+        for c, n in answered.items()
+        if n in VERTICAL
+    }
+    found = {
+        "dynamic": {
+            c: _beyond(parts["dynamic"][c], z[n], strong[n], n in VERTICAL)
+            for c, n in answered.items()
+        },
+        "gain": {
+            c: parts["gain"][c] * share[c] if c in share else levels * _centred(parts["gain"][c])
+            for c, n in answered.items()
+        },
+        "rotor": {
+            c: _beyond(parts["rotor"][c], z[n], strong[n], mean_is_told=True)
+            for c, n in answered.items()
+            if n.startswith(ROLL_PITCH)
+        },
+        "load": {
+            c: _fast(parts["load"][c], z[n], strong[n], length_s)
+            for c, n in answered.items()
+            if "load" in parts and n in VERTICAL
+        },
+        "height": {c: _centred(parts["height"][c]) for c, n in heard.items() if n == "range"},
+    }
+    return {
+        (kind, c): {
+            keys[k]: values for k, values in zip(which[kind], _among(air, part).T, strict=True)
+        }
+        for kind, parts in found.items()
+        if which.get(kind)
+        for c, part in parts.items()
+    }
+
+
+def both(known: Loose, new: Loose, on: Collection[str]) -> Loose:
+    """Loose parts of two sets of columns of the same windows, the new ones where both have them;
+    beside a cushion that is ``on`` none of another: what it makes of moments is told.
+    """
+    left_out = CUSHIONS if CUSHIONS & set(on) else frozenset()
+    kept = {
+        at: {key: x for key, x in parts.items() if key.split(".")[0] not in left_out}
+        for at, parts in known.items()
+    }
+    merged = {at: {**kept.get(at, {}), **new.get(at, {})} for at in dict.fromkeys((*kept, *new))}
+    return {at: parts for at, parts in merged.items() if parts}
+
+
+def _among(air: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values of the windows in the air among all of them, (m, k), zero elsewhere."""
+    if air.all():
+        return values
+    full = np.zeros((len(air), values.shape[1]))
+    full[air] = values
+    return full
+
+
+def _first(keys: Sequence[str], kind: str) -> list[int]:
+    """First column of every parameter of a kind."""
+    return list(
+        {key: k for k, key in reversed(list(enumerate(keys))) if kind_of(key) == kind}.values()
+    )
+
+
+def _centred(x: np.ndarray) -> np.ndarray:
+    return x - x.mean(axis=0)
+
+
+def _by_thrust(thrust: np.ndarray, z: np.ndarray, strong: float, length_s: float) -> np.ndarray:
+    """Share of a gain's force that is there because thrust is not what is vouched for, (m, 1)."""
+    return (
+        _fast(thrust[:, None], z, strong, length_s)
+        / np.maximum(thrust, 0.1 * thrust.mean())[:, None]
+    )
+
+
+def _fast(x: np.ndarray, z: np.ndarray, strong: float, length_s: float) -> np.ndarray:
+    """What changes fast of columns (m, k) and instruments do not explain; slow changes are no
+    answers to turbulence: they are what balances a height, a climb, a load.
+    """
+    rest = _beyond(x, z, strong, mean_is_told=True)
+    return rest - gaussian_filter1d(rest, SLOW_S / (0.5 * length_s), axis=0)
+
+
+def _beyond(x: np.ndarray, z: np.ndarray, strong: float, mean_is_told: bool) -> np.ndarray:
+    """Columns (m, k) less what their instruments, and along thrust their means, explain."""
+    rest = _centred(x) if mean_is_told else x
+    return rest - projected(x, z) if strong > LEAST_STRENGTH else rest

@@ -1,0 +1,193 @@
+"""Instruments: the part of what a controller did that the references alone explain.
+
+A controller answers turbulence, so commands and rotor speeds correlate with the disturbance that a
+residual contains, and a direct fit invents motor lag and wrong inertia. What the nominal simulator
+does when it follows the logged references without any noise cannot know the disturbance: the part
+of a column that it explains (two-stage least squares) counts in full. For the rest the answer to
+disturbances may be as large as the disturbances themselves, and counts as little as that bound
+allows: without references and without strong motion, nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ges.conventions import BODY_RATE, POSITION, QUATERNION, ROTOR_SPEED, VELOCITY
+from ges.diagnose.design.residual import but_actuators
+from ges.diagnose.design.weak import Windows
+from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.types.model import Model
+from ges.simulator import effects as effect_table
+from ges.simulator import flight as sim
+
+MOVED = frozenset(
+    {
+        "inertia",
+        "torque_coefficient",
+        "motor_lag",
+        "esc_delay",
+        "thrust_curve",
+        "rotor_inertia_reaction",
+        "gyroscopic_moment",
+    }
+)
+"""Effects whose columns follow what the controller does."""
+
+LAGS = range(-1, 6)
+STEP_S = 0.002
+FOLDS, RIDGE = 4, 1.0
+
+
+def _table(flight: Prepared) -> np.ndarray:
+    """The references as the simulator's firmware takes them, on the flight's grid."""
+    t, ref = flight.t_s, flight.stack("reference")
+    acceleration = np.gradient(ref[:, 3:6], flight.dt_s, axis=0)
+    yaw = np.unwrap(ref[:, 6])[:, None]
+    excitation = flight.stack("excitation") if flight.has("excitation") else np.zeros((len(t), 4))
+    return np.column_stack([ref[:, :6], acceleration, yaw, excitation])
+
+
+def replayed(
+    flight: Prepared, model: Model, more: Sequence[str] = ()
+) -> dict[str, np.ndarray] | None:
+    """The nominal vehicle following the references without noise or disturbance: contract columns
+    on the flight's grid, those of the motion, rotor speeds and ``more``; None where there are no
+    references or it cannot follow them.
+    """
+    if not flight.has("reference"):
+        return None
+    table, every = _table(flight), flight.steps(STEP_S)
+    start = {f"start_{name}": float(table[0, k]) for k, name in enumerate(POSITION + VELOCITY)}
+    quiet = {
+        name: 0.0
+        for name in sim.parameters()
+        if name.endswith(("_noise_rad_s", "_noise_m_s2", "_noise_m", "_noise_m_s"))
+    }
+    half = 0.5 * table[0, 9]
+    start |= {
+        "start_q_w": float(np.cos(half)),
+        "start_q_z": float(np.sin(half)),
+        **{f"start_{n}": model.hover_rad_s for n in ROTOR_SPEED},
+    }
+    numbers = {
+        **model.parameters,
+        **quiet,
+        **start,
+        "start": 1,
+        "altitude_source": 1,
+        "mode": "none",
+        "inputs_dt_s": flight.dt_s,
+        "dt_s": flight.dt_s / every,
+        "record_every": every,
+        "control_every": 1,
+        "telemetry_every": every,
+        "duration_s": (len(table) - 1) * flight.dt_s,
+    }
+    numbers |= {"gear_height_m": 0.0, "gear_stiffness_N_m": 0.0}
+    columns = ("t_s", *POSITION, *VELOCITY, *QUATERNION, *BODY_RATE, *ROTOR_SPEED, *more)
+    record = sim.fly([sim.Flight(numbers, model.effects, model.terrain, table)], columns)[0]
+    if record.status != "ok":
+        return None
+    return {
+        name: np.interp(flight.t_s - flight.t_s[0], record["t_s"], record[name])
+        for name in columns[1:]
+    }
+
+
+def instruments(
+    flight: Prepared, windows: Windows, model: Model, names: Sequence[str]
+) -> dict[str, np.ndarray]:
+    """Instruments of one flight by channel, (m, k): changes of the replayed thrust or moment at
+    several lags.
+
+    Means are no instruments: a trim moment has other causes than what a column would make of it.
+    """
+    nothing = np.zeros((len(windows), 1))
+    said = replayed(flight, model)
+    if said is None:
+        return {name: nothing for name in names}
+    samples = effect_table.Samples.from_columns({"t_s": flight.t_s - flight.t_s[0], **said})
+    replay = effect_table.replay(
+        model.parameters, samples, but_actuators(model.effects), model.terrain
+    )
+    told = {
+        "z": replay.force_N[:, 2],
+        **{f"moment_{a}": replay.moment_Nm[:, k] for k, a in enumerate("xyz")},
+    }
+    functions, late = (
+        windows.functions,
+        {base: _late(values, flight, windows) for base, values in told.items()},
+    )
+    late |= dict.fromkeys(("force_z", "acc_z"), late["z"])
+    lagged = {
+        name: np.column_stack(_centred_means(late[base], functions[mark_of(name)][0]))
+        for name in names
+        if (base := name.split("/")[0]) in late and mark_of(name) in functions
+    }
+    return {name: lagged.get(name, nothing) for name in names}
+
+
+def own_signal(
+    flight: Prepared, windows: Windows, model: Model, speeds: np.ndarray, names: Sequence[str]
+):
+    """Thrust and moment that the rotor speeds at work make, by channel, (m,); without the faster
+    averages that this flight, its streams slower than another's, does not have.
+    """
+    samples = {"t_s": flight.t_s - flight.t_s[0], **dict(zip(ROTOR_SPEED, speeds.T, strict=True))}
+    replay = effect_table.replay(model.parameters, effect_table.Samples.from_columns(samples), {})
+    told = {
+        "z": replay.force_N[:, 2],
+        **{f"moment_{a}": replay.moment_Nm[:, k] for k, a in enumerate("xyz")},
+    }
+    functions = windows.functions
+    return {
+        n: functions[mark_of(n)][0] @ told.get(n.split("/")[0], told["z"])
+        for n in names
+        if mark_of(n) in functions
+    }
+
+
+def mark_of(name: str) -> str:
+    return name[len(name.split("/")[0]) :]
+
+
+def _late(values: np.ndarray, flight: Prepared, windows: Windows) -> list[np.ndarray]:
+    """A signal late by multiples of half a window."""
+    step, t = 0.5 * windows.length_s, flight.t_s
+    return [np.interp(t - lag * step, t, values) for lag in LAGS]
+
+
+def _centred_means(signals: Sequence[np.ndarray], mean) -> list[np.ndarray]:
+    """Window averages of signals, by the weights ``mean``, less what they are on average."""
+    averages = [mean @ signal for signal in signals]
+    return [a - a.mean() for a in averages]
+
+
+def projected(x: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Columns x (m, k) projected on the instruments z (m, j)."""
+    size = np.sqrt((z**2).sum(axis=0))
+    z = z[:, size > 0] / size[size > 0]
+    u, s, _ = np.linalg.svd(z, full_matrices=False)
+    u = u[:, s > 1e-6 * s.max(initial=0.0)]
+    return u @ (u.T @ x)
+
+
+def strength(moved: np.ndarray, z: np.ndarray, block: np.ndarray) -> float:
+    """Share of a signal's variance (m,) that its instruments (m, j) foretell, each block of time
+    from the other blocks.
+
+    Instruments that explain no more than chance would let two-stage least squares err as plain
+    regression does (Bound, Jaeger and Baker 1995); what they explain of time they were not fitted
+    to is no chance.
+    """
+    centred = moved - moved.mean()
+    total = float(centred @ centred)
+    size = np.sqrt((z**2).mean(axis=0))
+    z, fold, left = z[:, size > 0] / size[size > 0], block % FOLDS, np.zeros_like(moved)
+    for f in np.unique(fold):
+        out = fold == f
+        gram = z[~out].T @ z[~out] + RIDGE * np.eye(z.shape[1])
+        left[out] = centred[out] - z[out] @ np.linalg.solve(gram, z[~out].T @ centred[~out])
+    return max(0.0, 1.0 - float(left @ left) / total) if total > 0 else 0.0

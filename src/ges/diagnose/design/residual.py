@@ -1,0 +1,658 @@
+"""Residuals in weak form: what the recording shows less what the model gives, window by window and
+channel by channel.
+
+Blocks: ``force_*`` (from velocity), ``acc_*`` (from the accelerometer, as a force), ``moment_*``
+(from the gyro), ``drive_*`` (rotor speeds against commands) and ``range``. A force shows in the
+first two alike; a fault of one sensor shows in one of them only. The model side always is the
+compiled library's.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from ges.conventions import BODY_RATE, COMMAND, QUATERNION, ROTOR_SPEED, VELOCITY
+from ges.diagnose.design.weak import Windows
+from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.types.model import Model, block_of
+from ges.simulator import effects as effect_table
+from ges.simulator import flight as sim
+
+FORCE = ("force_x", "force_y", "force_z")
+MOMENT = ("moment_x", "moment_y", "moment_z")
+ACC = ("acc_x", "acc_y", "acc_z")
+DRIVE = ("drive_1", "drive_2", "drive_3", "drive_4")
+UNITS = {
+    **dict.fromkeys(FORCE + ACC, "N"),
+    **dict.fromkeys(MOMENT, "Nm"),
+    **dict.fromkeys(DRIVE, "rad_s"),
+    "range": "m",
+}
+FINE = ("moment", "drive")
+"""Blocks that are also held against faster test functions: what acts within a few hundredths of a
+second shows there.
+"""
+HIGH_ABOVE_GROUND_M = 5e4
+DRIVE_STEP_S = 0.0025
+SECOND_POLE = 0.06
+"""What a motor's second pole or a speed controller's filter looks like: a delay of this share of
+the time constant, give or take as much.
+"""
+
+
+def channels(flight: Prepared, model: Model) -> tuple[str, ...]:
+    """Channels that a flight can speak about; the rangefinder over flat ground alone: elsewhere it
+    sees a patch, not a point.
+    """
+    driven = flight.has("rotor_speed") or flight.has("command")
+    attitude = flight.has("attitude")
+    found: list[str] = []
+    if driven and attitude and flight.has("velocity"):
+        found += ["force_z"] if "attitude" in flight.derived else FORCE
+    if driven:
+        found += [
+            name
+            for name, column in zip(ACC, ("acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2"), strict=True)
+            if column in flight.columns
+        ]
+    if driven and (flight.has("gyro") or attitude) and "inertia" in model.known:
+        found += MOMENT if "torque" in model.known else MOMENT[:2]
+    if flight.has("rotor_speed") and flight.has("command"):
+        found += DRIVE
+    if flight.has("range") and "p_z_m" in flight.columns and attitude:
+        found.append("range")
+    return tuple(found)
+
+
+def with_overtones(names: Sequence[str], count: int) -> tuple[str, ...]:
+    """Channels and, after them, those of the faster test functions: ``moment_x/1`` is ``moment_x``
+    under the first.
+    """
+    fine = [name for name in names if block_of(name) in FINE]
+    return (*names, *(f"{name}/{k}" for k in range(1, count + 1) for name in fine))
+
+
+def quaternion_product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Hamilton product, rows (n, 4)."""
+    w1, x1, y1, z1 = a.T
+    w2, x2, y2, z2 = b.T
+    return np.stack(
+        [
+            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
+            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
+            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
+            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
+        ],
+        axis=1,
+    )
+
+
+def to_body(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """World vectors in the body frame, rows (n, 3)."""
+    u, w = -q[:, 1:], q[:, :1]
+    t = 2.0 * np.cross(u, v)
+    return v + w * t + np.cross(u, t)
+
+
+def turn_rates(q: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """Body rates (n, 3) of attitudes (n, 4) whose quaternions change at ``rate`` (n, 4)."""
+    conjugate = q * np.array([1.0, -1.0, -1.0, -1.0])
+    return 2.0 * quaternion_product(conjugate, rate)[:, 1:]
+
+
+def body_rates(flight: Prepared) -> np.ndarray:
+    """Gyro where logged, else from the attitude, else zero; (n, 3) rad/s."""
+    if flight.has("gyro"):
+        return flight.stack("gyro")
+    if not flight.has("attitude"):
+        return np.zeros((len(flight.t_s), 3))
+    q = flight.stack("attitude")
+    rate = np.gradient(gaussian_filter1d(q, 0.02 / flight.dt_s, axis=0), flight.dt_s, axis=0)
+    return turn_rates(q, rate)
+
+
+def height_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
+    """Position with the logged ground taken out where one is logged and the terrain is flat."""
+    columns = {
+        name: flight.columns[name] for name in ("p_x_m", "p_y_m", "p_z_m") if name in flight.columns
+    }
+    if "ground_z_m" in flight.columns and model.terrain.kind == "flat" and "p_z_m" in columns:
+        columns["p_z_m"] = (
+            columns["p_z_m"]
+            - flight.columns["ground_z_m"]
+            + model.terrain.parameters().get("terrain_z_m", 0.0)
+        )
+    if "p_z_m" not in columns and flight.has("range"):
+        columns["p_z_m"] = flight.columns["range_m"]
+    return columns
+
+
+def state_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
+    """What the library reads of every sample, rotor speeds apart."""
+    columns = {"t_s": flight.t_s - flight.t_s[0], **height_columns(flight, model)}
+    for names in (VELOCITY, QUATERNION, COMMAND, ("battery_V",)):
+        columns.update({name: flight.columns[name] for name in names if name in flight.columns})
+    omega = body_rates(flight)
+    rate = np.gradient(gaussian_filter1d(omega, 0.02 / flight.dt_s, axis=0), flight.dt_s, axis=0)
+    columns.update(zip(BODY_RATE, omega.T, strict=True))
+    columns.update(zip((f"omega_dot_{a}_rad_s2" for a in "xyz"), rate.T, strict=True))
+    return columns
+
+
+@dataclasses.dataclass(frozen=True)
+class Motion:
+    """What the library reads of every sample, rotor speeds apart, and what the equations of motion
+    take of it.
+    """
+
+    columns: Mapping[str, np.ndarray]
+    gravity_m_s2: float
+
+    @functools.cached_property
+    def omega(self) -> np.ndarray:
+        """Body rates, (n, 3)."""
+        return np.stack([self.columns[name] for name in BODY_RATE], axis=1)
+
+    @functools.cached_property
+    def carried(self) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity in the body frame, and the part of the acceleration less gravity that is not its
+        derivative; (n, 3) each.
+        """
+        q = np.stack([self.columns[name] for name in QUATERNION], axis=1)
+        v = to_body(q, np.stack([self.columns[name] for name in VELOCITY], axis=1))
+        return v, np.cross(self.omega, v) + to_body(
+            q, np.tile([0.0, 0.0, self.gravity_m_s2], (len(q), 1))
+        )
+
+
+def motion_of(flight: Prepared, model: Model, effects: effect_table.Effects) -> Motion:
+    """Of one flight, as believed with these effects."""
+    return Motion(
+        corrected(state_columns(flight, model), model, effects), model.number("gravity_m_s2")
+    )
+
+
+def _of_kind(effects: effect_table.Effects, *kinds: str) -> dict:
+    return {
+        name: values for name, values in effects.items() if effect_table.get(name).kind in kinds
+    }
+
+
+def _turning_faults(effects: effect_table.Effects) -> dict:
+    """Faults of sensors that turn what was read of attitude and rates."""
+    faults = _of_kind(effects, "sensor")
+    return {
+        name: values
+        for name, values in faults.items()
+        if {"gyro", "attitude"} & set(effect_table.get(name).channels)
+    }
+
+
+def corrected(
+    columns: dict[str, np.ndarray], model: Model, effects: effect_table.Effects
+) -> dict[str, np.ndarray]:
+    """Attitude and rates as they were, if the given sensor faults had made the readings."""
+    faults = _turning_faults(effects)
+    if not faults:
+        return columns
+    said = effect_table.replay(
+        model.parameters, effect_table.Samples.from_columns(columns), faults, model.terrain
+    )
+    turned = -0.5 * said.stack(
+        "attitude_error_x_rad", "attitude_error_y_rad", "attitude_error_z_rad"
+    )
+    columns = dict(columns)
+    if "q_w" in columns:
+        q = np.stack([columns[name] for name in QUATERNION], axis=1)
+        q = quaternion_product(q, np.column_stack([np.sqrt(1.0 - (turned**2).sum(axis=1)), turned]))
+        columns.update(zip(QUATERNION, q.T, strict=True))
+    for k, name in enumerate(BODY_RATE):
+        columns[name] = 2.0 * columns[name] - said[f"gyro_{'xyz'[k]}_rad_s"]
+    return columns
+
+
+def driven_speeds(
+    flights: Sequence[Prepared], model: Model, effects: effect_table.Effects
+) -> list[np.ndarray]:
+    """Rotor speeds that the commands make, flown through the compiled drive; (n, 4) rad/s each."""
+    return _flown(
+        [
+            (f, effects, _drive_inputs(f, model, commands_at_work(f, model, effects)))
+            for f in flights
+        ],
+        model,
+    )
+
+
+def driven_by_each(
+    flight: Prepared, model: Model, sets: Sequence[effect_table.Effects]
+) -> list[np.ndarray]:
+    """The same of one flight under several sets of effects, flown as one batch."""
+    plain = _drive_inputs(flight, model, commands_at_work(flight, model, {}))
+    inputs = [
+        _drive_inputs(flight, model, commands_at_work(flight, model, e)) if _modified(e) else plain
+        for e in sets
+    ]
+    return _flown([(flight, e, table) for e, table in zip(sets, inputs, strict=True)], model)
+
+
+def _flown(
+    batch: Sequence[tuple[Prepared, effect_table.Effects, np.ndarray]], model: Model
+) -> list[np.ndarray]:
+    """Rotor speeds (n, 4) of flights with their effects and the inputs of their drives."""
+    records = sim.fly(
+        [_drive_flight(flight, model, effects, inputs) for flight, effects, inputs in batch],
+        ROTOR_SPEED,
+    )
+    lengths = [len(flight.t_s) for flight, _, _ in batch]
+    return [
+        np.stack([r[name][:n] for name in ROTOR_SPEED], axis=1)
+        for r, n in zip(records, lengths, strict=True)
+    ]
+
+
+def _modified(effects: effect_table.Effects) -> set[str]:
+    """Actuators that change the commands by what another effect says."""
+    return {name for name in _of_kind(effects, "actuator") if effect_table.get(name).modifies}
+
+
+def commands_at_work(flight: Prepared, model: Model, effects: effect_table.Effects) -> np.ndarray:
+    """Commands that reach the motors, (n, 4): the logged ones, changed by what acts by height
+    between log and motor.
+
+    The drive itself is flown far above the ground, so such effects are asked here, along the
+    recorded path.
+    """
+    u = flight.stack("command").clip(0.0, 1.0)
+    acting = _modified(effects)
+    if not acting:
+        return u
+    on = {
+        name: effects[name]
+        for name in acting | {effect_table.get(name).modifies for name in acting}
+        if name in effects
+    }
+    samples = effect_table.Samples.from_columns(
+        {**state_columns(flight, model), **dict(zip(COMMAND, u.T, strict=True))}
+    )
+    said = effect_table.replay(model.parameters, samples, on, model.terrain)
+    return said.rotor_command_rad_s / model.number("max_rotor_speed_rad_s")
+
+
+def _drive_inputs(flight: Prepared, model: Model, commands: np.ndarray) -> np.ndarray:
+    """Commands, attitude, battery voltage and rates, a row for every step of the drive."""
+    every = flight.steps(DRIVE_STEP_S)
+    late = flight.held.late + SECOND_POLE * model.number("motor_time_constant_s") / flight.dt_s
+    u, voltage = (
+        _between(commands, every, late),
+        flight.columns.get("battery_V", np.full(len(flight.t_s), np.nan)),
+    )
+    upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(u), 1))
+    return np.column_stack([u, upright, np.repeat(voltage, every), np.zeros((len(u), 3))])
+
+
+def _drive_flight(
+    flight: Prepared, model: Model, effects: effect_table.Effects, inputs: np.ndarray
+) -> sim.Flight:
+    from ges.simulator.terrain import Terrain
+
+    drives = {
+        name: values
+        for name, values in _of_kind(effects, "actuator").items()
+        if not effect_table.get(name).modifies
+    }
+    every, n = flight.steps(DRIVE_STEP_S), len(flight.t_s)
+    first = {
+        f"start_{name}": model.number("max_rotor_speed_rad_s") * inputs[0, i]
+        for i, name in enumerate(ROTOR_SPEED)
+    }
+    numbers = {
+        **model.parameters,
+        **first,
+        "control": 1,
+        "attitude_imposed": 1,
+        "start": 1,
+        "start_p_z_m": HIGH_ABOVE_GROUND_M,
+        "inputs_dt_s": flight.dt_s / every,
+        "dt_s": flight.dt_s / every,
+        "record_every": every,
+        "control_every": every,
+        "telemetry_every": every,
+        "duration_s": n * flight.dt_s,
+    }
+    return sim.Flight(numbers, drives, Terrain.flat(), inputs)
+
+
+def _between(u: np.ndarray, every: int, late: float) -> np.ndarray:
+    """Commands (n, 4) at the middles of the steps of the replay, (n * every, 4), on straight lines
+    between the samples.
+
+    The replay holds a row for its step; they act ``late`` (rows): held, see
+    :func:`~.delays.command_hold`, and filtered.
+    """
+    rows = (np.arange(len(u) * every) + 0.5) / every - late
+    return np.stack([np.interp(rows, np.arange(len(u)), column) for column in u.T], axis=1)
+
+
+@dataclasses.dataclass(frozen=True)
+class Drive:
+    """Rotor speeds that turn the air, and those that the commands make (None where nothing asks for
+    them); (n, 4) rad/s.
+    """
+
+    at_work: np.ndarray
+    commanded: np.ndarray | None
+
+
+def drives_of(
+    flight: Prepared, model: Model, sets: Sequence[effect_table.Effects], names: Sequence[str]
+) -> list[Drive]:
+    """Both of one flight under each of these sets of effects, flown once."""
+    if not flight.has("rotor_speed"):
+        return [Drive(made, made) for made in driven_by_each(flight, model, sets)]
+    commanded = driven_by_each(flight, model, sets) if DRIVE[0] in names else [None] * len(sets)
+    return [
+        Drive(speeds_at_work(flight, model, e), made)
+        for e, made in zip(sets, commanded, strict=True)
+    ]
+
+
+def speeds_at_work(flight: Prepared, model: Model, effects: effect_table.Effects) -> np.ndarray:
+    """Rotor speeds that turn the air: measured, or made by the commands; (n, 4) rad/s."""
+    if not flight.has("rotor_speed"):
+        return driven_speeds([flight], model, effects)[0]
+    measured = flight.stack("rotor_speed")
+    suspect = {name: values for name, values in effects.items() if name == "battery_sag"}
+    if not suspect or flight.has("command") or not flight.has("battery"):
+        return measured
+    return _as_if_commanded(flight, measured, model, suspect)
+
+
+def _as_if_commanded(
+    flight: Prepared, speeds: np.ndarray, model: Model, effects: effect_table.Effects
+) -> np.ndarray:
+    """Without commands, sag can only hide in the telemetry: speeds as the voltage would have
+    changed them.
+    """
+    columns = {"t_s": flight.t_s, "battery_V": flight.columns["battery_V"]}
+    columns.update(zip(ROTOR_SPEED, speeds.T, strict=True))
+    columns.update(zip(COMMAND, speeds.T / model.number("max_rotor_speed_rad_s"), strict=True))
+    parameters = {
+        **model.parameters,
+        "battery_nominal_V": float(np.median(flight.columns["battery_V"])),
+    }
+    return effect_table.replay(
+        parameters, effect_table.Samples.from_columns(columns), effects
+    ).rotor_command_rad_s
+
+
+def drives(effects: effect_table.Effects, on: effect_table.Effects | None = None) -> bool:
+    """Whether effects change the rotor speeds: actuators, and what an actuator that is ``on`` acts
+    upon.
+    """
+    acting = [*effects, *(name for name in on or {} if effect_table.get(name).modifies in effects)]
+    return bool(_of_kind(dict.fromkeys(acting), "actuator"))
+
+
+def model_along(
+    flight: Prepared,
+    model: Model,
+    effects: effect_table.Effects,
+    speeds: np.ndarray | None = None,
+    motion: Motion | None = None,
+) -> tuple[dict[str, np.ndarray], effect_table.Replay]:
+    """State columns as believed, and the compiled model along them.
+
+    Actuators have made the speeds and change nothing else of it: left out, none of their states is
+    advanced.
+    """
+    motion = motion or motion_of(flight, model, effects)
+    speeds = speeds_at_work(flight, model, effects) if speeds is None else speeds
+    columns = _with_rotors(flight, motion, speeds)
+    samples = effect_table.Samples.from_columns(columns)
+    return columns, effect_table.replay(
+        model.parameters, samples, but_actuators(effects), model.terrain
+    )
+
+
+def _with_rotors(flight: Prepared, motion: Motion, speeds: np.ndarray) -> dict[str, np.ndarray]:
+    """All that the library reads of every sample, with these rotor speeds (n, 4)."""
+    columns = {**motion.columns, **flight.path, **dict(zip(ROTOR_SPEED, speeds.T, strict=True))}
+    rate = np.gradient(speeds, flight.dt_s, axis=0)
+    columns.update(
+        zip((f"rotor_acceleration_{i}_rad_s2" for i in range(1, 5)), rate.T, strict=True)
+    )
+    return columns
+
+
+def but_actuators(effects: effect_table.Effects) -> dict:
+    """Effects on what given rotor speeds do."""
+    return {
+        name: values
+        for name, values in effects.items()
+        if effect_table.get(name).kind != "actuator"
+    }
+
+
+@dataclasses.dataclass(frozen=True)
+class Along:
+    """One evaluation of a flight: drive, motion, what the model says along it, and by channel what
+    that leaves, (m,) each.
+
+    The next evaluation takes over what it does not change.
+    """
+
+    drive: Drive
+    motion: Motion
+    effects: effect_table.Effects
+    said: effect_table.Replay
+    parts: Mapping[str, np.ndarray]
+
+    def stack(self, names: Sequence[str]) -> np.ndarray:
+        """Channels as an array of shape (m, k)."""
+        return np.stack([self.parts[name] for name in names], axis=1)
+
+    def says_alike(self, said: effect_table.Replay, motion: Motion, block: str) -> bool:
+        """Whether this evaluation had the same of all that a block of channels is held against."""
+        return motion is self.motion and all(
+            np.array_equal(said[name], self.said[name]) for name in _HELD_AGAINST[block]
+        )
+
+
+def residual(
+    flight: Prepared,
+    windows: Windows,
+    model: Model,
+    names: Sequence[str],
+    more: effect_table.Effects | None = None,
+) -> np.ndarray:
+    """Recorded less modelled, (windows, channels); N, N m, rad/s and m. See :func:`along`."""
+    return along(flight, windows, model, names, more).stack(names)
+
+
+def along(
+    flight: Prepared,
+    windows: Windows,
+    model: Model,
+    names: Sequence[str],
+    more: effect_table.Effects | None = None,
+    like: Along | None = None,
+    drive: Drive | None = None,
+    said: effect_table.Replay | None = None,
+) -> Along:
+    """Recorded less modelled.
+
+    Parameters
+    ----------
+    names : channels, those of faster test functions included (see :func:`with_overtones`).
+    more : effects added to those of the model, for this evaluation.
+    like : evaluation without ``more``.
+    drive, said : with ``more``, where they are known.
+    """
+    effects = model.with_effects(more).effects if more else model.effects
+    if drive is None:
+        drive = (
+            like.drive
+            if like and not drives(more or {}, model.effects)
+            else drives_of(flight, model, [effects], names)[0]
+        )
+    motion = (
+        like.motion
+        if like and not _turning_faults(more or {})
+        else motion_of(flight, model, effects)
+    )
+    if said is None:
+        said = (
+            _said_again(like, drive, motion, effects)
+            or model_along(flight, model, effects, drive.at_work, motion)[1]
+        )
+    parts: dict[str, np.ndarray] = {}
+    for block in dict.fromkeys(block_of(name) for name in names):
+        same = like and (
+            drive is like.drive if block == "drive" else like.says_alike(said, motion, block)
+        )
+        if same:
+            parts.update(
+                {name: value for name, value in like.parts.items() if block_of(name) == block}
+            )
+        else:
+            heard = (
+                _as_read(flight, model, effects, drive, said, like) if block == "range" else said
+            )
+            parts.update(_PARTS[block](flight, windows, model, names, drive, motion, heard))
+    return Along(drive, motion, effects, said, parts)
+
+
+def _as_read(
+    flight: Prepared,
+    model: Model,
+    effects: effect_table.Effects,
+    drive: Drive,
+    said: effect_table.Replay,
+    like: Along | None,
+) -> effect_table.Replay:
+    """What the model says with the attitude as it was read: where on uneven ground the beam of a
+    rangefinder falls, which sees a patch and not a point, speaks about no error of the attitude.
+    """
+    faults = _turning_faults(effects)
+    if not faults:
+        return said
+    straight = {name: values for name, values in effects.items() if name not in faults}
+    known = _said_again(like, drive, like.motion, straight) if like else None
+    return known or model_along(flight, model, straight, drive.at_work)[1]
+
+
+def said_with_each(
+    flight: Prepared, model: Model, like: Along, added: Sequence[effect_table.Effects]
+) -> list:
+    """The :class:`Replay` with each of these additions, which change neither drive nor motion;
+    asked in one batch.
+    """
+    samples = effect_table.Samples.from_columns(
+        _with_rotors(flight, like.motion, like.drive.at_work)
+    )
+    sets = [but_actuators(model.with_effects(more).effects) for more in added]
+    return effect_table.replay_each(model.parameters, samples, sets, model.terrain)
+
+
+def act_along_the_path(effects: effect_table.Effects, on: effect_table.Effects) -> bool:
+    """Whether effects remember where the vehicle has been, and change neither drive nor motion
+    beside those that are ``on``.
+    """
+    remembers = any(effect_table.get(name).remembers_the_path for name in effects)
+    return remembers and not _turning_faults(effects) and not drives(effects, on)
+
+
+def _said_again(
+    like: Along | None, drive: Drive, motion: Motion, effects: effect_table.Effects
+) -> effect_table.Replay | None:
+    """What the model said before, if nothing that it is asked about differs."""
+    same = like and motion is like.motion and but_actuators(effects) == but_actuators(like.effects)
+    return like.said if same and np.array_equal(drive.at_work, like.drive.at_work) else None
+
+
+def _marked(windows: Windows, channel: str, names: Sequence[str]):
+    """Every test function that one channel is asked under: mark of its name, weights, rate
+    weights.
+    """
+    return [(mark, *pair) for mark, pair in windows.functions.items() if channel + mark in names]
+
+
+def _force(
+    flight, windows: Windows, model, names, drive, motion: Motion, said: effect_table.Replay
+) -> dict[str, np.ndarray]:
+    """m (a - g) - F in the body frame; the derivative of the velocity rests on the test
+    function.
+    """
+    v, carried = motion.carried
+    mass = float(said["mass_kg"][0])
+    left = mass * (windows.rate @ v) + windows.mean @ (mass * carried - said.force_N)
+    return dict(zip(FORCE, left.T, strict=True))
+
+
+def _moment(
+    flight, windows: Windows, model: Model, names, drive, motion: Motion, said: effect_table.Replay
+) -> dict:
+    """I dOmega + Omega x I Omega - M in the body frame, as an angular acceleration times the
+    declared inertia.
+
+    In that unit a wrong inertia scales what the model says and not what was measured; otherwise the
+    best fit would be to shrink both to nothing.
+    """
+    omega, inertia = motion.omega, said.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2")
+    declared = np.array([model.number(f"i{a}_kg_m2") for a in ("xx", "yy", "zz")])
+    acting = (np.cross(omega, inertia * omega) - said.moment_Nm) / inertia
+    left = [
+        (mark, declared * (rate @ omega + mean @ acting))
+        for mark, mean, rate in _marked(windows, "moment_x", names)
+    ]
+    return {
+        name + mark: column
+        for mark, each in left
+        for name, column in zip(MOMENT, each.T, strict=True)
+    }
+
+
+def _acc(
+    flight: Prepared, windows: Windows, model, names: Sequence[str], drive, motion, said
+) -> dict[str, np.ndarray]:
+    """The accelerometer's readings less the model's, as a force."""
+    columns = {name: f"{name}_m_s2" for name in ACC if name in names}
+    return {
+        n: windows.mean @ (said["mass_kg"] * (flight.columns[c] - said[c]))
+        for n, c in columns.items()
+    }
+
+
+def _lost(
+    flight: Prepared, windows: Windows, model, names, drive: Drive, motion, said
+) -> dict[str, np.ndarray]:
+    """Rotor speeds less those that the commands make."""
+    lost = flight.stack("rotor_speed") - drive.commanded
+    left = [(mark, mean @ lost) for mark, mean, _ in _marked(windows, DRIVE[0], names)]
+    return {
+        name + mark: column
+        for mark, each in left
+        for name, column in zip(DRIVE, each.T, strict=True)
+    }
+
+
+def _range(
+    flight: Prepared, windows: Windows, model, names, drive, motion, said: effect_table.Replay
+) -> dict[str, np.ndarray]:
+    """The rangefinder's readings less the model's."""
+    return {"range": windows.mean @ (flight.columns["range_m"] - said["range_m"])}
+
+
+_PARTS = {"force": _force, "moment": _moment, "acc": _acc, "drive": _lost, "range": _range}
+_HELD_AGAINST = {
+    "force": ("mass_kg", "force_x_N", "force_y_N", "force_z_N"),
+    "moment": ("moment_x_Nm", "moment_y_Nm", "moment_z_Nm", "ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"),
+    "acc": ("mass_kg", "acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2"),
+    "range": ("range_m",),
+}

@@ -1,0 +1,636 @@
+"""The linear system behind a diagnosis: residuals, nuisance columns and candidate columns of every
+flight, whitened.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Iterable, Mapping, Sequence
+
+import numpy as np
+
+from ges.diagnose.design.answers import Loose, Vouched, both, loose, untrim, vouched
+from ges.diagnose.design.residual import (
+    DRIVE,
+    MOMENT,
+    SECOND_POLE,
+    Along,
+    Drive,
+    act_along_the_path,
+    along,
+    channels,
+    drives,
+    drives_of,
+    said_with_each,
+    with_overtones,
+)
+from ges.diagnose.design.table import Table, table_of
+from ges.diagnose.design.weak import (
+    SHORTEST_WINDOW_S,
+    UPDATES_PER_WINDOW,
+    Windows,
+    blocks_of,
+    make_windows,
+)
+from ges.diagnose.library.candidates import NEEDS_ATTITUDE, Variant
+from ges.diagnose.prepare.align import Prepared, attitude_measured
+from ges.diagnose.types.model import SPEED, Model, block_of
+from ges.simulator import effects as effect_table
+from ges.simulator.effects import Replay
+from ges.threads import each
+
+AR_ORDER = 3
+MOST_HALF_WAVES, UPDATES_PER_HALF_WAVE = 3, 2.5
+LEVELLED, LEVELLER, LEVELLING, LEVELLING_SD = "ground_effect", "ground_effect_moment", -0.35, 0.25
+"""Excess over the moment of cushions that each end where their rotor does. Wakes mix, which takes
+from how much cushions differ and never adds: about a third on development cases.
+"""
+SIDEWAYS = frozenset({"rotor_drag", "parasitic_drag", "wind", "rotor_tilt"})
+FAR_SDS = 3.0
+BEYOND_FLIGHT = 0.12
+"""Sd of what a drive does with more than is ever asked in the air, over what its model does with
+it: as wrong as any form.
+"""
+USUAL: tuple[tuple[str, str, float, float, float], ...] = (
+    # channel, effect.parameter, step, usual doubt (sd), sd from flight to flight; cg_offset in arm
+    # lengths
+    ("force", "attitude_bias.x_rad", 0.002, 0.006, 0.003),
+    ("force", "attitude_bias.y_rad", 0.002, 0.006, 0.003),
+    ("acc", "accelerometer_bias.x_m_s2", 0.02, 0.04, 0.03),
+    ("acc", "accelerometer_bias.y_m_s2", 0.02, 0.04, 0.03),
+    ("acc", "accelerometer_bias.z_m_s2", 0.02, 0.04, 0.03),
+    ("moment", "weak_rotor.loss_1", 0.005, 0.01, 0.003),
+    ("moment", "weak_rotor.loss_2", 0.005, 0.01, 0.003),
+    ("moment", "weak_rotor.loss_3", 0.005, 0.01, 0.003),
+    ("moment", "weak_rotor.loss_4", 0.005, 0.01, 0.003),
+    ("moment", "cg_offset.x_m", 0.01, 0.01, 0.004),
+    ("moment", "cg_offset.y_m", 0.01, 0.01, 0.004),
+    ("moment", "inertia.xx", 0.02, 0.0, 0.0),
+    ("moment", "inertia.yy", 0.02, 0.0, 0.0),
+    ("moment", "inertia.zz", 0.02, 0.0, 0.0),
+    ("moment", "torque_coefficient.scale", 0.02, 0.0, 0.0),
+    ("moment", "time_offset.delay_s", 0.001, 0.003, 0.0),
+    ("drive command", "thrust_curve.c", 0.02, 0.03, 0.0),
+    ("drive", "esc_delay.delay_s", 0.004, 0.002, 0.0),
+    ("range", "rangefinder_bias.bias_m", 0.005, 0.01, 0.003),
+    ("range", "rangefinder_bias.scale", 0.01, 0.02, 0.0),
+    ("range", "rangefinder_lag.tau_s", 0.005, 0.015, 0.0),
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Switches:
+    """Parts of the method that an ablation turns off: instruments, whitening, tolerance of declared
+    numbers.
+    """
+
+    instruments: bool = True
+    whitening: bool = True
+    tolerance: bool = True
+
+
+ALL_ON = Switches()
+
+
+@dataclasses.dataclass(frozen=True)
+class Nuisance:
+    """A number that every hypothesis may adjust: sd over vehicles (declared doubt) and from flight
+    to flight, about a mean.
+    """
+
+    effect: str
+    parameter: str
+    step: float
+    sd: float
+    flight_sd: float
+    mean: float = 0.0
+
+    @property
+    def key(self) -> str:
+        """``effect.parameter``."""
+        return f"{self.effect}.{self.parameter}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Column:
+    """One column: a nuisance, or one amplitude of one variant of a candidate.
+
+    ``part`` 'force' or 'moment' is a column of those channels alone, with a coefficient of its own.
+    A thrust gain near the ground is split so: how much the cushions of four rotors differ, and so
+    the moment, depends on how far each of them spreads. And so is what pushes the rotors sideways:
+    its lever about the centre of gravity is millimetres long, and as small moments are measured far
+    better than small forces, they would decide its size.
+    """
+
+    label: str
+    nuisance: Nuisance | None = None
+    variant: Variant | None = None
+    amplitude: int = 0
+    part: str = ""
+
+    @property
+    def made_of(self) -> tuple:
+        """What the column is computed from: two columns with the same differ in their parts at
+        most.
+        """
+        if self.nuisance is not None:
+            return (self.nuisance,)
+        v = self.variant
+        return v.effect, tuple(v.shape.items()), v.amplitudes[self.amplitude], repr(v.beside)
+
+    def part_of(
+        self, whole: Mapping[int, np.ndarray], names: Sequence[str]
+    ) -> Mapping[int, np.ndarray]:
+        """This column's part of all that its coefficient changes, by channel."""
+        if not self.part:
+            return whole
+        return {
+            c: value
+            for c, value in whole.items()
+            if (block_of(names[c]) == "moment") == (self.part == "moment")
+        }
+
+    @property
+    def key(self) -> str:
+        """``effect.parameter``: a nuisance and a candidate with one key correct the same number."""
+        if self.nuisance is not None:
+            return self.nuisance.key
+        return f"{self.variant.effect}.{self.variant.amplitudes[self.amplitude].parameter}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Rows:
+    """One flight: residuals ``y`` (m, C), NaN where a channel is not there, and columns ``x`` (m,
+    C, K).
+
+    Windows that are not in the ``air`` (m,) tell of the drive alone; ``beyond`` is an error of unit
+    sd that its model may have where more is asked of it than in the air, (m,) by channel. ``loose``
+    are the parts of columns that instruments do not vouch for, ``vouched`` is what they say (see
+    ``answers``).
+    """
+
+    flight: Prepared
+    windows: Windows
+    y: np.ndarray
+    x: Table
+    noise: np.ndarray
+    loose: Loose
+    vouched: Vouched | None
+    air: np.ndarray
+    beyond: Mapping[int, np.ndarray]
+
+    @property
+    def follows(self) -> np.ndarray:
+        """(m,) True where a window directly follows the one before."""
+        half = np.diff(self.windows.center)
+        return np.r_[False, half == half.min()] if len(half) else np.zeros(len(self.windows), bool)
+
+    def in_air(self, channels: Sequence[int]) -> np.ndarray:
+        """Residuals of these channels in the air, (a, len(channels))."""
+        return self.y[np.ix_(self.air, channels)]
+
+    def mean_columns(self, channels: Sequence[int], wanted: Sequence[int]) -> np.ndarray:
+        """Means in the air of wanted columns in these channels, (len(channels), len(wanted))."""
+        return np.stack([self.x.of(c, wanted)[self.air].mean(axis=0) for c in channels])
+
+    def added(self, terms: Mapping[int, float], count: int) -> np.ndarray:
+        """Columns times ``terms``, in the first ``count`` channels, (m, count), NaN where a channel
+        is not there.
+        """
+        return np.where(np.isfinite(self.y[:, :count]), self.x.summed(terms, count), np.nan)
+
+
+@dataclasses.dataclass(frozen=True)
+class System:
+    """All flights with the same channels and columns."""
+
+    model: Model
+    names: tuple[str, ...]
+    columns: tuple[Column, ...]
+    flights: tuple[Rows, ...]
+    whitened: bool = True
+
+    @property
+    def nuisances(self) -> dict[str, int]:
+        """Columns of the nuisances by ``effect.parameter``."""
+        return {c.key: k for k, c in enumerate(self.columns) if c.nuisance is not None}
+
+    @property
+    def main(self) -> tuple[str, ...]:
+        """Channels under the plain average: what is told and drawn."""
+        return tuple(name for name in self.names if "/" not in name)
+
+    def blocks(self, length_s: float) -> list[np.ndarray]:
+        """Number of the block of time of every window, by flight."""
+        return blocks_of([(r.windows, r.flight.t_s[0]) for r in self.flights], length_s)
+
+
+def nuisances(
+    model: Model, names: Iterable[str], flights: Sequence[Prepared]
+) -> tuple[Nuisance, ...]:
+    """Numbers that are always free: declared doubts, trims, and what no drive and no sensor does
+    exactly.
+
+    A doubt that the vehicle file states under ``effects`` replaces the usual one of :data:`USUAL`.
+    Where no attitude was measured, numbers that only it shows stay as declared; where rotor speeds
+    have to be made from commands, the thrust curve is as doubtful as where both were logged.
+    """
+    names, arm = set(names), model.arm_m
+    commanded = any(not f.has("rotor_speed") for f in flights)
+    has = {name.split("_")[0] for name in names} | ({"command"} if commanded else set())
+    listed = [
+        Nuisance("thrust_scale", "scale", 0.01, model.doubts.get("thrust_scale.scale", 0.0), 0.01)
+    ]
+    for group, key, step, usual, by_flight in USUAL:
+        effect, parameter = key.split(".")
+        scale = arm if effect == "cg_offset" else 1.0
+        usual = _usual_delay_s(usual, model, flights) if effect == "esc_delay" else usual
+        if set(group.split()) & has and _axis_is_there(effect, parameter, names):
+            sd = model.doubts.get(key, scale * usual)
+            step = (
+                FAR_SDS * sd if effect == "inertia" else scale * step
+            )  # as 1/I: linear up to where a doubt would end
+            listed.append(Nuisance(effect, parameter, step, sd, scale * by_flight))
+    if has & {"drive", "moment"}:
+        listed += [
+            Nuisance("motor_lag", f"{w}_s", 0.002, model.doubts.get(f"motor_lag.{w}_s", 0.0), 0.0)
+            for w in ("up", "down")
+        ]
+    if "drive" in has:
+        speed = model.number("max_rotor_speed_rad_s")
+        listed.append(Nuisance(*SPEED.split("."), 0.01 * speed, model.doubts.get(SPEED, 0.0), 0.0))
+        if all(f.has("battery") for f in flights):
+            listed.append(
+                Nuisance(
+                    "battery_sag",
+                    "sensitivity",
+                    0.02,
+                    model.doubts.get("battery_sag.sensitivity", 0.04),
+                    0.0,
+                )
+            )
+    if "moment" in has and LEVELLED in model.effects:
+        listed.append(Nuisance(LEVELLER, "q", 0.1, LEVELLING_SD, 0.0, LEVELLING))
+    rates = attitude_measured(flights)
+    return tuple(
+        n
+        for n in listed
+        if (n.sd > 0 or n.flight_sd > 0) and (rates or n.effect not in NEEDS_ATTITUDE)
+    )
+
+
+def _usual_delay_s(usual_s: float, model: Model, flights: Sequence[Prepared]) -> float:
+    """Doubt on a drive's delay: its own, how long a command was held, and what a motor's second
+    pole looks like (s).
+    """
+    held = max((f.held.sd * _slowest([f], ("command",)) for f in flights), default=0.0)
+    return float(
+        np.linalg.norm([usual_s, held, SECOND_POLE * model.number("motor_time_constant_s")])
+    )
+
+
+def _axis_is_there(effect: str, parameter: str, names: set[str]) -> bool:
+    """Whether the channel that shows this parameter was recorded."""
+    axis = {"xx": "x", "yy": "y", "zz": "z"}.get(parameter, parameter[0])
+    if effect == "accelerometer_bias":
+        return f"acc_{axis}" in names
+    return (
+        f"moment_{axis}" in names
+        if effect == "inertia"
+        else effect != "torque_coefficient" or "moment_z" in names
+    )
+
+
+def _slowest(flights: Sequence[Prepared], streams: Sequence[str]) -> float:
+    """Longest usual time between two values of a stream, s."""
+    return max(
+        (f.update_s[s] for f in flights for s in streams if np.isfinite(f.update_s.get(s, np.nan))),
+        default=0.0,
+    )
+
+
+def window_length_s(flights: Sequence[Prepared]) -> float:
+    """Support of the test functions: 0.2 s, longer where a stream speaks more seldom."""
+    slowest = _slowest(flights, ("velocity", "attitude", "gyro", "rotor_speed", "command"))
+    return max(SHORTEST_WINDOW_S, UPDATES_PER_WINDOW * slowest)
+
+
+def common_channels(flights: Sequence[Prepared], model: Model) -> tuple[str, ...]:
+    """Channels that at least one flight can speak about, in the order of the first flight that has
+    most of them.
+    """
+    listed = [channels(flight, model) for flight in flights]
+    return tuple(
+        dict.fromkeys(name for names in sorted(listed, key=len, reverse=True) for name in names)
+    )
+
+
+def _stepped(
+    model: Model, effect: str, values: Mapping[str, float], parameter: str, step: float
+) -> dict:
+    now = {**effect_table.get(effect).neutral(), **model.effects.get(effect, {}), **values}
+    return {effect: {**now, parameter: now[parameter] + step}}
+
+
+def _inward(effect: str, parameter: str, value: float, step: float) -> float:
+    """The step, turned round where it would leave the effect's bounds."""
+    return -step if value + step > effect_table.get(effect).parameter(parameter).high else step
+
+
+def _reference(model: Model, column: Column) -> dict:
+    """Effects that must be on already for the column's shape, with the amplitude still neutral; {}
+    where they do nothing.
+    """
+    if column.nuisance is not None or column.variant.effect in model.effects:
+        return {}
+    neutral = {**column.variant.beside, column.variant.effect: column.variant.parameters({})}
+    return neutral if drives(neutral) or column.variant.beside else {}
+
+
+def _shift(model: Model, column: Column) -> tuple[dict, float]:
+    if column.nuisance is not None:
+        n = column.nuisance
+        held = {**effect_table.get(n.effect).neutral(), **model.effects.get(n.effect, {})}
+        step = _inward(n.effect, n.parameter, held[n.parameter], n.step)
+        return _stepped(model, n.effect, {}, n.parameter, step), step
+    variant, a = column.variant, column.variant.amplitudes[column.amplitude]
+    values = variant.parameters({}) if variant.effect not in model.effects else {}
+    return {
+        **variant.beside,
+        **_stepped(model, variant.effect, values, a.parameter, a.step),
+    }, a.step
+
+
+def _among(names: Sequence[str], here: Sequence[str], evaluated: Along) -> np.ndarray:
+    """An evaluation of the channels of one flight among those of all flights, (m, C), NaN
+    elsewhere.
+    """
+    told = evaluated.stack(here)
+    if tuple(names) == tuple(here):
+        return told
+    full = np.full((len(told), len(names)), np.nan)
+    full[:, [names.index(name) for name in here]] = told
+    return full
+
+
+@dataclasses.dataclass(frozen=True)
+class _Seen:
+    """One flight as the model sees it ``now``, and what a column makes of it; channels are ``here``
+    among ``names``.
+    """
+
+    flight: Prepared
+    windows: Windows
+    model: Model
+    names: Sequence[str]
+    here: Sequence[str]
+    now: Along
+    driven: Mapping[str, Drive]
+    said: Mapping[str, Replay]
+
+    def column(self, column: Column) -> dict[int, np.ndarray]:
+        """Minus the residual's change per unit of the column's coefficient, by channel, (m,) each,
+        whatever its part.
+        """
+        if column.nuisance is not None and column.nuisance.effect == "vehicle":
+            n = column.nuisance
+            other = self.model.with_number(n.parameter, self.model.number(n.parameter) + n.step)
+            return self._change(
+                self.now, along(self.flight, self.windows, other, self.here), n.step
+            )
+        shifted, step = _shift(self.model, column)
+        return self._change(self._with(_reference(self.model, column)), self._with(shifted), step)
+
+    def _with(self, effects: effect_table.Effects) -> Along:
+        """The evaluation with effects added."""
+        if not effects:
+            return self.now
+        known = repr(effects)
+        return along(
+            self.flight,
+            self.windows,
+            self.model,
+            self.here,
+            effects,
+            self.now,
+            self.driven.get(known),
+            self.said.get(known),
+        )
+
+    def _change(self, before: Along, after: Along, step: float) -> dict[int, np.ndarray]:
+        pairs = (
+            (self.names.index(name), before.parts[name], after.parts[name]) for name in self.here
+        )
+        changes = {c: (a - b) / step for c, a, b in pairs if a is not b}
+        return {c: change for c, change in changes.items() if change.any()}
+
+
+def _added(model: Model, columns: Iterable[Column]) -> dict[str, dict]:
+    """All that these columns add to the effects, by its name among what is known."""
+    added = [
+        e for c in columns if c.key != SPEED for e in (_reference(model, c), _shift(model, c)[0])
+    ]
+    return {repr(e): e for e in added if e}
+
+
+def _driven(
+    flight: Prepared, model: Model, here: Sequence[str], added: Mapping[str, dict]
+) -> dict[str, Drive]:
+    """Drives under what is added, flown as one batch."""
+    sets = {
+        name: model.with_effects(e).effects for name, e in added.items() if drives(e, model.effects)
+    }
+    return (
+        dict(zip(sets, drives_of(flight, model, list(sets.values()), here), strict=True))
+        if sets
+        else {}
+    )
+
+
+def _said(
+    flight: Prepared, model: Model, now: Along, added: Mapping[str, dict]
+) -> dict[str, Replay]:
+    """What the model says with what is added and remembers its path, replayed as one batch."""
+    sets = {name: e for name, e in added.items() if act_along_the_path(e, model.effects)}
+    return (
+        dict(zip(sets, said_with_each(flight, model, now, list(sets.values())), strict=True))
+        if sets
+        else {}
+    )
+
+
+def rows(
+    flight: Prepared,
+    model: Model,
+    names: Sequence[str],
+    columns: Sequence[Column],
+    length_s: float,
+    instrumented: bool = True,
+    known: Mapping | None = None,
+    like: Rows | None = None,
+) -> Rows:
+    """Residuals and columns of one flight; a column is minus the residual's change per unit of its
+    coefficient.
+
+    Parameters
+    ----------
+    known : columns to take over, nuisances by key and others by what they are made of.
+    like : of the same flight, whose instruments serve again: they hardly change with effects.
+    """
+    windows = make_windows(flight.t_s, flight.driven, length_s, half_waves(flight, length_s))
+    air, driven = (
+        windows.within(flight.flying),
+        np.array([block_of(name) == "drive" for name in names]),
+    )
+    here = tuple(
+        name
+        for name in with_overtones(channels(flight, model), len(windows.overtones))
+        if name in names
+    )
+    now = along(flight, windows, model, here)
+    y = _among(names, here, now)
+    told, made = known or {}, {c.made_of: c for c in columns}
+    asked = {of: c.key if c.nuisance else of for of, c in made.items()}
+    new = {of: c for of, c in made.items() if asked[of] not in told}
+    added = _added(model, new.values())
+    seen = _Seen(
+        flight,
+        windows,
+        model,
+        names,
+        here,
+        now,
+        _driven(flight, model, here, added),
+        _said(flight, model, now, added),
+    )
+    values = {of: seen.column(c) if of in new else told[asked[of]] for of, c in made.items()}
+    x = table_of([c.part_of(values[c.made_of], names) for c in columns], *y.shape)
+    y = np.where(
+        x.finite() & (air[:, None] | driven), y, np.nan
+    )  # a beam that tilted a little further would see no ground
+    keys, thrust = (
+        [c.key for c in columns],
+        model.number("thrust_coefficient_N_s2") * (now.drive.at_work**2).sum(axis=1),
+    )
+    untrim(keys, x, windows, names, thrust, air)
+    if like or not instrumented:
+        vouch = like.vouched if like else None
+    else:
+        vouch = vouched(flight, windows.some(air), model, names, y[air], now.drive.at_work)
+    heard = {c: name for c, name in enumerate(names) if np.isfinite(y[air, c]).all()}
+    apart = [
+        f"{key}/{c.part}" if c.part == "moment" and c.variant.effect in model.effects else key
+        for key, c in zip(keys, columns, strict=True)
+    ]
+    answered = loose(apart, x, windows.length_s, heard, vouch, air, model.effects) if vouch else {}
+    answered = both(like.loose, answered, model.effects) if like else answered
+    beyond = _beyond(flight, windows, names, now.drive.commanded)
+    return Rows(
+        flight,
+        windows,
+        y,
+        x,
+        restless(flight, windows, model, thrust),
+        answered,
+        vouch,
+        air,
+        beyond,
+    )
+
+
+def _beyond(
+    flight: Prepared, windows: Windows, names: Sequence[str], commanded: np.ndarray | None
+) -> dict[int, np.ndarray]:
+    """By channel of the drive, (m,): how far commands (n, 4), as rotor speeds, are beyond all that
+    the flight asks in the air, times the doubt on what they do there.
+    """
+    if commanded is None or not (flight.driven & ~flight.flying).any():
+        return {}
+    more = BEYOND_FLIGHT * np.maximum(commanded - commanded[flight.flying].max(axis=0), 0.0)
+    marked = {
+        f"{name}{mark}": mean @ speeds
+        for name, speeds in zip(DRIVE, more.T, strict=True)
+        for mark, (mean, _) in windows.functions.items()
+    }
+    return {
+        c: marked[name] for c, name in enumerate(names) if name in marked and marked[name].any()
+    }
+
+
+def half_waves(flight: Prepared, length_s: float) -> int:
+    """How many half-waves a test function may have before a stream cannot follow it."""
+    slowest = _slowest([flight], ("gyro", "attitude", "rotor_speed", "command")) or np.inf
+    return min(MOST_HALF_WAVES, int(length_s / (UPDATES_PER_HALF_WAVE * slowest)))
+
+
+def restless(flight: Prepared, windows: Windows, model: Model, thrust: np.ndarray) -> np.ndarray:
+    """Change of thrust between two readings of the rotor speeds, over weight, (m,): how much a slow
+    stream may hide.
+    """
+    every = flight.update_s.get(
+        "rotor_speed" if flight.has("rotor_speed") else "command", flight.dt_s
+    )
+    rate = np.abs(np.gradient(thrust, flight.dt_s)) / model.weight_N
+    return windows.mean @ rate * (every if np.isfinite(every) else flight.dt_s)
+
+
+def _known(system: System, flight: Rows, model: Model, wanted: set[tuple]) -> dict:
+    """Nuisance columns of one flight by key; of the others, if computed for this very model, those
+    that are ``wanted``, by what they are made of.
+    """
+    known: dict = {key: flight.x.alone(k) for key, k in system.nuisances.items()}
+    for k, c in enumerate(system.columns) if system.model is model else ():
+        if c.variant is not None and c.made_of in wanted:
+            known[c.made_of] = known.get(c.made_of, {}) | flight.x.alone(k)
+    return known
+
+
+def _parts(effect: str, beside: Collection[str]) -> tuple[str, ...]:
+    """Parts that an effect's columns come in, see :class:`Column`; of cushions the force alone,
+    where what they make of moments is free ``beside`` them.
+    """
+    if effect == LEVELLED and LEVELLER in beside:
+        return ("force",)
+    return ("force", "moment") if effect in SIDEWAYS or effect == LEVELLED else ("",)
+
+
+def build(
+    flights: Sequence[Prepared],
+    model: Model,
+    variants: Sequence[Variant],
+    length_s: float | None = None,
+    like: System | None = None,
+    switches: Switches = ALL_ON,
+) -> System:
+    """Assemble the system: nuisance columns first, then every amplitude of every variant.
+
+    Parameters
+    ----------
+    like : a system of the same flights and channels whose nuisance columns and instruments are
+        taken over: they hardly change with effects; all of its columns where the model is the same.
+    """
+    main = common_channels(flights, model)
+    length_s = length_s or window_length_s(flights)
+    names = with_overtones(main, 2 * max(half_waves(f, length_s) for f in flights))
+    columns = (
+        [Column(n.key, nuisance=n) for n in nuisances(model, main, flights)]
+        if switches.tolerance
+        else []
+    )
+    for v in variants:
+        parts = _parts(v.effect, {w.effect for w in variants}) if MOMENT[0] in names else ("",)
+        columns += [
+            Column(v.key, variant=v, amplitude=j, part=part)
+            for j in range(len(v.amplitudes))
+            for part in parts
+        ]
+    before = like.flights if like else [None] * len(flights)
+    wanted = {c.made_of for c in columns}
+    known = [_known(like, r, model, wanted) if like else {} for r in before]
+    made = each(
+        lambda f, k, r: rows(f, model, names, columns, length_s, switches.instruments, k, r),
+        flights,
+        known,
+        before,
+    )
+    return System(model, names, tuple(columns), tuple(made), switches.whitening)

@@ -1,0 +1,168 @@
+"""Weak form: averages with smooth test functions of compact support, so that no signal is ever
+differentiated.
+
+For a test function phi with compact support, integral(phi x') = -integral(phi' x): the derivative
+moves from the noisy signal to the known function (Messenger & Bortz 2021, weak SINDy).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.sparse import csr_array
+
+SHORTEST_WINDOW_S = 0.2
+UPDATES_PER_WINDOW = 3.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Windows:
+    """Test functions along one flight.
+
+    Attributes
+    ----------
+    center_s : (m,) centres, seconds from the start of the recording's clock.
+    center : (m,) rows of the centres on the grid.
+    mean : (m, n) weights of the average, each row sums to 1.
+    rate : (m, n) weights that give the average of the time derivative.
+    length_s : support of each function.
+    overtones : weights and rate weights (m, n) of faster test functions on the same supports, see
+        :func:`tones`.
+    """
+
+    center_s: np.ndarray
+    center: np.ndarray
+    mean: csr_array
+    rate: csr_array
+    length_s: float
+    overtones: tuple[tuple[csr_array, csr_array], ...] = ()
+
+    @property
+    def functions(self) -> dict[str, tuple[csr_array, csr_array]]:
+        """Weights and rate weights of every test function, by the mark that it puts on a channel's
+        name.
+        """
+        return {
+            "": (self.mean, self.rate),
+            **{f"/{k}": pair for k, pair in enumerate(self.overtones, 1)},
+        }
+
+    def __len__(self) -> int:
+        return len(self.center)
+
+    @property
+    def half(self) -> int:
+        """Samples from the centre of a function to its end, and from one centre to the next."""
+        return (self.mean.indptr[1] - 1) // 2 if len(self) else 0
+
+    def within(self, allowed: np.ndarray) -> np.ndarray:
+        """(m,) True where the whole support lies in ``allowed`` (n,) samples."""
+        return whole(allowed, self.center - self.half, self.center + self.half + 1)
+
+    def some(self, which: np.ndarray) -> Windows:
+        """Those that are true in ``which`` (m,); all of them are these themselves."""
+        if which.all():
+            return self
+        faster = tuple((a[which], b[which]) for a, b in self.overtones)
+        return Windows(
+            self.center_s[which],
+            self.center[which],
+            self.mean[which],
+            self.rate[which],
+            self.length_s,
+            faster,
+        )
+
+
+def whole(allowed: np.ndarray, first: np.ndarray, past: np.ndarray) -> np.ndarray:
+    """(m,) True where all ``allowed`` (n,) samples from ``first`` to before ``past`` (m,) are."""
+    out = np.r_[0, np.cumsum(~allowed)]
+    return out[past] == out[first]
+
+
+def blocks_of(flights: Sequence[tuple[Windows, float]], length_s: float) -> list[np.ndarray]:
+    """Number of the block of time of every window, by flight; no block is shared by two flights.
+
+    Parameters
+    ----------
+    flights : windows, and the first time of the flight's clock (s).
+    length_s : length of a block.
+    """
+    found, first = [], 0
+    for windows, start_s in flights:
+        number = ((windows.center_s - start_s) // length_s).astype(int) + first
+        found.append(number)
+        first = int(number.max(initial=first)) + 1
+    return found
+
+
+def bump(half: int, step_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Weights of (1 - s^2)^3 on 2 half + 1 points, and those of minus its derivative; exact for
+    constants and ramps.
+    """
+    s, phi, slope = _bump(half)
+    return phi / phi.sum(), slope / (slope @ (s * (half + 1.0) * step_s))
+
+
+def _bump(half: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Places s in (-1, 1), (1 - s^2)^3, and minus its derivative."""
+    s = np.arange(-half, half + 1) / (half + 1.0)
+    return s, (1.0 - s**2) ** 3, 6.0 * s * (1.0 - s**2) ** 2
+
+
+def tones(half: int, step_s: float, count: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Faster test functions: the bump times sines and cosines of 1 ... count half-waves, freed of
+    the slower ones.
+
+    Returns
+    -------
+    weights and rate weights, (2 half + 1,) each; white noise has the same size in all of them as in
+    the bump's average.
+    """
+    s, phi, slope = _bump(half)
+    made = [np.stack([phi, slope])]
+    for k in range(1, count + 1):
+        c, w = np.cos(np.pi * k * s), np.sin(np.pi * k * s)
+        made += [
+            np.stack([phi * w, slope * w - np.pi * k * phi * c]),
+            np.stack([phi * c, slope * c + np.pi * k * phi * w]),
+        ]
+    for i, pair in enumerate(made):
+        for other in made[:i]:
+            pair = pair - (pair[0] @ other[0]) * other
+        made[i] = pair / np.linalg.norm(pair[0])
+    size, reach_s = np.linalg.norm(phi) / phi.sum(), (half + 1.0) * step_s
+    return [(size * pair[0], size * pair[1] / reach_s) for pair in made[1:]]
+
+
+def make_windows(
+    t_s: np.ndarray, flying: np.ndarray, length_s: float, overtones: int = 0
+) -> Windows:
+    """Half-overlapping windows whose whole support flies.
+
+    Parameters
+    ----------
+    t_s : (n,) uniform times.
+    flying : (n,) usable samples.
+    length_s : support of a test function.
+    overtones : how many half-waves the faster test functions go up to.
+    """
+    step_s = t_s[1] - t_s[0]
+    half = max(int(round(0.5 * length_s / step_s)), 2)
+    centers = np.arange(half, len(t_s) - half, half)
+    centers = centers[whole(flying, centers - half, centers + half + 1)]
+    phi, slope = bump(half, step_s)
+    columns = (centers[:, None] + np.arange(-half, half + 1)).ravel()
+    starts = np.arange(len(centers) + 1) * (2 * half + 1)
+
+    def spread(weights: np.ndarray) -> csr_array:
+        return csr_array(
+            (np.tile(weights, len(centers)), columns, starts), shape=(len(centers), len(t_s))
+        )
+
+    faster = tuple((spread(a), spread(b)) for a, b in tones(half, step_s, overtones))
+    return Windows(
+        t_s[centers], centers, spread(phi), spread(slope), (2 * half + 1) * step_s, faster
+    )

@@ -1,0 +1,345 @@
+"""Noise of each channel: autocorrelation, size, and where a slow stream makes it larger; so that
+windows count once.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Mapping, Sequence
+from statistics import median_low
+
+import numpy as np
+from scipy.linalg import toeplitz
+from scipy.sparse import csr_array
+
+from ges.diagnose.design.system import AR_ORDER, Column, Rows, System
+
+RIDGE = 1e-6
+TINY = 1e-30
+LEAST_NOISE = 1e-5  # of the weight and its like: no recording is better
+WIDE = 10.0
+FEEDBACK = 0.7
+ROUNDS = 4
+
+
+@dataclasses.dataclass(frozen=True)
+class Noise:
+    """Per channel: AR coefficients (C, p), innovation sd (C,), growth with unrest (C,); over the
+    innovation sd the size of the disturbances that a controller may have answered (C,): what
+    nuisances alone leave in all but the restless flights; and how many times as much is left in the
+    most restless flight as in the middle one (C,).
+    """
+
+    ar: np.ndarray
+    sd: np.ndarray
+    growth: np.ndarray
+    answered: np.ndarray
+    restless: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Part:
+    """One channel of a whitened flight: usable rows ``at`` (n,), their residuals (n,) and those
+    ``columns`` (k,) of all that act there, (n, k).
+
+    ``answer`` are more columns (n, moved) of unit prior sd: what a controller's answer to
+    disturbances may have added.
+    """
+
+    at: np.ndarray
+    columns: np.ndarray
+    y: np.ndarray
+    x: np.ndarray
+    answer: np.ndarray
+
+    @functools.cached_property
+    def products(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Columns with columns (k, k), columns with residuals (k,), residuals with residuals."""
+        return self.x.T @ self.x, self.x.T @ self.y, float(self.y @ self.y)
+
+    def answering(self, errors: np.ndarray) -> Part:
+        """With more columns of what a controller may have answered, (n, moved)."""
+        return dataclasses.replace(self, answer=np.hstack([self.answer, errors]))
+
+
+@dataclasses.dataclass(frozen=True)
+class White:
+    """One flight, whitened: the channels that have usable rows, and how many columns there are in
+    all.
+    """
+
+    parts: tuple[Part, ...]
+    count: int
+
+
+def _spread(columns: Sequence[Column], x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """How far every coefficient may go here: the declared doubt, or far beyond what the residual
+    could ask for.
+    """
+    size = np.sqrt(np.mean(x**2, axis=0))
+    far = np.where(size > 0, WIDE * np.sqrt(np.mean(y**2)) / np.maximum(size, TINY), 0.0)
+    doubts = [
+        math.hypot(n.sd, n.flight_sd, n.mean) if (n := column.nuisance) else np.nan
+        for column in columns
+    ]
+    return np.where(np.isnan(doubts), far, doubts)
+
+
+def left_over(system: System, channel: int, chosen: Sequence[int] = ()) -> list[np.ndarray]:
+    """What nuisances within their doubts, chosen columns and a constant of each flight leave in the
+    air, in one channel, (m,) by flight.
+    """
+    kept = [
+        k for k, column in enumerate(system.columns) if column.nuisance is not None or k in chosen
+    ]
+    acting = [np.intersect1d(kept, r.x.at[channel]) for r in system.flights]
+    return [
+        _left_of(
+            np.where(r.air, r.y[:, channel], np.nan),
+            r.x.of(channel, at),
+            [system.columns[k] for k in at],
+        )
+        for r, at in zip(system.flights, acting, strict=True)
+    ]
+
+
+def _left_of(y: np.ndarray, x: np.ndarray, columns: Sequence[Column]) -> np.ndarray:
+    good = np.isfinite(y)
+    left = np.full(len(y), np.nan)
+    if not good.any():
+        return left
+    y, x = y[good] - y[good].mean(), x[good] - x[good].mean(axis=0)
+    x = x * _spread(columns, x, y)
+    gram, right, sd2 = x.T @ x, x.T @ y, np.mean(y**2)
+    e = y
+    for _ in range(ROUNDS):
+        ridge = max(sd2, RIDGE**2 * np.trace(gram), TINY)
+        e = y - x @ np.linalg.solve(gram + ridge * np.eye(len(gram)), right)
+        sd2 = np.mean(e**2)
+    left[good] = e
+    return left
+
+
+def _run(follows: np.ndarray) -> np.ndarray:
+    """How many rows every row directly follows in one run."""
+    at = np.arange(len(follows))
+    return at - np.maximum.accumulate(np.where(follows, 0, at))
+
+
+def _past(y: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """How many rows that are there every row (m,) directly follows; -1 where it is not there
+    itself. ``run`` of :func:`_run`.
+    """
+    there, at = np.isfinite(y), np.arange(len(y))
+    first = there & ((run == 0) | ~np.r_[False, there[:-1]])
+    return np.where(there, at - np.maximum.accumulate(np.where(first, at, 0)), -1)
+
+
+def _lagged(
+    left: np.ndarray, run: np.ndarray, order: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows with a full past, their value and their past."""
+    at = np.flatnonzero(_past(left, run) >= order)
+    return at, left[at], np.stack([left[at - k] for k in range(1, order + 1)], axis=1)
+
+
+def _growth(e: np.ndarray, unrest: np.ndarray) -> tuple[float, float]:
+    """Maximum-likelihood sd and growth of e ~ N(0, sd^2 (1 + g unrest^2)), unrest in units of its
+    median.
+    """
+    best = (np.inf, 1.0, 0.0)
+    for g in (0.0, 0.1, 0.3, 1.0, 3.0):
+        w = 1.0 + g * unrest**2
+        sd2 = max(float(np.mean(e**2 / w)), TINY)
+        cost = len(e) * np.log(sd2) + np.log(w).sum()
+        if cost < best[0]:
+            best = (cost, float(np.sqrt(sd2)), g)
+    return best[1], best[2]
+
+
+def estimate(system: System, chosen: Sequence[int] = ()) -> Noise:
+    """Noise of every channel, pooled over flights, from what nuisances and the chosen columns
+    leave.
+
+    Without chosen columns a strong effect counts as noise: cautious, so the search starts there.
+    """
+    unrest, runs = unrest_of(system.flights), [_run(r.follows) for r in system.flights]
+    loose = {c for r in system.flights for _, c in r.loose}
+    floor = np.array([LEAST_NOISE * system.model.whole(name) for name in system.names])
+
+    def of_channel(c: int) -> tuple[np.ndarray, float, float, float, float]:
+        left = left_over(system, c, chosen)
+        ar, sd, growth = _of_channel(system, left, runs, unrest)
+        sd = max(sd, floor[c])
+        answered = _quiet(left_over(system, c), runs, ar, sd) if len(chosen) and c in loose else 1.0
+        return ar, sd, growth, answered, _restless(left)
+
+    return Noise(
+        *(np.array(told) for told in zip(*map(of_channel, range(len(system.names))), strict=True))
+    )
+
+
+def _quiet(
+    left: Sequence[np.ndarray], runs: Sequence[np.ndarray], ar: np.ndarray, sd: float
+) -> float:
+    """Size of what is left (m,) over the innovation sd, of the middle flight, of two the lesser; at
+    least 1.
+    """
+    sizes = [
+        np.sqrt(np.mean((value - past @ ar) ** 2))
+        for _, value, past in (_lagged(e, run, len(ar)) for e, run in zip(left, runs, strict=True))
+        if len(value)
+    ]
+    return max(1.0, float(median_low(sizes)) / sd) if sizes else 1.0
+
+
+def _restless(left: Sequence[np.ndarray]) -> float:
+    """Size of what is left (m,) in the flight with most of it, over that of the middle flight."""
+    sizes = [float(np.nanstd(e)) for e in left if np.isfinite(e).any()]
+    return max(sizes) / max(median_low(sizes), TINY) if sizes else 1.0
+
+
+def _of_channel(
+    system: System,
+    left: Sequence[np.ndarray],
+    runs: Sequence[np.ndarray],
+    unrest: Sequence[np.ndarray],
+) -> tuple[np.ndarray, float, float]:
+    """AR coefficients, innovation sd and growth of what is left of one channel, by flight."""
+    pieces = [(*_lagged(e, run, AR_ORDER), u) for e, run, u in zip(left, runs, unrest, strict=True)]
+    value, past = np.concatenate([p[1] for p in pieces]), np.concatenate([p[2] for p in pieces])
+    if len(value) < 4 * AR_ORDER:
+        return np.zeros(AR_ORDER), 1.0, 0.0
+    if not system.whitened:
+        return np.zeros(AR_ORDER), float(np.sqrt(np.mean(value**2))), 0.0
+    gram = past.T @ past
+    ar = np.linalg.solve(
+        gram + max(RIDGE * np.trace(gram), TINY) * np.eye(AR_ORDER), past.T @ value
+    )
+    return ar, *_growth(value - past @ ar, np.concatenate([p[3][p[0]] for p in pieces]))
+
+
+def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:
+    """Unrest of every window in units of the median over all flights."""
+    median = np.median(np.concatenate([r.noise[r.air] for r in flights])) or 1.0
+    return [r.noise / median for r in flights]
+
+
+def whiten(
+    flights: Sequence[Rows], noise: Noise, unrest: Sequence[np.ndarray]
+) -> tuple[White, ...]:
+    """Filter residuals and columns by the same noise model; the first rows of a run on the ground
+    are foretold by the few before them: take-offs are short.
+    """
+    short = any(not rows.air.all() for rows in flights)
+    filters = [_foretelling(ar) if short else _full(ar)[None] for ar in noise.ar]
+    made = [_white(rows, noise, filters, u) for rows, u in zip(flights, unrest, strict=True)]
+    for kind in dict.fromkeys(kind for _, loose in made for kind, _ in loose):
+        of_kind = [{c: part for (k, c), part in loose.items() if k == kind} for _, loose in made]
+        for (parts, _), errors in zip(made, _bounds(of_kind), strict=True):
+            parts.update(
+                {c: parts[c].answering(error * noise.answered[c]) for c, error in errors.items()}
+            )
+    return tuple(
+        White(tuple(parts.values()), rows.x.shape[2])
+        for rows, (parts, _) in zip(flights, made, strict=True)
+    )
+
+
+def _bounds(loose: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndarray]]:
+    """Loose parts of one kind, by flight and channel, as errors of unit prior sd.
+
+    A controller makes a column follow the disturbances; the coefficient then errs by up to their
+    correlation over the column's size in noise (FEEDBACK is the sd of that correlation). The error
+    has the same cause in every flight and channel, so that as many of them as share the column's
+    power are worth one.
+    """
+    power = [{c: (p**2).mean(axis=0) for c, p in parts.items()} for parts in loose]
+    every = [p for told in power for p in told.values()]
+    alike = sum(every) ** 2 / np.maximum(sum(p**2 for p in every), TINY)
+    return [
+        {
+            c: part * FEEDBACK * np.sqrt(alike / np.maximum(told[c], TINY))
+            for c, part in parts.items()
+        }
+        for parts, told in zip(loose, power, strict=True)
+    ]
+
+
+def _white(
+    rows: Rows, noise: Noise, filters: Sequence[np.ndarray], unrest: np.ndarray
+) -> tuple[dict[int, Part], dict[tuple[str, int], np.ndarray]]:
+    """Parts by channel, ``filters`` of :func:`_foretelling`, none of them answering yet, and the
+    loose parts of their columns by kind and channel.
+    """
+    run, parts, loose = _run(rows.follows), {}, {}
+    later = (
+        rows.windows.center > (noise.ar.shape[1] + 1) * rows.windows.half
+    )  # replays settle from a start that they guess
+    opening = later & ~rows.air
+    for c, weights in enumerate(filters):
+        past = _past(rows.y[:, c], run)
+        at = np.flatnonzero(
+            (past >= noise.ar.shape[1]) | (past >= 0) & opening & (len(weights) > 1)
+        )
+        if not len(at):
+            continue
+        sd = noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * unrest[at] ** 2)
+        innovation = _innovation(at, past[at], len(rows.y), weights, sd)
+        beyond = (
+            (innovation @ rows.beyond[c])[:, None] if c in rows.beyond else np.zeros((len(at), 0))
+        )
+        parts[c] = Part(
+            at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c], beyond
+        )
+        for (kind, channel), columns in rows.loose.items():
+            if channel == c:
+                loose[kind, c] = innovation @ np.column_stack(list(columns.values()))
+    return parts, loose
+
+
+def _full(ar: np.ndarray) -> np.ndarray:
+    """Weights (p + 1,) of a row and of the p before it that leave its innovation."""
+    return np.r_[1.0, -ar]
+
+
+def _foretelling(ar: np.ndarray) -> np.ndarray:
+    """Weights (p + 1, p + 1) of a row and of those before it that leave its innovation, in sds of
+    one with a full past: line j for j rows before (Brockwell and Davis 1991, sec. 5.2); the last
+    line alone where such noise would grow for ever.
+    """
+    order = len(ar)
+    full, lag = _full(ar), np.arange(order + 1)
+    of_lag = np.zeros((order + 1, order + 1))
+    np.add.at(
+        of_lag,
+        (np.repeat(lag, order + 1), np.abs(lag[:, None] - lag).ravel()),
+        np.tile(full, order + 1),
+    )
+    covariance = toeplitz(np.linalg.lstsq(of_lag, np.eye(order + 1)[0], rcond=None)[0])
+    if np.linalg.eigvalsh(covariance)[0] <= TINY:
+        return full[None]
+    whitening = np.linalg.inv(np.linalg.cholesky(covariance))
+    return np.stack(
+        [np.r_[whitening[j, j::-1], np.zeros(order - j)] for j in range(order)] + [full]
+    )
+
+
+def _innovation(
+    at: np.ndarray, past: np.ndarray, count: int, weights: np.ndarray, sd: np.ndarray
+) -> csr_array:
+    """What makes of ``count`` rows those at ``at`` less what the rows before them, ``past`` of
+    them, foretell, over ``sd``.
+    """
+    order = weights.shape[1] - 1
+    known = np.minimum(past, order)
+    values, before = (
+        weights[known - order - 1] / sd[:, None],
+        at[:, None] - np.minimum(np.arange(order + 1), known[:, None]),
+    )
+    return csr_array(
+        (values.ravel(), before.ravel(), np.arange(len(at) + 1) * (order + 1)),
+        shape=(len(at), count),
+    )

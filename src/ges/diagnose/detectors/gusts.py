@@ -1,0 +1,281 @@
+"""Gusts: a horizontal push through the drag that is on, slow as large eddies are, and foretold by
+nothing else.
+
+The search weighs what place, speed, time or command foretell, and gusts none of them does. So they
+are looked for in what the accepted effects leave: as the wind that would make it, window by window,
+less what a steady wind, its profile with height, an error of the drag's form and trims would leave.
+Noise averages out over seconds and gusts do not: means of :data:`STRETCH_S` are held against what
+the scatter of shorter means within them foretells. How strong the gusts are, the compiled effect
+says: it blows along the same flights and goes through the same means.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.special import fdtrc
+
+from ges.diagnose.decide.stated import stated
+from ges.diagnose.design.residual import FORCE, motion_of
+from ges.diagnose.design.system import Rows, System, build
+from ges.diagnose.estimate.fit import Fitted, Joint, left_raw
+from ges.diagnose.library.candidates import WIND, Variant, acts_among, amplitude_of, wind_speed_m_s
+from ges.diagnose.types.diagnosis import Estimate, Finding
+from ges.diagnose.types.model import Model
+from ges.simulator import effects as effect_table
+
+STRETCH_S, SHORT_S = 4.0, 0.5
+FEWEST = 12
+"""Stretches, in two axes each, from which a scatter is told."""
+LEAST_RATIO = 6.0
+"""Variance of means over what noise makes of it: development flights with drag come to 3.5, with
+gusts of 0.4 m/s to 12.
+"""
+TRIM_RAD = 0.006
+HANGING, LEAN = ("tether", "slung_load"), 0.25
+"""What the vehicle may have hanging, and how far it may lean from where the library has it hang: as
+a share of its pull.
+"""
+SEEDS = 16
+CLEAR = 3.0
+TINY = 1e-12
+STRENGTH = "wind_20ft_m_s"
+PUSHED = frozenset({"force_x", "force_y", "acc_x", "acc_y"})
+"""Channels in which what slow gusts did in one flight may look foretold by its time or place."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Gusts:
+    """Gusts that were found.
+
+    ``strength_m_s`` is the compiled effect's with its relative sd, ``mean_sd_m_s`` how far gusts so
+    strong may leave the mean wind of all flights from zero, ``push_N`` their rms force, ``chance``
+    that noise alone scatters so.
+    """
+
+    strength_m_s: float
+    relative_sd: float
+    mean_sd_m_s: float
+    push_N: float
+    weight_N: float
+    chance: float
+
+    def may_be(self, fitted: Fitted) -> bool:
+        """Whether the mean wind of a fit is no more than what gusts like these leave and the fit
+        doubts.
+        """
+        sd_m_s = max(fitted.sd("wind", p) for p in WIND)
+        return wind_speed_m_s(fitted.effects["wind"]) < CLEAR * math.hypot(self.mean_sd_m_s, sd_m_s)
+
+    @property
+    def ci95(self) -> tuple[float, float]:
+        """95 % interval of the strength."""
+        factor = float(np.exp(1.96 * self.relative_sd))
+        return self.strength_m_s / factor, self.strength_m_s * factor
+
+    def finding(self) -> Finding:
+        """As the contract has it."""
+        value = Estimate(self.strength_m_s, self.ci95, "m/s")
+        size = {
+            "value": self.push_N,
+            "unit": "N",
+            "share_of_weight": self.push_N / self.weight_N,
+            "channel": FORCE[0],
+        }
+        return Finding.of("gusts", stated(1.0 - self.chance), {STRENGTH: value}, size)
+
+
+def may_lean(push_N: float, added: Mapping[str, Sequence[np.ndarray]], system: System) -> bool:
+    """Whether something hangs below whose pull need only lean to push so; ``added`` by effect and
+    flight, (m, C).
+    """
+    axes = [c for c, name in enumerate(system.main) if name in FORCE]
+    pulls = [np.concatenate(added[name])[:, axes] for name in HANGING if name in added]
+    return any(push_N < LEAN * float(np.sqrt(np.nanmean(pull**2, axis=0).sum())) for pull in pulls)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Air:
+    """Windows of all flights that tell of horizontal forces, M in all: what wind would leave what
+    is left, (M, 2) east and north, what else looks like it, (M, 2, k), with the precision of each
+    coefficient, (k,), and the windows of every stretch.
+    """
+
+    wind: np.ndarray
+    known: np.ndarray
+    precision: np.ndarray
+    stretches: Sequence[np.ndarray]
+    short: int
+
+    def less_known(self, wind: np.ndarray) -> np.ndarray:
+        """Wind (M, 2) less what else explains it, each window counted as noisy as the wind that was
+        found.
+        """
+        x, variance = (
+            self.known.reshape(-1, self.known.shape[2]),
+            max(float(np.var(self.wind)), TINY),
+        )
+        gram = x.T @ x + np.diag(variance * self.precision)
+        return wind - self.known @ np.linalg.lstsq(gram, x.T @ wind.ravel(), rcond=None)[0]
+
+    def means(self, left: np.ndarray) -> np.ndarray:
+        """Of every stretch, (s, 2)."""
+        return np.array([left[at].mean(axis=0) for at in self.stretches])
+
+    def noise(self, left: np.ndarray) -> float:
+        """Variance of such a mean as the scatter of shorter means within the stretches foretells
+        it.
+        """
+        shorter = [
+            np.array(
+                [
+                    left[part].mean(axis=0)
+                    for part in np.array_split(at, max(2, len(at) // self.short))
+                ]
+            )
+            for at in self.stretches
+        ]
+        return float(np.mean([m.var(axis=0, ddof=1) / len(m) for m in shorter]))
+
+
+def heard_by(effects: effect_table.Effects) -> bool:
+    """Whether something is on that moving air pushes."""
+    return acts_among("wind", effects)
+
+
+def gusts_of(
+    system: System, joint: Joint, length_s: float, known: Mapping[str, float] | None = None
+) -> Gusts | None:
+    """Gusts in what a fit leaves; None where no drag is on, nothing scatters as they do, or no more
+    than those that are ``known`` (parameters of the effect).
+    """
+    if not heard_by(system.model.effects) or not {*FORCE} <= {*system.names}:
+        return None
+    told = _told(system, joint, length_s)
+    air = _air(told, system.model)
+    if len(air.stretches) < FEWEST:
+        return None
+    left = air.less_known(air.wind)
+    slow, noise = float(np.mean(air.means(left) ** 2)), air.noise(left)
+    if slow < LEAST_RATIO * noise:
+        return None
+    count = 2 * len(air.stretches)
+    chance = float(fdtrc(count, count * (STRETCH_S / SHORT_S - 1.0), slow / noise))
+    found = _measured(slow - noise, chance, air, told, system.model)
+    expected = 0.0 if known is None else {**effect_table.get("gusts").defaults(), **known}[STRENGTH]
+    return found if found.ci95[0] > expected else None
+
+
+@dataclasses.dataclass(frozen=True)
+class _Told:
+    """One flight: its windows ``at`` (m,) that tell of horizontal forces, what is left there as
+    wind, (m, 2) east and north, and the push of a unit wind, (m, 2, 2) channel by axis.
+    """
+
+    rows: Rows
+    at: np.ndarray
+    wind: np.ndarray
+    push: np.ndarray
+
+
+def _told(system: System, joint: Joint, length_s: float) -> list[_Told]:
+    """Of the flights that tell anything."""
+    east_and_north = Variant("wind", {}, tuple(amplitude_of("wind", p) for p in WIND))
+    blown = build(
+        [r.flight for r in system.flights], system.model, [east_and_north], length_s, like=system
+    )
+    columns = [
+        k for k, c in enumerate(blown.columns) if c.variant is not None and c.part != "moment"
+    ]
+    channels, told = [blown.names.index(name) for name in FORCE[:2]], []
+    for rows, left in zip(blown.flights, left_raw(system, joint), strict=True):
+        push = np.stack([rows.x.of(c, columns) for c in channels], axis=1)
+        push += (
+            TINY * np.abs(push).max() * np.eye(2)
+        )  # can be inverted where the vehicle stands on edge
+        at = np.flatnonzero(np.isfinite(left[:, channels]).all(axis=1))
+        if push.any() and len(at):
+            wind = np.linalg.solve(push[at], left[np.ix_(at, channels)][:, :, None])[:, :, 0]
+            told.append(_Told(rows, at, wind, push[at]))
+    return told
+
+
+def _air(told: Sequence[_Told], model: Model) -> _Air:
+    if not told:
+        return _Air(np.zeros((0, 2)), np.zeros((0, 2, 6)), np.zeros(6), (), 1)
+    first = np.cumsum([0, *(len(t.at) for t in told)])
+    trim_N = TRIM_RAD * model.weight_N
+    return _Air(
+        np.concatenate([t.wind for t in told]),
+        np.concatenate([_known(t, i, len(told)) for i, t in enumerate(told)]),
+        np.r_[np.zeros(6), np.full(2 * len(told), trim_N**-2)],
+        [k + part for k, t in zip(first, told, strict=False) for part in _stretches(t)],
+        max(1, round(SHORT_S / (0.5 * told[0].rows.windows.length_s))),
+    )
+
+
+def _known(told: _Told, number: int, flights: int) -> np.ndarray:
+    """Of one flight, (m, 2, 6 + 2 flights): a steady wind, its profile with height, an error of the
+    drag's form, and a trim of this flight, which is a force that turns with the body.
+    """
+    at, flight = told.rows.windows.center[told.at], told.rows.flight
+    v = flight.stack("velocity")[at, :2]
+    height = (
+        np.log(np.maximum(flight.columns["p_z_m"][at], 0.05))
+        if "p_z_m" in flight.columns
+        else np.zeros(len(at))
+    )
+    axes = np.broadcast_to(np.eye(2), (len(at), 2, 2))
+    trims = np.zeros((len(at), 2, 2 * flights))
+    trims[:, :, 2 * number : 2 * number + 2] = np.linalg.inv(told.push)
+    faster = np.linalg.norm(v, axis=1, keepdims=True) * v
+    return np.concatenate(
+        [axes, height[:, None, None] * axes, v[:, :, None], faster[:, :, None], trims], axis=2
+    )
+
+
+def _stretches(told: _Told) -> list[np.ndarray]:
+    """Windows of every stretch of one flight, numbered among those that are told; none shorter than
+    half of one.
+    """
+    windows = told.rows.windows
+    number = ((windows.center_s[told.at] - windows.center_s[told.at[0]]) // STRETCH_S).astype(int)
+    parts = [np.flatnonzero(number == k) for k in np.unique(number)]
+    return [part for part in parts if len(part) >= STRETCH_S / windows.length_s]
+
+
+def _measured(
+    excess: float, chance: float, air: _Air, told: Sequence[_Told], model: Model
+) -> Gusts:
+    """The strength at which the compiled gusts make as much excess variance of the means, along the
+    same flights.
+    """
+    blown = [
+        np.concatenate(draw)
+        for draw in zip(*(_blown(t, model, i) for i, t in enumerate(told)), strict=True)
+    ]
+    made = np.array([np.mean(air.means(air.less_known(wind)) ** 2) for wind in blown])
+    strength, spread = (
+        float(np.sqrt(excess / made.mean())),
+        float(np.std([wind.mean(axis=0) for wind in blown])),
+    )
+    push_2 = np.concatenate([(t.push**2).sum(axis=2) for t in told]).mean()
+    return Gusts(
+        strength,
+        0.5 * float(made.std() / made.mean()),
+        strength * spread,
+        float(np.sqrt(excess * push_2)),
+        model.weight_N,
+        chance,
+    )
+
+
+def _blown(told: _Told, model: Model, number: int) -> list[np.ndarray]:
+    """Winds (m, 2) of the compiled gusts of unit strength along one flight, by draw."""
+    samples = effect_table.Samples.from_columns(motion_of(told.rows.flight, model, {}).columns)
+    sets = [{"gusts": {STRENGTH: 1.0, "seed": float(SEEDS * number + k)}} for k in range(SEEDS)]
+    said = effect_table.replay_each(model.parameters, samples, sets, model.terrain)
+    return [(told.rows.windows.mean @ r.stack("wind_x_m_s", "wind_y_m_s"))[told.at] for r in said]

@@ -1,0 +1,134 @@
+"""Loads on threads: how long the thread is, and where a load that is drawn over the ground lay
+first.
+
+How long a thread is decides how fast its load swings, to hundredths; that and the first place
+decide where the thread of a drawn load gets taut, to centimetres, and the flights show it as a
+step. No affordable grid is that fine and no slope leads there from afar, so the best of a coarse
+grid is made sharper before rivals are weighed. Of a drawn load: first the place on the way out at
+which the thread gets taut, then what that leaves open between the thread and the first place, then
+both.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ges.diagnose.design.system import ALL_ON, Switches, System, build
+from ges.diagnose.library.candidates import DRAWN, Candidate, Variant, flown, usual_height_m
+from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.select.evidence import make_board
+from ges.diagnose.select.scales import entries, scales
+
+FIRST_PLACES = np.linspace(-1.0, 1.0, 11)
+BEHIND_M_PER_M = np.geomspace(0.3, 1.6, 12)
+NEARBY = (0.08, 0.04, 0.02)
+THREADS_NEARBY = (np.geomspace(0.85, 1.2, 13), np.geomspace(0.98, 1.02, 5))
+"""Over the length of a hanging load's thread; the first as far as the next of the coarse grid."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Drawn:
+    """A load that is drawn ``behind_m`` behind and lay ``ahead_m`` ahead at first, both
+    horizontal.
+    """
+
+    behind_m: float
+    ahead_m: float
+
+    def with_thread(self, behind_m: float) -> Drawn:
+        """On another thread that gets taut at the same place on the way out."""
+        return Drawn(behind_m, self.ahead_m + self.behind_m - behind_m)
+
+    def with_place(self, ahead_m: float) -> Drawn:
+        """From another first place."""
+        return Drawn(self.behind_m, ahead_m)
+
+
+def sharpened(
+    like: System, variant: Variant, length_s: float, switches: Switches = ALL_ON
+) -> Variant:
+    """The variant with the thread, and of a drawn load the first place, that explain most.
+
+    Parameters
+    ----------
+    like : a system of the flights.
+    variant : of ``slung_load``; where it is attached stays.
+    """
+    fine = _drawn if DRAWN.keys() <= variant.shape.keys() else _hanging
+    return fine(like, variant, length_s, switches)
+
+
+def _hanging(like: System, variant: Variant, length_s: float, switches: Switches) -> Variant:
+    best = variant
+    for shares in THREADS_NEARBY:
+        lengths = float(best.shape["length_m"]) * shares
+        tried = [
+            dataclasses.replace(variant, shape={**variant.shape, "length_m": float(length)})
+            for length in lengths
+        ]
+        best = tried[_most_probable(like, tried, length_s, switches)]
+    return best
+
+
+def _drawn(like: System, variant: Variant, length_s: float, switches: Switches) -> Variant:
+    flights = [r.flight for r in like.flights]
+    height_m, way = usual_height_m(like.model, flown(flights)), way_out(flights)
+    best = Drawn(math.sqrt(max(variant.shape["length_m"] ** 2 - height_m**2, 0.0)), 0.0)
+
+    def shaped(load: Drawn) -> Variant:
+        start = dict(zip(DRAWN, (float(load.ahead_m * c) for c in way), strict=True))
+        return dataclasses.replace(
+            variant,
+            shape={**variant.shape, "length_m": math.hypot(height_m, load.behind_m), **start},
+        )
+
+    for options in (_first_places, _threads, *(_nearby(share) for share in NEARBY)):
+        tried = [best, *options(best, height_m)]
+        best = tried[_most_probable(like, [shaped(load) for load in tried], length_s, switches)]
+    return shaped(best)
+
+
+def way_out(flights: Sequence[Prepared]) -> np.ndarray:
+    """Horizontal direction in which the flights leave their first places, (2,), of length 1: to
+    where half of the way is gone.
+    """
+    total = np.array([1e-9, 0.0])
+    for flight in flights:
+        gone = flight.stack("position")[:, :2] - flight.stack("position")[0, :2]
+        far = np.linalg.norm(gone, axis=1)
+        total += gone[np.argmax(far >= 0.5 * far.max())]
+    return total / np.linalg.norm(total)
+
+
+def _first_places(load: Drawn, height_m: float) -> list[Drawn]:
+    return [load.with_place(load.behind_m * k) for k in FIRST_PLACES]
+
+
+def _threads(load: Drawn, height_m: float) -> list[Drawn]:
+    return [load.with_thread(height_m * k) for k in BEHIND_M_PER_M]
+
+
+def _nearby(share: float) -> Callable[[Drawn, float], list[Drawn]]:
+    def options(load: Drawn, height_m: float) -> list[Drawn]:
+        step = share * load.behind_m
+        threads = [load.with_thread(load.behind_m + k * step) for k in (-2, -1, 1, 2)]
+        return threads + [load.with_place(load.ahead_m + k * step) for k in (-2, -1, 1, 2)]
+
+    return options
+
+
+def _most_probable(
+    like: System, variants: Sequence[Variant], length_s: float, switches: Switches
+) -> int:
+    """Number of the variant with most evidence; the noise is what the first of them leaves."""
+    system = build([r.flight for r in like.flights], like.model, variants, length_s, like, switches)
+    columns = [k for k, c in enumerate(system.columns) if c.variant is not None]
+    board = make_board(system, columns[:1])
+    listed = entries(board, [Candidate("slung_load", "physics", tuple(variants))])
+    on = scales(board, listed)
+    (best,) = on.best([(e,) for e in listed])
+    return columns.index(best.columns[0])

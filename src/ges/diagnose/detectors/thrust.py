@@ -1,0 +1,184 @@
+"""Thrust that is far from what the vehicle file says, in flights whose battery voltage was not
+logged.
+
+Three things would do it: another mass or thrust coefficient, another thrust curve, another battery
+voltage than the file's. Without the voltage the last two are not searched, nor is the first where
+rotor speeds are missing, too (see ``hearing``); the declared thrust, or its usual curve, takes the
+difference upon itself, as far as it may be. Farther than that, one of them is needed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+
+from ges.diagnose.advise.recommend import Rival, rank
+from ges.diagnose.decide.standing import ERRORS_OF
+from ges.diagnose.design.system import System, build
+from ges.diagnose.estimate.fit import FORM_ERROR, Joint, within_bounds
+from ges.diagnose.library.candidates import flown, library
+from ges.diagnose.library.hearing import LIKE_SAG, lacking
+from ges.diagnose.report.words import number_words
+from ges.diagnose.select.evidence import Board, make_board, rms_of
+from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
+from ges.diagnose.types.model import Model
+from ges.simulator import effects as effect_table
+
+SCALE, CURVE = "thrust_scale.scale", "thrust_curve.c"
+VOLTAGE = "battery_V"
+BEYOND_SDS = 4.0
+"""Sds beyond which thrust is not as declared, or does not follow the commands as usual: a doubt of
+3 % then is 9 to 1 wrong, one of some twenty names being needed as often as the search has it (see
+``select``).
+"""
+CAUSES = {
+    "thrust_scale": "another mass or thrust coefficient",
+    "thrust_curve": "another thrust curve",
+    "battery_sag": "another battery voltage",
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class UntoldThrust:
+    """What takes the difference upon itself: the number ``key``, as thrust over what the file says
+    less one or as the bend of its curve, and the sd of what is known of it; names that these
+    flights cannot tell apart, and the system of the flights.
+    """
+
+    system: System
+    key: str
+    excess: Estimate
+    known_sd: float
+    rivals: tuple[str, ...]
+
+    def is_form_error(self, name: str, size: Mapping) -> bool:
+        """Whether an effect of this ``size`` (of a finding) may be what the form of the curve that
+        is needed is wrong by.
+        """
+        if name not in ERRORS_OF.get(self.key.split(".")[0], ()):
+            return False
+        column, channel = self.system.nuisances[self.key], self.system.main.index(size["channel"])
+        return (
+            size["value"]
+            < FORM_ERROR * abs(self.excess.value) * rms_of(self.system)[channel, column]
+        )
+
+    def sentence(self) -> str:
+        """How far it is off, what would do it, and how to find out."""
+        low, high = self.excess.ci95
+        share = 100.0 if self.key == SCALE else 1.0
+        value, half = (
+            number_words(share * abs(self.excess.value), 2),
+            number_words(share * 0.5 * (high - low), 2),
+        )
+        times = number_words(abs(self.excess.value) / self.known_sd, 2)
+        *some, last = (f"{CAUSES[name]} ({name})" for name in CAUSES if name in self.rivals)
+        causes = f"{', '.join(some)} or {last}"
+        known = "declared" if self.key in self.system.model.doubts else "usual"
+        return (
+            f"{self._off(value, half)}, {times} times its {known} sd."
+            f" {causes[0].upper()}{causes[1:]} would do it; where the voltage is logged ({VOLTAGE})"
+            " they can be told apart."
+        )
+
+    def _off(self, value: str, half: str) -> str:
+        more = self.excess.value > 0.0
+        if self.key == SCALE:
+            return (
+                f"Thrust is {value} +- {half} % {'more' if more else 'less'} than the vehicle file"
+                " says"
+            )
+        return (
+            f"Rotor speeds are not in proportion to the commands: {CURVE} would be"
+            f" {'' if more else '-'}{value} +- {half}"
+        )
+
+    def findings(self) -> list[Finding]:
+        """The names, each as likely as the others."""
+        effect, parameter = self.key.split(".")
+        told = {effect: {parameter: self.excess}}
+        return [
+            Finding.of(name, 1.0 / len(self.rivals), told.get(name, {}), is_open=True)
+            for name in self.rivals
+        ]
+
+    def next_flight(self) -> dict:
+        """``next_flight`` of diagnosis.json: the manoeuvre that separates them best once the
+        voltage is logged.
+        """
+        system, flights = self.system, [r.flight for r in self.system.flights]
+        listed = library(system.model, flown(flights))
+        variants = [v for name in self.rivals if name in listed for v in listed[name].variants]
+        board = make_board(build(flights, system.model, variants, like=system))
+        rivals = [
+            Rival(n, self._flown_with(n, system.model), _columns(board, n))
+            for n in self._explanations()
+        ]
+        ranked = rank(board, rivals, also_logged=(VOLTAGE,))
+        return (
+            {**ranked[0].content(), "preparation": f"the battery voltage logged ({VOLTAGE})"}
+            if ranked
+            else {}
+        )
+
+    def _explanations(self) -> list[tuple[str, ...]]:
+        """What would do it; a battery's sag is known by how it grows, what it takes in the middle
+        is another thrust.
+        """
+        scale = ("thrust_scale",) if "thrust_scale" in self.rivals else ()
+        return [n for n in (scale, ("thrust_curve",), ("battery_sag", *scale)) if n]
+
+    def _flown_with(self, names: Sequence[str], model: Model) -> effect_table.Effects:
+        """Effects by which an explanation makes what was seen; in all of them the battery runs
+        down.
+        """
+        sags = {
+            **effect_table.get("battery_sag").neutral(),
+            "sensitivity": float("battery_sag" in names),
+        }
+        per_bend = model.number("max_rotor_speed_rad_s") / model.hover_rad_s - 1.0
+        thrust = self.excess.value * (1.0 if self.key == SCALE else per_bend)
+        if "thrust_curve" in names:
+            return {
+                "battery_sag": sags,
+                "thrust_curve": {"c": within_bounds("thrust_curve", "c", thrust / per_bend)},
+            }
+        known = model.effects.get("thrust_scale", {}).get("scale", 0.0)
+        return {
+            "battery_sag": sags,
+            "thrust_scale": {"scale": known + thrust * ("thrust_scale" in names)},
+        }
+
+
+def _columns(board: Board, names: Sequence[str]) -> tuple[int, ...]:
+    """Columns of these effects on the board."""
+    return tuple(
+        k for (name, _), columns in board.by_variant().items() if name in names for k in columns
+    )
+
+
+def untold_thrust(joint: Joint, system: System) -> UntoldThrust | None:
+    """The excess that is left beside all that was accepted, where it is far and nothing was logged
+    to tell its cause; else None.
+
+    Parameters
+    ----------
+    joint : of the last fit, declared numbers counted from the vehicle file's.
+    """
+    model, flights = system.model, [r.flight for r in system.flights]
+    rivals = tuple(sorted(name for name in LIKE_SAG if lacking(name, flights, model)))
+    known = {
+        key: sd
+        for key, k in system.nuisances.items()
+        if key.split(".")[0] in rivals and (sd := system.columns[k].nuisance.sd)
+    }
+    far = {key: abs(joint.common.get(key, 0.0)) / sd for key, sd in known.items()}
+    key = max(far, key=far.get, default=None)
+    if key is None or far[key] < BEYOND_SDS:
+        return None
+    value, form = joint.common[key], FORM_ERROR if key == CURVE else 0.0
+    sd = math.hypot(joint.common_sd[key], form * value)
+    return UntoldThrust(
+        system, key, Estimate(value, interval95(value, sd), "1"), known[key], rivals
+    )

@@ -1,0 +1,615 @@
+"""Joint least squares with priors: nuisances common and by flight, and the chosen effects;
+intervals by blocks of time.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ges.diagnose.design.system import ALL_ON, Switches, System, build
+from ges.diagnose.design.table import spread
+from ges.diagnose.design.whiten import White, estimate
+from ges.diagnose.library.candidates import (
+    USUAL_ROUGHNESS_M,
+    Amplitude,
+    Variant,
+    amplitude_of,
+    kind_of,
+    needs_of,
+    reach_of,
+)
+from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.select.evidence import (
+    DECLARED,
+    PLAUSIBLE,
+    Board,
+    gram_of,
+    make_board,
+    unanswered,
+    whitened,
+)
+from ges.diagnose.select.search import Hypothesis
+from ges.diagnose.types.model import Model
+from ges.simulator import effects as effect_table
+
+BLOCK_S = 10.0
+ROUNDS = 12
+TIGHT, FAR = 0.02, 2.0  # sds
+SAME_COST = 0.5  # of -2 log posterior; columns are secants, which err by less
+PART_OF_REACH, LEAST_CARRIER = 0.2, 0.3
+FORM_ERROR = 0.12
+"""Sd of a physical effect's size, over it, that is due to its form alone: what development cases of
+other forms came to.
+"""
+CLIPPING = frozenset({"rotor_saturation"})
+"""Effects that a share of their column's step says nothing of: half of a ceiling's step is no
+ceiling at half the way.
+"""
+USUAL_SHAPES = {
+    ("ground_effect", "decay"): (1.0, 1.0),
+    ("fountain_lift", "c_s"): (1.5, 1.0),
+    ("parasitic_drag", "vertical_ratio"): (1.0, 1.0),
+    ("wind", "roughness_m"): (USUAL_ROUGHNESS_M, USUAL_ROUGHNESS_M),
+}
+"""Usual value and sd of a shape that some flights hardly tell."""
+FIRMER = {
+    ("motor_lag", "up_s"): (0.0, 0.5),
+    ("motor_lag", "down_s"): (0.0, 0.5),
+    ("esc_delay", "delay_s"): (0.0, 0.06),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Joint:
+    """Coefficients: chosen columns, common nuisances, nuisances by flight; covariance of the
+    chosen, by blocks and by priors, and as independent rows would have it; and the cost, -2 log
+    posterior but for a constant, which is the least.
+    """
+
+    chosen: np.ndarray
+    covariance: np.ndarray
+    by_rows: np.ndarray
+    cost: float
+    common: Mapping[str, float]
+    common_sd: Mapping[str, float]
+    by_flight: tuple[Mapping[str, float], ...]
+
+
+def joint_fit(
+    board: Board,
+    chosen: Sequence[int],
+    prior_mean: np.ndarray | None = None,
+    prior_sd: np.ndarray | None = None,
+) -> Joint:
+    """Fit chosen columns and all nuisances at once, but for those whose number a chosen column
+    frees.
+
+    Parameters
+    ----------
+    chosen : columns of the system.
+    prior_mean, prior_sd : (k,) prior of the chosen coefficients; the board's scale times 10 where
+        not given.
+    """
+    columns, chosen = board.system.columns, np.asarray(chosen, dtype=int)
+    freed = {columns[k].key for k in chosen}
+    common = np.array(
+        [k for k in board.nuisance if columns[k].nuisance.sd > 0 and columns[k].key not in freed],
+        dtype=int,
+    )
+    varies = np.array([k for k in board.nuisance if columns[k].nuisance.flight_sd > 0], dtype=int)
+    sizes = (len(chosen), len(common), len(varies))
+    start = np.cumsum((0, *sizes[:2]))
+    total = sizes[0] + sizes[1] + sizes[2] * len(board.whites)
+    mean, precision = np.zeros(total), np.zeros(total)
+    mean[: sizes[0]] = 0.0 if prior_mean is None else prior_mean
+    precision[: sizes[0]] = (
+        1.0 / (10.0 * board.prior.sd[chosen] if prior_sd is None else prior_sd) ** 2
+    )
+    mean[start[1] : start[2]] = [columns[k].nuisance.mean for k in common]
+    precision[start[1] : start[2]] = [1.0 / columns[k].nuisance.sd ** 2 for k in common]
+    precision[start[2] :] = np.tile(
+        [1.0 / columns[k].nuisance.flight_sd ** 2 for k in varies], len(board.whites)
+    )
+    places = [
+        np.r_[np.arange(start[2]), start[2] + f * sizes[2] + np.arange(sizes[2])]
+        for f in range(len(board.whites))
+    ]
+    kept = np.r_[chosen, common, varies]
+    xx, xy, yy = np.diag(precision), precision * mean, float(precision @ mean**2)
+    for w, at in zip(board.whites, places, strict=True):
+        gram = gram_of(w).take(kept)
+        xx[np.ix_(at, at)] += gram.xx
+        xy[at] += gram.xy
+        yy += gram.yy
+    unit = 1.0 / np.sqrt(np.diag(xx))  # coefficients differ by many orders in their units
+    inverse = np.linalg.pinv(xx * np.outer(unit, unit), hermitian=True) * np.outer(unit, unit)
+    beta = inverse @ xy
+    by_rows = inverse[: sizes[0], : sizes[0]]
+    covariance = np.maximum(1.0, _inflation(board, kept, places, beta, inverse, sizes[0])) * by_rows
+    names = [columns[k].nuisance.key for k in common]
+    flight_names = [columns[k].nuisance.key for k in varies]
+    return Joint(
+        beta[: sizes[0]],
+        covariance,
+        by_rows,
+        yy - float(xy @ beta),
+        dict(zip(names, beta[start[1] : start[2]], strict=True)),
+        dict(zip(names, np.sqrt(np.diag(inverse)[start[1] : start[2]]), strict=True)),
+        tuple(dict(zip(flight_names, beta[at[start[2] :]], strict=True)) for at in places),
+    )
+
+
+def _inflation(
+    board: Board,
+    kept: np.ndarray,
+    places: Sequence[np.ndarray],
+    beta: np.ndarray,
+    inverse: np.ndarray,
+    count: int,
+) -> np.ndarray:
+    """Factor by which blocks of time scatter more than independent rows would (sandwich over
+    blocks), (k, k).
+    """
+    if not count:
+        return np.ones((0, 0))
+    middle, blocks = np.zeros_like(inverse), board.system.blocks(BLOCK_S)
+    for white, at, block in zip(board.whites, places, blocks, strict=True):
+        for score in _scores(white, kept, beta[at], block):
+            middle[np.ix_(at, at)] += np.outer(score, score)
+    robust = (inverse @ middle @ inverse)[:count, :count]
+    factor = np.sqrt(np.maximum(np.diag(robust) / np.diag(inverse)[:count], 1.0))
+    return np.outer(factor, factor)
+
+
+def _scores(white: White, kept: np.ndarray, beta: np.ndarray, block: np.ndarray) -> np.ndarray:
+    """By block of time of one flight, what its residuals push the kept coefficients to, (b, k)."""
+    number = np.unique(block, return_inverse=True)[1]
+    scores = np.zeros((number.max(initial=-1) + 1, len(kept)))
+    for part in white.parts:
+        x, y = unanswered(part)
+        d = spread(x, part.columns, kept)
+        first = np.flatnonzero(np.diff(number[part.at], prepend=-1))
+        scores[number[part.at[first]]] += np.add.reduceat(
+            d * (y - d @ beta)[:, None], first, axis=0
+        )
+    return scores
+
+
+@dataclasses.dataclass(frozen=True)
+class Fitted:
+    """Parameters of the accepted effects with covariance, and what the nuisances came to: ``joint``
+    as a vehicle flies with them, ``apart`` where small moments have coefficients of their own.
+    """
+
+    effects: effect_table.Effects
+    free: tuple[tuple[str, str], ...]
+    covariance: np.ndarray
+    joint: Joint
+    apart: Joint
+    board: Board
+
+    def sd(self, effect: str, parameter: str) -> float:
+        """Standard deviation of one fitted parameter; the size of a physical effect is no better
+        known than its form.
+        """
+        i = self.free.index((effect, parameter))
+        return math.hypot(math.sqrt(self.covariance[i, i]), self._form_error(effect, parameter))
+
+    def sds_from_neutral(self, effect: str, parameter: str) -> float:
+        """Distance of an amplitude from neutral in its sd, the effect's shape held: how certain it
+        is that something acts.
+
+        A wind and the drag that it acts through are held for each other: slow flights tell their
+        product well and neither alone. Of a declared number, as it is with what is plausible of it:
+        twice the inertia give or take a third is no finding.
+        """
+        i = self.free.index((effect, parameter))
+        held = [
+            k
+            for k, (e, p) in enumerate(self.free)
+            if (e == effect and p in SHAPES.get(effect, ())) or _blown(e, effect)
+        ]
+        tied = self.covariance[i, held]
+        own = (
+            self.covariance[i, i]
+            - tied @ np.linalg.pinv(self.covariance[np.ix_(held, held)], hermitian=True) @ tied
+        )
+        away = self.effects[effect][parameter] - amplitude_of(effect, parameter).neutral
+        sd = math.hypot(math.sqrt(max(own, 0.0)), self._form_error(effect, parameter))
+        plausible = PLAUSIBLE[effect, parameter] if effect in DECLARED else math.inf
+        return abs(away) / (sd * math.hypot(1.0, sd / plausible))
+
+    def _form_error(self, effect: str, parameter: str) -> float:
+        """Sd of a parameter that is due to the form of its effect."""
+        if kind_of(effect) != "physics" or parameter in SHAPES.get(effect, ()):
+            return 0.0
+        return FORM_ERROR * abs(
+            self.effects[effect][parameter] - amplitude_of(effect, parameter).neutral
+        )
+
+    def correlation(self, a: tuple[str, str], b: tuple[str, str]) -> float:
+        """Correlation of two fitted parameters."""
+        i, j = self.free.index(a), self.free.index(b)
+        return float(self.covariance[i, j] / np.sqrt(self.covariance[i, i] * self.covariance[j, j]))
+
+
+def _blown(one: str, other: str) -> bool:
+    """Whether one is a wind and the other a drag that it acts through."""
+    return "wind" in (one, other) and (one in needs_of(other) or other in needs_of(one))
+
+
+def starting_values(board: Board, hypothesis: Hypothesis) -> dict[str, dict[str, float]]:
+    """Parameters of every accepted effect as the linear search left them."""
+    found: dict[str, dict[str, float]] = {}
+    carriers: dict[tuple[str, str], effect_table.Effects] = {}
+    for k, value in zip(hypothesis.posterior.columns, hypothesis.posterior.mean, strict=True):
+        column = board.system.columns[k]
+        if column.part == "moment":
+            continue
+        a = column.variant.amplitudes[column.amplitude]
+        value = a.level if column.variant.effect in CLIPPING else value
+        declared = board.system.model.effects.get(column.variant.effect, {})
+        held = found.get(column.variant.effect) or {**column.variant.parameters({}), **declared}
+        found[column.variant.effect] = {
+            **held,
+            a.parameter: float(np.clip(held[a.parameter] + value, a.low, a.high)),
+        }
+        carriers |= (
+            {(column.variant.effect, a.parameter): column.variant.beside}
+            if column.variant.beside
+            else {}
+        )
+    for (effect, parameter), beside in carriers.items():
+        found[effect][parameter] *= _through(found, beside)
+    return found
+
+
+def _through(found: dict[str, dict[str, float]], beside: effect_table.Effects) -> float:
+    """Usual size of what an effect acts through over the size that was found, which is raised to a
+    part of the usual one.
+    """
+    share = 1.0
+    for carrier, usual in beside.items():
+        for parameter, value in usual.items():
+            if carrier in found:
+                found[carrier][parameter] = max(found[carrier][parameter], LEAST_CARRIER * value)
+                share *= value / found[carrier][parameter]
+    return share
+
+
+SHAPES: Mapping[str, tuple[str, ...]] = {
+    "ground_effect": ("decay", "rotor_plane_offset_m"),
+    "fountain_lift": ("c_s",),
+    "parasitic_drag": ("vertical_ratio",),
+    "slung_load": ("length_m",),
+    "ceiling_effect": ("ceiling_z_m",),
+    "wind": ("roughness_m",),
+    "downwash": ("width_m", "other_x_m", "other_y_m"),
+}
+
+
+WHOLE: Mapping[str, tuple[str, ...]] = {
+    "cg_offset": ("x_m", "y_m"),
+    "rotor_tilt": ("x_rad", "y_rad"),
+    "attitude_bias": ("x_rad", "y_rad"),
+}
+"""Vectors that are fitted whole: an axis that a search can do without may have a third of them."""
+
+
+def free_parameters(
+    board: Board, hypothesis: Hypothesis, model: Model, values: effect_table.Effects
+) -> list[tuple[str, str]]:
+    """Amplitudes of the hypothesis, all axes of its vectors, and those shapes that its variants try
+    and the data may move.
+    """
+    found = []
+    for k in hypothesis.posterior.columns:
+        column = board.system.columns[k]
+        if column.part == "moment":
+            continue
+        found.append((column.variant.effect, column.variant.amplitudes[column.amplitude].parameter))
+    chosen = list(dict.fromkeys(e for e, _ in found))
+    found = [f for f in found if f[0] not in WHOLE] + [
+        (e, axis) for e in chosen for axis in WHOLE.get(e, ())
+    ]
+    for effect in chosen:
+        for shape in SHAPES.get(effect, ()):
+            if _is_held(shape, values[effect], model):
+                continue
+            found.append((effect, shape))
+    return found
+
+
+def _is_held(shape: str, values: Mapping[str, float], model: Model) -> bool:
+    """Whether a shape does nothing in the variant of these values, or is declared as known."""
+    known = shape == "rotor_plane_offset_m" and model.plane_sd_m <= 0
+    return (
+        known
+        or shape == "decay"
+        and values["form"] < 3.0
+        or shape == "roughness_m"
+        and values[shape] <= 0.0
+    )
+
+
+def _prior(
+    name: tuple[str, str], values: effect_table.Effects, model: Model
+) -> tuple[float, float]:
+    """Mean and sd of a free parameter's deviation from its present value; a place moves little in
+    one round.
+    """
+    value, reach = values[name[0]][name[1]], reach_of(name, values, model)
+    if reach:
+        return 0.0, reach
+    if name[1] == "rotor_plane_offset_m":
+        return -value, model.plane_sd_m
+    usual, sd = USUAL_SHAPES.get(name, (value, math.inf))
+    return usual - value, sd
+
+
+def _moves(name: tuple[str, str], values: effect_table.Effects, model: Model) -> Amplitude:
+    """A free parameter about its present value, with the step of its column; a place moves by a
+    part of what it acts over.
+    """
+    a, reach = amplitude_of(*name), reach_of(name, values, model)
+    return _small(
+        dataclasses.replace(a, step=PART_OF_REACH * reach) if reach else a, values[name[0]][name[1]]
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class _Point:
+    """Free parameters at some values, linearised there."""
+
+    values: effect_table.Effects
+    free: tuple[tuple[str, str], ...]
+    board: Board
+    chosen: Sequence[int]
+    joint: Joint
+
+    @functools.cached_property
+    def cost(self) -> float:
+        """-2 log posterior of these values, all else where it is best beside them."""
+        k = len(self.free)
+        steps = self.joint.chosen[:k]
+        return self.joint.cost + float(
+            steps @ np.linalg.pinv(self.joint.by_rows[:k, :k], hermitian=True) @ steps
+        )
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of the free parameters, (k, k)."""
+        return self.joint.covariance[: len(self.free), : len(self.free)]
+
+    def numbers(self) -> np.ndarray:
+        """The free parameters, (k,)."""
+        return np.array([self.values[e][p] for e, p in self.free])
+
+    def moved_to(self, numbers: np.ndarray) -> effect_table.Effects:
+        """The values with the free parameters at these numbers (k,)."""
+        values = {name: dict(v) for name, v in self.values.items()}
+        for (e, p), number in zip(self.free, numbers, strict=True):
+            values[e][p] = float(number)
+        return values
+
+    def sds_to(self, values: effect_table.Effects) -> float:
+        """Distance to other values, of the free parameter that is farthest from its own in
+        its sd.
+        """
+        away = np.array([values[e][p] for e, p in self.free]) - self.numbers()
+        return float(np.max(np.abs(away) / np.sqrt(np.diag(self.covariance)), initial=0.0))
+
+    def best(self, model: Model) -> np.ndarray:
+        """The free parameters (k,) that cost least as far as the linearisation holds, within their
+        bounds.
+        """
+        bounds = {
+            (e, p.name): (p.low, p.high)
+            for e in self.values
+            for p in effect_table.get(e).parameters
+        } | FIRMER
+        steps = self.joint.chosen[: len(self.free)]
+        steps = _share_in_reach(steps, self.free, self.values, model) * steps
+        return _within(
+            self.numbers() + steps,
+            self.covariance,
+            np.array([bounds[name] for name in self.free]).T,
+        )
+
+
+def polish(
+    flights: Sequence[Prepared],
+    model: Model,
+    values: effect_table.Effects,
+    free: Sequence[tuple[str, str]],
+    length_s: float,
+    like: System | None = None,
+    switches: Switches = ALL_ON,
+) -> Fitted:
+    """Gauss-Newton over all free parameters, the compiled effects linearised anew each round; a
+    step that costs more than it saves is halved, and the noise that a far start left is measured
+    again.
+
+    Parameters
+    ----------
+    like : system of the same flights whose nuisance columns serve again.
+    """
+    free, at, first = tuple(free), None, None
+    for _ in range(ROUNDS):
+        variants = [Variant(e, {}, (_moves((e, p), values, model),)) for e, p in free]
+        system = build(flights, model.with_effects(values), variants, length_s, like, switches)
+        noise = first.board.noise if first else estimate(system, _free_first(system))
+        there = _linearised(values, free, whitened(system, noise), model)
+        if first and there.cost > at.cost + SAME_COST:
+            values = at.moved_to(0.5 * (at.numbers() + there.numbers()))
+            continue
+        at, first = there, first or there
+        values = at.moved_to(at.best(model))
+        if at.sds_to(values) < TIGHT:
+            at = dataclasses.replace(at, values=values)
+            if at.sds_to(first.values) < FAR:
+                break
+            first = None
+    joint = _with_levers_as_they_are(at.board, at.chosen, at.joint, len(free))
+    return Fitted(at.values, free, at.covariance, joint, at.joint, at.board)
+
+
+def _linearised(
+    values: effect_table.Effects, free: tuple[tuple[str, str], ...], board: Board, model: Model
+) -> _Point:
+    """The free parameters at their values, fitted together with all else."""
+    chosen = _free_first(board.system)
+    mean, sd = np.array(
+        [_prior(name, values, model) for name in free]
+        + [(0.0, math.inf)] * (len(chosen) - len(free))
+    ).T
+    return _Point(
+        values,
+        free,
+        board,
+        chosen,
+        joint_fit(board, chosen, mean, np.where(np.isinf(sd), _wide(board, chosen), sd)),
+    )
+
+
+def _within(mean: np.ndarray, covariance: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """The mean (k,) with what leaves its bounds (2, k) held there, and the others where they are
+    most probable beside that.
+    """
+    held = np.clip(mean, *bounds)
+    out = held != mean
+    if not out.any():
+        return mean
+    moved = mean + covariance[:, out] @ np.linalg.solve(
+        covariance[np.ix_(out, out)], (held - mean)[out]
+    )
+    return np.where(out, held, np.clip(moved, *bounds))
+
+
+def _with_levers_as_they_are(
+    board: Board, chosen: Sequence[int], joint: Joint, count: int
+) -> Joint:
+    """The nuisances as the fitted vehicle needs them, where small moments had coefficients of their
+    own beside the ``count`` free ones: a vehicle flies with the levers that its file has, and trims
+    make up for the rest.
+    """
+    if len(chosen) == count:
+        return joint
+    return joint_fit(
+        board,
+        chosen[:count],
+        joint.chosen[:count],
+        np.sqrt(np.diag(joint.covariance)[:count]) * TIGHT,
+    )
+
+
+def _wide(board: Board, chosen: Sequence[int]) -> np.ndarray:
+    """Sd of coefficients that the flights alone shall set."""
+    return 10.0 * np.maximum(board.prior.sd[chosen], 1e-9)
+
+
+def _free_first(system: System) -> list[int]:
+    """Columns of the free parameters in their order, after them the small moments that some of them
+    make.
+    """
+    columns = [k for k, c in enumerate(system.columns) if c.variant is not None]
+    return sorted(columns, key=lambda k: system.columns[k].part == "moment")
+
+
+def _share_in_reach(
+    steps: np.ndarray, free: Sequence[tuple[str, str]], values: effect_table.Effects, model: Model
+) -> float:
+    """Share of a step that moves no place further than its reach, within which the columns still
+    hold.
+    """
+    reaches = np.array([reach_of(name, values, model) or math.inf for name in free])
+    return float(min(1.0, np.min(reaches / np.maximum(np.abs(steps), 1e-30), initial=1.0)))
+
+
+def _small(a: Amplitude, value: float) -> Amplitude:
+    """A step that stays within bounds on the inner side."""
+    step = a.step if value + a.step <= a.high else -a.step
+    return dataclasses.replace(a, step=step, neutral=value)
+
+
+def calibrated(model: Model, common: Mapping[str, float]) -> Model:
+    """The vehicle with its nuisances set, each through the compiled effect that corrects it."""
+    more: dict[str, dict[str, float]] = {}
+    for key, value in common.items():
+        effect, parameter = key.split(".")
+        if effect == "vehicle":
+            model = model.with_number(parameter, model.number(parameter) + value)
+            continue
+        held = more.get(effect) or {
+            **effect_table.get(effect).neutral(),
+            **model.effects.get(effect, {}),
+        }
+        more[effect] = {
+            **held,
+            parameter: within_bounds(effect, parameter, held[parameter] + value),
+        }
+    return model.with_effects(more)
+
+
+def within_bounds(effect: str, parameter: str, value: float) -> float:
+    """The value, or the bound that it goes beyond: a vehicle flies no other."""
+    p = effect_table.get(effect).parameter(parameter)
+    return float(np.clip(value, p.low, p.high))
+
+
+def fitted_model(model: Model, fitted: Fitted) -> Model:
+    """The vehicle with what was fitted: effects, and the nuisances beside them."""
+    return calibrated(model.with_effects(fitted.effects), fitted.joint.common)
+
+
+def strain(joint: Joint, system: System) -> float:
+    """How many of its declared sds the farthest declared number was moved."""
+    doubts = system.model.doubts
+    return max(
+        (abs(value) / doubts[key] for key, value in joint.common.items() if doubts.get(key)),
+        default=0.0,
+    )
+
+
+def strain_without(fitted: Fitted, name: str) -> float:
+    """The same, to first order, with the amplitudes of one effect back at neutral."""
+    chosen = _free_first(fitted.board.system)
+    mean, sd = np.zeros(len(chosen)), _wide(fitted.board, chosen)
+    for i, (effect, parameter) in enumerate(fitted.free):
+        if effect == name and parameter not in SHAPES.get(effect, ()):
+            mean[i] = amplitude_of(effect, parameter).neutral - fitted.effects[effect][parameter]
+            sd[i] = TIGHT * max(abs(mean[i]), 1e-9)
+    return strain(joint_fit(fitted.board, chosen, mean, sd), fitted.board.system)
+
+
+def null_fit(system: System) -> tuple[Board, Joint]:
+    """Nuisances alone: the best that the declared parameters can do."""
+    board = make_board(system)
+    return board, joint_fit(board, ())
+
+
+def left_raw(system: System, joint: Joint) -> list[np.ndarray]:
+    """Residuals of the channels under the plain average, in their units, after the nuisances, by
+    flight, (m, C).
+    """
+    count, out = len(system.main), []
+    for rows, own in zip(system.flights, joint.by_flight, strict=True):
+        terms = {
+            k: joint.common.get(key, 0.0) + own.get(key, 0.0) for key, k in system.nuisances.items()
+        }
+        out.append(rows.y[:, :count] - rows.added(terms, count))
+    return out
+
+
+def in_the_air(left: Sequence[np.ndarray], system: System) -> list[np.ndarray]:
+    """Residuals (m, C) by flight, NaN where windows are not in the air: a drive on the ground is in
+    no regime of flight.
+    """
+    return [
+        np.where(rows.air[:, None], e, np.nan) for rows, e in zip(system.flights, left, strict=True)
+    ]

@@ -1,0 +1,121 @@
+"""Multiple shooting: the simulator flies a recording again, piece by piece, each from where the
+recording was.
+
+Rotor speeds and attitude are imposed as recorded, position and velocity are free. Held-out flights
+are judged by the error after one second. Fits are polished by rollouts as long as the shortest
+window: the model is asked along the flown path instead of the recorded one. What a window of the
+weak form then sees is the error of the rollout (its test function vanishes at both ends, and the
+derivative of the simulated velocity is the simulated force), and a push of turbulence no longer
+moves the velocity that a drag is held against.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from ges.conventions import BODY_RATE, POSITION, QUATERNION, ROTOR_SPEED, VELOCITY
+from ges.diagnose.design.residual import model_along
+from ges.diagnose.design.system import window_length_s
+from ges.diagnose.design.weak import SHORTEST_WINDOW_S, whole
+from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.types.model import Model
+from ges.simulator import effects as effect_table
+from ges.simulator import flight as sim
+
+START_SMOOTH_S = 0.05
+LONGEST_STEP_S = 0.005
+
+
+def can_roll(flight: Prepared) -> bool:
+    """Whether a rollout has a start and a drive."""
+    placed = all(flight.has(stream) for stream in ("attitude", "velocity", "position"))
+    return placed and (flight.has("rotor_speed") or flight.has("command"))
+
+
+def starts_of(flight: Prepared, n: int) -> np.ndarray:
+    """Rows where a whole horizon of ``n`` rows flies, one horizon apart."""
+    rows = np.arange(0, len(flight.t_s) - n - 1, n)
+    return rows[whole(flight.flying, rows, rows + n + 1)]
+
+
+@dataclasses.dataclass(frozen=True)
+class Rollouts:
+    """Rollouts of one flight: rows where they start, flown columns and the recorded, smoothed state
+    by contract column.
+    """
+
+    starts: np.ndarray
+    flown: list[sim.Record]
+    recorded: dict[str, np.ndarray]
+
+
+def rollouts_of(flight: Prepared, model: Model, n: int) -> Rollouts:
+    """Fly every horizon of ``n`` rows of one flight."""
+    columns, _ = model_along(flight, model, model.effects)
+    recorded = {
+        name: gaussian_filter1d(flight.columns[name], START_SMOOTH_S / flight.dt_s)
+        for name in VELOCITY + POSITION
+    }
+    recorded["p_z_m"] = recorded["p_z_m"] + (columns["p_z_m"] - flight.columns["p_z_m"])
+    table = np.stack([columns[name] for name in (*ROTOR_SPEED, *QUATERNION)], axis=1)
+    rates = np.stack([columns[name] for name in BODY_RATE], axis=1)
+    battery = flight.columns.get("battery_V", np.full(len(table), np.nan))
+    inputs = np.column_stack([table, battery, rates])
+    effects = {
+        k: v
+        for k, v in model.effects.items()
+        if effect_table.get(k).kind not in ("sensor", "actuator")
+    }
+    starts = starts_of(flight, n)
+    pieces = [_piece(flight, model, effects, recorded, inputs[s : s + n + 2], s) for s in starts]
+    return Rollouts(
+        starts, sim.fly(pieces, ("t_s", *POSITION, *VELOCITY)) if pieces else [], recorded
+    )
+
+
+def _piece(
+    flight: Prepared, model: Model, effects: dict, recorded: dict, inputs: np.ndarray, start: int
+) -> sim.Flight:
+    every = flight.steps(LONGEST_STEP_S)
+    state = {f"start_{name}": float(recorded[name][start]) for name in POSITION + VELOCITY}
+    state |= {
+        f"start_{name}": float(v)
+        for name, v in zip((*ROTOR_SPEED, *QUATERNION), inputs[0, :8], strict=True)
+    }
+    numbers = {
+        **model.parameters,
+        **state,
+        "control": 2,
+        "attitude_imposed": 1,
+        "start": 1,
+        "inputs_dt_s": flight.dt_s,
+        "dt_s": flight.dt_s / every,
+        "duration_s": (len(inputs) - 2) * flight.dt_s,
+        "record_every": every,
+        "gear_height_m": 0.0,
+        "gear_stiffness_N_m": 0.0,
+    }
+    return sim.Flight(numbers, effects, model.terrain, inputs)
+
+
+def shot(flight: Prepared, model: Model) -> Prepared:
+    """The flight with the path that the model flies, see :attr:`Prepared.path`; as it is where it
+    cannot be flown.
+
+    What rotors did between slow readings would move such a path against the residual that it makes:
+    then nothing is flown.
+    """
+    if not can_roll(flight) or window_length_s([flight]) > SHORTEST_WINDOW_S:
+        return flight
+    n = max(1, int(round(SHORTEST_WINDOW_S / flight.dt_s)))
+    rolled, clock = rollouts_of(flight, model, n), flight.dt_s * np.arange(n)
+    path = {name: values.copy() for name, values in rolled.recorded.items()}
+    for start, record in zip(rolled.starts, rolled.flown, strict=True):
+        for name in path if record.status == "ok" else ():
+            path[name][start : start + n] = np.interp(
+                clock, record["t_s"] - record["t_s"][0], record[name]
+            )
+    return flight.replaced(path=path)

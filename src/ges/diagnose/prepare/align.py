@@ -1,0 +1,376 @@
+"""Data first: which samples fly, how often each stream really speaks, how late one stream is
+against another.
+
+A recording becomes a :class:`Prepared` flight on a uniform grid. Nothing here knows the name of a
+file.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter
+
+from ges.conventions import (
+    BODY_RATE,
+    COMMAND,
+    MOTOR_CURRENT,
+    POSITION,
+    QUATERNION,
+    ROTOR_SPEED,
+    SPECIFIC_FORCE,
+    VELOCITY,
+)
+from ges.errors import GesError
+
+STREAMS: Mapping[str, tuple[str, ...]] = {
+    "position": POSITION,
+    "velocity": VELOCITY,
+    "attitude": QUATERNION,
+    "gyro": BODY_RATE,
+    "accelerometer": SPECIFIC_FORCE,
+    "rotor_speed": ROTOR_SPEED,
+    "command": COMMAND,
+    "motor_current": MOTOR_CURRENT,
+    "battery": ("battery_V",),
+    "range": ("range_m",),
+    "ground": ("ground_z_m",),
+    "reference": (
+        "p_ref_x_m",
+        "p_ref_y_m",
+        "p_ref_z_m",
+        "v_ref_x_m_s",
+        "v_ref_y_m_s",
+        "v_ref_z_m_s",
+        "yaw_ref_rad",
+    ),
+    "excitation": ("excite_x_rad_s2", "excite_y_rad_s2", "excite_z_rad_s2", "excite_up_m_s2"),
+}
+FASTEST_STEP_S, SLOWEST_STEP_S = 0.005, 0.05
+SHORTEST_FLIGHT_S = 2.0
+LONGEST_GAP_S = 0.5
+LONGEST_SILENCE_S = 0.3
+UP, WELL_ABOVE_M, MUCH_LOWER_M = 0.7, 0.3, 0.1
+SPUN_UP_S = 0.1
+
+
+@dataclasses.dataclass(frozen=True)
+class Held:
+    """How long a command acts on after its row, so that it comes that much later on the whole: mean
+    and sd, in rows.
+    """
+
+    late: float
+    sd: float
+
+
+MAY_BE_HELD = Held(0.125, 0.22)
+"""Until the next row, or, three times as often, not at all: most controllers run faster than their
+logs.
+"""
+
+
+@dataclasses.dataclass(frozen=True)
+class Prepared:
+    """One flight on a uniform grid.
+
+    Attributes
+    ----------
+    t_s : (n,) uniform times.
+    columns : contract columns on the grid; what was not logged is absent. Only the rangefinder's
+        may be NaN, out of its range.
+    flying : (n,) True where the vehicle is in the air, away from contact and from gaps.
+    lifting : (n,) True where the drive carries nearly as much as in flight, away from gaps; as
+        ``flying`` where nothing is said.
+    left_out : seconds left out, by reason.
+    update_s : median time between two new values of each stream.
+    lateness_s : delay taken out of a stream, by stream.
+    derived : streams that were not logged but made from others.
+    path : position and velocity at which the model is asked, where not at the recorded ones; world,
+        m and m/s.
+    held : how long its commands are held.
+    """
+
+    t_s: np.ndarray
+    columns: Mapping[str, np.ndarray]
+    flying: np.ndarray
+    left_out: Mapping[str, float]
+    update_s: Mapping[str, float]
+    lateness_s: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    derived: frozenset[str] = frozenset()
+    path: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    lifting: np.ndarray | None = None
+    held: Held = MAY_BE_HELD
+
+    @property
+    def driven(self) -> np.ndarray:
+        """(n,) True where the drive tells of itself: in the air, and on the ground where
+        it lifts.
+        """
+        return self.flying if self.lifting is None else self.flying | self.lifting
+
+    @property
+    def dt_s(self) -> float:
+        """Spacing of the grid."""
+        return float(self.t_s[1] - self.t_s[0])
+
+    def has(self, stream: str) -> bool:
+        """Whether every column of a stream was logged."""
+        return all(name in self.columns for name in STREAMS[stream])
+
+    def stack(self, stream: str) -> np.ndarray:
+        """Columns of a stream, (n, k)."""
+        return np.stack([self.columns[name] for name in STREAMS[stream]], axis=1)
+
+    def steps(self, longest_s: float) -> int:
+        """Steps no longer than this between two samples."""
+        return max(1, int(np.ceil(self.dt_s / longest_s)))
+
+    def replaced(self, **changes) -> Prepared:
+        """A copy with other fields."""
+        return dataclasses.replace(self, **changes)
+
+
+def attitude_measured(flights: Sequence[Prepared]) -> bool:
+    """Whether every flight logged its attitude."""
+    return not any("attitude" in f.derived for f in flights)
+
+
+def _present(frame: pd.DataFrame, names: Sequence[str]) -> list[str]:
+    return [
+        name
+        for name in names
+        if name in frame and np.isfinite(frame[name].to_numpy(dtype=float)).sum() >= 2
+    ]
+
+
+def _fresh(values: np.ndarray) -> np.ndarray:
+    """Rows that bring a new value of a stream: finite, and any column other than in the
+    row before.
+    """
+    finite = np.isfinite(values).all(axis=1)
+    rows = np.flatnonzero(finite)
+    changed = (
+        np.r_[True, (np.diff(values[rows], axis=0) != 0).any(axis=1)]
+        if len(rows)
+        else np.zeros(0, bool)
+    )
+    fresh = np.zeros(len(values), dtype=bool)
+    fresh[rows[changed]] = True
+    return fresh
+
+
+def _held_ends(t_s: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Rows at which a value is known: its arrival; where it stood long without news, also the last
+    row that repeats it.
+    """
+    usual = np.median(np.diff(t_s[rows])) if len(rows) > 2 else np.inf
+    before_next = np.r_[rows[1:] - 1, len(t_s) - 1]
+    stood = t_s[before_next] - t_s[rows] > 3.0 * usual
+    return np.unique(np.r_[rows, before_next[stood]])
+
+
+def _regrid(t_s: np.ndarray, values: np.ndarray, grid_s: np.ndarray) -> tuple[np.ndarray, float]:
+    """A stream between its new values, straight lines; and the median time between them."""
+    fresh = np.flatnonzero(_fresh(values))
+    if len(fresh) < 2:
+        return np.repeat(values[np.isfinite(values).all(axis=1)][:1], len(grid_s), axis=0), np.inf
+    knots = _held_ends(t_s, fresh)
+    knots = knots[np.isfinite(values[knots]).all(axis=1)]
+    on_grid = np.stack(
+        [np.interp(grid_s, t_s[knots], values[knots, k]) for k in range(values.shape[1])], axis=1
+    )
+    return on_grid, float(np.median(np.diff(t_s[fresh])))
+
+
+def _continuous(q: np.ndarray) -> np.ndarray:
+    """Quaternions of one sign along the flight."""
+    q = q.copy()
+    finite = np.flatnonzero(np.isfinite(q).all(axis=1))
+    flips = np.cumprod(np.where((q[finite][1:] * q[finite][:-1]).sum(axis=1) < 0, -1.0, 1.0))
+    q[finite[1:]] *= flips[:, None]
+    return q
+
+
+def grid_step_s(frame: pd.DataFrame) -> float:
+    """Step of the uniform grid: the median spacing of the rows, within 5 to 50 ms."""
+    return float(
+        np.clip(
+            np.median(np.diff(frame["t_s"].to_numpy(dtype=float))), FASTEST_STEP_S, SLOWEST_STEP_S
+        )
+    )
+
+
+def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
+    """Put a recording on a uniform grid; ``flying`` is not decided yet.
+
+    Parameters
+    ----------
+    frame : a recording with contract columns.
+    step_s : spacing of the grid.
+    number : index of the flight, for messages.
+    """
+    t_s = frame["t_s"].to_numpy(dtype=float)
+    if len(t_s) < 2 or t_s[-1] - t_s[0] < SHORTEST_FLIGHT_S:
+        raise GesError(
+            f"flight {number}: {len(t_s)} rows are less than {SHORTEST_FLIGHT_S:g} s; leave this"
+            " recording out"
+        )
+    if not (np.diff(t_s) > 0).all():
+        raise GesError(
+            f"flight {number}: t_s does not increase at row {int(np.argmin(np.diff(t_s) > 0)) + 1};"
+            " sort the recording"
+        )
+    grid = np.arange(t_s[0], t_s[-1], step_s)
+    columns, update = {}, {}
+    for stream, names in STREAMS.items():
+        if stream in ("position", "reference", "accelerometer"):
+            groups = [[name] for name in _present(frame, names)]
+        else:
+            groups = [list(names)] if len(_present(frame, names)) == len(names) else []
+        for group in groups:
+            values = frame[group].to_numpy(dtype=float)
+            values = _continuous(values) if stream == "attitude" else values
+            on_grid, every = _regrid(t_s, values, grid)
+            columns.update(zip(group, on_grid.T, strict=True))
+            update[stream] = (
+                max(every, update.get(stream, 0.0))
+                if np.isfinite(every)
+                else update.get(stream, every)
+            )
+    if "range_m" in columns and "p_z_m" in columns:
+        columns["range_m"] = np.where(_silent(frame, "range_m", grid), np.nan, columns["range_m"])
+    if all(name in columns for name in QUATERNION):
+        norm = np.sqrt(sum(columns[name] ** 2 for name in QUATERNION))
+        columns.update({name: columns[name] / norm for name in QUATERNION})
+    return Prepared(grid, columns, np.ones(len(grid), bool), {}, update)
+
+
+def _silent(frame: pd.DataFrame, name: str, grid_s: np.ndarray) -> np.ndarray:
+    """True on the grid where a sensor had nothing to say for longer than
+    :data:`LONGEST_SILENCE_S`.
+    """
+    heard = frame["t_s"].to_numpy(dtype=float)[np.isfinite(frame[name].to_numpy(dtype=float))]
+    after = np.searchsorted(heard, grid_s, side="left").clip(1, len(heard) - 1)
+    return (
+        (heard[after] - heard[after - 1] > LONGEST_SILENCE_S)
+        | (grid_s < heard[0])
+        | (grid_s > heard[-1])
+    )
+
+
+def gaps(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
+    """True on the grid where the recording itself stopped for long (no row, or motion not
+    logged).
+    """
+    motion = (
+        _present(frame, VELOCITY) or _present(frame, POSITION) or _present(frame, SPECIFIC_FORCE)
+    )
+    t_s = frame["t_s"].to_numpy(dtype=float)
+    good = t_s[np.isfinite(frame[motion].to_numpy(dtype=float)).all(axis=1)] if motion else t_s
+    if len(good) < 2:
+        return np.ones(len(grid_s), dtype=bool)
+    after = np.searchsorted(good, grid_s, side="left").clip(1, len(good) - 1)
+    return (
+        (good[after] - good[after - 1] > LONGEST_GAP_S) | (grid_s < good[0]) | (grid_s > good[-1])
+    )
+
+
+def lift(
+    flight: Prepared, thrust_coefficient: float, speed_max: float, weight_N: float
+) -> np.ndarray | None:
+    """Thrust over weight as the drive tells it, smoothed over 0.3 s; None without rotor speeds and
+    commands.
+    """
+    if flight.has("rotor_speed"):
+        speeds = flight.stack("rotor_speed")
+    elif flight.has("command"):
+        speeds = speed_max * flight.stack("command")
+    else:
+        return None
+    ratio = thrust_coefficient * (speeds**2).sum(axis=1) / weight_N
+    return gaussian_filter1d(ratio, 0.15 / flight.dt_s)
+
+
+def over_usual(flight: Prepared, ratio: np.ndarray | None) -> np.ndarray:
+    """Thrust over its own median where it is clearly up, (n,), so that a wrong thrust coefficient
+    does not matter; without a drive, whether the vehicle moves.
+    """
+    return _shaken(flight).astype(float) if ratio is None else ratio / _usual(ratio)
+
+
+def resting_m(flight: Prepared, working: np.ndarray, height_m: np.ndarray | None) -> float:
+    """Height over the ground that the vehicle rests at: that of an end of the recording where the
+    drive idles, if nothing is much lower (a brisk descent idles too, and a table is left for what
+    is below it); infinite in a recording that begins and ends in the air, or has no height.
+    """
+    if height_m is None:
+        return np.inf
+    idle, n = working <= UP, max(1, int(0.5 / flight.dt_s))
+    ends = (end for end in (slice(n), slice(-n, None)) if idle[end].mean() > 0.5)
+    rest_m = min((float(np.median(height_m[end])) for end in ends), default=np.inf)
+    return rest_m if rest_m < float(np.quantile(height_m, 0.01)) + MUCH_LOWER_M else np.inf
+
+
+def airborne(
+    flight: Prepared,
+    working: np.ndarray,
+    above_m: np.ndarray | None,
+    off_m: float,
+    margin_s: float = 0.5,
+) -> np.ndarray:
+    """Samples in the air.
+
+    The drive must carry at least 70 % of its own median where it is clearly up, or 30 % well above
+    the resting height, as in a brisk descent; and the vehicle must be off its resting height:
+    ``above_m`` it by ``off_m``, where that is known. ``margin_s`` around every contact is left out.
+    """
+    up = working > UP
+    if above_m is not None:
+        up = (up & (above_m > off_m)) | ((working > 0.3) & (above_m > WELL_ABOVE_M))
+    up = median_filter(
+        up.astype(np.uint8), size=2 * int(0.25 / flight.dt_s) + 1, mode="nearest"
+    ).astype(bool)
+    return _well_within(up, margin_s, flight.dt_s)
+
+
+def lifting(flight: Prepared, flying: np.ndarray) -> np.ndarray:
+    """Samples in which the rotors push at least 70 % of their median in flight, and a little before
+    and after do: a take-off shows what a drive does at its limits, but not while it spins up.
+    """
+    if not (flight.has("rotor_speed") and flight.has("command") and flying.any()):
+        return flying
+    push = (flight.stack("rotor_speed") ** 2).sum(axis=1)
+    return _well_within(push > UP * np.median(push[flying]), SPUN_UP_S, flight.dt_s)
+
+
+def _well_within(at: np.ndarray, margin_s: float, dt_s: float) -> np.ndarray:
+    """Those of the samples ``at`` (n,) that are a margin away from all others."""
+    return (
+        ~binary_dilation(~at, iterations=max(1, int(round(margin_s / dt_s)))) if (~at).any() else at
+    )
+
+
+def _usual(ratio: np.ndarray) -> float:
+    """Median of the thrust where it is clearly up; infinite for a drive that never runs."""
+    top = np.quantile(ratio, 0.9)
+    return float(np.median(ratio[ratio > 0.5 * top])) if top > 0 else np.inf
+
+
+def _shaken(flight: Prepared) -> np.ndarray:
+    """Without a drive, flight shows as motion of the gyro or the accelerometer."""
+    name = (
+        "omega_x_rad_s"
+        if flight.has("gyro")
+        else next((n for n in SPECIFIC_FORCE if n in flight.columns), None)
+    )
+    if name is None:
+        return np.ones(len(flight.t_s), bool)
+    value = flight.columns[name]
+    rough = gaussian_filter1d(
+        (value - gaussian_filter1d(value, 0.5 / flight.dt_s)) ** 2, 0.5 / flight.dt_s
+    )
+    return rough > 0.05 * np.quantile(rough, 0.8)

@@ -1,0 +1,324 @@
+"""How late one stream is against another, how that drifts, and gyro offsets: by direct comparison,
+before any physics.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.special import stdtrit
+
+from ges.diagnose.design.residual import turn_rates
+from ges.diagnose.prepare.align import MAY_BE_HELD, STREAMS, Held, Prepared, lift
+from ges.diagnose.prepare.steady import with_past
+from ges.diagnose.types.model import Model
+from ges.threads import each
+
+LAG_DOUBT_S = 0.03
+DRIVE_LAGS_S = np.arange(-0.04, 0.6 + 1e-9, 0.02)
+LEAST_CORRELATION = 0.3
+LEAST_GAIN = 0.02  # of the variance
+POSE = ("position", "velocity", "attitude")
+RATE_SMOOTHING_S = 0.03
+LEAST_DELAY_SD_S, LEAST_DRIVE_SD_S = 0.001, 0.005
+POSE_LAGS_S = np.arange(-0.15, 0.15 + 1e-9, 0.005)
+SHORTEST_S = 5.0
+LEAST_FREE = 0.5
+DRIFT_BLOCK_S, LEAST_BLOCKS, CHANCE_OF_DRIFT = 2.5, 5, 0.001
+LEAST_OF_BLOCK, CLEAREST = (
+    0.5,
+    0.98,
+)  # correlations: of a block that tells its delay, and that no noise counts beyond
+LEAST_GYRO_SD_RAD_S = 0.002
+MOVED_ON, HELD_ON = Held(0.0, 0.1), Held(0.5, 0.1)
+RESPONSE_S, SLOWER_S, SURELY = 0.25, 0.15, 5.0
+LEAST_AT_ONCE, MOST_AT_ONCE, LEAST_FALL = 0.25, 0.1, 0.05  # of the response a row later
+
+
+@dataclasses.dataclass(frozen=True)
+class Delay:
+    """How late one stream is against the motion: seconds, sd over flights, correlation at
+    the peak.
+    """
+
+    stream: str
+    delay_s: float
+    sd_s: float
+    correlation: float
+
+
+def _high_pass(x: np.ndarray, step_s: float, slower_s: float = 1.5) -> np.ndarray:
+    return x - gaussian_filter1d(x, slower_s / step_s)
+
+
+def _correlations(flight: Prepared, model: Model, lags_s: np.ndarray) -> np.ndarray | None:
+    """Sums for the correlation of thrust with vertical acceleration at every lag: (3, lags)."""
+    ratio = lift(
+        flight,
+        model.number("thrust_coefficient_N_s2"),
+        model.number("max_rotor_speed_rad_s"),
+        model.weight_N,
+    )
+    if (
+        ratio is None
+        or "v_z_m_s" not in flight.columns
+        or flight.flying.sum() * flight.dt_s < SHORTEST_S
+    ):
+        return None
+    step, inside = flight.dt_s, flight.flying
+    a = _high_pass(gaussian_filter1d(flight.columns["v_z_m_s"], 0.15 / step, order=1) / step, step)
+    b = _high_pass(ratio, step)
+    out = []
+    for lag in lags_s:
+        shifted = np.interp(flight.t_s + lag, flight.t_s, b)[inside]
+        out.append((a[inside] @ shifted, shifted @ shifted, a[inside] @ a[inside]))
+    return np.array(out).T
+
+
+def _sums(
+    flight: Prepared, a: np.ndarray, b: np.ndarray, inside: np.ndarray, lags_s: np.ndarray
+) -> np.ndarray:
+    """Sums for the correlation of one signal with another taken later by every lag, over some
+    samples: (3, lags).
+    """
+    late, a = (
+        np.stack([np.interp(flight.t_s + lag, flight.t_s, b)[inside] for lag in lags_s]),
+        a[inside],
+    )
+    return np.stack([late @ a, (late**2).sum(axis=1), np.full(len(lags_s), a @ a)])
+
+
+def _peak(sums: np.ndarray, lags_s: np.ndarray) -> tuple[float, float]:
+    """Lag and correlation at the peak, by a parabola through the three highest points."""
+    r = sums[0] / np.sqrt(np.maximum(sums[1] * sums[2], 1e-30))
+    i = int(np.clip(np.argmax(r), 1, len(r) - 2))
+    below, top, above = r[i - 1 : i + 2]
+    bend = below - 2.0 * top + above
+    shift = 0.5 * (below - above) / bend if bend < 0 else 0.0
+    return float(lags_s[i] + shift * (lags_s[1] - lags_s[0])), float(r[i])
+
+
+def _told(
+    stream: str, told: Sequence[np.ndarray], lags_s: np.ndarray, least_sd_s: float
+) -> Delay | None:
+    """The delay that the flights' summed correlations (3, lags) peak at; None without a clear peak.
+    Its sd is the scatter of the flights, each by how much it moves: one that hardly does says
+    nothing of it. And one without which the others agree better makes no delay alone.
+    """
+    if not told:
+        return None
+    delay, top = _peak(np.sum(told, axis=0), lags_s)
+    weight = np.maximum([s[0].max() for s in told], 0.0)
+    weight = weight / (weight.sum() or 1.0)
+    free = 1.0 / max(float(weight @ weight), 1e-9) - 1.0  # flights beyond one, as many as speak up
+    scatter = np.sqrt(weight @ (np.array([_peak(s, lags_s)[0] for s in told]) - delay) ** 2)
+    sd = float(scatter / np.sqrt(free)) if free > LEAST_FREE else float(lags_s[1] - lags_s[0])
+    less = [_peak(np.sum(told, axis=0) - s, lags_s) for s in told] if len(told) > 1 else []
+    sd = max([sd, *(abs(at - delay) for at, r in less if r > top)])
+    return Delay(stream, delay, max(sd, least_sd_s), top) if top > LEAST_CORRELATION else None
+
+
+def _behind_commands(flights: Sequence[Prepared]) -> float:
+    """How far the rotor speeds lag behind their commands, s; infinite where that is not told."""
+    told = []
+    for f in (f for f in flights if f.has("rotor_speed") and f.has("command")):
+        squares = ((f.stack(s) ** 2).sum(axis=1) for s in ("command", "rotor_speed"))
+        asked, given = (
+            _high_pass(gaussian_filter1d(s / s.mean(), 0.05 / f.dt_s), f.dt_s) for s in squares
+        )
+        told.append(_sums(f, asked, given, f.flying, DRIVE_LAGS_S))
+    found = _told("rotor_speed", told, DRIVE_LAGS_S, LEAST_DRIVE_SD_S)
+    return found.delay_s if found else np.inf
+
+
+def drive_delay(flights: Sequence[Prepared], model: Model) -> Delay | None:
+    """How late the rotor speeds are logged against the motion, by direct correlation of thrust and
+    vertical acceleration.
+
+    Commands are left alone: their delay is physics (motor lag, transport delay). But what is late
+    against the motion is as late against the commands that made it; where it is not, the
+    controller's answers to disturbances made the peak.
+    """
+    logged = [f for f in flights if f.has("rotor_speed")]
+    told = [
+        s for s in each(lambda f: _correlations(f, model, DRIVE_LAGS_S), logged) if s is not None
+    ]
+    found = _told("rotor_speed", told, DRIVE_LAGS_S, LEAST_DRIVE_SD_S)
+    if found is None:
+        return None
+    at, shifted_2, still_2 = np.sum(told, axis=0)[:, np.argmin(np.abs(DRIVE_LAGS_S))]
+    gained = found.correlation**2 - at * abs(at) / (shifted_2 * still_2)
+    room = _behind_commands(flights) - model.number("motor_time_constant_s")
+    return found if gained > LEAST_GAIN and found.delay_s < room + LAG_DOUBT_S else None
+
+
+def command_hold(flights: Sequence[Prepared]) -> Held:
+    """How long commands are held, by what rotor speeds logged beside them do in the same row and in
+    the two after it.
+
+    What a command does before the next one is logged shows in its own row only if it was given in
+    parts since the row before: the controller runs faster than the log. Where it was held for a
+    row, nothing shows at once, most a row later, and less from there on. A transport delay or a
+    slow second pole looks like neither, and leaves it open.
+    """
+    told = [f for f in flights if f.has("rotor_speed") and f.has("command") and _every_row(f)]
+    if not told:
+        return MAY_BE_HELD
+    (now, then, after), sds = _responses(told)
+    if now > max(SURELY * sds[0], LEAST_AT_ONCE * then):
+        return MOVED_ON
+    fades = then > SURELY * sds[1] and max(abs(now), sds[0]) < MOST_AT_ONCE * then
+    return HELD_ON if fades and after < (1.0 - LEAST_FALL) * then else MAY_BE_HELD
+
+
+def _every_row(flight: Prepared) -> bool:
+    """Whether commands and rotor speeds bring news in every row."""
+    return max(flight.update_s[s] for s in ("command", "rotor_speed")) < 1.2 * flight.dt_s
+
+
+def _responses(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray]:
+    """How relative rotor speeds follow relative commands at once, a row later and two rows later,
+    and their sds: least squares of a finite response, which noise of the speeds does not bias
+    (Ljung 1999, section 10.1).
+    """
+    taps = max(3, int(RESPONSE_S / max(f.dt_s for f in flights)))
+    parts = [_delayed(f, taps) for f in flights]
+    x, y = np.concatenate([x for x, _ in parts]), np.concatenate([y for _, y in parts])
+    inverse = np.linalg.pinv(x.T @ x)
+    response = inverse @ (x.T @ y)
+    sds = np.sqrt(np.diag(inverse) * np.mean((y - x @ response) ** 2))
+    return response[:3], sds[:3]
+
+
+def _delayed(flight: Prepared, taps: int) -> tuple[np.ndarray, np.ndarray]:
+    """Commands of every rotor now and up to ``taps`` rows before, and its speeds, over their means
+    in the air, without what is slow; in the air, all rotors after each other.
+    """
+    air = np.flatnonzero(flight.flying)
+    u, speed = (
+        flight.stack(s).T / flight.stack(s)[air].mean(axis=0)[:, None]
+        for s in ("command", "rotor_speed")
+    )
+    u, speed = (_high_pass(x, flight.dt_s, SLOWER_S) for x in (u, speed))
+    air = air[air >= taps]
+    return np.concatenate([with_past(x, taps)[air] for x in u]), np.concatenate(list(speed[:, air]))
+
+
+def _both_rates(flight: Prepared) -> tuple[np.ndarray, np.ndarray] | None:
+    """Smoothed body rates by gyro and by attitude."""
+    if "attitude" in flight.derived or not (flight.has("gyro") and flight.has("attitude")):
+        return None
+    width = (
+        max(RATE_SMOOTHING_S, 1.5 * max(flight.update_s["attitude"], flight.update_s["gyro"]))
+        / flight.dt_s
+    )
+    q = flight.stack("attitude")
+    turning = turn_rates(q, np.gradient(q, flight.dt_s, axis=0))
+    return tuple(gaussian_filter1d(r, width, axis=0) for r in (flight.stack("gyro"), turning))
+
+
+def _rate_correlations(flight: Prepared) -> np.ndarray | None:
+    """Sums for the correlation of the two body rates at every lag of the pose: (3, lags)."""
+    pair, lags_s = _both_rates(flight), POSE_LAGS_S
+    if pair is None or flight.flying.sum() * flight.dt_s <= SHORTEST_S:
+        return None
+    sums = np.zeros((3, len(lags_s)))
+    for a, b in zip(pair[0].T, pair[1].T, strict=True):
+        a, b = _high_pass(a, flight.dt_s), _high_pass(b, flight.dt_s)
+        sums += _sums(flight, a, b, flight.flying, lags_s)
+    return sums
+
+
+def pose_delay(flights: Sequence[Prepared]) -> Delay | None:
+    """How late position, velocity and attitude are against the gyro, by direct correlation of the
+    two body rates.
+    """
+    told = [s for s in each(_rate_correlations, flights) if s is not None]
+    return _told("attitude", told, POSE_LAGS_S, LEAST_DELAY_SD_S)
+
+
+def clock_drift(flight: Prepared) -> float:
+    """How much later the pose gets against the gyro along a flight, s; 0 where that is not told, or
+    may be chance.
+
+    A line through the delays of blocks of time, at whole samples: interpolation between them
+    smooths noise, and draws the peak of a noisy correlation to half a sample, one way in one block
+    and the other way in the next.
+    """
+    pair, rows = _both_rates(flight), np.flatnonzero(flight.flying)
+    count = int(len(rows) * flight.dt_s // DRIFT_BLOCK_S)
+    if pair is None or count < LEAST_BLOCKS:
+        return 0.0
+    gyro, pose = (_high_pass(rates.T, flight.dt_s) for rates in pair)
+    lags = np.arange(int(POSE_LAGS_S[0] / flight.dt_s), int(POSE_LAGS_S[-1] / flight.dt_s) + 1)
+    blocks = np.array_split(rows, count)
+    told = np.array(
+        [_peak(_whole_sums(gyro, pose, block, lags), lags * flight.dt_s) for block in blocks]
+    )
+    centers_s = np.array([flight.t_s[block].mean() for block in blocks])
+    return (flight.t_s[rows[-1]] - flight.t_s[rows[0]]) * _slope(centers_s, *told.T)
+
+
+def _whole_sums(a: np.ndarray, b: np.ndarray, rows: np.ndarray, lags: np.ndarray) -> np.ndarray:
+    """Sums for the correlation of signals (k, n) with others taken later by whole samples, over
+    some rows: (3, lags).
+    """
+    late, now = b[:, np.clip(rows + lags[:, None], 0, b.shape[1] - 1)], a[:, rows]
+    return np.stack(
+        [
+            np.einsum("klr,kr->l", late, now),
+            (late**2).sum(axis=(0, 2)),
+            np.full(len(lags), (now**2).sum()),
+        ]
+    )
+
+
+def _slope(t_s: np.ndarray, delay_s: np.ndarray, correlation: np.ndarray) -> float:
+    """Of the line through delays, each as good as its correlation; 0 where their scatter about it
+    may have made it.
+    """
+    told = correlation > LEAST_OF_BLOCK
+    if told.sum() < LEAST_BLOCKS:
+        return 0.0
+    x, y, free = t_s[told], delay_s[told], told.sum() - 2
+    share = np.minimum(correlation[told], CLEAREST) ** 2
+    weight = share / (1.0 - share)
+    x, y = x - np.average(x, weights=weight), y - np.average(y, weights=weight)
+    spread = weight @ x**2
+    slope = float(weight @ (x * y) / spread)
+    sd = float(np.sqrt(weight @ (y - slope * x) ** 2 / free / spread))
+    return slope if abs(slope) > -stdtrit(free, 0.5 * CHANCE_OF_DRIFT) * sd else 0.0
+
+
+def gyro_bias(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray] | None:
+    """Gyro less the rates that the attitude implies: mean (3,) and its sd over flights, rad/s."""
+    means = [
+        (p[0] - p[1])[f.flying].mean(axis=0)
+        for f in flights
+        if (p := _both_rates(f)) is not None and f.flying.any()
+    ]
+    if len(means) < 2:
+        return None
+    sd = np.std(means, axis=0, ddof=1) / np.sqrt(len(means))
+    return np.mean(means, axis=0), np.hypot(sd, LEAST_GYRO_SD_RAD_S)
+
+
+def without_bias(flight: Prepared, bias: np.ndarray) -> Prepared:
+    """The flight with a constant taken out of its gyro."""
+    if not flight.has("gyro"):
+        return flight
+    mended = {n: flight.columns[n] - b for n, b in zip(STREAMS["gyro"], bias, strict=True)}
+    return flight.replaced(columns={**flight.columns, **mended})
+
+
+def shifted(flight: Prepared, stream: str, delay_s: float) -> Prepared:
+    """The flight with one stream moved back by its delay."""
+    streams = POSE if stream == "attitude" else (stream,)
+    names = [n for s in streams for n in STREAMS[s] if n in flight.columns]
+    moved = {n: np.interp(flight.t_s + delay_s, flight.t_s, flight.columns[n]) for n in names}
+    return flight.replaced(
+        columns={**flight.columns, **moved}, lateness_s={**flight.lateness_s, stream: delay_s}
+    )

@@ -1,0 +1,344 @@
+"""Gate before any physics: which samples fly and are whole, and what one stream says of another."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter
+
+from ges.conventions import BODY_RATE, SPECIFIC_FORCE
+from ges.diagnose.prepare.align import (
+    Prepared,
+    airborne,
+    gaps,
+    grid_step_s,
+    lift,
+    lifting,
+    over_usual,
+    regrid,
+    resting_m,
+)
+from ges.diagnose.prepare.delays import (
+    Delay,
+    clock_drift,
+    command_hold,
+    drive_delay,
+    gyro_bias,
+    pose_delay,
+    shifted,
+    without_bias,
+)
+from ges.diagnose.prepare.steady import with_steady_position, with_steady_voltage
+from ges.diagnose.types.model import Model
+from ges.errors import GesError
+from ges.threads import each
+
+SURE = 4.0
+LEAST_DELAY_S = 0.006
+LEAST_OF_SAMPLE = 0.6
+"""Noise draws the peak of a correlation to half a sample, as interpolation between samples smooths
+it.
+"""
+LEAST_DRIFT_S = 0.02
+LEAST_GYRO_RAD_S = 0.01
+LEAST_FLYING_S = 3.0
+CLIPPED_FOR = 3.0  # times the usual wait for a new value
+CLIPPED_FAR = 3.0  # sd from the median
+CLIPPED_AROUND_S = 0.05
+LEAST_BLOW_M_S2, BLOW_SDS = 4.0, 8.0
+BLOW_S, AROUND_BLOW_S = 0.2, 0.4
+CLOSE_RADII = 2.0
+OFF_REST_M = 0.02
+TOUCHES = 0.1
+"""Rotor radii over where other flights rest: a flight that begins and ends in the air may be meant
+to be as low as that.
+"""
+
+
+@dataclasses.dataclass(frozen=True)
+class Gate:
+    """Prepared flights (None where a recording is of no use), delays, and sentences for
+    the report.
+    """
+
+    flights: tuple[Prepared | None, ...]
+    delays: tuple[Delay, ...]
+    warnings: tuple[str, ...]
+    pose: Delay | None = None
+    gyro: tuple[np.ndarray, np.ndarray] | None = None
+
+    def usable(self) -> list[int]:
+        """Indices of the flights that can be used."""
+        return [i for i, f in enumerate(self.flights) if f is not None]
+
+
+@dataclasses.dataclass(frozen=True)
+class _Gridded:
+    """One recording on a grid, its thrust over the usual (n,), its height over the ground (n,) if
+    known, and that at rest, m.
+    """
+
+    flight: Prepared
+    working: np.ndarray
+    height_m: np.ndarray | None
+    resting_m: float
+
+
+def prepare(frame: pd.DataFrame, model: Model, number: int = 0) -> Prepared:
+    """One recording on a grid, flying samples found, seconds left out counted by reason."""
+    return _in_the_air(_on_grid(frame, model, number), frame, model)
+
+
+def _on_grid(frame: pd.DataFrame, model: Model, number: int) -> _Gridded:
+    flight = with_thrust_direction(regrid(frame, grid_step_s(frame), number), frame)
+    ratio = lift(
+        flight,
+        model.number("thrust_coefficient_N_s2"),
+        model.number("max_rotor_speed_rad_s"),
+        model.weight_N,
+    )
+    working, height = over_usual(flight, ratio), height_over_ground_m(flight, model)
+    return _Gridded(flight, working, height, resting_m(flight, working, height))
+
+
+def _in_the_air(
+    gridded: _Gridded, frame: pd.DataFrame, model: Model, others_rest_m: float = np.inf
+) -> Prepared:
+    """With the samples that fly; ``others_rest_m`` is where other flights rest, for a flight that
+    begins and ends in the air.
+    """
+    flight, own = gridded.flight, np.isfinite(gridded.resting_m)
+    rest_m = gridded.resting_m if own else others_rest_m
+    above = (
+        gridded.height_m - (rest_m if np.isfinite(rest_m) else -np.inf)
+        if gridded.height_m is not None
+        else None
+    )
+    gap, up = (
+        gaps(frame, flight.t_s),
+        airborne(flight, gridded.working, above, OFF_REST_M if own else TOUCHES * model.radius_m),
+    )
+    cut = clipped(frame, flight.t_s) & up & ~gap
+    hit = struck(gridded, model) & up & ~gap & ~cut
+    left = {"on_ground": ~up & ~gap, "gaps": gap, "clipping": cut, "contact": hit}
+    seconds = {reason: float(at.sum() * flight.dt_s) for reason, at in left.items() if at.any()}
+    flying = up & ~gap & ~cut & ~hit
+    return flight.replaced(flying=flying, lifting=lifting(flight, flying) & ~gap, left_out=seconds)
+
+
+def height_over_ground_m(flight: Prepared, model: Model) -> np.ndarray | None:
+    """Over the ground as it was logged, or as the vehicle file has it; None without a logged
+    height.
+    """
+    if "p_z_m" not in flight.columns:
+        return None
+    x, y = (flight.columns.get(name, np.zeros(len(flight.t_s))) for name in ("p_x_m", "p_y_m"))
+    ground = (
+        flight.columns["ground_z_m"]
+        if "ground_z_m" in flight.columns
+        else model.terrain.at(x, y).height_m
+    )
+    return flight.columns["p_z_m"] - ground
+
+
+def struck(gridded: _Gridded, model: Model) -> np.ndarray:
+    """True around every blow from the ground: a short force close to it that no drive makes and no
+    noise.
+    """
+    flight = gridded.flight
+    if gridded.height_m is None or "acc_z_m_s2" not in flight.columns:
+        return np.zeros(len(flight.t_s), bool)
+    push = flight.columns["acc_z_m_s2"]
+    blow = np.abs(
+        push - median_filter(push, size=2 * int(BLOW_S / flight.dt_s) + 1, mode="nearest")
+    )
+    usual = 1.4826 * np.median(blow)
+    hit = (blow > max(LEAST_BLOW_M_S2, BLOW_SDS * usual)) & (
+        gridded.height_m < CLOSE_RADII * model.radius_m
+    )
+    return (
+        binary_dilation(hit, iterations=max(1, int(AROUND_BLOW_S / flight.dt_s)))
+        if hit.any()
+        else hit
+    )
+
+
+def clipped(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
+    """True on the grid, and shortly around, where a gyro or accelerometer stands at its largest
+    reading: out of its range.
+    """
+    t_s, found = frame["t_s"].to_numpy(dtype=float), np.zeros(len(grid_s), bool)
+    for name in (n for n in (*BODY_RATE, *SPECIFIC_FORCE) if n in frame):
+        for first, last in _at_limit(t_s, frame[name].to_numpy(dtype=float)):
+            found |= (grid_s >= t_s[first] - CLIPPED_AROUND_S) & (
+                grid_s <= t_s[last] + CLIPPED_AROUND_S
+            )
+    return found
+
+
+def _at_limit(t_s: np.ndarray, values: np.ndarray) -> list[tuple[int, int]]:
+    """First and last rows of the times for which a reading stands still at the farthest that it
+    ever is, either way.
+    """
+    finite = np.flatnonzero(np.isfinite(values))
+    starts = finite[np.r_[True, np.diff(values[finite]) != 0]] if len(finite) else finite
+    if len(starts) < 3:
+        return []
+    ends = np.r_[starts[1:] - 1, finite[-1]]
+    usual, middle, sd = (
+        np.median(np.diff(t_s[starts])),
+        np.median(values[finite]),
+        np.std(values[finite]),
+    )
+    long = t_s[ends] - t_s[starts] > CLIPPED_FOR * usual
+    extreme = np.isin(values[starts], (values[finite].min(), values[finite].max()))
+    far = np.abs(values[starts] - middle) > CLIPPED_FAR * sd
+    return list(zip(starts[long & extreme & far], ends[long & extreme & far], strict=True))
+
+
+def with_thrust_direction(flight: Prepared, frame: pd.DataFrame) -> Prepared:
+    """Where no attitude was logged: the body axis along thrust from the acceleration, and the yaw
+    that was logged (or 0).
+
+    Good for slow flight: drag counts as tilt, so horizontal forces say nothing then; ``derived``
+    remembers it.
+    """
+    if flight.has("attitude") or not flight.has("velocity"):
+        return flight
+    step = flight.dt_s
+    smooth = gaussian_filter1d(flight.stack("velocity"), 0.1 / step, axis=0)
+    up = np.gradient(smooth, step, axis=0) + np.array([0.0, 0.0, 9.80665])
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    yaw = np.zeros(len(flight.t_s))
+    if "yaw_rad" in frame:
+        yaw = np.interp(flight.t_s, frame["t_s"], np.unwrap(frame["yaw_rad"].to_numpy(dtype=float)))
+    tilt = np.column_stack([1.0 + up[:, 2], -up[:, 1], up[:, 0], np.zeros(len(up))])
+    tilt /= np.linalg.norm(tilt, axis=1, keepdims=True)
+    c, s = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
+    w, x, y, _ = tilt.T
+    q = np.column_stack([w * c, x * c + y * s, y * c - x * s, w * s])
+    columns = {**flight.columns, **dict(zip(("q_w", "q_x", "q_y", "q_z"), q.T, strict=True))}
+    return flight.replaced(
+        columns=columns,
+        derived=frozenset({"attitude"}),
+        update_s={**flight.update_s, "attitude": 0.2},
+    )
+
+
+def at_flown_voltage(model: Model, flights: Sequence[Prepared | None]) -> Model:
+    """The model with the median battery voltage in the air as its nominal one, unless the vehicle
+    file models sag already.
+    """
+    volts = [
+        f.columns["battery_V"][f.flying] for f in flights if f is not None and f.has("battery")
+    ]
+    if not volts or "battery_sag" in model.effects:
+        return model
+    return model.with_number("battery_nominal_V", float(np.median(np.concatenate(volts))))
+
+
+def _problem(flight: Prepared) -> str | None:
+    """Why a flight is of no use."""
+    if not (flight.has("rotor_speed") or flight.has("command")):
+        return "has neither rotor speeds nor commands: its forces cannot be modelled"
+    drive = "rotor_speed" if flight.has("rotor_speed") else "command"
+    if not flight.stack(drive).any():
+        return (
+            f"never leaves the ground: its {drive.replace('_', ' ')}s are zero throughout (not"
+            " armed, or other outputs drive it)"
+        )
+    if flight.flying.sum() * flight.dt_s < LEAST_FLYING_S:
+        return f"has less than {LEAST_FLYING_S:g} s in the air"
+    return None
+
+
+def _remarks(flight: Prepared) -> list[str]:
+    """What was noticed in a flight that can be used."""
+    told, drift = [], clock_drift(flight)
+    if "clipping" in flight.left_out:
+        told.append(
+            f"reaches the limit of its gyro or accelerometer; {flight.left_out['clipping']:.2g} s"
+            " around that are left out"
+        )
+    if abs(drift) > max(
+        LEAST_DRIFT_S, *(flight.update_s[s] for s in ("gyro", "attitude") if flight.has(s))
+    ):
+        told.append(
+            f"has two clocks: its attitude gets {1e3 * drift:.0f} ms later against its gyro along"
+            " the flight; bring the logs to one clock before they are imported"
+        )
+    return told
+
+
+def pass_gate(
+    frames: Sequence[pd.DataFrame], model: Model, names: Sequence[str] | None = None
+) -> Gate:
+    """Prepare all recordings.
+
+    Parameters
+    ----------
+    names : what messages call the flights; their numbers where not given.
+
+    Raises
+    ------
+    GesError
+        When no recording is left that the model can be held against.
+    """
+    names = names or [f"flight {i}" for i in range(len(frames))]
+    gridded = each(lambda i: _on_grid(frames[i], model, i), range(len(frames)))
+    rest_m = min(g.resting_m for g in gridded)
+    flights: list[Prepared | None] = each(
+        lambda g, frame: _in_the_air(g, frame, model, rest_m), gridded, frames
+    )
+    problems = [_problem(f) for f in flights]
+    flights = [None if problem else f for f, problem in zip(flights, problems, strict=True)]
+    if all(problems):
+        name, problem = min(zip(names, problems, strict=True))
+        raise GesError(
+            f"no usable flight among {len(frames)}: {name} {problem}; log a flight with rotor"
+            " speeds or motor commands (PX4: esc_status or actuator_motors; Crazyflie: motor.m1"
+            " ...)"
+        )
+    warnings = [
+        f"{name} {problem}; it was left out"
+        for name, problem in zip(names, problems, strict=True)
+        if problem
+    ]
+    noticed = each(lambda f: _remarks(f) if f else [], flights)
+    warnings += [
+        f"{name} {told}" for name, remarks in zip(names, noticed, strict=True) for told in remarks
+    ]
+    pose, flights = _pose_settled(flights)
+    gyro, flights = _gyro_settled(flights)
+    held = command_hold([f for f in flights if f])
+    flights = [f and f.replaced(held=held) for f in flights]
+    delay = drive_delay([f for f in flights if f], model)
+    if delay and delay.delay_s > SURE * delay.sd_s:
+        flights = [f and shifted(f, delay.stream, delay.delay_s) for f in flights]
+    flights = [f and with_steady_voltage(with_steady_position(f)) for f in flights]
+    return Gate(tuple(flights), (delay,) if delay else (), tuple(sorted(warnings)), pose, gyro)
+
+
+def _pose_settled(flights: list[Prepared | None]) -> tuple[Delay | None, list[Prepared | None]]:
+    """A clear delay of the pose, and the flights without it."""
+    used = [f for f in flights if f]
+    pose, least_s = (
+        pose_delay(used),
+        max(LEAST_DELAY_S, LEAST_OF_SAMPLE * max(f.dt_s for f in used)),
+    )
+    if not pose or abs(pose.delay_s) <= max(SURE * pose.sd_s, least_s):
+        return None, flights
+    return pose, [f and shifted(f, pose.stream, pose.delay_s) for f in flights]
+
+
+def _gyro_settled(
+    flights: list[Prepared | None],
+) -> tuple[tuple[np.ndarray, np.ndarray] | None, list[Prepared | None]]:
+    """A clear gyro offset with its sd, and the flights without it."""
+    found = gyro_bias([f for f in flights if f])
+    if not found or not (np.abs(found[0]) > np.maximum(SURE * found[1], LEAST_GYRO_RAD_S)).any():
+        return None, flights
+    return found, [f and without_bias(f, found[0]) for f in flights]

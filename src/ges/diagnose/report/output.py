@@ -1,0 +1,142 @@
+"""Files of a diagnosis: diagnosis.json, the fitted vehicle, the figures and the report."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ges.diagnose.design.weak import blocks_of, make_windows
+from ges.diagnose.report.drawing import Drawing, Figure
+from ges.diagnose.report.page import write_report
+from ges.diagnose.report.words import channel_words, quantity_words, size_unit
+from ges.diagnose.types.diagnosis import Diagnosis
+from ges.diagnose.validate.locate import Cell
+from ges.diagnose.validate.verify import HORIZON_S, STEPS
+from ges.files import write_json
+from ges.simulator import effects as effect_table
+from ges.vehicle.file import save_vehicle
+
+BLOCK_S = 5.0
+
+
+def write_diagnosis(
+    diagnosis: Diagnosis,
+    out: Path,
+    vehicle_folder: Path | str = ".",
+    drawing: Drawing | None = None,
+) -> None:
+    """Write every file of the contract into ``out``; ``vehicle_folder`` is where a height map lies,
+    ``drawing`` is of the same ``out``, where figures were begun before (:func:`map_figure`).
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    content = diagnosis.content()
+    drawing, figures = drawing or Drawing(out), list(_figures(diagnosis, content))
+    drawing.start(figures)
+    ground = diagnosis.vehicle.terrain.file
+    if ground and Path(vehicle_folder).resolve() != out.resolve():
+        shutil.copyfile(Path(vehicle_folder) / ground, out / ground)
+    save_vehicle(diagnosis.vehicle, out / "vehicle.fitted.yaml")
+    write_report(content, drawing.pictures(figures), out / "report.html")
+    write_json(out / "diagnosis.json", content)
+
+
+def map_figure(cells: Sequence[Cell]) -> list[Figure]:
+    """The map of where the mismatch lives, which can be drawn as soon as it was located; none where
+    nothing could be.
+    """
+    return [("where", "location_map", ([_cell(c) for c in cells],))] if cells else []
+
+
+def _figures(diagnosis: Diagnosis, content: Mapping[str, Any]) -> Iterator[Figure]:
+    """Those that this diagnosis has something for."""
+    details = diagnosis.details
+    yield from map_figure(details["cells"])
+    told = _parameters(content)
+    if told:
+        yield "parameters", "parameter_intervals", (told,)
+    if details.get("rollouts"):
+        yield (
+            "rollout",
+            "rollout_growth",
+            (np.linspace(0.0, HORIZON_S, STEPS + 1), details["rollouts"]),
+        )
+    if any(c["before"] for c in content["fit"]["channels"].values()):
+        yield "held_out", "held_out_bars", (content["fit"]["channels"],)
+        place = next(
+            (item for item in content["located"] if item["channel"] in details["channels"]), None
+        )
+        if place:
+            yield "located", "residual_against", _residual_picture(place, details)
+
+
+def _cell(cell) -> dict[str, Any]:
+    return {
+        "channel": cell.channel,
+        "regime": cell.regime,
+        "low": cell.low,
+        "high": cell.high,
+        "mean": cell.mean,
+        "sd": cell.sd,
+        "q_value": cell.q_value,
+    }
+
+
+def _parameters(content: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Fitted parameters of the findings, then declared numbers that recalibration moved."""
+    told = [
+        {"label": f"{f['name']}.{name}", **{k: p[k] for k in ("value", "ci95", "unit")}}
+        for f in content["findings"]
+        for name, p in f["parameters"].items()
+    ]
+    for key, p in content["calibration"].items():
+        if p["declared_sd"]:
+            told.append(
+                {
+                    "label": key,
+                    "value": p["value"],
+                    "ci95": p["ci95"],
+                    "unit": _unit(key),
+                    "declared": 0.0,
+                    "declared_sd": p["declared_sd"],
+                }
+            )
+    return told
+
+
+def _unit(key: str) -> str:
+    effect, parameter = key.split(".")
+    if effect == "vehicle":
+        return "rad/s"
+    return effect_table.get(effect).parameter(parameter).unit
+
+
+def _residual_picture(place: Mapping[str, Any], details: Mapping[str, Any]) -> tuple:
+    """The clearest location on held-out flights: what recalibration leaves there, and what the
+    findings add.
+    """
+    regime, c = next(iter(place["regime"])), details["channels"].index(place["channel"])
+    x, block = _regime_values(details["held"], regime, details)
+    left = {
+        stage: np.concatenate([e[:, c] for e in details["errors"][stage]])
+        for stage in ("recalibrated", "after")
+    }
+    good = np.isfinite(left["recalibrated"]) & np.isfinite(x)
+    added = (left["recalibrated"] - left["after"])[good]
+    curves = {"recalibrated": np.zeros(good.sum())} | ({"after": added} if added.any() else {})
+    words = f"{channel_words(place['channel'])}, {size_unit(place['channel'])}"
+    return x[good], left["recalibrated"][good], curves, block[good], quantity_words(regime), words
+
+
+def _regime_values(
+    flights: Sequence, regime: str, details: Mapping[str, Any]
+) -> tuple[np.ndarray, np.ndarray]:
+    cut = [make_windows(f.t_s, f.flying, details["length_s"]) for f in flights]
+    values = [
+        t.get(regime, np.full(len(w), np.nan)) for t, w in zip(details["regimes"], cut, strict=True)
+    ]
+    blocks = blocks_of([(w, f.t_s[0]) for f, w in zip(flights, cut, strict=True)], BLOCK_S)
+    return np.concatenate(values), np.concatenate(blocks)

@@ -1,0 +1,400 @@
+"""Pictures of a diagnosis: functions from plain numbers to matplotlib figures, readable in print
+and without colour.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_pdf import FigureCanvasPdf
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from scipy.special import stdtrit
+
+from ges.diagnose.report.words import (
+    channel_words,
+    number_words,
+    quantity_words,
+    stage_words,
+    unit_words,
+)
+from ges.files import replacing
+
+STAGES = ("before", "recalibrated", "after")
+COLOURS = {
+    "before": "#999999",
+    "recalibrated": "#56B4E9",
+    "after": "#D55E00",
+}  # Okabe and Ito's colour-blind safe set
+HATCHES = {"before": "", "recalibrated": "///", "after": ""}
+LINES = {"before": ":", "recalibrated": "--", "after": "-"}
+_STYLE = {
+    "font.size": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlesize": 9.0,
+    "hatch.linewidth": 0.6,
+    "legend.frameon": False,
+    "svg.hashsalt": "ges",
+    "figure.dpi": 100.0,
+}
+WIDTH_IN = 7.0
+BINS = 12
+LARGEST_Z = 6.0
+MAP_COLUMNS = 3
+MOST_DECIMALS = 4
+MOST_PARAMETERS = 10
+SIGNIFICANT = 0.05
+DRAWS = 400
+
+
+def _figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def png(figure: Figure, dpi: int = 160) -> bytes:
+    """The figure, laid out, as PNG, the same bytes every time."""
+    out = io.BytesIO()
+    with mpl.rc_context(_STYLE):
+        figure.savefig(out, format="png", dpi=dpi, metadata={"Software": None})
+    return out.getvalue()
+
+
+def save(figure: Figure, folder: Path | str, name: str) -> bytes:
+    """Write ``name.png`` and ``name.pdf``; returns the PNG."""
+    picture = png(figure)
+    with replacing(Path(folder) / f"{name}.png") as new:
+        new.write_bytes(picture)
+    figure.set_layout_engine(
+        "none"
+    )  # as the PNG is laid out: half of the time to draw a figure is its layout
+    with replacing(Path(folder) / f"{name}.pdf") as new, mpl.rc_context(_STYLE):
+        FigureCanvasPdf(figure).print_pdf(
+            new, metadata={"CreationDate": None, "Producer": None, "Creator": None}
+        )
+    return picture
+
+
+def location_map(cells: Sequence[Mapping[str, Any]], most_channels: int = 8) -> Figure:
+    """Where the mismatch lives: mean residual over its standard error, by channel (rows) and regime
+    bins (columns).
+
+    Parameters
+    ----------
+    cells : a mapping a cell: ``channel``, ``regime``, ``low``, ``high``, ``mean`` (channel's unit),
+        ``sd`` (of the mean), ``q_value``. Cells with q below 0.05 carry a dot; bins without enough
+        data stay white.
+    most_channels : the channels with the clearest cells are drawn.
+    """
+    z = {
+        c: max(abs(_score(k)) for k in cells if k["channel"] == c)
+        for c in dict.fromkeys(k["channel"] for k in cells)
+    }
+    kept = sorted(z, key=lambda c: -z[c])[:most_channels]
+    channels = [c for c in z if c in kept]
+    regimes = list(dict.fromkeys(k["regime"] for k in cells))
+    rows = -(-len(regimes) // MAP_COLUMNS)
+    with mpl.rc_context(_STYLE):
+        figure = _figure(0.7 + rows * (0.6 + 0.22 * len(channels)))
+        axes = figure.subplots(rows, min(MAP_COLUMNS, len(regimes)), squeeze=False)
+        for axis, regime in zip(axes.flat, regimes, strict=False):
+            drawn = _strip(axis, [k for k in cells if k["regime"] == regime], channels, regime)
+            axis.tick_params(labelleft=axis in axes[:, 0])
+        for axis in list(axes.flat)[len(regimes) :]:
+            axis.set_axis_off()
+        bar = figure.colorbar(drawn, ax=axes, location="bottom", shrink=0.6, aspect=40)
+        bar.set_label("mean residual over its standard error (dot: significant)")
+    return figure
+
+
+def _score(cell: Mapping[str, Any]) -> float:
+    return cell["mean"] / cell["sd"] if np.isfinite(cell["sd"]) and cell["sd"] > 0 else 0.0
+
+
+def _strip(axis, cells: Sequence[Mapping[str, Any]], channels: Sequence[str], regime: str):
+    """One regime: bins of equal width on the page, their bounds written below."""
+    bounds = sorted({k["low"] for k in cells} | {k["high"] for k in cells})
+    score = np.full((len(channels), max(len(bounds) - 1, 1)), np.nan)
+    for cell in cells:
+        if cell["channel"] not in channels:
+            continue
+        row, columns = (
+            channels.index(cell["channel"]),
+            range(bounds.index(cell["low"]), bounds.index(cell["high"])),
+        )
+        score[row, list(columns)] = _score(cell)
+        if cell["q_value"] < SIGNIFICANT:
+            axis.plot(np.mean(columns), row, "o", color="black", markersize=3.0)
+    drawn = axis.imshow(
+        score,
+        cmap="PuOr_r",
+        norm=Normalize(-LARGEST_Z, LARGEST_Z),
+        aspect="auto",
+        interpolation="nearest",
+    )
+    shown = sorted({0, len(bounds) // 2, len(bounds) - 1})
+    axis.set_xticks([i - 0.5 for i in shown], _ticks(bounds, shown))
+    axis.set_yticks(range(len(channels)), [channel_words(c) for c in channels])
+    axis.set_xlabel(quantity_words(regime))
+    axis.spines[["top", "right"]].set_visible(True)
+    return drawn
+
+
+def _ticks(bounds: Sequence[float], shown: Sequence[int]) -> list[str]:
+    """Bounds to a hundredth of their span, or as finely as tells them apart."""
+    decimals = max(0, 2 - int(np.ceil(np.log10(max(bounds[-1] - bounds[0], 1e-9)))))
+    while decimals < MOST_DECIMALS and len({round(bounds[i], decimals) for i in shown}) < len(
+        shown
+    ):
+        decimals += 1
+    return [f"{round(bounds[i], decimals) + 0.0:.{decimals}f}".replace("-", "−") for i in shown]
+
+
+def held_out_bars(channels: Mapping[str, Mapping[str, Any]]) -> Figure:
+    """Errors on held-out flights before, recalibrated and after, each channel in units of its
+    ``before``.
+
+    Parameters
+    ----------
+    channels : as ``fit.channels`` of diagnosis.json: ``before``, ``recalibrated``, ``after`` and
+        ``reduction_ci95``, the 95 % interval of 1 - after / recalibrated, which is drawn on
+        ``after``.
+    """
+    names = [n for n in channels if channels[n]["before"] > 0]
+    with mpl.rc_context(_STYLE):
+        figure = _figure(0.9 + 0.5 * len(names))
+        axis = figure.subplots()
+        for k, stage in enumerate(STAGES):
+            values = np.array([channels[n][stage] / channels[n]["before"] for n in names])
+            at = np.arange(len(names)) + 0.26 * (k - 1)
+            axis.barh(
+                at,
+                values,
+                0.24,
+                color=COLOURS[stage],
+                hatch=HATCHES[stage],
+                edgecolor="white",
+                label=stage_words(stage),
+            )
+            if stage == "after":
+                axis.errorbar(
+                    values,
+                    at,
+                    xerr=_after_error(channels, names, values),
+                    fmt="none",
+                    ecolor="black",
+                    capsize=2.5,
+                )
+        axis.axvline(1.0, color="black", linewidth=0.6)
+        axis.set_yticks(range(len(names)), [_before_words(n, channels[n]["before"]) for n in names])
+        axis.invert_yaxis()
+        axis.set_xlabel(
+            "error on held-out flights (1: that of the vehicle file, written at the left)"
+        )
+        figure.legend(*axis.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    return figure
+
+
+def _after_error(
+    channels: Mapping[str, Mapping[str, Any]], names: Sequence[str], values: np.ndarray
+) -> np.ndarray:
+    """Distances (2, k) from ``after`` to the ends of its interval, in units of ``before``."""
+    recalibrated = np.array([channels[n]["recalibrated"] / channels[n]["before"] for n in names])
+    ci = np.array(
+        [[v if v is not None else np.nan for v in channels[n]["reduction_ci95"]] for n in names]
+    )
+    low, high = recalibrated * (1.0 - ci[:, 1]), recalibrated * (1.0 - ci[:, 0])
+    return np.nan_to_num(np.clip([values - low, high - values], 0.0, None))
+
+
+def _before_words(channel: str, before: float) -> str:
+    return f"{channel_words(channel)}\n{number_words(before)} {unit_words(channel)}"
+
+
+def residual_against(
+    x: np.ndarray,
+    y: np.ndarray,
+    curves: Mapping[str, np.ndarray],
+    blocks: np.ndarray,
+    xlabel: str,
+    ylabel: str,
+    bins: int = BINS,
+) -> Figure:
+    """What the recalibrated model leaves against one regime variable, with what each model says
+    there.
+
+    Parameters
+    ----------
+    x, y : (n,) variable and residual of every window (held-out flights).
+    curves : by stage (``recalibrated``, ``after``), (n,) what that model adds in the same windows.
+    blocks : (n,) number of the stretch of flight; the 95 % bands come from the spread of the
+        blocks' means.
+    """
+    edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, bins + 1)))
+    with mpl.rc_context(_STYLE):
+        figure = _figure(3.4)
+        axis = figure.subplots()
+        axis.plot(x, y, ".", color="#BBBBBB", markersize=2.0, rasterized=True, zorder=1)
+        center, mean, half = binned(x, y, blocks, edges)
+        axis.errorbar(
+            center,
+            mean,
+            yerr=half,
+            fmt="o",
+            color="black",
+            markersize=4.0,
+            capsize=2.5,
+            zorder=3,
+            label="recorded, mean of the bin with 95 % interval",
+        )
+        for stage, told in curves.items():
+            _, line, _ = binned(x, told, blocks, edges)
+            axis.plot(
+                center,
+                line,
+                LINES[stage],
+                color=COLOURS[stage],
+                linewidth=2.0,
+                zorder=2,
+                label=stage_words(stage),
+            )
+        spread = np.quantile(y, [0.005, 0.995])
+        axis.set_ylim(
+            min(spread[0], np.nanmin(mean - half)), max(spread[1], np.nanmax(mean + half))
+        )
+        axis.set(xlabel=xlabel, ylabel=ylabel)
+        axis.legend()
+    return figure
+
+
+def binned(
+    x: np.ndarray, y: np.ndarray, blocks: np.ndarray, edges: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Centre, mean and half width of the 95 % interval of every bin; a block of time counts as one
+    draw.
+    """
+    center, mean, half = [], [], []
+    number = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
+    for k in range(len(edges) - 1):
+        inside = (number == k) & np.isfinite(y)
+        if not inside.any():
+            continue
+        each = [y[inside & (blocks == b)] for b in np.unique(blocks[inside])]
+        about, count = float(y[inside].mean()), len(each)
+        sums = np.array([(e - about).sum() for e in each])
+        error = np.sqrt((sums**2).sum() * count / max(count - 1, 1)) / inside.sum()
+        center.append(float(x[inside].mean()))
+        mean.append(about)
+        half.append(float(stdtrit(count - 1, 0.975) * error) if count > 1 else np.nan)
+    return np.array(center), np.array(mean), np.array(half)
+
+
+def rollout_growth(
+    t_s: np.ndarray, errors: Mapping[str, Mapping[str, np.ndarray]], seed: int = 0
+) -> Figure:
+    """Open-loop error against time since the start, before, recalibrated and after, with 95 % bands
+    over the starts.
+
+    Parameters
+    ----------
+    t_s : (k,) time since the start of a rollout.
+    errors : by contract column (``p_z_m`` ...) and stage, (starts, k) simulated less recorded.
+    """
+    names = list(errors)
+    with mpl.rc_context(_STYLE):
+        figure = _figure(2.3 * -(-len(names) // 3) + 0.3)
+        axes = figure.subplots(-(-len(names) // 3), min(3, len(names)), squeeze=False)
+        for axis, name in zip(axes.flat, names, strict=False):
+            for stage, e in errors[name].items():
+                rms, band = _rms_band(np.asarray(e, dtype=float), np.random.default_rng(seed))
+                axis.fill_between(t_s, *band, color=COLOURS[stage], alpha=0.2, linewidth=0)
+                axis.plot(
+                    t_s,
+                    rms,
+                    LINES[stage],
+                    color=COLOURS[stage],
+                    linewidth=1.8,
+                    label=stage_words(stage),
+                )
+            axis.set(
+                title=channel_words(name),
+                xlabel="time since start, s",
+                ylabel=f"rms error, {unit_words(name)}",
+            )
+            axis.set_ylim(bottom=0.0)
+        for axis in list(axes.flat)[len(names) :]:
+            axis.set_axis_off()
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    return figure
+
+
+def _rms_band(e: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Rms over the starts (k,) and its 95 % bootstrap band (2, k)."""
+    drawn = (e[rng.integers(0, len(e), (DRAWS, len(e)))] ** 2).mean(axis=1)
+    return np.sqrt((e**2).mean(axis=0)), np.sqrt(np.quantile(drawn, [0.025, 0.975], axis=0))
+
+
+def parameter_intervals(parameters: Sequence[Mapping[str, Any]]) -> Figure:
+    """Fitted parameters with 95 % intervals, a line each on its own scale, zero and the declared
+    value marked; the first ten, which a printed page holds.
+
+    Parameters
+    ----------
+    parameters : ``label``, ``value``, ``ci95``, ``unit``, and, where the vehicle file declares one,
+        ``declared`` and ``declared_sd``.
+    """
+    parameters = parameters[:MOST_PARAMETERS]
+    with mpl.rc_context(_STYLE):
+        figure = _figure(0.4 + 0.55 * len(parameters))
+        axis = figure.subplots()
+        for row, p in enumerate(parameters):
+            _interval(axis, row, p)
+        axis.set(xlim=(-0.02, 1.02), ylim=(len(parameters) - 0.5, -0.5))
+        axis.set_axis_off()
+        told = dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
+        figure.legend(told.values(), told.keys(), loc="outside lower center", ncols=len(told))
+    return figure
+
+
+def _interval(axis, row: int, p: Mapping[str, Any]) -> None:
+    """One line: what is drawn lies between 0 and 1."""
+    low, high = (v if v is not None else p["value"] for v in p["ci95"])
+    declared, doubt = p.get("declared"), 2.0 * (p.get("declared_sd") or 0.0)
+    band = [declared - doubt, declared + doubt] if declared is not None else []
+    reach = [low, high, 0.0, *band]
+    start, length = min(reach), max(reach) - min(reach) or 1.0
+    value_at, low_at, high_at, zero_at, *band_at = (
+        (v - start) / length for v in (p["value"], *reach)
+    )
+    if band:
+        axis.fill_between(
+            band_at,
+            row,
+            row + 0.4,
+            color="#CCCCCC",
+            linewidth=0,
+            label="declared, with two standard deviations",
+        )
+    axis.plot([0.0, 1.0], [row + 0.4] * 2, color="#777777", linewidth=0.6)
+    axis.plot([zero_at] * 2, [row, row + 0.4], ":", color="black", linewidth=0.8, label="zero")
+    axis.plot(
+        [low_at, high_at],
+        [row + 0.2] * 2,
+        color=COLOURS["after"],
+        linewidth=3.0,
+        solid_capstyle="butt",
+        label="95 % interval",
+    )
+    axis.plot(value_at, row + 0.2, "o", color="black", markersize=5.0, label="fitted")
+    unit = f" {p['unit']}" if p["unit"] not in ("1", "") else ""
+    span = f"95 %: {number_words(low)} to {number_words(high)}"
+    known = f"; declared: {number_words(declared)} ± {number_words(doubt, 2)}" if band else ""
+    axis.text(0.0, row - 0.07, f"{p['label']} = {number_words(p['value'])}{unit}  ({span}{known})")

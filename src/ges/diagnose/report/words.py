@@ -1,0 +1,139 @@
+"""Names of channels, regimes and numbers as a reader says them."""
+
+from __future__ import annotations
+
+import math
+
+_CHANNELS = {
+    "force_x": "force forward",
+    "force_y": "force to the left",
+    "force_z": "force along thrust",
+    "moment_x": "moment in roll",
+    "moment_y": "moment in pitch",
+    "moment_z": "moment in yaw",
+    "acc_x": "accelerometer forward",
+    "acc_y": "accelerometer left",
+    "acc_z": "accelerometer along thrust",
+    "range": "rangefinder",
+    **{f"drive_{i}": f"speed of rotor {i}" for i in range(1, 5)},
+    "p_x_m": "position x",
+    "p_y_m": "position y",
+    "p_z_m": "height",
+    "v_x_m_s": "velocity x",
+    "v_y_m_s": "velocity y",
+    "v_z_m_s": "vertical velocity",
+}
+_QUANTITIES = {
+    "height_over_radius": ("height over rotor radius", ""),
+    "airspeed_m_s": ("horizontal speed", "m/s"),
+    "climb_m_s": ("climb rate", "m/s"),
+    "thrust_over_weight": ("thrust over weight", ""),
+    "battery_V": ("battery voltage", "V"),
+    "forward_m_s": ("speed forward", "m/s"),
+    "left_m_s": ("speed to the left", "m/s"),
+    "along_thrust_m_s": ("speed along thrust", "m/s"),
+    "east_m": ("position east", "m"),
+    "north_m": ("position north", "m"),
+    "time_s": ("time since start", "s"),
+}
+_SUFFIXES = {
+    "rad_s": "rad/s",
+    "m_s": "m/s",
+    "m_s2": "m/s²",
+    "rad": "rad",
+    "Nm": "N m",
+    "N": "N",
+    "m": "m",
+    "V": "V",
+    "s": "s",
+}
+_STAGES = {
+    "before": "vehicle file as given",
+    "recalibrated": "recalibrated only",
+    "after": "with the findings",
+}
+
+
+def _split(name: str) -> tuple[str, str]:
+    """A contract name and its unit."""
+    for suffix in sorted(_SUFFIXES, key=len, reverse=True):
+        if name.endswith(f"_{suffix}"):
+            return name.removesuffix(f"_{suffix}"), _SUFFIXES[suffix]
+    return name, ""
+
+
+def channel_words(name: str) -> str:
+    """A channel in words, its unit left out."""
+    return (
+        _CHANNELS.get(name) or _CHANNELS.get(_split(name)[0]) or _split(name)[0].replace("_", " ")
+    )
+
+
+def quantity_words(name: str) -> str:
+    """A regime variable with its unit."""
+    words, unit = _QUANTITIES.get(name) or (_split(name)[0].replace("_", " "), _split(name)[1])
+    return f"{words}, {unit}" if unit else words
+
+
+def unit_words(channel: str) -> str:
+    """Unit of a channel of the fit (``force_z_N``, ``p_z_m``)."""
+    return _split(channel)[1]
+
+
+def size_unit(channel: str) -> str:
+    """Unit of sizes in a channel that has none in its name (``force_z``)."""
+    return {"force": "N", "acc": "N", "moment": "N m", "drive": "rad/s", "range": "m"}.get(
+        channel.split("_")[0], ""
+    )
+
+
+def stage_words(stage: str) -> str:
+    """Stage of the proof in words."""
+    return _STAGES[stage]
+
+
+def number_words(value: float | None, digits: int = 3) -> str:
+    """A number with three significant digits, without an exponent between 0.001 and a million."""
+    if value is None or not math.isfinite(value):
+        return "not known"
+    if value != 0 and not 1e-3 <= abs(value) < 1e6:
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        return f"{mantissa}·10{_raised(int(exponent))}".replace("-", "−")
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value)))) if value else 0
+    return f"{value:.{decimals}f}".replace("-", "−")
+
+
+def bounds_words(low: float, high: float, digits: int = 2) -> str:
+    """Two bounds to the same decimals, so many digits of the larger; a bound that is next to
+    nothing is zero.
+    """
+    largest = max(abs(low), abs(high))
+    if not largest or not 1e-3 <= largest < 1e6:
+        return f"{number_words(low, digits)} to {number_words(high, digits)}"
+    decimals = max(0, digits - 1 - math.floor(math.log10(largest)))
+    return " to ".join(
+        f"{round(b, decimals) + 0.0:.{decimals}f}".replace("-", "−") for b in (low, high)
+    )
+
+
+def _raised(exponent: int) -> str:
+    return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def chance_words(q: float | None) -> str:
+    """A small probability."""
+    if q is None:
+        return "not known"
+    return "< 0.0001" if q < 1e-4 else f"{q:.2g}"
+
+
+def odds_words(log_odds: float | None) -> str:
+    """Log odds of an alternative against what was accepted."""
+    if log_odds is None:
+        return "not weighed"
+    if abs(log_odds) > 23.0:
+        return (
+            "more than 10⁹ times less likely" if log_odds < 0 else "more than 10⁹ times more likely"
+        )
+    times = number_words(math.exp(abs(log_odds)), 2)
+    return f"{times} times {'less' if log_odds < 0 else 'more'} likely"

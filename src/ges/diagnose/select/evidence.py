@@ -1,0 +1,340 @@
+"""Closed-form Gaussian evidence of sets of candidate columns, with nuisances integrated out, common
+and by flight.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from ges.diagnose.design.system import Column, System
+from ges.diagnose.design.whiten import Noise, Part, White, estimate, unrest_of, whiten
+from ges.diagnose.select.bounded import log_mass, log_mass_within
+
+TEMPERING = 0.25
+DECLARED = frozenset({"inertia", "thrust_scale", "torque_coefficient"})
+PLAUSIBLE = {
+    **{("inertia", axis): 0.3 for axis in ("xx", "yy", "zz")},
+    ("thrust_scale", "scale"): 0.3,
+    ("torque_coefficient", "scale"): 0.3,
+    ("ground_effect", "amplitude"): 4.0,
+    ("ground_effect", "c_a"): 0.7,
+    ("ceiling_effect", "amplitude"): 3.0,
+}
+"""Sd of coefficients that are plausible by themselves: shares of a declared number, gains near the
+ground or a ceiling.
+"""
+LEVEL_REACH = 2.0
+"""Factor above and below the level that a column holds at within which its coefficient counts."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Gram:
+    """Normal equations: ``xx`` (K, K), ``xy`` (K,), ``yy``, and the number of rows."""
+
+    xx: np.ndarray
+    xy: np.ndarray
+    yy: float
+    n: float
+
+    def __add__(self, other: Gram) -> Gram:
+        return Gram(self.xx + other.xx, self.xy + other.xy, self.yy + other.yy, self.n + other.n)
+
+    def __sub__(self, other: Gram) -> Gram:
+        return Gram(self.xx - other.xx, self.xy - other.xy, self.yy - other.yy, self.n - other.n)
+
+    def scaled(self, factor: float) -> Gram:
+        """Every row counted ``factor`` times."""
+        return Gram(self.xx * factor, self.xy * factor, self.yy * factor, self.n * factor)
+
+    def about(self, columns: np.ndarray, mean: np.ndarray) -> Gram:
+        """With coefficients counted from a mean."""
+        moved = self.xx[:, columns] @ mean
+        return Gram(
+            self.xx,
+            self.xy - moved,
+            self.yy - float(mean @ (2.0 * self.xy - moved)[columns]),
+            self.n,
+        )
+
+    def without(self, drop: np.ndarray, sd: np.ndarray) -> Gram:
+        """Columns ``drop`` integrated out under N(0, sd^2); they stay in place, as zero."""
+        if not len(drop):
+            return self
+        inner = self.xx[np.ix_(drop, drop)] + np.diag(1.0 / sd**2)
+        gain = np.linalg.solve(inner, np.column_stack([self.xx[drop], self.xy[drop]]))
+        xx = self.xx - self.xx[:, drop] @ gain[:, :-1]
+        return Gram(
+            xx,
+            self.xy - self.xx[:, drop] @ gain[:, -1],
+            self.yy - float(self.xy[drop] @ gain[:, -1]),
+            self.n,
+        )
+
+    def take(self, keep: np.ndarray) -> Gram:
+        """Only some columns."""
+        return Gram(self.xx[np.ix_(keep, keep)], self.xy[keep], self.yy, self.n)
+
+
+def gram_of(white: White, tempering: float = 1.0) -> Gram:
+    """Normal equations of one whitened flight, every row counted ``tempering`` times, what a
+    controller's answer may have done to them integrated out.
+    """
+    xx, xy, yy, n = np.zeros((white.count, white.count)), np.zeros(white.count), 0.0, 0.0
+    for part in white.parts:
+        gram = _of_part(part, tempering)
+        xx[np.ix_(part.columns, part.columns)] += gram.xx
+        xy[part.columns] += gram.xy
+        yy, n = yy + gram.yy, n + gram.n
+    return Gram(xx, xy, yy, n)
+
+
+def _of_part(part: Part, tempering: float) -> Gram:
+    gram, answer = Gram(*part.products, float(len(part.at))).scaled(tempering), part.answer
+    if not answer.shape[1]:
+        return gram
+    inner, cross, right = answer.T @ answer, part.x.T @ answer, answer.T @ part.y
+    return _without_copies(gram, tempering * inner, tempering * cross, tempering * right)
+
+
+def unanswered(part: Part) -> tuple[np.ndarray, np.ndarray]:
+    """Columns (n, k) and residuals (n,) weighted down along the answers, so that their products are
+    those of :func:`gram_of`.
+    """
+    u, size, _ = np.linalg.svd(part.answer, full_matrices=False)
+    lost = u * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
+    return part.x - lost @ (u.T @ part.x), part.y - lost @ (u.T @ part.y)
+
+
+def _without_copies(gram: Gram, inner: np.ndarray, cross: np.ndarray, right: np.ndarray) -> Gram:
+    """Further columns of unit prior sd integrated out: their products with themselves, with the
+    columns, with the residual.
+    """
+    gain = np.linalg.solve(np.eye(len(inner)) + inner, np.column_stack([cross.T, right]))
+    return Gram(
+        gram.xx - cross @ gain[:, :-1],
+        gram.xy - cross @ gain[:, -1],
+        gram.yy - float(right @ gain[:, -1]),
+        gram.n,
+    )
+
+
+def flight_grams(
+    whites: Sequence[White], columns: Sequence[Column], tempering: float
+) -> list[Gram]:
+    """Normal equations by flight; what may differ from flight to flight is integrated out
+    of each.
+    """
+    varies = np.array(
+        [k for k, c in enumerate(columns) if c.nuisance is not None and c.nuisance.flight_sd > 0],
+        dtype=int,
+    )
+    sd = np.array([columns[k].nuisance.flight_sd for k in varies])
+    return [_with_flight_effects(gram_of(w, tempering), varies, sd) for w in whites]
+
+
+def _with_flight_effects(gram: Gram, varies: np.ndarray, sd: np.ndarray) -> Gram:
+    """Marginalise a copy of the varying columns, keeping the originals (Woodbury)."""
+    if not len(varies):
+        return gram
+    return _without_copies(
+        gram,
+        gram.xx[np.ix_(varies, varies)] * np.outer(sd, sd),
+        gram.xx[:, varies] * sd,
+        gram.xy[varies] * sd,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Posterior:
+    """Coefficients of a set of columns: mean, covariance, log evidence over the null."""
+
+    columns: tuple[int, ...]
+    mean: np.ndarray
+    covariance: np.ndarray
+    log_evidence: float
+
+    @property
+    def sd(self) -> np.ndarray:
+        """Standard deviations."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+@dataclasses.dataclass(frozen=True)
+class Prior:
+    """N(mean, sd^2) of every coefficient between ``low`` and ``high``, (K,) each."""
+
+    mean: np.ndarray
+    sd: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    def take(self, keep: np.ndarray) -> Prior:
+        """Only some columns."""
+        return Prior(*(getattr(self, f.name)[keep] for f in dataclasses.fields(self)))
+
+
+def acts_of(found: Posterior, names: Collection[str], system: System) -> np.ndarray:
+    """What these effects add together by their coefficients, (windows of all flights, main
+    channels).
+    """
+    terms = {
+        k: value
+        for k, value in zip(found.columns, found.mean, strict=True)
+        if system.columns[k].variant.effect in names
+    }
+    return np.concatenate([r.added(terms, len(system.main)) for r in system.flights])
+
+
+def posteriors(gram: Gram, sets: Sequence[Sequence[int]], prior: Prior, more: tuple | None = None):
+    """Gaussian posteriors of sets of columns, all of one size; bounds count in the evidence alone.
+
+    ``more`` is added to the normal equations of each, (s, k, k) and (s, k), and to their log
+    evidence, (s,).
+
+    Returns
+    -------
+    mean (s, k), covariance (s, k, k) and log evidence over the null (s,).
+    """
+    at = np.asarray(sets, dtype=int)
+    scale, low, high = prior.sd[at], prior.low[at], prior.high[at]
+    start = prior.mean[at] / scale
+    both = scale[:, :, None] * scale[:, None, :]
+    xx, xy, known = more or (0.0, 0.0, 0.0)
+    inner = np.eye(at.shape[1]) + (gram.xx[at[:, :, None], at[:, None, :]] + xx) * both
+    right = (gram.xy[at] + xy) * scale + start
+    covariance = np.linalg.inv(inner)
+    mean = np.einsum("sij,sj->si", covariance, right)
+    low, high = low / scale, high / scale
+    within = log_mass_within(low, high, mean, covariance) - log_mass(low - start, high - start).sum(
+        axis=1
+    )
+    gain = 0.5 * (mean * right - start**2).sum(axis=1) + within
+    return mean * scale, covariance * both, gain - 0.5 * np.linalg.slogdet(inner)[1] + known
+
+
+def posterior(gram: Gram, columns: Sequence[int], prior: Prior) -> Posterior:
+    """Of one set of columns."""
+    mean, covariance, log_evidence = posteriors(gram, [tuple(columns)], prior)
+    return Posterior(tuple(int(k) for k in columns), mean[0], covariance[0], float(log_evidence[0]))
+
+
+@dataclasses.dataclass(frozen=True)
+class Board:
+    """Everything that the search needs: normal equations by flight and pooled, priors of the
+    coefficients.
+    """
+
+    system: System
+    noise: Noise
+    whites: tuple[White, ...]
+    by_flight: tuple[Gram, ...]
+    prior: Prior
+    nuisance: np.ndarray
+
+    def by_variant(self) -> dict[tuple[str, str], list[int]]:
+        """Columns that the flights excite at all, by effect and variant."""
+        found: dict[tuple[str, str], list[int]] = {}
+        for k, column in enumerate(self.system.columns):
+            if column.variant is not None and self.prior.sd[k] > 0:
+                found.setdefault((column.variant.effect, column.variant.key), []).append(k)
+        return found
+
+    def pooled(self, but: Collection[int] = ()) -> Gram:
+        """All flights, common nuisances integrated out ``but`` for some."""
+        total = self.by_flight[0].scaled(0.0)
+        for gram in self.by_flight:
+            total = total + gram
+        common = np.array(
+            [k for k in self.nuisance if self.prior.sd[k] > 0 and k not in but], dtype=int
+        )
+        return total.about(common, self.prior.mean[common]).without(common, self.prior.sd[common])
+
+
+def rms_of(system: System) -> np.ndarray:
+    """Root mean square of every column in each main channel, (C, K), over all windows that have the
+    channel.
+    """
+    square, count = np.zeros((len(system.main), len(system.columns))), np.zeros(len(system.main))
+    for r in system.flights:
+        there = np.isfinite(r.y[:, : len(count)])
+        count += there.sum(axis=0)
+        for c in range(len(count)):
+            square[c, r.x.at[c]] += (r.x.values[c][there[:, c]] ** 2).sum(axis=0)
+    return np.sqrt(square / np.maximum(count, 1.0)[:, None])
+
+
+def _sizes(system: System, share: float) -> np.ndarray:
+    """Prior scale of every candidate's coefficient, (K,): the size at which it makes ``share`` of
+    weight (or of weight times arm) in its greatest channel, and no more than is plausible.
+    """
+    rms = rms_of(system)
+    whole = np.array(
+        [
+            system.model.whole(name) * (1.0 if name != "range" else 1.0 / share)
+            for name in system.main
+        ]
+    )
+    with np.errstate(divide="ignore"):
+        sizes = np.where(rms > 0, share * whole[:, None] / rms, np.inf).min(axis=0)
+    return np.array(
+        [_plausible(column, size) for column, size in zip(system.columns, sizes, strict=True)]
+    )
+
+
+def _plausible(column: Column, size: float) -> float:
+    """The size where nothing better is known, but no more than half of its room in the library; 0
+    where nothing shows it.
+    """
+    if column.variant is None or not np.isfinite(size):
+        return 0.0
+    a = column.variant.amplitudes[column.amplitude]
+    if a.level:
+        return abs(a.level)
+    known = PLAUSIBLE.get((column.variant.effect, a.parameter), size)
+    return min(
+        known if column.variant.effect in DECLARED else min(known, size),
+        0.5 * max(a.high - a.neutral, a.neutral - a.low),
+    )
+
+
+def make_board(
+    system: System, chosen: Sequence[int] = (), tempering: float = TEMPERING, share: float = 0.05
+) -> Board:
+    """Whiten and count, with the noise that the chosen columns leave."""
+    board = whitened(system, estimate(system, chosen), share)
+    return dataclasses.replace(
+        board, by_flight=tuple(flight_grams(board.whites, system.columns, tempering))
+    )
+
+
+def whitened(system: System, noise: Noise, share: float = 0.05) -> Board:
+    """Whiten with a known noise and count nothing: what a fit needs."""
+    whites = whiten(system.flights, noise, unrest_of(system.flights))
+    nuisance = np.array(
+        [k for k, c in enumerate(system.columns) if c.nuisance is not None], dtype=int
+    )
+    return Board(system, noise, whites, (), _prior(system, share), nuisance)
+
+
+def _prior(system: System, share: float) -> Prior:
+    sd = _sizes(system, share)
+    mean, low, high = np.array([_bounds(c) for c in system.columns]).T
+    for k, column in enumerate(system.columns):
+        if column.nuisance is not None:
+            mean[k], sd[k] = column.nuisance.mean, column.nuisance.sd
+        if column.part == "moment":
+            sd[k] = sd[k - 1]
+    return Prior(mean, sd, low, high)
+
+
+def _bounds(column: Column) -> tuple[float, float, float]:
+    """Level, lowest and highest coefficient: about the level, or what the effect's bounds leave."""
+    if column.variant is None or column.part == "moment":
+        return 0.0, -np.inf, np.inf
+    a = column.variant.amplitudes[column.amplitude]
+    if a.level:
+        return a.level, *sorted((a.level / LEVEL_REACH, a.level * LEVEL_REACH))
+    return 0.0, a.low - a.neutral, a.high - a.neutral

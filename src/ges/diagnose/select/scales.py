@@ -1,0 +1,171 @@
+"""What sets of candidates are weighed on: their columns and normal equations, every set by its own
+columns alone.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ges.diagnose.library.candidates import Candidate
+from ges.diagnose.select.evidence import Board, Gram, Posterior, Prior, posteriors
+from ges.threads import each
+
+AT_ONCE = 4096
+
+
+@dataclasses.dataclass(frozen=True)
+class Entry:
+    """One variant of one candidate: its columns, and what they are coefficients of, as
+    ``effect.parameter``.
+    """
+
+    name: str
+    number: int
+    columns: tuple[int, ...]
+    keys: tuple[str, ...]
+
+
+def entries(board: Board, candidates: Sequence[Candidate]) -> list[Entry]:
+    """Variants whose columns the flights excite at all."""
+    allowed, all_columns = {c.name for c in candidates}, board.system.columns
+    found = [
+        (name, columns) for (name, _), columns in board.by_variant().items() if name in allowed
+    ]
+    keys = [tuple(dict.fromkeys(all_columns[k].key for k in columns)) for _, columns in found]
+    return [Entry(name, i, tuple(columns), keys[i]) for i, (name, columns) in enumerate(found)]
+
+
+@dataclasses.dataclass(frozen=True)
+class Twins:
+    """Nuisances that some candidate frees, by ``effect.parameter``: their prior, and their
+    posterior where nothing is (mean (t,), covariance (t, t)), from which the columns (K,) move them
+    by -``moved`` (t, K).
+    """
+
+    place: Mapping[str, int]
+    prior_mean: np.ndarray
+    prior_sd: np.ndarray
+    mean: np.ndarray
+    covariance: np.ndarray
+    moved: np.ndarray
+
+    def known_zero(
+        self, freed: np.ndarray, own: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What the twins ``freed`` (s, f), once known to be zero, add to normal equations and log
+        evidence of sets of columns ``own`` (s, k): (s, k, k), (s, k), (s,). By the density of their
+        posterior there over that of their prior (Dickey 1971).
+        """
+        mean, moved = self.mean[freed], self.moved[freed[:, :, None], own[:, None, :]]
+        covariance = self.covariance[freed[:, :, None], freed[:, None, :]]
+        solved = np.linalg.solve(covariance, np.concatenate([moved, mean[:, :, None]], axis=2))
+        over, sd = self.prior_mean[freed] / self.prior_sd[freed], self.prior_sd[freed]
+        log_density = -0.5 * (
+            np.linalg.slogdet(covariance)[1] + (mean * solved[:, :, -1]).sum(axis=1)
+        )
+        gain = log_density + (np.log(sd) + 0.5 * over**2).sum(axis=1)
+        turned = moved.transpose(0, 2, 1)
+        return turned @ solved[:, :, :-1], (turned @ solved[:, :, -1:])[:, :, 0], gain
+
+
+def _twins(gram: Gram, prior: Prior, at: Mapping[str, int]) -> Twins:
+    """Of normal equations in which they are left."""
+    columns = np.array(list(at.values()), dtype=int)
+    mean, sd = prior.mean[columns], prior.sd[columns]
+    covariance = np.linalg.inv(gram.xx[np.ix_(columns, columns)] + np.diag(1.0 / sd**2))
+    found = mean + covariance @ gram.about(columns, mean).xy[columns]
+    return Twins(
+        {key: i for i, key in enumerate(at)},
+        mean,
+        sd,
+        found,
+        covariance,
+        covariance @ gram.xx[columns],
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Scales:
+    """Normal equations with all nuisances integrated out.
+
+    A declared number is right within its doubt, or it is a finding and free: never the sum of both.
+    So ``twins`` take part in every set that does not have their effect's candidate for it, and are
+    zero beside that.
+    """
+
+    gram: Gram
+    prior: Prior
+    twins: Twins
+
+    def weigh(self, sets: Sequence[Sequence[Entry]]) -> list[Posterior]:
+        """Posterior of the columns of every set; its log evidence over that of the
+        nuisances alone.
+        """
+        told: dict[int, Posterior] = {}
+        for at, own, found in self._by_size(sets):
+            for i, columns, mean, covariance, log_evidence in zip(
+                at, own.tolist(), *found, strict=True
+            ):
+                told[i] = Posterior(tuple(columns), mean, covariance, float(log_evidence))
+        return [told[i] for i in range(len(sets))]
+
+    def log_evidences(self, sets: Sequence[Sequence[Entry]]) -> np.ndarray:
+        """Of every set over the nuisances alone."""
+        out = np.zeros(len(sets))
+        for at, _, (_, _, log_evidence) in self._by_size(sets):
+            out[at] = log_evidence
+        return out
+
+    def best(self, sets: Sequence[Sequence[Entry]]) -> Sequence[Entry]:
+        """The set with most evidence."""
+        return sets[int(np.argmax(self.log_evidences(sets)))]
+
+    def _by_size(
+        self, sets: Sequence[Sequence[Entry]]
+    ) -> list[tuple[list[int], np.ndarray, tuple]]:
+        """Which sets, their columns and their posteriors, those with as many columns and freed
+        nuisances at once.
+        """
+        alike: dict[tuple[int, int], list[tuple[int, tuple[int, ...], tuple[int, ...]]]] = {}
+        for i, chosen in enumerate(sets):
+            own = tuple(itertools.chain.from_iterable(e.columns for e in chosen))
+            freed = tuple(
+                {
+                    self.twins.place[key]: 0
+                    for e in chosen
+                    for key in e.keys
+                    if key in self.twins.place
+                }
+            )
+            alike.setdefault((len(own), len(freed)), []).append((i, own, freed))
+        parts = [
+            group[i : i + AT_ONCE]
+            for group in alike.values()
+            for i in range(0, len(group), AT_ONCE)
+        ]
+        return each(self._together, parts)
+
+    def _together(
+        self, part: Sequence[tuple[int, tuple[int, ...], tuple[int, ...]]]
+    ) -> tuple[list[int], np.ndarray, tuple]:
+        at, own, freed = (list(told) for told in zip(*part, strict=True))
+        own, freed = np.array(own, dtype=int), np.array(freed, dtype=int)
+        more = self.twins.known_zero(freed, own) if freed.shape[1] else None
+        return at, own, posteriors(self.gram, own, self.prior, more)
+
+
+def scales(board: Board, listed: Sequence[Entry]) -> Scales:
+    """For these variants."""
+    columns, keys = board.system.columns, {key for e in listed for key in e.keys}
+    at = {
+        columns[k].key: int(k)
+        for k in board.nuisance
+        if board.prior.sd[k] > 0 and columns[k].key in keys
+    }
+    return Scales(
+        board.pooled(), board.prior, _twins(board.pooled(frozenset(at.values())), board.prior, at)
+    )

@@ -1,0 +1,139 @@
+"""Search and noise until they agree: what is found decides what is noise, and what is noise decides
+what is found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ges.diagnose.design.system import System
+from ges.diagnose.design.whiten import TINY, left_over
+from ges.diagnose.library.candidates import Candidate, Variant, acts_among
+from ges.diagnose.select.evidence import Board, make_board
+from ges.diagnose.select.search import Hypothesis, Search, exactly, search
+
+ROUNDS = 4
+HIDDEN, MOST_HIDDEN = 0.5, 3
+"""Share of what is left that a hidden effect explains; how many of those are tried."""
+RESTLESS = 3.0  # times the size of what is left in the middle flight
+
+Found = tuple[Board, Search, tuple[int, ...]]
+"""A search on the board of its noise, and the columns of what is more probable in it than not."""
+
+
+def search_until_stable(
+    board: Board,
+    candidates: Sequence[Candidate],
+    base: Sequence[str],
+    only: Sequence[str] | None = None,
+) -> Found:
+    """Search, measure the noise that the best set leaves, search again; starts from the most
+    cautious noise, the board's.
+
+    To that noise a strong effect that shakes some flights and not others is noise. So where a
+    candidate explains most of what the best set leaves in such a channel, the search starts once
+    more from the noise without that, and stays if just that is then found.
+    """
+    found = _settled(board, (), candidates, base, only)
+    for _ in range(ROUNDS if only is None else 0):
+        again = _bolder(found[0], found[2], candidates, base)
+        if again is None:
+            break
+        found = again
+    return found
+
+
+def _bolder(
+    board: Board, chosen: tuple[int, ...], candidates: Sequence[Candidate], base: Sequence[str]
+) -> Found | None:
+    """The search from the noise without a candidate that explains most of what is left, if it finds
+    that and nothing else new.
+    """
+    for hidden in _hidden(board, chosen, candidates, base):
+        start = (*chosen, *hidden)
+        again = _settled(make_board(board.system, start), start, candidates, base, None)
+        if _effects(board.system, again[2]) - _effects(board.system, chosen) == _effects(
+            board.system, hidden
+        ):
+            return again
+    return None
+
+
+def _settled(
+    board: Board,
+    chosen: tuple[int, ...],
+    candidates: Sequence[Candidate],
+    base: Sequence[str],
+    only: Sequence[str] | None,
+) -> Found:
+    """Search from the noise that ``chosen`` columns leave, the board's, until it stays the same."""
+    for again in range(ROUNDS):
+        board = make_board(board.system, chosen) if again else board
+        found = search(board, candidates, base) if only is None else exactly(board, candidates)
+        sure = [n for n in found.best.names if found.inclusion[n] > 0.5]
+        now = _pick(found.best, sure, board)
+        if set(now) == set(chosen):
+            break
+        chosen = now
+    return board, found, chosen
+
+
+def _pick(h: Hypothesis, names: Sequence[str], board: Board) -> tuple[int, ...]:
+    return tuple(
+        k
+        for k in (h.posterior.columns if h.posterior else ())
+        if board.system.columns[k].variant.effect in names
+    )
+
+
+def _hidden(
+    board: Board, chosen: Sequence[int], candidates: Sequence[Candidate], base: Sequence[str]
+) -> list[tuple[int, ...]]:
+    """Columns of the variants, one of an effect, that explain most of what chosen columns leave in
+    some channel where flights are restless and others are not, the best first.
+    """
+    system, taken = board.system, _effects(board.system, chosen)
+    free = {
+        c.name
+        for c in candidates
+        if c.name not in taken and acts_among(c.name, {c.name, *taken, *base})
+    }
+    listed = [
+        k
+        for k, c in enumerate(system.columns)
+        if c.variant is not None and c.variant.effect in free
+    ]
+    channels = np.flatnonzero(board.noise.restless > RESTLESS)
+    if not listed or not len(channels):
+        return []
+    share = np.max(
+        [_explained(system, c, left_over(system, c, chosen), listed) for c in channels], axis=0
+    )
+    best: dict[str, Variant] = {}
+    for i in np.argsort(-share, kind="stable")[: np.count_nonzero(share > HIDDEN)]:
+        best.setdefault(system.columns[listed[i]].variant.effect, system.columns[listed[i]].variant)
+    return [
+        tuple(k for k in listed if system.columns[k].variant is v)
+        for v in list(best.values())[:MOST_HIDDEN]
+    ]
+
+
+def _effects(system: System, chosen: Sequence[int]) -> set[str]:
+    return {system.columns[k].variant.effect for k in chosen}
+
+
+def _explained(
+    system: System, channel: int, left: Sequence[np.ndarray], listed: Sequence[int]
+) -> np.ndarray:
+    """Share of what is left in a channel, (m,) by flight, that each of these columns explains
+    alone.
+    """
+    xy, xx, yy = np.zeros(len(listed)), np.zeros(len(listed)), 0.0
+    for e, r in zip(left, system.flights, strict=True):
+        good = np.isfinite(e)
+        x = r.x.of(channel, listed)[good]
+        x, y = x - x.mean(axis=0), e[good] - e[good].mean()
+        xy, xx, yy = xy + x.T @ y, xx + (x**2).sum(axis=0), yy + float(y @ y)
+    return xy**2 / np.maximum(xx * yy, TINY)

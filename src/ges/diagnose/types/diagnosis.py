@@ -1,0 +1,138 @@
+"""What a diagnosis says, as the contract writes it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from ges.diagnose.library.candidates import kind_of
+from ges.simulator import effects as effect_table
+from ges.vehicle.file import Vehicle
+
+
+def interval95(value: float, sd: float) -> tuple[float, float]:
+    """95 % interval of a Gaussian."""
+    return (value - 1.96 * sd, value + 1.96 * sd)
+
+
+@dataclasses.dataclass(frozen=True)
+class Estimate:
+    """A fitted parameter: value, 95 % interval, unit, and what to know about it."""
+
+    value: float
+    ci95: tuple[float, float]
+    unit: str
+    note: str = ""
+
+    def content(self) -> dict[str, Any]:
+        """As JSON."""
+        told = {"value": self.value, "ci95": list(self.ci95), "unit": self.unit}
+        return {**told, "note": self.note} if self.note else told
+
+
+@dataclasses.dataclass(frozen=True)
+class Finding:
+    """One named cause; ``is_open`` where the flights cannot tell it from others."""
+
+    name: str
+    kind: str
+    title: str
+    probability: float
+    equation: str
+    parameters: Mapping[str, Estimate]
+    size: Mapping[str, Any]
+    alternatives: tuple[Mapping[str, Any], ...]
+    is_open: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        probability: float,
+        parameters: Mapping[str, Estimate],
+        size: Mapping[str, Any] | None = None,
+        alternatives: tuple[Mapping[str, Any], ...] = (),
+        is_open: bool = False,
+    ) -> Finding:
+        """An effect of the library; without a ``size`` where no fit was made with it."""
+        effect = effect_table.get(name)
+        return cls(
+            name,
+            kind_of(name),
+            effect.title,
+            probability,
+            effect.equation,
+            parameters,
+            size or {},
+            alternatives,
+            is_open,
+        )
+
+    def content(self) -> dict[str, Any]:
+        """As JSON."""
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "title": self.title,
+            "probability": self.probability,
+            "equation": self.equation,
+            "parameters": {name: e.content() for name, e in self.parameters.items()},
+            "size": dict(self.size),
+            "alternatives": [dict(a) for a in self.alternatives],
+            "open": self.is_open,
+        }
+
+
+@dataclasses.dataclass(frozen=True)
+class Diagnosis:
+    """Verdict, findings and proof; ``content()`` is diagnosis.json, ``vehicle`` the fitted vehicle
+    file.
+    """
+
+    verdict: str
+    sentence: str
+    findings: tuple[Finding, ...]
+    located: tuple[Mapping[str, Any], ...]
+    unexplained: tuple[Mapping[str, Any], ...]
+    fit: Mapping[str, Any]
+    detectable: Mapping[str, Mapping[str, Any]]
+    next_flight: Mapping[str, Any]
+    data: Mapping[str, Any]
+    calibration: Mapping[str, Mapping[str, Any]]
+    not_tested: Mapping[str, str]
+    vehicle: Vehicle
+    details: Mapping[str, Any] = dataclasses.field(default_factory=dict, repr=False)
+
+    def content(self) -> dict[str, Any]:
+        """diagnosis.json."""
+        return cleaned(
+            {
+                "schema": 1,
+                "verdict": self.verdict,
+                "sentence": self.sentence,
+                "findings": [f.content() for f in self.findings],
+                "located": [dict(item) for item in self.located],
+                "unexplained": [dict(item) for item in self.unexplained],
+                "fit": dict(self.fit),
+                "detectable": dict(self.detectable),
+                "next_flight": dict(self.next_flight),
+                "data": dict(self.data),
+                "calibration": dict(self.calibration),
+                "not_tested": dict(self.not_tested),
+            }
+        )
+
+
+def cleaned(value: Any) -> Any:
+    """Plain JSON: numpy scalars as numbers, six significant digits, what is not finite as null."""
+    if isinstance(value, Mapping):
+        return {str(k): cleaned(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [cleaned(v) for v in value]
+    if hasattr(value, "item"):
+        value = value.item()
+    if isinstance(value, float):
+        return float(f"{value:.6g}") if math.isfinite(value) else None
+    return value

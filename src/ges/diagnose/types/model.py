@@ -1,0 +1,147 @@
+"""The declared vehicle as the compiled simulator takes it, with the user's doubts."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+from ges.simulator import effects as effect_table
+from ges.simulator.terrain import Terrain
+from ges.vehicle.file import Quantity, Vehicle
+
+SPEED = "vehicle.max_rotor_speed_rad_s"
+
+
+def block_of(channel: str) -> str:
+    """``force``, ``acc``, ``moment``, ``drive`` or ``range``."""
+    return channel.split("_")[0]
+
+
+@dataclasses.dataclass(frozen=True)
+class Model:
+    """What the engine knows of the vehicle.
+
+    Attributes
+    ----------
+    parameters : numbers of the simulator by name.
+    effects : effects that the vehicle file already switches on.
+    terrain : the ground.
+    doubts : standard deviations by ``effect.parameter``: how far the declared numbers may honestly
+        be off, put as the effect that would correct them (``thrust_scale.scale`` for mass and
+        thrust coefficient together, ``inertia.xx``), or the user's own doubt on a trim of a
+        calibrated vehicle (``cg_offset.x_m``).
+    known : parts that the file declares: ``inertia``, ``torque``, ``motor``, ``speed``.
+    plane_sd_m : doubt on the height of the rotor plane.
+    left_unexplained : by channel, rms of structure that the flights it was calibrated on show too.
+    """
+
+    parameters: Mapping[str, float]
+    effects: effect_table.Effects = dataclasses.field(default_factory=dict)
+    terrain: Terrain = dataclasses.field(default_factory=Terrain.flat)
+    doubts: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    known: frozenset[str] = frozenset({"inertia", "torque", "motor", "speed"})
+    plane_sd_m: float = 0.0
+    left_unexplained: Mapping[str, float] = dataclasses.field(default_factory=dict)
+
+    def number(self, name: str) -> float:
+        """A simulator parameter, default where not declared."""
+        from ges.simulator.flight import parameters
+
+        return float(self.parameters.get(name, parameters()[name].default))
+
+    @property
+    def weight_N(self) -> float:
+        """Mass times gravity."""
+        return self.number("mass_kg") * self.number("gravity_m_s2")
+
+    @property
+    def hover_rad_s(self) -> float:
+        """Rotor speed at which four rotors carry the weight."""
+        return math.sqrt(self.weight_N / (4.0 * self.number("thrust_coefficient_N_s2")))
+
+    @property
+    def arm_m(self) -> float:
+        """Mean distance of the hubs from the body origin, in the plane of the rotors."""
+        hubs = [(self.number(f"rotor_{i}_x_m"), self.number(f"rotor_{i}_y_m")) for i in range(1, 5)]
+        return sum((x * x + y * y) ** 0.5 for x, y in hubs) / 4.0
+
+    @property
+    def radius_m(self) -> float:
+        """Mean rotor radius."""
+        return sum(self.number(f"rotor_{i}_radius_m") for i in range(1, 5)) / 4.0
+
+    def whole(self, channel: str) -> float:
+        """What sizes in a channel are shares of: weight, weight times arm, full rotor speed, a
+        rotor radius.
+        """
+        kind = block_of(channel)
+        if kind in ("force", "acc"):
+            return self.weight_N
+        if kind == "moment":
+            return self.weight_N * self.arm_m
+        return self.number("max_rotor_speed_rad_s") if kind == "drive" else self.radius_m
+
+    def with_number(self, name: str, value: float) -> Model:
+        """The same vehicle with one declared number replaced."""
+        return dataclasses.replace(self, parameters={**self.parameters, name: value})
+
+    def with_effects(self, more: effect_table.Effects) -> Model:
+        """The same vehicle with effects added; parameters given replace those that were on."""
+        merged = {name: dict(values) for name, values in self.effects.items()}
+        for name, values in more.items():
+            merged[name] = {**merged.get(name, {}), **values}
+        return dataclasses.replace(self, effects=merged)
+
+
+def _relative(quantity: Quantity | None) -> float:
+    return quantity.sd / abs(quantity.value) if quantity else 0.0
+
+
+def _doubts(vehicle: Vehicle) -> dict[str, float]:
+    doubts = {
+        "thrust_scale.scale": (
+            (_relative(vehicle.mass_kg) ** 2 + _relative(vehicle.thrust_coefficient_N_s2) ** 2)
+            ** 0.5
+        ),
+        "torque_coefficient.scale": _relative(vehicle.torque_coefficient_Nm_s2),
+    }
+    if vehicle.max_rotor_speed_rad_s:
+        doubts[SPEED] = vehicle.max_rotor_speed_rad_s.sd
+    if vehicle.inertia_kg_m2:
+        doubts.update(
+            {f"inertia.{axis}": vehicle.inertia_kg_m2.sd_rel for axis in ("xx", "yy", "zz")}
+        )
+    if vehicle.motor_time_constant_s:
+        doubts.update(
+            {f"motor_lag.{way}_s": vehicle.motor_time_constant_s.sd for way in ("up", "down")}
+        )
+    given = {
+        f"{name}.{key}": quantity.sd
+        for name, values in vehicle.effects.items()
+        for key, quantity in values.items()
+    }
+    return {name: sd for name, sd in doubts.items() if sd > 0} | given
+
+
+def from_vehicle(vehicle: Vehicle, folder: Path | str = ".") -> Model:
+    """Read a vehicle file's content as a model; ``folder`` is where a height map lies.
+
+    Gusts are left out: which of them blew, no file knows.
+    """
+    known = {
+        "inertia": vehicle.inertia_kg_m2,
+        "torque": vehicle.torque_coefficient_Nm_s2,
+        "motor": vehicle.motor_time_constant_s,
+        "speed": vehicle.max_rotor_speed_rad_s,
+    }
+    return Model(
+        vehicle.parameters(),
+        {name: values for name, values in vehicle.effect_values().items() if name != "gusts"},
+        vehicle.ground(folder),
+        _doubts(vehicle),
+        frozenset(name for name, given in known.items() if given is not None),
+        max(rotor.z_m.sd for rotor in vehicle.rotors),
+        vehicle.left_unexplained or {},
+    )

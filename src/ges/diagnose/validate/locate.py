@@ -1,0 +1,380 @@
+"""Where the mismatch lives: channels whose residual a regime predicts, cells of that regime, and
+where the findings act.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ges.diagnose.design.residual import model_along, to_body
+from ges.diagnose.design.system import System
+from ges.diagnose.design.weak import Windows
+from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.select.evidence import Board, acts_of
+from ges.diagnose.select.search import Search
+from ges.diagnose.types.model import Model
+from ges.diagnose.validate.structure import PLACE, Structure, Told, shared, within
+
+BLOCK_S = 2.5
+BINS = 6
+CHANCE = 0.01
+LEAST_R2 = 0.1
+LEAST_R2_OF_SIZE = 0.3  # over places LEAST_R2
+LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0004, "drive": 0.004, "range": 0.3}
+"""Of weight, weight times arm, full rotor speed, a rotor radius."""
+LEAST_SIZE = dict.fromkeys(("force", "acc", "moment"), 0.01)
+# times what the flights of the calibration show too: root of F at 95 %, four flights against four
+AGAIN = 3.0
+LEAST_BLOCKS = 4
+CLEAR = 2.0
+LEAST_OF_NOISE = 0.3  # a finding counts in a channel from this share of what the model leaves there
+PEAK = 0.5
+SURE = 0.9
+LEAST_CHANCE = 0.005
+BY_CHANNEL = 3
+MOST = 12
+
+
+@dataclasses.dataclass(frozen=True)
+class Cell:
+    """One regime cell of one channel: bounds, mean residual in the channel's unit with its sd,
+    share of the excess, q.
+    """
+
+    channel: str
+    regime: str
+    low: float
+    high: float
+    mean: float
+    sd: float
+    share: float
+    q_value: float
+    windows: int
+
+
+def regimes(flight: Prepared, windows: Windows, model: Model) -> dict[str, np.ndarray]:
+    """Regime variables of every window, (m,) each; what cannot be known is absent."""
+    at = windows.center
+    columns, said = model_along(flight, model, model.effects)
+    found = {"time_s": windows.center_s - flight.t_s[0]}
+    if "p_z_m" in columns:
+        height = said.stack(*(f"rotor_height_{i}_m" for i in range(1, 5))).mean(axis=1)
+        found["height_over_radius"] = height[at] / model.radius_m
+    if flight.has("velocity"):
+        v = flight.stack("velocity")[at]
+        found |= {"airspeed_m_s": np.hypot(v[:, 0], v[:, 1]), "climb_m_s": v[:, 2]}
+        if flight.has("attitude") and "attitude" not in flight.derived:
+            along = to_body(flight.stack("attitude")[at], v)
+            found |= {
+                "forward_m_s": along[:, 0],
+                "left_m_s": along[:, 1],
+                "along_thrust_m_s": along[:, 2],
+            }
+    if flight.has("position"):
+        found |= {"east_m": flight.columns["p_x_m"][at], "north_m": flight.columns["p_y_m"][at]}
+    if flight.has("battery"):
+        found["battery_V"] = flight.columns["battery_V"][at]
+    return found
+
+
+def regimes_of(system: System) -> list[dict[str, np.ndarray]]:
+    """:func:`regimes` of every flight."""
+    return [regimes(r.flight, r.windows, system.model) for r in system.flights]
+
+
+def edges(values: np.ndarray) -> np.ndarray:
+    """Bin edges of one regime: quantiles, so that each bin holds as many windows."""
+    return np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)))
+
+
+def clear(
+    found: Sequence[Structure],
+    model: Model,
+    least_r2: float = LEAST_R2,
+    shares: Mapping[str, float] = LEAST_SHARE,
+) -> list[Structure]:
+    """Structures that no noise makes, that carry a part of the residual that matters, and that are
+    large enough to matter; of the residual's size, a larger part, but over places: vibration and
+    the attitude's noise grow with speed in any flight.
+    """
+    likely = [
+        s
+        for s in found
+        if s.q_value <= CHANCE and s.r2 >= (_least_r2_of_size(s) if s.of_size else least_r2)
+    ]
+    return [s for s in likely if s.rms > _least(s, model, shares)]
+
+
+def _least_r2_of_size(s: Structure) -> float:
+    return LEAST_R2 if set(s.regime) <= set(PLACE) else LEAST_R2_OF_SIZE
+
+
+def _least(s: Structure, model: Model, shares: Mapping[str, float]) -> float:
+    """Smallest rms that counts; what the flights of the calibration show too does not."""
+    share = LEAST_SIZE.get(s.kind, np.inf) if s.of_size else shares.get(s.kind, np.inf)
+    return max(share * model.whole(s.channel), AGAIN * model.left_unexplained.get(s.key, 0.0))
+
+
+def cells(
+    system: System, raw: Sequence[np.ndarray], told: Told, found: Sequence[Structure]
+) -> list[Cell]:
+    """Mean residual of every channel in every bin of every regime, the mean of each flight left
+    out.
+
+    A cell is significant (its q is that of its channel over its regime) where that structure is
+    clear and the cell's mean is beyond twice its standard error over blocks of time.
+
+    Parameters
+    ----------
+    raw : by flight, (m, C) residuals in the channels' units after the fit of the nuisances alone.
+    told : of :func:`regimes_of`.
+    found : structures of the same residuals.
+    """
+    block = np.concatenate(system.blocks(BLOCK_S))
+    values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
+    chance = {
+        (s.channel, s.regime[0]): s.q_value
+        for s in clear(found, system.model)
+        if len(s.regime) == 1 and not s.of_size
+    }
+    made: list[Cell] = []
+    for c, channel in enumerate(system.main):
+        e = np.concatenate([within(r)[:, c] for r in raw])
+        used = np.isfinite(e)
+        for name, value in values.items():
+            if used.any() and np.ptp(value[used]) > 1e-9:
+                made += _cells_of(
+                    channel,
+                    name,
+                    value[used],
+                    e[used],
+                    block[used],
+                    chance.get((channel, name), 1.0),
+                )
+    return made
+
+
+def _bins(value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Edges, and the bin of every value."""
+    limits = edges(value)
+    return limits, np.clip(np.searchsorted(limits, value, side="right") - 1, 0, len(limits) - 2)
+
+
+def _cells_of(
+    channel: str, name: str, value: np.ndarray, e: np.ndarray, block: np.ndarray, q: float
+) -> list[Cell]:
+    limits, which = _bins(value)
+    told = []
+    for k in range(len(limits) - 1):
+        inside = which == k
+        if np.count_nonzero(np.bincount(block[inside])) >= LEAST_BLOCKS:
+            told.append(
+                (k, float(e[inside].mean()), _error(e[inside], block[inside]), int(inside.sum()))
+            )
+    excess = [n * max(0.0, mean**2 - sd**2) for _, mean, sd, n in told]
+    total = sum(excess) or 1.0
+    return [
+        Cell(
+            channel,
+            name,
+            float(limits[k]),
+            float(limits[k + 1]),
+            mean,
+            sd,
+            x / total,
+            q if abs(mean) > CLEAR * sd else 1.0,
+            n,
+        )
+        for (k, mean, sd, n), x in zip(told, excess, strict=True)
+    ]
+
+
+def _error(e: np.ndarray, block: np.ndarray) -> float:
+    """Standard error of a mean whose blocks are independent and whose windows are not."""
+    sums = np.bincount(block, e - e.mean())
+    live = len(np.unique(block))
+    return float(np.sqrt((sums**2).sum() * live / (live - 1.0)) / len(e))
+
+
+def from_residuals(made: Sequence[Cell], found: Sequence[Structure], system: System) -> list[dict]:
+    """Entries of ``located`` from what the recalibrated vehicle leaves: neighbouring significant
+    cells of one sign joined, and places that no single variable shows.
+    """
+    size = {(s.channel, s.regime[0]): s.rms for s in found if len(s.regime) == 1 and not s.of_size}
+    entries = _merged([c for c in made if c.q_value <= CHANCE], made, size)
+    told = {item["channel"] for item in entries}
+    for s in sorted(clear(found, system.model), key=lambda s: -s.r2):
+        if s.channel not in told:
+            told.add(s.channel)
+            entries.append(
+                {
+                    "channel": s.channel,
+                    "regime": s.bounds,
+                    "share_of_excess": min(1.0, s.r2),
+                    "q_value": s.q_value,
+                    "mean": s.rms,
+                    "energy": s.rms**2,
+                }
+            )
+    return _weightiest(entries, system)
+
+
+def _merged(
+    kept: Sequence[Cell], made: Sequence[Cell], size: Mapping[tuple[str, str], float]
+) -> list[dict]:
+    out: list[dict] = []
+    for channel, regime in dict.fromkeys((c.channel, c.regime) for c in kept):
+        chain: list[Cell] = []
+        here = [c for c in made if (c.channel, c.regime) == (channel, regime)]
+        for cell in [*here, None]:
+            keep = cell is not None and cell.q_value <= CHANCE
+            if chain and (not keep or np.sign(cell.mean) != np.sign(chain[-1].mean)):
+                out.append({**_joined(chain), "energy": size[channel, regime] ** 2})
+                chain = []
+            if keep:
+                chain.append(cell)
+    return out
+
+
+def _joined(chain: Sequence[Cell]) -> dict:
+    return {
+        "channel": chain[0].channel,
+        "regime": {chain[0].regime: [chain[0].low, chain[-1].high]},
+        "share_of_excess": float(sum(c.share for c in chain)),
+        "q_value": chain[0].q_value,
+        "mean": float(sum(c.mean * c.windows for c in chain) / sum(c.windows for c in chain)),
+    }
+
+
+def from_findings(
+    added: Mapping[str, Sequence[np.ndarray]],
+    left: Sequence[np.ndarray],
+    probability: Mapping[str, float],
+    told: Told,
+    system: System,
+) -> list[dict]:
+    """Entries of ``located`` from what was found: channels in which a finding stands out of what
+    the model leaves, each with the regime that its contribution follows most closely.
+
+    Parameters
+    ----------
+    added : by finding and flight, (m, C) of what it adds; NaN where a channel is absent.
+    left : by flight, (m, C) residuals with the findings.
+    probability : of each finding.
+    """
+    values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
+    noise, entries = np.concatenate(left), []
+    for name, by_flight in added.items():
+        acts = np.concatenate(by_flight)
+        for c, channel in enumerate(system.main):
+            good = np.isfinite(acts[:, c]) & np.isfinite(noise[:, c])
+            if _rms(acts[good, c]) > LEAST_OF_NOISE * _rms(noise[good, c]):
+                where = _acting(acts[good, c], {n: v[good] for n, v in values.items()})
+                entries.append(
+                    {
+                        "channel": channel,
+                        **where,
+                        "q_value": max(0.0, 1.0 - probability[name]),
+                        "finding": name,
+                    }
+                )
+    return _weightiest(entries, system)
+
+
+def from_open(
+    found: Search, board: Board, left: Sequence[np.ndarray], told: Told, proven: Sequence[str]
+) -> list[dict]:
+    """Entries of ``located`` where something is open: channels in which, whichever of the open
+    explanations holds, something that is not proven acts; the sum of their probabilities has to
+    reach nine in ten.
+
+    Parameters
+    ----------
+    found, board : of the search.
+    left : by flight, (m, C) residuals of what is proven.
+    """
+    system, noise = board.system, np.concatenate(left)
+    chance: dict[str, float] = {}
+    shown: dict[str, np.ndarray] = {}
+    for h in (
+        h for h in found.hypotheses if h.probability > LEAST_CHANCE and set(h.names) - set(proven)
+    ):
+        acts = acts_of(h.posterior, set(h.names) - set(proven), board.system)
+        for c, channel in enumerate(system.main):
+            good = np.isfinite(acts[:, c]) & np.isfinite(noise[:, c])
+            if _rms(acts[good, c]) > LEAST_OF_NOISE * _rms(noise[good, c]):
+                chance[channel] = chance.get(channel, 0.0) + h.probability
+                shown.setdefault(channel, np.where(good, acts[:, c], np.nan))
+    values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
+    entries = []
+    for channel in (c for c, p in chance.items() if p >= SURE):
+        good = np.isfinite(shown[channel])
+        where = _acting(shown[channel][good], {n: v[good] for n, v in values.items()})
+        where.pop("energy")
+        entries.append({"channel": channel, **where, "q_value": max(0.0, 1.0 - chance[channel])})
+    return entries
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
+def _acting(a: np.ndarray, values: Mapping[str, np.ndarray]) -> dict:
+    """Regime whose bins explain most of ``a``, and the run of bins around its peak that hold at
+    least half of the peak.
+    """
+    best = ("", -1.0, np.zeros(1), np.zeros(1), np.zeros(1))
+    for name, value in values.items():
+        if np.ptp(value) > 1e-9:
+            limits, which = _bins(value)
+            count = np.bincount(which, minlength=len(limits) - 1)
+            mean = np.bincount(which, a, len(count)) / np.maximum(count, 1)
+            between = float(count @ (mean - a.mean()) ** 2)
+            if between > best[1]:
+                best = (name, between, limits, mean, count)
+    name, _, limits, mean, count = best
+    low, high = _run(np.abs(mean) >= PEAK * np.abs(mean).max(), int(np.argmax(np.abs(mean))))
+    inside, energy = slice(low, high), count * mean**2
+    return {
+        "regime": {name: [float(limits[low]), float(limits[high])]},
+        "share_of_excess": float(energy[inside].sum() / max(energy.sum(), 1e-30)),
+        "mean": float(count[inside] @ mean[inside] / max(count[inside].sum(), 1)),
+        "energy": float(np.mean(a**2)),
+    }
+
+
+def _run(high: np.ndarray, at: int) -> tuple[int, int]:
+    """First and one past the last of the true values around ``at``."""
+    low, end = at, at + 1
+    while low > 0 and high[low - 1]:
+        low -= 1
+    while end < len(high) and high[end]:
+        end += 1
+    return low, end
+
+
+def strongest(entries: Sequence[Mapping], most: int = MOST) -> list[dict]:
+    """The clearest entries, a few of a channel, every channel once before any twice; the
+    accelerometer where the force, which it measures too, has none.
+    """
+    forces = {item["channel"] for item in entries if item["channel"].startswith("force")}
+    by_channel: dict[str, list[dict]] = {}
+    for item in entries:
+        if item["channel"].replace("acc_", "force_") not in forces - {item["channel"]}:
+            by_channel.setdefault(item["channel"], []).append(dict(item))
+    kept = [items[k] for k in range(BY_CHANNEL) for items in by_channel.values() if len(items) > k]
+    return kept[:most]
+
+
+def _weightiest(entries: Sequence[dict], system: System) -> list[dict]:
+    """Entries by their ``energy`` over weight, which they lose; what differs by rounding alone
+    stays in the channels' order.
+    """
+    weight = [
+        float(f"{item.pop('energy') / system.model.whole(item['channel']) ** 2:.6g}")
+        for item in entries
+    ]
+    return [entries[i] for i in sorted(range(len(entries)), key=lambda i: -weight[i])]

@@ -1,0 +1,353 @@
+"""Structure in residuals: does a smooth function of a regime variable predict blocks of time it
+never saw, how often by chance?
+
+The statistic is R^2 on blocks of time left out; blocks and not flights, or a regime that one flight
+alone visits could not show. But time and voltage run along with the flight, and whatever drifts is
+foretold by the blocks beside: of them whole flights are left out, where there are two. The null
+flips the sign of whole blocks of what the prediction misses (as ter Braak 1992 permutes residuals
+of the full model: signs of the signal itself would hide a strong one), which keeps autocorrelation.
+Over all channels and regimes, and over channels that one cause moves together, the largest
+standardised statistic counts (Westfall and Young 1993): a set of flights without structure shows
+any at all with the stated probability. Residuals are taken as they are: to a whitening filter a
+force that changes slowly along the flight would look like coloured noise, and go.
+
+The same test of the logarithm of the residual's energy asks where its size, not its mean, depends
+on the regime: a buffet, or a field whose direction turns faster than the regime resolves.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.sparse import csr_array
+
+KNOTS = 9
+PLACE_KNOTS = 7
+PLACE = ("east_m", "north_m")
+RUNNING = frozenset({"time_s", "battery_V"})
+FLOWN = (0.01, 0.99)  # quantiles between which the knots lie
+EXCITED = (0.05, 0.95)
+LEAST_SPREAD: Mapping[str, float] = {
+    **dict.fromkeys(
+        ("airspeed_m_s", "climb_m_s", "forward_m_s", "left_m_s", "along_thrust_m_s", *PLACE), 0.5
+    ),
+    "height_over_radius": 1.0,
+}
+"""Between these quantiles; a regime that varies less was moved by the disturbance itself, and
+follows from it.
+"""
+LEAST_SHARE_OF_HEIGHT = 0.1
+"""The same for the height over its median: high up, a radius more or less is no other place."""
+TOGETHER = (
+    ("force_x", "force_y", "acc_x", "acc_y"),
+    ("force_z", "acc_z"),
+    ("moment_x", "moment_y"),
+    ("drive_1", "drive_2", "drive_3", "drive_4"),
+)
+CLEAR = 2.0
+DRAWS = 499
+SEED = 0
+FOLDS = 4
+RIDGE = 3.0
+LEAST_WINDOWS = 60
+SMOOTH = 5  # windows over which energy is averaged
+TINY = 1e-30
+
+Told = Sequence[Mapping[str, np.ndarray]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Structure:
+    """One channel over one regime (one variable, or a place: two).
+
+    Attributes
+    ----------
+    low, high : by variable, where the prediction is largest. r2 : on blocks of time left out.
+    q_value : chance of so clear a structure anywhere, in flights without any.
+    rms : of the prediction, in the channel's unit; of the residual where the prediction is largest,
+        if ``of_size``.
+    of_size : whether it is the residual's size that depends on the regime, not its mean.
+    """
+
+    channel: str
+    regime: tuple[str, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    r2: float
+    q_value: float
+    rms: float
+    of_size: bool = False
+
+    @property
+    def key(self) -> str:
+        """Its name among what a calibrated file leaves unexplained: of a mean by the channel, of a
+        size with ``_size``.
+        """
+        return f"{self.channel}_size" if self.of_size else self.channel
+
+    @property
+    def kind(self) -> str:
+        """``force``, ``moment`` and their like."""
+        return self.channel.split("_")[0]
+
+    @property
+    def bounds(self) -> dict[str, list[float]]:
+        """``regime`` as the contract writes it."""
+        return {name: [a, b] for name, a, b in zip(self.regime, self.low, self.high, strict=True)}
+
+
+@dataclasses.dataclass(frozen=True)
+class Basis:
+    """Hats over the knots of a regime's variables for the windows in use, (n, K), the fold of every
+    window (n,) and of every block (b,), and the normal equations by fold.
+    """
+
+    regime: tuple[str, ...]
+    knots: tuple[np.ndarray, ...]
+    x: np.ndarray
+    fold: np.ndarray
+    fold_of: np.ndarray
+    gram: Mapping[int, np.ndarray]
+    inverse: Mapping[int, np.ndarray]
+
+    def peak(self, beta: np.ndarray) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Bounds of the cell around the largest coefficient."""
+        at = np.unravel_index(int(np.argmax(np.abs(beta))), [len(k) for k in self.knots])
+        low = tuple(float(k[max(i - 1, 0)]) for i, k in zip(at, self.knots, strict=True))
+        return low, tuple(
+            float(k[min(i + 1, len(k) - 1)]) for i, k in zip(at, self.knots, strict=True)
+        )
+
+
+def shared(told: Told) -> list[str]:
+    """Regime variables that every flight has."""
+    return [name for name in told[0] if all(name in t for t in told)]
+
+
+def hats(value: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """Piecewise-linear functions, 1 at one knot and 0 at all others, (n, K)."""
+    return np.stack([np.interp(value, knots, row) for row in np.eye(len(knots))], axis=1)
+
+
+def excited(values: Mapping[str, np.ndarray]) -> list[str]:
+    """Regime variables that were flown over a range, and not only disturbed."""
+    spread = {
+        name: float(np.subtract(*np.quantile(v, EXCITED[::-1]))) for name, v in values.items()
+    }
+    return [name for name, s in spread.items() if s >= _least_spread(name, values[name])]
+
+
+def _least_spread(name: str, values: np.ndarray) -> float:
+    least = LEAST_SPREAD.get(name, TINY)
+    return (
+        max(least, LEAST_SHARE_OF_HEIGHT * float(np.median(values)))
+        if name == "height_over_radius"
+        else least
+    )
+
+
+def _basis(
+    values: Mapping[str, np.ndarray],
+    regime: tuple[str, ...],
+    block: np.ndarray,
+    fold_of: np.ndarray,
+) -> Basis:
+    fold, count = fold_of[block], KNOTS if len(regime) == 1 else PLACE_KNOTS
+    knots = tuple(np.linspace(*np.quantile(values[name], FLOWN), count) for name in regime)
+    x = hats(values[regime[0]], knots[0])
+    for name, k in zip(regime[1:], knots[1:], strict=True):
+        x = (x[:, :, None] * hats(values[name], k)[:, None, :]).reshape(len(x), -1)
+    gram = {int(f): x[fold == f].T @ x[fold == f] for f in np.unique(fold)}
+    total = sum(gram.values()) + RIDGE * np.eye(x.shape[1])
+    return Basis(
+        regime,
+        knots,
+        x,
+        fold,
+        fold_of,
+        gram,
+        {f: np.linalg.inv(total - g) for f, g in gram.items()},
+    )
+
+
+def _regimes(names: Sequence[str]) -> list[tuple[str, ...]]:
+    return [(name,) for name in names] + ([PLACE] if set(PLACE) <= set(names) else [])
+
+
+def _gain(basis: Basis, y: np.ndarray, of_block: csr_array, signs: np.ndarray) -> np.ndarray:
+    """R^2 on the folds left out, of every channel ``y`` (n, C) with its blocks' signs flipped as in
+    ``signs`` (b, d); (C, d). ``of_block`` (b, n) sums rows by block.
+    """
+    sums = np.stack([of_block @ (basis.x * channel[:, None]) for channel in y.T], axis=2).reshape(
+        len(signs), -1
+    )
+    parts = {f: basis.fold_of == f for f in basis.gram}
+    right = {f: (sums[at].T @ signs[at]).reshape(basis.x.shape[1], -1) for f, at in parts.items()}
+    total, gain = sum(right.values()), 0.0
+    for f, gram in basis.gram.items():
+        beta = basis.inverse[f] @ (total - right[f])
+        gain = gain + (beta * (2.0 * right[f] - gram @ beta)).sum(axis=0)
+    return gain.reshape(y.shape[1], -1) / np.maximum((y**2).sum(axis=0), TINY)[:, None]
+
+
+def _missed(basis: Basis, y: np.ndarray) -> np.ndarray:
+    """What the prediction from the other folds leaves of ``y`` (n, C)."""
+    left, total = y.copy(), basis.x.T @ y
+    for f, inverse in basis.inverse.items():
+        at = basis.fold == f
+        left[at] -= basis.x[at] @ (inverse @ (total - basis.x[at].T @ y[at]))
+    return left
+
+
+def structures(
+    raw: Sequence[np.ndarray], told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
+) -> list[Structure]:
+    """Test mean and size of every channel over every regime, within the flights: thrust and trims
+    differ from flight to flight.
+
+    Parameters
+    ----------
+    raw : by flight, (m, C) residuals in the channels' units, NaN where a channel is absent.
+    told : by flight, regime variables of every window, (m,) each.
+    names : of the C channels.
+    blocks : by flight, number of the block of time of every window.
+    """
+    raw = [within(r) for r in raw]
+    return [*_of_mean(raw, told, names, blocks), *_of_size(raw, told, names, blocks)]
+
+
+def within(e: np.ndarray) -> np.ndarray:
+    """Residuals of one flight (m, C) less their mean in every channel."""
+    good = np.isfinite(e)
+    return e - np.where(good, e, 0.0).sum(axis=0) / np.maximum(good.sum(axis=0), 1)
+
+
+def _of_mean(
+    raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
+) -> list[Structure]:
+    values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
+    _, block = np.unique(np.concatenate(blocks), return_inverse=True)
+    rng = np.random.default_rng(SEED)
+    count = int(block.max(initial=-1)) + 1
+    by_block, signs = rng.permutation(count) % FOLDS, rng.choice([-1.0, 1.0], (count, DRAWS))
+    by_flight = np.zeros(count, dtype=int)
+    by_flight[block] = np.repeat(np.arange(len(raw)), [len(r) for r in raw])
+    e = np.concatenate(raw)
+    found: dict[int, list[tuple[Structure, np.ndarray]]] = {}
+    for channels in _there_together(e):
+        used = np.isfinite(e[:, channels[0]])
+        here, at = {n: v[used] for n, v in values.items()}, block[used]
+        if used.sum() < LEAST_WINDOWS or len(np.unique(by_block[at])) < FOLDS:
+            continue
+        several = len(np.unique(by_flight[at])) > 1
+        of_block = csr_array((np.ones(len(at)), (at, np.arange(len(at)))), shape=(count, len(at)))
+        for regime in _regimes(excited(here)):
+            basis = _basis(
+                here, regime, at, by_flight if several and regime[0] in RUNNING else by_block
+            )
+            tested = _tested(
+                [names[c] for c in channels], basis, e[np.ix_(used, channels)], of_block, signs
+            )
+            for c, of_channel in zip(channels, tested, strict=True):
+                found.setdefault(c, []).append(of_channel)
+    listed = [of_channel for c in sorted(found) for of_channel in found[c]]
+    return _judged([tested for tested, _ in listed], np.array([draws for _, draws in listed]))
+
+
+def _there_together(e: np.ndarray) -> list[list[int]]:
+    """Channels (columns of ``e``) that have the same windows."""
+    alike: dict[bytes, list[int]] = {}
+    for c, there in enumerate(np.isfinite(e).T):
+        alike.setdefault(there.tobytes(), []).append(c)
+    return list(alike.values())
+
+
+def _of_size(
+    raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
+) -> list[Structure]:
+    """The same of the logarithm of the residuals' energy."""
+    energy = [uniform_filter1d(np.where(np.isfinite(r), r, 0.0) ** 2, SMOOTH, axis=0) for r in raw]
+    logs = [
+        np.where(np.isfinite(r), np.log(np.maximum(e, TINY)), np.nan)
+        for r, e in zip(raw, energy, strict=True)
+    ]
+    middle = [_middle(np.concatenate([row[:, c] for row in logs])) for c in range(len(names))]
+    values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
+    found = _of_mean([row - middle for row in logs], told, names, blocks)
+    pooled = np.concatenate(energy)
+    return [_sized(s, pooled[:, list(names).index(s.channel)], values) for s in found]
+
+
+def _middle(values: np.ndarray) -> float:
+    good = values[np.isfinite(values)]
+    return float(good.mean()) if len(good) else 0.0
+
+
+def _sized(found: Structure, energy: np.ndarray, values: Mapping[str, np.ndarray]) -> Structure:
+    """With the rms of the residual inside the structure's bounds."""
+    inside = np.ones(len(energy), bool)
+    for name, (low, high) in found.bounds.items():
+        inside &= (values[name] >= low) & (values[name] <= high)
+    rms = float(np.sqrt(energy[inside].mean())) if inside.any() else 0.0
+    return dataclasses.replace(found, rms=rms, of_size=True)
+
+
+def _tested(
+    names: Sequence[str], basis: Basis, e: np.ndarray, of_block: csr_array, signs: np.ndarray
+) -> list:
+    """Of every named channel of ``e`` (n, C) one structure, its chance not known yet, and R^2 of
+    its null draws.
+    """
+    size = np.maximum(np.sqrt(np.mean(e**2, axis=0)), TINY)
+    y = e / size
+    r2 = _gain(basis, y, of_block, np.ones((len(signs), 1)))[:, 0]
+    draws = _gain(basis, _missed(basis, y), of_block, signs)
+    beta = np.linalg.solve(
+        sum(basis.gram.values()) + RIDGE * np.eye(basis.x.shape[1]), basis.x.T @ y
+    )
+    rms = np.sqrt(np.mean((basis.x @ beta) ** 2, axis=0)) * size
+    return [
+        (
+            Structure(
+                name, basis.regime, *basis.peak(beta[:, c]), float(r2[c]), 1.0, float(rms[c])
+            ),
+            draws[c],
+        )
+        for c, name in enumerate(names)
+    ]
+
+
+def _judged(tested: Sequence[Structure], chance: np.ndarray) -> list[Structure]:
+    """Chance that the largest standardised statistic of all tests, and of all channels that go
+    together, reaches each one's.
+    """
+    if not tested:
+        return []
+    mean, sd = chance.mean(axis=1), np.maximum(chance.std(axis=1), TINY)
+    z = np.column_stack([np.array([t.r2 for t in tested]), chance])
+    z = (z - mean[:, None]) / sd[:, None]
+    groups = [at for at in _groups(tested) if len(at) > 1]
+    joint = [z[at].sum(axis=0) for at in groups]
+    every = np.vstack([z, *(((j - j[1:].mean()) / max(j[1:].std(), TINY))[None] for j in joint)])
+    largest = every[:, 1:].max(axis=0)
+    q = np.array([(1.0 + float((largest >= v).sum())) / (1.0 + len(largest)) for v in every[:, 0]])
+    for at, together in zip(groups, q[len(tested) :], strict=True):
+        clear = [i for i in at if z[i, 0] > CLEAR]
+        q[clear] = np.minimum(q[clear], together)
+    return [
+        dataclasses.replace(t, q_value=float(v))
+        for t, v in zip(tested, q[: len(tested)], strict=True)
+    ]
+
+
+def _groups(tested: Sequence[Structure]) -> list[list[int]]:
+    """Tests of one regime in channels that one cause moves together."""
+    regimes = dict.fromkeys(t.regime for t in tested)
+    return [
+        [i for i, t in enumerate(tested) if t.regime == r and t.channel in names]
+        for r in regimes
+        for names in TOGETHER
+    ]

@@ -1,0 +1,205 @@
+"""Proof on flights that took no part: weak-form errors and open-loop rollouts, before, recalibrated
+and after.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ges.conventions import POSITION, VELOCITY
+from ges.diagnose.design.residual import UNITS, channels, residual
+from ges.diagnose.design.weak import make_windows
+from ges.diagnose.estimate.shoot import can_roll, rollouts_of
+from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.types.model import Model
+
+HORIZON_S = 1.0
+STEPS = 20
+RESAMPLES = 1000
+BLOCK_S = 5.0
+WORSE = 0.02
+STAGES = ("before", "recalibrated", "after")
+
+
+def errors(
+    flights: Sequence[Prepared], models: Mapping[str, Model], names: Sequence[str], length_s: float
+) -> dict[str, list[np.ndarray]]:
+    """Weak-form residuals by stage: a list over flights of (m, C), NaN where a channel is
+    absent.
+    """
+    out: dict[str, list[np.ndarray]] = {stage: [] for stage in models}
+    for flight in flights:
+        windows = make_windows(flight.t_s, flight.flying, length_s)
+        for stage, model in models.items():
+            here = channels(flight, model)
+            full = np.full((len(windows), len(names)), np.nan)
+            full[:, [names.index(n) for n in here]] = residual(flight, windows, model, here)
+            out[stage].append(full)
+    return out
+
+
+def _blocks(e: np.ndarray, block: int) -> np.ndarray:
+    """Sums of squares and counts by block, (b, 2)."""
+    good = np.isfinite(e)
+    edges = np.arange(0, len(e), block)
+    return np.stack(
+        [
+            np.add.reduceat(np.where(good, e, 0.0) ** 2, edges),
+            np.add.reduceat(good.astype(float), edges),
+        ],
+        axis=1,
+    )
+
+
+def rms(each: Sequence[np.ndarray]) -> float:
+    """Of errors by flight (m,), without what is absent."""
+    told = np.concatenate(each)
+    return float(np.sqrt(np.mean(told[np.isfinite(told)] ** 2)))
+
+
+def reduction_ci95(
+    before: Sequence[np.ndarray], after: Sequence[np.ndarray], block: int, seed: int = 0
+) -> list[float]:
+    """95 % interval of 1 - after/before of the rms, resampling blocks of time within flights."""
+    pairs = [
+        np.hstack([_blocks(b, block), _blocks(a, block)])
+        for b, a in zip(before, after, strict=True)
+        if len(b)
+    ]
+    table = np.vstack(pairs) if pairs else np.full((1, 4), np.nan)
+    rng = np.random.default_rng(seed)
+    drawn = table[rng.integers(0, len(table), (RESAMPLES, len(table)))].sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = 1.0 - np.sqrt((drawn[:, 2] / drawn[:, 3]) / (drawn[:, 0] / drawn[:, 1]))
+    return [float(v) for v in np.nanquantile(share, [0.025, 0.975])]
+
+
+def stages_row(by_stage: Mapping[str, Sequence[np.ndarray]], block: int) -> dict:
+    """Rms of every stage, and by how much 'after' is below 'recalibrated', of errors by flight
+    (m,).
+    """
+    interval = reduction_ci95(by_stage["recalibrated"], by_stage["after"], block)
+    return {**{stage: rms(by_stage[stage]) for stage in STAGES}, "reduction_ci95": interval}
+
+
+def channel_table(
+    told: Mapping[str, Sequence[np.ndarray]], names: Sequence[str], spacing_s: float
+) -> dict[str, dict]:
+    """``channels`` of the fit, as the contract writes them; blocks of 5 s."""
+    block = max(1, int(round(BLOCK_S / spacing_s)))
+    by_name = {n: {s: [e[:, c] for e in told[s]] for s in STAGES} for c, n in enumerate(names)}
+    return {
+        f"{n}_{UNITS[n]}": stages_row(by, block)
+        for n, by in by_name.items()
+        if _present(by["before"])
+    }
+
+
+def rms_table(left: Sequence[np.ndarray], names: Sequence[str]) -> dict[str, float]:
+    """Rms of one stage of :func:`errors` by channel, as the channels of :func:`channel_table`;
+    without those that are absent.
+    """
+    by_name = {n: [e[:, c] for e in left] for c, n in enumerate(names)}
+    return {f"{n}_{UNITS[n]}": rms(each) for n, each in by_name.items() if _present(each)}
+
+
+def _present(each: Sequence[np.ndarray]) -> bool:
+    return any(np.isfinite(e).any() for e in each)
+
+
+def elsewhere(
+    told: Mapping[str, Sequence[np.ndarray]],
+    names: Sequence[str],
+    located: Sequence[Mapping],
+    regimes: Sequence[Mapping[str, np.ndarray]],
+    spacing_s: float,
+) -> dict[str, dict]:
+    """``elsewhere`` of the fit: the same errors outside every regime in which a channel was found
+    wrong: must not get worse.
+
+    Parameters
+    ----------
+    told : of :func:`errors`.
+    located : entries of the diagnosis.
+    regimes : by flight, regime variables of every window.
+
+    Returns
+    -------
+    by channel, of those that have such regimes and windows outside: rms ``recalibrated`` and
+    ``after``, the 95 % interval ``change_ci95`` of after/recalibrated - 1, and ``worse``: whether
+    it lies above two percent.
+    """
+    block, table = max(1, int(round(BLOCK_S / spacing_s))), {}
+    for c, name in enumerate(names):
+        wrong = [item["regime"] for item in located if item["channel"] == name]
+        if not wrong:
+            continue
+        masks = [~np.any([_inside(r, bounds) for bounds in wrong], axis=0) for r in regimes]
+        pick = {
+            s: [np.where(m, e[:, c], np.nan) for e, m in zip(told[s], masks, strict=True)]
+            for s in STAGES[1:]
+        }
+        if sum(np.isfinite(e).sum() for e in pick["after"]) < 2 * block:
+            continue
+        low, high = reduction_ci95(pick["recalibrated"], pick["after"], block)
+        table[f"{name}_{UNITS[name]}"] = {
+            **{stage: rms(each) for stage, each in pick.items()},
+            "change_ci95": [-high, -low],
+            "worse": -high > WORSE,
+        }
+    return table
+
+
+def _inside(values: Mapping[str, np.ndarray], bounds: Mapping[str, Sequence[float]]) -> np.ndarray:
+    """Windows within all bounds; none where a variable is not known."""
+    inside = np.ones(len(next(iter(values.values()))), bool)
+    for name, (low, high) in bounds.items():
+        inside &= (values[name] >= low) & (values[name] <= high) if name in values else False
+    return inside
+
+
+def rollout(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
+    """Open-loop errors along one horizon, see :mod:`~ges.diagnose.estimate.shoot`.
+
+    Returns
+    -------
+    error by contract column (``p_z_m`` ...), (starts, STEPS + 1), the first column at the start.
+    """
+    n = int(round(HORIZON_S / flight.dt_s))
+    rolled = rollouts_of(flight, model, n)
+    if not len(rolled.starts):
+        return {}
+    at, clock = np.linspace(0.0, n * flight.dt_s, STEPS + 1), np.arange(n + 1) * flight.dt_s
+    errors = {}
+    for name in POSITION + VELOCITY:
+        said = np.array([np.interp(at, r["t_s"] - r["t_s"][0], r[name]) for r in rolled.flown])
+        seen = np.array(
+            [np.interp(at, clock, rolled.recorded[name][s : s + n + 1]) for s in rolled.starts]
+        )
+        errors[name] = said - seen
+    return errors
+
+
+def rollouts(
+    flights: Sequence[Prepared], models: Mapping[str, Model]
+) -> dict[str, dict[str, np.ndarray]]:
+    """Errors of :func:`rollout` over all flights, by contract column and stage, (starts, STEPS +
+    1).
+    """
+    told: dict[str, dict[str, np.ndarray]] = {}
+    for stage, model in models.items():
+        pieces = [p for f in flights if can_roll(f) for p in [rollout(f, model)] if p]
+        for name in pieces[0] if pieces else ():
+            told.setdefault(name, {})[stage] = np.concatenate([p[name] for p in pieces])
+    return told
+
+
+def rollout_table(told: Mapping[str, Mapping[str, np.ndarray]]) -> dict:
+    """``rollout`` of the fit: rms error after one horizon by channel and stage."""
+    channels = {
+        n: {s: float(np.sqrt(np.mean(e[:, -1] ** 2))) for s, e in by.items()}
+        for n, by in told.items()
+    }
+    return {"horizon_s": HORIZON_S, "channels": channels} if channels else {}

@@ -1,0 +1,133 @@
+"""The paper: facts of every table and figure, LaTeX fragments, the check against typed numbers, and
+the PDF.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from pathlib import Path
+
+from ges.errors import GesError
+from ges.files import replacing, sha256, write_json, write_text
+from ges.provenance.runs import Code
+from ges.study.config import Study
+
+# Of a Typst source: comments, code and maths, which may hold digits because they print none of a
+# result.
+_NOT_PROSE = re.compile(
+    r"//[^\n]*|/\*.*?\*/"  # comments
+    r"|```.*?```|`[^`\n]*`"  # raw text
+    r"|\$[^$]*\$"  # maths
+    # statements with indented rest
+    r"|#(?:import|include|let|set|show)\b[^\n]*(?:\n[ \t]+[^\n]*|\n[)\]}][^\n]*)*"
+    r"|<[\w:-]+>|@[\w:-]+",  # labels and references
+    re.DOTALL,
+)
+_CALL = re.compile(r"#[a-z][\w.-]*\([^()\[\]]*\)")
+_NUMBER = re.compile(r"(?<![\w-])[-+\u2212]?\d[\d.,]*")
+
+
+def _blanked(pattern: re.Pattern[str], text: str) -> str:
+    return pattern.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), text)
+
+
+def naked_numbers(text: str) -> list[tuple[int, str]]:
+    """(line, number) of every number that stands in the prose of a Typst source instead of being
+    read from results.
+
+    Numbers in maths, labels, raw text, statements and arguments of calls are no prose.
+    """
+    prose = _blanked(_CALL, _blanked(_NOT_PROSE, text))
+    return [
+        (n, found[0])
+        for n, line in enumerate(prose.splitlines(), start=1)
+        for found in _NUMBER.finditer(line)
+    ]
+
+
+def check_source(sources: list[Path], checked: Path) -> None:
+    """Refuse a source with typed numbers; write which files were found right."""
+    wrong = [
+        f"{s.name} line {n}: '{number}'"
+        for s in sources
+        for n, number in naked_numbers(s.read_text(encoding="utf-8"))
+    ]
+    if wrong:
+        raise GesError(
+            f'numbers typed into the paper: {"; ".join(wrong)}; read them with #num("name") from'
+            " numbers.json"
+        )
+    write_json(checked, {source.name: sha256(source) for source in sources})
+
+
+def write_facts(made: list[Path], makers: dict[str, str], code: Code, facts: Path) -> None:
+    """Origin of every table and figure: the rule that made it, the hash of its data, the commit.
+
+    A figure is known by the data file beside its picture.
+    """
+    state = code.commit + (" with changes" if code.modified else "")
+    write_json(
+        facts,
+        {f.stem: {"rule": makers[str(f)], "data": sha256(f)[:12], "commit": state} for f in made},
+    )
+
+
+def write_settings(study: Study, settings: Path) -> None:
+    """The configuration as JSON, from which the text quotes settings."""
+    write_json(settings, study.model_dump(mode="json"))
+
+
+def _cell(value: object) -> str:
+    text = f"{value:.4g}" if isinstance(value, float) else str(value)
+    return (
+        text.replace("\\", r"\textbackslash{}")
+        .translate({ord(c): f"\\{c}" for c in "&%$#_{}"})
+        .replace("nan", "--")
+    )
+
+
+def write_latex(table: Path, facts: Path, fragment: Path) -> None:
+    """A table as a LaTeX tabular (booktabs) whose last line says where it comes from."""
+    import pandas as pd
+
+    frame = pd.read_csv(table)
+    origin = json.loads(facts.read_text())[table.stem]
+    head = " & ".join(_cell(c.replace("_", " ")) for c in frame.columns)
+    rows = [" & ".join(map(_cell, row)) + r" \\" for row in frame.itertuples(index=False)]
+    foot = f"% rule {origin['rule']}, data {origin['data']}, commit {origin['commit']}"
+    columns = "".join("r" if kind.kind in "fi" else "l" for kind in frame.dtypes)
+    body = [
+        rf"\begin{{tabular}}{{{columns}}}",
+        r"\toprule",
+        head + r" \\",
+        r"\midrule",
+        *rows,
+        r"\bottomrule",
+        r"\end{tabular}",
+    ]
+    write_text(fragment, "\n".join([*body, foot]) + "\n")
+
+
+def render(main: Path, results: Path, pdf: Path) -> None:
+    """Compile the paper; its source reads tables, figures and numbers below ``results``.
+
+    Only fonts that come with the compiler are used, and no date is written, so equal results give
+    equal bytes.
+    """
+    import typst
+
+    root = os.path.commonpath([main.resolve(), results.resolve()])
+    inside = "/" + str(results.resolve().relative_to(root))
+    try:
+        content = typst.compile(
+            str(main.resolve()), root=root, ignore_system_fonts=True, sys_inputs={"results": inside}
+        )
+    except typst.TypstError as error:
+        where = re.search(r"┌─ (\S+)", error.diagnostic)
+        raise GesError(
+            f"the paper cannot be rendered: {where[1] + ': ' if where else ''}{error}"
+        ) from None
+    with replacing(pdf) as new:
+        new.write_bytes(content)

@@ -1,0 +1,398 @@
+"""What a run of the workflow was made of: one manifest a run, written after everything else.
+
+A manifest lies in ``results/runs/<id>/manifest.json``. Its id is made from the configuration and
+the project's files, so that the same question asked with the same code has the same id, whatever
+the machine and the day.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import itertools
+import json
+import os
+import platform
+import re
+import subprocess
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from ges.errors import GesError, unknown_name
+from ges.files import sha256, write_json
+from ges.study.config import Study
+
+
+class Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Output(Strict):
+    """One file that the run made."""
+
+    rule: str = Field(description="workflow rule that made it")
+    sha256: str = Field(pattern="^[0-9a-f]{64}$")
+    size_bytes: int = Field(ge=0)
+
+
+class Code(Strict):
+    """State of the project's files."""
+
+    commit: str = Field(description="git commit, 'unknown' outside a checkout")
+    modified: bool = Field(description="files differed from the commit")
+    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="hash over the project's files")
+
+
+class Environment(Strict):
+    """Where it ran."""
+
+    python: str
+    platform: str
+    processor: str
+    cores: int
+    compiler: str
+    packages: dict[str, str] = Field(description="installed package versions")
+
+
+class Timing(Strict):
+    """Cost of one job, named ``<stage>/<job>``."""
+
+    wall_s: float
+    cpu_s: float | None
+    peak_MiB: float | None
+    started_s: float = Field(description="after the first job of those recorded began")
+    starting_cpu_s: float | None = Field(
+        description="part of cpu_s before the work began: interpreter and imports"
+    )
+
+
+class Manifest(Strict):
+    """Everything that is needed to say where a number comes from, and to check that it is still
+    there.
+    """
+
+    manifest_version: int = Field(ge=1, le=1)
+    id: str
+    config: dict[str, Any]
+    config_sha256: str
+    code: Code
+    environment: Environment
+    seeds: dict[str, list[int]]
+    inputs: dict[str, str] = Field(
+        description="sha256 of the project's files, and of recordings, that were read"
+    )
+    outputs: dict[str, Output]
+    metrics: dict[str, float]
+    timings: dict[str, Timing]
+
+
+def config_hash(config: Mapping[str, Any]) -> str:
+    """Hash of a configuration, independent of the order and the layout of its file."""
+    return hashlib.sha256(json.dumps(config, sort_keys=True).encode()).hexdigest()
+
+
+def run_id(config: Mapping[str, Any], code_sha256: str) -> str:
+    """Id of the run of a configuration with given code."""
+    return f"{config_hash(config)[:8]}-{code_sha256[:8]}"
+
+
+def _said(*command: str, cwd: Path | None = None) -> str:
+    try:
+        done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return done.stdout.strip()
+
+
+def commit(root: Path) -> tuple[str, bool]:
+    """Commit of a checkout and whether tracked files differ from it."""
+    found = _said("git", "rev-parse", "--short=10", "HEAD", cwd=root) or "unknown"
+    return found, bool(_said("git", "status", "--porcelain", "--untracked-files=no", cwd=root))
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor() or "unknown"
+    return next(
+        (line.partition(":")[2].strip() for line in lines if line.startswith("model name")),
+        "unknown",
+    )
+
+
+def _environment() -> Environment:
+    versions = {d.metadata["Name"].lower(): d.version for d in importlib.metadata.distributions()}
+    compiler = _said(*os.environ.get("CC", "cc").split(), "--version").partition("\n")[0]
+    return Environment(
+        python=platform.python_version(),
+        platform=f"{platform.system()} {platform.machine()}",
+        processor=_processor(),
+        cores=os.cpu_count() or 1,
+        compiler=compiler or "unknown",
+        packages=dict(sorted(versions.items())),
+    )
+
+
+def _number(text: str) -> float | None:
+    return None if text in {"-", "NA", ""} else float(text)
+
+
+def _logged(log: Path, what: str) -> float | None:
+    """Processor time that a job's log gives for ``what``."""
+    found = (
+        re.search(rf"([\d.]+) s of processor time {what}", log.read_text(errors="replace"))
+        if log.is_file()
+        else None
+    )
+    return float(found[1]) if found else None
+
+
+def _timing(path: Path, log: Path) -> dict[str, float | None]:
+    """Cost of a job; its own word on processor time goes before the benchmark's, which misses what
+    ends between two looks.
+    """
+    keys, values = (line.split("\t") for line in path.read_text().splitlines()[:2])
+    row = dict(zip(keys, values, strict=True))
+    spent = {
+        "wall_s": float(row["s"]),
+        "cpu_s": _logged(log, "in all"),
+        "peak_MiB": _number(row["max_rss"]),
+    }
+    if spent["cpu_s"] is None:
+        spent["cpu_s"] = _number(row["cpu_time"])
+    return {
+        **spent,
+        "started_s": path.stat().st_mtime - float(row["s"]),
+        "starting_cpu_s": _logged(log, "to start"),
+    }
+
+
+def _timings(folder: Path, logs: Path) -> dict[str, Timing]:
+    """Timing of every job; a benchmark file is written when its job ends."""
+    names = {
+        f: f.relative_to(folder).with_suffix("").as_posix() for f in sorted(folder.rglob("*.tsv"))
+    }
+    rows = {name: _timing(f, logs / f"{name}.log") for f, name in names.items()}
+    first = min((row["started_s"] for row in rows.values()), default=0.0)
+    return {
+        name: Timing(**{**row, "started_s": round(row["started_s"] - first, 2)})
+        for name, row in rows.items()
+    }
+
+
+def write_manifest(
+    made: list[Path],
+    numbers: Path,
+    study: Study,
+    makers: dict[str, str],
+    read: dict[str, str],
+    code: Code,
+    benchmarks: Path,
+    logs: Path,
+    manifest: Path,
+) -> None:
+    """Write the manifest of a finished run.
+
+    Parameters
+    ----------
+    made : every result; named in the manifest as given, relative to where the workflow ran.
+    numbers : JSON of the numbers quoted in the paper, the run's metrics.
+    makers : rule that made each result.
+    read : sha256 of the files that the run read.
+    benchmarks, logs : folders of Snakemake's benchmark files and of the logs, a folder a stage in
+        each.
+    """
+    config = study.model_dump(mode="json")
+    values = {name: entry["value"] for name, entry in json.loads(numbers.read_text()).items()}
+    record = Manifest(
+        manifest_version=1,
+        id=run_id(config, code.sha256),
+        config=config,
+        config_sha256=config_hash(config),
+        code=code,
+        environment=_environment(),
+        seeds={name: getattr(study.seeds, name).list() for name in type(study.seeds).model_fields},
+        inputs=read,
+        outputs={
+            str(f): Output(rule=makers[str(f)], sha256=sha256(f), size_bytes=f.stat().st_size)
+            for f in made
+            if f.is_file()
+        },
+        metrics={name: value for name, value in values.items() if isinstance(value, int | float)},
+        timings=_timings(benchmarks, logs),
+    )
+    write_json(manifest, record.model_dump(mode="json"))
+
+
+class Cost(NamedTuple):
+    """What a stage, or the whole run, took."""
+
+    jobs: int
+    wall_s: float
+    cpu_s: float
+    starting_cpu_s: float
+    peak_MiB: float
+
+
+def _together(timings: Iterable[Timing]) -> Iterator[tuple[float, list[Timing]]]:
+    """Stretches of time between starts and ends of jobs: length, and the jobs that ran in it."""
+    timings = list(timings)
+    edges = sorted({edge for t in timings for edge in (t.started_s, t.started_s + t.wall_s)})
+    for low, high in itertools.pairwise(edges):
+        yield (
+            high - low,
+            [t for t in timings if t.started_s < high and t.started_s + t.wall_s > low],
+        )
+
+
+def cost(timings: Collection[Timing]) -> Cost:
+    """Cost of jobs: time in which any of them ran, and the most memory that those running at once
+    can have held.
+    """
+    stretches = [(length, jobs) for length, jobs in _together(timings) if jobs]
+    return Cost(
+        jobs=len(timings),
+        wall_s=sum(length for length, _ in stretches),
+        cpu_s=sum(t.cpu_s or 0.0 for t in timings),
+        starting_cpu_s=sum(t.starting_cpu_s or 0.0 for t in timings),
+        peak_MiB=max((sum(t.peak_MiB or 0.0 for t in jobs) for _, jobs in stretches), default=0.0),
+    )
+
+
+def stages(run: Manifest) -> dict[str, Cost]:
+    """Cost of every stage of a run, in the order in which they began, and of the whole
+    under 'all'.
+    """
+    groups: dict[str, list[Timing]] = {}
+    for name, timing in sorted(run.timings.items(), key=lambda item: item[1].started_s):
+        groups.setdefault(name.partition("/")[0], []).append(timing)
+    return {
+        **{name: cost(group) for name, group in groups.items()},
+        "all": cost(run.timings.values()),
+    }
+
+
+def load_manifest(path: Path) -> Manifest:
+    """Read and check a manifest."""
+    try:
+        return Manifest.model_validate_json(path.read_bytes())
+    except (OSError, ValidationError) as error:
+        said = (
+            error.errors()[0]
+            if isinstance(error, ValidationError)
+            else {"loc": (), "msg": str(error)}
+        )
+        where = ".".join(map(str, said["loc"]))
+        raise GesError(
+            f"manifest {path}: {where}: {said['msg']}; run the workflow again to write it anew"
+        ) from None
+
+
+def manifests(results: Path) -> dict[str, Path]:
+    """Manifest file of every run below a results folder, newest last."""
+    found = sorted(
+        results.glob("runs/*/manifest.json"), key=lambda f: (f.stat().st_mtime, f.parent.name)
+    )
+    return {f.parent.name: f for f in found}
+
+
+def find(results: Path, name: str) -> Manifest:
+    """The run whose id is, or begins with, ``name``; 'latest' is the newest."""
+    known = manifests(results)
+    if not known:
+        raise GesError(
+            f"no run in {results / 'runs'}; 'make all' makes one, --results names another folder"
+        )
+    fitting = (
+        [list(known)[-1]] if name == "latest" else [run for run in known if run.startswith(name)]
+    )
+    if len(fitting) != 1:
+        raise (
+            unknown_name("run", name, known)
+            if not fitting
+            else GesError(f"run '{name}' may be " + " or ".join(fitting))
+        )
+    return load_manifest(known[fitting[0]])
+
+
+def changed_files(run: Manifest, folder: Path) -> dict[str, str]:
+    """Outputs of a run that are no longer what they were: name to 'missing' or 'changed'."""
+    wrong = {}
+    for name, output in run.outputs.items():
+        file = folder / name
+        if not file.is_file():
+            wrong[name] = "missing"
+        elif sha256(file) != output.sha256:
+            wrong[name] = "changed"
+    return wrong
+
+
+def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested keys as dotted ones."""
+    rows: dict[str, Any] = {}
+    for key, value in tree.items():
+        rows |= (
+            flat(value, f"{prefix}{key}.")
+            if isinstance(value, Mapping)
+            else {f"{prefix}{key}": value}
+        )
+    return rows
+
+
+def differences(a: Manifest, b: Manifest) -> dict[str, dict[str, tuple[Any, Any]]]:
+    """What differs between two runs: group to key to the two values (``None`` where one
+    has none).
+    """
+
+    def facts(run: Manifest) -> dict[str, dict[str, Any]]:
+        return {
+            "config": flat(run.config),
+            "code": {"commit": run.code.commit, "sha256": run.code.sha256},
+            "environment": flat(run.environment.model_dump()),
+            "metrics": run.metrics,
+            "outputs": {name: output.sha256 for name, output in run.outputs.items()},
+        }
+
+    both = ((group, facts(a)[group], facts(b)[group]) for group in facts(a))
+    return {
+        group: {k: (x.get(k), y.get(k)) for k in sorted({*x, *y}) if x.get(k) != y.get(k)}
+        for group, x, y in both
+        if x != y
+    }
+
+
+def export_mlflow(run: Manifest, uri: str, experiment: str) -> str:
+    """Write a run into an MLflow store, by one writer, once; returns MLflow's own run id.
+
+    ``uri`` is a tracking address, or the name of an SQLite file.
+    """
+    try:
+        import mlflow
+    except ImportError:
+        raise GesError("MLflow is not installed; uv pip install 'ges[mlflow]' adds it") from None
+    mlflow.set_tracking_uri(uri if "://" in uri else f"sqlite:///{Path(uri).resolve()}")
+    mlflow.set_experiment(experiment)
+    same = f"attributes.run_name = '{run.id}'"
+    if known := mlflow.search_runs(
+        experiment_names=[experiment], filter_string=same, output_format="list"
+    ):
+        return known[0].info.run_id
+    with mlflow.start_run(run_name=run.id) as started:
+        mlflow.log_params({key: str(value) for key, value in flat(run.config).items()})
+        mlflow.log_metrics(run.metrics)
+        mlflow.log_metrics(
+            {f"wall_s/{name}": timing.wall_s for name, timing in run.timings.items()}
+        )
+        mlflow.set_tags(
+            {
+                "commit": run.code.commit,
+                "modified": run.code.modified,
+                "config_sha256": run.config_sha256,
+            }
+        )
+        mlflow.log_dict(run.model_dump(mode="json"), "manifest.json")
+    return started.info.run_id

@@ -1,0 +1,57 @@
+"""Which files a piece of the package depends on, read from its import statements."""
+
+from __future__ import annotations
+
+import ast
+import functools
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def module_file(module: str) -> Path | None:
+    """File of a module of this package, ``None`` if there is none of that name."""
+    parts = module.split(".")
+    if parts[0] != PACKAGE.name:
+        return None
+    base = PACKAGE.joinpath(*parts[1:])
+    found = [f for f in (base / "__init__.py", base.with_suffix(".py")) if f.is_file()]
+    return found[0] if found else None
+
+
+@functools.cache
+def _imported(module: str) -> tuple[str, ...]:
+    """Names that a module imports, absolute; of ``from x import y`` both x and x.y, one of which
+    may be no module.
+    """
+    names: list[str] = []
+    file = module_file(module)
+    package = module if file.name == "__init__.py" else module.rpartition(".")[0]
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            up = (
+                package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            )
+            base = ".".join([*up, *([node.module] if node.module else [])])
+            names += [base, *(f"{base}.{alias.name}" for alias in node.names)]
+    return tuple(names)
+
+
+@functools.cache
+def sources(module: str) -> tuple[Path, ...]:
+    """Files of this package that importing ``module`` can run, itself included.
+
+    A function that runs with the same inputs and the same sources gives the same result, so a
+    workflow rule that names these files as its input is run again when one of them changes, and
+    only then.
+    """
+    todo, found = [module], {}
+    while todo:
+        name = todo.pop()
+        file = module_file(name)
+        if file is not None and name not in found:
+            found[name] = file
+            todo += [name.rpartition(".")[0], *_imported(name)]
+    return tuple(sorted(found.values()))

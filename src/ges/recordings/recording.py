@@ -1,0 +1,314 @@
+"""Recording sets: a folder with a vehicle file and one Parquet file a flight.
+
+Columns are quantities, floats in SI, NaN where a sample is missing; ``t_s`` is required and
+strictly increasing, not necessarily regular. Columns that are not known are kept and ignored.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+from scipy.spatial.transform import Rotation
+
+from ges.conventions import BODY_RATE, POSITION, POSITION_REF, QUATERNION, SPECIFIC_FORCE, VELOCITY, VELOCITY_REF
+from ges.errors import GesError
+from ges.files import replacing
+from ges.vehicle.file import Vehicle, load_vehicle, save_vehicle
+
+_ROTOR_UNITS = ((r"rotor_speed_[1-9]\d*_rad_s", "rad/s"), (r"motor_current_[1-9]\d*_A", "A"), (r"u_[1-9]\d*", "1"))
+_UNITS = {
+    "t_s": "s", "battery_V": "V", "battery_A": "A", "range_m": "m", "ground_z_m": "m", "yaw_ref_rad": "rad",
+    **dict.fromkeys(POSITION + POSITION_REF, "m"), **dict.fromkeys(VELOCITY + VELOCITY_REF, "m/s"),
+    **dict.fromkeys(QUATERNION, "1"), **dict.fromkeys(BODY_RATE, "rad/s"), **dict.fromkeys(SPECIFIC_FORCE, "m/s^2"),
+}
+
+_FAR = 4.0  # rotor speeds over hover that no vehicle reaches; rpm are 9.5 times too large
+_DEGREES = 20.0  # body rates over what the attitude does; degrees are 57 times too large
+_LOWEST_FORCE_M_S2 = 3.0  # no vehicle falls freely most of the time
+_AGAINST = 0.8  # correlation beyond which two columns say the same, or the opposite
+_SCALED = 3.0  # times as fast; feet, centimetres and millimetres are beyond
+_FEWEST = 50
+
+# Largest believable magnitude of a column in its unit, and what is usually wrong beyond it.
+_PLAUSIBLE = (
+    ("p_", 1e5, "it looks like millimetres; convert to m"),
+    ("v_", 300.0, "it looks like millimetres per second; convert to m/s"),
+    ("rotor_speed_", 4500.0, "it looks like rpm; convert to rad/s"),
+    ("omega_", 60.0, "it looks like degrees per second; convert to rad/s"),
+    ("acc_", 400.0, "it looks like a raw count or mm/s^2; convert to m/s^2"),
+    ("battery_V", 200.0, "it looks like millivolts; convert to V"),
+    ("range_m", 500.0, "it looks like millimetres; convert to m"),
+    ("u_", 1.5, "commands are 0..1; divide by the full scale"),
+    ("q_", 1.1, "quaternions have norm 1"),
+    ("yaw_ref_rad", 30.0, "it looks like degrees; convert to rad"),
+)
+
+
+def unit_of(column: str) -> str | None:
+    """Unit of a known column, None for a column that is only kept."""
+    if column in _UNITS:
+        return _UNITS[column]
+    return next((unit for form, unit in _ROTOR_UNITS if re.fullmatch(form, column)), None)
+
+
+@dataclasses.dataclass(frozen=True)
+class Flight:
+    """One recorded flight: a name for people, and the table."""
+
+    name: str
+    frame: pd.DataFrame
+
+
+@dataclasses.dataclass(frozen=True)
+class RecordingSet:
+    """Flights of one vehicle, and what was noticed when they were read."""
+
+    vehicle: Vehicle
+    flights: tuple[Flight, ...]
+    folder: Path
+    warnings: tuple[str, ...] = ()
+
+    def ground(self):
+        """Ground under the flights."""
+        return self.vehicle.ground(self.folder)
+
+
+def _check_time(name: str, frame: pd.DataFrame) -> None:
+    if "t_s" not in frame:
+        raise GesError(f"{name} has no column t_s; every flight needs its time in seconds")
+    if len(frame) < 2:
+        raise GesError(f"{name} holds {len(frame)} samples; a flight needs two or more")
+    t = frame["t_s"].to_numpy()
+    if not np.all(np.isfinite(t)):
+        raise GesError(f"{name}: t_s is not a finite number in row {int(np.argmin(np.isfinite(t)))}")
+    step = np.diff(t)
+    if not np.all(step > 0):
+        row = int(np.argmax(step <= 0))
+        raise GesError(
+            f"{name}: t_s does not increase after row {row} ({t[row]:g} s, then {t[row + 1]:g} s); sort or drop repeats"
+        )
+
+
+def _rms(values: np.ndarray) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite**2))) if len(finite) else 0.0
+
+
+def _turning(frame: pd.DataFrame) -> np.ndarray:
+    """Body rates (n - 1, 3) that the attitudes imply, rad/s; NaN where one of two is missing."""
+    q = frame[list(QUATERNION)].to_numpy(dtype=float)
+    good = np.isfinite(q).all(axis=1) & (np.linalg.norm(q, axis=1) > 0)
+    turned = Rotation.from_quat(np.where(good[:, None], q, [1.0, 0.0, 0.0, 0.0]), scalar_first=True)
+    rates = (turned[:-1].inv() * turned[1:]).as_rotvec() / np.diff(frame["t_s"].to_numpy(dtype=float))[:, None]
+    return np.where((good[1:] & good[:-1])[:, None], rates, np.nan)
+
+
+def _agreement(a: np.ndarray, b: np.ndarray) -> float:
+    """Correlation of two signals where both are there; 0 where one of them stands still."""
+    both = np.isfinite(a) & np.isfinite(b)
+    if both.sum() < _FEWEST or np.std(a[both]) == 0 or np.std(b[both]) == 0:
+        return 0.0
+    return float(np.corrcoef(a[both], b[both])[0, 1])
+
+
+def _contradiction(name: str, frame: pd.DataFrame, hover_rad_s: float) -> str | None:
+    """A unit or an axis that the other columns or the vehicle's weight refute, in one sentence with
+    what to do.
+    """
+    checks = (_too_fast(frame, hover_rad_s), _wrong_force(frame), _wrong_rates(frame), _wrong_velocity(frame))
+    return next((f"{name}: {told}" for told in checks if told), None)
+
+
+def _too_fast(frame: pd.DataFrame, hover_rad_s: float) -> str | None:
+    speeds = [c for c in frame if c.startswith("rotor_speed_") and unit_of(c)]
+    top = max((float(np.nanquantile(frame[c], 0.95)) for c in speeds), default=0.0)
+    if top > _FAR * hover_rad_s:
+        return (f"rotor speeds reach {top:.0f} rad/s where the vehicle hovers at {hover_rad_s:.0f}: they look like rpm; "
+                "convert to rad/s or mend the vehicle's thrust coefficient")
+    return None
+
+
+def _wrong_force(frame: pd.DataFrame) -> str | None:
+    if not all(name in frame for name in SPECIFIC_FORCE):
+        return None
+    size = float(np.nanmedian(np.linalg.norm(frame[list(SPECIFIC_FORCE)], axis=1)))
+    if 0 < size < _LOWEST_FORCE_M_S2:
+        return f"the accelerometer reads {size:.2g} m/s^2 most of the time: it looks like g; convert to m/s^2"
+    along = float(np.nanmedian(frame["acc_z_m_s2"]))
+    if along < -_LOWEST_FORCE_M_S2:
+        return (f"acc_z_m_s2 reads {along:.2g} most of the time: z points down; the body frame is forward-left-up, so negate y "
+                "and z of accelerometer and gyro")
+    return None
+
+
+def _wrong_rates(frame: pd.DataFrame) -> str | None:
+    if not all(name in frame for name in (*QUATERNION, *BODY_RATE)):
+        return None
+    turning, rates = _turning(frame), frame[list(BODY_RATE)].to_numpy(dtype=float)
+    logged, implied = _rms(np.linalg.norm(rates, axis=1)), _rms(np.linalg.norm(turning, axis=1))
+    if logged > _DEGREES * implied > 0:
+        return f"body rates of {logged:.2g} rad/s where the attitude turns at {implied:.2g}; they look like deg/s, convert them"
+    for k, column in enumerate(BODY_RATE):
+        if _agreement(rates[1:, k], turning[:, k]) < -_AGAINST:
+            return (f"{column} runs against the attitude: one of them is not forward-left-up in east-north-up; a log in "
+                    "forward-right-down needs y and z negated")
+    return None
+
+
+def _wrong_velocity(frame: pd.DataFrame) -> str | None:
+    t_s = frame["t_s"].to_numpy(dtype=float)
+    for position, velocity in zip(POSITION, VELOCITY, strict=True):
+        if position not in frame or velocity not in frame:
+            continue
+        p, v = (frame[c].interpolate().rolling(_over(t_s), center=True).mean().to_numpy() for c in (position, velocity))
+        moving = np.gradient(p, t_s)
+        if _agreement(moving, v) < -_AGAINST:
+            return f"{velocity} runs against {position}: one of them points the other way (down, in north-east-down); negate it"
+        if _agreement(moving, v) > _AGAINST and not 1.0 / _SCALED < (ratio := np.nanstd(moving) / np.nanstd(v)) < _SCALED:
+            return f"{position} moves {ratio:.2g} times as fast as {velocity} says: one of them is not in metres and seconds"
+    return None
+
+
+def _over(t_s: np.ndarray) -> int:
+    """Rows in a quarter of a second."""
+    return max(3, int(0.25 / np.median(np.diff(t_s))))
+
+
+def _implausible(name: str, column: str, values: np.ndarray) -> str | None:
+    for prefix, bound, hint in _PLAUSIBLE:
+        if column.startswith(prefix) and unit_of(column):
+            size = float(np.nanquantile(np.abs(values), 0.95))
+            return f"{name}: {column} reaches {size:g} {unit_of(column)}: {hint}" if size > bound else None
+    return None
+
+
+def checked_frame(name: str, frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """Check one flight's table: floats, increasing time, no empty channel, believable units.
+
+    Returns
+    -------
+    frame, warnings : the table without channels that hold no sample, and a sentence for each of
+        those.
+
+    Raises
+    ------
+    GesError
+        One sentence naming flight, column, value and remedy.
+    """
+    _check_time(name, frame)
+    warnings, empty = [], []
+    for column in frame.columns:
+        if not unit_of(column):
+            continue
+        if not pd.api.types.is_numeric_dtype(frame[column]):
+            raise GesError(f"{name}: column {column} holds {frame[column].dtype}, not numbers")
+        values = frame[column].to_numpy(dtype=float)
+        if np.any(np.isinf(values)):
+            raise GesError(
+                f"{name}: {column} is infinite in row {int(np.argmax(np.isinf(values)))}; write NaN for a missing sample"
+            )
+        if np.all(np.isnan(values)):
+            empty.append(column)
+            warnings.append(f"{name}: {column} holds no sample (all NaN); it is left out")
+        elif problem := _implausible(name, column, values):
+            raise GesError(problem)
+    numbers = frame.drop(columns=empty)
+    return numbers.astype({c: float for c in numbers.columns if unit_of(c)}), warnings
+
+
+def make_set(vehicle: Vehicle, frames: Iterable[tuple[str, pd.DataFrame]], folder: Path | str = ".") -> RecordingSet:
+    """Recording set from tables in memory, checked, also against the vehicle."""
+    flights, warnings = [], []
+    hover = vehicle.hover_speed_rad_s()
+    for name, frame in frames:
+        good, noticed = checked_frame(name, frame)
+        if problem := _contradiction(name, good, hover):
+            raise GesError(problem)
+        flights.append(Flight(name, good))
+        warnings += noticed
+    return RecordingSet(vehicle, tuple(flights), Path(folder), tuple(warnings))
+
+
+def load_set(folder: str | Path, least: int = 2) -> RecordingSet:
+    """Read a recording set.
+
+    Parameters
+    ----------
+    folder : holds vehicle.yaml and the flights' Parquet files, read in the order of their names.
+    least : how many flights there must be.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise GesError(f"there is no folder {folder}; a recording set is a folder with vehicle.yaml and *.parquet")
+    if not (folder / "vehicle.yaml").exists():
+        raise GesError(f"{folder} has no vehicle.yaml; add the vehicle file to make it a recording set")
+    paths = sorted(folder.glob("*.parquet"))
+    if len(paths) < least:
+        held = "1 flight" if len(paths) == 1 else f"{len(paths)} flights"
+        raise GesError(f"{folder} holds {held} (*.parquet); needed are {least} or more; 'ges import --parts 4' cuts a long log")
+    return make_set(load_vehicle(folder / "vehicle.yaml"), ((p.stem, _read(p)) for p in paths), folder)
+
+
+def _read(path: Path) -> pd.DataFrame:
+    try:
+        table = pq.read_table(path)
+    except (OSError, pa.ArrowException) as error:
+        raise GesError(f"{path.name} is not a readable Parquet file: {str(error).splitlines()[0]}") from None
+    for field in table.schema:
+        told, known = (field.metadata or {}).get(b"unit", b"").decode(), unit_of(field.name)
+        if told and known and told != known:
+            raise GesError(f"{path.name}: the file calls {field.name} a number of {told}; it must be {known}")
+    return table.to_pandas(ignore_metadata=True)
+
+
+def write_flight(path: Path, frame: pd.DataFrame) -> None:
+    """Write one flight, units in the metadata; complete or not at all."""
+    table = pa.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None)
+    fields = [f.with_type(pa.float64()).with_metadata({"unit": unit}) if (unit := unit_of(f.name)) else f for f in table.schema]
+    with replacing(path) as new:
+        pq.write_table(table.cast(pa.schema(fields)), new)
+
+
+def write_set(folder: str | Path, vehicle: Vehicle, frames: Iterable[tuple[str, pd.DataFrame]]) -> None:
+    """Write a recording set: vehicle.yaml and a Parquet file a flight.
+
+    Raises
+    ------
+    GesError
+        When the folder already holds other flights, which would become part of the set.
+    """
+    folder, frames = Path(folder), dict(frames)
+    others = sorted(p.name for p in folder.glob("*.parquet") if p.stem not in frames)
+    if others:
+        raise GesError(f"{folder} already holds other flights ({', '.join(others[:3])}); remove them or name another folder")
+    save_vehicle(vehicle, folder / "vehicle.yaml")
+    for name, frame in frames.items():
+        write_flight(folder / f"{name}.parquet", frame)
+
+
+def require_drive(recordings: RecordingSet) -> None:
+    """Refuse flights that tell nothing of the drive.
+
+    Raises
+    ------
+    GesError
+        When there is no flight, or one has neither rotor speeds nor motor commands.
+    """
+    if not recordings.flights:
+        raise GesError("there is no flight among the recordings; give one table at least, a row a sample, with the columns of "
+                       "docs/importing.md")
+    n = len(recordings.vehicle.rotors)
+    for flight in recordings.flights:
+        complete = [
+            all(f"{p}{i}{s}" in flight.frame for i in range(1, n + 1)) for p, s in (("rotor_speed_", "_rad_s"), ("u_", ""))
+        ]
+        if not any(complete):
+            raise GesError(f"{flight.name} has neither rotor speeds (rotor_speed_1_rad_s ...) nor commands (u_1 ...) of all "
+                           f"{n} rotors; log one of them to diagnose forces")

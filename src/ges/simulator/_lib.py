@@ -1,0 +1,303 @@
+"""The border to the C simulator: the only module that knows ctypes.
+
+The interface is ``sim_c/include/ges.h``. The library is ``$GES_LIBRARY`` if set, else
+``build/libges.so`` at the top of the checkout. Python crosses this border once a batch of flights
+or a recording, never once a step.
+"""
+
+from __future__ import annotations
+
+import ctypes as ct
+import functools
+import os
+from pathlib import Path
+
+import numpy as np
+
+from ges.errors import GesError
+
+ABI = 2
+MAX_EFFECTS, MAX_PARAMETERS = 40, 12
+REFERENCE_COLUMNS, REPLAY_COLUMNS = 14, 12
+_ERROR_SIZE = 512
+_double_p = ct.POINTER(ct.c_double)
+
+
+class CParameter(ct.Structure):
+    _fields_ = [(n, ct.c_char_p) for n in ("name", "unit", "doc")] + [
+        (n, ct.c_double) for n in ("value", "low", "high")
+    ]
+
+
+class CColumn(ct.Structure):
+    _fields_ = [(n, ct.c_char_p) for n in ("name", "unit", "doc")]
+
+
+class CEffectParameter(ct.Structure):
+    _fields_ = [(n, ct.c_char_p) for n in ("name", "unit", "doc")] + [
+        (n, ct.c_double) for n in ("value", "neutral", "low", "high")
+    ]
+
+
+class CEffectInfo(ct.Structure):
+    _fields_ = (
+        [
+            (n, ct.c_char_p)
+            for n in ("name", "title", "equation", "reference", "modifies", "channels")
+        ]
+        + [(n, ct.c_int) for n in ("kind", "n_parameters", "n_states")]
+        + [("laws", ct.c_uint), ("parameters", ct.POINTER(CEffectParameter))]
+    )
+
+
+class CGrid(ct.Structure):
+    _fields_ = (
+        [("nx", ct.c_int), ("ny", ct.c_int)]
+        + [(n, ct.c_double) for n in ("x0_m", "y0_m", "dx_m", "dy_m")]
+        + [("z_m", _double_p)]
+    )
+
+
+class CEffects(ct.Structure):
+    _fields_ = [
+        ("n", ct.c_int),
+        ("id", ct.c_int * MAX_EFFECTS),
+        ("value", (ct.c_double * MAX_PARAMETERS) * MAX_EFFECTS),
+    ]
+
+
+class CFlight(ct.Structure):
+    _fields_ = [
+        ("parameters", _double_p),
+        ("effects", CEffects),
+        ("grid", ct.POINTER(CGrid)),
+        ("inputs", _double_p),
+        ("n_inputs", ct.c_int),
+        ("out", _double_p),
+        ("n_rows", ct.c_int),
+        ("stopped_row", ct.c_int),
+        ("stopped_t_s", ct.c_double),
+        ("stopped_field", ct.c_char_p),
+    ]
+
+
+def library_path() -> Path:
+    """Where the compiled simulator is looked for."""
+    given = os.environ.get("GES_LIBRARY")
+    return Path(given) if given else Path(__file__).resolve().parents[3] / "build" / "libges.so"
+
+
+@functools.lru_cache(maxsize=8)
+def load(path: Path | None = None) -> ct.CDLL:
+    """Load the compiled simulator.
+
+    Raises
+    ------
+    GesError
+        When it is missing or was built from another version of the sources.
+    """
+    path = path or library_path()
+    if not path.exists():
+        raise GesError(
+            f"the compiled simulator {path.name} is not at {path.parent}; build it with 'make"
+            " build'"
+        )
+    library = ct.CDLL(str(path))
+    if library.ges_abi() != ABI:
+        raise GesError(
+            f"{path.name} has interface {library.ges_abi()}, this package needs {ABI}; run 'make"
+            " build'"
+        )
+    library.ges_rows.argtypes = [_double_p]
+    library.ges_replay.argtypes = [
+        _double_p,
+        ct.POINTER(CEffects),
+        ct.c_int,
+        ct.POINTER(CGrid),
+        _double_p,
+        ct.c_int64,
+        _double_p,
+        ct.c_int,
+        ct.c_char_p,
+        ct.c_int,
+    ]
+    library.ges_terrain.argtypes = [
+        _double_p,
+        ct.POINTER(CGrid),
+        _double_p,
+        _double_p,
+        ct.c_int64,
+        _double_p,
+        _double_p,
+        _double_p,
+        _double_p,
+        ct.c_char_p,
+        ct.c_int,
+    ]
+    return library
+
+
+def _pointer(array: np.ndarray):
+    return array.ctypes.data_as(_double_p)
+
+
+def contiguous(array) -> np.ndarray:
+    """The same numbers as C doubles."""
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def _checked(call, *arguments) -> None:
+    error = ct.create_string_buffer(_ERROR_SIZE)
+    if call(*arguments, error, _ERROR_SIZE) != 1:
+        raise GesError(error.value.decode())
+
+
+def parameter_table() -> list[tuple[str, str, str, float, float, float]]:
+    """(name, unit, doc, default, low, high) of every number of a flight."""
+    table = ct.POINTER(CParameter)()
+    n = load().ges_parameters(ct.byref(table))
+    return [
+        (*(s.decode() for s in (p.name, p.unit, p.doc)), p.value, p.low, p.high) for p in table[:n]
+    ]
+
+
+def _column_list(table, n: int) -> list[tuple[str, str, str]]:
+    return [tuple(s.decode() for s in (c.name, c.unit, c.doc)) for c in table[:n]]
+
+
+def column_table() -> list[tuple[str, str, str]]:
+    """(name, unit, doc) of every recorded quantity."""
+    table = ct.POINTER(CColumn)()
+    n = load().ges_columns(ct.byref(table))
+    return _column_list(table, n)
+
+
+def replay_tables() -> tuple[list[tuple[str, str, str]], list[tuple[str, str, str]]]:
+    """(name, unit, doc) of what a replay reads and of what it gives."""
+    inputs, outputs = ct.POINTER(CColumn)(), ct.POINTER(CColumn)()
+    n_in, n_out = ct.c_int(), ct.c_int()
+    load().ges_replay_columns(ct.byref(inputs), ct.byref(n_in), ct.byref(outputs), ct.byref(n_out))
+    return _column_list(inputs, n_in.value), _column_list(outputs, n_out.value)
+
+
+def effect_infos() -> list[CEffectInfo]:
+    """Descriptor of every compiled effect, in the order of its number."""
+    library, infos = load(), []
+    for i in range(library.ges_effect_count()):
+        info = CEffectInfo()
+        library.ges_effect(i, ct.byref(info))
+        infos.append(info)
+    return infos
+
+
+def pack_effects(effects: list[tuple[int, list[float]]]) -> CEffects:
+    """Effects as (number, parameter values)."""
+    if len(effects) > MAX_EFFECTS:
+        raise GesError(f"{len(effects)} effects are switched on; at most {MAX_EFFECTS} at once")
+    packed = CEffects(n=len(effects))
+    for j, (number, values) in enumerate(effects):
+        packed.id[j] = number
+        packed.value[j][: len(values)] = values
+    return packed
+
+
+def pack_grid(x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> CGrid:
+    """Height map over uniform axes; keeps a reference to the heights."""
+    z_m = contiguous(z_m)
+    grid = CGrid(
+        len(x_m), len(y_m), x_m[0], y_m[0], x_m[1] - x_m[0], y_m[1] - y_m[0], _pointer(z_m)
+    )
+    grid.kept = z_m
+    return grid
+
+
+def _reference(grid: CGrid | None):
+    return ct.pointer(grid) if grid is not None else None
+
+
+def fly(
+    flights: list[tuple], columns: list[int], lanes: int
+) -> list[tuple[np.ndarray, float, str | None]]:
+    """Fly (parameters, CEffects, CGrid | None, inputs | None) each; give (rows x columns, stop
+    time, stopped field).
+    """
+    library, kept, batch = load(), [], (CFlight * len(flights))()
+    for c, (parameters, effects, grid, inputs) in zip(batch, flights, strict=True):
+        parameters = contiguous(parameters)
+        out = np.full((max(library.ges_rows(_pointer(parameters)), 0), len(columns)), np.nan)
+        c.parameters, c.effects, c.grid, c.out, c.n_rows = (
+            _pointer(parameters),
+            effects,
+            _reference(grid),
+            _pointer(out),
+            len(out),
+        )
+        if inputs is not None:
+            inputs = contiguous(inputs)
+            c.inputs, c.n_inputs = _pointer(inputs), len(inputs)
+        kept.append((parameters, out, inputs, grid))
+    _checked(
+        library.ges_fly,
+        batch,
+        len(flights),
+        (ct.c_int * len(columns))(*columns),
+        len(columns),
+        lanes,
+    )
+    return [
+        (out, c.stopped_t_s, c.stopped_field.decode() if c.stopped_field else None)
+        for c, (_, out, _, _) in zip(batch, kept, strict=True)
+    ]
+
+
+def replay(
+    parameters,
+    sets: list[CEffects],
+    grid: CGrid | None,
+    samples: np.ndarray,
+    n_outputs: int,
+    lanes: int,
+) -> np.ndarray:
+    """Model along recorded samples under each set of effects: (n_inputs, n) in, (n_sets, n_outputs,
+    n) out.
+    """
+    samples, parameters = contiguous(samples), contiguous(parameters)
+    out = np.empty((len(sets), n_outputs, samples.shape[1]))
+    _checked(
+        load().ges_replay,
+        _pointer(parameters),
+        (CEffects * len(sets))(*sets),
+        len(sets),
+        _reference(grid),
+        _pointer(samples),
+        samples.shape[1],
+        _pointer(out),
+        lanes,
+    )
+    return out
+
+
+def terrain(
+    parameters, grid: CGrid | None, x_m: np.ndarray, y_m: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    """Height, slope along x and y, and Laplacian of the ground at n points."""
+    x_m, y_m, parameters = contiguous(x_m), contiguous(y_m), contiguous(parameters)
+    out = [np.empty(len(x_m)) for _ in range(4)]
+    _checked(
+        load().ges_terrain,
+        _pointer(parameters),
+        _reference(grid),
+        _pointer(x_m),
+        _pointer(y_m),
+        len(x_m),
+        *map(_pointer, out),
+    )
+    return tuple(out)
+
+
+def network(features: np.ndarray) -> float:
+    """The exported network on 13 features, as the firmware computes it."""
+    given = np.ascontiguousarray(features, dtype=np.float32)
+    factor = ct.c_float()
+    load().ges_network(given.ctypes.data_as(ct.POINTER(ct.c_float)), ct.byref(factor))
+    return factor.value

@@ -1,0 +1,193 @@
+"""Fly: batches of flights in the compiled simulator.
+
+A flight is a flat table of named numbers (``parameters()``), the effects that are switched on, the
+ground, and, where needed, a table of references or of a replay. Many flights go in one call;
+results do not depend on how many, on the number of lanes, or on the machine.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ges.errors import UsageError, unknown_name
+from ges.simulator import _lib, effects
+from ges.simulator.terrain import Terrain
+
+MODES = ("none", "analytical", "oracle", "ml", "ml_direct", "ml_asym_clamp")
+
+
+@dataclasses.dataclass(frozen=True)
+class Parameter:
+    """One number of a flight, with its default and allowed bounds."""
+
+    name: str
+    unit: str
+    doc: str
+    default: float
+    low: float
+    high: float
+
+
+@functools.lru_cache(maxsize=1)
+def parameters() -> dict[str, Parameter]:
+    """Every number of a flight by name."""
+    return {row[0]: Parameter(*row) for row in _lib.parameter_table()}
+
+
+@functools.lru_cache(maxsize=1)
+def columns() -> dict[str, tuple[str, str]]:
+    """(unit, meaning) of every recorded quantity by name."""
+    return {name: (unit, doc) for name, unit, doc in _lib.column_table()}
+
+
+def parameter_vector(given: Mapping[str, float]) -> np.ndarray:
+    """All numbers of a flight in the library's order, defaults where not given."""
+    known = parameters()
+    for name in given:
+        if name not in known:
+            raise unknown_name("parameter", name, known)
+    return np.array([float(given.get(name, p.default)) for name, p in known.items()])
+
+
+@dataclasses.dataclass(frozen=True)
+class Flight:
+    """What is flown.
+
+    Parameters
+    ----------
+    parameters : numbers by name; defaults elsewhere. ``mode`` may also be a name of :data:`MODES`.
+    effects : effect name to its parameters (defaults elsewhere).
+    terrain : ground; procedural from the flight's seed if not given.
+    inputs : (n, 14) references with ``control`` 0: p_ref (3), v_ref (3), a_ref (3), yaw_ref,
+        excitation (3 rad/s^2, m/s^2); (n, 12) replay with ``control`` 1 (drive = commands) or 2
+        (drive = rotor speeds): drive (4), q (4), battery_V, omega (3). Rows are ``inputs_dt_s``
+        apart from t = 0.
+    """
+
+    parameters: Mapping[str, float | str] = dataclasses.field(default_factory=dict)
+    effects: effects.Effects = dataclasses.field(default_factory=dict)
+    terrain: Terrain = dataclasses.field(default_factory=Terrain.procedural)
+    inputs: np.ndarray | None = None
+
+    def numbers(self) -> dict[str, float]:
+        """Parameters with the terrain's, names of modes replaced by their numbers."""
+        given = {**self.terrain.parameters(), **self.parameters}
+        mode = given.get("mode")
+        if isinstance(mode, str):
+            if mode not in MODES:
+                raise unknown_name("feedforward mode", mode, MODES)
+            given["mode"] = float(MODES.index(mode))
+        return given
+
+
+@dataclasses.dataclass(frozen=True)
+class Record:
+    """One flown flight: ``columns`` by name, each of shape (n,); NaN from the row where a state
+    stopped being finite.
+    """
+
+    columns: dict[str, np.ndarray]
+    seed: int
+    stopped_t_s: float | None = None
+    stopped_field: str | None = None
+
+    @property
+    def status(self) -> str:
+        """'ok', or what went wrong and when."""
+        if self.stopped_field is None:
+            return "ok"
+        return (
+            f"seed {self.seed} stopped at t = {self.stopped_t_s:g} s: {self.stopped_field} is not"
+            " finite"
+        )
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.columns[name]
+
+
+def _column_numbers(wanted: Iterable[str] | None) -> tuple[list[str], list[int]]:
+    known = list(columns())
+    names = known if wanted is None else list(wanted)
+    for name in names:
+        if name not in known:
+            raise unknown_name("column", name, known)
+    return names, [known.index(name) for name in names]
+
+
+def _packed(flight: Flight) -> tuple:
+    numbers, ground = flight.numbers(), flight.terrain
+    width = _lib.REPLAY_COLUMNS if numbers.get("control", 0.0) else _lib.REFERENCE_COLUMNS
+    if flight.inputs is not None and (
+        np.ndim(flight.inputs) != 2 or np.shape(flight.inputs)[1] != width
+    ):
+        raise UsageError(
+            f"inputs have shape {np.shape(flight.inputs)}; this control takes (n, {width})"
+        )
+    grid = (
+        _lib.pack_grid(ground.x_m, ground.y_m, ground.heights_m) if ground.kind == "grid" else None
+    )
+    return parameter_vector(numbers), effects.pack(flight.effects), grid, flight.inputs
+
+
+def fly(
+    flights: Sequence[Flight], wanted: Iterable[str] | None = None, lanes: int = 0
+) -> list[Record]:
+    """Fly a batch.
+
+    Parameters
+    ----------
+    flights : any number; they need not resemble each other.
+    wanted : names of the columns to record; all if not given.
+    lanes : 0 lets the library choose; 1, 2, 4 and 8 give the same bits.
+
+    Raises
+    ------
+    GesError When a number is out of its bounds or an input table is missing; the message names
+    flight, value and bounds.
+    """
+    names, numbers = _column_numbers(wanted)
+    flown = _lib.fly([_packed(f) for f in flights], numbers, lanes)
+    seeds = [int(f.numbers().get("seed", parameters()["seed"].default)) for f in flights]
+    return [
+        Record(
+            dict(zip(names, np.ascontiguousarray(out.T), strict=True)),
+            seed,
+            t if field else None,
+            field,
+        )
+        for (out, t, field), seed in zip(flown, seeds, strict=True)
+    ]
+
+
+def write_script(
+    flights: Sequence[Flight], path: str | Path, wanted: Iterable[str] | None = None
+) -> None:
+    """Write flights (without height maps) as a text file that the program ``ges_sim`` flies to the
+    same bytes.
+    """
+    names, _ = _column_numbers(wanted)
+    lines = ["columns " + " ".join(names)]
+    for i, flight in enumerate(flights):
+        if flight.terrain.kind == "grid":
+            raise UsageError(
+                "ges_sim takes flat or procedural ground; this flight has a height map"
+            )
+        lines.append("flight")
+        lines += [f"{name} = {float(value).hex()}" for name, value in flight.numbers().items()]
+        for name, values in flight.effects.items():
+            lines.append(f"effect {name}")
+            lines += [
+                f"effect.{name}.{key} = {float(value).hex()}" for key, value in values.items()
+            ]
+        if flight.inputs is not None:
+            table = Path(path).with_suffix(f".inputs{i}.txt")
+            table.write_text(
+                "\n".join(" ".join(float(v).hex() for v in row) for row in flight.inputs) + "\n"
+            )
+            lines.append(f"inputs {table}")
+    Path(path).write_text("\n".join(lines) + "\n")

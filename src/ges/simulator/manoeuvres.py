@@ -1,0 +1,165 @@
+"""Manoeuvres: tables of references that the simulator's firmware, or a real autopilot's offboard
+mode, can follow.
+
+A table has 14 columns, ``STEP_S`` apart: position, velocity and acceleration reference (world),
+yaw, and an excitation that is added to the commanded angular acceleration (rad/s^2) and vertical
+acceleration (m/s^2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pandas as pd
+
+from ges.errors import GesError, unknown_name
+
+STEP_S = 0.02
+COLUMNS = (
+    "p_ref_x_m",
+    "p_ref_y_m",
+    "p_ref_z_m",
+    "v_ref_x_m_s",
+    "v_ref_y_m_s",
+    "v_ref_z_m_s",
+    "a_ref_x_m_s2",
+    "a_ref_y_m_s2",
+    "a_ref_z_m_s2",
+    "yaw_ref_rad",
+    "excite_x_rad_s2",
+    "excite_y_rad_s2",
+    "excite_z_rad_s2",
+    "excite_up_m_s2",
+)
+
+
+def _times(duration_s: float) -> np.ndarray:
+    return np.arange(int(round(duration_s / STEP_S)) + 1) * STEP_S
+
+
+def _along(t: np.ndarray, knots_s: list[float], points: np.ndarray) -> np.ndarray:
+    """Table that passes the points (n, 3) at the knots, at rest there, with quintic blends between
+    them.
+    """
+    table = np.zeros((len(t), 14))
+    leg = np.clip(np.searchsorted(knots_s, t, side="right") - 1, 0, len(knots_s) - 2)
+    start, length = np.asarray(knots_s)[leg], np.diff(knots_s)[leg]
+    s = np.clip((t - start) / length, 0, 1)[:, None]
+    step, length = (points[leg + 1] - points[leg]), length[:, None]
+    table[:, 0:3] = points[leg] + step * (10 * s**3 - 15 * s**4 + 6 * s**5)
+    table[:, 3:6] = step / length * (30 * s**2 - 60 * s**3 + 30 * s**4)
+    table[:, 6:9] = step / length**2 * (60 * s - 180 * s**2 + 120 * s**3)
+    return table
+
+
+def hover(duration_s: float = 30.0, height_m: float = 1.0) -> np.ndarray:
+    """Stand still."""
+    return _along(_times(duration_s), [0.0, duration_s], np.tile([0.0, 0.0, height_m], (2, 1)))
+
+
+def height_staircase(
+    duration_s: float = 60.0, low_m: float = 0.15, high_m: float = 1.5
+) -> np.ndarray:
+    """Down and up through a ladder of heights, holding each: ground effect against mass,
+    rangefinder and inflow.
+    """
+    ladder = np.geomspace(high_m, low_m, 6)
+    heights = np.concatenate([ladder, ladder[-2::-1]])
+    moves = np.repeat(heights, 2)
+    knots = np.linspace(0, duration_s, len(moves))
+    return _along(
+        _times(duration_s),
+        list(knots),
+        np.stack([np.zeros_like(moves), np.zeros_like(moves), moves], 1),
+    )
+
+
+def straight_runs(
+    duration_s: float = 60.0, length_m: float = 6.0, height_m: float = 1.0
+) -> np.ndarray:
+    """Out and back along both axes at three speeds: drag against wind, tilt and attitude bias."""
+    legs = [np.array(p) * length_m for p in ((1.0, 0, 0), (0.0, 0, 0), (0, 1.0, 0), (0, 0.0, 0))]
+    points, weights = [np.zeros(3)], []
+    for pace in (1.0, 0.6, 0.4):
+        points += legs
+        weights += [pace] * len(legs)
+    knots = np.concatenate([[0.0], np.cumsum(weights)]) * duration_s / sum(weights)
+    return _along(_times(duration_s), list(knots), np.array(points) + [0, 0, height_m])
+
+
+def climbs(duration_s: float = 40.0, low_m: float = 1.0, high_m: float = 4.0) -> np.ndarray:
+    """Up and down at several rates, out of ground effect: inflow against motor lag."""
+    heights = np.array([low_m, high_m] * 5)
+    knots = np.concatenate([[0.0], np.cumsum(np.linspace(1.6, 0.6, len(heights) - 1))])
+    points = np.stack([np.zeros_like(heights), np.zeros_like(heights), heights], 1)
+    return _along(_times(duration_s), list(knots * duration_s / knots[-1]), points)
+
+
+def yaw_turn(duration_s: float = 30.0, height_m: float = 1.0) -> np.ndarray:
+    """A full turn in hover: what is fixed in the body against what is fixed in the world."""
+    table = hover(duration_s, height_m)
+    table[:, 9] = np.clip(_times(duration_s) / duration_s * 1.2 - 0.1, 0, 1) * 2 * np.pi
+    return table
+
+
+def multisine(
+    duration_s: float = 20.0, height_m: float = 1.5, amplitude_rad_s2: float = 6.0
+) -> np.ndarray:
+    """Recorded excitation of each axis with its own frequencies (Schroeder phases): inertia, motor
+    lag, delays.
+    """
+    table, t, lines = hover(duration_s, height_m), _times(duration_s), 6
+    for axis in range(4):
+        harmonics = 10 + axis + 4 * np.arange(lines)
+        phases = np.pi * np.arange(lines) ** 2 / lines
+        waves = np.sin(2 * np.pi * np.outer(t, harmonics / duration_s * 1.0) + phases)
+        table[:, 10 + axis] = (
+            (amplitude_rad_s2 if axis < 3 else 2.0) * waves.sum(1) / np.abs(waves.sum(1)).max()
+        )
+    return table
+
+
+MENU: Mapping[str, Callable[..., np.ndarray]] = {
+    f.__name__: f for f in (hover, height_staircase, straight_runs, climbs, yaw_turn, multisine)
+}
+
+
+def make(name: str, duration_s: float | None = None) -> np.ndarray:
+    """A manoeuvre of the menu by name."""
+    if name not in MENU:
+        raise unknown_name("manoeuvre", name, MENU)
+    return MENU[name]() if duration_s is None else MENU[name](duration_s)
+
+
+def to_frame(table: np.ndarray) -> pd.DataFrame:
+    """A table as a set-point file's content."""
+    return pd.DataFrame(
+        {"t_s": np.arange(len(table)) * STEP_S, **dict(zip(COLUMNS, table.T, strict=True))}
+    )
+
+
+def from_frame(frame: pd.DataFrame) -> np.ndarray:
+    """References from a set-point file or a recording: resampled to ``STEP_S``, absent columns 0.
+
+    Raises
+    ------
+    GesError
+        When there is no time or no position reference.
+    """
+    for name in ("t_s", *COLUMNS[:3]):
+        if name not in frame:
+            raise GesError(f"references need the column {name}; have: {', '.join(frame.columns)}")
+    t = frame["t_s"].to_numpy(dtype=float)
+    grid = _times(t[-1] - t[0]) + t[0]
+    return np.stack(
+        [
+            (
+                np.interp(grid, t, frame[c].to_numpy(dtype=float))
+                if c in frame
+                else np.zeros_like(grid)
+            )
+            for c in COLUMNS
+        ],
+        1,
+    )

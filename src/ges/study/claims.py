@@ -1,0 +1,347 @@
+"""The paper's claims beside our values, with a verdict by rule, and the numbers that the text of
+the paper quotes.
+
+Claims stand in ``claims.yaml`` with the published value and where ours is to be found: a table
+below ``results``, the row (``where``) and the column (``value``). The rules of the verdict are
+:data:`RULES`, which the paper prints.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal
+
+import pandas as pd
+import yaml
+from pydantic import BaseModel, ConfigDict
+
+from ges.errors import GesError
+from ges.files import replacing, write_json
+from ges.study.config import SeedRange, Seeds
+
+CLOSE = 0.05
+"""Relative distance from the published value that counts as reproduced where our interval misses
+it.
+"""
+
+REPRODUCED, DIRECTION, NOT, UNMEASURED = (
+    "reproduced",
+    "same direction",
+    "not reproduced",
+    "not measured",
+)
+RULES = {
+    "value": (
+        "a number: reproduced if we are within a twentieth of it (of 1 - R² for an R²), or our 95 %"
+        " interval holds it and reaches less far than the number itself; same direction if ours"
+        " lies on the same side of the same baseline (of zero for a difference whose interval"
+        " excludes zero)"
+    ),
+    "sign": (
+        "a difference said to be there: reproduced if ours has its sign and an interval that"
+        " excludes zero; same direction if it has its sign only"
+    ),
+    "null": (
+        "no difference: reproduced if our interval holds zero; same direction if ours is smaller"
+        " than the stated margin"
+    ),
+    "above": (
+        "a number said to exceed a bound: reproduced if our interval, or our value where there is"
+        " none, lies above it; same direction if only our value does"
+    ),
+    "below": "the same for a number said to lie below a bound",
+    "not_below": (
+        "no better (lower) than something: reproduced unless our interval of the difference lies"
+        " below zero"
+    ),
+}
+
+
+class Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+Where = dict[str, str | float]
+
+
+class Claim(Strict):
+    """One claim of the paper.
+
+    ``where`` and ``value`` find our number, ``reduce`` the greatest, least or mean of several;
+    ``minus`` (a further ``where``) is subtracted, ``over`` divides. ``baseline`` finds our
+    counterpart of the published ``paper_baseline``. ``fitted`` marks a number that the simulator
+    was calibrated to, which is no test. ``margin`` belongs to ``null``, ``bound`` to ``above`` and
+    ``below``.
+    """
+
+    id: str
+    section: str
+    says: str
+    kind: Literal["value", "sign", "null", "above", "below", "not_below"] = "value"
+    paper: float | None = None
+    paper_text: str = ""
+    unit: str = "1"
+    table: str
+    where: Where = {}
+    value: str
+    reduce: Literal["max", "min", "mean", "first", "count"] | None = None
+    over_reduce: Literal["max", "min", "mean", "first"] | None = None
+    minus: Where | None = None
+    over: Where | None = None
+    scale: float = 1.0
+    baseline: Where | None = None
+    paper_baseline: float | None = None
+    margin: float | None = None
+    bound: float | None = None
+    seeds: str = ""
+    fitted: bool = False
+    why: str = ""
+
+
+class Ours(Strict):
+    """Our counterpart of a claim: value with its 95 % interval (NaN where there is none)."""
+
+    value: float
+    low: float = math.nan
+    high: float = math.nan
+
+
+LISTED = Path(str(resources.files("ges.study") / "claims.yaml"))
+
+
+def claims(listed: Path = LISTED) -> list[Claim]:
+    """Every claim of a file; keys of a group hold for all of its claims, ``where`` is merged."""
+    found = []
+    for group in yaml.safe_load(listed.read_text()):
+        common = {k: v for k, v in group.items() if k != "claims"}
+        for entry in group["claims"]:
+            where = {**common.get("where", {}), **entry.get("where", {})}
+            found.append(Claim.model_validate({**common, **entry, "where": where}))
+    return found
+
+
+def _cell(row: Mapping[str, Any], value: str) -> Ours:
+    """A column with its interval: ``x_low``/``x_high``, or ``low``/``high`` of a difference."""
+    names = ("low", "high") if value == "difference" else (f"{value}_low", f"{value}_high")
+    low, high = (float(row.get(n, math.nan)) for n in names)
+    return Ours(value=float(row[value]), low=low, high=high)
+
+
+def _matches(column: pd.Series, wanted: str | float) -> pd.Series:
+    if isinstance(wanted, str):
+        return column.astype(str) == wanted
+    return (pd.to_numeric(column, errors="coerce") - wanted).abs() < 1e-9
+
+
+def look(frame: pd.DataFrame, where: Where, value: str, reduce: str | None = None) -> Ours | None:
+    """The one row that fits, or what ``reduce`` makes of several; nothing where the table has no
+    such row.
+    """
+    for name in (*where, value):
+        if name not in frame:
+            raise GesError(
+                f"a claim or number names column '{name}'; its table has {', '.join(frame.columns)}"
+            )
+    for name, wanted in where.items():
+        frame = frame[_matches(frame[name], wanted)]
+    if reduce == "count":
+        return Ours(value=float(frame[value].count()))
+    if reduce and len(frame):
+        return Ours(
+            value=float(
+                frame[value].iloc[0] if reduce == "first" else getattr(frame[value], reduce)()
+            )
+        )
+    if len(frame) > 1:
+        raise GesError(f"a claim or number: {len(frame)} rows fit {where}; say which")
+    return _cell(frame.iloc[0], value) if len(frame) else None
+
+
+def ours(claim: Claim, tables: Mapping[str, pd.DataFrame]) -> Ours | None:
+    """Our counterpart of a claim."""
+    frame = tables.get(claim.table)
+    if frame is None or frame.empty:
+        return None
+    found = look(frame, claim.where, claim.value, claim.reduce)
+    for extra, reduce in (
+        (claim.minus, claim.reduce),
+        (claim.over, claim.over_reduce or claim.reduce),
+    ):
+        if found and extra is not None:
+            other = look(frame, {**claim.where, **extra}, claim.value, reduce)
+            found = other and _combined(found, other, subtract=extra is claim.minus)
+    if not found or not math.isfinite(found.value):
+        return None
+    return Ours(
+        value=claim.scale * found.value, low=claim.scale * found.low, high=claim.scale * found.high
+    )
+
+
+def _combined(a: Ours, b: Ours, subtract: bool) -> Ours:
+    """Difference or ratio of two numbers, with the interval that holds wherever both lie
+    in theirs.
+    """
+    if subtract:
+        return Ours(value=a.value - b.value, low=a.low - b.high, high=a.high - b.low)
+    return Ours(value=a.value / b.value, low=a.low / b.high, high=a.high / b.low)
+
+
+def _side(value: float) -> float:
+    return math.copysign(1.0, value) if value else 0.0
+
+
+def _unexplained(
+    claim: Claim, found: Ours, baseline: Ours | None
+) -> tuple[Claim, Ours, Ours | None]:
+    """The same in 1 - R^2, so that closeness is that of what a model leaves unexplained."""
+
+    def rest(value: float | None) -> float | None:
+        return None if value is None else 1.0 - value
+
+    told = {
+        "value": "unexplained",
+        "paper": rest(claim.paper),
+        "paper_baseline": rest(claim.paper_baseline),
+    }
+    turned = [
+        o and Ours(value=1 - o.value, low=1 - o.high, high=1 - o.low) for o in (found, baseline)
+    ]
+    return claim.model_copy(update=told), *turned
+
+
+def _value(claim: Claim, found: Ours, baseline: Ours | None) -> str:
+    if claim.value == "r2":
+        return _value(*_unexplained(claim, found, baseline))
+    published = claim.paper
+    holds = found.low <= published <= found.high and (found.high - found.low) / 2 < abs(published)
+    if holds or abs(found.value - published) <= CLOSE * abs(published):
+        return REPRODUCED
+    if baseline is not None and claim.paper_baseline is not None:
+        same = _side(found.value - baseline.value) == _side(published - claim.paper_baseline)
+        return DIRECTION if same else NOT
+    excludes = found.low * found.high > 0
+    return (
+        DIRECTION
+        if claim.value == "difference" and excludes and _side(found.value) == _side(published)
+        else NOT
+    )
+
+
+def _sign(claim: Claim, found: Ours) -> str:
+    if _side(found.value) != _side(claim.paper):
+        return NOT
+    return REPRODUCED if found.low * found.high > 0 else DIRECTION
+
+
+def _null(claim: Claim, found: Ours) -> str:
+    if found.low <= 0 <= found.high:
+        return REPRODUCED
+    return DIRECTION if claim.margin is not None and abs(found.value) < claim.margin else NOT
+
+
+def _above(claim: Claim, found: Ours) -> str:
+    if found.value <= claim.bound:
+        return NOT
+    return DIRECTION if found.low <= claim.bound else REPRODUCED
+
+
+def _below(claim: Claim, found: Ours) -> str:
+    if found.value >= claim.bound:
+        return NOT
+    return DIRECTION if found.high >= claim.bound else REPRODUCED
+
+
+def _not_below(_: Claim, found: Ours) -> str:
+    return NOT if max(found.value, found.high) < 0 else REPRODUCED
+
+
+def verdict(claim: Claim, found: Ours | None, baseline: Ours | None = None) -> str:
+    """The verdict by :data:`RULES`."""
+    if found is None:
+        return UNMEASURED
+    if claim.kind == "value":
+        return _value(claim, found, baseline)
+    return {
+        "sign": _sign,
+        "null": _null,
+        "above": _above,
+        "below": _below,
+        "not_below": _not_below,
+    }[claim.kind](claim, found)
+
+
+def read_tables(tables: list[Path], results: Path) -> dict[str, pd.DataFrame]:
+    """Tables (CSV, or JSON as one row) by their path below ``results``."""
+
+    def read(path: Path) -> pd.DataFrame:
+        return (
+            pd.json_normalize(json.loads(path.read_text()))
+            if path.suffix == ".json"
+            else pd.read_csv(path)
+        )
+
+    return {path.relative_to(results).as_posix(): read(path) for path in tables}
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None or not math.isfinite(value) else f"{value:.4g}"
+
+
+def _behind(claim: Claim, seeds: Seeds) -> str:
+    """Seeds behind our number, as first-last (count)."""
+    named = [getattr(seeds, name) for name in claim.seeds.split()]
+    return " ".join(_range(r) for r in named)
+
+
+def _range(r: SeedRange) -> str:
+    return f"{r.first}-{r.first + r.count - 1} ({r.count})"
+
+
+def _rows(
+    listed: list[Claim], tables: Mapping[str, pd.DataFrame], seeds: Seeds
+) -> Iterator[dict[str, Any]]:
+    for claim in listed:
+        found = ours(claim, tables)
+        baseline = (
+            ours(claim.model_copy(update={"where": {**claim.where, **claim.baseline}}), tables)
+            if claim.baseline
+            else None
+        )
+        judged = verdict(claim, found, baseline)
+        yield {
+            "id": claim.id,
+            "section": claim.section,
+            "claim": claim.says,
+            "rule": claim.kind,
+            "paper": claim.paper_text or _number(claim.paper),
+            "unit": claim.unit,
+            "ours": _number(found and found.value),
+            "low": _number(found and found.low),
+            "high": _number(found and found.high),
+            "seeds": _behind(claim, seeds),
+            "verdict": judged,
+            "fitted": "yes" if claim.fitted else "",
+            "why": "" if judged in (REPRODUCED, UNMEASURED) else claim.why,
+        }
+
+
+def write_claims(
+    listed: Path, tables: list[Path], results: Path, seeds: Seeds, table: Path, rules: Path
+) -> None:
+    """Every claim with the paper's value, ours, and the verdict; and the rules of the verdict
+    (JSON).
+
+    Parameters
+    ----------
+    listed : the claims (YAML).
+    tables : results to look into; named in ``listed`` relative to ``results``.
+    seeds : seed lists of the configuration.
+    """
+    read = read_tables(tables, results)
+    with replacing(table) as new:
+        pd.DataFrame(list(_rows(claims(listed), read, seeds))).to_csv(new, index=False)
+    write_json(rules, RULES)

@@ -1,0 +1,148 @@
+"""Numbers that the text of the paper quotes, ready to print: every claim's, and those that
+``numbers.yaml`` names.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal
+
+import pandas as pd
+import yaml
+
+from ges.files import write_json
+from ges.study.claims import (
+    DIRECTION,
+    NOT,
+    REPRODUCED,
+    UNMEASURED,
+    Ours,
+    Strict,
+    Where,
+    look,
+    read_tables,
+)
+
+MILLIMETRES = 0.2
+"""Metres below this are printed in millimetres."""
+ABSENT = "n/a"
+RAISED = str.maketrans(
+    "-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"
+)
+
+
+class Quoted(Strict):
+    """A number of a table: row, less another row, column, what it is multiplied with, digits to
+    print.
+    """
+
+    table: str
+    where: Where = {}
+    minus: Where | None = None
+    value: str
+    reduce: Literal["max", "min", "mean", "sum", "count", "first"] | None = None
+    scale: float = 1.0
+    unit: str = "1"
+    digits: int = 3
+
+
+def digits(value: float, significant: int = 3) -> str:
+    """A number as it is printed: significant digits, true minus, no exponent down to 1e-4."""
+    if not math.isfinite(value):
+        return ABSENT
+    if value == round(value) and abs(value) < 1e6:
+        return f"{value:.0f}".replace("-", "\u2212")
+    text = f"{value:#.{significant}g}" if abs(value) >= 1e-4 else f"{value:.{significant - 1}e}"
+    if "e" in text and abs(value) >= 1e-4:
+        text = f"{value:.0f}"
+    mantissa, _, exponent = text.partition("e")
+    power = f" × 10{str(int(exponent)).translate(RAISED)}" if exponent else ""
+    return mantissa.rstrip(".").replace("-", "\u2212") + power
+
+
+def entry(found: Ours | None, unit: str, significant: int = 3) -> dict[str, Any]:
+    """A number with its interval as values (SI) and as text in a handy unit."""
+    if found is None or not math.isfinite(found.value):
+        return {"value": None, "ci95": None, "unit": unit, "text": ABSENT, "full": ABSENT}
+    factor, name = (1000.0, "mm") if unit == "m" and abs(found.value) < MILLIMETRES else (1.0, unit)
+    suffix = "" if name == "1" else f"\u202f{name}"
+    text = digits(factor * found.value, significant) + suffix
+    has = math.isfinite(found.low) and math.isfinite(found.high)
+    span = [found.low, found.high] if has else None
+    full = text
+    if has:
+        low, high = (digits(factor * v, significant) for v in span)
+        full = f"{digits(factor * found.value, significant)} [{low}, {high}]{suffix}"
+    return {"value": found.value, "ci95": span, "unit": unit, "text": text, "full": full}
+
+
+def _claims(table: pd.DataFrame) -> dict[str, dict[str, Any]]:
+    """Entries of every claim, and how many have each verdict."""
+    made: dict[str, dict[str, Any]] = {}
+    for row in table.to_dict("records"):
+        found = Ours(
+            **{k: float(row[c]) for k, c in (("value", "ours"), ("low", "low"), ("high", "high"))}
+        )
+        made[row["id"]] = {
+            **entry(found, row["unit"]),
+            "paper": _published(row),
+            "verdict": row["verdict"],
+        }
+    for verdict in (REPRODUCED, DIRECTION, NOT, UNMEASURED):
+        made[f"claims.{verdict.replace(' ', '_')}"] = entry(
+            Ours(value=float((table["verdict"] == verdict).sum())), "1"
+        )
+    fitted = table[(table["fitted"] == "yes") & (table["verdict"] == REPRODUCED)]
+    counts = {"claims.all": len(table), "claims.reproduced_fitted": len(fitted)}
+    return made | {name: entry(Ours(value=float(count)), "1") for name, count in counts.items()}
+
+
+def _published(row: dict[str, Any]) -> str:
+    """The paper's value in the unit that ours is printed in."""
+    try:
+        return entry(Ours(value=float(row["paper"])), row["unit"])["text"]
+    except ValueError:
+        return str(row["paper"])
+
+
+LISTED = Path(str(resources.files("ges.study") / "numbers.yaml"))
+
+
+def quoted(listed: Path = LISTED) -> dict[str, Quoted]:
+    """Numbers that a file names."""
+    content = yaml.safe_load(listed.read_text())
+    return {name: Quoted.model_validate(spec) for name, spec in content.items()}
+
+
+def _found(frame: pd.DataFrame, spec: Quoted) -> Ours | None:
+    """The number that is asked for; a difference of two rows has no interval, since they are not
+    independent.
+    """
+    found = look(frame, spec.where, spec.value, spec.reduce)
+    if found is None or spec.minus is None:
+        return found
+    other = look(frame, {**spec.where, **spec.minus}, spec.value, spec.reduce)
+    return other and Ours(value=found.value - other.value)
+
+
+def write_numbers(
+    listed: Path, claims: Path, tables: list[Path], results: Path, numbers: Path
+) -> None:
+    """Write every number that the paper may quote; one whose table or row is absent prints as
+    ``n/a``.
+    """
+    made, read = _claims(pd.read_csv(claims)), read_tables(tables, results)
+    for name, spec in quoted(listed).items():
+        frame = read.get(spec.table)
+        found = None if frame is None or frame.empty else _found(frame, spec)
+        if found is not None:
+            found = Ours(
+                value=spec.scale * found.value,
+                low=spec.scale * found.low,
+                high=spec.scale * found.high,
+            )
+        made[name] = entry(found, spec.unit, spec.digits)
+    write_json(numbers, json.loads(json.dumps(made)))

@@ -1,0 +1,169 @@
+"""Rows that models read: windows of features, never across the border of a block, and the target
+ahead of them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from ges.errors import GesError
+from ges.files import sha256
+from ges.study.config import Window as Shape
+from ges.study.datasets.columns import CONTACT, FEATURES, TARGET, WHEREABOUTS
+from ges.study.datasets.flights import read_flight, seed_of
+
+
+@dataclasses.dataclass(frozen=True)
+class Rows:
+    """n rows of one part.
+
+    Attributes
+    ----------
+    x : (n, window, 13) float32, oldest row first; the last one is the present. Without the past,
+        (n, 1, 13).
+    y : (n,) target at the horizon.
+    seed, row : (n,) flight and row of the present.
+    places : true places at the present and ``ge_factor`` now, for analysis.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    seed: np.ndarray
+    row: np.ndarray
+    places: dict[str, np.ndarray]
+
+    def __len__(self) -> int:
+        return len(self.y)
+
+    @property
+    def now(self) -> np.ndarray:
+        """(n, 13) features of the present alone."""
+        return self.x[:, -1]
+
+    @property
+    def flat(self) -> np.ndarray:
+        """(n, window * 13) features of the whole window."""
+        return self.x.reshape(len(self.x), -1)
+
+
+@dataclasses.dataclass(frozen=True)
+class Window:
+    """How much of the past a row carries and how far ahead its target lies, in rows; ``reserve``
+    rows ahead are kept free.
+    """
+
+    rows: int
+    step: int
+    horizon: int
+    reserve: int
+
+    @classmethod
+    def of(cls, shape: Shape, rate_hz: float, horizon_s: float, reserve_s: float = 0.0) -> Window:
+        """Window of a configuration; the reserve keeps one row set for several horizons."""
+        ahead = round(horizon_s * rate_hz)
+        return cls(shape.rows, shape.step, ahead, max(ahead, round(reserve_s * rate_hz)))
+
+    @property
+    def past(self) -> int:
+        """Rows before the present that a window reaches back."""
+        return (self.rows - 1) * self.step
+
+    def offsets(self) -> np.ndarray:
+        """Rows of a window relative to the present, oldest first."""
+        return np.arange(-self.past, 1, self.step)
+
+
+def eligible(blocks: pd.DataFrame, window: Window) -> np.ndarray:
+    """Rows of one flight's blocks whose window and target stay inside their own block."""
+    spans = [
+        np.arange(b.first_row + window.past, b.last_row - window.reserve + 1)
+        for b in blocks.itertuples()
+    ]
+    return np.concatenate(spans) if spans else np.empty(0, dtype=int)
+
+
+def _chosen(rows: np.ndarray, most: int | None, seed: int, flight: int) -> np.ndarray:
+    """At most ``most`` rows of a flight, drawn by its own random numbers."""
+    if most is None or len(rows) <= most:
+        return rows
+    return np.sort(np.random.default_rng([seed, flight]).choice(rows, most, replace=False))
+
+
+def _gather(path: Path, rows: np.ndarray, window: Window, past: bool) -> tuple:
+    seed, data = read_flight(path, (*FEATURES, TARGET, *WHEREABOUTS, CONTACT))
+    table = np.stack([data[name] for name in FEATURES], axis=1)
+    if len(rows) and rows[-1] + window.reserve >= len(table):
+        raise GesError(
+            f"{Path(path).name} has {len(table)} rows; the split asks for row"
+            f" {rows[-1] + window.reserve}"
+        )
+    defined = np.isfinite(table).all(axis=1)[rows[:, None] + window.offsets()].all(axis=1)
+    touched = np.concatenate([[0], np.cumsum(data[CONTACT] > 0)])
+    rows = rows[defined & (touched[rows + window.reserve + 1] == touched[rows])]
+    x = table[rows[:, None] + (window.offsets() if past else np.zeros(1, dtype=int))]
+    places = {name: data[name][rows] for name in (*WHEREABOUTS, TARGET)}
+    return np.full(len(rows), seed), x, data[TARGET][rows + window.horizon], rows, places
+
+
+def _checked(report: Path, seeds: set[int]) -> dict[int, Path]:
+    """Flights of seeds, proven to be those that the leakage check saw."""
+    listed = json.loads(Path(report).read_text())["flights"]
+    files = {seed_of(Path(name)): name for name in listed}
+    for seed in sorted(seeds):
+        if seed not in files:
+            raise GesError(
+                f"{Path(report).name} has no flight of seed {seed}; fly the data set again"
+            )
+        if sha256(files[seed]) != listed[files[seed]]:
+            raise GesError(
+                f"{files[seed]} is not the flight that {Path(report).name} has checked; run the"
+                " check again"
+            )
+    return {seed: Path(files[seed]) for seed in seeds}
+
+
+def load_rows(
+    flights: Path,
+    split: Path,
+    part: str,
+    window: Window,
+    most: int | None,
+    seed: int,
+    past: bool = True,
+) -> Rows:
+    """Rows of a part: every model, whatever its kind, reads through here.
+
+    Parameters
+    ----------
+    flights : report of the leakage check, which names the flights and their hashes.
+    split : table of blocks.
+    part : 'train', 'validation' or 'test'.
+    window : past and horizon.
+    most : cap on all rows of the part, shared equally by its flights; None takes all.
+    seed : of the draw.
+    past : whether rows carry their window; which rows there are does not depend on it.
+
+    Raises
+    ------
+    GesError When the part is empty, or a flight is missing or is not the one that was checked. Rows
+    with an undefined feature, or with a touch of the ground between now and the end of the reserve,
+    are left out.
+    """
+    blocks = pd.read_csv(split)
+    blocks = blocks[blocks["part"] == part]
+    if blocks.empty:
+        raise GesError(f"split {Path(split).name}: part '{part}' is empty")
+    files = _checked(flights, set(blocks["seed"]))
+    share = None if most is None else max(most // blocks["seed"].nunique(), 1)
+    found = [
+        _gather(files[s], _chosen(eligible(b, window), share, seed, s), window, past)
+        for s, b in blocks.groupby("seed")
+    ]
+    seeds, x, y, rows = (np.concatenate([f[i] for f in found]) for i in range(4))
+    places = {k: np.concatenate([f[4][k] for f in found]) for k in found[0][4]}
+    return Rows(x, y, seeds, rows, places)

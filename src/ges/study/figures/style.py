@@ -1,0 +1,128 @@
+"""One look for all figures: sizes of the printed page, colours that colour-blind readers tell
+apart, marks for grey print.
+
+Colours are those of Okabe and Ito; every series also has its own marker, line style or label.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from ges.files import replacing
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+COLUMN_IN = 3.33
+"""Width of a column of the paper."""
+PAGE_IN = 6.93
+"""Width of both columns."""
+
+BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PINK = (
+    "#000000",
+    "#e69f00",
+    "#56b4e9",
+    "#009e73",
+    "#f0e442",
+    "#0072b2",
+    "#d55e00",
+    "#cc79a7",
+)
+GREY = "#999999"
+COLOURS = (BLUE, RED, GREEN, ORANGE, PINK, SKY, BLACK, GREY)
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+LINES = ("-", "--", "-.", ":")
+
+MODE_LABELS = {
+    "none": "no feedforward",
+    "analytical": "analytical",
+    "oracle": "oracle",
+    "ml": "ML hybrid",
+    "ml_direct": "ML direct",
+    "ml_asym_clamp": "ML clamped",
+}
+MODE_COLOURS = dict(zip(MODE_LABELS, (GREY, BLUE, BLACK, RED, ORANGE, GREEN), strict=True))
+MODEL_LABELS = {
+    "analytical": "analytical",
+    "linear": "linear",
+    "decision_tree": "decision tree",
+    "random_forest": "random forest",
+    "gradient_boosting": "gradient boosting",
+    "mlp": "MLP",
+    "lstm": "LSTM",
+    "transformer": "Transformer",
+}
+
+_SETTINGS = {
+    "font.family": "STIXGeneral",
+    "mathtext.fontset": "stix",
+    "font.size": 8.5,
+    "axes.labelsize": 8.5,
+    "axes.titlesize": 8.5,
+    "legend.fontsize": 7.5,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "axes.linewidth": 0.6,
+    "lines.linewidth": 1.1,
+    "lines.markersize": 3.5,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.linewidth": 0.3,
+    "grid.color": "#cccccc",
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "legend.handlelength": 2.2,
+    "pdf.fonttype": 42,
+    "savefig.dpi": 200,
+    "figure.constrained_layout.use": True,
+    "axes.unicode_minus": True,
+    "errorbar.capsize": 2.0,
+}
+
+
+def subplots(
+    rows: int = 1, columns: int = 1, width: float = COLUMN_IN, height: float = 2.2, **keywords
+) -> tuple[Figure, Axes]:
+    """A figure in the style, ``width`` by ``height`` inches."""
+    plt.rcdefaults()
+    plt.rcParams.update(_SETTINGS)
+    return plt.subplots(rows, columns, figsize=(width, height), **keywords)
+
+
+def save(figure: Figure, table: pd.DataFrame, data: Path, pdf: Path, png: Path) -> None:
+    """Write the table that a figure shows, and the figure twice; equal figures give equal bytes."""
+    with replacing(data) as new:
+        table.to_csv(new, index=False, float_format="%.9g")
+    with replacing(pdf) as new:
+        figure.savefig(
+            new, format="pdf", metadata={"CreationDate": None, "Producer": None, "Creator": None}
+        )
+    with replacing(png) as new:
+        figure.savefig(new, format="png", metadata={"Software": None})
+    plt.close(figure)
+
+
+def log_ticks(axis: Axis) -> None:
+    """Plain numbers at 1, 2 and 5 of every decade of a logarithmic axis."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def panel(axes: Axes, letter: str) -> None:
+    """Letter of a panel, above its left upper corner."""
+    axes.set_title(f"({letter})", loc="left", fontweight="bold")

@@ -1,0 +1,119 @@
+"""Why the oracle does not win: one cause taken away at a time, the oracle against the analytical
+mode each time.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+
+from ges.study.config import ClosedLoop, SeedRange, Simulator
+from ges.study.fly.flights import Condition, fly_conditions, write_csv
+from ges.study.stats.paired import contrasts, means
+
+METRICS = ("agl_rms_m", "clearance_p5_m", "low_clearance_s", "gyro_rms_rad_s")
+FAST_MOTOR_S = 0.002
+DAMPED = 8.0
+FLOOR = "no ground effect"
+AS_PUBLISHED = "as published"
+
+
+@dataclasses.dataclass(frozen=True)
+class Removal:
+    """Numbers with which a cause is gone: of every mode, of the oracle alone, of the true ground
+    effect.
+    """
+
+    every_mode: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    oracle: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    truth: Mapping[str, float] = dataclasses.field(default_factory=dict)
+
+
+def removals(simulator: Simulator) -> dict[str, Removal]:
+    """Every cause by name, then several together."""
+    lag, damping = (
+        simulator.vehicle.motor_time_constant_s,
+        {"altitude_kd": DAMPED * simulator.controller.altitude_kd},
+    )
+    every = {"telemetry_every": 1.0, "control_every": 1.0}
+    quiet = {
+        "range_noise_m": 0.0,
+        "gyro_noise_rad_s": 0.0,
+        "rpm_noise_rad_s": 0.0,
+        "current_noise_A": 0.0,
+    }
+    fast, rotors = {"motor_time_constant_s": FAST_MOTOR_S}, {"per_rotor": 1.0}
+    return {
+        AS_PUBLISHED: Removal(),
+        "no motor lag": Removal(fast),
+        "lead of the motor lag": Removal(oracle={"lead_s": lag}),
+        "terrain preview of the motor lag": Removal(oracle={"preview_s": lag}),
+        "per rotor": Removal(oracle=rotors),
+        "no integral action": Removal({"altitude_ki": 0.0}),
+        "no sampling delay": Removal(every),
+        "no sensor noise": Removal(quiet),
+        "no slope or curvature correction": Removal(
+            truth={"slope_exponent": 0.0, "curvature_gain_m": 0.0}
+        ),
+        "damped height loop": Removal(damping),
+        "all but integral action": Removal({**fast, **every, **quiet}, rotors),
+        "all": Removal({**fast, **every, **quiet, "altitude_ki": 0.0}, rotors),
+    }
+
+
+def _conditions_without(cause: str, gone: Removal) -> list[Condition]:
+    own = {"none": {}, "analytical": {}, "oracle": gone.oracle}
+    flown = [
+        Condition(
+            f"{mode}, {cause}",
+            {"mode": mode, **gone.every_mode, **extra},
+            gone.truth,
+            {"cause": cause, "mode": mode},
+        )
+        for mode, extra in own.items()
+    ]
+    bare = Condition(
+        f"{FLOOR}, {cause}",
+        {"mode": "none", **gone.every_mode},
+        {"amplitude": 0.0},
+        {"cause": cause, "mode": FLOOR},
+    )
+    return [*flown, bare]
+
+
+def cause_conditions(simulator: Simulator) -> list[Condition]:
+    """Oracle, analytical and no feedforward without each cause, and the same vehicle where no
+    ground effect exists.
+    """
+    return [
+        c for cause, gone in removals(simulator).items() for c in _conditions_without(cause, gone)
+    ]
+
+
+def fly_causes(
+    simulator: Simulator,
+    plan: ClosedLoop,
+    closed_loop: SeedRange,
+    flights: Path,
+    summary: Path,
+    tests: Path,
+) -> None:
+    """Fly them over every seed.
+
+    Parameters
+    ----------
+    flights : to write: a row a flight; ``cause`` names what is taken away.
+    summary : to write: means.
+    tests : to write: for every cause, oracle against analytical, against none, and against no
+        ground effect at all; and every oracle against the published one.
+    """
+    table = fly_conditions(cause_conditions(simulator), closed_loop.list(), simulator, plan)
+    causes = list(removals(simulator))
+    pairs = [
+        (f"oracle, {c}", f"{other}, {c}") for c in causes for other in ("analytical", "none", FLOOR)
+    ]
+    pairs += [(f"oracle, {c}", f"oracle, {AS_PUBLISHED}") for c in causes if c != AS_PUBLISHED]
+    write_csv(table, flights)
+    write_csv(means(table, METRICS), summary)
+    write_csv(contrasts(table, METRICS, pairs), tests)

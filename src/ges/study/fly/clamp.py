@@ -1,0 +1,43 @@
+"""Choice of the asymmetric clamp's threshold, on validation seeds alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ges.files import write_json
+from ges.study.config import ClosedLoop, SeedRange, Simulator
+from ges.study.fly.flights import Condition, fly_conditions, write_csv
+from ges.study.stats.paired import means
+
+
+def choose_clamp(
+    simulator: Simulator, plan: ClosedLoop, validation: SeedRange, flights: Path, choice: Path
+) -> None:
+    """Fly every candidate and take the one of least mean AGL RMS; of equals, the tightest.
+
+    Parameters
+    ----------
+    flights : to write: a row a flight.
+    choice : to write (JSON): ``threshold``, the seeds it was chosen on, and the mean AGL RMS of
+        every candidate.
+    """
+    candidates = {f"{value:g}": value for value in sorted(plan.clamp_thresholds)}
+    conditions = [
+        Condition(
+            name,
+            {"mode": "ml_asym_clamp", "overprediction_clamp": value},
+            labels={"threshold": value},
+        )
+        for name, value in candidates.items()
+    ]
+    table = fly_conditions(conditions, validation.list(), simulator, plan)
+    score = means(table, ["agl_rms_m"]).set_index("condition")["mean"]
+    write_csv(table, flights)
+    write_json(
+        choice,
+        {
+            "threshold": candidates[score.idxmin()],
+            "seeds": validation.list(),
+            "agl_rms_m": score.to_dict(),
+        },
+    )

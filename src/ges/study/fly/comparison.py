@@ -1,0 +1,76 @@
+"""Feedforward modes against each other on fresh seeds, and the part of it away from the ground."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pandas as pd
+
+from ges.study.config import ClosedLoop, Seeds, Simulator
+from ges.study.fly.flights import Condition, fly_conditions, mode, write_csv
+from ges.study.fly.metrics import NAMES
+from ges.study.stats.paired import compare
+
+REFERENCE = "analytical"
+LISTS = ("closed_loop_small", "closed_loop")
+
+
+def mode_conditions(plan: ClosedLoop, clamp: Path, **parameters: float) -> list[Condition]:
+    """A condition a feedforward mode; the asymmetric clamp is the one that was chosen on validation
+    seeds.
+    """
+    threshold = json.loads(Path(clamp).read_text())["threshold"]
+    return [mode(name, overprediction_clamp=threshold, **parameters) for name in plan.modes]
+
+
+def fly_comparison(
+    simulator: Simulator,
+    plan: ClosedLoop,
+    seeds: Seeds,
+    clamp: Path,
+    flights: Path,
+    summary: Path,
+    restricted: Path,
+) -> None:
+    """Every mode over the small and the large list of seeds, the network running beside each of
+    them.
+
+    The network's error in a mode that does not use it, against its error where it flies, is what
+    its own actions cost it.
+
+    Parameters
+    ----------
+    clamp : the choice of the clamp threshold (JSON).
+    flights : to write: a row a flight; ``seed_list`` names its list.
+    summary : to write: mean of every metric, mode and list, with the paired difference from the
+        analytical mode.
+    restricted : to write: the same for the tracking error where the rangefinder reads the
+        restricted zone, large list.
+    """
+    conditions, tables, summaries = mode_conditions(plan, clamp, shadow=1.0), [], []
+    for name in LISTS:
+        table = fly_conditions(conditions, getattr(seeds, name).list(), simulator, plan)
+        tables.append(table.assign(seed_list=name))
+        summaries.append(compare(table, NAMES, REFERENCE).assign(seed_list=name))
+    write_csv(pd.concat(tables), flights)
+    write_csv(pd.concat(summaries), summary)
+    write_csv(compare(table, ["agl_rms_restricted_m", "agl_rms_m"], REFERENCE), restricted)
+
+
+def write_table2(comparison: Path, bias: Path, table: Path) -> None:
+    """Closed-loop AGL RMS of every mode (both lists of seeds) and of every bias of the oracle.
+
+    Intervals of means are bootstraps over seeds; differences are paired: modes from the analytical
+    one, biases from 0.
+    """
+    modes, biases = pd.read_csv(comparison), pd.read_csv(bias)
+    both = pd.concat(
+        [
+            modes.assign(experiment="modes"),
+            biases.assign(experiment="bias", seed_list="closed_loop"),
+        ]
+    )
+    both = both[both["metric"] == "agl_rms_m"].drop(columns="metric")
+    first = ["experiment", "seed_list", "condition"]
+    write_csv(both[first + [c for c in both.columns if c not in first]], table)

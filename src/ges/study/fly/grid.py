@@ -1,0 +1,53 @@
+"""Does the verdict on the modes depend on how strong the slope and curvature corrections are? A
+cell of the grid a job.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from ges.study.config import ClosedLoop, SeedRange, Simulator
+from ges.study.fly.comparison import REFERENCE, mode_conditions
+from ges.study.fly.flights import fly_conditions, write_csv
+from ges.study.stats.paired import compare
+
+METRICS = ("agl_rms_m", "clearance_p5_m", "low_clearance_s")
+CELL = ["slope_exponent", "curvature_gain_m"]
+
+
+def fly_grid_cell(
+    simulator: Simulator,
+    plan: ClosedLoop,
+    closed_loop: SeedRange,
+    clamp: Path,
+    slope_exponent: float,
+    curvature_gain_m: float,
+    flights: Path,
+) -> None:
+    """Every mode over every seed with one pair of corrections; the network stays the one of the
+    default corrections.
+    """
+    truth = simulator.ground_effect.model_copy(
+        update={"slope_exponent": slope_exponent, "curvature_gain_m": curvature_gain_m}
+    )
+    world = simulator.model_copy(update={"ground_effect": truth})
+    table = fly_conditions(mode_conditions(plan, clamp), closed_loop.list(), world, plan)
+    write_csv(
+        table.assign(slope_exponent=slope_exponent, curvature_gain_m=curvature_gain_m), flights
+    )
+
+
+def summarise_grid(cells: list[Path], flights: Path, summary: Path) -> None:
+    """All flights of the grid in one table, and every mode against the analytical one in every
+    cell.
+    """
+    table = pd.concat([pd.read_csv(cell) for cell in cells])
+    write_csv(table, flights)
+    parts = [
+        compare(part, METRICS, REFERENCE).assign(**dict(zip(CELL, values, strict=True)))
+        for values, part in table.groupby(CELL)
+    ]
+    whole = pd.concat(parts)
+    write_csv(whole[CELL + [c for c in whole.columns if c not in CELL]], summary)

@@ -1,0 +1,309 @@
+"""Poles of the height loop, linearised about hover at every ground effect factor of the published
+range.
+
+The linear model takes the simulator's own numbers: factor and estimate against height are read off
+one-row flights, so no equation of the ground effect is written here a second time. With T the
+thrust, c the command of the height loop and e the estimate, about trim
+
+    dT/T = G(s) [dc/c - n de/e] + df/f,      G(s) = 1/(tau s + 1),   n = 1 for 1/sqrt(f), 2 for 1/f
+    dc = -m (kp + ki/s + kd s/(T_f s + 1)) D(s) dz,   de = e'(z) D(s) dz,   m z'' = m g dT/T
+
+D(s) is the delay of sampling and hold (Pade, order 1): half the period of the rangefinder, of the
+firmware for the oracle. A second set of poles takes the factor as a constant gain (no slopes),
+which is what a linearisation of actuator and controller alone amounts to. Factors above 1 are met
+over flat ground; those below 1 over the top of a hill so round that the curvature correction turns
+the sign of f - 1 (1 + gain kappa = -1).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import control
+import numpy as np
+import pandas as pd
+
+from ges.errors import GesError
+from ges.simulator import flight as sim
+from ges.simulator.terrain import ProceduralShape, Terrain
+from ges.study.config import ClosedLoop, Simulator
+from ges.study.fly.flights import MAPPINGS, write_csv
+
+MODES = ("none", "analytical", "oracle")
+FACTOR_IS = ("of height", "constant")
+HEIGHTS_M = np.geomspace(0.02, 2.0, 150)
+SLOPE_STEP = 0.005
+S = control.tf("s")
+HILL_M = 10.0
+
+
+def gravity() -> float:
+    """Acceleration of gravity that the simulator flies with (m/s^2)."""
+    return sim.parameters()["gravity_m_s2"].default
+
+
+@dataclasses.dataclass(frozen=True)
+class Trim:
+    """Hover at one height: true factor f, estimate e, and their slopes against height (1/m)."""
+
+    height_m: float
+    factor: float
+    factor_slope_1_m: float
+    estimate: float
+    estimate_slope_1_m: float
+
+
+FAR = Trim(math.inf, 1.0, 0.0, 1.0, 0.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Site:
+    """A place to hover: ground, and where on it (m)."""
+
+    ground: Terrain
+    x_m: float = 0.0
+
+    def flight(
+        self, simulator: Simulator, height_m: float, **parameters: float | str
+    ) -> sim.Flight:
+        """A quiet hover that begins at rest at a height over this place."""
+        speed = math.sqrt(
+            simulator.vehicle.mass_kg
+            * gravity()
+            / (4.0 * simulator.vehicle.thrust_coefficient_N_s2)
+        )
+        start = {f"start_rotor_speed_{i}_rad_s": speed for i in range(1, 5)}
+        z = height_m + float(self.ground.at(np.array([self.x_m]), np.zeros(1)).height_m[0])
+        quiet = {
+            "range_noise_m": 0.0,
+            "gyro_noise_rad_s": 0.0,
+            "cruise_m_s": 0.0,
+            "position_kp": 0.0,
+            "agl_ref_m": height_m,
+        }
+        where = {"start": 1.0, "start_p_x_m": self.x_m, "start_p_z_m": z, **start}
+        own = {
+            name: value
+            for name, value in simulator.parameters().items()
+            if not name.startswith("terrain_")
+        }
+        return sim.Flight({**own, **quiet, **where, **parameters}, simulator.effects(), self.ground)
+
+
+def _hill(seed: int, amplitude_m: float) -> Terrain:
+    """Ground with a single wide feature of the given height, without roughness."""
+    one = {
+        "terrain_features_min": 1.0,
+        "terrain_features_max": 1.0,
+        "terrain_length_m": HILL_M,
+        "terrain_roughness_m": 0.0,
+    }
+    size = {"terrain_amplitude_min_m": amplitude_m, "terrain_amplitude_max_m": amplitude_m}
+    wide = {"terrain_width_min_m": 100.0 * HILL_M, "terrain_width_max_m": 100.0 * HILL_M}
+    return Terrain.procedural(seed, ProceduralShape(**one, **size, **wide))
+
+
+@functools.lru_cache(maxsize=8)
+def crest(curvature_1_m: float) -> Site:
+    """The top of a round-topped hill, of the given (negative) Laplacian."""
+    x = np.arange(0.0, HILL_M, 0.001)
+    seed, ground = next(
+        (s, g)
+        for s in itertools.count(1)
+        if (g := _hill(s, 1.0).at(x, np.zeros_like(x))).height_m.max() > 0.5
+    )
+    top = int(np.argmax(ground.height_m))
+    return Site(_hill(seed, curvature_1_m / float(ground.curvature_1_m[top])), float(x[top]))
+
+
+def site(simulator: Simulator, factor: float) -> Site:
+    """Ground over which hovering low makes factors on the side of 1 that ``factor`` is on."""
+    if factor >= 1.0:
+        return Site(Terrain.flat(0.0))
+    gain = simulator.ground_effect.curvature_gain_m
+    if gain <= 0.0:
+        raise GesError(
+            f"poles: factor {factor:g} is below 1, which no ground makes with a curvature gain of"
+            f" {gain:g} m"
+        )
+    return crest(-2.0 / gain)
+
+
+def _readings(simulator: Simulator, place: Site, mode: str, heights_m: np.ndarray) -> np.ndarray:
+    """(n, 2): true factor and estimate while hovering at every height."""
+    once = {"duration_s": simulator.dt_s, "record_every": 1.0, "mode": mode}
+    records = sim.fly(
+        [place.flight(simulator, z, **once) for z in heights_m], ("ge_factor", "ge_estimate")
+    )
+    return np.array([(r["ge_factor"][0], r["ge_estimate"][0]) for r in records])
+
+
+def _height_of(factor: float, heights_m: np.ndarray, factors: np.ndarray) -> float:
+    """Greatest height at which the factors, given against rising heights, cross ``factor``."""
+    beyond = np.flatnonzero(
+        np.abs(factors - 1.0) * (np.sign(factors - 1.0) == np.sign(factor - 1.0))
+        >= abs(factor - 1.0)
+    )
+    if len(beyond) == 0 or beyond[-1] == len(heights_m) - 1:
+        raise GesError(
+            f"poles: no height makes factor {factor:g}; this ground makes {factors.min():.3g} to"
+            f" {factors.max():.3g}"
+        )
+    i = beyond[-1]
+    share = (factor - factors[i]) / (factors[i + 1] - factors[i])
+    return float(heights_m[i] + share * (heights_m[i + 1] - heights_m[i]))
+
+
+def trim(simulator: Simulator, factor: float, mode: str) -> Trim:
+    """Where the true factor is ``factor``, and what the mode believes there; factor 1 is far from
+    the ground.
+    """
+    if factor == 1.0:
+        return FAR
+    place = site(simulator, factor)
+    height = _height_of(factor, HEIGHTS_M, _readings(simulator, place, mode, HEIGHTS_M)[:, 0])
+    step = SLOPE_STEP * height
+    low, here, high = _readings(
+        simulator, place, mode, np.array([height - step, height, height + step])
+    )
+    slope = (high - low) / (2.0 * step)
+    return Trim(height, float(here[0]), float(slope[0]), float(here[1]), float(slope[1]))
+
+
+def _delay(seconds: float) -> control.TransferFunction:
+    return control.tf(*control.pade(seconds, 1))
+
+
+def _periods(simulator: Simulator) -> tuple[float, float]:
+    """Seconds between two runs of the firmware, and between two readings of the rangefinder that it
+    gets to see.
+    """
+    read_every = math.lcm(simulator.control_every, int(sim.parameters()["telemetry_every"].default))
+    return simulator.control_every * simulator.dt_s, read_every * simulator.dt_s
+
+
+def _motor(simulator: Simulator) -> control.TransferFunction:
+    return 1 / (simulator.vehicle.motor_time_constant_s * S + 1)
+
+
+def restoring(simulator: Simulator, at: Trim, mode: str, power: int) -> control.TransferFunction:
+    """Upward acceleration per height lost (1/s^2): controller, feedforward and the ground effect
+    itself.
+
+    ``power`` is n of the module's equations.
+    """
+    c, (run_s, read_s) = simulator.controller, _periods(simulator)
+    filter_s = run_s / math.log1p(run_s / c.altitude_filter_s) if c.altitude_filter_s > 0 else run_s
+    reading, running = _delay(read_s / 2), _delay(run_s / 2)
+    pid = c.altitude_kp + c.altitude_ki / S + c.altitude_kd * S / (filter_s * S + 1)
+    trim_m_s2 = gravity() * at.estimate**power / at.factor
+    cancelled = (
+        power * at.estimate_slope_1_m / at.estimate * (running if mode == "oracle" else reading)
+    )
+    return gravity() * (
+        _motor(simulator) * (pid * reading / trim_m_s2 + cancelled)
+        - at.factor_slope_1_m / at.factor
+    )
+
+
+def estimate_response(
+    simulator: Simulator, at: Trim, mode: str, power: int
+) -> control.TransferFunction:
+    """Height (m) per error of the estimate that the feedforward uses."""
+    push = -gravity() * power / at.estimate * _motor(simulator) * _delay(_periods(simulator)[0] / 2)
+    return push * control.feedback(1 / S**2, restoring(simulator, at, mode, power))
+
+
+def closed_loop_poles(simulator: Simulator, at: Trim, mode: str, power: int) -> np.ndarray:
+    """Poles (1/s) of the closed height loop about a trim."""
+    return control.feedback(1 / S**2, restoring(simulator, at, mode, power)).poles()
+
+
+def phase_margin_deg(simulator: Simulator) -> float:
+    """Phase margin of the height loop far from the ground; 0 where it is unstable."""
+    if closed_loop_poles(simulator, FAR, "none", 1).real.max() >= 0:
+        return 0.0
+    return float(control.margin(restoring(simulator, FAR, "none", 1) / S**2)[1])
+
+
+def _pole_rows(
+    simulator: Simulator, at: Trim, factor: float, mode: str, power: int, slopes: str
+) -> Iterator[dict]:
+    if slopes == "constant":
+        at = dataclasses.replace(at, factor_slope_1_m=0.0, estimate_slope_1_m=0.0)
+    loop = restoring(simulator, at, mode, power)
+    poles = closed_loop_poles(simulator, at, mode, power)
+    gain, phase, _, _ = control.margin(loop / S**2)
+    for number, pole in enumerate(
+        sorted(poles, key=lambda p: (-round(p.real, 9), -p.imag)), start=1
+    ):
+        yield {
+            "mode": mode,
+            "mapping": MAPPINGS[power - 1],
+            "factor_is": slopes,
+            "factor": factor,
+            "height_m": at.height_m,
+            "factor_slope_1_m": at.factor_slope_1_m,
+            "pole": number,
+            "real_1_s": pole.real,
+            "imaginary_1_s": pole.imag,
+            "damping_ratio": -pole.real / abs(pole),
+            "gain_margin": gain,
+            "phase_margin_deg": phase,
+        }
+
+
+def _verdict(poles: pd.DataFrame) -> pd.DataFrame:
+    """Greatest real part and dominant oscillating pair of every case."""
+    rows = []
+    for (mode, mapping, slopes, factor), group in poles.groupby(
+        ["mode", "mapping", "factor_is", "factor"], sort=False
+    ):
+        pairs = group[group["imaginary_1_s"] > 0]
+        first = pairs.iloc[0] if len(pairs) else None
+        greatest = float(group["real_1_s"].max())
+        rows.append(
+            {
+                "mode": mode,
+                "mapping": mapping,
+                "factor_is": slopes,
+                "factor": factor,
+                "height_m": group["height_m"].iloc[0],
+                "stable": greatest < 0,
+                "greatest_real_1_s": greatest,
+                "pair_real_1_s": first["real_1_s"] if len(pairs) else np.nan,
+                "pair_frequency_rad_s": (
+                    abs(complex(first["real_1_s"], first["imaginary_1_s"]))
+                    if len(pairs)
+                    else np.nan
+                ),
+                "pair_damping_ratio": first["damping_ratio"] if len(pairs) else np.nan,
+                "gain_margin": group["gain_margin"].iloc[0],
+                "phase_margin_deg": group["phase_margin_deg"].iloc[0],
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def write_poles(simulator: Simulator, plan: ClosedLoop, poles: Path, summary: Path) -> None:
+    """Poles of every mode, mapping and factor.
+
+    Parameters
+    ----------
+    poles : to write: a row a pole.
+    summary : to write: stability, dominant pair and margins, a row a mode, mapping, kind of slope
+        and factor.
+    """
+    rows = []
+    for mode, factor in itertools.product(MODES, plan.pole_factors):
+        at = trim(simulator, factor, mode)
+        for power, slopes in itertools.product((1, 2), FACTOR_IS):
+            rows += _pole_rows(simulator, at, factor, mode, power, slopes)
+    table = pd.DataFrame(rows)
+    write_csv(table, poles)
+    write_csv(_verdict(table), summary)

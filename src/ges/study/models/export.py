@@ -1,0 +1,86 @@
+"""The firmware's network as a C header of hexadecimal floats, so that no bit is lost on the way."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import joblib
+import numpy as np
+
+from ges.errors import GesError
+from ges.files import write_text
+from ges.study.datasets.columns import FEATURES
+
+HIDDEN = (64, 32)
+LAYERS = ("1", "3", "5")
+
+
+def _c_float(value: float) -> str:
+    digits, exponent = float(np.float32(value)).hex().split("p")
+    return f"{digits.rstrip('0').rstrip('.')}p{exponent}f"
+
+
+def _array(name: str, values: np.ndarray) -> str:
+    flat = [_c_float(v) for v in np.ravel(values)]
+    lines = ",\n  ".join(", ".join(flat[i : i + 6]) for i in range(0, len(flat), 6))
+    return f"static const float ges_mlp_{name}[{len(flat)}] = {{\n  {lines}}};"
+
+
+def header(model, origin: str) -> str:
+    """The header of a fitted :class:`~ges.study.models.networks.MlpRegressor`.
+
+    Parameters
+    ----------
+    model : network from the 13 features of the firmware.
+    origin : a sentence for the header's comment.
+
+    Raises
+    ------
+    GesError
+        When the network is not 13-64-32-1.
+    """
+    shapes = [model.weights_[f"{n}.weight"].shape for n in LAYERS]
+    if shapes != [(HIDDEN[0], len(FEATURES)), (HIDDEN[1], HIDDEN[0]), (1, HIDDEN[1])]:
+        raise GesError(
+            f"network to export: layers are {shapes}; the firmware flies"
+            f" {len(FEATURES)}-{HIDDEN[0]}-{HIDDEN[1]}-1"
+        )
+    sample = (model.mean_ + 0.5 * model.scale_).astype(np.float32)
+    arrays = {"mean": model.mean_, "scale": model.scale_}
+    for i, layer in enumerate(LAYERS, start=1):
+        arrays |= {
+            f"w{i}": model.weights_[f"{layer}.weight"],
+            f"b{i}": model.weights_[f"{layer}.bias"],
+        }
+    numbers = {
+        "out_mean": model.out_mean_,
+        "out_scale": model.out_scale_,
+        "sample_out": model.predict(sample[None])[0],
+    }
+    return "\n".join(
+        [
+            (
+                f"/* {origin}\n * Inputs: {', '.join(FEATURES)}.\n * Weights are row-major, one row"
+                " an output; the sample lets the firmware check itself. */"
+            ),
+            f"#define GES_MLP_IN {len(FEATURES)}",
+            *(f"#define GES_MLP_HIDDEN{i} {n}" for i, n in enumerate(HIDDEN, start=1)),
+            *(_array(name, values) for name, values in {**arrays, "sample_in": sample}.items()),
+            *(
+                f"static const float ges_mlp_{name} = {_c_float(value)};"
+                for name, value in numbers.items()
+            ),
+            "",
+        ]
+    )
+
+
+def export_mlp(model: Path, plan: str, header_file: Path) -> None:
+    """Write the header of a trained network."""
+    write_text(
+        header_file,
+        header(
+            joblib.load(model),
+            f"MLP trained by this study on the {plan} flight plan, seed-wise split.",
+        ),
+    )

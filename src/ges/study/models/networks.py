@@ -1,0 +1,234 @@
+"""Neural networks as scikit-learn regressors: standardised inputs, early stopping, one thread, the
+same bits every time.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils.validation import check_is_fitted, validate_data
+from torch import nn
+
+PREDICT_ROWS = 8192
+
+
+class NetworkRegressor(RegressorMixin, BaseEstimator):
+    """A torch network fitted to squared error.
+
+    Rows X are (n, window_rows * channels), oldest row of the window first. The step size rises and
+    falls over the passes (Smith & Topin 2018); the weights that did best on the validation rows are
+    kept.
+
+    Parameters
+    ----------
+    epochs, patience : most passes, and passes without gain on the validation rows before stopping.
+    batch_rows : rows a step.
+    learning_rate : greatest step size.
+    window_rows : rows of a window.
+    random_state : seed of weights and order.
+
+    Attributes
+    ----------
+    mean_, scale_ : (channels,) of the training rows; ``out_mean_``, ``out_scale_`` of the target.
+    weights_ : arrays of the network by name.
+    validation_rmse_ : of every pass.
+    """
+
+    def __init__(
+        self,
+        epochs=40,
+        patience=8,
+        batch_rows=512,
+        learning_rate=0.003,
+        window_rows=1,
+        random_state=0,
+    ):
+        self.epochs = epochs
+        self.patience = patience
+        self.batch_rows = batch_rows
+        self.learning_rate = learning_rate
+        self.window_rows = window_rows
+        self.random_state = random_state
+
+    def _network(self, channels: int) -> nn.Module:
+        """Network from (n, window, channels) to (n,)."""
+        raise NotImplementedError
+
+    def fit(
+        self,
+        X: np.ndarray,
+        y: np.ndarray,
+        X_val: np.ndarray | None = None,
+        y_val: np.ndarray | None = None,
+    ):
+        """Fit; without validation rows all passes are made."""
+        X, y = validate_data(self, X, y, dtype=np.float32, y_numeric=True)
+        torch.set_num_threads(1)
+        torch.use_deterministic_algorithms(True)
+        torch.manual_seed(self.random_state)
+        self._standardise(X, y)
+        network = self._network(len(self.mean_))
+        ahead = (
+            None
+            if X_val is None
+            else (self._inputs(np.asarray(X_val, np.float32)), np.asarray(y_val, np.float32))
+        )
+        target = torch.from_numpy(((y - self.out_mean_) / self.out_scale_).astype(np.float32))
+        self._descend(network, self._inputs(X), target, ahead)
+        return self
+
+    def _standardise(self, X: np.ndarray, y: np.ndarray) -> None:
+        rows = X.reshape(len(X) * self.window_rows, -1)
+        scale, out_scale = rows.std(axis=0, dtype=np.float64), y.std(dtype=np.float64)
+        self.mean_ = rows.mean(axis=0, dtype=np.float64).astype(np.float32)
+        self.scale_ = np.where(scale > 0, scale, 1.0).astype(np.float32)
+        self.out_mean_ = np.float32(y.mean(dtype=np.float64))
+        self.out_scale_ = np.float32(out_scale if out_scale > 0 else 1.0)
+
+    def _inputs(self, X: np.ndarray) -> torch.Tensor:
+        windows = X.reshape(len(X), self.window_rows, -1)
+        return torch.from_numpy((windows - self.mean_) / self.scale_)
+
+    def _descend(
+        self, network: nn.Module, x: torch.Tensor, y: torch.Tensor, ahead: tuple | None
+    ) -> None:
+        batches = math.ceil(len(x) / self.batch_rows)
+        optimiser = torch.optim.Adam(network.parameters(), lr=self.learning_rate)
+        pace = torch.optim.lr_scheduler.OneCycleLR(
+            optimiser, self.learning_rate, total_steps=self.epochs * batches
+        )
+        order = np.random.default_rng(self.random_state)
+        self.validation_rmse_, best, since = [], math.inf, 0
+        for _ in range(self.epochs):
+            _one_pass(network, x, y, order.permutation(len(x)), self.batch_rows, optimiser, pace)
+            error = self._error(network, ahead)
+            since = 0 if error < best or ahead is None else since + 1
+            if since == 0:
+                best, self.weights_ = (
+                    error,
+                    {k: v.detach().numpy().copy() for k, v in network.state_dict().items()},
+                )
+            if since >= self.patience:
+                break
+
+    def _error(self, network: nn.Module, ahead: tuple | None) -> float:
+        if ahead is None:
+            return math.nan
+        error = self._outputs(network, ahead[0]) - ahead[1]
+        self.validation_rmse_.append(float(np.sqrt(np.mean(error.astype(np.float64) ** 2))))
+        return self.validation_rmse_[-1]
+
+    def _outputs(self, network: nn.Module, x: torch.Tensor) -> np.ndarray:
+        network.eval()
+        with torch.no_grad():
+            out = torch.cat([network(rows) for rows in x.split(PREDICT_ROWS)])
+        return out.numpy() * self.out_scale_ + self.out_mean_
+
+    def predict(self, X: np.ndarray) -> np.ndarray:
+        """Prediction (n,) for rows (n, window_rows * channels)."""
+        check_is_fitted(self)
+        X = validate_data(self, X, reset=False, dtype=np.float32)
+        torch.set_num_threads(1)
+        network = self._network(len(self.mean_))
+        network.load_state_dict({name: torch.from_numpy(w) for name, w in self.weights_.items()})
+        return self._outputs(network, self._inputs(X))
+
+
+def _one_pass(network, x, y, order, batch_rows, optimiser, pace) -> None:
+    network.train()
+    for start in range(0, len(order), batch_rows):
+        rows = torch.from_numpy(order[start : start + batch_rows])
+        optimiser.zero_grad()
+        nn.functional.mse_loss(network(x[rows]), y[rows]).backward()
+        optimiser.step()
+        pace.step()
+
+
+class MlpRegressor(NetworkRegressor):
+    """Multilayer perceptron over the window's rows side by side, two hidden layers of 64 and 32
+    (the firmware's network).
+    """
+
+    def _network(self, channels: int) -> nn.Module:
+        layers = (
+            nn.Linear(channels * self.window_rows, 64),
+            nn.ReLU(),
+            nn.Linear(64, 32),
+            nn.ReLU(),
+            nn.Linear(32, 1),
+        )
+        return nn.Sequential(nn.Flatten(), *layers, nn.Flatten(0))
+
+
+class _Lstm(nn.Module):
+    def __init__(self, channels: int, units: int):
+        super().__init__()
+        self.cell = nn.LSTM(channels, units, batch_first=True)
+        self.out = nn.Linear(units, 1)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return self.out(self.cell(x)[0][:, -1])[:, 0]
+
+
+class LstmRegressor(NetworkRegressor):
+    """One LSTM layer (Hochreiter & Schmidhuber 1997), read out at the present row."""
+
+    def __init__(
+        self,
+        epochs=20,
+        patience=5,
+        batch_rows=512,
+        learning_rate=0.005,
+        window_rows=1,
+        random_state=0,
+        units=32,
+    ):
+        super().__init__(epochs, patience, batch_rows, learning_rate, window_rows, random_state)
+        self.units = units
+
+    def _network(self, channels: int) -> nn.Module:
+        return _Lstm(channels, self.units)
+
+
+class _Transformer(nn.Module):
+    def __init__(self, channels: int, rows: int, units: int, heads: int, layers: int):
+        super().__init__()
+        self.embed = nn.Linear(channels, units)
+        self.place = nn.Parameter(torch.zeros(rows, units))
+        layer = nn.TransformerEncoderLayer(
+            units, heads, 2 * units, dropout=0.0, batch_first=True, norm_first=True
+        )
+        self.encoder = nn.TransformerEncoder(layer, layers, enable_nested_tensor=False)
+        self.out = nn.Linear(units, 1)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return self.out(self.encoder(self.embed(x) + self.place)[:, -1])[:, 0]
+
+
+class TransformerRegressor(NetworkRegressor):
+    """Transformer encoder (Vaswani et al. 2017) with learned places, read out at the
+    present row.
+    """
+
+    def __init__(
+        self,
+        epochs=20,
+        patience=5,
+        batch_rows=512,
+        learning_rate=0.003,
+        window_rows=1,
+        random_state=0,
+        units=32,
+        heads=4,
+        layers=2,
+    ):
+        super().__init__(epochs, patience, batch_rows, learning_rate, window_rows, random_state)
+        self.units = units
+        self.heads = heads
+        self.layers = layers
+
+    def _network(self, channels: int) -> nn.Module:
+        return _Transformer(channels, self.window_rows, self.units, self.heads, self.layers)

@@ -1,0 +1,3 @@
+"""Offline experiments: what the predictions of the data set's test flights say. Tables lie in
+``results/offline/``.
+"""

@@ -1,0 +1,68 @@
+"""Learning curves: what more training rows would give, the ground for every cap in the
+configuration.
+
+``results/offline/learning_curves.csv``: ``plan, model, share`` (rows over the model's cap),
+``train_rows``; ``rmse, mae, r2`` on the validation rows, each with ``_low`` and ``_high`` (95 %
+over seeds). No test row is looked at.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import joblib
+import pandas as pd
+
+from ges.files import replacing
+from ges.study.config import AnyFit, Vehicle
+from ges.study.config import Window as Shape
+from ges.study.datasets.rows import Window, load_rows
+from ges.study.models import zoo
+from ges.study.models.scores import scores
+
+
+def learning_curve(
+    flights: Path,
+    split: Path,
+    at_cap: Path,
+    name: str,
+    plan: str,
+    fit: AnyFit,
+    shares: list[float],
+    window: Shape,
+    vehicle: Vehicle,
+    horizon_s: float,
+    rate_hz: float,
+    validation_rows: int | None,
+    resamples: int,
+    seed: int,
+    table: Path,
+) -> None:
+    """Fit a model to shares of its cap; a model without a cap has its whole row set only.
+
+    ``at_cap`` is the model of Table 1, fitted to the very rows that share 1 stands for, and not
+    fitted again.
+    """
+    shape = Window.of(window, rate_hz, horizon_s)
+    past = name in zoo.SEQUENCE_MODELS
+    validation = load_rows(flights, split, "validation", shape, validation_rows, seed, past)
+    rows = []
+    for share in shares if fit.train_rows else [1.0]:
+        most = round(share * fit.train_rows) if fit.train_rows else None
+        train = load_rows(flights, split, "train", shape, most, seed, past)
+        if share == 1:
+            model = joblib.load(at_cap)
+        else:
+            model = zoo.fitted(name, zoo.make(name, fit, window, vehicle, seed), train, validation)
+        found = scores(
+            validation.y,
+            model.predict(zoo.features(name, validation)),
+            validation.seed,
+            resamples,
+            seed,
+        )
+        rows.append(
+            {"plan": plan, "model": name, "share": share, "train_rows": len(train), **found}
+        )
+    with replacing(table) as new:
+        pd.DataFrame(rows).to_csv(new, index=False, float_format="%.6g")

@@ -1,0 +1,155 @@
+"""Intervals by seed and paired differences.
+
+A seed is one terrain with one draw of sensor noise; the values of two conditions on one seed belong
+together. Means get a percentile bootstrap over seeds; differences a paired t-test with its interval
+and Cohen's d_z (mean over standard deviation of the differences); p-values of one table are
+corrected by Holm's method.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import pandas as pd
+
+RESAMPLES = 9999
+
+
+@functools.lru_cache(maxsize=8)
+def _resamples(n: int) -> np.ndarray:
+    return np.random.default_rng(0).integers(0, n, (RESAMPLES, n))
+
+
+def mean_interval(values: np.ndarray, confidence: float = 0.95) -> tuple[float, float]:
+    """Bootstrap interval (percentile, seeded) of the mean of ``values`` (n,); NaN below
+    two values.
+    """
+    if len(values) < 2:
+        return float("nan"), float("nan")
+    tail = 50.0 * (1.0 - confidence)
+    low, high = np.percentile(
+        np.asarray(values)[_resamples(len(values))].mean(axis=1), [tail, 100.0 - tail]
+    )
+    return float(low), float(high)
+
+
+def difference(a: np.ndarray, b: np.ndarray) -> dict[str, float]:
+    """Paired comparison of a with b, (n,) each, seed by seed.
+
+    Returns
+    -------
+    dict ``difference`` (mean of a - b), ``low``, ``high`` (95 %, t distribution), ``t``, ``p``
+    (two-sided), ``d_z``, and ``above`` (share of pairs with a > b). Where every difference is zero,
+    t = 0 and p = 1; below two pairs the interval is NaN.
+    """
+    from scipy import stats
+
+    d = np.asarray(a, float) - np.asarray(b, float)
+    mean, above = float(d.mean()), float((d > 0).mean())
+    if not d.any():
+        return {
+            "difference": 0.0,
+            "low": 0.0,
+            "high": 0.0,
+            "t": 0.0,
+            "p": 1.0,
+            "d_z": 0.0,
+            "above": 0.0,
+        }
+    if len(d) < 2:
+        return (
+            {"difference": mean}
+            | dict.fromkeys(("low", "high", "t", "p", "d_z"), float("nan"))
+            | {"above": above}
+        )
+    test = stats.ttest_1samp(d, 0.0)
+    low, high = test.confidence_interval(0.95)
+    d_z = mean / float(d.std(ddof=1)) if np.ptp(d) > 0 else float("inf") * np.sign(mean)
+    values = mean, low, high, test.statistic, test.pvalue, d_z, above
+    return dict(
+        zip(
+            ("difference", "low", "high", "t", "p", "d_z", "above"), map(float, values), strict=True
+        )
+    )
+
+
+def holm(p: Sequence[float]) -> np.ndarray:
+    """p-values corrected by Holm's method; NaN stays NaN and counts for nothing."""
+    from statsmodels.stats.multitest import multipletests
+
+    p = np.asarray(p, float)
+    known, corrected = np.isfinite(p), np.full(len(p), np.nan)
+    if known.any():
+        corrected[known] = multipletests(p[known], method="holm")[1]
+    return corrected
+
+
+def _by_seed(flights: pd.DataFrame, condition: str, metric: str) -> pd.Series:
+    return flights.loc[flights["condition"] == condition].set_index("seed")[metric]
+
+
+def means(flights: pd.DataFrame, metrics: Iterable[str]) -> pd.DataFrame:
+    """Mean of every metric in every condition, a row each.
+
+    Parameters
+    ----------
+    flights : a row a flight: ``condition``, ``seed`` and the metrics.
+
+    Returns
+    -------
+    DataFrame ``metric``, ``condition``, ``seeds`` (how many), ``mean``, ``sd`` (between seeds),
+    ``mean_low``, ``mean_high``.
+    """
+    rows = []
+    for metric in metrics:
+        for condition in flights["condition"].unique():
+            values = _by_seed(flights, condition, metric).dropna().to_numpy()
+            low, high = mean_interval(values)
+            sd = float(values.std(ddof=1)) if len(values) > 1 else float("nan")
+            mean = float(values.mean()) if len(values) else float("nan")
+            rows.append((metric, condition, len(values), mean, sd, low, high))
+    return pd.DataFrame(
+        rows, columns=["metric", "condition", "seeds", "mean", "sd", "mean_low", "mean_high"]
+    )
+
+
+def contrasts(
+    flights: pd.DataFrame, metrics: Iterable[str], pairs: Iterable[tuple[str, str]]
+) -> pd.DataFrame:
+    """Paired differences of pairs of conditions in every metric; Holm's correction is over the
+    whole table.
+
+    Returns
+    -------
+    DataFrame ``metric``, ``condition``, ``reference``, ``pairs`` (seeds with both), then the keys
+    of :func:`difference` and ``p_holm``.
+    """
+    rows, pairs = [], list(pairs)
+    for metric in metrics:
+        for condition, reference in pairs:
+            sides = [_by_seed(flights, name, metric) for name in (condition, reference)]
+            both = pd.concat(sides, axis=1, join="inner").dropna().to_numpy()
+            found = difference(both[:, 0], both[:, 1])
+            rows.append(
+                {
+                    "metric": metric,
+                    "condition": condition,
+                    "reference": reference,
+                    "pairs": len(both),
+                    **found,
+                }
+            )
+    table = pd.DataFrame(rows)
+    return table.assign(p_holm=holm(table["p"])) if rows else table
+
+
+def compare(flights: pd.DataFrame, metrics: Iterable[str], reference: str) -> pd.DataFrame:
+    """Means of every condition beside its paired difference from ``reference``, a row a metric and
+    condition.
+    """
+    metrics, names = list(metrics), [c for c in flights["condition"].unique() if c != reference]
+    differences = contrasts(flights, metrics, [(name, reference) for name in names])
+    table = means(flights, metrics)
+    return table.merge(differences, on=["metric", "condition"], how="left") if names else table

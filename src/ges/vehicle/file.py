@@ -1,0 +1,318 @@
+"""The vehicle file: what is known of a vehicle, and how well.
+
+A plain number means exactly known; ``{value, sd}`` or ``{value, sd_rel}`` states the user's own
+doubt, which is the tolerance a calibration may use: a fitted value well outside it is a finding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import pydantic
+import yaml
+
+from ges.conventions import GRAVITY_M_S2, N_ROTORS
+from ges.errors import GesError, UsageError, unknown_name
+from ges.files import write_text
+from ges.simulator.terrain import Terrain
+
+
+class _Strict(pydantic.BaseModel):
+    model_config = pydantic.ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Quantity(_Strict):
+    """A number with its standard deviation (0: exactly known)."""
+
+    value: float
+    sd: float = pydantic.Field(default=0.0, ge=0)
+
+    @pydantic.model_validator(mode="before")
+    @classmethod
+    def _read(cls, given: Any) -> Any:
+        if isinstance(given, int | float) and not isinstance(given, bool):
+            return {"value": given}
+        if isinstance(given, str | bool) or given is None:
+            raise ValueError("must be a number, or {value, sd} or {value, sd_rel}")
+        if isinstance(given, Mapping) and "sd_rel" in given:
+            return _with_sd(given)
+        return given
+
+    def plain(self) -> float | dict[str, float]:
+        """As it is written in a file."""
+        return {"value": self.value, "sd": self.sd} if self.sd else self.value
+
+
+def _with_sd(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The same with ``sd`` in place of ``sd_rel``."""
+    if "sd" in given:
+        raise ValueError("give sd or sd_rel, not both")
+    value, share = given.get("value"), given["sd_rel"]
+    if not all(isinstance(x, int | float) and not isinstance(x, bool) for x in (value, share)):
+        raise ValueError("sd_rel needs a value, both numbers")
+    if not share >= 0:
+        raise ValueError(f"sd_rel is {share:g}; it must not be negative")
+    return {**{k: v for k, v in given.items() if k != "sd_rel"}, "sd": abs(value) * share}
+
+
+class Estimate(Quantity):
+    """A parameter of an effect, which may state its 95 % interval."""
+
+    ci95: tuple[float, float] | None = None
+
+    @pydantic.model_validator(mode="after")
+    def _ordered(self) -> Estimate:
+        if self.ci95 and self.ci95[0] > self.ci95[1]:
+            raise ValueError(f"ci95 is {list(self.ci95)}; the lower end comes first")
+        return self
+
+    def plain(self) -> float | dict[str, Any]:
+        """As it is written in a file."""
+        if self.ci95 is None:
+            return super().plain()
+        return {
+            "value": self.value,
+            **({"sd": self.sd} if self.sd else {}),
+            "ci95": list(self.ci95),
+        }
+
+
+def _positive(quantity: Quantity) -> Quantity:
+    if not quantity.value > 0:
+        raise ValueError(f"is {quantity.value:g}; it must be positive")
+    return quantity
+
+
+Positive = Annotated[Quantity, pydantic.AfterValidator(_positive)]
+
+
+class Rotor(_Strict):
+    """One rotor: hub in the body frame (FLU, from the centre of mass), radius, spin seen from
+    above.
+
+    A rotor that spins ccw turns the body cw: its reaction torque on the body is negative about z.
+    """
+
+    x_m: Quantity
+    y_m: Quantity
+    z_m: Quantity = Quantity(value=0.0)
+    radius_m: Positive
+    spin: Literal["cw", "ccw"]
+
+
+class Inertia(_Strict):
+    """Moments of inertia about the body axes, with one relative doubt."""
+
+    xx: pydantic.PositiveFloat
+    yy: pydantic.PositiveFloat
+    zz: pydantic.PositiveFloat
+    sd_rel: float = pydantic.Field(default=0.0, ge=0)
+
+
+class GroundFile(_Strict):
+    """Ground under the flights: flat at a height, or a height map in an .npz file beside the
+    vehicle file.
+    """
+
+    kind: Literal["flat", "grid"] = "flat"
+    z_m: float = 0.0
+    file: str | None = None
+
+    @pydantic.model_validator(mode="after")
+    def _complete(self) -> GroundFile:
+        if (self.kind == "grid") != (self.file is not None):
+            raise ValueError("kind grid needs a file, kind flat takes none")
+        return self
+
+
+class Vehicle(_Strict):
+    """What the simulator is told of a vehicle."""
+
+    name: str
+    mass_kg: Positive
+    inertia_kg_m2: Inertia | None = None
+    rotors: tuple[Rotor, ...]
+    thrust_coefficient_N_s2: Positive
+    torque_coefficient_Nm_s2: Positive | None = None
+    motor_time_constant_s: Positive | None = None
+    max_rotor_speed_rad_s: Positive | None = None
+    rho_kg_m3: Positive = Quantity(value=1.225)
+    terrain: GroundFile = GroundFile()
+    effects: dict[str, dict[str, Estimate]] = {}
+    left_unexplained: dict[str, Annotated[float, pydantic.Field(ge=0)]] | None = None
+    """By channel (``force_z`` in N, ``moment_y`` in N m...): rms of what even the flights of its
+    calibration show beyond it; with ``_size``, the largest that their residual gets anywhere.
+    """
+
+    @pydantic.field_validator("rotors")
+    @classmethod
+    def _some(cls, rotors: tuple[Rotor, ...]) -> tuple[Rotor, ...]:
+        if not rotors:
+            raise ValueError("the list is empty; a vehicle has at least one rotor")
+        return rotors
+
+    @pydantic.model_validator(mode="before")
+    @classmethod
+    def _empty_effects(cls, given: Any) -> Any:
+        if isinstance(given, Mapping) and isinstance(given.get("effects"), Mapping):
+            return {
+                **given,
+                "effects": {name: values or {} for name, values in given["effects"].items()},
+            }
+        return given
+
+    def rotor_arrays(self) -> dict[str, np.ndarray]:
+        """``x_m, y_m, z_m, radius_m`` and ``spin`` (+1 ccw seen from above), each of shape
+        (n_rotors,).
+
+        The reaction torque of rotor i on the body about z is ``-spin[i] k_q w^2``.
+        """
+        arrays = {
+            name: np.array([getattr(r, name).value for r in self.rotors])
+            for name in ("x_m", "y_m", "z_m", "radius_m")
+        }
+        return {**arrays, "spin": np.array([1.0 if r.spin == "ccw" else -1.0 for r in self.rotors])}
+
+    def hover_speed_rad_s(self) -> float:
+        """Rotor speed at which equal rotors carry the weight, out of ground effect."""
+        per_rotor = self.mass_kg.value * GRAVITY_M_S2 / len(self.rotors)
+        return float(np.sqrt(per_rotor / self.thrust_coefficient_N_s2.value))
+
+    def effect_values(self) -> dict[str, dict[str, float]]:
+        """Effects that the simulator already models, as plain numbers."""
+        return {
+            name: {key: q.value for key, q in values.items()}
+            for name, values in self.effects.items()
+        }
+
+    def parameters(self) -> dict[str, float]:
+        """The simulator's parameters; what the file leaves out keeps the simulator's default.
+
+        Raises
+        ------
+        GesError
+            When the vehicle has not four rotors, the number the simulator flies.
+        """
+        if len(self.rotors) != N_ROTORS:
+            raise GesError(
+                f"vehicle '{self.name}' has {len(self.rotors)} rotors; the simulator flies"
+                f" {N_ROTORS}"
+            )
+        named = {
+            "mass_kg": self.mass_kg,
+            "thrust_coefficient_N_s2": self.thrust_coefficient_N_s2,
+            "torque_coefficient_Nm_s2": self.torque_coefficient_Nm_s2,
+            "motor_time_constant_s": self.motor_time_constant_s,
+            "max_rotor_speed_rad_s": self.max_rotor_speed_rad_s,
+            "rho_kg_m3": self.rho_kg_m3,
+        }
+        values = {key: q.value for key, q in named.items() if q is not None}
+        if self.inertia_kg_m2:
+            values |= {f"i{a}_kg_m2": getattr(self.inertia_kg_m2, a) for a in ("xx", "yy", "zz")}
+        for key, array in self.rotor_arrays().items():
+            values |= {f"rotor_{i}_{key}": float(v) for i, v in enumerate(array, 1)}
+        return values
+
+    def ground(self, folder: Path | str = ".") -> Terrain:
+        """The ground; a height map is looked for in ``folder``, where the vehicle file lies."""
+        if self.terrain.kind == "flat":
+            return Terrain.flat(self.terrain.z_m)
+        return Terrain.load(Path(folder) / self.terrain.file)
+
+
+def _where(location: tuple) -> str:
+    return ".".join(str(part) for part in location) or "the file"
+
+
+def _known_keys(location: tuple) -> list[str]:
+    models: list[Any] = {1: [Vehicle]}.get(len(location), [Inertia, Rotor, Quantity, GroundFile])
+    return sorted(
+        {name for model in models for name in model.model_fields}
+        | ({"sd_rel"} if len(location) > 1 else set())
+    )
+
+
+def _sentence(path: str, problem: dict) -> str:
+    location = problem["loc"]
+    if problem["type"] == "extra_forbidden":
+        return f"{path}: {unknown_name('key', str(location[-1]), _known_keys(location))}"
+    if problem["type"] == "missing":
+        return f"{path}: {_where(location)} is missing; add it"
+    message = problem["msg"].removeprefix("Value error, ")
+    value = problem.get("input")
+    met = f" (given: {value})" if isinstance(value, int | float | str) else ""
+    return f"{path}: {_where(location)}: {message}{met}"
+
+
+def _check_effects(vehicle: Vehicle, path: str) -> None:
+    from ges.simulator import effects
+
+    for name, values in vehicle.effects.items():
+        try:
+            effects.get(name).values({key: q.value for key, q in values.items()})
+        except UsageError as error:
+            raise UsageError(f"{path}: {error}") from None
+
+
+def parse_vehicle(content: Any, path: str = "vehicle") -> Vehicle:
+    """Check the content of a vehicle file.
+
+    Raises
+    ------
+    UsageError
+        One sentence: which key, the value met, what is allowed.
+    """
+    if not isinstance(content, Mapping):
+        raise UsageError(f"{path} holds no table of keys; see docs for the vehicle file")
+    try:
+        vehicle = Vehicle.model_validate(content)
+    except pydantic.ValidationError as error:
+        problems = sorted(error.errors(), key=lambda p: p["type"] != "extra_forbidden")
+        raise UsageError(_sentence(path, problems[0])) from None
+    _check_effects(vehicle, path)
+    return vehicle
+
+
+def load_vehicle(path: str | Path) -> Vehicle:
+    """Read a vehicle file (YAML)."""
+    path = Path(path)
+    try:
+        content = yaml.safe_load(path.read_text())
+    except OSError as error:
+        raise GesError(f"cannot read the vehicle file {path}: {error.strerror}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path.name} is not YAML: {str(error).splitlines()[0]}") from None
+    return parse_vehicle(content, path.name)
+
+
+def vehicle_content(vehicle: Vehicle) -> dict[str, Any]:
+    """The content of a vehicle file: doubts kept, keys in their standard order."""
+    content: dict[str, Any] = {}
+    for key in Vehicle.model_fields:
+        value = getattr(vehicle, key)
+        if value is None:
+            continue
+        if isinstance(value, Quantity):
+            content[key] = value.plain()
+        elif key == "rotors":
+            content[key] = [
+                {k: v.plain() if isinstance(v, Quantity) else v for k, v in rotor}
+                for rotor in value
+            ]
+        elif key == "effects":
+            content[key] = {
+                name: {k: q.plain() for k, q in values.items()} for name, values in value.items()
+            }
+        elif isinstance(value, pydantic.BaseModel):
+            content[key] = value.model_dump(exclude_none=True)
+        else:
+            content[key] = value
+    return content
+
+
+def save_vehicle(vehicle: Vehicle, path: str | Path) -> None:
+    """Write a vehicle file; complete or not at all."""
+    write_text(path, yaml.safe_dump(vehicle_content(vehicle), sort_keys=False))
