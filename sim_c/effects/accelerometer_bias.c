@@ -14,8 +14,21 @@ EFFECT(accelerometer_bias) = {
     .channels = "acc",
     .kind = GES_SENSOR,
     .n_parameters = 3,
-    .parameters = {{"x_m_s2", "m/s^2", "offset, body x", 0.1, 0, -5, 5},
-                   {"y_m_s2", "m/s^2", "offset, body y", 0, 0, -5, 5},
-                   {"z_m_s2", "m/s^2", "offset, body z", 0, 0, -5, 5}},
+    .parameters =
+        {
+         {.name = "x_m_s2", .unit = "m/s^2", .role = GES_AMPLITUDE, .value = 0.1, .neutral = 0, .low = -5, .high = 5,
+          .doc = "offset, body x", .doubt = {.shows_in = "acc_x", .step = 0.02, .sd = 0.04, .flight_sd = 0.03}},
+         {.name = "y_m_s2", .unit = "m/s^2", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -5, .high = 5,
+          .doc = "offset, body y", .doubt = {.shows_in = "acc_y", .step = 0.02, .sd = 0.04, .flight_sd = 0.03}},
+         {.name = "z_m_s2", .unit = "m/s^2", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -5, .high = 5,
+          .doc = "offset, body z", .doubt = {.shows_in = "acc_z", .step = 0.02, .sd = 0.04, .flight_sd = 0.03}},
+        },
+    .about = GES_FAULT,
+    .feedback = GES_FEEDBACK_NONE,
+    .needs = "accelerometer",
+    .search =
+        {
+         {.amplitudes = "x_m_s2 y_m_s2 z_m_s2", .rule = "axes"},
+        },
     .sense = sense,
 };

@@ -19,6 +19,12 @@ EFFECT(actuator_mapping) = {
     .channels = "drive force_z",
     .kind = GES_ACTUATOR,
     .n_parameters = 1,
-    .parameters = {{"exponent", "1", "excess exponent; 1/2: 1/f instead of 1/sqrt(f)", 0.5, 0, -1, 1}},
+    .parameters =
+        {
+         {.name = "exponent", .unit = "1", .role = GES_AMPLITUDE, .value = 0.5, .neutral = 0, .low = -1, .high = 1,
+          .doc = "excess exponent; 1/2: 1/f instead of 1/sqrt(f)"},
+        },
+    .about = GES_DECLARED,
+    .feedback = GES_FEEDBACK_NONE,
     .drive = drive,
 };

@@ -14,8 +14,23 @@ EFFECT(attitude_bias) = {
     .channels = "attitude force_x force_y",
     .kind = GES_SENSOR,
     .n_parameters = 3,
-    .parameters = {{"x_rad", "rad", "about body x", 0.01, 0, -0.3, 0.3},
-                   {"y_rad", "rad", "about body y", 0, 0, -0.3, 0.3},
-                   {"z_rad", "rad", "about body z", 0, 0, -0.3, 0.3}},
+    .parameters =
+        {
+         {.name = "x_rad", .unit = "rad", .role = GES_AMPLITUDE, .value = 0.01, .neutral = 0, .low = -0.3, .high = 0.3,
+          .doc = "about body x", .doubt = {.shows_in = "force", .step = 0.002, .sd = 0.006, .flight_sd = 0.003},
+          .whole = 1},
+         {.name = "y_rad", .unit = "rad", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -0.3, .high = 0.3,
+          .doc = "about body y", .doubt = {.shows_in = "force", .step = 0.002, .sd = 0.006, .flight_sd = 0.003},
+          .whole = 1},
+         {.name = "z_rad", .unit = "rad", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -0.3, .high = 0.3,
+          .doc = "about body z"},
+        },
+    .about = GES_FAULT,
+    .feedback = GES_FEEDBACK_NONE,
+    .needs = "attitude",
+    .search =
+        {
+         {.amplitudes = "x_rad y_rad", .rule = "axes"},
+        },
     .sense = sense,
 };

@@ -22,6 +22,13 @@ EFFECT(axial_inflow) = {
     .kind = GES_WRENCH,
     .n_parameters = 1,
     .laws = GES_LAW_MIRROR | GES_LAW_DISSIPATES | GES_LAW_FREE_AIR,
-    .parameters = {{"k_kg", "kg", "thrust per axial speed and rotor speed (kg/rad)", 3e-4, 0, 0, 1e-1}},
+    .parameters =
+        {
+         {.name = "k_kg", .unit = "kg", .role = GES_AMPLITUDE, .value = 3e-4, .neutral = 0, .low = 0, .high = 1e-1,
+          .doc = "thrust per axial speed and rotor speed (kg/rad)"},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_NONE,
+    .needs = "velocity",
     .wrench = wrench,
 };

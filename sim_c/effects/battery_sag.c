@@ -24,9 +24,25 @@ EFFECT(battery_sag) = {
     .channels = "drive force_z",
     .kind = GES_ACTUATOR,
     .n_parameters = 4,
-    .parameters = {{"sensitivity", "1", "relative speed per relative voltage", 1, 0, 0, 2},
-                   {"nominal_V", "V", "voltage at which w_max holds; 0: the vehicle's", 0, NAN, 0, 100},
-                   {"drop_V_s", "V/s", "fall of the unloaded voltage", 0.01, NAN, 0, 1},
-                   {"load_V", "V", "sag at hover thrust", 0.5, NAN, 0, 10}},
+    .parameters =
+        {
+         {.name = "sensitivity", .unit = "1", .role = GES_AMPLITUDE, .value = 1, .neutral = 0, .low = 0, .high = 2,
+          .doc = "relative speed per relative voltage",
+          .doubt = {.shows_in = "drive", .step = 0.02, .sd = 0.04, .with_voltage = 1}},
+         {.name = "nominal_V", .unit = "V", .role = GES_SWITCH, .value = 0, .neutral = NAN, .low = 0, .high = 100,
+          .doc = "voltage at which w_max holds; 0: the vehicle's"},
+         {.name = "drop_V_s", .unit = "V/s", .role = GES_SWITCH, .value = 0.01, .neutral = NAN, .low = 0, .high = 1,
+          .doc = "fall of the unloaded voltage"},
+         {.name = "load_V", .unit = "V", .role = GES_SWITCH, .value = 0.5, .neutral = NAN, .low = 0, .high = 10,
+          .doc = "sag at hover thrust"},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_THRUST_GAIN,
+    .needs = "voltage",
+    .hints = GES_READS_VOLTAGE,
+    .search =
+        {
+         {.amplitudes = "sensitivity"},
+        },
     .drive = drive,
 };

@@ -21,7 +21,20 @@ EFFECT(ceiling_effect) = {
     .kind = GES_WRENCH,
     .n_parameters = 2,
     .laws = GES_LAW_MIRROR,
-    .parameters = {{"amplitude", "1", "scales (R/4z_c)^2", 1, 0, 0, 12},
-                   {"ceiling_z_m", "m", "height of the ceiling, world", 2.5, NAN, -100, 1000}},
+    .parameters =
+        {
+         {.name = "amplitude", .unit = "1", .role = GES_AMPLITUDE, .value = 1, .neutral = 0, .low = 0, .high = 12,
+          .doc = "scales (R/4z_c)^2", .plausible = 3.0},
+         {.name = "ceiling_z_m", .unit = "m", .role = GES_SHAPE, .value = 2.5, .neutral = NAN, .low = -100, .high = 1000,
+          .doc = "height of the ceiling, world", .fitted = 1, .reach = 0.5, .reach_over = "radius"},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_THRUST_GAIN,
+    .needs = "height",
+    .rarity = 0.1,
+    .search =
+        {
+         {.amplitudes = "amplitude", .rule = "above", .axis = "ceiling_z_m", LEVELS(0.5, 1, 2, 4)},
+        },
     .wrench = wrench,
 };

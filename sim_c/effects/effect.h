@@ -61,6 +61,15 @@ typedef struct {
   int kind, n_parameters, n_states;
   unsigned laws;
   ges_effect_parameter parameters[GES_MAX_PARAMETERS];
+  int about, feedback;
+  unsigned hints;
+  double rarity;
+  const char *needs, *through, *family, *usual_beside, *error_of, *unexcited_like, *settled;
+  struct {
+    double levels[GES_MAX_LEVELS];
+    int n_levels;
+  } carried;
+  ges_search search[GES_MAX_SEARCHES];
   void (*adjust)(sample_t *s, const vd *p); /* kind parameter: corrects the vehicle's constants */
   void (*begin)(const sample_t *s, const vd *p, vd *x); /* first values of the extra states; default 0 */
   void (*blow)(const sample_t *s, const vd *p, const vd *x, vd wind[3]);

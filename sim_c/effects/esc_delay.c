@@ -29,7 +29,20 @@ EFFECT(esc_delay) = {
     .kind = GES_ACTUATOR,
     .n_parameters = 1,
     .n_states = 8,
-    .parameters = {{"delay_s", "s", "delay", 0.01, 0, 0, 0.1}},
+    .parameters =
+        {
+         {.name = "delay_s", .unit = "s", .role = GES_AMPLITUDE, .value = 0.01, .neutral = 0, .low = 0, .high = 0.1,
+          .doc = "delay", .fit_low = 0, .fit_high = 0.06,
+          .doubt = {.shows_in = "drive", .step = 0.004, .sd = 0.002, .timing = 1}},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_DYNAMIC,
+    .needs = "attitude command cause_of_command",
+    .family = "lateness of the drive",
+    .search =
+        {
+         {.amplitudes = "delay_s", .rule = "levels", LEVELS(0.005, 0.012, 0.03)},
+        },
     .begin = begin,
     .drive = drive,
 };

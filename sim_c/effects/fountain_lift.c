@@ -23,7 +23,21 @@ EFFECT(fountain_lift) = {
     .kind = GES_WRENCH,
     .n_parameters = 2,
     .laws = GES_LAW_MIRROR | GES_LAW_FADES,
-    .parameters = {{"c_b", "1", "share of thrust at the ground", 0.06, 0, 0, 0.5},
-                   {"c_s", "1", "height scale over hub spacing", 1, NAN, 0.2, 4}},
+    .parameters =
+        {
+         {.name = "c_b", .unit = "1", .role = GES_AMPLITUDE, .value = 0.06, .neutral = 0, .low = 0, .high = 0.5,
+          .doc = "share of thrust at the ground"},
+         {.name = "c_s", .unit = "1", .role = GES_SHAPE, .value = 1, .neutral = NAN, .low = 0.2, .high = 4,
+          .doc = "height scale over hub spacing", .usual = 1.5, .usual_sd = 1.0, .fitted = 1},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_THRUST_GAIN,
+    .needs = "height",
+    .usual_beside = "ground_effect",
+    .family = "lift near the ground",
+    .search =
+        {
+         {.amplitudes = "c_b", .axis = "c_s", LEVELS(0.5, 1, 2, 3)},
+        },
     .wrench = wrench,
 };

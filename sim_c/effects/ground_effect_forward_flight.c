@@ -24,6 +24,19 @@ EFFECT(ground_effect_forward_flight) = {
     .kind = GES_WRENCH,
     .n_parameters = 1,
     .laws = GES_LAW_MIRROR | GES_LAW_FADES,
-    .parameters = {{"c", "1", "speed at which half is gone is v_h / c", 1, 0, 0, 10}},
+    .parameters =
+        {
+         {.name = "c", .unit = "1", .role = GES_AMPLITUDE, .value = 1, .neutral = 0, .low = 0, .high = 10,
+          .doc = "speed at which half is gone is v_h / c"},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_THRUST_GAIN,
+    .needs = "height velocity",
+    .hints = GES_UNLIKE_FORM_ERROR,
+    .carried = {LEVELS(1, 2.7)},
+    .search =
+        {
+         {.amplitudes = "c", .rule = "levels", LEVELS(0.4, 1, 2.2, 5)},
+        },
     .wrench = wrench,
 };

@@ -29,7 +29,20 @@ EFFECT(ground_effect_lag) = {
     .n_parameters = 1,
     .n_states = 4,
     .laws = GES_LAW_MIRROR | GES_LAW_FADES,
-    .parameters = {{"c", "1", "lag in units of (h + R)/v_h", 1.5, 0, 0, 30}},
+    .parameters =
+        {
+         {.name = "c", .unit = "1", .role = GES_AMPLITUDE, .value = 1.5, .neutral = 0, .low = 0, .high = 30,
+          .doc = "lag in units of (h + R)/v_h"},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_THRUST_GAIN,
+    .needs = "height",
+    .hints = GES_UNLIKE_FORM_ERROR,
+    .carried = {LEVELS(4)},
+    .search =
+        {
+         {.amplitudes = "c", .rule = "levels", LEVELS(0.7, 2, 5)},
+        },
     .begin = begin,
     .wrench = wrench,
 };

@@ -21,6 +21,15 @@ EFFECT(ground_effect_moment) = {
     .kind = GES_WRENCH,
     .n_parameters = 1,
     .laws = GES_LAW_MIRROR | GES_LAW_FADES,
-    .parameters = {{"q", "1", "excess over the cushions' own moment", 0.5, 0, -10, 10}},
+    .parameters =
+        {
+         {.name = "q", .unit = "1", .role = GES_AMPLITUDE, .value = 0.5, .neutral = 0, .low = -10, .high = 10,
+          .doc = "excess over the cushions' own moment",
+          .doubt = {.shows_in = "moment", .step = 0.1, .sd = 0.25, .mean = -0.35}},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_NONE,
+    .needs = "height",
+    .hints = GES_LEVER_OF_CARRIER | GES_UNLIKE_FORM_ERROR,
     .wrench = wrench,
 };

@@ -14,8 +14,18 @@ EFFECT(gyro_bias) = {
     .channels = "gyro",
     .kind = GES_SENSOR,
     .n_parameters = 3,
-    .parameters = {{"x_rad_s", "rad/s", "offset, body x", 0.02, 0, -1, 1},
-                   {"y_rad_s", "rad/s", "offset, body y", 0, 0, -1, 1},
-                   {"z_rad_s", "rad/s", "offset, body z", 0, 0, -1, 1}},
+    .parameters =
+        {
+         {.name = "x_rad_s", .unit = "rad/s", .role = GES_AMPLITUDE, .value = 0.02, .neutral = 0, .low = -1, .high = 1,
+          .doc = "offset, body x"},
+         {.name = "y_rad_s", .unit = "rad/s", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -1, .high = 1,
+          .doc = "offset, body y"},
+         {.name = "z_rad_s", .unit = "rad/s", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -1, .high = 1,
+          .doc = "offset, body z"},
+        },
+    .about = GES_FAULT,
+    .feedback = GES_FEEDBACK_NONE,
+    .needs = "attitude",
+    .settled = "settled before the search, by the attitude's own rate",
     .sense = sense,
 };

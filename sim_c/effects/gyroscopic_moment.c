@@ -18,6 +18,13 @@ EFFECT(gyroscopic_moment) = {
     .kind = GES_WRENCH,
     .n_parameters = 1,
     .laws = GES_LAW_NO_WORK | GES_LAW_FREE_AIR,
-    .parameters = {{"inertia_kg_m2", "kg m^2", "inertia of one rotor about its axis", 0.0001, 0, 0, 0.1}},
+    .parameters =
+        {
+         {.name = "inertia_kg_m2", .unit = "kg m^2", .role = GES_AMPLITUDE, .value = 0.0001, .neutral = 0, .low = 0, .high = 0.1,
+          .doc = "inertia of one rotor about its axis"},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_DYNAMIC,
+    .needs = "attitude",
     .wrench = wrench,
 };

@@ -13,8 +13,26 @@ EFFECT(inertia) = {
     .channels = "moment_x moment_y moment_z",
     .kind = GES_PARAMETER,
     .n_parameters = 3,
-    .parameters = {{"xx", "1", "relative change about x", 0.2, 0, -0.7, 3},
-                   {"yy", "1", "relative change about y", 0.2, 0, -0.7, 3},
-                   {"zz", "1", "relative change about z", 0.2, 0, -0.7, 3}},
+    .parameters =
+        {
+         {.name = "xx", .unit = "1", .role = GES_AMPLITUDE, .value = 0.2, .neutral = 0, .low = -0.7, .high = 3,
+          .doc = "relative change about x", .corrects = "inertia_kg_m2.xx", .plausible = 0.3,
+          .doubt = {.shows_in = "moment_x", .step = 0.02, .sd = 0, .reciprocal = 1}},
+         {.name = "yy", .unit = "1", .role = GES_AMPLITUDE, .value = 0.2, .neutral = 0, .low = -0.7, .high = 3,
+          .doc = "relative change about y", .corrects = "inertia_kg_m2.yy", .plausible = 0.3,
+          .doubt = {.shows_in = "moment_y", .step = 0.02, .sd = 0, .reciprocal = 1}},
+         {.name = "zz", .unit = "1", .role = GES_AMPLITUDE, .value = 0.2, .neutral = 0, .low = -0.7, .high = 3,
+          .doc = "relative change about z", .corrects = "inertia_kg_m2.zz", .plausible = 0.3,
+          .doubt = {.shows_in = "moment_z", .step = 0.02, .sd = 0, .reciprocal = 1}},
+        },
+    .about = GES_DECLARED,
+    .feedback = GES_FEEDBACK_DYNAMIC,
+    .needs = "attitude",
+    .rarity = 0.1,
+    .unexcited_like = "wind",
+    .search =
+        {
+         {.amplitudes = "xx yy zz", .rule = "axes", LEVELS(0.4, -0.3)},
+        },
     .adjust = adjust,
 };

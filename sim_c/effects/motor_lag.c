@@ -18,7 +18,22 @@ EFFECT(motor_lag) = {
     .channels = "drive force_z moment_x moment_y moment_z",
     .kind = GES_ACTUATOR,
     .n_parameters = 2,
-    .parameters = {{"up_s", "s", "added time constant when speeding up", 0.03, 0, -0.2, 0.5},
-                   {"down_s", "s", "added time constant when slowing down", 0.03, 0, -0.2, 0.5}},
+    .parameters =
+        {
+         {.name = "up_s", .unit = "s", .role = GES_AMPLITUDE, .value = 0.03, .neutral = 0, .low = -0.2, .high = 0.5,
+          .doc = "added time constant when speeding up", .corrects = "motor_time_constant_s", .fit_low = 0,
+          .fit_high = 0.5, .doubt = {.shows_in = "drive moment", .step = 0.002, .sd = 0}},
+         {.name = "down_s", .unit = "s", .role = GES_AMPLITUDE, .value = 0.03, .neutral = 0, .low = -0.2, .high = 0.5,
+          .doc = "added time constant when slowing down", .corrects = "motor_time_constant_s", .fit_low = 0,
+          .fit_high = 0.5, .doubt = {.shows_in = "drive moment", .step = 0.002, .sd = 0}},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_DYNAMIC,
+    .needs = "attitude command cause_of_command",
+    .family = "lateness of the drive",
+    .search =
+        {
+         {.amplitudes = "up_s down_s", .rule = "slower", LEVELS(0.25, 1, 3)},
+        },
     .drive = drive,
 };

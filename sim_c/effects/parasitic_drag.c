@@ -20,7 +20,21 @@ EFFECT(parasitic_drag) = {
     .kind = GES_WRENCH,
     .n_parameters = 2,
     .laws = GES_LAW_MIRROR | GES_LAW_DISSIPATES | GES_LAW_FREE_AIR,
-    .parameters = {{"area_m2", "m^2", "drag area C_d A", 0.02, 0, 0, 1},
-                   {"vertical_ratio", "1", "kappa, drag area along thrust over that across", 1, NAN, 0.2, 5}},
+    .parameters =
+        {
+         {.name = "area_m2", .unit = "m^2", .role = GES_AMPLITUDE, .value = 0.02, .neutral = 0, .low = 0, .high = 1,
+          .doc = "drag area C_d A"},
+         {.name = "vertical_ratio", .unit = "1", .role = GES_SHAPE, .value = 1, .neutral = NAN, .low = 0.2, .high = 5,
+          .doc = "kappa, drag area along thrust over that across", .usual = 1.0, .usual_sd = 1.0, .fitted = 1},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_NONE,
+    .needs = "attitude velocity",
+    .hints = GES_OWN_LEVER,
+    .family = "drag",
+    .search =
+        {
+         {.amplitudes = "area_m2", .axis = "vertical_ratio", LEVELS(1, 1.7)},
+        },
     .wrench = wrench,
 };

@@ -43,6 +43,17 @@ EFFECT(partial_ground_effect) = {
     .kind = GES_WRENCH,
     .n_parameters = 1,
     .laws = GES_LAW_FADES,
-    .parameters = {{"k", "1", "radius of the circle over the rotor radius", 0.7, 0, 0, 2}},
+    .parameters =
+        {
+         {.name = "k", .unit = "1", .role = GES_AMPLITUDE, .value = 0.7, .neutral = 0, .low = 0, .high = 2,
+          .doc = "radius of the circle over the rotor radius"},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_THRUST_GAIN,
+    .needs = "height",
+    .search =
+        {
+         {.amplitudes = "k", .rule = "levels", LEVELS(0.4, 0.7, 1, 1.5)},
+        },
     .wrench = wrench,
 };

@@ -21,6 +21,17 @@ EFFECT(rangefinder_lag) = {
     .kind = GES_SENSOR,
     .n_parameters = 1,
     .n_states = 2,
-    .parameters = {{"tau_s", "s", "time constant", 0.05, 0, 0, 1}},
+    .parameters =
+        {
+         {.name = "tau_s", .unit = "s", .role = GES_AMPLITUDE, .value = 0.05, .neutral = 0, .low = 0, .high = 1,
+          .doc = "time constant", .doubt = {.shows_in = "range", .step = 0.005, .sd = 0.015}},
+        },
+    .about = GES_FAULT,
+    .feedback = GES_FEEDBACK_NONE,
+    .needs = "range smooth_ground",
+    .search =
+        {
+         {.amplitudes = "tau_s", .rule = "levels", LEVELS(0.05, 0.12, 0.3)},
+        },
     .sense = sense,
 };

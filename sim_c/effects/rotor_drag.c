@@ -26,6 +26,15 @@ EFFECT(rotor_drag) = {
     .kind = GES_WRENCH,
     .n_parameters = 1,
     .laws = GES_LAW_MIRROR | GES_LAW_DISSIPATES | GES_LAW_FREE_AIR,
-    .parameters = {{"k_kg", "kg", "force per air speed and rotor speed (kg/rad)", 1e-4, 0, 0, 1e-2}},
+    .parameters =
+        {
+         {.name = "k_kg", .unit = "kg", .role = GES_AMPLITUDE, .value = 1e-4, .neutral = 0, .low = 0, .high = 1e-2,
+          .doc = "force per air speed and rotor speed (kg/rad)", .usual_share = 0.02},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_NONE,
+    .needs = "attitude velocity",
+    .hints = GES_OWN_LEVER,
+    .family = "drag",
     .wrench = wrench,
 };

@@ -15,6 +15,19 @@ EFFECT(rotor_saturation) = {
     .channels = "drive force_z moment_x moment_y",
     .kind = GES_ACTUATOR,
     .n_parameters = 1,
-    .parameters = {{"share", "1", "greatest speed over the nominal one", 0.8, 1, 0.1, 1}},
+    .parameters =
+        {
+         {.name = "share", .unit = "1", .role = GES_AMPLITUDE, .value = 0.8, .neutral = 1, .low = 0.1, .high = 1,
+          .doc = "greatest speed over the nominal one"},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_NONE,
+    .needs = "attitude",
+    .hints = GES_CLIPS,
+    .error_of = "thrust_curve",
+    .search =
+        {
+         {.amplitudes = "share", .rule = "asked"},
+        },
     .drive = drive,
 };

@@ -22,7 +22,20 @@ EFFECT(rotor_tilt) = {
     .kind = GES_WRENCH,
     .n_parameters = 2,
     .laws = GES_LAW_FREE_AIR,
-    .parameters = {{"x_rad", "rad", "tilt towards body x", 0.02, 0, -0.2, 0.2},
-                   {"y_rad", "rad", "tilt towards body y", 0, 0, -0.2, 0.2}},
+    .parameters =
+        {
+         {.name = "x_rad", .unit = "rad", .role = GES_AMPLITUDE, .value = 0.02, .neutral = 0, .low = -0.2, .high = 0.2,
+          .doc = "tilt towards body x", .whole = 1},
+         {.name = "y_rad", .unit = "rad", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -0.2, .high = 0.2,
+          .doc = "tilt towards body y", .whole = 1},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_NONE,
+    .needs = "attitude",
+    .hints = GES_OWN_LEVER,
+    .search =
+        {
+         {.amplitudes = "x_rad y_rad", .rule = "axes"},
+        },
     .wrench = wrench,
 };

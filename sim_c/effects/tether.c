@@ -23,10 +23,25 @@ EFFECT(tether) = {
     .kind = GES_WRENCH,
     .n_parameters = 5,
     .laws = GES_LAW_FREE_AIR,
-    .parameters = {{"weight_N_m", "N/m", "weight per lifted length", 0.1, 0, 0, 50},
-                   {"stiffness_N_m", "N/m", "spring when taut", 0, 0, 0, 1000},
-                   {"length_m", "m", "slack length", 3, NAN, 0, 1000},
-                   {"anchor_x_m", "m", "anchor, world x", 0, NAN, -1000, 1000},
-                   {"anchor_y_m", "m", "anchor, world y", 0, NAN, -1000, 1000}},
+    .parameters =
+        {
+         {.name = "weight_N_m", .unit = "N/m", .role = GES_AMPLITUDE, .value = 0.1, .neutral = 0, .low = 0, .high = 50,
+          .doc = "weight per lifted length"},
+         {.name = "stiffness_N_m", .unit = "N/m", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = 0, .high = 1000,
+          .doc = "spring when taut"},
+         {.name = "length_m", .unit = "m", .role = GES_SWITCH, .value = 3, .neutral = NAN, .low = 0, .high = 1000,
+          .doc = "slack length"},
+         {.name = "anchor_x_m", .unit = "m", .role = GES_SWITCH, .value = 0, .neutral = NAN, .low = -1000, .high = 1000,
+          .doc = "anchor, world x"},
+         {.name = "anchor_y_m", .unit = "m", .role = GES_SWITCH, .value = 0, .neutral = NAN, .low = -1000, .high = 1000,
+          .doc = "anchor, world y"},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_NONE,
+    .needs = "height",
+    .search =
+        {
+         {.amplitudes = "weight_N_m"},
+        },
     .wrench = wrench,
 };

@@ -18,6 +18,13 @@ EFFECT(thrust_curve) = {
     .channels = "drive force_z",
     .kind = GES_ACTUATOR,
     .n_parameters = 1,
-    .parameters = {{"c", "1", "linear share", 0.3, 0, -0.5, 1}},
+    .parameters =
+        {
+         {.name = "c", .unit = "1", .role = GES_AMPLITUDE, .value = 0.3, .neutral = 0, .low = -0.5, .high = 1,
+          .doc = "linear share", .doubt = {.shows_in = "drive command", .step = 0.02, .sd = 0.03}},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_DYNAMIC,
+    .needs = "voltage",
     .drive = drive,
 };

@@ -15,6 +15,15 @@ EFFECT(thrust_scale) = {
     .kind = GES_WRENCH,
     .n_parameters = 1,
     .laws = GES_LAW_MIRROR | GES_LAW_FREE_AIR,
-    .parameters = {{"scale", "1", "relative change of thrust", 0.05, 0, -0.5, 0.5}},
+    .parameters =
+        {
+         {.name = "scale", .unit = "1", .role = GES_AMPLITUDE, .value = 0.05, .neutral = 0, .low = -0.9, .high = 9,
+          .doc = "relative change of thrust", .corrects = "mass_kg thrust_coefficient_N_s2", .plausible = 0.25,
+          .trim = GES_TRIM_THRUST, .doubt = {.shows_in = "any", .step = 0.01, .sd = 0, .flight_sd = 0.01}},
+        },
+    .about = GES_DECLARED,
+    .feedback = GES_FEEDBACK_THRUST_GAIN,
+    .needs = "voltage_or_rotor_speed",
+    .rarity = 0.1,
     .wrench = wrench,
 };

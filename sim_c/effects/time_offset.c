@@ -18,6 +18,14 @@ EFFECT(time_offset) = {
     .channels = "gyro attitude",
     .kind = GES_SENSOR,
     .n_parameters = 1,
-    .parameters = {{"delay_s", "s", "delay", 0.02, 0, -0.1, 0.1}},
+    .parameters =
+        {
+         {.name = "delay_s", .unit = "s", .role = GES_AMPLITUDE, .value = 0.02, .neutral = 0, .low = -0.1, .high = 0.1,
+          .doc = "delay", .doubt = {.shows_in = "moment", .step = 0.001, .sd = 0.003}},
+        },
+    .about = GES_FAULT,
+    .feedback = GES_FEEDBACK_NONE,
+    .needs = "attitude",
+    .settled = "settled before the search, by the delay between streams",
     .sense = sense,
 };

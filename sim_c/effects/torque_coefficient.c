@@ -15,6 +15,15 @@ EFFECT(torque_coefficient) = {
     .kind = GES_WRENCH,
     .n_parameters = 1,
     .laws = GES_LAW_FREE_AIR,
-    .parameters = {{"scale", "1", "relative change of torque", 0.2, 0, -0.9, 3}},
+    .parameters =
+        {
+         {.name = "scale", .unit = "1", .role = GES_AMPLITUDE, .value = 0.2, .neutral = 0, .low = -0.9, .high = 3,
+          .doc = "relative change of torque", .corrects = "torque_coefficient_Nm_s2", .plausible = 0.3,
+          .doubt = {.shows_in = "moment_z", .step = 0.02, .sd = 0}},
+        },
+    .about = GES_DECLARED,
+    .feedback = GES_FEEDBACK_DYNAMIC,
+    .needs = "attitude",
+    .rarity = 0.1,
     .wrench = wrench,
 };

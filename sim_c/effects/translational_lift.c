@@ -17,6 +17,13 @@ EFFECT(translational_lift) = {
     .kind = GES_WRENCH,
     .n_parameters = 1,
     .laws = GES_LAW_MIRROR | GES_LAW_FREE_AIR,
-    .parameters = {{"c", "1", "share of thrust gained at high speed", 0.3, 0, 0, 3}},
+    .parameters =
+        {
+         {.name = "c", .unit = "1", .role = GES_AMPLITUDE, .value = 0.3, .neutral = 0, .low = 0, .high = 3,
+          .doc = "share of thrust gained at high speed"},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_NONE,
+    .needs = "velocity",
     .wrench = wrench,
 };

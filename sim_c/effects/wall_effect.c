@@ -18,8 +18,23 @@ EFFECT(wall_effect) = {
     .channels = "force_x force_y",
     .kind = GES_WRENCH,
     .n_parameters = 3,
-    .parameters = {{"c", "1", "share of thrust at the wall", 0.02, 0, -0.3, 0.3},
-                   {"distance_m", "m", "wall from the world origin along its normal", 2, NAN, -1000, 1000},
-                   {"bearing_rad", "rad", "direction of the wall's normal from world x", 0, NAN, -4, 4}},
+    .parameters =
+        {
+         {.name = "c", .unit = "1", .role = GES_AMPLITUDE, .value = 0.02, .neutral = 0, .low = -0.3, .high = 0.3,
+          .doc = "share of thrust at the wall"},
+         {.name = "distance_m", .unit = "m", .role = GES_SHAPE, .value = 2, .neutral = NAN, .low = -1000, .high = 1000,
+          .doc = "wall from the world origin along its normal"},
+         {.name = "bearing_rad", .unit = "rad", .role = GES_SHAPE, .value = 0, .neutral = NAN, .low = -4, .high = 4,
+          .doc = "direction of the wall's normal from world x"},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_NONE,
+    .needs = "attitude height",
+    .rarity = 0.1,
+    .error_of = "wind",
+    .search =
+        {
+         {.amplitudes = "c", .rule = "beside", .axis = "distance_m bearing_rad"},
+        },
     .wrench = wrench,
 };

@@ -18,9 +18,27 @@ EFFECT(weak_rotor) = {
     .kind = GES_WRENCH,
     .n_parameters = 4,
     .laws = GES_LAW_FREE_AIR,
-    .parameters = {{"loss_1", "1", "lost share of rotor 1", 0.15, 0, -0.5, 1},
-                   {"loss_2", "1", "lost share of rotor 2", 0, 0, -0.5, 1},
-                   {"loss_3", "1", "lost share of rotor 3", 0, 0, -0.5, 1},
-                   {"loss_4", "1", "lost share of rotor 4", 0, 0, -0.5, 1}},
+    .parameters =
+        {
+         {.name = "loss_1", .unit = "1", .role = GES_AMPLITUDE, .value = 0.15, .neutral = 0, .low = -0.5, .high = 1,
+          .doc = "lost share of rotor 1",
+          .doubt = {.shows_in = "moment", .step = 0.005, .sd = 0.01, .flight_sd = 0.003}, .trim = GES_TRIM_ROTOR},
+         {.name = "loss_2", .unit = "1", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -0.5, .high = 1,
+          .doc = "lost share of rotor 2",
+          .doubt = {.shows_in = "moment", .step = 0.005, .sd = 0.01, .flight_sd = 0.003}, .trim = GES_TRIM_ROTOR},
+         {.name = "loss_3", .unit = "1", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -0.5, .high = 1,
+          .doc = "lost share of rotor 3",
+          .doubt = {.shows_in = "moment", .step = 0.005, .sd = 0.01, .flight_sd = 0.003}, .trim = GES_TRIM_ROTOR},
+         {.name = "loss_4", .unit = "1", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -0.5, .high = 1,
+          .doc = "lost share of rotor 4",
+          .doubt = {.shows_in = "moment", .step = 0.005, .sd = 0.01, .flight_sd = 0.003}, .trim = GES_TRIM_ROTOR},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_ROTOR,
+    .hints = GES_MANY,
+    .search =
+        {
+         {.amplitudes = "loss_1 loss_2 loss_3 loss_4", .rule = "each"},
+        },
     .wrench = wrench,
 };

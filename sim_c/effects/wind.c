@@ -25,8 +25,24 @@ EFFECT(wind) = {
     .channels = "force_x force_y",
     .kind = GES_WIND,
     .n_parameters = 3,
-    .parameters = {{"east_m_s", "m/s", "towards world x, at 10 m", 2, 0, -15, 15},
-                   {"north_m_s", "m/s", "towards world y, at 10 m", 0, 0, -15, 15},
-                   {"roughness_m", "m", "roughness length; 0: uniform", 0, NAN, 0, 1}},
+    .parameters =
+        {
+         {.name = "east_m_s", .unit = "m/s", .role = GES_AMPLITUDE, .value = 2, .neutral = 0, .low = -15, .high = 15,
+          .doc = "towards world x, at 10 m"},
+         {.name = "north_m_s", .unit = "m/s", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -15, .high = 15,
+          .doc = "towards world y, at 10 m"},
+         {.name = "roughness_m", .unit = "m", .role = GES_SHAPE, .value = 0, .neutral = NAN, .low = 0, .high = 1,
+          .doc = "roughness length; 0: uniform", .usual = 0.03, .usual_sd = 0.03, .fitted = 1,
+          .acts_above = {"roughness_m", 0}},
+        },
+    .about = GES_PHYSICS,
+    .feedback = GES_FEEDBACK_NONE,
+    .needs = "attitude velocity",
+    .hints = GES_OWN_LEVER,
+    .through = "rotor_drag parasitic_drag",
+    .search =
+        {
+         {.amplitudes = "east_m_s north_m_s", .axis = "roughness_m", LEVELS(0, 0.03)},
+        },
     .blow = blow,
 };

@@ -72,8 +72,16 @@ int ges_effect_count(void) { return N_EFFECTS; }
 int ges_effect(int id, ges_effect_info *info) {
   if (id < 0 || id >= N_EFFECTS) return 0;
   const effect_t *e = effects_known[id];
-  *info = (ges_effect_info){e->name, e->title,        e->equation, e->reference, e->modifies,
-                            e->channels, e->kind, e->n_parameters, e->n_states, e->laws, e->parameters};
+  int n = 0;
+  while (n < GES_MAX_SEARCHES && e->search[n].amplitudes) n++;
+  *info = (ges_effect_info){
+      .name = e->name, .title = e->title, .equation = e->equation, .reference = e->reference, .modifies = e->modifies,
+      .channels = e->channels, .kind = e->kind, .n_parameters = e->n_parameters, .n_states = e->n_states, .laws = e->laws,
+      .parameters = e->parameters, .about = e->about, .feedback = e->feedback, .hints = e->hints, .rarity = e->rarity,
+      .needs = e->needs, .through = e->through, .family = e->family, .usual_beside = e->usual_beside,
+      .error_of = e->error_of, .unexcited_like = e->unexcited_like, .settled = e->settled,
+      .carried = e->carried.levels, .n_carried = e->carried.n_levels, .n_searches = n, .searches = e->search,
+  };
   return 1;
 }
 

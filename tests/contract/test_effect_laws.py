@@ -45,7 +45,12 @@ FAULTS = {
         "-0.5 * p[0]",
         "parasitic_drag",
     ),
-    "wrong unit": ("sim_c/effects/rotor_drag.c", '{"k_kg", "kg"', '{"k_kg", "kg/m"', "rotor_drag"),
+    "wrong unit": (
+        "sim_c/effects/rotor_drag.c",
+        '.name = "k_kg", .unit = "kg"',
+        '.name = "k_kg", .unit = "kg/m"',
+        "rotor_drag",
+    ),
     "density in the induced velocity": (
         "sim_c/effects/effect.h",
         "(s->rho * (2.0",

@@ -5,9 +5,11 @@ fitted, with what modifies it.
 import pytest
 
 import ges
-from ges.diagnose.library import candidates
-from ges.diagnose.library.candidates import library, modifiers_of
+from ges.diagnose.library import grids
+from ges.diagnose.library.candidates import modifiers_of
+from ges.diagnose.library.grids import library
 from ges.diagnose.types.model import from_vehicle
+from ges.simulator import effects as effect_table
 from ges.simulator import manoeuvres
 
 CUSHION = {"form": 3.0, "amplitude": 1.0, "c_a": 0.28, "decay": 0.36, "low": 0.0, "high": 10.0}
@@ -47,7 +49,10 @@ def test_a_cushion_that_fades_fast_is_found_with_its_fading(diagnosed, fading):
 
 
 def test_without_cushions_that_are_modified_nothing_is(diagnosed, fading, monkeypatch):
-    monkeypatch.setattr(candidates, "CUSHIONS_MODIFIED", ())
+    def plain(effect, search, model, reached):
+        return () if search.modified else grids._grid(effect, search, model, reached)
+
+    monkeypatch.setitem(grids.RULES, "", plain)
     assert not diagnosed(fading).findings
 
 
@@ -59,7 +64,7 @@ def test_only_what_acts_through_a_variant_modifies_it(sheet):
     """A wind brings a usual drag along, through which it acts itself."""
     listed = library(from_vehicle(sheet()))
     assert {m for v in listed["ground_effect"].variants for m in modifiers_of(v)} == {
-        m for m, _ in candidates.CUSHIONS_MODIFIED
+        e.name for e in effect_table.table().values() if e.carried
     }
     assert any(v.beside for v in listed["wind"].variants) and not any(
         modifiers_of(v) for v in listed["wind"].variants

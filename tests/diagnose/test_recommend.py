@@ -9,7 +9,13 @@ import pandas as pd
 import pytest
 
 from ges.commands.diagnose import _flight_written
-from ges.diagnose.advise.detect import _needed, _Shape, expected_evidence, smallest_detectable
+from ges.diagnose.advise.detect import (
+    Found,
+    _needed,
+    _Shape,
+    expected_evidence,
+    smallest_detectable,
+)
 from ges.diagnose.advise.recommend import (
     SURE,
     Option,
@@ -21,7 +27,7 @@ from ges.diagnose.advise.recommend import (
 )
 from ges.diagnose.decide.standing import least_sizes
 from ges.diagnose.design.system import build
-from ges.diagnose.library.candidates import library
+from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.gate import pass_gate
 from ges.diagnose.select.evidence import TEMPERING, Gram, make_board, rms_of
 from ges.diagnose.select.search import PRIOR_OF_SIZE, Search, search
@@ -243,16 +249,17 @@ def test_no_quiet_makes_detectable_what_is_too_small_to_be_told(null):
     assert clear * share == pytest.approx(1.0) and loud > 1.5 * clear
 
 
-@pytest.mark.parametrize(("likeness", "hidden"), [(0.0, ""), (0.95, "b")])
+@pytest.mark.parametrize(("likeness", "hidden"), [(0.0, ""), (0.95, "axial_inflow")])
 def test_at_its_limit_nine_of_ten_sets_of_flights_tell_an_effect_from_its_rival(likeness, hidden):
     rng, sd, n = np.random.default_rng(1), np.array([1.0, 1.0]), 400
     a, b = rng.normal(0.0, 1.0, (2, n))
     x = np.column_stack([a, likeness * a + np.sqrt(1.0 - likeness**2) * b])
     gram = Gram(TEMPERING * x.T @ x, np.zeros(2), 0.0, TEMPERING * n)
     gains = [expected_evidence(gram, [k], sd) for k in range(2)]
+    names = ("rotor_drag", "axial_inflow")
     shapes = [
         _Shape(name, (k,), gain, gain, cost)
-        for k, (name, (gain, cost)) in enumerate(zip("ab", gains, strict=True))
+        for k, (name, (gain, cost)) in enumerate(zip(names, gains, strict=True))
     ]
     size, by = _needed(shapes[0], 0, shapes, 9.0)
     right = TEMPERING * (size * x[:, :1] + rng.normal(0.0, 1.0, (n, 2000))).T @ x
@@ -292,7 +299,9 @@ def test_what_a_rival_hides_names_the_rival(null):
     )
     hidden = smallest_detectable(twins)["rotor_drag"]
     assert hidden["smallest"] is None and hidden["limited_by"] == "parasitic_drag"
-    beside = smallest_detectable(twins, given=("parasitic_drag",))
+    variant = columns[twin[0]].variant
+    far = {"parasitic_drag": Found(variant, {"area_m2": np.inf})}
+    beside = smallest_detectable(twins, far)
     assert (
         beside["parasitic_drag"]["smallest"] is None
         and beside["parasitic_drag"]["limited_by"] == "rotor_drag"
@@ -300,11 +309,32 @@ def test_what_a_rival_hides_names_the_rival(null):
 
 
 def test_what_was_found_has_a_limit_too(null):
-    """Beside what else was found, and the same as if it had not been found."""
+    """Beside what else was found, and the same as if it had not been found; what was found is
+    seen, however small.
+    """
     board, _ = null
-    before, after = smallest_detectable(board), smallest_detectable(board, given=("rotor_drag",))
-    assert after["rotor_drag"] == before["rotor_drag"]
-    assert after.keys() == before.keys()
+    before = smallest_detectable(board)
+    variant = next(
+        c.variant for c in board.system.columns if c.variant and c.variant.effect == "rotor_drag"
+    )
+    limit = before["rotor_drag"]["smallest"]
+    for size in (3.0 * limit, 0.5 * limit):
+        after = smallest_detectable(board, {"rotor_drag": Found(variant, {"k_kg": size})})
+        assert after["rotor_drag"]["smallest"] == pytest.approx(min(size, limit))
+        assert after.keys() == before.keys()
+
+
+def test_no_limit_is_more_than_the_vehicle_weighs(null):
+    board, _ = null
+    rms = rms_of(_with_information(board, 1e-12).system)
+    told = smallest_detectable(_with_information(board, 1e-12))
+    for k, c in enumerate(board.system.columns):
+        if c.variant is None or (limit := told.get(c.variant.effect)) is None:
+            continue
+        if c.key.endswith(f".{limit['parameter']}") and limit["smallest"] is not None:
+            forces = [n for n in board.system.main if n.startswith("force")]
+            at = [board.system.main.index(n) for n in forces]
+            assert (rms[at, k] * limit["smallest"]).max() <= board.system.model.weight_N
 
 
 def test_set_points_of_the_advised_flight_are_written(tmp_path):

@@ -148,7 +148,7 @@ def test_the_strength_of_the_instruments_is_told_where_references_are_logged(
 )
 def test_the_sentence_says_what_flights_that_took_no_part_show(after, said):
     fit = {"channels": {"force_z_N": {"before": 1.5, "recalibrated": 1.0, "after": after}}}
-    assert said in verdict.sentence_of("physics", (), (), (), fit, {})
+    assert said in verdict.sentence_of("physics", (), (), (), fit, {}, ())
 
 
 def test_the_sentence_says_what_each_of_the_open_names_does():
@@ -157,7 +157,7 @@ def test_the_sentence_says_what_each_of_the_open_names_does():
         "channels": table,
         "alternatives": {"ground_effect": {"force_z_N": 0.6}, "fountain_lift": {"force_z_N": 0.9}},
     }
-    said = verdict.sentence_of("ambiguous", (), (), (), fit, {})
+    said = verdict.sentence_of("ambiguous", (), (), (), fit, {}, ())
     assert (
         "1.50 N as given, 1.00 recalibrated, 0.600 with ground_effect and 0.900 with fountain_lift."
         in said
@@ -166,7 +166,7 @@ def test_the_sentence_says_what_each_of_the_open_names_does():
 
 def test_what_stays_unknown_is_told_with_its_place():
     left = {"channel": "acc_z", "regime": {"battery_V": [7.92, 8.09]}}
-    said = verdict.sentence_of("unknown", (), (), [left], {}, {})
+    said = verdict.sentence_of("unknown", (), (), [left], {}, {}, ())
     assert said.startswith(
         "The simulator is wrong first in the accelerometer along thrust at battery voltage 7.9 to"
         " 8.1 V. No"

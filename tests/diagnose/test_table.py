@@ -5,7 +5,7 @@ import pytest
 
 from ges.diagnose.design.system import build
 from ges.diagnose.design.table import table_of
-from ges.diagnose.library.candidates import library
+from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.gate import pass_gate
 from ges.diagnose.types.model import from_vehicle
 from ges.simulator import manoeuvres

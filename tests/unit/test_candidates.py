@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from ges.diagnose.library.candidates import MOST_PLACES, flown, library
+from ges.diagnose.library.candidates import MOST_PLACES, flown
+from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.types.model import Model
 

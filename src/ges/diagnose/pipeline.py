@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ges.diagnose.advise.detect import smallest_detectable
+from ges.diagnose.advise.detect import Found, smallest_detectable
 from ges.diagnose.advise.recommend import next_flight
+from ges.diagnose.decide.declared import Contradicted, contradicted
 from ges.diagnose.decide.engine import (
     Accepted,
     accept,
@@ -29,11 +30,20 @@ from ges.diagnose.decide.engine import (
 from ges.diagnose.decide.standing import matters, relieved, strained
 from ges.diagnose.decide.unknown import borrowed, left_over, theirs
 from ges.diagnose.design.answers import strengths
-from ges.diagnose.design.instruments import MOVED
 from ges.diagnose.design.system import ALL_ON, Switches, System, common_channels, window_length_s
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.detectors.balance import Shift, centred, shift_of
-from ges.diagnose.detectors.gusts import HANGING, PUSHED, Gusts, gusts_of, heard_by, may_lean
+from ges.diagnose.detectors.clocks import settled_findings
+from ges.diagnose.detectors.gusts import (
+    GUSTS,
+    HANGING,
+    PUSHED,
+    WIND,
+    Gusts,
+    gusts_of,
+    heard_by,
+    may_lean,
+)
 from ges.diagnose.detectors.thrust import UntoldThrust, untold_thrust
 from ges.diagnose.estimate.fit import (
     Fitted,
@@ -46,14 +56,16 @@ from ges.diagnose.estimate.fit import (
     strain_without,
     within_bounds,
 )
-from ges.diagnose.library.candidates import NOT_SEARCHED, needs_of
-from ges.diagnose.library.hearing import lacking, silent_channels, unheard
+from ges.diagnose.estimate.recalibrate import operating_point
+from ges.diagnose.library.candidates import amplitude_of, flown
+from ges.diagnose.library.grids import out_of_reach
+from ges.diagnose.library.requirements import lacking, silent_channels, unheard
 from ges.diagnose.prepare.gate import Gate, at_flown_voltage, pass_gate
 from ges.diagnose.report.findings import (
     contributions,
+    declared_findings,
     finding,
     open_findings,
-    settled_findings,
     size_of,
 )
 from ges.diagnose.report.verdict import sentence_of, verdict_of
@@ -81,6 +93,7 @@ from ges.diagnose.validate.verify import (
     rms_table,
     rollout_table,
     rollouts,
+    worse_recalibrated,
 )
 from ges.errors import GesError, unknown_name
 from ges.recordings.recording import RecordingSet, make_set, require_drive
@@ -251,10 +264,9 @@ class _Chain:
         located = self._located(start, answer)
         if answer.accepted.rivals:
             answer, remains = self._with_alternatives(answer, start, switches)
-        findings, unexplained = (
-            self._findings(answer, shift, names),
-            _unexplained(remains, start, answer.last),
-        )
+        wrong = [] if names else self._contradicted(answer, shift, start.system)
+        findings = self._findings(answer, shift, wrong, names)
+        unexplained = _unexplained(remains, start, answer.last)
         models = {
             "before": self.model,
             "recalibrated": start.first.model,
@@ -262,11 +274,11 @@ class _Chain:
         }
         fit, proof = self._proof(models, located, answer.accepted.alternatives)
         calibration = _calibration(answer.last.joint, self.model)
-        verdict = verdict_of(findings, unexplained)
+        verdict = verdict_of(findings, wrong, unexplained)
         off = silent_channels([*self.train, *self.held], self.model)
         why_open = shift.sentence() if shift else ""
         told_first = sentence_of(
-            verdict, findings, located, unexplained, fit, calibration, why_open
+            verdict, findings, located, unexplained, fit, calibration, wrong, why_open
         )
         return Diagnosis(
             verdict=verdict,
@@ -279,9 +291,9 @@ class _Chain:
             located=tuple(located),
             unexplained=tuple(unexplained),
             fit=fit,
-            detectable=smallest_detectable(answer.accepted.board, answer.accepted.names),
+            detectable=smallest_detectable(answer.accepted.board, _found(answer.accepted)),
             next_flight=shift.next_flight() if shift else _next_flight(answer.accepted),
-            data=self._data(start.system, off),
+            data=self._data(start.system, off, worse_recalibrated(fit["channels"])),
             calibration=calibration,
             not_tested=_not_tested(start.system, self.train, answer.last.model),
             vehicle=self._fitted_vehicle(answer.accepted, answer.last.joint, answer.gusts),
@@ -297,6 +309,11 @@ class _Chain:
     def _start(self, switches: Switches) -> _Start:
         system = first_system(self.train, self.model, self.length_s, switches)
         board, joint = null_fit(system)
+        moved = operating_point(board, joint)
+        if moved:
+            there = dataclasses.replace(calibrated(self.model, moved), moved=moved)
+            system = first_system(self.train, there, self.length_s, switches)
+            board, joint = null_fit(system)
         told = regimes_of(system)
         first = _stage(calibrated(self.model, joint.common), joint, board, told)
         return _Start(system, told, first, cells(system, first.in_air, told, first.structures))
@@ -307,8 +324,8 @@ class _Chain:
         if names is None:
             accepted = self._unstrained(accepted, start.first.joint, switches)
         gusts = self._gusts(accepted, start)
-        if gusts and names is None and "wind" in accepted.names and gusts.may_be(accepted.fitted):
-            accepted = without(accepted, "wind", self.length_s, switches)
+        if gusts and names is None and WIND in accepted.names and gusts.may_be(accepted.fitted):
+            accepted = without(accepted, WIND, self.length_s, switches)
         accepted = shot_fit(accepted, self.length_s, switches)
         return self._answer(accepted, gusts, start)
 
@@ -332,7 +349,7 @@ class _Chain:
         """Gusts beside what is accepted, where nothing hangs below that may lean to push so."""
         fitted = accepted.fitted
         known = (fitted.board.system, fitted.joint) if fitted else (start.system, start.first.joint)
-        gusts = gusts_of(*known, self.length_s, self.vehicle.effect_values().get("gusts"))
+        gusts = gusts_of(*known, self.length_s, self.vehicle.effect_values().get(GUSTS))
         return (
             None
             if gusts and may_lean(gusts.push_N, contributions(accepted, HANGING), start.system)
@@ -392,10 +409,23 @@ class _Chain:
         """
         return None if answer.accepted.rivals else untold_thrust(answer.last.joint, system)
 
+    def _contradicted(
+        self, answer: _Answer, shift: Shift | UntoldThrust | None, system: System
+    ) -> list[Contradicted]:
+        """Declared numbers beyond their doubts that no open cause may have moved."""
+        rivals = (*shift.rivals, "vehicle") if isinstance(shift, UntoldThrust) else ()
+        return contradicted(answer.last.joint, system, {*rivals, *answer.accepted.rivals})
+
     def _findings(
-        self, answer: _Answer, shift: Shift | UntoldThrust | None, names: Sequence[str] | None
+        self,
+        answer: _Answer,
+        shift: Shift | UntoldThrust | None,
+        wrong: Sequence[Contradicted],
+        names: Sequence[str] | None,
     ) -> list[Finding]:
-        """What is proven, the largest first, what the gate settled, and what is open."""
+        """What is proven, the largest first, what the gate settled, declared numbers that the
+        flights contradict, and what is open.
+        """
         accepted = answer.accepted
         proven = sorted(
             (finding(accepted, n, by) for n, by in answer.added.items()),
@@ -410,6 +440,7 @@ class _Chain:
         return [
             *proven,
             *settled_findings(self.gate),
+            *declared_findings(wrong, answer.last.board.system),
             *open_findings(accepted),
             *(shift.findings() if shift else ()),
         ]
@@ -424,7 +455,7 @@ class _Chain:
             last = [
                 n
                 for n in accepted.names
-                if not any(n in needs_of(other) for other in accepted.names)
+                if not any(n in effect_table.get(o).carriers for o in accepted.names)
             ]
             worst = min(last, key=lambda name: strain_without(accepted.fitted, name))
             less = without(accepted, worst, self.length_s, switches)
@@ -494,7 +525,7 @@ class _Chain:
             for name, left in errors(self.held, models, channels, self.length_s).items()
         }
 
-    def _data(self, system: System, off: Mapping[str, str]) -> dict:
+    def _data(self, system: System, off: Mapping[str, str], noticed: Sequence[str]) -> dict:
         used = [*self.train, *self.held]
         reasons = sorted({r for f in used for r in f.left_out})
         return {
@@ -517,7 +548,7 @@ class _Chain:
                 system.main,
             ),
             "window_s": self.length_s,
-            "warnings": self.warnings,
+            "warnings": [*self.warnings, *noticed],
         }
 
     def _fitted_vehicle(self, accepted: Accepted, joint: Joint, gusts: Gusts | None) -> Vehicle:
@@ -546,10 +577,30 @@ class _Chain:
             effects.setdefault(name, {}).update(_fittings(accepted, name))
         if gusts:
             told = gusts.finding().parameters
-            effects["gusts"] = {
+            effects[GUSTS] = {
                 parameter: Fitting(value=e.value, ci95=e.ci95) for parameter, e in told.items()
             }
         return self.vehicle.model_copy(update={"effects": effects, **numbers})
+
+
+def _found(accepted: Accepted) -> dict[str, Found]:
+    """What was accepted, as the limits of what can be seen are held against it."""
+    if accepted.fitted is None:
+        return {}
+    columns = accepted.board.system.columns
+    chosen = accepted.found.best.posterior.columns if accepted.found.best.posterior else ()
+    variants = {v.effect: v for v in (columns[k].variant for k in chosen)}
+    return {
+        name: Found(
+            variants.get(name),
+            {
+                p: abs(accepted.fitted.effects[name][p] - amplitude_of(name, p).neutral)
+                for e, p in accepted.fitted.free
+                if e == name
+            },
+        )
+        for name in accepted.names
+    }
 
 
 def _next_flight(accepted: Accepted) -> dict:
@@ -568,20 +619,21 @@ def _something_open(accepted: Accepted) -> bool:
 def _not_tested(system: System, flights, found: Model) -> dict[str, str]:
     """Candidates that these recordings cannot speak about, each with what they lack."""
     told = {}
-    searched = {c.variant.effect for c in system.columns if c.variant is not None} | {
-        "time_offset",
-        "gyro_bias",
-        "wind",
-    }
-    searched |= {"gusts"} if heard_by(found.effects) else set()
+    searched = {c.variant.effect for c in system.columns if c.variant is not None}
+    searched |= {e.name for e in effect_table.table().values() if e.settled and e.kind == "sensor"}
+    searched |= {GUSTS} if heard_by(found.effects) else set()
     for name, effect in effect_table.table().items():
         if name in searched or effect.modifies:
             continue
-        told[name] = lacking(name, flights, system.model) or NOT_SEARCHED.get(
-            name, "these flights do not excite it"
+        told[name] = (
+            lacking(name, flights, system.model)
+            or effect.settled
+            or out_of_reach(effect, system.model, flown(flights))
+            or "these flights do not excite it"
         )
     references = any(f.has("reference") for f in flights)
-    for name in sorted(MOVED & searched) if not references else ():
+    moved = {n for n in searched if effect_table.get(n).feedback == "dynamic"}
+    for name in sorted(moved) if not references else ():
         told[name] = (
             "needs the references that the controller followed, or its answers to disturbances look"
             " like this effect"

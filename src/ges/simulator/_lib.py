@@ -16,8 +16,8 @@ import numpy as np
 
 from ges.errors import GesError
 
-ABI = 2
-MAX_EFFECTS, MAX_PARAMETERS = 40, 12
+ABI = 3
+MAX_EFFECTS, MAX_PARAMETERS, MAX_LEVELS = 40, 12, 40
 REFERENCE_COLUMNS, REPLAY_COLUMNS = 14, 12
 _ERROR_SIZE = 512
 _double_p = ct.POINTER(ct.c_double)
@@ -33,21 +33,59 @@ class CColumn(ct.Structure):
     _fields_ = [(n, ct.c_char_p) for n in ("name", "unit", "doc")]
 
 
+class CSetting(ct.Structure):
+    _fields_ = [("name", ct.c_char_p), ("value", ct.c_double)]
+
+
+class CDoubt(ct.Structure):
+    _fields_ = [
+        ("shows_in", ct.c_char_p),
+        *((n, ct.c_double) for n in ("step", "sd", "flight_sd", "mean")),
+        *((n, ct.c_int) for n in ("per_arm", "reciprocal", "timing", "with_voltage")),
+    ]
+
+
 class CEffectParameter(ct.Structure):
-    _fields_ = [(n, ct.c_char_p) for n in ("name", "unit", "doc")] + [
-        (n, ct.c_double) for n in ("value", "neutral", "low", "high")
+    _fields_ = [
+        *((n, ct.c_char_p) for n in ("name", "unit", "doc")),
+        ("role", ct.c_int),
+        *((n, ct.c_double) for n in ("value", "neutral", "low", "high", "fit_low", "fit_high")),
+        *((n, ct.c_double) for n in ("plausible", "usual", "usual_sd", "usual_share")),
+        *((n, ct.c_int) for n in ("fitted", "whole", "trim")),
+        ("corrects", ct.c_char_p),
+        ("acts_above", CSetting),
+        ("reach", ct.c_double),
+        ("reach_over", ct.c_char_p),
+        ("doubt", CDoubt),
+    ]
+
+
+class CSearch(ct.Structure):
+    _fields_ = [
+        *((n, ct.c_char_p) for n in ("amplitudes", "rule")),
+        ("fixed", CSetting * 4),
+        *((n, ct.c_char_p) for n in ("axis", "across")),
+        ("levels", ct.c_double * MAX_LEVELS),
+        *((n, ct.c_int) for n in ("n_levels", "modified")),
     ]
 
 
 class CEffectInfo(ct.Structure):
-    _fields_ = (
-        [
-            (n, ct.c_char_p)
-            for n in ("name", "title", "equation", "reference", "modifies", "channels")
-        ]
-        + [(n, ct.c_int) for n in ("kind", "n_parameters", "n_states")]
-        + [("laws", ct.c_uint), ("parameters", ct.POINTER(CEffectParameter))]
-    )
+    _fields_ = [
+        *((n, ct.c_char_p) for n in ("name", "title", "equation", "reference")),
+        *((n, ct.c_char_p) for n in ("modifies", "channels")),
+        *((n, ct.c_int) for n in ("kind", "n_parameters", "n_states")),
+        ("laws", ct.c_uint),
+        ("parameters", ct.POINTER(CEffectParameter)),
+        *((n, ct.c_int) for n in ("about", "feedback")),
+        ("hints", ct.c_uint),
+        ("rarity", ct.c_double),
+        *((n, ct.c_char_p) for n in ("needs", "through", "family", "usual_beside", "error_of")),
+        *((n, ct.c_char_p) for n in ("unexcited_like", "settled")),
+        ("carried", _double_p),
+        *((n, ct.c_int) for n in ("n_carried", "n_searches")),
+        ("searches", ct.POINTER(CSearch)),
+    ]
 
 
 class CGrid(ct.Structure):

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ges.errors import UsageError, unknown_name
+from ges.errors import GesError, UsageError, unknown_name
 from ges.simulator import _lib
 from ges.simulator.terrain import Terrain
 
@@ -24,28 +24,129 @@ if TYPE_CHECKING:
 
 KINDS = ("wrench", "actuator", "sensor", "wind", "parameter")
 LAWS = {"mirror": 1, "dissipates": 2, "no_work": 4, "fades": 8, "free_air": 16}
+ROLES = {1: "amplitude", 2: "shape", 3: "switch"}
+TRIMS = {0: "", 1: "thrust", 2: "rotor", 3: "lever"}
+ABOUT = {1: "physics", 2: "parameter", 3: "sensor"}
+FEEDBACK = {1: "none", 2: "dynamic", 3: "thrust_gain", 4: "rotor", 5: "load", 6: "height"}
+HINTS = {
+    "own_lever": 1,
+    "lever_of_carrier": 2,
+    "clips": 4,
+    "unlike_form_error": 8,
+    "random": 16,
+    "reads_voltage": 32,
+    "many": 64,
+}
 
 Effects = Mapping[str, Mapping[str, float]]
 
 
 @dataclasses.dataclass(frozen=True)
+class Doubt:
+    """How far a parameter may be off without any finding, in its unit, or in arm lengths.
+
+    Attributes
+    ----------
+    shows_in : channels or blocks of them, of which one has to be there; ``("any",)`` for all.
+    step : from neutral, at which it is linearised.
+    sd, flight_sd : usual doubt, and how much flights of one vehicle differ.
+    mean : where it usually is.
+    per_arm : step and doubts are in arm lengths.
+    reciprocal : acts as 1/(1 + x): linear up to where the doubt ends.
+    timing : the doubt takes in how long commands are held, and a motor's second pole.
+    with_voltage : free where every flight logged the battery's voltage.
+    """
+
+    shows_in: tuple[str, ...]
+    step: float
+    sd: float
+    flight_sd: float
+    mean: float
+    per_arm: bool
+    reciprocal: bool
+    timing: bool
+    with_voltage: bool
+
+
+@dataclasses.dataclass(frozen=True)
 class Parameter:
-    """One parameter of an effect: typical value, neutral value (NaN: cannot switch it off alone),
-    fit bounds.
+    """One parameter of an effect, as ``ges_effect_parameter`` of ``sim_c/include/ges.h`` has it.
+
+    Attributes
+    ----------
+    role : ``amplitude``, ``shape`` or ``switch``.
+    default, neutral : typical value, and where the effect vanishes (NaN: not by this one alone).
+    low, high : bounds; ``fit_low``, ``fit_high`` those of a fit.
+    plausible : sd that is plausible by itself, 0 where nothing is known.
+    usual, usual_sd : where a shape usually is; sd 0 where nothing is usual.
+    usual_share : of the weight at 1 m/s, where another effect needs this one to act through.
+    fitted, whole : shape that flights may move; axis of a vector that is fitted whole.
+    trim : '' or the kind of a vehicle's trim that it is: ``thrust``, ``rotor``, ``lever``.
+    corrects : numbers of the vehicle file that it corrects.
+    acts_above : the parameter, and the value above which alone this one does something; or None.
+    reach, reach_over : share of ``radius`` or of a parameter by which a fit may move it at once; 0:
+        by any.
+    doubt : how far it may be off without any finding, or None.
     """
 
     name: str
     unit: str
     doc: str
+    role: str
     default: float
     neutral: float
     low: float
     high: float
+    fit_low: float
+    fit_high: float
+    plausible: float
+    usual: float
+    usual_sd: float
+    usual_share: float
+    fitted: bool
+    whole: bool
+    trim: str
+    corrects: tuple[str, ...]
+    acts_above: tuple[str, float] | None
+    reach: float
+    reach_over: str
+    doubt: Doubt | None
+
+
+@dataclasses.dataclass(frozen=True)
+class Search:
+    """Variants of an effect that a search tries, as ``ges_search`` of ``sim_c/include/ges.h``."""
+
+    amplitudes: tuple[str, ...]
+    rule: str
+    fixed: Mapping[str, float]
+    axis: tuple[str, ...]
+    across: str
+    levels: tuple[float, ...]
+    modified: bool
 
 
 @dataclasses.dataclass(frozen=True)
 class Effect:
-    """Descriptor of one compiled effect."""
+    """Descriptor of one compiled effect, as ``ges_effect_info`` of ``sim_c/include/ges.h``.
+
+    Attributes
+    ----------
+    about : what a finding of it is about: ``physics``, ``parameter`` or ``sensor``.
+    feedback : how the controller shows in it: ``none``, ``dynamic``, ``thrust_gain``, ``rotor``,
+        ``load`` or ``height``.
+    hints : any of :data:`HINTS`.
+    rarity : how often it is met, over others.
+    needs : what has to be recorded.
+    through : effects of which one has to be on for this one to act.
+    family : effects of one family act in one place; '' for its own.
+    usual_beside : what is there as a rule and looks like this one.
+    error_of : the larger effect whose form may be wrong by what looks like this one.
+    unexcited_like : the effect that makes up this one where nothing but the air moved the vehicle.
+    settled : why it enters no search; '' where it does.
+    carried : levels at which it is tried together with what it modifies.
+    searches : its variants; none: all amplitudes together.
+    """
 
     number: int
     name: str
@@ -58,6 +159,19 @@ class Effect:
     n_states: int
     laws: frozenset[str]
     parameters: tuple[Parameter, ...]
+    about: str
+    feedback: str
+    hints: frozenset[str]
+    rarity: float
+    needs: tuple[str, ...]
+    through: tuple[str, ...]
+    family: str
+    usual_beside: str
+    error_of: str
+    unexcited_like: str
+    settled: str
+    carried: tuple[float, ...]
+    searches: tuple[Search, ...]
 
     @property
     def remembers_the_path(self) -> bool:
@@ -67,6 +181,21 @@ class Effect:
     def parameter(self, name: str) -> Parameter:
         """One parameter by name."""
         return next(p for p in self.parameters if p.name == name)
+
+    @property
+    def carriers(self) -> tuple[str, ...]:
+        """Effects of which one must be on for this one to act; none for most."""
+        return (self.modifies,) if self.modifies else self.through
+
+    @property
+    def amplitudes(self) -> tuple[str, ...]:
+        """Parameters that scale it."""
+        return tuple(p.name for p in self.parameters if p.role == "amplitude")
+
+    @property
+    def shapes(self) -> tuple[str, ...]:
+        """Shapes that flights may move."""
+        return tuple(p.name for p in self.parameters if p.fitted)
 
     def defaults(self) -> dict[str, float]:
         """Typical parameters, at which the effect is switched on by name alone."""
@@ -85,30 +214,98 @@ class Effect:
         return [float(given.get(p.name, p.default)) for p in self.parameters]
 
 
+def _text(value: bytes | None) -> str:
+    return value.decode() if value else ""
+
+
+def _words(value: bytes | None) -> tuple[str, ...]:
+    return tuple(_text(value).split())
+
+
+def _setting(s: _lib.CSetting) -> tuple[str, float] | None:
+    return (_text(s.name), s.value) if s.name else None
+
+
+def _doubt(d: _lib.CDoubt) -> Doubt | None:
+    if not d.shows_in:
+        return None
+    flags = (bool(v) for v in (d.per_arm, d.reciprocal, d.timing, d.with_voltage))
+    return Doubt(_words(d.shows_in), d.step, d.sd, d.flight_sd, d.mean, *flags)
+
+
+def _parameter(p: _lib.CEffectParameter) -> Parameter:
+    narrower = p.fit_low != 0.0 or p.fit_high != 0.0
+    return Parameter(
+        name=_text(p.name),
+        unit=_text(p.unit),
+        doc=_text(p.doc),
+        role=ROLES[p.role],
+        default=p.value,
+        neutral=p.neutral,
+        low=p.low,
+        high=p.high,
+        fit_low=p.fit_low if narrower else p.low,
+        fit_high=p.fit_high if narrower else p.high,
+        plausible=p.plausible,
+        usual=p.usual,
+        usual_sd=p.usual_sd,
+        usual_share=p.usual_share,
+        fitted=bool(p.fitted),
+        whole=bool(p.whole),
+        trim=TRIMS[p.trim],
+        corrects=_words(p.corrects),
+        acts_above=_setting(p.acts_above),
+        reach=p.reach,
+        reach_over=_text(p.reach_over),
+        doubt=_doubt(p.doubt),
+    )
+
+
+def _search(s: _lib.CSearch) -> Search:
+    return Search(
+        _words(s.amplitudes),
+        _text(s.rule),
+        dict(setting for f in s.fixed if (setting := _setting(f))),
+        _words(s.axis),
+        _text(s.across),
+        tuple(s.levels[: s.n_levels]),
+        bool(s.modified),
+    )
+
+
 def _effect(number: int, info: _lib.CEffectInfo) -> Effect:
-    parameters = tuple(
-        Parameter(
-            p.name.decode(), p.unit.decode(), p.doc.decode(), p.value, p.neutral, p.low, p.high
+    """The descriptor; one that leaves out what every effect has to say is an error."""
+    name = _text(info.name)
+    if info.about not in ABOUT or info.feedback not in FEEDBACK:
+        raise GesError(
+            f"effect {name} declares no 'about' or no 'feedback'; sim_c/include/ges.h has what an"
+            " effect says of itself"
         )
-        for p in info.parameters[: info.n_parameters]
-    )
-    name, title, equation, reference, channels = (
-        s.decode() for s in (info.name, info.title, info.equation, info.reference, info.channels)
-    )
-    laws = frozenset(law for law, bit in LAWS.items() if info.laws & bit)
-    modifies = info.modifies.decode() if info.modifies else None
     return Effect(
-        number,
-        name,
-        title,
-        equation,
-        reference,
-        modifies,
-        tuple(channels.split()),
-        KINDS[info.kind],
-        info.n_states,
-        laws,
-        parameters,
+        number=number,
+        name=name,
+        title=_text(info.title),
+        equation=_text(info.equation),
+        reference=_text(info.reference),
+        modifies=_text(info.modifies) or None,
+        channels=_words(info.channels),
+        kind=KINDS[info.kind],
+        n_states=info.n_states,
+        laws=frozenset(law for law, bit in LAWS.items() if info.laws & bit),
+        parameters=tuple(map(_parameter, info.parameters[: info.n_parameters])),
+        about=ABOUT[info.about],
+        feedback=FEEDBACK[info.feedback],
+        hints=frozenset(hint for hint, bit in HINTS.items() if info.hints & bit),
+        rarity=info.rarity or 1.0,
+        needs=_words(info.needs),
+        through=_words(info.through),
+        family=_text(info.family) or name,
+        usual_beside=_text(info.usual_beside),
+        error_of=_text(info.error_of),
+        unexcited_like=_text(info.unexcited_like),
+        settled=_text(info.settled),
+        carried=tuple(info.carried[: info.n_carried]),
+        searches=tuple(map(_search, info.searches[: info.n_searches])),
     )
 
 

@@ -16,11 +16,12 @@ import numpy as np
 from ges.diagnose.decide.engine import digest, split
 from ges.diagnose.design.residual import UNITS
 from ges.diagnose.design.system import Column, System, build
-from ges.diagnose.library.candidates import kind_of, library
+from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.gate import pass_gate
 from ges.diagnose.types.model import from_vehicle
 from ges.errors import GesError
 from ges.recordings.recording import RecordingSet
+from ges.simulator import effects as effect_table
 
 P_VALUE = 0.05
 MOST_TERMS = 12
@@ -70,7 +71,7 @@ def prepare(recordings: RecordingSet) -> Problem:
     frames = [f.frame for f in recordings.flights]
     gate = pass_gate(frames, model)
     train, held = split([digest(f) for f in frames], gate.usable(), None)
-    variants = [c.variants[0] for c in library(model).values() if not c.needs]
+    variants = [c.variants[0] for c in library(model).values() if not c.carriers]
     parts = [build([gate.flights[i] for i in part], model, variants) for part in (train, held)]
     first = parts[0]
     if parts[1].names != first.names:
@@ -251,7 +252,7 @@ def diagnose(recordings: RecordingSet, method: str) -> dict:
     """Answer by a baseline, as ``diagnosis.json`` would be."""
     problem = prepare(recordings)
     named, predict = METHODS[method](problem)
-    kinds = {name: kind_of(name) for name in named}
+    kinds = {name: effect_table.get(name).about for name in named}
     verdict = next(
         (k for k in ("physics", "parameter", "sensor") if k in kinds.values()), "nothing_proven"
     )

@@ -14,7 +14,7 @@ from ges.blind.protocol import seal
 from ges.blind.protocol.run import OUT
 from ges.blind.score.judge import judge
 from ges.blind.score.score import read_verdict
-from ges.diagnose.report.findings import SETTLED
+from ges.diagnose.detectors.clocks import SETTLED
 from ges.errors import GesError
 
 FIRST_OF_EVALUATION = 1000

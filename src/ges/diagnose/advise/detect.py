@@ -6,7 +6,7 @@ when its evidence beats nothing and every rival by the odds that an acceptance t
 such sets of flights, and when it is large enough to be told (see ``standing``). What is free to be
 off without any finding, a motor's lag within its doubt, tells no more of itself than that doubt
 leaves. Of an effect of several shapes, a load on threads of any length say, the middle one stands
-for all.
+for all; of an effect that was found, the shape that was found, and what was found is seen.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,8 +22,7 @@ from scipy.special import ndtri
 
 from ges.diagnose.decide.standing import FAINT, SEPARATE, SURE, lead_over, least_sizes
 from ges.diagnose.design.system import Column
-from ges.diagnose.estimate.fit import CLIPPING
-from ges.diagnose.library.candidates import modifiers_of
+from ges.diagnose.library.candidates import Variant, modifiers_of
 from ges.diagnose.select.evidence import TEMPERING, Board, Gram, rms_of
 from ges.diagnose.select.search import PRIOR_OF_SIZE, log_rarity
 from ges.diagnose.types.model import block_of
@@ -44,6 +43,25 @@ class _Shape:
     gain: np.ndarray
     over: np.ndarray
     cost: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Found:
+    """An effect that was found: its variant in the search, and how far each of its parameters is
+    from neutral.
+    """
+
+    variant: Variant
+    sizes: Mapping[str, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class _Entry:
+    """What is told of one amplitude of one variant, and its size over the amplitude's usual one."""
+
+    variant: Variant
+    relative: float
+    content: dict[str, Any]
 
 
 def _shapes(board: Board, gram: Gram, leave_out: Collection[str]) -> list[_Shape]:
@@ -124,25 +142,40 @@ def _needed(shape: _Shape, truth: int, others: Sequence[_Shape], odds: float) ->
     return worst, hidden
 
 
-def _least_told(board: Board) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficient of every column (K,) at which it matters in its greatest channel, and whether it
-    acts in the drive alone.
+@dataclasses.dataclass(frozen=True)
+class _Sizes:
+    """Of every column (K,): the coefficient at which it matters in its greatest channel, whether it
+    acts in the drive alone, and what a unit of it makes of weight, or of weight times arm.
     """
-    shares = rms_of(board.system) / least_sizes(board.system)[:, None]
-    elsewhere = shares[[block_of(name) != "drive" for name in board.system.main]]
+
+    least: np.ndarray
+    drive_alone: np.ndarray
+    share_of_weight: np.ndarray
+
+
+def _sizes(board: Board) -> _Sizes:
+    system, rms = board.system, rms_of(board.system)
+    block = np.array([block_of(name) for name in system.main])
+    shares = rms / least_sizes(system)[:, None]
+    pushed = np.isin(block, ("force", "acc", "moment"))
+    whole = np.array([system.model.whole(name) for name in system.main])[:, None]
     with np.errstate(divide="ignore"):
-        return 1.0 / shares.max(axis=0), ~elsewhere.any(axis=0)
+        return _Sizes(
+            1.0 / shares.max(axis=0),
+            ~shares[block != "drive"].any(axis=0),
+            (rms / whole)[pushed].max(axis=0, initial=0.0),
+        )
 
 
 def smallest_detectable(
-    board: Board, given: Sequence[str] = (), odds: float = 9.0
+    board: Board, found: Mapping[str, Found] | None = None, odds: float = 9.0
 ) -> dict[str, dict[str, Any]]:
     """Smallest size by effect.
 
     Parameters
     ----------
     board : of the search, with the columns of every candidate.
-    given : effects that are accepted already; beside them the others are judged, and each of them
+    found : effects that are accepted already; beside them the others are judged, and each of them
         beside the rest.
     odds : that an acceptance takes.
 
@@ -152,22 +185,32 @@ def smallest_detectable(
     fixed parameters), and ``limited_by``, the rival that is hardest to tell from it ('' when it is
     noise).
     """
-    pooled, least, told = board.pooled(), _least_told(board), {}
-    for name in given:
-        told |= _beside(board, pooled, least, {*given} - {name}, {name}, odds)
-    return told | _beside(board, pooled, least, {*given}, None, odds)
+    pooled, unit, told, given = board.pooled(), _sizes(board), {}, found or {}
+    for name, known in given.items():
+        alone = _beside(board, pooled, unit, {*given} - {name}, name, odds)
+        told |= {name: _seen(alone[name], known)} if name in alone else {}
+    others = _beside(board, pooled, unit, {*given}, None, odds)
+    return told | {name: _standing_for(entries) for name, entries in others.items()}
+
+
+def _seen(entries: Sequence[_Entry], found: Found) -> dict[str, Any]:
+    """The entry of the shape that was found, no larger than what was found."""
+    entry = next((e for e in entries if e.variant == found.variant), entries[0]).content
+    size = found.sizes.get(entry["parameter"], math.inf)
+    limit = math.inf if entry["smallest"] is None else entry["smallest"]
+    return {**entry, "smallest": size, "limited_by": ""} if size < limit else entry
 
 
 def _beside(
     board: Board,
     pooled: Gram,
-    least_told: tuple[np.ndarray, np.ndarray],
+    unit: _Sizes,
     given: Collection[str],
-    asked: Collection[str] | None,
+    asked: str | None,
     odds: float,
-) -> dict[str, dict]:
-    """Smallest sizes of the ``asked`` effects (of all where None), those ``given`` being free and
-    no rivals; ``least_told`` of :func:`_least_told`.
+) -> dict[str, list[_Entry]]:
+    """Smallest sizes of the ``asked`` effect (of all where None) by shape, those ``given`` being
+    free and no rivals.
     """
     free = np.array(
         [
@@ -178,18 +221,19 @@ def _beside(
         dtype=int,
     )
     gram = pooled.without(free, 10.0 * board.prior.sd[free])
-    shapes, (least, drive_alone) = _shapes(board, gram, given), least_told
-    told: dict[str, list[tuple[float, dict[str, Any]]]] = {}
-    for shape in (s for s in shapes if asked is None or s.name in asked):
+    shapes = _shapes(board, gram, given)
+    sizes: dict[str, list[_Entry]] = {}
+    for shape in (s for s in shapes if asked in (None, s.name)):
         for k in (k for k in shape.columns if _is_told(board.system.columns[k])):
             size, hidden = _needed(shape, k, shapes, odds)
-            if drive_alone[k]:  # what is faint has to be sure
+            if unit.drive_alone[k]:  # what is faint has to be sure
                 size = min(
-                    max(size, FAINT * least[k]), _needed(shape, k, shapes, SURE / (1.0 - SURE))[0]
+                    max(size, FAINT * unit.least[k]),
+                    _needed(shape, k, shapes, SURE / (1.0 - SURE))[0],
                 )
-            size, hidden = max((size, hidden), (float(least[k]), ""))
-            told.setdefault(shape.name, []).append(_entry(board, k, size, hidden))
-    return {name: _standing_for(entries) for name, entries in told.items()}
+            size, hidden = max((size, hidden), (float(unit.least[k]), ""))
+            sizes.setdefault(shape.name, []).append(_entry(board, k, size, hidden, unit))
+    return sizes
 
 
 def _is_told(column: Column) -> bool:
@@ -197,27 +241,26 @@ def _is_told(column: Column) -> bool:
     return column.part != "moment" and not modifiers_of(column.variant)
 
 
-def _standing_for(entries: list[tuple[float, dict[str, Any]]]) -> dict[str, Any]:
+def _standing_for(entries: Sequence[_Entry]) -> dict[str, Any]:
     """The middle of entries by their relative size."""
-    return sorted(entries, key=lambda entry: entry[0])[(len(entries) - 1) // 2][1]
+    return sorted(entries, key=lambda entry: entry.relative)[(len(entries) - 1) // 2].content
 
 
-def _entry(board: Board, k: int, size: float, hidden: str) -> tuple[float, dict[str, Any]]:
-    """The size relative to the parameter's room, and what is told of it; of what clips, the level,
-    if its whole is seen.
+def _entry(board: Board, k: int, size: float, hidden: str, unit: _Sizes) -> _Entry:
+    """What is told of a size: of what clips the level, if its whole is seen; of what is more than
+    the vehicle's weight, or than the parameter's room, nothing.
     """
-    variant = board.system.columns[k].variant
-    amplitude = variant.amplitudes[board.system.columns[k].amplitude]
+    column = board.system.columns[k]
+    variant, amplitude = column.variant, column.variant.amplitudes[column.amplitude]
     room = max(amplitude.high - amplitude.neutral, amplitude.neutral - amplitude.low)
-    if variant.effect in CLIPPING:
+    if "clips" in effect_table.get(variant.effect).hints:
         size = abs(amplitude.level) if size <= abs(amplitude.level) else np.inf
-    seen = np.isfinite(size) and size <= room
-    unit = effect_table.get(variant.effect).parameter(amplitude.parameter).unit
-    entry = {
+    seen = np.isfinite(size) and size <= room and size * unit.share_of_weight[k] <= 1.0
+    content = {
         "parameter": amplitude.parameter,
         "smallest": size if seen else None,
-        "unit": unit,
+        "unit": effect_table.get(variant.effect).parameter(amplitude.parameter).unit,
         "shape": dict(variant.shape),
         "limited_by": hidden,
     }
-    return (size / abs(amplitude.step) if seen else np.inf), entry
+    return _Entry(variant, size / abs(amplitude.step) if seen else np.inf, content)

@@ -21,23 +21,32 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
+from ges.diagnose.decide.declared import words_of
 from ges.diagnose.design.system import System, build, window_length_s
-from ges.diagnose.detectors.balance import CHANNELS, LOSSES, centred, variance_of_means
-from ges.diagnose.estimate.fit import calibrated, in_the_air, left_raw, null_fit, within_bounds
+from ges.diagnose.detectors.balance import CHANNELS, LOSSES, MASS, centred, variance_of_means
+from ges.diagnose.estimate.fit import (
+    calibrated,
+    correction_bounds,
+    in_the_air,
+    left_raw,
+    null_fit,
+)
 from ges.diagnose.prepare.align import Prepared, attitude_measured
 from ges.diagnose.prepare.gate import at_flown_voltage, pass_gate
 from ges.diagnose.select.evidence import Gram
 from ges.diagnose.types.diagnosis import interval95
-from ges.diagnose.types.model import SPEED, Model, from_vehicle
+from ges.diagnose.types.model import BEYOND_SDS, SPEED, Model, from_vehicle
 from ges.diagnose.validate.locate import BLOCK_S, regimes_of
 from ges.diagnose.validate.structure import structures
 from ges.errors import GesError
 from ges.recordings.recording import RecordingSet, require_drive
 from ges.simulator import effects as effect_table
+from ges.simulator.effects import Effect, Parameter
 from ges.threads import blas_alone
 from ges.vehicle.file import Estimate, Quantity, Vehicle, parse_vehicle, vehicle_content
 
-TRIMS = ("thrust_scale.scale", *LOSSES, "cg_offset.x_m", "cg_offset.y_m")
+THRUST, LEVERS = MASS[2], MASS[:2]
+TRIMS = (THRUST, *LOSSES, *LEVERS)
 LOSS_SD = 0.1
 SPREAD = 0.02
 USUAL_FACTOR = {True: 1.0, False: 0.25}
@@ -49,9 +58,6 @@ LARGEST_SPREAD = 10.0
 WORTH = 3.0
 ROUNDS = 4
 TIGHT = 0.2
-OF_THE_DRIVE = (SPEED, "thrust_curve.c", "battery_sag.sensitivity")
-FOLDED = frozenset({"thrust_scale", "torque_coefficient", "inertia", "motor_lag", "vehicle"})
-DRIVE_EFFECTS = frozenset({"thrust_curve", "battery_sag"})
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,13 +105,25 @@ def _opened(model: Model, flights: Sequence[Prepared]) -> Model:
     """
     doubts = {
         **dict.fromkeys(LOSSES, LOSS_SD),
-        "cg_offset.x_m": 0.0,
-        "cg_offset.y_m": 0.0,
+        **dict.fromkeys(LEVERS, 0.0),
         **model.doubts,
     }
     if _commanded(flights):
-        doubts |= dict.fromkeys(OF_THE_DRIVE, 0.0)
+        doubts |= dict.fromkeys(
+            [f"{e.name}.{p.name}" for e in _drives() for p in e.parameters], 0.0
+        )
+        doubts[SPEED] = 0.0
     return dataclasses.replace(model, doubts=doubts)
+
+
+def _drives() -> list[Effect]:
+    """Effects on what turns commands into thrust, of which no vehicle file declares a number."""
+    return [
+        e
+        for e in effect_table.table().values()
+        if e.kind == "actuator" and any(p.doubt for p in e.parameters)
+        if not any(p.corrects or p.doubt and p.doubt.timing for p in e.parameters)
+    ]
 
 
 def _commanded(flights: Sequence[Prepared]) -> bool:
@@ -226,7 +244,11 @@ def _trims(
     later = np.hypot(sd, float(student.ppf(0.975, freedom)) / 1.96 * pooled * told.spread)
     values = turn @ (found.mean - start)
     rows = zip(told.keys, values, sd, pooled * told.spread, told.prior_sd, later, strict=True)
-    return {key: Number(*(float(v) for v in row)) for key, *row in rows}, factor
+    numbers = (
+        (key, Number(_flown(key, float(value), float(sd), model), float(sd), *map(float, rest)))
+        for key, value, sd, *rest in rows
+    )
+    return dict(numbers), factor
 
 
 def _declared(
@@ -254,17 +276,29 @@ def _declared(
         if key not in TRIMS:
             last = before[key].value if key in before else 0.0
             value = last * (1.0 - (sd / nuisance.sd) ** 2) + float(joint.common[key])
-            told[key] = Number(_within(key, value, model), sd, 0.0, nuisance.sd, sd)
+            told[key] = Number(_flown(key, value, sd, model), sd, 0.0, nuisance.sd, sd)
     return told
 
 
-def _within(key: str, value: float, model: Model) -> float:
-    """A correction that keeps its parameter within the effect's bounds."""
-    if key == SPEED:
-        return value
-    name, parameter = key.split(".")
-    start = model.effects.get(name, {}).get(parameter, effect_table.get(name).neutral()[parameter])
-    return within_bounds(name, parameter, start + value) - start
+def _flown(key: str, value: float, sd: float, model: Model) -> float:
+    """A correction within what the library flies: of one that is beyond by noise, or by what a
+    drive's form is wrong by, as a delay of less than nothing is, the bound.
+
+    Raises
+    ------
+    GesError
+        For a declared number or a trim that is clearly beyond: a file that holds a part of it would
+        blame the rest on physics.
+    """
+    low, high = correction_bounds(key, model)
+    near = low - BEYOND_SDS * sd <= value <= high + BEYOND_SDS * sd
+    if near or key not in TRIMS and words_of(key) == key:
+        return float(np.clip(value, low, high))
+    raise GesError(
+        f"these flights need {key} corrected by {value:.3g}, and the simulator flies {low:.3g} to"
+        f" {high:.3g}; the vehicle file is too far from the vehicle: correct"
+        f" {words_of(key)} in it and calibrate again"
+    )
 
 
 def _fit(flights: Sequence[Prepared], model: Model) -> tuple[dict[str, Number], float]:
@@ -311,32 +345,27 @@ def _scaled(quantity: Quantity, number: Number) -> Quantity:
 
 
 def _folded(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict:
-    """Fields of the vehicle file that take corrections themselves; mass and thrust coefficient move
-    as one, in the latter.
+    """Fields of the vehicle file that take corrections themselves: of numbers that move as one, as
+    mass and thrust coefficient do, the last; the others stand.
     """
     update: dict = {}
-    if "thrust_scale.scale" in numbers:
-        update["thrust_coefficient_N_s2"] = _scaled(
-            vehicle.thrust_coefficient_N_s2, numbers["thrust_scale.scale"]
-        )
-        update["mass_kg"] = Quantity(value=vehicle.mass_kg.value)
-    if "torque_coefficient.scale" in numbers:
-        update["torque_coefficient_Nm_s2"] = _scaled(
-            vehicle.torque_coefficient_Nm_s2, numbers["torque_coefficient.scale"]
-        )
-    axes = {a: numbers[f"inertia.{a}"] for a in ("xx", "yy", "zz") if f"inertia.{a}" in numbers}
-    if axes:
-        held = vehicle.inertia_kg_m2
-        values = {a: getattr(held, a) * (1.0 + n.value) for a, n in axes.items()}
-        update["inertia_kg_m2"] = held.model_copy(
-            update={**values, "sd_rel": max(n.later_sd for n in axes.values())}
-        )
-    lags = [
-        numbers[f"motor_lag.{way}_s"] for way in ("up", "down") if f"motor_lag.{way}_s" in numbers
-    ]
-    if lags:
-        value = vehicle.motor_time_constant_s.value + float(np.mean([n.value for n in lags]))
-        update["motor_time_constant_s"] = Quantity(value=value, sd=max(n.later_sd for n in lags))
+    for path, corrections in _by_number(numbers).items():
+        name, _, axis = path.partition(".")
+        held = update.get(name, getattr(vehicle, name))
+        later_sd = max(n.later_sd for _, n in corrections)
+        if axis:
+            own = getattr(held, axis) * (1.0 + corrections[0][1].value)
+            known_sd = held.sd_rel if name in update else 0.0
+            update[name] = held.model_copy(update={axis: own, "sd_rel": max(known_sd, later_sd)})
+        elif corrections[0][0].unit == "1":
+            update[name] = _scaled(held, corrections[0][1])
+        else:
+            shift = float(np.mean([n.value for _, n in corrections]))
+            update[name] = Quantity(value=held.value + shift, sd=later_sd)
+        update |= {
+            other: Quantity(value=getattr(vehicle, other).value)
+            for other in corrections[0][0].corrects[:-1]
+        }
     if SPEED in numbers:
         held = vehicle.max_rotor_speed_rad_s
         update["max_rotor_speed_rad_s"] = Quantity(
@@ -345,12 +374,26 @@ def _folded(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict:
     return update
 
 
+def _by_number(numbers: Mapping[str, Number]) -> dict[str, list[tuple[Parameter, Number]]]:
+    """Corrections of each number of the vehicle file, ``inertia_kg_m2.xx`` say."""
+    found: dict[str, list[tuple[Parameter, Number]]] = {}
+    for effect in effect_table.table().values():
+        for p in effect.parameters:
+            if p.corrects and (number := numbers.get(f"{effect.name}.{p.name}")):
+                found.setdefault(p.corrects[-1], []).append((p, number))
+    return found
+
+
 def _drive_held(vehicle: Vehicle, effects: dict[str, dict[str, Estimate]]) -> dict:
     """Top speed and thrust curve as they are: what flights show of them is in the thrust
     coefficient and its doubt.
     """
-    curve = {key: Estimate(value=q.value) for key, q in effects.get("thrust_curve", {}).items()}
-    held = {"effects": {**effects, "thrust_curve": curve} if curve else effects}
+    curves = {
+        e.name: {key: Estimate(value=q.value) for key, q in effects[e.name].items()}
+        for e in _drives()
+        if "reads_voltage" not in e.hints and effects.get(e.name)
+    }
+    held = {"effects": {**effects, **curves}}
     if vehicle.max_rotor_speed_rad_s:
         held["max_rotor_speed_rad_s"] = Quantity(value=vehicle.max_rotor_speed_rad_s.value)
     return held
@@ -362,7 +405,8 @@ def _belongs(key: str, number: Number, vehicle: Vehicle) -> bool:
     """
     effect = key.split(".")[0]
     clear = abs(number.value) > max(WORTH * number.later_sd, number.declared_sd)
-    return key in TRIMS[1:] or effect in DRIVE_EFFECTS and (clear or effect in vehicle.effects)
+    of_the_drive = effect in {e.name for e in _drives()}
+    return key in TRIMS[1:] or of_the_drive and (clear or effect in vehicle.effects)
 
 
 def _effects(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict[str, dict[str, Estimate]]:
@@ -383,11 +427,9 @@ def _effects(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict[str, dict[
         value, low, high = (start + v for v in (number.value, *number.ci95))
         held[parameter] = Estimate(value=value, sd=number.later_sd, ci95=(low, high))
     if set(LOSSES) & set(numbers):
-        effects["cg_offset"] = {
-            "x_m": Estimate(value=0.0),
-            "y_m": Estimate(value=0.0),
-            **effects.get("cg_offset", {}),
-        }
+        lever = LEVERS[0].split(".")[0]
+        still = {key.split(".")[1]: Estimate(value=0.0) for key in LEVERS}
+        effects[lever] = {**still, **effects.get(lever, {})}
     return effects
 
 
@@ -458,5 +500,5 @@ def _far(numbers: Mapping[str, Number]) -> list[str]:
         f"{key} moved by {n.value:.3g}, {abs(n.value) / n.declared_sd:.1f} times its declared sd of"
         f" {n.declared_sd:.3g}; look at the vehicle file before you rely on it"
         for key, n in numbers.items()
-        if key.split(".")[0] in FOLDED and abs(n.value) > WORTH * n.declared_sd
+        if words_of(key) != key and abs(n.value) > WORTH * n.declared_sd
     ]

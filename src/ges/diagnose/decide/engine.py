@@ -26,19 +26,17 @@ from ges.diagnose.decide.standing import (
 )
 from ges.diagnose.design.system import ALL_ON, Switches, System, build
 from ges.diagnose.detectors.balance import undecided
-from ges.diagnose.detectors.loads import sharpened
+from ges.diagnose.detectors.loads import likely_load, sharpened
 from ges.diagnose.estimate.fit import Fitted, fitted_model, free_parameters, polish, starting_values
 from ges.diagnose.estimate.shoot import shot
 from ges.diagnose.library.candidates import (
     Candidate,
-    Variant,
     acts_among,
     flown,
-    library,
     modifiers_of,
-    needs_of,
 )
-from ges.diagnose.library.hearing import lacking
+from ges.diagnose.library.grids import library
+from ges.diagnose.library.requirements import lacking
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import Board, make_board
 from ges.diagnose.select.search import Hypothesis, Search, over_plain
@@ -46,8 +44,6 @@ from ges.diagnose.select.stable import search_until_stable
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
-PERHAPS = 0.1
-"""Probability from which a load is looked at more sharply."""
 RARER_MODIFIED = math.log(8.0)
 """Log odds against each of some five modifiers of an effect before any flight, as a search of them
 alone has them.
@@ -114,7 +110,7 @@ def candidates_of(
         if c.name not in taken
         and (only is None or c.name in only)
         and not lacking(c.name, flights, base)
-        and (set(c.needs) & set(base.effects) or c.stands_alone and not taken)
+        and (set(c.carriers) & set(base.effects) or c.stands_alone and not taken)
     ]
 
 
@@ -297,7 +293,7 @@ def _load_sharper(
     """Search again beside a load whose thread and first place are sharp: missed by centimetres,
     they need other names for what is left.
     """
-    variant = _load(board, found)
+    variant = likely_load(board, found)
     if variant is None:
         return board, found
     known = board.system
@@ -308,17 +304,6 @@ def _load_sharper(
     ]
     here = _laid_out(listed, known.model, known, length_s, switches)
     return search_until_stable(here, listed, tuple(known.model.effects), only)[:2]
-
-
-def _load(board: Board, found: Search) -> Variant | None:
-    """The variant of a load on a thread in the best set that has one, where that is not out of the
-    question.
-    """
-    best = next((h for h in found.hypotheses if "slung_load" in h.names), None)
-    if best is None or found.inclusion["slung_load"] < PERHAPS:
-        return None
-    variants = (board.system.columns[k].variant for k in best.posterior.columns)
-    return next(v for v in variants if v.effect == "slung_load")
 
 
 def _polished(
@@ -397,7 +382,7 @@ def _beside(accepted: Accepted, name: str, length_s: float, switches: Switches) 
         accepted.found.best_with(name, accepted.rivals),
     )
     held = set(fitted.effects) if fitted else set()
-    mine = ({name} | set(needs_of(name)) & set(best.names)) - held
+    mine = ({name} | set(effect_table.get(name).carriers) & set(best.names)) - held
     if not acts_among(name, {*mine, *held, *system.model.effects}):
         return None
     kept = dataclasses.replace(best, posterior=_only(best, mine, accepted.board))

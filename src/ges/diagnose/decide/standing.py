@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ges.diagnose.design.system import LEVELLER, System
-from ges.diagnose.estimate.fit import FORM_ERROR, SHAPES, Fitted, Joint, strain
-from ges.diagnose.library.candidates import acts_among, amplitude_of, needs_of, wind_speed_m_s
+from ges.diagnose.design.system import System
+from ges.diagnose.estimate.fit import FORM_ERROR, Fitted, Joint, strain
+from ges.diagnose.library.candidates import acts_among, amplitude_of, wind_speed_m_s
 from ges.diagnose.select.evidence import Board, acts_of
 from ges.diagnose.select.search import Hypothesis, Search, size_of
 from ges.diagnose.types.model import block_of
@@ -19,32 +19,13 @@ from ges.simulator import effects as effect_table
 
 ACCEPT, SURE = 0.9, 0.999
 SEPARATE, SEPARATE_FROM_USUAL = math.log(ACCEPT / (1.0 - ACCEPT)), 4.5
-USUAL_IN_PLACE = {"fountain_lift": "ground_effect"}
-"""What is there without the name, too, and of which other forms than the library's look like it."""
 CLEAR_SDS, OPEN_SDS, STRAINED = 3.0, 1.5, 5.0
 """Open: of what is unlike an error of a form; how large a lag is may be open far up where that
 there is one is not.
 """
 DOUBTFUL_SDS = 2.0
 """What is within as many declared sds is no finding, however well it is measured."""
-FAMILIES = (
-    {"ground_effect", "fountain_lift"},
-    {"rotor_drag", "parasitic_drag"},
-    {"motor_lag", "esc_delay"},
-)
 REACH_M = 10.0  # 2 cm of a rangefinder matter
-UNLIKE_FORM = frozenset({"ground_effect_lag", "ground_effect_forward_flight", LEVELLER})
-"""Modifiers that act through time or speed: what a form is wrong by depends on the place alone, and
-does not look like them; and the levelling moment, of which a form's error is a doubt of its own,
-though only a guess.
-"""
-ERRORS_OF = {
-    "wind": frozenset({"wall_effect", "downwash"}),
-    "thrust_curve": frozenset({"rotor_saturation"}),
-}
-"""What the form of a larger effect is wrong by looks like these: a wind is not the same everywhere,
-and where a drive is asked for most, a ceiling explains what another curve would.
-"""
 STILL_AIR_M_S = 0.3
 """No air is stiller, nor any position more at rest."""
 FAINT = 2.0  # times the least
@@ -54,10 +35,22 @@ LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0005, "drive": 0.0003, 
 """Of weight, weight times arm, full speed or a rotor radius: no model is right to less."""
 
 
+def unlike_form_error(name: str) -> bool:
+    """Whether an effect does not look like what the form of a larger one is wrong by: what a form
+    is wrong by depends on the place alone, and what acts through time or speed does not.
+    """
+    return "unlike_form_error" in effect_table.get(name).hints
+
+
+def sets_a_lever(name: str) -> bool:
+    """Whether an effect is the lever of the one that it modifies."""
+    return "lever_of_carrier" in effect_table.get(name).hints
+
+
 def matters(name: str, channel: str, share: float) -> bool:
     """Whether an effect's share of a channel's whole is more than what no model is right to."""
     return bool(channel) and share >= LEAST_SHARE[block_of(channel)] * (
-        LIGHTER if name in UNLIKE_FORM else 1.0
+        LIGHTER if unlike_form_error(name) else 1.0
     )
 
 
@@ -78,8 +71,8 @@ def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[s
     Two of a family act in the same place, and one of them makes up for what the other's form is
     wrong by: the better of the two is kept. What is small beside a larger one may be what the
     larger one's form is wrong by, and takes more to be told, as does what is faint and a levelling
-    moment; a small modifier is no more than that, if it is not :data:`UNLIKE_FORM`, and so is what
-    a larger effect's form is known to be wrong by (:data:`ERRORS_OF`).
+    moment; a small modifier is no more than that, if it is not unlike an error of a form, and so is
+    what a larger effect's form is known to be wrong by (``error_of`` of its descriptor).
     """
     probable = [n for n in found.best.names if found.inclusion[n] >= ACCEPT]
     places = {n: taken_over(found, n, probable) for n in probable}
@@ -88,12 +81,12 @@ def mattering(board: Board, found: Search, known: Mapping[str, float]) -> dict[s
     small = {
         n
         for n in shares
-        if found.inclusion[n] < SURE and (n in beside or faint(shares[n]) or n == LEVELLER)
+        if found.inclusion[n] < SURE and (n in beside or faint(shares[n]) or sets_a_lever(n))
     }
-    small |= beside & {n for larger, like in ERRORS_OF.items() if larger in shares for n in like}
+    small |= {n for n in beside if effect_table.get(n).error_of in shares}
     small |= answering_gusts({*shares, *board.system.model.effects}, board.system)
     share = {n: max(by.values()) for n, by in shares.items() if n not in small}
-    carriers = {c for n, s in share.items() if s >= 1.0 for c in needs_of(n)}
+    carriers = {c for n, s in share.items() if s >= 1.0 for c in effect_table.get(n).carriers}
     share = {n: s for n, s in share.items() if s >= _least(n, found.inclusion[n]) or n in carriers}
     present = {*share, *board.system.model.effects}
     share = {n: s for n, s in share.items() if acts_among(n, present)}
@@ -109,12 +102,17 @@ def answering_gusts(present: set[str], system: System) -> set[str]:
         r.flight.has("excitation") and r.flight.stack("excitation")[:, :3].any()
         for r in system.flights
     )
-    return {"inertia"} if {"wind", *needs_of("wind")} & present and not shaken else set()
+    alike = {e.name: e.unexcited_like for e in effect_table.table().values() if e.unexcited_like}
+    return {
+        name
+        for name, like in alike.items()
+        if not shaken and {like, *effect_table.get(like).carriers} & present
+    }
 
 
 def _least(name: str, probability: float) -> float:
     """How many times the least that matters a name has to make."""
-    return LIGHTER if name in UNLIKE_FORM and probability >= SURE else 1.0
+    return LIGHTER if unlike_form_error(name) and probability >= SURE else 1.0
 
 
 def least_beside(name: str, known: Mapping[str, float]) -> float:
@@ -123,7 +121,7 @@ def least_beside(name: str, known: Mapping[str, float]) -> float:
     """
     return (
         0.0
-        if name in UNLIKE_FORM
+        if unlike_form_error(name)
         else FORM_ERROR * known.get(effect_table.get(name).modifies or "", 0.0)
     )
 
@@ -141,7 +139,8 @@ def taken_over(found: Search, name: str, probable: Sequence[str]) -> set[str]:
 
 
 def _family(name: str) -> set[str]:
-    return next((f for f in FAMILIES if name in f), {name})
+    family = effect_table.get(name).family
+    return {e.name for e in effect_table.table().values() if e.family == family}
 
 
 def _alone(found: Search, name: str) -> Hypothesis | None:
@@ -204,7 +203,7 @@ def replaced_by(found: Search, name: str) -> tuple[str, ...]:
 
 def lead_over(name: str, others: Sequence[str]) -> float:
     """Log odds by which a name has to be better than others in its place."""
-    return SEPARATE_FROM_USUAL if USUAL_IN_PLACE.get(name) in others else SEPARATE
+    return SEPARATE_FROM_USUAL if effect_table.get(name).usual_beside in others else SEPARATE
 
 
 def ambiguous(found: Search, names: set[str], contested: set[str]) -> tuple[str, ...]:
@@ -238,10 +237,11 @@ def stands(fitted: Fitted, name: str) -> bool:
     free, and not within the doubt that is declared, and none went as far as the effect allows; a
     wind, whether it blows at all.
     """
-    if name == "wind" and wind_speed_m_s(fitted.effects[name]) < STILL_AIR_M_S:
+    effect = effect_table.get(name)
+    if effect.kind == "wind" and wind_speed_m_s(name, fitted.effects[name]) < STILL_AIR_M_S:
         return False
     clear, declared = False, fitted.board.system.model.doubts
-    for parameter in (p for e, p in fitted.free if e == name and p not in SHAPES.get(name, ())):
+    for parameter in (p for e, p in fitted.free if e == name and p not in effect.shapes):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
         if value != a.neutral and value in (a.low, a.high):
             return False
@@ -249,7 +249,7 @@ def stands(fitted: Fitted, name: str) -> bool:
             fitted.sd(name, parameter), DOUBTFUL_SDS * declared.get(f"{name}.{parameter}", 0.0)
         )
         clear |= told and fitted.sds_from_neutral(name, parameter) > (
-            OPEN_SDS if name in UNLIKE_FORM else CLEAR_SDS
+            OPEN_SDS if unlike_form_error(name) else CLEAR_SDS
         )
     return clear
 
@@ -259,6 +259,6 @@ def does_something(fitted: Fitted, name: str) -> bool:
     own = [
         (p, amplitude_of(name, p).neutral)
         for e, p in fitted.free
-        if e == name and p not in SHAPES.get(name, ())
+        if e == name and p not in effect_table.get(name).shapes
     ]
     return any(abs(fitted.effects[name][p] - neutral) > fitted.sd(name, p) for p, neutral in own)

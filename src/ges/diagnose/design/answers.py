@@ -8,8 +8,9 @@ coefficient may err by the correlation (see ``whiten``):
   alone are known. All of it is loose, but along thrust not the mean, which has no cause but the
   balance. A trim moment has causes of its own (a shifted centre of gravity, a weak rotor), and is
   taken out of such columns first (see :func:`untrim`).
-- ``gain``: what multiplies thrust. Loose is what it does along thrust because thrust changed fast,
-  not because its gain did; and what changes of a cushion's moment, because attitude answers too.
+- ``thrust_gain``: what multiplies thrust. Loose is what it does along thrust because thrust changed
+  fast, not because its gain did; and what changes of a cushion's moment, because attitude answers
+  too.
 - ``rotor``: what takes thrust from one rotor. Loose is what changes of its moment in roll and
   pitch, where answers to yaw show, too: what answers a roll with a weak rotor also yaws, and takes
   large changes of all speeds. Its trim counts in full.
@@ -28,7 +29,6 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from ges.diagnose.design.instruments import (
-    MOVED,
     instruments,
     mark_of,
     own_signal,
@@ -39,24 +39,11 @@ from ges.diagnose.design.table import Table
 from ges.diagnose.design.weak import Windows, blocks_of
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.types.model import Model, block_of
+from ges.simulator import effects as effect_table
 
 VERTICAL = ("force_z", "acc_z")
 ROLL_PITCH = ("moment_x", "moment_y")
-CUSHIONS = frozenset(
-    {
-        "ground_effect",
-        "fountain_lift",
-        "ceiling_effect",
-        "partial_ground_effect",
-        "ground_effect_lag",
-        "ground_effect_forward_flight",
-    }
-)
-GAINS = CUSHIONS | {"thrust_scale", "battery_sag"}
-ROTORS = frozenset({"weak_rotor"})
-LOADS = frozenset({"slung_load"})
-HEIGHTS = frozenset({"rangefinder_bias.scale"})
-KINDS = ("dynamic", "gain", "rotor", "load", "height")
+KINDS = ("dynamic", "thrust_gain", "rotor", "load", "height")
 LEAST_STRENGTH, INSTRUMENT_BLOCK_S = 0.4, 5.0
 SLOW_S = 0.5
 
@@ -64,24 +51,18 @@ Loose = Mapping[tuple[str, int], Mapping[str, np.ndarray]]
 """By kind and channel, of every ``effect.parameter`` that has it there, (m,)."""
 
 
-def kind_of(key: str) -> str:
-    """Kind of a column by its ``effect.parameter``; '' where no answer shows in it."""
-    effect = key.split(".")[0]
-    if effect in MOVED:
-        return "dynamic"
-    return (
-        "gain"
-        if effect in GAINS
-        else (
-            "rotor"
-            if effect in ROTORS
-            else "load"
-            if effect in LOADS
-            else "height"
-            if key in HEIGHTS
-            else ""
-        )
-    )
+def feedback_of(key: str) -> str:
+    """How the controller shows in a column, by its ``effect.parameter``; 'none' in a number that no
+    effect corrects.
+    """
+    effect = effect_table.table().get(key.split(".")[0])
+    return effect.feedback if effect else "none"
+
+
+def near_ground_gain(key: str) -> bool:
+    """Whether a column is a thrust gain that depends on the height."""
+    effect = effect_table.table().get(key.split(".")[0])
+    return effect is not None and effect.feedback == "thrust_gain" and "height" in effect.needs
 
 
 def untrim(
@@ -95,7 +76,7 @@ def untrim(
     """Take out of the ``dynamic`` ones of columns x (m, C, K) what is constant or goes with thrust
     (n,) in the moments, where they are in the ``air`` (m,).
     """
-    dynamic = np.array([kind_of(key) == "dynamic" for key in keys], dtype=bool)
+    dynamic = np.array([feedback_of(key) == "dynamic" for key in keys], dtype=bool)
     held = np.column_stack([np.ones(len(thrust)), thrust])
     for c in (
         c for c, name in enumerate(names) if block_of(name) == "moment" and dynamic[x.at[c]].any()
@@ -185,9 +166,13 @@ def loose(
     on : effects of the model; a load that is not on would take from cushions what they do along
         thrust.
     """
-    which = {kind: _first(keys, kind) for kind in KINDS if kind != "load" or LOADS & set(on)}
+    which = {
+        kind: _first(keys, kind)
+        for kind in KINDS
+        if kind != "load" or "load" in map(feedback_of, on)
+    }
     parts = {kind: {c: x.of(c, at)[air] for c in heard} for kind, at in which.items()}
-    levels = np.array([keys[k].split(".")[0] in CUSHIONS for k in which["gain"]], dtype=float)
+    levels = np.array([near_ground_gain(keys[k]) for k in which["thrust_gain"]], dtype=float)
     z, own, strong, answered = (
         told.z,
         told.own,
@@ -204,8 +189,10 @@ def loose(
             c: _beyond(parts["dynamic"][c], z[n], strong[n], n in VERTICAL)
             for c, n in answered.items()
         },
-        "gain": {
-            c: parts["gain"][c] * share[c] if c in share else levels * _centred(parts["gain"][c])
+        "thrust_gain": {
+            c: parts["thrust_gain"][c] * share[c]
+            if c in share
+            else levels * _centred(parts["thrust_gain"][c])
             for c, n in answered.items()
         },
         "rotor": {
@@ -234,9 +221,9 @@ def both(known: Loose, new: Loose, on: Collection[str]) -> Loose:
     """Loose parts of two sets of columns of the same windows, the new ones where both have them;
     beside a cushion that is ``on`` none of another: what it makes of moments is told.
     """
-    left_out = CUSHIONS if CUSHIONS & set(on) else frozenset()
+    taken = any(map(near_ground_gain, on))
     kept = {
-        at: {key: x for key, x in parts.items() if key.split(".")[0] not in left_out}
+        at: {key: x for key, x in parts.items() if not (taken and near_ground_gain(key))}
         for at, parts in known.items()
     }
     merged = {at: {**kept.get(at, {}), **new.get(at, {})} for at in dict.fromkeys((*kept, *new))}
@@ -255,7 +242,7 @@ def _among(air: np.ndarray, values: np.ndarray) -> np.ndarray:
 def _first(keys: Sequence[str], kind: str) -> list[int]:
     """First column of every parameter of a kind."""
     return list(
-        {key: k for k, key in reversed(list(enumerate(keys))) if kind_of(key) == kind}.values()
+        {key: k for k, key in reversed(list(enumerate(keys))) if feedback_of(key) == kind}.values()
     )
 
 

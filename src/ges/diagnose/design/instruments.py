@@ -22,19 +22,6 @@ from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 from ges.simulator import flight as sim
 
-MOVED = frozenset(
-    {
-        "inertia",
-        "torque_coefficient",
-        "motor_lag",
-        "esc_delay",
-        "thrust_curve",
-        "rotor_inertia_reaction",
-        "gyroscopic_moment",
-    }
-)
-"""Effects whose columns follow what the controller does."""
-
 LAGS = range(-1, 6)
 STEP_S = 0.002
 FOLDS, RIDGE = 4, 1.0

@@ -60,7 +60,7 @@ def channels(flight: Prepared, model: Model) -> tuple[str, ...]:
             for name, column in zip(ACC, ("acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2"), strict=True)
             if column in flight.columns
         ]
-    if driven and (flight.has("gyro") or attitude) and "inertia" in model.known:
+    if driven and (flight.has("gyro") or attitude) and "moments_of_inertia" in model.known:
         found += MOMENT if "torque" in model.known else MOMENT[:2]
     if flight.has("rotor_speed") and flight.has("command"):
         found += DRIVE
@@ -367,7 +367,11 @@ def speeds_at_work(flight: Prepared, model: Model, effects: effect_table.Effects
     if not flight.has("rotor_speed"):
         return driven_speeds([flight], model, effects)[0]
     measured = flight.stack("rotor_speed")
-    suspect = {name: values for name, values in effects.items() if name == "battery_sag"}
+    suspect = {
+        name: values
+        for name, values in effects.items()
+        if "reads_voltage" in effect_table.get(name).hints
+    }
     if not suspect or flight.has("command") or not flight.has("battery"):
         return measured
     return _as_if_commanded(flight, measured, model, suspect)

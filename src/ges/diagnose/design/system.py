@@ -32,7 +32,8 @@ from ges.diagnose.design.weak import (
     blocks_of,
     make_windows,
 )
-from ges.diagnose.library.candidates import NEEDS_ATTITUDE, Variant
+from ges.diagnose.library.candidates import Variant
+from ges.diagnose.library.requirements import needs_attitude
 from ges.diagnose.prepare.align import Prepared, attitude_measured
 from ges.diagnose.types.model import SPEED, Model, block_of
 from ges.simulator import effects as effect_table
@@ -41,41 +42,11 @@ from ges.threads import each
 
 AR_ORDER = 3
 MOST_HALF_WAVES, UPDATES_PER_HALF_WAVE = 3, 2.5
-LEVELLED, LEVELLER, LEVELLING, LEVELLING_SD = "ground_effect", "ground_effect_moment", -0.35, 0.25
-"""Excess over the moment of cushions that each end where their rotor does. Wakes mix, which takes
-from how much cushions differ and never adds: about a third on development cases.
-"""
-SIDEWAYS = frozenset({"rotor_drag", "parasitic_drag", "wind", "rotor_tilt"})
 FAR_SDS = 3.0
 BEYOND_FLIGHT = 0.12
 """Sd of what a drive does with more than is ever asked in the air, over what its model does with
 it: as wrong as any form.
 """
-USUAL: tuple[tuple[str, str, float, float, float], ...] = (
-    # channel, effect.parameter, step, usual doubt (sd), sd from flight to flight; cg_offset in arm
-    # lengths
-    ("force", "attitude_bias.x_rad", 0.002, 0.006, 0.003),
-    ("force", "attitude_bias.y_rad", 0.002, 0.006, 0.003),
-    ("acc", "accelerometer_bias.x_m_s2", 0.02, 0.04, 0.03),
-    ("acc", "accelerometer_bias.y_m_s2", 0.02, 0.04, 0.03),
-    ("acc", "accelerometer_bias.z_m_s2", 0.02, 0.04, 0.03),
-    ("moment", "weak_rotor.loss_1", 0.005, 0.01, 0.003),
-    ("moment", "weak_rotor.loss_2", 0.005, 0.01, 0.003),
-    ("moment", "weak_rotor.loss_3", 0.005, 0.01, 0.003),
-    ("moment", "weak_rotor.loss_4", 0.005, 0.01, 0.003),
-    ("moment", "cg_offset.x_m", 0.01, 0.01, 0.004),
-    ("moment", "cg_offset.y_m", 0.01, 0.01, 0.004),
-    ("moment", "inertia.xx", 0.02, 0.0, 0.0),
-    ("moment", "inertia.yy", 0.02, 0.0, 0.0),
-    ("moment", "inertia.zz", 0.02, 0.0, 0.0),
-    ("moment", "torque_coefficient.scale", 0.02, 0.0, 0.0),
-    ("moment", "time_offset.delay_s", 0.001, 0.003, 0.0),
-    ("drive command", "thrust_curve.c", 0.02, 0.03, 0.0),
-    ("drive", "esc_delay.delay_s", 0.004, 0.002, 0.0),
-    ("range", "rangefinder_bias.bias_m", 0.005, 0.01, 0.003),
-    ("range", "rangefinder_bias.scale", 0.01, 0.02, 0.0),
-    ("range", "rangefinder_lag.tau_s", 0.005, 0.015, 0.0),
-)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -229,54 +200,41 @@ def nuisances(
     model: Model, names: Iterable[str], flights: Sequence[Prepared]
 ) -> tuple[Nuisance, ...]:
     """Numbers that are always free: declared doubts, trims, and what no drive and no sensor does
-    exactly.
+    exactly, as the effects' descriptors have it.
 
-    A doubt that the vehicle file states under ``effects`` replaces the usual one of :data:`USUAL`.
-    Where no attitude was measured, numbers that only it shows stay as declared; where rotor speeds
-    have to be made from commands, the thrust curve is as doubtful as where both were logged.
+    A doubt that the vehicle file states under ``effects`` replaces the usual one. Where no attitude
+    was measured, numbers that only it shows stay as declared; where rotor speeds have to be made
+    from commands, the thrust curve is as doubtful as where both were logged.
     """
-    names, arm = set(names), model.arm_m
-    commanded = any(not f.has("rotor_speed") for f in flights)
-    has = {name.split("_")[0] for name in names} | ({"command"} if commanded else set())
+    present = {"any", *names, *map(block_of, names)}
+    if any(not f.has("rotor_speed") for f in flights):
+        present.add("command")
+    voltage = all(f.has("battery") for f in flights)
     listed = [
-        Nuisance("thrust_scale", "scale", 0.01, model.doubts.get("thrust_scale.scale", 0.0), 0.01)
+        _nuisance(effect.name, p, model, flights)
+        for effect in effect_table.table().values()
+        if attitude_measured(flights) or not needs_attitude(effect.name)
+        if not effect.modifies or effect.modifies in model.effects
+        for p in effect.parameters
+        if p.doubt and set(p.doubt.shows_in) & present and (voltage or not p.doubt.with_voltage)
     ]
-    for group, key, step, usual, by_flight in USUAL:
-        effect, parameter = key.split(".")
-        scale = arm if effect == "cg_offset" else 1.0
-        usual = _usual_delay_s(usual, model, flights) if effect == "esc_delay" else usual
-        if set(group.split()) & has and _axis_is_there(effect, parameter, names):
-            sd = model.doubts.get(key, scale * usual)
-            step = (
-                FAR_SDS * sd if effect == "inertia" else scale * step
-            )  # as 1/I: linear up to where a doubt would end
-            listed.append(Nuisance(effect, parameter, step, sd, scale * by_flight))
-    if has & {"drive", "moment"}:
-        listed += [
-            Nuisance("motor_lag", f"{w}_s", 0.002, model.doubts.get(f"motor_lag.{w}_s", 0.0), 0.0)
-            for w in ("up", "down")
-        ]
-    if "drive" in has:
+    if "drive" in present:
         speed = model.number("max_rotor_speed_rad_s")
         listed.append(Nuisance(*SPEED.split("."), 0.01 * speed, model.doubts.get(SPEED, 0.0), 0.0))
-        if all(f.has("battery") for f in flights):
-            listed.append(
-                Nuisance(
-                    "battery_sag",
-                    "sensitivity",
-                    0.02,
-                    model.doubts.get("battery_sag.sensitivity", 0.04),
-                    0.0,
-                )
-            )
-    if "moment" in has and LEVELLED in model.effects:
-        listed.append(Nuisance(LEVELLER, "q", 0.1, LEVELLING_SD, 0.0, LEVELLING))
-    rates = attitude_measured(flights)
-    return tuple(
-        n
-        for n in listed
-        if (n.sd > 0 or n.flight_sd > 0) and (rates or n.effect not in NEEDS_ATTITUDE)
-    )
+    return tuple(n for n in listed if n.sd > 0 or n.flight_sd > 0)
+
+
+def _nuisance(
+    effect: str, p: effect_table.Parameter, model: Model, flights: Sequence[Prepared]
+) -> Nuisance:
+    """One parameter within its doubts, about where the vehicle file has it."""
+    doubt, key = p.doubt, f"{effect}.{p.name}"
+    unit = model.arm_m if doubt.per_arm else 1.0
+    usual = _usual_delay_s(doubt.sd, model, flights) if doubt.timing else doubt.sd
+    sd = model.doubts.get(key, unit * usual)
+    step = FAR_SDS * sd if doubt.reciprocal else unit * doubt.step
+    mean = doubt.mean - model.moved.get(key, 0.0)
+    return Nuisance(effect, p.name, step, sd, unit * doubt.flight_sd, mean)
 
 
 def _usual_delay_s(usual_s: float, model: Model, flights: Sequence[Prepared]) -> float:
@@ -286,18 +244,6 @@ def _usual_delay_s(usual_s: float, model: Model, flights: Sequence[Prepared]) ->
     held = max((f.held.sd * _slowest([f], ("command",)) for f in flights), default=0.0)
     return float(
         np.linalg.norm([usual_s, held, SECOND_POLE * model.number("motor_time_constant_s")])
-    )
-
-
-def _axis_is_there(effect: str, parameter: str, names: set[str]) -> bool:
-    """Whether the channel that shows this parameter was recorded."""
-    axis = {"xx": "x", "yy": "y", "zz": "z"}.get(parameter, parameter[0])
-    if effect == "accelerometer_bias":
-        return f"acc_{axis}" in names
-    return (
-        f"moment_{axis}" in names
-        if effect == "inertia"
-        else effect != "torque_coefficient" or "moment_z" in names
     )
 
 
@@ -538,6 +484,21 @@ def rows(
     )
 
 
+def residuals_with(system: System, model: Model) -> list[np.ndarray]:
+    """Residuals (m, C) by flight of a system's windows and channels under another model."""
+
+    def of(r: Rows) -> np.ndarray:
+        here = tuple(
+            name
+            for name in with_overtones(channels(r.flight, model), len(r.windows.overtones))
+            if name in system.names
+        )
+        y = _among(system.names, here, along(r.flight, r.windows, model, here))
+        return np.where(np.isfinite(r.y), y, np.nan)
+
+    return each(of, system.flights)
+
+
 def _beyond(
     flight: Prepared, windows: Windows, names: Sequence[str], commanded: np.ndarray | None
 ) -> dict[int, np.ndarray]:
@@ -586,12 +547,14 @@ def _known(system: System, flight: Rows, model: Model, wanted: set[tuple]) -> di
 
 
 def _parts(effect: str, beside: Collection[str]) -> tuple[str, ...]:
-    """Parts that an effect's columns come in, see :class:`Column`; of cushions the force alone,
-    where what they make of moments is free ``beside`` them.
+    """Parts that an effect's columns come in, see :class:`Column`; the force alone, where what it
+    makes of moments is free ``beside`` it.
     """
-    if effect == LEVELLED and LEVELLER in beside:
-        return ("force",)
-    return ("force", "moment") if effect in SIDEWAYS or effect == LEVELLED else ("",)
+    if "own_lever" not in effect_table.get(effect).hints:
+        return ("",)
+    others = map(effect_table.get, beside)
+    levers = {e.modifies for e in others if "lever_of_carrier" in e.hints}
+    return ("force",) if effect in levers else ("force", "moment")
 
 
 def build(

@@ -22,7 +22,7 @@ from ges.diagnose.decide.stated import stated
 from ges.diagnose.design.residual import FORCE, motion_of
 from ges.diagnose.design.system import Rows, System, build
 from ges.diagnose.estimate.fit import Fitted, Joint, left_raw
-from ges.diagnose.library.candidates import WIND, Variant, acts_among, amplitude_of, wind_speed_m_s
+from ges.diagnose.library.candidates import Variant, acts_among, amplitude_of, wind_speed_m_s
 from ges.diagnose.types.diagnosis import Estimate, Finding
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
@@ -39,6 +39,7 @@ HANGING, LEAN = ("tether", "slung_load"), 0.25
 """What the vehicle may have hanging, and how far it may lean from where the library has it hang: as
 a share of its pull.
 """
+GUSTS, WIND, AXES = "gusts", "wind", ("east_m_s", "north_m_s")
 SEEDS = 16
 CLEAR = 3.0
 TINY = 1e-12
@@ -67,8 +68,10 @@ class Gusts:
         """Whether the mean wind of a fit is no more than what gusts like these leave and the fit
         doubts.
         """
-        sd_m_s = max(fitted.sd("wind", p) for p in WIND)
-        return wind_speed_m_s(fitted.effects["wind"]) < CLEAR * math.hypot(self.mean_sd_m_s, sd_m_s)
+        sd_m_s = max(fitted.sd("wind", p) for p in AXES)
+        return wind_speed_m_s("wind", fitted.effects["wind"]) < CLEAR * math.hypot(
+            self.mean_sd_m_s, sd_m_s
+        )
 
     @property
     def ci95(self) -> tuple[float, float]:
@@ -183,7 +186,7 @@ class _Told:
 
 def _told(system: System, joint: Joint, length_s: float) -> list[_Told]:
     """Of the flights that tell anything."""
-    east_and_north = Variant("wind", {}, tuple(amplitude_of("wind", p) for p in WIND))
+    east_and_north = Variant("wind", {}, tuple(amplitude_of("wind", p) for p in AXES))
     blown = build(
         [r.flight for r in system.flights], system.model, [east_and_north], length_s, like=system
     )

@@ -18,11 +18,17 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ges.diagnose.design.system import ALL_ON, Switches, System, build
-from ges.diagnose.library.candidates import DRAWN, Candidate, Variant, flown, usual_height_m
+from ges.diagnose.library.candidates import Candidate, Variant, flown, usual_height_m
 from ges.diagnose.prepare.align import Prepared
-from ges.diagnose.select.evidence import make_board
+from ges.diagnose.select.evidence import Board, make_board
 from ges.diagnose.select.scales import entries, scales
+from ges.diagnose.select.search import Search
 
+PERHAPS = 0.1
+"""Probability from which a load is looked at more sharply."""
+LOAD = "slung_load"
+DRAWN = ("start_x_m", "start_y_m")
+"""Shapes of a load that lies on the ground at first."""
 FIRST_PLACES = np.linspace(-1.0, 1.0, 11)
 BEHIND_M_PER_M = np.geomspace(0.3, 1.6, 12)
 NEARBY = (0.08, 0.04, 0.02)
@@ -48,6 +54,17 @@ class Drawn:
         return Drawn(self.behind_m, ahead_m)
 
 
+def likely_load(board: Board, found: Search) -> Variant | None:
+    """The variant of a load on a thread in the best set that has one, where that is not out of the
+    question.
+    """
+    best = next((h for h in found.hypotheses if LOAD in h.names), None)
+    if best is None or found.inclusion[LOAD] < PERHAPS:
+        return None
+    variants = (board.system.columns[k].variant for k in best.posterior.columns)
+    return next(v for v in variants if v.effect == LOAD)
+
+
 def sharpened(
     like: System, variant: Variant, length_s: float, switches: Switches = ALL_ON
 ) -> Variant:
@@ -58,7 +75,7 @@ def sharpened(
     like : a system of the flights.
     variant : of ``slung_load``; where it is attached stays.
     """
-    fine = _drawn if DRAWN.keys() <= variant.shape.keys() else _hanging
+    fine = _drawn if set(DRAWN) <= variant.shape.keys() else _hanging
     return fine(like, variant, length_s, switches)
 
 
@@ -128,7 +145,7 @@ def _most_probable(
     system = build([r.flight for r in like.flights], like.model, variants, length_s, like, switches)
     columns = [k for k, c in enumerate(system.columns) if c.variant is not None]
     board = make_board(system, columns[:1])
-    listed = entries(board, [Candidate("slung_load", "physics", tuple(variants))])
+    listed = entries(board, [Candidate(LOAD, "physics", tuple(variants))])
     on = scales(board, listed)
     (best,) = on.best([(e,) for e in listed])
     return columns.index(best.columns[0])

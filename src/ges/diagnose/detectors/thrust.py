@@ -2,9 +2,10 @@
 logged.
 
 Three things would do it: another mass or thrust coefficient, another thrust curve, another battery
-voltage than the file's. Without the voltage the last two are not searched, nor is the first where
-rotor speeds are missing, too (see ``hearing``); the declared thrust, or its usual curve, takes the
-difference upon itself, as far as it may be. Farther than that, one of them is needed.
+voltage than the file's, at which the motors' top speed is another, too. Without the voltage the
+last two are not searched, nor is the first where rotor speeds are missing, too (see
+``requirements``); the declared thrust, or its usual curve, takes the difference upon itself, as far
+as it may be. Farther than that, one of them is needed.
 """
 
 from __future__ import annotations
@@ -14,24 +15,19 @@ import math
 from collections.abc import Mapping, Sequence
 
 from ges.diagnose.advise.recommend import Rival, rank
-from ges.diagnose.decide.standing import ERRORS_OF
 from ges.diagnose.design.system import System, build
 from ges.diagnose.estimate.fit import FORM_ERROR, Joint, within_bounds
-from ges.diagnose.library.candidates import flown, library
-from ges.diagnose.library.hearing import LIKE_SAG, lacking
+from ges.diagnose.library.candidates import flown
+from ges.diagnose.library.grids import library
+from ges.diagnose.library.requirements import lacking
 from ges.diagnose.report.words import number_words
 from ges.diagnose.select.evidence import Board, make_board, rms_of
 from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
-from ges.diagnose.types.model import Model
+from ges.diagnose.types.model import BEYOND_SDS, SPEED, Model
 from ges.simulator import effects as effect_table
 
 SCALE, CURVE = "thrust_scale.scale", "thrust_curve.c"
 VOLTAGE = "battery_V"
-BEYOND_SDS = 4.0
-"""Sds beyond which thrust is not as declared, or does not follow the commands as usual: a doubt of
-3 % then is 9 to 1 wrong, one of some twenty names being needed as often as the search has it (see
-``select``).
-"""
 CAUSES = {
     "thrust_scale": "another mass or thrust coefficient",
     "thrust_curve": "another thrust curve",
@@ -41,9 +37,9 @@ CAUSES = {
 
 @dataclasses.dataclass(frozen=True)
 class UntoldThrust:
-    """What takes the difference upon itself: the number ``key``, as thrust over what the file says
-    less one or as the bend of its curve, and the sd of what is known of it; names that these
-    flights cannot tell apart, and the system of the flights.
+    """What takes the difference upon itself: the number ``key``, as thrust or top speed over what
+    the file says less one, or as the bend of the curve, and the sd of what is known of it; names
+    that these flights cannot tell apart, and the system of the flights.
     """
 
     system: System
@@ -56,7 +52,7 @@ class UntoldThrust:
         """Whether an effect of this ``size`` (of a finding) may be what the form of the curve that
         is needed is wrong by.
         """
-        if name not in ERRORS_OF.get(self.key.split(".")[0], ()):
+        if effect_table.get(name).error_of != self.key.split(".")[0]:
             return False
         column, channel = self.system.nuisances[self.key], self.system.main.index(size["channel"])
         return (
@@ -67,13 +63,14 @@ class UntoldThrust:
     def sentence(self) -> str:
         """How far it is off, what would do it, and how to find out."""
         low, high = self.excess.ci95
-        share = 100.0 if self.key == SCALE else 1.0
+        share = 1.0 if self.key == CURVE else 100.0
         value, half = (
             number_words(share * abs(self.excess.value), 2),
             number_words(share * 0.5 * (high - low), 2),
         )
         times = number_words(abs(self.excess.value) / self.known_sd, 2)
-        *some, last = (f"{CAUSES[name]} ({name})" for name in CAUSES if name in self.rivals)
+        told = [f"{CAUSES[name]} ({name})" for name in CAUSES if name in self.rivals]
+        *some, last = told + ([f"another {SPEED.split('.')[1]}"] if self.key == SPEED else [])
         causes = f"{', '.join(some)} or {last}"
         known = "declared" if self.key in self.system.model.doubts else "usual"
         return (
@@ -88,6 +85,11 @@ class UntoldThrust:
             return (
                 f"Thrust is {value} +- {half} % {'more' if more else 'less'} than the vehicle file"
                 " says"
+            )
+        if self.key == SPEED:
+            return (
+                f"Rotor speeds at the same commands are {value} +- {half} %"
+                f" {'higher' if more else 'lower'} than the vehicle file says"
             )
         return (
             f"Rotor speeds are not in proportion to the commands: {CURVE} would be"
@@ -138,7 +140,7 @@ class UntoldThrust:
             "sensitivity": float("battery_sag" in names),
         }
         per_bend = model.number("max_rotor_speed_rad_s") / model.hover_rad_s - 1.0
-        thrust = self.excess.value * (1.0 if self.key == SCALE else per_bend)
+        thrust = self.excess.value * {SCALE: 1.0, CURVE: per_bend, SPEED: 2.0}[self.key]
         if "thrust_curve" in names:
             return {
                 "battery_sag": sags,
@@ -164,21 +166,23 @@ def untold_thrust(joint: Joint, system: System) -> UntoldThrust | None:
 
     Parameters
     ----------
-    joint : of the last fit, declared numbers counted from the vehicle file's.
+    joint : of the last fit, corrections counted from the vehicle file.
     """
     model, flights = system.model, [r.flight for r in system.flights]
-    rivals = tuple(sorted(name for name in LIKE_SAG if lacking(name, flights, model)))
+    rivals = tuple(sorted(name for name in CAUSES if lacking(name, flights, model)))
     known = {
         key: sd
         for key, k in system.nuisances.items()
-        if key.split(".")[0] in rivals and (sd := system.columns[k].nuisance.sd)
+        if (key.split(".")[0] in rivals or rivals and key == SPEED)
+        and (sd := system.columns[k].nuisance.sd)
     }
     far = {key: abs(joint.common.get(key, 0.0)) / sd for key, sd in known.items()}
     key = max(far, key=far.get, default=None)
     if key is None or far[key] < BEYOND_SDS:
         return None
-    value, form = joint.common[key], FORM_ERROR if key == CURVE else 0.0
-    sd = math.hypot(joint.common_sd[key], form * value)
+    unit = model.number(SPEED.split(".")[1]) if key == SPEED else 1.0
+    value, form = joint.common[key] / unit, FORM_ERROR if key == CURVE else 0.0
+    sd = math.hypot(joint.common_sd[key] / unit, form * value)
     return UntoldThrust(
-        system, key, Estimate(value, interval95(value, sd), "1"), known[key], rivals
+        system, key, Estimate(value, interval95(value, sd), "1"), known[key] / unit, rivals
     )

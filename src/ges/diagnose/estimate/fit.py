@@ -14,19 +14,9 @@ import numpy as np
 from ges.diagnose.design.system import ALL_ON, Switches, System, build
 from ges.diagnose.design.table import spread
 from ges.diagnose.design.whiten import White, estimate
-from ges.diagnose.library.candidates import (
-    USUAL_ROUGHNESS_M,
-    Amplitude,
-    Variant,
-    amplitude_of,
-    kind_of,
-    needs_of,
-    reach_of,
-)
+from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of, reach_of
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import (
-    DECLARED,
-    PLAUSIBLE,
     Board,
     gram_of,
     make_board,
@@ -46,29 +36,13 @@ FORM_ERROR = 0.12
 """Sd of a physical effect's size, over it, that is due to its form alone: what development cases of
 other forms came to.
 """
-CLIPPING = frozenset({"rotor_saturation"})
-"""Effects that a share of their column's step says nothing of: half of a ceiling's step is no
-ceiling at half the way.
-"""
-USUAL_SHAPES = {
-    ("ground_effect", "decay"): (1.0, 1.0),
-    ("fountain_lift", "c_s"): (1.5, 1.0),
-    ("parasitic_drag", "vertical_ratio"): (1.0, 1.0),
-    ("wind", "roughness_m"): (USUAL_ROUGHNESS_M, USUAL_ROUGHNESS_M),
-}
-"""Usual value and sd of a shape that some flights hardly tell."""
-FIRMER = {
-    ("motor_lag", "up_s"): (0.0, 0.5),
-    ("motor_lag", "down_s"): (0.0, 0.5),
-    ("esc_delay", "delay_s"): (0.0, 0.06),
-}
 
 
 @dataclasses.dataclass(frozen=True)
 class Joint:
-    """Coefficients: chosen columns, common nuisances, nuisances by flight; covariance of the
-    chosen, by blocks and by priors, and as independent rows would have it; and the cost, -2 log
-    posterior but for a constant, which is the least.
+    """Coefficients of one fit: chosen columns, common nuisances as corrections of the vehicle file,
+    nuisances by flight; covariance of the chosen, by blocks and by priors, and as independent rows
+    would have it; and the cost, -2 log posterior but for a constant, which is the least.
     """
 
     chosen: np.ndarray
@@ -132,13 +106,14 @@ def joint_fit(
     by_rows = inverse[: sizes[0], : sizes[0]]
     covariance = np.maximum(1.0, _inflation(board, kept, places, beta, inverse, sizes[0])) * by_rows
     names = [columns[k].nuisance.key for k in common]
+    moved = np.array([board.system.model.moved.get(name, 0.0) for name in names])
     flight_names = [columns[k].nuisance.key for k in varies]
     return Joint(
         beta[: sizes[0]],
         covariance,
         by_rows,
         yy - float(xy @ beta),
-        dict(zip(names, beta[start[1] : start[2]], strict=True)),
+        dict(zip(names, moved + beta[start[1] : start[2]], strict=True)),
         dict(zip(names, np.sqrt(np.diag(inverse)[start[1] : start[2]]), strict=True)),
         tuple(dict(zip(flight_names, beta[at[start[2] :]], strict=True)) for at in places),
     )
@@ -212,7 +187,7 @@ class Fitted:
         held = [
             k
             for k, (e, p) in enumerate(self.free)
-            if (e == effect and p in SHAPES.get(effect, ())) or _blown(e, effect)
+            if (e == effect and p in effect_table.get(effect).shapes) or _blown(e, effect)
         ]
         tied = self.covariance[i, held]
         own = (
@@ -221,12 +196,14 @@ class Fitted:
         )
         away = self.effects[effect][parameter] - amplitude_of(effect, parameter).neutral
         sd = math.hypot(math.sqrt(max(own, 0.0)), self._form_error(effect, parameter))
-        plausible = PLAUSIBLE[effect, parameter] if effect in DECLARED else math.inf
+        known = effect_table.get(effect).parameter(parameter)
+        plausible = known.plausible if known.corrects and known.plausible else math.inf
         return abs(away) / (sd * math.hypot(1.0, sd / plausible))
 
     def _form_error(self, effect: str, parameter: str) -> float:
         """Sd of a parameter that is due to the form of its effect."""
-        if kind_of(effect) != "physics" or parameter in SHAPES.get(effect, ()):
+        known = effect_table.get(effect)
+        if known.about != "physics" or parameter in known.shapes:
             return 0.0
         return FORM_ERROR * abs(
             self.effects[effect][parameter] - amplitude_of(effect, parameter).neutral
@@ -240,7 +217,10 @@ class Fitted:
 
 def _blown(one: str, other: str) -> bool:
     """Whether one is a wind and the other a drag that it acts through."""
-    return "wind" in (one, other) and (one in needs_of(other) or other in needs_of(one))
+    pair = (effect_table.get(one), effect_table.get(other))
+    return any(e.kind == "wind" for e in pair) and (
+        one in pair[1].carriers or other in pair[0].carriers
+    )
 
 
 def starting_values(board: Board, hypothesis: Hypothesis) -> dict[str, dict[str, float]]:
@@ -252,7 +232,8 @@ def starting_values(board: Board, hypothesis: Hypothesis) -> dict[str, dict[str,
         if column.part == "moment":
             continue
         a = column.variant.amplitudes[column.amplitude]
-        value = a.level if column.variant.effect in CLIPPING else value
+        clips = "clips" in effect_table.get(column.variant.effect).hints
+        value = a.level if clips else value
         declared = board.system.model.effects.get(column.variant.effect, {})
         held = found.get(column.variant.effect) or {**column.variant.parameters({}), **declared}
         found[column.variant.effect] = {
@@ -282,25 +263,6 @@ def _through(found: dict[str, dict[str, float]], beside: effect_table.Effects) -
     return share
 
 
-SHAPES: Mapping[str, tuple[str, ...]] = {
-    "ground_effect": ("decay", "rotor_plane_offset_m"),
-    "fountain_lift": ("c_s",),
-    "parasitic_drag": ("vertical_ratio",),
-    "slung_load": ("length_m",),
-    "ceiling_effect": ("ceiling_z_m",),
-    "wind": ("roughness_m",),
-    "downwash": ("width_m", "other_x_m", "other_y_m"),
-}
-
-
-WHOLE: Mapping[str, tuple[str, ...]] = {
-    "cg_offset": ("x_m", "y_m"),
-    "rotor_tilt": ("x_rad", "y_rad"),
-    "attitude_bias": ("x_rad", "y_rad"),
-}
-"""Vectors that are fitted whole: an axis that a search can do without may have a third of them."""
-
-
 def free_parameters(
     board: Board, hypothesis: Hypothesis, model: Model, values: effect_table.Effects
 ) -> list[tuple[str, str]]:
@@ -314,27 +276,22 @@ def free_parameters(
             continue
         found.append((column.variant.effect, column.variant.amplitudes[column.amplitude].parameter))
     chosen = list(dict.fromkeys(e for e, _ in found))
-    found = [f for f in found if f[0] not in WHOLE] + [
-        (e, axis) for e in chosen for axis in WHOLE.get(e, ())
+    vectors = {e: [p.name for p in effect_table.get(e).parameters if p.whole] for e in chosen}
+    found = [f for f in found if not vectors[f[0]]]
+    found += [(e, axis) for e, axes in vectors.items() for axis in axes]
+    return found + [
+        (effect, p.name)
+        for effect in chosen
+        for p in effect_table.get(effect).parameters
+        if p.fitted and not _is_held(p, values[effect], model)
     ]
-    for effect in chosen:
-        for shape in SHAPES.get(effect, ()):
-            if _is_held(shape, values[effect], model):
-                continue
-            found.append((effect, shape))
-    return found
 
 
-def _is_held(shape: str, values: Mapping[str, float], model: Model) -> bool:
+def _is_held(p: effect_table.Parameter, values: Mapping[str, float], model: Model) -> bool:
     """Whether a shape does nothing in the variant of these values, or is declared as known."""
-    known = shape == "rotor_plane_offset_m" and model.plane_sd_m <= 0
-    return (
-        known
-        or shape == "decay"
-        and values["form"] < 3.0
-        or shape == "roughness_m"
-        and values[shape] <= 0.0
-    )
+    if p.corrects and model.plane_sd_m <= 0.0:
+        return True
+    return p.acts_above is not None and values[p.acts_above[0]] <= p.acts_above[1]
 
 
 def _prior(
@@ -346,10 +303,10 @@ def _prior(
     value, reach = values[name[0]][name[1]], reach_of(name, values, model)
     if reach:
         return 0.0, reach
-    if name[1] == "rotor_plane_offset_m":
+    known = effect_table.get(name[0]).parameter(name[1])
+    if known.fitted and known.corrects:
         return -value, model.plane_sd_m
-    usual, sd = USUAL_SHAPES.get(name, (value, math.inf))
-    return usual - value, sd
+    return (known.usual - value, known.usual_sd) if known.usual_sd else (0.0, math.inf)
 
 
 def _moves(name: tuple[str, str], values: effect_table.Effects, model: Model) -> Amplitude:
@@ -409,10 +366,10 @@ class _Point:
         bounds.
         """
         bounds = {
-            (e, p.name): (p.low, p.high)
+            (e, p.name): (p.fit_low, p.fit_high)
             for e in self.values
             for p in effect_table.get(e).parameters
-        } | FIRMER
+        }
         steps = self.joint.chosen[: len(self.free)]
         steps = _share_in_reach(steps, self.free, self.values, model) * steps
         return _within(
@@ -556,6 +513,16 @@ def calibrated(model: Model, common: Mapping[str, float]) -> Model:
     return model.with_effects(more)
 
 
+def correction_bounds(key: str, model: Model) -> tuple[float, float]:
+    """Least and greatest correction of a number, ``effect.parameter``, that the library flies."""
+    effect, parameter = key.split(".")
+    if effect == "vehicle":
+        return -model.number(parameter), math.inf
+    p = effect_table.get(effect).parameter(parameter)
+    held = {**effect_table.get(effect).neutral(), **model.effects.get(effect, {})}[parameter]
+    return p.low - held, p.high - held
+
+
 def within_bounds(effect: str, parameter: str, value: float) -> float:
     """The value, or the bound that it goes beyond: a vehicle flies no other."""
     p = effect_table.get(effect).parameter(parameter)
@@ -581,7 +548,7 @@ def strain_without(fitted: Fitted, name: str) -> float:
     chosen = _free_first(fitted.board.system)
     mean, sd = np.zeros(len(chosen)), _wide(fitted.board, chosen)
     for i, (effect, parameter) in enumerate(fitted.free):
-        if effect == name and parameter not in SHAPES.get(effect, ()):
+        if effect == name and parameter not in effect_table.get(effect).shapes:
             mean[i] = amplitude_of(effect, parameter).neutral - fitted.effects[effect][parameter]
             sd[i] = TIGHT * max(abs(mean[i]), 1e-9)
     return strain(joint_fit(fitted.board, chosen, mean, sd), fitted.board.system)
@@ -597,10 +564,11 @@ def left_raw(system: System, joint: Joint) -> list[np.ndarray]:
     """Residuals of the channels under the plain average, in their units, after the nuisances, by
     flight, (m, C).
     """
-    count, out = len(system.main), []
+    count, out, moved = len(system.main), [], system.model.moved
     for rows, own in zip(system.flights, joint.by_flight, strict=True):
         terms = {
-            k: joint.common.get(key, 0.0) + own.get(key, 0.0) for key, k in system.nuisances.items()
+            k: joint.common.get(key, 0.0) - moved.get(key, 0.0) + own.get(key, 0.0)
+            for key, k in system.nuisances.items()
         }
         out.append(rows.y[:, :count] - rows.added(terms, count))
     return out

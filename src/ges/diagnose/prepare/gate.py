@@ -34,6 +34,7 @@ from ges.diagnose.prepare.delays import (
 from ges.diagnose.prepare.steady import with_steady_position, with_steady_voltage
 from ges.diagnose.types.model import Model
 from ges.errors import GesError
+from ges.simulator import effects as effect_table
 from ges.threads import each
 
 SURE = 4.0
@@ -235,7 +236,7 @@ def at_flown_voltage(model: Model, flights: Sequence[Prepared | None]) -> Model:
     volts = [
         f.columns["battery_V"][f.flying] for f in flights if f is not None and f.has("battery")
     ]
-    if not volts or "battery_sag" in model.effects:
+    if not volts or any("reads_voltage" in effect_table.get(n).hints for n in model.effects):
         return model
     return model.with_number("battery_nominal_V", float(np.median(np.concatenate(volts))))
 

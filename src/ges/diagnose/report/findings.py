@@ -9,12 +9,12 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
+from ges.diagnose.decide.declared import Contradicted
 from ges.diagnose.decide.engine import Accepted
 from ges.diagnose.decide.stated import stated
 from ges.diagnose.design.residual import channels, residual
 from ges.diagnose.design.system import System
 from ges.diagnose.estimate.fit import Fitted
-from ges.diagnose.prepare.gate import Gate
 from ges.diagnose.report.words import size_unit
 from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
 from ges.diagnose.types.model import Model
@@ -22,7 +22,6 @@ from ges.simulator import effects as effect_table
 
 RIVALS = 4
 CONFOUNDED = 0.9
-SETTLED = 0.999
 ALIKE = (
     1.0 + 1e-9
 )  # what force and accelerometer show of one push differs by rounding alone: the first is told
@@ -127,36 +126,30 @@ def finding(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> Findi
     )
 
 
-def settled_findings(gate: Gate) -> list[Finding]:
-    """Sensor faults that the gate settled before any physics: a late pose, a gyro offset."""
-    found = []
-    if gate.pose:
-        value = Estimate(
-            gate.pose.delay_s,
-            interval95(gate.pose.delay_s, gate.pose.sd_s),
-            "s",
-            "position, velocity and attitude late against gyro, accelerometer and drive",
-        )
-        found.append(
-            _settled(
-                "time_offset", {"delay_s": value}, {"value": abs(gate.pose.delay_s), "unit": "s"}
-            )
-        )
-    if gate.gyro:
-        told = {
-            f"{a}_rad_s": Estimate(float(b), interval95(float(b), float(s)), "rad/s")
-            for a, b, s in zip("xyz", *gate.gyro, strict=True)
-        }
-        found.append(
-            _settled(
-                "gyro_bias", told, {"value": float(np.linalg.norm(gate.gyro[0])), "unit": "rad/s"}
-            )
-        )
-    return found
+def declared_findings(wrong: Sequence[Contradicted], system: System) -> list[Finding]:
+    """Declared numbers that the flights contradict, by the effect that corrects them; a number that
+    none corrects is told in the sentence and the calibration alone.
+    """
+    names = dict.fromkeys(number.effect for number in wrong if number.effect != "vehicle")
+    return [_declared(name, [n for n in wrong if n.effect == name], system) for name in names]
 
 
-def _settled(name: str, parameters: dict[str, Estimate], size: dict) -> Finding:
-    return Finding.of(name, SETTLED, parameters, {**size, "share_of_weight": 0.0})
+def _declared(name: str, wrong: Sequence[Contradicted], system: System) -> Finding:
+    units = {p.name: p.unit for p in effect_table.get(name).parameters}
+    parameters = {
+        p: Estimate(
+            n.value,
+            interval95(n.value, n.sd),
+            units[p],
+            f"correction of the vehicle file, {n.sds:.1f} times its declared sd",
+        )
+        for n in wrong
+        for p in [n.key.split(".")[1]]
+    }
+    terms = {system.nuisances[n.key]: n.value for n in wrong}
+    added = [rows.added(terms, len(system.main)) for rows in system.flights]
+    found = Finding.of(name, stated(1.0), parameters, size_of(added, system))
+    return dataclasses.replace(found, kind="parameter")
 
 
 def open_findings(accepted: Accepted) -> list[Finding]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from ges.diagnose.decide.declared import Contradicted
 from ges.diagnose.report.words import channel_words, number_words, quantity_words, unit_words
 from ges.diagnose.types.diagnosis import Finding
 
@@ -11,14 +12,18 @@ NOTEWORTHY = 2.0
 LEAST_GAIN = 0.02
 
 
-def verdict_of(findings: Sequence[Finding], unexplained: Sequence[Mapping]) -> str:
-    """One word of the contract."""
+def verdict_of(
+    findings: Sequence[Finding], wrong: Sequence[Contradicted], unexplained: Sequence[Mapping]
+) -> str:
+    """One word of the contract; ``wrong`` are declared numbers that the flights contradict."""
     if any(f.is_open for f in findings):
         return "ambiguous"
     kinds = {f.kind for f in findings}
     for kind in ("physics", "sensor", "parameter"):
         if kind in kinds:
             return kind
+    if wrong:
+        return "parameter"
     return "unknown" if unexplained else "nothing_proven"
 
 
@@ -79,10 +84,12 @@ def _gain(fit: Mapping) -> str:
     )
 
 
-def _moved(calibration: Mapping[str, Mapping]) -> str:
-    """The declared number that recalibration moved farthest, where that is beyond twice
-    its doubt.
+def _moved(calibration: Mapping[str, Mapping], wrong: Sequence[Contradicted]) -> str:
+    """The declared numbers that the flights contradict; else the one that recalibration moved
+    farthest, where that is beyond twice its doubt.
     """
+    if wrong:
+        return "".join(f" {number.sentence()}" for number in wrong)
     far = {
         k: abs(c["value"]) / c["declared_sd"] for k, c in calibration.items() if c["declared_sd"]
     }
@@ -115,6 +122,7 @@ def sentence_of(
     unexplained: Sequence[Mapping],
     fit: Mapping,
     calibration: Mapping[str, Mapping],
+    wrong: Sequence[Contradicted],
     why_open: str = "",
 ) -> str:
     """One or two sentences: where, what, how much, how sure; of what is open, ``why_open`` where
@@ -132,7 +140,7 @@ def sentence_of(
         return (
             "Nothing proven: within the declared doubts these flights do not contradict the"
             " simulator by more than the smallest effects listed as"
-            f" detectable.{_moved(calibration)}"
+            f" detectable.{_moved(calibration, wrong)}"
         )
     if verdict == "unknown":
         return (
@@ -141,5 +149,10 @@ def sentence_of(
         )
     if verdict == "ambiguous":
         gain = _gain(fit) if fit.get("alternatives") else ""
-        return f"{where} {_open_words(findings, why_open)}{gain}{left}".strip()
-    return f"{where} What is missing: {named}.{_gain(fit)}{_moved(calibration)}{left}".strip()
+        numbers = _moved(calibration, wrong) if wrong else ""
+        return f"{where} {_open_words(findings, why_open)}{gain}{numbers}{left}".strip()
+    if not findings:
+        return f"{where}{_moved(calibration, wrong)}{_gain(fit)}{left}".strip()
+    return (
+        f"{where} What is missing: {named}.{_gain(fit)}{_moved(calibration, wrong)}{left}".strip()
+    )

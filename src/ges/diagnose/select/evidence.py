@@ -12,20 +12,9 @@ import numpy as np
 from ges.diagnose.design.system import Column, System
 from ges.diagnose.design.whiten import Noise, Part, White, estimate, unrest_of, whiten
 from ges.diagnose.select.bounded import log_mass, log_mass_within
+from ges.simulator import effects as effect_table
 
 TEMPERING = 0.25
-DECLARED = frozenset({"inertia", "thrust_scale", "torque_coefficient"})
-PLAUSIBLE = {
-    **{("inertia", axis): 0.3 for axis in ("xx", "yy", "zz")},
-    ("thrust_scale", "scale"): 0.3,
-    ("torque_coefficient", "scale"): 0.3,
-    ("ground_effect", "amplitude"): 4.0,
-    ("ground_effect", "c_a"): 0.7,
-    ("ceiling_effect", "amplitude"): 3.0,
-}
-"""Sd of coefficients that are plausible by themselves: shares of a declared number, gains near the
-ground or a ceiling.
-"""
 LEVEL_REACH = 2.0
 """Factor above and below the level that a column holds at within which its coefficient counts."""
 
@@ -293,9 +282,10 @@ def _plausible(column: Column, size: float) -> float:
     a = column.variant.amplitudes[column.amplitude]
     if a.level:
         return abs(a.level)
-    known = PLAUSIBLE.get((column.variant.effect, a.parameter), size)
+    known = effect_table.get(column.variant.effect).parameter(a.parameter)
+    plausible = known.plausible or size
     return min(
-        known if column.variant.effect in DECLARED else min(known, size),
+        plausible if known.corrects else min(plausible, size),
         0.5 * max(a.high - a.neutral, a.neutral - a.low),
     )
 

@@ -10,17 +10,14 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from scipy.special import logsumexp
 
-from ges.diagnose.library.candidates import Candidate, Variant, acts_among, modifiers_of, needs_of
-from ges.diagnose.select.evidence import DECLARED, Board, Posterior
+from ges.diagnose.library.candidates import Candidate, Variant, acts_among, modifiers_of
+from ges.diagnose.select.evidence import Board, Posterior
 from ges.diagnose.select.scales import Entry, Scales, entries, scales
+from ges.simulator import effects as effect_table
 
 PRIOR_OF_SIZE = (0.5, 0.3, 0.13, 0.05, 0.02)
 LARGEST = 4
 BEAM = 3
-RARE, RARER = DECLARED | {"ceiling_effect", "wall_effect", "downwash"}, 0.1
-"""Wrong declared numbers, and effects of things at a place that the vehicle file has not; how much
-more rarely they are met.
-"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,7 +68,7 @@ def size_of(names: Sequence[str]) -> int:
     """How many causes a set has: what acts through another of the set counts no more than that one
     alone.
     """
-    return sum(not set(needs_of(name)) & set(names) for name in names)
+    return sum(not set(effect_table.get(name).carriers) & set(names) for name in names)
 
 
 def _log_prior(names: Sequence[str], count: int) -> float:
@@ -82,7 +79,7 @@ def _log_prior(names: Sequence[str], count: int) -> float:
 
 def log_rarity(names: Sequence[str]) -> float:
     """How much less often than others of their number such names are met."""
-    return sum(name in RARE for name in names) * math.log(RARER)
+    return sum(math.log(effect_table.get(name).rarity) for name in names)
 
 
 def _compatible(names: Sequence[str], base: Sequence[str]) -> bool:

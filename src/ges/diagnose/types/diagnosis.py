@@ -7,7 +7,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from ges.diagnose.library.candidates import kind_of
 from ges.simulator import effects as effect_table
 from ges.vehicle.file import Vehicle
 
@@ -60,7 +59,7 @@ class Finding:
         effect = effect_table.get(name)
         return cls(
             name,
-            kind_of(name),
+            effect.about,
             effect.title,
             probability,
             effect.equation,

@@ -12,6 +12,10 @@ from ges.simulator.terrain import Terrain
 from ges.vehicle.file import Quantity, Vehicle
 
 SPEED = "vehicle.max_rotor_speed_rad_s"
+BEYOND_SDS = 4.0
+"""Sds beyond which a number is not what it was taken for: one in 16,000 of honest doubts, so that
+one of some ten numbers is called in fewer than one of a thousand vehicles.
+"""
 
 
 def block_of(channel: str) -> str:
@@ -32,18 +36,21 @@ class Model:
         be off, put as the effect that would correct them (``thrust_scale.scale`` for mass and
         thrust coefficient together, ``inertia.xx``), or the user's own doubt on a trim of a
         calibrated vehicle (``cg_offset.x_m``).
-    known : parts that the file declares: ``inertia``, ``torque``, ``motor``, ``speed``.
+    known : parts that the file declares: ``moments_of_inertia``, ``torque``, ``motor``, ``speed``.
     plane_sd_m : doubt on the height of the rotor plane.
     left_unexplained : by channel, rms of structure that the flights it was calibrated on show too.
+    moved : corrections of declared numbers, by ``effect.parameter``, that are in it already: it is
+        where all is linearised, and the doubts stay about the vehicle file.
     """
 
     parameters: Mapping[str, float]
     effects: effect_table.Effects = dataclasses.field(default_factory=dict)
     terrain: Terrain = dataclasses.field(default_factory=Terrain.flat)
     doubts: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    known: frozenset[str] = frozenset({"inertia", "torque", "motor", "speed"})
+    known: frozenset[str] = frozenset({"moments_of_inertia", "torque", "motor", "speed"})
     plane_sd_m: float = 0.0
     left_unexplained: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    moved: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
     def number(self, name: str) -> float:
         """A simulator parameter, default where not declared."""
@@ -99,24 +106,29 @@ def _relative(quantity: Quantity | None) -> float:
     return quantity.sd / abs(quantity.value) if quantity else 0.0
 
 
+def _number(vehicle: Vehicle, path: str) -> tuple[float, float] | None:
+    """Value and sd of a declared number, ``inertia_kg_m2.xx``; None where it is not declared."""
+    name, _, axis = path.partition(".")
+    held = getattr(vehicle, name)
+    if held is None:
+        return None
+    if isinstance(held, Quantity):
+        return held.value, held.sd
+    return getattr(held, axis), held.sd_rel * getattr(held, axis)
+
+
 def _doubts(vehicle: Vehicle) -> dict[str, float]:
-    doubts = {
-        "thrust_scale.scale": (
-            (_relative(vehicle.mass_kg) ** 2 + _relative(vehicle.thrust_coefficient_N_s2) ** 2)
-            ** 0.5
-        ),
-        "torque_coefficient.scale": _relative(vehicle.torque_coefficient_Nm_s2),
-    }
+    """Doubts on what is declared, as those on the effects that correct it: as a share of it, where
+    the correction has no unit.
+    """
+    doubts = {}
+    for effect in effect_table.table().values():
+        for p in (p for p in effect.parameters if p.corrects and p.role == "amplitude"):
+            known = [n for path in p.corrects if (n := _number(vehicle, path))]
+            sds = [sd / abs(value) if p.unit == "1" else sd for value, sd in known]
+            doubts[f"{effect.name}.{p.name}"] = math.hypot(*sds)
     if vehicle.max_rotor_speed_rad_s:
         doubts[SPEED] = vehicle.max_rotor_speed_rad_s.sd
-    if vehicle.inertia_kg_m2:
-        doubts.update(
-            {f"inertia.{axis}": vehicle.inertia_kg_m2.sd_rel for axis in ("xx", "yy", "zz")}
-        )
-    if vehicle.motor_time_constant_s:
-        doubts.update(
-            {f"motor_lag.{way}_s": vehicle.motor_time_constant_s.sd for way in ("up", "down")}
-        )
     given = {
         f"{name}.{key}": quantity.sd
         for name, values in vehicle.effects.items()
@@ -128,17 +140,21 @@ def _doubts(vehicle: Vehicle) -> dict[str, float]:
 def from_vehicle(vehicle: Vehicle, folder: Path | str = ".") -> Model:
     """Read a vehicle file's content as a model; ``folder`` is where a height map lies.
 
-    Gusts are left out: which of them blew, no file knows.
+    Random effects are left out: which gusts blew, no file knows.
     """
     known = {
-        "inertia": vehicle.inertia_kg_m2,
+        "moments_of_inertia": vehicle.inertia_kg_m2,
         "torque": vehicle.torque_coefficient_Nm_s2,
         "motor": vehicle.motor_time_constant_s,
         "speed": vehicle.max_rotor_speed_rad_s,
     }
     return Model(
         vehicle.parameters(),
-        {name: values for name, values in vehicle.effect_values().items() if name != "gusts"},
+        {
+            name: values
+            for name, values in vehicle.effect_values().items()
+            if "random" not in effect_table.get(name).hints
+        },
         vehicle.ground(folder),
         _doubts(vehicle),
         frozenset(name for name, given in known.items() if given is not None),

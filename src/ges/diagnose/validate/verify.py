@@ -97,6 +97,19 @@ def channel_table(
     }
 
 
+def worse_recalibrated(channels: Mapping[str, Mapping]) -> list[str]:
+    """A sentence for every channel of :func:`channel_table` that the recalibrated model misses by
+    more than the vehicle file as given does.
+    """
+    return [
+        f"on the flights that took no part the error of {name} is {told['before']:.3g} as given and"
+        f" {told['recalibrated']:.3g} recalibrated: the flights differ by more than the declared"
+        " numbers can"
+        for name, told in channels.items()
+        if told["recalibrated"] > (1.0 + WORSE) * told["before"]
+    ]
+
+
 def rms_table(left: Sequence[np.ndarray], names: Sequence[str]) -> dict[str, float]:
     """Rms of one stage of :func:`errors` by channel, as the channels of :func:`channel_table`;
     without those that are absent.

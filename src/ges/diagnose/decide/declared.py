@@ -1,0 +1,90 @@
+"""Declared numbers that the flights contradict: the user's own doubt is a statement, too."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection
+
+from ges.diagnose.decide.standing import least_sizes
+from ges.diagnose.design.system import System
+from ges.diagnose.estimate.fit import Joint
+from ges.diagnose.select.evidence import rms_of
+from ges.diagnose.types.model import BEYOND_SDS, SPEED, Model
+from ges.simulator import effects as effect_table
+
+
+def words_of(key: str) -> str:
+    """The numbers of the vehicle file that an ``effect.parameter`` corrects: ``mass_kg or ...``;
+    itself where it corrects none.
+    """
+    effect, parameter = key.split(".")
+    if key == SPEED:
+        return parameter
+    return " or ".join(effect_table.get(effect).parameter(parameter).corrects) or key
+
+
+@dataclasses.dataclass(frozen=True)
+class Contradicted:
+    """One declared number: its correction with sd, in the unit of its ``effect.parameter``, how
+    large it is over the declared sd, and over the declared value where it is no share already.
+    """
+
+    key: str
+    value: float
+    sd: float
+    declared_sd: float
+    share: float
+
+    @property
+    def effect(self) -> str:
+        """The effect that corrects it; ``vehicle`` for a number that none corrects."""
+        return self.key.split(".")[0]
+
+    @property
+    def sds(self) -> float:
+        """Distance from what is declared, in declared sds."""
+        return abs(self.value) / self.declared_sd
+
+    def sentence(self) -> str:
+        """What is wrong, by how much, against which doubt."""
+        return (
+            f"The vehicle file is wrong about {words_of(self.key)}: these flights need"
+            f" {100.0 * self.share:+.0f} %, {self.sds:.1f} times its declared sd."
+        )
+
+
+def contradicted(joint: Joint, system: System, but: Collection[str] = ()) -> list[Contradicted]:
+    """Declared numbers that a fit moves beyond :data:`BEYOND_SDS`, and by more than what no model
+    is right to, the farthest first.
+
+    Parameters
+    ----------
+    joint : of the last fit, corrections counted from the vehicle file.
+    system : of the vehicle file, with its doubts.
+    but : effects whose numbers other causes can move that these flights cannot tell apart.
+    """
+    model, share = system.model, rms_of(system) / least_sizes(system)[:, None]
+    found = [
+        Contradicted(key, value, joint.common_sd[key], sd, _share(key, value, model))
+        for key, value in joint.common.items()
+        if (sd := model.doubts.get(key))
+        and _is_declared(key)
+        and key.split(".")[0] not in but
+        and abs(value) > BEYOND_SDS * sd
+        and abs(value) * share[:, system.nuisances[key]].max() >= 1.0
+    ]
+    return sorted(found, key=lambda c: -c.sds)
+
+
+def _is_declared(key: str) -> bool:
+    """Whether an ``effect.parameter`` corrects a number of the vehicle file."""
+    return key == SPEED or words_of(key) != key
+
+
+def _share(key: str, value: float, model: Model) -> float:
+    """A correction over the declared value."""
+    effect, parameter = key.split(".")
+    if key == SPEED:
+        return value / model.number(parameter)
+    known = effect_table.get(effect).parameter(parameter)
+    return value if known.unit == "1" else value / model.number(known.corrects[-1])

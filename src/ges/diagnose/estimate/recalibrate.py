@@ -1,0 +1,111 @@
+"""The best that the declared numbers can do, where they are too far off for one linear step.
+
+Residuals are linear in small corrections only: a thrust scale, a thrust curve and a top speed
+multiply each other. One Gauss-Newton step from the vehicle file is taken for the answer where the
+model, flown with it, gains what the linearisation foretold. Else the maximum of the posterior is
+searched within the library's bounds by a trust-region method (Branch, Coleman and Li 1999, as
+``scipy.optimize.least_squares`` has it), and all is linearised anew there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ges.diagnose.design.system import residuals_with
+from ges.diagnose.design.table import spread, table_of
+from ges.diagnose.design.whiten import unrest_of, whiten
+from ges.diagnose.estimate.fit import Joint, calibrated, correction_bounds
+from ges.diagnose.select.evidence import Board, unanswered
+from ges.diagnose.types.model import BEYOND_SDS
+
+LEAST_GAIN_RATIO = 0.75
+"""Actual over foretold decrease of the cost from which a step is as good as foretold (Nocedal and
+Wright 2006, algorithm 4.1).
+"""
+SAME_COST, MOST_EVALUATIONS = 1e-3, 20
+"""Relative decrease of the cost that ends the search, and the most evaluations of it."""
+
+
+def operating_point(board: Board, joint: Joint) -> dict[str, float]:
+    """Corrections of the declared numbers about which all has to be linearised.
+
+    Parameters
+    ----------
+    board, joint : of the null fit, linearised at the vehicle file.
+
+    Returns
+    -------
+    ``effect.parameter`` to correction, in the parameter's unit; empty where the linear step from
+    the file does what it foretells and goes beyond no bound of the library by more than noise, as a
+    delay of little less than nothing does.
+    """
+    posterior = _Posterior(board)
+    linear, slack = (
+        np.array([told[key] for key in posterior.keys]) / posterior.sd
+        for told in (joint.common, joint.common_sd)
+    )
+    slack = BEYOND_SDS * slack
+    if np.all((linear >= posterior.low - slack) & (linear <= posterior.high + slack)):
+        given, stepped = posterior.cost(np.zeros(len(linear))), posterior.cost(linear)
+        if given - stepped >= LEAST_GAIN_RATIO * (given - joint.cost):
+            return {}
+    inside = np.clip(0.0, posterior.low, posterior.high)
+    found = least_squares(
+        posterior.residuals,
+        inside,
+        bounds=(posterior.low, posterior.high),
+        ftol=SAME_COST,
+        max_nfev=MOST_EVALUATIONS,
+    )
+    return dict(zip(posterior.keys, (found.x * posterior.sd).tolist(), strict=True))
+
+
+class _Posterior:
+    """Minus twice the log posterior of the common nuisances as a sum of squares, at points (k,) of
+    their deviations from the vehicle file in sds; those of each flight are at their best beside.
+    """
+
+    def __init__(self, board: Board) -> None:
+        self.board, self.unrest = board, unrest_of(board.system.flights)
+        columns, model = board.system.columns, board.system.model
+        common = [columns[k].nuisance for k in board.nuisance if columns[k].nuisance.sd > 0]
+        self.keys = [n.key for n in common]
+        self.sd = np.array([n.sd for n in common])
+        self.mean = np.array([n.mean for n in common]) / self.sd
+        room = np.array([correction_bounds(n.key, model) for n in common]).reshape(-1, 2)
+        self.low, self.high = (room / self.sd[:, None]).T
+        varying = [int(k) for k in board.nuisance if columns[k].nuisance.flight_sd > 0]
+        unit = np.array([columns[k].nuisance.flight_sd for k in varying])
+        self.by_flight = [
+            np.concatenate(
+                [spread(unanswered(part)[0], part.columns, varying) * unit for part in white.parts]
+            )
+            for white in board.whites
+        ]
+
+    def cost(self, point: np.ndarray) -> float:
+        """The sum of squares."""
+        return float((self.residuals(point) ** 2).sum())
+
+    def residuals(self, point: np.ndarray) -> np.ndarray:
+        """Whitened residuals of all flights and deviations of all numbers from their priors in
+        sds.
+        """
+        system = self.board.system
+        common = dict(zip(self.keys, point * self.sd, strict=True))
+        moved = residuals_with(system, calibrated(system.model, common))
+        rows = [
+            dataclasses.replace(r, y=y, x=table_of([], *y.shape))
+            for r, y in zip(system.flights, moved, strict=True)
+        ]
+        left = []
+        for white, x in zip(
+            whiten(rows, self.board.noise, self.unrest), self.by_flight, strict=True
+        ):
+            y = np.concatenate([unanswered(part)[1] for part in white.parts])
+            own = np.linalg.solve(np.eye(x.shape[1]) + x.T @ x, x.T @ y)
+            left += [y - x @ own, own]
+        return np.concatenate([*left, point - self.mean])

@@ -1,0 +1,137 @@
+"""What a recording cannot speak about: effects and channels, each with what would have to be
+logged.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+
+from ges.conventions import SPECIFIC_FORCE
+from ges.diagnose.design.residual import channels
+from ges.diagnose.prepare.align import Prepared, attitude_measured
+from ges.diagnose.types.model import Model
+from ges.simulator import effects as effect_table
+
+EDGE_SLOPE = 0.4
+
+Flights = Sequence[Prepared]
+
+
+@dataclasses.dataclass(frozen=True)
+class Requirement:
+    """A signal that effects need (``needs`` of their descriptors): whether it was recorded, and
+    what to say where it was not.
+    """
+
+    is_met: Callable[[Flights, Model], bool]
+    lacking: str
+
+
+def _all_have(stream: str) -> Callable[[Flights, Model], bool]:
+    return lambda flights, model: all(f.has(stream) for f in flights)
+
+
+def _flown_over_an_edge(flight: Prepared, model: Model) -> bool:
+    if model.terrain.kind == "flat" or not flight.has("position"):
+        return False
+    return bool(
+        model.terrain.at(flight.columns["p_x_m"], flight.columns["p_y_m"]).slope.max() > EDGE_SLOPE
+    )
+
+
+VOLTAGE = (
+    "needs a logged battery voltage (battery_V); without it a sagging battery cannot be told apart"
+)
+REQUIREMENTS: Mapping[str, Requirement] = {
+    "attitude": Requirement(
+        lambda flights, model: attitude_measured(flights), "needs a measured attitude"
+    ),
+    "height": Requirement(
+        lambda flights, model: all("p_z_m" in f.columns or f.has("range") for f in flights),
+        "needs a logged height (p_z_m or range_m)",
+    ),
+    "range": Requirement(
+        lambda flights, model: any(f.has("range") and "p_z_m" in f.columns for f in flights),
+        "needs a rangefinder and a logged height (range_m, p_z_m)",
+    ),
+    "smooth_ground": Requirement(
+        lambda flights, model: not any(_flown_over_an_edge(f, model) for f in flights),
+        "needs ground without edges: the cone of a rangefinder rounds them off as a lag would",
+    ),
+    "accelerometer": Requirement(
+        lambda flights, model: any(n in f.columns for f in flights for n in SPECIFIC_FORCE),
+        "needs a logged accelerometer (acc_x_m_s2 ...)",
+    ),
+    "voltage": Requirement(_all_have("battery"), VOLTAGE),
+    "voltage_or_rotor_speed": Requirement(
+        lambda flights, model: all(f.has("battery") or f.has("rotor_speed") for f in flights),
+        VOLTAGE,
+    ),
+    "velocity": Requirement(
+        _all_have("velocity"), "needs a logged velocity (v_x_m_s, v_y_m_s, v_z_m_s)"
+    ),
+    "command": Requirement(_all_have("command"), "needs logged motor commands (u_1 ...)"),
+    "cause_of_command": Requirement(
+        lambda flights, model: any(
+            f.has(stream) for f in flights for stream in ("rotor_speed", "reference", "excitation")
+        ),
+        "needs rotor speeds or the controller's references: its answers to disturbances look like"
+        " this effect",
+    ),
+}
+"""By the names that descriptors use."""
+
+
+def lacking(name: str, flights: Flights, model: Model) -> str:
+    """What some of these flights lack to speak about an effect, as ``needs ...``; '' where nothing
+    is missing.
+    """
+    asked = (REQUIREMENTS[need] for need in effect_table.get(name).needs)
+    return next((r.lacking for r in asked if not r.is_met(flights, model)), "")
+
+
+def needs_attitude(name: str) -> bool:
+    """Whether only a measured attitude or measured rates can show an effect; a derived attitude
+    tells the slow balance alone.
+    """
+    return "attitude" in effect_table.get(name).needs
+
+
+def silent_channels(flights: Sequence[Prepared], model: Model) -> dict[str, str]:
+    """Channels that no flight speaks about, each with what to log, or to state, to hear it."""
+    heard = {name for f in flights for name in channels(f, model)}
+    pose, gyro = (
+        "log velocity and attitude (v_x_m_s ..., q_w ...)",
+        "log the gyro (omega_x_rad_s ...)",
+    )
+    reasons = {
+        "force_x": "log the attitude (q_w ...)" if "force_z" in heard else pose,
+        "force_z": pose,
+        "acc_x": "log the accelerometer (acc_x_m_s2 ...)",
+        "moment_x": gyro
+        if "moments_of_inertia" in model.known
+        else "state inertia_kg_m2 in the vehicle file",
+        "moment_z": (
+            gyro
+            if "torque" in model.known
+            else "state torque_coefficient_Nm_s2 in the vehicle file"
+        ),
+        "drive_1": "log rotor speeds and motor commands, both (rotor_speed_1_rad_s ..., u_1 ...)",
+        "range": "log a rangefinder and the height (range_m, p_z_m)",
+    }
+    return {name: why for name, why in reasons.items() if name not in heard}
+
+
+def unheard(off: Mapping[str, str]) -> str:
+    """A sentence on what a verdict of nothing proven does not speak about, from
+    :func:`silent_channels`; '' for full logs.
+    """
+    told = []
+    if "force_z" in off:
+        told.append(f"nothing of drag, inflow, loads and the ground ({off['force_z']})")
+    elif "force_x" in off:
+        told.append(f"nothing of drag and wind ({off['force_x']})")
+    if "moment_x" in off:
+        told.append(f"nothing of moments ({off['moment_x']})")
+    return f" They say {' and '.join(told)}." if told else ""

@@ -1,0 +1,92 @@
+"""Declared numbers that are far from the vehicle: recalibrated with step control, and said."""
+
+import numpy as np
+import pytest
+
+import ges
+from ges.diagnose.calibrate.calibrate import calibrate
+from ges.diagnose.decide.engine import first_system
+from ges.diagnose.design.system import ALL_ON, residuals_with, window_length_s
+from ges.diagnose.estimate.fit import calibrated, null_fit
+from ges.diagnose.estimate.recalibrate import operating_point
+from ges.diagnose.library.candidates import flown as where_flown
+from ges.diagnose.library.grids import library, out_of_reach
+from ges.diagnose.prepare.gate import pass_gate
+from ges.diagnose.types.model import from_vehicle
+from ges.errors import GesError
+from ges.recordings.recording import make_set
+from ges.simulator import effects, manoeuvres
+
+LOGGED = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s", "u_1", "u_2", "u_3", "u_4", "battery_V")
+PLANS = ("height_staircase", "straight_runs", "climbs", "straight_runs")
+TOP_RAD_S, HOVER_U, BEND = 1500, 0.43, 0.9  # hover: sqrt(m g / 4 k) over the top speed
+
+
+def _frames(flown, vehicle, concealed, unlogged=()):
+    frames = [
+        flown(vehicle, concealed, manoeuvres.make(plan, 20.0), seed, LOGGED)
+        for seed, plan in enumerate(PLANS, 1)
+    ]
+    return [f.drop(columns=[c for c in f if c.startswith(unlogged)]) for f in frames]
+
+
+def _null_fit(frames, vehicle):
+    model = from_vehicle(vehicle)
+    flights = pass_gate(frames, model, [f"f{i}" for i in range(len(frames))]).flights
+    return null_fit(first_system(flights, model, window_length_s(flights), ALL_ON))
+
+
+def test_a_file_that_is_about_right_needs_one_linear_step(flown, sheet):
+    frames = _frames(flown, sheet(), {"thrust_scale": {"scale": 0.02}})
+    assert operating_point(*_null_fit(frames, sheet())) == {}
+
+
+def test_recalibration_is_no_worse_than_the_file_on_flights_that_were_fitted(flown, sheet):
+    """Commands alone, a bent curve, and a thrust coefficient that was set from hovering: curve and
+    coefficient multiply, and the linear step of both is worse than none.
+    """
+    hovers = {"value": 6e-6 * (1.0 + BEND * (1.0 / HOVER_U - 1.0)), "sd_rel": 0.3}
+    vehicle = sheet(max_rotor_speed_rad_s=TOP_RAD_S, thrust_coefficient_N_s2=hovers)
+    flew = sheet(max_rotor_speed_rad_s=TOP_RAD_S)
+    frames = _frames(flown, flew, {"thrust_curve": {"c": BEND}}, ("rotor_speed", "battery"))
+    board, joint = _null_fit(frames, vehicle)
+    moved = operating_point(board, joint)
+    assert moved, "one linear step would do: the case is too easy to test anything"
+    given, there = (
+        sum((r**2).sum() for r in residuals_with(board.system, model))
+        for model in (board.system.model, calibrated(board.system.model, moved))
+    )
+    assert there < given
+    assert moved["thrust_curve.c"] > 0.1 and moved["thrust_scale.scale"] < -0.1
+
+
+@pytest.mark.parametrize("share", [0.85, 1.0])
+def test_a_declared_number_beyond_four_sds_is_a_finding(flown, sheet, share):
+    vehicle = sheet(max_rotor_speed_rad_s={"value": 1000 * share, "sd": 20.0})
+    found = ges.diagnose(_frames(flown, sheet(), {}), vehicle, holdout=["flight4"])
+    assert found.verdict == ("parameter" if share < 1.0 else "nothing_proven"), found.sentence
+    assert ("wrong about max_rotor_speed_rad_s" in found.sentence) == (share < 1.0)
+    moved = found.calibration["vehicle.max_rotor_speed_rad_s"]["value"]
+    assert moved == pytest.approx(1000 * (1.0 - share), abs=10.0)
+
+
+def test_calibrate_refuses_a_file_that_is_too_far_off(flown, sheet):
+    """A correction of +1150 % would be written as the +900 % that the library flies."""
+    far = sheet(thrust_coefficient_N_s2={"value": 4.8e-7, "sd_rel": 0.5})
+    frames = _frames(flown, sheet(), {})
+    recordings = make_set(far, [(f"f{i}", f) for i, f in enumerate(frames)])
+    with pytest.raises(GesError, match="corrected by .* correct mass_kg or thrust_coefficient"):
+        calibrate(recordings)
+
+
+def test_what_lies_beyond_the_bounds_of_its_parameters_is_not_tried(flown, sheet):
+    """Flights of a kilometre: places are too far apart for the wake of another vehicle."""
+    model = from_vehicle(sheet())
+    frame = flown(sheet(), {}, manoeuvres.make("straight_runs", 20.0), 1)
+    (flight,) = pass_gate([frame], model, ["f"]).flights
+    assert "downwash" in library(model, where_flown([flight]))
+    for name in ("p_x_m", "p_y_m"):
+        flight.columns[name] = 300.0 * np.asarray(flight.columns[name])
+    far = where_flown([flight])
+    assert "downwash" not in library(model, far)
+    assert "width_m" in out_of_reach(effects.get("downwash"), model, far)
