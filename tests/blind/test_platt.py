@@ -9,7 +9,7 @@ import pytest
 from scipy.special import expit
 
 from ges.blind.score.platt import fit, pairs
-from ges.diagnose.decide.stated import FARTHEST, log_odds, searched, stated
+from ges.diagnose.select.stated import FARTHEST, log_odds, searched, stated
 from ges.errors import GesError
 
 

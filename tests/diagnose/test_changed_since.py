@@ -128,7 +128,7 @@ def test_one_flight_with_the_string_is_no_proof_and_no_other_name(recordings_dir
 
 def _loss_3(found: Diagnosis) -> Cause:
     """Loss of rotor 3 beyond the file's, if it alone had changed."""
-    return causes_of(found.details["accepted"].board.system)[2][0]
+    return causes_of(found.workings.accepted.board.system)[2][0]
 
 
 def test_the_loss_grows_with_the_cut(recordings_dir, e8, e9):

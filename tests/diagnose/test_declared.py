@@ -5,14 +5,14 @@ import pytest
 
 import ges
 from ges.diagnose.calibrate.calibrate import calibrate
-from ges.diagnose.decide.engine import first_system
-from ges.diagnose.design.system import ALL_ON, residuals_with, window_length_s
+from ges.diagnose.design.system import ALL_ON, residuals_with
 from ges.diagnose.estimate.fit import calibrated, null_fit
 from ges.diagnose.estimate.recalibrate import operating_point
 from ges.diagnose.library.candidates import flown as where_flown
 from ges.diagnose.library.grids import library, out_of_reach
 from ges.diagnose.prepare.gate import pass_gate
 from ges.diagnose.types.model import from_vehicle
+from ges.diagnose.validate.stages import first_system
 from ges.errors import GesError
 from ges.recordings.recording import make_set
 from ges.simulator import effects, manoeuvres
@@ -33,7 +33,7 @@ def _frames(flown, vehicle, concealed, unlogged=()):
 def _null_fit(frames, vehicle):
     model = from_vehicle(vehicle)
     flights = pass_gate(frames, model, [f"f{i}" for i in range(len(frames))]).flights
-    return null_fit(first_system(flights, model, window_length_s(flights), ALL_ON))
+    return null_fit(first_system(flights, model, ALL_ON))
 
 
 def test_a_file_that_is_about_right_needs_one_linear_step(flown, sheet):

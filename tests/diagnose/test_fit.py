@@ -3,7 +3,7 @@
 import pytest
 
 from ges.diagnose.design.answers import near_ground_gain
-from ges.diagnose.design.system import build, window_length_s
+from ges.diagnose.design.system import build
 from ges.diagnose.estimate.fit import free_parameters, polish
 from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.gate import pass_gate
@@ -45,7 +45,7 @@ def test_an_amplitude_and_its_decay_are_found_from_far_away(c_a, decay, near_gro
     """
     model, flights = near_ground
     start = {"ground_effect": {**CUSHION, "c_a": c_a, "decay": decay}}
-    fitted = polish(flights, model, start, FREE, window_length_s(flights))
+    fitted = polish(build(flights, model, []), start, FREE)
     assert {name: fitted.effects["ground_effect"][name] for name in TRUE} == pytest.approx(
         TRUE, rel=0.05
     )
@@ -57,10 +57,10 @@ def test_a_fit_allows_for_the_same_answers_as_the_search_before_it(near_ground):
     the other.
     """
     model, flights = near_ground
-    known, length_s = library(model), window_length_s(flights)
+    known = library(model)
     names = ("fountain_lift", "ground_effect", "rotor_inertia_reaction")
-    search = build(flights, model, [v for n in names for v in known[n].variants], length_s)
-    fitted = polish(flights, model, {"ground_effect": {**CUSHION, **TRUE}}, FREE, length_s, search)
+    search = build(flights, model, [v for n in names for v in known[n].variants])
+    fitted = polish(search, {"ground_effect": {**CUSHION, **TRUE}}, FREE)
     for before, after in zip(search.flights, fitted.board.system.flights, strict=True):
         allowed = _answered(after)
         assert allowed >= {key for key in _answered(before) if not near_ground_gain(key)}
@@ -90,7 +90,7 @@ def test_a_vector_is_fitted_whole_where_the_search_needed_one_of_its_axes(
     """
     model, flights = near_ground
     variant = next(v for v in library(model)[effect].variants if len(v.amplitudes) == 1)
-    board = make_board(build(flights, model, [variant], window_length_s(flights)))
+    board = make_board(build(flights, model, [variant]))
     found = posterior(board.pooled(), board.by_variant()[effect, variant.key], board.prior)
     chosen = Hypothesis((effect,), (0,), found, 0.0)
     assert free_parameters(board, chosen, model, {effect: variant.parameters({})}) == [

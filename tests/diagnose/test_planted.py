@@ -12,9 +12,10 @@ import pandas as pd
 import pytest
 
 import ges
-from ges.diagnose.design.residual import FORCE, residual
+from ges.diagnose.design.residual import residual
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.detectors.gusts import may_lean
+from ges.diagnose.prepare.channels import FORCE
 from ges.diagnose.prepare.gate import prepare
 from ges.diagnose.types.model import from_vehicle
 from ges.simulator import manoeuvres

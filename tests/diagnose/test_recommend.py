@@ -16,16 +16,16 @@ from ges.diagnose.advise.detect import (
     expected_evidence,
     smallest_detectable,
 )
+from ges.diagnose.advise.next_flight import separating
 from ges.diagnose.advise.recommend import (
     SURE,
     Option,
     Rival,
-    next_flight,
     open_sets,
     rank,
     rivals_of,
 )
-from ges.diagnose.decide.standing import least_sizes
+from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import build
 from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.gate import pass_gate
@@ -105,14 +105,14 @@ def test_next_flight_of_an_open_question_and_of_none(quad, judged):
     assert {n for h in open_sets(found, ()) for n in h.names} == set(names), (
         "both explain the side force"
     )
-    told = next_flight(board, found, ())
+    told = separating(board, found, ())
     assert (
         told["manoeuvre"] in manoeuvres.MENU and told["expected_log_odds"] > told["so_far_log_odds"]
     )
     assert set(names) <= set(told["separates"])
     certain = dataclasses.replace(found.hypotheses[0], probability=1.0)
     settled = Search((certain,), {n: float(n in certain.names) for n in names})
-    assert next_flight(board, settled, certain.names) == {}
+    assert separating(board, settled, certain.names) == {}
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,10 @@ import pytest
 
 import ges
 from ges.diagnose.report import page as report
-from ges.diagnose.report import pictures, verdict, words
+from ges.diagnose.report import pictures, verdict
 from ges.diagnose.report.drawing import Drawing
 from ges.diagnose.report.output import map_figure, write_diagnosis
+from ges.diagnose.types import words
 from ges.simulator import manoeuvres
 from ges.threads import at_once
 
@@ -59,7 +60,7 @@ def test_neither_names_nor_order_of_flights_matter(watched, flights, vehicle):
     assert json.dumps(other.content()).replace(f'"{held_too}"', "") == json.dumps(
         found.content()
     ).replace(f'"{held}"', "")
-    assert other.details["accepted"].found.inclusion == found.details["accepted"].found.inclusion, (
+    assert other.workings.accepted.found.inclusion == found.workings.accepted.found.inclusion, (
         "to the last digit"
     )
 

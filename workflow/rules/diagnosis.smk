@@ -15,7 +15,7 @@ rule diagnose_published:
     benchmark:
         "results/benchmarks/diagnosis/diagnose_published.tsv"
     params:
-        call=call("ges.diagnose.report.published:diagnose_published"),
+        call=call("ges.diagnose.published:diagnose_published"),
     message:
         "diagnose real flights"
     script:

@@ -151,7 +151,7 @@ def calibrate(folders: tuple[Path, ...]) -> None:
     import numpy as np
 
     from ges.blind.score.platt import fit, pairs
-    from ges.diagnose.decide.stated import searched
+    from ges.diagnose.select.stated import searched
 
     told = pairs(folders)
     offset, slope = fit(np.array([searched(p) for p in told[:, 0]]), told[:, 1])

@@ -183,6 +183,11 @@ class Effect:
         return next(p for p in self.parameters if p.name == name)
 
     @property
+    def moves_air(self) -> bool:
+        """Whether it is a wind, which acts through what reads the velocity relative to the air."""
+        return self.kind == "wind"
+
+    @property
     def carriers(self) -> tuple[str, ...]:
         """Effects of which one must be on for this one to act; none for most."""
         return (self.modifies,) if self.modifies else self.through

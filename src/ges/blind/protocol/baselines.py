@@ -13,11 +13,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ges.diagnose.decide.engine import digest, split
-from ges.diagnose.design.residual import UNITS
 from ges.diagnose.design.system import Column, System, build
 from ges.diagnose.library.grids import library
+from ges.diagnose.prepare.channels import UNITS
 from ges.diagnose.prepare.gate import pass_gate
+from ges.diagnose.prepare.split import digest, split
 from ges.diagnose.types.model import from_vehicle
 from ges.errors import GesError
 from ges.recordings.recording import RecordingSet

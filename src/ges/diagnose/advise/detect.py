@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
-from ges.diagnose.decide.standing import FAINT, SEPARATE, SURE, lead_over, least_sizes
+from ges.diagnose.decide.rules import FAINT, SEPARATE, SURE, lead_over
+from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import Column
 from ges.diagnose.library.candidates import Variant, modifiers_of
 from ges.diagnose.select.evidence import TEMPERING, Board, Gram, rms_of

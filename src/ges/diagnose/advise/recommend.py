@@ -122,27 +122,6 @@ def open_sets(found: Search, proven: Sequence[str]) -> list[Hypothesis]:
     return list({h.names: h for h in sets}.values())
 
 
-def next_flight(
-    board: Board,
-    found: Search,
-    proven: Sequence[str],
-    parameters: Mapping[str, float] | None = None,
-) -> dict:
-    """``next_flight`` of diagnosis.json: the manoeuvre that separates best what is open, and how
-    often to fly it; empty where nothing is open, and without a manoeuvre where none of the menu
-    would do.
-
-    Parameters
-    ----------
-    board, found : the search and what it was made on.
-    proven : names that are accepted.
-    parameters : as for :func:`rank`.
-    """
-    rivals = rivals_of(board, open_sets(found, proven))
-    ranked = rank(board, rivals, parameters) if len(rivals) > 1 else []
-    return ranked[0].content() if ranked else {}
-
-
 def _logged(flights: Sequence[Prepared]) -> list[str]:
     """Columns that every recording had, what was derived from others left out."""
     made = {name for f in flights for stream in f.derived for name in STREAMS[stream]}

@@ -22,7 +22,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
 from ges.diagnose.decide.declared import words_of
-from ges.diagnose.design.system import System, build, window_length_s
+from ges.diagnose.design.system import System, build
 from ges.diagnose.detectors.balance import CHANNELS, LOSSES, MASS, centred, variance_of_means
 from ges.diagnose.estimate.fit import (
     calibrated,
@@ -225,12 +225,10 @@ def _gauge(keys: Sequence[str]) -> np.ndarray:
     return turn
 
 
-def _trims(
-    flights: Sequence[Prepared], model: Model, before: Mapping[str, Number], length_s: float
-):
+def _trims(flights: Sequence[Prepared], model: Model, before: Mapping[str, Number]):
     """Gains and trims from the slow balance, and the factor on the usual spread between flights."""
     shift = {key: n.value for key, n in before.items()}
-    told = _balance(build(flights, calibrated(model, shift), [], length_s))
+    told = _balance(build(flights, calibrated(model, shift), []))
     start = -np.array([shift.get(key, 0.0) for key in told.keys])
     factor = _spread_factor(told.grams, start, told.prior_sd, told.spread)
     pooled, freedom = _pooled(
@@ -252,7 +250,7 @@ def _trims(
 
 
 def _declared(
-    flights: Sequence[Prepared], model: Model, before: Mapping[str, Number], length_s: float
+    flights: Sequence[Prepared], model: Model, before: Mapping[str, Number]
 ) -> dict[str, Number]:
     """Declared numbers other than trims, from the same fit that a diagnosis begins with; none
     without measured rates.
@@ -266,7 +264,7 @@ def _declared(
     now = dataclasses.replace(
         calibrated(model, {k: n.value for k, n in before.items()}), doubts={**model.doubts, **known}
     )
-    system = build(flights, now, [], length_s)
+    system = build(flights, now, [])
     _, joint = null_fit(system)
     told = {}
     for nuisance in (
@@ -305,11 +303,11 @@ def _fit(flights: Sequence[Prepared], model: Model) -> tuple[dict[str, Number], 
     """Trims and declared numbers in turn, each with the other's last values, until nothing
     moves.
     """
-    length_s, numbers, factor = window_length_s(flights), {}, 1.0
+    numbers, factor = {}, 1.0
     for _ in range(ROUNDS):
         last = numbers
-        trims, factor = _trims(flights, model, last, length_s)
-        numbers = {**trims, **_declared(flights, model, {**last, **trims}, length_s)}
+        trims, factor = _trims(flights, model, last)
+        numbers = {**trims, **_declared(flights, model, {**last, **trims})}
         if last and all(
             abs(n.value - last[key].value) < TIGHT * n.later_sd for key, n in numbers.items()
         ):
@@ -480,7 +478,7 @@ def _left_unexplained(
     no news in later ones.
     """
     model = at_flown_voltage(from_vehicle(vehicle, folder), flights)
-    system = build(flights, model, [], window_length_s(flights))
+    system = build(flights, model, [])
     left = in_the_air(centred(left_raw(system, null_fit(system)[1]), system), system)
     told, blocks = regimes_of(system), system.blocks(BLOCK_S)
     largest: dict[str, float] = {}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Collection
 
-from ges.diagnose.decide.standing import least_sizes
+from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import System
 from ges.diagnose.estimate.fit import Joint
 from ges.diagnose.select.evidence import rms_of

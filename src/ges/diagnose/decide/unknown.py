@@ -50,9 +50,9 @@ def theirs(
     ]
 
 
-def borrowed(found: Sequence[Structure], model: Model) -> bool:
-    """Whether what was accepted leaves a structure so large that its names are only the nearest: an
+def borrowed(found: Sequence[Structure], model: Model) -> list[Structure]:
+    """Structures that what was accepted leaves, so large that its names are only the nearest: an
     effect of the library that is really there explains its channels, and one that is not makes up
     for a part of what is.
     """
-    return any(not s.of_size for s in clear(found, model, BORROWED_R2, LARGE_SHARE))
+    return [s for s in clear(found, model, BORROWED_R2, LARGE_SHARE) if not s.of_size]

@@ -19,20 +19,12 @@ from scipy.ndimage import gaussian_filter1d
 from ges.conventions import BODY_RATE, COMMAND, QUATERNION, ROTOR_SPEED, VELOCITY
 from ges.diagnose.design.weak import Windows
 from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.prepare.channels import ACC, DRIVE, FORCE, MOMENT
+from ges.diagnose.prepare.kinematics import body_rates, quaternion_product, to_body
 from ges.diagnose.types.model import Model, block_of
 from ges.simulator import effects as effect_table
 from ges.simulator import flight as sim
 
-FORCE = ("force_x", "force_y", "force_z")
-MOMENT = ("moment_x", "moment_y", "moment_z")
-ACC = ("acc_x", "acc_y", "acc_z")
-DRIVE = ("drive_1", "drive_2", "drive_3", "drive_4")
-UNITS = {
-    **dict.fromkeys(FORCE + ACC, "N"),
-    **dict.fromkeys(MOMENT, "Nm"),
-    **dict.fromkeys(DRIVE, "rad_s"),
-    "range": "m",
-}
 FINE = ("moment", "drive")
 """Blocks that are also held against faster test functions: what acts within a few hundredths of a
 second shows there.
@@ -45,75 +37,12 @@ the time constant, give or take as much.
 """
 
 
-def channels(flight: Prepared, model: Model) -> tuple[str, ...]:
-    """Channels that a flight can speak about; the rangefinder over flat ground alone: elsewhere it
-    sees a patch, not a point.
-    """
-    driven = flight.has("rotor_speed") or flight.has("command")
-    attitude = flight.has("attitude")
-    found: list[str] = []
-    if driven and attitude and flight.has("velocity"):
-        found += ["force_z"] if "attitude" in flight.derived else FORCE
-    if driven:
-        found += [
-            name
-            for name, column in zip(ACC, ("acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2"), strict=True)
-            if column in flight.columns
-        ]
-    if driven and (flight.has("gyro") or attitude) and "moments_of_inertia" in model.known:
-        found += MOMENT if "torque" in model.known else MOMENT[:2]
-    if flight.has("rotor_speed") and flight.has("command"):
-        found += DRIVE
-    if flight.has("range") and "p_z_m" in flight.columns and attitude:
-        found.append("range")
-    return tuple(found)
-
-
 def with_overtones(names: Sequence[str], count: int) -> tuple[str, ...]:
     """Channels and, after them, those of the faster test functions: ``moment_x/1`` is ``moment_x``
     under the first.
     """
     fine = [name for name in names if block_of(name) in FINE]
     return (*names, *(f"{name}/{k}" for k in range(1, count + 1) for name in fine))
-
-
-def quaternion_product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Hamilton product, rows (n, 4)."""
-    w1, x1, y1, z1 = a.T
-    w2, x2, y2, z2 = b.T
-    return np.stack(
-        [
-            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
-            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
-            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
-            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
-        ],
-        axis=1,
-    )
-
-
-def to_body(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """World vectors in the body frame, rows (n, 3)."""
-    u, w = -q[:, 1:], q[:, :1]
-    t = 2.0 * np.cross(u, v)
-    return v + w * t + np.cross(u, t)
-
-
-def turn_rates(q: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    """Body rates (n, 3) of attitudes (n, 4) whose quaternions change at ``rate`` (n, 4)."""
-    conjugate = q * np.array([1.0, -1.0, -1.0, -1.0])
-    return 2.0 * quaternion_product(conjugate, rate)[:, 1:]
-
-
-def body_rates(flight: Prepared) -> np.ndarray:
-    """Gyro where logged, else from the attitude, else zero; (n, 3) rad/s."""
-    if flight.has("gyro"):
-        return flight.stack("gyro")
-    if not flight.has("attitude"):
-        return np.zeros((len(flight.t_s), 3))
-    q = flight.stack("attitude")
-    rate = np.gradient(gaussian_filter1d(q, 0.02 / flight.dt_s, axis=0), flight.dt_s, axis=0)
-    return turn_rates(q, rate)
 
 
 def height_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:

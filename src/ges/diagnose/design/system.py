@@ -11,14 +11,11 @@ import numpy as np
 
 from ges.diagnose.design.answers import Loose, Vouched, both, loose, untrim, vouched
 from ges.diagnose.design.residual import (
-    DRIVE,
-    MOMENT,
     SECOND_POLE,
     Along,
     Drive,
     act_along_the_path,
     along,
-    channels,
     drives,
     drives_of,
     said_with_each,
@@ -35,6 +32,7 @@ from ges.diagnose.design.weak import (
 from ges.diagnose.library.candidates import Variant
 from ges.diagnose.library.requirements import needs_attitude
 from ges.diagnose.prepare.align import Prepared, attitude_measured
+from ges.diagnose.prepare.channels import DRIVE, MOMENT, channels
 from ges.diagnose.types.model import SPEED, Model, block_of
 from ges.simulator import effects as effect_table
 from ges.simulator.effects import Replay
@@ -179,7 +177,13 @@ class System:
     names: tuple[str, ...]
     columns: tuple[Column, ...]
     flights: tuple[Rows, ...]
-    whitened: bool = True
+    length_s: float
+    switches: Switches = ALL_ON
+
+    @property
+    def recordings(self) -> list[Prepared]:
+        """The flights, without their rows."""
+        return [r.flight for r in self.flights]
 
     @property
     def nuisances(self) -> dict[str, int]:
@@ -561,19 +565,22 @@ def build(
     flights: Sequence[Prepared],
     model: Model,
     variants: Sequence[Variant],
-    length_s: float | None = None,
     like: System | None = None,
+    length_s: float | None = None,
     switches: Switches = ALL_ON,
 ) -> System:
     """Assemble the system: nuisance columns first, then every amplitude of every variant.
 
     Parameters
     ----------
-    like : a system of the same flights and channels whose nuisance columns and instruments are
-        taken over: they hardly change with effects; all of its columns where the model is the same.
+    like : a system of the same flights and channels: its windows, switches, nuisance columns and
+        instruments are taken over, which hardly change with effects; all of its columns where the
+        model is the same.
+    length_s : support of the test functions, s; of :func:`window_length_s` where not given.
     """
     main = common_channels(flights, model)
-    length_s = length_s or window_length_s(flights)
+    length_s = like.length_s if like else length_s or window_length_s(flights)
+    switches = like.switches if like else switches
     names = with_overtones(main, 2 * max(half_waves(f, length_s) for f in flights))
     columns = (
         [Column(n.key, nuisance=n) for n in nuisances(model, main, flights)]
@@ -596,4 +603,4 @@ def build(
         known,
         before,
     )
-    return System(model, names, tuple(columns), tuple(made), switches.whitening)
+    return System(model, names, tuple(columns), tuple(made), length_s, switches)

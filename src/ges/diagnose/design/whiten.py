@@ -212,7 +212,7 @@ def _of_channel(
     value, past = np.concatenate([p[1] for p in pieces]), np.concatenate([p[2] for p in pieces])
     if len(value) < 4 * AR_ORDER:
         return np.zeros(AR_ORDER), 1.0, 0.0
-    if not system.whitened:
+    if not system.switches.whitening:
         return np.zeros(AR_ORDER), float(np.sqrt(np.mean(value**2))), 0.0
     gram = past.T @ past
     ar = np.linalg.solve(

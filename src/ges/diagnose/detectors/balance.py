@@ -76,6 +76,9 @@ class Shift:
     mass: Cause
     swing_seen: bool
 
+    may_move = frozenset()
+    """Effects whose declared numbers it can move: none."""
+
     @property
     def rotor(self) -> int:
         """Number of the rotor, from 1."""

@@ -18,11 +18,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.special import fdtrc
 
-from ges.diagnose.decide.stated import stated
-from ges.diagnose.design.residual import FORCE, motion_of
+from ges.diagnose.design.residual import motion_of
 from ges.diagnose.design.system import Rows, System, build
 from ges.diagnose.estimate.fit import Fitted, Joint, left_raw
 from ges.diagnose.library.candidates import Variant, acts_among, amplitude_of, wind_speed_m_s
+from ges.diagnose.prepare.channels import FORCE
+from ges.diagnose.select.stated import stated
 from ges.diagnose.types.diagnosis import Estimate, Finding
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
@@ -150,14 +151,14 @@ def heard_by(effects: effect_table.Effects) -> bool:
 
 
 def gusts_of(
-    system: System, joint: Joint, length_s: float, known: Mapping[str, float] | None = None
+    system: System, joint: Joint, known: Mapping[str, float] | None = None
 ) -> Gusts | None:
     """Gusts in what a fit leaves; None where no drag is on, nothing scatters as they do, or no more
     than those that are ``known`` (parameters of the effect).
     """
     if not heard_by(system.model.effects) or not {*FORCE} <= {*system.names}:
         return None
-    told = _told(system, joint, length_s)
+    told = _told(system, joint)
     air = _air(told, system.model)
     if len(air.stretches) < FEWEST:
         return None
@@ -184,12 +185,10 @@ class _Told:
     push: np.ndarray
 
 
-def _told(system: System, joint: Joint, length_s: float) -> list[_Told]:
+def _told(system: System, joint: Joint) -> list[_Told]:
     """Of the flights that tell anything."""
     east_and_north = Variant("wind", {}, tuple(amplitude_of("wind", p) for p in AXES))
-    blown = build(
-        [r.flight for r in system.flights], system.model, [east_and_north], length_s, like=system
-    )
+    blown = build(system.recordings, system.model, [east_and_north], system)
     columns = [
         k for k, c in enumerate(blown.columns) if c.variant is not None and c.part != "moment"
     ]

@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ges.diagnose.design.system import ALL_ON, Switches, System, build
+from ges.diagnose.design.system import System, build
 from ges.diagnose.library.candidates import Candidate, Variant, flown, usual_height_m
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import Board, make_board
@@ -65,9 +65,7 @@ def likely_load(board: Board, found: Search) -> Variant | None:
     return next(v for v in variants if v.effect == LOAD)
 
 
-def sharpened(
-    like: System, variant: Variant, length_s: float, switches: Switches = ALL_ON
-) -> Variant:
+def sharpened(like: System, variant: Variant) -> Variant:
     """The variant with the thread, and of a drawn load the first place, that explain most.
 
     Parameters
@@ -76,10 +74,10 @@ def sharpened(
     variant : of ``slung_load``; where it is attached stays.
     """
     fine = _drawn if set(DRAWN) <= variant.shape.keys() else _hanging
-    return fine(like, variant, length_s, switches)
+    return fine(like, variant)
 
 
-def _hanging(like: System, variant: Variant, length_s: float, switches: Switches) -> Variant:
+def _hanging(like: System, variant: Variant) -> Variant:
     best = variant
     for shares in THREADS_NEARBY:
         lengths = float(best.shape["length_m"]) * shares
@@ -87,12 +85,12 @@ def _hanging(like: System, variant: Variant, length_s: float, switches: Switches
             dataclasses.replace(variant, shape={**variant.shape, "length_m": float(length)})
             for length in lengths
         ]
-        best = tried[_most_probable(like, tried, length_s, switches)]
+        best = tried[_most_probable(like, tried)]
     return best
 
 
-def _drawn(like: System, variant: Variant, length_s: float, switches: Switches) -> Variant:
-    flights = [r.flight for r in like.flights]
+def _drawn(like: System, variant: Variant) -> Variant:
+    flights = like.recordings
     height_m, way = usual_height_m(like.model, flown(flights)), way_out(flights)
     best = Drawn(math.sqrt(max(variant.shape["length_m"] ** 2 - height_m**2, 0.0)), 0.0)
 
@@ -105,7 +103,7 @@ def _drawn(like: System, variant: Variant, length_s: float, switches: Switches) 
 
     for options in (_first_places, _threads, *(_nearby(share) for share in NEARBY)):
         tried = [best, *options(best, height_m)]
-        best = tried[_most_probable(like, [shaped(load) for load in tried], length_s, switches)]
+        best = tried[_most_probable(like, [shaped(load) for load in tried])]
     return shaped(best)
 
 
@@ -138,11 +136,9 @@ def _nearby(share: float) -> Callable[[Drawn, float], list[Drawn]]:
     return options
 
 
-def _most_probable(
-    like: System, variants: Sequence[Variant], length_s: float, switches: Switches
-) -> int:
+def _most_probable(like: System, variants: Sequence[Variant]) -> int:
     """Number of the variant with most evidence; the noise is what the first of them leaves."""
-    system = build([r.flight for r in like.flights], like.model, variants, length_s, like, switches)
+    system = build(like.recordings, like.model, variants, like)
     columns = [k for k, c in enumerate(system.columns) if c.variant is not None]
     board = make_board(system, columns[:1])
     listed = entries(board, [Candidate(LOAD, "physics", tuple(variants))])

@@ -14,16 +14,13 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 
-from ges.diagnose.advise.recommend import Rival, rank
-from ges.diagnose.design.system import System, build
+from ges.diagnose.design.system import System
 from ges.diagnose.estimate.fit import FORM_ERROR, Joint, within_bounds
-from ges.diagnose.library.candidates import flown
-from ges.diagnose.library.grids import library
 from ges.diagnose.library.requirements import lacking
-from ges.diagnose.report.words import number_words
-from ges.diagnose.select.evidence import Board, make_board, rms_of
+from ges.diagnose.select.evidence import rms_of
 from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
-from ges.diagnose.types.model import BEYOND_SDS, SPEED, Model
+from ges.diagnose.types.model import BEYOND_SDS, SPEED
+from ges.diagnose.types.words import number_words
 from ges.simulator import effects as effect_table
 
 SCALE, CURVE = "thrust_scale.scale", "thrust_curve.c"
@@ -47,6 +44,11 @@ class UntoldThrust:
     excess: Estimate
     known_sd: float
     rivals: tuple[str, ...]
+
+    @property
+    def may_move(self) -> frozenset[str]:
+        """Effects whose declared numbers the rivals can move, and the top speed."""
+        return frozenset({*self.rivals, SPEED.split(".")[0]})
 
     def is_form_error(self, name: str, size: Mapping) -> bool:
         """Whether an effect of this ``size`` (of a finding) may be what the form of the curve that
@@ -105,36 +107,17 @@ class UntoldThrust:
             for name in self.rivals
         ]
 
-    def next_flight(self) -> dict:
-        """``next_flight`` of diagnosis.json: the manoeuvre that separates them best once the
-        voltage is logged.
-        """
-        system, flights = self.system, [r.flight for r in self.system.flights]
-        listed = library(system.model, flown(flights))
-        variants = [v for name in self.rivals if name in listed for v in listed[name].variants]
-        board = make_board(build(flights, system.model, variants, like=system))
-        rivals = [
-            Rival(n, self._flown_with(n, system.model), _columns(board, n))
-            for n in self._explanations()
-        ]
-        ranked = rank(board, rivals, also_logged=(VOLTAGE,))
-        return (
-            {**ranked[0].content(), "preparation": f"the battery voltage logged ({VOLTAGE})"}
-            if ranked
-            else {}
-        )
-
-    def _explanations(self) -> list[tuple[str, ...]]:
-        """What would do it; a battery's sag is known by how it grows, what it takes in the middle
-        is another thrust.
+    def explanations(self) -> dict[tuple[str, ...], effect_table.Effects]:
+        """Sets of names that would do it, each with the effects by which it does; a battery's sag
+        is known by how it grows, what it takes in the middle is another thrust, and in all of them
+        the battery runs down.
         """
         scale = ("thrust_scale",) if "thrust_scale" in self.rivals else ()
-        return [n for n in (scale, ("thrust_curve",), ("battery_sag", *scale)) if n]
+        sets = (scale, ("thrust_curve",), ("battery_sag", *scale))
+        return {names: self._flown_with(names) for names in sets if names}
 
-    def _flown_with(self, names: Sequence[str], model: Model) -> effect_table.Effects:
-        """Effects by which an explanation makes what was seen; in all of them the battery runs
-        down.
-        """
+    def _flown_with(self, names: Sequence[str]) -> effect_table.Effects:
+        model = self.system.model
         sags = {
             **effect_table.get("battery_sag").neutral(),
             "sensitivity": float("battery_sag" in names),
@@ -142,22 +125,11 @@ class UntoldThrust:
         per_bend = model.number("max_rotor_speed_rad_s") / model.hover_rad_s - 1.0
         thrust = self.excess.value * {SCALE: 1.0, CURVE: per_bend, SPEED: 2.0}[self.key]
         if "thrust_curve" in names:
-            return {
-                "battery_sag": sags,
-                "thrust_curve": {"c": within_bounds("thrust_curve", "c", thrust / per_bend)},
-            }
+            bend = within_bounds(*CURVE.split("."), thrust / per_bend)
+            return {"battery_sag": sags, "thrust_curve": {"c": bend}}
         known = model.effects.get("thrust_scale", {}).get("scale", 0.0)
-        return {
-            "battery_sag": sags,
-            "thrust_scale": {"scale": known + thrust * ("thrust_scale" in names)},
-        }
-
-
-def _columns(board: Board, names: Sequence[str]) -> tuple[int, ...]:
-    """Columns of these effects on the board."""
-    return tuple(
-        k for (name, _), columns in board.by_variant().items() if name in names for k in columns
-    )
+        scale = known + thrust * ("thrust_scale" in names)
+        return {"battery_sag": sags, "thrust_scale": {"scale": scale}}
 
 
 def untold_thrust(joint: Joint, system: System) -> UntoldThrust | None:

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ges.diagnose.design.system import ALL_ON, Switches, System, build
+from ges.diagnose.design.system import System, build
 from ges.diagnose.design.table import spread
 from ges.diagnose.design.whiten import White, estimate
 from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of, reach_of
@@ -218,7 +218,7 @@ class Fitted:
 def _blown(one: str, other: str) -> bool:
     """Whether one is a wind and the other a drag that it acts through."""
     pair = (effect_table.get(one), effect_table.get(other))
-    return any(e.kind == "wind" for e in pair) and (
+    return any(e.moves_air for e in pair) and (
         one in pair[1].carriers or other in pair[0].carriers
     )
 
@@ -380,13 +380,10 @@ class _Point:
 
 
 def polish(
-    flights: Sequence[Prepared],
-    model: Model,
+    like: System,
     values: effect_table.Effects,
     free: Sequence[tuple[str, str]],
-    length_s: float,
-    like: System | None = None,
-    switches: Switches = ALL_ON,
+    flights: Sequence[Prepared] | None = None,
 ) -> Fitted:
     """Gauss-Newton over all free parameters, the compiled effects linearised anew each round; a
     step that costs more than it saves is halved, and the noise that a far start left is measured
@@ -394,12 +391,15 @@ def polish(
 
     Parameters
     ----------
-    like : system of the same flights whose nuisance columns serve again.
+    like : system of the same flights, of the model without these effects; its nuisance columns
+        serve again.
+    values, free : parameters of the effects, and which of them are fitted.
+    flights : the same flights along another path; the system's own where not given.
     """
-    free, at, first = tuple(free), None, None
+    free, at, first, model = tuple(free), None, None, like.model
     for _ in range(ROUNDS):
         variants = [Variant(e, {}, (_moves((e, p), values, model),)) for e, p in free]
-        system = build(flights, model.with_effects(values), variants, length_s, like, switches)
+        system = build(flights or like.recordings, model.with_effects(values), variants, like)
         noise = first.board.noise if first else estimate(system, _free_first(system))
         there = _linearised(values, free, whitened(system, noise), model)
         if first and there.cost > at.cost + SAME_COST:

@@ -8,8 +8,8 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 
 from ges.conventions import SPECIFIC_FORCE
-from ges.diagnose.design.residual import channels
 from ges.diagnose.prepare.align import Prepared, attitude_measured
+from ges.diagnose.prepare.channels import channels
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
@@ -100,13 +100,13 @@ def needs_attitude(name: str) -> bool:
 
 def silent_channels(flights: Sequence[Prepared], model: Model) -> dict[str, str]:
     """Channels that no flight speaks about, each with what to log, or to state, to hear it."""
-    heard = {name for f in flights for name in channels(f, model)}
+    logged = {name for f in flights for name in channels(f, model)}
     pose, gyro = (
         "log velocity and attitude (v_x_m_s ..., q_w ...)",
         "log the gyro (omega_x_rad_s ...)",
     )
     reasons = {
-        "force_x": "log the attitude (q_w ...)" if "force_z" in heard else pose,
+        "force_x": "log the attitude (q_w ...)" if "force_z" in logged else pose,
         "force_z": pose,
         "acc_x": "log the accelerometer (acc_x_m_s2 ...)",
         "moment_x": gyro
@@ -120,18 +120,18 @@ def silent_channels(flights: Sequence[Prepared], model: Model) -> dict[str, str]
         "drive_1": "log rotor speeds and motor commands, both (rotor_speed_1_rad_s ..., u_1 ...)",
         "range": "log a rangefinder and the height (range_m, p_z_m)",
     }
-    return {name: why for name, why in reasons.items() if name not in heard}
+    return {name: why for name, why in reasons.items() if name not in logged}
 
 
-def unheard(off: Mapping[str, str]) -> str:
+def not_spoken_about(off: Mapping[str, str]) -> str:
     """A sentence on what a verdict of nothing proven does not speak about, from
     :func:`silent_channels`; '' for full logs.
     """
-    told = []
+    parts = []
     if "force_z" in off:
-        told.append(f"nothing of drag, inflow, loads and the ground ({off['force_z']})")
+        parts.append(f"nothing of drag, inflow, loads and the ground ({off['force_z']})")
     elif "force_x" in off:
-        told.append(f"nothing of drag and wind ({off['force_x']})")
+        parts.append(f"nothing of drag and wind ({off['force_x']})")
     if "moment_x" in off:
-        told.append(f"nothing of moments ({off['moment_x']})")
-    return f" They say {' and '.join(told)}." if told else ""
+        parts.append(f"nothing of moments ({off['moment_x']})")
+    return f" They say {' and '.join(parts)}." if parts else ""

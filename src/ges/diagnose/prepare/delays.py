@@ -11,8 +11,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import stdtrit
 
-from ges.diagnose.design.residual import turn_rates
 from ges.diagnose.prepare.align import MAY_BE_HELD, STREAMS, Held, Prepared, lift
+from ges.diagnose.prepare.kinematics import turn_rates
 from ges.diagnose.prepare.steady import with_past
 from ges.diagnose.types.model import Model
 from ges.threads import each

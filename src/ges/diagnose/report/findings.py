@@ -5,26 +5,83 @@ names them.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ges.diagnose.advise.detect import Found
+from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.declared import Contradicted
-from ges.diagnose.decide.engine import Accepted
-from ges.diagnose.decide.stated import stated
-from ges.diagnose.design.residual import channels, residual
+from ges.diagnose.decide.withdraw import Answer, practically_significant
 from ges.diagnose.design.system import System
+from ges.diagnose.detectors.balance import Shift
+from ges.diagnose.detectors.clocks import settled_findings
+from ges.diagnose.detectors.thrust import UntoldThrust
+from ges.diagnose.estimate.contributions import contributions, size_of
 from ges.diagnose.estimate.fit import Fitted
-from ges.diagnose.report.words import size_unit
+from ges.diagnose.library.candidates import amplitude_of
+from ges.diagnose.prepare.gate import Gate
+from ges.diagnose.report.content import place_of
+from ges.diagnose.select.stated import stated
+from ges.diagnose.types.decision import Record
 from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
-from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
 RIVALS = 4
 CONFOUNDED = 0.9
-ALIKE = (
-    1.0 + 1e-9
-)  # what force and accelerometer show of one push differs by rounding alone: the first is told
+
+
+def all_findings(
+    answer: Answer,
+    wrong: Sequence[Contradicted],
+    shift: Shift | UntoldThrust | None,
+    gate: Gate,
+    record: Record,
+    choosing: bool,
+) -> list[Finding]:
+    """What is proven, the largest first, what the gate settled, declared numbers that the flights
+    contradict, and what is open.
+
+    Parameters
+    ----------
+    wrong : declared numbers that the flights contradict.
+    shift : what moved, where the flights cannot tell by which of several causes.
+    choosing : whether names were searched, and not given.
+    """
+    accepted = answer.accepted
+    proven = [finding(accepted, n, added) for n, added in answer.added.items()]
+    proven.sort(key=lambda f: -f.size["share_of_weight"])
+    proven += [answer.gusts.finding()] if answer.gusts else []
+    if choosing:
+        proven = [f for f in proven if practically_significant(f.name, f.size, record)]
+    return [
+        *proven,
+        *settled_findings(gate),
+        *declared_findings(wrong, answer.last.board.system),
+        *open_findings(accepted),
+        *(shift.findings() if shift else ()),
+    ]
+
+
+def found_sizes(accepted: Accepted) -> dict[str, Found]:
+    """What was accepted, as the limits of what can be seen are held against it."""
+    if accepted.fitted is None:
+        return {}
+    columns = accepted.board.system.columns
+    best = accepted.found.best.posterior
+    variants = {v.effect: v for v in (columns[k].variant for k in (best.columns if best else ()))}
+    effects = accepted.fitted.effects
+    return {
+        name: Found(
+            variants.get(name),
+            {
+                p: abs(effects[name][p] - amplitude_of(name, p).neutral)
+                for e, p in accepted.fitted.free
+                if e == name
+            },
+        )
+        for name in accepted.names
+    }
 
 
 def parameters_of(fitted: Fitted, name: str, declared: Mapping[str, float]) -> dict[str, Estimate]:
@@ -72,48 +129,6 @@ def alternatives_of(accepted: Accepted, name: str) -> tuple[dict, ...]:
     return tuple({"name": n, "log_odds": float(v)} for n, v in ranked)
 
 
-def size_of(added: Sequence[np.ndarray], system: System) -> dict:
-    """Rms of what one effect adds (of :func:`contributions`) where it weighs most."""
-    best = {"value": 0.0, "unit": "N", "share_of_weight": 0.0, "channel": ""}
-    for c, channel in enumerate(system.main):
-        unit, whole = size_unit(channel), system.model.whole(channel)
-        values = np.concatenate([a[:, c] for a in added])
-        values = values[np.isfinite(values)]
-        rms = float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
-        if rms / whole > ALIKE * best["share_of_weight"]:
-            best = {"value": rms, "unit": unit, "share_of_weight": rms / whole, "channel": channel}
-    return best
-
-
-def contributions(
-    accepted: Accepted, among: Collection[str] | None = None
-) -> dict[str, list[np.ndarray]]:
-    """What each accepted effect (``among`` some, where given) adds on the training flights to what
-    the vehicle file has of it, by name and flight, (m, C).
-    """
-    if accepted.fitted is None:
-        return {}
-    system, declared = accepted.fitted.board.system, accepted.board.system.model.effects
-    told = {}
-    for name in (n for n in accepted.names if among is None or n in among):
-        bare = {k: v for k, v in system.model.effects.items() if k != name}
-        bare |= {name: declared[name]} if name in declared else {}
-        told[name] = [_added(rows, bare, system.model, system.main) for rows in system.flights]
-    return told
-
-
-def _added(rows, effects: Mapping, model: Model, names: tuple[str, ...]) -> np.ndarray:
-    """Residual with these effects alone less residual with the model's, (m, C); NaN where a channel
-    is absent.
-    """
-    bare = dataclasses.replace(model, effects=effects)
-    here = channels(rows.flight, model)
-    out = np.full((len(rows.windows), len(names)), np.nan)
-    without, having = (residual(rows.flight, rows.windows, m, here) for m in (bare, model))
-    out[:, [names.index(n) for n in here]] = without - having
-    return np.where(np.isfinite(rows.y[:, : len(names)]), out, np.nan)
-
-
 def finding(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> Finding:
     """One accepted effect; ``added`` of :func:`contributions`."""
     declared = accepted.board.system.model.effects.get(name, {})
@@ -123,6 +138,7 @@ def finding(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> Findi
         parameters_of(accepted.fitted, name, declared),
         size_of(added, accepted.fitted.board.system),
         alternatives_of(accepted, name),
+        place=place_of(accepted, name),
     )
 
 
@@ -163,14 +179,15 @@ def _open(accepted: Accepted, name: str) -> Finding:
     fitted, chance = accepted.alternatives.get(name), stated(accepted.found.inclusion[name])
     if fitted is None:
         return Finding.of(name, chance, _searched(accepted, name), is_open=True)
-    added = contributions(dataclasses.replace(accepted, names=(name,), fitted=fitted))[name]
-    declared = accepted.board.system.model.effects.get(name, {})
+    model = accepted.board.system.model
+    added, declared = contributions(fitted, (name,), model)[name], model.effects.get(name, {})
     return Finding.of(
         name,
         chance,
         parameters_of(fitted, name, declared),
         size_of(added, fitted.board.system),
         is_open=True,
+        place=place_of(accepted, name),
     )
 
 

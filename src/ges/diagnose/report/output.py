@@ -12,9 +12,10 @@ import numpy as np
 from ges.diagnose.design.weak import blocks_of, make_windows
 from ges.diagnose.report.drawing import Drawing, Figure
 from ges.diagnose.report.page import write_report
-from ges.diagnose.report.words import channel_words, quantity_words, size_unit
 from ges.diagnose.types.diagnosis import Diagnosis
+from ges.diagnose.types.words import channel_words, quantity_words, size_unit
 from ges.diagnose.validate.locate import Cell
+from ges.diagnose.validate.proof import Proof
 from ges.diagnose.validate.verify import HORIZON_S, STEPS
 from ges.files import write_json
 from ges.simulator import effects as effect_table
@@ -53,24 +54,24 @@ def map_figure(cells: Sequence[Cell]) -> list[Figure]:
 
 def _figures(diagnosis: Diagnosis, content: Mapping[str, Any]) -> Iterator[Figure]:
     """Those that this diagnosis has something for."""
-    details = diagnosis.details
-    yield from map_figure(details["cells"])
+    proof = diagnosis.workings.proof
+    yield from map_figure(diagnosis.workings.cells)
     told = _parameters(content)
     if told:
         yield "parameters", "parameter_intervals", (told,)
-    if details.get("rollouts"):
+    if proof.rollouts:
         yield (
             "rollout",
             "rollout_growth",
-            (np.linspace(0.0, HORIZON_S, STEPS + 1), details["rollouts"]),
+            (np.linspace(0.0, HORIZON_S, STEPS + 1), proof.rollouts),
         )
     if any(c["before"] for c in content["fit"]["channels"].values()):
         yield "held_out", "held_out_bars", (content["fit"]["channels"],)
         place = next(
-            (item for item in content["located"] if item["channel"] in details["channels"]), None
+            (item for item in content["located"] if item["channel"] in proof.channels), None
         )
         if place:
-            yield "located", "residual_against", _residual_picture(place, details)
+            yield "located", "residual_against", _residual_picture(place, proof)
 
 
 def _cell(cell) -> dict[str, Any]:
@@ -114,14 +115,14 @@ def _unit(key: str) -> str:
     return effect_table.get(effect).parameter(parameter).unit
 
 
-def _residual_picture(place: Mapping[str, Any], details: Mapping[str, Any]) -> tuple:
+def _residual_picture(place: Mapping[str, Any], proof: Proof) -> tuple:
     """The clearest location on held-out flights: what recalibration leaves there, and what the
     findings add.
     """
-    regime, c = next(iter(place["regime"])), details["channels"].index(place["channel"])
-    x, block = _regime_values(details["held"], regime, details)
+    regime, c = next(iter(place["regime"])), proof.channels.index(place["channel"])
+    x, block = _regime_values(regime, proof)
     left = {
-        stage: np.concatenate([e[:, c] for e in details["errors"][stage]])
+        stage: np.concatenate([e[:, c] for e in proof.errors[stage]])
         for stage in ("recalibrated", "after")
     }
     good = np.isfinite(left["recalibrated"]) & np.isfinite(x)
@@ -131,12 +132,10 @@ def _residual_picture(place: Mapping[str, Any], details: Mapping[str, Any]) -> t
     return x[good], left["recalibrated"][good], curves, block[good], quantity_words(regime), words
 
 
-def _regime_values(
-    flights: Sequence, regime: str, details: Mapping[str, Any]
-) -> tuple[np.ndarray, np.ndarray]:
-    cut = [make_windows(f.t_s, f.flying, details["length_s"]) for f in flights]
+def _regime_values(regime: str, proof: Proof) -> tuple[np.ndarray, np.ndarray]:
+    cut = [make_windows(f.t_s, f.flying, proof.length_s) for f in proof.flights]
     values = [
-        t.get(regime, np.full(len(w), np.nan)) for t, w in zip(details["regimes"], cut, strict=True)
+        t.get(regime, np.full(len(w), np.nan)) for t, w in zip(proof.regimes, cut, strict=True)
     ]
-    blocks = blocks_of([(w, f.t_s[0]) for f, w in zip(flights, cut, strict=True)], BLOCK_S)
+    blocks = blocks_of([(w, f.t_s[0]) for f, w in zip(proof.flights, cut, strict=True)], BLOCK_S)
     return np.concatenate(values), np.concatenate(blocks)

@@ -9,7 +9,7 @@ from typing import Any
 
 import jinja2
 
-from ges.diagnose.report.words import (
+from ges.diagnose.types.words import (
     bounds_words,
     chance_words,
     channel_words,

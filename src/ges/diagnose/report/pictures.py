@@ -17,7 +17,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from scipy.special import stdtrit
 
-from ges.diagnose.report.words import (
+from ges.diagnose.types.words import (
     channel_words,
     number_words,
     quantity_words,

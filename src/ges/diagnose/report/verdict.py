@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from ges.diagnose.decide.declared import Contradicted
-from ges.diagnose.report.words import channel_words, number_words, quantity_words, unit_words
+from ges.diagnose.detectors.balance import Shift
+from ges.diagnose.detectors.thrust import UntoldThrust
+from ges.diagnose.library.requirements import not_spoken_about
 from ges.diagnose.types.diagnosis import Finding
+from ges.diagnose.types.words import channel_words, number_words, quantity_words, unit_words
 
 NOTEWORTHY = 2.0
 LEAST_GAIN = 0.02
@@ -123,11 +127,20 @@ def sentence_of(
     fit: Mapping,
     calibration: Mapping[str, Mapping],
     wrong: Sequence[Contradicted],
-    why_open: str = "",
+    shift: Shift | UntoldThrust | None = None,
+    off: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
-    """One or two sentences: where, what, how much, how sure; of what is open, ``why_open`` where
-    something is known of it.
+    """One or two sentences: where, what, how much, how sure.
+
+    Parameters
+    ----------
+    wrong : declared numbers that the flights contradict.
+    shift : what moved, where the flights cannot tell by which of several causes.
+    off : channels that no flight speaks about, each with what to log.
     """
+    if isinstance(shift, Shift):
+        return shift.sentence()
+    why_open = shift.sentence() if shift else ""
     first = next(iter([*located, *unexplained]), None)
     where = f"The simulator is wrong first in the {where_words(first)}." if first else ""
     named = "; ".join(_finding_words(f) for f in findings)
@@ -140,7 +153,7 @@ def sentence_of(
         return (
             "Nothing proven: within the declared doubts these flights do not contradict the"
             " simulator by more than the smallest effects listed as"
-            f" detectable.{_moved(calibration, wrong)}"
+            f" detectable.{_moved(calibration, wrong)}{not_spoken_about(off)}"
         )
     if verdict == "unknown":
         return (

@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from ges.diagnose.types.decision import Considered
 from ges.simulator import effects as effect_table
 from ges.vehicle.file import Vehicle
 
@@ -33,7 +34,9 @@ class Estimate:
 
 @dataclasses.dataclass(frozen=True)
 class Finding:
-    """One named cause; ``is_open`` where the flights cannot tell it from others."""
+    """One named cause; ``is_open`` where the flights cannot tell it from others, ``place`` where it
+    acts in one of several, ``rotor 3``.
+    """
 
     name: str
     kind: str
@@ -44,6 +47,7 @@ class Finding:
     size: Mapping[str, Any]
     alternatives: tuple[Mapping[str, Any], ...]
     is_open: bool = False
+    place: str = ""
 
     @classmethod
     def of(
@@ -54,6 +58,7 @@ class Finding:
         size: Mapping[str, Any] | None = None,
         alternatives: tuple[Mapping[str, Any], ...] = (),
         is_open: bool = False,
+        place: str = "",
     ) -> Finding:
         """An effect of the library; without a ``size`` where no fit was made with it."""
         effect = effect_table.get(name)
@@ -67,6 +72,7 @@ class Finding:
             size or {},
             alternatives,
             is_open,
+            place,
         )
 
     def content(self) -> dict[str, Any]:
@@ -81,13 +87,16 @@ class Finding:
             "size": dict(self.size),
             "alternatives": [dict(a) for a in self.alternatives],
             "open": self.is_open,
+            "place": self.place,
         }
 
 
 @dataclasses.dataclass(frozen=True)
 class Diagnosis:
-    """Verdict, findings and proof; ``content()`` is diagnosis.json, ``vehicle`` the fitted vehicle
-    file.
+    """Verdict, findings and proof.
+
+    ``content()`` is diagnosis.json, ``vehicle`` the fitted vehicle file, and ``workings``, of
+    :mod:`ges.diagnose.report.workings`, what figures are drawn from.
     """
 
     verdict: str
@@ -101,8 +110,9 @@ class Diagnosis:
     data: Mapping[str, Any]
     calibration: Mapping[str, Mapping[str, Any]]
     not_tested: Mapping[str, str]
+    considered: tuple[Considered, ...]
     vehicle: Vehicle
-    details: Mapping[str, Any] = dataclasses.field(default_factory=dict, repr=False)
+    workings: Any = dataclasses.field(default=None, repr=False)
 
     def content(self) -> dict[str, Any]:
         """diagnosis.json."""
@@ -120,6 +130,7 @@ class Diagnosis:
                 "data": dict(self.data),
                 "calibration": dict(self.calibration),
                 "not_tested": dict(self.not_tested),
+                "considered": [c.content() for c in self.considered],
             }
         )
 

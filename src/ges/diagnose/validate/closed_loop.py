@@ -16,9 +16,9 @@ import numpy as np
 
 from ges.conventions import COMMAND, POSITION, ROTOR_SPEED
 from ges.diagnose.design.instruments import replayed
-from ges.diagnose.design.residual import to_body
 from ges.diagnose.design.weak import Windows, make_windows
 from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.prepare.kinematics import to_body
 from ges.diagnose.types.model import Model
 from ges.diagnose.validate.verify import BLOCK_S, stages_row
 from ges.simulator import effects as effect_table

@@ -9,10 +9,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ges.diagnose.design.residual import model_along, to_body
+from ges.diagnose.design.residual import model_along
 from ges.diagnose.design.system import System
 from ges.diagnose.design.weak import Windows
 from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.prepare.kinematics import to_body
 from ges.diagnose.select.evidence import Board, acts_of
 from ges.diagnose.select.search import Search
 from ges.diagnose.types.model import Model

@@ -9,10 +9,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ges.conventions import POSITION, VELOCITY
-from ges.diagnose.design.residual import UNITS, channels, residual
+from ges.diagnose.design.residual import residual
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.estimate.shoot import can_roll, rollouts_of
 from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.prepare.channels import UNITS, channels
 from ges.diagnose.types.model import Model
 
 HORIZON_S = 1.0

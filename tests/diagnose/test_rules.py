@@ -1,4 +1,4 @@
-"""What stands of a search, by sets of names and their evidence alone."""
+"""The rules by which a name is told, each by itself, on sets of names and their evidence alone."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -6,20 +6,28 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ges.diagnose.decide import standing
-from ges.diagnose.decide.standing import (
+from ges.diagnose.decide import rules
+from ges.diagnose.decide.rules import (
+    SEARCH_RULES,
+    Weighed,
+    balanced,
     beside_larger,
+    carried,
+    distinguishable,
     faint,
-    least_beside,
-    mattering,
-    matters,
-    relieved,
+    judged,
+    large_enough,
+    more_than_its_carriers_form,
+    not_model_form_error,
+    probable,
     replaced_by,
-    stands,
+    significant,
     taken_over,
 )
+from ges.diagnose.decide.withdraw import practically_significant
 from ges.diagnose.estimate.fit import FORM_ERROR, Fitted
 from ges.diagnose.select.search import Hypothesis, Search, log_rarity
+from ges.diagnose.types.decision import Record
 
 BOARD = SimpleNamespace(
     system=SimpleNamespace(model=SimpleNamespace(doubts={"motor_lag.up_s": 0.004}))
@@ -32,6 +40,73 @@ def _search(evidence: dict[tuple[str, ...], float]) -> Search:
     return Search(
         tuple(Hypothesis(told, (), None, log) for told, log in ranked), dict.fromkeys(names, 1.0)
     )
+
+
+def _weighed(
+    found, names, sizes=(), effects=(), flights=(), known=(), undecided=(), monkeypatch=None
+):
+    """The context of the rules; ``sizes`` by name and block."""
+    model = SimpleNamespace(effects=dict.fromkeys(effects, {}))
+    board = SimpleNamespace(system=SimpleNamespace(model=model, flights=flights))
+    if monkeypatch:
+        sizes = dict(sizes)
+        monkeypatch.setattr(rules, "shares_of", lambda board, best, place: sizes[min(place)])
+    return Weighed(board, found, dict(known), frozenset(undecided), tuple(names))
+
+
+def _told(weighed, record=None) -> tuple[str, ...]:
+    return judged(SEARCH_RULES, weighed, weighed.standing, record or Record())
+
+
+@pytest.mark.parametrize(("p", "best", "passed"), [(0.95, 1, 1), (0.85, 1, 0), (0.95, 0, 0)])
+def test_a_name_has_to_be_probable_and_in_the_best_set(p, best, passed):
+    found = _search({("rotor_drag",) if best else ("wind",): 1.0, ("weak_rotor",): 0.0})
+    found = dataclasses.replace(found, inclusion={"rotor_drag": p})
+    decision = probable(_weighed(found, ("rotor_drag",)), "rotor_drag")
+    assert decision.passed == bool(passed) and decision.statistic == p
+    assert (decision.rule, decision.threshold) == ("probable", rules.ACCEPT)
+
+
+def test_every_decision_is_on_record_up_to_the_one_that_drops_a_name(monkeypatch):
+    found, record = _search({("rotor_drag",): 50.0, ("wind",): 49.0}), Record()
+    weighed = _weighed(
+        found, ("rotor_drag", "wind"), {"rotor_drag": {"force": 9.0}}, monkeypatch=monkeypatch
+    )
+    assert _told(weighed, record) == ()
+    assert [d.rule for d in record.of("wind")] == ["probable"]
+    drag = record.of("rotor_drag")
+    assert [d.rule for d in drag][-1] == "distinguishable" and "wind" in drag[-1].because
+    assert [d.passed for d in drag] == [True] * (len(drag) - 1) + [False]
+    assert drag[-1].statistic == pytest.approx(1.0) and drag[-1].threshold == rules.SEPARATE
+
+
+def test_what_acts_through_another_needs_one_that_is_on():
+    found = _search({("ground_effect_lag",): 50.0})
+    for effects, passed in (((), False), (("ground_effect",), True)):
+        weighed = _weighed(found, ("ground_effect_lag",), effects=effects)
+        assert carried(weighed, "ground_effect_lag").passed == passed
+
+
+@pytest.mark.parametrize(("size", "passed"), [(1.1, True), (0.9, False)])
+def test_a_name_has_to_make_more_than_no_model_is_right_to(size, passed, monkeypatch):
+    found = _search({("rotor_drag",): 50.0})
+    weighed = _weighed(
+        found, ("rotor_drag",), {"rotor_drag": {"force": size}}, monkeypatch=monkeypatch
+    )
+    decision = large_enough(weighed, "rotor_drag")
+    assert decision.passed == passed and decision.statistic == size
+
+
+def test_what_the_balance_cannot_tell_apart_is_not_told():
+    weighed = _weighed(_search({("weak_rotor",): 9.0}), ("weak_rotor",), undecided=("weak_rotor",))
+    assert not balanced(weighed, "weak_rotor").passed and balanced(weighed, "rotor_drag").passed
+
+
+def test_a_set_that_adds_no_other_name_is_no_rival():
+    found = _search({("rotor_drag", "wind"): 50.0, ("wind",): 49.9})
+    weighed = _weighed(found, ("rotor_drag",))
+    assert replaced_by(found, "rotor_drag") == ()
+    assert distinguishable(weighed, "rotor_drag").passed
 
 
 def test_of_a_family_the_better_alone_takes_over_what_both_do():
@@ -92,10 +167,10 @@ def test_what_the_form_of_a_larger_effect_is_wrong_by_is_not_told(larger, like, 
     stays.
     """
     sizes = {larger: {"drive": 200.0}, like: {"drive": 2.0}}
-    monkeypatch.setattr(standing, "_shares", lambda board, best, names: sizes[min(names)])
-    board = SimpleNamespace(system=SimpleNamespace(model=SimpleNamespace(effects={}), flights=()))
-    told = mattering(board, _search({(larger, like): 50.0}), {})
-    assert (like in told) == (larger != "thrust_curve") and larger in told
+    found = _search({(larger, like): 50.0})
+    weighed = _weighed(found, (larger, like), sizes, monkeypatch=monkeypatch)
+    assert not_model_form_error(weighed, like).passed == (larger != "thrust_curve")
+    assert larger in _told(weighed)
 
 
 @pytest.mark.parametrize(("up_s", "proven"), [(0.007, False), (0.009, True)])
@@ -108,7 +183,7 @@ def test_what_is_within_two_declared_sds_does_not_stand_however_clear(up_s, prov
         None,
         BOARD,
     )
-    assert stands(fitted, "motor_lag") == proven
+    assert significant(fitted, "motor_lag").passed == proven
 
 
 def test_an_amplitude_is_as_clear_as_it_is_with_its_shape_held():
@@ -136,7 +211,8 @@ def test_a_wind_and_its_drag_stand_together_where_their_product_is_clear(product
     }
     free = (("rotor_drag", "k_kg"), ("wind", "east_m_s"), ("wind", "north_m_s"))
     fitted = Fitted(effects, free, relative * np.outer(size, size), None, None, BOARD)
-    assert (stands(fitted, "wind"), stands(fitted, "rotor_drag")) == (proven, proven)
+    decisions = [significant(fitted, name).passed for name in ("wind", "rotor_drag")]
+    assert decisions == [proven, proven]
 
 
 @pytest.mark.parametrize(("amplitude", "proven"), [(0.2, True), (0.08, False), (2.0, False)])
@@ -150,14 +226,7 @@ def test_an_amplitude_that_its_shape_leaves_open_does_not_stand(amplitude, prove
         {"ground_effect": {"c_a": amplitude, "decay": 0.3}}, free, covariance, None, None, BOARD
     )
     assert fitted.sds_from_neutral("ground_effect", "c_a") > 3.0
-    assert stands(fitted, "ground_effect") == proven
-
-
-@pytest.mark.parametrize(("without", "goes"), [(2.0, True), (5.5, False), (9.0, False)])
-def test_a_name_goes_only_if_that_relieves_the_declared_numbers(without, goes):
-    system = SimpleNamespace(model=SimpleNamespace(doubts={"thrust_scale.scale": 0.02}))
-    moved = [SimpleNamespace(common={"thrust_scale.scale": -0.02 * sds}) for sds in (6.0, without)]
-    assert relieved(*moved, system) == goes
+    assert significant(fitted, "ground_effect").passed == proven
 
 
 @pytest.mark.parametrize(
@@ -170,7 +239,7 @@ def test_air_that_hardly_moves_is_no_wind(size, rough, blows):
     fitted = Fitted(
         effects, (("wind", "east_m_s"), ("wind", "north_m_s")), 1e-4 * np.eye(2), None, None, BOARD
     )
-    assert stands(fitted, "wind") == blows
+    assert significant(fitted, "wind").passed == bool(blows)
 
 
 def test_what_is_small_beside_a_larger_one_in_every_block_may_be_its_form():
@@ -184,21 +253,33 @@ def test_what_is_small_beside_a_larger_one_in_every_block_may_be_its_form():
     assert not beside_larger("slung_load", shares)
 
 
-def test_a_small_modifier_is_the_error_of_a_form_unless_it_does_not_look_like_one():
+def test_a_small_modifier_is_the_error_of_a_form_unless_it_does_not_look_like_one(monkeypatch):
     known = {"ground_effect": 30.0}
-    assert least_beside("partial_ground_effect", known) == pytest.approx(FORM_ERROR * 30.0)
-    assert (
-        least_beside("ground_effect_lag", known)
-        == least_beside("ground_effect_forward_flight", known)
-        == 0.0
-    )
-    assert least_beside("rotor_drag", known) == 0.0
+    least = FORM_ERROR * 30.0
+    for name, size, passed in (
+        ("partial_ground_effect", 0.9 * least, False),
+        ("partial_ground_effect", 1.1 * least, True),
+        ("ground_effect_lag", 0.1 * least, True),
+        ("ground_effect_forward_flight", 0.1 * least, True),
+        ("rotor_drag", 0.1 * least, True),
+    ):
+        weighed = _weighed(
+            _search({(name,): 9.0}),
+            (name,),
+            {name: {"force": size}},
+            known=known,
+            monkeypatch=monkeypatch,
+        )
+        assert more_than_its_carriers_form(weighed, name).passed == passed, name
 
 
 def test_what_does_not_look_like_the_error_of_a_form_may_be_smaller():
-    assert matters("ground_effect_lag", "force_z", 0.001) and not matters(
-        "partial_ground_effect", "force_z", 0.001
-    )
+    def matters(name, channel, share):
+        size = {"channel": channel, "share_of_weight": share}
+        return practically_significant(name, size, Record())
+
+    assert matters("ground_effect_lag", "force_z", 0.001)
+    assert not matters("partial_ground_effect", "force_z", 0.001)
     assert not matters("ground_effect_lag", "force_z", 0.0007)
     assert not matters("ground_effect", "", 1.0)
 
@@ -213,11 +294,10 @@ def test_what_does_not_look_like_the_error_of_a_form_may_be_smaller():
     ],
 )
 def test_and_is_told_if_it_is_as_good_as_certain(name, probability, told, monkeypatch):
-    monkeypatch.setattr(standing, "_shares", lambda board, best, names: {"moment": 0.7})
-    on = SimpleNamespace(effects={"ground_effect": {}})
-    board = SimpleNamespace(system=SimpleNamespace(model=on, flights=()))
     found = dataclasses.replace(_search({(name,): 0.0}), inclusion={name: probability})
-    assert (name in mattering(board, found, {})) == told
+    sizes = {name: {"moment": 0.7}}
+    weighed = _weighed(found, (name,), sizes, ("ground_effect",), monkeypatch=monkeypatch)
+    assert (name in _told(weighed)) == told
 
 
 @pytest.mark.parametrize("asked", [0.0, 1.0])
@@ -225,16 +305,18 @@ def test_and_is_told_if_it_is_as_good_as_certain(name, probability, told, monkey
 def test_an_inertia_beside_a_drag_is_told_by_what_is_asked_for_not_by_gusts(
     asked, beside, monkeypatch
 ):
-    monkeypatch.setattr(standing, "_shares", lambda board, best, names: {"moment": 5.0})
     flight = SimpleNamespace(
         has=lambda stream: True, stack=lambda stream: np.array([[asked, 0.0, 0.0, 1.0]])
     )
-    board = SimpleNamespace(
-        system=SimpleNamespace(
-            model=SimpleNamespace(effects={}), flights=[SimpleNamespace(flight=flight)]
-        )
+    names = (beside, "inertia")
+    weighed = _weighed(
+        _search({names: 50.0}),
+        names,
+        dict.fromkeys(names, {"moment": 5.0}),
+        flights=[SimpleNamespace(flight=flight)],
+        monkeypatch=monkeypatch,
     )
-    told = mattering(board, _search({(beside, "inertia"): 50.0}), {})
+    told = _told(weighed)
     assert ("inertia" in told) == (asked > 0.0 or beside == "weak_rotor") and beside in told
 
 

@@ -1,0 +1,67 @@
+"""What to fly next: the manoeuvre that separates best what is open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from ges.diagnose.advise.recommend import POSSIBLE, Rival, open_sets, rank, rivals_of
+from ges.diagnose.decide.accept import Accepted
+from ges.diagnose.design.system import build
+from ges.diagnose.detectors.balance import Shift
+from ges.diagnose.detectors.thrust import VOLTAGE, UntoldThrust
+from ges.diagnose.library.candidates import flown
+from ges.diagnose.library.grids import library
+from ges.diagnose.select.evidence import Board, make_board
+from ges.diagnose.select.search import Search
+
+
+def next_flight(accepted: Accepted, shift: Shift | UntoldThrust | None) -> dict:
+    """``next_flight`` of diagnosis.json: the manoeuvre that separates best what is open, and how
+    often to fly it; empty where nothing is open, and without a manoeuvre where none of the menu
+    would do.
+    """
+    if isinstance(shift, UntoldThrust):
+        return _with_voltage(shift)
+    if shift:
+        return shift.next_flight()
+    doubtful = any(POSSIBLE < p < 1.0 - POSSIBLE for p in accepted.found.inclusion.values())
+    if not accepted.rivals and not doubtful:
+        return {}
+    return separating(accepted.board, accepted.found, accepted.names)
+
+
+def separating(
+    board: Board,
+    found: Search,
+    proven: Sequence[str],
+    parameters: Mapping[str, float] | None = None,
+) -> dict:
+    """The best manoeuvre between the sets of names that are open beside what is proven;
+    ``parameters`` as for :func:`~ges.diagnose.advise.recommend.rank`.
+    """
+    rivals = rivals_of(board, open_sets(found, proven))
+    ranked = rank(board, rivals, parameters) if len(rivals) > 1 else []
+    return ranked[0].content() if ranked else {}
+
+
+def _with_voltage(thrust: UntoldThrust) -> dict:
+    """The manoeuvre that tells causes of another thrust apart once the voltage is logged."""
+    system = thrust.system
+    listed = library(system.model, flown(system.recordings))
+    variants = [v for name in thrust.rivals if name in listed for v in listed[name].variants]
+    board = make_board(build(system.recordings, system.model, variants, system))
+    rivals = [
+        Rival(names, effects, _columns(board, names))
+        for names, effects in thrust.explanations().items()
+    ]
+    ranked = rank(board, rivals, also_logged=(VOLTAGE,))
+    if not ranked:
+        return {}
+    return {**ranked[0].content(), "preparation": f"the battery voltage logged ({VOLTAGE})"}
+
+
+def _columns(board: Board, names: Sequence[str]) -> tuple[int, ...]:
+    """Columns of these effects on the board."""
+    return tuple(
+        k for (name, _), columns in board.by_variant().items() if name in names for k in columns
+    )

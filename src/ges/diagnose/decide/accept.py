@@ -1,0 +1,342 @@
+"""From a search to what is accepted of it: names that pass the rules, fitted in full, then effects
+that modify the accepted ones.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Collection, Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+from scipy.special import expit
+
+from ges.diagnose.decide.rules import (
+    ACCEPT,
+    SEARCH_RULES,
+    SEPARATE,
+    Weighed,
+    ambiguous,
+    does_something,
+    judged,
+    replaced_by,
+    significant,
+)
+from ges.diagnose.design.system import System, build
+from ges.diagnose.detectors.balance import undecided
+from ges.diagnose.detectors.loads import likely_load, sharpened
+from ges.diagnose.estimate.fit import Fitted, fitted_model, free_parameters, polish, starting_values
+from ges.diagnose.estimate.shoot import shot
+from ges.diagnose.library.available import candidates_of
+from ges.diagnose.library.candidates import Candidate, acts_among, modifiers_of
+from ges.diagnose.select.evidence import Board, make_board
+from ges.diagnose.select.search import Hypothesis, Search, over_plain
+from ges.diagnose.select.stable import search_until_stable
+from ges.diagnose.types.decision import Decision, Record
+from ges.diagnose.types.model import Model
+from ges.simulator import effects as effect_table
+
+RARER_MODIFIED = math.log(8.0)
+"""Log odds against each of some five modifiers of an effect before any flight, as a search of them
+alone has them.
+"""
+
+
+@dataclasses.dataclass(frozen=True)
+class Accepted:
+    """Outcome of the search on the training flights.
+
+    Attributes
+    ----------
+    names : what is accepted.
+    found, board : the first search, with no name accepted yet.
+    fitted : the accepted names fitted in full; None where there are none.
+    probability : posterior probability of every accepted name.
+    rivals : names of which one is needed, the likeliest first.
+    contested : those of them that others could replace.
+    alternatives : the fits with each rival, the first of them ``fitted``.
+    """
+
+    names: tuple[str, ...]
+    found: Search
+    board: Board
+    fitted: Fitted | None
+    probability: dict[str, float]
+    rivals: tuple[str, ...]
+    contested: frozenset[str] = frozenset()
+    alternatives: Mapping[str, Fitted] = dataclasses.field(default_factory=dict)
+
+    @property
+    def modelled(self) -> tuple[str, ...]:
+        """The names, and the first of the alternatives beside them."""
+        return (*self.names, *itertools.islice(self.alternatives, 1))
+
+
+def accept(start: Board, record: Record, only: Sequence[str] | None = None) -> Accepted:
+    """Search the library, keep what is proven, then let effects that modify the kept ones compete
+    too.
+
+    Parameters
+    ----------
+    start : of the declared vehicle, with nothing chosen.
+    record : takes every decision.
+    only : fit exactly these names instead of searching.
+    """
+    system, first = start.system, None
+    base, fitted, names, probability, sizes = system.model, None, (), {}, {}
+    contested: set[str] = set()
+    blurred = undecided(system) if only is None else frozenset()
+    listed = candidates_of(system.recordings, base, (), only)
+    while listed:
+        board = start if first is None else _laid_out(listed, base, system)
+        board, found = _searched(board, listed, base, only)
+        first = first or (board, found)
+        weighed = Weighed(board, found, sizes, blurred, found.best.names)
+        told = judged(SEARCH_RULES, weighed, sorted(found.inclusion), record)
+        told = tuple(n for n in found.best.names if n in told)
+        if not names:
+            contested = _contested(found, record)
+        sizes |= {n: dataclasses.replace(weighed, standing=told).size(n) for n in told}
+        through = _modifying(board, found, listed, told, only)
+        new, polished = _fitted_in_full(
+            board, found, (*told, *through), through, base, fitted, system, record, only is None
+        )
+        if not new:
+            break
+        probability |= {
+            n: through[n].probability if n in through else found.inclusion[n] for n in new
+        }
+        fitted, names = polished, names + new
+        base = system.model.with_effects(fitted.effects)
+        listed = candidates_of(system.recordings, base, names, only)
+    board, found = first or search_until_stable(start, (), ())[:2]
+    settled = {*names, *(n for n, p in found.inclusion.items() if p >= ACCEPT)}
+    rivals = ambiguous(found, settled - contested, contested)
+    if rivals and not _needed(rivals, base, system):
+        rivals = ()
+    return Accepted(names, found, board, fitted, probability, rivals, frozenset(contested))
+
+
+def _contested(found: Search, record: Record) -> set[str]:
+    """Names that could not be told from others, and those others."""
+    undone = [
+        name
+        for name in found.best.names
+        for d in record.of(name)
+        if d.rule == "distinguishable" and not d.passed
+    ]
+    return {n for name in undone for n in (name, *replaced_by(found, name))}
+
+
+def _laid_out(listed: Sequence[Candidate], base: Model, like: System) -> Board:
+    """The board of candidates beside the base, on the flights of a system like it."""
+    return make_board(build(like.recordings, base, [v for c in listed for v in c.variants], like))
+
+
+def _searched(
+    board: Board, listed: Sequence[Candidate], base: Model, only: Sequence[str] | None
+) -> tuple[Board, Search]:
+    """The search; once more beside a load whose thread and first place are sharp: missed by
+    centimetres, they need other names for what is left.
+    """
+    board, found, _ = search_until_stable(board, listed, tuple(base.effects), only)
+    variant = likely_load(board, found)
+    if variant is None:
+        return board, found
+    known = board.system
+    sharp = sharpened(known, variant)
+    listed = [
+        dataclasses.replace(c, variants=(*c.variants, sharp)) if c.name == variant.effect else c
+        for c in listed
+    ]
+    sharper = _laid_out(listed, known.model, known)
+    return search_until_stable(sharper, listed, tuple(known.model.effects), only)[:2]
+
+
+def _needed(rivals: Sequence[str], base: Model, system: System) -> bool:
+    """Whether one of these is needed still beside what was accepted, as its fit in full has it."""
+    listed = candidates_of(system.recordings, base, (), rivals)
+    found = search_until_stable(_laid_out(listed, base, system), listed, tuple(base.effects))[1]
+    return found.null().probability <= 1.0 - ACCEPT
+
+
+@dataclasses.dataclass(frozen=True)
+class _Modifying:
+    """What the best variant of an effect is modified by: its values, and how probable it is beside
+    the effect alone.
+    """
+
+    values: Mapping[str, float]
+    probability: float
+
+
+def _modifying(
+    board: Board,
+    found: Search,
+    listed: Sequence[Candidate],
+    names: Collection[str],
+    only: Sequence[str] | None,
+) -> dict[str, _Modifying]:
+    """Modifiers of these names' variants in the best set, if no plain variant is nearly as good; or
+    if they are asked for.
+    """
+    chosen = found.best.posterior.columns if names else ()
+    variants = [board.system.columns[k].variant for k in chosen]
+    brought = {
+        m: values for v in variants if v.effect in names for m, values in modifiers_of(v).items()
+    }
+    if only is not None:
+        return {m: _Modifying(values, 1.0) for m, values in brought.items() if m in only}
+    odds = over_plain(board, listed, found.best) - RARER_MODIFIED if brought else -math.inf
+    if odds <= SEPARATE:
+        return {}
+    return {m: _Modifying(values, float(expit(odds))) for m, values in brought.items()}
+
+
+def _in_full(
+    board: Board,
+    h: Hypothesis,
+    beside: Fitted | None,
+    system: System,
+    through: effect_table.Effects = MappingProxyType({}),
+) -> Fitted:
+    """The fit in full of a set that was weighed on a board, beside what is fitted already; the
+    system is of the model without. What goes ``through`` effects of the set is fitted with it, from
+    its values.
+    """
+    held, known = (beside.effects, beside.free) if beside else ({}, ())
+    values = {
+        **starting_values(board, h),
+        **{m: {**effect_table.get(m).neutral(), **v} for m, v in through.items()},
+    }
+    free = [
+        *known,
+        *free_parameters(board, h, system.model, values),
+        *((m, p) for m, v in through.items() for p in v),
+    ]
+    return polish(system, {**held, **values}, free)
+
+
+def _fitted_in_full(
+    board: Board,
+    found: Search,
+    new: tuple[str, ...],
+    through: Mapping[str, _Modifying],
+    base: Model,
+    fitted: Fitted | None,
+    system: System,
+    record: Record,
+    choosing: bool,
+) -> tuple[tuple[str, ...], Fitted | None]:
+    """The new names that are significant when their numbers are fitted in full, and that fit; those
+    that are not are left out of it, what goes ``through`` others first.
+    """
+    while new:
+        modifying = {m: through[m].values for m in new if m in through}
+        kept = _with_names(found, [n for n in new if n not in modifying], board)
+        full = _in_full(board, kept, fitted, system, modifying)
+        decisions = {n: significant(full, n) for n in new} if choosing else {}
+        for name, decision in decisions.items():
+            record.note(name, decision)
+        fallen = {n for n, d in decisions.items() if not d.passed}
+        fallen = (fallen & set(modifying)) or fallen
+        fallen |= {n for n in new if not acts_among(n, {*base.effects, *(set(new) - fallen)})}
+        if not fallen:
+            return new, full
+        new = tuple(n for n in new if n not in fallen)
+    return (), fitted
+
+
+def shot_fit(accepted: Accepted) -> Accepted:
+    """The same, its fit polished by multiple shooting: the model is asked along the path that it
+    flies itself.
+
+    What remembers the path, as a load that swings on it, would remember where one piece of it ends
+    and the next begins: then nothing is shot.
+    """
+    fitted, system = accepted.fitted, accepted.board.system
+    if fitted is None or any(effect_table.get(name).remembers_the_path for name in fitted.effects):
+        return accepted
+    model = fitted_model(system.model, fitted)
+    flights = [shot(flight, model) for flight in system.recordings]
+    polished = polish(system, fitted.effects, fitted.free, flights)
+    return dataclasses.replace(accepted, fitted=polished)
+
+
+def with_alternatives(accepted: Accepted, record: Record) -> Accepted:
+    """The same with every name that is open fitted in full beside what is accepted, where it can
+    act; without the names that then do nothing, if two are left.
+    """
+    tried = {name: _beside(accepted, name) for name in accepted.rivals}
+    fits = {
+        name: fitted
+        for name, fitted in tried.items()
+        if fitted is not None and does_something(fitted, name)
+    }
+    idle = set(tried) - set(fits) if len(fits) > 1 else set()
+    for name in tried:
+        because = "does nothing once it is fitted" if name in idle else "one of these is needed"
+        record.note(name, Decision("open", name not in idle, because))
+    return dataclasses.replace(
+        accepted,
+        rivals=tuple(n for n in accepted.rivals if n not in idle),
+        fitted=next(iter(fits.values()), accepted.fitted),
+        alternatives=fits,
+    )
+
+
+def _beside(accepted: Accepted, name: str) -> Fitted | None:
+    """The fit with one open name, and what it acts through, beside what is accepted; None where it
+    cannot act.
+    """
+    system, fitted = accepted.board.system, accepted.fitted
+    best = accepted.found.best_with(name, accepted.rivals)
+    held = set(fitted.effects) if fitted else set()
+    mine = ({name} | set(effect_table.get(name).carriers) & set(best.names)) - held
+    if not acts_among(name, {*mine, *held, *system.model.effects}):
+        return None
+    kept = dataclasses.replace(best, posterior=_only(best, mine, accepted.board))
+    full = _in_full(accepted.board, kept, fitted, system)
+    return shot_fit(dataclasses.replace(accepted, fitted=full)).fitted
+
+
+def without(accepted: Accepted, name: str) -> Accepted:
+    """The same with one name less, and what acts through it alone; the others fitted anew."""
+    fitted, system = accepted.fitted, accepted.board.system
+    rest = {*accepted.names, *system.model.effects} - {name}
+    names = tuple(n for n in accepted.names if n in rest and acts_among(n, rest))
+    if not names:
+        return withdrawn(accepted)
+    values, free = {n: fitted.effects[n] for n in names}, [f for f in fitted.free if f[0] in names]
+    left = polish(system, values, free)
+    probability = {n: accepted.probability[n] for n in names}
+    return dataclasses.replace(accepted, names=names, fitted=left, probability=probability)
+
+
+def withdrawn(accepted: Accepted) -> Accepted:
+    """The search as it was, with nothing accepted of it."""
+    return dataclasses.replace(accepted, names=(), fitted=None, probability={}, rivals=())
+
+
+def _with_names(found: Search, names: Sequence[str], board: Board) -> Hypothesis:
+    """The set of just these names as the search weighed it, else the best set less all others."""
+    just = tuple(sorted(names))
+    weighed = next((h for h in found.hypotheses if h.names == just), None)
+    return weighed or dataclasses.replace(found.best, posterior=_only(found.best, names, board))
+
+
+def _only(h: Hypothesis, names: Collection[str], board: Board):
+    keep = [
+        i
+        for i, k in enumerate(h.posterior.columns)
+        if board.system.columns[k].variant.effect in names
+    ]
+    p = h.posterior
+    return dataclasses.replace(
+        p,
+        columns=tuple(p.columns[i] for i in keep),
+        mean=p.mean[keep],
+        covariance=p.covariance[np.ix_(keep, keep)],
+    )

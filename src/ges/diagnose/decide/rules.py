@@ -1,0 +1,324 @@
+"""The rules by which a name is told, in their order; each leaves a record.
+
+A rule looks at one name among those that passed the rules before it, and says whether it goes on,
+and because of what. :data:`SEARCH_RULES` judge what a search has weighed, :func:`significant` what
+was fitted in full, and the rules of :mod:`~ges.diagnose.decide.withdraw` what the fit leaves.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
+
+import numpy as np
+
+from ges.diagnose.decide.sizes import LIGHTER, shares_of, unlike_form_error
+from ges.diagnose.estimate.fit import FORM_ERROR, Fitted
+from ges.diagnose.library.candidates import acts_among, amplitude_of, wind_speed_m_s
+from ges.diagnose.select.evidence import Board
+from ges.diagnose.select.search import Hypothesis, Search, size_of
+from ges.diagnose.types.decision import Decision, Record
+from ges.simulator import effects as effect_table
+
+ACCEPT, SURE = 0.9, 0.999
+SEPARATE, SEPARATE_FROM_USUAL = math.log(ACCEPT / (1.0 - ACCEPT)), 4.5
+CLEAR_SDS, OPEN_SDS = 3.0, 1.5
+"""Open: of what is unlike an error of a form; how large a lag is may be open far up where that
+there is one is not.
+"""
+DOUBTFUL_SDS = 2.0
+"""What is within as many declared sds is no finding, however well it is measured."""
+STILL_AIR_M_S = 0.3
+"""No air is stiller, nor any position more at rest."""
+FAINT = 2.0  # times the least
+
+Context = TypeVar("Context")
+Rule = Callable[[Context, str], Decision]
+
+
+@dataclasses.dataclass(frozen=True)
+class Weighed:
+    """What the rules of a search look at.
+
+    Attributes
+    ----------
+    board, found : the search.
+    known : sizes of effects that are accepted already, over what matters at least.
+    undecided : names that the balance of a calibrated vehicle cannot tell apart.
+    standing : names that passed the rules before, in the order of the best set.
+    """
+
+    board: Board
+    found: Search
+    known: Mapping[str, float]
+    undecided: frozenset[str]
+    standing: tuple[str, ...]
+
+    @functools.cached_property
+    def probable(self) -> tuple[str, ...]:
+        """Names of the best set that are probable, whatever else speaks against them."""
+        best, inclusion = self.found.best.names, self.found.inclusion
+        return tuple(n for n in best if inclusion[n] >= ACCEPT)
+
+    @functools.cached_property
+    def shares(self) -> Mapping[str, Mapping[str, float]]:
+        """What each standing name makes in its place, by block, over what matters at least."""
+        places = {n: taken_over(self.found, n, self.probable) for n in self.standing}
+        return {n: shares_of(self.board, self.found.best, p) for n, p in places.items() if p}
+
+    def size(self, name: str) -> float:
+        """The greatest share of a standing name."""
+        return max(self.shares[name].values())
+
+    def on(self) -> set[str]:
+        """Standing names and effects of the model."""
+        return {*self.standing, *self.board.system.model.effects}
+
+
+def probable(c: Weighed, name: str) -> Decision:
+    """The posterior probability that a name takes part is high, and the best set has it."""
+    p, best = c.found.inclusion[name], name in c.found.best.names
+    because = f"posterior probability {p:.3g}" + ("" if best else ", not in the best set")
+    return Decision("probable", best and p >= ACCEPT, because, p, ACCEPT)
+
+
+def best_of_its_family(c: Weighed, name: str) -> Decision:
+    """Two of a family act in the same place, and one of them makes up for what the other's form is
+    wrong by: the better of the two goes on.
+    """
+    better = _best_of(c.found, name, c.probable)
+    because = "the best of its family" if better == name else f"{better} acts there, and better"
+    return Decision("best_of_its_family", better == name, because)
+
+
+def excited(c: Weighed, name: str) -> Decision:
+    """Gusts through a drag above the centre of gravity turn a vehicle, whose angular acceleration
+    then answers moments that no column has: where nothing but the air shook it, that looks like
+    another inertia.
+    """
+    like = effect_table.get(name).unexcited_like
+    shaken = any(
+        r.flight.has("excitation") and r.flight.stack("excitation")[:, :3].any()
+        for r in c.board.system.flights
+    )
+    blown = bool(like) and bool({like, *effect_table.get(like).carriers} & c.on())
+    because = "nothing but the air moved the vehicle" if blown and not shaken else "moved enough"
+    return Decision("excited", shaken or not blown, because)
+
+
+def not_model_form_error(c: Weighed, name: str) -> Decision:
+    """What is small beside a larger effect may be what the larger one's form is wrong by, and has
+    to be as good as certain, as has what acts in the drive alone, and there little, and a lever;
+    what a larger effect's form is known to be wrong by is no finding beside it.
+    """
+    p, beside = c.found.inclusion[name], beside_larger(name, c.shares)
+    larger = effect_table.get(name).error_of
+    if beside and larger in c.shares:
+        return Decision(
+            "not_model_form_error", False, f"the form of {larger} may be wrong by as much"
+        )
+    reasons = {
+        "small beside a larger effect, whose form may be wrong by it": beside,
+        "faint, and in the drive alone": faint(c.shares[name]),
+        "the lever of another effect": "lever_of_carrier" in effect_table.get(name).hints,
+    }
+    why = next((reason for reason, holds in reasons.items() if holds), "")
+    because = f"{why}: posterior probability {p:.5g}" if why else "no larger effect is wrong by it"
+    return Decision("not_model_form_error", not why or p >= SURE, because, p, SURE if why else None)
+
+
+def large_enough(c: Weighed, name: str) -> Decision:
+    """No model is right to less; a carrier is as large as what acts through it."""
+    size = c.size(name)
+    sure = unlike_form_error(name) and c.found.inclusion[name] >= SURE
+    least = LIGHTER if sure else 1.0
+    carries = any(c.size(n) >= 1.0 and name in effect_table.get(n).carriers for n in c.standing)
+    because = f"{size:.3g} times what no model is right to" + (", and carries" if carries else "")
+    return Decision("large_enough", size >= least or carries, because, size, least)
+
+
+def carried(c: Weighed, name: str) -> Decision:
+    """What acts through another needs one that is on."""
+    acts = acts_among(name, c.on())
+    carriers = " or ".join(effect_table.get(name).carriers) or "nothing"
+    return Decision("carried", acts, f"acts through {carriers}")
+
+
+def more_than_its_carriers_form(c: Weighed, name: str) -> Decision:
+    """A small modifier is no more than what the form of the effect that it modifies is wrong by."""
+    carrier = effect_table.get(name).modifies or ""
+    least = 0.0 if unlike_form_error(name) else FORM_ERROR * c.known.get(carrier, 0.0)
+    size = c.size(name)
+    because = f"{size:.3g} where the form of {carrier or 'nothing'} may be wrong by {least:.3g}"
+    return Decision("more_than_its_carriers_form", size >= least, because, size, least)
+
+
+def distinguishable(c: Weighed, name: str) -> Decision:
+    """Nothing explains the flights nearly as well in its place."""
+    rival, others = best_rival(c.found, name), replaced_by(c.found, name)
+    if rival is None:
+        return Decision("distinguishable", True, "nothing else explains anything")
+    lead, least = _lead(c.found, name, rival), lead_over(name, rival.names)
+    because = f"log odds {lead:.3g} over {' with '.join(rival.names)} in its place"
+    return Decision("distinguishable", not others, because, lead, least)
+
+
+def balanced(c: Weighed, name: str) -> Decision:
+    """The slow balance of a calibrated vehicle says which of two causes near a rotor it is."""
+    told = name not in c.undecided
+    because = "" if told else "a mass at the hub would move the balance as much"
+    return Decision("balanced", told, because or "the balance does not speak against it")
+
+
+SEARCH_RULES: tuple[Rule[Weighed], ...] = (
+    probable,
+    best_of_its_family,
+    excited,
+    not_model_form_error,
+    large_enough,
+    carried,
+    more_than_its_carriers_form,
+    distinguishable,
+    balanced,
+)
+
+
+def judged(
+    rules: Sequence[Rule], context: Context, names: Sequence[str], record: Record
+) -> tuple[str, ...]:
+    """The names that pass all rules, each judged among those that passed the ones before it."""
+    standing = tuple(names)
+    for rule in rules:
+        among = dataclasses.replace(context, standing=standing)
+        decisions = {name: rule(among, name) for name in standing}
+        for name, decision in decisions.items():
+            record.note(name, decision)
+        standing = tuple(name for name in standing if decisions[name].passed)
+    return standing
+
+
+def taken_over(found: Search, name: str, among: Sequence[str]) -> set[str]:
+    """All that acts in a name's place, which the name takes over; nothing where another of its
+    family is the better.
+    """
+    best = _best_of(found, name, among) == name
+    return _family(name) & set(found.best.names) if best else set()
+
+
+def _best_of(found: Search, name: str, among: Sequence[str]) -> str:
+    """The one of a name's family, of those ``among``, whose best set without the others is best."""
+    return max(
+        sorted(_family(name) & set(among)),
+        key=lambda n: h.log_evidence if (h := _alone(found, n)) else -np.inf,
+    )
+
+
+def _family(name: str) -> set[str]:
+    family = effect_table.get(name).family
+    return {e.name for e in effect_table.table().values() if e.family == family}
+
+
+def _alone(found: Search, name: str) -> Hypothesis | None:
+    """The best set that has this name and no other of its family."""
+    return next((h for h in found.hypotheses if _family(name) & set(h.names) == {name}), None)
+
+
+def beside_larger(name: str, shares: Mapping[str, Mapping[str, float]]) -> bool:
+    """Whether another effect is so much larger in each block of channels that the name may be an
+    error of the other's form.
+    """
+    others = [by for n, by in shares.items() if n != name]
+    return all(
+        v < FORM_ERROR * max((by[block] for by in others), default=0.0)
+        for block, v in shares[name].items()
+        if v > 0.0
+    )
+
+
+def faint(share: Mapping[str, float]) -> bool:
+    """Whether a name acts in the drive alone, and there little: so may a motor that is not quite as
+    the library has it.
+    """
+    return (
+        not any(v > 0.0 for block, v in share.items() if block != "drive")
+        and share.get("drive", 0.0) < FAINT
+    )
+
+
+def best_rival(found: Search, name: str) -> Hypothesis | None:
+    """What explains the flights best in a name's place, however rarely it is met."""
+    best = _alone(found, name) or found.best
+    others = [
+        h
+        for h in found.hypotheses
+        if name not in h.names and h.names and size_of(h.names) <= size_of(best.names)
+    ]
+    return max(others, key=lambda h: h.of_flights, default=None)
+
+
+def _lead(found: Search, name: str, rival: Hypothesis) -> float:
+    """Log odds of the best set with a name over its rival, from the flights alone."""
+    return (_alone(found, name) or found.best).of_flights - rival.of_flights
+
+
+def replaced_by(found: Search, name: str) -> tuple[str, ...]:
+    """Names that explain the flights nearly as well in a name's place; () where none do."""
+    rival = best_rival(found, name)
+    if name not in found.best.names or rival is None:
+        return ()
+    if _lead(found, name, rival) > lead_over(name, rival.names):
+        return ()
+    best = _alone(found, name) or found.best
+    return tuple(n for n in rival.names if n not in best.names)
+
+
+def lead_over(name: str, others: Sequence[str]) -> float:
+    """Log odds by which a name has to be better than others in its place."""
+    return SEPARATE_FROM_USUAL if effect_table.get(name).usual_beside in others else SEPARATE
+
+
+def significant(fitted: Fitted, name: str) -> Decision:
+    """Some amplitude is clear of neutral with its shape held, by more than its sd with it free, and
+    beyond what is declared, and none went as far as the effect allows; a wind blows at all.
+    """
+    effect, rule = effect_table.get(name), "significant_when_fitted"
+    if effect.moves_air:
+        speed_m_s = wind_speed_m_s(name, fitted.effects[name])
+        if speed_m_s < STILL_AIR_M_S:
+            return Decision(rule, False, "air is as still anywhere", speed_m_s, STILL_AIR_M_S)
+    least = OPEN_SDS if unlike_form_error(name) else CLEAR_SDS
+    farthest, declared = 0.0, fitted.board.system.model.doubts
+    for parameter in (p for e, p in fitted.free if e == name and p not in effect.shapes):
+        value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
+        if value != a.neutral and value in (a.low, a.high):
+            return Decision(rule, False, f"{parameter} stands at its bound", value, value)
+        doubt = DOUBTFUL_SDS * declared.get(f"{name}.{parameter}", 0.0)
+        if abs(value - a.neutral) > max(fitted.sd(name, parameter), doubt):
+            farthest = max(farthest, fitted.sds_from_neutral(name, parameter))
+    because = f"{farthest:.3g} sds from neutral" if farthest else "within its sd, or its doubt"
+    return Decision(rule, farthest > least, because, farthest, least)
+
+
+def does_something(fitted: Fitted, name: str) -> bool:
+    """Whether some amplitude is further from neutral than its sd."""
+    own = [
+        (p, amplitude_of(name, p).neutral)
+        for e, p in fitted.free
+        if e == name and p not in effect_table.get(name).shapes
+    ]
+    return any(abs(fitted.effects[name][p] - neutral) > fitted.sd(name, p) for p, neutral in own)
+
+
+def ambiguous(found: Search, names: set[str], contested: set[str]) -> tuple[str, ...]:
+    """Names that replace each other: none proven alone, but one of them needed."""
+    without = sum(h.probability for h in found.hypotheses if not set(h.names) - names)
+    needed = without <= 1.0 - ACCEPT
+    open_names = contested | {
+        n for n, p in found.inclusion.items() if needed and n not in names and p > 0.1
+    }
+    if len(open_names) < 2:
+        return ()
+    return tuple(sorted(open_names, key=lambda n: (-found.inclusion.get(n, 0.0), n)))

@@ -1,0 +1,213 @@
+"""What the flights as a whole take back: names that need declared numbers far outside their doubts,
+that gusts or the form of an untold thrust curve explain, or that stand for something else.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ges.diagnose.decide.accept import (
+    Accepted,
+    accept,
+    shot_fit,
+    with_alternatives,
+    withdrawn,
+    without,
+)
+from ges.diagnose.decide.sizes import least_share
+from ges.diagnose.decide.unknown import borrowed, left_over, theirs
+from ges.diagnose.design.system import System
+from ges.diagnose.detectors.gusts import HANGING, PUSHED, WIND, Gusts, gusts_of, may_lean
+from ges.diagnose.detectors.thrust import UntoldThrust, untold_thrust
+from ges.diagnose.estimate.contributions import contributions, size_of
+from ges.diagnose.estimate.fit import Joint, fitted_model, strain, strain_without
+from ges.diagnose.types.decision import Decision, Record
+from ges.diagnose.types.model import Model
+from ges.diagnose.validate.stages import Stage, Start, stage
+from ges.diagnose.validate.structure import Structure
+from ges.simulator import effects as effect_table
+
+STRAINED = 5.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Answer:
+    """What the search came to.
+
+    Attributes
+    ----------
+    accepted : names and fits.
+    gusts : beside them, or None.
+    last : the stage with both.
+    foretold : the structures of that which no gust makes.
+    added : what every accepted effect adds, by name and flight, (m, C).
+    """
+
+    accepted: Accepted
+    gusts: Gusts | None
+    last: Stage
+    foretold: list[Structure]
+    added: Mapping[str, Sequence[np.ndarray]]
+
+
+def explained(
+    start: Start,
+    declared: Model,
+    known_gusts: Mapping[str, float] | None,
+    record: Record,
+    only: Sequence[str] | None,
+) -> Answer:
+    """What the library explains, fitted in full, and gusts in what it leaves; with ``only``, just
+    these effects, whatever speaks against them.
+
+    Parameters
+    ----------
+    declared : the vehicle file's model.
+    known_gusts : parameters of the gusts that the vehicle file has.
+    """
+    accepted = accept(start.first.board, record, only)
+    if only is None:
+        accepted = _unstrained(accepted, start.first.joint, record)
+    gusts = _gusts(accepted, start, known_gusts)
+    if gusts and only is None and WIND in accepted.names:
+        blown = gusts.may_be(accepted.fitted)
+        because = "no more than gusts leave" if blown else "more than gusts leave"
+        record.note(WIND, Decision("more_than_gusts", not blown, because))
+        accepted = without(accepted, WIND) if blown else accepted
+    answer = _answer(shot_fit(accepted), gusts, start, declared)
+    if only is not None:
+        return answer
+    return _not_of_a_form(_not_borrowed(answer, start, record), start, declared, record)
+
+
+def _answer(accepted: Accepted, gusts: Gusts | None, start: Start, declared: Model) -> Answer:
+    """What is accepted and gusts, with what they leave and add."""
+    last = start.first
+    if accepted.fitted is not None:
+        fitted = accepted.fitted
+        model = fitted_model(declared, fitted)
+        last = stage(model, fitted.joint, fitted.board, start.regimes)
+    foretold = [s for s in last.structures if not gusts or s.channel not in PUSHED]
+    added = contributions(accepted.fitted, accepted.names, start.system.model)
+    return Answer(accepted, gusts, last, foretold, added)
+
+
+def _gusts(accepted: Accepted, start: Start, known: Mapping[str, float] | None) -> Gusts | None:
+    """Gusts beside what is accepted, where nothing hangs below that may lean to push so."""
+    fitted = accepted.fitted
+    gusts = gusts_of(
+        *((fitted.board.system, fitted.joint) if fitted else (start.system, start.first.joint)),
+        known,
+    )
+    if not gusts:
+        return None
+    hanging = [name for name in accepted.names if name in HANGING]
+    pulls = contributions(fitted, hanging, start.system.model)
+    return None if may_lean(gusts.push_N, pulls, start.system) else gusts
+
+
+def _unstrained(accepted: Accepted, first: Joint, record: Record) -> Accepted:
+    """Without the names that need declared numbers far outside their doubts: one by one, the worst
+    offender first of those through which no other acts, while that relieves the numbers.
+    """
+    while accepted.fitted is not None:
+        system, apart = accepted.board.system, accepted.fitted.apart
+        most = max(STRAINED, strain(first, system) + 1.0)
+        needed = strain(apart, system)
+        if needed <= most:
+            break
+        last = [
+            n
+            for n in accepted.names
+            if not any(n in effect_table.get(o).carriers for o in accepted.names)
+        ]
+        worst = min(last, key=lambda name: strain_without(accepted.fitted, name))
+        less = without(accepted, worst)
+        relief = strain(less.fitted.apart if less.fitted else first, system)
+        relieved = relief < needed - 1.0
+        because = f"declared numbers go {needed:.3g} sds with it, {relief:.3g} without"
+        record.note(worst, Decision("within_declared_numbers", not relieved, because, needed, most))
+        if not relieved:
+            break
+        accepted = less
+    return accepted
+
+
+def _not_borrowed(answer: Answer, start: Start, record: Record) -> Answer:
+    """The answer, or none at all where its names may stand for something that is not in the
+    library.
+    """
+    if not answer.added or answer.accepted.rivals:
+        return answer
+    model = start.system.model
+    others = borrowed(theirs(answer.foretold, answer.added, start.system), model)
+    for name in answer.accepted.names:
+        because = (
+            f"a function of {' and '.join(others[0].regime)} still foretells {others[0].channel}"
+            if others
+            else "nothing large is foretold of what is left"
+        )
+        statistic = others[0].r2 if others else None
+        record.note(name, Decision("no_lack_of_fit", not others, because, statistic))
+    if not others:
+        return answer
+    return Answer(withdrawn(answer.accepted), None, start.first, start.first.structures, {})
+
+
+def _not_of_a_form(answer: Answer, start: Start, declared: Model, record: Record) -> Answer:
+    """The answer without names that may be what the form of a needed, but untold thrust curve is
+    wrong by.
+    """
+    accepted, thrust = answer.accepted, thrust_of(answer, start.system)
+    for name, by in answer.added.items() if thrust else ():
+        if thrust.is_form_error(name, size_of(by, start.system)):
+            because = "the form of the thrust curve that is needed may be wrong by as much"
+            record.note(name, Decision("not_form_of_untold_thrust", False, because))
+            accepted = without(accepted, name)
+    if accepted is answer.accepted:
+        return answer
+    return _answer(accepted, answer.gusts, start, declared)
+
+
+def thrust_of(answer: Answer, system: System) -> UntoldThrust | None:
+    """Thrust that is far off beside all that was accepted, where nothing says why and no other
+    names are open.
+    """
+    return None if answer.accepted.rivals else untold_thrust(answer.last.joint, system)
+
+
+def remaining(answer: Answer, declared: Model, moved: bool) -> tuple[Answer, list[Structure]]:
+    """The answer without rivals that a shifted balance (``moved``) makes idle, or that are needed
+    beside what is proven for no more than healthy flights leave too; and the structure that is
+    left.
+    """
+    accepted, left = answer.accepted, left_over(answer.foretold, answer.last.model)
+    known = declared.left_unexplained and not left
+    if moved or known and accepted.names and not accepted.contested:
+        accepted = dataclasses.replace(accepted, rivals=())
+    return dataclasses.replace(answer, accepted=accepted), left
+
+
+def with_open_modelled(
+    answer: Answer, left: list[Structure], start: Start, declared: Model, record: Record
+) -> tuple[Answer, list[Structure]]:
+    """The same with all that is open modelled too, the likeliest in the last stage."""
+    if not answer.accepted.rivals:
+        return answer, left
+    modelled = _answer(with_alternatives(answer.accepted, record), answer.gusts, start, declared)
+    return modelled, left_over(modelled.foretold, modelled.last.model)
+
+
+def practically_significant(name: str, size: Mapping, record: Record) -> bool:
+    """Whether a finding's size, as :func:`~ges.diagnose.estimate.contributions.size_of` has it, is
+    more than what no model is right to.
+    """
+    channel, share = size["channel"], size["share_of_weight"]
+    least = least_share(name, channel) if channel else None
+    passed = bool(channel) and share >= least
+    because = f"{100.0 * share:.2g} % of the whole in {channel}" if channel else "shows nowhere"
+    record.note(name, Decision("practically_significant", passed, because, share, least))
+    return passed

@@ -1,0 +1,59 @@
+"""What fitted effects add on the flights, and how large that is."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+
+from ges.diagnose.design.residual import residual
+from ges.diagnose.design.system import System
+from ges.diagnose.estimate.fit import Fitted
+from ges.diagnose.prepare.channels import channels
+from ges.diagnose.types.model import Model
+from ges.diagnose.types.words import size_unit
+
+ALIKE = 1.0 + 1e-9
+"""What force and accelerometer show of one push differs by rounding alone: the first is told."""
+
+
+def size_of(added: Sequence[np.ndarray], system: System) -> dict:
+    """Rms of what one effect adds (of :func:`contributions`) where it weighs most."""
+    best = {"value": 0.0, "unit": "N", "share_of_weight": 0.0, "channel": ""}
+    for c, channel in enumerate(system.main):
+        unit, whole = size_unit(channel), system.model.whole(channel)
+        values = np.concatenate([a[:, c] for a in added])
+        values = values[np.isfinite(values)]
+        rms = float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+        if rms / whole > ALIKE * best["share_of_weight"]:
+            best = {"value": rms, "unit": unit, "share_of_weight": rms / whole, "channel": channel}
+    return best
+
+
+def contributions(
+    fitted: Fitted | None, names: Collection[str], declared: Model
+) -> dict[str, list[np.ndarray]]:
+    """What fitted effects add on the flights to what the ``declared`` model has of them, by name
+    and flight, (m, C).
+    """
+    if fitted is None:
+        return {}
+    system, added = fitted.board.system, {}
+    for name in names:
+        bare = {k: v for k, v in system.model.effects.items() if k != name}
+        bare |= {name: declared.effects[name]} if name in declared.effects else {}
+        added[name] = [_added(rows, bare, system.model, system.main) for rows in system.flights]
+    return added
+
+
+def _added(rows, effects: Mapping, model: Model, names: tuple[str, ...]) -> np.ndarray:
+    """Residual with these effects alone less residual with the model's, (m, C); NaN where a channel
+    is absent.
+    """
+    bare = dataclasses.replace(model, effects=effects)
+    here = channels(rows.flight, model)
+    out = np.full((len(rows.windows), len(names)), np.nan)
+    without, having = (residual(rows.flight, rows.windows, m, here) for m in (bare, model))
+    out[:, [names.index(n) for n in here]] = without - having
+    return np.where(np.isfinite(rows.y[:, : len(names)]), out, np.nan)

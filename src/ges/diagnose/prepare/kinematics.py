@@ -1,0 +1,47 @@
+"""Attitudes and rates: Hamilton quaternions body to world, scalar first."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from ges.diagnose.prepare.align import Prepared
+
+
+def quaternion_product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Hamilton product, rows (n, 4)."""
+    w1, x1, y1, z1 = a.T
+    w2, x2, y2, z2 = b.T
+    return np.stack(
+        [
+            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
+            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
+            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
+            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
+        ],
+        axis=1,
+    )
+
+
+def to_body(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """World vectors in the body frame, rows (n, 3)."""
+    u, w = -q[:, 1:], q[:, :1]
+    t = 2.0 * np.cross(u, v)
+    return v + w * t + np.cross(u, t)
+
+
+def turn_rates(q: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """Body rates (n, 3) of attitudes (n, 4) whose quaternions change at ``rate`` (n, 4)."""
+    conjugate = q * np.array([1.0, -1.0, -1.0, -1.0])
+    return 2.0 * quaternion_product(conjugate, rate)[:, 1:]
+
+
+def body_rates(flight: Prepared) -> np.ndarray:
+    """Gyro where logged, else from the attitude, else zero; (n, 3) rad/s."""
+    if flight.has("gyro"):
+        return flight.stack("gyro")
+    if not flight.has("attitude"):
+        return np.zeros((len(flight.t_s), 3))
+    q = flight.stack("attitude")
+    rate = np.gradient(gaussian_filter1d(q, 0.02 / flight.dt_s, axis=0), flight.dt_s, axis=0)
+    return turn_rates(q, rate)

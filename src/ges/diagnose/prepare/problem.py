@@ -1,0 +1,101 @@
+"""What a diagnosis works on, once everything is read, aligned and divided."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.prepare.gate import Gate, at_flown_voltage, pass_gate
+from ges.diagnose.prepare.split import digest, split
+from ges.diagnose.types.model import Model, from_vehicle
+from ges.errors import GesError, unknown_name
+from ges.recordings.recording import RecordingSet, make_set, require_drive
+from ges.vehicle.file import Vehicle
+
+
+@dataclasses.dataclass(frozen=True)
+class Problem:
+    """What a diagnosis works on.
+
+    Attributes
+    ----------
+    vehicle, model : the vehicle file, and as the simulator takes it, at the voltage that was flown.
+    gate : the flights as they were aligned, and what was settled on the way.
+    train : flights that take part in fitting and choosing.
+    held : flights that take no part, by name.
+    warnings : what the reader should know.
+    """
+
+    vehicle: Vehicle
+    model: Model
+    gate: Gate
+    train: Sequence[Prepared]
+    held: Mapping[str, Prepared]
+    warnings: Sequence[str]
+
+    @property
+    def flights(self) -> list[Prepared]:
+        """All that are used."""
+        return [*self.train, *self.held.values()]
+
+
+def pose_problem(
+    recordings: RecordingSet | Mapping[str, pd.DataFrame] | Sequence[pd.DataFrame],
+    vehicle: Vehicle | None,
+    holdout: Sequence[str] | None,
+    folder: Path | str,
+) -> Problem:
+    """Align the flights, settle clocks and gyro, and divide them; neither the flights' names nor
+    their order matter.
+
+    Raises
+    ------
+    GesError
+        When the recordings cannot be used, in one sentence.
+    """
+    flights = _as_set(recordings, vehicle, folder)
+    require_drive(flights)
+    model = from_vehicle(flights.vehicle, flights.folder)
+    hashed = [(digest(f.frame), f) for f in flights.flights]
+    ordered = sorted(hashed, key=lambda pair: pair[0])
+    labels, frames = [f.name for _, f in ordered], [f.frame for _, f in ordered]
+    gate = pass_gate(frames, model, labels)
+    model = at_flown_voltage(model, gate.flights)
+    train, held = split([d for d, _ in ordered], gate.usable(), _numbers(holdout, labels))
+    if not train:
+        raise GesError("every usable flight is held out; leave at least one for fitting")
+    return Problem(
+        flights.vehicle,
+        model,
+        gate,
+        [gate.flights[i] for i in train],
+        {labels[i]: gate.flights[i] for i in held},
+        (*flights.warnings, *gate.warnings),
+    )
+
+
+def _as_set(recordings, vehicle: Vehicle | None, folder: Path | str) -> RecordingSet:
+    if isinstance(recordings, RecordingSet):
+        if vehicle is None:
+            return recordings
+        return make_set(vehicle, [(f.name, f.frame) for f in recordings.flights], folder)
+    if vehicle is None:
+        raise GesError(
+            "no vehicle given; pass one (ges.vehicle.load_vehicle) or a recording set that has one"
+        )
+    if isinstance(recordings, Mapping):
+        return make_set(vehicle, recordings.items(), folder)
+    return make_set(vehicle, [(f"flight{i}", f) for i, f in enumerate(recordings, 1)], folder)
+
+
+def _numbers(holdout: Sequence[str] | None, names: Sequence[str]) -> list[int] | None:
+    if holdout is None:
+        return None
+    for name in holdout:
+        if name not in names:
+            raise unknown_name("flight", name, names)
+    return [names.index(name) for name in holdout]

@@ -1,0 +1,178 @@
+"""Parts of diagnosis.json that sum up what was there: data, calibration, what was not tested, what
+stays unexplained, what was considered.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+from ges.diagnose.decide.accept import Accepted
+from ges.diagnose.decide.withdraw import Answer
+from ges.diagnose.design.answers import strengths
+from ges.diagnose.design.system import System
+from ges.diagnose.detectors.gusts import GUSTS, heard_by
+from ges.diagnose.estimate.fit import Joint
+from ges.diagnose.library.candidates import Variant, flown
+from ges.diagnose.library.grids import out_of_reach
+from ges.diagnose.library.requirements import lacking
+from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.prepare.gate import Gate
+from ges.diagnose.types.decision import Considered, Decision, Record
+from ges.diagnose.types.diagnosis import interval95
+from ges.diagnose.types.model import Model
+from ges.diagnose.validate.hypothesis import Form, hypotheses
+from ges.diagnose.validate.locate import (
+    BLOCK_S,
+    from_findings,
+    from_open,
+    from_residuals,
+    strongest,
+)
+from ges.diagnose.validate.stages import Stage, Start
+from ges.diagnose.validate.structure import Structure
+from ges.simulator import effects as effect_table
+
+
+def located_by(start: Start, answer: Answer) -> list[dict]:
+    """``located`` of diagnosis.json: where the recalibrated vehicle misses the recordings, where
+    findings act, and where something open does.
+    """
+    accepted, left = answer.accepted, answer.last.left
+    entries = from_residuals(start.cells, start.first.structures, start.system)
+    entries += from_findings(answer.added, left, accepted.probability, start.regimes, start.system)
+    if accepted.rivals:
+        entries += from_open(accepted.found, accepted.board, left, start.regimes, accepted.names)
+    return strongest(entries)
+
+
+def data_used(
+    flights: Sequence[Prepared],
+    gate: Gate,
+    system: System,
+    off: Mapping[str, str],
+    warnings: Sequence[str],
+) -> dict:
+    """``data`` of diagnosis.json."""
+    reasons = sorted({r for f in flights for r in f.left_out})
+    vouched = [r.vouched for r in system.flights if r.vouched and r.flight.has("reference")]
+    return {
+        "flights": len(flights),
+        "seconds_used": float(sum(f.flying.sum() * f.dt_s for f in flights)),
+        "left_out": {r: float(sum(f.left_out.get(r, 0.0) for f in flights)) for r in reasons},
+        "channels_used": list(system.main),
+        "channels_off": off,
+        "delays": [
+            {
+                "stream": d.stream,
+                "delay_s": d.delay_s,
+                "sd_s": d.sd_s,
+                "correlation": d.correlation,
+            }
+            for d in gate.delays
+        ],
+        "instruments": strengths(vouched, system.main),
+        "window_s": system.length_s,
+        "warnings": list(warnings),
+    }
+
+
+def calibration_of(joint: Joint, model: Model) -> dict[str, dict]:
+    """What the declared numbers came to, each beside its declared doubt."""
+    return {
+        key: {
+            "value": value,
+            "ci95": list(interval95(value, joint.common_sd[key])),
+            "declared_sd": model.doubts.get(key),
+        }
+        for key, value in joint.common.items()
+    }
+
+
+def not_tested(system: System, found: Model) -> dict[str, str]:
+    """Candidates that these recordings cannot speak about, each with what they lack.
+
+    Parameters
+    ----------
+    system : of the first search; found : the model with the findings.
+    """
+    flights, reasons = system.recordings, {}
+    searched = {c.variant.effect for c in system.columns if c.variant is not None}
+    searched |= {e.name for e in effect_table.table().values() if e.settled and e.kind == "sensor"}
+    searched |= {GUSTS} if heard_by(found.effects) else set()
+    for name, effect in effect_table.table().items():
+        if name not in searched and not effect.modifies:
+            reasons[name] = (
+                lacking(name, flights, system.model)
+                or effect.settled
+                or out_of_reach(effect, system.model, flown(flights))
+                or "these flights do not excite it"
+            )
+    references = any(f.has("reference") for f in flights)
+    moved = {n for n in searched if effect_table.get(n).feedback == "dynamic"}
+    for name in sorted(moved) if not references else ():
+        reasons[name] = (
+            "needs the references that the controller followed, or its answers to disturbances look"
+            " like this effect"
+        )
+    return reasons
+
+
+def unexplained_by(remains: Sequence[Structure], start: Start, last: Stage) -> list[dict]:
+    """Structure that is left, each with a sparse form of it as a hypothesis where it is one of the
+    mean.
+    """
+    means = [u.channel for u in remains if not u.of_size]
+    forms = {}
+    if remains:
+        forms = hypotheses(start.system, last.in_air, start.regimes, means, BLOCK_S)
+    return [_structure(u, forms.get(u.channel)) for u in remains]
+
+
+def _structure(u: Structure, form: Form | None) -> dict:
+    content = {
+        "channel": u.channel,
+        "regime": u.bounds,
+        "r2": u.r2,
+        "q_value": u.q_value,
+        "rms": u.rms,
+        "of_size": u.of_size,
+    }
+    return {**content, "hypothesis": form.content()} if form else content
+
+
+def considered(
+    accepted: Accepted, record: Record, reasons: Mapping[str, str]
+) -> tuple[Considered, ...]:
+    """Every candidate with its posterior probability and the decisions about it, the likeliest
+    first; what was not weighed with the reason.
+    """
+    inclusion = accepted.found.inclusion
+    entries = [
+        Considered(name, place_of(accepted, name), inclusion.get(name), record.of(name))
+        for name in dict.fromkeys((*inclusion, *record.names))
+    ]
+    entries += [
+        Considered(name, "", None, (Decision("recorded", False, why),))
+        for name, why in reasons.items()
+        if name not in inclusion and name not in record.names
+    ]
+    return tuple(sorted(entries, key=lambda c: (-(c.probability or 0.0), c.name)))
+
+
+def place_of(accepted: Accepted, name: str) -> str:
+    """Where an effect that acts in one of several places does, ``rotor 3``, by the best variant;
+    '' for all others.
+    """
+    best = accepted.found.best_with(name) if name in accepted.found.inclusion else None
+    if best is None or best.posterior is None:
+        return ""
+    columns = accepted.board.system.columns
+    mine = (v for k in best.posterior.columns if (v := columns[k].variant).effect == name)
+    return _place(next(mine))
+
+
+def _place(variant: Variant) -> str:
+    """``rotor 3`` of a variant whose only amplitude is numbered, ``loss_3``."""
+    numbered = [re.fullmatch(r".*_(\d)", a.parameter) for a in variant.amplitudes]
+    return f"rotor {numbered[0][1]}" if len(numbered) == 1 and numbered[0] else ""

@@ -1,0 +1,54 @@
+"""The vehicle file with what was found: it flies as it is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ges.diagnose.decide.accept import Accepted
+from ges.diagnose.detectors.gusts import GUSTS, Gusts
+from ges.diagnose.estimate.fit import Joint, within_bounds
+from ges.diagnose.types.diagnosis import interval95
+from ges.diagnose.types.model import Model
+from ges.simulator import effects as effect_table
+from ges.vehicle.file import Estimate, Quantity, Vehicle
+
+
+def fitted_vehicle(
+    vehicle: Vehicle, declared: Model, accepted: Accepted, joint: Joint, gusts: Gusts | None
+) -> Vehicle:
+    """The vehicle file with findings and corrected numbers; what belongs to a sensor or to one
+    day's trim stays out.
+
+    Parameters
+    ----------
+    declared : the vehicle's model; joint : of the last fit, corrections counted from it.
+    """
+    numbers: dict[str, Any] = {}
+    effects = {name: dict(values) for name, values in vehicle.effects.items()}
+    for key, value in joint.common.items():
+        name, parameter = key.split(".")
+        if name == "vehicle":
+            corrected = declared.number(parameter) + value
+            numbers[parameter] = Quantity(value=corrected, sd=joint.common_sd[key])
+        elif effect_table.get(name).kind != "sensor":
+            held = effects.setdefault(name, {})
+            neutral = effect_table.get(name).neutral()[parameter]
+            start = held[parameter].value if parameter in held else neutral
+            corrected = within_bounds(name, parameter, start + value)
+            held[parameter] = Estimate(value=corrected, sd=joint.common_sd[key])
+    for name in accepted.modelled:
+        effects.setdefault(name, {}).update(_estimates(accepted, name))
+    if gusts:
+        parameters = gusts.finding().parameters
+        effects[GUSTS] = {p: Estimate(value=e.value, ci95=e.ci95) for p, e in parameters.items()}
+    return vehicle.model_copy(update={"effects": effects, **numbers})
+
+
+def _estimates(accepted: Accepted, name: str) -> dict[str, Estimate]:
+    """Parameters of an effect as they were fitted, with intervals of those that were free."""
+    fitted, free = accepted.fitted, {p for e, p in accepted.fitted.free if e == name}
+    found = {}
+    for parameter, value in fitted.effects[name].items():
+        sd = fitted.sd(name, parameter) if parameter in free else 0.0
+        found[parameter] = Estimate(value=value, sd=sd, ci95=interval95(value, sd) if sd else None)
+    return found

@@ -1,0 +1,21 @@
+"""What figures are drawn from, beside what is told."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+from ges.diagnose.decide.accept import Accepted
+from ges.diagnose.types.model import Model
+from ges.diagnose.validate.locate import Cell
+from ges.diagnose.validate.proof import Proof
+
+
+@dataclasses.dataclass(frozen=True)
+class Workings:
+    """The search, the map of what the recalibrated model leaves, the models by stage, the proof."""
+
+    accepted: Accepted
+    cells: Sequence[Cell]
+    models: Mapping[str, Model]
+    proof: Proof

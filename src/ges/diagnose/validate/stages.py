@@ -1,0 +1,83 @@
+"""Stages of a vehicle model: as given, recalibrated, with the findings; and what each leaves."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from ges.diagnose.design.system import Switches, System, build, window_length_s
+from ges.diagnose.detectors.balance import centred
+from ges.diagnose.estimate.fit import Joint, calibrated, in_the_air, left_raw, null_fit
+from ges.diagnose.estimate.recalibrate import operating_point
+from ges.diagnose.library.available import candidates_of
+from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.select.evidence import Board
+from ges.diagnose.types.model import Model
+from ges.diagnose.validate.locate import BLOCK_S, Cell, cells, regimes_of
+from ges.diagnose.validate.structure import Structure, Told, structures
+
+
+@dataclasses.dataclass(frozen=True)
+class Stage:
+    """A model, the fit behind it, and what it leaves.
+
+    Attributes
+    ----------
+    model, joint, board : the model, its numbers as they were fitted, and on what.
+    left : residuals by flight, (m, C), in the channels' units; ``in_air`` those in the air.
+    structures : what a smooth function of the regime foretells of them.
+    """
+
+    model: Model
+    joint: Joint
+    board: Board
+    left: Sequence[np.ndarray]
+    in_air: Sequence[np.ndarray]
+    structures: list[Structure]
+
+
+def stage(model: Model, joint: Joint, board: Board, regimes: Told) -> Stage:
+    """Of a model and its fit; ``regimes`` of all windows by flight."""
+    left = centred(left_raw(board.system, joint), board.system)
+    in_air = in_the_air(left, board.system)
+    found = structures(in_air, regimes, board.system.main, board.system.blocks(BLOCK_S))
+    return Stage(model, joint, board, left, in_air, found)
+
+
+@dataclasses.dataclass(frozen=True)
+class Start:
+    """What the declared vehicle leaves.
+
+    Attributes
+    ----------
+    system : residuals, nuisances and every candidate that needs no other.
+    regimes : of all windows, by flight.
+    first : the recalibrated stage; ``cells`` its map.
+    """
+
+    system: System
+    regimes: Told
+    first: Stage
+    cells: list[Cell]
+
+
+def recalibrated(flights: Sequence[Prepared], declared: Model, switches: Switches) -> Start:
+    """Set the declared numbers within their doubts, and look at what that leaves."""
+    system = first_system(flights, declared, switches)
+    board, joint = null_fit(system)
+    moved = operating_point(board, joint)
+    if moved:
+        there = dataclasses.replace(calibrated(declared, moved), moved=moved)
+        system = first_system(flights, there, switches)
+        board, joint = null_fit(system)
+    regimes = regimes_of(system)
+    first = stage(calibrated(declared, joint.common), joint, board, regimes)
+    return Start(system, regimes, first, cells(system, first.in_air, regimes, first.structures))
+
+
+def first_system(flights: Sequence[Prepared], model: Model, switches: Switches) -> System:
+    """The system of a vehicle with every candidate that needs no other."""
+    variants = [v for c in candidates_of(flights, model) for v in c.variants]
+    return build(flights, model, variants, length_s=window_length_s(flights), switches=switches)
