@@ -130,6 +130,21 @@ def test_where_the_size_changes_and_the_mean_does_not():
     assert all(s.of_size for s in found)
 
 
+def test_rougher_air_in_one_flight_than_in_another_is_in_no_regime():
+    """Flights at heights of their own, in air that differs by four: a size that follows the height
+    from flight to flight is the weather's.
+    """
+    alarms = 0
+    for k in range(20):
+        told, raw = _flights(k), _noise(np.random.default_rng(k))
+        for i, (r, t) in enumerate(zip(raw, told, strict=True)):
+            r *= (0.5, 1.0, 2.2, 2.0)[i % 4]
+            t["height_over_radius"] = t["height_over_radius"] + 8.0 * (i % 4)
+        found = structures(raw, told, NAMES, _blocks())
+        alarms += any(s.of_size and s.q_value <= 0.05 and s.r2 > 0.1 for s in found)
+    assert alarms <= 3
+
+
 def test_what_differs_from_flight_to_flight_only_is_no_structure():
     """A battery that is fuller in one flight than in the next, and a thrust that is a little off in
     each.

@@ -268,22 +268,18 @@ def _there_together(e: np.ndarray) -> list[list[int]]:
 def _of_size(
     raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
 ) -> list[Structure]:
-    """The same of the logarithm of the residuals' energy."""
+    """The same of the logarithm of the residuals' energy, each flight's own mean left out: air that
+    is rougher in one flight than in another is in no regime of flight.
+    """
     energy = [uniform_filter1d(np.where(np.isfinite(r), r, 0.0) ** 2, SMOOTH, axis=0) for r in raw]
     logs = [
         np.where(np.isfinite(r), np.log(np.maximum(e, TINY)), np.nan)
         for r, e in zip(raw, energy, strict=True)
     ]
-    middle = [_middle(np.concatenate([row[:, c] for row in logs])) for c in range(len(names))]
     values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
-    found = _of_mean([row - middle for row in logs], told, names, blocks)
+    found = _of_mean([within(row) for row in logs], told, names, blocks)
     pooled = np.concatenate(energy)
     return [_sized(s, pooled[:, list(names).index(s.channel)], values) for s in found]
-
-
-def _middle(values: np.ndarray) -> float:
-    good = values[np.isfinite(values)]
-    return float(good.mean()) if len(good) else 0.0
 
 
 def _sized(found: Structure, energy: np.ndarray, values: Mapping[str, np.ndarray]) -> Structure:
