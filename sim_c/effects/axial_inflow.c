@@ -8,8 +8,9 @@
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
   for (int i = 0; i < GES_ROTORS; i++) {
-    vd climb = s->air[2] + s->omega[0] * s->hub[i][1] - s->omega[1] * s->hub[i][0];
-    add->thrust[i] -= p[0] * s->speed[i] * climb;
+    vd air[3];
+    hub_air(s, i, air);
+    add->thrust[i] -= p[0] * s->speed[i] * air[2];
   }
 }
 

@@ -90,7 +90,18 @@ static inline vd induced_squared(const sample_t *s, int i) {
 }
 /* Total thrust, N. */
 static inline vd total(const vd rotor[GES_ROTORS]) { return (rotor[0] + rotor[1]) + (rotor[2] + rotor[3]); }
-/* Speed of the air across the rotor discs, squared, m^2/s^2. */
-static inline vd across_squared(const sample_t *s) { return s->air[0] * s->air[0] + s->air[1] * s->air[1]; }
+/* Velocity of hub i relative to the air, v + omega x r - wind, body frame, m/s: what each rotor meets. */
+static inline void hub_air(const sample_t *s, int i, vd air[3]) {
+  const vd *w = s->omega, *r = s->hub[i];
+  air[0] = s->air[0] + (w[1] * r[2] - w[2] * r[1]);
+  air[1] = s->air[1] + (w[2] * r[0] - w[0] * r[2]);
+  air[2] = s->air[2] + (w[0] * r[1] - w[1] * r[0]);
+}
+/* Speed of the air across the disc of rotor i, squared, m^2/s^2. */
+static inline vd across_squared(const sample_t *s, int i) {
+  vd air[3];
+  hub_air(s, i, air);
+  return air[0] * air[0] + air[1] * air[1];
+}
 
 #endif

@@ -31,7 +31,7 @@ static void begin(const sample_t *s, const vd *p, vd *x) {
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)add;
   stream_t draw = stream_at(p[1], nearest(s->t / STEP_S - 0.49)); /* rounds down, a hair early */
-  vd h = layer_share(s, p), speed = lane_max(lane_sqrt(across_squared(s) + s->air[2] * s->air[2]), p[3]);
+  vd h = layer_share(s, p), speed = lane_max(lane_sqrt(s->air[0] * s->air[0] + s->air[1] * s->air[1] + s->air[2] * s->air[2]), p[3]);
   vd along = speed * lane_pow(thinning(h), all_lanes(1.2)) / (h * p[2]), rate[2] = {along, speed / (h * p[2])};
   dx[0] = -along * x[0] + lane_sqrt(2.0 * along / STEP_S) * normal(&draw);
   for (int k = 0; k < 2; k++) {

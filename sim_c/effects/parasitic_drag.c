@@ -4,7 +4,7 @@
 
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
-  vd speed = lane_sqrt(across_squared(s) + s->air[2] * s->air[2]);
+  vd speed = lane_sqrt(s->air[0] * s->air[0] + s->air[1] * s->air[1] + s->air[2] * s->air[2]);
   vd factor = -0.5 * s->rho * p[0] * speed;
   add->force[0] += factor * s->air[0];
   add->force[1] += factor * s->air[1];

@@ -1,6 +1,6 @@
 /* Rotor (induced and flapping) drag: in-plane force against the air velocity, proportional to rotor speed.
  *
- * F_xy = -k sum_i(w_i) V_xy, at the rotor hubs, body frame. k: 1e-6 (27 g) to 1.2e-4 kg/rad (0.5 kg).
+ * F_i,xy = -k w_i V_i,xy at the rotor hubs, body frame, V_i = V + omega x r_i. k: 1e-6 (27 g) to 1.2e-4 kg/rad (0.5 kg).
  * Martin & Salaun 2010; Mahony, Kumar & Corke 2012; Faessler et al. 2018. Valid for V well below tip speed.
  */
 #include "effect.h"
@@ -8,7 +8,9 @@
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
   for (int i = 0; i < GES_ROTORS; i++) {
-    vd fx = -p[0] * s->speed[i] * s->air[0], fy = -p[0] * s->speed[i] * s->air[1];
+    vd air[3];
+    hub_air(s, i, air);
+    vd fx = -p[0] * s->speed[i] * air[0], fy = -p[0] * s->speed[i] * air[1];
     add->force[0] += fx;
     add->force[1] += fy;
     add->moment[0] -= s->hub[i][2] * fy;
@@ -20,7 +22,7 @@ static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t
 EFFECT(rotor_drag) = {
     .name = "rotor_drag",
     .title = "rotor drag, linear in air speed",
-    .equation = "F_xy = -k sum_i(w_i) V_xy",
+    .equation = "F_i = -k w_i (V + omega x r_i)_xy",
     .reference = "Mahony, Kumar & Corke 2012; Faessler et al. 2018",
     .channels = "force_x force_y",
     .kind = GES_WRENCH,

@@ -1,11 +1,12 @@
-/* Extra thrust with edgewise speed, at any height: dT_i = c T_i V^2 / (V^2 + v_h^2), V across the disc. */
+/* Extra thrust with edgewise speed, at any height: dT_i = c T_i V^2 / (V^2 + v_h^2), V across the disc, of its hub. */
 #include "effect.h"
 
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
-  vd v2 = across_squared(s);
-  for (int i = 0; i < GES_ROTORS; i++)
+  for (int i = 0; i < GES_ROTORS; i++) {
+    vd v2 = across_squared(s, i);
     add->thrust[i] += p[0] * s->thrust[i] * (v2 / (v2 + lane_max(induced_squared(s, i), all_lanes(1e-9))));
+  }
 }
 
 EFFECT(translational_lift) = {

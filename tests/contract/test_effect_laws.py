@@ -27,9 +27,9 @@ def test_no_violation_in_all():
 
 FAULTS = {
     "wrong arm": (
-        "sim_c/effects/axial_inflow.c",
-        "s->omega[0] * s->hub[i][1]",
-        "s->omega[0] * s->hub[i][0]",
+        "sim_c/effects/effect.h",
+        "s->air[2] + (w[0] * r[1]",
+        "s->air[2] + (w[0] * r[0]",
         "axial_inflow",
     ),
     "wrong arm of all": (

@@ -144,10 +144,26 @@ def test_a_trim_moment_is_taken_out_of_what_follows_the_controller_alone():
         windows,
         ("moment_x",),
         thrust,
+        np.zeros((len(t), 3)),
         np.ones(len(windows), bool),
     )
     assert np.array_equal(x.of(0, [1])[:, 0], column)
     np.testing.assert_allclose(x.of(0, [0])[:, 0], windows.mean @ motion, atol=0.02)
+
+
+def test_a_moment_that_turned_the_vehicle_is_no_trim():
+    """Turns that are flown again and again, with the thrust: what turned stays in the column."""
+    t = np.arange(0.0, 20.0, 0.01)
+    turning = np.cos(0.7 * t)
+    thrust, omega = 10.0 + turning, np.zeros((len(t), 3))
+    omega[:, 0] = np.sin(0.7 * t) / 0.7
+    windows = make_windows(t, np.ones(len(t), bool), 0.2)
+    x = table_of([{0: windows.mean @ (3.0 + turning)}], len(windows), 1)
+    flying = np.ones(len(windows), bool)
+    untrim(("inertia.xx",), x, windows, ("moment_x",), thrust, omega, flying)
+    left = x.of(0, [0])[:, 0]
+    share = np.polyfit(windows.mean @ turning, left, 1)[0]
+    assert share > 0.4 and abs(left.mean()) < 0.5
 
 
 def test_what_a_drive_does_is_an_answer_but_along_thrust_for_its_mean():

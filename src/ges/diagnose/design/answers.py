@@ -28,6 +28,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from ges.conventions import AXES
 from ges.diagnose.design.instruments import (
     instruments,
     mark_of,
@@ -71,22 +72,27 @@ def untrim(
     windows: Windows,
     names: Sequence[str],
     thrust: np.ndarray,
+    omega: np.ndarray,
     air: np.ndarray,
 ) -> None:
-    """Take out of the ``dynamic`` ones of columns x (m, C, K) what is constant or goes with thrust
-    (n,) in the moments, where they are in the ``air`` (m,).
+    """Take out of the ``dynamic`` ones of columns x (m, C, K) the trim, what is constant or goes
+    with thrust (n,) in the moments, where they are in the ``air`` (m,).
+
+    A moment that turned the vehicle is no trim, though thrust may have changed with it, as in turns
+    flown again and again: the angular acceleration of the body rates ``omega`` (n, 3) is regressed
+    on as well, and stays.
     """
     dynamic = np.array([feedback_of(key) == "dynamic" for key in keys], dtype=bool)
     held = np.column_stack([np.ones(len(thrust)), thrust])
-    for c in (
-        c for c, name in enumerate(names) if block_of(name) == "moment" and dynamic[x.at[c]].any()
-    ):
-        trim, there = (
-            (windows.functions[mark_of(names[c])][0] @ held)[air],
-            np.ix_(air, dynamic[x.at[c]]),
-        )
-        part = x.values[c][there]
-        x.values[c][there] = part - trim @ np.linalg.lstsq(trim, part, rcond=None)[0]
+    for c, name in enumerate(names):
+        if block_of(name) != "moment" or not dynamic[x.at[c]].any():
+            continue
+        mean, rate = windows.functions[mark_of(name)]
+        trim, turned = (mean @ held)[air], (rate @ omega[:, AXES.index(name[len("moment_")])])[air]
+        at = np.ix_(air, dynamic[x.at[c]])
+        regressors = np.column_stack([trim, turned])
+        fitted = np.linalg.lstsq(regressors, x.values[c][at], rcond=None)[0]
+        x.values[c][at] -= trim @ fitted[: trim.shape[1]]
 
 
 @dataclasses.dataclass(frozen=True)

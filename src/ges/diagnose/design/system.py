@@ -462,7 +462,7 @@ def rows(
         [c.key for c in columns],
         model.number("thrust_coefficient_N_s2") * (now.drive.at_work**2).sum(axis=1),
     )
-    untrim(keys, x, windows, names, thrust, air)
+    untrim(keys, x, windows, names, thrust, now.motion.omega, air)
     if like or not instrumented:
         vouch = like.vouched if like else None
     else:

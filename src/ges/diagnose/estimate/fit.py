@@ -218,9 +218,7 @@ class Fitted:
 def _blown(one: str, other: str) -> bool:
     """Whether one is a wind and the other a drag that it acts through."""
     pair = (effect_table.get(one), effect_table.get(other))
-    return any(e.moves_air for e in pair) and (
-        one in pair[1].carriers or other in pair[0].carriers
-    )
+    return any(e.moves_air for e in pair) and (one in pair[1].carriers or other in pair[0].carriers)
 
 
 def starting_values(board: Board, hypothesis: Hypothesis) -> dict[str, dict[str, float]]:
