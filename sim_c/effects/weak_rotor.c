@@ -38,7 +38,7 @@ EFFECT(weak_rotor) = {
     .hints = GES_MANY,
     .search =
         {
-         {.amplitudes = "loss_1 loss_2 loss_3 loss_4", .rule = "each"},
+         {.amplitudes = "loss_1 loss_2 loss_3 loss_4", .rule = "places"},
         },
     .wrench = wrench,
 };

@@ -5,12 +5,14 @@ import pytest
 
 import ges
 from ges.diagnose.calibrate.calibrate import calibrate
+from ges.diagnose.decide.declared import Contradicted
 from ges.diagnose.design.system import ALL_ON, residuals_with
 from ges.diagnose.estimate.fit import calibrated, null_fit
 from ges.diagnose.estimate.recalibrate import operating_point
 from ges.diagnose.library.candidates import flown as where_flown
 from ges.diagnose.library.grids import library, out_of_reach
 from ges.diagnose.prepare.gate import pass_gate
+from ges.diagnose.report.verdict import verdict_of
 from ges.diagnose.types.model import from_vehicle
 from ges.diagnose.validate.stages import first_system
 from ges.errors import GesError
@@ -90,3 +92,13 @@ def test_what_lies_beyond_the_bounds_of_its_parameters_is_not_tried(flown, sheet
     far = where_flown([flight])
     assert "downwash" not in library(model, far)
     assert "width_m" in out_of_reach(effects.get("downwash"), model, far)
+
+
+def test_a_trim_of_a_calibrated_file_that_moved_far_is_a_change_whose_cause_is_open():
+    """*Nothing proven* beside a trim 5 sds away from its file would contradict itself."""
+    moved = Contradicted("weak_rotor.loss_1", 0.06, 0.004, 0.012, 0.06)
+    assert moved.is_trim and "vehicle has changed" in moved.sentence()
+    assert verdict_of((), [moved], ()) == "unknown"
+    number = Contradicted("thrust_scale.scale", 0.3, 0.01, 0.03, 0.3)
+    assert not number.is_trim and verdict_of((), [number, moved], ()) == "parameter"
+    assert verdict_of((), [], ()) == "nothing_proven"

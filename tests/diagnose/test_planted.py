@@ -176,6 +176,16 @@ def test_planted_effect_is_found(name, flown, vehicle):
     assert named <= set(PLANTED[name]) | {name}, found.sentence
 
 
+def test_two_cut_propellers_are_two_findings_with_their_places(flown, vehicle):
+    lost = {"loss_1": 0.1, "loss_3": 0.16}
+    flights = _recordings(flown, vehicle, {"weak_rotor": lost})
+    found = ges.diagnose(flights, vehicle, holdout=["flight5"])
+    assert [f.name for f in found.findings] == ["weak_rotor", "weak_rotor"], found.sentence
+    assert {f.place for f in found.findings} == {"rotor 1", "rotor 3"}
+    told = {name: e.value for f in found.findings for name, e in f.parameters.items()}
+    assert told == pytest.approx(lost, rel=0.1)
+
+
 @pytest.fixture(scope="module")
 def nothing(flown, vehicle):
     """The diagnosis of flights in which nothing is planted."""

@@ -10,7 +10,6 @@ from ges.diagnose.decide import rules
 from ges.diagnose.decide.rules import (
     SEARCH_RULES,
     Weighed,
-    balanced,
     beside_larger,
     carried,
     distinguishable,
@@ -42,16 +41,14 @@ def _search(evidence: dict[tuple[str, ...], float]) -> Search:
     )
 
 
-def _weighed(
-    found, names, sizes=(), effects=(), flights=(), known=(), undecided=(), monkeypatch=None
-):
+def _weighed(found, names, sizes=(), effects=(), flights=(), known=(), monkeypatch=None):
     """The context of the rules; ``sizes`` by name and block."""
     model = SimpleNamespace(effects=dict.fromkeys(effects, {}))
     board = SimpleNamespace(system=SimpleNamespace(model=model, flights=flights))
     if monkeypatch:
         sizes = dict(sizes)
         monkeypatch.setattr(rules, "shares_of", lambda board, best, place: sizes[min(place)])
-    return Weighed(board, found, dict(known), frozenset(undecided), tuple(names))
+    return Weighed(board, found, dict(known), tuple(names))
 
 
 def _told(weighed, record=None) -> tuple[str, ...]:
@@ -95,11 +92,6 @@ def test_a_name_has_to_make_more_than_no_model_is_right_to(size, passed, monkeyp
     )
     decision = large_enough(weighed, "rotor_drag")
     assert decision.passed == passed and decision.statistic == size
-
-
-def test_what_the_balance_cannot_tell_apart_is_not_told():
-    weighed = _weighed(_search({("weak_rotor",): 9.0}), ("weak_rotor",), undecided=("weak_rotor",))
-    assert not balanced(weighed, "weak_rotor").passed and balanced(weighed, "rotor_drag").passed
 
 
 def test_a_set_that_adds_no_other_name_is_no_rival():

@@ -25,7 +25,6 @@ from ges.diagnose.decide.rules import (
     significant,
 )
 from ges.diagnose.design.system import System, build
-from ges.diagnose.detectors.balance import undecided
 from ges.diagnose.detectors.loads import likely_load, sharpened
 from ges.diagnose.estimate.fit import Fitted, fitted_model, free_parameters, polish, starting_values
 from ges.diagnose.estimate.shoot import shot
@@ -87,13 +86,12 @@ def accept(start: Board, record: Record, only: Sequence[str] | None = None) -> A
     system, first = start.system, None
     base, fitted, names, probability, sizes = system.model, None, (), {}, {}
     contested: set[str] = set()
-    blurred = undecided(system) if only is None else frozenset()
     listed = candidates_of(system.recordings, base, (), only)
     while listed:
         board = start if first is None else _laid_out(listed, base, system)
         board, found = _searched(board, listed, base, only)
         first = first or (board, found)
-        weighed = Weighed(board, found, sizes, blurred, found.best.names)
+        weighed = Weighed(board, found, sizes, found.best.names)
         told = judged(SEARCH_RULES, weighed, sorted(found.inclusion), record)
         told = tuple(n for n in found.best.names if n in told)
         if not names:

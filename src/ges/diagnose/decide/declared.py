@@ -41,12 +41,22 @@ class Contradicted:
         return self.key.split(".")[0]
 
     @property
+    def is_trim(self) -> bool:
+        """Whether it is no number of the vehicle, but a trim that its file was calibrated with."""
+        return not _is_declared(self.key)
+
+    @property
     def sds(self) -> float:
         """Distance from what is declared, in declared sds."""
         return abs(self.value) / self.declared_sd
 
     def sentence(self) -> str:
         """What is wrong, by how much, against which doubt."""
+        if self.is_trim:
+            return (
+                f"The vehicle has changed since its file was made: {self.key} moved by"
+                f" {self.sds:.1f} times the sd that the file has of it, and what did it is open."
+            )
         return (
             f"The vehicle file is wrong about {words_of(self.key)}: these flights need"
             f" {100.0 * self.share:+.0f} %, {self.sds:.1f} times its declared sd."
@@ -54,8 +64,8 @@ class Contradicted:
 
 
 def contradicted(joint: Joint, system: System, but: Collection[str] = ()) -> list[Contradicted]:
-    """Declared numbers that a fit moves beyond :data:`BEYOND_SDS`, and by more than what no model
-    is right to, the farthest first.
+    """Declared numbers, and trims that the file was calibrated with, that a fit moves beyond
+    :data:`BEYOND_SDS`, and by more than what no model is right to, the farthest first.
 
     Parameters
     ----------
@@ -68,7 +78,6 @@ def contradicted(joint: Joint, system: System, but: Collection[str] = ()) -> lis
         Contradicted(key, value, joint.common_sd[key], sd, _share(key, value, model))
         for key, value in joint.common.items()
         if (sd := model.doubts.get(key))
-        and _is_declared(key)
         and key.split(".")[0] not in but
         and abs(value) > BEYOND_SDS * sd
         and abs(value) * share[:, system.nuisances[key]].max() >= 1.0
@@ -87,4 +96,6 @@ def _share(key: str, value: float, model: Model) -> float:
     if key == SPEED:
         return value / model.number(parameter)
     known = effect_table.get(effect).parameter(parameter)
-    return value if known.unit == "1" else value / model.number(known.corrects[-1])
+    if known.unit == "1" or not known.corrects:
+        return value
+    return value / model.number(known.corrects[-1])

@@ -47,14 +47,12 @@ class Weighed:
     ----------
     board, found : the search.
     known : sizes of effects that are accepted already, over what matters at least.
-    undecided : names that the balance of a calibrated vehicle cannot tell apart.
     standing : names that passed the rules before, in the order of the best set.
     """
 
     board: Board
     found: Search
     known: Mapping[str, float]
-    undecided: frozenset[str]
     standing: tuple[str, ...]
 
     @functools.cached_property
@@ -166,13 +164,6 @@ def distinguishable(c: Weighed, name: str) -> Decision:
     return Decision("distinguishable", not others, because, lead, least)
 
 
-def balanced(c: Weighed, name: str) -> Decision:
-    """The slow balance of a calibrated vehicle says which of two causes near a rotor it is."""
-    told = name not in c.undecided
-    because = "" if told else "a mass at the hub would move the balance as much"
-    return Decision("balanced", told, because or "the balance does not speak against it")
-
-
 SEARCH_RULES: tuple[Rule[Weighed], ...] = (
     probable,
     best_of_its_family,
@@ -182,7 +173,6 @@ SEARCH_RULES: tuple[Rule[Weighed], ...] = (
     carried,
     more_than_its_carriers_form,
     distinguishable,
-    balanced,
 )
 
 

@@ -14,11 +14,10 @@ from ges.diagnose.decide.accept import (
     accept,
     shot_fit,
     with_alternatives,
-    withdrawn,
     without,
 )
 from ges.diagnose.decide.sizes import least_share
-from ges.diagnose.decide.unknown import borrowed, left_over, theirs
+from ges.diagnose.decide.unknown import BORROWED_R2, borrowed, left_over, theirs
 from ges.diagnose.design.system import System
 from ges.diagnose.detectors.gusts import HANGING, PUSHED, WIND, Gusts, gusts_of, may_lean
 from ges.diagnose.detectors.thrust import UntoldThrust, untold_thrust
@@ -27,7 +26,7 @@ from ges.diagnose.estimate.fit import Joint, fitted_model, strain, strain_withou
 from ges.diagnose.types.decision import Decision, Record
 from ges.diagnose.types.model import Model
 from ges.diagnose.validate.stages import Stage, Start, stage
-from ges.diagnose.validate.structure import Structure
+from ges.diagnose.validate.structure import Structure, moved_with
 from ges.simulator import effects as effect_table
 
 STRAINED = 5.0
@@ -80,7 +79,8 @@ def explained(
     answer = _answer(shot_fit(accepted), gusts, start, declared)
     if only is not None:
         return answer
-    return _not_of_a_form(_not_borrowed(answer, start, record), start, declared, record)
+    answer = _not_borrowed(answer, start, declared, record)
+    return _not_of_a_form(answer, start, declared, record)
 
 
 def _answer(accepted: Accepted, gusts: Gusts | None, start: Start, declared: Model) -> Answer:
@@ -136,25 +136,31 @@ def _unstrained(accepted: Accepted, first: Joint, record: Record) -> Accepted:
     return accepted
 
 
-def _not_borrowed(answer: Answer, start: Start, record: Record) -> Answer:
-    """The answer, or none at all where its names may stand for something that is not in the
-    library.
+def _not_borrowed(answer: Answer, start: Start, declared: Model, record: Record) -> Answer:
+    """The answer without names that may stand for something that is not in the library: a structure
+    that is left counts against the names that act mainly in its channel, or in one that the same
+    cause moves, and against no others.
     """
     if not answer.added or answer.accepted.rivals:
         return answer
-    model = start.system.model
-    others = borrowed(theirs(answer.foretold, answer.added, start.system), model)
-    for name in answer.accepted.names:
-        because = (
-            f"a function of {' and '.join(others[0].regime)} still foretells {others[0].channel}"
-            if others
-            else "nothing large is foretold of what is left"
-        )
-        statistic = others[0].r2 if others else None
-        record.note(name, Decision("no_lack_of_fit", not others, because, statistic))
-    if not others:
+    model, accepted = start.system.model, answer.accepted
+    left = borrowed(theirs(answer.foretold, answer.added, start.system), model)
+    for name, added in answer.added.items():
+        acts_in = size_of(added, start.system)["channel"]
+        mine = [s for s in left if s.channel in moved_with(acts_in)]
+        because = f"nothing large is foretold of what it leaves in {acts_in}"
+        if mine:
+            by = " and ".join(mine[0].regime)
+            because = f"{by} still foretell {mine[0].channel}, where it mainly acts"
+        statistic = mine[0].r2 if mine else None
+        record.note(name, Decision("no_lack_of_fit", not mine, because, statistic, BORROWED_R2))
+        if mine and name in accepted.names:
+            accepted = without(accepted, name)
+    if accepted is answer.accepted:
         return answer
-    return Answer(withdrawn(answer.accepted), None, start.first, start.first.structures, {})
+    if not accepted.names:
+        return Answer(accepted, None, start.first, start.first.structures, {})
+    return _answer(accepted, answer.gusts, start, declared)
 
 
 def _not_of_a_form(answer: Answer, start: Start, declared: Model, record: Record) -> Answer:

@@ -198,17 +198,6 @@ def _strongest(weighed: Sequence[tuple[Cause, Cause]]) -> tuple[Cause, Cause]:
     return max(weighed, key=lambda pair: max(c.explained for c in pair))
 
 
-def undecided(system: System) -> frozenset[str]:
-    """``weak_rotor``, where a calibrated vehicle's balance does not tell it from a mass near the
-    rotor; then it is not proven.
-    """
-    weighed = causes_of(system)
-    if not weighed:
-        return frozenset()
-    loss, mass = _strongest(weighed)
-    return frozenset({"weak_rotor"} if loss.explained - mass.explained < TOLD_APART else ())
-
-
 def shift_of(system: System) -> Shift | None:
     """The shift, where the balance leaves what a calibrated file allows and its cause is open; else
     None.

@@ -13,6 +13,7 @@ from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.prepare.channels import channels
 from ges.diagnose.types.model import Model
 from ges.diagnose.types.words import size_unit
+from ges.simulator import effects as effect_table
 
 ALIKE = 1.0 + 1e-9
 """What force and accelerometer show of one push differs by rounding alone: the first is told."""
@@ -39,12 +40,20 @@ def contributions(
     """
     if fitted is None:
         return {}
-    system, added = fitted.board.system, {}
-    for name in names:
-        bare = {k: v for k, v in system.model.effects.items() if k != name}
-        bare |= {name: declared.effects[name]} if name in declared.effects else {}
-        added[name] = [_added(rows, bare, system.model, system.main) for rows in system.flights]
-    return added
+    system = fitted.board.system
+    return {n: contributions_of(system.model.effects, n, system, declared) for n in names}
+
+
+def contributions_of(
+    effects: effect_table.Effects, name: str, system: System, declared: Model
+) -> list[np.ndarray]:
+    """What one of the ``effects`` adds to what the ``declared`` model has of it, by flight, (m,
+    C).
+    """
+    bare = {k: v for k, v in effects.items() if k != name}
+    bare |= {name: declared.effects[name]} if name in declared.effects else {}
+    model = dataclasses.replace(system.model, effects=effects)
+    return [_added(rows, bare, model, system.main) for rows in system.flights]
 
 
 def _added(rows, effects: Mapping, model: Model, names: tuple[str, ...]) -> np.ndarray:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
@@ -53,6 +54,15 @@ class Variant:
     beside: effect_table.Effects = dataclasses.field(default_factory=dict)
 
     @property
+    def places(self) -> tuple[str, ...]:
+        """Where an effect acts that may act in several places, ``rotor 3``, by its numbered
+        amplitudes; none for all others.
+        """
+        if "many" not in effect_table.get(self.effect).hints:
+            return ()
+        return tuple(filter(None, (place_of(a.parameter) for a in self.amplitudes)))
+
+    @property
     def key(self) -> str:
         """A name for the shape, the amplitudes and their steps."""
         known = {
@@ -67,6 +77,12 @@ class Variant:
         """The effect's parameters with the given amplitudes, all others neutral."""
         zero = {a.parameter: a.neutral for a in self.amplitudes}
         return {**effect_table.get(self.effect).neutral(), **self.shape, **zero, **values}
+
+
+def place_of(parameter: str) -> str:
+    """``rotor 3`` of a numbered parameter, ``loss_3``; '' of all others."""
+    numbered = re.fullmatch(r".*_(\d)", parameter)
+    return f"rotor {numbered[1]}" if numbered else ""
 
 
 @dataclasses.dataclass(frozen=True)

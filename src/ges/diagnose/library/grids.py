@@ -127,6 +127,14 @@ def _each(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple
     return tuple(_variant(effect, (name,)) for name in search.amplitudes)
 
 
+def _places(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple[Variant, ...]:
+    """At each place, one amplitude a place, and at each two of them; towards more of it alone, as
+    no blade heals.
+    """
+    sets = (c for n in (1, 2) for c in itertools.combinations(search.amplitudes, n))
+    return tuple(_one_way(_variant(effect, names), low=0.0) for names in sets)
+
+
 def _axes(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple[Variant, ...]:
     """Every subset of the axes: an error of one axis does not pay for the others. Levels are steps
     of the columns, each of which holds on its side of neutral.
@@ -139,13 +147,13 @@ def _axes(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple
     if not search.levels:
         return tuple(sets)
     sides = [{"step": s, ("low" if s > 0.0 else "high"): 0.0} for s in search.levels]
-    return tuple(
-        dataclasses.replace(
-            v, amplitudes=tuple(dataclasses.replace(a, **side) for a in v.amplitudes)
-        )
-        for side in sides
-        for v in sets
-    )
+    return tuple(_one_way(v, **side) for side in sides for v in sets)
+
+
+def _one_way(variant: Variant, **changes: float) -> Variant:
+    """The variant with other steps or bounds of all of its amplitudes."""
+    changed = tuple(dataclasses.replace(a, **changes) for a in variant.amplitudes)
+    return dataclasses.replace(variant, amplitudes=changed)
 
 
 def _at_level(variant: Variant, *steps: float, **changes) -> Variant:
@@ -290,6 +298,7 @@ def _drawn(effect: Effect, search: Search, model: Model, reached: Flown) -> tupl
 RULES: Mapping[str, Rule] = {
     "": _grid,
     "each": _each,
+    "places": _places,
     "axes": _axes,
     "levels": _levels,
     "asked": _asked,

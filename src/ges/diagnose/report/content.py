@@ -4,7 +4,6 @@ stays unexplained, what was considered.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 
 from ges.diagnose.decide.accept import Accepted
@@ -13,7 +12,7 @@ from ges.diagnose.design.answers import strengths
 from ges.diagnose.design.system import System
 from ges.diagnose.detectors.gusts import GUSTS, heard_by
 from ges.diagnose.estimate.fit import Joint
-from ges.diagnose.library.candidates import Variant, flown
+from ges.diagnose.library.candidates import flown
 from ges.diagnose.library.grids import out_of_reach
 from ges.diagnose.library.requirements import lacking
 from ges.diagnose.prepare.align import Prepared
@@ -149,7 +148,7 @@ def considered(
     """
     inclusion = accepted.found.inclusion
     entries = [
-        Considered(name, place_of(accepted, name), inclusion.get(name), record.of(name))
+        Considered(name, places_of(accepted, name), inclusion.get(name), record.of(name))
         for name in dict.fromkeys((*inclusion, *record.names))
     ]
     entries += [
@@ -160,7 +159,7 @@ def considered(
     return tuple(sorted(entries, key=lambda c: (-(c.probability or 0.0), c.name)))
 
 
-def place_of(accepted: Accepted, name: str) -> str:
+def places_of(accepted: Accepted, name: str) -> str:
     """Where an effect that acts in one of several places does, ``rotor 3``, by the best variant;
     '' for all others.
     """
@@ -169,10 +168,4 @@ def place_of(accepted: Accepted, name: str) -> str:
         return ""
     columns = accepted.board.system.columns
     mine = (v for k in best.posterior.columns if (v := columns[k].variant).effect == name)
-    return _place(next(mine))
-
-
-def _place(variant: Variant) -> str:
-    """``rotor 3`` of a variant whose only amplitude is numbered, ``loss_3``."""
-    numbered = [re.fullmatch(r".*_(\d)", a.parameter) for a in variant.amplitudes]
-    return f"rotor {numbered[0][1]}" if len(numbered) == 1 and numbered[0] else ""
+    return " and ".join(next(mine).places)

@@ -17,11 +17,11 @@ from ges.diagnose.design.system import System
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.clocks import settled_findings
 from ges.diagnose.detectors.thrust import UntoldThrust
-from ges.diagnose.estimate.contributions import contributions, size_of
+from ges.diagnose.estimate.contributions import contributions, contributions_of, size_of
 from ges.diagnose.estimate.fit import Fitted
-from ges.diagnose.library.candidates import amplitude_of
+from ges.diagnose.library.candidates import amplitude_of, place_of
 from ges.diagnose.prepare.gate import Gate
-from ges.diagnose.report.content import place_of
+from ges.diagnose.report.content import places_of
 from ges.diagnose.select.stated import stated
 from ges.diagnose.types.decision import Record
 from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
@@ -49,7 +49,7 @@ def all_findings(
     choosing : whether names were searched, and not given.
     """
     accepted = answer.accepted
-    proven = [finding(accepted, n, added) for n, added in answer.added.items()]
+    proven = [f for n, added in answer.added.items() for f in by_place(accepted, n, added)]
     proven.sort(key=lambda f: -f.size["share_of_weight"])
     proven += [answer.gusts.finding()] if answer.gusts else []
     if choosing:
@@ -138,15 +138,37 @@ def finding(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> Findi
         parameters_of(accepted.fitted, name, declared),
         size_of(added, accepted.fitted.board.system),
         alternatives_of(accepted, name),
-        place=place_of(accepted, name),
+        place=places_of(accepted, name),
     )
+
+
+def by_place(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> list[Finding]:
+    """One accepted effect; of one that acts in several places, a finding for each place."""
+    fitted, model = accepted.fitted, accepted.board.system.model
+    system = fitted.board.system
+    numbered = [p for e, p in fitted.free if e == name and place_of(p)]
+    if len(numbered) < 2:
+        return [finding(accepted, name, added)]
+    whole = finding(accepted, name, added)
+    neutral = effect_table.get(name).neutral()
+    found = []
+    for parameter in numbered:
+        others = {p: neutral[p] for p in numbered if p != parameter}
+        effects = {**system.model.effects, name: {**fitted.effects[name], **others}}
+        size = size_of(contributions_of(effects, name, system, model), system)
+        parameters = {parameter: whole.parameters[parameter]}
+        place = place_of(parameter)
+        found.append(dataclasses.replace(whole, parameters=parameters, size=size, place=place))
+    return found
 
 
 def declared_findings(wrong: Sequence[Contradicted], system: System) -> list[Finding]:
     """Declared numbers that the flights contradict, by the effect that corrects them; a number that
     none corrects is told in the sentence and the calibration alone.
     """
-    names = dict.fromkeys(number.effect for number in wrong if number.effect != "vehicle")
+    names = dict.fromkeys(
+        number.effect for number in wrong if number.effect != "vehicle" and not number.is_trim
+    )
     return [_declared(name, [n for n in wrong if n.effect == name], system) for name in names]
 
 
@@ -187,7 +209,7 @@ def _open(accepted: Accepted, name: str) -> Finding:
         parameters_of(fitted, name, declared),
         size_of(added, fitted.board.system),
         is_open=True,
-        place=place_of(accepted, name),
+        place=places_of(accepted, name),
     )
 
 

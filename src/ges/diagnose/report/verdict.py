@@ -26,9 +26,9 @@ def verdict_of(
     for kind in ("physics", "sensor", "parameter"):
         if kind in kinds:
             return kind
-    if wrong:
+    if any(not number.is_trim for number in wrong):
         return "parameter"
-    return "unknown" if unexplained else "nothing_proven"
+    return "unknown" if unexplained or wrong else "nothing_proven"
 
 
 def where_words(item: Mapping) -> str:
@@ -156,10 +156,11 @@ def sentence_of(
             f" detectable.{_moved(calibration, wrong)}{not_spoken_about(off)}"
         )
     if verdict == "unknown":
-        return (
-            f"{where} No effect of the library explains it: it stays unknown, rather than under the"
-            " nearest name.".strip()
+        stays = (
+            " No effect of the library explains it: it stays unknown, rather than under the nearest"
+            " name."
         )
+        return f"{where}{_moved(calibration, wrong) if wrong else stays}".strip()
     if verdict == "ambiguous":
         gain = _gain(fit) if fit.get("alternatives") else ""
         numbers = _moved(calibration, wrong) if wrong else ""

@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -15,18 +17,20 @@ from ges.diagnose.select.evidence import Board, Gram, Posterior, Prior, posterio
 from ges.threads import each
 
 AT_ONCE = 4096
+PRIOR_OF_SIZE = (0.5, 0.3, 0.13, 0.05, 0.02)
 
 
 @dataclasses.dataclass(frozen=True)
 class Entry:
-    """One variant of one candidate: its columns, and what they are coefficients of, as
-    ``effect.parameter``.
+    """One variant of one candidate: its columns, what they are coefficients of, as
+    ``effect.parameter``, and its log prior among the variants of its name.
     """
 
     name: str
     number: int
     columns: tuple[int, ...]
     keys: tuple[str, ...]
+    log_share: float
 
 
 def entries(board: Board, candidates: Sequence[Candidate]) -> list[Entry]:
@@ -36,7 +40,25 @@ def entries(board: Board, candidates: Sequence[Candidate]) -> list[Entry]:
         (name, columns) for (name, _), columns in board.by_variant().items() if name in allowed
     ]
     keys = [tuple(dict.fromkeys(all_columns[k].key for k in columns)) for _, columns in found]
-    return [Entry(name, i, tuple(columns), keys[i]) for i, (name, columns) in enumerate(found)]
+    shares = _log_shares(
+        [(name, max(1, len(all_columns[columns[0]].variant.places))) for name, columns in found]
+    )
+    return [
+        Entry(name, i, tuple(columns), keys[i], shares[i])
+        for i, (name, columns) in enumerate(found)
+    ]
+
+
+def _log_shares(variants: Sequence[tuple[str, int]]) -> list[float]:
+    """Log prior of variants, given by name and in how many places they act, among those of their
+    name: all alike, but that so many places are as much rarer as so many causes are.
+    """
+    many = Counter(variants)
+    weight = {(n, k): PRIOR_OF_SIZE[k] / PRIOR_OF_SIZE[1] for n, k in many}
+    total: dict[str, float] = {}
+    for name, places in many:
+        total[name] = total.get(name, 0.0) + weight[name, places]
+    return [math.log(weight[v] / total[v[0]] / many[v]) for v in variants]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,10 +12,9 @@ from scipy.special import logsumexp
 
 from ges.diagnose.library.candidates import Candidate, Variant, acts_among, modifiers_of
 from ges.diagnose.select.evidence import Board, Posterior
-from ges.diagnose.select.scales import Entry, Scales, entries, scales
+from ges.diagnose.select.scales import PRIOR_OF_SIZE, Entry, Scales, entries, scales
 from ges.simulator import effects as effect_table
 
-PRIOR_OF_SIZE = (0.5, 0.3, 0.13, 0.05, 0.02)
 LARGEST = 4
 BEAM = 3
 
@@ -91,7 +90,8 @@ def _sets_of(
     on: Scales, combos: Sequence[tuple[Entry, ...]], count: int
 ) -> dict[tuple[str, ...], Hypothesis]:
     """Evidence of every set of names: mean over the variants, the best variant kept."""
-    weight = on.log_evidences(combos)
+    share = np.array([sum(e.log_share for e in combo) for combo in combos])
+    weight = on.log_evidences(combos) + share
     grouped: dict[tuple[str, ...], list[int]] = {}
     for i, combo in enumerate(combos):
         grouped.setdefault(tuple(sorted(e.name for e in combo)), []).append(i)
@@ -99,7 +99,8 @@ def _sets_of(
     out = {}
     for (names, members), top, found in zip(grouped.items(), best, on.weigh(best), strict=True):
         prior, rarity = _log_prior(names, count), log_rarity(names)
-        total = float(np.logaddexp.reduce(weight[members]) - np.log(len(members))) + prior + rarity
+        mean = np.logaddexp.reduce(weight[members]) - np.logaddexp.reduce(share[members])
+        total = float(mean) + prior + rarity
         out[names] = Hypothesis(names, tuple(e.number for e in top), found, total, log_prior=prior)
     return out
 
