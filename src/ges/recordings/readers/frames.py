@@ -1,0 +1,114 @@
+"""Frames: north-east-down with forward-right-down (aviation) to east-north-up with
+forward-left-up, and angles to quaternions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ges.conventions import BODY_RATE, GRAVITY_M_S2, QUATERNION, SPECIFIC_FORCE
+
+FLU_FROM_FRD = (1.0, -1.0, -1.0)
+EULER = ("roll_rad", "pitch_rad", "yaw_rad")
+WORLD_ACCELERATION = ("acc_world_x_m_s2", "acc_world_y_m_s2", "acc_world_z_m_s2")
+
+
+def enu_from_ned(north: np.ndarray, east: np.ndarray, down: np.ndarray) -> tuple[np.ndarray, ...]:
+    """A world vector: x east, y north, z up."""
+    return east, north, -down
+
+
+def yaw_from_heading(heading: np.ndarray) -> np.ndarray:
+    """Yaw (rad, from east to north, within pi) of a heading (rad, from north to east)."""
+    return (np.pi / 2 - heading + np.pi) % (2 * np.pi) - np.pi
+
+
+def attitude_from_ned(q: np.ndarray) -> np.ndarray:
+    """Quaternion (4, n), Hamilton and scalar first, of NED/FRD as that of ENU/FLU:
+    q_enu_from_ned q q_frd_from_flu, which is (0, h, h, 0) q (0, 1, 0, 0) with h = sqrt(1/2), sign
+    dropped.
+    """
+    w, x, y, z = q
+    h = np.sqrt(0.5)
+    return one_sign(np.stack([h * (w + z), h * (x + y), h * (x - y), h * (w - z)]))
+
+
+def one_sign(q: np.ndarray) -> np.ndarray:
+    """Quaternions (4, n) of length one, each on the side of the one before; NaN where the length
+    is zero or not finite.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        q = q / np.linalg.norm(q, axis=0)
+    q = np.where(np.isfinite(q).all(axis=0), q, np.nan)
+    good = np.flatnonzero(np.isfinite(q[0]))
+    flips = np.where(np.sum(q[:, good[1:]] * q[:, good[:-1]], axis=0) < 0, -1.0, 1.0)
+    q[:, good[1:]] *= np.cumprod(flips)
+    return q
+
+
+def quaternion(roll: np.ndarray, pitch: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+    """Hamilton quaternion body-to-world of shape (4, n) from yaw-pitch-roll (z-y-x) angles in
+    radians.
+    """
+    cr, sr, cp, sp, cy, sy = (f(a / 2) for a in (roll, pitch, yaw) for f in (np.cos, np.sin))
+    return np.stack(
+        [
+            cy * cp * cr + sy * sp * sr,
+            cy * cp * sr - sy * sp * cr,
+            cy * sp * cr + sy * cp * sr,
+            sy * cp * cr - cy * sp * sr,
+        ]
+    )
+
+
+def named(names: tuple[str, ...], values) -> dict[str, np.ndarray]:
+    """Columns of a vector, one a component."""
+    return dict(zip(names, values, strict=True))
+
+
+def attitude(q: np.ndarray) -> dict[str, np.ndarray]:
+    """Columns of a quaternion (4, n)."""
+    return named(QUATERNION, q)
+
+
+def rates(frd: list[np.ndarray]) -> dict[str, np.ndarray]:
+    """Columns of body rates given forward-right-down, rad/s."""
+    return named(BODY_RATE, [s * v for s, v in zip(FLU_FROM_FRD, frd, strict=True)])
+
+
+def specific_force(frd: list[np.ndarray]) -> dict[str, np.ndarray]:
+    """Columns of a specific force given forward-right-down, m/s^2 (about -9.8 down at rest)."""
+    return named(SPECIFIC_FORCE, [s * v for s, v in zip(FLU_FROM_FRD, frd, strict=True)])
+
+
+def with_quaternion(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Add the quaternion where roll, pitch and yaw are all there; incomplete angles stay as they
+    are.
+    """
+    out = dict(columns)
+    if all(name in out for name in EULER):
+        out |= attitude(quaternion(*(out.pop(name) for name in EULER)))
+    return out
+
+
+def with_specific_force(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Turn a world acceleration without gravity into the body's specific force where the whole
+    attitude was logged: f = R(q)^T (a + g e_z).
+    """
+    out = dict(columns)
+    if all(name in out for name in (*QUATERNION, *WORLD_ACCELERATION)) and not any(
+        name in out for name in SPECIFIC_FORCE
+    ):
+        world = [out.pop(name) for name in WORLD_ACCELERATION]
+        world[2] = world[2] + GRAVITY_M_S2
+        w, x, y, z = (out[name] for name in QUATERNION)
+        rows = (
+            (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)),
+            (2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)),
+            (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)),
+        )
+        for name, row in zip(SPECIFIC_FORCE, rows, strict=True):
+            out[name] = sum(r * a for r, a in zip(row, world, strict=True))
+    return out
