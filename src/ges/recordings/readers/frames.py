@@ -4,11 +4,11 @@ forward-left-up, and angles to quaternions.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from ges.conventions import BODY_RATE, GRAVITY_M_S2, QUATERNION, SPECIFIC_FORCE
+from ges.conventions import GRAVITY_M_S2, QUATERNION, SPECIFIC_FORCE
 
 FLU_FROM_FRD = (1.0, -1.0, -1.0)
 EULER = ("roll_rad", "pitch_rad", "yaw_rad")
@@ -63,24 +63,14 @@ def quaternion(roll: np.ndarray, pitch: np.ndarray, yaw: np.ndarray) -> np.ndarr
     )
 
 
-def named(names: tuple[str, ...], values) -> dict[str, np.ndarray]:
-    """Columns of a vector, one a component."""
+def flu_from_frd(vector: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """A body vector, forward-right-down turned forward-left-up."""
+    return [sign * v for sign, v in zip(FLU_FROM_FRD, vector, strict=True)]
+
+
+def named(names: tuple[str, ...], values: Iterable[np.ndarray]) -> dict[str, np.ndarray]:
+    """Columns of a vector or quaternion, one a component."""
     return dict(zip(names, values, strict=True))
-
-
-def attitude(q: np.ndarray) -> dict[str, np.ndarray]:
-    """Columns of a quaternion (4, n)."""
-    return named(QUATERNION, q)
-
-
-def rates(frd: list[np.ndarray]) -> dict[str, np.ndarray]:
-    """Columns of body rates given forward-right-down, rad/s."""
-    return named(BODY_RATE, [s * v for s, v in zip(FLU_FROM_FRD, frd, strict=True)])
-
-
-def specific_force(frd: list[np.ndarray]) -> dict[str, np.ndarray]:
-    """Columns of a specific force given forward-right-down, m/s^2 (about -9.8 down at rest)."""
-    return named(SPECIFIC_FORCE, [s * v for s, v in zip(FLU_FROM_FRD, frd, strict=True)])
 
 
 def with_quaternion(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -89,7 +79,7 @@ def with_quaternion(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """
     out = dict(columns)
     if all(name in out for name in EULER):
-        out |= attitude(quaternion(*(out.pop(name) for name in EULER)))
+        out |= named(QUATERNION, quaternion(*(out.pop(name) for name in EULER)))
     return out
 
 

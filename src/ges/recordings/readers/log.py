@@ -15,6 +15,7 @@ import pandas as pd
 
 from ges.conventions import (
     BODY_RATE,
+    N_ROTORS,
     POSITION,
     POSITION_REF,
     QUATERNION,
@@ -22,7 +23,7 @@ from ges.conventions import (
     VELOCITY,
     VELOCITY_REF,
 )
-from ges.errors import GesError
+from ges.errors import GesError, UsageError
 
 COLUMNS: Mapping[str, str] = {
     "position": "|".join(POSITION),
@@ -44,9 +45,8 @@ COLUMNS: Mapping[str, str] = {
 DRIVE = ("command", "rotor_speed")
 MOTION = ("attitude", "position", "velocity", "rates", "acceleration")
 
-# Motion and motors slower than this say nothing of a quadrotor, whose attitude settles within a
-# third of a second.
-LEAST_RATE_HZ = 3.0
+# The diagnosis takes half a second without news for a gap.
+LEAST_RATE_HZ = 2.0
 SHORTEST_S = 2.0
 
 # Between two samples a straight line is drawn only if they are no farther apart than three usual
@@ -169,16 +169,26 @@ class Options:
     Attributes
     ----------
     mapping : column or topic map: a file, or the name of a preset.
-    pulse : values of the motor outputs that mean command 0 and 1, where the log does not say.
+    pwm : values of the motor outputs (us) that mean command 0 and 1, where the log does not say.
     rotor_order : for each motor 1, 2, ... the number of the speed reading that is its own, counted
         from 1, where the log does not say.
     part : which flight of a file that holds several, counted from 1; the longest if None.
     """
 
     mapping: str | Path | None = None
-    pulse: tuple[float, float] | None = None
+    pwm: tuple[float, float] | None = None
     rotor_order: tuple[int, ...] | None = None
     part: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.pwm and not self.pwm[1] > self.pwm[0]:
+            raise UsageError(
+                f"--pwm {self.pwm[0]:g} {self.pwm[1]:g}: the output that means 0 must be below the"
+                " one that means 1"
+            )
+        if self.rotor_order and sorted(self.rotor_order) != list(range(1, N_ROTORS + 1)):
+            order = " ".join(map(str, self.rotor_order))
+            raise UsageError(f"--rotor-order {order}: name each of 1 to {N_ROTORS} once")
 
 
 class Reader(Protocol):
@@ -205,6 +215,15 @@ def named_streams(
         if np.isfinite(values).any():
             groups.setdefault(stream_of(column), {})[column] = values
     return {name: Stream(t_s, group, source) for name, group in groups.items()}
+
+
+def increasing(t_s: np.ndarray) -> tuple[np.ndarray, str]:
+    """Rows (n,) whose time is a number and goes on, and what is to be said of the others."""
+    finite = np.isfinite(t_s)
+    latest = np.maximum.accumulate(np.where(finite, t_s, -np.inf))
+    good = finite & (t_s > np.r_[-np.inf, latest[:-1]])
+    dropped = int(np.sum(~good))
+    return good, f"{dropped} rows repeat an earlier time and were dropped" if dropped else ""
 
 
 def stream_of(column: str) -> str:

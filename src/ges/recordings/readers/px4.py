@@ -15,10 +15,19 @@ from pathlib import Path
 import numpy as np
 import pyulog
 
-from ges.conventions import N_ROTORS, POSITION, POSITION_REF, VELOCITY, VELOCITY_REF
+from ges.conventions import (
+    BODY_RATE,
+    N_ROTORS,
+    POSITION,
+    POSITION_REF,
+    QUATERNION,
+    SPECIFIC_FORCE,
+    VELOCITY,
+    VELOCITY_REF,
+)
 from ges.errors import GesError
 from ges.recordings.readers import frames, rotor_order
-from ges.recordings.readers.log import Log, Options, Stream
+from ges.recordings.readers.log import Log, Options, Stream, increasing
 
 _MAGIC = b"ULog\x01\x12\x35"
 _HEADER, _MESSAGE_HEADER = 16, 3
@@ -74,8 +83,7 @@ class _Topic:
     def __init__(self, number: int, data: Mapping[str, np.ndarray], start_us: float) -> None:
         self.number = number
         stamp = np.asarray(data["timestamp"]).astype(float)
-        good = np.isfinite(stamp)
-        good[1:] &= stamp[1:] > np.maximum.accumulate(np.where(good, stamp, -np.inf))[:-1]
+        good, _ = increasing(stamp)
         self._data, self._good = data, good
         self.t_s = (stamp[good] - start_us) * 1e-6
 
@@ -195,7 +203,10 @@ def _attitude(log: _Log) -> Iterator[tuple[str, Stream]]:
     topic = log.topic("vehicle_attitude", *(f"q[{k}]" for k in range(4)))
     if topic is not None:
         q = frames.attitude_from_ned(topic.stack("q[{}]", range(4)))
-        yield "attitude", Stream(topic.measured_s(), frames.attitude(q), "vehicle_attitude")
+        yield (
+            "attitude",
+            Stream(topic.measured_s(), frames.named(QUATERNION, q), "vehicle_attitude"),
+        )
 
 
 def _inertial(log: _Log) -> Iterator[tuple[str, Stream]]:
@@ -207,13 +218,13 @@ def _inertial(log: _Log) -> Iterator[tuple[str, Stream]]:
     ):
         topic = log.topic(name, *(form.format(k) for k in keys))
         if topic is not None:
-            columns = frames.rates(list(topic.stack(form, keys)))
+            columns = frames.named(BODY_RATE, frames.flu_from_frd(topic.stack(form, keys)))
             yield "rates", Stream(topic.measured_s(), columns, name)
             break
     form = "accelerometer_m_s2[{}]"
     topic = log.topic("sensor_combined", *(form.format(k) for k in range(3)))
     if topic is not None:
-        columns = frames.specific_force(list(topic.stack(form)))
+        columns = frames.named(SPECIFIC_FORCE, frames.flu_from_frd(topic.stack(form)))
         yield "acceleration", Stream(topic.t_s, columns, "sensor_combined")
 
 
@@ -321,7 +332,7 @@ def _outputs(log: _Log, options: Options) -> tuple[np.ndarray, np.ndarray, str] 
             f" {topic.number} is used"
         )
     sent = topic.stack("output[{}]", channels)
-    ranges = options.pulse and np.tile(options.pulse, (N_ROTORS, 1))
+    ranges = [options.pwm] * N_ROTORS if options.pwm else None
     low, high = np.asarray(ranges or _ranges(log, sent, channels, driver), dtype=float).T
     u = np.clip((sent - low[:, None]) / (high - low)[:, None], 0.0, 1.0)
     return u, topic.t_s, "actuator_outputs"
@@ -371,7 +382,7 @@ def _ranges(
             raise GesError(
                 f"{log.name} holds motor outputs but not which of them mean 0 and 1"
                 f" ({driver}_MIN{n + 1}, {driver}_MAX{n + 1}, PWM_MIN, PWM_MAX); give their range,"
-                " e.g. --pulse 1000 2000"
+                " e.g. --pwm 1000 2000"
             )
         ranges.append((low, high))
     return ranges
