@@ -7,6 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ges.errors import GesError, unknown_name
+from ges.recordings.readers.ardupilot import ArduPilot
 from ges.recordings.readers.crazyflie import Crazyflie
 from ges.recordings.readers.log import Log, Options, Reader, Stream
 from ges.recordings.readers.px4 import Px4
@@ -14,7 +15,7 @@ from ges.recordings.readers.table import Table
 
 __all__ = ["READERS", "Log", "Options", "Reader", "Stream", "open_log", "reader_of"]
 
-READERS: tuple[Reader, ...] = (Px4(), Crazyflie(), Table())
+READERS: tuple[Reader, ...] = (Px4(), ArduPilot(), Crazyflie(), Table())
 """All readers, the most certain of their first bytes first; tables, which have none, last."""
 
 _HEAD = 4096

@@ -173,11 +173,15 @@ def _velocity(t_s: np.ndarray, p: np.ndarray) -> np.ndarray | None:
     """
     usual_s = float(np.median(np.diff(t_s)))
     window = 2 * int(0.5 * _CUBIC_S / usual_s) + 1
-    if window < _LEAST_IN_CUBIC or len(t_s) < window:
+    even = np.arange(t_s[0], t_s[-1], usual_s)
+    if window < _LEAST_IN_CUBIC or len(even) < window:
         return None
-    v = savgol_filter(p, window, 3, deriv=1, delta=usual_s, axis=1)
+    on_even = np.stack([np.interp(even, t_s, row) for row in p])
+    v = savgol_filter(on_even, window, 3, deriv=1, delta=usual_s, axis=1)
+    v = np.stack([np.interp(t_s, even, row) for row in v])
     for hole in np.flatnonzero(np.diff(t_s) > _MOCAP_GAP_S):
-        v[:, max(0, hole - window // 2) : hole + 2 + window // 2] = np.nan
+        around = (t_s > t_s[hole] - _CUBIC_S / 2) & (t_s < t_s[hole + 1] + _CUBIC_S / 2)
+        v[:, around] = np.nan
     return v
 
 

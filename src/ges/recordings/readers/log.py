@@ -5,9 +5,11 @@ and units.
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import Protocol
 
 import numpy as np
@@ -202,6 +204,23 @@ class Reader(Protocol):
 
     def read(self, path: Path, options: Options) -> Log:
         """The log; raises GesError with one sentence where it cannot be read."""
+
+
+def optional_module(name: str, extra: str, what: str) -> ModuleType:
+    """A module that not every installation has.
+
+    Raises
+    ------
+    GesError
+        With the command that installs it.
+    """
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise GesError(
+            f"{what} are read by {name.split('.')[0].replace('_', '-')}, which is not installed;"
+            f" pip install 'ges[{extra}]' brings it"
+        ) from None
 
 
 def named_streams(
