@@ -8,14 +8,25 @@ from pathlib import Path
 
 from ges.errors import GesError, unknown_name
 from ges.recordings.readers.ardupilot import ArduPilot
+from ges.recordings.readers.betaflight import Betaflight
 from ges.recordings.readers.crazyflie import Crazyflie
 from ges.recordings.readers.log import Log, Options, Reader, Stream
+from ges.recordings.readers.matlab import Matlab
 from ges.recordings.readers.px4 import Px4
+from ges.recordings.readers.ros import Ros
 from ges.recordings.readers.table import Table
 
 __all__ = ["READERS", "Log", "Options", "Reader", "Stream", "open_log", "reader_of"]
 
-READERS: tuple[Reader, ...] = (Px4(), ArduPilot(), Crazyflie(), Table())
+READERS: tuple[Reader, ...] = (
+    Px4(),
+    ArduPilot(),
+    Betaflight(),
+    Crazyflie(),
+    Ros(),
+    Matlab(),
+    Table(),
+)
 """All readers, the most certain of their first bytes first; tables, which have none, last."""
 
 _HEAD = 4096

@@ -8,9 +8,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from ges.conventions import GRAVITY_M_S2, QUATERNION, SPECIFIC_FORCE
+from ges.conventions import GRAVITY_M_S2, QUATERNION, SPECIFIC_FORCE, VELOCITY
 
 FLU_FROM_FRD = (1.0, -1.0, -1.0)
+BODY_VELOCITY = tuple(f"v_body_{a}_m_s" for a in "xyz")
 EULER = ("roll_rad", "pitch_rad", "yaw_rad")
 WORLD_ACCELERATION = ("acc_world_x_m_s2", "acc_world_y_m_s2", "acc_world_z_m_s2")
 
@@ -83,6 +84,26 @@ def with_quaternion(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     return out
 
 
+def with_world_velocity(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Turn a velocity along the body's axes into the world: v = R(q) v_body."""
+    out = dict(columns)
+    body = np.stack([out.pop(name) for name in BODY_VELOCITY])
+    turned = np.einsum("ijn,jn->in", rotation(np.stack([out[name] for name in QUATERNION])), body)
+    return out | named(VELOCITY, turned)
+
+
+def rotation(q: np.ndarray) -> np.ndarray:
+    """Rotation matrices (3, 3, n) body-to-world of quaternions (4, n) of length one."""
+    w, x, y, z = q
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
 def with_specific_force(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Turn a world acceleration without gravity into the body's specific force where the whole
     attitude was logged: f = R(q)^T (a + g e_z).
@@ -93,12 +114,6 @@ def with_specific_force(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarr
     ):
         world = [out.pop(name) for name in WORLD_ACCELERATION]
         world[2] = world[2] + GRAVITY_M_S2
-        w, x, y, z = (out[name] for name in QUATERNION)
-        rows = (
-            (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)),
-            (2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)),
-            (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)),
-        )
-        for name, row in zip(SPECIFIC_FORCE, rows, strict=True):
-            out[name] = sum(r * a for r, a in zip(row, world, strict=True))
+        to_world = rotation(np.stack([out[name] for name in QUATERNION]))
+        out |= named(SPECIFIC_FORCE, np.einsum("jin,jn->in", to_world, np.stack(world)))
     return out

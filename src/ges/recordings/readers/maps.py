@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
@@ -181,6 +182,13 @@ def in_contract(columns: Mapping[str, np.ndarray], axes: str = "enu-flu") -> dic
     specific force, north-east-down east-north-up.
     """
     out = frames.with_quaternion(columns)
+    if unknown := [name for name in out if re.fullmatch("v_body_[xyz]_m_s", name)]:
+        if not all(name in out for name in (*frames.BODY_VELOCITY, *QUATERNION)):
+            raise UsageError(
+                f"the map sends a column to {unknown[0]}, which needs the other two of"
+                f" {', '.join(frames.BODY_VELOCITY)} and the attitude beside it"
+            )
+        out = frames.with_world_velocity(out)
     if axes == "ned-frd":
         for names in (POSITION, VELOCITY, POSITION_REF, VELOCITY_REF, frames.WORLD_ACCELERATION):
             out |= _turned(out, names, frames.enu_from_ned)

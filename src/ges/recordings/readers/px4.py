@@ -31,7 +31,7 @@ from ges.recordings.readers.log import Log, Options, Stream, increasing
 
 _MAGIC = b"ULog\x01\x12\x35"
 _HEADER, _MESSAGE_HEADER = 16, 3
-_TOPICS = (
+TOPICS = (
     "vehicle_attitude",
     "vehicle_angular_velocity",
     "sensor_combined",
@@ -120,19 +120,30 @@ class _Topic:
         return t_s if near and np.all(np.diff(t_s) > 0) else self.t_s
 
 
-class _Log:
-    """Topics, parameters and notes of one log."""
+class Uorb:
+    """Topics, parameters and notes of one log of PX4's own messages, whatever they came by.
 
-    def __init__(self, name: str, log: pyulog.ULog) -> None:
-        self.name, self.notes = name, []
-        self.parameters = _numbers(log.initial_parameters)
-        self.about = log.msg_info_dict
+    Parameters
+    ----------
+    name : of the log, for messages.
+    start_us : time that becomes t = 0.
+    parameters : PX4 parameters, as far as they are known.
+    about : what the log says of the firmware and board.
+    """
+
+    def __init__(
+        self, name: str, start_us: float, parameters: Mapping = {}, about: Mapping = {}
+    ) -> None:
+        self.name, self.start_us, self.notes = name, start_us, []
+        self.parameters, self.about = _numbers(parameters), about
         self._instances: dict[str, list[_Topic]] = {}
-        for data in log.data_list:
-            if "timestamp" in data.data:
-                topic = _Topic(data.multi_id, data.data, float(log.start_timestamp))
-                if len(topic.t_s) > 1:
-                    self._instances.setdefault(data.name, []).append(topic)
+
+    def add(self, name: str, number: int, data: Mapping[str, np.ndarray]) -> None:
+        """One instance of a topic: its fields, ``timestamp`` among them, each (n,)."""
+        if "timestamp" in data:
+            topic = _Topic(number, data, self.start_us)
+            if len(topic.t_s) > 1:
+                self._instances.setdefault(name, []).append(topic)
 
     def instances(self, name: str, *fields: str) -> list[_Topic]:
         """Instances of a topic with all these fields."""
@@ -177,13 +188,15 @@ def _is_whole(data: bytes) -> bool:
     return at == len(data)
 
 
-def _open(path: Path) -> _Log:
+def _open(path: Path) -> Uorb:
     data = path.read_bytes()
     try:
         # pyulog prints what it finds damaged, and raises whatever damaged bytes lead it to
         with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
-            raw = pyulog.ULog(io.BytesIO(data), list(_TOPICS))
-        log = _Log(path.stem, raw)
+            raw = pyulog.ULog(io.BytesIO(data), list(TOPICS))
+        log = Uorb(path.stem, float(raw.start_timestamp), raw.initial_parameters, raw.msg_info_dict)
+        for topic in raw.data_list:
+            log.add(topic.name, topic.multi_id, topic.data)
     except Exception as error:
         raise GesError(
             f"{path.name} is cut short or damaged before its first sample"
@@ -199,7 +212,7 @@ def _open(path: Path) -> _Log:
     return log
 
 
-def _attitude(log: _Log) -> Iterator[tuple[str, Stream]]:
+def _attitude(log: Uorb) -> Iterator[tuple[str, Stream]]:
     topic = log.topic("vehicle_attitude", *(f"q[{k}]" for k in range(4)))
     if topic is not None:
         q = frames.attitude_from_ned(topic.stack("q[{}]", range(4)))
@@ -209,7 +222,7 @@ def _attitude(log: _Log) -> Iterator[tuple[str, Stream]]:
         )
 
 
-def _inertial(log: _Log) -> Iterator[tuple[str, Stream]]:
+def _inertial(log: Uorb) -> Iterator[tuple[str, Stream]]:
     """Body rates by the best source that the log has, and specific force."""
     for name, form, keys in (
         ("vehicle_angular_velocity", "xyz[{}]", range(3)),
@@ -228,7 +241,7 @@ def _inertial(log: _Log) -> Iterator[tuple[str, Stream]]:
         yield "acceleration", Stream(topic.t_s, columns, "sensor_combined")
 
 
-def _motion(log: _Log) -> Iterator[tuple[str, Stream]]:
+def _motion(log: Uorb) -> Iterator[tuple[str, Stream]]:
     """Position and velocity where the log calls them valid."""
     for stream, names, fields, flags in (
         ("position", POSITION, ("x", "y", "z"), ("xy_valid", "xy_valid", "z_valid")),
@@ -251,7 +264,7 @@ def _motion(log: _Log) -> Iterator[tuple[str, Stream]]:
             )
 
 
-def _references(log: _Log) -> Iterator[tuple[str, Stream]]:
+def _references(log: Uorb) -> Iterator[tuple[str, Stream]]:
     """What the position controller was asked for.
 
     ``vehicle_local_position_setpoint`` holds the velocity that the controller asked of itself after
@@ -284,7 +297,7 @@ def _references(log: _Log) -> Iterator[tuple[str, Stream]]:
         yield "reference", Stream(topic.t_s, asked, source, held=True)
 
 
-def _commands(log: _Log, options: Options) -> Iterator[tuple[str, Stream]]:
+def _commands(log: Uorb, options: Options) -> Iterator[tuple[str, Stream]]:
     """Normalised motor commands: ``actuator_motors``, else the outputs over their own range."""
     fields = [f"control[{k}]" for k in range(N_ROTORS)]
     topic = log.topic("actuator_motors", *fields)
@@ -317,7 +330,7 @@ def _commands(log: _Log, options: Options) -> Iterator[tuple[str, Stream]]:
     yield "command", Stream(t_s, {f"u_{i + 1}": row for i, row in enumerate(u)}, source)
 
 
-def _outputs(log: _Log, options: Options) -> tuple[np.ndarray, np.ndarray, str] | None:
+def _outputs(log: Uorb, options: Options) -> tuple[np.ndarray, np.ndarray, str] | None:
     """Commands (4, n) from what was sent to the motors; their times and source."""
     channels, driver = _channels(log)
     fields = [f"output[{k}]" for k in channels]
@@ -338,7 +351,7 @@ def _outputs(log: _Log, options: Options) -> tuple[np.ndarray, np.ndarray, str] 
     return u, topic.t_s, "actuator_outputs"
 
 
-def _channels(log: _Log) -> tuple[list[int], str]:
+def _channels(log: Uorb) -> tuple[list[int], str]:
     """Output of each motor, and the prefix of the driver's parameters; from 1.13 on by their
     functions, before that by the mixer's order.
     """
@@ -352,7 +365,7 @@ def _channels(log: _Log) -> tuple[list[int], str]:
 
 
 def _ranges(
-    log: _Log, sent: np.ndarray, channels: list[int], driver: str
+    log: Uorb, sent: np.ndarray, channels: list[int], driver: str
 ) -> list[tuple[float, float]]:
     """Outputs that mean command 0 and 1, for each motor."""
     on = sent[np.isfinite(sent) & (sent > 0)]
@@ -389,7 +402,7 @@ def _ranges(
 
 
 def _rotor_speeds(
-    log: _Log, options: Options, command: Stream | None
+    log: Uorb, options: Options, command: Stream | None
 ) -> Iterator[tuple[str, Stream]]:
     """Rotor speeds by the function of each speed controller; without functions in the order of the
     log, if the commands bear that out.
@@ -448,7 +461,7 @@ def _each_esc(topic: _Topic, order: list[int], what: str) -> Iterator[tuple[str,
             yield f"motor_current_{i}_A", values
 
 
-def _battery(log: _Log) -> Iterator[tuple[str, Stream]]:
+def _battery(log: Uorb) -> Iterator[tuple[str, Stream]]:
     topic = log.topic("battery_status", "voltage_v")
     if topic is None:
         return
@@ -465,7 +478,7 @@ def _battery(log: _Log) -> Iterator[tuple[str, Stream]]:
     yield "battery", Stream(topic.t_s, columns, "battery_status")
 
 
-def _range(log: _Log) -> Iterator[tuple[str, Stream]]:
+def _range(log: Uorb) -> Iterator[tuple[str, Stream]]:
     """The first rangefinder that looks down, where it can see."""
     for topic in log.instances("distance_sensor", "current_distance"):
         facing, seen = topic.values("orientation"), topic.values("current_distance")
@@ -479,7 +492,7 @@ def _range(log: _Log) -> Iterator[tuple[str, Stream]]:
         return
 
 
-def _refusal(log: _Log) -> str:
+def _refusal(log: Uorb) -> str:
     """Why the vehicle is none that can be diagnosed, by the log's own parameters."""
     kind = _NO_QUADROTOR.get(int(log.number("MAV_TYPE") or 0))
     rotors = log.number("CA_ROTOR_COUNT")
@@ -488,13 +501,23 @@ def _refusal(log: _Log) -> str:
     return f"this is a log of {kind}; quadrotors can be diagnosed so far" if kind else ""
 
 
-def _autopilot(log: _Log) -> str:
+def _autopilot(log: Uorb) -> str:
     """Firmware with its version (0xMMmmppTT) and board."""
     release, board = log.about.get("ver_sw_release"), log.about.get("ver_hw")
     version = ""
     if isinstance(release, int):
         version = " " + ".".join(str(release >> shift & 0xFF) for shift in (24, 16, 8))
     return f"PX4{version}" + (f" on {board}" if isinstance(board, str) and board else "")
+
+
+def uorb_streams(log: Uorb, options: Options) -> dict[str, Stream]:
+    """Streams of PX4's own messages; what is noticed goes to the notes of the log."""
+    streams: dict[str, Stream] = {}
+    for part in (_attitude, _inertial, _motion, _references, _battery, _range):
+        streams |= dict(part(log))
+    streams |= dict(_commands(log, options))
+    streams |= dict(_rotor_speeds(log, options, streams.get("command")))
+    return streams
 
 
 class Px4:
@@ -516,11 +539,7 @@ class Px4:
             When nothing can be read, or motor outputs have no range.
         """
         log = _open(path)
-        streams: dict[str, Stream] = {}
-        for part in (_attitude, _inertial, _motion, _references, _battery, _range):
-            streams |= dict(part(log))
-        streams |= dict(_commands(log, options))
-        streams |= dict(_rotor_speeds(log, options, streams.get("command")))
+        streams = uorb_streams(log, options)
         if "SITL" in str(log.about.get("ver_hw")):
             log.notes.append("the flight is one of a simulator (PX4 SITL)")
         return Log(
