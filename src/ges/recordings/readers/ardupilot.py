@@ -392,6 +392,24 @@ class ArduPilot:
 
     name = "ardupilot"
     title = "ArduPilot DataFlash (.bin, .log)"
+    advice = {
+        **dict.fromkeys(
+            ("attitude", "rates", "acceleration"),
+            "LOG_BITMASK 438271 (the default with fast attitude, bit 0, and fast IMU, bit 18)",
+        ),
+        **dict.fromkeys(("position", "velocity"), "EKF3 (EK3_ENABLE 1, AHRS_EKF_TYPE 3)"),
+        "command": "LOG_BITMASK bit 10 (RCOUT); ArduPilot writes RCOU 10 times a second",
+        "rotor_speed": (
+            "ESC telemetry: SERVO_BLH_AUTO 1 with SERVO_BLH_TRATE 50, or bidirectional DShot by"
+            " SERVO_BLH_BDMASK; the message is ESC"
+        ),
+        "battery": "LOG_BITMASK bit 9 (CURRENT) and BATT_MONITOR",
+        "reference": (
+            "a flight in Loiter, Auto or Guided (messages PSCN, PSCE, PSCD); in Stabilize there are"
+            " no references"
+        ),
+        "range": "a rangefinder that looks down (RNGFND1_TYPE, RNGFND1_ORIENT 25)",
+    }
 
     def sniff(self, head: bytes, path: Path) -> bool:
         """Whether the first bytes are those of a DataFlash message, or of its text form."""

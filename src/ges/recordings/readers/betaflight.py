@@ -226,6 +226,22 @@ class Betaflight:
 
     name = "betaflight"
     title = "Betaflight or INAV blackbox (.bbl, .bfl)"
+    advice = {
+        **dict.fromkeys(
+            ("attitude", "position", "velocity"),
+            "INAV, which logs them, or motion capture beside the log; Betaflight has none of them",
+        ),
+        "rates": "set blackbox_disable_gyro = OFF",
+        "acceleration": (
+            "set blackbox_disable_acc = OFF, and the accelerometer itself (acc_hardware)"
+        ),
+        "command": "set blackbox_disable_motors = OFF",
+        "rotor_speed": (
+            "set dshot_bidir = ON and, from Betaflight 4.5 on, set blackbox_disable_rpm = OFF"
+            " (fields eRPM)"
+        ),
+        "battery": "set blackbox_disable_bat = OFF, and a voltage meter",
+    }
 
     def sniff(self, head: bytes, path: Path) -> bool:
         """Whether the header line of the recorder is among the first bytes."""

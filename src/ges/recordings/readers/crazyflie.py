@@ -251,6 +251,18 @@ class Crazyflie:
 
     name = "crazyflie"
     title = "Crazyflie micro-SD log"
+    advice = {
+        "attitude": "stateEstimate.qx, .qy, .qz, .qw in config.txt on the card",
+        "position": "stateEstimate.x, .y, .z in config.txt, or motion capture by 'on:estPose'",
+        "velocity": "stateEstimate.vx, .vy, .vz in config.txt",
+        "rates": "gyro.x, .y, .z in config.txt",
+        "acceleration": "acc.x, .y, .z in config.txt",
+        "command": "motor.m1 to motor.m4 in config.txt",
+        "rotor_speed": "rpm.m1 to rpm.m4 in config.txt, with an RPM deck",
+        "battery": "pm.vbatMV in config.txt",
+        "reference": "ctrltarget.x, .y, .z, .vx, .vy, .vz, .yaw in config.txt",
+        "range": "range.zrange in config.txt, with a z-ranger deck",
+    }
 
     def sniff(self, head: bytes, path: Path) -> bool:
         """Whether the first bytes are 0xBC and a version that is known."""

@@ -194,10 +194,17 @@ class Options:
 
 
 class Reader(Protocol):
-    """One log format."""
+    """One log format.
+
+    Attributes
+    ----------
+    name, title : for options, and for people.
+    advice : what to switch on to have a stream, or to have it faster, by stream.
+    """
 
     name: str
     title: str
+    advice: Mapping[str, str]
 
     def sniff(self, head: bytes, path: Path) -> bool:
         """Whether the first bytes are this format's; ``path`` only for formats that are folders."""

@@ -94,6 +94,20 @@ class ColumnMap(_Strict):
     layouts: list[Layout] = pydantic.Field(min_length=1)
 
 
+ADVICE = {
+    "attitude": "columns q_w, q_x, q_y, q_z (or roll_rad, pitch_rad, yaw_rad)",
+    "position": "columns p_x_m, p_y_m, p_z_m",
+    "velocity": "columns v_x_m_s, v_y_m_s, v_z_m_s",
+    "rates": "columns omega_x_rad_s, omega_y_rad_s, omega_z_rad_s",
+    "acceleration": "columns acc_x_m_s2, acc_y_m_s2, acc_z_m_s2",
+    "command": "columns u_1 to u_4, 0 to 1",
+    "rotor_speed": "columns rotor_speed_1_rad_s to rotor_speed_4_rad_s",
+    "battery": "a column battery_V",
+    "reference": "columns p_ref_x_m ..., v_ref_x_m_s ..., yaw_ref_rad",
+    "range": "a column range_m",
+}
+"""What to add to a table, by stream."""
+
 Map = TypeVar("Map", bound=pydantic.BaseModel)
 
 

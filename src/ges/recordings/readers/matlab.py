@@ -13,7 +13,7 @@ from scipy.io import loadmat
 
 from ges.errors import GesError, UsageError
 from ges.recordings.readers.log import Log, Options, Stream
-from ges.recordings.readers.maps import convert
+from ges.recordings.readers.maps import ADVICE, convert
 from ges.recordings.readers.table import map_for, streams_of
 
 _MAGIC, _HDF5 = b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file"
@@ -43,6 +43,7 @@ class Matlab:
 
     name = "matlab"
     title = "MATLAB .mat by a column map"
+    advice = ADVICE
 
     def sniff(self, head: bytes, path: Path) -> bool:
         """Whether the first bytes are MATLAB's."""

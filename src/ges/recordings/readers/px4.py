@@ -525,6 +525,28 @@ class Px4:
 
     name = "px4"
     title = "PX4 ULog (.ulg)"
+    advice = {
+        **dict.fromkeys(
+            ("attitude", "rates", "acceleration", "command"),
+            "SDLOG_PROFILE 25 (default set, system identification, high rate)",
+        ),
+        **dict.fromkeys(
+            ("position", "velocity"),
+            "a file etc/logging/logger_topics.txt on the card with the line"
+            " 'vehicle_local_position 20' (ms), and the other topics that you need beside it, as it"
+            " replaces the profile",
+        ),
+        "rotor_speed": (
+            "ESC telemetry: DSHOT_BIDIR_EN 1 (bidirectional DShot), or DSHOT_TEL_CFG (telemetry"
+            " wire), or UAVCAN speed controllers; the topic is esc_status"
+        ),
+        "battery": "the battery monitor (BAT1_SOURCE, BAT1_V_DIV calibrated)",
+        "reference": (
+            "a flight in Position, Mission or Offboard mode; in Manual and Stabilized there are no"
+            " references"
+        ),
+        "range": "a rangefinder that looks down (topic distance_sensor)",
+    }
 
     def sniff(self, head: bytes, path: Path) -> bool:
         """Whether the first bytes are those of a ULog."""

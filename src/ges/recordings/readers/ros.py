@@ -288,6 +288,18 @@ class Ros:
 
     name = "ros"
     title = "ROS bag (.bag, .mcap, .db3 or folder)"
+    advice = {
+        "attitude": "/mavros/imu/data, or /fmu/out/vehicle_attitude",
+        "position": "/mavros/local_position/pose, or /fmu/out/vehicle_local_position",
+        "velocity": "/mavros/local_position/velocity_local, or /fmu/out/vehicle_local_position",
+        "rates": "/mavros/imu/data, or /fmu/out/sensor_combined",
+        "acceleration": "/mavros/imu/data, or /fmu/out/sensor_combined",
+        "command": "/mavros/rc/out, or /fmu/out/actuator_motors (in dds_topics.yaml)",
+        "rotor_speed": "/mavros/esc_status, or /fmu/out/esc_status (in dds_topics.yaml)",
+        "battery": "/mavros/battery, or /fmu/out/battery_status",
+        "reference": "/mavros/setpoint_position/local, or /fmu/in/trajectory_setpoint",
+        "range": "a rangefinder's topic, named in a topic map",
+    }
 
     def sniff(self, head: bytes, path: Path) -> bool:
         """Whether the first bytes are those of a bag, or the folder holds ``metadata.yaml``."""

@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 from ges.errors import GesError, UsageError
 from ges.recordings.readers.log import Log, Options, Stream, increasing, named_streams
 from ges.recordings.readers.maps import (
+    ADVICE,
     Column,
     ColumnMap,
     Layout,
@@ -201,6 +202,7 @@ class Table:
 
     name = "table"
     title = "CSV or Parquet by a column map"
+    advice = ADVICE
 
     def sniff(self, head: bytes, path: Path) -> bool:
         """Whether it is Parquet, or text all through with a separator in the first line."""
