@@ -62,6 +62,8 @@ def agreements(frame: pd.DataFrame) -> list[Agreement]:
     list of Agreement, one a component; pairs that were not logged are left out.
     """
     t_s = frame["t_s"].to_numpy(dtype=float)
+    if len(t_s) < 2:
+        return []
     grid = np.arange(t_s[0], t_s[-1], _STEP_S)
     if len(grid) < _FEWEST:
         return []

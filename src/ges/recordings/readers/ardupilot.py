@@ -165,6 +165,8 @@ def _rows(reader, log: _Log) -> dict[tuple[str, int], tuple[tuple[str, ...], lis
 
 
 def _open(path: Path) -> _Log:
+    # its fast indexer prints what it finds damaged past sys.stderr
+    os.environ.setdefault("PYMAVLINK_FAST_INDEX", "0")
     dfreader = optional_module("pymavlink.DFReader", "ardupilot", "ArduPilot logs")
     with path.open("rb") as file:
         binary = file.read(2) == _MAGIC

@@ -9,6 +9,7 @@ left, M4 front left.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import struct
 import zlib
 from collections.abc import Mapping
@@ -167,21 +168,23 @@ def _commands(columns: dict[str, np.ndarray], notes: list[str]) -> None:
         )
 
 
-def _velocity(t_s: np.ndarray, p: np.ndarray) -> np.ndarray | None:
-    """Velocity (3, n) of positions (3, n) by local cubics (Savitzky and Golay, 1964); None where
-    there are too few samples for that, NaN around gaps.
+def _velocity(t_s: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Velocity (3, n) of positions (3, n) by local cubics (Savitzky and Golay, 1964) between gaps;
+    NaN where there are too few samples for that.
     """
     usual_s = float(np.median(np.diff(t_s)))
     window = 2 * int(0.5 * _CUBIC_S / usual_s) + 1
-    even = np.arange(t_s[0], t_s[-1], usual_s)
-    if window < _LEAST_IN_CUBIC or len(even) < window:
-        return None
-    on_even = np.stack([np.interp(even, t_s, row) for row in p])
-    v = savgol_filter(on_even, window, 3, deriv=1, delta=usual_s, axis=1)
-    v = np.stack([np.interp(t_s, even, row) for row in v])
-    for hole in np.flatnonzero(np.diff(t_s) > _MOCAP_GAP_S):
-        around = (t_s > t_s[hole] - _CUBIC_S / 2) & (t_s < t_s[hole + 1] + _CUBIC_S / 2)
-        v[:, around] = np.nan
+    v = np.full(p.shape, np.nan)
+    if window < _LEAST_IN_CUBIC:
+        return v
+    ends = [0, *(np.flatnonzero(np.diff(t_s) > _MOCAP_GAP_S) + 1), len(t_s)]
+    for first, last in itertools.pairwise(ends):
+        own = t_s[first:last]
+        even = np.arange(own[0], own[-1], usual_s)
+        if len(even) >= window:
+            on_even = np.stack([np.interp(even, own, row[first:last]) for row in p])
+            slope = savgol_filter(on_even, window, 3, deriv=1, delta=usual_s, axis=1)
+            v[:, first:last] = [np.interp(own, even, row) for row in slope]
     return v
 
 
@@ -198,7 +201,7 @@ def _with_motion_capture(streams: dict[str, Stream], seen: Stream, notes: list[s
     measured = {"position": (POSITION, p), "velocity": (VELOCITY, _velocity(t_s, p))}
     for name, (names, values) in measured.items():
         own = streams.get(name)
-        if values is None:
+        if not np.isfinite(values).any():
             continue
         if own is not None:
             kept = {f"{column}_estimate": v for column, v in own.columns.items()}

@@ -56,6 +56,9 @@ SHORTEST_S = 2.0
 _USUAL_SPACINGS, _SHORT_GAP_S, _LONG_GAP_S = 3.0, 0.25, 1.0
 _OTHER_RATE = 1.5
 
+_FAR_AHEAD = 1e5
+_LONGEST_S = 1e5
+
 
 @dataclasses.dataclass(frozen=True)
 class Stream:
@@ -246,6 +249,10 @@ def named_streams(
 def increasing(t_s: np.ndarray) -> tuple[np.ndarray, str]:
     """Rows (n,) whose time is a number and goes on, and what is to be said of the others."""
     finite = np.isfinite(t_s)
+    if len(t_s) > 2:
+        # one damaged time far ahead would make all later rows repeat an earlier one
+        ahead = t_s[1:-1] - np.maximum(t_s[:-2], t_s[2:])
+        finite[1:-1] &= ~((ahead > _FAR_AHEAD) & (t_s[2:] > t_s[:-2]))
     latest = np.maximum.accumulate(np.where(finite, t_s, -np.inf))
     good = finite & (t_s > np.r_[-np.inf, latest[:-1]])
     dropped = int(np.sum(~good))
@@ -319,6 +326,12 @@ def _held(axis: np.ndarray, t: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 def _shortcoming(streams: Mapping[str, Stream]) -> str:
     """What a log lacks to say anything of forces, whoever wrote it."""
+    longest_s = max((s.t_s[-1] - s.t_s[0] for s in streams.values()), default=0.0)
+    if longest_s > _LONGEST_S:
+        return (
+            f"its times span {longest_s / 86400:.3g} days: the clock was set while it was logged,"
+            " or the log is damaged; cut the flight out"
+        )
     for names, what, remedy in (
         (DRIVE, "drive", "motor commands or rotor speeds"),
         (MOTION, "motion", "attitude, velocity, gyro and accelerometer"),

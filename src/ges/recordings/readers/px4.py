@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -31,6 +32,8 @@ from ges.recordings.readers.log import Log, Options, Stream, increasing
 
 _MAGIC = b"ULog\x01\x12\x35"
 _HEADER, _MESSAGE_HEADER = 16, 3
+_DEFINITIONS, _HUGE_ARRAY = 2**20, rb"\[\d{6,}\]"
+_LONGEST_CIRCLE = 200_000  # reads; twice the longest message, through which pyulog goes bytewise
 TOPICS = (
     "vehicle_attitude",
     "vehicle_angular_velocity",
@@ -188,12 +191,30 @@ def _is_whole(data: bytes) -> bool:
     return at == len(data)
 
 
+class _Advancing(io.BytesIO):
+    """Bytes that may not be read round in circles, as pyulog does where a damaged length sends it
+    back more than it came forward.
+    """
+
+    _furthest, _since = 0, 0
+
+    def read(self, size: int | None = -1) -> bytes:
+        out = super().read(size)
+        self._since = 0 if self.tell() > self._furthest else self._since + 1
+        self._furthest = max(self._furthest, self.tell())
+        if self._since > _LONGEST_CIRCLE:
+            raise EOFError(f"a damaged length near byte {self._furthest}")
+        return out
+
+
 def _open(path: Path) -> Uorb:
     data = path.read_bytes()
     try:
         # pyulog prints what it finds damaged, and raises whatever damaged bytes lead it to
         with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
-            raw = pyulog.ULog(io.BytesIO(data), list(TOPICS))
+            if re.search(_HUGE_ARRAY, data[:_DEFINITIONS]):
+                raise ValueError("a format with an array of millions")
+            raw = pyulog.ULog(_Advancing(data), list(TOPICS))
         log = Uorb(path.stem, float(raw.start_timestamp), raw.initial_parameters, raw.msg_info_dict)
         for topic in raw.data_list:
             log.add(topic.name, topic.multi_id, topic.data)

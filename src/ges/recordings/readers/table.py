@@ -5,6 +5,7 @@ column names.
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -42,39 +43,35 @@ def _lines(path: Path, separator: str) -> tuple[pa.Table, list[str]]:
         data = data.decode("utf-16", errors="replace").encode()
     if not data.strip():
         raise GesError(f"{path.name} is empty; there is no flight in it")
-    short: list[pa_csv.InvalidRow] = []
-
-    def keep_on(row: pa_csv.InvalidRow) -> str:
-        short.append(row)
-        return "skip"
-
-    width = len(_first_line(data, separator))
+    width, notes = len(_first_line(data, separator)), []
+    last = data.rstrip().rsplit(b"\n", 1)
+    if len(last) == 2 and len(_first_line(last[1], separator)) < width:
+        data = last[0]
+        notes.append("the last line is cut short and was left out")
     names = [f"f{k}" for k in range(width)]
     try:
         table = pa_csv.read_csv(
             io.BytesIO(data),
             pa_csv.ReadOptions(column_names=names, use_threads=False),
-            pa_csv.ParseOptions(
-                delimiter=separator, newlines_in_values=True, invalid_row_handler=keep_on
-            ),
+            pa_csv.ParseOptions(delimiter=separator, newlines_in_values=True),
             pa_csv.ConvertOptions(
                 check_utf8=False,
                 column_types=dict.fromkeys(names, pa.binary()),
                 strings_can_be_null=False,
             ),
         )
-    except pa.ArrowException as error:
-        raise GesError(
-            f"{path.name} cannot be read as a table: {str(error).splitlines()[0]}"
-        ) from None
-    cut = [row for row in short if row.number == table.num_rows + len(short)]
-    for row in short:
-        if row not in cut or row.actual_columns > row.expected_columns:
+    except (pa.ArrowException, UnicodeDecodeError) as error:
+        told = re.search(r"Row #(\d+): Expected (\d+) columns, got (\d+)", str(error))
+        if told:
+            line, first, found = told.groups()
             raise GesError(
-                f"{path.name} line {row.number} has {row.actual_columns} columns, the first line"
-                f" {row.expected_columns}; mend or cut the file there"
-            )
-    return table, [f"the last line ({r.number}) is cut short and was left out" for r in cut]
+                f"{path.name} line {line} has {found} columns, the first line {first}; mend or cut"
+                " the file there"
+            ) from None
+        raise GesError(
+            f"{path.name} cannot be read as a table: {str(error).splitlines()[0][:200]}"
+        ) from None
+    return table, notes
 
 
 def _first_line(data: bytes, separator: str) -> list[str]:
