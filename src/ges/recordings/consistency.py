@@ -25,6 +25,7 @@ from ges.conventions import (
 _STEP_S, _SMOOTH_S = 0.02, 0.15
 _LONGEST_GAP_S = 0.5
 _FEWEST = 100
+_STILL = 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -142,7 +143,7 @@ def _pair(what: str, a: np.ndarray, b: np.ndarray) -> list[Agreement]:
         for x in (a, b)
     )
     a, b = a - a.mean(), b - b.mean()
-    if not (np.std(a) > 0 and np.std(b) > 0):
+    if min(np.std(a), np.std(b)) < _STILL:
         return []
     return [
         Agreement(what, float(np.corrcoef(a, b)[0, 1]), float(a @ b / (b @ b)), float(np.std(b)))

@@ -300,7 +300,8 @@ def _lines(axis: np.ndarray, rows: np.ndarray, t: np.ndarray, values: np.ndarray
     at = axis[rows]
     gap = np.clip(_USUAL_SPACINGS * _spacing(t), _SHORT_GAP_S, _LONG_GAP_S)
     after = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
-    inside = (at >= t[0]) & (at <= t[-1]) & (t[after] - t[after - 1] < gap)
+    short = (t[after] - t[after - 1] < gap) | (t[after] == at)
+    inside = (at >= t[0]) & (at <= t[-1]) & short
     out[rows] = np.where(inside, np.interp(at, t, values), np.nan)
     return out
 

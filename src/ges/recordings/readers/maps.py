@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
 import pint
@@ -176,10 +176,17 @@ def load_map(given: str | Path, model: type[Map] = ColumnMap) -> Map:
 def _sentence(problems: list[dict], model: type[pydantic.BaseModel]) -> str:
     problem = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
     if problem["type"] == "extra_forbidden":
-        known = {key for m in (model, Layout, Column) for key in m.model_fields}
-        return str(unknown_name("key", str(problem["loc"][-1]), known))
+        return str(unknown_name("key", str(problem["loc"][-1]), _keys(model)))
     parts = (str(p) for p in problem["loc"] if not str(p).startswith(("list[", "dict[")))
     return f"{'.'.join(parts) or 'the file'}: {problem['msg']}"
+
+
+def _keys(annotation: Any) -> set[str]:
+    """Keys of a model and of the models in it."""
+    if isinstance(annotation, type) and issubclass(annotation, pydantic.BaseModel):
+        fields = annotation.model_fields
+        return set(fields).union(*(_keys(field.annotation) for field in fields.values()))
+    return set().union(*map(_keys, get_args(annotation)))
 
 
 def convert(values: np.ndarray, column: Column) -> np.ndarray:

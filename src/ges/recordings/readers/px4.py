@@ -71,6 +71,7 @@ _DRIVERS = ("PWM_MAIN", "PWM_AUX", "UAVCAN_EC", "SIM_GZ_EC", "HIL_ACT", "PCA9685
 
 # PX4 drivers/dshot: values up to 1999, the lowest that spins DSHOT_MIN of it. A pulse width is
 # never below 700 us.
+_DSHOT_TIMERS = (-5, -4, -3, -2)
 _DSHOT_TOP, _DSHOT_LOWEST, _SHORTEST_PULSE_US = 1999.0, 0.055, 700.0
 _SIMULATED_PULSE_US = (1000.0, 2000.0)  # simulation/pwm_out_sim, which has no range parameters
 _UAVCAN_RANGE = (1.0, 8191.0)
@@ -390,7 +391,7 @@ def _ranges(
 ) -> list[tuple[float, float]]:
     """Outputs that mean command 0 and 1, for each motor."""
     on = sent[np.isfinite(sent) & (sent > 0)]
-    if driver.startswith("PWM") and len(on) and on.min() < _SHORTEST_PULSE_US:
+    if driver.startswith("PWM") and _is_dshot(log, driver, on):
         lowest = log.number("DSHOT_MIN")
         return [((_DSHOT_LOWEST if lowest is None else lowest) * _DSHOT_TOP, _DSHOT_TOP)] * len(
             channels
@@ -420,6 +421,18 @@ def _ranges(
             )
         ranges.append((low, high))
     return ranges
+
+
+def _is_dshot(log: Uorb, driver: str, on: np.ndarray) -> bool:
+    """Whether outputs are DShot values: by DSHOT_CONFIG (up to 1.12), by the timers (from 1.13 on),
+    or as no pulse is that short.
+    """
+    timers = [log.parameters.get(f"{driver}_TIM{k}") for k in range(8)]
+    return (
+        log.parameters.get("DSHOT_CONFIG", 0) > 0
+        or any(timer in _DSHOT_TIMERS for timer in timers)
+        or (len(on) > 0 and float(on.min()) < _SHORTEST_PULSE_US)
+    )
 
 
 def _rotor_speeds(
