@@ -196,6 +196,9 @@ def _with_motion_capture(streams: dict[str, Stream], seen: Stream, notes: list[s
     4 to 8 % too large along the ground.
     """
     rows = seen.news()
+    rows = rows[np.isfinite([seen.columns[name][rows] for name in _MOCAP]).all(axis=0)]
+    if len(rows) < 2:
+        return
     t_s, columns = seen.t_s[rows], {name: v[rows] for name, v in seen.columns.items()}
     p = np.stack([columns.pop(name) for name in _MOCAP])
     measured = {"position": (POSITION, p), "velocity": (VELOCITY, _velocity(t_s, p))}
