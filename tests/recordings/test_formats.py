@@ -2,16 +2,22 @@
 one shows what it is known to show.
 """
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 import scipy.io
 import writers
+import yaml
 
 from ges.errors import GesError, UsageError
 from ges.recordings.consistency import agreements
 from ges.recordings.readers import READERS, Options, open_log
 from ges.recordings.readers import log as streams
+from ges.recordings.readers.maps import ColumnMap, presets
+from ges.recordings.readers.ros import TopicMap
 
 
 def _same_motion(frame, motion, names=("p_{}_m", "v_{}_m_s", "acc_{}_m_s2"), tolerance=1e-4):
@@ -487,3 +493,15 @@ def test_matlab_of_the_newest_kind_is_refused_with_the_remedy(tmp_path):
     (tmp_path / "f.mat").write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + bytes(600))
     with pytest.raises(GesError, match="save it again by save"):
         open_log(tmp_path / "f.mat")
+
+
+def test_maps_of_the_page_are_maps():
+    """Examples of docs/importing.md, and every shipped map."""
+    page = (Path(__file__).resolve().parents[2] / "docs" / "importing.md").read_text()
+    blocks = [yaml.safe_load(b) for b in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)]
+    for block in blocks:
+        model = TopicMap if "topics" in block else ColumnMap
+        model.model_validate(block)
+    assert len(blocks) == 2
+    for name, mapping in (presets(ColumnMap) | presets(TopicMap)).items():
+        assert mapping.about, name

@@ -38,6 +38,25 @@ def _parts(name: str, frame: pd.DataFrame, count: int) -> list[tuple[str, pd.Dat
     ]
 
 
+def _without_empty(
+    parts: list[tuple[str, pd.DataFrame]],
+) -> tuple[list[tuple[str, pd.DataFrame]], list[str]]:
+    """Flights without the columns that hold nothing in them, and a sentence for those that lack
+    the same.
+    """
+    lacking: dict[tuple[str, ...], list[str]] = {}
+    kept = []
+    for name, frame in parts:
+        empty = tuple(c for c in frame if frame[c].isna().all())
+        kept.append((name, frame.drop(columns=list(empty))))
+        if empty:
+            lacking.setdefault(empty, []).append(name)
+    return kept, [
+        f"{', '.join(names)}: no sample of {', '.join(columns)}"
+        for columns, names in lacking.items()
+    ]
+
+
 def _summary(name: str, frame: pd.DataFrame) -> str:
     from ges.recordings.recording import unit_of
 
@@ -116,15 +135,20 @@ def command(sources, kind, mapping, pwm, rotor_order, part, parts, vehicle_path,
 
     vehicle = load_vehicle(vehicle_path)
     options = Options(mapping, pwm, rotor_order, part)
-    flights = []
+    flights, noticed = [], {}
     for name, path in zip(_names(sources), sources, strict=True):
         log = open_log(path, options, kind)
-        recordings = make_set(vehicle, _parts(name, log.frame(), parts))
-        for warning in (*(f"{path.name}: {note}" for note in log.notes), *recordings.warnings):
+        cut, empty = _without_empty(_parts(name, log.frame(), parts))
+        recordings = make_set(vehicle, cut)
+        for note in log.notes:
+            noticed.setdefault(note, []).append(path.name)
+        for warning in (*empty, *recordings.warnings):
             click.echo(f"warning: {warning}", err=True)
         for flight in recordings.flights:
             click.echo(_summary(flight.name, flight.frame), err=True)
             flights.append((flight.name, flight.frame))
+    for note, names in noticed.items():
+        click.echo(f"warning: {', '.join(names)}: {note}", err=True)
     if len(flights) < 2:
         click.echo(
             "warning: one flight only; a diagnosis needs two or more, --parts 4 cuts a long one",
