@@ -58,8 +58,8 @@ def test_doctor_goes_on_behind_a_log_that_cannot_be_read(tmp_path, motion, monke
     result = _run("doctor", tmp_path / "bad", good)
     assert result.exit_code == 1 and "no flight log that is known" in result.output
     assert "can be told: " in result.output
-    told = json.loads(_run("doctor", tmp_path / "bad", good, "--json").stdout)
-    assert [log["usable"] for log in told] == [False, True]
+    logs = json.loads(_run("doctor", tmp_path / "bad", good, "--json").stdout)
+    assert [log["usable"] for log in logs] == [False, True]
     monkeypatch.setattr("sys.argv", ["ges", "doctor", str(tmp_path / "bad")])
     with pytest.raises(SystemExit) as stop:
         main()
@@ -96,11 +96,11 @@ def test_import_takes_any_log_and_writes_the_contract(tmp_path, motion):
     fields |= {f"stateEstimate.v{a}": motion["v"][:, k] for k, a in enumerate("xyz")}
     usd = writers.usd(tmp_path / "log01", [("fixedFrequency", fields)])
     table = _table(tmp_path / "log02.csv", motion)
-    made = _run(
+    result = _run(
         "import", usd, table, "--vehicle", VEHICLES / "crazyflie.yaml", "--out", tmp_path / "set"
     )
-    assert made.exit_code == 0, made.output
-    assert "kept, not used: note_x" in made.output
+    assert result.exit_code == 0, result.output
+    assert "kept, not used: note_x" in result.output
     flights = load_set(tmp_path / "set").flights
     assert [f.name for f in flights] == ["log01", "log02"]
     for flight in flights:
@@ -122,6 +122,6 @@ def test_wrong_options_are_told(tmp_path, motion, monkeypatch, capsys, arguments
     monkeypatch.setattr("sys.argv", ["ges", *map(str, (*given, *arguments))])
     with pytest.raises(SystemExit) as stop:
         main()
-    told = capsys.readouterr().err
-    assert stop.value.code == 2 and words in told and "Traceback" not in told
+    message = capsys.readouterr().err
+    assert stop.value.code == 2 and words in message and "Traceback" not in message
     assert not (tmp_path / "set").exists()

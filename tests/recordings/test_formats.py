@@ -142,12 +142,12 @@ def _ardupilot(path, motion, ned, parameters=None, servo=(1, 2, 3, 4), esc=None,
             (name, form, columns, [(t, *r) for t, r in zip(t_us.tolist(), whole, strict=True)])
         )
     if esc is not None:
-        told = [
+        rows = [
             (t, instance, float(w))
             for instance, rpm in esc.items()
             for t, w in zip(t_us.tolist(), rpm, strict=True)
         ]
-        messages.append(("ESC", "QBf", ("TimeUS", "Instance", "RPM"), told))
+        messages.append(("ESC", "QBf", ("TimeUS", "Instance", "RPM"), rows))
     known = {
         "MOT_PWM_MIN": 1100.0,
         "MOT_PWM_MAX": 1900.0,

@@ -110,13 +110,13 @@ def _advice(log: Log) -> dict[str, str]:
     from ges.recordings.readers import READERS
 
     advice = next(reader.advice for reader in READERS if reader.name == log.format)
-    told = {}
+    advised = {}
     for name, wanted_hz in WANTED_HZ.items():
         stream = log.streams.get(name)
         if name in advice and (stream is None or stream.rate_hz < _NEAR * wanted_hz):
             now = "not logged" if stream is None else f"{stream.rate_hz:.2g} Hz"
-            told[name] = f"{now}: {advice[name]}"
-    return told
+            advised[name] = f"{now}: {advice[name]}"
+    return advised
 
 
 def _effects(frame) -> tuple[list[str], dict[str, str]]:

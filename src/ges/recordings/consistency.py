@@ -72,7 +72,7 @@ def agreements(frame: pd.DataFrame) -> list[Agreement]:
         names: all(n in frame for n in names)
         for names in (POSITION, VELOCITY, QUATERNION, BODY_RATE, SPECIFIC_FORCE)
     }
-    value = {names: _on(grid, frame, names) for names, there in has.items() if there}
+    value = {names: _on(grid, frame, names) for names, logged in has.items() if logged}
     found = []
     if has[QUATERNION]:
         q = value[QUATERNION]

@@ -153,7 +153,7 @@ def _contradiction(name: str, frame: pd.DataFrame, hover_rad_s: float) -> str | 
         _wrong_rates(frame),
         _wrong_velocity(frame),
     )
-    return next((f"{name}: {told}" for told in checks if told), None)
+    return next((f"{name}: {problem}" for problem in checks if problem), None)
 
 
 def _too_fast(frame: pd.DataFrame, hover_rad_s: float) -> str | None:
@@ -335,10 +335,10 @@ def _read(path: Path) -> pd.DataFrame:
             f"{path.name} is not a readable Parquet file: {str(error).splitlines()[0]}"
         ) from None
     for field in table.schema:
-        told, known = (field.metadata or {}).get(b"unit", b"").decode(), unit_of(field.name)
-        if told and known and told != known:
+        stated, known = (field.metadata or {}).get(b"unit", b"").decode(), unit_of(field.name)
+        if stated and known and stated != known:
             raise GesError(
-                f"{path.name}: the file calls {field.name} a number of {told}; it must be {known}"
+                f"{path.name}: the file calls {field.name} a number of {stated}; it must be {known}"
             )
     return table.to_pandas(ignore_metadata=True)
 

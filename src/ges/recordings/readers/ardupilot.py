@@ -125,14 +125,14 @@ class _Log:
 
     def message(self, name: str, *fields: str, instance: int | None = None) -> _Message | None:
         """The first instance (or a given one) of a message that says anything in these fields."""
-        there = self.messages.get(name, {})
-        wanted = sorted(there) if instance is None else [instance]
-        speaking = [n for n in wanted if n in there and there[n].has(*fields)]
+        instances = self.messages.get(name, {})
+        wanted = sorted(instances) if instance is None else [instance]
+        speaking = [n for n in wanted if n in instances and instances[n].has(*fields)]
         if speaking and speaking[0] != wanted[0]:
             self.notes.append(
                 f"{name} instance {wanted[0]} is zero throughout; instance {speaking[0]} is used"
             )
-        return there[speaking[0]] if speaking else None
+        return instances[speaking[0]] if speaking else None
 
 
 def _rows(reader, log: _Log) -> dict[tuple[str, int], tuple[tuple[str, ...], list]]:
@@ -141,7 +141,7 @@ def _rows(reader, log: _Log) -> dict[tuple[str, int], tuple[tuple[str, ...], lis
     tables: dict[tuple[str, int], tuple[tuple[str, ...], list]] = {}
     while (message := reader.recv_match(type=wanted)) is not None:
         name = message.get_type()
-        there = message.get_fieldnames()
+        columns = message.get_fieldnames()
         try:
             if name == "PARM":
                 log.parameters[str(message.Name)] = float(message.Value)
@@ -151,9 +151,9 @@ def _rows(reader, log: _Log) -> dict[tuple[str, int], tuple[tuple[str, ...], lis
                 continue
             name, instance = _NUMBERED.get(name, (name, None))
             if instance is None:
-                instance = next((int(getattr(message, f)) for f in _INSTANCES if f in there), 0)
-            fields = tuple(f for f in _FIELDS[name] if f in there)
-            time_s = message.TimeUS * 1e-6 if "TimeUS" in there else message.TimeMS * 1e-3
+                instance = next((int(getattr(message, f)) for f in _INSTANCES if f in columns), 0)
+            fields = tuple(f for f in _FIELDS[name] if f in columns)
+            time_s = message.TimeUS * 1e-6 if "TimeUS" in columns else message.TimeMS * 1e-3
             row = (time_s, *(float(getattr(message, f)) for f in fields))
         except (AttributeError, TypeError, ValueError, OverflowError):
             # a damaged message; what follows is whole again

@@ -78,8 +78,10 @@ class _Header:
 
     def firmware(self) -> tuple[str, tuple[int, ...]]:
         """Name and version of the firmware."""
-        told = re.search(r"(\w+)\s+(\d+)\.(\d+)", self.text.get("Firmware revision", ""))
-        return (told.group(1), (int(told.group(2)), int(told.group(3)))) if told else ("", (0, 0))
+        found = re.search(r"(\w+)\s+(\d+)\.(\d+)", self.text.get("Firmware revision", ""))
+        return (
+            (found.group(1), (int(found.group(2)), int(found.group(3)))) if found else ("", (0, 0))
+        )
 
     def rad_s(self) -> float:
         """Size of a gyro unit: ``gyro_scale`` is a float's bytes in hexadecimal, deg/s a unit."""

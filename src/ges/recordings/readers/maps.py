@@ -73,9 +73,9 @@ class Layout(_Strict):
         """
         if not isinstance(self.columns, dict):
             return None
-        there = set(header)
-        lacking = [n for n, c in self.columns.items() if n not in there and not c.optional]
-        return None if lacking else {n: c for n, c in self.columns.items() if n in there}
+        present = set(header)
+        lacking = [n for n, c in self.columns.items() if n not in present and not c.optional]
+        return None if lacking else {n: c for n, c in self.columns.items() if n in present}
 
 
 class ColumnMap(_Strict):
@@ -225,12 +225,12 @@ def _turned(columns: Mapping[str, np.ndarray], names: tuple[str, ...], turn) -> 
     """A vector in other axes; one of which a component is missing cannot be turned and is left
     out, so that no column lies about its axis.
     """
-    there = [name for name in names if name in columns]
-    if len(there) == len(names):
+    present = [name for name in names if name in columns]
+    if len(present) == len(names):
         return dict(zip(names, turn(*(columns[name] for name in names)), strict=True))
-    if there:
+    if present:
         raise UsageError(
-            f"the map sends columns to {', '.join(there)} in other axes, but not to all of"
+            f"the map sends columns to {', '.join(present)} in other axes, but not to all of"
             f" {', '.join(names)}; map the whole vector"
         )
     return {}

@@ -80,10 +80,10 @@ class Matlab:
                 continue
             sizes = {name: len(found[name]) for name in named}
             if len(set(sizes.values())) > 1:
-                told = ", ".join(f"{name} {n}" for name, n in sizes.items())
+                lengths = ", ".join(f"{name} {n}" for name, n in sizes.items())
                 raise UsageError(
                     f"{path.name}: the variables of one layout must have as many samples as its"
-                    f" time ({told}); give each time a layout of its own"
+                    f" time ({lengths}); give each time a layout of its own"
                 )
             columns = {c.to: convert(found[name], c) for name, c in named.items()}
             more, dropped = streams_of(columns, layout, path.name, "variables")

@@ -61,9 +61,9 @@ def _lines(path: Path, separator: str) -> tuple[pa.Table, list[str]]:
             ),
         )
     except (pa.ArrowException, UnicodeDecodeError) as error:
-        told = re.search(r"Row #(\d+): Expected (\d+) columns, got (\d+)", str(error))
-        if told:
-            line, first, found = told.groups()
+        row = re.search(r"Row #(\d+): Expected (\d+) columns, got (\d+)", str(error))
+        if row:
+            line, first, found = row.groups()
             raise GesError(
                 f"{path.name} line {line} has {found} columns, the first line {first}; mend or cut"
                 " the file there"
