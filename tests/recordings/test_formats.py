@@ -505,3 +505,12 @@ def test_maps_of_the_page_are_maps():
     assert len(blocks) == 2
     for name, mapping in (presets(ColumnMap) | presets(TopicMap)).items():
         assert mapping.about, name
+
+
+def test_a_damaged_matlab_file_at_which_its_library_crashes_is_refused(tmp_path):
+    scipy.io.savemat(tmp_path / "f.mat", {"t_s": np.arange(4.0)})
+    data = bytearray((tmp_path / "f.mat").read_bytes())
+    data[176] = 255  # type of the numbers
+    (tmp_path / "f.mat").write_bytes(data)
+    with pytest.raises(GesError, match="f.mat is damaged: it cannot be read as a MATLAB file"):
+        open_log(tmp_path / "f.mat")

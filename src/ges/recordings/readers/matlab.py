@@ -4,6 +4,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -38,6 +41,32 @@ def _arrays(value: Any, name: str) -> Iterator[tuple[str, np.ndarray]]:
             yield f"{name}(:,{k})" if tall else f"{name}({k},:)", column
 
 
+def _extract(path: str, out: str) -> None:
+    """Write the vectors of a file, for :func:`_variables`."""
+    found = dict(_arrays(loadmat(path, simplify_cells=True), ""))
+    np.savez(out, np.array(list(found), dtype=str), *found.values())
+
+
+def _variables(path: Path) -> dict[str, np.ndarray]:
+    """Vectors of a file by their names in MATLAB, read in a process of its own: a damaged file
+    makes scipy's reader not raise but crash.
+    """
+    code = f"import sys; from {__name__} import _extract; _extract(*sys.argv[1:])"
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "variables.npz"
+        run = subprocess.run(
+            [sys.executable, "-c", code, str(path), str(out)], capture_output=True, text=True
+        )
+        if run.returncode or not out.exists():
+            reason = run.stderr.strip().splitlines()[-1:] or ["the reader crashed"]
+            raise GesError(
+                f"{path.name} is damaged: it cannot be read as a MATLAB file ({reason[0][:200]})"
+            )
+        with np.load(out) as arrays:
+            names, *values = (arrays[key] for key in arrays.files)
+    return dict(zip(names.tolist(), values, strict=True))
+
+
 class Matlab:
     """MATLAB .mat."""
 
@@ -63,15 +92,7 @@ class Matlab:
                     f"{path.name} is of MATLAB's version 7.3, which is not read; save it again by"
                     " save(..., '-v7')"
                 )
-        try:
-            variables = loadmat(path, simplify_cells=True)
-            found = dict(_arrays(variables, ""))
-        except Exception as error:
-            # scipy meets damage with whatever error its bytes lead to
-            raise GesError(
-                f"{path.name} is damaged: it cannot be read as a MATLAB file"
-                f" ({type(error).__name__}: {error})"
-            ) from None
+        found = _variables(path)
         mapping, chosen = map_for(list(found), options, path.name)
         streams: dict[str, Stream] = {}
         notes = [chosen] if chosen else []
