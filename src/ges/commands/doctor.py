@@ -121,7 +121,7 @@ def _advice(log: Log) -> dict[str, str]:
 
 def _effects(frame) -> tuple[list[str], dict[str, str]]:
     """Effects that these streams can speak about, and what each of the others needs."""
-    from ges.diagnose.library.hearing import lacking
+    from ges.diagnose.library.requirements import lacking
     from ges.diagnose.prepare.align import grid_step_s, regrid
     from ges.diagnose.prepare.gate import with_thrust_direction
     from ges.diagnose.types.model import Model
