@@ -1,4 +1,4 @@
-"""``ges import``: foreign logs into a recording set."""
+"""``ges import``: flight logs into a recording set."""
 
 from __future__ import annotations
 
@@ -7,44 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ges.errors import GesError, UsageError
+from ges.errors import UsageError
 
 if TYPE_CHECKING:
     import pandas as pd
-
-_BEGINNINGS = {b"ULog": "ulog", b"\xbc": "usd"}
-
-
-def _format(path: Path) -> str:
-    """Format of a log, from its first bytes."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(4)
-    except OSError as error:
-        raise GesError(f"cannot read {path}: {error.strerror}") from None
-    return next((kind for magic, kind in _BEGINNINGS.items() if head.startswith(magic)), "csv")
-
-
-def _read(
-    path: Path, kind: str, mapping: Path | None, n_rotors: int, pwm: tuple[float, float] | None
-):
-    if kind == "ulog":
-        from ges.recordings.ulog import read_ulog
-
-        return read_ulog(path, n_rotors, pwm)
-    if kind == "usd":
-        from ges.recordings.usd import read_usd
-
-        return read_usd(path)
-    if mapping is None:
-        raise UsageError(
-            f"{path.name} is read as CSV, which needs a column map; give --map MAP.yaml (examples"
-            " in config/imports)"
-        )
-    from ges.recordings.columns import load_map
-    from ges.recordings.csv import read_csv
-
-    return read_csv(path, load_map(mapping))
 
 
 def _names(sources: tuple[Path, ...]) -> list[str]:
@@ -72,6 +38,25 @@ def _parts(name: str, frame: pd.DataFrame, count: int) -> list[tuple[str, pd.Dat
     ]
 
 
+def _without_empty(
+    parts: list[tuple[str, pd.DataFrame]],
+) -> tuple[list[tuple[str, pd.DataFrame]], list[str]]:
+    """Flights without the columns that hold nothing in them, and a sentence for those that lack
+    the same.
+    """
+    lacking: dict[tuple[str, ...], list[str]] = {}
+    kept = []
+    for name, frame in parts:
+        empty = tuple(c for c in frame if frame[c].isna().all())
+        kept.append((name, frame.drop(columns=list(empty))))
+        if empty:
+            lacking.setdefault(empty, []).append(name)
+    return kept, [
+        f"{', '.join(names)}: no sample of {', '.join(columns)}"
+        for columns, names in lacking.items()
+    ]
+
+
 def _summary(name: str, frame: pd.DataFrame) -> str:
     from ges.recordings.recording import unit_of
 
@@ -83,25 +68,44 @@ def _summary(name: str, frame: pd.DataFrame) -> str:
 
 
 @click.command("import")
-@click.argument("sources", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument(
+    "sources", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG..."
+)
 @click.option(
     "--format",
     "kind",
-    type=click.Choice(["auto", "csv", "ulog", "usd"]),
     default="auto",
     show_default=True,
     help=(
-        "csv by a column map, PX4 ULog, or Crazyflie micro-SD; auto goes by the file's first bytes."
+        "px4, ardupilot, betaflight, ros, crazyflie, table (CSV, Parquet) or matlab; auto goes by"
+        " the file's first bytes."
     ),
 )
 @click.option(
-    "--map", "mapping", type=click.Path(path_type=Path), help="Column map (YAML) for CSV files."
+    "--map",
+    "mapping",
+    help=(
+        "Column map of a table or MATLAB file, topic map of a ROS bag: a YAML file or a preset's"
+        " name."
+    ),
 )
 @click.option(
     "--pwm",
     type=(float, float),
     metavar="LOW HIGH",
-    help="ULog: pulse widths (us) that mean 0 and 1; default: the log's PWM_MIN and PWM_MAX.",
+    help="Motor outputs (us) that mean 0 and 1; default: what the log's parameters say.",
+)
+@click.option(
+    "--rotor-order",
+    type=(int, int, int, int),
+    metavar="N N N N",
+    help="For motors 1 to 4 the number of the speed reading that is its own, where the log does"
+    " not say.",
+)
+@click.option(
+    "--part",
+    type=click.IntRange(min=1),
+    help="Which flight of a file that holds several (Betaflight); default: the longest.",
 )
 @click.option(
     "--parts",
@@ -120,29 +124,31 @@ def _summary(name: str, frame: pd.DataFrame) -> str:
 @click.option(
     "--out", type=click.Path(path_type=Path), required=True, help="Folder of the recording set."
 )
-def command(sources, kind, mapping, pwm, parts, vehicle_path, out) -> None:
+def command(sources, kind, mapping, pwm, rotor_order, part, parts, vehicle_path, out) -> None:
     """Bring logs of one vehicle into a recording set, one flight a file.
 
-    Example: ges import flights/*.csv --map config/imports/appius.yaml --vehicle
-    config/vehicles/appius.yaml --out set
+    Example: ges import flights/*.ulg --vehicle vehicle.yaml --out set
     """
+    from ges.recordings.readers import Options, open_log
     from ges.recordings.recording import make_set, write_set
     from ges.vehicle.file import load_vehicle
 
     vehicle = load_vehicle(vehicle_path)
-    if pwm and not pwm[1] > pwm[0]:
-        raise UsageError(f"--pwm {pwm[0]:g} {pwm[1]:g}: the first pulse width must be the smaller")
-    flights = []
+    options = Options(mapping, pwm, rotor_order, part)
+    flights, noticed = [], {}
     for name, path in zip(_names(sources), sources, strict=True):
-        frame, warnings = _read(
-            path, _format(path) if kind == "auto" else kind, mapping, len(vehicle.rotors), pwm
-        )
-        made = make_set(vehicle, _parts(name, frame, parts))
-        for warning in (*warnings, *made.warnings):
+        log = open_log(path, options, kind)
+        cut, empty = _without_empty(_parts(name, log.frame(), parts))
+        recordings = make_set(vehicle, cut)
+        for note in log.notes:
+            noticed.setdefault(note, []).append(path.name)
+        for warning in (*empty, *recordings.warnings):
             click.echo(f"warning: {warning}", err=True)
-        for flight in made.flights:
+        for flight in recordings.flights:
             click.echo(_summary(flight.name, flight.frame), err=True)
             flights.append((flight.name, flight.frame))
+    for note, names in noticed.items():
+        click.echo(f"warning: {', '.join(names)}: {note}", err=True)
     if len(flights) < 2:
         click.echo(
             "warning: one flight only; a diagnosis needs two or more, --parts 4 cuts a long one",

@@ -19,7 +19,7 @@ from ges.files import replacing
 
 
 class Source(pydantic.BaseModel):
-    """One published data set: ``files`` maps the local path to (path in the repository, SHA-256)."""
+    """One published data set: ``files`` maps the local path to (path there, SHA-256)."""
 
     model_config = pydantic.ConfigDict(extra="forbid")
 
@@ -40,7 +40,10 @@ def check(content: bytes, sha256: str, name: str) -> bytes:
     """The same bytes, if they are those that were published."""
     found = hashlib.sha256(content).hexdigest()
     if found != sha256:
-        raise GesError(f"{name} has SHA-256 {found[:12]}..., published was {sha256[:12]}...; it was changed, take a fresh copy")
+        raise GesError(
+            f"{name} has SHA-256 {found[:12]}..., published was {sha256[:12]}...; it was changed,"
+            " take a fresh copy"
+        )
     return content
 
 
@@ -51,7 +54,8 @@ def _download(source: Source, path: str) -> bytes:
             return answer.read()
     except (urllib.error.URLError, OSError) as error:
         raise GesError(
-            f"cannot fetch {source.repository}/{path}: {error}; name a folder with copies by --from or GES_RECORDINGS"
+            f"cannot fetch {source.repository}/{path}: {error}; name a folder with copies by --from"
+            " or GES_RECORDINGS"
         ) from None
 
 
@@ -71,7 +75,9 @@ def fetch(name: str, out: Path, copies: Path | None) -> Iterator[Path]:
         raise unknown_name("data set", name, known)
     source = known[name]
     for local, (path, sha256) in source.files.items():
-        take: Callable[[], bytes] = (lambda p=local: _copy(copies, p)) if copies else (lambda p=path: _download(source, p))
+        take: Callable[[], bytes] = (
+            (lambda p=local: _copy(copies, p)) if copies else (lambda p=path: _download(source, p))
+        )
         target = out / local
         with replacing(target) as new:
             new.write_bytes(check(take(), sha256, local))

@@ -26,8 +26,8 @@ def blind_flights(recordings_dir, tmp_path_factory):
         ).exit_code
         == 0
     )
-    told = _run("diagnose", folder / "set", "--out", folder / "out")
-    assert told.exit_code == 0, told.output
+    result = _run("diagnose", folder / "set", "--out", folder / "out")
+    assert result.exit_code == 0, result.output
     return (
         json.loads((folder / "out" / "diagnosis.json").read_text()),
         (folder / "out" / "report.html").read_text(),
@@ -35,27 +35,27 @@ def blind_flights(recordings_dir, tmp_path_factory):
 
 
 def test_a_log_without_position_proves_nothing_and_says_what_it_could_not_hear(blind_flights):
-    told, _ = blind_flights
-    assert told["verdict"] == "nothing_proven" and not told["findings"]
-    assert {c.split("_")[0] for c in told["data"]["channels_used"]} == {"acc", "moment"}
+    diagnosis, _ = blind_flights
+    assert diagnosis["verdict"] == "nothing_proven" and not diagnosis["findings"]
+    assert {c.split("_")[0] for c in diagnosis["data"]["channels_used"]} == {"acc", "moment"}
     assert (
         "nothing of drag, inflow, loads and the ground (log velocity and attitude"
-        in told["sentence"]
+        in diagnosis["sentence"]
     )
-    off = told["data"]["channels_off"]
+    off = diagnosis["data"]["channels_off"]
     assert "velocity and attitude" in off["force_z"] and "rotor speeds" in off["drive_1"]
     for name in ("ground_effect", "rotor_drag", "axial_inflow", "slung_load", "battery_sag"):
-        assert told["not_tested"][name].startswith("needs a logged"), name
-        assert name not in told["detectable"], (
+        assert diagnosis["not_tested"][name].startswith("needs a logged"), name
+        assert name not in diagnosis["detectable"], (
             "no size can be promised for what nothing was logged of"
         )
-    assert {"weak_rotor", "accelerometer_bias"} <= set(told["detectable"])
+    assert {"weak_rotor", "accelerometer_bias"} <= set(diagnosis["detectable"])
 
 
 def test_without_position_the_open_loop_proof_is_left_out(blind_flights):
-    told, _ = blind_flights
-    assert not told["fit"]["rollout"] or not told["fit"]["rollout"]["channels"]
-    assert set(told["fit"]["channels"]) == {
+    diagnosis, _ = blind_flights
+    assert not diagnosis["fit"]["rollout"] or not diagnosis["fit"]["rollout"]["channels"]
+    assert set(diagnosis["fit"]["channels"]) == {
         "acc_x_N",
         "acc_y_N",
         "acc_z_N",
