@@ -121,9 +121,8 @@ def describe_log(
         **unlogged_sources,
     }
     origin = (
-        f"Made by ges vehicle from a {log.format} log"
-        + (f" of {log.autopilot}" if log.autopilot else "")
-        + f", {mass_kg:g} kg and propellers of {prop}. A number with an sd may be off by that much;"
+        f"Made by ges vehicle from a flight log ({log.autopilot or log.format}),"
+        f" {mass_kg:g} kg and propellers of {prop}. A number with an sd may be off by that much;"
         " 'ges calibrate' on healthy flights narrows it."
     )
     return Datasheet(
@@ -141,6 +140,8 @@ def _airframe(
     """Rotors as the user or the log says, unless the flight turns otherwise."""
     if layout is not None:
         found = airframe.from_layout(layout, prop, wheelbase_m)
+    elif log.format == "betaflight" and "yaw_motors_reversed" not in log.parameters:
+        found = airframe.from_layout(_propellers_out(seen, prop), prop, wheelbase_m)
     elif log.format in ("px4", "ardupilot", "betaflight", "crazyflie"):
         found = airframe.from_parameters(log.format, log.parameters, prop, wheelbase_m)
     else:
@@ -164,6 +165,13 @@ def _fits(name: str, seen: Turning, prop: Propeller) -> bool:
     """Whether all three axes turn as this layout, and no other, would turn them."""
     rotors = airframe.from_layout(name, prop, None).rotors
     return bool(np.all(seen.agreement(rotors) > SURELY))
+
+
+def _propellers_out(seen: Turning | None, prop: Propeller) -> str:
+    """Betaflight's layout, with propellers the other way round where the flight shows it."""
+    usual, other = "betaflight-x", "betaflight-x-reversed"
+    against = seen and seen.contradicted(airframe.from_layout(usual, prop, None).rotors)
+    return other if against == ["yaw"] else usual
 
 
 def _layout_flown(seen: Turning | None, prop: Propeller) -> str:
