@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
 from ges.conventions import COMMAND, GRAVITY_M_S2, ROTOR_SPEED
 from ges.errors import GesError, UsageError
@@ -188,8 +189,6 @@ def test_impossible_masses_are_refused(flight):
 
 
 def test_every_number_of_the_file_has_its_source(flight):
-    import yaml
-
     sheet = describe_log(Log(flight, parameters=PARAMETERS), 1.5, PROP)
     text = sheet.to_yaml()
     lines = text.splitlines()
@@ -201,3 +200,34 @@ def test_every_number_of_the_file_has_its_source(flight):
     assert again.mass_kg == sheet.vehicle.mass_kg
     k, written = sheet.vehicle.thrust_coefficient_N_s2, again.thrust_coefficient_N_s2
     assert abs(k.value - written.value) < 0.05 * k.sd
+
+
+def test_damaged_flights_end_in_a_vehicle_or_a_sentence(flight):
+    """Columns lost, frozen, cut, scaled and full of holes; parameters that are no numbers."""
+    rng = np.random.default_rng(11)
+    columns = [c for c in flight if c != "t_s"]
+    for _ in range(40):
+        frame = flight.iloc[:: int(rng.integers(1, 12))].reset_index(drop=True)
+        for column in rng.choice(columns, int(rng.integers(0, 30)), replace=False):
+            match int(rng.integers(5)):
+                case 0:
+                    frame = frame.drop(columns=column)
+                case 1:
+                    frame[column] = float(rng.choice([0.0, 1.0, np.nan, -5.0]))
+                case 2:
+                    frame.loc[rng.random(len(frame)) < 0.5, column] = np.nan
+                case 3:
+                    frame[column] *= float(rng.choice([-1.0, 1e-9, 1e9]))
+                case _:
+                    frame.loc[frame.index > int(rng.integers(len(frame))), column] = np.nan
+        parameters = dict(PARAMETERS)
+        for key in rng.choice(sorted(parameters), 2):
+            parameters[key] = float(rng.choice([np.nan, np.inf, 0.0, -3.0, 1e30, 4.0]))
+        parameters["MOT_THST_EXPO"] = float(rng.choice([np.nan, -5.0, 0.65, 9.0]))
+        kind = str(rng.choice(["px4", "ardupilot", "betaflight", "crazyflie", "table"]))
+        try:
+            sheet = describe_log(Log(frame, kind, parameters=parameters), 1.5, PROP)
+        except GesError as error:
+            assert "\n" not in str(error)
+            continue
+        parse_vehicle(yaml.safe_load(sheet.to_yaml()))

@@ -160,35 +160,46 @@ def from_parameters(
     )
 
 
+def number_of(parameters: Mapping[str, float], key: str, default: float | None) -> float:
+    """A parameter of an autopilot, or ``default`` where it was not logged.
+
+    Raises
+    ------
+    UsageError
+        When it is no finite number, or was not logged and has no default.
+    """
+    value = parameters.get(key, default)
+    if value is None or not math.isfinite(value):
+        raise UsageError(f"the log's parameter {key} is {value}; give --layout, as in --layout x")
+    return float(value)
+
+
 def _ardupilot_layout(parameters: Mapping[str, float]) -> str:
     """Layout of FRAME_CLASS and FRAME_TYPE, or of FRAME before version 3.5."""
-    group = int(parameters.get("FRAME_CLASS", 1))
+    group = int(number_of(parameters, "FRAME_CLASS", 1))
     if group != 1:
         what = ARDUPILOT_CLASSES.get(group, f"FRAME_CLASS {group}")
         raise GesError(f"the log is of a {what}; ges simulates quadrotors (FRAME_CLASS 1)")
-    number = parameters.get("FRAME_TYPE", parameters.get("FRAME"))
-    if number is None:
+    key = "FRAME_TYPE" if "FRAME_TYPE" in parameters else "FRAME"
+    number = int(number_of(parameters, key, None))
+    if number not in ARDUPILOT_FRAMES:
         raise UsageError(
-            "the log has neither FRAME_TYPE nor FRAME, so the order of the motors is not known;"
-            " give --layout, as in --layout x"
+            f"{key} {number} is not one of {sorted(ARDUPILOT_FRAMES)}, whose motors all point up;"
+            " other frames cannot be simulated"
         )
-    if int(number) not in ARDUPILOT_FRAMES:
-        raise UsageError(
-            f"FRAME_TYPE {int(number)} is not one of {sorted(ARDUPILOT_FRAMES)}, whose motors all"
-            " point up; other frames cannot be simulated"
-        )
-    return ARDUPILOT_FRAMES[int(number)]
+    return ARDUPILOT_FRAMES[number]
 
 
 def _px4(
     parameters: Mapping[str, float], propeller: Propeller, wheelbase_m: float | None
 ) -> Airframe:
-    if int(parameters.get("CA_AIRFRAME", 0)) != 0:
+    kind = int(number_of(parameters, "CA_AIRFRAME", 0))
+    if kind != 0:
         raise GesError(
-            f"the log is of no multirotor (CA_AIRFRAME {int(parameters['CA_AIRFRAME'])});"
-            " ges simulates quadrotors (CA_AIRFRAME 0)"
+            f"the log is of no multirotor (CA_AIRFRAME {kind}); ges simulates quadrotors"
+            " (CA_AIRFRAME 0)"
         )
-    count = int(parameters.get("CA_ROTOR_COUNT", 0))
+    count = int(number_of(parameters, "CA_ROTOR_COUNT", 0))
     if count == 0:
         return from_layout(_px4_airframe(parameters), propeller, wheelbase_m)
     if count != N_ROTORS:
@@ -199,13 +210,7 @@ def _px4(
 
 
 def _px4_airframe(parameters: Mapping[str, float]) -> str:
-    number = parameters.get("SYS_AUTOSTART")
-    if number is None:
-        raise UsageError(
-            "the log has neither CA_ROTOR* nor SYS_AUTOSTART, so the order of the motors is not"
-            " known; give --layout, as in --layout x"
-        )
-    number = int(number)
+    number = int(number_of(parameters, "SYS_AUTOSTART", None))
     if not any(number in numbers for numbers in PX4_QUADS) and number not in PX4_OTHERS:
         raise UsageError(
             f"airframe {number} (SYS_AUTOSTART) is not known to be a quadrotor; give --layout, as"
@@ -219,14 +224,14 @@ def _control_allocation(
 ) -> Airframe:
     """Rotors of CA_ROTORn_PX, PY, PZ (forward, right, down) and KM (positive: ccw)."""
     names = [f"CA_ROTOR{i}" for i in range(N_ROTORS)]
-    upright = [-float(parameters.get(f"{n}_AZ", -1.0)) for n in names]
+    upright = [-number_of(parameters, f"{n}_AZ", -1.0) for n in names]
     if min(upright) < TILTED:
         raise GesError(
             "a rotor's axis is tilted (CA_ROTOR*_AX, AY, AZ); ges simulates upright rotors"
         )
-    frd = np.array([[float(parameters.get(f"{n}_P{a}", 0.0)) for a in "XYZ"] for n in names])
+    frd = np.array([[number_of(parameters, f"{n}_P{a}", 0.0) for a in "XYZ"] for n in names])
     hubs = frd * (1.0, -1.0, -1.0)
-    turns = [float(parameters.get(f"{n}_KM", 0.05)) for n in names]
+    turns = [number_of(parameters, f"{n}_KM", 0.05) for n in names]
     spins = ["ccw" if km > 0 else "cw" for km in turns]
     arm_m = scaling.arm_m(hubs[:, 0], hubs[:, 1])
     if not arm_m > 0 or not all(turns):

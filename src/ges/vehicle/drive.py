@@ -35,15 +35,16 @@ ON_GROUND = 1.6
 QUIET, TILT_RAD, SLOW_M_S, HIGH_RADII = 0.1, 0.25, 2.0, 6.0
 # What ground effect, inflow and the accelerometer's scale leave in a hover's balance.
 HOVER_SD_REL = 0.02
-TOP_SPEED_SD_REL = 0.02
+# What a fit to half seconds leaves out: sag, wind, rounding; less explained is no response.
+TOP_SPEED_SD_REL, LEAST_CURVE_SD, LEAST_R2 = 0.02, 0.02, 0.25
 # Telemetry that can tell a lag: at least a hundred rows a second, speeds that follow the commands.
 FEWEST_ROWS, SLOWEST_TELEMETRY_S, LEAST_LIKENESS = 500, 0.011, 0.7
 LAGS_S, LONGEST_DELAY_S, HIGH_PASS_S, LAG_SD_REL = (0.005, 0.2), 0.03, 0.3, 0.15
 
 
 def normalised_thrust(u: np.ndarray, c: float) -> np.ndarray:
-    """Share of the largest thrust at a command: (1 - c) u^2 + c u."""
-    return (1.0 - c) * u * u + c * u
+    """Share of the largest thrust at a command: (1 - c) u^2 + c u, not below 0."""
+    return np.maximum((1.0 - c) * u * u + c * u, 0.0)
 
 
 def curve_at_hover(elasticity: float, u: float) -> float:
@@ -52,6 +53,8 @@ def curve_at_hover(elasticity: float, u: float) -> float:
     Solves (2 (1 - c) u + c) / ((1 - c) u + c) = E for c; a curve of another form agrees with it in
     value and slope at hover.
     """
+    if elasticity <= 1.0:
+        return 1.0
     quadratic = (elasticity - 1.0) / (elasticity * (1.0 - u) + 2.0 * u - 1.0)
     return float(np.clip(1.0 - quadratic, -0.5, 1.0))
 
@@ -134,6 +137,8 @@ def _flying(ratio: np.ndarray) -> np.ndarray:
     centre = float(np.quantile(ratio[known], 0.25))
     for _ in range(5):
         near = known & (ratio < ON_GROUND * centre) & (ratio > centre / ON_GROUND)
+        if not near.any():
+            break
         centre = float(np.median(ratio[near]))
     return near
 
@@ -146,9 +151,9 @@ def _hovering(bins: _Bins, radius_m: float) -> np.ndarray:
     velocity = _stack(bins.means, VELOCITY)
     if velocity is not None:
         calm &= np.linalg.norm(velocity, axis=1) < SLOW_M_S
-    position = _stack(bins.means, POSITION)
-    if position is not None:
-        high = calm & (position[:, 2] - np.nanmin(position[:, 2]) > HIGH_RADII * radius_m)
+    height = _stack(bins.means, POSITION[2:])
+    if height is not None:
+        high = calm & (height[:, 0] - np.nanmin(height) > HIGH_RADII * radius_m)
         calm = high if high.sum() >= FEWEST_BINS else calm
     return calm
 
@@ -160,6 +165,7 @@ class _Bins:
     means: pd.DataFrame
     speeds: np.ndarray | None
     commands: np.ndarray | None
+    measured: bool
     ratio: np.ndarray
     drives: np.ndarray
     lift: np.ndarray
@@ -175,11 +181,13 @@ def _bins(frame: pd.DataFrame, c: float) -> _Bins:
         raise GesError(
             "the log has neither rotor speeds nor motor commands; log one of them to tell thrust"
         )
-    drives = speeds**2 if speeds is not None else normalised_thrust(commands, c)
+    measured = speeds is not None and np.isfinite(speeds).all(axis=1).sum() >= FEWEST_BINS
+    measured |= commands is None
+    drives = speeds**2 if measured else normalised_thrust(commands, c)
     up = _upward(means)
     lift, total = _lift(means, up), drives.sum(axis=1)
     ratio = np.divide(lift, total, out=np.full(len(means), np.nan), where=total > 0)
-    return _Bins(means, speeds, commands, ratio, drives, lift, up, _flying(ratio))
+    return _Bins(means, speeds, commands, measured, ratio, drives, lift, up, _flying(ratio))
 
 
 def hover(frame: pd.DataFrame, mass_kg: float, c: float, radius_m: float) -> Hover:
@@ -215,7 +223,7 @@ def hover(frame: pd.DataFrame, mass_kg: float, c: float, radius_m: float) -> Hov
         float(np.median(bins.drives[used])),
         float(used.sum() * BIN_S),
         used is quiet,
-        bins.speeds is not None,
+        bins.measured,
     )
 
 
@@ -270,37 +278,46 @@ def response(frame: pd.DataFrame, curve: Quantity) -> Response | None:
     if good.sum() < N_ROTORS * FEWEST_BINS:
         return None
     w, u = speeds[good], commands[good]
-    top, c, r2 = _steady_response(w, u, curve)
-    if r2 < 0.25:
+    steady = _steady_response(w, u, curve)
+    if steady is None:
         return None
+    top, c, r2 = steady
     span = (float(np.quantile(u, 0.01)), float(np.quantile(u, 0.99)))
     return Response(top, c, _lag(frame, c.value), r2, span)
 
 
 def _steady_response(
     w: np.ndarray, u: np.ndarray, curve: Quantity
-) -> tuple[Quantity, Quantity, float]:
-    """Top speed and curve from speeds and commands (n,), and the variance explained."""
+) -> tuple[Quantity, Quantity, float] | None:
+    """Top speed and curve from speeds and commands (n,), and the variance explained; None where
+    that is little.
+    """
+    usual = float(np.median(w))
+    unit = usual / float(np.sqrt(max(np.median(normalised_thrust(u, curve.value)), 1e-4)))
 
     def misfit(x: np.ndarray, scale: float) -> np.ndarray:
-        made = x[0] * np.sqrt(np.maximum(normalised_thrust(u, x[1]), 1e-9))
-        return np.append((made - w) / scale, (x[1] - curve.value) / max(curve.sd, 1e-3))
+        speed = x[0] * unit * np.sqrt(np.maximum(normalised_thrust(u, x[1]), 1e-9))
+        return np.append((speed - w) / scale, (x[1] - curve.value) / max(curve.sd, 1e-3))
 
-    start = np.array(
-        [float(np.median(w / np.sqrt(normalised_thrust(u, curve.value)))), curve.value]
-    )
-    bounds = ([0.1 * start[0], -0.5], [10.0 * start[0], 1.0])
-    scale = 0.05 * float(np.median(w))
+    start, scale = np.array([1.0, curve.value]), 0.05 * usual
     for _ in range(2):
-        fit = least_squares(misfit, start, args=(scale,), bounds=bounds, loss="soft_l1")
+        fit = least_squares(
+            misfit, start, args=(scale,), bounds=([0.1, -0.5], [10.0, 1.0]), loss="soft_l1"
+        )
         left = misfit(fit.x, 1.0)[:-1]
         # Errors of one rotor hold for seconds, so that a tenth of the samples count as independent.
-        scale = np.sqrt(10.0) * max(float(np.sqrt(np.mean(left**2))), 1e-3 * float(np.median(w)))
+        scale = np.sqrt(10.0) * max(float(np.sqrt(np.mean(left**2))), 1e-3 * usual)
         start = fit.x
-    sd = np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))
-    top = Quantity(value=fit.x[0], sd=float(np.hypot(sd[0], TOP_SPEED_SD_REL * fit.x[0])))
     r2 = 1.0 - float(np.var(left) / np.var(w))
-    return top, Quantity(value=fit.x[1], sd=max(float(sd[1]), 0.02)), r2
+    if not r2 > LEAST_R2:
+        return None
+    sd = np.sqrt(np.maximum(np.diag(np.linalg.pinv(fit.jac.T @ fit.jac)), 0.0))
+    top = fit.x[0] * unit
+    return (
+        Quantity(value=top, sd=float(np.hypot(sd[0] * unit, TOP_SPEED_SD_REL * top))),
+        Quantity(value=fit.x[1], sd=max(float(sd[1]), LEAST_CURVE_SD)),
+        r2,
+    )
 
 
 def _lag(frame: pd.DataFrame, c: float) -> Quantity | None:
@@ -315,7 +332,7 @@ def _lag(frame: pd.DataFrame, c: float) -> Quantity | None:
     if step_s > SLOWEST_TELEMETRY_S:
         return None
     commands = rows[list(COMMAND)].to_numpy(dtype=float)
-    asked = np.sqrt(np.maximum(normalised_thrust(commands, c), 0.0))
+    asked = np.sqrt(normalised_thrust(commands, c))
     fast = _fast(rows[list(ROTOR_SPEED)].to_numpy(dtype=float), step_s)
     lags_s = np.geomspace(*LAGS_S, 40)
     score = [_likeness(_fast(_slow(asked, step_s, lag), step_s), fast, step_s) for lag in lags_s]

@@ -211,7 +211,7 @@ def _curve(log: Log, prop: Propeller, frame: pd.DataFrame) -> tuple[Quantity, st
         return Quantity(value=1.0, sd=FLOWN_SD), "The firmware commands thrust, so it is linear."
     if log.format == "px4":
         factor = float(log.parameters.get("THR_MDL_FAC", 0.0))
-        if factor <= 0.0:
+        if not 0.0 < factor <= 1.0:
             return common, f"THR_MDL_FAC is not set: {default}."
         if source == "actuator_motors":
             return (
@@ -230,9 +230,9 @@ def _ardupilot_curve(parameters: Mapping[str, float], frame: pd.DataFrame) -> tu
 
     T ~ (1 - e) s + e s^2 over s = (u - MOT_SPIN_MIN) / (MOT_SPIN_MAX - MOT_SPIN_MIN).
     """
-    expo = float(parameters["MOT_THST_EXPO"])
-    low = float(parameters.get("MOT_SPIN_MIN", 0.15))
-    high = float(parameters.get("MOT_SPIN_MAX", 0.95))
+    expo = float(np.clip(airframe.number_of(parameters, "MOT_THST_EXPO", None), -1.0, 1.0))
+    low = airframe.number_of(parameters, "MOT_SPIN_MIN", 0.15)
+    high = airframe.number_of(parameters, "MOT_SPIN_MAX", 0.95)
     sd = FLOWN_SD + TUNED_SD if math.isclose(expo, ARDUPILOT_EXPO, abs_tol=1e-3) else TUNED_SD
     commands = frame.filter(regex=r"^u_[1-9]$").to_numpy(dtype=float).ravel()
     commands = commands[np.isfinite(commands) & (commands > low + 0.05)]
