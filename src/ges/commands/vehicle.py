@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from ges.commands.import_ import read_log, reading_options
 from ges.errors import GesError, UsageError
 
 if TYPE_CHECKING:
@@ -54,6 +55,7 @@ def _listed(context: click.Context, _: click.Parameter, wanted: bool) -> None:
     metavar="FOLDER",
     help="MODEL: where included Gazebo models lie; may be given again.",
 )
+@reading_options
 @click.option("--name", help="Name of the vehicle.")
 @click.option("--to", "target", type=click.Choice(KINDS), help="Write for that simulator instead.")
 @click.option(
@@ -64,7 +66,7 @@ def _listed(context: click.Context, _: click.Parameter, wanted: bool) -> None:
     callback=_listed,
     help="List the vehicles that come with ges.",
 )
-def command(source, mass_kg, size, wheelbase, layout, models, name, target) -> None:
+def command(source, mass_kg, size, wheelbase, layout, models, name, target, **reading) -> None:
     """Print a vehicle file, every number with its source and doubt.
 
     From a flight log, its mass and propellers; from a Gazebo model (SDF), a RotorPy parameter file,
@@ -81,6 +83,7 @@ def command(source, mass_kg, size, wheelbase, layout, models, name, target) -> N
 
     prop = propeller.Propeller.parse(size) if size else None
     log_only = {"--mass": mass_kg, "--wheelbase": wheelbase, "--layout": layout}
+    log_only |= {"--map": reading["mapping"], "--pwm": reading["pwm"]}
     path = file.vehicle_path(source)
     if not path.is_file() and not path.is_dir():
         raise GesError(f"there is no file {path}; give a log, a model, a vehicle file or a name")
@@ -92,7 +95,7 @@ def command(source, mass_kg, size, wheelbase, layout, models, name, target) -> N
             _refuse(log_only, f"{path.name} says it")
             sheet = formats.read_model(path, kind, prop, models)
         else:
-            sheet = _from_log(path, mass_kg, prop, wheelbase, layout)
+            sheet = _from_log(path, mass_kg, prop, wheelbase, layout, reading)
         sheet = sheet.renamed(name) if name else sheet
         vehicle, text, remarks = sheet.vehicle, sheet.to_yaml(), sheet.remarks
     if target:
@@ -116,12 +119,12 @@ def _from_log(
     prop: Propeller | None,
     wheelbase: str | None,
     layout: str | None,
+    reading: dict[str, Any],
 ) -> Datasheet:
-    from ges.recordings.readers import open_log
     from ges.vehicle.from_log import describe_log
     from ges.vehicle.propeller import length_m
 
-    log = open_log(path)
+    log = read_log(path, **reading)
     if mass_kg is None or prop is None:
         raise UsageError(
             f"{path.name} is a flight log, which does not say what the vehicle weighed or which"

@@ -207,6 +207,8 @@ def _curve(log: Log, prop: Propeller, frame: pd.DataFrame) -> tuple[Quantity, st
         "what controllers and propellers of this size have (ArduPilot's default exponent, after"
         " about a hundred measured propellers)"
     )
+    if log.format == "crazyflie" and source.startswith("pwm"):
+        return common, f"Duty cycles were logged, not the thrust that was asked for: {default}."
     if log.format == "crazyflie":
         return Quantity(value=1.0, sd=FLOWN_SD), "The firmware commands thrust, so it is linear."
     if log.format == "px4":
