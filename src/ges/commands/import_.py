@@ -143,7 +143,7 @@ def _summary(name: str, frame: pd.DataFrame) -> str:
     "vehicle_path",
     type=click.Path(path_type=Path),
     required=True,
-    help="Vehicle file of these flights.",
+    help="Vehicle of these flights: a file, a simulator's model, or a name (ges vehicle --list).",
 )
 @click.option(
     "--out", type=click.Path(path_type=Path), required=True, help="Folder of the recording set."
