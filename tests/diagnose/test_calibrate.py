@@ -174,9 +174,7 @@ def test_small_quadrotors_gains_and_their_spread(recordings_dir, airframe):
         (p.name, open_log(p).frame())
         for p in sorted((recordings_dir / "crazypad" / "normal_flight").glob(f"{airframe}_*"))
     ]
-    found = calibrate(
-        make_set(load_vehicle(ROOT / "config" / "vehicles" / "crazyflie.yaml"), flights)
-    )
+    found = calibrate(make_set(load_vehicle("crazyflie-2.1"), flights))
     assert 0.01 < found.spread < 0.03 and not found.warnings
     assert found.seconds > 50.0
     for key in LOSSES:
@@ -202,9 +200,7 @@ def test_balance_of_commands_is_what_the_gains_say(recordings_dir):
     """
     paths = sorted((recordings_dir / "crazypad" / "normal_flight").glob("E9_*"))
     flights = [(p.name, open_log(p).frame()) for p in paths]
-    found = calibrate(
-        make_set(load_vehicle(ROOT / "config" / "vehicles" / "crazyflie.yaml"), flights)
-    )
+    found = calibrate(make_set(load_vehicle("crazyflie-2.1"), flights))
     gain = np.array(
         [1.0 - found.vehicle.effects["weak_rotor"][f"loss_{i}"].value for i in range(1, 5)]
     )

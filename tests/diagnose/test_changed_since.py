@@ -27,7 +27,7 @@ def _tables(recordings_dir, folder: str, flights: str) -> list:
 
 
 def _reference(tables: list):
-    start = load_vehicle(ROOT / "config" / "vehicles" / "crazyflie.yaml")
+    start = load_vehicle("crazyflie-2.1")
     return calibrate(make_set(start, ((f"flight{i}", t) for i, t in enumerate(tables)))).vehicle
 
 

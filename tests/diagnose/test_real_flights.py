@@ -30,7 +30,7 @@ def frames(recordings_dir):
 
 @pytest.fixture(scope="module")
 def vehicle():
-    return load_vehicle(ROOT / "config" / "vehicles" / "appius.yaml")
+    return load_vehicle("appius")
 
 
 @pytest.fixture(scope="module")

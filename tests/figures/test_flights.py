@@ -14,7 +14,7 @@ from ges.study.figures import flights, real
 from ges.vehicle.file import load_vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
-VEHICLE = ROOT / "config/vehicles/appius.yaml"
+VEHICLE = "appius"
 MAPPING = ROOT / "src/ges/recordings/readers/presets/appius.yaml"
 STUDY = config.load(ROOT / "config/default.yaml")
 

@@ -12,8 +12,6 @@ from click.testing import CliRunner
 from ges.cli import cli, main
 from ges.recordings.recording import load_set
 
-VEHICLES = Path(__file__).resolve().parents[2] / "config" / "vehicles"
-
 
 def _run(*arguments):
     return CliRunner().invoke(cli, [str(a) for a in arguments])
@@ -100,9 +98,7 @@ def test_import_takes_any_log_and_writes_the_contract(tmp_path, motion):
     fields |= {f"stateEstimate.v{a}": motion["v"][:, k] for k, a in enumerate("xyz")}
     usd = writers.usd(tmp_path / "log01", [("fixedFrequency", fields)])
     table = _table(tmp_path / "log02.csv", motion)
-    result = _run(
-        "import", usd, table, "--vehicle", VEHICLES / "crazyflie.yaml", "--out", tmp_path / "set"
-    )
+    result = _run("import", usd, table, "--vehicle", "crazyflie-2.1", "--out", tmp_path / "set")
     assert result.exit_code == 0, result.output
     assert "kept, not used: note_x" in result.output
     flights = load_set(tmp_path / "set").flights
@@ -122,7 +118,7 @@ def test_import_takes_any_log_and_writes_the_contract(tmp_path, motion):
 )
 def test_wrong_options_are_told(tmp_path, motion, monkeypatch, capsys, arguments, words):
     path = _table(tmp_path / "f.csv", motion)
-    given = ["import", path, "--vehicle", VEHICLES / "crazyflie.yaml", "--out", tmp_path / "set"]
+    given = ["import", path, "--vehicle", "crazyflie-2.1", "--out", tmp_path / "set"]
     monkeypatch.setattr("sys.argv", ["ges", *map(str, (*given, *arguments))])
     with pytest.raises(SystemExit) as stop:
         main()

@@ -10,7 +10,66 @@ import click
 from ges.errors import UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import pandas as pd
+
+    from ges.recordings.readers import Log
+
+
+READING = (
+    click.option(
+        "--format",
+        "kind",
+        default="auto",
+        show_default=True,
+        help=(
+            "px4, ardupilot, betaflight, ros, crazyflie, table (CSV, Parquet) or matlab; auto goes"
+            " by the file's first bytes."
+        ),
+    ),
+    click.option(
+        "--map",
+        "mapping",
+        help=(
+            "Column map of a table or MATLAB file, topic map of a ROS bag: a YAML file or a"
+            " preset's name."
+        ),
+    ),
+    click.option(
+        "--pwm",
+        type=(float, float),
+        metavar="LOW HIGH",
+        help="Motor outputs (us) that mean 0 and 1; default: what the log's parameters say.",
+    ),
+    click.option(
+        "--rotor-order",
+        type=(int, int, int, int),
+        metavar="N N N N",
+        help="For motors 1 to 4 the number of the speed reading that is its own, where the log does"
+        " not say.",
+    ),
+    click.option(
+        "--part",
+        type=click.IntRange(min=1),
+        help="Which flight of a file that holds several (Betaflight); default: the longest.",
+    ),
+)
+"""Options of every verb that reads a flight log."""
+
+
+def reading_options(function: Callable) -> Callable:
+    """Add :data:`READING` to a verb; they go into :func:`read_log` as they come."""
+    for option in reversed(READING):
+        function = option(function)
+    return function
+
+
+def read_log(path: Path, kind: str, mapping, pwm, rotor_order, part) -> Log:
+    """A log, read as these options say."""
+    from ges.recordings.readers import Options, open_log
+
+    return open_log(path, Options(mapping, pwm, rotor_order, part), kind)
 
 
 def _names(sources: tuple[Path, ...]) -> list[str]:
@@ -71,42 +130,7 @@ def _summary(name: str, frame: pd.DataFrame) -> str:
 @click.argument(
     "sources", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG..."
 )
-@click.option(
-    "--format",
-    "kind",
-    default="auto",
-    show_default=True,
-    help=(
-        "px4, ardupilot, betaflight, ros, crazyflie, table (CSV, Parquet) or matlab; auto goes by"
-        " the file's first bytes."
-    ),
-)
-@click.option(
-    "--map",
-    "mapping",
-    help=(
-        "Column map of a table or MATLAB file, topic map of a ROS bag: a YAML file or a preset's"
-        " name."
-    ),
-)
-@click.option(
-    "--pwm",
-    type=(float, float),
-    metavar="LOW HIGH",
-    help="Motor outputs (us) that mean 0 and 1; default: what the log's parameters say.",
-)
-@click.option(
-    "--rotor-order",
-    type=(int, int, int, int),
-    metavar="N N N N",
-    help="For motors 1 to 4 the number of the speed reading that is its own, where the log does"
-    " not say.",
-)
-@click.option(
-    "--part",
-    type=click.IntRange(min=1),
-    help="Which flight of a file that holds several (Betaflight); default: the longest.",
-)
+@reading_options
 @click.option(
     "--parts",
     type=click.IntRange(min=1),
@@ -119,7 +143,7 @@ def _summary(name: str, frame: pd.DataFrame) -> str:
     "vehicle_path",
     type=click.Path(path_type=Path),
     required=True,
-    help="Vehicle file of these flights.",
+    help="Vehicle of these flights: a file, a simulator's model, or a name (ges vehicle --list).",
 )
 @click.option(
     "--out", type=click.Path(path_type=Path), required=True, help="Folder of the recording set."
@@ -129,15 +153,13 @@ def command(sources, kind, mapping, pwm, rotor_order, part, parts, vehicle_path,
 
     Example: ges import flights/*.ulg --vehicle vehicle.yaml --out set
     """
-    from ges.recordings.readers import Options, open_log
     from ges.recordings.recording import make_set, write_set
     from ges.vehicle.file import load_vehicle
 
     vehicle = load_vehicle(vehicle_path)
-    options = Options(mapping, pwm, rotor_order, part)
     flights, noticed = [], {}
     for name, path in zip(_names(sources), sources, strict=True):
-        log = open_log(path, options, kind)
+        log = read_log(path, kind, mapping, pwm, rotor_order, part)
         cut, empty = _without_empty(_parts(name, log.frame(), parts))
         recordings = make_set(vehicle, cut)
         for note in log.notes:

@@ -67,12 +67,13 @@ CHANGES = (
 )
 
 
-def make_real(out: Path, recordings: Path, config: Path) -> int:
+def make_real(out: Path, recordings: Path) -> int:
     """Write the published flights as sealed cases; return their number.
 
     Parameters
     ----------
-    recordings : folder of the published recordings; config : folder with ``vehicles/``.
+    out : folder of the cases.
+    recordings : folder of the published recordings.
 
     Raises
     ------
@@ -83,7 +84,7 @@ def make_real(out: Path, recordings: Path, config: Path) -> int:
         raise UsageError(f"'{out}' already holds sealed cases; name an empty folder")
     (out / "sealed").mkdir(parents=True, exist_ok=True)
     count = 0
-    for vehicle, flights, truth in (*_appius(recordings, config), *_crazypad(recordings, config)):
+    for vehicle, flights, truth in (*_appius(recordings), *_crazypad(recordings)):
         identity = hashlib.sha256(repr((sorted(flights), truth["category"])).encode()).hexdigest()[
             :12
         ]
@@ -111,14 +112,14 @@ def _truth(
     }
 
 
-def _appius(recordings: Path, config: Path):
+def _appius(recordings: Path):
     """The near-ground flights with a file that knows no ground effect, and one flight far from the
     ground in two halves.
 
     The file knows neither the drag nor the heave damping that every rotor has: to name these as
     well is no mistake.
     """
-    vehicle = load_vehicle(config / "vehicles" / "appius.yaml")
+    vehicle = load_vehicle("appius")
     flights = {
         name: _frame(recordings / "appius-ground-effect" / f"{name}.csv", Options("appius"))
         for name in APPIUS_NEAR
@@ -149,11 +150,11 @@ def _appius(recordings: Path, config: Path):
     )
 
 
-def _crazypad(recordings: Path, config: Path):
+def _crazypad(recordings: Path):
     """Healthy flights against other healthy flights, and changed ones against all healthy flights
     of the airframe.
     """
-    generic = load_vehicle(config / "vehicles" / "crazyflie.yaml")
+    generic = load_vehicle("crazyflie-2.1")
     root = recordings / "crazypad"
     for airframe, names in HEALTHY.items():
         healthy = {n: _frame(root / "normal_flight" / n) for n in names}

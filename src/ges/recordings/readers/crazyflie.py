@@ -62,6 +62,7 @@ _KNOWN = {
 
 _MOCAP = tuple(f"mocap_{a}_m" for a in "xyz")
 _MOCAP_Q = tuple(f"mocap_q_{a}" for a in "wxyz")
+DUTY = "pwm.m1_pwm"
 _PWM = tuple(f"pwm_{i}" for i in range(1, 5))
 
 # Motion capture is differentiated by cubics over 0.2 s, which leave motion below 3 Hz as it is;
@@ -158,14 +159,16 @@ def _columns(event: str, table: Mapping[str, np.ndarray]) -> dict[str, np.ndarra
     return columns
 
 
-def _commands(columns: dict[str, np.ndarray], notes: list[str]) -> None:
-    """Where the mixer's request was not logged, the command is the duty cycle."""
-    if not any(name in columns for name in COMMAND) and all(name in columns for name in _PWM):
+def _commands(columns: dict[str, np.ndarray], notes: list[str]) -> bool:
+    """Where the mixer's request was not logged, the command is the duty cycle; whether it is."""
+    duty = not any(name in columns for name in COMMAND) and all(name in columns for name in _PWM)
+    if duty:
         columns |= {u: columns.pop(pwm) for u, pwm in zip(COMMAND, _PWM, strict=True)}
         notes.append(
             "motor.m1 to m4 were not logged; the commands are the duty cycles pwm.m1_pwm to"
             " m4_pwm, after the firmware's battery compensation"
         )
+    return duty
 
 
 def _velocity(t_s: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -237,8 +240,7 @@ def _streams(
         notes += [f"event {event}: {dropped}"] if dropped else []
         t_s = table["t_s"][good] - start_s
         columns = {name: v[good] for name, v in _columns(event, table).items()}
-        if not asked:
-            _commands(columns, notes)
+        duty = not asked and _commands(columns, notes)
         columns = with_specific_force(with_quaternion(columns))
         columns = {name: v for name, v in columns.items() if name not in taken}
         taken |= set(columns)
@@ -246,6 +248,8 @@ def _streams(
             pose = {name: columns.pop(name) for name in (*_MOCAP, *_MOCAP_Q) if name in columns}
             seen = Stream(t_s, pose, "locSrv")
         for name, stream in named_streams(t_s, columns, event).items():
+            if duty and name == "command":
+                stream = dataclasses.replace(stream, source=DUTY)
             streams[name if name not in streams else f"{name} ({event})"] = stream
     if seen is not None:
         _with_motion_capture(streams, seen, notes)
