@@ -189,7 +189,8 @@ int ges_replay_columns(const ges_column **inputs, int *n_inputs, const ges_colum
 int ges_effect_count(void);
 int ges_effect(int id, ges_effect_info *info);
 
-/* Fly n flights; columns selects what is recorded; lanes is 0 (choose), 1, 2, 4 or 8. Results do not depend on it. */
+/* Fly n flights; columns selects what is recorded; lanes is 0 (choose) or at most 1, 2, 4 or 8. Results do not
+ * depend on it. */
 int ges_fly(ges_flight *flights, int n, const int *columns, int n_columns, int lanes, char *error, int error_size);
 
 /* Rows a flight records. */

@@ -210,16 +210,27 @@ static int same_plan(const ges_flight *a, const ges_flight *b) {
 
 /* ---- flying ------------------------------------------------------------------------------------------------ */
 
-#if defined(__AVX512F__)
-static const kernel_t *const widest = &kernel_w8;
-#elif defined(__AVX__)
-static const kernel_t *const widest = &kernel_w4;
-#else
-static const kernel_t *const widest = &kernel_w2;
+/* Lanes of the widest vectors that this processor has instructions for; sim_c/Makefile says which a width needs. */
+static int lanes_of_the_processor(void) {
+#ifdef __x86_64__
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl") &&
+      __builtin_cpu_supports("avx512bw"))
+    return 8;
+  if (__builtin_cpu_supports("avx2")) return 4;
 #endif
+  return 2;
+}
 
+/* The kernel of as many lanes, or of the most that the processor has where that is 0 (choose) or fewer; NULL: no such width. */
 static const kernel_t *kernel_of(int lanes) {
-  return lanes == 1 ? &kernel_w1 : lanes == 2 ? &kernel_w2 : lanes == 4 ? &kernel_w4 : lanes == 8 ? &kernel_w8 : NULL;
+  int most = lanes_of_the_processor();
+  if (lanes != 0 && lanes != 1 && lanes != 2 && lanes != 4 && lanes != 8) return NULL;
+  if (lanes == 0 || lanes > most) lanes = most;
+#ifdef __x86_64__
+  if (lanes == 8) return &kernel_w8;
+  if (lanes == 4) return &kernel_w4;
+#endif
+  return lanes == 2 ? &kernel_w2 : &kernel_w1;
 }
 
 static int fly_together(ges_flight **flights, int n, const kernel_t *kernel, const int *columns, int n_columns, char *error, int size) {
@@ -250,7 +261,7 @@ static int collect(ges_flight *flights, int n, int first, char *flown, int most,
 }
 
 int ges_fly(ges_flight *flights, int n, const int *columns, int n_columns, int lanes, char *error, int error_size) {
-  const kernel_t *kernel = lanes == 0 ? widest : kernel_of(lanes);
+  const kernel_t *kernel = kernel_of(lanes);
   ges_flight *together[8];
   int good = 1;
   if (!kernel) return fail(error, error_size, "lanes is %d; allowed are 0 (choose), 1, 2, 4 and 8", lanes);
@@ -291,7 +302,7 @@ static int alike(const plan_t *plan, const ges_effects *sets, int n, int most) {
 
 int ges_replay(const double *parameters, const ges_effects *sets, int n_sets, const ges_grid *grid, const double *in, int64_t n,
                double *out, int lanes, char *error, int error_size) {
-  const kernel_t *kernel = lanes == 0 ? widest : kernel_of(lanes);
+  const kernel_t *kernel = kernel_of(lanes);
   terrain_t terrain;
   if (!kernel) return fail(error, error_size, "lanes is %d; allowed are 0 (choose), 1, 2, 4 and 8", lanes);
   if (!check_parameters(parameters, error, error_size) || !check_grid(parameters, grid, error, error_size)) return 0;

@@ -76,13 +76,18 @@ class Flight:
 
     def numbers(self) -> dict[str, float]:
         """Parameters with the terrain's, names of modes replaced by their numbers."""
-        given = {**self.terrain.parameters(), **self.parameters}
-        mode = given.get("mode")
-        if isinstance(mode, str):
-            if mode not in MODES:
-                raise unknown_name("feedforward mode", mode, MODES)
-            given["mode"] = float(MODES.index(mode))
-        return given
+        named = {**self.terrain.parameters(), **self.parameters}
+        return {name: self._number(name, value) for name, value in named.items()}
+
+    @staticmethod
+    def _number(name: str, value: float | str) -> float:
+        if not isinstance(value, str):
+            return value
+        if name != "mode":
+            raise UsageError(f"{name} is '{value}'; it takes a number")
+        if value not in MODES:
+            raise unknown_name("feedforward mode", value, MODES)
+        return float(MODES.index(value))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -128,9 +133,8 @@ def _packed(flight: Flight) -> tuple:
         raise UsageError(
             f"inputs have shape {np.shape(flight.inputs)}; this control takes (n, {width})"
         )
-    grid = (
-        _lib.pack_grid(ground.x_m, ground.y_m, ground.heights_m) if ground.kind == "grid" else None
-    )
+    heights = ground.height_map()
+    grid = None if heights is None else _lib.pack_grid(*heights)
     return parameter_vector(numbers), effects.pack(flight.effects), grid, flight.inputs
 
 
