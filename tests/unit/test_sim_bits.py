@@ -25,7 +25,7 @@ def batch() -> list[sim.Flight]:
         numbers = {
             "seed": i,
             "duration_s": 4,
-            "mode": sim.MODES[i % 6],
+            "mode": sim.modes()[i % 6],
             "bias": 0.01 * (i % 3 - 1),
             "shadow": i % 2,
             "mass_kg": 1.0 + 0.05 * i,

@@ -18,9 +18,8 @@ from numpy.typing import ArrayLike
 
 from ges.errors import GesError
 
-ABI = 3
+ABI = 4
 MAX_EFFECTS, MAX_PARAMETERS, MAX_LEVELS = 40, 12, 40
-REFERENCE_COLUMNS, REPLAY_COLUMNS = 14, 12
 _ERROR_SIZE = 512
 _double_p = ct.POINTER(ct.c_double)
 
@@ -33,6 +32,10 @@ class CParameter(ct.Structure):
 
 class CColumn(ct.Structure):
     _fields_ = [(n, ct.c_char_p) for n in ("name", "unit", "doc")]
+
+
+class CChoice(ct.Structure):
+    _fields_ = [("name", ct.c_char_p), ("doc", ct.c_char_p), ("input_columns", ct.c_int)]
 
 
 class CSetting(ct.Structure):
@@ -207,6 +210,22 @@ def parameter_table() -> list[tuple[str, str, str, float, float, float]]:
 
 def _column_list(table: Any, n: int) -> list[tuple[str, str, str]]:
     return [(c.name.decode(), c.unit.decode(), c.doc.decode()) for c in table[:n]]
+
+
+def _choices(listed: Callable[..., int]) -> dict[str, int]:
+    table = ct.POINTER(CChoice)()
+    n = listed(ct.byref(table))
+    return {row.name.decode(): row.input_columns for row in table[:n]}
+
+
+def mode_names() -> list[str]:
+    """Every mode of the feedforward, in the order of its number."""
+    return list(_choices(load().ges_modes))
+
+
+def controller_inputs() -> dict[str, int]:
+    """Columns of the input table of every controller, in the order of its number."""
+    return _choices(load().ges_controllers)
 
 
 def column_table() -> list[tuple[str, str, str]]:
