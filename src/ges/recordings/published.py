@@ -1,5 +1,5 @@
 """Published flights by name: source repository, pinned commit, path and SHA-256, fetched or copied,
-always checked.
+always checked. The package itself holds one small set, ``example``, simulated.
 """
 
 from __future__ import annotations
@@ -28,6 +28,9 @@ class Source(pydantic.BaseModel):
     licence: str
     about: str
     files: dict[str, tuple[str, str]]
+
+
+EXAMPLE = "example"
 
 
 def sources() -> dict[str, Source]:
@@ -70,9 +73,12 @@ def fetch(name: str, out: Path, copies: Path | None) -> Iterator[Path]:
     """Bring one data set to ``out``, from its repository or from a folder with copies; gives each
     path as it is done.
     """
+    if name == EXAMPLE:
+        yield from _example(out / EXAMPLE)
+        return
     known = sources()
     if name not in known:
-        raise unknown_name("data set", name, known)
+        raise unknown_name("data set", name, [*known, EXAMPLE])
     source = known[name]
     for local, (path, sha256) in source.files.items():
         take: Callable[[], bytes] = (
@@ -82,3 +88,10 @@ def fetch(name: str, out: Path, copies: Path | None) -> Iterator[Path]:
         with replacing(target) as new:
             new.write_bytes(check(take(), sha256, local))
         yield target
+
+
+def _example(out: Path) -> Iterator[Path]:
+    for file in (resources.files("ges.recordings") / EXAMPLE).iterdir():
+        with replacing(out / file.name) as new:
+            new.write_bytes(file.read_bytes())
+        yield out / file.name
