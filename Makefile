@@ -1,26 +1,34 @@
 # Two commands on a fresh machine with python3 (3.11 or later), make and a C compiler:
-#   make all    environment, simulator, the whole study, the paper
-#   make test   the same set-up, then every test
-# and   make proof    every concealed case, hours long, resumable; GRID=sample is what make all runs
+#   make all       environment, simulator, the whole study, the paper
+#   make test      the same set-up, then the tests that take minutes
+# and
+#   make test-all  the tests that make test leaves out: other instructions, sanitizers, whole runs
+#   make lint      format, style and types
+#   make proof     every concealed case, hours long, resumable; GRID=sample is what make all runs
+#   make docs      the pages that are generated from the program
+#   make example   the flights that the package ships, simulated anew
+#   make lock      pin what .venv holds
 PYTHON ?= python3
 CC ?= cc
 CORES ?= 2
 GRID ?= full
 METHODS ?= stepwise, parameters, boosting, without-instruments, without-whitening, without-tolerance
 UV_VERSION := 0.13.8
+EXTRAS := $(addprefix --extra ,study ardupilot betaflight ros ui docs)
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: all test proof env build docs lint clean check-python check-cc
+.PHONY: all test test-all proof env build docs example lint lock clean check-python check-cc
 .DEFAULT_GOAL := all
 
 all: build
 	$(BIN)/snakemake --cores $(CORES) all
 
 test: build
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
 	$(BIN)/python -m pytest -m "not slow" -n $(CORES) --dist loadfile
+
+test-all: build
+	$(BIN)/python -m pytest -m slow -n $(CORES) --dist loadfile
 
 proof: build
 	$(BIN)/snakemake --cores $(CORES) proof --config 'proof={grid: $(GRID), methods: [$(METHODS)]}'
@@ -35,10 +43,17 @@ docs: build
 	$(BIN)/ges config --markdown > docs/config.md.new && mv docs/config.md.new docs/config.md
 	$(BIN)/ges config --schema > config/schema.json.new && mv config/schema.json.new config/schema.json
 
+example: build
+	$(BIN)/python examples/make_example.py
+
 lint: env
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/snakefmt --check Snakefile workflow
+	$(BIN)/mypy
+
+lock:
+	$(BIN)/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --group dev $(EXTRAS) pyproject.toml -o requirements.lock
 
 clean:
 	rm -rf build results .snakemake
@@ -55,5 +70,5 @@ $(VENV)/.locked: requirements.lock pyproject.toml | check-python check-cc
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv==$(UV_VERSION)
 	$(BIN)/uv pip sync --quiet --compile-bytecode --python $(BIN)/python requirements.lock
-	$(BIN)/uv pip install --quiet --python $(BIN)/python --no-deps --editable .
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation --editable .
 	touch $@

@@ -19,12 +19,12 @@ typedef struct {
 } vehicle_t;
 
 typedef struct {
-  int n, n_ground; /* the first n_ground belong to the ground effect */
-  int n_states;
+  int n, n_states;
   const effect_t *effect[GES_MAX_EFFECTS];
   vd p[GES_MAX_EFFECTS][GES_MAX_PARAMETERS];
   int first_state[GES_MAX_EFFECTS];
-  const vd *ground_effect; /* its parameters, or NULL */
+  cushion_hook *cushion; /* of the effect that has one, or NULL, and its parameters */
+  const vd *cushion_p;
   int wants_agl;
 } active_t;
 
@@ -139,7 +139,7 @@ static inline void build_sample(const vehicle_t *b, const active_t *a, ground_la
   sample_rotors(b, g, s);
   if (a->wants_agl) sample_center(g, s);
   sample_air(a, y, s);
-  if (a->ground_effect) ground_cushion(s, a->ground_effect, s->cushion);
+  if (a->cushion) a->cushion(s, a->cushion_p, s->cushion);
 }
 
 /* Hubs, radii and spins do not change along a flight. */
@@ -150,17 +150,25 @@ static inline void start_sample(const vehicle_t *b, const active_t *a, sample_t 
   memcpy(s->radius, b->radius, sizeof s->radius);
   memcpy(s->spin, b->spin, sizeof s->spin);
   s->battery = all_lanes(NAN);
-  s->ground_effect = a->ground_effect;
+  s->cushion_at = a->cushion;
+  s->cushion_p = a->cushion_p;
 }
 
-/* Wrench increments of effects [first, last). */
-static inline void add_wrenches(const active_t *a, int first, int last, const sample_t *s, const vd *y, vd *dy, wrench_t *w) {
-  for (int j = first; j < last; j++)
+/* Thrust increments near the ground. */
+static inline void add_ground(const active_t *a, const sample_t *s, const vd *y, vd *dy, wrench_t *w) {
+  for (int j = 0; j < a->n; j++)
+    if (a->effect[j]->ground)
+      a->effect[j]->ground(s, a->p[j], y + Y_X + a->first_state[j], dy + Y_X + a->first_state[j], w);
+}
+
+/* All other wrench increments. */
+static inline void add_wrenches(const active_t *a, const sample_t *s, const vd *y, vd *dy, wrench_t *w) {
+  for (int j = 0; j < a->n; j++)
     if (a->effect[j]->wrench)
       a->effect[j]->wrench(s, a->p[j], y + Y_X + a->first_state[j], dy + Y_X + a->first_state[j], w);
 }
 
-/* Ground effect factor of every rotor from the thrust increments of the ground-related effects. */
+/* Ground effect factor of every rotor from the thrust increments near the ground. */
 static inline void set_factor(sample_t *s, const vd thrust_added[GES_ROTORS]) {
   for (int i = 0; i < GES_ROTORS; i++)
     s->factor[i] = 1.0 + thrust_added[i] / lane_max(s->thrust[i], all_lanes(1e-12));

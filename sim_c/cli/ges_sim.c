@@ -7,7 +7,7 @@
  *   mass_kg = 1.2                 sets a parameter of it
  *   effect rotor_drag             switches an effect on with its typical parameters
  *   effect.rotor_drag.k_kg = 1e-4 sets a parameter of it
- *   inputs FILE                   table of numbers: 14 columns of references, or 12 of a replay where control > 0
+ *   inputs FILE                   table of numbers: 14 columns of references, or 12 of a replay, as control says
  *   columns t_s p_z_m ...         what is recorded, for all flights (default: every column)
  * Output: CSV on standard output, or raw doubles, flight after flight, into FILE.
  */
@@ -106,7 +106,10 @@ static void read_inputs(ges_flight *f, const char *file, const char *path, int l
     values[n++] = value;
   }
   fclose(in);
-  int width = f->parameters[P_control] > 0.0 ? GES_REPLAY_COLUMNS : GES_REFERENCE_COLUMNS;
+  const ges_choice *controllers;
+  int control = (int)f->parameters[P_control], known = ges_controllers(&controllers);
+  if (control < 0 || control >= known) stop(path, line, "no such control; see sim/controllers.def");
+  int width = controllers[control].input_columns;
   if (n == 0 || n % (size_t)width) stop(path, line, "inputs file does not hold whole rows (14 references, or 12 of a replay; set control first)");
   f->inputs = values;
   f->n_inputs = (int)(n / (size_t)width);

@@ -4,6 +4,9 @@
  * which are summed; no effect reads another's output. What several need (thrust out of ground effect, air velocity,
  * height of each rotor) is in the sample, computed once by body/sample.h for simulated and recorded states alike.
  * Forces and moments are in the body frame, the moment about the body origin.
+ *
+ * Order of a step: `adjust` once a flight, then `blow`, `cushion`, `ground`; the thrusts of `ground` over the rotors'
+ * own give the ground effect factor, which the firmware may be told; then the firmware, `sense`, `drive`, `wrench`.
  */
 #ifndef GES_EFFECT_H
 #define GES_EFFECT_H
@@ -15,7 +18,12 @@
 #include "../include/ges.h"
 #include "../world/terrain.h"
 
-typedef struct {
+typedef struct sample_s sample_t;
+
+/* f - 1 of every rotor near the ground, from a sample and the parameters of the effect whose thrust gain it is. */
+typedef void cushion_hook(const sample_t *s, const vd *p, vd cushion[GES_ROTORS]);
+
+struct sample_s {
   vd t, dt;                    /* s; dt: time since the sample before (for readings) */
   vd p[3], v[3];               /* world, m and m/s */
   vd q[4], r[9];               /* attitude; r row-major, body to world */
@@ -29,15 +37,16 @@ typedef struct {
   vd torque[GES_ROTORS];       /* K_Q w^2, N m, aerodynamic torque of each rotor */
   vd height[GES_ROTORS];       /* rotor hub over the ground, along the world vertical, m */
   ground_t under[GES_ROTORS];  /* ground below each hub */
-  vd cushion[GES_ROTORS];      /* f - 1 of ground_effect where it is switched on, else 0 */
+  vd cushion[GES_ROTORS];      /* f - 1 of the effect with the hook `cushion` where it is switched on, else 0 */
   vd factor[GES_ROTORS], factor_mean; /* 1 + ground-related thrust increments over thrust */
   ground_t ground;             /* below the body origin */
   vd agl, ground_slope, range, contact;
   vd mass, inertia[3], inverse_mass, inverse_inertia[3], rho, gravity, thrust_coefficient, torque_coefficient, motor_lag, speed_max;
   const ground_lanes_t *map;   /* the ground itself, for effects that look beside the hubs */
-  const vd *ground_effect;     /* parameters of ground_effect, or NULL where it is off */
+  cushion_hook *cushion_at;    /* that hook, for what the cushion would be elsewhere, or NULL where it is off */
+  const vd *cushion_p;         /* and its parameters */
   vd battery, battery_nominal; /* V; NaN where it was not recorded */
-} sample_t;
+};
 
 typedef struct {
   vd thrust[GES_ROTORS]; /* N, along each rotor axis at its hub */
@@ -73,16 +82,14 @@ typedef struct {
   void (*adjust)(sample_t *s, const vd *p); /* kind parameter: corrects the vehicle's constants */
   void (*begin)(const sample_t *s, const vd *p, vd *x); /* first values of the extra states; default 0 */
   void (*blow)(const sample_t *s, const vd *p, const vd *x, vd wind[3]);
+  cushion_hook *cushion;                                /* at most one of the effects switched on may have it */
+  void (*ground)(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add); /* thrust near the ground */
   void (*wrench)(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add);
   void (*drive)(const sample_t *s, const vd *p, const vd *x, vd *dx, drive_t *add);
   void (*sense)(const sample_t *s, const vd *p, vd *x, reading_t *add); /* may advance x by s->dt */
 } effect_t;
 
 #define EFFECT(name) const effect_t PER_WIDTH(effect_##name)
-
-/* f - 1 of every rotor from the parameters of ground_effect (effects/ground_effect.c). */
-#define ground_cushion PER_WIDTH(ground_cushion)
-void ground_cushion(const sample_t *s, const vd *p, vd cushion[GES_ROTORS]);
 
 /* Induced velocity of rotor i hovering at its present thrust, squared, m^2/s^2: T / (2 rho A). */
 static inline vd induced_squared(const sample_t *s, int i) {

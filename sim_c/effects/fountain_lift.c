@@ -5,7 +5,7 @@
  */
 #include "effect.h"
 
-static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
   vd a = s->hub[0][0] - s->hub[2][0], b = s->hub[0][1] - s->hub[2][1];
   vd c = s->hub[0][0] - s->hub[3][0], e = s->hub[0][1] - s->hub[3][1];
@@ -39,5 +39,5 @@ EFFECT(fountain_lift) = {
         {
          {.amplitudes = "c_b", .axis = "c_s", LEVELS(0.5, 1, 2, 3)},
         },
-    .wrench = wrench,
+    .ground = ground,
 };

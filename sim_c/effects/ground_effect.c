@@ -89,7 +89,7 @@ static vd inverse_slope_factor(const ground_t *g, vd n) {
   return any(~usual) ? sel(usual, f, lane_pow(square, 0.5 * n)) : f;
 }
 
-void ground_cushion(const sample_t *s, const vd *p, vd cushion[GES_ROTORS]) {
+static void cushion(const sample_t *s, const vd *p, vd cushion[GES_ROTORS]) {
   for (int i = 0; i < GES_ROTORS; i++) {
     const ground_t *g = &s->under[i];
     fraction_t f = gain(s, p, i);
@@ -99,7 +99,7 @@ void ground_cushion(const sample_t *s, const vd *p, vd cushion[GES_ROTORS]) {
   }
 }
 
-static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)p, (void)x, (void)dx;
   for (int i = 0; i < GES_ROTORS; i++) add->thrust[i] += s->thrust[i] * s->cushion[i];
 }
@@ -155,5 +155,6 @@ EFFECT(ground_effect) = {
          {.amplitudes = "c_a", .fixed = {{"form", 4}, {"amplitude", 1}, {"high", 10}}, .axis = "decay",
           LEVELS(0.4, 0.6, 0.9), .modified = 1},
         },
-    .wrench = wrench,
+    .cushion = cushion,
+    .ground = ground,
 };

@@ -6,7 +6,7 @@
  */
 #include "effect.h"
 
-static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
   for (int i = 0; i < GES_ROTORS; i++) {
     vd v2 = p[0] * p[0] * across_squared(s, i);
@@ -38,5 +38,5 @@ EFFECT(ground_effect_forward_flight) = {
         {
          {.amplitudes = "c", .rule = "levels", LEVELS(0.4, 1, 2.2, 5)},
         },
-    .wrench = wrench,
+    .ground = ground,
 };

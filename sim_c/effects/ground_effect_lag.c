@@ -7,7 +7,7 @@ static void begin(const sample_t *s, const vd *p, vd *x) {
   for (int i = 0; i < GES_ROTORS; i++) x[i] = s->cushion[i];
 }
 
-static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   vl on = GT(p[0], all_lanes(0.0));
   for (int i = 0; i < GES_ROTORS; i++) {
     vd induced = lane_sqrt(lane_max(induced_squared(s, i), all_lanes(1e-6)));
@@ -44,5 +44,5 @@ EFFECT(ground_effect_lag) = {
          {.amplitudes = "c", .rule = "levels", LEVELS(0.7, 2, 5)},
         },
     .begin = begin,
-    .wrench = wrench,
+    .ground = ground,
 };

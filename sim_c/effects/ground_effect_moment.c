@@ -2,7 +2,7 @@
  * q = -1 cancels the levelling moment, q < -1 flips it (fountain). Yang et al. 2025. */
 #include "effect.h"
 
-static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
   for (int i = 0; i < GES_ROTORS; i++) {
     vd lift = p[0] * s->thrust[i] * s->cushion[i];
@@ -31,5 +31,5 @@ EFFECT(ground_effect_moment) = {
     .feedback = GES_FEEDBACK_NONE,
     .needs = "height",
     .hints = GES_LEVER_OF_CARRIER | GES_UNLIKE_FORM_ERROR,
-    .wrench = wrench,
+    .ground = ground,
 };

@@ -16,15 +16,15 @@ static void shifted_cushion(const sample_t *s, vd k, double cx, double cy, vd cu
     moved.under[i] = ground_at(s->map, x + cx * reach, y + cy * reach);
     moved.height[i] = s->height[i] + s->under[i].height - moved.under[i].height;
   }
-  ground_cushion(&moved, s->ground_effect, cushion);
+  s->cushion_at(&moved, s->cushion_p, cushion);
 }
 
-static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
+static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   static const double circle[POINTS][2] = {{1, 0}, {0.7071067811865476, 0.7071067811865476}, {0, 1},
       {-0.7071067811865476, 0.7071067811865476}, {-1, 0}, {-0.7071067811865476, -0.7071067811865476}, {0, -1},
       {0.7071067811865476, -0.7071067811865476}};
   (void)x, (void)dx;
-  if (!s->ground_effect) return;
+  if (!s->cushion_at) return;
   for (int m = 0; m < POINTS; m++) {
     vd cushion[GES_ROTORS];
     shifted_cushion(s, p[0], circle[m][0], circle[m][1], cushion);
@@ -55,5 +55,5 @@ EFFECT(partial_ground_effect) = {
         {
          {.amplitudes = "k", .rule = "levels", LEVELS(0.4, 0.7, 1, 1.5)},
         },
-    .wrench = wrench,
+    .ground = ground,
 };

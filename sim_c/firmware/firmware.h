@@ -11,7 +11,12 @@
 #define FIRMWARE_ROTORS 4
 #define FIRMWARE_FEATURES 13
 
-enum { FF_NONE, FF_ANALYTICAL, FF_ORACLE, FF_ML, FF_ML_DIRECT, FF_ML_ASYM_CLAMP };
+enum {
+#define X(name, runs_network, factor, doc) FF_##name,
+#include "modes.def"
+#undef X
+  FF_MODES
+};
 
 typedef struct {
   real mass, inertia[3], gravity, thrust_coefficient, speed_max, rotor_radius;
@@ -57,6 +62,9 @@ void ge_ff_estimate(const fw_config *c, const fw_input *in, real range, real thr
 
 /* What the command of a rotor is multiplied with to cancel the factor. */
 real ge_ff_scale(const fw_config *c, real factor);
+
+/* Whether a mode of modes.def reads the network. */
+choice ge_ff_runs_network(real mode);
 
 /* The exported network. */
 real ge_ff_network(const real feature[FIRMWARE_FEATURES]);

@@ -1,13 +1,7 @@
 /* Ground effect feedforward: estimate the factor f by which thrust grows near the ground, and scale the command.
  *
  * Thrust is quadratic in rotor speed and rotor speed linear in the command, so f is cancelled by 1/sqrt(f); 1/f is
- * the historical error, kept selectable. Modes:
- *   none          1
- *   analytical    Cheeseman & Bennett 1955 on the rangefinder's clearance, clamped to 0.5..1.8
- *   oracle        the simulator's truth
- *   ml            network; analytical below the cutover range and outside the trust band
- *   ml_direct     network
- *   ml_asym_clamp ml, never more than the clamp above the analytical estimate
+ * the historical error, kept selectable. The modes are the rows of modes.def.
  */
 #include "firmware.h"
 #include <ge_ff_mlp_weights.h>
@@ -60,21 +54,23 @@ static real run_network(const fw_config *c, const fw_input *in, real range, real
   return pick(c->network_runs, ge_ff_network(feature), number(__builtin_nanf("")));
 }
 
-static real hybrid(const fw_config *c, real network, real model, real range) {
-  real distance = greatest(network - model, model - network);
-  choice trusted = WHEN(range >= c->cutover) & WHEN(distance <= c->trust_band);
-  real limit = model + c->overprediction_clamp;
-  choice clamps = WHEN(c->mode == (float)FF_ML_ASYM_CLAMP);
-  return pick(trusted, pick(clamps, least(network, limit), network), model);
+choice ge_ff_runs_network(real mode) {
+  choice runs = {0};
+#define X(name, runs_network, factor, doc) \
+  if (runs_network) runs = runs | WHEN(mode == (float)FF_##name);
+#include "modes.def"
+#undef X
+  return runs;
 }
 
 static real rotor_factor(const fw_config *c, real network, real model, real oracle, real range) {
+  real distance = greatest(network - model, model - network);
+  choice trusted = WHEN(range >= c->cutover) & WHEN(distance <= c->trust_band);
   real f = number(1.0f);
-  f = pick(WHEN(c->mode == (float)FF_ANALYTICAL), model, f);
-  f = pick(WHEN(c->mode == (float)FF_ORACLE), oracle, f);
-  f = pick(WHEN(c->mode == (float)FF_ML_DIRECT), network, f);
-  choice hybrids = WHEN(c->mode == (float)FF_ML) | WHEN(c->mode == (float)FF_ML_ASYM_CLAMP);
-  return pick(hybrids, hybrid(c, network, model, range), f);
+#define X(name, runs_network, factor, doc) f = pick(WHEN(c->mode == (float)FF_##name), factor, f);
+#include "modes.def"
+#undef X
+  return f;
 }
 
 /* Advance the estimate by the lead time through its own rate of change. */

@@ -16,6 +16,7 @@
 #define firmware_run FIRMWARE_PASTE(firmware_run, FIRMWARE_LANES)
 #define ge_ff_estimate FIRMWARE_PASTE(ge_ff_estimate, FIRMWARE_LANES)
 #define ge_ff_scale FIRMWARE_PASTE(ge_ff_scale, FIRMWARE_LANES)
+#define ge_ff_runs_network FIRMWARE_PASTE(ge_ff_runs_network, FIRMWARE_LANES)
 #define ge_ff_network FIRMWARE_PASTE(ge_ff_network, FIRMWARE_LANES)
 #define ge_ff_network_is_sound FIRMWARE_PASTE(ge_ff_network_is_sound, FIRMWARE_LANES)
 #endif

@@ -5,8 +5,9 @@
  * counter-clockwise seen from above, -1 for clockwise; the reaction torque on the body has the opposite sign.
  *
  * Every number of a flight is one entry of a flat table of named doubles (sim/params.def); every recorded quantity
- * one entry of a table of columns (sim/columns.def); every physical effect one descriptor (effects/). All three can
- * be listed through this interface, so that no caller keeps a copy.
+ * one entry of a table of columns (sim/columns.def); every physical effect one descriptor (effects/); every mode of the
+ * feedforward and every controller one row (firmware/modes.def, sim/controllers.def). All can be listed through this
+ * interface, so that no caller keeps a copy.
  *
  * Functions that can fail return 0 or a negative number and write one sentence into `error`.
  */
@@ -15,7 +16,7 @@
 
 #include <stdint.h>
 
-#define GES_ABI 3
+#define GES_ABI 4
 #define GES_ROTORS 4
 #define GES_MAX_EFFECTS 40       /* effects switched on in one flight */
 #define GES_MAX_PARAMETERS 12    /* parameters of one effect */
@@ -31,6 +32,12 @@ typedef struct {
 typedef struct {
   const char *name, *unit, *doc;
 } ges_column;
+
+/* A row of a table of choices: a feedforward mode, or a controller with the columns of its input table. */
+typedef struct {
+  const char *name, *doc;
+  int input_columns; /* 0: reads no table of its own */
+} ges_choice;
 
 /* What a parameter is to a fit: a coefficient that scales the effect, a shape that is searched or fitted, or a number
  * that whoever switches the effect on has to know. */
@@ -186,10 +193,13 @@ int ges_abi(void);
 int ges_parameters(const ges_parameter **table);
 int ges_columns(const ges_column **table);
 int ges_replay_columns(const ges_column **inputs, int *n_inputs, const ges_column **outputs, int *n_outputs);
+int ges_modes(const ges_choice **table);
+int ges_controllers(const ges_choice **table);
 int ges_effect_count(void);
 int ges_effect(int id, ges_effect_info *info);
 
-/* Fly n flights; columns selects what is recorded; lanes is 0 (choose), 1, 2, 4 or 8. Results do not depend on it. */
+/* Fly n flights; columns selects what is recorded; lanes is 0 (choose) or at most 1, 2, 4 or 8. Results do not
+ * depend on it. */
 int ges_fly(ges_flight *flights, int n, const int *columns, int n_columns, int lanes, char *error, int error_size);
 
 /* Rows a flight records. */

@@ -47,6 +47,18 @@ static const ges_column replay_out_table[] = {
 #undef X
 };
 
+static const ges_choice mode_table[] = {
+#define X(name, runs_network, factor, doc) {#name, doc, 0},
+#include "../firmware/modes.def"
+#undef X
+};
+
+static const ges_choice controller_table[] = {
+#define X(name, run, impose, speeds_imposed, input_columns, doc) {#name, doc, input_columns},
+#include "controllers.def"
+#undef X
+};
+
 int ges_abi(void) { return GES_ABI; }
 
 int ges_parameters(const ges_parameter **table) {
@@ -65,6 +77,16 @@ int ges_replay_columns(const ges_column **inputs, int *n_inputs, const ges_colum
   *outputs = replay_out_table;
   *n_outputs = N_REPLAY_OUT;
   return 1;
+}
+
+int ges_modes(const ges_choice **table) {
+  *table = mode_table;
+  return FF_MODES;
+}
+
+int ges_controllers(const ges_choice **table) {
+  *table = controller_table;
+  return N_CONTROLLERS;
 }
 
 int ges_effect_count(void) { return N_EFFECTS; }
@@ -95,12 +117,22 @@ static int fail(char *error, int size, const char *format, ...) {
   return 0;
 }
 
+static int check_choice(int k, const double *p, const ges_choice *table, int n, char *error, int size) {
+  char known[256] = "";
+  if (p[k] == floor(p[k])) return 1;
+  for (int i = 0, used = 0; i < n && used < (int)sizeof known; i++)
+    used += snprintf(known + used, sizeof known - (size_t)used, "%s%d %s", i ? ", " : "", i, table[i].name);
+  return fail(error, size, "%s is %g; allowed are %s", parameter_table[k].name, p[k], known);
+}
+
 static int check_parameters(const double *p, char *error, int size) {
   for (int k = 0; k < N_PARAMETERS; k++) {
     const ges_parameter *known = &parameter_table[k];
     if (!(p[k] >= known->low && p[k] <= known->high))
       return fail(error, size, "%s is %g %s; allowed is %g to %g", known->name, p[k], known->unit, known->low, known->high);
   }
+  if (!check_choice(P_mode, p, mode_table, FF_MODES, error, size)) return 0;
+  if (!check_choice(P_control, p, controller_table, N_CONTROLLERS, error, size)) return 0;
   if (p[P_terrain_features_max] < p[P_terrain_features_min])
     return fail(error, size, "terrain_features_max is %g, below terrain_features_min %g; raise it", p[P_terrain_features_max],
                 p[P_terrain_features_min]);
@@ -118,12 +150,17 @@ static int check_parameters(const double *p, char *error, int size) {
 }
 
 static int check_effects(const ges_effects *e, char *error, int size) {
+  const effect_t *cushion = NULL;
   if (e->n < 0 || e->n > GES_MAX_EFFECTS) return fail(error, size, "%d effects; at most %d at once", e->n, GES_MAX_EFFECTS);
   for (int j = 0; j < e->n; j++) {
     if (e->id[j] < 0 || e->id[j] >= N_EFFECTS) return fail(error, size, "effect number %d does not exist", e->id[j]);
     const effect_t *known = effects_known[e->id[j]];
     for (int m = 0; m < j; m++)
       if (e->id[m] == e->id[j]) return fail(error, size, "effect %s is listed twice; once is enough", known->name);
+    if (known->cushion && cushion)
+      return fail(error, size, "effects %s and %s are both the thrust gain near the ground; switch one of them off", cushion->name,
+                  known->name);
+    if (known->cushion) cushion = known;
     for (int k = 0; k < known->n_parameters; k++) {
       const ges_effect_parameter *q = &known->parameters[k];
       if (!(e->value[j][k] >= q->low && e->value[j][k] <= q->high))
@@ -145,16 +182,17 @@ static int check_grid(const double *p, const ges_grid *g, char *error, int size)
 
 static int check_inputs(const ges_flight *f, char *error, int size) {
   const double *p = f->parameters;
-  int needs = p[P_control] != 0.0 || p[P_attitude_imposed] != 0.0;
-  if (needs && (!f->inputs || f->n_inputs < 1))
-    return fail(error, size, "control is %g and attitude_imposed %g, but no replay table was given", p[P_control], p[P_attitude_imposed]);
-  if (p[P_attitude_imposed] != 0.0 && p[P_control] == 0.0)
-    return fail(error, size, "attitude_imposed needs control 1 or 2: the input table then holds a replay, not references");
+  const ges_choice *controller = &controller_table[(int)p[P_control]];
+  int replays = controller->input_columns == GES_REPLAY_COLUMNS;
+  if (p[P_attitude_imposed] != 0.0 && !replays)
+    return fail(error, size, "attitude_imposed needs a control that replays; the input table of %s holds references", controller->name);
+  if (replays && (!f->inputs || f->n_inputs < 1))
+    return fail(error, size, "control is %s, but no replay table was given", controller->name);
   return 1;
 }
 
 static int check_network(const double *p, char *error, int size) {
-  if (p[P_mode] < 3.0 && p[P_shadow] == 0.0) return 1;
+  if (!some(ge_ff_runs_network((float)p[P_mode])) && p[P_shadow] == 0.0) return 1;
   if (ge_ff_network_is_sound()) return 1;
   return fail(error, size, "the compiled network does not give the output stored in ge_ff_mlp_weights.h; export it again and rebuild");
 }
@@ -200,6 +238,7 @@ static plan_t plan_of(const ges_flight *f) {
   plan.integrator = (int)p[P_integrator];
   plan.control = (int)p[P_control];
   plan.attitude_imposed = (int)p[P_attitude_imposed];
+  plan.references = f->inputs && controller_table[plan.control].input_columns == GES_REFERENCE_COLUMNS;
   return plan;
 }
 
@@ -210,16 +249,27 @@ static int same_plan(const ges_flight *a, const ges_flight *b) {
 
 /* ---- flying ------------------------------------------------------------------------------------------------ */
 
-#if defined(__AVX512F__)
-static const kernel_t *const widest = &kernel_w8;
-#elif defined(__AVX__)
-static const kernel_t *const widest = &kernel_w4;
-#else
-static const kernel_t *const widest = &kernel_w2;
+/* Lanes of the widest vectors that this processor has instructions for; sim_c/Makefile says which a width needs. */
+static int lanes_of_the_processor(void) {
+#ifdef __x86_64__
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl") &&
+      __builtin_cpu_supports("avx512bw"))
+    return 8;
+  if (__builtin_cpu_supports("avx2")) return 4;
 #endif
+  return 2;
+}
 
+/* The kernel of as many lanes, or of the most that the processor has where that is 0 (choose) or fewer; NULL: no such width. */
 static const kernel_t *kernel_of(int lanes) {
-  return lanes == 1 ? &kernel_w1 : lanes == 2 ? &kernel_w2 : lanes == 4 ? &kernel_w4 : lanes == 8 ? &kernel_w8 : NULL;
+  int most = lanes_of_the_processor();
+  if (lanes != 0 && lanes != 1 && lanes != 2 && lanes != 4 && lanes != 8) return NULL;
+  if (lanes == 0 || lanes > most) lanes = most;
+#ifdef __x86_64__
+  if (lanes == 8) return &kernel_w8;
+  if (lanes == 4) return &kernel_w4;
+#endif
+  return lanes == 2 ? &kernel_w2 : &kernel_w1;
 }
 
 static int fly_together(ges_flight **flights, int n, const kernel_t *kernel, const int *columns, int n_columns, char *error, int size) {
@@ -250,7 +300,7 @@ static int collect(ges_flight *flights, int n, int first, char *flown, int most,
 }
 
 int ges_fly(ges_flight *flights, int n, const int *columns, int n_columns, int lanes, char *error, int error_size) {
-  const kernel_t *kernel = lanes == 0 ? widest : kernel_of(lanes);
+  const kernel_t *kernel = kernel_of(lanes);
   ges_flight *together[8];
   int good = 1;
   if (!kernel) return fail(error, error_size, "lanes is %d; allowed are 0 (choose), 1, 2, 4 and 8", lanes);
@@ -291,7 +341,7 @@ static int alike(const plan_t *plan, const ges_effects *sets, int n, int most) {
 
 int ges_replay(const double *parameters, const ges_effects *sets, int n_sets, const ges_grid *grid, const double *in, int64_t n,
                double *out, int lanes, char *error, int error_size) {
-  const kernel_t *kernel = lanes == 0 ? widest : kernel_of(lanes);
+  const kernel_t *kernel = kernel_of(lanes);
   terrain_t terrain;
   if (!kernel) return fail(error, error_size, "lanes is %d; allowed are 0 (choose), 1, 2, 4 and 8", lanes);
   if (!check_parameters(parameters, error, error_size) || !check_grid(parameters, grid, error, error_size)) return 0;

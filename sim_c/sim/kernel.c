@@ -64,8 +64,6 @@ typedef struct {
 
 /* ---- setting up ------------------------------------------------------------------------------------------- */
 
-static int is_ground_related(const effect_t *e) { return (e->laws & GES_LAW_FADES) != 0; }
-
 static void add_active(active_t *a, int id, const ges_effects *const *effects) {
   const effect_t *e = effect_table[id];
   int j = a->n++;
@@ -76,18 +74,16 @@ static void add_active(active_t *a, int id, const ges_effects *const *effects) {
     for (int m = 0; m < effects[i]->n; m++)
       if (effects[i]->id[m] == id)
         for (int k = 0; k < e->n_parameters; k++) set_lane(&a->p[j][k], i, effects[i]->value[m][k]);
-  if (!strcmp(e->name, "ground_effect")) a->ground_effect = a->p[j];
+  if (e->cushion) {
+    a->cushion = e->cushion;
+    a->cushion_p = a->p[j];
+  }
   if (e->blow) a->wants_agl = 1;
 }
 
-/* Ground-related effects first, so that the ground effect factor is known before the firmware runs. */
 static void load_active(active_t *a, const plan_t *plan, const ges_effects *const *effects) {
   memset(a, 0, sizeof *a);
-  for (int ground = 1; ground >= 0; ground--) {
-    for (int j = 0; j < plan->n_effects; j++)
-      if (is_ground_related(effect_table[plan->effect[j]]) == ground) add_active(a, plan->effect[j], effects);
-    if (ground) a->n_ground = a->n;
-  }
+  for (int j = 0; j < plan->n_effects; j++) add_active(a, plan->effect[j], effects);
 }
 
 static void load_noise(noise_t *n, const double *const *p) {
@@ -163,7 +159,7 @@ static void load_feedforward(fw_config *c, const double *const *p) {
   c->overprediction_clamp = setting(p, P_overprediction_clamp);
   c->range_to_rotor = setting(p, P_range_to_rotor_m);
   c->height_from_position = WHEN(setting(p, P_altitude_source) > 0.5f);
-  c->network_runs = WHEN(c->mode > 2.5f) | WHEN(setting(p, P_shadow) > 0.5f);
+  c->network_runs = ge_ff_runs_network(c->mode) | WHEN(setting(p, P_shadow) > 0.5f);
 }
 
 /* What the firmware believes of the vehicle. */
@@ -205,7 +201,7 @@ static vd input(const task_t *task, int width, vd t, int k, int hold) {
 static void start_trimmed(lanes_t *l) {
   const vehicle_t *b = &l->body;
   vd zero = all_lanes(0.0), x = zero, y = zero, vx = l->task.cruise, up = l->task.agl_ref;
-  if (l->task.inputs[0] && l->plan->control == 0) {
+  if (l->plan->references) {
     x = input(&l->task, GES_REFERENCE_COLUMNS, zero, 0, 1);
     y = input(&l->task, GES_REFERENCE_COLUMNS, zero, 1, 1);
     up = input(&l->task, GES_REFERENCE_COLUMNS, zero, 2, 1);
@@ -354,11 +350,11 @@ static void table_reference(lanes_t *l, fw_input *in) {
 static void oracle(lanes_t *l, fw_input *in) {
   const sample_t *s = &l->sample;
   for (int i = 0; i < GES_ROTORS; i++) in->oracle[i] = to_float(s->factor[i]);
-  if (!l->task.any_preview || !l->active.ground_effect) return;
+  if (!l->task.any_preview || !l->active.cushion) return;
   sample_t ahead = *s;
   for (int k = 0; k < 2; k++) ahead.p[k] = s->p[k] + s->v[k] * l->task.preview;
   sample_rotors(&l->body, &l->ground, &ahead);
-  ground_cushion(&ahead, l->active.ground_effect, ahead.cushion);
+  l->active.cushion(&ahead, l->active.cushion_p, ahead.cushion);
   ground_move(&l->ground, s->p[0]);
   vl looks = GT(l->task.preview, all_lanes(0.0));
   for (int i = 0; i < GES_ROTORS; i++) in->oracle[i] = to_float(sel(looks, 1.0 + ahead.cushion[i], s->factor[i]));
@@ -391,12 +387,9 @@ static void report(lanes_t *l, const fw_input *in, const fw_output *out) {
   }
 }
 
-static void run_control(lanes_t *l, int k) {
-  vd attitude[9];
+static void run_firmware(lanes_t *l, const vd attitude[9]) {
   fw_input in;
   fw_output out;
-  read_sensors(l, k, attitude);
-  if (l->plan->control != 0) return;
   firmware_sees(l, attitude, &in);
   if (l->task.inputs[0]) table_reference(l, &in);
   else cruise_reference(l, &in);
@@ -406,9 +399,24 @@ static void run_control(lanes_t *l, int k) {
   report(l, &in, &out);
 }
 
-/* ---- the step ---------------------------------------------------------------------------------------------- */
+static void run_nothing(lanes_t *l, const vd attitude[9]) { (void)l, (void)attitude; }
+
+/* ---- what replays dictate ----------------------------------------------------------------------------------- */
 
 static vd replayed(const lanes_t *l, int k, int hold) { return input(&l->task, GES_REPLAY_COLUMNS, l->sample.t, k, hold); }
+
+static void impose_nothing(lanes_t *l, vd *y) { (void)l, (void)y; }
+
+static void impose_commands(lanes_t *l, vd *y) {
+  (void)y;
+  l->sample.battery = replayed(l, 8, 1);
+  for (int i = 0; i < GES_ROTORS; i++) l->sample.u[i] = replayed(l, i, 1);
+}
+
+static void impose_speeds(lanes_t *l, vd *y) {
+  l->sample.battery = replayed(l, 8, 1);
+  for (int i = 0; i < GES_ROTORS; i++) y[Y_SPEED + i] = replayed(l, i, 0);
+}
 
 static void impose_attitude(lanes_t *l, vd *y) {
   vd *q = y + Y_Q, norm = all_lanes(0.0);
@@ -421,13 +429,25 @@ static void impose_attitude(lanes_t *l, vd *y) {
   for (int k = 0; k < 3; k++) y[Y_OMEGA + k] = replayed(l, 9 + k, 0);
 }
 
-/* Parts of the state that a replay table dictates. */
-static void impose(lanes_t *l, vd *y) {
-  if (l->plan->control != 0 && l->task.inputs[0]) l->sample.battery = replayed(l, 8, 1);
-  for (int i = 0; i < GES_ROTORS && l->plan->control == 1; i++) l->sample.u[i] = replayed(l, i, 1);
-  for (int i = 0; i < GES_ROTORS && l->plan->control == 2; i++) y[Y_SPEED + i] = replayed(l, i, 0);
-  if (l->plan->attitude_imposed) impose_attitude(l, y);
+typedef struct {
+  void (*run)(lanes_t *l, const vd attitude[9]); /* attitude: as the sensors give it, row-major, body to world */
+  void (*impose)(lanes_t *l, vd *y);
+  int speeds_imposed;
+} controller_t;
+
+static const controller_t controllers[] = {
+#define X(name, run, impose, speeds_imposed, input_columns, doc) {run, impose, speeds_imposed},
+#include "controllers.def"
+#undef X
+};
+
+static void run_control(lanes_t *l, int k) {
+  vd attitude[9];
+  read_sensors(l, k, attitude);
+  controllers[l->plan->control].run(l, attitude);
 }
+
+/* ---- the step ---------------------------------------------------------------------------------------------- */
 
 static void quaternion_rate(const vd q[4], const vd w[3], vd dq[4]) {
   dq[0] = -0.5 * (q[1] * w[0] + q[2] * w[1] + q[3] * w[2]);
@@ -445,7 +465,7 @@ static void drive_rates(lanes_t *l, const vd *y, vd *dy) {
   for (int i = 0; i < GES_ROTORS; i++) {
     vd change = d.speed[i] - s->speed[i];
     s->speed_rate[i] = change * sel(GT(change, all_lanes(0.0)), up, down);
-    dy[Y_SPEED + i] = l->plan->control == 2 ? all_lanes(0.0) : s->speed_rate[i];
+    dy[Y_SPEED + i] = controllers[l->plan->control].speeds_imposed ? all_lanes(0.0) : s->speed_rate[i];
   }
 }
 
@@ -469,18 +489,19 @@ static void rates(lanes_t *l, vd *y, vd *dy, int k) {
   wrench_t w;
   sample_t *s = &l->sample;
   const active_t *a = &l->active;
-  impose(l, y);
+  controllers[l->plan->control].impose(l, y);
+  if (l->plan->attitude_imposed) impose_attitude(l, y);
   memset(&w, 0, sizeof w);
   memset(dy, 0, sizeof(vd) * (size_t)l->n_y);
   build_sample(&l->body, a, &l->ground, y, s);
-  add_wrenches(a, 0, a->n_ground, s, y, dy, &w);
+  add_ground(a, s, y, dy, &w);
   if (k >= 0 && (k % l->plan->control_every == 0 || k % l->plan->record_every == 0)) {
     set_factor(s, w.thrust);
     see_ground(l);
     if (k % l->plan->control_every == 0) run_control(l, k);
   }
   drive_rates(l, y, dy);
-  add_wrenches(a, a->n_ground, a->n, s, y, dy, &w);
+  add_wrenches(a, s, y, dy, &w);
   body_rates(l, &w, dy);
 }
 
@@ -648,10 +669,10 @@ static void evaluate(replay_t *r) {
   sample_t *s = &r->sample;
   memset(&r->wrench, 0, sizeof r->wrench);
   memset(r->dy, 0, sizeof r->dy);
-  add_wrenches(a, 0, a->n_ground, s, r->y, r->dy, &r->wrench);
+  add_ground(a, s, r->y, r->dy, &r->wrench);
   set_factor(s, r->wrench.thrust);
   add_drive(a, s, r->y, r->dy, &r->drive);
-  add_wrenches(a, a->n_ground, a->n, s, r->y, r->dy, &r->wrench);
+  add_wrenches(a, s, r->y, r->dy, &r->wrench);
   sum_wrench(s, &r->wrench, r->force, r->moment);
 }
 

@@ -8,10 +8,16 @@
 typedef struct {
   int n_steps, control_every, telemetry_every, record_every;
   int integrator, control, attitude_imposed;
+  int references; /* whether there is an input table, and it holds references */
   int n_effects, effect[GES_MAX_EFFECTS]; /* in the order of effects.def */
 } plan_t;
 
-struct terrain_s;
+enum {
+#define X(name, run, impose, speeds_imposed, input_columns, doc) CONTROL_##name,
+#include "controllers.def"
+#undef X
+  N_CONTROLLERS
+};
 
 typedef struct {
   int lanes;

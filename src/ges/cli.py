@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import importlib.metadata
 import keyword
 import os
 import pkgutil
+import re
 import sys
 
 import click
@@ -45,3 +47,19 @@ def main() -> None:
     except GesError as error:
         click.echo(f"ges: {error}", err=True)
         sys.exit(error.exit_code)
+    except ModuleNotFoundError as error:
+        module = (error.name or "ges").partition(".")[0]
+        if module == "ges":
+            raise
+        click.echo(f"ges: {module} is not installed; run pip install '{_brings(module)}'", err=True)
+        sys.exit(1)
+
+
+def _brings(module: str) -> str:
+    """What to install for a module: the extra of this package that lists it, or its own name."""
+    name = {"sklearn": "scikit-learn"}.get(module, module)
+    for requirement in importlib.metadata.requires("ges") or ():
+        extra = re.fullmatch(f"{name}; extra == '(.+)'", requirement)
+        if extra:
+            return f"ges[{extra[1]}]"
+    return name

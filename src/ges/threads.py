@@ -12,6 +12,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from typing import Any
 
 from threadpoolctl import threadpool_limits
 
@@ -33,7 +34,7 @@ def blas_alone(work: Callable) -> Callable:
     """
 
     @functools.wraps(work)
-    def alone(*arguments, **named):
+    def alone(*arguments: Any, **named: Any) -> Any:
         if (
             os.environ.get("OPENBLAS_NUM_THREADS") == "1"
         ):  # as ``ges`` and the proof start it, where no library can be looked for
@@ -99,6 +100,6 @@ def _ready(prepare: Callable[[], object]) -> None:
     prepare()
 
 
-def _end_with(caller) -> None:
+def _end_with(caller: Any) -> None:
     caller.join()
     os._exit(1)

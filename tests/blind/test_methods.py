@@ -192,7 +192,7 @@ def test_real_flights_become_cases(tmp_path, recordings_dir):
     """Every published change is a sealed case; nothing in a case's folder names what was done."""
     from ges.blind.foreign.real import CHANGES, make_real
 
-    count = make_real(tmp_path / "real", recordings_dir, ROOT / "config")
+    count = make_real(tmp_path / "real", recordings_dir)
     names = seal.cases(tmp_path / "real")
     assert len(names) == count == len(CHANGES) + 4 + 2
     for path in (tmp_path / "real" / "cases").rglob("*"):

@@ -13,7 +13,7 @@ import ges
 from ges.cli import cli, main
 from ges.errors import GesError
 from ges.recordings.recording import make_set, write_set
-from ges.vehicle.file import load_vehicle
+from ges.vehicle.file import load_vehicle, vehicle_path
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -45,7 +45,7 @@ def _flight(**changes) -> pd.DataFrame:
 def _set(folder, *frames):
     write_set(
         folder,
-        load_vehicle(ROOT / "config" / "vehicles" / "appius.yaml"),
+        load_vehicle("appius"),
         [(f"f{i}", f) for i, f in enumerate(frames)],
     )
     return folder
@@ -141,7 +141,7 @@ def test_unknown_flight_to_hold_out_names_the_nearest(tmp_path, capsys, monkeypa
 
 def test_negative_mass_and_unknown_key(tmp_path, capsys, monkeypatch):
     _set(tmp_path / "set", _flight(), _flight())
-    good = (ROOT / "config" / "vehicles" / "appius.yaml").read_text()
+    good = vehicle_path("appius").read_text()
     for text, words in (
         (good.replace("value: 1.5", "value: -1.5"), "must be positive"),
         (good + "\nweight: 3\n", "weight"),
@@ -155,12 +155,10 @@ def test_negative_mass_and_unknown_key(tmp_path, capsys, monkeypatch):
 
 def test_a_flight_in_order_is_not_refused():
     still = {"acc_x_m_s2": 0 * T, "acc_y_m_s2": 0 * T, "acc_z_m_s2": 0 * T + 9.8}
-    flights = make_set(
-        load_vehicle(ROOT / "config" / "vehicles" / "appius.yaml"), [("f", _moving(**still))]
-    )
+    flights = make_set(load_vehicle("appius"), [("f", _moving(**still))])
     assert not flights.warnings and len(flights.flights) == 1
 
 
 def test_no_flight_at_all_is_said():
     with pytest.raises(GesError, match="no flight among the recordings"):
-        ges.diagnose([], load_vehicle(ROOT / "config" / "vehicles" / "appius.yaml"))
+        ges.diagnose([], load_vehicle("appius"))

@@ -12,8 +12,8 @@ from click.testing import CliRunner
 from ges.cli import cli
 from ges.diagnose.calibrate.calibrate import LOSSES, calibrate
 from ges.errors import GesError
+from ges.recordings.readers import open_log
 from ges.recordings.recording import make_set, write_set
-from ges.recordings.usd import read_usd
 from ges.simulator import manoeuvres
 from ges.vehicle.file import load_vehicle
 
@@ -171,12 +171,10 @@ def test_small_quadrotors_gains_and_their_spread(recordings_dir, airframe):
     three per cent.
     """
     flights = [
-        (p.name, read_usd(p)[0])
+        (p.name, open_log(p).frame())
         for p in sorted((recordings_dir / "crazypad" / "normal_flight").glob(f"{airframe}_*"))
     ]
-    found = calibrate(
-        make_set(load_vehicle(ROOT / "config" / "vehicles" / "crazyflie.yaml"), flights)
-    )
+    found = calibrate(make_set(load_vehicle("crazyflie-2.1"), flights))
     assert 0.01 < found.spread < 0.03 and not found.warnings
     assert found.seconds > 50.0
     for key in LOSSES:
@@ -201,10 +199,8 @@ def test_balance_of_commands_is_what_the_gains_say(recordings_dir):
     less.
     """
     paths = sorted((recordings_dir / "crazypad" / "normal_flight").glob("E9_*"))
-    flights = [(p.name, read_usd(p)[0]) for p in paths]
-    found = calibrate(
-        make_set(load_vehicle(ROOT / "config" / "vehicles" / "crazyflie.yaml"), flights)
-    )
+    flights = [(p.name, open_log(p).frame()) for p in paths]
+    found = calibrate(make_set(load_vehicle("crazyflie-2.1"), flights))
     gain = np.array(
         [1.0 - found.vehicle.effects["weak_rotor"][f"loss_{i}"].value for i in range(1, 5)]
     )

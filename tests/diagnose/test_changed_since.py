@@ -13,19 +13,21 @@ import ges
 from ges.diagnose.calibrate.calibrate import calibrate
 from ges.diagnose.detectors.balance import Cause, causes_of
 from ges.diagnose.types.diagnosis import Diagnosis
+from ges.recordings.readers import open_log
 from ges.recordings.recording import make_set
-from ges.recordings.usd import read_usd
 from ges.vehicle.file import load_vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
 def _tables(recordings_dir, folder: str, flights: str) -> list:
-    return [read_usd(p)[0] for p in sorted((recordings_dir / "crazypad" / folder).glob(flights))]
+    return [
+        open_log(p).frame() for p in sorted((recordings_dir / "crazypad" / folder).glob(flights))
+    ]
 
 
 def _reference(tables: list):
-    start = load_vehicle(ROOT / "config" / "vehicles" / "crazyflie.yaml")
+    start = load_vehicle("crazyflie-2.1")
     return calibrate(make_set(start, ((f"flight{i}", t) for i, t in enumerate(tables)))).vehicle
 
 

@@ -10,8 +10,7 @@ import pytest
 
 import ges
 from ges.diagnose.report.output import write_diagnosis
-from ges.recordings.columns import load_map
-from ges.recordings.csv import read_csv
+from ges.recordings.readers import Options, open_log
 from ges.recordings.recording import load_set, write_set
 from ges.vehicle.file import load_vehicle
 
@@ -25,16 +24,13 @@ FILES = {"diagnosis.json", "report.html", "vehicle.fitted.yaml"}
 
 @pytest.fixture(scope="module")
 def frames(recordings_dir):
-    mapping = load_map(ROOT / "config" / "imports" / "appius.yaml")
-    return {
-        name: read_csv(recordings_dir / "appius-ground-effect" / f"{name}.csv", mapping)[0]
-        for name in FLIGHTS
-    }
+    folder, options = recordings_dir / "appius-ground-effect", Options("appius")
+    return {name: open_log(folder / f"{name}.csv", options).frame() for name in FLIGHTS}
 
 
 @pytest.fixture(scope="module")
 def vehicle():
-    return load_vehicle(ROOT / "config" / "vehicles" / "appius.yaml")
+    return load_vehicle("appius")
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,8 @@ from ges.study.figures import flights, real
 from ges.vehicle.file import load_vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
-VEHICLE, MAPPING = ROOT / "config/vehicles/appius.yaml", ROOT / "config/imports/appius.yaml"
+VEHICLE = "appius"
+MAPPING = ROOT / "src/ges/recordings/readers/presets/appius.yaml"
 STUDY = config.load(ROOT / "config/default.yaml")
 
 

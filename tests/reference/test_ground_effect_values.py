@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from ges.simulator import effects
-from ges.simulator import flight as sim
 from ges.simulator.terrain import Terrain
 
 X = np.array([0.3, 0.5, 0.75, 1, 1.5, 2, 3, 4, 6])
@@ -117,4 +116,3 @@ def test_network_equals_the_sample_stored_beside_its_weights():
     assert _lib.network(features) == pytest.approx(
         float.fromhex(expected.strip().rstrip("f")), rel=1e-5
     )
-    assert sim.MODES[3] == "ml"

@@ -41,22 +41,22 @@ def run(*words: str) -> subprocess.CompletedProcess:
             "cannot read the vehicle file missing.yaml",
         ),
         (
-            ["simulate", "config/vehicles/appius.yaml", "--plan", "climb", "--out", "x"],
+            ["simulate", "appius", "--plan", "climb", "--out", "x"],
             2,
             "did you mean 'climbs'?",
         ),
         (
-            ["simulate", "config/vehicles/appius.yaml", "--set", "dt_s=fast", "--out", "x"],
+            ["simulate", "appius", "--set", "dt_s=fast", "--out", "x"],
             2,
             "expected NAME=NUMBER",
         ),
         (
-            ["simulate", "config/vehicles/appius.yaml", "--set", "mass=1", "--out", "x"],
+            ["simulate", "appius", "--set", "mass=1", "--out", "x"],
             2,
             "unknown parameter 'mass'",
         ),
         (
-            ["simulate", "config/vehicles/appius.yaml", "--set", "dt_s=-1", "--out", "x"],
+            ["simulate", "appius", "--set", "dt_s=-1", "--out", "x"],
             1,
             "dt_s is -1 s; allowed is",
         ),

@@ -1,6 +1,8 @@
-"""One lane or eight, one machine width or another, Python or ges_sim: the same bytes."""
+"""One lane or eight, these instructions or those, Python or ges_sim: the same bytes."""
 
 import os
+import platform
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -23,7 +25,7 @@ def batch() -> list[sim.Flight]:
         numbers = {
             "seed": i,
             "duration_s": 4,
-            "mode": sim.MODES[i % 6],
+            "mode": sim.modes()[i % 6],
             "bias": 0.01 * (i % 3 - 1),
             "shadow": i % 2,
             "mass_kg": 1.0 + 0.05 * i,
@@ -91,54 +93,88 @@ def test_both_faces_give_equal_bytes(tmp_path):
     assert out.read_bytes() == python
 
 
-def widths() -> dict[str, str]:
-    flags = (
-        set(Path("/proc/cpuinfo").read_text().split()) if Path("/proc/cpuinfo").exists() else set()
-    )
-    known = {
-        "sse2": "-march=x86-64",
-        "avx": "-mavx",
-        "avx2_fma": "-mavx2 -mfma",
-        "avx512": "-mavx512f -mavx512dq -mfma",
-    }
-    needs = {
-        "sse2": {"sse2"},
-        "avx": {"avx"},
-        "avx2_fma": {"avx2", "fma"},
-        "avx512": {"avx512f", "avx512dq", "fma"},
-    }
-    return {name: flag for name, flag in known.items() if needs[name] <= flags}
+# Flags, and what the processor has to have to run what they make.
+AVX512 = "-mavx512f -mavx512dq -mavx512vl -mavx512bw -mfma"
+INSTRUCTIONS = {
+    "baseline": ("", set()),
+    "avx2_fma": ("-mavx2 -mfma", {"avx2", "fma"}),
+    "avx512_fma": (AVX512, {"avx512f", "avx512vl"}),
+}
 
 
-@pytest.mark.parametrize("width", ["sse2", "avx", "avx2_fma", "avx512"])
-def test_results_do_not_depend_on_vector_width(width, tmp_path):
-    if width not in widths():
-        pytest.skip(f"this processor has no {width}")
+def built(folder: Path, **settings: str) -> Path:
+    """The simulator compiled with these settings of its Makefile."""
+    options = [f"{name}={value}" for name, value in settings.items()]
     subprocess.run(
-        [
-            "make",
-            "-s",
-            "-j2",
-            "-C",
-            ROOT / "sim_c",
-            f"BUILD={tmp_path / 'b'}",
-            f"MARCH={widths()[width]}",
-            "OPT=-O1",
-        ],
-        check=True,
+        ["make", "-s", "-j2", "-C", ROOT / "sim_c", f"BUILD={folder}", *options], check=True
     )
+    return folder
+
+
+def flown(program: Path, script: Path, lanes: int, *before: str) -> bytes:
+    out = script.with_name("out.bin")
+    subprocess.run([*before, program, script, "--out", out, "--lanes", str(lanes)], check=True)
+    return out.read_bytes()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("instructions", INSTRUCTIONS)
+def test_results_do_not_depend_on_instructions(instructions, tmp_path):
+    flags, needed = INSTRUCTIONS[instructions]
+    if not needed <= processor():
+        pytest.skip(f"this processor has no {instructions}")
+    every = {f"ISA_{n}": flags for n in (1, 2, 4, 8)}
+    ours = built(tmp_path / "b", OPT="-O1", **every) / "ges_sim"
     script = tmp_path / "flights.txt"
     sim.write_script(batch(), script)
-    outputs = []
-    for program, lanes in (
-        (ROOT / "build" / "ges_sim", 0),
-        *((tmp_path / "b" / "ges_sim", n) for n in (0, 1, 4, 8)),
-    ):
-        subprocess.run(
-            [program, script, "--out", tmp_path / "out.bin", "--lanes", str(lanes)], check=True
-        )
-        outputs.append((tmp_path / "out.bin").read_bytes())
-    assert len(set(outputs)) == 1
+    outputs = {flown(ours, script, lanes) for lanes in (0, 1, 2, 4, 8)}
+    assert outputs == {flown(ROOT / "build/ges_sim", script, 0)}
+
+
+def processor() -> set[str]:
+    """What instructions the processor says it has, by the names of Linux; nothing elsewhere."""
+    about = Path("/proc/cpuinfo")
+    return set(about.read_text().split()) if about.exists() else set()
+
+
+@pytest.mark.skipif(shutil.which("objdump") is None, reason="objdump is not installed")
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="one width alone on this processor")
+def test_each_width_keeps_to_its_instructions():
+    """A processor without AVX must meet none of it in what it runs: batch, terrain, 1 and 2."""
+    wider = {"_w8.o": r"$^", "_w4.o": r"%zmm|\{%k\d\}", ".o": r"%[yz]mm|\bv[a-z]+[sp][sd]\b"}
+    for unit in (ROOT / "build/obj").glob("*.o"):
+        allowed = next(pattern for end, pattern in wider.items() if unit.name.endswith(end))
+        listing = subprocess.run(["objdump", "-d", unit], capture_output=True, text=True).stdout
+        assert not re.search(allowed, listing), unit.name
+    wide = {n: (ROOT / f"build/obj/kernel_w{n}.o").read_bytes() for n in (4, 8)}
+    assert wide[4] != wide[8]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("qemu-x86_64") is None, reason="qemu-user is not installed")
+@pytest.mark.parametrize("older", ["core2duo", "Haswell"])
+def test_an_older_processor_runs_what_it_has(older, tmp_path):
+    script, program = tmp_path / "flights.txt", ROOT / "build/ges_sim"
+    sim.write_script(batch()[::3], script)
+    outputs = {flown(program, script, n, "qemu-x86_64", "-cpu", older) for n in (0, 4, 8)}
+    assert outputs == {flown(program, script, 0)}
+
+
+ARM = "aarch64-linux-gnu"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    not all(map(shutil.which, (f"{ARM}-gcc", "qemu-aarch64"))),
+    reason="the cross compiler and emulator of arm64 are not installed",
+)
+def test_results_are_those_of_an_arm_processor(tmp_path):
+    theirs = built(tmp_path / "b", CC=f"{ARM}-gcc", OPT="-O1") / "ges_sim"
+    script = tmp_path / "flights.txt"
+    sim.write_script(batch()[::3], script)
+    emulator = ("qemu-aarch64", "-L", f"/usr/{ARM}")
+    outputs = {flown(theirs, script, lanes, *emulator) for lanes in (0, 1, 2)}
+    assert outputs == {flown(ROOT / "build/ges_sim", script, 0)}
 
 
 @pytest.mark.parametrize("first", [1, 51])
@@ -227,23 +263,11 @@ def test_a_million_samples_go_through_one_effect():
     assert np.all(replay.force_N[:, 2] > 0)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("valgrind") is None, reason="valgrind is not installed")
 def test_no_leak_and_no_undefined_value_by_valgrind(tmp_path):
     """Sanitized and plain builds are covered below; valgrind sees uninitialised values."""
-    subprocess.run(
-        [
-            "make",
-            "-s",
-            "-j2",
-            "-C",
-            ROOT / "sim_c",
-            f"BUILD={tmp_path / 'b'}",
-            "MARCH=-march=x86-64",
-            "OPT=-O1 -g",
-        ],
-        check=True,
-    )
-    script = tmp_path / "flights.txt"
+    program, script = built(tmp_path / "b", OPT="-O1 -g") / "ges_sim", tmp_path / "flights.txt"
     sim.write_script(
         [
             sim.Flight({**f.parameters, "duration_s": 0.1}, f.effects, f.terrain, f.inputs)
@@ -251,22 +275,14 @@ def test_no_leak_and_no_undefined_value_by_valgrind(tmp_path):
         ],
         script,
     )
-    command = [
-        "valgrind",
-        "-q",
-        "--error-exitcode=9",
-        "--leak-check=full",
-        tmp_path / "b" / "ges_sim",
-        script,
-        "--out",
-        tmp_path / "o",
-    ]
-    assert subprocess.run(command).returncode == 0
+    checked = ["valgrind", "-q", "--error-exitcode=9", "--leak-check=full", program]
+    assert subprocess.run([*checked, script, "--out", tmp_path / "o"]).returncode == 0
 
 
+@pytest.mark.slow
 def test_no_undefined_behaviour_by_sanitizers(tmp_path):
     flags = "-fsanitize=address,undefined -fno-sanitize-recover=all"
-    built = subprocess.run(
+    compiled = subprocess.run(
         [
             "make",
             "-s",
@@ -280,9 +296,9 @@ def test_no_undefined_behaviour_by_sanitizers(tmp_path):
         capture_output=True,
         text=True,
     )
-    if "cannot find -lasan" in built.stderr or "libasan" in built.stderr:
+    if "cannot find -lasan" in compiled.stderr or "libasan" in compiled.stderr:
         pytest.skip("the compiler has no sanitizer libraries")
-    assert built.returncode == 0, built.stderr
+    assert compiled.returncode == 0, compiled.stderr
     script, out = tmp_path / "flights.txt", tmp_path / "o"
     sim.write_script(batch(), script)
     for lanes in (1, 2, 4, 8):

@@ -12,7 +12,7 @@ from ges.simulator import flight as sim
 from ges.simulator import manoeuvres
 from ges.simulator.terrain import Terrain
 
-VEHICLES = ["crazyflie", "appius", "px4-quad"]
+VEHICLES = ["crazyflie-2.1", "appius", "px4-quad"]
 
 
 @pytest.mark.parametrize("name", manoeuvres.MENU)
@@ -28,10 +28,9 @@ def test_references_are_consistent(name):
 
 @pytest.mark.parametrize("name", manoeuvres.MENU)
 @pytest.mark.parametrize("vehicle", VEHICLES)
-def test_manoeuvre_is_flown_without_touching_the_ground(name, vehicle, request, tmp_path):
+def test_manoeuvre_is_flown_without_touching_the_ground(name, vehicle, tmp_path):
     out = tmp_path / "f.parquet"
-    path = request.config.rootpath / "config" / "vehicles" / f"{vehicle}.yaml"
-    result = CliRunner().invoke(command, [str(path), "--plan", name, "--out", str(out)])
+    result = CliRunner().invoke(command, [vehicle, "--plan", name, "--out", str(out)])
     assert result.exit_code == 0, result.output
     frame, _ = checked_frame("f", pd.read_parquet(out))
     assert frame["contact"].sum() == 0

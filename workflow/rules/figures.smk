@@ -6,8 +6,8 @@ RECORDINGS = (
 REAL_FLIGHTS = [
     str(f) for f in (RECORDINGS / f"{name}.csv" for name in APPIUS) if f.is_file()
 ]
-APPIUS_VEHICLE = str(ROOT / "config/vehicles/appius.yaml")
-APPIUS_MAP = str(ROOT / "config/imports/appius.yaml")
+APPIUS_VEHICLE = str(ROOT / "src/ges/vehicle/library/appius.yaml")
+APPIUS_MAP = str(ROOT / "src/ges/recordings/readers/presets/appius.yaml")
 LIBRARY = {"library": "build/libges.so"}
 NETWORK = {"library": "build/ml/libges.so"}
 QUARTILES = {"quartiles": "results/offline/ground_quartiles.csv"}

@@ -201,16 +201,9 @@ def methods() -> None:
     help="Published flights.",
 )
 @click.option(
-    "--config",
-    type=click.Path(path_type=Path),
-    default=Path("config"),
-    show_default=True,
-    help="Vehicles and imports.",
-)
-@click.option(
     "--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/."
 )
-def real(recordings: Path, config: Path, out: Path) -> None:
+def real(recordings: Path, out: Path) -> None:
     """Write published flights as concealed cases, with what was done to the vehicle as the sealed
     truth.
 
@@ -218,7 +211,7 @@ def real(recordings: Path, config: Path, out: Path) -> None:
     """
     from ges.blind.foreign.real import make_real
 
-    click.echo(f"{make_real(out, recordings, config)} cases sealed in {out}", err=True)
+    click.echo(f"{make_real(out, recordings)} cases sealed in {out}", err=True)
 
 
 @command.command()

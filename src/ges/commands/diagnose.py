@@ -34,7 +34,7 @@ NEXT = {
     "--vehicle",
     "vehicle_path",
     type=click.Path(path_type=Path),
-    help="Another vehicle file than the set's own.",
+    help="Another vehicle than the set's own: a file, a simulator's model, or a name.",
 )
 @click.option(
     "--write-flight",

@@ -1,4 +1,4 @@
-"""``ges import``: foreign logs into a recording set."""
+"""``ges import``: flight logs into a recording set."""
 
 from __future__ import annotations
 
@@ -7,44 +7,69 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ges.errors import GesError, UsageError
+from ges.errors import UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import pandas as pd
 
-_BEGINNINGS = {b"ULog": "ulog", b"\xbc": "usd"}
+    from ges.recordings.readers import Log
 
 
-def _format(path: Path) -> str:
-    """Format of a log, from its first bytes."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(4)
-    except OSError as error:
-        raise GesError(f"cannot read {path}: {error.strerror}") from None
-    return next((kind for magic, kind in _BEGINNINGS.items() if head.startswith(magic)), "csv")
+READING = (
+    click.option(
+        "--format",
+        "kind",
+        default="auto",
+        show_default=True,
+        help=(
+            "px4, ardupilot, betaflight, ros, crazyflie, table (CSV, Parquet) or matlab; auto goes"
+            " by the file's first bytes."
+        ),
+    ),
+    click.option(
+        "--map",
+        "mapping",
+        help=(
+            "Column map of a table or MATLAB file, topic map of a ROS bag: a YAML file or a"
+            " preset's name."
+        ),
+    ),
+    click.option(
+        "--pwm",
+        type=(float, float),
+        metavar="LOW HIGH",
+        help="Motor outputs (us) that mean 0 and 1; default: what the log's parameters say.",
+    ),
+    click.option(
+        "--rotor-order",
+        type=(int, int, int, int),
+        metavar="N N N N",
+        help="For motors 1 to 4 the number of the speed reading that is its own, where the log does"
+        " not say.",
+    ),
+    click.option(
+        "--part",
+        type=click.IntRange(min=1),
+        help="Which flight of a file that holds several (Betaflight); default: the longest.",
+    ),
+)
+"""Options of every verb that reads a flight log."""
 
 
-def _read(
-    path: Path, kind: str, mapping: Path | None, n_rotors: int, pwm: tuple[float, float] | None
-):
-    if kind == "ulog":
-        from ges.recordings.ulog import read_ulog
+def reading_options(function: Callable) -> Callable:
+    """Add :data:`READING` to a verb; they go into :func:`read_log` as they come."""
+    for option in reversed(READING):
+        function = option(function)
+    return function
 
-        return read_ulog(path, n_rotors, pwm)
-    if kind == "usd":
-        from ges.recordings.usd import read_usd
 
-        return read_usd(path)
-    if mapping is None:
-        raise UsageError(
-            f"{path.name} is read as CSV, which needs a column map; give --map MAP.yaml (examples"
-            " in config/imports)"
-        )
-    from ges.recordings.columns import load_map
-    from ges.recordings.csv import read_csv
+def read_log(path: Path, kind: str, mapping, pwm, rotor_order, part) -> Log:
+    """A log, read as these options say."""
+    from ges.recordings.readers import Options, open_log
 
-    return read_csv(path, load_map(mapping))
+    return open_log(path, Options(mapping, pwm, rotor_order, part), kind)
 
 
 def _names(sources: tuple[Path, ...]) -> list[str]:
@@ -72,6 +97,25 @@ def _parts(name: str, frame: pd.DataFrame, count: int) -> list[tuple[str, pd.Dat
     ]
 
 
+def _without_empty(
+    parts: list[tuple[str, pd.DataFrame]],
+) -> tuple[list[tuple[str, pd.DataFrame]], list[str]]:
+    """Flights without the columns that hold nothing in them, and a sentence for those that lack
+    the same.
+    """
+    lacking: dict[tuple[str, ...], list[str]] = {}
+    kept = []
+    for name, frame in parts:
+        empty = tuple(c for c in frame if frame[c].isna().all())
+        kept.append((name, frame.drop(columns=list(empty))))
+        if empty:
+            lacking.setdefault(empty, []).append(name)
+    return kept, [
+        f"{', '.join(names)}: no sample of {', '.join(columns)}"
+        for columns, names in lacking.items()
+    ]
+
+
 def _summary(name: str, frame: pd.DataFrame) -> str:
     from ges.recordings.recording import unit_of
 
@@ -83,26 +127,10 @@ def _summary(name: str, frame: pd.DataFrame) -> str:
 
 
 @click.command("import")
-@click.argument("sources", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option(
-    "--format",
-    "kind",
-    type=click.Choice(["auto", "csv", "ulog", "usd"]),
-    default="auto",
-    show_default=True,
-    help=(
-        "csv by a column map, PX4 ULog, or Crazyflie micro-SD; auto goes by the file's first bytes."
-    ),
+@click.argument(
+    "sources", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG..."
 )
-@click.option(
-    "--map", "mapping", type=click.Path(path_type=Path), help="Column map (YAML) for CSV files."
-)
-@click.option(
-    "--pwm",
-    type=(float, float),
-    metavar="LOW HIGH",
-    help="ULog: pulse widths (us) that mean 0 and 1; default: the log's PWM_MIN and PWM_MAX.",
-)
+@reading_options
 @click.option(
     "--parts",
     type=click.IntRange(min=1),
@@ -115,34 +143,34 @@ def _summary(name: str, frame: pd.DataFrame) -> str:
     "vehicle_path",
     type=click.Path(path_type=Path),
     required=True,
-    help="Vehicle file of these flights.",
+    help="Vehicle of these flights: a file, a simulator's model, or a name (ges vehicle --list).",
 )
 @click.option(
     "--out", type=click.Path(path_type=Path), required=True, help="Folder of the recording set."
 )
-def command(sources, kind, mapping, pwm, parts, vehicle_path, out) -> None:
+def command(sources, kind, mapping, pwm, rotor_order, part, parts, vehicle_path, out) -> None:
     """Bring logs of one vehicle into a recording set, one flight a file.
 
-    Example: ges import flights/*.csv --map config/imports/appius.yaml --vehicle
-    config/vehicles/appius.yaml --out set
+    Example: ges import flights/*.ulg --vehicle vehicle.yaml --out set
     """
     from ges.recordings.recording import make_set, write_set
     from ges.vehicle.file import load_vehicle
 
     vehicle = load_vehicle(vehicle_path)
-    if pwm and not pwm[1] > pwm[0]:
-        raise UsageError(f"--pwm {pwm[0]:g} {pwm[1]:g}: the first pulse width must be the smaller")
-    flights = []
+    flights, noticed = [], {}
     for name, path in zip(_names(sources), sources, strict=True):
-        frame, warnings = _read(
-            path, _format(path) if kind == "auto" else kind, mapping, len(vehicle.rotors), pwm
-        )
-        made = make_set(vehicle, _parts(name, frame, parts))
-        for warning in (*warnings, *made.warnings):
+        log = read_log(path, kind, mapping, pwm, rotor_order, part)
+        cut, empty = _without_empty(_parts(name, log.frame(), parts))
+        recordings = make_set(vehicle, cut)
+        for note in log.notes:
+            noticed.setdefault(note, []).append(path.name)
+        for warning in (*empty, *recordings.warnings):
             click.echo(f"warning: {warning}", err=True)
-        for flight in made.flights:
+        for flight in recordings.flights:
             click.echo(_summary(flight.name, flight.frame), err=True)
             flights.append((flight.name, flight.frame))
+    for note, names in noticed.items():
+        click.echo(f"warning: {', '.join(names)}: {note}", err=True)
     if len(flights) < 2:
         click.echo(
             "warning: one flight only; a diagnosis needs two or more, --parts 4 cuts a long one",

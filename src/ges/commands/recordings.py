@@ -26,6 +26,7 @@ def list_sets() -> None:
             f" licence: {source.licence}"
         )
         click.echo(f"{'':22s} {source.about}")
+    click.echo(f"{published.EXAMPLE:22s} in the package: simulated flights near the ground")
 
 
 @command.command()
@@ -41,9 +42,9 @@ def list_sets() -> None:
     help="Take copies from this folder.",
 )
 def fetch(names: tuple[str, ...], out: Path, copies: Path | None) -> None:
-    """Fetch sets by name, or all of them; every file's SHA-256 is checked.
+    """Fetch sets by name, or all that are published; every file's SHA-256 is checked.
 
-    Example: ges recordings fetch crazypad --out recordings
+    Example: ges recordings fetch example --out recordings
     """
     for name in names or published.sources():
         for path in published.fetch(name, out, copies):

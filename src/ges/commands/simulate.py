@@ -32,26 +32,25 @@ KEPT = (
 
 def _missing(vehicle) -> tuple[dict[str, float], list[str]]:
     """Estimates for what the file leaves out, each named."""
+    from ges.vehicle import scaling
+
     rotors = vehicle.rotor_arrays()
-    arm2 = float(np.mean(rotors["x_m"] ** 2 + rotors["y_m"] ** 2))
     values, said = {}, []
     if vehicle.inertia_kg_m2 is None:
-        mass = vehicle.mass_kg.value
-        values |= {
-            "ixx_kg_m2": 0.2 * mass * arm2,
-            "iyy_kg_m2": 0.2 * mass * arm2,
-            "izz_kg_m2": 0.35 * mass * arm2,
-        }
+        arm_m = scaling.arm_m(rotors["x_m"], rotors["y_m"])
+        inertia = scaling.inertia(vehicle.mass_kg.value, arm_m)
+        values |= {f"i{axis}_kg_m2": getattr(inertia, axis) for axis in ("xx", "yy", "zz")}
         said.append(
-            "inertia is not in the file; taken as 0.2, 0.2 and 0.35 of mass times arm squared"
+            f"inertia is not in the file; taken as {scaling.ACROSS:g}, {scaling.ACROSS:g} and"
+            f" {scaling.ALONG:g} of mass times arm squared"
         )
     if vehicle.torque_coefficient_Nm_s2 is None:
-        values["torque_coefficient_Nm_s2"] = (
-            0.12 * rotors["radius_m"].mean() * vehicle.thrust_coefficient_N_s2.value
-        )
+        thrust = vehicle.thrust_coefficient_N_s2.value
+        torque = scaling.torque_coefficient(thrust, 2.0 * float(rotors["radius_m"].mean()))
+        values["torque_coefficient_Nm_s2"] = torque.value
         said.append(
-            "the torque coefficient is not in the file; taken as 0.12 of rotor radius times thrust"
-            " coefficient"
+            f"the torque coefficient is not in the file; taken as {scaling.TORQUE:g} of rotor"
+            " diameter times thrust coefficient"
         )
     return values, said
 

@@ -9,8 +9,7 @@ from pathlib import Path
 from ges.diagnose.pipeline import diagnose
 from ges.diagnose.report.output import write_diagnosis
 from ges.files import write_text
-from ges.recordings.columns import load_map
-from ges.recordings.csv import read_csv
+from ges.recordings.readers import Options, open_log
 from ges.vehicle.file import load_vehicle
 
 HELD_OUT = "NO_COMPENSATION_V_050"
@@ -31,8 +30,9 @@ def diagnose_published(recordings: list[Path], vehicle: Path, mapping: Path, rep
     vehicle, mapping : vehicle file and column map.
     report : report.html; all other files of a diagnosis are written beside it.
     """
-    read = {path.stem: read_csv(path, load_map(mapping))[0] for path in sorted(recordings)}
-    flights = {name: frame for name, frame in read.items() if "rotor_speed_1_rad_s" in frame}
+    options = Options(mapping)
+    logs = (open_log(path, options) for path in sorted(recordings))
+    flights = {log.name: log.frame() for log in logs if "rotor_speed" in log.streams}
     if HELD_OUT not in flights or len(flights) < 2:
         write_text(report, ABSENT)
         return

@@ -26,6 +26,8 @@ def _imported(module: str) -> tuple[str, ...]:
     """
     names: list[str] = []
     file = module_file(module)
+    if file is None:
+        return ()
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
     for node in ast.walk(ast.parse(file.read_text())):
         if isinstance(node, ast.Import):

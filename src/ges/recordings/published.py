@@ -1,5 +1,5 @@
 """Published flights by name: source repository, pinned commit, path and SHA-256, fetched or copied,
-always checked.
+always checked. The package itself holds one small set, ``example``, simulated.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ges.files import replacing
 
 
 class Source(pydantic.BaseModel):
-    """One published data set: ``files`` maps the local path to (path in the repository, SHA-256)."""
+    """One published data set: ``files`` maps the local path to (path there, SHA-256)."""
 
     model_config = pydantic.ConfigDict(extra="forbid")
 
@@ -28,6 +28,9 @@ class Source(pydantic.BaseModel):
     licence: str
     about: str
     files: dict[str, tuple[str, str]]
+
+
+EXAMPLE = "example"
 
 
 def sources() -> dict[str, Source]:
@@ -40,7 +43,10 @@ def check(content: bytes, sha256: str, name: str) -> bytes:
     """The same bytes, if they are those that were published."""
     found = hashlib.sha256(content).hexdigest()
     if found != sha256:
-        raise GesError(f"{name} has SHA-256 {found[:12]}..., published was {sha256[:12]}...; it was changed, take a fresh copy")
+        raise GesError(
+            f"{name} has SHA-256 {found[:12]}..., published was {sha256[:12]}...; it was changed,"
+            " take a fresh copy"
+        )
     return content
 
 
@@ -51,7 +57,8 @@ def _download(source: Source, path: str) -> bytes:
             return answer.read()
     except (urllib.error.URLError, OSError) as error:
         raise GesError(
-            f"cannot fetch {source.repository}/{path}: {error}; name a folder with copies by --from or GES_RECORDINGS"
+            f"cannot fetch {source.repository}/{path}: {error}; name a folder with copies by --from"
+            " or GES_RECORDINGS"
         ) from None
 
 
@@ -66,13 +73,25 @@ def fetch(name: str, out: Path, copies: Path | None) -> Iterator[Path]:
     """Bring one data set to ``out``, from its repository or from a folder with copies; gives each
     path as it is done.
     """
+    if name == EXAMPLE:
+        yield from _example(out / EXAMPLE)
+        return
     known = sources()
     if name not in known:
-        raise unknown_name("data set", name, known)
+        raise unknown_name("data set", name, [*known, EXAMPLE])
     source = known[name]
     for local, (path, sha256) in source.files.items():
-        take: Callable[[], bytes] = (lambda p=local: _copy(copies, p)) if copies else (lambda p=path: _download(source, p))
+        take: Callable[[], bytes] = (
+            (lambda p=local: _copy(copies, p)) if copies else (lambda p=path: _download(source, p))
+        )
         target = out / local
         with replacing(target) as new:
             new.write_bytes(check(take(), sha256, local))
         yield target
+
+
+def _example(out: Path) -> Iterator[Path]:
+    for file in (resources.files("ges.recordings") / EXAMPLE).iterdir():
+        with replacing(out / file.name) as new:
+            new.write_bytes(file.read_bytes())
+        yield out / file.name

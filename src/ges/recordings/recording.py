@@ -17,16 +17,36 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from scipy.spatial.transform import Rotation
 
-from ges.conventions import BODY_RATE, POSITION, POSITION_REF, QUATERNION, SPECIFIC_FORCE, VELOCITY, VELOCITY_REF
+from ges.conventions import (
+    BODY_RATE,
+    POSITION,
+    POSITION_REF,
+    QUATERNION,
+    SPECIFIC_FORCE,
+    VELOCITY,
+    VELOCITY_REF,
+)
 from ges.errors import GesError
 from ges.files import replacing
 from ges.vehicle.file import Vehicle, load_vehicle, save_vehicle
 
-_ROTOR_UNITS = ((r"rotor_speed_[1-9]\d*_rad_s", "rad/s"), (r"motor_current_[1-9]\d*_A", "A"), (r"u_[1-9]\d*", "1"))
+_ROTOR_UNITS = (
+    (r"rotor_speed_[1-9]\d*_rad_s", "rad/s"),
+    (r"motor_current_[1-9]\d*_A", "A"),
+    (r"u_[1-9]\d*", "1"),
+)
 _UNITS = {
-    "t_s": "s", "battery_V": "V", "battery_A": "A", "range_m": "m", "ground_z_m": "m", "yaw_ref_rad": "rad",
-    **dict.fromkeys(POSITION + POSITION_REF, "m"), **dict.fromkeys(VELOCITY + VELOCITY_REF, "m/s"),
-    **dict.fromkeys(QUATERNION, "1"), **dict.fromkeys(BODY_RATE, "rad/s"), **dict.fromkeys(SPECIFIC_FORCE, "m/s^2"),
+    "t_s": "s",
+    "battery_V": "V",
+    "battery_A": "A",
+    "range_m": "m",
+    "ground_z_m": "m",
+    "yaw_ref_rad": "rad",
+    **dict.fromkeys(POSITION + POSITION_REF, "m"),
+    **dict.fromkeys(VELOCITY + VELOCITY_REF, "m/s"),
+    **dict.fromkeys(QUATERNION, "1"),
+    **dict.fromkeys(BODY_RATE, "rad/s"),
+    **dict.fromkeys(SPECIFIC_FORCE, "m/s^2"),
 }
 
 _FAR = 4.0  # rotor speeds over hover that no vehicle reaches; rpm are 9.5 times too large
@@ -87,12 +107,15 @@ def _check_time(name: str, frame: pd.DataFrame) -> None:
         raise GesError(f"{name} holds {len(frame)} samples; a flight needs two or more")
     t = frame["t_s"].to_numpy()
     if not np.all(np.isfinite(t)):
-        raise GesError(f"{name}: t_s is not a finite number in row {int(np.argmin(np.isfinite(t)))}")
+        raise GesError(
+            f"{name}: t_s is not a finite number in row {int(np.argmin(np.isfinite(t)))}"
+        )
     step = np.diff(t)
     if not np.all(step > 0):
         row = int(np.argmax(step <= 0))
         raise GesError(
-            f"{name}: t_s does not increase after row {row} ({t[row]:g} s, then {t[row + 1]:g} s); sort or drop repeats"
+            f"{name}: t_s does not increase after row {row} ({t[row]:g} s, then {t[row + 1]:g} s);"
+            " sort or drop repeats"
         )
 
 
@@ -106,7 +129,9 @@ def _turning(frame: pd.DataFrame) -> np.ndarray:
     q = frame[list(QUATERNION)].to_numpy(dtype=float)
     good = np.isfinite(q).all(axis=1) & (np.linalg.norm(q, axis=1) > 0)
     turned = Rotation.from_quat(np.where(good[:, None], q, [1.0, 0.0, 0.0, 0.0]), scalar_first=True)
-    rates = (turned[:-1].inv() * turned[1:]).as_rotvec() / np.diff(frame["t_s"].to_numpy(dtype=float))[:, None]
+    rates = (turned[:-1].inv() * turned[1:]).as_rotvec() / np.diff(
+        frame["t_s"].to_numpy(dtype=float)
+    )[:, None]
     return np.where((good[1:] & good[:-1])[:, None], rates, np.nan)
 
 
@@ -122,16 +147,23 @@ def _contradiction(name: str, frame: pd.DataFrame, hover_rad_s: float) -> str | 
     """A unit or an axis that the other columns or the vehicle's weight refute, in one sentence with
     what to do.
     """
-    checks = (_too_fast(frame, hover_rad_s), _wrong_force(frame), _wrong_rates(frame), _wrong_velocity(frame))
-    return next((f"{name}: {told}" for told in checks if told), None)
+    checks = (
+        _too_fast(frame, hover_rad_s),
+        _wrong_force(frame),
+        _wrong_rates(frame),
+        _wrong_velocity(frame),
+    )
+    return next((f"{name}: {problem}" for problem in checks if problem), None)
 
 
 def _too_fast(frame: pd.DataFrame, hover_rad_s: float) -> str | None:
     speeds = [c for c in frame if c.startswith("rotor_speed_") and unit_of(c)]
     top = max((float(np.nanquantile(frame[c], 0.95)) for c in speeds), default=0.0)
     if top > _FAR * hover_rad_s:
-        return (f"rotor speeds reach {top:.0f} rad/s where the vehicle hovers at {hover_rad_s:.0f}: they look like rpm; "
-                "convert to rad/s or mend the vehicle's thrust coefficient")
+        return (
+            f"rotor speeds reach {top:.0f} rad/s where the vehicle hovers at {hover_rad_s:.0f}:"
+            " they look like rpm; convert to rad/s or mend the vehicle's thrust coefficient"
+        )
     return None
 
 
@@ -140,11 +172,16 @@ def _wrong_force(frame: pd.DataFrame) -> str | None:
         return None
     size = float(np.nanmedian(np.linalg.norm(frame[list(SPECIFIC_FORCE)], axis=1)))
     if 0 < size < _LOWEST_FORCE_M_S2:
-        return f"the accelerometer reads {size:.2g} m/s^2 most of the time: it looks like g; convert to m/s^2"
+        return (
+            f"the accelerometer reads {size:.2g} m/s^2 most of the time: it looks like g; convert"
+            " to m/s^2"
+        )
     along = float(np.nanmedian(frame["acc_z_m_s2"]))
     if along < -_LOWEST_FORCE_M_S2:
-        return (f"acc_z_m_s2 reads {along:.2g} most of the time: z points down; the body frame is forward-left-up, so negate y "
-                "and z of accelerometer and gyro")
+        return (
+            f"acc_z_m_s2 reads {along:.2g} most of the time: z points down; the body frame is"
+            " forward-left-up, so negate y and z of accelerometer and gyro"
+        )
     return None
 
 
@@ -154,11 +191,16 @@ def _wrong_rates(frame: pd.DataFrame) -> str | None:
     turning, rates = _turning(frame), frame[list(BODY_RATE)].to_numpy(dtype=float)
     logged, implied = _rms(np.linalg.norm(rates, axis=1)), _rms(np.linalg.norm(turning, axis=1))
     if logged > _DEGREES * implied > 0:
-        return f"body rates of {logged:.2g} rad/s where the attitude turns at {implied:.2g}; they look like deg/s, convert them"
+        return (
+            f"body rates of {logged:.2g} rad/s where the attitude turns at {implied:.2g}; they look"
+            " like deg/s, convert them"
+        )
     for k, column in enumerate(BODY_RATE):
         if _agreement(rates[1:, k], turning[:, k]) < -_AGAINST:
-            return (f"{column} runs against the attitude: one of them is not forward-left-up in east-north-up; a log in "
-                    "forward-right-down needs y and z negated")
+            return (
+                f"{column} runs against the attitude: one of them is not forward-left-up in"
+                " east-north-up; a log in forward-right-down needs y and z negated"
+            )
     return None
 
 
@@ -167,12 +209,24 @@ def _wrong_velocity(frame: pd.DataFrame) -> str | None:
     for position, velocity in zip(POSITION, VELOCITY, strict=True):
         if position not in frame or velocity not in frame:
             continue
-        p, v = (frame[c].interpolate().rolling(_over(t_s), center=True).mean().to_numpy() for c in (position, velocity))
+        p, v = (
+            frame[c].interpolate().rolling(_over(t_s), center=True).mean().to_numpy()
+            for c in (position, velocity)
+        )
         moving = np.gradient(p, t_s)
         if _agreement(moving, v) < -_AGAINST:
-            return f"{velocity} runs against {position}: one of them points the other way (down, in north-east-down); negate it"
-        if _agreement(moving, v) > _AGAINST and not 1.0 / _SCALED < (ratio := np.nanstd(moving) / np.nanstd(v)) < _SCALED:
-            return f"{position} moves {ratio:.2g} times as fast as {velocity} says: one of them is not in metres and seconds"
+            return (
+                f"{velocity} runs against {position}: one of them points the other way (down, in"
+                " north-east-down); negate it"
+            )
+        if (
+            _agreement(moving, v) > _AGAINST
+            and not 1.0 / _SCALED < (ratio := np.nanstd(moving) / np.nanstd(v)) < _SCALED
+        ):
+            return (
+                f"{position} moves {ratio:.2g} times as fast as {velocity} says: one of them is not"
+                " in metres and seconds"
+            )
     return None
 
 
@@ -185,7 +239,11 @@ def _implausible(name: str, column: str, values: np.ndarray) -> str | None:
     for prefix, bound, hint in _PLAUSIBLE:
         if column.startswith(prefix) and unit_of(column):
             size = float(np.nanquantile(np.abs(values), 0.95))
-            return f"{name}: {column} reaches {size:g} {unit_of(column)}: {hint}" if size > bound else None
+            return (
+                f"{name}: {column} reaches {size:g} {unit_of(column)}: {hint}"
+                if size > bound
+                else None
+            )
     return None
 
 
@@ -212,7 +270,8 @@ def checked_frame(name: str, frame: pd.DataFrame) -> tuple[pd.DataFrame, list[st
         values = frame[column].to_numpy(dtype=float)
         if np.any(np.isinf(values)):
             raise GesError(
-                f"{name}: {column} is infinite in row {int(np.argmax(np.isinf(values)))}; write NaN for a missing sample"
+                f"{name}: {column} is infinite in row {int(np.argmax(np.isinf(values)))}; write NaN"
+                " for a missing sample"
             )
         if np.all(np.isnan(values)):
             empty.append(column)
@@ -223,7 +282,9 @@ def checked_frame(name: str, frame: pd.DataFrame) -> tuple[pd.DataFrame, list[st
     return numbers.astype({c: float for c in numbers.columns if unit_of(c)}), warnings
 
 
-def make_set(vehicle: Vehicle, frames: Iterable[tuple[str, pd.DataFrame]], folder: Path | str = ".") -> RecordingSet:
+def make_set(
+    vehicle: Vehicle, frames: Iterable[tuple[str, pd.DataFrame]], folder: Path | str = "."
+) -> RecordingSet:
     """Recording set from tables in memory, checked, also against the vehicle."""
     flights, warnings = [], []
     hover = vehicle.hover_speed_rad_s()
@@ -246,37 +307,56 @@ def load_set(folder: str | Path, least: int = 2) -> RecordingSet:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise GesError(f"there is no folder {folder}; a recording set is a folder with vehicle.yaml and *.parquet")
+        raise GesError(
+            f"there is no folder {folder}; a recording set is a folder with vehicle.yaml and"
+            " *.parquet"
+        )
     if not (folder / "vehicle.yaml").exists():
-        raise GesError(f"{folder} has no vehicle.yaml; add the vehicle file to make it a recording set")
+        raise GesError(
+            f"{folder} has no vehicle.yaml; add the vehicle file to make it a recording set"
+        )
     paths = sorted(folder.glob("*.parquet"))
     if len(paths) < least:
         held = "1 flight" if len(paths) == 1 else f"{len(paths)} flights"
-        raise GesError(f"{folder} holds {held} (*.parquet); needed are {least} or more; 'ges import --parts 4' cuts a long log")
-    return make_set(load_vehicle(folder / "vehicle.yaml"), ((p.stem, _read(p)) for p in paths), folder)
+        raise GesError(
+            f"{folder} holds {held} (*.parquet); needed are {least} or more; 'ges import --parts 4'"
+            " cuts a long log"
+        )
+    return make_set(
+        load_vehicle(folder / "vehicle.yaml"), ((p.stem, _read(p)) for p in paths), folder
+    )
 
 
 def _read(path: Path) -> pd.DataFrame:
     try:
         table = pq.read_table(path)
     except (OSError, pa.ArrowException) as error:
-        raise GesError(f"{path.name} is not a readable Parquet file: {str(error).splitlines()[0]}") from None
+        raise GesError(
+            f"{path.name} is not a readable Parquet file: {str(error).splitlines()[0]}"
+        ) from None
     for field in table.schema:
-        told, known = (field.metadata or {}).get(b"unit", b"").decode(), unit_of(field.name)
-        if told and known and told != known:
-            raise GesError(f"{path.name}: the file calls {field.name} a number of {told}; it must be {known}")
+        stated, known = (field.metadata or {}).get(b"unit", b"").decode(), unit_of(field.name)
+        if stated and known and stated != known:
+            raise GesError(
+                f"{path.name}: the file calls {field.name} a number of {stated}; it must be {known}"
+            )
     return table.to_pandas(ignore_metadata=True)
 
 
 def write_flight(path: Path, frame: pd.DataFrame) -> None:
     """Write one flight, units in the metadata; complete or not at all."""
     table = pa.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None)
-    fields = [f.with_type(pa.float64()).with_metadata({"unit": unit}) if (unit := unit_of(f.name)) else f for f in table.schema]
+    fields = [
+        f.with_type(pa.float64()).with_metadata({"unit": unit}) if (unit := unit_of(f.name)) else f
+        for f in table.schema
+    ]
     with replacing(path) as new:
         pq.write_table(table.cast(pa.schema(fields)), new)
 
 
-def write_set(folder: str | Path, vehicle: Vehicle, frames: Iterable[tuple[str, pd.DataFrame]]) -> None:
+def write_set(
+    folder: str | Path, vehicle: Vehicle, frames: Iterable[tuple[str, pd.DataFrame]]
+) -> None:
     """Write a recording set: vehicle.yaml and a Parquet file a flight.
 
     Raises
@@ -287,7 +367,10 @@ def write_set(folder: str | Path, vehicle: Vehicle, frames: Iterable[tuple[str, 
     folder, frames = Path(folder), dict(frames)
     others = sorted(p.name for p in folder.glob("*.parquet") if p.stem not in frames)
     if others:
-        raise GesError(f"{folder} already holds other flights ({', '.join(others[:3])}); remove them or name another folder")
+        raise GesError(
+            f"{folder} already holds other flights ({', '.join(others[:3])}); remove them or name"
+            " another folder"
+        )
     save_vehicle(vehicle, folder / "vehicle.yaml")
     for name, frame in frames.items():
         write_flight(folder / f"{name}.parquet", frame)
@@ -302,13 +385,18 @@ def require_drive(recordings: RecordingSet) -> None:
         When there is no flight, or one has neither rotor speeds nor motor commands.
     """
     if not recordings.flights:
-        raise GesError("there is no flight among the recordings; give one table at least, a row a sample, with the columns of "
-                       "docs/importing.md")
+        raise GesError(
+            "there is no flight among the recordings; give one table at least, a row a sample, with"
+            " the columns of docs/importing.md"
+        )
     n = len(recordings.vehicle.rotors)
     for flight in recordings.flights:
         complete = [
-            all(f"{p}{i}{s}" in flight.frame for i in range(1, n + 1)) for p, s in (("rotor_speed_", "_rad_s"), ("u_", ""))
+            all(f"{p}{i}{s}" in flight.frame for i in range(1, n + 1))
+            for p, s in (("rotor_speed_", "_rad_s"), ("u_", ""))
         ]
         if not any(complete):
-            raise GesError(f"{flight.name} has neither rotor speeds (rotor_speed_1_rad_s ...) nor commands (u_1 ...) of all "
-                           f"{n} rotors; log one of them to diagnose forces")
+            raise GesError(
+                f"{flight.name} has neither rotor speeds (rotor_speed_1_rad_s ...) nor commands"
+                f" (u_1 ...) of all {n} rotors; log one of them to diagnose forces"
+            )

@@ -1,8 +1,7 @@
 """The border to the C simulator: the only module that knows ctypes.
 
-The interface is ``sim_c/include/ges.h``. The library is ``$GES_LIBRARY`` if set, else
-``build/libges.so`` at the top of the checkout. Python crosses this border once a batch of flights
-or a recording, never once a step.
+The interface is ``sim_c/include/ges.h``. Python crosses this border once a batch of flights or a
+recording, never once a step.
 """
 
 from __future__ import annotations
@@ -10,15 +9,17 @@ from __future__ import annotations
 import ctypes as ct
 import functools
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ges.errors import GesError
 
-ABI = 3
+ABI = 4
 MAX_EFFECTS, MAX_PARAMETERS, MAX_LEVELS = 40, 12, 40
-REFERENCE_COLUMNS, REPLAY_COLUMNS = 14, 12
 _ERROR_SIZE = 512
 _double_p = ct.POINTER(ct.c_double)
 
@@ -31,6 +32,10 @@ class CParameter(ct.Structure):
 
 class CColumn(ct.Structure):
     _fields_ = [(n, ct.c_char_p) for n in ("name", "unit", "doc")]
+
+
+class CChoice(ct.Structure):
+    _fields_ = [("name", ct.c_char_p), ("doc", ct.c_char_p), ("input_columns", ct.c_int)]
 
 
 class CSetting(ct.Structure):
@@ -71,7 +76,7 @@ class CSearch(ct.Structure):
 
 
 class CEffectInfo(ct.Structure):
-    _fields_ = [
+    _fields_: ClassVar[Any] = [
         *((n, ct.c_char_p) for n in ("name", "title", "equation", "reference")),
         *((n, ct.c_char_p) for n in ("modifies", "channels")),
         *((n, ct.c_int) for n in ("kind", "n_parameters", "n_states")),
@@ -120,9 +125,13 @@ class CFlight(ct.Structure):
 
 
 def library_path() -> Path:
-    """Where the compiled simulator is looked for."""
-    given = os.environ.get("GES_LIBRARY")
-    return Path(given) if given else Path(__file__).resolve().parents[3] / "build" / "libges.so"
+    """Where the compiled simulator is looked for: ``$GES_LIBRARY`` if set, else beside this file,
+    where a wheel has it, else ``build/libges.so`` at the top of the checkout.
+    """
+    given, beside = os.environ.get("GES_LIBRARY"), Path(__file__).with_name("libges.so")
+    if given:
+        return Path(given)
+    return beside if beside.exists() else Path(__file__).resolve().parents[3] / "build/libges.so"
 
 
 @functools.lru_cache(maxsize=8)
@@ -137,8 +146,8 @@ def load(path: Path | None = None) -> ct.CDLL:
     path = path or library_path()
     if not path.exists():
         raise GesError(
-            f"the compiled simulator {path.name} is not at {path.parent}; build it with 'make"
-            " build'"
+            f"the compiled simulator {path.name} is not at {path.parent}; run 'make build' in a"
+            " checkout, or install the wheel anew"
         )
     library = ct.CDLL(str(path))
     if library.ges_abi() != ABI:
@@ -175,16 +184,16 @@ def load(path: Path | None = None) -> ct.CDLL:
     return library
 
 
-def _pointer(array: np.ndarray):
+def _pointer(array: np.ndarray) -> Any:
     return array.ctypes.data_as(_double_p)
 
 
-def contiguous(array) -> np.ndarray:
+def contiguous(array: ArrayLike) -> np.ndarray:
     """The same numbers as C doubles."""
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
-def _checked(call, *arguments) -> None:
+def _checked(call: Callable[..., int], *arguments: Any) -> None:
     error = ct.create_string_buffer(_ERROR_SIZE)
     if call(*arguments, error, _ERROR_SIZE) != 1:
         raise GesError(error.value.decode())
@@ -199,8 +208,24 @@ def parameter_table() -> list[tuple[str, str, str, float, float, float]]:
     ]
 
 
-def _column_list(table, n: int) -> list[tuple[str, str, str]]:
-    return [tuple(s.decode() for s in (c.name, c.unit, c.doc)) for c in table[:n]]
+def _column_list(table: Any, n: int) -> list[tuple[str, str, str]]:
+    return [(c.name.decode(), c.unit.decode(), c.doc.decode()) for c in table[:n]]
+
+
+def _choices(listed: Callable[..., int]) -> dict[str, int]:
+    table = ct.POINTER(CChoice)()
+    n = listed(ct.byref(table))
+    return {row.name.decode(): row.input_columns for row in table[:n]}
+
+
+def mode_names() -> list[str]:
+    """Every mode of the feedforward, in the order of its number."""
+    return list(_choices(load().ges_modes))
+
+
+def controller_inputs() -> dict[str, int]:
+    """Columns of the input table of every controller, in the order of its number."""
+    return _choices(load().ges_controllers)
 
 
 def column_table() -> list[tuple[str, str, str]]:
@@ -249,7 +274,7 @@ def pack_grid(x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> CGrid:
     return grid
 
 
-def _reference(grid: CGrid | None):
+def _reference(grid: CGrid | None) -> Any:
     return ct.pointer(grid) if grid is not None else None
 
 
@@ -289,7 +314,7 @@ def fly(
 
 
 def replay(
-    parameters,
+    parameters: ArrayLike,
     sets: list[CEffects],
     grid: CGrid | None,
     samples: np.ndarray,
@@ -316,7 +341,7 @@ def replay(
 
 
 def terrain(
-    parameters, grid: CGrid | None, x_m: np.ndarray, y_m: np.ndarray
+    parameters: ArrayLike, grid: CGrid | None, x_m: np.ndarray, y_m: np.ndarray
 ) -> tuple[np.ndarray, ...]:
     """Height, slope along x and y, and Laplacian of the ground at n points."""
     x_m, y_m, parameters = contiguous(x_m), contiguous(y_m), contiguous(parameters)

@@ -464,15 +464,10 @@ def replay_each(
 
     terrain = terrain or Terrain.flat()
     vector = parameter_vector({**terrain.parameters(), **parameters})
-    grid = (
-        _lib.pack_grid(terrain.x_m, terrain.y_m, terrain.heights_m)
-        if terrain.kind == "grid"
-        else None
-    )
-    told = _lib.replay(
-        vector, [pack(e) for e in sets], grid, samples.data, len(Replay.columns()), lanes
-    )
-    return [Replay(data) for data in told]
+    heights, packed = terrain.height_map(), [pack(e) for e in sets]
+    grid = None if heights is None else _lib.pack_grid(*heights)
+    replayed = _lib.replay(vector, packed, grid, samples.data, len(Replay.columns()), lanes)
+    return [Replay(data) for data in replayed]
 
 
 def evaluate(

@@ -18,7 +18,21 @@ from ges.errors import UsageError, unknown_name
 from ges.simulator import _lib, effects
 from ges.simulator.terrain import Terrain
 
-MODES = ("none", "analytical", "oracle", "ml", "ml_direct", "ml_asym_clamp")
+
+@functools.lru_cache(maxsize=1)
+def modes() -> list[str]:
+    """Modes of the feedforward; ``mode`` is the place of one in this list."""
+    return _lib.mode_names()
+
+
+def controllers() -> list[str]:
+    """What can drive the rotors; ``control`` is the place of one in this list."""
+    return list(_controller_inputs())
+
+
+@functools.lru_cache(maxsize=1)
+def _controller_inputs() -> dict[str, int]:
+    return _lib.controller_inputs()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,13 +74,14 @@ class Flight:
 
     Parameters
     ----------
-    parameters : numbers by name; defaults elsewhere. ``mode`` may also be a name of :data:`MODES`.
+    parameters : numbers by name; defaults elsewhere. ``mode`` may also be a name of :func:`modes`,
+        ``control`` one of :func:`controllers`.
     effects : effect name to its parameters (defaults elsewhere).
     terrain : ground; procedural from the flight's seed if not given.
-    inputs : (n, 14) references with ``control`` 0: p_ref (3), v_ref (3), a_ref (3), yaw_ref,
-        excitation (3 rad/s^2, m/s^2); (n, 12) replay with ``control`` 1 (drive = commands) or 2
-        (drive = rotor speeds): drive (4), q (4), battery_V, omega (3). Rows are ``inputs_dt_s``
-        apart from t = 0.
+    inputs : (n, 14) references where ``control`` is firmware: p_ref (3), v_ref (3), a_ref (3),
+        yaw_ref, excitation (3 rad/s^2, m/s^2); (n, 12) replay where it is replayed_commands or
+        replayed_speeds: drive (4; commands or rotor speeds), q (4), battery_V, omega (3). Rows are
+        ``inputs_dt_s`` apart from t = 0.
     """
 
     parameters: Mapping[str, float | str] = dataclasses.field(default_factory=dict)
@@ -75,14 +90,20 @@ class Flight:
     inputs: np.ndarray | None = None
 
     def numbers(self) -> dict[str, float]:
-        """Parameters with the terrain's, names of modes replaced by their numbers."""
-        given = {**self.terrain.parameters(), **self.parameters}
-        mode = given.get("mode")
-        if isinstance(mode, str):
-            if mode not in MODES:
-                raise unknown_name("feedforward mode", mode, MODES)
-            given["mode"] = float(MODES.index(mode))
-        return given
+        """Parameters with the terrain's, names of modes and controllers replaced by numbers."""
+        named = {**self.terrain.parameters(), **self.parameters}
+        return {name: self._number(name, value) for name, value in named.items()}
+
+    @staticmethod
+    def _number(name: str, value: float | str) -> float:
+        if not isinstance(value, str):
+            return value
+        if name not in ("mode", "control"):
+            raise UsageError(f"{name} is '{value}'; it takes a number")
+        known = modes() if name == "mode" else controllers()
+        if value not in known:
+            raise unknown_name("feedforward mode" if name == "mode" else name, value, known)
+        return float(known.index(value))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -119,18 +140,20 @@ def _column_numbers(wanted: Iterable[str] | None) -> tuple[list[str], list[int]]
     return names, [known.index(name) for name in names]
 
 
+def _check_inputs(inputs: np.ndarray, control: float) -> None:
+    for number, width in enumerate(_controller_inputs().values()):
+        if control == number and np.shape(inputs)[1:] != (width,):
+            raise UsageError(
+                f"inputs have shape {np.shape(inputs)}; this control takes (n, {width})"
+            )
+
+
 def _packed(flight: Flight) -> tuple:
     numbers, ground = flight.numbers(), flight.terrain
-    width = _lib.REPLAY_COLUMNS if numbers.get("control", 0.0) else _lib.REFERENCE_COLUMNS
-    if flight.inputs is not None and (
-        np.ndim(flight.inputs) != 2 or np.shape(flight.inputs)[1] != width
-    ):
-        raise UsageError(
-            f"inputs have shape {np.shape(flight.inputs)}; this control takes (n, {width})"
-        )
-    grid = (
-        _lib.pack_grid(ground.x_m, ground.y_m, ground.heights_m) if ground.kind == "grid" else None
-    )
+    if flight.inputs is not None:
+        _check_inputs(flight.inputs, numbers.get("control", 0.0))
+    heights = ground.height_map()
+    grid = None if heights is None else _lib.pack_grid(*heights)
     return parameter_vector(numbers), effects.pack(flight.effects), grid, flight.inputs
 
 

@@ -199,8 +199,9 @@ class Terrain:
         x_m, y_m = np.broadcast_arrays(np.asarray(x_m, dtype=float), np.asarray(y_m, dtype=float))
         if self.kind == "procedural":
             return self._procedural_at(x_m, y_m)
-        if self.kind == "grid":
-            return self._grid_at(x_m, y_m)
+        axes = self.height_map()
+        if axes is not None:
+            return self._grid_at(axes, x_m, y_m)
         zero = np.zeros_like(x_m)
         return Ground(zero + self.z_m, zero, zero, zero)
 
@@ -221,15 +222,24 @@ class Terrain:
             ground = _add_wave(ground, wave, layout.roughness, x, y)
         return Ground(*ground)
 
-    def _grid_at(self, x: np.ndarray, y: np.ndarray) -> Ground:
-        dx, dy = self.x_m[1] - self.x_m[0], self.y_m[1] - self.y_m[0]
-        ny, nx = self.heights_m.shape
+    def height_map(self) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """Axes x_m (nx,) and y_m (ny,) and heights (ny, nx), m; None for ground of another kind."""
+        if self.x_m is None or self.y_m is None or self.heights_m is None:
+            return None
+        return self.x_m, self.y_m, self.heights_m
+
+    def _grid_at(
+        self, axes: tuple[np.ndarray, np.ndarray, np.ndarray], x: np.ndarray, y: np.ndarray
+    ) -> Ground:
+        x_m, y_m, z = axes
+        dx, dy = x_m[1] - x_m[0], y_m[1] - y_m[0]
+        ny, nx = z.shape
         fx, fy = (
-            np.clip((x - self.x_m[0]) / dx, 0.0, nx - 1.0),
-            np.clip((y - self.y_m[0]) / dy, 0.0, ny - 1.0),
+            np.clip((x - x_m[0]) / dx, 0.0, nx - 1.0),
+            np.clip((y - y_m[0]) / dy, 0.0, ny - 1.0),
         )
         ix, iy = np.minimum(fx.astype(int), nx - 2), np.minimum(fy.astype(int), ny - 2)
-        u, v, z = fx - ix, fy - iy, self.heights_m
+        u, v = fx - ix, fy - iy
         z00, z01, z10, z11 = z[iy, ix], z[iy, ix + 1], z[iy + 1, ix], z[iy + 1, ix + 1]
         south, north = z00 + u * (z01 - z00), z10 + u * (z11 - z10)
         west, east = z00 + v * (z10 - z00), z01 + v * (z11 - z01)
@@ -253,7 +263,7 @@ def _add_feature(f: np.ndarray, x: np.ndarray, y: np.ndarray, z: float) -> tuple
 
 def _add_wave(
     ground: tuple[np.ndarray, ...], w: np.ndarray, amplitude: float, x: np.ndarray, y: np.ndarray
-):
+) -> tuple[np.ndarray, ...]:
     height, gx, gy, laplacian = ground
     u = x * w[0] + y * w[1] + w[2]
     t = u - np.rint(u)

@@ -1,4 +1,8 @@
-"""The vehicle file: numbers of a multirotor with the doubt in each."""
+"""The vehicle: numbers of a multirotor with the doubt in each, and where they come from.
+
+``file`` is the vehicle file, ``library`` the vehicles that come with the package, ``from_log``
+makes one from a flight log, ``formats`` reads and writes those of other simulators.
+"""
 
 from ges.vehicle.file import (
     Estimate,
@@ -8,6 +12,7 @@ from ges.vehicle.file import (
     parse_vehicle,
     save_vehicle,
     vehicle_content,
+    vehicle_path,
 )
 
 __all__ = [
@@ -18,4 +23,5 @@ __all__ = [
     "parse_vehicle",
     "save_vehicle",
     "vehicle_content",
+    "vehicle_path",
 ]

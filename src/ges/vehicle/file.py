@@ -18,6 +18,9 @@ from ges.conventions import GRAVITY_M_S2, N_ROTORS
 from ges.errors import GesError, UsageError, unknown_name
 from ges.files import write_text
 from ges.simulator.terrain import Terrain
+from ges.vehicle import library
+
+YAML_ENDINGS = (".yaml", ".yml")
 
 
 class _Strict(pydantic.BaseModel):
@@ -276,15 +279,57 @@ def parse_vehicle(content: Any, path: str = "vehicle") -> Vehicle:
     return vehicle
 
 
-def load_vehicle(path: str | Path) -> Vehicle:
-    """Read a vehicle file (YAML)."""
-    path = Path(path)
+def vehicle_path(source: str | Path) -> Path:
+    """File of a vehicle: one of the library by its name, or the file itself.
+
+    Parameters
+    ----------
+    source : name of a vehicle in :mod:`ges.vehicle.library`, or path of a vehicle file.
+
+    Raises
+    ------
+    UsageError
+        When it is neither; it names the nearest vehicle of the library.
+    """
+    path = Path(source)
+    if str(source) in library.names():
+        return library.path_of(str(source))
+    if not path.exists() and path.name == str(source) and path.suffix not in YAML_ENDINGS:
+        raise unknown_name("vehicle", path.name, library.names())
+    return path
+
+
+def load_vehicle(source: str | Path) -> Vehicle:
+    """Read a vehicle: a vehicle file (YAML), one of the library by its name, or a model of another
+    simulator (see :mod:`ges.vehicle.formats`; ``ges vehicle`` says what such a model leaves open).
+
+    Parameters
+    ----------
+    source : see :func:`vehicle_path`.
+
+    Raises
+    ------
+    GesError
+        When there is no such vehicle, or its file cannot be read or says something impossible.
+
+    Examples
+    --------
+    >>> load_vehicle("crazyflie-2.1").mass_kg.value
+    0.032
+    """
+    path = vehicle_path(source)
+    if path.suffix not in YAML_ENDINGS and path.is_file():
+        from ges.vehicle import formats
+
+        if kind := formats.kind_of(path):
+            return formats.read_model(path, kind).vehicle
     try:
-        content = yaml.safe_load(path.read_text())
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise GesError(f"cannot read the vehicle file {path}: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path.name} is not YAML: {str(error).splitlines()[0]}") from None
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        reason = (str(error).splitlines() or ["it nests too deep"])[0]
+        raise UsageError(f"{path.name} is not YAML: {reason}") from None
     return parse_vehicle(content, path.name)
 
 

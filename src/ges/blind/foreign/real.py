@@ -15,13 +15,12 @@ from ges.blind.protocol import seal
 from ges.diagnose.calibrate.calibrate import calibrate
 from ges.errors import GesError, UsageError
 from ges.files import write_json
-from ges.recordings.columns import load_map
-from ges.recordings.csv import read_csv
+from ges.recordings.readers import Options, open_log
 from ges.recordings.recording import make_set, write_set
-from ges.recordings.usd import read_usd
 from ges.vehicle.file import Vehicle, load_vehicle
 
 Flights = dict[str, pd.DataFrame]
+_AS_LOGGED = Options()
 APPIUS_NEAR = ("HOVERING", "VERTICAL_SPEEDS", "NO_COMPENSATION_V_050", "HIGH_ALTITUDE_V_050")
 APPIUS_HIGH = "HIGH_ALTITUDE_V_050"
 HEALTHY = {
@@ -68,13 +67,13 @@ CHANGES = (
 )
 
 
-def make_real(out: Path, recordings: Path, config: Path) -> int:
+def make_real(out: Path, recordings: Path) -> int:
     """Write the published flights as sealed cases; return their number.
 
     Parameters
     ----------
-    recordings : folder of the published recordings; config : folder with ``vehicles/`` and
-        ``imports/``.
+    out : folder of the cases.
+    recordings : folder of the published recordings.
 
     Raises
     ------
@@ -85,7 +84,7 @@ def make_real(out: Path, recordings: Path, config: Path) -> int:
         raise UsageError(f"'{out}' already holds sealed cases; name an empty folder")
     (out / "sealed").mkdir(parents=True, exist_ok=True)
     count = 0
-    for vehicle, flights, truth in (*_appius(recordings, config), *_crazypad(recordings, config)):
+    for vehicle, flights, truth in (*_appius(recordings), *_crazypad(recordings)):
         identity = hashlib.sha256(repr((sorted(flights), truth["category"])).encode()).hexdigest()[
             :12
         ]
@@ -113,22 +112,18 @@ def _truth(
     }
 
 
-def _appius(recordings: Path, config: Path):
+def _appius(recordings: Path):
     """The near-ground flights with a file that knows no ground effect, and one flight far from the
     ground in two halves.
 
     The file knows neither the drag nor the heave damping that every rotor has: to name these as
     well is no mistake.
     """
-    mapping, vehicle = (
-        load_map(config / "imports" / "appius.yaml"),
-        load_vehicle(config / "vehicles" / "appius.yaml"),
-    )
-    flights = {}
-    for name in APPIUS_NEAR:
-        flights[name] = read_csv(
-            _there(recordings / "appius-ground-effect" / f"{name}.csv"), mapping
-        )[0]
+    vehicle = load_vehicle("appius")
+    flights = {
+        name: _frame(recordings / "appius-ground-effect" / f"{name}.csv", Options("appius"))
+        for name in APPIUS_NEAR
+    }
     also = (
         ("ground_effect", *more)
         for more in (("rotor_drag",), ("axial_inflow",), ("rotor_drag", "axial_inflow"))
@@ -155,14 +150,14 @@ def _appius(recordings: Path, config: Path):
     )
 
 
-def _crazypad(recordings: Path, config: Path):
+def _crazypad(recordings: Path):
     """Healthy flights against other healthy flights, and changed ones against all healthy flights
     of the airframe.
     """
-    generic = load_vehicle(config / "vehicles" / "crazyflie.yaml")
+    generic = load_vehicle("crazyflie-2.1")
     root = recordings / "crazypad"
     for airframe, names in HEALTHY.items():
-        healthy = {n: read_usd(_there(root / "normal_flight" / n))[0] for n in names}
+        healthy = {n: _frame(root / "normal_flight" / n) for n in names}
         for part in (names[:2], names[2:]):
             known = _calibrated(generic, {n: f for n, f in healthy.items() if n not in part})
             rest = {n: healthy[n] for n in part}
@@ -180,7 +175,7 @@ def _crazypad(recordings: Path, config: Path):
         known = _calibrated(generic, healthy)
         for change in (c for c in CHANGES if c.airframe == airframe):
             paths = sorted(_there(root / change.folder).iterdir())
-            flights = {f"{change.folder}/{p.name}": read_usd(p)[0] for p in paths}
+            flights = {f"{change.folder}/{p.name}": _frame(p) for p in paths}
             category = "single" if len(change.names) == 1 else "pair"
             yield (
                 known,
@@ -193,6 +188,10 @@ def _crazypad(recordings: Path, config: Path):
 
 def _calibrated(vehicle: Vehicle, flights: Flights) -> Vehicle:
     return calibrate(make_set(vehicle, list(flights.items()))).vehicle
+
+
+def _frame(path: Path, options: Options = _AS_LOGGED) -> pd.DataFrame:
+    return open_log(_there(path), options).frame()
 
 
 def _there(path: Path) -> Path:

@@ -20,8 +20,7 @@ from scipy.optimize import least_squares
 from ges.conventions import GRAVITY_M_S2, ROTOR_SPEED
 from ges.files import replacing
 from ges.recordings import published
-from ges.recordings.columns import load_map
-from ges.recordings.csv import read_csv
+from ges.recordings.readers import Options, open_log
 from ges.simulator.terrain import Terrain
 from ges.study.config import ClosedLoop, GroundEffect, Simulator
 from ges.study.figures.ground import flat_factor
@@ -110,7 +109,7 @@ def _read(path: Path, mapping: Path) -> pd.DataFrame:
         for local, (_, sha) in source.files.items()
     }
     published.check(path.read_bytes(), known.get(name, "not published"), name)
-    return read_csv(path, load_map(mapping))[0]
+    return open_log(path, Options(mapping)).frame()
 
 
 def _blocks(name: str, rows: pd.DataFrame) -> pd.DataFrame:

@@ -1,0 +1,136 @@
+"""``ges vehicle``: a vehicle file from a log, from another simulator, or back to one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ges.commands.import_ import read_log, reading_options
+from ges.errors import GesError, UsageError
+
+if TYPE_CHECKING:
+    from ges.vehicle.datasheet import Datasheet
+    from ges.vehicle.propeller import Propeller
+
+KINDS = ("sdf", "rotorpy", "urdf", "sih")
+
+
+def _listed(context: click.Context, _: click.Parameter, wanted: bool) -> None:
+    """Print the library and leave."""
+    if not wanted or context.resilient_parsing:
+        return
+    from ges.vehicle import library
+
+    width = max(map(len, library.names()))
+    for name in library.names():
+        click.echo(f"{name:{width}s}  {library.title(name)}")
+    context.exit()
+
+
+@click.command()
+@click.argument("source", type=click.Path(path_type=Path), metavar="LOG|MODEL|FILE|NAME")
+@click.option("--mass", "mass_kg", type=float, metavar="KG", help="LOG: what was flown, weighed.")
+@click.option(
+    "--prop",
+    "size",
+    metavar="SIZE",
+    help="Propellers, as 10in, 10x4.5, 5x4.3x3 (inches, inches, blades) or 0.254m.",
+)
+@click.option(
+    "--wheelbase",
+    metavar="LENGTH",
+    help="LOG: distance of opposite motors, as 500mm, where it is known better than the log does.",
+)
+@click.option(
+    "--layout",
+    metavar="NAME",
+    help="LOG: order and spins of the motors, as x or betaflight-x, where the log lacks them.",
+)
+@click.option(
+    "--models",
+    multiple=True,
+    type=click.Path(path_type=Path, file_okay=False, exists=True),
+    metavar="FOLDER",
+    help="MODEL: where included Gazebo models lie; may be given again.",
+)
+@reading_options
+@click.option("--name", help="Name of the vehicle.")
+@click.option("--to", "target", type=click.Choice(KINDS), help="Write for that simulator instead.")
+@click.option(
+    "--list",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_listed,
+    help="List the vehicles that come with ges.",
+)
+def command(source, mass_kg, size, wheelbase, layout, models, name, target, **reading) -> None:
+    """Print a vehicle file, every number with its source and doubt.
+
+    From a flight log, its mass and propellers; from a Gazebo model (SDF), a RotorPy parameter file,
+    a gym-pybullet-drones URDF or PX4 SIH parameters; from a vehicle file or a name of the library.
+    What the source or the target cannot express is said on stderr.
+
+    \b
+    Examples:
+      ges vehicle flight.ulg --mass 2.0 --prop 10in > drone.yaml
+      ges vehicle x500/model.sdf > x500.yaml
+      ges vehicle out/vehicle.fitted.yaml --to sdf > fitted.sdf
+    """
+    from ges.vehicle import file, formats, propeller
+
+    prop = propeller.Propeller.parse(size) if size else None
+    log_only = {"--mass": mass_kg, "--wheelbase": wheelbase, "--layout": layout}
+    log_only |= {"--map": reading["mapping"], "--pwm": reading["pwm"]}
+    path = file.vehicle_path(source)
+    if not path.is_file() and not path.is_dir():
+        raise GesError(f"there is no file {path}; give a log, a model, a vehicle file or a name")
+    if path.suffix in file.YAML_ENDINGS:
+        _refuse({**log_only, "--prop": prop, "--name": name}, "a vehicle file says it; edit that")
+        vehicle, text, remarks = file.load_vehicle(path), path.read_text(encoding="utf-8"), ()
+    else:
+        if kind := path.is_file() and formats.kind_of(path):
+            _refuse(log_only, f"{path.name} says it")
+            sheet = formats.read_model(path, kind, prop, models)
+        else:
+            sheet = _from_log(path, mass_kg, prop, wheelbase, layout, reading)
+        sheet = sheet.renamed(name) if name else sheet
+        vehicle, text, remarks = sheet.vehicle, sheet.to_yaml(), sheet.remarks
+    if target:
+        export = formats.write_model(vehicle, target)
+        text, remarks = export.text, (*remarks, *export.remarks)
+    for remark in remarks:
+        click.echo(f"note: {remark}", err=True)
+    click.echo(text, nl=False)
+
+
+def _refuse(options: dict[str, object], why: str) -> None:
+    """Refuse options that would be ignored."""
+    given = [name for name, value in options.items() if value is not None]
+    if given:
+        raise UsageError(f"{given[0]} is not for this source: {why}")
+
+
+def _from_log(
+    path: Path,
+    mass_kg: float | None,
+    prop: Propeller | None,
+    wheelbase: str | None,
+    layout: str | None,
+    reading: dict[str, Any],
+) -> Datasheet:
+    from ges.vehicle.from_log import describe_log
+    from ges.vehicle.propeller import length_m
+
+    log = read_log(path, **reading)
+    if mass_kg is None or prop is None:
+        raise UsageError(
+            f"{path.name} is a flight log, which does not say what the vehicle weighed or which"
+            " propellers it had; give --mass and --prop, as in --mass 2.0 --prop 10in"
+        )
+    for note in log.notes:
+        click.echo(f"note: {note}", err=True)
+    wheelbase_m = length_m(wheelbase) if wheelbase else None
+    return describe_log(log, mass_kg, prop, layout=layout, wheelbase_m=wheelbase_m)

@@ -1,0 +1,92 @@
+"""Readers of flight logs, one file a format, and the registry that knows a format by its first
+bytes.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ges.errors import GesError, unknown_name
+from ges.recordings.readers.ardupilot import ArduPilot
+from ges.recordings.readers.betaflight import Betaflight
+from ges.recordings.readers.crazyflie import Crazyflie
+from ges.recordings.readers.log import Log, Options, Reader, Stream
+from ges.recordings.readers.matlab import Matlab
+from ges.recordings.readers.px4 import Px4
+from ges.recordings.readers.ros import Ros
+from ges.recordings.readers.table import Table
+
+__all__ = ["READERS", "Log", "Options", "Reader", "Stream", "open_log", "reader_of"]
+
+READERS: tuple[Reader, ...] = (
+    Px4(),
+    ArduPilot(),
+    Betaflight(),
+    Crazyflie(),
+    Ros(),
+    Matlab(),
+    Table(),
+)
+"""All readers, the most certain of their first bytes first; tables, which have none, last."""
+
+_HEAD = 4096
+_NOTHING_SAID = Options()
+
+
+def reader_of(path: Path) -> Reader:
+    """The reader that knows the first bytes of a file."""
+    try:
+        if path.is_dir():
+            head = b""
+        else:
+            with path.open("rb") as file:
+                head = file.read(_HEAD)
+    except OSError as error:
+        raise GesError(f"cannot read {path}: {error.strerror}") from None
+    if not head and not path.is_dir():
+        raise GesError(f"{path.name} is empty; take a fresh copy from the vehicle")
+    for reader in READERS:
+        if reader.sniff(head, path):
+            return reader
+    raise GesError(
+        f"{path.name} is no flight log that is known here; known are "
+        + ", ".join(reader.title for reader in READERS)
+    )
+
+
+def open_log(path: str | Path, options: Options = _NOTHING_SAID, kind: str = "auto") -> Log:
+    """Read a flight log, whatever wrote it.
+
+    Parameters
+    ----------
+    path : the log; a folder for ROS 2 bags.
+    options : what the user says about it.
+    kind : name of a reader; ``auto`` goes by the first bytes.
+
+    Returns
+    -------
+    Log, with streams at their own times; :meth:`Log.frame` brings them to one.
+
+    Raises
+    ------
+    GesError
+        When no reader knows the file or it cannot be read, in one sentence.
+
+    Examples
+    --------
+    >>> log = open_log("flight.ulg")              # doctest: +SKIP
+    >>> log.streams["rates"].rate_hz              # doctest: +SKIP
+    50.0
+    """
+    path = Path(path)
+    if kind == "auto":
+        reader = reader_of(path)
+    else:
+        known = {reader.name: reader for reader in READERS}
+        if kind not in known:
+            raise unknown_name("format", kind, known)
+        reader = known[kind]
+    try:
+        return reader.read(path, options)
+    except OSError as error:
+        raise GesError(f"cannot read {path}: {error.strerror or error}") from None

@@ -1,0 +1,295 @@
+"""Betaflight and INAV blackbox (.bbl, .bfl, .txt), by betaflight-chirp-core.
+
+Header fields and scales as in betaflight/blackbox-log-viewer (``flightlog_fields_presenter.js``).
+Body axes are forward-left-up already. On a published flight (Betaflight 4.2) more thrust at the
+left is followed by a positive roll acceleration, more at the rear by a positive pitch acceleration
+(nose down), and the accelerometer reads +1 g. Motors are the firmware's: 1 rear right, 2 front
+right, 3 rear left, 4 front left.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ges.conventions import (
+    BODY_RATE,
+    GRAVITY_M_S2,
+    N_ROTORS,
+    POSITION,
+    QUATERNION,
+    SPECIFIC_FORCE,
+    VELOCITY,
+)
+from ges.errors import GesError, UsageError
+from ges.recordings.readers import frames
+from ges.recordings.readers.log import (
+    Log,
+    Options,
+    Stream,
+    increasing,
+    named_streams,
+    optional_module,
+)
+
+_MAGIC = b"H Product:Blackbox flight data recorder by Nicholas Sherlock"
+_DSHOT_RANGE, _DSHOT_LARGEST = (48.0, 2047.0), 2047.0
+_IDLE_US = 1000.0
+_LARGEST_INTERVAL = 65536
+_CM, _DECIDEGREE = 0.01, np.pi / 1800
+
+
+class _Header:
+    """Lines ``H name:value`` of one flight."""
+
+    def __init__(self, data: bytes) -> None:
+        self.text: dict[str, str] = {}
+        for line in data.split(b"\n"):
+            if not line.startswith(b"H "):
+                break
+            name, _, value = line[2:].decode("latin-1").partition(":")
+            self.text[name] = value.strip()
+
+    def numbers(self, name: str) -> list[float]:
+        """Numbers of a line, separated by commas or a stroke; none where it holds text."""
+        try:
+            return [float(part) for part in re.split("[,/]", self.text[name])]
+        except (KeyError, ValueError):
+            return []
+
+    def number(self, name: str, default: float) -> float:
+        """A positive number of the header."""
+        value, *_ = self.numbers(name) or [default]
+        return value if 0 < value < math.inf else default
+
+    def parameters(self) -> dict[str, float]:
+        """Every number by its name, those of a list with their place."""
+        found = {}
+        for name in self.text:
+            values = [] if name.startswith("Field ") else self.numbers(name)
+            single = len(values) == 1
+            found |= {name if single else f"{name}[{k}]": v for k, v in enumerate(values)}
+        return found
+
+    def firmware(self) -> tuple[str, tuple[int, ...]]:
+        """Name and version of the firmware."""
+        found = re.search(r"(\w+)\s+(\d+)\.(\d+)", self.text.get("Firmware revision", ""))
+        return (
+            (found.group(1), (int(found.group(2)), int(found.group(3)))) if found else ("", (0, 0))
+        )
+
+    def rad_s(self) -> float:
+        """Size of a gyro unit: ``gyro_scale`` is a float's bytes in hexadecimal, deg/s a unit."""
+        text = self.text.get("gyro_scale", self.text.get("gyro.scale", "0x3f800000"))
+        try:
+            (scale,) = struct.unpack("<f", struct.pack("<I", int(text, 16)))
+        except (ValueError, struct.error):
+            return math.radians(1.0)
+        return math.radians(scale) if 0 < scale < math.inf else math.radians(1.0)
+
+
+def _flights(decoder, data: bytes, options: Options, name: str) -> tuple[int, int, str]:
+    """Bytes of the flight that is wanted, and what is to be said of the others."""
+    parts = decoder.split_sessions(data)
+    if options.part is None:
+        chosen = max(range(len(parts)), key=lambda k: parts[k][1] - parts[k][0])
+    elif options.part > len(parts):
+        raise UsageError(
+            f"{name} holds {len(parts)} flights; --part {options.part} is none of them"
+        )
+    else:
+        chosen = options.part - 1
+    note = ""
+    if len(parts) > 1:
+        note = f"flight {chosen + 1} of {len(parts)} in the file is read; --part chooses another"
+    return *parts[chosen], note
+
+
+def _decoded(decoder, data: bytes, start: int, end: int, name: str):
+    """The parser with all frames of one flight."""
+    header = _Header(data[start:end])
+    for line, fewest in (("I interval", 1), ("P interval", 1)):
+        # the decoder would never end, or divide by zero
+        if any(not fewest <= n <= _LARGEST_INTERVAL for n in header.numbers(line)):
+            raise GesError(f"{name}: the header is damaged ({line}: {header.text[line]})")
+    try:
+        parser = decoder.FlightLogParser(data, start, end)
+        parser.parse_header()
+        parser.parse_data()
+        table = np.array(parser.main_frames, dtype=float)
+    except Exception as error:
+        # the decoder meets damage with whatever error its bytes lead to
+        raise GesError(
+            f"{name}: this blackbox log is damaged; nothing can be read"
+            f" ({type(error).__name__}: {error})"
+        ) from None
+    if len(table) < 2:
+        raise GesError(f"{name} holds no sample; there is no flight in it")
+    fields = dict(zip(parser.main_field_names, table.T, strict=True))
+    return header, fields, parser.stats["total_corrupt_frames"]
+
+
+def _vector(fields: Mapping[str, np.ndarray], name: str, count: int = 3) -> np.ndarray | None:
+    """Fields ``name[0]`` ... as rows."""
+    names = [f"{name}[{k}]" for k in range(count)]
+    return np.stack([fields[n] for n in names]) if all(n in fields for n in names) else None
+
+
+def _range(header: _Header, options: Options) -> tuple[float, float]:
+    """Motor outputs that mean command 0 and 1."""
+    if options.pwm:
+        return options.pwm
+    ends = header.numbers("motorOutput")
+    if len(ends) == 2 and ends[0] < 0.5 * _IDLE_US and ends[1] <= _DSHOT_LARGEST:
+        return _DSHOT_RANGE
+    high = ends[1] if len(ends) == 2 else header.number("maxthrottle", 2000.0)
+    low = header.number("mincommand", _IDLE_US)
+    return (low, high) if high > low else (_IDLE_US, 2.0 * _IDLE_US)
+
+
+def _drive(
+    header: _Header, fields: Mapping[str, np.ndarray], options: Options
+) -> dict[str, np.ndarray]:
+    """Commands, and rotor speeds where bidirectional DShot gave them (eRPM in hundreds)."""
+    columns = {}
+    motors, speeds = _vector(fields, "motor", N_ROTORS), _vector(fields, "eRPM", N_ROTORS)
+    if motors is not None:
+        low, high = _range(header, options)
+        u = np.clip((motors - low) / (high - low), 0.0, 1.0)
+        columns |= {f"u_{i + 1}": row for i, row in enumerate(u)}
+    if speeds is not None and np.any(speeds > 0):
+        rpm = 100.0 * speeds / (0.5 * header.number("motor_poles", 14.0))
+        columns |= {f"rotor_speed_{i + 1}_rad_s": row * (np.pi / 30) for i, row in enumerate(rpm)}
+    return columns
+
+
+def _electrics(header: _Header, fields: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Battery in the unit of the firmware's age (Betaflight 4 and INAV 0.01 V, 3.1 on 0.1 V)."""
+    name, version = header.firmware()
+    volts = fields.get("vbatLatest", fields.get("vbat"))
+    amperes = fields.get("amperageLatest", fields.get("amperage"))
+    hundredths = (name == "Betaflight" and version >= (4, 0)) or name == "INAV"
+    columns = {}
+    if volts is not None and (hundredths or (name == "Betaflight" and version >= (3, 1))):
+        columns["battery_V"] = volts * (0.01 if hundredths else 0.1)
+    if amperes is not None and hundredths and np.any(amperes > 0):
+        columns["battery_A"] = 0.01 * amperes
+    return columns
+
+
+def _inav_motion(fields: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """INAV's own estimate: position and velocity north, east, up in cm; roll, pitch (nose down) and
+    heading in tenths of a degree.
+    """
+    columns = {}
+    for names, field in ((POSITION, "navPos"), (VELOCITY, "navVel")):
+        vector = _vector(fields, field)
+        if vector is not None and np.any(vector != 0):
+            north, east, up = _CM * vector
+            columns |= frames.named(names, frames.enu_from_ned(north, east, -up))
+    angles = _vector(fields, "attitude")
+    if angles is not None and np.any(angles != 0):
+        roll, pitch, heading = _DECIDEGREE * angles
+        q = frames.attitude_from_ned(frames.quaternion(roll, -pitch, heading))
+        columns |= frames.named(QUATERNION, q)
+    return columns
+
+
+def _yaw_note(fields: Mapping[str, np.ndarray]) -> str:
+    """Which way the motors turn, by how the mixer answers its own yaw controller."""
+    motors, p, i = (
+        _vector(fields, "motor", N_ROTORS),
+        fields.get("axisP[2]"),
+        fields.get("axisI[2]"),
+    )
+    if motors is None or p is None or i is None:
+        return ""
+    asked = p + i + fields.get("axisF[2]", 0.0)
+    split = motors[[0, 3]].sum(axis=0) - motors[[1, 2]].sum(axis=0)
+    if not (np.std(asked) > 0 and np.std(split) > 0):
+        return ""
+    r = float(np.corrcoef(asked, split)[0, 1])
+    if abs(r) < 0.5:
+        return ""
+    way = "counter-clockwise" if r < 0 else "clockwise"
+    return (
+        f"motors 1 and 4 turn {way} seen from above, as the mixer gives them"
+        f" {'less' if r < 0 else 'more'} for a yaw to the left"
+    )
+
+
+class Betaflight:
+    """Betaflight and INAV blackbox."""
+
+    name = "betaflight"
+    title = "Betaflight or INAV blackbox (.bbl, .bfl)"
+    advice = {
+        **dict.fromkeys(
+            ("attitude", "position", "velocity"),
+            "INAV, which logs them, or motion capture beside the log; Betaflight has none of them",
+        ),
+        "rates": "set blackbox_disable_gyro = OFF",
+        "acceleration": (
+            "set blackbox_disable_acc = OFF, and the accelerometer itself (acc_hardware)"
+        ),
+        "command": "set blackbox_disable_motors = OFF",
+        "rotor_speed": (
+            "set dshot_bidir = ON and, from Betaflight 4.5 on, set blackbox_disable_rpm = OFF"
+            " (fields eRPM)"
+        ),
+        "battery": "set blackbox_disable_bat = OFF, and a voltage meter",
+    }
+
+    def sniff(self, head: bytes, path: Path) -> bool:
+        """Whether the header line of the recorder is among the first bytes."""
+        return _MAGIC in head
+
+    def read(self, path: Path, options: Options) -> Log:
+        """Streams of one flight of a blackbox log, t = 0 at its first sample.
+
+        Raises
+        ------
+        GesError
+            When the decoder is not installed, or nothing can be read.
+        """
+        decoder = optional_module("betaflight_chirp_core.decoder", "betaflight", "Betaflight logs")
+        data = path.read_bytes()
+        start, end, note = _flights(decoder, data, options, path.name)
+        header, fields, damaged = _decoded(decoder, data, start, end, path.name)
+        notes = [note] if note else []
+        if damaged:
+            notes.append(f"{damaged} frames of the log are damaged and were left out")
+        if "time" not in fields:
+            raise GesError(f"{path.name}: the log has no field 'time'; a flight needs its time")
+        columns = _drive(header, fields, options) | _electrics(header, fields)
+        gyro, force = _vector(fields, "gyroADC"), _vector(fields, "accSmooth")
+        if gyro is not None:
+            columns |= frames.named(BODY_RATE, header.rad_s() * gyro)
+        if force is not None:
+            one_g = header.number("acc_1G", 2048.0)
+            columns |= frames.named(SPECIFIC_FORCE, force * (GRAVITY_M_S2 / one_g))
+        columns |= _inav_motion(fields)
+        if turning := _yaw_note(fields):
+            notes.append(turning)
+        good, dropped = increasing(fields["time"])
+        notes += [dropped] if dropped else []
+        t_s = (fields["time"][good] - fields["time"][good][0]) * 1e-6
+        streams: dict[str, Stream] = named_streams(
+            t_s, {name: values[good] for name, values in columns.items()}, "main frames"
+        )
+        count = sum(1 for field in fields if re.fullmatch(r"motor\[\d+\]", field))
+        kind = f"a vehicle with {count} motors" if count not in (0, N_ROTORS) else ""
+        return Log(
+            path.stem,
+            self.name,
+            header.text.get("Firmware revision", ""),
+            streams,
+            header.parameters(),
+            tuple(notes),
+            f"this is a log of {kind}; quadrotors can be diagnosed so far" if kind else "",
+        )

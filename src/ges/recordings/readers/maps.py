@@ -1,0 +1,236 @@
+"""Column maps (YAML): what each column of a foreign table is, in which unit, with which sign."""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Iterable, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal, TypeVar, get_args
+
+import numpy as np
+import pint
+import pydantic
+import yaml
+
+from ges.conventions import (
+    BODY_RATE,
+    POSITION,
+    POSITION_REF,
+    QUATERNION,
+    SPECIFIC_FORCE,
+    VELOCITY,
+    VELOCITY_REF,
+)
+from ges.errors import GesError, UsageError, unknown_name
+from ges.recordings.readers import frames
+from ges.recordings.recording import unit_of
+
+
+class _Strict(pydantic.BaseModel):
+    model_config = pydantic.ConfigDict(extra="forbid")
+
+
+class Column(_Strict):
+    """Where one column goes.
+
+    Attributes
+    ----------
+    to : column of the recording set; a name without meaning there is kept and ignored.
+    unit : unit in the file; that of the column if not given. ``g`` is the standard acceleration of
+        gravity.
+    factor, offset : after the unit: a sign, a full scale, a zero.
+    missing : number by which the file says that a sample is missing (besides an empty field and
+        nan).
+    optional : whether a file may come without it.
+    """
+
+    to: str
+    unit: str | None = None
+    factor: float = 1.0
+    offset: float = 0.0
+    missing: float | None = None
+    optional: bool = False
+
+
+class Layout(_Strict):
+    """One arrangement of columns.
+
+    Attributes
+    ----------
+    columns : a list for files without a header (null: skip), names for files with one.
+    axes : frames of the file; ``ned-frd`` (north-east-down, forward-right-down) is turned into the
+        contract's ``enu-flu``.
+    """
+
+    columns: list[Column | None] | dict[str, Column]
+    axes: Literal["enu-flu", "ned-frd"] = "enu-flu"
+
+    def named(self, header: Iterable[str]) -> dict[str, Column] | None:
+        """Columns by their names in the file; None where the layout goes by position or a column
+        is missing that must be there.
+        """
+        if not isinstance(self.columns, dict):
+            return None
+        present = set(header)
+        lacking = [n for n, c in self.columns.items() if n not in present and not c.optional]
+        return None if lacking else {n: c for n, c in self.columns.items() if n in present}
+
+
+class ColumnMap(_Strict):
+    """A column map file.
+
+    Attributes
+    ----------
+    about : whose files these are.
+    separator, decimal : of a text file.
+    layouts : the first that fits a table is used; of a MATLAB file every one that fits.
+    """
+
+    about: str = ""
+    separator: str = pydantic.Field(",", min_length=1, max_length=1)
+    decimal: str = pydantic.Field(".", min_length=1, max_length=1)
+    layouts: list[Layout] = pydantic.Field(min_length=1)
+
+
+ADVICE = {
+    "attitude": "columns q_w, q_x, q_y, q_z (or roll_rad, pitch_rad, yaw_rad)",
+    "position": "columns p_x_m, p_y_m, p_z_m",
+    "velocity": "columns v_x_m_s, v_y_m_s, v_z_m_s",
+    "rates": "columns omega_x_rad_s, omega_y_rad_s, omega_z_rad_s",
+    "acceleration": "columns acc_x_m_s2, acc_y_m_s2, acc_z_m_s2",
+    "command": "columns u_1 to u_4, 0 to 1",
+    "rotor_speed": "columns rotor_speed_1_rad_s to rotor_speed_4_rad_s",
+    "battery": "a column battery_V",
+    "reference": "columns p_ref_x_m ..., v_ref_x_m_s ..., yaw_ref_rad",
+    "range": "a column range_m",
+}
+"""What to add to a table, by stream."""
+
+Map = TypeVar("Map", bound=pydantic.BaseModel)
+
+
+@functools.cache
+def _units() -> pint.UnitRegistry:
+    registry = pint.UnitRegistry(on_redefinition="ignore")
+    registry.define("g = 9.80665 * meter / second ** 2")
+    return registry
+
+
+@functools.cache
+def unit_factor(unit: str, target: str | None) -> float:
+    """Factor from one unit to another (or to SI base units where no target is set)."""
+    try:
+        one = _units().Quantity(1.0, unit)
+        return float((one.to(target) if target and target != "1" else one.to_base_units()).m)
+    except pint.errors.DimensionalityError:
+        raise UsageError(
+            f"unit '{unit}' of the column map cannot become {target}; check the column"
+        ) from None
+    except Exception:
+        # pint meets a malformed unit with errors of many kinds, its tokenizer's among them
+        raise UsageError(
+            f"unit '{unit}' of the column map is not known; write it as in 'deg', 'rpm', 'mV',"
+            " 'm/s'"
+        ) from None
+
+
+def _preset_files() -> dict[str, resources.abc.Traversable]:
+    folder = resources.files("ges.recordings.readers") / "presets"
+    return {f.name.removesuffix(".yaml"): f for f in folder.iterdir() if f.name.endswith(".yaml")}
+
+
+@functools.cache
+def presets(model: type[Map]) -> Mapping[str, Map]:
+    """Shipped maps of one kind, by name."""
+    wanted = "topics" if "topics" in model.model_fields else "layouts"
+    files = {name: yaml.safe_load(f.read_text("utf-8")) for name, f in _preset_files().items()}
+    return {n: model.model_validate(c) for n, c in sorted(files.items()) if wanted in c}
+
+
+def load_map(given: str | Path, model: type[Map] = ColumnMap) -> Map:
+    """Read a map: a YAML file, or the name of a preset.
+
+    Raises
+    ------
+    GesError
+        One sentence on what is wrong with it.
+    """
+    path = Path(given)
+    if path.suffix not in (".yaml", ".yml") and not path.is_file():
+        known = presets(model)
+        if str(given) not in known:
+            raise unknown_name("map (a YAML file or a preset)", str(given), known)
+        return known[str(given)]
+    try:
+        return model.model_validate(yaml.safe_load(path.read_text("utf-8")))
+    except OSError as error:
+        raise GesError(f"cannot read the map {path}: {error.strerror}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path.name} is not YAML: {str(error).splitlines()[0]}") from None
+    except pydantic.ValidationError as error:
+        raise UsageError(f"{path.name}: {_sentence(error.errors(), model)}") from None
+
+
+def _sentence(problems: list[dict], model: type[pydantic.BaseModel]) -> str:
+    problem = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
+    if problem["type"] == "extra_forbidden":
+        return str(unknown_name("key", str(problem["loc"][-1]), _keys(model)))
+    parts = (str(p) for p in problem["loc"] if not str(p).startswith(("list[", "dict[")))
+    return f"{'.'.join(parts) or 'the file'}: {problem['msg']}"
+
+
+def _keys(annotation: Any) -> set[str]:
+    """Keys of a model and of the models in it."""
+    if isinstance(annotation, type) and issubclass(annotation, pydantic.BaseModel):
+        fields = annotation.model_fields
+        return set(fields).union(*(_keys(field.annotation) for field in fields.values()))
+    return set().union(*map(_keys, get_args(annotation)))
+
+
+def convert(values: np.ndarray, column: Column) -> np.ndarray:
+    """A column in the file's unit as the quantity it stands for."""
+    target = unit_of(column.to) or ("rad" if column.to.endswith("_rad") else None)
+    scale = unit_factor(column.unit, target) if column.unit else 1.0
+    if column.missing is not None:
+        values = np.where(values == column.missing, np.nan, values)
+    return values * (scale * column.factor) + column.offset
+
+
+def in_contract(columns: Mapping[str, np.ndarray], axes: str = "enu-flu") -> dict[str, np.ndarray]:
+    """Columns in the contract's frames: angles become the quaternion, a world acceleration the
+    specific force, north-east-down east-north-up.
+    """
+    out = frames.with_quaternion(columns)
+    if unknown := [name for name in out if re.fullmatch("v_body_[xyz]_m_s", name)]:
+        if not all(name in out for name in (*frames.BODY_VELOCITY, *QUATERNION)):
+            raise UsageError(
+                f"the map sends a column to {unknown[0]}, which needs the other two of"
+                f" {', '.join(frames.BODY_VELOCITY)} and the attitude beside it"
+            )
+        out = frames.with_world_velocity(out)
+    if axes == "ned-frd":
+        for names in (POSITION, VELOCITY, POSITION_REF, VELOCITY_REF, frames.WORLD_ACCELERATION):
+            out |= _turned(out, names, frames.enu_from_ned)
+        for names in (BODY_RATE, SPECIFIC_FORCE):
+            out |= _turned(out, names, lambda *frd: frames.flu_from_frd(frd))
+        out |= _turned(out, QUATERNION, lambda *q: frames.attitude_from_ned(np.stack(q)))
+        if "yaw_ref_rad" in out:
+            out["yaw_ref_rad"] = frames.yaw_from_heading(out["yaw_ref_rad"])
+    return frames.with_specific_force(out)
+
+
+def _turned(columns: Mapping[str, np.ndarray], names: tuple[str, ...], turn) -> dict:
+    """A vector in other axes; one of which a component is missing cannot be turned and is left
+    out, so that no column lies about its axis.
+    """
+    present = [name for name in names if name in columns]
+    if len(present) == len(names):
+        return dict(zip(names, turn(*(columns[name] for name in names)), strict=True))
+    if present:
+        raise UsageError(
+            f"the map sends columns to {', '.join(present)} in other axes, but not to all of"
+            f" {', '.join(names)}; map the whole vector"
+        )
+    return {}

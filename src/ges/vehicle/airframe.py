@@ -1,0 +1,274 @@
+"""Where the rotors sit and which way they turn, from what an autopilot says of its vehicle.
+
+Autopilots number motors and count their axes in their own ways. Here everything is in the body
+frame of the vehicle file: x forward, y left, spin seen from above.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from ges.conventions import N_ROTORS
+from ges.errors import GesError, UsageError, unknown_name
+from ges.vehicle import scaling
+from ges.vehicle.file import Quantity, Rotor
+from ges.vehicle.propeller import Propeller
+
+# Angle of every arm, degrees clockwise from the nose seen from above, and the spin of its rotor.
+LAYOUTS: Mapping[str, tuple[tuple[float, str], ...]] = {
+    "x": ((45, "ccw"), (225, "ccw"), (315, "cw"), (135, "cw")),
+    "h": ((45, "cw"), (225, "cw"), (315, "ccw"), (135, "ccw")),
+    "plus": ((90, "ccw"), (270, "ccw"), (0, "cw"), (180, "cw")),
+    "plus-reversed": ((90, "cw"), (270, "cw"), (0, "ccw"), (180, "ccw")),
+    "betaflight-x": ((135, "cw"), (45, "ccw"), (225, "ccw"), (315, "cw")),
+    "betaflight-x-reversed": ((135, "ccw"), (45, "cw"), (225, "cw"), (315, "ccw")),
+    "dji-x": ((45, "ccw"), (315, "cw"), (225, "ccw"), (135, "cw")),
+    "clockwise-x": ((45, "ccw"), (135, "cw"), (225, "ccw"), (315, "cw")),
+}
+
+# AP_Motors' FRAME_TYPE of FRAME_CLASS 1; a V frame has the hubs and spins of an X.
+ARDUPILOT_FRAMES = {
+    0: "plus",
+    1: "x",
+    2: "x",
+    3: "h",
+    6: "plus-reversed",
+    12: "betaflight-x",
+    13: "dji-x",
+    14: "clockwise-x",
+    18: "betaflight-x-reversed",
+}
+ARDUPILOT_CLASSES = {2: "hexa", 3: "octa", 4: "octa quad", 5: "Y6", 6: "helicopter", 7: "tri"}
+
+# Airframe numbers of PX4 before it logged CA_ROTOR*: its quadrotors, all X but these.
+PX4_QUADS = (range(1001, 1002), range(4000, 5000), range(10015, 10021))
+PX4_OTHERS = {4040: "h", 4900: "clockwise-x", 5001: "plus"}
+
+# Hubs that a propeller's diameter contradicts: rotors would touch, or the arms are only nominal.
+TOUCHING, NOMINAL = 0.98, 2.6
+ENTERED_SD_REL = 0.05
+PLANE_SD = 0.15
+TILTED = math.cos(math.radians(5.0))
+
+
+@dataclasses.dataclass(frozen=True)
+class Airframe:
+    """Rotors of a quadrotor, in the order of its motors.
+
+    Attributes
+    ----------
+    rotors : hubs, radii and spins.
+    source : where they come from.
+    remarks : what looks wrong with them.
+    """
+
+    rotors: tuple[Rotor, ...]
+    source: str
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def arm_m(self) -> float:
+        """Root mean square distance of the hubs from the centre."""
+        return scaling.arm_m(*(np.array([getattr(r, k).value for r in self.rotors]) for k in XY))
+
+
+XY = ("x_m", "y_m")
+
+
+def from_layout(name: str, propeller: Propeller, wheelbase_m: float | None) -> Airframe:
+    """Rotors of a named layout on equal arms.
+
+    Parameters
+    ----------
+    name : one of ``LAYOUTS``.
+    propeller : its radius, and, with no wheelbase, the length of the arms.
+    wheelbase_m : distance of opposite hubs.
+    """
+    if name not in LAYOUTS:
+        raise unknown_name("layout", name, LAYOUTS)
+    if wheelbase_m is None:
+        arm_m = scaling.SPACING * propeller.diameter_m / math.sqrt(2.0)
+        sd_rel = scaling.SPACING_SD_REL
+        source = (
+            f"Motor order and spins of the layout {name}; arms as long as propellers of"
+            f" {propeller} usually have, to {sd_rel:.0%} (--wheelbase tells them)."
+        )
+    else:
+        arm_m, sd_rel = 0.5 * wheelbase_m, 0.02
+        source = f"Motor order and spins of the layout {name}; wheelbase as given, to {sd_rel:.0%}."
+    angles = np.radians([angle for angle, _ in LAYOUTS[name]])
+    hubs = arm_m * np.stack([np.cos(angles), -np.sin(angles), 0.0 * angles], axis=1)
+    spins = [spin for _, spin in LAYOUTS[name]]
+    return Airframe(_rotors(hubs, spins, propeller, sd_rel), source)
+
+
+def _rotors(
+    hubs: np.ndarray, spins: list[str], propeller: Propeller, sd_rel: float
+) -> tuple[Rotor, ...]:
+    """Rotors at hubs (n, 3); how high they lie over the centre of mass, no log tells well."""
+    plane_sd = PLANE_SD * float(np.linalg.norm(hubs[:, :2], axis=1).mean())
+    return tuple(
+        Rotor(
+            x_m=_doubtful(x, sd_rel),
+            y_m=_doubtful(y, sd_rel),
+            z_m=Quantity(value=float(z) + 0.0, sd=plane_sd),
+            radius_m=Quantity(value=propeller.radius_m),
+            spin=spin,
+        )
+        for (x, y, z), spin in zip(hubs, spins, strict=True)
+    )
+
+
+def _doubtful(value: float, sd_rel: float) -> Quantity:
+    value = float(round(value, 6)) + 0.0
+    return Quantity(value=value, sd=abs(value) * sd_rel)
+
+
+def from_parameters(
+    kind: str, parameters: Mapping[str, float], propeller: Propeller, wheelbase_m: float | None
+) -> Airframe:
+    """Rotors that an autopilot's parameters describe.
+
+    Parameters
+    ----------
+    kind : ``px4``, ``ardupilot``, ``betaflight`` or ``crazyflie``.
+    parameters : the autopilot's own, by their own names.
+    propeller, wheelbase_m : see :func:`from_layout`.
+
+    Raises
+    ------
+    GesError
+        When the vehicle is no quadrotor with upright axes, or its layout is not known here.
+    """
+    if kind == "px4":
+        return _px4(parameters, propeller, wheelbase_m)
+    if kind == "ardupilot":
+        return from_layout(_ardupilot_layout(parameters), propeller, wheelbase_m)
+    if kind == "betaflight":
+        reversed_ = parameters.get("yaw_motors_reversed", 0) == 1
+        name = "betaflight-x-reversed" if reversed_ else "betaflight-x"
+        return from_layout(name, propeller, wheelbase_m)
+    if kind == "crazyflie":
+        return from_layout("clockwise-x", propeller, wheelbase_m)
+    raise UsageError(
+        "the log does not say how the motors are arranged; give --layout, one of"
+        f" {', '.join(LAYOUTS)}"
+    )
+
+
+def number_of(parameters: Mapping[str, float], key: str, default: float | None) -> float:
+    """A parameter of an autopilot, or ``default`` where it was not logged.
+
+    Raises
+    ------
+    UsageError
+        When it is no finite number, or was not logged and has no default.
+    """
+    value = parameters.get(key, default)
+    if value is None or not math.isfinite(value):
+        raise UsageError(f"the log's parameter {key} is {value}; give --layout, as in --layout x")
+    return float(value)
+
+
+def _ardupilot_layout(parameters: Mapping[str, float]) -> str:
+    """Layout of FRAME_CLASS and FRAME_TYPE, or of FRAME before version 3.5."""
+    group = int(number_of(parameters, "FRAME_CLASS", 1))
+    if group != 1:
+        what = ARDUPILOT_CLASSES.get(group, f"FRAME_CLASS {group}")
+        raise GesError(f"the log is of a {what}; ges simulates quadrotors (FRAME_CLASS 1)")
+    key = "FRAME_TYPE" if "FRAME_TYPE" in parameters else "FRAME"
+    number = int(number_of(parameters, key, None))
+    if number not in ARDUPILOT_FRAMES:
+        raise UsageError(
+            f"{key} {number} is not one of {sorted(ARDUPILOT_FRAMES)}, whose motors all point up;"
+            " other frames cannot be simulated"
+        )
+    return ARDUPILOT_FRAMES[number]
+
+
+def _px4(
+    parameters: Mapping[str, float], propeller: Propeller, wheelbase_m: float | None
+) -> Airframe:
+    kind = int(number_of(parameters, "CA_AIRFRAME", 0))
+    if kind != 0:
+        raise GesError(
+            f"the log is of no multirotor (CA_AIRFRAME {kind}); ges simulates quadrotors"
+            " (CA_AIRFRAME 0)"
+        )
+    count = int(number_of(parameters, "CA_ROTOR_COUNT", 0))
+    if count == 0:
+        return from_layout(_px4_airframe(parameters), propeller, wheelbase_m)
+    if count != N_ROTORS:
+        raise GesError(
+            f"the vehicle has {count} rotors (CA_ROTOR_COUNT); ges simulates quadrotors, {N_ROTORS}"
+        )
+    return _control_allocation(parameters, propeller, wheelbase_m)
+
+
+def _px4_airframe(parameters: Mapping[str, float]) -> str:
+    number = int(number_of(parameters, "SYS_AUTOSTART", None))
+    if not any(number in numbers for numbers in PX4_QUADS) and number not in PX4_OTHERS:
+        raise UsageError(
+            f"airframe {number} (SYS_AUTOSTART) is not known to be a quadrotor; give --layout, as"
+            " in --layout x, if it is one"
+        )
+    return PX4_OTHERS.get(number, "x")
+
+
+def _control_allocation(
+    parameters: Mapping[str, float], propeller: Propeller, wheelbase_m: float | None
+) -> Airframe:
+    """Rotors of CA_ROTORn_PX, PY, PZ (forward, right, down) and KM (positive: ccw)."""
+    names = [f"CA_ROTOR{i}" for i in range(N_ROTORS)]
+    upright = [-number_of(parameters, f"{n}_AZ", -1.0) for n in names]
+    if min(upright) < TILTED:
+        raise GesError(
+            "a rotor's axis is tilted (CA_ROTOR*_AX, AY, AZ); ges simulates upright rotors"
+        )
+    frd = np.array([[number_of(parameters, f"{n}_P{a}", 0.0) for a in "XYZ"] for n in names])
+    hubs = frd * (1.0, -1.0, -1.0)
+    turns = [number_of(parameters, f"{n}_KM", 0.05) for n in names]
+    spins = ["ccw" if km > 0 else "cw" for km in turns]
+    arm_m = scaling.arm_m(hubs[:, 0], hubs[:, 1])
+    if not arm_m > 0 or not all(turns):
+        raise UsageError(
+            "CA_ROTOR* puts all rotors into one place or gives one no spin; give --layout, as in"
+            " --layout x"
+        )
+    return _sized(hubs, spins, propeller, wheelbase_m, arm_m)
+
+
+def _sized(
+    hubs: np.ndarray,
+    spins: list[str],
+    propeller: Propeller,
+    wheelbase_m: float | None,
+    arm_m: float,
+) -> Airframe:
+    """Rotors at the autopilot's hubs, scaled where the user or the propeller knows better."""
+    gaps = np.linalg.norm(hubs[:, None, :2] - hubs[None, :, :2], axis=2)
+    spacing = float(gaps[gaps > 0].min()) / propeller.diameter_m
+    source = "Hubs and spins of CA_ROTOR*_PX, PY, PZ and KM"
+    scale, sd_rel, remarks = 1.0, ENTERED_SD_REL, ()
+    if wheelbase_m is not None:
+        scale, sd_rel = 0.5 * wheelbase_m / arm_m, 0.02
+        source += f", scaled to the wheelbase as given, to {sd_rel:.0%}."
+    elif spacing > NOMINAL:
+        scale, sd_rel = scaling.SPACING / spacing, scaling.SPACING_SD_REL
+        source += (
+            f", whose lengths are nominal ({spacing:.1f} diameters apart): scaled to what"
+            f" propellers of {propeller} usually have, to {sd_rel:.0%} (--wheelbase tells it)."
+        )
+    else:
+        source += f" as entered, to {sd_rel:.0%}."
+        if spacing < TOUCHING:
+            remarks = (
+                f"Neighbouring hubs lie {spacing * propeller.diameter_m:.3g} m apart (CA_ROTOR*),"
+                f" where propellers of {propeller} would touch: check --prop, or give"
+                " --wheelbase.",
+            )
+    return Airframe(_rotors(scale * hubs, spins, propeller, sd_rel), source, remarks)

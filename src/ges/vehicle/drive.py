@@ -1,0 +1,359 @@
+"""What a flight tells of its drive: thrust from hovering, top speed and lag from rotor speeds.
+
+Signals come as one table in contract columns, each at its own rate, NaN between its samples. Means
+over half a second bring them together: they lose nothing that a steady balance needs.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
+
+from ges.conventions import (
+    COMMAND,
+    GRAVITY_M_S2,
+    N_ROTORS,
+    POSITION,
+    QUATERNION,
+    ROTOR_SPEED,
+    SPECIFIC_FORCE,
+    VELOCITY,
+)
+from ges.errors import GesError
+from ges.vehicle.file import Quantity
+
+BIN_S = 0.5
+FEWEST_BINS = 10
+# Thrust per command on the ground is far above that in the air, where rotors carry the weight.
+ON_GROUND = 1.6
+# Quiet flight: thrust within a tenth of the weight, little tilt, slow, out of ground effect.
+QUIET, TILT_RAD, SLOW_M_S, HIGH_RADII = 0.1, 0.25, 2.0, 6.0
+# What ground effect, inflow and the accelerometer's scale leave in a hover's balance.
+HOVER_SD_REL = 0.02
+# What a fit to half seconds leaves out: sag, wind, rounding; less explained is no response.
+TOP_SPEED_SD_REL, LEAST_CURVE_SD, LEAST_R2 = 0.02, 0.02, 0.25
+# Telemetry that can tell a lag: at least a hundred rows a second, speeds that follow the commands.
+FEWEST_ROWS, SLOWEST_TELEMETRY_S, LEAST_LIKENESS = 500, 0.011, 0.7
+LAGS_S, LONGEST_DELAY_S, HIGH_PASS_S, LAG_SD_REL = (0.005, 0.2), 0.03, 0.3, 0.15
+
+
+def normalised_thrust(u: np.ndarray, c: float) -> np.ndarray:
+    """Share of the largest thrust at a command: (1 - c) u^2 + c u, not below 0."""
+    return np.maximum((1.0 - c) * u * u + c * u, 0.0)
+
+
+def curve_at_hover(elasticity: float, u: float) -> float:
+    """Linear share c of the thrust curve with this slope d ln T / d ln u at command ``u``.
+
+    Solves (2 (1 - c) u + c) / ((1 - c) u + c) = E for c; a curve of another form agrees with it in
+    value and slope at hover.
+    """
+    if elasticity <= 1.0:
+        return 1.0
+    quadratic = (elasticity - 1.0) / (elasticity * (1.0 - u) + 2.0 * u - 1.0)
+    return float(np.clip(1.0 - quadratic, -0.5, 1.0))
+
+
+@dataclasses.dataclass(frozen=True)
+class Hover:
+    """Thrust of a rotor over its drive, from the weight that four of them carried.
+
+    Attributes
+    ----------
+    thrust_per_drive : N per ((1 - c) u^2 + c u), which is the largest thrust of a rotor, or
+        N s^2 per w^2, which is the thrust coefficient.
+    drive : median drive of a rotor there.
+    seconds : of flight that it was taken from.
+    quiet : whether these seconds hovered; else all that flew was taken.
+    measured : whether the drive is a measured rotor speed.
+    """
+
+    thrust_per_drive: Quantity
+    drive: float
+    seconds: float
+    quiet: bool
+    measured: bool
+
+
+def binned(frame: pd.DataFrame) -> pd.DataFrame:
+    """Means over half a second of what was sampled in it; ``t_s`` starts each bin."""
+    t_s = frame["t_s"].to_numpy(dtype=float)
+    bins = np.floor((t_s - t_s[0]) / BIN_S).astype(int)
+    return frame.select_dtypes("number").groupby(bins).mean()
+
+
+def _stack(frame: pd.DataFrame, names: tuple[str, ...]) -> np.ndarray | None:
+    """Columns (n, k), None where one was not logged."""
+    if not all(name in frame for name in names):
+        return None
+    values = frame[list(names)].to_numpy(dtype=float)
+    return values if np.isfinite(values).any() else None
+
+
+def _upward(bins: pd.DataFrame) -> np.ndarray | None:
+    """Cosine of the tilt of every bin (n,)."""
+    q = _stack(bins, QUATERNION)
+    if q is None:
+        return None
+    norm = np.linalg.norm(q, axis=1)
+    good = norm > 0.5
+    upright = np.where(good[:, None], q, [1.0, 0.0, 0.0, 0.0])
+    up = Rotation.from_quat(upright, scalar_first=True).as_matrix()[:, 2, 2]
+    return np.where(good, up, np.nan)
+
+
+def _lift(bins: pd.DataFrame, up: np.ndarray | None) -> np.ndarray:
+    """Thrust over mass of every bin (n,), m/s^2.
+
+    From climbing over the tilt, (g + dv_z/dt) / cos(tilt); where no attitude was logged the length
+    of g + dv/dt, which is short by the drag; where no velocity was, what the accelerometer felt.
+    """
+    velocity = _stack(bins, VELOCITY)
+    if velocity is not None:
+        pull = np.gradient(velocity, bins["t_s"].to_numpy(dtype=float), axis=0)
+        pull[:, 2] += GRAVITY_M_S2
+        if up is None:
+            return np.linalg.norm(pull, axis=1)
+        return pull[:, 2] / np.where(up > 0.5, up, np.nan)
+    felt = _stack(bins, SPECIFIC_FORCE)
+    if felt is None:
+        raise GesError(
+            "the log has neither a velocity nor an accelerometer, so hovering cannot tell the"
+            " thrust; log one of them"
+        )
+    return felt[:, 2]
+
+
+def _flying(ratio: np.ndarray) -> np.ndarray:
+    """Bins whose lift over drive is that of flight, not that of standing with idling rotors."""
+    known = np.isfinite(ratio) & (ratio > 0)
+    if known.sum() < FEWEST_BINS:
+        return known
+    centre = float(np.quantile(ratio[known], 0.25))
+    for _ in range(5):
+        near = known & (ratio < ON_GROUND * centre) & (ratio > centre / ON_GROUND)
+        if not near.any():
+            break
+        centre = float(np.median(ratio[near]))
+    return near
+
+
+def _hovering(bins: _Bins, radius_m: float) -> np.ndarray:
+    """Flying bins that hover, as far as what was logged tells it."""
+    calm = bins.flying & (np.abs(bins.lift / GRAVITY_M_S2 - 1.0) < QUIET)
+    if bins.up is not None:
+        calm &= bins.up > np.cos(TILT_RAD)
+    velocity = _stack(bins.means, VELOCITY)
+    if velocity is not None:
+        calm &= np.linalg.norm(velocity, axis=1) < SLOW_M_S
+    height = _stack(bins.means, POSITION[2:])
+    if height is not None:
+        high = calm & (height[:, 0] - np.nanmin(height) > HIGH_RADII * radius_m)
+        calm = high if high.sum() >= FEWEST_BINS else calm
+    return calm
+
+
+@dataclasses.dataclass(frozen=True)
+class _Bins:
+    """Half seconds of a flight: means, what drives rotors in them, and which of them fly."""
+
+    means: pd.DataFrame
+    speeds: np.ndarray | None
+    commands: np.ndarray | None
+    measured: bool
+    ratio: np.ndarray
+    drives: np.ndarray
+    lift: np.ndarray
+    up: np.ndarray | None
+    flying: np.ndarray
+
+
+def _bins(frame: pd.DataFrame, c: float) -> _Bins:
+    """A flight in half seconds; ``c`` as for :func:`hover`."""
+    means = binned(frame)
+    speeds, commands = _stack(means, ROTOR_SPEED), _stack(means, COMMAND)
+    if speeds is None and commands is None:
+        raise GesError(
+            "the log has neither rotor speeds nor motor commands; log one of them to tell thrust"
+        )
+    measured = speeds is not None and np.isfinite(speeds).all(axis=1).sum() >= FEWEST_BINS
+    measured |= commands is None
+    drives = speeds**2 if measured else normalised_thrust(commands, c)
+    up = _upward(means)
+    lift, total = _lift(means, up), drives.sum(axis=1)
+    ratio = np.divide(lift, total, out=np.full(len(means), np.nan), where=total > 0)
+    return _Bins(means, speeds, commands, measured, ratio, drives, lift, up, _flying(ratio))
+
+
+def hover(frame: pd.DataFrame, mass_kg: float, c: float, radius_m: float) -> Hover:
+    """Thrust of a rotor over its drive, from a flight of known mass.
+
+    In every half second m (g + dv_z/dt) / cos(tilt) = kappa sum_i d_i, with d = w^2 where rotor
+    speeds were measured and d = (1 - c) u^2 + c u where only commands were. The median over what
+    hovers out of ground effect is kappa, its spread the doubt.
+
+    Parameters
+    ----------
+    frame : a flight in contract columns.
+    mass_kg : what was flown.
+    c : linear share of the thrust curve.
+    radius_m : of a rotor; six of them is out of ground effect.
+
+    Raises
+    ------
+    GesError
+        When nothing drives rotors, or less than five seconds fly.
+    """
+    bins = _bins(frame, c)
+    quiet = _hovering(bins, radius_m)
+    used = quiet if quiet.sum() >= FEWEST_BINS else bins.flying
+    if used.sum() < FEWEST_BINS:
+        raise GesError(
+            f"only {used.sum() * BIN_S:.1f} s of the log fly with commands above zero; it takes"
+            f" {FEWEST_BINS * BIN_S:.0f} s of flight to tell the thrust"
+        )
+    kappa, spread = _centre(mass_kg * bins.ratio[used])
+    return Hover(
+        Quantity(value=kappa, sd=float(np.hypot(HOVER_SD_REL * kappa, spread))),
+        float(np.median(bins.drives[used])),
+        float(used.sum() * BIN_S),
+        used is quiet,
+        bins.measured,
+    )
+
+
+def _centre(values: np.ndarray) -> tuple[float, float]:
+    """Median and the standard deviation that the middle half of the values has."""
+    low, middle, high = np.quantile(values, [0.25, 0.5, 0.75])
+    return float(middle), float((high - low) / 1.349)
+
+
+@dataclasses.dataclass(frozen=True)
+class Response:
+    """How rotor speeds follow commands.
+
+    Attributes
+    ----------
+    top_speed_rad_s : speed at full command.
+    c : linear share of the thrust curve.
+    lag_s : first-order time constant; None where telemetry is too slow to tell it.
+    r2 : share of the speeds' variance that command and curve explain, half seconds compared.
+    span : least and greatest command seen.
+    """
+
+    top_speed_rad_s: Quantity
+    c: Quantity
+    lag_s: Quantity | None
+    r2: float
+    span: tuple[float, float]
+
+
+def response(frame: pd.DataFrame, curve: Quantity) -> Response | None:
+    """Top speed, thrust curve and lag of a flight with both rotor speeds and commands.
+
+    Fits w = w_max sqrt((1 - c) u^2 + c u) to means over half a second, with what is known of c as
+    its prior; the lag then to what telemetry shows between them.
+
+    Parameters
+    ----------
+    frame : a flight in contract columns.
+    curve : linear share of the thrust curve, with its doubt, before this flight.
+
+    Returns
+    -------
+    Response, or None where speeds or commands are missing or have nothing to do with each other.
+    """
+    if not {*ROTOR_SPEED, *COMMAND} <= set(frame):
+        return None
+    bins = _bins(frame, curve.value)
+    speeds, commands = bins.speeds, bins.commands
+    if speeds is None or commands is None:
+        return None
+    good = bins.flying[:, None] & (speeds > 0) & (commands > 0)
+    if good.sum() < N_ROTORS * FEWEST_BINS:
+        return None
+    w, u = speeds[good], commands[good]
+    steady = _steady_response(w, u, curve)
+    if steady is None:
+        return None
+    top, c, r2 = steady
+    span = (float(np.quantile(u, 0.01)), float(np.quantile(u, 0.99)))
+    return Response(top, c, _lag(frame, c.value), r2, span)
+
+
+def _steady_response(
+    w: np.ndarray, u: np.ndarray, curve: Quantity
+) -> tuple[Quantity, Quantity, float] | None:
+    """Top speed and curve from speeds and commands (n,), and the variance explained; None where
+    that is little.
+    """
+    usual = float(np.median(w))
+    unit = usual / float(np.sqrt(max(np.median(normalised_thrust(u, curve.value)), 1e-4)))
+
+    def misfit(x: np.ndarray, scale: float) -> np.ndarray:
+        speed = x[0] * unit * np.sqrt(np.maximum(normalised_thrust(u, x[1]), 1e-9))
+        return np.append((speed - w) / scale, (x[1] - curve.value) / max(curve.sd, 1e-3))
+
+    start, scale = np.array([1.0, curve.value]), 0.05 * usual
+    for _ in range(2):
+        fit = least_squares(
+            misfit, start, args=(scale,), bounds=([0.1, -0.5], [10.0, 1.0]), loss="soft_l1"
+        )
+        left = misfit(fit.x, 1.0)[:-1]
+        # Errors of one rotor hold for seconds, so that a tenth of the samples count as independent.
+        scale = np.sqrt(10.0) * max(float(np.sqrt(np.mean(left**2))), 1e-3 * usual)
+        start = fit.x
+    r2 = 1.0 - float(np.var(left) / np.var(w))
+    if not r2 > LEAST_R2:
+        return None
+    sd = np.sqrt(np.maximum(np.diag(np.linalg.pinv(fit.jac.T @ fit.jac)), 0.0))
+    top = fit.x[0] * unit
+    return (
+        Quantity(value=top, sd=float(np.hypot(sd[0] * unit, TOP_SPEED_SD_REL * top))),
+        Quantity(value=fit.x[1], sd=max(float(sd[1]), LEAST_CURVE_SD)),
+        r2,
+    )
+
+
+def _lag(frame: pd.DataFrame, c: float) -> Quantity | None:
+    """Time constant of dw/dt = (w_cmd - w) / tau, a pure delay beside it, from fast telemetry.
+
+    Both sides are compared after a high-pass of 0.3 s, over a grid of time constants and delays.
+    """
+    rows = frame.filter(["t_s", *ROTOR_SPEED, *COMMAND]).dropna()
+    if len(rows) < FEWEST_ROWS:
+        return None
+    step_s = float(np.median(np.diff(rows["t_s"])))
+    if step_s > SLOWEST_TELEMETRY_S:
+        return None
+    commands = rows[list(COMMAND)].to_numpy(dtype=float)
+    asked = np.sqrt(normalised_thrust(commands, c))
+    fast = _fast(rows[list(ROTOR_SPEED)].to_numpy(dtype=float), step_s)
+    lags_s = np.geomspace(*LAGS_S, 40)
+    score = [_likeness(_fast(_slow(asked, step_s, lag), step_s), fast, step_s) for lag in lags_s]
+    best = int(np.argmax(score))
+    if not 0 < best < len(lags_s) - 1 or score[best] < LEAST_LIKENESS:
+        return None
+    return Quantity(value=float(lags_s[best]), sd=LAG_SD_REL * float(lags_s[best]))
+
+
+def _likeness(made: np.ndarray, seen: np.ndarray, step_s: float) -> float:
+    """Correlation of two signals (n, k) at the delay that suits them best."""
+    n = len(seen)
+    pairs = ((made[: n - late], seen[late:]) for late in range(int(LONGEST_DELAY_S / step_s) + 1))
+    return max(float(np.sum(a * b) / np.sqrt(np.sum(a * a) * np.sum(b * b))) for a, b in pairs)
+
+
+def _slow(values: np.ndarray, step_s: float, lag_s: float) -> np.ndarray:
+    """First-order low-pass along the rows, at rest before the first."""
+    keep = np.exp(-step_s / lag_s)
+    return lfilter([1.0 - keep], [1.0, -keep], values - values[:1], axis=0) + values[:1]
+
+
+def _fast(values: np.ndarray, step_s: float) -> np.ndarray:
+    return values - _slow(values, step_s, HIGH_PASS_S)

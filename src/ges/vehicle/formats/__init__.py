@@ -1,0 +1,83 @@
+"""Vehicles of other simulators: read into a vehicle file, and written from one.
+
+====================  ======================================================  ===================
+kind                  what it is                                              known by
+====================  ======================================================  ===================
+``sdf``               Gazebo model with a motor model plugin a rotor          root element ``sdf``
+``urdf``              gym-pybullet-drones                                     root element ``robot``
+``rotorpy``           parameter file of RotorPy (``quad_params``)             ending ``.py``
+``sih``               parameters of PX4's simulator in hardware (``SIH_*``)   a line with ``SIH_``
+====================  ======================================================  ===================
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from ges.errors import GesError, UsageError
+from ges.vehicle.datasheet import Datasheet
+from ges.vehicle.file import Vehicle
+from ges.vehicle.formats import rotorpy, sdf, sih, urdf
+from ges.vehicle.formats.neutral import Export
+from ges.vehicle.propeller import Propeller
+
+WRITERS: Mapping[str, Callable[[Vehicle], Export]] = {
+    "sdf": sdf.write,
+    "rotorpy": rotorpy.write,
+    "urdf": urdf.write,
+    "sih": sih.write,
+}
+LARGEST_BYTES = 5_000_000
+
+
+def kind_of(path: Path) -> str | None:
+    """Format of a file by its first bytes and ending; None where it is none of these."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(65536)
+    except OSError as error:
+        raise GesError(f"cannot read {path}: {error.strerror}") from None
+    if path.suffix == ".py":
+        return "rotorpy"
+    if b"\0" in head:
+        return None
+    if element := re.search(rb"<(sdf|robot)[\s>]", head):
+        return {b"sdf": "sdf", b"robot": "urdf"}[element[1]]
+    return "sih" if re.search(rb"\bSIH_[A-Z]", head) else None
+
+
+def read_model(
+    path: Path, kind: str, prop: Propeller | None = None, models: Sequence[Path] = ()
+) -> Datasheet:
+    """Read another simulator's vehicle.
+
+    Parameters
+    ----------
+    path : the model.
+    kind : see :func:`kind_of`.
+    prop : propellers, where the file does not say how large they are, or says it wrongly.
+    models : folders in which included Gazebo models are looked for, beside the model's own.
+
+    Raises
+    ------
+    GesError
+        When it cannot be read or is no quadrotor, in one sentence.
+    """
+    try:
+        if path.stat().st_size > LARGEST_BYTES:
+            raise UsageError(f"{path.name} is larger than {LARGEST_BYTES // 10**6} MB; no model is")
+        data = path.read_bytes()
+    except OSError as error:
+        raise GesError(f"cannot read {path}: {error.strerror}") from None
+    if kind == "sdf":
+        return sdf.read(data, path, prop, models)
+    return {"urdf": urdf.read, "rotorpy": rotorpy.read, "sih": sih.read}[kind](
+        data, path.name, prop
+    )
+
+
+def write_model(vehicle: Vehicle, kind: str) -> Export:
+    """Write a vehicle as another simulator reads it; ``kind`` is one of :data:`WRITERS`."""
+    return WRITERS[kind](vehicle)

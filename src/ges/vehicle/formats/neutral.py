@@ -1,0 +1,220 @@
+"""What the formats share: plain numbers of a vehicle, and XML that may be hostile."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Mapping
+from xml.etree.ElementTree import Element, ParseError
+
+import defusedxml.ElementTree
+import numpy as np
+from defusedxml.common import DefusedXmlException
+
+from ges.conventions import GRAVITY_M_S2, N_ROTORS
+from ges.errors import GesError, UsageError
+from ges.simulator import effects as effect_table
+from ges.vehicle import scaling
+from ges.vehicle.file import Vehicle
+
+FOLDED = ("thrust_scale", "torque_coefficient", "inertia", "motor_lag", "rotor_saturation")
+
+
+@dataclasses.dataclass(frozen=True)
+class Export:
+    """A vehicle in another simulator's format.
+
+    Attributes
+    ----------
+    text : the file.
+    remarks : what the format cannot express or what was put in its place, a sentence each.
+    """
+
+    text: str
+    remarks: tuple[str, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Plain:
+    """A quadrotor as plain numbers, corrections of declared numbers folded in.
+
+    Attributes
+    ----------
+    name : of the vehicle.
+    mass_kg : mass.
+    inertia_kg_m2 : about the body axes, (3,).
+    hubs_m : from the centre of mass, (4, 3); a declared offset of it is in here.
+    radius_m : mean over the rotors.
+    spin : +1 ccw, seen from above, (4,).
+    thrust_N_s2 : thrust coefficient of each rotor, losses included, (4,).
+    torque_Nm_s2 : reaction torque of each rotor over squared speed, losses included, (4,).
+    lag_up_s, lag_down_s : time constants of the drive.
+    top_speed_rad_s : at full command.
+    rho_kg_m3 : density of the air.
+    effects : those not folded into the numbers above.
+    remarks : numbers that the vehicle file leaves out and that were estimated.
+    """
+
+    name: str
+    mass_kg: float
+    inertia_kg_m2: np.ndarray
+    hubs_m: np.ndarray
+    radius_m: float
+    spin: np.ndarray
+    thrust_N_s2: np.ndarray
+    torque_Nm_s2: np.ndarray
+    lag_up_s: float
+    lag_down_s: float
+    top_speed_rad_s: float
+    rho_kg_m3: float
+    effects: Mapping[str, Mapping[str, float]]
+    remarks: tuple[str, ...]
+
+    @property
+    def hover_rad_s(self) -> float:
+        """Mean speed at which the rotors carry the weight."""
+        return math.sqrt(self.mass_kg * GRAVITY_M_S2 / float(np.sum(self.thrust_N_s2)))
+
+    @property
+    def mean_thrust_N_s2(self) -> float:
+        """Thrust coefficient of a format that has one for all rotors."""
+        return float(np.mean(self.thrust_N_s2))
+
+    @property
+    def mean_torque_Nm_s2(self) -> float:
+        """Torque coefficient of a format that has one for all rotors."""
+        return float(np.mean(self.torque_Nm_s2))
+
+    def effect(self, name: str, parameter: str) -> float:
+        """A parameter of an effect; 0 where it is off."""
+        return self.effects.get(name, {}).get(parameter, 0.0)
+
+
+def plain(vehicle: Vehicle) -> Plain:
+    """Plain numbers of a vehicle file.
+
+    Raises
+    ------
+    GesError
+        When it has not four rotors, or one makes no thrust.
+    """
+    numbers = vehicle.parameters()
+    effects = {
+        name: {**effect_table.get(name).defaults(), **values}
+        for name, values in vehicle.effect_values().items()
+    }
+    rotors = vehicle.rotor_arrays()
+    hubs = np.stack([rotors["x_m"], rotors["y_m"], rotors["z_m"]], axis=1)
+    moved = effects.get("cg_offset", {})
+    hubs = hubs - (moved.get("x_m", 0.0), moved.get("y_m", 0.0), 0.0)
+    weak = effects.get("weak_rotor", {})
+    losses = np.array([weak.get(f"loss_{i + 1}", 0.0) for i in range(N_ROTORS)])
+    scale = effects.get("thrust_scale", {}).get("scale", 0.0)
+    thrust = (1.0 + scale - losses) * numbers["thrust_coefficient_N_s2"]
+    if not np.all(thrust > 0):
+        raise GesError(
+            f"rotor {int(np.argmin(thrust)) + 1} of vehicle '{vehicle.name}' makes no thrust"
+            " (weak_rotor, thrust_scale); no simulator's format expresses that"
+        )
+    inertia, torque, lag_s, top, remarks = _estimated(vehicle, hubs, thrust)
+    change = effects.get("inertia", {})
+    lags = effects.get("motor_lag", {})
+    return Plain(
+        vehicle.name,
+        numbers["mass_kg"],
+        inertia * [1.0 + change.get(axis, 0.0) for axis in ("xx", "yy", "zz")],
+        hubs,
+        float(np.mean(rotors["radius_m"])),
+        rotors["spin"],
+        thrust,
+        torque * (1.0 + effects.get("torque_coefficient", {}).get("scale", 0.0) - losses),
+        max(lag_s + lags.get("up_s", 0.0), 1e-3),
+        max(lag_s + lags.get("down_s", 0.0), 1e-3),
+        top * effects.get("rotor_saturation", {}).get("share", 1.0),
+        numbers["rho_kg_m3"],
+        {name: values for name, values in effects.items() if name not in FOLDED},
+        tuple(remarks),
+    )
+
+
+def _estimated(
+    vehicle: Vehicle, hubs: np.ndarray, thrust: np.ndarray
+) -> tuple[np.ndarray, float, float, float, list[str]]:
+    """Inertia, torque coefficient, lag and top speed, estimated where the file leaves them out."""
+    diameter_m = 2.0 * float(np.mean([r.radius_m.value for r in vehicle.rotors]))
+    inertia, torque = vehicle.inertia_kg_m2, vehicle.torque_coefficient_Nm_s2
+    lag, top = vehicle.motor_time_constant_s, vehicle.max_rotor_speed_rad_s
+    lacking = []
+    if inertia is None:
+        lacking.append("inertia_kg_m2")
+        inertia = scaling.inertia(vehicle.mass_kg.value, scaling.arm_m(hubs[:, 0], hubs[:, 1]))
+    if torque is None:
+        lacking.append("torque_coefficient_Nm_s2")
+        torque = scaling.torque_coefficient(float(np.mean(thrust)), diameter_m)
+    if lag is None:
+        lacking.append("motor_time_constant_s")
+        lag = scaling.motor_time_constant(diameter_m)
+    top_rad_s = top.value if top else math.sqrt(2.0) * vehicle.hover_speed_rad_s()
+    if top is None:
+        lacking.append("max_rotor_speed_rad_s (twice the hover thrust)")
+    values = np.array([inertia.xx, inertia.yy, inertia.zz])
+    remarks = [
+        f"{key} is not in the vehicle file: estimated from mass and size." for key in lacking
+    ]
+    return values, torque.value, lag.value, top_rad_s, remarks
+
+
+def without(plain: Plain, expressed: Iterable[str], target: str) -> list[str]:
+    """A sentence for every effect that a format cannot express."""
+    known = {"cg_offset", "weak_rotor", *expressed}
+    return [
+        f"{target} has no {name} ({effect_table.get(name).title}): left out."
+        for name in plain.effects
+        if name not in known
+    ]
+
+
+def one_thrust(plain: Plain, target: str) -> list[str]:
+    """A sentence where rotors differ and a format has one thrust coefficient for all."""
+    if np.allclose(plain.thrust_N_s2, plain.mean_thrust_N_s2, rtol=1e-6):
+        return []
+    return [f"{target} has one thrust coefficient for all rotors: the mean of four that differ."]
+
+
+def parse_xml(data: bytes, name: str) -> Element:
+    """Root of an XML file without entities, external references or endless nesting.
+
+    Raises
+    ------
+    GesError
+        When it is no XML, or one that defines entities.
+    """
+    try:
+        return defusedxml.ElementTree.fromstring(data)
+    except ParseError as error:
+        raise UsageError(f"{name} is not XML: {error}") from None
+    except (DefusedXmlException, RecursionError):
+        raise GesError(
+            f"{name} defines entities or nests without end, which no vehicle needs; it is not read"
+        ) from None
+    except (ValueError, LookupError) as error:
+        raise UsageError(f"{name} is not XML in an encoding that is known: {error}") from None
+
+
+def number(text: str | None, what: str, name: str) -> float:
+    """A finite number in a file.
+
+    Raises
+    ------
+    UsageError
+        Where it is missing or none.
+    """
+    if text is None or not text.strip():
+        raise UsageError(f"{name}: {what} is missing; add it")
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise UsageError(f"{name}: {what} is '{text.strip()[:40]}', no finite number")
+    return value

@@ -1,0 +1,132 @@
+"""Which rotor turns the vehicle which way, seen from the flight itself.
+
+A wrong order of motors makes every moment wrong and no force, so nothing else would show it. The
+angular accelerations are regressed on what drives each rotor; the gains have to point where the
+hubs and spins of the layout say.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from ges.conventions import BODY_RATE, COMMAND, ROTOR_SPEED
+from ges.vehicle.file import Rotor
+
+AXES = ("roll", "pitch", "yaw")
+# The gains are read where they explain a tenth of an axis; in between nothing is concluded.
+LEAST_R2 = 0.12
+AGREES, CONTRADICTS = 0.7, 0.3
+FINEST_STEP_S, LONGEST_LAG_S, HELD_S = 0.02, 0.12, 0.3
+FEWEST_ROWS = 200
+
+
+@dataclasses.dataclass(frozen=True)
+class Turning:
+    """What drives each axis.
+
+    Attributes
+    ----------
+    gains : angular acceleration per drive, mean over rotors taken off, (3, n_rotors).
+    r2 : share of the fast angular acceleration that they explain, (3,).
+    """
+
+    gains: np.ndarray
+    r2: np.ndarray
+
+    def agreement(self, rotors: Sequence[Rotor]) -> np.ndarray:
+        """Cosine between gains and the moments of these rotors, (3,); NaN where the flight is
+        silent.
+        """
+        wanted = moments(rotors)
+        product = np.sum(self.gains * wanted, axis=1)
+        size = np.linalg.norm(self.gains, axis=1) * np.linalg.norm(wanted, axis=1)
+        loud = (self.r2 >= LEAST_R2) & (size > 0)
+        return np.divide(product, size, out=np.full(3, np.nan), where=loud)
+
+    def contradicted(self, rotors: Sequence[Rotor]) -> list[str]:
+        """Axes that turn otherwise than these rotors would turn them."""
+        cosines = self.agreement(rotors)
+        return [axis for axis, cosine in zip(AXES, cosines, strict=True) if cosine < CONTRADICTS]
+
+    def confirmed(self, rotors: Sequence[Rotor]) -> list[str]:
+        """Axes that turn as these rotors would turn them."""
+        cosines = self.agreement(rotors)
+        return [axis for axis, cosine in zip(AXES, cosines, strict=True) if cosine > AGREES]
+
+
+def moments(rotors: Sequence[Rotor]) -> np.ndarray:
+    """Moment about x, y, z that thrust of each rotor makes, mean over rotors taken off, (3, n)."""
+    x, y = (np.array([getattr(r, k).value for r in rotors]) for k in ("x_m", "y_m"))
+    spin = np.array([1.0 if r.spin == "ccw" else -1.0 for r in rotors])
+    weights = np.stack([y, -x, -spin])
+    return weights - weights.mean(axis=1, keepdims=True)
+
+
+def turning(frame: pd.DataFrame) -> Turning | None:
+    """Regress angular accelerations on what drives the rotors.
+
+    Commands are taken before rotor speeds: they are logged faster. The drive may act up to 0.12 s
+    later than it was asked for; of these lags each axis takes the one that explains most.
+
+    Parameters
+    ----------
+    frame : a flight in contract columns.
+
+    Returns
+    -------
+    Turning, or None where drives or body rates are missing or too few.
+    """
+    drives = next((n for n in (COMMAND, ROTOR_SPEED) if set(n) <= set(frame)), None)
+    if drives is None or not set(BODY_RATE) <= set(frame):
+        return None
+    rows = frame[["t_s", *drives, *BODY_RATE]].copy()
+    rows[list(drives)] = rows[list(drives)].ffill(limit=_rows(frame, HELD_S))
+    rows = rows.dropna()
+    if len(rows) < FEWEST_ROWS:
+        return None
+    rows = _thinned(rows)
+    t_s = rows["t_s"].to_numpy()
+    drive = rows[list(drives)].to_numpy() ** 2
+    turned = np.gradient(rows[list(BODY_RATE)].to_numpy(), t_s, axis=0)
+    step_s = float(np.median(np.diff(t_s)))
+    total = drive.mean(axis=1)
+    flying = total > 0.5 * np.quantile(total, 0.7)
+    if flying.sum() < FEWEST_ROWS:
+        return None
+    drive = _fast(drive - drive.mean(axis=1, keepdims=True), step_s)
+    return _strongest(drive, _fast(turned, step_s), flying, int(LONGEST_LAG_S / step_s))
+
+
+def _rows(frame: pd.DataFrame, seconds: float) -> int:
+    return max(1, int(seconds / float(np.median(np.diff(frame["t_s"])))))
+
+
+def _thinned(rows: pd.DataFrame) -> pd.DataFrame:
+    """Means over a fiftieth of a second where rows come faster."""
+    cells = np.floor(rows["t_s"] / FINEST_STEP_S)
+    return rows.groupby(cells.to_numpy()).mean()
+
+
+def _fast(values: np.ndarray, step_s: float) -> np.ndarray:
+    """What changes within a second, (n, k)."""
+    slow = pd.DataFrame(values).rolling(max(3, round(1.0 / step_s)), center=True, min_periods=1)
+    return values - slow.mean().to_numpy()
+
+
+def _strongest(drive: np.ndarray, turned: np.ndarray, flying: np.ndarray, lags: int) -> Turning:
+    """Gains of each axis at the lag that explains most of it."""
+    gains, r2 = np.zeros((3, drive.shape[1])), np.full(3, -np.inf)
+    for lag in range(max(lags, 1) + 1):
+        used = flying[: len(flying) - lag]
+        x, y = drive[: len(drive) - lag][used], turned[lag:][used]
+        fit = np.linalg.lstsq(x, y, rcond=None)[0]
+        variance = np.var(y, axis=0)
+        explained = 1.0 - np.var(y - x @ fit, axis=0) / np.where(variance > 0, variance, np.inf)
+        better = explained > r2
+        r2 = np.where(better, explained, r2)
+        gains[better] = fit.T[better]
+    return Turning(gains - gains.mean(axis=1, keepdims=True), r2)
