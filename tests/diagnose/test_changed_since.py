@@ -63,6 +63,33 @@ def test_a_clearly_cut_propeller_is_a_weak_rotor_3_and_nothing_else(recordings_d
     assert set(found.findings[0].parameters) == {"loss_3"}
 
 
+@pytest.fixture(scope="module")
+def before_the_cuts(recordings_dir):
+    """The vehicle whose propellers 1 and 2 are cut later, first by nothing to speak of."""
+    folders = ("cut_propellers_M2_0.5mm_M1_0.5mm_reference", "cut_propellers_M2_0.5mm_reference")
+    return _reference([t for name in folders for t in _tables(recordings_dir, name, "*")])
+
+
+@pytest.mark.parametrize("cut_mm", [4, 6])
+def test_two_cut_propellers_are_named_by_their_rotors(cut_mm, recordings_dir, before_the_cuts):
+    tables = _tables(recordings_dir, f"cut_propellers_M2_{cut_mm}mm_M1_{cut_mm}mm", "*")
+    found = ges.diagnose(tables, before_the_cuts)
+    named = [(f.name, f.place) for f in found.findings]
+    assert named == [("weak_rotor", "rotor 1"), ("weak_rotor", "rotor 2")], found.sentence
+    assert found.verdict == "physics"
+
+
+def test_what_turned_the_vehicle_unseen_is_no_loss_of_other_rotors(recordings_dir, before_the_cuts):
+    """Without measured rates the commands that turn it look like half a loss of rotors 3 and 4,
+    with a shifted centre of gravity and a fifth more thrust to make up for it.
+    """
+    found = ges.diagnose(
+        _tables(recordings_dir, "cut_propellers_M2_2mm_M1_2mm", "*"), before_the_cuts
+    )
+    assert not [f for f in found.findings if not f.is_open], found.sentence
+    assert "rotor 1 and rotor 2" in {f.place for f in found.findings}, found.sentence
+
+
 @pytest.mark.parametrize(
     ("airframe", "reference"), [("E8", (0, 1)), ("E8", (2, 3)), ("E9", (0, 1, 2)), ("E9", (1, 2))]
 )
@@ -116,7 +143,8 @@ def test_a_weight_on_a_string_is_told_by_its_dragging_over_the_ground(recordings
         0.5e-3 < told["mass_kg"].ci95[0] < told["mass_kg"].value < told["mass_kg"].ci95[1] < 2.2e-3
     )
     at = {a: found.vehicle.effects["slung_load"][f"attach_{a}_m"].value for a in "xy"}
-    assert at == {"x": e8.rotors[2].x_m.value, "y": e8.rotors[2].y_m.value}, "rotor 3"
+    assert at["y"] == e8.rotors[2].y_m.value, "on the left"
+    assert len(taken) < 3 or at["x"] == e8.rotors[2].x_m.value, "rotor 3, by three flights"
     error = found.fit["channels"]["moment_z_Nm"]
     assert error["after"] < 0.65 * error["recalibrated"], "on the flight that took no part"
 

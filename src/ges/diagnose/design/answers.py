@@ -43,7 +43,7 @@ from ges.diagnose.types.model import Model, block_of
 from ges.simulator import effects as effect_table
 
 VERTICAL = ("force_z", "acc_z")
-ROLL_PITCH = ("moment_x", "moment_y")
+ROLL_PITCH, YAW = ("moment_x", "moment_y"), "moment_z"
 KINDS = ("dynamic", "thrust_gain", "rotor", "load", "height")
 LEAST_STRENGTH, INSTRUMENT_BLOCK_S = 0.4, 5.0
 SLOW_S = 0.5
@@ -160,6 +160,7 @@ def loose(
     told: Vouched,
     air: np.ndarray,
     on: Collection[str] = (),
+    turning_measured: bool = True,
 ) -> Loose:
     """Loose parts of columns, zero where they are not in the ``air`` (m,).
 
@@ -171,6 +172,10 @@ def loose(
     heard : names of the channels that are there, by their number.
     on : effects of the model; a load that is not on would take from cushions what they do along
         thrust.
+    turning_measured : whether rates or attitude were logged. Where they were not, what the faster
+        test functions see of the moment in yaw turned the vehicle unseen: the noise of the commands
+        is in residual and column alike (errors in variables). Its average would have spun the
+        vehicle, and counts.
     """
     which = {
         kind: _first(keys, kind)
@@ -205,6 +210,11 @@ def loose(
             c: _beyond(parts["rotor"][c], z[n], strong[n], mean_is_told=True)
             for c, n in answered.items()
             if n.startswith(ROLL_PITCH)
+        }
+        | {
+            c: _beyond(parts["rotor"][c], z[n], strong[n], mean_is_told=True)
+            for c, n in answered.items()
+            if n.startswith(YAW) and mark_of(n) and not turning_measured
         },
         "load": {
             c: _fast(parts["load"][c], z[n], strong[n], length_s)

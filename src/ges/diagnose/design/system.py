@@ -472,7 +472,12 @@ def rows(
         f"{key}/{c.part}" if c.part == "moment" and c.variant.effect in model.effects else key
         for key, c in zip(keys, columns, strict=True)
     ]
-    answered = loose(apart, x, windows.length_s, heard, vouch, air, model.effects) if vouch else {}
+    turning = flight.has("gyro") or "attitude" not in flight.derived
+    answered = (
+        loose(apart, x, windows.length_s, heard, vouch, air, model.effects, turning)
+        if vouch
+        else {}
+    )
     answered = both(like.loose, answered, model.effects) if like else answered
     beyond = _beyond(flight, windows, names, now.drive.commanded)
     return Rows(
