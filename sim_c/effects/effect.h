@@ -89,6 +89,10 @@ typedef struct {
   void (*sense)(const sample_t *s, const vd *p, vd *x, reading_t *add); /* may advance x by s->dt */
 } effect_t;
 
+/* Longest step of extra states along a recording, s. The midpoint rule is stable where |1 + z + z^2/2| <= 1, z the step
+ * times a rate: what decays by itself has to take half a step or longer. */
+#define GES_STATE_STEP_S 2.5e-3
+
 #define EFFECT(name) const effect_t PER_WIDTH(effect_##name)
 
 /* Induced velocity of rotor i hovering at its present thrust, squared, m^2/s^2: T / (2 rho A). */

@@ -1,7 +1,7 @@
 /* Transport delay of the motor controllers: u(t - d), as Pade's (2, 2) approximation.
  *
  * u_delayed = u - d x2;  x1' = x2,  x2' = (12/d^2)(u - x1) - (6/d) x2, per rotor. For delays below 6 ms the
- * filter keeps 6 ms, so that it is stable at steps up to 2.5 ms, and u_delayed = u - delay x2.
+ * filter keeps 6 ms, so that it is stable at steps up to GES_STATE_STEP_S, and u_delayed = u - delay x2.
  */
 #include "effect.h"
 

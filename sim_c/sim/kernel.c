@@ -741,11 +741,11 @@ static void move(sample_t *s, const motion_t *from, const motion_t *to, double s
   }
 }
 
-/* Extra states over the time since the sample before, by the midpoint rule in steps of at most 5 ms, position and velocity on
- * straight lines between the samples; gaps over 0.1 s are cut. */
+/* Extra states over the time since the sample before, by the midpoint rule in steps of at most GES_STATE_STEP_S, position
+ * and velocity on straight lines between the samples; gaps over 0.1 s are cut. */
 static void advance_states(replay_t *r, const motion_t *before) {
   double dt = lane(r->sample.dt, 0);
-  int steps = (int)ceil(dt / 0.005 - 1e-6);
+  int steps = (int)ceil(dt / GES_STATE_STEP_S - 1e-6);
   vd end = r->sample.t, start[Y_MAX - Y_X], *x = r->y + Y_X, *dx = r->dy + Y_X;
   motion_t now = motion_of(&r->sample);
   for (int half = 0; half < 2 * steps; half++) {

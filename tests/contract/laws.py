@@ -217,7 +217,37 @@ def check_homogeneous(effect):
             yield f"is not dimensionally homogeneous in {name}"
 
 
-CHECKS = (check_neutral, check_acts, check_mirror, check_power, check_height, check_homogeneous)
+STEPS_S = (0.004, 0.005, 0.01, 0.02)  # between samples of a log
+FINE_S = 0.001
+
+
+def check_stable(effect):
+    """Along a recording extra states do not grow by themselves, however slowly it was sampled and
+    however short a time constant becomes.
+    """
+    for share in (0.01, 0.1, 1.0) if effect.n_states else ():
+        values = {
+            p.name: p.default * (1.0 if np.isnan(p.neutral) else share) for p in effect.parameters
+        }
+        fine, *sampled = (
+            added(effect, values, {**random_samples(), "t_s": np.arange(N) * step}).data
+            for step in (FINE_S, *STEPS_S)
+        )
+        bound = 10.0 * max(np.nanmax(np.abs(fine)), 1.0)
+        for step, data in zip(STEPS_S, sampled, strict=True):
+            if np.isnan(data).sum() > np.isnan(fine).sum() or np.nanmax(np.abs(data)) > bound:
+                yield f"is unstable at {share:g} of its size and {step:g} s between samples"
+
+
+CHECKS = (
+    check_neutral,
+    check_acts,
+    check_mirror,
+    check_power,
+    check_height,
+    check_homogeneous,
+    check_stable,
+)
 
 
 def violations() -> list[str]:

@@ -57,6 +57,12 @@ FAULTS = {
         "(1.225 * (2.0",
         "translational_lift",
     ),
+    "steps too long for a delay": (
+        "sim_c/sim/kernel.c",
+        "ceil(dt / GES_STATE_STEP_S",
+        "ceil(dt / (2.0 * GES_STATE_STEP_S)",
+        "esc_delay",
+    ),
     "does not switch off": (
         "sim_c/effects/translational_lift.c",
         "+= p[0] *",
