@@ -11,10 +11,11 @@ from click.testing import CliRunner
 
 from ges.commands import diagnose as verb
 from ges.diagnose.prepare.cut import cut
-from ges.diagnose.run import Request, flight_names, gathered
+from ges.diagnose.run import Request, gathered
 from ges.diagnose.types.model import from_vehicle
 from ges.errors import GesError, UsageError
 from ges.files import sha256
+from ges.recordings.readers import flight_names
 from ges.recordings.recording import write_set
 from ges.simulator import flight as sim
 from ges.simulator import manoeuvres
@@ -171,7 +172,7 @@ def test_a_log_needs_a_vehicle_or_mass_and_propeller(log):
 def test_names_of_flights_are_told_apart_by_folders(tmp_path):
     a, b = tmp_path / "a" / "log.ulg", tmp_path / "b" / "log.ulg"
     assert flight_names([a, b]) == {"a_log": a, "b_log": b}
-    with pytest.raises(UsageError, match="same name and folder"):
+    with pytest.raises(UsageError, match="flights of the same name"):
         flight_names([a, a])
 
 

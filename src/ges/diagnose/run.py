@@ -15,7 +15,7 @@ from ges.diagnose.types.diagnosis import Diagnosis
 from ges.diagnose.types.model import from_vehicle
 from ges.errors import GesError, UsageError
 from ges.files import sha256, tree_hash, write_text
-from ges.recordings.readers import READERS, Log, Options, open_log
+from ges.recordings.readers import READERS, Log, Options, flight_names, open_log
 from ges.recordings.recording import RecordingSet, load_set, make_set
 from ges.vehicle.file import Vehicle, load_vehicle, vehicle_path
 from ges.vehicle.from_log import describe_log
@@ -179,21 +179,6 @@ def _opened(request: Request, watch: Watch) -> tuple[dict[str, tuple[Path, Log]]
     if not logs:
         raise GesError(f"none of the {len(request.sources)} logs can serve: {refused[0]}")
     return logs, refused
-
-
-def flight_names(sources: Sequence[Path]) -> dict[str, Path]:
-    """Logs by the names of their flights: the file's own, with its folder where two are alike.
-
-    Raises
-    ------
-    UsageError
-        Where two would still be called the same.
-    """
-    for named in (lambda p: p.stem, lambda p: f"{p.parent.name}_{p.stem}"):
-        names = {named(path): path for path in sources}
-        if len(names) == len(sources):
-            return names
-    raise UsageError("two of the logs have the same name and folder; rename one of them")
 
 
 def _vehicle(

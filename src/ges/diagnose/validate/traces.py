@@ -11,10 +11,11 @@ from itertools import pairwise
 import numpy as np
 
 from ges.conventions import POSITION, VELOCITY
-from ges.diagnose.design.residual import UNITS, Drive, along, channels, residual
+from ges.diagnose.design.residual import Drive, along, residual
 from ges.diagnose.design.weak import Windows, make_windows
 from ges.diagnose.estimate.shoot import can_roll, rollouts_of
 from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.prepare.channels import UNITS, channels
 from ges.diagnose.types.model import Model
 from ges.diagnose.validate.verify import HORIZON_S
 from ges.simulator.effects import Replay
