@@ -83,10 +83,6 @@ def test_the_map_is_drawn_while_the_search_goes_on_and_once(watched, tmp_path):
         and "rollout" in begun[1]
     )
     assert base64.b64encode(early).decode() in (tmp_path / "report.html").read_text()
-    write_diagnosis(found, tmp_path / "alone")
-    assert {p.name for p in tmp_path.iterdir()} - {"alone"} == {
-        p.name for p in (tmp_path / "alone").iterdir()
-    }
 
 
 def test_the_strength_of_the_instruments_is_told_where_references_are_logged(

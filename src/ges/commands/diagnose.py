@@ -159,7 +159,7 @@ class Progress:
 
 def command_line(context: click.Context) -> str:
     """The command as it was given, but for what changes nothing of the result."""
-    words = ["ges", context.info_name or ""]
+    words = ["ges", "diagnose"]
     for parameter in context.command.params:
         if (
             context.get_parameter_source(parameter.name)
