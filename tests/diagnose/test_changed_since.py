@@ -115,7 +115,7 @@ def test_a_weight_near_motor_3_is_told_openly_as_that_or_a_weak_rotor_3(recordin
         "thrust_scale",
         "slung_load",
     }
-    assert "rotor 3" in found.sentence and "new propeller 3" in found.sentence
+    assert "rotor 3" in found.remark and "new propeller 3" in found.remark
     x, y = (told["cg_offset"].parameters[k].value for k in ("x_m", "y_m"))
     assert x < 0.0 < y and x == pytest.approx(-y), "rotor 3 is behind and to the left"
     added = told["slung_load"].parameters["mass_kg"]

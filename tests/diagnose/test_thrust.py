@@ -58,8 +58,8 @@ def test_a_bent_curve_is_not_taken_for_a_usual_one(flown, sheet):
     low, high = told["thrust_curve"]["c"].ci95
     assert (
         low < 0.3 < high
-        and "thrust_curve.c would be" in found.sentence
-        and "logged (battery_V)" in found.sentence
+        and "thrust_curve.c would be" in found.remark
+        and "logged (battery_V)" in found.remark
     )
     assert (
         set(found.next_flight["separates"]) == set(told)
@@ -86,8 +86,8 @@ def test_its_three_causes_are_named_together(flown, sheet, effects):
     found = _diagnosed(flown, sheet(), effects, ("rotor_speed", "battery"))
     assert found.verdict == "ambiguous"
     assert {f.name for f in found.findings} == {"battery_sag", "thrust_curve", "thrust_scale"}
-    assert "logged (battery_V)" in found.sentence
-    report = render(found.content(), {})
+    assert "logged (battery_V)" in found.remark
+    report = render(found.content())
     assert report.count("give no number of it") == 2 and "with the battery voltage logged" in report
 
 
@@ -119,8 +119,9 @@ def test_clocks_that_differ_by_little_are_asked_alike(flown, sheet):
 def test_what_is_proven_is_told_apart_from_what_is_open(flown, sheet):
     found = _diagnosed(flown, sheet(), HEAVY | DRAG, ("rotor_speed", "battery"))
     assert found.verdict == "ambiguous"
-    sure, opened = found.sentence.split("Thrust is", 1)
-    assert "rotor_drag" in sure and "thrust_scale" not in sure and "rotor_drag" not in opened
+    sure, opened = found.sentence.split("; beside it one of ", 1)
+    assert "rotor drag" in sure and "thrust scale" not in sure and "rotor drag" not in opened
+    assert found.remark.startswith("Thrust is") and "rotor_drag" not in found.remark
     assert {f.name for f in found.findings if f.probability > 0.9} == {"rotor_drag"}
 
 

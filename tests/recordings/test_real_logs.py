@@ -34,7 +34,7 @@ def test_a_log_without_position_proves_nothing_and_says_what_it_could_not_hear(b
     assert {c.split("_")[0] for c in diagnosis["data"]["channels_used"]} == {"acc", "moment"}
     assert (
         "nothing of drag, inflow, loads and the ground (log velocity and attitude"
-        in diagnosis["sentence"]
+        in diagnosis["remark"]
     )
     off = diagnosis["data"]["channels_off"]
     assert "velocity and attitude" in off["force_z"] and "rotor speeds" in off["drive_1"]

@@ -2,40 +2,60 @@
 
 from __future__ import annotations
 
+import os
+import shlex
+import sys
+import time
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 
-NEXT = {
-    "located": "looking for physics that explains it",
-    "fitted": "flying again what took no part",
-}
-"""What goes on once a step has ended."""
+from ges.commands.import_ import reading_options
+
+SHOWN = ("--open", "--no-open", "--write-flight")
+"""Options that change nothing of the diagnosis."""
 
 
 @click.command()
-@click.argument("recordings", type=click.Path(path_type=Path), metavar="SET")
+@click.argument(
+    "sources", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="SET|LOG..."
+)
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
     required=True,
-    help="Folder for the report and its files.",
+    help="Folder for the page and its files.",
+)
+@click.option(
+    "--vehicle",
+    metavar="NAME|FILE",
+    help="A vehicle of the library, or a vehicle file. Default: the set's, or made from the log.",
+)
+@click.option(
+    "--mass",
+    "mass_kg",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="KG",
+    help="LOG: what was flown, weighed; a vehicle file is made from the log.",
+)
+@click.option("--prop", metavar="SIZE", help="LOG: propellers, as 10in, 10x4.5 or 0.254m.")
+@click.option(
+    "--layout",
+    metavar="NAME",
+    help="LOG: order and spins of the motors, as x or betaflight-x, where the log lacks them.",
 )
 @click.option(
     "--holdout",
     multiple=True,
     metavar="FLIGHT",
     help=(
-        "A flight (file name without .parquet) that takes no part; may be given again. Default: a"
-        " rule that does not look at the flights."
+        "A flight (its file's name without ending) that takes no part; may be given again. Default:"
+        " a rule that does not look at the flights."
     ),
 )
-@click.option(
-    "--vehicle",
-    "vehicle_path",
-    type=click.Path(path_type=Path),
-    help="Another vehicle than the set's own: a file, a simulator's model, or a name.",
-)
+@reading_options
 @click.option(
     "--write-flight",
     type=click.Path(path_type=Path),
@@ -45,58 +65,136 @@ NEXT = {
         " flies too."
     ),
 )
-def command(recordings, out, holdout, vehicle_path, write_flight) -> None:
-    """Locate where the simulator and the flights of SET differ, name what is missing, fit it, and
-    show the fit improve.
+@click.option(
+    "--open/--no-open",
+    "opened",
+    default=None,
+    help="Open the page in a browser. Default: at a terminal with a display.",
+)
+@click.pass_context
+def command(
+    context: click.Context,
+    sources: tuple[Path, ...],
+    out: Path,
+    vehicle: str | None,
+    mass_kg: float | None,
+    prop: str | None,
+    layout: str | None,
+    holdout: tuple[str, ...],
+    kind: str,
+    mapping: str | None,
+    pwm: tuple[float, float] | None,
+    rotor_order: tuple[int, int, int, int] | None,
+    part: int | None,
+    write_flight: Path | None,
+    opened: bool | None,
+) -> None:
+    """Locate where the simulator and the flights differ, name what is missing, fit it, and show the
+    fit improve.
 
-    Example: ges diagnose flights/monday --out reports/monday
+    SET is a folder of 'ges import'; a LOG is read as it is, whatever autopilot wrote it.
+
+    \b
+    Examples:
+      ges diagnose flight.ulg --mass 2.0 --prop 10in --out report
+      ges diagnose logs/*.bin --vehicle x500 --out report
+      ges diagnose flights/monday --out reports/monday
     """
-    from rich.console import Console
-
     from ges.diagnose.report.drawing import drawing
 
-    with (
-        drawing(out) as figures,
-        Console(stderr=True).status(f"locating where {recordings} differs") as status,
-    ):
-        found = _diagnosed(recordings, out, list(holdout) or None, vehicle_path, figures, status)
-    for warning in found.data["warnings"]:
-        click.echo(f"warning: {warning}", err=True)
-    click.echo(found.sentence)
+    with drawing(out) as figures, Progress() as progress:
+        from ges.diagnose.run import Request, run
+        from ges.recordings.readers import Options
+
+        request = Request(
+            sources=sources,
+            vehicle=vehicle,
+            mass_kg=mass_kg,
+            prop=prop,
+            layout=layout,
+            holdout=holdout,
+            options=Options(mapping, pwm, rotor_order, part),
+            kind=kind,
+            command=command_line(context),
+        )
+        found = run(request, out, figures, progress.step)
+    _tell(found, out)
     if write_flight:
         click.echo(_flight_written(found.next_flight, write_flight), err=True)
-    click.echo(f"{out / 'report.html'}", err=True)
+    page = out / "report.html"
+    click.echo(page, err=True)
+    if at_a_display() if opened is None else opened:
+        click.launch(page.resolve().as_uri())
 
 
-def _diagnosed(
-    recordings: Path,
-    out: Path,
-    holdout: list[str] | None,
-    vehicle_path: Path | None,
-    figures,
-    status,
-):
-    """The diagnosis of a set, its files written; what that takes is imported here, while
-    ``figures`` get ready to be drawn.
+class Progress:
+    """What is being done, on stderr: a spinner at a terminal, and a line a step once it has ended
+    with the seconds that it took.
     """
-    from ges.diagnose.pipeline import diagnose
-    from ges.diagnose.report.output import map_figure, write_diagnosis
-    from ges.recordings.recording import load_set
-    from ges.vehicle.file import load_vehicle
 
-    def watch(step: str, known) -> None:
-        if step == "located":
-            figures.start(map_figure(known))
-        status.update(NEXT[step])
+    def __init__(self) -> None:
+        from rich.console import Console
 
-    vehicle = load_vehicle(vehicle_path) if vehicle_path else None
-    folder = vehicle_path.parent if vehicle_path else recordings
-    found = diagnose(load_set(recordings), vehicle, holdout=holdout, folder=folder, watch=watch)
-    write_diagnosis(found, out, folder, figures)
-    return found
+        self._console = Console(stderr=True, highlight=False)
+        self._status = self._console.status("")
+        self._words, self._since = "", 0.0
+
+    def __enter__(self) -> Progress:
+        self._status.start()
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        if kind is None:
+            self.step("")
+        self._status.stop()
+
+    def step(self, words: str) -> None:
+        """The last step has ended, and this one begins."""
+        now = time.monotonic()
+        if self._words:
+            self._console.print(f"{self._words}: {now - self._since:.1f} s", style="dim")
+        self._words, self._since = words, now
+        self._status.update(words)
 
 
-def _flight_written(advised, path: Path) -> str:
+def command_line(context: click.Context) -> str:
+    """The command as it was given, but for what changes nothing of the result."""
+    words = ["ges", "diagnose"]
+    for parameter in context.command.params:
+        if (
+            context.get_parameter_source(parameter.name)
+            is not click.core.ParameterSource.COMMANDLINE
+        ):
+            continue
+        value = context.params[parameter.name]
+        values = value if isinstance(value, tuple) else (value,)
+        if isinstance(parameter, click.Argument):
+            words += [str(v) for v in values]
+        elif not set(parameter.opts) & set(SHOWN):
+            words += [w for v in values for w in (parameter.opts[0], str(v))]
+    return shlex.join(words)
+
+
+def at_a_display() -> bool:
+    """Whether a person sits in front of a screen here."""
+    display = sys.platform in ("win32", "darwin") or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
+    )
+    return display and sys.stdout.isatty()
+
+
+def _tell(found: Any, out: Path) -> None:
+    from ges.diagnose.report.blocks import flight_names, grouped
+
+    content = {"origin": found.origin}
+    for warning in grouped(found.data["warnings"], flight_names(content)):
+        click.echo(f"warning: {warning}", err=True)
+    click.echo(found.sentence)
+    if found.remark:
+        click.echo(found.remark)
+
+
+def _flight_written(advised: Mapping[str, Any], path: Path) -> str:
     """Write the set points of the advised manoeuvre; what was done, as a sentence."""
     from ges.files import replacing
     from ges.simulator import manoeuvres

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ges.errors import UsageError
-
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -70,18 +68,6 @@ def read_log(path: Path, kind: str, mapping, pwm, rotor_order, part) -> Log:
     from ges.recordings.readers import Options, open_log
 
     return open_log(path, Options(mapping, pwm, rotor_order, part), kind)
-
-
-def _names(sources: tuple[Path, ...]) -> list[str]:
-    names = [path.stem for path in sources]
-    if len(set(names)) < len(names):
-        names = [f"{path.parent.name}_{path.stem}" for path in sources]
-    if len(set(names)) < len(names):
-        raise UsageError(
-            "two of the files would become flights of the same name; rename one or import them"
-            " apart"
-        )
-    return names
 
 
 def _parts(name: str, frame: pd.DataFrame, count: int) -> list[tuple[str, pd.DataFrame]]:
@@ -153,12 +139,13 @@ def command(sources, kind, mapping, pwm, rotor_order, part, parts, vehicle_path,
 
     Example: ges import flights/*.ulg --vehicle vehicle.yaml --out set
     """
+    from ges.recordings.readers import flight_names
     from ges.recordings.recording import make_set, write_set
     from ges.vehicle.file import load_vehicle
 
     vehicle = load_vehicle(vehicle_path)
     flights, noticed = [], {}
-    for name, path in zip(_names(sources), sources, strict=True):
+    for name, path in flight_names(sources).items():
         log = read_log(path, kind, mapping, pwm, rotor_order, part)
         cut, empty = _without_empty(_parts(name, log.frame(), parts))
         recordings = make_set(vehicle, cut)

@@ -27,8 +27,11 @@ from ges.diagnose.report.content import (
     unexplained_by,
 )
 from ges.diagnose.report.findings import all_findings, found_sizes
+from ges.diagnose.report.origin import origin_of
+from ges.diagnose.report.per_speed import with_force_per_speed
+from ges.diagnose.report.sentence import with_sentence
 from ges.diagnose.report.vehicle import fitted_vehicle
-from ges.diagnose.report.verdict import sentence_of, verdict_of
+from ges.diagnose.report.verdict import remark_of, verdict_of
 from ges.diagnose.report.workings import Workings
 from ges.diagnose.types.decision import Record
 from ges.diagnose.types.diagnosis import Diagnosis
@@ -109,17 +112,17 @@ def diagnose(
         start.system.length_s,
     )
     findings = all_findings(answer, wrong, shift, problem.gate, record, names is None)
+    findings = with_force_per_speed(findings, answer.last.model)
     unexplained = unexplained_by(left, start, answer.last)
     calibration = calibration_of(answer.last.joint, problem.model)
     off = silent_channels(problem.flights, problem.model)
     untested = not_tested(start.system, answer.last.model)
     warnings = [*problem.warnings, *worse_recalibrated(proof.fit["channels"])]
     verdict = verdict_of(findings, wrong, unexplained)
-    return Diagnosis(
+    diagnosis = Diagnosis(
         verdict=verdict,
-        sentence=sentence_of(
-            verdict, findings, located, unexplained, proof.fit, calibration, wrong, shift, off
-        ),
+        remark=remark_of(verdict, wrong, shift, off),
+        origin=origin_of(problem),
         findings=tuple(findings),
         located=tuple(located),
         unexplained=tuple(unexplained),
@@ -133,5 +136,8 @@ def diagnose(
         vehicle=fitted_vehicle(
             problem.vehicle, problem.model, answer.accepted, answer.last.joint, answer.gusts
         ),
-        workings=Workings(answer.accepted, start.cells, models, proof),
+        workings=Workings(
+            problem, answer.accepted, start.cells, models, proof, start.system.length_s
+        ),
     )
+    return with_sentence(diagnosis)

@@ -85,7 +85,7 @@ class Prepared:
     flying : (n,) True where the vehicle is in the air, away from contact and from gaps.
     lifting : (n,) True where the drive carries nearly as much as in flight, away from gaps; as
         ``flying`` where nothing is said.
-    left_out : seconds left out, by reason.
+    excluded : (n,) True where a sample is left out, by reason.
     update_s : median time between two new values of each stream.
     lateness_s : delay taken out of a stream, by stream.
     derived : streams that were not logged but made from others.
@@ -97,7 +97,7 @@ class Prepared:
     t_s: np.ndarray
     columns: Mapping[str, np.ndarray]
     flying: np.ndarray
-    left_out: Mapping[str, float]
+    excluded: Mapping[str, np.ndarray]
     update_s: Mapping[str, float]
     lateness_s: Mapping[str, float] = dataclasses.field(default_factory=dict)
     derived: frozenset[str] = frozenset()
@@ -116,6 +116,13 @@ class Prepared:
     def dt_s(self) -> float:
         """Spacing of the grid."""
         return float(self.t_s[1] - self.t_s[0])
+
+    @property
+    def left_out(self) -> dict[str, float]:
+        """Seconds left out, by reason."""
+        return {
+            reason: float(at.sum() * self.dt_s) for reason, at in self.excluded.items() if at.any()
+        }
 
     def has(self, stream: str) -> bool:
         """Whether every column of a stream was logged."""

@@ -124,10 +124,9 @@ def _in_the_air(
     )
     cut = clipped(frame, flight.t_s) & up & ~gap
     hit = struck(gridded, model) & up & ~gap & ~cut
-    left = {"on_ground": ~up & ~gap, "gaps": gap, "clipping": cut, "contact": hit}
-    seconds = {reason: float(at.sum() * flight.dt_s) for reason, at in left.items() if at.any()}
+    left_out = {"on_ground": ~up & ~gap, "gaps": gap, "clipping": cut, "contact": hit}
     flying = up & ~gap & ~cut & ~hit
-    return flight.replaced(flying=flying, lifting=lifting(flight, flying) & ~gap, left_out=seconds)
+    return flight.replaced(flying=flying, lifting=lifting(flight, flying) & ~gap, excluded=left_out)
 
 
 def height_over_ground_m(flight: Prepared, model: Model) -> np.ndarray | None:

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from ges.diagnose.prepare.align import Prepared
@@ -25,17 +26,24 @@ class Problem:
     ----------
     vehicle, model : the vehicle file, and as the simulator takes it, at the voltage that was flown.
     gate : the flights as they were aligned, and what was settled on the way.
-    train : flights that take part in fitting and choosing.
+    fitted : flights that take part in fitting and choosing, by name.
     held : flights that take no part, by name.
+    seconds : how long each recording is, by name, also of those that cannot be used.
     warnings : what the reader should know.
     """
 
     vehicle: Vehicle
     model: Model
     gate: Gate
-    train: Sequence[Prepared]
+    fitted: Mapping[str, Prepared]
     held: Mapping[str, Prepared]
+    seconds: Mapping[str, float]
     warnings: Sequence[str]
+
+    @property
+    def train(self) -> list[Prepared]:
+        """Flights that take part in fitting and choosing."""
+        return list(self.fitted.values())
 
     @property
     def flights(self) -> list[Prepared]:
@@ -72,8 +80,9 @@ def pose_problem(
         flights.vehicle,
         model,
         gate,
-        [gate.flights[i] for i in train],
+        {labels[i]: gate.flights[i] for i in train},
         {labels[i]: gate.flights[i] for i in held},
+        {f.name: float(np.ptp(f.frame["t_s"].to_numpy(dtype=float))) for _, f in ordered},
         (*flights.warnings, *gate.warnings),
     )
 

@@ -19,7 +19,7 @@ from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.gate import Gate
 from ges.diagnose.types.decision import Considered, Decision, Record
 from ges.diagnose.types.diagnosis import interval95
-from ges.diagnose.types.model import Model
+from ges.diagnose.types.model import Model, block_of
 from ges.diagnose.validate.hypothesis import Form, hypotheses
 from ges.diagnose.validate.locate import (
     BLOCK_S,
@@ -72,6 +72,7 @@ def data_used(
         ],
         "instruments": strengths(vouched, system.main),
         "window_s": system.length_s,
+        "reference_scale": {block_of(name): system.model.whole(name) for name in system.main},
         "warnings": list(warnings),
     }
 

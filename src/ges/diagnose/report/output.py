@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +11,13 @@ import numpy as np
 
 from ges.diagnose.design.weak import blocks_of, make_windows
 from ges.diagnose.report.drawing import Drawing, Figure
-from ges.diagnose.report.page import write_report
+from ges.diagnose.report.page import CAPTIONS, write_report
+from ges.diagnose.report.residuals import write_residuals
 from ges.diagnose.types.diagnosis import Diagnosis
 from ges.diagnose.types.words import channel_words, quantity_words, size_unit
-from ges.diagnose.validate.locate import Cell
+from ges.diagnose.validate.locate import CHANCE, Cell
 from ges.diagnose.validate.proof import Proof
+from ges.diagnose.validate.traces import Trace, trace
 from ges.diagnose.validate.verify import HORIZON_S, STEPS
 from ges.files import write_json
 from ges.simulator import effects as effect_table
@@ -34,28 +36,51 @@ def write_diagnosis(
     ``drawing`` is of the same ``out``, where figures were begun before (:func:`map_figure`).
     """
     out.mkdir(parents=True, exist_ok=True)
-    content = diagnosis.content()
-    drawing, figures = drawing or Drawing(out), list(_figures(diagnosis, content))
+    content, traces = diagnosis.content(), traces_of(diagnosis)
+    drawing, figures = drawing or Drawing(out), list(_figures(diagnosis, content, traces))
     drawing.start(figures)
+    _remove_others(out, {name for name, *_ in figures})
     ground = diagnosis.vehicle.terrain.file
     if ground and Path(vehicle_folder).resolve() != out.resolve():
         shutil.copyfile(Path(vehicle_folder) / ground, out / ground)
     save_vehicle(diagnosis.vehicle, out / "vehicle.fitted.yaml")
-    write_report(content, drawing.pictures(figures), out / "report.html")
+    write_residuals(traces, out / "residuals.parquet")
+    write_report(content, drawing.pictures(figures), traces, out / "report.html")
     write_json(out / "diagnosis.json", content)
+
+
+def traces_of(diagnosis: Diagnosis) -> list[Trace]:
+    """Recorded and simulated signals of every flight that was used, by name."""
+    workings = diagnosis.workings
+    flights = {**workings.problem.fitted, **workings.problem.held}
+    return [
+        trace(f, name, name in workings.problem.held, workings.models, workings.length_s)
+        for name, f in sorted(flights.items())
+    ]
+
+
+def _remove_others(out: Path, drawn: Collection[str]) -> None:
+    """Remove figures that an earlier diagnosis left in the folder."""
+    for name in set(CAPTIONS) - set(drawn):
+        for kind in ("png", "pdf"):
+            (out / f"{name}.{kind}").unlink(missing_ok=True)
 
 
 def map_figure(cells: Sequence[Cell]) -> list[Figure]:
     """The map of where the mismatch lives, which can be drawn as soon as it was located; none where
-    nothing could be.
+    it would show nothing but noise.
     """
-    return [("where", "location_map", ([_cell(c) for c in cells],))] if cells else []
+    news = any(c.q_value <= CHANCE for c in cells)
+    return [("where", "location_map", ([_cell(c) for c in cells],))] if news else []
 
 
-def _figures(diagnosis: Diagnosis, content: Mapping[str, Any]) -> Iterator[Figure]:
+def _figures(
+    diagnosis: Diagnosis, content: Mapping[str, Any], traces: Sequence[Trace]
+) -> Iterator[Figure]:
     """Those that this diagnosis has something for."""
     proof = diagnosis.workings.proof
     yield from map_figure(diagnosis.workings.cells)
+    yield "over_time", "over_time", (next((t for t in traces if t.held_out), traces[0]),)
     told = _parameters(content)
     if told:
         yield "parameters", "parameter_intervals", (told,)

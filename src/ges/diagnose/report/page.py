@@ -1,25 +1,21 @@
-"""The report: one self-contained HTML page made of diagnosis.json and its pictures."""
+"""The report: one self-contained HTML page of diagnosis.json, pictures and signals over time."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+import functools
+from collections.abc import Mapping, Sequence
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import jinja2
+from markupsafe import Markup
 
-from ges.diagnose.types.words import (
-    bounds_words,
-    chance_words,
-    channel_words,
-    number_words,
-    odds_words,
-    quantity_words,
-    size_unit,
-    unit_words,
-)
-from ges.diagnose.validate.verify import WORSE
+from ges.diagnose.report import blocks
+from ges.diagnose.report.charts import chart_data
+from ges.diagnose.types import words
+from ges.diagnose.validate.traces import Trace
 from ges.files import write_text
 
 CAPTIONS: Mapping[str, str] = {
@@ -45,6 +41,10 @@ CAPTIONS: Mapping[str, str] = {
         "Open-loop simulation from recorded states: how the error grows, with 95 % bands over the"
         " starts."
     ),
+    "over_time": (
+        "Recorded and simulated signals of one flight, and recorded less simulated beside them;"
+        " grey spans are left out. residuals.parquet has every flight."
+    ),
 }
 VERDICTS: Mapping[str, str] = {
     "nothing_proven": "nothing proven",
@@ -54,110 +54,100 @@ VERDICTS: Mapping[str, str] = {
     "ambiguous": "more than one explanation",
     "unknown": "unknown cause",
 }
-_KNOWN_DATA = frozenset(
-    {"flights", "seconds_used", "left_out", "channels_used", "warnings", "window_s"}
-)
+PARTS: Mapping[str, str] = {
+    "fitted": "fitted",
+    "held_out": "took no part",
+    "left_out": "not used",
+}
 
 
-def _percent(share: float | None) -> str:
-    if share is None:
-        return "not known"
-    return f"{round(100.0 * share, 1) + 0.0:.{0 if abs(share) >= 0.0995 else 1}f} %".replace(
-        "-", "−"
-    )
+@functools.lru_cache
+def _asset(name: str) -> Markup:
+    """A file of the package, as it is."""
+    return Markup(resources.files("ges.diagnose.report").joinpath(name).read_text("utf-8"))
 
 
-def _probability(p: float | None) -> str:
-    if p is None:
-        return "not known"
-    return "> 0.999" if p > 0.999 else f"{p:.3f}" if p > 0.99 else f"{p:.2f}"
-
-
-def _regime(regime: Mapping[str, Any]) -> str:
-    """Bounds of a regime in words: ``height over rotor radius 0.5 to 2``."""
-    parts = []
-    for name, (low, high) in regime.items():
-        words, _, unit = quantity_words(name).partition(", ")
-        parts.append(f"{words} {bounds_words(low, high, 3)}{' ' + unit if unit else ''}")
-    return ", ".join(parts) or "everywhere"
-
-
-def _whole(unit: str) -> str:
-    """What a size is a share of, by its unit."""
-    return {
-        "N": "weight",
-        "N m": "weight times arm",
-        "rad/s": "full rotor speed",
-        "m": "a rotor radius",
-    }.get(unit, "the whole")
-
-
-def _environment() -> jinja2.Environment:
-    environment = jinja2.Environment(
+@functools.lru_cache(maxsize=1)
+def environment() -> jinja2.Environment:
+    """Templates of the pages, with the words that they use."""
+    templates = jinja2.Environment(
         loader=jinja2.PackageLoader("ges.diagnose.report", "."),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.ChainableUndefined,
     )
-    environment.filters.update(
-        number=number_words,
-        percent=_percent,
-        probability=_probability,
-        regime=_regime,
-        size_unit=size_unit,
-        whole=_whole,
-        channel=channel_words,
-        unit=unit_words,
-        chance=chance_words,
-        odds=odds_words,
-        plain=lambda name: str(name).replace("_", " ").replace("+", " with "),
+    templates.globals["asset"] = _asset
+    templates.filters.update(
+        number=words.number_words,
+        percent=words.percent_words,
+        probability=words.probability_words,
+        regime=words.regime_words,
+        size_unit=words.size_unit,
+        whole=words.whole_words,
+        channel=words.channel_words,
+        unit=words.unit_words,
+        chance=words.chance_words,
+        odds=words.odds_words,
+        plain=words.plain,
+        decision=blocks.decision_words,
+        share=blocks.share_words,
     )
-    return environment
+    return templates
 
 
-def _worse(content: Mapping[str, Any]) -> list[str]:
-    """Channels that the findings make worse on flights that took no part, beyond doubt."""
-    table = content["fit"].get("channels", {})
-    return [
-        name
-        for name, c in table.items()
-        if c["reduction_ci95"][1] is not None and c["reduction_ci95"][1] < -WORSE
-    ]
-
-
-def render(content: Mapping[str, Any], pictures: Mapping[str, bytes]) -> str:
+def render(
+    content: Mapping[str, Any],
+    pictures: Mapping[str, bytes] | None = None,
+    traces: Sequence[Trace] = (),
+) -> str:
     """The page as text.
 
     Parameters
     ----------
     content : diagnosis.json (contract, schema 1).
     pictures : PNG bytes by place: any of :data:`CAPTIONS`.
+    traces : recorded and simulated signals, one a flight; without them the page has no charts.
     """
-    told = {
-        name: {"data": base64.b64encode(pictures[name]).decode(), "caption": caption}
-        for name, caption in CAPTIONS.items()
-        if name in pictures
-    }
-    data = content["data"]
-    other = {
-        key: value
-        for key, value in data.items()
-        if key not in _KNOWN_DATA and isinstance(value, int | float | str)
+    fit, scale = content["fit"], content["data"].get("reference_scale", {})
+    tables = {
+        "errors": fit.get("channels") or {},
+        "rollout": (fit.get("rollout") or {}).get("channels") or {},
+        "closed_loop": (fit.get("closed_loop") or {}).get("channels") or {},
     }
     page = {
         **content,
         "verdict": VERDICTS[content["verdict"]],
-        "ambiguous": [f["name"] for f in content["findings"] if f["open"]],
-        "worse": _worse(content),
-        "other": other,
-        "pictures": told,
+        "parts": PARTS,
+        "open": [f for f in content["findings"] if f["open"]],
+        "located": dict(zip(("rows", "hidden"), blocks.located_rows(content), strict=True)),
+        "scale": scale,
+        "tables": {
+            name: dict(zip(("rows", "small"), blocks.error_rows(table, scale), strict=True))
+            for name, table in tables.items()
+        },
+        "remarks": blocks.remarks(content),
+        "considered": blocks.considered_rows(content),
+        "steps": blocks.next_steps(content),
+        "hashed": any(f.get("sha256") for f in content.get("origin", {}).get("flights", ())),
+        "warnings": blocks.grouped(
+            content["data"].get("warnings", ()), blocks.flight_names(content)
+        ),
+        "pictures": {
+            name: {"data": base64.b64encode((pictures or {})[name]).decode(), "caption": caption}
+            for name, caption in CAPTIONS.items()
+            if name in (pictures or {})
+        },
+        "charts": chart_data(traces) if traces else None,
     }
-    return _environment().get_template("report.html.j2").render(page)
+    return environment().get_template("report.html.j2").render(page)
 
 
 def write_report(
-    content: Mapping[str, Any], pictures: Mapping[str, bytes], path: str | Path
+    content: Mapping[str, Any],
+    pictures: Mapping[str, bytes],
+    traces: Sequence[Trace],
+    path: str | Path,
 ) -> None:
     """Write the report, whole or not at all; parameters as :func:`render`."""
-    write_text(path, render(content, pictures))
+    write_text(path, render(content, pictures, traces))

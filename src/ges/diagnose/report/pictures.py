@@ -24,6 +24,7 @@ from ges.diagnose.types.words import (
     stage_words,
     unit_words,
 )
+from ges.diagnose.validate.traces import Trace
 from ges.files import replacing
 
 STAGES = ("before", "recalibrated", "after")
@@ -52,6 +53,8 @@ MOST_DECIMALS = 4
 MOST_PARAMETERS = 10
 SIGNIFICANT = 0.05
 DRAWS = 400
+TALLEST_IN = 9.6
+"""Of a figure that fits on a printed page with its caption."""
 
 
 def _figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
@@ -273,6 +276,59 @@ def residual_against(
         axis.set(xlabel=xlabel, ylabel=ylabel)
         axis.legend()
     return figure
+
+
+def over_time(t: Trace) -> Figure:
+    """Signals of one flight, recorded and by stage, and recorded less each stage beside them;
+    without those that are simulated ahead.
+
+    Parameters
+    ----------
+    t : the flight; grey spans are left out.
+    """
+    drawn = [(c, name) for c, name in enumerate(t.channels) if name not in t.ahead]
+    rows = len(drawn)
+    height_in = min(0.75 + 0.95 * rows, TALLEST_IN)
+    with mpl.rc_context({**_STYLE, "font.size": 7.5, "axes.titlesize": 7.5}):
+        figure = Figure(figsize=(WIDTH_IN, height_in))
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(rows, 2, squeeze=False, sharex=True)
+        for (left, right), (c, name) in zip(axes, drawn, strict=True):
+            left.plot(
+                t.t_s, t.recorded[:, c], color="black", linewidth=0.9, label="recorded", zorder=3
+            )
+            for stage, values in t.simulated.items():
+                style = {"color": COLOURS[stage], "linewidth": 0.9, "label": stage_words(stage)}
+                left.plot(t.t_s, values[:, c], LINES[stage], **style)
+                right.plot(t.t_s, t.recorded[:, c] - values[:, c], LINES[stage], **style)
+            _limit(left, t.used, t.recorded[:, c], *(v[:, c] for v in t.simulated.values()))
+            right.axhline(0.0, color="black", linewidth=0.5)
+            left.set_title(f"{channel_words(name)}, {unit_words(name)}", loc="left", pad=2)
+            for axis in (left, right):
+                for span in t.left_out:
+                    axis.axvspan(span.start_s, span.end_s, color="#E4E4E4", linewidth=0, zorder=0)
+                axis.margins(x=0.0)
+        axes[0, 1].set_title("recorded less simulated", loc="left", pad=2)
+        for axis in axes[-1]:
+            axis.set_xlabel(f"time, s ({t.flight})")
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="upper center", ncols=4)
+        figure.subplots_adjust(
+            left=0.075,
+            right=0.99,
+            bottom=0.45 / height_in,
+            top=1.0 - 0.45 / height_in,
+            hspace=0.45,
+            wspace=0.17,
+        )
+    return figure
+
+
+def _limit(axis, used: np.ndarray, *signals: np.ndarray) -> None:
+    """The axis to what is used: a blow on the ground would flatten all else."""
+    values = np.concatenate([s[used & np.isfinite(s)] for s in signals])
+    if len(values):
+        room = 0.05 * np.ptp(values) or 1.0
+        axis.set_ylim(values.min() - room, values.max() + room)
 
 
 def binned(

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 from ges.diagnose.decide.accept import Accepted
+from ges.diagnose.prepare.problem import Problem
 from ges.diagnose.types.model import Model
 from ges.diagnose.validate.locate import Cell
 from ges.diagnose.validate.proof import Proof
@@ -13,9 +14,13 @@ from ges.diagnose.validate.proof import Proof
 
 @dataclasses.dataclass(frozen=True)
 class Workings:
-    """The search, the map of what the recalibrated model leaves, the models by stage, the proof."""
+    """What a diagnosis worked on, the search, the map of what the recalibrated model leaves, the
+    models by stage, the proof, and the support of its windows, s.
+    """
 
+    problem: Problem
     accepted: Accepted
     cells: Sequence[Cell]
     models: Mapping[str, Model]
     proof: Proof
+    length_s: float

@@ -95,12 +95,14 @@ class Finding:
 class Diagnosis:
     """Verdict, findings and proof.
 
-    ``content()`` is diagnosis.json, ``vehicle`` the fitted vehicle file, and ``workings``, of
+    ``content()`` is diagnosis.json, ``vehicle`` the fitted vehicle file, ``origin`` what it was
+    made from, ``remark`` what there is to say beside the sentence, and ``workings``, of
     :mod:`ges.diagnose.report.workings`, what figures are drawn from.
     """
 
     verdict: str
-    sentence: str
+    remark: str
+    origin: Mapping[str, Any]
     findings: tuple[Finding, ...]
     located: tuple[Mapping[str, Any], ...]
     unexplained: tuple[Mapping[str, Any], ...]
@@ -112,6 +114,7 @@ class Diagnosis:
     not_tested: Mapping[str, str]
     considered: tuple[Considered, ...]
     vehicle: Vehicle
+    sentence: str = ""
     workings: Any = dataclasses.field(default=None, repr=False)
 
     def content(self) -> dict[str, Any]:
@@ -121,6 +124,8 @@ class Diagnosis:
                 "schema": 1,
                 "verdict": self.verdict,
                 "sentence": self.sentence,
+                "remark": self.remark,
+                "origin": dict(self.origin),
                 "findings": [f.content() for f in self.findings],
                 "located": [dict(item) for item in self.located],
                 "unexplained": [dict(item) for item in self.unexplained],

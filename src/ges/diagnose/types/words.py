@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 
 _CHANNELS = {
     "force_x": "force forward",
@@ -52,6 +53,14 @@ _STAGES = {
     "recalibrated": "recalibrated only",
     "after": "with the findings",
 }
+_WHOLES = {
+    "N": "weight",
+    "N m": "weight times arm",
+    "rad/s": "full rotor speed",
+    "m": "a rotor radius",
+}
+MOST_ODDS = 23.0
+"""Log odds of 10 to the ninth: beyond, a number says no more."""
 
 
 def _split(name: str) -> tuple[str, str]:
@@ -60,6 +69,11 @@ def _split(name: str) -> tuple[str, str]:
         if name.endswith(f"_{suffix}"):
             return name.removesuffix(f"_{suffix}"), _SUFFIXES[suffix]
     return name, ""
+
+
+def without_unit(name: str) -> str:
+    """A contract name without its unit: ``force_z_N`` is ``force_z``."""
+    return _split(name)[0]
 
 
 def channel_words(name: str) -> str:
@@ -85,6 +99,47 @@ def size_unit(channel: str) -> str:
     return {"force": "N", "acc": "N", "moment": "N m", "drive": "rad/s", "range": "m"}.get(
         channel.split("_")[0], ""
     )
+
+
+def whole_words(unit: str) -> str:
+    """What a size is a share of, by its unit."""
+    return _WHOLES.get(unit, "the whole")
+
+
+def plain(name: str) -> str:
+    """A contract name as words: ``cg_offset+thrust_scale`` is *cg offset with thrust scale*."""
+    return str(name).replace("_", " ").replace("+", " with ")
+
+
+def list_words(items: Sequence[str], last: str = "and") -> str:
+    """``a, b and c``."""
+    *some, end = items
+    return f"{', '.join(some)} {last} {end}" if some else end
+
+
+def percent_words(share: float | None) -> str:
+    """A share in percent, one decimal below ten."""
+    if share is None:
+        return "not known"
+    return f"{round(100.0 * share, 1) + 0.0:.{0 if abs(share) >= 0.0995 else 1}f} %".replace(
+        "-", "−"
+    )
+
+
+def probability_words(p: float | None) -> str:
+    """A probability to two decimals, three beyond 0.99."""
+    if p is None:
+        return "not known"
+    return "> 0.999" if p > 0.999 else f"{p:.3f}" if p > 0.99 else f"{p:.2f}"
+
+
+def regime_words(regime: Mapping[str, Sequence[float]]) -> str:
+    """Bounds of a regime: *height over rotor radius 0.50 to 2.00*."""
+    parts = []
+    for name, (low, high) in regime.items():
+        words, _, unit = quantity_words(name).partition(", ")
+        parts.append(f"{words} {bounds_words(low, high, 3)}{' ' + unit if unit else ''}")
+    return ", ".join(parts) or "everywhere"
 
 
 def stage_words(stage: str) -> str:
@@ -131,9 +186,7 @@ def odds_words(log_odds: float | None) -> str:
     """Log odds of an alternative against what was accepted."""
     if log_odds is None:
         return "not weighed"
-    if abs(log_odds) > 23.0:
-        return (
-            "more than 10⁹ times less likely" if log_odds < 0 else "more than 10⁹ times more likely"
-        )
-    times = number_words(math.exp(abs(log_odds)), 2)
+    times = (
+        "more than 10⁹" if abs(log_odds) > MOST_ODDS else number_words(math.exp(abs(log_odds)), 2)
+    )
     return f"{times} times {'less' if log_odds < 0 else 'more'} likely"

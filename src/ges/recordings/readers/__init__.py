@@ -4,9 +4,10 @@ bytes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
-from ges.errors import GesError, unknown_name
+from ges.errors import GesError, UsageError, unknown_name
 from ges.recordings.readers.ardupilot import ArduPilot
 from ges.recordings.readers.betaflight import Betaflight
 from ges.recordings.readers.crazyflie import Crazyflie
@@ -16,7 +17,7 @@ from ges.recordings.readers.px4 import Px4
 from ges.recordings.readers.ros import Ros
 from ges.recordings.readers.table import Table
 
-__all__ = ["READERS", "Log", "Options", "Reader", "Stream", "open_log", "reader_of"]
+__all__ = ["READERS", "Log", "Options", "Reader", "Stream", "flight_names", "open_log", "reader_of"]
 
 READERS: tuple[Reader, ...] = (
     Px4(),
@@ -90,3 +91,20 @@ def open_log(path: str | Path, options: Options = _NOTHING_SAID, kind: str = "au
         return reader.read(path, options)
     except OSError as error:
         raise GesError(f"cannot read {path}: {error.strerror or error}") from None
+
+
+def flight_names(sources: Sequence[Path]) -> dict[str, Path]:
+    """Logs by the names of their flights: the file's own, with its folder where two are alike.
+
+    Raises
+    ------
+    UsageError
+        Where two would still be called the same.
+    """
+    for named in (lambda p: p.stem, lambda p: f"{p.parent.name}_{p.stem}"):
+        names = {named(path): path for path in sources}
+        if len(names) == len(sources):
+            return names
+    raise UsageError(
+        "two of the files would become flights of the same name; rename one or import them apart"
+    )

@@ -1,0 +1,34 @@
+"""``ges compare``: two diagnoses side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command()
+@click.argument("first", type=click.Path(path_type=Path), metavar="DIR")
+@click.argument("second", type=click.Path(path_type=Path), metavar="DIR")
+@click.option(
+    "--html",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write the comparison as a page, too.",
+)
+def command(first: Path, second: Path, html: Path | None) -> None:
+    """Lay two diagnoses side by side: verdicts, findings with intervals that overlap or do not, and
+    errors on flights that took no part.
+
+    Example: ges compare reports/monday reports/tuesday
+    """
+    from ges.diagnose.report import compare
+    from ges.diagnose.report.saved import load_diagnosis
+    from ges.diagnose.report.terminal import console
+
+    names = [str(first), str(second)]
+    comparison = compare.compare(load_diagnosis(first), load_diagnosis(second), names)
+    console().print(compare.as_text(comparison))
+    if html:
+        compare.write_html(comparison, html)
+        click.echo(html, err=True)

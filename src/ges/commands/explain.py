@@ -1,0 +1,28 @@
+"""``ges explain``: what a diagnosis considered, and why a name was not given."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path), metavar="DIR")
+@click.argument("name", required=False)
+def command(folder: Path, name: str | None) -> None:
+    """Print what the diagnosis in DIR considered; with NAME, every rule that this effect had to
+    pass, and what was measured.
+
+    \b
+    Examples:
+      ges explain report
+      ges explain report wind
+    """
+    from ges.diagnose.report import explain
+    from ges.diagnose.report.saved import load_diagnosis
+    from ges.diagnose.report.terminal import console
+
+    content = load_diagnosis(folder)
+    record = explain.of_name(content, name) if name else explain.overview(content)
+    console().print(record)

@@ -1,0 +1,43 @@
+"""One long recording as several flights, so that a part of it can be held out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from ges.diagnose.prepare.gate import LEAST_FLYING_S, prepare
+from ges.diagnose.types.model import Model
+from ges.errors import GesError
+
+PARTS = 4
+"""A quarter is held out."""
+
+
+def cut(name: str, frame: pd.DataFrame, model: Model) -> list[tuple[str, pd.DataFrame]]:
+    """Consecutive parts that are as long in the air as each other: four, or fewer where a part
+    would be shorter than twice the shortest flight that is of use.
+
+    Parameters
+    ----------
+    name : of the recording; the parts are ``name_part1`` ...
+    frame : table with contract columns.
+    model : the vehicle, which tells when it flies.
+
+    Raises
+    ------
+    GesError
+        Where not even two parts would fly long enough.
+    """
+    flight = prepare(frame, model)
+    seconds = np.cumsum(flight.flying) * flight.dt_s
+    if seconds[-1] < 2.0 * LEAST_FLYING_S:
+        raise GesError(
+            f"{name} is {seconds[-1]:.1f} s in the air; to fit a part and hold another out takes"
+            f" {2.0 * LEAST_FLYING_S:g} s or more, or a second log"
+        )
+    count = int(np.clip(seconds[-1] // (2.0 * LEAST_FLYING_S), 2, PARTS))
+    ends = [flight.t_s[np.searchsorted(seconds, seconds[-1] * k / count)] for k in range(1, count)]
+    number = np.searchsorted(ends, frame["t_s"].to_numpy(dtype=float), side="right")
+    return [
+        (f"{name}_part{k + 1}", frame[number == k].reset_index(drop=True)) for k in range(count)
+    ]

@@ -1,0 +1,307 @@
+"""Blocks of the page that weigh what is worth a reader's time: rows, remarks, and what to do next.
+All from diagnosis.json alone.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from ges.diagnose.types.model import block_of
+from ges.diagnose.types.words import (
+    channel_words,
+    list_words,
+    number_words,
+    percent_words,
+    plain,
+    unit_words,
+    without_unit,
+)
+from ges.diagnose.validate.locate import LEAST_SHARE
+from ges.diagnose.validate.verify import WORSE
+
+NOTHING = "nothing more"
+"""How ``next_flight`` calls the explanation that has none of the open names."""
+LEAST_READING = {"m": 0.01, "m/s": 0.05, "rad": 0.002, "rad/s": 0.5, "": 0.002}
+"""Errors below which no engineer acts, by unit, where no reference scale is known: a centimetre,
+five centimetres a second, a tenth of a degree.
+"""
+LEAST_WIDTH = {"": 0.01, "m": 0.1, "m/s": 0.1, "V": 0.01, "s": 0.5}
+"""Narrowest range of a condition that somebody could fly on purpose, by unit."""
+
+
+def located_rows(content: Mapping[str, Any]) -> tuple[list[Mapping[str, Any]], int]:
+    """Entries of ``located`` worth telling, and how many are not: smaller than a finding has to be,
+    or in a condition narrower than anybody flies on purpose.
+    """
+    scale = content["data"].get("reference_scale", {})
+    kept = [row for row in content["located"] if _wide(row["regime"]) and _large(row, scale)]
+    return kept, len(content["located"]) - len(kept)
+
+
+def _large(row: Mapping[str, Any], scale: Mapping[str, float]) -> bool:
+    block = block_of(row["channel"])
+    if row.get("mean") is None or block not in scale:
+        return True
+    return abs(row["mean"]) >= LEAST_SHARE[block] * scale[block]
+
+
+def _wide(regime: Mapping[str, Sequence[float]]) -> bool:
+    return all(
+        high - low >= LEAST_WIDTH.get(unit_words(name), 0.0)
+        for name, (low, high) in regime.items()
+        if low is not None and high is not None
+    )
+
+
+def error_rows(
+    table: Mapping[str, Mapping[str, Any]], scale: Mapping[str, float]
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Rows of a table of errors by stage, and the names of those too small to act on.
+
+    Parameters
+    ----------
+    table : ``channels`` of the fit, of its rollout or of its closed loop.
+    scale : reference scale by block of channels: weight, weight times arm, full rotor speed.
+
+    Returns
+    -------
+    rows : name, the three stages, ``change`` of *after* against *recalibrated* (a share) with its
+        95 % interval where there is one, and ``state``: *better*, *worse* or ''.
+    """
+    rows, small = [], []
+    for name, c in table.items():
+        stages = [c[s] for s in ("before", "recalibrated", "after") if c.get(s) is not None]
+        if stages and max(stages) < _least(name, scale):
+            small.append(name)
+            continue
+        low, high = c.get("reduction_ci95") or (None, None)
+        change = c["after"] / c["recalibrated"] - 1.0 if c["recalibrated"] else None
+        state = ""
+        if low is not None and change is not None and abs(change) >= WORSE:
+            state = "better" if low > 0.0 else "worse" if high < 0.0 else ""
+        rows.append(
+            {
+                "name": name,
+                **{s: c[s] for s in ("before", "recalibrated", "after")},
+                "change": change,
+                "ci95": None if low is None else (-high, -low),
+                "state": state,
+            }
+        )
+    return rows, small
+
+
+def _least(name: str, scale: Mapping[str, float]) -> float:
+    block = block_of(without_unit(name))
+    if block in scale:
+        return LEAST_SHARE[block] * scale[block]
+    return LEAST_READING.get(unit_words(name), 0.0)
+
+
+def remarks(content: Mapping[str, Any]) -> list[str]:
+    """What speaks against the fit on flights that took no part, with what to do."""
+    table = content["fit"].get("channels", {})
+    out = [*_worse_than_recalibrated(table), *_worse_than_given(table)]
+    rolled = content["fit"].get("rollout") or {}
+    for name, c in rolled.get("channels", {}).items():
+        if c["after"] > (1.0 + WORSE) * c["recalibrated"] and c["after"] >= LEAST_READING["m"]:
+            out.append(
+                f"Simulated {number_words(rolled['horizon_s'], 2)} s ahead, the"
+                f" {channel_words(name)} is farther off with the findings:"
+                f" {_stages(name, c, 'recalibrated', 'after')}."
+            )
+    return out
+
+
+def _worse_than_recalibrated(table: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    for name, c in table.items():
+        high = c["reduction_ci95"][1]
+        if c["after"] <= (1.0 + WORSE) * c["recalibrated"]:
+            continue
+        yield (
+            f"With the findings the {channel_words(name)} is worse"
+            f" ({_stages(name, c, 'recalibrated', 'after')}), "
+            + (
+                "and not by chance: one of them is wrong, or belongs to the other flights. Hold"
+                " another flight out (--holdout) and see which of them stays."
+                if high is not None and high < 0.0
+                else "which chance may do."
+            )
+        )
+
+
+def _worse_than_given(table: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    worse = [
+        f"{channel_words(name)} ({_stages(name, c, 'before', 'recalibrated')})"
+        for name, c in table.items()
+        if c["recalibrated"] > (1.0 + WORSE) * c["before"]
+    ]
+    if worse:
+        yield (
+            f"Recalibration alone makes worse: {list_words(worse)}. What the other flights ask of"
+            " the declared numbers does not hold here: look for what differs between the flights,"
+            " such as battery, payload or trim."
+        )
+
+
+def _stages(name: str, c: Mapping[str, Any], first: str, then: str) -> str:
+    unit = unit_words(name)
+    return f"{number_words(c[first])} → {number_words(c[then])}{' ' + unit if unit else ''}"
+
+
+def separates_words(names: Sequence[str], tell: str = "tells", show: str = "shows") -> str:
+    """What a flight is good for: *tells a and b apart*, *shows whether a is there at all*.
+
+    Parameters
+    ----------
+    names : ``separates`` of the next flight.
+    tell, show : the two verbs, for more than one flight or for none.
+    """
+    named = [plain(n) for n in names if n != NOTHING]
+    there = f"{show} whether {list_words(named, 'or')} is there at all" if named else ""
+    apart = f"{tell} {list_words(named)} apart" if len(named) > 1 else ""
+    if not apart:
+        return there or f"{show} whether anything is missing"
+    return f"{apart} and {there}" if NOTHING in names else apart
+
+
+def next_steps(content: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """What to do now: ``words``, ``points`` under them, and a ``command`` where one does it, to be
+    run in the page's folder.
+    """
+    return [
+        *_next_flight(content),
+        *_to_log(content),
+        *_with_findings(content),
+        *_why_not(content),
+    ]
+
+
+def _next_flight(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    advised = content["next_flight"]
+    if not advised or not advised.get("separates"):
+        return
+    separates, times = advised["separates"], advised.get("flights") or 1
+    if not advised.get("manoeuvre"):
+        would = separates_words(separates, "would tell", "would show")
+        yield {
+            "words": (
+                f"No manoeuvre of the menu {would}. Instead change one thing on the vehicle"
+                " (another propeller, no load, still air), fly the same plan again, diagnose it and"
+                " compare: what goes with the change was its cause. Or measure one of them apart,"
+                " on scales or a thrust stand, and declare it in the vehicle file with a smaller"
+                " sd."
+            ),
+            "command": "ges compare . AFTER_THE_CHANGE",
+        }
+        return
+    what = (
+        f"it {separates_words(separates)}"
+        if times == 1
+        else f"together these flights {separates_words(separates, 'tell', 'show')}"
+    )
+    often = f" {times} times" if times > 1 else ""
+    prepared = f" with {advised['preparation']}" if advised.get("preparation") else ""
+    still = [plain(n) for n in advised.get("stays_open") or () if n != NOTHING]
+    between = f" {list_words(still)} would stay open between themselves." if len(still) > 1 else ""
+    command = content.get("origin", {}).get("command", "")
+    yield {
+        "words": (
+            f"Fly {plain(advised['manoeuvre'])}{often}{prepared}: {what}.{between}"
+            + (" Its set points are written, where this diagnosis was made, by" if command else "")
+        ),
+        "command": f"{command} --write-flight next_flight.csv" if command else "",
+    }
+
+
+def _to_log(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    reasons: dict[str, list[str]] = {}
+    for name, why in content["data"].get("channels_off", {}).items():
+        reasons.setdefault(why, []).append(channel_words(name))
+    if reasons:
+        yield {
+            "words": "Give it more to go by next time:",
+            "points": [
+                f"{why}: these flights say nothing of the {list_words(names)}"
+                for why, names in reasons.items()
+            ],
+        }
+
+
+def _with_findings(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    if content["findings"]:
+        yield {
+            "words": "Fly the fitted vehicle, findings and all:",
+            "command": "ges simulate vehicle.fitted.yaml --plan straight_runs --out flight.parquet",
+        }
+    yield {
+        "words": "Ask later flights what has changed since, and lay both diagnoses side by side:",
+        "command": "ges diagnose LATER_FLIGHTS --vehicle vehicle.fitted.yaml --out later\n"
+        "ges compare . later",
+    }
+
+
+def _why_not(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    rows = considered_rows(content)
+    if rows:
+        yield {
+            "words": "Read why a name was not given, rule by rule:",
+            "command": f"ges explain . {shlex.quote(rows[0]['name'])}",
+        }
+
+
+def considered_rows(content: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Candidates that were weighed and not named, the likeliest first, each with the first rule
+    that it failed.
+    """
+    named = {(f["name"], f.get("place", "")) for f in content["findings"]}
+    rows = [
+        {**c, "failed": next((d for d in c["decisions"] if not d["passed"]), None)}
+        for c in content.get("considered", ())
+        if (c["name"], c.get("place", "")) not in named and c["probability"] is not None
+    ]
+    return sorted(rows, key=lambda c: (-c["probability"], c["name"], c.get("place", "")))
+
+
+def decision_words(decision: Mapping[str, Any]) -> str:
+    """A decision as a sentence: the rule, what was measured, what it asks, and why."""
+    numbers = ""
+    if decision.get("statistic") is not None:
+        numbers = number_words(decision["statistic"])
+        if decision.get("threshold") is not None:
+            numbers += f", asked {number_words(decision['threshold'])}"
+    because = decision.get("because") or ""
+    return "; ".join(part for part in (numbers, because) if part)
+
+
+def share_words(name: str, value: float | None, scale: Mapping[str, float]) -> str:
+    """A size of a channel as a share of its reference scale; '' where none is known."""
+    whole = scale.get(block_of(without_unit(name)))
+    return percent_words(value / whole) if whole and value is not None else ""
+
+
+def flight_names(content: Mapping[str, Any]) -> list[str]:
+    """Names of all flights that a diagnosis was given."""
+    return [f["name"] for f in content.get("origin", {}).get("flights", ())]
+
+
+def grouped(warnings: Sequence[str], names: Sequence[str]) -> list[str]:
+    """Every warning once: those that say the same of several flights, with all their names.
+
+    Parameters
+    ----------
+    warnings : sentences; those about a flight begin with its name.
+    names : of the flights.
+    """
+    alike: dict[str, dict[str, str]] = {}
+    for warning in warnings:
+        name = max((n for n in names if warning.startswith(n)), key=len, default="")
+        alike.setdefault(warning.removeprefix(name).lstrip(": "), {})[name] = warning
+    return [
+        next(iter(by_flight.values()))
+        if len(by_flight) == 1
+        else f"{list_words(list(by_flight))}: {words}"
+        for words, by_flight in alike.items()
+    ]

@@ -1,0 +1,232 @@
+"""Two diagnoses side by side: verdicts, findings whose intervals overlap or do not, and errors on
+flights that took no part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from ges.diagnose.report.page import VERDICTS, environment
+from ges.diagnose.report.sentence import key_words, size_words
+from ges.diagnose.report.terminal import table_of
+from ges.diagnose.types.words import (
+    channel_words,
+    number_words,
+    percent_words,
+    plain,
+    probability_words,
+    unit_words,
+)
+from ges.files import write_text
+
+
+def compare(
+    first: Mapping[str, Any], second: Mapping[str, Any], names: Sequence[str]
+) -> dict[str, Any]:
+    """What two diagnoses agree and differ in, as words and numbers ready to be set in tables.
+
+    Parameters
+    ----------
+    first, second : diagnosis.json of each.
+    names : what to call them.
+
+    Returns
+    -------
+    ``names``, ``remarks`` (what makes them hard to compare), ``heads`` (verdict and sentence of
+    each), ``findings``, ``numbers`` (corrections of declared numbers) and ``errors``: rows, see
+    there.
+    """
+    both = (first, second)
+    return {
+        "names": list(names),
+        "remarks": list(_remarks(first, second)),
+        "heads": [
+            {
+                "name": name,
+                "vehicle": c.get("origin", {}).get("vehicle", {}).get("name", ""),
+                "flights": c["data"].get("flights"),
+                "seconds": c["data"].get("seconds_used"),
+                "verdict": VERDICTS[c["verdict"]],
+                "sentence": c["sentence"],
+            }
+            for name, c in zip(names, both, strict=True)
+        ],
+        "findings": list(_findings(first, second)),
+        "numbers": list(_numbers(first["calibration"], second["calibration"])),
+        "errors": [*_errors(_channels(first), _channels(second), "")]
+        + [
+            *_errors(
+                _rolled(first),
+                _rolled(second),
+                f", {number_words(first['fit']['rollout'].get('horizon_s', 1.0), 2)} s ahead",
+            )
+        ],
+    }
+
+
+def _remarks(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[str]:
+    origins = [c.get("origin", {}) for c in (first, second)]
+    vehicles = [o.get("vehicle", {}) for o in origins]
+    if all(vehicles) and vehicles[0].get("name") != vehicles[1].get("name"):
+        yield (
+            f"The vehicles are not the same: {vehicles[0].get('name')} and"
+            f" {vehicles[1].get('name')}."
+        )
+    hashes = [{f.get("sha256") for f in o.get("flights", ())} - {None} for o in origins]
+    same = hashes[0] & hashes[1]
+    if same:
+        count = f"{len(same)} of the flights are" if len(same) > 1 else "One of the flights is"
+        yield f"{count} in both: what they have in common is no second witness."
+    held = [set(c["fit"]["holdout_flights"]) for c in (first, second)]
+    if held[0] != held[1]:
+        yield (
+            "The errors are those of different flights, so that the flying may account for a change"
+            " of them."
+        )
+
+
+def _findings(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """A row a finding: in which of the two it is, its size and probability in each, and by
+    parameter both values with their intervals and whether these overlap.
+    """
+    found = [{(f["name"], f.get("place", "")): f for f in c["findings"]} for c in (first, second)]
+    for key in dict.fromkeys([*found[0], *found[1]]):
+        pair = [f.get(key) for f in found]
+        named = next(f for f in pair if f)
+        parameters = dict.fromkeys(name for f in pair if f for name in f["parameters"])
+        yield {
+            "name": plain(key[0]) + (f", {key[1]}" if key[1] else ""),
+            "title": named.get("title", ""),
+            "state": "both" if all(pair) else "first only" if pair[0] else "second only",
+            "each": [_one(f, c, key) for f, c in zip(pair, (first, second), strict=True)],
+            "parameters": [_parameter(name, pair) for name in parameters],
+        }
+
+
+def _one(f: Mapping[str, Any] | None, content: Mapping[str, Any], key: tuple[str, str]) -> str:
+    """A finding in a few words; of one that is absent, how likely it was held to be."""
+    if f is None:
+        weighed = {(c["name"], c.get("place", "")): c for c in content.get("considered", ())}
+        chance = weighed.get(key, {}).get("probability")
+        return "not named" + ("" if chance is None else f" ({probability_words(chance)})")
+    chance = f"probability {probability_words(f['probability'])}"
+    parts = [size_words(f, content), chance, "open" if f.get("open") else ""]
+    return "; ".join(p for p in parts if p)
+
+
+def _parameter(name: str, pair: Sequence[Mapping[str, Any] | None]) -> dict[str, Any]:
+    values = [f["parameters"].get(name) if f else None for f in pair]
+    unit = next(v["unit"] for v in values if v)
+    return {
+        "name": name,
+        "unit": "" if unit == "1" else unit,
+        "each": [_value(v) for v in values],
+        "overlap": _overlap(*(v["ci95"] if v else None for v in values)),
+    }
+
+
+def _value(v: Mapping[str, Any] | None) -> str:
+    if v is None:
+        return ""
+    low, high = v["ci95"]
+    return f"{number_words(v['value'])} ({number_words(low)} to {number_words(high)})"
+
+
+def _overlap(a: Sequence[float | None] | None, b: Sequence[float | None] | None) -> str:
+    """Whether two intervals overlap, in words; '' where one is missing."""
+    if a is None or b is None or None in (*a, *b):
+        return ""
+    return "overlap" if max(a[0], b[0]) <= min(a[1], b[1]) else "apart"
+
+
+def _numbers(
+    first: Mapping[str, Mapping[str, Any]], second: Mapping[str, Mapping[str, Any]]
+) -> Iterator[dict[str, Any]]:
+    """A row a declared number that both or one corrected."""
+    for key in dict.fromkeys([*first, *second]):
+        pair = [c.get(key) for c in (first, second)]
+        yield {
+            "name": key_words(key),
+            "unit": unit_words(key.split(".")[1]),
+            "each": [_value(v) for v in pair],
+            "overlap": _overlap(*(v["ci95"] if v else None for v in pair)),
+        }
+
+
+def _channels(content: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
+    return content["fit"]["channels"]
+
+
+def _rolled(content: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
+    return (content["fit"].get("rollout") or {}).get("channels", {})
+
+
+def _errors(
+    first: Mapping[str, Mapping[str, Any]], second: Mapping[str, Mapping[str, Any]], what: str
+) -> Iterator[dict[str, Any]]:
+    """A row a channel that both have: errors recalibrated and with the findings, and the change of
+    the latter from the first diagnosis to the second.
+    """
+    for name in (n for n in first if n in second):
+        a, b = first[name], second[name]
+        change = b["after"] / a["after"] - 1.0 if a["after"] else None
+        yield {
+            "name": f"{channel_words(name)}{what}",
+            "unit": unit_words(name),
+            "each": [
+                f"{number_words(c['recalibrated'])} → {number_words(c['after'])}" for c in (a, b)
+            ],
+            "change": "" if change is None else percent_words(change),
+        }
+
+
+def as_text(comparison: Mapping[str, Any]) -> RenderableType:
+    """The comparison of :func:`compare` for a terminal."""
+    return Group(*_text(comparison))
+
+
+def _text(c: Mapping[str, Any]) -> Iterator[RenderableType]:
+    for head in c["heads"]:
+        yield Text.assemble((head["name"], "bold"), f": {head['verdict']}\n{head['sentence']}\n")
+    yield from (Text(remark) for remark in c["remarks"])
+    one, two = c["names"]
+    if c["findings"]:
+        yield Text("\nfindings", style="bold")
+        table = table_of("finding", "in", one, two, "intervals")
+        for f in c["findings"]:
+            table.add_row(f["name"], f["state"], *f["each"], "")
+            for p in f["parameters"]:
+                unit = f", {p['unit']}" if p["unit"] else ""
+                table.add_row(f"  {p['name']}{unit}", "", *p["each"], p["overlap"])
+        yield table
+    if c["numbers"]:
+        yield Text("\ncorrections of declared numbers", style="bold")
+        table = table_of("number", one, two, "intervals")
+        for n in c["numbers"]:
+            unit = f", {n['unit']}" if n["unit"] else ""
+            table.add_row(f"{n['name']}{unit}", *n["each"], n["overlap"])
+        yield table
+    if c["errors"]:
+        yield Text(
+            "\nerrors on flights that took no part, recalibrated → with the findings", "bold"
+        )
+        table = table_of("channel", one, two, "change", numbers=("change",))
+        for e in c["errors"]:
+            unit = f", {e['unit']}" if e["unit"] else ""
+            table.add_row(f"{e['name']}{unit}", *e["each"], e["change"])
+        yield table
+
+
+def as_html(comparison: Mapping[str, Any]) -> str:
+    """The comparison of :func:`compare` as a page."""
+    return environment().get_template("compare.html.j2").render(comparison)
+
+
+def write_html(comparison: Mapping[str, Any], path: str | Path) -> None:
+    """Write the page, whole or not at all."""
+    write_text(path, as_html(comparison))

@@ -1,0 +1,165 @@
+"""Why names were given or not: the record of decisions as tables for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from ges.diagnose.report.blocks import considered_rows
+from ges.diagnose.report.terminal import table_of
+from ges.diagnose.types.words import (
+    number_words,
+    odds_words,
+    plain,
+    probability_words,
+)
+from ges.errors import GesError, unknown_name
+from ges.simulator import effects as effect_table
+
+NUMBERS = ("probability", "statistic", "asked")
+
+
+def overview(content: Mapping[str, Any]) -> RenderableType:
+    """What was named, what was considered and not named, and what could not be tested.
+
+    Parameters
+    ----------
+    content : diagnosis.json.
+    """
+    return Group(*_overview(content))
+
+
+def of_name(content: Mapping[str, Any], name: str) -> RenderableType:
+    """Every decision about one effect.
+
+    Parameters
+    ----------
+    content : diagnosis.json.
+    name : of an effect of the library; words do, too.
+
+    Raises
+    ------
+    UsageError
+        For a name that the library has not; the nearest is told.
+    GesError
+        Where the diagnosis keeps no record of it.
+    """
+    name = name.strip().replace(" ", "_").replace("-", "_")
+    if name not in effect_table.table():
+        raise unknown_name("effect", name, effect_table.table())
+    parts = [*_title(name), *_as_named(content, name), *_as_considered(content, name)]
+    parts += _limits(content, name)
+    if len(parts) == 1:
+        raise GesError(
+            f"this diagnosis keeps no record of {name}; it may be older than this version: diagnose"
+            " the flights again"
+        )
+    return Group(*parts)
+
+
+def _overview(content: Mapping[str, Any]) -> Iterator[RenderableType]:
+    yield Text(content["sentence"])
+    if content["findings"]:
+        yield Text("\nnamed", style="bold")
+        table = table_of("effect", "probability", "", numbers=NUMBERS)
+        for f in content["findings"]:
+            table.add_row(
+                _effect(f), probability_words(f["probability"]), "open" if f.get("open") else ""
+            )
+        yield table
+    rows = considered_rows(content)
+    if rows:
+        yield Text("\nconsidered and not named", style="bold")
+        table = table_of(
+            "effect",
+            "probability",
+            "rule that it fails",
+            "statistic",
+            "asked",
+            "why",
+            numbers=NUMBERS,
+        )
+        for c in rows:
+            table.add_row(_effect(c), probability_words(c["probability"]), *_failed(c["failed"]))
+        yield table
+    elif "considered" not in content:
+        yield Text("\nthis diagnosis keeps no record of its decisions; diagnose the flights again")
+    if content.get("not_tested"):
+        yield Text("\nnot tested", style="bold")
+        table = table_of("effect", "what it would need")
+        for name, why in content["not_tested"].items():
+            table.add_row(plain(name), why)
+        yield table
+
+
+def _failed(decision: Mapping[str, Any] | None) -> tuple[str, str, str, str]:
+    if decision is None:
+        return "none", "", "", ""
+    return (
+        plain(decision["rule"]),
+        _number(decision.get("statistic")),
+        _number(decision.get("threshold")),
+        decision.get("because") or "",
+    )
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else number_words(value)
+
+
+def _effect(entry: Mapping[str, Any]) -> str:
+    place = entry.get("place")
+    return plain(entry["name"]) + (f", {place}" if place else "")
+
+
+def _title(name: str) -> Iterator[RenderableType]:
+    effect = effect_table.get(name)
+    yield Text.assemble((plain(name), "bold"), f": {effect.title}\n{effect.equation}")
+
+
+def _as_named(content: Mapping[str, Any], name: str) -> Iterator[RenderableType]:
+    for f in (f for f in content["findings"] if f["name"] == name):
+        state = "open: this or another" if f.get("open") else "named"
+        yield Text(f"\n{_effect(f)}: {state}, probability {probability_words(f['probability'])}")
+        if f["alternatives"]:
+            others = ", ".join(
+                f"{plain(a['name'])} {odds_words(a['log_odds'])}" for a in f["alternatives"]
+            )
+            yield Text(f"instead of it: {others}")
+
+
+def _as_considered(content: Mapping[str, Any], name: str) -> Iterator[RenderableType]:
+    named = {(f["name"], f.get("place", "")) for f in content["findings"]}
+    for c in (c for c in content.get("considered", ()) if c["name"] == name):
+        if (name, c.get("place", "")) not in named:
+            chance = probability_words(c["probability"])
+            yield Text(f"\n{_effect(c)}: considered and not named, probability {chance}")
+        table = table_of("rule", "", "statistic", "asked", "why", numbers=NUMBERS)
+        for d in c["decisions"]:
+            rule, statistic, asked, why = _failed(d)
+            table.add_row(rule, "passed" if d["passed"] else "failed", statistic, asked, why)
+        yield table
+
+
+def _limits(content: Mapping[str, Any], name: str) -> Iterator[RenderableType]:
+    why = content.get("not_tested", {}).get(name)
+    if why:
+        yield Text(f"\nnot tested: {why}")
+    limit = content["detectable"].get(name)
+    if limit:
+        unit = "" if limit.get("unit") in (None, "1") else f" {limit['unit']}"
+        beside = (
+            f", hardest to tell from {plain(limit['limited_by'])}"
+            if limit.get("limited_by")
+            else ""
+        )
+        smallest = limit["smallest"]
+        seen = (
+            "not visible in these flights"
+            if smallest is None
+            else f"{number_words(smallest)}{unit}"
+        )
+        yield Text(f"\nsmallest that would have been seen: {limit['parameter']} {seen}{beside}")

@@ -1,0 +1,65 @@
+"""How a force grows with speed: what an engineer calls the strength of a drag."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from ges.conventions import ROTOR_SPEED, VELOCITY
+from ges.diagnose.types.diagnosis import Finding
+from ges.diagnose.types.model import Model
+from ges.simulator import effects as effect_table
+
+HIGH_ABOVE_GROUND_M = 1e3
+LINEAR = 0.05
+"""Departure from proportion, over twice the speed, at which a force no longer counts as linear."""
+
+
+def force_per_speed_N_s_m(name: str, model: Model) -> float | None:
+    """Force that an effect makes in hover for each m/s of speed, far from ground and in still air.
+
+    The compiled effect is asked at rest, at 1 and at 2 m/s, along each body axis.
+
+    Parameters
+    ----------
+    name : an effect that is on in ``model``.
+    model : vehicle with its effects.
+
+    Returns
+    -------
+    Of the axis on which it is greatest, N per m/s; None where the force is not in proportion to
+    speed, or hangs on where the vehicle has been.
+    """
+    if effect_table.get(name).n_states:
+        return None
+    speeds = np.array([[s * (a == b) for b in range(3)] for a in range(3) for s in (0.0, 1.0, 2.0)])
+    columns = {
+        "t_s": np.arange(float(len(speeds))),
+        "p_z_m": np.full(len(speeds), HIGH_ABOVE_GROUND_M),
+        **dict(zip(VELOCITY, speeds.T, strict=True)),
+        **dict.fromkeys(ROTOR_SPEED, np.full(len(speeds), model.hover_rad_s)),
+    }
+    others = {k: v for k, v in model.effects.items() if k != name}
+    samples = effect_table.Samples.from_columns(columns)
+    with_it, without = effect_table.replay_each(
+        model.parameters, samples, [model.effects, others], model.terrain
+    )
+    force = (with_it.force_N - without.force_N).reshape(3, 3, 3)
+    once, twice = (np.linalg.norm(force[:, k] - force[:, 0], axis=1) for k in (1, 2))
+    axis = int(np.argmax(once))
+    if once[axis] <= 0.0 or abs(twice[axis] - 2.0 * once[axis]) > LINEAR * twice[axis]:
+        return None
+    return float(once[axis])
+
+
+def with_force_per_speed(findings: Sequence[Finding], model: Model) -> list[Finding]:
+    """The findings, those that the model has with their force per speed in their ``size``."""
+    rates = [
+        force_per_speed_N_s_m(f.name, model) if f.name in model.effects else None for f in findings
+    ]
+    return [
+        dataclasses.replace(f, size={**f.size, "force_per_speed_N_s_m": rate}) if rate else f
+        for f, rate in zip(findings, rates, strict=True)
+    ]

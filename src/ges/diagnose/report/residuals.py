@@ -1,0 +1,70 @@
+"""residuals.parquet: recorded and simulated signals by flight, time and channel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from ges.diagnose.validate.traces import Trace
+from ges.files import replacing
+
+STAGES = {"before": "given", "recalibrated": "recalibrated", "after": "fitted"}
+"""Stages of the proof by their names in the file."""
+
+
+def residual_table(traces: Sequence[Trace]) -> pa.Table:
+    """A row a window, flights one after another.
+
+    Parameters
+    ----------
+    traces : one a flight.
+
+    Returns
+    -------
+    Table with ``flight``; ``held_out`` and ``used``; ``t_s`` on the flight's own clock;
+    ``timeline_s``, which goes on from flight to flight, for viewers of a single time axis; and by
+    channel ``force_z_N/recorded``, ``/given``, ``/recalibrated`` and ``/fitted``. The models are
+    NaN where ``used`` is false, all of a channel where a flight has not logged it.
+    """
+    channels = list(dict.fromkeys(name for t in traces for name in t.channels))
+    columns = {
+        "flight": np.concatenate([np.full(len(t.t_s), t.flight, dtype=object) for t in traces]),
+        "held_out": np.concatenate([np.full(len(t.t_s), t.held_out) for t in traces]),
+        "used": np.concatenate([t.used for t in traces]),
+        "t_s": np.concatenate([t.t_s for t in traces]),
+        "timeline_s": _timeline_s(traces),
+    }
+    for name in channels:
+        columns[f"{name}/recorded"] = np.concatenate([_column(t, t.recorded, name) for t in traces])
+        for stage, word in STAGES.items():
+            columns[f"{name}/{word}"] = np.concatenate(
+                [_column(t, t.simulated[stage], name) for t in traces]
+            )
+    # numpy arrays keep NaN apart from null, which some viewers cannot read
+    return pa.table({name: pa.array(values, from_pandas=False) for name, values in columns.items()})
+
+
+def write_residuals(traces: Sequence[Trace], path: Path) -> None:
+    """Write :func:`residual_table`, whole or not at all."""
+    with replacing(path) as new:
+        pq.write_table(residual_table(traces), new)
+
+
+def _column(t: Trace, values: np.ndarray, name: str) -> np.ndarray:
+    """(m,) of one channel."""
+    if name not in t.channels:
+        return np.full(len(t.t_s), np.nan)
+    return values[:, t.channels.index(name)]
+
+
+def _timeline_s(traces: Sequence[Trace]) -> np.ndarray:
+    """Times from the start of the first flight, a second between one flight and the next."""
+    times, start = [], 0.0
+    for t in traces:
+        times.append(t.t_s - t.t_s[0] + start)
+        start = float(times[-1][-1]) + 1.0
+    return np.concatenate(times)

@@ -1,0 +1,132 @@
+"""A diagnosis that was written, read back: diagnosis.json, checked against the contract."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, Field, ValidationError
+
+from ges.errors import GesError
+
+Interval = tuple[float | None, float | None]
+
+
+class _Parameter(BaseModel):
+    value: float
+    ci95: Interval
+    unit: str
+
+
+class _Finding(BaseModel):
+    name: str
+    kind: Literal["physics", "parameter", "sensor"]
+    probability: float | None
+    equation: str
+    parameters: dict[str, _Parameter]
+    size: dict[str, Any]
+    alternatives: list[dict[str, Any]]
+    title: str = ""
+    place: str = ""
+    open: bool = False
+
+
+class _Decision(BaseModel):
+    rule: str
+    passed: bool
+    statistic: float | None = None
+    threshold: float | None = None
+    because: str = ""
+
+
+class _Considered(BaseModel):
+    name: str
+    place: str = ""
+    probability: float | None
+    decisions: list[_Decision]
+
+
+class _Errors(BaseModel):
+    before: float
+    recalibrated: float
+    after: float
+
+
+class _ChannelErrors(_Errors):
+    reduction_ci95: Interval
+
+
+class _Rollout(BaseModel):
+    horizon_s: float = 0.0
+    channels: dict[str, _Errors] = {}
+
+
+class _Fit(BaseModel):
+    holdout_flights: list[str]
+    channels: dict[str, _ChannelErrors]
+    rollout: _Rollout
+
+
+class _Correction(BaseModel):
+    value: float
+    ci95: Interval
+    declared_sd: float | None
+
+
+class _Saved(BaseModel):
+    """What this version asks of diagnosis.json; other keys are kept and ignored."""
+
+    version: Literal[1] = Field(alias="schema")
+    verdict: Literal["nothing_proven", "parameter", "sensor", "physics", "ambiguous", "unknown"]
+    sentence: str
+    findings: list[_Finding]
+    located: list[dict[str, Any]]
+    unexplained: list[dict[str, Any]]
+    fit: _Fit
+    detectable: dict[str, dict[str, Any]]
+    next_flight: dict[str, Any]
+    data: dict[str, Any]
+    calibration: dict[str, _Correction] = {}
+    considered: list[_Considered] = []
+    not_tested: dict[str, str] = {}
+    origin: dict[str, Any] = {}
+
+
+def load_diagnosis(folder: str | Path) -> dict[str, Any]:
+    """Read the diagnosis in a folder.
+
+    Parameters
+    ----------
+    folder : ``--out`` of ``ges diagnose``, or its diagnosis.json.
+
+    Raises
+    ------
+    GesError
+        Where there is none, or what is there is not a diagnosis as the contract has it.
+    """
+    path = Path(folder)
+    path = path / "diagnosis.json" if path.is_dir() else path
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise GesError(
+            f"there is no {path}; give the folder that 'ges diagnose --out' wrote"
+        ) from None
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not text"
+        raise GesError(f"cannot read {path}: {reason}") from None
+    try:
+        content = json.loads(text)
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise GesError(f"{path} is not JSON: {error}; diagnose the flights again") from None
+    try:
+        _Saved.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"]) or "its top level"
+        raise GesError(
+            f"{path} is no diagnosis that this version reads ({place}: {first['msg'].lower()});"
+            " diagnose the flights again"
+        ) from None
+    return content

@@ -1,0 +1,248 @@
+"""The sentence that an engineer reads first: what is missing, how much, how sure, and what it is
+worth on flights that took no part; at most :data:`MOST_WORDS` words and no key of a file.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from ges.diagnose.types.diagnosis import Diagnosis
+from ges.diagnose.types.model import block_of
+from ges.diagnose.types.words import (
+    channel_words,
+    list_words,
+    number_words,
+    percent_words,
+    plain,
+    regime_words,
+    unit_words,
+    without_unit,
+)
+
+MOST_WORDS = 40
+MOST_NAMES = 3
+LEAST_GAIN = 0.02
+"""Share by which an error has to fall to be worth a clause."""
+LEADS: Mapping[str, str] = {
+    "physics": "missing in the simulator:",
+    "parameter": "wrong in the vehicle file:",
+    "sensor": "wrong in the sensors:",
+}
+UNSEEN = ("on flights that took no part,", "unseen,")
+NOTEWORTHY_SDS = 2.0
+"""Declared sds from which a correction is worth a clause."""
+
+
+def sentence_of(content: Mapping[str, Any]) -> str:
+    """One sentence of a diagnosis.
+
+    Parameters
+    ----------
+    content : diagnosis.json; of ``sentence`` itself nothing is read.
+
+    Returns
+    -------
+    The most telling form that has no more than :data:`MOST_WORDS` words.
+    """
+    forms = {
+        "nothing_proven": _nothing,
+        "unknown": _unknown,
+        "ambiguous": _ambiguous,
+    }.get(content["verdict"], _named)
+    return next(form for form in forms(content) if len(form.split()) <= MOST_WORDS)
+
+
+def with_sentence(diagnosis: Diagnosis) -> Diagnosis:
+    """The diagnosis with its sentence."""
+    return dataclasses.replace(diagnosis, sentence=sentence_of(diagnosis.content()))
+
+
+def _named(content: Mapping[str, Any]) -> Iterator[str]:
+    """Findings by kind, how sure the least of them is, and the gain; what is too long loses names
+    first, then the gain, then sizes.
+    """
+    findings, gain = content["findings"], _gain(content)
+    if not findings:
+        yield from _declared(content)
+        return
+    gains = [f"{where} {gain}" for where in UNSEEN] if gain else []
+    for sized, clauses in ((True, gains), (True, [""]), (False, gains), (False, [""])):
+        for most in range(MOST_NAMES, 0, -1):
+            what = _by_kind(findings, content, most, sized)
+            yield from (_joined(f"{what}, {_sureness(findings)}", clause) for clause in clauses)
+    lead = LEADS[findings[0]["kind"]]
+    yield _capital(f"{lead} {list_words(_names(findings, content, 1, False))}.")
+
+
+def _by_kind(
+    findings: Sequence[Mapping], content: Mapping[str, Any], most: int, sized: bool
+) -> str:
+    parts = []
+    for kind, lead in LEADS.items():
+        of_kind = [f for f in findings if f["kind"] == kind]
+        if of_kind:
+            names = _names(of_kind, content, most, sized)
+            parts.append(f"{lead} {list_words(names)}")
+    return _capital("; ".join(parts))
+
+
+def _names(
+    findings: Sequence[Mapping], content: Mapping[str, Any], most: int, sized: bool
+) -> list[str]:
+    names = [
+        f"{_name(f)} ({size})" if sized and (size := size_words(f, content)) else _name(f)
+        for f in findings[:most]
+    ]
+    rest = len(findings) - len(names)
+    return [*names, f"{rest} more"] if rest else names
+
+
+def _name(f: Mapping[str, Any]) -> str:
+    return plain(f["name"]) + (f" of {f['place']}" if f.get("place") else "")
+
+
+def size_words(f: Mapping[str, Any], content: Mapping[str, Any]) -> str:
+    """How large a finding is: N per m/s where its force grows in proportion to speed, else a share
+    of the weight, the lever of a moment in metres, or its own unit; of a declared number the
+    correction; '' where nothing is known.
+    """
+    size = f["size"]
+    if f["kind"] == "parameter" and f["parameters"]:
+        name = max(f["parameters"], key=lambda p: abs(f["parameters"][p]["value"]))
+        return correction_words(name, f["parameters"][name]["value"])
+    if size.get("force_per_speed_N_s_m"):
+        return f"{number_words(size['force_per_speed_N_s_m'], 2)} N per m/s"
+    if size.get("value") is None:
+        return ""
+    block, scale = block_of(size.get("channel", "")), content["data"].get("reference_scale", {})
+    if block in ("force", "acc"):
+        return f"{percent_words(size['share_of_weight'])} of weight"
+    if block == "moment" and scale.get("force"):
+        return f"lever of {number_words(size['value'] / scale['force'], 2)} m"
+    if block == "drive":
+        return f"{percent_words(size['share_of_weight'])} of full speed"
+    return f"{number_words(size['value'], 2)} {size['unit']}"
+
+
+def _sureness(findings: Sequence[Mapping]) -> str:
+    least = min(f["probability"] for f in findings)
+    sure = "99.9 %" if least > 0.999 else f"{100.0 * least:.0f} %"
+    return f"{'each at least ' if len(findings) > 1 else ''}{sure} sure"
+
+
+def _gain(content: Mapping[str, Any]) -> str:
+    """What the findings are worth on flights that took no part: the position that gains most a
+    second ahead, else the channel that does.
+    """
+    rolled = content["fit"].get("rollout") or {}
+    places = {n: c for n, c in rolled.get("channels", {}).items() if unit_words(n) == "m"}
+    best = _best(places)
+    if best:
+        name, c = best
+        return (
+            f"{channel_words(name)} {number_words(rolled['horizon_s'], 1)} s ahead is"
+            f" {number_words(c['after'], 2)} m off, not {number_words(c['recalibrated'], 2)} m"
+        )
+    best = _best(content["fit"].get("channels", {}))
+    if best:
+        name, c = best
+        share = percent_words(1.0 - c["after"] / c["recalibrated"])
+        return f"the error of the {channel_words(name)} falls by {share}"
+    return "no error falls" if content["fit"].get("channels") else ""
+
+
+def _best(table: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mapping[str, Any]] | None:
+    """The row that gains most against recalibration alone, if it gains anything worth telling."""
+    gains = {n: 1.0 - c["after"] / c["recalibrated"] for n, c in table.items() if c["recalibrated"]}
+    name = max(gains, key=gains.get, default=None)
+    return (name, table[name]) if name is not None and gains[name] >= LEAST_GAIN else None
+
+
+def _declared(content: Mapping[str, Any]) -> Iterator[str]:
+    """A declared number that the flights contradict and that no effect corrects."""
+    yield f"The vehicle file is wrong about {_moved(content) or 'a declared number'}."
+
+
+def _moved(content: Mapping[str, Any]) -> str:
+    """The number that recalibration moved farthest over its declared sd; '' within two."""
+    rows = {k: c for k, c in content["calibration"].items() if c["declared_sd"]}
+    far = {k: abs(c["value"]) / c["declared_sd"] for k, c in rows.items()}
+    key = max(far, key=far.get, default=None)
+    if key is None or far[key] < NOTEWORTHY_SDS:
+        return ""
+    return (
+        f"{key_words(key)}: the flights ask for {correction_words(key, rows[key]['value'])},"
+        f" {number_words(far[key], 2)} declared sds"
+    )
+
+
+def key_words(key: str) -> str:
+    """A number of the calibration: ``thrust_scale.scale`` is *thrust scale*."""
+    effect, parameter = key.split(".")
+    words = plain(without_unit(parameter))
+    if effect == "vehicle":
+        return words
+    return plain(effect) if words == "scale" else f"{plain(effect)} {words}"
+
+
+def correction_words(key: str, value: float) -> str:
+    """A correction with its sign: a share in percent, else in its own unit.
+
+    Parameters
+    ----------
+    key : name of the parameter, or of the effect and the parameter.
+    value : in the unit that the name carries.
+    """
+    unit = unit_words(key.split(".")[-1])
+    sign = "+" if value > 0 else ""
+    return f"{sign}{number_words(value, 2)} {unit}" if unit else f"{sign}{percent_words(value)}"
+
+
+def _ambiguous(content: Mapping[str, Any]) -> Iterator[str]:
+    sure = [f for f in content["findings"] if not f["open"]]
+    rivals = [f for f in content["findings"] if f["open"]]
+    advised = content["next_flight"].get("manoeuvre")
+    tells = f"flying {plain(advised)} would tell" if advised else ""
+    for most, sized, told in (
+        *((m, True, tells) for m in range(MOST_NAMES, 1, -1)),
+        *((m, True, "") for m in range(MOST_NAMES, 1, -1)),
+        *((m, False, "") for m in range(MOST_NAMES, 0, -1)),
+    ):
+        names = list_words(_names(rivals, content, most, sized), "or")
+        one_of = f"one of {names} is missing and these flights cannot tell which"
+        if len(rivals) == 1:
+            one_of = f"{names} may be missing and these flights cannot tell"
+        if sure:
+            proven = list_words(_names(sure, content, most, sized))
+            one_of = f"missing in the simulator: {proven}; beside it {one_of}"
+        yield _joined(_capital(one_of), told)
+
+
+def _unknown(content: Mapping[str, Any]) -> Iterator[str]:
+    first = next(iter([*content["located"], *content["unexplained"]]), None)
+    nothing = "no effect of the library explains it"
+    if first:
+        where = f"The simulator is wrong in the {channel_words(first['channel'])}"
+        yield f"{where} at {regime_words(first['regime'])}, and {nothing}."
+        yield f"{where}, and {nothing}."
+    elif moved := _moved(content):
+        yield f"The vehicle is not as its file has it: {moved}, and {nothing}."
+    yield f"The simulator is wrong, and {nothing}."
+
+
+def _nothing(content: Mapping[str, Any]) -> Iterator[str]:
+    agree = "Nothing proven: within the declared doubts these flights agree with the simulator"
+    moved = _moved(content)
+    if moved:
+        yield f"{agree}; farthest off is {moved}."
+    yield f"{agree}, but for effects too small to show."
+
+
+def _joined(*clauses: str) -> str:
+    return "; ".join(c for c in clauses if c) + "."
+
+
+def _capital(words: str) -> str:
+    return words[:1].upper() + words[1:]

@@ -1,0 +1,208 @@
+"""A whole run: flight logs or a recording set in, a diagnosis and its page out."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from ges.diagnose.pipeline import diagnose
+from ges.diagnose.prepare.cut import cut
+from ges.diagnose.report.drawing import Drawing
+from ges.diagnose.report.origin import with_files
+from ges.diagnose.report.output import map_figure, write_diagnosis
+from ges.diagnose.types.diagnosis import Diagnosis
+from ges.diagnose.types.model import from_vehicle
+from ges.errors import GesError, UsageError
+from ges.files import sha256, tree_hash, write_text
+from ges.recordings.readers import READERS, Log, Options, flight_names, open_log
+from ges.recordings.recording import RecordingSet, load_set, make_set
+from ges.vehicle.file import Vehicle, load_vehicle, vehicle_path
+from ges.vehicle.from_log import describe_log
+from ges.vehicle.propeller import Propeller
+
+Watch = Callable[[str], object]
+MADE_VEHICLE = "vehicle.yaml"
+"""The vehicle file that a run makes from its first log."""
+
+STEPS: Mapping[str, str] = {
+    "located": "looking for physics that explains it",
+    "fitted": "flying again what took no part",
+}
+"""What goes on once a step of the pipeline has ended."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Request:
+    """What a user asks for.
+
+    Attributes
+    ----------
+    sources : one recording set, or flight logs of one vehicle.
+    vehicle : a vehicle file or a name of the library; of a set its own, of logs one made from the
+        first of them, where none is given.
+    mass_kg, prop, layout : what a vehicle made from a log cannot take from it: mass as flown,
+        propellers, and order and spins of the motors where the log lacks them.
+    holdout : flights that take no part; a rule chooses where there is none.
+    options, kind : what is said of the logs, see :func:`ges.recordings.readers.open_log`.
+    command : how it was asked for, for the page.
+    """
+
+    sources: Sequence[Path]
+    vehicle: str | Path | None = None
+    mass_kg: float | None = None
+    prop: str | None = None
+    layout: str | None = None
+    holdout: Sequence[str] = ()
+    options: Options = dataclasses.field(default_factory=Options)
+    kind: str = "auto"
+    command: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Inputs:
+    """Flights ready to be diagnosed.
+
+    Attributes
+    ----------
+    recordings : checked flights with their vehicle.
+    hashes : SHA-256 of the file of each flight, by name of the flight.
+    vehicle_file : ``file`` and ``sha256`` of the vehicle file.
+    made : text of a vehicle file that was made from a log; '' where it was given.
+    """
+
+    recordings: RecordingSet
+    hashes: Mapping[str, str]
+    vehicle_file: Mapping[str, str]
+    made: str = ""
+
+
+def run(
+    request: Request, out: Path, drawing: Drawing | None = None, watch: Watch = len
+) -> Diagnosis:
+    """Read, diagnose and write every file of the contract.
+
+    Parameters
+    ----------
+    request : what is asked for.
+    out : folder for the files.
+    drawing : of the same folder, where figures are drawn by other processes.
+    watch : is called with what goes on from then on, a few words.
+
+    Raises
+    ------
+    GesError
+        Where the request, a log or the vehicle will not do, in one sentence.
+    """
+    inputs = gathered(request, watch)
+
+    def ended(step: str, known: Sequence) -> None:
+        if step == "located" and drawing:
+            drawing.start(map_figure(known))
+        watch(STEPS[step])
+
+    watch("finding when it flies, and where the simulator differs")
+    found = diagnose(inputs.recordings, holdout=list(request.holdout) or None, watch=ended)
+    origin = with_files(found.origin, inputs.hashes, inputs.vehicle_file, request.command)
+    found = dataclasses.replace(found, origin=origin)
+    watch("writing the page")
+    if inputs.made:
+        write_text(out / MADE_VEHICLE, inputs.made)
+    write_diagnosis(found, out, inputs.recordings.folder, drawing)
+    return found
+
+
+def gathered(request: Request, watch: Watch) -> Inputs:
+    """The flights of a request, read and checked; a single log is cut into several."""
+    first, *rest = request.sources
+    if not rest and first.is_dir() and not any(r.sniff(b"", first) for r in READERS):
+        return _of_set(request, first, watch)
+    return _of_logs(request, watch)
+
+
+def _of_set(request: Request, folder: Path, watch: Watch) -> Inputs:
+    asked = {"mass": request.mass_kg, "prop": request.prop, "layout": request.layout}
+    asked |= dataclasses.asdict(request.options)
+    for option in (name for name, value in asked.items() if value is not None):
+        raise UsageError(
+            f"{option} is said of logs; {folder} is a recording set, whose columns are named and"
+            " which has its vehicle.yaml (--vehicle names another)"
+        )
+    watch(f"reading {folder}")
+    recordings, path = load_set(folder), folder / "vehicle.yaml"
+    if request.vehicle:
+        path = vehicle_path(request.vehicle)
+        named = [(f.name, f.frame) for f in recordings.flights]
+        recordings = make_set(load_vehicle(request.vehicle), named, path.parent)
+    hashes = {f.name: sha256(folder / f"{f.name}.parquet") for f in recordings.flights}
+    return Inputs(recordings, hashes, {"file": path.name, "sha256": sha256(path)})
+
+
+def _of_logs(request: Request, watch: Watch) -> Inputs:
+    logs, refused = _opened(request, watch)
+    vehicle, vehicle_file, folder, made, remarks = _vehicle(request, logs)
+    flights = {name: (path, log.frame()) for name, (path, log) in logs.items()}
+    notes = [
+        *refused,
+        *remarks,
+        *(f"{n}: {note}" for n, (_, log) in logs.items() for note in log.notes),
+    ]
+    named = [(name, frame) for name, (_, frame) in flights.items()]
+    hashes = {name: _hash(path) for name, (path, _) in flights.items()}
+    if len(named) == 1:
+        watch("cutting the log into flights")
+        (whole, frame), (digest,) = named[0], hashes.values()
+        named = cut(whole, frame, from_vehicle(vehicle, folder))
+        hashes = {name: digest for name, _ in named}
+        notes.append(
+            f"{whole} is the only log, so it was cut into {len(named)} flights; what is held out"
+            " shares battery, trim and weather with the rest, and another flight would prove more"
+        )
+    recordings = make_set(vehicle, named, folder)
+    recordings = dataclasses.replace(recordings, warnings=(*notes, *recordings.warnings))
+    return Inputs(recordings, hashes, vehicle_file, made)
+
+
+def _opened(request: Request, watch: Watch) -> tuple[dict[str, tuple[Path, Log]], list[str]]:
+    """Logs by name of their flight with their files, and of those that cannot serve why."""
+    logs, refused = {}, []
+    for name, path in flight_names(request.sources).items():
+        watch(f"reading {path.name}")
+        log = open_log(path, request.options, request.kind)
+        problem = log.problem()
+        if problem and len(request.sources) == 1:
+            raise GesError(f"{path.name}: {problem}")
+        if problem:
+            refused.append(f"{name} was left out: {problem}")
+        else:
+            logs[name] = (path, log)
+    if not logs:
+        raise GesError(f"none of the {len(request.sources)} logs can serve: {refused[0]}")
+    return logs, refused
+
+
+def _vehicle(
+    request: Request, logs: Mapping[str, tuple[Path, Log]]
+) -> tuple[Vehicle, dict[str, str], Path, str, Sequence[str]]:
+    """Vehicle, its file and hash, the folder of its height map; of one made from the first log also
+    its text and what is to be said of it.
+    """
+    if request.vehicle:
+        path = vehicle_path(request.vehicle)
+        vehicle = load_vehicle(request.vehicle)
+        return vehicle, {"file": path.name, "sha256": sha256(path)}, path.parent, "", ()
+    if request.mass_kg is None or request.prop is None:
+        raise UsageError(
+            "a log does not say what the vehicle weighs and what propellers it has; give --mass KG"
+            " and --prop SIZE, or --vehicle NAME|FILE ('ges vehicle --list' has names)"
+        )
+    log = next(log for _, log in logs.values())
+    prop = Propeller.parse(request.prop)
+    sheet = describe_log(log, request.mass_kg, prop, layout=request.layout, name=log.name)
+    return sheet.vehicle, {"file": MADE_VEHICLE}, Path("."), sheet.to_yaml(), sheet.remarks
+
+
+def _hash(path: Path) -> str:
+    if path.is_dir():
+        return tree_hash(path, (p for p in path.rglob("*") if p.is_file()))
+    return sha256(path)

@@ -1,0 +1,141 @@
+"""Recorded and simulated signals over time: in the windows and channels that every error is an rms
+of, and positions and velocities simulated ahead, from where the recording was.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from ges.conventions import POSITION, VELOCITY
+from ges.diagnose.design.residual import Drive, along, residual
+from ges.diagnose.design.weak import Windows, make_windows
+from ges.diagnose.estimate.shoot import can_roll, rollouts_of
+from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.prepare.channels import UNITS, channels
+from ges.diagnose.types.model import Model
+from ges.diagnose.validate.verify import HORIZON_S
+from ges.simulator.effects import Replay
+
+AHEAD = (*POSITION, *VELOCITY)
+
+
+@dataclasses.dataclass(frozen=True)
+class Span:
+    """A stretch of a flight that is left out, s on its own clock, and why."""
+
+    start_s: float
+    end_s: float
+    reason: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Trace:
+    """One flight as it was recorded and as each model makes it.
+
+    Attributes
+    ----------
+    flight : its name.
+    held_out : whether it took no part in fitting or choosing.
+    t_s : (m,) centres of the windows, on the flight's own clock.
+    used : (m,) True where the whole window flies.
+    channels : names with their units: ``force_z_N``, body frame; ``p_z_m``, world.
+    ahead : those that are simulated ahead, again and again from the recorded state.
+    recorded : (m, C) what the recording shows.
+    simulated : by stage, (m, C) the same of a model; NaN where a window is not used.
+    left_out : what is not used.
+    """
+
+    flight: str
+    held_out: bool
+    t_s: np.ndarray
+    used: np.ndarray
+    channels: tuple[str, ...]
+    ahead: frozenset[str]
+    recorded: np.ndarray
+    simulated: Mapping[str, np.ndarray]
+    left_out: tuple[Span, ...]
+
+
+def trace(
+    flight: Prepared, name: str, held_out: bool, models: Mapping[str, Model], length_s: float
+) -> Trace:
+    """One flight under every model.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+    name, held_out : of the flight, given back.
+    models : by stage.
+    length_s : support of a window.
+    """
+    everywhere = make_windows(flight.t_s, np.ones(len(flight.t_s), bool), length_s)
+    used = everywhere.within(flight.flying)
+    windows, first = everywhere.some(used), next(iter(models.values()))
+    names = channels(flight, first)
+    shown = recorded(flight, everywhere, first, names)
+    simulated = {stage: np.full_like(shown, np.nan) for stage in models}
+    for stage, model in models.items():
+        simulated[stage][used] = shown[used] - residual(flight, windows, model, names)
+    named = tuple(f"{n}_{UNITS[n]}" for n in names)
+    if can_roll(flight):
+        rolled = {s: _rolled(flight, everywhere, model) for s, model in models.items()}
+        shown = np.hstack([shown, next(iter(rolled.values()))[0]])
+        simulated = {s: np.hstack([simulated[s], rolled[s][1]]) for s in models}
+        named += AHEAD
+    return Trace(
+        flight=name,
+        held_out=held_out,
+        t_s=everywhere.center_s,
+        used=used,
+        channels=named,
+        ahead=frozenset(AHEAD) & set(named),
+        recorded=shown,
+        simulated=simulated,
+        left_out=spans(flight),
+    )
+
+
+def _rolled(flight: Prepared, windows: Windows, model: Model) -> tuple[np.ndarray, np.ndarray]:
+    """Recorded and simulated :data:`AHEAD` at the centres of the windows, (m, 6) each; every
+    horizon starts anew from the recording, NaN where none is flown.
+    """
+    n = int(round(HORIZON_S / flight.dt_s))
+    rolled, at = rollouts_of(flight, model, n), windows.center
+    seen = np.stack([rolled.recorded[name][at] for name in AHEAD], axis=1)
+    flown = np.full_like(seen, np.nan)
+    for start, record in zip(rolled.starts, rolled.flown, strict=True):
+        rows = np.flatnonzero((at >= start) & (at < start + n))
+        clock, late_s = record["t_s"] - record["t_s"][0], (at[rows] - start) * flight.dt_s
+        for c, name in enumerate(AHEAD):
+            flown[rows, c] = np.interp(late_s, clock, record[name], right=np.nan)
+    return seen, flown
+
+
+def recorded(flight: Prepared, windows: Windows, model: Model, names: Sequence[str]) -> np.ndarray:
+    """What the recording shows, (windows, channels): the residual of a model that says nothing.
+
+    Forces and moments are those that moved the declared mass and inertia; no sensor is corrected.
+    """
+    silent = dataclasses.replace(model, effects={})
+    said = np.zeros((len(Replay.columns()), len(flight.t_s)))
+    for name in ("mass_kg", "ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"):
+        said[Replay.columns()[name]] = model.number(name)
+    still = np.zeros((len(flight.t_s), 4))
+    found = along(flight, windows, silent, names, drive=Drive(still, still), said=Replay(said))
+    return found.stack(names)
+
+
+def spans(flight: Prepared) -> tuple[Span, ...]:
+    """Every stretch that is left out, in order of time."""
+    found = []
+    for reason, at in flight.excluded.items():
+        turns = np.flatnonzero(np.diff(np.r_[False, at, False].astype(np.int8)))
+        ends = np.r_[flight.t_s, flight.t_s[-1] + flight.dt_s]
+        found += [
+            Span(float(ends[a]), float(ends[b]), reason) for a, b in list(pairwise(turns))[::2]
+        ]
+    return tuple(sorted(found, key=lambda span: (span.start_s, span.end_s, span.reason)))

@@ -1,0 +1,138 @@
+"""The sentence: at most 40 words whatever was found, no key of a file, numbers of the diagnosis."""
+
+import itertools
+import re
+
+import pytest
+
+from ges.diagnose.report.sentence import MOST_WORDS, sentence_of, size_words
+from ges.simulator import effects as effect_table
+
+FORMS = ("physics", "parameter", "sensor", "ambiguous", "unknown", "nothing_proven")
+
+
+def _finding(content: dict, name: str, **changes) -> dict:
+    return {**content["findings"][0], "name": name, "alternatives": [], **changes}
+
+
+def test_what_how_much_how_sure_and_what_it_is_worth(content):
+    assert sentence_of(content) == (
+        "Missing in the simulator: rotor drag (0.26 N per m/s), 97 % sure; on flights that took no"
+        " part, position x 1 s ahead is 0.040 m off, not 0.15 m."
+    )
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 9])
+@pytest.mark.parametrize("verdict", FORMS)
+def test_never_more_than_forty_words_nor_a_key(content, verdict, count):
+    names = sorted(effect_table.table(), key=len, reverse=True)
+    kinds, places = ("physics", "sensor", "parameter"), ("", "rotor 1")
+    for shift, manoeuvre in itertools.product((0, 7, 20), (None, "straight_runs")):
+        found = [
+            _finding(
+                content,
+                name,
+                open=verdict == "ambiguous" and (k > 0 or count == 1),
+                kind=kinds[k % 3],
+                place=places[k % 2],
+            )
+            for k, name in enumerate(names[shift : shift + count])
+        ]
+        named = verdict not in ("unknown", "nothing_proven")
+        changes = {"verdict": verdict, "next_flight": {"manoeuvre": manoeuvre}}
+        words = sentence_of({**content, **changes, "findings": found if named else []})
+        assert len(words.split()) <= MOST_WORDS, words
+        assert not re.search(r"[a-z]_[a-z]|\bP 0\.|nan|None", words), words
+        assert words[0].isupper() and words.endswith(".")
+
+
+@pytest.mark.parametrize(
+    ("channel", "size", "words"),
+    [
+        ("force_z", {"value": 0.42, "unit": "N", "share_of_weight": 0.03}, "3.0 % of weight"),
+        ("moment_x", {"value": 0.028, "unit": "N m", "share_of_weight": 0.01}, "lever of 0.0020 m"),
+        (
+            "drive_1",
+            {"value": 4.6, "unit": "rad/s", "share_of_weight": 0.005},
+            "0.5 % of full speed",
+        ),
+        ("range", {"value": 0.03, "unit": "m", "share_of_weight": 0.2}, "0.030 m"),
+    ],
+)
+def test_sizes_are_said_as_engineers_do(content, channel, size, words):
+    assert size_words(_finding(content, "x", size={**size, "channel": channel}), content) == words
+
+
+def test_a_declared_number_is_said_by_its_correction(content):
+    wrong = _finding(
+        content,
+        "thrust_scale",
+        kind="parameter",
+        parameters={"scale": {"value": -0.157, "ci95": [-0.17, -0.14], "unit": "1"}},
+    )
+    content |= {"findings": [wrong], "verdict": "parameter"}
+    assert sentence_of(content).startswith(
+        "Wrong in the vehicle file: thrust scale (−16 %), 97 % sure; on flights"
+    )
+
+
+def test_a_contradicted_number_without_a_finding_is_named(content):
+    far = {"value": 304.0, "ci95": [299.0, 309.0], "declared_sd": 60.0}
+    content |= {
+        "findings": [],
+        "verdict": "parameter",
+        "calibration": {"vehicle.max_rotor_speed_rad_s": far},
+    }
+    assert sentence_of(content) == (
+        "The vehicle file is wrong about max rotor speed: the flights ask for +304 rad/s, 5.1"
+        " declared sds."
+    )
+
+
+def test_what_is_open_says_how_to_find_out(content):
+    content |= {
+        "verdict": "ambiguous",
+        "findings": [
+            _finding(content, n, open=True, size={}) for n in ("weak_rotor", "attitude_bias")
+        ],
+        "next_flight": {"manoeuvre": "yaw_turn"},
+    }
+    assert sentence_of(content) == (
+        "One of weak rotor or attitude bias is missing and these flights cannot tell which; flying"
+        " yaw turn would tell."
+    )
+
+
+def test_no_gain_is_said_too(content):
+    content["fit"]["rollout"] = {}
+    content["fit"]["channels"] = {
+        "force_x_N": {
+            "before": 0.5,
+            "recalibrated": 0.4,
+            "after": 0.41,
+            "reduction_ci95": [-0.1, 0.05],
+        }
+    }
+    assert sentence_of(content).endswith("on flights that took no part, no error falls.")
+
+
+def test_what_stays_unknown_has_its_place(content):
+    content |= {
+        "verdict": "unknown",
+        "findings": [],
+        "located": [],
+        "unexplained": [{"channel": "acc_z", "regime": {"battery_V": [7.92, 8.09]}}],
+    }
+    assert sentence_of(content) == (
+        "The simulator is wrong in the accelerometer along thrust at battery voltage 7.92 to 8.09"
+        " V, and no effect of the library explains it."
+    )
+
+
+def test_nothing_proven_tells_the_number_that_moved(content):
+    content |= {"verdict": "nothing_proven", "findings": []}
+    assert "thrust scale" not in sentence_of(content)
+    content["calibration"]["thrust_scale.scale"]["value"] = 0.09
+    assert "farthest off is thrust scale: the flights ask for +9.0 %, 3.0 declared" in sentence_of(
+        content
+    )
