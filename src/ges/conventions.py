@@ -9,6 +9,11 @@ from __future__ import annotations
 GRAVITY_M_S2 = 9.80665
 N_ROTORS = 4
 
+# of a Gaussian: half of a 95 % interval in sds, its quantiles, and the sd over the median deviation
+SDS_95 = 1.96
+QUANTILES_95 = (0.025, 0.975)
+MAD_TO_SD = 1.4826
+
 AXES = ("x", "y", "z")
 POSITION = tuple(f"p_{a}_m" for a in AXES)
 VELOCITY = tuple(f"v_{a}_m_s" for a in AXES)

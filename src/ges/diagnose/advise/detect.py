@@ -20,16 +20,15 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
-from ges.diagnose.decide.rules import FAINT, SEPARATE, SURE, lead_over
+from ges.diagnose.decide.rules import lead_over
 from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import Column
 from ges.diagnose.library.candidates import Variant, modifiers_of
-from ges.diagnose.select.evidence import TEMPERING, Board, Gram, rms_of
-from ges.diagnose.select.search import PRIOR_OF_SIZE, log_rarity
+from ges.diagnose.select.evidence import Board, Gram, rms_of
+from ges.diagnose.select.search import log_rarity
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import block_of
 from ges.simulator import effects as effect_table
-
-POWER = 0.9
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,28 +114,30 @@ def expected_evidence(
 
 
 def _size_beyond(price: float, per_square: float) -> float:
-    """Size from which an evidence that grows as ``per_square size^2`` exceeds a price in nine of
-    ten sets of flights, its noise growing with the size.
+    """Size from which an evidence that grows as ``per_square size^2`` exceeds a price in most
+    sets of flights, its noise growing with the size.
     """
     if per_square <= 0.0:
         return np.inf if price > 0.0 else 0.0
-    half = ndtri(POWER) * math.sqrt(TEMPERING / (2.0 * per_square))
+    weight = settings.evidence.tempering
+    half = ndtri(settings.advise.power) * math.sqrt(weight / (2.0 * per_square))
     square = half**2 + price / per_square
     return half + math.sqrt(square) if square >= 0.0 else 0.0
 
 
-def _needed(shape: _Shape, truth: int, others: Sequence[_Shape], odds: float) -> tuple[float, str]:
+def _needed(
+    shape: _Shape, truth: int, others: Sequence[_Shape], log_odds: float
+) -> tuple[float, str]:
     """Size of the true coefficient at which its evidence beats nothing and every other effect; inf
     and the effect that hides it where one does.
     """
     gain, count = float(shape.gain[truth]), len({s.name for s in others} | {shape.name})
-    price, rarity = (
-        math.log(odds) + shape.cost,
-        math.log(PRIOR_OF_SIZE[0] / PRIOR_OF_SIZE[1] * count),
-    )
-    worst, hidden = _size_beyond(price + rarity, max(float(shape.over[truth]), 1e-300)), ""
+    none, one, *_ = settings.search.size_probabilities
+    price, rarity = log_odds + shape.cost, math.log(none / one * count)
+    shown = max(float(shape.over[truth]), settings.numerics.tiny)
+    worst, hidden = _size_beyond(price + rarity, shown), ""
     for other in (s for s in others if s.name != shape.name):
-        more = lead_over(shape.name, (other.name,)) - SEPARATE
+        more = lead_over(shape.name, (other.name,)) - settings.statistics.acceptance_log_odds
         size = _size_beyond(price + more - other.cost, gain - float(other.gain[truth]))
         if size > worst:
             worst, hidden = size, other.name
@@ -169,7 +170,7 @@ def _sizes(board: Board) -> _Sizes:
 
 
 def smallest_detectable(
-    board: Board, found: Mapping[str, Found] | None = None, odds: float = 9.0
+    board: Board, found: Mapping[str, Found] | None = None
 ) -> dict[str, dict[str, Any]]:
     """Smallest size by effect.
 
@@ -178,7 +179,6 @@ def smallest_detectable(
     board : of the search, with the columns of every candidate.
     found : effects that are accepted already; beside them the others are judged, and each of them
         beside the rest.
-    odds : that an acceptance takes.
 
     Returns
     -------
@@ -188,9 +188,9 @@ def smallest_detectable(
     """
     pooled, unit, told, given = board.pooled(), _sizes(board), {}, found or {}
     for name, known in given.items():
-        alone = _beside(board, pooled, unit, {*given} - {name}, name, odds)
+        alone = _beside(board, pooled, unit, {*given} - {name}, name)
         told |= {name: _seen(alone[name], known)} if name in alone else {}
-    others = _beside(board, pooled, unit, {*given}, None, odds)
+    others = _beside(board, pooled, unit, {*given}, None)
     return told | {name: _standing_for(entries) for name, entries in others.items()}
 
 
@@ -208,7 +208,6 @@ def _beside(
     unit: _Sizes,
     given: Collection[str],
     asked: str | None,
-    odds: float,
 ) -> dict[str, list[_Entry]]:
     """Smallest sizes of the ``asked`` effect (of all where None) by shape, those ``given`` being
     free and no rivals.
@@ -221,16 +220,16 @@ def _beside(
         ],
         dtype=int,
     )
-    gram = pooled.without(free, 10.0 * board.prior.sd[free])
-    shapes = _shapes(board, gram, given)
+    gram = pooled.without(free, settings.numerics.wide_factor * board.prior.sd[free])
+    shapes, log_odds = _shapes(board, gram, given), settings.statistics.acceptance_log_odds
     sizes: dict[str, list[_Entry]] = {}
     for shape in (s for s in shapes if asked in (None, s.name)):
         for k in (k for k in shape.columns if _is_told(board.system.columns[k])):
-            size, hidden = _needed(shape, k, shapes, odds)
+            size, hidden = _needed(shape, k, shapes, log_odds)
             if unit.drive_alone[k]:  # what is faint has to be sure
                 size = min(
-                    max(size, FAINT * unit.least[k]),
-                    _needed(shape, k, shapes, SURE / (1.0 - SURE))[0],
+                    max(size, settings.decide.faint_factor * unit.least[k]),
+                    _needed(shape, k, shapes, settings.statistics.certain_log_odds)[0],
                 )
             size, hidden = max((size, hidden), (float(unit.least[k]), ""))
             sizes.setdefault(shape.name, []).append(_entry(board, k, size, hidden, unit))

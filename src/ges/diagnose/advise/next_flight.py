@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ges.diagnose.advise.recommend import POSSIBLE, Rival, open_sets, rank, rivals_of
+from ges.diagnose.advise.recommend import Rival, open_sets, rank, rivals_of
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.design.system import build
 from ges.diagnose.detectors.balance import Shift
@@ -13,6 +13,7 @@ from ges.diagnose.library.candidates import flown
 from ges.diagnose.library.grids import library
 from ges.diagnose.select.evidence import Board, make_board
 from ges.diagnose.select.search import Search
+from ges.diagnose.settings import settings
 
 
 def next_flight(accepted: Accepted, shift: Shift | UntoldThrust | None) -> dict:
@@ -24,7 +25,11 @@ def next_flight(accepted: Accepted, shift: Shift | UntoldThrust | None) -> dict:
         return _with_voltage(shift)
     if shift:
         return shift.next_flight()
-    doubtful = any(POSSIBLE < p < 1.0 - POSSIBLE for p in accepted.found.inclusion.values())
+    s = settings.statistics
+    doubtful = any(
+        s.possible_probability < p < s.acceptance_probability
+        for p in accepted.found.inclusion.values()
+    )
     if not accepted.rivals and not doubtful:
         return {}
     return separating(accepted.board, accepted.found, accepted.names)

@@ -17,25 +17,14 @@ from ges.diagnose.design.whiten import whiten
 from ges.diagnose.estimate.fit import starting_values
 from ges.diagnose.prepare.align import STREAMS, Prepared
 from ges.diagnose.prepare.gate import prepare
-from ges.diagnose.select.evidence import TEMPERING, Board, Gram, flight_grams, posterior
+from ges.diagnose.select.evidence import Board, Gram, flight_grams, posterior
 from ges.diagnose.select.search import Hypothesis, Search
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.simulator import flight as sim
 from ges.simulator import manoeuvres
 from ges.threads import each
 
-DURATION_S = 30.0
-LEAST_FLYING = 0.5
-SEED = 1
-POSSIBLE = 0.1
-MOST = 3
-FIRM = {"attitude_kp": 400.0, "attitude_kd": 40.0}
-"""Stands in for the integral action of a real autopilot, which trims unequal motors away."""
-WORTH_FLYING = float(np.log(4.0))
-SETTLED = 20.0  # log odds beyond which nothing more is gained
-SURE = float(np.log(9.0))  # odds that an acceptance takes
-LEAST_GAIN = 0.05
-MOST_FLIGHTS = 20
 READINGS = {f"omega_{a}_rad_s": f"gyro_{a}_rad_s" for a in "xyz"}
 
 
@@ -76,12 +65,13 @@ class Option:
         """How often to fly it until the odds of an acceptance are expected; None where that would
         take too many.
         """
-        if self.expected_log_odds >= SURE:
+        lacking = settings.statistics.acceptance_log_odds - self.expected_log_odds
+        if lacking <= 0.0:
             return 1
-        if self.gain < LEAST_GAIN:
+        if self.gain < settings.advise.gain_least:
             return None
-        wanted = 1 + int(np.ceil((SURE - self.expected_log_odds) / self.gain))
-        return wanted if wanted <= MOST_FLIGHTS else None
+        wanted = 1 + int(np.ceil(lacking / self.gain))
+        return wanted if wanted <= settings.advise.flights_most else None
 
     def content(self) -> dict:
         """``next_flight`` of diagnosis.json; without a manoeuvre where this one would not do."""
@@ -111,13 +101,13 @@ def open_sets(found: Search, proven: Sequence[str]) -> list[Hypothesis]:
     names = [
         n for n in sorted(found.inclusion, key=lambda n: -found.inclusion[n]) if n not in proven
     ]
-    names = [n for n in names if found.inclusion[n] > POSSIBLE]
+    names = [n for n in names if found.inclusion[n] > settings.statistics.possible_probability]
     sets = [
         max((h for h in found.hypotheses if n in h.names), key=lambda h: h.log_evidence)
-        for n in names[:MOST]
+        for n in names[: settings.search.beam]
     ]
     without = [h for h in found.hypotheses if set(h.names) <= set(proven)]
-    if sum(h.probability for h in without) > POSSIBLE:
+    if sum(h.probability for h in without) > settings.statistics.possible_probability:
         sets.append(max(without, key=lambda h: h.log_evidence))
     return list({h.names: h for h in sets}.values())
 
@@ -135,11 +125,12 @@ def simulate(
     """One manoeuvre flown with a rival's effects, recorded as the flights so far were; None where
     it could not be flown.
     """
-    table = manoeuvres.make(plan, DURATION_S)
+    table = manoeuvres.make(plan, settings.advise.duration_s)
     numbers = {
         **parameters,
-        **FIRM,
-        "seed": SEED,
+        "attitude_kp": settings.advise.attitude_kp,
+        "attitude_kd": settings.advise.attitude_kd,
+        "seed": settings.advise.seed,
         "altitude_source": 1,
         "mode": "none",
         "inputs_dt_s": manoeuvres.STEP_S,
@@ -154,7 +145,7 @@ def simulate(
         {name: record[source] for name, source in zip(logged, wanted, strict=True)}
     )
     flight = prepare(frame, model)
-    return flight if flight.flying.mean() > LEAST_FLYING else None
+    return flight if flight.flying.mean() > settings.advise.flying_share_least else None
 
 
 def _subset(board: Board, rivals: Sequence[Rival]) -> np.ndarray:
@@ -167,8 +158,9 @@ def _gram(board: Board, flight: Prepared, keep: np.ndarray) -> Gram:
     """Normal equations of one more flight, in the noise of the flights so far."""
     system, columns = board.system, [board.system.columns[k] for k in keep]
     made = rows(flight, system.model, system.names, columns, system.flights[0].windows.length_s)
+    weight = settings.evidence.tempering
     usual = np.median(np.concatenate([r.noise for r in system.flights])) or 1.0
-    return flight_grams(whiten([made], board.noise, [made.noise / usual]), columns, TEMPERING)[0]
+    return flight_grams(whiten([made], board.noise, [made.noise / usual]), columns, weight)[0]
 
 
 def _log_odds(board: Board, gram: Gram, keep: np.ndarray, rivals: Sequence[Rival]) -> np.ndarray:
@@ -190,7 +182,7 @@ def _expected(chance: np.ndarray, leads: Sequence[float]) -> float:
     """Lead of the true rival, the rivals as likely as they are; what is settled is not counted
     twice.
     """
-    return float(chance @ np.minimum(leads, SETTLED))
+    return float(chance @ np.minimum(leads, settings.advise.settled_log_odds))
 
 
 def _labels(rivals: Sequence[Rival]) -> tuple[str, ...]:
@@ -236,7 +228,9 @@ def rank(
         after = [_log_odds(board, past + _gram(board, f, keep), keep, rivals) for f in flown]
         leads = [_lead(evidence, i) for i, evidence in enumerate(after)]
         left = tuple(
-            label for label, lead in zip(labels, leads, strict=True) if lead <= WORTH_FLYING
+            label
+            for label, lead in zip(labels, leads, strict=True)
+            if lead <= settings.advise.separated_log_odds
         )
         told = tuple(label for label in labels if label not in left)
         expected = _expected(chance, leads)

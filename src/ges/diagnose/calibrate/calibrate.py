@@ -21,6 +21,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
+from ges.conventions import QUANTILES_95, SDS_95
 from ges.diagnose.decide.declared import words_of
 from ges.diagnose.design.system import System, build
 from ges.diagnose.detectors.balance import CHANNELS, LOSSES, MASS, centred, variance_of_means
@@ -34,9 +35,10 @@ from ges.diagnose.estimate.fit import (
 from ges.diagnose.prepare.align import Prepared, attitude_measured
 from ges.diagnose.prepare.gate import at_flown_voltage, pass_gate
 from ges.diagnose.select.evidence import Gram
+from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import interval95
-from ges.diagnose.types.model import BEYOND_SDS, SPEED, Model, from_vehicle
-from ges.diagnose.validate.locate import BLOCK_S, regimes_of
+from ges.diagnose.types.model import SPEED, Model, from_vehicle
+from ges.diagnose.validate.locate import regimes_of
 from ges.diagnose.validate.structure import structures
 from ges.errors import GesError
 from ges.recordings.recording import RecordingSet, require_drive
@@ -45,19 +47,8 @@ from ges.simulator.effects import Effect, Parameter
 from ges.threads import blas_alone
 from ges.vehicle.file import Estimate, Quantity, Vehicle, parse_vehicle, vehicle_content
 
-THRUST, LEVERS = MASS[2], MASS[:2]
+*LEVERS, THRUST = MASS
 TRIMS = (THRUST, *LOSSES, *LEVERS)
-LOSS_SD = 0.1
-SPREAD = 0.02
-USUAL_FACTOR = {True: 1.0, False: 0.25}
-"""Spread that flights usually have, over :data:`SPREAD`: from commands, which warm motors blur, and
-from rotor speeds.
-"""
-USUAL_WORTH = 4.0  # degrees of freedom
-LARGEST_SPREAD = 10.0
-WORTH = 3.0
-ROUNDS = 4
-TIGHT = 0.2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,7 +95,7 @@ def _opened(model: Model, flights: Sequence[Prepared]) -> Model:
     thrust is one number without rotor speeds.
     """
     doubts = {
-        **dict.fromkeys(LOSSES, LOSS_SD),
+        **dict.fromkeys(LOSSES, settings.calibrate.loss_sd),
         **dict.fromkeys(LEVERS, 0.0),
         **model.doubts,
     }
@@ -176,9 +167,10 @@ def _usual_spread(key: str, keys: Sequence[str]) -> float:
     """Spread between flights before its factor: of every motor's gain; of the thrust where motors
     cannot be told apart.
     """
+    spread = settings.calibrate.spread
     if key in LOSSES:
-        return SPREAD
-    return 0.5 * SPREAD if key == TRIMS[0] and not set(LOSSES) & set(keys) else 0.0
+        return spread
+    return 0.5 * spread if key == TRIMS[0] and not set(LOSSES) & set(keys) else 0.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -231,15 +223,16 @@ def _trims(flights: Sequence[Prepared], model: Model, before: Mapping[str, Numbe
     told = _balance(build(flights, calibrated(model, shift), []))
     start = -np.array([shift.get(key, 0.0) for key in told.keys])
     factor = _spread_factor(told.grams, start, told.prior_sd, told.spread)
-    pooled, freedom = _pooled(
-        factor, told.grams[0].n * (len(flights) - 1), USUAL_FACTOR[_commanded(flights)]
-    )
+    usual = 1.0 if _commanded(flights) else settings.calibrate.spread_share_of_speeds
+    pooled, freedom = _pooled(factor, told.grams[0].n * (len(flights) - 1), usual)
     found, turn = (
         _posterior(told.grams, start, told.prior_sd, pooled * told.spread),
         _gauge(told.keys),
     )
     sd = np.sqrt(np.diag(turn @ found.covariance @ turn.T))
-    later = np.hypot(sd, float(student.ppf(0.975, freedom)) / 1.96 * pooled * told.spread)
+    later = np.hypot(
+        sd, float(student.ppf(QUANTILES_95[1], freedom)) / SDS_95 * pooled * told.spread
+    )
     values = turn @ (found.mean - start)
     rows = zip(told.keys, values, sd, pooled * told.spread, told.prior_sd, later, strict=True)
     numbers = (
@@ -288,8 +281,8 @@ def _flown(key: str, value: float, sd: float, model: Model) -> float:
         For a declared number or a trim that is clearly beyond: a file that holds a part of it would
         blame the rest on physics.
     """
-    low, high = correction_bounds(key, model)
-    near = low - BEYOND_SDS * sd <= value <= high + BEYOND_SDS * sd
+    (low, high), sds = correction_bounds(key, model), settings.statistics.certain_sds
+    near = low - sds * sd <= value <= high + sds * sd
     if near or key not in TRIMS and words_of(key) == key:
         return float(np.clip(value, low, high))
     raise GesError(
@@ -304,12 +297,13 @@ def _fit(flights: Sequence[Prepared], model: Model) -> tuple[dict[str, Number], 
     moves.
     """
     numbers, factor = {}, 1.0
-    for _ in range(ROUNDS):
+    for _ in range(settings.numerics.noise_rounds):
         last = numbers
         trims, factor = _trims(flights, model, last)
         numbers = {**trims, **_declared(flights, model, {**last, **trims})}
+        share = settings.calibrate.converged_share
         if last and all(
-            abs(n.value - last[key].value) < TIGHT * n.later_sd for key, n in numbers.items()
+            abs(n.value - last[key].value) < share * n.later_sd for key, n in numbers.items()
         ):
             break
     return numbers, factor
@@ -323,7 +317,7 @@ def _spread_factor(
     def cost(log_factor: float) -> float:
         return -_posterior(grams, start, prior, np.exp(log_factor) * unit).log_likelihood
 
-    bounds = (np.log(0.05), np.log(LARGEST_SPREAD))
+    bounds = np.log([settings.calibrate.spread_factor_least, settings.calibrate.spread_factor_most])
     return float(np.exp(minimize_scalar(cost, bounds=bounds, method="bounded").x))
 
 
@@ -331,8 +325,9 @@ def _pooled(factor: float, freedom: float, usual: float) -> tuple[float, float]:
     """The spread of these flights and the usual one, weighed by their degrees of freedom; and the
     sum of these.
     """
-    total = freedom + USUAL_WORTH
-    return float(np.sqrt((freedom * factor**2 + USUAL_WORTH * usual**2) / total)), total
+    worth = settings.calibrate.spread_freedom
+    total = freedom + worth
+    return float(np.sqrt((freedom * factor**2 + worth * usual**2) / total)), total
 
 
 def _scaled(quantity: Quantity, number: Number) -> Quantity:
@@ -401,8 +396,8 @@ def _belongs(key: str, number: Number, vehicle: Vehicle) -> bool:
     """Whether a number is written under ``effects``: trims always, drive effects where declared or
     beyond the usual.
     """
-    effect = key.split(".")[0]
-    clear = abs(number.value) > max(WORTH * number.later_sd, number.declared_sd)
+    effect, clear_sds = key.split(".")[0], settings.statistics.clear_sds
+    clear = abs(number.value) > max(clear_sds * number.later_sd, number.declared_sd)
     of_the_drive = effect in {e.name for e in _drives()}
     return key in TRIMS[1:] or of_the_drive and (clear or effect in vehicle.effects)
 
@@ -468,7 +463,7 @@ def calibrate(recordings: RecordingSet) -> Calibration:
         update={"left_unexplained": _left_unexplained(flights, vehicle, recordings.folder)}
     )
     vehicle = parse_vehicle(vehicle_content(vehicle), "the calibrated vehicle")
-    return Calibration(vehicle, numbers, factor * SPREAD, seconds, told)
+    return Calibration(vehicle, numbers, factor * settings.calibrate.spread, seconds, told)
 
 
 def _left_unexplained(
@@ -480,7 +475,7 @@ def _left_unexplained(
     model = at_flown_voltage(from_vehicle(vehicle, folder), flights)
     system = build(flights, model, [])
     left = in_the_air(centred(left_raw(system, null_fit(system)[1]), system), system)
-    told, blocks = regimes_of(system), system.blocks(BLOCK_S)
+    told, blocks = regimes_of(system), system.blocks(settings.locate.block_s)
     largest: dict[str, float] = {}
     for pair in itertools.combinations(range(len(flights)), 2):
         for s in structures(
@@ -498,5 +493,5 @@ def _far(numbers: Mapping[str, Number]) -> list[str]:
         f"{key} moved by {n.value:.3g}, {abs(n.value) / n.declared_sd:.1f} times its declared sd of"
         f" {n.declared_sd:.3g}; look at the vehicle file before you rely on it"
         for key, n in numbers.items()
-        if words_of(key) != key and abs(n.value) > WORTH * n.declared_sd
+        if words_of(key) != key and abs(n.value) > settings.statistics.clear_sds * n.declared_sd
     ]

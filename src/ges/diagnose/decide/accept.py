@@ -14,9 +14,7 @@ import numpy as np
 from scipy.special import expit
 
 from ges.diagnose.decide.rules import (
-    ACCEPT,
     SEARCH_RULES,
-    SEPARATE,
     Weighed,
     ambiguous,
     does_something,
@@ -33,14 +31,10 @@ from ges.diagnose.library.candidates import Candidate, acts_among, modifiers_of
 from ges.diagnose.select.evidence import Board, make_board
 from ges.diagnose.select.search import Hypothesis, Search, over_plain
 from ges.diagnose.select.stable import search_until_stable
+from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, Record
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
-
-RARER_MODIFIED = math.log(8.0)
-"""Log odds against each of some five modifiers of an effect before any flight, as a search of them
-alone has them.
-"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,7 +104,10 @@ def accept(start: Board, record: Record, only: Sequence[str] | None = None) -> A
         base = system.model.with_effects(fitted.effects)
         listed = candidates_of(system.recordings, base, names, only)
     board, found = first or search_until_stable(start, (), ())[:2]
-    settled = {*names, *(n for n, p in found.inclusion.items() if p >= ACCEPT)}
+    settled = {
+        *names,
+        *(n for n, p in found.inclusion.items() if p >= settings.statistics.acceptance_probability),
+    }
     rivals = ambiguous(found, settled - contested, contested)
     if rivals and not _needed(rivals, base, system):
         rivals = ()
@@ -157,7 +154,7 @@ def _needed(rivals: Sequence[str], base: Model, system: System) -> bool:
     """Whether one of these is needed still beside what was accepted, as its fit in full has it."""
     listed = candidates_of(system.recordings, base, (), rivals)
     found = search_until_stable(_laid_out(listed, base, system), listed, tuple(base.effects))[1]
-    return found.null().probability <= 1.0 - ACCEPT
+    return found.null().probability <= settings.statistics.possible_probability
 
 
 @dataclasses.dataclass(frozen=True)
@@ -187,8 +184,9 @@ def _modifying(
     }
     if only is not None:
         return {m: _Modifying(values, 1.0) for m, values in brought.items() if m in only}
-    odds = over_plain(board, listed, found.best) - RARER_MODIFIED if brought else -math.inf
-    if odds <= SEPARATE:
+    rarer = settings.decide.modifier_log_odds
+    odds = over_plain(board, listed, found.best) - rarer if brought else -math.inf
+    if odds <= settings.statistics.acceptance_log_odds:
         return {}
     return {m: _Modifying(values, float(expit(odds))) for m, values in brought.items()}
 

@@ -9,7 +9,8 @@ from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import System
 from ges.diagnose.estimate.fit import Joint
 from ges.diagnose.select.evidence import rms_of
-from ges.diagnose.types.model import BEYOND_SDS, SPEED, Model
+from ges.diagnose.settings import settings
+from ges.diagnose.types.model import SPEED, Model
 from ges.simulator import effects as effect_table
 
 
@@ -65,7 +66,7 @@ class Contradicted:
 
 def contradicted(joint: Joint, system: System, but: Collection[str] = ()) -> list[Contradicted]:
     """Declared numbers, and trims that the file was calibrated with, that a fit moves beyond
-    :data:`BEYOND_SDS`, and by more than what no model is right to, the farthest first.
+    doubt, and by more than what no model is right to, the farthest first.
 
     Parameters
     ----------
@@ -79,7 +80,7 @@ def contradicted(joint: Joint, system: System, but: Collection[str] = ()) -> lis
         for key, value in joint.common.items()
         if (sd := model.doubts.get(key))
         and key.split(".")[0] not in but
-        and abs(value) > BEYOND_SDS * sd
+        and abs(value) > settings.statistics.certain_sds * sd
         and abs(value) * share[:, system.nuisances[key]].max() >= 1.0
     ]
     return sorted(found, key=lambda c: -c.sds)

@@ -9,31 +9,19 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
 
-from ges.diagnose.decide.sizes import LIGHTER, shares_of, unlike_form_error
-from ges.diagnose.estimate.fit import FORM_ERROR, Fitted
+from ges.diagnose.decide.sizes import shares_of, unlike_form_error
+from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.library.candidates import acts_among, amplitude_of, wind_speed_m_s
 from ges.diagnose.select.evidence import Board
 from ges.diagnose.select.search import Hypothesis, Search, size_of
+from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, Record
 from ges.simulator import effects as effect_table
-
-ACCEPT, SURE = 0.9, 0.999
-SEPARATE, SEPARATE_FROM_USUAL = math.log(ACCEPT / (1.0 - ACCEPT)), 4.5
-CLEAR_SDS, OPEN_SDS = 3.0, 1.5
-"""Open: of what is unlike an error of a form; how large a lag is may be open far up where that
-there is one is not.
-"""
-DOUBTFUL_SDS = 2.0
-"""What is within as many declared sds is no finding, however well it is measured."""
-STILL_AIR_M_S = 0.3
-"""No air is stiller, nor any position more at rest."""
-FAINT = 2.0  # times the least
 
 Context = TypeVar("Context")
 Rule = Callable[[Context, str], Decision]
@@ -58,8 +46,8 @@ class Weighed:
     @functools.cached_property
     def probable(self) -> tuple[str, ...]:
         """Names of the best set that are probable, whatever else speaks against them."""
-        best, inclusion = self.found.best.names, self.found.inclusion
-        return tuple(n for n in best if inclusion[n] >= ACCEPT)
+        best, least = self.found.best.names, settings.statistics.acceptance_probability
+        return tuple(n for n in best if self.found.inclusion[n] >= least)
 
     @functools.cached_property
     def shares(self) -> Mapping[str, Mapping[str, float]]:
@@ -79,8 +67,9 @@ class Weighed:
 def probable(c: Weighed, name: str) -> Decision:
     """The posterior probability that a name takes part is high, and the best set has it."""
     p, best = c.found.inclusion[name], name in c.found.best.names
+    least = settings.statistics.acceptance_probability
     because = f"posterior probability {p:.3g}" + ("" if best else ", not in the best set")
-    return Decision("probable", best and p >= ACCEPT, because, p, ACCEPT)
+    return Decision("probable", best and p >= least, because, p, least)
 
 
 def best_of_its_family(c: Weighed, name: str) -> Decision:
@@ -125,14 +114,15 @@ def not_model_form_error(c: Weighed, name: str) -> Decision:
     }
     why = next((reason for reason, holds in reasons.items() if holds), "")
     because = f"{why}: posterior probability {p:.5g}" if why else "no larger effect is wrong by it"
-    return Decision("not_model_form_error", not why or p >= SURE, because, p, SURE if why else None)
+    least = settings.statistics.certain_probability if why else None
+    return Decision("not_model_form_error", not why or p >= least, because, p, least)
 
 
 def large_enough(c: Weighed, name: str) -> Decision:
     """No model is right to less; a carrier is as large as what acts through it."""
     size = c.size(name)
-    sure = unlike_form_error(name) and c.found.inclusion[name] >= SURE
-    least = LIGHTER if sure else 1.0
+    sure = c.found.inclusion[name] >= settings.statistics.certain_probability
+    least = settings.decide.unlike_form_share if sure and unlike_form_error(name) else 1.0
     carries = any(c.size(n) >= 1.0 and name in effect_table.get(n).carriers for n in c.standing)
     because = f"{size:.3g} times what no model is right to" + (", and carries" if carries else "")
     return Decision("large_enough", size >= least or carries, because, size, least)
@@ -148,7 +138,8 @@ def carried(c: Weighed, name: str) -> Decision:
 def more_than_its_carriers_form(c: Weighed, name: str) -> Decision:
     """A small modifier is no more than what the form of the effect that it modifies is wrong by."""
     carrier = effect_table.get(name).modifies or ""
-    least = 0.0 if unlike_form_error(name) else FORM_ERROR * c.known.get(carrier, 0.0)
+    wrong = settings.estimate.form_error * c.known.get(carrier, 0.0)
+    least = 0.0 if unlike_form_error(name) else wrong
     size = c.size(name)
     because = f"{size:.3g} where the form of {carrier or 'nothing'} may be wrong by {least:.3g}"
     return Decision("more_than_its_carriers_form", size >= least, because, size, least)
@@ -222,7 +213,7 @@ def beside_larger(name: str, shares: Mapping[str, Mapping[str, float]]) -> bool:
     """
     others = [by for n, by in shares.items() if n != name]
     return all(
-        v < FORM_ERROR * max((by[block] for by in others), default=0.0)
+        v < settings.estimate.form_error * max((by[block] for by in others), default=0.0)
         for block, v in shares[name].items()
         if v > 0.0
     )
@@ -234,7 +225,7 @@ def faint(share: Mapping[str, float]) -> bool:
     """
     return (
         not any(v > 0.0 for block, v in share.items() if block != "drive")
-        and share.get("drive", 0.0) < FAINT
+        and share.get("drive", 0.0) < settings.decide.faint_factor
     )
 
 
@@ -267,7 +258,8 @@ def replaced_by(found: Search, name: str) -> tuple[str, ...]:
 
 def lead_over(name: str, others: Sequence[str]) -> float:
     """Log odds by which a name has to be better than others in its place."""
-    return SEPARATE_FROM_USUAL if effect_table.get(name).usual_beside in others else SEPARATE
+    usual = effect_table.get(name).usual_beside in others
+    return settings.decide.usual_log_odds if usual else settings.statistics.acceptance_log_odds
 
 
 def significant(fitted: Fitted, name: str) -> Decision:
@@ -277,15 +269,17 @@ def significant(fitted: Fitted, name: str) -> Decision:
     effect, rule = effect_table.get(name), "significant_when_fitted"
     if effect.moves_air:
         speed_m_s = wind_speed_m_s(name, fitted.effects[name])
-        if speed_m_s < STILL_AIR_M_S:
-            return Decision(rule, False, "air is as still anywhere", speed_m_s, STILL_AIR_M_S)
-    least = OPEN_SDS if unlike_form_error(name) else CLEAR_SDS
+        still_m_s = settings.decide.still_air_m_s
+        if speed_m_s < still_m_s:
+            return Decision(rule, False, "air is as still anywhere", speed_m_s, still_m_s)
+    open_sds, clear_sds = settings.decide.open_sds, settings.statistics.clear_sds
+    least = open_sds if unlike_form_error(name) else clear_sds
     farthest, declared = 0.0, fitted.board.system.model.doubts
     for parameter in (p for e, p in fitted.free if e == name and p not in effect.shapes):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
         if value != a.neutral and value in (a.low, a.high):
             return Decision(rule, False, f"{parameter} stands at its bound", value, value)
-        doubt = DOUBTFUL_SDS * declared.get(f"{name}.{parameter}", 0.0)
+        doubt = settings.statistics.suggestive_sds * declared.get(f"{name}.{parameter}", 0.0)
         if abs(value - a.neutral) > max(fitted.sd(name, parameter), doubt):
             farthest = max(farthest, fitted.sds_from_neutral(name, parameter))
     because = f"{farthest:.3g} sds from neutral" if farthest else "within its sd, or its doubt"
@@ -305,9 +299,10 @@ def does_something(fitted: Fitted, name: str) -> bool:
 def ambiguous(found: Search, names: set[str], contested: set[str]) -> tuple[str, ...]:
     """Names that replace each other: none proven alone, but one of them needed."""
     without = sum(h.probability for h in found.hypotheses if not set(h.names) - names)
-    needed = without <= 1.0 - ACCEPT
+    possible = settings.statistics.possible_probability
+    needed = without <= possible
     open_names = contested | {
-        n for n, p in found.inclusion.items() if needed and n not in names and p > 0.1
+        n for n, p in found.inclusion.items() if needed and n not in names and p > possible
     }
     if len(open_names) < 2:
         return ()

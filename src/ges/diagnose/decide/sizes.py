@@ -9,14 +9,9 @@ import numpy as np
 from ges.diagnose.design.system import System
 from ges.diagnose.select.evidence import Board, acts_of
 from ges.diagnose.select.search import Hypothesis
-from ges.diagnose.types.model import block_of
+from ges.diagnose.settings import settings
+from ges.diagnose.types.model import Model, block_of
 from ges.simulator import effects as effect_table
-
-REACH_M = 10.0  # 2 cm of a rangefinder matter
-LIGHTER = 0.4
-"""Of the least, of what does not look like an error of a form."""
-LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0005, "drive": 0.0003, "range": 0.002}
-"""Of weight, weight times arm, full speed or a rotor radius: no model is right to less."""
 
 
 def unlike_form_error(name: str) -> bool:
@@ -26,19 +21,25 @@ def unlike_form_error(name: str) -> bool:
     return "unlike_form_error" in effect_table.get(name).hints
 
 
-def least_share(name: str, channel: str) -> float:
-    """The least share of a channel's whole at which an effect matters."""
-    return LEAST_SHARE[block_of(channel)] * (LIGHTER if unlike_form_error(name) else 1.0)
+def least_size(name: str, channel: str, model: Model) -> float:
+    """The least rms of an effect at which it matters in a channel, in the channel's unit."""
+    share = settings.decide.unlike_form_share if unlike_form_error(name) else 1.0
+    return share * _least(channel, model)
 
 
 def least_sizes(system: System) -> np.ndarray:
-    """What matters at least in each main channel, rms over all windows, in the channel's unit."""
-    return np.array(
-        [
-            LEAST_SHARE[block_of(n)] * (REACH_M if n == "range" else system.model.whole(n))
-            for n in system.main
-        ]
-    )
+    """What matters at least in each main channel, rms over all windows, in the channel's unit: no
+    model is right to less.
+    """
+    return np.array([_least(name, system.model) for name in system.main])
+
+
+def _least(channel: str, model: Model) -> float:
+    s, block = settings.decide, block_of(channel)
+    if block == "range":
+        return s.least_range_m
+    shares = {"moment": s.least_moment_share, "drive": s.least_drive_share}
+    return shares.get(block, s.least_force_share) * model.whole(channel)
 
 
 def shares_of(board: Board, h: Hypothesis, names: set[str]) -> Mapping[str, float]:

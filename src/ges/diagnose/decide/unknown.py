@@ -10,15 +10,20 @@ import numpy as np
 
 from ges.diagnose.design.system import System
 from ges.diagnose.detectors.gusts import PUSHED, may_lean
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
-from ges.diagnose.validate.locate import clear
+from ges.diagnose.validate.locate import clear, located
 from ges.diagnose.validate.structure import Structure
 
-LEAST_R2, FAINT_R2 = 0.01, 0.1
-BORROWED_R2 = 0.2
-ACTS = 0.1
-"""Of what is left in a channel: names that add less there have nothing to do with it."""
-LARGE_SHARE = {"force": 0.005, "acc": 0.005, "moment": 0.002, "range": 0.25}
+
+def _large_shares() -> dict[str, float]:
+    """A large structure by kind of channel, over the whole of the channel."""
+    s = settings.decide
+    return {
+        **dict.fromkeys(("force", "acc"), s.large_force_share),
+        "moment": s.large_moment_share,
+        "range": s.large_range_radii,
+    }
 
 
 def left_over(found: Sequence[Structure], model: Model) -> list[Structure]:
@@ -27,7 +32,8 @@ def left_over(found: Sequence[Structure], model: Model) -> list[Structure]:
     or where that shows none, of the size of forces and moments. The one that predicts most of each
     channel, the largest share first.
     """
-    large = [*clear(found, model, FAINT_R2), *clear(found, model, LEAST_R2, LARGE_SHARE)]
+    r2 = settings.decide.large_r2_least
+    large = [*located(found, model), *clear(found, model, r2, _large_shares())]
     best: dict[str, Structure] = {}
     for s in sorted([s for s in large if not s.of_size] or large, key=lambda s: (-s.r2, s.regime)):
         best.setdefault(s.channel, s)
@@ -45,7 +51,7 @@ def theirs(
     return [
         s
         for s in found
-        if acting[s.channel] > ACTS * s.rms
+        if acting[s.channel] > settings.decide.related_share * s.rms
         and not (s.channel in PUSHED and may_lean(s.rms, added, system))
     ]
 
@@ -55,4 +61,8 @@ def borrowed(found: Sequence[Structure], model: Model) -> list[Structure]:
     effect of the library that is really there explains its channels, and one that is not makes up
     for a part of what is.
     """
-    return [s for s in clear(found, model, BORROWED_R2, LARGE_SHARE) if not s.of_size]
+    return [
+        s
+        for s in clear(found, model, settings.decide.misattributed_r2_least, _large_shares())
+        if not s.of_size
+    ]

@@ -16,20 +16,19 @@ from ges.diagnose.decide.accept import (
     with_alternatives,
     without,
 )
-from ges.diagnose.decide.sizes import least_share
-from ges.diagnose.decide.unknown import BORROWED_R2, borrowed, left_over, theirs
+from ges.diagnose.decide.sizes import least_size
+from ges.diagnose.decide.unknown import borrowed, left_over, theirs
 from ges.diagnose.design.system import System
 from ges.diagnose.detectors.gusts import HANGING, PUSHED, WIND, Gusts, gusts_of, may_lean
 from ges.diagnose.detectors.thrust import UntoldThrust, untold_thrust
 from ges.diagnose.estimate.contributions import contributions, size_of
 from ges.diagnose.estimate.fit import Joint, fitted_model, strain, strain_without
+from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, Record
 from ges.diagnose.types.model import Model
 from ges.diagnose.validate.stages import Stage, Start, stage
 from ges.diagnose.validate.structure import Structure, moved_with
 from ges.simulator import effects as effect_table
-
-STRAINED = 5.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,7 +114,7 @@ def _unstrained(accepted: Accepted, first: Joint, record: Record) -> Accepted:
     """
     while accepted.fitted is not None:
         system, apart = accepted.board.system, accepted.fitted.apart
-        most = max(STRAINED, strain(first, system) + 1.0)
+        most = max(settings.decide.strained_sds, strain(first, system) + 1.0)
         needed = strain(apart, system)
         if needed <= most:
             break
@@ -152,8 +151,8 @@ def _not_borrowed(answer: Answer, start: Start, declared: Model, record: Record)
         if mine:
             by = " and ".join(mine[0].regime)
             because = f"{by} still foretell {mine[0].channel}, where it mainly acts"
-        statistic = mine[0].r2 if mine else None
-        record.note(name, Decision("no_lack_of_fit", not mine, because, statistic, BORROWED_R2))
+        statistic, most = mine[0].r2 if mine else None, settings.decide.misattributed_r2_least
+        record.note(name, Decision("no_lack_of_fit", not mine, because, statistic, most))
         if mine and name in accepted.names:
             accepted = without(accepted, name)
     if accepted is answer.accepted:
@@ -207,12 +206,12 @@ def with_open_modelled(
     return modelled, left_over(modelled.foretold, modelled.last.model)
 
 
-def practically_significant(name: str, size: Mapping, record: Record) -> bool:
+def practically_significant(name: str, size: Mapping, model: Model, record: Record) -> bool:
     """Whether a finding's size, as :func:`~ges.diagnose.estimate.contributions.size_of` has it, is
     more than what no model is right to.
     """
     channel, share = size["channel"], size["share_of_weight"]
-    least = least_share(name, channel) if channel else None
+    least = least_size(name, channel, model) / model.whole(channel) if channel else None
     passed = bool(channel) and share >= least
     because = f"{100.0 * share:.2g} % of the whole in {channel}" if channel else "shows nowhere"
     record.note(name, Decision("practically_significant", passed, because, share, least))

@@ -39,14 +39,13 @@ from ges.diagnose.design.instruments import (
 from ges.diagnose.design.table import Table
 from ges.diagnose.design.weak import Windows, blocks_of
 from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model, block_of
 from ges.simulator import effects as effect_table
 
 VERTICAL = ("force_z", "acc_z")
 ROLL_PITCH, YAW = ("moment_x", "moment_y"), "moment_z"
 KINDS = ("dynamic", "thrust_gain", "rotor", "load", "height")
-LEAST_STRENGTH, INSTRUMENT_BLOCK_S = 0.4, 5.0
-SLOW_S = 0.5
 
 Loose = Mapping[tuple[str, int], Mapping[str, np.ndarray]]
 """By kind and channel, of every ``effect.parameter`` that has it there, (m,)."""
@@ -121,7 +120,7 @@ def vouched(
         instruments(flight, windows, model, names),
         own_signal(flight, windows, model, speeds, names),
     )
-    block = blocks_of([(windows, flight.t_s[0])], INSTRUMENT_BLOCK_S)[0]
+    block = blocks_of([(windows, flight.t_s[0])], settings.statistics.block_s)[0]
     answered = [
         n
         for n, heard in zip(names, np.isfinite(y).all(axis=0), strict=True)
@@ -140,12 +139,17 @@ def strengths(told: Sequence[Vouched], names: Sequence[str]) -> list[dict]:
         {
             "channel": n,
             "share": float(np.mean(s)),
-            "flights_strong": sum(v > LEAST_STRENGTH for v in s),
+            "flights_strong": sum(map(_is_strong, s)),
             "flights": len(s),
         }
         for n, s in heard.items()
         if s
     ]
+
+
+def _is_strong(share: float) -> bool:
+    """Whether instruments foretell enough of a signal."""
+    return share > settings.design.instrument_strength_least
 
 
 def _answered(name: str) -> bool:
@@ -268,10 +272,8 @@ def _centred(x: np.ndarray) -> np.ndarray:
 
 def _by_thrust(thrust: np.ndarray, z: np.ndarray, strong: float, length_s: float) -> np.ndarray:
     """Share of a gain's force that is there because thrust is not what is vouched for, (m, 1)."""
-    return (
-        _fast(thrust[:, None], z, strong, length_s)
-        / np.maximum(thrust, 0.1 * thrust.mean())[:, None]
-    )
+    least = settings.design.thrust_least_share * thrust.mean()
+    return _fast(thrust[:, None], z, strong, length_s) / np.maximum(thrust, least)[:, None]
 
 
 def _fast(x: np.ndarray, z: np.ndarray, strong: float, length_s: float) -> np.ndarray:
@@ -279,10 +281,11 @@ def _fast(x: np.ndarray, z: np.ndarray, strong: float, length_s: float) -> np.nd
     answers to turbulence: they are what balances a height, a climb, a load.
     """
     rest = _beyond(x, z, strong, mean_is_told=True)
-    return rest - gaussian_filter1d(rest, SLOW_S / (0.5 * length_s), axis=0)
+    width = settings.design.answer_slowest_s / (0.5 * length_s)
+    return rest - gaussian_filter1d(rest, width, axis=0)
 
 
 def _beyond(x: np.ndarray, z: np.ndarray, strong: float, mean_is_told: bool) -> np.ndarray:
     """Columns (m, k) less what their instruments, and along thrust their means, explain."""
     rest = _centred(x) if mean_is_told else x
-    return rest - projected(x, z) if strong > LEAST_STRENGTH else rest
+    return rest - projected(x, z) if _is_strong(strong) else rest

@@ -18,13 +18,10 @@ from ges.conventions import BODY_RATE, POSITION, QUATERNION, ROTOR_SPEED, VELOCI
 from ges.diagnose.design.residual import but_actuators
 from ges.diagnose.design.weak import Windows
 from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 from ges.simulator import flight as sim
-
-LAGS = range(-1, 6)
-STEP_S = 0.002
-FOLDS, RIDGE = 4, 1.0
 
 
 def _table(flight: Prepared) -> np.ndarray:
@@ -45,7 +42,7 @@ def replayed(
     """
     if not flight.has("reference"):
         return None
-    table, every = _table(flight), flight.steps(STEP_S)
+    table, every = _table(flight), flight.steps(settings.numerics.reference_step_s)
     start = {f"start_{name}": float(table[0, k]) for k, name in enumerate(POSITION + VELOCITY)}
     quiet = {
         name: 0.0
@@ -143,7 +140,8 @@ def mark_of(name: str) -> str:
 def _late(values: np.ndarray, flight: Prepared, windows: Windows) -> list[np.ndarray]:
     """A signal late by multiples of half a window."""
     step, t = 0.5 * windows.length_s, flight.t_s
-    return [np.interp(t - lag * step, t, values) for lag in LAGS]
+    lags = range(-settings.design.instrument_lags_early, settings.design.instrument_lags_late + 1)
+    return [np.interp(t - lag * step, t, values) for lag in lags]
 
 
 def _centred_means(signals: Sequence[np.ndarray], mean) -> list[np.ndarray]:
@@ -157,7 +155,7 @@ def projected(x: np.ndarray, z: np.ndarray) -> np.ndarray:
     size = np.sqrt((z**2).sum(axis=0))
     z = z[:, size > 0] / size[size > 0]
     u, s, _ = np.linalg.svd(z, full_matrices=False)
-    u = u[:, s > 1e-6 * s.max(initial=0.0)]
+    u = u[:, s > settings.numerics.rank_tolerance * s.max(initial=0.0)]
     return u @ (u.T @ x)
 
 
@@ -172,9 +170,10 @@ def strength(moved: np.ndarray, z: np.ndarray, block: np.ndarray) -> float:
     centred = moved - moved.mean()
     total = float(centred @ centred)
     size = np.sqrt((z**2).mean(axis=0))
-    z, fold, left = z[:, size > 0] / size[size > 0], block % FOLDS, np.zeros_like(moved)
+    z, left = z[:, size > 0] / size[size > 0], np.zeros_like(moved)
+    fold, ridge = block % settings.statistics.folds, settings.design.instrument_ridge
     for f in np.unique(fold):
         out = fold == f
-        gram = z[~out].T @ z[~out] + RIDGE * np.eye(z.shape[1])
+        gram = z[~out].T @ z[~out] + ridge * np.eye(z.shape[1])
         left[out] = centred[out] - z[out] @ np.linalg.solve(gram, z[~out].T @ centred[~out])
     return max(0.0, 1.0 - float(left @ left) / total) if total > 0 else 0.0

@@ -21,6 +21,7 @@ from ges.diagnose.design.weak import Windows
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import ACC, DRIVE, FORCE, MOMENT
 from ges.diagnose.prepare.kinematics import body_rates, quaternion_product, to_body
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model, block_of
 from ges.simulator import effects as effect_table
 from ges.simulator import flight as sim
@@ -28,12 +29,6 @@ from ges.simulator import flight as sim
 FINE = ("moment", "drive")
 """Blocks that are also held against faster test functions: what acts within a few hundredths of a
 second shows there.
-"""
-HIGH_ABOVE_GROUND_M = 5e4
-DRIVE_STEP_S = 0.0025
-SECOND_POLE = 0.06
-"""What a motor's second pole or a speed controller's filter looks like: a delay of this share of
-the time constant, give or take as much.
 """
 
 
@@ -66,8 +61,8 @@ def state_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
     columns = {"t_s": flight.t_s - flight.t_s[0], **height_columns(flight, model)}
     for names in (VELOCITY, QUATERNION, COMMAND, ("battery_V",)):
         columns.update({name: flight.columns[name] for name in names if name in flight.columns})
-    omega = body_rates(flight)
-    rate = np.gradient(gaussian_filter1d(omega, 0.02 / flight.dt_s, axis=0), flight.dt_s, axis=0)
+    omega, width = body_rates(flight), settings.prepare.rate_smoothing_s / flight.dt_s
+    rate = np.gradient(gaussian_filter1d(omega, width, axis=0), flight.dt_s, axis=0)
     columns.update(zip(BODY_RATE, omega.T, strict=True))
     columns.update(zip((f"omega_dot_{a}_rad_s2" for a in "xyz"), rate.T, strict=True))
     return columns
@@ -213,10 +208,17 @@ def commands_at_work(flight: Prepared, model: Model, effects: effect_table.Effec
     return said.rotor_command_rad_s / model.number("max_rotor_speed_rad_s")
 
 
+def second_pole_s(model: Model) -> float:
+    """What a motor's second pole or a speed controller's filter looks like: a delay so long, give
+    or take as much (s).
+    """
+    return settings.design.second_pole_share * model.number("motor_time_constant_s")
+
+
 def _drive_inputs(flight: Prepared, model: Model, commands: np.ndarray) -> np.ndarray:
     """Commands, attitude, battery voltage and rates, a row for every step of the drive."""
-    every = flight.steps(DRIVE_STEP_S)
-    late = flight.held.late + SECOND_POLE * model.number("motor_time_constant_s") / flight.dt_s
+    every = flight.steps(settings.numerics.drive_step_s)
+    late = flight.held.late + second_pole_s(model) / flight.dt_s
     u, voltage = (
         _between(commands, every, late),
         flight.columns.get("battery_V", np.full(len(flight.t_s), np.nan)),
@@ -235,7 +237,7 @@ def _drive_flight(
         for name, values in _of_kind(effects, "actuator").items()
         if not effect_table.get(name).modifies
     }
-    every, n = flight.steps(DRIVE_STEP_S), len(flight.t_s)
+    every, n = flight.steps(settings.numerics.drive_step_s), len(flight.t_s)
     first = {
         f"start_{name}": model.number("max_rotor_speed_rad_s") * inputs[0, i]
         for i, name in enumerate(ROTOR_SPEED)
@@ -246,7 +248,7 @@ def _drive_flight(
         "control": 1,
         "attitude_imposed": 1,
         "start": 1,
-        "start_p_z_m": HIGH_ABOVE_GROUND_M,
+        "start_p_z_m": settings.design.free_height_m,
         "inputs_dt_s": flight.dt_s / every,
         "dt_s": flight.dt_s / every,
         "record_every": every,

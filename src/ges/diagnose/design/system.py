@@ -11,7 +11,6 @@ import numpy as np
 
 from ges.diagnose.design.answers import Loose, Vouched, both, loose, untrim, vouched
 from ges.diagnose.design.residual import (
-    SECOND_POLE,
     Along,
     Drive,
     act_along_the_path,
@@ -19,12 +18,11 @@ from ges.diagnose.design.residual import (
     drives,
     drives_of,
     said_with_each,
+    second_pole_s,
     with_overtones,
 )
 from ges.diagnose.design.table import Table, table_of
 from ges.diagnose.design.weak import (
-    SHORTEST_WINDOW_S,
-    UPDATES_PER_WINDOW,
     Windows,
     blocks_of,
     make_windows,
@@ -33,18 +31,11 @@ from ges.diagnose.library.candidates import Variant
 from ges.diagnose.library.requirements import needs_attitude
 from ges.diagnose.prepare.align import Prepared, attitude_measured
 from ges.diagnose.prepare.channels import DRIVE, MOMENT, channels
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import SPEED, Model, block_of
 from ges.simulator import effects as effect_table
 from ges.simulator.effects import Replay
 from ges.threads import each
-
-AR_ORDER = 3
-MOST_HALF_WAVES, UPDATES_PER_HALF_WAVE = 3, 2.5
-FAR_SDS = 3.0
-BEYOND_FLIGHT = 0.12
-"""Sd of what a drive does with more than is ever asked in the air, over what its model does with
-it: as wrong as any form.
-"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -224,7 +215,14 @@ def nuisances(
     ]
     if "drive" in present:
         speed = model.number("max_rotor_speed_rad_s")
-        listed.append(Nuisance(*SPEED.split("."), 0.01 * speed, model.doubts.get(SPEED, 0.0), 0.0))
+        listed.append(
+            Nuisance(
+                *SPEED.split("."),
+                settings.design.speed_step_share * speed,
+                model.doubts.get(SPEED, 0.0),
+                0.0,
+            )
+        )
     return tuple(n for n in listed if n.sd > 0 or n.flight_sd > 0)
 
 
@@ -236,7 +234,7 @@ def _nuisance(
     unit = model.arm_m if doubt.per_arm else 1.0
     usual = _usual_delay_s(doubt.sd, model, flights) if doubt.timing else doubt.sd
     sd = model.doubts.get(key, unit * usual)
-    step = FAR_SDS * sd if doubt.reciprocal else unit * doubt.step
+    step = settings.design.reciprocal_step_sds * sd if doubt.reciprocal else unit * doubt.step
     mean = doubt.mean - model.moved.get(key, 0.0)
     return Nuisance(effect, p.name, step, sd, unit * doubt.flight_sd, mean)
 
@@ -246,9 +244,7 @@ def _usual_delay_s(usual_s: float, model: Model, flights: Sequence[Prepared]) ->
     pole looks like (s).
     """
     held = max((f.held.sd * _slowest([f], ("command",)) for f in flights), default=0.0)
-    return float(
-        np.linalg.norm([usual_s, held, SECOND_POLE * model.number("motor_time_constant_s")])
-    )
+    return float(np.linalg.norm([usual_s, held, second_pole_s(model)]))
 
 
 def _slowest(flights: Sequence[Prepared], streams: Sequence[str]) -> float:
@@ -260,9 +256,9 @@ def _slowest(flights: Sequence[Prepared], streams: Sequence[str]) -> float:
 
 
 def window_length_s(flights: Sequence[Prepared]) -> float:
-    """Support of the test functions: 0.2 s, longer where a stream speaks more seldom."""
+    """Support of the test functions: longer than the shortest where a stream speaks seldom."""
     slowest = _slowest(flights, ("velocity", "attitude", "gyro", "rotor_speed", "command"))
-    return max(SHORTEST_WINDOW_S, UPDATES_PER_WINDOW * slowest)
+    return max(settings.design.window_shortest_s, settings.design.window_updates * slowest)
 
 
 def common_channels(flights: Sequence[Prepared], model: Model) -> tuple[str, ...]:
@@ -512,11 +508,14 @@ def _beyond(
     flight: Prepared, windows: Windows, names: Sequence[str], commanded: np.ndarray | None
 ) -> dict[int, np.ndarray]:
     """By channel of the drive, (m,): how far commands (n, 4), as rotor speeds, are beyond all that
-    the flight asks in the air, times the doubt on what they do there.
+    the flight asks in the air, times the doubt on what they do there: a model is as
+    wrong about that as any form.
     """
     if commanded is None or not (flight.driven & ~flight.flying).any():
         return {}
-    more = BEYOND_FLIGHT * np.maximum(commanded - commanded[flight.flying].max(axis=0), 0.0)
+    more = settings.estimate.form_error * np.maximum(
+        commanded - commanded[flight.flying].max(axis=0), 0.0
+    )
     marked = {
         f"{name}{mark}": mean @ speeds
         for name, speeds in zip(DRIVE, more.T, strict=True)
@@ -530,7 +529,8 @@ def _beyond(
 def half_waves(flight: Prepared, length_s: float) -> int:
     """How many half-waves a test function may have before a stream cannot follow it."""
     slowest = _slowest([flight], ("gyro", "attitude", "rotor_speed", "command")) or np.inf
-    return min(MOST_HALF_WAVES, int(length_s / (UPDATES_PER_HALF_WAVE * slowest)))
+    shortest_s = settings.design.half_wave_updates * slowest
+    return min(settings.design.half_waves_most, int(length_s / shortest_s))
 
 
 def restless(flight: Prepared, windows: Windows, model: Model, thrust: np.ndarray) -> np.ndarray:

@@ -13,9 +13,6 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse import csr_array
 
-SHORTEST_WINDOW_S = 0.2
-UPDATES_PER_WINDOW = 3.0
-
 
 @dataclasses.dataclass(frozen=True)
 class Windows:

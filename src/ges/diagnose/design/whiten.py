@@ -14,14 +14,8 @@ import numpy as np
 from scipy.linalg import toeplitz
 from scipy.sparse import csr_array
 
-from ges.diagnose.design.system import AR_ORDER, Column, Rows, System
-
-RIDGE = 1e-6
-TINY = 1e-30
-LEAST_NOISE = 1e-5  # of the weight and its like: no recording is better
-WIDE = 10.0
-FEEDBACK = 0.7
-ROUNDS = 4
+from ges.diagnose.design.system import Column, Rows, System
+from ges.diagnose.settings import settings
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,8 +72,12 @@ def _spread(columns: Sequence[Column], x: np.ndarray, y: np.ndarray) -> np.ndarr
     """How far every coefficient may go here: the declared doubt, or far beyond what the residual
     could ask for.
     """
-    size = np.sqrt(np.mean(x**2, axis=0))
-    far = np.where(size > 0, WIDE * np.sqrt(np.mean(y**2)) / np.maximum(size, TINY), 0.0)
+    size, wide, tiny = (
+        np.sqrt(np.mean(x**2, axis=0)),
+        settings.numerics.wide_factor,
+        settings.numerics.tiny,
+    )
+    far = np.where(size > 0, wide * np.sqrt(np.mean(y**2)) / np.maximum(size, tiny), 0.0)
     doubts = [
         math.hypot(n.sd, n.flight_sd, n.mean) if (n := column.nuisance) else np.nan
         for column in columns
@@ -113,9 +111,9 @@ def _left_of(y: np.ndarray, x: np.ndarray, columns: Sequence[Column]) -> np.ndar
     y, x = y[good] - y[good].mean(), x[good] - x[good].mean(axis=0)
     x = x * _spread(columns, x, y)
     gram, right, sd2 = x.T @ x, x.T @ y, np.mean(y**2)
-    e = y
-    for _ in range(ROUNDS):
-        ridge = max(sd2, RIDGE**2 * np.trace(gram), TINY)
+    e, rank = y, settings.numerics.rank_tolerance
+    for _ in range(settings.numerics.noise_rounds):
+        ridge = max(sd2, rank**2 * np.trace(gram), settings.numerics.tiny)
         e = y - x @ np.linalg.solve(gram + ridge * np.eye(len(gram)), right)
         sd2 = np.mean(e**2)
     left[good] = e
@@ -150,9 +148,9 @@ def _growth(e: np.ndarray, unrest: np.ndarray) -> tuple[float, float]:
     median.
     """
     best = (np.inf, 1.0, 0.0)
-    for g in (0.0, 0.1, 0.3, 1.0, 3.0):
+    for g in settings.noise.growths:
         w = 1.0 + g * unrest**2
-        sd2 = max(float(np.mean(e**2 / w)), TINY)
+        sd2 = max(float(np.mean(e**2 / w)), settings.numerics.tiny)
         cost = len(e) * np.log(sd2) + np.log(w).sum()
         if cost < best[0]:
             best = (cost, float(np.sqrt(sd2)), g)
@@ -167,7 +165,9 @@ def estimate(system: System, chosen: Sequence[int] = ()) -> Noise:
     """
     unrest, runs = unrest_of(system.flights), [_run(r.follows) for r in system.flights]
     loose = {c for r in system.flights for _, c in r.loose}
-    floor = np.array([LEAST_NOISE * system.model.whole(name) for name in system.names])
+    floor = np.array(
+        [settings.noise.least_share * system.model.whole(name) for name in system.names]
+    )
 
     def of_channel(c: int) -> tuple[np.ndarray, float, float, float, float]:
         left = left_over(system, c, chosen)
@@ -198,7 +198,7 @@ def _quiet(
 def _restless(left: Sequence[np.ndarray]) -> float:
     """Size of what is left (m,) in the flight with most of it, over that of the middle flight."""
     sizes = [float(np.nanstd(e)) for e in left if np.isfinite(e).any()]
-    return max(sizes) / max(median_low(sizes), TINY) if sizes else 1.0
+    return max(sizes) / max(median_low(sizes), settings.numerics.tiny) if sizes else 1.0
 
 
 def _of_channel(
@@ -208,16 +208,16 @@ def _of_channel(
     unrest: Sequence[np.ndarray],
 ) -> tuple[np.ndarray, float, float]:
     """AR coefficients, innovation sd and growth of what is left of one channel, by flight."""
-    pieces = [(*_lagged(e, run, AR_ORDER), u) for e, run, u in zip(left, runs, unrest, strict=True)]
+    order = settings.noise.autoregression_order
+    pieces = [(*_lagged(e, run, order), u) for e, run, u in zip(left, runs, unrest, strict=True)]
     value, past = np.concatenate([p[1] for p in pieces]), np.concatenate([p[2] for p in pieces])
-    if len(value) < 4 * AR_ORDER:
-        return np.zeros(AR_ORDER), 1.0, 0.0
+    if len(value) < 4 * order:
+        return np.zeros(order), 1.0, 0.0
     if not system.switches.whitening:
-        return np.zeros(AR_ORDER), float(np.sqrt(np.mean(value**2))), 0.0
+        return np.zeros(order), float(np.sqrt(np.mean(value**2))), 0.0
     gram = past.T @ past
-    ar = np.linalg.solve(
-        gram + max(RIDGE * np.trace(gram), TINY) * np.eye(AR_ORDER), past.T @ value
-    )
+    ridge = max(settings.numerics.rank_tolerance * np.trace(gram), settings.numerics.tiny)
+    ar = np.linalg.solve(gram + ridge * np.eye(order), past.T @ value)
     return ar, *_growth(value - past @ ar, np.concatenate([p[3][p[0]] for p in pieces]))
 
 
@@ -252,16 +252,16 @@ def _bounds(loose: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndar
     """Loose parts of one kind, by flight and channel, as errors of unit prior sd.
 
     A controller makes a column follow the disturbances; the coefficient then errs by up to their
-    correlation over the column's size in noise (FEEDBACK is the sd of that correlation). The error
+    correlation over the column's size in noise. The error
     has the same cause in every flight and channel, so that as many of them as share the column's
     power are worth one.
     """
     power = [{c: (p**2).mean(axis=0) for c, p in parts.items()} for parts in loose]
-    every = [p for told in power for p in told.values()]
-    alike = sum(every) ** 2 / np.maximum(sum(p**2 for p in every), TINY)
+    every, sd = [p for told in power for p in told.values()], settings.noise.feedback_correlation_sd
+    alike = sum(every) ** 2 / np.maximum(sum(p**2 for p in every), settings.numerics.tiny)
     return [
         {
-            c: part * FEEDBACK * np.sqrt(alike / np.maximum(told[c], TINY))
+            c: part * sd * np.sqrt(alike / np.maximum(told[c], settings.numerics.tiny))
             for c, part in parts.items()
         }
         for parts, told in zip(loose, power, strict=True)
@@ -319,7 +319,7 @@ def _foretelling(ar: np.ndarray) -> np.ndarray:
         np.tile(full, order + 1),
     )
     covariance = toeplitz(np.linalg.lstsq(of_lag, np.eye(order + 1)[0], rcond=None)[0])
-    if np.linalg.eigvalsh(covariance)[0] <= TINY:
+    if np.linalg.eigvalsh(covariance)[0] <= settings.numerics.tiny:
         return full[None]
     whitening = np.linalg.inv(np.linalg.cholesky(covariance))
     return np.stack(

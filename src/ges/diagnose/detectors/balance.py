@@ -17,17 +17,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.special import ndtri
 
+from ges.conventions import SDS_95, rotor_columns
 from ges.diagnose.design.system import System
 from ges.diagnose.prepare.align import attitude_measured
+from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
 from ges.simulator import effects as effect_table
 
 CHANNELS = ("force_z", "moment_x", "moment_y", "moment_z")
-LOSSES = tuple(f"weak_rotor.loss_{i}" for i in range(1, 5))
+LOSSES = tuple(f"weak_rotor.{name}" for name in rotor_columns("loss_{}"))
 MASS = ("cg_offset.x_m", "cg_offset.y_m", "thrust_scale.scale")
-LEVEL = 0.01  # chance that healthy flights are called changed
-TOLD_APART = 2.0 * float(np.log(99.0))  # a wrong name at most once in a hundred
-BLOCK_S = 3.0
 
 
 def _mean_variance(values: np.ndarray, block: int) -> float:
@@ -40,9 +39,10 @@ def _mean_variance(values: np.ndarray, block: int) -> float:
 
 def variance_of_means(system: System, channels: Sequence[int]) -> np.ndarray:
     """Variance of a flight's mean residual in the air by channel, (len(channels),), from blocks of
-    :data:`BLOCK_S`, mean of the flights.
+    time, mean of the flights.
     """
-    block = max(1, int(round(2.0 * BLOCK_S / system.flights[0].windows.length_s)))
+    block_s = settings.detect.balance_block_s
+    block = max(1, int(round(2.0 * block_s / system.flights[0].windows.length_s)))
     return np.nanmean(
         [[_mean_variance(e, block) for e in r.in_air(channels).T] for r in system.flights], axis=0
     )
@@ -92,8 +92,8 @@ class Shift:
     def sentence(self) -> str:
         """Where the balance went, what would do it, and how to find out."""
         away, odds = self.gained**0.5, np.exp(0.5 * abs(self.loss.explained - self.mass.explained))
-        lost = f"{100 * self.loss.value:.0f} +- {196 * self.loss.sd:.0f} %"
-        grams = f"{1e3 * self.mass.value:.2f} +- {1960 * self.mass.sd:.2f} g"
+        lost = f"{100 * self.loss.value:.0f} +- {100 * SDS_95 * self.loss.sd:.0f} %"
+        grams = f"{1e3 * self.mass.value:.2f} +- {1e3 * SDS_95 * self.mass.sd:.2f} g"
         i = self.rotor
         return (
             f"Since the calibration the balance of thrust and moments has moved towards rotor {i},"
@@ -206,10 +206,18 @@ def shift_of(system: System) -> Shift | None:
     if not weighed:
         return None
     loss, mass = _strongest(weighed)
-    least = ndtri(LEVEL / (2 * len(weighed))) ** 2
+    least = ndtri(settings.statistics.chance / (2 * len(weighed))) ** 2
     gained, between = max(loss.explained, mass.explained), abs(loss.explained - mass.explained)
     seen = attitude_measured([r.flight for r in system.flights])
-    return Shift(system, loss, mass, seen) if gained > least and between < TOLD_APART else None
+    return Shift(system, loss, mass, seen) if gained > least and between < _told_apart() else None
+
+
+def _told_apart() -> float:
+    """Difference of two squared distances at which the chance of the wrong cause is a healthy
+    flight's of being called changed.
+    """
+    chance = settings.statistics.chance
+    return 2.0 * float(np.log(1.0 / chance - 1.0))
 
 
 def _distance(system: System, keys: Sequence[str], column: dict[str, int]):

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ges.diagnose.prepare.gate import Gate
+from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
-
-SETTLED = 0.999
-"""Their probability: delays and offsets are measured directly, against no rival."""
 
 
 def settled_findings(gate: Gate) -> list[Finding]:
-    """Sensor faults that the gate settled before any physics: a late pose, a gyro offset."""
+    """Sensor faults that the gate settled before any physics: a late pose, a gyro offset. They are
+    as good as certain: measured directly, against no rival.
+    """
     found = []
     if gate.pose:
         value = Estimate(
@@ -40,4 +40,6 @@ def settled_findings(gate: Gate) -> list[Finding]:
 
 
 def _settled(name: str, parameters: dict[str, Estimate], size: dict) -> Finding:
-    return Finding.of(name, SETTLED, parameters, {**size, "share_of_weight": 0.0})
+    return Finding.of(
+        name, settings.statistics.certain_probability, parameters, {**size, "share_of_weight": 0.0}
+    )

@@ -4,7 +4,7 @@ nothing else.
 The search weighs what place, speed, time or command foretell, and gusts none of them does. So they
 are looked for in what the accepted effects leave: as the wind that would make it, window by window,
 less what a steady wind, its profile with height, an error of the drag's form and trims would leave.
-Noise averages out over seconds and gusts do not: means of :data:`STRETCH_S` are held against what
+Noise averages out over seconds and gusts do not: means of seconds are held against what
 the scatter of shorter means within them foretells. How strong the gusts are, the compiled effect
 says: it blows along the same flights and goes through the same means.
 """
@@ -18,32 +18,21 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.special import fdtrc
 
+from ges.conventions import SDS_95
 from ges.diagnose.design.residual import motion_of
 from ges.diagnose.design.system import Rows, System, build
 from ges.diagnose.estimate.fit import Fitted, Joint, left_raw
 from ges.diagnose.library.candidates import Variant, acts_among, amplitude_of, wind_speed_m_s
 from ges.diagnose.prepare.channels import FORCE
 from ges.diagnose.select.stated import stated
+from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import Estimate, Finding
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
-STRETCH_S, SHORT_S = 4.0, 0.5
-FEWEST = 12
-"""Stretches, in two axes each, from which a scatter is told."""
-LEAST_RATIO = 6.0
-"""Variance of means over what noise makes of it: development flights with drag come to 3.5, with
-gusts of 0.4 m/s to 12.
-"""
-TRIM_RAD = 0.006
-HANGING, LEAN = ("tether", "slung_load"), 0.25
-"""What the vehicle may have hanging, and how far it may lean from where the library has it hang: as
-a share of its pull.
-"""
+HANGING = ("tether", "slung_load")
+"""What the vehicle may have hanging."""
 GUSTS, WIND, AXES = "gusts", "wind", ("east_m_s", "north_m_s")
-SEEDS = 16
-CLEAR = 3.0
-TINY = 1e-12
 STRENGTH = "wind_20ft_m_s"
 PUSHED = frozenset({"force_x", "force_y", "acc_x", "acc_y"})
 """Channels in which what slow gusts did in one flight may look foretold by its time or place."""
@@ -70,14 +59,13 @@ class Gusts:
         doubts.
         """
         sd_m_s = max(fitted.sd("wind", p) for p in AXES)
-        return wind_speed_m_s("wind", fitted.effects["wind"]) < CLEAR * math.hypot(
-            self.mean_sd_m_s, sd_m_s
-        )
+        most_m_s = settings.statistics.clear_sds * math.hypot(self.mean_sd_m_s, sd_m_s)
+        return wind_speed_m_s("wind", fitted.effects["wind"]) < most_m_s
 
     @property
     def ci95(self) -> tuple[float, float]:
         """95 % interval of the strength."""
-        factor = float(np.exp(1.96 * self.relative_sd))
+        factor = float(np.exp(SDS_95 * self.relative_sd))
         return self.strength_m_s / factor, self.strength_m_s * factor
 
     def finding(self) -> Finding:
@@ -98,7 +86,8 @@ def may_lean(push_N: float, added: Mapping[str, Sequence[np.ndarray]], system: S
     """
     axes = [c for c, name in enumerate(system.main) if name in FORCE]
     pulls = [np.concatenate(added[name])[:, axes] for name in HANGING if name in added]
-    return any(push_N < LEAN * float(np.sqrt(np.nanmean(pull**2, axis=0).sum())) for pull in pulls)
+    sizes_N = [float(np.sqrt(np.nanmean(pull**2, axis=0).sum())) for pull in pulls]
+    return any(push_N < settings.detect.lean_share * size_N for size_N in sizes_N)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,7 +109,7 @@ class _Air:
         """
         x, variance = (
             self.known.reshape(-1, self.known.shape[2]),
-            max(float(np.var(self.wind)), TINY),
+            max(float(np.var(self.wind)), settings.numerics.tiny),
         )
         gram = x.T @ x + np.diag(variance * self.precision)
         return wind - self.known @ np.linalg.lstsq(gram, x.T @ wind.ravel(), rcond=None)[0]
@@ -160,14 +149,15 @@ def gusts_of(
         return None
     told = _told(system, joint)
     air = _air(told, system.model)
-    if len(air.stretches) < FEWEST:
+    if len(air.stretches) < settings.detect.gust_means_least:
         return None
     left = air.less_known(air.wind)
     slow, noise = float(np.mean(air.means(left) ** 2)), air.noise(left)
-    if slow < LEAST_RATIO * noise:
+    if slow < settings.detect.gust_variance_ratio * noise:
         return None
     count = 2 * len(air.stretches)
-    chance = float(fdtrc(count, count * (STRETCH_S / SHORT_S - 1.0), slow / noise))
+    parts = settings.detect.gust_mean_s / settings.detect.gust_scatter_s
+    chance = float(fdtrc(count, count * (parts - 1.0), slow / noise))
     found = _measured(slow - noise, chance, air, told, system.model)
     expected = 0.0 if known is None else {**effect_table.get("gusts").defaults(), **known}[STRENGTH]
     return found if found.ci95[0] > expected else None
@@ -196,7 +186,7 @@ def _told(system: System, joint: Joint) -> list[_Told]:
     for rows, left in zip(blown.flights, left_raw(system, joint), strict=True):
         push = np.stack([rows.x.of(c, columns) for c in channels], axis=1)
         push += (
-            TINY * np.abs(push).max() * np.eye(2)
+            settings.numerics.small * np.abs(push).max() * np.eye(2)
         )  # can be inverted where the vehicle stands on edge
         at = np.flatnonzero(np.isfinite(left[:, channels]).all(axis=1))
         if push.any() and len(at):
@@ -209,13 +199,13 @@ def _air(told: Sequence[_Told], model: Model) -> _Air:
     if not told:
         return _Air(np.zeros((0, 2)), np.zeros((0, 2, 6)), np.zeros(6), (), 1)
     first = np.cumsum([0, *(len(t.at) for t in told)])
-    trim_N = TRIM_RAD * model.weight_N
+    trim_N = effect_table.get("attitude_bias").parameters[0].doubt.sd * model.weight_N
     return _Air(
         np.concatenate([t.wind for t in told]),
         np.concatenate([_known(t, i, len(told)) for i, t in enumerate(told)]),
         np.r_[np.zeros(6), np.full(2 * len(told), trim_N**-2)],
         [k + part for k, t in zip(first, told, strict=False) for part in _stretches(t)],
-        max(1, round(SHORT_S / (0.5 * told[0].rows.windows.length_s))),
+        max(1, round(settings.detect.gust_scatter_s / (0.5 * told[0].rows.windows.length_s))),
     )
 
 
@@ -226,7 +216,7 @@ def _known(told: _Told, number: int, flights: int) -> np.ndarray:
     at, flight = told.rows.windows.center[told.at], told.rows.flight
     v = flight.stack("velocity")[at, :2]
     height = (
-        np.log(np.maximum(flight.columns["p_z_m"][at], 0.05))
+        np.log(np.maximum(flight.columns["p_z_m"][at], settings.detect.gust_height_least_m))
         if "p_z_m" in flight.columns
         else np.zeros(len(at))
     )
@@ -243,10 +233,10 @@ def _stretches(told: _Told) -> list[np.ndarray]:
     """Windows of every stretch of one flight, numbered among those that are told; none shorter than
     half of one.
     """
-    windows = told.rows.windows
-    number = ((windows.center_s[told.at] - windows.center_s[told.at[0]]) // STRETCH_S).astype(int)
+    windows, length_s = told.rows.windows, settings.detect.gust_mean_s
+    number = ((windows.center_s[told.at] - windows.center_s[told.at[0]]) // length_s).astype(int)
     parts = [np.flatnonzero(number == k) for k in np.unique(number)]
-    return [part for part in parts if len(part) >= STRETCH_S / windows.length_s]
+    return [part for part in parts if len(part) >= length_s / windows.length_s]
 
 
 def _measured(
@@ -278,6 +268,7 @@ def _measured(
 def _blown(told: _Told, model: Model, number: int) -> list[np.ndarray]:
     """Winds (m, 2) of the compiled gusts of unit strength along one flight, by draw."""
     samples = effect_table.Samples.from_columns(motion_of(told.rows.flight, model, {}).columns)
-    sets = [{"gusts": {STRENGTH: 1.0, "seed": float(SEEDS * number + k)}} for k in range(SEEDS)]
+    draws = settings.detect.gust_draws
+    sets = [{"gusts": {STRENGTH: 1.0, "seed": float(draws * number + k)}} for k in range(draws)]
     said = effect_table.replay_each(model.parameters, samples, sets, model.terrain)
     return [(told.rows.windows.mean @ r.stack("wind_x_m_s", "wind_y_m_s"))[told.at] for r in said]

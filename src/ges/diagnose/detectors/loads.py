@@ -23,17 +23,11 @@ from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import Board, make_board
 from ges.diagnose.select.scales import entries, scales
 from ges.diagnose.select.search import Search
+from ges.diagnose.settings import settings
 
-PERHAPS = 0.1
-"""Probability from which a load is looked at more sharply."""
 LOAD = "slung_load"
 DRAWN = ("start_x_m", "start_y_m")
 """Shapes of a load that lies on the ground at first."""
-FIRST_PLACES = np.linspace(-1.0, 1.0, 11)
-BEHIND_M_PER_M = np.geomspace(0.3, 1.6, 12)
-NEARBY = (0.08, 0.04, 0.02)
-THREADS_NEARBY = (np.geomspace(0.85, 1.2, 13), np.geomspace(0.98, 1.02, 5))
-"""Over the length of a hanging load's thread; the first as far as the next of the coarse grid."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,7 +53,7 @@ def likely_load(board: Board, found: Search) -> Variant | None:
     question.
     """
     best = next((h for h in found.hypotheses if LOAD in h.names), None)
-    if best is None or found.inclusion[LOAD] < PERHAPS:
+    if best is None or found.inclusion[LOAD] < settings.statistics.possible_probability:
         return None
     variants = (board.system.columns[k].variant for k in best.posterior.columns)
     return next(v for v in variants if v.effect == LOAD)
@@ -78,8 +72,12 @@ def sharpened(like: System, variant: Variant) -> Variant:
 
 
 def _hanging(like: System, variant: Variant) -> Variant:
-    best = variant
-    for shares in THREADS_NEARBY:
+    best, d = variant, settings.detect
+    finer = (
+        np.geomspace(*d.threads_nearby, d.threads_nearby_levels),
+        np.geomspace(*d.threads_nearest, d.threads_nearest_levels),
+    )
+    for shares in finer:
         lengths = float(best.shape["length_m"]) * shares
         tried = [
             dataclasses.replace(variant, shape={**variant.shape, "length_m": float(length)})
@@ -101,7 +99,11 @@ def _drawn(like: System, variant: Variant) -> Variant:
             shape={**variant.shape, "length_m": math.hypot(height_m, load.behind_m), **start},
         )
 
-    for options in (_first_places, _threads, *(_nearby(share) for share in NEARBY)):
+    for options in (
+        _first_places,
+        _threads,
+        *(_nearby(share) for share in settings.detect.places_nearby),
+    ):
         tried = [best, *options(best, height_m)]
         best = tried[_most_probable(like, [shaped(load) for load in tried])]
     return shaped(best)
@@ -111,7 +113,7 @@ def way_out(flights: Sequence[Prepared]) -> np.ndarray:
     """Horizontal direction in which the flights leave their first places, (2,), of length 1: to
     where half of the way is gone.
     """
-    total = np.array([1e-9, 0.0])
+    total = np.array([settings.numerics.small, 0.0])
     for flight in flights:
         gone = flight.stack("position")[:, :2] - flight.stack("position")[0, :2]
         far = np.linalg.norm(gone, axis=1)
@@ -120,11 +122,13 @@ def way_out(flights: Sequence[Prepared]) -> np.ndarray:
 
 
 def _first_places(load: Drawn, height_m: float) -> list[Drawn]:
-    return [load.with_place(load.behind_m * k) for k in FIRST_PLACES]
+    shares = np.linspace(-1.0, 1.0, settings.detect.first_places)
+    return [load.with_place(load.behind_m * k) for k in shares]
 
 
 def _threads(load: Drawn, height_m: float) -> list[Drawn]:
-    return [load.with_thread(height_m * k) for k in BEHIND_M_PER_M]
+    shares = np.geomspace(*settings.detect.behind_m_per_m, settings.detect.behind_levels)
+    return [load.with_thread(height_m * k) for k in shares]
 
 
 def _nearby(share: float) -> Callable[[Drawn, float], list[Drawn]]:

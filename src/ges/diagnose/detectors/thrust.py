@@ -15,11 +15,12 @@ import math
 from collections.abc import Mapping, Sequence
 
 from ges.diagnose.design.system import System
-from ges.diagnose.estimate.fit import FORM_ERROR, Joint, within_bounds
+from ges.diagnose.estimate.fit import Joint, within_bounds
 from ges.diagnose.library.requirements import lacking
 from ges.diagnose.select.evidence import rms_of
+from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
-from ges.diagnose.types.model import BEYOND_SDS, SPEED
+from ges.diagnose.types.model import SPEED
 from ges.diagnose.types.words import number_words
 from ges.simulator import effects as effect_table
 
@@ -59,7 +60,9 @@ class UntoldThrust:
         column, channel = self.system.nuisances[self.key], self.system.main.index(size["channel"])
         return (
             size["value"]
-            < FORM_ERROR * abs(self.excess.value) * rms_of(self.system)[channel, column]
+            < settings.estimate.form_error
+            * abs(self.excess.value)
+            * rms_of(self.system)[channel, column]
         )
 
     def sentence(self) -> str:
@@ -150,10 +153,10 @@ def untold_thrust(joint: Joint, system: System) -> UntoldThrust | None:
     }
     far = {key: abs(joint.common.get(key, 0.0)) / sd for key, sd in known.items()}
     key = max(far, key=far.get, default=None)
-    if key is None or far[key] < BEYOND_SDS:
+    if key is None or far[key] < settings.statistics.certain_sds:
         return None
     unit = model.number(SPEED.split(".")[1]) if key == SPEED else 1.0
-    value, form = joint.common[key] / unit, FORM_ERROR if key == CURVE else 0.0
+    value, form = joint.common[key] / unit, settings.estimate.form_error if key == CURVE else 0.0
     sd = math.hypot(joint.common_sd[key] / unit, form * value)
     return UntoldThrust(
         system, key, Estimate(value, interval95(value, sd), "1"), known[key] / unit, rivals

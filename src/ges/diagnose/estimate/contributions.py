@@ -11,23 +11,24 @@ from ges.diagnose.design.residual import residual
 from ges.diagnose.design.system import System
 from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.prepare.channels import channels
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.diagnose.types.words import size_unit
 from ges.simulator import effects as effect_table
 
-ALIKE = 1.0 + 1e-9
-"""What force and accelerometer show of one push differs by rounding alone: the first is told."""
-
 
 def size_of(added: Sequence[np.ndarray], system: System) -> dict:
-    """Rms of what one effect adds (of :func:`contributions`) where it weighs most."""
+    """Rms of what one effect adds (of :func:`contributions`) where it weighs most; what force and
+    accelerometer show of one push differs by rounding alone, and the first is told.
+    """
+    more = 1.0 + settings.numerics.small
     best = {"value": 0.0, "unit": "N", "share_of_weight": 0.0, "channel": ""}
     for c, channel in enumerate(system.main):
         unit, whole = size_unit(channel), system.model.whole(channel)
         values = np.concatenate([a[:, c] for a in added])
         values = values[np.isfinite(values)]
         rms = float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
-        if rms / whole > ALIKE * best["share_of_weight"]:
+        if rms / whole > more * best["share_of_weight"]:
             best = {"value": rms, "unit": unit, "share_of_weight": rms / whole, "channel": channel}
     return best
 

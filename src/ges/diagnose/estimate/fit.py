@@ -24,18 +24,9 @@ from ges.diagnose.select.evidence import (
     whitened,
 )
 from ges.diagnose.select.search import Hypothesis
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
-
-BLOCK_S = 10.0
-ROUNDS = 12
-TIGHT, FAR = 0.02, 2.0  # sds
-SAME_COST = 0.5  # of -2 log posterior; columns are secants, which err by less
-PART_OF_REACH, LEAST_CARRIER = 0.2, 0.3
-FORM_ERROR = 0.12
-"""Sd of a physical effect's size, over it, that is due to its form alone: what development cases of
-other forms came to.
-"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,8 +57,8 @@ def joint_fit(
     Parameters
     ----------
     chosen : columns of the system.
-    prior_mean, prior_sd : (k,) prior of the chosen coefficients; the board's scale times 10 where
-        not given.
+    prior_mean, prior_sd : (k,) prior of the chosen coefficients; the board's, wide, where not
+        given.
     """
     columns, chosen = board.system.columns, np.asarray(chosen, dtype=int)
     freed = {columns[k].key for k in chosen}
@@ -81,9 +72,8 @@ def joint_fit(
     total = sizes[0] + sizes[1] + sizes[2] * len(board.whites)
     mean, precision = np.zeros(total), np.zeros(total)
     mean[: sizes[0]] = 0.0 if prior_mean is None else prior_mean
-    precision[: sizes[0]] = (
-        1.0 / (10.0 * board.prior.sd[chosen] if prior_sd is None else prior_sd) ** 2
-    )
+    wide = settings.numerics.wide_factor * board.prior.sd[chosen]
+    precision[: sizes[0]] = 1.0 / (wide if prior_sd is None else prior_sd) ** 2
     mean[start[1] : start[2]] = [columns[k].nuisance.mean for k in common]
     precision[start[1] : start[2]] = [1.0 / columns[k].nuisance.sd ** 2 for k in common]
     precision[start[2] :] = np.tile(
@@ -132,7 +122,7 @@ def _inflation(
     """
     if not count:
         return np.ones((0, 0))
-    middle, blocks = np.zeros_like(inverse), board.system.blocks(BLOCK_S)
+    middle, blocks = np.zeros_like(inverse), board.system.blocks(settings.estimate.block_s)
     for white, at, block in zip(board.whites, places, blocks, strict=True):
         for score in _scores(white, kept, beta[at], block):
             middle[np.ix_(at, at)] += np.outer(score, score)
@@ -205,7 +195,7 @@ class Fitted:
         known = effect_table.get(effect)
         if known.about != "physics" or parameter in known.shapes:
             return 0.0
-        return FORM_ERROR * abs(
+        return settings.estimate.form_error * abs(
             self.effects[effect][parameter] - amplitude_of(effect, parameter).neutral
         )
 
@@ -252,11 +242,11 @@ def _through(found: dict[str, dict[str, float]], beside: effect_table.Effects) -
     """Usual size of what an effect acts through over the size that was found, which is raised to a
     part of the usual one.
     """
-    share = 1.0
+    share, least = 1.0, settings.estimate.carrier_least_share
     for carrier, usual in beside.items():
         for parameter, value in usual.items():
             if carrier in found:
-                found[carrier][parameter] = max(found[carrier][parameter], LEAST_CARRIER * value)
+                found[carrier][parameter] = max(found[carrier][parameter], least * value)
                 share *= value / found[carrier][parameter]
     return share
 
@@ -312,9 +302,8 @@ def _moves(name: tuple[str, str], values: effect_table.Effects, model: Model) ->
     part of what it acts over.
     """
     a, reach = amplitude_of(*name), reach_of(name, values, model)
-    return _small(
-        dataclasses.replace(a, step=PART_OF_REACH * reach) if reach else a, values[name[0]][name[1]]
-    )
+    step = settings.estimate.place_step_share * reach if reach else a.step
+    return _small(dataclasses.replace(a, step=step), values[name[0]][name[1]])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -395,19 +384,19 @@ def polish(
     flights : the same flights along another path; the system's own where not given.
     """
     free, at, first, model = tuple(free), None, None, like.model
-    for _ in range(ROUNDS):
+    for _ in range(settings.numerics.fit_rounds):
         variants = [Variant(e, {}, (_moves((e, p), values, model),)) for e, p in free]
         system = build(flights or like.recordings, model.with_effects(values), variants, like)
         noise = first.board.noise if first else estimate(system, _free_first(system))
         there = _linearised(values, free, whitened(system, noise), model)
-        if first and there.cost > at.cost + SAME_COST:
+        if first and there.cost > at.cost + settings.estimate.same_cost:
             values = at.moved_to(0.5 * (at.numbers() + there.numbers()))
             continue
         at, first = there, first or there
         values = at.moved_to(at.best(model))
-        if at.sds_to(values) < TIGHT:
+        if at.sds_to(values) < settings.estimate.converged_sds:
             at = dataclasses.replace(at, values=values)
-            if at.sds_to(first.values) < FAR:
+            if at.sds_to(first.values) < settings.estimate.far_sds:
                 break
             first = None
     joint = _with_levers_as_they_are(at.board, at.chosen, at.joint, len(free))
@@ -459,13 +448,15 @@ def _with_levers_as_they_are(
         board,
         chosen[:count],
         joint.chosen[:count],
-        np.sqrt(np.diag(joint.covariance)[:count]) * TIGHT,
+        np.sqrt(np.diag(joint.covariance)[:count]) * settings.estimate.converged_sds,
     )
 
 
 def _wide(board: Board, chosen: Sequence[int]) -> np.ndarray:
     """Sd of coefficients that the flights alone shall set."""
-    return 10.0 * np.maximum(board.prior.sd[chosen], 1e-9)
+    return settings.numerics.wide_factor * np.maximum(
+        board.prior.sd[chosen], settings.numerics.small
+    )
 
 
 def _free_first(system: System) -> list[int]:
@@ -483,7 +474,9 @@ def _share_in_reach(
     hold.
     """
     reaches = np.array([reach_of(name, values, model) or math.inf for name in free])
-    return float(min(1.0, np.min(reaches / np.maximum(np.abs(steps), 1e-30), initial=1.0)))
+    return float(
+        min(1.0, np.min(reaches / np.maximum(np.abs(steps), settings.numerics.tiny), initial=1.0))
+    )
 
 
 def _small(a: Amplitude, value: float) -> Amplitude:
@@ -548,7 +541,7 @@ def strain_without(fitted: Fitted, name: str) -> float:
     for i, (effect, parameter) in enumerate(fitted.free):
         if effect == name and parameter not in effect_table.get(effect).shapes:
             mean[i] = amplitude_of(effect, parameter).neutral - fitted.effects[effect][parameter]
-            sd[i] = TIGHT * max(abs(mean[i]), 1e-9)
+            sd[i] = settings.estimate.converged_sds * max(abs(mean[i]), settings.numerics.small)
     return strain(joint_fit(fitted.board, chosen, mean, sd), fitted.board.system)
 
 

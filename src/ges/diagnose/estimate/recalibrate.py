@@ -19,14 +19,7 @@ from ges.diagnose.design.table import spread, table_of
 from ges.diagnose.design.whiten import unrest_of, whiten
 from ges.diagnose.estimate.fit import Joint, calibrated, correction_bounds
 from ges.diagnose.select.evidence import Board, unanswered
-from ges.diagnose.types.model import BEYOND_SDS
-
-LEAST_GAIN_RATIO = 0.75
-"""Actual over foretold decrease of the cost from which a step is as good as foretold (Nocedal and
-Wright 2006, algorithm 4.1).
-"""
-SAME_COST, MOST_EVALUATIONS = 1e-3, 20
-"""Relative decrease of the cost that ends the search, and the most evaluations of it."""
+from ges.diagnose.settings import settings
 
 
 def operating_point(board: Board, joint: Joint) -> dict[str, float]:
@@ -47,18 +40,18 @@ def operating_point(board: Board, joint: Joint) -> dict[str, float]:
         np.array([told[key] for key in posterior.keys]) / posterior.sd
         for told in (joint.common, joint.common_sd)
     )
-    slack = BEYOND_SDS * slack
+    slack = settings.statistics.certain_sds * slack
     if np.all((linear >= posterior.low - slack) & (linear <= posterior.high + slack)):
         given, stepped = posterior.cost(np.zeros(len(linear))), posterior.cost(linear)
-        if given - stepped >= LEAST_GAIN_RATIO * (given - joint.cost):
+        if given - stepped >= settings.estimate.gain_ratio_least * (given - joint.cost):
             return {}
     inside = np.clip(0.0, posterior.low, posterior.high)
     found = least_squares(
         posterior.residuals,
         inside,
         bounds=(posterior.low, posterior.high),
-        ftol=SAME_COST,
-        max_nfev=MOST_EVALUATIONS,
+        ftol=settings.estimate.recalibration_tolerance,
+        max_nfev=settings.estimate.recalibration_evaluations,
     )
     return dict(zip(posterior.keys, (found.x * posterior.sd).tolist(), strict=True))
 

@@ -19,14 +19,12 @@ from scipy.ndimage import gaussian_filter1d
 from ges.conventions import BODY_RATE, POSITION, QUATERNION, ROTOR_SPEED, VELOCITY
 from ges.diagnose.design.residual import model_along
 from ges.diagnose.design.system import window_length_s
-from ges.diagnose.design.weak import SHORTEST_WINDOW_S, whole
+from ges.diagnose.design.weak import whole
 from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 from ges.simulator import flight as sim
-
-START_SMOOTH_S = 0.05
-LONGEST_STEP_S = 0.005
 
 
 def can_roll(flight: Prepared) -> bool:
@@ -55,9 +53,9 @@ class Rollouts:
 def rollouts_of(flight: Prepared, model: Model, n: int) -> Rollouts:
     """Fly every horizon of ``n`` rows of one flight."""
     columns, _ = model_along(flight, model, model.effects)
+    width = settings.prepare.state_smoothing_s / flight.dt_s
     recorded = {
-        name: gaussian_filter1d(flight.columns[name], START_SMOOTH_S / flight.dt_s)
-        for name in VELOCITY + POSITION
+        name: gaussian_filter1d(flight.columns[name], width) for name in VELOCITY + POSITION
     }
     recorded["p_z_m"] = recorded["p_z_m"] + (columns["p_z_m"] - flight.columns["p_z_m"])
     table = np.stack([columns[name] for name in (*ROTOR_SPEED, *QUATERNION)], axis=1)
@@ -79,7 +77,7 @@ def rollouts_of(flight: Prepared, model: Model, n: int) -> Rollouts:
 def _piece(
     flight: Prepared, model: Model, effects: dict, recorded: dict, inputs: np.ndarray, start: int
 ) -> sim.Flight:
-    every = flight.steps(LONGEST_STEP_S)
+    every = flight.steps(settings.numerics.rollout_step_s)
     state = {f"start_{name}": float(recorded[name][start]) for name in POSITION + VELOCITY}
     state |= {
         f"start_{name}": float(v)
@@ -108,9 +106,10 @@ def shot(flight: Prepared, model: Model) -> Prepared:
     What rotors did between slow readings would move such a path against the residual that it makes:
     then nothing is flown.
     """
-    if not can_roll(flight) or window_length_s([flight]) > SHORTEST_WINDOW_S:
+    shortest_s = settings.design.window_shortest_s
+    if not can_roll(flight) or window_length_s([flight]) > shortest_s:
         return flight
-    n = max(1, int(round(SHORTEST_WINDOW_S / flight.dt_s)))
+    n = max(1, int(round(shortest_s / flight.dt_s)))
     rolled, clock = rollouts_of(flight, model, n), flight.dt_s * np.arange(n)
     path = {name: values.copy() for name, values in rolled.recorded.items()}
     for start, record in zip(rolled.starts, rolled.flown, strict=True):

@@ -15,14 +15,9 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from ges.diagnose.prepare.align import Prepared, attitude_measured
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
-
-SMALL_STEP = 0.1
-COMMAND_QUANTILES = (0.8, 0.95, 0.99, 0.999)
-TAKE_OFF_SHARES = (0.1, 0.4, 0.7)
-FINEST_SQUARE_M, MOST_PLACES = 0.125, 36
-LOW_M = 1.5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -160,33 +155,34 @@ def _asked(flights: Sequence[Prepared]) -> tuple[float, ...]:
         return ()
     air = np.concatenate([f.stack("command")[f.flying].ravel() for f in told])
     top, most = float(air.max()), max(float(f.stack("command")[f.driven].max()) for f in told)
-    between = top + (most - top) * np.array(TAKE_OFF_SHARES) if most > top else ()
-    return tuple(float(level) for level in (*np.quantile(air, COMMAND_QUANTILES), *between))
+    between = top + (most - top) * np.array(settings.library.take_off_shares) if most > top else ()
+    levels = np.quantile(air, settings.library.command_quantiles)
+    return tuple(float(level) for level in (*levels, *between))
 
 
 def _places(plan: np.ndarray) -> tuple[tuple[tuple[float, float], ...], float]:
     """Squares of the ground plan that were visited, coarse enough to be few."""
-    square = FINEST_SQUARE_M
+    square = settings.library.place_size_m
     while True:
         corner = np.floor(plan / square)
         cells = np.unique(
             corner[:, 0] + 1j * corner[:, 1]
         )  # in the order of rows, and several times as fast
-        if len(cells) <= MOST_PLACES:
+        if len(cells) <= settings.library.places_most:
             return (
                 tuple(
                     (float((c.real + 0.5) * square), float((c.imag + 0.5) * square)) for c in cells
                 ),
                 square,
             )
-        square *= 1.25
+        square *= settings.library.place_growth
 
 
 def amplitude_of(effect: str, name: str) -> Amplitude:
     """A parameter as a coefficient: a small step of its usual size, its bounds, and neutral at zero
     where it states none.
     """
-    p = effect_table.get(effect).parameter(name)
+    p, share = effect_table.get(effect).parameter(name), settings.library.step_share
     neutral = 0.0 if math.isnan(p.neutral) else p.neutral
     siblings = [
         q
@@ -196,9 +192,9 @@ def amplitude_of(effect: str, name: str) -> Amplitude:
     typical = (
         p.default - neutral
         or max((abs(q.default - q.neutral) for q in siblings), default=0.0)
-        or 0.1 * (p.high - p.low)
+        or share * (p.high - p.low)
     )
-    return Amplitude(name, SMALL_STEP * typical, p.low, p.high, neutral)
+    return Amplitude(name, share * typical, p.low, p.high, neutral)
 
 
 def usual_height_m(model: Model, reached: Flown) -> float:
@@ -209,7 +205,8 @@ def usual_height_m(model: Model, reached: Flown) -> float:
 
 def wind_speed_m_s(name: str, values: Mapping[str, float]) -> float:
     """Of a wind by its parameters, at the heights of flights near ground."""
-    low = effect_table.Samples.from_columns({"t_s": np.zeros(1), "p_z_m": np.full(1, LOW_M)})
+    height_m = np.full(1, settings.library.wind_height_m)
+    low = effect_table.Samples.from_columns({"t_s": np.zeros(1), "p_z_m": height_m})
     blown = effect_table.replay({}, low, {name: values}).stack("wind_x_m_s", "wind_y_m_s")
     return float(np.linalg.norm(blown))
 

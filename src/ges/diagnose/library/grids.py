@@ -18,13 +18,10 @@ from ges.diagnose.library.candidates import (
     amplitude_of,
     usual_height_m,
 )
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 from ges.simulator.effects import Effect, Parameter, Search
-
-LEAST_LAG_STEP_S = 0.004
-ABOVE_M, ABOVE_RADII = 0.5, 5.0
-PLANE_SDS = (-1.5, -0.75, 0.0, 0.75, 1.5)
 
 Rule = Callable[[Effect, Search, Model, Flown], tuple[Variant, ...]]
 NOWHERE = Flown()
@@ -101,7 +98,9 @@ def _grid(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple
     axes = {search.axis[0]: search.levels} if search.axis else {}
     if search.across:
         sd = model.plane_sd_m
-        axes[search.across] = tuple(k * sd for k in PLANE_SDS) if sd > 0.0 else (0.0,)
+        axes[search.across] = (
+            tuple(k * sd for k in settings.library.plane_sds) if sd > 0.0 else (0.0,)
+        )
     plain = tuple(
         _variant(
             effect,
@@ -179,7 +178,8 @@ def _levels(effect: Effect, search: Search, model: Model, reached: Flown) -> tup
 
 def _asked(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple[Variant, ...]:
     """Levels near the top of what was asked of the motors."""
-    levels = sorted({round(q, 3) for q in reached.commands if 0.1 < q < 1.0})
+    (p,) = map(effect.parameter, search.amplitudes)
+    levels = sorted({round(q, 3) for q in reached.commands if p.low < q < p.high})
     return _at_levels(effect, search, tuple(levels))
 
 
@@ -188,7 +188,7 @@ def _slower(effect: Effect, search: Search, model: Model, reached: Flown) -> tup
     are within the declared doubt or another matter.
     """
     both, declared = _variant(effect, search.amplitudes), model.number("motor_time_constant_s")
-    levels = [max(share * declared, LEAST_LAG_STEP_S) for share in search.levels]
+    levels = [max(share * declared, settings.library.lag_least_step_s) for share in search.levels]
     return tuple(
         _at_level(both, up, down, low=0.0)
         for i, up in enumerate(levels)
@@ -231,7 +231,8 @@ def _over_places(
     if reached.high_m is None:
         return ()
     x_name, y_name, z_name, width = search.axis
-    above = reached.high_m[2] + max(ABOVE_M, ABOVE_RADII * model.radius_m)
+    nearest_m = settings.library.above_m, settings.library.above_radii * model.radius_m
+    above = reached.high_m[2] + max(nearest_m)
     wide = max(0.5 * reached.square_m, model.radius_m)
     return tuple(
         _variant(

@@ -10,10 +10,9 @@ from collections.abc import Callable, Mapping, Sequence
 from ges.conventions import SPECIFIC_FORCE
 from ges.diagnose.prepare.align import Prepared, attitude_measured
 from ges.diagnose.prepare.channels import channels
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
-
-EDGE_SLOPE = 0.4
 
 Flights = Sequence[Prepared]
 
@@ -35,9 +34,8 @@ def _all_have(stream: str) -> Callable[[Flights, Model], bool]:
 def _flown_over_an_edge(flight: Prepared, model: Model) -> bool:
     if model.terrain.kind == "flat" or not flight.has("position"):
         return False
-    return bool(
-        model.terrain.at(flight.columns["p_x_m"], flight.columns["p_y_m"]).slope.max() > EDGE_SLOPE
-    )
+    ground = model.terrain.at(flight.columns["p_x_m"], flight.columns["p_y_m"])
+    return bool(ground.slope.max() > settings.library.edge_slope)
 
 
 VOLTAGE = (

@@ -24,6 +24,7 @@ from ges.conventions import (
     SPECIFIC_FORCE,
     VELOCITY,
 )
+from ges.diagnose.settings import settings
 from ges.errors import GesError
 
 STREAMS: Mapping[str, tuple[str, ...]] = {
@@ -49,12 +50,6 @@ STREAMS: Mapping[str, tuple[str, ...]] = {
     ),
     "excitation": ("excite_x_rad_s2", "excite_y_rad_s2", "excite_z_rad_s2", "excite_up_m_s2"),
 }
-FASTEST_STEP_S, SLOWEST_STEP_S = 0.005, 0.05
-SHORTEST_FLIGHT_S = 2.0
-LONGEST_GAP_S = 0.5
-LONGEST_SILENCE_S = 0.3
-UP, WELL_ABOVE_M, MUCH_LOWER_M = 0.7, 0.3, 0.1
-SPUN_UP_S = 0.1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,10 +62,11 @@ class Held:
     sd: float
 
 
-MAY_BE_HELD = Held(0.125, 0.22)
-"""Until the next row, or, three times as often, not at all: most controllers run faster than their
-logs.
-"""
+def maybe_held() -> Held:
+    """Until the next row, so that it comes half a row later on the whole, or not at all: most
+    controllers run faster than their logs.
+    """
+    return Held(0.125, 0.22)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,7 +99,7 @@ class Prepared:
     derived: frozenset[str] = frozenset()
     path: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
     lifting: np.ndarray | None = None
-    held: Held = MAY_BE_HELD
+    held: Held = dataclasses.field(default_factory=maybe_held)
 
     @property
     def driven(self) -> np.ndarray:
@@ -176,7 +172,7 @@ def _held_ends(t_s: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """
     usual = np.median(np.diff(t_s[rows])) if len(rows) > 2 else np.inf
     before_next = np.r_[rows[1:] - 1, len(t_s) - 1]
-    stood = t_s[before_next] - t_s[rows] > 3.0 * usual
+    stood = t_s[before_next] - t_s[rows] > settings.prepare.stale_updates * usual
     return np.unique(np.r_[rows, before_next[stood]])
 
 
@@ -203,12 +199,13 @@ def _continuous(q: np.ndarray) -> np.ndarray:
 
 
 def grid_step_s(frame: pd.DataFrame) -> float:
-    """Step of the uniform grid: the median spacing of the rows, within 5 to 50 ms."""
-    return float(
-        np.clip(
-            np.median(np.diff(frame["t_s"].to_numpy(dtype=float))), FASTEST_STEP_S, SLOWEST_STEP_S
-        )
+    """Step of the uniform grid: the median spacing of the rows, within bounds."""
+    median_s = np.median(np.diff(frame["t_s"].to_numpy(dtype=float)))
+    shortest_s, longest_s = (
+        settings.prepare.grid_step_shortest_s,
+        settings.prepare.grid_step_longest_s,
     )
+    return float(np.clip(median_s, shortest_s, longest_s))
 
 
 def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
@@ -221,9 +218,10 @@ def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
     number : index of the flight, for messages.
     """
     t_s = frame["t_s"].to_numpy(dtype=float)
-    if len(t_s) < 2 or t_s[-1] - t_s[0] < SHORTEST_FLIGHT_S:
+    shortest_s = settings.prepare.recording_shortest_s
+    if len(t_s) < 2 or t_s[-1] - t_s[0] < shortest_s:
         raise GesError(
-            f"flight {number}: {len(t_s)} rows are less than {SHORTEST_FLIGHT_S:g} s; leave this"
+            f"flight {number}: {len(t_s)} rows are less than {shortest_s:g} s; leave this"
             " recording out"
         )
     if not (np.diff(t_s) > 0).all():
@@ -257,13 +255,11 @@ def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
 
 
 def _silent(frame: pd.DataFrame, name: str, grid_s: np.ndarray) -> np.ndarray:
-    """True on the grid where a sensor had nothing to say for longer than
-    :data:`LONGEST_SILENCE_S`.
-    """
+    """True on the grid where a sensor had nothing to say for too long to be bridged."""
     heard = frame["t_s"].to_numpy(dtype=float)[np.isfinite(frame[name].to_numpy(dtype=float))]
     after = np.searchsorted(heard, grid_s, side="left").clip(1, len(heard) - 1)
     return (
-        (heard[after] - heard[after - 1] > LONGEST_SILENCE_S)
+        (heard[after] - heard[after - 1] > settings.prepare.silence_longest_s)
         | (grid_s < heard[0])
         | (grid_s > heard[-1])
     )
@@ -282,7 +278,9 @@ def gaps(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
         return np.ones(len(grid_s), dtype=bool)
     after = np.searchsorted(good, grid_s, side="left").clip(1, len(good) - 1)
     return (
-        (good[after] - good[after - 1] > LONGEST_GAP_S) | (grid_s < good[0]) | (grid_s > good[-1])
+        (good[after] - good[after - 1] > settings.prepare.gap_longest_s)
+        | (grid_s < good[0])
+        | (grid_s > good[-1])
     )
 
 
@@ -299,14 +297,14 @@ def lift(
     else:
         return None
     ratio = thrust_coefficient * (speeds**2).sum(axis=1) / weight_N
-    return gaussian_filter1d(ratio, 0.15 / flight.dt_s)
+    return gaussian_filter1d(ratio, settings.prepare.thrust_smoothing_s / flight.dt_s)
 
 
 def over_usual(flight: Prepared, ratio: np.ndarray | None) -> np.ndarray:
     """Thrust over its own median where it is clearly up, (n,), so that a wrong thrust coefficient
-    does not matter; without a drive, whether the vehicle moves.
+    does not matter; one where no drive was logged.
     """
-    return _shaken(flight).astype(float) if ratio is None else ratio / _usual(ratio)
+    return np.ones(len(flight.t_s)) if ratio is None else ratio / _usual(ratio)
 
 
 def resting_m(flight: Prepared, working: np.ndarray, height_m: np.ndarray | None) -> float:
@@ -316,10 +314,12 @@ def resting_m(flight: Prepared, working: np.ndarray, height_m: np.ndarray | None
     """
     if height_m is None:
         return np.inf
-    idle, n = working <= UP, max(1, int(0.5 / flight.dt_s))
+    idle = working <= settings.prepare.lifting_share
+    n = max(1, int(settings.prepare.contact_margin_s / flight.dt_s))
     ends = (end for end in (slice(n), slice(-n, None)) if idle[end].mean() > 0.5)
     rest_m = min((float(np.median(height_m[end])) for end in ends), default=np.inf)
-    return rest_m if rest_m < float(np.quantile(height_m, 0.01)) + MUCH_LOWER_M else np.inf
+    lowest_m = float(np.quantile(height_m, settings.prepare.extreme_quantile))
+    return rest_m if rest_m < lowest_m + settings.prepare.rest_tolerance_m else np.inf
 
 
 def airborne(
@@ -327,31 +327,32 @@ def airborne(
     working: np.ndarray,
     above_m: np.ndarray | None,
     off_m: float,
-    margin_s: float = 0.5,
 ) -> np.ndarray:
     """Samples in the air.
 
-    The drive must carry at least 70 % of its own median where it is clearly up, or 30 % well above
+    The drive must carry most of its own median where it is clearly up, or a part of it well above
     the resting height, as in a brisk descent; and the vehicle must be off its resting height:
-    ``above_m`` it by ``off_m``, where that is known. ``margin_s`` around every contact is left out.
+    ``above_m`` it by ``off_m``, where that is known. A margin around every contact is left out.
     """
-    up = working > UP
+    p = settings.prepare
+    up = working > p.lifting_share
     if above_m is not None:
-        up = (up & (above_m > off_m)) | ((working > 0.3) & (above_m > WELL_ABOVE_M))
-    up = median_filter(
-        up.astype(np.uint8), size=2 * int(0.25 / flight.dt_s) + 1, mode="nearest"
-    ).astype(bool)
-    return _well_within(up, margin_s, flight.dt_s)
+        descending = (working > p.descent_share) & (above_m > p.descent_height_m)
+        up = (up & (above_m > off_m)) | descending
+    size = 2 * int(0.5 * p.contact_margin_s / flight.dt_s) + 1
+    up = median_filter(up.astype(np.uint8), size=size, mode="nearest").astype(bool)
+    return _well_within(up, p.contact_margin_s, flight.dt_s)
 
 
 def lifting(flight: Prepared, flying: np.ndarray) -> np.ndarray:
-    """Samples in which the rotors push at least 70 % of their median in flight, and a little before
-    and after do: a take-off shows what a drive does at its limits, but not while it spins up.
+    """Samples in which the rotors push most of their median in flight, and a little before and
+    after do: a take-off shows what a drive does at its limits, but not while it spins up.
     """
     if not (flight.has("rotor_speed") and flight.has("command") and flying.any()):
         return flying
     push = (flight.stack("rotor_speed") ** 2).sum(axis=1)
-    return _well_within(push > UP * np.median(push[flying]), SPUN_UP_S, flight.dt_s)
+    lifts = push > settings.prepare.lifting_share * np.median(push[flying])
+    return _well_within(lifts, settings.prepare.spin_up_s, flight.dt_s)
 
 
 def _well_within(at: np.ndarray, margin_s: float, dt_s: float) -> np.ndarray:
@@ -363,21 +364,5 @@ def _well_within(at: np.ndarray, margin_s: float, dt_s: float) -> np.ndarray:
 
 def _usual(ratio: np.ndarray) -> float:
     """Median of the thrust where it is clearly up; infinite for a drive that never runs."""
-    top = np.quantile(ratio, 0.9)
+    top = np.quantile(ratio, settings.prepare.top_quantile)
     return float(np.median(ratio[ratio > 0.5 * top])) if top > 0 else np.inf
-
-
-def _shaken(flight: Prepared) -> np.ndarray:
-    """Without a drive, flight shows as motion of the gyro or the accelerometer."""
-    name = (
-        "omega_x_rad_s"
-        if flight.has("gyro")
-        else next((n for n in SPECIFIC_FORCE if n in flight.columns), None)
-    )
-    if name is None:
-        return np.ones(len(flight.t_s), bool)
-    value = flight.columns[name]
-    rough = gaussian_filter1d(
-        (value - gaussian_filter1d(value, 0.5 / flight.dt_s)) ** 2, 0.5 / flight.dt_s
-    )
-    return rough > 0.05 * np.quantile(rough, 0.8)

@@ -5,17 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from ges.diagnose.prepare.gate import LEAST_FLYING_S, prepare
+from ges.diagnose.prepare.gate import prepare
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.errors import GesError
 
-PARTS = 4
-"""A quarter is held out."""
-
 
 def cut(name: str, frame: pd.DataFrame, model: Model) -> list[tuple[str, pd.DataFrame]]:
-    """Consecutive parts that are as long in the air as each other: four, or fewer where a part
-    would be shorter than twice the shortest flight that is of use.
+    """Consecutive parts that are as long in the air as each other: so many that the one that is
+    held out is a fold, or fewer where a part would be shorter than twice the shortest flight that
+    is of use.
 
     Parameters
     ----------
@@ -29,13 +28,13 @@ def cut(name: str, frame: pd.DataFrame, model: Model) -> list[tuple[str, pd.Data
         Where not even two parts would fly long enough.
     """
     flight = prepare(frame, model)
-    seconds = np.cumsum(flight.flying) * flight.dt_s
-    if seconds[-1] < 2.0 * LEAST_FLYING_S:
+    seconds, shortest_s = np.cumsum(flight.flying) * flight.dt_s, settings.prepare.flying_shortest_s
+    if seconds[-1] < 2.0 * shortest_s:
         raise GesError(
             f"{name} is {seconds[-1]:.1f} s in the air; to fit a part and hold another out takes"
-            f" {2.0 * LEAST_FLYING_S:g} s or more, or a second log"
+            f" {2.0 * shortest_s:g} s or more, or a second log"
         )
-    count = int(np.clip(seconds[-1] // (2.0 * LEAST_FLYING_S), 2, PARTS))
+    count = int(np.clip(seconds[-1] // (2.0 * shortest_s), 2, settings.statistics.folds))
     ends = [flight.t_s[np.searchsorted(seconds, seconds[-1] * k / count)] for k in range(1, count)]
     number = np.searchsorted(ends, frame["t_s"].to_numpy(dtype=float), side="right")
     return [

@@ -11,31 +11,14 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import stdtrit
 
-from ges.diagnose.prepare.align import MAY_BE_HELD, STREAMS, Held, Prepared, lift
+from ges.diagnose.prepare.align import STREAMS, Held, Prepared, lift, maybe_held
 from ges.diagnose.prepare.kinematics import turn_rates
 from ges.diagnose.prepare.steady import with_past
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.threads import each
 
-LAG_DOUBT_S = 0.03
-DRIVE_LAGS_S = np.arange(-0.04, 0.6 + 1e-9, 0.02)
-LEAST_CORRELATION = 0.3
-LEAST_GAIN = 0.02  # of the variance
 POSE = ("position", "velocity", "attitude")
-RATE_SMOOTHING_S = 0.03
-LEAST_DELAY_SD_S, LEAST_DRIVE_SD_S = 0.001, 0.005
-POSE_LAGS_S = np.arange(-0.15, 0.15 + 1e-9, 0.005)
-SHORTEST_S = 5.0
-LEAST_FREE = 0.5
-DRIFT_BLOCK_S, LEAST_BLOCKS, CHANCE_OF_DRIFT = 2.5, 5, 0.001
-LEAST_OF_BLOCK, CLEAREST = (
-    0.5,
-    0.98,
-)  # correlations: of a block that tells its delay, and that no noise counts beyond
-LEAST_GYRO_SD_RAD_S = 0.002
-MOVED_ON, HELD_ON = Held(0.0, 0.1), Held(0.5, 0.1)
-RESPONSE_S, SLOWER_S, SURELY = 0.25, 0.15, 5.0
-LEAST_AT_ONCE, MOST_AT_ONCE, LEAST_FALL = 0.25, 0.1, 0.05  # of the response a row later
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,8 +33,20 @@ class Delay:
     correlation: float
 
 
-def _high_pass(x: np.ndarray, step_s: float, slower_s: float = 1.5) -> np.ndarray:
-    return x - gaussian_filter1d(x, slower_s / step_s)
+def _drive_lags_s() -> np.ndarray:
+    """Delays of the rotor speeds that are tried, s: two steps of negative ones show a peak at 0."""
+    step_s, longest_s = settings.prepare.drive_lag_step_s, settings.prepare.drive_lag_longest_s
+    return np.arange(-2.0 * step_s, longest_s + settings.numerics.small, step_s)
+
+
+def _pose_lags_s() -> np.ndarray:
+    """Delays of the pose that are tried, s, of both signs."""
+    step_s, longest_s = settings.prepare.pose_lag_step_s, settings.prepare.pose_lag_longest_s
+    return np.arange(-longest_s, longest_s + settings.numerics.small, step_s)
+
+
+def _high_pass(x: np.ndarray, step_s: float, slower_s: float | None = None) -> np.ndarray:
+    return x - gaussian_filter1d(x, (slower_s or settings.prepare.slower_s) / step_s)
 
 
 def _correlations(flight: Prepared, model: Model, lags_s: np.ndarray) -> np.ndarray | None:
@@ -65,11 +60,12 @@ def _correlations(flight: Prepared, model: Model, lags_s: np.ndarray) -> np.ndar
     if (
         ratio is None
         or "v_z_m_s" not in flight.columns
-        or flight.flying.sum() * flight.dt_s < SHORTEST_S
+        or flight.flying.sum() * flight.dt_s < settings.prepare.delay_shortest_s
     ):
         return None
     step, inside = flight.dt_s, flight.flying
-    a = _high_pass(gaussian_filter1d(flight.columns["v_z_m_s"], 0.15 / step, order=1) / step, step)
+    width = settings.prepare.thrust_smoothing_s / step
+    a = _high_pass(gaussian_filter1d(flight.columns["v_z_m_s"], width, order=1) / step, step)
     b = _high_pass(ratio, step)
     out = []
     for lag in lags_s:
@@ -93,7 +89,7 @@ def _sums(
 
 def _peak(sums: np.ndarray, lags_s: np.ndarray) -> tuple[float, float]:
     """Lag and correlation at the peak, by a parabola through the three highest points."""
-    r = sums[0] / np.sqrt(np.maximum(sums[1] * sums[2], 1e-30))
+    r = sums[0] / np.sqrt(np.maximum(sums[1] * sums[2], settings.numerics.tiny))
     i = int(np.clip(np.argmax(r), 1, len(r) - 2))
     below, top, above = r[i - 1 : i + 2]
     bend = below - 2.0 * top + above
@@ -113,24 +109,26 @@ def _told(
     delay, top = _peak(np.sum(told, axis=0), lags_s)
     weight = np.maximum([s[0].max() for s in told], 0.0)
     weight = weight / (weight.sum() or 1.0)
-    free = 1.0 / max(float(weight @ weight), 1e-9) - 1.0  # flights beyond one, as many as speak up
+    # flights beyond one, as many as speak up
+    free = 1.0 / max(float(weight @ weight), settings.numerics.small) - 1.0
     scatter = np.sqrt(weight @ (np.array([_peak(s, lags_s)[0] for s in told]) - delay) ** 2)
-    sd = float(scatter / np.sqrt(free)) if free > LEAST_FREE else float(lags_s[1] - lags_s[0])
+    several = free > settings.prepare.free_flights_least
+    sd = float(scatter / np.sqrt(free)) if several else float(lags_s[1] - lags_s[0])
     less = [_peak(np.sum(told, axis=0) - s, lags_s) for s in told] if len(told) > 1 else []
     sd = max([sd, *(abs(at - delay) for at, r in less if r > top)])
-    return Delay(stream, delay, max(sd, least_sd_s), top) if top > LEAST_CORRELATION else None
+    clear = top > settings.prepare.correlation_least
+    return Delay(stream, delay, max(sd, least_sd_s), top) if clear else None
 
 
 def _behind_commands(flights: Sequence[Prepared]) -> float:
     """How far the rotor speeds lag behind their commands, s; infinite where that is not told."""
-    told = []
+    told, lags_s = [], _drive_lags_s()
     for f in (f for f in flights if f.has("rotor_speed") and f.has("command")):
+        width = settings.prepare.state_smoothing_s / f.dt_s
         squares = ((f.stack(s) ** 2).sum(axis=1) for s in ("command", "rotor_speed"))
-        asked, given = (
-            _high_pass(gaussian_filter1d(s / s.mean(), 0.05 / f.dt_s), f.dt_s) for s in squares
-        )
-        told.append(_sums(f, asked, given, f.flying, DRIVE_LAGS_S))
-    found = _told("rotor_speed", told, DRIVE_LAGS_S, LEAST_DRIVE_SD_S)
+        asked, given = (_high_pass(gaussian_filter1d(s / s.mean(), width), f.dt_s) for s in squares)
+        told.append(_sums(f, asked, given, f.flying, lags_s))
+    found = _told("rotor_speed", told, lags_s, settings.prepare.drive_delay_least_sd_s)
     return found.delay_s if found else np.inf
 
 
@@ -142,17 +140,16 @@ def drive_delay(flights: Sequence[Prepared], model: Model) -> Delay | None:
     against the motion is as late against the commands that made it; where it is not, the
     controller's answers to disturbances made the peak.
     """
-    logged = [f for f in flights if f.has("rotor_speed")]
-    told = [
-        s for s in each(lambda f: _correlations(f, model, DRIVE_LAGS_S), logged) if s is not None
-    ]
-    found = _told("rotor_speed", told, DRIVE_LAGS_S, LEAST_DRIVE_SD_S)
+    logged, lags_s = [f for f in flights if f.has("rotor_speed")], _drive_lags_s()
+    told = [s for s in each(lambda f: _correlations(f, model, lags_s), logged) if s is not None]
+    found = _told("rotor_speed", told, lags_s, settings.prepare.drive_delay_least_sd_s)
     if found is None:
         return None
-    at, shifted_2, still_2 = np.sum(told, axis=0)[:, np.argmin(np.abs(DRIVE_LAGS_S))]
+    at, shifted_2, still_2 = np.sum(told, axis=0)[:, np.argmin(np.abs(lags_s))]
     gained = found.correlation**2 - at * abs(at) / (shifted_2 * still_2)
     room = _behind_commands(flights) - model.number("motor_time_constant_s")
-    return found if gained > LEAST_GAIN and found.delay_s < room + LAG_DOUBT_S else None
+    late = found.delay_s < room + settings.prepare.drive_delay_doubt_s
+    return found if gained > settings.statistics.least_gain and late else None
 
 
 def command_hold(flights: Sequence[Prepared]) -> Held:
@@ -166,17 +163,20 @@ def command_hold(flights: Sequence[Prepared]) -> Held:
     """
     told = [f for f in flights if f.has("rotor_speed") and f.has("command") and _every_row(f)]
     if not told:
-        return MAY_BE_HELD
+        return maybe_held()
+    p = settings.prepare
     (now, then, after), sds = _responses(told)
-    if now > max(SURELY * sds[0], LEAST_AT_ONCE * then):
-        return MOVED_ON
-    fades = then > SURELY * sds[1] and max(abs(now), sds[0]) < MOST_AT_ONCE * then
-    return HELD_ON if fades and after < (1.0 - LEAST_FALL) * then else MAY_BE_HELD
+    if now > max(p.hold_sds * sds[0], p.at_once_least * then):
+        return Held(0.0, p.hold_sd_rows)
+    fades = then > p.hold_sds * sds[1] and max(abs(now), sds[0]) < p.at_once_most * then
+    held = fades and after < (1.0 - p.fall_least) * then
+    return Held(0.5, p.hold_sd_rows) if held else maybe_held()
 
 
 def _every_row(flight: Prepared) -> bool:
     """Whether commands and rotor speeds bring news in every row."""
-    return max(flight.update_s[s] for s in ("command", "rotor_speed")) < 1.2 * flight.dt_s
+    slowest_s = max(flight.update_s[s] for s in ("command", "rotor_speed"))
+    return round(slowest_s / flight.dt_s) <= 1
 
 
 def _responses(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray]:
@@ -184,7 +184,7 @@ def _responses(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray]:
     and their sds: least squares of a finite response, which noise of the speeds does not bias
     (Ljung 1999, section 10.1).
     """
-    taps = max(3, int(RESPONSE_S / max(f.dt_s for f in flights)))
+    taps = max(3, int(settings.prepare.drive_response_s / max(f.dt_s for f in flights)))
     parts = [_delayed(f, taps) for f in flights]
     x, y = np.concatenate([x for x, _ in parts]), np.concatenate([y for _, y in parts])
     inverse = np.linalg.pinv(x.T @ x)
@@ -202,7 +202,7 @@ def _delayed(flight: Prepared, taps: int) -> tuple[np.ndarray, np.ndarray]:
         flight.stack(s).T / flight.stack(s)[air].mean(axis=0)[:, None]
         for s in ("command", "rotor_speed")
     )
-    u, speed = (_high_pass(x, flight.dt_s, SLOWER_S) for x in (u, speed))
+    u, speed = (_high_pass(x, flight.dt_s, settings.prepare.hold_slower_s) for x in (u, speed))
     air = air[air >= taps]
     return np.concatenate([with_past(x, taps)[air] for x in u]), np.concatenate(list(speed[:, air]))
 
@@ -211,10 +211,8 @@ def _both_rates(flight: Prepared) -> tuple[np.ndarray, np.ndarray] | None:
     """Smoothed body rates by gyro and by attitude."""
     if "attitude" in flight.derived or not (flight.has("gyro") and flight.has("attitude")):
         return None
-    width = (
-        max(RATE_SMOOTHING_S, 1.5 * max(flight.update_s["attitude"], flight.update_s["gyro"]))
-        / flight.dt_s
-    )
+    p, update_s = settings.prepare, max(flight.update_s["attitude"], flight.update_s["gyro"])
+    width = max(p.compared_rate_smoothing_s, p.smoothing_updates * update_s) / flight.dt_s
     q = flight.stack("attitude")
     turning = turn_rates(q, np.gradient(q, flight.dt_s, axis=0))
     return tuple(gaussian_filter1d(r, width, axis=0) for r in (flight.stack("gyro"), turning))
@@ -222,8 +220,8 @@ def _both_rates(flight: Prepared) -> tuple[np.ndarray, np.ndarray] | None:
 
 def _rate_correlations(flight: Prepared) -> np.ndarray | None:
     """Sums for the correlation of the two body rates at every lag of the pose: (3, lags)."""
-    pair, lags_s = _both_rates(flight), POSE_LAGS_S
-    if pair is None or flight.flying.sum() * flight.dt_s <= SHORTEST_S:
+    pair, lags_s = _both_rates(flight), _pose_lags_s()
+    if pair is None or flight.flying.sum() * flight.dt_s <= settings.prepare.delay_shortest_s:
         return None
     sums = np.zeros((3, len(lags_s)))
     for a, b in zip(pair[0].T, pair[1].T, strict=True):
@@ -237,7 +235,7 @@ def pose_delay(flights: Sequence[Prepared]) -> Delay | None:
     two body rates.
     """
     told = [s for s in each(_rate_correlations, flights) if s is not None]
-    return _told("attitude", told, POSE_LAGS_S, LEAST_DELAY_SD_S)
+    return _told("attitude", told, _pose_lags_s(), settings.prepare.pose_delay_least_sd_s)
 
 
 def clock_drift(flight: Prepared) -> float:
@@ -249,11 +247,12 @@ def clock_drift(flight: Prepared) -> float:
     and the other way in the next.
     """
     pair, rows = _both_rates(flight), np.flatnonzero(flight.flying)
-    count = int(len(rows) * flight.dt_s // DRIFT_BLOCK_S)
-    if pair is None or count < LEAST_BLOCKS:
+    count = int(len(rows) * flight.dt_s // settings.locate.block_s)
+    if pair is None or count < settings.prepare.drift_blocks_least:
         return 0.0
     gyro, pose = (_high_pass(rates.T, flight.dt_s) for rates in pair)
-    lags = np.arange(int(POSE_LAGS_S[0] / flight.dt_s), int(POSE_LAGS_S[-1] / flight.dt_s) + 1)
+    lags_s = _pose_lags_s()
+    lags = np.arange(int(lags_s[0] / flight.dt_s), int(lags_s[-1] / flight.dt_s) + 1)
     blocks = np.array_split(rows, count)
     told = np.array(
         [_peak(_whole_sums(gyro, pose, block, lags), lags * flight.dt_s) for block in blocks]
@@ -280,17 +279,18 @@ def _slope(t_s: np.ndarray, delay_s: np.ndarray, correlation: np.ndarray) -> flo
     """Of the line through delays, each as good as its correlation; 0 where their scatter about it
     may have made it.
     """
-    told = correlation > LEAST_OF_BLOCK
-    if told.sum() < LEAST_BLOCKS:
+    told = correlation > settings.prepare.block_correlation_least
+    if told.sum() < settings.prepare.drift_blocks_least:
         return 0.0
     x, y, free = t_s[told], delay_s[told], told.sum() - 2
-    share = np.minimum(correlation[told], CLEAREST) ** 2
+    share = np.minimum(correlation[told], settings.prepare.correlation_most) ** 2
     weight = share / (1.0 - share)
     x, y = x - np.average(x, weights=weight), y - np.average(y, weights=weight)
     spread = weight @ x**2
     slope = float(weight @ (x * y) / spread)
     sd = float(np.sqrt(weight @ (y - slope * x) ** 2 / free / spread))
-    return slope if abs(slope) > -stdtrit(free, 0.5 * CHANCE_OF_DRIFT) * sd else 0.0
+    chance = 1.0 - settings.statistics.certain_probability
+    return slope if abs(slope) > -stdtrit(free, 0.5 * chance) * sd else 0.0
 
 
 def gyro_bias(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray] | None:
@@ -303,7 +303,7 @@ def gyro_bias(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray] | No
     if len(means) < 2:
         return None
     sd = np.std(means, axis=0, ddof=1) / np.sqrt(len(means))
-    return np.mean(means, axis=0), np.hypot(sd, LEAST_GYRO_SD_RAD_S)
+    return np.mean(means, axis=0), np.hypot(sd, settings.prepare.gyro_bias_least_sd_rad_s)
 
 
 def without_bias(flight: Prepared, bias: np.ndarray) -> Prepared:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter
 
-from ges.conventions import BODY_RATE, SPECIFIC_FORCE
+from ges.conventions import BODY_RATE, GRAVITY_M_S2, MAD_TO_SD, SPECIFIC_FORCE
 from ges.diagnose.prepare.align import (
     Prepared,
     airborne,
@@ -32,31 +32,11 @@ from ges.diagnose.prepare.delays import (
     without_bias,
 )
 from ges.diagnose.prepare.steady import with_steady_position, with_steady_voltage
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.errors import GesError
 from ges.simulator import effects as effect_table
 from ges.threads import each
-
-SURE = 4.0
-LEAST_DELAY_S = 0.006
-LEAST_OF_SAMPLE = 0.6
-"""Noise draws the peak of a correlation to half a sample, as interpolation between samples smooths
-it.
-"""
-LEAST_DRIFT_S = 0.02
-LEAST_GYRO_RAD_S = 0.01
-LEAST_FLYING_S = 3.0
-CLIPPED_FOR = 3.0  # times the usual wait for a new value
-CLIPPED_FAR = 3.0  # sd from the median
-CLIPPED_AROUND_S = 0.05
-LEAST_BLOW_M_S2, BLOW_SDS = 4.0, 8.0
-BLOW_S, AROUND_BLOW_S = 0.2, 0.4
-CLOSE_RADII = 2.0
-OFF_REST_M = 0.02
-TOUCHES = 0.1
-"""Rotor radii over where other flights rest: a flight that begins and ends in the air may be meant
-to be as low as that.
-"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -118,10 +98,9 @@ def _in_the_air(
         if gridded.height_m is not None
         else None
     )
-    gap, up = (
-        gaps(frame, flight.t_s),
-        airborne(flight, gridded.working, above, OFF_REST_M if own else TOUCHES * model.radius_m),
-    )
+    p = settings.prepare
+    off_m = p.lift_off_m if own else p.touching_radii * model.radius_m
+    gap, up = gaps(frame, flight.t_s), airborne(flight, gridded.working, above, off_m)
     cut = clipped(frame, flight.t_s) & up & ~gap
     hit = struck(gridded, model) & up & ~gap & ~cut
     left_out = {"on_ground": ~up & ~gap, "gaps": gap, "clipping": cut, "contact": hit}
@@ -151,19 +130,14 @@ def struck(gridded: _Gridded, model: Model) -> np.ndarray:
     flight = gridded.flight
     if gridded.height_m is None or "acc_z_m_s2" not in flight.columns:
         return np.zeros(len(flight.t_s), bool)
-    push = flight.columns["acc_z_m_s2"]
-    blow = np.abs(
-        push - median_filter(push, size=2 * int(BLOW_S / flight.dt_s) + 1, mode="nearest")
-    )
-    usual = 1.4826 * np.median(blow)
-    hit = (blow > max(LEAST_BLOW_M_S2, BLOW_SDS * usual)) & (
-        gridded.height_m < CLOSE_RADII * model.radius_m
-    )
-    return (
-        binary_dilation(hit, iterations=max(1, int(AROUND_BLOW_S / flight.dt_s)))
-        if hit.any()
-        else hit
-    )
+    p, push = settings.prepare, flight.columns["acc_z_m_s2"]
+    size = 2 * int(p.blow_s / flight.dt_s) + 1
+    blow = np.abs(push - median_filter(push, size=size, mode="nearest"))
+    usual = MAD_TO_SD * np.median(blow)
+    close = gridded.height_m < p.blow_height_radii * model.radius_m
+    hit = (blow > max(p.blow_least_m_s2, p.blow_sds * usual)) & close
+    around = max(1, int(p.blow_margin_s / flight.dt_s))
+    return binary_dilation(hit, iterations=around) if hit.any() else hit
 
 
 def clipped(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
@@ -171,11 +145,10 @@ def clipped(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
     reading: out of its range.
     """
     t_s, found = frame["t_s"].to_numpy(dtype=float), np.zeros(len(grid_s), bool)
+    margin_s = settings.prepare.clipping_margin_s
     for name in (n for n in (*BODY_RATE, *SPECIFIC_FORCE) if n in frame):
         for first, last in _at_limit(t_s, frame[name].to_numpy(dtype=float)):
-            found |= (grid_s >= t_s[first] - CLIPPED_AROUND_S) & (
-                grid_s <= t_s[last] + CLIPPED_AROUND_S
-            )
+            found |= (grid_s >= t_s[first] - margin_s) & (grid_s <= t_s[last] + margin_s)
     return found
 
 
@@ -193,9 +166,9 @@ def _at_limit(t_s: np.ndarray, values: np.ndarray) -> list[tuple[int, int]]:
         np.median(values[finite]),
         np.std(values[finite]),
     )
-    long = t_s[ends] - t_s[starts] > CLIPPED_FOR * usual
+    long = t_s[ends] - t_s[starts] > settings.prepare.stale_updates * usual
     extreme = np.isin(values[starts], (values[finite].min(), values[finite].max()))
-    far = np.abs(values[starts] - middle) > CLIPPED_FAR * sd
+    far = np.abs(values[starts] - middle) > settings.statistics.clear_sds * sd
     return list(zip(starts[long & extreme & far], ends[long & extreme & far], strict=True))
 
 
@@ -208,9 +181,9 @@ def with_thrust_direction(flight: Prepared, frame: pd.DataFrame) -> Prepared:
     """
     if flight.has("attitude") or not flight.has("velocity"):
         return flight
-    step = flight.dt_s
-    smooth = gaussian_filter1d(flight.stack("velocity"), 0.1 / step, axis=0)
-    up = np.gradient(smooth, step, axis=0) + np.array([0.0, 0.0, 9.80665])
+    step, smoothing_s = flight.dt_s, settings.prepare.tilt_smoothing_s
+    smooth = gaussian_filter1d(flight.stack("velocity"), smoothing_s / step, axis=0)
+    up = np.gradient(smooth, step, axis=0) + np.array([0.0, 0.0, GRAVITY_M_S2])
     up /= np.linalg.norm(up, axis=1, keepdims=True)
     yaw = np.zeros(len(flight.t_s))
     if "yaw_rad" in frame:
@@ -224,7 +197,7 @@ def with_thrust_direction(flight: Prepared, frame: pd.DataFrame) -> Prepared:
     return flight.replaced(
         columns=columns,
         derived=frozenset({"attitude"}),
-        update_s={**flight.update_s, "attitude": 0.2},
+        update_s={**flight.update_s, "attitude": 2.0 * smoothing_s},
     )
 
 
@@ -250,8 +223,8 @@ def _problem(flight: Prepared) -> str | None:
             f"never leaves the ground: its {drive.replace('_', ' ')}s are zero throughout (not"
             " armed, or other outputs drive it)"
         )
-    if flight.flying.sum() * flight.dt_s < LEAST_FLYING_S:
-        return f"has less than {LEAST_FLYING_S:g} s in the air"
+    if flight.flying.sum() * flight.dt_s < settings.prepare.flying_shortest_s:
+        return f"has less than {settings.prepare.flying_shortest_s:g} s in the air"
     return None
 
 
@@ -264,7 +237,8 @@ def _remarks(flight: Prepared) -> list[str]:
             " around that are left out"
         )
     if abs(drift) > max(
-        LEAST_DRIFT_S, *(flight.update_s[s] for s in ("gyro", "attitude") if flight.has(s))
+        settings.prepare.drift_least_s,
+        *(flight.update_s[s] for s in ("gyro", "attitude") if flight.has(s)),
     ):
         told.append(
             f"has two clocks: its attitude gets {1e3 * drift:.0f} ms later against its gyro along"
@@ -316,7 +290,7 @@ def pass_gate(
     held = command_hold([f for f in flights if f])
     flights = [f and f.replaced(held=held) for f in flights]
     delay = drive_delay([f for f in flights if f], model)
-    if delay and delay.delay_s > SURE * delay.sd_s:
+    if delay and delay.delay_s > settings.statistics.certain_sds * delay.sd_s:
         flights = [f and shifted(f, delay.stream, delay.delay_s) for f in flights]
     flights = [f and with_steady_voltage(with_steady_position(f)) for f in flights]
     return Gate(tuple(flights), (delay,) if delay else (), tuple(sorted(warnings)), pose, gyro)
@@ -325,11 +299,9 @@ def pass_gate(
 def _pose_settled(flights: list[Prepared | None]) -> tuple[Delay | None, list[Prepared | None]]:
     """A clear delay of the pose, and the flights without it."""
     used = [f for f in flights if f]
-    pose, least_s = (
-        pose_delay(used),
-        max(LEAST_DELAY_S, LEAST_OF_SAMPLE * max(f.dt_s for f in used)),
-    )
-    if not pose or abs(pose.delay_s) <= max(SURE * pose.sd_s, least_s):
+    p, pose = settings.prepare, pose_delay(used)
+    least_s = max(p.pose_delay_least_s, p.pose_delay_least_samples * max(f.dt_s for f in used))
+    if not pose or abs(pose.delay_s) <= max(settings.statistics.certain_sds * pose.sd_s, least_s):
         return None, flights
     return pose, [f and shifted(f, pose.stream, pose.delay_s) for f in flights]
 
@@ -339,6 +311,9 @@ def _gyro_settled(
 ) -> tuple[tuple[np.ndarray, np.ndarray] | None, list[Prepared | None]]:
     """A clear gyro offset with its sd, and the flights without it."""
     found = gyro_bias([f for f in flights if f])
-    if not found or not (np.abs(found[0]) > np.maximum(SURE * found[1], LEAST_GYRO_RAD_S)).any():
+    if not found:
+        return None, flights
+    sds, least_rad_s = settings.statistics.certain_sds, settings.prepare.gyro_bias_least_rad_s
+    if not (np.abs(found[0]) > np.maximum(sds * found[1], least_rad_s)).any():
         return None, flights
     return found, [f and without_bias(f, found[0]) for f in flights]

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.settings import settings
 
 
 def quaternion_product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -43,5 +44,6 @@ def body_rates(flight: Prepared) -> np.ndarray:
     if not flight.has("attitude"):
         return np.zeros((len(flight.t_s), 3))
     q = flight.stack("attitude")
-    rate = np.gradient(gaussian_filter1d(q, 0.02 / flight.dt_s, axis=0), flight.dt_s, axis=0)
+    width = settings.prepare.rate_smoothing_s / flight.dt_s
+    rate = np.gradient(gaussian_filter1d(q, width, axis=0), flight.dt_s, axis=0)
     return turn_rates(q, rate)

@@ -11,9 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from ges.conventions import POSITION
 from ges.diagnose.prepare.align import Prepared
-
-STEADY_HZ = 0.3
-ANSWERS_S = 0.25
+from ges.diagnose.settings import settings
 
 
 def with_steady_position(flight: Prepared) -> Prepared:
@@ -29,14 +27,14 @@ def with_steady_position(flight: Prepared) -> Prepared:
     p, v = flight.stack("position"), flight.stack("velocity")
     travelled = np.vstack([np.zeros(3), np.cumsum(0.5 * (v[1:] + v[:-1]) * flight.dt_s, axis=0)])
     for at in np.split(np.arange(len(p)), np.flatnonzero(np.diff(flight.flying)) + 1):
-        if flight.flying[at[0]] and len(at) * flight.dt_s * STEADY_HZ > 1.0:
+        if flight.flying[at[0]] and len(at) * flight.dt_s * settings.prepare.slow_Hz > 1.0:
             p[at] = travelled[at] + _slow(p[at] - travelled[at], flight.dt_s)
     return flight.replaced(columns={**flight.columns, **dict(zip(POSITION, p.T, strict=True))})
 
 
 def with_steady_voltage(flight: Prepared) -> Prepared:
-    """A battery voltage that changes slowly as it was read, and fast as what the drive did within
-    the last quarter of a second foretells it (least squares of a finite response).
+    """A battery voltage that changes slowly as it was read, and fast as what the drive did
+    shortly before foretells it (least squares of a finite response).
 
     Noise of the reading would weaken what voltage does to thrust: a column in error attenuates its
     coefficient (Fuller 1987, section 1.1), and most of what whitening leaves of a voltage is noise.
@@ -47,7 +45,7 @@ def with_steady_voltage(flight: Prepared) -> Prepared:
     told = np.column_stack([flight.columns["battery_V"], flight.stack(drive).mean(axis=1)])
     slow = _slow(told, flight.dt_s)
     read, work = (told - slow).T
-    past = with_past(work, max(1, round(ANSWERS_S / flight.dt_s)))
+    past = with_past(work, max(1, round(settings.prepare.drive_response_s / flight.dt_s)))
     fast = past @ np.linalg.lstsq(past, read, rcond=None)[0]
     return flight.replaced(columns={**flight.columns, "battery_V": slow[:, 0] + fast})
 
@@ -61,10 +59,10 @@ def with_past(values: np.ndarray, taps: int) -> np.ndarray:
 
 
 def _slow(values: np.ndarray, dt_s: float) -> np.ndarray:
-    """What of values (n, k) changes slowly: at :data:`STEADY_HZ` half of the amplitude is left;
-    trends go on beyond both ends.
+    """What of values (n, k) changes slowly: at ``settings.prepare.slow_Hz`` half of the amplitude
+    is left; trends go on beyond both ends.
     """
-    width = math.sqrt(0.5 * math.log(2.0)) / (math.pi * STEADY_HZ * dt_s)
+    width = math.sqrt(0.5 * math.log(2.0)) / (math.pi * settings.prepare.slow_Hz * dt_s)
     ends = min(len(values) - 1, int(4.0 * width))
     padded = np.pad(values, ((ends, ends), (0, 0)), mode="reflect", reflect_type="odd")
     return gaussian_filter1d(padded, width, axis=0)[ends : ends + len(values)]

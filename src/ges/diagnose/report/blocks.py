@@ -8,6 +8,7 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import block_of
 from ges.diagnose.types.words import (
     channel_words,
@@ -18,8 +19,7 @@ from ges.diagnose.types.words import (
     unit_words,
     without_unit,
 )
-from ges.diagnose.validate.locate import LEAST_SHARE
-from ges.diagnose.validate.verify import WORSE
+from ges.diagnose.validate.locate import least_shares
 
 NOTHING = "nothing more"
 """How ``next_flight`` calls the explanation that has none of the open names."""
@@ -44,7 +44,7 @@ def _large(row: Mapping[str, Any], scale: Mapping[str, float]) -> bool:
     block = block_of(row["channel"])
     if row.get("mean") is None or block not in scale:
         return True
-    return abs(row["mean"]) >= LEAST_SHARE[block] * scale[block]
+    return abs(row["mean"]) >= least_shares()[block] * scale[block]
 
 
 def _wide(regime: Mapping[str, Sequence[float]]) -> bool:
@@ -79,7 +79,7 @@ def error_rows(
         low, high = c.get("reduction_ci95") or (None, None)
         change = c["after"] / c["recalibrated"] - 1.0 if c["recalibrated"] else None
         state = ""
-        if low is not None and change is not None and abs(change) >= WORSE:
+        if low is not None and change is not None and abs(change) >= settings.statistics.least_gain:
             state = "better" if low > 0.0 else "worse" if high < 0.0 else ""
         rows.append(
             {
@@ -96,7 +96,7 @@ def error_rows(
 def _least(name: str, scale: Mapping[str, float]) -> float:
     block = block_of(without_unit(name))
     if block in scale:
-        return LEAST_SHARE[block] * scale[block]
+        return least_shares()[block] * scale[block]
     return LEAST_READING.get(unit_words(name), 0.0)
 
 
@@ -106,7 +106,10 @@ def remarks(content: Mapping[str, Any]) -> list[str]:
     out = [*_worse_than_recalibrated(table), *_worse_than_given(table)]
     rolled = content["fit"].get("rollout") or {}
     for name, c in rolled.get("channels", {}).items():
-        if c["after"] > (1.0 + WORSE) * c["recalibrated"] and c["after"] >= LEAST_READING["m"]:
+        if (
+            c["after"] > (1.0 + settings.statistics.least_gain) * c["recalibrated"]
+            and c["after"] >= LEAST_READING["m"]
+        ):
             out.append(
                 f"Simulated {number_words(rolled['horizon_s'], 2)} s ahead, the"
                 f" {channel_words(name)} is farther off with the findings:"
@@ -118,7 +121,7 @@ def remarks(content: Mapping[str, Any]) -> list[str]:
 def _worse_than_recalibrated(table: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     for name, c in table.items():
         high = c["reduction_ci95"][1]
-        if c["after"] <= (1.0 + WORSE) * c["recalibrated"]:
+        if c["after"] <= (1.0 + settings.statistics.least_gain) * c["recalibrated"]:
             continue
         yield (
             f"With the findings the {channel_words(name)} is worse"
@@ -136,7 +139,7 @@ def _worse_than_given(table: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     worse = [
         f"{channel_words(name)} ({_stages(name, c, 'before', 'recalibrated')})"
         for name, c in table.items()
-        if c["recalibrated"] > (1.0 + WORSE) * c["before"]
+        if c["recalibrated"] > (1.0 + settings.statistics.least_gain) * c["before"]
     ]
     if worse:
         yield (

@@ -17,12 +17,12 @@ from ges.diagnose.library.grids import out_of_reach
 from ges.diagnose.library.requirements import lacking
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.gate import Gate
+from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Considered, Decision, Record
 from ges.diagnose.types.diagnosis import interval95
 from ges.diagnose.types.model import Model, block_of
 from ges.diagnose.validate.hypothesis import Form, hypotheses
 from ges.diagnose.validate.locate import (
-    BLOCK_S,
     from_findings,
     from_open,
     from_residuals,
@@ -125,7 +125,7 @@ def unexplained_by(remains: Sequence[Structure], start: Start, last: Stage) -> l
     means = [u.channel for u in remains if not u.of_size]
     forms = {}
     if remains:
-        forms = hypotheses(start.system, last.in_air, start.regimes, means, BLOCK_S)
+        forms = hypotheses(start.system, last.in_air, start.regimes, means, settings.locate.block_s)
     return [_structure(u, forms.get(u.channel)) for u in remains]
 
 

@@ -23,12 +23,10 @@ from ges.diagnose.library.candidates import amplitude_of, place_of
 from ges.diagnose.prepare.gate import Gate
 from ges.diagnose.report.content import places_of
 from ges.diagnose.select.stated import stated
+from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Record
 from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
 from ges.simulator import effects as effect_table
-
-RIVALS = 4
-CONFOUNDED = 0.9
 
 
 def all_findings(
@@ -53,7 +51,8 @@ def all_findings(
     proven.sort(key=lambda f: -f.size["share_of_weight"])
     proven += [answer.gusts.finding()] if answer.gusts else []
     if choosing:
-        proven = [f for f in proven if practically_significant(f.name, f.size, record)]
+        model = answer.last.model
+        proven = [f for f in proven if practically_significant(f.name, f.size, model, record)]
     return [
         *proven,
         *settled_findings(gate),
@@ -111,7 +110,7 @@ def _tied(fitted: Fitted, key: tuple[str, str]) -> str:
     top = max(others, default=(0.0, key))
     return (
         f"tied to {'.'.join(top[1])} (correlation {top[0]:.2f}): together well known, apart less"
-        if top[0] > CONFOUNDED
+        if top[0] > settings.report.tied_correlation
         else ""
     )
 
@@ -125,7 +124,9 @@ def alternatives_of(accepted: Accepted, name: str) -> tuple[dict, ...]:
         if name not in h.names:
             for other in set(h.names) - set(accepted.names):
                 best[other] = max(best.get(other, -np.inf), h.log_evidence - having)
-    ranked = sorted(best.items(), key=lambda item: (-item[1], item[0]))[:RIVALS]
+    ranked = sorted(best.items(), key=lambda item: (-item[1], item[0]))[
+        : settings.report.alternatives
+    ]
     return tuple({"name": n, "log_odds": float(v)} for n, v in ranked)
 
 

@@ -13,17 +13,15 @@ from ges.diagnose.design.weak import blocks_of, make_windows
 from ges.diagnose.report.drawing import Drawing, Figure
 from ges.diagnose.report.page import CAPTIONS, write_report
 from ges.diagnose.report.residuals import write_residuals
+from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import Diagnosis
 from ges.diagnose.types.words import channel_words, quantity_words, size_unit
-from ges.diagnose.validate.locate import CHANCE, Cell
+from ges.diagnose.validate.locate import Cell
 from ges.diagnose.validate.proof import Proof
 from ges.diagnose.validate.traces import Trace, trace
-from ges.diagnose.validate.verify import HORIZON_S, STEPS
 from ges.files import write_json
 from ges.simulator import effects as effect_table
 from ges.vehicle.file import save_vehicle
-
-BLOCK_S = 5.0
 
 
 def write_diagnosis(
@@ -70,7 +68,7 @@ def map_figure(cells: Sequence[Cell]) -> list[Figure]:
     """The map of where the mismatch lives, which can be drawn as soon as it was located; none where
     it would show nothing but noise.
     """
-    news = any(c.q_value <= CHANCE for c in cells)
+    news = any(c.q_value <= settings.statistics.chance for c in cells)
     return [("where", "location_map", ([_cell(c) for c in cells],))] if news else []
 
 
@@ -78,7 +76,7 @@ def _figures(
     diagnosis: Diagnosis, content: Mapping[str, Any], traces: Sequence[Trace]
 ) -> Iterator[Figure]:
     """Those that this diagnosis has something for."""
-    proof = diagnosis.workings.proof
+    proof, s = diagnosis.workings.proof, settings.validate
     yield from map_figure(diagnosis.workings.cells)
     yield "over_time", "over_time", (next((t for t in traces if t.held_out), traces[0]),)
     told = _parameters(content)
@@ -88,7 +86,7 @@ def _figures(
         yield (
             "rollout",
             "rollout_growth",
-            (np.linspace(0.0, HORIZON_S, STEPS + 1), proof.rollouts),
+            (np.linspace(0.0, s.horizon_s, s.horizon_steps + 1), proof.rollouts),
         )
     if any(c["before"] for c in content["fit"]["channels"].values()):
         yield "held_out", "held_out_bars", (content["fit"]["channels"],)
@@ -162,5 +160,8 @@ def _regime_values(regime: str, proof: Proof) -> tuple[np.ndarray, np.ndarray]:
     values = [
         t.get(regime, np.full(len(w), np.nan)) for t, w in zip(proof.regimes, cut, strict=True)
     ]
-    blocks = blocks_of([(w, f.t_s[0]) for f, w in zip(proof.flights, cut, strict=True)], BLOCK_S)
+    blocks = blocks_of(
+        [(w, f.t_s[0]) for f, w in zip(proof.flights, cut, strict=True)],
+        settings.statistics.block_s,
+    )
     return np.concatenate(values), np.concatenate(blocks)

@@ -8,6 +8,7 @@ import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import Diagnosis
 from ges.diagnose.types.model import block_of
 from ges.diagnose.types.words import (
@@ -23,16 +24,12 @@ from ges.diagnose.types.words import (
 
 MOST_WORDS = 40
 MOST_NAMES = 3
-LEAST_GAIN = 0.02
-"""Share by which an error has to fall to be worth a clause."""
 LEADS: Mapping[str, str] = {
     "physics": "missing in the simulator:",
     "parameter": "wrong in the vehicle file:",
     "sensor": "wrong in the sensors:",
 }
 UNSEEN = ("on flights that took no part,", "unseen,")
-NOTEWORTHY_SDS = 2.0
-"""Declared sds from which a correction is worth a clause."""
 
 
 def sentence_of(content: Mapping[str, Any]) -> str:
@@ -157,7 +154,11 @@ def _best(table: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mapping[str, Any
     """The row that gains most against recalibration alone, if it gains anything worth telling."""
     gains = {n: 1.0 - c["after"] / c["recalibrated"] for n, c in table.items() if c["recalibrated"]}
     name = max(gains, key=gains.get, default=None)
-    return (name, table[name]) if name is not None and gains[name] >= LEAST_GAIN else None
+    return (
+        (name, table[name])
+        if name is not None and gains[name] >= settings.statistics.least_gain
+        else None
+    )
 
 
 def _declared(content: Mapping[str, Any]) -> Iterator[str]:
@@ -170,7 +171,7 @@ def _moved(content: Mapping[str, Any]) -> str:
     rows = {k: c for k, c in content["calibration"].items() if c["declared_sd"]}
     far = {k: abs(c["value"]) / c["declared_sd"] for k, c in rows.items()}
     key = max(far, key=far.get, default=None)
-    if key is None or far[key] < NOTEWORTHY_SDS:
+    if key is None or far[key] < settings.statistics.suggestive_sds:
         return ""
     return (
         f"{key_words(key)}: the flights ask for {correction_words(key, rows[key]['value'])},"

@@ -12,11 +12,8 @@ import numpy as np
 from ges.diagnose.design.system import Column, System
 from ges.diagnose.design.whiten import Noise, Part, White, estimate, unrest_of, whiten
 from ges.diagnose.select.bounded import log_mass, log_mass_within
+from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
-
-TEMPERING = 0.25
-LEVEL_REACH = 2.0
-"""Factor above and below the level that a column holds at within which its coefficient counts."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -290,27 +287,24 @@ def _plausible(column: Column, size: float) -> float:
     )
 
 
-def make_board(
-    system: System, chosen: Sequence[int] = (), tempering: float = TEMPERING, share: float = 0.05
-) -> Board:
+def make_board(system: System, chosen: Sequence[int] = ()) -> Board:
     """Whiten and count, with the noise that the chosen columns leave."""
-    board = whitened(system, estimate(system, chosen), share)
-    return dataclasses.replace(
-        board, by_flight=tuple(flight_grams(board.whites, system.columns, tempering))
-    )
+    board = whitened(system, estimate(system, chosen))
+    grams = flight_grams(board.whites, system.columns, settings.evidence.tempering)
+    return dataclasses.replace(board, by_flight=tuple(grams))
 
 
-def whitened(system: System, noise: Noise, share: float = 0.05) -> Board:
+def whitened(system: System, noise: Noise) -> Board:
     """Whiten with a known noise and count nothing: what a fit needs."""
     whites = whiten(system.flights, noise, unrest_of(system.flights))
     nuisance = np.array(
         [k for k, c in enumerate(system.columns) if c.nuisance is not None], dtype=int
     )
-    return Board(system, noise, whites, (), _prior(system, share), nuisance)
+    return Board(system, noise, whites, (), _prior(system), nuisance)
 
 
-def _prior(system: System, share: float) -> Prior:
-    sd = _sizes(system, share)
+def _prior(system: System) -> Prior:
+    sd = _sizes(system, settings.evidence.prior_share)
     mean, low, high = np.array([_bounds(c) for c in system.columns]).T
     for k, column in enumerate(system.columns):
         if column.nuisance is not None:
@@ -326,5 +320,6 @@ def _bounds(column: Column) -> tuple[float, float, float]:
         return 0.0, -np.inf, np.inf
     a = column.variant.amplitudes[column.amplitude]
     if a.level:
-        return a.level, *sorted((a.level / LEVEL_REACH, a.level * LEVEL_REACH))
+        reach = settings.evidence.level_reach
+        return a.level, *sorted((a.level / reach, a.level * reach))
     return 0.0, a.low - a.neutral, a.high - a.neutral

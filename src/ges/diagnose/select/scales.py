@@ -14,10 +14,8 @@ import numpy as np
 
 from ges.diagnose.library.candidates import Candidate
 from ges.diagnose.select.evidence import Board, Gram, Posterior, Prior, posteriors
+from ges.diagnose.settings import settings
 from ges.threads import each
-
-AT_ONCE = 4096
-PRIOR_OF_SIZE = (0.5, 0.3, 0.13, 0.05, 0.02)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,8 +51,8 @@ def _log_shares(variants: Sequence[tuple[str, int]]) -> list[float]:
     """Log prior of variants, given by name and in how many places they act, among those of their
     name: all alike, but that so many places are as much rarer as so many causes are.
     """
-    many = Counter(variants)
-    weight = {(n, k): PRIOR_OF_SIZE[k] / PRIOR_OF_SIZE[1] for n, k in many}
+    many, sizes = Counter(variants), settings.search.size_probabilities
+    weight = {(n, k): sizes[k] / sizes[1] for n, k in many}
     total: dict[str, float] = {}
     for name, places in many:
         total[name] = total.get(name, 0.0) + weight[name, places]
@@ -164,10 +162,9 @@ class Scales:
                 }
             )
             alike.setdefault((len(own), len(freed)), []).append((i, own, freed))
+        most = settings.numerics.sets_at_once
         parts = [
-            group[i : i + AT_ONCE]
-            for group in alike.values()
-            for i in range(0, len(group), AT_ONCE)
+            group[i : i + most] for group in alike.values() for i in range(0, len(group), most)
         ]
         return each(self._together, parts)
 

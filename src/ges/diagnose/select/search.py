@@ -12,11 +12,9 @@ from scipy.special import logsumexp
 
 from ges.diagnose.library.candidates import Candidate, Variant, acts_among, modifiers_of
 from ges.diagnose.select.evidence import Board, Posterior
-from ges.diagnose.select.scales import PRIOR_OF_SIZE, Entry, Scales, entries, scales
+from ges.diagnose.select.scales import Entry, Scales, entries, scales
+from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
-
-LARGEST = 4
-BEAM = 3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,7 +71,9 @@ def size_of(names: Sequence[str]) -> int:
 def _log_prior(names: Sequence[str], count: int) -> float:
     """Of one set of this size among all of them."""
     size = size_of(names)
-    return float(np.log(PRIOR_OF_SIZE[size]) - np.log(max(1, math.comb(count, size))))
+    return float(
+        np.log(settings.search.size_probabilities[size]) - np.log(max(1, math.comb(count, size)))
+    )
 
 
 def log_rarity(names: Sequence[str]) -> float:
@@ -123,9 +123,9 @@ def search(board: Board, candidates: Sequence[Candidate], base: Sequence[str] = 
         p for p in itertools.combinations(listed, 2) if p[0].name != p[1].name
     ]
     found |= _sets_of(on, [c for c in combos if _compatible([e.name for e in c], base)], count)
-    for size in range(2, LARGEST):
+    for size in range(2, len(settings.search.size_probabilities) - 1):
         grown = [h for h in found.values() if len(h.names) == size]
-        top = sorted(grown, key=lambda h: -h.log_evidence)[:BEAM]
+        top = sorted(grown, key=lambda h: -h.log_evidence)[: settings.search.beam]
         by_number = {e.number: e for e in listed}
         larger = [
             (*(by_number[i] for i in h.variants), e)

@@ -9,15 +9,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ges.diagnose.design.system import System
-from ges.diagnose.design.whiten import TINY, left_over
+from ges.diagnose.design.whiten import left_over
 from ges.diagnose.library.candidates import Candidate, Variant, acts_among
 from ges.diagnose.select.evidence import Board, make_board
 from ges.diagnose.select.search import Hypothesis, Search, exactly, search
-
-ROUNDS = 4
-HIDDEN, MOST_HIDDEN = 0.5, 3
-"""Share of what is left that a hidden effect explains; how many of those are tried."""
-RESTLESS = 3.0  # times the size of what is left in the middle flight
+from ges.diagnose.settings import settings
 
 Found = tuple[Board, Search, tuple[int, ...]]
 """A search on the board of its noise, and the columns of what is more probable in it than not."""
@@ -37,7 +33,7 @@ def search_until_stable(
     more from the noise without that, and stays if just that is then found.
     """
     found = _settled(board, (), candidates, base, only)
-    for _ in range(ROUNDS if only is None else 0):
+    for _ in range(settings.numerics.noise_rounds if only is None else 0):
         again = _bolder(found[0], found[2], candidates, base)
         if again is None:
             break
@@ -69,7 +65,7 @@ def _settled(
     only: Sequence[str] | None,
 ) -> Found:
     """Search from the noise that ``chosen`` columns leave, the board's, until it stays the same."""
-    for again in range(ROUNDS):
+    for again in range(settings.numerics.noise_rounds):
         board = make_board(board.system, chosen) if again else board
         found = search(board, candidates, base) if only is None else exactly(board, candidates)
         sure = [n for n in found.best.names if found.inclusion[n] > 0.5]
@@ -105,18 +101,19 @@ def _hidden(
         for k, c in enumerate(system.columns)
         if c.variant is not None and c.variant.effect in free
     ]
-    channels = np.flatnonzero(board.noise.restless > RESTLESS)
+    channels = np.flatnonzero(board.noise.restless > settings.search.restless_ratio)
     if not listed or not len(channels):
         return []
     share = np.max(
         [_explained(system, c, left_over(system, c, chosen), listed) for c in channels], axis=0
     )
     best: dict[str, Variant] = {}
-    for i in np.argsort(-share, kind="stable")[: np.count_nonzero(share > HIDDEN)]:
+    count = np.count_nonzero(share > settings.search.hidden_share)
+    for i in np.argsort(-share, kind="stable")[:count]:
         best.setdefault(system.columns[listed[i]].variant.effect, system.columns[listed[i]].variant)
     return [
         tuple(k for k in listed if system.columns[k].variant is v)
-        for v in list(best.values())[:MOST_HIDDEN]
+        for v in list(best.values())[: settings.search.beam]
     ]
 
 
@@ -136,4 +133,4 @@ def _explained(
         x = r.x.of(channel, listed)[good]
         x, y = x - x.mean(axis=0), e[good] - e[good].mean()
         xy, xx, yy = xy + x.T @ y, xx + (x**2).sum(axis=0), yy + float(y @ y)
-    return xy**2 / np.maximum(xx * yy, TINY)
+    return xy**2 / np.maximum(xx * yy, settings.numerics.tiny)

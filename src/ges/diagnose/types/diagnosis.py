@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from ges.conventions import SDS_95
 from ges.diagnose.types.decision import Considered
 from ges.simulator import effects as effect_table
 from ges.vehicle.file import Vehicle
@@ -14,7 +15,7 @@ from ges.vehicle.file import Vehicle
 
 def interval95(value: float, sd: float) -> tuple[float, float]:
     """95 % interval of a Gaussian."""
-    return (value - 1.96 * sd, value + 1.96 * sd)
+    return (value - SDS_95 * sd, value + SDS_95 * sd)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,10 +12,6 @@ from ges.simulator.terrain import Terrain
 from ges.vehicle.file import Quantity, Vehicle
 
 SPEED = "vehicle.max_rotor_speed_rad_s"
-BEYOND_SDS = 4.0
-"""Sds beyond which a number is not what it was taken for: one in 16,000 of honest doubts, so that
-one of some ten numbers is called in fewer than one of a thousand vehicles.
-"""
 
 
 def block_of(channel: str) -> str:

@@ -20,19 +20,18 @@ from ges.diagnose.design.weak import Windows, make_windows
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.kinematics import to_body
 from ges.diagnose.types.model import Model
-from ges.diagnose.validate.verify import BLOCK_S, stages_row
+from ges.diagnose.validate.verify import block_windows, stages_row
 from ges.simulator import effects as effect_table
 
 LEAN = ("lean_forward_rad", "lean_left_rad")
 SPEED, DUTY = "rotor_speed_rad_s", "command"
-_UP = np.array([0.0, 0.0, 1.0])
 
 
 def lean(q: np.ndarray) -> np.ndarray:
     """Angles of the thrust axis from the vertical, turned to the vehicle's heading: forward and to
     the left, (n, 2) rad.
     """
-    up = to_body(q, np.tile(_UP, (len(q), 1)))
+    up = to_body(q, np.tile([0.0, 0.0, 1.0], (len(q), 1)))
     return np.arctan2(-up[:, :2], up[:, 2:])
 
 
@@ -93,6 +92,6 @@ def closed_loop(flights: Sequence[Prepared], models: Mapping[str, Model], length
         for k, name in enumerate(names):
             for stage, e in told.items():
                 pieces.setdefault(name, {}).setdefault(stage, []).append(e[:, k])
-    block = max(1, int(round(BLOCK_S / (0.5 * length_s))))
+    block = block_windows(0.5 * length_s)
     channels = {name: stages_row(by_stage, block) for name, by_stage in pieces.items()}
     return {"flights": count, "channels": channels} if count else {}

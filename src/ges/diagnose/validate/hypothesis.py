@@ -20,13 +20,10 @@ import numpy as np
 from ges.diagnose.design.instruments import own_signal
 from ges.diagnose.design.residual import speeds_at_work
 from ges.diagnose.design.system import System
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.diagnose.validate.structure import Told
 
-MOST_TERMS = 3
-LEAST_GAIN = 0.02
-LEAST_R2 = 0.05
-FOLDS = 4
 Dimension = tuple[int, int, int]  # exponents of kg, m, s
 FORCE: Dimension = (1, 1, -2)
 MOMENT: Dimension = (1, 2, -2)
@@ -180,7 +177,7 @@ def _fit(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def _r2(x: np.ndarray, y: np.ndarray, fold: np.ndarray) -> float:
     """Share of the variance of ``y`` that fits on the other folds predict."""
     left = [y[fold == f] - x[fold == f] @ _fit(x[fold != f], y[fold != f]) for f in np.unique(fold)]
-    return 1.0 - float(np.concatenate(left).var() / max(y.var(), 1e-30))
+    return 1.0 - float(np.concatenate(left).var() / max(y.var(), settings.numerics.tiny))
 
 
 def sparse_form(
@@ -195,9 +192,9 @@ def sparse_form(
     block : (n,) number of the block of time.
     """
     good = np.isfinite(e)
-    y, fold = e[good], block[good] % FOLDS
+    y, fold = e[good], block[good] % settings.statistics.folds
     chosen, best = [], 0.0
-    while len(chosen) < MOST_TERMS:
+    while len(chosen) < settings.locate.terms:
         left = y - _design(chosen, good) @ _fit(_design(chosen, good), y)
         match = [
             abs(np.corrcoef(t.values[good], left)[0, 1]) if np.std(t.values[good]) > 0 else 0.0
@@ -205,10 +202,10 @@ def sparse_form(
         ]
         tried = [*chosen, terms[int(np.argmax(match))]]
         r2 = _r2(_design(tried, good), y, fold)
-        if r2 < best + LEAST_GAIN:
+        if r2 < best + settings.statistics.least_gain:
             break
         chosen, best = tried, r2
-    if best < LEAST_R2:
+    if best < settings.locate.form_r2_least:
         return None
     x = _design(chosen, good)
     beta = _fit(x, y)

@@ -16,27 +16,9 @@ from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.kinematics import to_body
 from ges.diagnose.select.evidence import Board, acts_of
 from ges.diagnose.select.search import Search
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.diagnose.validate.structure import PLACE, Structure, Told, shared, within
-
-BLOCK_S = 2.5
-BINS = 6
-CHANCE = 0.01
-LEAST_R2 = 0.1
-LEAST_R2_OF_SIZE = 0.3  # over places LEAST_R2
-LEAST_SHARE = {"force": 0.002, "acc": 0.002, "moment": 0.0004, "drive": 0.004, "range": 0.3}
-"""Of weight, weight times arm, full rotor speed, a rotor radius."""
-LEAST_SIZE = dict.fromkeys(("force", "acc", "moment"), 0.01)
-# times what the flights of the calibration show too: root of F at 95 %, four flights against four
-AGAIN = 3.0
-LEAST_BLOCKS = 4
-CLEAR = 2.0
-LEAST_OF_NOISE = 0.3  # a finding counts in a channel from this share of what the model leaves there
-PEAK = 0.5
-SURE = 0.9
-LEAST_CHANCE = 0.005
-BY_CHANNEL = 3
-MOST = 12
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,14 +70,22 @@ def regimes_of(system: System) -> list[dict[str, np.ndarray]]:
 
 def edges(values: np.ndarray) -> np.ndarray:
     """Bin edges of one regime: quantiles, so that each bin holds as many windows."""
-    return np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)))
+    return np.unique(np.quantile(values, np.linspace(0.0, 1.0, settings.locate.bins + 1)))
+
+
+def least_shares() -> dict[str, float]:
+    """The least structure by kind of channel, over the whole of the channel."""
+    s = settings.locate
+    return {
+        **dict.fromkeys(("force", "acc"), s.least_force_share),
+        "moment": s.least_moment_share,
+        "drive": s.least_drive_share,
+        "range": s.least_range_radii,
+    }
 
 
 def clear(
-    found: Sequence[Structure],
-    model: Model,
-    least_r2: float = LEAST_R2,
-    shares: Mapping[str, float] = LEAST_SHARE,
+    found: Sequence[Structure], model: Model, least_r2: float, shares: Mapping[str, float]
 ) -> list[Structure]:
     """Structures that no noise makes, that carry a part of the residual that matters, and that are
     large enough to matter; of the residual's size, a larger part, but over places: vibration and
@@ -104,19 +94,28 @@ def clear(
     likely = [
         s
         for s in found
-        if s.q_value <= CHANCE and s.r2 >= (_least_r2_of_size(s) if s.of_size else least_r2)
+        if s.q_value <= settings.statistics.chance
+        and s.r2 >= (_least_r2_of_size(s) if s.of_size else least_r2)
     ]
     return [s for s in likely if s.rms > _least(s, model, shares)]
 
 
+def located(found: Sequence[Structure], model: Model) -> list[Structure]:
+    """Structures that are told."""
+    return clear(found, model, settings.locate.r2_least, least_shares())
+
+
 def _least_r2_of_size(s: Structure) -> float:
-    return LEAST_R2 if set(s.regime) <= set(PLACE) else LEAST_R2_OF_SIZE
+    over_places = set(s.regime) <= set(PLACE)
+    return settings.locate.r2_least if over_places else settings.locate.r2_least_of_size
 
 
 def _least(s: Structure, model: Model, shares: Mapping[str, float]) -> float:
     """Smallest rms that counts; what the flights of the calibration show too does not."""
-    share = LEAST_SIZE.get(s.kind, np.inf) if s.of_size else shares.get(s.kind, np.inf)
-    return max(share * model.whole(s.channel), AGAIN * model.left_unexplained.get(s.key, 0.0))
+    known = settings.locate.calibration_ratio * model.left_unexplained.get(s.key, 0.0)
+    of_size = dict.fromkeys(("force", "acc", "moment"), settings.locate.least_size_share)
+    share = (of_size if s.of_size else shares).get(s.kind, np.inf)
+    return max(share * model.whole(s.channel), known)
 
 
 def cells(
@@ -134,11 +133,11 @@ def cells(
     told : of :func:`regimes_of`.
     found : structures of the same residuals.
     """
-    block = np.concatenate(system.blocks(BLOCK_S))
+    block = np.concatenate(system.blocks(settings.locate.block_s))
     values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
     chance = {
         (s.channel, s.regime[0]): s.q_value
-        for s in clear(found, system.model)
+        for s in located(found, system.model)
         if len(s.regime) == 1 and not s.of_size
     }
     made: list[Cell] = []
@@ -146,7 +145,7 @@ def cells(
         e = np.concatenate([within(r)[:, c] for r in raw])
         used = np.isfinite(e)
         for name, value in values.items():
-            if used.any() and np.ptp(value[used]) > 1e-9:
+            if used.any() and np.ptp(value[used]) > settings.numerics.small:
                 made += _cells_of(
                     channel,
                     name,
@@ -171,7 +170,7 @@ def _cells_of(
     told = []
     for k in range(len(limits) - 1):
         inside = which == k
-        if np.count_nonzero(np.bincount(block[inside])) >= LEAST_BLOCKS:
+        if np.count_nonzero(np.bincount(block[inside])) >= settings.statistics.folds:
             told.append(
                 (k, float(e[inside].mean()), _error(e[inside], block[inside]), int(inside.sum()))
             )
@@ -186,7 +185,7 @@ def _cells_of(
             mean,
             sd,
             x / total,
-            q if abs(mean) > CLEAR * sd else 1.0,
+            q if abs(mean) > settings.statistics.suggestive_sds * sd else 1.0,
             n,
         )
         for (k, mean, sd, n), x in zip(told, excess, strict=True)
@@ -205,9 +204,9 @@ def from_residuals(made: Sequence[Cell], found: Sequence[Structure], system: Sys
     cells of one sign joined, and places that no single variable shows.
     """
     size = {(s.channel, s.regime[0]): s.rms for s in found if len(s.regime) == 1 and not s.of_size}
-    entries = _merged([c for c in made if c.q_value <= CHANCE], made, size)
+    entries = _merged([c for c in made if c.q_value <= settings.statistics.chance], made, size)
     told = {item["channel"] for item in entries}
-    for s in sorted(clear(found, system.model), key=lambda s: -s.r2):
+    for s in sorted(located(found, system.model), key=lambda s: -s.r2):
         if s.channel not in told:
             told.add(s.channel)
             entries.append(
@@ -231,7 +230,7 @@ def _merged(
         chain: list[Cell] = []
         here = [c for c in made if (c.channel, c.regime) == (channel, regime)]
         for cell in [*here, None]:
-            keep = cell is not None and cell.q_value <= CHANCE
+            keep = cell is not None and cell.q_value <= settings.statistics.chance
             if chain and (not keep or np.sign(cell.mean) != np.sign(chain[-1].mean)):
                 out.append({**_joined(chain), "energy": size[channel, regime] ** 2})
                 chain = []
@@ -272,7 +271,7 @@ def from_findings(
         acts = np.concatenate(by_flight)
         for c, channel in enumerate(system.main):
             good = np.isfinite(acts[:, c]) & np.isfinite(noise[:, c])
-            if _rms(acts[good, c]) > LEAST_OF_NOISE * _rms(noise[good, c]):
+            if _rms(acts[good, c]) > settings.locate.acting_share * _rms(noise[good, c]):
                 where = _acting(acts[good, c], {n: v[good] for n, v in values.items()})
                 entries.append(
                     {
@@ -290,7 +289,7 @@ def from_open(
 ) -> list[dict]:
     """Entries of ``located`` where something is open: channels in which, whichever of the open
     explanations holds, something that is not proven acts; the sum of their probabilities has to
-    reach nine in ten.
+    reach that of an acceptance.
 
     Parameters
     ----------
@@ -301,17 +300,21 @@ def from_open(
     chance: dict[str, float] = {}
     shown: dict[str, np.ndarray] = {}
     for h in (
-        h for h in found.hypotheses if h.probability > LEAST_CHANCE and set(h.names) - set(proven)
+        h
+        for h in found.hypotheses
+        if h.probability > settings.locate.negligible_probability and set(h.names) - set(proven)
     ):
         acts = acts_of(h.posterior, set(h.names) - set(proven), board.system)
         for c, channel in enumerate(system.main):
             good = np.isfinite(acts[:, c]) & np.isfinite(noise[:, c])
-            if _rms(acts[good, c]) > LEAST_OF_NOISE * _rms(noise[good, c]):
+            if _rms(acts[good, c]) > settings.locate.acting_share * _rms(noise[good, c]):
                 chance[channel] = chance.get(channel, 0.0) + h.probability
                 shown.setdefault(channel, np.where(good, acts[:, c], np.nan))
     values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
     entries = []
-    for channel in (c for c, p in chance.items() if p >= SURE):
+    for channel in (
+        c for c, p in chance.items() if p >= settings.statistics.acceptance_probability
+    ):
         good = np.isfinite(shown[channel])
         where = _acting(shown[channel][good], {n: v[good] for n, v in values.items()})
         where.pop("energy")
@@ -329,7 +332,7 @@ def _acting(a: np.ndarray, values: Mapping[str, np.ndarray]) -> dict:
     """
     best = ("", -1.0, np.zeros(1), np.zeros(1), np.zeros(1))
     for name, value in values.items():
-        if np.ptp(value) > 1e-9:
+        if np.ptp(value) > settings.numerics.small:
             limits, which = _bins(value)
             count = np.bincount(which, minlength=len(limits) - 1)
             mean = np.bincount(which, a, len(count)) / np.maximum(count, 1)
@@ -337,11 +340,11 @@ def _acting(a: np.ndarray, values: Mapping[str, np.ndarray]) -> dict:
             if between > best[1]:
                 best = (name, between, limits, mean, count)
     name, _, limits, mean, count = best
-    low, high = _run(np.abs(mean) >= PEAK * np.abs(mean).max(), int(np.argmax(np.abs(mean))))
+    low, high = _run(np.abs(mean) >= 0.5 * np.abs(mean).max(), int(np.argmax(np.abs(mean))))
     inside, energy = slice(low, high), count * mean**2
     return {
         "regime": {name: [float(limits[low]), float(limits[high])]},
-        "share_of_excess": float(energy[inside].sum() / max(energy.sum(), 1e-30)),
+        "share_of_excess": float(energy[inside].sum() / max(energy.sum(), settings.numerics.tiny)),
         "mean": float(count[inside] @ mean[inside] / max(count[inside].sum(), 1)),
         "energy": float(np.mean(a**2)),
     }
@@ -357,7 +360,7 @@ def _run(high: np.ndarray, at: int) -> tuple[int, int]:
     return low, end
 
 
-def strongest(entries: Sequence[Mapping], most: int = MOST) -> list[dict]:
+def strongest(entries: Sequence[Mapping]) -> list[dict]:
     """The clearest entries, a few of a channel, every channel once before any twice; the
     accelerometer where the force, which it measures too, has none.
     """
@@ -366,7 +369,8 @@ def strongest(entries: Sequence[Mapping], most: int = MOST) -> list[dict]:
     for item in entries:
         if item["channel"].replace("acc_", "force_") not in forces - {item["channel"]}:
             by_channel.setdefault(item["channel"], []).append(dict(item))
-    kept = [items[k] for k in range(BY_CHANNEL) for items in by_channel.values() if len(items) > k]
+    each, most = settings.locate.entries_by_channel, settings.locate.entries
+    kept = [items[k] for k in range(each) for items in by_channel.values() if len(items) > k]
     return kept[:most]
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from ges.diagnose.design.system import common_channels
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.diagnose.validate.closed_loop import closed_loop
 from ges.diagnose.validate.locate import regimes
@@ -23,11 +24,14 @@ from ges.diagnose.validate.verify import (
     rollouts,
 )
 
-METRIC = (
-    "rms of the weak-form residual (windowed average, nothing differentiated) on flights that took"
-    " no part; reduction_ci95: share by which 'after' is below 'recalibrated', 95 % interval over"
-    " blocks of 5 s"
-)
+
+def metric() -> str:
+    """``metric`` of the fit, in words."""
+    return (
+        "rms of the weak-form residual (windowed average, nothing differentiated) on flights that"
+        " took no part; reduction_ci95: share by which 'after' is below 'recalibrated', 95 %"
+        f" interval over blocks of {settings.statistics.block_s:g} s"
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,13 +77,13 @@ def prove(
     """
     flights = list(held.values())
     if not flights:
-        return Proof({"metric": METRIC, "holdout_flights": [], "channels": {}, "rollout": {}})
+        return Proof({"metric": metric(), "holdout_flights": [], "channels": {}, "rollout": {}})
     channels, spacing_s = common_channels(flights, models["before"]), 0.5 * length_s
     windows = [make_windows(f.t_s, f.flying, length_s) for f in flights]
     told = [regimes(f, w, models["after"]) for f, w in zip(flights, windows, strict=True)]
     left, rolled = errors(flights, models, channels, length_s), rollouts(flights, models)
     fit = {
-        "metric": METRIC,
+        "metric": metric(),
         "holdout_flights": list(held),
         "channels": channel_table(left, channels, spacing_s),
         "alternatives": {

@@ -14,8 +14,9 @@ from ges.diagnose.estimate.recalibrate import operating_point
 from ges.diagnose.library.available import candidates_of
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import Board
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
-from ges.diagnose.validate.locate import BLOCK_S, Cell, cells, regimes_of
+from ges.diagnose.validate.locate import Cell, cells, regimes_of
 from ges.diagnose.validate.structure import Structure, Told, structures
 
 
@@ -42,7 +43,9 @@ def stage(model: Model, joint: Joint, board: Board, regimes: Told) -> Stage:
     """Of a model and its fit; ``regimes`` of all windows by flight."""
     left = centred(left_raw(board.system, joint), board.system)
     in_air = in_the_air(left, board.system)
-    found = structures(in_air, regimes, board.system.main, board.system.blocks(BLOCK_S))
+    found = structures(
+        in_air, regimes, board.system.main, board.system.blocks(settings.locate.block_s)
+    )
     return Stage(model, joint, board, left, in_air, found)
 
 

@@ -24,38 +24,17 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.sparse import csr_array
 
-KNOTS = 9
-PLACE_KNOTS = 7
+from ges.diagnose.settings import settings
+
 PLACE = ("east_m", "north_m")
 RUNNING = frozenset({"time_s", "battery_V"})
-FLOWN = (0.01, 0.99)  # quantiles between which the knots lie
-EXCITED = (0.05, 0.95)
-LEAST_SPREAD: Mapping[str, float] = {
-    **dict.fromkeys(
-        ("airspeed_m_s", "climb_m_s", "forward_m_s", "left_m_s", "along_thrust_m_s", *PLACE), 0.5
-    ),
-    "height_over_radius": 1.0,
-}
-"""Between these quantiles; a regime that varies less was moved by the disturbance itself, and
-follows from it.
-"""
-LEAST_SHARE_OF_HEIGHT = 0.1
-"""The same for the height over its median: high up, a radius more or less is no other place."""
+SPEEDS = ("airspeed_m_s", "climb_m_s", "forward_m_s", "left_m_s", "along_thrust_m_s")
 TOGETHER = (
     ("force_x", "force_y", "acc_x", "acc_y"),
     ("force_z", "acc_z"),
     ("moment_x", "moment_y"),
     ("drive_1", "drive_2", "drive_3", "drive_4"),
 )
-CLEAR = 2.0
-DRAWS = 499
-SEED = 0
-FOLDS = 4
-RIDGE = 3.0
-LEAST_WINDOWS = 60
-SMOOTH = 5  # windows over which energy is averaged
-TINY = 1e-30
-
 Told = Sequence[Mapping[str, np.ndarray]]
 
 
@@ -139,19 +118,19 @@ def hats(value: np.ndarray, knots: np.ndarray) -> np.ndarray:
 
 def excited(values: Mapping[str, np.ndarray]) -> list[str]:
     """Regime variables that were flown over a range, and not only disturbed."""
-    spread = {
-        name: float(np.subtract(*np.quantile(v, EXCITED[::-1]))) for name, v in values.items()
-    }
+    ends = (1.0 - settings.locate.excited_quantile, settings.locate.excited_quantile)
+    spread = {name: float(np.subtract(*np.quantile(v, ends))) for name, v in values.items()}
     return [name for name, s in spread.items() if s >= _least_spread(name, values[name])]
 
 
 def _least_spread(name: str, values: np.ndarray) -> float:
-    least = LEAST_SPREAD.get(name, TINY)
-    return (
-        max(least, LEAST_SHARE_OF_HEIGHT * float(np.median(values)))
-        if name == "height_over_radius"
-        else least
-    )
+    """A regime that varies less was moved by the disturbance itself, and follows from it; high up,
+    a radius more or less is no other place.
+    """
+    s = settings.locate
+    if name == "height_over_radius":
+        return max(s.spread_least_radii, s.spread_least_share * float(np.median(values)))
+    return s.spread_least if name in (*SPEEDS, *PLACE) else settings.numerics.tiny
 
 
 def _basis(
@@ -160,13 +139,17 @@ def _basis(
     block: np.ndarray,
     fold_of: np.ndarray,
 ) -> Basis:
-    fold, count = fold_of[block], KNOTS if len(regime) == 1 else PLACE_KNOTS
-    knots = tuple(np.linspace(*np.quantile(values[name], FLOWN), count) for name in regime)
+    fold, s = fold_of[block], settings.locate
+    count, ends = (
+        s.knots if len(regime) == 1 else s.place_knots,
+        (s.knot_quantile, 1.0 - s.knot_quantile),
+    )
+    knots = tuple(np.linspace(*np.quantile(values[name], ends), count) for name in regime)
     x = hats(values[regime[0]], knots[0])
     for name, k in zip(regime[1:], knots[1:], strict=True):
         x = (x[:, :, None] * hats(values[name], k)[:, None, :]).reshape(len(x), -1)
     gram = {int(f): x[fold == f].T @ x[fold == f] for f in np.unique(fold)}
-    total = sum(gram.values()) + RIDGE * np.eye(x.shape[1])
+    total = sum(gram.values()) + settings.locate.ridge * np.eye(x.shape[1])
     return Basis(
         regime,
         knots,
@@ -195,7 +178,10 @@ def _gain(basis: Basis, y: np.ndarray, of_block: csr_array, signs: np.ndarray) -
     for f, gram in basis.gram.items():
         beta = basis.inverse[f] @ (total - right[f])
         gain = gain + (beta * (2.0 * right[f] - gram @ beta)).sum(axis=0)
-    return gain.reshape(y.shape[1], -1) / np.maximum((y**2).sum(axis=0), TINY)[:, None]
+    return (
+        gain.reshape(y.shape[1], -1)
+        / np.maximum((y**2).sum(axis=0), settings.numerics.tiny)[:, None]
+    )
 
 
 def _missed(basis: Basis, y: np.ndarray) -> np.ndarray:
@@ -235,9 +221,10 @@ def _of_mean(
 ) -> list[Structure]:
     values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
     _, block = np.unique(np.concatenate(blocks), return_inverse=True)
-    rng = np.random.default_rng(SEED)
+    rng, folds = np.random.default_rng(settings.statistics.seed), settings.statistics.folds
     count = int(block.max(initial=-1)) + 1
-    by_block, signs = rng.permutation(count) % FOLDS, rng.choice([-1.0, 1.0], (count, DRAWS))
+    by_block = rng.permutation(count) % folds
+    signs = rng.choice([-1.0, 1.0], (count, settings.locate.draws))
     by_flight = np.zeros(count, dtype=int)
     by_flight[block] = np.repeat(np.arange(len(raw)), [len(r) for r in raw])
     e = np.concatenate(raw)
@@ -245,7 +232,7 @@ def _of_mean(
     for channels in _there_together(e):
         used = np.isfinite(e[:, channels[0]])
         here, at = {n: v[used] for n, v in values.items()}, block[used]
-        if used.sum() < LEAST_WINDOWS or len(np.unique(by_block[at])) < FOLDS:
+        if used.sum() < settings.locate.windows_least or len(np.unique(by_block[at])) < folds:
             continue
         several = len(np.unique(by_flight[at])) > 1
         of_block = csr_array((np.ones(len(at)), (at, np.arange(len(at)))), shape=(count, len(at)))
@@ -276,9 +263,10 @@ def _of_size(
     """The same of the logarithm of the residuals' energy, each flight's own mean left out: air that
     is rougher in one flight than in another is in no regime of flight.
     """
-    energy = [uniform_filter1d(np.where(np.isfinite(r), r, 0.0) ** 2, SMOOTH, axis=0) for r in raw]
+    size = settings.locate.energy_windows
+    energy = [uniform_filter1d(np.where(np.isfinite(r), r, 0.0) ** 2, size, axis=0) for r in raw]
     logs = [
-        np.where(np.isfinite(r), np.log(np.maximum(e, TINY)), np.nan)
+        np.where(np.isfinite(r), np.log(np.maximum(e, settings.numerics.tiny)), np.nan)
         for r, e in zip(raw, energy, strict=True)
     ]
     values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
@@ -302,12 +290,12 @@ def _tested(
     """Of every named channel of ``e`` (n, C) one structure, its chance not known yet, and R^2 of
     its null draws.
     """
-    size = np.maximum(np.sqrt(np.mean(e**2, axis=0)), TINY)
+    size = np.maximum(np.sqrt(np.mean(e**2, axis=0)), settings.numerics.tiny)
     y = e / size
     r2 = _gain(basis, y, of_block, np.ones((len(signs), 1)))[:, 0]
     draws = _gain(basis, _missed(basis, y), of_block, signs)
     beta = np.linalg.solve(
-        sum(basis.gram.values()) + RIDGE * np.eye(basis.x.shape[1]), basis.x.T @ y
+        sum(basis.gram.values()) + settings.locate.ridge * np.eye(basis.x.shape[1]), basis.x.T @ y
     )
     rms = np.sqrt(np.mean((basis.x @ beta) ** 2, axis=0)) * size
     return [
@@ -327,16 +315,17 @@ def _judged(tested: Sequence[Structure], chance: np.ndarray) -> list[Structure]:
     """
     if not tested:
         return []
-    mean, sd = chance.mean(axis=1), np.maximum(chance.std(axis=1), TINY)
+    tiny = settings.numerics.tiny
+    mean, sd = chance.mean(axis=1), np.maximum(chance.std(axis=1), tiny)
     z = np.column_stack([np.array([t.r2 for t in tested]), chance])
     z = (z - mean[:, None]) / sd[:, None]
     groups = [at for at in _groups(tested) if len(at) > 1]
     joint = [z[at].sum(axis=0) for at in groups]
-    every = np.vstack([z, *(((j - j[1:].mean()) / max(j[1:].std(), TINY))[None] for j in joint)])
+    every = np.vstack([z, *(((j - j[1:].mean()) / max(j[1:].std(), tiny))[None] for j in joint)])
     largest = every[:, 1:].max(axis=0)
     q = np.array([(1.0 + float((largest >= v).sum())) / (1.0 + len(largest)) for v in every[:, 0]])
     for at, together in zip(groups, q[len(tested) :], strict=True):
-        clear = [i for i in at if z[i, 0] > CLEAR]
+        clear = [i for i in at if z[i, 0] > settings.statistics.suggestive_sds]
         q[clear] = np.minimum(q[clear], together)
     return [
         dataclasses.replace(t, q_value=float(v))

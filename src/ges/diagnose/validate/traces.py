@@ -16,8 +16,8 @@ from ges.diagnose.design.weak import Windows, make_windows
 from ges.diagnose.estimate.shoot import can_roll, rollouts_of
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import UNITS, channels
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
-from ges.diagnose.validate.verify import HORIZON_S
 from ges.simulator.effects import Replay
 
 AHEAD = (*POSITION, *VELOCITY)
@@ -103,7 +103,7 @@ def _rolled(flight: Prepared, windows: Windows, model: Model) -> tuple[np.ndarra
     """Recorded and simulated :data:`AHEAD` at the centres of the windows, (m, 6) each; every
     horizon starts anew from the recording, NaN where none is flown.
     """
-    n = int(round(HORIZON_S / flight.dt_s))
+    n = int(round(settings.validate.horizon_s / flight.dt_s))
     rolled, at = rollouts_of(flight, model, n), windows.center
     seen = np.stack([rolled.recorded[name][at] for name in AHEAD], axis=1)
     flown = np.full_like(seen, np.nan)

@@ -8,19 +8,15 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ges.conventions import POSITION, VELOCITY
+from ges.conventions import POSITION, QUANTILES_95, VELOCITY
 from ges.diagnose.design.residual import residual
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.estimate.shoot import can_roll, rollouts_of
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import UNITS, channels
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 
-HORIZON_S = 1.0
-STEPS = 20
-RESAMPLES = 1000
-BLOCK_S = 5.0
-WORSE = 0.02
 STAGES = ("before", "recalibrated", "after")
 
 
@@ -61,7 +57,7 @@ def rms(each: Sequence[np.ndarray]) -> float:
 
 
 def reduction_ci95(
-    before: Sequence[np.ndarray], after: Sequence[np.ndarray], block: int, seed: int = 0
+    before: Sequence[np.ndarray], after: Sequence[np.ndarray], block: int
 ) -> list[float]:
     """95 % interval of 1 - after/before of the rms, resampling blocks of time within flights."""
     pairs = [
@@ -70,11 +66,11 @@ def reduction_ci95(
         if len(b)
     ]
     table = np.vstack(pairs) if pairs else np.full((1, 4), np.nan)
-    rng = np.random.default_rng(seed)
-    drawn = table[rng.integers(0, len(table), (RESAMPLES, len(table)))].sum(axis=1)
+    rng, count = np.random.default_rng(settings.statistics.seed), settings.statistics.resamples
+    drawn = table[rng.integers(0, len(table), (count, len(table)))].sum(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = 1.0 - np.sqrt((drawn[:, 2] / drawn[:, 3]) / (drawn[:, 0] / drawn[:, 1]))
-    return [float(v) for v in np.nanquantile(share, [0.025, 0.975])]
+    return [float(v) for v in np.nanquantile(share, QUANTILES_95)]
 
 
 def stages_row(by_stage: Mapping[str, Sequence[np.ndarray]], block: int) -> dict:
@@ -85,11 +81,16 @@ def stages_row(by_stage: Mapping[str, Sequence[np.ndarray]], block: int) -> dict
     return {**{stage: rms(by_stage[stage]) for stage in STAGES}, "reduction_ci95": interval}
 
 
+def block_windows(spacing_s: float) -> int:
+    """Windows in a block of time."""
+    return max(1, int(round(settings.statistics.block_s / spacing_s)))
+
+
 def channel_table(
     told: Mapping[str, Sequence[np.ndarray]], names: Sequence[str], spacing_s: float
 ) -> dict[str, dict]:
-    """``channels`` of the fit, as the contract writes them; blocks of 5 s."""
-    block = max(1, int(round(BLOCK_S / spacing_s)))
+    """``channels`` of the fit, as the contract writes them."""
+    block = block_windows(spacing_s)
     by_name = {n: {s: [e[:, c] for e in told[s]] for s in STAGES} for c, n in enumerate(names)}
     return {
         f"{n}_{UNITS[n]}": stages_row(by, block)
@@ -107,7 +108,7 @@ def worse_recalibrated(channels: Mapping[str, Mapping]) -> list[str]:
         f" {told['recalibrated']:.3g} recalibrated: the flights differ by more than the declared"
         " numbers can"
         for name, told in channels.items()
-        if told["recalibrated"] > (1.0 + WORSE) * told["before"]
+        if told["recalibrated"] > (1.0 + settings.statistics.least_gain) * told["before"]
     ]
 
 
@@ -143,9 +144,9 @@ def elsewhere(
     -------
     by channel, of those that have such regimes and windows outside: rms ``recalibrated`` and
     ``after``, the 95 % interval ``change_ci95`` of after/recalibrated - 1, and ``worse``: whether
-    it lies above two percent.
+    it lies above what counts as a change.
     """
-    block, table = max(1, int(round(BLOCK_S / spacing_s))), {}
+    block, table = block_windows(spacing_s), {}
     for c, name in enumerate(names):
         wrong = [item["regime"] for item in located if item["channel"] == name]
         if not wrong:
@@ -161,7 +162,7 @@ def elsewhere(
         table[f"{name}_{UNITS[name]}"] = {
             **{stage: rms(each) for stage, each in pick.items()},
             "change_ci95": [-high, -low],
-            "worse": -high > WORSE,
+            "worse": -high > settings.statistics.least_gain,
         }
     return table
 
@@ -179,13 +180,16 @@ def rollout(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
 
     Returns
     -------
-    error by contract column (``p_z_m`` ...), (starts, STEPS + 1), the first column at the start.
+    error by contract column (``p_z_m`` ...), (starts, points), the first of them at the start.
     """
-    n = int(round(HORIZON_S / flight.dt_s))
+    n, steps = (
+        int(round(settings.validate.horizon_s / flight.dt_s)),
+        settings.validate.horizon_steps,
+    )
     rolled = rollouts_of(flight, model, n)
     if not len(rolled.starts):
         return {}
-    at, clock = np.linspace(0.0, n * flight.dt_s, STEPS + 1), np.arange(n + 1) * flight.dt_s
+    at, clock = np.linspace(0.0, n * flight.dt_s, steps + 1), np.arange(n + 1) * flight.dt_s
     errors = {}
     for name in POSITION + VELOCITY:
         said = np.array([np.interp(at, r["t_s"] - r["t_s"][0], r[name]) for r in rolled.flown])
@@ -199,9 +203,7 @@ def rollout(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
 def rollouts(
     flights: Sequence[Prepared], models: Mapping[str, Model]
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Errors of :func:`rollout` over all flights, by contract column and stage, (starts, STEPS +
-    1).
-    """
+    """Errors of :func:`rollout` by contract column and stage over all flights, (starts, points)."""
     told: dict[str, dict[str, np.ndarray]] = {}
     for stage, model in models.items():
         pieces = [p for f in flights if can_roll(f) for p in [rollout(f, model)] if p]
@@ -216,4 +218,4 @@ def rollout_table(told: Mapping[str, Mapping[str, np.ndarray]]) -> dict:
         n: {s: float(np.sqrt(np.mean(e[:, -1] ** 2))) for s, e in by.items()}
         for n, by in told.items()
     }
-    return {"horizon_s": HORIZON_S, "channels": channels} if channels else {}
+    return {"horizon_s": settings.validate.horizon_s, "channels": channels} if channels else {}

@@ -1,0 +1,1375 @@
+"""Every number of the method: its unit, its meaning and where it comes from.
+
+``settings`` is read where a number is needed (``settings.evidence.tempering``); :func:`using` sets
+numbers for a while, as ``ges diagnose --set evidence.tempering=0.5`` does. Numbers of effects
+(priors, grids, doubts, bounds) stand in their descriptors, constants of nature in
+:mod:`ges.conventions`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, cast, get_type_hints
+
+import pydantic
+
+from ges.errors import UsageError, unknown_name
+
+
+@dataclasses.dataclass(frozen=True)
+class Paper:
+    """A number that a publication gives."""
+
+    reference: str
+    equation: str
+
+    def __str__(self) -> str:
+        return f"{self.reference}, {self.equation}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Measured:
+    """A number that was set by what it does to recordings or concealed cases.
+
+    Attributes
+    ----------
+    what : what was seen.
+    seeds : of the concealed cases; in words where the history names none.
+    commit : that set the number.
+    command : that shows it again.
+    """
+
+    what: str
+    seeds: str
+    commit: str
+    command: str
+
+    def __str__(self) -> str:
+        return f"measured: {self.what} ({self.seeds}; commit {self.commit}; `{self.command}`)"
+
+
+@dataclasses.dataclass(frozen=True)
+class Convention:
+    """A number that was agreed on, because one has to be."""
+
+    why: str
+
+    def __str__(self) -> str:
+        return f"convention: {self.why}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Numerical:
+    """A number that no result should depend on."""
+
+    why: str
+
+    def __str__(self) -> str:
+        return f"numerical: {self.why}"
+
+
+Source = Paper | Measured | Convention | Numerical
+
+
+@dataclasses.dataclass(frozen=True)
+class About:
+    """What is known of a number: unit ('' where it has none), meaning, source, and the least and
+    the greatest value that make sense.
+    """
+
+    unit: str
+    meaning: str
+    source: Source
+    low: float
+    high: float
+
+
+def number(
+    value: Any, unit: str, meaning: str, source: Source, low: float = 0.0, high: float = math.inf
+) -> Any:
+    """A field of a stage; of several numbers each lies between ``low`` and ``high``."""
+    return dataclasses.field(
+        default=value, metadata={"about": About(unit, meaning, source, low, high)}
+    )
+
+
+def probability(value: float, meaning: str, source: Source) -> Any:
+    """A field that is a probability."""
+    return number(value, "", meaning, source, 0.0, 1.0)
+
+
+RUN = "ges blind run DIR --set KEY=VALUE && ges blind score DIR --set KEY=VALUE"
+
+
+@dataclasses.dataclass(frozen=True)
+class Statistics:
+    """Levels of certainty that all stages share."""
+
+    acceptance_probability: float = probability(
+        0.9,
+        "A name is accepted, an explanation ruled in, from this posterior probability on; what is"
+        " left of one is from where something is possible.",
+        Convention("nine in ten; alarms on nulls are scored against it, not set by it"),
+    )
+    certain_probability: float = probability(
+        0.999,
+        "What may be an error of a larger effect's form is told from this probability on.",
+        Convention("a thousand to one; not measured against other odds"),
+    )
+    chance: float = probability(
+        0.01,
+        "Chance at which flights without any fault show a structure, or a shifted balance.",
+        Convention("one in a hundred for each of two tests; not measured against other levels"),
+    )
+    suggestive_sds: float = number(
+        2.0,
+        "sds",
+        "Deviation that is worth looking at, and within which a declared number is no finding.",
+        Convention("the 95 % interval of a Gaussian"),
+    )
+    clear_sds: float = number(
+        3.0,
+        "sds",
+        "Deviation of a fitted effect, a gust or a calibrated number that counts.",
+        Convention("one in 370 of Gaussian errors"),
+    )
+    certain_sds: float = number(
+        4.0,
+        "sds",
+        "Deviation from which a delay, an offset or a declared number is no chance.",
+        Convention(
+            "one in 16,000 of honest doubts, so that one of ten numbers is called in fewer than one"
+            " of a thousand vehicles"
+        ),
+    )
+    least_gain: float = number(
+        0.02,
+        "",
+        "Share of an error or of a variance from which a change counts as one.",
+        Convention("two in a hundred, a small part of what flights of a day differ by"),
+    )
+    block_s: float = number(
+        5.0,
+        "s",
+        "Length of blocks of time that count as independent.",
+        Convention("longer than a gust or a correction of a controller lasts; not measured"),
+    )
+    folds: int = number(
+        4,
+        "",
+        "Parts of the time of which each is predicted from the others.",
+        Convention("few enough for short flights; not measured"),
+        low=2,
+    )
+    resamples: int = number(
+        1000,
+        "",
+        "Draws behind an interval over blocks of time.",
+        Numerical("noise of 2 % in its ends"),
+    )
+    seed: int = number(0, "", "Seed of every draw.", Convention("results are the same every time"))
+
+    @property
+    def acceptance_log_odds(self) -> float:
+        """Log odds of the acceptance probability."""
+        return math.log(self.acceptance_probability / (1.0 - self.acceptance_probability))
+
+    @property
+    def certain_log_odds(self) -> float:
+        """Log odds of what is as good as certain."""
+        return math.log(self.certain_probability / (1.0 - self.certain_probability))
+
+    @property
+    def possible_probability(self) -> float:
+        """What is left where something is accepted."""
+        return 1.0 - self.acceptance_probability
+
+
+@dataclasses.dataclass(frozen=True)
+class Numerics:
+    """Limits of arithmetic and of iterations."""
+
+    tiny: float = number(
+        1e-30, "", "What a divisor or a logarithm is at least.", Numerical("no zero")
+    )
+    small: float = number(
+        1e-9, "", "Relative difference that is rounding.", Numerical("far above 64 bit's")
+    )
+    rank_tolerance: float = number(
+        1e-6,
+        "",
+        "Relative size from which a direction of columns is nothing.",
+        Numerical("far above rounding, far below any use"),
+    )
+    wide_factor: float = number(
+        10.0,
+        "",
+        "How much wider than its prior a coefficient may be where the flights alone shall set it.",
+        Numerical("a prior so wide weighs a hundredth"),
+    )
+    drive_step_s: float = number(
+        0.0025, "s", "Longest step of a replayed drive.", Numerical("a sixth of a fast motor's lag")
+    )
+    reference_step_s: float = number(
+        0.002,
+        "s",
+        "Longest step of a flight along references.",
+        Numerical("the simulator's own step"),
+    )
+    rollout_step_s: float = number(
+        0.005, "s", "Longest step of a rollout.", Numerical("attitude and speeds are imposed")
+    )
+    noise_rounds: int = number(
+        4,
+        "",
+        "Most rounds of search and noise, or of noise and nuisances.",
+        Numerical("most sets need two; not measured"),
+        low=1,
+    )
+    fit_rounds: int = number(
+        12, "", "Most Gauss-Newton rounds of a fit.", Numerical("most fits need four"), low=1
+    )
+    bound_sweeps: int = number(
+        3,
+        "",
+        "Sweeps of expectation propagation over bounded coefficients.",
+        Measured(
+            "of 1600 tied sets of two to seven coefficients none is farther than 0.04 nats from"
+            " where more sweeps lead",
+            "seed 1022",
+            "a1652d9",
+            "pytest tests/diagnose/test_within.py",
+        ),
+        low=1,
+    )
+    sets_at_once: int = number(
+        4096, "", "Sets of candidates that are weighed as one array.", Numerical("memory"), low=1
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Prepare:
+    """Grid, samples in the air, delays between streams, noisy readings."""
+
+    grid_step_shortest_s: float = number(
+        0.005, "s", "Finest grid.", Convention("faster logs repeat the vibration of the rotors")
+    )
+    grid_step_longest_s: float = number(
+        0.05, "s", "Coarsest grid.", Convention("a quarter of the shortest window")
+    )
+    recording_shortest_s: float = number(
+        2.0, "s", "Shortest recording.", Convention("ten of the shortest windows")
+    )
+    flying_shortest_s: float = number(
+        3.0, "s", "Shortest time in the air.", Convention("fifteen of the shortest windows")
+    )
+    delay_shortest_s: float = number(
+        5.0, "s", "Shortest time in the air that tells a delay.", Convention("not measured")
+    )
+    extreme_quantile: float = number(
+        0.01,
+        "",
+        "Quantile that stands for the least of a signal.",
+        Convention("no single sample"),
+        high=0.5,
+    )
+    top_quantile: float = number(
+        0.9,
+        "",
+        "Quantile of the thrust of which half is clearly up.",
+        Convention("not measured"),
+        high=1.0,
+    )
+    gap_longest_s: float = number(
+        0.5, "s", "Longest gap of the motion that is bridged.", Convention("not measured")
+    )
+    silence_longest_s: float = number(
+        0.3, "s", "Longest silence of the rangefinder that is bridged.", Convention("not measured")
+    )
+    stale_updates: float = number(
+        3.0,
+        "updates",
+        "A value that stands as long as so many usual updates was held, or clipped.",
+        Convention("lost packets come in ones and twos; not measured"),
+    )
+    lifting_share: float = number(
+        0.7,
+        "",
+        "Share of the usual thrust that carries the vehicle.",
+        Convention("below it no height is held; not measured"),
+    )
+    descent_share: float = number(
+        0.3,
+        "",
+        "Share of the usual thrust that is still flight well above the ground.",
+        Convention("brisk descents of real flights were taken for the ground (commit a8fb0a6)"),
+    )
+    descent_height_m: float = number(
+        0.3, "m", "Height over rest that is well above the ground.", Convention("see descent_share")
+    )
+    rest_tolerance_m: float = number(
+        0.1,
+        "m",
+        "How much lower than its rest a vehicle may be.",
+        Convention("a table's edge is higher (commit 3919f64)"),
+    )
+    contact_margin_s: float = number(
+        0.5,
+        "s",
+        "Time left out around every contact with the ground.",
+        Measured(
+            "a margin half as long names one more effect wrongly",
+            "seed 29",
+            "7312f51",
+            "ges blind make --seed 29 --grid full --out DIR && "
+            + RUN.replace("KEY=VALUE", "prepare.contact_margin_s=0.25"),
+        ),
+    )
+    blow_margin_s: float = number(
+        0.4, "s", "Time left out around a blow from the ground.", Convention("not measured")
+    )
+    blow_s: float = number(
+        0.2, "s", "A blow is shorter.", Convention("landing gear rings for a tenth of a second")
+    )
+    blow_least_m_s2: float = number(
+        4.0,
+        "m/s^2",
+        "Least blow.",
+        Convention("vibration of small rotors stays below; not measured"),
+    )
+    blow_sds: float = number(
+        8.0, "sds", "Least blow over the usual scatter.", Convention("not measured")
+    )
+    blow_height_radii: float = number(
+        2.0, "radii", "Blows happen below this height.", Convention("not measured")
+    )
+    lift_off_m: float = number(
+        0.02,
+        "m",
+        "Height over its own rest at which a vehicle has left the ground.",
+        Convention("noise of a position; not measured"),
+    )
+    touching_radii: float = number(
+        0.1,
+        "radii",
+        "Height over the rest of other flights at which a vehicle touches the ground.",
+        Convention("a flight may be meant to be as low as that (commit 2ac2432)"),
+    )
+    spin_up_s: float = number(
+        0.1, "s", "Time left out around a spin-up on the ground.", Convention("two lags of a motor")
+    )
+    clipping_margin_s: float = number(
+        0.05, "s", "Time left out around a clipped reading.", Convention("not measured")
+    )
+    thrust_smoothing_s: float = number(
+        0.15, "s", "Smoothing of thrust and of climbs.", Convention("faster is vibration")
+    )
+    tilt_smoothing_s: float = number(
+        0.1,
+        "s",
+        "Smoothing of a velocity that stands in for the attitude.",
+        Convention("not measured"),
+    )
+    rate_smoothing_s: float = number(
+        0.02, "s", "Smoothing before a rate is differentiated.", Convention("two samples at 100 Hz")
+    )
+    compared_rate_smoothing_s: float = number(
+        0.03, "s", "Smoothing of rates that are compared.", Convention("not measured")
+    )
+    smoothing_updates: float = number(
+        1.5, "updates", "Smoothing of rates that come seldom.", Convention("no step is left")
+    )
+    state_smoothing_s: float = number(
+        0.05,
+        "s",
+        "Smoothing of states that a rollout starts from, and of commands that are compared.",
+        Convention("not measured"),
+    )
+    slower_s: float = number(
+        1.5,
+        "s",
+        "What changes more slowly says nothing of a delay.",
+        Convention("height control and drifts are slower; not measured"),
+    )
+    correlation_least: float = number(
+        0.3, "", "Least correlation that tells a delay.", Convention("not measured"), high=1.0
+    )
+    block_correlation_least: float = number(
+        0.5,
+        "",
+        "Least correlation of a block that tells its delay.",
+        Convention("not measured"),
+        high=1.0,
+    )
+    correlation_most: float = number(
+        0.98,
+        "",
+        "Correlation beyond which a delay is no better known.",
+        Numerical("the weight of a block stays finite"),
+        high=1.0,
+    )
+    drive_lag_longest_s: float = number(
+        0.6,
+        "s",
+        "Longest delay of the rotor speeds.",
+        Convention("telemetry of ESCs: a half second"),
+    )
+    drive_lag_step_s: float = number(
+        0.02, "s", "Step of their delays.", Numerical("a parabola finds the peak between steps")
+    )
+    pose_lag_longest_s: float = number(
+        0.15, "s", "Longest delay of the pose.", Convention("motion capture and filters: a tenth")
+    )
+    pose_lag_step_s: float = number(
+        0.005, "s", "Step of its delays.", Numerical("a parabola finds the peak between steps")
+    )
+    drive_delay_doubt_s: float = number(
+        0.03, "s", "Doubt on the lag of the speeds behind the commands.", Convention("not measured")
+    )
+    drive_delay_least_sd_s: float = number(
+        0.005, "s", "Least sd of a drive's delay.", Convention("a quarter of the step")
+    )
+    pose_delay_least_sd_s: float = number(
+        0.001, "s", "Least sd of the pose's delay.", Convention("a fifth of the step")
+    )
+    pose_delay_least_s: float = number(
+        0.006, "s", "Least delay of the pose.", Convention("not measured")
+    )
+    pose_delay_least_samples: float = number(
+        0.6,
+        "samples",
+        "Least delay of the pose.",
+        Measured(
+            "noise draws the peak of a correlation to half a sample: 6.2 ms at 80 Hz were named in"
+            " a null",
+            "seed 1012 and a development seed",
+            "cdc4b5f",
+            RUN.replace("KEY=VALUE", "prepare.pose_delay_least_samples=0.1"),
+        ),
+    )
+    free_flights_least: float = number(
+        0.5,
+        "flights",
+        "Flights beyond one, as many as move, whose scatter is the sd of a delay.",
+        Convention("not measured"),
+    )
+    drift_least_s: float = number(
+        0.02, "s", "Least drift between two clocks.", Convention("not measured")
+    )
+    drift_blocks_least: int = number(
+        5, "", "Fewest blocks of time that tell a drift.", Convention("not measured"), low=3
+    )
+    gyro_bias_least_sd_rad_s: float = number(
+        0.002, "rad/s", "Least sd of a gyro's offset.", Convention("not measured")
+    )
+    gyro_bias_least_rad_s: float = number(
+        0.01, "rad/s", "Least offset of a gyro.", Convention("half a degree a second")
+    )
+    hold_probability: float = probability(
+        0.25,
+        "Probability that a controller holds its command until the next row of the log.",
+        Convention("most controllers run faster than their logs"),
+    )
+    hold_sd_rows: float = number(
+        0.1,
+        "rows",
+        "Doubt on how late a command acts once that is known.",
+        Convention("not measured"),
+    )
+    hold_slower_s: float = number(
+        0.15, "s", "What changes more slowly says nothing of a hold.", Convention("not measured")
+    )
+    hold_sds: float = number(
+        5.0, "sds", "Deviation of a response that is one.", Convention("not measured")
+    )
+    at_once_least: float = number(
+        0.25,
+        "",
+        "Least response in its own row of a command that acts at once, over that a row later.",
+        Convention("not measured"),
+    )
+    at_once_most: float = number(
+        0.1, "", "Most of it of a command that is held.", Convention("not measured")
+    )
+    fall_least: float = number(
+        0.05, "", "Least fall of the response from one row to the next.", Convention("not measured")
+    )
+    drive_response_s: float = number(
+        0.25,
+        "s",
+        "How long a drive answers a command.",
+        Convention("five lags of a slow motor"),
+    )
+    slow_Hz: float = number(
+        0.3,
+        "Hz",
+        "Positions and voltages are as they were read below, and told by their cause above.",
+        Convention("the longest thread that is tried, 2.4 m, swings at 0.32 Hz; not measured"),
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Library:
+    """How candidates are laid out over the flights, beside what their descriptors ask for."""
+
+    step_share: float = number(
+        0.1,
+        "",
+        "Step of a column over the usual size of its parameter, or over its range.",
+        Numerical("columns are secants of nearly linear effects"),
+    )
+    command_quantiles: tuple[float, ...] = number(
+        (0.8, 0.95, 0.99, 0.999),
+        "",
+        "Quantiles of the commands in the air at which a ceiling of the rotors is tried.",
+        Convention("from often to hardly ever reached; not measured"),
+        high=1.0,
+    )
+    take_off_shares: tuple[float, ...] = number(
+        (0.1, 0.4, 0.7),
+        "",
+        "Ceilings between the largest command in the air and that of a take-off, as shares.",
+        Convention("three levels (commit d767b21); not measured"),
+        high=1.0,
+    )
+    place_size_m: float = number(
+        0.125, "m", "Finest square of the ground plan.", Convention("a rotor of a small vehicle")
+    )
+    place_growth: float = number(
+        1.25,
+        "",
+        "By how much squares grow until they are few.",
+        Numerical("one to two squares' gap"),
+        low=1.0,
+    )
+    places_most: int = number(
+        36,
+        "",
+        "Most places over which something is looked for.",
+        Convention("another vehicle is found on a plan so fine (commit 0eb6715); more cost time"),
+        low=1,
+    )
+    wind_height_m: float = number(
+        1.5, "m", "Height at which the speed of a wind is told.", Convention("flights near ground")
+    )
+    lag_least_step_s: float = number(
+        0.004,
+        "s",
+        "Least lag of a motor that is tried.",
+        Convention("no slower than a fast log's row"),
+    )
+    above_m: float = number(
+        0.5,
+        "m",
+        "Height of another vehicle over the highest place flown, at least.",
+        Convention("closer ones collide; not measured"),
+    )
+    above_radii: float = number(
+        5.0, "radii", "The same in rotor radii.", Convention("closer ones collide; not measured")
+    )
+    plane_sds: tuple[float, ...] = number(
+        (-1.5, -0.75, 0.0, 0.75, 1.5),
+        "sds",
+        "Deviations of a declared number across which shapes are tried.",
+        Convention("87 % of its prior lies between; not measured"),
+        low=-math.inf,
+    )
+    edge_slope: float = number(
+        0.4,
+        "",
+        "Slope of the ground from which a rangefinder's cone sees an edge.",
+        Convention("lags were named over edges (commit cf4fae8); the value was not measured"),
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Design:
+    """Windows of the weak form, columns, instruments."""
+
+    window_shortest_s: float = number(
+        0.2,
+        "s",
+        "Shortest support of a test function.",
+        Convention("long against a sample, short against a manoeuvre; not measured"),
+    )
+    window_updates: float = number(
+        3.0,
+        "updates",
+        "Support of a test function over the time between two values of the slowest stream.",
+        Convention("a straight line between values is good to a part of the window; not measured"),
+    )
+    half_waves_most: int = number(
+        3, "", "Most half-waves of a test function.", Convention("7.5 Hz; not measured")
+    )
+    half_wave_updates: float = number(
+        2.5, "updates", "Shortest half-wave.", Convention("a stream follows it; not measured")
+    )
+    reciprocal_step_sds: float = number(
+        3.0,
+        "sds",
+        "Step of a column that goes with a reciprocal.",
+        Numerical("a secant over its doubt"),
+    )
+    speed_step_share: float = number(
+        0.01, "", "Step of the top speed's column.", Numerical("columns are nearly linear")
+    )
+    second_pole_share: float = number(
+        0.06,
+        "",
+        "Delay that a motor's second pole looks like, give or take as much, over its first lag.",
+        Convention("a pole ten times as fast (commit 1a2d3a4); not measured"),
+    )
+    free_height_m: float = number(
+        5e4,
+        "m",
+        "Height at which nothing is near.",
+        Numerical("every effect of the ground is zero"),
+    )
+    instruments: bool = number(
+        True, "", "Whether references serve as instruments.", Convention("off in an ablation")
+    )
+    declared_tolerance: bool = number(
+        True,
+        "",
+        "Whether declared numbers may move within doubts.",
+        Convention("off in an ablation"),
+    )
+    instrument_lags_early: int = number(
+        1, "half windows", "How early instruments begin.", Convention("not measured")
+    )
+    instrument_lags_late: int = number(
+        5,
+        "half windows",
+        "How late instruments end.",
+        Convention("half a second of answers (commit f221801); not measured"),
+    )
+    instrument_ridge: float = number(
+        1.0, "", "Windows that a prior of no instrument is worth.", Convention("one window")
+    )
+    instrument_strength_least: float = number(
+        0.4,
+        "",
+        "Least share of a thrust or a moment that its instruments foretell.",
+        Convention(
+            "weaker ones err as plain regression does (Bound, Jaeger and Baker 1995, JASA"
+            " 90, 443); the value was not measured"
+        ),
+        high=1.0,
+    )
+    answer_slowest_s: float = number(
+        0.5,
+        "s",
+        "Slower changes of thrust are no answers to gusts.",
+        Measured(
+            "thrust curves that were none were named, two of 700 names",
+            "development seeds",
+            "9b8a121",
+            RUN.replace("KEY=VALUE", "design.answer_slowest_s=5"),
+        ),
+    )
+    thrust_least_share: float = number(
+        0.1,
+        "",
+        "What thrust is at least, over its mean, where shares of it are formed.",
+        Numerical("no zero in a fall"),
+        high=1.0,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Noise:
+    """Autocorrelation and size of what is left in a channel."""
+
+    whitening: bool = number(
+        True, "", "Whether windows are whitened.", Convention("off in an ablation")
+    )
+    autoregression_order: int = number(
+        3,
+        "windows",
+        "Order of the autoregression.",
+        Convention("half-overlapping windows and a pole of turbulence"),
+        low=1,
+    )
+    least_share: float = number(
+        1e-5, "", "Least noise, of weight and its like.", Convention("no recording is better")
+    )
+    growths: tuple[float, ...] = number(
+        (0.0, 0.1, 0.3, 1.0, 3.0),
+        "",
+        "Growths of the noise's variance with unrest that are tried.",
+        Numerical("half a decade apart"),
+    )
+    feedback_correlation_sd: float = number(
+        0.7,
+        "",
+        "Sd of the correlation between a column and the disturbance that the controller answers.",
+        Convention("anything between -1 and 1; not measured"),
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Evidence:
+    """What a window is worth, and priors of coefficients."""
+
+    tempering: float = number(
+        0.25,
+        "",
+        "How much every whitened window counts.",
+        Measured(
+            "0.5 names one more of 132 singles, with no more false alarms",
+            "29",
+            "0c2c9bd",
+            RUN.replace("KEY=VALUE", "evidence.tempering=0.5"),
+        ),
+        high=1.0,
+    )
+    prior_share: float = number(
+        0.05,
+        "",
+        "Prior sd of an effect's size, of weight and its like, where it states none.",
+        Convention("effects of a few percent are looked for; not measured"),
+    )
+    level_reach: float = number(
+        2.0,
+        "",
+        "Factor about a column's level within which its coefficient counts.",
+        Convention("steps between levels (commit c60bbf5); not measured"),
+        low=1.0,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Search:
+    """Which sets of candidates are weighed, and how probable they are before."""
+
+    size_probabilities: tuple[float, ...] = number(
+        (0.5, 0.3, 0.13, 0.05, 0.02),
+        "",
+        "Prior probability of none, one, two ... causes; the largest set has one less than these.",
+        Convention("every further cause is a third as likely; not measured"),
+        high=1.0,
+    )
+    beam: int = number(
+        3,
+        "",
+        "How many of the best are followed: sets that grow, hidden effects, rivals that are flown.",
+        Convention("not measured"),
+        low=1,
+    )
+    hidden_share: float = number(
+        0.5,
+        "",
+        "Share of what is left that a hidden effect explains.",
+        Convention("most of it"),
+        high=1.0,
+    )
+    restless_ratio: float = number(
+        3.0,
+        "",
+        "Rms of the most restless flight over the middle one's from which effects may hide.",
+        Convention("what shakes some flights and not others (commit 6fd5af1); not measured"),
+        low=1.0,
+    )
+    log_odds_offset: float = number(
+        -0.36,
+        "",
+        "Offset of the stated log odds.",
+        Measured(
+            "names of development cases against their truth",
+            "development seeds",
+            "282ac6e",
+            "ges blind calibrate DIR ...",
+        ),
+        low=-math.inf,
+    )
+    log_odds_slope: float = number(
+        0.597,
+        "",
+        "Slope of the stated log odds over those of the search.",
+        Measured(
+            "names of development cases against their truth",
+            "development seeds",
+            "282ac6e",
+            "ges blind calibrate DIR ...",
+        ),
+    )
+    log_odds_most: float = number(
+        7.0, "", "Log odds beyond which the search says no more.", Convention("a thousand to one")
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Estimate:
+    """The fit in full."""
+
+    block_s: float = number(
+        10.0, "s", "Block of time behind the intervals of a fit.", Convention("not measured")
+    )
+    converged_sds: float = number(
+        0.02,
+        "sds",
+        "Step that ends a fit, and doubt on what is held in one.",
+        Numerical("results are the same from anywhere (commit 6a9f74a)"),
+    )
+    far_sds: float = number(
+        2.0,
+        "sds",
+        "Distance from a start beyond which its noise is measured again.",
+        Convention("the start may have counted the effect as noise; not measured"),
+    )
+    same_cost: float = number(
+        0.5, "", "Rise of -2 log posterior that halves a step.", Numerical("columns are secants")
+    )
+    place_step_share: float = number(
+        0.2, "", "Step of a place's column over its reach.", Numerical("a secant within the reach")
+    )
+    carrier_least_share: float = number(
+        0.3,
+        "",
+        "Least size over the usual one of what another effect acts through.",
+        Convention("below, neither is known (commit 97e8afb); not measured"),
+    )
+    form_error: float = number(
+        0.12,
+        "",
+        "Sd of an effect's size, over it, that is due to its form alone.",
+        Measured(
+            "sizes of effects of other forms against their truth",
+            "development seeds",
+            "282ac6e",
+            "ges blind score DIR",
+        ),
+    )
+    gain_ratio_least: float = number(
+        0.75,
+        "",
+        "Actual over foretold fall of the cost from which a step is as good as foretold.",
+        Paper("Nocedal and Wright 2006, Numerical Optimization", "algorithm 4.1"),
+        high=1.0,
+    )
+    recalibration_tolerance: float = number(
+        1e-3, "", "Relative fall of the cost that ends recalibration.", Numerical("far below noise")
+    )
+    recalibration_evaluations: int = number(
+        20, "", "Most evaluations of recalibration.", Numerical("most need six"), low=1
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Detect:
+    """Effects that need a procedure: gusts, loads on threads, a shifted balance."""
+
+    gust_mean_s: float = number(
+        4.0,
+        "s",
+        "Length of the means in which gusts show.",
+        Convention("slow eddies; not measured"),
+    )
+    gust_scatter_s: float = number(
+        0.5, "s", "Length of the means whose scatter foretells those.", Convention("not measured")
+    )
+    gust_means_least: int = number(
+        12, "", "Fewest means, in two axes each.", Convention("a scatter good to a fifth"), low=2
+    )
+    gust_variance_ratio: float = number(
+        6.0,
+        "",
+        "Variance of means over what noise makes of it.",
+        Measured(
+            "flights with a drag come to 3.5, with gusts of 0.4 m/s to 12",
+            "development seeds",
+            "a1c672e",
+            RUN.replace("KEY=VALUE", "detect.gust_variance_ratio=3"),
+        ),
+        low=1.0,
+    )
+    gust_draws: int = number(16, "", "Gusts that are blown.", Numerical("noise of a sixth"), low=2)
+    gust_height_least_m: float = number(
+        0.05, "m", "Least height in a profile of the wind.", Numerical("its logarithm")
+    )
+    lean_share: float = number(
+        0.25,
+        "",
+        "How far what hangs below may lean, as a share of its pull.",
+        Convention("a seventh of a right angle (commit 6a9f74a); not measured"),
+    )
+    first_places: int = number(
+        11, "", "First places of a drawn load, from as far ahead as it ends behind.", Numerical("")
+    )
+    behind_m_per_m: tuple[float, ...] = number(
+        (0.3, 1.6),
+        "",
+        "Nearest and farthest drawn load behind, over the height of flight.",
+        Convention("the coarse grid's ends and a step more"),
+    )
+    behind_levels: int = number(12, "", "Threads between those.", Numerical(""), low=2)
+    places_nearby: tuple[float, ...] = number(
+        (0.08, 0.04, 0.02),
+        "",
+        "Steps of thread and first place, over the distance behind.",
+        Numerical("halved to centimetres"),
+    )
+    threads_nearby: tuple[float, ...] = number(
+        (0.85, 1.2),
+        "",
+        "Ends of the first finer grid of threads, over the best length.",
+        Convention("as far as the next of the coarse grid"),
+    )
+    threads_nearby_levels: int = number(13, "", "Threads between those.", Numerical(""), low=2)
+    threads_nearest: tuple[float, ...] = number(
+        (0.98, 1.02), "", "Ends of the second finer grid.", Numerical("")
+    )
+    threads_nearest_levels: int = number(5, "", "Threads between those.", Numerical(""), low=2)
+    balance_block_s: float = number(
+        3.0, "s", "Block of time behind the scatter of a balance.", Convention("not measured")
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Locate:
+    """Structure in what is left, and where it lies."""
+
+    block_s: float = number(
+        2.5, "s", "Block of time that is predicted from others.", Convention("not measured")
+    )
+    knots: int = number(
+        9, "", "Knots of a smooth function of one variable.", Convention("not measured"), low=2
+    )
+    place_knots: int = number(
+        7, "", "Knots of one of a place, each way.", Convention("not measured"), low=2
+    )
+    knot_quantile: float = number(
+        0.01,
+        "",
+        "Quantile at which the knots begin and end.",
+        Convention("no single sample"),
+        high=0.5,
+    )
+    excited_quantile: float = number(
+        0.05,
+        "",
+        "Quantile from which a variable's spread is taken.",
+        Convention("not measured"),
+        high=0.5,
+    )
+    spread_least: float = number(
+        0.5,
+        "m or m/s",
+        "Least spread of a speed or a place that was flown over a range.",
+        Convention("less is what the disturbance itself moves; not measured"),
+    )
+    spread_least_radii: float = number(
+        1.0, "radii", "The same of a height.", Convention("not measured")
+    )
+    spread_least_share: float = number(
+        0.1,
+        "",
+        "The same of a height, over its median.",
+        Convention("high up a radius is no other place (commit c0e99ad); not measured"),
+    )
+    ridge: float = number(
+        3.0, "windows", "Windows that a prior of no structure is worth.", Convention("not measured")
+    )
+    windows_least: int = number(
+        60, "", "Fewest windows of a channel.", Convention("six a knot; not measured")
+    )
+    energy_windows: int = number(
+        5, "", "Windows over which energy is averaged.", Convention("half a second"), low=1
+    )
+    draws: int = number(
+        499,
+        "",
+        "Flips of signs behind a chance.",
+        Numerical("chances of a hundredth to a half"),
+        low=99,
+    )
+    r2_least: float = number(
+        0.1,
+        "",
+        "Least share of a channel's variance that a regime foretells.",
+        Measured(
+            "none of 257 nulls is so restless over places, 6 of 86 effects outside of the library"
+            " are",
+            "development seeds",
+            "9b8a121",
+            RUN.replace("KEY=VALUE", "locate.r2_least=0.05"),
+        ),
+        high=1.0,
+    )
+    r2_least_of_size: float = number(
+        0.3,
+        "",
+        "The same of the size of what is left over other regimes.",
+        Convention("vibration and the noise of an attitude grow with speed in any flight"),
+        high=1.0,
+    )
+    least_force_share: float = number(
+        0.002, "weight", "Least structure of forces.", Convention("not measured")
+    )
+    least_moment_share: float = number(
+        0.0004, "weight times arm", "Least structure of moments.", Convention("not measured")
+    )
+    least_drive_share: float = number(
+        0.004, "full speed", "Least structure of drives.", Convention("not measured")
+    )
+    least_range_radii: float = number(
+        0.3, "radii", "Least structure of a rangefinder.", Convention("not measured")
+    )
+    least_size_share: float = number(
+        0.01,
+        "weight or weight times arm",
+        "Least structure of the size of what is left.",
+        Convention("not measured"),
+    )
+    calibration_ratio: float = number(
+        3.0,
+        "",
+        "Rms over what the calibration's flights leave too from which it is news.",
+        Convention("root of the 95 % point of F for four flights against four is 3.0"),
+        low=1.0,
+    )
+    bins: int = number(6, "", "Cells of a variable.", Convention("a map that is read"), low=2)
+    acting_share: float = number(
+        0.3,
+        "",
+        "A finding counts in a channel from this share of what is left there.",
+        Convention("not measured"),
+    )
+    negligible_probability: float = number(
+        0.005, "", "Hypotheses below are left out of what is open.", Numerical("time"), high=1.0
+    )
+    entries_by_channel: int = number(
+        3, "", "Most entries of a channel.", Convention("a list that is read"), low=1
+    )
+    entries: int = number(12, "", "Most entries.", Convention("a list that is read"), low=1)
+    terms: int = number(
+        3, "", "Most terms of a sparse form.", Convention("a form that is read"), low=1
+    )
+    form_r2_least: float = number(
+        0.05, "", "Least share that a sparse form foretells.", Convention("not measured"), high=1.0
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Validate:
+    """Errors of flights that took no part."""
+
+    horizon_s: float = number(
+        1.0, "s", "Length of a rollout.", Convention("longer ones measure the start; not measured")
+    )
+    horizon_steps: int = number(20, "", "Points of its error.", Convention("a curve"), low=1)
+
+
+@dataclasses.dataclass(frozen=True)
+class Decide:
+    """Rules by which a name is told."""
+
+    usual_log_odds: float = number(
+        4.5,
+        "",
+        "Log odds over what usually stands beside an effect.",
+        Convention("ninety to one (commit 6a9f74a); not measured"),
+    )
+    modifier_log_odds: float = number(
+        math.log(8.0),
+        "",
+        "Log odds against each of five modifiers before any flight.",
+        Measured(
+            "3 more of 111 singles, no null, none wrong",
+            "29",
+            "6af5f4a",
+            RUN.replace("KEY=VALUE", "decide.modifier_log_odds=1"),
+        ),
+    )
+    open_sds: float = number(
+        1.5,
+        "sds",
+        "Deviation of a fitted effect that is unlike the error of a form.",
+        Convention("how large a lag is may be open where that there is one is not; not measured"),
+    )
+    still_air_m_s: float = number(
+        0.3, "m/s", "Least wind.", Convention("no air is stiller, nor any position more at rest")
+    )
+    faint_factor: float = number(
+        2.0,
+        "",
+        "An effect in the drive alone is faint below so many times the least.",
+        Convention("not measured"),
+    )
+    unlike_form_share: float = number(
+        0.4,
+        "",
+        "Least of what is unlike the error of a form, over the least.",
+        Convention("commit 6a9f74a; not measured"),
+    )
+    least_force_share: float = number(
+        0.002, "weight", "Least force.", Convention("no model is right to less; not measured")
+    )
+    least_moment_share: float = number(
+        0.0005,
+        "weight times arm",
+        "Least moment.",
+        Convention("no model is right to less; not measured"),
+    )
+    least_drive_share: float = number(
+        0.0003,
+        "full speed",
+        "Least change of a rotor's speed.",
+        Convention("commit c0e99ad; not measured"),
+    )
+    least_range_m: float = number(
+        0.02, "m", "Least error of a rangefinder.", Convention("commit 0897fee; not measured")
+    )
+    strained_sds: float = number(
+        5.0,
+        "sds",
+        "Deviation of a declared number that no accepted effect may need.",
+        Convention("commit 2b50687; not measured"),
+    )
+    large_r2_least: float = number(
+        0.01,
+        "",
+        "Least share of a channel's variance that a large structure foretells.",
+        Measured(
+            "none of 300 nulls has one, a loose hatch has",
+            "development seeds",
+            "4940e6f",
+            RUN.replace("KEY=VALUE", "decide.large_r2_least=0.005"),
+        ),
+        high=1.0,
+    )
+    large_force_share: float = number(
+        0.005, "weight", "Large structure of forces.", Convention("commit 3919f64; not measured")
+    )
+    large_moment_share: float = number(
+        0.002, "weight times arm", "Large structure of moments.", Convention("not measured")
+    )
+    large_range_radii: float = number(
+        0.25, "radii", "Large structure of a rangefinder.", Convention("not measured")
+    )
+    misattributed_r2_least: float = number(
+        0.2,
+        "",
+        "Share of a large structure from which names are only the nearest.",
+        Convention("commit 0148155; not measured"),
+        high=1.0,
+    )
+    related_share: float = number(
+        0.1,
+        "",
+        "Names that add less than this share of what is left have nothing to do with it.",
+        Convention("commit 3919f64; not measured"),
+        high=1.0,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Advise:
+    """What these flights could have shown, and which flight is next."""
+
+    power: float = probability(
+        0.9,
+        "Share of sets of flights in which the smallest detectable size is detected.",
+        Convention("the usual power of a test, rounded up"),
+    )
+    seed: int = number(1, "", "Seed of its sensors.", Convention("any"))
+    duration_s: float = number(
+        30.0, "s", "Length of a flight that is tried.", Convention("a short flight")
+    )
+    flying_share_least: float = number(
+        0.5, "", "Least share of it in the air.", Convention("else it crashed"), high=1.0
+    )
+    attitude_kp: float = number(
+        400.0,
+        "1/s^2",
+        "Attitude gain it is flown with.",
+        Convention("stands in for an integral action that trims unequal motors away"),
+    )
+    attitude_kd: float = number(
+        40.0, "1/s", "Rate gain it is flown with.", Convention("critical damping")
+    )
+    separated_log_odds: float = number(
+        math.log(4.0), "", "Expected lead that separates an explanation.", Convention("four to one")
+    )
+    settled_log_odds: float = number(
+        20.0, "", "Lead beyond which nothing more is gained.", Convention("no flight undoes it")
+    )
+    gain_least: float = number(
+        0.05, "", "Least gain of log odds by a flight.", Convention("not measured")
+    )
+    flights_most: int = number(
+        20, "", "Most flights that are recommended.", Convention("a day at the field"), low=1
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Calibrate:
+    """A vehicle file from flights that are known to be good."""
+
+    loss_sd: float = number(
+        0.1,
+        "",
+        "Doubt on the gain of a motor.",
+        Convention("propellers of small vehicles; not measured"),
+    )
+    spread: float = number(
+        0.02,
+        "",
+        "Usual spread of a motor's gain between flights, from commands.",
+        Convention("warm motors; not measured"),
+    )
+    spread_share_of_speeds: float = number(
+        0.25, "", "The same from rotor speeds, over that.", Convention("not measured")
+    )
+    spread_freedom: float = number(
+        4.0,
+        "degrees of freedom",
+        "What the usual spread is worth.",
+        Convention(
+            "pooled with the flights' own (Gelman et al. 2013, Bayesian Data Analysis, 2.6)"
+        ),
+    )
+    spread_factor_least: float = number(0.05, "", "Least spread over the usual one.", Numerical(""))
+    spread_factor_most: float = number(10.0, "", "Most spread over the usual one.", Numerical(""))
+    converged_share: float = number(
+        0.2, "", "Step over its doubt that ends a calibration.", Numerical("commit 8cbfda3")
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Report:
+    """What the report lists."""
+
+    alternatives: int = number(
+        4,
+        "",
+        "Most names that could stand in another's place.",
+        Convention("a list that is read"),
+        low=1,
+    )
+    tied_correlation: float = number(
+        0.9,
+        "",
+        "Correlation from which two numbers are known together.",
+        Convention("not measured"),
+        high=1.0,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """All numbers of the method, by stage."""
+
+    statistics: Statistics = Statistics()
+    numerics: Numerics = Numerics()
+    prepare: Prepare = Prepare()
+    library: Library = Library()
+    design: Design = Design()
+    noise: Noise = Noise()
+    evidence: Evidence = Evidence()
+    search: Search = Search()
+    estimate: Estimate = Estimate()
+    detect: Detect = Detect()
+    locate: Locate = Locate()
+    validate: Validate = Validate()
+    decide: Decide = Decide()
+    advise: Advise = Advise()
+    calibrate: Calibrate = Calibrate()
+    report: Report = Report()
+
+
+_active = Settings()
+
+
+class _Active:
+    """Hands on to the settings that are in force: for every thread, as one process works on one
+    diagnosis at a time.
+    """
+
+    def __getattr__(self, stage: str) -> Any:
+        return getattr(_active, stage)
+
+
+settings = cast(Settings, _Active())
+
+
+@contextlib.contextmanager
+def using(overrides: Mapping[str, Any]) -> Iterator[Settings]:
+    """Set numbers for the length of a ``with``.
+
+    Parameters
+    ----------
+    overrides : by ``stage.name``; text is read as the number's type.
+
+    Raises
+    ------
+    UsageError
+        For a name that there is not, or a value that makes no sense, in one sentence.
+
+    Examples
+    --------
+    >>> with using({"evidence.tempering": 0.5}):
+    ...     settings.evidence.tempering
+    0.5
+    """
+    global _active
+    before = _active
+    _active = _with(before, overrides)
+    try:
+        yield _active
+    finally:
+        _active = before
+
+
+def changed() -> dict[str, Any]:
+    """Numbers that are set to other than their defaults, by ``stage.name``."""
+    default = {key: value for key, value, _ in rows(Settings())}
+    return {key: value for key, value, _ in rows(_active) if value != default[key]}
+
+
+def rows(of: Settings) -> Iterator[tuple[str, Any, About]]:
+    """Every number: ``stage.name``, value, and what is known of it."""
+    for stage in dataclasses.fields(of):
+        numbers = getattr(of, stage.name)
+        for field in dataclasses.fields(numbers):
+            yield (
+                f"{stage.name}.{field.name}",
+                getattr(numbers, field.name),
+                field.metadata["about"],
+            )
+
+
+def _with(base: Settings, overrides: Mapping[str, Any]) -> Settings:
+    known = {key: about for key, _, about in rows(base)}
+    for key, value in overrides.items():
+        if key not in known:
+            raise unknown_name("setting", key, known)
+        stage, name = key.split(".")
+        numbers = getattr(base, stage)
+        read = _read(key, value, get_type_hints(type(numbers))[name], known[key])
+        base = dataclasses.replace(base, **{stage: dataclasses.replace(numbers, **{name: read})})
+    return base
+
+
+def _read(key: str, value: Any, kind: Any, about: About) -> Any:
+    """A value of this kind; several numbers are written with commas between."""
+    several = kind not in (float, int, bool)
+    given = value.split(",") if several and isinstance(value, str) else value
+    allowed = f"{about.low:g} to {about.high:g}"
+    asked = {
+        bool: "true or false",
+        int: f"a whole number, {allowed}",
+        float: f"a number, {allowed}",
+    }
+    wanted = asked.get(kind, f"numbers with commas between, {allowed}")
+    try:
+        read = pydantic.TypeAdapter(kind).validate_python(given)
+    except pydantic.ValidationError:
+        raise UsageError(f"setting {key} cannot be '{value}'; give {wanted}") from None
+    within = all(about.low <= v <= about.high for v in (read if several else (read,)))
+    if kind is not bool and not within:
+        raise UsageError(f"setting {key} cannot be {value}; give {wanted}")
+    return read
