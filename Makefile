@@ -41,6 +41,7 @@ build: env check-cc
 docs: build
 	$(BIN)/ges effects --markdown > docs/effects.md.new && mv docs/effects.md.new docs/effects.md
 	$(BIN)/ges config --markdown > docs/config.md.new && mv docs/config.md.new docs/config.md
+	$(BIN)/ges settings --markdown > docs/settings.md.new && mv docs/settings.md.new docs/settings.md
 	$(BIN)/ges config --schema > config/schema.json.new && mv config/schema.json.new config/schema.json
 
 example: build

@@ -6,7 +6,7 @@ import pytest
 import ges
 from ges.diagnose.calibrate.calibrate import calibrate
 from ges.diagnose.decide.declared import Contradicted
-from ges.diagnose.design.system import ALL_ON, residuals_with
+from ges.diagnose.design.system import residuals_with
 from ges.diagnose.estimate.fit import calibrated, null_fit
 from ges.diagnose.estimate.recalibrate import operating_point
 from ges.diagnose.library.candidates import flown as where_flown
@@ -35,7 +35,7 @@ def _frames(flown, vehicle, concealed, unlogged=()):
 def _null_fit(frames, vehicle):
     model = from_vehicle(vehicle)
     flights = pass_gate(frames, model, [f"f{i}" for i in range(len(frames))]).flights
-    return null_fit(first_system(flights, model, ALL_ON))
+    return null_fit(first_system(flights, model))
 
 
 def test_a_file_that_is_about_right_needs_one_linear_step(flown, sheet):

@@ -6,8 +6,8 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
-from ges.diagnose.prepare.align import MAY_BE_HELD, Prepared
-from ges.diagnose.prepare.delays import HELD_ON, MOVED_ON, _told, command_hold
+from ges.diagnose.prepare.align import Held, Prepared, maybe_held
+from ges.diagnose.prepare.delays import _told, command_hold
 from ges.diagnose.prepare.gate import clipped, pass_gate, prepare
 from ges.diagnose.prepare.steady import with_steady_voltage
 from ges.diagnose.types.model import from_vehicle
@@ -216,14 +216,14 @@ def _commanded(held: bool, late_s: float = 0.0):
 
 
 def test_how_long_commands_are_held_shows_in_the_speeds_beside_them():
-    assert command_hold([_commanded(held=False)] * 2) == MOVED_ON
-    assert command_hold([_commanded(held=True)] * 2) == HELD_ON
+    assert command_hold([_commanded(held=False)] * 2) == Held(0.0, 0.1)
+    assert command_hold([_commanded(held=True)] * 2) == Held(0.5, 0.1)
 
 
 def test_what_is_late_or_not_logged_leaves_open_how_long_commands_are_held():
     late, moved = _commanded(held=False, late_s=0.015), _commanded(held=False)
     unseen = moved.replaced(columns={c: v for c, v in moved.columns.items() if c in COMMAND})
-    assert command_hold([late] * 2) == command_hold([unseen] * 2) == MAY_BE_HELD
+    assert command_hold([late] * 2) == command_hold([unseen] * 2) == maybe_held()
 
 
 def test_a_voltage_falls_as_read_and_dips_as_the_drive_pulls_it_down(whole, model):

@@ -10,6 +10,7 @@ import pytest
 from scipy.signal import lfilter
 
 from ges.diagnose.decide.unknown import borrowed, left_over, theirs
+from ges.diagnose.settings import using
 from ges.diagnose.types.model import from_vehicle
 from ges.diagnose.validate.locate import cells, from_findings, from_open, from_residuals, strongest
 from ges.diagnose.validate.structure import Structure, excited, structures
@@ -269,7 +270,8 @@ def test_what_is_open_is_located_where_every_explanation_acts(model, likely, cha
 def test_every_channel_once_before_any_twice():
     entries = [{"channel": c, "n": k} for c in ("a", "b") for k in range(5)]
     assert [e["channel"] for e in strongest(entries)] == ["a", "b", "a", "b", "a", "b"]
-    assert len(strongest(entries, 3)) == 3
+    with using({"locate.entries": 3}):
+        assert len(strongest(entries)) == 3
 
 
 def test_the_accelerometer_speaks_where_the_force_does_not():

@@ -18,7 +18,6 @@ from ges.diagnose.advise.detect import (
 )
 from ges.diagnose.advise.next_flight import separating
 from ges.diagnose.advise.recommend import (
-    SURE,
     Option,
     Rival,
     open_sets,
@@ -29,9 +28,10 @@ from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import build
 from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.gate import pass_gate
-from ges.diagnose.select.evidence import TEMPERING, Gram, make_board, rms_of
-from ges.diagnose.select.search import PRIOR_OF_SIZE, Search, search
+from ges.diagnose.select.evidence import Gram, make_board, rms_of
+from ges.diagnose.select.search import Search, search
 from ges.diagnose.select.stable import search_until_stable
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import from_vehicle
 from ges.simulator import manoeuvres
 
@@ -125,7 +125,10 @@ def test_how_often_to_fly(expected, gain, flights):
     option = Option("hover", ("a", "b"), (), expected, 0.0, gain)
     assert option.flights == flights
     assert option.content()["manoeuvre"] == ("hover" if flights else None)
-    assert flights is None or expected + (flights - 1) * gain >= SURE
+    assert (
+        flights is None
+        or expected + (flights - 1) * gain >= settings.statistics.acceptance_log_odds
+    )
 
 
 def test_what_the_recommended_flight_promises_it_keeps(quad, judged):
@@ -254,17 +257,19 @@ def test_at_its_limit_nine_of_ten_sets_of_flights_tell_an_effect_from_its_rival(
     rng, sd, n = np.random.default_rng(1), np.array([1.0, 1.0]), 400
     a, b = rng.normal(0.0, 1.0, (2, n))
     x = np.column_stack([a, likeness * a + np.sqrt(1.0 - likeness**2) * b])
-    gram = Gram(TEMPERING * x.T @ x, np.zeros(2), 0.0, TEMPERING * n)
+    gram = Gram(
+        settings.evidence.tempering * x.T @ x, np.zeros(2), 0.0, settings.evidence.tempering * n
+    )
     gains = [expected_evidence(gram, [k], sd) for k in range(2)]
     names = ("rotor_drag", "axial_inflow")
     shapes = [
         _Shape(name, (k,), gain, gain, cost)
         for k, (name, (gain, cost)) in enumerate(zip(names, gains, strict=True))
     ]
-    size, by = _needed(shapes[0], 0, shapes, 9.0)
-    right = TEMPERING * (size * x[:, :1] + rng.normal(0.0, 1.0, (n, 2000))).T @ x
+    size, by = _needed(shapes[0], 0, shapes, np.log(9.0))
+    right = settings.evidence.tempering * (size * x[:, :1] + rng.normal(0.0, 1.0, (n, 2000))).T @ x
     evidence = 0.5 * right**2 / (np.diag(gram.xx) + 1.0 / sd**2) - [cost for _, cost in gains]
-    price = np.log(9.0) + np.log(PRIOR_OF_SIZE[0] / PRIOR_OF_SIZE[1] * 2)
+    price = np.log(9.0) + np.log(0.5 / 0.3 * 2)
     told = np.minimum(evidence[:, 0] - price, evidence[:, 0] - evidence[:, 1] - np.log(9.0)) > 0.0
     assert by == hidden and np.mean(told) == pytest.approx(0.9, abs=0.03)
 

@@ -24,9 +24,11 @@ from ges.diagnose.decide.rules import (
     taken_over,
 )
 from ges.diagnose.decide.withdraw import practically_significant
-from ges.diagnose.estimate.fit import FORM_ERROR, Fitted
+from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.select.search import Hypothesis, Search, log_rarity
+from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Record
+from ges.diagnose.types.model import Model
 
 BOARD = SimpleNamespace(
     system=SimpleNamespace(model=SimpleNamespace(doubts={"motor_lag.up_s": 0.004}))
@@ -61,7 +63,10 @@ def test_a_name_has_to_be_probable_and_in_the_best_set(p, best, passed):
     found = dataclasses.replace(found, inclusion={"rotor_drag": p})
     decision = probable(_weighed(found, ("rotor_drag",)), "rotor_drag")
     assert decision.passed == bool(passed) and decision.statistic == p
-    assert (decision.rule, decision.threshold) == ("probable", rules.ACCEPT)
+    assert (decision.rule, decision.threshold) == (
+        "probable",
+        settings.statistics.acceptance_probability,
+    )
 
 
 def test_every_decision_is_on_record_up_to_the_one_that_drops_a_name(monkeypatch):
@@ -74,7 +79,10 @@ def test_every_decision_is_on_record_up_to_the_one_that_drops_a_name(monkeypatch
     drag = record.of("rotor_drag")
     assert [d.rule for d in drag][-1] == "distinguishable" and "wind" in drag[-1].because
     assert [d.passed for d in drag] == [True] * (len(drag) - 1) + [False]
-    assert drag[-1].statistic == pytest.approx(1.0) and drag[-1].threshold == rules.SEPARATE
+    assert (
+        drag[-1].statistic == pytest.approx(1.0)
+        and drag[-1].threshold == settings.statistics.acceptance_log_odds
+    )
 
 
 def test_what_acts_through_another_needs_one_that_is_on():
@@ -186,7 +194,7 @@ def test_an_amplitude_is_as_clear_as_it_is_with_its_shape_held():
         {"ground_effect": {"c_a": 0.2, "decay": 1.0}}, free, covariance, None, None, BOARD
     )
     assert fitted.sd("ground_effect", "c_a") > 0.1
-    held = np.hypot(np.sqrt(0.01 - 0.0099**2 / 0.01), FORM_ERROR * 0.2)
+    held = np.hypot(np.sqrt(0.01 - 0.0099**2 / 0.01), settings.estimate.form_error * 0.2)
     assert fitted.sds_from_neutral("ground_effect", "c_a") == pytest.approx(0.2 / held)
 
 
@@ -247,7 +255,7 @@ def test_what_is_small_beside_a_larger_one_in_every_block_may_be_its_form():
 
 def test_a_small_modifier_is_the_error_of_a_form_unless_it_does_not_look_like_one(monkeypatch):
     known = {"ground_effect": 30.0}
-    least = FORM_ERROR * 30.0
+    least = settings.estimate.form_error * 30.0
     for name, size, passed in (
         ("partial_ground_effect", 0.9 * least, False),
         ("partial_ground_effect", 1.1 * least, True),
@@ -268,7 +276,7 @@ def test_a_small_modifier_is_the_error_of_a_form_unless_it_does_not_look_like_on
 def test_what_does_not_look_like_the_error_of_a_form_may_be_smaller():
     def matters(name, channel, share):
         size = {"channel": channel, "share_of_weight": share}
-        return practically_significant(name, size, Record())
+        return practically_significant(name, size, Model({}), Record())
 
     assert matters("ground_effect_lag", "force_z", 0.001)
     assert not matters("partial_ground_effect", "force_z", 0.001)

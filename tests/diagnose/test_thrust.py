@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 import ges
-from ges.diagnose.advise.recommend import SURE
 from ges.diagnose.detectors.thrust import CAUSES
 from ges.diagnose.report.page import render
+from ges.diagnose.settings import settings
 from ges.simulator import manoeuvres
 
 LOGGED = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s", "u_1", "u_2", "u_3", "u_4", "battery_V")
@@ -63,7 +63,7 @@ def test_a_bent_curve_is_not_taken_for_a_usual_one(flown, sheet):
     )
     assert (
         set(found.next_flight["separates"]) == set(told)
-        and found.next_flight["expected_log_odds"] > SURE
+        and found.next_flight["expected_log_odds"] > settings.statistics.acceptance_log_odds
     )
     assert (
         _diagnosed(flown, sheet(), {"thrust_curve": {"c": 0.05}}, ("battery",)).verdict
@@ -97,7 +97,7 @@ def test_the_flight_that_it_asks_for_tells(flown, sheet, effects):
     assert "battery_V" in asked["preparation"] and {
         n for s in asked["separates"] for n in s.split("+")
     } == set(CAUSES)
-    assert asked["expected_log_odds"] > SURE
+    assert asked["expected_log_odds"] > settings.statistics.acceptance_log_odds
     told = _diagnosed(
         flown, sheet(), effects, ("rotor_speed",), ((asked["manoeuvre"], (30.0,)),) * 2
     )

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import click
 
+from ges.commands.settings import SET
+
 FOLDER = click.argument("folder", type=click.Path(path_type=Path), metavar="DIR")
 PROCESSES = click.option(
     "--processes",
@@ -83,20 +85,23 @@ def make(seed: int, out: Path, grid: str, processes: int) -> None:
 @FOLDER
 @PROCESSES
 @OF
-def run(folder: Path, processes: int, method: str) -> None:
+@SET
+def run(folder: Path, processes: int, method: str, pairs: tuple[str, ...]) -> None:
     """Diagnose every case that has no verdict yet, each by a process that can read that case alone.
 
     Example: ges blind run proof --of stepwise
     """
     from ges.blind.protocol.run import method_folder, method_options, run_cases
+    from ges.diagnose.settings import parse
 
+    numbers = parse(pairs)
     start = time.perf_counter()
     with Progress("diagnosing") as progress:
         count = run_cases(
             folder,
             processes,
-            out=method_folder(method),
-            options=method_options(method),
+            out=method_folder(method, numbers),
+            options=method_options(method, numbers),
             tell=progress,
         )
     click.echo(
@@ -112,19 +117,19 @@ def run(folder: Path, processes: int, method: str) -> None:
     help="Folder for tables and figures; default: DIR/scores.",
 )
 @OF
-def score(folder: Path, out: Path | None, method: str) -> None:
+@SET
+def score(folder: Path, out: Path | None, method: str, pairs: tuple[str, ...]) -> None:
     """Open the seal and score the verdicts; writes CSV, JSON and figures.
 
     Example: ges blind score proof
     """
     from ges.blind.protocol.run import method_folder
     from ges.blind.score.score import score_cases
+    from ges.diagnose.settings import parse
 
-    report = score_cases(
-        folder,
-        out or folder / method_folder(method).replace("diagnosed", "scores"),
-        method_folder(method),
-    )
+    diagnosed = method_folder(method, parse(pairs))
+    out = out or folder / diagnosed.replace("diagnosed", "scores", 1)
+    report = score_cases(folder, out, diagnosed)
     for row in report["scores"]:
         if row["n"]:
             interval = f"[{row['low']:.3g}, {row['high']:.3g}]"
@@ -146,7 +151,7 @@ def calibrate(folders: tuple[Path, ...]) -> None:
     """Fit the correction of stated probabilities to diagnosed cases of development seeds (below
     1000).
 
-    Prints the two numbers of src/ges/diagnose/stated.py. Example: ges blind calibrate dev-21 dev-22
+    Prints two of ges settings. Example: ges blind calibrate dev-21 dev-22
     """
     import numpy as np
 
@@ -156,8 +161,8 @@ def calibrate(folders: tuple[Path, ...]) -> None:
     told = pairs(folders)
     offset, slope = fit(np.array([searched(p) for p in told[:, 0]]), told[:, 1])
     click.echo(
-        f"OFFSET, SLOPE = {offset:.3g}, {slope:.3g}  # {len(told)} names, {told[:, 1].mean():.1%}"
-        " true"
+        f"search.log_odds_offset={offset:.3g} search.log_odds_slope={slope:.3g}  #"
+        f" {len(told)} names, {told[:, 1].mean():.1%} true"
     )
 
 

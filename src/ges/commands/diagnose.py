@@ -13,6 +13,7 @@ from typing import Any
 import click
 
 from ges.commands.import_ import reading_options
+from ges.commands.settings import SET
 
 SHOWN = ("--open", "--no-open", "--write-flight")
 """Options that change nothing of the diagnosis."""
@@ -71,6 +72,7 @@ SHOWN = ("--open", "--no-open", "--write-flight")
     default=None,
     help="Open the page in a browser. Default: at a terminal with a display.",
 )
+@SET
 @click.pass_context
 def command(
     context: click.Context,
@@ -88,6 +90,7 @@ def command(
     part: int | None,
     write_flight: Path | None,
     opened: bool | None,
+    pairs: tuple[str, ...],
 ) -> None:
     """Locate where the simulator and the flights differ, name what is missing, fit it, and show the
     fit improve.
@@ -101,8 +104,9 @@ def command(
       ges diagnose flights/monday --out reports/monday
     """
     from ges.diagnose.report.drawing import drawing
+    from ges.diagnose.settings import parse, using
 
-    with drawing(out) as figures, Progress() as progress:
+    with using(parse(pairs)), drawing(out) as figures, Progress() as progress:
         from ges.diagnose.run import Request, run
         from ges.recordings.readers import Options
 

@@ -12,7 +12,6 @@ from ges.diagnose.advise.detect import smallest_detectable
 from ges.diagnose.advise.next_flight import next_flight
 from ges.diagnose.decide.declared import contradicted
 from ges.diagnose.decide.withdraw import explained, remaining, thrust_of, with_open_modelled
-from ges.diagnose.design.system import ALL_ON, Switches
 from ges.diagnose.detectors.balance import shift_of
 from ges.diagnose.detectors.gusts import GUSTS
 from ges.diagnose.estimate.fit import fitted_model
@@ -53,7 +52,6 @@ def diagnose(
     holdout: Sequence[str] | None = None,
     folder: Path | str = ".",
     names: Sequence[str] | None = None,
-    switches: Switches = ALL_ON,
     watch: Watch = lambda step, known: None,
 ) -> Diagnosis:
     """Find what a simulator lacks, from real flights, to the same bytes whatever the number of
@@ -69,7 +67,6 @@ def diagnose(
     folder : where a height map named by the vehicle file lies.
     names : fit exactly these effects instead of searching: what the library could reach if the
         cause were known.
-    switches : parts of the method to leave out, for ablations.
     watch : is called as steps end, with ``"located"`` and the cells of the location map, then
         ``"fitted"`` and the names.
 
@@ -82,7 +79,7 @@ def diagnose(
 
     # what is there, and what the declared numbers can do about it
     problem = pose_problem(recordings, vehicle, holdout, folder)
-    start = recalibrated(problem.train, problem.model, switches)
+    start = recalibrated(problem.train, problem.model)
     watch("located", start.cells)
 
     # what the library explains of the rest, and what stays open or unexplained

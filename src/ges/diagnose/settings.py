@@ -11,7 +11,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, cast, get_type_hints
 
 import pydantic
@@ -74,6 +74,9 @@ class Numerical:
 Source = Paper | Measured | Convention | Numerical
 
 
+ABOVE_ZERO, BELOW_ONE = math.nextafter(0.0, 1.0), math.nextafter(1.0, 0.0)
+
+
 @dataclasses.dataclass(frozen=True)
 class About:
     """What is known of a number: unit ('' where it has none), meaning, source, and the least and
@@ -86,9 +89,23 @@ class About:
     low: float
     high: float
 
+    @property
+    def allowed(self) -> str:
+        """The values that make sense, in words."""
+        low = "above 0" if self.low == ABOVE_ZERO else f"{self.low:g}"
+        if self.high == BELOW_ONE:
+            return f"{low} to below 1"
+        more = low if self.low == ABOVE_ZERO else f"{low} or more"
+        return f"{low} to {self.high:g}" if math.isfinite(self.high) else more
+
 
 def number(
-    value: Any, unit: str, meaning: str, source: Source, low: float = 0.0, high: float = math.inf
+    value: Any,
+    unit: str,
+    meaning: str,
+    source: Source,
+    low: float = ABOVE_ZERO,
+    high: float = math.inf,
 ) -> Any:
     """A field of a stage; of several numbers each lies between ``low`` and ``high``."""
     return dataclasses.field(
@@ -98,7 +115,7 @@ def number(
 
 def probability(value: float, meaning: str, source: Source) -> Any:
     """A field that is a probability."""
-    return number(value, "", meaning, source, 0.0, 1.0)
+    return number(value, "", meaning, source, high=BELOW_ONE)
 
 
 RUN = "ges blind run DIR --set KEY=VALUE && ges blind score DIR --set KEY=VALUE"
@@ -1324,6 +1341,22 @@ def using(overrides: Mapping[str, Any]) -> Iterator[Settings]:
         _active = before
 
 
+def parse(pairs: Iterable[str]) -> dict[str, Any]:
+    """Numbers by ``stage.name`` from ``stage.name=value``.
+
+    Raises
+    ------
+    UsageError
+        As :func:`using` does, or where there is no ``=``.
+    """
+    given = dict(pair.partition("=")[::2] for pair in pairs)
+    for pair in pairs:
+        if "=" not in pair:
+            raise UsageError(f"'{pair}' sets nothing; write KEY=VALUE, as evidence.tempering=0.5")
+    set_to = {key: value for key, value, _ in rows(_with(_active, given))}
+    return {key: set_to[key] for key in given}
+
+
 def changed() -> dict[str, Any]:
     """Numbers that are set to other than their defaults, by ``stage.name``."""
     default = {key: value for key, value, _ in rows(Settings())}
@@ -1357,19 +1390,18 @@ def _with(base: Settings, overrides: Mapping[str, Any]) -> Settings:
 def _read(key: str, value: Any, kind: Any, about: About) -> Any:
     """A value of this kind; several numbers are written with commas between."""
     several = kind not in (float, int, bool)
-    given = value.split(",") if several and isinstance(value, str) else value
-    allowed = f"{about.low:g} to {about.high:g}"
     asked = {
         bool: "true or false",
-        int: f"a whole number, {allowed}",
-        float: f"a number, {allowed}",
+        int: f"a whole number, {about.allowed}",
+        float: f"a number, {about.allowed}",
     }
-    wanted = asked.get(kind, f"numbers with commas between, {allowed}")
+    wanted = asked.get(kind, f"numbers with commas between, {about.allowed}")
+    given = value.split(",") if several and isinstance(value, str) else value
     try:
         read = pydantic.TypeAdapter(kind).validate_python(given)
     except pydantic.ValidationError:
         raise UsageError(f"setting {key} cannot be '{value}'; give {wanted}") from None
-    within = all(about.low <= v <= about.high for v in (read if several else (read,)))
-    if kind is not bool and not within:
+    each = read if several else (read,)
+    if kind is not bool and not all(about.low <= v <= about.high and v < math.inf for v in each):
         raise UsageError(f"setting {key} cannot be {value}; give {wanted}")
     return read

@@ -11,12 +11,13 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
+from typing import Any
 
 from ges.blind.protocol import jail, seal, worker
-from ges.errors import GesError, unknown_name
+from ges.errors import GesError, UsageError, unknown_name
 from ges.files import sha256, tree_hash, write_json
 from ges.provenance.sources import sources
 from ges.simulator._lib import library_path
@@ -32,25 +33,31 @@ verdicts.
 METHODS: dict[str, dict] = {
     "ges": {},
     **{name: {"baseline": name} for name in ("stepwise", "sindy", "parameters", "boosting")},
-    **{
-        f"without-{part}": {"without": [part]} for part in ("instruments", "whitening", "tolerance")
-    },
+    "without-instruments": {"set": {"design.instruments": False}},
+    "without-whitening": {"set": {"noise.whitening": False}},
+    "without-tolerance": {"set": {"design.declared_tolerance": False}},
 }
 LIMIT_S = 600
 
 
-def method_options(method: str) -> dict:
+def method_options(method: str, numbers: Mapping[str, Any] | None = None) -> dict:
     """Return the worker's options of a method: this tool, a baseline, or this tool with a part
-    taken out.
+    taken out; with ``numbers`` set.
     """
     if method not in METHODS:
         raise unknown_name("method", method, METHODS)
-    return METHODS[method]
+    if not numbers:
+        return METHODS[method]
+    if "baseline" in METHODS[method]:
+        raise UsageError(f"{method} has no settings; leave out --set or --of {method}")
+    return {"set": {**METHODS[method].get("set", {}), **numbers}}
 
 
-def method_folder(method: str) -> str:
-    """Return the folder of a method's verdicts beside ``cases/``."""
-    return OUT if method == "ges" else f"{OUT}-{method}"
+def method_folder(method: str, numbers: Mapping[str, Any] | None = None) -> str:
+    """Return the folder of a method's verdicts beside ``cases/``, with ``numbers`` set."""
+    parts = [] if method == "ges" else [method]
+    parts += [f"{key}={value}".replace(" ", "") for key, value in sorted((numbers or {}).items())]
+    return "-".join([OUT, *parts])
 
 
 def run_cases(

@@ -3,7 +3,7 @@
 
 It is started with an environment and a working folder that tell it nothing, on a copy of one case
 under a drawn name, and gives up every other file before it reads the case. OPTIONS are JSON:
-``without`` lists parts of the method to leave out, ``baseline`` names another method to use.
+``set`` holds numbers of the method by name, ``baseline`` names another method to use.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def main(case: Path, out: Path, options: dict) -> int:
 
 def _diagnose(case: Path, out: Path, options: dict) -> float:
     import ges.diagnose
-    from ges.diagnose.design.system import Switches
+    from ges.diagnose.settings import using
     from ges.files import write_json
     from ges.recordings.recording import load_set
     from ges.vehicle.file import save_vehicle
@@ -46,8 +46,8 @@ def _diagnose(case: Path, out: Path, options: dict) -> float:
 
         write_json(out / "diagnosis.json", diagnose(load_set(case), options["baseline"]))
         return time.perf_counter() - start
-    switches = Switches(**{part: False for part in options.get("without", ())})
-    found = ges.diagnose(load_set(case), switches=switches)
+    with using(options.get("set", {})):
+        found = ges.diagnose(load_set(case))
     seconds = time.perf_counter() - start
     write_json(out / "diagnosis.json", found.content())
     save_vehicle(found.vehicle, out / "vehicle.fitted.yaml")

@@ -39,20 +39,6 @@ from ges.threads import each
 
 
 @dataclasses.dataclass(frozen=True)
-class Switches:
-    """Parts of the method that an ablation turns off: instruments, whitening, tolerance of declared
-    numbers.
-    """
-
-    instruments: bool = True
-    whitening: bool = True
-    tolerance: bool = True
-
-
-ALL_ON = Switches()
-
-
-@dataclasses.dataclass(frozen=True)
 class Nuisance:
     """A number that every hypothesis may adjust: sd over vehicles (declared doubt) and from flight
     to flight, about a mean.
@@ -169,7 +155,6 @@ class System:
     columns: tuple[Column, ...]
     flights: tuple[Rows, ...]
     length_s: float
-    switches: Switches = ALL_ON
 
     @property
     def recordings(self) -> list[Prepared]:
@@ -411,7 +396,6 @@ def rows(
     names: Sequence[str],
     columns: Sequence[Column],
     length_s: float,
-    instrumented: bool = True,
     known: Mapping | None = None,
     like: Rows | None = None,
 ) -> Rows:
@@ -459,7 +443,7 @@ def rows(
         model.number("thrust_coefficient_N_s2") * (now.drive.at_work**2).sum(axis=1),
     )
     untrim(keys, x, windows, names, thrust, now.motion.omega, air)
-    if like or not instrumented:
+    if like or not settings.design.instruments:
         vouch = like.vouched if like else None
     else:
         vouch = vouched(flight, windows.some(air), model, names, y[air], now.drive.at_work)
@@ -572,24 +556,22 @@ def build(
     variants: Sequence[Variant],
     like: System | None = None,
     length_s: float | None = None,
-    switches: Switches = ALL_ON,
 ) -> System:
     """Assemble the system: nuisance columns first, then every amplitude of every variant.
 
     Parameters
     ----------
-    like : a system of the same flights and channels: its windows, switches, nuisance columns and
+    like : a system of the same flights and channels: its windows, nuisance columns and
         instruments are taken over, which hardly change with effects; all of its columns where the
         model is the same.
     length_s : support of the test functions, s; of :func:`window_length_s` where not given.
     """
     main = common_channels(flights, model)
     length_s = like.length_s if like else length_s or window_length_s(flights)
-    switches = like.switches if like else switches
     names = with_overtones(main, 2 * max(half_waves(f, length_s) for f in flights))
     columns = (
         [Column(n.key, nuisance=n) for n in nuisances(model, main, flights)]
-        if switches.tolerance
+        if settings.design.declared_tolerance
         else []
     )
     for v in variants:
@@ -603,9 +585,9 @@ def build(
     wanted = {c.made_of for c in columns}
     known = [_known(like, r, model, wanted) if like else {} for r in before]
     made = each(
-        lambda f, k, r: rows(f, model, names, columns, length_s, switches.instruments, k, r),
+        lambda f, k, r: rows(f, model, names, columns, length_s, k, r),
         flights,
         known,
         before,
     )
-    return System(model, names, tuple(columns), tuple(made), length_s, switches)
+    return System(model, names, tuple(columns), tuple(made), length_s)

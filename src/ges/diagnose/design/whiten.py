@@ -213,7 +213,7 @@ def _of_channel(
     value, past = np.concatenate([p[1] for p in pieces]), np.concatenate([p[2] for p in pieces])
     if len(value) < 4 * order:
         return np.zeros(order), 1.0, 0.0
-    if not system.switches.whitening:
+    if not settings.noise.whitening:
         return np.zeros(order), float(np.sqrt(np.mean(value**2))), 0.0
     gram = past.T @ past
     ridge = max(settings.numerics.rank_tolerance * np.trace(gram), settings.numerics.tiny)

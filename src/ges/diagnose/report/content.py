@@ -17,7 +17,7 @@ from ges.diagnose.library.grids import out_of_reach
 from ges.diagnose.library.requirements import lacking
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.gate import Gate
-from ges.diagnose.settings import settings
+from ges.diagnose.settings import changed, settings
 from ges.diagnose.types.decision import Considered, Decision, Record
 from ges.diagnose.types.diagnosis import interval95
 from ges.diagnose.types.model import Model, block_of
@@ -74,6 +74,7 @@ def data_used(
         "window_s": system.length_s,
         "reference_scale": {block_of(name): system.model.whole(name) for name in system.main},
         "warnings": list(warnings),
+        **({"settings": changed()} if changed() else {}),
     }
 
 

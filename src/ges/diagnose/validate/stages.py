@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ges.diagnose.design.system import Switches, System, build, window_length_s
+from ges.diagnose.design.system import System, build, window_length_s
 from ges.diagnose.detectors.balance import centred
 from ges.diagnose.estimate.fit import Joint, calibrated, in_the_air, left_raw, null_fit
 from ges.diagnose.estimate.recalibrate import operating_point
@@ -66,21 +66,21 @@ class Start:
     cells: list[Cell]
 
 
-def recalibrated(flights: Sequence[Prepared], declared: Model, switches: Switches) -> Start:
+def recalibrated(flights: Sequence[Prepared], declared: Model) -> Start:
     """Set the declared numbers within their doubts, and look at what that leaves."""
-    system = first_system(flights, declared, switches)
+    system = first_system(flights, declared)
     board, joint = null_fit(system)
     moved = operating_point(board, joint)
     if moved:
         there = dataclasses.replace(calibrated(declared, moved), moved=moved)
-        system = first_system(flights, there, switches)
+        system = first_system(flights, there)
         board, joint = null_fit(system)
     regimes = regimes_of(system)
     first = stage(calibrated(declared, joint.common), joint, board, regimes)
     return Start(system, regimes, first, cells(system, first.in_air, regimes, first.structures))
 
 
-def first_system(flights: Sequence[Prepared], model: Model, switches: Switches) -> System:
+def first_system(flights: Sequence[Prepared], model: Model) -> System:
     """The system of a vehicle with every candidate that needs no other."""
     variants = [v for c in candidates_of(flights, model) for v in c.variants]
-    return build(flights, model, variants, length_s=window_length_s(flights), switches=switches)
+    return build(flights, model, variants, length_s=window_length_s(flights))
