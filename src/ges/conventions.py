@@ -8,6 +8,12 @@ from __future__ import annotations
 
 GRAVITY_M_S2 = 9.80665
 N_ROTORS = 4
+FAR_FROM_GROUND_M = 5e4
+
+Dimension = tuple[int, int, int]
+"""Exponents of kg, m and s."""
+NUMBER, LENGTH, SPEED = (0, 0, 0), (0, 1, 0), (0, 1, -1)
+FORCE, MOMENT = (1, 1, -2), (1, 2, -2)
 
 # of a Gaussian: half of a 95 % interval in sds, its quantiles, and the sd over the median deviation
 SDS_95 = 1.96

@@ -36,7 +36,7 @@ def diagnosed(flown, sheet):
 
 @pytest.fixture(scope="module")
 def fading():
-    return {"ground_effect": CUSHION, "ground_effect_forward_flight": {"c": 4.0}}
+    return {"ground_effect": CUSHION, "ground_effect_forward_flight": {"c": 6.0}}
 
 
 def test_a_cushion_that_fades_fast_is_found_with_its_fading(diagnosed, fading):
@@ -44,7 +44,7 @@ def test_a_cushion_that_fades_fast_is_found_with_its_fading(diagnosed, fading):
     found = diagnosed(fading)
     told = {f.name: f for f in found.findings}
     assert found.verdict == "physics" and set(told) == set(fading)
-    assert told["ground_effect_forward_flight"].parameters["c"].value == pytest.approx(4.0, rel=0.1)
+    assert told["ground_effect_forward_flight"].parameters["c"].value == pytest.approx(6.0, rel=0.1)
     assert all(f.probability > 0.9 for f in told.values())
 
 

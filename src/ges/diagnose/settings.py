@@ -168,6 +168,26 @@ class Statistics:
         "Share of an error or of a variance from which a change counts as one.",
         Convention("two in a hundred, a small part of what flights of a day differ by"),
     )
+    extreme_quantile: float = number(
+        0.01,
+        "",
+        "Quantile that stands for the least of a signal, its complement for the most.",
+        Convention("no single sample"),
+        high=0.5,
+    )
+    flights_ratio: float = number(
+        3.0,
+        "",
+        "Rms of one flight over that of others from which they differ by more than flights do.",
+        Convention("root of the 95 % point of F for three and three degrees of freedom, 3.05"),
+        low=1.0,
+    )
+    ridge_windows: float = number(
+        3.0,
+        "windows",
+        "Windows that a prior of no relation is worth.",
+        Numerical("few against a flight's hundreds"),
+    )
     block_s: float = number(
         5.0,
         "s",
@@ -182,12 +202,15 @@ class Statistics:
         low=2,
     )
     resamples: int = number(
-        1000,
+        499,
         "",
-        "Draws behind an interval over blocks of time.",
-        Numerical("noise of 2 % in its ends"),
+        "Draws behind an interval or a chance.",
+        Numerical("a chance of a hundredth is good to a half"),
+        low=99,
     )
-    seed: int = number(0, "", "Seed of every draw.", Convention("results are the same every time"))
+    seed: int = number(
+        0, "", "Seed of every draw.", Convention("results are the same every time"), low=0
+    )
 
     @property
     def acceptance_log_odds(self) -> float:
@@ -215,29 +238,17 @@ class Numerics:
     small: float = number(
         1e-9, "", "Relative difference that is rounding.", Numerical("far above 64 bit's")
     )
-    rank_tolerance: float = number(
-        1e-6,
-        "",
-        "Relative size from which a direction of columns is nothing.",
-        Numerical("far above rounding, far below any use"),
-    )
     wide_factor: float = number(
         10.0,
         "",
         "How much wider than its prior a coefficient may be where the flights alone shall set it.",
         Numerical("a prior so wide weighs a hundredth"),
     )
-    drive_step_s: float = number(
-        0.0025, "s", "Longest step of a replayed drive.", Numerical("a sixth of a fast motor's lag")
-    )
-    reference_step_s: float = number(
-        0.002,
+    step_s: float = number(
+        0.0025,
         "s",
-        "Longest step of a flight along references.",
-        Numerical("the simulator's own step"),
-    )
-    rollout_step_s: float = number(
-        0.005, "s", "Longest step of a rollout.", Numerical("attitude and speeds are imposed")
+        "Longest step of a replayed drive, of a flight along references and of a rollout.",
+        Numerical("a sixth of a fast motor's lag"),
     )
     noise_rounds: int = number(
         4,
@@ -277,34 +288,17 @@ class Prepare:
     grid_step_longest_s: float = number(
         0.05, "s", "Coarsest grid.", Convention("a quarter of the shortest window")
     )
-    recording_shortest_s: float = number(
-        2.0, "s", "Shortest recording.", Convention("ten of the shortest windows")
-    )
-    flying_shortest_s: float = number(
-        3.0, "s", "Shortest time in the air.", Convention("fifteen of the shortest windows")
-    )
-    delay_shortest_s: float = number(
-        5.0, "s", "Shortest time in the air that tells a delay.", Convention("not measured")
-    )
-    extreme_quantile: float = number(
-        0.01,
-        "",
-        "Quantile that stands for the least of a signal.",
-        Convention("no single sample"),
-        high=0.5,
-    )
-    top_quantile: float = number(
-        0.9,
-        "",
-        "Quantile of the thrust of which half is clearly up.",
-        Convention("not measured"),
-        high=1.0,
+    flight_shortest_s: float = number(
+        3.0,
+        "s",
+        "Shortest recording, time in the air, and time that tells a delay.",
+        Convention("fifteen of the shortest windows; not measured"),
     )
     gap_longest_s: float = number(
-        0.5, "s", "Longest gap of the motion that is bridged.", Convention("not measured")
-    )
-    silence_longest_s: float = number(
-        0.3, "s", "Longest silence of the rangefinder that is bridged.", Convention("not measured")
+        0.5,
+        "s",
+        "Longest gap of the motion, or of the rangefinder, that is bridged.",
+        Convention("not measured"),
     )
     stale_updates: float = number(
         3.0,
@@ -345,12 +339,6 @@ class Prepare:
             + RUN.replace("KEY=VALUE", "prepare.contact_margin_s=0.25"),
         ),
     )
-    blow_margin_s: float = number(
-        0.4, "s", "Time left out around a blow from the ground.", Convention("not measured")
-    )
-    blow_s: float = number(
-        0.2, "s", "A blow is shorter.", Convention("landing gear rings for a tenth of a second")
-    )
     blow_least_m_s2: float = number(
         4.0,
         "m/s^2",
@@ -369,35 +357,17 @@ class Prepare:
         "Height over its own rest at which a vehicle has left the ground.",
         Convention("noise of a position; not measured"),
     )
-    touching_radii: float = number(
-        0.1,
-        "radii",
-        "Height over the rest of other flights at which a vehicle touches the ground.",
-        Convention("a flight may be meant to be as low as that (commit 2ac2432)"),
-    )
-    spin_up_s: float = number(
-        0.1, "s", "Time left out around a spin-up on the ground.", Convention("two lags of a motor")
-    )
-    clipping_margin_s: float = number(
-        0.05, "s", "Time left out around a clipped reading.", Convention("not measured")
-    )
-    thrust_smoothing_s: float = number(
-        0.15, "s", "Smoothing of thrust and of climbs.", Convention("faster is vibration")
-    )
-    tilt_smoothing_s: float = number(
+    transient_margin_s: float = number(
         0.1,
         "s",
-        "Smoothing of a velocity that stands in for the attitude.",
-        Convention("not measured"),
+        "Time left out around a spin-up on the ground and around a clipped reading.",
+        Convention("two lags of a motor; not measured"),
+    )
+    thrust_smoothing_s: float = number(
+        0.1, "s", "Smoothing of thrust and of climbs.", Convention("faster is vibration")
     )
     rate_smoothing_s: float = number(
         0.02, "s", "Smoothing before a rate is differentiated.", Convention("two samples at 100 Hz")
-    )
-    compared_rate_smoothing_s: float = number(
-        0.03, "s", "Smoothing of rates that are compared.", Convention("not measured")
-    )
-    smoothing_updates: float = number(
-        1.5, "updates", "Smoothing of rates that come seldom.", Convention("no step is left")
     )
     state_smoothing_s: float = number(
         0.05,
@@ -414,46 +384,21 @@ class Prepare:
     correlation_least: float = number(
         0.3, "", "Least correlation that tells a delay.", Convention("not measured"), high=1.0
     )
-    block_correlation_least: float = number(
-        0.5,
-        "",
-        "Least correlation of a block that tells its delay.",
-        Convention("not measured"),
-        high=1.0,
-    )
-    correlation_most: float = number(
-        0.98,
-        "",
-        "Correlation beyond which a delay is no better known.",
-        Numerical("the weight of a block stays finite"),
-        high=1.0,
-    )
     drive_lag_longest_s: float = number(
         0.6,
         "s",
         "Longest delay of the rotor speeds.",
         Convention("telemetry of ESCs: a half second"),
     )
-    drive_lag_step_s: float = number(
-        0.02, "s", "Step of their delays.", Numerical("a parabola finds the peak between steps")
+    lag_steps: int = number(
+        30,
+        "",
+        "Steps of delays up to the longest.",
+        Numerical("a parabola finds the peak between steps"),
+        low=3,
     )
     pose_lag_longest_s: float = number(
         0.15, "s", "Longest delay of the pose.", Convention("motion capture and filters: a tenth")
-    )
-    pose_lag_step_s: float = number(
-        0.005, "s", "Step of its delays.", Numerical("a parabola finds the peak between steps")
-    )
-    drive_delay_doubt_s: float = number(
-        0.03, "s", "Doubt on the lag of the speeds behind the commands.", Convention("not measured")
-    )
-    drive_delay_least_sd_s: float = number(
-        0.005, "s", "Least sd of a drive's delay.", Convention("a quarter of the step")
-    )
-    pose_delay_least_sd_s: float = number(
-        0.001, "s", "Least sd of the pose's delay.", Convention("a fifth of the step")
-    )
-    pose_delay_least_s: float = number(
-        0.006, "s", "Least delay of the pose.", Convention("not measured")
     )
     pose_delay_least_samples: float = number(
         0.6,
@@ -467,23 +412,8 @@ class Prepare:
             RUN.replace("KEY=VALUE", "prepare.pose_delay_least_samples=0.1"),
         ),
     )
-    free_flights_least: float = number(
-        0.5,
-        "flights",
-        "Flights beyond one, as many as move, whose scatter is the sd of a delay.",
-        Convention("not measured"),
-    )
-    drift_least_s: float = number(
-        0.02, "s", "Least drift between two clocks.", Convention("not measured")
-    )
-    drift_blocks_least: int = number(
-        5, "", "Fewest blocks of time that tell a drift.", Convention("not measured"), low=3
-    )
     gyro_bias_least_sd_rad_s: float = number(
-        0.002, "rad/s", "Least sd of a gyro's offset.", Convention("not measured")
-    )
-    gyro_bias_least_rad_s: float = number(
-        0.01, "rad/s", "Least offset of a gyro.", Convention("half a degree a second")
+        0.0025, "rad/s", "Least sd of a gyro's offset.", Convention("not measured")
     )
     hold_probability: float = probability(
         0.25,
@@ -496,23 +426,12 @@ class Prepare:
         "Doubt on how late a command acts once that is known.",
         Convention("not measured"),
     )
-    hold_slower_s: float = number(
-        0.15, "s", "What changes more slowly says nothing of a hold.", Convention("not measured")
-    )
-    hold_sds: float = number(
-        5.0, "sds", "Deviation of a response that is one.", Convention("not measured")
-    )
-    at_once_least: float = number(
-        0.25,
+    at_once_share: float = number(
+        0.1,
         "",
-        "Least response in its own row of a command that acts at once, over that a row later.",
+        "Response in its own row of a command that acts at once, over that a row later.",
         Convention("not measured"),
-    )
-    at_once_most: float = number(
-        0.1, "", "Most of it of a command that is held.", Convention("not measured")
-    )
-    fall_least: float = number(
-        0.05, "", "Least fall of the response from one row to the next.", Convention("not measured")
+        high=1.0,
     )
     drive_response_s: float = number(
         0.25,
@@ -555,13 +474,6 @@ class Library:
     place_size_m: float = number(
         0.125, "m", "Finest square of the ground plan.", Convention("a rotor of a small vehicle")
     )
-    place_growth: float = number(
-        1.25,
-        "",
-        "By how much squares grow until they are few.",
-        Numerical("one to two squares' gap"),
-        low=1.0,
-    )
     places_most: int = number(
         36,
         "",
@@ -572,20 +484,11 @@ class Library:
     wind_height_m: float = number(
         1.5, "m", "Height at which the speed of a wind is told.", Convention("flights near ground")
     )
-    lag_least_step_s: float = number(
-        0.004,
-        "s",
-        "Least lag of a motor that is tried.",
-        Convention("no slower than a fast log's row"),
-    )
-    above_m: float = number(
-        0.5,
-        "m",
-        "Height of another vehicle over the highest place flown, at least.",
-        Convention("closer ones collide; not measured"),
-    )
     above_radii: float = number(
-        5.0, "radii", "The same in rotor radii.", Convention("closer ones collide; not measured")
+        5.0,
+        "radii",
+        "Height of another vehicle over the highest place flown.",
+        Convention("closer ones collide; not measured"),
     )
     plane_sds: tuple[float, ...] = number(
         (-1.5, -0.75, 0.0, 0.75, 1.5),
@@ -621,29 +524,11 @@ class Design:
     half_waves_most: int = number(
         3, "", "Most half-waves of a test function.", Convention("7.5 Hz; not measured")
     )
-    half_wave_updates: float = number(
-        2.5, "updates", "Shortest half-wave.", Convention("a stream follows it; not measured")
-    )
-    reciprocal_step_sds: float = number(
-        3.0,
-        "sds",
-        "Step of a column that goes with a reciprocal.",
-        Numerical("a secant over its doubt"),
-    )
-    speed_step_share: float = number(
-        0.01, "", "Step of the top speed's column.", Numerical("columns are nearly linear")
-    )
     second_pole_share: float = number(
         0.06,
         "",
         "Delay that a motor's second pole looks like, give or take as much, over its first lag.",
         Convention("a pole ten times as fast (commit 1a2d3a4); not measured"),
-    )
-    free_height_m: float = number(
-        5e4,
-        "m",
-        "Height at which nothing is near.",
-        Numerical("every effect of the ground is zero"),
     )
     instruments: bool = number(
         True, "", "Whether references serve as instruments.", Convention("off in an ablation")
@@ -654,17 +539,12 @@ class Design:
         "Whether declared numbers may move within doubts.",
         Convention("off in an ablation"),
     )
-    instrument_lags_early: int = number(
-        1, "half windows", "How early instruments begin.", Convention("not measured")
-    )
-    instrument_lags_late: int = number(
-        5,
+    instrument_lags: tuple[int, int] = number(
+        (-1, 5),
         "half windows",
-        "How late instruments end.",
+        "First and last lag of the instruments.",
         Convention("half a second of answers (commit f221801); not measured"),
-    )
-    instrument_ridge: float = number(
-        1.0, "", "Windows that a prior of no instrument is worth.", Convention("one window")
+        low=-math.inf,
     )
     instrument_strength_least: float = number(
         0.4,
@@ -686,13 +566,6 @@ class Design:
             "9b8a121",
             RUN.replace("KEY=VALUE", "design.answer_slowest_s=5"),
         ),
-    )
-    thrust_least_share: float = number(
-        0.1,
-        "",
-        "What thrust is at least, over its mean, where shares of it are formed.",
-        Numerical("no zero in a fall"),
-        high=1.0,
     )
 
 
@@ -718,6 +591,7 @@ class Noise:
         "",
         "Growths of the noise's variance with unrest that are tried.",
         Numerical("half a decade apart"),
+        low=0.0,
     )
     feedback_correlation_sd: float = number(
         0.7,
@@ -776,20 +650,6 @@ class Search:
         Convention("not measured"),
         low=1,
     )
-    hidden_share: float = number(
-        0.5,
-        "",
-        "Share of what is left that a hidden effect explains.",
-        Convention("most of it"),
-        high=1.0,
-    )
-    restless_ratio: float = number(
-        3.0,
-        "",
-        "Rms of the most restless flight over the middle one's from which effects may hide.",
-        Convention("what shakes some flights and not others (commit 6fd5af1); not measured"),
-        low=1.0,
-    )
     log_odds_offset: float = number(
         -0.36,
         "",
@@ -813,35 +673,20 @@ class Search:
             "ges blind calibrate DIR ...",
         ),
     )
-    log_odds_most: float = number(
-        7.0, "", "Log odds beyond which the search says no more.", Convention("a thousand to one")
-    )
 
 
 @dataclasses.dataclass(frozen=True)
 class Estimate:
     """The fit in full."""
 
-    block_s: float = number(
-        10.0, "s", "Block of time behind the intervals of a fit.", Convention("not measured")
-    )
     converged_sds: float = number(
         0.02,
         "sds",
         "Step that ends a fit, and doubt on what is held in one.",
         Numerical("results are the same from anywhere (commit 6a9f74a)"),
     )
-    far_sds: float = number(
-        2.0,
-        "sds",
-        "Distance from a start beyond which its noise is measured again.",
-        Convention("the start may have counted the effect as noise; not measured"),
-    )
     same_cost: float = number(
         0.5, "", "Rise of -2 log posterior that halves a step.", Numerical("columns are secants")
-    )
-    place_step_share: float = number(
-        0.2, "", "Step of a place's column over its reach.", Numerical("a secant within the reach")
     )
     carrier_least_share: float = number(
         0.3,
@@ -869,9 +714,6 @@ class Estimate:
     )
     recalibration_tolerance: float = number(
         1e-3, "", "Relative fall of the cost that ends recalibration.", Numerical("far below noise")
-    )
-    recalibration_evaluations: int = number(
-        20, "", "Most evaluations of recalibration.", Numerical("most need six"), low=1
     )
 
 
@@ -904,17 +746,25 @@ class Detect:
         low=1.0,
     )
     gust_draws: int = number(16, "", "Gusts that are blown.", Numerical("noise of a sixth"), low=2)
-    gust_height_least_m: float = number(
-        0.05, "m", "Least height in a profile of the wind.", Numerical("its logarithm")
-    )
     lean_share: float = number(
         0.25,
         "",
         "How far what hangs below may lean, as a share of its pull.",
         Convention("a seventh of a right angle (commit 6a9f74a); not measured"),
     )
-    first_places: int = number(
-        11, "", "First places of a drawn load, from as far ahead as it ends behind.", Numerical("")
+    load_levels: int = number(
+        13,
+        "",
+        "Threads, or first places, of a load that are tried at once.",
+        Numerical("steps of 3 %, which a second grid makes twenty times as fine"),
+        low=3,
+    )
+    thread_span: float = number(
+        1.2,
+        "",
+        "How much longer and shorter threads are tried than the best of the coarse grid.",
+        Convention("as far as the next of the coarse grid"),
+        low=1.0,
     )
     behind_m_per_m: tuple[float, ...] = number(
         (0.3, 1.6),
@@ -922,26 +772,11 @@ class Detect:
         "Nearest and farthest drawn load behind, over the height of flight.",
         Convention("the coarse grid's ends and a step more"),
     )
-    behind_levels: int = number(12, "", "Threads between those.", Numerical(""), low=2)
     places_nearby: tuple[float, ...] = number(
         (0.08, 0.04, 0.02),
         "",
         "Steps of thread and first place, over the distance behind.",
         Numerical("halved to centimetres"),
-    )
-    threads_nearby: tuple[float, ...] = number(
-        (0.85, 1.2),
-        "",
-        "Ends of the first finer grid of threads, over the best length.",
-        Convention("as far as the next of the coarse grid"),
-    )
-    threads_nearby_levels: int = number(13, "", "Threads between those.", Numerical(""), low=2)
-    threads_nearest: tuple[float, ...] = number(
-        (0.98, 1.02), "", "Ends of the second finer grid.", Numerical("")
-    )
-    threads_nearest_levels: int = number(5, "", "Threads between those.", Numerical(""), low=2)
-    balance_block_s: float = number(
-        3.0, "s", "Block of time behind the scatter of a balance.", Convention("not measured")
     )
 
 
@@ -957,13 +792,6 @@ class Locate:
     )
     place_knots: int = number(
         7, "", "Knots of one of a place, each way.", Convention("not measured"), low=2
-    )
-    knot_quantile: float = number(
-        0.01,
-        "",
-        "Quantile at which the knots begin and end.",
-        Convention("no single sample"),
-        high=0.5,
     )
     excited_quantile: float = number(
         0.05,
@@ -987,21 +815,8 @@ class Locate:
         "The same of a height, over its median.",
         Convention("high up a radius is no other place (commit c0e99ad); not measured"),
     )
-    ridge: float = number(
-        3.0, "windows", "Windows that a prior of no structure is worth.", Convention("not measured")
-    )
-    windows_least: int = number(
-        60, "", "Fewest windows of a channel.", Convention("six a knot; not measured")
-    )
     energy_windows: int = number(
         5, "", "Windows over which energy is averaged.", Convention("half a second"), low=1
-    )
-    draws: int = number(
-        499,
-        "",
-        "Flips of signs behind a chance.",
-        Numerical("chances of a hundredth to a half"),
-        low=99,
     )
     r2_least: float = number(
         0.1,
@@ -1023,30 +838,17 @@ class Locate:
         Convention("vibration and the noise of an attitude grow with speed in any flight"),
         high=1.0,
     )
-    least_force_share: float = number(
-        0.002, "weight", "Least structure of forces.", Convention("not measured")
-    )
-    least_moment_share: float = number(
-        0.0004, "weight times arm", "Least structure of moments.", Convention("not measured")
-    )
     least_drive_share: float = number(
         0.004, "full speed", "Least structure of drives.", Convention("not measured")
     )
     least_range_radii: float = number(
-        0.3, "radii", "Least structure of a rangefinder.", Convention("not measured")
+        0.25, "radii", "Least structure of a rangefinder.", Convention("not measured")
     )
     least_size_share: float = number(
         0.01,
         "weight or weight times arm",
         "Least structure of the size of what is left.",
         Convention("not measured"),
-    )
-    calibration_ratio: float = number(
-        3.0,
-        "",
-        "Rms over what the calibration's flights leave too from which it is news.",
-        Convention("root of the 95 % point of F for four flights against four is 3.0"),
-        low=1.0,
     )
     bins: int = number(6, "", "Cells of a variable.", Convention("a map that is read"), low=2)
     acting_share: float = number(
@@ -1055,18 +857,12 @@ class Locate:
         "A finding counts in a channel from this share of what is left there.",
         Convention("not measured"),
     )
-    negligible_probability: float = number(
-        0.005, "", "Hypotheses below are left out of what is open.", Numerical("time"), high=1.0
-    )
     entries_by_channel: int = number(
         3, "", "Most entries of a channel.", Convention("a list that is read"), low=1
     )
     entries: int = number(12, "", "Most entries.", Convention("a list that is read"), low=1)
     terms: int = number(
         3, "", "Most terms of a sparse form.", Convention("a form that is read"), low=1
-    )
-    form_r2_least: float = number(
-        0.05, "", "Least share that a sparse form foretells.", Convention("not measured"), high=1.0
     )
 
 
@@ -1077,50 +873,22 @@ class Validate:
     horizon_s: float = number(
         1.0, "s", "Length of a rollout.", Convention("longer ones measure the start; not measured")
     )
-    horizon_steps: int = number(20, "", "Points of its error.", Convention("a curve"), low=1)
 
 
 @dataclasses.dataclass(frozen=True)
 class Decide:
     """Rules by which a name is told."""
 
-    usual_log_odds: float = number(
-        4.5,
+    form_margin: float = number(
+        2.0,
         "",
-        "Log odds over what usually stands beside an effect.",
-        Convention("ninety to one (commit 6a9f74a); not measured"),
-    )
-    modifier_log_odds: float = number(
-        math.log(8.0),
-        "",
-        "Log odds against each of five modifiers before any flight.",
-        Measured(
-            "3 more of 111 singles, no null, none wrong",
-            "29",
-            "6af5f4a",
-            RUN.replace("KEY=VALUE", "decide.modifier_log_odds=1"),
-        ),
-    )
-    open_sds: float = number(
-        1.5,
-        "sds",
-        "Deviation of a fitted effect that is unlike the error of a form.",
-        Convention("how large a lag is may be open where that there is one is not; not measured"),
+        "How much larger an effect in the drive alone has to be, how much smaller and less clear"
+        " what is unlike the error of a form may be.",
+        Convention("what acts through time or speed is no error of a form; not measured"),
+        low=1.0,
     )
     still_air_m_s: float = number(
         0.3, "m/s", "Least wind.", Convention("no air is stiller, nor any position more at rest")
-    )
-    faint_factor: float = number(
-        2.0,
-        "",
-        "An effect in the drive alone is faint below so many times the least.",
-        Convention("not measured"),
-    )
-    unlike_form_share: float = number(
-        0.4,
-        "",
-        "Least of what is unlike the error of a form, over the least.",
-        Convention("commit 6a9f74a; not measured"),
     )
     least_force_share: float = number(
         0.002, "weight", "Least force.", Convention("no model is right to less; not measured")
@@ -1140,12 +908,6 @@ class Decide:
     least_range_m: float = number(
         0.02, "m", "Least error of a rangefinder.", Convention("commit 0897fee; not measured")
     )
-    strained_sds: float = number(
-        5.0,
-        "sds",
-        "Deviation of a declared number that no accepted effect may need.",
-        Convention("commit 2b50687; not measured"),
-    )
     large_r2_least: float = number(
         0.01,
         "",
@@ -1164,21 +926,11 @@ class Decide:
     large_moment_share: float = number(
         0.002, "weight times arm", "Large structure of moments.", Convention("not measured")
     )
-    large_range_radii: float = number(
-        0.25, "radii", "Large structure of a rangefinder.", Convention("not measured")
-    )
     misattributed_r2_least: float = number(
         0.2,
         "",
         "Share of a large structure from which names are only the nearest.",
         Convention("commit 0148155; not measured"),
-        high=1.0,
-    )
-    related_share: float = number(
-        0.1,
-        "",
-        "Names that add less than this share of what is left have nothing to do with it.",
-        Convention("commit 3919f64; not measured"),
         high=1.0,
     )
 
@@ -1192,12 +944,8 @@ class Advise:
         "Share of sets of flights in which the smallest detectable size is detected.",
         Convention("the usual power of a test, rounded up"),
     )
-    seed: int = number(1, "", "Seed of its sensors.", Convention("any"))
     duration_s: float = number(
         30.0, "s", "Length of a flight that is tried.", Convention("a short flight")
-    )
-    flying_share_least: float = number(
-        0.5, "", "Least share of it in the air.", Convention("else it crashed"), high=1.0
     )
     attitude_kp: float = number(
         400.0,
@@ -1205,17 +953,11 @@ class Advise:
         "Attitude gain it is flown with.",
         Convention("stands in for an integral action that trims unequal motors away"),
     )
-    attitude_kd: float = number(
-        40.0, "1/s", "Rate gain it is flown with.", Convention("critical damping")
-    )
-    separated_log_odds: float = number(
-        math.log(4.0), "", "Expected lead that separates an explanation.", Convention("four to one")
-    )
     settled_log_odds: float = number(
-        20.0, "", "Lead beyond which nothing more is gained.", Convention("no flight undoes it")
-    )
-    gain_least: float = number(
-        0.05, "", "Least gain of log odds by a flight.", Convention("not measured")
+        20.0,
+        "",
+        "Lead beyond which nothing more is gained.",
+        Convention("no later flight undoes it; less would make manoeuvres equal"),
     )
     flights_most: int = number(
         20, "", "Most flights that are recommended.", Convention("a day at the field"), low=1
@@ -1249,8 +991,9 @@ class Calibrate:
             "pooled with the flights' own (Gelman et al. 2013, Bayesian Data Analysis, 2.6)"
         ),
     )
-    spread_factor_least: float = number(0.05, "", "Least spread over the usual one.", Numerical(""))
-    spread_factor_most: float = number(10.0, "", "Most spread over the usual one.", Numerical(""))
+    spread_factor_most: float = number(
+        10.0, "", "Spread over the usual one, or under it, at most.", Numerical("far above any use")
+    )
     converged_share: float = number(
         0.2, "", "Step over its doubt that ends a calibration.", Numerical("commit 8cbfda3")
     )

@@ -25,7 +25,7 @@ from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import Column
 from ges.diagnose.library.candidates import Variant, modifiers_of
 from ges.diagnose.select.evidence import Board, Gram, rms_of
-from ges.diagnose.select.search import log_rarity
+from ges.diagnose.select.search import log_odds_against_one_of, log_rarity
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import block_of
 from ges.simulator import effects as effect_table
@@ -132,8 +132,7 @@ def _needed(
     and the effect that hides it where one does.
     """
     gain, count = float(shape.gain[truth]), len({s.name for s in others} | {shape.name})
-    none, one, *_ = settings.search.size_probabilities
-    price, rarity = log_odds + shape.cost, math.log(none / one * count)
+    price, rarity = log_odds + shape.cost, log_odds_against_one_of(count)
     shown = max(float(shape.over[truth]), settings.numerics.tiny)
     worst, hidden = _size_beyond(price + rarity, shown), ""
     for other in (s for s in others if s.name != shape.name):
@@ -228,7 +227,7 @@ def _beside(
             size, hidden = _needed(shape, k, shapes, log_odds)
             if unit.drive_alone[k]:  # what is faint has to be sure
                 size = min(
-                    max(size, settings.decide.faint_factor * unit.least[k]),
+                    max(size, settings.decide.form_margin * unit.least[k]),
                     _needed(shape, k, shapes, settings.statistics.certain_log_odds)[0],
                 )
             size, hidden = max((size, hidden), (float(unit.least[k]), ""))

@@ -6,6 +6,7 @@ recommended.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
@@ -68,7 +69,7 @@ class Option:
         lacking = settings.statistics.acceptance_log_odds - self.expected_log_odds
         if lacking <= 0.0:
             return 1
-        if self.gain < settings.advise.gain_least:
+        if self.gain <= 0.0:
             return None
         wanted = 1 + int(np.ceil(lacking / self.gain))
         return wanted if wanted <= settings.advise.flights_most else None
@@ -129,8 +130,8 @@ def simulate(
     numbers = {
         **parameters,
         "attitude_kp": settings.advise.attitude_kp,
-        "attitude_kd": settings.advise.attitude_kd,
-        "seed": settings.advise.seed,
+        "attitude_kd": 2.0 * math.sqrt(settings.advise.attitude_kp),
+        "seed": settings.statistics.seed,
         "altitude_source": 1,
         "mode": "none",
         "inputs_dt_s": manoeuvres.STEP_S,
@@ -145,7 +146,7 @@ def simulate(
         {name: record[source] for name, source in zip(logged, wanted, strict=True)}
     )
     flight = prepare(frame, model)
-    return flight if flight.flying.mean() > settings.advise.flying_share_least else None
+    return flight if flight.flying.mean() > 0.5 else None
 
 
 def _subset(board: Board, rivals: Sequence[Rival]) -> np.ndarray:
@@ -230,7 +231,7 @@ def rank(
         left = tuple(
             label
             for label, lead in zip(labels, leads, strict=True)
-            if lead <= settings.advise.separated_log_odds
+            if lead <= settings.statistics.acceptance_log_odds
         )
         told = tuple(label for label in labels if label not in left)
         expected = _expected(chance, leads)

@@ -317,8 +317,8 @@ def _spread_factor(
     def cost(log_factor: float) -> float:
         return -_posterior(grams, start, prior, np.exp(log_factor) * unit).log_likelihood
 
-    bounds = np.log([settings.calibrate.spread_factor_least, settings.calibrate.spread_factor_most])
-    return float(np.exp(minimize_scalar(cost, bounds=bounds, method="bounded").x))
+    most = np.log(settings.calibrate.spread_factor_most)
+    return float(np.exp(minimize_scalar(cost, bounds=(-most, most), method="bounded").x))
 
 
 def _pooled(factor: float, freedom: float, usual: float) -> tuple[float, float]:

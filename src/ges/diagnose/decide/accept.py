@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import math
 from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 
@@ -29,7 +28,7 @@ from ges.diagnose.estimate.shoot import shot
 from ges.diagnose.library.available import candidates_of
 from ges.diagnose.library.candidates import Candidate, acts_among, modifiers_of
 from ges.diagnose.select.evidence import Board, make_board
-from ges.diagnose.select.search import Hypothesis, Search, over_plain
+from ges.diagnose.select.search import Hypothesis, Search, log_odds_against_one_of, over_plain
 from ges.diagnose.select.stable import search_until_stable
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, Record
@@ -184,8 +183,11 @@ def _modifying(
     }
     if only is not None:
         return {m: _Modifying(values, 1.0) for m, values in brought.items() if m in only}
-    rarer = settings.decide.modifier_log_odds
-    odds = over_plain(board, listed, found.best) - rarer if brought else -math.inf
+    if not brought:
+        return {}
+    # as a search of all that modifies these effects, and of nothing else, has them
+    ways = sum(e.modifies in names for e in effect_table.table().values())
+    odds = over_plain(board, listed, found.best) - log_odds_against_one_of(ways)
     if odds <= settings.statistics.acceptance_log_odds:
         return {}
     return {m: _Modifying(values, float(expit(odds))) for m, values in brought.items()}

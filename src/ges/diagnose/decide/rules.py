@@ -122,7 +122,7 @@ def large_enough(c: Weighed, name: str) -> Decision:
     """No model is right to less; a carrier is as large as what acts through it."""
     size = c.size(name)
     sure = c.found.inclusion[name] >= settings.statistics.certain_probability
-    least = settings.decide.unlike_form_share if sure and unlike_form_error(name) else 1.0
+    least = 1.0 / settings.decide.form_margin if sure and unlike_form_error(name) else 1.0
     carries = any(c.size(n) >= 1.0 and name in effect_table.get(n).carriers for n in c.standing)
     because = f"{size:.3g} times what no model is right to" + (", and carries" if carries else "")
     return Decision("large_enough", size >= least or carries, because, size, least)
@@ -225,7 +225,7 @@ def faint(share: Mapping[str, float]) -> bool:
     """
     return (
         not any(v > 0.0 for block, v in share.items() if block != "drive")
-        and share.get("drive", 0.0) < settings.decide.faint_factor
+        and share.get("drive", 0.0) < settings.decide.form_margin
     )
 
 
@@ -257,9 +257,11 @@ def replaced_by(found: Search, name: str) -> tuple[str, ...]:
 
 
 def lead_over(name: str, others: Sequence[str]) -> float:
-    """Log odds by which a name has to be better than others in its place."""
+    """Log odds by which a name has to be better than others in its place: twice those of an
+    acceptance over what usually stands beside it.
+    """
     usual = effect_table.get(name).usual_beside in others
-    return settings.decide.usual_log_odds if usual else settings.statistics.acceptance_log_odds
+    return (2.0 if usual else 1.0) * settings.statistics.acceptance_log_odds
 
 
 def significant(fitted: Fitted, name: str) -> Decision:
@@ -272,8 +274,9 @@ def significant(fitted: Fitted, name: str) -> Decision:
         still_m_s = settings.decide.still_air_m_s
         if speed_m_s < still_m_s:
             return Decision(rule, False, "air is as still anywhere", speed_m_s, still_m_s)
-    open_sds, clear_sds = settings.decide.open_sds, settings.statistics.clear_sds
-    least = open_sds if unlike_form_error(name) else clear_sds
+    least = settings.statistics.clear_sds
+    if unlike_form_error(name):
+        least /= settings.decide.form_margin
     farthest, declared = 0.0, fitted.board.system.model.doubts
     for parameter in (p for e, p in fitted.free if e == name and p not in effect.shapes):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)

@@ -23,7 +23,7 @@ def unlike_form_error(name: str) -> bool:
 
 def least_size(name: str, channel: str, model: Model) -> float:
     """The least rms of an effect at which it matters in a channel, in the channel's unit."""
-    share = settings.decide.unlike_form_share if unlike_form_error(name) else 1.0
+    share = 1.0 / settings.decide.form_margin if unlike_form_error(name) else 1.0
     return share * _least(channel, model)
 
 

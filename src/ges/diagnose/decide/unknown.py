@@ -22,7 +22,7 @@ def _large_shares() -> dict[str, float]:
     return {
         **dict.fromkeys(("force", "acc"), s.large_force_share),
         "moment": s.large_moment_share,
-        "range": s.large_range_radii,
+        "range": settings.locate.least_range_radii,
     }
 
 
@@ -51,7 +51,7 @@ def theirs(
     return [
         s
         for s in found
-        if acting[s.channel] > settings.decide.related_share * s.rms
+        if acting[s.channel] > settings.locate.acting_share * s.rms
         and not (s.channel in PUSHED and may_lean(s.rms, added, system))
     ]
 

@@ -114,7 +114,7 @@ def _unstrained(accepted: Accepted, first: Joint, record: Record) -> Accepted:
     """
     while accepted.fitted is not None:
         system, apart = accepted.board.system, accepted.fitted.apart
-        most = max(settings.decide.strained_sds, strain(first, system) + 1.0)
+        most = max(settings.statistics.certain_sds, strain(first, system) + 1.0)
         needed = strain(apart, system)
         if needed <= most:
             break

@@ -272,7 +272,7 @@ def _centred(x: np.ndarray) -> np.ndarray:
 
 def _by_thrust(thrust: np.ndarray, z: np.ndarray, strong: float, length_s: float) -> np.ndarray:
     """Share of a gain's force that is there because thrust is not what is vouched for, (m, 1)."""
-    least = settings.design.thrust_least_share * thrust.mean()
+    least = settings.prepare.descent_share * thrust.mean()
     return _fast(thrust[:, None], z, strong, length_s) / np.maximum(thrust, least)[:, None]
 
 

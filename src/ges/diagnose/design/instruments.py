@@ -42,7 +42,7 @@ def replayed(
     """
     if not flight.has("reference"):
         return None
-    table, every = _table(flight), flight.steps(settings.numerics.reference_step_s)
+    table, every = _table(flight), flight.steps(settings.numerics.step_s)
     start = {f"start_{name}": float(table[0, k]) for k, name in enumerate(POSITION + VELOCITY)}
     quiet = {
         name: 0.0
@@ -140,7 +140,8 @@ def mark_of(name: str) -> str:
 def _late(values: np.ndarray, flight: Prepared, windows: Windows) -> list[np.ndarray]:
     """A signal late by multiples of half a window."""
     step, t = 0.5 * windows.length_s, flight.t_s
-    lags = range(-settings.design.instrument_lags_early, settings.design.instrument_lags_late + 1)
+    first, last = settings.design.instrument_lags
+    lags = range(first, last + 1)
     return [np.interp(t - lag * step, t, values) for lag in lags]
 
 
@@ -155,7 +156,7 @@ def projected(x: np.ndarray, z: np.ndarray) -> np.ndarray:
     size = np.sqrt((z**2).sum(axis=0))
     z = z[:, size > 0] / size[size > 0]
     u, s, _ = np.linalg.svd(z, full_matrices=False)
-    u = u[:, s > settings.numerics.rank_tolerance * s.max(initial=0.0)]
+    u = u[:, s > settings.numerics.small * s.max(initial=0.0)]
     return u @ (u.T @ x)
 
 
@@ -171,7 +172,7 @@ def strength(moved: np.ndarray, z: np.ndarray, block: np.ndarray) -> float:
     total = float(centred @ centred)
     size = np.sqrt((z**2).mean(axis=0))
     z, left = z[:, size > 0] / size[size > 0], np.zeros_like(moved)
-    fold, ridge = block % settings.statistics.folds, settings.design.instrument_ridge
+    fold, ridge = block % settings.statistics.folds, settings.statistics.ridge_windows
     for f in np.unique(fold):
         out = fold == f
         gram = z[~out].T @ z[~out] + ridge * np.eye(z.shape[1])

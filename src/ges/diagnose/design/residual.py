@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from ges.conventions import BODY_RATE, COMMAND, QUATERNION, ROTOR_SPEED, VELOCITY
+from ges.conventions import BODY_RATE, COMMAND, FAR_FROM_GROUND_M, QUATERNION, ROTOR_SPEED, VELOCITY
 from ges.diagnose.design.weak import Windows
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import ACC, DRIVE, FORCE, MOMENT
@@ -217,7 +217,7 @@ def second_pole_s(model: Model) -> float:
 
 def _drive_inputs(flight: Prepared, model: Model, commands: np.ndarray) -> np.ndarray:
     """Commands, attitude, battery voltage and rates, a row for every step of the drive."""
-    every = flight.steps(settings.numerics.drive_step_s)
+    every = flight.steps(settings.numerics.step_s)
     late = flight.held.late + second_pole_s(model) / flight.dt_s
     u, voltage = (
         _between(commands, every, late),
@@ -237,7 +237,7 @@ def _drive_flight(
         for name, values in _of_kind(effects, "actuator").items()
         if not effect_table.get(name).modifies
     }
-    every, n = flight.steps(settings.numerics.drive_step_s), len(flight.t_s)
+    every, n = flight.steps(settings.numerics.step_s), len(flight.t_s)
     first = {
         f"start_{name}": model.number("max_rotor_speed_rad_s") * inputs[0, i]
         for i, name in enumerate(ROTOR_SPEED)
@@ -248,7 +248,7 @@ def _drive_flight(
         "control": 1,
         "attitude_imposed": 1,
         "start": 1,
-        "start_p_z_m": settings.design.free_height_m,
+        "start_p_z_m": FAR_FROM_GROUND_M,
         "inputs_dt_s": flight.dt_s / every,
         "dt_s": flight.dt_s / every,
         "record_every": every,

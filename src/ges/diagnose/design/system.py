@@ -199,15 +199,8 @@ def nuisances(
         if p.doubt and set(p.doubt.shows_in) & present and (voltage or not p.doubt.with_voltage)
     ]
     if "drive" in present:
-        speed = model.number("max_rotor_speed_rad_s")
-        listed.append(
-            Nuisance(
-                *SPEED.split("."),
-                settings.design.speed_step_share * speed,
-                model.doubts.get(SPEED, 0.0),
-                0.0,
-            )
-        )
+        sd = model.doubts.get(SPEED, 0.0)
+        listed.append(Nuisance(*SPEED.split("."), step=sd, sd=sd, flight_sd=0.0))
     return tuple(n for n in listed if n.sd > 0 or n.flight_sd > 0)
 
 
@@ -219,7 +212,7 @@ def _nuisance(
     unit = model.arm_m if doubt.per_arm else 1.0
     usual = _usual_delay_s(doubt.sd, model, flights) if doubt.timing else doubt.sd
     sd = model.doubts.get(key, unit * usual)
-    step = settings.design.reciprocal_step_sds * sd if doubt.reciprocal else unit * doubt.step
+    step = settings.statistics.clear_sds * sd if doubt.reciprocal else unit * doubt.step
     mean = doubt.mean - model.moved.get(key, 0.0)
     return Nuisance(effect, p.name, step, sd, unit * doubt.flight_sd, mean)
 
@@ -513,7 +506,7 @@ def _beyond(
 def half_waves(flight: Prepared, length_s: float) -> int:
     """How many half-waves a test function may have before a stream cannot follow it."""
     slowest = _slowest([flight], ("gyro", "attitude", "rotor_speed", "command")) or np.inf
-    shortest_s = settings.design.half_wave_updates * slowest
+    shortest_s = settings.design.window_updates * slowest
     return min(settings.design.half_waves_most, int(length_s / shortest_s))
 
 

@@ -111,7 +111,7 @@ def _left_of(y: np.ndarray, x: np.ndarray, columns: Sequence[Column]) -> np.ndar
     y, x = y[good] - y[good].mean(), x[good] - x[good].mean(axis=0)
     x = x * _spread(columns, x, y)
     gram, right, sd2 = x.T @ x, x.T @ y, np.mean(y**2)
-    e, rank = y, settings.numerics.rank_tolerance
+    e, rank = y, settings.numerics.small
     for _ in range(settings.numerics.noise_rounds):
         ridge = max(sd2, rank**2 * np.trace(gram), settings.numerics.tiny)
         e = y - x @ np.linalg.solve(gram + ridge * np.eye(len(gram)), right)
@@ -216,7 +216,7 @@ def _of_channel(
     if not settings.noise.whitening:
         return np.zeros(order), float(np.sqrt(np.mean(value**2))), 0.0
     gram = past.T @ past
-    ridge = max(settings.numerics.rank_tolerance * np.trace(gram), settings.numerics.tiny)
+    ridge = max(settings.numerics.small * np.trace(gram), settings.numerics.tiny)
     ar = np.linalg.solve(gram + ridge * np.eye(order), past.T @ value)
     return ar, *_growth(value - past @ ar, np.concatenate([p[3][p[0]] for p in pieces]))
 

@@ -41,7 +41,7 @@ def variance_of_means(system: System, channels: Sequence[int]) -> np.ndarray:
     """Variance of a flight's mean residual in the air by channel, (len(channels),), from blocks of
     time, mean of the flights.
     """
-    block_s = settings.detect.balance_block_s
+    block_s = settings.statistics.block_s
     block = max(1, int(round(2.0 * block_s / system.flights[0].windows.length_s)))
     return np.nanmean(
         [[_mean_variance(e, block) for e in r.in_air(channels).T] for r in system.flights], axis=0

@@ -72,12 +72,10 @@ def sharpened(like: System, variant: Variant) -> Variant:
 
 
 def _hanging(like: System, variant: Variant) -> Variant:
-    best, d = variant, settings.detect
-    finer = (
-        np.geomspace(*d.threads_nearby, d.threads_nearby_levels),
-        np.geomspace(*d.threads_nearest, d.threads_nearest_levels),
-    )
-    for shares in finer:
+    best, span, levels = variant, settings.detect.thread_span, settings.detect.load_levels
+    for _ in range(2):
+        shares = np.geomspace(1.0 / span, span, levels)
+        span = shares[1] / shares[0]
         lengths = float(best.shape["length_m"]) * shares
         tried = [
             dataclasses.replace(variant, shape={**variant.shape, "length_m": float(length)})
@@ -122,12 +120,12 @@ def way_out(flights: Sequence[Prepared]) -> np.ndarray:
 
 
 def _first_places(load: Drawn, height_m: float) -> list[Drawn]:
-    shares = np.linspace(-1.0, 1.0, settings.detect.first_places)
+    shares = np.linspace(-1.0, 1.0, settings.detect.load_levels)
     return [load.with_place(load.behind_m * k) for k in shares]
 
 
 def _threads(load: Drawn, height_m: float) -> list[Drawn]:
-    shares = np.geomspace(*settings.detect.behind_m_per_m, settings.detect.behind_levels)
+    shares = np.geomspace(*settings.detect.behind_m_per_m, settings.detect.load_levels)
     return [load.with_thread(height_m * k) for k in shares]
 
 

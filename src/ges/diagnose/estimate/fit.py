@@ -122,7 +122,7 @@ def _inflation(
     """
     if not count:
         return np.ones((0, 0))
-    middle, blocks = np.zeros_like(inverse), board.system.blocks(settings.estimate.block_s)
+    middle, blocks = np.zeros_like(inverse), board.system.blocks(settings.statistics.block_s)
     for white, at, block in zip(board.whites, places, blocks, strict=True):
         for score in _scores(white, kept, beta[at], block):
             middle[np.ix_(at, at)] += np.outer(score, score)
@@ -302,7 +302,7 @@ def _moves(name: tuple[str, str], values: effect_table.Effects, model: Model) ->
     part of what it acts over.
     """
     a, reach = amplitude_of(*name), reach_of(name, values, model)
-    step = settings.estimate.place_step_share * reach if reach else a.step
+    step = settings.library.step_share * reach if reach else a.step
     return _small(dataclasses.replace(a, step=step), values[name[0]][name[1]])
 
 
@@ -396,7 +396,7 @@ def polish(
         values = at.moved_to(at.best(model))
         if at.sds_to(values) < settings.estimate.converged_sds:
             at = dataclasses.replace(at, values=values)
-            if at.sds_to(first.values) < settings.estimate.far_sds:
+            if at.sds_to(first.values) < settings.statistics.suggestive_sds:
                 break
             first = None
     joint = _with_levers_as_they_are(at.board, at.chosen, at.joint, len(free))

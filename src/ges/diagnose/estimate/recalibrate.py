@@ -51,7 +51,7 @@ def operating_point(board: Board, joint: Joint) -> dict[str, float]:
         inside,
         bounds=(posterior.low, posterior.high),
         ftol=settings.estimate.recalibration_tolerance,
-        max_nfev=settings.estimate.recalibration_evaluations,
+        max_nfev=settings.numerics.fit_rounds,
     )
     return dict(zip(posterior.keys, (found.x * posterior.sd).tolist(), strict=True))
 

@@ -77,7 +77,7 @@ def rollouts_of(flight: Prepared, model: Model, n: int) -> Rollouts:
 def _piece(
     flight: Prepared, model: Model, effects: dict, recorded: dict, inputs: np.ndarray, start: int
 ) -> sim.Flight:
-    every = flight.steps(settings.numerics.rollout_step_s)
+    every = flight.steps(settings.numerics.step_s)
     state = {f"start_{name}": float(recorded[name][start]) for name in POSITION + VELOCITY}
     state |= {
         f"start_{name}": float(v)

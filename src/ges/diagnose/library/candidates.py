@@ -175,7 +175,7 @@ def _places(plan: np.ndarray) -> tuple[tuple[tuple[float, float], ...], float]:
                 ),
                 square,
             )
-        square *= settings.library.place_growth
+        square *= math.sqrt(2.0)
 
 
 def amplitude_of(effect: str, name: str) -> Amplitude:

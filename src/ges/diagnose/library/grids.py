@@ -188,7 +188,9 @@ def _slower(effect: Effect, search: Search, model: Model, reached: Flown) -> tup
     are within the declared doubt or another matter.
     """
     both, declared = _variant(effect, search.amplitudes), model.number("motor_time_constant_s")
-    levels = [max(share * declared, settings.library.lag_least_step_s) for share in search.levels]
+    levels = [
+        max(share * declared, settings.prepare.grid_step_shortest_s) for share in search.levels
+    ]
     return tuple(
         _at_level(both, up, down, low=0.0)
         for i, up in enumerate(levels)
@@ -231,8 +233,7 @@ def _over_places(
     if reached.high_m is None:
         return ()
     x_name, y_name, z_name, width = search.axis
-    nearest_m = settings.library.above_m, settings.library.above_radii * model.radius_m
-    above = reached.high_m[2] + max(nearest_m)
+    above = reached.high_m[2] + settings.library.above_radii * model.radius_m
     wide = max(0.5 * reached.square_m, model.radius_m)
     return tuple(
         _variant(

@@ -8,6 +8,7 @@ file.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -66,7 +67,8 @@ def maybe_held() -> Held:
     """Until the next row, so that it comes half a row later on the whole, or not at all: most
     controllers run faster than their logs.
     """
-    return Held(0.125, 0.22)
+    chance = settings.prepare.hold_probability
+    return Held(0.5 * chance, 0.5 * math.sqrt(chance * (1.0 - chance)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -218,7 +220,7 @@ def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
     number : index of the flight, for messages.
     """
     t_s = frame["t_s"].to_numpy(dtype=float)
-    shortest_s = settings.prepare.recording_shortest_s
+    shortest_s = settings.prepare.flight_shortest_s
     if len(t_s) < 2 or t_s[-1] - t_s[0] < shortest_s:
         raise GesError(
             f"flight {number}: {len(t_s)} rows are less than {shortest_s:g} s; leave this"
@@ -259,7 +261,7 @@ def _silent(frame: pd.DataFrame, name: str, grid_s: np.ndarray) -> np.ndarray:
     heard = frame["t_s"].to_numpy(dtype=float)[np.isfinite(frame[name].to_numpy(dtype=float))]
     after = np.searchsorted(heard, grid_s, side="left").clip(1, len(heard) - 1)
     return (
-        (heard[after] - heard[after - 1] > settings.prepare.silence_longest_s)
+        (heard[after] - heard[after - 1] > settings.prepare.gap_longest_s)
         | (grid_s < heard[0])
         | (grid_s > heard[-1])
     )
@@ -318,7 +320,7 @@ def resting_m(flight: Prepared, working: np.ndarray, height_m: np.ndarray | None
     n = max(1, int(settings.prepare.contact_margin_s / flight.dt_s))
     ends = (end for end in (slice(n), slice(-n, None)) if idle[end].mean() > 0.5)
     rest_m = min((float(np.median(height_m[end])) for end in ends), default=np.inf)
-    lowest_m = float(np.quantile(height_m, settings.prepare.extreme_quantile))
+    lowest_m = float(np.quantile(height_m, settings.statistics.extreme_quantile))
     return rest_m if rest_m < lowest_m + settings.prepare.rest_tolerance_m else np.inf
 
 
@@ -326,19 +328,18 @@ def airborne(
     flight: Prepared,
     working: np.ndarray,
     above_m: np.ndarray | None,
-    off_m: float,
 ) -> np.ndarray:
     """Samples in the air.
 
     The drive must carry most of its own median where it is clearly up, or a part of it well above
     the resting height, as in a brisk descent; and the vehicle must be off its resting height:
-    ``above_m`` it by ``off_m``, where that is known. A margin around every contact is left out.
+    ``above_m`` it, where that is known. A margin around every contact is left out.
     """
     p = settings.prepare
     up = working > p.lifting_share
     if above_m is not None:
         descending = (working > p.descent_share) & (above_m > p.descent_height_m)
-        up = (up & (above_m > off_m)) | descending
+        up = (up & (above_m > p.lift_off_m)) | descending
     size = 2 * int(0.5 * p.contact_margin_s / flight.dt_s) + 1
     up = median_filter(up.astype(np.uint8), size=size, mode="nearest").astype(bool)
     return _well_within(up, p.contact_margin_s, flight.dt_s)
@@ -352,7 +353,7 @@ def lifting(flight: Prepared, flying: np.ndarray) -> np.ndarray:
         return flying
     push = (flight.stack("rotor_speed") ** 2).sum(axis=1)
     lifts = push > settings.prepare.lifting_share * np.median(push[flying])
-    return _well_within(lifts, settings.prepare.spin_up_s, flight.dt_s)
+    return _well_within(lifts, settings.prepare.transient_margin_s, flight.dt_s)
 
 
 def _well_within(at: np.ndarray, margin_s: float, dt_s: float) -> np.ndarray:
@@ -363,6 +364,8 @@ def _well_within(at: np.ndarray, margin_s: float, dt_s: float) -> np.ndarray:
 
 
 def _usual(ratio: np.ndarray) -> float:
-    """Median of the thrust where it is clearly up; infinite for a drive that never runs."""
-    top = np.quantile(ratio, settings.prepare.top_quantile)
-    return float(np.median(ratio[ratio > 0.5 * top])) if top > 0 else np.inf
+    """Median of the thrust (n,) where it is clearly up: above half of its mean, each sample counted
+    by its thrust, so that what idles does not; infinite for a drive that never runs.
+    """
+    total = float(ratio.sum())
+    return float(np.median(ratio[ratio > 0.5 * (ratio @ ratio) / total])) if total > 0 else np.inf

@@ -5,6 +5,7 @@ before any physics.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -35,13 +36,15 @@ class Delay:
 
 def _drive_lags_s() -> np.ndarray:
     """Delays of the rotor speeds that are tried, s: two steps of negative ones show a peak at 0."""
-    step_s, longest_s = settings.prepare.drive_lag_step_s, settings.prepare.drive_lag_longest_s
+    longest_s = settings.prepare.drive_lag_longest_s
+    step_s = longest_s / settings.prepare.lag_steps
     return np.arange(-2.0 * step_s, longest_s + settings.numerics.small, step_s)
 
 
 def _pose_lags_s() -> np.ndarray:
     """Delays of the pose that are tried, s, of both signs."""
-    step_s, longest_s = settings.prepare.pose_lag_step_s, settings.prepare.pose_lag_longest_s
+    longest_s = settings.prepare.pose_lag_longest_s
+    step_s = longest_s / settings.prepare.lag_steps
     return np.arange(-longest_s, longest_s + settings.numerics.small, step_s)
 
 
@@ -60,7 +63,7 @@ def _correlations(flight: Prepared, model: Model, lags_s: np.ndarray) -> np.ndar
     if (
         ratio is None
         or "v_z_m_s" not in flight.columns
-        or flight.flying.sum() * flight.dt_s < settings.prepare.delay_shortest_s
+        or flight.flying.sum() * flight.dt_s < settings.prepare.flight_shortest_s
     ):
         return None
     step, inside = flight.dt_s, flight.flying
@@ -97,9 +100,7 @@ def _peak(sums: np.ndarray, lags_s: np.ndarray) -> tuple[float, float]:
     return float(lags_s[i] + shift * (lags_s[1] - lags_s[0])), float(r[i])
 
 
-def _told(
-    stream: str, told: Sequence[np.ndarray], lags_s: np.ndarray, least_sd_s: float
-) -> Delay | None:
+def _told(stream: str, told: Sequence[np.ndarray], lags_s: np.ndarray) -> Delay | None:
     """The delay that the flights' summed correlations (3, lags) peak at; None without a clear peak.
     Its sd is the scatter of the flights, each by how much it moves: one that hardly does says
     nothing of it. And one without which the others agree better makes no delay alone.
@@ -112,10 +113,12 @@ def _told(
     # flights beyond one, as many as speak up
     free = 1.0 / max(float(weight @ weight), settings.numerics.small) - 1.0
     scatter = np.sqrt(weight @ (np.array([_peak(s, lags_s)[0] for s in told]) - delay) ** 2)
-    several = free > settings.prepare.free_flights_least
+    several = free > settings.numerics.small
     sd = float(scatter / np.sqrt(free)) if several else float(lags_s[1] - lags_s[0])
     less = [_peak(np.sum(told, axis=0) - s, lags_s) for s in told] if len(told) > 1 else []
     sd = max([sd, *(abs(at - delay) for at, r in less if r > top)])
+    # the sd of what is rounded to the grid of lags (Sheppard 1898)
+    least_sd_s = float(lags_s[1] - lags_s[0]) / math.sqrt(12.0)
     clear = top > settings.prepare.correlation_least
     return Delay(stream, delay, max(sd, least_sd_s), top) if clear else None
 
@@ -128,7 +131,7 @@ def _behind_commands(flights: Sequence[Prepared]) -> float:
         squares = ((f.stack(s) ** 2).sum(axis=1) for s in ("command", "rotor_speed"))
         asked, given = (_high_pass(gaussian_filter1d(s / s.mean(), width), f.dt_s) for s in squares)
         told.append(_sums(f, asked, given, f.flying, lags_s))
-    found = _told("rotor_speed", told, lags_s, settings.prepare.drive_delay_least_sd_s)
+    found = _told("rotor_speed", told, lags_s)
     return found.delay_s if found else np.inf
 
 
@@ -142,13 +145,13 @@ def drive_delay(flights: Sequence[Prepared], model: Model) -> Delay | None:
     """
     logged, lags_s = [f for f in flights if f.has("rotor_speed")], _drive_lags_s()
     told = [s for s in each(lambda f: _correlations(f, model, lags_s), logged) if s is not None]
-    found = _told("rotor_speed", told, lags_s, settings.prepare.drive_delay_least_sd_s)
+    found = _told("rotor_speed", told, lags_s)
     if found is None:
         return None
     at, shifted_2, still_2 = np.sum(told, axis=0)[:, np.argmin(np.abs(lags_s))]
     gained = found.correlation**2 - at * abs(at) / (shifted_2 * still_2)
     room = _behind_commands(flights) - model.number("motor_time_constant_s")
-    late = found.delay_s < room + settings.prepare.drive_delay_doubt_s
+    late = found.delay_s < room + settings.statistics.certain_sds * found.sd_s
     return found if gained > settings.statistics.least_gain and late else None
 
 
@@ -166,10 +169,13 @@ def command_hold(flights: Sequence[Prepared]) -> Held:
         return maybe_held()
     p = settings.prepare
     (now, then, after), sds = _responses(told)
-    if now > max(p.hold_sds * sds[0], p.at_once_least * then):
+    if now > max(settings.statistics.certain_sds * sds[0], p.at_once_share * then):
         return Held(0.0, p.hold_sd_rows)
-    fades = then > p.hold_sds * sds[1] and max(abs(now), sds[0]) < p.at_once_most * then
-    held = fades and after < (1.0 - p.fall_least) * then
+    fades = (
+        then > settings.statistics.certain_sds * sds[1]
+        and max(abs(now), sds[0]) < p.at_once_share * then
+    )
+    held = fades and after < (1.0 - settings.statistics.least_gain) * then
     return Held(0.5, p.hold_sd_rows) if held else maybe_held()
 
 
@@ -202,7 +208,7 @@ def _delayed(flight: Prepared, taps: int) -> tuple[np.ndarray, np.ndarray]:
         flight.stack(s).T / flight.stack(s)[air].mean(axis=0)[:, None]
         for s in ("command", "rotor_speed")
     )
-    u, speed = (_high_pass(x, flight.dt_s, settings.prepare.hold_slower_s) for x in (u, speed))
+    u, speed = (_high_pass(x, flight.dt_s, settings.prepare.drive_response_s) for x in (u, speed))
     air = air[air >= taps]
     return np.concatenate([with_past(x, taps)[air] for x in u]), np.concatenate(list(speed[:, air]))
 
@@ -211,8 +217,8 @@ def _both_rates(flight: Prepared) -> tuple[np.ndarray, np.ndarray] | None:
     """Smoothed body rates by gyro and by attitude."""
     if "attitude" in flight.derived or not (flight.has("gyro") and flight.has("attitude")):
         return None
-    p, update_s = settings.prepare, max(flight.update_s["attitude"], flight.update_s["gyro"])
-    width = max(p.compared_rate_smoothing_s, p.smoothing_updates * update_s) / flight.dt_s
+    update_s = max(flight.update_s["attitude"], flight.update_s["gyro"])
+    width = max(settings.prepare.state_smoothing_s, update_s) / flight.dt_s
     q = flight.stack("attitude")
     turning = turn_rates(q, np.gradient(q, flight.dt_s, axis=0))
     return tuple(gaussian_filter1d(r, width, axis=0) for r in (flight.stack("gyro"), turning))
@@ -221,7 +227,7 @@ def _both_rates(flight: Prepared) -> tuple[np.ndarray, np.ndarray] | None:
 def _rate_correlations(flight: Prepared) -> np.ndarray | None:
     """Sums for the correlation of the two body rates at every lag of the pose: (3, lags)."""
     pair, lags_s = _both_rates(flight), _pose_lags_s()
-    if pair is None or flight.flying.sum() * flight.dt_s <= settings.prepare.delay_shortest_s:
+    if pair is None or flight.flying.sum() * flight.dt_s <= settings.prepare.flight_shortest_s:
         return None
     sums = np.zeros((3, len(lags_s)))
     for a, b in zip(pair[0].T, pair[1].T, strict=True):
@@ -235,7 +241,7 @@ def pose_delay(flights: Sequence[Prepared]) -> Delay | None:
     two body rates.
     """
     told = [s for s in each(_rate_correlations, flights) if s is not None]
-    return _told("attitude", told, _pose_lags_s(), settings.prepare.pose_delay_least_sd_s)
+    return _told("attitude", told, _pose_lags_s())
 
 
 def clock_drift(flight: Prepared) -> float:
@@ -248,7 +254,7 @@ def clock_drift(flight: Prepared) -> float:
     """
     pair, rows = _both_rates(flight), np.flatnonzero(flight.flying)
     count = int(len(rows) * flight.dt_s // settings.locate.block_s)
-    if pair is None or count < settings.prepare.drift_blocks_least:
+    if pair is None or count < settings.statistics.folds:
         return 0.0
     gyro, pose = (_high_pass(rates.T, flight.dt_s) for rates in pair)
     lags_s = _pose_lags_s()
@@ -279,11 +285,11 @@ def _slope(t_s: np.ndarray, delay_s: np.ndarray, correlation: np.ndarray) -> flo
     """Of the line through delays, each as good as its correlation; 0 where their scatter about it
     may have made it.
     """
-    told = correlation > settings.prepare.block_correlation_least
-    if told.sum() < settings.prepare.drift_blocks_least:
+    told = correlation > settings.prepare.correlation_least
+    if told.sum() < settings.statistics.folds:
         return 0.0
     x, y, free = t_s[told], delay_s[told], told.sum() - 2
-    share = np.minimum(correlation[told], settings.prepare.correlation_most) ** 2
+    share = np.minimum(correlation[told], 1.0 - settings.statistics.least_gain) ** 2
     weight = share / (1.0 - share)
     x, y = x - np.average(x, weights=weight), y - np.average(y, weights=weight)
     spread = weight @ x**2

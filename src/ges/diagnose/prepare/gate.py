@@ -98,9 +98,7 @@ def _in_the_air(
         if gridded.height_m is not None
         else None
     )
-    p = settings.prepare
-    off_m = p.lift_off_m if own else p.touching_radii * model.radius_m
-    gap, up = gaps(frame, flight.t_s), airborne(flight, gridded.working, above, off_m)
+    gap, up = gaps(frame, flight.t_s), airborne(flight, gridded.working, above)
     cut = clipped(frame, flight.t_s) & up & ~gap
     hit = struck(gridded, model) & up & ~gap & ~cut
     left_out = {"on_ground": ~up & ~gap, "gaps": gap, "clipping": cut, "contact": hit}
@@ -131,12 +129,12 @@ def struck(gridded: _Gridded, model: Model) -> np.ndarray:
     if gridded.height_m is None or "acc_z_m_s2" not in flight.columns:
         return np.zeros(len(flight.t_s), bool)
     p, push = settings.prepare, flight.columns["acc_z_m_s2"]
-    size = 2 * int(p.blow_s / flight.dt_s) + 1
+    size = 2 * int(0.5 * p.contact_margin_s / flight.dt_s) + 1
     blow = np.abs(push - median_filter(push, size=size, mode="nearest"))
     usual = MAD_TO_SD * np.median(blow)
     close = gridded.height_m < p.blow_height_radii * model.radius_m
     hit = (blow > max(p.blow_least_m_s2, p.blow_sds * usual)) & close
-    around = max(1, int(p.blow_margin_s / flight.dt_s))
+    around = max(1, int(p.contact_margin_s / flight.dt_s))
     return binary_dilation(hit, iterations=around) if hit.any() else hit
 
 
@@ -145,7 +143,7 @@ def clipped(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
     reading: out of its range.
     """
     t_s, found = frame["t_s"].to_numpy(dtype=float), np.zeros(len(grid_s), bool)
-    margin_s = settings.prepare.clipping_margin_s
+    margin_s = settings.prepare.transient_margin_s
     for name in (n for n in (*BODY_RATE, *SPECIFIC_FORCE) if n in frame):
         for first, last in _at_limit(t_s, frame[name].to_numpy(dtype=float)):
             found |= (grid_s >= t_s[first] - margin_s) & (grid_s <= t_s[last] + margin_s)
@@ -181,7 +179,7 @@ def with_thrust_direction(flight: Prepared, frame: pd.DataFrame) -> Prepared:
     """
     if flight.has("attitude") or not flight.has("velocity"):
         return flight
-    step, smoothing_s = flight.dt_s, settings.prepare.tilt_smoothing_s
+    step, smoothing_s = flight.dt_s, settings.prepare.thrust_smoothing_s
     smooth = gaussian_filter1d(flight.stack("velocity"), smoothing_s / step, axis=0)
     up = np.gradient(smooth, step, axis=0) + np.array([0.0, 0.0, GRAVITY_M_S2])
     up /= np.linalg.norm(up, axis=1, keepdims=True)
@@ -223,8 +221,8 @@ def _problem(flight: Prepared) -> str | None:
             f"never leaves the ground: its {drive.replace('_', ' ')}s are zero throughout (not"
             " armed, or other outputs drive it)"
         )
-    if flight.flying.sum() * flight.dt_s < settings.prepare.flying_shortest_s:
-        return f"has less than {settings.prepare.flying_shortest_s:g} s in the air"
+    if flight.flying.sum() * flight.dt_s < settings.prepare.flight_shortest_s:
+        return f"has less than {settings.prepare.flight_shortest_s:g} s in the air"
     return None
 
 
@@ -237,8 +235,7 @@ def _remarks(flight: Prepared) -> list[str]:
             " around that are left out"
         )
     if abs(drift) > max(
-        settings.prepare.drift_least_s,
-        *(flight.update_s[s] for s in ("gyro", "attitude") if flight.has(s)),
+        (flight.update_s[s] for s in ("gyro", "attitude") if flight.has(s)), default=0.0
     ):
         told.append(
             f"has two clocks: its attitude gets {1e3 * drift:.0f} ms later against its gyro along"
@@ -300,7 +297,7 @@ def _pose_settled(flights: list[Prepared | None]) -> tuple[Delay | None, list[Pr
     """A clear delay of the pose, and the flights without it."""
     used = [f for f in flights if f]
     p, pose = settings.prepare, pose_delay(used)
-    least_s = max(p.pose_delay_least_s, p.pose_delay_least_samples * max(f.dt_s for f in used))
+    least_s = p.pose_delay_least_samples * max(f.dt_s for f in used)
     if not pose or abs(pose.delay_s) <= max(settings.statistics.certain_sds * pose.sd_s, least_s):
         return None, flights
     return pose, [f and shifted(f, pose.stream, pose.delay_s) for f in flights]
@@ -313,7 +310,6 @@ def _gyro_settled(
     found = gyro_bias([f for f in flights if f])
     if not found:
         return None, flights
-    sds, least_rad_s = settings.statistics.certain_sds, settings.prepare.gyro_bias_least_rad_s
-    if not (np.abs(found[0]) > np.maximum(sds * found[1], least_rad_s)).any():
+    if not (np.abs(found[0]) > settings.statistics.certain_sds * found[1]).any():
         return None, flights
     return found, [f and without_bias(f, found[0]) for f in flights]

@@ -19,6 +19,7 @@ from ges.diagnose.types.words import channel_words, quantity_words, size_unit
 from ges.diagnose.validate.locate import Cell
 from ges.diagnose.validate.proof import Proof
 from ges.diagnose.validate.traces import Trace, trace
+from ges.diagnose.validate.verify import along_horizon_s
 from ges.files import write_json
 from ges.simulator import effects as effect_table
 from ges.vehicle.file import save_vehicle
@@ -76,7 +77,7 @@ def _figures(
     diagnosis: Diagnosis, content: Mapping[str, Any], traces: Sequence[Trace]
 ) -> Iterator[Figure]:
     """Those that this diagnosis has something for."""
-    proof, s = diagnosis.workings.proof, settings.validate
+    proof = diagnosis.workings.proof
     yield from map_figure(diagnosis.workings.cells)
     yield "over_time", "over_time", (next((t for t in traces if t.held_out), traces[0]),)
     told = _parameters(content)
@@ -86,7 +87,7 @@ def _figures(
         yield (
             "rollout",
             "rollout_growth",
-            (np.linspace(0.0, s.horizon_s, s.horizon_steps + 1), proof.rollouts),
+            (along_horizon_s(), proof.rollouts),
         )
     if any(c["before"] for c in content["fit"]["channels"].values()):
         yield "held_out", "held_out_bars", (content["fit"]["channels"],)

@@ -76,6 +76,12 @@ def _log_prior(names: Sequence[str], count: int) -> float:
     )
 
 
+def log_odds_against_one_of(count: int) -> float:
+    """Log odds of nothing against one cause out of so many, before any flight."""
+    none, one, *_ = settings.search.size_probabilities
+    return math.log(none / one * count)
+
+
 def log_rarity(names: Sequence[str]) -> float:
     """How much less often than others of their number such names are met."""
     return sum(math.log(effect_table.get(name).rarity) for name in names)

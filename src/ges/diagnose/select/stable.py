@@ -101,14 +101,14 @@ def _hidden(
         for k, c in enumerate(system.columns)
         if c.variant is not None and c.variant.effect in free
     ]
-    channels = np.flatnonzero(board.noise.restless > settings.search.restless_ratio)
+    channels = np.flatnonzero(board.noise.restless > settings.statistics.flights_ratio)
     if not listed or not len(channels):
         return []
     share = np.max(
         [_explained(system, c, left_over(system, c, chosen), listed) for c in channels], axis=0
     )
     best: dict[str, Variant] = {}
-    count = np.count_nonzero(share > settings.search.hidden_share)
+    count = np.count_nonzero(share > 0.5)
     for i in np.argsort(-share, kind="stable")[:count]:
         best.setdefault(system.columns[listed[i]].variant.effect, system.columns[listed[i]].variant)
     return [

@@ -15,7 +15,7 @@ from ges.diagnose.settings import settings
 
 def log_odds(probability: float) -> float:
     """Of a probability, no farther than where the search's certainty says more."""
-    most = settings.search.log_odds_most
+    most = settings.statistics.certain_log_odds
     return float(np.clip(logit(np.clip(probability, 0.0, 1.0)), -most, most))
 
 

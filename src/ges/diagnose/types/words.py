@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from ges.conventions import rotor_columns
+
 _CHANNELS = {
     "force_x": "force forward",
     "force_y": "force to the left",
@@ -16,7 +18,7 @@ _CHANNELS = {
     "acc_y": "accelerometer left",
     "acc_z": "accelerometer along thrust",
     "range": "rangefinder",
-    **{f"drive_{i}": f"speed of rotor {i}" for i in range(1, 5)},
+    **dict(zip(rotor_columns("drive_{}"), rotor_columns("speed of rotor {}"), strict=True)),
     "p_x_m": "position x",
     "p_y_m": "position y",
     "p_z_m": "height",

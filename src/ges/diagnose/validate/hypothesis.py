@@ -17,19 +17,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ges.conventions import FORCE, LENGTH, MOMENT, NUMBER, SPEED, Dimension
 from ges.diagnose.design.instruments import own_signal
 from ges.diagnose.design.residual import speeds_at_work
 from ges.diagnose.design.system import System
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.diagnose.validate.structure import Told
-
-Dimension = tuple[int, int, int]  # exponents of kg, m, s
-FORCE: Dimension = (1, 1, -2)
-MOMENT: Dimension = (1, 2, -2)
-NUMBER: Dimension = (0, 0, 0)
-SPEED: Dimension = (0, 1, -1)
-LENGTH: Dimension = (0, 1, 0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -205,7 +199,7 @@ def sparse_form(
         if r2 < best + settings.statistics.least_gain:
             break
         chosen, best = tried, r2
-    if best < settings.locate.form_r2_least:
+    if best < settings.locate.r2_least:
         return None
     x = _design(chosen, good)
     beta = _fit(x, y)

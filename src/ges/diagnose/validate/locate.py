@@ -77,8 +77,8 @@ def least_shares() -> dict[str, float]:
     """The least structure by kind of channel, over the whole of the channel."""
     s = settings.locate
     return {
-        **dict.fromkeys(("force", "acc"), s.least_force_share),
-        "moment": s.least_moment_share,
+        **dict.fromkeys(("force", "acc"), settings.decide.least_force_share),
+        "moment": settings.decide.least_moment_share,
         "drive": s.least_drive_share,
         "range": s.least_range_radii,
     }
@@ -112,7 +112,7 @@ def _least_r2_of_size(s: Structure) -> float:
 
 def _least(s: Structure, model: Model, shares: Mapping[str, float]) -> float:
     """Smallest rms that counts; what the flights of the calibration show too does not."""
-    known = settings.locate.calibration_ratio * model.left_unexplained.get(s.key, 0.0)
+    known = settings.statistics.flights_ratio * model.left_unexplained.get(s.key, 0.0)
     of_size = dict.fromkeys(("force", "acc", "moment"), settings.locate.least_size_share)
     share = (of_size if s.of_size else shares).get(s.kind, np.inf)
     return max(share * model.whole(s.channel), known)
@@ -298,11 +298,10 @@ def from_open(
     """
     system, noise = board.system, np.concatenate(left)
     chance: dict[str, float] = {}
+    negligible = 1.0 - settings.statistics.certain_probability
     shown: dict[str, np.ndarray] = {}
     for h in (
-        h
-        for h in found.hypotheses
-        if h.probability > settings.locate.negligible_probability and set(h.names) - set(proven)
+        h for h in found.hypotheses if h.probability > negligible and set(h.names) - set(proven)
     ):
         acts = acts_of(h.posterior, set(h.names) - set(proven), board.system)
         for c, channel in enumerate(system.main):

@@ -140,16 +140,14 @@ def _basis(
     fold_of: np.ndarray,
 ) -> Basis:
     fold, s = fold_of[block], settings.locate
-    count, ends = (
-        s.knots if len(regime) == 1 else s.place_knots,
-        (s.knot_quantile, 1.0 - s.knot_quantile),
-    )
+    count, q = s.knots if len(regime) == 1 else s.place_knots, settings.statistics.extreme_quantile
+    ends = (q, 1.0 - q)
     knots = tuple(np.linspace(*np.quantile(values[name], ends), count) for name in regime)
     x = hats(values[regime[0]], knots[0])
     for name, k in zip(regime[1:], knots[1:], strict=True):
         x = (x[:, :, None] * hats(values[name], k)[:, None, :]).reshape(len(x), -1)
     gram = {int(f): x[fold == f].T @ x[fold == f] for f in np.unique(fold)}
-    total = sum(gram.values()) + settings.locate.ridge * np.eye(x.shape[1])
+    total = sum(gram.values()) + settings.statistics.ridge_windows * np.eye(x.shape[1])
     return Basis(
         regime,
         knots,
@@ -224,7 +222,7 @@ def _of_mean(
     rng, folds = np.random.default_rng(settings.statistics.seed), settings.statistics.folds
     count = int(block.max(initial=-1)) + 1
     by_block = rng.permutation(count) % folds
-    signs = rng.choice([-1.0, 1.0], (count, settings.locate.draws))
+    signs = rng.choice([-1.0, 1.0], (count, settings.statistics.resamples))
     by_flight = np.zeros(count, dtype=int)
     by_flight[block] = np.repeat(np.arange(len(raw)), [len(r) for r in raw])
     e = np.concatenate(raw)
@@ -232,7 +230,7 @@ def _of_mean(
     for channels in _there_together(e):
         used = np.isfinite(e[:, channels[0]])
         here, at = {n: v[used] for n, v in values.items()}, block[used]
-        if used.sum() < settings.locate.windows_least or len(np.unique(by_block[at])) < folds:
+        if used.sum() < folds * settings.locate.knots or len(np.unique(by_block[at])) < folds:
             continue
         several = len(np.unique(by_flight[at])) > 1
         of_block = csr_array((np.ones(len(at)), (at, np.arange(len(at)))), shape=(count, len(at)))
@@ -295,7 +293,8 @@ def _tested(
     r2 = _gain(basis, y, of_block, np.ones((len(signs), 1)))[:, 0]
     draws = _gain(basis, _missed(basis, y), of_block, signs)
     beta = np.linalg.solve(
-        sum(basis.gram.values()) + settings.locate.ridge * np.eye(basis.x.shape[1]), basis.x.T @ y
+        sum(basis.gram.values()) + settings.statistics.ridge_windows * np.eye(basis.x.shape[1]),
+        basis.x.T @ y,
     )
     rms = np.sqrt(np.mean((basis.x @ beta) ** 2, axis=0)) * size
     return [

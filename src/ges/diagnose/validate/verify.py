@@ -175,6 +175,12 @@ def _inside(values: Mapping[str, np.ndarray], bounds: Mapping[str, Sequence[floa
     return inside
 
 
+def along_horizon_s() -> np.ndarray:
+    """Times in a rollout at which its error is told, s."""
+    longest_s = settings.validate.horizon_s
+    return np.linspace(0.0, longest_s, round(longest_s / settings.prepare.grid_step_longest_s) + 1)
+
+
 def rollout(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
     """Open-loop errors along one horizon, see :mod:`~ges.diagnose.estimate.shoot`.
 
@@ -182,14 +188,14 @@ def rollout(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
     -------
     error by contract column (``p_z_m`` ...), (starts, points), the first of them at the start.
     """
-    n, steps = (
-        int(round(settings.validate.horizon_s / flight.dt_s)),
-        settings.validate.horizon_steps,
-    )
+    n = int(round(settings.validate.horizon_s / flight.dt_s))
     rolled = rollouts_of(flight, model, n)
     if not len(rolled.starts):
         return {}
-    at, clock = np.linspace(0.0, n * flight.dt_s, steps + 1), np.arange(n + 1) * flight.dt_s
+    at, clock = (
+        np.linspace(0.0, n * flight.dt_s, len(along_horizon_s())),
+        np.arange(n + 1) * flight.dt_s,
+    )
     errors = {}
     for name in POSITION + VELOCITY:
         said = np.array([np.interp(at, r["t_s"] - r["t_s"][0], r[name]) for r in rolled.flown])
