@@ -1,6 +1,4 @@
-"""Moving air: logarithmic wind profile, Dryden gusts (MIL-F-8785C, low altitude), and coloured
-noise.
-"""
+"""Moving air: logarithmic wind profile and Dryden gusts (MIL-F-8785C, low altitude)."""
 
 from __future__ import annotations
 
@@ -55,15 +53,3 @@ def _second_order(y, inner, time, sigma, shock, dt):
     x1_new = keep * x1 + scale * np.sqrt(1.0 - keep**2) * shock
     x2_new = keep * x2 + (1.0 - keep) * 0.5 * (x1 + x1_new)
     return root3 * x1_new + (1.0 - root3) * x2_new, x2_new
-
-
-def coloured(
-    shape: tuple[int, int], dt: float, time_s: float, rng: np.random.Generator
-) -> np.ndarray:
-    """Return (channels, n) Ornstein-Uhlenbeck noise of unit variance with a correlation time."""
-    from scipy.signal import lfilter
-
-    keep = np.exp(-dt / time_s)
-    white = rng.standard_normal(shape) * np.sqrt(1.0 - keep**2)
-    white[:, 0] /= np.sqrt(1.0 - keep**2)
-    return lfilter([1.0], [1.0, -keep], white, axis=1)

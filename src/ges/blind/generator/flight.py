@@ -16,6 +16,7 @@ from ges.blind.generator.airframe import RHO_KG_M3, Airframe
 from ges.blind.generator.concealed import NEUTRAL
 from ges.blind.generator.pilot import Pilot
 from ges.blind.generator.plan import CONTROL_DT_S, Plan
+from ges.blind.noise import coloured
 from ges.conventions import GRAVITY_M_S2
 
 DT_S = 0.001
@@ -68,9 +69,9 @@ class Air:
     @staticmethod
     def _one(sortie: Sortie, n: int):
         rng = np.random.default_rng(sortie.seed)
-        coloured = air.coloured((6, n), SLOW * DT_S, 0.3, rng)
+        turbulence = coloured((6, n), SLOW * DT_S, 0.3, rng)
         return (
-            coloured * sortie.turbulence,
+            turbulence * sortie.turbulence,
             rng.standard_normal((3, n)),
             rng.standard_normal((9, n)),
         )
