@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from ges.blind.foreign.drone_models import RPM, airframe
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.recorder import Flown
-from ges.blind.foreign.sets import NAME_OF_WRONG, Concealed, Place, draw_log, write_flown
+from ges.blind.foreign.sets import Concealed, Place, draw_log, write_flown
+from ges.blind.generator.detectable import NAME_OF_WRONG, Flown
 from ges.errors import GesError
 
 WORLD = "crazyflow"

@@ -17,16 +17,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.recorder import Flown
-from ges.blind.foreign.sets import (
-    NAME_OF_WRONG,
-    Concealed,
-    Place,
-    draw_log,
-    misdeclared,
-    write_flown,
-)
+from ges.blind.foreign.sets import Concealed, Place, draw_log, misdeclared, write_flown
 from ges.blind.generator.airframe import Airframe, declare
+from ges.blind.generator.detectable import NAME_OF_WRONG, Flown
 from ges.blind.generator.pilot import Pilot
 from ges.errors import GesError
 

@@ -17,18 +17,9 @@ from typing import Any
 import numpy as np
 
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.recorder import Flown
-from ges.blind.foreign.sets import (
-    NAME_OF_WRONG,
-    Concealed,
-    Place,
-    body_of,
-    draw_log,
-    driven,
-    misdeclared,
-    write_flown,
-)
+from ges.blind.foreign.sets import Concealed, Place, draw_log, misdeclared, write_flown
 from ges.blind.generator.airframe import Airframe, declare
+from ges.blind.generator.detectable import NAME_OF_WRONG, Flown, body_of, driven
 from ges.blind.generator.pilot import Pilot
 from ges.errors import GesError
 
@@ -343,13 +334,14 @@ def _row(
     if design.drag or design.box or design.viscosity:
         row["of_fluid"] = np.concatenate([turn.T @ data.qfrc_fluid[:3], data.qfrc_fluid[3:6]])
     if design.wind_m_s:
+        # the drag acts in the air at rest, the wind is what moving air adds to it
         blowing = model.opt.wind.copy()
         model.opt.wind[:] = 0.0
         mujoco.mj_passive(model, data)
         calm = np.concatenate([turn.T @ data.qfrc_fluid[:3], data.qfrc_fluid[3:6]])
         model.opt.wind[:] = blowing
         mujoco.mj_passive(model, data)
-        row["of_wind"] = row["of_fluid"] - calm
+        row |= {"of_wind": row["of_fluid"] - calm, "of_fluid": calm}
     return {name: np.array(value, dtype=float) for name, value in row.items()}
 
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from ges.blind.limit import Change
-from ges.blind.noise import Air, Noise, coloured
+from ges.blind.generator.detectable import Flown, sample_times
+from ges.blind.noise import Noise, coloured
 from ges.conventions import (
     BODY_RATE,
     COMMAND,
@@ -22,22 +21,6 @@ from ges.conventions import (
     VELOCITY,
     VELOCITY_REF,
 )
-
-
-@dataclass(frozen=True)
-class Flown:
-    """One flight as it truly was, on a uniform clock.
-
-    ``state`` by name, (n, width): ``p`` and ``v`` (world), ``q`` (scalar first), ``omega``,
-    ``rotor_speed``, ``u`` (held from one sample to the next), ``specific_force`` (body), and where
-    there were references ``p_ref``, ``v_ref``, ``yaw_ref``; ``range`` where there is a rangefinder.
-    ``changes`` are what each concealed effect did.
-    """
-
-    step_s: float
-    state: Mapping[str, np.ndarray]
-    changes: Mapping[str, Change] = field(default_factory=dict)
-    air: Air = field(default_factory=Air)
 
 
 @dataclass(frozen=True)
@@ -122,12 +105,6 @@ class _Recorder:
         named = dict(zip(POSITION_REF, self._held("p_ref"), strict=True))
         named |= dict(zip(VELOCITY_REF, self._held("v_ref"), strict=True))
         return named | {"yaw_ref_rad": self._held("yaw_ref")[0]}
-
-
-def sample_times(flown: Flown, rate_hz: float) -> np.ndarray:
-    """Return the times of the log's samples; it starts one sample after the flight's truth."""
-    end = (len(flown.state["p"]) - 1) * flown.step_s
-    return np.arange(1.0 / rate_hz, end, 1.0 / rate_hz)
 
 
 def _last(t: np.ndarray, step_s: float) -> np.ndarray:

@@ -7,22 +7,16 @@ from the wrench that RotorPy itself computes along the flown path with and witho
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ges.blind.foreign.recorder import Flown
-from ges.blind.foreign.sets import (
-    NAME_OF_WRONG,
-    Concealed,
-    Place,
-    draw_log,
-    write_flown,
-)
+from ges.blind.foreign.sets import Concealed, Place, draw_log, write_flown
 from ges.blind.generator.airframe import Airframe, declare
+from ges.blind.generator.detectable import NAME_OF_WRONG, Flown
 from ges.errors import GesError
 
 WORLD = "rotorpy"
@@ -30,7 +24,9 @@ NEEDS = ("rotorpy",)
 FLIGHTS = 4
 SECONDS = (11.0, 15.0)
 LONGEST_STEP_S = 0.005
-LOST_M = 4.0
+LOST_M = 2.0
+ATTEMPTS, GENTLER = 6, 0.85
+PACE = {"hummingbird": 1.0, "crazyflie": 0.6}
 AERO = ("c_Dx", "c_Dy", "c_Dz", "k_d", "k_z", "k_h", "k_flap")
 # coefficients that RotorPy's vehicles have or, where they have none, of a like share of the weight
 ON = {
@@ -154,10 +150,9 @@ def make(out: Path, design: Design, number: int, place: Place) -> None:
     step_s = 1.0 / (log.rate_hz * max(steps, 1))
     heading = rng.uniform(0.0, 2.0 * np.pi)
     blowing = design.wind_m_s * np.array([np.cos(heading), np.sin(heading), 0.0])
-    trajectories = _trajectories(place.half, design.vehicle, rng)
     flights = [
-        _fly(design, numbers, path, _air(design, blowing, step_s, rng), step_s, rng)
-        for path in trajectories
+        _fly_gently(design, numbers, place.half, kind, blowing, step_s, rng)
+        for kind in range(FLIGHTS)
     ]
     concealed = design.concealed()
     write_flown(out, place, craft, flights, log, concealed, METHOD, design.wrong)
@@ -193,47 +188,60 @@ def _airframe(design: Design, numbers: Mapping[str, Any], rng: np.random.Generat
     )
 
 
-def _trajectories(half: str, vehicle: str, rng: np.random.Generator) -> Sequence[Any]:
-    """Return RotorPy's own trajectories; the halves fly other families at other speeds."""
+def _fly_gently(
+    design: Design,
+    numbers: Mapping[str, Any],
+    half: str,
+    kind: int,
+    blowing: np.ndarray,
+    step_s: float,
+    rng: np.random.Generator,
+) -> Flown:
+    """Fly a trajectory; one that the controller loses is drawn anew and flown slower."""
+    pace = PACE[design.vehicle]
+    for _ in range(ATTEMPTS):
+        path = _trajectory(half, kind, pace, rng)
+        flown = _fly(numbers, design, path, _air(design, blowing, step_s, rng), step_s, rng)
+        if flown is not None:
+            return flown
+        pace *= GENTLER
+    raise GesError(
+        f"RotorPy's controller lost its {type(path).__name__} in '{design.key}' {ATTEMPTS} times;"
+        " the trajectories are too fast for the vehicle"
+    )
+
+
+def _trajectory(half: str, kind: int, pace: float, rng: np.random.Generator) -> Any:
+    """Return one of RotorPy's own trajectories; the halves fly other families, other shapes."""
     from rotorpy.trajectories.circular_traj import ThreeDCircularTraj
     from rotorpy.trajectories.lissajous_traj import TwoDLissajous
     from rotorpy.trajectories.minsnap import MinSnap
     from rotorpy.trajectories.speed_traj import ConstantSpeed
 
-    pace = {"hummingbird": 1.0, "crazyflie": 0.6}[vehicle]
+    early, other = half == "development", rng.uniform(0.9, 1.1, 2)
     high = np.array([0.0, 0.0, 2.5])
-
-    def circle(radius, hz, **keywords):
+    if kind == 0:
+        size, turns = (1.5, 1.2), np.array([0.9, 1.6] if early else [0.7, 2.0]) * pace * other
+        return TwoDLissajous(
+            A=size[0 if early else 1],
+            B=size[1 if early else 0],
+            a=turns[0],
+            b=turns[1],
+            height=2.0 if early else 3.0,
+            yaw_bool=early and bool(rng.random() < 0.5),
+        )
+    if kind == 1:
+        radius, hz = (1.5, 0.28 * pace) if early else (1.1, 0.34 * pace)
         size = np.array([radius, radius, 0.5]) * rng.uniform(0.9, 1.1, 3)
         turns = np.array([hz, hz, hz * rng.uniform(0.5, 0.8)])
-        return ThreeDCircularTraj(high, size, turns, **keywords)
-
-    def waypoints(count, speed, reach):
-        steps = rng.uniform(0.8, 1.2, (count, 3)) * rng.choice([-1.0, 1.0], (count, 3))
-        points = high + np.cumsum(steps * np.array([reach, reach, 0.4]), axis=0) % 2.0 - 1.0
+        return ThreeDCircularTraj(high, size, turns, yaw_traj=None if early else "forward")
+    if kind == 2:
+        count, speed, reach = (16, 1.3, 1.0) if early else (18, 1.1, 1.4)
+        points = high + rng.uniform(-reach, reach, (count, 3)) * np.array([1.0, 1.0, 0.5])
         turns = np.cumsum(rng.uniform(-0.9, 0.9, count))
         return MinSnap(points, turns, v_avg=speed * pace, v_max=9.0, verbose=False)
-
-    if half == "development":
-        return (
-            TwoDLissajous(
-                A=1.5,
-                B=1.2,
-                a=0.9 * pace * rng.uniform(0.9, 1.1),
-                b=1.6 * pace * rng.uniform(0.9, 1.1),
-                height=2.0,
-                yaw_bool=bool(rng.random() < 0.5),
-            ),
-            circle(1.5, 0.28 * pace),
-            waypoints(16, 1.3, 1.0),
-            ConstantSpeed(high, dist=2.0, speed=1.2 * pace, axis=2, repeat=True),
-        )
-    return (
-        circle(1.1, 0.34 * pace, yaw_traj="forward"),
-        TwoDLissajous(A=2.0, B=0.8, a=0.7 * pace, b=2.0 * pace * rng.uniform(0.9, 1.1), height=3.0),
-        waypoints(18, 1.5, 1.4),
-        ConstantSpeed(high, dist=3.0, speed=1.5 * pace, axis=int(rng.integers(2)), repeat=True),
-    )
+    along, speed = (2, 1.2) if early else (int(rng.integers(2)), 1.5)
+    return ConstantSpeed(high, dist=2.0 * speed, speed=speed * pace, axis=along, repeat=True)
 
 
 def _air(
@@ -264,15 +272,18 @@ def _dryden(size: float, step_s: float, rng: np.random.Generator) -> Any:
 
 
 def _fly(
-    design: Design,
     numbers: Mapping[str, Any],
+    design: Design,
     path: Any,
     air: Callable[[float, np.ndarray], np.ndarray],
     step_s: float,
     rng: np.random.Generator,
-) -> Flown:
-    """Fly one trajectory by RotorPy's controller; Runge and Kutta's fourth order on its equations
-    of motion, ten times faster than its own adaptive integration."""
+) -> Flown | None:
+    """Fly one trajectory by RotorPy's controller; None where it lost it.
+
+    Runge and Kutta's fourth order on RotorPy's equations of motion, ten times faster than its own
+    adaptive integration.
+    """
     from rotorpy.controllers.quadrotor_control import SE3Control
     from rotorpy.vehicles.multirotor import Multirotor
 
@@ -298,10 +309,7 @@ def _fly(
         rows.append(_row(vehicle, without, state, control, asked))
         state = _step(vehicle, state, control, step_s)
         if not np.abs(state["x"] - asked["x"]).max() < LOST_M:
-            raise GesError(
-                f"RotorPy's controller lost its {type(path).__name__} in '{design.key}'; the"
-                " trajectory is too fast for the vehicle"
-            )
+            return None
     states = {n: np.stack([r[n] for r in rows]) for n in rows[0] if "/" not in n}
     changes = {
         name: {c: np.stack([r[f"{name}/{c}"] for r in rows]) for c in ("force_N", "moment_Nm")}
@@ -312,30 +320,26 @@ def _fly(
 
 def _vehicles_without(
     design: Design, numbers: Mapping[str, Any], state: Mapping[str, np.ndarray]
-) -> dict[str, tuple[Any, bool]]:
-    """Return by name the vehicle that lacks this one effect, and whether the air is still."""
+) -> dict[str, Any]:
+    """Return by name the vehicle that lacks this one effect; None for air that moves."""
     from rotorpy.vehicles.multirotor import Multirotor
 
-    found: dict[str, tuple[Any, bool]] = {}
-    shift = np.array([*design.shift_m, 0.0])
-
-    def vehicle(off: Mapping[str, float]) -> Any:
+    def vehicle(off: Iterable[str], shift: Sequence[float]) -> Any:
         one = Multirotor(dict(numbers) | dict.fromkeys(off, 0.0), dict(state), aero=True)
-        one.rotor_geometry = one.rotor_geometry - shift
+        one.rotor_geometry = one.rotor_geometry - np.array([*shift, 0.0])
         return one
 
-    for name in design.on:
-        found[name] = (vehicle(ON[design.vehicle][name]), False)
-    if design.wind_m_s or design.gusts[0]:
-        found["wind" if design.wind_m_s else "gusts"] = (vehicle({}), True)
+    found = {n: vehicle(ON[design.vehicle][n], design.shift_m) for n in design.on}
     if any(design.shift_m):
-        found["cg_offset"] = (Multirotor(dict(numbers), dict(state), aero=True), False)
+        found["cg_offset"] = vehicle((), (0.0, 0.0))
+    if design.wind_m_s or design.gusts[0]:
+        found["wind" if design.wind_m_s else "gusts"] = None
     return found
 
 
 def _row(
     vehicle: Any,
-    without: Mapping[str, tuple[Any, bool]],
+    without: Mapping[str, Any],
     state: Mapping[str, np.ndarray],
     control: Mapping[str, Any],
     asked: Mapping[str, Any],
@@ -360,10 +364,13 @@ def _row(
         "v_ref": asked["x_dot"],
         "yaw_ref": [asked["yaw"]],
     }
-    for name, (other, calm) in without.items():
-        bare = other.compute_body_wrench(rates, speeds, still if calm else moving)
-        row[f"{name}/force_N"] = force - bare[0]
-        row[f"{name}/moment_Nm"] = moment - bare[1]
+    # effects act in the air at rest, and the wind is what moving air adds to all of them, so that
+    # the parts sum up to the whole
+    calm = vehicle.compute_body_wrench(rates, speeds, still) if without else None
+    for name, other in without.items():
+        bare = other.compute_body_wrench(rates, speeds, still) if other else None
+        whole, part = ((force, moment), calm) if other is None else (calm, bare)
+        row[f"{name}/force_N"], row[f"{name}/moment_Nm"] = whole[0] - part[0], whole[1] - part[1]
     return {name: np.array(value, dtype=float) for name, value in row.items()}
 
 

@@ -219,7 +219,7 @@ def draw_numbers(spec: Spec, craft, seed: int, attempt: int) -> dict[str, dict[s
 
 def truth(spec: Spec, numbers: dict[str, dict[str, float]], terrain: str) -> dict:
     """Return the truth of a case in the contract's form, with its category beside it."""
-    names = [] if spec.category == "unknown" else _with_companions(spec.names)
+    names = [] if spec.category == "unknown" else with_companions(spec.names)
     findings = [{"name": n, "parameters": numbers.get(n, {})} for n in names]
     other = [[r] for r in spec.rivals] + _also(spec, names, terrain)
     return {
@@ -232,7 +232,8 @@ def truth(spec: Spec, numbers: dict[str, dict[str, float]], terrain: str) -> dic
     }
 
 
-def _with_companions(names) -> list[str]:
+def with_companions(names) -> list[str]:
+    """Return concealed names, each after what it needs to act on."""
     out: list[str] = []
     for name in names:
         out += [n for n in (*COMPANIONS.get(name, ()), name) if n not in out]

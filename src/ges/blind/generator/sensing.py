@@ -183,7 +183,7 @@ class Recorder:
         n = len(self.t)
         reading = self._cone()
         if self.hid["range_lag_s"]:
-            reading = _lagged(reading, self.hid["range_lag_s"], CONTROL_DT_S)
+            reading = lagged(reading, self.hid["range_lag_s"], CONTROL_DT_S)
         y = (
             np.interp(self.t, self.clock, reading)
             + self.hid["range_bias_m"]
@@ -248,7 +248,7 @@ def _march(p, beam, grid):
     return distance
 
 
-def _lagged(y, lag_s, dt):
+def lagged(y, lag_s, dt):
     from scipy.signal import lfilter
 
     keep = np.exp(-dt / lag_s)
