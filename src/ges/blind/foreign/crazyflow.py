@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from ges.blind.foreign.drone_models import RPM, airframe
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.sets import Concealed, Place, draw_log, write_flown
+from ges.blind.foreign.sets import Concealed, Place, Sources, draw_log, write_flown
 from ges.blind.generator.detectable import NAME_OF_WRONG, Flown
 from ges.errors import GesError
 
@@ -108,7 +108,7 @@ def designs(half: str) -> list[Design]:
     ]
 
 
-def make(out: Path, sets: Sequence[tuple[Design, int, Place]]) -> None:
+def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
     """Fly designs abreast, a drone at a time, and seal them.
 
     Raises

@@ -9,7 +9,7 @@ flown path, and from the actuators' numbers.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.sets import Concealed, Place, draw_log, misdeclared, write_flown
+from ges.blind.foreign.sets import Concealed, Place, Sources, draw_log, misdeclared, write_flown
 from ges.blind.generator.airframe import Airframe, declare
 from ges.blind.generator.detectable import NAME_OF_WRONG, Flown, body_of, driven
 from ges.blind.generator.pilot import Pilot
@@ -155,14 +155,19 @@ def designs(half: str) -> list[Design]:
     ]
 
 
-def make(out: Path, design: Design, number: int, place: Place) -> None:
-    """Fly one design and seal it.
+def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+    """Fly designs, one after the other, and seal them.
 
     Raises
     ------
     GesError
         When the vehicle was lost.
     """
+    for design, number, place in sets:
+        _make(out, design, number, place)
+
+
+def _make(out: Path, design: Design, number: int, place: Place) -> None:
     craft = _airframe(design, place.rng("file"))
     log = draw_log(place, number)
     rng = place.rng("paths")

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ges.blind.foreign.sets import Concealed, Place, draw_log, write_flown
+from ges.blind.foreign.sets import Concealed, Place, Sources, draw_log, write_flown
 from ges.blind.generator.airframe import Airframe, declare
 from ges.blind.generator.detectable import NAME_OF_WRONG, Flown
 from ges.errors import GesError
@@ -134,14 +134,19 @@ def designs(half: str) -> list[Design]:
     return found + [Design(v, wrong=w) for v, w in wrong]
 
 
-def make(out: Path, design: Design, number: int, place: Place) -> None:
-    """Fly one design and seal it.
+def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+    """Fly designs, one after the other, and seal them.
 
     Raises
     ------
     GesError
         When RotorPy's controller loses its trajectory.
     """
+    for design, number, place in sets:
+        _make(out, design, number, place)
+
+
+def _make(out: Path, design: Design, number: int, place: Place) -> None:
     numbers = _numbers(design)
     craft = _airframe(design, numbers, place.rng("file"))
     log = draw_log(place, number)

@@ -53,6 +53,14 @@ def check_half(half: str, seed: int) -> None:
 
 
 @dataclass(frozen=True)
+class Sources:
+    """Folders of what cannot be made here: published flights, and sets made elsewhere."""
+
+    recordings: Path = Path("recordings")
+    given: Path = Path("worlds")
+
+
+@dataclass(frozen=True)
 class Place:
     """Which set of a world this is; everything drawn for it follows from it."""
 

@@ -68,6 +68,14 @@ COMPOSITIONS = {
         "sensor": 4,
         "confounded": 3,
     },
+    "world": {
+        "single": len(PHYSICS),
+        "null": 8,
+        "pair": 4,
+        "unknown": 3,
+        "parameter": 2,
+        "sensor": 1,
+    },
     "third": {
         "single": len(PHYSICS) * 6,
         "null": 100,
@@ -93,6 +101,7 @@ SECONDS = {
     "smoke": (11.0, 13.0),
     "tiny": (11.0, 13.0),
     "sample": (20.0, 27.0),
+    "world": (16.0, 22.0),
     "third": (20.0, 27.0),
     "full": (20.0, 27.0),
 }

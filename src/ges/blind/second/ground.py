@@ -1,0 +1,46 @@
+"""The ground under a rotor as a vortex cylinder and its image; the fountain between the wakes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+DISC_POINTS = ((0.0, 0.0), (0.7, 0.0), (-0.7, 0.0), (0.0, 0.7), (0.0, -0.7))
+WALL_JET = 1.12
+
+
+def blocked_share(height_over_radius: np.ndarray) -> np.ndarray:
+    """Return the share of a hovering rotor's inflow that the ground blocks, in theory.
+
+    A vortex cylinder from the disc to the ground and its image (Knight and Hefner 1941, NACA
+    TN 835), on the axis: v / v_far = 2x / sqrt(1 + x^2) - 2x / sqrt(1 + 4x^2), x = height / radius.
+    """
+    x = np.maximum(height_over_radius, 0.05)
+    return 1.0 - 2.0 * x * (1.0 / np.sqrt(1.0 + x * x) - 1.0 / np.sqrt(1.0 + 4.0 * x * x))
+
+
+def along_wake(height, edge, induced, sweep):
+    """Return the length of the way that a skewed wake takes to the ground, and the cosine of its
+    skew (Heyson 1960, NASA TR R-71: images lie along the wake).
+    """
+    cosine = induced / np.sqrt(induced**2 + (sweep * edge) ** 2)
+    return height / np.maximum(cosine, 0.1), cosine
+
+
+def fountain_share(height, spacing):
+    """Return the lift of the fountain over its peak: wall jets that spread from each rotor lose
+    speed as r^-1.12 (Glauert 1956) and need room below the body to turn up.
+    """
+    x = np.maximum(height, 0.0) / spacing
+    shape = (1.0 + x) ** (-2.0 * WALL_JET) * -np.expm1(-3.0 * x)
+    return shape / PEAK
+
+
+_X = np.linspace(0.0, 4.0, 2001)
+PEAK = float(np.max((1.0 + _X) ** (-2.0 * WALL_JET) * -np.expm1(-3.0 * _X)))
+
+
+def levelling(tilt, height, spacing):
+    """Return the levelling moment over weight times spacing per unit of its coefficient: it falls
+    with the square of the height (as Yang et al. 2025 report that it dies within a span).
+    """
+    return -tilt / (1.0 + (np.maximum(height, 0.0) / spacing) ** 2) ** 2
