@@ -16,11 +16,10 @@ from ges.blind.protocol import seal
 from ges.blind.protocol.run import OUT, method_folder
 from ges.blind.score.coefficients import Comparison, compare
 from ges.blind.score.judge import CATEGORIES, Judgement, judge
+from ges.blind.score.statistics import bootstrap, calibration_error, proportion
 from ges.errors import GesError
 from ges.files import replacing, sha256, write_json
 
-CONFIDENCE = 0.95
-DRAWS = 2000
 LIMIT_S = 10.0
 PROCESSES = 2
 # score: aim and its direction
@@ -226,29 +225,6 @@ def reach(judged: Sequence[Judgement], held: dict) -> pd.DataFrame:
     return told.astype({"n": int})
 
 
-def proportion(hits: Sequence[bool]) -> tuple[float, float, float]:
-    """Share with its Clopper-Pearson interval; NaN where there is nothing to count."""
-    from scipy.stats import binomtest
-
-    if not len(hits):
-        return (np.nan,) * 3
-    test = binomtest(int(sum(hits)), len(hits))
-    low, high = test.proportion_ci(CONFIDENCE, method="exact")
-    return (test.statistic, float(low), float(high))
-
-
-def bootstrap(
-    values: np.ndarray, statistic: Callable[[np.ndarray], float]
-) -> tuple[float, float, float]:
-    """Statistic of rows of ``values`` with its percentile interval over resampled rows."""
-    if not len(values):
-        return (np.nan,) * 3
-    rng = np.random.default_rng(0)
-    drawn = [statistic(values[rng.integers(0, len(values), len(values))]) for _ in range(DRAWS)]
-    low, high = np.nanquantile(drawn, [0.5 - CONFIDENCE / 2.0, 0.5 + CONFIDENCE / 2.0])
-    return (float(statistic(values)), float(low), float(high))
-
-
 def f1(counts: np.ndarray) -> float:
     """F1 of rows (found, too many, missed)."""
     found, many, missed = counts.sum(axis=0)
@@ -265,13 +241,6 @@ def _median_share(gains: np.ndarray) -> float:
     decide it.
     """
     return float(np.median(gains[:, 0] / gains[:, 1]))
-
-
-def calibration_error(stated: np.ndarray, bins: int = 10) -> float:
-    """Expected calibration error of rows (probability, came true) over equal bins."""
-    place = np.clip((stated[:, 0] * bins).astype(int), 0, bins - 1)
-    gaps = [abs((stated[place == b, 0] - stated[place == b, 1]).sum()) for b in range(bins)]
-    return float(sum(gaps) / len(stated))
 
 
 def only_true(j: Judgement) -> bool | None:
