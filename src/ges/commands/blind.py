@@ -125,21 +125,26 @@ def run(folder: Path, processes: int, method: str, minutes: float | None) -> Non
 def score(folder: Path, out: Path | None, method: str) -> None:
     """Open the seal and score the verdicts; writes CSV, JSON and figures.
 
+    Sets of worlds are scored by world, beside the simple baselines that were run on them.
+
     Example: ges blind score proof
     """
     from ges.blind.protocol.run import method_folder
+    from ges.blind.score.by_world import made_of_worlds, score_worlds
     from ges.blind.score.score import score_cases
 
-    report = score_cases(
-        folder,
-        out or folder / method_folder(method).replace("diagnosed", "scores"),
-        method_folder(method),
-    )
+    diagnosed = method_folder(method)
+    out = out or folder / diagnosed.replace("diagnosed", "scores")
+    if made_of_worlds(folder):
+        report = score_worlds(folder, out, method)
+    else:
+        report = score_cases(folder, out, diagnosed)
     for row in report["scores"]:
         if row["n"]:
             interval = f"[{row['low']:.3g}, {row['high']:.3g}]"
+            name = f"{row['method']}: {row['score']}" if "method" in row else row["score"]
             click.echo(
-                f"{row['score']:<55} {row['value']:8.3g} {interval:<18} n={row['n']:<5}"
+                f"{name:<66} {row['value']:8.3g} {interval:<18} n={row['n']:<5}"
                 f" {row['aim']:<8} {row['met']}"
             )
 

@@ -13,6 +13,7 @@ import json
 import multiprocessing
 import os
 import shutil
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
@@ -183,6 +184,7 @@ def make_worlds(
     if (out / "sealed" / seal.SUMS).exists():
         raise UsageError(f"'{out}' already holds sealed cases; name an empty folder")
     places = places or Sources()
+    out, places = out.resolve(), Sources(places.recordings.resolve(), places.given.resolve())
     chosen = {name: world for name, world in WORLDS.items() if not only or name in only}
     skipped = {n: why for n, w in chosen.items() if (why := w.missing(half, places))}
     sets = {
@@ -294,4 +296,6 @@ def _environment(values: Mapping[str, str]) -> Iterator[None]:
 
 
 def _make(world: str, out: Path, batch: Sets, places: Sources) -> None:
-    WORLDS[world].make(out, batch, places)
+    """Make a batch in a folder of its own: some simulators leave logs where they are started."""
+    with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
+        WORLDS[world].make(out, batch, places)

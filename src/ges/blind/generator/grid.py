@@ -229,7 +229,9 @@ def draw_numbers(spec: Spec, craft, seed: int, attempt: int) -> dict[str, dict[s
 def truth(spec: Spec, numbers: dict[str, dict[str, float]], terrain: str) -> dict:
     """Return the truth of a case in the contract's form, with its category beside it."""
     names = [] if spec.category == "unknown" else with_companions(spec.names)
-    findings = [{"name": n, "parameters": numbers.get(n, {})} for n in names]
+    findings = [
+        {"name": n, "parameters": numbers.get(n, {})} | _place(n, numbers.get(n, {})) for n in names
+    ]
     other = [[r] for r in spec.rivals] + _also(spec, names, terrain)
     return {
         "verdict": _verdict(spec),
@@ -239,6 +241,11 @@ def truth(spec: Spec, numbers: dict[str, dict[str, float]], terrain: str) -> dic
         "category": spec.category,
         "concealed": {name: numbers[name] for name in spec.names},
     }
+
+
+def _place(name: str, numbers: dict[str, float]) -> dict[str, str]:
+    """Return where an effect acts, if it is one rotor's."""
+    return {"place": f"rotor {int(numbers['weak_index']) + 1}"} if name == "weak_rotor" else {}
 
 
 def with_companions(names) -> list[str]:

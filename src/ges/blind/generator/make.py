@@ -297,7 +297,8 @@ def _write_truth(case: Case, flights, limit: dict, stem: Path) -> None:
         "weight_N": case.craft.true["mass"] * GRAVITY_M_S2,
         "battery_V": case.craft.battery_V,
     }
-    np.savez_compressed(stem.with_suffix(".npz"), **_witness(case, flights))
+    if not case.world:
+        np.savez_compressed(stem.with_suffix(".npz"), **_witness(case, flights))
     write_json(stem.with_suffix(".json"), content)
 
 

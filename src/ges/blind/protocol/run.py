@@ -29,9 +29,12 @@ SAME = (
 """An isolated interpreter would take the package that is installed, whichever one makes the
 verdicts.
 """
+SIMPLE = ("means", "losses", "stepwise", "parameters")
+"""Baselines that stand beside the tool in every table of the worlds."""
+BASELINES = (*SIMPLE, "sindy", "boosting")
 METHODS: dict[str, dict] = {
     "ges": {},
-    **{name: {"baseline": name} for name in ("stepwise", "sindy", "parameters", "boosting")},
+    **{name: {"baseline": name} for name in BASELINES},
     **{
         f"without-{part}": {"without": [part]} for part in ("instruments", "whitening", "tolerance")
     },

@@ -14,8 +14,18 @@ import numpy as np
 import pandas as pd
 
 from ges.blind.limit import power
+from ges.blind.protocol import seal
+from ges.blind.protocol.run import SIMPLE, method_folder
 from ges.blind.score.judge import acceptable, category_of
-from ges.blind.score.statistics import calibration_error, proportion
+from ges.blind.score.statistics import (
+    calibration_error,
+    proportion,
+    reliability_table,
+    score_row,
+)
+from ges.blind.score.verdicts import read_verdict, write_csv
+from ges.files import write_json
+from ges.study.figures import style
 
 ANSWERS = ("right", "acceptable", "partly", "wrong", "unknown", "failed")
 HOME = "home"
@@ -297,3 +307,96 @@ def skipped(folder: Path) -> pd.DataFrame:
         for name, why in about.get("skipped", {}).items()
     ]
     return pd.DataFrame(rows, columns=None if rows else ["world", "why"])
+
+
+def made_of_worlds(folder: Path) -> bool:
+    """Say whether a folder was made by ``ges blind worlds``."""
+    made = folder / "sealed" / "made.json"
+    return made.exists() and "worlds" in json.loads(made.read_text())
+
+
+def score_worlds(folder: Path, out: Path, method: str = "ges") -> dict[str, Any]:
+    """Score the sets of all worlds, beside every simple baseline that was run on them.
+
+    Writes ``worlds.csv`` (by method and world), ``sets.csv``, ``power.csv``, ``skipped.csv``,
+    ``reliability.csv``, ``power.pdf`` and ``power.png``, and ``scores.json``, which is returned.
+
+    Raises
+    ------
+    GesError
+        For a set without a verdict, or a broken seal.
+    """
+    from ges.blind.score.figures import draw_power
+
+    names = seal.cases(folder)
+    seal.check(folder, list(seal.listed(folder)))
+    truths = {n: seal.truth(folder, n) for n in names}
+    tool = _answers(truths, _diagnoses(folder, method, names))
+    alarms = sum(a.alarm for a in tool if a.null)
+    by_method = {method: tool}
+    for baseline in (b for b in SIMPLE if (folder / method_folder(b)).is_dir()):
+        answers = at_same_alarms(truths, _diagnoses(folder, baseline, names), alarms)
+        by_method[baseline] = _answers(truths, answers)
+    powers = pd.concat([power_table(answers).assign(method=m) for m, answers in by_method.items()])
+    tables = {
+        "worlds": pd.concat([table(a).assign(method=m) for m, a in by_method.items()]),
+        "sets": _set_table(tool, truths, folder / method_folder(method)),
+        "power": powers,
+        "skipped": skipped(folder),
+        "reliability": reliability_table([s for a in tool for s in a.stated]),
+    }
+    for name, frame in tables.items():
+        write_csv(out / f"{name}.csv", frame)
+    rows = [
+        score_row(name, values, AIMS.get(name)) | {"method": m}
+        for m, answers in by_method.items()
+        for name, values in scores(answers).items()
+    ]
+    report = {"schema": 1, "cases": len(names), "scores": rows}
+    write_json(out / "scores.json", report)
+    style.save(draw_power(powers), powers, out / "power.csv", out / "power.pdf", out / "power.png")
+    return report
+
+
+def _diagnoses(folder: Path, method: str, names: Sequence[str]) -> dict[str, dict]:
+    return {n: read_verdict(folder / method_folder(method) / n) for n in names}
+
+
+def _answers(truths: Mapping[str, Mapping], diagnoses: Mapping[str, Mapping]) -> list[Answer]:
+    return [answer_of(n, truth, diagnoses[n]) for n, truth in truths.items()]
+
+
+def _set_table(
+    answers: Sequence[Answer], truths: Mapping[str, Mapping], diagnosed: Path
+) -> pd.DataFrame:
+    """One row a set: what was concealed, what was answered, what could have been told."""
+    rows = []
+    for a in answers:
+        truth, diagnosis = truths[a.case], read_verdict(diagnosed / a.case)
+        findings = diagnosis["findings"]
+        rows.append(
+            {
+                "case": a.case,
+                "world": a.world,
+                "design": truth.get("situation", {}).get("design", ""),
+                "category": a.category,
+                "severity": truth.get("severity", ""),
+                "truth": "+".join(sorted({f["name"] for f in truth["findings"]})),
+                "verdict": diagnosis["verdict"],
+                "named": "+".join(f["name"] for f in findings),
+                "probabilities": " ".join(f"{f['probability']:.2f}" for f in findings),
+                "answer": a.answer,
+                "least_nats": min(a.nats.values(), default=np.nan),
+                "best_method": a.tellable,
+                "rotor_speeds": truth.get("situation", {}).get("rotor_speeds"),
+                "noise": truth.get("situation", {}).get("noise"),
+                "rate_hz": truth.get("situation", {}).get("rate_hz"),
+                "seconds": _seconds(diagnosed / a.case),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _seconds(verdict: Path) -> float:
+    about = verdict / "run.json"
+    return json.loads(about.read_text()).get("seconds", np.nan) if about.exists() else np.nan

@@ -13,7 +13,7 @@ import numpy as np
 from ges.blind.protocol import seal
 from ges.blind.protocol.run import OUT
 from ges.blind.score.judge import judge
-from ges.blind.score.score import read_verdict
+from ges.blind.score.verdicts import read_verdict
 from ges.diagnose.detectors.clocks import SETTLED
 from ges.errors import GesError
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import pandas as pd
 
 CONFIDENCE = 0.95
 DRAWS = 2000
@@ -38,3 +39,39 @@ def calibration_error(stated: np.ndarray, bins: int = 10) -> float:
     place = np.clip((stated[:, 0] * bins).astype(int), 0, bins - 1)
     gaps = [abs((stated[place == b, 0] - stated[place == b, 1]).sum()) for b in range(bins)]
     return float(sum(gaps) / len(stated))
+
+
+def reliability_table(stated: Sequence[tuple[float, bool]], bins: int = 10) -> pd.DataFrame:
+    """Stated probability against the share that came true, by bin."""
+    values = np.array(stated, dtype=float).reshape(-1, 2)
+    place = np.clip((values[:, 0] * bins).astype(int), 0, bins - 1)
+    rows = []
+    for b in np.unique(place):
+        part = values[place == b]
+        share, low, high = proportion(part[:, 1].astype(bool))
+        rows.append(
+            {
+                "bin": b / bins,
+                "n": len(part),
+                "stated": part[:, 0].mean(),
+                "true": share,
+                "low": low,
+                "high": high,
+            }
+        )
+    return pd.DataFrame(rows, columns=["bin", "n", "stated", "true", "low", "high"])
+
+
+def score_row(
+    name: str, values: tuple[float, float, float, int], aim: tuple[str, float] | None
+) -> dict[str, float | int | str | None]:
+    """Return a score with its interval, number of cases, aim, and whether it is met."""
+    value, low, high, count = values
+    sign, goal = aim or ("", np.nan)
+    met = ""
+    if sign and count:
+        met = "yes" if (value <= goal if sign == "<=" else value >= goal) else "no"
+    finite = [float(v) if np.isfinite(v) else None for v in (value, low, high)]
+    about = f"{sign} {goal:g}" if sign else ""
+    keys = ("score", "value", "low", "high", "n", "aim", "met")
+    return dict(zip(keys, (name, *finite, count, about, met), strict=True))
