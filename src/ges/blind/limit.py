@@ -313,9 +313,12 @@ class _Filter:
     def _innovations(self, push: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return whitened innovations (n, sensors, columns)."""
         s, (at, weight) = self.size, self.drive
+        # in units of their own noise, so that a deaf sensor beside a keen one costs no digits
+        sds = np.array([sd for sd, _, _ in self.readings])
+        values = values / sds[:, None]
         seen = np.zeros((len(self.readings), s))
-        for row, (_, of, _) in enumerate(self.readings):
-            seen[row, list(of)] = 1.0
+        for row, (sd, of, _) in enumerate(self.readings):
+            seen[row, list(of)] = 1.0 / sd
         step, covariance = self.transition[:s, :s], np.diag(self.start[:s])
         state, rows = np.zeros((s, push.shape[1])), np.empty_like(values)
         steady = None
@@ -328,8 +331,9 @@ class _Filter:
                 covariance = after
             innovation = values[k] - seen @ state
             rows[k] = root @ innovation
+            # the filter's estimate, less what truly is: the filter knows of no push
             state = step @ (state + gain @ innovation)
-            state[at] += weight * push[k]
+            state[at] -= weight * push[k]
         return rows
 
     @property
@@ -342,10 +346,9 @@ class _Filter:
         """Return gain, the innovations' whitening root, and the covariance one step on."""
         s, step = self.size, self.transition[: self.size, : self.size]
         live = np.array([when[k] for _, _, when in self.readings])
-        noise = np.array([sd for sd, _, _ in self.readings])[live] ** 2
         part = seen[live]
         cross = covariance @ part.T
-        inner = part @ cross + np.diag(noise)
+        inner = part @ cross + np.eye(len(part))
         solved = np.linalg.solve(inner, cross.T).T
         gain, root = np.zeros((s, len(live))), np.zeros((len(live),) * 2)
         gain[:, live] = solved

@@ -211,6 +211,16 @@ def make_worlds(
     return total - left, total, skipped
 
 
+def make_and_seal(
+    sums: Path, half: str, seed: int, sample: bool, recordings: Path, given: Path
+) -> None:
+    """Make the sets of a workflow in the folder above ``sealed/``, where ``sums`` is the list of
+    hashes; go on where it was interrupted.
+    """
+    sums.unlink(missing_ok=True)
+    make_worlds(sums.parents[1], half, seed, (), sample, Sources(recordings, given))
+
+
 def _sets(world: World, half: str, seed: int, sample: bool, places: Sources) -> Sets:
     designs = list(world.designs(half, places))
     every = [(d, k, Place(world.name, d.key, half, seed)) for k, d in enumerate(designs)]

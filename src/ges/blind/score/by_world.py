@@ -23,7 +23,7 @@ from ges.blind.score.statistics import (
     reliability_table,
     score_row,
 )
-from ges.blind.score.verdicts import read_verdict, write_csv
+from ges.blind.score.verdicts import check_batches, read_verdict, write_csv
 from ges.files import write_json
 from ges.study.figures import style
 
@@ -47,9 +47,9 @@ LAST = Path(__file__).with_name("last_scores.json")
 class Answer:
     """What a method said of one set.
 
-    ``answer`` is one of :data:`ANSWERS`; ``named`` the true names that were named, ``nats`` by true
-    name what any method could tell (the whole truth under '' where nothing has a name), ``stated``
-    (probability, came true) of each name.
+    ``answer`` is one of :data:`ANSWERS`; ``alarm`` whether anything is said to be there, of a null
+    anything that is not true of it; ``named`` the true names that were named; ``nats`` by name what
+    any method could tell; ``stated`` (probability, came true) of each name.
     """
 
     case: str
@@ -85,15 +85,18 @@ def answer_of(case: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any])
     right = acceptable(truth)
     known = frozenset().union(*right)
     named = _named(findings, verdict)
-    limits = truth.get("detectable", {})
-    nats = dict(limits.get("without", {}))
+    nats = dict(truth.get("detectable", {}).get("without", {}))
     category = category_of(truth)
+    answer = _answer(category, verdict, named, findings, right, truth)
+    # of a null only what is not true of it is an alarm
+    quiet = verdict in ("nothing_proven", "failed")
+    quiet = quiet or category == "null" and answer == "acceptable"
     return Answer(
         case,
         truth.get("situation", {}).get("world", HOME),
         category,
-        _answer(category, verdict, named, findings, right, truth),
-        verdict not in ("nothing_proven", "failed") and named not in right,
+        answer,
+        not quiet,
         frozenset(named & {f["name"] for f in truth["findings"]}),
         nats,
         tuple((float(f["probability"]), f["name"] in known) for f in findings),
@@ -234,7 +237,7 @@ def _row(answers: Sequence[Answer]) -> dict[str, Any]:
     row |= {
         "nulls": len(nulls),
         "false_alarms": sum(a.alarm for a in nulls),
-        "detected": sum(a.alarm or a.good for a in concealed),
+        "detected": sum(a.alarm for a in concealed),
         "sure_names": len(sure),
         "sure_names_true": sum(sure),
         "tellable": sum(a.tellable for a in limited),
@@ -316,7 +319,8 @@ def made_of_worlds(folder: Path) -> bool:
 
 
 def score_worlds(folder: Path, out: Path, method: str = "ges") -> dict[str, Any]:
-    """Score the sets of all worlds, beside every simple baseline that was run on them.
+    """Score the sets of all worlds, beside every simple baseline that was run on them, each cut at
+    the false alarms of the tool.
 
     Writes ``worlds.csv`` (by method and world), ``sets.csv``, ``power.csv``, ``skipped.csv``,
     ``reliability.csv``, ``power.pdf`` and ``power.png``, and ``scores.json``, which is returned.
@@ -400,3 +404,17 @@ def _set_table(
 def _seconds(verdict: Path) -> float:
     about = verdict / "run.json"
     return json.loads(about.read_text()).get("seconds", np.nan) if about.exists() else np.nan
+
+
+def score_batches(sums: Path, verdicts: list[Path], scores: Path) -> None:
+    """Score what the workflow's batches diagnosed; tables go beside ``scores``.
+
+    Raises
+    ------
+    GesError
+        When a verdict is not the one that its batch wrote.
+    """
+    folder = sums.parents[1]
+    for path in verdicts:
+        check_batches(folder, method_folder(path.parent.name), [path])
+    score_worlds(folder, scores.parent)

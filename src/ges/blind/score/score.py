@@ -24,9 +24,8 @@ from ges.blind.score.statistics import (
     reliability_table,
     score_row,
 )
-from ges.blind.score.verdicts import read_verdict, write_csv
-from ges.errors import GesError
-from ges.files import sha256, write_json
+from ges.blind.score.verdicts import check_batches, read_verdict, write_csv
+from ges.files import write_json
 
 LIMIT_S = 10.0
 PROCESSES = 2
@@ -115,18 +114,8 @@ def score_batches(sums: Path, verdicts: list[Path], scores: Path) -> None:
         When a verdict is not the one that its batch wrote.
     """
     folder = sums.parents[1]
-    _check_batches(folder, OUT, verdicts)
+    check_batches(folder, OUT, verdicts)
     score_cases(folder, scores.parent)
-
-
-def _check_batches(folder: Path, diagnosed: str, verdicts: Sequence[Path]) -> None:
-    for path in verdicts:
-        for name, digest in json.loads(path.read_text()).items():
-            if sha256(folder / diagnosed / name / "diagnosis.json") != digest:
-                raise GesError(
-                    f"the verdict of case '{name}' is not the one that its batch wrote; run the"
-                    " batch again"
-                )
 
 
 def compare_methods(sums: Path, verdicts: list[Path], methods: list[str], table: Path) -> None:
@@ -140,7 +129,7 @@ def compare_methods(sums: Path, verdicts: list[Path], methods: list[str], table:
     columns, said = {}, {}
     for method in methods:
         diagnosed = method_folder(method)
-        _check_batches(folder, diagnosed, [p for p in verdicts if p.parent.name == method])
+        check_batches(folder, diagnosed, [p for p in verdicts if p.parent.name == method])
         said[diagnosed] = {n: read_verdict(folder / diagnosed / n) for n in names}
     every = _against_oracle(folder, truths, said)
     for method in methods:

@@ -162,8 +162,28 @@ class Flights:
         tuned = self.true["lag"] * self.hid["lag_gain"] + 0.5 * self.hid["frame_s"]
         places = self.plain_hub[:, :2]
         self.pilot = Cascade(self.declared, places, self.spin, tuned, CONTROL * DT_S)
-        carried = 1.0 + self.hid["load_share"]
-        self.pilot.trim(self.hover * np.sqrt(carried / self.hid["density"]) / self.true["speed"])
+        share = np.sqrt((1.0 + self.hid["load_share"]) / self.hid["density"])
+        self.pilot.trim(self._hover_command(self.hover * share), self._steady_moment())
+
+    def _hover_command(self, speed):
+        """Return the command (F,) that holds a rotor speed, by halving."""
+        low, high = np.zeros_like(speed), np.ones_like(speed)
+        for _ in range(40):
+            u = 0.5 * (low + high)
+            enough = self._asked(u) > speed
+            low, high = np.where(enough, low, u), np.where(enough, u, high)
+        return u
+
+    def _asked(self, u):
+        """Return the speed that a command comes to, with the battery as it is."""
+        share = drive.capped(drive.bent(u, self.hid["bent"]), self.hid["cap"])
+        return self.true["speed"] * share * drive.speed_of_voltage(self.volt, self.hid["sags"])
+
+    def _steady_moment(self):
+        """Return the body moment (3, F) of a weak rotor and a centre of mass aside, in hover."""
+        even = self.true["thrust"] * self.hover**2 * np.ones((4, 1))
+        parts = self._rotor_parts(even, -self.spin * self.true["torque"] * self.hover**2)
+        return parts["weak_rotor"][3:] + parts["cg_offset"][3:]
 
     def run(self) -> dict[str, np.ndarray]:
         """Fly; return rows (n, width, F) of states, and ``change/<name>/force`` and ``/moment`` for
@@ -216,8 +236,7 @@ class Flights:
         if i % CONTROL == 0:
             battery = (self.charge, self.relax, current, hid["resistance"], hid["drain_1_s"])
             self.charge, self.relax, self.volt = drive.step_battery(*battery, CONTROL * DT_S)
-        share = drive.capped(drive.bent(self.held, hid["bent"]), hid["cap"])
-        asked = top * share * drive.speed_of_voltage(self.volt, hid["sags"])
+        asked = self._asked(self.held)
         lag = self.true["lag"] * hid["lag_gain"]
         self.w, self.w_rate = drive.step_motor(self.w, self.w_rate, asked, lag, hid["coast"], DT_S)
         plain = (self.plain_w, self.plain_rate, top * self.u, self.true["lag"])

@@ -33,12 +33,16 @@ class Cascade:
         self.drift = np.zeros((3, len(lag_s)))
         self.twist = np.zeros((3, len(lag_s)))
         self.before = np.zeros((3, len(lag_s)))
+        self.held = np.zeros((3, len(lag_s)))
 
-    def trim(self, hover_u):
-        """Begin as on a vehicle that has flown before: it knows the command that hovers (F,)."""
+    def trim(self, hover_u, moment):
+        """Begin as on a vehicle that has flown before: it knows the command that hovers (F,), and
+        the body moment (3, F) that it has to hold.
+        """
         thrust = 4.0 * self.declared["thrust"] * (hover_u * self.declared["speed"]) ** 2
         lacking = thrust / self.declared["mass"] - G_M_S2
         self.drift[2] = lacking / (0.5 * self.velocity_gain)
+        self.held = moment
 
     def commands(self, ref, p, v, q, omega):
         """Return commands (4, F) for references (11, F) and a measured state, scalar first."""
@@ -58,8 +62,9 @@ class Cascade:
         self.twist = np.clip(self.twist + self.dt * lack, -1.0, 1.0)
         bend, self.before = (omega - self.before) / self.dt, omega
         turn = self.rate_gain * (lack + 1.2 * self.twist) - 0.02 * bend
-        moment = self.inertia * turn
-        moment[2] = np.clip(moment[2], -0.02 * thrust, 0.02 * thrust)
+        moment = self.inertia * turn - self.held * thrust / (self.declared["mass"] * G_M_S2)
+        most = np.abs(self.held[2]) + 0.02 * thrust
+        moment[2] = np.clip(moment[2], -most, most)
         each = np.einsum("fij,jf->if", self.allocation, np.concatenate([thrust[None], moment]))
         speed = np.sqrt(np.maximum(each, 0.0) / self.declared["thrust"])
         return np.clip(speed / self.declared["speed"], LEAST, 1.0)

@@ -150,7 +150,7 @@ SECRETS: dict[str, Callable[[Craft, int, np.random.Generator], Numbers]] = {
         "coast": rng.uniform(1.0, 1.4),
     },
     "esc_delay": lambda c, k, rng: {"frame_s": _near(k, (0.007, 0.014, 0.026), rng)},
-    "thrust_curve": lambda c, k, rng: {"bent": _near(k, (0.2, 0.45, 0.85), rng)},
+    "thrust_curve": lambda c, k, rng: {"bent": _near(k, (0.15, 0.3, 0.55), rng)},
     "rotor_saturation": _cap,
     "weak_rotor": lambda c, k, rng: {
         "weak_share": _near(k, (0.05, 0.11, 0.2), rng),
