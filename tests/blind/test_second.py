@@ -16,7 +16,6 @@ from ges.blind import generator
 from ges.blind import second as second_author
 from ges.blind.generator import attached as first_attached
 from ges.blind.generator import drive as first_drive
-from ges.blind.generator import ground as first_ground
 from ges.blind.second import air, attached, drive, ground, rotor
 
 SECOND = sorted(Path(second_author.__file__).parent.glob("[!_]*.py"))
@@ -198,31 +197,27 @@ def test_battery_rests_where_a_lithium_cell_does():
 
 
 def test_blade_elements_agree_with_momentum_theory():
-    """Heave damping of a hovering rotor, dC_T / d lam_c = -(s/4)/(1 + s lam/(8 C_T) ...), by
-    differences of the closed form s (theta/6 - lam/4) without twist and root.
+    """Heave damping of a hovering rotor: of C_T = s (theta/6 - lam/4) and 2 lam_i lam = C_T follows
+    dC_T / d lam_c = -(s/8) / (1 + s / (16 lam)).
     """
     s, thrust = 0.6, 0.0145
     theta = rotor.pitch_of(s, thrust)
     hover, up = (rotor.coefficients(s, theta, 0.0, c)[0][0] for c in (0.0, 0.01))
     lam = np.sqrt(thrust / 2.0)
     area = 1.0 - rotor.ROOT**2
-    slope = -(s * area / 4.0) / (1.0 + s * area / (16.0 * lam))
+    slope = -(s * area / 8.0) / (1.0 + s * area / (16.0 * lam))
     assert hover == pytest.approx(thrust, rel=1e-3)
     assert (up - hover) / 0.01 == pytest.approx(slope, rel=0.06)
 
 
-def test_ground_blocks_nothing_far_away_and_half_near_one_radius():
-    assert ground.blocked_share(np.array(50.0)) < 1e-3
-    assert ground.blocked_share(np.array(1.0)) == pytest.approx(
-        1.0 - np.sqrt(2.0) + 2.0 / np.sqrt(5.0), abs=1e-12
-    )
-    image = first_ground.image_fraction(
-        np.zeros((3, 4, 1)) + np.array([0.0, 0.0, 0.12])[:, None, None],
-        np.array([0.12]),
-        lambda x, y: 0.0 * x,
-        np.zeros((2, 1)),
-    )
-    assert abs(image[0, 0] / 4.0 - float(ground.blocked_share(np.array(1.0)))) > 0.1
+def test_ground_blocks_nothing_far_away_and_nearly_all_at_contact(monkeypatch):
+    """Without fading it is the closed form of Knight and Hefner's cylinder."""
+    assert ground.blocked_share(np.array(30.0)) < 1e-3
+    assert ground.blocked_share(np.array(0.05)) > 0.9
+    monkeypatch.setattr(ground, "FADING", 1e6)
+    for x in (0.5, 1.0, 2.0):
+        closed = 2.0 * x / np.sqrt(1.0 + x * x) - 2.0 * x / np.sqrt(1.0 + 4.0 * x * x)
+        assert ground._cylinder(x) == pytest.approx(closed, rel=2e-3)
 
 
 def test_gusts_have_unit_deviation_and_karman_s_slope():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import json
 import os
 import subprocess
@@ -15,6 +16,7 @@ import pytest
 
 from ges.blind.foreign import given, logs, mujoco, paths, real, rotorpy, sets, worlds
 from ges.blind.foreign.sets import Concealed, Place, Sources
+from ges.blind.generator.detectable import body_of
 from ges.blind.protocol import seal
 from ges.errors import GesError, UsageError
 
@@ -127,18 +129,19 @@ def test_worlds_are_made_sealed_and_what_is_missing_is_said(tmp_path, toys):
         worlds.make_worlds(out, "development", 3)
 
 
-def test_pieces_go_on_to_the_same_bytes(tmp_path, toys):
-    """Stopped at once by the clock, and again and again: what it ends in is what one run makes."""
+def test_pieces_go_on_to_the_same_bytes(tmp_path, toys, monkeypatch):
+    """A clock that runs a minute a look: stopped after three batches, and again; what it ends in is
+    what one run makes.
+    """
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     worlds.make_worlds(whole, "evaluation", 1003)
-    counts = [0]
-    for _ in range(20):
-        count, total, _ = worlds.make_worlds(parts, "evaluation", 1003, minutes=1e-9, processes=1)
+    minute = itertools.count()
+    monkeypatch.setattr(worlds.time, "monotonic", lambda: 60.0 * next(minute))
+    counts = []
+    while not (parts / "sealed" / seal.SUMS).exists():
+        count, total, _ = worlds.make_worlds(parts, "evaluation", 1003, minutes=3.5, processes=1)
         counts.append(count)
-        if count == total:
-            break
-        assert not (parts / "sealed" / seal.SUMS).exists()
-        worlds.make_worlds(parts, "evaluation", 1003, minutes=2e-5, processes=1)
+    assert len(counts) > 2 and counts == sorted(counts) and counts[-1] == total == 10
     assert seal.listed(whole) == seal.listed(parts)
 
 
@@ -207,12 +210,26 @@ def _left(flown, craft) -> float:
     return float(np.abs(force).max() / (9.81 * true["mass"]))
 
 
+def _balanced(flown, craft) -> None:
+    """What the rotors' moments and the changes come to on the average is what turns the body."""
+    body, state = body_of(craft), flown.state
+    plain = body.wrench(craft.true["thrust"] * state["rotor_speed"] ** 2)["moment_Nm"]
+    omega, seconds = state["omega"], flown.step_s * (len(state["omega"]) - 1)
+    turning = body.inertia_kg_m2 * (omega[-1] - omega[0]) / seconds
+    turning = turning + np.cross(omega, body.inertia_kg_m2 * omega).mean(axis=0)
+    left = plain.mean(axis=0) - turning
+    for change in flown.changes.values():
+        left = left + np.mean(change.get("moment_Nm", np.zeros((1, 3))), axis=0)
+    assert np.abs(left).max() < 2e-4 * 9.81 * craft.true["mass"] * craft.arm_m
+
+
 @pytest.mark.parametrize(
     "design",
     [
         rotorpy.Design("hummingbird"),
         rotorpy.Design("crazyflie", {"rotor_drag": 1.0, "parasitic_drag": 1.0}, wind_m_s=1.5),
         rotorpy.Design("hummingbird", {"translational_lift": 1.0, "axial_inflow": 0.3}),
+        rotorpy.Design("hummingbird", shift_m=(0.006, -0.004)),
     ],
     ids=lambda d: d.key,
 )
@@ -227,16 +244,19 @@ def test_rotorpy_keeps_its_balance(design, monkeypatch):
     flown = rotorpy._fly(numbers, design, path, air, 0.005, rng)
     assert set(flown.changes) == {n for n in design.concealed().names}
     assert _left(flown, craft) < 1e-9
+    if any(design.shift_m):
+        _balanced(flown, craft)
     assert np.abs(flown.state["p"] - flown.state["p_ref"]).max() < 0.6
 
 
-def test_rotorpy_gusts_have_the_size_that_is_asked_for():
+def test_rotorpy_gusts_have_the_same_size_whatever_the_step():
     pytest.importorskip("rotorpy", reason="the extra 'simulators' is not installed")
-    rng = np.random.default_rng(0)
+    rng, sizes = np.random.default_rng(0), []
     for step in (0.002, 0.005):
         wind = rotorpy._dryden(0.8, step, rng)
-        rows = np.array([wind.update(0.0, np.zeros(3)) for _ in range(int(60.0 / step))])
-        assert 0.3 < rows[:, 0].std() < 1.8
+        rows = [wind.update(0.0, np.zeros(3)) for _ in range(int(200.0 / step))]
+        sizes.append(np.std(rows, axis=0)[:2].mean())
+    assert 0.7 < sizes[0] / sizes[1] < 1.4 and min(sizes) > 0.4 and max(sizes) < 1.6
 
 
 MUJOCO = (
@@ -246,6 +266,7 @@ MUJOCO = (
     mujoco.Design("x1100", load=0.1),
     mujoco.Design("x1100", spring=2.0),
     mujoco.Design("x150", weak=0.1, tilt_rad=0.03),
+    mujoco.Design("x1100", shift=0.05),
     mujoco.Design("x1100", curve=0.6),
     mujoco.Design("x1100", ceiling=0.8, delay_s=0.016),
 )
@@ -263,6 +284,7 @@ def test_mujoco_keeps_its_balance(design):
     drives = {"thrust_curve", "rotor_saturation", "esc_delay"} & set(flown.changes)
     if not drives:
         assert _left(flown, craft) < 2e-6
+        _balanced(flown, craft)
     for name in drives & {"thrust_curve"}:
         assert np.abs(flown.changes[name]["speed_rad_s"]).max() > 1.0
 
@@ -309,7 +331,7 @@ import numpy as np
 from pathlib import Path
 from ges.blind.foreign import crazyflow as c
 from ges.blind.foreign.sets import Place
-c.SECONDS = 3.0
+c.SECONDS = 5.0
 designs = [c.Design("cf21B_500", across=1.0, along=1.0, weak=0.1), c.Design("cf21B_500")]
 kept = []
 c.write_flown = lambda out, place, *flown: kept.append(flown[:2])

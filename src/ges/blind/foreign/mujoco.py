@@ -242,8 +242,9 @@ def _xml(design: Design, craft: Airframe, heading: float) -> str:
         more = '<site name="anchor" pos="0 0 0"/>'
         tendon = f"""<spatial stiffness="{design.spring}" springlength="0 {LEASH_M}">
           <site site="hook"/><site site="anchor"/></spatial>"""
-    return f"""<mujoco><option timestep="{STEP_S}" integrator="RK4" gravity="0 0 -{GRAVITY_M_S2}"
-        density="{dense}" viscosity="{design.viscosity}" wind="{wind[0]} {wind[1]} 0"/>
+    return f"""<mujoco><option timestep="{STEP_S}" integrator="implicitfast"
+        gravity="0 0 -{GRAVITY_M_S2}" density="{dense}" viscosity="{design.viscosity}"
+        wind="{wind[0]} {wind[1]} 0"/>
       <worldbody>{body}{more}</worldbody><tendon>{tendon}</tendon>
       <actuator>{"".join(thrusters)}</actuator></mujoco>"""
 
@@ -375,20 +376,18 @@ def _changes(
     thrust = true["thrust"] * states["rotor_speed"] ** 2
     if design.weak:
         found["weak_rotor"] = body.wrench(-design.weak * thrust * np.array([0.0, 1.0, 0.0, 0.0]))
-    total = thrust.sum(axis=1, keepdims=True)
     if design.tilt_rad:
-        aside = design.tilt_rad * thrust
+        aside = design.tilt_rad * thrust * (1.0 - design.weak * np.eye(4)[1])
+        level = aside.sum(axis=1)
+        yaw = aside @ (-0.6 * body.rotor_m[:, 0] - body.rotor_m[:, 1])
         found["rotor_tilt"] = {
-            "force_N": total * design.tilt_rad * np.array([1.0, -0.6, 0.0]),
-            "moment_Nm": np.stack(
-                [0.0 * total[:, 0], 0.0 * total[:, 0], aside @ (-0.6 * body.rotor_m[:, 0])], axis=1
-            )
-            + np.stack([0.0 * aside[:, 0]] * 2 + [-aside @ body.rotor_m[:, 1]], axis=1),
+            "force_N": np.stack([level, -0.6 * level, 0.0 * level], axis=1),
+            "moment_Nm": np.stack([0.0 * yaw, 0.0 * yaw, yaw], axis=1),
         }
     if design.shift:
-        moved = design.shift * craft.arm_m * np.array([1.0, -0.5])
-        moment = np.concatenate([-moved[1] * -total, moved[0] * total, 0.0 * total], axis=1)
-        found["cg_offset"] = {"moment_Nm": moment * np.array([-1.0, 1.0, 1.0])}
+        # the rotors moved by (-a, a / 2) against the centre of mass
+        lever = design.shift * craft.arm_m * thrust.sum(axis=1)
+        found["cg_offset"] = {"moment_Nm": np.stack([0.5 * lever, lever, 0.0 * lever], axis=1)}
     drives = {
         "thrust_curve": design.curve != 1.0,
         "rotor_saturation": design.ceiling < 1.0,

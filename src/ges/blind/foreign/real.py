@@ -19,7 +19,7 @@ from ges.diagnose.calibrate.calibrate import calibrate
 from ges.errors import GesError
 from ges.recordings.readers import Options, open_log
 from ges.recordings.recording import make_set
-from ges.vehicle.file import Vehicle, load_vehicle, vehicle_content
+from ges.vehicle.file import Quantity, Vehicle, load_vehicle, vehicle_content
 
 CRAZYPAD, IMRCLAB, APPIUS = "crazypad", "imrclab-crazyflie", "appius"
 FOLDERS = {CRAZYPAD: "crazypad", IMRCLAB: "imrclab-crazyflie", APPIUS: "appius-ground-effect"}
@@ -80,7 +80,7 @@ CABLE = Concealed(
     optional=("cg_offset",),
     instead=(("slung_load",),),
 )
-FREE_MASS_KG = {"value": 0.037, "sd": 0.0004}
+FREE_MASS_KG = Quantity(value=0.037, sd=0.0004)
 # what every rotor does and the file of that vehicle does not know: to name it is no mistake
 EVERY_ROTOR = ("rotor_drag", "axial_inflow", "thrust_scale")
 NEAR = Concealed(("ground_effect",), "medium", optional=EVERY_ROTOR)

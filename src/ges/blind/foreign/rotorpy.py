@@ -272,7 +272,7 @@ def _dryden(size: float, step_s: float, rng: np.random.Generator) -> Any:
     from rotorpy.wind.dryden_winds import DrydenGust
 
     np.random.seed(int(rng.integers(2**31)))
-    louder = size * np.sqrt(np.pi / step_s) * np.array([1.0, 1.0, 0.5])
+    louder = size * np.sqrt(4.0 * np.pi / step_s) * np.array([1.0, 1.0, 0.5])
     return DrydenGust(step_s, np.array([0.0, 0.0, 0.0]), louder)
 
 

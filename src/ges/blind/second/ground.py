@@ -6,16 +6,39 @@ import numpy as np
 
 DISC_POINTS = ((0.0, 0.0), (0.7, 0.0), (-0.7, 0.0), (0.0, 0.7), (0.0, -0.7))
 WALL_JET = 1.12
+FADING = 3.0
+"""Radii over which a wake's vortices fade to 1/e."""
+
+
+def _cylinder(height: float) -> float:
+    """Return the inflow that a cylinder which ends at the ground and its image leave, on the axis.
+
+    Rings of strength exp(-s / L) induce (1/2) (1 + s^2)^(-3/2), lengths over the radius.
+    """
+    from scipy.integrate import quad
+
+    def ring(s: float) -> float:
+        return 0.5 / (1.0 + s * s) ** 1.5
+
+    wake = quad(lambda s: np.exp(-s / FADING) * ring(s), 0.0, height)[0]
+    image = quad(lambda s: np.exp(-(2.0 * height - s) / FADING) * ring(s), height, 2.0 * height)[0]
+    free = quad(lambda s: np.exp(-s / FADING) * ring(s), 0.0, 40.0)[0]
+    return (wake - image) / free
+
+
+_HEIGHTS = np.geomspace(0.05, 40.0, 200)
+_BLOCKED = np.array([1.0 - _cylinder(h) for h in _HEIGHTS])
 
 
 def blocked_share(height_over_radius: np.ndarray) -> np.ndarray:
     """Return the share of a hovering rotor's inflow that the ground blocks, in theory.
 
     A vortex cylinder from the disc to the ground and its image (Knight and Hefner 1941, NACA
-    TN 835), on the axis: v / v_far = 2x / sqrt(1 + x^2) - 2x / sqrt(1 + 4x^2), x = height / radius.
+    TN 835), whose vortices fade with their age (as Ananthan and Leishman 2004 see them diffuse):
+    a third is left after three radii.
     """
-    x = np.maximum(height_over_radius, 0.05)
-    return 1.0 - 2.0 * x * (1.0 / np.sqrt(1.0 + x * x) - 1.0 / np.sqrt(1.0 + 4.0 * x * x))
+    height = np.clip(height_over_radius, _HEIGHTS[0], _HEIGHTS[-1])
+    return np.interp(np.log(height), np.log(_HEIGHTS), _BLOCKED)
 
 
 def along_wake(height, edge, induced, sweep):
