@@ -5,8 +5,8 @@ flights as cases.
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -18,13 +18,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ges.blind.protocol import baselines, run, seal
-from ges.blind.score import figures, score
+from ges.blind.protocol import arithmetic, baselines, run, seal
+from ges.blind.score import figures
 from ges.blind.score.coefficients import _relative
 from ges.blind.score.opened import _over_limit
 from ges.blind.score.oracle import Oracle
+from ges.blind.score.verdicts import read_verdict
 from ges.errors import UsageError
 from ges.recordings.recording import load_set
+from ges.vehicle.file import parse_vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -65,7 +67,7 @@ def _problem(coefficients: dict[str, float], noise: float = 1.0) -> baselines.Pr
 
 def test_stepwise_finds_strong_columns():
     named, predict = baselines.stepwise(_problem({"rotor_drag": 0.5, "tether": -0.3}))
-    assert {"rotor_drag", "tether"} <= set(named) and named["rotor_drag"] > 0.99
+    assert {"rotor_drag", "tether"} <= set(named) and named["rotor_drag"].probability > 0.99
     problem = _problem({"rotor_drag": 0.5})
     left = problem.held.y - baselines.stepwise(problem)[1](problem.held)
     assert np.var(left) < 0.85 * np.var(problem.held.y)
@@ -77,7 +79,8 @@ def test_stepwise_p_values_are_those_of_least_squares():
     problem = _problem({"wind": 0.05})
     named, _ = baselines.stepwise(problem)
     alone = sm.OLS(problem.train.y, problem.train.x[:, [1]]).fit()
-    assert 1.0 - named["wind"] == pytest.approx(alone.pvalues[0], rel=0.02)
+    assert 1.0 - named["wind"].probability == pytest.approx(alone.pvalues[0], rel=0.02)
+    assert named["wind"].statistic == pytest.approx(abs(alone.tvalues[0]), rel=0.02)
 
 
 def test_sindy_finds_strong_columns():
@@ -91,7 +94,9 @@ def test_sindy_finds_strong_columns():
 def test_parameter_fit_names_what_is_outside_its_tolerance():
     """The nuisance is 0.5 with a tolerance of 0.1: named; within five times the tolerance: not."""
     problem = _problem({})
-    assert set(baselines.parameters(problem)[0]) == {"thrust_scale"}
+    claims = baselines.parameters(problem)[0]
+    assert set(claims) == {"thrust_scale"}
+    assert claims["thrust_scale"].statistic == pytest.approx(5.0, rel=0.05)
     wide = SimpleNamespace(nuisance=SimpleNamespace(effect="thrust_scale", sd=0.5, flight_sd=0.0))
     assert not baselines.parameters(dataclasses.replace(problem, nuisances=(wide,)))[0]
 
@@ -135,6 +140,7 @@ def test_coefficient_error_of_a_vector():
 def test_baselines_answer_on_a_whole_case(proof, method):
     answer = baselines.diagnose(load_set(proof / "cases" / seal.cases(proof)[0]), method)
     assert answer["verdict"] in ("nothing_proven", "physics", "parameter", "sensor")
+    assert all(f["statistic"] > 0.0 for f in answer["findings"])
     assert answer["fit"]["channels"]["force_z_N"]["recalibrated"] > 0.0
     assert not any("/" in name for name in answer["fit"]["channels"])
 
@@ -161,8 +167,6 @@ def test_interrupted_run_goes_on_and_ends_the_same(tmp_path, proof):
     """Killed between two cases and started again: the finished case is kept, and the verdicts are
     those of one run.
     """
-    import shutil
-
     folder = Path(
         shutil.copytree(
             proof, tmp_path / "proof", ignore=shutil.ignore_patterns("diagnosed", "scores")
@@ -182,79 +186,61 @@ def test_interrupted_run_goes_on_and_ends_the_same(tmp_path, proof):
     killed.wait()
     stamp = (first / "run.json").stat().st_mtime_ns
     assert not last.exists()
-    assert run.run_cases(folder, 1, out="cut") == 1
+    assert run.run_cases(folder, 1, out="cut") == (1, 0)
     assert (first / "run.json").stat().st_mtime_ns == stamp
     assert json.loads((last / "run.json").read_text())["ended"] == "well"
-    assert score.read_verdict(last)["verdict"] != "failed"
+    assert read_verdict(last)["verdict"] != "failed"
 
 
-def test_real_flights_become_cases(tmp_path, recordings_dir):
-    """Every published change is a sealed case; nothing in a case's folder names what was done."""
-    from ges.blind.foreign.real import CHANGES, make_real
-
-    count = make_real(tmp_path / "real", recordings_dir)
-    names = seal.cases(tmp_path / "real")
-    assert len(names) == count == len(CHANGES) + 4 + 2
-    for path in (tmp_path / "real" / "cases").rglob("*"):
-        assert not any(
-            word in str(path.relative_to(tmp_path))
-            for word in ("cut", "tape", "string", "weight", "normal", "E8", "E9")
-        )
-    truths = [seal.truth(tmp_path / "real", n) for n in names]
-    assert sum(t["verdict"] == "nothing_proven" for t in truths) == 5
-
-
-def test_rotorpy_flies_its_own_physics(tmp_path):
-    """A hover of RotorPy's own vehicle: the specific force is gravity, the rotors carry the weight,
-    the file is honest.
-    """
-    pytest.importorskip("rotorpy", reason="the extra 'simulators' is not installed")
-    from ges.blind.foreign import rotorpy as rotorpy_cases
-
-    numbers = rotorpy_cases._parameters("hummingbird", ("k_d",), {})
-    reference = np.zeros((11, 500))
-    reference[2] = 1.0
-    flown = rotorpy_cases._fly(numbers, reference, np.zeros(3))
-    assert flown["specific_force"][-1] == pytest.approx([0.0, 0.0, 9.81], abs=0.01)
-    assert 4.0 * numbers["k_eta"] * flown["rotor_speed"][-1].mean() ** 2 == pytest.approx(
-        numbers["mass"] * 9.81, rel=1e-3
+def _hovering(losses=(0.0, 0.0, 0.0, 0.0), heavier: float = 0.0):
+    """Two flights that hover level, balanced exactly, with rotors that have lost thrust."""
+    vehicle = parse_vehicle(
+        {
+            "name": "level",
+            "mass_kg": 1.0,
+            "rotors": [
+                {"x_m": 0.1 * x, "y_m": 0.1 * y, "z_m": 0.0, "radius_m": 0.06, "spin": s}
+                for x, y, s in ((1, -1, "ccw"), (-1, 1, "ccw"), (1, 1, "cw"), (-1, -1, "cw"))
+            ],
+            "thrust_coefficient_N_s2": 1e-6,
+            "torque_coefficient_Nm_s2": 1e-8,
+        },
+        "the test's vehicle",
     )
-    assert numbers["k_d"] > 0.0 and numbers["k_z"] == numbers["k_h"] == numbers["c_Dx"] == 0.0
+    share = (1.0 + heavier) * 9.80665 / 4.0 / (1.0 - np.array(losses))
+    n = 100
+    columns = {"t_s": np.arange(n) * 0.01}
+    for k in range(4):
+        columns[f"rotor_speed_{k + 1}_rad_s"] = np.full(n, np.sqrt(share[k] / 1e-6))
+    columns["acc_z_m_s2"] = np.full(n, 9.80665 * (1.0 + heavier))
+    frame = pd.DataFrame(columns)
+    flights = tuple(SimpleNamespace(name=f"flight_{k}", frame=frame) for k in (1, 2))
+    return SimpleNamespace(vehicle=vehicle, flights=flights, folder=None)
 
 
-CRAZYFLOW = """
-import sys
-import numpy as np
-from ges.blind.foreign import crazyflow as c
-numbers = c._parameters("cf2x_L250", c.CASES[0])
-craft = c._airframe("cf2x_L250", numbers, c.CASES[0], np.random.default_rng(1))
-reference = np.zeros((11, 1500))
-reference[2], reference[0], reference[9] = 1.0, 0.1, 0.3
-flown = c._fly(numbers, craft, reference)
-assert np.abs(flown["p"][-1, :2] - [0.1, 0.0]).max() < 0.02, flown["p"][-1]
-assert abs(flown["specific_force"][-1, 2] / 9.81 - 1.0) < 0.02, flown["specific_force"][-1]
-"""
+def test_arithmetic_of_means_finds_the_rotor_that_is_weak():
+    (finding,) = arithmetic.largest_loss(_hovering((0.0, 0.0, 0.15, 0.0)))
+    assert (finding["name"], finding["place"]) == ("weak_rotor", "rotor 3")
+    assert finding["statistic"] == pytest.approx(0.15, rel=1e-6)
+    (none,) = arithmetic.largest_loss(_hovering())
+    assert none["statistic"] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_crazyflow_flies_its_own_physics():
-    """Its Crazyflie holds a hover under our controller: geometry, spins and signs are translated
-    rightly.
-
-    In a process of its own, because the package wants to be imported before scipy.
-    """
-    if not importlib.util.find_spec("drone_models"):
-        pytest.skip("the extra 'simulators' is not installed")
-    done = subprocess.run([sys.executable, "-c", CRAZYFLOW], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+def test_distance_of_means_is_that_of_rotor_speeds():
+    (none,) = arithmetic.mean_distance(_hovering())
+    assert none["statistic"] == pytest.approx(0.0, abs=1e-9) and none["name"] == ""
+    (one,) = arithmetic.mean_distance(_hovering((0.19, 0.0, 0.0, 0.0)))
+    assert one["statistic"] == pytest.approx(1.0 / 0.9 - 1.0, rel=1e-6)
 
 
-def test_missing_simulators_are_said(monkeypatch, tmp_path):
-    from ges.blind.foreign import crazyflow as crazyflow_cases
-    from ges.blind.foreign import rotorpy as rotorpy_cases
-    from ges.errors import GesError
-
-    monkeypatch.setitem(sys.modules, "rotorpy.vehicles", None)
-    monkeypatch.setitem(sys.modules, "drone_models", None)
-    for make in (rotorpy_cases.make_rotorpy, crazyflow_cases.make_crazyflow):
-        with pytest.raises(GesError, match="pip install 'ges.simulators.'"):
-            make(tmp_path / make.__name__, 1)
+def test_a_run_in_pieces_stops_by_the_clock(tmp_path, proof):
+    folder = Path(
+        shutil.copytree(
+            proof, tmp_path / "proof", ignore=shutil.ignore_patterns("diagnosed*", "scores")
+        )
+    )
+    assert run.run_cases(folder, 1, minutes=1e-9) == (0, 2)
+    options = run.method_options("means")
+    assert run.run_cases(folder, 1, out="diagnosed-means", options=options) == (2, 0)
+    said = read_verdict(folder / "diagnosed-means" / seal.cases(folder)[0])
+    assert said["findings"][0]["statistic"] >= 0.0

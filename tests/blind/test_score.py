@@ -14,6 +14,8 @@ import pytest
 from ges.blind.protocol import run, seal
 from ges.blind.score import figures, opened, oracle, score
 from ges.blind.score.judge import category_of, judge
+from ges.blind.score.statistics import calibration_error, proportion
+from ges.blind.score.verdicts import read_verdict
 from ges.errors import GesError
 
 
@@ -139,17 +141,17 @@ def test_location_on_a_null_is_one_too_many_and_a_sensor_fault_is_not_scored():
 
 def test_clopper_pearson():
     """0 of 300: the upper end is 1 - 0.025^(1/300); 9 of 10 from the tables."""
-    value, low, high = score.proportion([False] * 300)
+    value, low, high = proportion([False] * 300)
     assert (value, low) == (0.0, 0.0) and high == pytest.approx(
         1.0 - 0.025 ** (1.0 / 300.0), rel=1e-6
     )
-    assert score.proportion([True] * 9 + [False]) == pytest.approx((0.9, 0.5550, 0.9975), abs=1e-4)
+    assert proportion([True] * 9 + [False]) == pytest.approx((0.9, 0.5550, 0.9975), abs=1e-4)
 
 
 def test_calibration_error():
     """Ten names stated at 0.95 of which half are true: 0.45."""
     stated = np.array([[0.95, k % 2] for k in range(10)])
-    assert score.calibration_error(stated) == pytest.approx(0.45)
+    assert calibration_error(stated) == pytest.approx(0.45)
 
 
 def _foreign(folder: Path, proof: Path, cases: int = 1) -> Path:
@@ -172,10 +174,10 @@ def test_folder_of_somebody_else_runs_and_scores(tmp_path, proof):
     found.
     """
     folder = _foreign(tmp_path / "theirs", proof)
-    assert run.run_cases(folder, processes=1) == 1
-    assert run.run_cases(folder, processes=1) == 0
+    assert run.run_cases(folder, processes=1) == (1, 0)
+    assert run.run_cases(folder, processes=1) == (0, 0)
     about = json.loads((folder / "diagnosed" / "theirs-0" / "run.json").read_text())
-    said = score.read_verdict(folder / "diagnosed" / "theirs-0")
+    said = read_verdict(folder / "diagnosed" / "theirs-0")
     assert about["ended"] == "well", said["sentence"]
     report = score.score_cases(folder)
     scores = {row["score"]: row for row in report["scores"]}
@@ -201,7 +203,7 @@ def test_missing_verdict_is_said(tmp_path, proof):
 def test_bad_verdict_is_said(tmp_path, content):
     (tmp_path / "diagnosis.json").write_text(content)
     with pytest.raises(GesError, match="is not a diagnosis"):
-        score.read_verdict(tmp_path)
+        read_verdict(tmp_path)
 
 
 def test_oracle_recovers_what_was_concealed(proof):
@@ -297,7 +299,7 @@ def test_confusion_counts_every_case_once():
 
 def test_every_figure_is_drawn_even_of_nothing(tmp_path):
     """A workflow promises the files; where no case states a probability, the picture says so."""
-    names = ("confusion", "singles", "reliability", "categories", "cases")
+    names = ("confusion", "singles", "reliability", "categories", "cases", "power")
     figures.draw_all(tmp_path, dict.fromkeys(names, pd.DataFrame({"n": []})))
     drawn = [{f.stem for f in tmp_path.glob(f"*.{kind}")} for kind in ("pdf", "png", "csv")]
     assert drawn[0] == drawn[1] == drawn[2] and len(drawn[0]) == len(names)

@@ -27,6 +27,13 @@ OF = click.option(
 )
 
 
+MINUTES = click.option(
+    "--minutes",
+    type=click.FloatRange(min=0.0, min_open=True),
+    help="Begin nothing after so many minutes; the same command goes on later.",
+)
+
+
 class Progress:
     """A bar on stderr at a terminal, nothing in a file."""
 
@@ -86,10 +93,13 @@ def make(seed: int, out: Path, grid: str, processes: int) -> None:
 @PROCESSES
 @OF
 @SET
-def run(folder: Path, processes: int, method: str, pairs: tuple[str, ...]) -> None:
+@MINUTES
+def run(
+    folder: Path, processes: int, method: str, pairs: tuple[str, ...], minutes: float | None
+) -> None:
     """Diagnose every case that has no verdict yet, each by a process that can read that case alone.
 
-    Example: ges blind run proof --of stepwise
+    Example: ges blind run proof --of stepwise --minutes 25
     """
     from ges.blind.protocol.run import method_folder, method_options, run_cases
     from ges.diagnose.settings import parse
@@ -97,15 +107,17 @@ def run(folder: Path, processes: int, method: str, pairs: tuple[str, ...]) -> No
     numbers = parse(pairs)
     start = time.perf_counter()
     with Progress("diagnosing") as progress:
-        count = run_cases(
+        count, left = run_cases(
             folder,
             processes,
             out=method_folder(method, numbers),
             options=method_options(method, numbers),
+            minutes=minutes,
             tell=progress,
         )
+    rest = f"; {left} are left, the same command goes on" if left else ""
     click.echo(
-        f"{count} cases diagnosed in {folder}, {time.perf_counter() - start:.0f} s", err=True
+        f"{count} cases diagnosed in {folder}, {time.perf_counter() - start:.0f} s{rest}", err=True
     )
 
 
@@ -121,20 +133,25 @@ def run(folder: Path, processes: int, method: str, pairs: tuple[str, ...]) -> No
 def score(folder: Path, out: Path | None, method: str, pairs: tuple[str, ...]) -> None:
     """Open the seal and score the verdicts; writes CSV, JSON and figures.
 
+    Sets of worlds are scored by world, beside the simple baselines that were run on them.
+
     Example: ges blind score proof
     """
     from ges.blind.protocol.run import method_folder
+    from ges.blind.score.by_world import made_of_worlds, score_worlds
     from ges.blind.score.score import score_cases
     from ges.diagnose.settings import parse
 
     diagnosed = method_folder(method, parse(pairs))
     out = out or folder / diagnosed.replace("diagnosed", "scores", 1)
-    report = score_cases(folder, out, diagnosed)
+    of_kind = score_worlds if made_of_worlds(folder) else score_cases
+    report = of_kind(folder, out, diagnosed)
     for row in report["scores"]:
         if row["n"]:
             interval = f"[{row['low']:.3g}, {row['high']:.3g}]"
+            name = f"{row['method']}: {row['score']}" if "method" in row else row["score"]
             click.echo(
-                f"{row['score']:<55} {row['value']:8.3g} {interval:<18} n={row['n']:<5}"
+                f"{name:<66} {row['value']:8.3g} {interval:<18} n={row['n']:<5}"
                 f" {row['aim']:<8} {row['met']}"
             )
 
@@ -200,45 +217,75 @@ def methods() -> None:
 
 @command.command()
 @click.option(
-    "--recordings",
-    type=click.Path(path_type=Path, exists=True, file_okay=False),
-    required=True,
-    help="Published flights.",
-)
-@click.option(
-    "--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/."
-)
-def real(recordings: Path, out: Path) -> None:
-    """Write published flights as concealed cases, with what was done to the vehicle as the sealed
-    truth.
-
-    Example: ges blind real --recordings recordings --out proof-real
-    """
-    from ges.blind.foreign.real import make_real
-
-    click.echo(f"{make_real(out, recordings)} cases sealed in {out}", err=True)
-
-
-@command.command()
-@click.argument("simulator", type=click.Choice(["rotorpy", "crazyflow"]))
-@click.option(
     "--seed",
     type=click.IntRange(min=0),
     required=True,
-    help="Seed of plans, sensors and file errors.",
+    help="Seed of everything drawn: below 1000 for development, from 1000 on for evaluation.",
+)
+@click.option(
+    "--half",
+    type=click.Choice(["development", "evaluation"]),
+    required=True,
+    help="Which half; the other one has other paths, rates and noise.",
 )
 @click.option(
     "--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/."
 )
-def others(simulator: str, seed: int, out: Path) -> None:
-    """Write cases flown by a simulator that nobody here wrote (extra 'simulators'): what it has
-    switched on is the truth.
+@click.option("--only", multiple=True, metavar="NAME", help="A world; may be given several times.")
+@click.option("--sample", is_flag=True, help="Every eighth set of each world.")
+@click.option(
+    "--recordings",
+    type=click.Path(path_type=Path),
+    envvar="GES_RECORDINGS",
+    default=Path("recordings"),
+    show_default=True,
+    help="Published flights ('ges recordings fetch').",
+)
+@click.option(
+    "--given",
+    type=click.Path(path_type=Path),
+    envvar="GES_WORLDS",
+    default=Path("worlds"),
+    show_default=True,
+    help="Sets made elsewhere, a folder a world.",
+)
+@PROCESSES
+@MINUTES
+def worlds(
+    seed: int,
+    half: str,
+    out: Path,
+    only: tuple[str, ...],
+    sample: bool,
+    recordings: Path,
+    given: Path,
+    processes: int,
+    minutes: float | None,
+) -> None:
+    """Write sets from worlds that the diagnosis was not tuned on: simulators of others (extra
+    'simulators'), real flights, and the home generator in other airs and by a second author.
 
-    Example: ges blind others rotorpy --seed 7 --out proof-rotorpy
+    Example: ges blind worlds --seed 7 --half development --only rotorpy --out abroad
     """
-    import importlib
+    from ges.blind.foreign.sets import Sources
+    from ges.blind.foreign.worlds import make_worlds
 
-    make = getattr(importlib.import_module(f"ges.blind.{simulator}_cases"), f"make_{simulator}")
+    start = time.perf_counter()
     with Progress("flying") as progress:
-        count = make(out, seed, tell=progress)
-    click.echo(f"{count} cases sealed in {out}", err=True)
+        count, total, skipped = make_worlds(
+            out,
+            half,
+            seed,
+            only,
+            sample,
+            Sources(recordings, given),
+            processes,
+            minutes,
+            progress,
+        )
+    for name, why in skipped.items():
+        click.echo(f"{name} is left out: {why}", err=True)
+    rest = "" if count == total else "; the same command goes on"
+    click.echo(
+        f"{count} of {total} sets in {out}, {time.perf_counter() - start:.0f} s{rest}", err=True
+    )

@@ -1,198 +1,306 @@
-"""Cases with crazyflow's first-principles dynamics (package ``drone-models``, identified
-Crazyflies): drag, motors, propellers.
+"""crazyflow (Learning Systems Lab, TU Munich): its simulation of Crazyflies, flown by its own
+re-implementation of the firmware's Mellinger controller, all sets abreast.
 
-Needs the optional extra ``simulators``. Their equations of motion and numbers, the other cases'
-controller, plans and sensors. The linear term of their thrust curve is left out: a vehicle file
-cannot state it, so it would be in every case.
+The limit follows from its own accelerations along the flown paths with and without each effect.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from ges.blind.foreign.rotorpy import STEP_S, between, new_folder, plan_flights, write_case
-from ges.blind.generator.airframe import Airframe, declare
-from ges.blind.generator.pilot import Pilot
-from ges.blind.generator.sensing import Logging
-from ges.blind.protocol import seal
+from ges.blind.foreign.drone_models import RPM, airframe
+from ges.blind.foreign.paths import Scale, references
+from ges.blind.foreign.sets import Concealed, Place, Sources, draw_log, write_flown
+from ges.blind.generator.detectable import NAME_OF_WRONG, Flown
 from ges.errors import GesError
 
-DRONES = ("cf2x_L250", "cf2x_T350")
-RPM = 60.0 / (2.0 * np.pi)
-PACE, SMOOTH_S = 0.45, 2.4  # motors that take 0.1 s ask for gentle flights
-# what is on: drag in the plane, drag along the axis, inertia of the propellers, declared share of
-# the motors' lag; the names
-CASES = (
-    (0.0, 0.0, 0.0, 1.0, ()),
-    (1.0, 0.0, 0.0, 1.0, ("rotor_drag",)),
-    (1.0, 1.0, 0.0, 1.0, ("rotor_drag", "axial_inflow")),
-    (0.0, 0.0, 2.0, 1.0, ("rotor_inertia_reaction",)),
-    (0.0, 0.0, 0.0, 0.55, ("motor_lag",)),
-)
+WORLD = "crazyflow"
+NEEDS = ("crazyflow",)
+DRONES = {
+    "development": ("cf21B_500", "cf2x_T350"),
+    "evaluation": ("cf2x_L250", "cf21B_500"),
+}
+SECONDS, RATE_HZ, STATE_HZ = 14.0, 500, 100
+SPEED_M_S, SMOOTH_S = 1.0, 0.4
+LOST_M = 3.0
+WEAK = 2
+METHOD = "force along the path, crazyflow's own accelerations with and without each effect"
 
 
-def make_crazyflow(out: Path, seed: int, tell: Callable[[int, int], None] = lambda *_: None) -> int:
-    """Fly and seal the cases, each with both drones; return their number.
+@dataclass(frozen=True)
+class Design:
+    """A set to fly: shares of the published drag and propeller inertia, the share that rotor 3
+    loses, whether the thrust curve keeps its linear term, and how the file is wrong."""
+
+    drone: str
+    across: float = 0.0
+    along: float = 0.0
+    propeller: float = 0.0
+    weak: float = 0.0
+    linear: bool = False
+    wrong: Mapping[str, float] = field(default_factory=dict)
+    copy: int = 0
+
+    @property
+    def key(self) -> str:
+        """A name for the table of cases."""
+        parts = [f"{n} {getattr(self, n):g}" for n in NAMES if getattr(self, n)]
+        parts += ["linear term of thrust"] if self.linear else []
+        parts += [f"file {n} {f:g}" for n, f in self.wrong.items()]
+        return f"{self.drone} {', '.join(parts) or 'nothing'} #{self.copy}"
+
+    def concealed(self) -> Concealed:
+        """Return the truth: motors that slow down faster than they speed up are in every set."""
+        names = [name for n, name in NAMES.items() if getattr(self, n)]
+        names += [NAME_OF_WRONG[w] for w in self.wrong]
+        optional = ["gyroscopic_moment"] if self.propeller else []
+        # seen from the commands, a linear term is the command-thrust curve
+        optional += ["thrust_curve", "thrust_scale"] if self.linear else []
+        optional += [] if "motor_lag" in names else ["motor_lag"]
+        parameter = len(names) == 1 and self.wrong and "lag" not in self.wrong
+        size = max(self.across, self.along, self.propeller, 10.0 * self.weak)
+        return Concealed(
+            tuple(names),
+            "weak" if 0.0 < size < 0.5 and not self.wrong else "strong",
+            optional=tuple(optional),
+            verdict="parameter" if parameter else "",
+            category="parameter" if parameter else "",
+            places={"weak_rotor": (f"rotor {WEAK + 1}",)} if self.weak else {},
+        )
+
+
+NAMES = {
+    "across": "rotor_drag",
+    "along": "axial_inflow",
+    "propeller": "rotor_inertia_reaction",
+    "weak": "weak_rotor",
+}
+
+
+def designs(half: str) -> list[Design]:
+    """Return the sets of a half."""
+    small = {"development": 0.3, "evaluation": 0.4}[half]
+    found = [Design(d, copy=k) for d in DRONES[half] for k in range(2)]
+    for d in DRONES[half]:
+        found += [
+            Design(d, across=1.0),
+            Design(d, across=small),
+            Design(d, along=1.0),
+            Design(d, across=1.0, along=1.0),
+            Design(d, weak=0.3 * small),
+            Design(d, across=1.0, along=1.0, propeller=1.0, linear=True),
+        ]
+    first, second = DRONES[half]
+    return found + [
+        Design(first, propeller=2.0),
+        Design(second, across=1.0, weak=0.1),
+        Design(first, wrong={"mass": 0.86}),
+        Design(second, across=1.0, wrong={"mass": 1.15}),
+        Design(first, wrong={"lag": 2.2}),
+        Design(second, wrong={"inertia": 0.65}),
+        Design(first, wrong={"torque": 1.5}),
+    ]
+
+
+def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+    """Fly designs abreast, a drone at a time, and seal them.
 
     Raises
     ------
-    UsageError
-        When ``out`` already holds sealed cases.
     GesError
-        When the extra is not installed.
+        When a drone was lost.
     """
-    new_folder(out)
-    cases = [(drone, case) for case in CASES for drone in DRONES]
-    for number, (drone, case) in enumerate(cases):
-        _make_case(out, drone, case, np.random.default_rng([seed, number, 7]))
-        tell(number + 1, len(cases))
-    seal.close(out)
-    return len(cases)
+    for drone in sorted({design.drone for design, _, _ in sets}):
+        chosen = [one for one in sets if one[0].drone == drone]
+        _make_of_drone(out, drone, chosen)
 
 
-def _parameters(drone: str, case: tuple) -> dict:
-    try:
-        from drone_models import parametrize
-        from drone_models.first_principles import dynamics
-    except ImportError:
-        raise GesError(
-            "crazyflow's drone-models is not installed; pip install 'ges[simulators]'"
-        ) from None
-    plane, axial, propeller, _, _ = case
-    numbers = dict(parametrize(dynamics, drone).keywords)
-    numbers["drag_matrix"] = np.asarray(numbers["drag_matrix"]) * np.diag([plane, plane, axial])
-    numbers["prop_inertia"] = propeller * numbers["prop_inertia"]
-    for curve in ("rpm2thrust", "rpm2torque"):
-        numbers[curve] = np.asarray(numbers[curve]) * np.array([0.0, 0.0, 1.0])
+def _make_of_drone(out: Path, drone: str, sets: Sequence[tuple[Design, int, Place]]) -> None:
+    simulator = _simulator(drone, 4 * len(sets))
+    published = {k: np.asarray(v) for k, v in vars(simulator.data.params).items()}
+    numbers = [_numbers(design, published) for design, _, _ in sets]
+    top = _top_speed(simulator, drone)
+    crafts = [
+        airframe(drone, n | {"rpm2thrust": n["rpm2thrust"][0]}, place.rng("file"))
+        for n, (_, _, place) in zip(numbers, sets, strict=True)
+    ]
+    for craft in crafts:
+        craft.declared["speed"] *= top / craft.true["speed"]
+        craft.true["speed"] = top
+    scale = Scale(0.3, crafts[0].radius_m, SPEED_M_S, SMOOTH_S)
+    plans = [
+        plan
+        for _, _, place in sets
+        for plan in references(place.half, SECONDS, 1.0 / RATE_HZ, scale, place.rng("paths"))
+    ]
+    book = _fly(simulator, _batched(numbers), np.stack(plans))
+    for k, (design, number, place) in enumerate(sets):
+        log = draw_log(place, number)
+        flights = [
+            _flown(design, crafts[k], numbers[k], {n: v[:, f] for n, v in book.items()}, plans[f])
+            for f in range(4 * k, 4 * k + 4)
+        ]
+        write_flown(out, place, crafts[k], flights, log, design.concealed(), METHOD, design.wrong)
+
+
+def _simulator(drone: str, worlds: int) -> Any:
+    from crazyflow.sim import Sim
+
+    return Sim(
+        n_worlds=worlds,
+        n_drones=1,
+        drone=drone,
+        dynamics="first_principles",
+        control="state",
+        integrator="rk4",
+        freq=RATE_HZ,
+        state_freq=STATE_HZ,
+        attitude_freq=RATE_HZ,
+        force_torque_freq=RATE_HZ,
+    )
+
+
+def _top_speed(simulator: Any, drone: str) -> float:
+    from crazyflow.sim.sim import rotor_vel_limits
+
+    return float(np.max(rotor_vel_limits(simulator.dynamics, drone)[1])) / RPM
+
+
+def _numbers(design: Design, published: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the parameters of one set. Without its linear term a thrust curve carries the same
+    weight at the same speed."""
+    numbers = {k: np.array(v) for k, v in published.items()}
+    share = np.diag([design.across, design.across, design.along])
+    numbers["drag_matrix"] = numbers["drag_matrix"] * share
+    numbers["prop_inertia"] = numbers["prop_inertia"] * design.propeller
+    if not design.linear:
+        weight = 9.81 * float(np.ravel(numbers["mass"])[0]) / 4.0
+        for name in ("rpm2thrust", "rpm2torque"):
+            _, one, two = numbers["rpm2thrust"][0]
+            hover = (-one + np.sqrt(one**2 + 4.0 * two * weight)) / (2.0 * two)
+            curve = numbers[name][0]
+            numbers[name] = np.array([[0.0, 0.0, curve[2] + curve[1] / hover]])
+    share = np.ones((4, 1))
+    share[WEAK] -= design.weak
+    numbers["rpm2thrust"] = numbers["rpm2thrust"] * share
+    numbers["rpm2torque"] = numbers["rpm2torque"] * share
     return numbers
 
 
-def _airframe(drone: str, numbers: dict, case: tuple, rng: np.random.Generator) -> Airframe:
-    """The true vehicle in our terms; a positive entry of the mixing matrix's last row turns the
-    body ccw, the rotor cw.
-
-    Their motors slow down faster than they speed up; a vehicle file has one time constant: the mean
-    of both in hover.
-    """
-    mixing, arm = np.asarray(numbers["mixing_matrix"]), float(numbers["L"])
-    inertia = np.diag(np.asarray(numbers["J"]))
-    thrust, torque = (float(numbers[k][2]) * RPM**2 for k in ("rpm2thrust", "rpm2torque"))
-    hover = np.sqrt(float(numbers["mass"]) * 9.81 / (4.0 * thrust))
-    up, up_squares, down, down_squares = np.asarray(numbers["rotor_dyn_coef"])
-    rates = np.array([up, down]) + 2.0 * np.array([up_squares, down_squares]) * hover * RPM
-    lag = float(np.mean(1.0 / rates))
-    true = {
-        "mass": numbers["mass"],
-        "ixx": inertia[0],
-        "iyy": inertia[1],
-        "izz": inertia[2],
-        "thrust": thrust,
-        "torque": torque,
-        "lag": lag,
-        "speed": 1.5 * hover,
+def _batched(numbers: Sequence[Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Return parameters with a world and a drone axis, four flights a set."""
+    return {
+        name: np.repeat(np.stack([n[name] for n in numbers])[:, None], 4, axis=0)
+        for name in numbers[0]
     }
-    true = {key: float(value) for key, value in true.items()}
-    declared = declare(true, rng)
-    declared["lag"] *= case[3]
-    spin = tuple(-int(s) for s in np.sign(mixing[2]))
-    x, y = tuple(-arm * mixing[1]), tuple(arm * mixing[0])
-    return Airframe(
-        drone, 0.0235, tuple(map(float, x)), tuple(map(float, y)), 0.0, spin, 4.1, declared, true
+
+
+def _fly(
+    simulator: Any, parameters: Mapping[str, np.ndarray], plans: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Fly references (worlds, 11, n); return states and accelerations, (n, worlds, width)."""
+    import jax.numpy as jnp
+
+    data = simulator.data
+    wanted = {k: jnp.asarray(v) for k, v in parameters.items()}
+    states, start = data.states, np.zeros((len(plans), 1, 4))
+    start[:, 0, 2:] = np.stack([np.sin(0.5 * plans[:, 9, 0]), np.cos(0.5 * plans[:, 9, 0])], 1)
+    hover = _hover_rpm(parameters)
+    simulator.data = data.replace(
+        params=data.params.replace(**wanted),
+        states=states.replace(
+            pos=jnp.asarray(plans[:, None, :3, 0]),
+            quat=jnp.asarray(start),
+            rotor_vel=jnp.asarray(np.broadcast_to(hover[:, None], (len(plans), 1, 4)).copy()),
+        ),
     )
-
-
-def _make_case(out: Path, drone: str, case: tuple, rng: np.random.Generator) -> None:
-    numbers = _parameters(drone, case)
-    craft = _airframe(drone, numbers, case, rng)
-    log = Logging(
-        100.0,
-        str(rng.choice(["low", "ordinary"])),
-        bool(rng.random() < 0.6),
-        True,
-        False,
-        False,
-        False,
-    )
-    sorties = plan_flights(craft, rng, pace=PACE, smooth_s=SMOOTH_S)
-    flights = [_fly(numbers, craft, s.plan.reference) for s in sorties]
-    names = case[-1]
-    truth = {
-        "verdict": "physics" if names else "nothing_proven",
-        "findings": [{"name": n, "parameters": {}} for n in names],
-        "severity": "strong",
-        "also_acceptable": [[*names, "gyroscopic_moment"]] if case[2] else [],
-        "category": {0: "null", 1: "single", 2: "pair"}[len(names)],
-    }
-    write_case(out, craft, sorties, flights, log, truth, rng)
-
-
-def _turning(q: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """Rate of a quaternion, scalar last, by body rates; theirs (0.1.0) puts the scalar first."""
-    return 0.5 * np.concatenate([q[3] * omega + np.cross(q[:3], omega), [-q[:3] @ omega]])
-
-
-def _fly(numbers: dict, craft: Airframe, reference: np.ndarray) -> dict[str, np.ndarray]:
-    """Fly references (11, n) by Runge and Kutta's fourth order; return the truth at the control
-    rate.
-    """
-    from drone_models.first_principles import dynamics
-
-    one = {k: np.array([v]) for k, v in craft.declared.items()}
-    place = (np.array([p]).T for p in (craft.rotor_x_m, craft.rotor_y_m, craft.spin))
-    pilot = Pilot(one, *place, np.array([craft.true["lag"]]), STEP_S)
-    pilot.held = np.zeros((3, 1))
-    half = 0.5 * reference[9, 0]
-    hover = craft.hover_speed_rad_s * RPM
-    s = np.concatenate(
-        [reference[:3, 0], [0.0, 0.0, np.sin(half), np.cos(half)], np.zeros(6), np.full(4, hover)]
-    )
-
-    def rate(s: np.ndarray, asked: np.ndarray) -> np.ndarray:
-        q = s[3:7] / np.linalg.norm(s[3:7])
-        p, _, v, w, rotors = dynamics(s[:3], q, s[7:10], s[10:13], asked, s[13:], **numbers)
-        return np.concatenate([p, _turning(q, s[10:13]), v, w, rotors])
-
     rows = []
-    for k in range(0, reference.shape[1], 2):
-        x, y, z, w = s[3:7] / np.linalg.norm(s[3:7])
-        turn = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        )
-        ref, quiet = reference[:, k : k + 1], np.zeros((4, 1))
-        u = pilot.command(
-            ref, quiet, s[:3, None], s[7:10, None], turn[:, :, None], s[10:13, None], np.ones(1)
-        )[:, 0]
-        asked = u * craft.true["speed"] * RPM
-        k1 = rate(s, asked)
-        felt = turn.T @ (k1[7:10] + np.array([0.0, 0.0, 9.81]))
-        rows.append(
-            {
-                "p": s[:3],
-                "v": s[7:10],
-                "q": np.array([w, x, y, z]),
-                "omega": s[10:13],
-                "rotor_speed": s[13:] / RPM,
-                "u": u,
-                "current": np.zeros(4),
-                "battery": np.ones(1),
-                "ground": np.zeros(1),
-                "specific_force": felt,
-            }
-        )
-        k2 = rate(s + 0.5 * STEP_S * k1, asked)
-        k3 = rate(s + 0.5 * STEP_S * k2, asked)
-        s = s + STEP_S / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rate(s + STEP_S * k3, asked))
-    book = {name: between(np.stack([r[name] for r in rows]), name == "u") for name in rows[0]}
-    lost = np.abs(book["p"][: reference.shape[1]] - reference[:3].T[: len(book["p"])]).max()
-    if not lost < 4.0:
-        raise GesError(
-            f"{craft.size} was {lost:.1f} m off its references; the plan is too fast for it"
-        )
-    return book
+    for k in range(plans.shape[2]):
+        if k % (RATE_HZ // STATE_HZ) == 0:
+            simulator.state_control(jnp.asarray(_asked(plans[:, :, k])))
+        before = simulator.data.states
+        kept = {
+            n: np.asarray(getattr(before, n))[:, 0]
+            for n in ("pos", "vel", "quat", "ang_vel", "rotor_vel")
+        }
+        simulator.step(1)
+        rows.append(kept | {"cmd": np.asarray(simulator.data.controls.rotor_vel)[:, 0]})
+        if not np.abs(kept["pos"] - plans[:, :3, k]).max() < LOST_M:
+            raise GesError("crazyflow's controller lost a path; the path is too fast for the drone")
+    return {name: np.stack([r[name] for r in rows]) for name in rows[0]}
+
+
+def _hover_rpm(parameters: Mapping[str, np.ndarray]) -> np.ndarray:
+    curve = parameters["rpm2thrust"].mean(axis=2)[:, 0]
+    weight = 9.81 * parameters["mass"].reshape(-1) / 4.0
+    root = np.sqrt(curve[:, 1] ** 2 + 4.0 * curve[:, 2] * weight)
+    return ((-curve[:, 1] + root) / (2.0 * curve[:, 2]))[:, None]
+
+
+def _asked(ref: np.ndarray) -> np.ndarray:
+    """Return setpoints (worlds, 1, 16) of references (worlds, 11)."""
+    command = np.zeros((len(ref), 1, 16))
+    command[:, 0, :9] = ref[:, :9]
+    command[:, 0, 11:13] = np.stack([np.sin(0.5 * ref[:, 9]), np.cos(0.5 * ref[:, 9])], axis=1)
+    command[:, 0, 15] = ref[:, 10]
+    return command
+
+
+def _flown(
+    design: Design,
+    craft: Any,
+    numbers: Mapping[str, np.ndarray],
+    book: Mapping[str, np.ndarray],
+    plan: np.ndarray,
+) -> Flown:
+    turn = Rotation.from_quat(book["quat"])
+    push, spin = _accelerations(numbers, book)
+    inertia = np.diag(numbers["J"])
+    changes = {}
+    for name in [n for n in NAMES if getattr(design, n)]:
+        bare = _accelerations(_without(numbers, name), book)
+        changes[NAMES[name]] = {
+            "force_N": craft.true["mass"] * turn.apply(push - bare[0], inverse=True),
+            "moment_Nm": inertia * (spin - bare[1]),
+        }
+    states = {
+        "p": book["pos"],
+        "v": book["vel"],
+        "q": book["quat"][:, [3, 0, 1, 2]],
+        "omega": book["ang_vel"],
+        "rotor_speed": book["rotor_vel"] / RPM,
+        "u": book["cmd"] / RPM / craft.true["speed"],
+        "specific_force": turn.apply(push + np.array([0.0, 0.0, 9.81]), inverse=True),
+        "p_ref": plan[:3].T,
+        "v_ref": plan[3:6].T,
+        "yaw_ref": plan[9:10].T,
+    }
+    return Flown(1.0 / RATE_HZ, states, changes)
+
+
+def _without(numbers: Mapping[str, np.ndarray], name: str) -> dict[str, np.ndarray]:
+    if name == "weak":
+        curves = ("rpm2thrust", "rpm2torque")
+        return {**numbers, **{c: np.repeat(numbers[c][:1], 4, axis=0) for c in curves}}
+    if name == "propeller":
+        return {**numbers, "prop_inertia": 0.0 * numbers["prop_inertia"]}
+    kept = np.diag([0.0, 0.0, 1.0] if name == "across" else [1.0, 1.0, 0.0])
+    return {**numbers, "drag_matrix": numbers["drag_matrix"] * kept}
+
+
+def _accelerations(
+    numbers: Mapping[str, np.ndarray], book: Mapping[str, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return linear (world) and angular acceleration (body), (n, 3), by crazyflow's dynamics."""
+    import jax.numpy as jnp
+    from crazyflow.dynamics.first_principles import dynamics
+
+    state = [jnp.asarray(book[n]) for n in ("pos", "quat", "vel", "ang_vel", "cmd", "rotor_vel")]
+    _, _, push, spin, _ = dynamics(*state, **numbers)
+    return np.asarray(push), np.asarray(spin)

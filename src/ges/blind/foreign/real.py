@@ -1,203 +1,242 @@
-"""Real flights as concealed cases: what the file does not know, or what was done to the vehicle
-since it was calibrated.
+"""Labelled real flights as sets: what the file does not know, or what was done to the vehicle since
+it was calibrated.
+
+Conditions go to development and evaluation in turn, in the order of their names. What any method
+could tell of them is not known: nobody has their noise-free truth.
 """
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Mapping
+import itertools
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
-from ges.blind.protocol import seal
+from ges.blind.foreign.sets import HALVES, Concealed, Place, Sources, write_set
 from ges.diagnose.calibrate.calibrate import calibrate
-from ges.errors import GesError, UsageError
-from ges.files import write_json
+from ges.errors import GesError
 from ges.recordings.readers import Options, open_log
-from ges.recordings.recording import make_set, write_set
-from ges.vehicle.file import Vehicle, load_vehicle
+from ges.recordings.recording import make_set
+from ges.vehicle.file import Quantity, Vehicle, load_vehicle, vehicle_content
 
-Flights = dict[str, pd.DataFrame]
-_AS_LOGGED = Options()
-APPIUS_NEAR = ("HOVERING", "VERTICAL_SPEEDS", "NO_COMPENSATION_V_050", "HIGH_ALTITUDE_V_050")
-APPIUS_HIGH = "HIGH_ALTITUDE_V_050"
+CRAZYPAD, IMRCLAB, APPIUS = "crazypad", "imrclab-crazyflie", "appius"
+FOLDERS = {CRAZYPAD: "crazypad", IMRCLAB: "imrclab-crazyflie", APPIUS: "appius-ground-effect"}
+UNKNOWN_LIMIT: dict[str, Any] = {
+    "whole": None,
+    "without": {},
+    "method": "not known of real flights",
+}
 HEALTHY = {
     "E8": ("E8_log00", "E8_log01", "E8_log02", "E8_log03"),
     "E9": ("E9_log00", "E9_log01", "E9_log02", "E9_log04"),
 }
+REFERENCES = (
+    "cut_propellers_M2_0.5mm_M1_0.5mm_reference",
+    "cut_propellers_M2_0.5mm_reference",
+)
+# a blade that was cut or taped has another torque as well; flights of the old healthy vehicle do
+# not serve for the cut pairs, since rotor 3 of that series was changed without a label
+CUT_PAIR = Concealed(
+    ("weak_rotor",),
+    "strong",
+    optional=("torque_coefficient",),
+    places={"weak_rotor": ("rotor 1", "rotor 2")},
+)
+CUT = Concealed(
+    ("weak_rotor",),
+    "strong",
+    optional=("torque_coefficient",),
+    places={"weak_rotor": ("rotor 3",)},
+)
+# airframe, number of the first of three flights, label
+CONDITIONS: Mapping[str, tuple[str, int, Concealed]] = {
+    "add_weight_W1_near_M3": (
+        "E9",
+        4,
+        Concealed(
+            ("cg_offset", "thrust_scale"),
+            "strong",
+            optional=("inertia",),
+            instead=(("cg_offset",),),
+        ),
+    ),
+    "cut_propeller_M3_1mm": ("E8", 1, CUT),
+    "cut_propeller_M3_3mm": ("E9", 0, CUT),
+    "cut_propellers_M2_2mm_M1_2mm": ("E9", 3, CUT_PAIR),
+    "cut_propellers_M2_4mm_M1_4mm": ("E9", 3, CUT_PAIR),
+    "cut_propellers_M2_6mm_M1_6mm": ("E9", 3, CUT_PAIR),
+    "tape_on_propeller_M3": ("E8", 0, CUT),
+    # the thread hangs near motor 3, so that its weight shifts the balance, too
+    "weight_on_string_W3_near_M3": (
+        "E8",
+        0,
+        Concealed(("slung_load",), "strong", optional=("cg_offset", "thrust_scale")),
+    ),
+}
+# free flights and flights with 4.7 g on a cable, by speed; the vehicle itself is 2.7 g heavier then
+FREE = {"1.0": (0, 1, 2, 3, 4), "0.7": (17, 18, 19, 20, 21)}
+PAYLOAD = {"1.0": (6, 7, 8, 9, 10), "0.7": (22, 24, 26, 27, 28), "sideways": (57, 58, 59, 60, 61)}
+CABLE = Concealed(
+    ("slung_load", "thrust_scale"),
+    "strong",
+    optional=("cg_offset",),
+    instead=(("slung_load",),),
+)
+FREE_MASS_KG = Quantity(value=0.037, sd=0.0004)
+# what every rotor does and the file of that vehicle does not know: to name it is no mistake
+EVERY_ROTOR = ("rotor_drag", "axial_inflow", "thrust_scale")
+NEAR = Concealed(("ground_effect",), "medium", optional=EVERY_ROTOR)
+HEALTHY_FLIGHTS = Concealed(severity="weak")
+FAR = Concealed(severity="weak", optional=EVERY_ROTOR)
+Flights = list[pd.DataFrame]
 
 
 @dataclass(frozen=True)
-class Change:
-    """Flights of an airframe after something was done to it, and what that is in the contract's
-    names.
+class Design:
+    """A set of recorded flights: those it is calibrated on (none: the file as it is), those to be
+    diagnosed, by path within the data set, the labelled truth, and into how many pieces a single
+    long flight is cut.
     """
 
-    folder: str
-    airframe: str
-    names: tuple[str, ...]
-    severity: str
-    also: tuple[tuple[str, ...], ...] = ()
+    reference: tuple[str, ...]
+    flights: tuple[str, ...]
+    truth: Concealed
+    about: str
+    pieces: int = 1
+
+    @property
+    def key(self) -> str:
+        """A name for the table of cases."""
+        against = f" against {' '.join(self.reference)}" if self.reference else ""
+        return f"{self.about}: {' '.join(self.flights)}{against}"
+
+    def concealed(self) -> Concealed:
+        """Return the labelled truth."""
+        return self.truth
 
 
-# the weight on a thread hangs near motor 3, so that it shifts the balance too; a taped weight is
-# more mass and a shift
-CHANGES = (
-    Change("cut_propeller_M3_1mm", "E8", ("weak_rotor",), "weak"),
-    Change("cut_propeller_M3_3mm", "E9", ("weak_rotor",), "strong"),
-    Change(
-        "tape_on_propeller_M3",
-        "E8",
-        ("weak_rotor",),
-        "weak",
-        (("weak_rotor", "torque_coefficient"),),
-    ),
-    Change(
-        "add_weight_W1_near_M3", "E9", ("cg_offset", "thrust_scale"), "strong", (("cg_offset",),)
-    ),
-    Change(
-        "weight_on_string_W3_near_M3",
-        "E8",
-        ("slung_load",),
-        "strong",
-        (("slung_load", "cg_offset"),),
-    ),
-)
+def _of_half(items: Sequence, half: str) -> list:
+    return list(items)[HALVES.index(half) :: 2]
 
 
-def make_real(out: Path, recordings: Path) -> int:
-    """Write the published flights as sealed cases; return their number.
-
-    Parameters
-    ----------
-    out : folder of the cases.
-    recordings : folder of the published recordings.
-
-    Raises
-    ------
-    UsageError
-        When a recording is not there, or ``out`` already holds sealed cases.
+def crazypad_designs(half: str) -> list[Design]:
+    """Return healthy flights against other healthy flights, and changed ones against healthy ones
+    of the same airframe and session.
     """
-    if (out / "sealed" / seal.SUMS).exists():
-        raise UsageError(f"'{out}' already holds sealed cases; name an empty folder")
-    (out / "sealed").mkdir(parents=True, exist_ok=True)
-    count = 0
-    for vehicle, flights, truth in (*_appius(recordings), *_crazypad(recordings)):
-        identity = hashlib.sha256(repr((sorted(flights), truth["category"])).encode()).hexdigest()[
-            :12
+    found = []
+    for airframe in _of_half(sorted(HEALTHY), half):
+        every = [f"normal_flight/{name}" for name in HEALTHY[airframe]]
+        for pair in itertools.combinations(every, 2):
+            rest = tuple(name for name in every if name not in pair)
+            found.append(Design(rest, pair, HEALTHY_FLIGHTS, f"healthy {airframe}"))
+    for folder in _of_half(sorted(CONDITIONS), half):
+        airframe, start, truth = CONDITIONS[folder]
+        healthy = tuple(f"normal_flight/{name}" for name in HEALTHY[airframe])
+        references = [healthy]
+        if truth is CUT_PAIR:
+            each = [tuple(f"{ref}/E9_log0{k}" for k in range(3)) for ref in REFERENCES]
+            references = [*each, each[0] + each[1]]
+        logs = [f"{folder}/{airframe}_log0{start + k}" for k in range(3)]
+        found += [
+            Design(reference, pair, truth, folder)
+            for reference in references
+            for pair in itertools.combinations(logs, 2)
         ]
-        write_set(out / "cases" / identity, vehicle, list(_numbered(flights).items()))
-        write_json(out / "sealed" / f"{identity}.json", truth)
-        count += 1
-    seal.close(out)
-    return count
+    return found
 
 
-def _numbered(flights: Mapping[str, pd.DataFrame]) -> Flights:
-    return {f"flight_{k}": frame for k, frame in enumerate(flights.values(), 1)}
+def imrclab_designs(half: str) -> list[Design]:
+    """Return free flights against other free flights, and loaded ones against free ones."""
+    speed = {"development": "1.0", "evaluation": "0.7"}[half]
+    free = [f"free/eckart{k:02d}" for k in FREE[speed]]
+    found = [
+        Design(tuple(free[:3]), tuple(free[3:]), HEALTHY_FLIGHTS, "free"),
+        Design(tuple(free[2:]), tuple(free[:2]), HEALTHY_FLIGHTS, "free"),
+    ]
+    for kind in (speed,) if half == "development" else (speed, "sideways"):
+        loaded = [f"payload/eckart{k:02d}" for k in PAYLOAD[kind]]
+        found += [
+            Design(tuple(free), tuple(part), CABLE, f"payload {kind}")
+            for part in (loaded[:2], loaded[2:], loaded)
+        ]
+    return found
 
 
-def _truth(
-    category: str, verdict: str, names: tuple[str, ...], severity: str, about: str, also=()
-) -> dict:
-    return {
-        "verdict": verdict,
-        "findings": [{"name": n, "parameters": {}} for n in names],
-        "severity": severity,
-        "also_acceptable": [list(a) for a in also],
-        "category": category,
-        "situation": {"about": about},
+def appius_designs(half: str) -> list[Design]:
+    """Return flights near the ground, and one far from it in pieces."""
+    if half == "development":
+        return [
+            Design((), ("HOVERING.csv", "VERTICAL_SPEEDS.csv"), NEAR, "near the ground"),
+            Design((), ("HIGH_ALTITUDE_V_050.csv",), FAR, "far from the ground", pieces=2),
+        ]
+    near = ("NO_COMPENSATION_V_050.csv",)
+    return [
+        Design((), (*near, "HIGH_ALTITUDE_V_050.csv"), NEAR, "near and far"),
+        Design((), near, NEAR, "near the ground", pieces=2),
+        Design((), (*near, "VERTICAL_SPEEDS.csv"), NEAR, "near the ground"),
+    ]
+
+
+def maker(world: str) -> Callable[..., None]:
+    """Return the function that writes the sets of one of these worlds."""
+
+    def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+        for design, _, place in sets:
+            _make(out, world, design, place, sources)
+
+    return make
+
+
+def _make(out: Path, world: str, design: Design, place: Place, sources: Sources) -> None:
+    root = sources.recordings / FOLDERS[world]
+    vehicle = _vehicle(world)
+    flights = [piece for name in design.flights for piece in _pieces(world, root / name, design)]
+    if design.reference:
+        vehicle = _calibrated(vehicle, [_frame(world, root / name) for name in design.reference])
+    truth = design.truth.truth() | {
+        "detectable": UNKNOWN_LIMIT,
+        "situation": {
+            "world": place.world,
+            "design": design.key,
+            "vehicle": vehicle.name,
+            "noise": "real",
+            "rotor_speeds": "rotor_speed_1_rad_s" in flights[0],
+        },
     }
+    write_set(out, place, vehicle_content(vehicle), flights, truth)
 
 
-def _appius(recordings: Path):
-    """The near-ground flights with a file that knows no ground effect, and one flight far from the
-    ground in two halves.
-
-    The file knows neither the drag nor the heave damping that every rotor has: to name these as
-    well is no mistake.
-    """
-    vehicle = load_vehicle("appius")
-    flights = {
-        name: _frame(recordings / "appius-ground-effect" / f"{name}.csv", Options("appius"))
-        for name in APPIUS_NEAR
-    }
-    also = (
-        ("ground_effect", *more)
-        for more in (("rotor_drag",), ("axial_inflow",), ("rotor_drag", "axial_inflow"))
-    )
-    yield (
-        vehicle,
-        flights,
-        _truth(
-            "single",
-            "physics",
-            ("ground_effect",),
-            "medium",
-            "1.5 kg quadrotor near the ground",
-            also,
-        ),
-    )
-    high = flights[APPIUS_HIGH]
-    half = len(high) // 2
-    halves = {"first": high.iloc[:half], "second": high.iloc[half:]}
-    yield (
-        vehicle,
-        halves,
-        _truth("null", "nothing_proven", (), "weak", "1.5 kg quadrotor far from the ground"),
-    )
-
-
-def _crazypad(recordings: Path):
-    """Healthy flights against other healthy flights, and changed ones against all healthy flights
-    of the airframe.
-    """
-    generic = load_vehicle("crazyflie-2.1")
-    root = recordings / "crazypad"
-    for airframe, names in HEALTHY.items():
-        healthy = {n: _frame(root / "normal_flight" / n) for n in names}
-        for part in (names[:2], names[2:]):
-            known = _calibrated(generic, {n: f for n, f in healthy.items() if n not in part})
-            rest = {n: healthy[n] for n in part}
-            yield (
-                known,
-                rest,
-                _truth(
-                    "null",
-                    "nothing_proven",
-                    (),
-                    "weak",
-                    f"27 g quadrotor {airframe}, healthy {part[0]}",
-                ),
-            )
-        known = _calibrated(generic, healthy)
-        for change in (c for c in CHANGES if c.airframe == airframe):
-            paths = sorted(_there(root / change.folder).iterdir())
-            flights = {f"{change.folder}/{p.name}": _frame(p) for p in paths}
-            category = "single" if len(change.names) == 1 else "pair"
-            yield (
-                known,
-                flights,
-                _truth(
-                    category, "physics", change.names, change.severity, change.folder, change.also
-                ),
-            )
+def _vehicle(world: str) -> Vehicle:
+    if world == APPIUS:
+        return load_vehicle("appius")
+    vehicle = load_vehicle("crazyflie-2.1")
+    if world == IMRCLAB:
+        return vehicle.model_copy(update={"mass_kg": FREE_MASS_KG})
+    return vehicle
 
 
 def _calibrated(vehicle: Vehicle, flights: Flights) -> Vehicle:
-    return calibrate(make_set(vehicle, list(flights.items()))).vehicle
+    named = [(f"flight_{k}", frame) for k, frame in enumerate(flights, 1)]
+    return calibrate(make_set(vehicle, named)).vehicle
 
 
-def _frame(path: Path, options: Options = _AS_LOGGED) -> pd.DataFrame:
-    return open_log(_there(path), options).frame()
+def _pieces(world: str, path: Path, design: Design) -> Flights:
+    frame = _frame(world, path)
+    size = len(frame) // design.pieces
+    return [frame.iloc[k * size : (k + 1) * size] for k in range(design.pieces)]
 
 
-def _there(path: Path) -> Path:
+def _frame(world: str, path: Path) -> pd.DataFrame:
     if not path.exists():
         raise GesError(
             f"the recording {path.name} is not in {path.parent}; 'ges recordings fetch' gets the"
             " published flights"
         )
-    return path
+    frame = open_log(path, Options("appius" if world == APPIUS else None)).frame()
+    if world == IMRCLAB:
+        # their commands are duty cycles after battery compensation; their rotor speeds are measured
+        frame = frame[[c for c in frame.columns if not c.startswith("u_")]]
+    return frame

@@ -1,316 +1,392 @@
-"""Cases flown by RotorPy (Folk, Paulos and Kumar 2023): its physics, its controller; what it has
-switched on is the truth.
+"""RotorPy (Folk, Paulos and Kumar 2023): its physics, its SE(3) controller, its trajectories.
 
-Needs the optional extra ``simulators``. Plans, sensors and the errors of the vehicle files are
-those of the other cases.
+What is concealed is what is switched on: coefficients of its published vehicles, its wind, or a
+vehicle file that is wrong. Sensors and the honest errors of the file are ours. The limit follows
+from the wrench that RotorPy itself computes along the flown path with and without each effect.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import yaml
 
-from ges.blind.generator import ground
+from ges.blind.foreign.sets import Concealed, Place, Sources, draw_log, write_flown
 from ges.blind.generator.airframe import Airframe, declare
-from ges.blind.generator.flight import Sortie
-from ges.blind.generator.plan import CONTROL_DT_S, FULL_MENU, Room, make_plan
-from ges.blind.generator.sensing import Logging, Recorder
-from ges.blind.protocol import seal
-from ges.errors import GesError, UsageError
-from ges.files import write_json
+from ges.blind.generator.detectable import NAME_OF_WRONG, Flown
+from ges.errors import GesError
 
+WORLD = "rotorpy"
+NEEDS = ("rotorpy",)
+FLIGHTS = 4
+SECONDS = (11.0, 15.0)
+LONGEST_STEP_S = 0.005
+LOST_M = 2.0
+ATTEMPTS, GENTLER = 6, 0.85
+PACE = {"hummingbird": 1.0, "crazyflie": 0.6}
 AERO = ("c_Dx", "c_Dy", "c_Dz", "k_d", "k_z", "k_h", "k_flap")
-STEP_S = 2.0 * CONTROL_DT_S
-SECONDS = (14.0, 18.0)
-PARASITIC = {"c_Dx": 0.02, "c_Dy": 0.02, "c_Dz": 0.02}
-FLAPPING = {"k_flap": 2e-5}
-# vehicle, aerodynamic coefficients kept as published, coefficients set here, wind (m/s), names of
-# what is on
-CASES = (
-    ("hummingbird", (), {}, 0.0, ()),
-    ("hummingbird", ("k_d",), {}, 0.0, ("rotor_drag",)),
-    ("hummingbird", ("k_z",), {}, 0.0, ("axial_inflow",)),
-    ("hummingbird", ("k_h",), {}, 0.0, ("translational_lift",)),
-    ("hummingbird", (), PARASITIC, 0.0, ("parasitic_drag",)),
-    ("hummingbird", ("k_d",), {}, 2.5, ("rotor_drag", "wind")),
-    ("hummingbird", ("k_d", "k_z"), {}, 0.0, ("rotor_drag", "axial_inflow")),
-    ("hummingbird", (), FLAPPING, 0.0, ()),
-    ("crazyflie", (), {}, 0.0, ()),
-    ("crazyflie", ("k_d",), {}, 0.0, ("rotor_drag",)),
-    ("crazyflie", ("k_d",), {}, 1.5, ("rotor_drag", "wind")),
-    ("crazyflie", ("k_d", "k_z"), {}, 0.0, ("rotor_drag", "axial_inflow")),
-)
+# coefficients that RotorPy's vehicles have or, where they have none, of a like share of the weight
+ON = {
+    "hummingbird": {
+        "rotor_drag": {"k_d": 1.19e-4},
+        "axial_inflow": {"k_z": 2.32e-4},
+        "translational_lift": {"k_h": 3.39e-3},
+        "parasitic_drag": {"c_Dx": 0.02, "c_Dy": 0.02, "c_Dz": 0.02},
+        "flapping": {"k_flap": 2e-5},
+    },
+    "crazyflie": {
+        "rotor_drag": {"k_d": 1.02506e-6},
+        "axial_inflow": {"k_z": 7.553e-7},
+        "translational_lift": {"k_h": 8e-4},
+        "parasitic_drag": {"c_Dx": 0.002, "c_Dy": 0.002, "c_Dz": 0.002},
+        "flapping": {"k_flap": 1.2e-7},
+    },
+}
+METHOD = "force along the path, RotorPy's own wrench with and without each effect"
 
 
-def make_rotorpy(
-    out: Path,
-    seed: int,
-    seconds: tuple[float, float] = SECONDS,
-    only: int | None = None,
-    tell: Callable[[int, int], None] = lambda *_: None,
-) -> int:
-    """Fly and seal RotorPy's cases; return their number. ``only`` restricts to the first so many.
+@dataclass(frozen=True)
+class Design:
+    """A set to fly: what is on (share of :data:`ON`), the air, and how the vehicle file is wrong.
+
+    ``wind`` is the speed of a steady wind, ``gusts`` a kind of moving air with its size;
+    ``shift_m`` moves all rotors against the centre of mass.
+    """
+
+    vehicle: str
+    on: Mapping[str, float] = field(default_factory=dict)
+    wind_m_s: float = 0.0
+    gusts: tuple[str, float] = ("", 0.0)
+    wrong: Mapping[str, float] = field(default_factory=dict)
+    shift_m: tuple[float, float] = (0.0, 0.0)
+    copy: int = 0
+
+    @property
+    def key(self) -> str:
+        """A name for the table of cases."""
+        parts = [f"{n} {s:g}" for n, s in self.on.items()]
+        parts += [f"wind {self.wind_m_s:g}"] if self.wind_m_s else []
+        parts += [f"{self.gusts[0]} {self.gusts[1]:g}"] if self.gusts[0] else []
+        parts += [f"file {n} {f:g}" for n, f in self.wrong.items()]
+        parts += ["cg_offset"] if any(self.shift_m) else []
+        return f"{self.vehicle} {', '.join(parts) or 'nothing'} #{self.copy}"
+
+    def concealed(self) -> Concealed:
+        """Return what is true of it, in the contract's names."""
+        names = [n for n in self.on if n != "flapping"]
+        names += ["wind"] if self.wind_m_s else []
+        names += ["gusts"] if self.gusts[0] else []
+        names += [NAME_OF_WRONG[w] for w in self.wrong]
+        names += ["cg_offset"] if any(self.shift_m) else []
+        severity = "weak" if min(self.on.values(), default=1.0) < 0.5 else "strong"
+        if "flapping" in self.on:
+            return Concealed(severity=severity, verdict="unknown", category="unknown")
+        instead: tuple[tuple[str, ...], ...] = ()
+        if self.wind_m_s or self.gusts[0]:
+            # moving air is felt through the drag alone
+            instead = (("wind",),) if self.wind_m_s else (("gusts",),)
+        parameter = self.wrong and "lag" not in self.wrong
+        return Concealed(
+            tuple(names),
+            severity,
+            instead=instead,
+            verdict="parameter" if parameter else "",
+            category="parameter" if parameter else "single" if instead else "",
+        )
+
+
+def designs(half: str) -> list[Design]:
+    """Return the sets of a half: the same effects in both, at other sizes."""
+    small = {"development": 0.3, "evaluation": 0.4}[half]
+    wind = {"development": (2.5, 1.5), "evaluation": (3.2, 1.1)}[half]
+    both = ("hummingbird", "crazyflie")
+    effects = ("rotor_drag", "axial_inflow", "translational_lift", "parasitic_drag")
+    pairs = [
+        ("rotor_drag", "axial_inflow"),
+        ("rotor_drag", "translational_lift"),
+        ("rotor_drag", "parasitic_drag"),
+        ("axial_inflow", "translational_lift"),
+        ("axial_inflow", "parasitic_drag"),
+        ("translational_lift", "parasitic_drag"),
+    ]
+    found = [Design(v, copy=k) for v in both for k in range(4)]
+    found += [Design(v, {n: size}) for v in both for n in effects for size in (1.0, small)]
+    found += [Design("hummingbird", dict.fromkeys(p, 1.0)) for p in pairs]
+    found += [Design("crazyflie", dict.fromkeys(pairs[k], 1.0)) for k in (0, 2)]
+    found += [Design("hummingbird", dict.fromkeys(effects[:3], 1.0))]
+    found += [Design(v, {"flapping": 1.0}) for v in both]
+    for vehicle, speed in zip(both, wind, strict=True):
+        found += [
+            Design(vehicle, {"rotor_drag": 1.0}, wind_m_s=speed),
+            Design(vehicle, {"parasitic_drag": 1.0}, wind_m_s=speed),
+            Design(vehicle, {"rotor_drag": 1.0}, gusts=("dryden", 0.4 * speed)),
+            Design(vehicle, {"rotor_drag": 1.0}, gusts=("sinusoid", 0.4 * speed)),
+            Design(vehicle, shift_m=(0.006, -0.004) if vehicle == "hummingbird" else (0.0, 0.002)),
+        ]
+    wrong = [("hummingbird", {"mass": 1.12}), ("crazyflie", {"mass": 0.86})]
+    wrong += [("hummingbird", {"thrust": 0.85}), ("crazyflie", {"thrust": 1.14})]
+    wrong += [("hummingbird", {"torque": 0.65}), ("crazyflie", {"torque": 1.45})]
+    wrong += [("hummingbird", {"inertia": 1.45}), ("crazyflie", {"inertia": 0.65})]
+    wrong += [("hummingbird", {"lag": 8.0}), ("crazyflie", {"lag": 0.5})]
+    return found + [Design(v, wrong=w) for v, w in wrong]
+
+
+def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+    """Fly designs, one after the other, and seal them.
 
     Raises
     ------
-    UsageError
-        When ``out`` already holds sealed cases.
     GesError
-        When RotorPy is not installed.
+        When RotorPy's controller loses its trajectory.
     """
-    new_folder(out)
-    cases = CASES[:only]
-    for number, case in enumerate(cases):
-        _make_case(out, case, np.random.default_rng([seed, number, 6]), seconds)
-        tell(number + 1, len(cases))
-    seal.close(out)
-    return len(cases)
+    for design, number, place in sets:
+        _make(out, design, number, place)
 
 
-def new_folder(out: Path) -> None:
-    """Make the folders of a proof; UsageError where sealed cases lie already."""
-    if (out / "sealed" / seal.SUMS).exists():
-        raise UsageError(f"'{out}' already holds sealed cases; name an empty folder")
-    for part in ("cases", "sealed"):
-        (out / part).mkdir(parents=True, exist_ok=True)
-
-
-def plan_flights(
-    craft: Airframe,
-    rng: np.random.Generator,
-    seconds: tuple[float, float] = SECONDS,
-    pace: float = 0.8,
-    smooth_s: float = 1.3,
-) -> list[Sortie]:
-    """Plan one flight of every manoeuvre over flat ground."""
-    grid = np.zeros((ground.NODES, ground.NODES))
-    rooms = [
-        Room(float(rng.uniform(*seconds)), craft.radius_m, 0.5, pace, smooth_s, grid)
-        for _ in FULL_MENU
-    ]
-    plans = [
-        make_plan(str(m), room, False, False, rng)
-        for m, room in zip(rng.permutation(FULL_MENU), rooms, strict=True)
-    ]
-    return [Sortie(craft, {}, plan, grid, 1.0, 0.0, 0) for plan in plans]
-
-
-def write_case(
-    out: Path,
-    craft: Airframe,
-    sorties: list[Sortie],
-    flights: list[dict],
-    log: Logging,
-    truth: dict,
-    rng: np.random.Generator,
-) -> None:
-    """Record flights with the other cases' sensors, and seal the truth with the situation."""
-    identity = rng.bytes(6).hex()
-    folder = out / "cases" / identity
-    folder.mkdir()
-    for k, (sortie, flown) in enumerate(zip(sorties, flights, strict=True), 1):
-        frame = Recorder(flown, sortie, log, rng).frame()
-        frame.astype({c: "float32" for c in frame.columns if c != "t_s"}).to_parquet(
-            folder / f"flight_{k}.parquet", index=False
-        )
-    content = craft.vehicle_file({"kind": "flat", "z_m": 0.0})
-    (folder / "vehicle.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
-    situation = {
-        "vehicle": craft.size,
-        "noise": log.noise,
-        "rotor_speeds": log.rotor_speeds,
-        "references": True,
-        "excitation": False,
-        "terrain": "flat",
-        "menu": "full",
-    }
-    write_json(out / "sealed" / f"{identity}.json", truth | {"situation": situation})
-
-
-def _parameters(vehicle: str, kept: tuple[str, ...], own: dict[str, float]) -> dict:
-    try:
-        from rotorpy.vehicles import crazyflie_params, hummingbird_params
-    except ImportError:
-        raise GesError("RotorPy is not installed; pip install 'ges[simulators]'") from None
-    published = {"hummingbird": hummingbird_params, "crazyflie": crazyflie_params}[
-        vehicle
-    ].quad_params
-    return (
-        published | {k: 0.0 for k in AERO if k not in kept} | {k: published[k] for k in kept} | own
-    )
-
-
-def _make_case(
-    out: Path, case: tuple, rng: np.random.Generator, seconds: tuple[float, float]
-) -> None:
-    vehicle, kept, own, wind, names = case
-    numbers = _parameters(vehicle, kept, own)
-    craft = _airframe(vehicle, numbers, rng)
-    log = Logging(
-        100.0,
-        str(rng.choice(["low", "ordinary"])),
-        bool(rng.random() < 0.6),
-        True,
-        False,
-        False,
-        False,
-    )
+def _make(out: Path, design: Design, number: int, place: Place) -> None:
+    numbers = _numbers(design)
+    craft = _airframe(design, numbers, place.rng("file"))
+    log = draw_log(place, number)
+    rng = place.rng("paths")
+    steps = int(np.ceil(1.0 / (log.rate_hz * LONGEST_STEP_S) - 1e-9))
+    step_s = 1.0 / (log.rate_hz * max(steps, 1))
     heading = rng.uniform(0.0, 2.0 * np.pi)
-    air = wind * np.array([np.cos(heading), np.sin(heading), 0.0])
-    sorties = plan_flights(craft, rng, seconds)
-    flights = [_fly(numbers, s.plan.reference, air) for s in sorties]
-    write_case(out, craft, sorties, flights, log, _truth(case, numbers), rng)
+    blowing = design.wind_m_s * np.array([np.cos(heading), np.sin(heading), 0.0])
+    flights = [
+        _fly_gently(design, numbers, place.half, kind, blowing, step_s, rng)
+        for kind in range(FLIGHTS)
+    ]
+    concealed = design.concealed()
+    write_flown(out, place, craft, flights, log, concealed, METHOD, design.wrong)
 
 
-def _truth(case: tuple, numbers: dict) -> dict:
-    vehicle, kept, own, wind, names = case
-    strange = not names and bool(own)
-    verdict = "unknown" if strange else "physics" if names else "nothing_proven"
-    blown = wind > 0.0
-    category = (
-        "unknown"
-        if strange
-        else "null"
-        if not names
-        else "single"
-        if len(names) == 1 or blown
-        else "pair"
-    )
-    return {
-        "verdict": verdict,
-        "findings": [{"name": n, "parameters": {}} for n in names],
-        "severity": "strong",
-        "also_acceptable": [["wind"]] if blown else [],
-        "category": category,
-        "concealed": {
-            "rotorpy": (
-                {k: numbers[k] for k in (*kept, *own)} | ({"wind_m_s": wind} if blown else {})
-            )
-        },
-    }
+def _numbers(design: Design) -> dict[str, Any]:
+    from rotorpy.vehicles import crazyflie_params, hummingbird_params
+
+    published = {"hummingbird": hummingbird_params, "crazyflie": crazyflie_params}
+    numbers = published[design.vehicle].quad_params | dict.fromkeys(AERO, 0.0)
+    for name, share in design.on.items():
+        numbers |= {k: share * v for k, v in ON[design.vehicle][name].items()}
+    return numbers
 
 
-def _airframe(vehicle: str, numbers: dict, rng: np.random.Generator) -> Airframe:
-    """RotorPy's vehicle as the true one, and a file about it with honest errors. Positive torque:
-    the rotor turns cw.
-    """
-    theirs = {
-        "mass": "mass",
-        "ixx": "Ixx",
-        "iyy": "Iyy",
-        "izz": "Izz",
-        "thrust": "k_eta",
-        "torque": "k_m",
-        "lag": "tau_m",
-        "speed": "rotor_speed_max",
-    }
-    true = {own: float(numbers[name]) for own, name in theirs.items()}
+def _airframe(design: Design, numbers: Mapping[str, Any], rng: np.random.Generator) -> Airframe:
+    """Return the true vehicle, and a file about it with honest errors. Of RotorPy's rotors those
+    with a positive direction turn clockwise."""
+    names = {"mass": "mass", "ixx": "Ixx", "iyy": "Iyy", "izz": "Izz"}
+    names |= {"thrust": "k_eta", "torque": "k_m", "lag": "tau_m", "speed": "rotor_speed_max"}
+    true = {own: float(numbers[name]) for own, name in names.items()}
     places = np.array(list(numbers["rotor_pos"].values()))
-    radius = float(numbers.get("rotor_radius", 0.0231))
-    spin = tuple(-int(d) for d in numbers["rotor_directions"])
     return Airframe(
-        vehicle,
-        radius,
-        tuple(map(float, places[:, 0])),
-        tuple(map(float, places[:, 1])),
-        0.0,
-        spin,
-        12.0,
-        declare(true, rng),
-        true,
+        size=design.vehicle,
+        radius_m=float(numbers.get("rotor_radius", 0.0231)),
+        rotor_x_m=tuple(map(float, places[:, 0])),
+        rotor_y_m=tuple(map(float, places[:, 1])),
+        rotor_z_m=0.0,
+        spin=tuple(-int(d) for d in numbers["rotor_directions"]),
+        battery_V=12.0,
+        declared=declare(true, rng),
+        true=true,
     )
 
 
-def _fly(numbers: dict, reference: np.ndarray, wind: np.ndarray) -> dict[str, np.ndarray]:
-    """Fly a plan's references (11, n) with RotorPy's SE(3) controller; return the truth at the
-    control rate.
+def _fly_gently(
+    design: Design,
+    numbers: Mapping[str, Any],
+    half: str,
+    kind: int,
+    blowing: np.ndarray,
+    step_s: float,
+    rng: np.random.Generator,
+) -> Flown:
+    """Fly a trajectory; one that the controller loses is drawn anew and flown slower."""
+    pace = PACE[design.vehicle]
+    for _ in range(ATTEMPTS):
+        path = _trajectory(half, kind, pace, rng)
+        flown = _fly(numbers, design, path, _air(design, blowing, step_s, rng), step_s, rng)
+        if flown is not None:
+            return flown
+        pace *= GENTLER
+    raise GesError(
+        f"RotorPy's controller lost its {type(path).__name__} in '{design.key}' {ATTEMPTS} times;"
+        " the trajectories are too fast for the vehicle"
+    )
+
+
+def _trajectory(half: str, kind: int, pace: float, rng: np.random.Generator) -> Any:
+    """Return one of RotorPy's own trajectories; the halves fly other families, other shapes."""
+    from rotorpy.trajectories.circular_traj import ThreeDCircularTraj
+    from rotorpy.trajectories.lissajous_traj import TwoDLissajous
+    from rotorpy.trajectories.minsnap import MinSnap
+    from rotorpy.trajectories.speed_traj import ConstantSpeed
+
+    early, other = half == "development", rng.uniform(0.9, 1.1, 2)
+    high = np.array([0.0, 0.0, 2.5])
+    if kind == 0:
+        size, turns = (1.5, 1.2), np.array([0.9, 1.6] if early else [0.7, 2.0]) * pace * other
+        return TwoDLissajous(
+            A=size[0 if early else 1],
+            B=size[1 if early else 0],
+            a=turns[0],
+            b=turns[1],
+            height=2.0 if early else 3.0,
+            yaw_bool=early and bool(rng.random() < 0.5),
+        )
+    if kind == 1:
+        radius, hz = (1.5, 0.28 * pace) if early else (1.1, 0.34 * pace)
+        size = np.array([radius, radius, 0.5]) * rng.uniform(0.9, 1.1, 3)
+        turns = np.array([hz, hz, hz * rng.uniform(0.5, 0.8)])
+        return ThreeDCircularTraj(high, size, turns, yaw_traj=None if early else "forward")
+    if kind == 2:
+        count, speed, reach = (16, 1.3, 1.0) if early else (18, 1.1, 1.4)
+        points = high + rng.uniform(-reach, reach, (count, 3)) * np.array([1.0, 1.0, 0.5])
+        turns = np.cumsum(rng.uniform(-0.9, 0.9, count))
+        return MinSnap(points, turns, v_avg=speed * pace, v_max=9.0, verbose=False)
+    along, speed = (2, 1.2) if early else (int(rng.integers(2)), 1.5)
+    return ConstantSpeed(high, dist=2.0 * speed, speed=speed * pace, axis=along, repeat=True)
+
+
+def _air(
+    design: Design, blowing: np.ndarray, step_s: float, rng: np.random.Generator
+) -> Callable[[float, np.ndarray], np.ndarray]:
+    """Return RotorPy's wind as a function of time and position."""
+    from rotorpy.wind.default_winds import ConstantWind, SinusoidWind
+
+    kind, size = design.gusts
+    if kind == "sinusoid":
+        hz = rng.uniform(0.1, 0.5, 3)
+        wind = SinusoidWind(np.array([1.6, 1.6, 0.3]) * size, hz, rng.uniform(0.0, 5.0, 3))
+    elif kind == "dryden":
+        wind = _dryden(size, step_s, rng)
+    else:
+        wind = ConstantWind(*blowing)
+    return lambda t, p: np.asarray(wind.update(t, p), dtype=float)
+
+
+def _dryden(size: float, step_s: float, rng: np.random.Generator) -> Any:
+    """Return RotorPy's Dryden gusts. Their intensity is that of white noise of one step, so that
+    the gusts' own sd falls with the root of the step; it is made up for here."""
+    from rotorpy.wind.dryden_winds import DrydenGust
+
+    np.random.seed(int(rng.integers(2**31)))
+    louder = size * np.sqrt(4.0 * np.pi / step_s) * np.array([1.0, 1.0, 0.5])
+    return DrydenGust(step_s, np.array([0.0, 0.0, 0.0]), louder)
+
+
+def _fly(
+    numbers: Mapping[str, Any],
+    design: Design,
+    path: Any,
+    air: Callable[[float, np.ndarray], np.ndarray],
+    step_s: float,
+    rng: np.random.Generator,
+) -> Flown | None:
+    """Fly one trajectory by RotorPy's controller; None where it lost it.
+
+    Runge and Kutta's fourth order on RotorPy's equations of motion, ten times faster than its own
+    adaptive integration.
     """
     from rotorpy.controllers.quadrotor_control import SE3Control
     from rotorpy.vehicles.multirotor import Multirotor
 
+    first = path.update(0.0)
+    half = 0.5 * float(first["yaw"])
     hover = np.sqrt(numbers["mass"] * 9.81 / (4.0 * numbers["k_eta"]))
-    turned = np.array([0.0, 0.0, np.sin(0.5 * reference[9, 0]), np.cos(0.5 * reference[9, 0])])
     state = {
-        "x": reference[:3, 0].copy(),
-        "v": np.zeros(3),
-        "q": turned,
+        "x": np.array(first["x"], dtype=float),
+        "v": np.array(first["x_dot"], dtype=float),
+        "q": np.array([0.0, 0.0, np.sin(half), np.cos(half)]),
         "w": np.zeros(3),
-        "wind": wind,
+        "wind": air(0.0, np.asarray(first["x"])),
         "rotor_speeds": np.full(4, hover),
     }
-    vehicle, pilot = Multirotor(numbers, state, aero=True), SE3Control(numbers)
+    vehicle, pilot = Multirotor(dict(numbers), state, aero=True), SE3Control(dict(numbers))
+    vehicle.rotor_geometry = vehicle.rotor_geometry - np.array([*design.shift_m, 0.0])
+    without = _vehicles_without(design, numbers, state)
     rows = []
-    for k in range(0, reference.shape[1], 2):
-        ref = reference[:, k]
-        asked = {
-            "x": ref[:3],
-            "x_dot": ref[3:6],
-            "x_ddot": ref[6:9],
-            "x_dddot": np.zeros(3),
-            "x_ddddot": np.zeros(3),
-            "yaw": ref[9],
-            "yaw_dot": ref[10],
-        }
-        control = pilot.update(k * CONTROL_DT_S, state, asked)
-        state["wind"] = wind
-        rows.append(_row(vehicle, state, control, numbers))
-        state = _step(vehicle, state, control)
-    book = {name: between(np.stack([r[name] for r in rows]), name == "u") for name in rows[0]}
-    lost = np.abs(book["p"][: reference.shape[1]] - reference[:3].T[: len(book["p"])]).max()
-    if not lost < 4.0:
-        raise GesError(
-            f"RotorPy's controller was {lost:.1f} m off its references; the plan is too fast for it"
-        )
-    return book
+    for k in range(int(rng.uniform(*SECONDS) / step_s)):
+        asked = path.update(k * step_s)
+        control = pilot.update(k * step_s, state, asked)
+        state["wind"] = air(k * step_s, state["x"])
+        rows.append(_row(vehicle, without, state, control, asked))
+        state = _step(vehicle, state, control, step_s)
+        if not np.abs(state["x"] - asked["x"]).max() < LOST_M:
+            return None
+    states = {n: np.stack([r[n] for r in rows]) for n in rows[0] if "/" not in n}
+    changes = {
+        name: {c: np.stack([r[f"{name}/{c}"] for r in rows]) for c in ("force_N", "moment_Nm")}
+        for name in without
+    }
+    return Flown(step_s, states, changes)
 
 
-def between(rows: np.ndarray, held: bool) -> np.ndarray:
-    """Rows at the control rate from rows at half of it: commands held, all else half way."""
-    following = rows if held else 0.5 * (rows + np.concatenate([rows[1:], rows[-1:]]))
-    return np.stack([rows, following], axis=1).reshape(-1, rows.shape[1])
+def _vehicles_without(
+    design: Design, numbers: Mapping[str, Any], state: Mapping[str, np.ndarray]
+) -> dict[str, Any]:
+    """Return by name the vehicle that lacks this one effect; None for air that moves."""
+    from rotorpy.vehicles.multirotor import Multirotor
+
+    def vehicle(off: Iterable[str], shift: Sequence[float]) -> Any:
+        one = Multirotor(dict(numbers) | dict.fromkeys(off, 0.0), dict(state), aero=True)
+        one.rotor_geometry = one.rotor_geometry - np.array([*shift, 0.0])
+        return one
+
+    found = {n: vehicle(ON[design.vehicle][n], design.shift_m) for n in design.on}
+    if any(design.shift_m):
+        found["cg_offset"] = vehicle((), (0.0, 0.0))
+    if design.wind_m_s or design.gusts[0]:
+        found["wind" if design.wind_m_s else "gusts"] = None
+    return found
 
 
-def _step(vehicle, state: dict, control: dict) -> dict:
-    """Advance RotorPy's equations of motion by one step of Runge and Kutta's fourth order, ten
-    times faster than its own.
-    """
+def _row(
+    vehicle: Any,
+    without: Mapping[str, Any],
+    state: Mapping[str, np.ndarray],
+    control: Mapping[str, Any],
+    asked: Mapping[str, Any],
+) -> dict[str, np.ndarray]:
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = state["q"]
+    to_body = Rotation.from_quat(state["q"]).as_matrix().T
+    still, moving = to_body @ state["v"], to_body @ (state["v"] - state["wind"])
+    rates, speeds = state["w"], state["rotor_speeds"]
+    force, moment = vehicle.compute_body_wrench(rates, speeds, moving)
+    top = vehicle.rotor_speed_max
+    row = {
+        "p": state["x"],
+        "v": state["v"],
+        "q": [w, x, y, z],
+        "omega": rates,
+        "rotor_speed": speeds,
+        "u": np.clip(control["cmd_motor_speeds"], vehicle.rotor_speed_min, top) / top,
+        "specific_force": force / vehicle.mass,
+        "p_ref": asked["x"],
+        "v_ref": asked["x_dot"],
+        "yaw_ref": [asked["yaw"]],
+    }
+    # effects act in the air at rest, and the wind is what moving air adds to all of them, so that
+    # the parts sum up to the whole
+    calm = vehicle.compute_body_wrench(rates, speeds, still) if without else None
+    for name, other in without.items():
+        bare = other.compute_body_wrench(rates, speeds, still) if other else None
+        whole, part = ((force, moment), calm) if other is None else (calm, bare)
+        row[f"{name}/force_N"], row[f"{name}/moment_Nm"] = whole[0] - part[0], whole[1] - part[1]
+    return {name: np.array(value, dtype=float) for name, value in row.items()}
+
+
+def _step(
+    vehicle: Any, state: Mapping[str, np.ndarray], control: Mapping[str, Any], dt: float
+) -> dict[str, np.ndarray]:
     asked = np.clip(control["cmd_motor_speeds"], vehicle.rotor_speed_min, vehicle.rotor_speed_max)
-    s, dt = vehicle._pack_state(state), STEP_S
+    s = vehicle._pack_state(state)
     k1 = vehicle._s_dot_fn(0.0, s, asked)
     k2 = vehicle._s_dot_fn(0.0, s + 0.5 * dt * k1, asked)
     k3 = vehicle._s_dot_fn(0.0, s + 0.5 * dt * k2, asked)
     k4 = vehicle._s_dot_fn(0.0, s + dt * k3, asked)
     new = vehicle._unpack_state(s + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
     return new | {"q": new["q"] / np.linalg.norm(new["q"])}
-
-
-def _row(vehicle, state: dict, control: dict, numbers: dict) -> dict[str, np.ndarray]:
-    x, y, z, w = state["q"]
-    turn = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    felt = turn.T @ (vehicle.statedot(state, control, 0.0)["vdot"] + np.array([0.0, 0.0, 9.81]))
-    asked = (
-        np.clip(control["cmd_motor_speeds"], 0.0, numbers["rotor_speed_max"])
-        / numbers["rotor_speed_max"]
-    )
-    told = {
-        "p": state["x"],
-        "v": state["v"],
-        "q": [w, x, y, z],
-        "omega": state["w"],
-        "rotor_speed": state["rotor_speeds"],
-        "u": asked,
-        "current": np.zeros(4),
-        "battery": [1.0],
-        "ground": [0.0],
-        "specific_force": felt,
-    }
-    return {name: np.array(value, dtype=float) for name, value in told.items()}

@@ -1,14 +1,58 @@
-"""Moving air: logarithmic wind profile, Dryden gusts (MIL-F-8785C, low altitude), and coloured
-noise.
-"""
+"""Moving air: turbulence, logarithmic wind profile and Dryden gusts (MIL-F-8785C, low altitude)."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+
+from ges.blind.noise import coloured
 
 FOOT_M = 0.3048
 ROUGHNESS_M = 0.02
 REFERENCE_HEIGHT_M = 2.0
+
+
+@dataclass(frozen=True)
+class Weather:
+    """The turbulence of one flight; the usual one is stationary, Gaussian, of one time scale.
+
+    ``scales`` are (share of the sd, correlation time in s) of the processes that add up. The level
+    wanders by ``wander`` (sd of its logarithm) within ``wander_s``; ``spikes`` does so within a
+    tenth of a second, which makes heavy tails; now and then it rises by ``burst`` for a second or
+    two. ``strength`` is that of the whole flight.
+    """
+
+    scales: tuple[tuple[float, float], ...] = ((1.0, 0.3),)
+    wander: float = 0.0
+    wander_s: float = 3.0
+    spikes: float = 0.0
+    burst: float = 0.0
+    strength: float = 1.0
+
+    @property
+    def usual(self) -> bool:
+        """Whether the level stays the same throughout."""
+        return not (self.wander or self.spikes or self.burst)
+
+
+SPIKE_S, BURST_S, BURST_ABOVE = 0.1, 1.5, 1.3
+"""Time scales of what makes the level uneven; a burst comes where a process of unit sd is above."""
+
+
+def turbulence(
+    weather: Weather, n: int, dt: float, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return six rows (6, n) of turbulence of unit sd and its level (n,)."""
+    rows = sum(share * coloured((6, n), dt, time, rng) for share, time in weather.scales)
+    level = np.full(n, weather.strength)
+    if not weather.usual:
+        slow, quick, rare = (
+            coloured((1, n), dt, time, rng)[0] for time in (weather.wander_s, SPIKE_S, BURST_S)
+        )
+        level = level * np.exp(weather.wander * slow + weather.spikes * quick)
+        level = level * (1.0 + weather.burst * (rare > BURST_ABOVE))
+    return rows * level, level
 
 
 def log_profile(height: np.ndarray) -> np.ndarray:
@@ -55,15 +99,3 @@ def _second_order(y, inner, time, sigma, shock, dt):
     x1_new = keep * x1 + scale * np.sqrt(1.0 - keep**2) * shock
     x2_new = keep * x2 + (1.0 - keep) * 0.5 * (x1 + x1_new)
     return root3 * x1_new + (1.0 - root3) * x2_new, x2_new
-
-
-def coloured(
-    shape: tuple[int, int], dt: float, time_s: float, rng: np.random.Generator
-) -> np.ndarray:
-    """Return (channels, n) Ornstein-Uhlenbeck noise of unit variance with a correlation time."""
-    from scipy.signal import lfilter
-
-    keep = np.exp(-dt / time_s)
-    white = rng.standard_normal(shape) * np.sqrt(1.0 - keep**2)
-    white[:, 0] /= np.sqrt(1.0 - keep**2)
-    return lfilter([1.0], [1.0, -keep], white, axis=1)

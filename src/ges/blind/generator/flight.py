@@ -7,7 +7,7 @@ implicit.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from ges.conventions import GRAVITY_M_S2
 
 DT_S = 0.001
 SLOW = 8
+TURN_PER_M = 6.0
+"""The air's angular acceleration over its acceleration."""
 CONTROL = 4
 CHANNELS = {
     "p": 3,
@@ -33,6 +35,7 @@ CHANNELS = {
     "battery": 1,
     "specific_force": 3,
     "ground": 1,
+    "level": 1,
     "extra_force": 3,
     "extra_moment": 3,
 }
@@ -51,6 +54,7 @@ class Sortie:
     charge: float
     turbulence: float
     seed: int
+    weather: air.Weather = field(default_factory=air.Weather)
 
 
 class Air:
@@ -64,15 +68,17 @@ class Air:
         self.turbulence = np.stack([p[0] for p in parts], axis=-1)
         self.shock = np.stack([p[1] for p in parts], axis=-1)
         self.control = np.stack([p[2] for p in parts], axis=-1)
+        self.level = np.stack([p[3] for p in parts], axis=-1)
 
     @staticmethod
     def _one(sortie: Sortie, n: int):
         rng = np.random.default_rng(sortie.seed)
-        coloured = air.coloured((6, n), SLOW * DT_S, 0.3, rng)
+        rows, level = air.turbulence(sortie.weather, n, SLOW * DT_S, rng)
         return (
-            coloured * sortie.turbulence,
+            rows * sortie.turbulence,
             rng.standard_normal((3, n)),
             rng.standard_normal((9, n)),
+            level,
         )
 
 
@@ -225,9 +231,12 @@ def turn(q: np.ndarray, omega: np.ndarray, dt: float) -> np.ndarray:
 class Simulation:
     """Sorties of equal length flown together; ``run`` returns the truth at 250 Hz."""
 
-    def __init__(self, sorties: list[Sortie]):
+    def __init__(self, sorties: list[Sortie], n: int | None = None):
+        """Take the sorties; ``n`` rows at the control rate are flown, by default as the longest
+        plan asks for. What is random follows from it.
+        """
         self.sorties, self.b = sorties, Bench(sorties)
-        self.steps = max(s.plan.reference.shape[1] for s in sorties) * CONTROL
+        self.steps = (n or max(s.plan.reference.shape[1] for s in sorties)) * CONTROL
         self.air = Air(sorties, self.steps)
         self.flights = np.arange(len(sorties))
         self._load_terrain()
@@ -324,7 +333,7 @@ class Simulation:
             s.gust, b.hid["gust_m_s"], airspeed, height, self.air.shock[:, k], SLOW * DT_S
         )
         self.wind = np.stack([wind[0] + s.gust[0], wind[1] + s.gust[1], s.gust[3]])
-        self.shake = self.air.turbulence[:, k]
+        self.shake, self.level = self.air.turbulence[:, k], self.air.level[k]
         self.buffet = self.air.shock[0, k]
         current = np.maximum(self.current.sum(axis=0) / b.hover_current, 0.0)
         s.charge, s.polar, s.volt = drive.step_battery(
@@ -412,7 +421,7 @@ class Simulation:
         )
         shake = self.shake
         force = force + to_body(self.r, shake[:3] * b.mass)
-        moment = moment + shake[3:] * 6.0 * self.b.inertia
+        moment = moment + shake[3:] * TURN_PER_M * self.b.inertia
         return force, moment, extra
 
     def _moment_of(self, thrust, torque):
@@ -510,6 +519,7 @@ class Simulation:
             "battery": s.volt,
             "specific_force": felt,
             "ground": self.under,
+            "level": self.level,
             "extra_force": extra[0],
             "extra_moment": extra[1],
         }

@@ -68,6 +68,14 @@ COMPOSITIONS = {
         "sensor": 4,
         "confounded": 3,
     },
+    "world": {
+        "single": len(PHYSICS),
+        "null": 8,
+        "pair": 4,
+        "unknown": 3,
+        "parameter": 2,
+        "sensor": 1,
+    },
     "third": {
         "single": len(PHYSICS) * 6,
         "null": 100,
@@ -93,6 +101,7 @@ SECONDS = {
     "smoke": (11.0, 13.0),
     "tiny": (11.0, 13.0),
     "sample": (20.0, 27.0),
+    "world": (16.0, 22.0),
     "third": (20.0, 27.0),
     "full": (20.0, 27.0),
 }
@@ -219,8 +228,10 @@ def draw_numbers(spec: Spec, craft, seed: int, attempt: int) -> dict[str, dict[s
 
 def truth(spec: Spec, numbers: dict[str, dict[str, float]], terrain: str) -> dict:
     """Return the truth of a case in the contract's form, with its category beside it."""
-    names = [] if spec.category == "unknown" else _with_companions(spec.names)
-    findings = [{"name": n, "parameters": numbers.get(n, {})} for n in names]
+    names = [] if spec.category == "unknown" else with_companions(spec.names)
+    findings = [
+        {"name": n, "parameters": numbers.get(n, {})} | _place(n, numbers.get(n, {})) for n in names
+    ]
     other = [[r] for r in spec.rivals] + _also(spec, names, terrain)
     return {
         "verdict": _verdict(spec),
@@ -232,7 +243,13 @@ def truth(spec: Spec, numbers: dict[str, dict[str, float]], terrain: str) -> dic
     }
 
 
-def _with_companions(names) -> list[str]:
+def _place(name: str, numbers: dict[str, float]) -> dict[str, str]:
+    """Return where an effect acts, if it is one rotor's."""
+    return {"place": f"rotor {int(numbers['weak_index']) + 1}"} if name == "weak_rotor" else {}
+
+
+def with_companions(names) -> list[str]:
+    """Return concealed names, each after what it needs to act on."""
     out: list[str] = []
     for name in names:
         out += [n for n in (*COMPANIONS.get(name, ()), name) if n not in out]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,9 +26,11 @@ from ges.blind.generator.grid import (
     draw_numbers,
     specs,
     truth,
+    with_companions,
 )
 from ges.blind.generator.plan import CONTROL_DT_S, Room, make_plan
 from ges.blind.generator.sensing import Recorder
+from ges.blind.generator.what_if import detectable_of
 from ges.blind.generator.whereabouts import FAST_STEP, TRUTH_STEP, seen_channels
 from ges.blind.protocol import seal
 from ges.conventions import GRAVITY_M_S2
@@ -71,6 +73,12 @@ class Case:
     numbers: dict[str, dict[str, float]]
     grid: np.ndarray
     sorties: list[Sortie]
+    world: str = ""
+
+    @property
+    def names(self) -> list[str]:
+        """All that is concealed, with what it needs to act on."""
+        return with_companions(self.spec.names)
 
 
 def make_cases(
@@ -148,18 +156,37 @@ def _spread(batches, out, grid, seed, processes) -> Iterator[int]:
 
 def _make_batch(job) -> int:
     batch, out, grid, seed = job
+    fly_batch(batch, out, seed, lambda spec, attempt: draw_case(spec, grid, seed, attempt))
+    return len(batch)
+
+
+def fly_batch(
+    batch: Sequence[Spec], out: Path, seed: int, draw: Callable[[Spec, int], Case]
+) -> None:
+    """Fly cases abreast and write them; one that cannot be flown is drawn anew and flown gentler.
+
+    Parameters
+    ----------
+    draw : a case from its spec and the number of the attempt.
+
+    Raises
+    ------
+    GesError
+        When a case could not be flown at any severity.
+    """
     waiting = list(batch)
     for attempt in range(ATTEMPTS * len(LEVELS)):
-        cases = [draw_case(spec, grid, seed, attempt) for spec in waiting]
+        cases = [draw(spec, attempt) for spec in waiting]
         book = Simulation([s for c in cases for s in c.sorties]).run()
         parts = [_slice(book, k) for k in range(len(cases))]
         flown = [_flew(c, part) for c, part in zip(cases, parts, strict=True)]
-        for case, part, ok in zip(cases, parts, flown, strict=True):
-            if ok:
-                _write_case(case, part, out, seed)
+        well = [(c, p) for c, p, ok in zip(cases, parts, flown, strict=True) if ok]
+        limits = detectable_of([c for c, _ in well], [p for _, p in well])
+        for (case, part), limit in zip(well, limits, strict=True):
+            _write_case(case, part, limit, out, seed)
         waiting = [s for s, ok in zip(waiting, flown, strict=True) if not ok]
         if not waiting:
-            return len(batch)
+            return
     raise GesError(
         f"case {waiting[0].index} ({waiting[0].names}) could not be flown at any severity"
     )
@@ -214,12 +241,12 @@ def _flew(case: Case, flights) -> bool:
     return True
 
 
-def _write_case(case: Case, flights, out: Path, seed: int) -> None:
+def _write_case(case: Case, flights, limit: dict, out: Path, seed: int) -> None:
     identity = case.around.identity
     final, folder = out / "cases" / identity, out / "cases" / f".{identity}"
     for left in (final, folder):
         shutil.rmtree(left, ignore_errors=True)
-    folder.mkdir()
+    folder.mkdir(parents=True)
     rng = np.random.default_rng([seed, case.spec.index, 5])
     flights = [
         {k: v[: s.plan.reference.shape[1]] for k, v in f.items()}
@@ -235,7 +262,7 @@ def _write_case(case: Case, flights, out: Path, seed: int) -> None:
     for path in (*folder.iterdir(), folder):
         os.utime(path, (0, 0))
     os.replace(folder, final)
-    _write_truth(case, flights, out / "sealed" / identity)
+    _write_truth(case, flights, limit, out / "sealed" / identity)
 
 
 def _terrain_entry(case: Case, folder: Path, rng) -> dict:
@@ -252,7 +279,7 @@ def _terrain_entry(case: Case, folder: Path, rng) -> dict:
     return {"kind": "grid", "file": "terrain.npz"}
 
 
-def _write_truth(case: Case, flights, stem: Path) -> None:
+def _write_truth(case: Case, flights, limit: dict, stem: Path) -> None:
     content = truth(case.spec, case.numbers, case.around.terrain)
     content |= seen_channels(case, flights)
     content["situation"] = {
@@ -263,12 +290,15 @@ def _write_truth(case: Case, flights, stem: Path) -> None:
         "excitation": any(case.around.excited),
         "terrain": case.around.terrain,
         "menu": case.spec.menu,
-    }
+        "rate_hz": case.around.logging.rate_hz,
+    } | ({"world": case.world} if case.world else {})
+    content["detectable"] = limit
     content["true_values"] = case.craft.true | {
         "weight_N": case.craft.true["mass"] * GRAVITY_M_S2,
         "battery_V": case.craft.battery_V,
     }
-    np.savez_compressed(stem.with_suffix(".npz"), **_witness(case, flights))
+    if not case.world:
+        np.savez_compressed(stem.with_suffix(".npz"), **_witness(case, flights))
     write_json(stem.with_suffix(".json"), content)
 
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
-from ges.blind.generator import air
 from ges.blind.generator.flight import rotation_matrix, to_world
 from ges.blind.generator.ground import height_at
 from ges.blind.generator.plan import CONTROL_DT_S
+from ges.blind.noise import Noise, coloured
 from ges.conventions import (
     BODY_RATE,
     COMMAND,
@@ -25,6 +25,7 @@ from ges.conventions import (
 )
 
 NOISE_LEVELS = {"low": 0.4, "ordinary": 1.0, "high": 2.2}
+ORDINARY = Noise(range_m=0.004, vibration_rad_s=0.006, vibration_m_s2=0.25)
 CONE_HALF_ANGLE_RAD = 0.2
 RANGE_LIMIT_M = 4.0
 REFERENCE_CURRENT_A_PER_KG = 18.0
@@ -46,6 +47,12 @@ class Logging:
     def scale(self) -> float:
         """Noise relative to the ordinary level."""
         return NOISE_LEVELS[self.noise]
+
+    @property
+    def sensors(self) -> Noise:
+        """True noise of the sensors; rotor speeds that are not logged are infinitely noisy."""
+        level = ORDINARY.scaled(self.scale)
+        return level if self.rotor_speeds else replace(level, speed_share=np.inf)
 
 
 class Recorder:
@@ -84,24 +91,30 @@ class Recorder:
             )
         return np.stack([np.interp(self.t - shift, self.clock, row) for row in rows])
 
-    def _noise(self, shape, size: float, time_s: float = 0.0) -> np.ndarray:
-        if time_s:
-            return (
-                size
-                * self.log.scale
-                * air.coloured(shape, 1.0 / self.log.rate_hz, time_s, self.rng)
-            )
+    def _noise(self, shape, size: float) -> np.ndarray:
         return size * self.log.scale * self.rng.standard_normal(shape)
+
+    def _drift(self, shape, drift: tuple[float, float]) -> np.ndarray:
+        size, time_s = drift
+        drawn = coloured(shape, 1.0 / self.log.rate_hz, time_s, self.rng)
+        return size * self.log.scale * drawn
 
     def _pose(self):
         late = self.hid["time_offset_s"]
         n = len(self.t)
-        p = self._at("p", late) + self._noise((3, n), 0.002) + self._noise((3, n), 0.003, 1.0)
-        v = self._at("v", late) + self._noise((3, n), 0.012) + self._noise((3, n), 0.006, 0.3)
+        p = self._at("p", late) + self._noise((3, n), ORDINARY.position_m)
+        p += self._drift((3, n), ORDINARY.position_drift)
+        v = self._at("v", late) + self._noise((3, n), ORDINARY.velocity_m_s)
+        v += self._drift((3, n), ORDINARY.velocity_drift)
         q = self._at("q", late)
-        small = self._noise((3, n), 0.0015) + self._noise((3, n), 0.003, 1.0)
-        small[0] += self.hid["att_bias_x_rad"] + 0.002 * self.rng.standard_normal()
-        small[1] += self.hid["att_bias_y_rad"] + 0.002 * self.rng.standard_normal()
+        small = self._noise((3, n), ORDINARY.attitude_rad)
+        small += self._drift((3, n), ORDINARY.attitude_drift)
+        small[0] += (
+            self.hid["att_bias_x_rad"] + ORDINARY.attitude_bias_rad * self.rng.standard_normal()
+        )
+        small[1] += (
+            self.hid["att_bias_y_rad"] + ORDINARY.attitude_bias_rad * self.rng.standard_normal()
+        )
         q = _tilt(q / np.linalg.norm(q, axis=0), small)
         named = dict(zip(POSITION, _quantise(p, 1e-4), strict=True))
         named |= dict(zip(VELOCITY, _quantise(v, 1e-3), strict=True))
@@ -112,17 +125,19 @@ class Recorder:
         tone, scale = self._vibration(), self.log.scale
         gyro = (
             self._at("omega", smooth=3 * CONTROL_DT_S)
-            + self._noise((3, n), 0.008)
-            + 0.006 * scale * tone
+            + self._noise((3, n), ORDINARY.rate_rad_s)
+            + ORDINARY.vibration_rad_s * scale * tone
         )
         acc = (
             self._at("specific_force", smooth=3 * CONTROL_DT_S)
-            + self._noise((3, n), 0.15)
-            + 0.25 * scale * tone
+            + self._noise((3, n), ORDINARY.acceleration_m_s2)
+            + ORDINARY.vibration_m_s2 * scale * tone
         )
         for k, axis in enumerate("xyz"):
-            gyro[k] += self.hid[f"gyro_bias_{axis}_rad_s"] + 0.001 * self.rng.standard_normal()
-            acc[k] += self.hid[f"acc_bias_{axis}_m_s2"] + 0.02 * self.rng.standard_normal()
+            gyro[k] += self.hid[f"gyro_bias_{axis}_rad_s"]
+            gyro[k] += ORDINARY.rate_bias_rad_s * self.rng.standard_normal()
+            acc[k] += self.hid[f"acc_bias_{axis}_m_s2"]
+            acc[k] += ORDINARY.acceleration_bias_m_s2 * self.rng.standard_normal()
         named = dict(zip(BODY_RATE, _quantise(gyro, 0.00106), strict=True))
         return named | dict(zip(SPECIFIC_FORCE, _quantise(acc, 0.0048), strict=True))
 
@@ -143,7 +158,7 @@ class Recorder:
         n = len(self.t)
         named = dict(zip(COMMAND, _quantise(np.clip(self._held("u"), 0.0, 1.0), 1e-4), strict=True))
         if self.log.rotor_speeds:
-            w = self._at("rotor_speed") * (1.0 + self._noise((4, n), 0.002))
+            w = self._at("rotor_speed") * (1.0 + self._noise((4, n), ORDINARY.speed_share))
             named |= dict(zip(ROTOR_SPEED, _quantise(w, 0.5), strict=True))
         full, amps = (
             self.sortie.craft.battery_V,
@@ -168,17 +183,17 @@ class Recorder:
         n = len(self.t)
         reading = self._cone()
         if self.hid["range_lag_s"]:
-            reading = _lagged(reading, self.hid["range_lag_s"], CONTROL_DT_S)
+            reading = lagged(reading, self.hid["range_lag_s"], CONTROL_DT_S)
         y = (
             np.interp(self.t, self.clock, reading)
             + self.hid["range_bias_m"]
-            + self._noise(n, 0.004)
+            + self._noise(n, ORDINARY.range_m)
         )
         y = np.where((y > RANGE_LIMIT_M) | (self.rng.random(n) < 0.002), np.nan, _quantise(y, 1e-3))
         named = {"range_m": y}
         if self.log.ground:
             named["ground_z_m"] = _quantise(
-                self._at("ground")[0] + self._noise((1, n), 0.002, 2.0)[0], 1e-3
+                self._at("ground")[0] + self._drift((1, n), (0.002, 2.0))[0], 1e-3
             )
         return named
 
@@ -233,7 +248,7 @@ def _march(p, beam, grid):
     return distance
 
 
-def _lagged(y, lag_s, dt):
+def lagged(y, lag_s, dt):
     from scipy.signal import lfilter
 
     keep = np.exp(-dt / lag_s)

@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from ges.blind.generator.concealed import SENSOR
+from ges.blind.generator.flight import TURN_PER_M
 from ges.blind.generator.plan import CONTROL_DT_S
 from ges.conventions import AXES
 
@@ -43,7 +44,7 @@ def _strength(case, flights) -> dict[str, float]:
     )
     air, true = case.sorties[0].turbulence, case.craft.true
     inertia = np.array([true["ixx"], true["iyy"], true["izz"]])
-    scale = np.concatenate([np.full(3, air * true["mass"]), 6.0 * air * inertia])
+    scale = np.concatenate([np.full(3, air * true["mass"]), TURN_PER_M * air * inertia])
     names = [f"force_{a}" for a in AXES] + [f"moment_{a}" for a in AXES]
     found = dict(zip(names, _rms(loads) / scale, strict=True))
     if speeds:

@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ges.blind.protocol import arithmetic
 from ges.diagnose.design.system import Column, System, build
 from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.channels import UNITS
@@ -60,7 +61,15 @@ class Problem:
     holdout: tuple[str, ...]
 
 
-Answer = tuple[dict[str, float], Callable[[Rows], np.ndarray]]
+@dataclasses.dataclass(frozen=True)
+class Claim:
+    """How probable a name is said to be, and the statistic that it was chosen by."""
+
+    probability: float
+    statistic: float
+
+
+Answer = tuple[dict[str, Claim], Callable[[Rows], np.ndarray]]
 
 
 def prepare(recordings: RecordingSet) -> Problem:
@@ -136,7 +145,7 @@ def stepwise(problem: Problem) -> Answer:
     """Forward selection at p < 0.05, rows taken as independent."""
     from scipy.stats import t as student
 
-    rows, kept, p_values = problem.train, [], {}
+    rows, kept, claims = problem.train, [], {}
     x, y = rows.x.copy(), rows.y.copy()
     while len(kept) < MOST_TERMS:
         norm = np.linalg.norm(x, axis=0)
@@ -145,21 +154,16 @@ def stepwise(problem: Problem) -> Answer:
         )
         best = int(np.argmax(np.abs(fit)))
         freedom = len(y) - len(kept) - 1
-        p_value = 2.0 * student.sf(
-            abs(fit[best]) / np.sqrt((y @ y - fit[best] ** 2) / freedom), freedom
-        )
+        statistic = float(abs(fit[best]) / np.sqrt((y @ y - fit[best] ** 2) / freedom))
+        p_value = float(2.0 * student.sf(statistic, freedom))
         if not p_value < P_VALUE:
             break
         kept.append(best)
-        p_values[best] = p_value
+        claims.setdefault(problem.candidates[best].variant.effect, Claim(1.0 - p_value, statistic))
         unit = x[:, best] / norm[best]
         x, y = x - np.outer(unit, unit @ x), y - unit * (unit @ y)
     beta = np.linalg.lstsq(rows.x[:, kept], rows.y, rcond=None)[0] if kept else np.zeros(0)
-    named: dict[str, float] = {}
-    for k in kept:
-        name = problem.candidates[k].variant.effect
-        named[name] = max(named.get(name, 0.0), 1.0 - p_values[k])
-    return named, lambda r: r.x[:, kept] @ beta
+    return claims, lambda r: r.x[:, kept] @ beta
 
 
 def sindy(problem: Problem) -> Answer:
@@ -194,9 +198,11 @@ def sindy(problem: Problem) -> Answer:
         beta = (
             fit(flights, min(THRESHOLDS, key=error) if len(flights) > 1 else THRESHOLDS[0]) / size
         )
-    return {
-        problem.candidates[k].variant.effect: 1.0 for k in np.flatnonzero(beta)
-    }, lambda r: r.x @ beta
+    claims: dict[str, Claim] = {}
+    for k in sorted(np.flatnonzero(beta), key=lambda k: -abs(beta[k]) * size[k]):
+        name = problem.candidates[k].variant.effect
+        claims.setdefault(name, Claim(1.0, float(abs(beta[k]) * size[k])))
+    return claims, lambda r: r.x @ beta
 
 
 def parameters(problem: Problem) -> Answer:
@@ -205,14 +211,16 @@ def parameters(problem: Problem) -> Answer:
     """
     rows = problem.train
     beta, *_ = np.linalg.lstsq(rows.nuisance, rows.raw, rcond=None)
-    named = {}
+    claims: dict[str, Claim] = {}
     for column, value in zip(problem.nuisances, beta, strict=True):
         n = column.nuisance
-        if n.effect != "vehicle" and abs(value) > OUTSIDE_SD * max(n.sd, n.flight_sd):
-            named[n.effect] = 1.0
+        outside = float(abs(value) / max(n.sd, n.flight_sd))
+        if n.effect != "vehicle" and outside > OUTSIDE_SD:
+            before = claims.get(n.effect, Claim(1.0, 0.0)).statistic
+            claims[n.effect] = Claim(1.0, max(outside, before))
     calibrated = rows.raw - rows.y
     prior = np.linalg.lstsq(rows.nuisance, calibrated, rcond=None)[0]
-    return named, lambda r: r.nuisance @ (beta - prior)
+    return claims, lambda r: r.nuisance @ (beta - prior)
 
 
 def boosting(problem: Problem) -> Answer:
@@ -249,16 +257,29 @@ METHODS: dict[str, Callable[[Problem], Answer]] = {
 
 
 def diagnose(recordings: RecordingSet, method: str) -> dict:
-    """Answer by a baseline, as ``diagnosis.json`` would be."""
-    problem = prepare(recordings)
-    named, predict = METHODS[method](problem)
-    kinds = {name: effect_table.get(name).about for name in named}
-    verdict = next(
-        (k for k in ("physics", "parameter", "sensor") if k in kinds.values()), "nothing_proven"
-    )
-    findings = [
-        {"name": n, "kind": kinds[n], "probability": p, "parameters": {}} for n, p in named.items()
-    ]
+    """Answer by a baseline, as ``diagnosis.json`` would be; every finding has its ``statistic``."""
+    fit: dict = {}
+    if method in arithmetic.METHODS:
+        findings = arithmetic.METHODS[method](recordings)
+    else:
+        problem = prepare(recordings)
+        claims, predict = METHODS[method](problem)
+        findings = [
+            {
+                "name": name,
+                "kind": effect_table.get(name).about,
+                "probability": claim.probability,
+                "parameters": {},
+                "statistic": claim.statistic,
+            }
+            for name, claim in claims.items()
+        ]
+        fit = {
+            "holdout_flights": list(problem.holdout),
+            "channels": _table(problem, predict(problem.held)),
+        }
+    kinds = {f["kind"] for f in findings}
+    verdict = next((k for k in ("physics", "parameter", "sensor") if k in kinds), "nothing_proven")
     return {
         "schema": 1,
         "verdict": verdict,
@@ -267,10 +288,7 @@ def diagnose(recordings: RecordingSet, method: str) -> dict:
         "located": [],
         "unexplained": [],
         "detectable": {},
-        "fit": {
-            "holdout_flights": list(problem.holdout),
-            "channels": _table(problem, predict(problem.held)),
-        },
+        "fit": fit,
     }
 
 

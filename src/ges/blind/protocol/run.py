@@ -30,9 +30,12 @@ SAME = (
 """An isolated interpreter would take the package that is installed, whichever one makes the
 verdicts.
 """
+SIMPLE = ("means", "losses", "stepwise", "parameters")
+"""Baselines that stand beside the tool in every table of the worlds."""
+BASELINES = (*SIMPLE, "sindy", "boosting")
 METHODS: dict[str, dict] = {
     "ges": {},
-    **{name: {"baseline": name} for name in ("stepwise", "sindy", "parameters", "boosting")},
+    **{name: {"baseline": name} for name in BASELINES},
     "without-instruments": {"set": {"design.instruments": False}},
     "without-whitening": {"set": {"noise.whitening": False}},
     "without-tolerance": {"set": {"design.declared_tolerance": False}},
@@ -66,15 +69,18 @@ def run_cases(
     only: list[str] | None = None,
     out: str = OUT,
     options: dict | None = None,
+    minutes: float | None = None,
     tell: Callable[[int, int], None] = lambda *_: None,
-) -> int:
-    """Diagnose the cases that have no verdict yet; return how many were diagnosed now.
+) -> tuple[int, int]:
+    """Diagnose the cases that have no verdict yet; return how many were diagnosed now, and how many
+    are left.
 
     Parameters
     ----------
     only : case names to restrict the run to (a batch).
     out : folder beside ``cases/`` for the verdicts; options : what the worker is told
         (:data:`METHODS`).
+    minutes : after which no case is begun.
 
     Raises
     ------
@@ -93,16 +99,23 @@ def run_cases(
             if s.startswith("../cases/") and s.split("/")[2] in waiting
         ],
     )
-    tell(len(names) - len(waiting), len(names))
+    before = len(names) - len(waiting)
+    tell(before, len(names))
+    deadline = None if minutes is None else time.monotonic() + 60.0 * minutes
+
+    def diagnose(name: str) -> bool:
+        if deadline is not None and time.monotonic() > deadline:
+            return False
+        _one(folder / "cases" / name, folder / out / name, options or {}, tool)
+        return True
+
+    done = 0
     with ThreadPoolExecutor(processes) as pool:
-        jobs = [
-            pool.submit(_one, folder / "cases" / n, folder / out / n, options or {}, tool)
-            for n in waiting
-        ]
-        for done, job in enumerate(as_completed(jobs), 1):
-            job.result()
-            tell(len(names) - len(waiting) + done, len(names))
-    return len(waiting)
+        jobs = [pool.submit(diagnose, name) for name in waiting]
+        for job in as_completed(jobs):
+            done += job.result()
+            tell(before + done, len(names))
+    return done, len(waiting) - done
 
 
 def run_batch(sums: Path, verdicts: Path, batch: int, batches: int, method: str = "ges") -> None:

@@ -34,6 +34,7 @@ def draw_all(out: Path, tables: Mapping[str, pd.DataFrame]) -> None:
         "calibration": (draw_calibration, "reliability"),
         "outcomes": (draw_outcomes, "categories"),
         "detection_limit": (draw_limit, "cases"),
+        "power": (draw_power, "power"),
     }
     for name, (draw, source) in drawn.items():
         figure = draw(tables[source]) if len(tables[source]) else draw_nothing()
@@ -219,4 +220,40 @@ def draw_limit(table: pd.DataFrame):
         ylim=(-0.15, 1.15),
     )
     axes.legend(loc="center right", fontsize=6)
+    return figure
+
+
+def draw_power(table: pd.DataFrame):
+    """Share of true names that were named by the log likelihood ratio of the truth against the best
+    without them, beside the best that any method could do at the aim for false alarms.
+    """
+    figure, axes = style.subplots(height=2.6)
+    if not len(table):
+        axes.set_axis_off()
+        axes.text(0.5, 0.5, "of no set a limit is known", ha="center", va="center")
+        return figure
+    methods = list(dict.fromkeys(table["method"])) if "method" in table else [""]
+    for k, method in enumerate(methods):
+        part = table[table["method"] == method] if method else table
+        at = np.maximum(part["middle_nats"], 0.5)
+        if k == 0:
+            axes.plot(at, part["best_method"], color=style.BLACK, lw=1.0, label="any method")
+        bars = np.abs(part[["low", "high"]].to_numpy().T - part["named"].to_numpy())
+        axes.errorbar(
+            at,
+            part["named"],
+            yerr=bars if k == 0 else None,
+            marker=style.MARKERS[k % len(style.MARKERS)],
+            color=style.COLOURS[k % len(style.COLOURS)],
+            ms=3,
+            lw=0.8,
+            label=method or "named (95 % interval)",
+        )
+    axes.set(
+        xscale="log",
+        xlabel="log likelihood ratio against the best without the name (nats)",
+        ylabel="share of true names named",
+        ylim=(-0.03, 1.03),
+    )
+    axes.legend(loc="upper left", fontsize=6)
     return figure

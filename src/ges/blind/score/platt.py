@@ -13,8 +13,8 @@ import numpy as np
 from ges.blind.protocol import seal
 from ges.blind.protocol.run import OUT
 from ges.blind.score.judge import judge
-from ges.blind.score.score import read_verdict
-from ges.diagnose.detectors.clocks import SETTLED
+from ges.blind.score.verdicts import read_verdict
+from ges.diagnose.settings import settings
 from ges.errors import GesError
 
 FIRST_OF_EVALUATION = 1000
@@ -40,7 +40,11 @@ def pairs(folders: Sequence[Path]) -> np.ndarray:
             )
         for name in seal.cases(folder):
             judged = judge(name, seal.truth(folder, name), read_verdict(folder / OUT / name))
-            found += [(p, float(true)) for p, true in judged.stated if p != SETTLED]
+            found += [
+                (p, float(true))
+                for p, true in judged.stated
+                if p != settings.statistics.certain_probability
+            ]
     return np.array(found, dtype=float).reshape(-1, 2)
 
 

@@ -14,13 +14,19 @@ import pandas as pd
 
 from ges.blind.protocol import seal
 from ges.blind.protocol.run import OUT, method_folder
+from ges.blind.score.by_world import answer_of, power_table
 from ges.blind.score.coefficients import Comparison, compare
 from ges.blind.score.judge import CATEGORIES, Judgement, judge
-from ges.errors import GesError
-from ges.files import replacing, sha256, write_json
+from ges.blind.score.statistics import (
+    bootstrap,
+    calibration_error,
+    proportion,
+    reliability_table,
+    score_row,
+)
+from ges.blind.score.verdicts import check_batches, read_verdict, write_csv
+from ges.files import write_json
 
-CONFIDENCE = 0.95
-DRAWS = 2000
 LIMIT_S = 10.0
 PROCESSES = 2
 # score: aim and its direction
@@ -67,11 +73,12 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
         "singles": by_effect(judged),
         "confusion": confusion(judged),
         "categories": outcomes(judged),
-        "reliability": reliability(judged),
+        "reliability": reliability_table([s for j in judged for s in j.stated]),
         "oracle": reach(judged, held),
+        "power": power_table([answer_of(n, truths[n], said[n]) for n in names]),
     }
     for name, frame in tables.items():
-        _write_csv(out / f"{name}.csv", frame)
+        write_csv(out / f"{name}.csv", frame)
     report = {
         "schema": 1,
         "cases": len(names),
@@ -107,18 +114,8 @@ def score_batches(sums: Path, verdicts: list[Path], scores: Path) -> None:
         When a verdict is not the one that its batch wrote.
     """
     folder = sums.parents[1]
-    _check_batches(folder, OUT, verdicts)
+    check_batches(folder, OUT, verdicts)
     score_cases(folder, scores.parent)
-
-
-def _check_batches(folder: Path, diagnosed: str, verdicts: Sequence[Path]) -> None:
-    for path in verdicts:
-        for name, digest in json.loads(path.read_text()).items():
-            if sha256(folder / diagnosed / name / "diagnosis.json") != digest:
-                raise GesError(
-                    f"the verdict of case '{name}' is not the one that its batch wrote; run the"
-                    " batch again"
-                )
 
 
 def compare_methods(sums: Path, verdicts: list[Path], methods: list[str], table: Path) -> None:
@@ -132,7 +129,7 @@ def compare_methods(sums: Path, verdicts: list[Path], methods: list[str], table:
     columns, said = {}, {}
     for method in methods:
         diagnosed = method_folder(method)
-        _check_batches(folder, diagnosed, [p for p in verdicts if p.parent.name == method])
+        check_batches(folder, diagnosed, [p for p in verdicts if p.parent.name == method])
         said[diagnosed] = {n: read_verdict(folder / diagnosed / n) for n in names}
     every = _against_oracle(folder, truths, said)
     for method in methods:
@@ -144,32 +141,7 @@ def compare_methods(sums: Path, verdicts: list[Path], methods: list[str], table:
         )[["value", "low", "high"]]
     side_by_side = pd.concat(columns, axis=1)
     side_by_side.columns = [f"{method}_{part}" for method, part in side_by_side.columns]
-    _write_csv(table, side_by_side.reset_index())
-
-
-def read_verdict(folder: Path) -> dict:
-    """Read a case's diagnosis.json.
-
-    Raises
-    ------
-    GesError
-        When there is none or it lacks what the contract demands.
-    """
-    path = folder / "diagnosis.json"
-    try:
-        said = json.loads(path.read_text())
-        if not isinstance(said, dict) or not {"verdict", "findings"} <= said.keys():
-            raise ValueError("verdict or findings are missing")
-    except FileNotFoundError:
-        raise GesError(f"case '{folder.name}' has no verdict; run ges blind run first") from None
-    except ValueError as error:
-        raise GesError(f"{path} is not a diagnosis: {error}") from None
-    return said
-
-
-def _write_csv(path: Path, frame: pd.DataFrame) -> None:
-    with replacing(path) as new:
-        frame.to_csv(new, index=False, float_format="%.6g")
+    write_csv(table, side_by_side.reset_index())
 
 
 def case_table(
@@ -226,29 +198,6 @@ def reach(judged: Sequence[Judgement], held: dict) -> pd.DataFrame:
     return told.astype({"n": int})
 
 
-def proportion(hits: Sequence[bool]) -> tuple[float, float, float]:
-    """Share with its Clopper-Pearson interval; NaN where there is nothing to count."""
-    from scipy.stats import binomtest
-
-    if not len(hits):
-        return (np.nan,) * 3
-    test = binomtest(int(sum(hits)), len(hits))
-    low, high = test.proportion_ci(CONFIDENCE, method="exact")
-    return (test.statistic, float(low), float(high))
-
-
-def bootstrap(
-    values: np.ndarray, statistic: Callable[[np.ndarray], float]
-) -> tuple[float, float, float]:
-    """Statistic of rows of ``values`` with its percentile interval over resampled rows."""
-    if not len(values):
-        return (np.nan,) * 3
-    rng = np.random.default_rng(0)
-    drawn = [statistic(values[rng.integers(0, len(values), len(values))]) for _ in range(DRAWS)]
-    low, high = np.nanquantile(drawn, [0.5 - CONFIDENCE / 2.0, 0.5 + CONFIDENCE / 2.0])
-    return (float(statistic(values)), float(low), float(high))
-
-
 def f1(counts: np.ndarray) -> float:
     """F1 of rows (found, too many, missed)."""
     found, many, missed = counts.sum(axis=0)
@@ -265,13 +214,6 @@ def _median_share(gains: np.ndarray) -> float:
     decide it.
     """
     return float(np.median(gains[:, 0] / gains[:, 1]))
-
-
-def calibration_error(stated: np.ndarray, bins: int = 10) -> float:
-    """Expected calibration error of rows (probability, came true) over equal bins."""
-    place = np.clip((stated[:, 0] * bins).astype(int), 0, bins - 1)
-    gaps = [abs((stated[place == b, 0] - stated[place == b, 1]).sum()) for b in range(bins)]
-    return float(sum(gaps) / len(stated))
 
 
 def only_true(j: Judgement) -> bool | None:
@@ -343,33 +285,13 @@ def summary(
         *bootstrap(seconds, lambda s: float(np.quantile(s, 0.95))),
         len(seconds),
     )
-    return pd.DataFrame([_score(name, *values) for name, values in found.items()])
+    return pd.DataFrame([score_row(name, values, AIMS.get(name)) for name, values in found.items()])
 
 
 def _rate(
     judged: Sequence[Judgement], hit: Callable[[Judgement], bool]
 ) -> tuple[float, float, float, int]:
     return (*proportion([hit(j) for j in judged]), len(judged))
-
-
-def _score(name: str, value: float, low: float, high: float, count: int) -> dict:
-    sign, aim = AIMS.get(name, ("", np.nan))
-    met = (
-        ""
-        if not sign or not count
-        else "yes"
-        if (value <= aim if sign == "<=" else value >= aim)
-        else "no"
-    )
-    return {
-        "score": name,
-        "value": value,
-        "low": low,
-        "high": high,
-        "n": count,
-        "aim": f"{sign} {aim:g}" if sign else "",
-        "met": met,
-    }
 
 
 def by_effect(judged: Sequence[Judgement]) -> pd.DataFrame:
@@ -432,24 +354,3 @@ def outcomes(judged: Sequence[Judgement]) -> pd.DataFrame:
     """Count of every outcome by category."""
     frame = pd.DataFrame([(j.category, j.outcome) for j in judged], columns=["category", "outcome"])
     return frame.value_counts(sort=False).rename("cases").reset_index()
-
-
-def reliability(judged: Sequence[Judgement], bins: int = 10) -> pd.DataFrame:
-    """Stated probability against the share that came true, by bin."""
-    stated = np.array([s for j in judged for s in j.stated], dtype=float).reshape(-1, 2)
-    place = np.clip((stated[:, 0] * bins).astype(int), 0, bins - 1)
-    rows = []
-    for b in np.unique(place):
-        here = stated[place == b]
-        value, low, high = proportion(here[:, 1].astype(bool))
-        rows.append(
-            {
-                "bin": b / bins,
-                "n": len(here),
-                "stated": here[:, 0].mean(),
-                "true": value,
-                "low": low,
-                "high": high,
-            }
-        )
-    return pd.DataFrame(rows, columns=["bin", "n", "stated", "true", "low", "high"])

@@ -28,7 +28,7 @@ def cut(name: str, frame: pd.DataFrame, model: Model) -> list[tuple[str, pd.Data
         Where not even two parts would fly long enough.
     """
     flight = prepare(frame, model)
-    seconds, shortest_s = np.cumsum(flight.flying) * flight.dt_s, settings.prepare.flying_shortest_s
+    seconds, shortest_s = np.cumsum(flight.flying) * flight.dt_s, settings.prepare.flight_shortest_s
     if seconds[-1] < 2.0 * shortest_s:
         raise GesError(
             f"{name} is {seconds[-1]:.1f} s in the air; to fit a part and hold another out takes"

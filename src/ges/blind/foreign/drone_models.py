@@ -1,0 +1,275 @@
+"""drone-models (Learning Systems Lab, TU Munich): first-principles Crazyflies identified from
+flights; its equations of motion under the concealed cases' own controller.
+
+The linear terms of its thrust and torque curves are left out: a vehicle file cannot state them, so
+they would be in every set. The limit follows from its own accelerations along the flown path with
+and without each effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ges.blind.foreign.paths import Scale, references
+from ges.blind.foreign.sets import Concealed, Place, Sources, draw_log, misdeclared, write_flown
+from ges.blind.generator.airframe import Airframe, declare
+from ges.blind.generator.detectable import NAME_OF_WRONG, Flown
+from ges.blind.generator.pilot import Pilot
+from ges.errors import GesError
+
+WORLD = "drone-models"
+NEEDS = ("drone_models",)
+DRONES = ("cf2x_L250", "cf2x_P250", "cf2x_T350")
+RPM = 60.0 / (2.0 * np.pi)
+RADIUS_M = 0.0235
+SECONDS, STEP_S = 14.0, 0.004
+SPEED_M_S, SMOOTH_S = 1.1, 0.35
+LOST_M = 3.0
+METHOD = "force along the path, drone-models' own accelerations with and without each effect"
+
+
+@dataclass(frozen=True)
+class Design:
+    """A set to fly: shares of the published drag across and along the thrust and of the propellers'
+    inertia, the share that one motor's thrust loses, and how the file is wrong."""
+
+    drone: str
+    across: float = 0.0
+    along: float = 0.0
+    propeller: float = 0.0
+    wrong: Mapping[str, float] = field(default_factory=dict)
+    copy: int = 0
+
+    @property
+    def key(self) -> str:
+        """A name for the table of cases."""
+        parts = [f"{n} {getattr(self, n):g}" for n in NAMES if getattr(self, n)]
+        parts += [f"file {n} {f:g}" for n, f in self.wrong.items()]
+        return f"{self.drone} {', '.join(parts) or 'nothing'} #{self.copy}"
+
+    def concealed(self) -> Concealed:
+        """Return the truth: its motors slow down faster than they speed up, and a file has one time
+        constant, so two of them are true in every set."""
+        names = [name for n, name in NAMES.items() if getattr(self, n)]
+        names += [NAME_OF_WRONG[w] for w in self.wrong]
+        small = max(self.across, self.along, self.propeller) < 0.5 and not self.wrong
+        parameter = len(names) == 1 and self.wrong and "lag" not in self.wrong
+        optional = ("gyroscopic_moment",) if self.propeller else ()
+        return Concealed(
+            tuple(names),
+            "weak" if small else "strong",
+            optional=optional if "motor_lag" in names else (*optional, "motor_lag"),
+            verdict="parameter" if parameter else "",
+            category="parameter" if parameter else "",
+        )
+
+
+NAMES = {
+    "across": "rotor_drag",
+    "along": "axial_inflow",
+    "propeller": "rotor_inertia_reaction",
+}
+
+
+def designs(half: str) -> list[Design]:
+    """Return the sets of a half; the halves share no drone but one."""
+    drones = {"development": DRONES[:2], "evaluation": DRONES[1:]}[half]
+    small = {"development": 0.25, "evaluation": 0.35}[half]
+    found = [Design(d, copy=k) for d in drones for k in range(2)]
+    for d in drones:
+        found += [
+            Design(d, across=1.0),
+            Design(d, across=small),
+            Design(d, along=1.0),
+            Design(d, across=1.0, along=1.0),
+            Design(d, propeller=2.0),
+        ]
+    return found + [
+        Design(drones[0], across=1.0, propeller=2.0),
+        Design(drones[1], wrong={"lag": 0.55}),
+        Design(drones[0], wrong={"mass": 1.13}),
+        Design(drones[1], across=1.0, wrong={"mass": 0.87}),
+        Design(drones[0], wrong={"torque": 0.6}),
+        Design(drones[1], wrong={"inertia": 1.4}),
+    ]
+
+
+def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+    """Fly designs, one after the other, and seal them.
+
+    Raises
+    ------
+    GesError
+        When the vehicle was lost.
+    """
+    for design, number, place in sets:
+        _make(out, design, number, place)
+
+
+def _make(out: Path, design: Design, number: int, place: Place) -> None:
+    numbers = _numbers(design)
+    craft = airframe(design.drone, numbers, place.rng("file"))
+    log = draw_log(place, number)
+    rng = place.rng("paths")
+    scale = Scale(0.3, RADIUS_M, SPEED_M_S, SMOOTH_S)
+    plans = references(place.half, SECONDS, STEP_S, scale, rng)
+    flights = _fly(design, numbers, craft, np.stack(plans, axis=-1), rng)
+    write_flown(out, place, craft, flights, log, design.concealed(), METHOD, design.wrong)
+
+
+def _numbers(design: Design) -> dict[str, Any]:
+    from drone_models import parametrize
+    from drone_models.first_principles import dynamics
+
+    numbers = dict(parametrize(dynamics, design.drone).keywords)
+    share = np.diag([design.across, design.across, design.along])
+    numbers["drag_matrix"] = np.asarray(numbers["drag_matrix"]) * share
+    numbers["prop_inertia"] = design.propeller * numbers["prop_inertia"]
+    for curve in ("rpm2thrust", "rpm2torque"):
+        numbers[curve] = np.asarray(numbers[curve]) * np.array([0.0, 0.0, 1.0])
+    return numbers
+
+
+def airframe(drone: str, numbers: Mapping[str, Any], rng: np.random.Generator) -> Airframe:
+    """Return the true vehicle in our terms, and a file about it with honest errors.
+
+    A positive entry of the mixing matrix's last row turns the body counter-clockwise, so the rotor
+    clockwise. Motors slow down faster than they speed up; the one time constant of a file is the
+    mean of both in hover.
+    """
+    mixing, arm = np.asarray(numbers["mixing_matrix"]), float(np.ravel(numbers["L"])[0])
+    inertia = np.diag(np.asarray(numbers["J"]))
+    mass = float(np.ravel(numbers["mass"])[0])
+    curves = (np.ravel(numbers[k]) for k in ("rpm2thrust", "rpm2torque"))
+    thrust, torque = (float(curve[2]) * RPM**2 for curve in curves)
+    hover = np.sqrt(mass * 9.81 / (4.0 * thrust))
+    up, up_squares, down, down_squares = np.ravel(numbers["rotor_dyn_coef"])
+    rates = np.array([up, down]) + 2.0 * np.array([up_squares, down_squares]) * hover * RPM
+    true = dict(zip(("ixx", "iyy", "izz"), inertia, strict=True))
+    true |= {"mass": mass, "thrust": thrust, "torque": torque}
+    true |= {"lag": float(np.mean(1.0 / rates)), "speed": 1.5 * hover}
+    true = {key: float(value) for key, value in true.items()}
+    return Airframe(
+        size=drone,
+        radius_m=RADIUS_M,
+        rotor_x_m=tuple(float(v) for v in -arm * mixing[1]),
+        rotor_y_m=tuple(float(v) for v in arm * mixing[0]),
+        rotor_z_m=0.0,
+        spin=tuple(-int(s) for s in np.sign(mixing[2])),
+        battery_V=4.1,
+        declared=declare(true, rng),
+        true=true,
+    )
+
+
+def _fly(
+    design: Design,
+    numbers: Mapping[str, Any],
+    craft: Airframe,
+    reference: np.ndarray,
+    rng: np.random.Generator,
+) -> list[Flown]:
+    """Fly references (11, n, flights) abreast by Runge and Kutta's fourth order."""
+    flights = reference.shape[2]
+    declared = misdeclared(craft.declared, design.wrong)
+    many = {k: np.full(flights, v) for k, v in declared.items()}
+    x, y, spin = (
+        np.repeat(np.array([p], dtype=float).T, flights, axis=1)
+        for p in (craft.rotor_x_m, craft.rotor_y_m, craft.spin)
+    )
+    pilot = Pilot(many, x, y, spin, np.full(flights, craft.true["lag"]), STEP_S)
+    pilot.held = np.zeros((3, flights))
+    first, half = reference[:, 0].T, 0.5 * reference[9, 0]
+    s = np.zeros((flights, 17))
+    s[:, :3], s[:, 5], s[:, 6] = first[:, :3], np.sin(half), np.cos(half)
+    s[:, 13:] = craft.hover_speed_rad_s * RPM
+    without = {n: _without(numbers, n) for n in NAMES if getattr(design, n)}
+    rows = []
+    for k in range(reference.shape[1]):
+        ref = reference[:, k]
+        u = _command(pilot, ref, s, rng)
+        asked = u * craft.true["speed"] * RPM
+        k1 = _rate(numbers, s, asked)
+        rows.append(_row(craft, without, s, k1, u, ref.T, asked))
+        k2 = _rate(numbers, s + 0.5 * STEP_S * k1, asked)
+        k3 = _rate(numbers, s + 0.5 * STEP_S * k2, asked)
+        k4 = _rate(numbers, s + STEP_S * k3, asked)
+        s = s + STEP_S / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        s[:, 3:7] /= np.linalg.norm(s[:, 3:7], axis=1, keepdims=True)
+        if not np.abs(s[:, :3] - ref[:3].T).max() < LOST_M:
+            raise GesError(f"'{design.key}' lost its path; the path is too fast for the drone")
+    book = {n: np.stack([r[n] for r in rows], axis=1) for n in rows[0]}
+    return [
+        Flown(
+            STEP_S,
+            {n: v[f] for n, v in book.items() if "/" not in n},
+            {NAMES[n]: {c: book[f"{n}/{c}"][f] for c in ("force_N", "moment_Nm")} for n in without},
+        )
+        for f in range(flights)
+    ]
+
+
+def _without(numbers: Mapping[str, Any], name: str) -> dict[str, Any]:
+    if name == "propeller":
+        return {**numbers, "prop_inertia": 0.0 * numbers["prop_inertia"]}
+    kept = np.array([0.0, 0.0, 1.0]) if name == "across" else np.array([1.0, 1.0, 0.0])
+    return {**numbers, "drag_matrix": numbers["drag_matrix"] * np.diag(kept)}
+
+
+def _command(pilot: Pilot, ref: np.ndarray, s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return the commands (flights, 4) of a controller that sees its state with noise."""
+    noise = rng.standard_normal((3, 3, len(s)))
+    p = s[:, :3].T + 0.001 * noise[0]
+    v = s[:, 7:10].T + 0.005 * noise[1]
+    omega = s[:, 10:13].T + 0.005 * noise[2]
+    turn = Rotation.from_quat(s[:, 3:7]).as_matrix().transpose(1, 2, 0)
+    still = np.zeros((4, len(s)))
+    return pilot.command(ref, still, p, v, turn, omega, np.ones(len(s))).T
+
+
+def _rate(numbers: Mapping[str, Any], s: np.ndarray, asked: np.ndarray) -> np.ndarray:
+    """Return the rate of states (flights, 17) by its equations of motion. The rate of the
+    quaternion, scalar last, is written out: theirs (0.1.0) puts the scalar first."""
+    from drone_models.first_principles import dynamics
+
+    q, omega = s[:, 3:7], s[:, 10:13]
+    p, _, v, w, rotors = dynamics(s[:, :3], q, s[:, 7:10], omega, asked, s[:, 13:], **numbers)
+    vector = q[:, 3:] * omega + np.cross(q[:, :3], omega)
+    scalar = -(q[:, :3] * omega).sum(axis=1, keepdims=True)
+    return np.concatenate([p, 0.5 * vector, 0.5 * scalar, v, w, rotors], axis=1)
+
+
+def _row(
+    craft: Airframe,
+    without: Mapping[str, Mapping[str, Any]],
+    s: np.ndarray,
+    rate: np.ndarray,
+    u: np.ndarray,
+    ref: np.ndarray,
+    asked: np.ndarray,
+) -> dict[str, np.ndarray]:
+    turn = Rotation.from_quat(s[:, 3:7])
+    row = {
+        "p": s[:, :3],
+        "v": s[:, 7:10],
+        "q": s[:, [6, 3, 4, 5]],
+        "omega": s[:, 10:13],
+        "rotor_speed": s[:, 13:] / RPM,
+        "u": u,
+        "specific_force": turn.apply(rate[:, 7:10] + np.array([0.0, 0.0, 9.81]), inverse=True),
+        "p_ref": ref[:, :3],
+        "v_ref": ref[:, 3:6],
+        "yaw_ref": ref[:, 9:10],
+    }
+    inertia = np.array([craft.true[k] for k in ("ixx", "iyy", "izz")])
+    for name, numbers in without.items():
+        off = rate - _rate(numbers, s, asked)
+        row[f"{name}/force_N"] = craft.true["mass"] * turn.apply(off[:, 7:10], inverse=True)
+        row[f"{name}/moment_Nm"] = inertia * off[:, 10:13]
+    return row

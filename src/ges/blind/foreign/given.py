@@ -1,0 +1,73 @@
+"""Sets that others made with a simulator which no registry has, given as a folder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import yaml
+
+from ges.blind.foreign.sets import CATEGORY_OF_SIZE, Place, Sources, write_set
+from ges.errors import GesError
+
+WORLD = "gym-pybullet-drones"
+UNKNOWN_LIMIT: dict[str, Any] = {
+    "whole": None,
+    "without": {},
+    "method": "not known: nobody kept the truth",
+}
+
+
+@dataclass(frozen=True)
+class Design:
+    """One set of the folder."""
+
+    key: str
+
+
+def folder_of(half: str, sources: Sources) -> Path:
+    """Return where the sets of a half are looked for."""
+    return sources.given / (WORLD if half == "development" else f"{WORLD}-{half}")
+
+
+def designs(half: str, sources: Sources) -> list[Design]:
+    """Return the sets that are given for a half."""
+    cases = folder_of(half, sources) / "cases"
+    return [Design(path.name) for path in sorted(cases.iterdir())] if cases.is_dir() else []
+
+
+def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+    """Copy sets under names that say nothing, with their truth.
+
+    Raises
+    ------
+    GesError
+        When a set has no truth beside it.
+    """
+    for design, _, place in sets:
+        folder = folder_of(place.half, sources)
+        path = folder / "sealed" / f"{design.key}.json"
+        if not path.is_file():
+            raise GesError(f"the set {design.key} has no truth {path}; it cannot be scored")
+        truth = json.loads(path.read_text())
+        case = folder / "cases" / design.key
+        flights = [pd.read_parquet(flight) for flight in sorted(case.glob("*.parquet"))]
+        names = truth["findings"]
+        kind = "parameter" if truth["verdict"] == "parameter" else CATEGORY_OF_SIZE[len(names)]
+        about = truth.pop("case", design.key)
+        truth |= {
+            "category": kind,
+            "detectable": UNKNOWN_LIMIT,
+            "situation": {
+                "world": place.world,
+                "design": about,
+                "vehicle": "crazyflie",
+                "rotor_speeds": "rotor_speed_1_rad_s" in flights[0],
+            },
+        }
+        vehicle = yaml.safe_load((case / "vehicle.yaml").read_text())
+        write_set(out, place, vehicle, flights, truth)

@@ -1,0 +1,129 @@
+"""Logs of other people's simulators whose vehicle is known: PX4 in Gazebo classic, and PX4 in SIH.
+
+The vehicle files are the simulators' own numbers from the library of vehicles, with the usual
+doubts; concealed is what is left out of the file, or wrong in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ges.blind.foreign.sets import HALVES, Concealed, Place, Sources, write_set
+from ges.blind.generator.airframe import DOUBTS
+from ges.recordings.readers import Options, open_log
+from ges.vehicle.file import load_vehicle, vehicle_content
+
+WORLD = "px4-simulators"
+PIECES = 3
+# Gazebo's motors lose thrust with speed along their axis, |v| / 25 m/s, in every flight; its map of
+# commands to speeds is a curve here
+GAZEBO_TOO = ("axial_inflow", "thrust_scale", "motor_lag", "thrust_curve")
+UNKNOWN_LIMIT: dict[str, Any] = {
+    "whole": None,
+    "without": {},
+    "method": "not known: the log is all there is",
+}
+
+
+@dataclass(frozen=True)
+class Source:
+    """A log, how it is read, and the vehicle in the library."""
+
+    path: str
+    options: Options
+    vehicle: str
+
+
+GAZEBO = Source("gazebo-iris/quadrotor_model.csv", Options("gazebo-iris"), "gazebo-iris")
+SIH = Source("px4-flights/sample_px4_events.ulg", Options(), "sih-quad")
+
+
+@dataclass(frozen=True)
+class Design:
+    """A set: the log, effects that are left out of the file, numbers that are wrong in it."""
+
+    source: Source
+    without: tuple[str, ...] = ()
+    wrong: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def key(self) -> str:
+        """A name for the table of cases."""
+        parts = [f"file without {n}" for n in self.without]
+        parts += [f"file {n} {f:g}" for n, f in self.wrong.items()]
+        return f"{self.source.vehicle} {', '.join(parts) or 'nothing'}"
+
+    def concealed(self) -> Concealed:
+        """Return the truth."""
+        names = (*self.without, *(("thrust_scale",) if self.wrong else ()))
+        other = tuple(n for n in GAZEBO_TOO if n not in names) if self.source is GAZEBO else ()
+        parameter = bool(self.wrong) and not self.without
+        return Concealed(
+            names,
+            "medium",
+            optional=other,
+            verdict="parameter" if parameter else "",
+            category="parameter" if parameter else "",
+        )
+
+
+def designs(half: str) -> list[Design]:
+    """Return the sets of a half; each half has a half of the flight in Gazebo."""
+    found = [
+        Design(GAZEBO),
+        Design(GAZEBO, ("rotor_drag",)),
+        Design(GAZEBO, wrong={"mass_kg": 0.86 if half == "development" else 1.13}),
+    ]
+    return found + ([Design(SIH)] if half == "development" else [])
+
+
+def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+    """Write sets of pieces of the logs.
+
+    Raises
+    ------
+    GesError
+        When a log is not there.
+    """
+    for design, _, place in sets:
+        frame = open_log(sources.recordings / design.source.path, design.source.options).frame()
+        if design.source is GAZEBO:
+            size = len(frame) // 2
+            start = size * HALVES.index(place.half)
+            frame = frame.iloc[start : start + size]
+        size = len(frame) // PIECES
+        flights = [frame.iloc[k * size : (k + 1) * size] for k in range(PIECES)]
+        truth = design.concealed().truth() | {
+            "detectable": UNKNOWN_LIMIT,
+            "situation": {
+                "world": place.world,
+                "design": design.key,
+                "vehicle": design.source.vehicle,
+                "rotor_speeds": "rotor_speed_1_rad_s" in frame,
+            },
+        }
+        write_set(out, place, _file(design), flights, truth)
+
+
+def _file(design: Design) -> dict[str, Any]:
+    """Return the library's file with the usual doubts, less what is concealed."""
+    content = vehicle_content(load_vehicle(design.source.vehicle))
+    doubted = {
+        "mass_kg": "mass",
+        "thrust_coefficient_N_s2": "thrust",
+        "torque_coefficient_Nm_s2": "torque",
+        "motor_time_constant_s": "lag",
+        "max_rotor_speed_rad_s": "speed",
+    }
+    for key, number in doubted.items():
+        value = content[key]["value"] if isinstance(content[key], dict) else content[key]
+        value *= design.wrong.get(key, 1.0)
+        content[key] = {"value": value, "sd": DOUBTS[number] * value}
+    content["inertia_kg_m2"]["sd_rel"] = DOUBTS["inertia"]
+    content["effects"] = {
+        name: numbers for name, numbers in content["effects"].items() if name not in design.without
+    }
+    return content

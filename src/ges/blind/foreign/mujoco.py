@@ -1,0 +1,416 @@
+"""MuJoCo (Todorov, Erez and Tassa 2012): actuators, fluid forces, wind and tendons as its XML has
+them, flown by the concealed cases' own controller.
+
+MuJoCo has neither rotors nor motors: an actuator is a thrust with a torque about it, and its filter
+lags the thrust. A rotor speed is what such a thrust would need, sqrt(T / k). The limit follows from
+MuJoCo's own generalised forces (``qfrc_fluid``, ``qfrc_constraint``, ``qfrc_spring``) along the
+flown path, and from the actuators' numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ges.blind.foreign.paths import Scale, references
+from ges.blind.foreign.sets import Concealed, Place, Sources, draw_log, misdeclared, write_flown
+from ges.blind.generator.airframe import Airframe, declare
+from ges.blind.generator.detectable import NAME_OF_WRONG, Flown, body_of, driven
+from ges.blind.generator.pilot import Pilot
+from ges.errors import GesError
+
+WORLD = "mujoco"
+NEEDS = ("mujoco",)
+SECONDS = 15.0
+STEP_S, STEPS_A_COMMAND = 0.002, 2
+LOST_M = 3.0
+GRAVITY_M_S2 = 9.81
+SIGNS = ((1, -1, 1), (-1, 1, 1), (1, 1, -1), (-1, -1, -1))
+"""Place (x, y) and spin of each rotor, seen from above, counter-clockwise positive."""
+# mass kg, rotor radius m, lever m, inertia kg m^2, thrust over weight, hover speed rad/s, lag s,
+# semi-axes of the body m, speed m/s
+VEHICLES = {
+    "x1100": (1.1, 0.12, 0.16, (0.011, 0.012, 0.021), 2.2, 540.0, 0.04, (0.13, 0.11, 0.05), 3.0),
+    "x150": (0.15, 0.038, 0.05, (1.6e-4, 1.7e-4, 3.0e-4), 2.6, 1500.0, 0.03, (0.05, 0.04, 0.02), 2),
+}
+METHOD = "force along the path, MuJoCo's own generalised forces and the actuators' numbers"
+
+
+@dataclass(frozen=True)
+class Design:
+    """A set to fly: numbers of the XML that differ from a plain vehicle in a vacuum.
+
+    ``drag`` is the ellipsoid's blunt drag coefficient (0: the fluid is a vacuum), ``box`` the
+    fluid model of the equivalent inertia box with a multiple of the air's density, ``viscosity`` in
+    Pa s, ``weak`` the share that rotor 2 loses, ``tilt_rad`` and ``shift_m`` of all rotors,
+    ``curve`` the share of thrust that is quadratic in the command, ``ceiling`` the largest command,
+    ``load`` the share of the mass on a tendon, ``spring`` a tether's stiffness in N/m.
+    """
+
+    vehicle: str
+    drag: float = 0.0
+    box: float = 0.0
+    viscosity: float = 0.0
+    wind_m_s: float = 0.0
+    weak: float = 0.0
+    tilt_rad: float = 0.0
+    shift: float = 0.0
+    curve: float = 1.0
+    ceiling: float = 1.0
+    delay_s: float = 0.0
+    load: float = 0.0
+    spring: float = 0.0
+    wrong: Mapping[str, float] = field(default_factory=dict)
+    copy: int = 0
+
+    @property
+    def key(self) -> str:
+        """A name for the table of cases."""
+        from dataclasses import fields
+
+        parts = [
+            f"{f.name} {getattr(self, f.name):g}"
+            for f in fields(self)
+            if f.name not in ("vehicle", "copy", "wrong") and getattr(self, f.name) != f.default
+        ]
+        parts += [f"file {n} {f:g}" for n, f in self.wrong.items()]
+        return f"{self.vehicle} {', '.join(parts) or 'nothing'} #{self.copy}"
+
+    def names(self) -> list[str]:
+        """Return what is true of it, in the contract's names."""
+        found = ["parasitic_drag"] if self.drag or self.box else []
+        # Stokes' drag is the same along and across the thrust, and linear
+        found += ["rotor_drag", "axial_inflow"] if self.viscosity else []
+        found += ["wind"] if self.wind_m_s else []
+        found += ["weak_rotor"] if self.weak else []
+        found += ["rotor_tilt"] if self.tilt_rad else []
+        found += ["cg_offset"] if self.shift else []
+        found += ["thrust_curve"] if self.curve != 1.0 else []
+        found += ["rotor_saturation"] if self.ceiling < 1.0 else []
+        found += ["esc_delay"] if self.delay_s else []
+        found += ["slung_load"] if self.load else []
+        found += ["tether"] if self.spring else []
+        return found + [NAME_OF_WRONG[w] for w in self.wrong]
+
+    def concealed(self) -> Concealed:
+        """Return the truth."""
+        names = tuple(self.names())
+        instead: tuple[tuple[str, ...], ...] = ()
+        if self.wind_m_s:
+            instead = (tuple(n for n in names if n != "parasitic_drag"),)
+        if self.viscosity:
+            instead = (("rotor_drag",),)
+        parameter = len(names) == 1 and self.wrong and "lag" not in self.wrong
+        alone = len(names) == 2 and (self.wind_m_s or self.viscosity)
+        return Concealed(
+            names,
+            "medium",
+            # a weight on a rope shifts neither thrust nor balance, but its mass is lifted
+            optional=("thrust_scale",) if self.load else (),
+            instead=instead,
+            verdict="parameter" if parameter else "",
+            category="parameter" if parameter else "single" if alone else "",
+            places={"weak_rotor": ("rotor 2",)} if self.weak else {},
+        )
+
+
+def designs(half: str) -> list[Design]:
+    """Return the sets of a half: the same effects in both, at other sizes."""
+    more = {"development": 1.0, "evaluation": 1.25}[half]
+    found = [Design(v, copy=k) for v in VEHICLES for k in range(3)]
+    for v in VEHICLES:
+        found += [
+            Design(v, drag=1.5 * more),
+            Design(v, drag=4.0 * more),
+            Design(v, box=12.0 * more),
+            Design(v, viscosity=0.02 * more if v == "x150" else 0.05 * more),
+            Design(v, drag=3.0, wind_m_s=3.0 * more),
+            Design(v, weak=0.08 * more),
+            Design(v, tilt_rad=0.03 * more),
+            Design(v, shift=0.04 * more),
+            Design(v, curve=1.0 - 0.4 * more),
+            Design(v, ceiling=0.8 / more**0.5),
+            Design(v, delay_s=0.016 * more),
+            Design(v, load=0.1 * more),
+            Design(v, wrong={"lag": 1.0 / (2.2 * more)}),
+            Design(v, wrong={"mass": 1.0 + (0.12 if v == "x150" else -0.12) * more}),
+            Design(v, drag=3.0 * more, weak=0.1),
+            # a twentieth of that: what the limit says can hardly be told
+            Design(v, drag=0.1 * more),
+            Design(v, weak=0.006 * more),
+            Design(v, tilt_rad=0.002 * more),
+        ]
+    return found + [
+        Design("x1100", spring=2.0 * more),
+        Design("x1100", wrong={"torque": 1.0 + 0.35 * more}),
+        Design("x150", wrong={"inertia": 1.0 - 0.3 * more}),
+        Design("x1100", drag=3.0, shift=0.05 * more),
+        Design("x150", drag=3.0, load=0.1 * more),
+        Design("x1100", weak=0.1, wrong={"lag": 0.5 / more}),
+        Design("x1100", drag=3.0 * more, wrong={"mass": 0.87}),
+    ]
+
+
+def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+    """Fly designs, one after the other, and seal them.
+
+    Raises
+    ------
+    GesError
+        When the vehicle was lost.
+    """
+    for design, number, place in sets:
+        _make(out, design, number, place)
+
+
+def _make(out: Path, design: Design, number: int, place: Place) -> None:
+    craft = _airframe(design, place.rng("file"))
+    log = draw_log(place, number)
+    rng = place.rng("paths")
+    lag, speed = craft.true["lag"], VEHICLES[design.vehicle][-1]
+    low = 1.4 * craft.radius_m + (1.6 * LOAD_ROPE_M if design.load else 0.0)
+    scale = Scale(low, craft.radius_m, speed, 0.18 + 2.0 * lag)
+    plans = references(place.half, SECONDS, STEP_S, scale, rng)
+    heading = rng.uniform(0.0, 2.0 * np.pi)
+    flights = [_fly(design, craft, plan, heading, rng) for plan in plans]
+    write_flown(out, place, craft, flights, log, design.concealed(), METHOD, design.wrong)
+
+
+def _airframe(design: Design, rng: np.random.Generator) -> Airframe:
+    mass, radius, lever, inertia, lift, hover, lag, _, _ = VEHICLES[design.vehicle]
+    thrust = mass * GRAVITY_M_S2 / (4.0 * hover**2)
+    true = dict(zip(("ixx", "iyy", "izz"), inertia, strict=True))
+    true |= {"mass": mass, "thrust": thrust, "torque": thrust * 0.16 * radius}
+    true |= {"lag": lag, "speed": hover * float(np.sqrt(lift))}
+    x, y, spin = (tuple(s[k] for s in SIGNS) for k in range(3))
+    return Airframe(
+        design.vehicle,
+        radius,
+        tuple(lever * k for k in x),
+        tuple(lever * k for k in y),
+        0.0,
+        spin,
+        12.0,
+        declare(true, rng),
+        true,
+    )
+
+
+LOAD_ROPE_M = 0.35
+LEASH_M = 0.3
+
+
+def _xml(design: Design, craft: Airframe, heading: float) -> str:
+    """Return the model: a free body with four thrusters at sites, a fluid, a tendon."""
+    true, size = craft.true, VEHICLES[design.vehicle][7]
+    dense = 1.2 * design.box if design.box else 1.2 if design.drag else 0.0
+    wind = design.wind_m_s * np.array([np.cos(heading), np.sin(heading)])
+    shape = f'fluidshape="ellipsoid" fluidcoef="{design.drag} 0.25 1.5 0 0"' if design.drag else ""
+    top, yaw = true["thrust"] * true["speed"] ** 2, true["torque"] / true["thrust"]
+    sites, thrusters = [], []
+    for k in range(4):
+        x = craft.rotor_x_m[k] - design.shift * craft.arm_m
+        y = craft.rotor_y_m[k] + 0.5 * design.shift * craft.arm_m
+        sites.append(f'<site name="r{k}" pos="{x} {y} 0"/>')
+        gain = top * (1.0 - design.weak * (k == 1))
+        late = f'delay="{design.delay_s}" nsample="32" interp="zoh"' if design.delay_s else ""
+        thrusters.append(
+            f'<general site="r{k}" gear="{design.tilt_rad} {-0.6 * design.tilt_rad} 1'
+            f' 0 0 {-craft.spin[k] * yaw}" dyntype="filterexact" dynprm="{true["lag"]}"'
+            f' gainprm="{gain}" ctrllimited="true" ctrlrange="0 {design.ceiling**2}" {late}/>'
+        )
+    body = f"""
+      <body name="vehicle" pos="0 0 0"><freejoint/>
+        <inertial pos="0 0 0" mass="{true["mass"]}"
+          diaginertia="{true["ixx"]} {true["iyy"]} {true["izz"]}"/>
+        <geom type="ellipsoid" size="{size[0]} {size[1]} {size[2]}" contype="0" conaffinity="0"
+          mass="0" {shape}/>
+        <site name="hook" pos="0 0 0"/>{"".join(sites)}
+      </body>"""
+    more, tendon = "", ""
+    if design.load:
+        more = f"""<body name="load" pos="0 0 -{LOAD_ROPE_M}"><freejoint/>
+          <geom type="sphere" size="0.01" contype="0" conaffinity="0"
+            mass="{design.load * true["mass"]}"/><site name="weight"/></body>"""
+        tendon = f"""<spatial limited="true" range="0 {LOAD_ROPE_M}" solreflimit="0.006 1">
+          <site site="hook"/><site site="weight"/></spatial>"""
+    if design.spring:
+        more = '<site name="anchor" pos="0 0 0"/>'
+        tendon = f"""<spatial stiffness="{design.spring}" springlength="0 {LEASH_M}">
+          <site site="hook"/><site site="anchor"/></spatial>"""
+    return f"""<mujoco><option timestep="{STEP_S}" integrator="implicitfast"
+        gravity="0 0 -{GRAVITY_M_S2}" density="{dense}" viscosity="{design.viscosity}"
+        wind="{wind[0]} {wind[1]} 0"/>
+      <worldbody>{body}{more}</worldbody><tendon>{tendon}</tendon>
+      <actuator>{"".join(thrusters)}</actuator></mujoco>"""
+
+
+def _fly(
+    design: Design,
+    craft: Airframe,
+    plan: np.ndarray,
+    heading: float,
+    rng: np.random.Generator,
+) -> Flown:
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string(_xml(design, craft, heading))
+    data = mujoco.MjData(model)
+    pilot = _pilot(design, craft)
+    hover = np.sqrt(craft.true["mass"] * (1.0 + design.load) * GRAVITY_M_S2 / 4.0)
+    hover /= np.sqrt(craft.true["thrust"]) * craft.true["speed"]
+    data.qpos[:3] = plan[:3, 0]
+    data.qpos[3:7] = [np.cos(0.5 * plan[9, 0]), 0.0, 0.0, np.sin(0.5 * plan[9, 0])]
+    if design.load:
+        data.qpos[7:10] = plan[:3, 0] - np.array([0.0, 0.0, LOAD_ROPE_M])
+        data.qpos[10] = 1.0
+    data.act[:] = hover**2
+    rows = []
+    u = np.full(4, hover)
+    for k in range(plan.shape[1]):
+        if k % STEPS_A_COMMAND == 0:
+            u = _command(pilot, plan[:, k], data, rng)
+        # a firmware that wants thrust in proportion to the square of its command; where the drive
+        # is not what it believes the square is not what comes out
+        data.ctrl[:] = (1.0 - design.curve) * u + design.curve * u**2
+        mujoco.mj_forward(model, data)
+        rows.append(_row(model, data, design, craft, u, plan[:, k]))
+        mujoco.mj_step(model, data)
+        if not np.abs(data.qpos[:3] - plan[:3, k]).max() < LOST_M:
+            raise GesError(
+                f"'{design.key}' lost its path {k * STEP_S:.1f} s after the start; the path is too"
+                " fast for the vehicle"
+            )
+    states = {n: np.stack([r[n] for r in rows]) for n in rows[0]}
+    forces = {n: states.pop(n) for n in list(states) if n.startswith("of_")}
+    return Flown(STEP_S, states, _changes(design, craft, states, forces))
+
+
+def _pilot(design: Design, craft: Airframe) -> Pilot:
+    declared = misdeclared(craft.declared, design.wrong)
+    one = {k: np.array([v]) for k, v in declared.items()}
+    x, y, spin = (
+        np.array([p], dtype=float).T for p in (craft.rotor_x_m, craft.rotor_y_m, craft.spin)
+    )
+    tuned = np.array([craft.true["lag"] + design.delay_s])
+    pilot = Pilot(one, x, y, spin, tuned, STEP_S * STEPS_A_COMMAND)
+    pilot.held = np.zeros((3, 1))
+    return pilot
+
+
+def _command(pilot: Pilot, ref: np.ndarray, data: Any, rng: np.random.Generator) -> np.ndarray:
+    """Return the commands of a controller that sees its state with noise."""
+    turn = _rotation(data)
+    p = data.qpos[:3] + 0.002 * rng.standard_normal(3)
+    v = data.qvel[:3] + 0.01 * rng.standard_normal(3)
+    omega = data.qvel[3:6] + 0.01 * rng.standard_normal(3)
+    state = (p[:, None], v[:, None], turn[:, :, None], omega[:, None])
+    return pilot.command(ref[:, None], np.zeros((4, 1)), *state, np.ones(1))[:, 0]
+
+
+def _rotation(data: Any) -> np.ndarray:
+    return data.xmat[1].reshape(3, 3).copy()
+
+
+def _row(
+    model: Any, data: Any, design: Design, craft: Airframe, u: np.ndarray, ref: np.ndarray
+) -> dict[str, np.ndarray]:
+    import mujoco
+
+    turn = _rotation(data)
+    top = craft.true["thrust"] * craft.true["speed"] ** 2
+    row = {
+        "p": data.qpos[:3],
+        "v": data.qvel[:3],
+        "q": data.qpos[3:7],
+        "omega": data.qvel[3:6],
+        "rotor_speed": np.sqrt(np.maximum(data.act * top, 0.0) / craft.true["thrust"]),
+        "u": u,
+        "specific_force": turn.T @ (data.qacc[:3] + np.array([0.0, 0.0, GRAVITY_M_S2])),
+        "p_ref": ref[:3],
+        "v_ref": ref[3:6],
+        "yaw_ref": ref[9:10],
+    }
+    if design.load:
+        row["of_load"] = np.concatenate([turn.T @ data.qfrc_constraint[:3], np.zeros(3)])
+    if design.spring:
+        row["of_tether"] = np.concatenate([turn.T @ data.qfrc_spring[:3], data.qfrc_spring[3:6]])
+    if design.drag or design.box or design.viscosity:
+        row["of_fluid"] = np.concatenate([turn.T @ data.qfrc_fluid[:3], data.qfrc_fluid[3:6]])
+    if design.wind_m_s:
+        # the drag acts in the air at rest, the wind is what moving air adds to it
+        blowing = model.opt.wind.copy()
+        model.opt.wind[:] = 0.0
+        mujoco.mj_passive(model, data)
+        calm = np.concatenate([turn.T @ data.qfrc_fluid[:3], data.qfrc_fluid[3:6]])
+        model.opt.wind[:] = blowing
+        mujoco.mj_passive(model, data)
+        row |= {"of_wind": row["of_fluid"] - calm, "of_fluid": calm}
+    return {name: np.array(value, dtype=float) for name, value in row.items()}
+
+
+def _changes(
+    design: Design,
+    craft: Airframe,
+    states: Mapping[str, np.ndarray],
+    forces: Mapping[str, np.ndarray],
+) -> dict[str, Any]:
+    """Return what each concealed thing changed along the path."""
+    found: dict[str, Any] = {}
+    for source, names in (
+        ("of_load", ("slung_load",)),
+        ("of_tether", ("tether",)),
+        ("of_wind", ("wind",)),
+    ):
+        if source in forces:
+            found[names[0]] = _wrench(forces[source])
+    if design.drag or design.box:
+        found["parasitic_drag"] = _wrench(forces["of_fluid"])
+    if design.viscosity:
+        across = forces["of_fluid"] * np.array([1.0, 1.0, 0.0, 1.0, 1.0, 1.0])
+        found["rotor_drag"] = _wrench(across)
+        found["axial_inflow"] = _wrench(forces["of_fluid"] - across)
+    body, true = body_of(craft), craft.true
+    thrust = true["thrust"] * states["rotor_speed"] ** 2
+    if design.weak:
+        found["weak_rotor"] = body.wrench(-design.weak * thrust * np.array([0.0, 1.0, 0.0, 0.0]))
+    if design.tilt_rad:
+        aside = design.tilt_rad * thrust * (1.0 - design.weak * np.eye(4)[1])
+        level = aside.sum(axis=1)
+        yaw = aside @ (-0.6 * body.rotor_m[:, 0] - body.rotor_m[:, 1])
+        found["rotor_tilt"] = {
+            "force_N": np.stack([level, -0.6 * level, 0.0 * level], axis=1),
+            "moment_Nm": np.stack([0.0 * yaw, 0.0 * yaw, yaw], axis=1),
+        }
+    if design.shift:
+        # the rotors moved by (-a, a / 2) against the centre of mass
+        lever = design.shift * craft.arm_m * thrust.sum(axis=1)
+        found["cg_offset"] = {"moment_Nm": np.stack([0.5 * lever, lever, 0.0 * lever], axis=1)}
+    drives = {
+        "thrust_curve": design.curve != 1.0,
+        "rotor_saturation": design.ceiling < 1.0,
+        "esc_delay": design.delay_s > 0.0,
+    }
+    for name in [n for n, on in drives.items() if on]:
+        # the only thing concealed in the drive: what a plain one makes of the same commands
+        off = states["rotor_speed"] - _plain_speed(craft, states)
+        found[name] = driven(body, true, states["rotor_speed"], off)
+    return found
+
+
+def _wrench(rows: np.ndarray) -> dict[str, np.ndarray]:
+    return {"force_N": rows[:, :3], "moment_Nm": rows[:, 3:]}
+
+
+def _plain_speed(craft: Airframe, states: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the rotor speeds that the declared kind of drive makes of the commands."""
+    from scipy.signal import lfilter
+
+    keep, top = np.exp(-STEP_S / craft.true["lag"]), craft.true["speed"]
+    start = (states["rotor_speed"][:1] / top) ** 2
+    act = lfilter([0.0, 1.0 - keep], [1.0, -keep], states["u"] ** 2, axis=0, zi=start)[0]
+    return np.sqrt(np.maximum(act, 0.0)) * top

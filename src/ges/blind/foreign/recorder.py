@@ -1,0 +1,111 @@
+"""Sensors of the foreign worlds: a flight as it truly was becomes a log of one rate and noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.transform import Rotation
+
+from ges.blind.generator.detectable import Flown, sample_times
+from ges.blind.noise import Noise, coloured
+from ges.conventions import (
+    BODY_RATE,
+    COMMAND,
+    POSITION,
+    POSITION_REF,
+    QUATERNION,
+    ROTOR_SPEED,
+    SPECIFIC_FORCE,
+    VELOCITY,
+    VELOCITY_REF,
+)
+
+
+@dataclass(frozen=True)
+class Log:
+    """How a set is logged: rate, sensors, and which streams there are."""
+
+    rate_hz: float
+    noise: Noise
+    level: str
+    rotor_speeds: bool = True
+    references: bool = True
+
+    @property
+    def sensors(self) -> Noise:
+        """True noise; rotor speeds that are not logged are infinitely noisy."""
+        return self.noise if self.rotor_speeds else replace(self.noise, speed_share=np.inf)
+
+
+def record(flown: Flown, log: Log, rng: np.random.Generator) -> pd.DataFrame:
+    """Return a flight as its sensors saw it, in contract columns."""
+    return _Recorder(flown, log, rng).frame()
+
+
+class _Recorder:
+    def __init__(self, flown: Flown, log: Log, rng: np.random.Generator):
+        self.flown, self.log, self.noise, self.rng = flown, log, log.noise, rng
+        self.clock = np.arange(len(flown.state["p"])) * flown.step_s
+        self.t = sample_times(flown, log.rate_hz)
+
+    def frame(self) -> pd.DataFrame:
+        columns: dict[str, np.ndarray] = {"t_s": self.t - self.t[0]}
+        for part in (self._pose, self._inertial, self._drive, self._asked):
+            columns |= part()
+        return pd.DataFrame(columns)
+
+    def _at(self, name: str) -> np.ndarray:
+        rows = self.flown.state[name].T
+        return np.stack([np.interp(self.t, self.clock, row) for row in rows])
+
+    def _held(self, name: str) -> np.ndarray:
+        return self.flown.state[name][_last(self.t, self.flown.step_s)].T
+
+    def _white(self, width: int, sd: float) -> np.ndarray:
+        return sd * self.rng.standard_normal((width, len(self.t)))
+
+    def _drift(self, drift: tuple[float, float]) -> np.ndarray:
+        return drift[0] * coloured((3, len(self.t)), 1.0 / self.log.rate_hz, drift[1], self.rng)
+
+    def _bias(self, sd: float) -> np.ndarray:
+        return sd * self.rng.standard_normal((3, 1))
+
+    def _pose(self) -> dict[str, np.ndarray]:
+        noise = self.noise
+        p = self._at("p") + self._white(3, noise.position_m) + self._drift(noise.position_drift)
+        v = self._at("v") + self._white(3, noise.velocity_m_s) + self._drift(noise.velocity_drift)
+        small = self._white(3, noise.attitude_rad) + self._drift(noise.attitude_drift)
+        small[:2] += self._bias(noise.attitude_bias_rad)[:2]
+        attitude = Rotation.from_quat(self._at("q").T, scalar_first=True)
+        q = (attitude * Rotation.from_rotvec(small.T)).as_quat(scalar_first=True).T
+        named = dict(zip((*POSITION, *VELOCITY, *QUATERNION), (*p, *v, *q), strict=True))
+        seen = np.arange(len(self.t)) % noise.pose_every == 0
+        return {name: np.where(seen, values, np.nan) for name, values in named.items()}
+
+    def _inertial(self) -> dict[str, np.ndarray]:
+        noise = self.noise
+        rate = self._at("omega") + self._white(3, noise.rate_rad_s)
+        felt = self._at("specific_force") + self._white(3, noise.acceleration_m_s2)
+        rate += self._bias(noise.rate_bias_rad_s)
+        felt += self._bias(noise.acceleration_bias_m_s2)
+        return dict(zip((*BODY_RATE, *SPECIFIC_FORCE), (*rate, *felt), strict=True))
+
+    def _drive(self) -> dict[str, np.ndarray]:
+        named = dict(zip(COMMAND, np.clip(self._held("u"), 0.0, 1.0), strict=True))
+        if self.log.rotor_speeds:
+            speed = self._at("rotor_speed") * (1.0 + self._white(4, self.noise.speed_share))
+            named |= dict(zip(ROTOR_SPEED, speed, strict=True))
+        return named
+
+    def _asked(self) -> dict[str, np.ndarray]:
+        if not self.log.references:
+            return {}
+        named = dict(zip(POSITION_REF, self._held("p_ref"), strict=True))
+        named |= dict(zip(VELOCITY_REF, self._held("v_ref"), strict=True))
+        return named | {"yaw_ref_rad": self._held("yaw_ref")[0]}
+
+
+def _last(t: np.ndarray, step_s: float) -> np.ndarray:
+    return np.floor(t / step_s + 1e-9).astype(int)

@@ -1,0 +1,233 @@
+"""What every world hands over: flown flights with what was concealed in them, as a sealed set.
+
+A world flies its designs; this module draws how they are logged, writes the recording set, and
+seals the truth with the limit of what any method could tell (:mod:`ges.blind.limit`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import os
+import shutil
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import yaml
+
+from ges.blind.foreign.recorder import Log, record
+from ges.blind.generator.airframe import Airframe
+from ges.blind.generator.detectable import INERTIA, NOTHING, Flown, detectable
+from ges.blind.noise import Noise
+from ges.errors import UsageError
+from ges.files import write_json
+
+HALVES = ("development", "evaluation")
+FIRST_OF_EVALUATION = 1000
+FLAT = {"kind": "flat", "z_m": 0.0}
+
+
+def half_of(seed: int) -> str:
+    """Return the half that a seed belongs to: evaluation from :data:`FIRST_OF_EVALUATION` on."""
+    return HALVES[seed >= FIRST_OF_EVALUATION]
+
+
+def check_half(half: str, seed: int) -> None:
+    """Refuse a seed of the other half.
+
+    Raises
+    ------
+    UsageError
+        When ``seed`` belongs to the other half.
+    """
+    if half_of(seed) != half:
+        raise UsageError(
+            f"seed {seed} belongs to {half_of(seed)}, not to {half}; seeds below"
+            f" {FIRST_OF_EVALUATION} are for development, the others for evaluation"
+        )
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Folders of what cannot be made here: published flights, and sets made elsewhere."""
+
+    recordings: Path = Path("recordings")
+    given: Path = Path("worlds")
+
+
+@dataclass(frozen=True)
+class Place:
+    """Which set of a world this is; everything drawn for it follows from it."""
+
+    world: str
+    key: str
+    half: str
+    seed: int
+
+    @property
+    def identity(self) -> str:
+        """A name that says nothing of the world or of what is concealed."""
+        text = f"{self.world}/{self.key}/{self.half}/{self.seed}"
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+    def rng(self, purpose: str) -> np.random.Generator:
+        """Return a random stream of its own."""
+        parts = (self.world, self.key, self.half, purpose)
+        return np.random.default_rng([self.seed, *(zlib.crc32(p.encode()) for p in parts)])
+
+
+# two levels of noise for each half, over the ordinary one, and the rates of each half
+LEVELS = {
+    "development": {"low": 0.4, "high": 1.5},
+    "evaluation": {"low": 0.6, "high": 1.9},
+}
+RATES_HZ = {"development": (50.0, 100.0, 250.0, 500.0), "evaluation": (62.5, 125.0, 200.0, 400.0)}
+
+
+def draw_log(place: Place, number: int, noise: Noise | None = None) -> Log:
+    """Return how the ``number``-th set of a world is logged: rates and levels go round, what is
+    logged is drawn."""
+    rng = place.rng("log")
+    rates, levels = RATES_HZ[place.half], LEVELS[place.half]
+    level = list(levels)[(number // len(rates) + number) % 2]
+    rate = rates[number % len(rates)]
+    sensors = (noise or Noise()).scaled(levels[level])
+    # motion capture is slower than an inertial sensor that is logged at every turn of the loop
+    every = 4 if rate > 300.0 else 1
+    return Log(
+        rate,
+        replace(sensors, pose_every=every),
+        level,
+        rotor_speeds=bool(rng.random() < 0.6),
+        references=bool(rng.random() < 0.8),
+    )
+
+
+@dataclass(frozen=True)
+class Concealed:
+    """What is true of a set: names, other answers that are as right, and how it is counted.
+
+    ``optional`` are names that are true as well but small; ``instead`` whole answers that are as
+    right. ``verdict`` and ``category`` follow from the names where they are left out.
+    """
+
+    names: tuple[str, ...] = ()
+    severity: str = "medium"
+    optional: tuple[str, ...] = ()
+    instead: tuple[tuple[str, ...], ...] = ()
+    verdict: str = ""
+    category: str = ""
+    places: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    note: str = ""
+
+    def truth(self) -> dict[str, Any]:
+        """Return the contract's form, with the category beside it."""
+        return {
+            "verdict": self.verdict or ("physics" if self.names else "nothing_proven"),
+            "findings": self._findings(self.names),
+            "severity": self.severity,
+            "also_acceptable": self._other(),
+            "category": self.category or CATEGORY_OF_SIZE[min(len(self.names), 3)],
+            "note": self.note,
+        }
+
+    def _findings(self, names: Iterable[str]) -> list[dict[str, Any]]:
+        return [
+            {"name": n, "parameters": dict(self.parameters.get(n, {}))} | place
+            for n in names
+            for place in ([{"place": p} for p in self.places.get(n, ())] or [{}])
+        ]
+
+    def _other(self) -> list[list[str]]:
+        whole = [
+            sorted({*names, *more})
+            for names in (self.names, *self.instead)
+            for size in range(len(self.optional) + 1)
+            for more in itertools.combinations(self.optional, size)
+        ]
+        unlike = [names for names in whole if set(names) != set(self.names)]
+        return [list(names) for names in dict.fromkeys(map(tuple, unlike))]
+
+
+CATEGORY_OF_SIZE = ("null", "single", "pair", "triple")
+
+
+def write_flown(
+    out: Path,
+    place: Place,
+    craft: Airframe,
+    flights: Sequence[Flown],
+    log: Log,
+    concealed: Concealed,
+    method: str,
+    wrong: Mapping[str, float] = NOTHING,
+) -> None:
+    """Record flown flights, write the set, seal its truth and what any method could tell of it.
+
+    Parameters
+    ----------
+    craft : the true vehicle and what its file honestly declares.
+    method : how the limit is known, in words.
+    wrong : factors by which the file is wrong beyond its doubts, by the numbers of
+        :data:`NAME_OF_WRONG`.
+    """
+    rng = place.rng("sensors")
+    frames = [record(flown, log, rng) for flown in flights]
+    limits = detectable(flights, log.rate_hz, log.sensors, craft, wrong)
+    craft = replace(craft, declared=misdeclared(craft.declared, wrong))
+    content = concealed.truth() | {
+        "detectable": limits | {"method": method},
+        "situation": situation(place, craft.size, log),
+    }
+    write_set(out, place, craft.vehicle_file(FLAT), frames, content)
+
+
+def situation(place: Place, vehicle: str, log: Log) -> dict[str, Any]:
+    """Return what surrounds a set, for the table of cases."""
+    return {
+        "world": place.world,
+        "design": place.key,
+        "vehicle": vehicle,
+        "noise": log.level,
+        "rate_hz": log.rate_hz,
+        "rotor_speeds": log.rotor_speeds,
+        "references": log.references,
+    }
+
+
+def write_set(
+    out: Path,
+    place: Place,
+    vehicle: Mapping[str, Any],
+    frames: Sequence[pd.DataFrame],
+    truth: Mapping[str, Any],
+) -> None:
+    """Write one recording set under a name that says nothing, whole or not at all; the truth last.
+
+    Parameters
+    ----------
+    vehicle : content of the vehicle file.
+    """
+    final, folder = out / "cases" / place.identity, out / "cases" / f".{place.identity}"
+    for left in (final, folder):
+        shutil.rmtree(left, ignore_errors=True)
+    folder.mkdir(parents=True)
+    for number, frame in enumerate(frames, 1):
+        rounded = frame.astype({c: "float32" for c in frame.columns if c != "t_s"})
+        rounded.to_parquet(folder / f"flight_{number}.parquet", index=False, compression="zstd")
+    (folder / "vehicle.yaml").write_text(yaml.safe_dump(dict(vehicle), sort_keys=False))
+    for path in (*folder.iterdir(), folder):
+        os.utime(path, (0, 0))
+    os.replace(folder, final)
+    write_json(out / "sealed" / f"{place.identity}.json", truth)
+
+
+def misdeclared(declared: Mapping[str, float], wrong: Mapping[str, float]) -> dict[str, float]:
+    """Return what a wrong file declares; 'inertia' is wrong about all three axes."""
+    return {k: v * wrong.get("inertia" if k in INERTIA else k, 1.0) for k, v in declared.items()}

@@ -1,0 +1,311 @@
+"""All worlds, and how their sets are made: in pieces, resumable, sealed when the last one stands.
+
+The split is a rule: a seed belongs to one half (:func:`sets.half_of`), and each half has its own
+paths, rates and noise, or its own conditions of real flights. What cannot be made here is skipped
+with a reason, which is kept beside the seal.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import json
+import multiprocessing
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ges.blind.foreign import (
+    crazyflow,
+    drone_models,
+    given,
+    home,
+    logs,
+    mujoco,
+    real,
+    rotorpy,
+    second,
+)
+from ges.blind.foreign.sets import Place, Sources, check_half
+from ges.blind.protocol import seal
+from ges.errors import GesError, UsageError, unknown_name
+from ges.files import tree_hash, write_json
+from ges.provenance.sources import PACKAGE, sources
+
+BEGUN, MADE = "begun.json", "made.json"
+SAMPLE_STEP = 8
+"""A sample has every eighth set of a world."""
+# libraries that share the machine's cores among themselves would not give the same bytes
+ALONE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+ARRAYS = {**ALONE, "SCIPY_ARRAY_API": "1"}
+JAX = {**ARRAYS, "JAX_ENABLE_X64": "1", "JAX_PLATFORMS": "cpu"}
+Sets = Sequence[tuple[Any, int, Place]]
+
+
+@dataclass(frozen=True)
+class World:
+    """A maker of sets.
+
+    ``designs`` lists what it makes for a half, ``make`` writes some of it; ``modules`` must be
+    importable, ``folder`` must be there; ``batch`` sets are made abreast, in a process of its own
+    with this environment.
+    """
+
+    name: str
+    about: str
+    designs: Callable[[str, Sources], Sequence[Any]]
+    make: Callable[[Path, Sets, Sources], None]
+    batch: int = 1
+    modules: tuple[str, ...] = ()
+    folder: Callable[[str, Sources], Path] | None = None
+    environment: Mapping[str, str] = field(default_factory=lambda: ALONE)
+
+    def missing(self, half: str, places: Sources) -> str:
+        """Return why it cannot be made here; nothing where it can."""
+        lacking = [m for m in self.modules if importlib.util.find_spec(m) is None]
+        if lacking:
+            return f"{lacking[0]} is not installed; pip install 'ges[simulators]'"
+        folder = self.folder and self.folder(half, places)
+        return f"'{folder}' is not there" if folder and not folder.is_dir() else ""
+
+
+def _published(name: str) -> Callable[[str, Sources], Path]:
+    return lambda half, places: places.recordings / name
+
+
+def _flown(name: str, about: str, module: Any, batch: int = 1, environment=ALONE) -> World:
+    return World(
+        name,
+        about,
+        lambda half, _: module.designs(half),
+        module.make,
+        batch,
+        module.NEEDS,
+        environment=environment,
+    )
+
+
+def _recorded(name: str, about: str, designs: Callable[[str], Sequence[Any]]) -> World:
+    return World(
+        name,
+        about,
+        lambda half, _: designs(half),
+        real.maker(name),
+        folder=_published(real.FOLDERS[name]),
+    )
+
+
+WORLDS: dict[str, World] = {
+    world.name: world
+    for world in (
+        _flown(rotorpy.WORLD, "RotorPy, its controller and trajectories", rotorpy),
+        World(
+            given.WORLD,
+            "gym-pybullet-drones, its own PID; sets made elsewhere",
+            given.designs,
+            given.make,
+            batch=10,
+            folder=given.folder_of,
+        ),
+        _flown(crazyflow.WORLD, "crazyflow, its Mellinger controller", crazyflow, 99, JAX),
+        _flown(
+            drone_models.WORLD,
+            "drone-models under the blind pilot",
+            drone_models,
+            environment=ARRAYS,
+        ),
+        _flown(mujoco.WORLD, "MuJoCo's actuators, fluid, wind and tendons", mujoco),
+        World(
+            logs.WORLD,
+            "logs of PX4 flying in Gazebo and in SIH",
+            lambda half, _: logs.designs(half),
+            logs.make,
+            folder=_published("gazebo-iris"),
+        ),
+        _recorded(real.CRAZYPAD, "real Crazyflies, labelled changes", real.crazypad_designs),
+        _recorded(real.IMRCLAB, "real Crazyflies with a payload", real.imrclab_designs),
+        _recorded(real.APPIUS, "a real quadrotor near the ground", real.appius_designs),
+        World(
+            home.AS_IT_IS,
+            "the home generator as it is",
+            lambda half, _: home.designs(half),
+            home.make,
+            batch=10,
+        ),
+        World(
+            home.OTHER_AIR,
+            "the home generator in other airs",
+            lambda half, _: home.designs(half),
+            home.make_in_other_air,
+            batch=10,
+        ),
+        _flown(second.WORLD, "the effects as a second author reads the papers", second, 20),
+    )
+}
+
+
+def make_worlds(
+    out: Path,
+    half: str,
+    seed: int,
+    only: Sequence[str] = (),
+    sample: bool = False,
+    places: Sources | None = None,
+    processes: int = 2,
+    minutes: float | None = None,
+    tell: Callable[[int, int], None] = lambda *_: None,
+) -> tuple[int, int, dict[str, str]]:
+    """Make the sets of a half that are not there yet; seal the folder when all are.
+
+    Parameters
+    ----------
+    only : worlds to restrict to; sample : every eighth set of each.
+    minutes : after which no more is begun; the next call goes on.
+
+    Returns
+    -------
+    Sets that are there, sets in all, and reasons of worlds that were skipped.
+
+    Raises
+    ------
+    UsageError
+        For an unknown world, a seed of the other half, or a folder that is sealed already.
+    """
+    check_half(half, seed)
+    for name in only:
+        if name not in WORLDS:
+            raise unknown_name("world", name, WORLDS)
+    if (out / "sealed" / seal.SUMS).exists():
+        raise UsageError(f"'{out}' already holds sealed cases; name an empty folder")
+    places = places or Sources()
+    out, places = out.resolve(), Sources(places.recordings.resolve(), places.given.resolve())
+    chosen = {name: world for name, world in WORLDS.items() if not only or name in only}
+    skipped = {n: why for n, w in chosen.items() if (why := w.missing(half, places))}
+    sets = {
+        name: _sets(world, half, seed, sample, places)
+        for name, world in chosen.items()
+        if name not in skipped
+    }
+    total = sum(map(len, sets.values()))
+    if not total:
+        raise GesError(
+            "no world can be made here: " + "; ".join(f"{n}: {why}" for n, why in skipped.items())
+        )
+    _begin(out, _about(half, seed, sample, sets, skipped))
+    jobs = list(_jobs(out, sets))
+    left = sum(len(job) for _, job in jobs)
+    tell(total - left, total)
+    deadline = None if minutes is None else time.monotonic() + 60.0 * minutes
+    for count in _run(out, jobs, places, processes, deadline):
+        left -= count
+        tell(total - left, total)
+    if not left:
+        os.replace(out / "sealed" / BEGUN, out / "sealed" / MADE)
+        seal.close(out)
+    return total - left, total, skipped
+
+
+def make_and_seal(
+    sums: Path, half: str, seed: int, sample: bool, recordings: Path, given: Path
+) -> None:
+    """Make the sets of a workflow in the folder above ``sealed/``, where ``sums`` is the list of
+    hashes; go on where it was interrupted.
+    """
+    sums.unlink(missing_ok=True)
+    make_worlds(sums.parents[1], half, seed, (), sample, Sources(recordings, given))
+
+
+def _sets(world: World, half: str, seed: int, sample: bool, places: Sources) -> Sets:
+    designs = list(world.designs(half, places))
+    every = [(d, k, Place(world.name, d.key, half, seed)) for k, d in enumerate(designs)]
+    return every[SAMPLE_STEP // 2 :: SAMPLE_STEP] or every[:1] if sample else every
+
+
+def _about(
+    half: str, seed: int, sample: bool, sets: Mapping[str, Sets], skipped: Mapping[str, str]
+) -> dict[str, Any]:
+    return {
+        "half": half,
+        "seed": seed,
+        "sample": sample,
+        "worlds": {name: len(part) for name, part in sets.items()},
+        "skipped": dict(skipped),
+        "generator": tree_hash(PACKAGE, sources(__name__)),
+    }
+
+
+def _begin(out: Path, about: Mapping[str, Any]) -> None:
+    """Keep the sets of an interrupted run of the very same makers and seed; clear away others."""
+    note = out / "sealed" / BEGUN
+    if note.exists() and json.loads(note.read_text()) == about:
+        return
+    for name in ("cases", "sealed"):
+        shutil.rmtree(out / name, ignore_errors=True)
+        (out / name).mkdir(parents=True)
+    write_json(note, about)
+
+
+def _jobs(out: Path, sets: Mapping[str, Sets]) -> Iterator[tuple[World, Sets]]:
+    """Yield batches that are not complete; a batch is made as a whole, so that what its sets share
+    does not depend on where an earlier run was interrupted.
+    """
+    for name, part in sets.items():
+        size = WORLDS[name].batch
+        for start in range(0, len(part), size):
+            batch = part[start : start + size]
+            if not all((out / "sealed" / f"{p.identity}.json").exists() for _, _, p in batch):
+                yield WORLDS[name], batch
+
+
+def _run(
+    out: Path,
+    jobs: Sequence[tuple[World, Sets]],
+    places: Sources,
+    processes: int,
+    deadline: float | None,
+) -> Iterator[int]:
+    """Make batches, those of one environment in one pool; yield how many sets each had."""
+    environments = {tuple(sorted(world.environment.items())) for world, _ in jobs}
+    for environment in sorted(environments):
+        waiting = [job for job in jobs if tuple(sorted(job[0].environment.items())) == environment]
+        spawn = multiprocessing.get_context("spawn")
+        with _environment(dict(environment)), ProcessPoolExecutor(processes, spawn) as pool:
+            running: dict[Future, int] = {}
+            while waiting or running:
+                late = deadline is not None and time.monotonic() > deadline
+                while waiting and len(running) < processes and not late:
+                    world, batch = waiting.pop(0)
+                    running[pool.submit(_make, world.name, out, batch, places)] = len(batch)
+                if not running:
+                    break
+                done, _ = wait(running, return_when=FIRST_COMPLETED)
+                for job in done:
+                    job.result()
+                    yield running.pop(job)
+
+
+@contextlib.contextmanager
+def _environment(values: Mapping[str, str]) -> Iterator[None]:
+    """Set variables for processes that are started meanwhile."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _make(world: str, out: Path, batch: Sets, places: Sources) -> None:
+    """Make a batch in a folder of its own: some simulators leave logs where they are started."""
+    with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
+        WORLDS[world].make(out, batch, places)

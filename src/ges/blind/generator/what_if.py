@@ -1,0 +1,247 @@
+"""What each concealed effect did along the flown path: the path flown again with it taken out.
+
+States, rotor speeds and commands are imposed as they were recorded. Only what has a memory of its
+own runs on: inflow, wake, gusts, battery, load, motors. The difference between two such replays is
+the change that one effect made, whatever else is concealed beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ges.blind.generator.concealed import COMPANIONS, NEUTRAL, SENSOR
+from ges.blind.generator.detectable import Flown, body_of, detectable, driven
+from ges.blind.generator.flight import (
+    CONTROL,
+    DT_S,
+    SLOW,
+    TURN_PER_M,
+    Simulation,
+    Sortie,
+    rotation_matrix,
+)
+from ges.blind.generator.plan import CONTROL_DT_S
+from ges.blind.generator.sensing import lagged
+from ges.blind.limit import Change
+from ges.blind.noise import Air
+
+if TYPE_CHECKING:
+    from ges.blind.generator.make import Case
+
+# numbers that are the effect's own, where it needs another effect to act on
+OWN_NUMBERS = {
+    "wind": ("wind_m_s",),
+    "gusts": ("gust_m_s",),
+    "ground_effect_forward_flight": ("image_sweep",),
+    "ground_effect_lag": ("image_lag",),
+    "ground_effect_moment": ("image_contrast",),
+    "actuator_mapping": ("mapping",),
+}
+IMPOSED = ("p", "v", "q", "omega")
+METHOD = "loads and rotor speeds along the path, flown again without each effect"
+
+
+class Replay(Simulation):
+    """Sorties along recorded states; ``run`` returns loads and the rotor speeds of the drive."""
+
+    def __init__(self, sorties: list[Sortie], book: Mapping[str, np.ndarray]):
+        super().__init__(sorties, len(book["p"]))
+        self.book = book
+
+    def run(self) -> dict[str, np.ndarray]:
+        """Return ``force`` and ``moment`` beyond the declared vehicle's (n, 3, F), ``speed``
+        (n, 4, F).
+        """
+        n = len(self.book["p"])
+        out = {k: np.empty((n, w, len(self.sorties))) for k, w in LOADS.items()}
+        speeds = self.book["rotor_speed"] / self.b.true["speed"]
+        own = speeds[0].copy()
+        for i in range(n * CONTROL):
+            k, part = i // CONTROL, i % CONTROL / CONTROL
+            after = min(k + 1, n - 1)
+            for name in IMPOSED:
+                rows = self.book[name]
+                setattr(self.s, name, rows[k] + part * (rows[after] - rows[k]))
+            self.r = rotation_matrix(self.s.q)
+            if i % SLOW == 0:
+                self._slow(i // SLOW)
+            self.u = self.book["u"][k]
+            self.s.x = own
+            self._motors(i)
+            own = self.s.x
+            self.s.x = speeds[k] + part * (speeds[after] - speeds[k])
+            self.s.speed_rate = self.book["rotor_speed"][after] - self.book["rotor_speed"][k]
+            self.s.speed_rate /= CONTROL * DT_S
+            _, _, extra = self._loads()
+            if part == 0.0:
+                for name, rows in zip(LOADS, (*extra, own * self.b.true["speed"]), strict=True):
+                    out[name][k] = rows
+        return out
+
+
+LOADS = {"force": 3, "moment": 3, "speed": 4}
+Flights = Sequence[Mapping[str, np.ndarray]]
+
+
+def detectable_of(cases: Sequence[Case], books: Sequence[Flights]) -> list[dict]:
+    """Return for every case what any method could tell of it (:mod:`ges.blind.limit`).
+
+    Parameters
+    ----------
+    books : of each case its flights' truths at the control rate, all of one length.
+    """
+    found = []
+    for case, flights, changes in zip(cases, books, _changes(cases, books), strict=True):
+        flown = [_flown(*parts) for parts in zip(case.sorties, flights, changes, strict=True)]
+        log = case.around.logging
+        found.append(detectable(flown, log.rate_hz, log.sensors, case.craft) | {"method": METHOD})
+    return found
+
+
+def _flown(sortie: Sortie, flight: Mapping[str, np.ndarray], changes: Mapping[str, Change]):
+    n = sortie.plan.reference.shape[1]
+    scales = [(share * sortie.turbulence, time) for share, time in sortie.weather.scales]
+    level = None if sortie.weather.usual else flight["level"][:n, 0]
+    if level is None:
+        scales = [(sortie.weather.strength * sd, time) for sd, time in scales]
+    return Flown(
+        CONTROL_DT_S,
+        {k: flight[k][:n] for k in ("p", "v", "q", "omega", "rotor_speed", "u")},
+        {name: {c: v[:n] for c, v in one.items()} for name, one in changes.items()},
+        Air(tuple(scales), TURN_PER_M, level),
+    )
+
+
+def _changes(cases: Sequence[Case], books: Sequence[Flights]) -> list[list[dict[str, Change]]]:
+    """Return by case and flight what each name changed."""
+    variants = {
+        (k, label): numbers
+        for k, case in enumerate(cases)
+        for label, numbers in _variants(case).items()
+    }
+    replayed = _replayed(cases, books, variants)
+    found = []
+    for k, (case, flights) in enumerate(zip(cases, books, strict=True)):
+        one = {label: rows for (j, label), rows in replayed.items() if j == k}
+        found.append([_change(case, f, flights[f], one) for f in range(len(flights))])
+    return found
+
+
+def _variants(case: Case) -> dict[str, dict[str, float]]:
+    """Return what to fly again: nothing where one effect alone is concealed, since all that is
+    unusual is its doing; else the whole, all but what acts on others, and that without each.
+    """
+    if len(case.names) < 2:
+        return {}
+    hid = {k: v for one in case.numbers.values() for k, v in one.items()}
+    found = {"whole": hid}
+    dependent = [n for n in case.names if n in OWN_NUMBERS]
+    base = _neutral(hid, [number for n in dependent for number in OWN_NUMBERS[n]])
+    found |= {n: _neutral(hid, OWN_NUMBERS[n]) for n in dependent}
+    found["base"] = base
+    for name in [n for n in case.names if n not in dependent]:
+        found[name] = _neutral(base, _numbers_of(case, name))
+    return found
+
+
+def _numbers_of(case: Case, name: str) -> list[str]:
+    """Return the numbers of an effect, also of one that came with another."""
+    carriers = [n for n in case.numbers if n == name or name in COMPANIONS.get(n, ())]
+    return [k for n in carriers for k in case.numbers[n] if k not in OWN_NUMBERS.get(n, ())]
+
+
+def _neutral(hid: Mapping[str, float], numbers: Sequence[str]) -> dict[str, float]:
+    return {k: NEUTRAL[k] if k in numbers else v for k, v in hid.items()}
+
+
+def _replayed(
+    cases: Sequence[Case],
+    books: Sequence[Flights],
+    variants: Mapping[tuple[int, str], Mapping[str, float]],
+) -> dict[tuple[int, str], list[dict[str, np.ndarray]]]:
+    """Fly all variants of all cases abreast; return loads by variant and flight."""
+    if not variants:
+        return {}
+    sorties: list[Sortie] = []
+    recorded: list[Mapping[str, np.ndarray]] = []
+    for (k, _), numbers in variants.items():
+        around = cases[k].around.battery
+        sorties += [replace(s, numbers={**around, **numbers}) for s in cases[k].sorties]
+        recorded += books[k]
+    names = (*IMPOSED, "u", "rotor_speed")
+    book = {name: np.stack([flight[name] for flight in recorded], axis=-1) for name in names}
+    out = Replay(sorties, book).run()
+    parts = iter(range(len(sorties)))
+    return {
+        key: [{n: v[:, :, f] for n, v in out.items()} for f in _take(parts, cases[key[0]])]
+        for key in variants
+    }
+
+
+def _take(parts: Iterator[int], case: Case) -> list[int]:
+    return [next(parts) for _ in case.sorties]
+
+
+def _change(
+    case: Case, f: int, flight: Mapping[str, np.ndarray], replayed: Mapping[str, list[dict]]
+) -> dict[str, Change]:
+    if not case.names:
+        return {}
+    if case.names[0] in SENSOR:
+        return {case.names[0]: _reading_change(case.sorties[f], flight)}
+    if not replayed:
+        loads = {"force": flight["extra_force"], "moment": flight["extra_moment"]}
+        speed = flight["rotor_speed"] - flight["plain_speed"]
+        return {case.names[0]: _as_change(case, flight, loads | {"speed": speed})}
+    found = {}
+    for name in case.names:
+        whole = replayed["whole" if name in OWN_NUMBERS else "base"][f]
+        off = {k: whole[k] - replayed[name][f][k] for k in LOADS}
+        found[name] = _as_change(case, flight, off)
+    return found
+
+
+def _as_change(
+    case: Case, flight: Mapping[str, np.ndarray], off: Mapping[str, np.ndarray]
+) -> Change:
+    """Return loads and the speeds of the drive as a change; a wrong inertia is a moment, too."""
+    found = driven(body_of(case.craft), case.craft.true, flight["rotor_speed"], off["speed"])
+    found = {**found, "force_N": found["force_N"] + off["force"]}
+    excess = case.sorties[0].numbers.get("inertia_error", 1.0) - 1.0
+    true = np.array([case.craft.true[k] for k in ("ixx", "iyy", "izz")])
+    turning = np.gradient(flight["omega"], CONTROL_DT_S, axis=0)
+    found["moment_Nm"] = found["moment_Nm"] + off["moment"] - excess * true * turning
+    return found
+
+
+def _reading_change(sortie: Sortie, flight: Mapping[str, np.ndarray]) -> Change:
+    """Return what a faulty sensor adds to its readings."""
+    hid, n = {**NEUTRAL, **sortie.numbers}, len(flight["p"])
+
+    def constant(*values: float) -> np.ndarray:
+        return np.tile(np.array(values, dtype=float), (n, 1))
+
+    late = hid["time_offset_s"]
+    height = flight["p"][:, 2:] - flight["ground"]
+    found = {
+        "range_m": constant(hid["range_bias_m"]),
+        "attitude_rad": constant(hid["att_bias_x_rad"], hid["att_bias_y_rad"], 0.0),
+        "acceleration_m_s2": constant(*(hid[f"acc_bias_{a}_m_s2"] for a in "xyz")),
+        "rate_rad_s": constant(*(hid[f"gyro_bias_{a}_rad_s"] for a in "xyz")),
+        "position_m": _later(flight["p"], late) - flight["p"],
+        "velocity_m_s": _later(flight["v"], late) - flight["v"],
+    }
+    found["attitude_rad"] = found["attitude_rad"] - late * flight["omega"]
+    if hid["range_lag_s"]:
+        slow = lagged(height[:, 0], hid["range_lag_s"], CONTROL_DT_S)[:, None]
+        found["range_m"] = found["range_m"] + slow - height
+    return found
+
+
+def _later(rows: np.ndarray, by_s: float) -> np.ndarray:
+    clock = np.arange(len(rows)) * CONTROL_DT_S
+    return np.stack([np.interp(clock - by_s, clock, row) for row in rows.T], axis=1)

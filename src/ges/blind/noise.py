@@ -1,0 +1,92 @@
+"""What is random in a recorded flight: noise of the sensors and disturbance of the air.
+
+Whoever makes recordings draws from these, and :mod:`ges.blind.limit` asks what they hide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Noise:
+    """True noise of a log; every sd is of one sample and one axis.
+
+    ``drifts`` are (sd, correlation time in s) of what wanders beside the white part. A sensor that
+    is not logged has an infinite sd, and ``pose_every`` is how many samples pass from one pose
+    (position, velocity, attitude) to the next. Vibration is the amplitude of the rotors' tones.
+    """
+
+    position_m: float = 0.002
+    position_drift: tuple[float, float] = (0.003, 1.0)
+    velocity_m_s: float = 0.012
+    velocity_drift: tuple[float, float] = (0.006, 0.3)
+    attitude_rad: float = 0.0015
+    attitude_drift: tuple[float, float] = (0.003, 1.0)
+    attitude_bias_rad: float = 0.002
+    rate_rad_s: float = 0.008
+    rate_bias_rad_s: float = 0.001
+    acceleration_m_s2: float = 0.15
+    acceleration_bias_m_s2: float = 0.02
+    speed_share: float = 0.002
+    range_m: float = np.inf
+    vibration_rad_s: float = 0.0
+    vibration_m_s2: float = 0.0
+    pose_every: int = 1
+
+    def scaled(self, by: float) -> Noise:
+        """Return the same sensors at another level; biases stay as they are."""
+        drifts = ("position_drift", "velocity_drift", "attitude_drift")
+        white = (
+            "position_m",
+            "velocity_m_s",
+            "attitude_rad",
+            "rate_rad_s",
+            "acceleration_m_s2",
+            "speed_share",
+            "range_m",
+            "vibration_rad_s",
+            "vibration_m_s2",
+        )
+        louder = {name: by * getattr(self, name) for name in white}
+        louder |= {name: (by * getattr(self, name)[0], getattr(self, name)[1]) for name in drifts}
+        return replace(self, **louder)
+
+    def thinned(self, by: int) -> Noise:
+        """Return the noise of means over ``by`` samples, which tell as much of all that is slower.
+
+        ``by`` has to divide ``pose_every`` where that is more than one.
+        """
+        root = by**0.5
+        alone = ("rate_rad_s", "acceleration_m_s2", "speed_share", "range_m")
+        tones = ("vibration_rad_s", "vibration_m_s2")
+        pose = ("position_m", "velocity_m_s", "attitude_rad") if self.pose_every == 1 else ()
+        quieter = {name: getattr(self, name) / root for name in (*alone, *tones, *pose)}
+        return replace(self, **quieter, pose_every=max(self.pose_every // by, 1))
+
+
+@dataclass(frozen=True)
+class Air:
+    """Disturbance of one flight: sums of Ornstein-Uhlenbeck processes, the same in every axis.
+
+    ``acceleration_m_s2`` are (sd, correlation time in s) of each process; ``turn_per_m`` makes
+    angular acceleration of them; ``level`` (n,) scales them over the flight.
+    """
+
+    acceleration_m_s2: tuple[tuple[float, float], ...] = ()
+    turn_per_m: float = 0.0
+    level: np.ndarray | None = None
+
+
+def coloured(
+    shape: tuple[int, int], dt: float, time_s: float, rng: np.random.Generator
+) -> np.ndarray:
+    """Return (channels, n) Ornstein-Uhlenbeck noise of unit variance with a correlation time."""
+    from scipy.signal import lfilter
+
+    keep = np.exp(-dt / time_s)
+    white = rng.standard_normal(shape) * np.sqrt(1.0 - keep**2)
+    white[:, 0] /= np.sqrt(1.0 - keep**2)
+    return lfilter([1.0], [1.0, -keep], white, axis=1)

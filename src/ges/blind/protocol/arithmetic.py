@@ -1,0 +1,108 @@
+"""Two baselines that need no diagnosis at all: how far mean commands are from those that should
+hover, and which single rotor would have to be weak for the mean balance to hold.
+
+Of the rows in which the rotors turn the means are taken, flight by flight. With thrusts
+T_i = k w_i^2 the balance is sum(T_i) = m f_z, and no moment about any axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from ges.conventions import COMMAND, GRAVITY_M_S2, ROTOR_SPEED, SPECIFIC_FORCE
+from ges.errors import GesError
+from ges.recordings.recording import RecordingSet
+from ges.vehicle.file import Vehicle
+
+TURNING = 0.5
+"""Rows count in which every rotor is faster than this share of its usual speed."""
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Mean thrusts (flights, 4) by the declared coefficient, thrusts that the balance asks for
+    (4,), and its matrix (equations, 4)."""
+
+    thrust_N: np.ndarray
+    asked_N: np.ndarray
+    matrix: np.ndarray
+
+
+def balance(recordings: RecordingSet) -> Balance:
+    """Return the mean balance of a recording set.
+
+    Raises
+    ------
+    GesError
+        When neither rotor speeds nor commands are logged.
+    """
+    vehicle = recordings.vehicle
+    effects = vehicle.effect_values()
+    thrust, lifted = zip(*(_means(f.frame, vehicle) for f in recordings.flights), strict=True)
+    arrays, offset = vehicle.rotor_arrays(), effects.get("cg_offset", {})
+    x = arrays["x_m"] - offset.get("x_m", 0.0)
+    y = arrays["y_m"] - offset.get("y_m", 0.0)
+    rows = [np.ones(len(x)), y, -x]
+    if vehicle.torque_coefficient_Nm_s2 is not None:
+        ratio = vehicle.torque_coefficient_Nm_s2.value / vehicle.thrust_coefficient_N_s2.value
+        rows.append(-arrays["spin"] * ratio)
+    matrix = np.stack(rows)
+    weight = vehicle.mass_kg.value * float(np.mean(lifted))
+    lean = np.linalg.lstsq(matrix, np.r_[weight, np.zeros(len(rows) - 1)], rcond=None)[0]
+    losses = effects.get("weak_rotor", {})
+    kept = 1.0 - np.array([losses.get(f"loss_{i + 1}", 0.0) for i in range(len(x))])
+    return Balance(np.stack(thrust), lean / kept, matrix * kept)
+
+
+def _means(frame: pd.DataFrame, vehicle: Vehicle) -> tuple[np.ndarray, float]:
+    """Return mean thrusts (4,) by the declared coefficient, and mean specific force upwards."""
+    k = vehicle.thrust_coefficient_N_s2.value
+    if set(ROTOR_SPEED) <= set(frame):
+        square = frame[list(ROTOR_SPEED)].to_numpy(dtype=float) ** 2
+    elif set(COMMAND) <= set(frame) and vehicle.max_rotor_speed_rad_s is not None:
+        u = frame[list(COMMAND)].to_numpy(dtype=float)
+        linear = vehicle.effect_values().get("thrust_curve", {}).get("c", 0.0)
+        square = ((1.0 - linear) * u**2 + linear * u) * vehicle.max_rotor_speed_rad_s.value**2
+    else:
+        raise GesError("neither rotor speeds nor commands are logged; there is no mean to take")
+    usual = np.nanmedian(square, axis=0)
+    turning = (square > TURNING**2 * usual).all(axis=1)
+    lifted = GRAVITY_M_S2
+    if SPECIFIC_FORCE[2] in frame:
+        lifted = float(np.nanmean(frame[SPECIFIC_FORCE[2]].to_numpy(dtype=float)[turning]))
+    return k * np.nanmean(square[turning], axis=0), lifted
+
+
+def mean_distance(recordings: RecordingSet) -> list[dict]:
+    """Return one nameless finding: the distance of the mean rotor speeds (of commands, where no
+    speeds are logged) from those that should carry the vehicle, over the latter.
+    """
+    found = balance(recordings)
+    ratio = np.sqrt(np.maximum(found.thrust_N.mean(axis=0) / found.asked_N, 0.0))
+    return [_finding("", float(np.linalg.norm(ratio - 1.0)))]
+
+
+def largest_loss(recordings: RecordingSet) -> list[dict]:
+    """Return the rotor whose loss of thrust stands out most, were the balance to hold by losses."""
+    found = balance(recordings)
+    mean = found.thrust_N.mean(axis=0)
+    kept = np.linalg.lstsq(found.matrix * mean, found.matrix @ found.asked_N, rcond=None)[0]
+    loss = np.median(kept) - kept
+    rotor = int(np.argmax(loss))
+    return [_finding("weak_rotor", float(loss[rotor])) | {"place": f"rotor {rotor + 1}"}]
+
+
+def _finding(name: str, statistic: float) -> dict:
+    return {
+        "name": name,
+        "kind": "physics",
+        "probability": 1.0,
+        "parameters": {},
+        "statistic": statistic,
+    }
+
+
+METHODS = {"means": mean_distance, "losses": largest_loss}

@@ -1,0 +1,420 @@
+"""Scores by world: what was answered, what any method could have told, and simple baselines at the
+same false alarms.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ges.blind.limit import power
+from ges.blind.protocol import seal
+from ges.blind.protocol.run import OUT, SIMPLE, method_folder
+from ges.blind.score.judge import acceptable, category_of
+from ges.blind.score.statistics import (
+    calibration_error,
+    proportion,
+    reliability_table,
+    score_row,
+)
+from ges.blind.score.verdicts import check_batches, read_verdict, write_csv
+from ges.files import write_json
+from ges.study.figures import style
+
+ANSWERS = ("right", "acceptable", "partly", "wrong", "unknown", "failed")
+HOME = "home"
+FALSE_ALARM_RATE = 0.02
+"""At which a method is held against what any method could tell: the aim for false alarms."""
+SURE = 0.95
+EDGES_NATS = (0.0, 3.0, 6.0, 12.0, 24.0, 60.0, 200.0, 1e3, 1e4, np.inf)
+AIMS = {
+    "false alarms": ("<=", 0.02),
+    "wrong names": ("<=", 0.02),
+    f"names of P >= {SURE} that are true": (">=", 0.93),
+    "right or acceptable, of what any method could tell": (">=", 0.90),
+    "cause in no library: unknown": (">=", 0.90),
+}
+LAST = Path(__file__).with_name("last_scores.json")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a method said of one set.
+
+    ``answer`` is one of :data:`ANSWERS`; ``alarm`` whether anything is said to be there, of a null
+    anything that is not true of it; ``named`` the true names that were named; ``nats`` by name what
+    any method could tell; ``stated`` (probability, came true) of each name.
+    """
+
+    case: str
+    world: str
+    category: str
+    answer: str
+    alarm: bool
+    named: frozenset[str]
+    nats: Mapping[str, float]
+    stated: tuple[tuple[float, bool], ...]
+
+    @property
+    def null(self) -> bool:
+        """Whether nothing is concealed."""
+        return self.category == "null"
+
+    @property
+    def good(self) -> bool:
+        """Whether it is right or as right as that."""
+        return self.answer in ("right", "acceptable")
+
+    @property
+    def tellable(self) -> float:
+        """Probability that the best method finds all of it; NaN where no limit is known."""
+        if self.null or not self.nats:
+            return np.nan
+        return float(min(power(np.array(list(self.nats.values())), FALSE_ALARM_RATE)))
+
+
+def answer_of(case: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> Answer:
+    """Hold a diagnosis against the truth of a set."""
+    findings, verdict = diagnosis.get("findings", []), diagnosis["verdict"]
+    right = acceptable(truth)
+    known = frozenset().union(*right)
+    named = _named(findings, verdict)
+    nats = dict(truth.get("detectable", {}).get("without", {}))
+    category = category_of(truth)
+    answer = _answer(category, verdict, named, findings, right, truth)
+    # of a null only what is not true of it is an alarm
+    quiet = verdict in ("nothing_proven", "failed")
+    quiet = quiet or category == "null" and answer == "acceptable"
+    return Answer(
+        case,
+        truth.get("situation", {}).get("world", HOME),
+        category,
+        answer,
+        not quiet,
+        frozenset(named & {f["name"] for f in truth["findings"]}),
+        nats,
+        tuple((float(f["probability"]), f["name"] in known) for f in findings),
+    )
+
+
+def _named(findings: Sequence[Mapping[str, Any]], verdict: str) -> frozenset[str]:
+    """Return the names that are claimed; of an ambiguous answer those that are sure beside it."""
+    return frozenset(
+        f["name"] for f in findings if verdict != "ambiguous" or f["probability"] >= 0.9
+    )
+
+
+def _answer(
+    category: str,
+    verdict: str,
+    named: frozenset[str],
+    findings: Sequence[Mapping[str, Any]],
+    right: Sequence[frozenset[str]],
+    truth: Mapping[str, Any],
+) -> str:
+    known = frozenset().union(*right)
+    if verdict == "failed":
+        return "failed"
+    if named - known or _misplaced(truth, findings):
+        return "wrong"
+    if category == "unknown":
+        if named and named in right[1:]:
+            return "acceptable"
+        return "right" if verdict == "unknown" else "partly"
+    if category == "null":
+        if verdict == "unknown":
+            return "unknown"
+        if verdict == "ambiguous":
+            return "wrong"
+        return "right" if not named else "acceptable" if named in right else "partly"
+    offered = {f["name"] for f in findings}
+    if category == "confounded" and verdict == "ambiguous" and right[0] <= offered:
+        return "right"
+    if verdict not in ("ambiguous", "unknown") and named in right and _placed(truth, findings):
+        return "right" if named == right[0] else "acceptable"
+    return "unknown" if verdict == "unknown" and not named else "partly"
+
+
+def _places(name: str, findings: Sequence[Mapping[str, Any]]) -> set[str]:
+    """Return where a name is said to act: its ``place``, or of losses by rotor all that are at
+    least half as large as the largest.
+    """
+    found: set[str] = set()
+    for finding in (f for f in findings if f["name"] == name):
+        losses = {
+            p.removeprefix("loss_"): v["value"]
+            for p, v in finding.get("parameters", {}).items()
+            if p.startswith("loss_") and isinstance(v, Mapping)
+        }
+        if finding.get("place"):
+            found.add(finding["place"])
+        elif losses:
+            most = max(losses.values())
+            found |= {f"rotor {k}" for k, v in losses.items() if v >= 0.5 * most > 0.0}
+    return found
+
+
+def _true_places(truth: Mapping[str, Any]) -> dict[str, set[str]]:
+    places: dict[str, set[str]] = {}
+    for finding in truth["findings"]:
+        if finding.get("place"):
+            places.setdefault(finding["name"], set()).add(finding["place"])
+    return places
+
+
+def _misplaced(truth: Mapping[str, Any], findings: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether a true name is said to act where it does not."""
+    return any(_places(name, findings) - where for name, where in _true_places(truth).items())
+
+
+def _placed(truth: Mapping[str, Any], findings: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether every true name that was named is said to act everywhere where it does."""
+    named = {f["name"] for f in findings}
+    return all(
+        _places(name, findings) in (set(), where)
+        for name, where in _true_places(truth).items()
+        if name in named
+    )
+
+
+def at_same_alarms(
+    truths: Mapping[str, Mapping], answers: Mapping[str, Mapping], alarms: int
+) -> dict[str, Mapping]:
+    """Return a baseline's diagnoses with only what is above a threshold at which it raises no more
+    false alarms on the nulls than the tool did.
+
+    Parameters
+    ----------
+    answers : diagnoses whose findings carry a ``statistic``; alarms : of the tool on these nulls.
+    """
+    nulls = sorted(
+        (
+            max((f["statistic"] for f in answers[n]["findings"]), default=-np.inf)
+            for n, truth in truths.items()
+            if category_of(truth) == "null"
+        ),
+        reverse=True,
+    )
+    least = nulls[alarms] if alarms < len(nulls) else -np.inf
+    return {name: _above(diagnosis, least) for name, diagnosis in answers.items()}
+
+
+def _above(diagnosis: Mapping[str, Any], least: float) -> dict[str, Any]:
+    kept = [f for f in diagnosis["findings"] if f["statistic"] > least]
+    named = [f for f in kept if f["name"]]
+    verdict = "physics" if named else "unknown" if kept else "nothing_proven"
+    if diagnosis["verdict"] == "failed":
+        verdict = "failed"
+    return {**diagnosis, "verdict": verdict, "findings": named}
+
+
+def table(answers: Sequence[Answer]) -> pd.DataFrame:
+    """One row a world and one for all: answers by kind, false alarms, sure names that are true, and
+    the share of what any method could tell.
+    """
+    worlds = list(dict.fromkeys(a.world for a in answers))
+    groups = {w: [a for a in answers if a.world == w] for w in worlds}
+    if len(worlds) > 1:
+        groups |= {"all": list(answers)}
+    return pd.DataFrame([{"world": name} | _row(part) for name, part in groups.items()])
+
+
+def _row(answers: Sequence[Answer]) -> dict[str, Any]:
+    nulls = [a for a in answers if a.null]
+    concealed = [a for a in answers if not a.null]
+    stated = [s for a in answers for s in a.stated]
+    sure = [true for p, true in stated if p >= SURE]
+    limited = [a for a in concealed if np.isfinite(a.tellable)]
+    strangers = [a for a in answers if a.category == "unknown"]
+    row: dict[str, Any] = {"sets": len(answers), "concealed": len(concealed)}
+    row |= {kind: sum(a.answer == kind for a in concealed) for kind in ANSWERS}
+    row |= {
+        "nulls": len(nulls),
+        "false_alarms": sum(a.alarm for a in nulls),
+        "detected": sum(a.alarm for a in concealed),
+        "sure_names": len(sure),
+        "sure_names_true": sum(sure),
+        "tellable": sum(a.tellable for a in limited),
+        "told": sum(a.good for a in limited),
+        "strangers": len(strangers),
+        "strangers_unknown": sum(a.answer in ("right", "acceptable") for a in strangers),
+    }
+    if stated:
+        row["calibration_error"] = calibration_error(np.array(stated, dtype=float))
+    return row
+
+
+def scores(answers: Sequence[Answer]) -> dict[str, tuple[float, float, float, int]]:
+    """Return each score with its 95 % interval and number of sets."""
+    nulls = [a.alarm for a in answers if a.null]
+    wrong = [a.answer == "wrong" for a in answers]
+    sure = [true for a in answers for p, true in a.stated if p >= SURE]
+    strangers = [a.good for a in answers if a.category == "unknown"]
+    limited = [a for a in answers if np.isfinite(a.tellable)]
+    could = sum(a.tellable for a in limited)
+    share = np.array(proportion([a.good for a in limited])) * len(limited) / could if could else ()
+    found: dict[str, tuple] = {
+        "false alarms": (*proportion(nulls), len(nulls)),
+        "wrong names": (*proportion(wrong), len(wrong)),
+        f"names of P >= {SURE} that are true": (*proportion(sure), len(sure)),
+        "cause in no library: unknown": (*proportion(strangers), len(strangers)),
+    }
+    if could:
+        name = "right or acceptable, of what any method could tell"
+        found[name] = (*map(float, share), len(limited))
+    return found
+
+
+def power_table(answers: Sequence[Answer]) -> pd.DataFrame:
+    """True names by the log likelihood ratio of the truth against the best without them: share that
+    was named, and share that the best method would have named.
+    """
+    rows = [(nats, n in a.named) for a in answers if not a.null for n, nats in a.nats.items()]
+    values = np.array(rows, dtype=float).reshape(-1, 2)
+    found = []
+    for low, high in zip(EDGES_NATS[:-1], EDGES_NATS[1:], strict=True):
+        part = values[(values[:, 0] >= low) & (values[:, 0] < high)]
+        if len(part):
+            share, least, most = proportion(part[:, 1].astype(bool).tolist())
+            best = float(power(part[:, 0], FALSE_ALARM_RATE).mean())
+            middle = float(np.exp(np.log(np.maximum(part[:, 0], 0.1)).mean()))
+            found.append(
+                {
+                    "from_nats": low,
+                    "to_nats": high,
+                    "middle_nats": middle,
+                    "names": len(part),
+                    "named": share,
+                    "low": least,
+                    "high": most,
+                    "best_method": best,
+                }
+            )
+    columns = ["from_nats", "to_nats", "middle_nats", "names", "named", "low", "high"]
+    return pd.DataFrame(found, columns=[*columns, "best_method"])
+
+
+def skipped(folder: Path) -> pd.DataFrame:
+    """Worlds that could not be made, why, and what they scored when they last could."""
+    made = folder / "sealed" / "made.json"
+    about = json.loads(made.read_text()) if made.exists() else {}
+    last = json.loads(LAST.read_text()) if LAST.exists() else {}
+    rows = [
+        {"world": name, "why": why} | last.get(about["half"], {}).get(name, {})
+        for name, why in about.get("skipped", {}).items()
+    ]
+    return pd.DataFrame(rows, columns=None if rows else ["world", "why"])
+
+
+def made_of_worlds(folder: Path) -> bool:
+    """Say whether a folder was made by ``ges blind worlds``."""
+    made = folder / "sealed" / "made.json"
+    return made.exists() and "worlds" in json.loads(made.read_text())
+
+
+def score_worlds(folder: Path, out: Path, diagnosed: str = OUT) -> dict[str, Any]:
+    """Score the sets of all worlds, beside every simple baseline that was run on them, each cut at
+    the false alarms of the tool.
+
+    Writes ``worlds.csv`` (by method and world), ``sets.csv``, ``power.csv``, ``skipped.csv``,
+    ``reliability.csv``, ``power.pdf`` and ``power.png``, and ``scores.json``, which is returned.
+
+    Raises
+    ------
+    GesError
+        For a set without a verdict, or a broken seal.
+    """
+    from ges.blind.score.figures import draw_power
+
+    names = seal.cases(folder)
+    seal.check(folder, list(seal.listed(folder)))
+    truths = {n: seal.truth(folder, n) for n in names}
+    tool = _answers(truths, _diagnoses(folder / diagnosed, names))
+    alarms = sum(a.alarm for a in tool if a.null)
+    by_method = {diagnosed.removeprefix(OUT).removeprefix("-") or "ges": tool}
+    for baseline in (b for b in SIMPLE if (folder / method_folder(b)).is_dir()):
+        found = _diagnoses(folder / method_folder(baseline), names)
+        by_method[baseline] = _answers(truths, at_same_alarms(truths, found, alarms))
+    powers = pd.concat([power_table(answers).assign(method=m) for m, answers in by_method.items()])
+    tables = {
+        "worlds": pd.concat([table(a).assign(method=m) for m, a in by_method.items()]),
+        "sets": _set_table(tool, truths, folder / diagnosed),
+        "power": powers,
+        "skipped": skipped(folder),
+        "reliability": reliability_table([s for a in tool for s in a.stated]),
+    }
+    for name, frame in tables.items():
+        write_csv(out / f"{name}.csv", frame)
+    rows = [
+        score_row(name, values, AIMS.get(name)) | {"method": m}
+        for m, answers in by_method.items()
+        for name, values in scores(answers).items()
+    ]
+    report = {"schema": 1, "cases": len(names), "scores": rows}
+    write_json(out / "scores.json", report)
+    style.save(draw_power(powers), powers, out / "power.csv", out / "power.pdf", out / "power.png")
+    return report
+
+
+def _diagnoses(folder: Path, names: Sequence[str]) -> dict[str, dict]:
+    return {n: read_verdict(folder / n) for n in names}
+
+
+def _answers(truths: Mapping[str, Mapping], diagnoses: Mapping[str, Mapping]) -> list[Answer]:
+    return [answer_of(n, truth, diagnoses[n]) for n, truth in truths.items()]
+
+
+def _set_table(
+    answers: Sequence[Answer], truths: Mapping[str, Mapping], diagnosed: Path
+) -> pd.DataFrame:
+    """One row a set: what was concealed, what was answered, what could have been told."""
+    rows = []
+    for a in answers:
+        truth, diagnosis = truths[a.case], read_verdict(diagnosed / a.case)
+        findings = diagnosis["findings"]
+        rows.append(
+            {
+                "case": a.case,
+                "world": a.world,
+                "design": truth.get("situation", {}).get("design", ""),
+                "category": a.category,
+                "severity": truth.get("severity", ""),
+                "truth": "+".join(sorted({f["name"] for f in truth["findings"]})),
+                "verdict": diagnosis["verdict"],
+                "named": "+".join(f["name"] for f in findings),
+                "probabilities": " ".join(f"{f['probability']:.2f}" for f in findings),
+                "answer": a.answer,
+                "least_nats": min(a.nats.values(), default=np.nan),
+                "best_method": a.tellable,
+                "rotor_speeds": truth.get("situation", {}).get("rotor_speeds"),
+                "noise": truth.get("situation", {}).get("noise"),
+                "rate_hz": truth.get("situation", {}).get("rate_hz"),
+                "seconds": _seconds(diagnosed / a.case),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _seconds(verdict: Path) -> float:
+    about = verdict / "run.json"
+    return json.loads(about.read_text()).get("seconds", np.nan) if about.exists() else np.nan
+
+
+def score_batches(sums: Path, verdicts: list[Path], scores: Path) -> None:
+    """Score what the workflow's batches diagnosed; tables go beside ``scores``.
+
+    Raises
+    ------
+    GesError
+        When a verdict is not the one that its batch wrote.
+    """
+    folder = sums.parents[1]
+    for path in verdicts:
+        check_batches(folder, method_folder(path.parent.name), [path])
+    score_worlds(folder, scores.parent)

@@ -1,0 +1,77 @@
+"""Shares with exact intervals, bootstrap intervals, and the calibration of stated probabilities."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pandas as pd
+
+CONFIDENCE = 0.95
+DRAWS = 2000
+
+
+def proportion(hits: Sequence[bool]) -> tuple[float, float, float]:
+    """Share with its Clopper-Pearson interval; NaN where there is nothing to count."""
+    from scipy.stats import binomtest
+
+    if not len(hits):
+        return (np.nan,) * 3
+    test = binomtest(int(sum(hits)), len(hits))
+    low, high = test.proportion_ci(CONFIDENCE, method="exact")
+    return (test.statistic, float(low), float(high))
+
+
+def bootstrap(
+    values: np.ndarray, statistic: Callable[[np.ndarray], float]
+) -> tuple[float, float, float]:
+    """Statistic of rows of ``values`` with its percentile interval over resampled rows."""
+    if not len(values):
+        return (np.nan,) * 3
+    rng = np.random.default_rng(0)
+    drawn = [statistic(values[rng.integers(0, len(values), len(values))]) for _ in range(DRAWS)]
+    low, high = np.nanquantile(drawn, [0.5 - CONFIDENCE / 2.0, 0.5 + CONFIDENCE / 2.0])
+    return (float(statistic(values)), float(low), float(high))
+
+
+def calibration_error(stated: np.ndarray, bins: int = 10) -> float:
+    """Expected calibration error of rows (probability, came true) over equal bins."""
+    place = np.clip((stated[:, 0] * bins).astype(int), 0, bins - 1)
+    gaps = [abs((stated[place == b, 0] - stated[place == b, 1]).sum()) for b in range(bins)]
+    return float(sum(gaps) / len(stated))
+
+
+def reliability_table(stated: Sequence[tuple[float, bool]], bins: int = 10) -> pd.DataFrame:
+    """Stated probability against the share that came true, by bin."""
+    values = np.array(stated, dtype=float).reshape(-1, 2)
+    place = np.clip((values[:, 0] * bins).astype(int), 0, bins - 1)
+    rows = []
+    for b in np.unique(place):
+        part = values[place == b]
+        share, low, high = proportion(part[:, 1].astype(bool))
+        rows.append(
+            {
+                "bin": b / bins,
+                "n": len(part),
+                "stated": part[:, 0].mean(),
+                "true": share,
+                "low": low,
+                "high": high,
+            }
+        )
+    return pd.DataFrame(rows, columns=["bin", "n", "stated", "true", "low", "high"])
+
+
+def score_row(
+    name: str, values: tuple[float, float, float, int], aim: tuple[str, float] | None
+) -> dict[str, float | int | str | None]:
+    """Return a score with its interval, number of cases, aim, and whether it is met."""
+    value, low, high, count = values
+    sign, goal = aim or ("", np.nan)
+    met = ""
+    if sign and count:
+        met = "yes" if (value <= goal if sign == "<=" else value >= goal) else "no"
+    finite = [float(v) if np.isfinite(v) else None for v in (value, low, high)]
+    about = f"{sign} {goal:g}" if sign else ""
+    keys = ("score", "value", "low", "high", "n", "aim", "met")
+    return dict(zip(keys, (name, *finite, count, about, met), strict=True))

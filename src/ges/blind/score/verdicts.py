@@ -1,0 +1,55 @@
+"""Verdicts as they are read, tables as they are written."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from ges.errors import GesError
+from ges.files import replacing, sha256
+
+
+def read_verdict(folder: Path) -> dict:
+    """Read a case's diagnosis.json.
+
+    Raises
+    ------
+    GesError
+        When there is none or it lacks what the contract demands.
+    """
+    path = folder / "diagnosis.json"
+    try:
+        said = json.loads(path.read_text())
+        if not isinstance(said, dict) or not {"verdict", "findings"} <= said.keys():
+            raise ValueError("verdict or findings are missing")
+    except FileNotFoundError:
+        raise GesError(f"case '{folder.name}' has no verdict; run ges blind run first") from None
+    except ValueError as error:
+        raise GesError(f"{path} is not a diagnosis: {error}") from None
+    return said
+
+
+def write_csv(path: Path, frame: pd.DataFrame) -> None:
+    """Write a table, whole or not at all, to six digits."""
+    with replacing(path) as new:
+        frame.to_csv(new, index=False, float_format="%.6g")
+
+
+def check_batches(folder: Path, diagnosed: str, verdicts: Sequence[Path]) -> None:
+    """Hold verdicts against the hashes that the batches wrote.
+
+    Raises
+    ------
+    GesError
+        When a verdict is not the one that its batch wrote.
+    """
+    for path in verdicts:
+        for name, digest in json.loads(path.read_text()).items():
+            if sha256(folder / diagnosed / name / "diagnosis.json") != digest:
+                raise GesError(
+                    f"the verdict of case '{name}' is not the one that its batch wrote; run the"
+                    " batch again"
+                )

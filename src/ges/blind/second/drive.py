@@ -1,0 +1,61 @@
+"""Battery of two relaxations, motors of second order, commands that are held for a frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+DAMPING = 1.1
+NOMINAL = 0.93
+RELAX_S = (2.5, 45.0)
+# thrust over voltage of a Crazyflie's motor by its firmware, without the constant, over that at 3 V
+FIRMWARE = np.array([0.06524 * 3.0, -0.02679 * 9.0, 0.006777 * 27.0])
+
+
+def open_circuit(charge: np.ndarray) -> np.ndarray:
+    """Return a lithium cell's rest voltage over 4.1 V by state of charge 0..1 (Chen and
+    Rincon-Mora 2006).
+    """
+    z = np.clip(charge, 0.0, 1.0)
+    volt = -1.031 * np.exp(-35.0 * z) + 3.685 + 0.2156 * z - 0.1178 * z**2 + 0.3201 * z**3
+    return volt / 4.1
+
+
+def step_battery(charge, relax, current, resistance, drain, dt):
+    """Advance charge and both relaxation voltages (2, F); return them with the terminal voltage.
+
+    ``current`` over that of hover; ``resistance`` in full voltages per hover current, a third of it
+    at once and a third for each relaxation.
+    """
+    charge = charge - dt * drain * current
+    pull = resistance / 3.0 * current
+    relax = np.stack([r + dt / time * (pull - r) for r, time in zip(relax, RELAX_S, strict=True)])
+    return charge, relax, open_circuit(charge) - pull - relax.sum(axis=0)
+
+
+def speed_of_voltage(volt, sags):
+    """Return the factor on speed of a voltage over the nominal one: power taken as V^2 over a
+    constant resistance goes into w^3, so w goes with V^(2/3).
+    """
+    return 1.0 + sags * ((np.maximum(volt, 0.3) / NOMINAL) ** (2.0 / 3.0) - 1.0)
+
+
+def bent(u, share):
+    """Return the speed over top speed of a command whose thrust is, by a share, the firmware's
+    cubic in voltage instead of its square.
+    """
+    cubic = u * (FIRMWARE[0] + u * (FIRMWARE[1] + u * FIRMWARE[2])) / FIRMWARE.sum()
+    return np.sqrt(np.maximum((1.0 - share) * u * u + share * cubic, 0.0))
+
+
+def capped(speed, top):
+    """Return a speed that approaches its ceiling smoothly: s / (1 + (s/top)^12)^(1/12)."""
+    return speed / (1.0 + (speed / top) ** 12) ** (1.0 / 12.0)
+
+
+def step_motor(w, rate, asked, lag_s, coast, dt):
+    """Advance speed and its rate: w'' = n^2 (asked - w) - 2 d n w', n = 2 d / lag, so that the
+    area under the step error is the lag; slower by ``coast`` where it has to slow down.
+    """
+    n = 2.0 * DAMPING / (lag_s * np.where(asked < w, coast, 1.0))
+    rate = (rate + dt * n * n * (asked - w)) / (1.0 + 2.0 * DAMPING * n * dt)
+    return np.maximum(w + dt * rate, 0.0), rate

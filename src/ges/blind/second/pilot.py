@@ -1,0 +1,100 @@
+"""A cascade as common autopilots have it: position, velocity, attitude by quaternion, rates with
+derivative, allocation that gives up yaw first.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+G_M_S2 = 9.80665
+LEAST, MOST_TILT = 0.06, 0.6
+
+
+class Cascade:
+    """Controller of many vehicles abreast; it knows what the files declare.
+
+    Parameters
+    ----------
+    declared : dict of (F,) arrays: mass, ixx, iyy, izz, thrust, torque, speed.
+    rotor_m : (4, 2, F) places; spin : (4, F), counter-clockwise positive; lag_s : (F,).
+    """
+
+    def __init__(self, declared, rotor_m, spin, lag_s, dt):
+        self.declared, self.dt = declared, dt
+        self.inertia = np.stack([declared[k] for k in ("ixx", "iyy", "izz")])
+        ratio = declared["torque"] / declared["thrust"]
+        rows = np.stack([np.ones_like(spin), rotor_m[:, 1], -rotor_m[:, 0], -spin * ratio], axis=0)
+        self.allocation = np.linalg.inv(rows.transpose(2, 0, 1))
+        band = 1.0 / (lag_s + 0.012)
+        self.rate_gain = np.minimum(0.42 * band, 20.0)
+        self.attitude_gain = 0.42 * self.rate_gain
+        self.velocity_gain = 0.38 * self.attitude_gain
+        self.position_gain = 0.42 * self.velocity_gain
+        self.drift = np.zeros((3, len(lag_s)))
+        self.twist = np.zeros((3, len(lag_s)))
+        self.before = np.zeros((3, len(lag_s)))
+        self.held = np.zeros((3, len(lag_s)))
+
+    def trim(self, hover_u, moment):
+        """Begin as on a vehicle that has flown before: it knows the command that hovers (F,), and
+        the body moment (3, F) that it has to hold.
+        """
+        thrust = 4.0 * self.declared["thrust"] * (hover_u * self.declared["speed"]) ** 2
+        lacking = thrust / self.declared["mass"] - G_M_S2
+        self.drift[2] = lacking / (0.5 * self.velocity_gain)
+        self.held = moment
+
+    def commands(self, ref, p, v, q, omega):
+        """Return commands (4, F) for references (11, F) and a measured state, scalar first."""
+        asked = ref[3:6] + self.position_gain * (ref[0:3] - p)
+        self.drift = self.drift + self.dt * np.clip(asked - v, -1.0, 1.0)
+        push = ref[6:9] + self.velocity_gain * (asked - v + 0.5 * self.drift)
+        push[2] = np.clip(push[2], -4.0, 6.0) + G_M_S2
+        reach = MOST_TILT * push[2] / np.maximum(np.hypot(push[0], push[1]), 1e-6)
+        push[:2] *= np.minimum(1.0, reach)
+        up = push / np.linalg.norm(push, axis=0)
+        body_up = _third_axis(q)
+        thrust = self.declared["mass"] * np.maximum((push * body_up).sum(axis=0), 2.0)
+        error = _towards(q, up, ref[9])
+        wish = 2.0 * self.attitude_gain * error * np.array([[1.0], [1.0], [0.4]])
+        wish[2] += ref[10]
+        lack = wish - omega
+        self.twist = np.clip(self.twist + self.dt * lack, -1.0, 1.0)
+        bend, self.before = (omega - self.before) / self.dt, omega
+        turn = self.rate_gain * (lack + 1.2 * self.twist) - 0.02 * bend
+        moment = self.inertia * turn - self.held * thrust / (self.declared["mass"] * G_M_S2)
+        most = np.abs(self.held[2]) + 0.02 * thrust
+        moment[2] = np.clip(moment[2], -most, most)
+        each = np.einsum("fij,jf->if", self.allocation, np.concatenate([thrust[None], moment]))
+        speed = np.sqrt(np.maximum(each, 0.0) / self.declared["thrust"])
+        return np.clip(speed / self.declared["speed"], LEAST, 1.0)
+
+
+def _third_axis(q):
+    w, x, y, z = q
+    return np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+
+
+def _towards(q, up, yaw):
+    """Return half the rotation vector (3, F), body frame, to the attitude that thrusts along ``up``
+    with this yaw.
+    """
+    heading = np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)])
+    left = np.cross(up, heading, axis=0)
+    left /= np.linalg.norm(left, axis=0)
+    ahead = np.cross(left, up, axis=0)
+    # matrix to quaternion, the vehicle never being upside down
+    w = 0.5 * np.sqrt(np.maximum(1.0 + ahead[0] + left[1] + up[2], 1e-9))
+    wanted = np.stack([w, left[2] - up[1], up[0] - ahead[2], ahead[1] - left[0]])
+    wanted[1:] /= 4.0 * w
+    a, b, c, d = q * np.array([[1.0], [-1.0], [-1.0], [-1.0]])
+    e, f, g, h = wanted
+    real = a * e - b * f - c * g - d * h
+    part = np.stack(
+        [
+            a * f + b * e + c * h - d * g,
+            a * g - b * h + c * e + d * f,
+            a * h + b * g - c * f + d * e,
+        ]
+    )
+    return part * np.sign(real)
