@@ -64,4 +64,4 @@ def test_no_effect_is_named_outside_of_detectors(path):
 
 
 def test_the_pipeline_is_a_table_of_contents():
-    assert len((ROOT / "pipeline.py").read_text().splitlines()) <= 145
+    assert len((ROOT / "pipeline.py").read_text().splitlines()) <= 120

@@ -8,35 +8,18 @@ from typing import Any
 
 import pandas as pd
 
-from ges.diagnose.advise.detect import smallest_detectable
-from ges.diagnose.advise.next_flight import next_flight
 from ges.diagnose.decide.declared import contradicted
 from ges.diagnose.decide.withdraw import explained, remaining, thrust_of, with_open_modelled
 from ges.diagnose.detectors.balance import shift_of
 from ges.diagnose.detectors.gusts import GUSTS
 from ges.diagnose.estimate.fit import fitted_model
-from ges.diagnose.library.requirements import silent_channels
 from ges.diagnose.prepare.problem import pose_problem
-from ges.diagnose.report.content import (
-    calibration_of,
-    considered,
-    data_used,
-    located_by,
-    not_tested,
-    unexplained_by,
-)
-from ges.diagnose.report.findings import all_findings, found_sizes
-from ges.diagnose.report.origin import origin_of
-from ges.diagnose.report.per_speed import with_force_per_speed
-from ges.diagnose.report.sentence import with_sentence
-from ges.diagnose.report.vehicle import fitted_vehicle
-from ges.diagnose.report.verdict import remark_of, verdict_of
-from ges.diagnose.report.workings import Workings
+from ges.diagnose.report.compose import composed
+from ges.diagnose.report.content import located_by
 from ges.diagnose.types.decision import Record
 from ges.diagnose.types.diagnosis import Diagnosis
 from ges.diagnose.validate.proof import prove
 from ges.diagnose.validate.stages import recalibrated
-from ges.diagnose.validate.verify import worse_recalibrated
 from ges.recordings.recording import RecordingSet
 from ges.threads import blas_alone
 from ges.vehicle.file import Vehicle
@@ -94,7 +77,7 @@ def diagnose(
     but = {*answer.accepted.rivals, *(shift.may_move if shift else ())}
     wrong = [] if names else contradicted(answer.last.joint, start.system, but)
 
-    # how much better held-out flights are, and what could not be seen
+    # how much better held-out flights are
     alternatives = answer.accepted.alternatives.items()
     models = {
         "before": problem.model,
@@ -108,33 +91,8 @@ def diagnose(
         located,
         start.system.length_s,
     )
-    findings = all_findings(answer, wrong, shift, problem.gate, record, names is None)
-    findings = with_force_per_speed(findings, answer.last.model)
-    unexplained = unexplained_by(left, start, answer.last)
-    calibration = calibration_of(answer.last.joint, problem.model)
-    off = silent_channels(problem.flights, problem.model)
-    untested = not_tested(start.system, answer.last.model)
-    warnings = [*problem.warnings, *worse_recalibrated(proof.fit["channels"])]
-    verdict = verdict_of(findings, wrong, unexplained)
-    diagnosis = Diagnosis(
-        verdict=verdict,
-        remark=remark_of(verdict, wrong, shift, off),
-        origin=origin_of(problem),
-        findings=tuple(findings),
-        located=tuple(located),
-        unexplained=tuple(unexplained),
-        fit=proof.fit,
-        detectable=smallest_detectable(answer.accepted.board, found_sizes(answer.accepted)),
-        next_flight=next_flight(answer.accepted, shift),
-        data=data_used(problem.flights, problem.gate, start.system, off, warnings),
-        calibration=calibration,
-        not_tested=untested,
-        considered=considered(answer.accepted, record, untested),
-        vehicle=fitted_vehicle(
-            problem.vehicle, problem.model, answer.accepted, answer.last.joint, answer.gusts
-        ),
-        workings=Workings(
-            problem, answer.accepted, start.cells, models, proof, start.system.length_s
-        ),
+
+    # what is told
+    return composed(
+        problem, start, answer, left, models, proof, located, wrong, shift, record, names is None
     )
-    return with_sentence(diagnosis)

@@ -1,0 +1,94 @@
+"""What is told of a diagnosis, from what every stage hands over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from ges.diagnose.advise.detect import smallest_detectable
+from ges.diagnose.advise.next_flight import next_flight
+from ges.diagnose.decide.declared import Contradicted
+from ges.diagnose.decide.withdraw import Answer
+from ges.diagnose.detectors.balance import Shift
+from ges.diagnose.detectors.thrust import UntoldThrust
+from ges.diagnose.library.requirements import silent_channels
+from ges.diagnose.prepare.problem import Problem
+from ges.diagnose.report.content import (
+    calibration_of,
+    considered,
+    data_used,
+    not_tested,
+    unexplained_by,
+)
+from ges.diagnose.report.findings import all_findings, found_sizes
+from ges.diagnose.report.origin import origin_of
+from ges.diagnose.report.per_speed import with_force_per_speed
+from ges.diagnose.report.sentence import with_sentence
+from ges.diagnose.report.vehicle import fitted_vehicle
+from ges.diagnose.report.verdict import remark_of, verdict_of
+from ges.diagnose.report.workings import Workings
+from ges.diagnose.types.decision import Record
+from ges.diagnose.types.diagnosis import Diagnosis
+from ges.diagnose.types.model import Model
+from ges.diagnose.validate.proof import Proof
+from ges.diagnose.validate.stages import Start
+from ges.diagnose.validate.structure import Structure
+from ges.diagnose.validate.verify import worse_recalibrated
+
+
+def composed(
+    problem: Problem,
+    start: Start,
+    answer: Answer,
+    left: Sequence[Structure],
+    models: Mapping[str, Model],
+    proof: Proof,
+    located: Sequence[dict],
+    wrong: Sequence[Contradicted],
+    shift: Shift | UntoldThrust | None,
+    record: Record,
+    searched: bool,
+) -> Diagnosis:
+    """Put together what is told.
+
+    Parameters
+    ----------
+    problem, start, answer, proof : what the stages found: prepared flights, the recalibrated model,
+        the accepted names, errors on held-out flights.
+    left : structure that the accepted model leaves.
+    models : before, recalibrated and after.
+    located : where the mismatch lives, as it is told.
+    wrong : declared numbers that the flights contradict.
+    shift : a shifted trim or an untold thrust, None where there is none.
+    record : decisions on every name.
+    searched : False where the names were given.
+    """
+    findings = all_findings(answer, wrong, shift, problem.gate, record, searched)
+    findings = with_force_per_speed(findings, answer.last.model)
+    unexplained = unexplained_by(left, start, answer.last)
+    calibration = calibration_of(answer.last.joint, problem.model)
+    off = silent_channels(problem.flights, problem.model)
+    untested = not_tested(start.system, answer.last.model)
+    warnings = [*problem.warnings, *worse_recalibrated(proof.fit["channels"])]
+    verdict = verdict_of(findings, wrong, unexplained)
+    diagnosis = Diagnosis(
+        verdict=verdict,
+        remark=remark_of(verdict, wrong, shift, off),
+        origin=origin_of(problem),
+        findings=tuple(findings),
+        located=tuple(located),
+        unexplained=tuple(unexplained),
+        fit=proof.fit,
+        detectable=smallest_detectable(answer.accepted.board, found_sizes(answer.accepted)),
+        next_flight=next_flight(answer.accepted, shift),
+        data=data_used(problem.flights, problem.gate, start.system, off, warnings),
+        calibration=calibration,
+        not_tested=untested,
+        considered=considered(answer.accepted, record, untested),
+        vehicle=fitted_vehicle(
+            problem.vehicle, problem.model, answer.accepted, answer.last.joint, answer.gusts
+        ),
+        workings=Workings(
+            problem, answer.accepted, start.cells, models, proof, start.system.length_s
+        ),
+    )
+    return with_sentence(diagnosis)
