@@ -12,6 +12,7 @@ PYTHON ?= python3
 CC ?= cc
 CORES ?= 2
 GRID ?= full
+WORLDS ?= full
 METHODS ?= stepwise, parameters, boosting, without-instruments, without-whitening, without-tolerance
 UV_VERSION := 0.13.8
 EXTRAS := $(addprefix --extra ,study ardupilot betaflight ros ui docs)
@@ -31,7 +32,7 @@ test-all: build
 	$(BIN)/python -m pytest -m slow -n $(CORES) --dist loadfile
 
 proof: build
-	$(BIN)/snakemake --cores $(CORES) proof --config 'proof={grid: $(GRID), methods: [$(METHODS)]}'
+	$(BIN)/snakemake --cores $(CORES) proof --config 'proof={grid: $(GRID), methods: [$(METHODS)], worlds: {sets: $(WORLDS)}}'
 
 env: $(VENV)/.locked
 

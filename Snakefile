@@ -27,6 +27,7 @@ rule all:
         OFFLINE_TABLES,
         CLOSED_LOOP,
         PROOF,
+        WORLDS_SCORES,
         DIAGNOSIS,
         RESULTS,
         MANIFEST,

@@ -10,6 +10,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from ges.blind.protocol.run import SIMPLE
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -30,6 +32,20 @@ def test_proof_is_planned(tmp_path):
         if len(line.split()) == 2
     }
     assert (jobs["make_cases"], jobs["diagnose_batch"], jobs["score_proof"]) == ("1", "2", "1")
+
+
+def test_worlds_are_planned(tmp_path):
+    """Sets of other worlds are made once, diagnosed by the tool and the simple baselines, and
+    scored once.
+    """
+    more = ("--config", "proof={worlds: {sets: sample, batches: 3}}")
+    planned = _snakemake(tmp_path, "--dry-run", "--quiet", "rules", *more)
+    assert planned.returncode == 0, planned.stderr
+    lines = [line.split() for line in (planned.stdout + planned.stderr).splitlines()]
+    jobs = {words[0]: words[1] for words in lines if len(words) == 2}
+    methods = 1 + len(SIMPLE)
+    assert jobs["diagnose_worlds"] == str(3 * methods)
+    assert (jobs["make_worlds"], jobs["score_worlds"]) == ("1", "1")
 
 
 @pytest.mark.slow

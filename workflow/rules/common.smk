@@ -19,6 +19,9 @@ except GesError as error:
     raise WorkflowError(str(error))
 
 ROOT = Path(workflow.basedir)
+# Published flights, and sets that others made; what is not there is left out and said.
+RECORDINGS = Path(os.environ.get("GES_RECORDINGS", "recordings"))
+GIVEN_WORLDS = Path(os.environ.get("GES_WORLDS", "worlds"))
 SCRIPT = f"{workflow.basedir}/workflow/scripts/call.py"
 
 

@@ -1,11 +1,7 @@
 # Figures: one rule each, made from the table below; a PDF for the paper, a PNG for the screen, a CSV of what is shown.
 APPIUS = ["HOVERING", "VERTICAL_SPEEDS", "NO_COMPENSATION_V_050", "HIGH_ALTITUDE_V_050"]
-RECORDINGS = (
-    Path(os.environ.get("GES_RECORDINGS", "recordings")) / "appius-ground-effect"
-)
-REAL_FLIGHTS = [
-    str(f) for f in (RECORDINGS / f"{name}.csv" for name in APPIUS) if f.is_file()
-]
+PUBLISHED = (RECORDINGS / "appius-ground-effect" / f"{name}.csv" for name in APPIUS)
+REAL_FLIGHTS = [str(f) for f in PUBLISHED if f.is_file()]
 APPIUS_VEHICLE = str(ROOT / "src/ges/vehicle/library/appius.yaml")
 APPIUS_MAP = str(ROOT / "src/ges/recordings/readers/presets/appius.yaml")
 LIBRARY = {"library": "build/libges.so"}

@@ -1,5 +1,6 @@
 # The proof: concealed effects are made and sealed, diagnosed blind in batches, and scored.
 from ges.blind.generator.grid import COMPOSITIONS
+from ges.blind.protocol.run import SIMPLE
 
 PROVEN = "results/proof"
 SEAL = f"{PROVEN}/sealed/SHA256SUMS"
@@ -36,6 +37,14 @@ PROOF_FIGURES = expand(
 PROOF = [f"{PROVEN}/scores.json", *PROOF_TABLES, *PROOF_FIGURES]
 if STUDY.proof.methods:
     PROOF.append(f"{PROVEN}/methods.csv")
+
+
+WORLDS = "results/worlds"
+WORLDS_SEAL = f"{WORLDS}/sealed/SHA256SUMS"
+WORLDS_BATCHES = [f"{k:03d}" for k in range(STUDY.proof.worlds.batches)]
+WORLDS_SCORES = []
+if STUDY.proof.worlds.sets != "none":
+    WORLDS_SCORES = [f"{WORLDS}/scores.json"]
 
 
 rule make_cases:
@@ -124,6 +133,74 @@ rule compare_methods:
         SCRIPT
 
 
+# Sets of other simulators, of real flights and of a second author: what cannot be made here is skipped with a reason.
+rule make_worlds:
+    input:
+        library="build/libges.so",
+    output:
+        sums=WORLDS_SEAL,
+    log:
+        "results/logs/proof/make_worlds.log",
+    benchmark:
+        "results/benchmarks/proof/make_worlds.tsv"
+    threads: 2
+    params:
+        call=call("ges.blind.foreign.worlds:make_and_seal"),
+        seed=STUDY.proof.worlds.seed,
+        sample=STUDY.proof.worlds.sets == "sample",
+        recordings=str(RECORDINGS),
+        given=str(GIVEN_WORLDS),
+    message:
+        "make sets of other worlds and seal the truth"
+    script:
+        SCRIPT
+
+
+rule diagnose_worlds:
+    input:
+        library="build/libges.so",
+        sums=WORLDS_SEAL,
+    output:
+        verdicts=f"{WORLDS}/verdicts/{{method}}/batch{{batch}}.json",
+    log:
+        "results/logs/proof/worlds_{method}_batch{batch}.log",
+    benchmark:
+        "results/benchmarks/proof/worlds_{method}_batch{batch}.tsv"
+    params:
+        call=call("ges.blind.protocol.run:run_batch"),
+        batch=lambda wildcards: int(wildcards.batch),
+        batches=len(WORLDS_BATCHES),
+        method=lambda wildcards: wildcards.method,
+    message:
+        "diagnose other worlds by {wildcards.method}, batch {wildcards.batch}"
+    script:
+        SCRIPT
+
+
+rule score_worlds:
+    input:
+        library="build/libges.so",
+        sums=WORLDS_SEAL,
+        verdicts=expand(
+            f"{WORLDS}/verdicts/{{method}}/batch{{batch}}.json",
+            method=["ges", *SIMPLE],
+            batch=WORLDS_BATCHES,
+        ),
+    output:
+        scores=f"{WORLDS}/scores.json",
+    log:
+        "results/logs/proof/score_worlds.log",
+    benchmark:
+        "results/benchmarks/proof/score_worlds.tsv"
+    params:
+        call=call("ges.blind.score.by_world:score_batches"),
+    message:
+        "open the seal of other worlds and score"
+    script:
+        SCRIPT
+
+
 rule proof:
     input:
         PROOF,
+        WORLDS_SCORES,

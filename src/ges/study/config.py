@@ -440,6 +440,19 @@ class ClosedLoop(Part):
         return self
 
 
+class Worlds(Part):
+    """Sets that nobody tuned the diagnosis on."""
+
+    sets: Literal["none", "sample", "full"] = Field(
+        description="none, every eighth set of each world, or all; what needs the extra"
+        " 'simulators' or published flights that are not there is skipped with a reason"
+    )
+    seed: Annotated[int, Field(ge=0)] = Field(
+        description="seed of the sets: below 1000 the development half, from 1000 on the other"
+    )
+    batches: Count = Field(description="jobs that share the sets")
+
+
 class Proof(Part):
     """The proof with concealed effects."""
 
@@ -451,6 +464,7 @@ class Proof(Part):
     methods: list[Method] = Field(
         description="baselines and ablations on the same cases (sindy needs the extra 'baselines')"
     )
+    worlds: Worlds = Field(description="sets of other simulators, real flights, a second author")
 
 
 class Study(Part):

@@ -32,7 +32,7 @@ from ges.blind.foreign import (
     rotorpy,
     second,
 )
-from ges.blind.foreign.sets import Place, Sources, check_half
+from ges.blind.foreign.sets import Place, Sources, check_half, half_of
 from ges.blind.protocol import seal
 from ges.errors import GesError, UsageError, unknown_name
 from ges.files import tree_hash, write_json
@@ -211,14 +211,13 @@ def make_worlds(
     return total - left, total, skipped
 
 
-def make_and_seal(
-    sums: Path, half: str, seed: int, sample: bool, recordings: Path, given: Path
-) -> None:
+def make_and_seal(sums: Path, seed: int, sample: bool, recordings: str, given: str) -> None:
     """Make the sets of a workflow in the folder above ``sealed/``, where ``sums`` is the list of
     hashes; go on where it was interrupted.
     """
     sums.unlink(missing_ok=True)
-    make_worlds(sums.parents[1], half, seed, (), sample, Sources(recordings, given))
+    sources = Sources(Path(recordings), Path(given))
+    make_worlds(sums.parents[1], half_of(seed), seed, (), sample, sources)
 
 
 def _sets(world: World, half: str, seed: int, sample: bool, places: Sources) -> Sets:
