@@ -39,9 +39,10 @@ def proof(tmp_path_factory, flown):
     for part in ("cases", "sealed"):
         (folder / part).mkdir()
     _, cases, parts = flown
-    for number, (case, flights) in enumerate(zip(cases, parts, strict=True)):
+    limits = make.detectable_of(cases, parts)
+    for number, (case, flights, limit) in enumerate(zip(cases, parts, limits, strict=True)):
         around = dataclasses.replace(case.around, identity=f"{number:012x}")
-        make._write_case(dataclasses.replace(case, around=around), flights, folder, 5)
+        make._write_case(dataclasses.replace(case, around=around), flights, limit, folder, 5)
     seal.close(folder)
     return folder
 

@@ -21,9 +21,16 @@ from ges.blind.generator.concealed import EVERY, NEUTRAL, PHYSICS
 from ges.blind.generator.sensing import Recorder
 from ges.blind.protocol import seal
 
-GENERATOR = sorted(Path(generator.__file__).parent.glob("[!_]*.py"))
+BLIND = Path(generator.__file__).parents[1]
+GENERATOR = [
+    *sorted((BLIND / "generator").glob("[!_]*.py")),
+    BLIND / "limit.py",
+    BLIND / "noise.py",
+]
 ALLOWED = (
     "ges.blind.generator",
+    "ges.blind.limit",
+    "ges.blind.noise",
     "ges.blind.protocol.seal",
     "ges.conventions",
     "ges.errors",
@@ -181,7 +188,7 @@ def test_each_of_confounded_names_is_concealed_as_often(every_spec):
     assert set(concealed) == expected and set(concealed.values()) == {5}
 
 
-@pytest.mark.parametrize("name", [g for g in grid.COMPOSITIONS if g != "full"])
+@pytest.mark.parametrize("name", [g for g in grid.COMPOSITIONS if g not in ("full", "world")])
 def test_small_grids_show_every_kind(name):
     assert (
         sum(grid.COMPOSITIONS[name].values())
@@ -190,6 +197,11 @@ def test_small_grids_show_every_kind(name):
     assert name == "smoke" or {s.category for s in grid.specs(name, 1)} == set(
         grid.COMPOSITIONS["full"]
     )
+
+
+def test_the_home_world_conceals_every_effect_once():
+    singles = [s.names for s in grid.specs("world", 1) if s.category == "single"]
+    assert sorted(singles) == sorted((name,) for name in PHYSICS)
 
 
 @pytest.mark.parametrize("name", sorted(EVERY))

@@ -93,7 +93,7 @@ def test_sindy_finds_strong_columns():
 
 def test_parameter_fit_names_what_is_outside_its_tolerance():
     """The nuisance is 0.5 with a tolerance of 0.1: named; within five times the tolerance: not."""
-    problem = _problem({})
+    problem = _problem({}, noise=0.1)
     claims = baselines.parameters(problem)[0]
     assert set(claims) == {"thrust_scale"}
     assert claims["thrust_scale"].statistic == pytest.approx(5.0, rel=0.05)

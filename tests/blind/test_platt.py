@@ -9,13 +9,15 @@ import pytest
 from scipy.special import expit
 
 from ges.blind.score.platt import fit, pairs
-from ges.diagnose.select.stated import FARTHEST, log_odds, searched, stated
+from ges.diagnose.select.stated import log_odds, searched, stated
+from ges.diagnose.settings import settings
 from ges.errors import GesError
 
 
 def test_fit_finds_the_correction_that_was_made():
     rng = np.random.default_rng(4)
-    odds = rng.uniform(-FARTHEST, FARTHEST, 20_000)
+    most = settings.statistics.certain_log_odds
+    odds = rng.uniform(-most, most, 20_000)
     offset, slope = fit(odds, (rng.random(20_000) < expit(-0.4 + 0.5 * odds)).astype(float))
     assert offset == pytest.approx(-0.4, abs=0.05) and slope == pytest.approx(0.5, abs=0.02)
 

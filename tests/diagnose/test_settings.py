@@ -28,7 +28,9 @@ from ges.threads import each
 PACKAGE = Path(ges.__file__).parent / "diagnose"
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p != PACKAGE / "settings.py")
 WORDS = {*(PACKAGE / "report").glob("*.py"), PACKAGE / "types" / "words.py"}
-"""How many digits a number is written with, and how large a picture is, changes no diagnosis."""
+"""Their numbers lay the page out: how many digits are written, what is too small to read, how large
+a picture is. They change no diagnosis.
+"""
 ROOT = PACKAGE.parents[2]
 ALL = {key: (value, about) for key, value, about in rows(Settings())}
 
@@ -45,7 +47,7 @@ def _numbers(tree: ast.AST) -> list[float]:
 def test_no_number_stands_at_the_head_of_a_module(path):
     tree = ast.parse(path.read_text())
     heads = [n for n in tree.body if isinstance(n, ast.Assign | ast.AnnAssign) and n.value]
-    assert not [ast.unparse(n) for n in heads if _numbers(n.value)]
+    assert path in WORDS or not [ast.unparse(n) for n in heads if _numbers(n.value)]
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))

@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from ges.diagnose.library.candidates import MOST_PLACES, flown
+from ges.diagnose.library.candidates import flown
 from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 
 RADIUS_M = 0.1
@@ -38,7 +39,7 @@ def test_only_what_was_flown_counts(flight):
     reached = flown([flight])
     assert reached.low_m == pytest.approx((-3.0, -1.5, 1.0), abs=0.01)
     assert reached.high_m[0] == pytest.approx(3.0, abs=0.01)
-    assert 1 < len(reached.places_m) <= MOST_PLACES
+    assert 1 < len(reached.places_m) <= settings.library.places_most
     assert max(x for x, _ in reached.places_m) < 3.0 + reached.square_m
     assert min(reached.commands) > 0.4 and max(reached.commands) <= 0.8
 

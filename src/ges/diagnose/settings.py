@@ -992,7 +992,7 @@ class Calibrate:
         ),
     )
     spread_factor_most: float = number(
-        10.0, "", "Spread over the usual one, or under it, at most.", Numerical("far above any use")
+        20.0, "", "Spread over the usual one, or under it, at most.", Numerical("far above any use")
     )
     converged_share: float = number(
         0.2, "", "Step over its doubt that ends a calibration.", Numerical("commit 8cbfda3")

@@ -141,6 +141,8 @@ def _searched(
         return board, found
     known = board.system
     sharp = sharpened(known, variant)
+    if sharp.key in {v.key for c in listed for v in c.variants}:
+        return board, found
     listed = [
         dataclasses.replace(c, variants=(*c.variants, sharp)) if c.name == variant.effect else c
         for c in listed

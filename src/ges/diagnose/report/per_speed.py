@@ -7,12 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ges.conventions import ROTOR_SPEED, VELOCITY
+from ges.conventions import FAR_FROM_GROUND_M, ROTOR_SPEED, VELOCITY
 from ges.diagnose.types.diagnosis import Finding
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
-HIGH_ABOVE_GROUND_M = 1e3
 LINEAR = 0.05
 """Departure from proportion, over twice the speed, at which a force no longer counts as linear."""
 
@@ -37,7 +36,7 @@ def force_per_speed_N_s_m(name: str, model: Model) -> float | None:
     speeds = np.array([[s * (a == b) for b in range(3)] for a in range(3) for s in (0.0, 1.0, 2.0)])
     columns = {
         "t_s": np.arange(float(len(speeds))),
-        "p_z_m": np.full(len(speeds), HIGH_ABOVE_GROUND_M),
+        "p_z_m": np.full(len(speeds), FAR_FROM_GROUND_M),
         **dict(zip(VELOCITY, speeds.T, strict=True)),
         **dict.fromkeys(ROTOR_SPEED, np.full(len(speeds), model.hover_rad_s)),
     }
