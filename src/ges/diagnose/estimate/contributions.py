@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
+from typing import Any
 
 import numpy as np
 
 from ges.diagnose.design.residual import residual
-from ges.diagnose.design.system import System
+from ges.diagnose.design.system import Rows, System
 from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.prepare.channels import channels
 from ges.diagnose.settings import settings
@@ -17,12 +18,12 @@ from ges.diagnose.types.words import size_unit
 from ges.simulator import effects as effect_table
 
 
-def size_of(added: Sequence[np.ndarray], system: System) -> dict:
+def size_of(added: Sequence[np.ndarray], system: System) -> dict[str, Any]:
     """Rms of what one effect adds (of :func:`contributions`) where it weighs most; what force and
     accelerometer show of one push differs by rounding alone, and the first is told.
     """
     more = 1.0 + settings.numerics.small
-    best = {"value": 0.0, "unit": "N", "share_of_weight": 0.0, "channel": ""}
+    best: dict[str, Any] = {"value": 0.0, "unit": "N", "share_of_weight": 0.0, "channel": ""}
     for c, channel in enumerate(system.main):
         unit, whole = size_unit(channel), system.model.whole(channel)
         values = np.concatenate([a[:, c] for a in added])
@@ -57,7 +58,9 @@ def contributions_of(
     return [_added(rows, bare, model, system.main) for rows in system.flights]
 
 
-def _added(rows, effects: Mapping, model: Model, names: tuple[str, ...]) -> np.ndarray:
+def _added(
+    rows: Rows, effects: effect_table.Effects, model: Model, names: tuple[str, ...]
+) -> np.ndarray:
     """Residual with these effects alone less residual with the model's, (m, C); NaN where a channel
     is absent.
     """

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -134,7 +135,7 @@ class Prepared:
         """Steps no longer than this between two samples."""
         return max(1, int(np.ceil(self.dt_s / longest_s)))
 
-    def replaced(self, **changes) -> Prepared:
+    def replaced(self, **changes: Any) -> Prepared:
         """A copy with other fields."""
         return dataclasses.replace(self, **changes)
 
@@ -232,7 +233,8 @@ def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
             " sort the recording"
         )
     grid = np.arange(t_s[0], t_s[-1], step_s)
-    columns, update = {}, {}
+    columns: dict[str, np.ndarray] = {}
+    update: dict[str, float] = {}
     for stream, names in STREAMS.items():
         if stream in ("position", "reference", "accelerometer"):
             groups = [[name] for name in _present(frame, names)]

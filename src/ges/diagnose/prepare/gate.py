@@ -261,11 +261,11 @@ def pass_gate(
     names = names or [f"flight {i}" for i in range(len(frames))]
     gridded = each(lambda i: _on_grid(frames[i], model, i), range(len(frames)))
     rest_m = min(g.resting_m for g in gridded)
-    flights: list[Prepared | None] = each(
+    found: list[Prepared] = each(
         lambda g, frame: _in_the_air(g, frame, model, rest_m), gridded, frames
     )
-    problems = [_problem(f) for f in flights]
-    flights = [None if problem else f for f, problem in zip(flights, problems, strict=True)]
+    problems = [_problem(f) for f in found]
+    flights = [None if problem else f for f, problem in zip(found, problems, strict=True)]
     if all(problems):
         name, problem = min(zip(names, problems, strict=True))
         raise GesError(

@@ -67,7 +67,14 @@ def _together(
     )
 
 
-def _factor(mean, variance, low, high, tilt, weight) -> np.ndarray:
+def _factor(
+    mean: np.ndarray,
+    variance: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    tilt: np.ndarray,
+    weight: np.ndarray,
+) -> np.ndarray:
     """What stands for the bounds of one coefficient, exp(size + tilt x - weight x^2 / 2), instead
     of what stood there: tilt, weight and size (3, s).
     """

@@ -9,7 +9,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from ges.diagnose.design.system import Column, System
+from ges.diagnose.design.system import Column, System, nuisance_of, variant_of
 from ges.diagnose.design.whiten import Noise, Part, White, estimate, unrest_of, whiten
 from ges.diagnose.select.bounded import log_mass, log_mass_within
 from ges.diagnose.settings import settings
@@ -117,7 +117,7 @@ def flight_grams(
         [k for k, c in enumerate(columns) if c.nuisance is not None and c.nuisance.flight_sd > 0],
         dtype=int,
     )
-    sd = np.array([columns[k].nuisance.flight_sd for k in varies])
+    sd = np.array([nuisance_of(columns[k]).flight_sd for k in varies])
     return [_with_flight_effects(gram_of(w, tempering), varies, sd) for w in whites]
 
 
@@ -141,6 +141,11 @@ class Posterior:
     mean: np.ndarray
     covariance: np.ndarray
     log_evidence: float
+
+    @classmethod
+    def of_nothing(cls) -> Posterior:
+        """Of no column."""
+        return cls((), np.zeros(0), np.zeros((0, 0)), 0.0)
 
     @property
     def sd(self) -> np.ndarray:
@@ -169,12 +174,17 @@ def acts_of(found: Posterior, names: Collection[str], system: System) -> np.ndar
     terms = {
         k: value
         for k, value in zip(found.columns, found.mean, strict=True)
-        if system.columns[k].variant.effect in names
+        if variant_of(system.columns[k]).effect in names
     }
     return np.concatenate([r.added(terms, len(system.main)) for r in system.flights])
 
 
-def posteriors(gram: Gram, sets: Sequence[Sequence[int]], prior: Prior, more: tuple | None = None):
+def posteriors(
+    gram: Gram,
+    sets: Sequence[Sequence[int]] | np.ndarray,
+    prior: Prior,
+    more: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Gaussian posteriors of sets of columns, all of one size; bounds count in the evidence alone.
 
     ``more`` is added to the normal equations of each, (s, k, k) and (s, k), and to their log
@@ -321,5 +331,6 @@ def _bounds(column: Column) -> tuple[float, float, float]:
     a = column.variant.amplitudes[column.amplitude]
     if a.level:
         reach = settings.evidence.level_reach
-        return a.level, *sorted((a.level / reach, a.level * reach))
+        low, high = sorted((a.level / reach, a.level * reach))
+        return a.level, low, high
     return 0.0, a.low - a.neutral, a.high - a.neutral

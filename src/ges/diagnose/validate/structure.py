@@ -94,7 +94,8 @@ class Basis:
 
     def peak(self, beta: np.ndarray) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Bounds of the cell around the largest coefficient."""
-        at = np.unravel_index(int(np.argmax(np.abs(beta))), [len(k) for k in self.knots])
+        shape = tuple(len(k) for k in self.knots)
+        at = [int(i) for i in np.unravel_index(int(np.argmax(np.abs(beta))), shape)]
         low = tuple(float(k[max(i - 1, 0)]) for i, k in zip(at, self.knots, strict=True))
         return low, tuple(
             float(k[min(i + 1, len(k) - 1)]) for i, k in zip(at, self.knots, strict=True)
@@ -142,7 +143,8 @@ def _basis(
     fold, s = fold_of[block], settings.locate
     count, q = s.knots if len(regime) == 1 else s.place_knots, settings.statistics.extreme_quantile
     ends = (q, 1.0 - q)
-    knots = tuple(np.linspace(*np.quantile(values[name], ends), count) for name in regime)
+    spans = (np.quantile(values[name], ends) for name in regime)
+    knots = tuple(np.linspace(low, high, count) for low, high in spans)
     x = hats(values[regime[0]], knots[0])
     for name, k in zip(regime[1:], knots[1:], strict=True):
         x = (x[:, :, None] * hats(values[name], k)[:, None, :]).reshape(len(x), -1)
@@ -172,7 +174,7 @@ def _gain(basis: Basis, y: np.ndarray, of_block: csr_array, signs: np.ndarray) -
     )
     parts = {f: basis.fold_of == f for f in basis.gram}
     right = {f: (sums[at].T @ signs[at]).reshape(basis.x.shape[1], -1) for f, at in parts.items()}
-    total, gain = sum(right.values()), 0.0
+    total, gain = sum(right.values()), np.zeros(y.shape[1] * signs.shape[1])
     for f, gram in basis.gram.items():
         beta = basis.inverse[f] @ (total - right[f])
         gain = gain + (beta * (2.0 * right[f] - gram @ beta)).sum(axis=0)
@@ -215,7 +217,7 @@ def within(e: np.ndarray) -> np.ndarray:
 
 
 def _of_mean(
-    raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
+    raw: Sequence[np.ndarray], told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
 ) -> list[Structure]:
     values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
     _, block = np.unique(np.concatenate(blocks), return_inverse=True)
@@ -256,7 +258,7 @@ def _there_together(e: np.ndarray) -> list[list[int]]:
 
 
 def _of_size(
-    raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
+    raw: Sequence[np.ndarray], told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
 ) -> list[Structure]:
     """The same of the logarithm of the residuals' energy, each flight's own mean left out: air that
     is rougher in one flight than in another is in no regime of flight.
