@@ -101,10 +101,15 @@ def expected_evidence(
     """Log evidence of a set of columns when one column of the board alone acts: ``gain * size^2 -
     cost``, noise left out.
 
+    Parameters
+    ----------
+    columns : k columns of the set.
+    prior_sd : (K,) prior sd of every column's coefficient.
+
     Returns
     -------
-    gain, cost : per squared unit of the coefficient of every column that may be the true one, and
-        the price of the set's freedom.
+    gain, cost : (K,) per squared unit of the coefficient of every column that may be the true one,
+        and the price of the set's freedom.
     """
     at = np.asarray(columns, dtype=int)
     scale = prior_sd[at]

@@ -38,8 +38,8 @@ def replayed(
     flight: Prepared, model: Model, more: Sequence[str] = ()
 ) -> dict[str, np.ndarray] | None:
     """The nominal vehicle following the references without noise or disturbance: contract columns
-    on the flight's grid, those of the motion, rotor speeds and ``more``; None where there are no
-    references or it cannot follow them.
+    on the flight's grid, (n,) each in the units of their names, those of the motion, rotor speeds
+    and ``more``; None where there are no references or it cannot follow them.
     """
     if not flight.has("reference"):
         return None

@@ -42,7 +42,9 @@ def with_overtones(names: Sequence[str], count: int) -> tuple[str, ...]:
 
 
 def height_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
-    """Position with the logged ground taken out where one is logged and the terrain is flat."""
+    """Position (n,) by contract column, m in the world, with the logged ground taken out where one
+    is logged and the terrain is flat.
+    """
     columns = {
         name: flight.columns[name] for name in ("p_x_m", "p_y_m", "p_z_m") if name in flight.columns
     }
@@ -58,7 +60,9 @@ def height_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
 
 
 def state_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
-    """What the library reads of every sample, rotor speeds apart."""
+    """What the library reads of every sample, rotor speeds apart: (n,) by contract column, in the
+    units of their names.
+    """
     columns = {"t_s": flight.t_s - flight.t_s[0], **height_columns(flight, model)}
     for names in (VELOCITY, QUATERNION, COMMAND, ("battery_V",)):
         columns.update({name: flight.columns[name] for name in names if name in flight.columns})
@@ -121,7 +125,9 @@ def _turning_faults(effects: effect_table.Effects) -> dict:
 def corrected(
     columns: dict[str, np.ndarray], model: Model, effects: effect_table.Effects
 ) -> dict[str, np.ndarray]:
-    """Attitude and rates as they were, if the given sensor faults had made the readings."""
+    """Columns (n,) with attitude and rates (rad/s) as they were, if the given sensor faults had
+    made the readings.
+    """
     faults = _turning_faults(effects)
     if not faults:
         return columns
@@ -157,7 +163,9 @@ def driven_speeds(
 def driven_by_each(
     flight: Prepared, model: Model, sets: Sequence[effect_table.Effects]
 ) -> list[np.ndarray]:
-    """The same of one flight under several sets of effects, flown as one batch."""
+    """Rotor speeds of one flight under several sets of effects, flown as one batch; (n, 4) rad/s
+    each.
+    """
     plain = _drive_inputs(flight, model, commands_at_work(flight, model, {}))
     inputs = [
         _drive_inputs(flight, model, commands_at_work(flight, model, e)) if _modified(e) else plain
@@ -339,10 +347,16 @@ def model_along(
     speeds: np.ndarray | None = None,
     motion: Motion | None = None,
 ) -> tuple[dict[str, np.ndarray], effect_table.Replay]:
-    """State columns as believed, and the compiled model along them.
+    """State columns as believed, (n,) each in the units of their names, and the compiled model
+    along them.
 
     Actuators have made the speeds and change nothing else of it: left out, none of their states is
     advanced.
+
+    Parameters
+    ----------
+    speeds : (n, 4) rotor speeds, rad/s; those at work where not given.
+    motion : of :func:`motion_of`, where it is known.
     """
     motion = motion or motion_of(flight, model, effects)
     speeds = speeds_at_work(flight, model, effects) if speeds is None else speeds

@@ -87,7 +87,7 @@ class Column:
     def part_of(
         self, whole: Mapping[int, np.ndarray], names: Sequence[str]
     ) -> Mapping[int, np.ndarray]:
-        """This column's part of all that its coefficient changes, by channel."""
+        """This column's part of all that its coefficient changes, by channel, (m,) each."""
         if not self.part:
             return whole
         return {
@@ -157,11 +157,13 @@ class Rows:
         return np.r_[False, half == half.min()] if len(half) else np.zeros(len(self.windows), bool)
 
     def in_air(self, channels: Indices) -> np.ndarray:
-        """Residuals of these channels in the air, (a, len(channels))."""
+        """Residuals of c channels in the air, (a, c), in the channels' units."""
         return self.y[np.ix_(self.air, np.asarray(channels, dtype=int))]
 
     def mean_columns(self, channels: Sequence[int], wanted: Sequence[int]) -> np.ndarray:
-        """Means in the air of wanted columns in these channels, (len(channels), len(wanted))."""
+        """Means in the air of k wanted columns in c channels, (c, k), in the channels' units over
+        those of the coefficients.
+        """
         return np.stack([self.x.of(c, wanted)[self.air].mean(axis=0) for c in channels])
 
     def added(self, terms: Mapping[int, float], count: int) -> np.ndarray:
@@ -197,7 +199,7 @@ class System:
         return tuple(name for name in self.names if "/" not in name)
 
     def blocks(self, length_s: float) -> list[np.ndarray]:
-        """Number of the block of time of every window, by flight."""
+        """Number of the block of time of every window, (m,) by flight."""
         return blocks_of([(r.windows, r.flight.t_s[0]) for r in self.flights], length_s)
 
 

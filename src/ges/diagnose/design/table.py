@@ -24,7 +24,7 @@ class Table:
     values: tuple[np.ndarray, ...]
 
     def of(self, channel: int, wanted: Indices) -> np.ndarray:
-        """Wanted columns of one channel, (m, len(wanted))."""
+        """The k wanted columns of one channel, (m, k)."""
         return spread(self.values[channel], self.at[channel], wanted)
 
     def finite(self) -> np.ndarray:
@@ -55,8 +55,8 @@ def table_of(columns: Sequence[Mapping[int, np.ndarray]], rows: int, channels: i
 
 
 def spread(values: np.ndarray, at: np.ndarray, wanted: Indices) -> np.ndarray:
-    """Those of columns (m, k) with the ascending numbers ``at`` that are wanted, zero where there
-    is none, (m, len(wanted)).
+    """Those of columns (m, k) with the ascending numbers ``at`` (k,) that are wanted, (m, w), zero
+    where there is none.
     """
     asked = np.asarray(wanted, dtype=int)
     if not len(at):

@@ -39,8 +39,8 @@ def _mean_variance(values: np.ndarray, block: int) -> float:
 
 
 def variance_of_means(system: System, channels: Sequence[int]) -> np.ndarray:
-    """Variance of a flight's mean residual in the air by channel, (len(channels),), from blocks of
-    time, mean of the flights.
+    """Variance of a flight's mean residual in the air in c channels, (c,), in their squared units,
+    from blocks of time, mean of the flights.
     """
     block_s = settings.statistics.block_s
     block = max(1, int(round(2.0 * block_s / system.flights[0].windows.length_s)))

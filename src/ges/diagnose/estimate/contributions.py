@@ -19,8 +19,17 @@ from ges.simulator import effects as effect_table
 
 
 def size_of(added: Sequence[np.ndarray], system: System) -> dict[str, Any]:
-    """Rms of what one effect adds (of :func:`contributions`) where it weighs most; what force and
-    accelerometer show of one push differs by rounding alone, and the first is told.
+    """Rms of what one effect adds where it weighs most; what force and accelerometer show of one
+    push differs by rounding alone, and the first is told.
+
+    Parameters
+    ----------
+    added : by flight, (m, C) of :func:`contributions`, in the channels' units.
+
+    Returns
+    -------
+    ``value`` in ``unit``, ``share_of_weight`` of the channel's whole, and ``channel``, '' where the
+    effect shows nowhere.
     """
     more = 1.0 + settings.numerics.small
     best: dict[str, Any] = {"value": 0.0, "unit": "N", "share_of_weight": 0.0, "channel": ""}
@@ -38,7 +47,7 @@ def contributions(
     fitted: Fitted | None, names: Collection[str], declared: Model
 ) -> dict[str, list[np.ndarray]]:
     """What fitted effects add on the flights to what the ``declared`` model has of them, by name
-    and flight, (m, C).
+    and flight, (m, C), in the channels' units.
     """
     if fitted is None:
         return {}
@@ -49,8 +58,8 @@ def contributions(
 def contributions_of(
     effects: effect_table.Effects, name: str, system: System, declared: Model
 ) -> list[np.ndarray]:
-    """What one of the ``effects`` adds to what the ``declared`` model has of it, by flight, (m,
-    C).
+    """What one of the ``effects`` adds to what the ``declared`` model has of it, (m, C) by flight,
+    in the channels' units.
     """
     bare = {k: v for k, v in effects.items() if k != name}
     bare |= {name: declared.effects[name]} if name in declared.effects else {}

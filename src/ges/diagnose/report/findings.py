@@ -131,7 +131,7 @@ def alternatives_of(accepted: Accepted, name: str) -> tuple[dict, ...]:
 
 
 def finding(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> Finding:
-    """One accepted effect; ``added`` of :func:`contributions`."""
+    """One accepted effect; ``added`` (m, C) by flight, of :func:`contributions`."""
     declared = accepted.board.system.model.effects.get(name, {})
     return Finding.of(
         name,
@@ -144,7 +144,12 @@ def finding(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> Findi
 
 
 def by_place(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> list[Finding]:
-    """One accepted effect; of one that acts in several places, a finding for each place."""
+    """One accepted effect; of one that acts in several places, a finding for each place.
+
+    Parameters
+    ----------
+    added : by flight, (m, C) of :func:`contributions`.
+    """
     fitted, model = accepted.fit, accepted.board.system.model
     system = fitted.board.system
     numbered = [p for e, p in fitted.free if e == name and place_of(p)]

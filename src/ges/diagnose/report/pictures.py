@@ -338,8 +338,14 @@ def _limit(axis: Axes, used: np.ndarray, *signals: np.ndarray) -> None:
 def binned(
     x: np.ndarray, y: np.ndarray, blocks: np.ndarray, edges: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centre, mean and half width of the 95 % interval of every bin; a block of time counts as one
-    draw.
+    """Centre, mean and half width of the 95 % interval of every bin that is not empty, (b,) each; a
+    block of time counts as one draw.
+
+    Parameters
+    ----------
+    x, y : (n,) signals; the centres are in the unit of x, means and half widths in that of y.
+    blocks : (n,) number of the block of time.
+    edges : (k,) of the bins, rising.
     """
     center, mean, half = [], [], []
     number = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)

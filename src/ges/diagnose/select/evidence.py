@@ -36,7 +36,7 @@ class Gram:
         return Gram(self.xx * factor, self.xy * factor, self.yy * factor, self.n * factor)
 
     def about(self, columns: np.ndarray, mean: np.ndarray) -> Gram:
-        """With coefficients counted from a mean."""
+        """With the coefficients of k columns counted from a mean (k,)."""
         moved = self.xx[:, columns] @ mean
         return Gram(
             self.xx,
@@ -46,7 +46,9 @@ class Gram:
         )
 
     def without(self, drop: np.ndarray, sd: np.ndarray) -> Gram:
-        """Columns ``drop`` integrated out under N(0, sd^2); they stay in place, as zero."""
+        """Columns ``drop`` (d,) integrated out under N(0, sd^2), sd (d,); they stay in place, as
+        zero.
+        """
         if not len(drop):
             return self
         inner = self.xx[np.ix_(drop, drop)] + np.diag(1.0 / sd**2)
@@ -60,7 +62,7 @@ class Gram:
         )
 
     def take(self, keep: np.ndarray) -> Gram:
-        """Only some columns."""
+        """Only the columns ``keep`` (k,)."""
         return Gram(self.xx[np.ix_(keep, keep)], self.xy[keep], self.yy, self.n)
 
 
@@ -149,7 +151,7 @@ class Posterior:
 
     @property
     def sd(self) -> np.ndarray:
-        """Standard deviations."""
+        """Standard deviations, (k,), in the units of the coefficients."""
         return np.sqrt(np.diag(self.covariance))
 
 
@@ -163,13 +165,13 @@ class Prior:
     high: np.ndarray
 
     def take(self, keep: np.ndarray) -> Prior:
-        """Only some columns."""
+        """Only the columns ``keep`` (k,)."""
         return Prior(*(getattr(self, f.name)[keep] for f in dataclasses.fields(self)))
 
 
 def acts_of(found: Posterior, names: Collection[str], system: System) -> np.ndarray:
-    """What these effects add together by their coefficients, (windows of all flights, main
-    channels).
+    """What these effects add together by their coefficients, (m, C): windows of all flights, main
+    channels, in the channels' units.
     """
     terms = {
         k: value

@@ -135,7 +135,7 @@ class Scales:
         return [told[i] for i in range(len(sets))]
 
     def log_evidences(self, sets: Sequence[Sequence[Entry]]) -> np.ndarray:
-        """Of every set over the nuisances alone."""
+        """Of every set over the nuisances alone, (s,)."""
         out = np.zeros(len(sets))
         for at, _, (_, _, log_evidence) in self._by_size(sets):
             out[at] = log_evidence

@@ -229,7 +229,14 @@ def _sandwich(x: np.ndarray, e: np.ndarray, block: np.ndarray) -> np.ndarray:
 def hypotheses(
     system: System, left: Sequence[np.ndarray], told: Told, channels: Sequence[str], length_s: float
 ) -> Mapping[str, Form]:
-    """A form for each of these channels, where one is found."""
+    """A form for each of these channels, where one is found.
+
+    Parameters
+    ----------
+    left : by flight, (m, C) residuals in the channels' units.
+    told : by flight, regime variables of every window, (m,) each.
+    length_s : of a block of time.
+    """
     dimension = {"force": FORCE, "acc": FORCE, "moment": MOMENT}
     block = np.concatenate(system.blocks(length_s))
     found = {}

@@ -64,12 +64,14 @@ def regimes(flight: Prepared, windows: Windows, model: Model) -> dict[str, np.nd
 
 
 def regimes_of(system: System) -> list[dict[str, np.ndarray]]:
-    """:func:`regimes` of every flight."""
+    """:func:`regimes` of every flight, (m,) by variable in the unit of its name."""
     return [regimes(r.flight, r.windows, system.model) for r in system.flights]
 
 
 def edges(values: np.ndarray) -> np.ndarray:
-    """Bin edges of one regime: quantiles, so that each bin holds as many windows."""
+    """Bin edges of one regime with values (m,): quantiles (b,), so that each bin holds as many
+    windows.
+    """
     return np.unique(np.quantile(values, np.linspace(0.0, 1.0, settings.locate.bins + 1)))
 
 

@@ -93,7 +93,9 @@ class Basis:
     inverse: Mapping[int, np.ndarray]
 
     def peak(self, beta: np.ndarray) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Bounds of the cell around the largest coefficient."""
+        """Bounds of the cell around the largest of the coefficients (K,), by regime variable in its
+        unit.
+        """
         shape = tuple(len(k) for k in self.knots)
         at = [int(i) for i in np.unravel_index(int(np.argmax(np.abs(beta))), shape)]
         low = tuple(float(k[max(i - 1, 0)]) for i, k in zip(at, self.knots, strict=True))
@@ -118,7 +120,9 @@ def hats(value: np.ndarray, knots: np.ndarray) -> np.ndarray:
 
 
 def excited(values: Mapping[str, np.ndarray]) -> list[str]:
-    """Regime variables that were flown over a range, and not only disturbed."""
+    """Regime variables, (m,) each in the unit of its name, that were flown over a range, and not
+    only disturbed.
+    """
     ends = (1.0 - settings.locate.excited_quantile, settings.locate.excited_quantile)
     spread = {name: float(np.subtract(*np.quantile(v, ends))) for name, v in values.items()}
     return [name for name, s in spread.items() if s >= _least_spread(name, values[name])]
