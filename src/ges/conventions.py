@@ -10,7 +10,7 @@ GRAVITY_M_S2 = 9.80665
 N_ROTORS = 4
 FAR_FROM_GROUND_M = 5e4
 
-Dimension = tuple[int, int, int]
+Dimension = tuple[int, ...]
 """Exponents of kg, m and s."""
 NUMBER, LENGTH, SPEED = (0, 0, 0), (0, 1, 0), (0, 1, -1)
 FORCE, MOMENT = (1, 1, -2), (1, 2, -2)

@@ -9,7 +9,9 @@ import statistics
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
@@ -18,6 +20,11 @@ from ges.simulator import effects, manoeuvres
 from ges.simulator import flight as sim
 from ges.simulator.terrain import Terrain
 from ges.threads import cores
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ges.vehicle.file import Vehicle
 
 STUDY_EFFECTS = {"ground_effect": {"curvature_gain_m": 0.6}}
 QUAD = {
@@ -56,7 +63,7 @@ LOGGED = (
 NOISE = {"v_": 0.02, "q_": 0.001}  # of an estimator: m/s and 1
 
 
-def _seconds(work, repeats: int) -> list[float]:
+def _seconds(work: Callable[[], object], repeats: int) -> list[float]:
     times = []
     for _ in range(repeats):
         start = time.perf_counter()
@@ -137,8 +144,8 @@ def _replay_case(repeats: int) -> dict:
     }
 
 
-def _manoeuvre(vehicle, plan: str, duration: float, seed: int) -> sim.Flight:
-    numbers = {
+def _manoeuvre(vehicle: Vehicle, plan: str, duration: float, seed: int) -> sim.Flight:
+    numbers: dict[str, float | str] = {
         **vehicle.parameters(),
         "seed": seed,
         "altitude_source": 1,
@@ -149,7 +156,7 @@ def _manoeuvre(vehicle, plan: str, duration: float, seed: int) -> sim.Flight:
     return sim.Flight(numbers, PLANTED, Terrain.flat(), manoeuvres.make(plan, duration))
 
 
-def _logged(record: sim.Record, seed: int):
+def _logged(record: sim.Record, seed: int) -> pd.DataFrame:
     """A flight's table, its velocity and attitude as noisy as an estimator's."""
     import pandas as pd
 

@@ -48,7 +48,7 @@ class Progress:
         self.bars.start()
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self.bars.stop()
 
     def __call__(self, done: int, total: int) -> None:

@@ -13,6 +13,7 @@ import click
 from ges.errors import GesError
 
 if TYPE_CHECKING:
+    import pandas as pd
     from rich.console import Console
 
     from ges.recordings.readers import Log, Options
@@ -119,7 +120,7 @@ def _advice(log: Log) -> dict[str, str]:
     return advised
 
 
-def _effects(frame) -> tuple[list[str], dict[str, str]]:
+def _effects(frame: pd.DataFrame) -> tuple[list[str], dict[str, str]]:
     """Effects that these streams can speak about, and what each of the others needs."""
     from ges.diagnose.library.requirements import lacking
     from ges.diagnose.prepare.align import grid_step_s, regrid
@@ -184,7 +185,14 @@ def _show(found: dict[str, Any], console: Console) -> None:
 @click.option("--pwm", type=(float, float), metavar="LOW HIGH", help="As of 'ges import'.")
 @click.option("--part", type=click.IntRange(min=1), help="As of 'ges import'.")
 @click.option("--json", "as_json", is_flag=True, help="Machine-readable, a list with one a log.")
-def command(logs, kind, mapping, pwm, part, as_json) -> None:
+def command(
+    logs: tuple[Path, ...],
+    kind: str,
+    mapping: str | None,
+    pwm: tuple[float, float] | None,
+    part: int | None,
+    as_json: bool,
+) -> None:
     """Say what is in flight logs, what can be told from them, and what to log next time.
 
     Example: ges doctor flight.ulg

@@ -63,7 +63,14 @@ def reading_options(function: Callable) -> Callable:
     return function
 
 
-def read_log(path: Path, kind: str, mapping, pwm, rotor_order, part) -> Log:
+def read_log(
+    path: Path,
+    kind: str,
+    mapping: str | None,
+    pwm: tuple[float, float] | None,
+    rotor_order: tuple[int, ...] | None,
+    part: int | None,
+) -> Log:
     """A log, read as these options say."""
     from ges.recordings.readers import Options, open_log
 
@@ -134,7 +141,17 @@ def _summary(name: str, frame: pd.DataFrame) -> str:
 @click.option(
     "--out", type=click.Path(path_type=Path), required=True, help="Folder of the recording set."
 )
-def command(sources, kind, mapping, pwm, rotor_order, part, parts, vehicle_path, out) -> None:
+def command(
+    sources: tuple[Path, ...],
+    kind: str,
+    mapping: str | None,
+    pwm: tuple[float, float] | None,
+    rotor_order: tuple[int, ...] | None,
+    part: int | None,
+    parts: int,
+    vehicle_path: Path,
+    out: Path,
+) -> None:
     """Bring logs of one vehicle into a recording set, one flight a file.
 
     Example: ges import flights/*.ulg --vehicle vehicle.yaml --out set
@@ -144,7 +161,8 @@ def command(sources, kind, mapping, pwm, rotor_order, part, parts, vehicle_path,
     from ges.vehicle.file import load_vehicle
 
     vehicle = load_vehicle(vehicle_path)
-    flights, noticed = [], {}
+    flights: list[tuple[str, pd.DataFrame]] = []
+    noticed: dict[str, list[str]] = {}
     for name, path in flight_names(sources).items():
         log = read_log(path, kind, mapping, pwm, rotor_order, part)
         cut, empty = _without_empty(_parts(name, log.frame(), parts))

@@ -68,7 +68,7 @@ def page() -> str:
     return INTRO + "\n".join(parts)
 
 
-def _written(value) -> str:
+def _written(value: bool | float | tuple[float, ...]) -> str:
     """As ``--set`` takes it."""
     if isinstance(value, bool):
         return str(value).lower()

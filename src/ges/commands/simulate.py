@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
 
 from ges.errors import GesError, UsageError
+
+if TYPE_CHECKING:
+    from ges.simulator import flight as sim
+    from ges.vehicle.file import Vehicle
 
 READINGS = {f"gyro_{a}_rad_s": f"omega_{a}_rad_s" for a in "xyz"}
 KEPT = (
@@ -30,12 +35,13 @@ KEPT = (
 )
 
 
-def _missing(vehicle) -> tuple[dict[str, float], list[str]]:
+def _missing(vehicle: Vehicle) -> tuple[dict[str, float], list[str]]:
     """Estimates for what the file leaves out, each named."""
     from ges.vehicle import scaling
 
     rotors = vehicle.rotor_arrays()
-    values, said = {}, []
+    values: dict[str, float] = {}
+    said: list[str] = []
     if vehicle.inertia_kg_m2 is None:
         arm_m = scaling.arm_m(rotors["x_m"], rotors["y_m"])
         inertia = scaling.inertia(vehicle.mass_kg.value, arm_m)
@@ -73,7 +79,7 @@ def _references(plan: str, references: Path | None, duration: float | None) -> n
     return manoeuvres.from_frame(frame)
 
 
-def _recorded(record) -> dict[str, np.ndarray]:
+def _recorded(record: sim.Record) -> dict[str, np.ndarray]:
     columns = {
         name: v
         for name, v in record.columns.items()
@@ -122,7 +128,15 @@ def _recorded(record) -> dict[str, np.ndarray]:
     required=True,
     help="Parquet file with the columns of a recording.",
 )
-def command(vehicle_path, plan, references, duration, seed, settings, out) -> None:
+def command(
+    vehicle_path: Path,
+    plan: str,
+    references: Path | None,
+    duration: float | None,
+    seed: int,
+    settings: tuple[str, ...],
+    out: Path,
+) -> None:
     """Fly a vehicle file, effects and all, in closed loop, and record the flight.
 
     Example: ges simulate out/vehicle.fitted.yaml --plan straight_runs --seed 3 --out flight.parquet
@@ -140,7 +154,7 @@ def command(vehicle_path, plan, references, duration, seed, settings, out) -> No
         click.echo(f"warning: {sentence}", err=True)
     table = _references(plan, references, duration)
     timing = {"inputs_dt_s": manoeuvres.STEP_S, "duration_s": (len(table) - 1) * manoeuvres.STEP_S}
-    fixed = {"seed": seed, "altitude_source": 1, "mode": "none", **timing}
+    fixed: dict[str, float | str] = {"seed": seed, "altitude_source": 1, "mode": "none", **timing}
     curve = vehicle.effect_values().get("thrust_curve", {}).get("c", 0.0)
     fixed["fw_thrust_curve"] = min(max(curve, 0.0), 1.0)  # an autopilot is set up for its motors
     numbers = {**vehicle.parameters(), **values, **fixed, **_settings(settings)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,7 +67,17 @@ def _listed(context: click.Context, _: click.Parameter, wanted: bool) -> None:
     callback=_listed,
     help="List the vehicles that come with ges.",
 )
-def command(source, mass_kg, size, wheelbase, layout, models, name, target, **reading) -> None:
+def command(
+    source: Path,
+    mass_kg: float | None,
+    size: str | None,
+    wheelbase: str | None,
+    layout: str | None,
+    models: tuple[Path, ...],
+    name: str | None,
+    target: str | None,
+    **reading: Any,
+) -> None:
     """Print a vehicle file, every number with its source and doubt.
 
     From a flight log, its mass and propellers; from a Gazebo model (SDF), a RotorPy parameter file,
@@ -85,13 +96,14 @@ def command(source, mass_kg, size, wheelbase, layout, models, name, target, **re
     log_only = {"--mass": mass_kg, "--wheelbase": wheelbase, "--layout": layout}
     log_only |= {"--map": reading["mapping"], "--pwm": reading["pwm"]}
     path = file.vehicle_path(source)
+    remarks: tuple[str, ...] = ()
     if not path.is_file() and not path.is_dir():
         raise GesError(f"there is no file {path}; give a log, a model, a vehicle file or a name")
     if path.suffix in file.YAML_ENDINGS:
         _refuse({**log_only, "--prop": prop, "--name": name}, "a vehicle file says it; edit that")
-        vehicle, text, remarks = file.load_vehicle(path), path.read_text(encoding="utf-8"), ()
+        vehicle, text = file.load_vehicle(path), path.read_text(encoding="utf-8")
     else:
-        if kind := path.is_file() and formats.kind_of(path):
+        if kind := formats.kind_of(path) if path.is_file() else None:
             _refuse(log_only, f"{path.name} says it")
             sheet = formats.read_model(path, kind, prop, models)
         else:
@@ -106,7 +118,7 @@ def command(source, mass_kg, size, wheelbase, layout, models, name, target, **re
     click.echo(text, nl=False)
 
 
-def _refuse(options: dict[str, object], why: str) -> None:
+def _refuse(options: Mapping[str, object], why: str) -> None:
     """Refuse options that would be ignored."""
     given = [name for name, value in options.items() if value is not None]
     if given:

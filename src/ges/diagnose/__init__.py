@@ -10,12 +10,20 @@ from __future__ import annotations
 
 import sys
 import types
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ges.diagnose.prepare.problem import Recordings
+    from ges.diagnose.types.diagnosis import Diagnosis
+    from ges.vehicle.file import Vehicle
 
 
 class _Package(types.ModuleType):
     """The package can be called like the function it is named after."""
 
-    def __call__(self, recordings, vehicle=None, **options):
+    def __call__(
+        self, recordings: Recordings, vehicle: Vehicle | None = None, **options: Any
+    ) -> Diagnosis:
         from ges.diagnose.pipeline import diagnose
 
         return diagnose(recordings, vehicle, **options)

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
-
-import pandas as pd
 
 from ges.diagnose.decide.declared import contradicted
 from ges.diagnose.decide.withdraw import explained, remaining, thrust_of, with_open_modelled
 from ges.diagnose.detectors.balance import shift_of
 from ges.diagnose.detectors.gusts import GUSTS
 from ges.diagnose.estimate.fit import fitted_model
-from ges.diagnose.prepare.problem import pose_problem
+from ges.diagnose.prepare.problem import Recordings, pose_problem
 from ges.diagnose.report.compose import composed
 from ges.diagnose.report.content import located_by
 from ges.diagnose.types.decision import Record
 from ges.diagnose.types.diagnosis import Diagnosis
 from ges.diagnose.validate.proof import prove
 from ges.diagnose.validate.stages import recalibrated
-from ges.recordings.recording import RecordingSet
 from ges.threads import blas_alone
 from ges.vehicle.file import Vehicle
 
@@ -29,7 +26,7 @@ Watch = Callable[[str, Any], object]
 
 @blas_alone
 def diagnose(
-    recordings: RecordingSet | Mapping[str, pd.DataFrame] | Sequence[pd.DataFrame],
+    recordings: Recordings,
     vehicle: Vehicle | None = None,
     *,
     holdout: Sequence[str] | None = None,

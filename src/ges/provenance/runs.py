@@ -151,24 +151,20 @@ def _logged(log: Path, what: str) -> float | None:
     return float(found[1]) if found else None
 
 
-def _timing(path: Path, log: Path) -> dict[str, float | None]:
-    """Cost of a job; its own word on processor time goes before the benchmark's, which misses what
-    ends between two looks.
+def _timing(path: Path, log: Path) -> Timing:
+    """Cost of a job, its start by the clock; its own word on processor time goes before the
+    benchmark's, which misses what ends between two looks.
     """
     keys, values = (line.split("\t") for line in path.read_text().splitlines()[:2])
     row = dict(zip(keys, values, strict=True))
-    spent = {
-        "wall_s": float(row["s"]),
-        "cpu_s": _logged(log, "in all"),
-        "peak_MiB": _number(row["max_rss"]),
-    }
-    if spent["cpu_s"] is None:
-        spent["cpu_s"] = _number(row["cpu_time"])
-    return {
-        **spent,
-        "started_s": path.stat().st_mtime - float(row["s"]),
-        "starting_cpu_s": _logged(log, "to start"),
-    }
+    cpu_s = _logged(log, "in all")
+    return Timing(
+        wall_s=float(row["s"]),
+        cpu_s=_number(row["cpu_time"]) if cpu_s is None else cpu_s,
+        peak_MiB=_number(row["max_rss"]),
+        started_s=path.stat().st_mtime - float(row["s"]),
+        starting_cpu_s=_logged(log, "to start"),
+    )
 
 
 def _timings(folder: Path, logs: Path) -> dict[str, Timing]:
@@ -177,9 +173,9 @@ def _timings(folder: Path, logs: Path) -> dict[str, Timing]:
         f: f.relative_to(folder).with_suffix("").as_posix() for f in sorted(folder.rglob("*.tsv"))
     }
     rows = {name: _timing(f, logs / f"{name}.log") for f, name in names.items()}
-    first = min((row["started_s"] for row in rows.values()), default=0.0)
+    first = min((row.started_s for row in rows.values()), default=0.0)
     return {
-        name: Timing(**{**row, "started_s": round(row["started_s"] - first, 2)})
+        name: row.model_copy(update={"started_s": round(row.started_s - first, 2)})
         for name, row in rows.items()
     }
 

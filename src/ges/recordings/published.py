@@ -7,7 +7,7 @@ from __future__ import annotations
 import hashlib
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
 
@@ -81,12 +81,10 @@ def fetch(name: str, out: Path, copies: Path | None) -> Iterator[Path]:
         raise unknown_name("data set", name, [*known, EXAMPLE])
     source = known[name]
     for local, (path, sha256) in source.files.items():
-        take: Callable[[], bytes] = (
-            (lambda p=local: _copy(copies, p)) if copies else (lambda p=path: _download(source, p))
-        )
         target = out / local
         with replacing(target) as new:
-            new.write_bytes(check(take(), sha256, local))
+            given = _copy(copies, local) if copies else _download(source, path)
+            new.write_bytes(check(given, sha256, local))
         yield target
 
 

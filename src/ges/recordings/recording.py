@@ -28,6 +28,7 @@ from ges.conventions import (
 )
 from ges.errors import GesError
 from ges.files import replacing
+from ges.simulator.terrain import Terrain
 from ges.vehicle.file import Vehicle, load_vehicle, save_vehicle
 
 _ROTOR_UNITS = (
@@ -95,7 +96,7 @@ class RecordingSet:
     folder: Path
     warnings: tuple[str, ...] = ()
 
-    def ground(self):
+    def ground(self) -> Terrain:
         """Ground under the flights."""
         return self.vehicle.ground(self.folder)
 
@@ -364,15 +365,15 @@ def write_set(
     GesError
         When the folder already holds other flights, which would become part of the set.
     """
-    folder, frames = Path(folder), dict(frames)
-    others = sorted(p.name for p in folder.glob("*.parquet") if p.stem not in frames)
+    folder, tables = Path(folder), dict(frames)
+    others = sorted(p.name for p in folder.glob("*.parquet") if p.stem not in tables)
     if others:
         raise GesError(
             f"{folder} already holds other flights ({', '.join(others[:3])}); remove them or name"
             " another folder"
         )
     save_vehicle(vehicle, folder / "vehicle.yaml")
-    for name, frame in frames.items():
+    for name, frame in tables.items():
         write_flight(folder / f"{name}.parquet", frame)
 
 

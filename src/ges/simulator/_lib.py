@@ -189,7 +189,7 @@ def _pointer(array: np.ndarray) -> Any:
 
 
 def contiguous(array: ArrayLike) -> np.ndarray:
-    """The same numbers as C doubles."""
+    """The same numbers as C doubles, (n,) or (n, k) as they are."""
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
@@ -265,7 +265,9 @@ def pack_effects(effects: list[tuple[int, list[float]]]) -> CEffects:
 
 
 def pack_grid(x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> CGrid:
-    """Height map over uniform axes; keeps a reference to the heights."""
+    """Height map over uniform axes, in the world: x (k,), y (m,), heights (m, k), m; keeps a
+    reference to the heights.
+    """
     z_m = contiguous(z_m)
     grid = CGrid(
         len(x_m), len(y_m), x_m[0], y_m[0], x_m[1] - x_m[0], y_m[1] - y_m[0], _pointer(z_m)
@@ -281,8 +283,8 @@ def _reference(grid: CGrid | None) -> Any:
 def fly(
     flights: list[tuple], columns: list[int], lanes: int
 ) -> list[tuple[np.ndarray, float, str | None]]:
-    """Fly (parameters, CEffects, CGrid | None, inputs | None) each; give (rows x columns, stop
-    time, stopped field).
+    """Fly (parameters, CEffects, CGrid | None, inputs | None) each; give what was recorded, (n, k)
+    for k columns in their units, the stop time (s) and the stopped field.
     """
     library, kept, batch = load(), [], (CFlight * len(flights))()
     for c, (parameters, effects, grid, inputs) in zip(batch, flights, strict=True):
@@ -343,7 +345,9 @@ def replay(
 def terrain(
     parameters: ArrayLike, grid: CGrid | None, x_m: np.ndarray, y_m: np.ndarray
 ) -> tuple[np.ndarray, ...]:
-    """Height, slope along x and y, and Laplacian of the ground at n points."""
+    """Height (m), slope along x and y, and Laplacian (1/m) of the ground at points x, y (n,) in the
+    world, m; (n,) each.
+    """
     x_m, y_m, parameters = contiguous(x_m), contiguous(y_m), contiguous(parameters)
     out = [np.empty(len(x_m)) for _ in range(4)]
     _checked(
@@ -359,7 +363,7 @@ def terrain(
 
 
 def network(features: np.ndarray) -> float:
-    """The exported network on 13 features, as the firmware computes it."""
+    """The exported network on features (13,), as the firmware computes it."""
     given = np.ascontiguousarray(features, dtype=np.float32)
     factor = ct.c_float()
     load().ges_network(given.ctypes.data_as(ct.POINTER(ct.c_float)), ct.byref(factor))

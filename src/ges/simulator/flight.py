@@ -60,7 +60,9 @@ def columns() -> dict[str, tuple[str, str]]:
 
 
 def parameter_vector(given: Mapping[str, float]) -> np.ndarray:
-    """All numbers of a flight in the library's order, defaults where not given."""
+    """All numbers of a flight in the library's order, (k,) in the units of their names, defaults
+    where not given.
+    """
     known = parameters()
     for name in given:
         if name not in known:

@@ -54,7 +54,7 @@ def _along(t: np.ndarray, knots_s: list[float], points: np.ndarray) -> np.ndarra
 
 
 def hover(duration_s: float = 30.0, height_m: float = 1.0) -> np.ndarray:
-    """Stand still."""
+    """Stand still; a table (n, 14)."""
     return _along(_times(duration_s), [0.0, duration_s], np.tile([0.0, 0.0, height_m], (2, 1)))
 
 
@@ -62,7 +62,7 @@ def height_staircase(
     duration_s: float = 60.0, low_m: float = 0.15, high_m: float = 1.5
 ) -> np.ndarray:
     """Down and up through a ladder of heights, holding each: ground effect against mass,
-    rangefinder and inflow.
+    rangefinder and inflow; a table (n, 14).
     """
     ladder = np.geomspace(high_m, low_m, 6)
     heights = np.concatenate([ladder, ladder[-2::-1]])
@@ -78,7 +78,9 @@ def height_staircase(
 def straight_runs(
     duration_s: float = 60.0, length_m: float = 6.0, height_m: float = 1.0
 ) -> np.ndarray:
-    """Out and back along both axes at three speeds: drag against wind, tilt and attitude bias."""
+    """Out and back along both axes at three speeds: drag against wind, tilt and attitude bias; a
+    table (n, 14).
+    """
     legs = [np.array(p) * length_m for p in ((1.0, 0, 0), (0.0, 0, 0), (0, 1.0, 0), (0, 0.0, 0))]
     points, weights = [np.zeros(3)], []
     for pace in (1.0, 0.6, 0.4):
@@ -89,7 +91,9 @@ def straight_runs(
 
 
 def climbs(duration_s: float = 40.0, low_m: float = 1.0, high_m: float = 4.0) -> np.ndarray:
-    """Up and down at several rates, out of ground effect: inflow against motor lag."""
+    """Up and down at several rates, out of ground effect: inflow against motor lag; a table
+    (n, 14).
+    """
     heights = np.array([low_m, high_m] * 5)
     knots = np.concatenate([[0.0], np.cumsum(np.linspace(1.6, 0.6, len(heights) - 1))])
     points = np.stack([np.zeros_like(heights), np.zeros_like(heights), heights], 1)
@@ -97,7 +101,9 @@ def climbs(duration_s: float = 40.0, low_m: float = 1.0, high_m: float = 4.0) ->
 
 
 def yaw_turn(duration_s: float = 30.0, height_m: float = 1.0) -> np.ndarray:
-    """A full turn in hover: what is fixed in the body against what is fixed in the world."""
+    """A full turn in hover: what is fixed in the body against what is fixed in the world; a table
+    (n, 14).
+    """
     table = hover(duration_s, height_m)
     table[:, 9] = np.clip(_times(duration_s) / duration_s * 1.2 - 0.1, 0, 1) * 2 * np.pi
     return table
@@ -107,7 +113,7 @@ def multisine(
     duration_s: float = 20.0, height_m: float = 1.5, amplitude_rad_s2: float = 6.0
 ) -> np.ndarray:
     """Recorded excitation of each axis with its own frequencies (Schroeder phases): inertia, motor
-    lag, delays.
+    lag, delays; a table (n, 14).
     """
     table, t, lines = hover(duration_s, height_m), _times(duration_s), 6
     for axis in range(4):
@@ -126,21 +132,28 @@ MENU: Mapping[str, Callable[..., np.ndarray]] = {
 
 
 def make(name: str, duration_s: float | None = None) -> np.ndarray:
-    """A manoeuvre of the menu by name."""
+    """A manoeuvre of the menu by name, a table (n, 14).
+
+    Raises
+    ------
+    UsageError
+        For a name that is not on the menu.
+    """
     if name not in MENU:
         raise unknown_name("manoeuvre", name, MENU)
     return MENU[name]() if duration_s is None else MENU[name](duration_s)
 
 
 def to_frame(table: np.ndarray) -> pd.DataFrame:
-    """A table as a set-point file's content."""
+    """A table (n, 14) as a set-point file's content."""
     return pd.DataFrame(
         {"t_s": np.arange(len(table)) * STEP_S, **dict(zip(COLUMNS, table.T, strict=True))}
     )
 
 
 def from_frame(frame: pd.DataFrame) -> np.ndarray:
-    """References from a set-point file or a recording: resampled to ``STEP_S``, absent columns 0.
+    """References from a set-point file or a recording, (n, 14): resampled to ``STEP_S``, absent
+    columns 0.
 
     Raises
     ------

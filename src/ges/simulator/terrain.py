@@ -123,7 +123,7 @@ class Ground:
 
     @property
     def slope(self) -> np.ndarray:
-        """Steepness, the tangent of the angle of slope."""
+        """Steepness (n,), the tangent of the angle of slope."""
         return np.sqrt(self.slope_x * self.slope_x + self.slope_y * self.slope_y)
 
 
@@ -153,8 +153,13 @@ class Terrain:
 
     @classmethod
     def grid(cls, x_m: np.ndarray, y_m: np.ndarray, heights_m: np.ndarray) -> Terrain:
-        """Height map heights_m[y, x] over uniformly spaced, increasing axes; bilinear, edge values
-        outside.
+        """Height map over uniformly spaced, increasing axes of the world, x (k,) and y (m,), with
+        heights (m, k); bilinear, edge values outside.
+
+        Raises
+        ------
+        UsageError
+            When an axis is not so, or the heights are not finite or of another shape.
         """
         x_m, y_m, heights_m = (np.asarray(a, dtype=float) for a in (x_m, y_m, heights_m))
         for name, axis in (("x_m", x_m), ("y_m", y_m)):

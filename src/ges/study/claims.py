@@ -101,6 +101,30 @@ class Claim(Strict):
     fitted: bool = False
     why: str = ""
 
+    @property
+    def published(self) -> float:
+        """``paper``, where the verdict needs it.
+
+        Raises
+        ------
+        ValueError : where the claim has no number.
+        """
+        if self.paper is None:
+            raise ValueError(f"claim {self.id} has no number of the paper; give 'paper'")
+        return self.paper
+
+    @property
+    def limit(self) -> float:
+        """``bound``, where the verdict needs it.
+
+        Raises
+        ------
+        ValueError : where the claim has none.
+        """
+        if self.bound is None:
+            raise ValueError(f"claim {self.id} has no bound; give 'bound'")
+        return self.bound
+
 
 class Ours(Strict):
     """Our counterpart of a claim: value with its 95 % interval (NaN where there is none)."""
@@ -207,16 +231,17 @@ def _unexplained(
         "paper": rest(claim.paper),
         "paper_baseline": rest(claim.paper_baseline),
     }
-    turned = [
-        o and Ours(value=1 - o.value, low=1 - o.high, high=1 - o.low) for o in (found, baseline)
-    ]
-    return claim.model_copy(update=told), *turned
+    return claim.model_copy(update=told), _turned(found), baseline and _turned(baseline)
+
+
+def _turned(o: Ours) -> Ours:
+    return Ours(value=1 - o.value, low=1 - o.high, high=1 - o.low)
 
 
 def _value(claim: Claim, found: Ours, baseline: Ours | None) -> str:
     if claim.value == "r2":
         return _value(*_unexplained(claim, found, baseline))
-    published = claim.paper
+    published = claim.published
     holds = found.low <= published <= found.high and (found.high - found.low) / 2 < abs(published)
     if holds or abs(found.value - published) <= CLOSE * abs(published):
         return REPRODUCED
@@ -232,7 +257,7 @@ def _value(claim: Claim, found: Ours, baseline: Ours | None) -> str:
 
 
 def _sign(claim: Claim, found: Ours) -> str:
-    if _side(found.value) != _side(claim.paper):
+    if _side(found.value) != _side(claim.published):
         return NOT
     return REPRODUCED if found.low * found.high > 0 else DIRECTION
 
@@ -244,15 +269,15 @@ def _null(claim: Claim, found: Ours) -> str:
 
 
 def _above(claim: Claim, found: Ours) -> str:
-    if found.value <= claim.bound:
+    if found.value <= claim.limit:
         return NOT
-    return DIRECTION if found.low <= claim.bound else REPRODUCED
+    return DIRECTION if found.low <= claim.limit else REPRODUCED
 
 
 def _below(claim: Claim, found: Ours) -> str:
-    if found.value >= claim.bound:
+    if found.value >= claim.limit:
         return NOT
-    return DIRECTION if found.high >= claim.bound else REPRODUCED
+    return DIRECTION if found.high >= claim.limit else REPRODUCED
 
 
 def _not_below(_: Claim, found: Ours) -> str:
@@ -319,9 +344,9 @@ def _rows(
             "rule": claim.kind,
             "paper": claim.paper_text or _number(claim.paper),
             "unit": claim.unit,
-            "ours": _number(found and found.value),
-            "low": _number(found and found.low),
-            "high": _number(found and found.high),
+            "ours": _number(found.value if found else None),
+            "low": _number(found.low if found else None),
+            "high": _number(found.high if found else None),
             "seeds": _behind(claim, seeds),
             "verdict": judged,
             "fitted": "yes" if claim.fitted else "",

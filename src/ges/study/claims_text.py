@@ -71,12 +71,18 @@ def entry(found: Ours | None, unit: str, significant: int = 3) -> dict[str, Any]
     suffix = "" if name == "1" else f"\u202f{name}"
     text = digits(factor * found.value, significant) + suffix
     has = math.isfinite(found.low) and math.isfinite(found.high)
-    span = [found.low, found.high] if has else None
+    span = [found.low, found.high]
     full = text
     if has:
         low, high = (digits(factor * v, significant) for v in span)
         full = f"{digits(factor * found.value, significant)} [{low}, {high}]{suffix}"
-    return {"value": found.value, "ci95": span, "unit": unit, "text": text, "full": full}
+    return {
+        "value": found.value,
+        "ci95": span if has else None,
+        "unit": unit,
+        "text": text,
+        "full": full,
+    }
 
 
 def _claims(table: pd.DataFrame) -> dict[str, dict[str, Any]]:

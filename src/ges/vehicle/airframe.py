@@ -8,18 +8,18 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ges.conventions import N_ROTORS
 from ges.errors import GesError, UsageError, unknown_name
 from ges.vehicle import scaling
-from ges.vehicle.file import Quantity, Rotor
+from ges.vehicle.file import Quantity, Rotor, Spin
 from ges.vehicle.propeller import Propeller
 
 # Angle of every arm, degrees clockwise from the nose seen from above, and the spin of its rotor.
-LAYOUTS: Mapping[str, tuple[tuple[float, str], ...]] = {
+LAYOUTS: Mapping[str, tuple[tuple[float, Spin], ...]] = {
     "x": ((45, "ccw"), (225, "ccw"), (315, "cw"), (135, "cw")),
     "h": ((45, "cw"), (225, "cw"), (315, "ccw"), (135, "ccw")),
     "plus": ((90, "ccw"), (270, "ccw"), (0, "cw"), (180, "cw")),
@@ -107,7 +107,7 @@ def from_layout(name: str, propeller: Propeller, wheelbase_m: float | None) -> A
 
 
 def _rotors(
-    hubs: np.ndarray, spins: list[str], propeller: Propeller, sd_rel: float
+    hubs: np.ndarray, spins: Sequence[Spin], propeller: Propeller, sd_rel: float
 ) -> tuple[Rotor, ...]:
     """Rotors at hubs (n, 3); how high they lie over the centre of mass, no log tells well."""
     plane_sd = PLANE_SD * float(np.linalg.norm(hubs[:, :2], axis=1).mean())
@@ -232,7 +232,7 @@ def _control_allocation(
     frd = np.array([[number_of(parameters, f"{n}_P{a}", 0.0) for a in "XYZ"] for n in names])
     hubs = frd * (1.0, -1.0, -1.0)
     turns = [number_of(parameters, f"{n}_KM", 0.05) for n in names]
-    spins = ["ccw" if km > 0 else "cw" for km in turns]
+    spins: list[Spin] = ["ccw" if km > 0 else "cw" for km in turns]
     arm_m = scaling.arm_m(hubs[:, 0], hubs[:, 1])
     if not arm_m > 0 or not all(turns):
         raise UsageError(
@@ -244,7 +244,7 @@ def _control_allocation(
 
 def _sized(
     hubs: np.ndarray,
-    spins: list[str],
+    spins: Sequence[Spin],
     propeller: Propeller,
     wheelbase_m: float | None,
     arm_m: float,
@@ -253,7 +253,8 @@ def _sized(
     gaps = np.linalg.norm(hubs[:, None, :2] - hubs[None, :, :2], axis=2)
     spacing = float(gaps[gaps > 0].min()) / propeller.diameter_m
     source = "Hubs and spins of CA_ROTOR*_PX, PY, PZ and KM"
-    scale, sd_rel, remarks = 1.0, ENTERED_SD_REL, ()
+    scale, sd_rel = 1.0, ENTERED_SD_REL
+    remarks: tuple[str, ...] = ()
     if wheelbase_m is not None:
         scale, sd_rel = 0.5 * wheelbase_m / arm_m, 0.02
         source += f", scaled to the wheelbase as given, to {sd_rel:.0%}."

@@ -177,13 +177,16 @@ def _bins(frame: pd.DataFrame, c: float) -> _Bins:
     """A flight in half seconds; ``c`` as for :func:`hover`."""
     means = binned(frame)
     speeds, commands = _stack(means, ROTOR_SPEED), _stack(means, COMMAND)
-    if speeds is None and commands is None:
+    if speeds is not None and (
+        commands is None or np.isfinite(speeds).all(axis=1).sum() >= FEWEST_BINS
+    ):
+        measured, drives = True, speeds**2
+    elif commands is not None:
+        measured, drives = False, normalised_thrust(commands, c)
+    else:
         raise GesError(
             "the log has neither rotor speeds nor motor commands; log one of them to tell thrust"
         )
-    measured = speeds is not None and np.isfinite(speeds).all(axis=1).sum() >= FEWEST_BINS
-    measured |= commands is None
-    drives = speeds**2 if measured else normalised_thrust(commands, c)
     up = _upward(means)
     lift, total = _lift(means, up), drives.sum(axis=1)
     ratio = np.divide(lift, total, out=np.full(len(means), np.nan), where=total > 0)

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeGuard
 
 import numpy as np
 import pydantic
 import yaml
+from pydantic_core import ErrorDetails
 
 from ges.conventions import GRAVITY_M_S2, N_ROTORS
 from ges.errors import GesError, UsageError, unknown_name
@@ -49,12 +50,16 @@ class Quantity(_Strict):
         return {"value": self.value, "sd": self.sd} if self.sd else self.value
 
 
+def _is_number(x: object) -> TypeGuard[float]:
+    return isinstance(x, int | float) and not isinstance(x, bool)
+
+
 def _with_sd(given: Mapping[str, Any]) -> dict[str, Any]:
     """The same with ``sd`` in place of ``sd_rel``."""
     if "sd" in given:
         raise ValueError("give sd or sd_rel, not both")
     value, share = given.get("value"), given["sd_rel"]
-    if not all(isinstance(x, int | float) and not isinstance(x, bool) for x in (value, share)):
+    if not (_is_number(value) and _is_number(share)):
         raise ValueError("sd_rel needs a value, both numbers")
     if not share >= 0:
         raise ValueError(f"sd_rel is {share:g}; it must not be negative")
@@ -90,6 +95,8 @@ def _positive(quantity: Quantity) -> Quantity:
 
 
 Positive = Annotated[Quantity, pydantic.AfterValidator(_positive)]
+Spin = Literal["cw", "ccw"]
+"""Sense in which a rotor turns, seen from above."""
 
 
 class Rotor(_Strict):
@@ -103,7 +110,7 @@ class Rotor(_Strict):
     y_m: Quantity
     z_m: Quantity = Quantity(value=0.0)
     radius_m: Positive
-    spin: Literal["cw", "ccw"]
+    spin: Spin
 
 
 class Inertia(_Strict):
@@ -221,7 +228,7 @@ class Vehicle(_Strict):
 
     def ground(self, folder: Path | str = ".") -> Terrain:
         """The ground; a height map is looked for in ``folder``, where the vehicle file lies."""
-        if self.terrain.kind == "flat":
+        if self.terrain.file is None:
             return Terrain.flat(self.terrain.z_m)
         return Terrain.load(Path(folder) / self.terrain.file)
 
@@ -238,7 +245,7 @@ def _known_keys(location: tuple) -> list[str]:
     )
 
 
-def _sentence(path: str, problem: dict) -> str:
+def _sentence(path: str, problem: ErrorDetails) -> str:
     location = problem["loc"]
     if problem["type"] == "extra_forbidden":
         return f"{path}: {unknown_name('key', str(location[-1]), _known_keys(location))}"

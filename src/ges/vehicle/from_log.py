@@ -38,17 +38,23 @@ SURELY = 0.9
 class Stream(Protocol):
     """What is needed of a stream of a log: where it comes from."""
 
-    source: str
+    @property
+    def source(self) -> str: ...
 
 
 class Log(Protocol):
     """What is needed of a flight log; see :class:`ges.recordings.readers.Log`."""
 
-    name: str
-    format: str
-    autopilot: str
-    parameters: Mapping[str, float]
-    streams: Mapping[str, Stream]
+    @property
+    def name(self) -> str: ...
+    @property
+    def format(self) -> str: ...
+    @property
+    def autopilot(self) -> str: ...
+    @property
+    def parameters(self) -> Mapping[str, float]: ...
+    @property
+    def streams(self) -> Mapping[str, Stream]: ...
 
     def frame(self) -> pd.DataFrame: ...
 
@@ -146,8 +152,7 @@ def _airframe(
         found = airframe.from_parameters(log.format, log.parameters, prop, wheelbase_m)
     else:
         found = airframe.from_layout(_layout_flown(seen, prop), prop, wheelbase_m)
-    against = seen.contradicted(found.rotors) if seen else []
-    if against:
+    if seen and (against := seen.contradicted(found.rotors)):
         fits = [n for n in LAYOUTS if _fits(n, seen, prop)]
         hint = f"it fits --layout {fits[0]}" if fits else f"layouts are {', '.join(LAYOUTS)}"
         raise UsageError(

@@ -60,7 +60,7 @@ def _holds(phase: np.ndarray, values: np.ndarray) -> np.ndarray:
     return values[place]
 
 
-def ladder(phase, scale, rng):
+def ladder(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """Holds from six radii above the lowest height down to it and up again, turning between."""
     rungs = scale.low_m + scale.radius_m * np.array([6.0, 3.0, 1.4, 0.5, 0.0, 0.9, 2.2, 5.0])
     drift = 0.4 * np.sin(2.0 * np.pi * phase / rng.uniform(6.0, 9.0))
@@ -68,7 +68,7 @@ def ladder(phase, scale, rng):
     return drift, 0.2 * np.cos(phase), _holds(phase, rungs), turn
 
 
-def eight(phase, scale, rng):
+def eight(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """A lying eight at growing speed, high, with the nose going round."""
     size = rng.uniform(0.9, 1.4)
     angle = scale.speed_m_s / (2.2 * size) * phase * (0.4 + 0.6 * phase / phase[-1])
@@ -76,7 +76,7 @@ def eight(phase, scale, rng):
     return size * np.sin(angle), 0.5 * size * np.sin(2.0 * angle), high, 0.5 * phase
 
 
-def helix(phase, scale, rng):
+def helix(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """A circle that climbs and sinks, the nose along the path."""
     size, angle = rng.uniform(0.7, 1.1), 0.7 * scale.speed_m_s * phase
     reach = 0.3 * scale.speed_m_s / 1.1
@@ -84,7 +84,7 @@ def helix(phase, scale, rng):
     return size * np.cos(angle), size * np.sin(angle), high, angle + 0.5 * np.pi
 
 
-def dashes(phase, scale, rng):
+def dashes(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """Out and back along a line, faster every time, once low and once high."""
     heading, span = rng.uniform(0.0, 2.0 * np.pi), phase[-1]
     speed = scale.speed_m_s * (0.35 + 0.65 * phase / span)
@@ -95,7 +95,7 @@ def dashes(phase, scale, rng):
     return along * np.cos(heading), along * np.sin(heading), high, _holds(phase, np.array([0, 0.7]))
 
 
-def chirp(phase, scale, rng):
+def chirp(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """Height sweeps between the lowest and eight radii above it, ever faster."""
     sweep = 0.15 * phase + 0.5 * 0.35 * phase**2 / phase[-1]
     swing = 0.5 + 0.5 * np.cos(2.0 * np.pi * sweep)
@@ -108,7 +108,7 @@ def chirp(phase, scale, rng):
     )
 
 
-def rose(phase, scale, rng):
+def rose(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """A rose of three petals at steady speed, nose turned by the way."""
     size = rng.uniform(1.1, 1.6)
     angle = 0.6 * scale.speed_m_s / size * phase
@@ -118,7 +118,7 @@ def rose(phase, scale, rng):
     return reach * np.cos(0.5 * angle), reach * np.sin(0.5 * angle), high + 0.0 * phase, yaw
 
 
-def square(phase, scale, rng):
+def square(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """A rounded square that tilts in height, at two speeds."""
     speed = scale.speed_m_s * np.where(phase < 0.5 * phase[-1], 0.45, 0.9)
     way = np.cumsum(speed * np.gradient(phase)) / rng.uniform(1.2, 1.8)
@@ -129,7 +129,7 @@ def square(phase, scale, rng):
     return x, y, high, _holds(phase, rng.uniform(-1.2, 1.2, 4))
 
 
-def waypoints(phase, scale, rng):
+def waypoints(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """A spline through random points, low and high, near the fastest speed."""
     from scipy.interpolate import CubicSpline
 

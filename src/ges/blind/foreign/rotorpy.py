@@ -237,9 +237,9 @@ def _trajectory(half: str, kind: int, pace: float, rng: np.random.Generator) -> 
         )
     if kind == 1:
         radius, hz = (1.5, 0.28 * pace) if early else (1.1, 0.34 * pace)
-        size = np.array([radius, radius, 0.5]) * rng.uniform(0.9, 1.1, 3)
+        radii = np.array([radius, radius, 0.5]) * rng.uniform(0.9, 1.1, 3)
         turns = np.array([hz, hz, hz * rng.uniform(0.5, 0.8)])
-        return ThreeDCircularTraj(high, size, turns, yaw_traj=None if early else "forward")
+        return ThreeDCircularTraj(high, radii, turns, yaw_traj=None if early else "forward")
     if kind == 2:
         count, speed, reach = (16, 1.3, 1.0) if early else (18, 1.1, 1.4)
         points = high + rng.uniform(-reach, reach, (count, 3)) * np.array([1.0, 1.0, 0.5])
@@ -371,11 +371,11 @@ def _row(
     }
     # effects act in the air at rest, and the wind is what moving air adds to all of them, so that
     # the parts sum up to the whole
-    calm = vehicle.compute_body_wrench(rates, speeds, still) if without else None
+    calm = vehicle.compute_body_wrench(rates, speeds, still)
     for name, other in without.items():
-        bare = other.compute_body_wrench(rates, speeds, still) if other else None
-        whole, part = ((force, moment), calm) if other is None else (calm, bare)
-        row[f"{name}/force_N"], row[f"{name}/moment_Nm"] = whole[0] - part[0], whole[1] - part[1]
+        bare = other.compute_body_wrench(rates, speeds, still) if other else calm
+        whole = calm if other else (force, moment)
+        row[f"{name}/force_N"], row[f"{name}/moment_Nm"] = whole[0] - bare[0], whole[1] - bare[1]
     return {name: np.array(value, dtype=float) for name, value in row.items()}
 
 

@@ -6,7 +6,7 @@ diagnosis was tuned on. The limit follows from the loads that each effect made a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -193,7 +193,13 @@ def _sorties(design: Design, place: Place, gentle: float = 1.0) -> tuple[Airfram
     ]
 
 
-def _flown(craft: Airframe, sortie: Sortie, f: int, book, where) -> Flown:
+def _flown(
+    craft: Airframe,
+    sortie: Sortie,
+    f: int,
+    book: Mapping[str, np.ndarray],
+    where: Mapping[str, Sequence[int]],
+) -> Flown:
     rows = {n: v[:, :, f].astype(float) for n, v in book.items() if not n.startswith("change/")}
     plain = rows.pop("plain_speed")
     changes = {}

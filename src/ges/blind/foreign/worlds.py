@@ -79,7 +79,9 @@ def _published(name: str) -> Callable[[str, Sources], Path]:
     return lambda half, places: places.recordings / name
 
 
-def _flown(name: str, about: str, module: Any, batch: int = 1, environment=ALONE) -> World:
+def _flown(
+    name: str, about: str, module: Any, batch: int = 1, environment: Mapping[str, str] = ALONE
+) -> World:
     return World(
         name,
         about,

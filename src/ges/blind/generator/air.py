@@ -68,7 +68,12 @@ def dryden_lengths(height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def step_gusts(
-    state: np.ndarray, sigma: np.ndarray, airspeed, height, noise, dt: float
+    state: np.ndarray,
+    sigma: np.ndarray,
+    airspeed: np.ndarray,
+    height: np.ndarray,
+    noise: np.ndarray,
+    dt: float,
 ) -> np.ndarray:
     """Advance gust filters by dt; ``state`` (5, F): u, and (output, inner) of v and of w.
 
@@ -87,7 +92,14 @@ def step_gusts(
     return out
 
 
-def _second_order(y, inner, time, sigma, shock, dt):
+def _second_order(
+    y: np.ndarray,
+    inner: np.ndarray,
+    time: np.ndarray,
+    sigma: np.ndarray,
+    shock: np.ndarray,
+    dt: float,
+) -> tuple[np.ndarray, np.ndarray]:
     """H = sigma sqrt(T/pi) (1 + sqrt3 T s)/(1 + T s)^2 as y = sqrt3 x1 + (1 - sqrt3) x2, x2 lagging
     x1.
     """

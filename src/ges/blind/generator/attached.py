@@ -4,15 +4,29 @@ library.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ges.conventions import GRAVITY_M_S2
+
+if TYPE_CHECKING:
+    from ges.blind.generator.flight import Bench, State
 
 ROPE_RATE_RAD_S = 120.0
 _DOWN = np.array([[0.0], [0.0], [-GRAVITY_M_S2]])
 
 
-def slung_load(load, load_v, p, v, mass, hid, dt):
+def slung_load(
+    load: np.ndarray,
+    load_v: np.ndarray,
+    p: np.ndarray,
+    v: np.ndarray,
+    mass: np.ndarray,
+    hid: Mapping[str, np.ndarray],
+    dt: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Advance a point mass on a stiff damped rope below the CG; return (force on the vehicle, load,
     v).
 
@@ -34,7 +48,9 @@ def slung_load(load, load_v, p, v, mass, hid, dt):
     return np.where(on, share * mass * pull * line, 0.0), load, load_v
 
 
-def tether(p, under, weight_N_m, sag_m):
+def tether(
+    p: np.ndarray, under: np.ndarray, weight_N_m: np.ndarray, sag_m: np.ndarray
+) -> np.ndarray:
     """Return the world force of a cable from a winch at the origin: a catenary that touches down on
     the ground.
 
@@ -47,7 +63,7 @@ def tether(p, under, weight_N_m, sag_m):
     return np.stack([drawn * p[0], drawn * p[1], -hanging])
 
 
-def fountain_share(height, spacing, upright):
+def fountain_share(height: np.ndarray, spacing: np.ndarray, upright: np.ndarray) -> np.ndarray:
     """Return 0..1: upwash where wakes meet under the body, greatest at 0.8 rotor spacings, dying
     with tilt.
     """
@@ -55,7 +71,7 @@ def fountain_share(height, spacing, upright):
     return 2.0 * (x / 0.8) ** 2 / (1.0 + (x / 0.8) ** 4) * np.clip(upright, 0.0, 1.0) ** 8
 
 
-def patches(p, v, hid):
+def patches(p: np.ndarray, v: np.ndarray, hid: Mapping[str, np.ndarray]) -> np.ndarray:
     """Return the world force of what sits at a place: magnet, updraft column, wall."""
     dx, dy = p[0] - hid["magnet_x_m"], p[1] - hid["magnet_y_m"]
     near = np.exp(-(dx * dx + dy * dy) / hid["magnet_width_m"] ** 2)
@@ -66,7 +82,9 @@ def patches(p, v, hid):
     )
 
 
-def strangers(air_body, thrust, b, noise):
+def strangers(
+    air_body: np.ndarray, thrust: np.ndarray, b: Bench, noise: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return body force and moment: vortex-ring buffet, flapping moment, rotor interference, loose
     hatch.
     """
@@ -90,7 +108,7 @@ def strangers(air_body, thrust, b, noise):
     return force, moment
 
 
-def contact(s, r, under, b):
+def contact(s: State, r: np.ndarray, under: np.ndarray, b: Bench) -> tuple[np.ndarray, np.ndarray]:
     """Return the ground's world force (N) and angular acceleration (rad/s^2) on the
     landing gear.
     """

@@ -112,10 +112,11 @@ def hover_drag_N_s_m(craft: Airframe, s: float) -> float:
     tip = craft.hover_speed_rad_s * craft.radius_m
     disc = RHO_KG_M3 * np.pi * craft.radius_m**2
     ct = weight_N(craft) / (4.0 * disc * tip**2)
-    theta = rotor.blade_pitch(ct, s)
+    slope = np.asarray(s)
+    theta = rotor.blade_pitch(np.asarray(ct), slope)
     mu = 0.5 / tip
     return float(
-        4.0 * disc * tip**2 * rotor.inplane_coefficient(theta, s, np.sqrt(ct / 2.0), mu) / 0.5
+        4.0 * disc * tip**2 * rotor.inplane_coefficient(theta, slope, np.sqrt(ct / 2.0), mu) / 0.5
     )
 
 
@@ -128,29 +129,29 @@ def image_sum_at(craft: Airframe, x: float) -> float:
     return float((craft.radius_m**2 / 4.0 * 2.0 * h / (squares + 4.0 * h * h) ** 1.5).sum())
 
 
-def _rotor_drag(craft, level, rng):
+def _rotor_drag(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     target = _pick(level, (0.008, 0.018, 0.034), rng) * weight_N(craft)
     return {"drag_gain": target / hover_drag_N_s_m(craft, NEUTRAL["blade_s"])}
 
 
-def _parasitic_drag(craft, level, rng):
+def _parasitic_drag(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     share_at_3_m_s = _pick(level, (0.02, 0.045, 0.09), rng)
     return {"area_m2": share_at_3_m_s * weight_N(craft) / (0.5 * RHO_KG_M3 * 9.0)}
 
 
-def _axial_inflow(craft, level, rng):
+def _axial_inflow(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"axial": 1.0, "blade_s": _pick(level, (0.2, 0.45, 0.85), rng)}
 
 
-def _translational_lift(craft, level, rng):
+def _translational_lift(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"edgewise": 1.0, "blade_s": _pick(level, (0.35, 0.6, 1.0), rng)}
 
 
-def _moving_air(craft, rng):
+def _moving_air(craft: Airframe, rng: np.random.Generator) -> dict[str, float]:
     return _rotor_drag(craft, int(rng.integers(1, 3)), rng)
 
 
-def _wind(craft, level, rng):
+def _wind(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     speed = _pick(level, (1.0, 2.2, 4.5), rng)
     return _moving_air(craft, rng) | {
         "wind_m_s": speed,
@@ -158,11 +159,11 @@ def _wind(craft, level, rng):
     }
 
 
-def _gusts(craft, level, rng):
+def _gusts(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return _moving_air(craft, rng) | {"gust_m_s": _pick(level, (0.4, 0.8, 1.6), rng)}
 
 
-def _ground_effect(craft, level, rng):
+def _ground_effect(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     gain_at_one_radius = _pick(level, (0.05, 0.10, 0.20), rng)
     tip = craft.hover_speed_rad_s * craft.radius_m
     ct = weight_N(craft) / (4.0 * RHO_KG_M3 * np.pi * craft.radius_m**2 * tip**2)
@@ -172,114 +173,114 @@ def _ground_effect(craft, level, rng):
     return {"image_gain": upwash / (1.0 - min(upwash / 0.75, 0.8)) / image_sum_at(craft, 1.0)}
 
 
-def _forward_fade(craft, level, rng):
+def _forward_fade(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return _ground_effect(craft, max(level, 1), rng) | {
         "image_sweep": _pick(level, (2.0, 3.5, 6.0), rng)
     }
 
 
-def _ground_lag(craft, level, rng):
+def _ground_lag(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return _ground_effect(craft, max(level, 1), rng) | {
         "image_lag": _pick(level, (1.5, 3.5, 8.0), rng)
     }
 
 
-def _ground_moment(craft, level, rng):
+def _ground_moment(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return _ground_effect(craft, max(level, 1), rng) | {
         "image_contrast": _pick(level, (0.8, 1.6, 3.0), rng)
     }
 
 
-def _fountain(craft, level, rng):
+def _fountain(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"fountain": _pick(level, (0.025, 0.05, 0.10), rng)}
 
 
-def _battery_sag(craft, level, rng):
+def _battery_sag(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"sags": _pick(level, (0.3, 0.6, 0.95), rng, 0.05)}
 
 
-def _motor_lag(craft, level, rng):
+def _motor_lag(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"lag_gain": _pick(level, (1.5, 1.9, 2.5), rng, 0.05), "coast": rng.uniform(1.0, 1.5)}
 
 
-def _esc_delay(craft, level, rng):
+def _esc_delay(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"delay_s": _pick(level, (0.006, 0.012, 0.025), rng)}
 
 
-def _thrust_curve(craft, level, rng):
+def _thrust_curve(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"curve_droop": _pick(level, (0.08, 0.18, 0.35), rng)}
 
 
-def _saturation(craft, level, rng):
+def _saturation(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     hover_u = craft.hover_speed_rad_s / craft.true["speed"]
     return {"ceiling_u": hover_u * np.sqrt(_pick(level, (1.5, 1.35, 1.24), rng, 0.02))}
 
 
-def _weak_rotor(craft, level, rng):
+def _weak_rotor(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {
         "weak_share": _pick(level, (0.05, 0.11, 0.22), rng),
         "weak_index": float(rng.integers(4)),
     }
 
 
-def _cg_offset(craft, level, rng):
+def _cg_offset(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     x, y = _direction(rng)
     size = _pick(level, (0.02, 0.04, 0.07), rng) * craft.arm_m
     return {"cg_x_m": x * size, "cg_y_m": y * size}
 
 
-def _rotor_tilt(craft, level, rng):
+def _rotor_tilt(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     x, y = _direction(rng)
     size = np.radians(_pick(level, (0.8, 1.6, 3.0), rng))
     return {"tilt_x_rad": x * size, "tilt_y_rad": y * size}
 
 
-def _rotor_inertia(craft, level, rng):
+def _rotor_inertia(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     rate = _pick(level, (1.2, 2.5, 5.0), rng)
     return {"rotor_inertia_kg_m2": rate * craft.true["izz"] / craft.hover_speed_rad_s}
 
 
-def _slung_load(craft, level, rng):
+def _slung_load(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"load_share": _pick(level, (0.04, 0.09, 0.18), rng), "rope_m": rng.uniform(0.2, 0.45)}
 
 
-def _tether(craft, level, rng):
+def _tether(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {
         "tether_N_m": _pick(level, (0.01, 0.025, 0.05), rng) * weight_N(craft),
         "tether_sag_m": rng.uniform(0.1, 0.4),
     }
 
 
-def _thrust_scale(craft, level, rng):
+def _thrust_scale(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"thrust_error": 1.0 + _sign(rng) * _pick(level, (0.10, 0.15, 0.22), rng, 0.1)}
 
 
-def _inertia(craft, level, rng):
+def _inertia(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"inertia_error": 1.0 + _pick(level, (0.28, 0.45, 0.7), rng, 0.1)}
 
 
-def _torque(craft, level, rng):
+def _torque(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"torque_error": 1.0 + _sign(rng) * _pick(level, (0.3, 0.45, 0.6), rng, 0.1)}
 
 
-def _mapping(craft, level, rng):
+def _mapping(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return _ground_effect(craft, level, rng) | {"mapping": 0.5}
 
 
-def _range_bias(craft, level, rng):
+def _range_bias(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"range_bias_m": _sign(rng) * _pick(level, (0.03, 0.06, 0.12), rng)}
 
 
-def _range_lag(craft, level, rng):
+def _range_lag(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"range_lag_s": _pick(level, (0.06, 0.15, 0.35), rng)}
 
 
-def _time_offset(craft, level, rng):
+def _time_offset(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"time_offset_s": _sign(rng) * _pick(level, (0.015, 0.03, 0.06), rng)}
 
 
 def _bias(prefix: str, unit: str, values: tuple[float, float, float], axes: str = "xyz") -> Secret:
-    def secret(craft, level, rng):
+    def secret(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
         direction = rng.standard_normal(len(axes))
         size = _pick(level, values, rng) * direction / np.linalg.norm(direction)
         return {f"{prefix}_{a}_{unit}": float(v) for a, v in zip(axes, size, strict=True)}
@@ -287,23 +288,23 @@ def _bias(prefix: str, unit: str, values: tuple[float, float, float], axes: str 
     return secret
 
 
-def _magnet(craft, level, rng):
+def _magnet(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     x, y = rng.uniform(-1.0, 1.0, 2)
     force = _pick(level, (0.04, 0.08, 0.15), rng) * weight_N(craft)
     return {"magnet_N": force, "magnet_x_m": x, "magnet_y_m": y}
 
 
-def _wall(craft, level, rng):
+def _wall(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"wall_N": _pick(level, (0.03, 0.06, 0.12), rng) * weight_N(craft)}
 
 
-def _updraft(craft, level, rng):
+def _updraft(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     x, y = rng.uniform(-1.0, 1.0, 2)
     force = _pick(level, (0.04, 0.08, 0.15), rng) * weight_N(craft)
     return {"updraft_N": force, "magnet_x_m": x, "magnet_y_m": y}
 
 
-def _hatch(craft, level, rng):
+def _hatch(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"hatch_N": _pick(level, (0.05, 0.1, 0.2), rng) * weight_N(craft)}
 
 

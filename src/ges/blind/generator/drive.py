@@ -15,19 +15,28 @@ DROOP = 0.15
 NOMINAL = 0.92  # voltage over full at which a vehicle file states the top speed
 
 
-def linear_duty(x: np.ndarray, droop: np.ndarray) -> np.ndarray:
+def linear_duty(x: np.ndarray, droop: np.ndarray | float) -> np.ndarray:
     """Return the duty at which the full battery holds speed x: the map of a speed-linear ESC."""
     return (1.0 - droop) * x + droop * x * x
 
 
-def rate_of_lag(lag_s: np.ndarray, hover_x: np.ndarray, droop: np.ndarray) -> np.ndarray:
+def rate_of_lag(lag_s: np.ndarray, hover_x: np.ndarray, droop: np.ndarray | float) -> np.ndarray:
     """Return the rate (1/s) that makes the motor's small-signal time constant at hover
     ``lag_s``.
     """
     return 1.0 / (lag_s * ((1.0 - droop) + 2.0 * droop * hover_x))
 
 
-def step_motor(x, duty, volt_ratio, droop, rate, coast, current_limit, dt):
+def step_motor(
+    x: np.ndarray,
+    duty: np.ndarray,
+    volt_ratio: np.ndarray | float,
+    droop: np.ndarray | float,
+    rate: np.ndarray,
+    coast: np.ndarray | float,
+    current_limit: float,
+    dt: float,
+) -> tuple[np.ndarray, np.ndarray]:
     """Advance speed ratios x (4, F) by dt; return (x, current ratio).
 
     ``coast`` > 1 slows deceleration (no active braking). The quadratic is linearised over the step,
@@ -45,7 +54,16 @@ def open_circuit(charge: np.ndarray) -> np.ndarray:
     return 0.86 + 0.14 * charge - 0.12 * np.exp(-18.0 * np.maximum(charge, 0.0))
 
 
-def step_battery(charge, polar, current, resistance, polar_resistance, drain, dt, polar_time=6.0):
+def step_battery(
+    charge: np.ndarray,
+    polar: np.ndarray,
+    current: np.ndarray,
+    resistance: np.ndarray,
+    polar_resistance: np.ndarray,
+    drain: np.ndarray,
+    dt: float,
+    polar_time: float = 6.0,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Advance charge and polarisation; return (charge, polar, terminal voltage over full).
 
     Voltages over full voltage, current over the hover current, drain = charge a second at hover

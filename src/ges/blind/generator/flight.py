@@ -7,6 +7,7 @@ implicit.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -62,7 +63,7 @@ class Air:
     noise.
     """
 
-    def __init__(self, sorties: list[Sortie], steps: int):
+    def __init__(self, sorties: list[Sortie], steps: int) -> None:
         n = steps // SLOW + 2
         parts = [self._one(s, n) for s in sorties]
         self.turbulence = np.stack([p[0] for p in parts], axis=-1)
@@ -71,7 +72,7 @@ class Air:
         self.level = np.stack([p[3] for p in parts], axis=-1)
 
     @staticmethod
-    def _one(sortie: Sortie, n: int):
+    def _one(sortie: Sortie, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         rng = np.random.default_rng(sortie.seed)
         rows, level = air.turbulence(sortie.weather, n, SLOW * DT_S, rng)
         return (
@@ -82,14 +83,14 @@ class Air:
         )
 
 
-def _column(values) -> np.ndarray:
+def _column(values: Iterable[float]) -> np.ndarray:
     return np.array(list(values), dtype=float)
 
 
 class Bench:
     """The constants of all sorties as (F,) and (4, F) arrays."""
 
-    def __init__(self, sorties: list[Sortie]):
+    def __init__(self, sorties: list[Sortie]) -> None:
         crafts = [s.craft for s in sorties]
         self.hid = {k: _column({**NEUTRAL, **s.numbers}[k] for s in sorties) for k in NEUTRAL}
         self.true = {k: _column(c.true[k] for c in crafts) for k in crafts[0].true}
@@ -103,7 +104,7 @@ class Bench:
         self._rotors()
         self._drive()
 
-    def _rotors(self):
+    def _rotors(self) -> None:
         hid, true = self.hid, self.true
         self.mass = true["mass"]
         self.inertia = np.stack([true[k] for k in ("ixx", "iyy", "izz")]) * hid["inertia_error"]
@@ -121,7 +122,7 @@ class Bench:
         self.breathes = ((hid["axial"] + hid["edgewise"] + hid["image_gain"]) > 0.0).astype(float)
         self.near = np.flatnonzero((hid["image_gain"] > 0.0) | (hid["fountain"] > 0.0))
 
-    def _drive(self):
+    def _drive(self) -> None:
         hid, true = self.hid, self.true
         curve = hid["curve_droop"] > 0.0
         self.linear = ~curve
@@ -136,20 +137,20 @@ class Bench:
         self.delay = np.round(hid["delay_s"] / DT_S).astype(int)
         self.hover_current = 4.0 * self.droop * hover_x**2
 
-    def hover_command(self, volt):
+    def hover_command(self, volt: np.ndarray) -> np.ndarray:
         """Return the command (F,) that holds the hover speed at a voltage ratio."""
         duty = drive.linear_duty(self.hover_x, self.droop) / self.felt(volt)
         bend = 1.0 - self.droop
         linear = (np.sqrt(bend**2 + 4.0 * self.droop * duty) - bend) / (2.0 * self.droop)
         return np.where(self.linear, linear, duty)
 
-    def felt(self, volt):
+    def felt(self, volt: np.ndarray) -> np.ndarray:
         """Return what the motors feel of the voltage over its nominal value: 1 where speed
         controllers make up for it.
         """
         return 1.0 + self.hid["sags"] * (volt / drive.NOMINAL - 1.0)
 
-    def steady_moment(self):
+    def steady_moment(self) -> np.ndarray:
         """Return the body moment (3, F) of CG offset and weak rotor at hover with equal speeds."""
         share = self.k / self.k.sum(axis=0) * self.weight
         x, y = self.rx - self.hid["cg_x_m"], self.ry - self.hid["cg_y_m"]
@@ -160,7 +161,12 @@ class Bench:
 class State:
     """Everything that moves."""
 
-    def __init__(self, bench: Bench, sorties: list[Sortie], terrain):
+    def __init__(
+        self,
+        bench: Bench,
+        sorties: list[Sortie],
+        terrain: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    ) -> None:
         flights = len(sorties)
         first = np.stack([s.plan.reference[:, 0] for s in sorties], axis=-1)
         parked = np.array([s.plan.ground_s > 0.0 for s in sorties])
@@ -201,12 +207,12 @@ def rotation_matrix(q: np.ndarray) -> np.ndarray:
     )
 
 
-def to_world(r, a):
+def to_world(r: np.ndarray, a: np.ndarray) -> np.ndarray:
     """Rotate body vectors (3, F) into the world."""
     return r[:, 0] * a[0] + r[:, 1] * a[1] + r[:, 2] * a[2]
 
 
-def to_body(r, a):
+def to_body(r: np.ndarray, a: np.ndarray) -> np.ndarray:
     """Rotate world vectors (3, F) into the body."""
     return (r * a[:, None]).sum(axis=0)
 
@@ -231,7 +237,7 @@ def turn(q: np.ndarray, omega: np.ndarray, dt: float) -> np.ndarray:
 class Simulation:
     """Sorties of equal length flown together; ``run`` returns the truth at 250 Hz."""
 
-    def __init__(self, sorties: list[Sortie], n: int | None = None):
+    def __init__(self, sorties: list[Sortie], n: int | None = None) -> None:
         """Take the sorties; ``n`` rows at the control rate are flown, by default as the longest
         plan asks for. What is random follows from it.
         """
@@ -250,7 +256,7 @@ class Simulation:
         self.current = self.b.droop * self.s.x**2
         self.plain_x, self.plain_esc = self.s.x.copy(), self.s.esc.copy()
 
-    def _trim(self):
+    def _trim(self) -> None:
         """Begin with the rotors and integrators of a vehicle that was trimmed on flights before."""
         moment, flying = self.b.steady_moment(), self.s.x > 0.0
         self.pilot.trim(moment, self.b.hover_command(self.s.volt), self.b.declared["thrust"])
@@ -263,14 +269,16 @@ class Simulation:
         share = np.sqrt(np.maximum(square, 0.1))
         self.s.x, self.s.esc = self.s.x * share, np.where(flying, self.s.esc * share, 0.0)
 
-    def _load_terrain(self):
+    def _load_terrain(self) -> None:
         unique: dict[int, int] = {}
         order = [unique.setdefault(id(s.grid), len(unique)) for s in self.sorties]
         grids = {id(s.grid): s.grid for s in self.sorties}
         self.grids = np.stack([grids[k] for k in unique])
         self.which = np.array(order, dtype=np.intp)
 
-    def terrain(self, x, y, flights=slice(None)):
+    def terrain(
+        self, x: np.ndarray, y: np.ndarray, flights: np.ndarray | slice = slice(None)
+    ) -> np.ndarray:
         """Return terrain heights under points whose last axis is the flight."""
         return ground.height_at(self.grids, self.which[flights], x, y)
 
@@ -303,12 +311,12 @@ class Simulation:
             self._advance(force, moment)
         return book
 
-    def _while_planned(self, rows):
+    def _while_planned(self, rows: np.ndarray) -> np.ndarray:
         """Zero rows (k, n, F) after each flight's own plan has ended."""
         ends = np.array([s.plan.reference.shape[1] for s in self.sorties])
         return rows * (np.arange(rows.shape[1])[:, None] < ends)
 
-    def _control(self, ref, excite, flying, k):
+    def _control(self, ref: np.ndarray, excite: np.ndarray, flying: np.ndarray, k: int) -> None:
         s, noise = self.s, self.air.control[:, k]
         self.u = self.pilot.command(
             ref,
@@ -320,7 +328,7 @@ class Simulation:
             flying,
         )
 
-    def _slow(self, k):
+    def _slow(self, k: int) -> None:
         s, b = self.s, self.b
         self.under = self.terrain(s.p[0], s.p[1])
         height = s.p[2] - self.under
@@ -348,7 +356,7 @@ class Simulation:
         if b.near.size:
             self._ground(b.near)
 
-    def _ground(self, f):
+    def _ground(self, f: np.ndarray) -> None:
         s, b = self.s, self.b
         arms = np.stack([b.rx[:, f], b.ry[:, f], np.broadcast_to(b.rz[f], (4, len(f)))])
         rotors = s.p[:, None, f] + np.einsum("ijf,jkf->ikf", self.r[:, :, f], arms)
@@ -367,7 +375,7 @@ class Simulation:
             s.p[2, f] - self.under[f], 2.0 * np.abs(b.rx[0, f]), self.r[2, 2, f]
         )
 
-    def _motors(self, i):
+    def _motors(self, i: int) -> None:
         s, b = self.s, self.b
         slot = i % len(self.queue)
         self.queue[slot] = self.u
@@ -384,7 +392,7 @@ class Simulation:
         s.x = np.maximum(x, 0.0)
         self._plain_motors()
 
-    def _plain_motors(self):
+    def _plain_motors(self) -> None:
         """Advance motors with nothing concealed on the same commands: what the drive alone does is
         the difference.
         """
@@ -397,13 +405,13 @@ class Simulation:
             0.0,
         )
 
-    def _gain_of_ground(self):
+    def _gain_of_ground(self) -> np.ndarray:
         b = self.b
         lam = np.sqrt(b.ct / 2.0)
         full = rotor.thrust_coefficient(b.theta, b.hid["blade_s"], lam * (1.0 - self.s.image), 0.0)
         return full / b.ct - 1.0
 
-    def _loads(self):
+    def _loads(self) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
         """Return body force without gravity, moment, and what exceeds the declared kind of
         vehicle.
         """
@@ -424,13 +432,13 @@ class Simulation:
         moment = moment + shake[3:] * TURN_PER_M * self.b.inertia
         return force, moment, extra
 
-    def _moment_of(self, thrust, torque):
+    def _moment_of(self, thrust: np.ndarray, torque: np.ndarray) -> np.ndarray:
         b = self.b
         return np.stack(
             [(b.ry * thrust).sum(axis=0), -(b.rx * thrust).sum(axis=0), torque.sum(axis=0)]
         )
 
-    def _rotors(self, w, air_body):
+    def _rotors(self, w: np.ndarray, air_body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         s, b = self.s, self.b
         ex = air_body[0] - s.omega[2] * b.ry
         ey = air_body[1] + s.omega[2] * b.rx
@@ -450,7 +458,9 @@ class Simulation:
         size = b.hid["drag_gain"] * RHO_KG_M3 * b.disc * tip * tip * ch / np.maximum(edge, 1e-6)
         return np.stack([-size * ex, -size * ey]), thrust
 
-    def _sum_rotors(self, w, drag, thrust):
+    def _sum_rotors(
+        self, w: np.ndarray, drag: np.ndarray, thrust: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         b = self.b
         fx = drag[0] + b.hid["tilt_x_rad"] * thrust
         fy = drag[1] + b.hid["tilt_y_rad"] * thrust
@@ -466,7 +476,9 @@ class Simulation:
         )
         return force, moment
 
-    def _extras(self, w, thrust, air_body):
+    def _extras(
+        self, w: np.ndarray, thrust: np.ndarray, air_body: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return body force and moment of all that is not the rotors."""
         s, b = self.s, self.b
         speed = np.sqrt((air_body * air_body).sum(axis=0))
@@ -484,7 +496,7 @@ class Simulation:
         more, moment = attached.strangers(air_body, thrust, b, self.buffet)
         return force + more, moment
 
-    def _advance(self, force, moment):
+    def _advance(self, force: np.ndarray, moment: np.ndarray) -> None:
         s, b = self.s, self.b
         push, level = attached.contact(s, self.r, self.under, b)
         v = s.v + DT_S * (
@@ -503,7 +515,13 @@ class Simulation:
         s.omega = s.omega + DT_S * ((moment - cross) / b.inertia + level)
         s.q = turn(s.q, s.omega, DT_S)
 
-    def _write(self, book, k, force, extra):
+    def _write(
+        self,
+        book: Mapping[str, np.ndarray],
+        k: int,
+        force: np.ndarray,
+        extra: tuple[np.ndarray, np.ndarray],
+    ) -> None:
         s, b = self.s, self.b
         push, _ = attached.contact(s, self.r, self.under, b)
         felt = (force + to_body(self.r, push)) / b.mass

@@ -4,12 +4,13 @@ it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ges.blind.generator import concealed
-from ges.blind.generator.airframe import CLASSES
+from ges.blind.generator.airframe import CLASSES, Airframe
 from ges.blind.generator.concealed import (
     COMPANIONS,
     EVERY,
@@ -130,10 +131,15 @@ def specs(grid: str, seed: int) -> list[Spec]:
         category: [str(s) for s in rng.permutation(list(CLASSES))]
         for category in COMPOSITIONS[grid]
     }
-    return [_spec(i, *kinds[j], sizes[kinds[j][0]], rng) for i, j in enumerate(order)]
+    return [
+        _spec(i, category, k, sizes[category], rng)
+        for i, (category, k) in enumerate(kinds[j] for j in order)
+    ]
 
 
-def _spec(index, category, k, sizes, rng) -> Spec:
+def _spec(
+    index: int, category: str, k: int, sizes: Sequence[str], rng: np.random.Generator
+) -> Spec:
     size = sizes[(k // 3 + k) % 6]
     if category == "null":
         return Spec(
@@ -144,16 +150,16 @@ def _spec(index, category, k, sizes, rng) -> Spec:
         )
     if category == "confounded":
         turn, design = divmod(k, len(CONFOUNDED))
-        menu, names, speeds = CONFOUNDED[design]
-        name = names[turn % len(names)]
-        rivals = tuple(n for n in names if n != name)
+        menu, alike, speeds = CONFOUNDED[design]
+        name = alike[turn % len(alike)]
+        rivals = tuple(n for n in alike if n != name)
         return Spec(
             index, category, (name,), (2,), sizes[k % 6], menu, rivals, {"rotor_speeds": speeds}
         )
     if category in ("pair", "triple"):
-        names = _mixture(2 if category == "pair" else 3, rng)
+        several = _mixture(2 if category == "pair" else 3, rng)
         return Spec(
-            index, category, names, tuple(int(v) for v in rng.integers(0, 3, len(names))), size
+            index, category, several, tuple(int(v) for v in rng.integers(0, 3, len(several))), size
         )
     names = list(
         {"single": PHYSICS, "unknown": STRANGER, "parameter": PARAMETER, "sensor": SENSOR}[category]
@@ -164,7 +170,7 @@ def _spec(index, category, k, sizes, rng) -> Spec:
     )
 
 
-def _mixture(n, rng) -> tuple[str, ...]:
+def _mixture(n: int, rng: np.random.Generator) -> tuple[str, ...]:
     groups = rng.choice(len(GROUPS), n, replace=False)
     return tuple(str(rng.choice(GROUPS[g])) for g in groups)
 
@@ -219,7 +225,9 @@ def draw_circumstances(spec: Spec, grid: str, seed: int) -> Circumstances:
     )
 
 
-def draw_numbers(spec: Spec, craft, seed: int, attempt: int) -> dict[str, dict[str, float]]:
+def draw_numbers(
+    spec: Spec, craft: Airframe, seed: int, attempt: int
+) -> dict[str, dict[str, float]]:
     """Return the physical numbers of each concealed effect."""
     rng = np.random.default_rng([seed, spec.index, 2, attempt])
     pairs = zip(spec.names, spec.levels, strict=True)
@@ -248,7 +256,7 @@ def _place(name: str, numbers: dict[str, float]) -> dict[str, str]:
     return {"place": f"rotor {int(numbers['weak_index']) + 1}"} if name == "weak_rotor" else {}
 
 
-def with_companions(names) -> list[str]:
+def with_companions(names: Sequence[str]) -> list[str]:
     """Return concealed names, each after what it needs to act on."""
     out: list[str] = []
     for name in names:
@@ -256,7 +264,7 @@ def with_companions(names) -> list[str]:
     return out
 
 
-def _also(spec, names, terrain) -> list[list[str]]:
+def _also(spec: Spec, names: Sequence[str], terrain: str) -> list[list[str]]:
     """Return the other answers that are right: the air or mapping alone, a ledge's partial ground
     effect.
     """

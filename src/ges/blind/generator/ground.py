@@ -8,6 +8,8 @@ law.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 HALF_SIZE_M = 8.0
@@ -68,7 +70,12 @@ def rays(rings: int = 5, spokes: int = 6) -> np.ndarray:
 RAYS = rays()
 
 
-def image_fraction(rotor: np.ndarray, radius: np.ndarray, ground, sweep: np.ndarray) -> np.ndarray:
+def image_fraction(
+    rotor: np.ndarray,
+    radius: np.ndarray,
+    ground: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    sweep: np.ndarray,
+) -> np.ndarray:
     """Return (4, F): upwash of the ground sources at every rotor over its induced velocity.
 
     Parameters
@@ -86,7 +93,9 @@ def image_fraction(rotor: np.ndarray, radius: np.ndarray, ground, sweep: np.ndar
     return _upwash(rotor, radius, x, y, z)
 
 
-def _upwash(rotor, radius, x, y, z):
+def _upwash(
+    rotor: np.ndarray, radius: np.ndarray, x: np.ndarray, y: np.ndarray, z: np.ndarray
+) -> np.ndarray:
     strength = radius**2 / (4.0 * RAYS.shape[1])
     dz = np.maximum(rotor[2][:, None, None] - z, 0.2 * radius)
     square = (rotor[0][:, None, None] - x) ** 2 + (rotor[1][:, None, None] - y) ** 2 + dz * dz

@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
@@ -87,7 +88,7 @@ def make_cases(
     grid: str,
     processes: int = 1,
     tell: Callable[[int, int], None] = lambda *_: None,
-):
+) -> int:
     """Write ``out/cases`` and the sealed truth; return the number of cases. Interrupted, it goes on
     with the next batch.
 
@@ -145,7 +146,12 @@ def _sealed(out: Path, spec: Spec, grid: str, seed: int) -> bool:
     return (out / "sealed" / f"{draw_circumstances(spec, grid, seed).identity}.json").exists()
 
 
-def _spread(batches, out, grid, seed, processes) -> Iterator[int]:
+_Job = tuple[Sequence[Spec], Path, str, int]
+
+
+def _spread(
+    batches: Sequence[Sequence[Spec]], out: Path, grid: str, seed: int, processes: int
+) -> Iterator[int]:
     jobs = [(b, out, grid, seed) for b in batches]
     if processes == 1:
         yield from map(_make_batch, jobs)
@@ -154,7 +160,7 @@ def _spread(batches, out, grid, seed, processes) -> Iterator[int]:
         yield from pool.map(_make_batch, jobs)
 
 
-def _make_batch(job) -> int:
+def _make_batch(job: _Job) -> int:
     batch, out, grid, seed = job
     fly_batch(batch, out, seed, lambda spec, attempt: draw_case(spec, grid, seed, attempt))
     return len(batch)
@@ -215,7 +221,15 @@ def draw_case(spec: Spec, grid: str, seed: int, attempt: int = 0) -> Case:
     return Case(spec, around, craft, numbers, z, sorties)
 
 
-def _sortie(f, around, craft, numbers, z, stream, gentle: float) -> Sortie:
+def _sortie(
+    f: int,
+    around: Circumstances,
+    craft: Airframe,
+    numbers: dict[str, float],
+    z: np.ndarray,
+    stream: list[int],
+    gentle: float,
+) -> Sortie:
     rng = np.random.default_rng(stream)
     low = max(1.3 * craft.radius_m, 0.6 * craft.radius_m + 0.04)
     pace = gentle * float(np.clip(np.sqrt(craft.radius_m / 0.06), 0.7, 1.25))
@@ -226,11 +240,11 @@ def _sortie(f, around, craft, numbers, z, stream, gentle: float) -> Sortie:
     return Sortie(craft, numbers, plan, z, around.charge[f], turbulence, int(rng.integers(2**62)))
 
 
-def _slice(book, k) -> list[dict[str, np.ndarray]]:
+def _slice(book: Mapping[str, np.ndarray], k: int) -> list[dict[str, np.ndarray]]:
     return [{n: v[:, :, k * FLIGHTS + f] for n, v in book.items()} for f in range(FLIGHTS)]
 
 
-def _flew(case: Case, flights) -> bool:
+def _flew(case: Case, flights: Sequence[Mapping[str, np.ndarray]]) -> bool:
     """Say whether every flight stayed up and near its references."""
     for sortie, flight in zip(case.sorties, flights, strict=True):
         n = sortie.plan.reference.shape[1]
@@ -241,7 +255,9 @@ def _flew(case: Case, flights) -> bool:
     return True
 
 
-def _write_case(case: Case, flights, limit: dict, out: Path, seed: int) -> None:
+def _write_case(
+    case: Case, flights: Sequence[Mapping[str, np.ndarray]], limit: dict, out: Path, seed: int
+) -> None:
     identity = case.around.identity
     final, folder = out / "cases" / identity, out / "cases" / f".{identity}"
     for left in (final, folder):
@@ -265,7 +281,7 @@ def _write_case(case: Case, flights, limit: dict, out: Path, seed: int) -> None:
     _write_truth(case, flights, limit, out / "sealed" / identity)
 
 
-def _terrain_entry(case: Case, folder: Path, rng) -> dict:
+def _terrain_entry(case: Case, folder: Path, rng: np.random.Generator) -> dict:
     """Write the case's map, with a survey error of some millimetres, and return its entry."""
     if case.around.terrain == "flat":
         return {"kind": "flat", "z_m": 0.0}
@@ -279,7 +295,9 @@ def _terrain_entry(case: Case, folder: Path, rng) -> dict:
     return {"kind": "grid", "file": "terrain.npz"}
 
 
-def _write_truth(case: Case, flights, limit: dict, stem: Path) -> None:
+def _write_truth(
+    case: Case, flights: Sequence[Mapping[str, np.ndarray]], limit: dict, stem: Path
+) -> None:
     content = truth(case.spec, case.numbers, case.around.terrain)
     content |= seen_channels(case, flights)
     content["situation"] = {
@@ -298,15 +316,16 @@ def _write_truth(case: Case, flights, limit: dict, stem: Path) -> None:
         "battery_V": case.craft.battery_V,
     }
     if not case.world:
-        np.savez_compressed(stem.with_suffix(".npz"), **_witness(case, flights))
+        witness: dict[str, Any] = _witness(case, flights)
+        np.savez_compressed(stem.with_suffix(".npz"), **witness)
     write_json(stem.with_suffix(".json"), content)
 
 
-def _witness(case: Case, flights) -> dict[str, np.ndarray]:
+def _witness(case: Case, flights: Sequence[Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
     """Return what the oracle is told: states and extra loads at 25 Hz, the drive at 125 Hz where it
     is concerned.
     """
-    kept = {}
+    kept: dict[str, np.ndarray] = {}
     for k, flight in enumerate(flights, 1):
         spin_up = np.gradient(flight["rotor_speed"], CONTROL_DT_S, axis=0)
         slow = {name: flight[name] for name in WITNESSED} | {"rotor_acceleration": spin_up}

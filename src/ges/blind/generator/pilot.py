@@ -4,6 +4,8 @@ abreast.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ges.conventions import GRAVITY_M_S2
@@ -18,7 +20,15 @@ class Pilot:
     rotor_x, rotor_y, spin : (4, F) geometry; lag_s : (F,) the response it was tuned for.
     """
 
-    def __init__(self, declared, rotor_x, rotor_y, spin, lag_s, dt):
+    def __init__(
+        self,
+        declared: Mapping[str, np.ndarray],
+        rotor_x: np.ndarray,
+        rotor_y: np.ndarray,
+        spin: np.ndarray,
+        lag_s: np.ndarray,
+        dt: float,
+    ) -> None:
         self.mass, self.speed, self.dt = declared["mass"], declared["speed"], dt
         self.inertia = np.stack([declared[k] for k in ("ixx", "iyy", "izz")])
         k, q = declared["thrust"], declared["torque"]
@@ -34,7 +44,7 @@ class Pilot:
         self.sum_rate = np.zeros_like(self.k_pos)
         self.gain = np.stack([self.k_rate, self.k_rate, 0.6 * self.k_rate])
 
-    def trim(self, moment, hover_u, thrust_coefficient):
+    def trim(self, moment: np.ndarray, hover_u: np.ndarray, thrust_coefficient: np.ndarray) -> None:
         """Start as a vehicle trimmed on flights before: it holds a body moment (3, F) and its hover
         command.
         """
@@ -42,7 +52,16 @@ class Pilot:
         lift = 4.0 * thrust_coefficient * (hover_u * self.speed) ** 2 / self.mass
         self.sum_pos[2] = (lift - GRAVITY_M_S2) / (0.25 * self.k_vel[2] * self.k_pos[2])
 
-    def command(self, ref, excite, p, v, rotation, omega, flying):
+    def command(
+        self,
+        ref: np.ndarray,
+        excite: np.ndarray,
+        p: np.ndarray,
+        v: np.ndarray,
+        rotation: np.ndarray,
+        omega: np.ndarray,
+        flying: np.ndarray,
+    ) -> np.ndarray:
         """Return normalised speed commands (4, F) for references (11, F) and a measured state."""
         error = ref[0:3] - p
         self.sum_pos = np.clip(self.sum_pos + self.dt * flying * error, -6.0, 6.0)

@@ -57,17 +57,23 @@ def _hold(t: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.asarray(values, dtype=float)[index]
 
 
-def _track(t, x, y, z, yaw) -> np.ndarray:
+def _track(
+    t: np.ndarray,
+    x: np.ndarray | float,
+    y: np.ndarray | float,
+    z: np.ndarray | float,
+    yaw: np.ndarray | float,
+) -> np.ndarray:
     return np.stack([np.broadcast_to(v, t.shape).astype(float) for v in (x, y, z, yaw)])
 
 
-def _under(room, x, y) -> np.ndarray:
+def _under(room: Room, x: np.ndarray | float, y: np.ndarray | float) -> np.ndarray:
     """Return the ground under a track, smoothed."""
     x, y = np.broadcast_arrays(x, y)
     return _smooth(height_at(room.grid[None], np.zeros(len(x), np.intp), x, y), 0.5)
 
 
-def staircase(room, rng):
+def staircase(room: Room, rng: np.random.Generator) -> np.ndarray:
     """Heights from six radii down to the lowest and up again, drifting slowly, turning between
     holds.
     """
@@ -78,7 +84,7 @@ def staircase(room, rng):
     return _track(t, drift, aside, z, _hold(t, np.cumsum(rng.uniform(-1.2, 1.2, 4))))
 
 
-def runs(room, rng):
+def runs(room: Room, rng: np.random.Generator) -> np.ndarray:
     """Out-and-back runs of growing speed along one heading, high above the ground, nose turned
     between.
     """
@@ -91,7 +97,7 @@ def runs(room, rng):
     )
 
 
-def climbs(room, rng):
+def climbs(room: Room, rng: np.random.Generator) -> np.ndarray:
     """Climbs and descents at 0.5 to 1.8 m/s, with the yaw going round once."""
     t = _clock(room)
     rates = np.array([0.5, -0.5, 1.0, -1.0, 1.8, -1.8, 1.0, -1.0]) * min(room.pace, 1.0)
@@ -106,7 +112,7 @@ def climbs(room, rng):
     )
 
 
-def low_runs(room, rng):
+def low_runs(room: Room, rng: np.random.Generator) -> np.ndarray:
     """Runs of growing speed, 0.5 to 2.6 m/s, close to the ground, following it."""
     t = _clock(room)
     heading = rng.uniform(-0.5, 0.5) + rng.choice([0.0, np.pi])
@@ -126,7 +132,7 @@ def _out_and_back(t: np.ndarray, speeds: np.ndarray) -> np.ndarray:
     return np.clip(along - along.mean(), -REACH_M, REACH_M)
 
 
-def mixed(room, rng):
+def mixed(room: Room, rng: np.random.Generator) -> np.ndarray:
     """Circles, a hover turned once around, and quick steps in every axis."""
     t = _clock(room)
     third = t[-1] / 3.0
@@ -146,7 +152,7 @@ def _square(t: np.ndarray, period: float) -> np.ndarray:
 
 
 def _still(height: Callable[[Room], float]) -> Manoeuvre:
-    def hover(room, rng):
+    def hover(room: Room, rng: np.random.Generator) -> np.ndarray:
         t = _clock(room)
         return _track(t, 0.0, 0.0, _under(room, 0.0 * t, 0.0) + height(room), 0.3)
 
@@ -157,7 +163,7 @@ hover_low = _still(lambda room: 1.3 * room.low_m)
 hover_high = _still(lambda room: 8.0 * room.radius_m + 0.8)
 
 
-def one_speed(room, rng):
+def one_speed(room: Room, rng: np.random.Generator) -> np.ndarray:
     """One speed out and back on one line at one height and heading."""
     t = _clock(room)
     leg = 6.0

@@ -18,19 +18,31 @@ def blade_pitch(thrust_coefficient: np.ndarray, s: np.ndarray) -> np.ndarray:
     return 6.0 * (thrust_coefficient / s + lam / 4.0)
 
 
-def thrust_coefficient(theta, s, lam, mu):
+def thrust_coefficient(
+    theta: np.ndarray, s: np.ndarray, lam: np.ndarray, mu: np.ndarray | float
+) -> np.ndarray:
     """Return C_T of the blade element rotor."""
     return s * (theta * (1.0 / 6.0 + 0.25 * mu * mu) - 0.25 * lam)
 
 
-def inplane_coefficient(theta, s, lam, mu):
+def inplane_coefficient(
+    theta: np.ndarray, s: np.ndarray, lam: np.ndarray, mu: np.ndarray | float
+) -> np.ndarray:
     """Return C_H, the in-plane force against the edgewise air, with flapping tilt of the disc."""
     hub = s * mu * (0.25 * PROFILE_DRAG_OVER_LIFT_SLOPE + 0.25 * lam * theta)
     flap = (8.0 / 3.0 * theta - 2.0 * lam) * mu / (1.0 - 0.5 * mu * mu)
     return hub + flap * thrust_coefficient(theta, s, lam, mu)
 
 
-def step_inflow(v_i, thrust, edge, axial, radius, rho, dt):
+def step_inflow(
+    v_i: np.ndarray,
+    thrust: np.ndarray,
+    edge: np.ndarray,
+    axial: np.ndarray,
+    radius: np.ndarray,
+    rho: float,
+    dt: float,
+) -> np.ndarray:
     """Advance the induced velocity (m/s) by dt: (8/3) rho R^3 dv/dt + 2 rho A U v = T, implicit in
     v.
 
@@ -43,7 +55,15 @@ def step_inflow(v_i, thrust, edge, axial, radius, rho, dt):
     return (v_i + dt * np.maximum(thrust, 0.0) / apparent) / (1.0 + dt * flow / apparent)
 
 
-def heave_damping_1_s(s, ct, radius, tip_speed, mass, rho, rotors=4):
+def heave_damping_1_s(
+    s: np.ndarray,
+    ct: np.ndarray,
+    radius: np.ndarray,
+    tip_speed: np.ndarray,
+    mass: np.ndarray,
+    rho: float,
+    rotors: int = 4,
+) -> np.ndarray:
     """Return Z_w of the hovering vehicle (Bramwell; Padfield): the check on blade_pitch
     and inflow.
     """

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
-from ges.blind.generator.flight import rotation_matrix, to_world
+from ges.blind.generator.flight import Sortie, rotation_matrix, to_world
 from ges.blind.generator.ground import height_at
 from ges.blind.generator.plan import CONTROL_DT_S
 from ges.blind.noise import Noise, coloured
@@ -59,8 +60,12 @@ class Recorder:
     """Turns one flight's truth into a logged flight."""
 
     def __init__(
-        self, truth: dict[str, np.ndarray], sortie, logging: Logging, rng: np.random.Generator
-    ):
+        self,
+        truth: Mapping[str, np.ndarray],
+        sortie: Sortie,
+        logging: Logging,
+        rng: np.random.Generator,
+    ) -> None:
         self.truth, self.sortie, self.log, self.rng = truth, sortie, logging, rng
         self.n = len(truth["p"])
         self.clock = np.arange(self.n) * CONTROL_DT_S
@@ -91,15 +96,15 @@ class Recorder:
             )
         return np.stack([np.interp(self.t - shift, self.clock, row) for row in rows])
 
-    def _noise(self, shape, size: float) -> np.ndarray:
+    def _noise(self, shape: int | tuple[int, ...], size: float) -> np.ndarray:
         return size * self.log.scale * self.rng.standard_normal(shape)
 
-    def _drift(self, shape, drift: tuple[float, float]) -> np.ndarray:
+    def _drift(self, shape: tuple[int, int], drift: tuple[float, float]) -> np.ndarray:
         size, time_s = drift
         drawn = coloured(shape, 1.0 / self.log.rate_hz, time_s, self.rng)
         return size * self.log.scale * drawn
 
-    def _pose(self):
+    def _pose(self) -> dict[str, np.ndarray]:
         late = self.hid["time_offset_s"]
         n = len(self.t)
         p = self._at("p", late) + self._noise((3, n), ORDINARY.position_m)
@@ -120,7 +125,7 @@ class Recorder:
         named |= dict(zip(VELOCITY, _quantise(v, 1e-3), strict=True))
         return named | dict(zip(QUATERNION, _quantise(q, 1e-5), strict=True))
 
-    def _inertial(self):
+    def _inertial(self) -> dict[str, np.ndarray]:
         n = len(self.t)
         tone, scale = self._vibration(), self.log.scale
         gyro = (
@@ -141,7 +146,7 @@ class Recorder:
         named = dict(zip(BODY_RATE, _quantise(gyro, 0.00106), strict=True))
         return named | dict(zip(SPECIFIC_FORCE, _quantise(acc, 0.0048), strict=True))
 
-    def _vibration(self):
+    def _vibration(self) -> np.ndarray:
         """Once-per-revolution tones of the four rotors as the sampling folds them down, (3, n)."""
         speed = self.truth["rotor_speed"]
         phase = np.cumsum(speed, axis=0) * CONTROL_DT_S
@@ -154,7 +159,7 @@ class Recorder:
             out += size * np.sin(turned + start)
         return 0.5 * out
 
-    def _drive(self):
+    def _drive(self) -> dict[str, np.ndarray]:
         n = len(self.t)
         named = dict(zip(COMMAND, _quantise(np.clip(self._held("u"), 0.0, 1.0), 1e-4), strict=True))
         if self.log.rotor_speeds:
@@ -174,12 +179,12 @@ class Recorder:
             named |= dict(zip(MOTOR_CURRENT, _quantise(each, 0.005), strict=True))
         return named
 
-    def _held(self, name):
+    def _held(self, name: str) -> np.ndarray:
         """Return the value last written before each sample: commands are steps, not lines."""
         index = np.clip((self.t / CONTROL_DT_S).astype(int), 0, self.n - 1)
         return self.truth[name][index].T
 
-    def _range(self):
+    def _range(self) -> dict[str, np.ndarray]:
         n = len(self.t)
         reading = self._cone()
         if self.hid["range_lag_s"]:
@@ -197,7 +202,7 @@ class Recorder:
             )
         return named
 
-    def _cone(self):
+    def _cone(self) -> np.ndarray:
         """Return slant range (n,) averaged over the cone's footprint, along body -z."""
         r = rotation_matrix(self.truth["q"].T)
         p, grid = self.truth["p"].T, self.sortie.grid[None]
@@ -211,7 +216,7 @@ class Recorder:
             total += _march(p, beam / np.linalg.norm(beam, axis=0), grid)
         return np.maximum(total / len(pattern), 0.0)
 
-    def _asked(self):
+    def _asked(self) -> dict[str, np.ndarray]:
         if not self.log.references:
             return {}
         k = np.clip((self.t / CONTROL_DT_S).astype(int), 0, self.n - 1)
@@ -237,7 +242,7 @@ _SENSOR_NUMBERS = (
 )
 
 
-def _march(p, beam, grid):
+def _march(p: np.ndarray, beam: np.ndarray, grid: np.ndarray) -> np.ndarray:
     """Return the distance along unit beams (3, n) to the terrain, by four fixed-point steps."""
     down = np.maximum(-beam[2], 0.2)
     zero = np.zeros(p.shape[1], np.intp)
@@ -248,14 +253,14 @@ def _march(p, beam, grid):
     return distance
 
 
-def lagged(y, lag_s, dt):
+def lagged(y: np.ndarray, lag_s: float, dt: float) -> np.ndarray:
     from scipy.signal import lfilter
 
     keep = np.exp(-dt / lag_s)
     return lfilter([1.0 - keep], [1.0, -keep], y, zi=[keep * y[0]])[0]
 
 
-def _tilt(q, small):
+def _tilt(q: np.ndarray, small: np.ndarray) -> np.ndarray:
     """Multiply attitudes (4, n) by small body rotations (3, n)."""
     w, x, y, z = q
     a, b, c = 0.5 * small
@@ -270,5 +275,5 @@ def _tilt(q, small):
     return out / np.linalg.norm(out, axis=0)
 
 
-def _quantise(y, step):
+def _quantise(y: np.ndarray, step: float) -> np.ndarray:
     return np.round(y / step) * step

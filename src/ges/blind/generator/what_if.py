@@ -48,7 +48,7 @@ METHOD = "loads and rotor speeds along the path, flown again without each effect
 class Replay(Simulation):
     """Sorties along recorded states; ``run`` returns loads and the rotor speeds of the drive."""
 
-    def __init__(self, sorties: list[Sortie], book: Mapping[str, np.ndarray]):
+    def __init__(self, sorties: list[Sortie], book: Mapping[str, np.ndarray]) -> None:
         super().__init__(sorties, len(book["p"]))
         self.book = book
 
@@ -102,7 +102,9 @@ def detectable_of(cases: Sequence[Case], books: Sequence[Flights]) -> list[dict]
     return found
 
 
-def _flown(sortie: Sortie, flight: Mapping[str, np.ndarray], changes: Mapping[str, Change]):
+def _flown(
+    sortie: Sortie, flight: Mapping[str, np.ndarray], changes: Mapping[str, Change]
+) -> Flown:
     n = sortie.plan.reference.shape[1]
     scales = [(share * sortie.turbulence, time) for share, time in sortie.weather.scales]
     level = None if sortie.weather.usual else flight["level"][:n, 0]

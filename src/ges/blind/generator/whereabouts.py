@@ -4,6 +4,9 @@ turbulence.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ges.blind.generator.concealed import SENSOR
@@ -11,13 +14,16 @@ from ges.blind.generator.flight import TURN_PER_M
 from ges.blind.generator.plan import CONTROL_DT_S
 from ges.conventions import AXES
 
+if TYPE_CHECKING:
+    from ges.blind.generator.make import Case
+
 TRUTH_STEP = 10
 FAST_STEP = 2
 DRIVE_ERROR = 0.01
 TRACE = 0.1
 
 
-def seen_channels(case, flights) -> dict[str, list[str]]:
+def seen_channels(case: Case, flights: Sequence[Mapping[str, np.ndarray]]) -> dict[str, list[str]]:
     """Return the channels to be located, and those that it would be no mistake to locate.
 
     ``located``: RMS of force or moment over all flights above the turbulence's, or rotor speeds
@@ -35,7 +41,7 @@ def seen_channels(case, flights) -> dict[str, list[str]]:
     }
 
 
-def _strength(case, flights) -> dict[str, float]:
+def _strength(case: Case, flights: Sequence[Mapping[str, np.ndarray]]) -> dict[str, float]:
     """Return RMS over what counts as seen, a channel."""
     aloft = [f["p"][:, 2] - f["ground"][:, 0] > 0.6 * case.craft.radius_m for f in flights]
     speeds = case.around.logging.rotor_speeds
@@ -59,7 +65,7 @@ def _rms(rows: np.ndarray) -> np.ndarray:
     return np.sqrt(np.mean(np.square(rows), axis=0))
 
 
-def _loads(case, flight, through_drive: bool) -> np.ndarray:
+def _loads(case: Case, flight: Mapping[str, np.ndarray], through_drive: bool) -> np.ndarray:
     """Return (n, 6) body force and moment that nothing declared explains."""
     true, numbers = case.craft.true, case.sorties[0].numbers
     inertia = np.array([true["ixx"], true["iyy"], true["izz"]])
@@ -71,7 +77,7 @@ def _loads(case, flight, through_drive: bool) -> np.ndarray:
     return out
 
 
-def _thrust_difference(case, flight) -> np.ndarray:
+def _thrust_difference(case: Case, flight: Mapping[str, np.ndarray]) -> np.ndarray:
     """Return (n, 4): thrust and moments that motors with nothing concealed would not have given."""
     craft, true = case.craft, case.craft.true
     square = flight["rotor_speed"] ** 2 - flight["plain_speed"] ** 2

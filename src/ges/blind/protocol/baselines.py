@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ges.blind.protocol import arithmetic
-from ges.diagnose.design.system import Column, System, build
+from ges.diagnose.design.system import Column, System, build, nuisance_of, variant_of
 from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.channels import UNITS
 from ges.diagnose.prepare.gate import pass_gate
@@ -81,7 +81,8 @@ def prepare(recordings: RecordingSet) -> Problem:
     gate = pass_gate(frames, model)
     train, held = split([digest(f) for f in frames], gate.usable(), None)
     variants = [c.variants[0] for c in library(model).values() if not c.carriers]
-    parts = [build([gate.flights[i] for i in part], model, variants) for part in (train, held)]
+    used = {i: f for i, f in enumerate(gate.flights) if f}
+    parts = [build([used[i] for i in part], model, variants) for part in (train, held)]
     first = parts[0]
     if parts[1].names != first.names:
         raise GesError(
@@ -116,17 +117,13 @@ def prepare(recordings: RecordingSet) -> Problem:
 
 def _stack(system: System, scale: np.ndarray, free: np.ndarray) -> Rows:
     parts = []
-    for number, flight in enumerate(system.flights):
-        m, c = flight.y.shape
-        states = np.stack(
-            [v[flight.windows.center] for v in flight.flight.columns.values()], axis=1
-        )
+    for number, rows in enumerate(system.flights):
+        m, c = rows.y.shape
+        states = np.stack([v[rows.windows.center] for v in rows.flight.columns.values()], axis=1)
         channel = np.tile(np.arange(c), m)
         every = np.arange(len(system.columns))
-        x = np.stack([flight.x.of(i, every) / scale[i] for i in range(c)], axis=1).reshape(
-            m * c, -1
-        )
-        y = (flight.y / scale).ravel()
+        x = np.stack([rows.x.of(i, every) / scale[i] for i in range(c)], axis=1).reshape(m * c, -1)
+        y = (rows.y / scale).ravel()
         good = np.isfinite(y)
         parts.append((y, x, np.repeat(states, c, axis=0), channel, np.full(m * c, number), good))
     width = min(p[2].shape[1] for p in parts)
@@ -145,7 +142,9 @@ def stepwise(problem: Problem) -> Answer:
     """Forward selection at p < 0.05, rows taken as independent."""
     from scipy.stats import t as student
 
-    rows, kept, claims = problem.train, [], {}
+    rows = problem.train
+    kept: list[int] = []
+    claims: dict[str, Claim] = {}
     x, y = rows.x.copy(), rows.y.copy()
     while len(kept) < MOST_TERMS:
         norm = np.linalg.norm(x, axis=0)
@@ -159,7 +158,9 @@ def stepwise(problem: Problem) -> Answer:
         if not p_value < P_VALUE:
             break
         kept.append(best)
-        claims.setdefault(problem.candidates[best].variant.effect, Claim(1.0 - p_value, statistic))
+        claims.setdefault(
+            variant_of(problem.candidates[best]).effect, Claim(1.0 - p_value, statistic)
+        )
         unit = x[:, best] / norm[best]
         x, y = x - np.outer(unit, unit @ x), y - unit * (unit @ y)
     beta = np.linalg.lstsq(rows.x[:, kept], rows.y, rcond=None)[0] if kept else np.zeros(0)
@@ -200,7 +201,7 @@ def sindy(problem: Problem) -> Answer:
         )
     claims: dict[str, Claim] = {}
     for k in sorted(np.flatnonzero(beta), key=lambda k: -abs(beta[k]) * size[k]):
-        name = problem.candidates[k].variant.effect
+        name = variant_of(problem.candidates[k]).effect
         claims.setdefault(name, Claim(1.0, float(abs(beta[k]) * size[k])))
     return claims, lambda r: r.x @ beta
 
@@ -213,7 +214,7 @@ def parameters(problem: Problem) -> Answer:
     beta, *_ = np.linalg.lstsq(rows.nuisance, rows.raw, rcond=None)
     claims: dict[str, Claim] = {}
     for column, value in zip(problem.nuisances, beta, strict=True):
-        n = column.nuisance
+        n = nuisance_of(column)
         outside = float(abs(value) / max(n.sd, n.flight_sd))
         if n.effect != "vehicle" and outside > OUTSIDE_SD:
             before = claims.get(n.effect, Claim(1.0, 0.0)).statistic

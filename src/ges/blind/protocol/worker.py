@@ -34,7 +34,7 @@ def main(case: Path, out: Path, options: dict) -> int:
 
 
 def _diagnose(case: Path, out: Path, options: dict) -> float:
-    import ges.diagnose
+    from ges.diagnose import pipeline
     from ges.diagnose.settings import using
     from ges.files import write_json
     from ges.recordings.recording import load_set
@@ -47,7 +47,7 @@ def _diagnose(case: Path, out: Path, options: dict) -> float:
         write_json(out / "diagnosis.json", diagnose(load_set(case), options["baseline"]))
         return time.perf_counter() - start
     with using(options.get("set", {})):
-        found = ges.diagnose(load_set(case))
+        found = pipeline.diagnose(load_set(case))
     seconds = time.perf_counter() - start
     write_json(out / "diagnosis.json", found.content())
     save_vehicle(found.vehicle, out / "vehicle.fitted.yaml")

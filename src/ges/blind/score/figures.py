@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from ges.study.figures import style
 
@@ -43,7 +44,7 @@ def draw_all(out: Path, tables: Mapping[str, pd.DataFrame]) -> None:
         )
 
 
-def draw_nothing():
+def draw_nothing() -> Figure:
     """What stands in the place of a figure that no case has anything to show in."""
     figure, axes = style.subplots(height=0.8)
     axes.set_axis_off()
@@ -55,7 +56,7 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def draw_confusion(table: pd.DataFrame):
+def draw_confusion(table: pd.DataFrame) -> Figure:
     """Share of the cases of each row that got each answer."""
     rows = [
         *sorted(r for r in set(table["concealed"]) if r not in _GROUPS),
@@ -94,7 +95,7 @@ def draw_confusion(table: pd.DataFrame):
 _GROUPS = ("pair", "triple", "confounded", "null")
 
 
-def draw_detection(table: pd.DataFrame):
+def draw_detection(table: pd.DataFrame) -> Figure:
     """Share exactly right by severity, an effect a row."""
     named = table[table["category"].isin(["single", "parameter", "sensor"])]
     effects = list(
@@ -126,7 +127,7 @@ def draw_detection(table: pd.DataFrame):
     return figure
 
 
-def draw_calibration(table: pd.DataFrame):
+def draw_calibration(table: pd.DataFrame) -> Figure:
     """Stated probability against the share that came true."""
     figure, axes = style.subplots(height=2.6)
     axes.plot([0, 1], [0, 1], color=style.GREY, lw=0.8, ls="--", label="as stated")
@@ -158,7 +159,7 @@ def draw_calibration(table: pd.DataFrame):
     return figure
 
 
-def draw_outcomes(table: pd.DataFrame):
+def draw_outcomes(table: pd.DataFrame) -> Figure:
     """Shares of outcomes by kind of case."""
     kinds = list(dict.fromkeys(table["category"]))
     counts = table.pivot_table(
@@ -187,7 +188,7 @@ def draw_outcomes(table: pd.DataFrame):
     return figure
 
 
-def draw_limit(table: pd.DataFrame):
+def draw_limit(table: pd.DataFrame) -> Figure:
     """Cases with one effect by its size over the smallest that the diagnosis says it would have
     seen.
     """
@@ -223,7 +224,7 @@ def draw_limit(table: pd.DataFrame):
     return figure
 
 
-def draw_power(table: pd.DataFrame):
+def draw_power(table: pd.DataFrame) -> Figure:
     """Share of true names that were named by the log likelihood ratio of the truth against the best
     without them, beside the best that any method could do at the aim for false alarms.
     """

@@ -19,13 +19,13 @@ def told_the_truth(case: Path, names: Sequence[str]) -> dict[str, Any]:
     """Return ``diagnosis.json`` of a case whose true names were given; {} where they are of sensors
     or cannot be fitted.
     """
-    import ges.diagnose
+    from ges.diagnose.pipeline import diagnose
 
     known = [n for n in names if n in effect_table.table() and effect_table.get(n).kind != "sensor"]
     if not known:
         return {}
     try:
-        return ges.diagnose(load_set(case), names=known).content()
+        return diagnose(load_set(case), names=known).content()
     except GesError:
         return {}
 

@@ -91,7 +91,8 @@ def _work_out(folder: Path, case: str, truth: Mapping, seen: Witness) -> Opened:
         for n in names
         if n in truth.get("concealed", names[-1:])
     ]
-    over_limit = min(sizes) if sizes and None not in sizes else None
+    told_sizes = [size for size in sizes if size is not None]
+    over_limit = min(told_sizes) if sizes and len(told_sizes) == len(sizes) else None
     return Opened(best, {part: told[part] for part in PARTS if part in told}, over_limit)
 
 

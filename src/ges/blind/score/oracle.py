@@ -8,16 +8,19 @@ of that name can reach at all, and which parameters a diagnosis should come to.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ges.blind.generator.drive import NOMINAL
 from ges.blind.generator.whereabouts import FAST_STEP, TRUTH_STEP
 from ges.conventions import BODY_RATE, COMMAND, POSITION, QUATERNION, ROTOR_SPEED, VELOCITY
+from ges.errors import GesError
 from ges.simulator import effects as effect_table
-from ges.vehicle.file import load_vehicle
+from ges.simulator.terrain import Terrain
+from ges.vehicle.file import Vehicle, load_vehicle
 
 STEP_S = 0.004
 WIDE = {"form": 3.0, "amplitude": 1.0, "slope_exponent": 0.0, "low": 0.0, "high": 10.0}
@@ -72,7 +75,7 @@ class Witness:
     """
 
     numbers: dict[str, float]
-    terrain: object
+    terrain: Terrain
     flights: tuple[dict[str, np.ndarray], ...]
     weight_N: float
     arm_m: float
@@ -185,7 +188,8 @@ def fit(seen: Witness, names: list[str]) -> Oracle:
         n for n in known if effect_table.get(n).kind == "actuator" and n != "actuator_mapping"
     ]
     wrenches = [n for n in known if effect_table.get(n).kind in ("wrench", "wind")]
-    found, reach = {}, []
+    found: dict[str, dict[str, float]] = {}
+    reach: list[float] = []
     if wrenches:
         best, share = _least_squares(wrenches, seen.loads, seen.true_loads())
         found, reach = found | best, [*reach, share]
@@ -219,7 +223,10 @@ def rms(values: np.ndarray) -> float:
 
 
 def _least_squares(
-    names: list[str], model, target: np.ndarray, beside: Sequence[str] = ()
+    names: list[str],
+    model: Callable[[effect_table.Effects], np.ndarray],
+    target: np.ndarray,
+    beside: Sequence[str] = (),
 ) -> tuple[dict[str, dict[str, float]], float]:
     """Best parameters of the names, and the share of what the effects ``beside`` them leave that
     they explain.
@@ -234,13 +241,18 @@ def _least_squares(
         [START.get((n, p), table[n][p].default) for n, p in free], low + 1e-9, high - 1e-9
     )
 
-    def effects(x) -> dict[str, dict[str, float]]:
+    def effects(x: np.ndarray) -> dict[str, dict[str, float]]:
         own = {n: {**effect_table.get(n).neutral(), **FIXED.get(n, {})} for n in table}
         for (n, p), value in zip(free, x, strict=True):
             own[n][p] = float(value)
         return own
 
-    limits = {"bounds": (low, high), "x_scale": typical, "diff_step": 1e-3, "max_nfev": 40}
+    limits: dict[str, Any] = {
+        "bounds": (low, high),
+        "x_scale": typical,
+        "diff_step": 1e-3,
+        "max_nfev": 40,
+    }
     out = least_squares(lambda x: (target - model(effects(x))).ravel(), start, **limits)
     best = effects(out.x)
     none = target - model({n: best[n] for n in beside})
@@ -252,7 +264,7 @@ def _typical(parameter: effect_table.Parameter) -> float:
     return abs(parameter.default) or 0.1 * (parameter.high - parameter.low)
 
 
-def declared_values(truth: Mapping, vehicle) -> dict[str, dict[str, float]]:
+def declared_values(truth: Mapping, vehicle: Vehicle) -> dict[str, dict[str, float]]:
     """Parameters that follow from the truth without a fit: what is wrong in the file, and sensor
     faults.
     """
@@ -267,7 +279,10 @@ def declared_values(truth: Mapping, vehicle) -> dict[str, dict[str, float]]:
         / vehicle.thrust_coefficient_N_s2.value
     )
     inertia = {a: true[f"i{a}"] / getattr(vehicle.inertia_kg_m2, a) for a in ("xx", "yy", "zz")}
-    torque = true["torque"] / vehicle.torque_coefficient_Nm_s2.value
+    declared = vehicle.torque_coefficient_Nm_s2
+    if declared is None:
+        raise GesError("the case's vehicle file has no torque coefficient; make the case anew")
+    torque = true["torque"] / declared.value
     found = {
         "thrust_scale": {"scale": lift * concealed.get("thrust_error", 1.0) - 1.0},
         "inertia": {a: v * concealed.get("inertia_error", 1.0) - 1.0 for a, v in inertia.items()},

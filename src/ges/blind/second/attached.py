@@ -9,7 +9,15 @@ STRETCH = 0.12
 SLOSH_HZ = 1.1
 
 
-def step_cord(load, load_v, p, v, mass, length, dt):
+def step_cord(
+    load: np.ndarray,
+    load_v: np.ndarray,
+    p: np.ndarray,
+    v: np.ndarray,
+    mass: np.ndarray,
+    length: np.ndarray,
+    dt: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Advance a weight on a cord that its own weight stretches by an eighth; it can lie on the
     ground. Return (force on the vehicle, place, velocity).
     """
@@ -30,7 +38,7 @@ def step_cord(load, load_v, p, v, mass, length, dt):
     return pull * line, load, load_v
 
 
-def hose(p, weight_N_m):
+def hose(p: np.ndarray, weight_N_m: np.ndarray) -> np.ndarray:
     """Return the world force of a hose from the origin, lifted in a straight line: its weight hangs
     on both ends, its tension pulls towards the foot.
     """
@@ -41,18 +49,22 @@ def hose(p, weight_N_m):
     return np.stack([towards * p[0], towards * p[1], -0.9 * weight_N_m * height])
 
 
-def side_force(omega, v_body, share_s, weight):
+def side_force(
+    omega: np.ndarray, v_body: np.ndarray, share_s: np.ndarray, weight: np.ndarray
+) -> np.ndarray:
     """Return a body force across speed and turning, as a spinning cylinder has it (Magnus)."""
     return share_s * weight * np.cross(omega, v_body, axis=0)
 
 
-def rubbing(v, share, weight):
+def rubbing(v: np.ndarray, share: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Return a world force against the motion that hardly knows how fast it is: a dragged cable."""
     speed = np.sqrt((v**2).sum(axis=0) + 0.03**2)
     return -share * weight * v / speed * np.array([[1.0], [1.0], [0.0]])
 
 
-def step_slosh(s, s_v, felt, dt):
+def step_slosh(
+    s: np.ndarray, s_v: np.ndarray, felt: np.ndarray, dt: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Advance liquid (2, F) that swings level in a tank, by specific force; return its place,
     velocity and acceleration back on the tank over its mass share.
     """

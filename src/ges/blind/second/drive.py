@@ -20,7 +20,14 @@ def open_circuit(charge: np.ndarray) -> np.ndarray:
     return volt / 4.1
 
 
-def step_battery(charge, relax, current, resistance, drain, dt):
+def step_battery(
+    charge: np.ndarray,
+    relax: np.ndarray,
+    current: np.ndarray,
+    resistance: np.ndarray,
+    drain: np.ndarray,
+    dt: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Advance charge and both relaxation voltages (2, F); return them with the terminal voltage.
 
     ``current`` over that of hover; ``resistance`` in full voltages per hover current, a third of it
@@ -32,14 +39,14 @@ def step_battery(charge, relax, current, resistance, drain, dt):
     return charge, relax, open_circuit(charge) - pull - relax.sum(axis=0)
 
 
-def speed_of_voltage(volt, sags):
+def speed_of_voltage(volt: np.ndarray, sags: np.ndarray) -> np.ndarray:
     """Return the factor on speed of a voltage over the nominal one: power taken as V^2 over a
     constant resistance goes into w^3, so w goes with V^(2/3).
     """
     return 1.0 + sags * ((np.maximum(volt, 0.3) / NOMINAL) ** (2.0 / 3.0) - 1.0)
 
 
-def bent(u, share):
+def bent(u: np.ndarray, share: np.ndarray) -> np.ndarray:
     """Return the speed over top speed of a command whose thrust is, by a share, the firmware's
     cubic in voltage instead of its square.
     """
@@ -47,12 +54,19 @@ def bent(u, share):
     return np.sqrt(np.maximum((1.0 - share) * u * u + share * cubic, 0.0))
 
 
-def capped(speed, top):
+def capped(speed: np.ndarray, top: np.ndarray) -> np.ndarray:
     """Return a speed that approaches its ceiling smoothly: s / (1 + (s/top)^12)^(1/12)."""
     return speed / (1.0 + (speed / top) ** 12) ** (1.0 / 12.0)
 
 
-def step_motor(w, rate, asked, lag_s, coast, dt):
+def step_motor(
+    w: np.ndarray,
+    rate: np.ndarray,
+    asked: np.ndarray,
+    lag_s: np.ndarray,
+    coast: np.ndarray | float,
+    dt: float,
+) -> tuple[np.ndarray, np.ndarray]:
     """Advance speed and its rate: w'' = n^2 (asked - w) - 2 d n w', n = 2 d / lag, so that the
     area under the step error is the lag; slower by ``coast`` where it has to slow down.
     """

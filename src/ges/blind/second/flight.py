@@ -6,7 +6,7 @@ the last axis of every array is the flight. Sensors sit at the geometric centre.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,14 +79,14 @@ class Sortie:
     seed: int
 
 
-def _column(values) -> np.ndarray:
+def _column(values: Iterable[float]) -> np.ndarray:
     return np.array(list(values), dtype=float)
 
 
 class Flights:
     """Sorties of one length; :meth:`run` returns their truth at the control rate."""
 
-    def __init__(self, sorties: Sequence[Sortie]):
+    def __init__(self, sorties: Sequence[Sortie]) -> None:
         self.sorties, count = sorties, len(sorties)
         self.n = sorties[0].plan.shape[1]
         self.hid = {k: _column({**NEUTRAL, **s.numbers}[k] for s in sorties) for k in NEUTRAL}
@@ -165,7 +165,7 @@ class Flights:
         share = np.sqrt((1.0 + self.hid["load_share"]) / self.hid["density"])
         self.pilot.trim(self._hover_command(self.hover * share), self._steady_moment())
 
-    def _hover_command(self, speed):
+    def _hover_command(self, speed: np.ndarray) -> np.ndarray:
         """Return the command (F,) that holds a rotor speed, by halving."""
         low, high = np.zeros_like(speed), np.ones_like(speed)
         for _ in range(40):
@@ -174,12 +174,12 @@ class Flights:
             low, high = np.where(enough, low, u), np.where(enough, u, high)
         return u
 
-    def _asked(self, u):
+    def _asked(self, u: np.ndarray) -> np.ndarray:
         """Return the speed that a command comes to, with the battery as it is."""
         share = drive.capped(drive.bent(u, self.hid["bent"]), self.hid["cap"])
         return self.true["speed"] * share * drive.speed_of_voltage(self.volt, self.hid["sags"])
 
-    def _steady_moment(self):
+    def _steady_moment(self) -> np.ndarray:
         """Return the body moment (3, F) of a weak rotor and a centre of mass aside, in hover."""
         even = self.true["thrust"] * self.hover**2 * np.ones((4, 1))
         parts = self._rotor_parts(even, -self.spin * self.true["torque"] * self.hover**2)
@@ -211,7 +211,7 @@ class Flights:
             self.q = _turned(self.q, self.omega, DT_S)
         return {name: np.stack(rows) for name, rows in book.items()}
 
-    def _spin(self, moment):
+    def _spin(self, moment: np.ndarray) -> np.ndarray:
         return (moment - np.cross(self.omega, self.inertia * self.omega, axis=0)) / self.inertia
 
     def _blow(self, k: int) -> None:
@@ -221,7 +221,7 @@ class Flights:
         self.wind = steady + self.gusts[:, k]
         self.shake = self.shaken[:, k]
 
-    def _command(self, ref, noise):
+    def _command(self, ref: np.ndarray, noise: np.ndarray) -> np.ndarray:
         seat = np.einsum("ijf,jf->if", self.turn, self.centre)
         p = self.p - seat + 0.002 * noise[:3]
         v = self.v + 0.01 * noise[3:6]
@@ -242,14 +242,14 @@ class Flights:
         plain = (self.plain_w, self.plain_rate, top * self.u, self.true["lag"])
         self.plain_w, self.plain_rate = drive.step_motor(*plain, 1.0, DT_S)
 
-    def _wrench(self, thrust):
+    def _wrench(self, thrust: np.ndarray) -> np.ndarray:
         """Return (6, F) of rotor thrusts (4, F) at the geometric hubs."""
         x, y = self.plain_hub[:, 0], self.plain_hub[:, 1]
         total = thrust.sum(axis=0)
         moments = [(y * thrust).sum(axis=0), -(x * thrust).sum(axis=0)]
         return np.stack([0.0 * total, 0.0 * total, total, *moments, 0.0 * total])
 
-    def _loads(self, i: int):
+    def _loads(self, i: int) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
         """Return body force and moment of everything, and the parts (6, F) by name."""
         hid, w = self.hid, self.w
         thrust, torque = self.true["thrust"] * w * w, -self.spin * self.true["torque"] * w * w
@@ -272,7 +272,7 @@ class Flights:
         moment = whole[3:] + self.shake[3:] * TURN_PER_M * self.inertia
         return force, moment, parts
 
-    def _rotor_parts(self, thrust, torque):
+    def _rotor_parts(self, thrust: np.ndarray, torque: np.ndarray) -> dict[str, np.ndarray]:
         hid, one = self.hid, np.zeros_like(thrust)
         flights = np.arange(thrust.shape[1])
         one[hid["weak_index"].astype(int), flights] = hid["weak_share"]
@@ -308,7 +308,7 @@ class Flights:
             "rotor_inertia_reaction": reacting,
         }
 
-    def _air_parts(self, air_body, thrust):
+    def _air_parts(self, air_body: np.ndarray, thrust: np.ndarray) -> dict[str, np.ndarray]:
         """Return what moving through the air does: at every hub its own speed, v + omega x r."""
         hid = self.hid
         ox, oy, oz = self.omega
@@ -342,7 +342,7 @@ class Flights:
             "translational_lift": self._wrench(hid["edgewise"] * lifted * thrust),
         }
 
-    def _ground_parts(self, still, thrust, i: int):
+    def _ground_parts(self, still: np.ndarray, thrust: np.ndarray, i: int) -> dict[str, np.ndarray]:
         hid, radius = self.hid, self.radius
         hub = self.p[2] + np.einsum("jf,kjf->kf", self.turn[2], self.hub)
         edge = np.hypot(still[0], still[1])
@@ -381,9 +381,9 @@ class Flights:
             "fountain_lift": fountain,
         }
 
-    def _attached_parts(self, still):
+    def _attached_parts(self, still: np.ndarray) -> dict[str, np.ndarray]:
         hid = self.hid
-        parts = {}
+        parts: dict[str, np.ndarray] = {}
         if (hid["load_share"] > 0.0).any():
             mass = hid["load_share"] * self.mass
             cord = (self.load, self.load_v, self.p, self.v, mass, hid["cord_m"], DT_S)
@@ -407,11 +407,13 @@ class Flights:
             parts["slosh"] = np.concatenate([level, np.zeros((4, level.shape[1]))])
         return parts
 
-    def _of_world(self, force):
+    def _of_world(self, force: np.ndarray) -> np.ndarray:
         body = np.einsum("jif,jf->if", self.turn, force)
         return np.concatenate([body, 0.0 * body])
 
-    def _rows(self, force, spin, parts) -> dict[str, np.ndarray]:
+    def _rows(
+        self, force: np.ndarray, spin: np.ndarray, parts: Mapping[str, np.ndarray]
+    ) -> dict[str, np.ndarray]:
         """Return what is kept of a moment: the truth at the sensors, and the parts by name."""
         seat = -self.centre
         swing = np.cross(self.omega, seat, axis=0)
@@ -437,7 +439,7 @@ class Flights:
         return rows
 
 
-def _matrix(q):
+def _matrix(q: np.ndarray) -> np.ndarray:
     """Return (3, 3, F) body to world."""
     w, x, y, z = q
     return np.array(
@@ -449,7 +451,7 @@ def _matrix(q):
     )
 
 
-def _turned(q, omega, dt):
+def _turned(q: np.ndarray, omega: np.ndarray, dt: float) -> np.ndarray:
     """Advance a quaternion by body rates, to second order, and keep it of unit length."""
     w, x, y, z = q
     a, b, c = 0.5 * dt * omega

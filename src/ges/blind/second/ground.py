@@ -41,7 +41,9 @@ def blocked_share(height_over_radius: np.ndarray) -> np.ndarray:
     return np.interp(np.log(height), np.log(_HEIGHTS), _BLOCKED)
 
 
-def along_wake(height, edge, induced, sweep):
+def along_wake(
+    height: np.ndarray, edge: np.ndarray, induced: np.ndarray, sweep: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the length of the way that a skewed wake takes to the ground, and the cosine of its
     skew (Heyson 1960, NASA TR R-71: images lie along the wake).
     """
@@ -49,7 +51,7 @@ def along_wake(height, edge, induced, sweep):
     return height / np.maximum(cosine, 0.1), cosine
 
 
-def fountain_share(height, spacing):
+def fountain_share(height: np.ndarray, spacing: np.ndarray) -> np.ndarray:
     """Return the lift of the fountain over its peak: wall jets that spread from each rotor lose
     speed as r^-1.12 (Glauert 1956) and need room below the body to turn up.
     """
@@ -62,7 +64,7 @@ _X = np.linspace(0.0, 4.0, 2001)
 PEAK = float(np.max((1.0 + _X) ** (-2.0 * WALL_JET) * -np.expm1(-3.0 * _X)))
 
 
-def levelling(tilt, height, spacing):
+def levelling(tilt: np.ndarray, height: np.ndarray, spacing: np.ndarray) -> np.ndarray:
     """Return the levelling moment over weight times spacing per unit of its coefficient: it falls
     with the square of the height (as Yang et al. 2025 report that it dies within a span).
     """

@@ -4,6 +4,8 @@ derivative, allocation that gives up yaw first.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 G_M_S2 = 9.80665
@@ -19,7 +21,14 @@ class Cascade:
     rotor_m : (4, 2, F) places; spin : (4, F), counter-clockwise positive; lag_s : (F,).
     """
 
-    def __init__(self, declared, rotor_m, spin, lag_s, dt):
+    def __init__(
+        self,
+        declared: Mapping[str, np.ndarray],
+        rotor_m: np.ndarray,
+        spin: np.ndarray,
+        lag_s: np.ndarray,
+        dt: float,
+    ) -> None:
         self.declared, self.dt = declared, dt
         self.inertia = np.stack([declared[k] for k in ("ixx", "iyy", "izz")])
         ratio = declared["torque"] / declared["thrust"]
@@ -35,7 +44,7 @@ class Cascade:
         self.before = np.zeros((3, len(lag_s)))
         self.held = np.zeros((3, len(lag_s)))
 
-    def trim(self, hover_u, moment):
+    def trim(self, hover_u: np.ndarray, moment: np.ndarray) -> None:
         """Begin as on a vehicle that has flown before: it knows the command that hovers (F,), and
         the body moment (3, F) that it has to hold.
         """
@@ -44,7 +53,9 @@ class Cascade:
         self.drift[2] = lacking / (0.5 * self.velocity_gain)
         self.held = moment
 
-    def commands(self, ref, p, v, q, omega):
+    def commands(
+        self, ref: np.ndarray, p: np.ndarray, v: np.ndarray, q: np.ndarray, omega: np.ndarray
+    ) -> np.ndarray:
         """Return commands (4, F) for references (11, F) and a measured state, scalar first."""
         asked = ref[3:6] + self.position_gain * (ref[0:3] - p)
         self.drift = self.drift + self.dt * np.clip(asked - v, -1.0, 1.0)
@@ -70,12 +81,12 @@ class Cascade:
         return np.clip(speed / self.declared["speed"], LEAST, 1.0)
 
 
-def _third_axis(q):
+def _third_axis(q: np.ndarray) -> np.ndarray:
     w, x, y, z = q
     return np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
 
 
-def _towards(q, up, yaw):
+def _towards(q: np.ndarray, up: np.ndarray, yaw: np.ndarray) -> np.ndarray:
     """Return half the rotation vector (3, F), body frame, to the attitude that thrusts along ``up``
     with this yaw.
     """

@@ -42,7 +42,13 @@ def _section() -> tuple[np.ndarray, np.ndarray, float]:
     return r[:, None], psi[None, :], float(edges[1] - edges[0])
 
 
-def coefficients(s, theta, mu, climb, share=1.0):
+def coefficients(
+    s: float,
+    theta: float,
+    mu: np.ndarray | float,
+    climb: np.ndarray | float,
+    share: np.ndarray | float = 1.0,
+) -> tuple[np.ndarray, np.ndarray]:
     """Return (C_T, C_H) of rotors in steady air, inflow and thrust in agreement, (g,) each.
 
     Parameters

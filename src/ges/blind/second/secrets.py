@@ -42,7 +42,7 @@ def true_numbers(size: str, rng: np.random.Generator) -> dict[str, float]:
 class Craft:
     """What a secret must know of a vehicle."""
 
-    def __init__(self, size: str, true: dict[str, float]):
+    def __init__(self, size: str, true: dict[str, float]) -> None:
         _, self.radius_m, self.lever_m, _, _, _ = VEHICLES[size]
         self.true = true
         self.weight_N = true["mass"] * G_M_S2
@@ -74,26 +74,26 @@ def _either(rng: np.random.Generator) -> float:
     return float(rng.choice([-1.0, 1.0]))
 
 
-def _drag(craft: Craft, level: int, rng) -> Numbers:
+def _drag(craft: Craft, level: int, rng: np.random.Generator) -> Numbers:
     share = _near(level, (0.008, 0.02, 0.04), rng) * craft.weight_N
     return {"blade_s": 0.6, "drag_gain": share / craft.blade_force_N_s_m(0.6)}
 
 
-def _box(craft: Craft, level: int, rng) -> Numbers:
+def _box(craft: Craft, level: int, rng: np.random.Generator) -> Numbers:
     share = _near(level, (0.02, 0.05, 0.1), rng) * craft.weight_N
     return {"area_m2": share / (0.5 * RHO_KG_M3 * 9.0)}
 
 
-def _wind(craft: Craft, level: int, rng) -> Numbers:
+def _wind(craft: Craft, level: int, rng: np.random.Generator) -> Numbers:
     speed = _near(level, (1.2, 2.4, 4.0), rng)
     return _drag(craft, 1, rng) | {"wind_m_s": speed, "wind_rad": rng.uniform(0.0, 2.0 * np.pi)}
 
 
-def _gusts(craft: Craft, level: int, rng) -> Numbers:
+def _gusts(craft: Craft, level: int, rng: np.random.Generator) -> Numbers:
     return _drag(craft, 1, rng) | {"gust_m_s": _near(level, (0.4, 0.8, 1.5), rng)}
 
 
-def _cushion(craft: Craft, level: int, rng) -> Numbers:
+def _cushion(craft: Craft, level: int, rng: np.random.Generator) -> Numbers:
     gain = _near(level, (0.05, 0.1, 0.2), rng)
     return {"blade_s": 0.9, "cushion": craft.cushion_for(gain, 0.9)}
 
@@ -102,23 +102,23 @@ def _beside(level: int) -> int:
     return max(level, 1)
 
 
-def _direction(rng) -> np.ndarray:
+def _direction(rng: np.random.Generator) -> np.ndarray:
     angle = rng.uniform(0.0, 2.0 * np.pi)
     return np.array([np.cos(angle), np.sin(angle)])
 
 
-def _offset(craft: Craft, level: int, rng) -> Numbers:
+def _offset(craft: Craft, level: int, rng: np.random.Generator) -> Numbers:
     size = _near(level, (0.02, 0.045, 0.08), rng) * craft.lever_m * np.sqrt(2.0)
     x, y = size * _direction(rng)
     return {"cg_x_m": float(x), "cg_y_m": float(y)}
 
 
-def _tilt(craft: Craft, level: int, rng) -> Numbers:
+def _tilt(craft: Craft, level: int, rng: np.random.Generator) -> Numbers:
     x, y = np.radians(_near(level, (0.8, 1.7, 3.2), rng)) * _direction(rng)
     return {"tilt_x_rad": float(x), "tilt_y_rad": float(y)}
 
 
-def _cap(craft: Craft, level: int, rng) -> Numbers:
+def _cap(craft: Craft, level: int, rng: np.random.Generator) -> Numbers:
     hover = craft.hover_rad_s / craft.true["speed"]
     return {"cap": hover * float(np.sqrt(_near(level, (1.6, 1.42, 1.3), rng)) / 1.0)}
 

@@ -22,7 +22,7 @@ from scipy.special import ndtri
 
 from ges.diagnose.decide.rules import lead_over
 from ges.diagnose.decide.sizes import least_sizes
-from ges.diagnose.design.system import Column
+from ges.diagnose.design.system import Column, variant_of
 from ges.diagnose.library.candidates import Variant, modifiers_of
 from ges.diagnose.select.evidence import Board, Gram, rms_of
 from ges.diagnose.select.search import log_odds_against_one_of, log_rarity
@@ -47,11 +47,11 @@ class _Shape:
 
 @dataclasses.dataclass(frozen=True)
 class Found:
-    """An effect that was found: its variant in the search, and how far each of its parameters is
-    from neutral.
+    """An effect that was found: its variant in the search, where that had one, and how far each of
+    its parameters is from neutral.
     """
 
-    variant: Variant
+    variant: Variant | None
     sizes: Mapping[str, float]
 
 
@@ -101,10 +101,15 @@ def expected_evidence(
     """Log evidence of a set of columns when one column of the board alone acts: ``gain * size^2 -
     cost``, noise left out.
 
+    Parameters
+    ----------
+    columns : k columns of the set.
+    prior_sd : (K,) prior sd of every column's coefficient.
+
     Returns
     -------
-    gain, cost : per squared unit of the coefficient of every column that may be the true one, and
-        the price of the set's freedom.
+    gain, cost : (K,) per squared unit of the coefficient of every column that may be the true one,
+        and the price of the set's freedom.
     """
     at = np.asarray(columns, dtype=int)
     scale = prior_sd[at]
@@ -185,7 +190,8 @@ def smallest_detectable(
     fixed parameters), and ``limited_by``, the rival that is hardest to tell from it ('' when it is
     noise).
     """
-    pooled, unit, told, given = board.pooled(), _sizes(board), {}, found or {}
+    pooled, unit, given = board.pooled(), _sizes(board), found or {}
+    told: dict[str, dict[str, Any]] = {}
     for name, known in given.items():
         alone = _beside(board, pooled, unit, {*given} - {name}, name)
         told |= {name: _seen(alone[name], known)} if name in alone else {}
@@ -237,7 +243,7 @@ def _beside(
 
 def _is_told(column: Column) -> bool:
     """Whether a size is told of it: of the main part of effects that nothing modifies."""
-    return column.part != "moment" and not modifiers_of(column.variant)
+    return column.part != "moment" and not modifiers_of(variant_of(column))
 
 
 def _standing_for(entries: Sequence[_Entry]) -> dict[str, Any]:
@@ -250,7 +256,8 @@ def _entry(board: Board, k: int, size: float, hidden: str, unit: _Sizes) -> _Ent
     the vehicle's weight, or than the parameter's room, nothing.
     """
     column = board.system.columns[k]
-    variant, amplitude = column.variant, column.variant.amplitudes[column.amplitude]
+    variant = variant_of(column)
+    amplitude = variant.amplitudes[column.amplitude]
     room = max(amplitude.high - amplitude.neutral, amplitude.neutral - amplitude.low)
     if "clips" in effect_table.get(variant.effect).hints:
         size = abs(amplitude.level) if size <= abs(amplitude.level) else np.inf

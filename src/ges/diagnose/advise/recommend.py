@@ -88,11 +88,7 @@ class Option:
 
 def rivals_of(board: Board, open_sets: Sequence[Hypothesis]) -> list[Rival]:
     """Rivals from hypotheses of the search; nothing at all is a rival too."""
-    empty = Rival((), {}, ())
-    return [
-        Rival(h.names, starting_values(board, h), h.posterior.columns) if h.posterior else empty
-        for h in open_sets
-    ]
+    return [Rival(h.names, starting_values(board, h), h.posterior.columns) for h in open_sets]
 
 
 def open_sets(found: Search, proven: Sequence[str]) -> list[Hypothesis]:
@@ -127,7 +123,7 @@ def simulate(
     it could not be flown.
     """
     table = manoeuvres.make(plan, settings.advise.duration_s)
-    numbers = {
+    numbers: dict[str, float | str] = {
         **parameters,
         "attitude_kp": settings.advise.attitude_kp,
         "attitude_kd": 2.0 * math.sqrt(settings.advise.attitude_kp),

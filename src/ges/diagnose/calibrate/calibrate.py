@@ -23,7 +23,7 @@ from scipy.stats import t as student
 
 from ges.conventions import QUANTILES_95, SDS_95
 from ges.diagnose.decide.declared import words_of
-from ges.diagnose.design.system import System, build
+from ges.diagnose.design.system import System, build, nuisance_of
 from ges.diagnose.detectors.balance import CHANNELS, LOSSES, MASS, centred, variance_of_means
 from ges.diagnose.estimate.fit import (
     calibrated,
@@ -145,7 +145,7 @@ def _balance(system: System) -> _Trims:
         for k, c in enumerate(system.columns)
         if c.nuisance and c.nuisance.key in TRIMS and c.nuisance.sd > 0
     ]
-    keys = tuple(system.columns[k].nuisance.key for k in kept)
+    keys = tuple(nuisance_of(system.columns[k]).key for k in kept)
     slow = [c for c, name in enumerate(system.names) if name in CHANNELS]
     sd, grams = np.sqrt(variance_of_means(system, slow)), []
     for r in system.flights:
@@ -159,7 +159,7 @@ def _balance(system: System) -> _Trims:
                 float(seen.sum()),
             )
         )
-    prior = np.array([system.columns[k].nuisance.sd for k in kept])
+    prior = np.array([nuisance_of(system.columns[k]).sd for k in kept])
     return _Trims(keys, prior, np.array([_usual_spread(key, keys) for key in keys]), tuple(grams))
 
 
@@ -217,7 +217,9 @@ def _gauge(keys: Sequence[str]) -> np.ndarray:
     return turn
 
 
-def _trims(flights: Sequence[Prepared], model: Model, before: Mapping[str, Number]):
+def _trims(
+    flights: Sequence[Prepared], model: Model, before: Mapping[str, Number]
+) -> tuple[dict[str, Number], float]:
     """Gains and trims from the slow balance, and the factor on the usual spread between flights."""
     shift = {key: n.value for key, n in before.items()}
     told = _balance(build(flights, calibrated(model, shift), []))
@@ -296,7 +298,8 @@ def _fit(flights: Sequence[Prepared], model: Model) -> tuple[dict[str, Number], 
     """Trims and declared numbers in turn, each with the other's last values, until nothing
     moves.
     """
-    numbers, factor = {}, 1.0
+    numbers: dict[str, Number] = {}
+    factor = 1.0
     for _ in range(settings.numerics.noise_rounds):
         last = numbers
         trims, factor = _trims(flights, model, last)
@@ -359,10 +362,10 @@ def _folded(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict:
             other: Quantity(value=getattr(vehicle, other).value)
             for other in corrections[0][0].corrects[:-1]
         }
-    if SPEED in numbers:
-        held = vehicle.max_rotor_speed_rad_s
+    top = vehicle.max_rotor_speed_rad_s
+    if SPEED in numbers and top is not None:
         update["max_rotor_speed_rad_s"] = Quantity(
-            value=held.value + numbers[SPEED].value, sd=numbers[SPEED].later_sd
+            value=top.value + numbers[SPEED].value, sd=numbers[SPEED].later_sd
         )
     return update
 
@@ -377,7 +380,7 @@ def _by_number(numbers: Mapping[str, Number]) -> dict[str, list[tuple[Parameter,
     return found
 
 
-def _drive_held(vehicle: Vehicle, effects: dict[str, dict[str, Estimate]]) -> dict:
+def _drive_held(vehicle: Vehicle, effects: dict[str, dict[str, Estimate]]) -> dict[str, object]:
     """Top speed and thrust curve as they are: what flights show of them is in the thrust
     coefficient and its doubt.
     """
@@ -386,7 +389,7 @@ def _drive_held(vehicle: Vehicle, effects: dict[str, dict[str, Estimate]]) -> di
         for e in _drives()
         if "reads_voltage" not in e.hints and effects.get(e.name)
     }
-    held = {"effects": {**effects, **curves}}
+    held: dict[str, object] = {"effects": {**effects, **curves}}
     if vehicle.max_rotor_speed_rad_s:
         held["max_rotor_speed_rad_s"] = Quantity(value=vehicle.max_rotor_speed_rad_s.value)
     return held
@@ -479,7 +482,8 @@ def _left_unexplained(
     largest: dict[str, float] = {}
     for pair in itertools.combinations(range(len(flights)), 2):
         for s in structures(
-            *([each[i] for i in pair] for each in (left, told)),
+            [left[i] for i in pair],
+            [told[i] for i in pair],
             system.main,
             [blocks[i] for i in pair],
         ):

@@ -21,13 +21,13 @@ from ges.diagnose.decide.rules import (
     replaced_by,
     significant,
 )
-from ges.diagnose.design.system import System, build
+from ges.diagnose.design.system import System, build, variant_of
 from ges.diagnose.detectors.loads import likely_load, sharpened
 from ges.diagnose.estimate.fit import Fitted, fitted_model, free_parameters, polish, starting_values
 from ges.diagnose.estimate.shoot import shot
 from ges.diagnose.library.available import candidates_of
 from ges.diagnose.library.candidates import Candidate, acts_among, modifiers_of
-from ges.diagnose.select.evidence import Board, make_board
+from ges.diagnose.select.evidence import Board, Posterior, make_board
 from ges.diagnose.select.search import Hypothesis, Search, log_odds_against_one_of, over_plain
 from ges.diagnose.select.stable import search_until_stable
 from ges.diagnose.settings import settings
@@ -61,6 +61,18 @@ class Accepted:
     alternatives: Mapping[str, Fitted] = dataclasses.field(default_factory=dict)
 
     @property
+    def fit(self) -> Fitted:
+        """``fitted``, where something is accepted.
+
+        Raises
+        ------
+        ValueError : where nothing is.
+        """
+        if self.fitted is None:
+            raise ValueError("nothing is accepted, and so nothing is fitted")
+        return self.fitted
+
+    @property
     def modelled(self) -> tuple[str, ...]:
         """The names, and the first of the alternatives beside them."""
         return (*self.names, *itertools.islice(self.alternatives, 1))
@@ -77,7 +89,11 @@ def accept(start: Board, record: Record, only: Sequence[str] | None = None) -> A
     only : fit exactly these names instead of searching.
     """
     system, first = start.system, None
-    base, fitted, names, probability, sizes = system.model, None, (), {}, {}
+    base = system.model
+    fitted: Fitted | None = None
+    names: tuple[str, ...] = ()
+    probability: dict[str, float] = {}
+    sizes: dict[str, float] = {}
     contested: set[str] = set()
     listed = candidates_of(system.recordings, base, (), only)
     while listed:
@@ -94,13 +110,13 @@ def accept(start: Board, record: Record, only: Sequence[str] | None = None) -> A
         new, polished = _fitted_in_full(
             board, found, (*told, *through), through, base, fitted, system, record, only is None
         )
-        if not new:
+        if polished is None or not new:
             break
         probability |= {
             n: through[n].probability if n in through else found.inclusion[n] for n in new
         }
         fitted, names = polished, names + new
-        base = system.model.with_effects(fitted.effects)
+        base = system.model.with_effects(polished.effects)
         listed = candidates_of(system.recordings, base, names, only)
     board, found = first or search_until_stable(start, (), ())[:2]
     settled = {
@@ -179,7 +195,7 @@ def _modifying(
     if they are asked for.
     """
     chosen = found.best.posterior.columns if names else ()
-    variants = [board.system.columns[k].variant for k in chosen]
+    variants = [variant_of(board.system.columns[k]) for k in chosen]
     brought = {
         m: values for v in variants if v.effect in names for m, values in modifiers_of(v).items()
     }
@@ -304,11 +320,12 @@ def _beside(accepted: Accepted, name: str) -> Fitted | None:
 
 def without(accepted: Accepted, name: str) -> Accepted:
     """The same with one name less, and what acts through it alone; the others fitted anew."""
-    fitted, system = accepted.fitted, accepted.board.system
+    system = accepted.board.system
     rest = {*accepted.names, *system.model.effects} - {name}
     names = tuple(n for n in accepted.names if n in rest and acts_among(n, rest))
     if not names:
         return withdrawn(accepted)
+    fitted = accepted.fit
     values, free = {n: fitted.effects[n] for n in names}, [f for f in fitted.free if f[0] in names]
     left = polish(system, values, free)
     probability = {n: accepted.probability[n] for n in names}
@@ -327,11 +344,11 @@ def _with_names(found: Search, names: Sequence[str], board: Board) -> Hypothesis
     return weighed or dataclasses.replace(found.best, posterior=_only(found.best, names, board))
 
 
-def _only(h: Hypothesis, names: Collection[str], board: Board):
+def _only(h: Hypothesis, names: Collection[str], board: Board) -> Posterior:
     keep = [
         i
         for i, k in enumerate(h.posterior.columns)
-        if board.system.columns[k].variant.effect in names
+        if variant_of(board.system.columns[k]).effect in names
     ]
     p = h.posterior
     return dataclasses.replace(

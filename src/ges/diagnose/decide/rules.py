@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from typing import TypeVar
 
 import numpy as np
 
@@ -22,9 +21,6 @@ from ges.diagnose.select.search import Hypothesis, Search, size_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, Record
 from ges.simulator import effects as effect_table
-
-Context = TypeVar("Context")
-Rule = Callable[[Context, str], Decision]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,6 +58,9 @@ class Weighed:
     def on(self) -> set[str]:
         """Standing names and effects of the model."""
         return {*self.standing, *self.board.system.model.effects}
+
+
+Rule = Callable[[Weighed, str], Decision]
 
 
 def probable(c: Weighed, name: str) -> Decision:
@@ -115,7 +114,8 @@ def not_model_form_error(c: Weighed, name: str) -> Decision:
     why = next((reason for reason, holds in reasons.items() if holds), "")
     because = f"{why}: posterior probability {p:.5g}" if why else "no larger effect is wrong by it"
     least = settings.statistics.certain_probability if why else None
-    return Decision("not_model_form_error", not why or p >= least, because, p, least)
+    passed = least is None or p >= least
+    return Decision("not_model_form_error", passed, because, p, least)
 
 
 def large_enough(c: Weighed, name: str) -> Decision:
@@ -155,7 +155,7 @@ def distinguishable(c: Weighed, name: str) -> Decision:
     return Decision("distinguishable", not others, because, lead, least)
 
 
-SEARCH_RULES: tuple[Rule[Weighed], ...] = (
+SEARCH_RULES: tuple[Rule, ...] = (
     probable,
     best_of_its_family,
     excited,
@@ -168,7 +168,7 @@ SEARCH_RULES: tuple[Rule[Weighed], ...] = (
 
 
 def judged(
-    rules: Sequence[Rule], context: Context, names: Sequence[str], record: Record
+    rules: Sequence[Rule], context: Weighed, names: Sequence[str], record: Record
 ) -> tuple[str, ...]:
     """The names that pass all rules, each judged among those that passed the ones before it."""
     standing = tuple(names)

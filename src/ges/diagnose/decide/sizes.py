@@ -28,8 +28,8 @@ def least_size(name: str, channel: str, model: Model) -> float:
 
 
 def least_sizes(system: System) -> np.ndarray:
-    """What matters at least in each main channel, rms over all windows, in the channel's unit: no
-    model is right to less.
+    """What matters at least in each main channel, (C,), rms over all windows, in the channel's
+    unit: no model is right to less.
     """
     return np.array([_least(name, system.model) for name in system.main])
 

@@ -5,6 +5,7 @@ that gusts or the form of an untold thrust curve explain, or that stand for some
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -71,7 +72,7 @@ def explained(
         accepted = _unstrained(accepted, start.first.joint, record)
     gusts = _gusts(accepted, start, known_gusts)
     if gusts and only is None and WIND in accepted.names:
-        blown = gusts.may_be(accepted.fitted)
+        blown = gusts.may_be(accepted.fit)
         because = "no more than gusts leave" if blown else "more than gusts leave"
         record.note(WIND, Decision("more_than_gusts", not blown, because))
         accepted = without(accepted, WIND) if blown else accepted
@@ -112,8 +113,8 @@ def _unstrained(accepted: Accepted, first: Joint, record: Record) -> Accepted:
     """Without the names that need declared numbers far outside their doubts: one by one, the worst
     offender first of those through which no other acts, while that relieves the numbers.
     """
-    while accepted.fitted is not None:
-        system, apart = accepted.board.system, accepted.fitted.apart
+    while (fitted := accepted.fitted) is not None:
+        system, apart = accepted.board.system, fitted.apart
         most = max(settings.statistics.certain_sds, strain(first, system) + 1.0)
         needed = strain(apart, system)
         if needed <= most:
@@ -123,7 +124,7 @@ def _unstrained(accepted: Accepted, first: Joint, record: Record) -> Accepted:
             for n in accepted.names
             if not any(n in effect_table.get(o).carriers for o in accepted.names)
         ]
-        worst = min(last, key=lambda name: strain_without(accepted.fitted, name))
+        worst = min(last, key=functools.partial(strain_without, fitted))
         less = without(accepted, worst)
         relief = strain(less.fitted.apart if less.fitted else first, system)
         relieved = relief < needed - 1.0
@@ -167,7 +168,9 @@ def _not_of_a_form(answer: Answer, start: Start, declared: Model, record: Record
     wrong by.
     """
     accepted, thrust = answer.accepted, thrust_of(answer, start.system)
-    for name, by in answer.added.items() if thrust else ():
+    if thrust is None:
+        return answer
+    for name, by in answer.added.items():
         if thrust.is_form_error(name, size_of(by, start.system)):
             because = "the form of the thrust curve that is needed may be wrong by as much"
             record.note(name, Decision("not_form_of_untold_thrust", False, because))

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from ges.conventions import BODY_RATE, POSITION, QUATERNION, ROTOR_SPEED, VELOCITY
 from ges.diagnose.design.residual import but_actuators
@@ -37,8 +38,8 @@ def replayed(
     flight: Prepared, model: Model, more: Sequence[str] = ()
 ) -> dict[str, np.ndarray] | None:
     """The nominal vehicle following the references without noise or disturbance: contract columns
-    on the flight's grid, those of the motion, rotor speeds and ``more``; None where there are no
-    references or it cannot follow them.
+    on the flight's grid, (n,) each in the units of their names, those of the motion, rotor speeds
+    and ``more``; None where there are no references or it cannot follow them.
     """
     if not flight.has("reference"):
         return None
@@ -55,7 +56,7 @@ def replayed(
         "start_q_z": float(np.sin(half)),
         **{f"start_{n}": model.hover_rad_s for n in ROTOR_SPEED},
     }
-    numbers = {
+    numbers: dict[str, float | str] = {
         **model.parameters,
         **quiet,
         **start,
@@ -115,7 +116,7 @@ def instruments(
 
 def own_signal(
     flight: Prepared, windows: Windows, model: Model, speeds: np.ndarray, names: Sequence[str]
-):
+) -> dict[str, np.ndarray]:
     """Thrust and moment that the rotor speeds at work make, by channel, (m,); without the faster
     averages that this flight, its streams slower than another's, does not have.
     """
@@ -145,7 +146,7 @@ def _late(values: np.ndarray, flight: Prepared, windows: Windows) -> list[np.nda
     return [np.interp(t - lag * step, t, values) for lag in lags]
 
 
-def _centred_means(signals: Sequence[np.ndarray], mean) -> list[np.ndarray]:
+def _centred_means(signals: Sequence[np.ndarray], mean: csr_array) -> list[np.ndarray]:
     """Window averages of signals, by the weights ``mean``, less what they are on average."""
     averages = [mean @ signal for signal in signals]
     return [a - a.mean() for a in averages]

@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
+from scipy.sparse import csr_array
 
 from ges.conventions import BODY_RATE, COMMAND, FAR_FROM_GROUND_M, QUATERNION, ROTOR_SPEED, VELOCITY
 from ges.diagnose.design.weak import Windows
@@ -41,7 +42,9 @@ def with_overtones(names: Sequence[str], count: int) -> tuple[str, ...]:
 
 
 def height_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
-    """Position with the logged ground taken out where one is logged and the terrain is flat."""
+    """Position (n,) by contract column, m in the world, with the logged ground taken out where one
+    is logged and the terrain is flat.
+    """
     columns = {
         name: flight.columns[name] for name in ("p_x_m", "p_y_m", "p_z_m") if name in flight.columns
     }
@@ -57,7 +60,9 @@ def height_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
 
 
 def state_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
-    """What the library reads of every sample, rotor speeds apart."""
+    """What the library reads of every sample, rotor speeds apart: (n,) by contract column, in the
+    units of their names.
+    """
     columns = {"t_s": flight.t_s - flight.t_s[0], **height_columns(flight, model)}
     for names in (VELOCITY, QUATERNION, COMMAND, ("battery_V",)):
         columns.update({name: flight.columns[name] for name in names if name in flight.columns})
@@ -120,7 +125,9 @@ def _turning_faults(effects: effect_table.Effects) -> dict:
 def corrected(
     columns: dict[str, np.ndarray], model: Model, effects: effect_table.Effects
 ) -> dict[str, np.ndarray]:
-    """Attitude and rates as they were, if the given sensor faults had made the readings."""
+    """Columns (n,) with attitude and rates (rad/s) as they were, if the given sensor faults had
+    made the readings.
+    """
     faults = _turning_faults(effects)
     if not faults:
         return columns
@@ -156,7 +163,9 @@ def driven_speeds(
 def driven_by_each(
     flight: Prepared, model: Model, sets: Sequence[effect_table.Effects]
 ) -> list[np.ndarray]:
-    """The same of one flight under several sets of effects, flown as one batch."""
+    """Rotor speeds of one flight under several sets of effects, flown as one batch; (n, 4) rad/s
+    each.
+    """
     plain = _drive_inputs(flight, model, commands_at_work(flight, model, {}))
     inputs = [
         _drive_inputs(flight, model, commands_at_work(flight, model, e)) if _modified(e) else plain
@@ -196,11 +205,8 @@ def commands_at_work(flight: Prepared, model: Model, effects: effect_table.Effec
     acting = _modified(effects)
     if not acting:
         return u
-    on = {
-        name: effects[name]
-        for name in acting | {effect_table.get(name).modifies for name in acting}
-        if name in effects
-    }
+    modified = {m for a in acting if (m := effect_table.get(a).modifies)}
+    on = {name: effects[name] for name in acting | modified if name in effects}
     samples = effect_table.Samples.from_columns(
         {**state_columns(flight, model), **dict(zip(COMMAND, u.T, strict=True))}
     )
@@ -331,7 +337,7 @@ def drives(effects: effect_table.Effects, on: effect_table.Effects | None = None
     upon.
     """
     acting = [*effects, *(name for name in on or {} if effect_table.get(name).modifies in effects)]
-    return bool(_of_kind(dict.fromkeys(acting), "actuator"))
+    return any(effect_table.get(name).kind == "actuator" for name in acting)
 
 
 def model_along(
@@ -341,10 +347,16 @@ def model_along(
     speeds: np.ndarray | None = None,
     motion: Motion | None = None,
 ) -> tuple[dict[str, np.ndarray], effect_table.Replay]:
-    """State columns as believed, and the compiled model along them.
+    """State columns as believed, (n,) each in the units of their names, and the compiled model
+    along them.
 
     Actuators have made the speeds and change nothing else of it: left out, none of their states is
     advanced.
+
+    Parameters
+    ----------
+    speeds : (n, 4) rotor speeds, rad/s; those at work where not given.
+    motion : of :func:`motion_of`, where it is known.
     """
     motion = motion or motion_of(flight, model, effects)
     speeds = speeds_at_work(flight, model, effects) if speeds is None else speeds
@@ -448,10 +460,9 @@ def along(
         )
     parts: dict[str, np.ndarray] = {}
     for block in dict.fromkeys(block_of(name) for name in names):
-        same = like and (
+        if like and (
             drive is like.drive if block == "drive" else like.says_alike(said, motion, block)
-        )
-        if same:
+        ):
             parts.update(
                 {name: value for name, value in like.parts.items() if block_of(name) == block}
             )
@@ -507,11 +518,15 @@ def _said_again(
     like: Along | None, drive: Drive, motion: Motion, effects: effect_table.Effects
 ) -> effect_table.Replay | None:
     """What the model said before, if nothing that it is asked about differs."""
-    same = like and motion is like.motion and but_actuators(effects) == but_actuators(like.effects)
+    if like is None or motion is not like.motion:
+        return None
+    same = but_actuators(effects) == but_actuators(like.effects)
     return like.said if same and np.array_equal(drive.at_work, like.drive.at_work) else None
 
 
-def _marked(windows: Windows, channel: str, names: Sequence[str]):
+def _marked(
+    windows: Windows, channel: str, names: Sequence[str]
+) -> list[tuple[str, csr_array, csr_array]]:
     """Every test function that one channel is asked under: mark of its name, weights, rate
     weights.
     """
@@ -519,7 +534,13 @@ def _marked(windows: Windows, channel: str, names: Sequence[str]):
 
 
 def _force(
-    flight, windows: Windows, model, names, drive, motion: Motion, said: effect_table.Replay
+    flight: Prepared,
+    windows: Windows,
+    model: Model,
+    names: Sequence[str],
+    drive: Drive,
+    motion: Motion,
+    said: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
     """m (a - g) - F in the body frame; the derivative of the velocity rests on the test
     function.
@@ -531,8 +552,14 @@ def _force(
 
 
 def _moment(
-    flight, windows: Windows, model: Model, names, drive, motion: Motion, said: effect_table.Replay
-) -> dict:
+    flight: Prepared,
+    windows: Windows,
+    model: Model,
+    names: Sequence[str],
+    drive: Drive,
+    motion: Motion,
+    said: effect_table.Replay,
+) -> dict[str, np.ndarray]:
     """I dOmega + Omega x I Omega - M in the body frame, as an angular acceleration times the
     declared inertia.
 
@@ -554,7 +581,13 @@ def _moment(
 
 
 def _acc(
-    flight: Prepared, windows: Windows, model, names: Sequence[str], drive, motion, said
+    flight: Prepared,
+    windows: Windows,
+    model: Model,
+    names: Sequence[str],
+    drive: Drive,
+    motion: Motion,
+    said: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
     """The accelerometer's readings less the model's, as a force."""
     columns = {name: f"{name}_m_s2" for name in ACC if name in names}
@@ -565,9 +598,17 @@ def _acc(
 
 
 def _lost(
-    flight: Prepared, windows: Windows, model, names, drive: Drive, motion, said
+    flight: Prepared,
+    windows: Windows,
+    model: Model,
+    names: Sequence[str],
+    drive: Drive,
+    motion: Motion,
+    said: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
     """Rotor speeds less those that the commands make."""
+    if drive.commanded is None:
+        raise ValueError("the drive was not flown from the commands; ask for its channels too")
     lost = flight.stack("rotor_speed") - drive.commanded
     left = [(mark, mean @ lost) for mark, mean, _ in _marked(windows, DRIVE[0], names)]
     return {
@@ -578,7 +619,13 @@ def _lost(
 
 
 def _range(
-    flight: Prepared, windows: Windows, model, names, drive, motion, said: effect_table.Replay
+    flight: Prepared,
+    windows: Windows,
+    model: Model,
+    names: Sequence[str],
+    drive: Drive,
+    motion: Motion,
+    said: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
     """The rangefinder's readings less the model's."""
     return {"range": windows.mean @ (flight.columns["range_m"] - said["range_m"])}

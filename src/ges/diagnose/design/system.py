@@ -21,7 +21,7 @@ from ges.diagnose.design.residual import (
     second_pole_s,
     with_overtones,
 )
-from ges.diagnose.design.table import Table, table_of
+from ges.diagnose.design.table import Indices, Table, table_of
 from ges.diagnose.design.weak import (
     Windows,
     blocks_of,
@@ -81,13 +81,13 @@ class Column:
         """
         if self.nuisance is not None:
             return (self.nuisance,)
-        v = self.variant
+        v = variant_of(self)
         return v.effect, tuple(v.shape.items()), v.amplitudes[self.amplitude], repr(v.beside)
 
     def part_of(
         self, whole: Mapping[int, np.ndarray], names: Sequence[str]
     ) -> Mapping[int, np.ndarray]:
-        """This column's part of all that its coefficient changes, by channel."""
+        """This column's part of all that its coefficient changes, by channel, (m,) each."""
         if not self.part:
             return whole
         return {
@@ -101,7 +101,32 @@ class Column:
         """``effect.parameter``: a nuisance and a candidate with one key correct the same number."""
         if self.nuisance is not None:
             return self.nuisance.key
-        return f"{self.variant.effect}.{self.variant.amplitudes[self.amplitude].parameter}"
+        v = variant_of(self)
+        return f"{v.effect}.{v.amplitudes[self.amplitude].parameter}"
+
+
+def variant_of(column: Column) -> Variant:
+    """Of a column that is an amplitude of one.
+
+    Raises
+    ------
+    TypeError : for a nuisance's column.
+    """
+    if column.variant is None:
+        raise TypeError(f"column {column.label} is a nuisance and of no variant")
+    return column.variant
+
+
+def nuisance_of(column: Column) -> Nuisance:
+    """Of a column that is one.
+
+    Raises
+    ------
+    TypeError : for an amplitude's column.
+    """
+    if column.nuisance is None:
+        raise TypeError(f"column {column.label} is an amplitude and no nuisance")
+    return column.nuisance
 
 
 @dataclasses.dataclass(frozen=True)
@@ -131,12 +156,14 @@ class Rows:
         half = np.diff(self.windows.center)
         return np.r_[False, half == half.min()] if len(half) else np.zeros(len(self.windows), bool)
 
-    def in_air(self, channels: Sequence[int]) -> np.ndarray:
-        """Residuals of these channels in the air, (a, len(channels))."""
-        return self.y[np.ix_(self.air, channels)]
+    def in_air(self, channels: Indices) -> np.ndarray:
+        """Residuals of c channels in the air, (a, c), in the channels' units."""
+        return self.y[np.ix_(self.air, np.asarray(channels, dtype=int))]
 
     def mean_columns(self, channels: Sequence[int], wanted: Sequence[int]) -> np.ndarray:
-        """Means in the air of wanted columns in these channels, (len(channels), len(wanted))."""
+        """Means in the air of k wanted columns in c channels, (c, k), in the channels' units over
+        those of the coefficients.
+        """
         return np.stack([self.x.of(c, wanted)[self.air].mean(axis=0) for c in channels])
 
     def added(self, terms: Mapping[int, float], count: int) -> np.ndarray:
@@ -172,7 +199,7 @@ class System:
         return tuple(name for name in self.names if "/" not in name)
 
     def blocks(self, length_s: float) -> list[np.ndarray]:
-        """Number of the block of time of every window, by flight."""
+        """Number of the block of time of every window, (m,) by flight."""
         return blocks_of([(r.windows, r.flight.t_s[0]) for r in self.flights], length_s)
 
 
@@ -191,7 +218,7 @@ def nuisances(
         present.add("command")
     voltage = all(f.has("battery") for f in flights)
     listed = [
-        _nuisance(effect.name, p, model, flights)
+        _nuisance(f"{effect.name}.{p.name}", p.doubt, model, flights)
         for effect in effect_table.table().values()
         if attitude_measured(flights) or not needs_attitude(effect.name)
         if not effect.modifies or effect.modifies in model.effects
@@ -200,21 +227,24 @@ def nuisances(
     ]
     if "drive" in present:
         sd = model.doubts.get(SPEED, 0.0)
-        listed.append(Nuisance(*SPEED.split("."), step=sd, sd=sd, flight_sd=0.0))
+        effect, _, parameter = SPEED.partition(".")
+        listed.append(Nuisance(effect, parameter, step=sd, sd=sd, flight_sd=0.0))
     return tuple(n for n in listed if n.sd > 0 or n.flight_sd > 0)
 
 
 def _nuisance(
-    effect: str, p: effect_table.Parameter, model: Model, flights: Sequence[Prepared]
+    key: str, doubt: effect_table.Doubt, model: Model, flights: Sequence[Prepared]
 ) -> Nuisance:
-    """One parameter within its doubts, about where the vehicle file has it."""
-    doubt, key = p.doubt, f"{effect}.{p.name}"
+    """One parameter, ``effect.parameter``, within its doubts, about where the vehicle file has
+    it.
+    """
+    effect, _, parameter = key.partition(".")
     unit = model.arm_m if doubt.per_arm else 1.0
     usual = _usual_delay_s(doubt.sd, model, flights) if doubt.timing else doubt.sd
     sd = model.doubts.get(key, unit * usual)
     step = settings.statistics.clear_sds * sd if doubt.reciprocal else unit * doubt.step
     mean = doubt.mean - model.moved.get(key, 0.0)
-    return Nuisance(effect, p.name, step, sd, unit * doubt.flight_sd, mean)
+    return Nuisance(effect, parameter, step, sd, unit * doubt.flight_sd, mean)
 
 
 def _usual_delay_s(usual_s: float, model: Model, flights: Sequence[Prepared]) -> float:
@@ -265,10 +295,11 @@ def _reference(model: Model, column: Column) -> dict:
     """Effects that must be on already for the column's shape, with the amplitude still neutral; {}
     where they do nothing.
     """
-    if column.nuisance is not None or column.variant.effect in model.effects:
+    variant = column.variant
+    if variant is None or variant.effect in model.effects:
         return {}
-    neutral = {**column.variant.beside, column.variant.effect: column.variant.parameters({})}
-    return neutral if drives(neutral) or column.variant.beside else {}
+    neutral = {**variant.beside, variant.effect: variant.parameters({})}
+    return neutral if drives(neutral) or variant.beside else {}
 
 
 def _shift(model: Model, column: Column) -> tuple[dict, float]:
@@ -277,7 +308,8 @@ def _shift(model: Model, column: Column) -> tuple[dict, float]:
         held = {**effect_table.get(n.effect).neutral(), **model.effects.get(n.effect, {})}
         step = _inward(n.effect, n.parameter, held[n.parameter], n.step)
         return _stepped(model, n.effect, {}, n.parameter, step), step
-    variant, a = column.variant, column.variant.amplitudes[column.amplitude]
+    variant = variant_of(column)
+    a = variant.amplitudes[column.amplitude]
     values = variant.parameters({}) if variant.effect not in model.effects else {}
     return {
         **variant.beside,
@@ -442,7 +474,7 @@ def rows(
         vouch = vouched(flight, windows.some(air), model, names, y[air], now.drive.at_work)
     heard = {c: name for c, name in enumerate(names) if np.isfinite(y[air, c]).all()}
     apart = [
-        f"{key}/{c.part}" if c.part == "moment" and c.variant.effect in model.effects else key
+        f"{key}/{c.part}" if c.part == "moment" and variant_of(c).effect in model.effects else key
         for key, c in zip(keys, columns, strict=True)
     ]
     turning = flight.has("gyro") or "attitude" not in flight.derived
@@ -574,9 +606,9 @@ def build(
             for j in range(len(v.amplitudes))
             for part in parts
         ]
-    before = like.flights if like else [None] * len(flights)
+    before: Sequence[Rows | None] = like.flights if like else [None] * len(flights)
     wanted = {c.made_of for c in columns}
-    known = [_known(like, r, model, wanted) if like else {} for r in before]
+    known = [_known(like, r, model, wanted) if like and r else {} for r in before]
     made = each(
         lambda f, k, r: rows(f, model, names, columns, length_s, k, r),
         flights,

@@ -9,6 +9,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+Indices = Sequence[int] | np.ndarray
+"""Whole numbers that pick columns or channels."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Table:
@@ -20,8 +23,8 @@ class Table:
     at: tuple[np.ndarray, ...]
     values: tuple[np.ndarray, ...]
 
-    def of(self, channel: int, wanted: Sequence[int]) -> np.ndarray:
-        """Wanted columns of one channel, (m, len(wanted))."""
+    def of(self, channel: int, wanted: Indices) -> np.ndarray:
+        """The k wanted columns of one channel, (m, k)."""
         return spread(self.values[channel], self.at[channel], wanted)
 
     def finite(self) -> np.ndarray:
@@ -51,12 +54,12 @@ def table_of(columns: Sequence[Mapping[int, np.ndarray]], rows: int, channels: i
     )
 
 
-def spread(values: np.ndarray, at: np.ndarray, wanted: Sequence[int]) -> np.ndarray:
-    """Those of columns (m, k) with the ascending numbers ``at`` that are wanted, zero where there
-    is none, (m, len(wanted)).
+def spread(values: np.ndarray, at: np.ndarray, wanted: Indices) -> np.ndarray:
+    """Those of columns (m, k) with the ascending numbers ``at`` (k,) that are wanted, (m, w), zero
+    where there is none.
     """
-    wanted = np.asarray(wanted, dtype=int)
+    asked = np.asarray(wanted, dtype=int)
     if not len(at):
-        return np.zeros((len(values), len(wanted)))
-    place = np.minimum(np.searchsorted(at, wanted), len(at) - 1)
-    return values[:, place] * (at[place] == wanted)
+        return np.zeros((len(values), len(asked)))
+    place = np.minimum(np.searchsorted(at, asked), len(at) - 1)
+    return values[:, place] * (at[place] == asked)

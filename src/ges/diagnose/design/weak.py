@@ -80,7 +80,8 @@ def whole(allowed: np.ndarray, first: np.ndarray, past: np.ndarray) -> np.ndarra
 
 
 def blocks_of(flights: Sequence[tuple[Windows, float]], length_s: float) -> list[np.ndarray]:
-    """Number of the block of time of every window, by flight; no block is shared by two flights.
+    """Number of the block of time of every window, (m,) by flight; no block is shared by two
+    flights.
 
     Parameters
     ----------
@@ -96,7 +97,7 @@ def blocks_of(flights: Sequence[tuple[Windows, float]], length_s: float) -> list
 
 
 def bump(half: int, step_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Weights of (1 - s^2)^3 on 2 half + 1 points, and those of minus its derivative; exact for
+    """Weights of (1 - s^2)^3, (2 half + 1,), and those of minus its derivative, 1/s; exact for
     constants and ramps.
     """
     s, phi, slope = _bump(half)

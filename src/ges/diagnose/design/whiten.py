@@ -222,7 +222,7 @@ def _of_channel(
 
 
 def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:
-    """Unrest of every window in units of the median over all flights."""
+    """Unrest of every window, (m,) by flight, in units of the median over all flights."""
     median = np.median(np.concatenate([r.noise[r.air] for r in flights])) or 1.0
     return [r.noise / median for r in flights]
 
@@ -232,6 +232,10 @@ def whiten(
 ) -> tuple[White, ...]:
     """Filter residuals and columns by the same noise model; the first rows of a run on the ground
     are foretold by the few before them: take-offs are short.
+
+    Parameters
+    ----------
+    unrest : by flight, (m,) of :func:`unrest_of`.
     """
     short = any(not rows.air.all() for rows in flights)
     filters = [_foretelling(ar) if short else _full(ar)[None] for ar in noise.ar]

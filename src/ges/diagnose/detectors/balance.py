@@ -13,12 +13,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
 import numpy as np
 from scipy.special import ndtri
 
 from ges.conventions import SDS_95, rotor_columns
-from ges.diagnose.design.system import System
+from ges.diagnose.design.system import System, nuisance_of
 from ges.diagnose.prepare.align import attitude_measured
 from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
@@ -38,8 +39,8 @@ def _mean_variance(values: np.ndarray, block: int) -> float:
 
 
 def variance_of_means(system: System, channels: Sequence[int]) -> np.ndarray:
-    """Variance of a flight's mean residual in the air by channel, (len(channels),), from blocks of
-    time, mean of the flights.
+    """Variance of a flight's mean residual in the air in c channels, (c,), in their squared units,
+    from blocks of time, mean of the flights.
     """
     block_s = settings.statistics.block_s
     block = max(1, int(round(2.0 * block_s / system.flights[0].windows.length_s)))
@@ -76,7 +77,7 @@ class Shift:
     mass: Cause
     swing_seen: bool
 
-    may_move = frozenset()
+    may_move: ClassVar[frozenset[str]] = frozenset()
     """Effects whose declared numbers it can move: none."""
 
     @property
@@ -190,7 +191,10 @@ def causes_of(system: System) -> list[tuple[Cause, Cause]]:
         return []
     y, x, precision = _distance(system, [*LOSSES, *MASS], column)
     directions = [(_loss(x, i), _mass(x, i, system)) for i in range(len(LOSSES))]
-    return [tuple(_weigh(y, d, precision, i) for d in pair) for i, pair in enumerate(directions, 1)]
+    return [
+        (_weigh(y, lost, precision, i), _weigh(y, heavy, precision, i))
+        for i, (lost, heavy) in enumerate(directions, 1)
+    ]
 
 
 def _strongest(weighed: Sequence[tuple[Cause, Cause]]) -> tuple[Cause, Cause]:
@@ -220,7 +224,9 @@ def _told_apart() -> float:
     return 2.0 * float(np.log(1.0 / chance - 1.0))
 
 
-def _distance(system: System, keys: Sequence[str], column: dict[str, int]):
+def _distance(
+    system: System, keys: Sequence[str], column: dict[str, int]
+) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
     """Mean residuals (4,), mean columns by key (4,) and the inverse covariance of the former under
     the file's doubts.
     """
@@ -232,7 +238,7 @@ def _distance(system: System, keys: Sequence[str], column: dict[str, int]):
     x, variance = dict(zip(keys, means.T, strict=True)), variance_of_means(system, slow) / count
     covariance = np.diag(variance)
     for key in keys:
-        n = system.columns[column[key]].nuisance
+        n = nuisance_of(system.columns[column[key]])
         covariance += (n.sd**2 + n.flight_sd**2 / count) * np.outer(x[key], x[key])
     return y, x, np.linalg.inv(covariance)
 

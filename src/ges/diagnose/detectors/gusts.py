@@ -182,7 +182,7 @@ def _told(system: System, joint: Joint) -> list[_Told]:
     columns = [
         k for k, c in enumerate(blown.columns) if c.variant is not None and c.part != "moment"
     ]
-    channels, told = [blown.names.index(name) for name in FORCE[:2]], []
+    channels, told = np.array([blown.names.index(name) for name in FORCE[:2]]), []
     for rows, left in zip(blown.flights, left_raw(system, joint), strict=True):
         push = np.stack([rows.x.of(c, columns) for c in channels], axis=1)
         push += (
@@ -199,7 +199,8 @@ def _air(told: Sequence[_Told], model: Model) -> _Air:
     if not told:
         return _Air(np.zeros((0, 2)), np.zeros((0, 2, 6)), np.zeros(6), (), 1)
     first = np.cumsum([0, *(len(t.at) for t in told)])
-    trim_N = effect_table.get("attitude_bias").parameters[0].doubt.sd * model.weight_N
+    tilt = effect_table.get("attitude_bias").parameters[0].doubt
+    trim_N = (tilt.sd if tilt else 0.0) * model.weight_N
     return _Air(
         np.concatenate([t.wind for t in told]),
         np.concatenate([_known(t, i, len(told)) for i, t in enumerate(told)]),

@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ges.diagnose.design.system import System, build
+from ges.diagnose.design.system import System, build, variant_of
 from ges.diagnose.library.candidates import Candidate, Variant, flown, usual_height_m
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import Board, make_board
@@ -55,7 +55,7 @@ def likely_load(board: Board, found: Search) -> Variant | None:
     best = next((h for h in found.hypotheses if LOAD in h.names), None)
     if best is None or found.inclusion[LOAD] < settings.statistics.possible_probability:
         return None
-    variants = (board.system.columns[k].variant for k in best.posterior.columns)
+    variants = (variant_of(board.system.columns[k]) for k in best.posterior.columns)
     return next(v for v in variants if v.effect == LOAD)
 
 
@@ -125,7 +125,8 @@ def _first_places(load: Drawn, height_m: float) -> list[Drawn]:
 
 
 def _threads(load: Drawn, height_m: float) -> list[Drawn]:
-    shares = np.geomspace(*settings.detect.behind_m_per_m, settings.detect.load_levels)
+    least, most = settings.detect.behind_m_per_m
+    shares = np.geomspace(least, most, settings.detect.load_levels)
     return [load.with_thread(height_m * k) for k in shares]
 
 

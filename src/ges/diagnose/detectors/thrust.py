@@ -14,7 +14,7 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 
-from ges.diagnose.design.system import System
+from ges.diagnose.design.system import System, nuisance_of
 from ges.diagnose.estimate.fit import Joint, within_bounds
 from ges.diagnose.library.requirements import lacking
 from ges.diagnose.select.evidence import rms_of
@@ -128,7 +128,8 @@ class UntoldThrust:
         per_bend = model.number("max_rotor_speed_rad_s") / model.hover_rad_s - 1.0
         thrust = self.excess.value * {SCALE: 1.0, CURVE: per_bend, SPEED: 2.0}[self.key]
         if "thrust_curve" in names:
-            bend = within_bounds(*CURVE.split("."), thrust / per_bend)
+            effect, _, parameter = CURVE.partition(".")
+            bend = within_bounds(effect, parameter, thrust / per_bend)
             return {"battery_sag": sags, "thrust_curve": {"c": bend}}
         known = model.effects.get("thrust_scale", {}).get("scale", 0.0)
         scale = known + thrust * ("thrust_scale" in names)
@@ -149,10 +150,10 @@ def untold_thrust(joint: Joint, system: System) -> UntoldThrust | None:
         key: sd
         for key, k in system.nuisances.items()
         if (key.split(".")[0] in rivals or rivals and key == SPEED)
-        and (sd := system.columns[k].nuisance.sd)
+        and (sd := nuisance_of(system.columns[k]).sd)
     }
     far = {key: abs(joint.common.get(key, 0.0)) / sd for key, sd in known.items()}
-    key = max(far, key=far.get, default=None)
+    key = max(far, key=lambda k: far[k], default=None)
     if key is None or far[key] < settings.statistics.certain_sds:
         return None
     unit = model.number(SPEED.split(".")[1]) if key == SPEED else 1.0

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
+from typing import Any
 
 import numpy as np
 
 from ges.diagnose.design.residual import residual
-from ges.diagnose.design.system import System
+from ges.diagnose.design.system import Rows, System
 from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.prepare.channels import channels
 from ges.diagnose.settings import settings
@@ -17,12 +18,21 @@ from ges.diagnose.types.words import size_unit
 from ges.simulator import effects as effect_table
 
 
-def size_of(added: Sequence[np.ndarray], system: System) -> dict:
-    """Rms of what one effect adds (of :func:`contributions`) where it weighs most; what force and
-    accelerometer show of one push differs by rounding alone, and the first is told.
+def size_of(added: Sequence[np.ndarray], system: System) -> dict[str, Any]:
+    """Rms of what one effect adds where it weighs most; what force and accelerometer show of one
+    push differs by rounding alone, and the first is told.
+
+    Parameters
+    ----------
+    added : by flight, (m, C) of :func:`contributions`, in the channels' units.
+
+    Returns
+    -------
+    ``value`` in ``unit``, ``share_of_weight`` of the channel's whole, and ``channel``, '' where the
+    effect shows nowhere.
     """
     more = 1.0 + settings.numerics.small
-    best = {"value": 0.0, "unit": "N", "share_of_weight": 0.0, "channel": ""}
+    best: dict[str, Any] = {"value": 0.0, "unit": "N", "share_of_weight": 0.0, "channel": ""}
     for c, channel in enumerate(system.main):
         unit, whole = size_unit(channel), system.model.whole(channel)
         values = np.concatenate([a[:, c] for a in added])
@@ -37,7 +47,7 @@ def contributions(
     fitted: Fitted | None, names: Collection[str], declared: Model
 ) -> dict[str, list[np.ndarray]]:
     """What fitted effects add on the flights to what the ``declared`` model has of them, by name
-    and flight, (m, C).
+    and flight, (m, C), in the channels' units.
     """
     if fitted is None:
         return {}
@@ -48,8 +58,8 @@ def contributions(
 def contributions_of(
     effects: effect_table.Effects, name: str, system: System, declared: Model
 ) -> list[np.ndarray]:
-    """What one of the ``effects`` adds to what the ``declared`` model has of it, by flight, (m,
-    C).
+    """What one of the ``effects`` adds to what the ``declared`` model has of it, (m, C) by flight,
+    in the channels' units.
     """
     bare = {k: v for k, v in effects.items() if k != name}
     bare |= {name: declared.effects[name]} if name in declared.effects else {}
@@ -57,7 +67,9 @@ def contributions_of(
     return [_added(rows, bare, model, system.main) for rows in system.flights]
 
 
-def _added(rows, effects: Mapping, model: Model, names: tuple[str, ...]) -> np.ndarray:
+def _added(
+    rows: Rows, effects: effect_table.Effects, model: Model, names: tuple[str, ...]
+) -> np.ndarray:
     """Residual with these effects alone less residual with the model's, (m, C); NaN where a channel
     is absent.
     """

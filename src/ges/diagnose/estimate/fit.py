@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ges.diagnose.design.system import System, build
-from ges.diagnose.design.table import spread
+from ges.diagnose.design.system import System, build, nuisance_of, variant_of
+from ges.diagnose.design.table import Indices, spread
 from ges.diagnose.design.whiten import White, estimate
 from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of, reach_of
 from ges.diagnose.prepare.align import Prepared
@@ -47,7 +47,7 @@ class Joint:
 
 def joint_fit(
     board: Board,
-    chosen: Sequence[int],
+    chosen: Indices,
     prior_mean: np.ndarray | None = None,
     prior_sd: np.ndarray | None = None,
 ) -> Joint:
@@ -62,11 +62,9 @@ def joint_fit(
     """
     columns, chosen = board.system.columns, np.asarray(chosen, dtype=int)
     freed = {columns[k].key for k in chosen}
-    common = np.array(
-        [k for k in board.nuisance if columns[k].nuisance.sd > 0 and columns[k].key not in freed],
-        dtype=int,
-    )
-    varies = np.array([k for k in board.nuisance if columns[k].nuisance.flight_sd > 0], dtype=int)
+    known = {int(k): nuisance_of(columns[k]) for k in board.nuisance}
+    common = np.array([k for k, n in known.items() if n.sd > 0 and n.key not in freed], dtype=int)
+    varies = np.array([k for k, n in known.items() if n.flight_sd > 0], dtype=int)
     sizes = (len(chosen), len(common), len(varies))
     start = np.cumsum((0, *sizes[:2]))
     total = sizes[0] + sizes[1] + sizes[2] * len(board.whites)
@@ -74,10 +72,10 @@ def joint_fit(
     mean[: sizes[0]] = 0.0 if prior_mean is None else prior_mean
     wide = settings.numerics.wide_factor * board.prior.sd[chosen]
     precision[: sizes[0]] = 1.0 / (wide if prior_sd is None else prior_sd) ** 2
-    mean[start[1] : start[2]] = [columns[k].nuisance.mean for k in common]
-    precision[start[1] : start[2]] = [1.0 / columns[k].nuisance.sd ** 2 for k in common]
+    mean[start[1] : start[2]] = [known[k].mean for k in common]
+    precision[start[1] : start[2]] = [1.0 / known[k].sd ** 2 for k in common]
     precision[start[2] :] = np.tile(
-        [1.0 / columns[k].nuisance.flight_sd ** 2 for k in varies], len(board.whites)
+        [1.0 / known[k].flight_sd ** 2 for k in varies], len(board.whites)
     )
     places = [
         np.r_[np.arange(start[2]), start[2] + f * sizes[2] + np.arange(sizes[2])]
@@ -95,9 +93,9 @@ def joint_fit(
     beta = inverse @ xy
     by_rows = inverse[: sizes[0], : sizes[0]]
     covariance = np.maximum(1.0, _inflation(board, kept, places, beta, inverse, sizes[0])) * by_rows
-    names = [columns[k].nuisance.key for k in common]
+    names = [known[k].key for k in common]
     moved = np.array([board.system.model.moved.get(name, 0.0) for name in names])
-    flight_names = [columns[k].nuisance.key for k in varies]
+    flight_names = [known[k].key for k in varies]
     return Joint(
         beta[: sizes[0]],
         covariance,
@@ -219,20 +217,17 @@ def starting_values(board: Board, hypothesis: Hypothesis) -> dict[str, dict[str,
         column = board.system.columns[k]
         if column.part == "moment":
             continue
-        a = column.variant.amplitudes[column.amplitude]
-        clips = "clips" in effect_table.get(column.variant.effect).hints
+        variant = variant_of(column)
+        a = variant.amplitudes[column.amplitude]
+        clips = "clips" in effect_table.get(variant.effect).hints
         value = a.level if clips else value
-        declared = board.system.model.effects.get(column.variant.effect, {})
-        held = found.get(column.variant.effect) or {**column.variant.parameters({}), **declared}
-        found[column.variant.effect] = {
+        declared = board.system.model.effects.get(variant.effect, {})
+        held = found.get(variant.effect) or {**variant.parameters({}), **declared}
+        found[variant.effect] = {
             **held,
             a.parameter: float(np.clip(held[a.parameter] + value, a.low, a.high)),
         }
-        carriers |= (
-            {(column.variant.effect, a.parameter): column.variant.beside}
-            if column.variant.beside
-            else {}
-        )
+        carriers |= {(variant.effect, a.parameter): variant.beside} if variant.beside else {}
     for (effect, parameter), beside in carriers.items():
         found[effect][parameter] *= _through(found, beside)
     return found
@@ -262,7 +257,8 @@ def free_parameters(
         column = board.system.columns[k]
         if column.part == "moment":
             continue
-        found.append((column.variant.effect, column.variant.amplitudes[column.amplitude].parameter))
+        variant = variant_of(column)
+        found.append((variant.effect, variant.amplitudes[column.amplitude].parameter))
     chosen = list(dict.fromkeys(e for e, _ in found))
     vectors = {e: [p.name for p in effect_table.get(e).parameters if p.whole] for e in chosen}
     found = [f for f in found if not vectors[f[0]]]
@@ -313,7 +309,7 @@ class _Point:
     values: effect_table.Effects
     free: tuple[tuple[str, str], ...]
     board: Board
-    chosen: Sequence[int]
+    chosen: list[int]
     joint: Joint
 
     @functools.cached_property
@@ -383,13 +379,15 @@ def polish(
     values, free : parameters of the effects, and which of them are fitted.
     flights : the same flights along another path; the system's own where not given.
     """
-    free, at, first, model = tuple(free), None, None, like.model
+    free, model = tuple(free), like.model
+    at: _Point | None = None
+    first: _Point | None = None
     for _ in range(settings.numerics.fit_rounds):
         variants = [Variant(e, {}, (_moves((e, p), values, model),)) for e, p in free]
         system = build(flights or like.recordings, model.with_effects(values), variants, like)
         noise = first.board.noise if first else estimate(system, _free_first(system))
         there = _linearised(values, free, whitened(system, noise), model)
-        if first and there.cost > at.cost + settings.estimate.same_cost:
+        if at and first and there.cost > at.cost + settings.estimate.same_cost:
             values = at.moved_to(0.5 * (at.numbers() + there.numbers()))
             continue
         at, first = there, first or there
@@ -399,6 +397,8 @@ def polish(
             if at.sds_to(first.values) < settings.statistics.suggestive_sds:
                 break
             first = None
+    if at is None:
+        raise ValueError("numerics.fit_rounds is 0; set 1 or more")
     joint = _with_levers_as_they_are(at.board, at.chosen, at.joint, len(free))
     return Fitted(at.values, free, at.covariance, joint, at.joint, at.board)
 

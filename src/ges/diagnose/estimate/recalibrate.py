@@ -14,7 +14,7 @@ import dataclasses
 import numpy as np
 from scipy.optimize import least_squares
 
-from ges.diagnose.design.system import residuals_with
+from ges.diagnose.design.system import nuisance_of, residuals_with
 from ges.diagnose.design.table import spread, table_of
 from ges.diagnose.design.whiten import unrest_of, whiten
 from ges.diagnose.estimate.fit import Joint, calibrated, correction_bounds
@@ -64,14 +64,15 @@ class _Posterior:
     def __init__(self, board: Board) -> None:
         self.board, self.unrest = board, unrest_of(board.system.flights)
         columns, model = board.system.columns, board.system.model
-        common = [columns[k].nuisance for k in board.nuisance if columns[k].nuisance.sd > 0]
+        known = {int(k): nuisance_of(columns[k]) for k in board.nuisance}
+        common = [n for n in known.values() if n.sd > 0]
         self.keys = [n.key for n in common]
         self.sd = np.array([n.sd for n in common])
         self.mean = np.array([n.mean for n in common]) / self.sd
         room = np.array([correction_bounds(n.key, model) for n in common]).reshape(-1, 2)
         self.low, self.high = (room / self.sd[:, None]).T
-        varying = [int(k) for k in board.nuisance if columns[k].nuisance.flight_sd > 0]
-        unit = np.array([columns[k].nuisance.flight_sd for k in varying])
+        varying = [k for k, n in known.items() if n.flight_sd > 0]
+        unit = np.array([known[k].flight_sd for k in varying])
         self.by_flight = [
             np.concatenate(
                 [spread(unanswered(part)[0], part.columns, varying) * unit for part in white.parts]

@@ -34,7 +34,7 @@ def can_roll(flight: Prepared) -> bool:
 
 
 def starts_of(flight: Prepared, n: int) -> np.ndarray:
-    """Rows where a whole horizon of ``n`` rows flies, one horizon apart."""
+    """Rows (k,) where a whole horizon of ``n`` rows flies, one horizon apart."""
     rows = np.arange(0, len(flight.t_s) - n - 1, n)
     return rows[whole(flight.flying, rows, rows + n + 1)]
 

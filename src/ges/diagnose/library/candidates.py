@@ -198,7 +198,14 @@ def amplitude_of(effect: str, name: str) -> Amplitude:
 
 
 def usual_height_m(model: Model, reached: Flown) -> float:
-    """Over the ground, at the median of the positions."""
+    """Over the ground, at the median of the positions.
+
+    Raises
+    ------
+    ValueError : where no position was logged.
+    """
+    if reached.middle_m is None:
+        raise ValueError("no height without a position; log one")
     x, y, z = reached.middle_m
     return z - float(model.terrain.at(np.array([x]), np.array([y])).height_m[0])
 

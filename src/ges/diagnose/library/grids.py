@@ -10,6 +10,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from ges.diagnose.library.candidates import (
     Candidate,
@@ -149,13 +150,13 @@ def _axes(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple
     return tuple(_one_way(v, **side) for side in sides for v in sets)
 
 
-def _one_way(variant: Variant, **changes: float) -> Variant:
+def _one_way(variant: Variant, **changes: Any) -> Variant:
     """The variant with other steps or bounds of all of its amplitudes."""
     changed = tuple(dataclasses.replace(a, **changes) for a in variant.amplitudes)
     return dataclasses.replace(variant, amplitudes=changed)
 
 
-def _at_level(variant: Variant, *steps: float, **changes) -> Variant:
+def _at_level(variant: Variant, *steps: float, **changes: Any) -> Variant:
     """The variant with columns of these whole steps, which hold about them."""
     moved = zip(variant.amplitudes, steps, strict=True)
     return dataclasses.replace(
@@ -211,7 +212,7 @@ def _beside(effect: Effect, search: Search, model: Model, reached: Flown) -> tup
     """A radius beyond each side of what was flown; where a pull is exponential, how far is one with
     how strong.
     """
-    if reached.high_m is None:
+    if reached.low_m is None or reached.high_m is None:
         return ()
     distance, bearing = search.axis
     sides = (
@@ -277,7 +278,7 @@ def _drawn(effect: Effect, search: Search, model: Model, reached: Flown) -> tupl
     """Drawn over the ground on threads longer than the height of flight, below the middle and below
     each rotor; none that stays slack all the way. Levels are how far behind, over that height.
     """
-    if reached.middle_m is None:
+    if reached.low_m is None or reached.high_m is None:
         return ()
     length_name, x_name, y_name = search.axis
     height = usual_height_m(model, reached)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -134,7 +135,7 @@ class Prepared:
         """Steps no longer than this between two samples."""
         return max(1, int(np.ceil(self.dt_s / longest_s)))
 
-    def replaced(self, **changes) -> Prepared:
+    def replaced(self, **changes: Any) -> Prepared:
         """A copy with other fields."""
         return dataclasses.replace(self, **changes)
 
@@ -232,7 +233,8 @@ def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
             " sort the recording"
         )
     grid = np.arange(t_s[0], t_s[-1], step_s)
-    columns, update = {}, {}
+    columns: dict[str, np.ndarray] = {}
+    update: dict[str, float] = {}
     for stream, names in STREAMS.items():
         if stream in ("position", "reference", "accelerometer"):
             groups = [[name] for name in _present(frame, names)]
@@ -268,7 +270,7 @@ def _silent(frame: pd.DataFrame, name: str, grid_s: np.ndarray) -> np.ndarray:
 
 
 def gaps(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
-    """True on the grid where the recording itself stopped for long (no row, or motion not
+    """True on the grid (n,) where the recording itself stopped for long (no row, or motion not
     logged).
     """
     motion = (
@@ -289,8 +291,13 @@ def gaps(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
 def lift(
     flight: Prepared, thrust_coefficient: float, speed_max: float, weight_N: float
 ) -> np.ndarray | None:
-    """Thrust over weight as the drive tells it, smoothed over 0.3 s; None without rotor speeds and
-    commands.
+    """Thrust over weight as the drive tells it, (n,), smoothed over 0.3 s; None without rotor
+    speeds and commands.
+
+    Parameters
+    ----------
+    thrust_coefficient : N s^2.
+    speed_max : rotor speed of a full command, rad/s.
     """
     if flight.has("rotor_speed"):
         speeds = flight.stack("rotor_speed")
@@ -313,6 +320,11 @@ def resting_m(flight: Prepared, working: np.ndarray, height_m: np.ndarray | None
     """Height over the ground that the vehicle rests at: that of an end of the recording where the
     drive idles, if nothing is much lower (a brisk descent idles too, and a table is left for what
     is below it); infinite in a recording that begins and ends in the air, or has no height.
+
+    Parameters
+    ----------
+    working : (n,) thrust of :func:`over_usual`.
+    height_m : (n,) over the ground; None where it is not known.
     """
     if height_m is None:
         return np.inf
@@ -334,6 +346,15 @@ def airborne(
     The drive must carry most of its own median where it is clearly up, or a part of it well above
     the resting height, as in a brisk descent; and the vehicle must be off its resting height:
     ``above_m`` it, where that is known. A margin around every contact is left out.
+
+    Parameters
+    ----------
+    working : (n,) thrust of :func:`over_usual`.
+    above_m : (n,) height over that at rest; None where it is not known.
+
+    Returns
+    -------
+    (n,) True in the air.
     """
     p = settings.prepare
     up = working > p.lifting_share
@@ -346,8 +367,13 @@ def airborne(
 
 
 def lifting(flight: Prepared, flying: np.ndarray) -> np.ndarray:
-    """Samples in which the rotors push most of their median in flight, and a little before and
-    after do: a take-off shows what a drive does at its limits, but not while it spins up.
+    """Samples, True of (n,), in which the rotors push most of their median in flight, and a little
+    before and after do: a take-off shows what a drive does at its limits, but not while it spins
+    up.
+
+    Parameters
+    ----------
+    flying : (n,) True in the air.
     """
     if not (flight.has("rotor_speed") and flight.has("command") and flying.any()):
         return flying

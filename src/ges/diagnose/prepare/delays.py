@@ -313,7 +313,7 @@ def gyro_bias(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray] | No
 
 
 def without_bias(flight: Prepared, bias: np.ndarray) -> Prepared:
-    """The flight with a constant taken out of its gyro."""
+    """The flight with a constant (3,), rad/s, taken out of its gyro."""
     if not flight.has("gyro"):
         return flight
     mended = {n: flight.columns[n] - b for n, b in zip(STREAMS["gyro"], bias, strict=True)}

@@ -107,7 +107,7 @@ def _in_the_air(
 
 
 def height_over_ground_m(flight: Prepared, model: Model) -> np.ndarray | None:
-    """Over the ground as it was logged, or as the vehicle file has it; None without a logged
+    """Over the ground as it was logged, or as the vehicle file has it, (n,); None without a logged
     height.
     """
     if "p_z_m" not in flight.columns:
@@ -122,8 +122,8 @@ def height_over_ground_m(flight: Prepared, model: Model) -> np.ndarray | None:
 
 
 def struck(gridded: _Gridded, model: Model) -> np.ndarray:
-    """True around every blow from the ground: a short force close to it that no drive makes and no
-    noise.
+    """True, of (n,), around every blow from the ground: a short force close to it that no drive
+    makes and no noise.
     """
     flight = gridded.flight
     if gridded.height_m is None or "acc_z_m_s2" not in flight.columns:
@@ -139,8 +139,8 @@ def struck(gridded: _Gridded, model: Model) -> np.ndarray:
 
 
 def clipped(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
-    """True on the grid, and shortly around, where a gyro or accelerometer stands at its largest
-    reading: out of its range.
+    """True on the grid (n,), and shortly around, where a gyro or accelerometer stands at its
+    largest reading: out of its range.
     """
     t_s, found = frame["t_s"].to_numpy(dtype=float), np.zeros(len(grid_s), bool)
     margin_s = settings.prepare.transient_margin_s
@@ -261,11 +261,11 @@ def pass_gate(
     names = names or [f"flight {i}" for i in range(len(frames))]
     gridded = each(lambda i: _on_grid(frames[i], model, i), range(len(frames)))
     rest_m = min(g.resting_m for g in gridded)
-    flights: list[Prepared | None] = each(
+    found: list[Prepared] = each(
         lambda g, frame: _in_the_air(g, frame, model, rest_m), gridded, frames
     )
-    problems = [_problem(f) for f in flights]
-    flights = [None if problem else f for f, problem in zip(flights, problems, strict=True)]
+    problems = [_problem(f) for f in found]
+    flights = [None if problem else f for f, problem in zip(found, problems, strict=True)]
     if all(problems):
         name, problem = min(zip(names, problems, strict=True))
         raise GesError(

@@ -17,6 +17,9 @@ from ges.errors import GesError, unknown_name
 from ges.recordings.recording import RecordingSet, make_set, require_drive
 from ges.vehicle.file import Vehicle
 
+Recordings = RecordingSet | Mapping[str, pd.DataFrame] | Sequence[pd.DataFrame]
+"""What can be diagnosed: a set, or flights by name or in a row, with contract columns."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Problem:
@@ -52,7 +55,7 @@ class Problem:
 
 
 def pose_problem(
-    recordings: RecordingSet | Mapping[str, pd.DataFrame] | Sequence[pd.DataFrame],
+    recordings: Recordings,
     vehicle: Vehicle | None,
     holdout: Sequence[str] | None,
     folder: Path | str,
@@ -73,6 +76,7 @@ def pose_problem(
     labels, frames = [f.name for _, f in ordered], [f.frame for _, f in ordered]
     gate = pass_gate(frames, model, labels)
     model = at_flown_voltage(model, gate.flights)
+    used = {i: f for i, f in enumerate(gate.flights) if f}
     train, held = split([d for d, _ in ordered], gate.usable(), _numbers(holdout, labels))
     if not train:
         raise GesError("every usable flight is held out; leave at least one for fitting")
@@ -80,14 +84,14 @@ def pose_problem(
         flights.vehicle,
         model,
         gate,
-        {labels[i]: gate.flights[i] for i in train},
-        {labels[i]: gate.flights[i] for i in held},
+        {labels[i]: used[i] for i in train},
+        {labels[i]: used[i] for i in held},
         {f.name: float(np.ptp(f.frame["t_s"].to_numpy(dtype=float))) for _, f in ordered},
         (*flights.warnings, *gate.warnings),
     )
 
 
-def _as_set(recordings, vehicle: Vehicle | None, folder: Path | str) -> RecordingSet:
+def _as_set(recordings: Recordings, vehicle: Vehicle | None, folder: Path | str) -> RecordingSet:
     if isinstance(recordings, RecordingSet):
         if vehicle is None:
             return recordings

@@ -76,21 +76,27 @@ def error_rows(
         if stages and max(stages) < _least(name, scale):
             small.append(name)
             continue
-        low, high = c.get("reduction_ci95") or (None, None)
+        reduction = _interval(c)
         change = c["after"] / c["recalibrated"] - 1.0 if c["recalibrated"] else None
         state = ""
-        if low is not None and change is not None and abs(change) >= settings.statistics.least_gain:
-            state = "better" if low > 0.0 else "worse" if high < 0.0 else ""
+        if reduction and change is not None and abs(change) >= settings.statistics.least_gain:
+            state = "better" if reduction[0] > 0.0 else "worse" if reduction[1] < 0.0 else ""
         rows.append(
             {
                 "name": name,
                 **{s: c[s] for s in ("before", "recalibrated", "after")},
                 "change": change,
-                "ci95": None if low is None else (-high, -low),
+                "ci95": (-reduction[1], -reduction[0]) if reduction else None,
                 "state": state,
             }
         )
     return rows, small
+
+
+def _interval(row: Mapping[str, Any]) -> tuple[float, float] | None:
+    """``reduction_ci95`` of a row of the fit; None where it has none."""
+    low, high = row.get("reduction_ci95") or (None, None)
+    return None if low is None or high is None else (low, high)
 
 
 def _least(name: str, scale: Mapping[str, float]) -> float:

@@ -58,7 +58,7 @@ def _flight(t: Trace) -> dict[str, Any]:
 
 
 def packed(series: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """Signals of one channel as numbers of two bytes, little-endian, base64; value = ``low`` +
+    """Signals (n,) of one channel as numbers of two bytes, little-endian, base64; value = ``low`` +
     ``step`` * (number + 32767), :data:`MISSING` where there is none.
     """
     finite = np.concatenate([v[np.isfinite(v)] for v in series.values()])

@@ -139,9 +139,10 @@ def _value(v: Mapping[str, Any] | None) -> str:
 
 def _overlap(a: Sequence[float | None] | None, b: Sequence[float | None] | None) -> str:
     """Whether two intervals overlap, in words; '' where one is missing."""
-    if a is None or b is None or None in (*a, *b):
+    (a_low, a_high), (b_low, b_high) = a or (None, None), b or (None, None)
+    if a_low is None or a_high is None or b_low is None or b_high is None:
         return ""
-    return "overlap" if max(a[0], b[0]) <= min(a[1], b[1]) else "apart"
+    return "overlap" if max(a_low, b_low) <= min(a_high, b_high) else "apart"
 
 
 def _numbers(

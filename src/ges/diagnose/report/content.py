@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.withdraw import Answer
 from ges.diagnose.design.answers import strengths
-from ges.diagnose.design.system import System
+from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.gusts import GUSTS, heard_by
 from ges.diagnose.estimate.fit import Joint
 from ges.diagnose.library.candidates import flown
@@ -124,7 +124,7 @@ def unexplained_by(remains: Sequence[Structure], start: Start, last: Stage) -> l
     mean.
     """
     means = [u.channel for u in remains if not u.of_size]
-    forms = {}
+    forms: Mapping[str, Form] = {}
     if remains:
         forms = hypotheses(start.system, last.in_air, start.regimes, means, settings.locate.block_s)
     return [_structure(u, forms.get(u.channel)) for u in remains]
@@ -165,9 +165,8 @@ def places_of(accepted: Accepted, name: str) -> str:
     """Where an effect that acts in one of several places does, ``rotor 3``, by the best variant;
     '' for all others.
     """
-    best = accepted.found.best_with(name) if name in accepted.found.inclusion else None
-    if best is None or best.posterior is None:
+    if name not in accepted.found.inclusion:
         return ""
     columns = accepted.board.system.columns
-    mine = (v for k in best.posterior.columns if (v := columns[k].variant).effect == name)
-    return " and ".join(next(mine).places)
+    variants = (variant_of(columns[k]) for k in accepted.found.best_with(name).posterior.columns)
+    return " and ".join(next(v for v in variants if v.effect == name).places)

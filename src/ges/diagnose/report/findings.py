@@ -13,7 +13,7 @@ from ges.diagnose.advise.detect import Found
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.declared import Contradicted
 from ges.diagnose.decide.withdraw import Answer, practically_significant
-from ges.diagnose.design.system import System
+from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.clocks import settled_findings
 from ges.diagnose.detectors.thrust import UntoldThrust
@@ -67,8 +67,8 @@ def found_sizes(accepted: Accepted) -> dict[str, Found]:
     if accepted.fitted is None:
         return {}
     columns = accepted.board.system.columns
-    best = accepted.found.best.posterior
-    variants = {v.effect: v for v in (columns[k].variant for k in (best.columns if best else ()))}
+    chosen = accepted.found.best.posterior.columns
+    variants = {v.effect: v for v in (variant_of(columns[k]) for k in chosen)}
     effects = accepted.fitted.effects
     return {
         name: Found(
@@ -131,21 +131,26 @@ def alternatives_of(accepted: Accepted, name: str) -> tuple[dict, ...]:
 
 
 def finding(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> Finding:
-    """One accepted effect; ``added`` of :func:`contributions`."""
+    """One accepted effect; ``added`` (m, C) by flight, of :func:`contributions`."""
     declared = accepted.board.system.model.effects.get(name, {})
     return Finding.of(
         name,
         stated(accepted.probability[name]),
-        parameters_of(accepted.fitted, name, declared),
-        size_of(added, accepted.fitted.board.system),
+        parameters_of(accepted.fit, name, declared),
+        size_of(added, accepted.fit.board.system),
         alternatives_of(accepted, name),
         place=places_of(accepted, name),
     )
 
 
 def by_place(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> list[Finding]:
-    """One accepted effect; of one that acts in several places, a finding for each place."""
-    fitted, model = accepted.fitted, accepted.board.system.model
+    """One accepted effect; of one that acts in several places, a finding for each place.
+
+    Parameters
+    ----------
+    added : by flight, (m, C) of :func:`contributions`.
+    """
+    fitted, model = accepted.fit, accepted.board.system.model
     system = fitted.board.system
     numbered = [p for e, p in fitted.free if e == name and place_of(p)]
     if len(numbered) < 2:
@@ -223,8 +228,9 @@ def _searched(accepted: Accepted, name: str) -> dict[str, Estimate]:
     told: dict[str, Estimate] = {}
     for k, mean, sd in zip(found.columns, found.mean, found.sd, strict=True):
         column = accepted.board.system.columns[k]
-        if column.variant.effect == name and column.part != "moment":
-            a = column.variant.amplitudes[column.amplitude]
+        variant = variant_of(column)
+        if variant.effect == name and column.part != "moment":
+            a = variant.amplitudes[column.amplitude]
             value = a.neutral + float(mean)
             told[a.parameter] = Estimate(value, interval95(value, float(sd)), units[a.parameter])
     return told

@@ -98,7 +98,7 @@ def _figures(
             yield "located", "residual_against", _residual_picture(place, proof)
 
 
-def _cell(cell) -> dict[str, Any]:
+def _cell(cell: Cell) -> dict[str, Any]:
     return {
         "channel": cell.channel,
         "regime": cell.regime,

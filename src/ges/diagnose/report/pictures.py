@@ -11,10 +11,12 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from scipy.special import stdtrit
 
 from ges.diagnose.types.words import (
@@ -122,7 +124,9 @@ def _score(cell: Mapping[str, Any]) -> float:
     return cell["mean"] / cell["sd"] if np.isfinite(cell["sd"]) and cell["sd"] > 0 else 0.0
 
 
-def _strip(axis, cells: Sequence[Mapping[str, Any]], channels: Sequence[str], regime: str):
+def _strip(
+    axis: Axes, cells: Sequence[Mapping[str, Any]], channels: Sequence[str], regime: str
+) -> AxesImage:
     """One regime: bins of equal width on the page, their bounds written below."""
     bounds = sorted({k["low"] for k in cells} | {k["high"] for k in cells})
     score = np.full((len(channels), max(len(bounds) - 1, 1)), np.nan)
@@ -323,7 +327,7 @@ def over_time(t: Trace) -> Figure:
     return figure
 
 
-def _limit(axis, used: np.ndarray, *signals: np.ndarray) -> None:
+def _limit(axis: Axes, used: np.ndarray, *signals: np.ndarray) -> None:
     """The axis to what is used: a blow on the ground would flatten all else."""
     values = np.concatenate([s[used & np.isfinite(s)] for s in signals])
     if len(values):
@@ -334,8 +338,14 @@ def _limit(axis, used: np.ndarray, *signals: np.ndarray) -> None:
 def binned(
     x: np.ndarray, y: np.ndarray, blocks: np.ndarray, edges: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centre, mean and half width of the 95 % interval of every bin; a block of time counts as one
-    draw.
+    """Centre, mean and half width of the 95 % interval of every bin that is not empty, (b,) each; a
+    block of time counts as one draw.
+
+    Parameters
+    ----------
+    x, y : (n,) signals; the centres are in the unit of x, means and half widths in that of y.
+    blocks : (n,) number of the block of time.
+    edges : (k,) of the bins, rising.
     """
     center, mean, half = [], [], []
     number = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
@@ -420,7 +430,7 @@ def parameter_intervals(parameters: Sequence[Mapping[str, Any]]) -> Figure:
     return figure
 
 
-def _interval(axis, row: int, p: Mapping[str, Any]) -> None:
+def _interval(axis: Axes, row: int, p: Mapping[str, Any]) -> None:
     """One line: what is drawn lies between 0 and 1."""
     low, high = (v if v is not None else p["value"] for v in p["ci95"])
     declared, doubt = p.get("declared"), 2.0 * (p.get("declared_sd") or 0.0)

@@ -153,7 +153,7 @@ def _gain(content: Mapping[str, Any]) -> str:
 def _best(table: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mapping[str, Any]] | None:
     """The row that gains most against recalibration alone, if it gains anything worth telling."""
     gains = {n: 1.0 - c["after"] / c["recalibrated"] for n, c in table.items() if c["recalibrated"]}
-    name = max(gains, key=gains.get, default=None)
+    name = max(gains, key=lambda n: gains[n], default=None)
     return (
         (name, table[name])
         if name is not None and gains[name] >= settings.statistics.least_gain
@@ -170,7 +170,7 @@ def _moved(content: Mapping[str, Any]) -> str:
     """The number that recalibration moved farthest over its declared sd; '' within two."""
     rows = {k: c for k, c in content["calibration"].items() if c["declared_sd"]}
     far = {k: abs(c["value"]) / c["declared_sd"] for k, c in rows.items()}
-    key = max(far, key=far.get, default=None)
+    key = max(far, key=lambda k: far[k], default=None)
     if key is None or far[key] < settings.statistics.suggestive_sds:
         return ""
     return (

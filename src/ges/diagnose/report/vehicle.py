@@ -46,7 +46,7 @@ def fitted_vehicle(
 
 def _estimates(accepted: Accepted, name: str) -> dict[str, Estimate]:
     """Parameters of an effect as they were fitted, with intervals of those that were free."""
-    fitted, free = accepted.fitted, {p for e, p in accepted.fitted.free if e == name}
+    fitted, free = accepted.fit, {p for e, p in accepted.fit.free if e == name}
     found = {}
     for parameter, value in fitted.effects[name].items():
         sd = fitted.sd(name, parameter) if parameter in free else 0.0

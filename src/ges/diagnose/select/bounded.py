@@ -13,7 +13,9 @@ from ges.diagnose.settings import settings
 
 
 def log_mass(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Log of the standard normal's mass between two bounds, exact in both tails."""
+    """Log of the standard normal's mass between two bounds, (s, k) as they are, exact in both
+    tails.
+    """
     low, high = np.where(low > 0, -high, low), np.where(low > 0, -low, high)
     with np.errstate(divide="ignore"):
         return log_ndtr(high) + np.log1p(-np.exp(log_ndtr(low) - log_ndtr(high)))
@@ -67,7 +69,14 @@ def _together(
     )
 
 
-def _factor(mean, variance, low, high, tilt, weight) -> np.ndarray:
+def _factor(
+    mean: np.ndarray,
+    variance: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    tilt: np.ndarray,
+    weight: np.ndarray,
+) -> np.ndarray:
     """What stands for the bounds of one coefficient, exp(size + tilt x - weight x^2 / 2), instead
     of what stood there: tilt, weight and size (3, s).
     """

@@ -9,7 +9,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from ges.diagnose.design.system import Column, System
+from ges.diagnose.design.system import Column, System, nuisance_of, variant_of
 from ges.diagnose.design.whiten import Noise, Part, White, estimate, unrest_of, whiten
 from ges.diagnose.select.bounded import log_mass, log_mass_within
 from ges.diagnose.settings import settings
@@ -36,7 +36,7 @@ class Gram:
         return Gram(self.xx * factor, self.xy * factor, self.yy * factor, self.n * factor)
 
     def about(self, columns: np.ndarray, mean: np.ndarray) -> Gram:
-        """With coefficients counted from a mean."""
+        """With the coefficients of k columns counted from a mean (k,)."""
         moved = self.xx[:, columns] @ mean
         return Gram(
             self.xx,
@@ -46,7 +46,9 @@ class Gram:
         )
 
     def without(self, drop: np.ndarray, sd: np.ndarray) -> Gram:
-        """Columns ``drop`` integrated out under N(0, sd^2); they stay in place, as zero."""
+        """Columns ``drop`` (d,) integrated out under N(0, sd^2), sd (d,); they stay in place, as
+        zero.
+        """
         if not len(drop):
             return self
         inner = self.xx[np.ix_(drop, drop)] + np.diag(1.0 / sd**2)
@@ -60,7 +62,7 @@ class Gram:
         )
 
     def take(self, keep: np.ndarray) -> Gram:
-        """Only some columns."""
+        """Only the columns ``keep`` (k,)."""
         return Gram(self.xx[np.ix_(keep, keep)], self.xy[keep], self.yy, self.n)
 
 
@@ -117,7 +119,7 @@ def flight_grams(
         [k for k, c in enumerate(columns) if c.nuisance is not None and c.nuisance.flight_sd > 0],
         dtype=int,
     )
-    sd = np.array([columns[k].nuisance.flight_sd for k in varies])
+    sd = np.array([nuisance_of(columns[k]).flight_sd for k in varies])
     return [_with_flight_effects(gram_of(w, tempering), varies, sd) for w in whites]
 
 
@@ -142,9 +144,14 @@ class Posterior:
     covariance: np.ndarray
     log_evidence: float
 
+    @classmethod
+    def of_nothing(cls) -> Posterior:
+        """Of no column."""
+        return cls((), np.zeros(0), np.zeros((0, 0)), 0.0)
+
     @property
     def sd(self) -> np.ndarray:
-        """Standard deviations."""
+        """Standard deviations, (k,), in the units of the coefficients."""
         return np.sqrt(np.diag(self.covariance))
 
 
@@ -158,23 +165,28 @@ class Prior:
     high: np.ndarray
 
     def take(self, keep: np.ndarray) -> Prior:
-        """Only some columns."""
+        """Only the columns ``keep`` (k,)."""
         return Prior(*(getattr(self, f.name)[keep] for f in dataclasses.fields(self)))
 
 
 def acts_of(found: Posterior, names: Collection[str], system: System) -> np.ndarray:
-    """What these effects add together by their coefficients, (windows of all flights, main
-    channels).
+    """What these effects add together by their coefficients, (m, C): windows of all flights, main
+    channels, in the channels' units.
     """
     terms = {
         k: value
         for k, value in zip(found.columns, found.mean, strict=True)
-        if system.columns[k].variant.effect in names
+        if variant_of(system.columns[k]).effect in names
     }
     return np.concatenate([r.added(terms, len(system.main)) for r in system.flights])
 
 
-def posteriors(gram: Gram, sets: Sequence[Sequence[int]], prior: Prior, more: tuple | None = None):
+def posteriors(
+    gram: Gram,
+    sets: Sequence[Sequence[int]] | np.ndarray,
+    prior: Prior,
+    more: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Gaussian posteriors of sets of columns, all of one size; bounds count in the evidence alone.
 
     ``more`` is added to the normal equations of each, (s, k, k) and (s, k), and to their log
@@ -321,5 +333,6 @@ def _bounds(column: Column) -> tuple[float, float, float]:
     a = column.variant.amplitudes[column.amplitude]
     if a.level:
         reach = settings.evidence.level_reach
-        return a.level, *sorted((a.level / reach, a.level * reach))
+        low, high = sorted((a.level / reach, a.level * reach))
+        return a.level, low, high
     return 0.0, a.low - a.neutral, a.high - a.neutral

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ges.diagnose.design.system import variant_of
 from ges.diagnose.library.candidates import Candidate
 from ges.diagnose.select.evidence import Board, Gram, Posterior, Prior, posteriors
 from ges.diagnose.settings import settings
@@ -39,7 +40,7 @@ def entries(board: Board, candidates: Sequence[Candidate]) -> list[Entry]:
     ]
     keys = [tuple(dict.fromkeys(all_columns[k].key for k in columns)) for _, columns in found]
     shares = _log_shares(
-        [(name, max(1, len(all_columns[columns[0]].variant.places))) for name, columns in found]
+        [(name, max(1, len(variant_of(all_columns[columns[0]]).places))) for name, columns in found]
     )
     return [
         Entry(name, i, tuple(columns), keys[i], shares[i])
@@ -134,7 +135,7 @@ class Scales:
         return [told[i] for i in range(len(sets))]
 
     def log_evidences(self, sets: Sequence[Sequence[Entry]]) -> np.ndarray:
-        """Of every set over the nuisances alone."""
+        """Of every set over the nuisances alone, (s,)."""
         out = np.zeros(len(sets))
         for at, _, (_, _, log_evidence) in self._by_size(sets):
             out[at] = log_evidence
@@ -171,10 +172,10 @@ class Scales:
     def _together(
         self, part: Sequence[tuple[int, tuple[int, ...], tuple[int, ...]]]
     ) -> tuple[list[int], np.ndarray, tuple]:
-        at, own, freed = (list(told) for told in zip(*part, strict=True))
-        own, freed = np.array(own, dtype=int), np.array(freed, dtype=int)
+        own = np.array([columns for _, columns, _ in part], dtype=int)
+        freed = np.array([twins for _, _, twins in part], dtype=int)
         more = self.twins.known_zero(freed, own) if freed.shape[1] else None
-        return at, own, posteriors(self.gram, own, self.prior, more)
+        return [i for i, _, _ in part], own, posteriors(self.gram, own, self.prior, more)
 
 
 def scales(board: Board, listed: Sequence[Entry]) -> Scales:

@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from scipy.special import logsumexp
 
+from ges.diagnose.design.system import variant_of
 from ges.diagnose.library.candidates import Candidate, Variant, acts_among, modifiers_of
 from ges.diagnose.select.evidence import Board, Posterior
 from ges.diagnose.select.scales import Entry, Scales, entries, scales
@@ -25,7 +26,7 @@ class Hypothesis:
 
     names: tuple[str, ...]
     variants: tuple[int, ...]
-    posterior: Posterior | None
+    posterior: Posterior
     log_evidence: float
     probability: float = 0.0
     log_prior: float = 0.0
@@ -123,7 +124,7 @@ def search(board: Board, candidates: Sequence[Candidate], base: Sequence[str] = 
     count = max(len({e.name for e in listed}), 1)
     nothing = _log_prior((), count)
     found: dict[tuple[str, ...], Hypothesis] = {
-        (): Hypothesis((), (), None, nothing, log_prior=nothing)
+        (): Hypothesis((), (), Posterior.of_nothing(), nothing, log_prior=nothing)
     }
     combos = [(e,) for e in listed] + [
         p for p in itertools.combinations(listed, 2) if p[0].name != p[1].name
@@ -164,7 +165,7 @@ def over_plain(board: Board, candidates: Sequence[Candidate], best: Hypothesis) 
 
 
 def _variant_of(board: Board, entry: Entry) -> Variant:
-    return board.system.columns[entry.columns[0]].variant
+    return variant_of(board.system.columns[entry.columns[0]])
 
 
 def exactly(board: Board, candidates: Sequence[Candidate]) -> Search:
@@ -176,10 +177,10 @@ def exactly(board: Board, candidates: Sequence[Candidate]) -> Search:
     on = scales(board, listed)
     chosen = [on.best([(e,) for e in options])[0] for options in by_name]
     if not chosen:
-        return _normalised([Hypothesis((), (), None, 0.0)])
+        return _normalised([Hypothesis((), (), Posterior.of_nothing(), 0.0)])
     for _ in range(2):
         for i, options in enumerate(by_name):
-            chosen = on.best([[*chosen[:i], e, *chosen[i + 1 :]] for e in options])
+            chosen = [*on.best([[*chosen[:i], e, *chosen[i + 1 :]] for e in options])]
     found = on.weigh([chosen])[0]
     names = tuple(sorted(e.name for e in chosen))
     return _normalised(

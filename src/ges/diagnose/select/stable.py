@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ges.diagnose.design.system import System
+from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.design.whiten import left_over
 from ges.diagnose.library.candidates import Candidate, Variant, acts_among
 from ges.diagnose.select.evidence import Board, make_board
@@ -78,9 +78,7 @@ def _settled(
 
 def _pick(h: Hypothesis, names: Sequence[str], board: Board) -> tuple[int, ...]:
     return tuple(
-        k
-        for k in (h.posterior.columns if h.posterior else ())
-        if board.system.columns[k].variant.effect in names
+        k for k in h.posterior.columns if variant_of(board.system.columns[k]).effect in names
     )
 
 
@@ -101,8 +99,9 @@ def _hidden(
         for k, c in enumerate(system.columns)
         if c.variant is not None and c.variant.effect in free
     ]
-    channels = np.flatnonzero(board.noise.restless > settings.statistics.flights_ratio)
-    if not listed or not len(channels):
+    restless = board.noise.restless > settings.statistics.flights_ratio
+    channels = np.flatnonzero(restless).tolist()
+    if not listed or not channels:
         return []
     share = np.max(
         [_explained(system, c, left_over(system, c, chosen), listed) for c in channels], axis=0
@@ -110,7 +109,8 @@ def _hidden(
     best: dict[str, Variant] = {}
     count = np.count_nonzero(share > 0.5)
     for i in np.argsort(-share, kind="stable")[:count]:
-        best.setdefault(system.columns[listed[i]].variant.effect, system.columns[listed[i]].variant)
+        variant = variant_of(system.columns[listed[i]])
+        best.setdefault(variant.effect, variant)
     return [
         tuple(k for k in listed if system.columns[k].variant is v)
         for v in list(best.values())[: settings.search.beam]
@@ -118,7 +118,7 @@ def _hidden(
 
 
 def _effects(system: System, chosen: Sequence[int]) -> set[str]:
-    return {system.columns[k].variant.effect for k in chosen}
+    return {variant_of(system.columns[k]).effect for k in chosen}
 
 
 def _explained(

@@ -86,11 +86,12 @@ def closed_loop(flights: Sequence[Prepared], models: Mapping[str, Model], length
             if names
             else {}
         )
-        if not told or not len(windows) or any(e is None for e in told.values()):
+        followed = {stage: e for stage, e in told.items() if e is not None}
+        if not told or not len(windows) or len(followed) < len(told):
             continue
         count += 1
         for k, name in enumerate(names):
-            for stage, e in told.items():
+            for stage, e in followed.items():
                 pieces.setdefault(name, {}).setdefault(stage, []).append(e[:, k])
     block = block_windows(0.5 * length_s)
     channels = {name: stages_row(by_stage, block) for name, by_stage in pieces.items()}

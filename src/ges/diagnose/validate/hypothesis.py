@@ -21,6 +21,8 @@ from ges.conventions import FORCE, LENGTH, MOMENT, NUMBER, SPEED, Dimension
 from ges.diagnose.design.instruments import own_signal
 from ges.diagnose.design.residual import speeds_at_work
 from ges.diagnose.design.system import System
+from ges.diagnose.design.weak import Windows
+from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.diagnose.validate.structure import Told
@@ -106,7 +108,7 @@ def _scales(system: System) -> list[Quantity]:
     return [weight, thrust, weight * arm, thrust * arm]
 
 
-def _thrust(flight, windows, model: Model) -> np.ndarray:
+def _thrust(flight: Prepared, windows: Windows, model: Model) -> np.ndarray:
     return own_signal(
         flight, windows, model, speeds_at_work(flight, model, model.effects), ("force_z",)
     )["force_z"]
@@ -187,7 +189,8 @@ def sparse_form(
     """
     good = np.isfinite(e)
     y, fold = e[good], block[good] % settings.statistics.folds
-    chosen, best = [], 0.0
+    chosen: list[Quantity] = []
+    best = 0.0
     while len(chosen) < settings.locate.terms:
         left = y - _design(chosen, good) @ _fit(_design(chosen, good), y)
         match = [
@@ -226,7 +229,14 @@ def _sandwich(x: np.ndarray, e: np.ndarray, block: np.ndarray) -> np.ndarray:
 def hypotheses(
     system: System, left: Sequence[np.ndarray], told: Told, channels: Sequence[str], length_s: float
 ) -> Mapping[str, Form]:
-    """A form for each of these channels, where one is found."""
+    """A form for each of these channels, where one is found.
+
+    Parameters
+    ----------
+    left : by flight, (m, C) residuals in the channels' units.
+    told : by flight, regime variables of every window, (m,) each.
+    length_s : of a block of time.
+    """
     dimension = {"force": FORCE, "acc": FORCE, "moment": MOMENT}
     block = np.concatenate(system.blocks(length_s))
     found = {}

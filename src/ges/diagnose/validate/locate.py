@@ -64,12 +64,14 @@ def regimes(flight: Prepared, windows: Windows, model: Model) -> dict[str, np.nd
 
 
 def regimes_of(system: System) -> list[dict[str, np.ndarray]]:
-    """:func:`regimes` of every flight."""
+    """:func:`regimes` of every flight, (m,) by variable in the unit of its name."""
     return [regimes(r.flight, r.windows, system.model) for r in system.flights]
 
 
 def edges(values: np.ndarray) -> np.ndarray:
-    """Bin edges of one regime: quantiles, so that each bin holds as many windows."""
+    """Bin edges of one regime with values (m,): quantiles (b,), so that each bin holds as many
+    windows.
+    """
     return np.unique(np.quantile(values, np.linspace(0.0, 1.0, settings.locate.bins + 1)))
 
 
@@ -230,12 +232,12 @@ def _merged(
         chain: list[Cell] = []
         here = [c for c in made if (c.channel, c.regime) == (channel, regime)]
         for cell in [*here, None]:
-            keep = cell is not None and cell.q_value <= settings.statistics.chance
-            if chain and (not keep or np.sign(cell.mean) != np.sign(chain[-1].mean)):
+            significant = cell if cell and cell.q_value <= settings.statistics.chance else None
+            if chain and (not significant or np.sign(significant.mean) != np.sign(chain[-1].mean)):
                 out.append({**_joined(chain), "energy": size[channel, regime] ** 2})
                 chain = []
-            if keep:
-                chain.append(cell)
+            if significant:
+                chain.append(significant)
     return out
 
 
@@ -329,6 +331,7 @@ def _acting(a: np.ndarray, values: Mapping[str, np.ndarray]) -> dict:
     """Regime whose bins explain most of ``a``, and the run of bins around its peak that hold at
     least half of the peak.
     """
+    best: tuple[str, float, np.ndarray, np.ndarray, np.ndarray]
     best = ("", -1.0, np.zeros(1), np.zeros(1), np.zeros(1))
     for name, value in values.items():
         if np.ptp(value) > settings.numerics.small:
@@ -338,13 +341,13 @@ def _acting(a: np.ndarray, values: Mapping[str, np.ndarray]) -> dict:
             between = float(count @ (mean - a.mean()) ** 2)
             if between > best[1]:
                 best = (name, between, limits, mean, count)
-    name, _, limits, mean, count = best
-    low, high = _run(np.abs(mean) >= 0.5 * np.abs(mean).max(), int(np.argmax(np.abs(mean))))
-    inside, energy = slice(low, high), count * mean**2
+    regime, _, edges, level, weight = best
+    low, high = _run(np.abs(level) >= 0.5 * np.abs(level).max(), int(np.argmax(np.abs(level))))
+    inside, energy = slice(low, high), weight * level**2
     return {
-        "regime": {name: [float(limits[low]), float(limits[high])]},
+        "regime": {regime: [float(edges[low]), float(edges[high])]},
         "share_of_excess": float(energy[inside].sum() / max(energy.sum(), settings.numerics.tiny)),
-        "mean": float(count[inside] @ mean[inside] / max(count[inside].sum(), 1)),
+        "mean": float(weight[inside] @ level[inside] / max(weight[inside].sum(), 1)),
         "energy": float(np.mean(a**2)),
     }
 

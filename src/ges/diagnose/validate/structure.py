@@ -93,8 +93,11 @@ class Basis:
     inverse: Mapping[int, np.ndarray]
 
     def peak(self, beta: np.ndarray) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Bounds of the cell around the largest coefficient."""
-        at = np.unravel_index(int(np.argmax(np.abs(beta))), [len(k) for k in self.knots])
+        """Bounds of the cell around the largest of the coefficients (K,), by regime variable in its
+        unit.
+        """
+        shape = tuple(len(k) for k in self.knots)
+        at = [int(i) for i in np.unravel_index(int(np.argmax(np.abs(beta))), shape)]
         low = tuple(float(k[max(i - 1, 0)]) for i, k in zip(at, self.knots, strict=True))
         return low, tuple(
             float(k[min(i + 1, len(k) - 1)]) for i, k in zip(at, self.knots, strict=True)
@@ -117,7 +120,9 @@ def hats(value: np.ndarray, knots: np.ndarray) -> np.ndarray:
 
 
 def excited(values: Mapping[str, np.ndarray]) -> list[str]:
-    """Regime variables that were flown over a range, and not only disturbed."""
+    """Regime variables, (m,) each in the unit of its name, that were flown over a range, and not
+    only disturbed.
+    """
     ends = (1.0 - settings.locate.excited_quantile, settings.locate.excited_quantile)
     spread = {name: float(np.subtract(*np.quantile(v, ends))) for name, v in values.items()}
     return [name for name, s in spread.items() if s >= _least_spread(name, values[name])]
@@ -142,7 +147,8 @@ def _basis(
     fold, s = fold_of[block], settings.locate
     count, q = s.knots if len(regime) == 1 else s.place_knots, settings.statistics.extreme_quantile
     ends = (q, 1.0 - q)
-    knots = tuple(np.linspace(*np.quantile(values[name], ends), count) for name in regime)
+    spans = (np.quantile(values[name], ends) for name in regime)
+    knots = tuple(np.linspace(low, high, count) for low, high in spans)
     x = hats(values[regime[0]], knots[0])
     for name, k in zip(regime[1:], knots[1:], strict=True):
         x = (x[:, :, None] * hats(values[name], k)[:, None, :]).reshape(len(x), -1)
@@ -172,7 +178,7 @@ def _gain(basis: Basis, y: np.ndarray, of_block: csr_array, signs: np.ndarray) -
     )
     parts = {f: basis.fold_of == f for f in basis.gram}
     right = {f: (sums[at].T @ signs[at]).reshape(basis.x.shape[1], -1) for f, at in parts.items()}
-    total, gain = sum(right.values()), 0.0
+    total, gain = sum(right.values()), np.zeros(y.shape[1] * signs.shape[1])
     for f, gram in basis.gram.items():
         beta = basis.inverse[f] @ (total - right[f])
         gain = gain + (beta * (2.0 * right[f] - gram @ beta)).sum(axis=0)
@@ -215,7 +221,7 @@ def within(e: np.ndarray) -> np.ndarray:
 
 
 def _of_mean(
-    raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
+    raw: Sequence[np.ndarray], told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
 ) -> list[Structure]:
     values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
     _, block = np.unique(np.concatenate(blocks), return_inverse=True)
@@ -256,7 +262,7 @@ def _there_together(e: np.ndarray) -> list[list[int]]:
 
 
 def _of_size(
-    raw, told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
+    raw: Sequence[np.ndarray], told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
 ) -> list[Structure]:
     """The same of the logarithm of the residuals' energy, each flight's own mean left out: air that
     is rougher in one flight than in another is in no regime of flight.

@@ -59,7 +59,13 @@ def rms(each: Sequence[np.ndarray]) -> float:
 def reduction_ci95(
     before: Sequence[np.ndarray], after: Sequence[np.ndarray], block: int
 ) -> list[float]:
-    """95 % interval of 1 - after/before of the rms, resampling blocks of time within flights."""
+    """95 % interval of 1 - after/before of the rms, resampling blocks of time within flights.
+
+    Parameters
+    ----------
+    before, after : by flight, errors (m,) in one unit.
+    block : windows in a block of time.
+    """
     pairs = [
         np.hstack([_blocks(b, block), _blocks(a, block)])
         for b, a in zip(before, after, strict=True)
@@ -89,7 +95,14 @@ def block_windows(spacing_s: float) -> int:
 def channel_table(
     told: Mapping[str, Sequence[np.ndarray]], names: Sequence[str], spacing_s: float
 ) -> dict[str, dict]:
-    """``channels`` of the fit, as the contract writes them."""
+    """``channels`` of the fit, as the contract writes them.
+
+    Parameters
+    ----------
+    told : by stage and flight, errors (m, C) in the channels' units.
+    names : of the C channels.
+    spacing_s : of the windows.
+    """
     block = block_windows(spacing_s)
     by_name = {n: {s: [e[:, c] for e in told[s]] for s in STAGES} for c, n in enumerate(names)}
     return {
@@ -115,6 +128,10 @@ def worse_recalibrated(channels: Mapping[str, Mapping]) -> list[str]:
 def rms_table(left: Sequence[np.ndarray], names: Sequence[str]) -> dict[str, float]:
     """Rms of one stage of :func:`errors` by channel, as the channels of :func:`channel_table`;
     without those that are absent.
+
+    Parameters
+    ----------
+    left : by flight, errors (m, C) in the channels' units.
     """
     by_name = {n: [e[:, c] for e in left] for c, n in enumerate(names)}
     return {f"{n}_{UNITS[n]}": rms(each) for n, each in by_name.items() if _present(each)}
@@ -136,9 +153,9 @@ def elsewhere(
 
     Parameters
     ----------
-    told : of :func:`errors`.
+    told : of :func:`errors`, (m, C) by stage and flight in the channels' units.
     located : entries of the diagnosis.
-    regimes : by flight, regime variables of every window.
+    regimes : by flight, regime variables of every window, (m,) each.
 
     Returns
     -------
@@ -176,7 +193,7 @@ def _inside(values: Mapping[str, np.ndarray], bounds: Mapping[str, Sequence[floa
 
 
 def along_horizon_s() -> np.ndarray:
-    """Times in a rollout at which its error is told, s."""
+    """Times in a rollout at which its error is told, (p,)."""
     longest_s = settings.validate.horizon_s
     return np.linspace(0.0, longest_s, round(longest_s / settings.prepare.grid_step_longest_s) + 1)
 
@@ -219,7 +236,12 @@ def rollouts(
 
 
 def rollout_table(told: Mapping[str, Mapping[str, np.ndarray]]) -> dict:
-    """``rollout`` of the fit: rms error after one horizon by channel and stage."""
+    """``rollout`` of the fit: rms error after one horizon by channel and stage.
+
+    Parameters
+    ----------
+    told : by contract column and stage, errors (r, p) along r rollouts, in the unit of the column.
+    """
     channels = {
         n: {s: float(np.sqrt(np.mean(e[:, -1] ** 2))) for s, e in by.items()}
         for n, by in told.items()

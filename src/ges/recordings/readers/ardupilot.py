@@ -12,6 +12,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -118,7 +119,8 @@ class _Log:
     """Messages by name and instance, parameters and notes of one log."""
 
     def __init__(self, name: str) -> None:
-        self.name, self.notes = name, []
+        self.name = name
+        self.notes: list[str] = []
         self.messages: dict[str, dict[int, _Message]] = {}
         self.parameters: dict[str, float] = {}
         self.texts: list[str] = []
@@ -135,7 +137,7 @@ class _Log:
         return instances[speaking[0]] if speaking else None
 
 
-def _rows(reader, log: _Log) -> dict[tuple[str, int], tuple[tuple[str, ...], list]]:
+def _rows(reader: Any, log: _Log) -> dict[tuple[str, int], tuple[tuple[str, ...], list]]:
     """Samples of all messages that are wanted: (time in s, values) by name and instance."""
     wanted = [*_FIELDS, *_NUMBERED, "PARM", "MSG"]
     tables: dict[tuple[str, int], tuple[tuple[str, ...], list]] = {}
@@ -282,8 +284,10 @@ def _channels(log: _Log) -> list[int]:
     one.
     """
     functions = {log.parameters.get(f"SERVO{n}_FUNCTION"): n for n in range(1, 17)}
-    wanted = [functions.get(float(_MOTOR_1 + i)) for i in range(N_ROTORS)]
-    return wanted if None not in wanted else list(range(1, N_ROTORS + 1))
+    motors = [float(_MOTOR_1 + i) for i in range(N_ROTORS)]
+    if all(motor in functions for motor in motors):
+        return [functions[motor] for motor in motors]
+    return list(range(1, N_ROTORS + 1))
 
 
 def _pulses(log: _Log, options: Options) -> tuple[float, float]:

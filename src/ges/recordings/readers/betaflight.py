@@ -14,6 +14,7 @@ import re
 import struct
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -69,7 +70,7 @@ class _Header:
 
     def parameters(self) -> dict[str, float]:
         """Every number by its name, those of a list with their place."""
-        found = {}
+        found: dict[str, float] = {}
         for name in self.text:
             values = [] if name.startswith("Field ") else self.numbers(name)
             single = len(values) == 1
@@ -93,7 +94,7 @@ class _Header:
         return math.radians(scale) if 0 < scale < math.inf else math.radians(1.0)
 
 
-def _flights(decoder, data: bytes, options: Options, name: str) -> tuple[int, int, str]:
+def _flights(decoder: Any, data: bytes, options: Options, name: str) -> tuple[int, int, str]:
     """Bytes of the flight that is wanted, and what is to be said of the others."""
     parts = decoder.split_sessions(data)
     if options.part is None:
@@ -110,7 +111,9 @@ def _flights(decoder, data: bytes, options: Options, name: str) -> tuple[int, in
     return *parts[chosen], note
 
 
-def _decoded(decoder, data: bytes, start: int, end: int, name: str):
+def _decoded(
+    decoder: Any, data: bytes, start: int, end: int, name: str
+) -> tuple[_Header, dict[str, np.ndarray], int]:
     """The parser with all frames of one flight."""
     header = _Header(data[start:end])
     for line, fewest in (("I interval", 1), ("P interval", 1)):
@@ -156,7 +159,7 @@ def _drive(
     header: _Header, fields: Mapping[str, np.ndarray], options: Options
 ) -> dict[str, np.ndarray]:
     """Commands, and rotor speeds where bidirectional DShot gave them (eRPM in hundreds)."""
-    columns = {}
+    columns: dict[str, np.ndarray] = {}
     motors, speeds = _vector(fields, "motor", N_ROTORS), _vector(fields, "eRPM", N_ROTORS)
     if motors is not None:
         low, high = _range(header, options)
@@ -174,7 +177,7 @@ def _electrics(header: _Header, fields: Mapping[str, np.ndarray]) -> dict[str, n
     volts = fields.get("vbatLatest", fields.get("vbat"))
     amperes = fields.get("amperageLatest", fields.get("amperage"))
     hundredths = (name == "Betaflight" and version >= (4, 0)) or name == "INAV"
-    columns = {}
+    columns: dict[str, np.ndarray] = {}
     if volts is not None and (hundredths or (name == "Betaflight" and version >= (3, 1))):
         columns["battery_V"] = volts * (0.01 if hundredths else 0.1)
     if amperes is not None and hundredths and np.any(amperes > 0):
@@ -186,7 +189,7 @@ def _inav_motion(fields: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """INAV's own estimate: position and velocity north, east, up in cm; roll, pitch (nose down) and
     heading in tenths of a degree.
     """
-    columns = {}
+    columns: dict[str, np.ndarray] = {}
     for names, field in ((POSITION, "navPos"), (VELOCITY, "navVel")):
         vector = _vector(fields, field)
         if vector is not None and np.any(vector != 0):

@@ -4,7 +4,7 @@ forward-left-up, and angles to quaternions.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -64,7 +64,7 @@ def quaternion(roll: np.ndarray, pitch: np.ndarray, yaw: np.ndarray) -> np.ndarr
     )
 
 
-def flu_from_frd(vector: Sequence[np.ndarray]) -> list[np.ndarray]:
+def flu_from_frd(vector: Iterable[np.ndarray]) -> list[np.ndarray]:
     """A body vector, forward-right-down turned forward-left-up."""
     return [sign * v for sign, v in zip(FLU_FROM_FRD, vector, strict=True)]
 

@@ -205,9 +205,12 @@ class Reader(Protocol):
     advice : what to switch on to have a stream, or to have it faster, by stream.
     """
 
-    name: str
-    title: str
-    advice: Mapping[str, str]
+    @property
+    def name(self) -> str: ...
+    @property
+    def title(self) -> str: ...
+    @property
+    def advice(self) -> Mapping[str, str]: ...
 
     def sniff(self, head: bytes, path: Path) -> bool:
         """Whether the first bytes are this format's; ``path`` only for formats that are folders."""

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 import numpy as np
 import pint
 import pydantic
 import yaml
+from pydantic_core import ErrorDetails
 
 from ges.conventions import (
     BODY_RATE,
@@ -89,8 +90,8 @@ class ColumnMap(_Strict):
     """
 
     about: str = ""
-    separator: str = pydantic.Field(",", min_length=1, max_length=1)
-    decimal: str = pydantic.Field(".", min_length=1, max_length=1)
+    separator: Annotated[str, pydantic.Field(min_length=1, max_length=1)] = ","
+    decimal: Annotated[str, pydantic.Field(min_length=1, max_length=1)] = "."
     layouts: list[Layout] = pydantic.Field(min_length=1)
 
 
@@ -113,7 +114,7 @@ Map = TypeVar("Map", bound=pydantic.BaseModel)
 
 @functools.cache
 def _units() -> pint.UnitRegistry:
-    registry = pint.UnitRegistry(on_redefinition="ignore")
+    registry: pint.UnitRegistry = pint.UnitRegistry(on_redefinition="ignore")
     registry.define("g = 9.80665 * meter / second ** 2")
     return registry
 
@@ -149,7 +150,7 @@ def presets(model: type[Map]) -> Mapping[str, Map]:
     return {n: model.model_validate(c) for n, c in sorted(files.items()) if wanted in c}
 
 
-def load_map(given: str | Path, model: type[Map] = ColumnMap) -> Map:
+def load_map(given: str | Path, model: type[Map]) -> Map:
     """Read a map: a YAML file, or the name of a preset.
 
     Raises
@@ -173,7 +174,7 @@ def load_map(given: str | Path, model: type[Map] = ColumnMap) -> Map:
         raise UsageError(f"{path.name}: {_sentence(error.errors(), model)}") from None
 
 
-def _sentence(problems: list[dict], model: type[pydantic.BaseModel]) -> str:
+def _sentence(problems: list[ErrorDetails], model: type[pydantic.BaseModel]) -> str:
     problem = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
     if problem["type"] == "extra_forbidden":
         return str(unknown_name("key", str(problem["loc"][-1]), _keys(model)))
@@ -221,7 +222,11 @@ def in_contract(columns: Mapping[str, np.ndarray], axes: str = "enu-flu") -> dic
     return frames.with_specific_force(out)
 
 
-def _turned(columns: Mapping[str, np.ndarray], names: tuple[str, ...], turn) -> dict:
+def _turned(
+    columns: Mapping[str, np.ndarray],
+    names: tuple[str, ...],
+    turn: Callable[..., Iterable[np.ndarray]],
+) -> dict[str, np.ndarray]:
     """A vector in other axes; one of which a component is missing cannot be turned and is left
     out, so that no column lies about its axis.
     """

@@ -10,7 +10,7 @@ import contextlib
 import io
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -107,9 +107,21 @@ class _Topic:
         flags = self.values(valid) if valid else None
         return values if flags is None else np.where(flags == 1, values, np.nan)
 
-    def stack(self, form: str, numbers: Iterator[int] | range = range(3)) -> np.ndarray:
+    def known(self, field: str, valid: str = "") -> np.ndarray:
+        """Values of a field that is there, as :meth:`values` has them.
+
+        Raises
+        ------
+        KeyError : where it is not.
+        """
+        values = self.values(field, valid)
+        if values is None:
+            raise KeyError(field)
+        return values
+
+    def stack(self, form: str, keys: Iterable[int | str] = range(3)) -> np.ndarray:
         """Fields ``form.format(k)`` as rows."""
-        return np.stack([self.values(form.format(k)) for k in numbers])
+        return np.stack([self.known(form.format(k)) for k in keys])
 
     def measured_s(self) -> np.ndarray:
         """Times at which the samples were measured, where the log has them and they go on; else
@@ -118,7 +130,7 @@ class _Topic:
         sample = self.values("timestamp_sample")
         if sample is None:
             return self.t_s
-        stamp = self.values("timestamp")
+        stamp = self.known("timestamp")
         t_s = self.t_s + (sample - stamp) * 1e-6
         near = np.abs(t_s - self.t_s).max(initial=0.0) < _LATEST_SAMPLE_S
         return t_s if near and np.all(np.diff(t_s) > 0) else self.t_s
@@ -138,7 +150,8 @@ class Uorb:
     def __init__(
         self, name: str, start_us: float, parameters: Mapping = {}, about: Mapping = {}
     ) -> None:
-        self.name, self.start_us, self.notes = name, start_us, []
+        self.name, self.start_us = name, start_us
+        self.notes: list[str] = []
         self.parameters, self.about = _numbers(parameters), about
         self._instances: dict[str, list[_Topic]] = {}
 
@@ -156,7 +169,7 @@ class Uorb:
     def topic(self, name: str, *fields: str) -> _Topic | None:
         """The first instance that has these fields and says anything in them; None without."""
         found = self.instances(name, *fields)
-        speaking = [topic for topic in found if any(_speaks(topic.values(f)) for f in fields)]
+        speaking = [topic for topic in found if any(_speaks(topic.known(f)) for f in fields)]
         if not speaking:
             return None
         if speaking[0] is not found[0]:
@@ -246,11 +259,12 @@ def _attitude(log: Uorb) -> Iterator[tuple[str, Stream]]:
 
 def _inertial(log: Uorb) -> Iterator[tuple[str, Stream]]:
     """Body rates by the best source that the log has, and specific force."""
-    for name, form, keys in (
+    sources: tuple[tuple[str, str, Sequence[int | str]], ...] = (
         ("vehicle_angular_velocity", "xyz[{}]", range(3)),
         ("sensor_combined", "gyro_rad[{}]", range(3)),
         ("vehicle_attitude", "{}speed", ("roll", "pitch", "yaw")),
-    ):
+    )
+    for name, form, keys in sources:
         topic = log.topic(name, *(form.format(k) for k in keys))
         if topic is not None:
             columns = frames.named(BODY_RATE, frames.flu_from_frd(topic.stack(form, keys)))
@@ -272,8 +286,8 @@ def _motion(log: Uorb) -> Iterator[tuple[str, Stream]]:
         topic = log.topic("vehicle_local_position", *fields)
         if topic is None:
             continue
-        ned = [topic.values(f, valid) for f, valid in zip(fields, flags, strict=True)]
-        columns = frames.named(names, frames.enu_from_ned(*ned))
+        north, east, down = (topic.known(f, ok) for f, ok in zip(fields, flags, strict=True))
+        columns = frames.named(names, frames.enu_from_ned(north, east, down))
         if valid := {name: v for name, v in columns.items() if np.isfinite(v).any()}:
             yield stream, Stream(topic.measured_s(), valid, "vehicle_local_position")
     if topic := log.topic("vehicle_local_position", "x", "y", "z"):
@@ -357,7 +371,7 @@ def _outputs(log: Uorb, options: Options) -> tuple[np.ndarray, np.ndarray, str] 
     channels, driver = _channels(log)
     fields = [f"output[{k}]" for k in channels]
     topics = log.instances("actuator_outputs", *fields)
-    moving = [t for t in topics if any(np.ptp(t.values(f)) > 0 for f in fields)]
+    moving = [t for t in topics if any(np.ptp(t.known(f)) > 0 for f in fields)]
     topic = next(iter(moving), None) or log.topic("actuator_outputs", *fields)
     if topic is None:
         return None
@@ -379,9 +393,9 @@ def _channels(log: Uorb) -> tuple[list[int], str]:
     """
     for driver in _DRIVERS:
         functions = {log.parameters.get(f"{driver}_FUNC{n}"): n - 1 for n in range(1, 17)}
-        wanted = [functions.get(float(_MOTOR_1 + i)) for i in range(N_ROTORS)]
-        if None not in wanted:
-            return wanted, driver
+        motors = [float(_MOTOR_1 + i) for i in range(N_ROTORS)]
+        if all(motor in functions for motor in motors):
+            return [functions[motor] for motor in motors], driver
     betaflight = log.parameters.get("MOT_ORDERING") == 1
     return list(_BETAFLIGHT_ORDER if betaflight else range(N_ROTORS)), "PWM_MAIN"
 
@@ -446,12 +460,11 @@ def _rotor_speeds(
     if topic is None:
         return
     functions = {_constant(topic.values(f"esc[{k}].actuator_function")): k for k in range(8)}
-    by_function = [functions.get(float(_MOTOR_1 + i)) for i in range(N_ROTORS)]
-    stated = options.rotor_order
-    order = [k - 1 for k in stated] if stated else by_function
-    known = None not in order
-    if not known:
-        order = list(range(N_ROTORS))
+    motors, stated = [float(_MOTOR_1 + i) for i in range(N_ROTORS)], options.rotor_order
+    order = list(range(N_ROTORS))
+    known = bool(stated) or all(motor in functions for motor in motors)
+    if known:
+        order = [k - 1 for k in stated] if stated else [functions[motor] for motor in motors]
     if not topic.has(*(f"esc[{k}].esc_rpm" for k in order)):
         log.notes.append("the log has speeds of some rotors only; they are not used")
         return
@@ -499,7 +512,7 @@ def _battery(log: Uorb) -> Iterator[tuple[str, Stream]]:
     topic = log.topic("battery_status", "voltage_v")
     if topic is None:
         return
-    volts, amperes = topic.values("voltage_v"), topic.values("current_a")
+    volts, amperes = topic.known("voltage_v"), topic.values("current_a")
     if (usual := float(np.median(volts[np.isfinite(volts)]))) < _LOWEST_CELL_V:
         log.notes.append(
             f"the battery voltage reads {usual:.2g} V, which no battery has; it is not used"
@@ -515,7 +528,7 @@ def _battery(log: Uorb) -> Iterator[tuple[str, Stream]]:
 def _range(log: Uorb) -> Iterator[tuple[str, Stream]]:
     """The first rangefinder that looks down, where it can see."""
     for topic in log.instances("distance_sensor", "current_distance"):
-        facing, seen = topic.values("orientation"), topic.values("current_distance")
+        facing, seen = topic.values("orientation"), topic.known("current_distance")
         if not _speaks(seen) or (facing is not None and np.any(facing != _DOWNWARD)):
             continue
         nearest, farthest = topic.values("min_distance"), topic.values("max_distance")

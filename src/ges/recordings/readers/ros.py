@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pydantic
@@ -28,6 +28,12 @@ _PULSE = re.compile(r"pwm_us_([1-9]\d*)")
 _PULSE_RANGE_US = (1000.0, 2000.0)
 _LONGEST_ARRAY = 16
 
+# Which topics there are, only a running program knows.
+if TYPE_CHECKING:
+    _Uorb = str
+else:
+    _Uorb = Literal[(*px4.TOPICS, "")]
+
 
 class Topic(pydantic.BaseModel):
     """What one topic holds.
@@ -47,7 +53,7 @@ class Topic(pydantic.BaseModel):
 
     topic: str
     fields: dict[str, Column] = {}
-    uorb: Literal[(*px4.TOPICS, "")] = ""
+    uorb: _Uorb = ""
     axes: Literal["enu-flu", "ned-frd"] = "enu-flu"
     held: bool = False
 
@@ -119,7 +125,7 @@ def _stamp_s(message: Any, received_ns: int) -> float:
 class _Bag:
     """An open bag."""
 
-    def __init__(self, reader, name: str) -> None:
+    def __init__(self, reader: Any, name: str) -> None:
         self._reader, self.name = reader, name
         self.topics = {c.topic: c.msgtype for c in reader.connections}
 
@@ -138,25 +144,28 @@ class _Bag:
         named.
         """
         connections = [c for c in self._reader.connections if c.topic == topic]
-        take, rows, times = None, [], []
+        names = None if fields is None else list(fields)
+        rows: list[list[float]] = []
+        times: list[float] = []
         for connection, received_ns, data in self._reader.messages(connections=connections):
             message = self._reader.deserialize(data, connection.msgtype)
-            if take is None:
-                fields = list(_numeric_fields(message)) if fields is None else fields
-                take = [_getter(field) for field in fields]
+            if names is None:
+                names = list(_numeric_fields(message))
+            if not rows:
+                take = [_getter(name) for name in names]
             try:
                 rows.append([float(t(message)) for t in take])
             except (AttributeError, IndexError, TypeError, ValueError) as error:
                 raise UsageError(
                     f"{self.name}: topic {topic} ({connection.msgtype}) has not all of the fields"
-                    f" {', '.join(fields)} ({error}); mend the topic map"
+                    f" {', '.join(names)} ({error}); mend the topic map"
                 ) from None
             times.append(_stamp_s(message, received_ns))
-        table = np.array(rows, dtype=float).reshape(len(rows), len(fields or ())).T
-        return {"t_s": np.array(times), **dict(zip(fields or (), table, strict=True))}
+        table = np.array(rows, dtype=float).reshape(len(rows), len(names or ())).T
+        return {"t_s": np.array(times), **dict(zip(names or (), table, strict=True))}
 
 
-def _typestore(mapping: TopicMap, beside: Path | None):
+def _typestore(mapping: TopicMap, beside: Path | None) -> Any:
     """Types of messages for a bag that does not hold their definitions."""
     typesys = optional_module("rosbags.typesys", "ros", "ROS bags")
     store = typesys.get_typestore(typesys.Stores.LATEST)
@@ -165,7 +174,7 @@ def _typestore(mapping: TopicMap, beside: Path | None):
         files = sorted(folder.glob("*/msg/*.msg"))
         if not files:
             raise UsageError(f"{folder} holds no PACKAGE/msg/NAME.msg; mend 'definitions'")
-        types = {}
+        types: dict[str, Any] = {}
         for file in files:
             name = f"{file.parts[-3]}/msg/{file.stem}"
             types |= typesys.get_types_from_msg(file.read_text("utf-8"), name)
@@ -181,7 +190,7 @@ def _map_for(bag: _Bag, options: Options) -> tuple[TopicMap, str]:
         name: sum(any(_matches(t.topic, n) for n in bag.topics) for t in mapping.topics)
         for name, mapping in presets(TopicMap).items()
     }
-    best = max(known, key=known.get)
+    best = max(known, key=lambda name: known[name])
     if known[best] == 0:
         topics = ", ".join(sorted(bag.topics)[:8]) or "none"
         raise UsageError(

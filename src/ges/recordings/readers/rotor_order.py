@@ -42,7 +42,7 @@ def doubt(command: Stream, speed: Stream) -> tuple[str, tuple[int, ...]]:
     if r is None:
         return "the commands cannot show which reading is whose", ()
     scores = {p: r[range(len(r)), p].mean() for p in itertools.permutations(range(len(r)))}
-    best, second = sorted(scores, key=scores.get, reverse=True)[:2]
+    best, second = sorted(scores, key=lambda p: scores[p], reverse=True)[:2]
     order = tuple(i + 1 for i in best)
     if scores[best] < LEAST_CORRELATION or scores[best] - scores[second] < LEAST_AHEAD:
         return "the commands agree with no order of the readings clearly", ()

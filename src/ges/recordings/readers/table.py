@@ -29,6 +29,8 @@ from ges.recordings.readers.maps import (
 )
 from ges.recordings.recording import unit_of
 
+_Content = tuple[dict[str, np.ndarray], Layout, list[str]]
+
 _PARQUET = b"PAR1"
 _SEPARATORS = ",;\t"
 _LATEST_START_S = 1e6  # a clock that starts later is the calendar's
@@ -159,7 +161,7 @@ def map_for(header: list[str], options: Options, name: str) -> tuple[ColumnMap, 
     columns that fits; and what is to be said of the choice.
     """
     if options.mapping is not None:
-        return load_map(options.mapping), ""
+        return load_map(options.mapping, ColumnMap), ""
     if (own := own_names(header)) is not None:
         return own, ""
     for preset, mapping in presets(ColumnMap).items():
@@ -226,8 +228,8 @@ class Table:
         streams, dropped = streams_of(columns, layout, path.name)
         return Log(path.stem, self.name, "", streams, {}, tuple(notes + dropped))
 
-    def _csv(self, path: Path, options: Options):
-        mapping = load_map(options.mapping) if options.mapping is not None else None
+    def _csv(self, path: Path, options: Options) -> _Content:
+        mapping = None if options.mapping is None else load_map(options.mapping, ColumnMap)
         if mapping is not None:
             separator = mapping.separator
         else:
@@ -249,7 +251,7 @@ class Table:
         }
         return columns, layout, notes + ([chosen] if chosen else [])
 
-    def _parquet(self, path: Path, options: Options):
+    def _parquet(self, path: Path, options: Options) -> _Content:
         try:
             table = pq.read_table(path)
         except (OSError, pa.ArrowException) as error:

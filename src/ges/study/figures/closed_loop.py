@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.image import AxesImage
 
 from ges.study.config import ClosedLoop, SeedRange, Simulator
@@ -45,7 +46,7 @@ def traces(
     style.save(figure, table, data, pdf, png)
 
 
-def _modes(axes, table: pd.DataFrame, spread: bool) -> None:
+def _modes(axes: Axes, table: pd.DataFrame, spread: bool) -> None:
     """A dot a mode with its standard deviation between seeds, or with the interval of its mean."""
     for i, row in enumerate(table.itertuples()):
         error = (
@@ -315,7 +316,7 @@ def worlds(summary: Path, data: Path, pdf: Path, png: Path) -> None:
     style.save(figure, table, data, pdf, png)
 
 
-def _shares(axes, table: pd.DataFrame, column: str) -> AxesImage:
+def _shares(axes: Axes, table: pd.DataFrame, column: str) -> AxesImage:
     """Shares of seeds (%) over height and length of the pulse."""
     wide = 100 * table.pivot(index="duration_s", columns="bias", values=column)
     image = axes.imshow(wide, cmap="cividis", vmin=0, vmax=100, aspect="auto", origin="lower")

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ges.study.figures import style
 
@@ -19,7 +21,7 @@ SPLIT_LABELS = {"seedwise": "seed-wise", "blockwise": "block-wise"}
 
 
 def _dots(
-    axes, table: pd.DataFrame, order: list[str], metric: str, number: int, label: str, of: int
+    axes: Axes, table: pd.DataFrame, order: list[str], metric: str, number: int, label: str, of: int
 ) -> None:
     """A row of dots with intervals, one a model, shifted so that series do not cover each other."""
     rows = table.set_index("model").reindex(order)
@@ -98,7 +100,9 @@ def predicted(
     style.save(figure, table, data, pdf, png)
 
 
-def _band(axes, x, table: pd.DataFrame, name: str, number: int, label: str) -> None:
+def _band(
+    axes: Axes, x: pd.Series, table: pd.DataFrame, name: str, number: int, label: str
+) -> None:
     axes.plot(
         x,
         table[name],
@@ -130,7 +134,7 @@ def _panels(table: pd.DataFrame, height: float) -> tuple:
     return figure, dict(zip(plans, axes[0], strict=True))
 
 
-def _legend(figure, axes) -> None:
+def _legend(figure: Figure, axes: Axes) -> None:
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3)
 
 

@@ -7,7 +7,7 @@ Colours are those of Okabe and Ito; every series also has its own marker, line s
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 
@@ -95,9 +95,9 @@ _SETTINGS = {
 
 
 def subplots(
-    rows: int = 1, columns: int = 1, width: float = COLUMN_IN, height: float = 2.2, **keywords
-) -> tuple[Figure, Axes]:
-    """A figure in the style, ``width`` by ``height`` inches."""
+    rows: int = 1, columns: int = 1, width: float = COLUMN_IN, height: float = 2.2, **keywords: Any
+) -> tuple[Figure, Any]:
+    """A figure in the style, ``width`` by ``height`` inches, and its axes, one or an array."""
     plt.rcdefaults()
     plt.rcParams.update(_SETTINGS)
     return plt.subplots(rows, columns, figsize=(width, height), **keywords)

@@ -57,7 +57,7 @@ AMPLITUDE_RATIO = 0.03 / 0.17
 _COLUMNS = ("t_s", "range_m", "agl_m", "contact", *GYRO)
 
 
-def free_parameters(x: Sequence[float]) -> dict[str, float]:
+def free_parameters(x: Sequence[float] | np.ndarray) -> dict[str, float]:
     """Numbers of a flight from a point of the search; the least feature height keeps its ratio to
     the greatest.
     """
@@ -83,7 +83,7 @@ def fly_arms(
         "pulse_start_s": pulse.start_s,
         "pulse_duration_s": pulse.duration_s,
     }
-    arms = {
+    arms: dict[str, dict[str, float | str]] = {
         "none": {"mode": "none"},
         "analytical": {"mode": "analytical"},
         "oracle": {"mode": "oracle"},

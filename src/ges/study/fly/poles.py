@@ -23,6 +23,7 @@ import itertools
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import control
 import numpy as np
@@ -136,7 +137,7 @@ def site(simulator: Simulator, factor: float) -> Site:
 
 def _readings(simulator: Simulator, place: Site, mode: str, heights_m: np.ndarray) -> np.ndarray:
     """(n, 2): true factor and estimate while hovering at every height."""
-    once = {"duration_s": simulator.dt_s, "record_every": 1.0, "mode": mode}
+    once: dict[str, float | str] = {"duration_s": simulator.dt_s, "record_every": 1.0, "mode": mode}
     records = sim.fly(
         [place.flight(simulator, z, **once) for z in heights_m], ("ge_factor", "ge_estimate")
     )
@@ -258,6 +259,20 @@ def _pole_rows(
         }
 
 
+def _dominant(pairs: pd.DataFrame) -> dict[str, float]:
+    """The oscillating pair of greatest real part; NaN where no pole oscillates."""
+    first = next(pairs.itertuples(), None)
+    if first is None:
+        return dict.fromkeys(
+            ("pair_real_1_s", "pair_frequency_rad_s", "pair_damping_ratio"), math.nan
+        )
+    return {
+        "pair_real_1_s": first.real_1_s,
+        "pair_frequency_rad_s": abs(complex(first.real_1_s, first.imaginary_1_s)),
+        "pair_damping_ratio": first.damping_ratio,
+    }
+
+
 def _verdict(poles: pd.DataFrame) -> pd.DataFrame:
     """Greatest real part and dominant oscillating pair of every case."""
     rows = []
@@ -265,7 +280,6 @@ def _verdict(poles: pd.DataFrame) -> pd.DataFrame:
         ["mode", "mapping", "factor_is", "factor"], sort=False
     ):
         pairs = group[group["imaginary_1_s"] > 0]
-        first = pairs.iloc[0] if len(pairs) else None
         greatest = float(group["real_1_s"].max())
         rows.append(
             {
@@ -276,13 +290,7 @@ def _verdict(poles: pd.DataFrame) -> pd.DataFrame:
                 "height_m": group["height_m"].iloc[0],
                 "stable": greatest < 0,
                 "greatest_real_1_s": greatest,
-                "pair_real_1_s": first["real_1_s"] if len(pairs) else np.nan,
-                "pair_frequency_rad_s": (
-                    abs(complex(first["real_1_s"], first["imaginary_1_s"]))
-                    if len(pairs)
-                    else np.nan
-                ),
-                "pair_damping_ratio": first["damping_ratio"] if len(pairs) else np.nan,
+                **_dominant(pairs),
                 "gain_margin": group["gain_margin"].iloc[0],
                 "phase_margin_deg": group["phase_margin_deg"].iloc[0],
             }
@@ -299,7 +307,7 @@ def write_poles(simulator: Simulator, plan: ClosedLoop, poles: Path, summary: Pa
     summary : to write: stability, dominant pair and margins, a row a mode, mapping, kind of slope
         and factor.
     """
-    rows = []
+    rows: list[dict[str, Any]] = []
     for mode, factor in itertools.product(MODES, plan.pole_factors):
         at = trim(simulator, factor, mode)
         for power, slopes in itertools.product((1, 2), FACTOR_IS):

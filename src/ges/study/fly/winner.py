@@ -66,7 +66,12 @@ def _candidates(
     arm: Condition, simulator: Simulator, sound: Mapping[tuple[float, float], float]
 ) -> Iterator[Condition]:
     for (kp, kd), margin in sound.items():
-        labels = {"mode": arm.name, "kp_factor": kp, "kd_factor": kd, "phase_margin_deg": margin}
+        labels: dict[str, float | str] = {
+            "mode": arm.name,
+            "kp_factor": kp,
+            "kd_factor": kd,
+            "phase_margin_deg": margin,
+        }
         parameters = {**arm.parameters, **_scaled(simulator, kp, kd)}
         yield Condition(f"{arm.name}, kp x {kp:g}, kd x {kd:g}", parameters, labels=labels)
 
@@ -94,10 +99,12 @@ def choose_gains(
     ]
     table = fly_conditions(candidates, validation.list(), simulator, plan)
     score = means(table, ["agl_rms_m"]).set_index("condition")["mean"]
-    best = {}
+    best: dict[str, dict[str, float | str]] = {}
+    least: dict[str, float] = {}
     for candidate in candidates:
-        value, mode = float(score[candidate.name]), candidate.labels["mode"]
-        if mode not in best or value < best[mode]["agl_rms_m"]:
+        value, mode = float(score[candidate.name]), str(candidate.labels["mode"])
+        if mode not in least or value < least[mode]:
+            least[mode] = value
             best[mode] = {**candidate.labels, "agl_rms_m": value}
     published = _margin_deg(simulator, 1.0, 1.0)
     write_csv(table, flights)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils import Tags
 from sklearn.utils.validation import validate_data
 
 from ges.simulator import effects
@@ -42,7 +43,7 @@ class AnalyticalBaseline(RegressorMixin, BaseEstimator):
     column : column of X that holds the height over ground (m).
     """
 
-    def __init__(self, vehicle: Mapping[str, float], column: int = HEIGHT):
+    def __init__(self, vehicle: Mapping[str, float], column: int = HEIGHT) -> None:
         self.vehicle = vehicle
         self.column = column
 
@@ -55,7 +56,7 @@ class AnalyticalBaseline(RegressorMixin, BaseEstimator):
         """Factor (n,) for rows (n, k)."""
         return flat_ground_factor(validate_data(self, X, reset=False)[:, self.column], self.vehicle)
 
-    def __sklearn_tags__(self):
+    def __sklearn_tags__(self) -> Tags:
         tags = super().__sklearn_tags__()
         tags.requires_fit = False
         tags.regressor_tags.poor_score = True

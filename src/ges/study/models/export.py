@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import joblib
 import numpy as np
@@ -10,6 +11,9 @@ import numpy as np
 from ges.errors import GesError
 from ges.files import write_text
 from ges.study.datasets.columns import FEATURES
+
+if TYPE_CHECKING:
+    from ges.study.models.networks import MlpRegressor
 
 HIDDEN = (64, 32)
 LAYERS = ("1", "3", "5")
@@ -26,7 +30,7 @@ def _array(name: str, values: np.ndarray) -> str:
     return f"static const float ges_mlp_{name}[{len(flat)}] = {{\n  {lines}}};"
 
 
-def header(model, origin: str) -> str:
+def header(model: MlpRegressor, origin: str) -> str:
     """The header of a fitted :class:`~ges.study.models.networks.MlpRegressor`.
 
     Parameters

@@ -5,6 +5,7 @@ same bits every time.
 from __future__ import annotations
 
 import math
+from typing import Self
 
 import numpy as np
 import torch
@@ -39,13 +40,13 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):
 
     def __init__(
         self,
-        epochs=40,
-        patience=8,
-        batch_rows=512,
-        learning_rate=0.003,
-        window_rows=1,
-        random_state=0,
-    ):
+        epochs: int = 40,
+        patience: int = 8,
+        batch_rows: int = 512,
+        learning_rate: float = 0.003,
+        window_rows: int = 1,
+        random_state: int = 0,
+    ) -> None:
         self.epochs = epochs
         self.patience = patience
         self.batch_rows = batch_rows
@@ -63,7 +64,7 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):
         y: np.ndarray,
         X_val: np.ndarray | None = None,
         y_val: np.ndarray | None = None,
-    ):
+    ) -> Self:
         """Fit; without validation rows all passes are made."""
         X, y = validate_data(self, X, y, dtype=np.float32, y_numeric=True)
         torch.set_num_threads(1)
@@ -101,7 +102,8 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):
             optimiser, self.learning_rate, total_steps=self.epochs * batches
         )
         order = np.random.default_rng(self.random_state)
-        self.validation_rmse_, best, since = [], math.inf, 0
+        self.validation_rmse_: list[float] = []
+        best, since = math.inf, 0
         for _ in range(self.epochs):
             _one_pass(network, x, y, order.permutation(len(x)), self.batch_rows, optimiser, pace)
             error = self._error(network, ahead)
@@ -137,7 +139,15 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):
         return self._outputs(network, self._inputs(X))
 
 
-def _one_pass(network, x, y, order, batch_rows, optimiser, pace) -> None:
+def _one_pass(
+    network: nn.Module,
+    x: torch.Tensor,
+    y: torch.Tensor,
+    order: np.ndarray,
+    batch_rows: int,
+    optimiser: torch.optim.Optimizer,
+    pace: torch.optim.lr_scheduler.LRScheduler,
+) -> None:
     network.train()
     for start in range(0, len(order), batch_rows):
         rows = torch.from_numpy(order[start : start + batch_rows])
@@ -164,7 +174,7 @@ class MlpRegressor(NetworkRegressor):
 
 
 class _Lstm(nn.Module):
-    def __init__(self, channels: int, units: int):
+    def __init__(self, channels: int, units: int) -> None:
         super().__init__()
         self.cell = nn.LSTM(channels, units, batch_first=True)
         self.out = nn.Linear(units, 1)
@@ -178,14 +188,14 @@ class LstmRegressor(NetworkRegressor):
 
     def __init__(
         self,
-        epochs=20,
-        patience=5,
-        batch_rows=512,
-        learning_rate=0.005,
-        window_rows=1,
-        random_state=0,
-        units=32,
-    ):
+        epochs: int = 20,
+        patience: int = 5,
+        batch_rows: int = 512,
+        learning_rate: float = 0.005,
+        window_rows: int = 1,
+        random_state: int = 0,
+        units: int = 32,
+    ) -> None:
         super().__init__(epochs, patience, batch_rows, learning_rate, window_rows, random_state)
         self.units = units
 
@@ -194,7 +204,7 @@ class LstmRegressor(NetworkRegressor):
 
 
 class _Transformer(nn.Module):
-    def __init__(self, channels: int, rows: int, units: int, heads: int, layers: int):
+    def __init__(self, channels: int, rows: int, units: int, heads: int, layers: int) -> None:
         super().__init__()
         self.embed = nn.Linear(channels, units)
         self.place = nn.Parameter(torch.zeros(rows, units))
@@ -215,16 +225,16 @@ class TransformerRegressor(NetworkRegressor):
 
     def __init__(
         self,
-        epochs=20,
-        patience=5,
-        batch_rows=512,
-        learning_rate=0.003,
-        window_rows=1,
-        random_state=0,
-        units=32,
-        heads=4,
-        layers=2,
-    ):
+        epochs: int = 20,
+        patience: int = 5,
+        batch_rows: int = 512,
+        learning_rate: float = 0.003,
+        window_rows: int = 1,
+        random_state: int = 0,
+        units: int = 32,
+        heads: int = 4,
+        layers: int = 2,
+    ) -> None:
         super().__init__(epochs, patience, batch_rows, learning_rate, window_rows, random_state)
         self.units = units
         self.heads = heads

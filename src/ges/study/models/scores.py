@@ -51,7 +51,7 @@ def scores(
     ``rmse``, ``rmse_low``, ``rmse_high`` and so on.
     """
     sums = _sums(truth, predicted, seed)
-    result = {}
+    result: dict[str, float] = {}
     for name in NAMES:
         result |= _with_interval(
             name, sums, functools.partial(_pooled, which=name), resamples, draw

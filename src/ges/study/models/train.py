@@ -77,7 +77,7 @@ def train_model(
     write_predictions(predictions, test, predicted)
     found = scores(test.y, predicted, test.seed, resamples, seed)
     rows = {f"{part}_rows": len(parts.get(part, ())) for part in PARTS}
-    found = {key: value if math.isfinite(value) else None for key, value in found.items()}
+    written = {key: value if math.isfinite(value) else None for key, value in found.items()}
     write_json(
         metrics,
         {
@@ -86,7 +86,7 @@ def train_model(
             "model": name,
             **rows,
             "test_seeds": len(set(test.seed)),
-            **found,
+            **written,
         },
     )
     with replacing(model) as new:

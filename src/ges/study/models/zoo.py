@@ -13,6 +13,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.tree import DecisionTreeRegressor
 
+from ges.errors import GesError
 from ges.study.config import BoostingFit, Fit, ForestFit, NetworkFit, TreeFit, Vehicle, Window
 from ges.study.datasets.rows import Rows
 
@@ -39,7 +40,9 @@ def make(name: str, fit: Fit | None, window: Window, vehicle: Vehicle, seed: int
         from ges.study.models.analytical import AnalyticalBaseline
 
         return AnalyticalBaseline(vehicle.parameters())
-    if name in ("mlp", *SEQUENCE_MODELS):
+    if fit is None:
+        raise GesError(f"model '{name}' has no part in the configuration; give it one")
+    if isinstance(fit, NetworkFit):
         return _network(name, fit, window, seed)
     return _tabular(name, fit, seed)
 
@@ -96,4 +99,6 @@ def fitted(
     x = features(name, train)
     if name not in STOPPED_EARLY:
         return model.fit(x, train.y)
+    if validation is None:
+        raise GesError(f"model '{name}' stops early and has no validation rows; keep some")
     return model.fit(x, train.y, X_val=features(name, validation), y_val=validation.y)

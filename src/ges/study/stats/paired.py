@@ -79,10 +79,10 @@ def holm(p: Sequence[float]) -> np.ndarray:
     """p-values corrected by Holm's method; NaN stays NaN and counts for nothing."""
     from statsmodels.stats.multitest import multipletests
 
-    p = np.asarray(p, float)
-    known, corrected = np.isfinite(p), np.full(len(p), np.nan)
+    values = np.asarray(p, float)
+    known, corrected = np.isfinite(values), np.full(len(values), np.nan)
     if known.any():
-        corrected[known] = multipletests(p[known], method="holm")[1]
+        corrected[known] = multipletests(values[known], method="holm")[1]
     return corrected
 
 

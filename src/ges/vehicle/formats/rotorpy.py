@@ -13,7 +13,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from ges.vehicle.file import Vehicle, parse_vehicle
 from ges.vehicle.formats.neutral import Export, one_thrust, plain, without
 from ges.vehicle.propeller import Propeller
 
-_OPERATORS = {
+_OPERATORS: Mapping[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
@@ -35,7 +35,7 @@ _OPERATORS = {
     ast.USub: operator.neg,
     ast.UAdd: operator.pos,
 }
-_CALLS = {
+_CALLS: Mapping[str, Callable[[Any], Any]] = {
     "array": lambda x: np.array(x, dtype=float),
     "sqrt": np.sqrt,
     "sin": np.sin,
@@ -64,7 +64,10 @@ def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
         case ast.List(elts=items) | ast.Tuple(elts=items):
             return [_value(item, names) for item in items]
         case ast.Dict(keys=keys, values=values):
-            return {_value(k, names): _value(v, names) for k, v in zip(keys, values, strict=True)}
+            pairs = [(k, v) for k, v in zip(keys, values, strict=True) if k is not None]
+            if len(pairs) < len(keys):
+                raise ValueError(ast.unparse(node)[:60])
+            return {_value(k, names): _value(v, names) for k, v in pairs}
         case ast.UnaryOp(op=op, operand=x) if type(op) in _OPERATORS:
             return _OPERATORS[type(op)](_value(x, names))
         case ast.BinOp(op=op, left=left, right=right) if type(op) in _OPERATORS:
@@ -225,7 +228,7 @@ def _radius(
 
 
 def _effects(
-    params: Mapping[str, Any], scalar, radius_m: float, rho: float
+    params: Mapping[str, Any], scalar: Callable[..., float], radius_m: float, rho: float
 ) -> tuple[dict, dict, list]:
     """Drag and lift as effects, with their sources and what they lose."""
     effects: dict[str, dict[str, float]] = {}

@@ -171,9 +171,10 @@ def _together(parts: Sequence[Inertial], name: str) -> Inertial:
     mass = sum(part.mass_kg for part in parts)
     if not mass > 0:
         raise UsageError(f"{name}: its links have no mass; give base_link an <inertial>")
-    centre = sum(part.mass_kg * part.centre_m for part in parts) / mass
+    centre = sum((part.mass_kg * part.centre_m for part in parts), np.zeros(3)) / mass
     tensor = sum(
-        part.tensor_kg_m2 + _offset(part.mass_kg, part.centre_m - centre) for part in parts
+        (part.tensor_kg_m2 + _offset(part.mass_kg, part.centre_m - centre) for part in parts),
+        np.zeros((3, 3)),
     )
     return Inertial(mass, centre, tensor)
 

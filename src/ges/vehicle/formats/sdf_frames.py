@@ -45,15 +45,14 @@ def pose_of(element: Element | None, name: str) -> Pose:
     UsageError
         When it is no pose.
     """
-    if element is None or not (element.text or "").strip():
+    written = (element.text or "").strip() if element is not None else ""
+    if element is None or not written:
         return ORIGIN
-    values = [number(text, "a pose", name) for text in element.text.split()]
+    values = [number(text, "a pose", name) for text in written.split()]
     if element.get("rotation_format") == "quat_xyzw" and len(values) == 7 and any(values[3:]):
         return Pose(np.array(values[:3]), Rotation.from_quat(values[3:]))
     if len(values) != 6:
-        raise UsageError(
-            f"{name}: the pose '{element.text.strip()[:60]}' is not x y z roll pitch yaw"
-        )
+        raise UsageError(f"{name}: the pose '{written[:60]}' is not x y z roll pitch yaw")
     degrees = element.get("degrees") in ("true", "1")
     return Pose(np.array(values[:3]), Rotation.from_euler("xyz", values[3:], degrees=degrees))
 

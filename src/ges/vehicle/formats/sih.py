@@ -19,7 +19,7 @@ from ges.errors import GesError, UsageError
 from ges.vehicle import airframe, propeller, scaling
 from ges.vehicle.datasheet import Datasheet, comment
 from ges.vehicle.file import Vehicle, parse_vehicle
-from ges.vehicle.formats.neutral import Export, number, one_thrust, plain, without
+from ges.vehicle.formats.neutral import Export, Plain, number, one_thrust, plain, without
 from ges.vehicle.propeller import Propeller
 
 # sih_params.yaml of PX4.
@@ -182,7 +182,7 @@ def write(vehicle: Vehicle) -> Export:
     return Export("\n".join(lines) + "\n", tuple(remarks))
 
 
-def _px4_order(p) -> tuple[list[int], list[str]]:
+def _px4_order(p: Plain) -> tuple[list[int], list[str]]:
     """Rotors in PX4's order, and what does not fit it."""
     angles = np.degrees(np.arctan2(-p.hubs_m[:, 1], p.hubs_m[:, 0])) % 360.0
     layout = airframe.LAYOUTS["x"]
