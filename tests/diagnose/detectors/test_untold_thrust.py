@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from ges.diagnose.design.residual import driven_speeds
 from ges.diagnose.detectors.clocks import settled_findings
 from ges.diagnose.detectors.thrust import UntoldThrust, untold_thrust
 from ges.diagnose.estimate.fit import Joint
@@ -80,22 +81,36 @@ def _untold(key, value, rivals=("battery_sag", "thrust_curve", "thrust_scale")):
     return UntoldThrust(_system(), key, Estimate(value, (value, value), "1"), 0.05, rivals)
 
 
-def test_each_explanation_makes_the_same_thrust_in_a_hover():
-    """k u^2 (1 - c + c u)... by which the hover's speed over the top one is the bend's lever."""
-    per_bend = MODEL.number("max_rotor_speed_rad_s") / MODEL.hover_rad_s - 1.0
-    sets = _untold(SCALE, 0.2).explanations()
+def _over_weight(effects):
+    """Thrust over weight that the commands of a hover make under some effects, in full drive."""
+    curve = {name: v for name, v in effects.items() if name == "thrust_curve"}
+    (speeds,) = driven_speeds([COMMANDED], MODEL, curve)
+    scale = effects.get("thrust_scale", {}).get("scale", 0.0)
+    return (1.0 + scale) * float(np.mean((speeds[-1] / MODEL.hover_rad_s) ** 2))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "thrust"),
+    [(SCALE, 0.2, 1.2), (SCALE, -0.15, 0.85), (CURVE, 0.3, None), (SPEED, 0.05, 1.1)],
+)
+def test_each_explanation_makes_the_same_thrust_in_a_hover(key, value, thrust):
+    """The compiled drive flies them; of a top speed, thrust goes with its square."""
+    sets = _untold(key, value).explanations()
     assert set(sets) == {("thrust_scale",), ("thrust_curve",), ("battery_sag", "thrust_scale")}
-    assert sets["thrust_scale",]["thrust_scale"]["scale"] == pytest.approx(0.2)
-    assert sets["thrust_curve",]["thrust_curve"]["c"] == pytest.approx(0.2 / per_bend)
-    assert sets["battery_sag", "thrust_scale"]["battery_sag"]["sensitivity"] == 1.0
-    assert sets["thrust_scale",]["battery_sag"]["sensitivity"] == 0.0
-    bent = _untold(CURVE, 0.3).explanations()
-    assert bent["thrust_curve",]["thrust_curve"]["c"] == pytest.approx(0.3)
-    assert bent["thrust_scale",]["thrust_scale"]["scale"] == pytest.approx(0.3 * per_bend)
-    faster = _untold(SPEED, 0.1).explanations()
-    assert faster["thrust_scale",]["thrust_scale"]["scale"] == pytest.approx(0.2), "speed squared"
-    far = _untold(SCALE, 9.0).explanations()
-    assert far["thrust_curve",]["thrust_curve"]["c"] == 1.0, "no curve bends further"
+    wanted = thrust or _over_weight({"thrust_curve": {"c": value}})
+    for effects in sets.values():
+        assert _over_weight(effects) == pytest.approx(wanted, abs=2e-3)
+    on = {names: effects["battery_sag"]["sensitivity"] for names, effects in sets.items()}
+    assert on["battery_sag", "thrust_scale"] == 1.0 and on["thrust_curve",] == 0.0
+
+
+def test_no_curve_bends_further_than_the_library_flies():
+    assert _untold(SCALE, 9.0).explanations()["thrust_curve",]["thrust_curve"]["c"] == 1.0
+    known = dataclasses.replace(MODEL, effects={"thrust_scale": {"scale": 0.1}})
+    found = _untold(SCALE, 0.2)
+    held = dataclasses.replace(found, system=dataclasses.replace(found.system, model=known))
+    told = held.explanations()["thrust_scale",]["thrust_scale"]["scale"]
+    assert told == pytest.approx(0.3), "about what the file has"
 
 
 @pytest.mark.parametrize("share", [0.9, 1.1])

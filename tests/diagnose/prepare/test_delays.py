@@ -189,7 +189,7 @@ def test_the_past_of_a_row_is_itself_and_what_was_before():
 
 
 def test_a_position_moves_as_its_velocity_and_stays_where_it_was_read():
-    x = 2.0 * np.sin(0.4 * T)
+    x = 5.0 + 2.0 * np.sin(0.4 * T)
     rng = np.random.default_rng(0)
     read = x + 0.05 * rng.standard_normal(len(T))
     flight = hovering(DURATION_S, p_x_m=read, v_x_m_s=0.8 * np.cos(0.4 * T))

@@ -102,6 +102,17 @@ def test_cells_are_means_of_bins_with_errors_over_blocks_of_time():
     assert [c.windows for c in made[:6]] == pytest.approx([100] * 6, abs=8)
 
 
+def test_a_cell_s_error_is_that_of_its_blocks_of_time():
+    """Windows that are alike within a block are one piece of news, however many they are."""
+    (block,) = _system(np.zeros((COUNT, 2))).blocks(settings.locate.block_s)
+    level = np.random.default_rng(3).standard_normal(block.max() + 1)
+    e = np.column_stack([level[block], np.zeros(COUNT)])
+    made = cells(_system(e), [e], [{"climb_m_s": (block % 6).astype(float)}], [])
+    (cell,) = (c for c in made if c.channel == "force_z" and c.low == 1.0)
+    assert cell.windows == 100
+    assert cell.sd == pytest.approx(np.std(level[[1, 7, 13, 19]], ddof=1) / 2.0)
+
+
 def test_neighbouring_cells_of_one_sign_are_one_entry():
     e = _planted()
     system = _system(e)
