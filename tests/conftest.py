@@ -4,6 +4,11 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# The same examples in every run, whatever the machine, and nothing kept between runs.
+settings.register_profile("same", derandomize=True, database=None, deadline=None, max_examples=25)
+settings.load_profile("same")
 
 ROOT = Path(__file__).resolve().parents[1]
 

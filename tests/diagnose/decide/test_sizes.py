@@ -1,0 +1,244 @@
+"""What matters at least, what is declared and contradicted, and what is left unexplained."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from ges.diagnose.decide.accept import Accepted, withdrawn
+from ges.diagnose.decide.declared import contradicted, words_of
+from ges.diagnose.decide.rules import (
+    Weighed,
+    ambiguous,
+    best_of_its_family,
+    best_rival,
+    does_something,
+    judged,
+    lead_over,
+)
+from ges.diagnose.decide.sizes import least_size, least_sizes, shares_of, unlike_form_error
+from ges.diagnose.decide.unknown import borrowed, left_over, theirs
+from ges.diagnose.decide.withdraw import Answer, remaining
+from ges.diagnose.estimate.fit import Fitted, Joint
+from ges.diagnose.select.evidence import Posterior, make_board
+from ges.diagnose.select.search import Hypothesis, Search
+from ges.diagnose.settings import settings
+from ges.diagnose.types.decision import Considered, Decision, Record
+from ges.diagnose.types.model import SPEED
+from ges.diagnose.validate.structure import Structure
+
+from ..synthetic import MODEL, amplitude, nuisance, rows_of, system_of
+
+NAMES = ("force_x", "acc_x", "moment_y", "drive_1", "range")
+
+
+def test_what_matters_at_least_is_a_share_of_each_channel_s_whole():
+    s, told = settings.decide, least_sizes(system_of(NAMES, (), ()))
+    force = s.least_force_share * MODEL.weight_N
+    moment = s.least_moment_share * MODEL.weight_N * MODEL.arm_m
+    np.testing.assert_allclose(
+        told, [force, force, moment, s.least_drive_share * 1000.0, s.least_range_m]
+    )
+    assert unlike_form_error("ground_effect_lag") and not unlike_form_error("rotor_drag")
+    assert least_size("rotor_drag", "force_x", MODEL) == pytest.approx(force)
+    assert least_size("ground_effect_lag", "force_x", MODEL) == pytest.approx(force / s.form_margin)
+
+
+def _board(keys=("rotor_drag.k_kg", "tether.weight_N_m")):
+    y = np.random.default_rng(0).standard_normal((100, 3))
+    columns = [amplitude(k) for k in keys]
+    acting = [{0: np.ones(100), 2: np.full(100, 0.5)}, {1: np.full(100, -2.0)}]
+    names = ("force_x", "acc_x", "moment_y")
+    return make_board(system_of(names, columns, [rows_of(y, acting)]))
+
+
+def test_shares_are_rms_over_what_matters_an_accelerometer_s_among_the_forces():
+    board = _board()
+    found = Posterior((0, 1), np.array([0.3, 0.2]), np.eye(2), 0.0)
+    h = Hypothesis(("rotor_drag", "tether"), (0, 1), found, 0.0)
+    force, _, moment = least_sizes(board.system)
+    told = shares_of(board, h, {"rotor_drag"})
+    assert told == pytest.approx({"force": 0.3 / force, "moment": 0.15 / moment})
+    assert shares_of(board, h, {"tether"}) == pytest.approx({"force": 0.4 / force, "moment": 0.0})
+    both = shares_of(board, h, {"rotor_drag", "tether"})
+    assert both["force"] == pytest.approx(0.4 / force), "of the greatest channel"
+
+
+DOUBTS = {"inertia.yy": 0.1, "cg_offset.x_m": 0.002, SPEED: 10.0}
+
+
+def _declared(common, but=(), acting=1.0):
+    keys = ("inertia.yy", "cg_offset.x_m", SPEED)
+    columns = [nuisance(k, DOUBTS[k]) for k in keys]
+    rows = rows_of(np.zeros((5, 1)), [{0: np.full(5, acting)} for _ in keys])
+    model = dataclasses.replace(MODEL, doubts=DOUBTS)
+    joint = Joint(*[np.zeros(0)] * 3, 0.0, common, dict.fromkeys(common, 0.01), ())
+    return contradicted(joint, system_of(("force_z",), columns, [rows], model), but)
+
+
+def test_numbers_far_beyond_their_doubt_are_told_the_farthest_first():
+    told = _declared({"inertia.yy": 0.5, "cg_offset.x_m": 0.03, SPEED: 30.0})
+    assert [(c.key, c.sds) for c in told] == [
+        ("cg_offset.x_m", pytest.approx(15.0)),
+        ("inertia.yy", pytest.approx(5.0)),
+    ]
+    trim, inertia = told
+    assert trim.is_trim and "cg_offset.x_m moved by 15.0 times" in trim.sentence()
+    assert not inertia.is_trim and inertia.effect == "inertia"
+    assert "wrong about inertia_kg_m2.yy: these flights need +50 %, 5.0 times" in inertia.sentence()
+
+
+def test_what_hardly_shows_or_what_others_can_move_contradicts_nothing():
+    assert _declared({"inertia.yy": 0.5}, but=("inertia",)) == []
+    assert _declared({"inertia.yy": 0.5}, acting=1e-6) == []
+    (speed,) = _declared({SPEED: 50.0})
+    assert speed.share == pytest.approx(0.05) and words_of(SPEED) == "max_rotor_speed_rad_s"
+    assert words_of("thrust_scale.scale") == "mass_kg or thrust_coefficient_N_s2"
+    assert words_of("cg_offset.x_m") == "cg_offset.x_m"
+
+
+def _structure(channel="force_z", share=0.02, r2=0.5, **more):
+    rms = share * MODEL.whole(channel)
+    return Structure(channel, ("climb_m_s",), (0.0,), (1.0,), r2, 0.002, rms, **more)
+
+
+def test_left_over_is_one_structure_a_channel_the_one_that_foretells_most():
+    weak, strong = _structure(r2=0.3), _structure(r2=0.6)
+    turn = _structure("moment_x", r2=0.4)
+    told = left_over([weak, turn, strong], MODEL)
+    assert told == [strong, turn]
+    size = _structure(r2=0.9, of_size=True)
+    assert left_over([size, weak], MODEL) == [weak], "a mean speaks before a size"
+    assert left_over([size], MODEL) == [size]
+    assert left_over([_structure(share=1e-5)], MODEL) == []
+
+
+@pytest.mark.parametrize(("r2", "counts"), [(0.15, False), (0.25, True)])
+def test_a_large_structure_makes_names_the_nearest_only(r2, counts):
+    assert bool(borrowed([_structure(r2=r2)], MODEL)) == counts
+    assert not borrowed([_structure(r2=r2, of_size=True)], MODEL)
+
+
+def test_structures_are_theirs_where_names_act_for_more_than_a_share_of_them():
+    system = system_of(("force_x", "force_y", "force_z"), (), ())
+    s = _structure("force_z")
+    share = settings.locate.acting_share
+    for factor, counts in ((0.9, False), (1.1, True)):
+        added = {"rotor_drag": [np.tile([0.0, 0.0, factor * share * s.rms], (4, 1))]}
+        assert bool(theirs([s], added, system)) == counts
+    hanging = {"slung_load": [np.tile([0.1, 0.0, 5.0], (4, 1))]}
+    sideways = _structure("force_x")
+    assert theirs([sideways], hanging, system) == [], "its pull need only lean"
+
+
+def _search(evidence, inclusion=None):
+    ranked = sorted(evidence.items(), key=lambda item: -item[1][0])
+    listed = tuple(Hypothesis(n, (), None, log, p) for n, (log, p) in ranked)
+    return Search(listed, inclusion or {n: 1.0 for names in evidence for n in names})
+
+
+def test_names_replace_each_other_where_one_is_needed_and_neither_proven():
+    sets = {("wind",): (5.0, 0.55), ("rotor_tilt",): (4.8, 0.44), (): (0.0, 0.001)}
+    found = _search(sets, {"wind": 0.55, "rotor_tilt": 0.44})
+    assert ambiguous(found, set(), set()) == ("wind", "rotor_tilt")
+    assert ambiguous(found, {"wind"}, set()) == (), "one is proven"
+    not_needed = _search({**sets, (): (5.0, 0.5)}, {"wind": 0.3, "rotor_tilt": 0.2})
+    assert ambiguous(not_needed, set(), set()) == ()
+    assert ambiguous(not_needed, set(), {"wind", "rotor_tilt"}) == ("wind", "rotor_tilt")
+
+
+def test_the_best_rival_has_other_names_and_no_more_causes():
+    found = _search(
+        {("wind",): (9.0, 0.0), ("rotor_tilt", "tether"): (8.0, 0.0), ("cg_offset",): (5.0, 0.0)}
+    )
+    assert best_rival(found, "wind").names == ("cg_offset",)
+    assert best_rival(_search({("wind",): (9.0, 1.0), (): (0.0, 0.0)}), "wind") is None
+    log_odds = settings.statistics.acceptance_log_odds
+    assert lead_over("fountain_lift", ("ground_effect",)) == pytest.approx(2.0 * log_odds)
+    assert lead_over("fountain_lift", ("wind",)) == pytest.approx(log_odds)
+
+
+def test_of_a_family_the_better_goes_on_and_says_so_of_the_other():
+    found = _search(
+        {
+            ("ground_effect", "fountain_lift"): (60.0, 1.0),
+            ("ground_effect",): (50.0, 0.0),
+            ("fountain_lift",): (30.0, 0.0),
+        }
+    )
+    c = Weighed(_board(), found, {}, ("ground_effect", "fountain_lift"))
+    assert best_of_its_family(c, "ground_effect").passed
+    dropped = best_of_its_family(c, "fountain_lift")
+    assert not dropped.passed and dropped.because == "ground_effect acts there, and better"
+
+
+def test_each_rule_sees_those_alone_that_passed_the_ones_before_it():
+    seen = []
+
+    def short(context, name):
+        seen.append(("short", context.standing))
+        return Decision("short", len(name) < 5, "")
+
+    def never(context, name):
+        seen.append(("never", context.standing))
+        return Decision("never", False, "")
+
+    record = Record()
+    context = Weighed(None, None, {}, ())
+    assert judged((short, never), context, ("wind", "tether"), record) == ()
+    assert seen == [("short", ("wind", "tether"))] * 2 + [("never", ("wind",))]
+    assert [d.rule for d in record.of("tether")] == ["short"]
+    assert [d.rule for d in record.of("wind")] == ["short", "never"]
+
+
+def test_a_record_keeps_the_last_word_of_each_rule_in_its_order():
+    record = Record()
+    for rule, passed in (("a", True), ("b", True), ("a", False)):
+        record.note("wind", Decision(rule, passed, "x", 1.0, 2.0))
+    assert [(d.rule, d.passed) for d in record.of("wind")] == [("b", True), ("a", False)]
+    assert set(record.names) == {"wind"} and record.of("tether") == ()
+    told = Considered("wind", "rotor 1", 0.5, record.of("wind")).content()
+    assert told["decisions"][1] == {
+        "rule": "a",
+        "passed": False,
+        "statistic": 1.0,
+        "threshold": 2.0,
+        "because": "x",
+    }
+
+
+@pytest.mark.parametrize(("k_kg", "acts"), [(2e-4, True), (5e-6, False)])
+def test_an_effect_does_something_if_an_amplitude_is_beyond_its_sd(k_kg, acts):
+    free = (("rotor_drag", "k_kg"),)
+    fitted = Fitted({"rotor_drag": {"k_kg": k_kg}}, free, np.full((1, 1), 1e-10), None, None, None)
+    assert does_something(fitted, "rotor_drag") == acts
+
+
+def test_withdrawn_is_the_search_with_nothing_accepted_of_it():
+    found = _search({("wind",): (1.0, 1.0)})
+    accepted = Accepted(("wind",), found, "board", "fit", {"wind": 1.0}, ("tether", "cg_offset"))
+    told = withdrawn(accepted)
+    assert (told.names, told.fitted, told.probability, told.rivals) == ((), None, {}, ())
+    assert told.found is found and told.board == "board"
+    with_rival = dataclasses.replace(accepted, alternatives={"tether": 1, "cg_offset": 2})
+    assert with_rival.modelled == ("wind", "tether")
+
+
+@pytest.mark.parametrize(
+    ("moved", "known", "contested", "open_still"),
+    [
+        (True, {}, (), False),
+        (False, {}, (), True),
+        (False, {"force_z": 0.1}, (), False),
+        (False, {"force_z": 0.1}, ("tether",), True),
+    ],
+)
+def test_rivals_go_where_a_shifted_balance_or_healthy_flights_explain_them(
+    moved, known, contested, open_still
+):
+    found = _search({("wind",): (1.0, 1.0)})
+    accepted = Accepted(("wind",), found, None, None, {}, ("tether",), frozenset(contested))
+    last = type("Stage", (), {"model": MODEL})()
+    declared = dataclasses.replace(MODEL, left_unexplained=known)
+    told, left = remaining(Answer(accepted, None, last, [], {}), declared, moved)
+    assert bool(told.accepted.rivals) == open_still and left == []

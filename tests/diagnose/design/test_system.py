@@ -1,0 +1,289 @@
+"""The linear system: columns are what a flight of the effect would change, nuisances are what the
+file and the log leave free.
+"""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from ges.conventions import BODY_RATE, COMMAND, ROTOR_SPEED
+from ges.diagnose.design.residual import residual
+from ges.diagnose.design.system import (
+    build,
+    common_channels,
+    half_waves,
+    nuisances,
+    residuals_with,
+    restless,
+    window_length_s,
+)
+from ges.diagnose.library.candidates import Variant, amplitude_of
+from ges.diagnose.prepare.align import Held
+from ges.diagnose.settings import settings, using
+from ges.diagnose.types.model import SPEED
+from ges.simulator import effects as effect_table
+
+from ..synthetic import (
+    MODEL,
+    NUMBERS,
+    amplitude,
+    hovering,
+    manoeuvre,
+    nuisance,
+    rows_of,
+    system_of,
+    times,
+    windows_of,
+)
+
+FORCES = ("force_x", "force_y", "force_z")
+
+
+def _variant(effect, *parameters, **shape):
+    return Variant(effect, shape, tuple(amplitude_of(effect, p) for p in parameters))
+
+
+@pytest.mark.parametrize(
+    "variant",
+    [
+        _variant("rotor_drag", "k_kg"),
+        _variant("ground_effect", "c_a", form=3.0, amplitude=1.0, high=10.0, decay=1.0),
+        _variant("cg_offset", "x_m", "y_m"),
+        _variant("attitude_bias", "x_rad"),
+        _variant("motor_lag", "up_s", "down_s"),
+        _variant("slung_load", "mass_kg", length_m=0.5, below_m=20.0),
+        _variant("rangefinder_bias", "bias_m"),
+    ],
+    ids=lambda variant: variant.effect,
+)
+def test_a_column_is_minus_the_change_of_the_residual_by_its_step(variant):
+    """The Jacobian against differences of whole evaluations, in every channel that it acts on."""
+    flight = manoeuvre(range_m=1.4)
+    system = build([flight], MODEL, [variant])
+    (rows,) = system.flights
+    windows, names = windows_of(flight, half_waves(flight, system.length_s)), system.names
+    neutral = {variant.effect: variant.parameters({})}
+    with using({"design.instruments": False}):
+        before = residual(flight, windows, MODEL, names, neutral)
+    columns = [k for k, c in enumerate(system.columns) if c.variant is not None]
+    assert columns
+    for k in columns:
+        column = system.columns[k]
+        a = variant.amplitudes[column.amplitude]
+        moved = {variant.effect: variant.parameters({a.parameter: a.neutral + a.step})}
+        change = (before - residual(flight, windows, MODEL, names, moved)) / a.step
+        for c, name in enumerate(names):
+            is_moment = name.startswith("moment")
+            mine = not column.part or (column.part == "moment") == is_moment
+            expected = change[:, c] if mine else np.zeros(len(rows.y))
+            if effect_table.get(variant.effect).feedback == "dynamic" and is_moment:
+                continue  # its trim is taken out of it
+            np.testing.assert_allclose(
+                rows.x.of(c, [k])[:, 0], expected, atol=1e-8 * max(1.0, np.abs(change).max())
+            )
+    assert any(np.abs(rows.x.of(c, columns)).max() > 0.0 for c in range(len(names)))
+
+
+def test_columns_of_top_speed_are_differences_of_the_vehicle_itself():
+    model = dataclasses.replace(MODEL, doubts={SPEED: 30.0})
+    flight = manoeuvre()
+    system = build([flight], model, [])
+    (rows,), k = system.flights, system.nuisances[SPEED]
+    c = system.names.index("drive_2")
+    faster = model.with_number("max_rotor_speed_rad_s", 1030.0)
+    windows, names = windows_of(flight), ("drive_1", "drive_2", "drive_3", "drive_4")
+    lost, other = (residual(flight, windows, m, names)[:, 1] for m in (model, faster))
+    change = (lost - other) / 30.0
+    np.testing.assert_allclose(rows.x.of(c, [k])[:, 0], change, atol=1e-9)
+    assert rows.x.of(c, [k]).mean() == pytest.approx(MODEL.hover_rad_s / 1000.0, rel=0.05)
+
+
+def test_residuals_with_a_model_are_those_of_its_own_system():
+    flights = [manoeuvre(), manoeuvre(5.0)]
+    heavier = MODEL.with_number("mass_kg", 1.1)
+    system, other = (build(flights, m, []) for m in (MODEL, heavier))
+    for told, rows in zip(residuals_with(system, heavier), other.flights, strict=True):
+        np.testing.assert_allclose(told, rows.y)
+
+
+def test_two_flights_with_different_logs_are_told_in_the_channels_that_each_has():
+    blind = manoeuvre(**dict.fromkeys(BODY_RATE))
+    system = build([hovering(range_m=1.5), blind], MODEL, [])
+    first, second = (np.isfinite(r.y).all(axis=0) for r in system.flights)
+    assert first.all() and "range" in system.names
+    told = dict(zip(system.names, second, strict=True))
+    assert not told["range"] and told["force_z"] and told["moment_x"]
+
+
+def test_channels_in_common_keep_the_order_of_the_fullest_log():
+    few = hovering(**dict.fromkeys(COMMAND), **dict.fromkeys(BODY_RATE))
+    many = hovering(range_m=1.5)
+    assert common_channels([few, many], MODEL) == common_channels([many, few], MODEL)
+    assert common_channels([few], MODEL)[-1] == "moment_z"
+
+
+def test_declared_doubts_are_free_and_undeclared_numbers_are_not():
+    names, flights = common_channels([hovering()], MODEL), [hovering()]
+    usual = {f"{n.effect}.{n.parameter}": n for n in nuisances(MODEL, names, flights)}
+    assert "inertia.xx" not in usual and SPEED not in usual
+    sure = dataclasses.replace(
+        MODEL, doubts={"inertia.xx": 0.1, "weak_rotor.loss_1": 0.0, SPEED: 20.0}
+    )
+    told = {f"{n.effect}.{n.parameter}": n for n in nuisances(sure, names, flights)}
+    assert told["inertia.xx"].sd == 0.1
+    assert told["inertia.xx"].step == pytest.approx(settings.statistics.clear_sds * 0.1)
+    assert told[SPEED].sd == told[SPEED].step == 20.0
+    assert told["weak_rotor.loss_1"].sd == 0.0 and told["weak_rotor.loss_1"].flight_sd > 0.0
+
+
+def test_a_lever_is_doubted_by_a_share_of_the_arm():
+    names, wide = common_channels([hovering()], MODEL), dict(NUMBERS)
+    for i in range(1, 5):
+        for axis in "xy":
+            wide[f"rotor_{i}_{axis}_m"] = 3.0 * MODEL.number(f"rotor_{i}_{axis}_m")
+    sds = [
+        next(n for n in nuisances(m, names, [hovering()]) if n.parameter == "x_m")
+        for m in (MODEL, dataclasses.replace(MODEL, parameters=wide))
+    ]
+    assert sds[1].sd == pytest.approx(3.0 * sds[0].sd)
+    assert sds[1].flight_sd == pytest.approx(3.0 * sds[0].flight_sd)
+    assert sds[1].step == pytest.approx(3.0 * sds[0].step)
+
+
+def test_a_number_that_was_moved_keeps_its_doubt_about_the_vehicle_file():
+    moved = dataclasses.replace(
+        MODEL, doubts={"thrust_scale.scale": 0.05}, moved={"thrust_scale.scale": 0.3}
+    )
+    names = common_channels([hovering()], MODEL)
+    found = next(n for n in nuisances(moved, names, [hovering()]) if n.effect == "thrust_scale")
+    assert found.mean == pytest.approx(-0.3) and found.sd == 0.05
+
+
+def test_what_was_not_logged_frees_no_number_that_only_it_shows():
+    derived = hovering().replaced(derived=frozenset({"attitude"}))
+    unmeasured = hovering(**dict.fromkeys(ROTOR_SPEED))
+    charged = hovering(battery_V=16.0)
+
+    def free(flight):
+        names = common_channels([flight], MODEL)
+        return {n.effect for n in nuisances(MODEL, names, [flight])}
+
+    assert "attitude_bias" in free(hovering()) and "attitude_bias" not in free(derived)
+    assert "thrust_curve" in free(unmeasured), "it makes the speeds"
+    assert "battery_sag" in free(charged) and "battery_sag" not in free(hovering())
+
+
+def test_a_delay_is_as_doubtful_as_commands_are_held_and_a_second_pole_is_late():
+    names = common_channels([hovering()], MODEL)
+
+    def doubt(flight):
+        (found,) = (n for n in nuisances(MODEL, names, [flight]) if n.effect == "esc_delay")
+        return found.sd
+
+    own = effect_table.get("esc_delay").parameter("delay_s").doubt.sd
+    pole = settings.design.second_pole_share * MODEL.number("motor_time_constant_s")
+    assert doubt(hovering()) == pytest.approx(np.hypot(own, pole))
+    held = hovering().replaced(held=Held(0.5, 0.4))
+    assert doubt(held) == pytest.approx(np.sqrt(own**2 + pole**2 + (0.4 * 0.01) ** 2))
+
+
+def test_windows_are_as_long_as_the_slowest_stream_asks():
+    flight = hovering()
+    assert window_length_s([flight]) == settings.design.window_shortest_s
+    slow = flight.replaced(update_s={**flight.update_s, "attitude": 0.1})
+    assert window_length_s([flight, slow]) == pytest.approx(settings.design.window_updates * 0.1)
+    never = flight.replaced(update_s={**flight.update_s, "command": np.inf})
+    assert window_length_s([never]) == settings.design.window_shortest_s
+
+
+@pytest.mark.parametrize(("update_s", "count"), [(0.01, 3), (0.03, 2), (0.05, 1), (0.07, 0)])
+def test_half_waves_are_as_many_as_the_slowest_stream_can_follow(update_s, count):
+    flight = hovering()
+    slow = flight.replaced(update_s={**flight.update_s, "rotor_speed": update_s})
+    assert half_waves(slow, 0.2) == count
+
+
+def test_unrest_is_the_change_of_thrust_between_two_readings_over_the_weight():
+    flight, t = hovering(), times()
+    slow = flight.replaced(update_s={**flight.update_s, "rotor_speed": 0.05})
+    thrust = MODEL.weight_N * (1.0 + 0.3 * t)
+    for told, every_s in ((flight, 0.01), (slow, 0.05)):
+        found = restless(told, windows_of(flight), MODEL, thrust)
+        np.testing.assert_allclose(found, 0.3 * every_s)
+
+
+def test_parts_split_a_column_between_forces_and_moments_and_lose_nothing():
+    names = ("force_x", "moment_y", "acc_z")
+    whole = {0: np.ones(3), 1: 2.0 * np.ones(3), 2: 3.0 * np.ones(3)}
+    force, moment = (amplitude("rotor_drag.k_kg", part) for part in ("force", "moment"))
+    assert set(force.part_of(whole, names)) == {0, 2}
+    assert set(moment.part_of(whole, names)) == {1}
+    assert amplitude("rotor_drag.k_kg").part_of(whole, names) is whole
+    assert force.made_of == moment.made_of and force.key == moment.key == "rotor_drag.k_kg"
+
+
+def test_a_cushion_and_what_pushes_rotors_sideways_have_moments_of_their_own():
+    flight = [hovering()]
+    drag = _variant("rotor_drag", "k_kg")
+    parts = [c.part for c in build(flight, MODEL, [drag]).columns if c.variant]
+    assert parts == ["force", "moment"]
+    silent = dataclasses.replace(MODEL, known=frozenset())
+    parts = [c.part for c in build(flight, silent, [drag]).columns if c.variant]
+    assert parts == [""], "no moment is heard"
+    cushion = _variant("ground_effect", "c_a", form=3.0, amplitude=1.0, decay=1.0)
+    lever = _variant("ground_effect_moment", "q")
+    parts = [c.part for c in build(flight, MODEL, [cushion, lever]).columns if c.variant]
+    assert parts == ["force", ""], "its moment is free beside it"
+
+
+def test_columns_are_about_the_effect_that_is_on():
+    """With a drag in the file, the column of its amplitude moves that drag and adds no other."""
+    on = MODEL.with_effects({"rotor_drag": {"k_kg": 2e-4}})
+    flight, variant = manoeuvre(), _variant("rotor_drag", "k_kg")
+    system = build([flight], on, [variant])
+    k = next(k for k, c in enumerate(system.columns) if c.variant and c.part == "force")
+    step = variant.amplitudes[0].step
+    more = on.with_effects({"rotor_drag": {"k_kg": 2e-4 + step}})
+    windows = windows_of(flight)
+    change = (residual(flight, windows, on, FORCES) - residual(flight, windows, more, FORCES)) / (
+        step
+    )
+    for c, name in enumerate(FORCES):
+        told = system.flights[0].x.of(system.names.index(name), [k])[:, 0]
+        np.testing.assert_allclose(told, change[:, c], atol=1e-6)
+
+
+def test_rows_follow_each_other_within_a_stretch_alone():
+    rows = rows_of(np.zeros((6, 1)))
+    assert rows.follows.tolist() == [False] + [True] * 5
+    gap = dataclasses.replace(
+        rows, windows=rows.windows.some(np.array([True, True, False, True, True, True]))
+    )
+    assert gap.follows.tolist() == [False, True, False, True, True]
+
+
+def test_columns_add_up_and_are_absent_where_the_channel_is():
+    y = np.array([[0.0, np.nan], [0.0, 0.0]])
+    rows = rows_of(y, [{0: np.array([1.0, 2.0])}, {0: np.ones(2), 1: np.array([5.0, 6.0])}])
+    np.testing.assert_array_equal(rows.added({0: 2.0, 1: -1.0}, 2), [[1.0, np.nan], [3.0, -6.0]])
+    np.testing.assert_array_equal(rows.mean_columns([0, 1], [0, 1]), [[1.5, 1.0], [0.0, 5.5]])
+
+
+def test_means_are_of_the_air_alone():
+    air = np.array([False, True, True])
+    rows = rows_of(np.array([[9.0], [1.0], [2.0]]), [{0: np.array([9.0, 3.0, 5.0])}], air)
+    assert rows.in_air([0]).ravel().tolist() == [1.0, 2.0]
+    assert rows.mean_columns([0], [0]).tolist() == [[4.0]]
+
+
+def test_a_system_knows_its_plain_channels_nuisances_and_blocks():
+    columns = [nuisance("thrust_scale.scale", 0.1), amplitude("rotor_drag.k_kg")]
+    names = ("force_z", "moment_x", "moment_x/1")
+    flights = [rows_of(np.zeros((60, 3)), start_s=s) for s in (0.0, 500.0)]
+    system = system_of(names, columns, flights)
+    assert system.main == ("force_z", "moment_x")
+    assert system.nuisances == {"thrust_scale.scale": 0}
+    one, two = system.blocks(2.5)
+    assert set(one) == {0, 1, 2} and set(two) == {3, 4, 5}
+    assert system.recordings == [r.flight for r in flights]

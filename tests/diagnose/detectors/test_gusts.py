@@ -1,0 +1,105 @@
+"""Gusts: a push that wanders slowly through a drag, and what is none."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+
+from ges.diagnose.design.system import build
+from ges.diagnose.detectors.gusts import Gusts, gusts_of, heard_by, may_lean
+from ges.diagnose.estimate.fit import Joint
+from ges.diagnose.settings import settings
+
+from ..synthetic import MODEL, hovering, system_of
+
+DRAG_KG = 2e-4
+DURATION_S = 60.0
+
+
+def _blown(strength_m_s, slow_s=3.0, constant_m_s=0.0, drag=True):
+    """A system whose residuals are those of a wind through the drag, that wanders in so many
+    seconds; its sensors' noise of 0.02 N.
+    """
+    model = MODEL.with_effects({"rotor_drag": {"k_kg": DRAG_KG}} if drag else {})
+    system = build([hovering(DURATION_S)], model, [])
+    (rows,) = system.flights
+    rng = np.random.default_rng(0)
+    step_s = float(rows.windows.center_s[1] - rows.windows.center_s[0])
+    wind = gaussian_filter1d(rng.standard_normal((len(rows.y), 2)), slow_s / step_s, axis=0)
+    wind = strength_m_s * wind / wind.std(axis=0) + constant_m_s
+    push_N = DRAG_KG * 4.0 * MODEL.hover_rad_s * wind
+    y = rows.y.copy()
+    for c, name in enumerate(("force_x", "force_y")):
+        at = system.names.index(name)
+        y[:, at] = push_N[:, c] + 0.02 * rng.standard_normal(len(y))
+    return dataclasses.replace(system, flights=(dataclasses.replace(rows, y=y),))
+
+
+JOINT = Joint(*[np.zeros(0)] * 3, 0.0, {}, {}, ({},))
+
+
+def test_gusts_are_told_by_the_rms_of_their_push_and_more_of_them_by_more():
+    found = {s: gusts_of(_blown(s), JOINT) for s in (1.0, 2.0)}
+    for strength, gusts in found.items():
+        push_N = DRAG_KG * 4.0 * MODEL.hover_rad_s * strength * np.sqrt(2.0)
+        assert 0.3 * push_N < gusts.push_N < 1.3 * push_N
+        assert gusts.chance < 1e-6 and gusts.ci95[0] < gusts.strength_m_s < gusts.ci95[1]
+    assert found[2.0].strength_m_s == pytest.approx(2.0 * found[1.0].strength_m_s, rel=0.1)
+    assert found[2.0].push_N == pytest.approx(2.0 * found[1.0].push_N, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "blown",
+    [
+        {"strength_m_s": 0.0},
+        {"strength_m_s": 0.0, "constant_m_s": 4.0},
+        {"strength_m_s": 1.0, "slow_s": 0.05},
+        {"strength_m_s": 1.0, "drag": False},
+    ],
+    ids=["still", "a steady wind", "fast noise", "no drag"],
+)
+def test_what_is_no_gust_is_none(blown):
+    assert gusts_of(_blown(**blown), JOINT) is None
+
+
+def test_no_more_gusts_than_the_file_has_are_no_news():
+    system = _blown(1.0)
+    strength = gusts_of(system, JOINT).strength_m_s
+    assert gusts_of(system, JOINT, {"wind_20ft_m_s": strength}) is None
+    assert gusts_of(system, JOINT, {"wind_20ft_m_s": 0.1 * strength}) is not None
+
+
+GUSTS = Gusts(5.0, 0.1, 0.4, 0.3, 9.8, 1e-4)
+
+
+def test_a_strength_is_known_by_a_factor():
+    low, high = GUSTS.ci95
+    assert low * high == pytest.approx(25.0) and high / 5.0 == pytest.approx(np.exp(0.196))
+    told = GUSTS.finding()
+    assert told.size["share_of_weight"] == pytest.approx(0.3 / 9.8) and told.name == "gusts"
+    assert told.parameters["wind_20ft_m_s"].value == 5.0
+
+
+@pytest.mark.parametrize(("east_m_s", "may"), [(1.0, True), (2.0, False)])
+def test_a_mean_wind_within_what_gusts_leave_may_be_one(east_m_s, may):
+    """Three times what gusts so strong leave and the fit doubts: 3 sqrt(0.4^2 + 0.3^2)."""
+    wind = {"wind": {"east_m_s": east_m_s, "north_m_s": 0.0, "roughness_m": 0.0}}
+    fitted = SimpleNamespace(sd=lambda effect, parameter: 0.3, effects=wind)
+    assert GUSTS.may_be(fitted) == may
+
+
+def test_what_hangs_below_may_lean_to_push_by_a_share_of_its_pull():
+    system = system_of(("force_x", "force_y", "force_z"), (), ())
+    pull = [np.tile([0.0, 0.6, 0.8], (10, 1))]
+    share = settings.detect.lean_share
+    assert may_lean(0.9 * share, {"slung_load": pull}, system)
+    assert not may_lean(1.1 * share, {"slung_load": pull}, system)
+    assert not may_lean(0.1, {"rotor_drag": pull}, system), "it does not hang"
+    assert not may_lean(0.1, {}, system)
+
+
+def test_moving_air_is_heard_by_a_drag_alone():
+    assert heard_by({"rotor_drag": {}}) and heard_by({"parasitic_drag": {}})
+    assert not heard_by({"ground_effect": {}}) and not heard_by({})

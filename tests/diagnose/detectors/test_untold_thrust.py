@@ -1,0 +1,135 @@
+"""Thrust that is far off while nothing says why; and faults that clocks and gyros show by
+themselves.
+"""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from ges.diagnose.design.residual import driven_speeds
+from ges.diagnose.detectors.clocks import settled_findings
+from ges.diagnose.detectors.thrust import UntoldThrust, untold_thrust
+from ges.diagnose.estimate.fit import Joint
+from ges.diagnose.prepare.delays import Delay
+from ges.diagnose.prepare.gate import Gate
+from ges.diagnose.settings import settings
+from ges.diagnose.types.diagnosis import Estimate
+from ges.diagnose.types.model import SPEED
+
+from ..synthetic import MODEL, hovering, nuisance, rows_of, system_of
+
+SCALE, CURVE = "thrust_scale.scale", "thrust_curve.c"
+COMMANDED = hovering(**{f"rotor_speed_{i}_rad_s": None for i in range(1, 5)})
+
+
+def _system(flight=COMMANDED, doubts=((SCALE, 0.05), (CURVE, 0.03))):
+    columns = [nuisance(key, sd) for key, sd in doubts]
+    rows = rows_of(np.zeros((4, 1)), [{0: np.full(4, 5.0)} for _ in columns])
+    rows = dataclasses.replace(rows, flight=flight)
+    model = dataclasses.replace(MODEL, doubts={SCALE: 0.05})
+    return system_of(("force_z",), columns, [rows], model)
+
+
+def _joint(**common):
+    named = {key.replace("__", "."): value for key, value in common.items()}
+    return Joint(*[np.zeros(0)] * 3, 0.0, named, dict.fromkeys(named, 0.01), ())
+
+
+def test_thrust_that_is_far_beyond_its_doubt_is_told_with_all_that_may_do_it():
+    found = untold_thrust(_joint(thrust_scale__scale=-0.3, thrust_curve__c=0.05), _system())
+    assert found.key == SCALE and found.excess.value == -0.3 and found.known_sd == 0.05
+    assert found.rivals == ("battery_sag", "thrust_curve", "thrust_scale")
+    assert found.excess.ci95 == pytest.approx((-0.3 - 0.0196, -0.3 + 0.0196))
+    assert found.sentence().startswith("Thrust is 30 +- 2.0 % less than the vehicle file says, 6")
+    assert {f.name: f.probability for f in found.findings()} == pytest.approx(
+        dict.fromkeys(found.rivals, 1.0 / 3.0)
+    )
+
+
+@pytest.mark.parametrize("sds", [3.9, 4.1])
+def test_thrust_within_four_sds_is_not_told(sds):
+    assert settings.statistics.certain_sds == 4.0
+    found = untold_thrust(_joint(thrust_scale__scale=0.05 * sds), _system())
+    assert (found is not None) == (sds > 4.0)
+
+
+def test_where_the_log_tells_the_cause_nothing_is_untold():
+    logged = hovering(battery_V=16.0)
+    assert untold_thrust(_joint(thrust_scale__scale=-0.3), _system(logged)) is None
+    spinning = hovering()
+    found = untold_thrust(_joint(thrust_scale__scale=-0.3), _system(spinning))
+    assert found is None, "with rotor speeds the scale is searched"
+    bent = untold_thrust(_joint(thrust_curve__c=0.3), _system(spinning))
+    assert bent.key == CURVE and bent.rivals == ("battery_sag", "thrust_curve")
+    form = settings.estimate.form_error * 0.3
+    low, high = bent.excess.ci95
+    assert 0.5 * (high - low) == pytest.approx(1.96 * np.hypot(0.01, form))
+
+
+def test_a_top_speed_is_told_as_a_share_of_it():
+    system = _system(hovering(), ((SPEED, 30.0),))
+    joint = Joint(*[np.zeros(0)] * 3, 0.0, {SPEED: 200.0}, {SPEED: 10.0}, ())
+    found = untold_thrust(joint, system)
+    assert found.excess.value == pytest.approx(0.2) and found.known_sd == pytest.approx(0.03)
+    assert "Rotor speeds at the same commands are 20 +- 2.0 % higher" in found.sentence()
+    assert "or another max_rotor_speed_rad_s would do it" in found.sentence()
+    assert "vehicle" in found.may_move
+
+
+def _untold(key, value, rivals=("battery_sag", "thrust_curve", "thrust_scale")):
+    return UntoldThrust(_system(), key, Estimate(value, (value, value), "1"), 0.05, rivals)
+
+
+def _over_weight(effects):
+    """Thrust over weight that the commands of a hover make under some effects, in full drive."""
+    curve = {name: v for name, v in effects.items() if name == "thrust_curve"}
+    (speeds,) = driven_speeds([COMMANDED], MODEL, curve)
+    scale = effects.get("thrust_scale", {}).get("scale", 0.0)
+    return (1.0 + scale) * float(np.mean((speeds[-1] / MODEL.hover_rad_s) ** 2))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "thrust"),
+    [(SCALE, 0.2, 1.2), (SCALE, -0.15, 0.85), (CURVE, 0.3, None), (SPEED, 0.05, 1.1)],
+)
+def test_each_explanation_makes_the_same_thrust_in_a_hover(key, value, thrust):
+    """The compiled drive flies them; of a top speed, thrust goes with its square."""
+    sets = _untold(key, value).explanations()
+    assert set(sets) == {("thrust_scale",), ("thrust_curve",), ("battery_sag", "thrust_scale")}
+    wanted = thrust or _over_weight({"thrust_curve": {"c": value}})
+    for effects in sets.values():
+        assert _over_weight(effects) == pytest.approx(wanted, abs=2e-3)
+    on = {names: effects["battery_sag"]["sensitivity"] for names, effects in sets.items()}
+    assert on["battery_sag", "thrust_scale"] == 1.0 and on["thrust_curve",] == 0.0
+
+
+def test_no_curve_bends_further_than_the_library_flies():
+    assert _untold(SCALE, 9.0).explanations()["thrust_curve",]["thrust_curve"]["c"] == 1.0
+    known = dataclasses.replace(MODEL, effects={"thrust_scale": {"scale": 0.1}})
+    found = _untold(SCALE, 0.2)
+    held = dataclasses.replace(found, system=dataclasses.replace(found.system, model=known))
+    told = held.explanations()["thrust_scale",]["thrust_scale"]["scale"]
+    assert told == pytest.approx(0.3), "about what the file has"
+
+
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_what_the_form_of_a_curve_is_wrong_by_is_known_by_its_size(share):
+    curve = _untold(CURVE, 0.3)
+    size_N = share * settings.estimate.form_error * 0.3 * 5.0
+    size = {"value": size_N, "channel": "force_z"}
+    assert curve.is_form_error("rotor_saturation", size) == (share < 1.0)
+    assert not curve.is_form_error("rotor_drag", size)
+    assert not _untold(SCALE, 0.3).is_form_error("rotor_saturation", size)
+
+
+def test_settled_faults_are_findings_with_intervals_and_without_rivals():
+    pose = Delay("attitude", 0.04, 0.002, 0.9)
+    gyro = np.array([0.03, 0.0, -0.04]), np.array([0.001, 0.001, 0.002])
+    late, offset = settled_findings(Gate((), (), (), pose, gyro))
+    assert late.name == "time_offset" and late.parameters["delay_s"].value == 0.04
+    assert late.parameters["delay_s"].ci95 == pytest.approx((0.04 - 0.00392, 0.04 + 0.00392))
+    assert offset.size["value"] == pytest.approx(0.05) and not offset.is_open
+    assert offset.parameters["z_rad_s"].ci95 == pytest.approx((-0.04 - 0.00392, -0.04 + 0.00392))
+    assert late.probability == settings.statistics.certain_probability
+    assert settled_findings(Gate((), (), ())) == []

@@ -1,0 +1,308 @@
+"""The joint fit against dense least squares, intervals by blocks, and numbers within bounds."""
+
+import dataclasses
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from ges.diagnose.estimate.fit import (
+    Fitted,
+    Joint,
+    calibrated,
+    correction_bounds,
+    fitted_model,
+    in_the_air,
+    joint_fit,
+    left_raw,
+    null_fit,
+    starting_values,
+    strain,
+    strain_without,
+    within_bounds,
+)
+from ges.diagnose.library.candidates import Variant, amplitude_of
+from ges.diagnose.select.evidence import Posterior, make_board, whitened
+from ges.diagnose.select.search import Hypothesis
+from ges.diagnose.settings import settings
+from ges.diagnose.types.model import SPEED
+
+from ..synthetic import MODEL, amplitude, nuisance, rows_of, system_of
+
+ROWS, FLIGHTS = 240, 3
+COMMON = nuisance("inertia.xx", 0.2, mean=0.05)
+VARIES = nuisance("weak_rotor.loss_1", 0.3, flight_sd=0.1)
+DRAG = amplitude("rotor_drag.k_kg", high=1e9)
+
+
+def _system(
+    columns=(DRAG, COMMON, VARIES), sizes=(0.7, -0.1, 0.2), own=0.0, model=MODEL, noise=None
+):
+    """Flights of noise of unit sd about columns times their sizes; the last one's also differs
+    from flight to flight.
+    """
+    rng = np.random.default_rng(0)
+    made = []
+    for f in range(FLIGHTS):
+        x = rng.standard_normal((len(columns), ROWS))
+        y = noise[f] if noise is not None else rng.standard_normal(ROWS)
+        y = y + sum(size * row for size, row in zip(sizes, x, strict=True))
+        y = y + own * (f - 1) * x[-1]
+        made.append(rows_of(y[:, None], [{0: row} for row in x]))
+    return system_of(("force_z",), columns, made, model)
+
+
+def _dense(board, chosen, common, varies, prior_mean, prior_sd):
+    """Design, residuals and priors of the whole fit, written out row by row."""
+    columns = board.system.columns
+    size = len(chosen) + len(common) + FLIGHTS * len(varies)
+    x, y = [], []
+    for f, white in enumerate(board.whites):
+        (part,) = white.parts
+        row = np.zeros((len(part.y), size))
+        row[:, : len(chosen)] = part.x[:, chosen]
+        row[:, len(chosen) : len(chosen) + len(common)] = part.x[:, common]
+        start = len(chosen) + len(common) + f * len(varies)
+        row[:, start : start + len(varies)] = part.x[:, varies]
+        x.append(row)
+        y.append(part.y)
+    mean = [
+        *prior_mean,
+        *(columns[k].nuisance.mean for k in common),
+        *[0.0] * FLIGHTS * len(varies),
+    ]
+    sd = [
+        *prior_sd,
+        *(columns[k].nuisance.sd for k in common),
+        *[columns[k].nuisance.flight_sd for k in varies] * FLIGHTS,
+    ]
+    return np.concatenate(x), np.concatenate(y), np.array(mean), np.array(sd)
+
+
+def test_the_joint_fit_is_least_squares_with_priors_over_all_rows():
+    board = make_board(_system(own=0.15))
+    joint = joint_fit(board, [0], np.array([0.1]), np.array([0.5]))
+    x, y, mean, sd = _dense(board, [0], [1, 2], [2], [0.1], [0.5])
+    inverse = np.linalg.inv(x.T @ x + np.diag(sd**-2))
+    beta = inverse @ (x.T @ y + mean / sd**2)
+    cost = ((y - x @ beta) ** 2).sum() + (((beta - mean) / sd) ** 2).sum()
+    assert joint.chosen[0] == pytest.approx(beta[0])
+    assert joint.by_rows[0, 0] == pytest.approx(inverse[0, 0])
+    assert joint.common == pytest.approx(
+        {"inertia.xx": beta[1], "weak_rotor.loss_1": beta[2]}, rel=1e-6
+    )
+    assert joint.common_sd == pytest.approx(
+        {"inertia.xx": inverse[1, 1] ** 0.5, "weak_rotor.loss_1": inverse[2, 2] ** 0.5}
+    )
+    assert [f["weak_rotor.loss_1"] for f in joint.by_flight] == pytest.approx(list(beta[3:]))
+    assert joint.cost == pytest.approx(cost)
+
+
+def test_planted_sizes_come_back_within_their_intervals():
+    joint = joint_fit(make_board(_system(own=0.4)), [0])
+    assert abs(joint.chosen[0] - 0.7) < 3.0 * joint.covariance[0, 0] ** 0.5
+    assert abs(joint.common["inertia.xx"] + 0.1) < 3.0 * joint.common_sd["inertia.xx"]
+    own = [f["weak_rotor.loss_1"] for f in joint.by_flight]
+    assert own[0] < -0.1 and own[2] > 0.1 and abs(own[1]) < 0.15
+
+
+def test_coefficients_may_differ_by_many_orders_in_their_units():
+    plain = _system((DRAG, COMMON), (0.7, -0.1))
+    unit = 1e-9
+    rows = [
+        dataclasses.replace(
+            r, x=dataclasses.replace(r.x, values=(r.x.values[0] * np.array([unit, 1.0]),))
+        )
+        for r in plain.flights
+    ]
+    tiny = dataclasses.replace(plain, flights=tuple(rows))
+    sds = np.array([1.0]), np.array([1.0 / unit])
+    one, other = (
+        joint_fit(make_board(s), [0], np.zeros(1), sd)
+        for s, sd in zip((plain, tiny), sds, strict=True)
+    )
+    assert other.chosen[0] * unit == pytest.approx(one.chosen[0], rel=1e-6)
+    assert other.common == pytest.approx(one.common, rel=1e-6)
+
+
+def test_a_number_that_a_candidate_frees_is_no_nuisance_beside_it():
+    columns = (amplitude("inertia.xx"), COMMON)
+    joint = joint_fit(make_board(_system(columns, (0.5, 0.0))), [0])
+    assert joint.common == {} and joint.chosen[0] == pytest.approx(0.5, abs=0.1)
+
+
+def test_corrections_are_counted_from_the_vehicle_file():
+    moved = dataclasses.replace(MODEL, moved={"inertia.xx": 0.4})
+    here, there = (
+        joint_fit(make_board(_system((DRAG, COMMON), (0.0, 0.1), model=m)), [0])
+        for m in (MODEL, moved)
+    )
+    assert there.common["inertia.xx"] == pytest.approx(here.common["inertia.xx"] + 0.4)
+
+
+def test_intervals_are_wider_where_blocks_of_time_scatter_more_than_rows():
+    """What is constant over a block and no noise of rows: as many pieces of news as blocks."""
+    rng = np.random.default_rng(1)
+    blocks = [np.repeat(rng.standard_normal(ROWS // 40), 40) for _ in range(FLIGHTS)]
+    plain, blocky = _system((DRAG,), (0.7,)), _system((DRAG,), (0.7,), noise=blocks)
+    ones = [
+        dataclasses.replace(r, x=dataclasses.replace(r.x, values=(np.ones((ROWS, 1)),)))
+        for r in blocky.flights
+    ]
+    steady = dataclasses.replace(blocky, flights=tuple(ones))
+    factors = []
+    for system in (plain, steady):
+        board = make_board(system)
+        # noise as if every row were news of its own
+        white = dataclasses.replace(
+            board.noise, ar=np.zeros((1, 3)), sd=np.ones(1), growth=np.zeros(1)
+        )
+        joint = joint_fit(whitened(system, white), [0])
+        factors.append(math.sqrt(joint.covariance[0, 0] / joint.by_rows[0, 0]))
+        assert (joint.covariance >= joint.by_rows).all()
+    assert factors[0] < 1.3 and factors[1] > 2.5
+
+
+def test_without_candidates_the_nuisances_do_their_best():
+    system = _system((COMMON,), (0.3,))
+    board, joint = null_fit(system)
+    assert joint.chosen.shape == (0,) and joint.covariance.shape == (0, 0)
+    left = left_raw(system, joint)
+    before = sum((r.y**2).sum() for r in system.flights)
+    assert sum((e**2).sum() for e in left) < before
+    for e, r in zip(left, system.flights, strict=True):
+        expected = r.y[:, 0] - joint.common["inertia.xx"] * r.x.of(0, [0])[:, 0]
+        np.testing.assert_allclose(e[:, 0], expected)
+    assert board.by_flight
+
+
+def test_what_was_moved_before_is_in_the_residual_already():
+    moved = dataclasses.replace(MODEL, moved={"inertia.xx": 0.4})
+    system = _system((COMMON,), (0.1,), model=moved)
+    (first, *_) = left_raw(
+        system, Joint(*[np.zeros(0)] * 3, 0.0, {"inertia.xx": 0.5}, {}, ({},) * 3)
+    )
+    rows = system.flights[0]
+    np.testing.assert_allclose(first[:, 0], rows.y[:, 0] - 0.1 * rows.x.of(0, [0])[:, 0])
+
+
+def test_on_the_ground_nothing_is_left_in_the_air():
+    air = np.array([True, False, True])
+    system = system_of(("force_z",), (), [rows_of(np.ones((3, 1)), air=air)])
+    (left,) = in_the_air([np.ones((3, 1))], system)
+    assert np.isnan(left.ravel()).tolist() == [False, True, False]
+
+
+def test_a_vehicle_takes_its_corrections_through_the_effects_that_make_them():
+    told = calibrated(MODEL, {SPEED: 25.0, "inertia.xx": 0.2, "thrust_scale.scale": -0.1})
+    assert told.number("max_rotor_speed_rad_s") == 1025.0
+    assert told.effects["inertia"] == {"xx": 0.2, "yy": 0.0, "zz": 0.0}
+    assert told.effects["thrust_scale"] == {"scale": -0.1}
+    again = calibrated(told, {"inertia.xx": 0.1, "inertia.zz": 0.3})
+    assert again.effects["inertia"] == pytest.approx({"xx": 0.3, "yy": 0.0, "zz": 0.3})
+    assert MODEL.effects == {}, "a model is never changed"
+
+
+def test_no_vehicle_is_beyond_the_bounds_of_the_library():
+    assert (
+        within_bounds("inertia", "xx", -3.0) == -0.7 and within_bounds("inertia", "xx", 0.1) == 0.1
+    )
+    assert calibrated(MODEL, {"esc_delay.delay_s": -0.01}).effects["esc_delay"]["delay_s"] == 0.0
+    on = MODEL.with_effects({"inertia": {"xx": 0.5}})
+    assert correction_bounds("inertia.xx", on) == pytest.approx((-1.2, 2.5))
+    assert correction_bounds("inertia.xx", MODEL) == pytest.approx((-0.7, 3.0))
+    assert correction_bounds(SPEED, MODEL) == (-1000.0, math.inf)
+
+
+def test_strain_is_the_farthest_declared_number_in_its_sds():
+    model = dataclasses.replace(MODEL, doubts={"inertia.xx": 0.1, "inertia.yy": 0.01})
+    system = _system((COMMON,), (0.0,), model=model)
+    common = {"inertia.xx": 0.25, "inertia.yy": -0.04, "gyro.nothing": 99.0}
+    joint = Joint(*[np.zeros(0)] * 3, 0.0, common, {}, ())
+    assert strain(joint, system) == pytest.approx(4.0)
+    assert strain(dataclasses.replace(joint, common={}), system) == 0.0
+
+
+def _fitted(board, joint, value):
+    free = (("rotor_drag", "k_kg"),)
+    return Fitted({"rotor_drag": {"k_kg": value}}, free, joint.covariance, joint, joint, board)
+
+
+def test_without_an_effect_the_numbers_that_make_up_for_it_are_strained():
+    """Drag and inertia look alike here: what the drag no longer explains, the inertia has to."""
+    rng, model = np.random.default_rng(2), dataclasses.replace(MODEL, doubts={"inertia.xx": 0.2})
+    columns = (DRAG, nuisance("inertia.xx", 0.2))
+    flights = []
+    for _ in range(2):
+        x = rng.standard_normal(ROWS)
+        y = 0.1 * rng.standard_normal(ROWS)
+        flights.append(rows_of(y[:, None], [{0: x}, {0: x}]))
+    system = system_of(("force_z",), columns, flights, model)
+    board = make_board(system)
+    joint = joint_fit(board, [0])
+    fitted = _fitted(board, joint, 0.6)
+    assert strain(joint, system) < 0.5
+    assert strain_without(fitted, "rotor_drag") == pytest.approx(0.6 / 0.2, rel=0.1)
+
+
+def test_the_size_of_a_physical_effect_is_no_better_known_than_its_form():
+    board = SimpleNamespace()
+    effects = {"rotor_drag": {"k_kg": 2e-4}, "inertia": {"xx": 0.3}}
+    free = (("rotor_drag", "k_kg"), ("inertia", "xx"))
+    covariance = np.array([[1e-12, 5e-9], [5e-9, 1e-4]])
+    fitted = Fitted(effects, free, covariance, None, None, board)
+    form = settings.estimate.form_error * 2e-4
+    assert fitted.sd("rotor_drag", "k_kg") == pytest.approx(math.hypot(1e-6, form))
+    assert fitted.sd("inertia", "xx") == pytest.approx(0.01), "a parameter has no form"
+    assert fitted.correlation(*free) == pytest.approx(0.5)
+    assert fitted.correlation(free[0], free[0]) == pytest.approx(1.0)
+    plausible = 0.3
+    expected = 0.3 / (0.01 * math.hypot(1.0, 0.01 / plausible))
+    assert fitted.sds_from_neutral("inertia", "xx") == pytest.approx(expected)
+
+
+def test_a_fitted_vehicle_has_its_effects_and_its_corrections():
+    joint = Joint(*[np.zeros(0)] * 3, 0.0, {"inertia.xx": 0.2}, {}, ())
+    fitted = _fitted(None, dataclasses.replace(joint, covariance=np.eye(1)), 3e-4)
+    told = fitted_model(MODEL, fitted)
+    assert told.effects["rotor_drag"]["k_kg"] == 3e-4 and told.effects["inertia"]["xx"] == 0.2
+
+
+def _start(variants_values, model=MODEL):
+    """Values that a fit starts from, of variants of one amplitude with their coefficients."""
+    columns = [
+        dataclasses.replace(amplitude(f"{v.effect}.{v.amplitudes[0].parameter}"), variant=v)
+        for v, _ in variants_values
+    ]
+    board = SimpleNamespace(system=SimpleNamespace(columns=columns, model=model))
+    mean = np.array([value for _, value in variants_values])
+    found = Posterior(tuple(range(len(mean))), mean, np.eye(len(mean)), 0.0)
+    return starting_values(board, Hypothesis((), (), found, 0.0))
+
+
+def _variant(effect, parameter, **more):
+    return Variant(effect, more.pop("shape", {}), (amplitude_of(effect, parameter),), **more)
+
+
+def test_a_fit_starts_from_the_search_within_bounds_and_from_what_the_file_has():
+    shape = {"length_m": 0.4}
+    (told,) = _start([(_variant("slung_load", "mass_kg", shape=shape), 0.2)]).values()
+    assert told["mass_kg"] == 0.2 and told["length_m"] == 0.4
+    assert _start([(_variant("rotor_drag", "k_kg"), 5.0)])["rotor_drag"]["k_kg"] == 0.01
+    on = MODEL.with_effects({"rotor_drag": {"k_kg": 1e-3}})
+    told = _start([(_variant("rotor_drag", "k_kg"), 2e-3)], on)
+    assert told["rotor_drag"]["k_kg"] == pytest.approx(3e-3)
+
+
+def test_a_wind_is_as_strong_as_the_drag_that_was_found_lets_it_be():
+    """Product alone is known: half of the usual drag, twice the wind."""
+    beside = {"rotor_drag": {"k_kg": 1e-4}}
+    wind = _variant("wind", "east_m_s", beside=beside)
+    for found, factor in (
+        (5e-5, 2.0),
+        (2e-4, 0.5),
+        (1e-6, 1.0 / settings.estimate.carrier_least_share),
+    ):
+        told = _start([(wind, 1.5), (_variant("rotor_drag", "k_kg"), found)])
+        assert told["wind"]["east_m_s"] == pytest.approx(1.5 * factor)

@@ -1,0 +1,198 @@
+"""Sets of names and their priors: what is planted is found, and probabilities are probabilities."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter1d
+
+from ges.diagnose.library.candidates import Candidate
+from ges.diagnose.select.evidence import make_board
+from ges.diagnose.select.search import (
+    Hypothesis,
+    Search,
+    exactly,
+    log_odds_against_one_of,
+    log_rarity,
+    over_plain,
+    search,
+    size_of,
+)
+from ges.diagnose.select.stable import search_until_stable
+from ges.diagnose.select.stated import log_odds, searched, stated
+from ges.diagnose.settings import settings
+
+from ..synthetic import amplitude, rows_of, system_of
+
+KEYS = ("rotor_drag.k_kg", "tether.weight_N_m", "axial_inflow.k_kg", "translational_lift.c")
+NAMES = tuple(k.split(".")[0] for k in KEYS)
+ROWS = 300
+
+
+def _board(planted: dict[str, float], keys=KEYS, seed=0, flights=2):
+    """Noise of 0.1 N, with effects planted in newtons rms."""
+    rng, columns = np.random.default_rng(seed), [amplitude(k) for k in keys]
+    made = []
+    for _ in range(flights):
+        x = np.abs(rng.standard_normal((len(keys), ROWS)))
+        y = 0.1 * rng.standard_normal(ROWS)
+        y += sum(size * x[list(keys).index(k)] for k, size in planted.items())
+        scale = [1e-4 if "k_kg" in k else 1.0 for k in keys]
+        made.append(rows_of(y[:, None], [{0: row / s} for row, s in zip(x, scale, strict=True)]))
+    board = make_board(system_of(("force_z",), columns, made))
+    listed = [Candidate(c.variant.effect, "physics", (c.variant,)) for c in columns]
+    return board, listed
+
+
+def test_nothing_is_found_in_noise_and_probabilities_add_up():
+    board, listed = _board({})
+    found = search(board, listed)
+    assert found.best.names == () and found.null() is found.best
+    assert sum(h.probability for h in found.hypotheses) == pytest.approx(1.0)
+    assert max(found.inclusion.values()) < 0.1
+    for name, p in found.inclusion.items():
+        parts = [h.probability for h in found.hypotheses if name in h.names]
+        assert p == pytest.approx(sum(parts))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_what_is_planted_is_found_and_nothing_else(count):
+    planted = dict.fromkeys(KEYS[:count], 0.3)
+    board, listed = _board(planted)
+    found = search(board, listed)
+    assert found.best.names == tuple(sorted(NAMES[:count]))
+    assert all(found.inclusion[n] > 0.99 for n in NAMES[:count])
+    assert all(found.inclusion[n] < 0.2 for n in NAMES[count:])
+    own = dict(zip(found.best.posterior.columns, found.best.posterior.mean, strict=True))
+    for k in range(count):
+        unit = 1e-4 if "k_kg" in KEYS[k] else 1.0
+        assert own[k] == pytest.approx(0.3 * unit, rel=0.1)
+
+
+def test_every_pair_is_weighed_and_no_set_twice():
+    board, listed = _board({})
+    found = search(board, listed)
+    sets = [h.names for h in found.hypotheses]
+    assert len(set(sets)) == len(sets)
+    assert sum(len(names) == 2 for names in sets) == 6 and sum(len(n) == 1 for n in sets) == 4
+    assert max(map(len, sets)) == len(settings.search.size_probabilities) - 1
+
+
+def test_prior_of_one_cause_is_shared_among_all_of_them():
+    """A column that says nothing gets its prior back: sizes of sets by the settings, names by how
+    many there are.
+    """
+    board, listed = _board({}, KEYS[:2], flights=1)
+    found = search(board, listed)
+    size = settings.search.size_probabilities
+    for h in found.hypotheses:
+        count = {0: 1.0, 1: 2.0, 2: 1.0}[len(h.names)]
+        assert h.log_prior == pytest.approx(np.log(size[len(h.names)] / count))
+        flights = h.posterior.log_evidence if h.posterior else 0.0
+        assert h.log_evidence == pytest.approx(h.log_prior + flights)
+        assert h.of_flights == pytest.approx(flights)
+    assert log_odds_against_one_of(2) == pytest.approx(np.log(size[0] / (size[1] / 2.0)))
+
+
+def test_what_is_rarely_met_takes_more_of_the_flights():
+    keys = ("thrust_scale.scale", "tether.weight_N_m")
+    board, listed = _board({}, keys)
+    found = search(board, listed)
+    rare = found.best_with("thrust_scale", ("tether",))
+    assert rare.log_evidence - rare.log_prior - rare.of_flights == pytest.approx(np.log(0.1))
+    assert log_rarity(("thrust_scale", "inertia")) == pytest.approx(2.0 * np.log(0.1))
+    assert log_rarity(()) == 0.0
+
+
+def test_what_acts_through_another_of_the_set_is_no_cause_more():
+    assert size_of(("rotor_drag", "tether")) == 2
+    assert size_of(("ground_effect", "ground_effect_lag")) == 1
+    assert size_of(("ground_effect_lag",)) == 1
+
+
+@pytest.mark.parametrize("base", [(), ("ground_effect",)])
+def test_what_needs_a_carrier_is_weighed_beside_one_alone(base):
+    keys = ("ground_effect_lag.c", "tether.weight_N_m")
+    board, listed = _board({}, keys)
+    sets = {h.names for h in search(board, listed, base).hypotheses}
+    assert (("ground_effect_lag",) in sets) == bool(base)
+    assert ("tether",) in sets
+
+
+def test_exactly_these_names_and_nothing_else():
+    board, listed = _board({KEYS[0]: 0.3})
+    found = exactly(board, listed[:2])
+    assert [h.names for h in found.hypotheses] == [tuple(sorted(NAMES[:2]))]
+    assert found.best.probability == 1.0 and found.inclusion[NAMES[1]] == 1.0
+    assert exactly(board, []).best.names == ()
+
+
+def test_a_set_without_modifiers_is_its_own_plain_form():
+    board, listed = _board({KEYS[0]: 0.3})
+    assert over_plain(board, listed, search(board, listed).best) == pytest.approx(0.0)
+
+
+def _weighed(evidence):
+    ranked = sorted(evidence.items(), key=lambda item: -item[1])
+    return Search(tuple(Hypothesis(n, (), None, v) for n, v in ranked), {})
+
+
+def test_the_best_with_a_name_has_none_of_the_others_where_it_can():
+    found = _weighed({("a", "b"): 5.0, ("a", "c"): 4.0, ("b",): 3.0, (): 0.0})
+    assert found.best_with("a").names == ("a", "b")
+    assert found.best_with("a", ("a", "b")).names == ("a", "c")
+    assert found.best_with("c", ("a",)).names == ("a", "c"), "there is no other"
+    assert found.null().names == ()
+
+
+def test_a_search_that_agrees_with_its_noise_stays():
+    board, listed = _board({KEYS[0]: 1.0})
+    again, found, chosen = search_until_stable(board, listed, ())
+    assert found.best.names == (NAMES[0],) and chosen == (0,)
+    assert again.noise.sd[0] == pytest.approx(0.1, rel=0.1)
+    assert board.noise.sd[0] > 3.0 * again.noise.sd[0]
+    assert found.inclusion[NAMES[0]] > 0.999
+    nothing = _board({})
+    assert search_until_stable(*nothing, ())[2] == ()
+
+
+def test_what_shakes_one_flight_alone_is_no_noise_of_the_others():
+    """To the noise of all flights together it is all that is left, and coloured as it is: from
+    there nothing is found. The search starts once more from the noise without it.
+    """
+    rng, made = np.random.default_rng(0), []
+    for f in range(3):
+        x = gaussian_filter1d(rng.standard_normal((2, ROWS)), 20.0, axis=1)
+        x /= x.std(axis=1, keepdims=True)
+        x[1] *= 1e-3 if f else 1.0
+        y = 0.1 * rng.standard_normal(ROWS) + 8.0 * x[1]
+        made.append(rows_of(y[:, None], [{0: row} for row in x]))
+    wide = {"low": -1e9, "high": 1e9}
+    columns = [amplitude(key, **wide) for key in ("rotor_drag.k_kg", "tether.weight_N_m")]
+    board = make_board(system_of(("force_z",), columns, made))
+    listed = [Candidate(c.variant.effect, "physics", (c.variant,)) for c in columns]
+    assert board.noise.restless[0] > settings.statistics.flights_ratio
+    assert search(board, listed).best.names == ()
+    _, found, chosen = search_until_stable(board, listed, ())
+    assert chosen == (1,) and found.best.names == ("tether",)
+
+
+def test_asked_for_names_are_fitted_whether_they_are_there_or_not():
+    board, listed = _board({})
+    _, found, chosen = search_until_stable(board, listed[:1], (), only=NAMES[:1])
+    assert found.best.names == NAMES[:1] and chosen == (0,)
+
+
+@given(st.floats(1e-3, 0.999), st.floats(1e-3, 0.999))
+def test_told_probabilities_keep_their_order_and_say_less_than_the_search(a, b):
+    low, high = sorted((a, b))
+    assert stated(low) <= stated(high)
+    away = abs(log_odds(stated(high)) - settings.search.log_odds_offset)
+    assert away <= abs(log_odds(high)) + 1e-9
+    assert searched(stated(a)) == pytest.approx(log_odds(a), abs=1e-9)
+
+
+@pytest.mark.parametrize("p", [0.0, 1.0, 1.5, -0.1])
+def test_certainty_has_an_end(p):
+    most = settings.statistics.certain_log_odds
+    assert abs(log_odds(p)) == pytest.approx(most) and 0.0 < stated(p) < 1.0

@@ -1,0 +1,163 @@
+"""Structure in residuals: functions of a regime, their statistic, and what may not change it."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ges.diagnose.settings import settings
+from ges.diagnose.validate.structure import (
+    Structure,
+    excited,
+    hats,
+    moved_with,
+    shared,
+    structures,
+    within,
+)
+
+WINDOWS, BLOCK = 200, 25
+TIME_S = 0.1 * np.arange(WINDOWS)
+
+
+def _flights(count=3, seed=0):
+    rng = np.random.default_rng(seed)
+    return [
+        {
+            "forward_m_s": 2.0 * np.sin(0.8 * TIME_S + rng.uniform(0, 6)),
+            "left_m_s": 2.0 * np.sin(0.5 * TIME_S + rng.uniform(0, 6)),
+        }
+        for _ in range(count)
+    ]
+
+
+def _blocks(count=3):
+    return [np.arange(WINDOWS) // BLOCK + 100 * f for f in range(count)]
+
+
+def _noise(count=3, channels=1, seed=1, size=0.1):
+    rng = np.random.default_rng(seed)
+    return [size * rng.standard_normal((WINDOWS, channels)) for _ in range(count)]
+
+
+def _found(raw, told, names=("force_x",)):
+    found = structures(raw, told, names, _blocks(len(raw)))
+    return {(s.channel, s.regime, s.of_size): s for s in found}
+
+
+@given(st.floats(-5.0, 5.0))
+def test_hats_add_up_to_one_and_reproduce_straight_lines(value):
+    knots, value = np.linspace(-5.0, 5.0, 7), np.array([value, -value])
+    x = hats(value, knots)
+    np.testing.assert_allclose(x.sum(axis=1), 1.0)
+    np.testing.assert_allclose(x @ knots, value, atol=1e-12)
+    np.testing.assert_allclose(hats(knots, knots), np.eye(7))
+    np.testing.assert_allclose(hats(np.array([9.0]), knots)[0], np.eye(7)[-1])
+
+
+def test_a_function_of_a_regime_is_foretold_and_its_peak_and_size_are_told():
+    told, noise = _flights(), _noise()
+    raw = [
+        e + 0.5 * np.maximum(t["forward_m_s"], 0.0)[:, None]
+        for e, t in zip(noise, told, strict=True)
+    ]
+    found = _found(raw, told)
+    mean = found["force_x", ("forward_m_s",), False]
+    assert mean.q_value == pytest.approx(1.0 / (1.0 + settings.statistics.resamples))
+    signal = np.concatenate([within(r) for r in raw])
+    assert mean.r2 == pytest.approx(1.0 - 0.01 / signal.var(), abs=0.05)
+    assert mean.rms == pytest.approx(np.sqrt(signal.var() - 0.01), rel=0.05)
+    assert mean.bounds["forward_m_s"][1] == pytest.approx(2.0, abs=0.05), "at the fastest"
+    assert found["force_x", ("left_m_s",), False].q_value > 0.05
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1e4])
+def test_a_statistic_does_not_know_the_unit_of_its_channel(unit):
+    told, raw = _flights(), _noise()
+    raw = [e + 0.05 * t["left_m_s"][:, None] for e, t in zip(raw, told, strict=True)]
+    plain, scaled = _found(raw, told), _found([unit * e for e in raw], told)
+    for key, s in plain.items():
+        assert scaled[key].r2 == pytest.approx(s.r2, abs=1e-9)
+        assert scaled[key].q_value == s.q_value
+        assert scaled[key].rms == pytest.approx(unit * s.rms)
+
+
+def test_noise_has_no_structure_as_often_as_is_said():
+    """Of eight draws none is below a fiftieth, and their chances are not all alike."""
+    told = _flights()
+    least = [
+        min(s.q_value for s in _found(_noise(seed=10 + k), told).values() if not s.of_size)
+        for k in range(8)
+    ]
+    assert min(least) > 0.02 and max(least) > 0.3
+
+
+def test_channels_that_one_cause_moves_are_judged_together():
+    """Neither of two is clear alone; both are."""
+    told = _flights(2, seed=3)
+    names = ("force_x", "acc_x")
+    push = [0.028 * t["forward_m_s"][:, None] * np.ones((1, 2)) for t in told]
+    raw = [e + p for e, p in zip(_noise(2, 2, seed=5), push, strict=True)]
+    together = _found(raw, told, names)
+    apart = [_found([r[:, [c]] for r in raw], told, (n,)) for c, n in enumerate(names)]
+    for c, name in enumerate(names):
+        key = (name, ("forward_m_s",), False)
+        assert together[key].q_value <= apart[c][key].q_value + 0.01
+    assert moved_with("acc_y") == ("force_x", "force_y", "acc_x", "acc_y")
+    assert moved_with("range") == ("range",)
+
+
+def test_a_size_that_follows_a_regime_is_no_mean():
+    told = _flights()
+    raw = [
+        e * np.where(t["forward_m_s"] > 0.5, 4.0, 1.0)[:, None]
+        for e, t in zip(_noise(), told, strict=True)
+    ]
+    found = _found(raw, told)
+    size = found["force_x", ("forward_m_s",), True]
+    assert size.q_value < 0.01 and found["force_x", ("forward_m_s",), False].q_value > 0.02
+    fast = size.bounds["forward_m_s"][0] > 0.0
+    assert size.rms == pytest.approx(0.4 if fast else 0.1, rel=0.15)
+    assert size.key == "force_x_size" and size.kind == "force"
+
+
+def test_what_is_absent_counts_nowhere():
+    told, raw = _flights(), _noise(channels=2)
+    raw = [e + 0.3 * t["forward_m_s"][:, None] for e, t in zip(raw, told, strict=True)]
+    for e in raw:
+        e[:, 1] = np.nan
+    found = _found(raw, told, ("force_x", "range"))
+    assert {key[0] for key in found} == {"force_x"}
+
+
+def test_too_few_windows_tell_nothing():
+    told = [{name: v[:20] for name, v in t.items()} for t in _flights(1)]
+    assert structures([_noise(1)[0][:20]], told, ("force_x",), [np.arange(20) // 5]) == []
+
+
+def test_flights_less_their_mean_keep_their_holes():
+    e = np.array([[1.0, np.nan], [3.0, 5.0]])
+    np.testing.assert_array_equal(within(e), [[-1.0, np.nan], [1.0, 0.0]])
+    assert np.isnan(within(np.full((2, 1), np.nan))).all()
+
+
+def test_regimes_are_shared_that_every_flight_has():
+    assert shared([{"a": 1, "b": 2}, {"b": 3}]) == ["b"]
+
+
+@pytest.mark.parametrize(("spread", "counts"), [(0.4, False), (0.7, True)])
+def test_a_place_counts_where_it_was_flown_over_half_a_metre(spread, counts):
+    values = np.linspace(0.0, spread, 500)
+    assert (excited({"east_m": values}) == ["east_m"]) == counts
+    assert excited({"battery_V": 1e-3 * values}) == ["battery_V"]
+
+
+def test_one_outlier_is_no_range():
+    values = np.zeros(500)
+    values[7] = 30.0
+    assert excited({"climb_m_s": values}) == []
+
+
+def test_a_structure_writes_its_bounds_by_variable():
+    s = Structure("force_z", ("east_m", "north_m"), (0.0, 1.0), (2.0, 3.0), 0.3, 0.01, 0.1)
+    assert s.bounds == {"east_m": [0.0, 2.0], "north_m": [1.0, 3.0]} and s.key == "force_z"
