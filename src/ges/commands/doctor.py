@@ -141,8 +141,8 @@ def _effects(frame: pd.DataFrame) -> tuple[list[str], dict[str, str]]:
     return can, cannot
 
 
-def _lines(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Sentences below the table of streams, with their style."""
+def sentences(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Sentences below the table of streams, each with its colour at a terminal."""
     for note in found["notes"]:
         yield f"note: {note}", ""
     for pair in found["agreement"]:
@@ -174,7 +174,7 @@ def _show(found: dict[str, Any], console: Console) -> None:
         table.add_row(*map(Text, cells))
     console.print(Text(title, style="bold"))
     console.print(table)
-    for line, style in _lines(found):
+    for line, style in sentences(found):
         console.print(Text(line, style=style), soft_wrap=not console.is_terminal)
 
 

@@ -142,6 +142,11 @@ def _preset_files() -> dict[str, resources.abc.Traversable]:
     return {f.name.removesuffix(".yaml"): f for f in folder.iterdir() if f.name.endswith(".yaml")}
 
 
+def preset_names() -> list[str]:
+    """Names of all shipped maps, sorted."""
+    return sorted(_preset_files())
+
+
 @functools.cache
 def presets(model: type[Map]) -> Mapping[str, Map]:
     """Shipped maps of one kind, by name."""

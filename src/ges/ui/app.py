@@ -1,0 +1,413 @@
+"""The web application behind ``ges ui``: pages made by the server, one script for what a form
+cannot do, steps of a diagnosis as server-sent events.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import functools
+import json
+import tempfile
+from collections.abc import AsyncIterator
+from datetime import datetime
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from starlette.applications import Starlette
+from starlette.datastructures import UploadFile
+from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
+from starlette.middleware.body_limit import RequestBodyLimitMiddleware
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+from starlette.requests import Request
+from starlette.responses import (
+    FileResponse,
+    HTMLResponse,
+    RedirectResponse,
+    Response,
+    StreamingResponse,
+)
+from starlette.routing import Route
+
+from ges import __version__
+from ges.commands.doctor import sentences
+from ges.diagnose.report import compare
+from ges.diagnose.report.page import VERDICTS
+from ges.diagnose.report.saved import load_diagnosis
+from ges.errors import GesError, UsageError
+from ges.recordings import published
+from ges.recordings.readers import READERS
+from ges.recordings.readers.maps import preset_names
+from ges.ui import asking, guard
+from ges.ui.folder import Diagnosed, Logs, Workspace
+from ges.ui.jobs import Jobs, ask
+from ges.vehicle import library
+from ges.vehicle.airframe import LAYOUTS
+
+MOST_FILES = 100
+"""Files of one upload."""
+RESULTS = {
+    "report.html": "the page",
+    "diagnosis.json": "the same for programs",
+    "vehicle.fitted.yaml": "the vehicle with what was found, for ges simulate",
+    "vehicle.yaml": "the vehicle as it was made from the log",
+    "residuals.parquet": "recorded and simulated signals over time, for PlotJuggler and others",
+}
+"""What is in the files of a diagnosis that are not figures."""
+
+
+@functools.lru_cache(maxsize=1)
+def templates() -> jinja2.Environment:
+    """Templates of the pages."""
+    made = jinja2.Environment(
+        loader=jinja2.PackageLoader("ges.ui"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    made.globals["version"] = __version__
+    made.filters["when"] = lambda iso: f"{datetime.fromisoformat(iso):%d %B, %H:%M}"
+    made.filters["kilobytes"] = lambda count: f"{max(count / 1e3, 1.0):,.0f} kB"
+    return made
+
+
+def page(template: str, status: int = 200, **content: Any) -> HTMLResponse:
+    """One of the server's own pages."""
+    return HTMLResponse(templates().get_template(template).render(content), status)
+
+
+def make_app(folder: Path, limit_mb: int) -> Starlette:
+    """The application.
+
+    Parameters
+    ----------
+    folder : where logs and diagnoses are kept; made where it is not there.
+    limit_mb : what one upload may have together, megabytes.
+
+    Raises
+    ------
+    GesError
+        Where the folder cannot be made.
+    """
+    pages = Pages(Workspace(folder), limit_mb * 1_000_000)
+    return Starlette(
+        routes=pages.routes(),
+        middleware=[
+            Middleware(TrustedHostMiddleware, allowed_hosts=guard.HOSTS, www_redirect=False),
+            Middleware(guard.Guard, limit_bytes=pages.limit_bytes),
+            Middleware(RequestBodyLimitMiddleware, max_body_size=pages.limit_bytes),
+        ],
+        exception_handlers={
+            GesError: _refused,
+            HTTPException: _refused,
+            KeyError: _missing,
+            Exception: _broken,
+        },
+        lifespan=pages.lifespan,
+    )
+
+
+async def _refused(_: Request, error: Exception) -> Response:
+    """A page with the one sentence of an error."""
+    status = error.status_code if isinstance(error, HTTPException) else 400
+    words = error.detail if isinstance(error, HTTPException) else str(error)
+    return page("problem.html.j2", status, words=words)
+
+
+async def _missing(_: Request, error: Exception) -> Response:
+    return page(
+        "problem.html.j2",
+        404,
+        words="There are no such logs and no such diagnosis in this folder; go back to the start.",
+    )
+
+
+async def _broken(_: Request, error: Exception) -> Response:
+    words = f"An internal error of GES, which is worth a report: {error!r}"
+    return page("problem.html.j2", 500, words=words)
+
+
+class Pages:
+    """What the server answers.
+
+    Parameters
+    ----------
+    workspace : where logs and diagnoses are kept.
+    limit_bytes : of one upload.
+    """
+
+    def __init__(self, workspace: Workspace, limit_bytes: int) -> None:
+        self.workspace, self.limit_bytes, self.jobs = workspace, limit_bytes, Jobs()
+        self._doctor = asyncio.Lock()
+
+    def routes(self) -> list[Route]:
+        """Addresses and what answers them."""
+        post = functools.partial(Route, methods=["POST"])
+        return [
+            Route("/", self.start),
+            Route("/static/{name}", self.static),
+            post("/logs", self.drop),
+            post("/example", self.example),
+            Route("/logs/{id}", self.logs),
+            post("/logs/{id}/files", self.drop_more),
+            post("/logs/{id}/reading", self.reading),
+            post("/logs/{id}/vehicle", self.vehicle),
+            post("/logs/{id}/diagnose", self.diagnose),
+            Route("/diagnoses/{id}", self.diagnosis),
+            Route("/diagnoses/{id}/events", self.events),
+            post("/diagnoses/{id}/stop", self.stop),
+            Route("/diagnoses/{id}/report", self.report),
+            Route("/diagnoses/{id}/results.zip", self.archive),
+            Route("/diagnoses/{id}/results/{name}", self.result),
+            Route("/compare", self.compare),
+        ]
+
+    @contextlib.asynccontextmanager
+    async def lifespan(self, _: Starlette) -> AsyncIterator[None]:
+        """End what is under way when the server ends."""
+        yield
+        await self.jobs.close()
+
+    # What was dropped.
+
+    async def start(self, _: Request) -> Response:
+        """The first page: a place to drop logs on, and what is there already."""
+        return page(
+            "start.html.j2",
+            folder=self.workspace.folder,
+            limit_bytes=self.limit_bytes,
+            most_files=MOST_FILES,
+            formats=[reader.title for reader in READERS],
+            logs=self.workspace.all_logs(),
+            diagnoses=[self._told(d) for d in self.workspace.all_diagnoses()],
+        )
+
+    async def static(self, request: Request) -> Response:
+        """Script and style sheets."""
+        name = request.path_params["name"]
+        kinds = {"ui.js": "text/javascript", "ui.css": "text/css"}
+        if name not in kinds:
+            raise KeyError(name)
+        text = resources.files("ges.ui").joinpath(name).read_text("utf-8")
+        if name == "ui.css":
+            style = resources.files("ges.diagnose.report").joinpath("page.css").read_text("utf-8")
+            text = style + text
+        return Response(text, media_type=kinds[name])
+
+    async def drop(self, request: Request) -> Response:
+        """Keep new logs."""
+        files = await self._uploaded(request)
+        return _see(await self._keep(self.workspace.new_logs(), files))
+
+    async def drop_more(self, request: Request) -> Response:
+        """Add files to logs that are there."""
+        logs = self.workspace.logs(request.path_params["id"])
+        return _see(await self._keep(logs, await self._uploaded(request)))
+
+    async def _uploaded(self, request: Request) -> list[UploadFile]:
+        form = await request.form(max_files=MOST_FILES, max_fields=10)
+        given = [f for f in form.getlist("files") if isinstance(f, UploadFile)]
+        files = [f for f in given if f.filename and f.size]
+        if not files:
+            empty = ", ".join(f.filename for f in given if f.filename)
+            raise UsageError(
+                f"{empty} is empty; take a fresh copy from the vehicle"
+                if empty
+                else "no file came with this; choose a log, or drop one on the page"
+            )
+        return files
+
+    async def _keep(self, logs: Logs, files: list[UploadFile]) -> str:
+        for file in files:
+            await asyncio.to_thread(logs.add, file.filename or "", file.file)
+        return f"/logs/{logs.id}"
+
+    async def example(self, _: Request) -> Response:
+        """Keep the flights that the package ships."""
+        logs = self.workspace.new_logs()
+        with tempfile.TemporaryDirectory() as folder:
+            for path in published.fetch(published.EXAMPLE, Path(folder), None):
+                if path.suffix in (".parquet", ".yaml"):
+                    with path.open("rb") as content:
+                        logs.add(path.name, content)
+        return _see(f"/logs/{logs.id}")
+
+    async def logs(self, request: Request) -> Response:
+        """What ``ges doctor`` says of logs, and the vehicle that flew them."""
+        logs = self.workspace.logs(request.path_params["id"])
+        found = await self._examined(logs)
+        return page(
+            "logs.html.j2",
+            logs=logs,
+            about=logs.about,
+            found=[{**f, "sentences": list(sentences(f))} for f in found],
+            usable=[f["name"] for f in found if f["usable"]],
+            library=[(name, library.title(name)) for name in library.names()],
+            layouts=list(LAYOUTS),
+            presets=preset_names(),
+            limit_bytes=self.limit_bytes,
+            most_files=MOST_FILES,
+            diagnoses=[
+                self._told(d) for d in self.workspace.all_diagnoses() if d.about["logs"] == logs.id
+            ],
+        )
+
+    async def _examined(self, logs: Logs) -> list[dict[str, Any]]:
+        async with self._doctor:
+            found = logs.answer()
+            if found is None:
+                names = logs.names()
+                words = ["doctor", "--json", *asking.reading(logs, rotor_order=False)]
+                ended = await ask([*words, "--", *names], logs.files) if names else None
+                found = _answers(ended.out, ended.problem, names) if ended else []
+                logs.keep_answer(found)
+        return found
+
+    async def reading(self, request: Request) -> Response:
+        """Keep how the logs are to be read."""
+        logs = self.workspace.logs(request.path_params["id"])
+        logs.note(reading=asking.checked_reading(logs, await request.form(max_files=0)))
+        logs.forget_answer()
+        return _see(f"/logs/{logs.id}")
+
+    async def vehicle(self, request: Request) -> Response:
+        """Show the vehicle file that the form describes."""
+        logs = self.workspace.logs(request.path_params["id"])
+        form = await request.form(max_files=0)
+        words = asking.vehicle_words(logs, form, await self._examined(logs))
+        ended = await ask(words, logs.files)
+        if ended.code:
+            raise GesError(ended.problem)
+        notes = [line.removeprefix("note: ") for line in ended.err.splitlines()]
+        return page("vehicle.html.j2", logs=logs, text=ended.out, notes=notes)
+
+    # What was diagnosed.
+
+    async def diagnose(self, request: Request) -> Response:
+        """Begin a diagnosis."""
+        logs = self.workspace.logs(request.path_params["id"])
+        form = await request.form(max_files=0)
+        words, chosen, vehicle = asking.diagnose_words(logs, form, await self._examined(logs))
+        diagnosis = self.workspace.new_diagnosis(
+            {"logs": logs.id, "files": chosen, "vehicle": vehicle, "state": "running"}
+        )
+        out = f"../../../diagnoses/{diagnosis.id}/results"
+        words = ["diagnose", "--no-open", *words, "--out", out, "--", *chosen]
+        self.jobs.begin(diagnosis, words, logs.files)
+        return _see(f"/diagnoses/{diagnosis.id}")
+
+    async def diagnosis(self, request: Request) -> Response:
+        """Steps of a diagnosis, or what it found."""
+        told = self._told(self.workspace.diagnosis(request.path_params["id"]))
+        return page(
+            "diagnosis.html.j2",
+            **told,
+            results=RESULTS,
+            others=[
+                other
+                for other in map(self._told, self.workspace.all_diagnoses())
+                if other["state"] == "done" and other["id"] != told["id"]
+            ],
+        )
+
+    async def events(self, request: Request) -> Response:
+        """Steps as server-sent events, from the first that the page does not show."""
+        key = self.workspace.diagnosis(request.path_params["id"]).id
+        last = request.headers.get("last-event-id") or request.query_params.get("last", "")
+        known = int(last) + 1 if last.isdecimal() else 0
+        return StreamingResponse(self._events(key, known), media_type="text/event-stream")
+
+    async def _events(self, key: str, known: int) -> AsyncIterator[str]:
+        job = self.jobs.get(key)
+        if job:
+            async for number, step in job.follow(known):
+                yield f"id: {number}\nevent: step\ndata: {json.dumps(step)}\n\n"
+        yield "event: over\ndata: {}\n\n"
+
+    async def stop(self, request: Request) -> Response:
+        """End a diagnosis that is under way."""
+        key = self.workspace.diagnosis(request.path_params["id"]).id
+        await self.jobs.stop(key)
+        return _see(f"/diagnoses/{key}")
+
+    async def report(self, request: Request) -> Response:
+        """The page of a diagnosis."""
+        path = self._result(request, "report.html")
+        return FileResponse(path, headers={"content-security-policy": guard.REPORTS})
+
+    async def result(self, request: Request) -> Response:
+        """A file of a diagnosis, to keep."""
+        path = self._result(request, request.path_params["name"])
+        return FileResponse(path, filename=path.name)
+
+    def _result(self, request: Request, name: str) -> Path:
+        diagnosis = self.workspace.diagnosis(request.path_params["id"])
+        if name not in diagnosis.names():
+            raise KeyError(name)
+        return diagnosis.results / name
+
+    async def archive(self, request: Request) -> Response:
+        """All files of a diagnosis."""
+        diagnosis = self.workspace.diagnosis(request.path_params["id"])
+        if self._told(diagnosis)["state"] != "done":
+            raise KeyError(diagnosis.id)
+        path = await asyncio.to_thread(diagnosis.archive)
+        return FileResponse(path, filename=f"ges-{diagnosis.id[:6]}.zip")
+
+    async def compare(self, request: Request) -> Response:
+        """Two diagnoses side by side."""
+        keys = list(dict.fromkeys(request.query_params.getlist("with")))
+        if len(keys) != 2:
+            raise UsageError(f"{len(keys)} diagnoses are chosen; choose two to compare them")
+        both = [self.workspace.diagnosis(key) for key in keys]
+        first, second = (load_diagnosis(d.results) for d in both)
+        names = [_name(d.about) for d in both]
+        names = names if names[0] != names[1] else [f"{n} ({i})" for i, n in enumerate(names, 1)]
+        text = compare.as_html(compare.compare(first, second, names))
+        return HTMLResponse(text, headers={"content-security-policy": guard.REPORTS})
+
+    def _told(self, diagnosis: Diagnosed) -> dict[str, Any]:
+        """What the pages say of a diagnosis."""
+        about, job = diagnosis.about, self.jobs.get(diagnosis.id)
+        told: dict[str, Any] = {
+            "id": diagnosis.id,
+            "name": _name(about),
+            "verdict": "",
+            "sentence": "",
+        }
+        told |= {"problem": "", "steps": [], "seconds": 0.0, **about}
+        told["sizes"] = {n: (diagnosis.results / n).stat().st_size for n in diagnosis.names()}
+        if job and not job.over:
+            told |= {"state": job.state, "steps": list(job.steps)}
+        elif about["state"] == "running":
+            told |= {"state": "stopped", "problem": "the server ended before it did"}
+        elif about["state"] == "done":
+            try:
+                content = load_diagnosis(diagnosis.results)
+            except GesError as error:
+                return {**told, "state": "failed", "problem": str(error)}
+            told |= {"verdict": VERDICTS[content["verdict"]], "sentence": content["sentence"]}
+        return told
+
+
+def _see(address: str) -> RedirectResponse:
+    """Go on to a page, by GET."""
+    return RedirectResponse(address, 303)
+
+
+def _name(about: dict[str, Any]) -> str:
+    """What to call a diagnosis: its flights and vehicle."""
+    first, *others = about["files"]
+    more = f" and {len(others)} more" if others else ""
+    return f"{first}{more}, {about['vehicle']}"
+
+
+def _answers(text: str, problem: str, names: list[str]) -> list[dict[str, Any]]:
+    """What ``ges doctor --json`` said; where it broke, that."""
+    with contextlib.suppress(json.JSONDecodeError):
+        return [{**asking.NOTHING_FOUND, **found} for found in json.loads(text)]
+    return [{**asking.NOTHING_FOUND, "name": name, "problem": problem} for name in names]

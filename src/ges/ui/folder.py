@@ -1,0 +1,207 @@
+"""What the page keeps, in the one folder that the user names: logs as they were dropped, and
+diagnoses. Random ids name the folders; of a client's file name the last part is kept, cleaned.
+
+::
+
+    logs/<id>/about.json         what was said of how the logs are to be read
+    logs/<id>/doctor.json        answer of ``ges doctor``, until the files change
+    logs/<id>/files/             the files
+    diagnoses/<id>/about.json    what was asked for, and how it ended
+    diagnoses/<id>/results/      ``--out`` of ``ges diagnose``
+"""
+
+from __future__ import annotations
+
+import datetime
+import json
+import re
+import secrets
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from ges.errors import GesError
+from ges.files import replacing, write_json
+from ges.vehicle.file import YAML_ENDINGS
+
+AS_THEY_ARE: Mapping[str, Any] = {"map": "", "pwm": None, "rotor_order": [], "part": None}
+"""How logs are read where nothing is said of it."""
+LONGEST_NAME = 60
+"""Characters; in UTF-8 they are below the 255 bytes that file systems allow."""
+
+
+def clean_name(given: str) -> str:
+    """A file name without folders, hidden names, leading dashes and characters of a shell."""
+    last = re.split(r"[/\\]", given)[-1]
+    name = re.sub(r"[^\w.]+", "_", last).strip("._")
+    stem, dot, ending = name.rpartition(".")
+    if not dot:
+        return name[:LONGEST_NAME] or "log"
+    ending = ending[:10]
+    return f"{stem[: LONGEST_NAME - 1 - len(ending)]}.{ending}"
+
+
+class Kept:
+    """One set of logs or one diagnosis.
+
+    Attributes
+    ----------
+    id : its random name.
+    path : its folder.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.id = path, path.name
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What is written down of it."""
+        return json.loads((self.path / "about.json").read_text(encoding="utf-8"))
+
+    def note(self, **changed: Any) -> None:
+        """Write down more of it."""
+        write_json(self.path / "about.json", {**self.about, **changed})
+
+
+class Logs(Kept):
+    """Logs that were dropped together, with the vehicle files and maps that came with them."""
+
+    @property
+    def files(self) -> Path:
+        """Their folder."""
+        return self.path / "files"
+
+    def names(self) -> list[str]:
+        """Files that are to be read as logs, sorted."""
+        return [n for n in self._all() if not n.lower().endswith(YAML_ENDINGS)]
+
+    def yaml_names(self) -> list[str]:
+        """Vehicle files and maps, sorted."""
+        return [n for n in self._all() if n.lower().endswith(YAML_ENDINGS)]
+
+    def _all(self) -> list[str]:
+        return sorted(p.name for p in self.files.iterdir() if not p.name.startswith("."))
+
+    def add(self, given: str, content: BinaryIO) -> None:
+        """Keep a file under its cleaned name, or that with a number where there is one already.
+
+        Raises
+        ------
+        GesError
+            Where it cannot be written.
+        """
+        name = Path(clean_name(given))
+        taken, number = set(self._all()), 2
+        free = name.name
+        while free in taken:
+            free, number = f"{name.stem}_{number}{name.suffix}", number + 1
+        try:
+            with replacing(self.files / free) as new, new.open("xb") as file:
+                shutil.copyfileobj(content, file)
+        except OSError as error:
+            raise GesError(f"cannot write {self.files / free}: {error.strerror}") from None
+        self.forget_answer()
+
+    def answer(self) -> list[dict[str, Any]] | None:
+        """What ``ges doctor`` said of the files, if it was asked."""
+        path = self.path / "doctor.json"
+        return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
+
+    def keep_answer(self, found: list[dict[str, Any]]) -> None:
+        """Keep what ``ges doctor`` said."""
+        write_json(self.path / "doctor.json", found)
+
+    def forget_answer(self) -> None:
+        """The files, or what is said of them, changed."""
+        (self.path / "doctor.json").unlink(missing_ok=True)
+
+
+class Diagnosed(Kept):
+    """A diagnosis that was asked for."""
+
+    @property
+    def results(self) -> Path:
+        """The folder that ``ges diagnose`` writes."""
+        return self.path / "results"
+
+    def names(self) -> list[str]:
+        """Files that are there to be read, sorted."""
+        if not self.results.is_dir():
+            return []
+        return sorted(
+            p.name for p in self.results.iterdir() if p.is_file() and not p.name.startswith(".")
+        )
+
+    def archive(self) -> Path:
+        """All of them in one zip file."""
+        path = self.path / "results.zip"
+        if not path.is_file():
+            with replacing(path) as new:
+                Path(shutil.make_archive(str(new), "zip", self.results)).replace(new)
+        return path
+
+
+class Workspace:
+    """The folder that the user names.
+
+    Parameters
+    ----------
+    folder : made where it is not there.
+
+    Raises
+    ------
+    GesError
+        Where it cannot be made.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder.resolve()
+        try:
+            for name in ("logs", "diagnoses"):
+                (self.folder / name).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise GesError(f"cannot make the folder {folder}: {error.strerror}") from None
+
+    def new_logs(self) -> Logs:
+        """An empty set of logs."""
+        logs = Logs(self._new("logs", {"reading": AS_THEY_ARE}))
+        logs.files.mkdir()
+        return logs
+
+    def new_diagnosis(self, asked: Mapping[str, Any]) -> Diagnosed:
+        """A diagnosis that has not begun."""
+        return Diagnosed(self._new("diagnoses", asked))
+
+    def _new(self, kind: str, about: Mapping[str, Any]) -> Path:
+        path = self.folder / kind / secrets.token_hex(8)
+        path.mkdir()
+        now = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
+        write_json(path / "about.json", {"made": now, **about})
+        return path
+
+    def logs(self, key: str) -> Logs:
+        """A set of logs by its id; ``KeyError`` where there is none."""
+        return Logs(self._path("logs", key))
+
+    def diagnosis(self, key: str) -> Diagnosed:
+        """A diagnosis by its id; ``KeyError`` where there is none."""
+        return Diagnosed(self._path("diagnoses", key))
+
+    def _path(self, kind: str, key: str) -> Path:
+        path = self.folder / kind / key
+        if not re.fullmatch("[0-9a-f]{16}", key) or not (path / "about.json").is_file():
+            raise KeyError(key)
+        return path
+
+    def all_logs(self) -> list[Logs]:
+        """All sets of logs, the newest first."""
+        return [Logs(p) for p in self._newest("logs")]
+
+    def all_diagnoses(self) -> list[Diagnosed]:
+        """All diagnoses, the newest first."""
+        return [Diagnosed(p) for p in self._newest("diagnoses")]
+
+    def _newest(self, kind: str) -> list[Path]:
+        kept = [p.parent for p in (self.folder / kind).glob("*/about.json")]
+        return sorted(kept, key=lambda p: Kept(p).about["made"], reverse=True)

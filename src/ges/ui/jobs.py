@@ -1,0 +1,193 @@
+"""Verbs of ``ges`` in child processes: what the page knows of a log or a diagnosis it is told by
+the command line, so that a file that brings it down brings nothing else down.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import re
+import signal
+import sys
+import time
+from collections.abc import AsyncIterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ges.ui.folder import Diagnosed
+
+GES = (sys.executable, "-P", "-c", "from ges.cli import main; main()")
+"""The command line of this installation; -P, because a log could be called ``numpy.py``."""
+LONGEST_ANSWER_S = 300.0
+"""After which a verb that the page waits for is ended."""
+_STEP = re.compile(r"(.+): (\d+\.\d) s")
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A verb that has ended: exit code and what it wrote."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def problem(self) -> str:
+        """Its one sentence on what went wrong."""
+        lines = [line for line in self.err.splitlines() if line.strip()]
+        said = [line.removeprefix("ges: ") for line in lines if line.startswith("ges: ")]
+        said += [line.removeprefix("Error: ") for line in lines if line.startswith("Error: ")]
+        if said:
+            return said[-1]
+        last = lines[-1] if lines else f"exit code {self.code}"
+        return f"an internal error of GES, which is worth a report: {last}"
+
+
+async def _start(words: Sequence[str], cwd: Path) -> asyncio.subprocess.Process:
+    # Lines that are read here must not be wrapped for a terminal.
+    quiet = {**os.environ, "COLUMNS": "10000", "NO_COLOR": "1"}
+    pipe = asyncio.subprocess.PIPE
+    return await asyncio.create_subprocess_exec(
+        *GES,
+        *words,
+        cwd=cwd,
+        env=quiet,
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=pipe,
+        stderr=pipe,
+        start_new_session=True,
+        limit=2**20,
+    )
+
+
+async def _end(process: asyncio.subprocess.Process) -> None:
+    """End a verb with the processes that it started."""
+    if process.returncode is None:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        await process.wait()
+
+
+async def ask(words: Sequence[str], cwd: Path) -> Ended:
+    """Run a verb that is over soon.
+
+    Parameters
+    ----------
+    words : verb and arguments.
+    cwd : folder in which it runs.
+    """
+    process = await _start(words, cwd)
+    try:
+        out, err = await asyncio.wait_for(process.communicate(), LONGEST_ANSWER_S)
+    except TimeoutError:
+        return Ended(1, "", f"ges: no answer after {LONGEST_ANSWER_S:.0f} s; cut the log shorter")
+    finally:
+        await _end(process)
+    return Ended(
+        process.returncode or 0, out.decode(errors="replace"), err.decode(errors="replace")
+    )
+
+
+@dataclass
+class Job:
+    """A diagnosis under way.
+
+    Attributes
+    ----------
+    steps : ``what`` and ``seconds`` of each step that has ended.
+    state : waiting, running, done, failed or stopped.
+    problem : why it failed, a sentence.
+    """
+
+    steps: list[dict[str, Any]] = field(default_factory=list)
+    state: str = "waiting"
+    problem: str = ""
+    news: asyncio.Condition = field(default_factory=asyncio.Condition)
+    task: asyncio.Task | None = None
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing more will come."""
+        return self.state not in ("waiting", "running")
+
+    async def follow(self, known: int = 0) -> AsyncIterator[tuple[int, dict[str, Any]]]:
+        """Steps with their numbers as they end, from one that is not known yet."""
+        while True:
+            for number in range(known, len(self.steps)):
+                yield number, self.steps[number]
+            known = max(known, len(self.steps))
+            if self.over:
+                return
+            async with self.news:
+                while len(self.steps) <= known and not self.over:
+                    await self.news.wait()
+
+
+class Jobs:
+    """Diagnoses under way, one at a time: each keeps a processor busy."""
+
+    def __init__(self) -> None:
+        self._jobs: dict[str, Job] = {}
+        self._turn = asyncio.Semaphore(1)
+
+    def get(self, key: str) -> Job | None:
+        """The job of a diagnosis that was begun since the server started."""
+        return self._jobs.get(key)
+
+    def begin(self, diagnosis: Diagnosed, words: Sequence[str], cwd: Path) -> None:
+        """Begin a diagnosis once those before it are over.
+
+        Parameters
+        ----------
+        diagnosis : where it is written down how it ended.
+        words, cwd : as of :func:`ask`.
+        """
+        job = self._jobs[diagnosis.id] = Job()
+        job.task = asyncio.create_task(self._work(job, diagnosis, words, cwd))
+
+    async def stop(self, key: str) -> None:
+        """End a diagnosis that is under way."""
+        job = self._jobs.get(key)
+        if job and job.task and not job.over:
+            job.task.cancel()
+            await asyncio.wait([job.task])
+
+    async def close(self) -> None:
+        """End all that are under way."""
+        for key in list(self._jobs):
+            await self.stop(key)
+
+    async def _work(self, job: Job, diagnosis: Diagnosed, words: Sequence[str], cwd: Path) -> None:
+        state, began = "stopped", time.monotonic()
+        try:
+            async with self._turn:
+                job.state, began = "running", time.monotonic()
+                ended = await self._run(job, words, cwd)
+            state = "failed" if ended.code else "done"
+            job.problem = ended.problem if ended.code else ""
+        finally:
+            seconds = round(time.monotonic() - began, 1)
+            diagnosis.note(state=state, problem=job.problem, steps=job.steps, seconds=seconds)
+            async with job.news:
+                job.state = state
+                job.news.notify_all()
+
+    async def _run(self, job: Job, words: Sequence[str], cwd: Path) -> Ended:
+        process = await _start(words, cwd)
+        assert process.stdout and process.stderr
+        try:
+            out = asyncio.create_task(process.stdout.read())
+            lines = []
+            async for line in process.stderr:
+                lines.append(line.decode(errors="replace").rstrip())
+                step = _STEP.fullmatch(lines[-1])
+                if step:
+                    async with job.news:
+                        job.steps.append({"what": step[1], "seconds": float(step[2])})
+                        job.news.notify_all()
+            said = (await out).decode(errors="replace")
+            return Ended(await process.wait(), said, "\n".join(lines))
+        finally:
+            await _end(process)
