@@ -364,7 +364,18 @@ class Prepare:
         Convention("two lags of a motor; not measured"),
     )
     thrust_smoothing_s: float = number(
-        0.1, "s", "Smoothing of thrust and of climbs.", Convention("faster is vibration")
+        0.15,
+        "s",
+        "Smoothing of thrust and of climbs.",
+        Convention(
+            "faster is vibration; from 0.12 to 0.17 the loads of crazypad are told the same"
+        ),
+    )
+    tilt_smoothing_s: float = number(
+        0.1,
+        "s",
+        "Smoothing of a velocity that stands in for the attitude.",
+        Convention("tilt changes faster than a climb; not measured"),
     )
     rate_smoothing_s: float = number(
         0.02, "s", "Smoothing before a rate is differentiated.", Convention("two samples at 100 Hz")

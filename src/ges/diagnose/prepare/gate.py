@@ -179,7 +179,7 @@ def with_thrust_direction(flight: Prepared, frame: pd.DataFrame) -> Prepared:
     """
     if flight.has("attitude") or not flight.has("velocity"):
         return flight
-    step, smoothing_s = flight.dt_s, settings.prepare.thrust_smoothing_s
+    step, smoothing_s = flight.dt_s, settings.prepare.tilt_smoothing_s
     smooth = gaussian_filter1d(flight.stack("velocity"), smoothing_s / step, axis=0)
     up = np.gradient(smooth, step, axis=0) + np.array([0.0, 0.0, GRAVITY_M_S2])
     up /= np.linalg.norm(up, axis=1, keepdims=True)
