@@ -101,14 +101,14 @@ def test_moments_are_heard_where_the_file_states_what_they_turn():
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 0.9])
 def test_thrust_points_where_the_acceleration_says(yaw_rad):
-    """An eastward push of a fifth of gravity leans the thrust axis to the east by its angle."""
+    """A push to the east and half as much to the south leans the thrust axis there."""
     t = times()
-    flight = hovering(v_x_m_s=0.2 * 9.80665 * t, q_w=None)
+    flight = hovering(v_x_m_s=0.2 * 9.80665 * t, v_y_m_s=-0.1 * 9.80665 * t, q_w=None)
     frame = pd.DataFrame({"t_s": t, "yaw_rad": np.full(len(t), yaw_rad)})
     told = with_thrust_direction(flight, frame)
     assert told.derived == {"attitude"} and told.update_s["attitude"] > flight.update_s["gyro"]
     q = told.stack("attitude")[100:300]
-    push = np.array([0.2, 0.0, 1.0]) / np.hypot(0.2, 1.0)
+    push = np.array([0.2, -0.1, 1.0]) / np.sqrt(0.2**2 + 0.1**2 + 1.0)
     np.testing.assert_allclose(
         to_body(q, np.tile(push, (200, 1))), np.tile([0, 0, 1.0], (200, 1)), atol=1e-3
     )
