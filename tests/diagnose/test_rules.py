@@ -25,6 +25,7 @@ from ges.diagnose.decide.rules import (
 )
 from ges.diagnose.decide.withdraw import practically_significant
 from ges.diagnose.estimate.fit import Fitted
+from ges.diagnose.select.evidence import Posterior
 from ges.diagnose.select.search import Hypothesis, Search, log_rarity
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Record
@@ -39,7 +40,8 @@ def _search(evidence: dict[tuple[str, ...], float]) -> Search:
     ranked = sorted(evidence.items(), key=lambda item: -item[1])
     names = {n for told in evidence for n in told}
     return Search(
-        tuple(Hypothesis(told, (), None, log) for told, log in ranked), dict.fromkeys(names, 1.0)
+        tuple(Hypothesis(told, (), Posterior.of_nothing(), log) for told, log in ranked),
+        dict.fromkeys(names, 1.0),
     )
 
 

@@ -11,7 +11,7 @@ from ges.diagnose.advise.detect import Found, expected_evidence, smallest_detect
 from ges.diagnose.advise.next_flight import next_flight
 from ges.diagnose.advise.recommend import Option, Rival, open_sets, rank, rivals_of
 from ges.diagnose.decide.accept import Accepted
-from ges.diagnose.select.evidence import Gram, Prior, make_board, posterior
+from ges.diagnose.select.evidence import Gram, Posterior, Prior, make_board, posterior
 from ges.diagnose.select.search import Hypothesis, Search
 from ges.diagnose.settings import settings
 
@@ -94,7 +94,7 @@ def test_a_flight_is_flown_until_the_odds_of_an_acceptance_are_expected(expected
 
 
 def _search(sets, inclusion):
-    listed = [Hypothesis(n, (), None, log, p) for n, (log, p) in sets.items()]
+    listed = [Hypothesis(n, (), Posterior.of_nothing(), log, p) for n, (log, p) in sets.items()]
     return Search(tuple(sorted(listed, key=lambda h: -h.log_evidence)), inclusion)
 
 

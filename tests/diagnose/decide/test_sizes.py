@@ -133,7 +133,7 @@ def test_structures_are_theirs_where_names_act_for_more_than_a_share_of_them():
 
 def _search(evidence, inclusion=None):
     ranked = sorted(evidence.items(), key=lambda item: -item[1][0])
-    listed = tuple(Hypothesis(n, (), None, log, p) for n, (log, p) in ranked)
+    listed = tuple(Hypothesis(n, (), Posterior.of_nothing(), log, p) for n, (log, p) in ranked)
     return Search(listed, inclusion or {n: 1.0 for names in evidence for n in names})
 
 

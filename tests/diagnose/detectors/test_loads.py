@@ -13,6 +13,7 @@ from ges.diagnose.design.residual import along
 from ges.diagnose.design.system import build
 from ges.diagnose.detectors.loads import Drawn, likely_load, sharpened, way_out
 from ges.diagnose.library.candidates import Variant, amplitude_of
+from ges.diagnose.select.evidence import Posterior
 from ges.diagnose.select.search import Hypothesis, Search
 from ges.simulator.effects import get
 
@@ -114,5 +115,7 @@ def test_only_a_load_that_is_not_out_of_the_question_is_made_sharper(p, likely):
     best = Hypothesis(("rotor_drag", "slung_load"), (), SimpleNamespace(columns=(0, 1)), 1.0)
     found = Search((best,), {"slung_load": p})
     assert likely_load(board, found) is (THREADS if likely else None)
-    assert likely_load(board, Search((Hypothesis((), (), None, 0.0),), {})) is None
+    assert (
+        likely_load(board, Search((Hypothesis((), (), Posterior.of_nothing(), 0.0),), {})) is None
+    )
     assert get("slung_load").remembers_the_path
