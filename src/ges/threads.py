@@ -12,9 +12,12 @@ import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from threadpoolctl import threadpool_limits
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 def cores() -> int:
@@ -28,13 +31,13 @@ def cores() -> int:
     return max(1, min(allowed, int(told))) if told.isdigit() else allowed
 
 
-def blas_alone(work: Callable) -> Callable:
+def blas_alone(work: Callable[P, R]) -> Callable[P, R]:
     """``work`` with one thread of BLAS: the same bytes whatever the number of cores, and its
     threads do not wait for ours.
     """
 
     @functools.wraps(work)
-    def alone(*arguments: Any, **named: Any) -> Any:
+    def alone(*arguments: P.args, **named: P.kwargs) -> R:
         if (
             os.environ.get("OPENBLAS_NUM_THREADS") == "1"
         ):  # as ``ges`` and the proof start it, where no library can be looked for
@@ -45,7 +48,7 @@ def blas_alone(work: Callable) -> Callable:
     return alone
 
 
-def each(work: Callable, *arguments: Iterable) -> list:
+def each(work: Callable[..., R], *arguments: Iterable) -> list[R]:
     """``work`` of one of each of the arguments after another, in their order, whatever the number
     of cores.
     """

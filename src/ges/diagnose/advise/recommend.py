@@ -216,11 +216,12 @@ def rank(
     labels, options = _labels(rivals), []
     expected_now = _expected(chance, [_lead(now, i) for i in range(len(rivals))])
     for plan in plans:
-        flown = each(
+        tried = each(
             lambda r, plan=plan: simulate(model, r, plan, logged, parameters or model.parameters),
             rivals,
         )
-        if any(f is None for f in flown):
+        flown = [f for f in tried if f is not None]
+        if len(flown) < len(tried):
             continue
         after = [_log_odds(board, past + _gram(board, f, keep), keep, rivals) for f in flown]
         leads = [_lead(evidence, i) for i, evidence in enumerate(after)]
