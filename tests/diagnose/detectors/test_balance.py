@@ -83,6 +83,8 @@ def test_what_would_be_a_gain_or_a_negative_mass_explains_nothing():
 def test_a_shift_within_what_the_file_allows_is_none():
     shift = 0.02 * _columns()[0]
     assert shift_of(_system(shift, sd=0.05)) is None
+    (loss, _), *_ = causes_of(_system(shift, sd=0.05, flight_sd=0.03))
+    assert loss.sd > np.hypot(0.05, 0.03 / np.sqrt(FLIGHTS)) and loss.explained < 1.0
     assert shift_of(_system(0.0 * shift)) is None
 
 

@@ -208,6 +208,7 @@ def test_where_flights_went_is_where_they_flew():
     assert reached.middle_m[0] == pytest.approx(1.495)
     step = settings.library.place_size_m
     assert reached.square_m == step and len(reached.places_m) == 24
+    assert reached.places_m[0] == pytest.approx((0.5 * step, 0.5 * step))
     assert reached.commands[-1] == pytest.approx(0.9)
     assert flown([hovering(p_x_m=None, u_1=None)]) == Flown()
 

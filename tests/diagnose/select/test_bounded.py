@@ -86,6 +86,17 @@ def test_together_there_is_no_more_mass_than_of_each_alone(seed):
     assert told <= log_mass((-1.0 - mean) / sd, (1.0 - mean) / sd).min() + 1e-12
 
 
+def test_nor_where_means_are_so_far_beyond_that_rounding_leaves_little_of_them():
+    rng = np.random.default_rng(7)
+    mixed = rng.standard_normal((200, 4, 4))
+    covariance = mixed @ mixed.transpose(0, 2, 1) + 1e-7 * np.eye(4)
+    mean, low, high = 10.0 ** rng.uniform(0, 5, (200, 4)), np.full((200, 4), -1.0), 0.5
+    told = log_mass_within(low, np.full((200, 4), high), mean, covariance)
+    sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    alone = log_mass((low - mean) / sd, (high - mean) / sd).min(axis=1)
+    assert (told <= alone + 1e-9 * np.abs(alone)).all()
+
+
 def test_sets_are_weighed_each_for_itself():
     rng = np.random.default_rng(0)
     mixed = rng.standard_normal((6, 2, 4))

@@ -1,5 +1,7 @@
 """Sets of names and their priors: what is planted is found, and probabilities are probabilities."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -78,6 +80,16 @@ def test_every_pair_is_weighed_and_no_set_twice():
     assert max(map(len, sets)) == len(settings.search.size_probabilities) - 1
 
 
+def test_no_set_has_two_shapes_of_one_name():
+    plain, rng = amplitude("parasitic_drag.area_m2"), np.random.default_rng(0)
+    variants = [dataclasses.replace(plain.variant, shape={"vertical_ratio": r}) for r in (1.0, 1.7)]
+    columns = [dataclasses.replace(plain, variant=v) for v in variants]
+    rows = rows_of(rng.standard_normal((ROWS, 1)), [{0: x} for x in rng.standard_normal((2, ROWS))])
+    board = make_board(system_of(("force_z",), columns, [rows]))
+    found = search(board, [Candidate("parasitic_drag", "physics", tuple(variants))])
+    assert sorted(h.names for h in found.hypotheses) == [(), ("parasitic_drag",)]
+
+
 def test_prior_of_one_cause_is_shared_among_all_of_them():
     """A column that says nothing gets its prior back: sizes of sets by the settings, names by how
     many there are.
@@ -99,7 +111,9 @@ def test_what_is_rarely_met_takes_more_of_the_flights():
     board, listed = _board({}, keys)
     found = search(board, listed)
     rare = found.best_with("thrust_scale", ("tether",))
-    assert rare.log_evidence - rare.log_prior - rare.of_flights == pytest.approx(np.log(0.1))
+    flights = rare.posterior.log_evidence
+    assert rare.log_evidence == pytest.approx(rare.log_prior + np.log(0.1) + flights)
+    assert rare.of_flights == pytest.approx(flights)
     assert log_rarity(("thrust_scale", "inertia")) == pytest.approx(2.0 * np.log(0.1))
     assert log_rarity(()) == 0.0
 

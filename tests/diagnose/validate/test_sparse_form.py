@@ -68,6 +68,13 @@ def test_noise_and_what_only_one_block_shows_have_no_form():
     assert form is None or form.r2 < 0.3
 
 
+def test_what_has_another_sign_in_other_blocks_foretells_nothing():
+    (term,) = _terms(1)
+    turning = np.where(BLOCK % settings.statistics.folds < 2, 1.0, -1.0) * term.values
+    assert sparse_form("force_x", turning, [term], BLOCK) is None
+    assert sparse_form("force_x", term.values, [term], BLOCK).r2 > 0.99
+
+
 def test_what_is_absent_takes_no_part():
     terms = _terms()
     e = 0.8 * terms[1].values + _noise()

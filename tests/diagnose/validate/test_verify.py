@@ -179,6 +179,7 @@ def test_a_proof_compares_the_stages_on_what_was_held_out():
     assert "5 s" in told.fit["metric"]
 
 
+@pytest.mark.filterwarnings("ignore:All-NaN")
 def test_intervals_of_a_proof_are_over_blocks_of_five_seconds():
     noise = 0.02 * _noise(2000)
     flights = [hovering(20.0, v_z_m_s=noise)]
