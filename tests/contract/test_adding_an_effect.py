@@ -16,8 +16,8 @@ from ges.simulator.effects import _effect
 ROOT = Path(__file__).resolve().parents[2]
 FIND = """
 import sys
-sys.path.insert(0, {conftest!r})
-from conftest import fly, parse_vehicle, SHEET, manoeuvres
+sys.path.insert(0, {tests!r})
+from diagnose.conftest import fly, parse_vehicle, SHEET, manoeuvres
 import ges
 vehicle = parse_vehicle(SHEET)
 extra = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
@@ -62,7 +62,7 @@ def test_the_new_effect_keeps_its_laws(copy):
 
 
 def test_the_new_effect_is_found_where_it_is_concealed(copy):
-    done = _python(copy, "-c", FIND.format(conftest=str(ROOT / "tests" / "diagnose")))
+    done = _python(copy, "-c", FIND.format(tests=str(ROOT / "tests")))
     assert done.stdout.startswith("physics flapping_moment "), done.stdout + done.stderr
 
 
