@@ -111,9 +111,9 @@ def _left_of(y: np.ndarray, x: np.ndarray, columns: Sequence[Column]) -> np.ndar
     y, x = y[good] - y[good].mean(), x[good] - x[good].mean(axis=0)
     x = x * _spread(columns, x, y)
     gram, right, sd2 = x.T @ x, x.T @ y, np.mean(y**2)
-    e, rank = y, settings.numerics.small
+    e = y
     for _ in range(settings.numerics.noise_rounds):
-        ridge = max(sd2, rank**2 * np.trace(gram), settings.numerics.tiny)
+        ridge = max(sd2, settings.numerics.small * np.trace(gram), settings.numerics.tiny)
         e = y - x @ np.linalg.solve(gram + ridge * np.eye(len(gram)), right)
         sd2 = np.mean(e**2)
     left[good] = e
