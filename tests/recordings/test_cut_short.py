@@ -26,6 +26,7 @@ REAL = {
     "px4-flights/sample_px4_events.ulg": Options(),
     "px4-sample/sample.ulg": Options(),
 }
+SLOW = {"ardupilot/dataflash-sample-1.bin", "betaflight/LOG00037.BFL"}
 
 
 def _cut(whole, share, folder):
@@ -36,7 +37,9 @@ def _cut(whole, share, folder):
 
 
 @pytest.mark.parametrize("share", SHARES)
-@pytest.mark.parametrize("name", REAL)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] if n in SLOW else []) for n in REAL]
+)
 def test_a_real_log_cut_short(recordings_dir, tmp_path, name, share):
     found = mutate.outcome(_cut(recordings_dir / name, share, tmp_path), REAL[name])
     assert found in ("read", "refused")
