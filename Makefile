@@ -6,6 +6,7 @@
 #   make lint      format, style and types
 #   make proof     every concealed case, hours long, resumable; GRID=sample is what make all runs
 #   make docs      the pages that are generated from the program
+#   make site      the documentation site, in build/site
 #   make example   the flights that the package ships, simulated anew
 #   make lock      pin what .venv holds
 PYTHON ?= python3
@@ -19,7 +20,7 @@ EXTRAS := $(addprefix --extra ,study ardupilot betaflight ros ui docs)
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: all test test-all proof env build docs example lint lock clean check-python check-cc
+.PHONY: all test test-all proof env build docs site example lint lock clean check-python check-cc
 .DEFAULT_GOAL := all
 
 all: build
@@ -44,6 +45,9 @@ docs: build
 	$(BIN)/ges config --markdown > docs/config.md.new && mv docs/config.md.new docs/config.md
 	$(BIN)/ges settings --markdown > docs/settings.md.new && mv docs/settings.md.new docs/settings.md
 	$(BIN)/ges config --schema > config/schema.json.new && mv config/schema.json.new config/schema.json
+
+site: build
+	$(BIN)/mkdocs build --strict
 
 example: build
 	$(BIN)/python examples/make_example.py

@@ -23,7 +23,7 @@ def server(tmp_path):
     with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as process:
         yield re.match(r"http://127\.0\.0\.1:\d+/", process.stderr.readline())[0]
         process.send_signal(signal.SIGINT)
-        assert process.wait(20) in (0, -signal.SIGINT)
+        assert process.wait(MINUTES_MS / 1000) in (0, -signal.SIGINT)
         assert "Traceback" not in process.stderr.read()
 
 
