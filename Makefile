@@ -30,7 +30,7 @@ test: build
 	$(BIN)/python -m pytest -m "not slow" -n $(CORES) --dist loadfile
 
 test-all: build
-	$(BIN)/python -m pytest -m slow -n $(CORES) --dist loadfile
+	$(BIN)/python -m pytest -m slow -n $(CORES) --dist worksteal
 
 proof: build
 	$(BIN)/snakemake --cores $(CORES) proof --config 'proof={grid: $(GRID), methods: [$(METHODS)], worlds: {sets: $(WORLDS)}}'

@@ -268,6 +268,7 @@ def test_what_cannot_be_flown_is_flown_gentler(every_spec):
     ] == [(2,), (1,), (0,)]
 
 
+@pytest.mark.slow
 def test_an_interrupted_making_goes_on_to_the_same_bytes(tmp_path, monkeypatch):
     monkeypatch.setattr(make, "BATCH", 2)
     whole, broken, made, turns = tmp_path / "whole", tmp_path / "broken", make._make_batch, []

@@ -163,6 +163,7 @@ def test_limit_figure_draws():
     assert [len(line.get_xdata()) for line in axes.lines[1:3]] == [5, 3]
 
 
+@pytest.mark.slow
 def test_interrupted_run_goes_on_and_ends_the_same(tmp_path, proof):
     """Killed between two cases and started again: the finished case is kept, and the verdicts are
     those of one run.

@@ -81,6 +81,7 @@ def copy(tmp_path_factory):
     return top
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS)
 def test_planted_fault_is_caught(copy, fault):
     path, right, wrong, named = FAULTS[fault]

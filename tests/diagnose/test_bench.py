@@ -2,11 +2,13 @@
 
 import json
 
+import pytest
 from click.testing import CliRunner
 
 from ges.commands.bench import command
 
 
+@pytest.mark.slow
 def test_a_diagnosis_is_timed_against_simulating_its_flights(tmp_path):
     out = tmp_path / "bench.json"
     result = CliRunner().invoke(

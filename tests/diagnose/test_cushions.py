@@ -39,6 +39,7 @@ def fading():
     return {"ground_effect": CUSHION, "ground_effect_forward_flight": {"c": 6.0}}
 
 
+@pytest.mark.slow
 def test_a_cushion_that_fades_fast_is_found_with_its_fading(diagnosed, fading):
     """Its plain cushion alone does not stand: nothing at all was proven."""
     found = diagnosed(fading)
@@ -48,6 +49,7 @@ def test_a_cushion_that_fades_fast_is_found_with_its_fading(diagnosed, fading):
     assert all(f.probability > 0.9 for f in told.values())
 
 
+@pytest.mark.slow
 def test_without_cushions_that_are_modified_nothing_is(diagnosed, fading, monkeypatch):
     def plain(effect, search, model, reached):
         return () if search.modified else grids._grid(effect, search, model, reached)

@@ -43,6 +43,7 @@ def test_a_file_that_is_about_right_needs_one_linear_step(flown, sheet):
     assert operating_point(*_null_fit(frames, sheet())) == {}
 
 
+@pytest.mark.slow
 def test_recalibration_is_no_worse_than_the_file_on_flights_that_were_fitted(flown, sheet):
     """Commands alone, a bent curve, and a thrust coefficient that was set from hovering: curve and
     coefficient multiply, and the linear step of both is worse than none.

@@ -33,6 +33,7 @@ def _run(page: str, folder: Path, recordings: Path) -> None:
         assert told.returncode == 0, f"{block}\n{told.stderr}"
 
 
+@pytest.mark.slow
 def test_the_worked_example_gives_what_it_says(recordings_dir, tmp_path):
     page = "from-log-to-vehicle.md"
     _run(page, tmp_path, recordings_dir)
@@ -50,6 +51,7 @@ def test_the_worked_example_gives_what_it_says(recordings_dir, tmp_path):
     assert (tmp_path / "work" / "flight.parquet").stat().st_size > 0
 
 
+@pytest.mark.slow
 def test_what_has_changed_since_gives_what_it_says(recordings_dir, tmp_path):
     _run("diagnosis-on-small-quadrotors.md", tmp_path, recordings_dir)
     told = json.loads((tmp_path / "result" / "diagnosis.json").read_text())

@@ -123,6 +123,8 @@ PLANTED = {
         "downwash": {"force_N": 2267.18, "other_x_m": 1.0, "other_y_m": 0.0, "other_z_m": 2.5}
     },
 }
+QUICK = ("rotor_drag", "weak_rotor", "ground_effect", "motor_lag")
+"""Found by ``make test`` already."""
 WHERE = {
     **dict.fromkeys(
         (
@@ -160,6 +162,7 @@ def _recordings(flown, vehicle, effects, plans=ORDINARY):
     return frames
 
 
+@pytest.mark.slow
 def test_a_cushion_that_any_speed_takes_away_is_one_that_fades(flown, vehicle):
     """Three was as far as the library went, and what ran to its bound did not stand."""
     fades = {**CUSHION, "ground_effect_forward_flight": {"c": 5.0}}
@@ -167,7 +170,9 @@ def test_a_cushion_that_any_speed_takes_away_is_one_that_fades(flown, vehicle):
     assert {f.name for f in found.findings} == set(fades), found.sentence
 
 
-@pytest.mark.parametrize("name", PLANTED)
+@pytest.mark.parametrize(
+    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in PLANTED]
+)
 def test_planted_effect_is_found(name, flown, vehicle):
     flights = _recordings(flown, vehicle, PLANTED[name], WHERE.get(name, ORDINARY))
     found = ges.diagnose(flights, vehicle, holdout=["flight5"])
@@ -176,6 +181,7 @@ def test_planted_effect_is_found(name, flown, vehicle):
     assert named <= set(PLANTED[name]) | {name}, found.sentence
 
 
+@pytest.mark.slow
 def test_two_cut_propellers_are_two_findings_with_their_places(flown, vehicle):
     lost = {"loss_1": 0.1, "loss_3": 0.16}
     flights = _recordings(flown, vehicle, {"weak_rotor": lost})
@@ -192,11 +198,13 @@ def nothing(flown, vehicle):
     return ges.diagnose(_recordings(flown, vehicle, {}), vehicle, holdout=["flight5"])
 
 
+@pytest.mark.slow
 def test_nothing_planted_nothing_found(nothing):
     assert nothing.verdict == "nothing_proven", nothing.sentence
     assert nothing.detectable["ground_effect"]["smallest"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "parameters"), [("motor_lag", ("up_s", "down_s")), ("esc_delay", ("delay_s",))]
 )
@@ -240,6 +248,7 @@ def _taken_off(frame: pd.DataFrame, vehicle, share: float) -> pd.DataFrame:
     )
 
 
+@pytest.mark.slow
 def test_a_ceiling_that_only_a_take_off_reaches_is_found(flown, vehicle):
     """What a drive does counts on the ground, too, while it lifts; all else there is left out."""
     calm = (*ORDINARY[:2], ("height_staircase", (20.0, 0.5, 1.5)), ORDINARY[4], ORDINARY[4])
@@ -254,6 +263,7 @@ def test_a_ceiling_that_only_a_take_off_reaches_is_found(flown, vehicle):
     assert whole.verdict == "nothing_proven", whole.sentence
 
 
+@pytest.mark.slow
 def test_an_airframe_that_meets_the_climb_with_its_plan_is_no_inflow(flown, vehicle):
     """Twice the drag along thrust is the airframe's own, not a loss of thrust when climbing."""
     drag = {"parasitic_drag": {"area_m2": 0.15, "vertical_ratio": 2.0}}
@@ -262,12 +272,14 @@ def test_an_airframe_that_meets_the_climb_with_its_plan_is_no_inflow(flown, vehi
     assert found.findings[0].parameters["vertical_ratio"].value == pytest.approx(2.0, rel=0.1)
 
 
+@pytest.mark.slow
 def test_air_that_hardly_moves_is_no_wind(flown, vehicle):
     breath = {"rotor_drag": {"k_kg": 2e-4}, "wind": {"east_m_s": 0.2, "north_m_s": 0.0}}
     found = ges.diagnose(_recordings(flown, vehicle, breath), vehicle, holdout=["flight5"])
     assert [f.name for f in found.findings] == ["rotor_drag"], found.sentence
 
 
+@pytest.mark.slow
 def test_a_rangefinder_that_sees_no_ground_for_a_while_is_held_against_the_height_all_the_same(
     flown, vehicle
 ):
@@ -279,6 +291,7 @@ def test_a_rangefinder_that_sees_no_ground_for_a_while_is_held_against_the_heigh
     assert [f.name for f in found.findings] == ["rangefinder_bias"], found.sentence
 
 
+@pytest.mark.slow
 def test_a_load_is_found_in_flights_that_begin_in_mid_swing(flown, vehicle):
     """The replay hangs it at rest; what it forgets of that in a few swings is enough."""
     load = {"mass_kg": 0.12, "length_m": 0.5}
@@ -293,6 +306,7 @@ def test_a_load_is_found_in_flights_that_begin_in_mid_swing(flown, vehicle):
     assert told["mass_kg"] == pytest.approx(load["mass_kg"], rel=0.15)
 
 
+@pytest.mark.slow
 def test_what_shakes_one_flight_of_four_does_not_hide_as_its_noise(flown, vehicle):
     """Where only one flight shakes, the reaction of its rotors looks like coloured noise; commands
     alone are logged.
@@ -306,6 +320,7 @@ def test_what_shakes_one_flight_of_four_does_not_hide_as_its_noise(flown, vehicl
     assert found.findings[0].parameters["inertia_kg_m2"].value == pytest.approx(1e-4, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_name_that_strains_the_declared_numbers_takes_no_true_one_along(flown, vehicle):
     """A minute of shaking invents a delay of the drive, against a motor 13 sds faster than
     declared; the drag is true.
@@ -318,6 +333,7 @@ def test_a_name_that_strains_the_declared_numbers_takes_no_true_one_along(flown,
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start_x_m", [0.0, 0.2])
 def test_a_load_that_is_dragged_over_the_ground_is_found_with_its_thread(flown, vehicle, start_x_m):
     """On a thread below rotor 2 that is longer than the flights are high, from below or
@@ -336,6 +352,7 @@ def test_a_load_that_is_dragged_over_the_ground_is_found_with_its_thread(flown, 
     assert told["start_x_m"] == pytest.approx(start_x_m, abs=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roughness_m", [0.0, 0.05])
 def test_a_wind_is_told_with_how_it_grows_with_height(roughness_m, flown, vehicle):
     blows = {**DRAG, "wind": {"east_m_s": 3.0, "north_m_s": 1.5, "roughness_m": roughness_m}}
@@ -348,6 +365,7 @@ def test_a_wind_is_told_with_how_it_grows_with_height(roughness_m, flown, vehicl
     assert not roughness_m or told["roughness_m"].value == pytest.approx(roughness_m, rel=0.5)
 
 
+@pytest.mark.slow
 def test_a_noisy_reading_of_the_voltage_makes_no_smaller_sag(flown, vehicle):
     """Noise of 1 %: taken as read it makes a sensitivity of 0.8 one of 0.53."""
     flights = _recordings(flown, vehicle, PLANTED["battery_sag"])
@@ -357,6 +375,7 @@ def test_a_noisy_reading_of_the_voltage_makes_no_smaller_sag(flown, vehicle):
     assert finding.parameters["sensitivity"].value == pytest.approx(0.8, rel=0.12)
 
 
+@pytest.mark.slow
 def test_another_vehicle_is_found_where_it_hovers(flown, vehicle):
     flights = _recordings(flown, vehicle, PLANTED["downwash"], ROOM)
     told = ges.diagnose(flights, vehicle, holdout=["flight5"]).findings[0].parameters
@@ -382,6 +401,7 @@ def gusty(flown, vehicle):
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strength_m_s", [2.5, 8.0])
 def test_gusts_are_told_with_their_strength_and_not_as_a_steady_wind(strength_m_s, gusty, vehicle):
     found = ges.diagnose(gusty(strength_m_s), vehicle, holdout=["flight5"])
@@ -397,11 +417,13 @@ def test_gusts_are_told_with_their_strength_and_not_as_a_steady_wind(strength_m_
     assert not again.findings, again.sentence
 
 
+@pytest.mark.slow
 def test_a_wind_that_gusts_do_not_make_stands_beside_them(gusty, vehicle):
     found = ges.diagnose(gusty(4.0, 3.0, 1.5), vehicle, holdout=["flight5"])
     assert {f.name for f in found.findings} == {"rotor_drag", "wind", "gusts"}, found.sentence
 
 
+@pytest.mark.slow
 def test_gusts_are_found_where_the_drag_is_known_and_one_flight_tells_of_no_forces(gusty, vehicle):
     dragged = vehicle.model_copy(
         update={"effects": {"rotor_drag": {"k_kg": Estimate(value=DRAG["rotor_drag"]["k_kg"])}}}
@@ -412,6 +434,7 @@ def test_gusts_are_found_where_the_drag_is_known_and_one_flight_tells_of_no_forc
     assert [f.name for f in found.findings] == ["gusts"], found.sentence
 
 
+@pytest.mark.slow
 def test_a_tether_that_may_lean_pushes_as_gusts_do():
     """Ten newtons that lean by an eighth push as gusts of 1.2 N do."""
     system = SimpleNamespace(main=FORCE)
@@ -438,6 +461,7 @@ def over_ledges(sheet, vehicle, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_partial_ground_effect_is_found_over_ledges(flown, over_ledges):
     effects = {**CUSHION, "partial_ground_effect": {"k": 1.0}}
     found = ges.diagnose(
@@ -446,6 +470,7 @@ def test_partial_ground_effect_is_found_over_ledges(flown, over_ledges):
     assert {f.name for f in found.findings} == set(effects), found.sentence
 
 
+@pytest.mark.slow
 def test_where_a_leaning_beam_falls_speaks_about_no_error_of_the_attitude(flown, over_ledges):
     """A rangefinder sees a patch, the model a point: of a bias of 50 mrad the forces speak
     alone.
@@ -466,6 +491,7 @@ def test_where_a_leaning_beam_falls_speaks_about_no_error_of_the_attitude(flown,
     )
 
 
+@pytest.mark.slow
 def test_a_late_pose_is_a_time_offset(flown, vehicle):
     """Position, velocity and attitude 30 ms behind gyro, accelerometer and rotor speeds."""
     late = [*POSE[1:], "q_w", "q_x", "q_y", "q_z"]
@@ -479,6 +505,7 @@ def test_a_late_pose_is_a_time_offset(flown, vehicle):
     assert delay.ci95[0] < 0.03 < delay.ci95[1]
 
 
+@pytest.mark.slow
 def test_every_effect_is_planted_or_said_to_be_out_of_reach():
     from ges.simulator import effects
 

@@ -79,6 +79,7 @@ def test_flight_that_took_no_part_gets_better_than_by_recalibration(diagnosis):
     assert rolled["after"] < 0.85 * rolled["recalibrated"] < rolled["before"]
 
 
+@pytest.mark.slow
 def test_names_and_order_of_the_flights_do_not_matter(frames, vehicle, diagnosis):
     names = {f"f{i}": frames[name] for i, name in enumerate(reversed(FLIGHTS))}
     again = ges.diagnose(names, vehicle, holdout=[f"f{FLIGHTS[::-1].index(HELD_OUT)}"])

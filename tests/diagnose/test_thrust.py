@@ -45,6 +45,7 @@ def _at(frame, step_s):
     )
 
 
+@pytest.mark.slow
 def test_a_bent_curve_is_not_taken_for_a_usual_one(flown, sheet):
     """Rotor speeds show the bend, which a usual doubt would take upon itself; a battery that sags
     under load bends it, too.
@@ -71,6 +72,7 @@ def test_a_bent_curve_is_not_taken_for_a_usual_one(flown, sheet):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share, told", [(0.9, False), (0.8, True)])
 def test_a_ceiling_beside_an_untold_curve_is_told_if_the_form_of_the_curve_cannot_make_it(
     flown, sheet, share, told
@@ -91,6 +93,7 @@ def test_its_three_causes_are_named_together(flown, sheet, effects):
     assert report.count("give no number of it") == 2 and "with the battery voltage logged" in report
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effects", [HEAVY, SAG], ids=["heavy", "sagged"])
 def test_the_flight_that_it_asks_for_tells(flown, sheet, effects):
     asked = _diagnosed(flown, sheet(), effects, ("rotor_speed", "battery")).next_flight
@@ -104,6 +107,7 @@ def test_the_flight_that_it_asks_for_tells(flown, sheet, effects):
     assert set(effects) <= {f.name for f in told.findings} <= {*effects, "thrust_scale"}
 
 
+@pytest.mark.slow
 def test_clocks_that_differ_by_little_are_asked_alike(flown, sheet):
     """Half a window is 12.5 steps, give or take what clocks differ by."""
     told = _diagnosed(
@@ -116,6 +120,7 @@ def test_clocks_that_differ_by_little_are_asked_alike(flown, sheet):
     assert told.verdict == "ambiguous" and told.next_flight["manoeuvre"]
 
 
+@pytest.mark.slow
 def test_what_is_proven_is_told_apart_from_what_is_open(flown, sheet):
     found = _diagnosed(flown, sheet(), HEAVY | DRAG, ("rotor_speed", "battery"))
     assert found.verdict == "ambiguous"
@@ -125,6 +130,7 @@ def test_what_is_proven_is_told_apart_from_what_is_open(flown, sheet):
     assert {f.name for f in found.findings if f.probability > 0.9} == {"rotor_drag"}
 
 
+@pytest.mark.slow
 def test_with_rotor_speeds_it_has_one_cause(flown, sheet):
     assert [f.name for f in _diagnosed(flown, sheet(), HEAVY, ("battery",)).findings] == [
         "thrust_scale"

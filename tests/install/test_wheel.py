@@ -82,6 +82,7 @@ def test_what_an_extra_brings_is_named(installed):
     assert done.stderr == "ges: sklearn is not installed; run pip install 'ges[study]'\n"
 
 
+@pytest.mark.slow
 def test_wheel_diagnoses_as_the_checkout_does(installed, tmp_path):
     """The set that the package ships: both names, and the bytes of the checkout."""
     options = outside(installed)

@@ -109,6 +109,7 @@ def test_the_origin_is_the_log(result, log):
     assert "--vehicle hummingbird" in origin["command"]
 
 
+@pytest.mark.slow
 def test_the_same_request_gives_the_same_bytes(result, log, tmp_path):
     out = result[1]
     before = {p.name: p.read_bytes() for p in out.iterdir()}

@@ -15,6 +15,7 @@ from ges.vehicle.file import parse_vehicle
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "vehicle.md").read_text()
 
 
+@pytest.mark.slow
 def test_its_commands_run(recordings_dir, tmp_path):
     pytest.importorskip("ges.recordings.readers")
     (tmp_path / "flight.ulg").symlink_to(recordings_dir / "px4-flights" / "battery_brownout.ulg")

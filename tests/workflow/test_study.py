@@ -123,6 +123,7 @@ def test_a_changed_key_runs_its_dependents_and_nothing_else(finished, path, valu
     assert would_run(finished, changed(path, value)) == jobs
 
 
+@pytest.mark.slow
 def test_killed_and_resumed_with_other_batches_and_cores_gives_the_same_bytes(finished, tmp_path):
     folder, study = prepared(tmp_path / "run"), changed("data.flights_per_batch", 3)
     with open(folder / "log", "w") as log:
