@@ -49,7 +49,7 @@ PAPER_SOURCES = project("paper/main.typ", "paper/lib.typ", "paper/refs.bib")
 
 rule write_claims:
     input:
-        listed=str(ROOT / "src/ges/claims.yaml"),
+        listed=str(ROOT / "src/ges/study/claims.yaml"),
         tables=CLAIMED_TABLES,
     output:
         table=report("results/claims.csv", category="Tables"),
@@ -70,7 +70,7 @@ rule write_claims:
 
 rule write_numbers:
     input:
-        listed=str(ROOT / "src/ges/numbers.yaml"),
+        listed=str(ROOT / "src/ges/study/numbers.yaml"),
         claims="results/claims.csv",
         tables=QUOTED_TABLES,
     output:
