@@ -123,7 +123,7 @@ PLANTED = {
         "downwash": {"force_N": 2267.18, "other_x_m": 1.0, "other_y_m": 0.0, "other_z_m": 2.5}
     },
 }
-QUICK = ("rotor_drag", "weak_rotor", "ground_effect", "motor_lag")
+QUICK = ("rotor_drag", "weak_rotor", "ground_effect", "slung_load")
 """Found by ``make test`` already."""
 WHERE = {
     **dict.fromkeys(

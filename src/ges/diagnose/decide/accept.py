@@ -157,6 +157,7 @@ def _searched(
         return board, found
     known = board.system
     sharp = sharpened(known, variant)
+    # two variants of one key are one entry, which would hold the load's mass twice
     if sharp.key in {v.key for c in listed for v in c.variants}:
         return board, found
     listed = [
