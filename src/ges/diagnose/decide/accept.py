@@ -17,6 +17,7 @@ from ges.diagnose.decide.rules import (
     Weighed,
     ambiguous,
     does_something,
+    family_of,
     judged,
     replaced_by,
     significant,
@@ -26,7 +27,7 @@ from ges.diagnose.detectors.loads import likely_load, sharpened
 from ges.diagnose.estimate.fit import Fitted, fitted_model, free_parameters, polish, starting_values
 from ges.diagnose.estimate.shoot import shot
 from ges.diagnose.library.available import candidates_of
-from ges.diagnose.library.candidates import Candidate, acts_among, modifiers_of
+from ges.diagnose.library.candidates import Candidate, acts_among, amplitude_of, modifiers_of
 from ges.diagnose.select.evidence import Board, Posterior, make_board
 from ges.diagnose.select.search import Hypothesis, Search, log_odds_against_one_of, over_plain
 from ges.diagnose.select.stable import search_until_stable
@@ -116,6 +117,11 @@ def accept(start: Board, record: Record, only: Sequence[str] | None = None) -> A
             n: through[n].probability if n in through else found.inclusion[n] for n in new
         }
         fitted, names = polished, names + new
+        if only is None:
+            fitted, instead = _best_forms_in_wind(fitted, names, system, record)
+            names = tuple(instead.get(n, n) for n in names)
+            probability = {instead.get(n, n): p for n, p in probability.items()}
+            sizes = {instead.get(n, n): size for n, size in sizes.items()}
         base = system.model.with_effects(polished.effects)
         listed = candidates_of(system.recordings, base, names, only)
     board, found = first or search_until_stable(start, (), ())[:2]
@@ -264,6 +270,56 @@ def _fitted_in_full(
             return new, full
         new = tuple(n for n in new if n not in fallen)
     return (), fitted
+
+
+def _best_forms_in_wind(
+    fitted: Fitted, names: Sequence[str], system: System, record: Record
+) -> tuple[Fitted, dict[str, str]]:
+    """The fit with others of their family in place of those that wind acts through, where these fit
+    the flights better, and by what each of them is replaced.
+
+    A search weighs every form in still air. In wind linear and quadratic drag are other functions
+    of the motion, so there each is asked again, in full and under the same noise.
+    """
+    instead: dict[str, str] = {}
+    blown = {
+        c for n in names if effect_table.get(n).moves_air for c in effect_table.get(n).carriers
+    }
+    listed = {c.name for c in candidates_of(system.recordings, system.model)}
+    least = settings.statistics.acceptance_log_odds
+    for name in sorted(blown & set(names)):
+        rule, better, gained = "best_form_in_wind", fitted, 0.0
+        for rival in sorted((family_of(name) & listed) - set(fitted.effects)):
+            tried = _in_place_of(fitted, name, rival, system)
+            gain = 0.5 * settings.evidence.tempering * (fitted.apart.cost - tried.apart.cost)
+            because = f"log odds {gain:.3g} over {name}, both in full where the air moves"
+            passed = gain > least and significant(tried, rival).passed
+            record.note(rival, Decision(rule, passed, because, gain, least))
+            if passed and gain > gained:
+                better, gained, instead[name] = tried, gain, rival
+        if name in instead:
+            because = f"{instead[name]} fits better where the air moves"
+            record.note(name, Decision(rule, False, because, -gained, -least))
+            fitted = polish(system, better.effects, better.free)
+    return fitted, instead
+
+
+def _in_place_of(fitted: Fitted, name: str, rival: str, system: System) -> Fitted:
+    """The fit with a rival in place of a name, under the same noise."""
+    known = effect_table.get(rival)
+    amplitudes = [
+        amplitude_of(rival, p.name) for p in known.parameters if p.name not in known.shapes
+    ]
+    values = {
+        **{e: v for e, v in fitted.effects.items() if e != name},
+        rival: {**known.neutral(), **{a.parameter: a.neutral + a.step for a in amplitudes}},
+    }
+    free = [
+        *(f for f in fitted.free if f[0] != name),
+        *((rival, a.parameter) for a in amplitudes),
+        *((rival, p) for p in known.shapes if known.parameter(p).fitted),
+    ]
+    return polish(system, values, free, held=fitted.board.noise)
 
 
 def shot_fit(accepted: Accepted) -> Accepted:

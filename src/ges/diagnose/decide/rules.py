@@ -186,25 +186,26 @@ def taken_over(found: Search, name: str, among: Sequence[str]) -> set[str]:
     family is the better.
     """
     best = _best_of(found, name, among) == name
-    return _family(name) & set(found.best.names) if best else set()
+    return family_of(name) & set(found.best.names) if best else set()
 
 
 def _best_of(found: Search, name: str, among: Sequence[str]) -> str:
     """The one of a name's family, of those ``among``, whose best set without the others is best."""
     return max(
-        sorted(_family(name) & set(among)),
+        sorted(family_of(name) & set(among)),
         key=lambda n: h.log_evidence if (h := _alone(found, n)) else -np.inf,
     )
 
 
-def _family(name: str) -> set[str]:
+def family_of(name: str) -> set[str]:
+    """Effects that act in the same place, this one among them."""
     family = effect_table.get(name).family
     return {e.name for e in effect_table.table().values() if e.family == family}
 
 
 def _alone(found: Search, name: str) -> Hypothesis | None:
     """The best set that has this name and no other of its family."""
-    return next((h for h in found.hypotheses if _family(name) & set(h.names) == {name}), None)
+    return next((h for h in found.hypotheses if family_of(name) & set(h.names) == {name}), None)
 
 
 def beside_larger(name: str, shares: Mapping[str, Mapping[str, float]]) -> bool:

@@ -281,14 +281,15 @@ def common_channels(flights: Sequence[Prepared], model: Model) -> tuple[str, ...
 
 def _stepped(
     model: Model, effect: str, values: Mapping[str, float], parameter: str, step: float
-) -> dict:
-    now = {**effect_table.get(effect).neutral(), **model.effects.get(effect, {}), **values}
-    return {effect: {**now, parameter: now[parameter] + step}}
-
-
-def _inward(effect: str, parameter: str, value: float, step: float) -> float:
-    """The step, turned round where it would leave the effect's bounds."""
-    return -step if value + step > effect_table.get(effect).parameter(parameter).high else step
+) -> tuple[dict, float]:
+    """An effect with one parameter a step further, and that step: turned round where it would leave
+    the effect's bounds.
+    """
+    known = effect_table.get(effect)
+    now = {**known.neutral(), **model.effects.get(effect, {}), **values}
+    if now[parameter] + step > known.parameter(parameter).high:
+        step = -step
+    return {effect: {**now, parameter: now[parameter] + step}}, step
 
 
 def _reference(model: Model, column: Column) -> dict:
@@ -305,16 +306,12 @@ def _reference(model: Model, column: Column) -> dict:
 def _shift(model: Model, column: Column) -> tuple[dict, float]:
     if column.nuisance is not None:
         n = column.nuisance
-        held = {**effect_table.get(n.effect).neutral(), **model.effects.get(n.effect, {})}
-        step = _inward(n.effect, n.parameter, held[n.parameter], n.step)
-        return _stepped(model, n.effect, {}, n.parameter, step), step
+        return _stepped(model, n.effect, {}, n.parameter, n.step)
     variant = variant_of(column)
     a = variant.amplitudes[column.amplitude]
     values = variant.parameters({}) if variant.effect not in model.effects else {}
-    return {
-        **variant.beside,
-        **_stepped(model, variant.effect, values, a.parameter, a.step),
-    }, a.step
+    stepped, step = _stepped(model, variant.effect, values, a.parameter, a.step)
+    return {**variant.beside, **stepped}, step
 
 
 def _among(names: Sequence[str], here: Sequence[str], evaluated: Along) -> np.ndarray:

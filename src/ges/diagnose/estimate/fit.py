@@ -10,10 +10,11 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from ges.diagnose.design.system import System, build, nuisance_of, variant_of
 from ges.diagnose.design.table import Indices, spread
-from ges.diagnose.design.whiten import White, estimate
+from ges.diagnose.design.whiten import Noise, White, estimate
 from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of, reach_of
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import (
@@ -52,7 +53,7 @@ def joint_fit(
     prior_sd: np.ndarray | None = None,
 ) -> Joint:
     """Fit chosen columns and all nuisances at once, but for those whose number a chosen column
-    frees.
+    frees; common nuisances within the bounds of what the library flies.
 
     Parameters
     ----------
@@ -91,6 +92,11 @@ def joint_fit(
     unit = 1.0 / np.sqrt(np.diag(xx))  # coefficients differ by many orders in their units
     inverse = np.linalg.pinv(xx * np.outer(unit, unit), hermitian=True) * np.outer(unit, unit)
     beta = inverse @ xy
+    room = np.full((total, 2), [-math.inf, math.inf])
+    for i, k in enumerate(common, start[1]):
+        room[i] = correction_bounds(known[k].key, board.system.model)
+    if np.any((beta < room[:, 0]) | (beta > room[:, 1])):
+        beta = _bounded(xx, xy, unit, room)
     by_rows = inverse[: sizes[0], : sizes[0]]
     covariance = np.maximum(1.0, _inflation(board, kept, places, beta, inverse, sizes[0])) * by_rows
     names = [known[k].key for k in common]
@@ -100,11 +106,32 @@ def joint_fit(
         beta[: sizes[0]],
         covariance,
         by_rows,
-        yy - float(xy @ beta),
+        yy - float((2.0 * xy - xx @ beta) @ beta),
         dict(zip(names, moved + beta[start[1] : start[2]], strict=True)),
         dict(zip(names, np.sqrt(np.diag(inverse)[start[1] : start[2]]), strict=True)),
         tuple(dict(zip(flight_names, beta[at[start[2] :]], strict=True)) for at in places),
     )
+
+
+def _bounded(xx: np.ndarray, xy: np.ndarray, unit: np.ndarray, room: np.ndarray) -> np.ndarray:
+    """Coefficients (n,) that solve normal equations best within bounds.
+
+    Parameters
+    ----------
+    xx, xy : normal equations, (n, n) and (n,).
+    unit : size of each coefficient, (n,).
+    room : least and greatest value of each, (n, 2).
+    """
+    size, axes = np.linalg.eigh(xx * np.outer(unit, unit))
+    kept = size > len(size) * np.finfo(float).eps * size[-1]
+    root = np.sqrt(size[kept])
+    found = lsq_linear(
+        root[:, None] * axes[:, kept].T,
+        axes[:, kept].T @ (xy * unit) / root,
+        bounds=room.T / unit,
+        method="bvls",
+    )
+    return np.clip(found.x * unit, *room.T)
 
 
 def _inflation(
@@ -367,6 +394,7 @@ def polish(
     values: effect_table.Effects,
     free: Sequence[tuple[str, str]],
     flights: Sequence[Prepared] | None = None,
+    held: Noise | None = None,
 ) -> Fitted:
     """Gauss-Newton over all free parameters, the compiled effects linearised anew each round; a
     step that costs more than it saves is halved, and the noise that a far start left is measured
@@ -378,6 +406,8 @@ def polish(
         serve again.
     values, free : parameters of the effects, and which of them are fitted.
     flights : the same flights along another path; the system's own where not given.
+    held : noise to weigh with, so that costs of several fits compare; that of a start is measured
+        where it is not given.
     """
     free, model = tuple(free), like.model
     at: _Point | None = None
@@ -385,7 +415,8 @@ def polish(
     for _ in range(settings.numerics.fit_rounds):
         variants = [Variant(e, {}, (_moves((e, p), values, model),)) for e, p in free]
         system = build(flights or like.recordings, model.with_effects(values), variants, like)
-        noise = first.board.noise if first else estimate(system, _free_first(system))
+        known = held or (first.board.noise if first else None)
+        noise = known or estimate(system, _free_first(system))
         there = _linearised(values, free, whitened(system, noise), model)
         if at and first and there.cost > at.cost + settings.estimate.same_cost:
             values = at.moved_to(0.5 * (at.numbers() + there.numbers()))
@@ -515,7 +546,7 @@ def correction_bounds(key: str, model: Model) -> tuple[float, float]:
 
 
 def within_bounds(effect: str, parameter: str, value: float) -> float:
-    """The value, or the bound that it goes beyond: a vehicle flies no other."""
+    """The value, without what rounding added to a bound."""
     p = effect_table.get(effect).parameter(parameter)
     return float(np.clip(value, p.low, p.high))
 

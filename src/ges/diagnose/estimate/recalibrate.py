@@ -27,21 +27,18 @@ def operating_point(board: Board, joint: Joint) -> dict[str, float]:
 
     Parameters
     ----------
-    board, joint : of the null fit, linearised at the vehicle file.
+    board, joint : of the null fit, linearised at the vehicle file or where it was moved to.
 
     Returns
     -------
-    ``effect.parameter`` to correction, in the parameter's unit; empty where the linear step from
-    the file does what it foretells and goes beyond no bound of the library by more than noise, as a
-    delay of little less than nothing does.
+    ``effect.parameter`` to correction, in the parameter's unit; empty where the linear step does
+    what it foretells.
     """
-    posterior = _Posterior(board)
-    linear, slack = (
-        np.array([told[key] for key in posterior.keys]) / posterior.sd
-        for told in (joint.common, joint.common_sd)
-    )
-    slack = settings.statistics.certain_sds * slack
-    if np.all((linear >= posterior.low - slack) & (linear <= posterior.high + slack)):
+    posterior, moved = _Posterior(board), board.system.model.moved
+    linear = np.array([joint.common[k] - moved.get(k, 0.0) for k in posterior.keys]) / posterior.sd
+    # a bound that stopped a step says nothing of where the best inside is, until that was searched
+    stopped = (linear != 0.0) & ((linear <= posterior.low) | (linear >= posterior.high))
+    if moved or not stopped.any():
         given, stepped = posterior.cost(np.zeros(len(linear))), posterior.cost(linear)
         if given - stepped >= settings.estimate.gain_ratio_least * (given - joint.cost):
             return {}
@@ -53,7 +50,8 @@ def operating_point(board: Board, joint: Joint) -> dict[str, float]:
         ftol=settings.estimate.recalibration_tolerance,
         max_nfev=settings.numerics.fit_rounds,
     )
-    return dict(zip(posterior.keys, (found.x * posterior.sd).tolist(), strict=True))
+    further = dict(zip(posterior.keys, (found.x * posterior.sd).tolist(), strict=True))
+    return {key: moved.get(key, 0.0) + value for key, value in further.items()}
 
 
 class _Posterior:

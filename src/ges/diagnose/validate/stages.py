@@ -70,8 +70,10 @@ def recalibrated(flights: Sequence[Prepared], declared: Model) -> Start:
     """Set the declared numbers within their doubts, and look at what that leaves."""
     system = first_system(flights, declared)
     board, joint = null_fit(system)
-    moved = operating_point(board, joint)
-    if moved:
+    for _ in range(settings.numerics.noise_rounds):
+        moved = operating_point(board, joint)
+        if not moved:
+            break
         there = dataclasses.replace(calibrated(declared, moved), moved=moved)
         system = first_system(flights, there)
         board, joint = null_fit(system)
