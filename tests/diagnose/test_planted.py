@@ -273,6 +273,17 @@ def test_an_airframe_that_meets_the_climb_with_its_plan_is_no_inflow(flown, vehi
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    "drag", [{"rotor_drag": {"k_kg": 2e-4}}, {"parasitic_drag": {"area_m2": 0.1}}], ids=list
+)
+def test_in_a_wind_a_drag_keeps_its_name(drag, flown, vehicle):
+    """In steady air of 4 m/s what is quadratic in it is nearly linear in the motion."""
+    blown = {**drag, "wind": {"east_m_s": 3.5, "north_m_s": -2.0}}
+    found = ges.diagnose(_recordings(flown, vehicle, blown), vehicle, holdout=["flight5"])
+    assert {f.name for f in found.findings} == set(blown), found.sentence
+
+
+@pytest.mark.slow
 def test_air_that_hardly_moves_is_no_wind(flown, vehicle):
     breath = {"rotor_drag": {"k_kg": 2e-4}, "wind": {"east_m_s": 0.2, "north_m_s": 0.0}}
     found = ges.diagnose(_recordings(flown, vehicle, breath), vehicle, holdout=["flight5"])

@@ -7,10 +7,12 @@ import pytest
 
 from ges.conventions import COMMAND, ROTOR_SPEED
 from ges.diagnose.design.residual import driven_speeds
-from ges.diagnose.design.system import build
+from ges.diagnose.design.system import build, residuals_with
 from ges.diagnose.estimate.fit import null_fit
 from ges.diagnose.estimate.recalibrate import operating_point
+from ges.diagnose.library.candidates import Variant, amplitude_of
 from ges.diagnose.types.model import SPEED
+from ges.diagnose.validate.stages import recalibrated
 
 from ..synthetic import MODEL, hovering, times
 
@@ -47,3 +49,41 @@ def test_numbers_that_multiply_each_other_are_found_beyond_the_linear_step():
     found = _found(_flown(1800.0, 0.9))
     assert found[SPEED] == pytest.approx(800.0, abs=25.0)
     assert found[BEND] == pytest.approx(0.9, abs=0.05)
+
+
+def _beyond(flight):
+    """The same question to a vehicle whose curve may not bend as far as the flight's."""
+    late = ("motor_lag.up_s", "motor_lag.down_s", "esc_delay.delay_s")
+    model = MODEL.with_effects({"thrust_curve": {"c": 0.95}})
+    doubts = {SPEED: 300.0, BEND: 0.3, **dict.fromkeys(late, 0.0)}
+    return [flight], dataclasses.replace(model, doubts=doubts)
+
+
+def test_no_number_is_moved_beyond_the_bounds_of_the_library():
+    """The commands go with the square of the speeds and more: the bend stands at its bound, and the
+    vehicle is recalibrated as it flies there.
+    """
+    t = times(8.0)
+    u = {name: 0.55 + 0.35 * np.sin((0.8 + 0.2 * i) * t + i) for i, name in enumerate(COMMAND)}
+    speeds = {n: 1000.0 * u[c] ** 0.4 for n, c in zip(ROTOR_SPEED, COMMAND, strict=True)}
+    flight = hovering(8.0, **u)
+    kept = {n: v for n, v in flight.columns.items() if n[:2] not in ("p_", "v_", "q_", "om")}
+    start = recalibrated(*_beyond(flight.replaced(columns={**kept, **speeds})))
+    told = start.first.joint.common
+    assert told[BEND] == pytest.approx(0.05, abs=1e-9)
+    flown = residuals_with(start.system, start.first.model)[0][:, :4]
+    assert flown == pytest.approx(start.first.left[0], abs=0.1 * np.abs(start.first.left[0]).max())
+
+
+def test_columns_of_a_number_at_its_bound_step_inward():
+    """Where a step outward would leave the bounds, the column is that of one inward."""
+    flight = _flown(1000.0, 0.0)
+    model = dataclasses.replace(MODEL, doubts={BEND: 0.3})
+    variant = Variant("thrust_curve", {}, (amplitude_of("thrust_curve", "c"),))
+    columns = []
+    for c in (0.98, 1.0):
+        system = build([flight], model.with_effects({"thrust_curve": {"c": c}}), [variant])
+        k = next(k for k, column in enumerate(system.columns) if column.variant is not None)
+        columns.append(np.concatenate(list(system.flights[0].x.alone(k).values())))
+    inside, bound = columns
+    assert bound == pytest.approx(inside, abs=0.1 * np.abs(inside).max())

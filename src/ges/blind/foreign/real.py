@@ -79,18 +79,19 @@ CONDITIONS: Mapping[str, tuple[str, int, Concealed]] = {
 # free flights and flights with 4.7 g on a cable, by speed; the vehicle itself is 2.7 g heavier then
 FREE = {"1.0": (0, 1, 2, 3, 4), "0.7": (17, 18, 19, 20, 21)}
 PAYLOAD = {"1.0": (6, 7, 8, 9, 10), "0.7": (22, 24, 26, 27, 28), "sideways": (57, 58, 59, 60, 61)}
+# what every rotor does and no calibration gives a file: where forces are logged, to name it is no
+# mistake
+EVERY_ROTOR = ("rotor_drag", "axial_inflow", "thrust_scale")
 CABLE = Concealed(
     ("slung_load", "thrust_scale"),
     "strong",
-    optional=("cg_offset",),
+    optional=("cg_offset", *EVERY_ROTOR),
     instead=(("slung_load",),),
 )
 FREE_MASS_KG = Quantity(value=0.037, sd=0.0004)
-# what every rotor does and the file of that vehicle does not know: to name it is no mistake
-EVERY_ROTOR = ("rotor_drag", "axial_inflow", "thrust_scale")
 NEAR = Concealed(("ground_effect",), "medium", optional=EVERY_ROTOR)
 HEALTHY_FLIGHTS = Concealed(severity="weak")
-FAR = Concealed(severity="weak", optional=EVERY_ROTOR)
+ROTORS_ALONE = Concealed(severity="weak", optional=EVERY_ROTOR)
 Flights = list[pd.DataFrame]
 
 
@@ -153,8 +154,8 @@ def imrclab_designs(half: str) -> list[Design]:
     speed = {"development": "1.0", "evaluation": "0.7"}[half]
     free = [f"free/eckart{k:02d}" for k in FREE[speed]]
     found = [
-        Design(tuple(free[:3]), tuple(free[3:]), HEALTHY_FLIGHTS, "free"),
-        Design(tuple(free[2:]), tuple(free[:2]), HEALTHY_FLIGHTS, "free"),
+        Design(tuple(free[:3]), tuple(free[3:]), ROTORS_ALONE, "free"),
+        Design(tuple(free[2:]), tuple(free[:2]), ROTORS_ALONE, "free"),
     ]
     for kind in (speed,) if half == "development" else (speed, "sideways"):
         loaded = [f"payload/eckart{k:02d}" for k in PAYLOAD[kind]]
@@ -170,7 +171,7 @@ def appius_designs(half: str) -> list[Design]:
     if half == "development":
         return [
             Design((), ("HOVERING.csv", "VERTICAL_SPEEDS.csv"), NEAR, "near the ground"),
-            Design((), ("HIGH_ALTITUDE_V_050.csv",), FAR, "far from the ground", pieces=2),
+            Design((), ("HIGH_ALTITUDE_V_050.csv",), ROTORS_ALONE, "far from the ground", pieces=2),
         ]
     near = ("NO_COMPENSATION_V_050.csv",)
     return [

@@ -17,6 +17,7 @@ from ges.diagnose.decide.accept import (
     with_alternatives,
     without,
 )
+from ges.diagnose.decide.foretell import foretelling
 from ges.diagnose.decide.sizes import least_size
 from ges.diagnose.decide.unknown import borrowed, left_over, theirs
 from ges.diagnose.design.system import System
@@ -70,6 +71,7 @@ def explained(
     accepted = accept(start.first.board, record, only)
     if only is None:
         accepted = _unstrained(accepted, start.first.joint, record)
+        accepted = foretelling(accepted, record)
     gusts = _gusts(accepted, start, known_gusts)
     if gusts and only is None and WIND in accepted.names:
         blown = gusts.may_be(accepted.fit)

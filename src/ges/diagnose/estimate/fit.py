@@ -416,7 +416,7 @@ def polish(
         variants = [Variant(e, {}, (_moves((e, p), values, model),)) for e, p in free]
         system = build(flights or like.recordings, model.with_effects(values), variants, like)
         known = held or (first.board.noise if first else None)
-        noise = known or estimate(system, _free_first(system))
+        noise = known or estimate(system, free_first(system))
         there = _linearised(values, free, whitened(system, noise), model)
         if at and first and there.cost > at.cost + settings.estimate.same_cost:
             values = at.moved_to(0.5 * (at.numbers() + there.numbers()))
@@ -438,7 +438,7 @@ def _linearised(
     values: effect_table.Effects, free: tuple[tuple[str, str], ...], board: Board, model: Model
 ) -> _Point:
     """The free parameters at their values, fitted together with all else."""
-    chosen = _free_first(board.system)
+    chosen = free_first(board.system)
     mean, sd = np.array(
         [_prior(name, values, model) for name in free]
         + [(0.0, math.inf)] * (len(chosen) - len(free))
@@ -448,7 +448,7 @@ def _linearised(
         free,
         board,
         chosen,
-        joint_fit(board, chosen, mean, np.where(np.isinf(sd), _wide(board, chosen), sd)),
+        joint_fit(board, chosen, mean, np.where(np.isinf(sd), wide(board, chosen), sd)),
     )
 
 
@@ -483,14 +483,14 @@ def _with_levers_as_they_are(
     )
 
 
-def _wide(board: Board, chosen: Sequence[int]) -> np.ndarray:
+def wide(board: Board, chosen: Sequence[int]) -> np.ndarray:
     """Sd of coefficients that the flights alone shall set."""
     return settings.numerics.wide_factor * np.maximum(
         board.prior.sd[chosen], settings.numerics.small
     )
 
 
-def _free_first(system: System) -> list[int]:
+def free_first(system: System) -> list[int]:
     """Columns of the free parameters in their order, after them the small moments that some of them
     make.
     """
@@ -567,8 +567,8 @@ def strain(joint: Joint, system: System) -> float:
 
 def strain_without(fitted: Fitted, name: str) -> float:
     """The same, to first order, with the amplitudes of one effect back at neutral."""
-    chosen = _free_first(fitted.board.system)
-    mean, sd = np.zeros(len(chosen)), _wide(fitted.board, chosen)
+    chosen = free_first(fitted.board.system)
+    mean, sd = np.zeros(len(chosen)), wide(fitted.board, chosen)
     for i, (effect, parameter) in enumerate(fitted.free):
         if effect == name and parameter not in effect_table.get(effect).shapes:
             mean[i] = amplitude_of(effect, parameter).neutral - fitted.effects[effect][parameter]

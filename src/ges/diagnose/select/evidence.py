@@ -215,6 +215,8 @@ def posteriors(
 
 def posterior(gram: Gram, columns: Sequence[int], prior: Prior) -> Posterior:
     """Of one set of columns."""
+    if not len(columns):
+        return Posterior.of_nothing()
     mean, covariance, log_evidence = posteriors(gram, [tuple(columns)], prior)
     return Posterior(tuple(int(k) for k in columns), mean[0], covariance[0], float(log_evidence[0]))
 

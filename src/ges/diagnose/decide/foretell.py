@@ -1,0 +1,134 @@
+"""Whether a name foretells flights that it was not fitted to: training flights, left out in turn.
+
+The log predictive density of a flight given the others is the log evidence of all less that of the
+others (Gelman et al. 2014, *Bayesian Data Analysis*, sec. 7.2), here of the fit linearised at its
+best. Flights that are held out take no part.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from ges.diagnose.decide.accept import Accepted, without
+from ges.diagnose.estimate.contributions import contributions, size_of
+from ges.diagnose.estimate.fit import Fitted, free_first, wide
+from ges.diagnose.library.candidates import acts_among, amplitude_of
+from ges.diagnose.select.evidence import Gram, Posterior, Prior, flight_grams, posterior
+from ges.diagnose.settings import settings
+from ges.diagnose.types.decision import Decision, Record
+from ges.simulator import effects as effect_table
+
+
+@dataclasses.dataclass(frozen=True)
+class Foretold:
+    """Training flights, each foretold from the others with a name and without it, (F,) each; empty
+    where there is one flight.
+
+    Attributes
+    ----------
+    gain : log density with the name less that without.
+    growth : rms error with the name over that without, in a channel.
+    """
+
+    gain: np.ndarray
+    growth: np.ndarray
+
+    @property
+    def worst(self) -> float:
+        """Log odds of the least likely of those flights whose error grows; 0 where none does."""
+        return float(self.gain[self.growth > 1.0].min(initial=0.0))
+
+
+def foretold(fitted: Fitted, name: str, channel: str) -> Foretold:
+    """What a name, and what acts through it alone, is worth to flights that it was not fitted to.
+
+    Parameters
+    ----------
+    channel : in which errors are compared.
+    """
+    board = fitted.board
+    grams = flight_grams(board.whites, board.system.columns, settings.evidence.tempering)
+    if len(grams) < 2:
+        return Foretold(np.zeros(0), np.zeros(0))
+    rest = set(fitted.effects) - {name}
+    dropped = {name, *(n for n in rest if not acts_among(n, rest))}
+    fits = [_Fit(fitted, dropped), _Fit(fitted, ())]
+    less, more = (np.array([f.log_density(grams, i) for i in range(len(grams))]) for f in fits)
+    at = board.system.main.index(channel)
+    before, after = (np.array([f.rms(grams, i, at) for i in range(len(grams))]) for f in fits)
+    return Foretold(more - less, after / np.maximum(before, settings.numerics.tiny))
+
+
+class _Fit:
+    """A fit, linearised at its best, with some effects ``dropped``: their columns held where the
+    effects are neutral.
+    """
+
+    def __init__(self, fitted: Fitted, dropped: Collection[str]) -> None:
+        self.system, board = fitted.board.system, fitted.board
+        columns, chosen = self.system.columns, free_first(self.system)
+        freed = {columns[k].key for k in chosen}
+        self.held = {
+            k: amplitude_of(e, p).neutral - fitted.effects[e][p]
+            for (e, p), k in zip(fitted.free, chosen, strict=False)
+            if e in dropped and p not in effect_table.get(e).shapes
+        }
+        kept = [k for k in chosen if (v := columns[k].variant) is None or v.effect not in dropped]
+        common = [
+            int(k) for k in board.nuisance if board.prior.sd[k] > 0 and columns[k].key not in freed
+        ]
+        self.columns = [*kept, *common]
+        mean, sd = np.zeros(len(columns)), board.prior.sd.copy()
+        mean[common], sd[chosen] = board.prior.mean[common], wide(board, chosen)
+        endless = np.full(len(columns), np.inf)
+        self.prior = Prior(mean, sd, -endless, endless)
+
+    def _of(self, grams: Sequence[Gram]) -> tuple[Posterior, float]:
+        """Coefficients from some flights, and the log evidence of these."""
+        total = sum(grams[1:], grams[0]).about(
+            np.array(list(self.held), dtype=int), np.array(list(self.held.values()))
+        )
+        found = posterior(total, self.columns, self.prior)
+        return found, found.log_evidence - 0.5 * total.yy
+
+    def log_density(self, grams: Sequence[Gram], left: int) -> float:
+        """Of one flight given the others, but for a constant."""
+        return self._of(grams)[1] - self._of(_others(grams, left))[1]
+
+    def rms(self, grams: Sequence[Gram], left: int, channel: int) -> float:
+        """Error of one flight by the coefficients of the others, in the channel's unit."""
+        found, rows = self._of(_others(grams, left))[0], self.system.flights[left]
+        terms = {**self.held, **dict(zip(found.columns, found.mean, strict=True))}
+        error = (rows.y[:, channel] - rows.added(terms, channel + 1)[:, channel])[rows.air]
+        return float(np.linalg.norm(error[np.isfinite(error)]) / np.sqrt(len(error)))
+
+
+def _others(grams: Sequence[Gram], left: int) -> list[Gram]:
+    return [g for i, g in enumerate(grams) if i != left]
+
+
+def foretelling(accepted: Accepted, record: Record) -> Accepted:
+    """Without the names that some flight, foretold from the others, speaks against: certainly less
+    likely with the name, and off by more where it mainly acts; the worst first.
+    """
+    while (fitted := accepted.fitted) is not None:
+        system = accepted.board.system
+        added = contributions(fitted, accepted.names, system.model)
+        worst = {n: _worst(fitted, n, size_of(a, system)["channel"]) for n, a in added.items()}
+        least = -settings.statistics.certain_log_odds
+        for name, gain in worst.items():
+            because = f"log odds of the flight that it foretells worst {gain:.3g}"
+            decision = Decision("foretells_flights", gain >= least, because, gain, least)
+            record.note(name, decision)
+        name = min(worst, key=lambda n: worst[n])
+        if worst[name] >= least:
+            break
+        accepted = without(accepted, name)
+    return accepted
+
+
+def _worst(fitted: Fitted, name: str, channel: str) -> float:
+    return foretold(fitted, name, channel).worst if channel else 0.0
