@@ -116,6 +116,33 @@ def test_no_gain_is_said_too(content):
     assert sentence_of(content).endswith("on flights that took no part, no error falls.")
 
 
+def _unseen(before, recalibrated, after, interval):
+    stages = {"before": before, "recalibrated": recalibrated, "after": after}
+    return {**stages, "reduction_ci95": interval}
+
+
+def test_a_certain_loss_is_said_beside_the_gain(content):
+    content["fit"]["rollout"] = {}
+    content["fit"]["channels"] = {
+        "force_x_N": _unseen(0.5, 0.4, 0.2, [0.4, 0.6]),
+        "force_z_N": _unseen(0.8, 1.2, 1.7, [-0.7, -0.3]),
+    }
+    told = sentence_of(content)
+    assert "falls by 50 %, but the error of the" in told and told.endswith("grows by 42 %.")
+    content["fit"]["channels"]["force_z_N"]["reduction_ci95"] = [-0.7, 0.1]
+    assert "grows" not in sentence_of(content)
+
+
+def test_a_loss_is_said_before_names_and_sizes(content):
+    """Where all of it is too long, the gain goes first, then names and sizes."""
+    content["fit"]["channels"] = {"force_z_N": _unseen(0.8, 1.2, 1.7, [-0.7, -0.3])}
+    content["findings"] = [
+        _finding(content, name) for name in ("ground_effect_forward_flight", *["wind"] * 4)
+    ]
+    told = sentence_of(content)
+    assert told.endswith("grows by 42 %.") and len(told.split()) <= MOST_WORDS
+
+
 def test_what_stays_unknown_has_its_place(content):
     content |= {
         "verdict": "unknown",

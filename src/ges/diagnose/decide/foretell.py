@@ -120,7 +120,8 @@ def foretelling(accepted: Accepted, record: Record) -> Accepted:
         worst = {n: _worst(fitted, n, size_of(a, system)["channel"]) for n, a in added.items()}
         least = -settings.statistics.certain_log_odds
         for name, gain in worst.items():
-            because = f"log odds of the flight that it foretells worst {gain:.3g}"
+            against = f"a flight left out of its fit is off by more with it, log odds {gain:.3g}"
+            because = against if gain < 0.0 else "no flight left out of its fit speaks against it"
             decision = Decision("foretells_flights", gain >= least, because, gain, least)
             record.note(name, decision)
         name = min(worst, key=lambda n: worst[n])

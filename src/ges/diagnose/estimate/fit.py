@@ -484,7 +484,7 @@ def _with_levers_as_they_are(
 
 
 def wide(board: Board, chosen: Sequence[int]) -> np.ndarray:
-    """Sd of coefficients that the flights alone shall set."""
+    """Sd of k coefficients that the flights alone shall set, (k,)."""
     return settings.numerics.wide_factor * np.maximum(
         board.prior.sd[chosen], settings.numerics.small
     )

@@ -8,6 +8,7 @@ import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from ges.diagnose.report.blocks import error_rows
 from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import Diagnosis
 from ges.diagnose.types.model import block_of
@@ -57,15 +58,18 @@ def with_sentence(diagnosis: Diagnosis) -> Diagnosis:
 
 
 def _named(content: Mapping[str, Any]) -> Iterator[str]:
-    """Findings by kind, how sure the least of them is, and the gain; what is too long loses names
-    first, then the gain, then sizes.
+    """Findings by kind, how sure the least of them is, and what they are worth on flights that took
+    no part; what is too long loses names first, then a gain, then sizes, and never a loss.
     """
-    findings, gain = content["findings"], _gain(content)
+    findings, gain, loss = content["findings"], _gain(content), _loss(content)
     if not findings:
         yield from _declared(content)
         return
-    gains = [f"{where} {gain}" for where in UNSEEN] if gain else []
-    for sized, clauses in ((True, gains), (True, [""]), (False, gains), (False, [""])):
+    told = [f"{gain}, but {loss}", loss] if gain and loss else [gain or loss or "no error falls"]
+    unseen = [f"{where} {worth}" for worth in told for where in UNSEEN]
+    unseen = unseen if content["fit"].get("channels") else []
+    silent = [] if loss else [""]
+    for sized, clauses in ((True, unseen), (True, silent), (False, unseen), (False, silent)):
         for most in range(MOST_NAMES, 0, -1):
             what = _by_kind(findings, content, most, sized)
             yield from (_joined(f"{what}, {_sureness(findings)}", clause) for clause in clauses)
@@ -147,7 +151,21 @@ def _gain(content: Mapping[str, Any]) -> str:
         name, c = best
         share = percent_words(1.0 - c["after"] / c["recalibrated"])
         return f"the error of the {channel_words(name)} falls by {share}"
-    return "no error falls" if content["fit"].get("channels") else ""
+    return ""
+
+
+def _loss(content: Mapping[str, Any]) -> str:
+    """The channel that is worse with the findings on flights that took no part, and not by chance;
+    '' where there is none.
+    """
+    scale = content["data"].get("reference_scale", {})
+    rows, _ = error_rows(content["fit"].get("channels", {}), scale)
+    worse = [row for row in rows if row["state"] == "worse"]
+    if not worse:
+        return ""
+    row = max(worse, key=lambda row: row["change"])
+    grows = percent_words(row["change"])
+    return f"the error of the {channel_words(row['name'])} grows by {grows}"
 
 
 def _best(table: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mapping[str, Any]] | None:
