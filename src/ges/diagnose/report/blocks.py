@@ -73,7 +73,7 @@ def error_rows(
     rows, small = [], []
     for name, c in table.items():
         stages = [c[s] for s in ("before", "recalibrated", "after") if c.get(s) is not None]
-        if stages and max(stages) < _least(name, scale):
+        if stages and max(stages) < least_told(name, scale):
             small.append(name)
             continue
         reduction = _interval(c)
@@ -99,7 +99,10 @@ def _interval(row: Mapping[str, Any]) -> tuple[float, float] | None:
     return None if low is None or high is None else (low, high)
 
 
-def _least(name: str, scale: Mapping[str, float]) -> float:
+def least_told(name: str, scale: Mapping[str, float]) -> float:
+    """Error of a channel below which no engineer acts, in the unit that its name carries; ``scale``
+    of :func:`error_rows`.
+    """
     block = block_of(without_unit(name))
     if block in scale:
         return least_shares()[block] * scale[block]

@@ -8,7 +8,7 @@ import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from ges.diagnose.report.blocks import error_rows
+from ges.diagnose.report.blocks import error_rows, least_told
 from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import Diagnosis
 from ges.diagnose.types.model import block_of
@@ -59,20 +59,27 @@ def with_sentence(diagnosis: Diagnosis) -> Diagnosis:
 
 def _named(content: Mapping[str, Any]) -> Iterator[str]:
     """Findings by kind, how sure the least of them is, and what they are worth on flights that took
-    no part; what is too long loses names first, then a gain, then sizes, and never a loss.
+    no part; what is too long loses names first, then a gain, then sizes; beside a loss sizes, then
+    the gain.
     """
     findings, gain, loss = content["findings"], _gain(content), _loss(content)
     if not findings:
         yield from _declared(content)
         return
-    told = [f"{gain}, but {loss}", loss] if gain and loss else [gain or loss or "no error falls"]
-    unseen = [f"{where} {worth}" for worth in told for where in UNSEEN]
-    unseen = unseen if content["fit"].get("channels") else []
-    silent = [] if loss else [""]
-    for sized, clauses in ((True, unseen), (True, silent), (False, unseen), (False, silent)):
+    if not content["fit"].get("channels"):
+        forms = [(True, ""), (False, "")]
+    elif loss:
+        both = [f"{gain}, but {loss}", loss] if gain else [loss]
+        forms = [(sized, told) for told in both for sized in (True, False)]
+    else:
+        forms = [
+            (sized, told) for sized in (True, False) for told in (gain or "no error falls", "")
+        ]
+    for sized, worth in forms:
         for most in range(MOST_NAMES, 0, -1):
-            what = _by_kind(findings, content, most, sized)
-            yield from (_joined(f"{what}, {_sureness(findings)}", clause) for clause in clauses)
+            what = f"{_by_kind(findings, content, most, sized)}, {_sureness(findings)}"
+            clauses = [f"{where} {worth}" for where in UNSEEN] if worth else [""]
+            yield from (_joined(what, clause) for clause in clauses)
     lead = LEADS[findings[0]["kind"]]
     yield _capital(f"{lead} {list_words(_names(findings, content, 1, False))}.")
 
@@ -155,12 +162,17 @@ def _gain(content: Mapping[str, Any]) -> str:
 
 
 def _loss(content: Mapping[str, Any]) -> str:
-    """The channel that is worse with the findings on flights that took no part, and not by chance;
-    '' where there is none.
+    """The channel that is worse with the findings on flights that took no part, not by chance, and
+    by more than a reading that nobody acts on; '' where there is none.
     """
     scale = content["data"].get("reference_scale", {})
     rows, _ = error_rows(content["fit"].get("channels", {}), scale)
-    worse = [row for row in rows if row["state"] == "worse"]
+    worse = [
+        row
+        for row in rows
+        if row["state"] == "worse"
+        and row["after"] - row["recalibrated"] >= least_told(row["name"], scale)
+    ]
     if not worse:
         return ""
     row = max(worse, key=lambda row: row["change"])
