@@ -128,9 +128,9 @@ def test_a_certain_loss_is_said_beside_the_gain(content):
         "force_z_N": _unseen(0.8, 1.2, 1.7, [-0.7, -0.3]),
     }
     told = sentence_of(content)
-    assert "falls by 50 %, but the error of the" in told and told.endswith("grows by 42 %.")
+    assert told.endswith("falls by 50 %, but the force along thrust is 42 % worse.")
     content["fit"]["channels"]["force_z_N"]["reduction_ci95"] = [-0.7, 0.1]
-    assert "grows" not in sentence_of(content)
+    assert "worse" not in sentence_of(content)
 
 
 def test_a_loss_is_said_before_names_and_sizes(content):
@@ -140,7 +140,17 @@ def test_a_loss_is_said_before_names_and_sizes(content):
         _finding(content, name) for name in ("ground_effect_forward_flight", *["wind"] * 4)
     ]
     told = sentence_of(content)
-    assert told.endswith("grows by 42 %.") and len(told.split()) <= MOST_WORDS
+    assert told.endswith("is 42 % worse.") and len(told.split()) <= MOST_WORDS
+
+
+def test_where_gain_and_loss_are_too_long_there_is_a_loss_all_the_same(content):
+    content["fit"]["channels"] = {"moment_y_Nm": _unseen(0.8, 1.2, 1.7, [-0.7, -0.3])}
+    content["findings"] = [
+        _finding(content, "slung_load"),
+        _finding(content, "wind"),
+        _finding(content, "time_offset", kind="sensor"),
+    ]
+    assert sentence_of(content).endswith("m off, not 0.15 m, but another error grows.")
 
 
 def test_what_stays_unknown_has_its_place(content):

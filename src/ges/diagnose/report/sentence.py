@@ -60,7 +60,7 @@ def with_sentence(diagnosis: Diagnosis) -> Diagnosis:
 def _named(content: Mapping[str, Any]) -> Iterator[str]:
     """Findings by kind, how sure the least of them is, and what they are worth on flights that took
     no part; what is too long loses names first, then a gain, then sizes; beside a loss sizes, then
-    the gain.
+    which channel lost, and the gain last.
     """
     findings, gain, loss = content["findings"], _gain(content), _loss(content)
     if not findings:
@@ -69,7 +69,8 @@ def _named(content: Mapping[str, Any]) -> Iterator[str]:
     if not content["fit"].get("channels"):
         forms = [(True, ""), (False, "")]
     elif loss:
-        both = [f"{gain}, but {loss}", loss] if gain else [loss]
+        both = [f"{gain}, but {loss}", f"{gain}, but another error grows"] if gain else []
+        both += [loss]
         forms = [(sized, told) for told in both for sized in (True, False)]
     else:
         forms = [
@@ -176,8 +177,7 @@ def _loss(content: Mapping[str, Any]) -> str:
     if not worse:
         return ""
     row = max(worse, key=lambda row: row["change"])
-    grows = percent_words(row["change"])
-    return f"the error of the {channel_words(row['name'])} grows by {grows}"
+    return f"the {channel_words(row['name'])} is {percent_words(row['change'])} worse"
 
 
 def _best(table: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mapping[str, Any]] | None:
