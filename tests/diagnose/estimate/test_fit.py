@@ -10,6 +10,7 @@ import pytest
 from ges.diagnose.estimate.fit import (
     Fitted,
     Joint,
+    _with_levers_as_they_are,
     calibrated,
     correction_bounds,
     fitted_model,
@@ -306,3 +307,26 @@ def test_a_wind_is_as_strong_as_the_drag_that_was_found_lets_it_be():
     ):
         told = _start([(wind, 1.5), (_variant("rotor_drag", "k_kg"), found)])
         assert told["wind"]["east_m_s"] == pytest.approx(1.5 * factor)
+
+
+def test_a_lag_is_not_what_a_lever_is_wrong_by():
+    """A drag's small moment has its own coefficient in the fit; the vehicle then flies with the
+    lever that it has, and of what that leaves trims take what they can, and declared numbers none.
+    """
+    rng = np.random.default_rng(8)
+    lag, trim = nuisance("motor_lag.up_s", 0.5), nuisance("weak_rotor.loss_1", 0.5)
+    columns = (DRAG, amplitude("rotor_drag.k_kg", part="moment", high=1e9), lag, trim)
+    flights = []
+    for _ in range(2):
+        push, moment, late, loss = rng.standard_normal((4, ROWS))
+        late, loss = late + moment, loss + moment
+        noise = 0.1 * rng.standard_normal((ROWS, 2))
+        y = np.stack([0.5 * push, -0.4 * moment + 0.1 * late], axis=1) + noise
+        flights.append(rows_of(y, [{0: push}, {1: moment}, {1: late}, {1: loss}]))
+    board = make_board(system_of(("force_x", "moment_y"), columns, flights), [0, 1])
+    apart = joint_fit(board, [0, 1])
+    told = _with_levers_as_they_are(board, [0, 1], apart, 1)
+    assert told.common["motor_lag.up_s"] == pytest.approx(apart.common["motor_lag.up_s"], abs=0.02)
+    assert told.common_sd["motor_lag.up_s"] == apart.common_sd["motor_lag.up_s"]
+    assert told.common["weak_rotor.loss_1"] < apart.common["weak_rotor.loss_1"] - 0.05
+    assert told.chosen == pytest.approx(apart.chosen[:1], abs=0.01)

@@ -8,6 +8,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -51,6 +52,7 @@ def joint_fit(
     chosen: Indices,
     prior_mean: np.ndarray | None = None,
     prior_sd: np.ndarray | None = None,
+    held: Mapping[str, tuple[float, float]] = MappingProxyType({}),
 ) -> Joint:
     """Fit chosen columns and all nuisances at once, but for those whose number a chosen column
     frees; common nuisances within the bounds of what the library flies.
@@ -60,6 +62,8 @@ def joint_fit(
     chosen : columns of the system.
     prior_mean, prior_sd : (k,) prior of the chosen coefficients; the board's, wide, where not
         given.
+    held : prior mean and sd of common nuisances by key, as corrections of the vehicle file; those
+        of the file where not given.
     """
     columns, chosen = board.system.columns, np.asarray(chosen, dtype=int)
     freed = {columns[k].key for k in chosen}
@@ -71,10 +75,15 @@ def joint_fit(
     total = sizes[0] + sizes[1] + sizes[2] * len(board.whites)
     mean, precision = np.zeros(total), np.zeros(total)
     mean[: sizes[0]] = 0.0 if prior_mean is None else prior_mean
-    wide = settings.numerics.wide_factor * board.prior.sd[chosen]
-    precision[: sizes[0]] = 1.0 / (wide if prior_sd is None else prior_sd) ** 2
-    mean[start[1] : start[2]] = [known[k].mean for k in common]
-    precision[start[1] : start[2]] = [1.0 / known[k].sd ** 2 for k in common]
+    loose = settings.numerics.wide_factor * board.prior.sd[chosen]
+    precision[: sizes[0]] = 1.0 / (loose if prior_sd is None else prior_sd) ** 2
+    moved, names = board.system.model.moved, [known[k].key for k in common]
+    start_at = np.array([moved.get(name, 0.0) for name in names])
+    for i, (k, name) in enumerate(zip(common, names, strict=True), start[1]):
+        mean[i], sd = known[k].mean, known[k].sd
+        if name in held:
+            mean[i], sd = held[name][0] - start_at[i - start[1]], held[name][1]
+        precision[i] = 1.0 / sd**2
     precision[start[2] :] = np.tile(
         [1.0 / known[k].flight_sd ** 2 for k in varies], len(board.whites)
     )
@@ -99,15 +108,13 @@ def joint_fit(
         beta = _bounded(xx, xy, unit, room)
     by_rows = inverse[: sizes[0], : sizes[0]]
     covariance = np.maximum(1.0, _inflation(board, kept, places, beta, inverse, sizes[0])) * by_rows
-    names = [known[k].key for k in common]
-    moved = np.array([board.system.model.moved.get(name, 0.0) for name in names])
     flight_names = [known[k].key for k in varies]
     return Joint(
         beta[: sizes[0]],
         covariance,
         by_rows,
         yy - float((2.0 * xy - xx @ beta) @ beta),
-        dict(zip(names, moved + beta[start[1] : start[2]], strict=True)),
+        dict(zip(names, start_at + beta[start[1] : start[2]], strict=True)),
         dict(zip(names, np.sqrt(np.diag(inverse)[start[1] : start[2]]), strict=True)),
         tuple(dict(zip(flight_names, beta[at[start[2] :]], strict=True)) for at in places),
     )
@@ -471,16 +478,32 @@ def _with_levers_as_they_are(
 ) -> Joint:
     """The nuisances as the fitted vehicle needs them, where small moments had coefficients of their
     own beside the ``count`` free ones: a vehicle flies with the levers that its file has, and trims
-    make up for the rest.
+    make up for the rest. Declared numbers stay as they were with the moments free: a lag or an
+    inertia is not what a lever is wrong by.
     """
     if len(chosen) == count:
         return joint
-    return joint_fit(
+    firm = settings.estimate.converged_sds
+    held = {
+        key: (value, firm * joint.common_sd[key])
+        for key, value in joint.common.items()
+        if not _is_trim(key)
+    }
+    told = joint_fit(
         board,
         chosen[:count],
         joint.chosen[:count],
-        np.sqrt(np.diag(joint.covariance)[:count]) * settings.estimate.converged_sds,
+        np.sqrt(np.diag(joint.covariance)[:count]) * firm,
+        held,
     )
+    sds = {**told.common_sd, **{key: joint.common_sd[key] for key in held}}
+    return dataclasses.replace(told, common_sd=sds)
+
+
+def _is_trim(key: str) -> bool:
+    """Whether a nuisance, ``effect.parameter``, trims the vehicle."""
+    effect, parameter = key.split(".")
+    return effect != "vehicle" and bool(effect_table.get(effect).parameter(parameter).trim)
 
 
 def wide(board: Board, chosen: Sequence[int]) -> np.ndarray:
