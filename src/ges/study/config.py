@@ -352,6 +352,9 @@ class Models(Part):
     firmware_plan: Literal["published", "consistent"] = Field(
         description="flight plan whose MLP the firmware flies"
     )
+    trainings: list[Annotated[int, Field(ge=0)]] = Field(
+        min_length=1, description="seeds of training of the networks of both plans that are flown"
+    )
     window: Window = Field(description="window of the sequence models")
     linear: Fit = Field(description="linear regression")
     decision_tree: TreeFit = Field(description="decision tree")
@@ -445,7 +448,9 @@ class ClosedLoop(Part):
         min_length=1, description="ground effect factors of the pole analysis"
     )
     slope_exponents: list[NonNegative] = Field(min_length=1, description="grid: slope exponents")
-    curvature_gains_m: list[Finite] = Field(min_length=1, description="grid: curvature gains")
+    curvature_factors: list[Finite] = Field(
+        min_length=1, description="grid: curvature gains, as factors of the simulator's"
+    )
 
     @model_validator(mode="after")
     def _pulse_fits(self) -> ClosedLoop:

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import differential_evolution
+from scipy.optimize import minimize
 
 from ges import files
 from ges.simulator import flight as sim
@@ -39,20 +39,29 @@ HORIZONS_S = (0.0, 0.1, 0.5)
 FREE = {
     "cruise_m_s": (0.001, 0.1),
     "descent_m": (0.1, 0.19),
-    "descent_period_s": (4.0, 30.0),
-    "descent_share": (0.1, 1.0),
+    "descent_period_s": (4.0, 60.0),
+    "descent_share": (0.05, 1.0),
     "range_noise_m": (0.0002, 0.004),
 }
-GENERATIONS = 12
+EVALUATIONS = 60
 _COLUMNS = ("range_m", TARGET, CONTACT)
 _UNFLYABLE = 1e9
 
 
-def plan_numbers(x: Sequence[float] | np.ndarray) -> dict[str, float]:
-    """Numbers of the plan and the rangefinder's noise from a point of the search."""
-    numbers = dict(zip(FREE, map(float, x), strict=True))
+def plan_numbers(point: np.ndarray) -> dict[str, float]:
+    """Numbers of the plan and the rangefinder's noise at a place within the bounds, 0 to 1."""
+    low, high = np.array(list(FREE.values()), float).T
+    numbers = dict(zip(FREE, map(float, low + point * (high - low)), strict=True))
     share = numbers.pop("descent_share")
     return {**numbers, "descent_duration_s": share * numbers["descent_period_s"]}
+
+
+def plan_point(numbers: Mapping[str, float]) -> np.ndarray:
+    """Place of the numbers within the bounds, 0 to 1."""
+    share = numbers["descent_duration_s"] / numbers["descent_period_s"]
+    low, high = np.array(list(FREE.values()), float).T
+    values = np.array([{**numbers, "descent_share": share}[name] for name in FREE])
+    return (values - low) / (high - low)
 
 
 def fly_plan(
@@ -116,12 +125,12 @@ def fit_plan(
     rate_hz: float,
     fitted: Path,
 ) -> None:
-    """Search the plan's free numbers by differential evolution; write what was fitted to what, and
-    how near it came.
+    """Search the plan's free numbers from those of the configuration; write what was fitted to
+    what, and how near it came.
 
     Parameters
     ----------
-    simulator, plan : say everything that is not free.
+    simulator, plan : say everything that is not free, and where the search starts.
     fitted : to write (JSON): free numbers, published and flown figures, bounds and seeds.
     """
     seeds, vehicle = plan_seeds.list(), simulator.vehicle.parameters()
@@ -130,14 +139,13 @@ def fit_plan(
         records = fly_plan(simulator, plan, numbers, seeds, duration_s, rate_hz)
         return formula_errors(records, vehicle, rate_hz)
 
-    found = differential_evolution(
+    start = plan_point({**simulator.parameters(), **plan.model_dump(exclude={"mode"})})
+    found = minimize(
         lambda x: misfit(flown(plan_numbers(x))),
-        list(FREE.values()),
-        seed=1,
-        popsize=5,
-        maxiter=GENERATIONS,
-        polish=False,
-        tol=0.0,
+        start,
+        method="Nelder-Mead",
+        bounds=[(0.0, 1.0)] * len(FREE),
+        options={"maxfev": EVALUATIONS},
     )
     numbers = plan_numbers(found.x)
     files.write_json(
