@@ -289,7 +289,7 @@ def causes(tests: Path, data: Path, pdf: Path, png: Path) -> None:
     axes.axvline(0, color=style.BLACK, lw=0.6)
     axes.set_yticks(range(len(listed)), listed)
     axes.invert_yaxis()
-    axes.set_xlabel("AGL RMS less that without ground effect (mm)")
+    axes.set_xlabel("less no ground effect (mm)")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     style.save(figure, table.reset_index(drop=True), data, pdf, png)
 
