@@ -47,9 +47,7 @@ def test_errors_can_be_flown_again(report):
         STUDY.data.duration_s,
         STUDY.data.rate_hz,
     )
-    errors = fit.formula_errors(
-        records, STUDY.simulator.vehicle.parameters(), STUDY.data.rate_hz
-    )
+    errors = fit.formula_errors(records, STUDY.simulator.vehicle.parameters(), STUDY.data.rate_hz)
     assert errors == pytest.approx(report["flown"], rel=2e-2)
     assert fit.misfit(errors) == pytest.approx(report["misfit"], rel=0.2, abs=0.5)
 
