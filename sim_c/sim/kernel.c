@@ -32,7 +32,7 @@ typedef struct {
 } noise_t;
 
 typedef struct {
-  vd agl_ref, cruise, descent, descent_period, preview;
+  vd agl_ref, cruise, track_start, descent, descent_period, descent_duration, preview;
   int any_preview;
   const double *inputs[GES_W];
   int n_inputs[GES_W];
@@ -102,8 +102,10 @@ static void load_noise(noise_t *n, const double *const *p) {
 static void load_task(task_t *t, const double *const *p, ges_flight *const *flights) {
   t->agl_ref = column(p, P_agl_ref_m);
   t->cruise = column(p, P_cruise_m_s);
+  t->track_start = column(p, P_track_start_m);
   t->descent = column(p, P_descent_m);
   t->descent_period = column(p, P_descent_period_s);
+  t->descent_duration = column(p, P_descent_duration_s);
   t->preview = column(p, P_preview_s);
   t->any_preview = any(GT(t->preview, all_lanes(0.0)));
   t->inputs_dt = column(p, P_inputs_dt_s);
@@ -200,7 +202,7 @@ static vd input(const task_t *task, int width, vd t, int k, int hold) {
 
 static void start_trimmed(lanes_t *l) {
   const vehicle_t *b = &l->body;
-  vd zero = all_lanes(0.0), x = zero, y = zero, vx = l->task.cruise, up = l->task.agl_ref;
+  vd zero = all_lanes(0.0), x = l->task.track_start, y = zero, vx = l->task.cruise, up = l->task.agl_ref;
   if (l->plan->references) {
     x = input(&l->task, GES_REFERENCE_COLUMNS, zero, 0, 1);
     y = input(&l->task, GES_REFERENCE_COLUMNS, zero, 1, 1);
@@ -310,10 +312,13 @@ static void read_sensors(lanes_t *l, int k, vd attitude[9]) {
   }
 }
 
-/* Smooth wave of period 1 between 0 and 1, from the terrain's quintic. */
-static vd descent_wave(vd cycles) {
-  vd t = cycles - nearest(cycles), t2 = t * t;
-  return 0.5 - 0.5 * (1.0 / 1.1721) * (t * (7.0 + t2 * (-40.0 + 48.0 * t2)));
+/* Share of its depth that a descent has reached: down and up again in its duration by the terrain's quintic, then level. */
+static vd descent_share(const task_t *task, vd t) {
+  vd cycles = t / task->descent_period, since = (cycles - nearest(cycles - 0.5)) * task->descent_period;
+  vd u = lane_min(since / task->descent_duration, all_lanes(1.0)) + 0.25;
+  u = u - nearest(u);
+  vd u2 = u * u;
+  return 0.5 - 0.5 * (1.0 / 1.1721) * (u * (7.0 + u2 * (-40.0 + 48.0 * u2)));
 }
 
 static void cruise_reference(const lanes_t *l, fw_input *in) {
@@ -321,9 +326,9 @@ static void cruise_reference(const lanes_t *l, fw_input *in) {
   const sample_t *s = &l->sample;
   for (int k = 0; k < 3; k++) in->p_ref[k] = in->v_ref[k] = in->a_ref[k] = number(0.0f);
   for (int k = 0; k < 4; k++) in->excitation[k] = number(0.0f);
-  in->p_ref[0] = to_float(t->cruise * s->t);
+  in->p_ref[0] = to_float(t->track_start + t->cruise * s->t);
   in->v_ref[0] = to_float(t->cruise);
-  vd down = t->descent * descent_wave(s->t / t->descent_period + 0.25);
+  vd down = t->descent * descent_share(t, s->t);
   in->p_ref[2] = to_float(t->agl_ref - down);
   in->heading[0] = number(1.0f);
   in->heading[1] = number(0.0f);

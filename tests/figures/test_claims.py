@@ -183,6 +183,7 @@ def test_the_paper_quotes_what_exists_and_types_no_number(tmp_path):
         f"claims.{name}"
         for name in (
             "all",
+            "derived",
             "reproduced",
             "reproduced_fitted",
             "same_direction",

@@ -89,13 +89,17 @@ def pulse() -> dict[str, pd.DataFrame]:
 
 
 def causes() -> pd.DataFrame:
-    table = summary(metric=["agl_rms_m"], reference=["analytical, per rotor", "none, per rotor"])
-    return table.assign(condition="oracle, per rotor")
+    table = summary(
+        metric=["agl_rms_m"],
+        reference=["analytical, per rotor", "no ground effect, per rotor"],
+        mode=["none", "oracle"],
+    )
+    return table.assign(condition=table["mode"] + ", per rotor").drop(columns="mode")
 
 
 CELLS = {
     "slope_exponent": [0.5, 1.0],
-    "curvature_gain_m": [0.3, 0.6],
+    "curvature_factor": [0.5, 1.0],
     "metric": ["agl_rms_m"],
     "condition": MODES,
 }

@@ -2,6 +2,7 @@
 what they claim.
 """
 
+import itertools
 import json
 import re
 
@@ -20,6 +21,7 @@ from ges.study.fly import (
     flights,
     forms,
     grid,
+    networks,
     pulse,
     winner,
 )
@@ -251,6 +253,44 @@ def test_a_perfect_oracle_flies_as_if_there_were_no_ground_effect(flown):
     assert (table["none"] - table[causes.FLOOR]).abs().max() > 1e-4
 
 
+def test_every_mode_is_set_against_the_vehicle_without_ground_effect(flown):
+    tests, flights_ = _table(flown, "causes_tests.csv"), _table(flown, "causes.csv")
+    mean = flights_.groupby(["cause", "mode"])["agl_rms_m"].mean()
+    floor = tests[
+        tests["reference"].str.startswith(causes.FLOOR) & (tests["metric"] == "agl_rms_m")
+    ]
+    assert len(floor) == 3 * flights_["cause"].nunique()
+    for row in floor.itertuples():
+        name, _, cause = row.condition.partition(", ")
+        assert row.difference == pytest.approx(mean[cause, name] - mean[cause, causes.FLOOR])
+
+
+def test_networks_are_summarised_by_training_and_over_trainings(tiny, tmp_path):
+    made = []
+    for plan, training in itertools.product(("published", "consistent"), (1, 2)):
+        made.append(tmp_path / f"{plan}{training}.csv")
+        networks.fly_network(
+            tiny.simulator,
+            tiny.closed_loop,
+            tiny.seeds.closed_loop,
+            plan,
+            training,
+            made[-1],
+        )
+    moved = pd.read_csv(made[1])
+    hybrid = moved["condition"] == "ml"
+    moved.loc[hybrid, "agl_rms_m"] += 0.002
+    moved.to_csv(made[1], index=False)
+    networks.summarise_networks(made, tmp_path / "networks.csv", tmp_path / "summary.csv")
+    table = pd.read_csv(tmp_path / "summary.csv").query("metric == 'agl_rms_m'")
+    found = table.set_index(["trained_on", "training", "condition"])["difference"]
+    first, second, mean = (found["published", t, "ml"] for t in ("1", "2", "mean"))
+    assert second == pytest.approx(first + 0.002) and mean == pytest.approx(first + 0.001)
+    assert found["consistent", "mean", "ml"] == pytest.approx(first)
+    assert set(table["trainings"]) == {2}
+    assert len(pd.read_csv(tmp_path / "networks.csv")) == 4 * 3 * tiny.seeds.closed_loop.count
+
+
 def test_grid_changes_the_truth_alone(tiny, flown, tmp_path):
     world, plan, seeds, choice = (
         tiny.simulator,
@@ -258,9 +298,9 @@ def test_grid_changes_the_truth_alone(tiny, flown, tmp_path):
         tiny.seeds.closed_loop,
         flown / "clamp.json",
     )
-    cells = [tmp_path / f"cell{gain}.csv" for gain in (0.6, 0.9)]
-    for cell, gain in zip(cells, (0.6, 0.9), strict=True):
-        grid.fly_grid_cell(world, plan, seeds, choice, 1.0, gain, cell)
+    cells = [tmp_path / f"cell{factor}.csv" for factor in (1.0, 1.5)]
+    for cell, factor in zip(cells, (1.0, 1.5), strict=True):
+        grid.fly_grid_cell(world, plan, seeds, choice, 1.0, factor, cell)
     grid.summarise_grid(cells, tmp_path / "grid.csv", tmp_path / "grid_summary.csv")
     same, other = (pd.read_csv(cell).query("condition == 'none'")["agl_rms_m"] for cell in cells)
     reference = _table(flown, "comparison.csv").query(

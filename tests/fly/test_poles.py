@@ -76,9 +76,10 @@ def test_small_step_of_the_simulator(simulator, mode, power, factor):
 )
 def test_small_step_over_a_crest_where_the_loop_is_unstable(simulator, factor, mode):
     """Below 1 hover cannot settle: it begins in balance, with a bias that makes the estimate true
-    there.
+    there. Over the steepest crest it leaves the place of the linearisation by a millimetre within
+    0.8 s, so half a second is compared.
     """
-    at, pulse, end = poles.trim(simulator, factor, mode), 1e-4, 0.8
+    at, pulse, end = poles.trim(simulator, factor, mode), 1e-4, 0.5
     speed = (
         simulator.vehicle.mass_kg
         * poles.gravity()

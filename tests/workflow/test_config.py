@@ -50,6 +50,16 @@ def changed(path: str, value: object) -> dict:
             9.0,
             ["terrain_width_min_m = 9", "terrain_width_max_m"],
         ),
+        (
+            "data.plans.published.descent_duration_s",
+            1e4,
+            ["descent_duration_s = 10000", "descent_period_s"],
+        ),
+        (
+            "data.plans.consistent.start_max_m",
+            3200.0,
+            ["data.plans.consistent", "start_max_m = 3200", "terrain_length_m"],
+        ),
     ],
 )
 def test_wrong_value_is_named(path, value, words):

@@ -5,9 +5,9 @@ FLOWN = "results/closed_loop"
 PLAIN, FLYING = "build/libges.so", "build/ml/libges.so"
 CLAMP = f"{FLOWN}/clamp.json"
 CELLS = [
-    f"{FLOWN}/grid/slope{exponent:g}_curvature{gain:g}.csv"
-    for exponent, gain in itertools.product(
-        STUDY.closed_loop.slope_exponents, STUDY.closed_loop.curvature_gains_m
+    f"{FLOWN}/grid/slope{exponent:g}_curvature{factor:g}.csv"
+    for exponent, factor in itertools.product(
+        STUDY.closed_loop.slope_exponents, STUDY.closed_loop.curvature_factors
     )
 ]
 
@@ -71,6 +71,50 @@ rule fly_comparison:
         seeds=part("seeds"),
     message:
         "fly the feedforward modes against each other"
+    script:
+        SCRIPT
+
+
+rule fly_network:
+    input:
+        library=NETWORK_LIBRARY,
+    output:
+        flights=f"{FLOWN}/networks/{{plan}}_training{{training}}.csv",
+    log:
+        "results/logs/closed_loop/fly_network_{plan}_{training}.log",
+    benchmark:
+        "results/benchmarks/closed_loop/fly_network_{plan}_{training}.tsv"
+    params:
+        call=call("ges.study.fly.networks:fly_network"),
+        simulator=part("simulator"),
+        plan=part("closed_loop"),
+        closed_loop=part("seeds.closed_loop"),
+        trained_on=lambda wildcards: wildcards.plan,
+        training=lambda wildcards: int(wildcards.training),
+    message:
+        "fly the network, {wildcards.plan}, seed {wildcards.training}"
+    script:
+        SCRIPT
+
+
+rule summarise_networks:
+    input:
+        networks=expand(
+            f"{FLOWN}/networks/{{plan}}_training{{training}}.csv",
+            plan=PLANS,
+            training=STUDY.models.trainings,
+        ),
+    output:
+        flights=f"{FLOWN}/networks.csv",
+        summary=f"{FLOWN}/networks_summary.csv",
+    log:
+        "results/logs/closed_loop/summarise_networks.log",
+    benchmark:
+        "results/benchmarks/closed_loop/summarise_networks.tsv"
+    params:
+        call=call("ges.study.fly.networks:summarise_networks"),
+    message:
+        "networks of both flight plans in flight"
     script:
         SCRIPT
 
@@ -185,20 +229,20 @@ rule fly_grid_cell:
         library=FLYING,
         clamp=CLAMP,
     output:
-        flights=f"{FLOWN}/grid/slope{{exponent}}_curvature{{gain}}.csv",
+        flights=f"{FLOWN}/grid/slope{{exponent}}_curvature{{factor}}.csv",
     log:
-        "results/logs/closed_loop/fly_grid_slope{exponent}_curvature{gain}.log",
+        "results/logs/closed_loop/fly_grid_slope{exponent}_curvature{factor}.log",
     benchmark:
-        "results/benchmarks/closed_loop/fly_grid_slope{exponent}_curvature{gain}.tsv"
+        "results/benchmarks/closed_loop/fly_grid_slope{exponent}_curvature{factor}.tsv"
     params:
         call=call("ges.study.fly.grid:fly_grid_cell"),
         simulator=part("simulator"),
         plan=part("closed_loop"),
         closed_loop=part("seeds.closed_loop"),
         slope_exponent=lambda wildcards: float(wildcards.exponent),
-        curvature_gain_m=lambda wildcards: float(wildcards.gain),
+        curvature_factor=lambda wildcards: float(wildcards.factor),
     message:
-        "fly slope exponent {wildcards.exponent}, curvature gain {wildcards.gain} m"
+        "fly slope exponent {wildcards.exponent}, curvature gain x {wildcards.factor}"
     script:
         SCRIPT
 
@@ -350,6 +394,7 @@ CLOSED_LOOP = [
             "winner_tests.csv",
             "ensemble_summary.csv",
             "worlds_summary.csv",
+            "networks_summary.csv",
         )
     ),
 ]

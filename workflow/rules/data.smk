@@ -37,6 +37,27 @@ for number, batch in enumerate(batched(FLIGHTS, STUDY.data.flights_per_batch)):
             SCRIPT
 
 
+# Some ten minutes, and no part of the study: its result stands in config/, its numbers in config/default.yaml.
+rule fit_plan:
+    input:
+        library="build/libges.so",
+    output:
+        fitted="results/plan.json",
+    log:
+        "results/logs/data/fit_plan.log",
+    params:
+        call=call("ges.study.datasets.plan:fit_plan"),
+        simulator=part("simulator"),
+        plan=part("data.plans.published"),
+        plan_seeds=part("seeds.plan"),
+        duration_s=part("data.duration_s"),
+        rate_hz=part("data.rate_hz"),
+    message:
+        "fit the published flight plan to the formula's published errors"
+    script:
+        SCRIPT
+
+
 rule split_rows:
     output:
         split="results/splits/rows.{split}.csv",

@@ -78,6 +78,87 @@ rule export_mlp:
         SCRIPT
 
 
+# Networks of both flight plans, each trained several times: what the published study flew, and what the luck of a
+# training does.
+NETWORK_OF = "results/networks/{plan}/training{training}"
+NETWORK_LIBRARY = "build/networks/{plan}_training{training}/libges.so"
+
+
+wildcard_constraints:
+    training=r"\d+",
+
+
+rule train_network:
+    input:
+        library="build/libges.so",
+        flights=CHECKED_FLIGHTS,
+        split="results/splits/rows.seedwise.csv",
+    output:
+        predictions=f"{NETWORK_OF}.predictions.parquet",
+        metrics=f"{NETWORK_OF}.metrics.json",
+        model=f"{NETWORK_OF}.joblib",
+    log:
+        "results/logs/models/train_network_{plan}_{training}.log",
+    benchmark:
+        "results/benchmarks/models/train_network_{plan}_{training}.tsv"
+    params:
+        call=call("ges.study.models.train:train_model"),
+        name="mlp",
+        plan=lambda wildcards: wildcards.plan,
+        kind="seedwise",
+        fit=part("models.mlp"),
+        window=part("models.window"),
+        vehicle=part("simulator.vehicle"),
+        horizon_s=part("models.horizon_s"),
+        rate_hz=part("data.rate_hz"),
+        validation_rows=part("models.validation_rows"),
+        test_rows=part("models.test_rows"),
+        resamples=part("models.resamples"),
+        seed=lambda wildcards: int(wildcards.training),
+    message:
+        "train the network, {wildcards.plan}, seed {wildcards.training}"
+    script:
+        SCRIPT
+
+
+rule export_network:
+    input:
+        model=f"{NETWORK_OF}.joblib",
+    output:
+        header_file=f"{NETWORK_OF}/ge_ff_mlp_weights.h",
+    log:
+        "results/logs/models/export_network_{plan}_{training}.log",
+    benchmark:
+        "results/benchmarks/models/export_network_{plan}_{training}.tsv"
+    params:
+        call=call("ges.study.models.export:export_mlp"),
+        plan=lambda wildcards: wildcards.plan,
+    message:
+        "write the firmware's network, {wildcards.plan}, seed {wildcards.training}"
+    script:
+        SCRIPT
+
+
+rule build_network:
+    input:
+        header=f"{NETWORK_OF}/ge_ff_mlp_weights.h",
+        plain="build/libges.so",
+    output:
+        library=NETWORK_LIBRARY,
+    log:
+        "results/logs/models/build_network_{plan}_{training}.log",
+    benchmark:
+        "results/benchmarks/models/build_network_{plan}_{training}.tsv"
+    threads: 2
+    params:
+        sources=SIM_HASH,
+        make=MAKE_SIM,
+    message:
+        "compile the simulator with the network, {wildcards.plan}, seed {wildcards.training}"
+    shell:
+        "({params.make} -j{threads} WEIGHTS=$PWD/$(dirname {input.header}) SHARED=$PWD/build BUILD=$PWD/$(dirname {output.library})) > {log} 2>&1"
+
+
 rule build_simulator_ml:
     input:
         header="results/models/ge_ff_mlp_weights.h",

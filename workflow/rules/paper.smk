@@ -26,9 +26,9 @@ CLAIMED_TABLES = [
             "pulse_map_limits.csv",
             "poles_summary.csv",
             "grid_summary.csv",
-            "grid.csv",
             "causes_tests.csv",
             "worlds_summary.csv",
+            "networks_summary.csv",
             "worlds_bias_tests.csv",
         )
     ),
@@ -36,6 +36,8 @@ CLAIMED_TABLES = [
 QUOTED_TABLES = [
     *CLAIMED_TABLES,
     "results/closed_loop/winner_summary.csv",
+    "results/closed_loop/winner_tests.csv",
+    "results/closed_loop/causes_summary.csv",
     "results/closed_loop/ensemble_summary.csv",
     "results/real/blocks.csv",
     "results/real/forms.csv",

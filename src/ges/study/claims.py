@@ -74,7 +74,8 @@ class Claim(Strict):
     ``where`` and ``value`` find our number, ``reduce`` the greatest, least or mean of several;
     ``minus`` (a further ``where``) is subtracted, ``over`` divides. ``baseline`` finds our
     counterpart of the published ``paper_baseline``. ``fitted`` marks a number that the simulator
-    was calibrated to, which is no test. ``margin`` belongs to ``null``, ``bound`` to ``above`` and
+    was calibrated to, which is no test, ``derived`` a statement that the paper does not make but
+    that follows from two of its own. ``margin`` belongs to ``null``, ``bound`` to ``above`` and
     ``below``.
     """
 
@@ -99,6 +100,7 @@ class Claim(Strict):
     bound: float | None = None
     seeds: str = ""
     fitted: bool = False
+    derived: bool = False
     why: str = ""
 
     @property
@@ -350,6 +352,7 @@ def _rows(
             "seeds": _behind(claim, seeds),
             "verdict": judged,
             "fitted": "yes" if claim.fitted else "",
+            "derived": "yes" if claim.derived else "",
             "why": "" if judged in (REPRODUCED, UNMEASURED) else claim.why,
         }
 

@@ -86,7 +86,7 @@ def entry(found: Ours | None, unit: str, significant: int = 3) -> dict[str, Any]
 
 
 def _claims(table: pd.DataFrame) -> dict[str, dict[str, Any]]:
-    """Entries of every claim, and how many have each verdict."""
+    """Entries of every claim, and how many of the paper's own have each verdict."""
     made: dict[str, dict[str, Any]] = {}
     for row in table.to_dict("records"):
         found = Ours(
@@ -97,12 +97,17 @@ def _claims(table: pd.DataFrame) -> dict[str, dict[str, Any]]:
             "paper": _published(row),
             "verdict": row["verdict"],
         }
+    own = table[table["derived"] != "yes"]
     for verdict in (REPRODUCED, DIRECTION, NOT, UNMEASURED):
         made[f"claims.{verdict.replace(' ', '_')}"] = entry(
-            Ours(value=float((table["verdict"] == verdict).sum())), "1"
+            Ours(value=float((own["verdict"] == verdict).sum())), "1"
         )
-    fitted = table[(table["fitted"] == "yes") & (table["verdict"] == REPRODUCED)]
-    counts = {"claims.all": len(table), "claims.reproduced_fitted": len(fitted)}
+    fitted = own[(own["fitted"] == "yes") & (own["verdict"] == REPRODUCED)]
+    counts = {
+        "claims.all": len(own),
+        "claims.derived": len(table) - len(own),
+        "claims.reproduced_fitted": len(fitted),
+    }
     return made | {name: entry(Ours(value=float(count)), "1") for name, count in counts.items()}
 
 

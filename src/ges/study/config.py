@@ -205,6 +205,9 @@ class Seeds(Part):
     calibration: SeedRange = Field(
         description="fit of the simulator's free numbers to published figures"
     )
+    plan: SeedRange = Field(
+        description="fit of the published flight plan's free numbers to published errors"
+    )
     closed_loop_small: SeedRange = Field(description="closed loop: the small comparison")
     closed_loop: SeedRange = Field(description="closed loop: all other experiments")
 
@@ -231,6 +234,24 @@ class FlightPlan(Part):
     cruise_m_s: Finite = Field(description="forward speed")
     descent_m: NonNegative = Field(description="depth of the repeated descents")
     descent_period_s: Positive = Field(description="period of the descents")
+    descent_duration_s: Positive = Field(
+        description="length of a descent; the rest of its period is level"
+    )
+    start_min_m: NonNegative = Field(description="least place of the track where a flight begins")
+    start_max_m: NonNegative = Field(
+        description="greatest place of the track where a flight begins; each seed draws its own"
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> FlightPlan:
+        for low, high in (
+            ("start_min_m", "start_max_m"),
+            ("descent_duration_s", "descent_period_s"),
+        ):
+            a, b = getattr(self, low), getattr(self, high)
+            if a > b:
+                raise ValueError(f"{low} = {a:g} is above {high} = {b:g}")
+        return self
 
 
 class Data(Part):
@@ -331,6 +352,9 @@ class Models(Part):
     firmware_plan: Literal["published", "consistent"] = Field(
         description="flight plan whose MLP the firmware flies"
     )
+    trainings: list[Annotated[int, Field(ge=0)]] = Field(
+        min_length=1, description="seeds of training of the networks of both plans that are flown"
+    )
     window: Window = Field(description="window of the sequence models")
     linear: Fit = Field(description="linear regression")
     decision_tree: TreeFit = Field(description="decision tree")
@@ -424,7 +448,9 @@ class ClosedLoop(Part):
         min_length=1, description="ground effect factors of the pole analysis"
     )
     slope_exponents: list[NonNegative] = Field(min_length=1, description="grid: slope exponents")
-    curvature_gains_m: list[Finite] = Field(min_length=1, description="grid: curvature gains")
+    curvature_factors: list[Finite] = Field(
+        min_length=1, description="grid: curvature gains, as factors of the simulator's"
+    )
 
     @model_validator(mode="after")
     def _pulse_fits(self) -> ClosedLoop:
@@ -477,6 +503,18 @@ class Study(Part):
     offline: Offline = Field(description="offline experiments")
     closed_loop: ClosedLoop = Field(description="closed-loop experiments")
     proof: Proof = Field(description="the proof with concealed effects")
+
+    @model_validator(mode="after")
+    def _flights_end_on_the_track(self) -> Study:
+        track = self.simulator.terrain.terrain_length_m
+        for name, plan in self.data.plans.items():
+            end = plan.start_max_m + plan.cruise_m_s * self.data.duration_s
+            if end > track:
+                raise ValueError(
+                    f"data.plans.{name}: a flight from start_max_m = {plan.start_max_m:g} ends at"
+                    f" {end:g} m, beyond terrain_length_m = {track:g}; let flights begin earlier"
+                )
+        return self
 
 
 def _model_at(location: tuple) -> type[BaseModel]:

@@ -37,21 +37,29 @@ def config_hash(*parts: object) -> str:
     return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
 
 
-def _flight(
+def start_of(seed: int, plan: FlightPlan) -> float:
+    """Place of the track (m) where the flight of a seed begins, drawn by the seed, so that flights
+    lie over ground of every kind and not over the flat border of the first feature.
+    """
+    return float(np.random.default_rng(seed).uniform(plan.start_min_m, plan.start_max_m))
+
+
+def data_flight(
     seed: int, simulator: Simulator, plan: FlightPlan, duration_s: float, rate_hz: float
 ) -> sim.Flight:
+    """The flight of one seed of the data set."""
     every = 1.0 / (rate_hz * simulator.dt_s)
     if abs(every - round(every)) > 1e-9 * every:
         raise UsageError(
             f"data.rate_hz = {rate_hz:g} does not divide the simulator's {1 / simulator.dt_s:g}"
             " steps/s"
         )
-    plan_numbers = plan.model_dump()
     own = {
         "seed": float(seed),
         "duration_s": duration_s,
         "record_every": float(round(every)),
-        **plan_numbers,
+        "track_start_m": start_of(seed, plan),
+        **plan.model_dump(exclude={"start_min_m", "start_max_m"}),
     }
     return sim.Flight({**simulator.parameters(), **own}, simulator.effects())
 
@@ -97,7 +105,7 @@ def fly_batch(
         "config_sha256": config_hash(simulator, plan, duration_s, rate_hz),
     }
     records = sim.fly(
-        [_flight(seed_of(f), simulator, plan, duration_s, rate_hz) for f in flights], TYPES
+        [data_flight(seed_of(f), simulator, plan, duration_s, rate_hz) for f in flights], TYPES
     )
     for path, record in zip(flights, records, strict=True):
         if record.status != "ok":

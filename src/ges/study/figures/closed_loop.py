@@ -12,6 +12,7 @@ from matplotlib.image import AxesImage
 
 from ges.study.config import ClosedLoop, SeedRange, Simulator
 from ges.study.figures import style
+from ges.study.fly.causes import FLOOR
 from ges.study.fly.flights import flown, fly_conditions, mode
 from ges.study.stats.paired import means
 
@@ -163,7 +164,7 @@ def grid(summary: Path, data: Path, pdf: Path, png: Path) -> None:
     """
     table = pd.read_csv(summary).query("metric == 'agl_rms_m' and condition == 'ml'")
     wide = 1000 * table.pivot(
-        index="slope_exponent", columns="curvature_gain_m", values="difference"
+        index="slope_exponent", columns="curvature_factor", values="difference"
     )
     half = 500 * (
         table.assign(half=table["high"] - table["low"]).pivot(
@@ -186,7 +187,7 @@ def grid(summary: Path, data: Path, pdf: Path, png: Path) -> None:
         )
     axes.set_xticks(range(wide.shape[1]), [f"{v:g}" for v in wide.columns])
     axes.set_yticks(range(wide.shape[0]), [f"{v:g}" for v in wide.index])
-    axes.set(xlabel="curvature gain (m)", ylabel="slope exponent")
+    axes.set(xlabel="curvature gain over the simulator's", ylabel="slope exponent")
     axes.grid(False)
     figure.colorbar(image, ax=axes, label="hybrid less analytical (mm)")
     style.save(figure, table, data, pdf, png)
@@ -265,23 +266,32 @@ def poles(poles: Path, data: Path, pdf: Path, png: Path) -> None:
 
 
 def causes(tests: Path, data: Path, pdf: Path, png: Path) -> None:
-    """Oracle against the analytical mode with one cause taken away at a time."""
+    """Every mode against the vehicle without ground effect, with one cause taken away at a time."""
     table = pd.read_csv(tests).query("metric == 'agl_rms_m'")
-    table = table[table["reference"].str.startswith("analytical, ")].reset_index(drop=True)
-    figure, axes = style.subplots(height=2.5)
-    x = 1000 * table["difference"]
-    axes.errorbar(
-        x,
-        table.index,
-        xerr=[x - 1000 * table["low"], 1000 * table["high"] - x],
-        fmt="o",
-        color=style.BLUE,
+    table = table[table["reference"].str.startswith(f"{FLOOR}, ")]
+    table = table.assign(
+        mode=table["condition"].str.partition(", ")[0],
+        cause=table["condition"].str.partition(", ")[2],
     )
+    listed = list(dict.fromkeys(table["cause"]))
+    figure, axes = style.subplots(height=3.2)
+    for i, (name, rows) in enumerate(table.groupby("mode", sort=False)):
+        x = 1000 * rows["difference"]
+        axes.errorbar(
+            x,
+            np.array([listed.index(c) for c in rows["cause"]]) + 0.2 * (i - 1),
+            xerr=[x - 1000 * rows["low"], 1000 * rows["high"] - x],
+            fmt=style.MARKERS[i],
+            ms=3.5,
+            color=style.MODE_COLOURS[name],
+            label=style.MODE_LABELS[name],
+        )
     axes.axvline(0, color=style.BLACK, lw=0.6)
-    axes.set_yticks(table.index, table["condition"].str.removeprefix("oracle, "))
+    axes.set_yticks(range(len(listed)), listed)
     axes.invert_yaxis()
-    axes.set_xlabel("AGL RMS, oracle less analytical (mm)")
-    style.save(figure, table, data, pdf, png)
+    axes.set_xlabel("less no ground effect (mm)")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    style.save(figure, table.reset_index(drop=True), data, pdf, png)
 
 
 def worlds(summary: Path, data: Path, pdf: Path, png: Path) -> None:

@@ -14,7 +14,7 @@ from ges.study.fly.flights import fly_conditions, write_csv
 from ges.study.stats.paired import compare
 
 METRICS = ("agl_rms_m", "clearance_p5_m", "low_clearance_s")
-CELL = ["slope_exponent", "curvature_gain_m"]
+CELL = ["slope_exponent", "curvature_factor"]
 
 
 def fly_grid_cell(
@@ -23,19 +23,20 @@ def fly_grid_cell(
     closed_loop: SeedRange,
     clamp: Path,
     slope_exponent: float,
-    curvature_gain_m: float,
+    curvature_factor: float,
     flights: Path,
 ) -> None:
-    """Every mode over every seed with one pair of corrections; the network stays the one of the
-    default corrections.
+    """Every mode over every seed with one pair of corrections, the curvature gain as a factor of
+    the simulator's; the network stays the one of the default corrections.
     """
+    gain = curvature_factor * simulator.ground_effect.curvature_gain_m
     truth = simulator.ground_effect.model_copy(
-        update={"slope_exponent": slope_exponent, "curvature_gain_m": curvature_gain_m}
+        update={"slope_exponent": slope_exponent, "curvature_gain_m": gain}
     )
     world = simulator.model_copy(update={"ground_effect": truth})
     table = fly_conditions(mode_conditions(plan, clamp), closed_loop.list(), world, plan)
     write_csv(
-        table.assign(slope_exponent=slope_exponent, curvature_gain_m=curvature_gain_m), flights
+        table.assign(slope_exponent=slope_exponent, curvature_factor=curvature_factor), flights
     )
 
 

@@ -290,6 +290,7 @@ def _verdict(poles: pd.DataFrame) -> pd.DataFrame:
                 "height_m": group["height_m"].iloc[0],
                 "stable": greatest < 0,
                 "greatest_real_1_s": greatest,
+                "dominant_oscillates": float((pairs["real_1_s"] >= greatest).any()),
                 **_dominant(pairs),
                 "gain_margin": group["gain_margin"].iloc[0],
                 "phase_margin_deg": group["phase_margin_deg"].iloc[0],

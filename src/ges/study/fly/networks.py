@@ -1,0 +1,57 @@
+"""The networks of both flight plans in flight: the published study flew one that was trained on its
+data set, whose cruise speed was not that of the closed loop.
+
+Each network is one of several trainings, so that the luck of one draw of weights decides nothing.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from ges.study.config import ClosedLoop, SeedRange, Simulator
+from ges.study.fly.comparison import REFERENCE
+from ges.study.fly.flights import fly_conditions, mode, write_csv
+from ges.study.stats.paired import compare
+
+METRICS = ("agl_rms_m", "clearance_p5_m", "low_clearance_s", "network_mae")
+MODES = (REFERENCE, "ml", "ml_direct")
+
+
+def fly_network(
+    simulator: Simulator,
+    plan: ClosedLoop,
+    closed_loop: SeedRange,
+    trained_on: str,
+    training: int,
+    flights: Path,
+) -> None:
+    """One network, as hybrid and alone, beside the formula over every seed.
+
+    Parameters
+    ----------
+    trained_on, training : flight plan of its data set and seed of its training, for the table.
+    flights : to write: a row a flight.
+    """
+    conditions = [mode(name, shadow=1.0) for name in MODES]
+    table = fly_conditions(conditions, closed_loop.list(), simulator, plan)
+    write_csv(table.assign(trained_on=trained_on, training=training), flights)
+
+
+def summarise_networks(networks: list[Path], flights: Path, summary: Path) -> None:
+    """All flights in one table, and hybrid and network alone against the formula: of every training
+    (``training`` its seed), and of their mean over trainings (``mean``).
+
+    The mean is taken seed by seed of the terrain first, so its interval is over terrains.
+    """
+    table = pd.concat([pd.read_csv(path) for path in networks])
+    keys = ["condition", "trained_on", "seed"]
+    mean = table.groupby(keys, sort=False)[list(METRICS)].mean().reset_index()
+    each = pd.concat([table.astype({"training": str}), mean.assign(training="mean")])
+    parts = [
+        compare(part, METRICS, REFERENCE).assign(trained_on=plan, training=training)
+        for (plan, training), part in each.groupby(["trained_on", "training"], sort=False)
+    ]
+    write_csv(table, flights)
+    write_csv(pd.concat(parts).assign(trainings=table["training"].nunique()), summary)
