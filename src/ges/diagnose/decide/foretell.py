@@ -55,10 +55,10 @@ def foretold(fitted: Fitted, name: str, channel: str) -> Foretold:
         return Foretold(np.zeros(0), np.zeros(0))
     rest = set(fitted.effects) - {name}
     dropped = {name, *(n for n in rest if not acts_among(n, rest))}
-    fits = [_Fit(fitted, dropped), _Fit(fitted, ())]
-    less, more = (np.array([f.log_density(grams, i) for i in range(len(grams))]) for f in fits)
     at = board.system.main.index(channel)
-    before, after = (np.array([f.rms(grams, i, at) for i in range(len(grams))]) for f in fits)
+    (less, before), (more, after) = (
+        _Fit(fitted, gone).foretold(grams, at) for gone in (dropped, ())
+    )
     return Foretold(more - less, after / np.maximum(before, settings.numerics.tiny))
 
 
@@ -94,20 +94,19 @@ class _Fit:
         found = posterior(total, self.columns, self.prior)
         return found, found.log_evidence - 0.5 * total.yy
 
-    def log_density(self, grams: Sequence[Gram], left: int) -> float:
-        """Of one flight given the others, but for a constant."""
-        return self._of(grams)[1] - self._of(_others(grams, left))[1]
-
-    def rms(self, grams: Sequence[Gram], left: int, channel: int) -> float:
-        """Error of one flight by the coefficients of the others, in the channel's unit."""
-        found, rows = self._of(_others(grams, left))[0], self.system.flights[left]
-        terms = {**self.held, **dict(zip(found.columns, found.mean, strict=True))}
-        error = (rows.y[:, channel] - rows.added(terms, channel + 1)[:, channel])[rows.air]
-        return float(np.linalg.norm(error[np.isfinite(error)]) / np.sqrt(len(error)))
-
-
-def _others(grams: Sequence[Gram], left: int) -> list[Gram]:
-    return [g for i, g in enumerate(grams) if i != left]
+    def foretold(self, grams: Sequence[Gram], channel: int) -> tuple[np.ndarray, np.ndarray]:
+        """Log density of each flight given the others, but for a constant, and its rms error by
+        their coefficients in a channel, in the channel's unit; (F,) each.
+        """
+        told, whole = [], self._of(grams)[1]
+        for left, rows in enumerate(self.system.flights):
+            found, others = self._of([g for i, g in enumerate(grams) if i != left])
+            terms = {**self.held, **dict(zip(found.columns, found.mean, strict=True))}
+            error = (rows.y[:, channel] - rows.added(terms, channel + 1)[:, channel])[rows.air]
+            rms = float(np.linalg.norm(error[np.isfinite(error)]) / np.sqrt(len(error)))
+            told.append((whole - others, rms))
+        density, error_rms = np.array(told).T
+        return density, error_rms
 
 
 def foretelling(accepted: Accepted, record: Record) -> Accepted:
