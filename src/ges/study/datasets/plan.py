@@ -20,6 +20,7 @@ from ges.study.config import FlightPlan, SeedRange, Simulator
 from ges.study.datasets.columns import CONTACT, TARGET
 from ges.study.datasets.flights import data_flight
 from ges.study.models.analytical import flat_ground_factor
+from ges.study.stats.target import ends, misfit_of, place_of, record_of
 
 PUBLISHED = {
     "r2_0": 0.883,
@@ -45,12 +46,11 @@ FREE = {
 }
 EVALUATIONS = 60
 _COLUMNS = ("range_m", TARGET, CONTACT)
-_UNFLYABLE = 1e9
 
 
 def plan_numbers(point: np.ndarray) -> dict[str, float]:
     """Numbers of the plan and the rangefinder's noise at a place within the bounds, 0 to 1."""
-    low, high = np.array(list(FREE.values()), float).T
+    low, high = ends(FREE)
     numbers = dict(zip(FREE, map(float, low + point * (high - low)), strict=True))
     share = numbers.pop("descent_share")
     return {**numbers, "descent_duration_s": share * numbers["descent_period_s"]}
@@ -59,9 +59,7 @@ def plan_numbers(point: np.ndarray) -> dict[str, float]:
 def plan_point(numbers: Mapping[str, float]) -> np.ndarray:
     """Place of the numbers within the bounds, 0 to 1."""
     share = numbers["descent_duration_s"] / numbers["descent_period_s"]
-    low, high = np.array(list(FREE.values()), float).T
-    values = np.array([{**numbers, "descent_share": share}[name] for name in FREE])
-    return (values - low) / (high - low)
+    return place_of({**numbers, "descent_share": share}, FREE)
 
 
 def fly_plan(
@@ -113,8 +111,7 @@ def formula_errors(
 
 def misfit(errors: Mapping[str, float]) -> float:
     """Sum of squared distances from the published figures, each over its tolerance."""
-    value = sum(((errors[k] - PUBLISHED[k]) / TOLERANCE[k]) ** 2 for k in PUBLISHED)
-    return value if np.isfinite(value) else _UNFLYABLE
+    return misfit_of(errors, PUBLISHED, TOLERANCE)
 
 
 def fit_plan(
@@ -148,16 +145,5 @@ def fit_plan(
         options={"maxfev": EVALUATIONS},
     )
     numbers = plan_numbers(found.x)
-    files.write_json(
-        fitted,
-        {
-            "fitted": numbers,
-            "flown": flown(numbers),
-            "published": PUBLISHED,
-            "tolerance": TOLERANCE,
-            "bounds": FREE,
-            "seeds": seeds,
-            "misfit": float(found.fun),
-            "evaluations": int(found.nfev),
-        },
-    )
+    report = record_of(numbers, flown(numbers), PUBLISHED, TOLERANCE, FREE, seeds, int(found.nfev))
+    files.write_json(fitted, report)

@@ -29,6 +29,7 @@ from ges.simulator import flight as sim
 from ges.study.config import ClosedLoop, GroundEffect, SeedRange, Simulator
 from ges.study.fly.flights import Condition
 from ges.study.fly.metrics import GYRO, gyro_rms
+from ges.study.stats.target import distances, ends, misfit_of, place_of, record_of
 
 PUBLISHED = {
     "none_m": 0.0680,
@@ -64,7 +65,6 @@ FREE = {
     "curvature_gain_m": (0.0, 0.6),
 }
 AMPLITUDE_RATIO = 0.03 / 0.17
-_UNFLYABLE = 1e4
 _COLUMNS = ("t_s", "range_m", "agl_m", "contact", *GYRO)
 
 
@@ -77,12 +77,6 @@ def free_parameters(x: Sequence[float] | np.ndarray) -> dict[str, float]:
         **numbers,
         "terrain_amplitude_min_m": AMPLITUDE_RATIO * numbers["terrain_amplitude_max_m"],
     }
-
-
-def unit_point(numbers: Mapping[str, float]) -> np.ndarray:
-    """Place of the free numbers within their bounds, 0 to 1."""
-    low, high = np.array(list(FREE.values()), float).T
-    return (np.array([numbers[name] for name in FREE]) - low) / (high - low)
 
 
 Arms = dict[str, list[sim.Record]]
@@ -155,15 +149,9 @@ def _pulse_response(
     )
 
 
-def _distances(flown: Mapping[str, float]) -> np.ndarray:
-    """Distances from the published figures, each over its tolerance."""
-    values = np.array([(flown[k] - PUBLISHED[k]) / TOLERANCE[k] for k in PUBLISHED])
-    return np.where(np.isfinite(values), values, _UNFLYABLE)
-
-
 def misfit(flown: Mapping[str, float]) -> float:
     """Sum of squared distances from the published figures, each over its tolerance."""
-    return float(np.sum(_distances(flown) ** 2))
+    return misfit_of(flown, PUBLISHED, TOLERANCE)
 
 
 def calibrate(
@@ -179,7 +167,7 @@ def calibrate(
         the search.
     """
     seeds = calibration_seeds.list()
-    low, high = np.array(list(FREE.values()), float).T
+    low, high = ends(FREE)
     start = {
         **simulator.parameters(),
         **simulator.ground_effect.parameters(),
@@ -194,24 +182,16 @@ def calibrate(
         return operating_point(simulator, plan, fly_arms(simulator, plan, numbers, seeds))
 
     def residuals(z: np.ndarray) -> np.ndarray:
-        return np.concatenate([_distances(flown(numbers_at(z))), PULL * (2.0 * z - 3.0)])
+        far = distances(flown(numbers_at(z)), PUBLISHED, TOLERANCE)
+        return np.concatenate([far, PULL * (2.0 * z - 3.0)])
 
     found = least_squares(
         residuals,
-        1.0 + np.clip(unit_point(start), STEP, 1.0 - STEP),
+        1.0 + np.clip(place_of(start, FREE), STEP, 1.0 - STEP),
         bounds=(1.0, 2.0),
         diff_step=STEP,
         max_nfev=EVALUATIONS,
     )
     numbers = numbers_at(found.x)
-    report = {
-        "fitted": numbers,
-        "flown": flown(numbers),
-        "published": PUBLISHED,
-        "tolerance": TOLERANCE,
-        "bounds": FREE,
-        "seeds": seeds,
-        "misfit": misfit(flown(numbers)),
-        "evaluations": int(found.nfev),
-    }
+    report = record_of(numbers, flown(numbers), PUBLISHED, TOLERANCE, FREE, seeds, int(found.nfev))
     files.write_json(calibration, report)

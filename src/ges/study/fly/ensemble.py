@@ -19,6 +19,7 @@ import pandas as pd
 from ges.study.config import ClosedLoop, SeedRange, Simulator
 from ges.study.fly import calibrate
 from ges.study.fly.flights import counted, write_csv
+from ges.study.stats.target import ends
 
 CLAIMED_SIGN = {
     "oracle - analytical, AGL RMS (m)": 0,
@@ -60,7 +61,7 @@ def _walk(
 ) -> Iterator[dict[str, float]]:
     """A row a step: where the walk is, its misfit and its effects."""
     how = plan.ensemble
-    low, high = np.array(list(calibrate.FREE.values()), float).T
+    low, high = ends(calibrate.FREE)
     rng, here, row = (
         np.random.default_rng(how.seed),
         np.array([start[name] for name in calibrate.FREE]),
