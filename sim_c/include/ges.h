@@ -44,7 +44,7 @@ typedef struct {
 enum { GES_AMPLITUDE = 1, GES_SHAPE = 2, GES_SWITCH = 3 };
 
 /* Trims of a vehicle, fitted to flights that are known to be good. */
-enum { GES_TRIM_THRUST = 1, GES_TRIM_ROTOR = 2, GES_TRIM_LEVER = 3 };
+enum { GES_TRIM_THRUST = 1, GES_TRIM_ROTOR = 2, GES_TRIM_LEVER = 3, GES_TRIM_YAW = 4 };
 
 typedef struct {
   const char *name;

@@ -100,6 +100,7 @@ PLANTED = {
     "weak_rotor": {"weak_rotor": {"loss_2": 0.15}},
     "cg_offset": {"cg_offset": {"x_m": 0.012, "y_m": 0.0}},
     "rotor_tilt": {"rotor_tilt": {"x_rad": 0.04, "y_rad": 0.0}},
+    "rotor_cant": {"rotor_cant": {"angle_rad": 0.02}},
     "rotor_inertia_reaction": {"rotor_inertia_reaction": {"inertia_kg_m2": 1.5e-4}},
     "tether": {"tether": {"weight_N_m": 0.5}},
     "slung_load": {"slung_load": {"mass_kg": 0.12, "length_m": 0.5}},

@@ -985,6 +985,12 @@ class Calibrate:
         "Doubt on the gain of a motor.",
         Convention("propellers of small vehicles; not measured"),
     )
+    cant_sd_rad: float = number(
+        0.01,
+        "rad",
+        "Doubt on the cant of the rotors.",
+        Convention("motors that stand straight to a degree, the mean of four; not measured"),
+    )
     spread: float = number(
         0.02,
         "",

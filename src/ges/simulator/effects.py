@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 KINDS = ("wrench", "actuator", "sensor", "wind", "parameter")
 LAWS = {"mirror": 1, "dissipates": 2, "no_work": 4, "fades": 8, "free_air": 16}
 ROLES = {1: "amplitude", 2: "shape", 3: "switch"}
-TRIMS = {0: "", 1: "thrust", 2: "rotor", 3: "lever"}
+TRIMS = {0: "", 1: "thrust", 2: "rotor", 3: "lever", 4: "yaw"}
 ABOUT = {1: "physics", 2: "parameter", 3: "sensor"}
 FEEDBACK = {1: "none", 2: "dynamic", 3: "thrust_gain", 4: "rotor", 5: "load", 6: "height"}
 HINTS = {
@@ -81,7 +81,8 @@ class Parameter:
     usual, usual_sd : where a shape usually is; sd 0 where nothing is usual.
     usual_share : of the weight at 1 m/s, where another effect needs this one to act through.
     fitted, whole : shape that flights may move; axis of a vector that is fitted whole.
-    trim : '' or the kind of a vehicle's trim that it is: ``thrust``, ``rotor``, ``lever``.
+    trim : '' or the kind of a vehicle's trim that it is: ``thrust``, ``rotor``, ``lever``,
+        ``yaw``.
     corrects : numbers of the vehicle file that it corrects.
     acts_above : the parameter, and the value above which alone this one does something; or None.
     reach, reach_over : share of ``radius`` or of a parameter by which a fit may move it at once; 0:

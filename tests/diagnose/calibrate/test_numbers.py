@@ -6,7 +6,7 @@ from scipy.stats import multivariate_normal
 
 from ges.diagnose.calibrate import calibrate as module
 from ges.diagnose.calibrate.calibrate import TRIMS, Number
-from ges.diagnose.detectors.balance import LOSSES
+from ges.diagnose.detectors.balance import CANT, LOSSES
 from ges.diagnose.select.evidence import Gram
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import SPEED
@@ -104,14 +104,35 @@ def test_spreads_are_pooled_by_their_degrees_of_freedom():
 
 def test_a_loss_of_all_motors_is_a_thrust_scale():
     keys = (TRIMS[0], *LOSSES)
-    turn = module._gauge(keys)
+    turn = module._gauge(keys, MODEL)
     told = dict(zip(keys, turn @ np.array([0.05, 0.1, 0.1, 0.1, 0.1]), strict=True))
     assert told[TRIMS[0]] == pytest.approx(0.05 - 0.1)
     assert all(told[key] == pytest.approx(0.0) for key in LOSSES)
     one = turn @ np.array([0.0, 0.2, 0.0, 0.0, 0.0])
     assert one[1:].sum() == pytest.approx(0.0) and one[0] == pytest.approx(-0.05)
     np.testing.assert_allclose(turn @ turn, turn, atol=1e-12)
-    np.testing.assert_array_equal(module._gauge(LOSSES), np.eye(4))
+    np.testing.assert_array_equal(module._gauge(LOSSES, MODEL), np.eye(4))
+    np.testing.assert_array_equal(module._gauge(TRIMS[:2], MODEL), np.eye(2))
+
+
+def test_a_loss_of_the_rotors_that_turn_one_way_is_a_cant():
+    """The yaw moment and the thrust of the balance stay what they were: of rotors by their torque,
+    of a cant by its lever.
+    """
+    keys = (TRIMS[0], *LOSSES, CANT)
+    turn = module._gauge(keys, MODEL)
+    spin = np.array([MODEL.number(f"rotor_{i}_spin") for i in range(1, 5)])
+    torque_m = MODEL.number("torque_coefficient_Nm_s2") / MODEL.number("thrust_coefficient_N_s2")
+
+    def yaw_over_thrust_m(numbers):
+        losses, angle = numbers[1:5], numbers[5]
+        return torque_m * np.mean(spin * losses) + MODEL.arm_m * angle
+
+    given = np.array([0.02, 0.1, 0.04, 0.0, 0.03, 0.005])
+    told = turn @ given
+    assert yaw_over_thrust_m(told) == pytest.approx(yaw_over_thrust_m(given))
+    assert spin @ told[1:5] == pytest.approx(0.0) and told[1:5].sum() == pytest.approx(0.0)
+    np.testing.assert_allclose(turn @ turn, turn, atol=1e-12)
 
 
 def test_motors_spread_each_and_thrust_where_they_cannot_be_told_apart():

@@ -1,8 +1,8 @@
 """Calibrate a vehicle file on reference flights that are known to be good: what its later flights
 are held against.
 
-Every declared number may move within its tolerance; gains of single motors and the centre of
-gravity (trims) may move as far as small vehicles do. Flights of one vehicle differ by more than
+Every declared number may move within its tolerance; gains of single motors, the cant of the rotors
+and the centre of gravity (trims) may move as far as small vehicles do. Flights of one vehicle differ by more than
 noise (a battery put back elsewhere, warm motors), so one factor for the spread between flights is
 fitted too, and it enters the doubt that the new file states. A handful of flights, perhaps all of
 one afternoon, tells that spread badly: it is pooled with what such vehicles usually do, by degrees
@@ -21,10 +21,17 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
-from ges.conventions import QUANTILES_95, SDS_95
+from ges.conventions import QUANTILES_95, SDS_95, rotor_columns
 from ges.diagnose.decide.declared import words_of
 from ges.diagnose.design.system import System, build, nuisance_of
-from ges.diagnose.detectors.balance import CHANNELS, LOSSES, MASS, centred, variance_of_means
+from ges.diagnose.detectors.balance import (
+    CANT,
+    CHANNELS,
+    LOSSES,
+    MASS,
+    centred,
+    variance_of_means,
+)
 from ges.diagnose.estimate.fit import (
     calibrated,
     correction_bounds,
@@ -48,7 +55,7 @@ from ges.threads import blas_alone
 from ges.vehicle.file import Estimate, Quantity, Vehicle, parse_vehicle, vehicle_content
 
 *LEVERS, THRUST = MASS
-TRIMS = (THRUST, *LOSSES, *LEVERS)
+TRIMS = (THRUST, *LOSSES, CANT, *LEVERS)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,12 +97,13 @@ class Calibration:
 
 
 def _opened(model: Model, flights: Sequence[Prepared]) -> Model:
-    """The model with the motors' gains free; in hover a shifted centre of gravity looks the same,
-    so that one only moves within the doubt that the file itself declares. What turns commands into
-    thrust is one number without rotor speeds.
+    """The model with the motors' gains and the cant free; in hover a shifted centre of gravity
+    looks the same as gains, so that one only moves within the doubt that the file itself declares.
+    What turns commands into thrust is one number without rotor speeds.
     """
     doubts = {
         **dict.fromkeys(LOSSES, settings.calibrate.loss_sd),
+        CANT: settings.calibrate.cant_sd_rad,
         **dict.fromkeys(LEVERS, 0.0),
         **model.doubts,
     }
@@ -170,7 +178,7 @@ def _usual_spread(key: str, keys: Sequence[str]) -> float:
     spread = settings.calibrate.spread
     if key in LOSSES:
         return spread
-    return 0.5 * spread if key == TRIMS[0] and not set(LOSSES) & set(keys) else 0.0
+    return 0.5 * spread if key == THRUST and not set(LOSSES) & set(keys) else 0.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -205,15 +213,22 @@ def _posterior(
     return _Posterior(mean, covariance, float(total))
 
 
-def _gauge(keys: Sequence[str]) -> np.ndarray:
-    """Map that moves the mean of the losses, which is a thrust scale, into the thrust scale (small
-    corrections).
+def _gauge(keys: Sequence[str], model: Model) -> np.ndarray:
+    """Map that moves what all losses do together into the number that does the same (small
+    corrections, alike arms): their mean into the thrust scale; their yaw, of rotors that turn one
+    way against the others, into the cant, ``g = mean(s_i e_i) K_Q / (K_T L)``.
     """
     turn = np.eye(len(keys))
-    losses = [keys.index(key) for key in LOSSES if key in keys]
-    if losses and TRIMS[0] in keys:
-        turn[np.ix_(losses, losses)] -= 1.0 / len(losses)
-        turn[keys.index(TRIMS[0]), losses] = -1.0 / len(losses)
+    if not set(LOSSES) <= set(keys):
+        return turn
+    losses = [keys.index(key) for key in LOSSES]
+    spin = np.array([model.number(name) for name in rotor_columns("rotor_{}_spin")])
+    ratio_m = model.number("torque_coefficient_Nm_s2") / model.number("thrust_coefficient_N_s2")
+    together = {THRUST: (np.ones(len(losses)), -1.0), CANT: (spin, ratio_m / model.arm_m)}
+    for key, (sign, per) in together.items():
+        if key in keys:
+            turn[np.ix_(losses, losses)] -= np.outer(sign, sign) / len(losses)
+            turn[keys.index(key), losses] = per * sign / len(losses)
     return turn
 
 
@@ -229,7 +244,7 @@ def _trims(
     pooled, freedom = _pooled(factor, told.grams[0].n * (len(flights) - 1), usual)
     found, turn = (
         _posterior(told.grams, start, told.prior_sd, pooled * told.spread),
-        _gauge(told.keys),
+        _gauge(told.keys, model),
     )
     sd = np.sqrt(np.diag(turn @ found.covariance @ turn.T))
     later = np.hypot(
@@ -402,7 +417,7 @@ def _belongs(key: str, number: Number, vehicle: Vehicle) -> bool:
     effect, clear_sds = key.split(".")[0], settings.statistics.clear_sds
     clear = abs(number.value) > max(clear_sds * number.later_sd, number.declared_sd)
     of_the_drive = effect in {e.name for e in _drives()}
-    return key in TRIMS[1:] or of_the_drive and (clear or effect in vehicle.effects)
+    return key in TRIMS and key != THRUST or of_the_drive and (clear or effect in vehicle.effects)
 
 
 def _effects(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict[str, dict[str, Estimate]]:

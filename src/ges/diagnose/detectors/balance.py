@@ -28,6 +28,7 @@ from ges.simulator import effects as effect_table
 CHANNELS = ("force_z", "moment_x", "moment_y", "moment_z")
 LOSSES = tuple(f"weak_rotor.{name}" for name in rotor_columns("loss_{}"))
 MASS = ("cg_offset.x_m", "cg_offset.y_m", "thrust_scale.scale")
+CANT = "rotor_cant.angle_rad"
 
 
 def _mean_variance(values: np.ndarray, block: int) -> float:
@@ -228,8 +229,9 @@ def _distance(
     system: System, keys: Sequence[str], column: dict[str, int]
 ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
     """Mean residuals (4,), mean columns by key (4,) and the inverse covariance of the former under
-    the file's doubts.
+    the file's doubts, that on the cant of the rotors among them.
     """
+    keys = [*keys, *({CANT} & set(column))]
     slow, count = [system.names.index(c) for c in CHANNELS], len(system.flights)
     y = np.mean([r.in_air(slow).mean(axis=0) for r in system.flights], axis=0)
     means = np.mean(
