@@ -67,9 +67,10 @@ def known(vehicle, alike):
 
 
 def test_true_numbers_are_found_the_common_gain_counted_as_thrust(known):
+    """And what turns in yaw as a cant: rotor 2 spins as rotor 1 does, so they share that part."""
     truth = {
         "thrust_scale.scale": 1.02 * (1 - 0.05 / 4) - 1,
-        **dict(zip(LOSSES, (-0.0125, 0.0375, -0.0125, -0.0125), strict=True)),
+        **dict(zip(LOSSES, (-0.025, 0.025, 0.0, 0.0), strict=True)),
     }
     for key, value in truth.items():
         assert known.numbers[key].value == pytest.approx(value, abs=0.006), key
@@ -123,6 +124,19 @@ def test_flights_that_differ_make_later_doubts_wide(known, vehicle, reference):
     spread = calibrate(make_set(vehicle, reference(0.02, 0.05, 0.08)))
     assert 0.008 < spread.spread < 0.04 and known.spread < 0.003
     assert spread.numbers[LOSSES[1]].later_sd > 4 * known.numbers[LOSSES[1]].later_sd
+
+
+def test_sets_are_sessions_whose_spread_is_in_the_doubt(known, vehicle, alike, reference):
+    """Days between which rotor 2 lost three per cent more than within them."""
+    days = (alike, reference(0.02, 0.02, 0.02)[:2], reference(0.08, 0.08, 0.08)[:2])
+    apart = calibrate(*(make_set(vehicle, day) for day in days))
+    together = calibrate(make_set(vehicle, [f for day in days for f in day]))
+    assert apart.spread < 0.005 < 0.015 < apart.session_spread
+    assert np.isnan(together.session_spread) and together.spread > 0.01
+    assert apart.numbers[LOSSES[1]].later_sd > 2 * known.numbers[LOSSES[1]].later_sd
+    assert "sessions differ by" in apart.told() and "sessions" not in together.told()
+    with pytest.raises(GesError, match="different vehicle files"):
+        calibrate(make_set(vehicle, alike), make_set(known.vehicle, alike))
 
 
 def test_without_inertia_only_the_thrust_is_told(sheet, alike):
@@ -195,22 +209,27 @@ def test_small_quadrotors_gains_and_their_spread(recordings_dir, airframe):
 
 
 def test_balance_of_commands_is_what_the_gains_say(recordings_dir):
-    """The gains alone must explain the mean commands in slow flight: a 'strong' motor is asked for
-    less.
+    """Gains and the cant must explain the mean commands in slow flight: a 'strong' motor is asked
+    for less, and motors of one spin for what the cant turns.
     """
     paths = sorted((recordings_dir / "crazypad" / "normal_flight").glob("E9_*"))
     flights = [(p.name, open_log(p).frame()) for p in paths]
     found = calibrate(make_set(load_vehicle("crazyflie-2.1"), flights))
-    gain = np.array(
-        [1.0 - found.vehicle.effects["weak_rotor"][f"loss_{i}"].value for i in range(1, 5)]
-    )
+    vehicle = found.vehicle
+    gain = np.array([1.0 - vehicle.effects["weak_rotor"][f"loss_{i}"].value for i in range(1, 5)])
     mix = np.array(
         [[-1, -1, 1, 1], [-1, 1, 1, -1], [1, -1, 1, -1]]
     )  # roll, pitch, yaw of M1 front right ... M4 front left
+    torque_m = vehicle.torque_coefficient_Nm_s2.value / vehicle.thrust_coefficient_N_s2.value
+    cant = vehicle.effects["rotor_cant"]["angle_rad"].value
+    arm_m = float(np.hypot(vehicle.rotors[0].x_m.value, vehicle.rotors[0].y_m.value))
+    turned = np.array([0.0, 0.0, cant * arm_m / torque_m])
     worst = []
     for _, f in flights:
         steady = f[(f.p_z_m > 0.4) & (np.hypot(f.v_x_m_s, f.v_y_m_s) < 0.1)]
         u = steady[[f"u_{i}" for i in range(1, 5)]].mean().to_numpy()
-        worst.append([np.abs(mix @ (g * u)).max() / u.sum() for g in (np.ones(4), gain)])
+        thrust = u**2
+        asked = [mix @ (g * thrust) / thrust.sum() for g in (np.ones(4), gain)]
+        worst.append([np.abs(asked[0]).max(), np.abs(asked[1] - turned).max()])
     plain, balanced = np.mean(worst, axis=0)
     assert balanced < 0.4 * plain

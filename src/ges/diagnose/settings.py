@@ -992,10 +992,16 @@ class Calibrate:
         Convention("motors that stand straight to a degree, the mean of four; not measured"),
     )
     spread: float = number(
-        0.02,
+        0.2,
         "",
-        "Usual spread of a motor's gain between flights, from commands.",
-        Convention("warm motors; not measured"),
+        "Usual spread of a trim between flights, from commands, over the doubt on it.",
+        Convention("warm motors, a battery put back elsewhere: 2 % of a gain; not measured"),
+    )
+    flight_share: float = number(
+        0.25,
+        "",
+        "The same within a session, over that.",
+        Convention("small quadrotors (CrazyPAD): 0.5 % within a session, 2 % between"),
     )
     spread_share_of_speeds: float = number(
         0.25, "", "The same from rotor speeds, over that.", Convention("not measured")

@@ -30,7 +30,7 @@ SHEET = {
 
 
 def _number(value, later_sd=0.01, declared_sd=0.05):
-    return Number(value, 0.5 * later_sd, 0.0, declared_sd, later_sd)
+    return Number(value, 0.5 * later_sd, 0.0, 0.0, declared_sd, later_sd)
 
 
 def _flights(count=4, rows=6, k=2, flight_sd=0.0, seed=0):
@@ -48,58 +48,84 @@ def _grams(flights):
     return [Gram(x.T @ x, x.T @ y, float(y @ y), float(len(y))) for x, y in flights]
 
 
-def test_likelihood_of_flights_is_the_normal_with_spread_and_prior_in_it():
-    """Up to the noise's own constant, of all readings together."""
-    flights, mean, sd, spread = (
-        _flights(),
-        np.array([0.2, 0.0]),
-        np.array([0.7, 1.5]),
-        np.array([0.3, 0.1]),
-    )
-    told = module._posterior(_grams(flights), mean, sd, spread)
+def test_likelihood_of_flights_is_the_normal_with_spreads_and_prior_in_it():
+    """Up to the noise's own constant, of all readings together: three flights on one day, one on
+    another.
+    """
+    flights, mean, sd = _flights(), np.array([0.2, 0.0]), np.array([0.7, 1.5])
+    spread, session = np.array([0.3, 0.1]), np.array([0.2, 0.6])
+    days = np.array([0, 0, 0, 1])
+    grams = _grams(flights)
+    told = module._posterior([grams[:3], grams[3:]], mean, sd, spread, session)
     x = np.concatenate([x for x, _ in flights])
     y = np.concatenate([y for _, y in flights])
-    covariance = np.eye(len(y)) + (x * sd**2) @ x.T
-    first = 0
-    for own, _ in flights:
-        at = slice(first, first + len(own))
-        covariance[at, at] += (own * spread**2) @ own.T
-        first += len(own)
-    expected = multivariate_normal(x @ mean, covariance).logpdf(y)
+    flight = np.repeat(np.arange(len(flights)), [len(own) for own, _ in flights])
+    same_flight, same_day = (np.equal.outer(k, k) for k in (flight, days[flight]))
+    noise = np.eye(len(y)) + same_flight * ((x * spread**2) @ x.T)
+    noise += same_day * ((x * session**2) @ x.T)
+    expected = multivariate_normal(x @ mean, noise + (x * sd**2) @ x.T).logpdf(y)
     constant = -0.5 * len(y) * np.log(2.0 * np.pi)
     assert told.log_likelihood == pytest.approx(expected - constant)
-    prior = np.diag(sd**2)
-    noise = covariance - (x * sd**2) @ x.T
-    inverse = np.linalg.inv(x.T @ np.linalg.solve(noise, x) + np.linalg.inv(prior))
+    inverse = np.linalg.inv(x.T @ np.linalg.solve(noise, x) + np.diag(sd**-2))
     np.testing.assert_allclose(told.covariance, inverse, rtol=1e-6)
     right = x.T @ np.linalg.solve(noise, y) + mean / sd**2
     np.testing.assert_allclose(told.mean, inverse @ right, rtol=1e-6)
 
 
-def test_the_order_of_flights_does_not_matter():
+def test_the_order_of_flights_and_sessions_does_not_matter():
     grams = _grams(_flights())
-    args = np.zeros(2), np.ones(2), np.full(2, 0.2)
-    forth, back = module._posterior(grams, *args), module._posterior(grams[::-1], *args)
+    args = np.zeros(2), np.ones(2), np.full(2, 0.2), np.full(2, 0.4)
+    forth = module._posterior([grams[:1], grams[1:]], *args)
+    back = module._posterior([grams[:0:-1], grams[:1]], *args)
     np.testing.assert_allclose(forth.mean, back.mean)
     assert forth.log_likelihood == pytest.approx(back.log_likelihood)
 
 
+def _spreads_of(sessions, unit=0.2):
+    trims = module._Trims(("a", "b"), np.ones(2), np.full(2, unit), tuple(map(tuple, sessions)))
+    return module._spreads(trims, np.zeros(2), 1.0)
+
+
 def test_a_spread_between_flights_is_found_back():
     grams = _grams(_flights(200, 40, 2, flight_sd=0.6, seed=1))
-    unit = np.full(2, 0.2)
-    assert module._spread_factor(grams, np.zeros(2), np.ones(2), unit) == pytest.approx(
-        3.0, rel=0.15
-    )
+    flight, session = _spreads_of([grams])
+    assert flight.seen == pytest.approx(3.0, rel=0.15)
+    assert np.isnan(session.seen) and session.doubt == 0.0, "one set has one spread"
     alike = _grams(_flights(200, 40, 2, flight_sd=0.0, seed=1))
-    assert module._spread_factor(alike, np.zeros(2), np.ones(2), unit) < 0.5
+    assert _spreads_of([alike])[0].seen < 0.5
+
+
+def test_a_spread_between_sessions_is_told_from_that_between_flights():
+    """Forty days of three flights, ten times as far apart as the flights of a day."""
+    rng, days = np.random.default_rng(5), []
+    for _ in range(40):
+        moved, day = 0.6 * rng.standard_normal(2), []
+        for _ in range(3):
+            x = rng.standard_normal((40, 2))
+            own = moved + 0.06 * rng.standard_normal(2)
+            day.append((x, x @ own + 0.1 * rng.standard_normal(40)))
+        days.append([Gram(100 * g.xx, 100 * g.xy, 100 * g.yy, g.n) for g in _grams(day)])
+    flight, session = _spreads_of(days)
+    assert flight.seen == pytest.approx(0.3, rel=0.2)
+    assert session.seen == pytest.approx(3.0, rel=0.2)
+
+
+def test_single_flights_of_several_days_tell_nothing_of_one_day():
+    grams = _grams(_flights(30, 40, 2, flight_sd=0.6, seed=1))
+    flight, session = _spreads_of([[g] for g in grams])
+    assert np.isnan(flight.seen) and flight.pooled == settings.calibrate.flight_share
+    assert session.seen == pytest.approx(3.0, rel=0.25)
 
 
 def test_spreads_are_pooled_by_their_degrees_of_freedom():
     worth = settings.calibrate.spread_freedom
-    assert module._pooled(2.0, 0.0, 0.5) == (pytest.approx(0.5), worth)
-    pooled, total = module._pooled(2.0, 1e9, 0.5)
-    assert pooled == pytest.approx(2.0, rel=1e-6) and total == pytest.approx(1e9 + worth)
-    assert module._pooled(2.0, worth, 0.0)[0] == pytest.approx(np.sqrt(2.0))
+    alone = module._pooled(2.0, 0.0, 0.5)
+    assert alone.pooled == pytest.approx(0.5) and alone.freedom == worth
+    many = module._pooled(2.0, 1e9, 0.5)
+    assert many.pooled == pytest.approx(2.0, rel=1e-6)
+    assert many.doubt == pytest.approx(2.0, rel=1e-4), "no Student's tail of so many"
+    assert module._pooled(2.0, worth, 0.0).pooled == pytest.approx(np.sqrt(2.0))
+    assert alone.doubt > 1.2 * alone.pooled
 
 
 def test_a_loss_of_all_motors_is_a_thrust_scale():
@@ -135,12 +161,13 @@ def test_a_loss_of_the_rotors_that_turn_one_way_is_a_cant():
     np.testing.assert_allclose(turn @ turn, turn, atol=1e-12)
 
 
-def test_motors_spread_each_and_thrust_where_they_cannot_be_told_apart():
-    spread = settings.calibrate.spread
-    keys = (TRIMS[0], *LOSSES)
-    assert module._usual_spread(LOSSES[0], keys) == spread
+def test_trims_spread_by_their_doubts_and_thrust_where_motors_cannot_be_told_apart():
+    share, keys = settings.calibrate.spread, (TRIMS[0], *LOSSES, CANT)
+    assert module._usual_spread(LOSSES[0], keys) == share * settings.calibrate.loss_sd
+    assert module._usual_spread(CANT, keys) == share * settings.calibrate.cant_sd_rad
     assert module._usual_spread(TRIMS[0], keys) == 0.0
-    assert module._usual_spread(TRIMS[0], keys[:1]) == pytest.approx(spread / np.sqrt(4.0))
+    of_four = share * settings.calibrate.loss_sd / np.sqrt(4.0)
+    assert module._usual_spread(TRIMS[0], keys[:1]) == pytest.approx(of_four)
 
 
 def test_what_commands_alone_tell_is_one_number():

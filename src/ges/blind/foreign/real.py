@@ -196,7 +196,7 @@ def _make(out: Path, world: str, design: Design, place: Place, sources: Sources)
     vehicle = _vehicle(world)
     flights = [piece for name in design.flights for piece in _pieces(world, root / name, design)]
     if design.reference:
-        vehicle = _calibrated(vehicle, [_frame(world, root / name) for name in design.reference])
+        vehicle = _calibrated(world, vehicle, root, design.reference)
     truth = design.truth.truth() | {
         "detectable": UNKNOWN_LIMIT,
         "situation": {
@@ -219,9 +219,15 @@ def _vehicle(world: str) -> Vehicle:
     return vehicle
 
 
-def _calibrated(vehicle: Vehicle, flights: Flights) -> Vehicle:
-    named = [(f"flight_{k}", frame) for k, frame in enumerate(flights, 1)]
-    return calibrate(make_set(vehicle, named)).vehicle
+def _calibrated(world: str, vehicle: Vehicle, root: Path, reference: Sequence[str]) -> Vehicle:
+    """Calibrated as the owner of the flights would, to whom a folder is a session."""
+    sessions = [
+        make_set(
+            vehicle, [(f"flight_{k}", _frame(world, root / n)) for k, n in enumerate(names, 1)]
+        )
+        for _, names in itertools.groupby(reference, key=lambda name: name.split("/")[0])
+    ]
+    return calibrate(*sessions).vehicle
 
 
 def _pieces(world: str, path: Path, design: Design) -> Flights:

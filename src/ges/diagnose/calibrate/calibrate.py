@@ -2,18 +2,22 @@
 are held against.
 
 Every declared number may move within its tolerance; gains of single motors, the cant of the rotors
-and the centre of gravity (trims) may move as far as small vehicles do. Flights of one vehicle differ by more than
-noise (a battery put back elsewhere, warm motors), so one factor for the spread between flights is
-fitted too, and it enters the doubt that the new file states. A handful of flights, perhaps all of
-one afternoon, tells that spread badly: it is pooled with what such vehicles usually do, by degrees
-of freedom (scaled inverse chi-squared; Gelman et al., *Bayesian Data Analysis*, 3rd ed., section
-2.6).
+and the centre of gravity (trims) may move as far as small vehicles do. Flights of one vehicle
+differ by more than noise (a battery put back elsewhere, warm motors), so the spread of trims is
+fitted too, and it enters the doubt that the new file states. Flights of one set may be of one
+afternoon or of several days, and have one spread. Sets are sessions, and the trims then spread at
+two levels, between the flights of a session and between sessions (a hierarchical model; Gelman et
+al., *Bayesian Data Analysis*, 3rd ed., chapter 5). A handful of flights or sessions tells a spread
+badly: it is pooled with what such vehicles usually do, by degrees of freedom (scaled inverse
+chi-squared; ibid., section 2.6).
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
+import operator
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -67,15 +71,16 @@ class Number:
     value : correction; relative for ``thrust_scale``, ``inertia``, ``torque_coefficient`` and the
         motors' losses.
     sd : of the correction, from these flights alone.
-    flight_sd : spread from flight to flight.
+    flight_sd, session_sd : spread from flight to flight of a session, and from session to session.
     declared_sd : tolerance it was fitted within.
-    later_sd : doubt about it in a later flight: sd, spread and the small number of flights
-        together.
+    later_sd : doubt about it in a flight of a later session: sd, spreads and the small numbers of
+        flights and sessions together.
     """
 
     value: float
     sd: float
     flight_sd: float
+    session_sd: float
     declared_sd: float
     later_sd: float
 
@@ -87,13 +92,27 @@ class Number:
 
 @dataclasses.dataclass(frozen=True)
 class Calibration:
-    """The new vehicle file, the numbers behind it, and what was noticed."""
+    """The new vehicle file, the numbers behind it, and what was noticed.
+
+    ``spread`` and ``session_spread`` are those of a motor's gain that these flights show: between
+    flights, and between sessions; nan where there is one session, or one flight of each.
+    """
 
     vehicle: Vehicle
     numbers: Mapping[str, Number]
     spread: float
+    session_spread: float
     seconds: float
     warnings: tuple[str, ...]
+
+    def told(self) -> str:
+        """By how much flights and sessions differ."""
+        levels = {"flights": self.spread, "sessions": self.session_spread}
+        return " and ".join(
+            f"{which} differ by {100.0 * seen:.1f} %"
+            for which, seen in levels.items()
+            if np.isfinite(seen)
+        )
 
 
 def _opened(model: Model, flights: Sequence[Prepared]) -> Model:
@@ -133,17 +152,18 @@ def _commanded(flights: Sequence[Prepared]) -> bool:
 @dataclasses.dataclass(frozen=True)
 class _Trims:
     """Balance of whole flights: by flight, mean residuals y (c,) and columns x (c, k) over the sd
-    of that mean.
+    of that mean, as normal equations by session; ``spread`` (k,) is usual between sessions.
     """
 
     keys: tuple[str, ...]
     prior_sd: np.ndarray
     spread: np.ndarray
-    grams: tuple[Gram, ...]
+    sessions: tuple[tuple[Gram, ...], ...]
 
 
-def _balance(system: System) -> _Trims:
-    """Reduce every flight to its mean balance of thrust and moments.
+def _balance(system: System, session: Sequence[int]) -> _Trims:
+    """Reduce every flight, of the ``session`` with that number, to its mean balance of thrust and
+    moments.
 
     Slow balance alone tells gains: in single windows the noise of the commands is in the model too,
     and the fit would shrink the model to be rid of it (errors in variables).
@@ -168,17 +188,22 @@ def _balance(system: System) -> _Trims:
             )
         )
     prior = np.array([nuisance_of(system.columns[k]).sd for k in kept])
-    return _Trims(keys, prior, np.array([_usual_spread(key, keys) for key in keys]), tuple(grams))
+    together = tuple(
+        tuple(g for g, own in zip(grams, session, strict=True) if own == number)
+        for number in sorted(set(session))
+    )
+    return _Trims(keys, prior, np.array([_usual_spread(key, keys) for key in keys]), together)
 
 
 def _usual_spread(key: str, keys: Sequence[str]) -> float:
-    """Spread between flights before its factor: of every motor's gain; of the thrust where motors
-    cannot be told apart.
+    """Spread of a trim before its factor, a share of how far it may be off: of every motor's gain
+    and the cant; of the thrust where motors cannot be told apart.
     """
-    spread = settings.calibrate.spread
-    if key in LOSSES:
-        return spread
-    return 0.5 * spread if key == THRUST and not set(LOSSES) & set(keys) else 0.0
+    numbers = settings.calibrate
+    if key == THRUST and not set(LOSSES) & set(keys):
+        return 0.5 * numbers.spread * numbers.loss_sd
+    far = {**dict.fromkeys(LOSSES, numbers.loss_sd), CANT: numbers.cant_sd_rad}
+    return numbers.spread * far.get(key, 0.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -188,25 +213,40 @@ class _Posterior:
     log_likelihood: float
 
 
+def _integrated(gram: Gram, spread: np.ndarray) -> tuple[Gram, float]:
+    """Numbers of one flight or session, their deviation N(0, spread^2) from common ones integrated
+    out: the normal equations of the common ones, and what is left of the log likelihood.
+    """
+    inner = np.eye(len(spread)) + spread[:, None] * gram.xx * spread
+    gain = spread[:, None] * np.linalg.solve(
+        inner, spread[:, None] * np.column_stack([gram.xx, gram.xy])
+    )
+    lost = Gram(gram.xx @ gain[:, :-1], gram.xx @ gain[:, -1], float(gram.xy @ gain[:, -1]), 0.0)
+    return gram - lost, -0.5 * float(np.linalg.slogdet(inner)[1])
+
+
 def _posterior(
-    grams: Sequence[Gram], prior_mean: np.ndarray, prior_sd: np.ndarray, flight_sd: np.ndarray
+    sessions: Sequence[Sequence[Gram]],
+    prior_mean: np.ndarray,
+    prior_sd: np.ndarray,
+    flight_sd: np.ndarray,
+    session_sd: np.ndarray,
 ) -> _Posterior:
-    """Common numbers under N(prior_mean, prior_sd^2), every flight's own deviation N(0,
-    flight_sd^2) integrated out.
+    """Common numbers under N(prior_mean, prior_sd^2), with the deviations N(0, session_sd^2) of
+    every session and N(0, flight_sd^2) of every flight of it integrated out.
     """
     precision = np.diag(1.0 / prior_sd**2)
     right, total = (
         precision @ prior_mean,
         -float(np.log(prior_sd).sum()) - 0.5 * float(prior_mean @ precision @ prior_mean),
     )
-    for gram in grams:
-        inner = np.eye(len(flight_sd)) + flight_sd[:, None] * gram.xx * flight_sd
-        gain = flight_sd[:, None] * np.linalg.solve(
-            inner, flight_sd[:, None] * np.column_stack([gram.xx, gram.xy])
+    for grams in sessions:
+        flights = [_integrated(gram, flight_sd) for gram in grams]
+        session, own = _integrated(
+            functools.reduce(operator.add, [gram for gram, _ in flights]), session_sd
         )
-        precision = precision + gram.xx - gram.xx @ gain[:, :-1]
-        right = right + gram.xy - gram.xx @ gain[:, -1]
-        total += -0.5 * np.linalg.slogdet(inner)[1] - 0.5 * (gram.yy - float(gram.xy @ gain[:, -1]))
+        precision, right = precision + session.xx, right + session.xy
+        total += own + sum(told for _, told in flights) - 0.5 * session.yy
     covariance = np.linalg.inv(precision)
     mean = covariance @ right
     total += 0.5 * float(right @ mean) + 0.5 * np.linalg.slogdet(covariance)[1]
@@ -233,30 +273,29 @@ def _gauge(keys: Sequence[str], model: Model) -> np.ndarray:
 
 
 def _trims(
-    flights: Sequence[Prepared], model: Model, before: Mapping[str, Number]
-) -> tuple[dict[str, Number], float]:
-    """Gains and trims from the slow balance, and the factor on the usual spread between flights."""
+    flights: Sequence[Prepared], session: Sequence[int], model: Model, before: Mapping[str, Number]
+) -> tuple[dict[str, Number], _Spreads]:
+    """Gains and trims from the slow balance, and their spreads between flights and sessions."""
     shift = {key: n.value for key, n in before.items()}
-    told = _balance(build(flights, calibrated(model, shift), []))
+    told = _balance(build(flights, calibrated(model, shift), []), session)
     start = -np.array([shift.get(key, 0.0) for key in told.keys])
-    factor = _spread_factor(told.grams, start, told.prior_sd, told.spread)
-    usual = 1.0 if _commanded(flights) else settings.calibrate.spread_share_of_speeds
-    pooled, freedom = _pooled(factor, told.grams[0].n * (len(flights) - 1), usual)
+    spreads = _spreads(
+        told, start, 1.0 if _commanded(flights) else settings.calibrate.spread_share_of_speeds
+    )
+    flight_sd, session_sd = (level.pooled * told.spread for level in spreads)
     found, turn = (
-        _posterior(told.grams, start, told.prior_sd, pooled * told.spread),
+        _posterior(told.sessions, start, told.prior_sd, flight_sd, session_sd),
         _gauge(told.keys, model),
     )
     sd = np.sqrt(np.diag(turn @ found.covariance @ turn.T))
-    later = np.hypot(
-        sd, float(student.ppf(QUANTILES_95[1], freedom)) / SDS_95 * pooled * told.spread
-    )
+    later = np.sqrt(sd**2 + sum((level.doubt * told.spread) ** 2 for level in spreads))
     values = turn @ (found.mean - start)
-    rows = zip(told.keys, values, sd, pooled * told.spread, told.prior_sd, later, strict=True)
+    rows = zip(told.keys, values, sd, flight_sd, session_sd, told.prior_sd, later, strict=True)
     numbers = (
         (key, Number(_flown(key, float(value), float(sd), model), float(sd), *map(float, rest)))
         for key, value, sd, *rest in rows
     )
-    return dict(numbers), factor
+    return dict(numbers), spreads
 
 
 def _declared(
@@ -266,7 +305,8 @@ def _declared(
     without measured rates.
 
     The fit starts from the last values, so its prior sits at minus those: each is pulled back by
-    its share of prior.
+    its share of prior. What no file declares, as a clock's delay, is in a later flight no better
+    known than such numbers usually are.
     """
     if not attitude_measured(flights):
         return {}
@@ -284,8 +324,16 @@ def _declared(
         if key not in TRIMS:
             last = before[key].value if key in before else 0.0
             value = last * (1.0 - (sd / nuisance.sd) ** 2) + float(joint.common[key])
-            told[key] = Number(_flown(key, value, sd, model), sd, 0.0, nuisance.sd, sd)
+            later = max(sd, _usual_sd(key))
+            told[key] = Number(_flown(key, value, sd, model), sd, 0.0, 0.0, nuisance.sd, later)
     return told
+
+
+def _usual_sd(key: str) -> float:
+    """How well an ``effect.parameter`` is usually known: 0 where only the vehicle file says."""
+    effect, _, parameter = key.partition(".")
+    doubt = effect_table.get(effect).parameter(parameter).doubt if key != SPEED else None
+    return doubt.sd if doubt else 0.0
 
 
 def _flown(key: str, value: float, sd: float, model: Model) -> float:
@@ -309,43 +357,83 @@ def _flown(key: str, value: float, sd: float, model: Model) -> float:
     )
 
 
-def _fit(flights: Sequence[Prepared], model: Model) -> tuple[dict[str, Number], float]:
+def _fit(
+    flights: Sequence[Prepared], session: Sequence[int], model: Model
+) -> tuple[dict[str, Number], _Spreads]:
     """Trims and declared numbers in turn, each with the other's last values, until nothing
     moves.
     """
     numbers: dict[str, Number] = {}
-    factor = 1.0
     for _ in range(settings.numerics.noise_rounds):
         last = numbers
-        trims, factor = _trims(flights, model, last)
+        trims, spreads = _trims(flights, session, model, last)
         numbers = {**trims, **_declared(flights, model, {**last, **trims})}
         share = settings.calibrate.converged_share
         if last and all(
             abs(n.value - last[key].value) < share * n.later_sd for key, n in numbers.items()
         ):
             break
-    return numbers, factor
+    return numbers, spreads
 
 
-def _spread_factor(
-    grams: Sequence[Gram], start: np.ndarray, prior: np.ndarray, unit: np.ndarray
-) -> float:
-    """The factor on the typical spreads that makes the flights most likely."""
-
-    def cost(log_factor: float) -> float:
-        return -_posterior(grams, start, prior, np.exp(log_factor) * unit).log_likelihood
-
-    most = np.log(settings.calibrate.spread_factor_most)
-    return float(np.exp(minimize_scalar(cost, bounds=(-most, most), method="bounded").x))
-
-
-def _pooled(factor: float, freedom: float, usual: float) -> tuple[float, float]:
-    """The spread of these flights and the usual one, weighed by their degrees of freedom; and the
-    sum of these.
+@dataclasses.dataclass(frozen=True)
+class _Spread:
+    """A spread over the usual one, as these flights alone show it (nan where they cannot) and
+    pooled with what is usual, and its degrees of freedom.
     """
+
+    seen: float
+    pooled: float
+    freedom: float
+
+    @property
+    def doubt(self) -> float:
+        """The sd of a normal that is as wide at 95 % as what a later flight or session adds, of a
+        Student distribution.
+        """
+        return float(student.ppf(QUANTILES_95[1], self.freedom)) / SDS_95 * self.pooled
+
+
+_Spreads = tuple[_Spread, _Spread]
+"""Between flights, of a session where there are several, and between sessions."""
+
+
+def _spreads(told: _Trims, start: np.ndarray, usual: float) -> _Spreads:
+    """Both spreads by maximum likelihood, first between flights, pooled with ``usual`` ones; of a
+    single set one, whatever its flights' days.
+    """
+    sessions, balances = told.sessions, told.sessions[0][0].n
+    several = len(sessions) > 1
+    flights = sum(map(len, sessions))
+    alike = usual * (settings.calibrate.flight_share if several else 1.0)
+
+    def seen(flight: float | None, session: float | None) -> float:
+        """The factor, of the two the one that is None, that makes the flights most likely."""
+
+        def cost(log_factor: float) -> float:
+            at = float(np.exp(log_factor))
+            levels = [at if level is None else level for level in (flight, session)]
+            return -_posterior(
+                sessions, start, told.prior_sd, *(level * told.spread for level in levels)
+            ).log_likelihood
+
+        most = np.log(settings.calibrate.spread_factor_most)
+        return float(np.exp(minimize_scalar(cost, bounds=(-most, most), method="bounded").x))
+
+    freedom = balances * (flights - len(sessions))
+    within = _pooled(seen(None, usual if several else 0.0) if freedom else np.nan, freedom, alike)
+    if not several:
+        return within, _Spread(np.nan, 0.0, settings.calibrate.spread_freedom)
+    between = seen(within.pooled, None)
+    return within, _pooled(between, balances * (len(sessions) - 1), usual)
+
+
+def _pooled(seen: float, freedom: float, usual: float) -> _Spread:
+    """The spread of these flights and the usual one, weighed by their degrees of freedom."""
     worth = settings.calibrate.spread_freedom
     total = freedom + worth
-    return float(np.sqrt((freedom * factor**2 + worth * usual**2) / total)), total
+    own = freedom * seen**2 if freedom else 0.0
+    return _Spread(seen, float(np.sqrt((own + worth * usual**2) / total)), total)
 
 
 def _scaled(quantity: Quantity, number: Number) -> Quantity:
@@ -445,43 +533,55 @@ def _effects(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict[str, dict[
 
 
 @blas_alone
-def calibrate(recordings: RecordingSet) -> Calibration:
+def calibrate(recordings: RecordingSet, *more: RecordingSet) -> Calibration:
     """Fit a vehicle file to reference flights, to the same bytes whatever the number of cores.
 
     Parameters
     ----------
-    recordings : two or more flights that are known to be good, with the vehicle file to start from.
+    recordings, more : flights that are known to be good, with the vehicle file to start from: every
+        set one session (a day, a battery put in anew), with the same vehicle file.
 
     Raises
     ------
-    GesError When fewer than two flights can be used. UsageError When the flights contradict the
-    file so far that a corrected number is impossible, such as a negative mass.
+    GesError When fewer than two flights can be used, or sessions come with different vehicle files.
+    UsageError When the flights contradict the file so far that a corrected number is impossible,
+    such as a negative mass.
     """
-    require_drive(recordings)
+    sets = (recordings, *more)
+    for one in sets:
+        require_drive(one)
+    if any(one.vehicle != recordings.vehicle for one in more):
+        raise GesError(
+            "the sessions have different vehicle files, and one is calibrated: import all of them"
+            " with the same one"
+        )
     model = from_vehicle(recordings.vehicle, recordings.folder)
-    gate = pass_gate(
-        [f.frame for f in recordings.flights], model, [f.name for f in recordings.flights]
-    )
-    flights = [f for f in gate.flights if f is not None]
+    flown = [(number, f) for number, one in enumerate(sets) for f in one.flights]
+    gate = pass_gate([f.frame for _, f in flown], model, [f.name for _, f in flown])
+    used = [(n, f) for (n, _), f in zip(flown, gate.flights, strict=True) if f is not None]
+    session, flights = [n for n, _ in used], [f for _, f in used]
     if len(flights) < 2:
         raise GesError(
             f"{len(flights)} usable reference flight; calibration needs two or more to see how much"
             " flights differ"
         )
-    numbers, factor = _fit(flights, _opened(at_flown_voltage(model, flights), flights))
+    numbers, spreads = _fit(flights, session, _opened(at_flown_voltage(model, flights), flights))
     update = _folded(recordings.vehicle, numbers) | {
         "effects": _effects(recordings.vehicle, numbers)
     }
     if _commanded(flights):
         update |= _drive_held(recordings.vehicle, update["effects"])
     seconds = float(sum(f.flying.sum() * f.dt_s for f in flights))
-    told = (*recordings.warnings, *gate.warnings, *_far(numbers))
+    told = (*(w for one in sets for w in one.warnings), *gate.warnings, *_far(numbers))
     vehicle = recordings.vehicle.model_copy(update=update)
     vehicle = vehicle.model_copy(
         update={"left_unexplained": _left_unexplained(flights, vehicle, recordings.folder)}
     )
     vehicle = parse_vehicle(vehicle_content(vehicle), "the calibrated vehicle")
-    return Calibration(vehicle, numbers, factor * settings.calibrate.spread, seconds, told)
+    spread, between = (
+        level.seen * settings.calibrate.spread * settings.calibrate.loss_sd for level in spreads
+    )
+    return Calibration(vehicle, numbers, spread, between, seconds, told)
 
 
 def _left_unexplained(
