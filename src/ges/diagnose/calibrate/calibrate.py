@@ -23,9 +23,10 @@ from pathlib import Path
 
 import numpy as np
 from scipy.optimize import minimize_scalar
+from scipy.stats import norm
 from scipy.stats import t as student
 
-from ges.conventions import QUANTILES_95, SDS_95, rotor_columns
+from ges.conventions import rotor_columns
 from ges.diagnose.decide.declared import words_of
 from ges.diagnose.design.system import System, build, nuisance_of
 from ges.diagnose.detectors.balance import (
@@ -388,10 +389,11 @@ class _Spread:
 
     @property
     def doubt(self) -> float:
-        """The sd of a normal that is as wide at 95 % as what a later flight or session adds, of a
-        Student distribution.
+        """The sd of a normal that is as wide as what a later flight or session adds, of a Student
+        distribution, where a change becomes certain.
         """
-        return float(student.ppf(QUANTILES_95[1], self.freedom)) / SDS_95 * self.pooled
+        certain_sds = settings.statistics.certain_sds
+        return float(student.isf(norm.sf(certain_sds), self.freedom)) / certain_sds * self.pooled
 
 
 _Spreads = tuple[_Spread, _Spread]

@@ -287,7 +287,8 @@ def _stepped(
     """
     known = effect_table.get(effect)
     now = {**known.neutral(), **model.effects.get(effect, {}), **values}
-    if now[parameter] + step > known.parameter(parameter).high:
+    p = known.parameter(parameter)
+    if not p.low <= now[parameter] + step <= p.high:
         step = -step
     return {effect: {**now, parameter: now[parameter] + step}}, step
 
