@@ -10,6 +10,7 @@ import pytest
 from ges.conventions import BODY_RATE, COMMAND, ROTOR_SPEED
 from ges.diagnose.design.residual import residual
 from ges.diagnose.design.system import (
+    _stepped,
     build,
     common_channels,
     half_waves,
@@ -287,3 +288,11 @@ def test_a_system_knows_its_plain_channels_nuisances_and_blocks():
     one, two = system.blocks(2.5)
     assert set(one) == {0, 1, 2} and set(two) == {3, 4, 5}
     assert system.recordings == [r.flight for r in flights]
+
+
+@pytest.mark.parametrize(("at", "step"), [(-0.7, -0.3), (3.0, 0.3), (-0.6, -0.3)])
+def test_a_column_at_an_end_of_its_range_steps_inward(at, step):
+    """A recalibration may have left a number there."""
+    model = MODEL.with_effects({"inertia": {"xx": 0.0, "yy": 0.0, "zz": at}})
+    stepped, taken = _stepped(model, "inertia", {}, "zz", step)
+    assert taken == -step and stepped["inertia"]["zz"] == pytest.approx(at - step)
