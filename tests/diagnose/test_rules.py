@@ -325,3 +325,30 @@ def test_an_inertia_beside_a_drag_is_told_by_what_is_asked_for_not_by_gusts(
 def test_what_is_faint_in_the_drive_alone_takes_more_to_be_told():
     assert faint({"force": 0.0, "drive": 1.4}) and not faint({"force": 0.0, "drive": 2.5})
     assert not faint({"force": 1.2, "drive": 1.4})
+
+
+def _balanced(monkeypatch, loss, mass, lost=("loss_3",), calibrated=True):
+    """A search that names a weak rotor; what the balance says of it and of a mass at its hub."""
+    columns = tuple(
+        SimpleNamespace(key=f"weak_rotor.{p}", variant=SimpleNamespace(effect="weak_rotor"))
+        for p in lost
+    )
+    monkeypatch.setattr(rules, "variant_of", lambda column: column.variant)
+    causes = [(SimpleNamespace(explained=loss), SimpleNamespace(explained=mass))] * 4
+    monkeypatch.setattr(rules, "causes_of", lambda system: causes if calibrated else [])
+    told = Posterior(
+        tuple(range(len(lost))), np.zeros(len(lost)), np.eye(len(lost)), log_evidence=20.0
+    )
+    found = Search((Hypothesis(("weak_rotor",), (), told, 20.0),), {"weak_rotor": 1.0})
+    board = SimpleNamespace(system=SimpleNamespace(columns=columns))
+    return rules.told_from_a_mass(Weighed(board, found, {}, ("weak_rotor",)), "weak_rotor")
+
+
+def test_a_weak_rotor_is_told_from_a_mass_at_its_hub_by_the_balance(monkeypatch):
+    """At odds of 0.9, against a calibrated file, where one rotor lost thrust."""
+    least = 2.0 * settings.statistics.acceptance_log_odds
+    assert _balanced(monkeypatch, 30.0 + 1.01 * least, 30.0).passed
+    alike = _balanced(monkeypatch, 30.0 + 0.99 * least, 30.0)
+    assert not alike.passed and "mass at its hub" in alike.because
+    assert _balanced(monkeypatch, 10.0, 30.0, lost=("loss_1", "loss_2")).passed
+    assert _balanced(monkeypatch, 10.0, 30.0, calibrated=False).passed

@@ -147,7 +147,7 @@ def _shift(loss=30.0, mass=28.0, effects=None, seen=True):
 def test_both_causes_are_told_in_the_library_s_names_and_numbers():
     found = {f.name: f for f in _shift().findings()}
     assert set(found) == {"weak_rotor", "cg_offset", "thrust_scale"}
-    share = 1.0 / (1.0 + np.exp(-1.0))
+    share = 1.0 / (1.0 + np.exp(-settings.search.log_odds_slope))
     assert found["weak_rotor"].probability == pytest.approx(share)
     assert found["cg_offset"].probability == pytest.approx(1.0 - share)
     assert found["weak_rotor"].parameters["loss_2"].value == pytest.approx(0.1)

@@ -14,6 +14,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from ges.diagnose.decide.sizes import shares_of, unlike_form_error
+from ges.diagnose.design.system import variant_of
+from ges.diagnose.detectors.balance import LOSSES, causes_of
 from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.library.candidates import acts_among, amplitude_of, wind_speed_m_s
 from ges.diagnose.select.evidence import Board
@@ -155,6 +157,23 @@ def distinguishable(c: Weighed, name: str) -> Decision:
     return Decision("distinguishable", not others, because, lead, least)
 
 
+def told_from_a_mass(c: Weighed, name: str) -> Decision:
+    """Against a calibrated file a rotor that lost thrust and a mass at its hub ask for the same
+    balance but in yaw, which has to tell them apart.
+    """
+    rule, best = "told_from_a_mass", c.found.best
+    columns = [c.board.system.columns[k] for k in best.posterior.columns]
+    keys = [col.key for col in columns if variant_of(col).effect == name]
+    lost = [LOSSES.index(key) for key in keys if key in LOSSES]
+    weighed = causes_of(c.board.system) if len(lost) == 1 else []
+    if not weighed:
+        return Decision(rule, True, "no mass at one hub would do the same")
+    loss, mass = weighed[lost[0]]
+    lead, least = 0.5 * (loss.explained - mass.explained), settings.statistics.acceptance_log_odds
+    because = f"log odds {lead:.3g} over a mass at its hub, by the balance"
+    return Decision(rule, lead >= least, because, lead, least)
+
+
 SEARCH_RULES: tuple[Rule, ...] = (
     probable,
     best_of_its_family,
@@ -164,6 +183,7 @@ SEARCH_RULES: tuple[Rule, ...] = (
     carried,
     more_than_its_carriers_form,
     distinguishable,
+    told_from_a_mass,
 )
 
 

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.special import expit, ndtri
 
 from ges.conventions import SDS_95, rotor_columns
 from ges.diagnose.design.system import System, nuisance_of
@@ -121,10 +121,11 @@ class Shift:
 
     def findings(self) -> list[Finding]:
         """Both causes in the library's names; their probabilities are those of each given that one
-        of them acts.
+        of them acts, as much less sure than the balance as what a search says.
         """
         model, i = self.system.model, self.rotor
-        share = 1.0 / (1.0 + np.exp(-0.5 * (self.loss.explained - self.mass.explained)))
+        lead = 0.5 * (self.loss.explained - self.mass.explained)
+        share = expit(settings.search.log_odds_slope * lead)
         per_kg = 1.0 / model.number("mass_kg")
         start = {
             key: model.effects.get(key.split(".")[0], {}).get(key.split(".")[1], 0.0)
