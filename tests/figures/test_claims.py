@@ -52,7 +52,8 @@ def claim(**given) -> Claim:
         ({"kind": "sign", "paper": 1.0}, (9.0, 8.0, 10.0), None, REPRODUCED),
         ({"kind": "sign", "paper": 1.0}, (9.0, -1.0, 10.0), None, DIRECTION),
         ({"kind": "sign", "paper": 1.0}, (-9.0, -10.0, -8.0), None, NOT),
-        ({"kind": "null"}, (0.1, -0.1, 0.3), None, REPRODUCED),
+        ({"kind": "null", "margin": 0.5}, (0.1, -0.1, 0.3), None, REPRODUCED),
+        ({"kind": "null", "margin": 0.1}, (0.2, -9.0, 9.0), None, NOT),
         ({"kind": "null", "margin": 0.5}, (0.2, 0.1, 0.3), None, DIRECTION),
         ({"kind": "null", "margin": 0.1}, (0.2, 0.1, 0.3), None, NOT),
         ({"kind": "above", "bound": 1.0}, (2.0, 1.5, 2.5), None, REPRODUCED),
@@ -83,7 +84,18 @@ def test_every_kind_of_claim_has_a_rule_and_every_id_is_its_own():
     for c in listed:
         assert c.paper is not None or c.kind in ("null", "above", "below", "not_below"), c.id
         assert (c.kind in ("above", "below")) == (c.bound is not None), c.id
+        assert (c.kind == "null") == (c.margin is not None), c.id
         assert (c.baseline is None) == (c.paper_baseline is None), c.id
+
+
+@pytest.mark.parametrize("listed", claims.claims(), ids=lambda c: c.id)
+def test_every_claim_can_come_out_and_can_fail(listed):
+    """Over numbers of either sign and any size, each as sure as can be."""
+    sizes = [0.0, *(s * 10.0**k for k in range(-6, 4) for s in (1, -1))]
+    about = [listed.paper, listed.bound] if listed.paper or listed.bound else [0.0]
+    tried = [a + v for a in about if a is not None for v in sizes]
+    found = {claims.verdict(listed, Ours(value=v, low=v, high=v), Ours(value=v)) for v in tried}
+    assert {REPRODUCED, NOT} <= found
 
 
 def test_look_finds_one_row_with_its_interval():

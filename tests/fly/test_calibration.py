@@ -19,7 +19,7 @@ def study(root):
 
 @pytest.fixture(scope="module")
 def world(study):
-    return study.simulator, study.closed_loop
+    return study.simulator, study.closed_loop, study.closed_loop.pulse
 
 
 @pytest.fixture(scope="module")
@@ -47,20 +47,23 @@ def test_every_number_lies_inside_its_bounds(report):
         assert 0.05 < share < 0.95, f"{name} stands at {share:.2f} of its bounds"
 
 
+def _flown(world, numbers, seeds):
+    simulator, plan, pulse = world
+    arms = calibrate.fly_arms(simulator, plan, pulse, numbers, seeds)
+    return calibrate.operating_point(simulator, pulse, arms)
+
+
 def test_operating_point_can_be_flown_again(world, report):
-    flown = calibrate.operating_point(
-        *world, calibrate.fly_arms(*world, report["fitted"], report["seeds"])
-    )
+    flown = _flown(world, report["fitted"], report["seeds"])
     assert flown == pytest.approx(report["flown"], rel=1e-6, abs=1e-9)
 
 
 def test_misfit_is_worse_away_from_the_fit(world, report):
     moved = {**report["fitted"], "altitude_ki": 0.5}
-    arms = [
-        calibrate.fly_arms(*world, numbers, report["seeds"][:2])
+    here, there = (
+        calibrate.misfit(_flown(world, numbers, report["seeds"][:2]))
         for numbers in (report["fitted"], moved)
-    ]
-    here, there = (calibrate.misfit(calibrate.operating_point(*world, a)) for a in arms)
+    )
     assert there > 2 * here
 
 
@@ -76,11 +79,9 @@ def test_search_finds_numbers_that_fit_better(world, study, tmp_path, monkeypatc
         update={"controller": world[0].controller.model_copy(update={"altitude_ki": 1.0})}
     )
     one = study.seeds.calibration.model_copy(update={"count": 1})
-    calibrate.calibrate(detuned, short, one, tmp_path / "found.json")
+    calibrate.calibrate(detuned, short, world[2], one, tmp_path / "found.json")
     found = json.loads((tmp_path / "found.json").read_text())
-    start = calibrate.operating_point(
-        detuned, short, calibrate.fly_arms(detuned, short, {}, one.list())
-    )
+    start = _flown((detuned, short, world[2]), {}, one.list())
     assert found["misfit"] == pytest.approx(calibrate.misfit(found["flown"]))
     assert found["misfit"] < 0.5 * calibrate.misfit(start)
     assert set(found["fitted"]) == {

@@ -33,18 +33,22 @@ def flown(tiny, tmp_path_factory):
     """Folder with the outputs of every experiment."""
     folder = tmp_path_factory.mktemp("closed_loop")
     world, plan, seeds = tiny.simulator, tiny.closed_loop, tiny.seeds
+    modes, large = plan.modes, seeds.closed_loop
     at, choice = folder.joinpath, folder / "clamp.json"
-    clamp.choose_clamp(world, plan, seeds.validation, at("clamp.csv"), choice)
-    names = ("comparison.csv", "comparison_summary.csv", "restricted_summary.csv")
-    comparison.fly_comparison(world, plan, seeds, choice, *map(at, names))
-    bias.fly_bias(
-        world, plan, seeds.closed_loop, at("bias.csv"), at("bias_summary.csv"), at("bias_tests.csv")
+    clamp.choose_clamp(
+        world, plan, plan.clamp_thresholds, seeds.validation, at("clamp.csv"), choice
     )
+    names = ("comparison.csv", "comparison_summary.csv", "restricted_summary.csv")
+    comparison.fly_comparison(
+        world, plan, modes, seeds.closed_loop_small, large, choice, *map(at, names)
+    )
+    names = ("bias.csv", "bias_summary.csv", "bias_tests.csv")
+    bias.fly_bias(world, plan, plan.biases, large, *map(at, names))
     comparison.write_table2(at("comparison_summary.csv"), at("bias_summary.csv"), at("table2.csv"))
     names = ("pulse.csv", "pulse_tests.csv", "pulse_trace.csv", "pulse_response.json")
-    pulse.fly_pulse(world, plan, seeds.closed_loop, *map(at, names))
+    pulse.fly_pulse(world, plan, plan.pulse, large, *map(at, names))
     names = ("pulse_map.csv", "pulse_map_summary.csv", "pulse_map_limits.csv")
-    pulse.fly_pulse_map(world, plan, seeds.closed_loop, *map(at, names))
+    pulse.fly_pulse_map(world, plan, plan.pulse.start_s, plan.pulse_map, large, *map(at, names))
     causes.fly_causes(
         world,
         plan,
@@ -53,9 +57,11 @@ def flown(tiny, tmp_path_factory):
         at("causes_summary.csv"),
         at("causes_tests.csv"),
     )
-    winner.choose_gains(world, plan, seeds.validation, choice, at("gains.csv"), at("gains.json"))
+    winner.choose_gains(
+        world, plan, modes, plan.retune, seeds.validation, choice, at("gains.csv"), at("gains.json")
+    )
     names = ("winner.csv", "winner_summary.csv", "winner_tests.csv")
-    winner.fly_winner(world, plan, seeds.closed_loop, choice, at("gains.json"), *map(at, names))
+    winner.fly_winner(world, plan, modes, large, choice, at("gains.json"), *map(at, names))
     return folder
 
 
@@ -85,7 +91,9 @@ def test_rules_that_choose_are_given_validation_seeds_alone(root):
     for rule in re.split(r"\nrule ", text)[1:]:
         seeds = set(re.findall(r'part\("(seeds[\w.]*)"\)', rule))
         wanted = (
-            {"seeds.validation"} if rule.startswith("choose") else {"seeds.closed_loop", "seeds"}
+            {"seeds.validation"}
+            if rule.startswith("choose")
+            else {"seeds.closed_loop", "seeds.closed_loop_small"}
         )
         wanted = {"seeds.calibration"} if rule.startswith(("fly_ensemble", "calibrate")) else wanted
         assert seeds <= wanted, rule.split(":")[0]
@@ -300,7 +308,7 @@ def test_grid_changes_the_truth_alone(tiny, flown, tmp_path):
     )
     cells = [tmp_path / f"cell{factor}.csv" for factor in (1.0, 1.5)]
     for cell, factor in zip(cells, (1.0, 1.5), strict=True):
-        grid.fly_grid_cell(world, plan, seeds, choice, 1.0, factor, cell)
+        grid.fly_grid_cell(world, plan, plan.modes, seeds, choice, 1.0, factor, cell)
     grid.summarise_grid(cells, tmp_path / "grid.csv", tmp_path / "grid_summary.csv")
     same, other = (pd.read_csv(cell).query("condition == 'none'")["agl_rms_m"] for cell in cells)
     reference = _table(flown, "comparison.csv").query(
@@ -311,16 +319,20 @@ def test_grid_changes_the_truth_alone(tiny, flown, tmp_path):
 
 
 def test_worlds_differ_and_the_fitted_one_flies_where_it_was_fitted(tiny, flown, tmp_path):
-    plan = tiny.closed_loop.model_copy(
-        update={"modes": ["analytical", "oracle"], "biases": [-0.02, 0.02]}
-    )
+    arms = ["analytical", "oracle"], [-0.02, 0.02]
     one = tiny.seeds.closed_loop.model_copy(update={"count": 2})
     outputs = [tmp_path / name for name in ("worlds.csv", "summary.csv", "tests.csv")]
     found = {}
     for name, rows in (("none", ""), ("fitted", "hayden,0.05,,,2\nexponential,0.0,0.12,0.7,1\n")):
         (tmp_path / f"{name}.csv").write_text("form,offset_m,c_a,decay,rank\n" + rows)
         forms.fly_worlds(
-            tiny.simulator, plan, one, flown / "clamp.json", tmp_path / f"{name}.csv", *outputs
+            tiny.simulator,
+            tiny.closed_loop,
+            *arms,
+            one,
+            flown / "clamp.json",
+            tmp_path / f"{name}.csv",
+            *outputs,
         )
         found[name] = pd.read_csv(outputs[0])
         assert (
@@ -342,8 +354,15 @@ def test_worlds_differ_and_the_fitted_one_flies_where_it_was_fitted(tiny, flown,
 def test_ensemble_starts_at_the_fit_and_keeps_what_fits(tiny, root, tmp_path):
     outputs = [tmp_path / "ensemble.csv", tmp_path / "summary.csv"]
     two = tiny.seeds.calibration.model_copy(update={"count": 2})
+    plan = tiny.closed_loop
     ensemble.fly_ensemble(
-        tiny.simulator, tiny.closed_loop, two, root / "config/calibration.json", *outputs
+        tiny.simulator,
+        plan,
+        plan.pulse,
+        plan.ensemble,
+        two,
+        root / "config/calibration.json",
+        *outputs,
     )
     walk, summary = map(pd.read_csv, outputs)
     fitted = json.loads((root / "config/calibration.json").read_text())["fitted"]

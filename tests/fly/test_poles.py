@@ -145,7 +145,7 @@ def test_comparison_would_see_another_lag(simulator):
 def test_poles_and_margins_agree_on_stability(simulator, tmp_path, root):
     study = config.load(root / "config/default.yaml")
     poles.write_poles(
-        simulator, study.closed_loop, tmp_path / "poles.csv", tmp_path / "summary.csv"
+        simulator, study.closed_loop.pole_factors, tmp_path / "poles.csv", tmp_path / "summary.csv"
     )
     table, summary = pd.read_csv(tmp_path / "poles.csv"), pd.read_csv(tmp_path / "summary.csv")
     greatest = table.groupby(["mode", "mapping", "factor_is", "factor"])["real_1_s"].max()

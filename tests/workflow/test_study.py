@@ -34,16 +34,24 @@ SMALL = {
         "random_forest": {"train_rows": 300, "trees": 4},
     },
 }
-METRICS = [f"results/models/consistent/seedwise/{m}.metrics.json" for m in SMALL["models"]["names"]]
+METRICS = [
+    f"results/models/consistent/seedwise/training1/{m}.metrics.json"
+    for m in SMALL["models"]["names"]
+]
 SNAKEMAKE = Path(sys.executable).with_name("snakemake")
+
+
+def nested(path: str, value: object) -> dict:
+    """A configuration of one value, by its dotted key."""
+    tree = value
+    for key in reversed(path.split(".")):
+        tree = {key: tree}
+    return tree
 
 
 def changed(path: str, value: object) -> dict:
     """The small study with one value replaced."""
-    tree = value
-    for key in reversed(path.split(".")):
-        tree = {key: tree}
-    return config.merged(SMALL, tree)
+    return config.merged(SMALL, nested(path, value))
 
 
 def command(folder: Path, study: dict, *more: str) -> list[str]:
@@ -114,9 +122,7 @@ def test_the_whole_study_is_planned(tmp_path):
 @pytest.mark.parametrize(
     ("path", "value", "jobs"),
     [
-        ("closed_loop.biases", [0.0], {}),
         ("data.flights_per_batch", 1, {}),
-        ("models.mlp.epochs", 7, {}),
         ("models.random_forest.trees", 5, {"train_model": 1}),
         ("models.horizon_s", 0.2, {"train_model": 2}),
         (
@@ -128,6 +134,58 @@ def test_the_whole_study_is_planned(tmp_path):
 )
 def test_a_changed_key_runs_its_dependents_and_nothing_else(finished, path, value, jobs):
     assert would_run(finished, changed(path, value)) == jobs
+
+
+@pytest.fixture(scope="session")
+def touched(tmp_path_factory) -> tuple[Path, dict]:
+    """Folder and configuration of the whole tiny study, every file empty and known as made."""
+    folder, tiny = tmp_path_factory.mktemp("touched"), config.read(ROOT / "config/tiny.yaml")
+    listed = run(folder, tiny, "all", "--summary")
+    assert listed.returncode == 0, listed.stderr
+    for line in listed.stdout.splitlines()[1:]:
+        file = folder / line.partition("\t")[0]
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch()
+    done = run(folder, tiny, "all", "--touch", "--forceall", "--cores", "1")
+    assert done.returncode == 0, done.stderr
+    return folder, tiny
+
+
+RERUN = {
+    "closed_loop.modes": (["analytical", "ml"], {}, 0),
+    "closed_loop.clamp_thresholds": ([0.01], {}, 0),
+    "closed_loop.biases": ([0.0], {}, 0),
+    "closed_loop.pulse.bias": (0.01, {}, 0),
+    "closed_loop.pulse.start_s": (6.0, {}, 0),
+    "closed_loop.pulse_map.recovery_s": (9.0, {}, 0),
+    "closed_loop.ensemble.steps": (4, {}, 0),
+    "closed_loop.retune.phase_margin_deg": (31.0, {}, 0),
+    "closed_loop.pole_factors": ([1.0], {}, 0),
+    "closed_loop.slope_exponents": ([1.0], {}, 0),
+    "closed_loop.curvature_factors": ([1.0], {}, 0),
+    "closed_loop.low_clearance_m": (0.09, {}, 0),
+    "models.mlp.epochs": (7, {}, 0),
+    "seeds.closed_loop_small.count": (3, {}, 0),
+    "seeds.closed_loop.count": (4, {}, 0),
+}
+
+
+@pytest.mark.parametrize("path", RERUN)
+def test_a_changed_key_runs_again_what_it_is_handed_to(touched, path):
+    """Of the whole study: the jobs that fly, choose or train, and how many jobs in all."""
+    folder, tiny = touched
+    value, jobs, total = RERUN[path]
+    again = would_run(folder, config.merged(tiny, nested(path, value)), "all")
+    made = {
+        rule: n for rule, n in again.items() if re.match("fly_|choose_|train_|write_poles", rule)
+    }
+    assert (made, sum(again.values())) == (jobs, total)
+
+
+def test_every_key_of_the_closed_loop_is_looked_at():
+    shared = set(config.Flights.model_fields)
+    own = {path.split(".")[1] for path in RERUN if path.startswith("closed_loop.")}
+    assert own | shared == set(config.ClosedLoop.model_fields)
 
 
 @pytest.mark.slow

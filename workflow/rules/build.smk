@@ -1,4 +1,4 @@
-# The simulator, twice: with the network that is committed, and with the one that this study has trained.
+# The simulator, with the network that is committed; those with networks of this study are built by models.smk.
 SIM_HASH = tree_hash(
     ROOT, project("sim_c/Makefile", "sim_c/**/*.[ch]", "sim_c/**/*.def")
 )

@@ -1,9 +1,13 @@
 # Closed loop: experiments with the network fly the simulator that carries this study's; the others wait for no training.
 import itertools
 
+from ges.study.config import Flights
+
 FLOWN = "results/closed_loop"
-PLAIN, FLYING = "build/libges.so", "build/ml/libges.so"
+PLAIN, FLYING = "build/libges.so", FIRMWARE_NETWORK
 CLAMP = f"{FLOWN}/clamp.json"
+# Every rule is handed how all flights are flown and the keys of its own, so that no other key runs it again.
+HOW_FLOWN = STUDY.closed_loop.model_dump(include=set(Flights.model_fields))
 CELLS = [
     f"{FLOWN}/grid/slope{exponent:g}_curvature{factor:g}.csv"
     for exponent, factor in itertools.product(
@@ -23,7 +27,8 @@ rule calibrate:
     params:
         call=call("ges.study.fly.calibrate:calibrate"),
         simulator=part("simulator"),
-        plan=part("closed_loop"),
+        plan=HOW_FLOWN,
+        pulse=part("closed_loop.pulse"),
         calibration_seeds=part("seeds.calibration"),
     message:
         "fit the simulator's free numbers to published figures"
@@ -44,7 +49,8 @@ rule choose_clamp:
     params:
         call=call("ges.study.fly.clamp:choose_clamp"),
         simulator=part("simulator"),
-        plan=part("closed_loop"),
+        plan=HOW_FLOWN,
+        clamp_thresholds=part("closed_loop.clamp_thresholds"),
         validation=part("seeds.validation"),
     message:
         "choose the clamp threshold on validation seeds"
@@ -67,8 +73,10 @@ rule fly_comparison:
     params:
         call=call("ges.study.fly.comparison:fly_comparison"),
         simulator=part("simulator"),
-        plan=part("closed_loop"),
-        seeds=part("seeds"),
+        plan=HOW_FLOWN,
+        modes=part("closed_loop.modes"),
+        closed_loop_small=part("seeds.closed_loop_small"),
+        closed_loop=part("seeds.closed_loop"),
     message:
         "fly the feedforward modes against each other"
     script:
@@ -87,7 +95,7 @@ rule fly_network:
     params:
         call=call("ges.study.fly.networks:fly_network"),
         simulator=part("simulator"),
-        plan=part("closed_loop"),
+        plan=HOW_FLOWN,
         closed_loop=part("seeds.closed_loop"),
         trained_on=lambda wildcards: wildcards.plan,
         training=lambda wildcards: int(wildcards.training),
@@ -133,7 +141,8 @@ rule fly_bias:
     params:
         call=call("ges.study.fly.bias:fly_bias"),
         simulator=part("simulator"),
-        plan=part("closed_loop"),
+        plan=HOW_FLOWN,
+        biases=part("closed_loop.biases"),
         closed_loop=part("seeds.closed_loop"),
     message:
         "fly the oracle under constant biases"
@@ -174,7 +183,8 @@ rule fly_pulse:
     params:
         call=call("ges.study.fly.pulse:fly_pulse"),
         simulator=part("simulator"),
-        plan=part("closed_loop"),
+        plan=HOW_FLOWN,
+        pulse=part("closed_loop.pulse"),
         closed_loop=part("seeds.closed_loop"),
     message:
         "fly the bias pulse"
@@ -196,7 +206,9 @@ rule fly_pulse_map:
     params:
         call=call("ges.study.fly.pulse:fly_pulse_map"),
         simulator=part("simulator"),
-        plan=part("closed_loop"),
+        plan=HOW_FLOWN,
+        start_s=part("closed_loop.pulse.start_s"),
+        pulse_map=part("closed_loop.pulse_map"),
         closed_loop=part("seeds.closed_loop"),
     message:
         "map the pulses that the vehicle recovers from"
@@ -217,7 +229,7 @@ rule write_poles:
     params:
         call=call("ges.study.fly.poles:write_poles"),
         simulator=part("simulator"),
-        plan=part("closed_loop"),
+        pole_factors=part("closed_loop.pole_factors"),
     message:
         "poles of the height loop"
     script:
@@ -237,7 +249,8 @@ rule fly_grid_cell:
     params:
         call=call("ges.study.fly.grid:fly_grid_cell"),
         simulator=part("simulator"),
-        plan=part("closed_loop"),
+        plan=HOW_FLOWN,
+        modes=part("closed_loop.modes"),
         closed_loop=part("seeds.closed_loop"),
         slope_exponent=lambda wildcards: float(wildcards.exponent),
         curvature_factor=lambda wildcards: float(wildcards.factor),
@@ -279,7 +292,7 @@ rule fly_causes:
     params:
         call=call("ges.study.fly.causes:fly_causes"),
         simulator=part("simulator"),
-        plan=part("closed_loop"),
+        plan=HOW_FLOWN,
         closed_loop=part("seeds.closed_loop"),
     message:
         "take away what may keep the oracle from winning"
@@ -303,7 +316,9 @@ rule fly_worlds:
     params:
         call=call("ges.study.fly.forms:fly_worlds"),
         simulator=part("simulator"),
-        plan=part("closed_loop"),
+        plan=HOW_FLOWN,
+        modes=part("closed_loop.modes"),
+        biases=part("closed_loop.biases"),
         closed_loop=part("seeds.closed_loop"),
     message:
         "fly other forms of the ground effect, and the historical mapping"
@@ -325,7 +340,9 @@ rule choose_gains:
     params:
         call=call("ges.study.fly.winner:choose_gains"),
         simulator=part("simulator"),
-        plan=part("closed_loop"),
+        plan=HOW_FLOWN,
+        modes=part("closed_loop.modes"),
+        retune=part("closed_loop.retune"),
         validation=part("seeds.validation"),
     message:
         "choose gains for every mode on validation seeds"
@@ -349,7 +366,8 @@ rule fly_winner:
     params:
         call=call("ges.study.fly.winner:fly_winner"),
         simulator=part("simulator"),
-        plan=part("closed_loop"),
+        plan=HOW_FLOWN,
+        modes=part("closed_loop.modes"),
         closed_loop=part("seeds.closed_loop"),
     message:
         "fly every mode with its own gains"
@@ -371,7 +389,9 @@ rule fly_ensemble:
     params:
         call=call("ges.study.fly.ensemble:fly_ensemble"),
         simulator=part("simulator"),
-        plan=part("closed_loop"),
+        plan=HOW_FLOWN,
+        pulse=part("closed_loop.pulse"),
+        ensemble=part("closed_loop.ensemble"),
         calibration_seeds=part("seeds.calibration"),
     message:
         "fly simulators that fit the published figures as well"

@@ -1,4 +1,6 @@
 # The data set: flights in batches, two ways to split them, and the proof that nothing leaks.
+from ges.study.config import DataSeeds
+
 PLANS = list(STUDY.data.plans)
 SPLITS = ["seedwise", "blockwise"]
 DATA_SEEDS = STUDY.seeds.data()
@@ -68,7 +70,7 @@ rule split_rows:
     params:
         call=call("ges.study.datasets.split:write_split"),
         kind=lambda wildcards: wildcards.split,
-        seeds=part("seeds"),
+        seeds=STUDY.seeds.model_dump(include=set(DataSeeds.model_fields)),
         duration_s=part("data.duration_s"),
         rate_hz=part("data.rate_hz"),
         block_s=part("models.block_s"),

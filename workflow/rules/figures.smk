@@ -5,11 +5,11 @@ REAL_FLIGHTS = [str(f) for f in PUBLISHED if f.is_file()]
 APPIUS_VEHICLE = str(ROOT / "src/ges/vehicle/library/appius.yaml")
 APPIUS_MAP = str(ROOT / "src/ges/recordings/readers/presets/appius.yaml")
 LIBRARY = {"library": "build/libges.so"}
-NETWORK = {"library": "build/ml/libges.so"}
+NETWORK = {"library": FIRMWARE_NETWORK}
 QUARTILES = {"quartiles": "results/offline/ground_quartiles.csv"}
 CLEARANCE_BINS = {"bins": "results/offline/clearance_bins.csv"}
 SHOWN_SEED = STUDY.seeds.closed_loop.first
-SHOWN_FLIGHT = {"simulator": part("simulator"), "plan": part("closed_loop")}
+SHOWN_FLIGHT = {"simulator": part("simulator"), "plan": HOW_FLOWN}
 
 
 # Published recordings are read where they are; without them the tables have headings only, and the paper says so.
@@ -118,7 +118,13 @@ FIGURE_RULES = {
         {
             "table1": "results/table1.csv",
             "predictions": [
-                f"results/models/{PLANS[0]}/blockwise/{model}.predictions.parquet"
+                trained(
+                    ".predictions.parquet",
+                    plan=PLANS[0],
+                    split="blockwise",
+                    training=STUDY.models.seed,
+                    model=model,
+                )
                 for model in MODELS
             ],
         },

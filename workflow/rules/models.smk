@@ -1,11 +1,21 @@
-# Models: one training job a model, split and flight plan; Table 1; the network that the firmware flies.
+# Models: one training job a model, split, flight plan and seed of training; Table 1; the networks that the firmware
+# flies, of both flight plans and several trainings: what the published study flew, and what the luck of a training does.
 MODELS = STUDY.models.names
-TRAINED = "results/models/{plan}/{split}/{model}"
-FIRMWARE_MLP = f"results/models/{STUDY.models.firmware_plan}/seedwise/mlp.joblib"
+TRAINED = "results/models/{plan}/{split}/training{training}/{model}"
+NETWORK_LIBRARY = "build/networks/{plan}_training{training}/libges.so"
+FIRMWARE_NETWORK = NETWORK_LIBRARY.format(
+    plan=STUDY.models.firmware_plan, training=STUDY.models.seed
+)
+
+
+def trained(ending, **known):
+    """Path of what a training leaves, the given wildcards filled in."""
+    return expand(TRAINED + ending, **known, allow_missing=True)[0]
 
 
 wildcard_constraints:
-    model="|".join(MODELS),
+    model="|".join([*MODELS, "mlp"]),
+    training=r"\d+",
 
 
 rule train_model:
@@ -18,9 +28,9 @@ rule train_model:
         metrics=f"{TRAINED}.metrics.json",
         model=f"{TRAINED}.joblib",
     log:
-        "results/logs/models/train_{plan}_{split}_{model}.log",
+        "results/logs/models/train_{plan}_{split}_{model}_{training}.log",
     benchmark:
-        "results/benchmarks/models/train_{plan}_{split}_{model}.tsv"
+        "results/benchmarks/models/train_{plan}_{split}_{model}_{training}.tsv"
     params:
         call=call("ges.study.models.train:train_model"),
         name=lambda wildcards: wildcards.model,
@@ -34,9 +44,9 @@ rule train_model:
         validation_rows=part("models.validation_rows"),
         test_rows=part("models.test_rows"),
         resamples=part("models.resamples"),
-        seed=part("models.seed"),
+        seed=lambda wildcards: int(wildcards.training),
     message:
-        "train {wildcards.model}, {wildcards.plan}, {wildcards.split}"
+        "train {wildcards.model}, {wildcards.plan}, {wildcards.split}, seed {wildcards.training}"
     script:
         SCRIPT
 
@@ -44,7 +54,11 @@ rule train_model:
 rule table1:
     input:
         metrics=expand(
-            f"{TRAINED}.metrics.json", plan=PLANS, split=SPLITS, model=MODELS
+            f"{TRAINED}.metrics.json",
+            plan=PLANS,
+            split=SPLITS,
+            training=STUDY.models.seed,
+            model=MODELS,
         ),
     output:
         table="results/table1.csv",
@@ -60,72 +74,11 @@ rule table1:
         SCRIPT
 
 
-rule export_mlp:
-    input:
-        model=FIRMWARE_MLP,
-    output:
-        header_file="results/models/ge_ff_mlp_weights.h",
-    log:
-        "results/logs/models/export_mlp.log",
-    benchmark:
-        "results/benchmarks/models/export_mlp.tsv"
-    params:
-        call=call("ges.study.models.export:export_mlp"),
-        plan=part("models.firmware_plan"),
-    message:
-        "write the firmware's network"
-    script:
-        SCRIPT
-
-
-# Networks of both flight plans, each trained several times: what the published study flew, and what the luck of a
-# training does.
-NETWORK_OF = "results/networks/{plan}/training{training}"
-NETWORK_LIBRARY = "build/networks/{plan}_training{training}/libges.so"
-
-
-wildcard_constraints:
-    training=r"\d+",
-
-
-rule train_network:
-    input:
-        library="build/libges.so",
-        flights=CHECKED_FLIGHTS,
-        split="results/splits/rows.seedwise.csv",
-    output:
-        predictions=f"{NETWORK_OF}.predictions.parquet",
-        metrics=f"{NETWORK_OF}.metrics.json",
-        model=f"{NETWORK_OF}.joblib",
-    log:
-        "results/logs/models/train_network_{plan}_{training}.log",
-    benchmark:
-        "results/benchmarks/models/train_network_{plan}_{training}.tsv"
-    params:
-        call=call("ges.study.models.train:train_model"),
-        name="mlp",
-        plan=lambda wildcards: wildcards.plan,
-        kind="seedwise",
-        fit=part("models.mlp"),
-        window=part("models.window"),
-        vehicle=part("simulator.vehicle"),
-        horizon_s=part("models.horizon_s"),
-        rate_hz=part("data.rate_hz"),
-        validation_rows=part("models.validation_rows"),
-        test_rows=part("models.test_rows"),
-        resamples=part("models.resamples"),
-        seed=lambda wildcards: int(wildcards.training),
-    message:
-        "train the network, {wildcards.plan}, seed {wildcards.training}"
-    script:
-        SCRIPT
-
-
 rule export_network:
     input:
-        model=f"{NETWORK_OF}.joblib",
+        model=trained(".joblib", split="seedwise", model="mlp"),
     output:
-        header_file=f"{NETWORK_OF}/ge_ff_mlp_weights.h",
+        header_file="results/networks/{plan}/training{training}/ge_ff_mlp_weights.h",
     log:
         "results/logs/models/export_network_{plan}_{training}.log",
     benchmark:
@@ -141,7 +94,7 @@ rule export_network:
 
 rule build_network:
     input:
-        header=f"{NETWORK_OF}/ge_ff_mlp_weights.h",
+        header="results/networks/{plan}/training{training}/ge_ff_mlp_weights.h",
         plain="build/libges.so",
     output:
         library=NETWORK_LIBRARY,
@@ -157,23 +110,3 @@ rule build_network:
         "compile the simulator with the network, {wildcards.plan}, seed {wildcards.training}"
     shell:
         "({params.make} -j{threads} WEIGHTS=$PWD/$(dirname {input.header}) SHARED=$PWD/build BUILD=$PWD/$(dirname {output.library})) > {log} 2>&1"
-
-
-rule build_simulator_ml:
-    input:
-        header="results/models/ge_ff_mlp_weights.h",
-        plain="build/libges.so",
-    output:
-        library="build/ml/libges.so",
-    log:
-        "results/logs/models/build_simulator_ml.log",
-    benchmark:
-        "results/benchmarks/models/build_simulator_ml.tsv"
-    threads: 2
-    params:
-        sources=SIM_HASH,
-        make=MAKE_SIM,
-    message:
-        "compile the simulator with the network of this study"
-    shell:
-        "({params.make} -j{threads} WEIGHTS=$PWD/results/models SHARED=$PWD/build BUILD=$PWD/build/ml) > {log} 2>&1"

@@ -1,10 +1,6 @@
 # Offline experiments: horizons, importances, errors by ground and clearance, learning curves.
 OFFLINE_PARTS = {
-    "horizons": [
-        f"results/offline/parts/horizon_{plan}_{horizon}.csv"
-        for plan in PLANS
-        for horizon in STUDY.offline.horizons_s
-    ],
+    "horizons": [f"results/offline/parts/horizons_{plan}.csv" for plan in PLANS],
     "importances": [
         f"results/offline/parts/importances_{plan}.csv"
         for plan in PLANS
@@ -25,32 +21,31 @@ OFFLINE_PARTS = {
 OFFLINE_TABLES = [f"results/offline/{name}.csv" for name in OFFLINE_PARTS]
 CURVE_PLAN = STUDY.models.firmware_plan
 SEEDWISE = "results/splits/rows.seedwise.csv"
+TABLED = {"split": "seedwise", "training": STUDY.models.seed}
 SEEDWISE_PREDICTIONS = [
-    f"results/models/{{plan}}/seedwise/{model}.predictions.parquet" for model in MODELS
+    trained(".predictions.parquet", **TABLED, model=model) for model in MODELS
 ]
 
 
 wildcard_constraints:
-    horizon=r"[0-9.]+",
     table="|".join(OFFLINE_PARTS),
 
 
-rule sweep_horizon:
+rule sweep_horizons:
     input:
         library="build/libges.so",
         flights=CHECKED_FLIGHTS,
         split=SEEDWISE,
     output:
-        table="results/offline/parts/horizon_{plan}_{horizon}.csv",
+        table="results/offline/parts/horizons_{plan}.csv",
     log:
-        "results/logs/offline/horizon_{plan}_{horizon}.log",
+        "results/logs/offline/horizons_{plan}.log",
     benchmark:
-        "results/benchmarks/offline/horizon_{plan}_{horizon}.tsv"
+        "results/benchmarks/offline/horizons_{plan}.tsv"
     params:
-        call=call("ges.study.offline.horizons:sweep_horizon"),
+        call=call("ges.study.offline.horizons:sweep_horizons"),
         plan=lambda wildcards: wildcards.plan,
-        horizon_s=lambda wildcards: float(wildcards.horizon),
-        reserve_s=max(part("offline.horizons_s")),
+        horizons_s=part("offline.horizons_s"),
         fit=part("models.random_forest"),
         sweep_rows=part("offline.sweep_rows"),
         window=part("models.window"),
@@ -60,7 +55,7 @@ rule sweep_horizon:
         resamples=part("models.resamples"),
         seed=part("models.seed"),
     message:
-        "{wildcards.horizon} s ahead, {wildcards.plan}"
+        "horizons, {wildcards.plan}"
     script:
         SCRIPT
 
@@ -69,7 +64,7 @@ rule importances:
     input:
         flights=CHECKED_FLIGHTS,
         split=SEEDWISE,
-        model="results/models/{plan}/seedwise/random_forest.joblib",
+        model=trained(".joblib", **TABLED, model="random_forest"),
     output:
         table="results/offline/parts/importances_{plan}.csv",
     log:
@@ -138,7 +133,7 @@ rule learning_curve:
         library="build/libges.so",
         flights=CHECKED_FLIGHTS.format(plan=CURVE_PLAN),
         split=SEEDWISE,
-        at_cap=f"results/models/{CURVE_PLAN}/seedwise/{{model}}.joblib",
+        at_cap=trained(".joblib", **TABLED, plan=CURVE_PLAN),
     output:
         table="results/offline/parts/curve_{model}.csv",
     log:

@@ -46,8 +46,8 @@ RULES = {
         " excludes zero; same direction if it has its sign only"
     ),
     "null": (
-        "no difference: reproduced if our interval holds zero; same direction if ours is smaller"
-        " than the stated margin"
+        "no difference: same direction if ours is smaller than the stated margin; reproduced if our"
+        " interval holds zero, too"
     ),
     "above": (
         "a number said to exceed a bound: reproduced if our interval, or our value where there is"
@@ -126,6 +126,19 @@ class Claim(Strict):
         if self.bound is None:
             raise ValueError(f"claim {self.id} has no bound; give 'bound'")
         return self.bound
+
+
+    @property
+    def least(self) -> float:
+        """``margin``, where the verdict needs it.
+
+        Raises
+        ------
+        ValueError : where the claim has none.
+        """
+        if self.margin is None:
+            raise ValueError(f"claim {self.id} has no margin; give 'margin'")
+        return self.margin
 
 
 class Ours(Strict):
@@ -265,9 +278,9 @@ def _sign(claim: Claim, found: Ours) -> str:
 
 
 def _null(claim: Claim, found: Ours) -> str:
-    if found.low <= 0 <= found.high:
-        return REPRODUCED
-    return DIRECTION if claim.margin is not None and abs(found.value) < claim.margin else NOT
+    if abs(found.value) >= claim.least:
+        return NOT
+    return REPRODUCED if found.low <= 0 <= found.high else DIRECTION
 
 
 def _above(claim: Claim, found: Ours) -> str:

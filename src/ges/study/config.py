@@ -194,14 +194,23 @@ class SeedRange(Part):
         return list(range(self.first, self.first + self.count))
 
 
-class Seeds(Part):
-    """Seeds of terrain and noise. No seed serves two purposes."""
+class DataSeeds(Part):
+    """Seeds of the data set."""
 
     train: SeedRange = Field(description="models are fitted to these")
     validation: SeedRange = Field(
         description="early stopping and every choice, the clamp threshold included"
     )
     test: SeedRange = Field(description="offline scores")
+
+    def data(self) -> list[int]:
+        """Seeds of the data set: train, validation and test."""
+        return self.train.list() + self.validation.list() + self.test.list()
+
+
+class Seeds(DataSeeds):
+    """Seeds of terrain and noise. No seed serves two purposes."""
+
     calibration: SeedRange = Field(
         description="fit of the simulator's free numbers to published figures"
     )
@@ -221,10 +230,6 @@ class Seeds(Part):
                     " seed belongs to one list"
                 )
         return self
-
-    def data(self) -> list[int]:
-        """Seeds of the data set: train, validation and test."""
-        return self.train.list() + self.validation.list() + self.test.list()
 
 
 class FlightPlan(Part):
@@ -428,14 +433,19 @@ class Ensemble(Part):
     seed: Annotated[int, Field(ge=0)] = Field(description="seed of the walk")
 
 
-class ClosedLoop(Part):
-    """Closed-loop experiments."""
+class Flights(Part):
+    """How every closed-loop flight is flown, and where its zones end."""
 
-    modes: list[Mode] = Field(min_length=1, description="feedforward modes")
     duration_s: Positive = Field(description="length of a flight")
     cruise_m_s: Finite = Field(description="forward speed")
     low_clearance_m: Positive = Field(description="clearance below it counts as low")
     restricted_m: Positive = Field(description="clearance from which the restricted zone counts")
+
+
+class ClosedLoop(Flights):
+    """Closed-loop experiments."""
+
+    modes: list[Mode] = Field(min_length=1, description="feedforward modes")
     clamp_thresholds: list[Finite] = Field(
         min_length=1, description="candidates for the asymmetric clamp"
     )

@@ -14,19 +14,19 @@ import pandas as pd
 
 from ges.errors import GesError
 from ges.files import replacing
-from ges.study.config import Seeds
+from ges.study.config import DataSeeds
 
 PARTS = ("train", "validation", "test")
 KINDS = ("seedwise", "blockwise")
 
 
-def seedwise(seeds: Seeds, rows: int) -> pd.DataFrame:
+def seedwise(seeds: DataSeeds, rows: int) -> pd.DataFrame:
     """Whole flights: the seed lists of the configuration."""
     blocks = [(s, 0, rows - 1, part) for part in PARTS for s in getattr(seeds, part).list()]
     return pd.DataFrame(blocks, columns=["seed", "first_row", "last_row", "part"])
 
 
-def blockwise(seeds: Seeds, rows: int, block_rows: int, seed: int) -> pd.DataFrame:
+def blockwise(seeds: DataSeeds, rows: int, block_rows: int, seed: int) -> pd.DataFrame:
     """Blocks of every flight, dealt at random in the proportion of the seed lists."""
     starts = np.arange(0, rows - 1, block_rows)
     ends = [*(starts[1:] - 1), rows - 1]
@@ -46,7 +46,7 @@ def rows_of(duration_s: float, rate_hz: float) -> int:
 def write_split(
     split: Path,
     kind: str,
-    seeds: Seeds,
+    seeds: DataSeeds,
     duration_s: float,
     rate_hz: float,
     block_s: float,

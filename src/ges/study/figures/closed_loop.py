@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.image import AxesImage
 
-from ges.study.config import ClosedLoop, SeedRange, Simulator
+from ges.study.config import Flights, SeedRange, Simulator
 from ges.study.figures import style
 from ges.study.fly.causes import FLOOR
 from ges.study.fly.flights import flown, fly_conditions, mode
@@ -21,7 +21,7 @@ TRACES = ("t_s", "gyro_y_rad_s", "agl_m", "ge_factor", "ge_estimate")
 
 
 def traces(
-    simulator: Simulator, plan: ClosedLoop, seed: int, data: Path, pdf: Path, png: Path
+    simulator: Simulator, plan: Flights, seed: int, data: Path, pdf: Path, png: Path
 ) -> None:
     """Gyro and clearance of one seed in three modes (the paper's figure 15)."""
     records = flown([mode(name).flight(simulator, plan, seed) for name in SHOWN], TRACES)
@@ -367,7 +367,7 @@ ABLATION_METRICS = {"agl_rms_m": "AGL RMS (m)", "clearance_p5_m": "5th percentil
 
 def ablation(
     simulator: Simulator,
-    plan: ClosedLoop,
+    plan: Flights,
     seeds: SeedRange,
     narrow: float,
     data: Path,

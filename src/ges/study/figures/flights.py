@@ -22,7 +22,7 @@ from ges.files import replacing
 from ges.recordings import published
 from ges.recordings.readers import Options, open_log
 from ges.simulator.terrain import Terrain
-from ges.study.config import ClosedLoop, GroundEffect, Simulator
+from ges.study.config import Flights, GroundEffect, Simulator
 from ges.study.figures.ground import flat_factor
 from ges.study.fly.flights import flown, mode
 from ges.vehicle.file import Vehicle, load_vehicle
@@ -210,7 +210,7 @@ def _real_scatter(path: Path, vehicle: Vehicle, mapping: Path) -> list[pd.DataFr
 
 
 def _simulated_scatter(
-    simulator: Simulator, plan: ClosedLoop, heights: dict[str, float], seed: int
+    simulator: Simulator, plan: Flights, heights: dict[str, float], seed: int
 ) -> list[pd.DataFrame]:
     hover = mode("none", cruise_m_s=0.0, duration_s=22.0)
     flights = [
@@ -239,7 +239,7 @@ def hover_dispersion(
     vehicle: Path,
     mapping: Path,
     simulator: Simulator,
-    plan: ClosedLoop,
+    plan: Flights,
     seed: int,
     scatter: Path,
 ) -> None:

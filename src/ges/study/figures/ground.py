@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 from ges.conventions import ROTOR_SPEED
 from ges.simulator import effects
 from ges.simulator.terrain import ProceduralShape, Terrain
-from ges.study.config import ClosedLoop, Simulator
+from ges.study.config import Flights, Simulator
 from ges.study.figures import style
 from ges.study.fly.flights import flown, mode
 
@@ -93,9 +93,7 @@ def terrain(simulator: Simulator, seed: int, data: Path, pdf: Path, png: Path) -
     style.save(figure, table, data, pdf, png)
 
 
-def track(
-    simulator: Simulator, plan: ClosedLoop, seed: int, data: Path, pdf: Path, png: Path
-) -> None:
+def track(simulator: Simulator, plan: Flights, seed: int, data: Path, pdf: Path, png: Path) -> None:
     """A flight without feedforward in the world frame, over the ground it flies above (the paper's
     figure 3).
     """

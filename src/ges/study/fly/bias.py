@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ges.study.config import ClosedLoop, SeedRange, Simulator
+from ges.study.config import Flights, SeedRange, Simulator
 from ges.study.fly.flights import Condition, fly_conditions, write_csv
 from ges.study.stats.paired import compare, contrasts
 
@@ -38,7 +38,8 @@ def opposed(biases: list[float]) -> list[tuple[str, str]]:
 
 def fly_bias(
     simulator: Simulator,
-    plan: ClosedLoop,
+    plan: Flights,
+    biases: list[float],
     closed_loop: SeedRange,
     flights: Path,
     summary: Path,
@@ -53,7 +54,7 @@ def fly_bias(
     tests : to write: paired tests of +b against -b in every clearance metric, corrected together by
         Holm's method.
     """
-    table = fly_conditions(bias_conditions(plan.biases), closed_loop.list(), simulator, plan)
+    table = fly_conditions(bias_conditions(biases), closed_loop.list(), simulator, plan)
     write_csv(table, flights)
     write_csv(compare(table, METRICS, "0"), summary)
-    write_csv(contrasts(table, METRICS, opposed(plan.biases)), tests)
+    write_csv(contrasts(table, METRICS, opposed(biases)), tests)

@@ -26,7 +26,7 @@ from scipy.optimize import least_squares
 
 from ges import files
 from ges.simulator import flight as sim
-from ges.study.config import ClosedLoop, GroundEffect, SeedRange, Simulator
+from ges.study.config import Flights, GroundEffect, Pulse, SeedRange, Simulator
 from ges.study.fly.flights import Condition
 from ges.study.fly.metrics import GYRO, gyro_rms
 from ges.study.stats.target import distances, ends, misfit_of, place_of, record_of
@@ -83,12 +83,15 @@ Arms = dict[str, list[sim.Record]]
 
 
 def fly_arms(
-    simulator: Simulator, plan: ClosedLoop, numbers: dict[str, float], seeds: Sequence[int]
+    simulator: Simulator,
+    plan: Flights,
+    pulse: Pulse,
+    numbers: dict[str, float],
+    seeds: Sequence[int],
 ) -> Arms:
     """Flights of every arm that the fit looks at: ``none``, ``analytical``, ``oracle``, and the
     oracle disturbed.
     """
-    pulse = plan.pulse
     kick = {
         "pulse": pulse.bias,
         "pulse_start_s": pulse.start_s,
@@ -112,14 +115,14 @@ def fly_arms(
     return {name: records[i * len(seeds) : (i + 1) * len(seeds)] for i, name in enumerate(arms)}
 
 
-def operating_point(simulator: Simulator, plan: ClosedLoop, arms: Arms) -> dict[str, float]:
+def operating_point(simulator: Simulator, pulse: Pulse, arms: Arms) -> dict[str, float]:
     """The quantities of :data:`PUBLISHED`, flown; NaN where a flight did not end well."""
     reference = simulator.controller.agl_ref_m
     return {
         "none_m": mean_rms(arms["none"], reference),
         "analytical_m": mean_rms(arms["analytical"], reference),
         "gyro_rad_s": float(np.mean([gyro_rms(r) for r in arms["none"]])),
-        "pulse_m": _pulse_response(arms["oracle"], arms["pulsed"], plan),
+        "pulse_m": _pulse_response(arms["oracle"], arms["pulsed"], pulse),
         "bias_m": float(
             np.mean(
                 [
@@ -138,9 +141,9 @@ def mean_rms(records: Sequence[sim.Record], reference: float) -> float:
 
 
 def _pulse_response(
-    oracle: Sequence[sim.Record], pulsed: Sequence[sim.Record], plan: ClosedLoop
+    oracle: Sequence[sim.Record], pulsed: Sequence[sim.Record], pulse: Pulse
 ) -> float:
-    end = plan.pulse.start_s + plan.pulse.duration_s
+    end = pulse.start_s + pulse.duration_s
     window = (oracle[0]["t_s"] >= end) & (oracle[0]["t_s"] < end + 0.5)
     return float(
         np.mean(
@@ -155,14 +158,18 @@ def misfit(flown: Mapping[str, float]) -> float:
 
 
 def calibrate(
-    simulator: Simulator, plan: ClosedLoop, calibration_seeds: SeedRange, calibration: Path
+    simulator: Simulator,
+    plan: Flights,
+    pulse: Pulse,
+    calibration_seeds: SeedRange,
+    calibration: Path,
 ) -> None:
     """Search the free numbers by least squares from those of the configuration; write what was
     fitted to what, and how near it came.
 
     Parameters
     ----------
-    simulator, plan : say everything that is not free, and where the search starts.
+    simulator, plan, pulse : say everything that is not free, and where the search starts.
     calibration : to write (JSON): free numbers, published and flown figures, bounds and seeds of
         the search.
     """
@@ -179,7 +186,7 @@ def calibrate(
         return free_parameters(low + (z - 1.0) * (high - low))
 
     def flown(numbers: dict[str, float]) -> dict[str, float]:
-        return operating_point(simulator, plan, fly_arms(simulator, plan, numbers, seeds))
+        return operating_point(simulator, pulse, fly_arms(simulator, plan, pulse, numbers, seeds))
 
     def residuals(z: np.ndarray) -> np.ndarray:
         far = distances(flown(numbers_at(z)), PUBLISHED, TOLERANCE)

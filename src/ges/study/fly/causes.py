@@ -11,7 +11,7 @@ import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 
-from ges.study.config import ClosedLoop, SeedRange, Simulator
+from ges.study.config import Flights, SeedRange, Simulator
 from ges.study.fly.flights import Condition, fly_conditions, write_csv
 from ges.study.stats.paired import contrasts, means
 
@@ -97,7 +97,7 @@ def cause_conditions(simulator: Simulator) -> list[Condition]:
 
 def fly_causes(
     simulator: Simulator,
-    plan: ClosedLoop,
+    plan: Flights,
     closed_loop: SeedRange,
     flights: Path,
     summary: Path,

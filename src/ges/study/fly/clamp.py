@@ -5,13 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 from ges.files import write_json
-from ges.study.config import ClosedLoop, SeedRange, Simulator
+from ges.study.config import Flights, SeedRange, Simulator
 from ges.study.fly.flights import Condition, fly_conditions, write_csv
 from ges.study.stats.paired import means
 
 
 def choose_clamp(
-    simulator: Simulator, plan: ClosedLoop, validation: SeedRange, flights: Path, choice: Path
+    simulator: Simulator,
+    plan: Flights,
+    clamp_thresholds: list[float],
+    validation: SeedRange,
+    flights: Path,
+    choice: Path,
 ) -> None:
     """Fly every candidate and take the one of least mean AGL RMS; of equals, the tightest.
 
@@ -21,7 +26,7 @@ def choose_clamp(
     choice : to write (JSON): ``threshold``, the seeds it was chosen on, and the mean AGL RMS of
         every candidate.
     """
-    candidates = {f"{value:g}": value for value in sorted(plan.clamp_thresholds)}
+    candidates = {f"{value:g}": value for value in sorted(clamp_thresholds)}
     conditions = [
         Condition(
             name,

@@ -7,27 +7,28 @@ from pathlib import Path
 
 import pandas as pd
 
-from ges.study.config import ClosedLoop, Seeds, Simulator
+from ges.study.config import Flights, Mode, SeedRange, Simulator
 from ges.study.fly.flights import Condition, fly_conditions, mode, write_csv
 from ges.study.fly.metrics import NAMES
 from ges.study.stats.paired import compare
 
 REFERENCE = "analytical"
-LISTS = ("closed_loop_small", "closed_loop")
 
 
-def mode_conditions(plan: ClosedLoop, clamp: Path, **parameters: float) -> list[Condition]:
+def mode_conditions(modes: list[Mode], clamp: Path, **parameters: float) -> list[Condition]:
     """A condition a feedforward mode; the asymmetric clamp is the one that was chosen on validation
     seeds.
     """
     threshold = json.loads(Path(clamp).read_text())["threshold"]
-    return [mode(name, overprediction_clamp=threshold, **parameters) for name in plan.modes]
+    return [mode(name, overprediction_clamp=threshold, **parameters) for name in modes]
 
 
 def fly_comparison(
     simulator: Simulator,
-    plan: ClosedLoop,
-    seeds: Seeds,
+    plan: Flights,
+    modes: list[Mode],
+    closed_loop_small: SeedRange,
+    closed_loop: SeedRange,
     clamp: Path,
     flights: Path,
     summary: Path,
@@ -48,9 +49,10 @@ def fly_comparison(
     restricted : to write: the same for the tracking error where the rangefinder reads the
         restricted zone, large list.
     """
-    conditions, tables, summaries = mode_conditions(plan, clamp, shadow=1.0), [], []
-    for name in LISTS:
-        table = fly_conditions(conditions, getattr(seeds, name).list(), simulator, plan)
+    conditions, tables, summaries = mode_conditions(modes, clamp, shadow=1.0), [], []
+    lists = {"closed_loop_small": closed_loop_small, "closed_loop": closed_loop}
+    for name, seeds in lists.items():
+        table = fly_conditions(conditions, seeds.list(), simulator, plan)
         tables.append(table.assign(seed_list=name))
         summaries.append(compare(table, NAMES, REFERENCE).assign(seed_list=name))
     write_csv(pd.concat(tables), flights)

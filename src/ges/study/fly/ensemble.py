@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ges.study.config import ClosedLoop, SeedRange, Simulator
+from ges.study.config import Ensemble, Flights, Pulse, SeedRange, Simulator
 from ges.study.fly import calibrate
 from ges.study.fly.flights import counted, write_csv
 from ges.study.stats.target import ends
@@ -29,7 +29,7 @@ CLAIMED_SIGN = {
 }
 
 
-def _effects(simulator: Simulator, plan: ClosedLoop, arms: calibrate.Arms) -> dict[str, float]:
+def _effects(simulator: Simulator, plan: Flights, arms: calibrate.Arms) -> dict[str, float]:
     reference, low = simulator.controller.agl_ref_m, plan.low_clearance_m
     rms = {name: calibrate.mean_rms(records, reference) for name, records in arms.items()}
     row_s = float(np.diff(arms["none"][0]["t_s"][:2])[0])
@@ -57,10 +57,14 @@ def _folded(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 
 def _walk(
-    simulator: Simulator, plan: ClosedLoop, seeds: list[int], start: dict[str, float]
+    simulator: Simulator,
+    plan: Flights,
+    pulse: Pulse,
+    how: Ensemble,
+    seeds: list[int],
+    start: dict[str, float],
 ) -> Iterator[dict[str, float]]:
     """A row a step: where the walk is, its misfit and its effects."""
-    how = plan.ensemble
     low, high = ends(calibrate.FREE)
     rng, here, row = (
         np.random.default_rng(how.seed),
@@ -74,8 +78,8 @@ def _walk(
             else here
         )
         numbers = calibrate.free_parameters(there)
-        arms = calibrate.fly_arms(simulator, plan, numbers, seeds)
-        misfit = calibrate.misfit(calibrate.operating_point(simulator, plan, arms))
+        arms = calibrate.fly_arms(simulator, plan, pulse, numbers, seeds)
+        misfit = calibrate.misfit(calibrate.operating_point(simulator, pulse, arms))
         luck = rng.uniform()
         if row is None or np.log(luck) < (row["misfit"] - misfit) / (2 * how.slack**2):
             here, row = there, {**numbers, "misfit": misfit, **_effects(simulator, plan, arms)}
@@ -113,7 +117,9 @@ def _shares(walk: pd.DataFrame) -> pd.DataFrame:
 
 def fly_ensemble(
     simulator: Simulator,
-    plan: ClosedLoop,
+    plan: Flights,
+    pulse: Pulse,
+    ensemble: Ensemble,
     calibration_seeds: SeedRange,
     calibration: Path,
     flights: Path,
@@ -131,6 +137,8 @@ def fly_ensemble(
         _walk(
             simulator,
             plan,
+            pulse,
+            ensemble,
             calibration_seeds.list(),
             json.loads(Path(calibration).read_text())["fitted"],
         )

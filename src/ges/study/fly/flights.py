@@ -14,7 +14,7 @@ import pandas as pd
 from ges.errors import GesError
 from ges.files import replacing
 from ges.simulator import flight as sim
-from ges.study.config import ClosedLoop, Simulator
+from ges.study.config import Flights, Simulator
 from ges.study.fly.metrics import COLUMNS, flight_metrics
 
 MAPPINGS = ("1/sqrt(f)", "1/f")
@@ -41,7 +41,7 @@ class Condition:
     ground_effect: Mapping[str, float] = dataclasses.field(default_factory=dict)
     labels: Mapping[str, float | str] = dataclasses.field(default_factory=dict)
 
-    def flight(self, simulator: Simulator, plan: ClosedLoop, seed: int) -> sim.Flight:
+    def flight(self, simulator: Simulator, plan: Flights, seed: int) -> sim.Flight:
         """The flight of one seed; the same seed has the same terrain and the same sensor noise in
         every condition.
         """
@@ -94,7 +94,7 @@ def flown(flights: Sequence[sim.Flight], columns: Iterable[str]) -> Iterator[sim
 
 
 def fly_conditions(
-    conditions: Sequence[Condition], seeds: Sequence[int], simulator: Simulator, plan: ClosedLoop
+    conditions: Sequence[Condition], seeds: Sequence[int], simulator: Simulator, plan: Flights
 ) -> pd.DataFrame:
     """Metrics of every condition over every seed, a row a flight: ``condition``, labels, ``seed``,
     metrics.

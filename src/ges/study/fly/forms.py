@@ -9,7 +9,7 @@ from typing import get_args
 
 import pandas as pd
 
-from ges.study.config import ClosedLoop, GroundEffect, SeedRange, Simulator
+from ges.study.config import Flights, GroundEffect, Mode, SeedRange, Simulator
 from ges.study.fly.bias import METRICS, bias_conditions, opposed
 from ges.study.fly.comparison import REFERENCE, mode_conditions
 from ges.study.fly.flights import MAPPINGS, fly_conditions, write_csv
@@ -23,7 +23,9 @@ FITTED = "fitted to real flights"
 
 def _fly(
     simulator: Simulator,
-    plan: ClosedLoop,
+    plan: Flights,
+    modes: list[Mode],
+    biases: list[float],
     seeds: list[int],
     clamp: Path,
     mapping: int,
@@ -37,8 +39,8 @@ def _fly(
     )
     number = float(mapping)
     arms = {
-        "modes": mode_conditions(plan, clamp, mapping=number),
-        "bias": bias_conditions(plan.biases, mapping=number),
+        "modes": mode_conditions(modes, clamp, mapping=number),
+        "bias": bias_conditions(biases, mapping=number),
     }
     tables = [
         fly_conditions(c, seeds, world, plan).assign(experiment=name) for name, c in arms.items()
@@ -70,7 +72,9 @@ def _summaries(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 def fly_worlds(
     simulator: Simulator,
-    plan: ClosedLoop,
+    plan: Flights,
+    modes: list[Mode],
+    biases: list[float],
     closed_loop: SeedRange,
     clamp: Path,
     forms: Path,
@@ -97,7 +101,7 @@ def fly_worlds(
     seeds = closed_loop.list()
     table = pd.concat(
         [
-            _fly(simulator, plan, seeds, clamp, m, **truth).assign(form=name)
+            _fly(simulator, plan, modes, biases, seeds, clamp, m, **truth).assign(form=name)
             for name, truth, m in worlds
         ]
     )

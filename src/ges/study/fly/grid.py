@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from ges.study.config import ClosedLoop, SeedRange, Simulator
+from ges.study.config import Flights, Mode, SeedRange, Simulator
 from ges.study.fly.comparison import REFERENCE, mode_conditions
 from ges.study.fly.flights import fly_conditions, write_csv
 from ges.study.stats.paired import compare
@@ -19,7 +19,8 @@ CELL = ["slope_exponent", "curvature_factor"]
 
 def fly_grid_cell(
     simulator: Simulator,
-    plan: ClosedLoop,
+    plan: Flights,
+    modes: list[Mode],
     closed_loop: SeedRange,
     clamp: Path,
     slope_exponent: float,
@@ -34,7 +35,7 @@ def fly_grid_cell(
         update={"slope_exponent": slope_exponent, "curvature_gain_m": gain}
     )
     world = simulator.model_copy(update={"ground_effect": truth})
-    table = fly_conditions(mode_conditions(plan, clamp), closed_loop.list(), world, plan)
+    table = fly_conditions(mode_conditions(modes, clamp), closed_loop.list(), world, plan)
     write_csv(
         table.assign(slope_exponent=slope_exponent, curvature_factor=curvature_factor), flights
     )

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from ges.study.config import ClosedLoop, SeedRange, Simulator
+from ges.study.config import Flights, SeedRange, Simulator
 from ges.study.fly.comparison import REFERENCE
 from ges.study.fly.flights import fly_conditions, mode, write_csv
 from ges.study.stats.paired import compare
@@ -21,7 +21,7 @@ MODES = (REFERENCE, "ml", "ml_direct")
 
 def fly_network(
     simulator: Simulator,
-    plan: ClosedLoop,
+    plan: Flights,
     closed_loop: SeedRange,
     trained_on: str,
     training: int,

@@ -32,7 +32,7 @@ import pandas as pd
 from ges.errors import GesError
 from ges.simulator import flight as sim
 from ges.simulator.terrain import ProceduralShape, Terrain
-from ges.study.config import ClosedLoop, Simulator
+from ges.study.config import Simulator
 from ges.study.fly.flights import MAPPINGS, write_csv
 
 MODES = ("none", "analytical", "oracle")
@@ -299,7 +299,9 @@ def _verdict(poles: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def write_poles(simulator: Simulator, plan: ClosedLoop, poles: Path, summary: Path) -> None:
+def write_poles(
+    simulator: Simulator, pole_factors: list[float], poles: Path, summary: Path
+) -> None:
     """Poles of every mode, mapping and factor.
 
     Parameters
@@ -309,7 +311,7 @@ def write_poles(simulator: Simulator, plan: ClosedLoop, poles: Path, summary: Pa
         and factor.
     """
     rows: list[dict[str, Any]] = []
-    for mode, factor in itertools.product(MODES, plan.pole_factors):
+    for mode, factor in itertools.product(MODES, pole_factors):
         at = trim(simulator, factor, mode)
         for power, slopes in itertools.product((1, 2), FACTOR_IS):
             rows += _pole_rows(simulator, at, factor, mode, power, slopes)

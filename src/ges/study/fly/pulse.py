@@ -13,7 +13,7 @@ import pandas as pd
 
 from ges.files import write_json
 from ges.simulator.flight import Record
-from ges.study.config import ClosedLoop, SeedRange, Simulator
+from ges.study.config import Flights, Pulse, PulseMap, SeedRange, Simulator
 from ges.study.fly.flights import Condition, flown, write_csv
 from ges.study.stats.paired import contrasts
 
@@ -23,17 +23,17 @@ TRACE_EVERY = 2
 RESAMPLES = 999
 
 
-def pulse_pair(plan: ClosedLoop, bias: float, duration_s: float) -> tuple[Condition, Condition]:
+def pulse_pair(start_s: float, bias: float, duration_s: float) -> tuple[Condition, Condition]:
     """The oracle without and with a pulse, the network running beside it."""
     plain = Condition("unpulsed", {"mode": "oracle", "shadow": 1.0})
-    kick = {"pulse": bias, "pulse_start_s": plan.pulse.start_s, "pulse_duration_s": duration_s}
+    kick = {"pulse": bias, "pulse_start_s": start_s, "pulse_duration_s": duration_s}
     return plain, plain.but("pulsed", **kick)
 
 
-def _rows(name: str, seed: int, record: Record, plan: ClosedLoop) -> Iterator[dict]:
-    after = record["t_s"] - (plan.pulse.start_s + plan.pulse.duration_s)
+def _rows(name: str, seed: int, record: Record, pulse: Pulse) -> Iterator[dict]:
+    after = record["t_s"] - (pulse.start_s + pulse.duration_s)
     error = np.abs(record["ge_shadow"] - record["ge_factor"])
-    for low, high in itertools.pairwise(plan.pulse.window_edges_s):
+    for low, high in itertools.pairwise(pulse.window_edges_s):
         inside = (after >= low) & (after < high)
         clearance, shadow = float(record["agl_m"][inside].mean()), float(error[inside].mean())
         yield {
@@ -65,11 +65,11 @@ def _tests(windows: pd.DataFrame) -> pd.DataFrame:
     return table
 
 
-def _near(t_s: np.ndarray, plan: ClosedLoop) -> tuple[np.ndarray, np.ndarray]:
+def _near(t_s: np.ndarray, pulse: Pulse) -> tuple[np.ndarray, np.ndarray]:
     """(rows around the pulse, their times after its end)."""
-    after = t_s - (plan.pulse.start_s + plan.pulse.duration_s)
+    after = t_s - (pulse.start_s + pulse.duration_s)
     near = np.flatnonzero(
-        (after >= -BEFORE_S - plan.pulse.duration_s) & (after < plan.pulse.window_edges_s[-1])
+        (after >= -BEFORE_S - pulse.duration_s) & (after < pulse.window_edges_s[-1])
     )[::TRACE_EVERY]
     return near, after[near].round(6)
 
@@ -124,7 +124,8 @@ def _mean_response(after_s: np.ndarray, change_m: np.ndarray) -> dict[str, float
 
 def fly_pulse(
     simulator: Simulator,
-    plan: ClosedLoop,
+    plan: Flights,
+    pulse: Pulse,
     closed_loop: SeedRange,
     flights: Path,
     tests: Path,
@@ -140,16 +141,16 @@ def fly_pulse(
     trace : to write: mean change of clearance against time.
     response : to write (JSON): depth, rebound and settling of that mean, with their intervals.
     """
-    seeds, pair = closed_loop.list(), pulse_pair(plan, plan.pulse.bias, plan.pulse.duration_s)
+    seeds, pair = closed_loop.list(), pulse_pair(pulse.start_s, pulse.bias, pulse.duration_s)
     arms = [(c, seed) for c in pair for seed in seeds]
     records = list(flown([c.flight(simulator, plan, seed) for c, seed in arms], COLUMNS))
     rows = [
         row
         for (c, seed), r in zip(arms, records, strict=True)
-        for row in _rows(c.name, seed, r, plan)
+        for row in _rows(c.name, seed, r, pulse)
     ]
     table, clearance = pd.DataFrame(rows), np.array([r["agl_m"] for r in records])
-    near, after_s = _near(records[0]["t_s"], plan)
+    near, after_s = _near(records[0]["t_s"], pulse)
     change = (clearance[len(seeds) :] - clearance[: len(seeds)])[:, near]
     write_csv(table, flights)
     write_csv(_tests(table), tests)
@@ -158,20 +159,20 @@ def fly_pulse(
 
 
 def _outcome(
-    unpulsed: Record, pulsed: Record, end_s: float, limits: ClosedLoop
+    unpulsed: Record, pulsed: Record, start_s: float, end_s: float, how: PulseMap
 ) -> dict[str, float]:
     """What a pulse did to one flight: deepest loss of clearance, what is left of it, seconds on the
     ground it adds.
     """
     change, t_s = pulsed["agl_m"] - unpulsed["agl_m"], pulsed["t_s"]
-    last = t_s >= end_s + limits.pulse_map.recovery_s - limits.pulse_map.judged_s
-    after = t_s >= limits.pulse.start_s
+    last = t_s >= end_s + how.recovery_s - how.judged_s
+    after = t_s >= start_s
     row_s = float(t_s[1] - t_s[0])
     left = float(np.sqrt(np.mean(change[last] ** 2)))
     return {
         "greatest_loss_m": float(-change.min()),
         "left_m": left,
-        "returned": float(left <= limits.pulse_map.tolerance_m),
+        "returned": float(left <= how.tolerance_m),
         "touched_s": float(
             (pulsed["contact"][after].sum() - unpulsed["contact"][after].sum()) * row_s
         ),
@@ -179,13 +180,18 @@ def _outcome(
 
 
 def _map_rows(
-    simulator: Simulator, plan: ClosedLoop, seeds: list[int], duration_s: float
+    simulator: Simulator,
+    plan: Flights,
+    start_s: float,
+    how: PulseMap,
+    seeds: list[int],
+    duration_s: float,
 ) -> Iterator[dict]:
-    end = plan.pulse.start_s + duration_s
-    short = plan.model_copy(update={"duration_s": end + plan.pulse_map.recovery_s})
+    end = start_s + duration_s
+    short = plan.model_copy(update={"duration_s": end + how.recovery_s})
     arms = [
-        pulse_pair(plan, 0.0, duration_s)[0],
-        *(pulse_pair(plan, b, duration_s)[1] for b in plan.pulse_map.biases),
+        pulse_pair(start_s, 0.0, duration_s)[0],
+        *(pulse_pair(start_s, b, duration_s)[1] for b in how.biases),
     ]
     arms = [c.but(c.name, shadow=0.0) for c in arms]
     columns = ("t_s", "agl_m", "contact")
@@ -193,16 +199,16 @@ def _map_rows(
         flown([c.flight(simulator, short, seed) for c in arms for seed in seeds], columns)
     )
     unpulsed, rest = records[: len(seeds)], records[len(seeds) :]
-    for (bias, seed), record in zip(
-        itertools.product(plan.pulse_map.biases, seeds), rest, strict=True
-    ):
-        outcome = _outcome(unpulsed[seeds.index(seed)], record, end, plan)
+    for (bias, seed), record in zip(itertools.product(how.biases, seeds), rest, strict=True):
+        outcome = _outcome(unpulsed[seeds.index(seed)], record, start_s, end, how)
         yield {"bias": bias, "duration_s": duration_s, "seed": seed, **outcome}
 
 
 def fly_pulse_map(
     simulator: Simulator,
-    plan: ClosedLoop,
+    plan: Flights,
+    start_s: float,
+    pulse_map: PulseMap,
     closed_loop: SeedRange,
     flights: Path,
     summary: Path,
@@ -221,8 +227,8 @@ def fly_pulse_map(
     seeds = closed_loop.list()
     rows = [
         row
-        for length in plan.pulse_map.durations_s
-        for row in _map_rows(simulator, plan, seeds, length)
+        for length in pulse_map.durations_s
+        for row in _map_rows(simulator, plan, start_s, pulse_map, seeds, length)
     ]
     table = pd.DataFrame(rows)
     grouped = table.assign(touches=table["touched_s"] > 0).groupby(

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from ges.errors import UsageError
 from ges.files import write_json
-from ges.study.config import ClosedLoop, Retune, SeedRange, Simulator
+from ges.study.config import Flights, Mode, Retune, SeedRange, Simulator
 from ges.study.fly.comparison import REFERENCE, mode_conditions
 from ges.study.fly.flights import Condition, fly_conditions, write_csv
 from ges.study.fly.poles import phase_margin_deg
@@ -25,13 +25,13 @@ PUBLISHED, RETUNED = "as published", "retuned"
 HELPED = "oracle, per rotor, with lead"
 
 
-def arms(simulator: Simulator, plan: ClosedLoop, clamp: Path) -> list[Condition]:
+def arms(simulator: Simulator, modes: list[Mode], clamp: Path) -> list[Condition]:
     """Every mode, and the oracle with every help that it can have."""
     oracle = Condition(
         HELPED,
         {"mode": "oracle", "per_rotor": 1.0, "lead_s": simulator.vehicle.motor_time_constant_s},
     )
-    return [*mode_conditions(plan, clamp), oracle]
+    return [*mode_conditions(modes, clamp), oracle]
 
 
 def _scaled(simulator: Simulator, kp: float, kd: float) -> dict[str, float]:
@@ -78,7 +78,9 @@ def _candidates(
 
 def choose_gains(
     simulator: Simulator,
-    plan: ClosedLoop,
+    plan: Flights,
+    modes: list[Mode],
+    retune: Retune,
     validation: SeedRange,
     clamp: Path,
     flights: Path,
@@ -93,9 +95,9 @@ def choose_gains(
     choice : to write (JSON): the seeds, and kp_factor, kd_factor, phase margin and mean AGL RMS of
         every mode's choice.
     """
-    sound = sound_gains(simulator, plan.retune)
+    sound = sound_gains(simulator, retune)
     candidates = [
-        c for arm in arms(simulator, plan, clamp) for c in _candidates(arm, simulator, sound)
+        c for arm in arms(simulator, modes, clamp) for c in _candidates(arm, simulator, sound)
     ]
     table = fly_conditions(candidates, validation.list(), simulator, plan)
     score = means(table, ["agl_rms_m"]).set_index("condition")["mean"]
@@ -115,7 +117,8 @@ def choose_gains(
 
 def fly_winner(
     simulator: Simulator,
-    plan: ClosedLoop,
+    plan: Flights,
+    modes: list[Mode],
     closed_loop: SeedRange,
     clamp: Path,
     choice: Path,
@@ -133,7 +136,7 @@ def fly_winner(
         analytical mode.
     """
     chosen, conditions = json.loads(Path(choice).read_text())["gains"], []
-    for arm in arms(simulator, plan, clamp):
+    for arm in arms(simulator, modes, clamp):
         own = _scaled(simulator, chosen[arm.name]["kp_factor"], chosen[arm.name]["kd_factor"])
         for gains, numbers in ((PUBLISHED, {}), (RETUNED, own)):
             labels = {"mode": arm.name, "gains": gains}

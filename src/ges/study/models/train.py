@@ -1,6 +1,7 @@
 """One training job, and the table of all of them.
 
-A job writes, beside each other under ``results/models/<plan>/<split>/``:
+A job writes, beside each other under
+``results/models/<plan>/<split>/training<seed>/``:
 
 - ``<model>.predictions.parquet``: a row a test row: ``seed``, ``row``, ``truth`` and ``predicted``
   (factor at the horizon), ``range_m`` (reading) and ``p_x_m``, ``p_y_m``, ``agl_m`` (true place) at

@@ -22,12 +22,11 @@ from ges.study.models.scores import scores
 MODELS = ("analytical", "random_forest")
 
 
-def sweep_horizon(
+def sweep_horizons(
     flights: Path,
     split: Path,
     plan: str,
-    horizon_s: float,
-    reserve_s: float,
+    horizons_s: list[float],
     fit: ForestFit,
     sweep_rows: int,
     window: Shape,
@@ -38,22 +37,22 @@ def sweep_horizon(
     seed: int,
     table: Path,
 ) -> None:
-    """Fit and score both models at one horizon; ``reserve_s`` is the longest horizon of
-    the sweep.
-    """
-    shape = Window.of(window, rate_hz, horizon_s, reserve_s)
-    train = load_rows(flights, split, "train", shape, sweep_rows, seed, past=False)
-    test = load_rows(flights, split, "test", shape, test_rows, seed, past=False)
+    """Fit and score both models at every horizon."""
     rows = []
-    for name in MODELS:
-        learned = train if name == "random_forest" else None
-        model = zoo.fitted(name, zoo.make(name, fit, window, vehicle, seed), learned, None)
-        found = scores(test.y, model.predict(zoo.features(name, test)), test.seed, resamples, seed)
-        counts = {
-            "train_rows": len(learned or ()),
-            "test_rows": len(test),
-            "test_seeds": len(set(test.seed)),
-        }
-        rows.append({"plan": plan, "model": name, "horizon_s": horizon_s, **found, **counts})
+    for horizon_s in horizons_s:
+        shape = Window.of(window, rate_hz, horizon_s, max(horizons_s))
+        train = load_rows(flights, split, "train", shape, sweep_rows, seed, past=False)
+        test = load_rows(flights, split, "test", shape, test_rows, seed, past=False)
+        for name in MODELS:
+            learned = train if name == "random_forest" else None
+            model = zoo.fitted(name, zoo.make(name, fit, window, vehicle, seed), learned, None)
+            predicted = model.predict(zoo.features(name, test))
+            found = scores(test.y, predicted, test.seed, resamples, seed)
+            counts = {
+                "train_rows": len(learned or ()),
+                "test_rows": len(test),
+                "test_seeds": len(set(test.seed)),
+            }
+            rows.append({"plan": plan, "model": name, "horizon_s": horizon_s, **found, **counts})
     with replacing(table) as new:
         pd.DataFrame(rows).to_csv(new, index=False, float_format="%.6g")
