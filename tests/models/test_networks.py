@@ -2,7 +2,10 @@
 
 import numpy as np
 import pytest
+import torch
+from sklearn.base import clone
 
+from ges.study.models import networks
 from ges.study.models.networks import LstmRegressor, MlpRegressor, TransformerRegressor
 
 RNG = np.random.default_rng(0)
@@ -32,6 +35,30 @@ def test_learns_from_the_past_and_repeats_itself(model):
     again = model.fit(X[:300], Y[:300], X[300:], Y[300:]).predict(X)
     assert np.array_equal(first, again)
     assert np.corrcoef(first[300:], Y[300:])[0, 1] > 0.85
+
+
+def test_the_step_size_falls_before_it_stops(monkeypatch):
+    """A network that cooled keeps a smaller error on validation rows than one of the first step
+    size alone.
+    """
+    hot = MlpRegressor(
+        epochs=60, patience=5, batch_rows=8, learning_rate=0.05, window_rows=6, random_state=1
+    )
+    cooled = clone(hot).fit(X[:300], Y[:300], X[300:], Y[300:])
+    monkeypatch.setattr(networks, "COOLING", 0.999)
+    hot.fit(X[:300], Y[:300], X[300:], Y[300:])
+    assert len(cooled.validation_rmse_) < 60
+    assert min(cooled.validation_rmse_) < 0.95 * min(hot.validation_rmse_)
+
+
+def test_the_present_row_is_that_of_the_whole_layer():
+    torch.manual_seed(3)
+    network = networks._Transformer(channels=3, rows=6, units=8, heads=2, layers=2)
+    x = torch.randn(5, 6, 3)
+    whole = network.embed(x) + network.place
+    for layer in network.layers:
+        whole = layer(whole)
+    torch.testing.assert_close(network(x), network.out(whole[:, -1])[:, 0])
 
 
 def test_stops_early_and_keeps_the_best_weights():

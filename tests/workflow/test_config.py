@@ -60,6 +60,11 @@ def changed(path: str, value: object) -> dict:
             3200.0,
             ["data.plans.consistent", "start_max_m = 3200", "terrain_length_m"],
         ),
+        (
+            "closed_loop.clamp_thresholds",
+            [-0.01, 0.0],
+            ["'closed_loop.clamp_thresholds.0' is -0.01", "greater than or equal to 0"],
+        ),
     ],
 )
 def test_wrong_value_is_named(path, value, words):

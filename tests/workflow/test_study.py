@@ -159,6 +159,7 @@ RERUN = {
     "closed_loop.pulse.start_s": (6.0, {}, 0),
     "closed_loop.pulse_map.recovery_s": (9.0, {}, 0),
     "closed_loop.ensemble.steps": (4, {}, 0),
+    "closed_loop.profile_gains_m": ([0.2], {}, 0),
     "closed_loop.retune.phase_margin_deg": (31.0, {}, 0),
     "closed_loop.pole_factors": ([1.0], {}, 0),
     "closed_loop.slope_exponents": ([1.0], {}, 0),
@@ -177,7 +178,9 @@ def test_a_changed_key_runs_again_what_it_is_handed_to(touched, path):
     value, jobs, total = RERUN[path]
     again = would_run(folder, config.merged(tiny, nested(path, value)), "all")
     made = {
-        rule: n for rule, n in again.items() if re.match("fly_|choose_|train_|write_poles", rule)
+        rule: n
+        for rule, n in again.items()
+        if re.match("fly_|choose_|train_|profile_|write_poles", rule)
     }
     assert (made, sum(again.values())) == (jobs, total)
 

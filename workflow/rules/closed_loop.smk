@@ -399,6 +399,29 @@ rule fly_ensemble:
         SCRIPT
 
 
+rule profile_gain:
+    input:
+        library=PLAIN,
+        calibration=str(ROOT / "config/calibration.json"),
+    output:
+        profile=f"{FLOWN}/gain_profile.csv",
+    log:
+        "results/logs/closed_loop/profile_gain.log",
+    benchmark:
+        "results/benchmarks/closed_loop/profile_gain.tsv"
+    params:
+        call=call("ges.study.fly.profile:profile_gain"),
+        simulator=part("simulator"),
+        plan=HOW_FLOWN,
+        pulse=part("closed_loop.pulse"),
+        profile_gains_m=part("closed_loop.profile_gains_m"),
+        calibration_seeds=part("seeds.calibration"),
+    message:
+        "misfit of the calibration over fixed curvature gains"
+    script:
+        SCRIPT
+
+
 CLOSED_LOOP = [
     "results/table2.csv",
     *(
@@ -413,6 +436,7 @@ CLOSED_LOOP = [
             "causes_tests.csv",
             "winner_tests.csv",
             "ensemble_summary.csv",
+            "gain_profile.csv",
             "worlds_summary.csv",
             "networks_summary.csv",
         )

@@ -19,6 +19,7 @@ OFFLINE_PARTS = {
     ],
 }
 OFFLINE_TABLES = [f"results/offline/{name}.csv" for name in OFFLINE_PARTS]
+NETWORKS = ["mlp", "lstm", "transformer"]
 CURVE_PLAN = STUDY.models.firmware_plan
 SEEDWISE = "results/splits/rows.seedwise.csv"
 TABLED = {"split": "seedwise", "training": STUDY.models.seed}
@@ -145,7 +146,11 @@ rule learning_curve:
         name=lambda wildcards: wildcards.model,
         plan=CURVE_PLAN,
         fit=lambda wildcards: part("models")[wildcards.model],
-        shares=part("offline.curve_shares"),
+        shares=lambda wildcards: part(
+            "offline.network_curve_shares"
+            if wildcards.model in NETWORKS
+            else "offline.curve_shares"
+        ),
         window=part("models.window"),
         vehicle=part("simulator.vehicle"),
         horizon_s=part("models.horizon_s"),

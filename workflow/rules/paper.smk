@@ -7,6 +7,7 @@ SHOWN_TABLES = [
     "results/closed_loop/poles_summary.csv",
     "results/closed_loop/pulse_map_limits.csv",
     "results/closed_loop/ensemble_summary.csv",
+    "results/closed_loop/gain_profile.csv",
 ]
 PROVEN_TABLES = [f for f in PROOF if f.endswith(".csv")]
 PROVEN_FIGURES = [f for f in PROOF if f.endswith(".pdf")]
@@ -39,6 +40,7 @@ QUOTED_TABLES = [
     "results/closed_loop/winner_tests.csv",
     "results/closed_loop/causes_summary.csv",
     "results/closed_loop/ensemble_summary.csv",
+    "results/closed_loop/gain_profile.csv",
     "results/real/blocks.csv",
     "results/real/forms.csv",
     "results/figures/real_thrust.csv",

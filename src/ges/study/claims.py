@@ -127,7 +127,6 @@ class Claim(Strict):
             raise ValueError(f"claim {self.id} has no bound; give 'bound'")
         return self.bound
 
-
     @property
     def least(self) -> float:
         """``margin``, where the verdict needs it.

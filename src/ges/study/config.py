@@ -316,7 +316,7 @@ class NetworkFit(Fit):
     patience: Count = Field(description="passes without gain on validation rows before stopping")
     batch_rows: Count = Field(description="rows a step")
     learning_rate: Positive = Field(
-        description="greatest step size; it falls to nothing over the passes"
+        description="first step size; it falls where passes bring no gain on validation rows"
     )
 
 
@@ -383,6 +383,9 @@ class Offline(Part):
     curve_shares: list[Positive] = Field(
         min_length=1, description="learning curves: rows over the cap of each model"
     )
+    network_curve_shares: list[Positive] = Field(
+        min_length=1, description="the same of the networks, whose fits take longest"
+    )
 
 
 class Pulse(Part):
@@ -446,13 +449,17 @@ class ClosedLoop(Flights):
     """Closed-loop experiments."""
 
     modes: list[Mode] = Field(min_length=1, description="feedforward modes")
-    clamp_thresholds: list[Finite] = Field(
-        min_length=1, description="candidates for the asymmetric clamp"
+    clamp_thresholds: list[NonNegative] = Field(
+        min_length=1,
+        description="candidates for the asymmetric clamp: what the network may add to the formula",
     )
     biases: list[Finite] = Field(min_length=1, description="biases of the estimate")
     pulse: Pulse = Field(description="bias pulse")
     pulse_map: PulseMap = Field(description="map of bias pulses")
     ensemble: Ensemble = Field(description="simulators that fit as well")
+    profile_gains_m: list[NonNegative] = Field(
+        min_length=1, description="curvature gains over which the calibration's misfit is profiled"
+    )
     retune: Retune = Field(description="search for a controller that does win")
     pole_factors: list[Positive] = Field(
         min_length=1, description="ground effect factors of the pole analysis"

@@ -18,6 +18,7 @@ middle of the bounds.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -157,6 +158,51 @@ def misfit(flown: Mapping[str, float]) -> float:
     return misfit_of(flown, PUBLISHED, TOLERANCE)
 
 
+@dataclasses.dataclass(frozen=True)
+class Search:
+    """What a search of the free numbers looks at.
+
+    Points are places within the bounds from 1 to 2, (n,), so that relative steps of derivatives are
+    shares of the bounds.
+
+    Parameters
+    ----------
+    simulator, plan, pulse : say everything that is not free.
+    seeds : the flights behind each figure.
+    """
+
+    simulator: Simulator
+    plan: Flights
+    pulse: Pulse
+    seeds: Sequence[int]
+
+    def arms(self, numbers: dict[str, float]) -> Arms:
+        """Flights of every arm with these free numbers."""
+        return fly_arms(self.simulator, self.plan, self.pulse, numbers, self.seeds)
+
+    def flown(self, arms: Arms) -> dict[str, float]:
+        """The quantities of :data:`PUBLISHED` of the flights."""
+        return operating_point(self.simulator, self.pulse, arms)
+
+    def point(self, numbers: Mapping[str, float]) -> np.ndarray:
+        """Place of the free numbers."""
+        return 1.0 + place_of(numbers, FREE)
+
+    def numbers(self, point: np.ndarray) -> dict[str, float]:
+        """The free numbers at a place."""
+        low, high = ends(FREE)
+        return free_parameters(low + (point - 1.0) * (high - low))
+
+    def pulled(self, point: np.ndarray, flown: Mapping[str, float]) -> np.ndarray:
+        """Distances from the published figures, then the pull towards the middle, (k + n,)."""
+        far = distances(flown, PUBLISHED, TOLERANCE)
+        return np.concatenate([far, PULL * (2.0 * point - 3.0)])
+
+    def residuals(self, point: np.ndarray) -> np.ndarray:
+        """:meth:`pulled` of a point that is flown for it."""
+        return self.pulled(point, self.flown(self.arms(self.numbers(point))))
+
+
 def calibrate(
     simulator: Simulator,
     plan: Flights,
@@ -173,32 +219,22 @@ def calibrate(
     calibration : to write (JSON): free numbers, published and flown figures, bounds and seeds of
         the search.
     """
-    seeds = calibration_seeds.list()
-    low, high = ends(FREE)
-    start = {
-        **simulator.parameters(),
-        **simulator.ground_effect.parameters(),
-        "cruise_m_s": plan.cruise_m_s,
-    }
-
-    def numbers_at(z: np.ndarray) -> dict[str, float]:
-        # The search sees 1 to 2, so that relative steps of derivatives are shares of the bounds.
-        return free_parameters(low + (z - 1.0) * (high - low))
-
-    def flown(numbers: dict[str, float]) -> dict[str, float]:
-        return operating_point(simulator, pulse, fly_arms(simulator, plan, pulse, numbers, seeds))
-
-    def residuals(z: np.ndarray) -> np.ndarray:
-        far = distances(flown(numbers_at(z)), PUBLISHED, TOLERANCE)
-        return np.concatenate([far, PULL * (2.0 * z - 3.0)])
-
+    search = Search(simulator, plan, pulse, calibration_seeds.list())
+    start = search.point(
+        {
+            **simulator.parameters(),
+            **simulator.ground_effect.parameters(),
+            "cruise_m_s": plan.cruise_m_s,
+        }
+    )
     found = least_squares(
-        residuals,
-        1.0 + np.clip(place_of(start, FREE), STEP, 1.0 - STEP),
+        search.residuals,
+        np.clip(start, 1.0 + STEP, 2.0 - STEP),
         bounds=(1.0, 2.0),
         diff_step=STEP,
         max_nfev=EVALUATIONS,
     )
-    numbers = numbers_at(found.x)
-    report = record_of(numbers, flown(numbers), PUBLISHED, TOLERANCE, FREE, seeds, int(found.nfev))
+    numbers = search.numbers(found.x)
+    flown = search.flown(search.arms(numbers))
+    report = record_of(numbers, flown, PUBLISHED, TOLERANCE, FREE, search.seeds, int(found.nfev))
     files.write_json(calibration, report)

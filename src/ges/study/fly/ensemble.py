@@ -29,7 +29,8 @@ CLAIMED_SIGN = {
 }
 
 
-def _effects(simulator: Simulator, plan: Flights, arms: calibrate.Arms) -> dict[str, float]:
+def effects(simulator: Simulator, plan: Flights, arms: calibrate.Arms) -> dict[str, float]:
+    """The effects of :data:`CLAIMED_SIGN` over the flights of every arm."""
     reference, low = simulator.controller.agl_ref_m, plan.low_clearance_m
     rms = {name: calibrate.mean_rms(records, reference) for name, records in arms.items()}
     row_s = float(np.diff(arms["none"][0]["t_s"][:2])[0])
@@ -57,12 +58,7 @@ def _folded(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 
 def _walk(
-    simulator: Simulator,
-    plan: Flights,
-    pulse: Pulse,
-    how: Ensemble,
-    seeds: list[int],
-    start: dict[str, float],
+    search: calibrate.Search, how: Ensemble, start: dict[str, float]
 ) -> Iterator[dict[str, float]]:
     """A row a step: where the walk is, its misfit and its effects."""
     low, high = ends(calibrate.FREE)
@@ -78,11 +74,14 @@ def _walk(
             else here
         )
         numbers = calibrate.free_parameters(there)
-        arms = calibrate.fly_arms(simulator, plan, pulse, numbers, seeds)
-        misfit = calibrate.misfit(calibrate.operating_point(simulator, pulse, arms))
+        arms = search.arms(numbers)
+        misfit = calibrate.misfit(search.flown(arms))
         luck = rng.uniform()
         if row is None or np.log(luck) < (row["misfit"] - misfit) / (2 * how.slack**2):
-            here, row = there, {**numbers, "misfit": misfit, **_effects(simulator, plan, arms)}
+            here, row = (
+                there,
+                {**numbers, "misfit": misfit, **effects(search.simulator, search.plan, arms)},
+            )
         yield {"step": step, **row}
 
 
@@ -135,11 +134,8 @@ def fly_ensemble(
     """
     walk = pd.DataFrame(
         _walk(
-            simulator,
-            plan,
-            pulse,
+            calibrate.Search(simulator, plan, pulse, calibration_seeds.list()),
             ensemble,
-            calibration_seeds.list(),
             json.loads(Path(calibration).read_text())["fitted"],
         )
     )

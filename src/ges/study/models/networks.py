@@ -14,20 +14,23 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from torch import nn
 
 PREDICT_ROWS = 8192
+COOLING = 0.3
+COOL_AFTER = 2
 
 
 class NetworkRegressor(RegressorMixin, BaseEstimator):
     """A torch network fitted to squared error.
 
-    Rows X are (n, window_rows * channels), oldest row of the window first. The step size rises and
-    falls over the passes (Smith & Topin 2018); the weights that did best on the validation rows are
-    kept.
+    Rows X are (n, window_rows * channels), oldest row of the window first. The step size falls by
+    :data:`COOLING` whenever :data:`COOL_AFTER` passes bring no gain on the validation rows, so that
+    stopping early does not leave a network that was never cooled; the weights that did best on
+    these rows are kept.
 
     Parameters
     ----------
     epochs, patience : most passes, and passes without gain on the validation rows before stopping.
     batch_rows : rows a step.
-    learning_rate : greatest step size.
+    learning_rate : first step size.
     window_rows : rows of a window.
     random_state : seed of weights and order.
 
@@ -96,16 +99,15 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):
     def _descend(
         self, network: nn.Module, x: torch.Tensor, y: torch.Tensor, ahead: tuple | None
     ) -> None:
-        batches = math.ceil(len(x) / self.batch_rows)
         optimiser = torch.optim.Adam(network.parameters(), lr=self.learning_rate)
-        pace = torch.optim.lr_scheduler.OneCycleLR(
-            optimiser, self.learning_rate, total_steps=self.epochs * batches
+        pace = torch.optim.lr_scheduler.ReduceLROnPlateau(
+            optimiser, factor=COOLING, patience=COOL_AFTER - 1, threshold=0.0
         )
         order = np.random.default_rng(self.random_state)
         self.validation_rmse_: list[float] = []
         best, since = math.inf, 0
         for _ in range(self.epochs):
-            _one_pass(network, x, y, order.permutation(len(x)), self.batch_rows, optimiser, pace)
+            _one_pass(network, x, y, order.permutation(len(x)), self.batch_rows, optimiser)
             error = self._error(network, ahead)
             since = 0 if error < best or ahead is None else since + 1
             if since == 0:
@@ -115,6 +117,8 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):
                 )
             if since >= self.patience:
                 break
+            if ahead is not None:
+                pace.step(error)
 
     def _error(self, network: nn.Module, ahead: tuple | None) -> float:
         if ahead is None:
@@ -146,7 +150,6 @@ def _one_pass(
     order: np.ndarray,
     batch_rows: int,
     optimiser: torch.optim.Optimizer,
-    pace: torch.optim.lr_scheduler.LRScheduler,
 ) -> None:
     network.train()
     for start in range(0, len(order), batch_rows):
@@ -154,7 +157,6 @@ def _one_pass(
         optimiser.zero_grad()
         nn.functional.mse_loss(network(x[rows]), y[rows]).backward()
         optimiser.step()
-        pace.step()
 
 
 class MlpRegressor(NetworkRegressor):
@@ -208,14 +210,29 @@ class _Transformer(nn.Module):
         super().__init__()
         self.embed = nn.Linear(channels, units)
         self.place = nn.Parameter(torch.zeros(rows, units))
-        layer = nn.TransformerEncoderLayer(
-            units, heads, 2 * units, dropout=0.0, batch_first=True, norm_first=True
+        self.layers = nn.ModuleList(
+            nn.TransformerEncoderLayer(
+                units, heads, 2 * units, dropout=0.0, batch_first=True, norm_first=True
+            )
+            for _ in range(layers)
         )
-        self.encoder = nn.TransformerEncoder(layer, layers, enable_nested_tensor=False)
         self.out = nn.Linear(units, 1)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return self.out(self.encoder(self.embed(x) + self.place)[:, -1])[:, 0]
+        x = self.embed(x) + self.place
+        for layer in self.layers[:-1]:
+            x = layer(x)
+        return self.out(present_row(self.layers[-1], x))[:, 0]
+
+
+def present_row(layer: nn.TransformerEncoderLayer, x: torch.Tensor) -> torch.Tensor:
+    """The last row (n, units) of what a layer makes of x (n, rows, units), the other rows left
+    out: only this one is read.
+    """
+    normed = layer.norm1(x)
+    attended, _ = layer.self_attn(normed[:, -1:], normed, normed, need_weights=False)
+    here = x[:, -1] + attended[:, 0]
+    return here + layer.linear2(layer.activation(layer.linear1(layer.norm2(here))))
 
 
 class TransformerRegressor(NetworkRegressor):
