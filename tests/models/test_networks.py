@@ -55,9 +55,7 @@ def test_the_present_row_is_that_of_the_whole_layer():
     torch.manual_seed(3)
     network = networks._Transformer(channels=3, rows=6, units=8, heads=2, layers=2)
     x = torch.randn(5, 6, 3)
-    whole = network.embed(x) + network.place
-    for layer in network.layers:
-        whole = layer(whole)
+    whole = network.last(network.before(network.embed(x) + network.place))
     torch.testing.assert_close(network(x), network.out(whole[:, -1])[:, 0])
 
 

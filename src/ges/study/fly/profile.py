@@ -1,15 +1,15 @@
 """Is the curvature gain found, or only chosen? The misfit of the calibration over fixed gains, the
 other free numbers held, and refitted.
 
-Refits go along the derivatives at the fitted point (chord steps of Gauss-Newton, within the
+Refits go along the derivatives at the fitted point (chord steps of Gauss-Newton within the
 bounds), so what they reach is at most as good as a full search: a small misfit shows that a gain
 fits, a great one does not show that none would.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,7 @@ from ges.study.fly.ensemble import effects
 from ges.study.fly.flights import write_csv
 
 GAIN = list(calibrate.FREE).index("curvature_gain_m")
-REFITS = 3  # steps of a refit
+REFITS = 5  # flights of a refit
 
 
 def _derivatives(search: calibrate.Search, point: np.ndarray) -> np.ndarray:
@@ -36,21 +36,39 @@ def _derivatives(search: calibrate.Search, point: np.ndarray) -> np.ndarray:
     return np.column_stack(columns)
 
 
-def _refits(
-    search: calibrate.Search, point: np.ndarray, slopes: np.ndarray
-) -> Iterator[tuple[float, dict[str, float], dict[str, float]]]:
-    """Of a point and of every step from it with its gain held: sum of squared residuals, quantities
-    flown, and effects.
+@dataclasses.dataclass(frozen=True)
+class _Flown:
+    """A point, what was flown there, and its effects."""
+
+    point: np.ndarray
+    residuals: np.ndarray
+    misfit: float
+    effects: dict[str, float]
+
+    @property
+    def cost(self) -> float:
+        return float(self.residuals @ self.residuals)
+
+
+def _flown(search: calibrate.Search, point: np.ndarray) -> _Flown:
+    arms = search.arms(search.numbers(point))
+    figures = search.flown(arms)
+    seen = effects(search.simulator, search.plan, arms)
+    return _Flown(point, search.pulled(point, figures), calibrate.misfit(figures), seen)
+
+
+def _refitted(search: calibrate.Search, start: _Flown, slopes: np.ndarray) -> _Flown:
+    """The best of some steps along the derivatives with the gain held; a step that does not help is
+    halved.
     """
-    free = np.arange(len(point)) != GAIN
-    for _ in range(REFITS + 1):
-        arms = search.arms(search.numbers(point))
-        flown = search.flown(arms)
-        residuals = search.pulled(point, flown)
-        yield float(residuals @ residuals), flown, effects(search.simulator, search.plan, arms)
+    best, share, free = start, 1.0, np.arange(len(start.point)) != GAIN
+    for _ in range(REFITS):
+        point = best.point.copy()
         bounds = 1.0 - point[free], 2.0 - point[free]
-        point = point.copy()
-        point[free] += lsq_linear(slopes[:, free], -residuals, bounds).x
+        point[free] += share * lsq_linear(slopes[:, free], -best.residuals, bounds).x
+        there = _flown(search, point)
+        best, share = (there, 1.0) if there.cost < best.cost else (best, share / 2.0)
+    return best
 
 
 def profile_gain(
@@ -79,11 +97,8 @@ def profile_gain(
     for gain in profile_gains_m:
         start = found.copy()
         start[GAIN] = 1.0 + (gain - low) / (high - low)
-        steps = list(_refits(search, start, slopes))
-        _, best, seen = min(steps, key=lambda step: step[0])
-        misfits = {
-            "held": calibrate.misfit(steps[0][1]),
-            "refitted": calibrate.misfit(best),
-        }
-        rows.append({"curvature_gain_m": gain, **misfits, **seen})
+        held = _flown(search, start)
+        best = _refitted(search, held, slopes)
+        misfits = {"held": held.misfit, "refitted": best.misfit}
+        rows.append({"curvature_gain_m": gain, **misfits, **best.effects})
     write_csv(pd.DataFrame(rows), profile)

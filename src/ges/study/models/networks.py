@@ -210,22 +210,21 @@ class _Transformer(nn.Module):
         super().__init__()
         self.embed = nn.Linear(channels, units)
         self.place = nn.Parameter(torch.zeros(rows, units))
-        self.layers = nn.ModuleList(
-            nn.TransformerEncoderLayer(
-                units, heads, 2 * units, dropout=0.0, batch_first=True, norm_first=True
-            )
-            for _ in range(layers)
-        )
+        before = [_encoder_layer(units, heads) for _ in range(layers - 1)]
+        self.before, self.last = nn.Sequential(*before), _encoder_layer(units, heads)
         self.out = nn.Linear(units, 1)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        x = self.embed(x) + self.place
-        for layer in self.layers[:-1]:
-            x = layer(x)
-        return self.out(present_row(self.layers[-1], x))[:, 0]
+        return self.out(_present_row(self.last, self.before(self.embed(x) + self.place)))[:, 0]
 
 
-def present_row(layer: nn.TransformerEncoderLayer, x: torch.Tensor) -> torch.Tensor:
+def _encoder_layer(units: int, heads: int) -> nn.TransformerEncoderLayer:
+    return nn.TransformerEncoderLayer(
+        units, heads, 2 * units, dropout=0.0, batch_first=True, norm_first=True
+    )
+
+
+def _present_row(layer: nn.TransformerEncoderLayer, x: torch.Tensor) -> torch.Tensor:
     """The last row (n, units) of what a layer makes of x (n, rows, units), the other rows left
     out: only this one is read.
     """
