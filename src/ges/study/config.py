@@ -199,7 +199,7 @@ class DataSeeds(Part):
 
     train: SeedRange = Field(description="models are fitted to these")
     validation: SeedRange = Field(
-        description="early stopping and every choice, the clamp threshold included"
+        description="early stopping, the best pass, and every choice, the clamp threshold included"
     )
     test: SeedRange = Field(description="offline scores")
 
@@ -310,13 +310,12 @@ class BoostingFit(TreeFit):
 
 
 class NetworkFit(Fit):
-    """Multilayer perceptron 13-64-32-1, stopped early on the validation rows."""
+    """Multilayer perceptron 13-64-32-1; its best pass on the validation rows is kept."""
 
-    epochs: Count = Field(description="greatest number of passes over the training rows")
-    patience: Count = Field(description="passes without gain on validation rows before stopping")
+    epochs: Count = Field(description="passes over the training rows")
     batch_rows: Count = Field(description="rows a step")
     learning_rate: Positive = Field(
-        description="first step size; it falls where passes bring no gain on validation rows"
+        description="greatest step size; it falls to nothing over the passes"
     )
 
 

@@ -1,5 +1,5 @@
-"""Neural networks as scikit-learn regressors: standardised inputs, early stopping, one thread, the
-same bits every time.
+"""Neural networks as scikit-learn regressors: standardised inputs, the best pass on validation
+rows, one thread, the same bits every time.
 """
 
 from __future__ import annotations
@@ -14,23 +14,20 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from torch import nn
 
 PREDICT_ROWS = 8192
-COOLING = 0.3
-COOL_AFTER = 2
 
 
 class NetworkRegressor(RegressorMixin, BaseEstimator):
     """A torch network fitted to squared error.
 
-    Rows X are (n, window_rows * channels), oldest row of the window first. The step size falls by
-    :data:`COOLING` whenever :data:`COOL_AFTER` passes bring no gain on the validation rows, so that
-    stopping early does not leave a network that was never cooled; the weights that did best on
-    these rows are kept.
+    Rows X are (n, window_rows * channels), oldest row of the window first. The step size rises and
+    falls over the passes (Smith & Topin 2018), so all of them are made: a network that stops before
+    has not cooled. The weights that did best on the validation rows are kept.
 
     Parameters
     ----------
-    epochs, patience : most passes, and passes without gain on the validation rows before stopping.
+    epochs : passes.
     batch_rows : rows a step.
-    learning_rate : first step size.
+    learning_rate : greatest step size.
     window_rows : rows of a window.
     random_state : seed of weights and order.
 
@@ -44,14 +41,12 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):
     def __init__(
         self,
         epochs: int = 40,
-        patience: int = 8,
         batch_rows: int = 512,
         learning_rate: float = 0.003,
         window_rows: int = 1,
         random_state: int = 0,
     ) -> None:
         self.epochs = epochs
-        self.patience = patience
         self.batch_rows = batch_rows
         self.learning_rate = learning_rate
         self.window_rows = window_rows
@@ -68,7 +63,7 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):
         X_val: np.ndarray | None = None,
         y_val: np.ndarray | None = None,
     ) -> Self:
-        """Fit; without validation rows all passes are made."""
+        """Fit; without validation rows the weights of the last pass are kept."""
         X, y = validate_data(self, X, y, dtype=np.float32, y_numeric=True)
         torch.set_num_threads(1)
         torch.use_deterministic_algorithms(True)
@@ -99,26 +94,22 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):
     def _descend(
         self, network: nn.Module, x: torch.Tensor, y: torch.Tensor, ahead: tuple | None
     ) -> None:
+        batches = math.ceil(len(x) / self.batch_rows)
         optimiser = torch.optim.Adam(network.parameters(), lr=self.learning_rate)
-        pace = torch.optim.lr_scheduler.ReduceLROnPlateau(
-            optimiser, factor=COOLING, patience=COOL_AFTER - 1, threshold=0.0
+        pace = torch.optim.lr_scheduler.OneCycleLR(
+            optimiser, self.learning_rate, total_steps=self.epochs * batches
         )
         order = np.random.default_rng(self.random_state)
         self.validation_rmse_: list[float] = []
-        best, since = math.inf, 0
+        best = math.inf
         for _ in range(self.epochs):
-            _one_pass(network, x, y, order.permutation(len(x)), self.batch_rows, optimiser)
+            _one_pass(network, x, y, order.permutation(len(x)), self.batch_rows, optimiser, pace)
             error = self._error(network, ahead)
-            since = 0 if error < best or ahead is None else since + 1
-            if since == 0:
+            if error < best or ahead is None:
                 best, self.weights_ = (
                     error,
                     {k: v.detach().numpy().copy() for k, v in network.state_dict().items()},
                 )
-            if since >= self.patience:
-                break
-            if ahead is not None:
-                pace.step(error)
 
     def _error(self, network: nn.Module, ahead: tuple | None) -> float:
         if ahead is None:
@@ -150,6 +141,7 @@ def _one_pass(
     order: np.ndarray,
     batch_rows: int,
     optimiser: torch.optim.Optimizer,
+    pace: torch.optim.lr_scheduler.LRScheduler,
 ) -> None:
     network.train()
     for start in range(0, len(order), batch_rows):
@@ -157,6 +149,7 @@ def _one_pass(
         optimiser.zero_grad()
         nn.functional.mse_loss(network(x[rows]), y[rows]).backward()
         optimiser.step()
+        pace.step()
 
 
 class MlpRegressor(NetworkRegressor):
@@ -191,14 +184,13 @@ class LstmRegressor(NetworkRegressor):
     def __init__(
         self,
         epochs: int = 20,
-        patience: int = 5,
         batch_rows: int = 512,
         learning_rate: float = 0.005,
         window_rows: int = 1,
         random_state: int = 0,
         units: int = 32,
     ) -> None:
-        super().__init__(epochs, patience, batch_rows, learning_rate, window_rows, random_state)
+        super().__init__(epochs, batch_rows, learning_rate, window_rows, random_state)
         self.units = units
 
     def _network(self, channels: int) -> nn.Module:
@@ -242,7 +234,6 @@ class TransformerRegressor(NetworkRegressor):
     def __init__(
         self,
         epochs: int = 20,
-        patience: int = 5,
         batch_rows: int = 512,
         learning_rate: float = 0.003,
         window_rows: int = 1,
@@ -251,7 +242,7 @@ class TransformerRegressor(NetworkRegressor):
         heads: int = 4,
         layers: int = 2,
     ) -> None:
-        super().__init__(epochs, patience, batch_rows, learning_rate, window_rows, random_state)
+        super().__init__(epochs, batch_rows, learning_rate, window_rows, random_state)
         self.units = units
         self.heads = heads
         self.layers = layers

@@ -18,7 +18,7 @@ from ges.study.config import BoostingFit, Fit, ForestFit, NetworkFit, TreeFit, V
 from ges.study.datasets.rows import Rows
 
 SEQUENCE_MODELS = ("lstm", "transformer")
-STOPPED_EARLY = ("gradient_boosting", "mlp", *SEQUENCE_MODELS)
+VALIDATED = ("gradient_boosting", "mlp", *SEQUENCE_MODELS)
 
 
 def features(name: str, rows: Rows) -> np.ndarray:
@@ -91,14 +91,14 @@ def _network(name: str, fit: NetworkFit, window: Window, seed: int) -> Regressor
 def fitted(
     name: str, model: RegressorMixin, train: Rows | None, validation: Rows | None
 ) -> RegressorMixin:
-    """Fit a model to rows; those that stop early look at the validation rows, the others never see
-    them.
+    """Fit a model to rows; those that stop early, or keep their best pass, look at the validation
+    rows, the others never see them.
     """
     if train is None:
         return model
     x = features(name, train)
-    if name not in STOPPED_EARLY:
+    if name not in VALIDATED:
         return model.fit(x, train.y)
     if validation is None:
-        raise GesError(f"model '{name}' stops early and has no validation rows; keep some")
+        raise GesError(f"model '{name}' looks at validation rows and has none; keep some")
     return model.fit(x, train.y, X_val=features(name, validation), y_val=validation.y)
