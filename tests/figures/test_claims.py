@@ -203,7 +203,7 @@ def test_the_paper_quotes_what_exists_and_types_no_number(tmp_path):
             "not_measured",
         )
     }
-    asked = r'\b(num|ours|theirs|verdict|beside|word|known|less)\("([^"]+)"(?:, "([^"]+)")?'
+    asked = r'\b(num|ours|theirs|verdict|beside|word|known|less|apart)\("([^"]+)"(?:, "([^"]+)")?'
     quoted = {
         name
         for call, *names in re.findall(asked, text)
@@ -211,9 +211,13 @@ def test_the_paper_quotes_what_exists_and_types_no_number(tmp_path):
         if name
     }
     assert quoted and quoted <= known
+
+
+def test_every_figure_is_shown_once_and_twelve_at_most_in_the_body():
     rules = (ROOT / "workflow/rules/figures.smk").read_text()
-    shown = set(re.findall(r'\bfig\("([^"]+)"', text))
-    assert shown and {name for name in shown if f'"{name}": (' not in rules} <= {
-        "detection",
-        "outcomes",
-    }
+    made = re.findall(r'^    "(\w+)": \($', rules, flags=re.MULTILINE)
+    made += re.findall(r'^    "(\w+)": \("', rules, flags=re.MULTILINE)
+    body, _, further = (ROOT / "paper/main.typ").read_text().partition("#show: appendix")
+    in_body, in_appendix = (re.findall(r'\bfig\("([^"]+)"', t) for t in (body, further))
+    assert len(in_body) <= 12
+    assert sorted(in_body + in_appendix) == sorted([*made, "detection", "outcomes"])

@@ -5,11 +5,12 @@ else.
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from ges.study import config
 from ges.study.datasets.ground import ground_of
-from ges.study.fly import calibrate
+from ges.study.fly import calibrate, ensemble, profile
 
 
 @pytest.fixture(scope="module")
@@ -109,3 +110,23 @@ def test_laplacian_is_that_of_finite_differences_over_a_rotor(study):
     slope = np.dot(differences, here.curvature_1_m) / np.dot(here.curvature_1_m, here.curvature_1_m)
     assert np.corrcoef(differences, here.curvature_1_m)[0, 1] > 0.97
     assert slope == pytest.approx(1.0, abs=0.12)
+
+
+def test_profile_of_the_gain(world, study, root, tmp_path, monkeypatch):
+    """At the fitted gain what is held is the fit itself; within says whether the refit meets the
+    figures, and its effects are flown.
+    """
+    monkeypatch.setattr(profile, "REFITS", 1)
+    simulator, plan, pulse = world
+    short = plan.model_copy(update={"duration_s": 32.0})
+    one = study.seeds.calibration.model_copy(update={"count": 1})
+    calibration, written = root / "config/calibration.json", tmp_path / "profile.csv"
+    fitted = json.loads(calibration.read_text())["fitted"]
+    gains = [0.6, fitted["curvature_gain_m"]]
+    profile.profile_gain(simulator, short, pulse, gains, one, calibration, written)
+    table = pd.read_csv(written)
+    assert list(table["curvature_gain_m"]) == pytest.approx(sorted(gains))
+    flown = _flown((simulator, short, pulse), fitted, one.list())
+    assert table["held"][0] == pytest.approx(calibrate.misfit(flown), rel=1e-6)
+    assert list(table["within"]) == list((table["refitted"] < table["figures"]).astype(int))
+    assert set(ensemble.CLAIMED_SIGN) < set(table.columns)

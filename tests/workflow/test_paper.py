@@ -12,6 +12,7 @@ from ges.paper import paper
 from ges.provenance.runs import Code
 
 ROOT = Path(__file__).resolve().parents[2]
+CITATION = ROOT / "CITATION.cff"
 CODE = Code(commit="0123456789", modified=False, sha256="0" * 64)
 
 
@@ -60,12 +61,21 @@ def test_pdf_is_the_same_twice_and_errors_are_sentences(tmp_path):
     )
     made = [tmp_path / f"{i}.pdf" for i in range(2)]
     for pdf in made:
-        paper.render(tmp_path / "main.typ", tmp_path / "results", pdf)
+        paper.render(tmp_path / "main.typ", tmp_path / "results", CITATION, pdf)
     assert made[0].read_bytes() == made[1].read_bytes()
     (tmp_path / "main.typ").write_text("#nothing")
     with pytest.raises(GesError, match="unknown variable"):
-        paper.render(tmp_path / "main.typ", tmp_path / "results", tmp_path / "no.pdf")
+        paper.render(tmp_path / "main.typ", tmp_path / "results", CITATION, tmp_path / "no.pdf")
     assert not (tmp_path / "no.pdf").exists()
+
+
+def test_authors_are_those_of_the_citation_file(tmp_path):
+    assert paper.authors(CITATION) == "The GES authors"
+    file = tmp_path / "CITATION.cff"
+    file.write_text("authors:\n- {given-names: Ada, family-names: Love}\n- {name: A group}\n")
+    assert paper.authors(file) == "Ada Love, A group"
+    (tmp_path / "main.typ").write_text('#assert.eq(sys.inputs.authors, "Ada Love, A group")\n')
+    paper.render(tmp_path / "main.typ", tmp_path, file, tmp_path / "ok.pdf")
 
 
 def test_words_follow_the_sign(tmp_path):
@@ -94,7 +104,9 @@ def test_words_follow_the_sign(tmp_path):
         for name, words in said.items()
     ]
     checks += [
-        '#assert(less("down", "up") and not less("up", "down") and not less("absent", "up"))'
+        '#assert(less("down", "up") and not less("up", "down") and not less("absent", "up"))',
+        '#assert(apart("up") and apart("down"))',
+        '#assert(not (apart("either") or apart("absent") or apart("alone")))',
     ]
-    (tmp_path / "main.typ").write_text("\n".join(['#import "lib.typ": word, less', *checks]))
-    paper.render(tmp_path / "main.typ", tmp_path, tmp_path / "ok.pdf")
+    (tmp_path / "main.typ").write_text("\n".join(['#import "lib.typ": *', *checks]))
+    paper.render(tmp_path / "main.typ", tmp_path, CITATION, tmp_path / "ok.pdf")

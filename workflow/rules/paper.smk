@@ -177,6 +177,7 @@ rule render_paper:
         PROVEN_FIGURES,
         [str(f) for f in PAPER_SOURCES],
         main=str(ROOT / "paper/main.typ"),
+        citation=str(ROOT / "CITATION.cff"),
     output:
         pdf=report("results/paper.pdf", category="Paper"),
     log:

@@ -9,6 +9,8 @@ import os
 import re
 from pathlib import Path
 
+import yaml
+
 from ges.errors import GesError
 from ges.files import replacing, sha256, write_json, write_text
 from ges.provenance.runs import Code
@@ -110,8 +112,15 @@ def write_latex(table: Path, facts: Path, fragment: Path) -> None:
     write_text(fragment, "\n".join([*body, foot]) + "\n")
 
 
-def render(main: Path, results: Path, pdf: Path) -> None:
-    """Compile the paper; its source reads tables, figures and numbers below ``results``.
+def authors(citation: Path) -> str:
+    """Names of the authors of a citation file (CFF), in its order."""
+    listed = yaml.safe_load(citation.read_text())["authors"]
+    return ", ".join(a.get("name") or f"{a['given-names']} {a['family-names']}" for a in listed)
+
+
+def render(main: Path, results: Path, citation: Path, pdf: Path) -> None:
+    """Compile the paper; its source reads tables, figures and numbers below ``results``, its
+    authors are those of ``citation``.
 
     Only fonts that come with the compiler are used, and no date is written, so equal results give
     equal bytes.
@@ -122,7 +131,10 @@ def render(main: Path, results: Path, pdf: Path) -> None:
     inside = "/" + str(results.resolve().relative_to(root))
     try:
         content = typst.compile(
-            str(main.resolve()), root=root, ignore_system_fonts=True, sys_inputs={"results": inside}
+            str(main.resolve()),
+            root=root,
+            ignore_system_fonts=True,
+            sys_inputs={"results": inside, "authors": authors(citation)},
         )
     except typst.TypstError as error:
         where = re.search(r"┌─ (\S+)", error.diagnostic)

@@ -26,7 +26,7 @@ from ges.study.claims import (
     read_tables,
 )
 
-MILLIMETRES = 0.2
+MILLIMETRES = 1.0
 """Metres below this are printed in millimetres."""
 ABSENT = "n/a"
 RAISED = str.maketrans(

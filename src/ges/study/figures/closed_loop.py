@@ -39,15 +39,15 @@ def traces(
             "label": style.MODE_LABELS[name],
         }
         top.plot(rows["t_s"], rows["gyro_y_rad_s"], **{**look, "lw": 0.5})
-        low.plot(rows["t_s"], rows["agl_m"], **look)
-    low.axhline(simulator.controller.agl_ref_m, color=style.BLACK, lw=0.5)
+        low.plot(rows["t_s"], 1000 * rows["agl_m"], **look)
+    low.axhline(1000 * simulator.controller.agl_ref_m, color=style.BLACK, lw=0.5)
     top.set(ylabel="pitch rate (rad/s)")
-    low.set(xlabel="time (s)", ylabel="clearance (m)")
+    low.set(xlabel="time (s)", ylabel="clearance (mm)")
     figure.legend(*low.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     style.save(figure, table, data, pdf, png)
 
 
-def _modes(axes: Axes, table: pd.DataFrame, spread: bool) -> None:
+def _modes(axes: Axes, table: pd.DataFrame, spread: bool, scale: float = 1000.0) -> None:
     """A dot a mode with its standard deviation between seeds, or with the interval of its mean."""
     for i, row in enumerate(table.itertuples()):
         error = (
@@ -57,8 +57,8 @@ def _modes(axes: Axes, table: pd.DataFrame, spread: bool) -> None:
         )
         axes.errorbar(
             i,
-            row.mean,
-            yerr=error,
+            scale * row.mean,
+            yerr=scale * np.array(error),
             fmt=style.MARKERS[i],
             color=style.MODE_COLOURS[row.condition],
             ms=4.5,
@@ -75,11 +75,11 @@ def small(summary: Path, data: Path, pdf: Path, png: Path) -> None:
     table = pd.read_csv(summary).query("seed_list == 'closed_loop_small' and condition in @SHOWN")
     table = table[table["metric"].isin(["gyro_rms_rad_s", "agl_rms_m"])]
     figure, (left, right) = style.subplots(1, 2, height=2.1)
-    for axes, metric, label in (
-        (left, "gyro_rms_rad_s", "gyro RMS (rad/s)"),
-        (right, "agl_rms_m", "AGL RMS (m)"),
+    for axes, metric, label, scale in (
+        (left, "gyro_rms_rad_s", "gyro RMS (rad/s)", 1.0),
+        (right, "agl_rms_m", "AGL RMS (mm)", 1000.0),
     ):
-        _modes(axes, table[table["metric"] == metric], spread=True)
+        _modes(axes, table[table["metric"] == metric], spread=True, scale=scale)
         axes.set_ylabel(label)
     style.panel(left, "a")
     style.panel(right, "b")
@@ -93,7 +93,7 @@ def modes(summary: Path, data: Path, pdf: Path, png: Path) -> None:
     table = pd.read_csv(summary).query("seed_list == 'closed_loop' and metric == 'agl_rms_m'")
     figure, (left, right) = style.subplots(1, 2, width=style.PAGE_IN, height=2.3)
     _modes(left, table, spread=False)
-    left.set_ylabel("AGL RMS (m)\nmean and 95 % interval")
+    left.set_ylabel("AGL RMS (mm)\nmean and 95 % interval")
     paired = table.dropna(subset=["difference"])
     for i, row in enumerate(paired.itertuples()):
         error = 1000 * np.array([[row.difference - row.low], [row.high - row.difference]])
@@ -154,7 +154,7 @@ def restricted(summary: Path, data: Path, pdf: Path, png: Path) -> None:
     table = pd.read_csv(summary).query("metric == 'agl_rms_restricted_m' and condition in @SHOWN")
     figure, axes = style.subplots(height=2.1)
     _modes(axes, table, spread=False)
-    axes.set_ylabel("AGL RMS in the zone (m)\nmean and 95 % interval")
+    axes.set_ylabel("AGL RMS in the zone (mm)\nmean and 95 % interval")
     style.save(figure, table, data, pdf, png)
 
 
@@ -362,7 +362,10 @@ def pulse_map(summary: Path, data: Path, pdf: Path, png: Path) -> None:
     style.save(figure, table, data, pdf, png)
 
 
-ABLATION_METRICS = {"agl_rms_m": "AGL RMS (m)", "clearance_p5_m": "5th percentile of clearance (m)"}
+ABLATION_METRICS = {
+    "agl_rms_m": "AGL RMS (mm)",
+    "clearance_p5_m": "5th percentile of clearance (mm)",
+}
 
 
 def ablation(
@@ -389,8 +392,8 @@ def ablation(
     figure, axes = style.subplots(1, 2, width=style.PAGE_IN, height=2.1, sharey=True)
     for ax, (metric, label), letter in zip(axes, ABLATION_METRICS.items(), "ab", strict=True):
         rows = table[table["metric"] == metric].reset_index(drop=True)
-        span = [rows["mean"] - rows["mean_low"], rows["mean_high"] - rows["mean"]]
-        ax.errorbar(rows["mean"], rows.index, xerr=span, fmt="o", color=style.BLUE)
+        low, mean, high = (1000 * rows[c] for c in ("mean_low", "mean", "mean_high"))
+        ax.errorbar(mean, rows.index, xerr=[mean - low, high - mean], fmt="o", color=style.BLUE)
         ax.set_yticks(rows.index, rows["condition"])
         ax.set_xlabel(f"{label}, mean and 95 % interval")
         style.panel(ax, letter)
@@ -406,11 +409,11 @@ def winner(summary: Path, data: Path, pdf: Path, png: Path) -> None:
     figure, axes = style.subplots(width=style.PAGE_IN, height=2.2)
     for i, (gains, rows) in enumerate(table.groupby("gains", sort=False)):
         place = np.array([names.index(m) for m in rows["mode"]]) + 0.16 * (i - 0.5)
-        error = [rows["mean"] - rows["mean_low"], rows["mean_high"] - rows["mean"]]
+        low, mean, high = (1000 * rows[c] for c in ("mean_low", "mean", "mean_high"))
         axes.errorbar(
             place,
-            rows["mean"],
-            error,
+            mean,
+            [mean - low, high - mean],
             fmt=style.MARKERS[i],
             color=style.COLOURS[i],
             label=f"gains {gains}",
@@ -418,6 +421,6 @@ def winner(summary: Path, data: Path, pdf: Path, png: Path) -> None:
     axes.set_xticks(
         range(len(names)), [style.MODE_LABELS.get(m, m.replace(", ", ",\n", 1)) for m in names]
     )
-    axes.set_ylabel("AGL RMS (m)\nmean and 95 % interval")
+    axes.set_ylabel("AGL RMS (mm)\nmean and 95 % interval")
     axes.legend()
     style.save(figure, table, data, pdf, png)
