@@ -3,7 +3,8 @@
 ``results/offline/importances.csv``: ``plan, feature``; ``impurity`` (share of the fall in variance
 over the splits on it); ``permutation`` (fall in R^2 when the feature is shuffled among the test
 rows), with ``permutation_low`` and ``permutation_high``, the least and greatest of ``repeats``
-shuffles. Seed-wise split, the forest of Table 1.
+shuffles; ``over_others``, its ratio to the greatest of the other features. Seed-wise split, the
+forest of Table 1.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import joblib
+import numpy as np
 import pandas as pd
 from sklearn.inspection import permutation_importance
 
@@ -41,14 +43,17 @@ def write_importances(
     found = permutation_importance(
         forest, test.now, test.y, n_repeats=repeats, random_state=seed, scoring="r2"
     ).importances
+    mean = found.mean(axis=1)
+    others = [np.delete(mean, i).max() for i in range(len(mean))]
     frame = pd.DataFrame(
         {
             "plan": plan,
             "feature": FEATURES,
             "impurity": forest.feature_importances_,
-            "permutation": found.mean(axis=1),
+            "permutation": mean,
             "permutation_low": found.min(axis=1),
             "permutation_high": found.max(axis=1),
+            "over_others": mean / others,
             "repeats": repeats,
         }
     )
