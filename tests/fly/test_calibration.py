@@ -112,21 +112,37 @@ def test_laplacian_is_that_of_finite_differences_over_a_rotor(study):
     assert slope == pytest.approx(1.0, abs=0.12)
 
 
-def test_profile_of_the_gain(world, study, root, tmp_path, monkeypatch):
-    """At the fitted gain what is held is the fit itself; within says whether the refit meets the
-    figures, and its effects are flown.
+def test_refits_hold_the_gains_of_the_configuration(study, root):
+    report = json.loads((root / "config/gain_profile.json").read_text())
+    assert report["seeds"] == study.seeds.calibration.list()
+    gains = [numbers["curvature_gain_m"] for numbers in report["refitted"]]
+    assert gains == study.closed_loop.profile_gains_m
+
+
+def test_a_refit_makes_up_for_another_gain(world, study, root, tmp_path, monkeypatch):
+    """One free number beside the gain: the refit is better than the calibration with the gain
+    moved, and what is flown is what was found.
     """
-    monkeypatch.setattr(profile, "REFITS", 1)
+    monkeypatch.setattr(
+        calibrate,
+        "FREE",
+        {n: calibrate.FREE[n] for n in ("terrain_amplitude_max_m", "curvature_gain_m")},
+    )
     simulator, plan, pulse = world
     short = plan.model_copy(update={"duration_s": 32.0})
     one = study.seeds.calibration.model_copy(update={"count": 1})
-    calibration, written = root / "config/calibration.json", tmp_path / "profile.csv"
-    fitted = json.loads(calibration.read_text())["fitted"]
-    gains = [0.6, fitted["curvature_gain_m"]]
-    profile.profile_gain(simulator, short, pulse, gains, one, calibration, written)
-    table = pd.read_csv(written)
-    assert list(table["curvature_gain_m"]) == pytest.approx(sorted(gains))
-    flown = _flown((simulator, short, pulse), fitted, one.list())
-    assert table["held"][0] == pytest.approx(calibrate.misfit(flown), rel=1e-6)
+    calibration, found, flown = (
+        root / "config/calibration.json",
+        tmp_path / "p.json",
+        tmp_path / "p.csv",
+    )
+    profile.fit_profile(simulator, short, pulse, [0.6, 0.1], one, calibration, found)
+    profile.fly_profile(simulator, short, pulse, one, calibration, found, flown)
+    table = pd.read_csv(flown)
+    assert list(table["curvature_gain_m"]) == [0.1, 0.6]
+    assert (table["refitted"] < table["held"]).any()
     assert list(table["within"]) == list((table["refitted"] < table["figures"]).astype(int))
+    numbers = json.loads(found.read_text())["refitted"][1]
+    again = calibrate.misfit(_flown((simulator, short, pulse), numbers, one.list()))
+    assert table["refitted"][1] == pytest.approx(again, rel=1e-6)
     assert set(ensemble.CLAIMED_SIGN) < set(table.columns)

@@ -41,7 +41,7 @@ def _refitted(search: calibrate.Search, start: dict[str, float], gain: float) ->
         diff_step=calibrate.STEP,
         max_nfev=EVALUATIONS,
     )
-    return search.numbers(point(found.x))
+    return {**search.numbers(point(found.x)), GAIN: gain}
 
 
 def fit_profile(
