@@ -203,7 +203,8 @@ def test_the_paper_quotes_what_exists_and_types_no_number(tmp_path):
             "not_measured",
         )
     }
-    asked = r'\b(num|ours|theirs|verdict|beside|word|known|less|apart)\("([^"]+)"(?:, "([^"]+)")?'
+    calls = "num|ours|theirs|verdict|beside|word|known|less|apart|below-zero"
+    asked = rf'\b({calls})\("([^"]+)"(?:, "([^"]+)")?'
     quoted = {
         name
         for call, *names in re.findall(asked, text)
@@ -218,6 +219,6 @@ def test_every_figure_is_shown_once_and_twelve_at_most_in_the_body():
     made = re.findall(r'^    "(\w+)": \($', rules, flags=re.MULTILINE)
     made += re.findall(r'^    "(\w+)": \("', rules, flags=re.MULTILINE)
     body, _, further = (ROOT / "paper/main.typ").read_text().partition("#show: appendix")
-    in_body, in_appendix = (re.findall(r'\bfig\("([^"]+)"', t) for t in (body, further))
+    in_body, in_appendix = (re.findall(r'\b(?:fig|plate)\("([^"]+)"', t) for t in (body, further))
     assert len(in_body) <= 12
     assert sorted(in_body + in_appendix) == sorted([*made, "detection", "outcomes"])
