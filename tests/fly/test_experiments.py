@@ -97,7 +97,7 @@ def test_rules_that_choose_are_given_validation_seeds_alone(root):
         )
         wanted = (
             {"seeds.calibration"}
-            if rule.startswith(("fly_ensemble", "calibrate", "profile_gain"))
+            if rule.startswith(("fly_ensemble", "calibrate", "fit_profile", "fly_profile"))
             else wanted
         )
         assert seeds <= wanted, rule.split(":")[0]
