@@ -222,3 +222,9 @@ def test_every_figure_is_shown_once_and_twelve_at_most_in_the_body():
     in_body, in_appendix = (re.findall(r'\b(?:fig|plate)\("([^"]+)"', t) for t in (body, further))
     assert len(in_body) <= 12
     assert sorted(in_body + in_appendix) == sorted([*made, "detection", "outcomes"])
+
+
+def test_no_claim_says_a_key_twice():
+    """YAML would take the last one and say nothing."""
+    lines = claims.LISTED.read_text().splitlines()
+    assert not [line for line in lines if len(re.findall(r'\bwhy: "', line)) > 1]
