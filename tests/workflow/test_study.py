@@ -38,12 +38,14 @@ METRICS = [f"results/models/consistent/seedwise/{m}.metrics.json" for m in SMALL
 SNAKEMAKE = Path(sys.executable).with_name("snakemake")
 
 
-def changed(path: str, value: object) -> dict:
-    """The small study with one value replaced."""
-    tree = value
-    for key in reversed(path.split(".")):
-        tree = {key: tree}
-    return config.merged(SMALL, tree)
+def changed(values: dict[str, object]) -> dict:
+    """The small study with values replaced, each under its dotted path."""
+    study = SMALL
+    for path, tree in values.items():
+        for key in reversed(path.split(".")):
+            tree = {key: tree}
+        study = config.merged(study, tree)
+    return study
 
 
 def command(folder: Path, study: dict, *more: str) -> list[str]:
@@ -112,27 +114,25 @@ def test_the_whole_study_is_planned(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("path", "value", "jobs"),
+    ("values", "jobs"),
     [
-        ("closed_loop.biases", [0.0], {}),
-        ("data.flights_per_batch", 1, {}),
-        ("models.mlp.epochs", 7, {}),
-        ("models.random_forest.trees", 5, {"train_model": 1}),
-        ("models.horizon_s", 0.2, {"train_model": 2}),
+        ({"closed_loop.biases": [0.0], "data.flights_per_batch": 1, "models.mlp.epochs": 7}, {}),
+        ({"models.random_forest.trees": 5}, {"train_model": 1}),
+        ({"models.horizon_s": 0.2}, {"train_model": 2}),
         (
-            "simulator.controller.altitude_kp",
-            5.0,
+            {"simulator.controller.altitude_kp": 5.0},
             {"fly_batch_0": 1, "fly_batch_1": 1, "check_leakage": 1, "train_model": 2},
         ),
     ],
+    ids=["nothing of it", "a model", "all models", "the flights"],
 )
-def test_a_changed_key_runs_its_dependents_and_nothing_else(finished, path, value, jobs):
-    assert would_run(finished, changed(path, value)) == jobs
+def test_a_changed_key_runs_its_dependents_and_nothing_else(finished, values, jobs):
+    assert would_run(finished, changed(values)) == jobs
 
 
 @pytest.mark.slow
 def test_killed_and_resumed_with_other_batches_and_cores_gives_the_same_bytes(finished, tmp_path):
-    folder, study = prepared(tmp_path / "run"), changed("data.flights_per_batch", 3)
+    folder, study = prepared(tmp_path / "run"), changed({"data.flights_per_batch": 3})
     with open(folder / "log", "w") as log:
         first = subprocess.Popen(
             command(folder, study, "--cores", "1", *METRICS),
@@ -181,7 +181,7 @@ def test_a_planted_leak_stops_the_run(finished, tmp_path):
     ],
 )
 def test_a_wrong_configuration_is_one_sentence(tmp_path, path, value, said):
-    done = run(tmp_path, changed(path, value), "-n", *METRICS)
+    done = run(tmp_path, changed({path: value}), "-n", *METRICS)
     printed = done.stdout + done.stderr
     assert done.returncode != 0
     (sentence,) = (line for line in printed.splitlines() if line.startswith("configuration: "))
