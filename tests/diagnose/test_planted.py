@@ -458,7 +458,6 @@ def test_gusts_are_found_where_the_drag_is_known_and_one_flight_tells_of_no_forc
     assert [f.name for f in found.findings] == ["gusts"], found.sentence
 
 
-@pytest.mark.slow
 def test_a_tether_that_may_lean_pushes_as_gusts_do():
     """Ten newtons that lean by an eighth push as gusts of 1.2 N do."""
     system = SimpleNamespace(main=FORCE)
@@ -491,7 +490,6 @@ def test_partial_ground_effect_is_found_over_ledges(flown, over_ledges):
     assert {f.name for f in found.findings} == set(effects), found.sentence
 
 
-@pytest.mark.slow
 def test_where_a_leaning_beam_falls_speaks_about_no_error_of_the_attitude(flown, over_ledges):
     """A rangefinder sees a patch, the model a point: of a bias of 50 mrad the forces speak
     alone.
@@ -526,7 +524,6 @@ def test_a_late_pose_is_a_time_offset(flown, vehicle):
     assert delay.ci95[0] < 0.03 < delay.ci95[1]
 
 
-@pytest.mark.slow
 def test_every_effect_is_planted_or_said_to_be_out_of_reach():
     from ges.simulator import effects
 
