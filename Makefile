@@ -1,6 +1,6 @@
 # Two commands on a fresh machine with python3 (3.11 or later), make and a C compiler:
 #   make all       environment, simulator, the whole study, the paper
-#   make test      the same set-up, then the tests that take minutes
+#   make test      the same set-up, then the tests of five minutes: parts, laws, readers, a few diagnoses
 # and
 #   make test-all  the tests that make test leaves out: other instructions, sanitizers, whole runs
 #   make lint      format, style and types
@@ -19,6 +19,10 @@ UV_VERSION := 0.13.8
 EXTRAS := $(addprefix --extra ,study ardupilot betaflight ros ui docs)
 VENV := .venv
 BIN := $(VENV)/bin
+# A process a core, on that core alone: threads that wait for a core which another test has cost as
+# much as those that work. Files stay together, so that a fixture of a file is made once, until a
+# process has nothing left to do.
+PYTEST = OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(CORES) --dist worksteal
 
 .PHONY: all test test-all proof env build docs site example lint lock clean check-python check-cc
 .DEFAULT_GOAL := all
@@ -27,10 +31,10 @@ all: build
 	$(BIN)/snakemake --cores $(CORES) all
 
 test: build
-	$(BIN)/python -m pytest -m "not slow" -n $(CORES) --dist loadfile
+	$(PYTEST) -m "not slow"
 
 test-all: build
-	$(BIN)/python -m pytest -m slow -n $(CORES) --dist worksteal
+	$(PYTEST) -m slow
 
 proof: build
 	$(BIN)/snakemake --cores $(CORES) proof --config 'proof={grid: $(GRID), methods: [$(METHODS)], worlds: {sets: $(WORLDS)}}'

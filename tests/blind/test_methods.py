@@ -136,7 +136,9 @@ def test_coefficient_error_of_a_vector():
     assert _relative({"x_m": 3.0, "y_m": 4.0}, told) == pytest.approx(0.8)
 
 
-@pytest.mark.parametrize("method", ["stepwise", "parameters", "boosting"])
+@pytest.mark.parametrize(
+    "method", ["stepwise", "parameters", pytest.param("boosting", marks=pytest.mark.slow)]
+)
 def test_baselines_answer_on_a_whole_case(proof, method):
     answer = baselines.diagnose(load_set(proof / "cases" / seal.cases(proof)[0]), method)
     assert answer["verdict"] in ("nothing_proven", "physics", "parameter", "sensor")

@@ -169,6 +169,7 @@ def _foreign(folder: Path, proof: Path, cases: int = 1) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_folder_of_somebody_else_runs_and_scores(tmp_path, proof):
     """Run, resumed without running again, scored, drawn: strong rotor drag in two short flights is
     found.

@@ -56,11 +56,13 @@ def _python(library: Path, *arguments: str) -> subprocess.CompletedProcess:
     )
 
 
+@pytest.mark.slow
 def test_the_new_effect_keeps_its_laws(copy):
     done = _python(copy, str(ROOT / "tests/contract/laws.py"))
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_the_new_effect_is_found_where_it_is_concealed(copy):
     done = _python(copy, "-c", FIND.format(tests=str(ROOT / "tests")))
     assert done.stdout.startswith("physics flapping_moment "), done.stdout + done.stderr

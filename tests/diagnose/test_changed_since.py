@@ -5,6 +5,7 @@ The flights are published, each with one labelled change to the vehicle; the dia
 without names.
 """
 
+import functools
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,21 @@ def e9(recordings_dir):
     return _reference(_tables(recordings_dir, "normal_flight", "E9_*"))
 
 
+@pytest.fixture(scope="module")
+def diagnosed(recordings_dir, e8, e9):
+    """The diagnosis of all flights of a folder with an airframe, by its calibrated file; made
+    once.
+    """
+
+    @functools.cache
+    def make(folder: str, airframe: str) -> Diagnosis:
+        return ges.diagnose(
+            _tables(recordings_dir, folder, f"{airframe}_*"), {"E8": e8, "E9": e9}[airframe]
+        )
+
+    return make
+
+
 @pytest.mark.parametrize(
     ("airframe", "first"), [("E8", True), ("E8", False), ("E9", True), ("E9", False)]
 )
@@ -51,8 +67,8 @@ def test_other_healthy_flights_yield_nothing(recordings_dir, airframe, first):
     assert found.verdict == "nothing_proven" and not found.findings
 
 
-def test_a_clearly_cut_propeller_is_a_weak_rotor_3_and_nothing_else(recordings_dir, e9):
-    found = ges.diagnose(_tables(recordings_dir, "cut_propeller_M3_3mm", "E9_*"), e9)
+def test_a_clearly_cut_propeller_is_a_weak_rotor_3_and_nothing_else(diagnosed, e9):
+    found = diagnosed("cut_propeller_M3_3mm", "E9")
     assert [f.name for f in found.findings] == ["weak_rotor"]
     assert found.findings[0].probability > 0.85, "four of the sds that days are apart"
     before = e9.effects["weak_rotor"]["loss_3"].value
@@ -126,7 +142,9 @@ def test_a_weight_near_motor_3_is_told_openly_as_that_or_a_weak_rotor_3(recordin
     assert found.next_flight["preparation"] == "a new propeller on rotor 3"
 
 
-@pytest.mark.parametrize("taken", [(0, 1, 2), (0, 1), (1, 2)])
+@pytest.mark.parametrize(
+    "taken", [(0, 1, 2), *(pytest.param(pair, marks=pytest.mark.slow) for pair in ((0, 1), (1, 2)))]
+)
 def test_a_weight_on_a_string_is_told_by_its_dragging_over_the_ground(recordings_dir, e8, taken):
     """The thread, 63 cm by the data's own word, is longer than the flight is high: it gets taut on
     the way, out and back.
@@ -164,9 +182,9 @@ def _loss_3(found: Diagnosis) -> Cause:
     return causes_of(found.workings.accepted.board.system)[2][0]
 
 
-def test_the_loss_grows_with_the_cut(recordings_dir, e8, e9):
-    one = _loss_3(ges.diagnose(_tables(recordings_dir, "cut_propeller_M3_1mm", "E8_*"), e8))
-    three = _loss_3(ges.diagnose(_tables(recordings_dir, "cut_propeller_M3_3mm", "E9_*"), e9))
+def test_the_loss_grows_with_the_cut(diagnosed):
+    one = _loss_3(diagnosed("cut_propeller_M3_1mm", "E8"))
+    three = _loss_3(diagnosed("cut_propeller_M3_3mm", "E9"))
     assert 0.0 < one.value < three.value
     assert one.value < 2.0 * one.sd and three.value > 4.0 * three.sd, (
         "1 mm drowns in the healthy spread, 3 mm does not"
@@ -174,9 +192,9 @@ def test_the_loss_grows_with_the_cut(recordings_dir, e8, e9):
 
 
 @pytest.mark.parametrize("folder", ["cut_propeller_M3_1mm", "tape_on_propeller_M3"])
-def test_changes_within_the_healthy_spread_prove_nothing(recordings_dir, e8, folder):
+def test_changes_within_the_healthy_spread_prove_nothing(diagnosed, folder):
     """They shift the balance by no more than two sd of what healthy flights do among themselves."""
-    found = ges.diagnose(_tables(recordings_dir, folder, "E8_*"), e8)
+    found = diagnosed(folder, "E8")
     assert found.verdict == "nothing_proven", found.sentence
 
 

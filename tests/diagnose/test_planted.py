@@ -5,6 +5,7 @@ Both sides have the same form here, so this shows that each signature is right, 
 diagnosis is; that is what concealed cases are for (docs/proof.md).
 """
 
+import functools
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,6 +18,7 @@ from ges.diagnose.design.weak import make_windows
 from ges.diagnose.detectors.gusts import may_lean
 from ges.diagnose.prepare.channels import FORCE
 from ges.diagnose.prepare.gate import prepare
+from ges.diagnose.types.diagnosis import Diagnosis
 from ges.diagnose.types.model import from_vehicle
 from ges.simulator import manoeuvres
 from ges.vehicle.file import Estimate, GroundFile
@@ -124,7 +126,7 @@ PLANTED = {
         "downwash": {"force_N": 2267.18, "other_x_m": 1.0, "other_y_m": 0.0, "other_z_m": 2.5}
     },
 }
-QUICK = ("rotor_drag", "weak_rotor", "ground_effect", "slung_load")
+QUICK = ("rotor_drag", "weak_rotor", "slung_load")
 """Found by ``make test`` already."""
 WHERE = {
     **dict.fromkeys(
@@ -163,6 +165,18 @@ def _recordings(flown, vehicle, effects, plans=ORDINARY):
     return frames
 
 
+@pytest.fixture(scope="module")
+def diagnosed(flown, vehicle):
+    """The diagnosis of flights in which one of :data:`PLANTED` is, made once."""
+
+    @functools.cache
+    def make(name: str) -> Diagnosis:
+        flights = _recordings(flown, vehicle, PLANTED[name], WHERE.get(name, ORDINARY))
+        return ges.diagnose(flights, vehicle, holdout=["flight5"])
+
+    return make
+
+
 @pytest.mark.slow
 def test_a_cushion_that_any_speed_takes_away_is_one_that_fades(flown, vehicle):
     """Three was as far as the library went, and what ran to its bound did not stand."""
@@ -174,9 +188,8 @@ def test_a_cushion_that_any_speed_takes_away_is_one_that_fades(flown, vehicle):
 @pytest.mark.parametrize(
     "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in PLANTED]
 )
-def test_planted_effect_is_found(name, flown, vehicle):
-    flights = _recordings(flown, vehicle, PLANTED[name], WHERE.get(name, ORDINARY))
-    found = ges.diagnose(flights, vehicle, holdout=["flight5"])
+def test_planted_effect_is_found(name, diagnosed):
+    found = diagnosed(name)
     named = {f.name for f in found.findings}
     assert name in named, found.sentence
     assert named <= set(PLANTED[name]) | {name}, found.sentence
@@ -388,9 +401,8 @@ def test_a_noisy_reading_of_the_voltage_makes_no_smaller_sag(flown, vehicle):
 
 
 @pytest.mark.slow
-def test_another_vehicle_is_found_where_it_hovers(flown, vehicle):
-    flights = _recordings(flown, vehicle, PLANTED["downwash"], ROOM)
-    told = ges.diagnose(flights, vehicle, holdout=["flight5"]).findings[0].parameters
+def test_another_vehicle_is_found_where_it_hovers(diagnosed):
+    told = diagnosed("downwash").findings[0].parameters
     assert told["other_x_m"].value == pytest.approx(1.0, abs=0.05)
     assert told["other_y_m"].value == pytest.approx(0.0, abs=0.2)
 
@@ -446,7 +458,6 @@ def test_gusts_are_found_where_the_drag_is_known_and_one_flight_tells_of_no_forc
     assert [f.name for f in found.findings] == ["gusts"], found.sentence
 
 
-@pytest.mark.slow
 def test_a_tether_that_may_lean_pushes_as_gusts_do():
     """Ten newtons that lean by an eighth push as gusts of 1.2 N do."""
     system = SimpleNamespace(main=FORCE)
@@ -455,11 +466,8 @@ def test_a_tether_that_may_lean_pushes_as_gusts_do():
     assert not may_lean(1.2, {"ground_effect": [np.full((50, 3), [0.0, 0.0, 10.0])]}, system)
 
 
-def test_gusts_are_not_looked_for_where_nothing_carries_them(flown, vehicle):
-    found = ges.diagnose(
-        _recordings(flown, vehicle, {"weak_rotor": {"loss_2": 0.15}}), vehicle, holdout=["flight5"]
-    )
-    assert "through drag" in found.not_tested["gusts"]
+def test_gusts_are_not_looked_for_where_nothing_carries_them(diagnosed):
+    assert "through drag" in diagnosed("weak_rotor").not_tested["gusts"]
 
 
 @pytest.fixture
@@ -482,7 +490,6 @@ def test_partial_ground_effect_is_found_over_ledges(flown, over_ledges):
     assert {f.name for f in found.findings} == set(effects), found.sentence
 
 
-@pytest.mark.slow
 def test_where_a_leaning_beam_falls_speaks_about_no_error_of_the_attitude(flown, over_ledges):
     """A rangefinder sees a patch, the model a point: of a bias of 50 mrad the forces speak
     alone.
@@ -517,7 +524,6 @@ def test_a_late_pose_is_a_time_offset(flown, vehicle):
     assert delay.ci95[0] < 0.03 < delay.ci95[1]
 
 
-@pytest.mark.slow
 def test_every_effect_is_planted_or_said_to_be_out_of_reach():
     from ges.simulator import effects
 

@@ -83,7 +83,10 @@ def test_a_ceiling_beside_an_untold_curve_is_told_if_the_form_of_the_curve_canno
     )
 
 
-@pytest.mark.parametrize("effects", [HEAVY, SAG], ids=["heavy", "sagged"])
+@pytest.mark.parametrize(
+    "effects",
+    [pytest.param(HEAVY, id="heavy"), pytest.param(SAG, id="sagged", marks=pytest.mark.slow)],
+)
 def test_its_three_causes_are_named_together(flown, sheet, effects):
     found = _diagnosed(flown, sheet(), effects, ("rotor_speed", "battery"))
     assert found.verdict == "ambiguous"

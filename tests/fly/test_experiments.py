@@ -322,6 +322,7 @@ def test_grid_changes_the_truth_alone(tiny, flown, tmp_path):
     assert (other.to_numpy() != reference.to_numpy()).all()
 
 
+@pytest.mark.slow
 def test_worlds_differ_and_the_fitted_one_flies_where_it_was_fitted(tiny, flown, tmp_path):
     arms = ["analytical", "oracle"], [-0.02, 0.02]
     one = tiny.seeds.closed_loop.model_copy(update={"count": 2})

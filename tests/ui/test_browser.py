@@ -21,10 +21,13 @@ def server(tmp_path):
     """``ges ui`` as it is started by hand; its address."""
     words = [GES, "ui", "--folder", tmp_path / "flights", "--port", "0", "--no-open"]
     with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as process:
-        yield re.match(r"http://127\.0\.0\.1:\d+/", process.stderr.readline())[0]
-        process.send_signal(signal.SIGINT)
-        assert process.wait(MINUTES_MS / 1000) in (0, -signal.SIGINT)
-        assert "Traceback" not in process.stderr.read()
+        try:
+            yield re.match(r"http://127\.0\.0\.1:\d+/", process.stderr.readline())[0]
+            process.send_signal(signal.SIGINT)
+            assert process.wait(MINUTES_MS / 1000) in (0, -signal.SIGINT)
+            assert "Traceback" not in process.stderr.read()
+        finally:
+            process.kill()
 
 
 @pytest.fixture
@@ -48,7 +51,7 @@ def test_the_server_starts_and_ends_by_hand(server):
 
 
 @pytest.mark.slow
-def test_from_a_drop_to_the_page(server, browser, tmp_path):
+def test_from_a_drop_to_the_page(browser, server, tmp_path):
     subprocess.run([GES, "recordings", "fetch", "example", "--out", tmp_path], check=True)
     flights = sorted((tmp_path / "example").glob("*.parquet"))
     hosts, complaints = set(), []
