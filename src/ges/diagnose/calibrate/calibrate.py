@@ -121,12 +121,14 @@ def _opened(model: Model, flights: Sequence[Prepared]) -> Model:
     looks the same as gains, so that one only moves within the doubt that the file itself declares.
     What turns commands into thrust is one number without rotor speeds.
     """
+    # later entries win: what the file declares stands, the rest may move as small vehicles do
     doubts = {
         **dict.fromkeys(LOSSES, settings.calibrate.loss_sd),
         CANT: settings.calibrate.cant_sd_rad,
         **dict.fromkeys(LEVERS, 0.0),
         **model.doubts,
     }
+    # thrust coefficient, curve and top speed all scale thrust per command: the first takes it up
     if _commanded(flights):
         doubts |= dict.fromkeys(
             [f"{e.name}.{p.name}" for e in _drives() for p in e.parameters], 0.0
@@ -176,6 +178,7 @@ def _balance(system: System, session: Sequence[int]) -> _Trims:
     ]
     keys = tuple(nuisance_of(system.columns[k]).key for k in kept)
     slow = [c for c, name in enumerate(system.names) if name in CHANNELS]
+    # over the sd of a flight's mean, thrust and moments weigh alike whatever their units
     sd, grams = np.sqrt(variance_of_means(system, slow)), []
     for r in system.flights:
         y, x = r.in_air(slow).mean(axis=0) / sd, r.mean_columns(slow, kept) / sd[:, None]
@@ -218,6 +221,8 @@ def _integrated(gram: Gram, spread: np.ndarray) -> tuple[Gram, float]:
     """Numbers of one flight or session, their deviation N(0, spread^2) from common ones integrated
     out: the normal equations of the common ones, and what is left of the log likelihood.
     """
+    # Woodbury, with S = diag(spread): (A^-1 + S^2)^-1 = A - A S (I + S A S)^-1 S A,
+    # and the integral leaves -log det(I + S A S) / 2
     inner = np.eye(len(spread)) + spread[:, None] * gram.xx * spread
     gain = spread[:, None] * np.linalg.solve(
         inner, spread[:, None] * np.column_stack([gram.xx, gram.xy])
@@ -242,12 +247,14 @@ def _posterior(
         -float(np.log(prior_sd).sum()) - 0.5 * float(prior_mean @ precision @ prior_mean),
     )
     for grams in sessions:
+        # inner level first: what flights leave adds up to their session, and sessions to the whole
         flights = [_integrated(gram, flight_sd) for gram in grams]
         session, own = _integrated(
             functools.reduce(operator.add, [gram for gram, _ in flights]), session_sd
         )
         precision, right = precision + session.xx, right + session.xy
         total += own + sum(told for _, told in flights) - 0.5 * session.yy
+    # Gaussian integral over the common numbers: the evidence that the spreads are chosen by
     covariance = np.linalg.inv(precision)
     mean = covariance @ right
     total += 0.5 * float(right @ mean) + 0.5 * np.linalg.slogdet(covariance)[1]
@@ -265,6 +272,7 @@ def _gauge(keys: Sequence[str], model: Model) -> np.ndarray:
     losses = [keys.index(key) for key in LOSSES]
     spin = np.array([model.number(name) for name in rotor_columns("rotor_{}_spin")])
     ratio_m = model.number("torque_coefficient_Nm_s2") / model.number("thrust_coefficient_N_s2")
+    # a pattern that the losses share is projected out of them, into the number that does the same
     together = {THRUST: (np.ones(len(losses)), -1.0), CANT: (spin, ratio_m / model.arm_m)}
     for key, (sign, per) in together.items():
         if key in keys:
@@ -279,6 +287,7 @@ def _trims(
     """Gains and trims from the slow balance, and their spreads between flights and sessions."""
     shift = {key: n.value for key, n in before.items()}
     told = _balance(build(flights, calibrated(model, shift), []), session)
+    # linearised at the last values: seen from there, the file and its prior stand at minus them
     start = -np.array([shift.get(key, 0.0) for key in told.keys])
     spreads = _spreads(
         told, start, 1.0 if _commanded(flights) else settings.calibrate.spread_share_of_speeds
@@ -288,6 +297,7 @@ def _trims(
         _posterior(told.sessions, start, told.prior_sd, flight_sd, session_sd),
         _gauge(told.keys, model),
     )
+    # after the gauge: what losses and thrust scale cannot tell apart would count in both sds
     sd = np.sqrt(np.diag(turn @ found.covariance @ turn.T))
     later = np.sqrt(sd**2 + sum((level.doubt * told.spread) ** 2 for level in spreads))
     values = turn @ (found.mean - start)
@@ -311,6 +321,7 @@ def _declared(
     """
     if not attitude_measured(flights):
         return {}
+    # trims were told by the slow balance: here they are free within their doubt alone
     known = {key: n.later_sd for key, n in before.items() if key in TRIMS}
     now = dataclasses.replace(
         calibrated(model, {k: n.value for k, n in before.items()}), doubts={**model.doubts, **known}
@@ -324,6 +335,7 @@ def _declared(
         key, sd = nuisance.key, float(joint.common_sd[nuisance.key])
         if key not in TRIMS:
             last = before[key].value if key in before else 0.0
+            # prior's share w = (sd / prior sd)^2: its mean at -last moves the answer by -w last
             value = last * (1.0 - (sd / nuisance.sd) ** 2) + float(joint.common[key])
             later = max(sd, _usual_sd(key))
             told[key] = Number(_flown(key, value, sd, model), sd, 0.0, 0.0, nuisance.sd, later)
@@ -392,6 +404,7 @@ class _Spread:
         """The sd of a normal that is as wide as what a later flight or session adds, of a Student
         distribution, where a change becomes certain.
         """
+        # equal tails: Student's quantile where a normal has certain_sds, over certain_sds
         certain_sds = settings.statistics.certain_sds
         return float(student.isf(norm.sf(certain_sds), self.freedom)) / certain_sds * self.pooled
 
@@ -419,19 +432,24 @@ def _spreads(told: _Trims, start: np.ndarray, usual: float) -> _Spreads:
                 sessions, start, told.prior_sd, *(level * told.spread for level in levels)
             ).log_likelihood
 
+        # a scale is searched in its logarithm: it stays positive, and half is as far as double
         most = np.log(settings.calibrate.spread_factor_most)
         return float(np.exp(minimize_scalar(cost, bounds=(-most, most), method="bounded").x))
 
+    # each flight beyond the first of its session shows one deviation in every balance
     freedom = balances * (flights - len(sessions))
+    # flights first, sessions held at their usual spread
     within = _pooled(seen(None, usual if several else 0.0) if freedom else np.nan, freedom, alike)
     if not several:
         return within, _Spread(np.nan, 0.0, settings.calibrate.spread_freedom)
+    # then sessions, beside what flights were found to differ by
     between = seen(within.pooled, None)
     return within, _pooled(between, balances * (len(sessions) - 1), usual)
 
 
 def _pooled(seen: float, freedom: float, usual: float) -> _Spread:
     """The spread of these flights and the usual one, weighed by their degrees of freedom."""
+    # scaled inverse chi-squared: (n s^2 + n0 s0^2) / (n + n0); no freedom, no word (s is nan)
     worth = settings.calibrate.spread_freedom
     total = freedom + worth
     own = freedom * seen**2 if freedom else 0.0
@@ -456,6 +474,7 @@ def _folded(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict:
         later_sd = max(n.later_sd for _, n in corrections)
         if axis:
             own = getattr(held, axis) * (1.0 + corrections[0][1].value)
+            # one relative doubt serves all axes, so the largest of theirs
             known_sd = held.sd_rel if name in update else 0.0
             update[name] = held.model_copy(update={axis: own, "sd_rel": max(known_sd, later_sd)})
         elif corrections[0][0].unit == "1":
@@ -463,6 +482,7 @@ def _folded(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict:
         else:
             shift = float(np.mean([n.value for _, n in corrections]))
             update[name] = Quantity(value=held.value + shift, sd=later_sd)
+        # numbers that act as one have one doubt: it is in the last, and the others are held
         update |= {
             other: Quantity(value=getattr(vehicle, other).value)
             for other in corrections[0][0].corrects[:-1]

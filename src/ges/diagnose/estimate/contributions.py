@@ -76,6 +76,7 @@ def _added(
     bare = dataclasses.replace(model, effects=effects)
     here = channels(rows.flight, model)
     out = np.full((len(rows.windows), len(names)), np.nan)
+    # residual is recorded less model: what an effect adds to the model it takes from the residual
     without, having = (residual(rows.flight, rows.windows, m, here) for m in (bare, model))
     out[:, [names.index(n) for n in here]] = without - having
     return np.where(np.isfinite(rows.y[:, : len(names)]), out, np.nan)

@@ -70,6 +70,7 @@ def joint_fit(
     known = {int(k): nuisance_of(columns[k]) for k in board.nuisance}
     common = np.array([k for k, n in known.items() if n.sd > 0 and n.key not in freed], dtype=int)
     varies = np.array([k for k, n in known.items() if n.flight_sd > 0], dtype=int)
+    # unknowns in a row: the chosen, the common nuisances, then each flight's own, flight by flight
     sizes = (len(chosen), len(common), len(varies))
     start = np.cumsum((0, *sizes[:2]))
     total = sizes[0] + sizes[1] + sizes[2] * len(board.whites)
@@ -77,6 +78,7 @@ def joint_fit(
     mean[: sizes[0]] = 0.0 if prior_mean is None else prior_mean
     loose = settings.numerics.wide_factor * board.prior.sd[chosen]
     precision[: sizes[0]] = 1.0 / (loose if prior_sd is None else prior_sd) ** 2
+    # corrections count from the vehicle file, coefficients from where its numbers were moved to
     moved, names = board.system.model.moved, [known[k].key for k in common]
     start_at = np.array([moved.get(name, 0.0) for name in names])
     for i, (k, name) in enumerate(zip(common, names, strict=True), start[1]):
@@ -92,6 +94,7 @@ def joint_fit(
         for f in range(len(board.whites))
     ]
     kept = np.r_[chosen, common, varies]
+    # priors are rows too; each flight reaches the shared unknowns and its own alone (an arrow)
     xx, xy, yy = np.diag(precision), precision * mean, float(precision @ mean**2)
     for w, at in zip(board.whites, places, strict=True):
         gram = gram_of(w).take(kept)
@@ -101,6 +104,7 @@ def joint_fit(
     unit = 1.0 / np.sqrt(np.diag(xx))  # coefficients differ by many orders in their units
     inverse = np.linalg.pinv(xx * np.outer(unit, unit), hermitian=True) * np.outer(unit, unit)
     beta = inverse @ xy
+    # only common numbers are bounded; most fits stay inside, and only others pay for a search
     room = np.full((total, 2), [-math.inf, math.inf])
     for i, k in enumerate(common, start[1]):
         room[i] = correction_bounds(known[k].key, board.system.model)
@@ -113,6 +117,7 @@ def joint_fit(
         beta[: sizes[0]],
         covariance,
         by_rows,
+        # |y - x beta|^2 and the priors' share, also where a bound holds beta off the optimum
         yy - float((2.0 * xy - xx @ beta) @ beta),
         dict(zip(names, start_at + beta[start[1] : start[2]], strict=True)),
         dict(zip(names, np.sqrt(np.diag(inverse)[start[1] : start[2]]), strict=True)),
@@ -129,6 +134,7 @@ def _bounded(xx: np.ndarray, xy: np.ndarray, unit: np.ndarray, room: np.ndarray)
     unit : size of each coefficient, (n,).
     room : least and greatest value of each, (n, 2).
     """
+    # a square root of the normal equations gives the solver rows; directions lost to rounding go
     size, axes = np.linalg.eigh(xx * np.outer(unit, unit))
     kept = size > len(size) * np.finfo(float).eps * size[-1]
     root = np.sqrt(size[kept])
@@ -154,10 +160,12 @@ def _inflation(
     """
     if not count:
         return np.ones((0, 0))
+    # meat of the sandwich, the sum of s s' over blocks; each flight in its own places
     middle, blocks = np.zeros_like(inverse), board.system.blocks(settings.statistics.block_s)
     for white, at, block in zip(board.whites, places, blocks, strict=True):
         for score in _scores(white, kept, beta[at], block):
             middle[np.ix_(at, at)] += np.outer(score, score)
+    # sds alone are widened, never narrowed: correlations stay those of the rows
     robust = (inverse @ middle @ inverse)[:count, :count]
     factor = np.sqrt(np.maximum(np.diag(robust) / np.diag(inverse)[:count], 1.0))
     return np.outer(factor, factor)
@@ -170,6 +178,7 @@ def _scores(white: White, kept: np.ndarray, beta: np.ndarray, block: np.ndarray)
     for part in white.parts:
         x, y = unanswered(part)
         d = spread(x, part.columns, kept)
+        # rows come in order of time, so that a block is one run of them, summed at once
         first = np.flatnonzero(np.diff(number[part.at], prepend=-1))
         scores[number[part.at[first]]] += np.add.reduceat(
             d * (y - d @ beta)[:, None], first, axis=0
@@ -211,6 +220,7 @@ class Fitted:
             for k, (e, p) in enumerate(self.free)
             if (e == effect and p in effect_table.get(effect).shapes) or _blown(e, effect)
         ]
+        # Schur complement: the variance of a normal given what is held
         tied = self.covariance[i, held]
         own = (
             self.covariance[i, i]
@@ -218,6 +228,7 @@ class Fitted:
         )
         away = self.effects[effect][parameter] - amplitude_of(effect, parameter).neutral
         sd = math.hypot(math.sqrt(max(own, 0.0)), self._form_error(effect, parameter))
+        # posterior mean over posterior sd under N(neutral, plausible^2), which shrinks both
         known = effect_table.get(effect).parameter(parameter)
         plausible = known.plausible if known.corrects and known.plausible else math.inf
         return abs(away) / (sd * math.hypot(1.0, sd / plausible))
@@ -253,6 +264,7 @@ def starting_values(board: Board, hypothesis: Hypothesis) -> dict[str, dict[str,
             continue
         variant = variant_of(column)
         a = variant.amplitudes[column.amplitude]
+        # what clips is not linear in its level: the one whose column was chosen, no multiple of it
         clips = "clips" in effect_table.get(variant.effect).hints
         value = a.level if clips else value
         declared = board.system.model.effects.get(variant.effect, {})
@@ -261,6 +273,7 @@ def starting_values(board: Board, hypothesis: Hypothesis) -> dict[str, dict[str,
             **held,
             a.parameter: float(np.clip(held[a.parameter] + value, a.low, a.high)),
         }
+        # its column was made beside a carrier of usual size: the flights know the product of both
         carriers |= {(variant.effect, a.parameter): variant.beside} if variant.beside else {}
     for (effect, parameter), beside in carriers.items():
         found[effect][parameter] *= _through(found, beside)
@@ -322,6 +335,7 @@ def _prior(
     if reach:
         return 0.0, reach
     known = effect_table.get(name[0]).parameter(name[1])
+    # what corrects a declared number is pulled back to no correction, -value from here
     if known.fitted and known.corrects:
         return -value, model.plane_sd_m
     return (known.usual - value, known.usual_sd) if known.usual_sd else (0.0, math.inf)
@@ -349,6 +363,8 @@ class _Point:
     @functools.cached_property
     def cost(self) -> float:
         """-2 log posterior of these values, all else where it is best beside them."""
+        # the joint cost is that of the full step; standing still costs its quadratic form more,
+        # with the inverse marginal covariance as the Hessian in which all else is at its best
         k = len(self.free)
         steps = self.joint.chosen[:k]
         return self.joint.cost + float(
@@ -388,6 +404,7 @@ class _Point:
             for p in effect_table.get(e).parameters
         }
         steps = self.joint.chosen[: len(self.free)]
+        # all steps by one share, so that the direction stays that of descent
         steps = _share_in_reach(steps, self.free, self.values, model) * steps
         return _within(
             self.numbers() + steps,
@@ -422,9 +439,11 @@ def polish(
     for _ in range(settings.numerics.fit_rounds):
         variants = [Variant(e, {}, (_moves((e, p), values, model),)) for e, p in free]
         system = build(flights or like.recordings, model.with_effects(values), variants, like)
+        # one noise for all rounds: costs under several would not compare
         known = held or (first.board.noise if first else None)
         noise = known or estimate(system, free_first(system))
         there = _linearised(values, free, whitened(system, noise), model)
+        # the step promised more than it kept: half of the way back, from the best point so far
         if at and first and there.cost > at.cost + settings.estimate.same_cost:
             values = at.moved_to(0.5 * (at.numbers() + there.numbers()))
             continue
@@ -432,6 +451,7 @@ def polish(
         values = at.moved_to(at.best(model))
         if at.sds_to(values) < settings.estimate.converged_sds:
             at = dataclasses.replace(at, values=values)
+            # far from where its noise was measured, the fit goes on with that of the new place
             if at.sds_to(first.values) < settings.statistics.suggestive_sds:
                 break
             first = None
@@ -467,6 +487,7 @@ def _within(mean: np.ndarray, covariance: np.ndarray, bounds: np.ndarray) -> np.
     out = held != mean
     if not out.any():
         return mean
+    # mean of a normal given the parts that are held at their bounds
     moved = mean + covariance[:, out] @ np.linalg.solve(
         covariance[np.ix_(out, out)], (held - mean)[out]
     )
@@ -483,6 +504,7 @@ def _with_levers_as_they_are(
     """
     if len(chosen) == count:
         return joint
+    # pinned by priors that are narrow against their sds, so that trims alone are free to follow
     firm = settings.estimate.converged_sds
     held = {
         key: (value, firm * joint.common_sd[key])
@@ -496,6 +518,7 @@ def _with_levers_as_they_are(
         np.sqrt(np.diag(joint.covariance)[:count]) * firm,
         held,
     )
+    # a pin is no knowledge: what was pinned keeps the doubt of the joint fit
     sds = {**told.common_sd, **{key: joint.common_sd[key] for key in held}}
     return dataclasses.replace(told, common_sd=sds)
 
@@ -594,6 +617,7 @@ def strain_without(fitted: Fitted, name: str) -> float:
     mean, sd = np.zeros(len(chosen)), wide(fitted.board, chosen)
     for i, (effect, parameter) in enumerate(fitted.free):
         if effect == name and parameter not in effect_table.get(effect).shapes:
+            # coefficients are deviations from the fitted values: neutral is that far away
             mean[i] = amplitude_of(effect, parameter).neutral - fitted.effects[effect][parameter]
             sd[i] = settings.estimate.converged_sds * max(abs(mean[i]), settings.numerics.small)
     return strain(joint_fit(fitted.board, chosen, mean, sd), fitted.board.system)
@@ -611,6 +635,7 @@ def left_raw(system: System, joint: Joint) -> list[np.ndarray]:
     """
     count, out, moved = len(system.main), [], system.model.moved
     for rows, own in zip(system.flights, joint.by_flight, strict=True):
+        # the residual was taken where numbers were moved to: only the rest of a correction is due
         terms = {
             k: joint.common.get(key, 0.0) - moved.get(key, 0.0) + own.get(key, 0.0)
             for key, k in system.nuisances.items()

@@ -39,6 +39,7 @@ def operating_point(board: Board, joint: Joint) -> dict[str, float]:
     # a bound that stopped a step says nothing of where the best inside is, until that was searched
     stopped = (linear != 0.0) & ((linear <= posterior.low) | (linear >= posterior.high))
     if moved or not stopped.any():
+        # trust-region ratio: actual fall of the cost over what the linear step foretold
         given, stepped = posterior.cost(np.zeros(len(linear))), posterior.cost(linear)
         if given - stepped >= settings.estimate.gain_ratio_least * (given - joint.cost):
             return {}
@@ -69,6 +70,7 @@ class _Posterior:
         self.mean = np.array([n.mean for n in common]) / self.sd
         room = np.array([correction_bounds(n.key, model) for n in common]).reshape(-1, 2)
         self.low, self.high = (room / self.sd[:, None]).T
+        # what differs between flights is small: its columns stay as they were linearised
         varying = [k for k, n in known.items() if n.flight_sd > 0]
         unit = np.array([known[k].flight_sd for k in varying])
         self.by_flight = [
@@ -98,6 +100,8 @@ class _Posterior:
             whiten(rows, self.board.noise, self.unrest), self.by_flight, strict=True
         ):
             y = np.concatenate([unanswered(part)[1] for part in white.parts])
+            # variable projection: a flight's own numbers, in sds, are solved for at every point
             own = np.linalg.solve(np.eye(x.shape[1]) + x.T @ x, x.T @ y)
+            # their priors are rows as well, or the flights' numbers would cost nothing
             left += [y - x @ own, own]
         return np.concatenate([*left, point - self.mean])

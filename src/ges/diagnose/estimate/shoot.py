@@ -57,11 +57,13 @@ def rollouts_of(flight: Prepared, model: Model, n: int) -> Rollouts:
     recorded = {
         name: gaussian_filter1d(flight.columns[name], width) for name in VELOCITY + POSITION
     }
+    # where the ground's height was logged over flat terrain, the model's height is over that
     recorded["p_z_m"] = recorded["p_z_m"] + (columns["p_z_m"] - flight.columns["p_z_m"])
     table = np.stack([columns[name] for name in (*ROTOR_SPEED, *QUATERNION)], axis=1)
     rates = np.stack([columns[name] for name in BODY_RATE], axis=1)
     battery = flight.columns.get("battery_V", np.full(len(table), np.nan))
     inputs = np.column_stack([table, battery, rates])
+    # imposed speeds have what actuators did in them, and a rollout reads no sensor
     effects = {
         k: v
         for k, v in model.effects.items()
@@ -93,6 +95,7 @@ def _piece(
         "dt_s": flight.dt_s / every,
         "duration_s": (len(inputs) - 2) * flight.dt_s,
         "record_every": every,
+        # no gear: pieces start and end in the air, contacts were left out
         "gear_height_m": 0.0,
         "gear_stiffness_N_m": 0.0,
     }
@@ -113,6 +116,7 @@ def shot(flight: Prepared, model: Model) -> Prepared:
     rolled, clock = rollouts_of(flight, model, n), flight.dt_s * np.arange(n)
     path = {name: values.copy() for name, values in rolled.recorded.items()}
     for start, record in zip(rolled.starts, rolled.flown, strict=True):
+        # a piece that the simulator gave up keeps the recorded path
         for name in path if record.status == "ok" else ():
             path[name][start : start + n] = np.interp(
                 clock, record["t_s"] - record["t_s"][0], record[name]

@@ -175,6 +175,7 @@ def _places(plan: np.ndarray) -> tuple[tuple[tuple[float, float], ...], float]:
                 ),
                 square,
             )
+        # twice the area halves the count or so: squares stay as fine as the limit allows
         square *= math.sqrt(2.0)
 
 
@@ -189,6 +190,7 @@ def amplitude_of(effect: str, name: str) -> Amplitude:
         for q in effect_table.get(effect).parameters
         if q.unit == p.unit and not math.isnan(q.neutral)
     ]
+    # neutral by default, a parameter borrows its size from one of the same unit, or its range
     typical = (
         p.default - neutral
         or max((abs(q.default - q.neutral) for q in siblings), default=0.0)
@@ -214,6 +216,7 @@ def wind_speed_m_s(name: str, values: Mapping[str, float]) -> float:
     """Of a wind by its parameters, at the heights of flights near ground."""
     height_m = np.full(1, settings.library.wind_height_m)
     low = effect_table.Samples.from_columns({"t_s": np.zeros(1), "p_z_m": height_m})
+    # asked of the compiled wind, so that any profile over height is met
     blown = effect_table.replay({}, low, {name: values}).stack("wind_x_m_s", "wind_y_m_s")
     return float(np.linalg.norm(blown))
 
@@ -228,6 +231,7 @@ def reach_of(name: tuple[str, str], values: effect_table.Effects, model: Model) 
         return 0.0
     if p.reach_over == "radius":
         return p.reach * model.radius_m
+    # a rotor averages over its disc: what is narrower still acts over a radius
     over = values[effect][p.reach_over]
     return p.reach * (over if p.reach_over == parameter else max(over, model.radius_m))
 

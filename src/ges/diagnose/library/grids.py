@@ -33,6 +33,7 @@ def library(model: Model, reached: Flown = NOWHERE) -> dict[str, Candidate]:
     moved = {key.split(".")[0] for key in model.moved}
     found = {}
     for effect in effect_table.table().values():
+        # what the file has is known; what recalibration put there or moved may still be found
         known = effect.name in model.effects and effect.name not in moved
         if effect.settled or known and "many" not in effect.hints:
             continue
@@ -84,6 +85,7 @@ def _usual_carrier(effect: Effect, model: Model) -> effect_table.Effects:
     if not effect.through or set(effect.through) & set(model.effects):
         return {}
     carrier = effect_table.get(effect.through[0])
+    # a rotor drag, c v times the sum of speeds, is that share of the weight at 1 m/s in hover
     (p,) = (p for p in carrier.parameters if p.usual_share)
     return {carrier.name: {p.name: p.usual_share * model.weight_N / (4.0 * model.hover_rad_s)}}
 
@@ -99,6 +101,7 @@ def _grid(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple
     axes = {search.axis[0]: search.levels} if search.axis else {}
     if search.across:
         sd = model.plane_sd_m
+        # a declared number that shapes the effect is tried across its doubt, or taken as certain
         axes[search.across] = (
             tuple(k * sd for k in settings.library.plane_sds) if sd > 0.0 else (0.0,)
         )
@@ -180,6 +183,7 @@ def _levels(effect: Effect, search: Search, model: Model, reached: Flown) -> tup
 def _asked(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple[Variant, ...]:
     """Levels near the top of what was asked of the motors."""
     (p,) = map(effect.parameter, search.amplitudes)
+    # levels that are all but equal would be copies of one column
     levels = sorted({round(q, 3) for q in reached.commands if p.low < q < p.high})
     return _at_levels(effect, search, tuple(levels))
 
@@ -189,12 +193,14 @@ def _slower(effect: Effect, search: Search, model: Model, reached: Flown) -> tup
     are within the declared doubt or another matter.
     """
     both, declared = _variant(effect, search.amplitudes), model.number("motor_time_constant_s")
+    # below the finest step of a grid a lag does not show in any log
     levels = [
         max(share * declared, settings.prepare.grid_step_shortest_s) for share in search.levels
     ]
     return tuple(
         _at_level(both, up, down, low=0.0)
         for i, up in enumerate(levels)
+        # down as slow as up, or one level slower
         for down in levels[i : i + 2]
     )
 
@@ -215,6 +221,7 @@ def _beside(effect: Effect, search: Search, model: Model, reached: Flown) -> tup
     if reached.low_m is None or reached.high_m is None:
         return ()
     distance, bearing = search.axis
+    # bearings east, north, west and south, with the edge of the box along each
     sides = (
         (0.0, reached.high_m[0]),
         (0.5 * math.pi, reached.high_m[1]),
@@ -234,6 +241,7 @@ def _over_places(
     if reached.high_m is None:
         return ()
     x_name, y_name, z_name, width = search.axis
+    # over the highest that was flown anywhere: a rotor never passes through what is there
     above = reached.high_m[2] + settings.library.above_radii * model.radius_m
     wide = max(0.5 * reached.square_m, model.radius_m)
     return tuple(
@@ -283,6 +291,7 @@ def _drawn(effect: Effect, search: Search, model: Model, reached: Flown) -> tupl
     length_name, x_name, y_name = search.axis
     height = usual_height_m(model, reached)
     way = max(high - low for high, low in zip(reached.high_m[:2], reached.low_m[:2], strict=True))
+    # a taut thread with its load k heights behind
     lengths = [
         height * math.hypot(1.0, k) for k in search.levels if height > 0.0 and k * height < way
     ]

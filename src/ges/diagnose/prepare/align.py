@@ -175,6 +175,7 @@ def _held_ends(t_s: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """
     usual = np.median(np.diff(t_s[rows])) if len(rows) > 2 else np.inf
     before_next = np.r_[rows[1:] - 1, len(t_s) - 1]
+    # a straight line to the next news would turn a long hold into a slow ramp
     stood = t_s[before_next] - t_s[rows] > settings.prepare.stale_updates * usual
     return np.unique(np.r_[rows, before_next[stood]])
 
@@ -182,9 +183,11 @@ def _held_ends(t_s: np.ndarray, rows: np.ndarray) -> np.ndarray:
 def _regrid(t_s: np.ndarray, values: np.ndarray, grid_s: np.ndarray) -> tuple[np.ndarray, float]:
     """A stream between its new values, straight lines; and the median time between them."""
     fresh = np.flatnonzero(_fresh(values))
+    # one value for the whole flight: nothing to interpolate, and no time between news
     if len(fresh) < 2:
         return np.repeat(values[np.isfinite(values).all(axis=1)][:1], len(grid_s), axis=0), np.inf
     knots = _held_ends(t_s, fresh)
+    # the last row before news may be a hole in the log
     knots = knots[np.isfinite(values[knots]).all(axis=1)]
     on_grid = np.stack(
         [np.interp(grid_s, t_s[knots], values[knots, k]) for k in range(values.shape[1])], axis=1
@@ -196,6 +199,7 @@ def _continuous(q: np.ndarray) -> np.ndarray:
     """Quaternions of one sign along the flight."""
     q = q.copy()
     finite = np.flatnonzero(np.isfinite(q).all(axis=1))
+    # q and -q are one attitude: a line between them would pass through attitudes never flown
     flips = np.cumprod(np.where((q[finite][1:] * q[finite][:-1]).sum(axis=1) < 0, -1.0, 1.0))
     q[finite[1:]] *= flips[:, None]
     return q
@@ -236,6 +240,7 @@ def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
     columns: dict[str, np.ndarray] = {}
     update: dict[str, float] = {}
     for stream, names in STREAMS.items():
+        # a height, or one axis of an accelerometer, is of use alone; an attitude only whole
         if stream in ("position", "reference", "accelerometer"):
             groups = [[name] for name in _present(frame, names)]
         else:
@@ -245,13 +250,16 @@ def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
             values = _continuous(values) if stream == "attitude" else values
             on_grid, every = _regrid(t_s, values, grid)
             columns.update(zip(group, on_grid.T, strict=True))
+            # the slowest axis sets the update time; one that stands still says nothing of it
             update[stream] = (
                 max(every, update.get(stream, 0.0))
                 if np.isfinite(every)
                 else update.get(stream, every)
             )
+    # a line across a rangefinder's silence is invented: kept only where it stands for the height
     if "range_m" in columns and "p_z_m" in columns:
         columns["range_m"] = np.where(_silent(frame, "range_m", grid), np.nan, columns["range_m"])
+    # straight lines between attitudes leave the unit sphere
     if all(name in columns for name in QUATERNION):
         norm = np.sqrt(sum(columns[name] ** 2 for name in QUATERNION))
         columns.update({name: columns[name] / norm for name in QUATERNION})
@@ -261,6 +269,7 @@ def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
 def _silent(frame: pd.DataFrame, name: str, grid_s: np.ndarray) -> np.ndarray:
     """True on the grid where a sensor had nothing to say for too long to be bridged."""
     heard = frame["t_s"].to_numpy(dtype=float)[np.isfinite(frame[name].to_numpy(dtype=float))]
+    # the readings on both sides of every sample: a line is drawn only between near ones
     after = np.searchsorted(heard, grid_s, side="left").clip(1, len(heard) - 1)
     return (
         (heard[after] - heard[after - 1] > settings.prepare.gap_longest_s)
@@ -277,6 +286,7 @@ def gaps(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
         _present(frame, VELOCITY) or _present(frame, POSITION) or _present(frame, SPECIFIC_FORCE)
     )
     t_s = frame["t_s"].to_numpy(dtype=float)
+    # rows that bring no motion are as good as no rows
     good = t_s[np.isfinite(frame[motion].to_numpy(dtype=float)).all(axis=1)] if motion else t_s
     if len(good) < 2:
         return np.ones(len(grid_s), dtype=bool)
@@ -302,6 +312,7 @@ def lift(
     if flight.has("rotor_speed"):
         speeds = flight.stack("rotor_speed")
     elif flight.has("command"):
+        # the motors' lag is short against the smoothing below: a command stands for its speed
         speeds = speed_max * flight.stack("command")
     else:
         return None
@@ -332,6 +343,7 @@ def resting_m(flight: Prepared, working: np.ndarray, height_m: np.ndarray | None
     n = max(1, int(settings.prepare.contact_margin_s / flight.dt_s))
     ends = (end for end in (slice(n), slice(-n, None)) if idle[end].mean() > 0.5)
     rest_m = min((float(np.median(height_m[end])) for end in ends), default=np.inf)
+    # a low quantile and not the least: single readings of a height may be wrong
     lowest_m = float(np.quantile(height_m, settings.statistics.extreme_quantile))
     return rest_m if rest_m < lowest_m + settings.prepare.rest_tolerance_m else np.inf
 
@@ -361,6 +373,7 @@ def airborne(
     if above_m is not None:
         descending = (working > p.descent_share) & (above_m > p.descent_height_m)
         up = (up & (above_m > p.lift_off_m)) | descending
+    # shorter than half the margin is a flicker about a threshold, no take-off and no landing
     size = 2 * int(0.5 * p.contact_margin_s / flight.dt_s) + 1
     up = median_filter(up.astype(np.uint8), size=size, mode="nearest").astype(bool)
     return _well_within(up, p.contact_margin_s, flight.dt_s)
@@ -377,6 +390,7 @@ def lifting(flight: Prepared, flying: np.ndarray) -> np.ndarray:
     """
     if not (flight.has("rotor_speed") and flight.has("command") and flying.any()):
         return flying
+    # squares of speeds are thrust but for a factor, which the ratio to the median drops
     push = (flight.stack("rotor_speed") ** 2).sum(axis=1)
     lifts = push > settings.prepare.lifting_share * np.median(push[flying])
     return _well_within(lifts, settings.prepare.transient_margin_s, flight.dt_s)

@@ -68,6 +68,7 @@ def _correlations(flight: Prepared, model: Model, lags_s: np.ndarray) -> np.ndar
         return None
     step, inside = flight.dt_s, flight.flying
     width = settings.prepare.thrust_smoothing_s / step
+    # derivative of the Gaussian that smoothed the thrust: both keep the same band of frequency
     a = _high_pass(gaussian_filter1d(flight.columns["v_z_m_s"], width, order=1) / step, step)
     b = _high_pass(ratio, step)
     out = []
@@ -93,6 +94,7 @@ def _sums(
 def _peak(sums: np.ndarray, lags_s: np.ndarray) -> tuple[float, float]:
     """Lag and correlation at the peak, by a parabola through the three highest points."""
     r = sums[0] / np.sqrt(np.maximum(sums[1] * sums[2], settings.numerics.tiny))
+    # the parabola needs a neighbour on either side, also of a peak at an end of the lags
     i = int(np.clip(np.argmax(r), 1, len(r) - 2))
     below, top, above = r[i - 1 : i + 2]
     bend = below - 2.0 * top + above
@@ -115,6 +117,7 @@ def _told(stream: str, told: Sequence[np.ndarray], lags_s: np.ndarray) -> Delay 
     scatter = np.sqrt(weight @ (np.array([_peak(s, lags_s)[0] for s in told]) - delay) ** 2)
     several = free > settings.numerics.small
     sd = float(scatter / np.sqrt(free)) if several else float(lags_s[1] - lags_s[0])
+    # leave one flight out: where the rest agree better, its whole pull on the delay is doubt
     less = [_peak(np.sum(told, axis=0) - s, lags_s) for s in told] if len(told) > 1 else []
     sd = max([sd, *(abs(at - delay) for at, r in less if r > top)])
     # the sd of what is rounded to the grid of lags (Sheppard 1898)
@@ -128,6 +131,7 @@ def _behind_commands(flights: Sequence[Prepared]) -> float:
     told, lags_s = [], _drive_lags_s()
     for f in (f for f in flights if f.has("rotor_speed") and f.has("command")):
         width = settings.prepare.state_smoothing_s / f.dt_s
+        # summed squares go as thrust: turns, in which rotors differ, cancel to first order
         squares = ((f.stack(s) ** 2).sum(axis=1) for s in ("command", "rotor_speed"))
         asked, given = (_high_pass(gaussian_filter1d(s / s.mean(), width), f.dt_s) for s in squares)
         told.append(_sums(f, asked, given, f.flying, lags_s))
@@ -148,8 +152,10 @@ def drive_delay(flights: Sequence[Prepared], model: Model) -> Delay | None:
     found = _told("rotor_speed", told, lags_s)
     if found is None:
         return None
+    # share of variance that the delay explains beyond none: r^2 at the peak less r |r| at lag 0
     at, shifted_2, still_2 = np.sum(told, axis=0)[:, np.argmin(np.abs(lags_s))]
     gained = found.correlation**2 - at * abs(at) / (shifted_2 * still_2)
+    # speeds behind their commands by more than the motors lag: so late can the log be at most
     room = _behind_commands(flights) - model.number("motor_time_constant_s")
     late = found.delay_s < room + settings.statistics.certain_sds * found.sd_s
     return found if gained > settings.statistics.least_gain and late else None
@@ -204,11 +210,13 @@ def _delayed(flight: Prepared, taps: int) -> tuple[np.ndarray, np.ndarray]:
     in the air, without what is slow; in the air, all rotors after each other.
     """
     air = np.flatnonzero(flight.flying)
+    # over the means one response serves all rotors, whatever the units and the gain of each
     u, speed = (
         flight.stack(s).T / flight.stack(s)[air].mean(axis=0)[:, None]
         for s in ("command", "rotor_speed")
     )
     u, speed = (_high_pass(x, flight.dt_s, settings.prepare.drive_response_s) for x in (u, speed))
+    # a past that reaches before the recording is padded with zeros, which nobody commanded
     air = air[air >= taps]
     return np.concatenate([with_past(x, taps)[air] for x in u]), np.concatenate(list(speed[:, air]))
 
@@ -218,6 +226,7 @@ def _both_rates(flight: Prepared) -> tuple[np.ndarray, np.ndarray] | None:
     if "attitude" in flight.derived or not (flight.has("gyro") and flight.has("attitude")):
         return None
     update_s = max(flight.update_s["attitude"], flight.update_s["gyro"])
+    # one width for both, set by the slower stream: the smoothing itself makes no delay between them
     width = max(settings.prepare.state_smoothing_s, update_s) / flight.dt_s
     q = flight.stack("attitude")
     turning = turn_rates(q, np.gradient(q, flight.dt_s, axis=0))
@@ -289,12 +298,14 @@ def _slope(t_s: np.ndarray, delay_s: np.ndarray, correlation: np.ndarray) -> flo
     if told.sum() < settings.statistics.folds:
         return 0.0
     x, y, free = t_s[told], delay_s[told], told.sum() - 2
+    # the variance of a delay goes as (1 - r^2) / r^2; near r = 1 one block would outweigh all
     share = np.minimum(correlation[told], 1.0 - settings.statistics.least_gain) ** 2
     weight = share / (1.0 - share)
     x, y = x - np.average(x, weights=weight), y - np.average(y, weights=weight)
     spread = weight @ x**2
     slope = float(weight @ (x * y) / spread)
     sd = float(np.sqrt(weight @ (y - slope * x) ** 2 / free / spread))
+    # Student's bound, two-sided: few blocks draw a line by luck
     chance = 1.0 - settings.statistics.certain_probability
     return slope if abs(slope) > -stdtrit(free, 0.5 * chance) * sd else 0.0
 
@@ -308,6 +319,7 @@ def gyro_bias(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray] | No
     ]
     if len(means) < 2:
         return None
+    # flights that agree by luck do not make an offset certain: the sd has a floor
     sd = np.std(means, axis=0, ddof=1) / np.sqrt(len(means))
     return np.mean(means, axis=0), np.hypot(sd, settings.prepare.gyro_bias_least_sd_rad_s)
 
@@ -322,8 +334,10 @@ def without_bias(flight: Prepared, bias: np.ndarray) -> Prepared:
 
 def shifted(flight: Prepared, stream: str, delay_s: float) -> Prepared:
     """The flight with one stream moved back by its delay."""
+    # the pose is taken as one estimator's: position and velocity are as late as the attitude
     streams = POSE if stream == "attitude" else (stream,)
     names = [n for s in streams for n in STREAMS[s] if n in flight.columns]
+    # what was so at t, a late stream says at t + delay
     moved = {n: np.interp(flight.t_s + delay_s, flight.t_s, flight.columns[n]) for n in names}
     return flight.replaced(
         columns={**flight.columns, **moved}, lateness_s={**flight.lateness_s, stream: delay_s}

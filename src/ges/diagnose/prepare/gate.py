@@ -93,11 +93,13 @@ def _in_the_air(
     """
     flight, own = gridded.flight, np.isfinite(gridded.resting_m)
     rest_m = gridded.resting_m if own else others_rest_m
+    # where no flight is seen at rest, every height counts as above it
     above = (
         gridded.height_m - (rest_m if np.isfinite(rest_m) else -np.inf)
         if gridded.height_m is not None
         else None
     )
+    # one reason a sample, so that the seconds left out add up
     gap, up = gaps(frame, flight.t_s), airborne(flight, gridded.working, above)
     cut = clipped(frame, flight.t_s) & up & ~gap
     hit = struck(gridded, model) & up & ~gap & ~cut
@@ -130,7 +132,9 @@ def struck(gridded: _Gridded, model: Model) -> np.ndarray:
         return np.zeros(len(flight.t_s), bool)
     p, push = settings.prepare, flight.columns["acc_z_m_s2"]
     size = 2 * int(0.5 * p.contact_margin_s / flight.dt_s) + 1
+    # a running median follows steps and ramps of thrust and passes by what is short: a blow
     blow = np.abs(push - median_filter(push, size=size, mode="nearest"))
+    # noise from the median: an rms would be swollen by the blows themselves
     usual = MAD_TO_SD * np.median(blow)
     close = gridded.height_m < p.blow_height_radii * model.radius_m
     hit = (blow > max(p.blow_least_m_s2, p.blow_sds * usual)) & close
@@ -164,6 +168,7 @@ def _at_limit(t_s: np.ndarray, values: np.ndarray) -> list[tuple[int, int]]:
         np.median(values[finite]),
         np.std(values[finite]),
     )
+    # a slow sensor holds too, and any signal has a largest value: all three marks make a limit
     long = t_s[ends] - t_s[starts] > settings.prepare.stale_updates * usual
     extreme = np.isin(values[starts], (values[finite].min(), values[finite].max()))
     far = np.abs(values[starts] - middle) > settings.statistics.clear_sds * sd
@@ -180,12 +185,14 @@ def with_thrust_direction(flight: Prepared, frame: pd.DataFrame) -> Prepared:
     if flight.has("attitude") or not flight.has("velocity"):
         return flight
     step, smoothing_s = flight.dt_s, settings.prepare.tilt_smoothing_s
+    # thrust over mass is acceleration less gravity where drag is small, along the body's up
     smooth = gaussian_filter1d(flight.stack("velocity"), smoothing_s / step, axis=0)
     up = np.gradient(smooth, step, axis=0) + np.array([0.0, 0.0, GRAVITY_M_S2])
     up /= np.linalg.norm(up, axis=1, keepdims=True)
     yaw = np.zeros(len(flight.t_s))
     if "yaw_rad" in frame:
         yaw = np.interp(flight.t_s, frame["t_s"], np.unwrap(frame["yaw_rad"].to_numpy(dtype=float)))
+    # shortest rotation from z to up, (1 + z.up, z x up); then the yaw, about the thrust axis
     tilt = np.column_stack([1.0 + up[:, 2], -up[:, 1], up[:, 0], np.zeros(len(up))])
     tilt /= np.linalg.norm(tilt, axis=1, keepdims=True)
     c, s = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
@@ -195,6 +202,7 @@ def with_thrust_direction(flight: Prepared, frame: pd.DataFrame) -> Prepared:
     return flight.replaced(
         columns=columns,
         derived=frozenset({"attitude"}),
+        # a smoothed tilt brings no news within its smoothing
         update_s={**flight.update_s, "attitude": 2.0 * smoothing_s},
     )
 
@@ -286,9 +294,11 @@ def pass_gate(
     gyro, flights = _gyro_settled(flights)
     held = command_hold([f for f in flights if f])
     flights = [f and f.replaced(held=held) for f in flights]
+    # a delay that is not certain is left alone: a shift by noise adds an error
     delay = drive_delay([f for f in flights if f], model)
     if delay and delay.delay_s > settings.statistics.certain_sds * delay.sd_s:
         flights = [f and shifted(f, delay.stream, delay.delay_s) for f in flights]
+    # after the clocks: a drive that is late would foretell the voltage late
     flights = [f and with_steady_voltage(with_steady_position(f)) for f in flights]
     return Gate(tuple(flights), (delay,) if delay else (), tuple(sorted(warnings)), pose, gyro)
 
@@ -297,6 +307,7 @@ def _pose_settled(flights: list[Prepared | None]) -> tuple[Delay | None, list[Pr
     """A clear delay of the pose, and the flights without it."""
     used = [f for f in flights if f]
     p, pose = settings.prepare, pose_delay(used)
+    # noise draws the peak of a correlation to half a sample
     least_s = p.pose_delay_least_samples * max(f.dt_s for f in used)
     if not pose or abs(pose.delay_s) <= max(settings.statistics.certain_sds * pose.sd_s, least_s):
         return None, flights

@@ -26,6 +26,7 @@ def quaternion_product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def to_body(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """World vectors in the body frame, rows (n, 3)."""
+    # v + 2 w (u x v) + 2 u x (u x v), with the conjugate: from the world to the body
     u, w = -q[:, 1:], q[:, :1]
     t = 2.0 * np.cross(u, v)
     return v + w * t + np.cross(u, t)
@@ -33,6 +34,7 @@ def to_body(q: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 def turn_rates(q: np.ndarray, rate: np.ndarray) -> np.ndarray:
     """Body rates (n, 3) of attitudes (n, 4) whose quaternions change at ``rate`` (n, 4)."""
+    # omega = 2 q* dq/dt, of which the scalar part is zero for unit quaternions
     conjugate = q * np.array([1.0, -1.0, -1.0, -1.0])
     return 2.0 * quaternion_product(conjugate, rate)[:, 1:]
 
@@ -45,5 +47,6 @@ def body_rates(flight: Prepared) -> np.ndarray:
         return np.zeros((len(flight.t_s), 3))
     q = flight.stack("attitude")
     width = settings.prepare.rate_smoothing_s / flight.dt_s
+    # smoothed first: a difference of raw attitudes turns their noise into rates
     rate = np.gradient(gaussian_filter1d(q, width, axis=0), flight.dt_s, axis=0)
     return turn_rates(q, rate)

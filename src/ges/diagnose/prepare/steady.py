@@ -25,8 +25,10 @@ def with_steady_position(flight: Prepared) -> Prepared:
     if not (flight.has("position") and flight.has("velocity")):
         return flight
     p, v = flight.stack("position"), flight.stack("velocity")
+    # trapezoidal rule; its drift is slow, and goes with the slow part of the difference below
     travelled = np.vstack([np.zeros(3), np.cumsum(0.5 * (v[1:] + v[:-1]) * flight.dt_s, axis=0)])
     for at in np.split(np.arange(len(p)), np.flatnonzero(np.diff(flight.flying)) + 1):
+        # in less than one period of the cut-off nothing can be told as slow
         if flight.flying[at[0]] and len(at) * flight.dt_s * settings.prepare.slow_Hz > 1.0:
             p[at] = travelled[at] + _slow(p[at] - travelled[at], flight.dt_s)
     return flight.replaced(columns={**flight.columns, **dict(zip(POSITION, p.T, strict=True))})
@@ -43,6 +45,7 @@ def with_steady_voltage(flight: Prepared) -> Prepared:
     if not (drive and flight.has("battery")):
         return flight
     told = np.column_stack([flight.columns["battery_V"], flight.stack(drive).mean(axis=1)])
+    # both sides without their slow part: else the battery's discharge would be laid on the drive
     slow = _slow(told, flight.dt_s)
     read, work = (told - slow).T
     past = with_past(work, max(1, round(settings.prepare.drive_response_s / flight.dt_s)))
@@ -62,6 +65,7 @@ def _slow(values: np.ndarray, dt_s: float) -> np.ndarray:
     """What of values (n, k) changes slowly: at ``settings.prepare.slow_Hz`` half of the amplitude
     is left; trends go on beyond both ends.
     """
+    # a Gaussian of sd s passes exp(-2 (pi f s)^2): one half at the cut-off f
     width = math.sqrt(0.5 * math.log(2.0)) / (math.pi * settings.prepare.slow_Hz * dt_s)
     ends = min(len(values) - 1, int(4.0 * width))
     padded = np.pad(values, ((ends, ends), (0, 0)), mode="reflect", reflect_type="odd")

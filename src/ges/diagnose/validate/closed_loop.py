@@ -31,6 +31,7 @@ def lean(q: np.ndarray) -> np.ndarray:
     """Angles of the thrust axis from the vertical, turned to the vehicle's heading: forward and to
     the left, (n, 2) rad.
     """
+    # seen from the body the world's up leans against the thrust axis: hence the minus
     up = to_body(q, np.tile([0.0, 0.0, 1.0], (len(q), 1)))
     return np.arctan2(-up[:, :2], up[:, 2:])
 
@@ -87,6 +88,7 @@ def closed_loop(flights: Sequence[Prepared], models: Mapping[str, Model], length
             else {}
         )
         followed = {stage: e for stage, e in told.items() if e is not None}
+        # stages compare on the same flights alone: all can follow this one, or it does not count
         if not told or not len(windows) or len(followed) < len(told):
             continue
         count += 1

@@ -124,6 +124,7 @@ def _shapes(system: System, told: Told) -> list[Quantity]:
         for name in told[0]
         if all(name in t for t in told)
     }
+    # momentum theory: v_h = sqrt(W / (2 rho A)) over the discs of four rotors
     disc = 4.0 * np.pi * model.radius_m**2
     hover = Quantity(
         "v_h",
@@ -148,6 +149,7 @@ def _shapes(system: System, told: Told) -> list[Quantity]:
     moving = [*ratios, *(r.squared() for r in ratios)]
     if "height_over_radius" not in values:
         return moving
+    # a height near zero, or wrong by noise, would make R/h run away
     near = Quantity("(R/h)", NUMBER, 1.0 / np.maximum(values["height_over_radius"], 0.5))
     cushions = [near.power(n) for n in (1, 2, 3)]
     return [*moving, *cushions, *(a * b for a, b in itertools.product(ratios, cushions[:2]))]
@@ -155,6 +157,7 @@ def _shapes(system: System, told: Told) -> list[Quantity]:
 
 def library(system: System, told: Told, dimension: Dimension) -> list[Quantity]:
     """All terms of this dimension."""
+    # a term that does not vary is the constant, which every design has already
     terms = [scale * shape for scale in _scales(system) for shape in _shapes(system, told)]
     return [t for t in terms if t.dimension == dimension and np.std(t.values) > 0]
 
@@ -188,10 +191,12 @@ def sparse_form(
     block : (n,) number of the block of time.
     """
     good = np.isfinite(e)
+    # blocks are dealt out in turn, so that every fold spans all flights
     y, fold = e[good], block[good] % settings.statistics.folds
     chosen: list[Quantity] = []
     best = 0.0
     while len(chosen) < settings.locate.terms:
+        # orthogonal matching: all chosen terms are fitted again before the next is matched
         left = y - _design(chosen, good) @ _fit(_design(chosen, good), y)
         match = [
             abs(np.corrcoef(t.values[good], left)[0, 1]) if np.std(t.values[good]) > 0 else 0.0
@@ -222,6 +227,7 @@ def _sandwich(x: np.ndarray, e: np.ndarray, block: np.ndarray) -> np.ndarray:
     not.
     """
     inverse = np.linalg.pinv(x.T @ x)
+    # scores by block, the meat of the sandwich
     sums = np.stack([np.bincount(block, column * e) for column in x.T], axis=1)
     return np.sqrt(np.diag(inverse @ (sums.T @ sums) @ inverse))
 

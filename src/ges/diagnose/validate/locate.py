@@ -44,6 +44,7 @@ def regimes(flight: Prepared, windows: Windows, model: Model) -> dict[str, np.nd
     columns, said = model_along(flight, model, model.effects)
     found = {"time_s": windows.center_s - flight.t_s[0]}
     if "p_z_m" in columns:
+        # as the rotors have it: each over the ground below it, which may be uneven
         height = said.stack(*(f"rotor_height_{i}_m" for i in range(1, 5))).mean(axis=1)
         found["height_over_radius"] = height[at] / model.radius_m
     if flight.has("velocity"):
@@ -172,10 +173,12 @@ def _cells_of(
     told = []
     for k in range(len(limits) - 1):
         inside = which == k
+        # a cell seen in few blocks has no standard error to speak of
         if np.count_nonzero(np.bincount(block[inside])) >= settings.statistics.folds:
             told.append(
                 (k, float(e[inside].mean()), _error(e[inside], block[inside]), int(inside.sum()))
             )
+    # a mean's square holds its variance as well: E m^2 = mu^2 + sd^2
     excess = [n * max(0.0, mean**2 - sd**2) for _, mean, sd, n in told]
     total = sum(excess) or 1.0
     return [
@@ -197,6 +200,7 @@ def _cells_of(
 def _error(e: np.ndarray, block: np.ndarray) -> float:
     """Standard error of a mean whose blocks are independent and whose windows are not."""
     sums = np.bincount(block, e - e.mean())
+    # variance of a mean with clusters, sum of (sum e)^2 over n^2, corrected for few of them
     live = len(np.unique(block))
     return float(np.sqrt((sums**2).sum() * live / (live - 1.0)) / len(e))
 
@@ -231,6 +235,7 @@ def _merged(
     for channel, regime in dict.fromkeys((c.channel, c.regime) for c in kept):
         chain: list[Cell] = []
         here = [c for c in made if (c.channel, c.regime) == (channel, regime)]
+        # None closes a chain that runs to the last cell
         for cell in [*here, None]:
             significant = cell if cell and cell.q_value <= settings.statistics.chance else None
             if chain and (not significant or np.sign(significant.mean) != np.sign(chain[-1].mean)):
@@ -309,6 +314,7 @@ def from_open(
         for c, channel in enumerate(system.main):
             good = np.isfinite(acts[:, c]) & np.isfinite(noise[:, c])
             if _rms(acts[good, c]) > settings.locate.acting_share * _rms(noise[good, c]):
+                # hypotheses exclude each other, so their probabilities add
                 chance[channel] = chance.get(channel, 0.0) + h.probability
                 shown.setdefault(channel, np.where(good, acts[:, c], np.nan))
     values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
@@ -338,6 +344,7 @@ def _acting(a: np.ndarray, values: Mapping[str, np.ndarray]) -> dict:
             limits, which = _bins(value)
             count = np.bincount(which, minlength=len(limits) - 1)
             mean = np.bincount(which, a, len(count)) / np.maximum(count, 1)
+            # sum of squares between bins, as in an analysis of variance
             between = float(count @ (mean - a.mean()) ** 2)
             if between > best[1]:
                 best = (name, between, limits, mean, count)
@@ -369,6 +376,7 @@ def strongest(entries: Sequence[Mapping]) -> list[dict]:
     forces = {item["channel"] for item in entries if item["channel"].startswith("force")}
     by_channel: dict[str, list[dict]] = {}
     for item in entries:
+        # a force is not its own twin: only an accelerometer's entry goes, where its force has one
         if item["channel"].replace("acc_", "force_") not in forces - {item["channel"]}:
             by_channel.setdefault(item["channel"], []).append(dict(item))
     each, most = settings.locate.entries_by_channel, settings.locate.entries

@@ -42,6 +42,7 @@ class Stage:
 def stage(model: Model, joint: Joint, board: Board, regimes: Told) -> Stage:
     """Of a model and its fit; ``regimes`` of all windows by flight."""
     left = centred(left_raw(board.system, joint), board.system)
+    # a drive on the ground is no regime of flight, and would pass for structure
     in_air = in_the_air(left, board.system)
     found = structures(
         in_air, regimes, board.system.main, board.system.blocks(settings.locate.block_s)
@@ -74,6 +75,7 @@ def recalibrated(flights: Sequence[Prepared], declared: Model) -> Start:
         moved = operating_point(board, joint)
         if not moved:
             break
+        # corrections multiply each other, so all columns are made anew where the model now stands
         there = dataclasses.replace(calibrated(declared, moved), moved=moved)
         system = first_system(flights, there)
         board, joint = null_fit(system)

@@ -147,11 +147,15 @@ def _basis(
     fold, s = fold_of[block], settings.locate
     count, q = s.knots if len(regime) == 1 else s.place_knots, settings.statistics.extreme_quantile
     ends = (q, 1.0 - q)
+    # knots end at extreme quantiles: a rare excursion sets none, and the last hat stays at one
     spans = (np.quantile(values[name], ends) for name in regime)
     knots = tuple(np.linspace(low, high, count) for low, high in spans)
     x = hats(values[regime[0]], knots[0])
+    # a place: products of the hats of both axes, bilinear between knots
     for name, k in zip(regime[1:], knots[1:], strict=True):
         x = (x[:, :, None] * hats(values[name], k)[:, None, :]).reshape(len(x), -1)
+    # normal equations without a fold are the total less its own; one inverse serves every channel
+    # and draw, and the ridge keeps knots that nobody visited at zero
     gram = {int(f): x[fold == f].T @ x[fold == f] for f in np.unique(fold)}
     total = sum(gram.values()) + settings.statistics.ridge_windows * np.eye(x.shape[1])
     return Basis(
@@ -173,6 +177,7 @@ def _gain(basis: Basis, y: np.ndarray, of_block: csr_array, signs: np.ndarray) -
     """R^2 on the folds left out, of every channel ``y`` (n, C) with its blocks' signs flipped as in
     ``signs`` (b, d); (C, d). ``of_block`` (b, n) sums rows by block.
     """
+    # signs of blocks act on the blocks' sums of x y alone: one product makes all draws
     sums = np.stack([of_block @ (basis.x * channel[:, None]) for channel in y.T], axis=2).reshape(
         len(signs), -1
     )
@@ -180,6 +185,7 @@ def _gain(basis: Basis, y: np.ndarray, of_block: csr_array, signs: np.ndarray) -
     right = {f: (sums[at].T @ signs[at]).reshape(basis.x.shape[1], -1) for f, at in parts.items()}
     total, gain = sum(right.values()), np.zeros(y.shape[1] * signs.shape[1])
     for f, gram in basis.gram.items():
+        # what a fold gains by the others' fit: |y|^2 - |y - x b|^2 = b'(2 x'y - x'x b)
         beta = basis.inverse[f] @ (total - right[f])
         gain = gain + (beta * (2.0 * right[f] - gram @ beta)).sum(axis=0)
     return (
@@ -228,14 +234,18 @@ def _of_mean(
     rng, folds = np.random.default_rng(settings.statistics.seed), settings.statistics.folds
     count = int(block.max(initial=-1)) + 1
     by_block = rng.permutation(count) % folds
+    # the same signs for all channels and regimes: under the null the tests depend on each other
+    # as they do in the flights, which the largest statistic needs
     signs = rng.choice([-1.0, 1.0], (count, settings.statistics.resamples))
     by_flight = np.zeros(count, dtype=int)
     by_flight[block] = np.repeat(np.arange(len(raw)), [len(r) for r in raw])
     e = np.concatenate(raw)
     found: dict[int, list[tuple[Structure, np.ndarray]]] = {}
+    # channels that are there in the same windows share the basis and its inverses
     for channels in _there_together(e):
         used = np.isfinite(e[:, channels[0]])
         here, at = {n: v[used] for n, v in values.items()}, block[used]
+        # every fold has to have something to foretell, and the others more windows than knots
         if used.sum() < folds * settings.locate.knots or len(np.unique(by_block[at])) < folds:
             continue
         several = len(np.unique(by_flight[at])) > 1
@@ -267,8 +277,10 @@ def _of_size(
     """The same of the logarithm of the residuals' energy, each flight's own mean left out: air that
     is rougher in one flight than in another is in no regime of flight.
     """
+    # one window's square is mostly scatter, its logarithm more so: a few are averaged first
     size = settings.locate.energy_windows
     energy = [uniform_filter1d(np.where(np.isfinite(r), r, 0.0) ** 2, size, axis=0) for r in raw]
+    # in logarithms a factor of roughness is an offset, and the test of means serves
     logs = [
         np.where(np.isfinite(r), np.log(np.maximum(e, settings.numerics.tiny)), np.nan)
         for r, e in zip(raw, energy, strict=True)
@@ -298,6 +310,7 @@ def _tested(
     y = e / size
     r2 = _gain(basis, y, of_block, np.ones((len(signs), 1)))[:, 0]
     draws = _gain(basis, _missed(basis, y), of_block, signs)
+    # once it is tested, all folds together tell where it peaks and how large it is
     beta = np.linalg.solve(
         sum(basis.gram.values()) + settings.statistics.ridge_windows * np.eye(basis.x.shape[1]),
         basis.x.T @ y,
@@ -322,14 +335,18 @@ def _judged(tested: Sequence[Structure], chance: np.ndarray) -> list[Structure]:
         return []
     tiny = settings.numerics.tiny
     mean, sd = chance.mean(axis=1), np.maximum(chance.std(axis=1), tiny)
+    # column 0 is what was flown, the rest are null draws; each test by its own null mean and sd
     z = np.column_stack([np.array([t.r2 for t in tested]), chance])
     z = (z - mean[:, None]) / sd[:, None]
+    # a cause that moves several channels is clear in their sum before it is in any of them
     groups = [at for at in _groups(tested) if len(at) > 1]
     joint = [z[at].sum(axis=0) for at in groups]
     every = np.vstack([z, *(((j - j[1:].mean()) / max(j[1:].std(), tiny))[None] for j in joint)])
     largest = every[:, 1:].max(axis=0)
+    # a permutation test counts what was flown among the draws: its q is never zero
     q = np.array([(1.0 + float((largest >= v).sum())) / (1.0 + len(largest)) for v in every[:, 0]])
     for at, together in zip(groups, q[len(tested) :], strict=True):
+        # only channels that lean that way themselves share in the chance of the sum
         clear = [i for i in at if z[i, 0] > settings.statistics.suggestive_sds]
         q[clear] = np.minimum(q[clear], together)
     return [

@@ -79,6 +79,7 @@ def trace(
     shown = recorded(flight, everywhere, first, names)
     simulated = {stage: np.full_like(shown, np.nan) for stage in models}
     for stage, model in models.items():
+        # residual is recorded less model
         simulated[stage][used] = shown[used] - residual(flight, windows, model, names)
     named = tuple(f"{n}_{UNITS[n]}" for n in names)
     if can_roll(flight):
@@ -109,6 +110,7 @@ def _rolled(flight: Prepared, windows: Windows, model: Model) -> tuple[np.ndarra
     flown = np.full_like(seen, np.nan)
     for start, record in zip(rolled.starts, rolled.flown, strict=True):
         rows = np.flatnonzero((at >= start) & (at < start + n))
+        # beyond where the simulator gave up, nothing was simulated
         clock, late_s = record["t_s"] - record["t_s"][0], (at[rows] - start) * flight.dt_s
         for c, name in enumerate(AHEAD):
             flown[rows, c] = np.interp(late_s, clock, record[name], right=np.nan)
@@ -121,6 +123,7 @@ def recorded(flight: Prepared, windows: Windows, model: Model, names: Sequence[s
     Forces and moments are those that moved the declared mass and inertia; no sensor is corrected.
     """
     silent = dataclasses.replace(model, effects={})
+    # equation (1) of docs/method.md with the model's force and moment zero
     said = np.zeros((len(Replay.columns()), len(flight.t_s)))
     for name in ("mass_kg", "ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"):
         said[Replay.columns()[name]] = model.number(name)
@@ -133,6 +136,7 @@ def spans(flight: Prepared) -> tuple[Span, ...]:
     """Every stretch that is left out, in order of time."""
     found = []
     for reason, at in flight.excluded.items():
+        # padded, so that every stretch turns on and off, one at an end of the flight too
         turns = np.flatnonzero(np.diff(np.r_[False, at, False].astype(np.int8)))
         ends = np.r_[flight.t_s, flight.t_s[-1] + flight.dt_s]
         found += [

@@ -71,9 +71,11 @@ def reduction_ci95(
         for b, a in zip(before, after, strict=True)
         if len(b)
     ]
+    # squares and counts of both stages by block: a draw of blocks is a sum of rows, in pairs
     table = np.vstack(pairs) if pairs else np.full((1, 4), np.nan)
     rng, count = np.random.default_rng(settings.statistics.seed), settings.statistics.resamples
     drawn = table[rng.integers(0, len(table), (count, len(table)))].sum(axis=1)
+    # a draw without any reading is 0 / 0, and no quantile counts it
     with np.errstate(divide="ignore", invalid="ignore"):
         share = 1.0 - np.sqrt((drawn[:, 2] / drawn[:, 3]) / (drawn[:, 0] / drawn[:, 1]))
     return [float(v) for v in np.nanquantile(share, QUANTILES_95)]
@@ -173,11 +175,13 @@ def elsewhere(
             s: [np.where(m, e[:, c], np.nan) for e, m in zip(told[s], masks, strict=True)]
             for s in STAGES[1:]
         }
+        # fewer than two blocks leave nothing to resample
         if sum(np.isfinite(e).sum() for e in pick["after"]) < 2 * block:
             continue
         low, high = reduction_ci95(pick["recalibrated"], pick["after"], block)
         table[f"{name}_{UNITS[name]}"] = {
             **{stage: rms(each) for stage, each in pick.items()},
+            # a change is minus a reduction, so the ends of the interval swap
             "change_ci95": [-high, -low],
             "worse": -high > settings.statistics.least_gain,
         }
