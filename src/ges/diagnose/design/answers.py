@@ -86,10 +86,12 @@ def untrim(
     for c, name in enumerate(names):
         if block_of(name) != "moment" or not dynamic[x.at[c]].any():
             continue
+        # by the channel's own test function: the average of what is held, the rate of what turned
         mean, rate = windows.functions[mark_of(name)]
         trim, turned = (mean @ held)[air], (rate @ omega[:, AXES.index(name[len("moment_")])])[air]
         at = np.ix_(air, dynamic[x.at[c]])
         regressors = np.column_stack([trim, turned])
+        # both are fitted, the trim alone is taken out
         fitted = np.linalg.lstsq(regressors, x.values[c][at], rcond=None)[0]
         x.values[c][at] -= trim @ fitted[: trim.shape[1]]
 
@@ -187,6 +189,7 @@ def loose(
         if kind != "load" or "load" in map(feedback_of, on)
     }
     parts = {kind: {c: x.of(c, at)[air] for c in heard} for kind, at in which.items()}
+    # in moments a cushion is loose, along thrust every gain
     levels = np.array([near_ground_gain(keys[k]) for k in which["thrust_gain"]], dtype=float)
     z, own, strong, answered = (
         told.z,
@@ -194,6 +197,7 @@ def loose(
         told.strong,
         {c: n for c, n in heard.items() if n in told.strong},
     )
+    # a gain's force is in proportion to thrust: one share of it is loose, whatever the gain
     share = {
         c: _by_thrust(own[n], z[n], strong[n], length_s)
         for c, n in answered.items()
@@ -261,6 +265,7 @@ def _among(air: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 def _first(keys: Sequence[str], kind: str) -> list[int]:
     """First column of every parameter of a kind."""
+    # in reverse, so that the first of equal keys is the one that the dictionary keeps
     return list(
         {key: k for k, key in reversed(list(enumerate(keys))) if feedback_of(key) == kind}.values()
     )
@@ -272,6 +277,7 @@ def _centred(x: np.ndarray) -> np.ndarray:
 
 def _by_thrust(thrust: np.ndarray, z: np.ndarray, strong: float, length_s: float) -> np.ndarray:
     """Share of a gain's force that is there because thrust is not what is vouched for, (m, 1)."""
+    # where thrust all but vanishes, as in a drop, the share would be endless
     least = settings.prepare.descent_share * thrust.mean()
     return _fast(thrust[:, None], z, strong, length_s) / np.maximum(thrust, least)[:, None]
 
@@ -281,6 +287,7 @@ def _fast(x: np.ndarray, z: np.ndarray, strong: float, length_s: float) -> np.nd
     answers to turbulence: they are what balances a height, a climb, a load.
     """
     rest = _beyond(x, z, strong, mean_is_told=True)
+    # a high pass; its width in windows, which stand half a length apart
     width = settings.design.answer_slowest_s / (0.5 * length_s)
     return rest - gaussian_filter1d(rest, width, axis=0)
 

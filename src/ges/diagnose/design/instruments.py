@@ -28,6 +28,7 @@ from ges.simulator import flight as sim
 def _table(flight: Prepared) -> np.ndarray:
     """The references as the simulator's firmware takes them, on the flight's grid."""
     t, ref = flight.t_s, flight.stack("reference")
+    # the firmware also takes the reference's acceleration, made here from its velocity
     acceleration = np.gradient(ref[:, 3:6], flight.dt_s, axis=0)
     yaw = np.unwrap(ref[:, 6])[:, None]
     excitation = flight.stack("excitation") if flight.has("excitation") else np.zeros((len(t), 4))
@@ -45,11 +46,13 @@ def replayed(
         return None
     table, every = _table(flight), flight.steps(settings.numerics.step_s)
     start = {f"start_{name}": float(table[0, k]) for k, name in enumerate(POSITION + VELOCITY)}
+    # the replay's controller would answer the noise of sensors, and the references know none
     quiet = {
         name: 0.0
         for name in sim.parameters()
         if name.endswith(("_noise_rad_s", "_noise_m_s2", "_noise_m", "_noise_m_s"))
     }
+    # references tell of the attitude no more than the yaw: level, and rotors as in a hover
     half = 0.5 * table[0, 9]
     start |= {
         "start_q_w": float(np.cos(half)),
@@ -105,6 +108,7 @@ def instruments(
         windows.functions,
         {base: _late(values, flight, windows) for base, values in told.items()},
     )
+    # velocity and accelerometer hear of one thrust
     late |= dict.fromkeys(("force_z", "acc_z"), late["z"])
     lagged = {
         name: np.column_stack(_centred_means(late[base], functions[mark_of(name)][0]))
@@ -121,6 +125,7 @@ def own_signal(
     averages that this flight, its streams slower than another's, does not have.
     """
     samples = {"t_s": flight.t_s - flight.t_s[0], **dict(zip(ROTOR_SPEED, speeds.T, strict=True))}
+    # without effects: the rotors' own thrust and moment
     replay = effect_table.replay(model.parameters, effect_table.Samples.from_columns(samples), {})
     told = {
         "z": replay.force_N[:, 2],
@@ -156,6 +161,7 @@ def projected(x: np.ndarray, z: np.ndarray) -> np.ndarray:
     """Columns x (m, k) projected on the instruments z (m, j)."""
     size = np.sqrt((z**2).sum(axis=0))
     z = z[:, size > 0] / size[size > 0]
+    # lags of one slow signal are nearly alike: directions that are but rounding are left out
     u, s, _ = np.linalg.svd(z, full_matrices=False)
     u = u[:, s > settings.numerics.small * s.max(initial=0.0)]
     return u @ (u.T @ x)
@@ -173,6 +179,8 @@ def strength(moved: np.ndarray, z: np.ndarray, block: np.ndarray) -> float:
     total = float(centred @ centred)
     size = np.sqrt((z**2).mean(axis=0))
     z, left = z[:, size > 0] / size[size > 0], np.zeros_like(moved)
+    # whole blocks are left out, as windows close in time foretell each other;
+    # columns have unit size, so a ridge counts in windows
     fold, ridge = block % settings.statistics.folds, settings.statistics.ridge_windows
     for f in np.unique(fold):
         out = fold == f

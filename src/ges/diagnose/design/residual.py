@@ -54,6 +54,7 @@ def height_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
             - flight.columns["ground_z_m"]
             + model.terrain.parameters().get("terrain_z_m", 0.0)
         )
+    # without a position the rangefinder's reading is all that is known of the height
     if "p_z_m" not in columns and flight.has("range"):
         columns["p_z_m"] = flight.columns["range_m"]
     return columns
@@ -66,6 +67,7 @@ def state_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
     columns = {"t_s": flight.t_s - flight.t_s[0], **height_columns(flight, model)}
     for names in (VELOCITY, QUATERNION, COMMAND, ("battery_V",)):
         columns.update({name: flight.columns[name] for name in names if name in flight.columns})
+    # effects ask for an angular acceleration, and differences amplify the gyro's noise: smoothed
     omega, width = body_rates(flight), settings.prepare.rate_smoothing_s / flight.dt_s
     rate = np.gradient(gaussian_filter1d(omega, width, axis=0), flight.dt_s, axis=0)
     columns.update(zip(BODY_RATE, omega.T, strict=True))
@@ -92,6 +94,7 @@ class Motion:
         """Velocity in the body frame, and the part of the acceleration less gravity that is not its
         derivative; (n, 3) each.
         """
+        # (1) of docs/method.md without the derivative: omega x v_b + R^T g
         q = np.stack([self.columns[name] for name in QUATERNION], axis=1)
         v = to_body(q, np.stack([self.columns[name] for name in VELOCITY], axis=1))
         return v, np.cross(self.omega, v) + to_body(
@@ -134,6 +137,7 @@ def corrected(
     said = effect_table.replay(
         model.parameters, effect_table.Samples.from_columns(columns), faults, model.terrain
     )
+    # a small turn by the error e is undone by the quaternion (sqrt(1 - |e / 2|^2), -e / 2)
     turned = -0.5 * said.stack(
         "attitude_error_x_rad", "attitude_error_y_rad", "attitude_error_z_rad"
     )
@@ -142,6 +146,7 @@ def corrected(
         q = np.stack([columns[name] for name in QUATERNION], axis=1)
         q = quaternion_product(q, np.column_stack([np.sqrt(1.0 - (turned**2).sum(axis=1)), turned]))
         columns.update(zip(QUATERNION, q.T, strict=True))
+    # the fault f makes f(x) of a rate x: to first order what was read as x had been 2 x - f(x)
     for k, name in enumerate(BODY_RATE):
         columns[name] = 2.0 * columns[name] - said[f"gyro_{'xyz'[k]}_rad_s"]
     return columns
@@ -166,6 +171,7 @@ def driven_by_each(
     """Rotor speeds of one flight under several sets of effects, flown as one batch; (n, 4) rad/s
     each.
     """
+    # few sets change the commands: the inputs of all others are the same
     plain = _drive_inputs(flight, model, commands_at_work(flight, model, {}))
     inputs = [
         _drive_inputs(flight, model, commands_at_work(flight, model, e)) if _modified(e) else plain
@@ -224,11 +230,13 @@ def second_pole_s(model: Model) -> float:
 def _drive_inputs(flight: Prepared, model: Model, commands: np.ndarray) -> np.ndarray:
     """Commands, attitude, battery voltage and rates, a row for every step of the drive."""
     every = flight.steps(settings.numerics.step_s)
+    # a command that is held, and a filter behind it, act on average as a delay
     late = flight.held.late + second_pole_s(model) / flight.dt_s
     u, voltage = (
         _between(commands, every, late),
         flight.columns.get("battery_V", np.full(len(flight.t_s), np.nan)),
     )
+    # motors alone are flown: attitude is imposed level and at rest
     upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(u), 1))
     return np.column_stack([u, upright, np.repeat(voltage, every), np.zeros((len(u), 3))])
 
@@ -244,10 +252,12 @@ def _drive_flight(
         if not effect_table.get(name).modifies
     }
     every, n = flight.steps(settings.numerics.step_s), len(flight.t_s)
+    # what rotors did before the recording is unknown: they start where the first command has them
     first = {
         f"start_{name}": model.number("max_rotor_speed_rad_s") * inputs[0, i]
         for i, name in enumerate(ROTOR_SPEED)
     }
+    # a bench for motors: commands replayed, the ground far below, a record for every row of the log
     numbers = {
         **model.parameters,
         **first,
@@ -320,6 +330,7 @@ def _as_if_commanded(
     """Without commands, sag can only hide in the telemetry: speeds as the voltage would have
     changed them.
     """
+    # speeds stand for commands, the median voltage for the nominal: only its changes count
     columns = {"t_s": flight.t_s, "battery_V": flight.columns["battery_V"]}
     columns.update(zip(ROTOR_SPEED, speeds.T, strict=True))
     columns.update(zip(COMMAND, speeds.T / model.number("max_rotor_speed_rad_s"), strict=True))
@@ -460,6 +471,7 @@ def along(
         )
     parts: dict[str, np.ndarray] = {}
     for block in dict.fromkeys(block_of(name) for name in names):
+        # the effect of a column reaches few blocks: the others are those of the evaluation before
         if like and (
             drive is like.drive if block == "drive" else like.says_alike(said, motion, block)
         ):
@@ -568,6 +580,7 @@ def _moment(
     """
     omega, inertia = motion.omega, said.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2")
     declared = np.array([model.number(f"i{a}_kg_m2") for a in ("xx", "yy", "zz")])
+    # (1) of docs/method.md over the inertia that is believed, then times the declared one
     acting = (np.cross(omega, inertia * omega) - said.moment_Nm) / inertia
     left = [
         (mark, declared * (rate @ omega + mean @ acting))
@@ -632,6 +645,7 @@ def _range(
 
 
 _PARTS = {"force": _force, "moment": _moment, "acc": _acc, "drive": _lost, "range": _range}
+# What of the model each block rests on; the drive rests on its speeds alone.
 _HELD_AGAINST = {
     "force": ("mass_kg", "force_x_N", "force_y_N", "force_z_N"),
     "moment": ("moment_x_Nm", "moment_y_Nm", "moment_z_Nm", "ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"),

@@ -153,6 +153,7 @@ class Rows:
     @property
     def follows(self) -> np.ndarray:
         """(m,) True where a window directly follows the one before."""
+        # neighbours stand half a window apart; a longer step is a gap between them
         half = np.diff(self.windows.center)
         return np.r_[False, half == half.min()] if len(half) else np.zeros(len(self.windows), bool)
 
@@ -225,6 +226,7 @@ def nuisances(
         for p in effect.parameters
         if p.doubt and set(p.doubt.shows_in) & present and (voltage or not p.doubt.with_voltage)
     ]
+    # the top speed is a number of the vehicle: no effect's descriptor has a doubt for it
     if "drive" in present:
         sd = model.doubts.get(SPEED, 0.0)
         effect, _, parameter = SPEED.partition(".")
@@ -243,6 +245,7 @@ def _nuisance(
     usual = _usual_delay_s(doubt.sd, model, flights) if doubt.timing else doubt.sd
     sd = model.doubts.get(key, unit * usual)
     step = settings.statistics.clear_sds * sd if doubt.reciprocal else unit * doubt.step
+    # counted from the model as it is: what was corrected already is not expected again
     mean = doubt.mean - model.moved.get(key, 0.0)
     return Nuisance(effect, parameter, step, sd, unit * doubt.flight_sd, mean)
 
@@ -252,6 +255,7 @@ def _usual_delay_s(usual_s: float, model: Model, flights: Sequence[Prepared]) ->
     pole looks like (s).
     """
     held = max((f.held.sd * _slowest([f], ("command",)) for f in flights), default=0.0)
+    # independent doubts add in squares
     return float(np.linalg.norm([usual_s, held, second_pole_s(model)]))
 
 
@@ -346,6 +350,7 @@ class _Seen:
         """Minus the residual's change per unit of the column's coefficient, by channel, (m,) each,
         whatever its part.
         """
+        # a number of the vehicle is no effect: drive, motion and replay are all made anew
         if column.nuisance is not None and column.nuisance.effect == "vehicle":
             n = column.nuisance
             other = self.model.with_number(n.parameter, self.model.number(n.parameter) + n.step)
@@ -375,6 +380,7 @@ class _Seen:
         pairs = (
             (self.names.index(name), before.parts[name], after.parts[name]) for name in self.here
         )
+        # what was taken over from the evaluation before is the same object: nothing changed there
         changes = {c: (a - b) / step for c, a, b in pairs if a is not b}
         return {c: change for c, change in changes.items() if change.any()}
 
@@ -442,9 +448,11 @@ def rows(
     )
     now = along(flight, windows, model, here)
     y = _among(names, here, now)
+    # parts of one column are made of the same: computed once, and not at all where it is known
     told, made = known or {}, {c.made_of: c for c in columns}
     asked = {of: c.key if c.nuisance else of for of, c in made.items()}
     new = {of: c for of, c in made.items() if asked[of] not in told}
+    # drives of all new columns are flown as one batch, and so is what remembers its path
     added = _added(model, new.values())
     seen = _Seen(
         flight,
@@ -461,6 +469,7 @@ def rows(
     y = np.where(
         x.finite() & (air[:, None] | driven), y, np.nan
     )  # a beam that tilted a little further would see no ground
+    # what is constant in a moment, or goes with this thrust, is a trim
     keys, thrust = (
         [c.key for c in columns],
         model.number("thrust_coefficient_N_s2") * (now.drive.at_work**2).sum(axis=1),
@@ -470,7 +479,9 @@ def rows(
         vouch = like.vouched if like else None
     else:
         vouch = vouched(flight, windows.some(air), model, names, y[air], now.drive.at_work)
+    # loose parts are projected over all windows in the air: a channel with gaps has none
     heard = {c: name for c, name in enumerate(names) if np.isfinite(y[air, c]).all()}
+    # of an effect that is on, the moment's part has a coefficient of its own, loose by itself
     apart = [
         f"{key}/{c.part}" if c.part == "moment" and variant_of(c).effect in model.effects else key
         for key, c in zip(keys, columns, strict=True)
@@ -536,6 +547,7 @@ def _beyond(
 def half_waves(flight: Prepared, length_s: float) -> int:
     """How many half-waves a test function may have before a stream cannot follow it."""
     slowest = _slowest([flight], ("gyro", "attitude", "rotor_speed", "command")) or np.inf
+    # a half-wave has to span as many updates of a stream as the shortest window has to
     shortest_s = settings.design.window_updates * slowest
     return min(settings.design.half_waves_most, int(length_s / shortest_s))
 
@@ -591,6 +603,7 @@ def build(
     """
     main = common_channels(flights, model)
     length_s = like.length_s if like else length_s or window_length_s(flights)
+    # a sine and a cosine of every half-wave
     names = with_overtones(main, 2 * max(half_waves(f, length_s) for f in flights))
     columns = (
         [Column(n.key, nuisance=n) for n in nuisances(model, main, flights)]
@@ -598,6 +611,7 @@ def build(
         else []
     )
     for v in variants:
+        # without channels of moments there is nothing to split
         parts = _parts(v.effect, {w.effect for w in variants}) if MOMENT[0] in names else ("",)
         columns += [
             Column(v.key, variant=v, amplitude=j, part=part)

@@ -52,6 +52,7 @@ class Windows:
     @property
     def half(self) -> int:
         """Samples from the centre of a function to its end, and from one centre to the next."""
+        # every row of the weights keeps its whole support, 2 half + 1 entries
         return (self.mean.indptr[1] - 1) // 2 if len(self) else 0
 
     def within(self, allowed: np.ndarray) -> np.ndarray:
@@ -75,6 +76,7 @@ class Windows:
 
 def whole(allowed: np.ndarray, first: np.ndarray, past: np.ndarray) -> np.ndarray:
     """(m,) True where all ``allowed`` (n,) samples from ``first`` to before ``past`` (m,) are."""
+    # samples not allowed before each: as many at both ends means none between
     out = np.r_[0, np.cumsum(~allowed)]
     return out[past] == out[first]
 
@@ -123,10 +125,12 @@ def tones(half: int, step_s: float, count: int) -> list[tuple[np.ndarray, np.nda
     made = [np.stack([phi, slope])]
     for k in range(1, count + 1):
         c, w = np.cos(np.pi * k * s), np.sin(np.pi * k * s)
+        # to each function minus its derivative, by the product rule
         made += [
             np.stack([phi * w, slope * w - np.pi * k * phi * c]),
             np.stack([phi * c, slope * c + np.pi * k * phi * w]),
         ]
+    # Gram-Schmidt on the functions; derivatives take part, being linear in them
     for i, pair in enumerate(made):
         for other in made[:i]:
             pair = pair - (pair[0] @ other[0]) * other
@@ -152,6 +156,7 @@ def make_windows(
     centers = np.arange(half, len(t_s) - half, half)
     centers = centers[whole(flying, centers - half, centers + half + 1)]
     phi, slope = bump(half, step_s)
+    # all rows have the same weights, each at its centre: a band matrix in compressed rows
     columns = (centers[:, None] + np.arange(-half, half + 1)).ravel()
     starts = np.arange(len(centers) + 1) * (2 * half + 1)
 

@@ -78,6 +78,7 @@ def _spread(columns: Sequence[Column], x: np.ndarray, y: np.ndarray) -> np.ndarr
         settings.numerics.tiny,
     )
     far = np.where(size > 0, wide * np.sqrt(np.mean(y**2)) / np.maximum(size, tiny), 0.0)
+    # all is drawn to zero here, so that a mean apart from zero has to be within reach, too
     doubts = [
         math.hypot(n.sd, n.flight_sd, n.mean) if (n := column.nuisance) else np.nan
         for column in columns
@@ -109,10 +110,13 @@ def _left_of(y: np.ndarray, x: np.ndarray, columns: Sequence[Column]) -> np.ndar
     if not good.any():
         return left
     y, x = y[good] - y[good].mean(), x[good] - x[good].mean(axis=0)
+    # in units of how far each may go, the prior N(0, 1) is a ridge of the noise's variance;
+    # that variance is what is left, so it is found by turns
     x = x * _spread(columns, x, y)
     gram, right, sd2 = x.T @ x, x.T @ y, np.mean(y**2)
     e = y
     for _ in range(settings.numerics.noise_rounds):
+        # the least ridge keeps columns that are alike solvable where nothing is left
         ridge = max(sd2, settings.numerics.small * np.trace(gram), settings.numerics.tiny)
         e = y - x @ np.linalg.solve(gram + ridge * np.eye(len(gram)), right)
         sd2 = np.mean(e**2)
@@ -122,6 +126,7 @@ def _left_of(y: np.ndarray, x: np.ndarray, columns: Sequence[Column]) -> np.ndar
 
 def _run(follows: np.ndarray) -> np.ndarray:
     """How many rows every row directly follows in one run."""
+    # the last row that follows none is where a run starts
     at = np.arange(len(follows))
     return at - np.maximum.accumulate(np.where(follows, 0, at))
 
@@ -147,6 +152,7 @@ def _growth(e: np.ndarray, unrest: np.ndarray) -> tuple[float, float]:
     """Maximum-likelihood sd and growth of e ~ N(0, sd^2 (1 + g unrest^2)), unrest in units of its
     median.
     """
+    # -2 log likelihood, maximised over sd for every growth of a grid
     best = (np.inf, 1.0, 0.0)
     for g in settings.noise.growths:
         w = 1.0 + g * unrest**2
@@ -165,6 +171,7 @@ def estimate(system: System, chosen: Sequence[int] = ()) -> Noise:
     """
     unrest, runs = unrest_of(system.flights), [_run(r.follows) for r in system.flights]
     loose = {c for r in system.flights for _, c in r.loose}
+    # rows without any noise would weigh without limit
     floor = np.array(
         [settings.noise.least_share * system.model.whole(name) for name in system.names]
     )
@@ -173,6 +180,7 @@ def estimate(system: System, chosen: Sequence[int] = ()) -> Noise:
         left = left_over(system, c, chosen)
         ar, sd, growth = _of_channel(system, left, runs, unrest)
         sd = max(sd, floor[c])
+        # the controller answered what chosen columns explain, too: so without them
         answered = _quiet(left_over(system, c), runs, ar, sd) if len(chosen) and c in loose else 1.0
         return ar, sd, growth, answered, _restless(left)
 
@@ -211,10 +219,12 @@ def _of_channel(
     order = settings.noise.autoregression_order
     pieces = [(*_lagged(e, run, order), u) for e, run, u in zip(left, runs, unrest, strict=True)]
     value, past = np.concatenate([p[1] for p in pieces]), np.concatenate([p[2] for p in pieces])
+    # too few rows for a filter: none, and a unit sd
     if len(value) < 4 * order:
         return np.zeros(order), 1.0, 0.0
     if not settings.noise.whitening:
         return np.zeros(order), float(np.sqrt(np.mean(value**2))), 0.0
+    # least squares on the past alone; the ridge holds where a channel never changes
     gram = past.T @ past
     ridge = max(settings.numerics.small * np.trace(gram), settings.numerics.tiny)
     ar = np.linalg.solve(gram + ridge * np.eye(order), past.T @ value)
@@ -223,6 +233,7 @@ def _of_channel(
 
 def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:
     """Unrest of every window, (m,) by flight, in units of the median over all flights."""
+    # where thrust never changes, any unit will do
     median = np.median(np.concatenate([r.noise[r.air] for r in flights])) or 1.0
     return [r.noise / median for r in flights]
 
@@ -240,6 +251,8 @@ def whiten(
     short = any(not rows.air.all() for rows in flights)
     filters = [_foretelling(ar) if short else _full(ar)[None] for ar in noise.ar]
     made = [_white(rows, noise, filters, u) for rows, u in zip(flights, unrest, strict=True)]
+    # one kind of answer has one cause over all flights and channels, so they are bounded together;
+    # what was answered is larger than the noise by all that chosen effects explain
     for kind in dict.fromkeys(kind for _, loose in made for kind, _ in loose):
         of_kind = [{c: part for (k, c), part in loose.items() if k == kind} for _, loose in made]
         for (parts, _), errors in zip(made, _bounds(of_kind), strict=True):
@@ -262,7 +275,9 @@ def _bounds(loose: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndar
     """
     power = [{c: (p**2).mean(axis=0) for c, p in parts.items()} for parts in loose]
     every, sd = [p for told in power for p in told.values()], settings.noise.feedback_correlation_sd
+    # participation ratio: among how many flights and channels the column's power is shared
     alike = sum(every) ** 2 / np.maximum(sum(p**2 for p in every), settings.numerics.tiny)
+    # (5) of docs/method.md: root mean square rho in sds of the noise, times the root of that number
     return [
         {
             c: part * sd * np.sqrt(alike / np.maximum(told[c], settings.numerics.tiny))
@@ -290,11 +305,13 @@ def _white(
         )
         if not len(at):
             continue
+        # (4) of docs/method.md: the innovation's sd grows with what a slow stream may hide
         sd = noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * unrest[at] ** 2)
         innovation = _innovation(at, past[at], len(rows.y), weights, sd)
         beyond = (
             (innovation @ rows.beyond[c])[:, None] if c in rows.beyond else np.zeros((len(at), 0))
         )
+        # one filter for residual, columns and errors: y = X beta + e holds after it, with e white
         parts[c] = Part(
             at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c], beyond
         )
@@ -316,6 +333,8 @@ def _foretelling(ar: np.ndarray) -> np.ndarray:
     """
     order = len(ar)
     full, lag = _full(ar), np.arange(order + 1)
+    # Yule-Walker for the covariances g, in variances of the innovation:
+    # sum_j a_j g(|i - j|) = 1 where i = 0, else 0
     of_lag = np.zeros((order + 1, order + 1))
     np.add.at(
         of_lag,
@@ -325,6 +344,7 @@ def _foretelling(ar: np.ndarray) -> np.ndarray:
     covariance = toeplitz(np.linalg.lstsq(of_lag, np.eye(order + 1)[0], rcond=None)[0])
     if np.linalg.eigvalsh(covariance)[0] <= settings.numerics.tiny:
         return full[None]
+    # line j of the inverse Cholesky factor: a value less what the j before it foretell, in sds
     whitening = np.linalg.inv(np.linalg.cholesky(covariance))
     return np.stack(
         [np.r_[whitening[j, j::-1], np.zeros(order - j)] for j in range(order)] + [full]
@@ -338,6 +358,8 @@ def _innovation(
     them, foretell, over ``sd``.
     """
     order = weights.shape[1] - 1
+    # lines count from the last, the full filter, which may be the only one;
+    # places before the known past repeat its first row, with weight zero
     known = np.minimum(past, order)
     values, before = (
         weights[known - order - 1] / sd[:, None],

@@ -44,6 +44,7 @@ def variance_of_means(system: System, channels: Sequence[int]) -> np.ndarray:
     from blocks of time, mean of the flights.
     """
     block_s = settings.statistics.block_s
+    # windows stand half a length apart
     block = max(1, int(round(2.0 * block_s / system.flights[0].windows.length_s)))
     return np.nanmean(
         [[_mean_variance(e, block) for e in r.in_air(channels).T] for r in system.flights], axis=0
@@ -124,8 +125,11 @@ class Shift:
         of them acts, as much less sure than the balance as what a search says.
         """
         model, i = self.system.model, self.rotor
+        # half the difference of squared distances: log odds of the loss against the mass
         lead = 0.5 * (self.loss.explained - self.mass.explained)
         share = expit(settings.search.log_odds_slope * lead)
+        # a kilogram at a hub moves the centre of gravity by the hub's place over the mass,
+        # and thrust carries as much more: a thrust scale of minus one over the mass
         per_kg = 1.0 / model.number("mass_kg")
         start = {
             key: model.effects.get(key.split(".")[0], {}).get(key.split(".")[1], 0.0)
@@ -137,6 +141,7 @@ class Shift:
             for a in "xy"
         }
         heavier = [("cg_offset", hub), ("thrust_scale", {"scale": (start[MASS[2]], -per_kg)})]
+        # a mass that hangs would swing, and an attitude that was measured shows that
         heavier += [] if self.swing_seen else [("slung_load", {"mass_kg": (0.0, 1.0)})]
         return [
             _named("weak_rotor", share, lost, self.loss),
@@ -212,6 +217,7 @@ def shift_of(system: System) -> Shift | None:
     if not weighed:
         return None
     loss, mass = _strongest(weighed)
+    # Bonferroni over two causes at every rotor; each of them explains on one side only
     least = ndtri(settings.statistics.chance / (2 * len(weighed))) ** 2
     gained, between = max(loss.explained, mass.explained), abs(loss.explained - mass.explained)
     seen = attitude_measured([r.flight for r in system.flights])
@@ -222,6 +228,7 @@ def _told_apart() -> float:
     """Difference of two squared distances at which the chance of the wrong cause is a healthy
     flight's of being called changed.
     """
+    # chance = 1 / (1 + exp(difference / 2))
     chance = settings.statistics.chance
     return 2.0 * float(np.log(1.0 / chance - 1.0))
 
@@ -239,6 +246,7 @@ def _distance(
         [r.mean_columns(slow, [column[key] for key in keys]) for r in system.flights], axis=0
     )
     x, variance = dict(zip(keys, means.T, strict=True)), variance_of_means(system, slow) / count
+    # doubts are noise of the mean; what differs from flight to flight averages out over them
     covariance = np.diag(variance)
     for key in keys:
         n = nuisance_of(system.columns[column[key]])

@@ -111,6 +111,7 @@ class _Air:
             self.known.reshape(-1, self.known.shape[2]),
             max(float(np.var(self.wind)), settings.numerics.tiny),
         )
+        # singular where a column is nothing, as the profile's without a height: so lstsq
         gram = x.T @ x + np.diag(variance * self.precision)
         return wind - self.known @ np.linalg.lstsq(gram, x.T @ wind.ravel(), rcond=None)[0]
 
@@ -131,6 +132,7 @@ class _Air:
             )
             for at in self.stretches
         ]
+        # the mean of n independent means has their variance over n
         return float(np.mean([m.var(axis=0, ddof=1) / len(m) for m in shorter]))
 
 
@@ -155,10 +157,12 @@ def gusts_of(
     slow, noise = float(np.mean(air.means(left) ** 2)), air.noise(left)
     if slow < settings.detect.gust_variance_ratio * noise:
         return None
+    # F test: two axes of every stretch against what its shorter means have about their own mean
     count = 2 * len(air.stretches)
     parts = settings.detect.gust_mean_s / settings.detect.gust_scatter_s
     chance = float(fdtrc(count, count * (parts - 1.0), slow / noise))
     found = _measured(slow - noise, chance, air, told, system.model)
+    # no news unless clearly stronger than the gusts that are known already
     expected = 0.0 if known is None else {**effect_table.get("gusts").defaults(), **known}[STRENGTH]
     return found if found.ci95[0] > expected else None
 
@@ -199,6 +203,7 @@ def _air(told: Sequence[_Told], model: Model) -> _Air:
     if not told:
         return _Air(np.zeros((0, 2)), np.zeros((0, 2, 6)), np.zeros(6), (), 1)
     first = np.cumsum([0, *(len(t.at) for t in told)])
+    # wind, profile and drag may be anything; a trim is a tilt within its doubt, a share of weight
     tilt = effect_table.get("attitude_bias").parameters[0].doubt
     trim_N = (tilt.sd if tilt else 0.0) * model.weight_N
     return _Air(
@@ -222,6 +227,7 @@ def _known(told: _Told, number: int, flights: int) -> np.ndarray:
         else np.zeros(len(at))
     )
     axes = np.broadcast_to(np.eye(2), (len(at), 2, 2))
+    # a unit force along each body axis, as the wind that would push so
     trims = np.zeros((len(at), 2, 2 * flights))
     trims[:, :, 2 * number : 2 * number + 2] = np.linalg.inv(told.push)
     faster = np.linalg.norm(v, axis=1, keepdims=True) * v
@@ -251,10 +257,12 @@ def _measured(
         for draw in zip(*(_blown(t, model, i) for i, t in enumerate(told)), strict=True)
     ]
     made = np.array([np.mean(air.means(air.less_known(wind)) ** 2) for wind in blown])
+    # wind goes with the strength, its variance with the square: hence a root, and half the error
     strength, spread = (
         float(np.sqrt(excess / made.mean())),
         float(np.std([wind.mean(axis=0) for wind in blown])),
     )
+    # both axes blow independently: squares of what each pushes add up
     push_2 = np.concatenate([(t.push**2).sum(axis=2) for t in told]).mean()
     return Gusts(
         strength,
@@ -269,6 +277,7 @@ def _measured(
 def _blown(told: _Told, model: Model, number: int) -> list[np.ndarray]:
     """Winds (m, 2) of the compiled gusts of unit strength along one flight, by draw."""
     samples = effect_table.Samples.from_columns(motion_of(told.rows.flight, model, {}).columns)
+    # no two flights share a draw: their gusts are independent
     draws = settings.detect.gust_draws
     sets = [{"gusts": {STRENGTH: 1.0, "seed": float(draws * number + k)}} for k in range(draws)]
     said = effect_table.replay_each(model.parameters, samples, sets, model.terrain)

@@ -73,6 +73,7 @@ def sharpened(like: System, variant: Variant) -> Variant:
 
 def _hanging(like: System, variant: Variant) -> Variant:
     best, span, levels = variant, settings.detect.thread_span, settings.detect.load_levels
+    # the second grid spans one step of the first
     for _ in range(2):
         shares = np.geomspace(1.0 / span, span, levels)
         span = shares[1] / shares[0]
@@ -88,6 +89,7 @@ def _hanging(like: System, variant: Variant) -> Variant:
 def _drawn(like: System, variant: Variant) -> Variant:
     flights = like.recordings
     height_m, way = usual_height_m(like.model, flown(flights)), way_out(flights)
+    # a taut thread from this height meets the ground so far behind
     best = Drawn(math.sqrt(max(variant.shape["length_m"] ** 2 - height_m**2, 0.0)), 0.0)
 
     def shaped(load: Drawn) -> Variant:
@@ -102,6 +104,7 @@ def _drawn(like: System, variant: Variant) -> Variant:
         _threads,
         *(_nearby(share) for share in settings.detect.places_nearby),
     ):
+        # the best so far stays in, so that no round loses by it, and first: its noise weighs all
         tried = [best, *options(best, height_m)]
         best = tried[_most_probable(like, [shaped(load) for load in tried])]
     return shaped(best)
@@ -111,6 +114,7 @@ def way_out(flights: Sequence[Prepared]) -> np.ndarray:
     """Horizontal direction in which the flights leave their first places, (2,), of length 1: to
     where half of the way is gone.
     """
+    # a direction even where no flight leaves its place
     total = np.array([settings.numerics.small, 0.0])
     for flight in flights:
         gone = flight.stack("position")[:, :2] - flight.stack("position")[0, :2]
@@ -142,6 +146,7 @@ def _nearby(share: float) -> Callable[[Drawn, float], list[Drawn]]:
 def _most_probable(like: System, variants: Sequence[Variant]) -> int:
     """Number of the variant with most evidence; the noise is what the first of them leaves."""
     system = build(like.recordings, like.model, variants, like)
+    # a load has one amplitude, its mass: as many columns as variants, in their order
     columns = [k for k, c in enumerate(system.columns) if c.variant is not None]
     board = make_board(system, columns[:1])
     listed = entries(board, [Candidate(LOAD, "physics", tuple(variants))])

@@ -125,6 +125,8 @@ class UntoldThrust:
             **effect_table.get("battery_sag").neutral(),
             "sensitivity": float("battery_sag" in names),
         }
+        # T = T_max ((1 - c) u^2 + c u): in hover thrust changes by c (1 / u - 1) of itself;
+        # thrust goes with the square of the top speed
         per_bend = model.number("max_rotor_speed_rad_s") / model.hover_rad_s - 1.0
         thrust = self.excess.value * {SCALE: 1.0, CURVE: per_bend, SPEED: 2.0}[self.key]
         if "thrust_curve" in names:
@@ -152,10 +154,12 @@ def untold_thrust(joint: Joint, system: System) -> UntoldThrust | None:
         if (key.split(".")[0] in rivals or rivals and key == SPEED)
         and (sd := nuisance_of(system.columns[k]).sd)
     }
+    # in sds of what was known: the number farthest off takes the difference upon itself
     far = {key: abs(joint.common.get(key, 0.0)) / sd for key, sd in known.items()}
     key = max(far, key=lambda k: far[k], default=None)
     if key is None or far[key] < settings.statistics.certain_sds:
         return None
+    # a top speed as a share of the file's; a curve is wrong by its form as well
     unit = model.number(SPEED.split(".")[1]) if key == SPEED else 1.0
     value, form = joint.common[key] / unit, settings.estimate.form_error if key == CURVE else 0.0
     sd = math.hypot(joint.common_sd[key] / unit, form * value)

@@ -16,6 +16,7 @@ def log_mass(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Log of the standard normal's mass between two bounds, (s, k) as they are, exact in both
     tails.
     """
+    # mirrored into the lower tail, where the logarithm of the distribution keeps its digits
     low, high = np.where(low > 0, -high, low), np.where(low > 0, -low, high)
     with np.errstate(divide="ignore"):
         return log_ndtr(high) + np.log1p(-np.exp(log_ndtr(low) - log_ndtr(high)))
@@ -42,6 +43,7 @@ def log_mass_within(
     apart = log_mass((low - mean) / sd, (high - mean) / sd)
     with np.errstate(all="ignore"):
         together = _together(low, high, mean, covariance)
+    # all bounds together leave no more than any one of them
     return np.where(
         np.isfinite(together), np.minimum(together, apart.min(axis=1)), apart.sum(axis=1)
     )
@@ -59,9 +61,11 @@ def _together(
         )
         tilt, weight, _ = new - factors[:, :, i]
         factors[:, :, i] = new
+        # Sherman-Morrison: covariance and mean as the factor of one coefficient changes
         along = across / (1.0 + weight * s[:, i, i])[:, None]
         m += along * (tilt - weight * m[:, i])[:, None]
         s -= along[:, :, None] * (across * weight[:, None])[:, None, :]
+    # log of the integral of N(mean, covariance) times all factors
     own = np.linalg.solve(covariance, mean[:, :, None])[:, :, 0]
     shrunk = np.linalg.slogdet(s)[1] - np.linalg.slogdet(covariance)[1]
     return factors[2].sum(axis=1) + 0.5 * (
@@ -80,11 +84,13 @@ def _factor(
     """What stands for the bounds of one coefficient, exp(size + tilt x - weight x^2 / 2), instead
     of what stood there: tilt, weight and size (3, s).
     """
+    # cavity: the coefficient's Gaussian without what stood for its bounds
     own = 1.0 / np.maximum(1.0 / variance - weight, settings.numerics.small / variance)
     at, sd = own * (mean / variance - tilt), np.sqrt(own)
     low, high = (low - at) / sd, (high - at) / sd
     size = log_mass(low, high)
     shift, share = _moments_within(low, high, size)
+    # what is within the bounds, over the cavity, is the new factor: same mass, mean and variance
     there, left = at + sd * shift, own * share
     of_both = 0.5 * (np.log(share) + there**2 / left - at**2 / own)
     return np.stack([there / left - at / own, 1.0 / left - 1.0 / own, size - of_both])
@@ -96,6 +102,8 @@ def _moments_within(
     """Mean and variance of the standard normal between two bounds with this log mass
     between them.
     """
+    # with Z the mass: mean (phi(l) - phi(h)) / Z, variance 1 + (l phi(l) - h phi(h)) / Z - mean^2;
+    # a bound at infinity adds nothing, though infinity times zero is no number
     log_root = 0.5 * math.log(2.0 * math.pi)
     at_low, at_high = (np.exp(-0.5 * x**2 - log_root - size) for x in (low, high))
     ends = [np.where(np.isfinite(x), x, 0.0) * at for x, at in ((low, at_low), (high, at_high))]

@@ -37,6 +37,7 @@ class Gram:
 
     def about(self, columns: np.ndarray, mean: np.ndarray) -> Gram:
         """With the coefficients of k columns counted from a mean (k,)."""
+        # products with y - X mean in the place of y
         moved = self.xx[:, columns] @ mean
         return Gram(
             self.xx,
@@ -51,6 +52,7 @@ class Gram:
         """
         if not len(drop):
             return self
+        # Schur complement: xx - x_d (x_dd + 1 / sd^2)^-1 x_d^T, and so xy and yy
         inner = self.xx[np.ix_(drop, drop)] + np.diag(1.0 / sd**2)
         gain = np.linalg.solve(inner, np.column_stack([self.xx[drop], self.xy[drop]]))
         xx = self.xx - self.xx[:, drop] @ gain[:, :-1]
@@ -91,6 +93,7 @@ def unanswered(part: Part) -> tuple[np.ndarray, np.ndarray]:
     """Columns (n, k) and residuals (n,) weighted down along the answers, so that their products are
     those of :func:`gram_of`.
     """
+    # (1 + A A^T)^(-1/2) for the answers A: 1 / sqrt(1 + s^2) along each left singular vector
     u, size, _ = np.linalg.svd(part.answer, full_matrices=False)
     lost = u * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
     return part.x - lost @ (u.T @ part.x), part.y - lost @ (u.T @ part.y)
@@ -100,6 +103,7 @@ def _without_copies(gram: Gram, inner: np.ndarray, cross: np.ndarray, right: np.
     """Further columns of unit prior sd integrated out: their products with themselves, with the
     columns, with the residual.
     """
+    # Woodbury: (1 + C C^T)^-1 = 1 - C (1 + C^T C)^-1 C^T for the further columns C
     gain = np.linalg.solve(np.eye(len(inner)) + inner, np.column_stack([cross.T, right]))
     return Gram(
         gram.xx - cross @ gain[:, :-1],
@@ -127,6 +131,7 @@ def _with_flight_effects(gram: Gram, varies: np.ndarray, sd: np.ndarray) -> Gram
     """Marginalise a copy of the varying columns, keeping the originals (Woodbury)."""
     if not len(varies):
         return gram
+    # a flight's own deviation is a copy of the column, scaled to unit sd, beside the common one
     return _without_copies(
         gram,
         gram.xx[np.ix_(varies, varies)] * np.outer(sd, sd),
@@ -198,6 +203,7 @@ def posteriors(
     """
     at = np.asarray(sets, dtype=int)
     scale, low, high = prior.sd[at], prior.low[at], prior.high[at]
+    # in units of the prior's sd: the determinant of inner is that of Gamma A, (6) of docs/method.md
     start = prior.mean[at] / scale
     both = scale[:, :, None] * scale[:, None, :]
     xx, xy, known = more or (0.0, 0.0, 0.0)
@@ -205,6 +211,7 @@ def posteriors(
     right = (gram.xy[at] + xy) * scale + start
     covariance = np.linalg.inv(inner)
     mean = np.einsum("sij,sj->si", covariance, right)
+    # the evidence gains the mass that bounds leave of the posterior over that of the prior
     low, high = low / scale, high / scale
     within = log_mass_within(low, high, mean, covariance) - log_mass(low - start, high - start).sum(
         axis=1
@@ -247,6 +254,7 @@ class Board:
         total = self.by_flight[0].scaled(0.0)
         for gram in self.by_flight:
             total = total + gram
+        # what has no doubt over vehicles has nothing to integrate out, and 1 / sd^2 no value
         common = np.array(
             [k for k in self.nuisance if self.prior.sd[k] > 0 and k not in but], dtype=int
         )
@@ -271,6 +279,7 @@ def _sizes(system: System, share: float) -> np.ndarray:
     weight (or of weight times arm) in its greatest channel, and no more than is plausible.
     """
     rms = rms_of(system)
+    # an error of a rangefinder may be as large as its whole, not a share of it
     whole = np.array(
         [
             system.model.whole(name) * (1.0 if name != "range" else 1.0 / share)
@@ -278,6 +287,7 @@ def _sizes(system: System, share: float) -> np.ndarray:
         ]
     )
     with np.errstate(divide="ignore"):
+        # the least over channels is that of the channel where it acts most
         sizes = np.where(rms > 0, share * whole[:, None] / rms, np.inf).min(axis=0)
     return np.array(
         [_plausible(column, size) for column, size in zip(system.columns, sizes, strict=True)]
@@ -291,10 +301,12 @@ def _plausible(column: Column, size: float) -> float:
     if column.variant is None or not np.isfinite(size):
         return 0.0
     a = column.variant.amplitudes[column.amplitude]
+    # about a level the prior is as wide as the level itself
     if a.level:
         return abs(a.level)
     known = effect_table.get(column.variant.effect).parameter(a.parameter)
     plausible = known.plausible or size
+    # half of the room on the wider side: two sds of the prior stay within the bounds there
     return min(
         plausible if known.corrects else min(plausible, size),
         0.5 * max(a.high - a.neutral, a.neutral - a.low),
@@ -323,6 +335,7 @@ def _prior(system: System) -> Prior:
     for k, column in enumerate(system.columns):
         if column.nuisance is not None:
             mean[k], sd[k] = column.nuisance.mean, column.nuisance.sd
+        # it stands right behind the force's part of the same amplitude, and has its scale
         if column.part == "moment":
             sd[k] = sd[k - 1]
     return Prior(mean, sd, low, high)
@@ -330,6 +343,7 @@ def _prior(system: System) -> Prior:
 
 def _bounds(column: Column) -> tuple[float, float, float]:
     """Level, lowest and highest coefficient: about the level, or what the effect's bounds leave."""
+    # a moment's part is not how large the effect is, and the bounds of that say nothing of it
     if column.variant is None or column.part == "moment":
         return 0.0, -np.inf, np.inf
     a = column.variant.amplitudes[column.amplitude]

@@ -57,6 +57,7 @@ def _log_shares(variants: Sequence[tuple[str, int]]) -> list[float]:
     total: dict[str, float] = {}
     for name, places in many:
         total[name] = total.get(name, 0.0) + weight[name, places]
+    # each number of places has its share of the name, which its variants split evenly
     return [math.log(weight[v] / total[v[0]] / many[v]) for v in variants]
 
 
@@ -81,6 +82,8 @@ class Twins:
         evidence of sets of columns ``own`` (s, k): (s, k, k), (s, k), (s,). By the density of their
         posterior there over that of their prior (Dickey 1971).
         """
+        # beside coefficients b the twins are N(mean - moved b, C): the density at zero is Gaussian
+        # in b, and adds moved^T C^-1 moved, moved^T C^-1 mean and a constant
         mean, moved = self.mean[freed], self.moved[freed[:, :, None], own[:, None, :]]
         covariance = self.covariance[freed[:, :, None], freed[:, None, :]]
         solved = np.linalg.solve(covariance, np.concatenate([moved, mean[:, :, None]], axis=2))
@@ -88,6 +91,7 @@ class Twins:
         log_density = -0.5 * (
             np.linalg.slogdet(covariance)[1] + (mean * solved[:, :, -1]).sum(axis=1)
         )
+        # less that of the prior; powers of 2 pi cancel
         gain = log_density + (np.log(sd) + 0.5 * over**2).sum(axis=1)
         turned = moved.transpose(0, 2, 1)
         return turned @ solved[:, :, :-1], (turned @ solved[:, :, -1:])[:, :, 0], gain
@@ -97,6 +101,7 @@ def _twins(gram: Gram, prior: Prior, at: Mapping[str, int]) -> Twins:
     """Of normal equations in which they are left."""
     columns = np.array(list(at.values()), dtype=int)
     mean, sd = prior.mean[columns], prior.sd[columns]
+    # all other nuisances are integrated out by now, the twins about their prior mean here
     covariance = np.linalg.inv(gram.xx[np.ix_(columns, columns)] + np.diag(1.0 / sd**2))
     found = mean + covariance @ gram.about(columns, mean).xy[columns]
     return Twins(
@@ -151,6 +156,7 @@ class Scales:
         """Which sets, their columns and their posteriors, those with as many columns and freed
         nuisances at once.
         """
+        # sets of one shape are one stack of matrices; few enough at once for the memory
         alike: dict[tuple[int, int], list[tuple[int, tuple[int, ...], tuple[int, ...]]]] = {}
         for i, chosen in enumerate(sets):
             own = tuple(itertools.chain.from_iterable(e.columns for e in chosen))

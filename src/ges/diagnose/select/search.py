@@ -72,6 +72,7 @@ def size_of(names: Sequence[str]) -> int:
 def _log_prior(names: Sequence[str], count: int) -> float:
     """Of one set of this size among all of them."""
     size = size_of(names)
+    # (7) of docs/method.md: all sets of one size share the prior of that size
     return float(
         np.log(settings.search.size_probabilities[size]) - np.log(max(1, math.comb(count, size)))
     )
@@ -106,6 +107,7 @@ def _sets_of(
     out = {}
     for (names, members), top, found in zip(grouped.items(), best, on.weigh(best), strict=True):
         prior, rarity = _log_prior(names, count), log_rarity(names)
+        # mean over variants by their shares, among those alone that were weighed
         mean = np.logaddexp.reduce(weight[members]) - np.logaddexp.reduce(share[members])
         total = float(mean) + prior + rarity
         out[names] = Hypothesis(names, tuple(e.number for e in top), found, total, log_prior=prior)
@@ -130,6 +132,7 @@ def search(board: Board, candidates: Sequence[Candidate], base: Sequence[str] = 
         p for p in itertools.combinations(listed, 2) if p[0].name != p[1].name
     ]
     found |= _sets_of(on, [c for c in combos if _compatible([e.name for e in c], base)], count)
+    # beam: a larger set has one of the best sets so far, with its best variants, and one name more
     for size in range(2, len(settings.search.size_probabilities) - 1):
         grown = [h for h in found.values() if len(h.names) == size]
         top = sorted(grown, key=lambda h: -h.log_evidence)[: settings.search.beam]
@@ -156,6 +159,7 @@ def over_plain(board: Board, candidates: Sequence[Candidate], best: Hypothesis) 
         [next(e for e in listed if e.number == i) for i in best.variants],
     )
     plain = [e for e in listed if not modifiers_of(_variant_of(board, e))]
+    # what nothing modifies stays; for each of the others all plain variants of its name
     options = [
         [e] if e in plain else [other for other in plain if other.name == e.name] for e in chosen
     ]
@@ -178,6 +182,7 @@ def exactly(board: Board, candidates: Sequence[Candidate]) -> Search:
     chosen = [on.best([(e,) for e in options])[0] for options in by_name]
     if not chosen:
         return _normalised([Hypothesis((), (), Posterior.of_nothing(), 0.0)])
+    # coordinate ascent: what is best alone need not be best beside the others
     for _ in range(2):
         for i, options in enumerate(by_name):
             chosen = [*on.best([[*chosen[:i], e, *chosen[i + 1 :]] for e in options])]
@@ -193,6 +198,7 @@ def _normalised(found: list[Hypothesis]) -> Search:
     weighed = [
         dataclasses.replace(h, probability=float(np.exp(h.log_evidence - total))) for h in found
     ]
+    # names decide between equals, not the order in which sets were tried
     weighed.sort(key=lambda h: (-h.log_evidence, h.names))
     names = {n for h in weighed for n in h.names}
     inclusion = {

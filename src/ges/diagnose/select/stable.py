@@ -33,6 +33,7 @@ def search_until_stable(
     more from the noise without that, and stays if just that is then found.
     """
     found = _settled(board, (), candidates, base, only)
+    # where names are given, no other can be hidden
     for _ in range(settings.numerics.noise_rounds if only is None else 0):
         again = _bolder(found[0], found[2], candidates, base)
         if again is None:
@@ -70,6 +71,7 @@ def _settled(
         found = search(board, candidates, base) if only is None else exactly(board, candidates)
         sure = [n for n in found.best.names if found.inclusion[n] > 0.5]
         now = _pick(found.best, sure, board)
+        # what was found leaves just the noise that it was found in
         if set(now) == set(chosen):
             break
         chosen = now
@@ -106,6 +108,7 @@ def _hidden(
     share = np.max(
         [_explained(system, c, left_over(system, c, chosen), listed) for c in channels], axis=0
     )
+    # most explained first: of an effect the first variant that comes is its best
     best: dict[str, Variant] = {}
     count = np.count_nonzero(share > 0.5)
     for i in np.argsort(-share, kind="stable")[:count]:
@@ -131,6 +134,8 @@ def _explained(
     for e, r in zip(left, system.flights, strict=True):
         good = np.isfinite(e)
         x = r.x.of(channel, listed)[good]
+        # about each flight's mean, which is no part of what is left
         x, y = x - x.mean(axis=0), e[good] - e[good].mean()
         xy, xx, yy = xy + x.T @ y, xx + (x**2).sum(axis=0), yy + float(y @ y)
+    # squared correlation, pooled over the flights
     return xy**2 / np.maximum(xx * yy, settings.numerics.tiny)
