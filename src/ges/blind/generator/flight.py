@@ -121,7 +121,7 @@ class Bench:
         self.theta = rotor.blade_pitch(self.ct, hid["blade_s"])
         # momentum theory in hover, v_h = sqrt(T / (2 rho A)), a quarter of the weight a rotor
         self.v_h = np.sqrt(self.weight / (8.0 * RHO_KG_M3 * self.disc))
-        # a vehicle in which no effect reads the inflow keeps the declared law T = k w^2
+        # a vehicle in which no effect reads the inflow keeps the plain law T = k w^2
         self.breathes = ((hid["axial"] + hid["edgewise"] + hid["image_gain"]) > 0.0).astype(float)
         self.near = np.flatnonzero((hid["image_gain"] > 0.0) | (hid["fountain"] > 0.0))
 
@@ -434,7 +434,7 @@ class Simulation:
         force, moment = self._sum_rotors(w, drag_xy, thrust)
         more, twist = self._extras(w, thrust, air_body)
         force, moment = force + more, moment + twist
-        # what exceeds the declared law is taken before the turbulence, which is no effect's doing
+        # what exceeds T = k w^2 is taken before the turbulence, which is no effect's doing
         plain = b.true["thrust"] * w * w
         extra = (
             force - np.stack([0.0 * plain[0], 0.0 * plain[0], plain.sum(axis=0)]),

@@ -205,7 +205,7 @@ def draw_case(spec: Spec, grid: str, seed: int, attempt: int = 0) -> Case:
     After every :data:`ATTEMPTS` of them less is concealed: what a vehicle cannot fly with is not to
     be found in any log.
     """
-    # first the same secret flown gentler, then a weaker one
+    # first flown gentler at the same severity, then with less concealed
     eased = tuple(max(0, level - attempt // ATTEMPTS) for level in spec.levels)
     spec = replace(spec, levels=eased)
     around = draw_circumstances(spec, grid, seed)
