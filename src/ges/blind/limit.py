@@ -143,7 +143,6 @@ def _gram(
     size = len(names) + len(shared) + len(biases) * len(paths)
     gram = np.zeros((size, size))
     for number, path in enumerate(paths):
-        # changes and declared doubts are the same in all flights, biases are each flight's own
         columns = [path.changes.get(n, {}) for n in names]
         columns += [path.doubts[n][1] if n in path.doubts else {} for n in shared]
         columns += [{c: np.broadcast_to(v, (len(path.thrust_N), len(v)))} for c, v, _ in biases]

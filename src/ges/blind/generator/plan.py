@@ -126,7 +126,6 @@ def low_runs(room: Room, rng: np.random.Generator) -> np.ndarray:
 
 def _out_and_back(t: np.ndarray, speeds: np.ndarray) -> np.ndarray:
     """Legs of equal length at the given speeds, within reach, as a coordinate along a line."""
-    # legs of equal length: a slower one takes longer
     weights = 1.0 / np.abs(speeds)
     edges = np.cumsum(weights / weights.sum()) * t[-1]
     speed = speeds[np.minimum(np.searchsorted(edges, t), len(speeds) - 1)]
