@@ -98,6 +98,7 @@ def log_likelihood_ratios(
         return {"whole": 0.0, "without": {}}
     gram, doubt_sd = _gram(paths, body, noise, names)
     k = len(names)
+    # columns are the true changes, so that the truth has ones; doubts are there to explain it away
     whole = np.concatenate([np.ones(k), np.zeros(len(gram) - k)])
     free = {n: np.array([AMPLITUDE_SD * (n != m) for m in names]) for n in names}
     none = np.concatenate([np.zeros(k), doubt_sd])
@@ -122,6 +123,7 @@ def _distance(gram: np.ndarray, signal: np.ndarray, sd: np.ndarray) -> float:
     """Return s' (I + N P N')^-1 s of columns with this Gram matrix, by the matrix inversion
     lemma, in units in which every doubt is one."""
     doubtful = np.flatnonzero(sd)
+    # s' s - s' N (P^-1 + N' N)^-1 N' s, P scaled to one
     scaled = gram[:, doubtful] * sd[doubtful]
     inner = np.eye(len(doubtful)) + scaled[doubtful] * sd[doubtful, None]
     seen = signal @ scaled
@@ -162,6 +164,7 @@ def _biases(noise: Noise) -> list[tuple[str, np.ndarray, float]]:
 
 def _flight_gram(path: Path, body: Body, noise: Noise, columns: Sequence[Change]) -> np.ndarray:
     n = len(path.thrust_N)
+    # a channel that a change leaves out is zero there
     parts = {
         c: np.stack([np.broadcast_to(one.get(c, 0.0), (n, w)) for one in columns], axis=-1)
         for c, w in CHANNELS.items()
@@ -186,6 +189,7 @@ def _flight_gram(path: Path, body: Body, noise: Noise, columns: Sequence[Change]
         readings = np.stack([parts["attitude_rad"][:, axes], parts["rate_rad_s"][:, axes]], axis=1)
         gram += model.gram(turn[:, axes], readings)
     if np.isfinite(noise.speed_share):
+        # speeds and ranges have white noise alone, so that no filter is needed
         sd = noise.speed_share * np.maximum(path.speed_rad_s, 1.0)
         gram += _white_gram(parts["speed_rad_s"] / sd[:, :, None])
     if np.isfinite(noise.range_m):
@@ -205,6 +209,7 @@ def _white_gram(rows: np.ndarray) -> np.ndarray:
 def _thrust_noise(path: Path, body: Body) -> dict[str, np.ndarray]:
     """Return sds of acceleration (world, 3) and angular acceleration (3,) that unknown rotor speeds
     between the samples make."""
+    # thrust goes with w^2, so dT / T = 2 dw / w
     share = 2.0 * path.speed_error_rad_s / np.maximum(path.speed_rad_s, 1.0)
     each = path.thrust_N * share
     upright = path.rotation[:, :, 2]
@@ -224,6 +229,7 @@ def _translation(path: Path, noise: Noise, level: bool, shaken: float) -> _Filte
     # white errors of the attitude, a new one every sample, tilt the known thrust
     tilt = GRAVITY_M_S2 * noise.attitude_rad if level else 0.0
     model.process[v] = path.step_s**2 * (tilt**2 + shaken**2)
+    # the air's push is read by the accelerometer, too: the same states drive both
     air = [model.drift(sd, time, airborne=True) for sd, time in path.air.acceleration_m_s2]
     for state in air:
         model.transition[v, state] = path.step_s
@@ -233,6 +239,7 @@ def _translation(path: Path, noise: Noise, level: bool, shaken: float) -> _Filte
     pose = np.arange(len(path.thrust_N)) % noise.pose_every == 0
     model.reading(noise.position_m, (p, model.drift(*noise.position_drift)), pose)
     model.reading(noise.velocity_m_s, (v, model.drift(*noise.velocity_drift)), pose)
+    # the rotors' tones, folded down by the sampling, count as white
     tones = VIBRATION_RMS * noise.vibration_m_s2
     model.reading(float(np.sqrt(noise.acceleration_m_s2**2 + tones**2 + shaken**2)), air)
     return model
@@ -325,6 +332,7 @@ class _Filter:
         for k in range(self.n):
             if steady is None:
                 gain, root, after = self._update(covariance, seen, k)
+                # the Riccati recursion has converged: from here on gain and root stay the same
                 moved = np.abs(after - covariance).max()
                 if self._constant and moved <= self.CONVERGED * np.abs(after).max():
                     steady = k
@@ -345,14 +353,17 @@ class _Filter:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return gain, the innovations' whitening root, and the covariance one step on."""
         s, step = self.size, self.transition[: self.size, : self.size]
+        # a sensor without a sample at this time has neither gain nor innovation
         live = np.array([when[k] for _, _, when in self.readings])
         part = seen[live]
         cross = covariance @ part.T
+        # S = H P H' + I in units of the readings' noise; L^-1 of S = L L' whitens the innovation
         inner = part @ cross + np.eye(len(part))
         solved = np.linalg.solve(inner, cross.T).T
         gain, root = np.zeros((s, len(live))), np.zeros((len(live),) * 2)
         gain[:, live] = solved
         root[np.ix_(live, live)] = np.linalg.inv(np.linalg.cholesky(inner))
+        # P = F (P - K H P) F' + Q, where only the air's part of Q follows the level of the air
         level = 1.0 if self.level is None else self.level[k]
         process = self.process[:s] + self.airborne[:s] * level**2
         after = step @ (covariance - solved @ cross.T) @ step.T + np.diag(process)

@@ -80,12 +80,15 @@ def agreements(frame: pd.DataFrame) -> list[Agreement]:
         turned = Rotation.from_quat(q, scalar_first=True)
         valid = np.isfinite(value[QUATERNION]).all(axis=1)
         if has[BODY_RATE]:
+            # body rates: log(q_k* q_k+1) / dt
             step = (turned[:-1].inv() * turned[1:]).as_rotvec() / _STEP_S
             turning = np.vstack([step, step[-1:]])
+            # a turn needs both of its attitudes
             turning[~(valid & np.r_[valid[1:], False])] = np.nan
             found += _pairs("{} and the turning of the attitude", BODY_RATE, value, turning)
         if has[VELOCITY] and has[SPECIFIC_FORCE]:
             force = np.where(np.isfinite(value[SPECIFIC_FORCE]), value[SPECIFIC_FORCE], 0.0)
+            # dv/dt = R f - g e_z
             world = turned.apply(force) - [0.0, 0.0, GRAVITY_M_S2]
             world[~(valid & np.isfinite(value[SPECIFIC_FORCE]).all(axis=1))] = np.nan
             speeding = {VELOCITY: np.gradient(value[VELOCITY], _STEP_S, axis=0)}
@@ -102,6 +105,7 @@ def agreements(frame: pd.DataFrame) -> list[Agreement]:
     if has[SPECIFIC_FORCE]:
         for names, power in ((ROTOR_SPEED, 2), (COMMAND, 1)):
             if all(n in frame for n in names):
+                # speeds first: thrust goes with their square, whatever the drive does
                 push = (_on(grid, frame, names) ** power).sum(axis=1)
                 along = value[SPECIFIC_FORCE][:, 2]
                 what = f"acc_z_m_s2 and {'squared rotor speeds' if power == 2 else 'commands'}"
@@ -119,6 +123,7 @@ def _on(grid: np.ndarray, frame: pd.DataFrame, names: tuple[str, ...]) -> np.nda
         t = t_s[finite]
         if len(t) > 1:
             after = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
+            # a line across a long gap would be no sample
             near = (t[after] - t[after - 1] < _LONGEST_GAP_S) & (grid >= t[0]) & (grid <= t[-1])
             out[:, k] = np.where(near, np.interp(grid, t, values[finite]), np.nan)
     return out
@@ -137,6 +142,7 @@ def _pair(what: str, a: np.ndarray, b: np.ndarray) -> list[Agreement]:
     if both.sum() < _FEWEST:
         return []
     a, b = (
+        # gaps are bridged for the filter alone; only what both had is compared
         gaussian_filter1d(
             np.interp(np.arange(len(x)), np.flatnonzero(both), x[both]), _SMOOTH_S / _STEP_S
         )[both]

@@ -130,6 +130,7 @@ def _turning(frame: pd.DataFrame) -> np.ndarray:
     q = frame[list(QUATERNION)].to_numpy(dtype=float)
     good = np.isfinite(q).all(axis=1) & (np.linalg.norm(q, axis=1) > 0)
     turned = Rotation.from_quat(np.where(good[:, None], q, [1.0, 0.0, 0.0, 0.0]), scalar_first=True)
+    # body rates: log(q_k* q_k+1) / dt
     rates = (turned[:-1].inv() * turned[1:]).as_rotvec() / np.diff(
         frame["t_s"].to_numpy(dtype=float)
     )[:, None]
@@ -159,6 +160,7 @@ def _contradiction(name: str, frame: pd.DataFrame, hover_rad_s: float) -> str | 
 
 def _too_fast(frame: pd.DataFrame, hover_rad_s: float) -> str | None:
     speeds = [c for c in frame if c.startswith("rotor_speed_") and unit_of(c)]
+    # a quantile, as single spikes are no wrong unit
     top = max((float(np.nanquantile(frame[c], 0.95)) for c in speeds), default=0.0)
     if top > _FAR * hover_rad_s:
         return (
@@ -171,6 +173,7 @@ def _too_fast(frame: pd.DataFrame, hover_rad_s: float) -> str | None:
 def _wrong_force(frame: pd.DataFrame) -> str | None:
     if not all(name in frame for name in SPECIFIC_FORCE):
         return None
+    # flying at all, the accelerometer reads g upwards most of the time
     size = float(np.nanmedian(np.linalg.norm(frame[list(SPECIFIC_FORCE)], axis=1)))
     if 0 < size < _LOWEST_FORCE_M_S2:
         return (
@@ -210,6 +213,7 @@ def _wrong_velocity(frame: pd.DataFrame) -> str | None:
     for position, velocity in zip(POSITION, VELOCITY, strict=True):
         if position not in frame or velocity not in frame:
             continue
+        # smoothed, as a position's noise would drown its derivative
         p, v = (
             frame[c].interpolate().rolling(_over(t_s), center=True).mean().to_numpy()
             for c in (position, velocity)
@@ -239,6 +243,7 @@ def _over(t_s: np.ndarray) -> int:
 def _implausible(name: str, column: str, values: np.ndarray) -> str | None:
     for prefix, bound, hint in _PLAUSIBLE:
         if column.startswith(prefix) and unit_of(column):
+            # a quantile, as single spikes are no wrong unit
             size = float(np.nanquantile(np.abs(values), 0.95))
             return (
                 f"{name}: {column} reaches {size:g} {unit_of(column)}: {hint}"

@@ -155,6 +155,7 @@ def load(path: Path | None = None) -> ct.CDLL:
             f"{path.name} has interface {library.ges_abi()}, this package needs {ABI}; run 'make"
             " build'"
         )
+    # a count is a Python int, which ctypes passes as a C int unless told it is one of 64 bits
     library.ges_rows.argtypes = [_double_p]
     library.ges_replay.argtypes = [
         _double_p,
@@ -272,6 +273,7 @@ def pack_grid(x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> CGrid:
     grid = CGrid(
         len(x_m), len(y_m), x_m[0], y_m[0], x_m[1] - x_m[0], y_m[1] - y_m[0], _pointer(z_m)
     )
+    # the struct holds a bare address
     grid.kept = z_m
     return grid
 
@@ -289,6 +291,7 @@ def fly(
     library, kept, batch = load(), [], (CFlight * len(flights))()
     for c, (parameters, effects, grid, inputs) in zip(batch, flights, strict=True):
         parameters = contiguous(parameters)
+        # what is not reached, behind a state that stopped being finite, stays NaN
         out = np.full((max(library.ges_rows(_pointer(parameters)), 0), len(columns)), np.nan)
         c.parameters, c.effects, c.grid, c.out, c.n_rows = (
             _pointer(parameters),
@@ -300,6 +303,7 @@ def fly(
         if inputs is not None:
             inputs = contiguous(inputs)
             c.inputs, c.n_inputs = _pointer(inputs), len(inputs)
+        # the C structs hold bare addresses: the arrays must live until the batch is flown
         kept.append((parameters, out, inputs, grid))
     _checked(
         library.ges_fly,

@@ -240,6 +240,7 @@ def _doubt(d: _lib.CDoubt) -> Doubt | None:
 
 
 def _parameter(p: _lib.CEffectParameter) -> Parameter:
+    # C leaves what a descriptor does not say at 0: then a fit has the parameter's own bounds
     narrower = p.fit_low != 0.0 or p.fit_high != 0.0
     return Parameter(
         name=_text(p.name),
@@ -302,6 +303,7 @@ def _effect(number: int, info: _lib.CEffectInfo) -> Effect:
         about=ABOUT[info.about],
         feedback=FEEDBACK[info.feedback],
         hints=frozenset(hint for hint, bit in HINTS.items() if info.hints & bit),
+        # not said in C is 0, and an effect is then as rare as any
         rarity=info.rarity or 1.0,
         needs=_words(info.needs),
         through=_words(info.through),
@@ -366,6 +368,7 @@ class Samples:
             raise UsageError("samples need a column t_s")
         rows = cls.columns()
         data = np.zeros((len(rows), len(values["t_s"])))
+        # level attitude; a battery of 0 V would be a reading, NaN is none
         data[rows["q_w"]] = 1.0
         data[rows["battery_V"]] = np.nan
         for name, row in rows.items():
@@ -490,6 +493,7 @@ def evaluate(
             f"effect {name} is already switched on; change its parameters instead of adding it"
             " again"
         )
+    # evaluated beside what is on, since a modifier alone adds nothing
     with_it = replay(parameters, samples, {**base, name: values}, terrain)
     without = replay(parameters, samples, base, terrain)
     return Replay(with_it.data - without.data)

@@ -179,6 +179,7 @@ def fly(
     flown = _lib.fly([_packed(f) for f in flights], numbers, lanes)
     seeds = [int(f.numbers().get("seed", parameters()["seed"].default)) for f in flights]
     return [
+        # the library gives a row a sample; a column has to be contiguous for what reads it alone
         Record(
             dict(zip(names, np.ascontiguousarray(out.T), strict=True)),
             seed,
@@ -203,6 +204,7 @@ def write_script(
                 "ges_sim takes flat or procedural ground; this flight has a height map"
             )
         lines.append("flight")
+        # hexadecimal floats lose no bit
         lines += [f"{name} = {float(value).hex()}" for name, value in flight.numbers().items()]
         for name, values in flight.effects.items():
             lines.append(f"effect {name}")

@@ -47,6 +47,7 @@ def _along(t: np.ndarray, knots_s: list[float], points: np.ndarray) -> np.ndarra
     start, length = np.asarray(knots_s)[leg], np.diff(knots_s)[leg]
     s = np.clip((t - start) / length, 0, 1)[:, None]
     step, length = (points[leg + 1] - points[leg]), length[:, None]
+    # s^3 (10 - 15 s + 6 s^2) has no velocity and no acceleration at both ends
     table[:, 0:3] = points[leg] + step * (10 * s**3 - 15 * s**4 + 6 * s**5)
     table[:, 3:6] = step / length * (30 * s**2 - 60 * s**3 + 30 * s**4)
     table[:, 6:9] = step / length**2 * (60 * s - 180 * s**2 + 120 * s**3)
@@ -64,6 +65,7 @@ def height_staircase(
     """Down and up through a ladder of heights, holding each: ground effect against mass,
     rangefinder and inflow; a table (n, 14).
     """
+    # the ground's effect falls off with height: equal ratios, not equal steps
     ladder = np.geomspace(high_m, low_m, 6)
     heights = np.concatenate([ladder, ladder[-2::-1]])
     moves = np.repeat(heights, 2)
@@ -105,6 +107,7 @@ def yaw_turn(duration_s: float = 30.0, height_m: float = 1.0) -> np.ndarray:
     (n, 14).
     """
     table = hover(duration_s, height_m)
+    # at rest for a twelfth of the time before and after the turn
     table[:, 9] = np.clip(_times(duration_s) / duration_s * 1.2 - 0.1, 0, 1) * 2 * np.pi
     return table
 
@@ -117,7 +120,9 @@ def multisine(
     """
     table, t, lines = hover(duration_s, height_m), _times(duration_s), 6
     for axis in range(4):
+        # every fourth line belongs to an axis, so that axes share no frequency
         harmonics = 10 + axis + 4 * np.arange(lines)
+        # Schroeder's phases keep the peak of the sum low
         phases = np.pi * np.arange(lines) ** 2 / lines
         waves = np.sin(2 * np.pi * np.outer(t, harmonics / duration_s * 1.0) + phases)
         table[:, 10 + axis] = (

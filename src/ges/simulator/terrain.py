@@ -41,6 +41,7 @@ class _Xorshift32:
     """Marsaglia 2003, as in sim_c/core/random.h."""
 
     def __init__(self, seed: int) -> None:
+        # SplitMix64 spreads neighbouring seeds apart; | 1, as a state of 0 would stay 0
         z = (seed + 0x9E3779B97F4A7C15) & _MASK64
         z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & _MASK64
         z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & _MASK64
@@ -82,6 +83,7 @@ def _draw_feature(
     draw: _Xorshift32, shape: ProceduralShape, slot: float, i: int
 ) -> tuple[float, ...]:
     lx = slot * draw.between(0.25, 0.49)
+    # each feature stays within its slot, so that no more than one is under any point
     xc = slot * (float(i) + 0.5) + (0.499 * slot - lx) * draw.between(-1.0, 1.0)
     ly = 0.5 * draw.between(shape.terrain_width_min_m, shape.terrain_width_max_m)
     yc = ly * draw.between(-0.3, 0.3)
@@ -216,11 +218,13 @@ class Terrain:
                 "this terrain takes the seed of its flight; name a seed to look at it alone"
             )
         layout = _layout(self.seed, self.shape)
+        # the edge between two slots that is nearest, then the side of it
         left = np.rint(x * (1.0 / layout.slot_m)) - 1.0
         edge = (left + 1.0) * layout.slot_m
         slot = left + (x >= edge)
         inside = (slot >= 0) & (slot < len(layout.features))
         f = layout.features[np.where(inside, slot, 0).astype(int)]
+        # outside all slots a feature without height
         f = np.where(inside[..., None], f, np.array([0.0, 1.0, 0.0, 1.0, 0.0, 0.0]))
         ground = _add_feature(f, x, y, self.z_m)
         for wave in layout.waves:
@@ -243,9 +247,11 @@ class Terrain:
             np.clip((x - x_m[0]) / dx, 0.0, nx - 1.0),
             np.clip((y - y_m[0]) / dy, 0.0, ny - 1.0),
         )
+        # the last cell holds the upper edge, too
         ix, iy = np.minimum(fx.astype(int), nx - 2), np.minimum(fy.astype(int), ny - 2)
         u, v = fx - ix, fy - iy
         z00, z01, z10, z11 = z[iy, ix], z[iy, ix + 1], z[iy + 1, ix], z[iy + 1, ix + 1]
+        # bilinear: the slope is that of the cell, its Laplacian is zero
         south, north = z00 + u * (z01 - z00), z10 + u * (z11 - z10)
         west, east = z00 + v * (z10 - z00), z01 + v * (z11 - z01)
         height = self.z_m + (south + v * (north - south))
@@ -257,6 +263,7 @@ def _add_feature(f: np.ndarray, x: np.ndarray, y: np.ndarray, z: float) -> tuple
     s, t = (x - xc) * ilx, (y - yc) * ily
     (b, b1, b2), (q, q1, q2) = _bump(s), _bump(t)
     a = a0 + a1 * s
+    # Leibniz' rule for p = (a0 + a1 s) b(s)
     p1, p2, p = a1 * b + a * b1, 2.0 * a1 * b1 + a * b2, a * b
     return (
         z + p * q,
@@ -272,6 +279,7 @@ def _add_wave(
     height, gx, gy, laplacian = ground
     u = x * w[0] + y * w[1] + w[2]
     t = u - np.rint(u)
+    # a quintic for the sine: 0 at t = +-1/2 with equal slopes and no curvature there, so it joins
     t2 = t * t
     slope = amplitude * (7.0 + t2 * (-120.0 + 240.0 * t2))
     return (

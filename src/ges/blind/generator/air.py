@@ -44,6 +44,7 @@ def turbulence(
     weather: Weather, n: int, dt: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return six rows (6, n) of turbulence of unit sd and its level (n,)."""
+    # several time scales add up; the level then makes their sum uneven, the same for all six rows
     rows = sum(share * coloured((6, n), dt, time, rng) for share, time in weather.scales)
     level = np.full(n, weather.strength)
     if not weather.usual:
@@ -63,6 +64,7 @@ def log_profile(height: np.ndarray) -> np.ndarray:
 
 def dryden_lengths(height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (L_u, L_w) in metres; below 10 ft the values of 10 ft."""
+    # the standard states its lengths in feet
     feet = np.maximum(height / FOOT_M, 10.0)
     return FOOT_M * feet / (0.177 + 0.000823 * feet) ** 1.2, FOOT_M * feet
 
@@ -83,6 +85,7 @@ def step_gusts(
     speed = np.maximum(airspeed, 1.0)
     long, vert = dryden_lengths(height)
     out = np.empty_like(state)
+    # the noise that keeps the variance at sigma^2 whatever the step
     keep = np.exp(-dt * speed / long)
     out[0] = keep * state[0] + sigma * np.sqrt(1.0 - keep**2) * noise[0]
     for row, length, share, shock in ((1, long, 1.0, noise[1]), (3, vert, 0.5, noise[2])):
@@ -106,6 +109,7 @@ def _second_order(
     root3 = np.sqrt(3.0)
     keep = np.exp(-dt / time)
     x2 = inner
+    # only the output and x2 are kept; x1 follows from them
     x1 = (y - (1.0 - root3) * x2) / root3
     scale = sigma * np.sqrt(0.5)
     x1_new = keep * x1 + scale * np.sqrt(1.0 - keep**2) * shock

@@ -114,9 +114,11 @@ def draw_airframe(size: str, rng: np.random.Generator) -> Airframe:
         "thrust": thrust,
         "torque": thrust * (0.15 * radius + 0.0035),
         "lag": lag,
+        # thrust over weight of 1.9 to 2.4 at top speed
         "speed": hover * np.sqrt(rng.uniform(1.9, 2.4)),
     }
     layout = LAYOUTS[rng.integers(len(LAYOUTS))]
+    # an X layout: each hub as far ahead as aside
     lever = round(float(arm / np.sqrt(2.0)), 4)
     return Airframe(
         size=size,

@@ -38,6 +38,7 @@ def slung_load(
     line = away / length
     stretch = length - hid["rope_m"]
     closing = ((load_v - v) * line).sum(axis=0)
+    # spring and damper over the load's mass, so that one rate suits loads of all sizes
     pull = np.maximum(ROPE_RATE_RAD_S**2 * stretch + 0.6 * ROPE_RATE_RAD_S * closing, 0.0) * (
         stretch > 0.0
     )
@@ -59,6 +60,7 @@ def tether(
     height = np.maximum(p[2] - under, 0.0)
     hanging = weight_N_m * np.sqrt(height * height + 2.0 * sag_m * height)
     away = np.sqrt(p[0] * p[0] + p[1] * p[1])
+    # a catenary's horizontal tension is the same all along; tanh lets it turn smoothly at 0
     drawn = -weight_N_m * sag_m * np.tanh(away / 0.3) / np.maximum(away, 1e-6)
     return np.stack([drawn * p[0], drawn * p[1], -hanging])
 
@@ -75,6 +77,7 @@ def patches(p: np.ndarray, v: np.ndarray, hid: Mapping[str, np.ndarray]) -> np.n
     """Return the world force of what sits at a place: magnet, updraft column, wall."""
     dx, dy = p[0] - hid["magnet_x_m"], p[1] - hid["magnet_y_m"]
     near = np.exp(-(dx * dx + dy * dy) / hid["magnet_width_m"] ** 2)
+    # 2.3 is about sqrt(2 e), which makes the peak of r exp(-r^2) one: the pull at most is magnet_N
     pull = 2.3 * hid["magnet_N"] * near / hid["magnet_width_m"]
     to_wall = np.maximum(1.2 - p[1], 0.15)
     return np.stack(
@@ -89,12 +92,14 @@ def strangers(
     hatch.
     """
     hid = b.hid
+    # the ring forms when the vehicle sinks into its own wake, at a share of the induced velocity
     sink = np.clip(-air_body[2] / b.v_h - 0.06, 0.0, 0.4) / 0.15
     total = thrust.sum(axis=0)
     speed = np.sqrt(air_body[0] ** 2 + air_body[1] ** 2)
     slam = hid["hatch_N"] * (np.tanh(6.0 * (speed - 1.4)) + 1.0) / 2.0
     force = np.stack([-slam, 0.0 * slam, -hid["buffet"] * sink * total * (0.6 + 0.5 * noise)])
     up = hid["pitch_up_s_m"] * b.weight * b.arm
+    # a rear rotor flies in the wake of the one ahead, and loses thrust with the speed
     behind = np.where(b.rx * air_body[0] < 0.0, 1.0, 0.0)
     loss = hid["interference"] * np.tanh(np.abs(air_body[0]) / 2.0) * behind * thrust
     force[2] -= loss.sum(axis=0)
@@ -116,5 +121,6 @@ def contact(s: State, r: np.ndarray, under: np.ndarray, b: Bench) -> tuple[np.nd
     touching = (depth > 0.0).astype(float)
     push = touching * np.maximum(b.mass * (2500.0 * depth - 60.0 * s.v[2]), 0.0)
     force = np.stack([-20.0 * touching * b.mass * s.v[0], -20.0 * touching * b.mass * s.v[1], push])
+    # a landing gear stands the vehicle upright: it turns about z x up, body frame
     level = np.stack([-r[2, 1], r[2, 0], 0.0 * push])
     return force, touching * (150.0 * level - 20.0 * s.omega)

@@ -125,6 +125,7 @@ def image_sum_at(craft: Airframe, x: float) -> float:
     v_i).
     """
     h, lever = x * craft.radius_m, abs(craft.rotor_x_m[0])
+    # image of the rotor itself, of two neighbours and of the one across
     squares = np.array([0.0, 2.0 * lever, 2.0 * lever, 2.0 * np.sqrt(2.0) * lever]) ** 2
     return float((craft.radius_m**2 / 4.0 * 2.0 * h / (squares + 4.0 * h * h) ** 1.5).sum())
 
@@ -167,9 +168,12 @@ def _ground_effect(craft: Airframe, level: int, rng: np.random.Generator) -> dic
     gain_at_one_radius = _pick(level, (0.05, 0.10, 0.20), rng)
     tip = craft.hover_speed_rad_s * craft.radius_m
     ct = weight_N(craft) / (4.0 * RHO_KG_M3 * np.pi * craft.radius_m**2 * tip**2)
+    # upwash u (over v_i) gives dC_T / C_T = slope u, with slope = s lam / (4 C_T)
     lam, s = np.sqrt(ct / 2.0), NEUTRAL["blade_s"]
     slope = s * lam / (4.0 * ct)
+    # more thrust draws more inflow, v_i ~ sqrt(T): gain (1 + slope / 2) = slope u
     upwash = gain_at_one_radius * (1.0 + 0.5 * slope) / slope
+    # undo ``ground.saturate``, which is applied to the gain times the images' sum
     return {"image_gain": upwash / (1.0 - min(upwash / 0.75, 0.8)) / image_sum_at(craft, 1.0)}
 
 
@@ -212,6 +216,7 @@ def _thrust_curve(craft: Airframe, level: int, rng: np.random.Generator) -> dict
 
 
 def _saturation(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+    # the ceiling lies at this thrust over weight; thrust goes with the square of the speed
     hover_u = craft.hover_speed_rad_s / craft.true["speed"]
     return {"ceiling_u": hover_u * np.sqrt(_pick(level, (1.5, 1.35, 1.24), rng, 0.02))}
 
@@ -281,6 +286,7 @@ def _time_offset(craft: Airframe, level: int, rng: np.random.Generator) -> dict[
 
 def _bias(prefix: str, unit: str, values: tuple[float, float, float], axes: str = "xyz") -> Secret:
     def secret(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+        # a normal vector over its length has no preferred direction
         direction = rng.standard_normal(len(axes))
         size = _pick(level, values, rng) * direction / np.linalg.norm(direction)
         return {f"{prefix}_{a}_{unit}": float(v) for a, v in zip(axes, size, strict=True)}

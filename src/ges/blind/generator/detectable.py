@@ -110,12 +110,14 @@ def _path(
         n: {c: at(v) for c, v in one.items()} for n, one in flown.changes.items()
     }
     for number, factor in wrong.items():
+        # what the true motor does over what the file's would do on the same commands
         if number == "lag":
             slow = _lagged(flown.state["u"], factor * craft.true["lag"], flown.step_s)
             quick = _lagged(flown.state["u"], craft.true["lag"], flown.step_s)
             off = at(quick - slow) * craft.true["speed"]
             changes[NAME_OF_WRONG[number]] = driven(body, craft.true, speed, off)
         else:
+            # the truth is 1 / factor of what the file says
             parts = INERTIA if number == "inertia" else (number,)
             changes[NAME_OF_WRONG[number]] = _scaled(
                 1.0 / factor - 1.0, [declared[part][1] for part in parts]
@@ -157,7 +159,9 @@ def doubts(
     thrust = true["thrust"] * speed**2
     wrench = body.wrench(thrust)
     moment = wrench["moment_Nm"]
+    # J omega' + omega x J omega, what the whole inertia asks for
     whole = body.inertia_kg_m2 * turning + np.cross(omega, body.inertia_kg_m2 * omega)
+    # thrust makes roll and pitch, torque makes yaw
     level = moment * np.array([1.0, 1.0, 0.0])
     found = {
         "mass": (DOUBTS["mass"], {"force_N": -wrench["force_N"]}),
@@ -203,6 +207,7 @@ def _speed_error(
     """
     u = flown.state["u"]
     clock = np.arange(len(u)) * flown.step_s
+    # commands between two samples are not in the log; a reader holds the last one
     logged = np.floor(clock * rate_hz + 1e-9) / rate_hz
     last = np.minimum((logged / flown.step_s + 1e-9).astype(int), len(u) - 1)
     missed = _lagged(u - u[last], craft.true["lag"], flown.step_s)

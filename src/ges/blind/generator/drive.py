@@ -43,6 +43,7 @@ def step_motor(
     so that the step is stable at any rate.
     """
     current = np.clip(duty * volt_ratio - (1.0 - droop) * x, -0.5 * current_limit, current_limit)
+    # torque of the current less that of the air
     push = current - droop * x * x
     slope = (1.0 - droop) + 2.0 * droop * x
     pace = np.where(push < 0.0, rate / coast, rate)

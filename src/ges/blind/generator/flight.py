@@ -109,6 +109,7 @@ class Bench:
         self.mass = true["mass"]
         self.inertia = np.stack([true[k] for k in ("ixx", "iyy", "izz")]) * hid["inertia_error"]
         self.thrust = true["thrust"] * hid["thrust_error"]
+        # a weak rotor has lost thrust and torque alike
         health = np.ones_like(self.rx)
         health[hid["weak_index"].astype(int), np.arange(len(self.mass))] -= hid["weak_share"]
         self.k = self.thrust * health
@@ -118,7 +119,9 @@ class Bench:
         self.disc = np.pi * self.radius**2
         self.ct = self.thrust / (RHO_KG_M3 * self.disc * self.radius**2)
         self.theta = rotor.blade_pitch(self.ct, hid["blade_s"])
+        # momentum theory in hover, v_h = sqrt(T / (2 rho A)), a quarter of the weight a rotor
         self.v_h = np.sqrt(self.weight / (8.0 * RHO_KG_M3 * self.disc))
+        # a vehicle in which no effect reads the inflow keeps the plain law T = k w^2
         self.breathes = ((hid["axial"] + hid["edgewise"] + hid["image_gain"]) > 0.0).astype(float)
         self.near = np.flatnonzero((hid["image_gain"] > 0.0) | (hid["fountain"] > 0.0))
 
@@ -131,6 +134,7 @@ class Bench:
         carried = self.weight * (1.0 + hid["load_share"]) / self.k.sum(axis=0)
         hover_x = np.clip(np.sqrt(carried) / true["speed"], 0.1, 0.95)
         self.hover_x = hover_x
+        # motor and ESC filter share the lag nine to one: together they have the declared one
         self.rate = drive.rate_of_lag(self.lag * 0.9, hover_x, self.droop)
         self.filter = 0.1 * self.lag
         self.plain_rate = drive.rate_of_lag(true["lag"] * 0.9, hover_x, drive.DROOP)
@@ -140,6 +144,7 @@ class Bench:
     def hover_command(self, volt: np.ndarray) -> np.ndarray:
         """Return the command (F,) that holds the hover speed at a voltage ratio."""
         duty = drive.linear_duty(self.hover_x, self.droop) / self.felt(volt)
+        # a speed-linear ESC's map the other way round: r u^2 + (1 - r) u = duty
         bend = 1.0 - self.droop
         linear = (np.sqrt(bend**2 + 4.0 * self.droop * duty) - bend) / (2.0 * self.droop)
         return np.where(self.linear, linear, duty)
@@ -250,6 +255,7 @@ class Simulation:
         tuned = self.b.lag + self.b.hid["delay_s"]
         self.pilot = Pilot(self.b.declared, self.b.rx, self.b.ry, self.b.spin, tuned, CONTROL_DT_S)
         self._trim()
+        # a ring of past commands, as long as the longest delay
         longest = int(self.b.delay.max()) + 1
         self.queue = np.repeat(self.s.esc[None].copy(), longest, axis=0)
         self.u = self.s.esc.copy()
@@ -261,6 +267,7 @@ class Simulation:
         moment, flying = self.b.steady_moment(), self.s.x > 0.0
         self.pilot.trim(moment, self.b.hover_command(self.s.volt), self.b.declared["thrust"])
         asked = np.concatenate([self.b.weight[None], -moment])
+        # squared speeds over that of hover, as the mixer asks for weight and trim moment
         square = (
             np.einsum("ijf,jf->if", self.pilot.mixer, asked)
             / (self.b.weight / 4.0)
@@ -287,6 +294,7 @@ class Simulation:
         n, flights = self.steps // CONTROL, len(self.sorties)
         book = {k: np.empty((n, w, flights)) for k, w in CHANNELS.items()}
         reference = np.stack([_stay(s.plan.reference, n) for s in self.sorties], axis=-1)
+        # a flight that is over waits for the others: position and yaw stay, rates are zero
         reference[3:9], reference[10] = (
             self._while_planned(reference[3:9]),
             self._while_planned(reference[10:])[0],
@@ -361,13 +369,16 @@ class Simulation:
         arms = np.stack([b.rx[:, f], b.ry[:, f], np.broadcast_to(b.rz[f], (4, len(f)))])
         rotors = s.p[:, None, f] + np.einsum("ijf,jkf->ikf", self.r[:, :, f], arms)
         drift = s.v[:2, f] - self.wind[:2, f]
+        # a moving rotor leaves its wake behind: the rays reach the ground against the drift
         sweep = -b.hid["image_sweep"][f] * drift / b.v_h[f]
         fraction = ground.image_fraction(
             rotors, b.radius[f], lambda x, y: self.terrain(x, y, f), sweep
         )
+        # contrast makes a moment: differences between rotors grow, their mean stays
         mean = fraction.mean(axis=0)
         fraction = mean + (fraction - mean) * (1.0 + b.hid["image_contrast"][f])
         target = ground.saturate(b.hid["image_gain"][f] * np.maximum(fraction, 0.0))
+        # the lag is the time that the wake takes down to the ground at the induced velocity
         time = b.hid["image_lag"][f] * (rotors[2] - self.under[f] + b.radius[f]) / b.v_h[f]
         keep = np.where(time > 0.0, np.exp(-SLOW * DT_S / np.maximum(time, 1e-3)), 0.0)
         s.image[:, f] = keep * s.image[:, f] + (1.0 - keep) * target
@@ -381,6 +392,7 @@ class Simulation:
         self.queue[slot] = self.u
         asked = self.queue[(i - b.delay) % len(self.queue), :, self.flights].T
         asked = np.minimum(asked, b.hid["ceiling_u"])
+        # thrust goes with w^2, so that a mapping of 1/2 takes the ground's whole gain out again
         if self.b.hid["mapping"].any():
             asked = asked * (1.0 + self._gain_of_ground()) ** -b.hid["mapping"]
         s.esc = s.esc + (DT_S / (b.filter + DT_S)) * (asked - s.esc)
@@ -422,6 +434,7 @@ class Simulation:
         force, moment = self._sum_rotors(w, drag_xy, thrust)
         more, twist = self._extras(w, thrust, air_body)
         force, moment = force + more, moment + twist
+        # what exceeds T = k w^2 is taken before the turbulence, which is no effect's doing
         plain = b.true["thrust"] * w * w
         extra = (
             force - np.stack([0.0 * plain[0], 0.0 * plain[0], plain.sum(axis=0)]),
@@ -440,6 +453,7 @@ class Simulation:
 
     def _rotors(self, w: np.ndarray, air_body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         s, b = self.s, self.b
+        # air speed at each hub, v + omega x r
         ex = air_body[0] - s.omega[2] * b.ry
         ey = air_body[1] + s.omega[2] * b.rx
         climb = air_body[2] + s.omega[0] * b.ry - s.omega[1] * b.rx
@@ -448,6 +462,7 @@ class Simulation:
         active_edge, active_climb = edge * b.hid["edgewise"], climb * b.hid["axial"]
         lam = (s.v_i * (1.0 - s.image) + active_climb) / tip
         ct = rotor.thrust_coefficient(b.theta, b.hid["blade_s"], lam, active_edge / tip)
+        # the blade element gives only the ratio to hover; the size is the true thrust coefficient's
         ratio = 1.0 + b.breathes * (np.clip(ct / b.ct, 0.0, 3.0) - 1.0)
         thrust = b.k * w * w * ratio
         s.v_i = rotor.step_inflow(
@@ -455,6 +470,7 @@ class Simulation:
         )
         mu = np.maximum(edge, 1e-6) / tip
         ch = rotor.inplane_coefficient(b.theta, b.hid["blade_s"], s.v_i / tip, mu)
+        # over the edgewise speed, so that times (ex, ey) it is a vector against the air
         size = b.hid["drag_gain"] * RHO_KG_M3 * b.disc * tip * tip * ch / np.maximum(edge, 1e-6)
         return np.stack([-size * ex, -size * ey]), thrust
 
@@ -504,6 +520,7 @@ class Simulation:
         )
         s.p = s.p + 0.5 * DT_S * (s.v + v)
         s.v = v
+        # Euler: J omega' = M - omega x J omega; ``level`` is an acceleration already
         h = b.inertia * s.omega
         cross = np.stack(
             [
@@ -524,6 +541,7 @@ class Simulation:
     ) -> None:
         s, b = self.s, self.b
         push, _ = attached.contact(s, self.r, self.under, b)
+        # an accelerometer reads all but gravity
         felt = (force + to_body(self.r, push)) / b.mass
         rows = {
             "p": s.p,

@@ -161,6 +161,7 @@ def _spec(
         return Spec(
             index, category, several, tuple(int(v) for v in rng.integers(0, 3, len(several))), size
         )
+    # every name meets the three severities in three turns, then on the next size of vehicle
     names = list(
         {"single": PHYSICS, "unknown": STRANGER, "parameter": PARAMETER, "sensor": SENSOR}[category]
     )

@@ -59,6 +59,7 @@ def height_at(grids: np.ndarray, which: np.ndarray, x: np.ndarray, y: np.ndarray
 
 def rays(rings: int = 5, spokes: int = 6) -> np.ndarray:
     """Return (2, P) horizontal reach per unit height of rays that carry equal flux downwards."""
+    # equal steps of the cosine are equal solid angles
     cos = 1.0 - (np.arange(rings) + 0.5) / rings
     reach = np.sqrt(1.0 / cos**2 - 1.0)
     turn = 2.0 * np.pi * np.arange(spokes) / spokes + 0.4 * np.arange(rings)[:, None]
@@ -97,6 +98,7 @@ def _upwash(
     rotor: np.ndarray, radius: np.ndarray, x: np.ndarray, y: np.ndarray, z: np.ndarray
 ) -> np.ndarray:
     strength = radius**2 / (4.0 * RAYS.shape[1])
+    # a source closer than this would blow up as 1 / dz^2
     dz = np.maximum(rotor[2][:, None, None] - z, 0.2 * radius)
     square = (rotor[0][:, None, None] - x) ** 2 + (rotor[1][:, None, None] - y) ** 2 + dz * dz
     return strength * (dz / (square * np.sqrt(square))).sum(axis=(1, 2))

@@ -205,6 +205,7 @@ def draw_case(spec: Spec, grid: str, seed: int, attempt: int = 0) -> Case:
     After every :data:`ATTEMPTS` of them less is concealed: what a vehicle cannot fly with is not to
     be found in any log.
     """
+    # first flown gentler at the same severity, then with less concealed
     eased = tuple(max(0, level - attempt // ATTEMPTS) for level in spec.levels)
     spec = replace(spec, levels=eased)
     around = draw_circumstances(spec, grid, seed)
@@ -232,6 +233,7 @@ def _sortie(
 ) -> Sortie:
     rng = np.random.default_rng(stream)
     low = max(1.3 * craft.radius_m, 0.6 * craft.radius_m + 0.04)
+    # large vehicles fly faster, slow motors get smoother references, light ones are shaken more
     pace = gentle * float(np.clip(np.sqrt(craft.radius_m / 0.06), 0.7, 1.25))
     agility = float(np.clip(craft.declared["lag"] / 0.03, 0.9, 2.2))
     room = Room(around.seconds[f], craft.radius_m, low, pace, agility, z)
@@ -249,6 +251,7 @@ def _flew(case: Case, flights: Sequence[Mapping[str, np.ndarray]]) -> bool:
     for sortie, flight in zip(case.sorties, flights, strict=True):
         n = sortie.plan.reference.shape[1]
         p, ref = flight["p"][:n], sortie.plan.reference[:3].T
+        # cosine of the tilt, the attitude matrix's R33
         upright = 1.0 - 2.0 * (flight["q"][:n, 1] ** 2 + flight["q"][:n, 2] ** 2)
         if not (np.isfinite(p).all() and np.abs(p - ref).max() < 3.5 and upright.min() > 0.5):
             return False
@@ -286,6 +289,7 @@ def _terrain_entry(case: Case, folder: Path, rng: np.random.Generator) -> dict:
     if case.around.terrain == "flat":
         return {"kind": "flat", "z_m": 0.0}
     x = ground.axis()
+    # a survey's errors go together over two metres
     coarse = 0.003 * rng.standard_normal((9, 9))
     at = np.linspace(-ground.HALF_SIZE_M, ground.HALF_SIZE_M, 9)
     rows = np.stack([np.interp(x, at, row) for row in coarse])

@@ -31,11 +31,13 @@ class Pilot:
     ) -> None:
         self.mass, self.speed, self.dt = declared["mass"], declared["speed"], dt
         self.inertia = np.stack([declared[k] for k in ("ixx", "iyy", "izz")])
+        # thrust and moments of the squared speeds; its inverse is the mixer
         k, q = declared["thrust"], declared["torque"]
         rows = np.stack([np.broadcast_to(k, rotor_x.shape), k * rotor_y, -k * rotor_x, -q * spin])
         self.mixer = np.linalg.inv(rows.transpose(2, 0, 1)).transpose(1, 2, 0)
         slow = lag_s + 0.008
         self.k_rate = np.minimum(0.5 / slow, 22.0)
+        # each loop is a bit over twice as slow as the one inside it
         self.k_att = self.k_rate / 2.2
         self.k_vel = np.stack([self.k_att / 2.4] * 2 + [np.minimum(0.35 / slow, 8.0)])
         self.k_pos = self.k_vel / 2.4
@@ -49,6 +51,7 @@ class Pilot:
         command.
         """
         self.held = moment
+        # the sum of errors that adds to gravity what hover takes by the declared numbers
         lift = 4.0 * thrust_coefficient * (hover_u * self.speed) ** 2 / self.mass
         self.sum_pos[2] = (lift - GRAVITY_M_S2) / (0.25 * self.k_vel[2] * self.k_pos[2])
 
@@ -64,10 +67,12 @@ class Pilot:
     ) -> np.ndarray:
         """Return normalised speed commands (4, F) for references (11, F) and a measured state."""
         error = ref[0:3] - p
+        # bounded, and standing still on the ground, so that nothing winds up
         self.sum_pos = np.clip(self.sum_pos + self.dt * flying * error, -6.0, 6.0)
         push = ref[6:9] + self.k_vel * (ref[3:6] + self.k_pos * (error + 0.25 * self.sum_pos) - v)
         push[:2] = np.clip(push[:2], -self.most, self.most)
         push[2] = np.clip(push[2] + excite[3], -5.0, 6.0) + GRAVITY_M_S2
+        # thrust is the push along the body's z; what points aside, z x push, asks for a turn
         body = np.einsum("ijf,if->jf", rotation, push)
         thrust = self.mass * np.maximum(body[2], 2.0)
         size = np.sqrt((push * push).sum(axis=0))
@@ -80,6 +85,7 @@ class Pilot:
         lack = wish - omega
         self.sum_rate = np.clip(self.sum_rate + self.dt * flying * lack, -4.0, 4.0)
         moment = self.inertia * (self.gain * (lack + 0.8 * self.sum_rate) + excite[:3])
+        # offset and weak rotor make a moment in proportion to the thrust
         moment -= self.held * thrust / (self.mass * GRAVITY_M_S2)
         square = np.einsum("ijf,jf->if", self.mixer, np.concatenate([thrust[None], moment]))
         return np.clip(np.sqrt(np.maximum(square, 0.0)) / self.speed, 0.08, 1.0) * flying

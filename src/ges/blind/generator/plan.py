@@ -102,6 +102,7 @@ def climbs(room: Room, rng: np.random.Generator) -> np.ndarray:
     t = _clock(room)
     rates = np.array([0.5, -0.5, 1.0, -1.0, 1.8, -1.8, 1.0, -1.0]) * min(room.pace, 1.0)
     z = np.cumsum(_hold(t, rates)) * CONTROL_DT_S
+    # the lowest point of the climbs is clear of all terrain
     z += room.top_m + 5.0 * room.radius_m + room.low_m + 0.3 - z.min()
     return _track(
         t,
@@ -194,6 +195,7 @@ def make_plan(
     ground_s = float(rng.uniform(1.0, 2.0)) if on_ground else 0.0
     if on_ground:
         track = _after_ground(track, ground_s, room)
+    # smooth before differentiating: the controller is fed velocity and acceleration forward
     smooth = np.stack(
         [_smooth(row, (0.7 if k == 2 else 1.0) * room.smooth_s) for k, row in enumerate(track)]
     )
@@ -228,6 +230,7 @@ def _multisine(n: int, rng: np.random.Generator) -> np.ndarray:
     size = np.array([3.0, 3.0, 1.5, 0.8])
     out = np.zeros((4, n))
     for k in range(24):
+        # every fourth tone goes to an axis, so that no two axes share one
         tone = 0.4 + 0.24 * k
         out[k % 4] += np.sin(2.0 * np.pi * tone * t + rng.uniform(0.0, 2.0 * np.pi))
     return size[:, None] * out / np.sqrt(3.0) * np.clip((t - 4.0) / 2.0, 0.0, 1.0)

@@ -30,6 +30,7 @@ def inplane_coefficient(
 ) -> np.ndarray:
     """Return C_H, the in-plane force against the edgewise air, with flapping tilt of the disc."""
     hub = s * mu * (0.25 * PROFILE_DRAG_OVER_LIFT_SLOPE + 0.25 * lam * theta)
+    # the disc tilts back with the first-harmonic flapping, and takes the thrust with it
     flap = (8.0 / 3.0 * theta - 2.0 * lam) * mu / (1.0 - 0.5 * mu * mu)
     return hub + flap * thrust_coefficient(theta, s, lam, mu)
 

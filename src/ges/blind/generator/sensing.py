@@ -72,6 +72,7 @@ class Recorder:
         self.hid = {k: sortie.numbers.get(k, 0.0) for k in _SENSOR_NUMBERS}
         dt = 1.0 / logging.rate_hz
         ticks = np.arange(0.02, self.clock[-1] - 0.12, dt)
+        # a clock that is off by 20 ppm or so, and jitter of up to 4 % of a step
         self.t = ticks * (1.0 + 2e-5 * rng.standard_normal()) + 0.04 * dt * rng.uniform(
             -1, 1, len(ticks)
         )
@@ -114,6 +115,7 @@ class Recorder:
         q = self._at("q", late)
         small = self._noise((3, n), ORDINARY.attitude_rad)
         small += self._drift((3, n), ORDINARY.attitude_drift)
+        # a fault's own bias, beside the one that every attitude estimate has
         small[0] += (
             self.hid["att_bias_x_rad"] + ORDINARY.attitude_bias_rad * self.rng.standard_normal()
         )
@@ -127,6 +129,7 @@ class Recorder:
 
     def _inertial(self) -> dict[str, np.ndarray]:
         n = len(self.t)
+        # one vibration shakes both sensors, so that their errors go together
         tone, scale = self._vibration(), self.log.scale
         gyro = (
             self._at("omega", smooth=3 * CONTROL_DT_S)
@@ -194,6 +197,7 @@ class Recorder:
             + self.hid["range_bias_m"]
             + self._noise(n, ORDINARY.range_m)
         )
+        # out of reach, or one of the few in a thousand that do not come back
         y = np.where((y > RANGE_LIMIT_M) | (self.rng.random(n) < 0.002), np.nan, _quantise(y, 1e-3))
         named = {"range_m": y}
         if self.log.ground:
@@ -207,6 +211,7 @@ class Recorder:
         r = rotation_matrix(self.truth["q"].T)
         p, grid = self.truth["p"].T, self.sortie.grid[None]
         total = np.zeros(self.n)
+        # the axis and four beams at 0.6 of the edge stand for the cone
         spread = np.tan(CONE_HALF_ANGLE_RAD) * 0.6
         pattern = [(0.0, 0.0)] + [
             (spread * np.cos(a), spread * np.sin(a)) for a in np.arange(4) * np.pi / 2.0
@@ -244,11 +249,13 @@ _SENSOR_NUMBERS = (
 
 def _march(p: np.ndarray, beam: np.ndarray, grid: np.ndarray) -> np.ndarray:
     """Return the distance along unit beams (3, n) to the terrain, by four fixed-point steps."""
+    # a beam near the horizon would never meet the ground
     down = np.maximum(-beam[2], 0.2)
     zero = np.zeros(p.shape[1], np.intp)
     distance = (p[2] - height_at(grid, zero, p[0], p[1])) / down
     for _ in range(4):
         hit = height_at(grid, zero, p[0] + distance * beam[0], p[1] + distance * beam[1])
+        # damped: on steep ground a whole step overshoots
         distance = 0.5 * distance + 0.5 * (p[2] - hit) / down
     return distance
 
@@ -256,12 +263,14 @@ def _march(p: np.ndarray, beam: np.ndarray, grid: np.ndarray) -> np.ndarray:
 def lagged(y: np.ndarray, lag_s: float, dt: float) -> np.ndarray:
     from scipy.signal import lfilter
 
+    # exact for a held input, at rest at the first value
     keep = np.exp(-dt / lag_s)
     return lfilter([1.0 - keep], [1.0, -keep], y, zi=[keep * y[0]])[0]
 
 
 def _tilt(q: np.ndarray, small: np.ndarray) -> np.ndarray:
     """Multiply attitudes (4, n) by small body rotations (3, n)."""
+    # q (1, small / 2), the exponential of a small rotation to first order
     w, x, y, z = q
     a, b, c = 0.5 * small
     out = np.stack(

@@ -59,6 +59,7 @@ class Replay(Simulation):
         n = len(self.book["p"])
         out = {k: np.empty((n, w, len(self.sorties))) for k, w in LOADS.items()}
         speeds = self.book["rotor_speed"] / self.b.true["speed"]
+        # the drive runs on with its own speeds, while the loads are those at the recorded speeds
         own = speeds[0].copy()
         for i in range(n * CONTROL):
             k, part = i // CONTROL, i % CONTROL / CONTROL
@@ -142,6 +143,7 @@ def _variants(case: Case) -> dict[str, dict[str, float]]:
     hid = {k: v for one in case.numbers.values() for k, v in one.items()}
     found = {"whole": hid}
     dependent = [n for n in case.names if n in OWN_NUMBERS]
+    # what acts on others is judged with them on, the others among themselves without it
     base = _neutral(hid, [number for n in dependent for number in OWN_NUMBERS[n]])
     found |= {n: _neutral(hid, OWN_NUMBERS[n]) for n in dependent}
     found["base"] = base
@@ -201,6 +203,7 @@ def _change(
         return {case.names[0]: _as_change(case, flight, loads | {"speed": speed})}
     found = {}
     for name in case.names:
+        # each name against the same flights without it alone
         whole = replayed["whole" if name in OWN_NUMBERS else "base"][f]
         off = {k: whole[k] - replayed[name][f][k] for k in LOADS}
         found[name] = _as_change(case, flight, off)
@@ -213,6 +216,7 @@ def _as_change(
     """Return loads and the speeds of the drive as a change; a wrong inertia is a moment, too."""
     found = driven(body_of(case.craft), case.craft.true, flight["rotor_speed"], off["speed"])
     found = {**found, "force_N": found["force_N"] + off["force"]}
+    # J (1 + e) omega' = M: the file's J leaves a moment of -e J omega'
     excess = case.sorties[0].numbers.get("inertia_error", 1.0) - 1.0
     true = np.array([case.craft.true[k] for k in ("ixx", "iyy", "izz")])
     turning = np.gradient(flight["omega"], CONTROL_DT_S, axis=0)
@@ -237,6 +241,7 @@ def _reading_change(sortie: Sortie, flight: Mapping[str, np.ndarray]) -> Change:
         "position_m": _later(flight["p"], late) - flight["p"],
         "velocity_m_s": _later(flight["v"], late) - flight["v"],
     }
+    # an attitude that is late by t is turned back by t omega
     found["attitude_rad"] = found["attitude_rad"] - late * flight["omega"]
     if hid["range_lag_s"]:
         slow = lagged(height[:, 0], hid["range_lag_s"], CONTROL_DT_S)[:, None]

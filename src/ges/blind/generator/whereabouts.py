@@ -50,6 +50,7 @@ def _strength(case: Case, flights: Sequence[Mapping[str, np.ndarray]]) -> dict[s
     )
     air, true = case.sorties[0].turbulence, case.craft.true
     inertia = np.array([true["ixx"], true["iyy"], true["izz"]])
+    # turbulence is drawn as acceleration: of a force and a moment it makes these sds
     scale = np.concatenate([np.full(3, air * true["mass"]), TURN_PER_M * air * inertia])
     names = [f"force_{a}" for a in AXES] + [f"moment_{a}" for a in AXES]
     found = dict(zip(names, _rms(loads) / scale, strict=True))

@@ -33,6 +33,7 @@ def karman_gusts(n: int, dt: float, speed: float, rng: np.random.Generator) -> n
         [0.3398 * time**2, 2.7478 * time, 1.0],
         [0.1539 * time**3, 1.9754 * time**2, 2.9958 * time, 1.0],
     )
+    # the filters start at rest: what comes before they have settled is dropped
     warm = int(4.0 * time / dt)
     rows = []
     for over, under in (along, across, across):

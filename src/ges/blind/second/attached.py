@@ -32,6 +32,7 @@ def step_cord(
     load_v = load_v + dt * (-pull * line / heavy - 0.25 * load_v)
     load_v[2] -= dt * G_M_S2
     load = load + dt * load_v
+    # what lies on the ground slides with friction
     down = load[2] < 0.0
     load[2] = np.where(down, 0.0, load[2])
     load_v = np.where(down, load_v * np.array([[0.97], [0.97], [0.0]]), load_v)

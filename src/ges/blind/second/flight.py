@@ -102,6 +102,7 @@ class Flights:
         self.plain_inertia = plain
         self.inertia = plain * self.hid["inertia_error"] ** np.array([[1.0], [1.0], [0.5]])
         self.hover = np.sqrt(self.weight / (4.0 * self.true["thrust"]))
+        # momentum theory in hover, sqrt(T / (2 rho A)), a quarter of the weight a rotor
         self.induced = np.sqrt(self.weight / (8.0 * RHO_KG_M3 * np.pi * self.radius**2))
         self.spacing = 2.0 * np.abs(self.plain_hub[0, 0])
         self._tables()
@@ -141,6 +142,7 @@ class Flights:
         self.plain_w, self.plain_rate = self.w.copy(), self.w_rate.copy()
         self.charge = _column(s.charge for s in self.sorties)
         self.relax = np.zeros((2, count))
+        # a battery at rest: only the third of the resistance that acts at once is felt
         self.volt = drive.open_circuit(self.charge) - self.hid["resistance"] / 3.0
         self.load = self.p - np.stack([nothing, nothing, self.hid["cord_m"]])
         self.load_v = np.zeros((3, count))
@@ -162,12 +164,14 @@ class Flights:
         tuned = self.true["lag"] * self.hid["lag_gain"] + 0.5 * self.hid["frame_s"]
         places = self.plain_hub[:, :2]
         self.pilot = Cascade(self.declared, places, self.spin, tuned, CONTROL * DT_S)
+        # the pilot knows the load and the air of the flights before, as an integrator would
         share = np.sqrt((1.0 + self.hid["load_share"]) / self.hid["density"])
         self.pilot.trim(self._hover_command(self.hover * share), self._steady_moment())
 
     def _hover_command(self, speed: np.ndarray) -> np.ndarray:
         """Return the command (F,) that holds a rotor speed, by halving."""
         low, high = np.zeros_like(speed), np.ones_like(speed)
+        # bent and capped, the command's map has no closed inverse, but it only rises
         for _ in range(40):
             u = 0.5 * (low + high)
             enough = self._asked(u) > speed
@@ -222,6 +226,7 @@ class Flights:
         self.shake = self.shaken[:, k]
 
     def _command(self, ref: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        # the pilot holds the geometric centre, where the sensors sit, not the centre of mass
         seat = np.einsum("ijf,jf->if", self.turn, self.centre)
         p = self.p - seat + 0.002 * noise[:3]
         v = self.v + 0.01 * noise[3:6]
@@ -257,6 +262,7 @@ class Flights:
         still = np.einsum("jif,jf->if", self.turn, self.v)
         calm = self._air_parts(still, thrust)
         parts |= calm
+        # wind is what moving air adds to the forces of still air; these stay with the drags' names
         if self.blown.size:
             moving = still - np.einsum("jif,jf->if", self.turn, self.wind)
             extra = sum(self._air_parts(moving, thrust).values()) - sum(calm.values())
@@ -265,6 +271,7 @@ class Flights:
         if self.near.size:
             parts |= self._ground_parts(still, thrust, i)
         parts |= self._attached_parts(still)
+        # the parts add up to all that the declared law T = k w^2 does not explain
         plain = self._wrench(thrust)
         plain[5] = torque.sum(axis=0)
         whole = plain + sum(parts.values())
@@ -285,6 +292,7 @@ class Flights:
         twisted[5] = ((hid["torque_error"] - 1.0) * torque).sum(axis=0)
         moved = self._wrench(0.0 * thrust)
         total = thrust.sum(axis=0)
+        # the hubs stay, the centre of mass moves: M = -r_cg x T
         moved[3], moved[4] = -hid["cg_y_m"] * total, hid["cg_x_m"] * total
         # the arms of two motors are bent
         bent = thrust * np.array([[1.0], [0.0], [1.0], [0.0]]) * 2.0
@@ -295,6 +303,7 @@ class Flights:
         tilted[3] = -(z * aside[1]).sum(axis=0)
         tilted[4] = (z * aside[0]).sum(axis=0)
         tilted[5] = (x * aside[1] - y * aside[0]).sum(axis=0)
+        # gyroscopic moment -omega x h of the propellers, and the reaction -dh/dt of their spin-up
         stored = hid["propeller_kg_m2"] * (self.spin * self.w).sum(axis=0)
         reacting = self._wrench(0.0 * thrust)
         reacting[3], reacting[4] = -self.omega[1] * stored, self.omega[0] * stored
@@ -316,8 +325,10 @@ class Flights:
         ex = air_body[0] + oy * z - oz * y
         ey = air_body[1] + oz * x - ox * z
         climb = air_body[2] + ox * y - oy * x
+        # bounded from below, where a standing rotor would make the ratios infinite
         edge, tip = np.hypot(ex, ey), np.maximum(self.w, 0.2 * self.hover) * self.radius
         mu, lam, none = edge / tip, climb / tip, 0.0 * edge
+        # each with the other's motion at rest, so that each name has a part of its own
         along = rotor.look_up(self.thrust_table, none, lam) - 1.0
         lifted = rotor.look_up(self.thrust_table, mu, none) - 1.0
         size = RHO_KG_M3 * np.pi * self.radius**2 * tip**2 * hid["drag_gain"]
@@ -346,6 +357,7 @@ class Flights:
         hid, radius = self.hid, self.radius
         hub = self.p[2] + np.einsum("jf,kjf->kf", self.turn[2], self.hub)
         edge = np.hypot(still[0], still[1])
+        # five points stand for the disc: a tilted one is nearer to the ground on one side
         near, swept = np.zeros_like(edge), np.zeros_like(edge)
         for dx, dy in ground.DISC_POINTS:
             height = hub + radius * (self.turn[2, 0] * dx + self.turn[2, 1] * dy)
@@ -358,10 +370,12 @@ class Flights:
             self.history[0] = swept
             if i == 0:
                 self.history[:] = swept
+        # the wake needs this long down to the ground; what it met then acts now
         ago = hid["wake_delay"] * (np.maximum(self.p[2], 0.0) + radius) / self.induced
         index = np.minimum((ago / (CONTROL * DT_S)).astype(int), len(self.history) - 1)
         late = self.history[index, :, np.arange(len(index))].T
         late = np.where(hid["wake_delay"] > 0.0, late, swept)
+        # near, then swept by the motion, then late: each name has what it adds to the one before
         gains = [
             rotor.cushion_of(self.cushion_table, 1.0 - hid["cushion"] * c) - 1.0
             for c in (near, swept, late)
@@ -416,6 +430,7 @@ class Flights:
     ) -> dict[str, np.ndarray]:
         """Return what is kept of a moment: the truth at the sensors, and the parts by name."""
         seat = -self.centre
+        # acceleration at the sensors: a + omega' x r + omega x (omega x r)
         swing = np.cross(self.omega, seat, axis=0)
         felt = force / self.mass + np.cross(spin, seat, axis=0)
         felt = felt + np.cross(self.omega, swing, axis=0)

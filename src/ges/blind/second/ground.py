@@ -20,6 +20,7 @@ def _cylinder(height: float) -> float:
     def ring(s: float) -> float:
         return 0.5 / (1.0 + s * s) ** 1.5
 
+    # rings of the wake down to the ground, less those of its image, over a wake without end
     wake = quad(lambda s: np.exp(-s / FADING) * ring(s), 0.0, height)[0]
     image = quad(lambda s: np.exp(-(2.0 * height - s) / FADING) * ring(s), height, 2.0 * height)[0]
     free = quad(lambda s: np.exp(-s / FADING) * ring(s), 0.0, 40.0)[0]

@@ -32,11 +32,13 @@ class Cascade:
         self.declared, self.dt = declared, dt
         self.inertia = np.stack([declared[k] for k in ("ixx", "iyy", "izz")])
         ratio = declared["torque"] / declared["thrust"]
+        # total thrust and moments of the rotors' thrusts; its inverse allots them
         rows = np.stack([np.ones_like(spin), rotor_m[:, 1], -rotor_m[:, 0], -spin * ratio], axis=0)
         self.allocation = np.linalg.inv(rows.transpose(2, 0, 1))
         band = 1.0 / (lag_s + 0.012)
         self.rate_gain = np.minimum(0.42 * band, 20.0)
         self.attitude_gain = 0.42 * self.rate_gain
+        # each loop is a bit over twice as slow as the one inside it
         self.velocity_gain = 0.38 * self.attitude_gain
         self.position_gain = 0.42 * self.velocity_gain
         self.drift = np.zeros((3, len(lag_s)))
@@ -57,10 +59,12 @@ class Cascade:
         self, ref: np.ndarray, p: np.ndarray, v: np.ndarray, q: np.ndarray, omega: np.ndarray
     ) -> np.ndarray:
         """Return commands (4, F) for references (11, F) and a measured state, scalar first."""
+        # the integrator's input is bounded, so that a far start does not wind it up
         asked = ref[3:6] + self.position_gain * (ref[0:3] - p)
         self.drift = self.drift + self.dt * np.clip(asked - v, -1.0, 1.0)
         push = ref[6:9] + self.velocity_gain * (asked - v + 0.5 * self.drift)
         push[2] = np.clip(push[2], -4.0, 6.0) + G_M_S2
+        # height first: the level part gives way where the tilt would be too much
         reach = MOST_TILT * push[2] / np.maximum(np.hypot(push[0], push[1]), 1e-6)
         push[:2] *= np.minimum(1.0, reach)
         up = push / np.linalg.norm(push, axis=0)
@@ -73,7 +77,9 @@ class Cascade:
         self.twist = np.clip(self.twist + self.dt * lack, -1.0, 1.0)
         bend, self.before = (omega - self.before) / self.dt, omega
         turn = self.rate_gain * (lack + 1.2 * self.twist) - 0.02 * bend
+        # what a weak rotor or an offset asks for grows with the thrust
         moment = self.inertia * turn - self.held * thrust / (self.declared["mass"] * G_M_S2)
+        # yaw has the least authority of the rotors, and gives up first
         most = np.abs(self.held[2]) + 0.02 * thrust
         moment[2] = np.clip(moment[2], -most, most)
         each = np.einsum("fij,jf->if", self.allocation, np.concatenate([thrust[None], moment]))
@@ -91,6 +97,7 @@ def _towards(q: np.ndarray, up: np.ndarray, yaw: np.ndarray) -> np.ndarray:
     with this yaw.
     """
     heading = np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)])
+    # the axes of the attitude that is asked for, in the world: ahead, left, up
     left = np.cross(up, heading, axis=0)
     left /= np.linalg.norm(left, axis=0)
     ahead = np.cross(left, up, axis=0)
@@ -98,6 +105,7 @@ def _towards(q: np.ndarray, up: np.ndarray, yaw: np.ndarray) -> np.ndarray:
     w = 0.5 * np.sqrt(np.maximum(1.0 + ahead[0] + left[1] + up[2], 1e-9))
     wanted = np.stack([w, left[2] - up[1], up[0] - ahead[2], ahead[1] - left[0]])
     wanted[1:] /= 4.0 * w
+    # q* q_wanted, the turn that is lacking; its sign chosen for the short way round
     a, b, c, d = q * np.array([[1.0], [-1.0], [-1.0], [-1.0]])
     e, f, g, h = wanted
     real = a * e - b * f - c * g - d * h

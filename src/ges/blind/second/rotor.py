@@ -65,13 +65,16 @@ def coefficients(
     across = r + mu[:, None, None] * np.sin(psi)
     thrust = np.full(mu.shape, 0.01)
     for _ in range(OUTER):
+        # Glauert's inflow of this thrust, then the thrust in that inflow, each damped by half
         lifting = np.maximum(thrust, 1e-6)
         induced = np.sqrt(lifting / 2.0)
         for _ in range(INNER):
             through = np.maximum(np.hypot(mu, climb + induced), 1e-4)
             induced = 0.5 * (induced + lifting / (2.0 * through))
+        # a skewed wake blows harder through the rear of the disc
         chi = np.arctan2(mu, np.maximum(climb + induced, 1e-4))
         bias = np.tan(0.5 * chi)[:, None, None] * r * np.cos(psi)
+        # near the ground only a share of the induced inflow is left
         down = climb[:, None, None] + (share * induced)[:, None, None] * (1.0 + bias)
         lift = np.mean(pitch * across**2 - down * across, axis=2).sum(axis=1)
         thrust = thrust + 0.5 * (0.5 * s * width * lift - thrust)
@@ -100,6 +103,7 @@ def table_of(s: float, thrust: float) -> Table:
     """
     theta = pitch_of(s, thrust)
     hover = coefficients(s, theta, 0.0, 0.0)[0][0]
+    # one call for all points of the table, which the iteration takes abreast
     mu, climb = (grid.ravel() for grid in np.meshgrid(EDGES, CLIMBS, indexing="ij"))
     lift, inplane = (v.reshape(len(EDGES), -1) for v in coefficients(s, theta, mu, climb))
     cushion = coefficients(s, theta, 0.0, 0.0, SHARES)[0]

@@ -59,6 +59,7 @@ class Craft:
     def cushion_for(self, gain: float, s: float) -> float:
         """Return the blocked share over theory's that gives this gain of thrust at one radius."""
         table = rotor.table_of(s, self.thrust_coefficient).cushion
+        # thrust falls as more of the inflow is left; interpolation wants it to rise
         share = float(np.interp(-(1.0 + gain), -table, rotor.SHARES))
         return (1.0 - share) / float(ground.blocked_share(np.array(1.0)))
 
@@ -80,6 +81,7 @@ def _drag(craft: Craft, level: int, rng: np.random.Generator) -> Numbers:
 
 
 def _box(craft: Craft, level: int, rng: np.random.Generator) -> Numbers:
+    # a share of the weight at 3 m/s
     share = _near(level, (0.02, 0.05, 0.1), rng) * craft.weight_N
     return {"area_m2": share / (0.5 * RHO_KG_M3 * 9.0)}
 
@@ -119,6 +121,7 @@ def _tilt(craft: Craft, level: int, rng: np.random.Generator) -> Numbers:
 
 
 def _cap(craft: Craft, level: int, rng: np.random.Generator) -> Numbers:
+    # the ceiling lies at this thrust over weight; thrust goes with the square of the speed
     hover = craft.hover_rad_s / craft.true["speed"]
     return {"cap": hover * float(np.sqrt(_near(level, (1.6, 1.42, 1.3), rng)) / 1.0)}
 

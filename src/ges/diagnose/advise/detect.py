@@ -89,6 +89,7 @@ def _most(board: Board) -> np.ndarray:
     nuisance of its key costs no more (what columns that hold at different levels differ by would
     count as evidence without end).
     """
+    # x^2 / (2 sd^2) is what the prior charges a nuisance for the same move
     doubt = {key: sd for key, k in board.system.nuisances.items() if (sd := board.prior.sd[k]) > 0}
     return np.array(
         [0.5 / doubt[c.key] ** 2 if c.key in doubt else np.inf for c in board.system.columns]
@@ -113,6 +114,8 @@ def expected_evidence(
     """
     at = np.asarray(columns, dtype=int)
     scale = prior_sd[at]
+    # equation (6) of docs/method.md for y = x_k size: b' A^-1 b / 2 = |L^-1 S X' x_k|^2 size^2 / 2,
+    # and log det(L) is what the freedom costs, with L L' = I + S X'X S and S the prior sds
     chol = np.linalg.cholesky(np.eye(len(at)) + gram.xx[np.ix_(at, at)] * np.outer(scale, scale))
     half = np.linalg.solve(chol, (gram.xx[at] * scale[:, None]).T[:, :, None])[:, :, 0]
     return 0.5 * np.array([h @ h for h in half]), float(np.log(np.diag(chol)).sum())
@@ -125,6 +128,8 @@ def _size_beyond(price: float, per_square: float) -> float:
     if per_square <= 0.0:
         return np.inf if price > 0.0 else 0.0
     weight = settings.evidence.tempering
+    # the larger root of g size^2 - z sqrt(2 w g) size = price: evidence has the sd
+    # sqrt(2 w g) size, and half = z sqrt(w / (2 g))
     half = ndtri(settings.advise.power) * math.sqrt(weight / (2.0 * per_square))
     square = half**2 + price / per_square
     return half + math.sqrt(square) if square >= 0.0 else 0.0
@@ -138,9 +143,11 @@ def _needed(
     """
     gain, count = float(shape.gain[truth]), len({s.name for s in others} | {shape.name})
     price, rarity = log_odds + shape.cost, log_odds_against_one_of(count)
+    # against nothing: there its number may move as a nuisance, at a price that the doubt sets
     shown = max(float(shape.over[truth]), settings.numerics.tiny)
     worst, hidden = _size_beyond(price + rarity, shown), ""
     for other in (s for s in others if s.name != shape.name):
+        # against a rival: it takes up a part of the gain, and pays for its own freedom
         more = lead_over(shape.name, (other.name,)) - settings.statistics.acceptance_log_odds
         size = _size_beyond(price + more - other.cost, gain - float(other.gain[truth]))
         if size > worst:
@@ -163,10 +170,12 @@ def _sizes(board: Board) -> _Sizes:
     system, rms = board.system, rms_of(board.system)
     block = np.array([block_of(name) for name in system.main])
     shares = rms / least_sizes(system)[:, None]
+    # a share of weight has a meaning in forces and moments alone, not in the drive or the range
     pushed = np.isin(block, ("force", "acc", "moment"))
     whole = np.array([system.model.whole(name) for name in system.main])[:, None]
     with np.errstate(divide="ignore"):
         return _Sizes(
+            # shares are linear in the coefficient: it matters once the greatest of them is one
             1.0 / shares.max(axis=0),
             ~shares[block != "drive"].any(axis=0),
             (rms / whole)[pushed].max(axis=0, initial=0.0),
@@ -225,6 +234,7 @@ def _beside(
         ],
         dtype=int,
     )
+    # what is given takes no side: it is integrated out with a prior that is as good as flat
     gram = pooled.without(free, settings.numerics.wide_factor * board.prior.sd[free])
     shapes, log_odds = _shapes(board, gram, given), settings.statistics.acceptance_log_odds
     sizes: dict[str, list[_Entry]] = {}
@@ -259,6 +269,7 @@ def _entry(board: Board, k: int, size: float, hidden: str, unit: _Sizes) -> _Ent
     variant = variant_of(column)
     amplitude = variant.amplitudes[column.amplitude]
     room = max(amplitude.high - amplitude.neutral, amplitude.neutral - amplitude.low)
+    # what clips shows only as a whole: it is seen at its level or not at all
     if "clips" in effect_table.get(variant.effect).hints:
         size = abs(amplitude.level) if size <= abs(amplitude.level) else np.inf
     seen = np.isfinite(size) and size <= room and size * unit.share_of_weight[k] <= 1.0

@@ -71,6 +71,7 @@ class Option:
             return 1
         if self.gain <= 0.0:
             return None
+        # evidence of independent flights adds up, so that each brings the same gain
         wanted = 1 + int(np.ceil(lacking / self.gain))
         return wanted if wanted <= settings.advise.flights_most else None
 
@@ -103,6 +104,7 @@ def open_sets(found: Search, proven: Sequence[str]) -> list[Hypothesis]:
         max((h for h in found.hypotheses if n in h.names), key=lambda h: h.log_evidence)
         for n in names[: settings.search.beam]
     ]
+    # nothing more than what is proven is an explanation like others, if it is possible
     without = [h for h in found.hypotheses if set(h.names) <= set(proven)]
     if sum(h.probability for h in without) > settings.statistics.possible_probability:
         sets.append(max(without, key=lambda h: h.log_evidence))
@@ -126,6 +128,7 @@ def simulate(
     numbers: dict[str, float | str] = {
         **parameters,
         "attitude_kp": settings.advise.attitude_kp,
+        # critically damped, kd = 2 sqrt(kp)
         "attitude_kd": 2.0 * math.sqrt(settings.advise.attitude_kp),
         "seed": settings.statistics.seed,
         "altitude_source": 1,
@@ -156,6 +159,7 @@ def _gram(board: Board, flight: Prepared, keep: np.ndarray) -> Gram:
     system, columns = board.system, [board.system.columns[k] for k in keep]
     made = rows(flight, system.model, system.names, columns, system.flights[0].windows.length_s)
     weight = settings.evidence.tempering
+    # h of equation (4), over the median of the flights so far: their noise model is in that unit
     usual = np.median(np.concatenate([r.noise for r in system.flights])) or 1.0
     return flight_grams(whiten([made], board.noise, [made.noise / usual]), columns, weight)[0]
 
@@ -163,6 +167,7 @@ def _gram(board: Board, flight: Prepared, keep: np.ndarray) -> Gram:
 def _log_odds(board: Board, gram: Gram, keep: np.ndarray, rivals: Sequence[Rival]) -> np.ndarray:
     """Log evidence of every rival on these normal equations."""
     place = {int(k): i for i, k in enumerate(keep)}
+    # nuisances are integrated out once, of all flights together: they are the same in each rival
     drop = np.array([place[int(k)] for k in keep if k in set(board.nuisance)], dtype=int)
     left = gram.without(drop, board.prior.sd[keep][drop])
     weigh = [[place[int(k)] for k in r.columns] for r in rivals]
@@ -179,6 +184,7 @@ def _expected(chance: np.ndarray, leads: Sequence[float]) -> float:
     """Lead of the true rival, the rivals as likely as they are; what is settled is not counted
     twice.
     """
+    # a lead beyond what settles the question is worth no more than that
     return float(chance @ np.minimum(leads, settings.advise.settled_log_odds))
 
 
@@ -221,10 +227,12 @@ def rank(
             rivals,
         )
         flown = [f for f in tried if f is not None]
+        # where one explanation cannot fly, the others' flights would have nothing to be told from
         if len(flown) < len(tried):
             continue
         after = [_log_odds(board, past + _gram(board, f, keep), keep, rivals) for f in flown]
         leads = [_lead(evidence, i) for i, evidence in enumerate(after)]
+        # what would still be open although it were true
         left = tuple(
             label
             for label, lead in zip(labels, leads, strict=True)

@@ -106,6 +106,7 @@ def accept(start: Board, record: Record, only: Sequence[str] | None = None) -> A
         told = tuple(n for n in found.best.names if n in told)
         if not names:
             contested = _contested(found, record)
+        # later rounds hold what modifies a name against what that name's form may be wrong by
         sizes |= {n: dataclasses.replace(weighed, standing=told).size(n) for n in told}
         through = _modifying(board, found, listed, told, only)
         new, polished = _fitted_in_full(
@@ -118,13 +119,16 @@ def accept(start: Board, record: Record, only: Sequence[str] | None = None) -> A
         }
         fitted, names = polished, names + new
         if only is None:
+            # the wind is known only now; the forms that the search chose were weighed in still air
             fitted, instead = _best_forms_in_wind(fitted, names, system, record)
             names = tuple(instead.get(n, n) for n in names)
             probability = {instead.get(n, n): p for n, p in probability.items()}
             sizes = {instead.get(n, n): size for n, size in sizes.items()}
+        # the next round is linearised about what is accepted, and lists what acts through it
         base = system.model.with_effects(polished.effects)
         listed = candidates_of(system.recordings, base, names, only)
     board, found = first or search_until_stable(start, (), ())[:2]
+    # a name that is probable, but failed another rule, is not open
     settled = {
         *names,
         *(n for n, p in found.inclusion.items() if p >= settings.statistics.acceptance_probability),
@@ -265,6 +269,7 @@ def _fitted_in_full(
             record.note(name, decision)
         fallen = {n for n, d in decisions.items() if not d.passed}
         fallen = (fallen & set(modifying)) or fallen
+        # what acted through a name that fell has nothing to act through
         fallen |= {n for n in new if not acts_among(n, {*base.effects, *(set(new) - fallen)})}
         if not fallen:
             return new, full
@@ -291,6 +296,7 @@ def _best_forms_in_wind(
         rule, better, gained = "best_form_in_wind", fitted, 0.0
         for rival in sorted((family_of(name) & listed) - set(fitted.effects)):
             tried = _in_place_of(fitted, name, rival, system)
+            # costs are -2 log posterior under one noise; each row counts as in the evidence
             gain = 0.5 * settings.evidence.tempering * (fitted.apart.cost - tried.apart.cost)
             because = f"log odds {gain:.3g} over {name}, both in full where the air moves"
             passed = gain > least and significant(tried, rival).passed
@@ -312,6 +318,7 @@ def _in_place_of(fitted: Fitted, name: str, rival: str, system: System) -> Fitte
     ]
     values = {
         **{e: v for e, v in fitted.effects.items() if e != name},
+        # a step from neutral: at neutral itself a shape moves nothing, and its column vanishes
         rival: {**known.neutral(), **{a.parameter: a.neutral + a.step for a in amplitudes}},
     }
     free = [
@@ -332,6 +339,7 @@ def shot_fit(accepted: Accepted) -> Accepted:
     fitted, system = accepted.fitted, accepted.board.system
     if fitted is None or any(effect_table.get(name).remembers_the_path for name in fitted.effects):
         return accepted
+    # along its own path a push of turbulence no longer moves the velocity that drag is held against
     model = fitted_model(system.model, fitted)
     flights = [shot(flight, model) for flight in system.recordings]
     polished = polish(system, fitted.effects, fitted.free, flights)
@@ -367,6 +375,7 @@ def _beside(accepted: Accepted, name: str) -> Fitted | None:
     system, fitted = accepted.board.system, accepted.fitted
     best = accepted.found.best_with(name, accepted.rivals)
     held = set(fitted.effects) if fitted else set()
+    # a modifier or a wind alone does nothing: the carrier of its own best set comes with it
     mine = ({name} | set(effect_table.get(name).carriers) & set(best.names)) - held
     if not acts_among(name, {*mine, *held, *system.model.effects}):
         return None
@@ -397,11 +406,13 @@ def withdrawn(accepted: Accepted) -> Accepted:
 def _with_names(found: Search, names: Sequence[str], board: Board) -> Hypothesis:
     """The set of just these names as the search weighed it, else the best set less all others."""
     just = tuple(sorted(names))
+    # a set that was weighed by itself has coefficients without what the others took of it
     weighed = next((h for h in found.hypotheses if h.names == just), None)
     return weighed or dataclasses.replace(found.best, posterior=_only(found.best, names, board))
 
 
 def _only(h: Hypothesis, names: Collection[str], board: Board) -> Posterior:
+    # the posterior of a part is the marginal: its rows and columns of mean and covariance
     keep = [
         i
         for i, k in enumerate(h.posterior.columns)

@@ -80,6 +80,7 @@ def contradicted(joint: Joint, system: System, but: Collection[str] = ()) -> lis
         for key, value in joint.common.items()
         if (sd := model.doubts.get(key))
         and key.split(".")[0] not in but
+        # certain alone is not enough: a number known to a hair may be off by what matters nowhere
         and abs(value) > settings.statistics.certain_sds * sd
         and abs(value) * share[:, system.nuisances[key]].max() >= 1.0
     ]

@@ -53,6 +53,7 @@ def foretold(fitted: Fitted, name: str, channel: str) -> Foretold:
     grams = flight_grams(board.whites, board.system.columns, settings.evidence.tempering)
     if len(grams) < 2:
         return Foretold(np.zeros(0), np.zeros(0))
+    # the two fits differ by the name and what it carries; noise and linearisation are the same
     rest = set(fitted.effects) - {name}
     dropped = {name, *(n for n in rest if not acts_among(n, rest))}
     at = board.system.main.index(channel)
@@ -71,12 +72,14 @@ class _Fit:
         self.system, board = fitted.board.system, fitted.board
         columns, chosen = self.system.columns, free_first(self.system)
         freed = {columns[k].key for k in chosen}
+        # columns are linear about the fit, where neutral is the neutral less the fitted value
         self.held = {
             k: amplitude_of(e, p).neutral - fitted.effects[e][p]
             for (e, p), k in zip(fitted.free, chosen, strict=False)
             if e in dropped and p not in effect_table.get(e).shapes
         }
         kept = [k for k in chosen if (v := columns[k].variant) is None or v.effect not in dropped]
+        # what a fit has freed is not also a nuisance, or it would be counted twice
         common = [
             int(k) for k in board.nuisance if board.prior.sd[k] > 0 and columns[k].key not in freed
         ]
@@ -88,6 +91,8 @@ class _Fit:
 
     def _of(self, grams: Sequence[Gram]) -> tuple[Posterior, float]:
         """Coefficients from some flights, and the log evidence of these."""
+        # log_evidence is relative to all coefficients at 0; held columns move that reference,
+        # so its own -|y|^2 / 2 has to count too
         total = sum(grams[1:], grams[0]).about(
             np.array(list(self.held), dtype=int), np.array(list(self.held.values()))
         )
@@ -102,8 +107,10 @@ class _Fit:
         for left, rows in enumerate(self.system.flights):
             found, others = self._of([g for i, g in enumerate(grams) if i != left])
             terms = {**self.held, **dict(zip(found.columns, found.mean, strict=True))}
+            # not whitened: a flight counts against a name only where its plain error grows, too
             error = (rows.y[:, channel] - rows.added(terms, channel + 1)[:, channel])[rows.air]
             rms = float(np.linalg.norm(error[np.isfinite(error)]) / np.sqrt(len(error)))
+            # log p(y_f | y_-f) = log Z(y) - log Z(y_-f), equation (8) of docs/method.md
             told.append((whole - others, rms))
         density, error_rms = np.array(told).T
         return density, error_rms

@@ -88,6 +88,7 @@ def excited(c: Weighed, name: str) -> Decision:
     another inertia.
     """
     like = effect_table.get(name).unexcited_like
+    # a logged excitation is independent of the air, and shows the inertia whatever the gusts do
     shaken = any(
         r.flight.has("excitation") and r.flight.stack("excitation")[:, :3].any()
         for r in c.board.system.flights
@@ -104,6 +105,7 @@ def not_model_form_error(c: Weighed, name: str) -> Decision:
     """
     p, beside = c.found.inclusion[name], beside_larger(name, c.shares)
     larger = effect_table.get(name).error_of
+    # this form is known to be wrong in just this way: no probability makes up for it
     if beside and larger in c.shares:
         return Decision(
             "not_model_form_error", False, f"the form of {larger} may be wrong by as much"
@@ -162,6 +164,7 @@ def told_from_a_mass(c: Weighed, name: str) -> Decision:
     balance but in yaw, which has to tell them apart.
     """
     rule, best = "told_from_a_mass", c.found.best
+    # only a single lost rotor has one hub where a mass could stand in for it
     columns = [c.board.system.columns[k] for k in best.posterior.columns]
     keys = [col.key for col in columns if variant_of(col).effect == name]
     lost = [LOSSES.index(key) for key in keys if key in LOSSES]
@@ -213,6 +216,7 @@ def _best_of(found: Search, name: str, among: Sequence[str]) -> str:
     """The one of a name's family, of those ``among``, whose best set without the others is best."""
     return max(
         sorted(family_of(name) & set(among)),
+        # beside another of the family the name has only what that leaves it: compared is each alone
         key=lambda n: h.log_evidence if (h := _alone(found, n)) else -np.inf,
     )
 
@@ -253,11 +257,13 @@ def faint(share: Mapping[str, float]) -> bool:
 def best_rival(found: Search, name: str) -> Hypothesis | None:
     """What explains the flights best in a name's place, however rarely it is met."""
     best = _alone(found, name) or found.best
+    # a larger set explains at least as much by its freedom alone
     others = [
         h
         for h in found.hypotheses
         if name not in h.names and h.names and size_of(h.names) <= size_of(best.names)
     ]
+    # by the flights alone: a rarity in the prior must not hide what explains them as well
     return max(others, key=lambda h: h.of_flights, default=None)
 
 
@@ -301,8 +307,10 @@ def significant(fitted: Fitted, name: str) -> Decision:
     farthest, declared = 0.0, fitted.board.system.model.doubts
     for parameter in (p for e, p in fitted.free if e == name and p not in effect.shapes):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
+        # the flights ask for more than the effect can be: something else is behind it
         if value != a.neutral and value in (a.low, a.high):
             return Decision(rule, False, f"{parameter} stands at its bound", value, value)
+        # what the file's own doubt of this number allows is no finding
         doubt = settings.statistics.suggestive_sds * declared.get(f"{name}.{parameter}", 0.0)
         if abs(value - a.neutral) > max(fitted.sd(name, parameter), doubt):
             farthest = max(farthest, fitted.sds_from_neutral(name, parameter))
@@ -322,6 +330,7 @@ def does_something(fitted: Fitted, name: str) -> bool:
 
 def ambiguous(found: Search, names: set[str], contested: set[str]) -> tuple[str, ...]:
     """Names that replace each other: none proven alone, but one of them needed."""
+    # probability that nothing is at work beyond the settled names
     without = sum(h.probability for h in found.hypotheses if not set(h.names) - names)
     possible = settings.statistics.possible_probability
     needed = without <= possible

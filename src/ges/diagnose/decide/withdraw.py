@@ -117,10 +117,12 @@ def _unstrained(accepted: Accepted, first: Joint, record: Record) -> Accepted:
     """
     while (fitted := accepted.fitted) is not None:
         system, apart = accepted.board.system, fitted.apart
+        # what the numbers are strained without any name is not the names' doing
         most = max(settings.statistics.certain_sds, strain(first, system) + 1.0)
         needed = strain(apart, system)
         if needed <= most:
             break
+        # a carrier cannot go before what acts through it
         last = [
             n
             for n in accepted.names
@@ -129,6 +131,7 @@ def _unstrained(accepted: Accepted, first: Joint, record: Record) -> Accepted:
         worst = min(last, key=functools.partial(strain_without, fitted))
         less = without(accepted, worst)
         relief = strain(less.fitted.apart if less.fitted else first, system)
+        # a name stays if the numbers are as far off without it: something else strains them
         relieved = relief < needed - 1.0
         because = f"declared numbers go {needed:.3g} sds with it, {relief:.3g} without"
         record.note(worst, Decision("within_declared_numbers", not relieved, because, needed, most))
@@ -146,6 +149,7 @@ def _not_borrowed(answer: Answer, start: Start, declared: Model, record: Record)
     if not answer.added or answer.accepted.rivals:
         return answer
     model, accepted = start.system.model, answer.accepted
+    # a structure in a channel where no name acts is unknown beside them, and no borrowing
     left = borrowed(theirs(answer.foretold, answer.added, start.system), model)
     for name, added in answer.added.items():
         acts_in = size_of(added, start.system)["channel"]
