@@ -85,6 +85,7 @@ def _case(title: str, flights: list[sim.Flight], lanes: int, repeats: int) -> di
         "flights": len(flights),
         "lanes": lanes,
         "steps": int(steps),
+        # the fastest run: what else the machine does can only add to it
         "steps_per_s": steps / min(times),
         "steps_per_s_median": steps / statistics.median(times),
     }
@@ -104,6 +105,7 @@ def _cases(duration: float, repeats: int) -> list[dict]:
         "acc_noise_m_s2": 0,
     }
     return [
+        # each case does without one thing more, which tells what that thing costs
         _case("one flight, full physics", flight, 1, repeats),
         _case("lanes, full physics", full, 0, repeats),
         _case("lanes, without the ground effect", _flights(64, {}, ground, **cheap), 0, repeats),
@@ -131,6 +133,7 @@ def _cases(duration: float, repeats: int) -> list[dict]:
 
 def _replay_case(repeats: int) -> dict:
     record = sim.fly([sim.Flight({"duration_s": 100}, STUDY_EFFECTS, Terrain.procedural(1))])[0]
+    # every sample a hundred times: long enough for the clock
     samples = effects.Samples.from_columns(
         {name: values.repeat(100) for name, values in record.columns.items()}
     )
@@ -180,6 +183,7 @@ def _diagnosis_case(duration: float, repeats: int) -> dict:
     vehicle = parse_vehicle(QUAD)
     flights = [_manoeuvre(vehicle, plan, duration, seed) for seed, plan in enumerate(PLANS, 1)]
     frames = [_logged(record, seed) for seed, record in enumerate(sim.fly(flights, LOGGED), 1)]
+    # once before the clock runs: what is read at first use does not count
     found = diagnose(frames, vehicle, holdout=HELD_OUT)
     simulated = min(_seconds(lambda: sim.fly(flights, LOGGED), repeats))
     diagnosed = min(_seconds(lambda: diagnose(frames, vehicle, holdout=HELD_OUT), repeats))
@@ -199,6 +203,7 @@ def _diagnosis_case(duration: float, repeats: int) -> dict:
 
 def _bench_sim(duration: float, repeats: int) -> list[dict]:
     cases = _cases(duration, repeats)
+    # the cheap kernel of the same run: a ratio hangs less on the machine than a speed
     scale = cases[-1]["steps_per_s"]
     for case in cases:
         click.echo(

@@ -144,6 +144,7 @@ def score(folder: Path, out: Path | None, method: str, pairs: tuple[str, ...]) -
 
     diagnosed = method_folder(method, parse(pairs))
     out = out or folder / diagnosed.replace("diagnosed", "scores", 1)
+    # worlds differ in what any method could tell there, so each is scored by itself
     of_kind = score_worlds if made_of_worlds(folder) else score_cases
     report = of_kind(folder, out, diagnosed)
     for row in report["scores"]:
@@ -176,6 +177,7 @@ def calibrate(folders: tuple[Path, ...]) -> None:
     from ges.diagnose.select.stated import searched
 
     told = pairs(folders)
+    # back to the search's own log odds: the correction in force would be fitted again
     offset, slope = fit(np.array([searched(p) for p in told[:, 0]]), told[:, 1])
     click.echo(
         f"search.log_odds_offset={offset:.3g} search.log_odds_slope={slope:.3g}  #"

@@ -27,6 +27,7 @@ def command(recordings: tuple[Path, ...], out: Path) -> None:
     from ges.recordings.recording import load_set
     from ges.vehicle.file import save_vehicle
 
+    # a session may be a single flight
     found = calibrate(*(load_set(one, least=1) for one in recordings))
     for warning in found.warnings:
         click.echo(f"warning: {warning}", err=True)

@@ -106,6 +106,7 @@ def command(
     from ges.diagnose.report.drawing import drawing
     from ges.diagnose.settings import parse, using
 
+    # drawing before the imports: its process reads matplotlib while this one reads the rest
     with using(parse(pairs)), drawing(out) as figures, Progress() as progress:
         from ges.diagnose.run import Request, run
         from ges.recordings.readers import Options
@@ -148,6 +149,7 @@ class Progress:
         return self
 
     def __exit__(self, kind: object, *_: object) -> None:
+        # a step that failed has no time to tell
         if kind is None:
             self.step("")
         self._status.stop()
@@ -165,6 +167,7 @@ def command_line(context: click.Context) -> str:
     """The command as it was given, but for what changes nothing of the result."""
     words = ["ges", "diagnose"]
     for parameter in context.command.params:
+        # only what was typed: a default is that of the version, which the page names as well
         if (
             context.get_parameter_source(parameter.name)
             is not click.core.ParameterSource.COMMANDLINE
@@ -181,6 +184,7 @@ def command_line(context: click.Context) -> str:
 
 def at_a_display() -> bool:
     """Whether a person sits in front of a screen here."""
+    # a pipe, or a job without a screen, opens no browser
     display = sys.platform in ("win32", "darwin") or any(
         os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
     )
@@ -191,6 +195,7 @@ def _tell(found: Any, out: Path) -> None:
     from ges.diagnose.report.blocks import flight_names, grouped
 
     content = {"origin": found.origin}
+    # on stderr, so that standard output is the answer alone
     for warning in grouped(found.data["warnings"], flight_names(content)):
         click.echo(f"warning: {warning}", err=True)
     click.echo(found.sentence)

@@ -72,6 +72,7 @@ def examine(path: Path, options: Options, kind: str = "auto") -> dict[str, Any]:
                 "name": name,
                 "source": stream.source,
                 "rate_hz": round(stream.rate_hz, 1),
+                # adding zero turns -0.0 into 0.0
                 "from_s": round(stream.span_s[0], 2) + 0.0,
                 "to_s": round(stream.span_s[1], 2),
                 "columns": list(stream.columns),
@@ -110,6 +111,7 @@ def _advice(log: Log) -> dict[str, str]:
     """What to switch on for streams that are not there or slow."""
     from ges.recordings.readers import READERS
 
+    # in the words of the autopilot that wrote it
     advice = next(reader.advice for reader in READERS if reader.name == log.format)
     advised = {}
     for name, wanted_hz in WANTED_HZ.items():
@@ -128,6 +130,7 @@ def _effects(frame: pd.DataFrame) -> tuple[list[str], dict[str, str]]:
     from ges.diagnose.types.model import Model
     from ges.simulator import effects
 
+    # as a diagnosis prepares it; a vehicle of defaults will do, as streams are asked for
     flight = with_thrust_direction(regrid(frame, grid_step_s(frame)), frame)
     can, cannot = [], {}
     for name, effect in effects.table().items():
@@ -170,6 +173,7 @@ def _show(found: dict[str, Any], console: Console) -> None:
     for heading in ("stream", "Hz", "from s", "to s", "logged as"):
         table.add_column(heading, justify="left" if heading in ("stream", "logged as") else "right")
     for s in found["streams"]:
+        # as Text: a name in brackets would be read as a style
         cells = (s["name"], f"{s['rate_hz']:g}", f"{s['from_s']:g}", f"{s['to_s']:g}", s["source"])
         table.add_row(*map(Text, cells))
     console.print(Text(title, style="bold"))
@@ -206,6 +210,7 @@ def command(
     for path in logs:
         try:
             found.append(examine(path, options, kind))
+        # the other logs are told of all the same
         except GesError as error:
             unread += 1
             found.append({"name": path.name, "usable": False, "problem": str(error)})

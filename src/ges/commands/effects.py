@@ -10,6 +10,7 @@ from ges.simulator import effects
 
 
 def _parameter_row(p: effects.Parameter) -> str:
+    # NaN: the effect does not vanish by this parameter alone
     neutral = "" if p.neutral != p.neutral else f"{p.neutral:g}"
     return (
         f"| `{p.name}` | {p.unit} | {p.default:g} | {neutral} | {p.low:g} .. {p.high:g} | {p.doc} |"

@@ -58,6 +58,7 @@ READING = (
 
 def reading_options(function: Callable) -> Callable:
     """Add :data:`READING` to a verb; they go into :func:`read_log` as they come."""
+    # decorators apply from the last to the first, and help has them in this order
     for option in reversed(READING):
         function = option(function)
     return function
@@ -83,6 +84,7 @@ def _parts(name: str, frame: pd.DataFrame, count: int) -> list[tuple[str, pd.Dat
         return [(name, frame)]
     t = frame["t_s"]
     share = (t - t.iloc[0]) / (t.iloc[-1] - t.iloc[0])
+    # the last sample has a share of one, and belongs to the last part
     number = (share * count).astype(int).clip(upper=count - 1)
     return [
         (f"{name}_part{k + 1:0{len(str(count))}d}", frame[number == k].reset_index(drop=True))
@@ -99,6 +101,7 @@ def _without_empty(
     lacking: dict[tuple[str, ...], list[str]] = {}
     kept = []
     for name, frame in parts:
+        # a slow or late stream may have no sample in a part of the log
         empty = tuple(c for c in frame if frame[c].isna().all())
         kept.append((name, frame.drop(columns=list(empty))))
         if empty:
@@ -167,6 +170,7 @@ def command(
         log = read_log(path, kind, mapping, pwm, rotor_order, part)
         cut, empty = _without_empty(_parts(name, log.frame(), parts))
         recordings = make_set(vehicle, cut)
+        # what a reader notes is mostly the same of all logs: said once, with their names
         for note in log.notes:
             noticed.setdefault(note, []).append(path.name)
         for warning in (*empty, *recordings.warnings):

@@ -31,6 +31,7 @@ def command() -> None:
 
 
 def _print(table: Table) -> None:
+    # in a file or a pipe no row wraps
     Console(width=None if sys.stdout.isatty() else 1000).print(table)
 
 

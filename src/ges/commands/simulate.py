@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ges.simulator import flight as sim
     from ges.vehicle.file import Vehicle
 
+# a recording has the gyro's rates, not the true ones
 READINGS = {f"gyro_{a}_rad_s": f"omega_{a}_rad_s" for a in "xyz"}
 KEPT = (
     "t_s",
@@ -45,6 +46,7 @@ def _missing(vehicle: Vehicle) -> tuple[dict[str, float], list[str]]:
     if vehicle.inertia_kg_m2 is None:
         arm_m = scaling.arm_m(rotors["x_m"], rotors["y_m"])
         inertia = scaling.inertia(vehicle.mass_kg.value, arm_m)
+        # a scaling law of published frames: a share of mass times squared arm
         values |= {f"i{axis}_kg_m2": getattr(inertia, axis) for axis in ("xx", "yy", "zz")}
         said.append(
             f"inertia is not in the file; taken as {scaling.ACROSS:g}, {scaling.ACROSS:g} and"
@@ -80,6 +82,7 @@ def _references(plan: str, references: Path | None, duration: float | None) -> n
 
 
 def _recorded(record: sim.Record) -> dict[str, np.ndarray]:
+    # the true rates give way to what the gyro read of them
     columns = {
         name: v
         for name, v in record.columns.items()
@@ -154,9 +157,11 @@ def command(
         click.echo(f"warning: {sentence}", err=True)
     table = _references(plan, references, duration)
     timing = {"inputs_dt_s": manoeuvres.STEP_S, "duration_s": (len(table) - 1) * manoeuvres.STEP_S}
+    # height by position and no feed-forward: the controller knows nothing of the ground
     fixed: dict[str, float | str] = {"seed": seed, "altitude_source": 1, "mode": "none", **timing}
     curve = vehicle.effect_values().get("thrust_curve", {}).get("c", 0.0)
     fixed["fw_thrust_curve"] = min(max(curve, 0.0), 1.0)  # an autopilot is set up for its motors
+    # later ones replace earlier ones: what the user sets has the last word
     numbers = {**vehicle.parameters(), **values, **fixed, **_settings(settings)}
     record = sim.fly(
         [sim.Flight(numbers, vehicle.effect_values(), vehicle.ground(vehicle_path.parent), table)]

@@ -20,6 +20,7 @@ KINDS = ("sdf", "rotorpy", "urdf", "sih")
 
 def _listed(context: click.Context, _: click.Parameter, wanted: bool) -> None:
     """Print the library and leave."""
+    # a shell that completes words parses as well, and nothing may be printed then
     if not wanted or context.resilient_parsing:
         return
     from ges.vehicle import library
@@ -99,6 +100,7 @@ def command(
     remarks: tuple[str, ...] = ()
     if not path.is_file() and not path.is_dir():
         raise GesError(f"there is no file {path}; give a log, a model, a vehicle file or a name")
+    # as it is, comments and all: read and written again it would lose them
     if path.suffix in file.YAML_ENDINGS:
         _refuse({**log_only, "--prop": prop, "--name": name}, "a vehicle file says it; edit that")
         vehicle, text = file.load_vehicle(path), path.read_text(encoding="utf-8")
@@ -113,6 +115,7 @@ def command(
     if target:
         export = formats.write_model(vehicle, target)
         text, remarks = export.text, (*remarks, *export.remarks)
+    # on stderr: standard output is the file, to be sent into one
     for remark in remarks:
         click.echo(f"note: {remark}", err=True)
     click.echo(text, nl=False)

@@ -71,6 +71,7 @@ def diagnose(
     shift = moved or (None if names else thrust_of(answer, start.system))
     located = located_by(start, answer)
     answer, left = with_open_modelled(answer, left, start, problem.model, record)
+    # an open cause may move the numbers that it is confused with: those are not the file's fault
     but = {*answer.accepted.rivals, *(shift.may_move if shift else ())}
     wrong = [] if names else contradicted(answer.last.joint, start.system, but)
 

@@ -33,6 +33,7 @@ def diagnose_published(recordings: list[Path], vehicle: Path, mapping: Path, rep
     options = Options(mapping)
     logs = (open_log(path, options) for path in sorted(recordings))
     flights = {log.name: log.frame() for log in logs if "rotor_speed" in log.streams}
+    # without its flight held out, or one beside it to fit, nothing would be proven
     if HELD_OUT not in flights or len(flights) < 2:
         write_text(report, ABSENT)
         return

@@ -103,6 +103,7 @@ def run(
 
     watch("finding when it flies, and where the simulator differs")
     found = diagnose(inputs.recordings, holdout=list(request.holdout) or None, watch=ended)
+    # only now: nothing that diagnoses knows a file or a command
     origin = with_files(found.origin, inputs.hashes, inputs.vehicle_file, request.command)
     found = dataclasses.replace(found, origin=origin)
     watch("writing the page")
@@ -115,6 +116,7 @@ def run(
 def gathered(request: Request, watch: Watch) -> Inputs:
     """The flights of a request, read and checked; a single log is cut into several."""
     first, *rest = request.sources
+    # a folder may be a log itself: a ROS 2 bag is one
     if not rest and first.is_dir() and not any(r.sniff(b"", first) for r in READERS):
         return _of_set(request, first, watch)
     return _of_logs(request, watch)
@@ -123,6 +125,7 @@ def gathered(request: Request, watch: Watch) -> Inputs:
 def _of_set(request: Request, folder: Path, watch: Watch) -> Inputs:
     asked = {"mass": request.mass_kg, "prop": request.prop, "layout": request.layout}
     asked |= dataclasses.asdict(request.options)
+    # an option that would change nothing is a mistake of somebody who expects it to
     for option in (name for name, value in asked.items() if value is not None):
         raise UsageError(
             f"{option} is said of logs; {folder} is a recording set, whose columns are named and"
@@ -132,6 +135,7 @@ def _of_set(request: Request, folder: Path, watch: Watch) -> Inputs:
     recordings, path = load_set(folder), folder / "vehicle.yaml"
     if request.vehicle:
         path = vehicle_path(request.vehicle)
+        # checked anew: so far it was against the set's own vehicle
         named = [(f.name, f.frame) for f in recordings.flights]
         recordings = make_set(load_vehicle(request.vehicle), named, path.parent)
     hashes = {f.name: sha256(folder / f"{f.name}.parquet") for f in recordings.flights}
@@ -149,10 +153,12 @@ def _of_logs(request: Request, watch: Watch) -> Inputs:
     ]
     named = [(name, frame) for name, (_, frame) in flights.items()]
     hashes = {name: _hash(path) for name, (path, _) in flights.items()}
+    # something has to be held out, and a single log has no other flight
     if len(named) == 1:
         watch("cutting the log into flights")
         (whole, frame), (digest,) = named[0], hashes.values()
         named = cut(whole, frame, from_vehicle(vehicle, folder))
+        # every part comes of the same file
         hashes = {name: digest for name, _ in named}
         notes.append(
             f"{whole} is the only log, so it was cut into {len(named)} flights; what is held out"
@@ -170,6 +176,7 @@ def _opened(request: Request, watch: Watch) -> tuple[dict[str, tuple[Path, Log]]
         watch(f"reading {path.name}")
         log = open_log(path, request.options, request.kind)
         problem = log.problem()
+        # of many logs a bad one is left out; a single one is all there is
         if problem and len(request.sources) == 1:
             raise GesError(f"{path.name}: {problem}")
         if problem:
@@ -196,6 +203,7 @@ def _vehicle(
             "a log does not say what the vehicle weighs and what propellers it has; give --mass KG"
             " and --prop SIZE, or --vehicle NAME|FILE ('ges vehicle --list' has names)"
         )
+    # all logs are of one vehicle, so any would do
     log = next(log for _, log in logs.values())
     prop = Propeller.parse(request.prop)
     sheet = describe_log(log, request.mass_kg, prop, layout=request.layout, name=log.name)

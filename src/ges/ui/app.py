@@ -67,6 +67,7 @@ def templates() -> jinja2.Environment:
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
+        # a word that is misspelt in a template is an error, and not a gap on the page
         undefined=jinja2.StrictUndefined,
     )
     made.globals["version"] = __version__
@@ -97,6 +98,8 @@ def make_app(folder: Path, limit_mb: int) -> Starlette:
     return Starlette(
         routes=pages.routes(),
         middleware=[
+            # the outermost first: what comes by a foreign name or page, or states that it is too
+            # large, is not read; the last counts the bytes of what states nothing
             Middleware(TrustedHostMiddleware, allowed_hosts=guard.HOSTS, www_redirect=False),
             Middleware(guard.Guard, limit_bytes=pages.limit_bytes),
             Middleware(RequestBodyLimitMiddleware, max_body_size=pages.limit_bytes),
@@ -142,6 +145,7 @@ class Pages:
 
     def __init__(self, workspace: Workspace, limit_bytes: int) -> None:
         self.workspace, self.limit_bytes, self.jobs = workspace, limit_bytes, Jobs()
+        # a page that is opened twice waits for the first answer, and does not ask again
         self._doctor = asyncio.Lock()
 
     def routes(self) -> list[Route]:
@@ -193,6 +197,7 @@ class Pages:
         if name not in kinds:
             raise KeyError(name)
         text = resources.files("ges.ui").joinpath(name).read_text("utf-8")
+        # one style sheet for the server's pages and for reports
         if name == "ui.css":
             style = resources.files("ges.diagnose.report").joinpath("page.css").read_text("utf-8")
             text = style + text
@@ -211,6 +216,7 @@ class Pages:
     async def _uploaded(self, request: Request) -> list[UploadFile]:
         form = await request.form(max_files=MOST_FILES, max_fields=10)
         given = [f for f in form.getlist("files") if isinstance(f, UploadFile)]
+        # a field that is left empty comes as a file without a name
         files = [f for f in given if f.filename and f.size]
         if not files:
             empty = ", ".join(f.filename for f in given if f.filename)
@@ -223,6 +229,7 @@ class Pages:
 
     async def _keep(self, logs: Logs, files: list[UploadFile]) -> str:
         for file in files:
+            # copying a large file would hold up all other pages
             await asyncio.to_thread(logs.add, file.filename or "", file.file)
         return f"/logs/{logs.id}"
 
@@ -317,6 +324,7 @@ class Pages:
     async def events(self, request: Request) -> Response:
         """Steps as server-sent events, from the first that the page does not show."""
         key = self.workspace.diagnosis(request.path_params["id"]).id
+        # a browser that lost the connection says which step it saw last
         last = request.headers.get("last-event-id") or request.query_params.get("last", "")
         known = int(last) + 1 if last.isdecimal() else 0
         return StreamingResponse(self._events(key, known), media_type="text/event-stream")
@@ -337,6 +345,7 @@ class Pages:
     async def report(self, request: Request) -> Response:
         """The page of a diagnosis."""
         path = self._result(request, "report.html")
+        # shown here, but as a page of no origin: its words may come from a hostile log
         return FileResponse(path, headers={"content-security-policy": guard.REPORTS})
 
     async def result(self, request: Request) -> Response:
@@ -346,6 +355,7 @@ class Pages:
 
     def _result(self, request: Request, name: str) -> Path:
         diagnosis = self.workspace.diagnosis(request.path_params["id"])
+        # only what is listed: no name leads out of the folder
         if name not in diagnosis.names():
             raise KeyError(name)
         return diagnosis.results / name
@@ -360,6 +370,7 @@ class Pages:
 
     async def compare(self, request: Request) -> Response:
         """Two diagnoses side by side."""
+        # one that was ticked twice would be compared with itself
         keys = list(dict.fromkeys(request.query_params.getlist("with")))
         if len(keys) != 2:
             raise UsageError(f"{len(keys)} diagnoses are chosen; choose two to compare them")
@@ -373,6 +384,7 @@ class Pages:
     def _told(self, diagnosis: Diagnosed) -> dict[str, Any]:
         """What the pages say of a diagnosis."""
         about, job = diagnosis.about, self.jobs.get(diagnosis.id)
+        # every key that a template asks for, as templates are strict
         told: dict[str, Any] = {
             "id": diagnosis.id,
             "name": _name(about),
@@ -383,6 +395,7 @@ class Pages:
         told["sizes"] = {n: (diagnosis.results / n).stat().st_size for n in diagnosis.names()}
         if job and not job.over:
             told |= {"state": job.state, "steps": list(job.steps)}
+        # it is written down as under way, and this server has no job of it: one before began it
         elif about["state"] == "running":
             told |= {"state": "stopped", "problem": "the server ended before it did"}
         elif about["state"] == "done":

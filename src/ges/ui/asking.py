@@ -38,6 +38,7 @@ def checked_reading(logs: Logs, form: FormData) -> dict[str, Any]:
     UsageError
         Where a number is none, or a map is neither shipped nor here.
     """
+    # checked here, so that the answer is a sentence about the form and not about an option
     low, high = _number(form, "pwm_low"), _number(form, "pwm_high")
     if (low is None) != (high is None):
         raise UsageError("motor outputs need both: what means 0 and what means 1")
@@ -87,6 +88,7 @@ def diagnose_words(
     else:
         vehicle = _named(logs, form)
         words = ["--vehicle", vehicle]
+    # flights are called as their files without ending
     held = _one_of(form, "holdout", ["", *(Path(name).stem for name in files)])
     return [*words, *(["--holdout", held] if held else []), *reading(logs)], files, vehicle
 
@@ -110,6 +112,7 @@ def _made(form: FormData) -> list[str]:
             " in 2.0 kg and 10in"
         )
     layout = _one_of(form, "layout", ["", *LAYOUTS])
+    # with "=": what was typed cannot begin an option of its own
     return [f"--mass={mass_kg}", f"--prop={prop}", *([f"--layout={layout}"] if layout else [])]
 
 
@@ -124,12 +127,14 @@ def _text(form: FormData, name: str) -> str:
 
 def _one_of(form: FormData, name: str, allowed: Sequence[str]) -> str:
     given = _text(form, name)
+    # only words of a list reach the command line
     if given not in allowed:
         raise UsageError(f"{name} '{given[:80]}' is not here; choose one of the list")
     return given
 
 
 def _number(form: FormData, name: str) -> float | None:
+    # many keyboards have a decimal comma
     given = _text(form, name).replace(",", ".")
     if not given:
         return None
@@ -140,6 +145,7 @@ def _number(form: FormData, name: str) -> float | None:
 
 
 def _whole(word: str) -> int:
+    # decimal digits are those of many scripts, the command line's are ASCII
     if not word.isascii() or not word.isdecimal():
         raise UsageError(f"'{word[:80]}' is no whole number")
     return int(word)

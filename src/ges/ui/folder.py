@@ -35,6 +35,7 @@ def clean_name(given: str) -> str:
     """A file name without folders, hidden names, leading dashes and characters of a shell."""
     last = re.split(r"[/\\]", given)[-1]
     name = re.sub(r"[^\w.]+", "_", last).strip("._")
+    # what is cut is the stem: readers go by the ending
     stem, dot, ending = name.rpartition(".")
     if not dot:
         return name[:LONGEST_NAME] or "log"
@@ -94,9 +95,11 @@ class Logs(Kept):
         name = Path(clean_name(given))
         taken, number = set(self._all()), 2
         free = name.name
+        # logs of two flights often have the same name
         while free in taken:
             free, number = f"{name.stem}_{number}{name.suffix}", number + 1
         try:
+            # whole or not at all: an upload that breaks off leaves no half of a log
             with replacing(self.files / free) as new, new.open("xb") as file:
                 shutil.copyfileobj(content, file)
         except OSError as error:
@@ -137,6 +140,7 @@ class Diagnosed(Kept):
         """All of them in one zip file."""
         path = self.path / "results.zip"
         if not path.is_file():
+            # make_archive adds an ending of its own
             with replacing(path) as new:
                 Path(shutil.make_archive(str(new), "zip", self.results)).replace(new)
         return path
@@ -190,6 +194,7 @@ class Workspace:
 
     def _path(self, kind: str, key: str) -> Path:
         path = self.folder / kind / key
+        # an address holds an id as it was made, or nothing: it becomes a path
         if not re.fullmatch("[0-9a-f]{16}", key) or not (path / "about.json").is_file():
             raise KeyError(key)
         return path

@@ -49,6 +49,7 @@ class Guard:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 for name, value in HEADERS.items():
+                    # a report brings stricter rules of its own
                     headers.setdefault(name, value)
             await send(message)
 
@@ -57,11 +58,13 @@ class Guard:
 
     def _refusal(self, method: str, headers: Headers) -> PlainTextResponse | None:
         own = f"http://{headers.get('host', '')}"
+        # a GET changes nothing; with all else a browser says which page sent it
         if method != "GET" and headers.get("origin", own) != own:
             return PlainTextResponse(
                 "This came from another page; open this one and try again.", 403
             )
         length = headers.get("content-length", "0")
+        # refused by what it states, before a byte of it is read
         if not length.isdecimal() or int(length) > self.limit_bytes:
             return PlainTextResponse(too_large(self.limit_bytes), 413)
         return None

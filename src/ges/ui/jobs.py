@@ -37,6 +37,7 @@ class Ended:
     def problem(self) -> str:
         """Its one sentence on what went wrong."""
         lines = [line for line in self.err.splitlines() if line.strip()]
+        # what GES and click say on purpose; the last line of a traceback where neither spoke
         said = [line.removeprefix("ges: ") for line in lines if line.startswith("ges: ")]
         said += [line.removeprefix("Error: ") for line in lines if line.startswith("Error: ")]
         if said:
@@ -57,6 +58,7 @@ async def _start(words: Sequence[str], cwd: Path) -> asyncio.subprocess.Process:
         stdin=asyncio.subprocess.DEVNULL,
         stdout=pipe,
         stderr=pipe,
+        # a group of its own, to be ended with all that it starts; lines may be long
         start_new_session=True,
         limit=2**20,
     )
@@ -169,6 +171,7 @@ class Jobs:
             job.problem = ended.problem if ended.code else ""
         finally:
             seconds = round(time.monotonic() - began, 1)
+            # written down before the state changes: a page that reloads at the end reads it there
             diagnosis.note(state=state, problem=job.problem, steps=job.steps, seconds=seconds)
             async with job.news:
                 job.state = state
@@ -178,10 +181,12 @@ class Jobs:
         process = await _start(words, cwd)
         assert process.stdout and process.stderr
         try:
+            # read meanwhile: a pipe that nobody empties would hold the verb up
             out = asyncio.create_task(process.stdout.read())
             lines = []
             async for line in process.stderr:
                 lines.append(line.decode(errors="replace").rstrip())
+                # a line a step, as ges diagnose says it on stderr
                 step = _STEP.fullmatch(lines[-1])
                 if step:
                     async with job.news:

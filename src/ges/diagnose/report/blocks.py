@@ -73,12 +73,14 @@ def error_rows(
     rows, small = [], []
     for name, c in table.items():
         stages = [c[s] for s in ("before", "recalibrated", "after") if c.get(s) is not None]
+        # all three stages have to be small: an error that the findings brought down is news
         if stages and max(stages) < least_told(name, scale):
             small.append(name)
             continue
         reduction = _interval(c)
         change = c["after"] / c["recalibrated"] - 1.0 if c["recalibrated"] else None
         state = ""
+        # certain and large enough, both: either alone makes no row better or worse
         if reduction and change is not None and abs(change) >= settings.statistics.least_gain:
             state = "better" if reduction[0] > 0.0 else "worse" if reduction[1] < 0.0 else ""
         rows.append(
@@ -86,6 +88,7 @@ def error_rows(
                 "name": name,
                 **{s: c[s] for s in ("before", "recalibrated", "after")},
                 "change": change,
+                # a change is minus a reduction, so the ends of the interval swap
                 "ci95": (-reduction[1], -reduction[0]) if reduction else None,
                 "state": state,
             }
@@ -129,6 +132,7 @@ def remarks(content: Mapping[str, Any]) -> list[str]:
 
 def _worse_than_recalibrated(table: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     for name, c in table.items():
+        # of 1 - after / recalibrated: with the upper end below zero it is worse for certain
         high = c["reduction_ci95"][1]
         if c["after"] <= (1.0 + settings.statistics.least_gain) * c["recalibrated"]:
             continue
@@ -174,6 +178,7 @@ def separates_words(names: Sequence[str], tell: str = "tells", show: str = "show
     named = [plain(n) for n in names if n != NOTHING]
     there = f"{show} whether {list_words(named, 'or')} is there at all" if named else ""
     apart = f"{tell} {list_words(named)} apart" if len(named) > 1 else ""
+    # a single name has nothing to be told from: only whether it is there
     if not apart:
         return there or f"{show} whether anything is missing"
     return f"{apart} and {there}" if NOTHING in names else apart
@@ -196,6 +201,7 @@ def _next_flight(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     if not advised or not advised.get("separates"):
         return
     separates, times = advised["separates"], advised.get("flights") or 1
+    # what no manoeuvre separates, a change of the vehicle or a measurement on the ground does
     if not advised.get("manoeuvre"):
         would = separates_words(separates, "would tell", "would show")
         yield {
@@ -218,6 +224,7 @@ def _next_flight(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     prepared = f" with {advised['preparation']}" if advised.get("preparation") else ""
     still = [plain(n) for n in advised.get("stays_open") or () if n != NOTHING]
     between = f" {list_words(still)} would stay open between themselves." if len(still) > 1 else ""
+    # a diagnosis that was made in Python has no command line that could be given again
     command = content.get("origin", {}).get("command", "")
     yield {
         "words": (
@@ -229,6 +236,7 @@ def _next_flight(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _to_log(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    # one sentence a reason: a missing stream silences several channels at once
     reasons: dict[str, list[str]] = {}
     for name, why in content["data"].get("channels_off", {}).items():
         reasons.setdefault(why, []).append(channel_words(name))
@@ -272,6 +280,7 @@ def considered_rows(content: Mapping[str, Any]) -> list[dict[str, Any]]:
     rows = [
         {**c, "failed": next((d for d in c["decisions"] if not d["passed"]), None)}
         for c in content.get("considered", ())
+        # what was not weighed has no probability to rank by; the page lists it as not tested
         if (c["name"], c.get("place", "")) not in named and c["probability"] is not None
     ]
     return sorted(rows, key=lambda c: (-c["probability"], c["name"], c.get("place", "")))
@@ -309,6 +318,7 @@ def grouped(warnings: Sequence[str], names: Sequence[str]) -> list[str]:
     """
     alike: dict[str, dict[str, str]] = {}
     for warning in warnings:
+        # the name of flight1 also begins what is said of flight10: the longest that fits is meant
         name = max((n for n in names if warning.startswith(n)), key=len, default="")
         alike.setdefault(warning.removeprefix(name).lstrip(": "), {})[name] = warning
     return [

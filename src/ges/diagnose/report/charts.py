@@ -16,6 +16,7 @@ LEVELS = 65534
 """Steps between the least and the greatest value of a channel: finer than any screen shows, and two
 bytes a number.
 """
+# the one number of two bytes that no level takes: they run from -32767 to 32767
 MISSING = -32768
 
 
@@ -63,6 +64,8 @@ def packed(series: Mapping[str, np.ndarray]) -> dict[str, Any]:
     """
     finite = np.concatenate([v[np.isfinite(v)] for v in series.values()])
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
+    # rounded before levels are counted, as the page multiplies by the rounded step;
+    # a constant channel would have a step of zero, and divide by it
     low, step = float(f"{low:.7g}"), float(f"{(high - low) / LEVELS or 1.0:.7g}")
     codes = {}
     for name, values in series.items():

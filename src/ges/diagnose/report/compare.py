@@ -77,11 +77,13 @@ def _remarks(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[st
             f"The vehicles are not the same: {vehicles[0].get('name')} and"
             f" {vehicles[1].get('name')}."
         )
+    # by content, not by name: every session may have its flight1
     hashes = [{f.get("sha256") for f in o.get("flights", ())} - {None} for o in origins]
     same = hashes[0] & hashes[1]
     if same:
         count = f"{len(same)} of the flights are" if len(same) > 1 else "One of the flights is"
         yield f"{count} in both: what they have in common is no second witness."
+    # an error is that of model and flying together, so only the same flights compare models alone
     held = [set(c["fit"]["holdout_flights"]) for c in (first, second)]
     if held[0] != held[1]:
         yield (
@@ -94,6 +96,7 @@ def _findings(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[d
     """A row a finding: in which of the two it is, its size and probability in each, and by
     parameter both values with their intervals and whether these overlap.
     """
+    # by place, too: a loss at rotor 3 is another finding than one at rotor 4
     found = [{(f["name"], f.get("place", "")): f for f in c["findings"]} for c in (first, second)]
     for key in dict.fromkeys([*found[0], *found[1]]):
         pair = [f.get(key) for f in found]
@@ -124,6 +127,7 @@ def _parameter(name: str, pair: Sequence[Mapping[str, Any] | None]) -> dict[str,
     unit = next(v["unit"] for v in values if v)
     return {
         "name": name,
+        # "1" is the descriptors' word for no unit
         "unit": "" if unit == "1" else unit,
         "each": [_value(v) for v in values],
         "overlap": _overlap(*(v["ci95"] if v else None for v in values)),

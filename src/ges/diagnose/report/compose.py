@@ -63,6 +63,7 @@ def composed(
     searched : False where the names were given.
     """
     findings = all_findings(answer, wrong, shift, problem.gate, record, searched)
+    # asked of the model with all findings, as one may act through another
     findings = with_force_per_speed(findings, answer.last.model)
     unexplained = unexplained_by(left, start, answer.last)
     calibration = calibration_of(answer.last.joint, problem.model)
@@ -91,4 +92,5 @@ def composed(
             problem, answer.accepted, start.cells, models, proof, start.system.length_s
         ),
     )
+    # last, as it reads all that is told
     return with_sentence(diagnosis)

@@ -40,6 +40,7 @@ def located_by(start: Start, answer: Answer) -> list[dict]:
     accepted, left = answer.accepted, answer.last.left
     entries = from_residuals(start.cells, start.first.structures, start.system)
     entries += from_findings(answer.added, left, accepted.probability, start.regimes, start.system)
+    # what is open is in no model yet, so the accepted residual still holds it
     if accepted.rivals:
         entries += from_open(accepted.found, accepted.board, left, start.regimes, accepted.names)
     return strongest(entries)
@@ -54,6 +55,7 @@ def data_used(
 ) -> dict:
     """``data`` of diagnosis.json."""
     reasons = sorted({r for f in flights for r in f.left_out})
+    # without logged references there is no instrument, and no strength to tell of
     vouched = [r.vouched for r in system.flights if r.vouched and r.flight.has("reference")]
     return {
         "flights": len(flights),
@@ -74,6 +76,7 @@ def data_used(
         "window_s": system.length_s,
         "reference_scale": {block_of(name): system.model.whole(name) for name in system.main},
         "warnings": list(warnings),
+        # the defaults stand in docs/settings.md
         **({"settings": changed()} if changed() else {}),
     }
 
@@ -99,9 +102,11 @@ def not_tested(system: System, found: Model) -> dict[str, str]:
     """
     flights, reasons = system.recordings, {}
     searched = {c.variant.effect for c in system.columns if c.variant is not None}
+    # the gate and the search for gusts speak about these, though no column of theirs is searched
     searched |= {e.name for e in effect_table.table().values() if e.settled and e.kind == "sensor"}
     searched |= {GUSTS} if heard_by(found.effects) else set()
     for name, effect in effect_table.table().items():
+        # what modifies another effect is tried together with that one
         if name not in searched and not effect.modifies:
             reasons[name] = (
                 lacking(name, flights, system.model)
@@ -109,6 +114,7 @@ def not_tested(system: System, found: Model) -> dict[str, str]:
                 or out_of_reach(effect, system.model, flown(flights))
                 or "these flights do not excite it"
             )
+    # in closed loop, without references as instruments, nothing vouches for a controller's motion
     references = any(f.has("reference") for f in flights)
     moved = {n for n in searched if effect_table.get(n).feedback == "dynamic"}
     for name in sorted(moved) if not references else ():
@@ -123,6 +129,7 @@ def unexplained_by(remains: Sequence[Structure], start: Start, last: Stage) -> l
     """Structure that is left, each with a sparse form of it as a hypothesis where it is one of the
     mean.
     """
+    # a hypothesis is a form of the mean; where only the size depends on a regime there is none
     means = [u.channel for u in remains if not u.of_size]
     forms: Mapping[str, Form] = {}
     if remains:

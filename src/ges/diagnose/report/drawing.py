@@ -47,6 +47,7 @@ def drawing(out: Path) -> Iterator[Drawing]:
 def _ready() -> None:
     from ges.diagnose.report import pictures
 
+    # one empty figure reads fonts and back ends before the first is asked for
     pictures.png(pictures.Figure(figsize=(1.0, 1.0)))
 
 

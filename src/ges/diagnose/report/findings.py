@@ -48,8 +48,10 @@ def all_findings(
     """
     accepted = answer.accepted
     proven = [f for n, added in answer.added.items() for f in by_place(accepted, n, added)]
+    # shares make a force, a moment and a rotor speed comparable
     proven.sort(key=lambda f: -f.size["share_of_weight"])
     proven += [answer.gusts.finding()] if answer.gusts else []
+    # names that were given are told whatever their size
     if choosing:
         model = answer.last.model
         proven = [f for f in proven if practically_significant(f.name, f.size, model, record)]
@@ -119,6 +121,7 @@ def alternatives_of(accepted: Accepted, name: str) -> tuple[dict, ...]:
     """Names that could stand in its place, with the log odds against the best set that has it."""
     weighed = accepted.found.hypotheses
     having = max((h.log_evidence for h in weighed if name in h.names), default=0.0)
+    # the best set without the name, by what it has that was not accepted: that takes its place
     best: dict[str, float] = {}
     for h in weighed:
         if name not in h.names:
@@ -153,6 +156,7 @@ def by_place(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> list
     fitted, model = accepted.fit, accepted.board.system.model
     system = fitted.board.system
     numbered = [p for e, p in fitted.free if e == name and place_of(p)]
+    # ``added`` is of all places together, so each is computed alone, with the others at neutral
     if len(numbered) < 2:
         return [finding(accepted, name, added)]
     whole = finding(accepted, name, added)
@@ -190,9 +194,12 @@ def _declared(name: str, wrong: Sequence[Contradicted], system: System) -> Findi
         for n in wrong
         for p in [n.key.split(".")[1]]
     }
+    # to first order: the number's column times its correction
     terms = {system.nuisances[n.key]: n.value for n in wrong}
     added = [rows.added(terms, len(system.main)) for rows in system.flights]
+    # certain by its own rule, hence as sure as any name is told to be
     found = Finding.of(name, stated(1.0), parameters, size_of(added, system))
+    # the effect may be physics; what is wrong here is a number of the file
     return dataclasses.replace(found, kind="parameter")
 
 
@@ -205,6 +212,7 @@ def open_findings(accepted: Accepted) -> list[Finding]:
 
 def _open(accepted: Accepted, name: str) -> Finding:
     fitted, chance = accepted.alternatives.get(name), stated(accepted.found.inclusion[name])
+    # without a fit there is no contribution to size, only the coefficient of the search
     if fitted is None:
         return Finding.of(name, chance, _searched(accepted, name), is_open=True)
     model = accepted.board.system.model
@@ -229,6 +237,7 @@ def _searched(accepted: Accepted, name: str) -> dict[str, Estimate]:
     for k, mean, sd in zip(found.columns, found.mean, found.sd, strict=True):
         column = accepted.board.system.columns[k]
         variant = variant_of(column)
+        # the moment's part has a coefficient of its own, and is no parameter of the effect
         if variant.effect == name and column.part != "moment":
             a = variant.amplitudes[column.amplitude]
             value = a.neutral + float(mean)

@@ -16,6 +16,7 @@ def origin_of(problem: Problem) -> dict[str, Any]:
     rows = []
     for name, seconds in sorted(problem.seconds.items()):
         flight = used.get(name)
+        # samples times step: the last sample would count a step beyond the recording's end
         flown_s = float(flight.flying.sum() * flight.dt_s) if flight else 0.0
         rows.append(
             {

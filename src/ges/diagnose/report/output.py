@@ -37,8 +37,10 @@ def write_diagnosis(
     out.mkdir(parents=True, exist_ok=True)
     content, traces = diagnosis.content(), traces_of(diagnosis)
     drawing, figures = drawing or Drawing(out), list(_figures(diagnosis, content, traces))
+    # first: where other processes draw, they do so while the files below are written
     drawing.start(figures)
     _remove_others(out, {name for name, *_ in figures})
+    # the fitted vehicle names its height map, and has to fly from this folder
     ground = diagnosis.vehicle.terrain.file
     if ground and Path(vehicle_folder).resolve() != out.resolve():
         shutil.copyfile(Path(vehicle_folder) / ground, out / ground)
@@ -79,6 +81,7 @@ def _figures(
     """Those that this diagnosis has something for."""
     proof = diagnosis.workings.proof
     yield from map_figure(diagnosis.workings.cells)
+    # a flight that took no part shows what a fit could not have bent
     yield "over_time", "over_time", (next((t for t in traces if t.held_out), traces[0]),)
     told = _parameters(content)
     if told:
@@ -89,6 +92,7 @@ def _figures(
             "rollout_growth",
             (along_horizon_s(), proof.rollouts),
         )
+    # bars are errors over that of the file as given: without a flight held out there is none
     if any(c["before"] for c in content["fit"]["channels"].values()):
         yield "held_out", "held_out_bars", (content["fit"]["channels"],)
         place = next(
@@ -117,6 +121,7 @@ def _parameters(content: Mapping[str, Any]) -> list[dict[str, Any]]:
         for f in content["findings"]
         for name, p in f["parameters"].items()
     ]
+    # corrections are counted from the vehicle file, so what is declared lies at zero
     for key, p in content["calibration"].items():
         if p["declared_sd"]:
             told.append(
@@ -150,6 +155,8 @@ def _residual_picture(place: Mapping[str, Any], proof: Proof) -> tuple:
         for stage in ("recalibrated", "after")
     }
     good = np.isfinite(left["recalibrated"]) & np.isfinite(x)
+    # residual is recorded less model, so what the findings add is the difference of both;
+    # the recalibrated model, whose own residual this is, adds nothing
     added = (left["recalibrated"] - left["after"])[good]
     curves = {"recalibrated": np.zeros(good.sum())} | ({"after": added} if added.any() else {})
     words = f"{channel_words(place['channel'])}, {size_unit(place['channel'])}"

@@ -64,6 +64,7 @@ PARTS: Mapping[str, str] = {
 @functools.lru_cache
 def _asset(name: str) -> Markup:
     """A file of the package, as it is."""
+    # scripts and style sheets of the package go in as they are; all else is escaped
     return Markup(resources.files("ges.diagnose.report").joinpath(name).read_text("utf-8"))
 
 
@@ -75,6 +76,7 @@ def environment() -> jinja2.Environment:
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
+        # a key that a diagnosis does not have leaves its place empty, and is no error
         undefined=jinja2.ChainableUndefined,
     )
     templates.globals["asset"] = _asset
@@ -129,11 +131,13 @@ def render(
         "remarks": blocks.remarks(content),
         "considered": blocks.considered_rows(content),
         "steps": blocks.next_steps(content),
+        # flights from tables in memory have no file and no hash: no column for them
         "hashed": any(f.get("sha256") for f in content.get("origin", {}).get("flights", ())),
         "warnings": blocks.grouped(
             content["data"].get("warnings", ()), blocks.flight_names(content)
         ),
         "pictures": {
+            # inside the page: it stays one file, whoever it is sent to
             name: {"data": base64.b64encode((pictures or {})[name]).decode(), "caption": caption}
             for name, caption in CAPTIONS.items()
             if name in (pictures or {})

@@ -33,6 +33,7 @@ def force_per_speed_N_s_m(name: str, model: Model) -> float | None:
     """
     if effect_table.get(name).n_states:
         return None
+    # axis by axis: at rest, at 1 m/s and at 2 m/s
     speeds = np.array([[s * (a == b) for b in range(3)] for a in range(3) for s in (0.0, 1.0, 2.0)])
     columns = {
         "t_s": np.arange(float(len(speeds))),
@@ -42,12 +43,15 @@ def force_per_speed_N_s_m(name: str, model: Model) -> float | None:
     }
     others = {k: v for k, v in model.effects.items() if k != name}
     samples = effect_table.Samples.from_columns(columns)
+    # by difference, as the effect may act through others that are on
     with_it, without = effect_table.replay_each(
         model.parameters, samples, [model.effects, others], model.terrain
     )
     force = (with_it.force_N - without.force_N).reshape(3, 3, 3)
+    # what acts at rest already is no drag
     once, twice = (np.linalg.norm(force[:, k] - force[:, 0], axis=1) for k in (1, 2))
     axis = int(np.argmax(once))
+    # F(2 v) = 2 F(v) for a linear drag, 4 F(v) for a quadratic one
     if once[axis] <= 0.0 or abs(twice[axis] - 2.0 * once[axis]) > LINEAR * twice[axis]:
         return None
     return float(once[axis])

@@ -35,6 +35,7 @@ COLOURS = {
     "recalibrated": "#56B4E9",
     "after": "#D55E00",
 }  # Okabe and Ito's colour-blind safe set
+# grey, hatched and full, dotted, dashed and solid: stages differ in black and white, too
 HATCHES = {"before": "", "recalibrated": "///", "after": ""}
 LINES = {"before": ":", "recalibrated": "--", "after": "-"}
 _STYLE = {
@@ -49,6 +50,7 @@ _STYLE = {
 }
 WIDTH_IN = 7.0
 BINS = 12
+# beyond, a score is as dark as the map gets: one outlier would bleach all other cells
 LARGEST_Z = 6.0
 MAP_COLUMNS = 3
 MOST_DECIMALS = 4
@@ -81,6 +83,7 @@ def save(figure: Figure, folder: Path | str, name: str) -> bytes:
     figure.set_layout_engine(
         "none"
     )  # as the PNG is laid out: half of the time to draw a figure is its layout
+    # no date and no program's name: the same figure is the same bytes
     with replacing(Path(folder) / f"{name}.pdf") as new, mpl.rc_context(_STYLE):
         FigureCanvasPdf(figure).print_pdf(
             new, metadata={"CreationDate": None, "Producer": None, "Creator": None}
@@ -103,6 +106,7 @@ def location_map(cells: Sequence[Mapping[str, Any]], most_channels: int = 8) -> 
         c: max(abs(_score(k)) for k in cells if k["channel"] == c)
         for c in dict.fromkeys(k["channel"] for k in cells)
     }
+    # the clearest are chosen, but drawn in their own order, so that axes stay together
     kept = sorted(z, key=lambda c: -z[c])[:most_channels]
     channels = [c for c in z if c in kept]
     regimes = list(dict.fromkeys(k["regime"] for k in cells))
@@ -142,11 +146,13 @@ def _strip(
             axis.plot(np.mean(columns), row, "o", color="black", markersize=3.0)
     drawn = axis.imshow(
         score,
+        # pale at zero, two hues that colour-blind eyes tell apart, one scale in all strips
         cmap="PuOr_r",
         norm=Normalize(-LARGEST_Z, LARGEST_Z),
         aspect="auto",
         interpolation="nearest",
     )
+    # bins are quantiles, so their bounds are uneven: first, middle and last tell the scale
     shown = sorted({0, len(bounds) // 2, len(bounds) - 1})
     axis.set_xticks([i - 0.5 for i in shown], _ticks(bounds, shown))
     axis.set_yticks(range(len(channels)), [channel_words(c) for c in channels])
@@ -218,6 +224,7 @@ def _after_error(
     ci = np.array(
         [[v if v is not None else np.nan for v in channels[n]["reduction_ci95"]] for n in names]
     )
+    # after = recalibrated (1 - reduction): the upper end of the reduction is the lower error
     low, high = recalibrated * (1.0 - ci[:, 1]), recalibrated * (1.0 - ci[:, 0])
     return np.nan_to_num(np.clip([values - low, high - values], 0.0, None))
 
@@ -245,10 +252,12 @@ def residual_against(
     blocks : (n,) number of the stretch of flight; the 95 % bands come from the spread of the
         blocks' means.
     """
+    # quantiles: every bin has as many windows, and so a mean that is known as well
     edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, bins + 1)))
     with mpl.rc_context(_STYLE):
         figure = _figure(3.4)
         axis = figure.subplots()
+        # thousands of points are pixels in the PDF, not as many vector marks
         axis.plot(x, y, ".", color="#BBBBBB", markersize=2.0, rasterized=True, zorder=1)
         center, mean, half = binned(x, y, blocks, edges)
         axis.errorbar(
@@ -273,6 +282,7 @@ def residual_against(
                 zorder=2,
                 label=stage_words(stage),
             )
+        # a few outliers may leave the picture, means and their intervals may not
         spread = np.quantile(y, [0.005, 0.995])
         axis.set_ylim(
             min(spread[0], np.nanmin(mean - half)), max(spread[1], np.nanmax(mean + half))
@@ -306,6 +316,7 @@ def over_time(t: Trace) -> Figure:
                 left.plot(t.t_s, values[:, c], LINES[stage], **style)
                 right.plot(t.t_s, t.recorded[:, c] - values[:, c], LINES[stage], **style)
             _limit(left, t.used, t.recorded[:, c], *(v[:, c] for v in t.simulated.values()))
+            # a misfit that is small beside the signal shows at the right, on a scale of its own
             right.axhline(0.0, color="black", linewidth=0.5)
             left.set_title(f"{channel_words(name)}, {unit_words(name)}", loc="left", pad=2)
             for axis in (left, right):
@@ -316,6 +327,7 @@ def over_time(t: Trace) -> Figure:
         for axis in axes[-1]:
             axis.set_xlabel(f"time, s ({t.flight})")
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="upper center", ncols=4)
+        # by hand: margins in inches, whatever the number of rows, and no layout to compute
         figure.subplots_adjust(
             left=0.075,
             right=0.99,
@@ -355,6 +367,8 @@ def binned(
             continue
         each = [y[inside & (blocks == b)] for b in np.unique(blocks[inside])]
         about, count = float(y[inside].mean()), len(each)
+        # standard error of a mean whose blocks are independent and whose windows are not:
+        # sqrt(sum of (sum e)^2 B / (B - 1)) / n, with Student's t for few blocks
         sums = np.array([(e - about).sum() for e in each])
         error = np.sqrt((sums**2).sum() * count / max(count - 1, 1)) / inside.sum()
         center.append(float(x[inside].mean()))
@@ -404,6 +418,7 @@ def rollout_growth(
 
 def _rms_band(e: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Rms over the starts (k,) and its 95 % bootstrap band (2, k)."""
+    # whole rollouts are drawn: errors along one of them are not independent
     drawn = (e[rng.integers(0, len(e), (DRAWS, len(e)))] ** 2).mean(axis=1)
     return np.sqrt((e**2).mean(axis=0)), np.sqrt(np.quantile(drawn, [0.025, 0.975], axis=0))
 
@@ -425,6 +440,7 @@ def parameter_intervals(parameters: Sequence[Mapping[str, Any]]) -> Figure:
             _interval(axis, row, p)
         axis.set(xlim=(-0.02, 1.02), ylim=(len(parameters) - 0.5, -0.5))
         axis.set_axis_off()
+        # one entry a label, however many rows drew it
         told = dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
         figure.legend(told.values(), told.keys(), loc="outside lower center", ncols=len(told))
     return figure
@@ -436,6 +452,7 @@ def _interval(axis: Axes, row: int, p: Mapping[str, Any]) -> None:
     declared, doubt = p.get("declared"), 2.0 * (p.get("declared_sd") or 0.0)
     band = [declared - doubt, declared + doubt] if declared is not None else []
     reach = [low, high, 0.0, *band]
+    # every parameter has its own unit, so every line is scaled to hold what is marked on it
     start, length = min(reach), max(reach) - min(reach) or 1.0
     value_at, low_at, high_at, zero_at, *band_at = (
         (v - start) / length for v in (p["value"], *reach)

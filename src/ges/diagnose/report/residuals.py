@@ -66,5 +66,6 @@ def _timeline_s(traces: Sequence[Trace]) -> np.ndarray:
     times, start = [], 0.0
     for t in traces:
         times.append(t.t_s - t.t_s[0] + start)
+        # a gap, so that a viewer of one axis does not join two flights
         start = float(times[-1][-1]) + 1.0
     return np.concatenate(times)

@@ -27,6 +27,7 @@ class _Finding(BaseModel):
     parameters: dict[str, _Parameter]
     size: dict[str, Any]
     alternatives: list[dict[str, Any]]
+    # with a default: what older versions did not write
     title: str = ""
     place: str = ""
     open: bool = False
@@ -123,6 +124,7 @@ def load_diagnosis(folder: str | Path) -> dict[str, Any]:
     try:
         _Saved.model_validate(content)
     except ValidationError as error:
+        # one sentence: the first alone
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "its top level"
         raise GesError(

@@ -30,6 +30,7 @@ LEADS: Mapping[str, str] = {
     "parameter": "wrong in the vehicle file:",
     "sensor": "wrong in the sensors:",
 }
+# the long form first; the short one where words are short
 UNSEEN = ("on flights that took no part,", "unseen,")
 
 
@@ -49,6 +50,7 @@ def sentence_of(content: Mapping[str, Any]) -> str:
         "unknown": _unknown,
         "ambiguous": _ambiguous,
     }.get(content["verdict"], _named)
+    # every generator ends with a form that is short enough
     return next(form for form in forms(content) if len(form.split()) <= MOST_WORDS)
 
 
@@ -68,6 +70,7 @@ def _named(content: Mapping[str, Any]) -> Iterator[str]:
         return
     if not content["fit"].get("channels"):
         forms = [(True, ""), (False, "")]
+    # a loss outranks a size: it may mean that a finding is wrong
     elif loss:
         both = [f"{gain}, but {loss}", f"{gain}, but another error grows"] if gain else []
         both += [loss]
@@ -76,6 +79,7 @@ def _named(content: Mapping[str, Any]) -> Iterator[str]:
         forms = [
             (sized, told) for sized in (True, False) for told in (gain or "no error falls", "")
         ]
+    # names are the first to go, one by one, for they stand in the table below the sentence
     for sized, worth in forms:
         for most in range(MOST_NAMES, 0, -1):
             what = f"{_by_kind(findings, content, most, sized)}, {_sureness(findings)}"
@@ -119,6 +123,7 @@ def size_words(f: Mapping[str, Any], content: Mapping[str, Any]) -> str:
     """
     size = f["size"]
     if f["kind"] == "parameter" and f["parameters"]:
+        # of several corrections of one effect the largest is told
         name = max(f["parameters"], key=lambda p: abs(f["parameters"][p]["value"]))
         return correction_words(name, f["parameters"][name]["value"])
     if size.get("force_per_speed_N_s_m"):
@@ -129,6 +134,7 @@ def size_words(f: Mapping[str, Any], content: Mapping[str, Any]) -> str:
     if block in ("force", "acc"):
         return f"{percent_words(size['share_of_weight'])} of weight"
     if block == "moment" and scale.get("force"):
+        # moment over weight: the arm at which the weight would make it
         return f"lever of {number_words(size['value'] / scale['force'], 2)} m"
     if block == "drive":
         return f"{percent_words(size['share_of_weight'])} of full speed"
@@ -137,6 +143,7 @@ def size_words(f: Mapping[str, Any], content: Mapping[str, Any]) -> str:
 
 def _sureness(findings: Sequence[Mapping]) -> str:
     least = min(f["probability"] for f in findings)
+    # no more nines than the table of findings tells
     sure = "99.9 %" if least > 0.999 else f"{100.0 * least:.0f} %"
     return f"{'each at least ' if len(findings) > 1 else ''}{sure} sure"
 
@@ -146,6 +153,7 @@ def _gain(content: Mapping[str, Any]) -> str:
     second ahead, else the channel that does.
     """
     rolled = content["fit"].get("rollout") or {}
+    # metres off a second ahead say more to an engineer than newtons of a residual
     places = {n: c for n, c in rolled.get("channels", {}).items() if unit_words(n) == "m"}
     best = _best(places)
     if best:
@@ -182,6 +190,7 @@ def _loss(content: Mapping[str, Any]) -> str:
 
 def _best(table: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mapping[str, Any]] | None:
     """The row that gains most against recalibration alone, if it gains anything worth telling."""
+    # against recalibration, as only what exceeds it speaks for the findings
     gains = {n: 1.0 - c["after"] / c["recalibrated"] for n, c in table.items() if c["recalibrated"]}
     name = max(gains, key=lambda n: gains[n], default=None)
     return (
@@ -198,6 +207,7 @@ def _declared(content: Mapping[str, Any]) -> Iterator[str]:
 
 def _moved(content: Mapping[str, Any]) -> str:
     """The number that recalibration moved farthest over its declared sd; '' within two."""
+    # a correction counts by the doubt that the file states; one without contradicts nothing
     rows = {k: c for k, c in content["calibration"].items() if c["declared_sd"]}
     far = {k: abs(c["value"]) / c["declared_sd"] for k, c in rows.items()}
     key = max(far, key=lambda k: far[k], default=None)
@@ -236,6 +246,7 @@ def _ambiguous(content: Mapping[str, Any]) -> Iterator[str]:
     rivals = [f for f in content["findings"] if f["open"]]
     advised = content["next_flight"].get("manoeuvre")
     tells = f"flying {plain(advised)} would tell" if advised else ""
+    # first to go is a third name, then the advised flight, then the sizes: the page has them all
     for most, sized, told in (
         *((m, True, tells) for m in range(MOST_NAMES, 1, -1)),
         *((m, True, "") for m in range(MOST_NAMES, 1, -1)),

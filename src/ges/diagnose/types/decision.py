@@ -66,6 +66,7 @@ class Record:
     def note(self, name: str, decision: Decision) -> None:
         """Keep a decision; one of the same rule about the same name is replaced."""
         rules = self._decisions.setdefault(name, {})
+        # taken out first, so that it stands last: later rounds of the search ask a rule again
         rules.pop(decision.rule, None)
         rules[decision.rule] = decision
 

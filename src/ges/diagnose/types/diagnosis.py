@@ -147,8 +147,10 @@ def cleaned(value: Any) -> Any:
         return {str(k): cleaned(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
         return [cleaned(v) for v in value]
+    # numpy's scalars are not JSON's
     if hasattr(value, "item"):
         value = value.item()
+    # JSON has no NaN and no infinity
     if isinstance(value, float):
         return float(f"{value:.6g}") if math.isfinite(value) else None
     return value

@@ -62,6 +62,7 @@ class Model:
     @property
     def hover_rad_s(self) -> float:
         """Rotor speed at which four rotors carry the weight."""
+        # m g = 4 k_T Omega^2
         return math.sqrt(self.weight_N / (4.0 * self.number("thrust_coefficient_N_s2")))
 
     @property
@@ -79,6 +80,7 @@ class Model:
         """What sizes in a channel are shares of: weight, weight times arm, full rotor speed, a
         rotor radius.
         """
+        # an accelerometer's channel is m a, a force as well
         kind = block_of(channel)
         if kind in ("force", "acc"):
             return self.weight_N
@@ -121,10 +123,13 @@ def _doubts(vehicle: Vehicle) -> dict[str, float]:
     for effect in effect_table.table().values():
         for p in (p for p in effect.parameters if p.corrects and p.role == "amplitude"):
             known = [n for path in p.corrects if (n := _number(vehicle, path))]
+            # a scale corrects a quotient of several numbers, as k_T / m: their relative doubts,
+            # which are independent, add in squares
             sds = [sd / abs(value) if p.unit == "1" else sd for value, sd in known]
             doubts[f"{effect.name}.{p.name}"] = math.hypot(*sds)
     if vehicle.max_rotor_speed_rad_s:
         doubts[SPEED] = vehicle.max_rotor_speed_rad_s.sd
+    # a calibrated file states the doubt of its own trims; it goes before that of declared numbers
     given = {
         f"{name}.{key}": quantity.sd
         for name, values in vehicle.effects.items()
@@ -153,7 +158,9 @@ def from_vehicle(vehicle: Vehicle, folder: Path | str = ".") -> Model:
         },
         vehicle.ground(folder),
         _doubts(vehicle),
+        # what the file does not state is the simulator's default, which no channel may stand on
         frozenset(name for name, given in known.items() if given is not None),
+        # effects know one plane of all rotors: the widest of their doubts
         max(rotor.z_m.sd for rotor in vehicle.rotors),
         vehicle.left_unexplained or {},
     )

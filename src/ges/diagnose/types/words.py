@@ -67,6 +67,7 @@ MOST_ODDS = 23.0
 
 def _split(name: str) -> tuple[str, str]:
     """A contract name and its unit."""
+    # the longest first: v_x_m_s ends in _s as well
     for suffix in sorted(_SUFFIXES, key=len, reverse=True):
         if name.endswith(f"_{suffix}"):
             return name.removesuffix(f"_{suffix}"), _SUFFIXES[suffix]
@@ -123,6 +124,7 @@ def percent_words(share: float | None) -> str:
     """A share in percent, one decimal below ten."""
     if share is None:
         return "not known"
+    # from 0.0995 on it would be written 10.0; adding zero turns -0.0 into 0.0
     return f"{round(100.0 * share, 1) + 0.0:.{0 if abs(share) >= 0.0995 else 1}f} %".replace(
         "-", "−"
     )
@@ -132,6 +134,7 @@ def probability_words(p: float | None) -> str:
     """A probability to two decimals, three beyond 0.99."""
     if p is None:
         return "not known"
+    # rounded, it would read as certainty
     return "> 0.999" if p > 0.999 else f"{p:.3f}" if p > 0.99 else f"{p:.2f}"
 
 
@@ -154,8 +157,10 @@ def number_words(value: float | None, digits: int = 3) -> str:
     if value is None or not math.isfinite(value):
         return "not known"
     if value != 0 and not 1e-3 <= abs(value) < 1e6:
+        # as 1.20·10⁻⁵, not as programs write it
         mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
         return f"{mantissa}·10{_raised(int(exponent))}".replace("-", "−")
+    # significant digits: every place before the point costs a decimal
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(value)))) if value else 0
     return f"{value:.{decimals}f}".replace("-", "−")
 
@@ -167,6 +172,7 @@ def bounds_words(low: float, high: float, digits: int = 2) -> str:
     largest = max(abs(low), abs(high))
     if not largest or not 1e-3 <= largest < 1e6:
         return f"{number_words(low, digits)} to {number_words(high, digits)}"
+    # of the larger: 0.0031 to 12.4 would tell of a precision that the range does not have
     decimals = max(0, digits - 1 - math.floor(math.log10(largest)))
     return " to ".join(
         f"{round(b, decimals) + 0.0:.{decimals}f}".replace("-", "−") for b in (low, high)
