@@ -139,6 +139,15 @@ def test_a_rollout_that_gets_worse_is_remarked_on(content):
     assert "the height is farther off with the findings: 0.200 → 0.300 m" in text_of(content)
 
 
+def test_a_rollout_that_is_off_by_less_than_a_reading_is_not(content):
+    """Of velocities by their own unit: 0.03 m/s is less, 0.03 m is more."""
+    content["fit"]["rollout"]["channels"] = {
+        name: {"before": 0.01, "recalibrated": 0.01, "after": 0.03} for name in ("p_z_m", "v_z_m_s")
+    }
+    (remark,) = (r for r in blocks.remarks(content) if "ahead" in r)
+    assert "height" in remark
+
+
 def test_considered_names_have_the_first_rule_that_they_fail(content):
     text = text_of(content)
     assert "2 names effect probability rule that it fails why" in text

@@ -118,10 +118,9 @@ def remarks(content: Mapping[str, Any]) -> list[str]:
     out = [*_worse_than_recalibrated(table), *_worse_than_given(table)]
     rolled = content["fit"].get("rollout") or {}
     for name, c in rolled.get("channels", {}).items():
-        if (
-            c["after"] > (1.0 + settings.statistics.least_gain) * c["recalibrated"]
-            and c["after"] >= LEAST_READING["m"]
-        ):
+        if c["after"] > (1.0 + settings.statistics.least_gain) * c["recalibrated"] and c[
+            "after"
+        ] >= least_told(name, {}):
             out.append(
                 f"Simulated {number_words(rolled['horizon_s'], 2)} s ahead, the"
                 f" {channel_words(name)} is farther off with the findings:"
