@@ -32,6 +32,7 @@ _NUMBER = re.compile(r"(?<![\w-])[-+\u2212]?\d[\d.,]*")
 
 
 def _blanked(pattern: re.Pattern[str], text: str) -> str:
+    # blanks in place of words, line breaks kept: numbers of lines stay those of the source
     return pattern.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), text)
 
 
@@ -41,6 +42,7 @@ def naked_numbers(text: str) -> list[tuple[int, str]]:
 
     Numbers in maths, labels, raw text, statements and arguments of calls are no prose.
     """
+    # calls last: brackets within maths or text, blanked by now, would end their arguments
     prose = _blanked(_CALL, _blanked(_NOT_PROSE, text))
     return [
         (n, found[0])
@@ -127,6 +129,7 @@ def render(main: Path, results: Path, citation: Path, pdf: Path) -> None:
     """
     import typst
 
+    # Typst reads nothing outside of its root
     root = os.path.commonpath([main.resolve(), results.resolve()])
     inside = "/" + str(results.resolve().relative_to(root))
     try:

@@ -162,6 +162,7 @@ def _timing(path: Path, log: Path) -> Timing:
         wall_s=float(row["s"]),
         cpu_s=_number(row["cpu_time"]) if cpu_s is None else cpu_s,
         peak_MiB=_number(row["max_rss"]),
+        # the benchmark is written when the job ends
         started_s=path.stat().st_mtime - float(row["s"]),
         starting_cpu_s=_logged(log, "to start"),
     )
@@ -237,6 +238,7 @@ class Cost(NamedTuple):
 def _together(timings: Iterable[Timing]) -> Iterator[tuple[float, list[Timing]]]:
     """Stretches of time between starts and ends of jobs: length, and the jobs that ran in it."""
     timings = list(timings)
+    # between two neighbouring edges the set of running jobs is constant
     edges = sorted({edge for t in timings for edge in (t.started_s, t.started_s + t.wall_s)})
     for low, high in itertools.pairwise(edges):
         yield (
@@ -372,6 +374,7 @@ def export_mlflow(run: Manifest, uri: str, experiment: str) -> str:
         raise GesError("MLflow is not installed; uv pip install 'ges[mlflow]' adds it") from None
     mlflow.set_tracking_uri(uri if "://" in uri else f"sqlite:///{Path(uri).resolve()}")
     mlflow.set_experiment(experiment)
+    # a run is its id: asked again, it is not written twice
     same = f"attributes.run_name = '{run.id}'"
     if known := mlflow.search_runs(
         experiment_names=[experiment], filter_string=same, output_format="list"

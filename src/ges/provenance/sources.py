@@ -33,6 +33,7 @@ def _imported(module: str) -> tuple[str, ...]:
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
+            # one dot is the package itself, each further one a level above
             up = (
                 package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
             )
@@ -55,5 +56,6 @@ def sources(module: str) -> tuple[Path, ...]:
         file = module_file(name)
         if file is not None and name not in found:
             found[name] = file
+            # importing a module runs every package above it, too
             todo += [name.rpartition(".")[0], *_imported(name)]
     return tuple(sorted(found.values()))

@@ -172,6 +172,7 @@ def _cell(row: Mapping[str, Any], value: str) -> Ours:
 def _matches(column: pd.Series, wanted: str | float) -> pd.Series:
     if isinstance(wanted, str):
         return column.astype(str) == wanted
+    # numbers went through text: equal but for rounding
     return (pd.to_numeric(column, errors="coerce") - wanted).abs() < 1e-9
 
 
@@ -223,8 +224,10 @@ def _combined(a: Ours, b: Ours, subtract: bool) -> Ours:
     """Difference or ratio of two numbers, with the interval that holds wherever both lie
     in theirs.
     """
+    # the widest that both intervals allow, since how they depend on each other is not known
     if subtract:
         return Ours(value=a.value - b.value, low=a.low - b.high, high=a.high - b.low)
+    # of positive numbers, whose quotient is least with the greatest divisor
     return Ours(value=a.value / b.value, low=a.low / b.high, high=a.high / b.low)
 
 
@@ -241,6 +244,7 @@ def _unexplained(
         return None if value is None else 1.0 - value
 
     told = {
+        # under its own name the rule would turn it again
         "value": "unexplained",
         "paper": rest(claim.paper),
         "paper_baseline": rest(claim.paper_baseline),
@@ -249,6 +253,7 @@ def _unexplained(
 
 
 def _turned(o: Ours) -> Ours:
+    # turning swaps the ends
     return Ours(value=1 - o.value, low=1 - o.high, high=1 - o.low)
 
 
@@ -256,12 +261,14 @@ def _value(claim: Claim, found: Ours, baseline: Ours | None) -> str:
     if claim.value == "r2":
         return _value(*_unexplained(claim, found, baseline))
     published = claim.published
+    # an interval wider than the number itself would hold any claim
     holds = found.low <= published <= found.high and (found.high - found.low) / 2 < abs(published)
     if holds or abs(found.value - published) <= CLOSE * abs(published):
         return REPRODUCED
     if baseline is not None and claim.paper_baseline is not None:
         same = _side(found.value - baseline.value) == _side(published - claim.paper_baseline)
         return DIRECTION if same else NOT
+    # both ends on one side of zero; NaN, where there is no interval, is on none
     excludes = found.low * found.high > 0
     return (
         DIRECTION
@@ -285,16 +292,19 @@ def _null(claim: Claim, found: Ours) -> str:
 def _above(claim: Claim, found: Ours) -> str:
     if found.value <= claim.limit:
         return NOT
+    # a low of NaN is not below: without an interval the value decides
     return DIRECTION if found.low <= claim.limit else REPRODUCED
 
 
 def _below(claim: Claim, found: Ours) -> str:
     if found.value >= claim.limit:
         return NOT
+    # a high of NaN is not above: without an interval the value decides
     return DIRECTION if found.high >= claim.limit else REPRODUCED
 
 
 def _not_below(_: Claim, found: Ours) -> str:
+    # a high of NaN never is the greater one: without an interval the value decides
     return NOT if max(found.value, found.high) < 0 else REPRODUCED
 
 

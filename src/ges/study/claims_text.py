@@ -56,6 +56,7 @@ def digits(value: float, significant: int = 3) -> str:
     if value == round(value) and abs(value) < 1e6:
         return f"{value:.0f}".replace("-", "\u2212")
     text = f"{value:#.{significant}g}" if abs(value) >= 1e-4 else f"{value:.{significant - 1}e}"
+    # of large numbers, too, the format makes an exponent: those are printed in full
     if "e" in text and abs(value) >= 1e-4:
         text = f"{value:.0f}"
     mantissa, _, exponent = text.partition("e")

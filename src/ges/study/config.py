@@ -74,6 +74,7 @@ class Vehicle(Part):
         the others.
         """
         flat = self.model_dump(exclude={"arm_m", "rotor_radius_m"})
+        # arms stand at 45 degrees to the body's axes
         side = self.arm_m / 2**0.5
         for i, (x, y) in enumerate(((1, -1), (-1, 1), (1, 1), (-1, -1)), start=1):
             flat |= {
@@ -546,6 +547,7 @@ def _model_at(location: tuple) -> type[BaseModel]:
 
 
 def _sentence(error: Mapping[str, Any]) -> str:
+    # "[key]" is pydantic's mark where the key of a mapping is wrong
     key = ".".join(str(k) for k in error["loc"] if k != "[key]")
     if error["type"] == "extra_forbidden":
         known = list(_model_at(error["loc"]).model_fields)

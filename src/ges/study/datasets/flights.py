@@ -48,6 +48,7 @@ def data_flight(
     seed: int, simulator: Simulator, plan: FlightPlan, duration_s: float, rate_hz: float
 ) -> sim.Flight:
     """The flight of one seed of the data set."""
+    # a whole number of steps but for rounding, or rows would not be equally far apart
     every = 1.0 / (rate_hz * simulator.dt_s)
     if abs(every - round(every)) > 1e-9 * every:
         raise UsageError(

@@ -21,6 +21,7 @@ def check_terrain(path: Path, terrain: TerrainShape) -> int:
     seed's terrain.
     """
     seed, data = read_flight(path, ("p_x_m", "p_y_m", "ground_z_m"))
+    # the numpy port repeats the compiled terrain to the last bit: what differs is other ground
     expected = ground_of(seed, terrain).at(data["p_x_m"], data["p_y_m"]).height_m
     if seed != seed_of(path) or not np.array_equal(expected, data["ground_z_m"]):
         raise GesError(
@@ -43,6 +44,7 @@ def check_blocks(blocks: pd.DataFrame, name: str, by_seed: bool) -> None:
     if unknown:
         raise GesError(f"leakage: {name} has a part '{min(unknown)}'; parts are {', '.join(PARTS)}")
     ordered = blocks.sort_values(["seed", "first_row"])
+    # by first row: if any two blocks of a seed overlap, some two neighbours do
     overlaps = (ordered["seed"] == ordered["seed"].shift()) & (
         ordered["first_row"] <= ordered["last_row"].shift()
     )

@@ -52,6 +52,7 @@ def plan_numbers(point: np.ndarray) -> dict[str, float]:
     """Numbers of the plan and the rangefinder's noise at a place within the bounds, 0 to 1."""
     low, high = ends(FREE)
     numbers = dict(zip(FREE, map(float, low + point * (high - low)), strict=True))
+    # as a share of the period: nowhere within the bounds does a descent outlast it
     share = numbers.pop("descent_share")
     return {**numbers, "descent_duration_s": share * numbers["descent_period_s"]}
 
@@ -71,6 +72,7 @@ def fly_plan(
     rate_hz: float,
 ) -> list[sim.Record]:
     """Flights of the plan with the numbers in place of its own, one a seed."""
+    # the rangefinder's noise is a number of the sensors, the others are of the plan
     own = {k: v for k, v in numbers.items() if k in FlightPlan.model_fields}
     noise = {"range_noise_m": numbers["range_noise_m"]}
     world = simulator.model_copy(update={"sensors": simulator.sensors.model_copy(update=noise)})
@@ -84,6 +86,7 @@ def _pairs(
     """Target and prediction of the rows that models are scored on: read by the rangefinder, and
     without a touch of the ground up to the longest horizon.
     """
+    # touches so far: equal counts at both ends say that there is none between
     touched = np.concatenate([[0], np.cumsum(record[CONTACT] > 0)])
     rows = np.arange(len(predicted) - reserve)
     rows = rows[np.isfinite(predicted[rows]) & (touched[rows + reserve + 1] == touched[rows])]
@@ -98,10 +101,12 @@ def formula_errors(
     predicted = [flat_ground_factor(r["range_m"], vehicle) for r in records]
     errors: dict[str, float] = {}
     for horizon, ahead in zip(HORIZONS_S, steps, strict=True):
+        # every horizon on the rows that the longest allows, as in the sweep over horizons
         pairs = [_pairs(r, p, ahead, max(steps)) for r, p in zip(records, predicted, strict=True)]
         truth, guess = (np.concatenate([p[i] for p in pairs]) for i in range(2))
         error = guess - truth
         errors |= {
+            # over the rows of all flights at once, as scores of models are
             f"r2_{horizon:g}": float(1.0 - np.mean(error**2) / np.var(truth)),
             f"rmse_{horizon:g}": float(np.sqrt(np.mean(error**2))),
             f"mae_{horizon:g}": float(np.mean(np.abs(error))),
@@ -137,6 +142,7 @@ def fit_plan(
         return formula_errors(records, vehicle, rate_hz)
 
     start = plan_point({**simulator.parameters(), **plan.model_dump(exclude={"mode"})})
+    # no derivatives: neighbouring plans differ much, since few features lie under each flight
     found = minimize(
         lambda x: misfit(flown(plan_numbers(x))),
         start,

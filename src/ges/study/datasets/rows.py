@@ -80,6 +80,7 @@ class Window:
 
 def eligible(blocks: pd.DataFrame, window: Window) -> np.ndarray:
     """Rows of one flight's blocks whose window and target stay inside their own block."""
+    # past and reserve are taken off each block, so no window looks across into another part
     spans = [
         np.arange(b.first_row + window.past, b.last_row - window.reserve + 1)
         for b in blocks.itertuples()
@@ -91,6 +92,7 @@ def _chosen(rows: np.ndarray, most: int | None, seed: int, flight: int) -> np.nd
     """At most ``most`` rows of a flight, drawn by its own random numbers."""
     if most is None or len(rows) <= most:
         return rows
+    # a generator a flight: its rows do not hang on which other flights are read
     return np.sort(np.random.default_rng([seed, flight]).choice(rows, most, replace=False))
 
 
@@ -102,7 +104,9 @@ def _gather(path: Path, rows: np.ndarray, window: Window, past: bool) -> tuple:
             f"{Path(path).name} has {len(table)} rows; the split asks for row"
             f" {rows[-1] + window.reserve}"
         )
+    # the whole window is asked even where only the present is read: all models get the same rows
     defined = np.isfinite(table).all(axis=1)[rows[:, None] + window.offsets()].all(axis=1)
+    # touches so far: equal counts at both ends say that there is none between
     touched = np.concatenate([[0], np.cumsum(data[CONTACT] > 0)])
     rows = rows[defined & (touched[rows + window.reserve + 1] == touched[rows])]
     x = table[rows[:, None] + (window.offsets() if past else np.zeros(1, dtype=int))]
@@ -119,6 +123,7 @@ def _checked(report: Path, seeds: set[int]) -> dict[int, Path]:
             raise GesError(
                 f"{Path(report).name} has no flight of seed {seed}; fly the data set again"
             )
+        # the check vouches for bytes, not for a name
         if sha256(files[seed]) != listed[files[seed]]:
             raise GesError(
                 f"{files[seed]} is not the flight that {Path(report).name} has checked; run the"

@@ -28,11 +28,14 @@ def seedwise(seeds: DataSeeds, rows: int) -> pd.DataFrame:
 
 def blockwise(seeds: DataSeeds, rows: int, block_rows: int, seed: int) -> pd.DataFrame:
     """Blocks of every flight, dealt at random in the proportion of the seed lists."""
+    # the last instant is one row more than whole blocks; it joins the last, not a block of its own
     starts = np.arange(0, rows - 1, block_rows)
     ends = [*(starts[1:] - 1), rows - 1]
     every = [(s, a, b) for s in seeds.data() for a, b in zip(starts, ends, strict=True)]
     share = np.cumsum([getattr(seeds, part).count for part in PARTS]) / len(seeds.data())
     order = np.random.default_rng(seed).permutation(len(every))
+    # rank k of n goes to the part whose cumulative share holds (k + 1/2) / n: fixed counts, random
+    # places
     place = np.searchsorted(share, (order + 0.5) / len(every))
     table = pd.DataFrame(every, columns=["seed", "first_row", "last_row"])
     return table.assign(part=np.array(PARTS)[np.minimum(place, len(PARTS) - 1)])

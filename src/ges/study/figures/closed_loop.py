@@ -166,11 +166,13 @@ def grid(summary: Path, data: Path, pdf: Path, png: Path) -> None:
     wide = 1000 * table.pivot(
         index="slope_exponent", columns="curvature_factor", values="difference"
     )
+    # half the width of the interval, in millimetres
     half = 500 * (
         table.assign(half=table["high"] - table["low"]).pivot(
             index=wide.index.name, columns=wide.columns.name, values="half"
         )
     )
+    # a scale symmetric about zero: its pale middle is no difference
     reach = max(np.abs(wide.to_numpy()).max(), 1e-9)
     figure, axes = style.subplots(height=2.0)
     image = axes.imshow(wide, cmap="PuOr_r", vmin=-reach, vmax=reach, aspect="auto")
@@ -237,6 +239,7 @@ def poles(poles: Path, data: Path, pdf: Path, png: Path) -> None:
     mappings.
     """
     table = pd.read_csv(poles)
+    # those far to the left die out at once
     table = table[(table["factor_is"] == "of height") & (table["real_1_s"] > -12.0)]
     names = [n for n in style.MODE_LABELS if n in set(table["mode"])]
     figure, axes = style.subplots(1, len(names), width=style.PAGE_IN, height=2.6, sharey=True)

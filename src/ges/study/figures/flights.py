@@ -68,7 +68,9 @@ def _samples(frame: pd.DataFrame, vehicle: Vehicle) -> pd.DataFrame:
     """Rows in the air with thrust ratio, height in radii and number of the block."""
     thrust = vehicle.thrust_coefficient_N_s2.value * (frame[list(ROTOR_SPEED)] ** 2).sum(axis=1)
     weight = vehicle.mass_kg.value * GRAVITY_M_S2
+    # cosine of the tilt: the part of body z that points up
     upright = 1 - 2 * (frame["q_x"] ** 2 + frame["q_y"] ** 2)
+    # upward acceleration: what is weighed is m (g + a_z)
     climb = np.gradient(frame["v_z_m_s"], frame["t_s"])
     radius = vehicle.rotors[0].radius_m.value
     rows = pd.DataFrame(
@@ -118,6 +120,7 @@ def _blocks(name: str, rows: pd.DataFrame) -> pd.DataFrame:
         for number, b in _steady(rows)
     ]
     table = pd.DataFrame(found, columns=BLOCK_COLUMNS[:-1])
+    # the flight's own error of m / k stands in every block alike and goes out
     table["factor"] = table["ratio"] / table.loc[table["z_over_r"] > FAR, "ratio"].mean()
     return table
 
@@ -132,6 +135,7 @@ def thrust_blocks(recordings: list[Path], vehicle: Path, mapping: Path, blocks: 
 
 
 def _effect(form: str, x: np.ndarray) -> dict[str, float]:
+    # the clamp is the study's own heuristic and no part of a form: out of reach at 10
     own = dict(zip(("c_a", "decay"), x[1:], strict=False))
     return {"form": float(FORMS.index(form)), "high": 10.0, "rotor_plane_offset_m": x[0], **own}
 
@@ -150,19 +154,24 @@ def _fit(form: str, blocks: pd.DataFrame, vehicle: Vehicle) -> dict[str, float |
     radius, doubt = vehicle.rotors[0].radius_m.value, vehicle.rotors[0].z_m.sd
     height, ratio = blocks["z_over_r"].to_numpy() * radius, blocks["ratio"].to_numpy()
     flights = pd.get_dummies(blocks["flight"]).to_numpy(dtype=float)
+    # far from the ground only noise moves the ratio
     noise = blocks[blocks["z_over_r"] > FAR].groupby("flight")["ratio"].std().mean()
 
     def misfit(x: np.ndarray) -> np.ndarray:
         shape = flat_factor(height, vehicle.parameters(), _effect(form, x))
+        # variable projection: given the shape, the best scale of a flight is linear least squares
         scale = (flights.T @ (ratio * shape)) / (flights.T @ shape**2)
+        # the last row is the offset's prior: mean 0, deviation as the vehicle file doubts it
         return np.append((ratio - (flights @ scale) * shape) / noise, x[0] / doubt)
 
     own = form == "exponential"
     bounds = ([-0.1, 0.01, 0.3], [0.2, 2.0, 5.0]) if own else ([-0.04], [0.2])
     start = [0.02, 0.3, 1.5] if own else [0.02]
     found = least_squares(misfit, start, bounds=bounds, diff_step=1e-4)
+    # offset and own constants, a scale a flight, and the noise, which was estimated too
     n, k = len(ratio), len(found.x) + flights.shape[1] + 1
     squares = float(np.sum(found.fun[:-1] ** 2))
+    # rows have unit variance and the scales are projected out: (J'J)^-1 is the covariance
     half = 1.96 * np.sqrt(np.linalg.inv(found.jac.T @ found.jac)[0, 0])
     offset = float(found.x[0])
     return {
@@ -173,6 +182,7 @@ def _fit(form: str, blocks: pd.DataFrame, vehicle: Vehicle) -> dict[str, float |
         "c_a": found.x[1] if own else np.nan,
         "decay": found.x[2] if own else np.nan,
         "rmse": noise * np.sqrt(squares / n),
+        # at a noise that is held: chi-squared stands where -2 log-likelihood does
         "aicc": squares + 2 * k + 2 * k * (k + 1) / (n - k - 1),
         "blocks": n,
     }
@@ -202,6 +212,7 @@ def _scatter(source: str, height: str, rows: pd.DataFrame) -> pd.DataFrame:
 
 def _real_scatter(path: Path, vehicle: Vehicle, mapping: Path) -> list[pd.DataFrame]:
     rows = _samples(_read(path, mapping), vehicle)
+    # drift is no dispersion
     steady = pd.concat(
         [block for _, block in _steady(rows) if block["speed_m_s"].mean() < DRIFT_M_S]
     )
@@ -216,6 +227,7 @@ def _simulated_scatter(
     flights = [
         hover.but(name, agl_ref_m=z).flight(simulator, plan, seed) for name, z in heights.items()
     ]
+    # the real vehicle hovered over a level floor
     level = [type(f)(f.parameters, f.effects, Terrain.flat()) for f in flights]
     tables = []
     for height, record in zip(
@@ -229,6 +241,7 @@ def _simulated_scatter(
                 "dz_m": record["p_z_m"],
             }
         )
+        # without the first seconds, in which the height settles
         rows = rows[rows["t_s"] >= 10.0].assign(block=lambda r: (r["t_s"] // BLOCK_S).astype(int))
         tables.append(_scatter("simulated", height, rows))
     return tables

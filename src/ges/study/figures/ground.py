@@ -43,6 +43,7 @@ def flat_factor(
     effect : parameters of ``ground_effect``.
     """
     height_m = np.asarray(height_m, dtype=float)
+    # f is a ratio of thrusts at equal speed: any speed serves
     turning = dict.fromkeys(ROTOR_SPEED, np.full(len(height_m), 400.0))
     samples = effects.Samples.from_columns(
         {"t_s": np.arange(len(height_m)) * 0.01, "p_z_m": height_m, **turning}
@@ -112,6 +113,7 @@ def track(simulator: Simulator, plan: Flights, seed: int, data: Path, pdf: Path,
         lw=0,
     )
     top.plot(table["t_s"], table["p_z_m"], color=style.BLUE, label="vehicle")
+    # the controller holds the height over ground, so the line follows the ground
     held = table["ground_z_m"] + simulator.controller.agl_ref_m
     top.plot(table["t_s"], held, color=style.RED, ls="--", lw=0.8, label="height to hold")
     top.set(ylabel="world height (m)")

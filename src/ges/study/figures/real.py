@@ -41,6 +41,7 @@ def binned(blocks: pd.DataFrame) -> pd.DataFrame:
         sd=("factor", "std"),
         blocks=("factor", "size"),
     )
+    # of one block the deviation is NaN, and so the interval; the quantile has to exist all the same
     half = (
         stats.t.ppf(0.975, np.maximum(table["blocks"] - 1, 1))
         * table["sd"]

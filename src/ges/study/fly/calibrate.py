@@ -38,6 +38,7 @@ PUBLISHED = {
     "gyro_rad_s": 0.02537,
     "pulse_m": -0.003113,
     "bias_m": -0.001512,
+    # not published: hills and gains that bring the feet to the ground are no answer
     "contact_share": 0.0,
 }
 TOLERANCE = {
@@ -65,6 +66,7 @@ FREE = {
     "gyro_noise_rad_s": (0.002, 0.014),
     "curvature_gain_m": (0.0, 0.6),
 }
+# least over greatest height of a feature, as in the simulator's defaults
 AMPLITUDE_RATIO = 0.03 / 0.17
 _COLUMNS = ("t_s", "range_m", "agl_m", "contact", *GYRO)
 
@@ -105,6 +107,7 @@ def fly_arms(
     }
     arms |= {"pulsed": {"mode": "oracle", **kick}}
     arms |= {"over": {"mode": "oracle", "bias": BIAS}, "under": {"mode": "oracle", "bias": -BIAS}}
+    # the curvature gain is a number of the effect, the rest are numbers of the flight
     truth = {k: v for k, v in numbers.items() if k in GroundEffect.model_fields}
     own = {k: v for k, v in numbers.items() if k not in truth}
     flights = [
@@ -124,6 +127,7 @@ def operating_point(simulator: Simulator, pulse: Pulse, arms: Arms) -> dict[str,
         "analytical_m": mean_rms(arms["analytical"], reference),
         "gyro_rad_s": float(np.mean([gyro_rms(r) for r in arms["none"]])),
         "pulse_m": _pulse_response(arms["oracle"], arms["pulsed"], pulse),
+        # over less under seed by seed: equal ground and noise on both sides
         "bias_m": float(
             np.mean(
                 [
@@ -138,12 +142,14 @@ def operating_point(simulator: Simulator, pulse: Pulse, arms: Arms) -> dict[str,
 
 def mean_rms(records: Sequence[sim.Record], reference: float) -> float:
     """Mean over flights of the AGL RMS (m)."""
+    # the rangefinder reads nothing beyond its reach
     return float(np.mean([np.sqrt(np.nanmean((r["range_m"] - reference) ** 2)) for r in records]))
 
 
 def _pulse_response(
     oracle: Sequence[sim.Record], pulsed: Sequence[sim.Record], pulse: Pulse
 ) -> float:
+    # the published window: half a second from the end of the pulse on
     end = pulse.start_s + pulse.duration_s
     window = (oracle[0]["t_s"] >= end) & (oracle[0]["t_s"] < end + 0.5)
     return float(
@@ -195,6 +201,8 @@ class Search:
 
     def pulled(self, point: np.ndarray, flown: Mapping[str, float]) -> np.ndarray:
         """Distances from the published figures, then the pull towards the middle, (k + n,)."""
+        # -PULL at a lower bound, 0 in the middle, PULL at an upper one: a ridge, without which
+        # fewer figures than numbers leave whole directions open
         far = distances(flown, PUBLISHED, TOLERANCE)
         return np.concatenate([far, PULL * (2.0 * point - 3.0)])
 
@@ -227,6 +235,7 @@ def calibrate(
             "cruise_m_s": plan.cruise_m_s,
         }
     )
+    # a start outside of its bounds would be refused; a step within them, it can move either way
     found = least_squares(
         search.residuals,
         np.clip(start, 1.0 + STEP, 2.0 - STEP),

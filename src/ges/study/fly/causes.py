@@ -51,7 +51,9 @@ def removals(simulator: Simulator) -> dict[str, Removal]:
     return {
         AS_PUBLISHED: Removal(),
         "no motor lag": Removal(fast),
+        # f + tau df/dt undoes a lag of 1 / (tau s + 1)
         "lead of the motor lag": Removal(oracle={"lead_s": lag}),
+        # no derivative: the truth where the vehicle will be when the thrust has come
         "terrain preview of the motor lag": Removal(oracle={"preview_s": lag}),
         "per rotor": Removal(oracle=rotors),
         "no integral action": Removal({"altitude_ki": 0.0}),
@@ -113,6 +115,7 @@ def fly_causes(
         against no ground effect at all; and every oracle against the published one.
     """
     table = fly_conditions(cause_conditions(simulator), closed_loop.list(), simulator, plan)
+    # Holm's correction is over all of these: no pair that nobody asks for
     causes = list(removals(simulator))
     pairs = [(f"oracle, {c}", f"{other}, {c}") for c in causes for other in ("analytical", "none")]
     pairs += [(f"{m}, {c}", f"{FLOOR}, {c}") for c in causes for m in ("none", *FEEDFORWARD)]

@@ -26,6 +26,7 @@ def choose_clamp(
     choice : to write (JSON): ``threshold``, the seeds it was chosen on, and the mean AGL RMS of
         every candidate.
     """
+    # rising, and idxmin takes the first of equals: the tightest
     candidates = {f"{value:g}": value for value in sorted(clamp_thresholds)}
     conditions = [
         Condition(

@@ -57,6 +57,7 @@ def fly_comparison(
         summaries.append(compare(table, NAMES, REFERENCE).assign(seed_list=name))
     write_csv(pd.concat(tables), flights)
     write_csv(pd.concat(summaries), summary)
+    # the table of the last list, which is the large one
     write_csv(compare(table, ["agl_rms_restricted_m", "agl_rms_m"], REFERENCE), restricted)
 
 

@@ -53,6 +53,7 @@ def effects(simulator: Simulator, plan: Flights, arms: calibrate.Arms) -> dict[s
 
 def _folded(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Reflect a step that leaves the bounds."""
+    # a reflected walk is as likely there as back, which Metropolis' rule takes for granted
     x = np.where(x < low, 2 * low - x, x)
     return np.where(x > high, 2 * high - x, x)
 
@@ -77,11 +78,14 @@ def _walk(
         arms = search.arms(numbers)
         misfit = calibrate.misfit(search.flown(arms))
         luck = rng.uniform()
+        # target density exp(-misfit / (2 slack^2)): each tolerance, times the slack, is a standard
+        # deviation; a worse place is taken with the ratio of densities
         if row is None or np.log(luck) < (row["misfit"] - misfit) / (2 * how.slack**2):
             here, row = (
                 there,
                 {**numbers, "misfit": misfit, **effects(search.simulator, search.plan, arms)},
             )
+        # a step that is refused counts the old place once more
         yield {"step": step, **row}
 
 
@@ -94,9 +98,11 @@ def _shares(walk: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for effect, sign in CLAIMED_SIGN.items():
         values = walk[effect]
+        # 0 stands for "no better": any value that is not below zero agrees
         share = float((np.sign(values) == sign).mean()) if sign else float((values >= 0).mean())
         low, middle, high = np.percentile(values, [2.5, 50, 97.5])
         said = {1: "above 0", -1: "below 0", 0: "not below 0"}[sign]
+        # refused steps repeat a misfit, so distinct ones count the simulators
         rows.append((effect, middle, low, high, said, share, walk["misfit"].nunique(), *fit))
     return pd.DataFrame(
         rows,

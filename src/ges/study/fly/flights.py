@@ -50,6 +50,7 @@ class Condition:
             "cruise_m_s": plan.cruise_m_s,
             "seed": float(seed),
         }
+        # what a condition says goes before the plan, and the plan before the simulator
         truth = {**simulator.ground_effect.parameters(), **self.ground_effect}
         return sim.Flight(
             {**simulator.parameters(), **numbers, **self.parameters}, {"ground_effect": truth}

@@ -96,6 +96,7 @@ def fly_worlds(
     tests : to write: opposed biases against each other in every world.
     """
     fitted = _fitted(forms)
+    # mapping 0 is the right one; the historical error needs no other form to show
     worlds = [(form, {"form": form}, mapping) for form in FORMS for mapping in range(len(MAPPINGS))]
     worlds += [(FITTED, fitted, 0)] if fitted else []
     seeds = closed_loop.list()

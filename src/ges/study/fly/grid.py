@@ -30,6 +30,7 @@ def fly_grid_cell(
     """Every mode over every seed with one pair of corrections, the curvature gain as a factor of
     the simulator's; the network stays the one of the default corrections.
     """
+    # the published grid is in gains without a unit, so factors of the gain are what compares
     gain = curvature_factor * simulator.ground_effect.curvature_gain_m
     truth = simulator.ground_effect.model_copy(
         update={"slope_exponent": slope_exponent, "curvature_gain_m": gain}

@@ -25,6 +25,7 @@ NAMES = (
 
 def gyro_rms(record: Record) -> float:
     """Root mean square of the length of the gyro vector (rad/s)."""
+    # mean |w|^2 is the sum of the means of w_x^2, w_y^2, w_z^2
     return float(np.sqrt(sum(np.mean(record[name] ** 2) for name in GYRO)))
 
 
@@ -49,8 +50,10 @@ def flight_metrics(
         record["agl_m"],
         float(np.median(np.diff(record["t_s"]))),
     )
+    # by the reading, as the firmware's cutover: the zone in which a network may act
     far = reading[reading >= restricted_m]
     return {
+        # NaN beyond the rangefinder's reach
         "agl_rms_m": float(np.sqrt(np.nanmean((reading - agl_ref_m) ** 2))),
         "gyro_rms_rad_s": gyro_rms(record),
         "clearance_mean_m": float(clearance.mean()),

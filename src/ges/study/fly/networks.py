@@ -47,6 +47,7 @@ def summarise_networks(networks: list[Path], flights: Path, summary: Path) -> No
     """
     table = pd.concat([pd.read_csv(path) for path in networks])
     keys = ["condition", "trained_on", "seed"]
+    # trainings are no further draws of terrain: averaged first, or they would narrow the interval
     mean = table.groupby(keys, sort=False)[list(METRICS)].mean().reset_index()
     each = pd.concat([table.astype({"training": str}), mean.assign(training="mean")])
     parts = [

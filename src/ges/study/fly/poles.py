@@ -73,6 +73,7 @@ class Site:
         self, simulator: Simulator, height_m: float, **parameters: float | str
     ) -> sim.Flight:
         """A quiet hover that begins at rest at a height over this place."""
+        # four rotors out of ground effect carry the weight: m g = 4 k w^2
         speed = math.sqrt(
             simulator.vehicle.mass_kg
             * gravity()
@@ -80,6 +81,7 @@ class Site:
         )
         start = {f"start_rotor_speed_{i}_rad_s": speed for i in range(1, 5)}
         z = height_m + float(self.ground.at(np.array([self.x_m]), np.zeros(1)).height_m[0])
+        # a sensor without noise, and a vehicle that is not pulled back to x = 0
         quiet = {
             "range_noise_m": 0.0,
             "gyro_noise_rad_s": 0.0,
@@ -88,6 +90,7 @@ class Site:
             "agl_ref_m": height_m,
         }
         where = {"start": 1.0, "start_p_x_m": self.x_m, "start_p_z_m": z, **start}
+        # numbers of a flight go before those of its ground, and would lay out another one
         own = {
             name: value
             for name, value in simulator.parameters().items()
@@ -113,11 +116,13 @@ def _hill(seed: int, amplitude_m: float) -> Terrain:
 def crest(curvature_1_m: float) -> Site:
     """The top of a round-topped hill, of the given (negative) Laplacian."""
     x = np.arange(0.0, HILL_M, 0.001)
+    # a feature may be a dip: seeds are tried until one stands up
     seed, ground = next(
         (s, g)
         for s in itertools.count(1)
         if (g := _hill(s, 1.0).at(x, np.zeros_like(x))).height_m.max() > 0.5
     )
+    # curvature is in proportion to height, so the hill of a metre tells how high the wanted one is
     top = int(np.argmax(ground.height_m))
     return Site(_hill(seed, curvature_1_m / float(ground.curvature_1_m[top])), float(x[top]))
 
@@ -132,11 +137,13 @@ def site(simulator: Simulator, factor: float) -> Site:
             f"poles: factor {factor:g} is below 1, which no ground makes with a curvature gain of"
             f" {gain:g} m"
         )
+    # 1 + gain kappa = -1: over such a top f - 1 is that of flat ground with its sign turned
     return crest(-2.0 / gain)
 
 
 def _readings(simulator: Simulator, place: Site, mode: str, heights_m: np.ndarray) -> np.ndarray:
     """(n, 2): true factor and estimate while hovering at every height."""
+    # one row at the start, before anything has moved: factor and estimate at exactly this height
     once: dict[str, float | str] = {"duration_s": simulator.dt_s, "record_every": 1.0, "mode": mode}
     records = sim.fly(
         [place.flight(simulator, z, **once) for z in heights_m], ("ge_factor", "ge_estimate")
@@ -146,6 +153,7 @@ def _readings(simulator: Simulator, place: Site, mode: str, heights_m: np.ndarra
 
 def _height_of(factor: float, heights_m: np.ndarray, factors: np.ndarray) -> float:
     """Greatest height at which the factors, given against rising heights, cross ``factor``."""
+    # heights at which the factor is as far from 1 or farther, on the same side
     beyond = np.flatnonzero(
         np.abs(factors - 1.0) * (np.sign(factors - 1.0) == np.sign(factor - 1.0))
         >= abs(factor - 1.0)
@@ -155,6 +163,7 @@ def _height_of(factor: float, heights_m: np.ndarray, factors: np.ndarray) -> flo
             f"poles: no height makes factor {factor:g}; this ground makes {factors.min():.3g} to"
             f" {factors.max():.3g}"
         )
+    # linear between the last of them and the next, which is nearer to 1
     i = beyond[-1]
     share = (factor - factors[i]) / (factors[i + 1] - factors[i])
     return float(heights_m[i] + share * (heights_m[i + 1] - heights_m[i]))
@@ -168,6 +177,7 @@ def trim(simulator: Simulator, factor: float, mode: str) -> Trim:
         return FAR
     place = site(simulator, factor)
     height = _height_of(factor, HEIGHTS_M, _readings(simulator, place, mode, HEIGHTS_M)[:, 0])
+    # central differences; the step goes with the height, over which the factor changes
     step = SLOPE_STEP * height
     low, here, high = _readings(
         simulator, place, mode, np.array([height - step, height, height + step])
@@ -184,6 +194,7 @@ def _periods(simulator: Simulator) -> tuple[float, float]:
     """Seconds between two runs of the firmware, and between two readings of the rangefinder that it
     gets to see.
     """
+    # sensors are read when the firmware runs, so a new range comes at multiples of both periods
     read_every = math.lcm(simulator.control_every, int(sim.parameters()["telemetry_every"].default))
     return simulator.control_every * simulator.dt_s, read_every * simulator.dt_s
 
@@ -199,10 +210,15 @@ def restoring(simulator: Simulator, at: Trim, mode: str, power: int) -> control.
     ``power`` is n of the module's equations.
     """
     c, (run_s, read_s) = simulator.controller, _periods(simulator)
+    # the firmware's discrete filter has its pole at T / (T + dt); tau of equal decay over a run:
+    # exp(-dt / tau) = T / (T + dt)
     filter_s = run_s / math.log1p(run_s / c.altitude_filter_s) if c.altitude_filter_s > 0 else run_s
     reading, running = _delay(read_s / 2), _delay(run_s / 2)
     pid = c.altitude_kp + c.altitude_ki / S + c.altitude_kd * S / (filter_s * S + 1)
+    # the command is scaled by e^-n and thrust by f, and both together carry the weight:
+    # c f / e^n = m g, so that dc/c = da / (g e^n / f)
     trim_m_s2 = gravity() * at.estimate**power / at.factor
+    # height lost is -dz: -n de/e turns into +n e'/e, and df/f below into -f'/f
     cancelled = (
         power * at.estimate_slope_1_m / at.estimate * (running if mode == "oracle" else reading)
     )
@@ -216,6 +232,7 @@ def estimate_response(
     simulator: Simulator, at: Trim, mode: str, power: int
 ) -> control.TransferFunction:
     """Height (m) per error of the estimate that the feedforward uses."""
+    # z = (push de - restoring z) / s^2, solved for z / de
     push = -gravity() * power / at.estimate * _motor(simulator) * _delay(_periods(simulator)[0] / 2)
     return push * control.feedback(1 / S**2, restoring(simulator, at, mode, power))
 
@@ -227,6 +244,7 @@ def closed_loop_poles(simulator: Simulator, at: Trim, mode: str, power: int) -> 
 
 def phase_margin_deg(simulator: Simulator) -> float:
     """Phase margin of the height loop far from the ground; 0 where it is unstable."""
+    # the sign of a margin at one crossing does not prove a loop stable: poles are asked first
     if closed_loop_poles(simulator, FAR, "none", 1).real.max() >= 0:
         return 0.0
     return float(control.margin(restoring(simulator, FAR, "none", 1) / S**2)[1])
@@ -236,10 +254,12 @@ def _pole_rows(
     simulator: Simulator, at: Trim, factor: float, mode: str, power: int, slopes: str
 ) -> Iterator[dict]:
     if slopes == "constant":
+        # f and e stay in the trim, their answer to height goes
         at = dataclasses.replace(at, factor_slope_1_m=0.0, estimate_slope_1_m=0.0)
     loop = restoring(simulator, at, mode, power)
     poles = closed_loop_poles(simulator, at, mode, power)
     gain, phase, _, _ = control.margin(loop / S**2)
+    # rounded, so that the last bits do not part or turn round a conjugate pair
     for number, pole in enumerate(
         sorted(poles, key=lambda p: (-round(p.real, 9), -p.imag)), start=1
     ):
@@ -279,6 +299,7 @@ def _verdict(poles: pd.DataFrame) -> pd.DataFrame:
     for (mode, mapping, slopes, factor), group in poles.groupby(
         ["mode", "mapping", "factor_is", "factor"], sort=False
     ):
+        # one of each conjugate pair; the greatest real part dies out last
         pairs = group[group["imaginary_1_s"] > 0]
         greatest = float(group["real_1_s"].max())
         rows.append(

@@ -26,6 +26,7 @@ EVALUATIONS = 4  # of a refit, each with its derivatives
 
 def _refitted(search: calibrate.Search, start: dict[str, float], gain: float) -> dict[str, float]:
     """The free numbers that fit best with the gain held, from those of a start."""
+    # the residuals keep the pull of the held gain, a constant that moves nothing
     here = search.point({**start, GAIN: gain})
     free = np.array([name != GAIN for name in calibrate.FREE])
 
@@ -41,6 +42,7 @@ def _refitted(search: calibrate.Search, start: dict[str, float], gain: float) ->
         diff_step=calibrate.STEP,
         max_nfev=EVALUATIONS,
     )
+    # the gain itself, without the rounding of its place
     return {**search.numbers(point(found.x)), GAIN: gain}
 
 
@@ -64,6 +66,7 @@ def fit_profile(
     search = calibrate.Search(simulator, plan, pulse, calibration_seeds.list())
     done = [json.loads(Path(calibration).read_text())["fitted"]]
     centre = done[0][GAIN]
+    # outwards from the calibrated gain, so that each refit starts from its neighbour
     for gain in sorted(profile_gains_m, key=lambda g: abs(g - centre)):
         nearest = min(done, key=lambda numbers: abs(numbers[GAIN] - gain))
         done.append(_refitted(search, nearest, gain))
@@ -93,6 +96,8 @@ def fly_profile(
     calibrated = json.loads(Path(calibration).read_text())["fitted"]
     rows, figures = [], len(calibrate.PUBLISHED)
     for numbers in json.loads(Path(profile).read_text())["refitted"]:
+        # held is a section through the misfit, refitted its profile: a section alone makes a
+        # number look known that the others could make up for
         held = search.arms({**calibrated, GAIN: numbers[GAIN]})
         arms = search.arms(numbers)
         misfit = calibrate.misfit(search.flown(arms))

@@ -49,6 +49,7 @@ def _tests(windows: pd.DataFrame) -> pd.DataFrame:
     """Paired tests of pulsed against unpulsed by window; Holm's correction is over all windows of a
     metric and both metrics.
     """
+    # windows side by side as metrics: one table, over which Holm's correction goes
     wide = windows.pivot(
         index=["condition", "seed"], columns="window_s", values=["clearance_m", "shadow_mae"]
     )
@@ -81,6 +82,7 @@ def _trace(after_s: np.ndarray, change_m: np.ndarray) -> pd.DataFrame:
     from scipy.stats import t as student_t
 
     mean, n = change_m.mean(axis=0), len(change_m)
+    # t interval of the mean at each instant by itself
     half = (
         student_t.ppf(0.975, n - 1) * change_m.std(axis=0, ddof=1) / np.sqrt(n) if n > 1 else np.nan
     )
@@ -95,8 +97,10 @@ def _response(after_s: np.ndarray, change_m: np.ndarray) -> dict[str, float]:
     """
     after, change = after_s[after_s >= 0], change_m[after_s >= 0]
     low = int(change.argmin())
+    # a rebound comes after the depth; what was high before it is none
     high = low + int(change[low:].argmax())
     outside = np.flatnonzero(np.abs(change) > 0.1 * abs(change[low]))
+    # the row after the last one outside; the end of the trace where it never stays
     settled = min(outside[-1] + 1, len(after) - 1) if len(outside) else 0
     names = (
         "lowest_m",
@@ -112,6 +116,8 @@ def _response(after_s: np.ndarray, change_m: np.ndarray) -> dict[str, float]:
 
 def _mean_response(after_s: np.ndarray, change_m: np.ndarray) -> dict[str, float]:
     """Response of the mean over seeds; ``x_low``, ``x_high``: 95 % of what resampled seeds give."""
+    # depth and time of an extreme of a mean curve have no formula: seeds are drawn anew, each with
+    # its whole curve
     picks = np.random.default_rng(0).integers(0, len(change_m), (RESAMPLES, len(change_m)))
     resampled = pd.DataFrame(
         [_response(after_s, change_m[pick].mean(axis=0)) for pick in picks]
@@ -151,6 +157,7 @@ def fly_pulse(
     ]
     table, clearance = pd.DataFrame(rows), np.array([r["agl_m"] for r in records])
     near, after_s = _near(records[0]["t_s"], pulse)
+    # equal ground and noise on both sides: what is left is the pulse's doing
     change = (clearance[len(seeds) :] - clearance[: len(seeds)])[:, near]
     write_csv(table, flights)
     write_csv(_tests(table), tests)
@@ -168,11 +175,13 @@ def _outcome(
     last = t_s >= end_s + how.recovery_s - how.judged_s
     after = t_s >= start_s
     row_s = float(t_s[1] - t_s[0])
+    # over the last seconds, not at the end: a curve that swings through zero has not returned
     left = float(np.sqrt(np.mean(change[last] ** 2)))
     return {
         "greatest_loss_m": float(-change.min()),
         "left_m": left,
         "returned": float(left <= how.tolerance_m),
+        # beside the contact that the flight would have had anyway
         "touched_s": float(
             (pulsed["contact"][after].sum() - unpulsed["contact"][after].sum()) * row_s
         ),
@@ -188,7 +197,9 @@ def _map_rows(
     duration_s: float,
 ) -> Iterator[dict]:
     end = start_s + duration_s
+    # nothing is judged after the recovery, and no estimate of the network is looked at
     short = plan.model_copy(update={"duration_s": end + how.recovery_s})
+    # one unpulsed flight a seed serves every height
     arms = [
         pulse_pair(start_s, 0.0, duration_s)[0],
         *(pulse_pair(start_s, b, duration_s)[1] for b in how.biases),
@@ -249,6 +260,7 @@ def fly_pulse_map(
 
 def _up_to(cell: pd.DataFrame, good: pd.Series) -> float:
     """Greatest |bias| below which every pulse is good; cell sorted by |bias|."""
+    # 1 up to the first that fails, 0 from there on: a good one beyond it does not count
     passed = good.to_numpy().cumprod().sum()
     return float(cell["bias"].abs().iloc[passed - 1]) if passed else 0.0
 

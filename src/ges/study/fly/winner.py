@@ -42,6 +42,7 @@ def _scaled(simulator: Simulator, kp: float, kd: float) -> dict[str, float]:
 
 
 def _margin_deg(simulator: Simulator, kp: float, kd: float) -> float:
+    # the loop of scaled gains, linearised far from the ground, where no feedforward acts
     controller = simulator.controller.model_copy(update=_scaled(simulator, kp, kd))
     return phase_margin_deg(simulator.model_copy(update={"controller": controller}))
 
@@ -105,6 +106,7 @@ def choose_gains(
     least: dict[str, float] = {}
     for candidate in candidates:
         value, mode = float(score[candidate.name]), str(candidate.labels["mode"])
+        # each mode has gains of its own, so that none is judged in a loop tuned for another
         if mode not in least or value < least[mode]:
             least[mode] = value
             best[mode] = {**candidate.labels, "agl_rms_m": value}

@@ -29,8 +29,10 @@ def flat_ground_factor(height_m: np.ndarray, vehicle: Mapping[str, float]) -> np
     samples = effects.Samples.from_columns(
         {**level, **{f"rotor_speed_{i}_rad_s": speed for i in range(1, 5)}}
     )
+    # level ground: without the corrections of slope and curvature the factor is the formula
     form = {"form": 0.0, "amplitude": 1.0, "slope_exponent": 0.0, "curvature_gain_m": 0.0}
     gained = effects.evaluate("ground_effect", form, samples, vehicle)
+    # the effect adds k w^2 (f - 1) to a rotor's k w^2
     return 1.0 + gained["thrust_1_N"] / (vehicle["thrust_coefficient_N_s2"] * SPEED_RAD_S**2)
 
 

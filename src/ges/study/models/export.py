@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ges.study.models.networks import MlpRegressor
 
 HIDDEN = (64, 32)
+# places of the linear layers in the network's Sequential
 LAYERS = ("1", "3", "5")
 
 
@@ -49,6 +50,7 @@ def header(model: MlpRegressor, origin: str) -> str:
             f"network to export: layers are {shapes}; the firmware flies"
             f" {len(FEATURES)}-{HIDDEN[0]}-{HIDDEN[1]}-1"
         )
+    # every standardised input is 1/2: none is zero and hides its weights from the check
     sample = (model.mean_ + 0.5 * model.scale_).astype(np.float32)
     arrays = {"mean": model.mean_, "scale": model.scale_}
     for i, layer in enumerate(LAYERS, start=1):

@@ -13,6 +13,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 from torch import nn
 
+# rows through a network at once: bounds memory
 PREDICT_ROWS = 8192
 
 
@@ -65,6 +66,7 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):
     ) -> Self:
         """Fit; without validation rows the weights of the last pass are kept."""
         X, y = validate_data(self, X, y, dtype=np.float32, y_numeric=True)
+        # with one thread, sums have one order: the same bits every time
         torch.set_num_threads(1)
         torch.use_deterministic_algorithms(True)
         torch.manual_seed(self.random_state)
@@ -80,9 +82,12 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):
         return self
 
     def _standardise(self, X: np.ndarray, y: np.ndarray) -> None:
+        # a channel has one mean and one scale, wherever in the window a row stands
         rows = X.reshape(len(X) * self.window_rows, -1)
+        # in double: sums of many squares in single precision lose digits
         scale, out_scale = rows.std(axis=0, dtype=np.float64), y.std(dtype=np.float64)
         self.mean_ = rows.mean(axis=0, dtype=np.float64).astype(np.float32)
+        # a channel that never changes says nothing, and would be divided by zero
         self.scale_ = np.where(scale > 0, scale, 1.0).astype(np.float32)
         self.out_mean_ = np.float32(y.mean(dtype=np.float64))
         self.out_scale_ = np.float32(out_scale if out_scale > 0 else 1.0)
@@ -99,6 +104,7 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):
         pace = torch.optim.lr_scheduler.OneCycleLR(
             optimiser, self.learning_rate, total_steps=self.epochs * batches
         )
+        # a generator of its own: the order does not hang on how many weights torch has drawn
         order = np.random.default_rng(self.random_state)
         self.validation_rmse_: list[float] = []
         best = math.inf
@@ -114,6 +120,7 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):
     def _error(self, network: nn.Module, ahead: tuple | None) -> float:
         if ahead is None:
             return math.nan
+        # in the target's unit, in which the table of models scores
         error = self._outputs(network, ahead[0]) - ahead[1]
         self.validation_rmse_.append(float(np.sqrt(np.mean(error.astype(np.float64) ** 2))))
         return self.validation_rmse_[-1]
@@ -202,6 +209,7 @@ class _Transformer(nn.Module):
         super().__init__()
         self.embed = nn.Linear(channels, units)
         self.place = nn.Parameter(torch.zeros(rows, units))
+        # the last layer stands apart, since of what it makes only the present row is read
         before = [_encoder_layer(units, heads) for _ in range(layers - 1)]
         self.before, self.last = nn.Sequential(*before), _encoder_layer(units, heads)
         self.out = nn.Linear(units, 1)
@@ -220,6 +228,8 @@ def _present_row(layer: nn.TransformerEncoderLayer, x: torch.Tensor) -> torch.Te
     """The last row (n, units) of what a layer makes of x (n, rows, units), the other rows left
     out: only this one is read.
     """
+    # the encoder layer's own steps, norm first: x + attention(norm x), then + feedforward(norm);
+    # keys and values of all rows, the query of the present one
     normed = layer.norm1(x)
     attended, _ = layer.self_attn(normed[:, -1:], normed, normed, need_weights=False)
     here = x[:, -1] + attended[:, 0]

@@ -23,14 +23,17 @@ def _sums(truth: np.ndarray, predicted: np.ndarray, seed: np.ndarray) -> np.ndar
         truth.astype(float) - truth.mean(dtype=float),
         predicted.astype(float) - truth.astype(float),
     )
+    # y about its mean, or yy - y^2 / n of a factor near 1 would be a small rest of large numbers
     table = pd.DataFrame({"n": 1.0, "y": y, "yy": y**2, "ee": error**2, "e": np.abs(error)})
     return table.groupby(np.asarray(seed)).sum().to_numpy()
 
 
 def _pooled(sums: np.ndarray, which: str) -> np.ndarray:
     """Score of all rows of the drawn seeds together; sums (..., seeds, 5)."""
+    # rows, not seeds, count alike: the score is that of one table of all drawn rows
     n, y, yy, ee, e = np.moveaxis(sums.sum(axis=-2), -1, 0)
     if which == "r2":
+        # variance about the mean of the drawn rows, not of all
         return 1.0 - ee / (yy - y**2 / n)
     return np.sqrt(ee / n) if which == "rmse" else e / n
 
@@ -90,6 +93,7 @@ def _with_interval(
 ) -> dict[str, float]:
     low = high = float("nan")
     if len(sums) > 1:
+        # seeds are drawn with their sums, from which any score follows without the rows
         low, high = bootstrap(
             (np.arange(len(sums)),),
             lambda i, axis: statistic(sums[i]),

@@ -74,10 +74,12 @@ def train_model(
         parts.get("validation"),
     )
     test = parts["test"]
+    # scored as they are stored, so that scores can be made again from the file to the last bit
     predicted = made.predict(zoo.features(name, test)).astype(np.float32)
     write_predictions(predictions, test, predicted)
     found = scores(test.y, predicted, test.seed, resamples, seed)
     rows = {f"{part}_rows": len(parts.get(part, ())) for part in PARTS}
+    # JSON has no NaN
     written = {key: value if math.isfinite(value) else None for key, value in found.items()}
     write_json(
         metrics,

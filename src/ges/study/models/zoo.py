@@ -49,6 +49,7 @@ def make(name: str, fit: Fit | None, window: Window, vehicle: Vehicle, seed: int
 
 def _tabular(name: str, fit: Fit, seed: int) -> RegressorMixin:
     if name == "linear":
+        # predictions of least squares hang on no unit, but rad/s beside metres cost digits
         return make_pipeline(StandardScaler(), LinearRegression())
     if name == "decision_tree":
         assert isinstance(fit, TreeFit)
@@ -63,6 +64,7 @@ def _tabular(name: str, fit: Fit, seed: int) -> RegressorMixin:
             n_jobs=1,
         )
     assert isinstance(fit, BoostingFit)
+    # tol 0, since it is absolute and the squared error of a factor small: any gain counts
     return HistGradientBoostingRegressor(
         max_iter=fit.trees,
         max_leaf_nodes=fit.leaves,

@@ -31,6 +31,7 @@ def _predictions(files: list[Path]) -> pd.DataFrame:
     same rows.
     """
     tables = {Path(f).name.split(".")[0]: pd.read_parquet(f) for f in files}
+    # columns of one table are compared row by row, so the rows have to be the same
     first = tables[BASE]
     for name, table in tables.items():
         assert table[["seed", "row"]].equals(first[["seed", "row"]]), (
@@ -47,6 +48,7 @@ def _scored(rows: pd.DataFrame, of: int, resamples: int, seed: int) -> Iterator[
     base = rows[f"by_{BASE}"]
     for column in [c for c in rows if c.startswith("by_")]:
         one = (rows["truth"].to_numpy(), rows[column].to_numpy())
+        # the same draws of seeds for model and base: what is common to both leaves the interval
         saved = reduction(*one, base.to_numpy(), rows["seed"], resamples, seed)
         yield {
             "model": column[3:],
@@ -68,6 +70,7 @@ def _irregularity(rows: pd.DataFrame, terrain: TerrainShape) -> pd.DataFrame:
     """Slope and size of the curvature under each row, from the numpy terrain."""
     slope, curvature = np.empty(len(rows)), np.empty(len(rows))
     for seed, index in rows.groupby("seed").indices.items():
+        # slope and curvature are not recorded: the port gives those that were flown over
         ground = ground_of(int(seed), terrain).at(
             rows["p_x_m"].to_numpy()[index], rows["p_y_m"].to_numpy()[index]
         )
@@ -87,7 +90,9 @@ def write_ground_quartiles(
     rows = _predictions(predictions)
     found, units = [], {"slope": "1", "curvature": "1/m"}
     for quantity, values in _irregularity(rows, terrain).items():
+        # edges from all test rows of the plan, so each quartile has a fourth of what is scored
         edges = np.quantile(values, [0, 0.25, 0.5, 0.75, 1])
+        # a value on an edge belongs to the quartile below
         quartile = np.clip(np.searchsorted(edges[1:-1], values, side="left") + 1, 1, 4)
         for q in range(1, 5):
             where = {"plan": plan, "quantity": quantity, "unit": units[quantity], "quartile": q}

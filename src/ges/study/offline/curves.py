@@ -45,6 +45,7 @@ def learning_curve(
     """
     shape = Window.of(window, rate_hz, horizon_s)
     past = name in zoo.SEQUENCE_MODELS
+    # stopping and the choice of the best pass look at these rows, too, at every share alike
     validation = load_rows(flights, split, "validation", shape, validation_rows, seed, past)
     rows = []
     for share in shares if fit.train_rows else [1.0]:

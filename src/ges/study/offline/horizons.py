@@ -40,6 +40,7 @@ def sweep_horizons(
     """Fit and score both models at every horizon."""
     rows = []
     for horizon_s in horizons_s:
+        # the reserve of the longest, or short ones would also have rows nearer to a block's end
         shape = Window.of(window, rate_hz, horizon_s, max(horizons_s))
         train = load_rows(flights, split, "train", shape, sweep_rows, seed, past=False)
         test = load_rows(flights, split, "test", shape, test_rows, seed, past=False)

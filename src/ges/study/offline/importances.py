@@ -40,11 +40,13 @@ def write_importances(
     test = load_rows(
         flights, split, "test", Window.of(window, rate_hz, horizon_s), rows, seed, past=False
     )
+    # on test rows: impurity says what the trees split on in training, this what predictions need
     found = permutation_importance(
         forest, test.now, test.y, n_repeats=repeats, random_state=seed, scoring="r2"
     ).importances
     mean = found.mean(axis=1)
     others = [np.delete(mean, i).max() for i in range(len(mean))]
+    # a few shuffles have no percentiles: least and greatest
     frame = pd.DataFrame(
         {
             "plan": plan,

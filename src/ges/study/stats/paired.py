@@ -19,6 +19,7 @@ RESAMPLES = 9999
 
 @functools.lru_cache(maxsize=8)
 def _resamples(n: int) -> np.ndarray:
+    # one set of draws for every mean of n seeds: equal values have equal intervals
     return np.random.default_rng(0).integers(0, n, (RESAMPLES, n))
 
 
@@ -48,6 +49,7 @@ def difference(a: np.ndarray, b: np.ndarray) -> dict[str, float]:
 
     d = np.asarray(a, float) - np.asarray(b, float)
     mean, above = float(d.mean()), float((d > 0).mean())
+    # t would be 0 / 0
     if not d.any():
         return {
             "difference": 0.0,
@@ -66,6 +68,7 @@ def difference(a: np.ndarray, b: np.ndarray) -> dict[str, float]:
         )
     test = stats.ttest_1samp(d, 0.0)
     low, high = test.confidence_interval(0.95)
+    # equal differences have a deviation of zero but for rounding, which would give any number
     d_z = mean / float(d.std(ddof=1)) if np.ptp(d) > 0 else float("inf") * np.sign(mean)
     values = mean, low, high, test.statistic, test.pvalue, d_z, above
     return dict(
@@ -80,6 +83,7 @@ def holm(p: Sequence[float]) -> np.ndarray:
     from statsmodels.stats.multitest import multipletests
 
     values = np.asarray(p, float)
+    # a test that could not be made is none of the family's
     known, corrected = np.isfinite(values), np.full(len(values), np.nan)
     if known.any():
         corrected[known] = multipletests(values[known], method="holm")[1]
@@ -130,6 +134,7 @@ def contrasts(
     for metric in metrics:
         for condition, reference in pairs:
             sides = [_by_seed(flights, name, metric) for name in (condition, reference)]
+            # paired by seed, not by row; a seed without a number on one side is no pair
             both = pd.concat(sides, axis=1, join="inner").dropna().to_numpy()
             found = difference(both[:, 0], both[:, 1])
             rows.append(
@@ -152,4 +157,5 @@ def compare(flights: pd.DataFrame, metrics: Iterable[str], reference: str) -> pd
     metrics, names = list(metrics), [c for c in flights["condition"].unique() if c != reference]
     differences = contrasts(flights, metrics, [(name, reference) for name in names])
     table = means(flights, metrics)
+    # left: the reference has a mean and no difference from itself
     return table.merge(differences, on=["metric", "condition"], how="left") if names else table

@@ -11,6 +11,7 @@ import numpy as np
 
 Figures = Mapping[str, float]
 Bounds = Mapping[str, tuple[float, float]]
+# in tolerances; finite, since searches take differences of it
 _UNFLYABLE = 1e4
 
 
