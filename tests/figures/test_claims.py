@@ -228,3 +228,21 @@ def test_no_claim_says_a_key_twice():
     """YAML would take the last one and say nothing."""
     lines = claims.LISTED.read_text().splitlines()
     assert not [line for line in lines if len(re.findall(r'\bwhy: "', line)) > 1]
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "low", "high"),
+    [
+        ((1.0, 0.5, 2.0), (2.0, 1.0, 4.0), 0.125, 2.0),
+        ((-0.1, -1.0, 1.0), (1.0, 0.5, 2.0), -2.0, 2.0),
+        ((1.0, 0.5, 2.0), (-2.0, -4.0, -1.0), -2.0, -0.125),
+        ((1.0, 0.5, 2.0), (1.0, -1.0, 3.0), math.nan, math.nan),
+        ((1.0,), (2.0, 1.0, 4.0), math.nan, math.nan),
+    ],
+)
+def test_the_interval_of_a_ratio_holds_every_quotient(a, b, low, high):
+    """And is none where the divisor may be zero, or a number has none."""
+    ours = [Ours(**dict(zip(("value", "low", "high"), given, strict=False))) for given in (a, b)]
+    found = claims._combined(*ours, subtract=False)
+    assert found.value == a[0] / b[0]
+    assert (found.low, found.high) == pytest.approx((low, high), nan_ok=True)

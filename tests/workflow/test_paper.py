@@ -112,3 +112,17 @@ def test_words_follow_the_sign(tmp_path):
     ]
     (tmp_path / "main.typ").write_text("\n".join(['#import "lib.typ": *', *checks]))
     paper.render(tmp_path / "main.typ", tmp_path, CITATION, tmp_path / "ok.pdf")
+
+
+@pytest.mark.parametrize(
+    ("value", "cell"),
+    [
+        (float("nan"), "--"),
+        (0.123456, "0.1235"),
+        ("dominant mode", "dominant mode"),
+        ("50 % of a_b", r"50 \% of a\_b"),
+        ("back\\slash {x}", r"back\textbackslash{}slash \{x\}"),
+    ],
+)
+def test_a_cell_of_latex_says_what_the_table_says(value, cell):
+    assert paper._cell(value) == cell

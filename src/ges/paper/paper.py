@@ -5,6 +5,7 @@ the PDF.
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 from pathlib import Path
@@ -83,13 +84,13 @@ def write_settings(study: Study, settings: Path) -> None:
     write_json(settings, study.model_dump(mode="json"))
 
 
+_ESCAPED = {"\\": r"\textbackslash{}", **{c: f"\\{c}" for c in "&%$#_{}"}}
+
+
 def _cell(value: object) -> str:
-    text = f"{value:.4g}" if isinstance(value, float) else str(value)
-    return (
-        text.replace("\\", r"\textbackslash{}")
-        .translate({ord(c): f"\\{c}" for c in "&%$#_{}"})
-        .replace("nan", "--")
-    )
+    if isinstance(value, float):
+        return "--" if math.isnan(value) else f"{value:.4g}"
+    return str(value).translate(str.maketrans(_ESCAPED))
 
 
 def write_latex(table: Path, facts: Path, fragment: Path) -> None:

@@ -15,6 +15,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import pandas as pd
 import yaml
 from pydantic import BaseModel, ConfigDict
@@ -222,13 +223,16 @@ def ours(claim: Claim, tables: Mapping[str, pd.DataFrame]) -> Ours | None:
 
 def _combined(a: Ours, b: Ours, subtract: bool) -> Ours:
     """Difference or ratio of two numbers, with the interval that holds wherever both lie
-    in theirs.
+    in theirs; none for a ratio whose divisor may be zero.
     """
     # the widest that both intervals allow, since how they depend on each other is not known
     if subtract:
         return Ours(value=a.value - b.value, low=a.low - b.high, high=a.high - b.low)
-    # of positive numbers, whose quotient is least with the greatest divisor
-    return Ours(value=a.value / b.value, low=a.low / b.high, high=a.high / b.low)
+    if b.low <= 0.0 <= b.high:
+        return Ours(value=a.value / b.value)
+    # a quotient is monotonic in both, so that its extremes are at the ends, whatever the signs
+    ends = [x / y for x in (a.low, a.high) for y in (b.low, b.high)]
+    return Ours(value=a.value / b.value, low=float(np.min(ends)), high=float(np.max(ends)))
 
 
 def _side(value: float) -> float:
