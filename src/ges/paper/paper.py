@@ -84,13 +84,14 @@ def write_settings(study: Study, settings: Path) -> None:
     write_json(settings, study.model_dump(mode="json"))
 
 
-_ESCAPED = {"\\": r"\textbackslash{}", **{c: f"\\{c}" for c in "&%$#_{}"}}
+# what LaTeX reads as its own
+_ESCAPED = str.maketrans({"\\": r"\textbackslash{}", **{c: f"\\{c}" for c in "&%$#_{}"}})
 
 
 def _cell(value: object) -> str:
     if isinstance(value, float):
         return "--" if math.isnan(value) else f"{value:.4g}"
-    return str(value).translate(str.maketrans(_ESCAPED))
+    return str(value).translate(_ESCAPED)
 
 
 def write_latex(table: Path, facts: Path, fragment: Path) -> None:
