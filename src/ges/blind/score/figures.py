@@ -105,6 +105,7 @@ def draw_detection(table: pd.DataFrame) -> Figure:
     for k, severity in enumerate(SEVERITIES):
         here = named[named["severity"] == severity].set_index("effect").reindex(effects)
         at = np.arange(len(effects)) + 0.22 * (k - 1)
+        # matplotlib wants the lengths of the bars, not their ends
         bars = np.abs(here[["low", "high"]].to_numpy().T - here["exact"].to_numpy())
         axes.errorbar(
             here["exact"],
@@ -196,11 +197,13 @@ def draw_limit(table: pd.DataFrame) -> Figure:
     size, right = single["over_limit"].astype(float), single["outcome"] == "exact"
     figure, axes = style.subplots(height=2.4)
     axes.axvline(1.0, color=style.GREY, lw=0.8, ls="--", label="stated detection limit")
+    # points lie at 0 or 1 only: in lanes, one an effect, they do not hide each other
     lanes = {effect: k for k, effect in enumerate(dict.fromkeys(single["truth"].sort_values()))}
     at = 0.12 * (np.array([lanes[t] for t in single["truth"]]) / max(len(lanes), 1) - 0.5)
     axes.plot(size[right], 1.0 + at[right], "o", color=style.BLUE, label="exactly right")
     axes.plot(size[~right], at[~right], "x", color=style.RED, label="not")
     if len(size) > 3:
+        # bins of equal counts, each at its geometric mean
         edges = np.quantile(size, np.linspace(0.0, 1.0, min(6, len(size) // 3 + 2)))
         place = np.clip(np.searchsorted(edges, size, side="right") - 1, 0, len(edges) - 2)
         shares = [

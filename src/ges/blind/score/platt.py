@@ -57,5 +57,6 @@ def fit(log_odds: np.ndarray, true: np.ndarray) -> tuple[float, float]:
     """
     from sklearn.linear_model import LogisticRegression
 
+    # hardly any penalty: P(true) = 1 / (1 + exp(-a - b logit p)) at its greatest likelihood
     found = LogisticRegression(C=1e6).fit(log_odds[:, None], true)
     return float(found.intercept_[0]), float(found.coef_[0, 0])
