@@ -91,6 +91,7 @@ def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources)
     for design, _, place in sets:
         frame = open_log(sources.recordings / design.source.path, design.source.options).frame()
         if design.source is GAZEBO:
+            # each half of the study gets its half of the flight, and no sample of the other's
             size = len(frame) // 2
             start = size * HALVES.index(place.half)
             frame = frame.iloc[start : start + size]
