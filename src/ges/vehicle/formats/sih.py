@@ -95,9 +95,11 @@ def from_parameters(
         [(np.sign(x) * p["SIH_L_PITCH"], np.sign(y) * p["SIH_L_ROLL"]) for x, y in signs]
     )
     radius_m = prop.radius_m if prop else scaling.radius_m(hubs)
+    # only T_MAX = k w_max^2 acts; a usual k for the size makes usual speeds of it
     thrust = propeller.thrust_coefficient(Propeller(2.0 * radius_m), RHO_KG_M3).value
     top = math.sqrt(p["SIH_T_MAX"] / thrust)
     hover = math.sqrt(p["SIH_MASS"] * GRAVITY_M_S2 / (N_ROTORS * thrust))
+    # K v = sum_i k w_i v, with the rotors as fast as in hover
     drag = p["SIH_KDV"] / (N_ROTORS * hover)
     effects: dict[str, dict[str, float]] = {"thrust_curve": {"c": 1.0}}
     if drag:
@@ -184,10 +186,12 @@ def write(vehicle: Vehicle) -> Export:
 
 def _px4_order(p: Plain) -> tuple[list[int], list[str]]:
     """Rotors in PX4's order, and what does not fit it."""
+    # clockwise from the nose, as the layouts count
     angles = np.degrees(np.arctan2(-p.hubs_m[:, 1], p.hubs_m[:, 0])) % 360.0
     layout = airframe.LAYOUTS["x"]
     gaps = np.array([[abs((a - b + 180.0) % 360.0 - 180.0) for b, _ in layout] for a in angles])
     order = [int(np.argmin(gaps[:, k])) for k in range(N_ROTORS)]
+    # one rotor nearest to two places
     if len(set(order)) < N_ROTORS:
         raise GesError(f"vehicle '{p.name}' is no X quadrotor, the only one that SIH flies")
     remarks = []
