@@ -159,6 +159,7 @@ def _places(name: str, findings: Sequence[Mapping[str, Any]]) -> set[str]:
         if finding.get("place"):
             found.add(finding["place"])
         elif losses:
+            # a fit gives every rotor some loss: only what is large beside the largest is a claim
             most = max(losses.values())
             found |= {f"rotor {k}" for k, v in losses.items() if v >= 0.5 * most > 0.0}
     return found
@@ -237,6 +238,7 @@ def _row(answers: Sequence[Answer]) -> dict[str, Any]:
     concealed = [a for a in answers if not a.null]
     stated = [s for a in answers for s in a.stated]
     sure = [true for p, true in stated if p >= SURE]
+    # a limit is known only where the maker knows the noise-free truth
     limited = [a for a in concealed if np.isfinite(a.tellable)]
     strangers = [a for a in answers if a.category == "unknown"]
     row: dict[str, Any] = {"sets": len(answers), "concealed": len(concealed)}

@@ -24,6 +24,7 @@ OUTCOMES = {
     "wrong": style.RED,
     "failed": style.BLACK,
 }
+# what is no name stands behind the names
 LAST = ("true names", "true companion only", "nothing_proven", "ambiguous", "unknown", "failed")
 
 
@@ -69,6 +70,7 @@ def draw_confusion(table: pd.DataFrame) -> Figure:
     )
     counts = counts.reindex(index=rows, columns=columns, fill_value=0).to_numpy(dtype=float)
     figure, axes = style.subplots(width=style.PAGE_IN, height=0.9 + 0.17 * len(rows))
+    # colours are shares of a row, figures are counts
     axes.imshow(
         counts / counts.sum(axis=1, keepdims=True), cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto"
     )
@@ -240,6 +242,7 @@ def draw_power(table: pd.DataFrame) -> Figure:
     for k, method in enumerate(methods):
         part = table[table["method"] == method] if method else table
         at = np.maximum(part["middle_nats"], 0.5)
+        # the limit is of the sets, and the same for all methods
         if k == 0:
             axes.plot(at, part["best_method"], color=style.BLACK, lw=1.0, label="any method")
         bars = np.abs(part[["low", "high"]].to_numpy().T - part["named"].to_numpy())

@@ -32,6 +32,7 @@ def pairs(folders: Sequence[Path]) -> np.ndarray:
     found = []
     for folder in folders:
         made = folder / "sealed" / "made.json"
+        # a folder that does not tell its seed counts as one for evaluation
         seed = json.loads(made.read_text())["seed"] if made.exists() else FIRST_OF_EVALUATION
         if seed >= FIRST_OF_EVALUATION:
             raise GesError(

@@ -157,6 +157,7 @@ def case_table(
         about = folder / diagnosed / j.case / "run.json"
         ran = json.loads(about.read_text()) if about.exists() else {}
         against = held[j.case]
+        # one number a case: no effect of it is further off
         worst = max(against.errors.values(), default=np.nan) if against else np.nan
         rows.append(
             {
@@ -189,6 +190,7 @@ def reach(judged: Sequence[Judgement], held: dict) -> pd.DataFrame:
     best, by effect.
     """
     of = [
+        # companions come before what needs them: the last name is the concealed one
         (j.truth[-1], held[j.case].best.reach)
         for j in judged
         if j.category in ("single", "parameter") and held[j.case]
@@ -255,6 +257,7 @@ def summary(
     located = np.array([j.located for j in judged if sum(j.located)], dtype=float).reshape(-1, 3)
     stated = np.array([s for j in judged for s in j.stated], dtype=float).reshape(-1, 2)
     for category, limit in (("single", "limit"), ("pair", "limits"), ("triple", "limits")):
+        # of several effects the least over its limit is told: at 1 or more all are above theirs
         above = [
             j for j in of[category] if j.case in held and (held[j.case].over_limit or 0.0) >= 1.0
         ]
