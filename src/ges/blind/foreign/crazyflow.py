@@ -226,6 +226,7 @@ def _fly(
     )
     rows = []
     for k in range(plans.shape[2]):
+        # set-points come at the rate of the position loop, the simulation goes on between them
         if k % (RATE_HZ // STATE_HZ) == 0:
             simulator.state_control(jnp.asarray(_asked(plans[:, :, k])))
         before = simulator.data.states
@@ -250,6 +251,7 @@ def _hover_rpm(parameters: Mapping[str, np.ndarray]) -> np.ndarray:
 
 def _asked(ref: np.ndarray) -> np.ndarray:
     """Return setpoints (worlds, 1, 16) of references (worlds, 11)."""
+    # position, velocity, acceleration, attitude by yaw alone (scalar last), body rates
     command = np.zeros((len(ref), 1, 16))
     command[:, 0, :9] = ref[:, :9]
     command[:, 0, 11:13] = np.stack([np.sin(0.5 * ref[:, 9]), np.cos(0.5 * ref[:, 9])], axis=1)
@@ -264,6 +266,7 @@ def _flown(
     book: Mapping[str, np.ndarray],
     plan: np.ndarray,
 ) -> Flown:
+    # f = R' (a + g e_z)
     turn = Rotation.from_quat(book["quat"])
     push, spin = _accelerations(numbers, book)
     inertia = np.diag(numbers["J"])

@@ -95,6 +95,7 @@ def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources)
             size = len(frame) // 2
             start = size * HALVES.index(place.half)
             frame = frame.iloc[start : start + size]
+        # one flight is all there is: its pieces stand for several
         size = len(frame) // PIECES
         flights = [frame.iloc[k * size : (k + 1) * size] for k in range(PIECES)]
         truth = design.concealed().truth() | {

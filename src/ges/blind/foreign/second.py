@@ -171,6 +171,7 @@ def _sorties(design: Design, place: Place, gentle: float = 1.0) -> tuple[Airfram
     names = design.all_names()
     # gentler is higher as well as slower: what touched the ground is flown anew
     low = (1.3 * radius + 0.03) / gentle
+    # like flights have speeds that go with the root of the size (Froude)
     pace = 1.1 * gentle * float(np.sqrt(radius / 0.03))
     scale = Scale(low, radius, pace, 0.2 + 3.0 * true["lag"])
     rng = place.rng("paths")
@@ -218,5 +219,6 @@ def _flown(
         "v_ref": sortie.plan[3:6].T,
         "yaw_ref": sortie.plan[9:10].T,
     }
+    # (sd, correlation time) of each process of the air, as the limit takes it
     scales = tuple((share * sortie.turbulence, time) for share, time in TURBULENCE)
     return Flown(CONTROL * DT_S, rows, changes, Air(scales, TURN_PER_M))

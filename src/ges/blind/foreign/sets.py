@@ -142,6 +142,7 @@ class Concealed:
         return [
             {"name": n, "parameters": dict(self.parameters.get(n, {}))} | place
             for n in names
+            # a name that acts at several places is as many findings
             for place in ([{"place": p} for p in self.places.get(n, ())] or [{}])
         ]
 
@@ -222,6 +223,7 @@ def write_set(
         shutil.rmtree(left, ignore_errors=True)
     folder.mkdir(parents=True)
     for number, frame in enumerate(frames, 1):
+        # single precision is finer than any sensor here, but not than the clock
         rounded = frame.astype({c: "float32" for c in frame.columns if c != "t_s"})
         rounded.to_parquet(folder / f"flight_{number}.parquet", index=False, compression="zstd")
     (folder / "vehicle.yaml").write_text(yaml.safe_dump(dict(vehicle), sort_keys=False))

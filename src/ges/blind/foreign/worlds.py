@@ -115,6 +115,7 @@ WORLDS: dict[str, World] = {
             batch=10,
             folder=given.folder_of,
         ),
+        # one batch of all its sets: they are worlds of one simulation
         _flown(crazyflow.WORLD, "crazyflow, its Mellinger controller", crazyflow, 99, JAX),
         _flown(
             drone_models.WORLD,
@@ -239,6 +240,7 @@ def _about(
         "sample": sample,
         "worlds": {name: len(part) for name, part in sets.items()},
         "skipped": dict(skipped),
+        # sets of other sources than these are made anew
         "generator": tree_hash(PACKAGE, sources(__name__)),
     }
 
