@@ -17,6 +17,7 @@ from ges.simulator import effects as effect_table
 from ges.vehicle import scaling
 from ges.vehicle.file import Vehicle
 
+# effects that correct a declared number, which every format has
 FOLDED = ("thrust_scale", "torque_coefficient", "inertia", "motor_lag", "rotor_saturation")
 
 
@@ -129,6 +130,7 @@ def plain(vehicle: Vehicle) -> Plain:
         rotors["spin"],
         thrust,
         torque * (1.0 + effects.get("torque_coefficient", {}).get("scale", 0.0) - losses),
+        # simulators divide by their time constants
         max(lag_s + lags.get("up_s", 0.0), 1e-3),
         max(lag_s + lags.get("down_s", 0.0), 1e-3),
         top * effects.get("rotor_saturation", {}).get("share", 1.0),

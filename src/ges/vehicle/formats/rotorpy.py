@@ -26,6 +26,7 @@ from ges.vehicle.file import Vehicle, parse_vehicle
 from ges.vehicle.formats.neutral import Export, one_thrust, plain, without
 from ges.vehicle.propeller import Propeller
 
+# no operator but these, as a file is worked out and never run
 _OPERATORS: Mapping[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -247,6 +248,7 @@ def _effects(
     if across:
         effects["parasitic_drag"] = {
             "area_m2": 2.0 * across / rho,
+            # within the bounds of the effect
             "vertical_ratio": min(max(scalar("c_Dz") / across, 0.2), 5.0),
         }
         sources["effects.parasitic_drag"] = (

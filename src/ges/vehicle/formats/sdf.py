@@ -32,6 +32,7 @@ UPRIGHT = math.cos(math.radians(5.0))
 NEGLIGIBLE_PRODUCT = 0.02
 # What a curve that agrees at hover alone is off elsewhere.
 CURVE_SD = 0.05
+# None: a plugin has to state it
 _NUMBERS = {
     "motorConstant": None,
     "momentConstant": None,

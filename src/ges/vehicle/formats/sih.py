@@ -40,6 +40,7 @@ DEFAULTS: Mapping[str, float] = {
     "SIH_T_TAU": 0.05,
     "SIH_VEHICLE_TYPE": 0.0,
 }
+# param set-default NAME VALUE; two ids before NAME, as QGroundControl writes; or NAME = VALUE
 _LINE = re.compile(r"\s*(?:param\s+set(?:-default)?\s+|(?:\d+\s+){2})?(SIH_\w+)[\s=,:]+([^\s,#]+)")
 RHO_KG_M3 = 1.225
 
@@ -171,6 +172,7 @@ def write(vehicle: Vehicle) -> Export:
         "SIH_Q_MAX": p.mean_torque_Nm_s2 * p.top_speed_rad_s**2,
         "SIH_L_ROLL": float(hubs[:, 1].mean()),
         "SIH_L_PITCH": float(hubs[:, 0].mean()),
+        # k = K / (4 w) of the reader, backwards
         "SIH_KDV": across * N_ROTORS * p.hover_rad_s,
         "SIH_KDW": 0.0,
         "SIH_T_TAU": 0.5 * (p.lag_up_s + p.lag_down_s),

@@ -73,6 +73,7 @@ def read(data: bytes, name: str, prop: Propeller | None = None) -> Datasheet:
         radius_m = number(properties.get("prop_radius"), "prop_radius (or give --prop)", name)
     # k n^2 = (k / (pi / 30)^2) w^2
     thrust = values["kf"] / RAD_S_PER_RPM**2
+    # at top speed four rotors make thrust2weight times the weight
     top = math.sqrt(values["thrust2weight"] * mass * GRAVITY_M_S2 / (N_ROTORS * thrust))
     content = {
         "name": root.get("name") or name.removesuffix(".urdf"),
@@ -84,6 +85,7 @@ def read(data: bytes, name: str, prop: Propeller | None = None) -> Datasheet:
         ],
         "thrust_coefficient_N_s2": thrust,
         "torque_coefficient_Nm_s2": values["km"] / RAD_S_PER_RPM**2,
+        # a vehicle file asks for a positive one
         "motor_time_constant_s": 0.001,
         "max_rotor_speed_rad_s": top,
     }
