@@ -115,6 +115,7 @@ Map = TypeVar("Map", bound=pydantic.BaseModel)
 @functools.cache
 def _units() -> pint.UnitRegistry:
     registry: pint.UnitRegistry = pint.UnitRegistry(on_redefinition="ignore")
+    # pint's own g is the gram
     registry.define("g = 9.80665 * meter / second ** 2")
     return registry
 

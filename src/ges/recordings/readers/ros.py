@@ -243,6 +243,7 @@ def _mapped(bag: _Bag, mapping: TopicMap, options: Options, notes: list[str]) ->
         # a column of NaN throughout does not keep another topic from giving it
         taken |= {name for name, v in columns.items() if np.isfinite(v).any()}
         for name, stream in named_streams(t_s[good], columns, topic).items():
+            # what is asked for is in force until the next message
             held = entry.held or name == "reference"
             key = name if name not in streams else f"{name} ({topic})"
             streams[key] = Stream(stream.t_s, stream.columns, topic, held)

@@ -41,6 +41,7 @@ _TEXT = set(range(32, 127)) | set(b"\t\r\n\f") | set(range(128, 256))
 def _lines(path: Path, separator: str) -> tuple[pa.Table, list[str]]:
     """All cells as bytes, with the header if there is one; and what was noticed."""
     data = path.read_bytes()
+    # spreadsheets save UTF-16
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         data = data.decode("utf-16", errors="replace").encode()
     if not data.strip():
