@@ -59,6 +59,8 @@ class Noise:
 
         ``by`` has to divide ``pose_every`` where that is more than one.
         """
+        # what is independent from sample to sample falls with the root of their number; biases and
+        # drifts are as large in the mean
         root = by**0.5
         alone = ("rate_rad_s", "acceleration_m_s2", "speed_share", "range_m")
         tones = ("vibration_rad_s", "vibration_m_s2")
@@ -87,6 +89,8 @@ def coloured(
     from scipy.signal import lfilter
 
     keep = np.exp(-dt / time_s)
+    # x_k = a x_(k-1) + sqrt(1 - a^2) e_k has unit variance from the first sample on, if that is
+    # drawn from the stationary law
     white = rng.standard_normal(shape) * np.sqrt(1.0 - keep**2)
     white[:, 0] /= np.sqrt(1.0 - keep**2)
     return lfilter([1.0], [1.0, -keep], white, axis=1)

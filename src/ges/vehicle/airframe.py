@@ -91,6 +91,7 @@ def from_layout(name: str, propeller: Propeller, wheelbase_m: float | None) -> A
     if name not in LAYOUTS:
         raise unknown_name("layout", name, LAYOUTS)
     if wheelbase_m is None:
+        # neighbours on a square are sqrt(2) arms apart
         arm_m = scaling.SPACING * propeller.diameter_m / math.sqrt(2.0)
         sd_rel = scaling.SPACING_SD_REL
         source = (
@@ -124,6 +125,7 @@ def _rotors(
 
 
 def _doubtful(value: float, sd_rel: float) -> Quantity:
+    # adding 0 takes the sign off a -0
     value = float(round(value, 6)) + 0.0
     return Quantity(value=value, sd=abs(value) * sd_rel)
 
@@ -224,12 +226,14 @@ def _control_allocation(
 ) -> Airframe:
     """Rotors of CA_ROTORn_PX, PY, PZ (forward, right, down) and KM (positive: ccw)."""
     names = [f"CA_ROTOR{i}" for i in range(N_ROTORS)]
+    # PX4's z points down: the axis of an upright rotor is -1
     upright = [-number_of(parameters, f"{n}_AZ", -1.0) for n in names]
     if min(upright) < TILTED:
         raise GesError(
             "a rotor's axis is tilted (CA_ROTOR*_AX, AY, AZ); ges simulates upright rotors"
         )
     frd = np.array([[number_of(parameters, f"{n}_P{a}", 0.0) for a in "XYZ"] for n in names])
+    # forward-right-down to forward-left-up
     hubs = frd * (1.0, -1.0, -1.0)
     turns = [number_of(parameters, f"{n}_KM", 0.05) for n in names]
     spins: list[Spin] = ["ccw" if km > 0 else "cw" for km in turns]
@@ -250,6 +254,7 @@ def _sized(
     arm_m: float,
 ) -> Airframe:
     """Rotors at the autopilot's hubs, scaled where the user or the propeller knows better."""
+    # published quadrotors have neighbours 1.2 to 1.5 diameters apart, which checks the lengths
     gaps = np.linalg.norm(hubs[:, None, :2] - hubs[None, :, :2], axis=2)
     spacing = float(gaps[gaps > 0].min()) / propeller.diameter_m
     source = "Hubs and spins of CA_ROTOR*_PX, PY, PZ and KM"

@@ -68,6 +68,7 @@ def _entry(key: str, value: Any) -> list[str]:
 
 
 def _flow(value: Any) -> str:
+    # a bare number ends in YAML's mark of a document's end
     text = yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=math.inf)
     return text.removesuffix("...\n").strip()
 
@@ -88,6 +89,7 @@ def _digits(value: float, sd: float) -> int:
     """Significant digits of a value down to the second digit of its doubt."""
     if value == 0.0:
         return SD_DIGITS
+    # 1234.5678 with an sd of 0.31 is written 1234.57
     return max(SD_DIGITS, SD_DIGITS + math.floor(math.log10(abs(value)) - math.log10(sd)) + 1)
 
 

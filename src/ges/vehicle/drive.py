@@ -82,6 +82,7 @@ class Hover:
 
 def binned(frame: pd.DataFrame) -> pd.DataFrame:
     """Means over half a second of what was sampled in it; ``t_s`` starts each bin."""
+    # each signal is averaged over its own samples, at whatever rate they came
     t_s = frame["t_s"].to_numpy(dtype=float)
     bins = np.floor((t_s - t_s[0]) / BIN_S).astype(int)
     return frame.select_dtypes("number").groupby(bins).mean()
@@ -100,6 +101,7 @@ def _upward(bins: pd.DataFrame) -> np.ndarray | None:
     q = _stack(bins, QUATERNION)
     if q is None:
         return None
+    # a mean over attitudes that are far apart, or over none, is short and points nowhere
     norm = np.linalg.norm(q, axis=1)
     good = norm > 0.5
     upright = np.where(good[:, None], q, [1.0, 0.0, 0.0, 0.0])
@@ -119,6 +121,7 @@ def _lift(bins: pd.DataFrame, up: np.ndarray | None) -> np.ndarray:
         pull[:, 2] += GRAVITY_M_S2
         if up is None:
             return np.linalg.norm(pull, axis=1)
+        # beyond 60 degrees a small error of the tilt is a large one of the thrust
         return pull[:, 2] / np.where(up > 0.5, up, np.nan)
     felt = _stack(bins, SPECIFIC_FORCE)
     if felt is None:
@@ -131,9 +134,11 @@ def _lift(bins: pd.DataFrame, up: np.ndarray | None) -> np.ndarray:
 
 def _flying(ratio: np.ndarray) -> np.ndarray:
     """Bins whose lift over drive is that of flight, not that of standing with idling rotors."""
+    # lift over drive is about one number in flight, and far more where the ground carries
     known = np.isfinite(ratio) & (ratio > 0)
     if known.sum() < FEWEST_BINS:
         return known
+    # a log may stand longer than it flies: the median settles among those near a low start
     centre = float(np.quantile(ratio[known], 0.25))
     for _ in range(5):
         near = known & (ratio < ON_GROUND * centre) & (ratio > centre / ON_GROUND)
@@ -154,6 +159,7 @@ def _hovering(bins: _Bins, radius_m: float) -> np.ndarray:
     height = _stack(bins.means, POSITION[2:])
     if height is not None:
         high = calm & (height[:, 0] - np.nanmin(height) > HIGH_RADII * radius_m)
+        # a flight that stays low is used as it is, with ground effect in its thrust
         calm = high if high.sum() >= FEWEST_BINS else calm
     return calm
 
@@ -177,6 +183,7 @@ def _bins(frame: pd.DataFrame, c: float) -> _Bins:
     """A flight in half seconds; ``c`` as for :func:`hover`."""
     means = binned(frame)
     speeds, commands = _stack(means, ROTOR_SPEED), _stack(means, COMMAND)
+    # measured speeds need no curve, but a few seconds of them are too little
     if speeds is not None and (
         commands is None or np.isfinite(speeds).all(axis=1).sum() >= FEWEST_BINS
     ):
@@ -189,6 +196,7 @@ def _bins(frame: pd.DataFrame, c: float) -> _Bins:
         )
     up = _upward(means)
     lift, total = _lift(means, up), drives.sum(axis=1)
+    # m lift = kappa sum d, so that lift over drive is kappa over mass
     ratio = np.divide(lift, total, out=np.full(len(means), np.nan), where=total > 0)
     return _Bins(means, speeds, commands, measured, ratio, drives, lift, up, _flying(ratio))
 
@@ -214,6 +222,7 @@ def hover(frame: pd.DataFrame, mass_kg: float, c: float, radius_m: float) -> Hov
     """
     bins = _bins(frame, c)
     quiet = _hovering(bins, radius_m)
+    # better from all of the flight than not at all; the source says so
     used = quiet if quiet.sum() >= FEWEST_BINS else bins.flying
     if used.sum() < FEWEST_BINS:
         raise GesError(
@@ -233,6 +242,7 @@ def hover(frame: pd.DataFrame, mass_kg: float, c: float, radius_m: float) -> Hov
 def _centre(values: np.ndarray) -> tuple[float, float]:
     """Median and the standard deviation that the middle half of the values has."""
     low, middle, high = np.quantile(values, [0.25, 0.5, 0.75])
+    # the middle half of a normal distribution is 1.349 standard deviations wide
     return float(middle), float((high - low) / 1.349)
 
 
@@ -277,6 +287,7 @@ def response(frame: pd.DataFrame, curve: Quantity) -> Response | None:
     speeds, commands = bins.speeds, bins.commands
     if speeds is None or commands is None:
         return None
+    # a stopped rotor has no place on the curve
     good = bins.flying[:, None] & (speeds > 0) & (commands > 0)
     if good.sum() < N_ROTORS * FEWEST_BINS:
         return None
@@ -296,13 +307,16 @@ def _steady_response(
     that is little.
     """
     usual = float(np.median(w))
+    # the search is for x[0] about 1 beside c, so that one step suits both
     unit = usual / float(np.sqrt(max(np.median(normalised_thrust(u, curve.value)), 1e-4)))
 
     def misfit(x: np.ndarray, scale: float) -> np.ndarray:
         speed = x[0] * unit * np.sqrt(np.maximum(normalised_thrust(u, x[1]), 1e-9))
+        # the last row is what was known of c before, in its own standard deviation
         return np.append((speed - w) / scale, (x[1] - curve.value) / max(curve.sd, 1e-3))
 
     start, scale = np.array([1.0, curve.value]), 0.05 * usual
+    # how large errors are is known from a first fit only, and it decides what the prior weighs
     for _ in range(2):
         fit = least_squares(
             misfit, start, args=(scale,), bounds=([0.1, -0.5], [10.0, 1.0]), loss="soft_l1"
@@ -314,6 +328,7 @@ def _steady_response(
     r2 = 1.0 - float(np.var(left) / np.var(w))
     if not r2 > LEAST_R2:
         return None
+    # (J' J)^-1, as the rows are in units of their standard deviation
     sd = np.sqrt(np.maximum(np.diag(np.linalg.pinv(fit.jac.T @ fit.jac)), 0.0))
     top = fit.x[0] * unit
     return (
@@ -336,10 +351,12 @@ def _lag(frame: pd.DataFrame, c: float) -> Quantity | None:
         return None
     commands = rows[list(COMMAND)].to_numpy(dtype=float)
     asked = np.sqrt(normalised_thrust(commands, c))
+    # slow errors, of the battery or the curve, would hide what a few hundredths of a second do
     fast = _fast(rows[list(ROTOR_SPEED)].to_numpy(dtype=float), step_s)
     lags_s = np.geomspace(*LAGS_S, 40)
     score = [_likeness(_fast(_slow(asked, step_s, lag), step_s), fast, step_s) for lag in lags_s]
     best = int(np.argmax(score))
+    # the end of the grid is no maximum
     if not 0 < best < len(lags_s) - 1 or score[best] < LEAST_LIKENESS:
         return None
     return Quantity(value=float(lags_s[best]), sd=LAG_SD_REL * float(lags_s[best]))
@@ -348,6 +365,7 @@ def _lag(frame: pd.DataFrame, c: float) -> Quantity | None:
 def _likeness(made: np.ndarray, seen: np.ndarray, step_s: float) -> float:
     """Correlation of two signals (n, k) at the delay that suits them best."""
     n = len(seen)
+    # a delay would else pass for a longer lag
     pairs = ((made[: n - late], seen[late:]) for late in range(int(LONGEST_DELAY_S / step_s) + 1))
     return max(float(np.sum(a * b) / np.sqrt(np.sum(a * a) * np.sum(b * b))) for a, b in pairs)
 

@@ -39,6 +39,7 @@ class Quantity(_Strict):
     def _read(cls, given: Any) -> Any:
         if isinstance(given, int | float) and not isinstance(given, bool):
             return {"value": given}
+        # pydantic would ask for a dictionary, which nobody has to write
         if isinstance(given, str | bool) or given is None:
             raise ValueError("must be a number, or {value, sd} or {value, sd_rel}")
         if isinstance(given, Mapping) and "sd_rel" in given:
@@ -167,6 +168,7 @@ class Vehicle(_Strict):
     @pydantic.model_validator(mode="before")
     @classmethod
     def _empty_effects(cls, given: Any) -> Any:
+        # an effect written without parameters reads as None
         if isinstance(given, Mapping) and isinstance(given.get("effects"), Mapping):
             return {
                 **given,
@@ -238,6 +240,7 @@ def _where(location: tuple) -> str:
 
 
 def _known_keys(location: tuple) -> list[str]:
+    # a key one level down may belong to any of the parts: the nearest name of all is offered
     models: list[Any] = {1: [Vehicle]}.get(len(location), [Inertia, Rotor, Quantity, GroundFile])
     return sorted(
         {name for model in models for name in model.model_fields}
@@ -280,6 +283,7 @@ def parse_vehicle(content: Any, path: str = "vehicle") -> Vehicle:
     try:
         vehicle = Vehicle.model_validate(content)
     except pydantic.ValidationError as error:
+        # a misspelt key is told before the one that seems missing because of it
         problems = sorted(error.errors(), key=lambda p: p["type"] != "extra_forbidden")
         raise UsageError(_sentence(path, problems[0])) from None
     _check_effects(vehicle, path)
@@ -301,6 +305,7 @@ def vehicle_path(source: str | Path) -> Path:
     path = Path(source)
     if str(source) in library.names():
         return library.path_of(str(source))
+    # neither a path nor an ending of a file: a name of the library, misspelt
     if not path.exists() and path.name == str(source) and path.suffix not in YAML_ENDINGS:
         raise unknown_name("vehicle", path.name, library.names())
     return path
@@ -325,6 +330,7 @@ def load_vehicle(source: str | Path) -> Vehicle:
     0.032
     """
     path = vehicle_path(source)
+    # what is no YAML may be a model of another simulator, known by its content
     if path.suffix not in YAML_ENDINGS and path.is_file():
         from ges.vehicle import formats
 

@@ -91,6 +91,7 @@ def describe_log(
     seen = turning(frame)
     rotors = _airframe(log, prop, layout, wheelbase_m, seen)
     curve, curve_source = _curve(log, prop, frame)
+    # speeds beside commands show the curve of this very drive; what was known before is the prior
     answers = response(frame, curve)
     if answers:
         curve = answers.c
@@ -100,6 +101,7 @@ def describe_log(
         )
     flown = hover(frame, mass_kg, curve.value, prop.radius_m)
     thrust, thrust_sources, doubts = _thrust(flown, answers, prop, mass_kg)
+    # torque follows from the thrust of this flight, not from that of usual propellers
     coefficient = Quantity.model_validate(thrust["thrust_coefficient_N_s2"]).value
     unlogged, unlogged_sources = _unlogged(
         mass_kg,
@@ -146,12 +148,14 @@ def _airframe(
     """Rotors as the user or the log says, unless the flight turns otherwise."""
     if layout is not None:
         found = airframe.from_layout(layout, prop, wheelbase_m)
+    # older headers do not say which way the motors turn; yaw shows it
     elif log.format == "betaflight" and "yaw_motors_reversed" not in log.parameters:
         found = airframe.from_layout(_propellers_out(seen, prop), prop, wheelbase_m)
     elif log.format in ("px4", "ardupilot", "betaflight", "crazyflie"):
         found = airframe.from_parameters(log.format, log.parameters, prop, wheelbase_m)
     else:
         found = airframe.from_layout(_layout_flown(seen, prop), prop, wheelbase_m)
+    # a wrong order makes every moment wrong and no force: nothing later would show it
     if seen and (against := seen.contradicted(found.rotors)):
         fits = [n for n in LAYOUTS if _fits(n, seen, prop)]
         hint = f"it fits --layout {fits[0]}" if fits else f"layouts are {', '.join(LAYOUTS)}"
@@ -212,12 +216,14 @@ def _curve(log: Log, prop: Propeller, frame: pd.DataFrame) -> tuple[Quantity, st
         "what controllers and propellers of this size have (ArduPilot's default exponent, after"
         " about a hundred measured propellers)"
     )
+    # duty cycles come after the battery compensation, the mixer's requests before it
     if log.format == "crazyflie" and source.startswith("pwm"):
         return common, f"Duty cycles were logged, not the thrust that was asked for: {default}."
     if log.format == "crazyflie":
         return Quantity(value=1.0, sd=FLOWN_SD), "The firmware commands thrust, so it is linear."
     if log.format == "px4":
         factor = float(log.parameters.get("THR_MDL_FAC", 0.0))
+        # 0 is PX4's default, and says nothing of the motors
         if not 0.0 < factor <= 1.0:
             return common, f"THR_MDL_FAC is not set: {default}."
         if source == "actuator_motors":
@@ -240,7 +246,9 @@ def _ardupilot_curve(parameters: Mapping[str, float], frame: pd.DataFrame) -> tu
     expo = float(np.clip(airframe.number_of(parameters, "MOT_THST_EXPO", None), -1.0, 1.0))
     low = airframe.number_of(parameters, "MOT_SPIN_MIN", 0.15)
     high = airframe.number_of(parameters, "MOT_SPIN_MAX", 0.95)
+    # an exponent that nobody touched tells of common propellers, not of these
     sd = FLOWN_SD + TUNED_SD if math.isclose(expo, ARDUPILOT_EXPO, abs_tol=1e-3) else TUNED_SD
+    # the curve is wanted where it flies, not where it idles
     commands = frame.filter(regex=r"^u_[1-9]$").to_numpy(dtype=float).ravel()
     commands = commands[np.isfinite(commands) & (commands > low + 0.05)]
     text = f"MOT_THST_EXPO {expo:g} over MOT_SPIN_MIN {low:g} to MOT_SPIN_MAX {high:g}"
@@ -248,6 +256,7 @@ def _ardupilot_curve(parameters: Mapping[str, float], frame: pd.DataFrame) -> tu
         return Quantity(value=min(max(1.0 - expo, -0.5), 1.0), sd=sd), f"1 - {text}."
     u = float(np.median(commands))
     s = (u - low) / (high - low)
+    # d ln T / d ln u = (dT/ds / T) (ds/du) u at the median command
     slope = (1.0 - expo + 2.0 * expo * s) / ((1.0 - expo) * s + expo * s * s) * u / (high - low)
     return Quantity(value=curve_at_hover(slope, u), sd=sd), f"Slope at hover of {text}."
 
@@ -262,6 +271,7 @@ def _thrust(
         if flown.quiet
         else f"From {flown.seconds:.0f} s of flight of {mass_kg:.3g} kg, which seldom hovers"
     )
+    # a second source of the same number, so that a wrong size or mass is noticed
     usual = propeller.thrust_coefficient(prop, AIR_KG_M3.value)
     if not flown.measured:
         return _thrust_commanded(flown, prop, usual, weight_N, hovered)
@@ -288,6 +298,7 @@ def _size_doubt(ratio: float, prop: Propeller) -> tuple[str, ...]:
     """What a thrust coefficient far from that of the propeller's size speaks for."""
     if 1.0 / UNLIKELY < ratio < UNLIKELY:
         return ()
+    # k ~ D^4
     suited = Propeller(prop.diameter_m * ratio**0.25, prop.blades)
     return (
         f"The thrust coefficient is {ratio:.2g} times what propellers of {prop} have; it would suit"
@@ -300,6 +311,7 @@ def _thrust_commanded(
 ) -> tuple[dict, dict[str, str], tuple[str, ...]]:
     """Coefficient and top speed where commands alone were logged: their product is known."""
     largest = flown.thrust_per_drive
+    # only k w_max^2 acts: the coefficient takes its doubt, the speed that of the factors
     top = math.sqrt(largest.value / usual.value)
     content = {
         "thrust_coefficient_N_s2": Quantity(

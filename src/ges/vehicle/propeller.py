@@ -109,6 +109,7 @@ def thrust_coefficient(propeller: Propeller, rho_kg_m3: float) -> Quantity:
     Quantity
         k = C_T rho D^4 / (4 pi^2) with the spread of published coefficients as its sd.
     """
+    # a power law in the number of blades through two and three of them
     ct = TWO_BLADES_CT * A_BLADE_MORE ** (math.log2(propeller.blades / 2) / math.log2(1.5))
     value = ct * rho_kg_m3 * propeller.diameter_m**4 / (4.0 * math.pi**2)
     return Quantity(value=value, sd=CT_SD_REL * value)

@@ -62,5 +62,6 @@ def arm_m(x_m: np.ndarray, y_m: np.ndarray) -> float:
 
 def radius_m(hubs_m: np.ndarray) -> float:
     """Rotor radius of a quadrotor with hubs at these places, (n, 3)."""
+    # the two nearest hubs limit the propellers
     gaps = np.linalg.norm(hubs_m[:, None, :2] - hubs_m[None, :, :2], axis=2)
     return 0.5 * float(gaps[gaps > 0].min()) / SPACING if np.any(gaps > 0) else float("nan")

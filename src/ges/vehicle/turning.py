@@ -42,6 +42,7 @@ class Turning:
         silent.
         """
         wanted = moments(rotors)
+        # only directions are compared: how strongly an axis turns depends on the inertia, too
         product = np.sum(self.gains * wanted, axis=1)
         size = np.linalg.norm(self.gains, axis=1) * np.linalg.norm(wanted, axis=1)
         loud = (self.r2 >= LEAST_R2) & (size > 0)
@@ -84,19 +85,23 @@ def turning(frame: pd.DataFrame) -> Turning | None:
     if drives is None or not set(BODY_RATE) <= set(frame):
         return None
     rows = frame[["t_s", *drives, *BODY_RATE]].copy()
+    # a set-point is in force until the next one
     rows[list(drives)] = rows[list(drives)].ffill(limit=_rows(frame, HELD_S))
     rows = rows.dropna()
     if len(rows) < FEWEST_ROWS:
         return None
     rows = _thinned(rows)
     t_s = rows["t_s"].to_numpy()
+    # thrust goes about with the square, of speeds as of commands to speed
     drive = rows[list(drives)].to_numpy() ** 2
     turned = np.gradient(rows[list(BODY_RATE)].to_numpy(), t_s, axis=0)
     step_s = float(np.median(np.diff(t_s)))
+    # on the ground no command turns anything
     total = drive.mean(axis=1)
     flying = total > 0.5 * np.quantile(total, 0.7)
     if flying.sum() < FEWEST_ROWS:
         return None
+    # what all rotors do together turns no axis; slow parts hold a trim
     drive = _fast(drive - drive.mean(axis=1, keepdims=True), step_s)
     return _strongest(drive, _fast(turned, step_s), flying, int(LONGEST_LAG_S / step_s))
 
@@ -126,7 +131,9 @@ def _strongest(drive: np.ndarray, turned: np.ndarray, flying: np.ndarray, lags: 
         fit = np.linalg.lstsq(x, y, rcond=None)[0]
         variance = np.var(y, axis=0)
         explained = 1.0 - np.var(y - x @ fit, axis=0) / np.where(variance > 0, variance, np.inf)
+        # the least-squares fit at each lag, an axis by itself
         better = explained > r2
         r2 = np.where(better, explained, r2)
         gains[better] = fit.T[better]
+    # drives add up to zero here, so that a common part of the gains is arbitrary
     return Turning(gains - gains.mean(axis=1, keepdims=True), r2)

@@ -131,6 +131,7 @@ def _make_of_drone(out: Path, drone: str, sets: Sequence[tuple[Design, int, Plac
         for n, (_, _, place) in zip(numbers, sets, strict=True)
     ]
     for craft in crafts:
+        # this simulator has a top speed of its own; the file's honest error of it stays
         craft.declared["speed"] *= top / craft.true["speed"]
         craft.true["speed"] = top
     scale = Scale(0.3, crafts[0].radius_m, SPEED_M_S, SMOOTH_S)
@@ -183,9 +184,11 @@ def _numbers(design: Design, published: Mapping[str, np.ndarray]) -> dict[str, n
         weight = 9.81 * float(np.ravel(numbers["mass"])[0]) / 4.0
         for name in ("rpm2thrust", "rpm2torque"):
             _, one, two = numbers["rpm2thrust"][0]
+            # speed at which one w + two w^2 carries a quarter of the weight
             hover = (-one + np.sqrt(one**2 + 4.0 * two * weight)) / (2.0 * two)
             curve = numbers[name][0]
             numbers[name] = np.array([[0.0, 0.0, curve[2] + curve[1] / hover]])
+    # a rotor that loses thrust loses as much of its torque
     share = np.ones((4, 1))
     share[WEAK] -= design.weak
     numbers["rpm2thrust"] = numbers["rpm2thrust"] * share
@@ -210,6 +213,7 @@ def _fly(
     data = simulator.data
     wanted = {k: jnp.asarray(v) for k, v in parameters.items()}
     states, start = data.states, np.zeros((len(plans), 1, 4))
+    # first yaw of the path, scalar last; rotors start in hover
     start[:, 0, 2:] = np.stack([np.sin(0.5 * plans[:, 9, 0]), np.cos(0.5 * plans[:, 9, 0])], 1)
     hover = _hover_rpm(parameters)
     simulator.data = data.replace(
@@ -222,6 +226,7 @@ def _fly(
     )
     rows = []
     for k in range(plans.shape[2]):
+        # set-points come at the rate of the position loop, the simulation goes on between them
         if k % (RATE_HZ // STATE_HZ) == 0:
             simulator.state_control(jnp.asarray(_asked(plans[:, :, k])))
         before = simulator.data.states
@@ -239,12 +244,14 @@ def _fly(
 def _hover_rpm(parameters: Mapping[str, np.ndarray]) -> np.ndarray:
     curve = parameters["rpm2thrust"].mean(axis=2)[:, 0]
     weight = 9.81 * parameters["mass"].reshape(-1) / 4.0
+    # positive root of c_1 w + c_2 w^2 = m g / 4
     root = np.sqrt(curve[:, 1] ** 2 + 4.0 * curve[:, 2] * weight)
     return ((-curve[:, 1] + root) / (2.0 * curve[:, 2]))[:, None]
 
 
 def _asked(ref: np.ndarray) -> np.ndarray:
     """Return setpoints (worlds, 1, 16) of references (worlds, 11)."""
+    # position, velocity, acceleration, attitude by yaw alone (scalar last), body rates
     command = np.zeros((len(ref), 1, 16))
     command[:, 0, :9] = ref[:, :9]
     command[:, 0, 11:13] = np.stack([np.sin(0.5 * ref[:, 9]), np.cos(0.5 * ref[:, 9])], axis=1)
@@ -259,11 +266,13 @@ def _flown(
     book: Mapping[str, np.ndarray],
     plan: np.ndarray,
 ) -> Flown:
+    # f = R' (a + g e_z)
     turn = Rotation.from_quat(book["quat"])
     push, spin = _accelerations(numbers, book)
     inertia = np.diag(numbers["J"])
     changes = {}
     for name in [n for n in NAMES if getattr(design, n)]:
+        # at the same states, so that all else, gyroscopic terms too, drops out of the difference
         bare = _accelerations(_without(numbers, name), book)
         changes[NAMES[name]] = {
             "force_N": craft.true["mass"] * turn.apply(push - bare[0], inverse=True),

@@ -150,14 +150,17 @@ def airframe(drone: str, numbers: Mapping[str, Any], rng: np.random.Generator) -
     thrust, torque = (float(curve[2]) * RPM**2 for curve in curves)
     hover = np.sqrt(mass * 9.81 / (4.0 * thrust))
     up, up_squares, down, down_squares = np.ravel(numbers["rotor_dyn_coef"])
+    # dw/dt = a (u - w) + b (u^2 - w^2) answers small changes about hover with the rate a + 2 b w
     rates = np.array([up, down]) + 2.0 * np.array([up_squares, down_squares]) * hover * RPM
     true = dict(zip(("ixx", "iyy", "izz"), inertia, strict=True))
     true |= {"mass": mass, "thrust": thrust, "torque": torque}
+    # its equations know no top speed; half again that of hover leaves room to steer
     true |= {"lag": float(np.mean(1.0 / rates)), "speed": 1.5 * hover}
     true = {key: float(value) for key, value in true.items()}
     return Airframe(
         size=drone,
         radius_m=RADIUS_M,
+        # rows of the mixing matrix over the arm: M_x = y T, M_y = -x T
         rotor_x_m=tuple(float(v) for v in -arm * mixing[1]),
         rotor_y_m=tuple(float(v) for v in arm * mixing[0]),
         rotor_z_m=0.0,
@@ -184,10 +187,12 @@ def _fly(
         for p in (craft.rotor_x_m, craft.rotor_y_m, craft.spin)
     )
     pilot = Pilot(many, x, y, spin, np.full(flights, craft.true["lag"]), STEP_S)
+    # no flight before has trimmed it
     pilot.held = np.zeros((3, flights))
     first, half = reference[:, 0].T, 0.5 * reference[9, 0]
     s = np.zeros((flights, 17))
     s[:, :3], s[:, 5], s[:, 6] = first[:, :3], np.sin(half), np.cos(half)
+    # it starts in hover at the start of its path
     s[:, 13:] = craft.hover_speed_rad_s * RPM
     without = {n: _without(numbers, n) for n in NAMES if getattr(design, n)}
     rows = []
@@ -201,6 +206,7 @@ def _fly(
         k3 = _rate(numbers, s + 0.5 * STEP_S * k2, asked)
         k4 = _rate(numbers, s + STEP_S * k3, asked)
         s = s + STEP_S / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        # Runge and Kutta's sums leave the unit sphere by a little every step
         s[:, 3:7] /= np.linalg.norm(s[:, 3:7], axis=1, keepdims=True)
         if not np.abs(s[:, :3] - ref[:3].T).max() < LOST_M:
             raise GesError(f"'{design.key}' lost its path; the path is too fast for the drone")
@@ -240,6 +246,7 @@ def _rate(numbers: Mapping[str, Any], s: np.ndarray, asked: np.ndarray) -> np.nd
 
     q, omega = s[:, 3:7], s[:, 10:13]
     p, _, v, w, rotors = dynamics(s[:, :3], q, s[:, 7:10], omega, asked, s[:, 13:], **numbers)
+    # dq/dt = q (0, omega) / 2
     vector = q[:, 3:] * omega + np.cross(q[:, :3], omega)
     scalar = -(q[:, :3] * omega).sum(axis=1, keepdims=True)
     return np.concatenate([p, 0.5 * vector, 0.5 * scalar, v, w, rotors], axis=1)
@@ -269,6 +276,7 @@ def _row(
     }
     inertia = np.array([craft.true[k] for k in ("ixx", "iyy", "izz")])
     for name, numbers in without.items():
+        # at the same states, so that all else, gyroscopic terms too, drops out of the difference
         off = rate - _rate(numbers, s, asked)
         row[f"{name}/force_N"] = craft.true["mass"] * turn.apply(off[:, 7:10], inverse=True)
         row[f"{name}/moment_Nm"] = inertia * off[:, 10:13]

@@ -87,6 +87,7 @@ def _in_other_air(case: Case, place: Place) -> Case:
         spikes=float(rng.uniform(0.3, 0.6)),
         burst=float(rng.uniform(0.5, 2.0)),
     )
+    # every strength once before one comes again
     strengths = np.resize(rng.permutation(STRENGTHS[place.half]), len(case.sorties))
     sorties = [
         replace(sortie, weather=replace(weather, strength=float(strength)))

@@ -91,9 +91,11 @@ def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources)
     for design, _, place in sets:
         frame = open_log(sources.recordings / design.source.path, design.source.options).frame()
         if design.source is GAZEBO:
+            # each half of the study gets its half of the flight, and no sample of the other's
             size = len(frame) // 2
             start = size * HALVES.index(place.half)
             frame = frame.iloc[start : start + size]
+        # one flight is all there is: its pieces stand for several
         size = len(frame) // PIECES
         flights = [frame.iloc[k * size : (k + 1) * size] for k in range(PIECES)]
         truth = design.concealed().truth() | {

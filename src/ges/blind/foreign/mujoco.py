@@ -172,6 +172,7 @@ def _make(out: Path, design: Design, number: int, place: Place) -> None:
     log = draw_log(place, number)
     rng = place.rng("paths")
     lag, speed = craft.true["lag"], VEHICLES[design.vehicle][-1]
+    # room for a load below the lowest path
     low = 1.4 * craft.radius_m + (1.6 * LOAD_ROPE_M if design.load else 0.0)
     scale = Scale(low, craft.radius_m, speed, 0.18 + 2.0 * lag)
     plans = references(place.half, SECONDS, STEP_S, scale, rng)
@@ -207,6 +208,7 @@ LEASH_M = 0.3
 def _xml(design: Design, craft: Airframe, heading: float) -> str:
     """Return the model: a free body with four thrusters at sites, a fluid, a tendon."""
     true, size = craft.true, VEHICLES[design.vehicle][7]
+    # MuJoCo's fluid acts by density and viscosity: without either it is a vacuum
     dense = 1.2 * design.box if design.box else 1.2 if design.drag else 0.0
     wind = design.wind_m_s * np.array([np.cos(heading), np.sin(heading)])
     shape = f'fluidshape="ellipsoid" fluidcoef="{design.drag} 0.25 1.5 0 0"' if design.drag else ""
@@ -261,6 +263,7 @@ def _fly(
     model = mujoco.MjModel.from_xml_string(_xml(design, craft, heading))
     data = mujoco.MjData(model)
     pilot = _pilot(design, craft)
+    # it starts in hover: rotors at rest would let it fall first
     hover = np.sqrt(craft.true["mass"] * (1.0 + design.load) * GRAVITY_M_S2 / 4.0)
     hover /= np.sqrt(craft.true["thrust"]) * craft.true["speed"]
     data.qpos[:3] = plan[:3, 0]
@@ -298,6 +301,7 @@ def _pilot(design: Design, craft: Airframe) -> Pilot:
     )
     tuned = np.array([craft.true["lag"] + design.delay_s])
     pilot = Pilot(one, x, y, spin, tuned, STEP_S * STEPS_A_COMMAND)
+    # no flight before has trimmed it
     pilot.held = np.zeros((3, 1))
     return pilot
 
@@ -336,6 +340,7 @@ def _row(
         "yaw_ref": ref[9:10],
     }
     if design.load:
+        # of a free joint the forces are in the world's axes, the moments in the body's
         row["of_load"] = np.concatenate([turn.T @ data.qfrc_constraint[:3], np.zeros(3)])
     if design.spring:
         row["of_tether"] = np.concatenate([turn.T @ data.qfrc_spring[:3], data.qfrc_spring[3:6]])
@@ -379,6 +384,7 @@ def _changes(
     if design.weak:
         found["weak_rotor"] = body.wrench(-design.weak * thrust * np.array([0.0, 1.0, 0.0, 0.0]))
     if design.tilt_rad:
+        # F = tilt T (1, -0.6, 0), M_z = sum x F_y - y F_x
         aside = design.tilt_rad * thrust * (1.0 - design.weak * np.eye(4)[1])
         level = aside.sum(axis=1)
         yaw = aside @ (-0.6 * body.rotor_m[:, 0] - body.rotor_m[:, 1])
@@ -410,6 +416,7 @@ def _plain_speed(craft: Airframe, states: Mapping[str, np.ndarray]) -> np.ndarra
     """Return the rotor speeds that the declared kind of drive makes of the commands."""
     from scipy.signal import lfilter
 
+    # MuJoCo's exact filter of first order on the squared command, which acts one step later
     keep, top = np.exp(-STEP_S / craft.true["lag"]), craft.true["speed"]
     start = (states["rotor_speed"][:1] / top) ** 2
     act = lfilter([0.0, 1.0 - keep], [1.0, -keep], states["u"] ** 2, axis=0, zi=start)[0]

@@ -48,6 +48,7 @@ def references(
 def _reference(track: tuple[np.ndarray, ...], scale: Scale, step_s: float) -> np.ndarray:
     from scipy.ndimage import gaussian_filter1d
 
+    # rounded off by the vehicle's own answer: a jump of the path is none of the reference
     width = scale.smooth_s / step_s
     smooth = np.stack([gaussian_filter1d(row, width, mode="nearest") for row in track])
     rate = np.gradient(smooth, step_s, axis=1)
@@ -88,7 +89,9 @@ def dashes(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[n
     """Out and back along a line, faster every time, once low and once high."""
     heading, span = rng.uniform(0.0, 2.0 * np.pi), phase[-1]
     speed = scale.speed_m_s * (0.35 + 0.65 * phase / span)
+    # the way is the integral of a speed that turns round every 1.5 s
     along = np.cumsum(speed * np.sign(np.sin(2.0 * np.pi * phase / 3.0))) * np.gradient(phase)
+    # centred: dashes that grow do not come back to where they began
     along -= along.mean()
     rungs = np.array([0.3, 0.3, 8.0, 8.0]) * scale.radius_m
     high = scale.low_m + _holds(phase, rungs)
@@ -121,6 +124,7 @@ def rose(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.
 def square(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """A rounded square that tilts in height, at two speeds."""
     speed = scale.speed_m_s * np.where(phase < 0.5 * phase[-1], 0.45, 0.9)
+    # way in edges: half-way the speed changes, and the path does not
     way = np.cumsum(speed * np.gradient(phase)) / rng.uniform(1.2, 1.8)
     corner = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * 0.7
     at = way % 4.0

@@ -48,6 +48,7 @@ class _Recorder:
     def __init__(self, flown: Flown, log: Log, rng: np.random.Generator):
         self.flown, self.log, self.noise, self.rng = flown, log, log.noise, rng
         self.clock = np.arange(len(flown.state["p"])) * flown.step_s
+        # samples may fall between steps: smooth states are drawn through, set-points hold
         self.t = sample_times(flown, log.rate_hz)
 
     def frame(self) -> pd.DataFrame:
@@ -76,11 +77,13 @@ class _Recorder:
         noise = self.noise
         p = self._at("p") + self._white(3, noise.position_m) + self._drift(noise.position_drift)
         v = self._at("v") + self._white(3, noise.velocity_m_s) + self._drift(noise.velocity_drift)
+        # an error of attitude is a small turn about the body's axes; roll and pitch have a bias too
         small = self._white(3, noise.attitude_rad) + self._drift(noise.attitude_drift)
         small[:2] += self._bias(noise.attitude_bias_rad)[:2]
         attitude = Rotation.from_quat(self._at("q").T, scalar_first=True)
         q = (attitude * Rotation.from_rotvec(small.T)).as_quat(scalar_first=True).T
         named = dict(zip((*POSITION, *VELOCITY, *QUATERNION), (*p, *v, *q), strict=True))
+        # one row of pose_every sees a pose
         seen = np.arange(len(self.t)) % noise.pose_every == 0
         return {name: np.where(seen, values, np.nan) for name, values in named.items()}
 
@@ -95,6 +98,7 @@ class _Recorder:
     def _drive(self) -> dict[str, np.ndarray]:
         named = dict(zip(COMMAND, np.clip(self._held("u"), 0.0, 1.0), strict=True))
         if self.log.rotor_speeds:
+            # noise of a rotor speed is a share of it
             speed = self._at("rotor_speed") * (1.0 + self._white(4, self.noise.speed_share))
             named |= dict(zip(ROTOR_SPEED, speed, strict=True))
         return named
@@ -108,4 +112,5 @@ class _Recorder:
 
 
 def _last(t: np.ndarray, step_s: float) -> np.ndarray:
+    # a time that rounding puts just below its step belongs to that step
     return np.floor(t / step_s + 1e-9).astype(int)

@@ -151,6 +151,7 @@ def _make(out: Path, design: Design, number: int, place: Place) -> None:
     craft = _airframe(design, numbers, place.rng("file"))
     log = draw_log(place, number)
     rng = place.rng("paths")
+    # a whole number of steps from sample to sample: none is interpolated
     steps = int(np.ceil(1.0 / (log.rate_hz * LONGEST_STEP_S) - 1e-9))
     step_s = 1.0 / (log.rate_hz * max(steps, 1))
     heading = rng.uniform(0.0, 2.0 * np.pi)
@@ -167,6 +168,7 @@ def _numbers(design: Design) -> dict[str, Any]:
     from rotorpy.vehicles import crazyflie_params, hummingbird_params
 
     published = {"hummingbird": hummingbird_params, "crazyflie": crazyflie_params}
+    # a plain vehicle without any drag; what is on is added to it
     numbers = published[design.vehicle].quad_params | dict.fromkeys(AERO, 0.0)
     for name, share in design.on.items():
         numbers |= {k: share * v for k, v in ON[design.vehicle][name].items()}
@@ -271,6 +273,7 @@ def _dryden(size: float, step_s: float, rng: np.random.Generator) -> Any:
     the gusts' own sd falls with the root of the step; it is made up for here."""
     from rotorpy.wind.dryden_winds import DrydenGust
 
+    # these gusts draw from numpy's global stream
     np.random.seed(int(rng.integers(2**31)))
     louder = size * np.sqrt(4.0 * np.pi / step_s) * np.array([1.0, 1.0, 0.5])
     return DrydenGust(step_s, np.array([0.0, 0.0, 0.0]), louder)
@@ -303,6 +306,7 @@ def _fly(
         "wind": air(0.0, np.asarray(first["x"])),
         "rotor_speeds": np.full(4, hover),
     }
+    # the body alone is shifted: controller and file believe in the published hubs
     vehicle, pilot = Multirotor(dict(numbers), state, aero=True), SE3Control(dict(numbers))
     vehicle.rotor_geometry = vehicle.rotor_geometry - np.array([*design.shift_m, 0.0])
     without = _vehicles_without(design, numbers, state)
@@ -313,6 +317,7 @@ def _fly(
         state["wind"] = air(k * step_s, state["x"])
         rows.append(_row(vehicle, without, state, control, asked))
         state = _step(vehicle, state, control, step_s)
+        # also true of NaN, which every comparison denies
         if not np.abs(state["x"] - asked["x"]).max() < LOST_M:
             return None
     states = {n: np.stack([r[n] for r in rows]) for n in rows[0] if "/" not in n}
@@ -330,6 +335,7 @@ def _vehicles_without(
     from rotorpy.vehicles.multirotor import Multirotor
 
     def vehicle(off: Iterable[str], shift: Sequence[float]) -> Any:
+        # as it flies but for the one effect
         one = Multirotor(dict(numbers) | dict.fromkeys(off, 0.0), dict(state), aero=True)
         one.rotor_geometry = one.rotor_geometry - np.array([*shift, 0.0])
         return one
@@ -384,6 +390,7 @@ def _step(
 ) -> dict[str, np.ndarray]:
     asked = np.clip(control["cmd_motor_speeds"], vehicle.rotor_speed_min, vehicle.rotor_speed_max)
     s = vehicle._pack_state(state)
+    # the command is held over the step, as a speed controller does
     k1 = vehicle._s_dot_fn(0.0, s, asked)
     k2 = vehicle._s_dot_fn(0.0, s + 0.5 * dt * k1, asked)
     k3 = vehicle._s_dot_fn(0.0, s + 0.5 * dt * k2, asked)

@@ -129,6 +129,7 @@ def _make(out: Path, sets: Sequence[tuple[Design, int, Place]], gentle: float) -
     drawn = [_sorties(design, place, gentle) for design, _, place in sets]
     sorties = [sortie for _, flown in drawn for sortie in flown]
     book = Flights(sorties).run()
+    # the changes of a name are kept for the flights that have it alone: their places among those
     where = {n: [f for f, s in enumerate(sorties) if n in s.names] for n in SECRETS | STRANGERS}
     lost, at = [], 0
     for (craft, flown), (design, number, place) in zip(drawn, sets, strict=True):
@@ -168,7 +169,9 @@ def _sorties(design: Design, place: Place, gentle: float = 1.0) -> tuple[Airfram
     for name in design.names:
         numbers |= table[name](Craft(design.vehicle, true), design.level, rng)
     names = design.all_names()
+    # gentler is higher as well as slower: what touched the ground is flown anew
     low = (1.3 * radius + 0.03) / gentle
+    # like flights have speeds that go with the root of the size (Froude)
     pace = 1.1 * gentle * float(np.sqrt(radius / 0.03))
     scale = Scale(low, radius, pace, 0.2 + 3.0 * true["lag"])
     rng = place.rng("paths")
@@ -205,6 +208,7 @@ def _flown(
     changes = {}
     for name in sortie.names:
         if name in DRIVES:
+            # against a plain drive at the same commands
             off = rows["rotor_speed"] - plain
             changes[name] = driven(body_of(craft), craft.true, rows["rotor_speed"], off)
         else:
@@ -215,5 +219,6 @@ def _flown(
         "v_ref": sortie.plan[3:6].T,
         "yaw_ref": sortie.plan[9:10].T,
     }
+    # (sd, correlation time) of each process of the air, as the limit takes it
     scales = tuple((share * sortie.turbulence, time) for share, time in TURBULENCE)
     return Flown(CONTROL * DT_S, rows, changes, Air(scales, TURN_PER_M))

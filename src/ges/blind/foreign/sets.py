@@ -94,6 +94,7 @@ def draw_log(place: Place, number: int, noise: Noise | None = None) -> Log:
     logged is drawn."""
     rng = place.rng("log")
     rates, levels = RATES_HZ[place.half], LEVELS[place.half]
+    # shifted by one at each round of rates, so that every rate meets both levels
     level = list(levels)[(number // len(rates) + number) % 2]
     rate = rates[number % len(rates)]
     sensors = (noise or Noise()).scaled(levels[level])
@@ -141,10 +142,12 @@ class Concealed:
         return [
             {"name": n, "parameters": dict(self.parameters.get(n, {}))} | place
             for n in names
+            # a name that acts at several places is as many findings
             for place in ([{"place": p} for p in self.places.get(n, ())] or [{}])
         ]
 
     def _other(self) -> list[list[str]]:
+        # every choice of the small names, beside the answer itself or one that is as right
         whole = [
             sorted({*names, *more})
             for names in (self.names, *self.instead)
@@ -179,6 +182,7 @@ def write_flown(
     """
     rng = place.rng("sensors")
     frames = [record(flown, log, rng) for flown in flights]
+    # the file is made wrong only after this: the limit takes the factors by themselves
     limits = detectable(flights, log.rate_hz, log.sensors, craft, wrong)
     craft = replace(craft, declared=misdeclared(craft.declared, wrong))
     content = concealed.truth() | {
@@ -219,9 +223,11 @@ def write_set(
         shutil.rmtree(left, ignore_errors=True)
     folder.mkdir(parents=True)
     for number, frame in enumerate(frames, 1):
+        # single precision is finer than any sensor here, but not than the clock
         rounded = frame.astype({c: "float32" for c in frame.columns if c != "t_s"})
         rounded.to_parquet(folder / f"flight_{number}.parquet", index=False, compression="zstd")
     (folder / "vehicle.yaml").write_text(yaml.safe_dump(dict(vehicle), sort_keys=False))
+    # times of files would tell the order in which sets were made
     for path in (*folder.iterdir(), folder):
         os.utime(path, (0, 0))
     os.replace(folder, final)

@@ -115,6 +115,7 @@ WORLDS: dict[str, World] = {
             batch=10,
             folder=given.folder_of,
         ),
+        # one batch of all its sets: they are worlds of one simulation
         _flown(crazyflow.WORLD, "crazyflow, its Mellinger controller", crazyflow, 99, JAX),
         _flown(
             drone_models.WORLD,
@@ -186,6 +187,7 @@ def make_worlds(
     if (out / "sealed" / seal.SUMS).exists():
         raise UsageError(f"'{out}' already holds sealed cases; name an empty folder")
     places = places or Sources()
+    # processes work in folders of their own, where relative paths mean other places
     out, places = out.resolve(), Sources(places.recordings.resolve(), places.given.resolve())
     chosen = {name: world for name, world in WORLDS.items() if not only or name in only}
     skipped = {n: why for n, w in chosen.items() if (why := w.missing(half, places))}
@@ -208,6 +210,7 @@ def make_worlds(
         left -= count
         tell(total - left, total)
     if not left:
+        # the note first, then the seal over it
         os.replace(out / "sealed" / BEGUN, out / "sealed" / MADE)
         seal.close(out)
     return total - left, total, skipped
@@ -237,6 +240,7 @@ def _about(
         "sample": sample,
         "worlds": {name: len(part) for name, part in sets.items()},
         "skipped": dict(skipped),
+        # sets of other sources than these are made anew
         "generator": tree_hash(PACKAGE, sources(__name__)),
     }
 
@@ -275,10 +279,12 @@ def _run(
     environments = {tuple(sorted(world.environment.items())) for world, _ in jobs}
     for environment in sorted(environments):
         waiting = [job for job in jobs if tuple(sorted(job[0].environment.items())) == environment]
+        # spawned, not forked: libraries read these variables when they are imported
         spawn = multiprocessing.get_context("spawn")
         with _environment(dict(environment)), ProcessPoolExecutor(processes, spawn) as pool:
             running: dict[Future, int] = {}
             while waiting or running:
+                # no more is begun than runs at once, so that little is under way at the deadline
                 late = deadline is not None and time.monotonic() > deadline
                 while waiting and len(running) < processes and not late:
                     world, batch = waiting.pop(0)

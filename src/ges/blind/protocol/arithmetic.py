@@ -45,13 +45,17 @@ def balance(recordings: RecordingSet) -> Balance:
     arrays, offset = vehicle.rotor_arrays(), effects.get("cg_offset", {})
     x = arrays["x_m"] - offset.get("x_m", 0.0)
     y = arrays["y_m"] - offset.get("y_m", 0.0)
+    # f_z = sum T, M_x = sum y T, M_y = -sum x T; a hub counts from where the file says the mass is
     rows = [np.ones(len(x)), y, -x]
     if vehicle.torque_coefficient_Nm_s2 is not None:
         ratio = vehicle.torque_coefficient_Nm_s2.value / vehicle.thrust_coefficient_N_s2.value
+        # a rotor that spins ccw turns the body cw: M_z = -sum s (k_q / k) T
         rows.append(-arrays["spin"] * ratio)
     matrix = np.stack(rows)
     weight = vehicle.mass_kg.value * float(np.mean(lifted))
+    # four equations have one solution; without yaw the least thrusts of all that satisfy the others
     lean = np.linalg.lstsq(matrix, np.r_[weight, np.zeros(len(rows) - 1)], rcond=None)[0]
+    # thrusts are told as k w^2: a rotor that is known to lose some has to be the faster
     losses = effects.get("weak_rotor", {})
     kept = 1.0 - np.array([losses.get(f"loss_{i + 1}", 0.0) for i in range(len(x))])
     return Balance(np.stack(thrust), lean / kept, matrix * kept)
@@ -68,6 +72,7 @@ def _means(frame: pd.DataFrame, vehicle: Vehicle) -> tuple[np.ndarray, float]:
         square = ((1.0 - linear) * u**2 + linear * u) * vehicle.max_rotor_speed_rad_s.value**2
     else:
         raise GesError("neither rotor speeds nor commands are logged; there is no mean to take")
+    # on the ground and while spinning up rotors carry nothing
     usual = np.nanmedian(square, axis=0)
     turning = (square > TURNING**2 * usual).all(axis=1)
     lifted = GRAVITY_M_S2
@@ -81,6 +86,7 @@ def mean_distance(recordings: RecordingSet) -> list[dict]:
     speeds are logged) from those that should carry the vehicle, over the latter.
     """
     found = balance(recordings)
+    # thrust over thrust is speed over speed, squared
     ratio = np.sqrt(np.maximum(found.thrust_N.mean(axis=0) / found.asked_N, 0.0))
     return [_finding("", float(np.linalg.norm(ratio - 1.0)))]
 
@@ -89,7 +95,9 @@ def largest_loss(recordings: RecordingSet) -> list[dict]:
     """Return the rotor whose loss of thrust stands out most, were the balance to hold by losses."""
     found = balance(recordings)
     mean = found.thrust_N.mean(axis=0)
+    # shares that make the thrusts as flown balance: sum_i A_i T_i kept_i = A T_asked
     kept = np.linalg.lstsq(found.matrix * mean, found.matrix @ found.asked_N, rcond=None)[0]
+    # a wrong mass or coefficient is common to all rotors, and no loss of one
     loss = np.median(kept) - kept
     rotor = int(np.argmax(loss))
     return [_finding("weak_rotor", float(loss[rotor])) | {"place": f"rotor {rotor + 1}"}]

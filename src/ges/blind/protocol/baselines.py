@@ -80,6 +80,7 @@ def prepare(recordings: RecordingSet) -> Problem:
     frames = [f.frame for f in recordings.flights]
     gate = pass_gate(frames, model)
     train, held = split([digest(f) for f in frames], gate.usable(), None)
+    # one shape an effect; what acts through another effect alone has no column without it
     variants = [c.variants[0] for c in library(model).values() if not c.carriers]
     used = {i: f for i, f in enumerate(gate.flights) if f}
     parts = [build([used[i] for i in part], model, variants) for part in (train, held)]
@@ -89,6 +90,7 @@ def prepare(recordings: RecordingSet) -> Problem:
             "the held-out flight has other channels than the training flights; a baseline cannot"
             " use them"
         )
+    # channels of different units weigh alike
     scale = np.array(
         [
             np.nanstd(np.concatenate([f.y[:, c] for f in first.flights])) or 1.0
@@ -97,6 +99,7 @@ def prepare(recordings: RecordingSet) -> Problem:
     )
     free = np.array([c.nuisance is not None for c in first.columns])
     rows = [_stack(system, scale, free) for system in parts]
+    # the declared doubts are the prior; a doubt for each flight counts as one for all
     sd = np.array(
         [max(c.nuisance.sd, c.nuisance.flight_sd) for c in first.columns if c.nuisance is not None]
     )
@@ -121,11 +124,13 @@ def _stack(system: System, scale: np.ndarray, free: np.ndarray) -> Rows:
         m, c = rows.y.shape
         states = np.stack([v[rows.windows.center] for v in rows.flight.columns.values()], axis=1)
         channel = np.tile(np.arange(c), m)
+        # rows of one window follow each other, a channel each
         every = np.arange(len(system.columns))
         x = np.stack([rows.x.of(i, every) / scale[i] for i in range(c)], axis=1).reshape(m * c, -1)
         y = (rows.y / scale).ravel()
         good = np.isfinite(y)
         parts.append((y, x, np.repeat(states, c, axis=0), channel, np.full(m * c, number), good))
+    # a flight may have logged more than another; one table needs one width
     width = min(p[2].shape[1] for p in parts)
     y, x, state, channel, flight = (
         np.concatenate([(p[k][:, :width] if k == 2 else p[k])[p[5]] for p in parts])
@@ -135,6 +140,7 @@ def _stack(system: System, scale: np.ndarray, free: np.ndarray) -> Rows:
 
 
 def _ridge(x: np.ndarray, y: np.ndarray, sd: np.ndarray) -> np.ndarray:
+    # maximum a posteriori with unit noise and the prior N(0, sd^2): (X' X + S^-2) b = X' y
     return np.linalg.solve(x.T @ x + np.diag(1.0 / sd**2), x.T @ y)
 
 
@@ -147,12 +153,14 @@ def stepwise(problem: Problem) -> Answer:
     claims: dict[str, Claim] = {}
     x, y = rows.x.copy(), rows.y.copy()
     while len(kept) < MOST_TERMS:
+        # projections on the columns; of one that the kept explain only rounding is left
         norm = np.linalg.norm(x, axis=0)
         fit = np.where(
             norm > 1e-6 * np.linalg.norm(rows.x, axis=0), x.T @ y / np.maximum(norm, 1e-30), 0.0
         )
         best = int(np.argmax(np.abs(fit)))
         freedom = len(y) - len(kept) - 1
+        # t value of the last coefficient: the projection over the sd of what it leaves
         statistic = float(abs(fit[best]) / np.sqrt((y @ y - fit[best] ** 2) / freedom))
         p_value = float(2.0 * student.sf(statistic, freedom))
         if not p_value < P_VALUE:
@@ -161,6 +169,7 @@ def stepwise(problem: Problem) -> Answer:
         claims.setdefault(
             variant_of(problem.candidates[best]).effect, Claim(1.0 - p_value, statistic)
         )
+        # Gram and Schmidt: what is kept is taken out of all columns and of the residual
         unit = x[:, best] / norm[best]
         x, y = x - np.outer(unit, unit @ x), y - unit * (unit @ y)
     beta = np.linalg.lstsq(rows.x[:, kept], rows.y, rcond=None)[0] if kept else np.zeros(0)
@@ -176,6 +185,7 @@ def sindy(problem: Problem) -> Answer:
     from pysindy.optimizers import STLSQ
 
     rows = problem.train
+    # one threshold for all needs columns of one size
     size = np.sqrt((rows.x**2).mean(axis=0))
     size[size == 0.0] = 1.0
     flights = np.unique(rows.flight)
@@ -191,6 +201,7 @@ def sindy(problem: Problem) -> Answer:
         return np.ravel(optimizer.coef_)
 
     def error(threshold: float) -> float:
+        # |R [-b, 1]| = |y - X b| of the flight that was left out
         left = [packed[f] @ np.r_[-fit(flights[flights != f], threshold), 1.0] for f in flights]
         return float(sum(e @ e for e in left))
 
@@ -200,6 +211,7 @@ def sindy(problem: Problem) -> Answer:
             fit(flights, min(THRESHOLDS, key=error) if len(flights) > 1 else THRESHOLDS[0]) / size
         )
     claims: dict[str, Claim] = {}
+    # the largest column of a name comes first and stands for it
     for k in sorted(np.flatnonzero(beta), key=lambda k: -abs(beta[k]) * size[k]):
         name = variant_of(problem.candidates[k]).effect
         claims.setdefault(name, Claim(1.0, float(abs(beta[k]) * size[k])))
@@ -215,10 +227,12 @@ def parameters(problem: Problem) -> Answer:
     claims: dict[str, Claim] = {}
     for column, value in zip(problem.nuisances, beta, strict=True):
         n = nuisance_of(column)
+        # distance from the declared number in its own doubts
         outside = float(abs(value) / max(n.sd, n.flight_sd))
         if n.effect != "vehicle" and outside > OUTSIDE_SD:
             before = claims.get(n.effect, Claim(1.0, 0.0)).statistic
             claims[n.effect] = Claim(1.0, max(outside, before))
+    # predictions are of what calibration leaves: its share of the coefficients is taken off
     calibrated = rows.raw - rows.y
     prior = np.linalg.lstsq(rows.nuisance, calibrated, rcond=None)[0]
     return claims, lambda r: r.nuisance @ (beta - prior)

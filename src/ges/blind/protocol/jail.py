@@ -14,9 +14,11 @@ import sysconfig
 from collections.abc import Iterable
 from pathlib import Path
 
+# Linux's own numbers of system calls, rights and an option of prctl: libc has no names for Landlock
 CREATE_RULESET, ADD_RULE, RESTRICT_SELF = 444, 445, 446
 NO_NEW_PRIVILEGES = 38
 EXECUTE, WRITE_FILE, READ_FILE, READ_DIR = 1, 2, 4, 8
+# REFER came with Landlock's version 2, TRUNCATE with 3, TCP (bind, connect) with 4
 REFER, TRUNCATE = 1 << 13, 1 << 14
 ON_FILES = EXECUTE | WRITE_FILE | READ_FILE | TRUNCATE
 READ = EXECUTE | READ_FILE | READ_DIR
@@ -73,6 +75,7 @@ def interpreter() -> list[Path]:
         os.path.join(sys.base_prefix, "lib"),
         *SYSTEM,
     }
+    # paths of the interpreter, but none that would show the generator of cases
     found |= {
         p
         for p in sys.path
@@ -120,18 +123,22 @@ def _landlock(readable: list[Path], writable: list[Path], listed: Path) -> bool:
     if not sys.platform.startswith("linux"):
         return False
     libc = ctypes.CDLL(None, use_errno=True)
+    # the flag 1 asks which version the kernel has
     version = libc.syscall(CREATE_RULESET, None, 0, 1)
     if version < 1:
         return False
+    # a right that this kernel does not know would make it refuse the whole set
     everything = (1 << 13) - 1 | (REFER if version >= 2 else 0) | (TRUNCATE if version >= 3 else 0)
     rules = _Ruleset(everything, ALL_TCP if version >= 4 else 0)
     ruleset = libc.syscall(CREATE_RULESET, ctypes.byref(rules), 16 if version >= 4 else 8, 0)
+    # imports list the package's folder; what may be read in it has rules of its own
     for path, access in [
         *((p, READ) for p in readable),
         *((p, everything) for p in writable),
         (listed, READ_DIR),
     ]:
         _allow(libc, ruleset, path, access & everything)
+    # without privilege the kernel locks only those who can gain no more of it
     locked = (
         libc.prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0) == 0
         and libc.syscall(RESTRICT_SELF, ruleset, 0) == 0
@@ -142,6 +149,7 @@ def _landlock(readable: list[Path], writable: list[Path], listed: Path) -> bool:
 
 def _allow(libc: ctypes.CDLL, ruleset: int, path: Path, access: int) -> None:
     fd = os.open(path, os.O_PATH | os.O_CLOEXEC)
+    # rights of folders on a file are refused
     rule = _Beneath(access if path.is_dir() else access & ON_FILES, fd)
     failed = libc.syscall(ADD_RULE, ruleset, 1, ctypes.byref(rule), 0)
     os.close(fd)
@@ -159,6 +167,7 @@ def _hook(allowed: list[str], listed: str) -> None:
         if event in FORBIDDEN or event.startswith(FORBIDDEN):
             raise PermissionError(f"a diagnosis under test may not do '{event}'")
         if (
+            # a number is a file that is open already
             event not in WATCHED
             or not arguments
             or isinstance(arguments[0], int)
@@ -166,6 +175,7 @@ def _hook(allowed: list[str], listed: str) -> None:
         ):
             return
         path = realpath(os.fsdecode(fspath(arguments[0])))
+        # a bare name is looked for among the system's libraries, by the loader
         if event == "ctypes.dlopen" and sep not in str(arguments[0]):
             return
         if not within(path) and not (event in ("os.listdir", "os.scandir") and path == listed):

@@ -90,7 +90,9 @@ def run_cases(
     _hidden(folder)
     names = [n for n in seal.cases(folder) if only is None or n in only]
     tool = tool_state(options or {})
+    # what has a verdict of this very tool is kept, so that an interrupted run goes on
     waiting = [n for n in names if not finished(folder / out / n, tool)]
+    # the recordings of the waiting cases only: truths stay closed
     seal.check(
         folder,
         [
@@ -110,6 +112,7 @@ def run_cases(
         return True
 
     done = 0
+    # threads do nothing but wait: each diagnosis is a process of its own
     with ThreadPoolExecutor(processes) as pool:
         jobs = [pool.submit(diagnose, name) for name in waiting]
         for job in as_completed(jobs):
@@ -190,6 +193,8 @@ def _one(case: Path, final: Path, options: dict, tool: str) -> None:
 
 def _process(given: Path, made: Path, home: Path, options: dict) -> str | None:
     """Run the worker; return None, or what it said when it failed."""
+    # nothing of the caller's environment, which may tell; one thread and one hash seed make
+    # verdicts the same to the last bit
     quiet = {
         "PATH": os.defpath,
         "HOME": str(home),
@@ -227,6 +232,7 @@ def _process(given: Path, made: Path, home: Path, options: dict) -> str | None:
 
 def _move(made: Path, final: Path) -> None:
     final.parent.mkdir(parents=True, exist_ok=True)
+    # beside its place first: an interrupted copy is never taken for a verdict
     new = final.with_name(f".{final.name}.{os.getpid()}")
     shutil.rmtree(new, ignore_errors=True)
     shutil.copytree(made, new)
@@ -248,6 +254,7 @@ def anonymous(case: Path, given: Path) -> None:
         shutil.copyfile(case / map_file, given / "terrain.npz")
         vehicle["terrain"]["file"] = "terrain.npz"
     (given / "vehicle.yaml").write_text(yaml.safe_dump(vehicle, sort_keys=False))
+    # by hash: the maker's order may follow what is concealed
     flights = sorted(case.glob("*.parquet"), key=sha256)
     for number, path in enumerate(flights, 1):
         pq.write_table(

@@ -44,6 +44,7 @@ def listed(folder: Path) -> dict[str, str]:
         )
     hashes = {}
     for number, line in enumerate(path.read_text().splitlines(), 1):
+        # as sha256sum writes it, so that anybody can check the seal
         value, _, name = line.partition("  ")
         if len(value) != 64 or not name:
             raise GesError(f"{path}, line {number}: '{line[:80]}' is not '<sha256>  <file>'")
@@ -61,6 +62,7 @@ def cases(folder: Path) -> list[str]:
     """
     if not (folder / "cases").is_dir():
         raise GesError(f"'{folder}' has no folder cases/; make one with ges blind make")
+    # a name with a dot in front is a set that is still being written
     names = sorted(
         p.name for p in (folder / "cases").iterdir() if p.is_dir() and not p.name.startswith(".")
     )

@@ -23,6 +23,7 @@ def main(case: Path, out: Path, options: dict) -> int:
     """
     if "baseline" in options:
         from ges.blind.protocol import baselines  # noqa: F401  its source lies behind the wall
+    # only the copy and the tool can be read from here on
     kernel = jail.lock_in([case, *jail.interpreter(), *jail.package()], [out])
     try:
         seconds = _diagnose(case, out, options)

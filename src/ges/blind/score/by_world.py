@@ -76,6 +76,7 @@ class Answer:
         """Probability that the best method finds all of it; NaN where no limit is known."""
         if self.null or not self.nats:
             return np.nan
+        # all are found together no more often than the one that shows least
         return float(min(power(np.array(list(self.nats.values())), FALSE_ALARM_RATE)))
 
 
@@ -121,9 +122,11 @@ def _answer(
     known = frozenset().union(*right)
     if verdict == "failed":
         return "failed"
+    # one false name, or a true one at a wrong place, spoils whatever else is right
     if named - known or _misplaced(truth, findings):
         return "wrong"
     if category == "unknown":
+        # no name of the library is true here; what accounts for it as well follows the first
         if named and named in right[1:]:
             return "acceptable"
         return "right" if verdict == "unknown" else "partly"
@@ -134,6 +137,7 @@ def _answer(
             return "wrong"
         return "right" if not named else "acceptable" if named in right else "partly"
     offered = {f["name"] for f in findings}
+    # effects that look alike in these flights: no more can be told than the true one among them
     if category == "confounded" and verdict == "ambiguous" and right[0] <= offered:
         return "right"
     if verdict not in ("ambiguous", "unknown") and named in right and _placed(truth, findings):
@@ -155,6 +159,7 @@ def _places(name: str, findings: Sequence[Mapping[str, Any]]) -> set[str]:
         if finding.get("place"):
             found.add(finding["place"])
         elif losses:
+            # a fit gives every rotor some loss: only what is large beside the largest is a claim
             most = max(losses.values())
             found |= {f"rotor {k}" for k, v in losses.items() if v >= 0.5 * most > 0.0}
     return found
@@ -177,6 +182,7 @@ def _placed(truth: Mapping[str, Any], findings: Sequence[Mapping[str, Any]]) -> 
     """Whether every true name that was named is said to act everywhere where it does."""
     named = {f["name"] for f in findings}
     return all(
+        # a finding that states no place claims none, and is not held against it
         _places(name, findings) in (set(), where)
         for name, where in _true_places(truth).items()
         if name in named
@@ -201,6 +207,7 @@ def at_same_alarms(
         ),
         reverse=True,
     )
+    # above the next largest statistic lie just as many nulls as are allowed, fewer in a tie
     least = nulls[alarms] if alarms < len(nulls) else -np.inf
     return {name: _above(diagnosis, least) for name, diagnosis in answers.items()}
 
@@ -208,6 +215,7 @@ def at_same_alarms(
 def _above(diagnosis: Mapping[str, Any], least: float) -> dict[str, Any]:
     kept = [f for f in diagnosis["findings"] if f["statistic"] > least]
     named = [f for f in kept if f["name"]]
+    # a finding without a name says that something is there, not what
     verdict = "physics" if named else "unknown" if kept else "nothing_proven"
     if diagnosis["verdict"] == "failed":
         verdict = "failed"
@@ -230,6 +238,7 @@ def _row(answers: Sequence[Answer]) -> dict[str, Any]:
     concealed = [a for a in answers if not a.null]
     stated = [s for a in answers for s in a.stated]
     sure = [true for p, true in stated if p >= SURE]
+    # a limit is known only where the maker knows the noise-free truth
     limited = [a for a in concealed if np.isfinite(a.tellable)]
     strangers = [a for a in answers if a.category == "unknown"]
     row: dict[str, Any] = {"sets": len(answers), "concealed": len(concealed)}
@@ -258,6 +267,7 @@ def scores(answers: Sequence[Answer]) -> dict[str, tuple[float, float, float, in
     strangers = [a.good for a in answers if a.category == "unknown"]
     limited = [a for a in answers if np.isfinite(a.tellable)]
     could = sum(a.tellable for a in limited)
+    # hits over what the best method finds on average; the interval is that of the hits alone
     share = np.array(proportion([a.good for a in limited])) * len(limited) / could if could else ()
     found: dict[str, tuple] = {
         "false alarms": (*proportion(nulls), len(nulls)),
@@ -283,6 +293,7 @@ def power_table(answers: Sequence[Answer]) -> pd.DataFrame:
         if len(part):
             share, least, most = proportion(part[:, 1].astype(bool).tolist())
             best = float(power(part[:, 0], FALSE_ALARM_RATE).mean())
+            # geometric mean, as nats are drawn on a logarithmic axis; the floor is for 0
             middle = float(np.exp(np.log(np.maximum(part[:, 0], 0.1)).mean()))
             found.append(
                 {
@@ -336,6 +347,7 @@ def score_worlds(folder: Path, out: Path, diagnosed: str = OUT) -> dict[str, Any
     seal.check(folder, list(seal.listed(folder)))
     truths = {n: seal.truth(folder, n) for n in names}
     tool = _answers(truths, _diagnoses(folder / diagnosed, names))
+    # a baseline that alarms more often would find more: all are cut at the alarms of the tool
     alarms = sum(a.alarm for a in tool if a.null)
     by_method = {diagnosed.removeprefix(OUT).removeprefix("-") or "ges": tool}
     for baseline in (b for b in SIMPLE if (folder / method_folder(b)).is_dir()):

@@ -57,5 +57,6 @@ def _differences(before: Any, after: Any, where: str = "") -> Iterator[str]:
     elif isinstance(before, list) and isinstance(after, list) and len(before) == len(after):
         for k, (one, other) in enumerate(zip(before, after, strict=True)):
             yield from _differences(one, other, f"{where}[{k}]")
+    # NaN differs from itself: two of them are no change
     elif before != after and not (before != before and after != after):
         yield f"{where}: {json.dumps(before)[:90]} -> {json.dumps(after)[:90]}"

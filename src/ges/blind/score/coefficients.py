@@ -65,6 +65,7 @@ def _errors(
     """
     wrenches = [n for n in best.parameters if is_load(n)]
     errors = {n: _relative(best.parameters[n], claimed[n]) for n in claimed if n not in wrenches}
+    # true loads are compared as one sum, which means nothing while a part of it is unclaimed
     if wrenches and set(wrenches) <= set(claimed):
         errors["+".join(wrenches)] = _load_error(seen, best, wrenches, fitted)
     return {name: e for name, e in errors.items() if np.isfinite(e)}
@@ -77,6 +78,7 @@ def _load_error(seen: Witness, best: Oracle, names: list[str], fitted: Path) -> 
         return np.nan
     if not set(names) <= set(held):
         return np.nan
+    # the same path for both, so that only the numbers differ
     right = seen.loads({n: {**effect_table.get(n).neutral(), **best.parameters[n]} for n in names})
     return rms(seen.loads({n: held[n] for n in names}) - right) / max(rms(right), 1e-12)
 
@@ -95,6 +97,7 @@ def _intervals(best: Oracle, claimed: Mapping[str, Mapping]) -> tuple[int, int]:
     """Count 95 % intervals that hold the oracle's value, where a parameter means the same whatever
     the others are.
     """
+    # beside a free shape (a decay, a length) an amplitude means another thing in every fit
     checks = [
         told[p]["ci95"][0] <= value <= told[p]["ci95"][1]
         for name, told in claimed.items()

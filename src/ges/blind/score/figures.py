@@ -24,6 +24,7 @@ OUTCOMES = {
     "wrong": style.RED,
     "failed": style.BLACK,
 }
+# what is no name stands behind the names
 LAST = ("true names", "true companion only", "nothing_proven", "ambiguous", "unknown", "failed")
 
 
@@ -69,6 +70,7 @@ def draw_confusion(table: pd.DataFrame) -> Figure:
     )
     counts = counts.reindex(index=rows, columns=columns, fill_value=0).to_numpy(dtype=float)
     figure, axes = style.subplots(width=style.PAGE_IN, height=0.9 + 0.17 * len(rows))
+    # colours are shares of a row, figures are counts
     axes.imshow(
         counts / counts.sum(axis=1, keepdims=True), cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto"
     )
@@ -105,6 +107,7 @@ def draw_detection(table: pd.DataFrame) -> Figure:
     for k, severity in enumerate(SEVERITIES):
         here = named[named["severity"] == severity].set_index("effect").reindex(effects)
         at = np.arange(len(effects)) + 0.22 * (k - 1)
+        # matplotlib wants the lengths of the bars, not their ends
         bars = np.abs(here[["low", "high"]].to_numpy().T - here["exact"].to_numpy())
         axes.errorbar(
             here["exact"],
@@ -196,11 +199,13 @@ def draw_limit(table: pd.DataFrame) -> Figure:
     size, right = single["over_limit"].astype(float), single["outcome"] == "exact"
     figure, axes = style.subplots(height=2.4)
     axes.axvline(1.0, color=style.GREY, lw=0.8, ls="--", label="stated detection limit")
+    # points lie at 0 or 1 only: in lanes, one an effect, they do not hide each other
     lanes = {effect: k for k, effect in enumerate(dict.fromkeys(single["truth"].sort_values()))}
     at = 0.12 * (np.array([lanes[t] for t in single["truth"]]) / max(len(lanes), 1) - 0.5)
     axes.plot(size[right], 1.0 + at[right], "o", color=style.BLUE, label="exactly right")
     axes.plot(size[~right], at[~right], "x", color=style.RED, label="not")
     if len(size) > 3:
+        # bins of equal counts, each at its geometric mean
         edges = np.quantile(size, np.linspace(0.0, 1.0, min(6, len(size) // 3 + 2)))
         place = np.clip(np.searchsorted(edges, size, side="right") - 1, 0, len(edges) - 2)
         shares = [
@@ -237,6 +242,7 @@ def draw_power(table: pd.DataFrame) -> Figure:
     for k, method in enumerate(methods):
         part = table[table["method"] == method] if method else table
         at = np.maximum(part["middle_nats"], 0.5)
+        # the limit is of the sets, and the same for all methods
         if k == 0:
             axes.plot(at, part["best_method"], color=style.BLACK, lw=1.0, label="any method")
         bars = np.abs(part[["low", "high"]].to_numpy().T - part["named"].to_numpy())

@@ -59,6 +59,7 @@ def _gains(told: Mapping[str, Mapping], best: Mapping[str, Mapping]) -> tuple[fl
     """Of the diagnosis and of the oracle, over the channels that both have."""
     tool = oracle = 0.0
     for name in set(best) & set(told):
+        # 1 - (rms after)^2 / (rms recalibrated)^2: what recalibration takes away is nobody's merit
         left = told[name]["recalibrated"]
         gain = 1.0 - (best[name]["after"] / left) ** 2 if left else 0.0
         if gain > WORTH:

@@ -98,6 +98,8 @@ def _outcome(
     if verdict == "failed":
         return "failed"
     known = frozenset().union(*right)
+    # effects that look alike in these flights: to state one as proven is luck, so that only an open
+    # answer with the true one in it is right
     if category == "confounded":
         return (
             "exact"
@@ -105,6 +107,7 @@ def _outcome(
             else _named(claimed, right, known, verdict)
         )
     if category == "unknown":
+        # no name of the library is true here; what accounts for it as well follows the first
         if claimed and frozenset(claimed) in right[1:]:
             return "exact"
         return (
@@ -116,6 +119,7 @@ def _outcome(
         )
     if frozenset(claimed) in right and verdict not in ("ambiguous", "unknown"):
         return "exact"
+    # the truth is among what was left open, and nothing false was claimed
     if verdict == "ambiguous" and any(r <= offered for r in right) and not claimed - known:
         return "hedged"
     return _named(claimed, right, known, verdict)
@@ -125,6 +129,7 @@ def _named(
     claimed: set[str], right: list[frozenset[str]], known: frozenset[str], verdict: str
 ) -> str:
     if claimed - known:
+        # the empty answer of a null is in every claim, and makes it no half-right one
         return "extra" if any(r and r <= claimed for r in right) else "wrong"
     if claimed:
         return "partial"
@@ -138,6 +143,7 @@ def _located(truth: Mapping, said: Mapping) -> tuple[int, int, int]:
     Where nothing is concealed every channel is one too many. A truth that tells no channels (a
     sensor fault; other people's cases) is not scored.
     """
+    # a trace is a channel that an effect reaches, too weakly for it to be demanded
     must, may = (
         set(truth.get("located", ())),
         set(truth.get("located", ())) | set(truth.get("traces", ())),

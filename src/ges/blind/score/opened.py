@@ -53,6 +53,7 @@ def known(folder: Path, case: str, truth: Mapping, seen: Witness) -> Opened:
                 _oracle(held["parameters"], held["reach"]), held["told"], held["over_limit"]
             )
     found = _work_out(folder, case, truth, seen)
+    # JSON has no NaN
     reach = found.best.reach if np.isfinite(found.best.reach) else None
     write_json(
         kept,
@@ -83,14 +84,17 @@ def _oracle(parameters: dict[str, dict[str, float]], reach: float | None) -> Ora
 def _work_out(folder: Path, case: str, truth: Mapping, seen: Witness) -> Opened:
     names, place = [f["name"] for f in truth["findings"]], folder / "cases" / case
     best = oracle.fit(seen, names)
+    # errors of the file and faults of sensors are stated by the truth, and need no fit
     declared = oracle.declared_values(truth, load_vehicle(place / "vehicle.yaml"))
     best = dataclasses.replace(best, parameters={**best.parameters, **declared})
     told = told_the_truth(place, names)
+    # companions (the drag that a wind acts through) are true as well, but not what was concealed
     sizes = [
         _over_limit(seen, n, best, told.get("detectable", {}))
         for n in names
         if n in truth.get("concealed", names[-1:])
     ]
+    # a name without a limit may be the hardest to see: the others' least tells nothing
     told_sizes = [size for size in sizes if size is not None]
     over_limit = min(told_sizes) if sizes and len(told_sizes) == len(sizes) else None
     return Opened(best, {part: told[part] for part in PARTS if part in told}, over_limit)
@@ -109,9 +113,11 @@ def _over_limit(seen: Witness, name: str, best: Oracle, detectable: Mapping) -> 
     neutral, right = effect_table.get(name).neutral(), best.parameters[name]
     if is_load(name):
         least = neutral | limit["shape"] | {limit["parameter"]: limit["smallest"]}
+        # both sets of numbers as loads along the same path, where form and shape may differ
         sizes = [rms(seen.loads({name: values})) for values in (neutral | right, least)]
         if sizes[1] > 0.0:
             return sizes[0] / sizes[1]
+    # numbers of one unit only make a length; shapes are no part of a size
     units = {p.name: p.unit for p in effect_table.get(name).parameters}
     alike = [
         v - neutral[p]

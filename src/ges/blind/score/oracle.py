@@ -23,6 +23,7 @@ from ges.simulator.terrain import Terrain
 from ges.vehicle.file import Vehicle, load_vehicle
 
 STEP_S = 0.004
+# the exponential form with no ceiling that binds: gain and decay are all that shapes it
 WIDE = {"form": 3.0, "amplitude": 1.0, "slope_exponent": 0.0, "low": 0.0, "high": 10.0}
 # parameters that are free, by effect; shapes come after amplitudes
 FREE: Mapping[str, tuple[str, ...]] = {
@@ -87,6 +88,7 @@ class Witness:
         parts = []
         for flight in self.flights:
             samples = effect_table.Samples.from_columns(_columns(flight))
+            # the same states twice: what the effects leave alone drops out of the difference
             having, bare = (
                 effect_table.replay(self.numbers, samples, e, self.terrain) for e in (effects, {})
             )
@@ -167,6 +169,7 @@ def witness(folder: Path, case: str, truth: Mapping) -> Witness | None:
         "izz_kg_m2": true["izz"],
         "battery_nominal_V": NOMINAL * true["battery_V"],
     }
+    # arrays are kept as FLIGHT/NAME, in single precision
     flights: dict[str, dict] = {}
     with np.load(path) as kept:
         for key in kept.files:
@@ -188,6 +191,7 @@ def fit(seen: Witness, names: list[str]) -> Oracle:
         n for n in known if effect_table.get(n).kind == "actuator" and n != "actuator_mapping"
     ]
     wrenches = [n for n in known if effect_table.get(n).kind in ("wrench", "wind")]
+    # loads and rotor speeds have no common unit: each part is fitted to its own
     found: dict[str, dict[str, float]] = {}
     reach: list[float] = []
     if wrenches:
@@ -207,6 +211,8 @@ def _fit_drive(names: list[str], seen: Witness) -> tuple[dict[str, dict[str, flo
 
     def model(effects: effect_table.Effects) -> np.ndarray:
         said = seen.speeds(effects)
+        # the top speed scales all speeds: its least-squares value is put in, not searched for
+        # (variable projection)
         return said * ((true * said).sum() / (said**2).sum())
 
     return _least_squares(names, model, true, [n for n in DRIVES if n not in names])
@@ -234,6 +240,7 @@ def _least_squares(
     from scipy.optimize import least_squares
 
     table = {n: {p.name: p for p in effect_table.get(n).parameters} for n in (*names, *beside)}
+    # what is beside the names is fitted with them, or its errors would go into their numbers
     free = [(n, p) for n in table for p in FREE[n]]
     typical = np.array([_typical(table[n][p]) for n, p in free])
     low, high = (np.array([getattr(table[n][p], end) for n, p in free]) for end in ("low", "high"))
@@ -255,6 +262,7 @@ def _least_squares(
     }
     out = least_squares(lambda x: (target - model(effects(x))).ravel(), start, **limits)
     best = effects(out.x)
+    # reach = 1 - |target - model|^2 / |target - model of the rest|^2
     none = target - model({n: best[n] for n in beside})
     share = 1.0 - (out.fun**2).sum() / max((none**2).sum(), 1e-30)
     return {n: {p: best[n][p] for p in (*FREE[n], *FIXED.get(n, {}))} for n in names}, float(share)
@@ -272,6 +280,7 @@ def declared_values(truth: Mapping, vehicle: Vehicle) -> dict[str, dict[str, flo
         truth["true_values"],
         {k: v for one in truth["concealed"].values() for k, v in one.items()},
     )
+    # flights show thrust over mass alone: one scale holds the errors of both
     lift = (
         true["thrust"]
         / true["mass"]

@@ -32,6 +32,7 @@ def pairs(folders: Sequence[Path]) -> np.ndarray:
     found = []
     for folder in folders:
         made = folder / "sealed" / "made.json"
+        # a folder that does not tell its seed counts as one for evaluation
         seed = json.loads(made.read_text())["seed"] if made.exists() else FIRST_OF_EVALUATION
         if seed >= FIRST_OF_EVALUATION:
             raise GesError(
@@ -57,5 +58,6 @@ def fit(log_odds: np.ndarray, true: np.ndarray) -> tuple[float, float]:
     """
     from sklearn.linear_model import LogisticRegression
 
+    # hardly any penalty: P(true) = 1 / (1 + exp(-a - b logit p)) at its greatest likelihood
     found = LogisticRegression(C=1e6).fit(log_odds[:, None], true)
     return float(found.intercept_[0]), float(found.coef_[0, 0])

@@ -60,6 +60,7 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
 
     out = out or folder / "scores"
     names = seal.cases(folder)
+    # all sealed files, not the truths alone: scores of changed recordings would prove nothing
     seal.check(folder, list(seal.listed(folder)))
     truths = {n: seal.truth(folder, n) for n in names}
     said = {n: read_verdict(folder / diagnosed / n) for n in names}
@@ -99,6 +100,7 @@ def _against_oracle(
         n: [(told[n], folder / d / n / "vehicle.fitted.yaml") for d, told in said.items()]
         for n in truths
     }
+    # all methods at once: the oracle's fit, most of the work, is the same for them
     with ProcessPoolExecutor(PROCESSES) as pool:
         jobs = {n: pool.submit(compare, folder, n, truths[n], answers[n]) for n in truths}
         held = {n: dict(zip(said, job.result(), strict=True)) for n, job in jobs.items()}
@@ -155,6 +157,7 @@ def case_table(
         about = folder / diagnosed / j.case / "run.json"
         ran = json.loads(about.read_text()) if about.exists() else {}
         against = held[j.case]
+        # one number a case: no effect of it is further off
         worst = max(against.errors.values(), default=np.nan) if against else np.nan
         rows.append(
             {
@@ -187,6 +190,7 @@ def reach(judged: Sequence[Judgement], held: dict) -> pd.DataFrame:
     best, by effect.
     """
     of = [
+        # companions come before what needs them: the last name is the concealed one
         (j.truth[-1], held[j.case].best.reach)
         for j in judged
         if j.category in ("single", "parameter") and held[j.case]
@@ -249,9 +253,11 @@ def summary(
         "confounded given another name": _rate(of["confounded"], lambda j: only_true(j) is False),
         "diagnosis failed": _rate(judged, lambda j: j.outcome == "failed"),
     }
+    # (0, 0, 0) has nothing to find and found nothing: it says nothing of F1
     located = np.array([j.located for j in judged if sum(j.located)], dtype=float).reshape(-1, 3)
     stated = np.array([s for j in judged for s in j.stated], dtype=float).reshape(-1, 2)
     for category, limit in (("single", "limit"), ("pair", "limits"), ("triple", "limits")):
+        # of several effects the least over its limit is told: at 1 or more all are above theirs
         above = [
             j for j in of[category] if j.case in held and (held[j.case].over_limit or 0.0) >= 1.0
         ]
@@ -263,6 +269,7 @@ def summary(
         *bootstrap(errors, np.median),
         len(errors),
     )
+    # (held, tried) of a case as so many hits and misses
     within = [k < c.intervals[0] for c in held.values() for k in range(c.intervals[1])]
     found["intervals that hold the oracle"] = (*proportion(within), len(within))
     for kind, words in (
@@ -337,6 +344,7 @@ def confusion(judged: Sequence[Judgement]) -> pd.DataFrame:
         answer = j.claimed or (j.verdict,)
         known = set(j.truth) if j.category != "unknown" else set()
         concealed = truth[-1] if truth else j.category
+        # true companions are no confusion
         rows += [(concealed, name) for name in answer if name == concealed or name not in known]
         if j.category in ("pair", "triple") and j.claimed and not j.wrong:
             rows.append((concealed, "true names"))

@@ -28,6 +28,7 @@ def bootstrap(
     """Statistic of rows of ``values`` with its percentile interval over resampled rows."""
     if not len(values):
         return (np.nan,) * 3
+    # the same draws every time: scores of the same answers are the same to the last digit
     rng = np.random.default_rng(0)
     drawn = [statistic(values[rng.integers(0, len(values), len(values))]) for _ in range(DRAWS)]
     low, high = np.nanquantile(drawn, [0.5 - CONFIDENCE / 2.0, 0.5 + CONFIDENCE / 2.0])
@@ -37,6 +38,7 @@ def bootstrap(
 def calibration_error(stated: np.ndarray, bins: int = 10) -> float:
     """Expected calibration error of rows (probability, came true) over equal bins."""
     place = np.clip((stated[:, 0] * bins).astype(int), 0, bins - 1)
+    # |sum of p - sum of hits| / n is a bin's share of the rows times its gap
     gaps = [abs((stated[place == b, 0] - stated[place == b, 1]).sum()) for b in range(bins)]
     return float(sum(gaps) / len(stated))
 

@@ -151,15 +151,18 @@ def _rows(reader: Any, log: _Log) -> dict[tuple[str, int], tuple[tuple[str, ...]
             if name == "MSG":
                 log.texts.append(str(message.Message))
                 continue
+            # older logs have the number behind the name, newer ones in a field
             name, instance = _NUMBERED.get(name, (name, None))
             if instance is None:
                 instance = next((int(getattr(message, f)) for f in _INSTANCES if f in columns), 0)
             fields = tuple(f for f in _FIELDS[name] if f in columns)
+            # older logs count milliseconds
             time_s = message.TimeUS * 1e-6 if "TimeUS" in columns else message.TimeMS * 1e-3
             row = (time_s, *(float(getattr(message, f)) for f in fields))
         except (AttributeError, TypeError, ValueError, OverflowError):
             # a damaged message; what follows is whole again
             continue
+        # rows of a message that was defined anew on the way do not fit the first
         known, rows = tables.setdefault((name, instance), (fields, []))
         if known == fields:
             rows.append(row)
@@ -225,6 +228,7 @@ def _inertial(log: _Log) -> Iterator[tuple[str, Stream]]:
 def _motion(log: _Log) -> Iterator[tuple[str, Stream]]:
     """Position and velocity by the estimator that flew (EKF3 before EKF2), its primary core."""
     for name, about in (("XKF1", "XKF4"), ("NKF1", "NKF4")):
+        # one core throughout, the one that led for most of the flight: a change of core is a step
         primary = log.message(about, "PI", instance=0)
         core = int(Counter(primary["PI"].tolist()).most_common(1)[0][0]) if primary else 0
         message = log.message(name, *_FIELDS[name], instance=core) or log.message(
@@ -258,12 +262,14 @@ def _references(log: _Log) -> Iterator[tuple[str, Stream]]:
             continue
         asked = message[field] * factor
         if follows and message.has(follows):
+            # a target that is the estimate to the last digit follows it
             asked = np.where(message[field] == message[follows], np.nan, asked)
         if column == "p_ref_z_m":
             asked = np.where(_holds_height(log, message.t_s) & (asked != 0), asked, np.nan)
         if column == "yaw_ref_rad":
             asked = frames.yaw_from_heading(np.radians(asked))
         if np.isfinite(asked).any():
+            # one clock for all: messages come at rates of their own
             columns |= on_axis(base.t_s, Stream(message.t_s, {column: asked}, held=True))
     if columns:
         yield "reference", Stream(base.t_s, columns, "PSC, CTUN, ATT", held=True)
@@ -274,6 +280,7 @@ def _holds_height(log: _Log, t_s: np.ndarray) -> np.ndarray:
     modes = log.messages.get("MODE", {}).get(0)
     if modes is None:
         return np.ones(len(t_s), dtype=bool)
+    # a mode lasts until the next message
     at = np.searchsorted(modes.t_s, t_s, side="right") - 1
     number = modes["ModeNum" if modes.has("ModeNum") else "Mode"]
     return (at >= 0) & ~np.isin(number[np.maximum(at, 0)], _WITHOUT_HEIGHT)
@@ -296,6 +303,7 @@ def _pulses(log: _Log, options: Options) -> tuple[float, float]:
         return options.pwm
     if log.parameters.get("MOT_PWM_TYPE") in _DSHOT:
         return _DSHOT_RANGE
+    # MOT_PWM_* at 0 stand for the throttle channel's range
     for low, high in (("MOT_PWM_MIN", "MOT_PWM_MAX"), ("RC3_MIN", "RC3_MAX")):
         ends = log.parameters.get(low, 0.0), log.parameters.get(high, 0.0)
         if 0 < ends[0] < ends[1]:
@@ -313,6 +321,7 @@ def _commands(log: _Log, options: Options) -> Iterator[tuple[str, Stream]]:
         return
     low, high = _pulses(log, options)
     pulses = message.stack(*(f"C{n}" for n in channels))
+    # a motor that gets no pulse stands
     pulses = np.where(pulses < _LEAST_PULSE_US, low, pulses)
     u = np.clip((pulses - low) / (high - low), 0.0, 1.0)
     if channels != list(range(1, N_ROTORS + 1)):
@@ -332,6 +341,7 @@ def _rotor_speeds(
         if options.rotor_order
         else [n - 1 for n in _channels(log)]
     )
+    # controllers may be counted by themselves, not by outputs: four are taken in their order
     if not set(order) <= set(escs):
         if len(escs) == N_ROTORS:
             order = sorted(escs)
@@ -341,6 +351,7 @@ def _rotor_speeds(
     speeds, currents = {}, {}
     for i, k in enumerate(order, 1):
         own = escs[k]
+        # each controller reports at its own times: brought to those of the first
         speeds[f"rotor_speed_{i}_rad_s"] = np.interp(t_s, own.t_s, own["RPM"]) * (np.pi / 30)
         if own.has("Curr"):
             currents[f"motor_current_{i}_A"] = np.interp(t_s, own.t_s, own["Curr"])
@@ -375,6 +386,7 @@ def _range(log: _Log) -> Iterator[tuple[str, Stream]]:
         distance, facing = ("Dist", "Orient") if message.has("Dist") else ("Dist1", "Orient1")
         if not message.has(distance) or not message.has(facing):
             continue
+        # readings of another direction are no height
         seen = np.where(message[facing] == _DOWNWARD, message[distance], np.nan)
         if message.has("Stat"):
             seen = np.where(message["Stat"] == _GOOD, seen, np.nan)
@@ -435,6 +447,7 @@ class ArduPilot:
             streams |= dict(part(log))
         streams |= dict(_commands(log, options))
         streams |= dict(_rotor_speeds(log, options, streams.get("command")))
+        # streams start at times of their own: t = 0 is the first sample of any
         start_s = min((s.t_s[0] for s in streams.values()), default=0.0)
         moved = {
             name: Stream(s.t_s - start_s, s.columns, s.source, s.held)

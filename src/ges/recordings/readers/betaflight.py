@@ -98,6 +98,7 @@ def _flights(decoder: Any, data: bytes, options: Options, name: str) -> tuple[in
     """Bytes of the flight that is wanted, and what is to be said of the others."""
     parts = decoder.split_sessions(data)
     if options.part is None:
+        # the longest, as arming on the ground makes a short one
         chosen = max(range(len(parts)), key=lambda k: parts[k][1] - parts[k][0])
     elif options.part > len(parts):
         raise UsageError(
@@ -115,6 +116,7 @@ def _decoded(
     decoder: Any, data: bytes, start: int, end: int, name: str
 ) -> tuple[_Header, dict[str, np.ndarray], int]:
     """The parser with all frames of one flight."""
+    # each flight repeats the header, with the settings of that time
     header = _Header(data[start:end])
     for line, fewest in (("I interval", 1), ("P interval", 1)):
         # the decoder would never end, or divide by zero
@@ -148,6 +150,7 @@ def _range(header: _Header, options: Options) -> tuple[float, float]:
     if options.pwm:
         return options.pwm
     ends = header.numbers("motorOutput")
+    # no pulse is that short: DShot, whose values below 48 are commands
     if len(ends) == 2 and ends[0] < 0.5 * _IDLE_US and ends[1] <= _DSHOT_LARGEST:
         return _DSHOT_RANGE
     high = ends[1] if len(ends) == 2 else header.number("maxthrottle", 2000.0)
@@ -166,6 +169,7 @@ def _drive(
         u = np.clip((motors - low) / (high - low), 0.0, 1.0)
         columns |= {f"u_{i + 1}": row for i, row in enumerate(u)}
     if speeds is not None and np.any(speeds > 0):
+        # electrical turns: one turn of the rotor has as many as pairs of poles
         rpm = 100.0 * speeds / (0.5 * header.number("motor_poles", 14.0))
         columns |= {f"rotor_speed_{i + 1}_rad_s": row * (np.pi / 30) for i, row in enumerate(rpm)}
     return columns
@@ -176,6 +180,7 @@ def _electrics(header: _Header, fields: Mapping[str, np.ndarray]) -> dict[str, n
     name, version = header.firmware()
     volts = fields.get("vbatLatest", fields.get("vbat"))
     amperes = fields.get("amperageLatest", fields.get("amperage"))
+    # the unit changed between versions, and the header does not state it
     hundredths = (name == "Betaflight" and version >= (4, 0)) or name == "INAV"
     columns: dict[str, np.ndarray] = {}
     if volts is not None and (hundredths or (name == "Betaflight" and version >= (3, 1))):
@@ -198,6 +203,7 @@ def _inav_motion(fields: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     angles = _vector(fields, "attitude")
     if angles is not None and np.any(angles != 0):
         roll, pitch, heading = _DECIDEGREE * angles
+        # INAV's pitch is positive nose down, that of NED and FRD nose up
         q = frames.attitude_from_ned(frames.quaternion(roll, -pitch, heading))
         columns |= frames.named(QUATERNION, q)
     return columns
@@ -212,7 +218,9 @@ def _yaw_note(fields: Mapping[str, np.ndarray]) -> str:
     )
     if motors is None or p is None or i is None:
         return ""
+    # what the yaw controller asks of the mixer
     asked = p + i + fields.get("axisF[2]", 0.0)
+    # rotors on a diagonal turn alike: the difference of diagonals is the mixer's yaw
     split = motors[[0, 3]].sum(axis=0) - motors[[1, 2]].sum(axis=0)
     if not (np.std(asked) > 0 and np.std(split) > 0):
         return ""

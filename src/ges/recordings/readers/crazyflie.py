@@ -94,6 +94,7 @@ def _event_types(data: bytes, stamp: str) -> tuple[dict[int, _EventType], int]:
         fields = []
         for _ in range(n_fields):
             field, at = _string(data, at)
+            # a field is written NAME(LETTER)
             fields.append((field[:-3], field[-2]))
         letters = "".join(letter for _, letter in fields)
         if not set(letters) <= set(_LETTERS):
@@ -114,6 +115,7 @@ def _events(
     while at < end:
         number = int.from_bytes(data[at : at + 2], "little")
         kind = types.get(number)
+        # a number that no type has: from a damaged event on nothing can be trusted
         if kind is None or at + 2 + kind.layout.size > end:
             return rows, False
         rows[number].append(kind.layout.unpack_from(data, at + 2))
@@ -129,6 +131,7 @@ def _parse(data: bytes, name: str) -> tuple[list[tuple[str, dict[str, np.ndarray
     if version not in _STAMP:
         raise GesError(f"{name} has log format version {version}; versions 1 and 2 are known")
     letter, second = _STAMP[version]
+    # the last four bytes are a checksum only if it holds; a log cut short ends in events
     whole = zlib.crc32(data[:-4]) == struct.unpack("<I", data[-4:])[0]
     types, at = _event_types(data, letter)
     rows, complete = _events(data[:-4] if whole else data, at, types)
@@ -176,13 +179,16 @@ def _velocity(t_s: np.ndarray, p: np.ndarray) -> np.ndarray:
     NaN where there are too few samples for that.
     """
     usual_s = float(np.median(np.diff(t_s)))
+    # an odd number of samples, centred
     window = 2 * int(0.5 * _CUBIC_S / usual_s) + 1
     v = np.full(p.shape, np.nan)
     if window < _LEAST_IN_CUBIC:
         return v
+    # no cubic is laid over a gap
     ends = [0, *(np.flatnonzero(np.diff(t_s) > _MOCAP_GAP_S) + 1), len(t_s)]
     for first, last in itertools.pairwise(ends):
         own = t_s[first:last]
+        # the filter takes even steps: onto a grid and back
         even = np.arange(own[0], own[-1], usual_s)
         if len(even) >= window:
             on_even = np.stack([np.interp(even, own, row[first:last]) for row in p])
@@ -198,6 +204,7 @@ def _with_motion_capture(streams: dict[str, Stream], seen: Stream, notes: list[s
     The estimator's velocity is no derivative of the position: on published flights (IMRCLab) it is
     4 to 8 % too large along the ground.
     """
+    # poses are repeated in the log until the next one comes
     rows = seen.news()
     rows = rows[np.isfinite([seen.columns[name][rows] for name in _MOCAP]).all(axis=0)]
     if len(rows) < 2:
@@ -232,6 +239,7 @@ def _streams(
     speaks most.
     """
     start_s = min(float(table["t_s"][0]) for _, table in tables)
+    # what the mixer asks for goes before duty cycles, in whichever event it is
     asked = any("motor.m1" in table for _, table in tables)
     streams: dict[str, Stream] = {}
     seen, taken = None, set()
@@ -242,6 +250,7 @@ def _streams(
         columns = {name: v[good] for name, v in _columns(event, table).items()}
         duty = not asked and _commands(columns, notes)
         columns = with_specific_force(with_quaternion(columns))
+        # tables come the longest first: a quantity stays with the event that has most of it
         columns = {name: v for name, v in columns.items() if name not in taken}
         taken |= set(columns)
         if seen is None and set(_MOCAP) <= set(columns) and len(t_s) > 2:

@@ -44,6 +44,7 @@ def one_sign(q: np.ndarray) -> np.ndarray:
         q = q / np.linalg.norm(q, axis=0)
     q = np.where(np.isfinite(q).all(axis=0), q, np.nan)
     good = np.flatnonzero(np.isfinite(q[0]))
+    # q and -q are one attitude: where neighbours oppose each other, all that follow change sign
     flips = np.where(np.sum(q[:, good[1:]] * q[:, good[:-1]], axis=0) < 0, -1.0, 1.0)
     q[:, good[1:]] *= np.cumprod(flips)
     return q
@@ -113,6 +114,7 @@ def with_specific_force(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarr
         name in out for name in SPECIFIC_FORCE
     ):
         world = [out.pop(name) for name in WORLD_ACCELERATION]
+        # at rest an accelerometer feels +g; R' by swapped indices
         world[2] = world[2] + GRAVITY_M_S2
         to_world = rotation(np.stack([out[name] for name in QUATERNION]))
         out |= named(SPECIFIC_FORCE, np.einsum("jin,jn->in", to_world, np.stack(world)))

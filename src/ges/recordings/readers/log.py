@@ -93,6 +93,7 @@ class Stream:
 
     def news(self) -> np.ndarray:
         """Rows that bring a new value; all finite ones where nothing ever changes."""
+        # a slow sensor copied into every row of a fast loop brings nothing new in most of them
         rows = np.flatnonzero(self._finite().any(axis=1))
         values = self._values()[rows]
         fresh = np.r_[True, (np.diff(values, axis=0) != 0).any(axis=1)][: len(rows)]
@@ -136,6 +137,7 @@ class Log:
         """Times of the rows of :meth:`frame`: those of the attitude, or of the fastest stream
         where there is no attitude (or one too slow).
         """
+        # at its own times the attitude, by which all else is turned, needs no interpolation
         attitude = self.streams.get("attitude")
         if attitude is not None and attitude.rate_hz >= LEAST_RATE_HZ:
             return attitude.t_s
@@ -256,6 +258,7 @@ def increasing(t_s: np.ndarray) -> tuple[np.ndarray, str]:
         # one damaged time far ahead would make all later rows repeat an earlier one
         ahead = t_s[1:-1] - np.maximum(t_s[:-2], t_s[2:])
         finite[1:-1] &= ~((ahead > _FAR_AHEAD) & (t_s[2:] > t_s[:-2]))
+    # against the latest time so far: after a jump back no row counts until it is past that
     latest = np.maximum.accumulate(np.where(finite, t_s, -np.inf))
     good = finite & (t_s > np.r_[-np.inf, latest[:-1]])
     dropped = int(np.sum(~good))
@@ -275,8 +278,10 @@ def on_axis(axis: np.ndarray, stream: Stream) -> dict[str, np.ndarray]:
     if stream.held:
         return {name: _held(axis, t, values) for name, values in stream.columns.items()}
     step, own = _spacing(axis), _spacing(t)
+    # rates that differ by less are taken as the same, with jitter
     if own * _OTHER_RATE < step:
         return {name: _means(axis, t, values) for name, values in stream.columns.items()}
+    # of a slower stream one row a sample, so that its number of values stays as it was
     rows = np.arange(len(axis))
     if own > _OTHER_RATE * step:
         rows = np.unique(_nearest(axis, t[(t >= axis[0]) & (t <= axis[-1])]))
@@ -292,6 +297,7 @@ def _nearest(axis: np.ndarray, t: np.ndarray) -> np.ndarray:
     if len(axis) < 2:
         return np.zeros(len(t), dtype=int)
     after = np.clip(np.searchsorted(axis, t), 1, len(axis) - 1)
+    # true counts as one: the row before, where that is nearer
     return after - (t - axis[after - 1] < axis[after] - t)
 
 
@@ -303,6 +309,7 @@ def _lines(axis: np.ndarray, rows: np.ndarray, t: np.ndarray, values: np.ndarray
     at = axis[rows]
     gap = np.clip(_USUAL_SPACINGS * _spacing(t), _SHORT_GAP_S, _LONG_GAP_S)
     after = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
+    # a sample that falls on the row needs no line to it
     short = (t[after] - t[after - 1] < gap) | (t[after] == at)
     inside = (at >= t[0]) & (at <= t[-1]) & short
     out[rows] = np.where(inside, np.interp(at, t, values), np.nan)
@@ -315,6 +322,7 @@ def _means(axis: np.ndarray, t: np.ndarray, values: np.ndarray) -> np.ndarray:
     """
     half, finite = 0.5 * _spacing(axis), np.isfinite(values)
     first, last = np.searchsorted(t, axis - half), np.searchsorted(t, axis + half)
+    # sums over cells are differences of running sums
     total = np.concatenate([[0.0], np.cumsum(np.where(finite, values, 0.0))])
     count = np.concatenate([[0], np.cumsum(finite)])
     n = count[last] - count[first]
@@ -340,6 +348,7 @@ def _shortcoming(streams: Mapping[str, Stream]) -> str:
         (DRIVE, "drive", "motor commands or rotor speeds"),
         (MOTION, "motion", "attitude, velocity, gyro and accelerometer"),
     ):
+        # one of these is enough, and the best of them counts
         present = [streams[name] for name in names if name in streams]
         if not present:
             return (
@@ -353,6 +362,7 @@ def _shortcoming(streams: Mapping[str, Stream]) -> str:
                 f" {LEAST_RATE_HZ:g} at the very least, and 50 or more to be of good use, so log"
                 f" {remedy} faster ('ges doctor' says how)"
             )
+        # by finite values: a topic may go on after its sensor has fallen silent
         spans = [stream.span_s for stream in present]
         if max(end - start for start, end in spans) < SHORTEST_S:
             return (

@@ -115,6 +115,7 @@ Map = TypeVar("Map", bound=pydantic.BaseModel)
 @functools.cache
 def _units() -> pint.UnitRegistry:
     registry: pint.UnitRegistry = pint.UnitRegistry(on_redefinition="ignore")
+    # pint's own g is the gram
     registry.define("g = 9.80665 * meter / second ** 2")
     return registry
 
@@ -180,6 +181,7 @@ def load_map(given: str | Path, model: type[Map]) -> Map:
 
 
 def _sentence(problems: list[ErrorDetails], model: type[pydantic.BaseModel]) -> str:
+    # a misspelt key is told before the one that seems missing because of it
     problem = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
     if problem["type"] == "extra_forbidden":
         return str(unknown_name("key", str(problem["loc"][-1]), _keys(model)))
@@ -197,8 +199,10 @@ def _keys(annotation: Any) -> set[str]:
 
 def convert(values: np.ndarray, column: Column) -> np.ndarray:
     """A column in the file's unit as the quantity it stands for."""
+    # a name without meaning here may still tell an angle (roll_rad)
     target = unit_of(column.to) or ("rad" if column.to.endswith("_rad") else None)
     scale = unit_factor(column.unit, target) if column.unit else 1.0
+    # before the unit: the file states it in its own numbers
     if column.missing is not None:
         values = np.where(values == column.missing, np.nan, values)
     return values * (scale * column.factor) + column.offset
@@ -208,6 +212,7 @@ def in_contract(columns: Mapping[str, np.ndarray], axes: str = "enu-flu") -> dic
     """Columns in the contract's frames: angles become the quaternion, a world acceleration the
     specific force, north-east-down east-north-up.
     """
+    # in the file's own axes first, as its angles and body velocity belong to each other there
     out = frames.with_quaternion(columns)
     if unknown := [name for name in out if re.fullmatch("v_body_[xyz]_m_s", name)]:
         if not all(name in out for name in (*frames.BODY_VELOCITY, *QUATERNION)):
@@ -224,6 +229,7 @@ def in_contract(columns: Mapping[str, np.ndarray], axes: str = "enu-flu") -> dic
         out |= _turned(out, QUATERNION, lambda *q: frames.attitude_from_ned(np.stack(q)))
         if "yaw_ref_rad" in out:
             out["yaw_ref_rad"] = frames.yaw_from_heading(out["yaw_ref_rad"])
+    # last, as gravity is along z in the contract's world alone
     return frames.with_specific_force(out)
 
 

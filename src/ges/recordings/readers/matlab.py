@@ -36,6 +36,7 @@ def _arrays(value: Any, name: str) -> Iterator[tuple[str, np.ndarray]]:
     if value.ndim == 1:
         yield name, value
     elif value.ndim == 2 and min(value.shape) <= _MOST_COLUMNS:
+        # samples lie along the longer side, whichever that is
         tall = value.shape[0] >= value.shape[1]
         for k, column in enumerate(value.T if tall else value, 1):
             yield f"{name}(:,{k})" if tall else f"{name}({k},:)", column
@@ -108,6 +109,7 @@ class Matlab:
                 )
             columns = {c.to: convert(found[name], c) for name, c in named.items()}
             more, dropped = streams_of(columns, layout, path.name, "variables")
+            # a stream that two layouts give is kept under two names
             streams |= {n if n not in streams else f"{n} (2)": s for n, s in more.items()}
             notes += dropped
         if not streams:

@@ -87,6 +87,7 @@ class _Topic:
     def __init__(self, number: int, data: Mapping[str, np.ndarray], start_us: float) -> None:
         self.number = number
         stamp = np.asarray(data["timestamp"]).astype(float)
+        # damaged or repeated messages are no samples
         good, _ = increasing(stamp)
         self._data, self._good = data, good
         self.t_s = (stamp[good] - start_us) * 1e-6
@@ -132,6 +133,7 @@ class _Topic:
             return self.t_s
         stamp = self.known("timestamp")
         t_s = self.t_s + (sample - stamp) * 1e-6
+        # a stamp of another clock would move samples far
         near = np.abs(t_s - self.t_s).max(initial=0.0) < _LATEST_SAMPLE_S
         return t_s if near and np.all(np.diff(t_s) > 0) else self.t_s
 
@@ -226,6 +228,7 @@ def _open(path: Path) -> Uorb:
     try:
         # pyulog prints what it finds damaged, and raises whatever damaged bytes lead it to
         with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
+            # a damaged definition could have pyulog ask for all of the memory
             if re.search(_HUGE_ARRAY, data[:_DEFINITIONS]):
                 raise ValueError("a format with an array of millions")
             raw = pyulog.ULog(_Advancing(data), list(TOPICS))
@@ -286,12 +289,14 @@ def _motion(log: Uorb) -> Iterator[tuple[str, Stream]]:
         topic = log.topic("vehicle_local_position", *fields)
         if topic is None:
             continue
+        # a coordinate counts where its own flag does: height may be known without a place
         north, east, down = (topic.known(f, ok) for f, ok in zip(fields, flags, strict=True))
         columns = frames.named(names, frames.enu_from_ned(north, east, down))
         if valid := {name: v for name, v in columns.items() if np.isfinite(v).any()}:
             yield stream, Stream(topic.measured_s(), valid, "vehicle_local_position")
     if topic := log.topic("vehicle_local_position", "x", "y", "z"):
         counters = [topic.values(f"{of}_reset_counter") for of in ("xy", "z", "vxy", "vz")]
+        # the estimator's own counts of its jumps
         resets = sum(np.count_nonzero(np.diff(c)) for c in counters if c is not None)
         if resets:
             log.notes.append(
@@ -317,6 +322,7 @@ def _references(log: Uorb) -> Iterator[tuple[str, Stream]]:
         topic, source = new, "trajectory_setpoint"
     elif old is not None:
         position, velocity = (old.stack(form, "xyz") for form in ("{}", "v{}"))
+        # beside a position it is the controller's own answer to the error
         velocity = np.where(np.isfinite(position), np.nan, velocity)
         topic, source = old, "vehicle_local_position_setpoint"
     else:
@@ -371,6 +377,7 @@ def _outputs(log: Uorb, options: Options) -> tuple[np.ndarray, np.ndarray, str] 
     channels, driver = _channels(log)
     fields = [f"output[{k}]" for k in channels]
     topics = log.instances("actuator_outputs", *fields)
+    # several drivers log outputs; those of the motors change in flight
     moving = [t for t in topics if any(np.ptp(t.known(f)) > 0 for f in fields)]
     topic = next(iter(moving), None) or log.topic("actuator_outputs", *fields)
     if topic is None:
@@ -381,6 +388,7 @@ def _outputs(log: Uorb, options: Options) -> tuple[np.ndarray, np.ndarray, str] 
             f" {topic.number} is used"
         )
     sent = topic.stack("output[{}]", channels)
+    # what the user says of the range goes before what the log says
     ranges = [options.pwm] * N_ROTORS if options.pwm else None
     low, high = np.asarray(ranges or _ranges(log, sent, channels, driver), dtype=float).T
     u = np.clip((sent - low[:, None]) / (high - low)[:, None], 0.0, 1.0)
@@ -394,6 +402,7 @@ def _channels(log: Uorb) -> tuple[list[int], str]:
     for driver in _DRIVERS:
         functions = {log.parameters.get(f"{driver}_FUNC{n}"): n - 1 for n in range(1, 17)}
         motors = [float(_MOTOR_1 + i) for i in range(N_ROTORS)]
+        # a driver that has all four motors is the one they hang on
         if all(motor in functions for motor in motors):
             return [functions[motor] for motor in motors], driver
     betaflight = log.parameters.get("MOT_ORDERING") == 1
@@ -404,12 +413,14 @@ def _ranges(
     log: Uorb, sent: np.ndarray, channels: list[int], driver: str
 ) -> list[tuple[float, float]]:
     """Outputs that mean command 0 and 1, for each motor."""
+    # 0 is no pulse, or a motor that stands
     on = sent[np.isfinite(sent) & (sent > 0)]
     if driver.startswith("PWM") and _is_dshot(log, driver, on):
         lowest = log.number("DSHOT_MIN")
         return [((_DSHOT_LOWEST if lowest is None else lowest) * _DSHOT_TOP, _DSHOT_TOP)] * len(
             channels
         )
+    # no pulse is that long: UAVCAN of a firmware that does not name its drivers
     if len(on) and driver.startswith("PWM") and on.max() > 2.0 * _SIMULATED_PULSE_US[1]:
         return [_UAVCAN_RANGE] * len(channels)
     ranges = []
@@ -455,10 +466,12 @@ def _rotor_speeds(
     """Rotor speeds by the function of each speed controller; without functions in the order of the
     log, if the commands bear that out.
     """
+    # eight readings are always there; those of no controller are zero throughout
     readings = [k for k in range(8) if log.topic("esc_status", f"esc[{k}].esc_rpm")]
     topic = log.topic("esc_status", *(f"esc[{k}].esc_rpm" for k in readings[:1]))
     if topic is None:
         return
+    # a controller's function is a motor's number where it never changes
     functions = {_constant(topic.values(f"esc[{k}].actuator_function")): k for k in range(8)}
     motors, stated = [float(_MOTOR_1 + i) for i in range(N_ROTORS)], options.rotor_order
     order = list(range(N_ROTORS))
@@ -469,6 +482,7 @@ def _rotor_speeds(
         log.notes.append("the log has speeds of some rotors only; they are not used")
         return
     speeds = Stream(topic.t_s, dict(_each_esc(topic, order, "rpm")), "esc_status")
+    # in which order controllers were wired, only the commands can show
     if not known and command is not None:
         why, _ = rotor_order.doubt(command, speeds)
         if why:
@@ -501,8 +515,10 @@ def _each_esc(topic: _Topic, order: list[int], what: str) -> Iterator[tuple[str,
         if values is None:
             values = np.full(len(topic.t_s), np.nan)
         if online is not None and _speaks(online):
+            # bit k of the flags is controller k
             values = np.where((online.astype(int) >> k) & 1, values, np.nan)
         if what == "rpm":
+            # the sign is the sense of rotation, which the vehicle file knows
             yield f"rotor_speed_{i}_rad_s", np.abs(values) * (np.pi / 30)
         else:
             yield f"motor_current_{i}_A", values
@@ -532,6 +548,7 @@ def _range(log: Uorb) -> Iterator[tuple[str, Stream]]:
         if not _speaks(seen) or (facing is not None and np.any(facing != _DOWNWARD)):
             continue
         nearest, farthest = topic.values("min_distance"), topic.values("max_distance")
+        # out of its own range a reading says nothing
         if nearest is not None and farthest is not None and np.all(farthest > nearest):
             seen = np.where((seen >= nearest) & (seen <= farthest), seen, np.nan)
         if np.isfinite(seen).any():
@@ -541,6 +558,7 @@ def _range(log: Uorb) -> Iterator[tuple[str, Stream]]:
 
 def _refusal(log: Uorb) -> str:
     """Why the vehicle is none that can be diagnosed, by the log's own parameters."""
+    # by the kind of vehicle, or by the rotors that newer firmware counts
     kind = _NO_QUADROTOR.get(int(log.number("MAV_TYPE") or 0))
     rotors = log.number("CA_ROTOR_COUNT")
     if kind is None and log.parameters.get("CA_AIRFRAME", 0) == 0 and rotors not in (None, 0.0):

@@ -80,6 +80,7 @@ class TopicMap(pydantic.BaseModel):
 
 def _matches(wanted: str, name: str) -> bool:
     """Whether a bag's topic is the wanted one, in any namespace and any version (``_v1``)."""
+    # PX4 marks topics whose messages have changed by a version
     name = re.sub(r"_v\d+$", "", name)
     return name == wanted or name.endswith("/" + wanted.lstrip("/"))
 
@@ -117,6 +118,7 @@ def _numeric_fields(message: Any, prefix: str = "") -> Iterator[str]:
 def _stamp_s(message: Any, received_ns: int) -> float:
     """Time of a message: its header's, else when it was received."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
+    # zero is a header that nobody filled in
     if stamp is not None and (stamp.sec, stamp.nanosec) != (0, 0):
         return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
     return 1e-9 * received_ns
@@ -149,6 +151,7 @@ class _Bag:
         times: list[float] = []
         for connection, received_ns, data in self._reader.messages(connections=connections):
             message = self._reader.deserialize(data, connection.msgtype)
+            # the first message shows what there is
             if names is None:
                 names = list(_numeric_fields(message))
             if not rows:
@@ -178,6 +181,7 @@ def _typestore(mapping: TopicMap, beside: Path | None) -> Any:
         for file in files:
             name = f"{file.parts[-3]}/msg/{file.stem}"
             types |= typesys.get_types_from_msg(file.read_text("utf-8"), name)
+        # types that the library knows already stay as they are
         store.register({n: t for n, t in types.items() if n not in store.fielddefs})
     return store
 
@@ -236,8 +240,10 @@ def _mapped(bag: _Bag, mapping: TopicMap, options: Options, notes: list[str]) ->
         columns = {c.to: convert(values[f][good], c) for f, c in entry.fields.items()}
         columns = in_contract(_pulses(columns, options, notes), entry.axes)
         columns = {name: v for name, v in columns.items() if name not in taken}
+        # a column of NaN throughout does not keep another topic from giving it
         taken |= {name for name, v in columns.items() if np.isfinite(v).any()}
         for name, stream in named_streams(t_s[good], columns, topic).items():
+            # what is asked for is in force until the next message
             held = entry.held or name == "reference"
             key = name if name not in streams else f"{name} ({topic})"
             streams[key] = Stream(stream.t_s, stream.columns, topic, held)
@@ -260,6 +266,7 @@ def _uorb(bag: _Bag, mapping: TopicMap, options: Options, notes: list[str]) -> d
                 tables[entry.uorb] = table
     if not tables:
         return {}
+    # stamps of PX4's own clock, in microseconds
     log = px4.Uorb(bag.name, min(float(t["timestamp"][0]) for t in tables.values()))
     for name, table in tables.items():
         log.add(name, 0, table)
@@ -324,6 +331,7 @@ class Ros:
             its topics.
         """
         highlevel = optional_module("rosbags.highlevel", "ros", "ROS bags")
+        # shipped maps are chosen by an open bag's topics: only the user's own brings definitions
         mapping = TopicMap.model_construct(definitions=None)
         if options.mapping is not None:
             mapping = load_map(options.mapping, TopicMap)

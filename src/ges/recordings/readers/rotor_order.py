@@ -22,9 +22,11 @@ def agreement(command: Stream, speed: Stream) -> np.ndarray | None:
     u, w = (np.stack(list(s.columns.values())) for s in (command, speed))
     if len(u) != len(w) or len(command.t_s) < 2:
         return None
+    # at the times of telemetry, which is the slower
     at_speed = np.stack([np.interp(speed.t_s, command.t_s, row) for row in u])
     mean = w.mean(axis=0)
     turning = (w > 0).all(axis=0) & np.isfinite(at_speed).all(axis=0)
+    # idling rotors have no share that a controller asked for
     turning &= mean > 0.5 * np.nanquantile(mean, 0.9)
     if turning.sum() < FEWEST:
         return None
@@ -41,6 +43,7 @@ def doubt(command: Stream, speed: Stream) -> tuple[str, tuple[int, ...]]:
     r = agreement(command, speed)
     if r is None:
         return "the commands cannot show which reading is whose", ()
+    # all 24 orders, each by the mean correlation of its pairs
     scores = {p: r[range(len(r)), p].mean() for p in itertools.permutations(range(len(r)))}
     best, second = sorted(scores, key=lambda p: scores[p], reverse=True)[:2]
     order = tuple(i + 1 for i in best)

@@ -41,17 +41,20 @@ _TEXT = set(range(32, 127)) | set(b"\t\r\n\f") | set(range(128, 256))
 def _lines(path: Path, separator: str) -> tuple[pa.Table, list[str]]:
     """All cells as bytes, with the header if there is one; and what was noticed."""
     data = path.read_bytes()
+    # spreadsheets save UTF-16
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         data = data.decode("utf-16", errors="replace").encode()
     if not data.strip():
         raise GesError(f"{path.name} is empty; there is no flight in it")
     width, notes = len(_first_line(data, separator)), []
+    # a logger that lost its power leaves half a line
     last = data.rstrip().rsplit(b"\n", 1)
     if len(last) == 2 and len(_first_line(last[1], separator)) < width:
         data = last[0]
         notes.append("the last line is cut short and was left out")
     names = [f"f{k}" for k in range(width)]
     try:
+        # cells stay bytes: a column that no map names may hold anything
         table = pa_csv.read_csv(
             io.BytesIO(data),
             pa_csv.ReadOptions(column_names=names, use_threads=False),
@@ -105,6 +108,7 @@ def _numbers(cells: pa.ChunkedArray, decimal: str, name: str, first_line: int) -
         return pc.cast(text, pa.float64()).to_numpy(zero_copy_only=False)
     except pa.ArrowInvalid:
         pass
+    # the cast says that a cell is no number, but not which
     for line, cell in enumerate(_text(cells), first_line):
         try:
             float(cell.replace(decimal, ".") or "nan")
@@ -127,6 +131,7 @@ def _fitting(
             return layout, {first.index(n): column for n, column in named.items()}, True
         if isinstance(layout.columns, list) and len(layout.columns) == len(first):
             by_place = {k: c for k, c in enumerate(layout.columns) if c is not None}
+            # a first line with a number in it is a sample
             return layout, by_place, not any(_is_number(first[k]) for k in by_place)
     known = [
         (
@@ -189,6 +194,7 @@ def streams_of(
             f"{name}: the time column is not a number in row {row}; every row needs its time"
         )
     good, dropped = increasing(t_s)
+    # a calendar's clock: t = 0 is the first sample then
     if t_s[0] > _LATEST_START_S:
         t_s = t_s - t_s[0]
     rest = {n: v[good] for n, v in columns.items() if n != "t_s"}

@@ -41,6 +41,7 @@ def kind_of(path: Path) -> str | None:
         raise GesError(f"cannot read {path}: {error.strerror}") from None
     if path.suffix == ".py":
         return "rotorpy"
+    # a zero byte: a log or an image, and none of these formats
     if b"\0" in head:
         return None
     if element := re.search(rb"<(sdf|robot)[\s>]", head):

@@ -17,6 +17,7 @@ from ges.simulator import effects as effect_table
 from ges.vehicle import scaling
 from ges.vehicle.file import Vehicle
 
+# effects that correct a declared number, which every format has
 FOLDED = ("thrust_scale", "torque_coefficient", "inertia", "motor_lag", "rotor_saturation")
 
 
@@ -106,6 +107,7 @@ def plain(vehicle: Vehicle) -> Plain:
     rotors = vehicle.rotor_arrays()
     hubs = np.stack([rotors["x_m"], rotors["y_m"], rotors["z_m"]], axis=1)
     moved = effects.get("cg_offset", {})
+    # seen from a centre of mass further ahead, every hub is further behind
     hubs = hubs - (moved.get("x_m", 0.0), moved.get("y_m", 0.0), 0.0)
     weak = effects.get("weak_rotor", {})
     losses = np.array([weak.get(f"loss_{i + 1}", 0.0) for i in range(N_ROTORS)])
@@ -128,6 +130,7 @@ def plain(vehicle: Vehicle) -> Plain:
         rotors["spin"],
         thrust,
         torque * (1.0 + effects.get("torque_coefficient", {}).get("scale", 0.0) - losses),
+        # simulators divide by their time constants
         max(lag_s + lags.get("up_s", 0.0), 1e-3),
         max(lag_s + lags.get("down_s", 0.0), 1e-3),
         top * effects.get("rotor_saturation", {}).get("share", 1.0),
@@ -154,6 +157,7 @@ def _estimated(
     if lag is None:
         lacking.append("motor_time_constant_s")
         lag = scaling.motor_time_constant(diameter_m)
+    # twice the thrust is sqrt(2) the speed
     top_rad_s = top.value if top else math.sqrt(2.0) * vehicle.hover_speed_rad_s()
     if top is None:
         lacking.append("max_rotor_speed_rad_s (twice the hover thrust)")

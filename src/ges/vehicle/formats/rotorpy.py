@@ -26,6 +26,7 @@ from ges.vehicle.file import Vehicle, parse_vehicle
 from ges.vehicle.formats.neutral import Export, one_thrust, plain, without
 from ges.vehicle.propeller import Propeller
 
+# no operator but these, as a file is worked out and never run
 _OPERATORS: Mapping[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -72,6 +73,7 @@ def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
             return _OPERATORS[type(op)](_value(x, names))
         case ast.BinOp(op=op, left=left, right=right) if type(op) in _OPERATORS:
             a, b = _value(left, names), _value(right, names)
+            # text and lists know + and *, too, and can grow without end by it
             if not all(isinstance(x, float | np.ndarray) for x in (a, b)):
                 raise ValueError(ast.unparse(node)[:60])
             return _OPERATORS[type(op)](a, b)
@@ -92,6 +94,7 @@ def _parameters(data: bytes, name: str) -> dict[str, Any]:
         tree = ast.parse(data)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise UsageError(f"{name} is not Python: {error}") from None
+    # what cannot be worked out is passed over, unless quad_params is made of it
     names: dict[str, Any] = {}
     for node in tree.body:
         match node:
@@ -240,10 +243,12 @@ def _effects(
     if scalar("k_z"):
         effects["axial_inflow"] = {"k_kg": scalar("k_z")}
         sources["effects.axial_inflow"] = "k_z."
+    # D = c |v| v = rho A |v| v / 2
     across = 0.5 * (scalar("c_Dx") + scalar("c_Dy"))
     if across:
         effects["parasitic_drag"] = {
             "area_m2": 2.0 * across / rho,
+            # within the bounds of the effect
             "vertical_ratio": min(max(scalar("c_Dz") / across, 0.2), 5.0),
         }
         sources["effects.parasitic_drag"] = (
@@ -266,6 +271,7 @@ def write(vehicle: Vehicle) -> Export:
     remarks = [*p.remarks, *one_thrust(p, "RotorPy"), *without(p, _EXPRESSED, "RotorPy")]
     if abs(p.lag_up_s - p.lag_down_s) > 1e-6:
         remarks.append("RotorPy has one motor time constant: the mean of speeding up and down.")
+    # the reader's laws, solved for RotorPy's coefficients
     disc = math.pi * p.radius_m**2
     across = 0.5 * p.rho_kg_m3 * p.effect("parasitic_drag", "area_m2")
     numbers = {

@@ -32,6 +32,7 @@ UPRIGHT = math.cos(math.radians(5.0))
 NEGLIGIBLE_PRODUCT = 0.02
 # What a curve that agrees at hover alone is off elsewhere.
 CURVE_SD = 0.05
+# None: a plugin has to state it
 _NUMBERS = {
     "motorConstant": None,
     "momentConstant": None,
@@ -91,6 +92,7 @@ def read(
     whole = _together([_inertial(*link, name) for link in links.values()], name)
     base = _base(scope, links, motors, name)
     rotors = [_rotor(links, motor, base, name) for motor in motors]
+    # model to base axes: d' R for rows of places, R' I R for the tensor
     axes = base.r.as_matrix()
     hubs = np.array([pose.p - whole.centre_m for pose, _ in rotors]) @ axes
     tensor = axes.T @ whole.tensor_kg_m2 @ axes
@@ -120,6 +122,7 @@ def _motors(scope: Scope, name: str) -> list[Motor]:
     """Motors in the order of their numbers."""
     found: dict[float, Motor] = {}
     for plugin in scope.elements("plugin"):
+        # known by what it holds: the plugin's name differs between Gazebos
         if plugin.find("motorConstant") is None or plugin.find("motorNumber") is None:
             continue
         which = number(plugin.findtext("motorNumber"), "motorNumber", name)
@@ -163,6 +166,7 @@ def _inertial(pose: Pose, link: Element, name: str) -> Inertial:
         text = inertial.findtext(f"inertia/{key}") or ("1" if i == j else "0")
         tensor[i, j] = tensor[j, i] = number(text, key, name)
     r = placed.r.as_matrix()
+    # a tensor turns with its link: R I R'
     return Inertial(mass, placed.p, r @ tensor @ r.T)
 
 
@@ -221,6 +225,7 @@ def _radius(
                 sizes.append(number(shape.findtext("radius"), "radius", name))
             elif shape.tag == "box":
                 edges = (shape.findtext("size") or "").split()
+                # blades lie along the longest edge
                 sizes.append(0.5 * max(number(edge, "size", name) for edge in edges or [""]))
     if sizes:
         return float(np.mean(sizes)), "radius of their collision shapes"
@@ -238,6 +243,7 @@ def _motor_content(
     thrust = by_key["motorConstant"]
     if not np.all(thrust > 0):
         raise UsageError(f"{name}: motorConstant is {thrust.min():g}; it must be positive")
+    # a vehicle file has one coefficient: rotors below the strongest lose the rest
     strongest = float(thrust.max())
     up_s, down_s = (float(by_key[f"timeConstant{way}"].mean()) for way in ("Up", "Down"))
     effects: dict[str, dict] = {}
@@ -261,11 +267,13 @@ def _motor_content(
         losses = 1.0 - thrust / strongest
         effects["weak_rotor"] = {f"loss_{i + 1}": float(x) for i, x in enumerate(losses)}
     top = float(by_key["maxRotVelocity"].mean())
+    # speeds s u + w_0 of this model are no curve that a vehicle file has; one is laid through hover
     if channel := _channel(scope, name):
         scaling_rad_s, idle_rad_s = channel
         hover = math.sqrt(mass_kg * GRAVITY_M_S2 / float(thrust.sum()))
         u = (hover - idle_rad_s) / scaling_rad_s
         if scaling_rad_s > 0 and 0.0 < u < 1.0:
+            # T ~ w^2, so that d ln T / d ln u = 2 (dw/du) u / w
             c = curve_at_hover(2.0 * scaling_rad_s * u / hover, u)
             top = hover / math.sqrt(normalised_thrust(np.array(u), c))
             effects["thrust_curve"] = {"c": {"value": c, "sd": CURVE_SD}}
@@ -326,9 +334,11 @@ def write(vehicle: Vehicle) -> Export:
         )
     remarks.append("No sensors are in the model: include them, or merge it as x500 does x500_base.")
     blade_kg = 0.002 * p.mass_kg
+    # a thin rod of length 2 R about its middle, m (2 R)^2 / 12, and next to nothing along itself
     blade = blade_kg * p.radius_m**2 / 3.0 * np.array([0.01, 1.0, 1.005])
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
+        # XML has no comment with two hyphens in it
         f"<!-- {escape(p.name).replace('--', '- -')}, written by ges vehicle. -->",
         *(f"<!-- {escape(remark).replace('--', '- -')} -->" for remark in remarks),
         '<sdf version="1.9">',
@@ -344,10 +354,13 @@ def write(vehicle: Vehicle) -> Export:
 def _body_lines(p: Plain, blade_kg: float, blade: np.ndarray) -> list[str]:
     """The body: what the rotors' links leave of mass, centre of mass and inertia."""
     mass = p.mass_kg - N_ROTORS * blade_kg
+    # body and blades have their common centre at the origin
     centre = -blade_kg * p.hubs_m.sum(axis=0) / mass
     tensor = np.diag(p.inertia_kg_m2) - _offset(mass, centre)
+    # the parallel axis theorem backwards: a blade's own tensor, and that of its mass at the hub
     for hub in p.hubs_m:
         tensor = tensor - np.diag(blade) - _offset(blade_kg, hub)
+    # a body that exists has a positive tensor; physics engines refuse others
     if np.linalg.eigvalsh(tensor)[0] <= 0:
         raise GesError(
             f"vehicle '{p.name}' has too little inertia ({p.inertia_kg_m2.min():.2g} kg m^2) for a"

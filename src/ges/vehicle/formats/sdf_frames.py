@@ -19,6 +19,7 @@ from ges.errors import GesError, UsageError
 from ges.vehicle.formats.neutral import number, parse_xml
 
 MODEL = "__model__"
+# models may include each other in circles
 DEEPEST = 8
 Finder = Callable[[str], Element]
 
@@ -76,6 +77,7 @@ def finder(path: Path, models: Sequence[Path]) -> Finder:
     folders = (path.parent.parent, path.parent, *models)
 
     def find(uri: str) -> Element:
+        # a plain name: no path leads out of the folders
         match = re.fullmatch(r"(?:model://)?([A-Za-z0-9][\w. -]{0,80})/?", uri)
         if not match:
             raise UsageError(
@@ -117,6 +119,7 @@ class Scope:
                 self.own.append(part)
                 continue
             included = part if part.tag == "model" else find((part.findtext("uri") or "").strip())
+            # merged elements are this model's own, their frames too
             if part.get("merge") in ("true", "1"):
                 self._take(included, find, depth + 1)
             else:
@@ -134,10 +137,12 @@ class Scope:
         if name not in self._resolved:
             if name in trail:
                 raise UsageError(f"{self.file}: the frames {', '.join(trail)} form a circle")
+            # frames are resolved on demand, as files name them before they define them
             self._resolved[name] = self._resolve(name, (*trail, name))
         return self._resolved[name]
 
     def _resolve(self, name: str, trail: tuple[str, ...]) -> Pose:
+        # A::B is the frame B of the inner model A
         outer, _, rest = name.partition("::")
         if outer in self.inner:
             part, scope = self.inner[outer]
@@ -147,6 +152,7 @@ class Scope:
                 f"{self.file}: a pose refers to the frame '{name[:60]}', which is none"
             )
         part = self._frames[name]
+        # what a pose counts from where it does not say
         base = {"joint": part.findtext("child"), "frame": part.get("attached_to")}.get(part.tag)
         return self._placed(part, (base or "").strip() or MODEL, trail)
 

@@ -40,6 +40,7 @@ DEFAULTS: Mapping[str, float] = {
     "SIH_T_TAU": 0.05,
     "SIH_VEHICLE_TYPE": 0.0,
 }
+# param set-default NAME VALUE; two ids before NAME, as QGroundControl writes; or NAME = VALUE
 _LINE = re.compile(r"\s*(?:param\s+set(?:-default)?\s+|(?:\d+\s+){2})?(SIH_\w+)[\s=,:]+([^\s,#]+)")
 RHO_KG_M3 = 1.225
 
@@ -95,9 +96,11 @@ def from_parameters(
         [(np.sign(x) * p["SIH_L_PITCH"], np.sign(y) * p["SIH_L_ROLL"]) for x, y in signs]
     )
     radius_m = prop.radius_m if prop else scaling.radius_m(hubs)
+    # only T_MAX = k w_max^2 acts; a usual k for the size makes usual speeds of it
     thrust = propeller.thrust_coefficient(Propeller(2.0 * radius_m), RHO_KG_M3).value
     top = math.sqrt(p["SIH_T_MAX"] / thrust)
     hover = math.sqrt(p["SIH_MASS"] * GRAVITY_M_S2 / (N_ROTORS * thrust))
+    # K v = sum_i k w_i v, with the rotors as fast as in hover
     drag = p["SIH_KDV"] / (N_ROTORS * hover)
     effects: dict[str, dict[str, float]] = {"thrust_curve": {"c": 1.0}}
     if drag:
@@ -169,6 +172,7 @@ def write(vehicle: Vehicle) -> Export:
         "SIH_Q_MAX": p.mean_torque_Nm_s2 * p.top_speed_rad_s**2,
         "SIH_L_ROLL": float(hubs[:, 1].mean()),
         "SIH_L_PITCH": float(hubs[:, 0].mean()),
+        # k = K / (4 w) of the reader, backwards
         "SIH_KDV": across * N_ROTORS * p.hover_rad_s,
         "SIH_KDW": 0.0,
         "SIH_T_TAU": 0.5 * (p.lag_up_s + p.lag_down_s),
@@ -184,10 +188,12 @@ def write(vehicle: Vehicle) -> Export:
 
 def _px4_order(p: Plain) -> tuple[list[int], list[str]]:
     """Rotors in PX4's order, and what does not fit it."""
+    # clockwise from the nose, as the layouts count
     angles = np.degrees(np.arctan2(-p.hubs_m[:, 1], p.hubs_m[:, 0])) % 360.0
     layout = airframe.LAYOUTS["x"]
     gaps = np.array([[abs((a - b + 180.0) % 360.0 - 180.0) for b, _ in layout] for a in angles])
     order = [int(np.argmin(gaps[:, k])) for k in range(N_ROTORS)]
+    # one rotor nearest to two places
     if len(set(order)) < N_ROTORS:
         raise GesError(f"vehicle '{p.name}' is no X quadrotor, the only one that SIH flies")
     remarks = []

@@ -71,7 +71,9 @@ def read(data: bytes, name: str, prop: Propeller | None = None) -> Datasheet:
         radius_m = prop.radius_m
     else:
         radius_m = number(properties.get("prop_radius"), "prop_radius (or give --prop)", name)
+    # k n^2 = (k / (pi / 30)^2) w^2
     thrust = values["kf"] / RAD_S_PER_RPM**2
+    # at top speed four rotors make thrust2weight times the weight
     top = math.sqrt(values["thrust2weight"] * mass * GRAVITY_M_S2 / (N_ROTORS * thrust))
     content = {
         "name": root.get("name") or name.removesuffix(".urdf"),
@@ -83,6 +85,7 @@ def read(data: bytes, name: str, prop: Propeller | None = None) -> Datasheet:
         ],
         "thrust_coefficient_N_s2": thrust,
         "torque_coefficient_Nm_s2": values["km"] / RAD_S_PER_RPM**2,
+        # a vehicle file asks for a positive one
         "motor_time_constant_s": 0.001,
         "max_rotor_speed_rad_s": top,
     }
@@ -140,6 +143,7 @@ def _modes(values: dict[str, float]) -> list[str]:
             f"In the modes with drag add to effects: rotor_drag: {{k_kg: {xy:g}}}, axial_inflow:"
             f" {{k_kg: {z:g}}}."
         )
+    # Cheeseman and Bennett's f - 1 is 1/15 at one radius, (R / 4 h)^2 is 1/16
     if ground:
         remarks.append(
             f"In the modes with ground effect thrust gains {ground:g} (R / 4 h)^2; add to effects:"
@@ -166,6 +170,7 @@ def write(vehicle: Vehicle) -> Export:
     if p.effect("rotor_drag", "k_kg") or p.effect("axial_inflow", "k_kg"):
         remarks.append("Drag flies in the modes PYB_DRAG only.")
     hubs = p.hubs_m[order]
+    # that simulator's arms are those of a square
     arm_m = math.sqrt(2.0) * float(np.abs(hubs[:, :2]).mean())
     weight = p.mass_kg * GRAVITY_M_S2
     properties = {
@@ -186,6 +191,7 @@ def write(vehicle: Vehicle) -> Export:
     shape = f'<geometry><cylinder radius="{arm_m:.6g}" length="{0.5 * arm_m:.6g}"/></geometry>'
     lines = [
         '<?xml version="1.0" ?>',
+        # XML has no comment with two hyphens in it
         f"<!-- {escape(p.name).replace('--', '- -')}, written by ges vehicle. -->",
         *(f"<!-- {escape(remark).replace('--', '- -')} -->" for remark in remarks),
         f"<robot name={quoteattr(p.name)}>",
@@ -202,6 +208,7 @@ def _order(p: Plain) -> tuple[list[int], list[str]]:
     """Rotors in that simulator's order, front left first, and what does not fit it."""
     angles = np.arctan2(p.hubs_m[:, 1], p.hubs_m[:, 0])
     corners = [math.atan2(y, x) for x, y in CORNERS]
+    # differences of angles within pi
     gaps = np.abs(np.angle(np.exp(1j * (angles[:, None] - np.array(corners)[None, :]))))
     order = [int(np.argmin(gaps[:, k])) for k in range(N_ROTORS)]
     if len(set(order)) < N_ROTORS:
@@ -230,10 +237,12 @@ def _ground_gain(p: Plain) -> float:
     numbers = {**hubs, "thrust_coefficient_N_s2": p.mean_thrust_N_s2, "mass_kg": p.mass_kg}
     numbers |= {f"rotor_{i + 1}_radius_m": p.radius_m for i in range(N_ROTORS)}
     speeds = {f"rotor_speed_{i + 1}_rad_s": np.array([p.hover_rad_s]) for i in range(N_ROTORS)}
+    # hovering level with the rotors one radius above the ground
     at = {"t_s": np.zeros(1), "p_z_m": np.array([p.radius_m - p.hubs_m[:, 2].mean()]), **speeds}
     samples = effect_table.Samples.from_columns(at)
     effects = {"ground_effect": p.effects["ground_effect"]}
     near, free = (effect_table.replay(numbers, samples, e).force_N[0, 2] for e in (effects, {}))
+    # (R / 4 h)^2 = 1/16 there
     return 16.0 * float(near / free - 1.0)
 
 
