@@ -155,7 +155,7 @@ def _commanded(flights: Sequence[Prepared]) -> bool:
 @dataclasses.dataclass(frozen=True)
 class _Trims:
     """Balance of whole flights: by flight, mean residuals y (c,) and columns x (c, k) over the sd
-    of that mean, as normal equations by session; ``spread`` (k,) is usual between sessions.
+    of that mean, as normal equations by session; ``spread`` (k,) is the usual one.
     """
 
     keys: tuple[str, ...]
