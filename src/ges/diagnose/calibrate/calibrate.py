@@ -46,7 +46,7 @@ from ges.diagnose.estimate.fit import (
 )
 from ges.diagnose.prepare.align import Prepared, attitude_measured
 from ges.diagnose.prepare.gate import at_flown_voltage, pass_gate
-from ges.diagnose.select.evidence import Gram
+from ges.diagnose.select.evidence import Gram, without_deviations
 from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import interval95
 from ges.diagnose.types.model import SPEED, Model, from_vehicle
@@ -221,14 +221,10 @@ def _integrated(gram: Gram, spread: np.ndarray) -> tuple[Gram, float]:
     """Numbers of one flight or session, their deviation N(0, spread^2) from common ones integrated
     out: the normal equations of the common ones, and what is left of the log likelihood.
     """
-    # Woodbury, with S = diag(spread): (A^-1 + S^2)^-1 = A - A S (I + S A S)^-1 S A,
-    # and the integral leaves -log det(I + S A S) / 2
-    inner = np.eye(len(spread)) + spread[:, None] * gram.xx * spread
-    gain = spread[:, None] * np.linalg.solve(
-        inner, spread[:, None] * np.column_stack([gram.xx, gram.xy])
-    )
-    lost = Gram(gram.xx @ gain[:, :-1], gram.xx @ gain[:, -1], float(gram.xy @ gain[:, -1]), 0.0)
-    return gram - lost, -0.5 * float(np.linalg.slogdet(inner)[1])
+    # what the integral leaves beside them is -log det(I + S A S) / 2, S = diag(spread)
+    inner = np.eye(len(spread)) + gram.xx * np.outer(spread, spread)
+    common = without_deviations(gram, np.arange(len(spread)), spread)
+    return common, -0.5 * float(np.linalg.slogdet(inner)[1])
 
 
 def _posterior(

@@ -124,14 +124,16 @@ def flight_grams(
         dtype=int,
     )
     sd = np.array([nuisance_of(columns[k]).flight_sd for k in varies])
-    return [_with_flight_effects(gram_of(w, tempering), varies, sd) for w in whites]
+    return [without_deviations(gram_of(w, tempering), varies, sd) for w in whites]
 
 
-def _with_flight_effects(gram: Gram, varies: np.ndarray, sd: np.ndarray) -> Gram:
-    """Marginalise a copy of the varying columns, keeping the originals (Woodbury)."""
+def without_deviations(gram: Gram, varies: np.ndarray, sd: np.ndarray) -> Gram:
+    """Marginalise a copy of the k varying columns (k,), of prior N(0, sd^2), keeping the originals
+    (Woodbury).
+    """
     if not len(varies):
         return gram
-    # a flight's own deviation is a copy of the column, scaled to unit sd, beside the common one
+    # an own deviation is a copy of the column, scaled to unit sd, beside the common one
     return _without_copies(
         gram,
         gram.xx[np.ix_(varies, varies)] * np.outer(sd, sd),
