@@ -160,12 +160,15 @@ def test_unknown_world_is_said(tmp_path, toys):
         worlds.make_worlds(tmp_path, "development", 3, only=["brick"])
 
 
-def test_a_sample_is_every_eighth_set(toys):
+def test_every_so_many_th_set_of_a_world_is_taken(toys):
     world = dataclasses.replace(
         toys["toys"], designs=lambda half, _: [_Toy(str(k)) for k in range(20)]
     )
-    chosen = worlds._sets(world, "development", 3, True, Sources())
-    assert [d.key for d, _, _ in chosen] == ["4", "12"]
+    keys = {
+        every: [d.key for d, _, _ in worlds._sets(world, "development", 3, every, Sources())]
+        for every in (1, worlds.SAMPLE, 50)
+    }
+    assert keys == {1: [str(k) for k in range(20)], worlds.SAMPLE: ["4", "12"], 50: ["0"]}
 
 
 def test_names_of_sets_say_nothing():

@@ -234,7 +234,13 @@ def methods() -> None:
     "--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/."
 )
 @click.option("--only", multiple=True, metavar="NAME", help="A world; may be given several times.")
-@click.option("--sample", is_flag=True, help="Every eighth set of each world.")
+@click.option(
+    "--every",
+    type=click.IntRange(1),
+    default=1,
+    show_default=True,
+    help="Every so many-th set of each world.",
+)
 @click.option(
     "--recordings",
     type=click.Path(path_type=Path),
@@ -258,7 +264,7 @@ def worlds(
     half: str,
     out: Path,
     only: tuple[str, ...],
-    sample: bool,
+    every: int,
     recordings: Path,
     given: Path,
     processes: int,
@@ -279,7 +285,7 @@ def worlds(
             half,
             seed,
             only,
-            sample,
+            every,
             Sources(recordings, given),
             processes,
             minutes,

@@ -39,7 +39,7 @@ from ges.files import tree_hash, write_json
 from ges.provenance.sources import PACKAGE, sources
 
 BEGUN, MADE = "begun.json", "made.json"
-SAMPLE_STEP = 8
+SAMPLE = 8
 """A sample has every eighth set of a world."""
 # libraries that share the machine's cores among themselves would not give the same bytes
 ALONE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
@@ -158,7 +158,7 @@ def make_worlds(
     half: str,
     seed: int,
     only: Sequence[str] = (),
-    sample: bool = False,
+    every: int = 1,
     places: Sources | None = None,
     processes: int = 2,
     minutes: float | None = None,
@@ -168,7 +168,7 @@ def make_worlds(
 
     Parameters
     ----------
-    only : worlds to restrict to; sample : every eighth set of each.
+    only : worlds to restrict to; every : so many sets of each are one.
     minutes : after which no more is begun; the next call goes on.
 
     Returns
@@ -192,7 +192,7 @@ def make_worlds(
     chosen = {name: world for name, world in WORLDS.items() if not only or name in only}
     skipped = {n: why for n, w in chosen.items() if (why := w.missing(half, places))}
     sets = {
-        name: _sets(world, half, seed, sample, places)
+        name: _sets(world, half, seed, every, places)
         for name, world in chosen.items()
         if name not in skipped
     }
@@ -201,7 +201,7 @@ def make_worlds(
         raise GesError(
             "no world can be made here: " + "; ".join(f"{n}: {why}" for n, why in skipped.items())
         )
-    _begin(out, _about(half, seed, sample, sets, skipped))
+    _begin(out, _about(half, seed, every, sets, skipped))
     jobs = list(_jobs(out, sets))
     left = sum(len(job) for _, job in jobs)
     tell(total - left, total)
@@ -222,22 +222,22 @@ def make_and_seal(sums: Path, seed: int, sample: bool, recordings: str, given: s
     """
     sums.unlink(missing_ok=True)
     sources = Sources(Path(recordings), Path(given))
-    make_worlds(sums.parents[1], half_of(seed), seed, (), sample, sources)
+    make_worlds(sums.parents[1], half_of(seed), seed, (), SAMPLE if sample else 1, sources)
 
 
-def _sets(world: World, half: str, seed: int, sample: bool, places: Sources) -> Sets:
+def _sets(world: World, half: str, seed: int, every: int, places: Sources) -> Sets:
     designs = list(world.designs(half, places))
-    every = [(d, k, Place(world.name, d.key, half, seed)) for k, d in enumerate(designs)]
-    return every[SAMPLE_STEP // 2 :: SAMPLE_STEP] or every[:1] if sample else every
+    whole = [(d, k, Place(world.name, d.key, half, seed)) for k, d in enumerate(designs)]
+    return whole[every // 2 :: every] or whole[:1]
 
 
 def _about(
-    half: str, seed: int, sample: bool, sets: Mapping[str, Sets], skipped: Mapping[str, str]
+    half: str, seed: int, every: int, sets: Mapping[str, Sets], skipped: Mapping[str, str]
 ) -> dict[str, Any]:
     return {
         "half": half,
         "seed": seed,
-        "sample": sample,
+        "every": every,
         "worlds": {name: len(part) for name, part in sets.items()},
         "skipped": dict(skipped),
         # sets of other sources than these are made anew
