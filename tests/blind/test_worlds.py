@@ -424,3 +424,25 @@ def test_logs_of_simulators_conceal_what_is_left_out_of_the_file(tmp_path, recor
     content = yaml.safe_load(next((tmp_path / "cases").rglob("vehicle.yaml")).read_text())
     assert not set(design.without) & set(content["effects"])
     assert content["mass_kg"]["sd"] > 0.0
+
+
+def test_a_trajectory_without_a_solution_is_drawn_anew_and_slower(monkeypatch):
+    drawn, paces = iter([None, "path"]), []
+    monkeypatch.setattr(rotorpy, "_air", lambda *_: None)
+    monkeypatch.setattr(rotorpy, "_fly", lambda numbers, design, path, *_: path)
+    monkeypatch.setattr(
+        rotorpy, "_trajectory", lambda half, kind, pace, rng: paces.append(pace) or next(drawn)
+    )
+    design, rng = rotorpy.Design("hummingbird"), np.random.default_rng(0)
+    assert rotorpy._fly_gently(design, {}, "development", 2, np.zeros(3), 0.01, rng) == "path"
+    assert paces[1] == rotorpy.GENTLER * paces[0]
+
+
+def test_waypoints_that_rotorpys_solver_finds_no_path_through_give_none(monkeypatch):
+    minsnap = pytest.importorskip("rotorpy.trajectories.minsnap", reason="no rotorpy here")
+
+    def unsolved(*_, **__):
+        raise TypeError("'NoneType' object is not subscriptable")
+
+    monkeypatch.setattr(minsnap, "MinSnap", unsolved)
+    assert rotorpy._trajectory("development", 2, 1.0, np.random.default_rng(0)) is None

@@ -204,22 +204,27 @@ def _fly_gently(
     step_s: float,
     rng: np.random.Generator,
 ) -> Flown:
-    """Fly a trajectory; one that the controller loses is drawn anew and flown slower."""
+    """Fly a trajectory; one that has no solution, or that the controller loses, is drawn anew and
+    flown slower.
+    """
     pace = PACE[design.vehicle]
     for _ in range(ATTEMPTS):
         path = _trajectory(half, kind, pace, rng)
-        flown = _fly(numbers, design, path, _air(design, blowing, step_s, rng), step_s, rng)
+        air = _air(design, blowing, step_s, rng)
+        flown = _fly(numbers, design, path, air, step_s, rng) if path else None
         if flown is not None:
             return flown
         pace *= GENTLER
     raise GesError(
-        f"RotorPy's controller lost its {type(path).__name__} in '{design.key}' {ATTEMPTS} times;"
-        " the trajectories are too fast for the vehicle"
+        f"trajectory {kind} of '{design.key}' was lost, or has no solution, {ATTEMPTS} times; the"
+        " trajectories are too fast for the vehicle"
     )
 
 
 def _trajectory(half: str, kind: int, pace: float, rng: np.random.Generator) -> Any:
-    """Return one of RotorPy's own trajectories; the halves fly other families, other shapes."""
+    """Return one of RotorPy's own trajectories, None where its solver finds none through the points
+    that were drawn; the halves fly other families, other shapes.
+    """
     from rotorpy.trajectories.circular_traj import ThreeDCircularTraj
     from rotorpy.trajectories.lissajous_traj import TwoDLissajous
     from rotorpy.trajectories.minsnap import MinSnap
@@ -246,7 +251,11 @@ def _trajectory(half: str, kind: int, pace: float, rng: np.random.Generator) -> 
         count, speed, reach = (16, 1.3, 1.0) if early else (18, 1.1, 1.4)
         points = high + rng.uniform(-reach, reach, (count, 3)) * np.array([1.0, 1.0, 0.5])
         turns = np.cumsum(rng.uniform(-0.9, 0.9, count))
-        return MinSnap(points, turns, v_avg=speed * pace, v_max=9.0, verbose=False)
+        # without a solution its constructor fails on the None that it should have held
+        try:
+            return MinSnap(points, turns, v_avg=speed * pace, v_max=9.0, verbose=False)
+        except TypeError:
+            return None
     along, speed = (2, 1.2) if early else (int(rng.integers(2)), 1.5)
     return ConstantSpeed(high, dist=2.0 * speed, speed=speed * pace, axis=along, repeat=True)
 
