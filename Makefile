@@ -4,7 +4,7 @@
 # and
 #   make test-all  the tests that make test leaves out: other instructions, sanitizers, whole runs
 #   make lint      format, style and types
-#   make proof     every concealed case, hours long, resumable; GRID=sample is what make all runs
+#   make proof     every concealed case, hours long, resumable; GRID=tiny WORLDS=16 is what make all runs
 #   make docs      the pages that are generated from the program
 #   make site      the documentation site, in build/site
 #   make example   the flights that the package ships, simulated anew
@@ -13,7 +13,7 @@ PYTHON ?= python3
 CC ?= cc
 CORES ?= 2
 GRID ?= full
-WORLDS ?= full
+WORLDS ?= 1
 METHODS ?= stepwise, parameters, boosting, without-instruments, without-whitening, without-tolerance
 UV_VERSION := 0.13.8
 EXTRAS := $(addprefix --extra ,study ardupilot betaflight ros ui docs)
@@ -37,7 +37,7 @@ test-all: build
 	$(PYTEST) -m slow
 
 proof: build
-	$(BIN)/snakemake --cores $(CORES) proof --config 'proof={grid: $(GRID), methods: [$(METHODS)], worlds: {sets: $(WORLDS)}}'
+	$(BIN)/snakemake --cores $(CORES) proof --config 'proof={grid: $(GRID), methods: [$(METHODS)], worlds: {every: $(WORLDS), batches: 20}}'
 
 env: $(VENV)/.locked
 

@@ -35,17 +35,17 @@ def test_proof_is_planned(tmp_path):
 
 
 def test_worlds_are_planned(tmp_path):
-    """Sets of other worlds are made once, diagnosed by the tool and the simple baselines, and
-    scored once.
+    """Sets of other worlds are made once, diagnosed by the tool, and scored once; the simple
+    baselines diagnose them where other methods are asked for at all.
     """
-    more = ("--config", "proof={worlds: {sets: sample, batches: 3}}")
-    planned = _snakemake(tmp_path, "--dry-run", "--quiet", "rules", *more)
-    assert planned.returncode == 0, planned.stderr
-    lines = [line.split() for line in (planned.stdout + planned.stderr).splitlines()]
-    jobs = {words[0]: words[1] for words in lines if len(words) == 2}
-    methods = 1 + len(SIMPLE)
-    assert jobs["diagnose_worlds"] == str(3 * methods)
-    assert (jobs["make_worlds"], jobs["score_worlds"]) == ("1", "1")
+    for methods, diagnoses in (("[]", 1), ("[boosting]", 1 + len(SIMPLE))):
+        more = f"proof={{methods: {methods}, worlds: {{every: 8, batches: 3}}}}"
+        planned = _snakemake(tmp_path, "--dry-run", "--quiet", "rules", "--config", more)
+        assert planned.returncode == 0, planned.stderr
+        lines = [line.split() for line in (planned.stdout + planned.stderr).splitlines()]
+        jobs = {words[0]: words[1] for words in lines if len(words) == 2}
+        assert jobs["diagnose_worlds"] == str(3 * diagnoses)
+        assert (jobs["make_worlds"], jobs["score_worlds"]) == ("1", "1")
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 # Models: one training job a model, split, flight plan and seed of training; Table 1; the networks that the firmware
 # flies, of both flight plans and several trainings: what the published study flew, and what the luck of a training does.
 MODELS = STUDY.models.names
+FLOWN_TRAININGS = sorted({STUDY.models.seed, *STUDY.models.trainings})
 TRAINED = "results/models/{plan}/{split}/training{training}/{model}"
 NETWORK_LIBRARY = "build/networks/{plan}_training{training}/libges.so"
 FIRMWARE_NETWORK = NETWORK_LIBRARY.format(
@@ -74,20 +75,27 @@ rule table1:
         SCRIPT
 
 
-rule export_network:
+# All of a plan in one job: to import PyTorch takes longer than to write a header.
+rule export_networks:
     input:
-        model=trained(".joblib", split="seedwise", model="mlp"),
+        models=[
+            trained(".joblib", split="seedwise", model="mlp", training=training)
+            for training in FLOWN_TRAININGS
+        ],
     output:
-        header_file="results/networks/{plan}/training{training}/ge_ff_mlp_weights.h",
+        headers=[
+            f"results/networks/{{plan}}/training{training}/ge_ff_mlp_weights.h"
+            for training in FLOWN_TRAININGS
+        ],
     log:
-        "results/logs/models/export_network_{plan}_{training}.log",
+        "results/logs/models/export_networks_{plan}.log",
     benchmark:
-        "results/benchmarks/models/export_network_{plan}_{training}.tsv"
+        "results/benchmarks/models/export_networks_{plan}.tsv"
     params:
-        call=call("ges.study.models.export:export_mlp"),
+        call=call("ges.study.models.export:export_mlps"),
         plan=lambda wildcards: wildcards.plan,
     message:
-        "write the firmware's network, {wildcards.plan}, seed {wildcards.training}"
+        "write the firmware's networks, {wildcards.plan}"
     script:
         SCRIPT
 

@@ -42,8 +42,10 @@ if STUDY.proof.methods:
 WORLDS = "results/worlds"
 WORLDS_SEAL = f"{WORLDS}/sealed/SHA256SUMS"
 WORLDS_BATCHES = [f"{k:03d}" for k in range(STUDY.proof.worlds.batches)]
+# simple baselines cost as much as the diagnosis, so they come with the other methods
+WORLDS_METHODS = ["ges", *(SIMPLE if STUDY.proof.methods else [])]
 WORLDS_SCORES = []
-if STUDY.proof.worlds.sets != "none":
+if STUDY.proof.worlds.every:
     WORLDS_SCORES = [f"{WORLDS}/scores.json"]
 
 
@@ -147,7 +149,7 @@ rule make_worlds:
     params:
         call=call("ges.blind.foreign.worlds:make_and_seal"),
         seed=STUDY.proof.worlds.seed,
-        sample=STUDY.proof.worlds.sets == "sample",
+        every=STUDY.proof.worlds.every,
         recordings=str(RECORDINGS),
         given=str(GIVEN_WORLDS),
     message:
@@ -183,7 +185,7 @@ rule score_worlds:
         sums=WORLDS_SEAL,
         verdicts=expand(
             f"{WORLDS}/verdicts/{{method}}/batch{{batch}}.json",
-            method=["ges", *SIMPLE],
+            method=WORLDS_METHODS,
             batch=WORLDS_BATCHES,
         ),
     output:

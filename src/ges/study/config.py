@@ -486,8 +486,8 @@ class ClosedLoop(Flights):
 class Worlds(Part):
     """Sets that nobody tuned the diagnosis on."""
 
-    sets: Literal["none", "sample", "full"] = Field(
-        description="none, every eighth set of each world, or all; what needs the extra"
+    every: Annotated[int, Field(ge=0)] = Field(
+        description="so many sets of each world are one: 1 takes all, 0 none; what needs the extra"
         " 'simulators' or published flights that are not there is skipped with a reason"
     )
     seed: Annotated[int, Field(ge=0)] = Field(

@@ -39,8 +39,6 @@ from ges.files import tree_hash, write_json
 from ges.provenance.sources import PACKAGE, sources
 
 BEGUN, MADE = "begun.json", "made.json"
-SAMPLE = 8
-"""A sample has every eighth set of a world."""
 # libraries that share the machine's cores among themselves would not give the same bytes
 ALONE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 ARRAYS = {**ALONE, "SCIPY_ARRAY_API": "1"}
@@ -216,13 +214,13 @@ def make_worlds(
     return total - left, total, skipped
 
 
-def make_and_seal(sums: Path, seed: int, sample: bool, recordings: str, given: str) -> None:
+def make_and_seal(sums: Path, seed: int, every: int, recordings: str, given: str) -> None:
     """Make the sets of a workflow in the folder above ``sealed/``, where ``sums`` is the list of
     hashes; go on where it was interrupted.
     """
     sums.unlink(missing_ok=True)
     sources = Sources(Path(recordings), Path(given))
-    make_worlds(sums.parents[1], half_of(seed), seed, (), SAMPLE if sample else 1, sources)
+    make_worlds(sums.parents[1], half_of(seed), seed, (), every, sources)
 
 
 def _sets(world: World, half: str, seed: int, every: int, places: Sources) -> Sets:

@@ -81,12 +81,8 @@ def header(model: MlpRegressor, origin: str) -> str:
     )
 
 
-def export_mlp(model: Path, plan: str, header_file: Path) -> None:
-    """Write the header of a trained network."""
-    write_text(
-        header_file,
-        header(
-            joblib.load(model),
-            f"MLP trained by this study on the {plan} flight plan, seed-wise split.",
-        ),
-    )
+def export_mlps(models: list[Path], plan: str, headers: list[Path]) -> None:
+    """Write the header of each trained network of a flight plan."""
+    origin = f"MLP trained by this study on the {plan} flight plan, seed-wise split."
+    for model, path in zip(models, headers, strict=True):
+        write_text(path, header(joblib.load(model), origin))
