@@ -80,11 +80,20 @@ def test_authors_are_those_of_the_citation_file(tmp_path):
     paper.render(tmp_path / "main.typ", tmp_path, file, tmp_path / "ok.pdf")
 
 
+def _checked_by_the_compiler(folder, numbers, checks):
+    """Assertions in Typst over the paper's own functions, with these numbers as results."""
+    (folder / "lib.typ").write_text((ROOT / "paper/lib.typ").read_text())
+    results = {"numbers": numbers, "facts": {}, "config": {}, "claims_rules": {}}
+    for name, content in results.items():
+        (folder / f"{name}.json").write_text(json.dumps(content))
+    (folder / "main.typ").write_text("\n".join(['#import "lib.typ": *', *checks]))
+    paper.render(folder / "main.typ", folder, CITATION, folder / "ok.pdf")
+
+
 def test_words_follow_the_sign(tmp_path):
     """A rerun that turns a result turns the word that tells it, and one that cannot tell
     says so.
     """
-    (tmp_path / "lib.typ").write_text((ROOT / "paper/lib.typ").read_text())
     spans = {
         "up": (1, [0.5, 2]),
         "down": (-1, [-2, -0.5]),
@@ -93,13 +102,6 @@ def test_words_follow_the_sign(tmp_path):
         "alone": (-3, None),
     }
     numbers = {name: {"value": value, "ci95": span} for name, (value, span) in spans.items()}
-    for name, content in {
-        "numbers": numbers,
-        "facts": {},
-        "config": {},
-        "claims_rules": {},
-    }.items():
-        (tmp_path / f"{name}.json").write_text(json.dumps(content))
     said = {"up": "trails", "down": "leads", "either": "level", "absent": "level", "alone": "leads"}
     checks = [
         f'#assert.eq(word("{name}", "trails", "leads", "level"), "{words}")'
@@ -110,8 +112,26 @@ def test_words_follow_the_sign(tmp_path):
         '#assert(apart("up") and apart("down"))',
         '#assert(not (apart("either") or apart("absent") or apart("alone")))',
     ]
-    (tmp_path / "main.typ").write_text("\n".join(['#import "lib.typ": *', *checks]))
-    paper.render(tmp_path / "main.typ", tmp_path, CITATION, tmp_path / "ok.pdf")
+    _checked_by_the_compiler(tmp_path, numbers, checks)
+
+
+def test_what_is_told_of_real_flights_follows_their_absence(tmp_path):
+    """Without recordings, title, abstract, aims and limits claim no real flight."""
+    checks = [
+        "#let words(any) = told-of-real-flights(any).pairs().map(((k, v)) => (k, repr(v))).to-dict()",
+        '#assert.eq(repr([]), words(false).title)',
+        '#assert(words(true).title.contains("real flights"))',
+        '#assert(words(false).abstract.contains("No real flight"))',
+        '#assert(words(true).abstract.contains("Published flights"))',
+        '#assert(words(false).aim.contains("not at hand"))',
+        '#assert(words(true).limits.contains("level floor"))',
+        '#assert(not words(false).limits.contains("level floor"))',
+    ]
+    _checked_by_the_compiler(tmp_path, {}, checks)
+    # the paper's own words are these
+    source = (ROOT / "paper/main.typ").read_text()
+    for part in ("title", "abstract", "aim", "limits"):
+        assert source.count(f"#of-real.{part}") == 1
 
 
 @pytest.mark.parametrize(
