@@ -179,3 +179,40 @@ rule offline_table:
         "offline table {wildcards.table}"
     script:
         SCRIPT
+
+
+# No part of the study, since it takes flights without sensor noise (docs/study.md): its result stands in config/.
+rule score_without_noise:
+    input:
+        metrics=expand(
+            f"{TRAINED}.metrics.json",
+            plan="published",
+            split="blockwise",
+            training=STUDY.models.seed,
+            model=MODELS,
+        ),
+    output:
+        table="results/without_noise.csv",
+    log:
+        "results/logs/offline/score_without_noise.log",
+    params:
+        call=call("ges.study.models.train:write_table1"),
+    message:
+        "scores for config/without_noise.csv"
+    script:
+        SCRIPT
+
+
+rule quote_without_noise:
+    input:
+        table=str(ROOT / "config/without_noise.csv"),
+    output:
+        table="results/offline/without_noise.csv",
+    log:
+        "results/logs/offline/quote_without_noise.log",
+    benchmark:
+        "results/benchmarks/offline/quote_without_noise.tsv"
+    message:
+        "scores of flights without sensor noise"
+    shell:
+        "cp {input.table} {output.table} 2> {log}"

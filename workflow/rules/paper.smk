@@ -41,6 +41,7 @@ QUOTED_TABLES = [
     "results/closed_loop/causes_summary.csv",
     "results/closed_loop/ensemble_summary.csv",
     "results/closed_loop/gain_profile.csv",
+    "results/offline/without_noise.csv",
     "results/real/blocks.csv",
     "results/real/forms.csv",
     "results/figures/real_thrust.csv",
