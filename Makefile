@@ -4,7 +4,7 @@
 # and
 #   make test-all  the tests that make test leaves out: other instructions, sanitizers, whole runs
 #   make lint      format, style and types
-#   make proof     every concealed case, hours long, resumable; GRID=tiny WORLDS=16 is what make all runs
+#   make proof     every concealed case, hours long, resumable; GRID=glance WORLDS=16 is what make all runs
 #   make docs      the pages that are generated from the program
 #   make site      the documentation site, in build/site
 #   make example   the flights that the package ships, simulated anew

@@ -192,7 +192,7 @@ def test_each_of_confounded_names_is_concealed_as_often(every_spec):
 def test_small_grids_show_every_kind(name):
     assert (
         sum(grid.COMPOSITIONS[name].values())
-        == {"smoke": 4, "tiny": 40, "sample": 60, "third": 387}[name]
+        == {"smoke": 4, "glance": 12, "tiny": 40, "sample": 60, "third": 387}[name]
     )
     assert name == "smoke" or {s.category for s in grid.specs(name, 1)} == set(
         grid.COMPOSITIONS["full"]

@@ -499,8 +499,8 @@ class Worlds(Part):
 class Proof(Part):
     """The proof with concealed effects."""
 
-    grid: Literal["smoke", "tiny", "sample", "third", "full"] = Field(
-        description="which composition of cases: 4, 40, 60, 387, or all 1156"
+    grid: Literal["smoke", "glance", "tiny", "sample", "third", "full"] = Field(
+        description="which composition of cases: 4, 12, 40, 60, 387, or all 1156"
     )
     seed: Annotated[int, Field(ge=0)] = Field(description="seed of the cases")
     cases_per_batch: Count = Field(description="cases that one job diagnoses")

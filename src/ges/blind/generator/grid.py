@@ -49,6 +49,11 @@ GROUPS = (
 )
 COMPOSITIONS = {
     "smoke": dict.fromkeys(("single", "null", "pair", "unknown"), 1),
+    "glance": {
+        "single": 4,
+        "null": 2,
+        **dict.fromkeys(("pair", "triple", "unknown", "parameter", "sensor", "confounded"), 1),
+    },
     "tiny": {
         "single": 14,
         "null": 8,
@@ -100,6 +105,7 @@ COMPOSITIONS = {
 }
 SECONDS = {
     "smoke": (11.0, 13.0),
+    "glance": (11.0, 13.0),
     "tiny": (11.0, 13.0),
     "sample": (20.0, 27.0),
     "world": (16.0, 22.0),
