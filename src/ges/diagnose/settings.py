@@ -209,7 +209,7 @@ class Statistics:
         low=99,
     )
     seed: int = number(
-        0, "", "Seed of every draw.", Convention("results are the same every time"), low=0
+        0, "", "Seed of every draw.", Numerical("results are the same every time"), low=0
     )
 
     @property
@@ -273,6 +273,13 @@ class Numerics:
         ),
         low=1,
     )
+    gain_ratio_least: float = number(
+        0.75,
+        "",
+        "Actual over foretold fall of the cost from which a step is as good as foretold.",
+        Paper("Nocedal and Wright 2006, Numerical Optimization", "algorithm 4.1"),
+        high=1.0,
+    )
     sets_at_once: int = number(
         4096, "", "Sets of candidates that are weighed as one array.", Numerical("memory"), low=1
     )
@@ -285,41 +292,25 @@ class Prepare:
     grid_step_shortest_s: float = number(
         0.005, "s", "Finest grid.", Convention("faster logs repeat the vibration of the rotors")
     )
-    grid_step_longest_s: float = number(
-        0.05, "s", "Coarsest grid.", Convention("a quarter of the shortest window")
-    )
     flight_shortest_s: float = number(
         3.0,
         "s",
         "Shortest recording, time in the air, and time that tells a delay.",
         Convention("fifteen of the shortest windows; not measured"),
     )
-    gap_longest_s: float = number(
-        0.5,
-        "s",
-        "Longest gap of the motion, or of the rangefinder, that is bridged.",
-        Convention("not measured"),
-    )
-    stale_updates: float = number(
-        3.0,
-        "updates",
-        "A value that stands as long as so many usual updates was held, or clipped.",
-        Convention("lost packets come in ones and twos; not measured"),
-    )
     lifting_share: float = number(
         0.7,
         "",
-        "Share of the usual thrust that carries the vehicle.",
-        Convention("below it no height is held; not measured"),
-    )
-    descent_share: float = number(
-        0.3,
-        "",
-        "Share of the usual thrust that is still flight well above the ground.",
-        Convention("brisk descents of real flights were taken for the ground (commit a8fb0a6)"),
+        "Share of the usual thrust that carries the vehicle; well above the ground the rest of it,"
+        " as in a brisk descent, is still flight.",
+        Convention(
+            "below it no height is held; brisk descents of real flights were taken for the ground"
+            " (commit a8fb0a6)"
+        ),
+        high=BELOW_ONE,
     )
     descent_height_m: float = number(
-        0.3, "m", "Height over rest that is well above the ground.", Convention("see descent_share")
+        0.3, "m", "Height over rest that is well above the ground.", Convention("see lifting_share")
     )
     rest_tolerance_m: float = number(
         0.1,
@@ -327,16 +318,17 @@ class Prepare:
         "How much lower than its rest a vehicle may be.",
         Convention("a table's edge is higher (commit 3919f64)"),
     )
-    contact_margin_s: float = number(
+    pause_s: float = number(
         0.5,
         "s",
-        "Time left out around every contact with the ground.",
+        "Longest gap of the motion, or of the rangefinder, that is bridged, and time left out"
+        " around every contact with the ground.",
         Measured(
-            "a margin half as long names one more effect wrongly",
+            "a margin half as long around contacts names one more effect wrongly",
             "seed 29",
             "7312f51",
             "ges blind make --seed 29 --grid full --out DIR && "
-            + RUN.replace("KEY=VALUE", "prepare.contact_margin_s=0.25"),
+            + RUN.replace("KEY=VALUE", "prepare.pause_s=0.25"),
         ),
     )
     blow_least_m_s2: float = number(
@@ -351,17 +343,12 @@ class Prepare:
     blow_height_radii: float = number(
         2.0, "radii", "Blows happen below this height.", Convention("not measured")
     )
-    lift_off_m: float = number(
+    height_error_m: float = number(
         0.02,
         "m",
-        "Height over its own rest at which a vehicle has left the ground.",
+        "Height over its own rest at which a vehicle has left the ground, and least error of a"
+        " rangefinder.",
         Convention("noise of a position; not measured"),
-    )
-    transient_margin_s: float = number(
-        0.1,
-        "s",
-        "Time left out around a spin-up on the ground and around a clipped reading.",
-        Convention("two lags of a motor; not measured"),
     )
     thrust_smoothing_s: float = number(
         0.15,
@@ -371,20 +358,8 @@ class Prepare:
             "faster is vibration; from 0.12 to 0.17 the loads of crazypad are told the same"
         ),
     )
-    tilt_smoothing_s: float = number(
-        0.1,
-        "s",
-        "Smoothing of a velocity that stands in for the attitude.",
-        Convention("tilt changes faster than a climb; not measured"),
-    )
     rate_smoothing_s: float = number(
         0.02, "s", "Smoothing before a rate is differentiated.", Convention("two samples at 100 Hz")
-    )
-    state_smoothing_s: float = number(
-        0.05,
-        "s",
-        "Smoothing of states that a rollout starts from, and of commands that are compared.",
-        Convention("not measured"),
     )
     slower_s: float = number(
         1.5,
@@ -431,16 +406,11 @@ class Prepare:
         "Probability that a controller holds its command until the next row of the log.",
         Convention("most controllers run faster than their logs"),
     )
-    hold_sd_rows: float = number(
-        0.1,
-        "rows",
-        "Doubt on how late a command acts once that is known.",
-        Convention("not measured"),
-    )
     at_once_share: float = number(
         0.1,
         "",
-        "Response in its own row of a command that acts at once, over that a row later.",
+        "Response in its own row over that a row later, of a command that acts at once; and doubt"
+        " in rows on how late one acts.",
         Convention("not measured"),
         high=1.0,
     )
@@ -456,6 +426,11 @@ class Prepare:
         "Positions and voltages are as they were read below, and told by their cause above.",
         Convention("the longest thread that is tried, 2.4 m, swings at 0.32 Hz; not measured"),
     )
+
+    @property
+    def descent_share(self) -> float:
+        """Share of the usual thrust that is still flight well above the ground."""
+        return 1.0 - self.lifting_share
 
 
 @dataclasses.dataclass(frozen=True)
@@ -523,14 +498,19 @@ class Design:
     window_shortest_s: float = number(
         0.2,
         "s",
-        "Shortest support of a test function.",
+        "Shortest support of a test function. Half or a quarter of it limits smoothing, grids, and"
+        " what is left out around transients.",
         Convention("long against a sample, short against a manoeuvre; not measured"),
     )
     window_updates: float = number(
         3.0,
         "updates",
-        "Support of a test function over the time between two values of the slowest stream.",
-        Convention("a straight line between values is good to a part of the window; not measured"),
+        "Support of a test function over the time between two values of the slowest stream; a value"
+        " that stands as long was held, or clipped.",
+        Convention(
+            "a straight line between values is good to a part of the window, and lost packets come"
+            " in ones and twos; not measured"
+        ),
     )
     half_waves_most: int = number(
         3, "", "Most half-waves of a test function.", Convention("7.5 Hz; not measured")
@@ -578,6 +558,20 @@ class Design:
             RUN.replace("KEY=VALUE", "design.answer_slowest_s=5"),
         ),
     )
+
+    @property
+    def half_window_s(self) -> float:
+        """Half of the shortest window, where windows are centred: a transient is over by then, and
+        a tilt that is smoothed so still changes from window to window.
+        """
+        return 0.5 * self.window_shortest_s
+
+    @property
+    def coarsest_s(self) -> float:
+        """A quarter of the shortest window: the coarsest grid, and the smoothing of states that
+        windows do not see.
+        """
+        return 0.25 * self.window_shortest_s
 
 
 @dataclasses.dataclass(frozen=True)
@@ -715,13 +709,6 @@ class Estimate:
             "282ac6e",
             "ges blind score DIR",
         ),
-    )
-    gain_ratio_least: float = number(
-        0.75,
-        "",
-        "Actual over foretold fall of the cost from which a step is as good as foretold.",
-        Paper("Nocedal and Wright 2006, Numerical Optimization", "algorithm 4.1"),
-        high=1.0,
     )
     recalibration_tolerance: float = number(
         1e-3, "", "Relative fall of the cost that ends recalibration.", Numerical("far below noise")
@@ -861,19 +848,11 @@ class Locate:
         "Least structure of the size of what is left.",
         Convention("not measured"),
     )
-    bins: int = number(6, "", "Cells of a variable.", Convention("a map that is read"), low=2)
     acting_share: float = number(
         0.3,
         "",
         "A finding counts in a channel from this share of what is left there.",
         Convention("not measured"),
-    )
-    entries_by_channel: int = number(
-        3, "", "Most entries of a channel.", Convention("a list that is read"), low=1
-    )
-    entries: int = number(12, "", "Most entries.", Convention("a list that is read"), low=1)
-    terms: int = number(
-        3, "", "Most terms of a sparse form.", Convention("a form that is read"), low=1
     )
 
 
@@ -915,9 +894,6 @@ class Decide:
         "full speed",
         "Least change of a rotor's speed.",
         Convention("commit c0e99ad; not measured"),
-    )
-    least_range_m: float = number(
-        0.02, "m", "Least error of a rangefinder.", Convention("commit 0897fee; not measured")
     )
     large_r2_least: float = number(
         0.01,
@@ -997,14 +973,11 @@ class Calibrate:
         "Usual spread of a trim between flights, from commands, over the doubt on it.",
         Convention("warm motors, a battery put back elsewhere: 2 % of a gain; not measured"),
     )
-    flight_share: float = number(
+    smaller_spread: float = number(
         0.25,
         "",
-        "The same within a session, over that.",
+        "The same within a session, over that, and from rotor speeds, over that from commands.",
         Convention("small quadrotors (CrazyPAD): 0.5 % within a session, 2 % between"),
-    )
-    spread_share_of_speeds: float = number(
-        0.25, "", "The same from rotor speeds, over that.", Convention("not measured")
     )
     spread_freedom: float = number(
         4.0,
@@ -1024,7 +997,7 @@ class Calibrate:
 
 @dataclasses.dataclass(frozen=True)
 class Report:
-    """What the report lists."""
+    """What the report lists and draws."""
 
     alternatives: int = number(
         4,
@@ -1039,6 +1012,16 @@ class Report:
         "Correlation from which two numbers are known together.",
         Convention("not measured"),
         high=1.0,
+    )
+    bins: int = number(
+        6, "", "Cells of a variable on the map.", Convention("a map that is read"), low=2
+    )
+    entries_by_channel: int = number(
+        3, "", "Most places listed of a channel.", Convention("a list that is read"), low=1
+    )
+    entries: int = number(12, "", "Most places listed.", Convention("a list that is read"), low=1)
+    terms: int = number(
+        3, "", "Most terms of a sparse form.", Convention("a form that is read"), low=1
     )
 
 
@@ -1139,6 +1122,25 @@ def rows(of: Settings) -> Iterator[tuple[str, Any, About]]:
                 getattr(numbers, field.name),
                 field.metadata["about"],
             )
+
+
+NOT_OF_THE_METHOD = ("numerics", "advise", "report")
+"""Stages that hold no numbers of the method: limits of arithmetic, how a next flight is planned and
+what is listed.
+"""
+
+
+def of_method(of: Settings) -> list[str]:
+    """Names of the numbers of the method: those that a verdict depends on. The others are in stages
+    that only plan or list, are numerical, or are switches of ablations.
+    """
+    return [
+        key
+        for key, value, about in rows(of)
+        if key.split(".")[0] not in NOT_OF_THE_METHOD
+        and not isinstance(about.source, Numerical)
+        and not isinstance(value, bool)
+    ]
 
 
 def _with(base: Settings, overrides: Mapping[str, Any]) -> Settings:

@@ -37,7 +37,7 @@ def test_what_matters_at_least_is_a_share_of_each_channel_s_whole():
     force = s.least_force_share * MODEL.weight_N
     moment = s.least_moment_share * MODEL.weight_N * MODEL.arm_m
     np.testing.assert_allclose(
-        told, [force, force, moment, s.least_drive_share * 1000.0, s.least_range_m]
+        told, [force, force, moment, s.least_drive_share * 1000.0, settings.prepare.height_error_m]
     )
     assert unlike_form_error("ground_effect_lag") and not unlike_form_error("rotor_drag")
     assert least_size("rotor_drag", "force_x", MODEL) == pytest.approx(force)

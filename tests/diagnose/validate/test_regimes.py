@@ -68,7 +68,7 @@ def test_bins_hold_as_many_windows_each(shape):
     values = np.random.default_rng(0).random(300) ** shape
     limits = edges(values)
     count, _ = np.histogram(values, limits)
-    assert len(limits) == settings.locate.bins + 1
+    assert len(limits) == settings.report.bins + 1
     assert count.sum() == 300 and np.ptp(count) <= 1
     assert len(edges(np.ones(50))) == 1, "what does not vary has no bins"
 
@@ -183,7 +183,7 @@ def test_of_many_entries_the_first_of_each_channel_come_first():
         ("moment_x", 0),
         ("acc_y", 0),
     ]
-    assert sum(t["channel"] == "force_x" for t in told) == settings.locate.entries_by_channel
+    assert sum(t["channel"] == "force_x" for t in told) == settings.report.entries_by_channel
 
 
 def test_cells_are_of_one_channel_and_one_variable():

@@ -37,7 +37,7 @@ def least_sizes(system: System) -> np.ndarray:
 def _least(channel: str, model: Model) -> float:
     s, block = settings.decide, block_of(channel)
     if block == "range":
-        return s.least_range_m
+        return settings.prepare.height_error_m
     shares = {"moment": s.least_moment_share, "drive": s.least_drive_share}
     return shares.get(block, s.least_force_share) * model.whole(channel)
 

@@ -222,7 +222,7 @@ def _known(told: _Told, number: int, flights: int) -> np.ndarray:
     at, flight = told.rows.windows.center[told.at], told.rows.flight
     v = flight.stack("velocity")[at, :2]
     height = (
-        np.log(np.maximum(flight.columns["p_z_m"][at], settings.prepare.lift_off_m))
+        np.log(np.maximum(flight.columns["p_z_m"][at], settings.prepare.height_error_m))
         if "p_z_m" in flight.columns
         else np.zeros(len(at))
     )

@@ -130,7 +130,7 @@ def _behind_commands(flights: Sequence[Prepared]) -> float:
     """How far the rotor speeds lag behind their commands, s; infinite where that is not told."""
     told, lags_s = [], _drive_lags_s()
     for f in (f for f in flights if f.has("rotor_speed") and f.has("command")):
-        width = settings.prepare.state_smoothing_s / f.dt_s
+        width = settings.design.coarsest_s / f.dt_s
         # summed squares go as thrust: turns, in which rotors differ, cancel to first order
         squares = ((f.stack(s) ** 2).sum(axis=1) for s in ("command", "rotor_speed"))
         asked, given = (_high_pass(gaussian_filter1d(s / s.mean(), width), f.dt_s) for s in squares)
@@ -176,13 +176,13 @@ def command_hold(flights: Sequence[Prepared]) -> Held:
     p = settings.prepare
     (now, then, after), sds = _responses(told)
     if now > max(settings.statistics.certain_sds * sds[0], p.at_once_share * then):
-        return Held(0.0, p.hold_sd_rows)
+        return Held(0.0, p.at_once_share)
     fades = (
         then > settings.statistics.certain_sds * sds[1]
         and max(abs(now), sds[0]) < p.at_once_share * then
     )
     held = fades and after < (1.0 - settings.statistics.least_gain) * then
-    return Held(0.5, p.hold_sd_rows) if held else maybe_held()
+    return Held(0.5, p.at_once_share) if held else maybe_held()
 
 
 def _every_row(flight: Prepared) -> bool:
@@ -227,7 +227,7 @@ def _both_rates(flight: Prepared) -> tuple[np.ndarray, np.ndarray] | None:
         return None
     update_s = max(flight.update_s["attitude"], flight.update_s["gyro"])
     # one width for both, set by the slower stream: the smoothing itself makes no delay between them
-    width = max(settings.prepare.state_smoothing_s, update_s) / flight.dt_s
+    width = max(settings.design.coarsest_s, update_s) / flight.dt_s
     q = flight.stack("attitude")
     turning = turn_rates(q, np.gradient(q, flight.dt_s, axis=0))
     return tuple(gaussian_filter1d(r, width, axis=0) for r in (flight.stack("gyro"), turning))

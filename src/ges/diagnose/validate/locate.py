@@ -73,7 +73,7 @@ def edges(values: np.ndarray) -> np.ndarray:
     """Bin edges of one regime with values (m,): quantiles (b,), so that each bin holds as many
     windows.
     """
-    return np.unique(np.quantile(values, np.linspace(0.0, 1.0, settings.locate.bins + 1)))
+    return np.unique(np.quantile(values, np.linspace(0.0, 1.0, settings.report.bins + 1)))
 
 
 def least_shares() -> dict[str, float]:
@@ -379,7 +379,7 @@ def strongest(entries: Sequence[Mapping]) -> list[dict]:
         # a force is not its own twin: only an accelerometer's entry goes, where its force has one
         if item["channel"].replace("acc_", "force_") not in forces - {item["channel"]}:
             by_channel.setdefault(item["channel"], []).append(dict(item))
-    each, most = settings.locate.entries_by_channel, settings.locate.entries
+    each, most = settings.report.entries_by_channel, settings.report.entries
     kept = [items[k] for k in range(each) for items in by_channel.values() if len(items) > k]
     return kept[:most]
 

@@ -199,7 +199,7 @@ def _inside(values: Mapping[str, np.ndarray], bounds: Mapping[str, Sequence[floa
 def along_horizon_s() -> np.ndarray:
     """Times in a rollout at which its error is told, (p,)."""
     longest_s = settings.validate.horizon_s
-    return np.linspace(0.0, longest_s, round(longest_s / settings.prepare.grid_step_longest_s) + 1)
+    return np.linspace(0.0, longest_s, round(longest_s / settings.design.coarsest_s) + 1)
 
 
 def rollout(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
