@@ -168,6 +168,16 @@ class Statistics:
         "Share of an error or of a variance from which a change counts as one.",
         Convention("two in a hundred, a small part of what flights of a day differ by"),
     )
+    large_part: float = number(
+        0.3,
+        "",
+        "Share of a whole (a variance, a size, a pull, a correlation) from which a part is large.",
+        Convention(
+            "near a third; weaker instruments err as plain regression does (Bound, Jaeger"
+            " and Baker 1995, JASA 90, 443)"
+        ),
+        high=1.0,
+    )
     extreme_quantile: float = number(
         0.01,
         "",
@@ -309,9 +319,6 @@ class Prepare:
         ),
         high=BELOW_ONE,
     )
-    descent_height_m: float = number(
-        0.3, "m", "Height over rest that is well above the ground.", Convention("see lifting_share")
-    )
     rest_tolerance_m: float = number(
         0.1,
         "m",
@@ -330,15 +337,6 @@ class Prepare:
             "ges blind make --seed 29 --grid full --out DIR && "
             + RUN.replace("KEY=VALUE", "prepare.pause_s=0.25"),
         ),
-    )
-    blow_least_m_s2: float = number(
-        4.0,
-        "m/s^2",
-        "Least blow.",
-        Convention("vibration of small rotors stays below; not measured"),
-    )
-    blow_sds: float = number(
-        8.0, "sds", "Least blow over the usual scatter.", Convention("not measured")
     )
     blow_height_radii: float = number(
         2.0, "radii", "Blows happen below this height.", Convention("not measured")
@@ -361,42 +359,12 @@ class Prepare:
     rate_smoothing_s: float = number(
         0.02, "s", "Smoothing before a rate is differentiated.", Convention("two samples at 100 Hz")
     )
-    slower_s: float = number(
-        1.5,
-        "s",
-        "What changes more slowly says nothing of a delay.",
-        Convention("height control and drifts are slower; not measured"),
-    )
-    correlation_least: float = number(
-        0.3, "", "Least correlation that tells a delay.", Convention("not measured"), high=1.0
-    )
-    drive_lag_longest_s: float = number(
-        0.6,
-        "s",
-        "Longest delay of the rotor speeds.",
-        Convention("telemetry of ESCs: a half second"),
-    )
     lag_steps: int = number(
         30,
         "",
         "Steps of delays up to the longest.",
         Numerical("a parabola finds the peak between steps"),
         low=3,
-    )
-    pose_lag_longest_s: float = number(
-        0.15, "s", "Longest delay of the pose.", Convention("motion capture and filters: a tenth")
-    )
-    pose_delay_least_samples: float = number(
-        0.6,
-        "samples",
-        "Least delay of the pose.",
-        Measured(
-            "noise draws the peak of a correlation to half a sample: 6.2 ms at 80 Hz were named in"
-            " a null",
-            "seed 1012 and a development seed",
-            "cdc4b5f",
-            RUN.replace("KEY=VALUE", "prepare.pose_delay_least_samples=0.1"),
-        ),
     )
     gyro_bias_least_sd_rad_s: float = number(
         0.0025, "rad/s", "Least sd of a gyro's offset.", Convention("not measured")
@@ -414,18 +382,19 @@ class Prepare:
         Convention("not measured"),
         high=1.0,
     )
-    drive_response_s: float = number(
-        0.25,
-        "s",
-        "How long a drive answers a command.",
-        Convention("five lags of a slow motor"),
-    )
     slow_Hz: float = number(
         0.3,
         "Hz",
-        "Positions and voltages are as they were read below, and told by their cause above.",
+        "Positions and voltages are as they were read below, and told by their cause above; what"
+        " changes more slowly says nothing of a delay.",
         Convention("the longest thread that is tried, 2.4 m, swings at 0.32 Hz; not measured"),
     )
+
+    @property
+    def slow_s(self) -> float:
+        """Sd of the Gaussian whose amplitude is one half at the cut-off."""
+        # a Gaussian of sd s passes exp(-2 (pi f s)^2) of a frequency f
+        return math.sqrt(0.5 * math.log(2.0)) / (math.pi * self.slow_Hz)
 
     @property
     def descent_share(self) -> float:
@@ -530,27 +499,10 @@ class Design:
         "Whether declared numbers may move within doubts.",
         Convention("off in an ablation"),
     )
-    instrument_lags: tuple[int, int] = number(
-        (-1, 5),
-        "half windows",
-        "First and last lag of the instruments.",
-        Convention("half a second of answers (commit f221801); not measured"),
-        low=-math.inf,
-    )
-    instrument_strength_least: float = number(
-        0.4,
-        "",
-        "Least share of a thrust or a moment that its instruments foretell.",
-        Convention(
-            "weaker ones err as plain regression does (Bound, Jaeger and Baker 1995, JASA"
-            " 90, 443); the value was not measured"
-        ),
-        high=1.0,
-    )
     answer_slowest_s: float = number(
         0.5,
         "s",
-        "Slower changes of thrust are no answers to gusts.",
+        "Slower changes of thrust are no answers to gusts, whose scatter shows within so long.",
         Measured(
             "thrust curves that were none were named, two of 700 names",
             "development seeds",
@@ -558,6 +510,11 @@ class Design:
             RUN.replace("KEY=VALUE", "design.answer_slowest_s=5"),
         ),
     )
+
+    @property
+    def answer_windows(self) -> int:
+        """How many half windows an answer lasts."""
+        return round(self.answer_slowest_s / self.half_window_s)
 
     @property
     def half_window_s(self) -> float:
@@ -693,12 +650,6 @@ class Estimate:
     same_cost: float = number(
         0.5, "", "Rise of -2 log posterior that halves a step.", Numerical("columns are secants")
     )
-    carrier_least_share: float = number(
-        0.3,
-        "",
-        "Least size over the usual one of what another effect acts through.",
-        Convention("below, neither is known (commit 97e8afb); not measured"),
-    )
     form_error: float = number(
         0.12,
         "",
@@ -725,9 +676,6 @@ class Detect:
         "Length of the means in which gusts show.",
         Convention("slow eddies; not measured"),
     )
-    gust_scatter_s: float = number(
-        0.5, "s", "Length of the means whose scatter foretells those.", Convention("not measured")
-    )
     gust_means_least: int = number(
         12, "", "Fewest means, in two axes each.", Convention("a scatter good to a fifth"), low=2
     )
@@ -744,12 +692,6 @@ class Detect:
         low=1.0,
     )
     gust_draws: int = number(16, "", "Gusts that are blown.", Numerical("noise of a sixth"), low=2)
-    lean_share: float = number(
-        0.25,
-        "",
-        "How far what hangs below may lean, as a share of its pull.",
-        Convention("a seventh of a right angle (commit 6a9f74a); not measured"),
-    )
     load_levels: int = number(
         13,
         "",
@@ -786,17 +728,7 @@ class Locate:
         2.5, "s", "Block of time that is predicted from others.", Convention("not measured")
     )
     knots: int = number(
-        9, "", "Knots of a smooth function of one variable.", Convention("not measured"), low=2
-    )
-    place_knots: int = number(
-        7, "", "Knots of one of a place, each way.", Convention("not measured"), low=2
-    )
-    excited_quantile: float = number(
-        0.05,
-        "",
-        "Quantile from which a variable's spread is taken.",
-        Convention("not measured"),
-        high=0.5,
+        9, "", "Knots of a smooth function, in every variable.", Convention("not measured"), low=2
     )
     spread_least: float = number(
         0.5,
@@ -813,9 +745,6 @@ class Locate:
         "The same of a height, over its median.",
         Convention("high up a radius is no other place (commit c0e99ad); not measured"),
     )
-    energy_windows: int = number(
-        5, "", "Windows over which energy is averaged.", Convention("half a second"), low=1
-    )
     r2_least: float = number(
         0.1,
         "",
@@ -829,13 +758,6 @@ class Locate:
         ),
         high=1.0,
     )
-    r2_least_of_size: float = number(
-        0.3,
-        "",
-        "The same of the size of what is left over other regimes.",
-        Convention("vibration and the noise of an attitude grow with speed in any flight"),
-        high=1.0,
-    )
     least_drive_share: float = number(
         0.004, "full speed", "Least structure of drives.", Convention("not measured")
     )
@@ -847,21 +769,6 @@ class Locate:
         "weight or weight times arm",
         "Least structure of the size of what is left.",
         Convention("not measured"),
-    )
-    acting_share: float = number(
-        0.3,
-        "",
-        "A finding counts in a channel from this share of what is left there.",
-        Convention("not measured"),
-    )
-
-
-@dataclasses.dataclass(frozen=True)
-class Validate:
-    """Errors of flights that took no part."""
-
-    horizon_s: float = number(
-        1.0, "s", "Length of a rollout.", Convention("longer ones measure the start; not measured")
     )
 
 
@@ -895,30 +802,11 @@ class Decide:
         "Least change of a rotor's speed.",
         Convention("commit c0e99ad; not measured"),
     )
-    large_r2_least: float = number(
-        0.01,
-        "",
-        "Least share of a channel's variance that a large structure foretells.",
-        Measured(
-            "none of 300 nulls has one, a loose hatch has",
-            "development seeds",
-            "4940e6f",
-            RUN.replace("KEY=VALUE", "decide.large_r2_least=0.005"),
-        ),
-        high=1.0,
-    )
     large_force_share: float = number(
         0.005, "weight", "Large structure of forces.", Convention("commit 3919f64; not measured")
     )
     large_moment_share: float = number(
         0.002, "weight times arm", "Large structure of moments.", Convention("not measured")
-    )
-    misattributed_r2_least: float = number(
-        0.2,
-        "",
-        "Share of a large structure from which names are only the nearest.",
-        Convention("commit 0148155; not measured"),
-        high=1.0,
     )
 
 
@@ -1016,6 +904,9 @@ class Report:
     bins: int = number(
         6, "", "Cells of a variable on the map.", Convention("a map that is read"), low=2
     )
+    horizon_s: float = number(
+        1.0, "s", "Length of a rollout.", Convention("longer ones measure the start; not measured")
+    )
     entries_by_channel: int = number(
         3, "", "Most places listed of a channel.", Convention("a list that is read"), low=1
     )
@@ -1040,7 +931,6 @@ class Settings:
     estimate: Estimate = Estimate()
     detect: Detect = Detect()
     locate: Locate = Locate()
-    validate: Validate = Validate()
     decide: Decide = Decide()
     advise: Advise = Advise()
     calibrate: Calibrate = Calibrate()

@@ -158,7 +158,7 @@ def test_the_air_is_where_the_drive_works_and_the_vehicle_is_off_its_rest():
 def test_a_brisk_descent_flies_well_above_the_ground_alone():
     flight, working = hovering(6.0), _working(1.0, 0.5, 1.0)
     assert airborne(flight, working, np.full(600, 2.0)).all()
-    low = airborne(flight, working, np.full(600, 0.2))
+    low = airborne(flight, working, np.full(600, 0.05))
     assert not low[250:350].any()
 
 

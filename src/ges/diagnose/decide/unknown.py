@@ -32,7 +32,7 @@ def left_over(found: Sequence[Structure], model: Model) -> list[Structure]:
     or where that shows none, of the size of forces and moments. The one that predicts most of each
     channel, the largest share first.
     """
-    r2 = settings.decide.large_r2_least
+    r2 = settings.statistics.least_gain
     large = [*located(found, model), *clear(found, model, r2, _large_shares())]
     best: dict[str, Structure] = {}
     for s in sorted([s for s in large if not s.of_size] or large, key=lambda s: (-s.r2, s.regime)):
@@ -51,7 +51,7 @@ def theirs(
     return [
         s
         for s in found
-        if acting[s.channel] > settings.locate.acting_share * s.rms
+        if acting[s.channel] > settings.statistics.large_part * s.rms
         and not (s.channel in PUSHED and may_lean(s.rms, added, system))
     ]
 
@@ -63,6 +63,6 @@ def borrowed(found: Sequence[Structure], model: Model) -> list[Structure]:
     """
     return [
         s
-        for s in clear(found, model, settings.decide.misattributed_r2_least, _large_shares())
+        for s in clear(found, model, settings.statistics.large_part, _large_shares())
         if not s.of_size
     ]

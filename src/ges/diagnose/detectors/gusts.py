@@ -87,7 +87,7 @@ def may_lean(push_N: float, added: Mapping[str, Sequence[np.ndarray]], system: S
     axes = [c for c, name in enumerate(system.main) if name in FORCE]
     pulls = [np.concatenate(added[name])[:, axes] for name in HANGING if name in added]
     sizes_N = [float(np.sqrt(np.nanmean(pull**2, axis=0).sum())) for pull in pulls]
-    return any(push_N < settings.detect.lean_share * size_N for size_N in sizes_N)
+    return any(push_N < settings.statistics.large_part * size_N for size_N in sizes_N)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -159,7 +159,7 @@ def gusts_of(
         return None
     # F test: two axes of every stretch against what its shorter means have about their own mean
     count = 2 * len(air.stretches)
-    parts = settings.detect.gust_mean_s / settings.detect.gust_scatter_s
+    parts = settings.detect.gust_mean_s / settings.design.answer_slowest_s
     chance = float(fdtrc(count, count * (parts - 1.0), slow / noise))
     found = _measured(slow - noise, chance, air, told, system.model)
     # no news unless clearly stronger than the gusts that are known already
@@ -211,7 +211,7 @@ def _air(told: Sequence[_Told], model: Model) -> _Air:
         np.concatenate([_known(t, i, len(told)) for i, t in enumerate(told)]),
         np.r_[np.zeros(6), np.full(2 * len(told), trim_N**-2)],
         [k + part for k, t in zip(first, told, strict=False) for part in _stretches(t)],
-        max(1, round(settings.detect.gust_scatter_s / (0.5 * told[0].rows.windows.length_s))),
+        max(1, round(settings.design.answer_slowest_s / (0.5 * told[0].rows.windows.length_s))),
     )
 
 

@@ -371,7 +371,7 @@ def airborne(
     p = settings.prepare
     up = working > p.lifting_share
     if above_m is not None:
-        descending = (working > p.descent_share) & (above_m > p.descent_height_m)
+        descending = (working > p.descent_share) & (above_m > p.rest_tolerance_m)
         up = (up & (above_m > p.height_error_m)) | descending
     # shorter than half the margin is a flicker about a threshold, no take-off and no landing
     size = 2 * int(0.5 * p.pause_s / flight.dt_s) + 1

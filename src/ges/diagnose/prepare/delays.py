@@ -36,20 +36,20 @@ class Delay:
 
 def _drive_lags_s() -> np.ndarray:
     """Delays of the rotor speeds that are tried, s: two steps of negative ones show a peak at 0."""
-    longest_s = settings.prepare.drive_lag_longest_s
+    longest_s = settings.prepare.pause_s
     step_s = longest_s / settings.prepare.lag_steps
     return np.arange(-2.0 * step_s, longest_s + settings.numerics.small, step_s)
 
 
 def _pose_lags_s() -> np.ndarray:
     """Delays of the pose that are tried, s, of both signs."""
-    longest_s = settings.prepare.pose_lag_longest_s
+    longest_s = settings.design.window_shortest_s
     step_s = longest_s / settings.prepare.lag_steps
     return np.arange(-longest_s, longest_s + settings.numerics.small, step_s)
 
 
 def _high_pass(x: np.ndarray, step_s: float, slower_s: float | None = None) -> np.ndarray:
-    return x - gaussian_filter1d(x, (slower_s or settings.prepare.slower_s) / step_s)
+    return x - gaussian_filter1d(x, (slower_s or settings.prepare.slow_s) / step_s)
 
 
 def _correlations(flight: Prepared, model: Model, lags_s: np.ndarray) -> np.ndarray | None:
@@ -122,7 +122,7 @@ def _told(stream: str, told: Sequence[np.ndarray], lags_s: np.ndarray) -> Delay 
     sd = max([sd, *(abs(at - delay) for at, r in less if r > top)])
     # the sd of what is rounded to the grid of lags (Sheppard 1898)
     least_sd_s = float(lags_s[1] - lags_s[0]) / math.sqrt(12.0)
-    clear = top > settings.prepare.correlation_least
+    clear = top > settings.statistics.large_part
     return Delay(stream, delay, max(sd, least_sd_s), top) if clear else None
 
 
@@ -196,7 +196,7 @@ def _responses(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray]:
     and their sds: least squares of a finite response, which noise of the speeds does not bias
     (Ljung 1999, section 10.1).
     """
-    taps = max(3, int(settings.prepare.drive_response_s / max(f.dt_s for f in flights)))
+    taps = max(3, int(settings.design.window_shortest_s / max(f.dt_s for f in flights)))
     parts = [_delayed(f, taps) for f in flights]
     x, y = np.concatenate([x for x, _ in parts]), np.concatenate([y for _, y in parts])
     inverse = np.linalg.pinv(x.T @ x)
@@ -215,7 +215,7 @@ def _delayed(flight: Prepared, taps: int) -> tuple[np.ndarray, np.ndarray]:
         flight.stack(s).T / flight.stack(s)[air].mean(axis=0)[:, None]
         for s in ("command", "rotor_speed")
     )
-    u, speed = (_high_pass(x, flight.dt_s, settings.prepare.drive_response_s) for x in (u, speed))
+    u, speed = (_high_pass(x, flight.dt_s, settings.design.window_shortest_s) for x in (u, speed))
     # a past that reaches before the recording is padded with zeros, which nobody commanded
     air = air[air >= taps]
     return np.concatenate([with_past(x, taps)[air] for x in u]), np.concatenate(list(speed[:, air]))
@@ -294,7 +294,7 @@ def _slope(t_s: np.ndarray, delay_s: np.ndarray, correlation: np.ndarray) -> flo
     """Of the line through delays, each as good as its correlation; 0 where their scatter about it
     may have made it.
     """
-    told = correlation > settings.prepare.correlation_least
+    told = correlation > settings.statistics.large_part
     if told.sum() < settings.statistics.folds:
         return 0.0
     x, y, free = t_s[told], delay_s[told], told.sum() - 2

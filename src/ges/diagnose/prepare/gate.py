@@ -131,13 +131,15 @@ def struck(gridded: _Gridded, model: Model) -> np.ndarray:
     if gridded.height_m is None or "acc_z_m_s2" not in flight.columns:
         return np.zeros(len(flight.t_s), bool)
     p, push = settings.prepare, flight.columns["acc_z_m_s2"]
+    # what is left of the thrust beside what carries is the least that no drive makes so shortly
+    least_m_s2 = p.descent_share * GRAVITY_M_S2
     size = 2 * int(0.5 * p.pause_s / flight.dt_s) + 1
     # a running median follows steps and ramps of thrust and passes by what is short: a blow
     blow = np.abs(push - median_filter(push, size=size, mode="nearest"))
     # noise from the median: an rms would be swollen by the blows themselves
     usual = MAD_TO_SD * np.median(blow)
     close = gridded.height_m < p.blow_height_radii * model.radius_m
-    hit = (blow > max(p.blow_least_m_s2, p.blow_sds * usual)) & close
+    hit = (blow > least_m_s2 + settings.statistics.certain_sds * usual) & close
     around = max(1, int(p.pause_s / flight.dt_s))
     return binary_dilation(hit, iterations=around) if hit.any() else hit
 
@@ -306,9 +308,11 @@ def pass_gate(
 def _pose_settled(flights: list[Prepared | None]) -> tuple[Delay | None, list[Prepared | None]]:
     """A clear delay of the pose, and the flights without it."""
     used = [f for f in flights if f]
-    p, pose = settings.prepare, pose_delay(used)
-    # noise draws the peak of a correlation to half a sample
-    least_s = p.pose_delay_least_samples * max(f.dt_s for f in used)
+    pose = pose_delay(used)
+    # noise draws the peak of a correlation between two readings
+    least_s = max(
+        (f.update_s[s] for f in used for s in ("gyro", "attitude") if f.has(s)), default=0.0
+    )
     if not pose or abs(pose.delay_s) <= max(settings.statistics.certain_sds * pose.sd_s, least_s):
         return None, flights
     return pose, [f and shifted(f, pose.stream, pose.delay_s) for f in flights]

@@ -110,7 +110,7 @@ def located(found: Sequence[Structure], model: Model) -> list[Structure]:
 
 def _least_r2_of_size(s: Structure) -> float:
     over_places = set(s.regime) <= set(PLACE)
-    return settings.locate.r2_least if over_places else settings.locate.r2_least_of_size
+    return settings.locate.r2_least if over_places else settings.statistics.large_part
 
 
 def _least(s: Structure, model: Model, shares: Mapping[str, float]) -> float:
@@ -278,7 +278,7 @@ def from_findings(
         acts = np.concatenate(by_flight)
         for c, channel in enumerate(system.main):
             good = np.isfinite(acts[:, c]) & np.isfinite(noise[:, c])
-            if _rms(acts[good, c]) > settings.locate.acting_share * _rms(noise[good, c]):
+            if _rms(acts[good, c]) > settings.statistics.large_part * _rms(noise[good, c]):
                 where = _acting(acts[good, c], {n: v[good] for n, v in values.items()})
                 entries.append(
                     {
@@ -313,7 +313,7 @@ def from_open(
         acts = acts_of(h.posterior, set(h.names) - set(proven), board.system)
         for c, channel in enumerate(system.main):
             good = np.isfinite(acts[:, c]) & np.isfinite(noise[:, c])
-            if _rms(acts[good, c]) > settings.locate.acting_share * _rms(noise[good, c]):
+            if _rms(acts[good, c]) > settings.statistics.large_part * _rms(noise[good, c]):
                 # hypotheses exclude each other, so their probabilities add
                 chance[channel] = chance.get(channel, 0.0) + h.probability
                 shown.setdefault(channel, np.where(good, acts[:, c], np.nan))
