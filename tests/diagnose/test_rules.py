@@ -31,9 +31,10 @@ from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Record
 from ges.diagnose.types.model import Model
 
-BOARD = SimpleNamespace(
-    system=SimpleNamespace(model=SimpleNamespace(doubts={"motor_lag.up_s": 0.004}))
-)
+from .synthetic import MODEL, hovering
+
+DOUBTFUL = dataclasses.replace(MODEL, doubts={"motor_lag.up_s": 0.004})
+BOARD = SimpleNamespace(system=SimpleNamespace(model=DOUBTFUL, recordings=[hovering()]))
 
 
 def _search(evidence: dict[tuple[str, ...], float]) -> Search:

@@ -165,7 +165,7 @@ class Statistics:
     least_gain: float = number(
         0.02,
         "",
-        "Share of an error or of a variance from which a change counts as one.",
+        "Share of an error or of a variance from which a change, or a large structure, counts.",
         Convention("two in a hundred, a small part of what flights of a day differ by"),
     )
     large_part: float = number(
@@ -201,7 +201,7 @@ class Statistics:
     block_s: float = number(
         5.0,
         "s",
-        "Length of blocks of time that count as independent.",
+        "Length of blocks of time that count as independent, and of means in which gusts show.",
         Convention("longer than a gust or a correction of a controller lasts; not measured"),
     )
     folds: int = number(
@@ -322,7 +322,7 @@ class Prepare:
     rest_tolerance_m: float = number(
         0.1,
         "m",
-        "How much lower than its rest a vehicle may be.",
+        "How much lower than its rest a vehicle may be; as much above it is well above the ground.",
         Convention("a table's edge is higher (commit 3919f64)"),
     )
     pause_s: float = number(
@@ -419,38 +419,12 @@ class Library:
         Convention("from often to hardly ever reached; not measured"),
         high=1.0,
     )
-    take_off_shares: tuple[float, ...] = number(
-        (0.1, 0.4, 0.7),
-        "",
-        "Ceilings between the largest command in the air and that of a take-off, as shares.",
-        Convention("three levels (commit d767b21); not measured"),
-        high=1.0,
-    )
-    place_size_m: float = number(
-        0.125, "m", "Finest square of the ground plan.", Convention("a rotor of a small vehicle")
-    )
     places_most: int = number(
         36,
         "",
         "Most places over which something is looked for.",
         Convention("another vehicle is found on a plan so fine (commit 0eb6715); more cost time"),
         low=1,
-    )
-    wind_height_m: float = number(
-        1.5, "m", "Height at which the speed of a wind is told.", Convention("flights near ground")
-    )
-    above_radii: float = number(
-        5.0,
-        "radii",
-        "Height of another vehicle over the highest place flown.",
-        Convention("closer ones collide; not measured"),
-    )
-    plane_sds: tuple[float, ...] = number(
-        (-1.5, -0.75, 0.0, 0.75, 1.5),
-        "sds",
-        "Deviations of a declared number across which shapes are tried.",
-        Convention("87 % of its prior lies between; not measured"),
-        low=-math.inf,
     )
     edge_slope: float = number(
         0.4,
@@ -670,15 +644,6 @@ class Estimate:
 class Detect:
     """Effects that need a procedure: gusts, loads on threads, a shifted balance."""
 
-    gust_mean_s: float = number(
-        4.0,
-        "s",
-        "Length of the means in which gusts show.",
-        Convention("slow eddies; not measured"),
-    )
-    gust_means_least: int = number(
-        12, "", "Fewest means, in two axes each.", Convention("a scatter good to a fifth"), low=2
-    )
     gust_variance_ratio: float = number(
         6.0,
         "",
@@ -699,19 +664,6 @@ class Detect:
         Numerical("steps of 3 %, which a second grid makes twenty times as fine"),
         low=3,
     )
-    thread_span: float = number(
-        1.2,
-        "",
-        "How much longer and shorter threads are tried than the best of the coarse grid.",
-        Convention("as far as the next of the coarse grid"),
-        low=1.0,
-    )
-    behind_m_per_m: tuple[float, ...] = number(
-        (0.3, 1.6),
-        "",
-        "Nearest and farthest drawn load behind, over the height of flight.",
-        Convention("the coarse grid's ends and a step more"),
-    )
     places_nearby: tuple[float, ...] = number(
         (0.08, 0.04, 0.02),
         "",
@@ -724,9 +676,6 @@ class Detect:
 class Locate:
     """Structure in what is left, and where it lies."""
 
-    block_s: float = number(
-        2.5, "s", "Block of time that is predicted from others.", Convention("not measured")
-    )
     knots: int = number(
         9, "", "Knots of a smooth function, in every variable.", Convention("not measured"), low=2
     )
@@ -735,15 +684,6 @@ class Locate:
         "m or m/s",
         "Least spread of a speed or a place that was flown over a range.",
         Convention("less is what the disturbance itself moves; not measured"),
-    )
-    spread_least_radii: float = number(
-        1.0, "radii", "The same of a height.", Convention("not measured")
-    )
-    spread_least_share: float = number(
-        0.1,
-        "",
-        "The same of a height, over its median.",
-        Convention("high up a radius is no other place (commit c0e99ad); not measured"),
     )
     r2_least: float = number(
         0.1,
@@ -758,18 +698,6 @@ class Locate:
         ),
         high=1.0,
     )
-    least_drive_share: float = number(
-        0.004, "full speed", "Least structure of drives.", Convention("not measured")
-    )
-    least_range_radii: float = number(
-        0.25, "radii", "Least structure of a rangefinder.", Convention("not measured")
-    )
-    least_size_share: float = number(
-        0.01,
-        "weight or weight times arm",
-        "Least structure of the size of what is left.",
-        Convention("not measured"),
-    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -779,7 +707,7 @@ class Decide:
     form_margin: float = number(
         2.0,
         "",
-        "How much larger an effect in the drive alone has to be, how much smaller and less clear"
+        "How much larger a faint effect or a structure has to be, how much smaller and less clear"
         " what is unlike the error of a form may be.",
         Convention("what acts through time or speed is no error of a form; not measured"),
         low=1.0,
@@ -801,12 +729,6 @@ class Decide:
         "full speed",
         "Least change of a rotor's speed.",
         Convention("commit c0e99ad; not measured"),
-    )
-    large_force_share: float = number(
-        0.005, "weight", "Large structure of forces.", Convention("commit 3919f64; not measured")
-    )
-    large_moment_share: float = number(
-        0.002, "weight times arm", "Large structure of moments.", Convention("not measured")
     )
 
 

@@ -611,7 +611,7 @@ def _left_unexplained(
     model = at_flown_voltage(from_vehicle(vehicle, folder), flights)
     system = build(flights, model, [])
     left = in_the_air(centred(left_raw(system, null_fit(system)[1]), system), system)
-    told, blocks = regimes_of(system), system.blocks(settings.locate.block_s)
+    told, blocks = regimes_of(system), system.blocks(settings.statistics.block_s)
     largest: dict[str, float] = {}
     for pair in itertools.combinations(range(len(flights)), 2):
         for s in structures(

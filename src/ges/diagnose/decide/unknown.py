@@ -16,16 +16,6 @@ from ges.diagnose.validate.locate import clear, located
 from ges.diagnose.validate.structure import Structure
 
 
-def _large_shares() -> dict[str, float]:
-    """A large structure by kind of channel, over the whole of the channel."""
-    s = settings.decide
-    return {
-        **dict.fromkeys(("force", "acc"), s.large_force_share),
-        "moment": s.large_moment_share,
-        "range": settings.locate.least_range_radii,
-    }
-
-
 def left_over(found: Sequence[Structure], model: Model) -> list[Structure]:
     """Structures in the residuals of the accepted model that no noise makes and that are large, or
     explain much, as those of healthy flights that come below the asked chance do not: of the mean,
@@ -33,7 +23,7 @@ def left_over(found: Sequence[Structure], model: Model) -> list[Structure]:
     channel, the largest share first.
     """
     r2 = settings.statistics.least_gain
-    large = [*located(found, model), *clear(found, model, r2, _large_shares())]
+    large = [*located(found, model), *clear(found, model, r2, settings.decide.form_margin)]
     best: dict[str, Structure] = {}
     for s in sorted([s for s in large if not s.of_size] or large, key=lambda s: (-s.r2, s.regime)):
         best.setdefault(s.channel, s)
@@ -63,6 +53,6 @@ def borrowed(found: Sequence[Structure], model: Model) -> list[Structure]:
     """
     return [
         s
-        for s in clear(found, model, settings.statistics.large_part, _large_shares())
+        for s in clear(found, model, settings.statistics.large_part, settings.decide.form_margin)
         if not s.of_size
     ]

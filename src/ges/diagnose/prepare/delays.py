@@ -262,7 +262,7 @@ def clock_drift(flight: Prepared) -> float:
     and the other way in the next.
     """
     pair, rows = _both_rates(flight), np.flatnonzero(flight.flying)
-    count = int(len(rows) * flight.dt_s // settings.locate.block_s)
+    count = int(len(rows) * flight.dt_s // settings.statistics.block_s)
     if pair is None or count < settings.statistics.folds:
         return 0.0
     gyro, pose = (_high_pass(rates.T, flight.dt_s) for rates in pair)

@@ -129,13 +129,13 @@ def excited(values: Mapping[str, np.ndarray]) -> list[str]:
 
 
 def _least_spread(name: str, values: np.ndarray) -> float:
-    """A regime that varies less was moved by the disturbance itself, and follows from it; high up,
-    a radius more or less is no other place.
+    """A regime that varies less was moved by the disturbance itself, and follows from it; of a
+    height, a part that is not large is no other place.
     """
-    s = settings.locate
     if name == "height_over_radius":
-        return max(s.spread_least_radii, s.spread_least_share * float(np.median(values)))
-    return s.spread_least if name in (*SPEEDS, *PLACE) else settings.numerics.tiny
+        return settings.statistics.large_part * float(np.median(values))
+    spreads = name in (*SPEEDS, *PLACE)
+    return settings.locate.spread_least if spreads else settings.numerics.tiny
 
 
 def _basis(
