@@ -146,6 +146,7 @@ def test_a_constant_delay_of_the_pose_is_taken_out(whole, model):
     late = _changed(whole, **{n: np.interp(t - 0.03, t, whole[n]) for n in pose})
     gate = pass_gate([late, late], model)
     assert gate.pose.delay_s == pytest.approx(0.03, abs=0.003) and not gate.warnings
+    assert gate.delays[0] == gate.pose
 
 
 def test_rotors_that_never_turn_are_no_flight(whole, model):

@@ -126,10 +126,20 @@ def test_what_the_form_of_a_curve_is_wrong_by_is_known_by_its_size(share):
 def test_settled_faults_are_findings_with_intervals_and_without_rivals():
     pose = Delay("attitude", 0.04, 0.002, 0.9)
     gyro = np.array([0.03, 0.0, -0.04]), np.array([0.001, 0.001, 0.002])
-    late, offset = settled_findings(Gate((), (), (), pose, gyro))
+    late, offset = settled_findings(Gate((), (), (), pose, gyro), {})
     assert late.name == "time_offset" and late.parameters["delay_s"].value == 0.04
     assert late.parameters["delay_s"].ci95 == pytest.approx((0.04 - 0.00392, 0.04 + 0.00392))
     assert offset.size["value"] == pytest.approx(0.05) and not offset.is_open
     assert offset.parameters["z_rad_s"].ci95 == pytest.approx((-0.04 - 0.00392, -0.04 + 0.00392))
     assert late.probability == settings.statistics.certain_probability
-    assert settled_findings(Gate((), (), ())) == []
+    assert settled_findings(Gate((), (), ()), {}) == []
+
+
+@pytest.mark.parametrize(
+    ("delay_s", "doubts", "told"),
+    [(0.006, {}, []), (-0.02, {}, ["time_offset"]), (0.02, {"time_offset.delay_s": 0.01}, [])],
+)
+def test_a_delay_that_clocks_usually_have_is_no_fault(delay_s, doubts, told):
+    """Usual is 3 ms; beyond doubt are four sds, as of every declared number."""
+    gate = Gate((), (), (), Delay("attitude", delay_s, 0.0005, 0.99))
+    assert [f.name for f in settled_findings(gate, doubts)] == told

@@ -302,7 +302,8 @@ def pass_gate(
         flights = [f and shifted(f, delay.stream, delay.delay_s) for f in flights]
     # after the clocks: a drive that is late would foretell the voltage late
     flights = [f and with_steady_voltage(with_steady_position(f)) for f in flights]
-    return Gate(tuple(flights), (delay,) if delay else (), tuple(sorted(warnings)), pose, gyro)
+    delays = tuple(d for d in (pose, delay) if d)
+    return Gate(tuple(flights), delays, tuple(sorted(warnings)), pose, gyro)
 
 
 def _pose_settled(flights: list[Prepared | None]) -> tuple[Delay | None, list[Prepared | None]]:

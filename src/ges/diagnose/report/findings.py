@@ -57,7 +57,7 @@ def all_findings(
         proven = [f for f in proven if practically_significant(f.name, f.size, model, record)]
     return [
         *proven,
-        *settled_findings(gate),
+        *settled_findings(gate, answer.last.model.doubts),
         *declared_findings(wrong, answer.last.board.system),
         *open_findings(accepted),
         *(shift.findings() if shift else ()),
@@ -211,7 +211,9 @@ def open_findings(accepted: Accepted) -> list[Finding]:
 
 
 def _open(accepted: Accepted, name: str) -> Finding:
-    fitted, chance = accepted.alternatives.get(name), stated(accepted.found.inclusion[name])
+    fitted, inclusion = accepted.alternatives.get(name), accepted.found.inclusion
+    # one of them is needed: a set that has two makes neither surer than the other lets it be
+    chance = stated(inclusion[name] / max(1.0, sum(inclusion[n] for n in accepted.rivals)))
     # without a fit there is no contribution to size, only the coefficient of the search
     if fitted is None:
         return Finding.of(name, chance, _searched(accepted, name), is_open=True)

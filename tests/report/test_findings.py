@@ -1,0 +1,29 @@
+"""What is told of names that are open."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from ges.diagnose.report.findings import open_findings
+from ges.diagnose.select.stated import stated
+
+
+@pytest.mark.parametrize(
+    ("inclusion", "shares"),
+    [
+        ({"rotor_drag": 0.7, "wind": 0.25}, [0.7, 0.25]),
+        # the best set has both: one of two that are as likely
+        ({"rotor_drag": 0.999, "parasitic_drag": 0.999}, [0.5, 0.5]),
+    ],
+)
+def test_of_names_of_which_one_is_needed_no_more_is_stated_than_one(inclusion, shares):
+    nothing = SimpleNamespace(columns=(), mean=np.zeros(0), sd=np.zeros(0))
+    found = SimpleNamespace(
+        inclusion=inclusion, best_with=lambda *_: SimpleNamespace(posterior=nothing)
+    )
+    told = open_findings(
+        SimpleNamespace(found=found, rivals=tuple(inclusion), alternatives={}, board=None)
+    )
+    assert [f.probability for f in told] == pytest.approx([stated(p) for p in shares])
+    assert all(f.is_open for f in told)
