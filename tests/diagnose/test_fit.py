@@ -1,6 +1,5 @@
 """The fit in full: from anywhere it comes to the same numbers."""
 
-import numpy as np
 import pytest
 
 from ges.diagnose.design.answers import near_ground_gain
@@ -39,10 +38,6 @@ def near_ground(flown, sheet, with_rates):
     return model, [f for f in pass_gate(frames, model).flights if f]
 
 
-def _polished(system, start):
-    return polish(system, start, FREE, worth=np.ones(len(system.names)))
-
-
 @pytest.mark.parametrize(("c_a", "decay"), [(0.4, 1.0), (1.1, 2.0), (2.0, 2.9), (2.0, 0.3)])
 def test_an_amplitude_and_its_decay_are_found_from_far_away(c_a, decay, near_ground):
     """Gauss-Newton alone leaps to where nothing acts, and moments that another levelling makes are
@@ -50,7 +45,7 @@ def test_an_amplitude_and_its_decay_are_found_from_far_away(c_a, decay, near_gro
     """
     model, flights = near_ground
     start = {"ground_effect": {**CUSHION, "c_a": c_a, "decay": decay}}
-    fitted = _polished(build(flights, model, []), start)
+    fitted = polish(build(flights, model, []), start, FREE)
     assert {name: fitted.effects["ground_effect"][name] for name in TRUE} == pytest.approx(
         TRUE, rel=0.05
     )
@@ -65,7 +60,7 @@ def test_a_fit_allows_for_the_same_answers_as_the_search_before_it(near_ground):
     known = library(model)
     names = ("fountain_lift", "ground_effect", "rotor_inertia_reaction")
     search = build(flights, model, [v for n in names for v in known[n].variants])
-    fitted = _polished(search, {"ground_effect": {**CUSHION, **TRUE}})
+    fitted = polish(search, {"ground_effect": {**CUSHION, **TRUE}}, FREE)
     for before, after in zip(search.flights, fitted.board.system.flights, strict=True):
         allowed = _answered(after)
         assert allowed >= {key for key in _answered(before) if not near_ground_gain(key)}

@@ -15,6 +15,7 @@ from ges.diagnose.decide.rules import (
     distinguishable,
     faint,
     judged,
+    large_enough,
     more_than_its_carriers_form,
     not_model_form_error,
     probable,
@@ -30,13 +31,10 @@ from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Record
 from ges.diagnose.types.model import Model
 
-from .synthetic import MODEL, hovering, nuisance
+from .synthetic import MODEL, hovering
 
-BOARD = SimpleNamespace(
-    system=SimpleNamespace(
-        model=MODEL, recordings=[hovering()], columns=(nuisance("motor_lag.up_s", 0.004),)
-    )
-)
+DOUBTFUL = dataclasses.replace(MODEL, doubts={"motor_lag.up_s": 0.004})
+BOARD = SimpleNamespace(system=SimpleNamespace(model=DOUBTFUL, recordings=[hovering()]))
 
 
 def _search(evidence: dict[tuple[str, ...], float]) -> Search:
@@ -95,6 +93,16 @@ def test_what_acts_through_another_needs_one_that_is_on():
     for effects, passed in (((), False), (("ground_effect",), True)):
         weighed = _weighed(found, ("ground_effect_lag",), effects=effects)
         assert carried(weighed, "ground_effect_lag").passed == passed
+
+
+@pytest.mark.parametrize(("size", "passed"), [(1.1, True), (0.9, False)])
+def test_a_name_has_to_make_more_than_no_model_is_right_to(size, passed, monkeypatch):
+    found = _search({("rotor_drag",): 50.0})
+    weighed = _weighed(
+        found, ("rotor_drag",), {"rotor_drag": {"force": size}}, monkeypatch=monkeypatch
+    )
+    decision = large_enough(weighed, "rotor_drag")
+    assert decision.passed == passed and decision.statistic == size
 
 
 def test_a_set_that_adds_no_other_name_is_no_rival():
@@ -169,7 +177,7 @@ def test_what_the_form_of_a_larger_effect_is_wrong_by_is_not_told(larger, like, 
 
 
 @pytest.mark.parametrize(("up_s", "proven"), [(0.007, False), (0.009, True)])
-def test_what_is_within_two_sds_of_its_doubt_does_not_stand_however_clear(up_s, proven):
+def test_what_is_within_two_declared_sds_does_not_stand_however_clear(up_s, proven):
     fitted = Fitted(
         {"motor_lag": {"up_s": up_s, "down_s": 0.0}},
         (("motor_lag", "up_s"),),
@@ -277,6 +285,22 @@ def test_what_does_not_look_like_the_error_of_a_form_may_be_smaller():
     assert not matters("partial_ground_effect", "force_z", 0.001)
     assert not matters("ground_effect_lag", "force_z", 0.0007)
     assert not matters("ground_effect", "", 1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "probability", "told"),
+    [
+        ("ground_effect_moment", 0.9995, True),
+        ("ground_effect_lag", 0.9995, True),
+        ("ground_effect_lag", 0.99, False),
+        ("partial_ground_effect", 0.9995, False),
+    ],
+)
+def test_and_is_told_if_it_is_as_good_as_certain(name, probability, told, monkeypatch):
+    found = dataclasses.replace(_search({(name,): 0.0}), inclusion={name: probability})
+    sizes = {name: {"moment": 0.7}}
+    weighed = _weighed(found, (name,), sizes, ("ground_effect",), monkeypatch=monkeypatch)
+    assert (name in _told(weighed)) == told
 
 
 @pytest.mark.parametrize("asked", [0.0, 1.0])

@@ -96,10 +96,10 @@ def test_every_number_is_used():
 
 
 def test_what_is_set_holds_for_a_while_and_in_every_thread():
-    with using({"evidence.prior_share": 0.5, "search.beam": 2}):
-        assert each(lambda _: settings.evidence.prior_share, range(8)) == [0.5] * 8
-        assert changed() == {"evidence.prior_share": 0.5, "search.beam": 2}
-        with using({"evidence.prior_share": Settings().evidence.prior_share}):
+    with using({"evidence.tempering": 0.5, "search.beam": 2}):
+        assert each(lambda _: settings.evidence.tempering, range(8)) == [0.5] * 8
+        assert changed() == {"evidence.tempering": 0.5, "search.beam": 2}
+        with using({"evidence.tempering": Settings().evidence.tempering}):
             assert changed() == {"search.beam": 2}
     assert settings.evidence == Settings().evidence and changed() == {}
     with pytest.raises(ZeroDivisionError), using({"search.beam": 2}):
@@ -109,11 +109,11 @@ def test_what_is_set_holds_for_a_while_and_in_every_thread():
 
 def test_numbers_are_read_as_what_they_are():
     read = parse(
-        ["search.beam=5", "evidence.prior_share=1", "noise.growths=0,1.5", "noise.whitening=false"]
+        ["search.beam=5", "evidence.tempering=1", "noise.growths=0,1.5", "noise.whitening=false"]
     )
     assert read == {
         "search.beam": 5,
-        "evidence.prior_share": 1.0,
+        "evidence.tempering": 1.0,
         "noise.growths": (0.0, 1.5),
         "noise.whitening": False,
     }
@@ -122,11 +122,11 @@ def test_numbers_are_read_as_what_they_are():
 @pytest.mark.parametrize(
     ("pair", "said"),
     [
-        ("evidence.prior_shar=0.5", "did you mean 'evidence.prior_share'?"),
-        ("evidence.prior_share", "write KEY=VALUE"),
-        ("evidence.prior_share=half", "give a number, above 0"),
-        ("evidence.prior_share=nan", "give a number, above 0"),
-        ("evidence.prior_share=-1", "give a number, above 0"),
+        ("evidence.temperng=0.5", "did you mean 'evidence.tempering'?"),
+        ("evidence.tempering", "write KEY=VALUE"),
+        ("evidence.tempering=half", "give a number, above 0 to 1"),
+        ("evidence.tempering=nan", "give a number, above 0 to 1"),
+        ("evidence.tempering=-1", "give a number, above 0 to 1"),
         ("numerics.wide_factor=inf", "give a number, above 0"),
         ("search.beam=2.5", "give a whole number, 1 or more"),
         ("noise.growths=1,x", "give numbers with commas between, 0 or more"),
@@ -148,10 +148,9 @@ def test_the_command_refuses_what_cannot_be_set(tmp_path):
 
 
 def test_an_ablation_has_a_folder_and_options_of_its_own():
-    numbers = parse(["evidence.prior_share=0.5", "noise.growths=0,1"])
+    numbers = parse(["evidence.tempering=0.5", "noise.growths=0,1"])
     assert (
-        method_folder("ges", numbers)
-        == "diagnosed-evidence.prior_share=0.5-noise.growths=(0.0,1.0)"
+        method_folder("ges", numbers) == "diagnosed-evidence.tempering=0.5-noise.growths=(0.0,1.0)"
     )
     options = method_options("without-whitening", numbers)
     assert options["set"] == {"noise.whitening": False, **numbers}
@@ -161,7 +160,7 @@ def test_an_ablation_has_a_folder_and_options_of_its_own():
 
 def test_the_numbers_of_the_method_are_counted_on_the_page():
     counted = of_method(Settings())
-    assert {"evidence.prior_share", "prepare.pause_s"} <= set(counted)
+    assert {"evidence.tempering", "prepare.pause_s"} <= set(counted)
     assert not {"noise.whitening", "numerics.tiny", "statistics.seed", "report.bins"} & set(counted)
     assert len(counted) < 60
     assert f"\n{len(counted)} of them are numbers of the method" in page_of.page()

@@ -15,17 +15,17 @@ descriptors, `sim_c/effects/*.c`.
 a next flight and say what is listed. Numbers whose source is *numerical* are not of the method
 either, nor are switches of ablations. Several values of one name count as one number.
 
-`ges diagnose SET --out DIR --set search.beam=5` sets one for a diagnosis; `--set` may be
+`ges diagnose SET --out DIR --set evidence.tempering=0.5` sets one for a diagnosis; `--set` may be
 given again. What was set stands in `data.settings` of `diagnosis.json`. In Python:
 
 ```python
 from ges.diagnose.settings import using
 
-with using({"search.beam": 5}):
+with using({"evidence.tempering": 0.5}):
     found = ges.diagnose(recordings, vehicle)
 ```
 
-`ges blind run DIR --set search.beam=5` does the same with concealed cases, into a folder
+`ges blind run DIR --set evidence.tempering=0.5` does the same with concealed cases, into a folder
 of their own.
 
 """

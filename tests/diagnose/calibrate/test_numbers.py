@@ -7,7 +7,7 @@ from scipy.stats import multivariate_normal
 from ges.diagnose.calibrate import calibrate as module
 from ges.diagnose.calibrate.calibrate import TRIMS, Number
 from ges.diagnose.detectors.balance import CANT, LOSSES
-from ges.diagnose.select.gram import Gram
+from ges.diagnose.select.evidence import Gram
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import SPEED
 from ges.errors import GesError

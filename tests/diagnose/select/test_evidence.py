@@ -10,16 +10,18 @@ from scipy.stats import multivariate_normal, norm
 
 from ges.diagnose.design.whiten import Part, White
 from ges.diagnose.select.evidence import (
+    Gram,
     Posterior,
     Prior,
     acts_of,
+    flight_grams,
+    gram_of,
     make_board,
     posterior,
     posteriors,
     rms_of,
     whitened,
 )
-from ges.diagnose.select.gram import Gram, flight_grams, gram_of
 from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
 
@@ -136,16 +138,12 @@ def test_sets_at_once_are_the_sets_one_by_one():
 
 def _white(x, y, answer=None):
     answer = np.zeros((len(y), 0)) if answer is None else answer
-    part = Part(0, np.arange(len(y)), np.arange(x.shape[1]), y, x, answer)
-    return White((part,), x.shape[1])
+    return White((Part(np.arange(len(y)), np.arange(x.shape[1]), y, x, answer),), x.shape[1])
 
 
-def test_rows_count_as_often_as_they_are_worth_whatever_was_answered():
+def test_tempering_counts_every_window_by_a_share():
     x, y = _drawn(4)
-    quarter, half = np.array([0.25]), 0.5 * x[:, :1]
-    _same(gram_of(_white(x, y), quarter), _gram(x, y).scaled(0.25))
-    answered = gram_of(_white(0.5 * x, 0.5 * y, half))
-    _same(gram_of(_white(x, y, x[:, :1]), quarter), dataclasses.replace(answered, n=0.25 * ROWS))
+    _same(gram_of(_white(x, y), 0.25), _gram(x, y).scaled(0.25))
 
 
 def test_an_answer_of_unit_sd_is_integrated_out():
@@ -162,11 +160,11 @@ def test_what_differs_from_flight_to_flight_is_integrated_out_of_each_by_itself(
     x = np.ones((ROWS, 1))
     columns, count = [nuisance("thrust_scale.scale", 1.0, flight_sd=0.2)], 5
     whites = [_white(x, 0.6 * np.ones(ROWS)) for _ in range(count)]
-    grams = flight_grams(whites, columns, np.ones(1))
+    grams = flight_grams(whites, columns, 1.0)
     found = posterior(sum(grams[1:], grams[0]), (0,), _free(1, sd=100.0))
     assert found.sd[0] == pytest.approx(np.sqrt((1.0 / ROWS + 0.2**2) / count), rel=1e-3)
     assert found.mean[0] == pytest.approx(0.6, rel=1e-3)
-    same = flight_grams(whites, [nuisance("thrust_scale.scale", 1.0)], np.ones(1))
+    same = flight_grams(whites, [nuisance("thrust_scale.scale", 1.0)], 1.0)
     assert same[0].xx[0, 0] == pytest.approx(ROWS)
 
 

@@ -24,8 +24,7 @@ from ges.diagnose.decide.rules import lead_over
 from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import Column, variant_of
 from ges.diagnose.library.candidates import Variant, modifiers_of
-from ges.diagnose.select.evidence import Board, rms_of
-from ges.diagnose.select.gram import Gram
+from ges.diagnose.select.evidence import Board, Gram, rms_of
 from ges.diagnose.select.search import log_odds_against_one_of, log_rarity
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import block_of
@@ -128,9 +127,10 @@ def _size_beyond(price: float, per_square: float) -> float:
     """
     if per_square <= 0.0:
         return np.inf if price > 0.0 else 0.0
-    # the larger root of g size^2 - z sqrt(2 g) size = price: evidence has the sd
-    # sqrt(2 g) size, and half = z sqrt(1 / (2 g))
-    half = ndtri(settings.advise.power) * math.sqrt(0.5 / per_square)
+    weight = settings.evidence.tempering
+    # the larger root of g size^2 - z sqrt(2 w g) size = price: evidence has the sd
+    # sqrt(2 w g) size, and half = z sqrt(w / (2 g))
+    half = ndtri(settings.advise.power) * math.sqrt(weight / (2.0 * per_square))
     square = half**2 + price / per_square
     return half + math.sqrt(square) if square >= 0.0 else 0.0
 

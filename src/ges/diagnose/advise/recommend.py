@@ -14,12 +14,11 @@ import pandas as pd
 from scipy.special import softmax
 
 from ges.diagnose.design.system import rows
-from ges.diagnose.design.whiten import sizes_with, whiten
+from ges.diagnose.design.whiten import whiten
 from ges.diagnose.estimate.fit import starting_values
 from ges.diagnose.prepare.align import STREAMS, Prepared
 from ges.diagnose.prepare.gate import prepare
-from ges.diagnose.select.evidence import Board, posterior
-from ges.diagnose.select.gram import Gram, flight_grams
+from ges.diagnose.select.evidence import Board, Gram, flight_grams, posterior
 from ges.diagnose.select.search import Hypothesis, Search
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
@@ -159,10 +158,10 @@ def _gram(board: Board, flight: Prepared, keep: np.ndarray) -> Gram:
     """Normal equations of one more flight, in the noise of the flights so far."""
     system, columns = board.system, [board.system.columns[k] for k in keep]
     made = rows(flight, system.model, system.names, columns, system.flights[0].windows.length_s)
+    weight = settings.evidence.tempering
     # h of equation (4), over the median of the flights so far: their noise model is in that unit
     usual = np.median(np.concatenate([r.noise for r in system.flights])) or 1.0
-    white = whiten([made], board.noise, [sizes_with(board.noise, made.noise / usual)])
-    return flight_grams(white, columns, board.noise.worth)[0]
+    return flight_grams(whiten([made], board.noise, [made.noise / usual]), columns, weight)[0]
 
 
 def _log_odds(board: Board, gram: Gram, keep: np.ndarray, rivals: Sequence[Rival]) -> np.ndarray:

@@ -46,7 +46,7 @@ from ges.diagnose.estimate.fit import (
 )
 from ges.diagnose.prepare.align import Prepared, attitude_measured
 from ges.diagnose.prepare.gate import at_flown_voltage, pass_gate
-from ges.diagnose.select.gram import Gram, without_deviations
+from ges.diagnose.select.evidence import Gram, without_deviations
 from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import interval95
 from ges.diagnose.types.model import SPEED, Model, from_vehicle

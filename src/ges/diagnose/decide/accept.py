@@ -24,14 +24,7 @@ from ges.diagnose.decide.rules import (
 )
 from ges.diagnose.design.system import System, build, variant_of
 from ges.diagnose.detectors.loads import likely_load, sharpened
-from ges.diagnose.estimate.fit import (
-    Fitted,
-    counted_cost,
-    fitted_model,
-    free_parameters,
-    polish,
-    starting_values,
-)
+from ges.diagnose.estimate.fit import Fitted, fitted_model, free_parameters, polish, starting_values
 from ges.diagnose.estimate.shoot import shot
 from ges.diagnose.library.available import candidates_of
 from ges.diagnose.library.candidates import Candidate, acts_among, amplitude_of, modifiers_of
@@ -250,7 +243,7 @@ def _in_full(
         *free_parameters(board, h, system.model, values),
         *((m, p) for m, v in through.items() for p in v),
     ]
-    return polish(system, {**held, **values}, free, worth=board.noise.worth)
+    return polish(system, {**held, **values}, free)
 
 
 def _fitted_in_full(
@@ -303,8 +296,8 @@ def _best_forms_in_wind(
         rule, better, gained = "best_form_in_wind", fitted, 0.0
         for rival in sorted((family_of(name) & listed) - set(fitted.effects)):
             tried = _in_place_of(fitted, name, rival, system)
-            # costs are -2 log posterior under one noise
-            gain = 0.5 * (counted_cost(fitted) - counted_cost(tried))
+            # costs are -2 log posterior under one noise; each row counts as in the evidence
+            gain = 0.5 * settings.evidence.tempering * (fitted.apart.cost - tried.apart.cost)
             because = f"log odds {gain:.3g} over {name}, both in full where the air moves"
             passed = gain > least and significant(tried, rival).passed
             record.note(rival, Decision(rule, passed, because, gain, least))
@@ -313,7 +306,7 @@ def _best_forms_in_wind(
         if name in instead:
             because = f"{instead[name]} fits better where the air moves"
             record.note(name, Decision(rule, False, because, -gained, -least))
-            fitted = polish(system, better.effects, better.free, worth=fitted.board.noise.worth)
+            fitted = polish(system, better.effects, better.free)
     return fitted, instead
 
 
@@ -333,8 +326,7 @@ def _in_place_of(fitted: Fitted, name: str, rival: str, system: System) -> Fitte
         *((rival, a.parameter) for a in amplitudes),
         *((rival, p) for p in known.shapes if known.parameter(p).fitted),
     ]
-    noise = fitted.board.noise
-    return polish(system, values, free, held=noise, worth=noise.worth)
+    return polish(system, values, free, held=fitted.board.noise)
 
 
 def shot_fit(accepted: Accepted) -> Accepted:
@@ -350,8 +342,7 @@ def shot_fit(accepted: Accepted) -> Accepted:
     # along its own path a push of turbulence no longer moves the velocity that drag is held against
     model = fitted_model(system.model, fitted)
     flights = [shot(flight, model) for flight in system.recordings]
-    worth = fitted.board.noise.worth
-    polished = polish(system, fitted.effects, fitted.free, flights, worth=worth)
+    polished = polish(system, fitted.effects, fitted.free, flights)
     return dataclasses.replace(accepted, fitted=polished)
 
 
@@ -402,7 +393,7 @@ def without(accepted: Accepted, name: str) -> Accepted:
         return withdrawn(accepted)
     fitted = accepted.fit
     values, free = {n: fitted.effects[n] for n in names}, [f for f in fitted.free if f[0] in names]
-    left = polish(system, values, free, worth=accepted.fit.board.noise.worth)
+    left = polish(system, values, free)
     probability = {n: accepted.probability[n] for n in names}
     return dataclasses.replace(accepted, names=names, fitted=left, probability=probability)
 

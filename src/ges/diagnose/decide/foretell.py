@@ -7,33 +7,60 @@ best. Flights that are held out take no part.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Collection, Sequence
 
 import numpy as np
 
 from ges.diagnose.decide.accept import Accepted, without
+from ges.diagnose.estimate.contributions import contributions, size_of
 from ges.diagnose.estimate.fit import Fitted, free_first, wide
 from ges.diagnose.library.candidates import acts_among, amplitude_of
-from ges.diagnose.select.evidence import Prior, posterior
-from ges.diagnose.select.gram import Gram, flight_grams
+from ges.diagnose.select.evidence import Gram, Posterior, Prior, flight_grams, posterior
+from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, Record
 from ges.simulator import effects as effect_table
 
 
-def foretold(fitted: Fitted, name: str) -> np.ndarray:
-    """What a name, and what acts through it alone, is worth to flights that it was not fitted to:
-    log density of each training flight, foretold from the others, with it less that without it,
-    (F,); empty where there is one flight.
+@dataclasses.dataclass(frozen=True)
+class Foretold:
+    """Training flights, each foretold from the others with a name and without it, (F,) each; empty
+    where there is one flight.
+
+    Attributes
+    ----------
+    gain : log density with the name less that without.
+    growth : rms error with the name over that without, in a channel.
+    """
+
+    gain: np.ndarray
+    growth: np.ndarray
+
+    @property
+    def worst(self) -> float:
+        """Log odds of the least likely of those flights whose error grows; 0 where none does."""
+        return float(self.gain[self.growth > 1.0].min(initial=0.0))
+
+
+def foretold(fitted: Fitted, name: str, channel: str) -> Foretold:
+    """What a name, and what acts through it alone, is worth to flights that it was not fitted to.
+
+    Parameters
+    ----------
+    channel : in which errors are compared.
     """
     board = fitted.board
-    grams = flight_grams(board.whites, board.system.columns, board.noise.worth)
+    grams = flight_grams(board.whites, board.system.columns, settings.evidence.tempering)
     if len(grams) < 2:
-        return np.zeros(0)
+        return Foretold(np.zeros(0), np.zeros(0))
     # the two fits differ by the name and what it carries; noise and linearisation are the same
     rest = set(fitted.effects) - {name}
     dropped = {name, *(n for n in rest if not acts_among(n, rest))}
-    less, more = (_Fit(fitted, gone).foretold(grams) for gone in (dropped, ()))
-    return more - less
+    at = board.system.main.index(channel)
+    (less, before), (more, after) = (
+        _Fit(fitted, gone).foretold(grams, at) for gone in (dropped, ())
+    )
+    return Foretold(more - less, after / np.maximum(before, settings.numerics.tiny))
 
 
 class _Fit:
@@ -62,34 +89,53 @@ class _Fit:
         endless = np.full(len(columns), np.inf)
         self.prior = Prior(mean, sd, -endless, endless)
 
-    def _log_evidence(self, grams: Sequence[Gram]) -> float:
-        """Of some flights."""
+    def _of(self, grams: Sequence[Gram]) -> tuple[Posterior, float]:
+        """Coefficients from some flights, and the log evidence of these."""
         # log_evidence is relative to all coefficients at 0; held columns move that reference,
         # so its own -|y|^2 / 2 has to count too
         total = sum(grams[1:], grams[0]).about(
             np.array(list(self.held), dtype=int), np.array(list(self.held.values()))
         )
-        return posterior(total, self.columns, self.prior).log_evidence - 0.5 * total.yy
+        found = posterior(total, self.columns, self.prior)
+        return found, found.log_evidence - 0.5 * total.yy
 
-    def foretold(self, grams: Sequence[Gram]) -> np.ndarray:
-        """Log density of each flight given the others, but for a constant, (F,)."""
-        whole = self._log_evidence(grams)
-        others = ([*grams[:left], *grams[left + 1 :]] for left in range(len(grams)))
-        # log p(y_f | y_-f) = log Z(y) - log Z(y_-f), equation (8) of docs/method.md
-        return np.array([whole - self._log_evidence(o) for o in others])
+    def foretold(self, grams: Sequence[Gram], channel: int) -> tuple[np.ndarray, np.ndarray]:
+        """Log density of each flight given the others, but for a constant, and its rms error by
+        their coefficients in a channel, in the channel's unit; (F,) each.
+        """
+        told, whole = [], self._of(grams)[1]
+        for left, rows in enumerate(self.system.flights):
+            found, others = self._of([g for i, g in enumerate(grams) if i != left])
+            terms = {**self.held, **dict(zip(found.columns, found.mean, strict=True))}
+            # not whitened: a flight counts against a name only where its plain error grows, too
+            error = (rows.y[:, channel] - rows.added(terms, channel + 1)[:, channel])[rows.air]
+            rms = float(np.linalg.norm(error[np.isfinite(error)]) / np.sqrt(len(error)))
+            # log p(y_f | y_-f) = log Z(y) - log Z(y_-f), equation (8) of docs/method.md
+            told.append((whole - others, rms))
+        density, error_rms = np.array(told).T
+        return density, error_rms
 
 
 def foretelling(accepted: Accepted, record: Record) -> Accepted:
-    """Without the names with which flights, each foretold from the others, are less likely in all
-    than without; the worst first.
+    """Without the names that some flight, foretold from the others, speaks against: certainly less
+    likely with the name, and off by more where it mainly acts; the worst first.
     """
     while (fitted := accepted.fitted) is not None:
-        gains = {n: float(foretold(fitted, n).sum()) for n in accepted.names}
-        for name, gain in gains.items():
-            because = f"log odds {gain:.3g} of flights left out of its fit in turn"
-            record.note(name, Decision("foretells_flights", gain >= 0.0, because, gain, 0.0))
-        name = min(gains, key=lambda n: gains[n])
-        if gains[name] >= 0.0:
+        system = accepted.board.system
+        added = contributions(fitted, accepted.names, system.model)
+        worst = {n: _worst(fitted, n, size_of(a, system)["channel"]) for n, a in added.items()}
+        least = -settings.statistics.certain_log_odds
+        for name, gain in worst.items():
+            against = f"a flight left out of its fit is off by more with it, log odds {gain:.3g}"
+            because = against if gain < 0.0 else "no flight left out of its fit speaks against it"
+            decision = Decision("foretells_flights", gain >= least, because, gain, least)
+            record.note(name, decision)
+        name = min(worst, key=lambda n: worst[n])
+        if worst[name] >= least:
             break
         accepted = without(accepted, name)
     return accepted
+
+
+def _worst(fitted: Fitted, name: str, channel: str) -> float:
+    return foretold(fitted, name, channel).worst if channel else 0.0

@@ -123,6 +123,16 @@ def not_model_form_error(c: Weighed, name: str) -> Decision:
     return Decision("not_model_form_error", passed, because, p, least)
 
 
+def large_enough(c: Weighed, name: str) -> Decision:
+    """No model is right to less; a carrier is as large as what acts through it."""
+    size = c.size(name)
+    sure = c.found.inclusion[name] >= settings.statistics.certain_probability
+    least = 1.0 / settings.decide.form_margin if sure and unlike_form_error(name) else 1.0
+    carries = any(c.size(n) >= 1.0 and name in effect_table.get(n).carriers for n in c.standing)
+    because = f"{size:.3g} times what no model is right to" + (", and carries" if carries else "")
+    return Decision("large_enough", size >= least or carries, because, size, least)
+
+
 def carried(c: Weighed, name: str) -> Decision:
     """What acts through another needs one that is on."""
     acts = acts_among(name, c.on())
@@ -173,6 +183,7 @@ SEARCH_RULES: tuple[Rule, ...] = (
     best_of_its_family,
     excited,
     not_model_form_error,
+    large_enough,
     carried,
     more_than_its_carriers_form,
     distinguishable,
@@ -282,9 +293,8 @@ def lead_over(name: str, others: Sequence[str]) -> float:
 
 
 def significant(fitted: Fitted, name: str) -> Decision:
-    """The 95 % interval of some amplitude with its shape held leaves out neutral, by more than its
-    sd with it free and beyond what is declared, and none went as far as the effect allows; a wind
-    blows at all.
+    """Some amplitude is clear of neutral with its shape held, by more than its sd with it free, and
+    beyond what is declared, and none went as far as the effect allows; a wind blows at all.
     """
     effect, rule = effect_table.get(name), "significant_when_fitted"
     if effect.moves_air:
@@ -292,16 +302,17 @@ def significant(fitted: Fitted, name: str) -> Decision:
         still_m_s = settings.decide.still_air_m_s
         if speed_m_s < still_m_s:
             return Decision(rule, False, "air is as still anywhere", speed_m_s, still_m_s)
-    least = settings.statistics.suggestive_sds
-    columns = fitted.board.system.columns
-    farthest, doubts = 0.0, {c.key: c.nuisance.sd for c in columns if c.nuisance}
+    least = settings.statistics.clear_sds
+    if unlike_form_error(name):
+        least /= settings.decide.form_margin
+    farthest, declared = 0.0, fitted.board.system.model.doubts
     for parameter in (p for e, p in fitted.free if e == name and p not in effect.shapes):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
         # the flights ask for more than the effect can be: something else is behind it
         if value != a.neutral and value in (a.low, a.high):
             return Decision(rule, False, f"{parameter} stands at its bound", value, value)
-        # what the doubt on this number allows, the file's or the usual one, is no finding
-        doubt = settings.statistics.suggestive_sds * doubts.get(f"{name}.{parameter}", 0.0)
+        # what the file's own doubt of this number allows is no finding
+        doubt = settings.statistics.suggestive_sds * declared.get(f"{name}.{parameter}", 0.0)
         if abs(value - a.neutral) > max(fitted.sd(name, parameter), doubt):
             farthest = max(farthest, fitted.sds_from_neutral(name, parameter))
     because = f"{farthest:.3g} sds from neutral" if farthest else "within its sd, or its doubt"

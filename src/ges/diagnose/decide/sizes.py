@@ -10,7 +10,8 @@ from ges.diagnose.design.system import System
 from ges.diagnose.select.evidence import Board, acts_of
 from ges.diagnose.select.search import Hypothesis
 from ges.diagnose.settings import settings
-from ges.diagnose.types.model import Model, block_of, least
+from ges.diagnose.types.model import Model, block_of
+from ges.diagnose.validate.locate import least
 from ges.simulator import effects as effect_table
 
 

@@ -12,32 +12,18 @@ from statistics import median_low
 
 import numpy as np
 from scipy.linalg import toeplitz
-from scipy.ndimage import uniform_filter1d
 from scipy.sparse import csr_array
 
 from ges.diagnose.design.system import Column, Rows, System
 from ges.diagnose.settings import settings
-from ges.diagnose.types.model import block_of
-
-TOGETHER = {"acc": "force"}
-"""Blocks of channels that count as one with another: the air moves both, so what one of them says
-is little news beside the other.
-"""
-
-
-def group_of(channel: str) -> str:
-    """The block of channels that a channel counts with."""
-    block = block_of(channel)
-    return TOGETHER.get(block, block)
 
 
 @dataclasses.dataclass(frozen=True)
 class Noise:
     """Per channel: AR coefficients (C, p), innovation sd (C,), growth with unrest (C,); over the
     innovation sd the size of the disturbances that a controller may have answered (C,): what
-    nuisances alone leave in all but the restless flights; how many times as much is left in the
-    most restless flight as in the middle one (C,); how many independent rows each of its rows is
-    worth (C,); and by flight the innovations' sd over the channel's, (m, C).
+    nuisances alone leave in all but the restless flights; and how many times as much is left in the
+    most restless flight as in the middle one (C,).
     """
 
     ar: np.ndarray
@@ -45,20 +31,17 @@ class Noise:
     growth: np.ndarray
     answered: np.ndarray
     restless: np.ndarray
-    worth: np.ndarray
-    sizes: tuple[np.ndarray, ...]
 
 
 @dataclasses.dataclass(frozen=True)
 class Part:
-    """One ``channel`` of a whitened flight: usable rows ``at`` (n,), their residuals (n,) and those
+    """One channel of a whitened flight: usable rows ``at`` (n,), their residuals (n,) and those
     ``columns`` (k,) of all that act there, (n, k).
 
     ``answer`` are more columns (n, moved) of unit prior sd: what a controller's answer to
     disturbances may have added.
     """
 
-    channel: int
     at: np.ndarray
     columns: np.ndarray
     y: np.ndarray
@@ -193,65 +176,17 @@ def estimate(system: System, chosen: Sequence[int] = ()) -> Noise:
         [settings.noise.least_share * system.model.whole(name) for name in system.names]
     )
 
-    def of_channel(c: int) -> tuple[list[np.ndarray], np.ndarray, float, float, float, float]:
+    def of_channel(c: int) -> tuple[np.ndarray, float, float, float, float]:
         left = left_over(system, c, chosen)
         ar, sd, growth = _of_channel(system, left, runs, unrest)
         sd = max(sd, floor[c])
         # the controller answered what chosen columns explain, too: so without them
         answered = _quiet(left_over(system, c), runs, ar, sd) if len(chosen) and c in loose else 1.0
-        return left, ar, sd, growth, answered, _restless(left)
+        return ar, sd, growth, answered, _restless(left)
 
-    left, *told = zip(*map(of_channel, range(len(system.names))), strict=True)
-    ar, sd, growth, answered, restless = map(np.array, told)
-    noise = Noise(ar, sd, growth, answered, restless, np.ones(len(system.names)), ())
-    return dataclasses.replace(noise, sizes=_sizes(system, noise, left, runs, unrest))
-
-
-def sizes_with(noise: Noise, unrest: np.ndarray) -> np.ndarray:
-    """Sd of the innovations of a flight over the channel's, (m, C), by its unrest (m,) alone."""
-    # (4) of docs/method.md: the innovation's sd grows with what a slow stream may hide
-    return np.sqrt(1.0 + noise.growth * unrest[:, None] ** 2)
-
-
-def _sizes(
-    system: System,
-    noise: Noise,
-    left: Sequence[Sequence[np.ndarray]],
-    runs: Sequence[np.ndarray],
-    unrest: Sequence[np.ndarray],
-) -> tuple[np.ndarray, ...]:
-    """The same where gusts come and go, and flights differ: by the energy around every window,
-    which channels that the air moves alike share; ``left`` by channel and flight.
-
-    Of the energy's scatter only what chance does not make counts: it is drawn to one by the share
-    that chance has in it (James and Stein 1961).
-    """
-    sizes, squares = [sizes_with(noise, u) for u in unrest], []
-    for flight, (run, size) in enumerate(zip(runs, sizes, strict=True)):
-        square = np.full(size.shape, np.nan)
-        for c, (ar, sd) in enumerate(zip(noise.ar, noise.sd, strict=True)):
-            at, value, past = _lagged(left[c][flight], run, len(ar))
-            square[at, c] = ((value - past @ ar) / (sd * size[at, c])) ** 2
-        squares.append(square)
-    groups = [group_of(name) for name in system.names]
-    # windows stand half a length apart: half a block of time
-    width = max(1, round(settings.statistics.block_s / system.length_s))
-    for group in dict.fromkeys(groups):
-        alike = np.array([g == group for g in groups])
-        counts = [np.isfinite(q[:, alike]).sum(axis=1, dtype=float) for q in squares]
-        counts = [width * uniform_filter1d(count, width) for count in counts]
-        totals = [width * uniform_filter1d(np.nansum(q[:, alike], axis=1), width) for q in squares]
-        count, total = np.concatenate(counts), np.concatenate(totals)
-        there = count > 0.5
-        # the mean of n squares of unit normals has the variance 2 / n
-        scatter = np.mean((total[there] / count[there] - 1.0) ** 2) if there.any() else 0.0
-        chance = np.mean(2.0 / count[there]) if there.any() else 0.0
-        share = max(0.0, 1.0 - chance / max(scatter, settings.numerics.tiny))
-        for size, n, square in zip(sizes, counts, totals, strict=True):
-            energy = np.where(n > 0.5, square / np.maximum(n, 1.0), 1.0)
-            energy = np.maximum(1.0 + share * (energy - 1.0), settings.numerics.small)
-            size[:, alike] *= np.sqrt(energy)[:, None]
-    return tuple(sizes)
+    return Noise(
+        *(np.array(told) for told in zip(*map(of_channel, range(len(system.names))), strict=True))
+    )
 
 
 def _quiet(
@@ -303,17 +238,19 @@ def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:
     return [r.noise / median for r in flights]
 
 
-def whiten(flights: Sequence[Rows], noise: Noise, sizes: Sequence[np.ndarray]) -> tuple[White, ...]:
+def whiten(
+    flights: Sequence[Rows], noise: Noise, unrest: Sequence[np.ndarray]
+) -> tuple[White, ...]:
     """Filter residuals and columns by the same noise model; the first rows of a run on the ground
     are foretold by the few before them: take-offs are short.
 
     Parameters
     ----------
-    sizes : by flight, the innovations' sd over the channel's, (m, C).
+    unrest : by flight, (m,) of :func:`unrest_of`.
     """
     short = any(not rows.air.all() for rows in flights)
     filters = [_foretelling(ar) if short else _full(ar)[None] for ar in noise.ar]
-    made = [_white(rows, noise, filters, s) for rows, s in zip(flights, sizes, strict=True)]
+    made = [_white(rows, noise, filters, u) for rows, u in zip(flights, unrest, strict=True)]
     # one kind of answer has one cause over all flights and channels, so they are bounded together;
     # what was answered is larger than the noise by all that chosen effects explain
     for kind in dict.fromkeys(kind for _, loose in made for kind, _ in loose):
@@ -351,7 +288,7 @@ def _bounds(loose: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndar
 
 
 def _white(
-    rows: Rows, noise: Noise, filters: Sequence[np.ndarray], sizes: np.ndarray
+    rows: Rows, noise: Noise, filters: Sequence[np.ndarray], unrest: np.ndarray
 ) -> tuple[dict[int, Part], dict[tuple[str, int], np.ndarray]]:
     """Parts by channel, ``filters`` of :func:`_foretelling`, none of them answering yet, and the
     loose parts of their columns by kind and channel.
@@ -368,14 +305,15 @@ def _white(
         )
         if not len(at):
             continue
-        sd = noise.sd[c] * sizes[at, c]
+        # (4) of docs/method.md: the innovation's sd grows with what a slow stream may hide
+        sd = noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * unrest[at] ** 2)
         innovation = _innovation(at, past[at], len(rows.y), weights, sd)
         beyond = (
             (innovation @ rows.beyond[c])[:, None] if c in rows.beyond else np.zeros((len(at), 0))
         )
         # one filter for residual, columns and errors: y = X beta + e holds after it, with e white
         parts[c] = Part(
-            c, at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c], beyond
+            at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c], beyond
         )
         for (kind, channel), columns in rows.loose.items():
             if channel == c:

@@ -18,8 +18,13 @@ from ges.diagnose.design.table import Indices, spread
 from ges.diagnose.design.whiten import Noise, White, estimate
 from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of, reach_of
 from ges.diagnose.prepare.align import Prepared
-from ges.diagnose.select.evidence import Board, make_board, whitened
-from ges.diagnose.select.gram import gram_of, unanswered
+from ges.diagnose.select.evidence import (
+    Board,
+    gram_of,
+    make_board,
+    unanswered,
+    whitened,
+)
 from ges.diagnose.select.search import Hypothesis
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
@@ -48,7 +53,6 @@ def joint_fit(
     prior_mean: np.ndarray | None = None,
     prior_sd: np.ndarray | None = None,
     held: Mapping[str, tuple[float, float]] = MappingProxyType({}),
-    worth: np.ndarray | None = None,
 ) -> Joint:
     """Fit chosen columns and all nuisances at once, but for those whose number a chosen column
     frees; common nuisances within the bounds of what the library flies.
@@ -60,7 +64,6 @@ def joint_fit(
         given.
     held : prior mean and sd of common nuisances by key, as corrections of the vehicle file; those
         of the file where not given.
-    worth : how often a row of each channel counts, (C,); in full where not given.
     """
     columns, chosen = board.system.columns, np.asarray(chosen, dtype=int)
     freed = {columns[k].key for k in chosen}
@@ -94,7 +97,7 @@ def joint_fit(
     # priors are rows too; each flight reaches the shared unknowns and its own alone (an arrow)
     xx, xy, yy = np.diag(precision), precision * mean, float(precision @ mean**2)
     for w, at in zip(board.whites, places, strict=True):
-        gram = gram_of(w, worth).take(kept)
+        gram = gram_of(w).take(kept)
         xx[np.ix_(at, at)] += gram.xx
         xy[at] += gram.xy
         yy += gram.yy
@@ -416,8 +419,6 @@ def polish(
     free: Sequence[tuple[str, str]],
     flights: Sequence[Prepared] | None = None,
     held: Noise | None = None,
-    *,
-    worth: np.ndarray,
 ) -> Fitted:
     """Gauss-Newton over all free parameters, the compiled effects linearised anew each round; a
     step that costs more than it saves is halved, and the noise that a far start left is measured
@@ -431,7 +432,6 @@ def polish(
     flights : the same flights along another path; the system's own where not given.
     held : noise to weigh with, so that costs of several fits compare; that of a start is measured
         where it is not given.
-    worth : how many independent rows a row of each channel is worth, (C,), as a search found it.
     """
     free, model = tuple(free), like.model
     at: _Point | None = None
@@ -441,7 +441,7 @@ def polish(
         system = build(flights or like.recordings, model.with_effects(values), variants, like)
         # one noise for all rounds: costs under several would not compare
         known = held or (first.board.noise if first else None)
-        noise = known or dataclasses.replace(estimate(system, free_first(system)), worth=worth)
+        noise = known or estimate(system, free_first(system))
         there = _linearised(values, free, whitened(system, noise), model)
         # the step promised more than it kept: half of the way back, from the best point so far
         if at and first and there.cost > at.cost + settings.estimate.same_cost:
@@ -462,11 +462,7 @@ def polish(
 
 
 def _linearised(
-    values: effect_table.Effects,
-    free: tuple[tuple[str, str], ...],
-    board: Board,
-    model: Model,
-    worth: np.ndarray | None = None,
+    values: effect_table.Effects, free: tuple[tuple[str, str], ...], board: Board, model: Model
 ) -> _Point:
     """The free parameters at their values, fitted together with all else."""
     chosen = free_first(board.system)
@@ -479,18 +475,8 @@ def _linearised(
         free,
         board,
         chosen,
-        joint_fit(
-            board, chosen, mean, np.where(np.isinf(sd), wide(board, chosen), sd), worth=worth
-        ),
+        joint_fit(board, chosen, mean, np.where(np.isinf(sd), wide(board, chosen), sd)),
     )
-
-
-def counted_cost(fitted: Fitted) -> float:
-    """-2 log posterior of a fit but for a constant, every row as often as it is worth."""
-    board = fitted.board
-    return _linearised(
-        fitted.effects, fitted.free, board, board.system.model, board.noise.worth
-    ).joint.cost
 
 
 def _within(mean: np.ndarray, covariance: np.ndarray, bounds: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ges.diagnose.settings import settings
-from ges.diagnose.types.model import block_of, least
+from ges.diagnose.types.model import block_of
 from ges.diagnose.types.words import (
     channel_words,
     list_words,
@@ -19,6 +19,7 @@ from ges.diagnose.types.words import (
     unit_words,
     without_unit,
 )
+from ges.diagnose.validate.locate import least
 
 NOTHING = "nothing more"
 """How ``next_flight`` calls the explanation that has none of the open names."""

@@ -9,13 +9,137 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from ges.diagnose.design.system import Column, System, variant_of
-from ges.diagnose.design.whiten import Noise, White, estimate, whiten
+from ges.diagnose.design.system import Column, System, nuisance_of, variant_of
+from ges.diagnose.design.whiten import Noise, Part, White, estimate, unrest_of, whiten
 from ges.diagnose.select.bounded import log_mass, log_mass_within
-from ges.diagnose.select.gram import Gram, flight_grams
-from ges.diagnose.select.worth import worth_of_rows
 from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
+
+
+@dataclasses.dataclass(frozen=True)
+class Gram:
+    """Normal equations: ``xx`` (K, K), ``xy`` (K,), ``yy``, and the number of rows."""
+
+    xx: np.ndarray
+    xy: np.ndarray
+    yy: float
+    n: float
+
+    def __add__(self, other: Gram) -> Gram:
+        return Gram(self.xx + other.xx, self.xy + other.xy, self.yy + other.yy, self.n + other.n)
+
+    def __sub__(self, other: Gram) -> Gram:
+        return Gram(self.xx - other.xx, self.xy - other.xy, self.yy - other.yy, self.n - other.n)
+
+    def scaled(self, factor: float) -> Gram:
+        """Every row counted ``factor`` times."""
+        return Gram(self.xx * factor, self.xy * factor, self.yy * factor, self.n * factor)
+
+    def about(self, columns: np.ndarray, mean: np.ndarray) -> Gram:
+        """With the coefficients of k columns counted from a mean (k,)."""
+        # products with y - X mean in the place of y
+        moved = self.xx[:, columns] @ mean
+        return Gram(
+            self.xx,
+            self.xy - moved,
+            self.yy - float(mean @ (2.0 * self.xy - moved)[columns]),
+            self.n,
+        )
+
+    def without(self, drop: np.ndarray, sd: np.ndarray) -> Gram:
+        """Columns ``drop`` (d,) integrated out under N(0, sd^2), sd (d,); they stay in place, as
+        zero.
+        """
+        if not len(drop):
+            return self
+        # Schur complement: xx - x_d (x_dd + 1 / sd^2)^-1 x_d^T, and so xy and yy
+        inner = self.xx[np.ix_(drop, drop)] + np.diag(1.0 / sd**2)
+        gain = np.linalg.solve(inner, np.column_stack([self.xx[drop], self.xy[drop]]))
+        xx = self.xx - self.xx[:, drop] @ gain[:, :-1]
+        return Gram(
+            xx,
+            self.xy - self.xx[:, drop] @ gain[:, -1],
+            self.yy - float(self.xy[drop] @ gain[:, -1]),
+            self.n,
+        )
+
+    def take(self, keep: np.ndarray) -> Gram:
+        """Only the columns ``keep`` (k,)."""
+        return Gram(self.xx[np.ix_(keep, keep)], self.xy[keep], self.yy, self.n)
+
+
+def gram_of(white: White, tempering: float = 1.0) -> Gram:
+    """Normal equations of one whitened flight, every row counted ``tempering`` times, what a
+    controller's answer may have done to them integrated out.
+    """
+    xx, xy, yy, n = np.zeros((white.count, white.count)), np.zeros(white.count), 0.0, 0.0
+    for part in white.parts:
+        gram = _of_part(part, tempering)
+        xx[np.ix_(part.columns, part.columns)] += gram.xx
+        xy[part.columns] += gram.xy
+        yy, n = yy + gram.yy, n + gram.n
+    return Gram(xx, xy, yy, n)
+
+
+def _of_part(part: Part, tempering: float) -> Gram:
+    gram, answer = Gram(*part.products, float(len(part.at))).scaled(tempering), part.answer
+    if not answer.shape[1]:
+        return gram
+    inner, cross, right = answer.T @ answer, part.x.T @ answer, answer.T @ part.y
+    return _without_copies(gram, tempering * inner, tempering * cross, tempering * right)
+
+
+def unanswered(part: Part) -> tuple[np.ndarray, np.ndarray]:
+    """Columns (n, k) and residuals (n,) weighted down along the answers, so that their products are
+    those of :func:`gram_of`.
+    """
+    # (1 + A A^T)^(-1/2) for the answers A: 1 / sqrt(1 + s^2) along each left singular vector
+    u, size, _ = np.linalg.svd(part.answer, full_matrices=False)
+    lost = u * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
+    return part.x - lost @ (u.T @ part.x), part.y - lost @ (u.T @ part.y)
+
+
+def _without_copies(gram: Gram, inner: np.ndarray, cross: np.ndarray, right: np.ndarray) -> Gram:
+    """Further columns of unit prior sd integrated out: their products with themselves, with the
+    columns, with the residual.
+    """
+    # Woodbury: (1 + C C^T)^-1 = 1 - C (1 + C^T C)^-1 C^T for the further columns C
+    gain = np.linalg.solve(np.eye(len(inner)) + inner, np.column_stack([cross.T, right]))
+    return Gram(
+        gram.xx - cross @ gain[:, :-1],
+        gram.xy - cross @ gain[:, -1],
+        gram.yy - float(right @ gain[:, -1]),
+        gram.n,
+    )
+
+
+def flight_grams(
+    whites: Sequence[White], columns: Sequence[Column], tempering: float
+) -> list[Gram]:
+    """Normal equations by flight; what may differ from flight to flight is integrated out
+    of each.
+    """
+    varies = np.array(
+        [k for k, c in enumerate(columns) if c.nuisance is not None and c.nuisance.flight_sd > 0],
+        dtype=int,
+    )
+    sd = np.array([nuisance_of(columns[k]).flight_sd for k in varies])
+    return [without_deviations(gram_of(w, tempering), varies, sd) for w in whites]
+
+
+def without_deviations(gram: Gram, varies: np.ndarray, sd: np.ndarray) -> Gram:
+    """Marginalise a copy of the k varying columns (k,), of prior N(0, sd^2), keeping the originals
+    (Woodbury).
+    """
+    if not len(varies):
+        return gram
+    # an own deviation is a copy of the column, scaled to unit sd, beside the common one
+    return _without_copies(
+        gram,
+        gram.xx[np.ix_(varies, varies)] * np.outer(sd, sd),
+        gram.xx[:, varies] * sd,
+        gram.xy[varies] * sd,
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -194,15 +318,13 @@ def _plausible(column: Column, size: float) -> float:
 def make_board(system: System, chosen: Sequence[int] = ()) -> Board:
     """Whiten and count, with the noise that the chosen columns leave."""
     board = whitened(system, estimate(system, chosen))
-    worth = worth_of_rows(system, board.noise, board.whites, board.prior.sd, chosen)
-    grams = flight_grams(board.whites, system.columns, worth)
-    noise = dataclasses.replace(board.noise, worth=worth)
-    return dataclasses.replace(board, noise=noise, by_flight=tuple(grams))
+    grams = flight_grams(board.whites, system.columns, settings.evidence.tempering)
+    return dataclasses.replace(board, by_flight=tuple(grams))
 
 
 def whitened(system: System, noise: Noise) -> Board:
     """Whiten with a known noise and count nothing: what a fit needs."""
-    whites = whiten(system.flights, noise, noise.sizes)
+    whites = whiten(system.flights, noise, unrest_of(system.flights))
     nuisance = np.array(
         [k for k, c in enumerate(system.columns) if c.nuisance is not None], dtype=int
     )

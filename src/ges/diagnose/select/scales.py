@@ -14,8 +14,7 @@ import numpy as np
 
 from ges.diagnose.design.system import variant_of
 from ges.diagnose.library.candidates import Candidate
-from ges.diagnose.select.evidence import Board, Posterior, Prior, posteriors
-from ges.diagnose.select.gram import Gram
+from ges.diagnose.select.evidence import Board, Gram, Posterior, Prior, posteriors
 from ges.diagnose.settings import settings
 from ges.threads import each
 

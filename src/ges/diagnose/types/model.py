@@ -7,7 +7,6 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
-from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
 from ges.simulator.terrain import Terrain
 from ges.vehicle.file import Quantity, Vehicle
@@ -165,22 +164,3 @@ def from_vehicle(vehicle: Vehicle, folder: Path | str = ".") -> Model:
         max(rotor.z_m.sd for rotor in vehicle.rotors),
         vehicle.left_unexplained or {},
     )
-
-
-def least(block: str, whole: float) -> float:
-    """The least rms that matters in a block of channels, in their unit: no model is right to less.
-
-    Parameters
-    ----------
-    block : ``force``, ``acc``, ``moment``, ``drive`` or ``range``; nothing matters in others.
-    whole : what sizes in the block are shares of, in the unit of its channels.
-    """
-    s = settings.decide
-    if block == "range":
-        return settings.prepare.height_error_m
-    shares = {
-        **dict.fromkeys(("force", "acc"), s.least_force_share),
-        "moment": s.least_moment_share,
-        "drive": s.least_drive_share,
-    }
-    return shares.get(block, math.inf) * whole

@@ -17,7 +17,7 @@ from ges.diagnose.prepare.kinematics import to_body
 from ges.diagnose.select.evidence import Board, acts_of
 from ges.diagnose.select.search import Search
 from ges.diagnose.settings import settings
-from ges.diagnose.types.model import Model, least
+from ges.diagnose.types.model import Model
 from ges.diagnose.validate.structure import PLACE, Structure, Told, shared, within
 
 PUSHING = ("force", "acc", "moment")
@@ -77,6 +77,25 @@ def edges(values: np.ndarray) -> np.ndarray:
     windows.
     """
     return np.unique(np.quantile(values, np.linspace(0.0, 1.0, settings.report.bins + 1)))
+
+
+def least(block: str, whole: float) -> float:
+    """The least rms that matters in a block of channels, in their unit: no model is right to less.
+
+    Parameters
+    ----------
+    block : ``force``, ``acc``, ``moment``, ``drive`` or ``range``; nothing matters in others.
+    whole : what sizes in the block are shares of, in the unit of its channels.
+    """
+    s = settings.decide
+    if block == "range":
+        return settings.prepare.height_error_m
+    shares = {
+        **dict.fromkeys(("force", "acc"), s.least_force_share),
+        "moment": s.least_moment_share,
+        "drive": s.least_drive_share,
+    }
+    return shares.get(block, np.inf) * whole
 
 
 def clear(
