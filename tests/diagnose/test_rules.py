@@ -31,10 +31,9 @@ from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Record
 from ges.diagnose.types.model import Model
 
-from .synthetic import MODEL, hovering
-
-DOUBTFUL = dataclasses.replace(MODEL, doubts={"motor_lag.up_s": 0.004})
-BOARD = SimpleNamespace(system=SimpleNamespace(model=DOUBTFUL, recordings=[hovering()]))
+BOARD = SimpleNamespace(
+    system=SimpleNamespace(model=SimpleNamespace(doubts={"motor_lag.up_s": 0.004}))
+)
 
 
 def _search(evidence: dict[tuple[str, ...], float]) -> Search:
