@@ -536,10 +536,13 @@ class Design:
         3, "", "Most half-waves of a test function.", Convention("7.5 Hz; not measured")
     )
     second_pole_share: float = number(
-        0.06,
+        0.144,
         "",
-        "Delay that a motor's second pole looks like, give or take as much, over its first lag.",
-        Convention("a pole ten times as fast (commit 1a2d3a4); not measured"),
+        "Sd of the delay that a motor's second pole looks like, over its lag.",
+        Paper(
+            "Skogestad 2003, J. Process Control 13, 291",
+            "half rule: half of a pole that has between none and half of the lag, root mean square",
+        ),
     )
     instruments: bool = number(
         True, "", "Whether references serve as instruments.", Convention("off in an ablation")

@@ -20,7 +20,6 @@ from ges.diagnose.design.residual import (
     speeds_at_work,
     with_overtones,
 )
-from ges.diagnose.settings import settings
 from ges.simulator.terrain import Terrain
 
 from ..synthetic import (
@@ -221,8 +220,8 @@ def test_a_drive_lags_its_commands_by_the_motor_s_time():
     slow = dataclasses.replace(MODEL, parameters={**NUMBERS, "motor_time_constant_s": 0.1})
     (speeds,) = driven_speeds([flight], slow, {})
     done = (speeds[:, 0] - 500.0) / 100.0
-    # the step is between two rows, and a second pole looks like a delay
-    late_s = 0.1 + settings.design.second_pole_share * 0.1 - 0.5 * 0.01
+    # the step is between two rows
+    late_s = 0.1 - 0.5 * 0.01
     assert np.interp(1.0 + late_s, t, done) == pytest.approx(1.0 - np.exp(-1.0), abs=0.01)
     assert done[-1] == pytest.approx(1.0, abs=1e-3) and abs(done[90]) < 1e-9
 

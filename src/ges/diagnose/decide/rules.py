@@ -293,7 +293,7 @@ def lead_over(name: str, others: Sequence[str]) -> float:
 
 def significant(fitted: Fitted, name: str) -> Decision:
     """Some amplitude is clear of neutral with its shape held, by more than its sd with it free, and
-    beyond what is declared, and none went as far as the effect allows; a wind blows at all.
+    beyond the doubt on it, and none went as far as the effect allows; a wind blows at all.
     """
     effect, rule = effect_table.get(name), "significant_when_fitted"
     if effect.moves_air:
@@ -304,15 +304,16 @@ def significant(fitted: Fitted, name: str) -> Decision:
     least = settings.statistics.clear_sds
     if unlike_form_error(name):
         least /= settings.decide.form_margin
-    farthest, declared = 0.0, fitted.board.system.model.doubts
+    farthest, doubts = 0.0, {c.key: c.nuisance for c in fitted.board.system.columns if c.nuisance}
     for parameter in (p for e, p in fitted.free if e == name and p not in effect.shapes):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
         # the flights ask for more than the effect can be: something else is behind it
         if value != a.neutral and value in (a.low, a.high):
             return Decision(rule, False, f"{parameter} stands at its bound", value, value)
-        # what the file's own doubt of this number allows is no finding
-        doubt = settings.statistics.suggestive_sds * declared.get(f"{name}.{parameter}", 0.0)
-        if abs(value - a.neutral) > max(fitted.sd(name, parameter), doubt):
+        off, usual = value - a.neutral, doubts.get(f"{name}.{parameter}")
+        # what the doubt on this number allows, the file's or the usual one, is no finding
+        beyond = not usual or abs(off - usual.mean) > settings.statistics.suggestive_sds * usual.sd
+        if beyond and abs(off) > fitted.sd(name, parameter):
             farthest = max(farthest, fitted.sds_from_neutral(name, parameter))
     because = f"{farthest:.3g} sds from neutral" if farthest else "within its sd, or its doubt"
     return Decision(rule, farthest > least, because, farthest, least)

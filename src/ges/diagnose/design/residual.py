@@ -220,20 +220,11 @@ def commands_at_work(flight: Prepared, model: Model, effects: effect_table.Effec
     return said.rotor_command_rad_s / model.number("max_rotor_speed_rad_s")
 
 
-def second_pole_s(model: Model) -> float:
-    """What a motor's second pole or a speed controller's filter looks like: a delay so long, give
-    or take as much (s).
-    """
-    return settings.design.second_pole_share * model.number("motor_time_constant_s")
-
-
 def _drive_inputs(flight: Prepared, model: Model, commands: np.ndarray) -> np.ndarray:
     """Commands, attitude, battery voltage and rates, a row for every step of the drive."""
     every = flight.steps(settings.numerics.step_s)
-    # a command that is held, and a filter behind it, act on average as a delay
-    late = flight.held.late + second_pole_s(model) / flight.dt_s
     u, voltage = (
-        _between(commands, every, late),
+        _between(commands, every, flight.held.late),
         flight.columns.get("battery_V", np.full(len(flight.t_s), np.nan)),
     )
     # motors alone are flown: attitude is imposed level and at rest
@@ -280,7 +271,7 @@ def _between(u: np.ndarray, every: int, late: float) -> np.ndarray:
     between the samples.
 
     The replay holds a row for its step; they act ``late`` (rows): held, see
-    :func:`~.delays.command_hold`, and filtered.
+    :func:`~.delays.command_hold`.
     """
     rows = (np.arange(len(u) * every) + 0.5) / every - late
     return np.stack([np.interp(rows, np.arange(len(u)), column) for column in u.T], axis=1)

@@ -18,7 +18,6 @@ from ges.diagnose.design.residual import (
     drives,
     drives_of,
     said_with_each,
-    second_pole_s,
     with_overtones,
 )
 from ges.diagnose.design.table import Indices, Table, table_of
@@ -255,8 +254,9 @@ def _usual_delay_s(usual_s: float, model: Model, flights: Sequence[Prepared]) ->
     pole looks like (s).
     """
     held = max((f.held.sd * _slowest([f], ("command",)) for f in flights), default=0.0)
+    pole = settings.design.second_pole_share * model.number("motor_time_constant_s")
     # independent doubts add in squares
-    return float(np.linalg.norm([usual_s, held, second_pole_s(model)]))
+    return float(np.linalg.norm([usual_s, held, pole]))
 
 
 def _slowest(flights: Sequence[Prepared], streams: Sequence[str]) -> float:
