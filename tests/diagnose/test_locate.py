@@ -270,7 +270,7 @@ def test_what_is_open_is_located_where_every_explanation_acts(model, likely, cha
 def test_every_channel_once_before_any_twice():
     entries = [{"channel": c, "n": k} for c in ("a", "b") for k in range(5)]
     assert [e["channel"] for e in strongest(entries)] == ["a", "b", "a", "b", "a", "b"]
-    with using({"locate.entries": 3}):
+    with using({"report.entries": 3}):
         assert len(strongest(entries)) == 3
 
 

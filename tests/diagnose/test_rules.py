@@ -31,14 +31,16 @@ from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Record
 from ges.diagnose.types.model import Model
 
-from .synthetic import nuisance
+from .synthetic import MODEL, hovering, nuisance
 
 BOARD = SimpleNamespace(
     system=SimpleNamespace(
+        model=MODEL,
+        recordings=[hovering()],
         columns=(
             nuisance("motor_lag.up_s", 0.004),
             nuisance("ground_effect_moment.q", 0.25, mean=-0.35),
-        )
+        ),
     )
 )
 

@@ -17,6 +17,7 @@ from ges.diagnose.settings import (
     Paper,
     Settings,
     changed,
+    of_method,
     parse,
     rows,
     settings,
@@ -155,6 +156,14 @@ def test_an_ablation_has_a_folder_and_options_of_its_own():
     assert options["set"] == {"noise.whitening": False, **numbers}
     with pytest.raises(UsageError, match="has no settings"):
         method_options("stepwise", numbers)
+
+
+def test_the_numbers_of_the_method_are_counted_on_the_page():
+    counted = of_method(Settings())
+    assert {"evidence.tempering", "prepare.pause_s"} <= set(counted)
+    assert not {"noise.whitening", "numerics.tiny", "statistics.seed", "report.bins"} & set(counted)
+    assert len(counted) < 60
+    assert f"\n{len(counted)} of them are numbers of the method" in page_of.page()
 
 
 def test_the_page_of_the_documentation_is_up_to_date():

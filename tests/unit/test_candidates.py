@@ -36,7 +36,7 @@ def flight():
 
 
 def test_only_what_was_flown_counts(flight):
-    reached = flown([flight])
+    reached = flown([flight], RADIUS_M)
     assert reached.low_m == pytest.approx((-3.0, -1.5, 1.0), abs=0.01)
     assert reached.high_m[0] == pytest.approx(3.0, abs=0.01)
     assert 1 < len(reached.places_m) <= settings.library.places_most
@@ -45,7 +45,7 @@ def test_only_what_was_flown_counts(flight):
 
 
 def test_a_ceiling_is_above_and_walls_are_beyond(flight):
-    reached = flown([flight])
+    reached = flown([flight], RADIUS_M)
     found = library(MODEL, reached)
     ceilings = [v.shape["ceiling_z_m"] for v in found["ceiling_effect"].variants]
     assert min(ceilings) > reached.high_m[2] and len(set(ceilings)) == len(ceilings)
@@ -57,12 +57,12 @@ def test_a_ceiling_is_above_and_walls_are_beyond(flight):
 
 
 def test_each_variant_has_a_name_of_its_own(flight):
-    keys = [v.key for c in library(MODEL, flown([flight])).values() for v in c.variants]
+    keys = [v.key for c in library(MODEL, flown([flight], RADIUS_M)).values() for v in c.variants]
     assert len(set(keys)) == len(keys)
 
 
 def test_what_was_not_logged_is_not_laid_out(flight):
     blind = flight.replaced(columns={})
     assert not {"ceiling_effect", "wall_effect", "downwash", "rotor_saturation"} & set(
-        library(MODEL, flown([blind]))
+        library(MODEL, flown([blind], RADIUS_M))
     )

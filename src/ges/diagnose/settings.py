@@ -165,8 +165,18 @@ class Statistics:
     least_gain: float = number(
         0.02,
         "",
-        "Share of an error or of a variance from which a change counts as one.",
+        "Share of an error or of a variance from which a change, or a large structure, counts.",
         Convention("two in a hundred, a small part of what flights of a day differ by"),
+    )
+    large_part: float = number(
+        0.3,
+        "",
+        "Share of a whole (a variance, a size, a pull, a correlation) from which a part is large.",
+        Convention(
+            "near a third; weaker instruments err as plain regression does (Bound, Jaeger"
+            " and Baker 1995, JASA 90, 443)"
+        ),
+        high=1.0,
     )
     extreme_quantile: float = number(
         0.01,
@@ -191,7 +201,7 @@ class Statistics:
     block_s: float = number(
         5.0,
         "s",
-        "Length of blocks of time that count as independent.",
+        "Length of blocks of time that count as independent, and of means in which gusts show.",
         Convention("longer than a gust or a correction of a controller lasts; not measured"),
     )
     folds: int = number(
@@ -209,7 +219,7 @@ class Statistics:
         low=99,
     )
     seed: int = number(
-        0, "", "Seed of every draw.", Convention("results are the same every time"), low=0
+        0, "", "Seed of every draw.", Numerical("results are the same every time"), low=0
     )
 
     @property
@@ -273,6 +283,13 @@ class Numerics:
         ),
         low=1,
     )
+    gain_ratio_least: float = number(
+        0.75,
+        "",
+        "Actual over foretold fall of the cost from which a step is as good as foretold.",
+        Paper("Nocedal and Wright 2006, Numerical Optimization", "algorithm 4.1"),
+        high=1.0,
+    )
     sets_at_once: int = number(
         4096, "", "Sets of candidates that are weighed as one array.", Numerical("memory"), low=1
     )
@@ -285,41 +302,22 @@ class Prepare:
     grid_step_shortest_s: float = number(
         0.005, "s", "Finest grid.", Convention("faster logs repeat the vibration of the rotors")
     )
-    grid_step_longest_s: float = number(
-        0.05, "s", "Coarsest grid.", Convention("a quarter of the shortest window")
-    )
     flight_shortest_s: float = number(
         3.0,
         "s",
         "Shortest recording, time in the air, and time that tells a delay.",
         Convention("fifteen of the shortest windows; not measured"),
     )
-    gap_longest_s: float = number(
-        0.5,
-        "s",
-        "Longest gap of the motion, or of the rangefinder, that is bridged.",
-        Convention("not measured"),
-    )
-    stale_updates: float = number(
-        3.0,
-        "updates",
-        "A value that stands as long as so many usual updates was held, or clipped.",
-        Convention("lost packets come in ones and twos; not measured"),
-    )
     lifting_share: float = number(
         0.7,
         "",
-        "Share of the usual thrust that carries the vehicle.",
-        Convention("below it no height is held; not measured"),
-    )
-    descent_share: float = number(
-        0.3,
-        "",
-        "Share of the usual thrust that is still flight well above the ground.",
-        Convention("brisk descents of real flights were taken for the ground (commit a8fb0a6)"),
-    )
-    descent_height_m: float = number(
-        0.3, "m", "Height over rest that is well above the ground.", Convention("see descent_share")
+        "Share of the usual thrust that carries the vehicle; well above the ground the rest of it,"
+        " as in a brisk descent, is still flight.",
+        Convention(
+            "below it no height is held; brisk descents of real flights were taken for the ground"
+            " (commit a8fb0a6)"
+        ),
+        high=BELOW_ONE,
     )
     rest_tolerance_m: float = number(
         0.1,
@@ -327,41 +325,39 @@ class Prepare:
         "How much lower than its rest a vehicle may be.",
         Convention("a table's edge is higher (commit 3919f64)"),
     )
-    contact_margin_s: float = number(
+    descent_height_m: float = number(
+        0.3,
+        "m",
+        "Height over rest that is well above the ground.",
+        Measured(
+            "a tenth counts 1.4 s of a landing as flight; there the error is 2.7 N",
+            "no concealed case: flight NO_COMPENSATION_V_050 of appius-ground-effect",
+            "6966152",
+            "ges diagnose FLIGHTS --set prepare.descent_height_m=0.1",
+        ),
+    )
+    pause_s: float = number(
         0.5,
         "s",
-        "Time left out around every contact with the ground.",
+        "Longest gap of the motion, or of the rangefinder, that is bridged, and time left out"
+        " around every contact with the ground.",
         Measured(
-            "a margin half as long names one more effect wrongly",
+            "a margin half as long around contacts names one more effect wrongly",
             "seed 29",
             "7312f51",
             "ges blind make --seed 29 --grid full --out DIR && "
-            + RUN.replace("KEY=VALUE", "prepare.contact_margin_s=0.25"),
+            + RUN.replace("KEY=VALUE", "prepare.pause_s=0.25"),
         ),
-    )
-    blow_least_m_s2: float = number(
-        4.0,
-        "m/s^2",
-        "Least blow.",
-        Convention("vibration of small rotors stays below; not measured"),
-    )
-    blow_sds: float = number(
-        8.0, "sds", "Least blow over the usual scatter.", Convention("not measured")
     )
     blow_height_radii: float = number(
         2.0, "radii", "Blows happen below this height.", Convention("not measured")
     )
-    lift_off_m: float = number(
+    height_error_m: float = number(
         0.02,
         "m",
-        "Height over its own rest at which a vehicle has left the ground.",
+        "Height over its own rest at which a vehicle has left the ground, and least error of a"
+        " rangefinder.",
         Convention("noise of a position; not measured"),
-    )
-    transient_margin_s: float = number(
-        0.1,
-        "s",
-        "Time left out around a spin-up on the ground and around a clipped reading.",
-        Convention("two lags of a motor; not measured"),
     )
     thrust_smoothing_s: float = number(
         0.15,
@@ -371,35 +367,8 @@ class Prepare:
             "faster is vibration; from 0.12 to 0.17 the loads of crazypad are told the same"
         ),
     )
-    tilt_smoothing_s: float = number(
-        0.1,
-        "s",
-        "Smoothing of a velocity that stands in for the attitude.",
-        Convention("tilt changes faster than a climb; not measured"),
-    )
     rate_smoothing_s: float = number(
         0.02, "s", "Smoothing before a rate is differentiated.", Convention("two samples at 100 Hz")
-    )
-    state_smoothing_s: float = number(
-        0.05,
-        "s",
-        "Smoothing of states that a rollout starts from, and of commands that are compared.",
-        Convention("not measured"),
-    )
-    slower_s: float = number(
-        1.5,
-        "s",
-        "What changes more slowly says nothing of a delay.",
-        Convention("height control and drifts are slower; not measured"),
-    )
-    correlation_least: float = number(
-        0.3, "", "Least correlation that tells a delay.", Convention("not measured"), high=1.0
-    )
-    drive_lag_longest_s: float = number(
-        0.6,
-        "s",
-        "Longest delay of the rotor speeds.",
-        Convention("telemetry of ESCs: a half second"),
     )
     lag_steps: int = number(
         30,
@@ -407,21 +376,6 @@ class Prepare:
         "Steps of delays up to the longest.",
         Numerical("a parabola finds the peak between steps"),
         low=3,
-    )
-    pose_lag_longest_s: float = number(
-        0.15, "s", "Longest delay of the pose.", Convention("motion capture and filters: a tenth")
-    )
-    pose_delay_least_samples: float = number(
-        0.6,
-        "samples",
-        "Least delay of the pose.",
-        Measured(
-            "noise draws the peak of a correlation to half a sample: 6.2 ms at 80 Hz were named in"
-            " a null",
-            "seed 1012 and a development seed",
-            "cdc4b5f",
-            RUN.replace("KEY=VALUE", "prepare.pose_delay_least_samples=0.1"),
-        ),
     )
     gyro_bias_least_sd_rad_s: float = number(
         0.0025, "rad/s", "Least sd of a gyro's offset.", Convention("not measured")
@@ -431,31 +385,32 @@ class Prepare:
         "Probability that a controller holds its command until the next row of the log.",
         Convention("most controllers run faster than their logs"),
     )
-    hold_sd_rows: float = number(
-        0.1,
-        "rows",
-        "Doubt on how late a command acts once that is known.",
-        Convention("not measured"),
-    )
     at_once_share: float = number(
         0.1,
         "",
-        "Response in its own row of a command that acts at once, over that a row later.",
+        "Response in its own row over that a row later, of a command that acts at once; and doubt"
+        " in rows on how late one acts.",
         Convention("not measured"),
         high=1.0,
-    )
-    drive_response_s: float = number(
-        0.25,
-        "s",
-        "How long a drive answers a command.",
-        Convention("five lags of a slow motor"),
     )
     slow_Hz: float = number(
         0.3,
         "Hz",
-        "Positions and voltages are as they were read below, and told by their cause above.",
+        "Positions and voltages are as they were read below, and told by their cause above; what"
+        " changes more slowly says nothing of a delay.",
         Convention("the longest thread that is tried, 2.4 m, swings at 0.32 Hz; not measured"),
     )
+
+    @property
+    def slow_s(self) -> float:
+        """Sd of the Gaussian whose amplitude is one half at the cut-off."""
+        # a Gaussian of sd s passes exp(-2 (pi f s)^2) of a frequency f
+        return math.sqrt(0.5 * math.log(2.0)) / (math.pi * self.slow_Hz)
+
+    @property
+    def descent_share(self) -> float:
+        """Share of the usual thrust that is still flight well above the ground."""
+        return 1.0 - self.lifting_share
 
 
 @dataclasses.dataclass(frozen=True)
@@ -475,38 +430,12 @@ class Library:
         Convention("from often to hardly ever reached; not measured"),
         high=1.0,
     )
-    take_off_shares: tuple[float, ...] = number(
-        (0.1, 0.4, 0.7),
-        "",
-        "Ceilings between the largest command in the air and that of a take-off, as shares.",
-        Convention("three levels (commit d767b21); not measured"),
-        high=1.0,
-    )
-    place_size_m: float = number(
-        0.125, "m", "Finest square of the ground plan.", Convention("a rotor of a small vehicle")
-    )
     places_most: int = number(
         36,
         "",
         "Most places over which something is looked for.",
         Convention("another vehicle is found on a plan so fine (commit 0eb6715); more cost time"),
         low=1,
-    )
-    wind_height_m: float = number(
-        1.5, "m", "Height at which the speed of a wind is told.", Convention("flights near ground")
-    )
-    above_radii: float = number(
-        5.0,
-        "radii",
-        "Height of another vehicle over the highest place flown.",
-        Convention("closer ones collide; not measured"),
-    )
-    plane_sds: tuple[float, ...] = number(
-        (-1.5, -0.75, 0.0, 0.75, 1.5),
-        "sds",
-        "Deviations of a declared number across which shapes are tried.",
-        Convention("87 % of its prior lies between; not measured"),
-        low=-math.inf,
     )
     edge_slope: float = number(
         0.4,
@@ -523,14 +452,19 @@ class Design:
     window_shortest_s: float = number(
         0.2,
         "s",
-        "Shortest support of a test function.",
+        "Shortest support of a test function. Half or a quarter of it limits smoothing, grids, and"
+        " what is left out around transients.",
         Convention("long against a sample, short against a manoeuvre; not measured"),
     )
     window_updates: float = number(
         3.0,
         "updates",
-        "Support of a test function over the time between two values of the slowest stream.",
-        Convention("a straight line between values is good to a part of the window; not measured"),
+        "Support of a test function over the time between two values of the slowest stream; a value"
+        " that stands as long was held, or clipped.",
+        Convention(
+            "a straight line between values is good to a part of the window, and lost packets come"
+            " in ones and twos; not measured"
+        ),
     )
     half_waves_most: int = number(
         3, "", "Most half-waves of a test function.", Convention("7.5 Hz; not measured")
@@ -553,27 +487,10 @@ class Design:
         "Whether declared numbers may move within doubts.",
         Convention("off in an ablation"),
     )
-    instrument_lags: tuple[int, int] = number(
-        (-1, 5),
-        "half windows",
-        "First and last lag of the instruments.",
-        Convention("half a second of answers (commit f221801); not measured"),
-        low=-math.inf,
-    )
-    instrument_strength_least: float = number(
-        0.4,
-        "",
-        "Least share of a thrust or a moment that its instruments foretell.",
-        Convention(
-            "weaker ones err as plain regression does (Bound, Jaeger and Baker 1995, JASA"
-            " 90, 443); the value was not measured"
-        ),
-        high=1.0,
-    )
     answer_slowest_s: float = number(
         0.5,
         "s",
-        "Slower changes of thrust are no answers to gusts.",
+        "Slower changes of thrust are no answers to gusts, whose scatter shows within so long.",
         Measured(
             "thrust curves that were none were named, two of 700 names",
             "development seeds",
@@ -581,6 +498,25 @@ class Design:
             RUN.replace("KEY=VALUE", "design.answer_slowest_s=5"),
         ),
     )
+
+    @property
+    def answer_windows(self) -> int:
+        """How many half windows an answer lasts."""
+        return round(self.answer_slowest_s / self.half_window_s)
+
+    @property
+    def half_window_s(self) -> float:
+        """Half of the shortest window, where windows are centred: a transient is over by then, and
+        a tilt that is smoothed so still changes from window to window.
+        """
+        return 0.5 * self.window_shortest_s
+
+    @property
+    def coarsest_s(self) -> float:
+        """A quarter of the shortest window: the coarsest grid, and the smoothing of states that
+        windows do not see.
+        """
+        return 0.25 * self.window_shortest_s
 
 
 @dataclasses.dataclass(frozen=True)
@@ -702,12 +638,6 @@ class Estimate:
     same_cost: float = number(
         0.5, "", "Rise of -2 log posterior that halves a step.", Numerical("columns are secants")
     )
-    carrier_least_share: float = number(
-        0.3,
-        "",
-        "Least size over the usual one of what another effect acts through.",
-        Convention("below, neither is known (commit 97e8afb); not measured"),
-    )
     form_error: float = number(
         0.12,
         "",
@@ -719,13 +649,6 @@ class Estimate:
             "ges blind score DIR",
         ),
     )
-    gain_ratio_least: float = number(
-        0.75,
-        "",
-        "Actual over foretold fall of the cost from which a step is as good as foretold.",
-        Paper("Nocedal and Wright 2006, Numerical Optimization", "algorithm 4.1"),
-        high=1.0,
-    )
     recalibration_tolerance: float = number(
         1e-3, "", "Relative fall of the cost that ends recalibration.", Numerical("far below noise")
     )
@@ -735,18 +658,6 @@ class Estimate:
 class Detect:
     """Effects that need a procedure: gusts, loads on threads, a shifted balance."""
 
-    gust_mean_s: float = number(
-        4.0,
-        "s",
-        "Length of the means in which gusts show.",
-        Convention("slow eddies; not measured"),
-    )
-    gust_scatter_s: float = number(
-        0.5, "s", "Length of the means whose scatter foretells those.", Convention("not measured")
-    )
-    gust_means_least: int = number(
-        12, "", "Fewest means, in two axes each.", Convention("a scatter good to a fifth"), low=2
-    )
     gust_variance_ratio: float = number(
         6.0,
         "",
@@ -760,31 +671,12 @@ class Detect:
         low=1.0,
     )
     gust_draws: int = number(16, "", "Gusts that are blown.", Numerical("noise of a sixth"), low=2)
-    lean_share: float = number(
-        0.25,
-        "",
-        "How far what hangs below may lean, as a share of its pull.",
-        Convention("a seventh of a right angle (commit 6a9f74a); not measured"),
-    )
     load_levels: int = number(
         13,
         "",
         "Threads, or first places, of a load that are tried at once.",
         Numerical("steps of 3 %, which a second grid makes twenty times as fine"),
         low=3,
-    )
-    thread_span: float = number(
-        1.2,
-        "",
-        "How much longer and shorter threads are tried than the best of the coarse grid.",
-        Convention("as far as the next of the coarse grid"),
-        low=1.0,
-    )
-    behind_m_per_m: tuple[float, ...] = number(
-        (0.3, 1.6),
-        "",
-        "Nearest and farthest drawn load behind, over the height of flight.",
-        Convention("the coarse grid's ends and a step more"),
     )
     places_nearby: tuple[float, ...] = number(
         (0.08, 0.04, 0.02),
@@ -798,39 +690,14 @@ class Detect:
 class Locate:
     """Structure in what is left, and where it lies."""
 
-    block_s: float = number(
-        2.5, "s", "Block of time that is predicted from others.", Convention("not measured")
-    )
     knots: int = number(
-        9, "", "Knots of a smooth function of one variable.", Convention("not measured"), low=2
-    )
-    place_knots: int = number(
-        7, "", "Knots of one of a place, each way.", Convention("not measured"), low=2
-    )
-    excited_quantile: float = number(
-        0.05,
-        "",
-        "Quantile from which a variable's spread is taken.",
-        Convention("not measured"),
-        high=0.5,
+        9, "", "Knots of a smooth function, in every variable.", Convention("not measured"), low=2
     )
     spread_least: float = number(
         0.5,
         "m or m/s",
         "Least spread of a speed or a place that was flown over a range.",
         Convention("less is what the disturbance itself moves; not measured"),
-    )
-    spread_least_radii: float = number(
-        1.0, "radii", "The same of a height.", Convention("not measured")
-    )
-    spread_least_share: float = number(
-        0.1,
-        "",
-        "The same of a height, over its median.",
-        Convention("high up a radius is no other place (commit c0e99ad); not measured"),
-    )
-    energy_windows: int = number(
-        5, "", "Windows over which energy is averaged.", Convention("half a second"), low=1
     )
     r2_least: float = number(
         0.1,
@@ -845,48 +712,6 @@ class Locate:
         ),
         high=1.0,
     )
-    r2_least_of_size: float = number(
-        0.3,
-        "",
-        "The same of the size of what is left over other regimes.",
-        Convention("vibration and the noise of an attitude grow with speed in any flight"),
-        high=1.0,
-    )
-    least_drive_share: float = number(
-        0.004, "full speed", "Least structure of drives.", Convention("not measured")
-    )
-    least_range_radii: float = number(
-        0.25, "radii", "Least structure of a rangefinder.", Convention("not measured")
-    )
-    least_size_share: float = number(
-        0.01,
-        "weight or weight times arm",
-        "Least structure of the size of what is left.",
-        Convention("not measured"),
-    )
-    bins: int = number(6, "", "Cells of a variable.", Convention("a map that is read"), low=2)
-    acting_share: float = number(
-        0.3,
-        "",
-        "A finding counts in a channel from this share of what is left there.",
-        Convention("not measured"),
-    )
-    entries_by_channel: int = number(
-        3, "", "Most entries of a channel.", Convention("a list that is read"), low=1
-    )
-    entries: int = number(12, "", "Most entries.", Convention("a list that is read"), low=1)
-    terms: int = number(
-        3, "", "Most terms of a sparse form.", Convention("a form that is read"), low=1
-    )
-
-
-@dataclasses.dataclass(frozen=True)
-class Validate:
-    """Errors of flights that took no part."""
-
-    horizon_s: float = number(
-        1.0, "s", "Length of a rollout.", Convention("longer ones measure the start; not measured")
-    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -896,7 +721,7 @@ class Decide:
     form_margin: float = number(
         2.0,
         "",
-        "How much larger an effect in the drive alone has to be, how much smaller and less clear"
+        "How much larger a faint effect or a structure has to be, how much smaller and less clear"
         " what is unlike the error of a form may be.",
         Convention("what acts through time or speed is no error of a form; not measured"),
         low=1.0,
@@ -918,34 +743,6 @@ class Decide:
         "full speed",
         "Least change of a rotor's speed.",
         Convention("commit c0e99ad; not measured"),
-    )
-    least_range_m: float = number(
-        0.02, "m", "Least error of a rangefinder.", Convention("commit 0897fee; not measured")
-    )
-    large_r2_least: float = number(
-        0.01,
-        "",
-        "Least share of a channel's variance that a large structure foretells.",
-        Measured(
-            "none of 300 nulls has one, a loose hatch has",
-            "development seeds",
-            "4940e6f",
-            RUN.replace("KEY=VALUE", "decide.large_r2_least=0.005"),
-        ),
-        high=1.0,
-    )
-    large_force_share: float = number(
-        0.005, "weight", "Large structure of forces.", Convention("commit 3919f64; not measured")
-    )
-    large_moment_share: float = number(
-        0.002, "weight times arm", "Large structure of moments.", Convention("not measured")
-    )
-    misattributed_r2_least: float = number(
-        0.2,
-        "",
-        "Share of a large structure from which names are only the nearest.",
-        Convention("commit 0148155; not measured"),
-        high=1.0,
     )
 
 
@@ -1000,14 +797,11 @@ class Calibrate:
         "Usual spread of a trim between flights, from commands, over the doubt on it.",
         Convention("warm motors, a battery put back elsewhere: 2 % of a gain; not measured"),
     )
-    flight_share: float = number(
+    smaller_spread: float = number(
         0.25,
         "",
-        "The same within a session, over that.",
+        "The same within a session, over that, and from rotor speeds, over that from commands.",
         Convention("small quadrotors (CrazyPAD): 0.5 % within a session, 2 % between"),
-    )
-    spread_share_of_speeds: float = number(
-        0.25, "", "The same from rotor speeds, over that.", Convention("not measured")
     )
     spread_freedom: float = number(
         4.0,
@@ -1027,7 +821,7 @@ class Calibrate:
 
 @dataclasses.dataclass(frozen=True)
 class Report:
-    """What the report lists."""
+    """What the report lists and draws."""
 
     alternatives: int = number(
         4,
@@ -1042,6 +836,19 @@ class Report:
         "Correlation from which two numbers are known together.",
         Convention("not measured"),
         high=1.0,
+    )
+    bins: int = number(
+        6, "", "Cells of a variable on the map.", Convention("a map that is read"), low=2
+    )
+    horizon_s: float = number(
+        1.0, "s", "Length of a rollout.", Convention("longer ones measure the start; not measured")
+    )
+    entries_by_channel: int = number(
+        3, "", "Most places listed of a channel.", Convention("a list that is read"), low=1
+    )
+    entries: int = number(12, "", "Most places listed.", Convention("a list that is read"), low=1)
+    terms: int = number(
+        3, "", "Most terms of a sparse form.", Convention("a form that is read"), low=1
     )
 
 
@@ -1060,7 +867,6 @@ class Settings:
     estimate: Estimate = Estimate()
     detect: Detect = Detect()
     locate: Locate = Locate()
-    validate: Validate = Validate()
     decide: Decide = Decide()
     advise: Advise = Advise()
     calibrate: Calibrate = Calibrate()
@@ -1142,6 +948,25 @@ def rows(of: Settings) -> Iterator[tuple[str, Any, About]]:
                 getattr(numbers, field.name),
                 field.metadata["about"],
             )
+
+
+NOT_OF_THE_METHOD = ("numerics", "advise", "report")
+"""Stages that hold no numbers of the method: limits of arithmetic, how a next flight is planned and
+what is listed.
+"""
+
+
+def of_method(of: Settings) -> list[str]:
+    """Names of the numbers of the method: those that a verdict depends on. The others are in stages
+    that only plan or list, are numerical, or are switches of ablations.
+    """
+    return [
+        key
+        for key, value, about in rows(of)
+        if key.split(".")[0] not in NOT_OF_THE_METHOD
+        and not isinstance(about.source, Numerical)
+        and not isinstance(value, bool)
+    ]
 
 
 def _with(base: Settings, overrides: Mapping[str, Any]) -> Settings:

@@ -113,7 +113,7 @@ def test_a_spread_between_sessions_is_told_from_that_between_flights():
 def test_single_flights_of_several_days_tell_nothing_of_one_day():
     grams = _grams(_flights(30, 40, 2, flight_sd=0.6, seed=1))
     flight, session = _spreads_of([[g] for g in grams])
-    assert np.isnan(flight.seen) and flight.pooled == settings.calibrate.flight_share
+    assert np.isnan(flight.seen) and flight.pooled == settings.calibrate.smaller_spread
     assert session.seen == pytest.approx(3.0, rel=0.25)
 
 

@@ -37,7 +37,7 @@ def test_what_matters_at_least_is_a_share_of_each_channel_s_whole():
     force = s.least_force_share * MODEL.weight_N
     moment = s.least_moment_share * MODEL.weight_N * MODEL.arm_m
     np.testing.assert_allclose(
-        told, [force, force, moment, s.least_drive_share * 1000.0, s.least_range_m]
+        told, [force, force, moment, s.least_drive_share * 1000.0, settings.prepare.height_error_m]
     )
     assert unlike_form_error("ground_effect_lag") and not unlike_form_error("rotor_drag")
     assert least_size("rotor_drag", "force_x", MODEL) == pytest.approx(force)
@@ -113,7 +113,7 @@ def test_left_over_is_one_structure_a_channel_the_one_that_foretells_most():
     assert left_over([_structure(share=1e-5)], MODEL) == []
 
 
-@pytest.mark.parametrize(("r2", "counts"), [(0.15, False), (0.25, True)])
+@pytest.mark.parametrize(("r2", "counts"), [(0.25, False), (0.35, True)])
 def test_a_large_structure_makes_names_the_nearest_only(r2, counts):
     assert bool(borrowed([_structure(r2=r2)], MODEL)) == counts
     assert not borrowed([_structure(r2=r2, of_size=True)], MODEL)
@@ -122,7 +122,7 @@ def test_a_large_structure_makes_names_the_nearest_only(r2, counts):
 def test_structures_are_theirs_where_names_act_for_more_than_a_share_of_them():
     system = system_of(("force_x", "force_y", "force_z"), (), ())
     s = _structure("force_z")
-    share = settings.locate.acting_share
+    share = settings.statistics.large_part
     for factor, counts in ((0.9, False), (1.1, True)):
         added = {"rotor_drag": [np.tile([0.0, 0.0, factor * share * s.rms], (4, 1))]}
         assert bool(theirs([s], added, system)) == counts

@@ -61,7 +61,7 @@ def test_strong_instruments_vouch_for_what_they_explain():
 @pytest.mark.parametrize("above", [-0.01, 0.01])
 def test_weak_instruments_vouch_for_nothing(above):
     known, names = np.sin(0.5 * T), ("moment_y",)
-    strong = settings.design.instrument_strength_least + above
+    strong = settings.statistics.large_part + above
     told = _told(names, strong, known[:, None])
     (part,) = _loose(("motor_lag.up_s",), names, [known], told).values()
     assert (np.abs(part["motor_lag.up_s"]).max() < 1e-9) == (above > 0.0)
@@ -128,7 +128,7 @@ def test_new_parts_replace_known_ones_and_a_cushion_that_is_on_keeps_none_of_ano
 
 
 def test_strengths_are_means_over_the_flights_that_heard_a_channel():
-    least = settings.design.instrument_strength_least
+    least = settings.statistics.large_part
     one = Vouched({}, {}, {"force_z": least + 0.2, "moment_x": 0.1})
     two = Vouched({}, {}, {"force_z": least - 0.2})
     told = {s["channel"]: s for s in strengths([one, two], ("force_z", "moment_x", "moment_y"))}

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from ges.diagnose.design.system import build
-from ges.diagnose.detectors.gusts import Gusts, gusts_of, heard_by, may_lean
+from ges.diagnose.detectors.gusts import Gusts, gusts_of, heard_by, may_lean, wind_speed_m_s
 from ges.diagnose.estimate.fit import Joint
 from ges.diagnose.settings import settings
 
@@ -77,6 +78,17 @@ def test_no_more_gusts_than_the_file_has_are_no_news():
     assert gusts_of(system, JOINT, {"wind_20ft_m_s": 0.1 * strength}) is not None
 
 
+@pytest.mark.parametrize("height_m", [1.5, 4.0])
+def test_a_wind_over_rough_ground_is_slower_below(height_m):
+    system = build([hovering(p_z_m=height_m)], MODEL, [])
+    calm = {"east_m_s": 3.0, "north_m_s": -4.0, "roughness_m": 0.0}
+    assert wind_speed_m_s(system, "wind", calm) == pytest.approx(5.0)
+    # the logarithmic profile, told at 10 m
+    rough = wind_speed_m_s(system, "wind", {**calm, "roughness_m": 0.03})
+    share = math.log(height_m / 0.03) / math.log(10.0 / 0.03)
+    assert rough == pytest.approx(5.0 * share, rel=0.05)
+
+
 GUSTS = Gusts(5.0, 0.1, 0.4, 0.3, 9.8, 1e-4)
 
 
@@ -92,14 +104,15 @@ def test_a_strength_is_known_by_a_factor():
 def test_a_mean_wind_within_what_gusts_leave_may_be_one(east_m_s, may):
     """Three times what gusts so strong leave and the fit doubts: 3 sqrt(0.4^2 + 0.3^2)."""
     wind = {"wind": {"east_m_s": east_m_s, "north_m_s": 0.0, "roughness_m": 0.0}}
-    fitted = SimpleNamespace(sd=lambda effect, parameter: 0.3, effects=wind)
+    board = SimpleNamespace(system=build([hovering()], MODEL, []))
+    fitted = SimpleNamespace(sd=lambda effect, parameter: 0.3, effects=wind, board=board)
     assert GUSTS.may_be(fitted) == may
 
 
 def test_what_hangs_below_may_lean_to_push_by_a_share_of_its_pull():
     system = system_of(("force_x", "force_y", "force_z"), (), ())
     pull = [np.tile([0.0, 0.6, 0.8], (10, 1))]
-    share = settings.detect.lean_share
+    share = settings.statistics.large_part
     assert may_lean(0.9 * share, {"slung_load": pull}, system)
     assert not may_lean(1.1 * share, {"slung_load": pull}, system)
     assert not may_lean(0.1, {"rotor_drag": pull}, system), "it does not hang"

@@ -115,7 +115,7 @@ def test_walls_are_a_radius_beyond_each_side():
 def test_another_vehicle_is_looked_for_above_every_place():
     variants = _variants("downwash")
     assert {(v.shape["other_x_m"], v.shape["other_y_m"]) for v in variants} == set(REACHED.places_m)
-    above = 2.0 + settings.library.above_radii * MODEL.radius_m
+    above = 2.0 + 5.0 * MODEL.radius_m
     assert {v.shape["other_z_m"] for v in variants} == {above}
     assert {v.shape["width_m"] for v in variants} == {0.25}
     fine = dataclasses.replace(REACHED, square_m=0.01)
@@ -157,7 +157,7 @@ def test_a_plane_that_is_in_doubt_is_tried_across_its_doubt():
         for v in _variants("ground_effect", model=doubtful)
         if "rotor_plane_offset_m" in v.shape
     }
-    assert sorted(across) == pytest.approx([0.02 * k for k in settings.library.plane_sds])
+    assert sorted(across) == pytest.approx([0.02 * k for k in (-2, -1, 0, 1, 2)])
     assert {v.shape.get("rotor_plane_offset_m", 0.0) for v in plain} == {0.0}
 
 
@@ -202,23 +202,23 @@ def test_where_flights_went_is_where_they_flew():
     t = times()
     flying = t >= 1.0
     x = np.where(flying, t - 1.0, 70.0)
-    reached = flown([hovering(p_x_m=x, u_1=0.9).replaced(flying=flying)])
+    reached = flown([hovering(p_x_m=x, u_1=0.9).replaced(flying=flying)], 0.0625)
     assert reached.low_m == pytest.approx((0.0, 0.0, 1.5))
     assert reached.high_m == pytest.approx((2.99, 0.0, 1.5))
     assert reached.middle_m[0] == pytest.approx(1.495)
-    step = settings.library.place_size_m
+    step = 0.125
     assert reached.square_m == step and len(reached.places_m) == 24
     assert reached.places_m[0] == pytest.approx((0.5 * step, 0.5 * step))
     assert reached.commands[-1] == pytest.approx(0.9)
-    assert flown([hovering(p_x_m=None, u_1=None)]) == Flown()
+    assert flown([hovering(p_x_m=None, u_1=None)], 0.0625) == Flown()
 
 
 def test_places_are_as_coarse_as_they_have_to_be_few():
     t = times(40.0)
     wide = hovering(40.0, p_x_m=t * np.cos(t), p_y_m=t * np.sin(t))
-    reached = flown([wide])
+    reached = flown([wide], 0.0625)
     assert 1 < len(reached.places_m) <= settings.library.places_most
-    steps = math.log(reached.square_m / settings.library.place_size_m, math.sqrt(2.0))
+    steps = math.log(reached.square_m / 0.125, math.sqrt(2.0))
     assert steps == pytest.approx(round(steps), abs=1e-6)
     for x, y in zip(wide.columns["p_x_m"][::50], wide.columns["p_y_m"][::50], strict=True):
         near = min(max(abs(x - a), abs(y - b)) for a, b in reached.places_m)
@@ -231,7 +231,10 @@ def test_levels_of_commands_reach_from_the_air_to_a_take_off():
     asked = np.where(flying, 0.6, 1.0)
     flight = hovering(**dict.fromkeys(("u_1", "u_2", "u_3", "u_4"), asked))
     lifting = np.ones(len(t), bool)
-    levels = flown([flight.replaced(flying=flying, lifting=lifting)]).commands
-    shares = settings.library.take_off_shares
-    assert levels[-3:] == pytest.approx([0.6 + 0.4 * s for s in shares])
-    assert flown([flight.replaced(flying=flying)]).commands == pytest.approx([0.6] * 4)
+    reached = flown([flight.replaced(flying=flying, lifting=lifting)], 0.0625)
+    assert reached.asked_most == pytest.approx((0.6, 1.0))
+    levels = [a.level for v in _variants("rotor_saturation", reached) for a in v.amplitudes]
+    neutral = effect_table.get("rotor_saturation").parameter("share").neutral
+    assert levels == pytest.approx([0.6 + 0.4 * s - neutral for s in (0.0, 0.1, 0.4, 0.7)])
+    still = flown([flight.replaced(flying=flying)], 0.0625)
+    assert still.commands == pytest.approx([0.6] * 4) and still.asked_most == (0.6, 0.6)

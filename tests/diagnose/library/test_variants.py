@@ -17,7 +17,6 @@ from ges.diagnose.library.candidates import (
     place_of,
     reach_of,
     usual_height_m,
-    wind_speed_m_s,
 )
 from ges.diagnose.library.requirements import (
     REQUIREMENTS,
@@ -73,15 +72,6 @@ def test_what_acts_through_others_needs_one_of_them():
     assert modifiers_of(wind) == {}, "a carrier is no modifier"
     lagging = Variant("ground_effect", {}, (), {"ground_effect_lag": {"c": 2.0}})
     assert modifiers_of(lagging) == {"ground_effect_lag": {"c": 2.0}}
-
-
-def test_a_wind_over_rough_ground_is_slower_below():
-    calm = {"east_m_s": 3.0, "north_m_s": -4.0, "roughness_m": 0.0}
-    assert wind_speed_m_s("wind", calm) == pytest.approx(5.0)
-    # the logarithmic profile, told at 10 m
-    rough = wind_speed_m_s("wind", {**calm, "roughness_m": 0.03})
-    height = settings.library.wind_height_m
-    assert rough == pytest.approx(5.0 * math.log(height / 0.03) / math.log(10.0 / 0.03), rel=0.05)
 
 
 def test_a_usual_height_is_over_the_ground_of_the_file():

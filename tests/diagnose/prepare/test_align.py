@@ -146,7 +146,7 @@ def test_a_wrong_thrust_coefficient_does_not_matter(wrong):
 
 def test_the_air_is_where_the_drive_works_and_the_vehicle_is_off_its_rest():
     flight, working = hovering(8.0), _working(0.1, 1.0, 1.0, 0.1)
-    margin = int(settings.prepare.contact_margin_s / 0.01)
+    margin = int(settings.prepare.pause_s / 0.01)
     up = airborne(flight, working, None)
     assert up[200 + margin + 2 : 600 - margin - 2].all()
     assert not up[: 200 + margin - 2].any() and not up[600 - margin + 2 :].any()
@@ -178,7 +178,7 @@ def test_a_drive_lifts_where_it_pushes_most_of_its_usual_in_flight():
     flight = hovering(8.0, **speeds)
     flying = np.arange(800) >= 400
     told = lifting(flight, flying)
-    margin = int(settings.prepare.transient_margin_s / 0.01)
+    margin = int(settings.design.half_window_s / 0.01)
     assert told[200 + margin + 1 :].all() and not told[: 200 + margin - 1].any()
     silent = hovering(8.0, **dict.fromkeys(COMMAND))
     assert lifting(silent, flying) is flying

@@ -128,7 +128,7 @@ def test_a_held_command_shows_a_row_later(held):
     flight = hovering(DURATION_S, **columns)
     found = command_hold([flight])
     assert found.late == (0.5 if held else 0.0)
-    assert found.sd == settings.prepare.hold_sd_rows
+    assert found.sd == settings.prepare.at_once_share
     slow = flight.replaced(update_s={**flight.update_s, "command": 0.05})
     assert command_hold([slow]).sd > found.sd, "rows without news tell nothing"
 

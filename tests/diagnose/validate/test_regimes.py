@@ -17,7 +17,6 @@ from ges.diagnose.validate.locate import (
     edges,
     from_findings,
     from_residuals,
-    least_shares,
     regimes,
     strongest,
 )
@@ -68,7 +67,7 @@ def test_bins_hold_as_many_windows_each(shape):
     values = np.random.default_rng(0).random(300) ** shape
     limits = edges(values)
     count, _ = np.histogram(values, limits)
-    assert len(limits) == settings.locate.bins + 1
+    assert len(limits) == settings.report.bins + 1
     assert count.sum() == 300 and np.ptp(count) <= 1
     assert len(edges(np.ones(50))) == 1, "what does not vary has no bins"
 
@@ -104,13 +103,13 @@ def test_cells_are_means_of_bins_with_errors_over_blocks_of_time():
 
 def test_a_cell_s_error_is_that_of_its_blocks_of_time():
     """Windows that are alike within a block are one piece of news, however many they are."""
-    (block,) = _system(np.zeros((COUNT, 2))).blocks(settings.locate.block_s)
+    (block,) = _system(np.zeros((COUNT, 2))).blocks(settings.statistics.block_s)
     level = np.random.default_rng(3).standard_normal(block.max() + 1)
     e = np.column_stack([level[block], np.zeros(COUNT)])
-    made = cells(_system(e), [e], [{"climb_m_s": (block % 6).astype(float)}], [])
+    made = cells(_system(e), [e], [{"climb_m_s": (block % 3).astype(float)}], [])
     (cell,) = (c for c in made if c.channel == "force_z" and c.low <= 1.0 < c.high)
-    assert cell.windows == 100
-    assert cell.sd == pytest.approx(np.std(level[[1, 7, 13, 19]], ddof=1) / 2.0)
+    assert cell.windows == 200
+    assert cell.sd == pytest.approx(np.std(level[[1, 4, 7, 10]], ddof=1) / 2.0)
 
 
 def test_neighbouring_cells_of_one_sign_are_one_entry():
@@ -150,15 +149,15 @@ def test_a_place_that_no_single_variable_shows_is_an_entry_of_its_own():
 )
 def test_a_structure_is_clear_if_it_is_no_chance_explains_and_matters(change, counts):
     s = dataclasses.replace(CLEAR, **change)
-    found = clear([s], MODEL, settings.locate.r2_least, least_shares())
+    found = clear([s], MODEL, settings.locate.r2_least)
     assert bool(found) == counts
 
 
 def test_what_flights_of_the_calibration_leave_too_is_no_news():
     known = dataclasses.replace(MODEL, left_unexplained={"force_z": 0.1})
-    assert not clear([CLEAR], known, 0.1, least_shares())
+    assert not clear([CLEAR], known, 0.1)
     few = dataclasses.replace(MODEL, left_unexplained={"force_z": 0.05})
-    assert clear([CLEAR], few, 0.1, least_shares())
+    assert clear([CLEAR], few, 0.1)
 
 
 def test_a_finding_is_located_by_the_regime_that_it_follows():
@@ -183,7 +182,7 @@ def test_of_many_entries_the_first_of_each_channel_come_first():
         ("moment_x", 0),
         ("acc_y", 0),
     ]
-    assert sum(t["channel"] == "force_x" for t in told) == settings.locate.entries_by_channel
+    assert sum(t["channel"] == "force_x" for t in told) == settings.report.entries_by_channel
 
 
 def test_cells_are_of_one_channel_and_one_variable():

@@ -55,7 +55,7 @@ def test_a_form_does_not_know_the_unit_of_its_channel(unit):
 def test_no_more_terms_than_a_reader_reads_and_none_that_gains_nothing():
     terms = _terms(8)
     e = sum(t.values for t in terms) + _noise()
-    assert len(sparse_form("force_x", e, terms, BLOCK).terms) == settings.locate.terms
+    assert len(sparse_form("force_x", e, terms, BLOCK).terms) == settings.report.terms
     one = sparse_form("force_x", terms[0].values + _noise(), terms, BLOCK)
     assert one.terms == ("t0",)
 

@@ -136,7 +136,7 @@ def test_errors_are_residuals_by_stage_absent_where_a_channel_is():
 def test_a_rollout_s_error_starts_at_nothing_and_grows_as_a_fall():
     told = rollout(hovering(), HEAVY)
     clock = along_horizon_s()
-    assert clock[0] == 0.0 and clock[-1] == settings.validate.horizon_s
+    assert clock[0] == 0.0 and clock[-1] == settings.report.horizon_s
     assert told["p_z_m"].shape == (3, len(clock))
     np.testing.assert_allclose(
         told["p_z_m"], np.tile(-0.5 * FALL_M_S2 * clock**2, (3, 1)), atol=5e-3

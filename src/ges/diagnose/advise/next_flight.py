@@ -52,7 +52,7 @@ def separating(
 def _with_voltage(thrust: UntoldThrust) -> dict:
     """The manoeuvre that tells causes of another thrust apart once the voltage is logged."""
     system = thrust.system
-    listed = library(system.model, flown(system.recordings))
+    listed = library(system.model, flown(system.recordings, system.model.radius_m))
     variants = [v for name in thrust.rivals if name in listed for v in listed[name].variants]
     board = make_board(build(system.recordings, system.model, variants, system))
     rivals = [

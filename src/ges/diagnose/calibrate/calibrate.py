@@ -286,7 +286,7 @@ def _trims(
     # linearised at the last values: seen from there, the file and its prior stand at minus them
     start = -np.array([shift.get(key, 0.0) for key in told.keys])
     spreads = _spreads(
-        told, start, 1.0 if _commanded(flights) else settings.calibrate.spread_share_of_speeds
+        told, start, 1.0 if _commanded(flights) else settings.calibrate.smaller_spread
     )
     flight_sd, session_sd = (level.pooled * told.spread for level in spreads)
     found, turn = (
@@ -416,7 +416,7 @@ def _spreads(told: _Trims, start: np.ndarray, usual: float) -> _Spreads:
     sessions, balances = told.sessions, told.sessions[0][0].n
     several = len(sessions) > 1
     flights = sum(map(len, sessions))
-    alike = usual * (settings.calibrate.flight_share if several else 1.0)
+    alike = usual * (settings.calibrate.smaller_spread if several else 1.0)
 
     def seen(flight: float | None, session: float | None) -> float:
         """The factor, of the two the one that is None, that makes the flights most likely."""
@@ -611,7 +611,7 @@ def _left_unexplained(
     model = at_flown_voltage(from_vehicle(vehicle, folder), flights)
     system = build(flights, model, [])
     left = in_the_air(centred(left_raw(system, null_fit(system)[1]), system), system)
-    told, blocks = regimes_of(system), system.blocks(settings.locate.block_s)
+    told, blocks = regimes_of(system), system.blocks(settings.statistics.block_s)
     largest: dict[str, float] = {}
     for pair in itertools.combinations(range(len(flights)), 2):
         for s in structures(

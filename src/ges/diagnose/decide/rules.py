@@ -16,8 +16,9 @@ import numpy as np
 from ges.diagnose.decide.sizes import shares_of, unlike_form_error
 from ges.diagnose.design.system import variant_of
 from ges.diagnose.detectors.balance import LOSSES, causes_of
+from ges.diagnose.detectors.gusts import wind_speed_m_s
 from ges.diagnose.estimate.fit import Fitted
-from ges.diagnose.library.candidates import acts_among, amplitude_of, wind_speed_m_s
+from ges.diagnose.library.candidates import acts_among, amplitude_of
 from ges.diagnose.select.evidence import Board
 from ges.diagnose.select.search import Hypothesis, Search, size_of
 from ges.diagnose.settings import settings
@@ -297,7 +298,7 @@ def significant(fitted: Fitted, name: str) -> Decision:
     """
     effect, rule = effect_table.get(name), "significant_when_fitted"
     if effect.moves_air:
-        speed_m_s = wind_speed_m_s(name, fitted.effects[name])
+        speed_m_s = wind_speed_m_s(fitted.board.system, name, fitted.effects[name])
         still_m_s = settings.decide.still_air_m_s
         if speed_m_s < still_m_s:
             return Decision(rule, False, "air is as still anywhere", speed_m_s, still_m_s)

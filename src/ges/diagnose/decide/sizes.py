@@ -11,6 +11,7 @@ from ges.diagnose.select.evidence import Board, acts_of
 from ges.diagnose.select.search import Hypothesis
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model, block_of
+from ges.diagnose.validate.locate import least
 from ges.simulator import effects as effect_table
 
 
@@ -24,22 +25,14 @@ def unlike_form_error(name: str) -> bool:
 def least_size(name: str, channel: str, model: Model) -> float:
     """The least rms of an effect at which it matters in a channel, in the channel's unit."""
     share = 1.0 / settings.decide.form_margin if unlike_form_error(name) else 1.0
-    return share * _least(channel, model)
+    return share * least(block_of(channel), model.whole(channel))
 
 
 def least_sizes(system: System) -> np.ndarray:
     """What matters at least in each main channel, (C,), rms over all windows, in the channel's
     unit: no model is right to less.
     """
-    return np.array([_least(name, system.model) for name in system.main])
-
-
-def _least(channel: str, model: Model) -> float:
-    s, block = settings.decide, block_of(channel)
-    if block == "range":
-        return s.least_range_m
-    shares = {"moment": s.least_moment_share, "drive": s.least_drive_share}
-    return shares.get(block, s.least_force_share) * model.whole(channel)
+    return np.array([least(block_of(name), system.model.whole(name)) for name in system.main])
 
 
 def shares_of(board: Board, h: Hypothesis, names: set[str]) -> Mapping[str, float]:

@@ -16,24 +16,14 @@ from ges.diagnose.validate.locate import clear, located
 from ges.diagnose.validate.structure import Structure
 
 
-def _large_shares() -> dict[str, float]:
-    """A large structure by kind of channel, over the whole of the channel."""
-    s = settings.decide
-    return {
-        **dict.fromkeys(("force", "acc"), s.large_force_share),
-        "moment": s.large_moment_share,
-        "range": settings.locate.least_range_radii,
-    }
-
-
 def left_over(found: Sequence[Structure], model: Model) -> list[Structure]:
     """Structures in the residuals of the accepted model that no noise makes and that are large, or
     explain much, as those of healthy flights that come below the asked chance do not: of the mean,
     or where that shows none, of the size of forces and moments. The one that predicts most of each
     channel, the largest share first.
     """
-    r2 = settings.decide.large_r2_least
-    large = [*located(found, model), *clear(found, model, r2, _large_shares())]
+    r2 = settings.statistics.least_gain
+    large = [*located(found, model), *clear(found, model, r2, settings.decide.form_margin)]
     best: dict[str, Structure] = {}
     for s in sorted([s for s in large if not s.of_size] or large, key=lambda s: (-s.r2, s.regime)):
         best.setdefault(s.channel, s)
@@ -51,7 +41,7 @@ def theirs(
     return [
         s
         for s in found
-        if acting[s.channel] > settings.locate.acting_share * s.rms
+        if acting[s.channel] > settings.statistics.large_part * s.rms
         and not (s.channel in PUSHED and may_lean(s.rms, added, system))
     ]
 
@@ -63,6 +53,6 @@ def borrowed(found: Sequence[Structure], model: Model) -> list[Structure]:
     """
     return [
         s
-        for s in clear(found, model, settings.decide.misattributed_r2_least, _large_shares())
+        for s in clear(found, model, settings.statistics.large_part, settings.decide.form_margin)
         if not s.of_size
     ]

@@ -158,7 +158,7 @@ def _not_borrowed(answer: Answer, start: Start, declared: Model, record: Record)
         if mine:
             by = " and ".join(mine[0].regime)
             because = f"{by} still foretell {mine[0].channel}, where it mainly acts"
-        statistic, most = mine[0].r2 if mine else None, settings.decide.misattributed_r2_least
+        statistic, most = mine[0].r2 if mine else None, settings.statistics.large_part
         record.note(name, Decision("no_lack_of_fit", not mine, because, statistic, most))
         if mine and name in accepted.names:
             accepted = without(accepted, name)

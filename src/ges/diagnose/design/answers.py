@@ -151,7 +151,7 @@ def strengths(told: Sequence[Vouched], names: Sequence[str]) -> list[dict]:
 
 def _is_strong(share: float) -> bool:
     """Whether instruments foretell enough of a signal."""
-    return share > settings.design.instrument_strength_least
+    return share > settings.statistics.large_part
 
 
 def _answered(name: str) -> bool:

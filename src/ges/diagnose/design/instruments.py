@@ -146,8 +146,8 @@ def mark_of(name: str) -> str:
 def _late(values: np.ndarray, flight: Prepared, windows: Windows) -> list[np.ndarray]:
     """A signal late by multiples of half a window."""
     step, t = 0.5 * windows.length_s, flight.t_s
-    first, last = settings.design.instrument_lags
-    lags = range(first, last + 1)
+    # one ahead: a window that is averaged sees what begins within it
+    lags = range(-1, settings.design.answer_windows + 1)
     return [np.interp(t - lag * step, t, values) for lag in lags]
 
 

@@ -22,7 +22,7 @@ from ges.conventions import SDS_95
 from ges.diagnose.design.residual import motion_of
 from ges.diagnose.design.system import Rows, System, build
 from ges.diagnose.estimate.fit import Fitted, Joint, left_raw
-from ges.diagnose.library.candidates import Variant, acts_among, amplitude_of, wind_speed_m_s
+from ges.diagnose.library.candidates import Variant, acts_among, amplitude_of
 from ges.diagnose.prepare.channels import FORCE
 from ges.diagnose.select.stated import stated
 from ges.diagnose.settings import settings
@@ -60,7 +60,7 @@ class Gusts:
         """
         sd_m_s = max(fitted.sd("wind", p) for p in AXES)
         most_m_s = settings.statistics.clear_sds * math.hypot(self.mean_sd_m_s, sd_m_s)
-        return wind_speed_m_s("wind", fitted.effects["wind"]) < most_m_s
+        return wind_speed_m_s(fitted.board.system, "wind", fitted.effects["wind"]) < most_m_s
 
     @property
     def ci95(self) -> tuple[float, float]:
@@ -80,6 +80,18 @@ class Gusts:
         return Finding.of("gusts", stated(1.0 - self.chance), {STRENGTH: value}, size)
 
 
+def wind_speed_m_s(system: System, name: str, values: Mapping[str, float]) -> float:
+    """Of a wind by its parameters, where the flights of a system are: the median."""
+    speeds = []
+    for flight in system.recordings:
+        samples = effect_table.Samples.from_columns(motion_of(flight, system.model, {}).columns)
+        # asked of the compiled wind, so that any profile over height is met
+        said = effect_table.replay({}, samples, {name: values}, system.model.terrain)
+        blown = said.stack("wind_x_m_s", "wind_y_m_s")[flight.flying]
+        speeds.append(np.linalg.norm(blown, axis=1))
+    return float(np.median(np.concatenate(speeds)))
+
+
 def may_lean(push_N: float, added: Mapping[str, Sequence[np.ndarray]], system: System) -> bool:
     """Whether something hangs below whose pull need only lean to push so; ``added`` by effect and
     flight, (m, C).
@@ -87,7 +99,7 @@ def may_lean(push_N: float, added: Mapping[str, Sequence[np.ndarray]], system: S
     axes = [c for c, name in enumerate(system.main) if name in FORCE]
     pulls = [np.concatenate(added[name])[:, axes] for name in HANGING if name in added]
     sizes_N = [float(np.sqrt(np.nanmean(pull**2, axis=0).sum())) for pull in pulls]
-    return any(push_N < settings.detect.lean_share * size_N for size_N in sizes_N)
+    return any(push_N < settings.statistics.large_part * size_N for size_N in sizes_N)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -151,7 +163,7 @@ def gusts_of(
         return None
     told = _told(system, joint)
     air = _air(told, system.model)
-    if len(air.stretches) < settings.detect.gust_means_least:
+    if not air.stretches:
         return None
     left = air.less_known(air.wind)
     slow, noise = float(np.mean(air.means(left) ** 2)), air.noise(left)
@@ -159,8 +171,10 @@ def gusts_of(
         return None
     # F test: two axes of every stretch against what its shorter means have about their own mean
     count = 2 * len(air.stretches)
-    parts = settings.detect.gust_mean_s / settings.detect.gust_scatter_s
+    parts = settings.statistics.block_s / settings.design.answer_slowest_s
     chance = float(fdtrc(count, count * (parts - 1.0), slow / noise))
+    if chance > settings.statistics.chance:
+        return None
     found = _measured(slow - noise, chance, air, told, system.model)
     # no news unless clearly stronger than the gusts that are known already
     expected = 0.0 if known is None else {**effect_table.get("gusts").defaults(), **known}[STRENGTH]
@@ -211,7 +225,7 @@ def _air(told: Sequence[_Told], model: Model) -> _Air:
         np.concatenate([_known(t, i, len(told)) for i, t in enumerate(told)]),
         np.r_[np.zeros(6), np.full(2 * len(told), trim_N**-2)],
         [k + part for k, t in zip(first, told, strict=False) for part in _stretches(t)],
-        max(1, round(settings.detect.gust_scatter_s / (0.5 * told[0].rows.windows.length_s))),
+        max(1, round(settings.design.answer_slowest_s / (0.5 * told[0].rows.windows.length_s))),
     )
 
 
@@ -222,7 +236,7 @@ def _known(told: _Told, number: int, flights: int) -> np.ndarray:
     at, flight = told.rows.windows.center[told.at], told.rows.flight
     v = flight.stack("velocity")[at, :2]
     height = (
-        np.log(np.maximum(flight.columns["p_z_m"][at], settings.prepare.lift_off_m))
+        np.log(np.maximum(flight.columns["p_z_m"][at], settings.prepare.height_error_m))
         if "p_z_m" in flight.columns
         else np.zeros(len(at))
     )
@@ -240,7 +254,7 @@ def _stretches(told: _Told) -> list[np.ndarray]:
     """Windows of every stretch of one flight, numbered among those that are told; none shorter than
     half of one.
     """
-    windows, length_s = told.rows.windows, settings.detect.gust_mean_s
+    windows, length_s = told.rows.windows, settings.statistics.block_s
     number = ((windows.center_s[told.at] - windows.center_s[told.at[0]]) // length_s).astype(int)
     parts = [np.flatnonzero(number == k) for k in np.unique(number)]
     return [part for part in parts if len(part) >= length_s / windows.length_s]

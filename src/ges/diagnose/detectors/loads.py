@@ -24,6 +24,7 @@ from ges.diagnose.select.evidence import Board, make_board
 from ges.diagnose.select.scales import entries, scales
 from ges.diagnose.select.search import Search
 from ges.diagnose.settings import settings
+from ges.simulator import effects as effect_table
 
 LOAD = "slung_load"
 DRAWN = ("start_x_m", "start_y_m")
@@ -72,8 +73,8 @@ def sharpened(like: System, variant: Variant) -> Variant:
 
 
 def _hanging(like: System, variant: Variant) -> Variant:
-    best, span, levels = variant, settings.detect.thread_span, settings.detect.load_levels
-    # the second grid spans one step of the first
+    best, span, levels = variant, _coarse_step(variant), settings.detect.load_levels
+    # as far as the next of the coarse grid; the second grid spans one step of the first
     for _ in range(2):
         shares = np.geomspace(1.0 / span, span, levels)
         span = shares[1] / shares[0]
@@ -86,9 +87,27 @@ def _hanging(like: System, variant: Variant) -> Variant:
     return best
 
 
+def _coarse_step(variant: Variant) -> float:
+    """Ratio of the thread of a hanging load to the farther of its neighbours on the grid that it is
+    from, or the nearest to it.
+    """
+    grids = (
+        np.array(s.levels)
+        for s in effect_table.get(LOAD).searches
+        if s.axis == ("length_m",) and s.fixed.items() <= variant.shape.items()
+    )
+    levels = next(grids)
+    at = int(np.argmin(np.abs(np.log(levels / variant.shape["length_m"]))))
+    near = levels[max(at - 1, 0) : at + 2]
+    return float((near[1:] / near[:-1]).max())
+
+
 def _drawn(like: System, variant: Variant) -> Variant:
     flights = like.recordings
-    height_m, way = usual_height_m(like.model, flown(flights)), way_out(flights)
+    height_m, way = (
+        usual_height_m(like.model, flown(flights, like.model.radius_m)),
+        way_out(flights),
+    )
     # a taut thread from this height meets the ground so far behind
     best = Drawn(math.sqrt(max(variant.shape["length_m"] ** 2 - height_m**2, 0.0)), 0.0)
 
@@ -129,8 +148,10 @@ def _first_places(load: Drawn, height_m: float) -> list[Drawn]:
 
 
 def _threads(load: Drawn, height_m: float) -> list[Drawn]:
-    least, most = settings.detect.behind_m_per_m
-    shares = np.geomspace(least, most, settings.detect.load_levels)
+    (coarse,) = (s.levels for s in effect_table.get(LOAD).searches if s.rule == "drawn")
+    # a step of the coarse grid beyond both of its ends
+    step = coarse[1] / coarse[0]
+    shares = np.geomspace(coarse[0] / step, coarse[-1] * step, settings.detect.load_levels)
     return [load.with_thread(height_m * k) for k in shares]
 
 

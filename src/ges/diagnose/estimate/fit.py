@@ -284,7 +284,7 @@ def _through(found: dict[str, dict[str, float]], beside: effect_table.Effects) -
     """Usual size of what an effect acts through over the size that was found, which is raised to a
     part of the usual one.
     """
-    share, least = 1.0, settings.estimate.carrier_least_share
+    share, least = 1.0, settings.statistics.large_part
     for carrier, usual in beside.items():
         for parameter, value in usual.items():
             if carrier in found:

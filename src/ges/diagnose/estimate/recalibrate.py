@@ -41,7 +41,7 @@ def operating_point(board: Board, joint: Joint) -> dict[str, float]:
     if moved or not stopped.any():
         # trust-region ratio: actual fall of the cost over what the linear step foretold
         given, stepped = posterior.cost(np.zeros(len(linear))), posterior.cost(linear)
-        if given - stepped >= settings.estimate.gain_ratio_least * (given - joint.cost):
+        if given - stepped >= settings.numerics.gain_ratio_least * (given - joint.cost):
             return {}
     inside = np.clip(0.0, posterior.low, posterior.high)
     found = least_squares(

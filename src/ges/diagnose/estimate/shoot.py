@@ -53,7 +53,7 @@ class Rollouts:
 def rollouts_of(flight: Prepared, model: Model, n: int) -> Rollouts:
     """Fly every horizon of ``n`` rows of one flight."""
     columns, _ = model_along(flight, model, model.effects)
-    width = settings.prepare.state_smoothing_s / flight.dt_s
+    width = settings.design.coarsest_s / flight.dt_s
     recorded = {
         name: gaussian_filter1d(flight.columns[name], width) for name in VELOCITY + POSITION
     }

@@ -22,7 +22,7 @@ def candidates_of(
     """
     return [
         c
-        for c in library(base, flown(flights)).values()
+        for c in library(base, flown(flights, base.radius_m)).values()
         if c.name not in taken
         and (only is None or c.name in only)
         and not lacking(c.name, flights, base)

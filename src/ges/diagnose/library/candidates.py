@@ -110,7 +110,8 @@ class Flown:
     low_m, high_m : corners of the box of positions, world; None where no position was logged.
     middle_m : median of the positions by axis; None where no position was logged.
     places_m : middles of the squares of the ground plan that were visited, ``square_m`` wide.
-    commands : levels near the top of the commands; empty where none were logged.
+    commands : levels near the top of the commands in the air; empty where none were logged.
+    asked_most : the largest of those, and of a take-off's too.
     tilt_seen : whether every flight logged its attitude.
     """
 
@@ -120,21 +121,24 @@ class Flown:
     places_m: tuple[tuple[float, float], ...] = ()
     square_m: float = 0.0
     commands: tuple[float, ...] = ()
+    asked_most: tuple[float, float] = (0.0, 0.0)
     tilt_seen: bool = True
 
 
 NOWHERE = Flown()
 
 
-def flown(flights: Sequence[Prepared]) -> Flown:
-    """Sum up where flights went, samples in the air alone, and what they asked."""
-    levels = _asked(flights)
+def flown(flights: Sequence[Prepared], radius_m: float) -> Flown:
+    """Sum up where flights went, samples in the air alone, and what they asked; no square of the
+    ground plan is finer than a rotor of this radius.
+    """
+    levels, most = _asked(flights)
     tilt_seen = attitude_measured(flights)
     positions = [f.stack("position")[f.flying] for f in flights if f.has("position")]
     if not positions or not sum(len(p) for p in positions):
-        return Flown(commands=levels, tilt_seen=tilt_seen)
+        return Flown(commands=levels, asked_most=most, tilt_seen=tilt_seen)
     p = np.concatenate(positions)
-    places, square = _places(p[:, :2])
+    places, square = _places(p[:, :2], 2.0 * radius_m)
     return Flown(
         tuple(p.min(axis=0)),
         tuple(p.max(axis=0)),
@@ -142,27 +146,24 @@ def flown(flights: Sequence[Prepared]) -> Flown:
         places,
         square,
         levels,
+        most,
         tilt_seen,
     )
 
 
-def _asked(flights: Sequence[Prepared]) -> tuple[float, ...]:
-    """Levels near the top of the commands in the air, and between there and what a take-
-    off asks.
-    """
+def _asked(flights: Sequence[Prepared]) -> tuple[tuple[float, ...], tuple[float, float]]:
+    """Levels near the top of the commands in the air, the largest there, and that of a take-off."""
     told = [f for f in flights if f.has("command") and f.flying.any()]
     if not told:
-        return ()
+        return (), (0.0, 0.0)
     air = np.concatenate([f.stack("command")[f.flying].ravel() for f in told])
-    top, most = float(air.max()), max(float(f.stack("command")[f.driven].max()) for f in told)
-    between = top + (most - top) * np.array(settings.library.take_off_shares) if most > top else ()
+    most = max(float(f.stack("command")[f.driven].max()) for f in told)
     levels = np.quantile(air, settings.library.command_quantiles)
-    return tuple(float(level) for level in (*levels, *between))
+    return tuple(map(float, levels)), (float(air.max()), most)
 
 
-def _places(plan: np.ndarray) -> tuple[tuple[tuple[float, float], ...], float]:
-    """Squares of the ground plan that were visited, coarse enough to be few."""
-    square = settings.library.place_size_m
+def _places(plan: np.ndarray, square: float) -> tuple[tuple[tuple[float, float], ...], float]:
+    """Squares of the ground plan that were visited, so wide or coarse enough to be few."""
     while True:
         corner = np.floor(plan / square)
         cells = np.unique(
@@ -210,15 +211,6 @@ def usual_height_m(model: Model, reached: Flown) -> float:
         raise ValueError("no height without a position; log one")
     x, y, z = reached.middle_m
     return z - float(model.terrain.at(np.array([x]), np.array([y])).height_m[0])
-
-
-def wind_speed_m_s(name: str, values: Mapping[str, float]) -> float:
-    """Of a wind by its parameters, at the heights of flights near ground."""
-    height_m = np.full(1, settings.library.wind_height_m)
-    low = effect_table.Samples.from_columns({"t_s": np.zeros(1), "p_z_m": height_m})
-    # asked of the compiled wind, so that any profile over height is met
-    blown = effect_table.replay({}, low, {name: values}).stack("wind_x_m_s", "wind_y_m_s")
-    return float(np.linalg.norm(blown))
 
 
 def reach_of(name: tuple[str, str], values: effect_table.Effects, model: Model) -> float:

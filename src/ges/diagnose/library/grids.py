@@ -102,9 +102,8 @@ def _grid(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple
     if search.across:
         sd = model.plane_sd_m
         # a declared number that shapes the effect is tried across its doubt, or taken as certain
-        axes[search.across] = (
-            tuple(k * sd for k in settings.library.plane_sds) if sd > 0.0 else (0.0,)
-        )
+        most = round(settings.statistics.suggestive_sds)
+        axes[search.across] = tuple(k * sd for k in range(-most, most + 1)) if sd > 0.0 else (0.0,)
     plain = tuple(
         _variant(
             effect,
@@ -181,10 +180,14 @@ def _levels(effect: Effect, search: Search, model: Model, reached: Flown) -> tup
 
 
 def _asked(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple[Variant, ...]:
-    """Levels near the top of what was asked of the motors."""
+    """Levels near the top of what was asked of the motors in the air, and shares of the way from
+    there to what a take-off asks.
+    """
     (p,) = map(effect.parameter, search.amplitudes)
+    top, most = reached.asked_most
+    between = [top + (most - top) * share for share in search.levels] if most > top else []
     # levels that are all but equal would be copies of one column
-    levels = sorted({round(q, 3) for q in reached.commands if p.low < q < p.high})
+    levels = sorted({round(q, 3) for q in (*reached.commands, *between) if p.low < q < p.high})
     return _at_levels(effect, search, tuple(levels))
 
 
@@ -237,12 +240,15 @@ def _beside(effect: Effect, search: Search, model: Model, reached: Flown) -> tup
 def _over_places(
     effect: Effect, search: Search, model: Model, reached: Flown
 ) -> tuple[Variant, ...]:
-    """Above each place that was visited, as wide as the places are apart."""
+    """Above each place that was visited, as wide as the places are apart, so many radii above the
+    highest.
+    """
     if reached.high_m is None:
         return ()
     x_name, y_name, z_name, width = search.axis
     # over the highest that was flown anywhere: a rotor never passes through what is there
-    above = reached.high_m[2] + settings.library.above_radii * model.radius_m
+    (radii,) = search.levels
+    above = reached.high_m[2] + radii * model.radius_m
     wide = max(0.5 * reached.square_m, model.radius_m)
     return tuple(
         _variant(

@@ -176,7 +176,7 @@ def _held_ends(t_s: np.ndarray, rows: np.ndarray) -> np.ndarray:
     usual = np.median(np.diff(t_s[rows])) if len(rows) > 2 else np.inf
     before_next = np.r_[rows[1:] - 1, len(t_s) - 1]
     # a straight line to the next news would turn a long hold into a slow ramp
-    stood = t_s[before_next] - t_s[rows] > settings.prepare.stale_updates * usual
+    stood = t_s[before_next] - t_s[rows] > settings.design.window_updates * usual
     return np.unique(np.r_[rows, before_next[stood]])
 
 
@@ -210,7 +210,7 @@ def grid_step_s(frame: pd.DataFrame) -> float:
     median_s = np.median(np.diff(frame["t_s"].to_numpy(dtype=float)))
     shortest_s, longest_s = (
         settings.prepare.grid_step_shortest_s,
-        settings.prepare.grid_step_longest_s,
+        settings.design.coarsest_s,
     )
     return float(np.clip(median_s, shortest_s, longest_s))
 
@@ -272,7 +272,7 @@ def _silent(frame: pd.DataFrame, name: str, grid_s: np.ndarray) -> np.ndarray:
     # the readings on both sides of every sample: a line is drawn only between near ones
     after = np.searchsorted(heard, grid_s, side="left").clip(1, len(heard) - 1)
     return (
-        (heard[after] - heard[after - 1] > settings.prepare.gap_longest_s)
+        (heard[after] - heard[after - 1] > settings.prepare.pause_s)
         | (grid_s < heard[0])
         | (grid_s > heard[-1])
     )
@@ -292,7 +292,7 @@ def gaps(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
         return np.ones(len(grid_s), dtype=bool)
     after = np.searchsorted(good, grid_s, side="left").clip(1, len(good) - 1)
     return (
-        (good[after] - good[after - 1] > settings.prepare.gap_longest_s)
+        (good[after] - good[after - 1] > settings.prepare.pause_s)
         | (grid_s < good[0])
         | (grid_s > good[-1])
     )
@@ -340,7 +340,7 @@ def resting_m(flight: Prepared, working: np.ndarray, height_m: np.ndarray | None
     if height_m is None:
         return np.inf
     idle = working <= settings.prepare.lifting_share
-    n = max(1, int(settings.prepare.contact_margin_s / flight.dt_s))
+    n = max(1, int(settings.prepare.pause_s / flight.dt_s))
     ends = (end for end in (slice(n), slice(-n, None)) if idle[end].mean() > 0.5)
     rest_m = min((float(np.median(height_m[end])) for end in ends), default=np.inf)
     # a low quantile and not the least: single readings of a height may be wrong
@@ -372,11 +372,11 @@ def airborne(
     up = working > p.lifting_share
     if above_m is not None:
         descending = (working > p.descent_share) & (above_m > p.descent_height_m)
-        up = (up & (above_m > p.lift_off_m)) | descending
+        up = (up & (above_m > p.height_error_m)) | descending
     # shorter than half the margin is a flicker about a threshold, no take-off and no landing
-    size = 2 * int(0.5 * p.contact_margin_s / flight.dt_s) + 1
+    size = 2 * int(0.5 * p.pause_s / flight.dt_s) + 1
     up = median_filter(up.astype(np.uint8), size=size, mode="nearest").astype(bool)
-    return _well_within(up, p.contact_margin_s, flight.dt_s)
+    return _well_within(up, p.pause_s, flight.dt_s)
 
 
 def lifting(flight: Prepared, flying: np.ndarray) -> np.ndarray:
@@ -393,7 +393,7 @@ def lifting(flight: Prepared, flying: np.ndarray) -> np.ndarray:
     # squares of speeds are thrust but for a factor, which the ratio to the median drops
     push = (flight.stack("rotor_speed") ** 2).sum(axis=1)
     lifts = push > settings.prepare.lifting_share * np.median(push[flying])
-    return _well_within(lifts, settings.prepare.transient_margin_s, flight.dt_s)
+    return _well_within(lifts, settings.design.half_window_s, flight.dt_s)
 
 
 def _well_within(at: np.ndarray, margin_s: float, dt_s: float) -> np.ndarray:

@@ -36,20 +36,20 @@ class Delay:
 
 def _drive_lags_s() -> np.ndarray:
     """Delays of the rotor speeds that are tried, s: two steps of negative ones show a peak at 0."""
-    longest_s = settings.prepare.drive_lag_longest_s
+    longest_s = settings.prepare.pause_s
     step_s = longest_s / settings.prepare.lag_steps
     return np.arange(-2.0 * step_s, longest_s + settings.numerics.small, step_s)
 
 
 def _pose_lags_s() -> np.ndarray:
     """Delays of the pose that are tried, s, of both signs."""
-    longest_s = settings.prepare.pose_lag_longest_s
+    longest_s = settings.design.window_shortest_s
     step_s = longest_s / settings.prepare.lag_steps
     return np.arange(-longest_s, longest_s + settings.numerics.small, step_s)
 
 
 def _high_pass(x: np.ndarray, step_s: float, slower_s: float | None = None) -> np.ndarray:
-    return x - gaussian_filter1d(x, (slower_s or settings.prepare.slower_s) / step_s)
+    return x - gaussian_filter1d(x, (slower_s or settings.prepare.slow_s) / step_s)
 
 
 def _correlations(flight: Prepared, model: Model, lags_s: np.ndarray) -> np.ndarray | None:
@@ -122,7 +122,7 @@ def _told(stream: str, told: Sequence[np.ndarray], lags_s: np.ndarray) -> Delay 
     sd = max([sd, *(abs(at - delay) for at, r in less if r > top)])
     # the sd of what is rounded to the grid of lags (Sheppard 1898)
     least_sd_s = float(lags_s[1] - lags_s[0]) / math.sqrt(12.0)
-    clear = top > settings.prepare.correlation_least
+    clear = top > settings.statistics.large_part
     return Delay(stream, delay, max(sd, least_sd_s), top) if clear else None
 
 
@@ -130,7 +130,7 @@ def _behind_commands(flights: Sequence[Prepared]) -> float:
     """How far the rotor speeds lag behind their commands, s; infinite where that is not told."""
     told, lags_s = [], _drive_lags_s()
     for f in (f for f in flights if f.has("rotor_speed") and f.has("command")):
-        width = settings.prepare.state_smoothing_s / f.dt_s
+        width = settings.design.coarsest_s / f.dt_s
         # summed squares go as thrust: turns, in which rotors differ, cancel to first order
         squares = ((f.stack(s) ** 2).sum(axis=1) for s in ("command", "rotor_speed"))
         asked, given = (_high_pass(gaussian_filter1d(s / s.mean(), width), f.dt_s) for s in squares)
@@ -176,13 +176,13 @@ def command_hold(flights: Sequence[Prepared]) -> Held:
     p = settings.prepare
     (now, then, after), sds = _responses(told)
     if now > max(settings.statistics.certain_sds * sds[0], p.at_once_share * then):
-        return Held(0.0, p.hold_sd_rows)
+        return Held(0.0, p.at_once_share)
     fades = (
         then > settings.statistics.certain_sds * sds[1]
         and max(abs(now), sds[0]) < p.at_once_share * then
     )
     held = fades and after < (1.0 - settings.statistics.least_gain) * then
-    return Held(0.5, p.hold_sd_rows) if held else maybe_held()
+    return Held(0.5, p.at_once_share) if held else maybe_held()
 
 
 def _every_row(flight: Prepared) -> bool:
@@ -196,7 +196,7 @@ def _responses(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray]:
     and their sds: least squares of a finite response, which noise of the speeds does not bias
     (Ljung 1999, section 10.1).
     """
-    taps = max(3, int(settings.prepare.drive_response_s / max(f.dt_s for f in flights)))
+    taps = max(3, int(settings.design.window_shortest_s / max(f.dt_s for f in flights)))
     parts = [_delayed(f, taps) for f in flights]
     x, y = np.concatenate([x for x, _ in parts]), np.concatenate([y for _, y in parts])
     inverse = np.linalg.pinv(x.T @ x)
@@ -215,7 +215,7 @@ def _delayed(flight: Prepared, taps: int) -> tuple[np.ndarray, np.ndarray]:
         flight.stack(s).T / flight.stack(s)[air].mean(axis=0)[:, None]
         for s in ("command", "rotor_speed")
     )
-    u, speed = (_high_pass(x, flight.dt_s, settings.prepare.drive_response_s) for x in (u, speed))
+    u, speed = (_high_pass(x, flight.dt_s, settings.design.window_shortest_s) for x in (u, speed))
     # a past that reaches before the recording is padded with zeros, which nobody commanded
     air = air[air >= taps]
     return np.concatenate([with_past(x, taps)[air] for x in u]), np.concatenate(list(speed[:, air]))
@@ -227,7 +227,7 @@ def _both_rates(flight: Prepared) -> tuple[np.ndarray, np.ndarray] | None:
         return None
     update_s = max(flight.update_s["attitude"], flight.update_s["gyro"])
     # one width for both, set by the slower stream: the smoothing itself makes no delay between them
-    width = max(settings.prepare.state_smoothing_s, update_s) / flight.dt_s
+    width = max(settings.design.coarsest_s, update_s) / flight.dt_s
     q = flight.stack("attitude")
     turning = turn_rates(q, np.gradient(q, flight.dt_s, axis=0))
     return tuple(gaussian_filter1d(r, width, axis=0) for r in (flight.stack("gyro"), turning))
@@ -262,7 +262,7 @@ def clock_drift(flight: Prepared) -> float:
     and the other way in the next.
     """
     pair, rows = _both_rates(flight), np.flatnonzero(flight.flying)
-    count = int(len(rows) * flight.dt_s // settings.locate.block_s)
+    count = int(len(rows) * flight.dt_s // settings.statistics.block_s)
     if pair is None or count < settings.statistics.folds:
         return 0.0
     gyro, pose = (_high_pass(rates.T, flight.dt_s) for rates in pair)
@@ -294,7 +294,7 @@ def _slope(t_s: np.ndarray, delay_s: np.ndarray, correlation: np.ndarray) -> flo
     """Of the line through delays, each as good as its correlation; 0 where their scatter about it
     may have made it.
     """
-    told = correlation > settings.prepare.correlation_least
+    told = correlation > settings.statistics.large_part
     if told.sum() < settings.statistics.folds:
         return 0.0
     x, y, free = t_s[told], delay_s[told], told.sum() - 2

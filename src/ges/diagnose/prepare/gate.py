@@ -131,14 +131,16 @@ def struck(gridded: _Gridded, model: Model) -> np.ndarray:
     if gridded.height_m is None or "acc_z_m_s2" not in flight.columns:
         return np.zeros(len(flight.t_s), bool)
     p, push = settings.prepare, flight.columns["acc_z_m_s2"]
-    size = 2 * int(0.5 * p.contact_margin_s / flight.dt_s) + 1
+    # what is left of the thrust beside what carries is the least that no drive makes so shortly
+    least_m_s2 = p.descent_share * GRAVITY_M_S2
+    size = 2 * int(0.5 * p.pause_s / flight.dt_s) + 1
     # a running median follows steps and ramps of thrust and passes by what is short: a blow
     blow = np.abs(push - median_filter(push, size=size, mode="nearest"))
     # noise from the median: an rms would be swollen by the blows themselves
     usual = MAD_TO_SD * np.median(blow)
     close = gridded.height_m < p.blow_height_radii * model.radius_m
-    hit = (blow > max(p.blow_least_m_s2, p.blow_sds * usual)) & close
-    around = max(1, int(p.contact_margin_s / flight.dt_s))
+    hit = (blow > least_m_s2 + settings.statistics.certain_sds * usual) & close
+    around = max(1, int(p.pause_s / flight.dt_s))
     return binary_dilation(hit, iterations=around) if hit.any() else hit
 
 
@@ -147,7 +149,7 @@ def clipped(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
     largest reading: out of its range.
     """
     t_s, found = frame["t_s"].to_numpy(dtype=float), np.zeros(len(grid_s), bool)
-    margin_s = settings.prepare.transient_margin_s
+    margin_s = settings.design.half_window_s
     for name in (n for n in (*BODY_RATE, *SPECIFIC_FORCE) if n in frame):
         for first, last in _at_limit(t_s, frame[name].to_numpy(dtype=float)):
             found |= (grid_s >= t_s[first] - margin_s) & (grid_s <= t_s[last] + margin_s)
@@ -169,7 +171,7 @@ def _at_limit(t_s: np.ndarray, values: np.ndarray) -> list[tuple[int, int]]:
         np.std(values[finite]),
     )
     # a slow sensor holds too, and any signal has a largest value: all three marks make a limit
-    long = t_s[ends] - t_s[starts] > settings.prepare.stale_updates * usual
+    long = t_s[ends] - t_s[starts] > settings.design.window_updates * usual
     extreme = np.isin(values[starts], (values[finite].min(), values[finite].max()))
     far = np.abs(values[starts] - middle) > settings.statistics.clear_sds * sd
     return list(zip(starts[long & extreme & far], ends[long & extreme & far], strict=True))
@@ -184,7 +186,7 @@ def with_thrust_direction(flight: Prepared, frame: pd.DataFrame) -> Prepared:
     """
     if flight.has("attitude") or not flight.has("velocity"):
         return flight
-    step, smoothing_s = flight.dt_s, settings.prepare.tilt_smoothing_s
+    step, smoothing_s = flight.dt_s, settings.design.half_window_s
     # thrust over mass is acceleration less gravity where drag is small, along the body's up
     smooth = gaussian_filter1d(flight.stack("velocity"), smoothing_s / step, axis=0)
     up = np.gradient(smooth, step, axis=0) + np.array([0.0, 0.0, GRAVITY_M_S2])
@@ -307,9 +309,11 @@ def pass_gate(
 def _pose_settled(flights: list[Prepared | None]) -> tuple[Delay | None, list[Prepared | None]]:
     """A clear delay of the pose, and the flights without it."""
     used = [f for f in flights if f]
-    p, pose = settings.prepare, pose_delay(used)
-    # noise draws the peak of a correlation to half a sample
-    least_s = p.pose_delay_least_samples * max(f.dt_s for f in used)
+    pose = pose_delay(used)
+    # noise draws the peak of a correlation between two readings
+    least_s = max(
+        (f.update_s[s] for f in used for s in ("gyro", "attitude") if f.has(s)), default=0.0
+    )
     if not pose or abs(pose.delay_s) <= max(settings.statistics.certain_sds * pose.sd_s, least_s):
         return None, flights
     return pose, [f and shifted(f, pose.stream, pose.delay_s) for f in flights]

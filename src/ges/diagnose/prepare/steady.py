@@ -4,8 +4,6 @@ the drive.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
@@ -48,7 +46,7 @@ def with_steady_voltage(flight: Prepared) -> Prepared:
     # both sides without their slow part: else the battery's discharge would be laid on the drive
     slow = _slow(told, flight.dt_s)
     read, work = (told - slow).T
-    past = with_past(work, max(1, round(settings.prepare.drive_response_s / flight.dt_s)))
+    past = with_past(work, max(1, round(settings.design.window_shortest_s / flight.dt_s)))
     fast = past @ np.linalg.lstsq(past, read, rcond=None)[0]
     return flight.replaced(columns={**flight.columns, "battery_V": slow[:, 0] + fast})
 
@@ -65,8 +63,7 @@ def _slow(values: np.ndarray, dt_s: float) -> np.ndarray:
     """What of values (n, k) changes slowly: at ``settings.prepare.slow_Hz`` half of the amplitude
     is left; trends go on beyond both ends.
     """
-    # a Gaussian of sd s passes exp(-2 (pi f s)^2): one half at the cut-off f
-    width = math.sqrt(0.5 * math.log(2.0)) / (math.pi * settings.prepare.slow_Hz * dt_s)
+    width = settings.prepare.slow_s / dt_s
     ends = min(len(values) - 1, int(4.0 * width))
     padded = np.pad(values, ((ends, ends), (0, 0)), mode="reflect", reflect_type="odd")
     return gaussian_filter1d(padded, width, axis=0)[ends : ends + len(values)]

@@ -19,7 +19,7 @@ from ges.diagnose.types.words import (
     unit_words,
     without_unit,
 )
-from ges.diagnose.validate.locate import least_shares
+from ges.diagnose.validate.locate import least
 
 NOTHING = "nothing more"
 """How ``next_flight`` calls the explanation that has none of the open names."""
@@ -44,7 +44,7 @@ def _large(row: Mapping[str, Any], scale: Mapping[str, float]) -> bool:
     block = block_of(row["channel"])
     if row.get("mean") is None or block not in scale:
         return True
-    return abs(row["mean"]) >= least_shares()[block] * scale[block]
+    return abs(row["mean"]) >= least(block, scale[block])
 
 
 def _wide(regime: Mapping[str, Sequence[float]]) -> bool:
@@ -108,7 +108,7 @@ def least_told(name: str, scale: Mapping[str, float]) -> float:
     """
     block = block_of(without_unit(name))
     if block in scale:
-        return least_shares()[block] * scale[block]
+        return least(block, scale[block])
     return LEAST_READING.get(unit_words(name), 0.0)
 
 

@@ -111,7 +111,7 @@ def not_tested(system: System, found: Model) -> dict[str, str]:
             reasons[name] = (
                 lacking(name, flights, system.model)
                 or effect.settled
-                or out_of_reach(effect, system.model, flown(flights))
+                or out_of_reach(effect, system.model, flown(flights, system.model.radius_m))
                 or "these flights do not excite it"
             )
     # in closed loop, without references as instruments, nothing vouches for a controller's motion
@@ -133,7 +133,9 @@ def unexplained_by(remains: Sequence[Structure], start: Start, last: Stage) -> l
     means = [u.channel for u in remains if not u.of_size]
     forms: Mapping[str, Form] = {}
     if remains:
-        forms = hypotheses(start.system, last.in_air, start.regimes, means, settings.locate.block_s)
+        forms = hypotheses(
+            start.system, last.in_air, start.regimes, means, settings.statistics.block_s
+        )
     return [_structure(u, forms.get(u.channel)) for u in remains]
 
 

@@ -195,7 +195,7 @@ def sparse_form(
     y, fold = e[good], block[good] % settings.statistics.folds
     chosen: list[Quantity] = []
     best = 0.0
-    while len(chosen) < settings.locate.terms:
+    while len(chosen) < settings.report.terms:
         # orthogonal matching: all chosen terms are fitted again before the next is matched
         left = y - _design(chosen, good) @ _fit(_design(chosen, good), y)
         match = [

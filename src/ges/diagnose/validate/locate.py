@@ -20,6 +20,9 @@ from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.diagnose.validate.structure import PLACE, Structure, Told, shared, within
 
+PUSHING = ("force", "acc", "moment")
+"""Kinds of channels in which the size of what is left may be told."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Cell:
@@ -73,26 +76,34 @@ def edges(values: np.ndarray) -> np.ndarray:
     """Bin edges of one regime with values (m,): quantiles (b,), so that each bin holds as many
     windows.
     """
-    return np.unique(np.quantile(values, np.linspace(0.0, 1.0, settings.locate.bins + 1)))
+    return np.unique(np.quantile(values, np.linspace(0.0, 1.0, settings.report.bins + 1)))
 
 
-def least_shares() -> dict[str, float]:
-    """The least structure by kind of channel, over the whole of the channel."""
-    s = settings.locate
-    return {
-        **dict.fromkeys(("force", "acc"), settings.decide.least_force_share),
-        "moment": settings.decide.least_moment_share,
+def least(block: str, whole: float) -> float:
+    """The least rms that matters in a block of channels, in their unit: no model is right to less.
+
+    Parameters
+    ----------
+    block : ``force``, ``acc``, ``moment``, ``drive`` or ``range``; nothing matters in others.
+    whole : what sizes in the block are shares of, in the unit of its channels.
+    """
+    s = settings.decide
+    if block == "range":
+        return settings.prepare.height_error_m
+    shares = {
+        **dict.fromkeys(("force", "acc"), s.least_force_share),
+        "moment": s.least_moment_share,
         "drive": s.least_drive_share,
-        "range": s.least_range_radii,
     }
+    return shares.get(block, np.inf) * whole
 
 
 def clear(
-    found: Sequence[Structure], model: Model, least_r2: float, shares: Mapping[str, float]
+    found: Sequence[Structure], model: Model, least_r2: float, margin: float = 1.0
 ) -> list[Structure]:
     """Structures that no noise makes, that carry a part of the residual that matters, and that are
-    large enough to matter; of the residual's size, a larger part, but over places: vibration and
-    the attitude's noise grow with speed in any flight.
+    large enough to matter, by a ``margin``; of the residual's size, a larger part, but over places:
+    vibration and the attitude's noise grow with speed in any flight.
     """
     likely = [
         s
@@ -100,25 +111,26 @@ def clear(
         if s.q_value <= settings.statistics.chance
         and s.r2 >= (_least_r2_of_size(s) if s.of_size else least_r2)
     ]
-    return [s for s in likely if s.rms > _least(s, model, shares)]
+    return [s for s in likely if s.rms > _least(s, model, margin)]
 
 
 def located(found: Sequence[Structure], model: Model) -> list[Structure]:
     """Structures that are told."""
-    return clear(found, model, settings.locate.r2_least, least_shares())
+    return clear(found, model, settings.locate.r2_least)
 
 
 def _least_r2_of_size(s: Structure) -> float:
     over_places = set(s.regime) <= set(PLACE)
-    return settings.locate.r2_least if over_places else settings.locate.r2_least_of_size
+    return settings.locate.r2_least if over_places else settings.statistics.large_part
 
 
-def _least(s: Structure, model: Model, shares: Mapping[str, float]) -> float:
+def _least(s: Structure, model: Model, margin: float) -> float:
     """Smallest rms that counts; what the flights of the calibration show too does not."""
     known = settings.statistics.flights_ratio * model.left_unexplained.get(s.key, 0.0)
-    of_size = dict.fromkeys(("force", "acc", "moment"), settings.locate.least_size_share)
-    share = (of_size if s.of_size else shares).get(s.kind, np.inf)
-    return max(share * model.whole(s.channel), known)
+    # all of a residual is compared where its size depends on a regime, and not a part of it alone
+    if s.of_size:
+        margin = settings.decide.form_margin if s.kind in PUSHING else np.inf
+    return max(margin * least(s.kind, model.whole(s.channel)), known)
 
 
 def cells(
@@ -136,7 +148,7 @@ def cells(
     told : of :func:`regimes_of`.
     found : structures of the same residuals.
     """
-    block = np.concatenate(system.blocks(settings.locate.block_s))
+    block = np.concatenate(system.blocks(settings.statistics.block_s))
     values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
     chance = {
         (s.channel, s.regime[0]): s.q_value
@@ -278,7 +290,7 @@ def from_findings(
         acts = np.concatenate(by_flight)
         for c, channel in enumerate(system.main):
             good = np.isfinite(acts[:, c]) & np.isfinite(noise[:, c])
-            if _rms(acts[good, c]) > settings.locate.acting_share * _rms(noise[good, c]):
+            if _rms(acts[good, c]) > settings.statistics.large_part * _rms(noise[good, c]):
                 where = _acting(acts[good, c], {n: v[good] for n, v in values.items()})
                 entries.append(
                     {
@@ -313,7 +325,7 @@ def from_open(
         acts = acts_of(h.posterior, set(h.names) - set(proven), board.system)
         for c, channel in enumerate(system.main):
             good = np.isfinite(acts[:, c]) & np.isfinite(noise[:, c])
-            if _rms(acts[good, c]) > settings.locate.acting_share * _rms(noise[good, c]):
+            if _rms(acts[good, c]) > settings.statistics.large_part * _rms(noise[good, c]):
                 # hypotheses exclude each other, so their probabilities add
                 chance[channel] = chance.get(channel, 0.0) + h.probability
                 shown.setdefault(channel, np.where(good, acts[:, c], np.nan))
@@ -379,7 +391,7 @@ def strongest(entries: Sequence[Mapping]) -> list[dict]:
         # a force is not its own twin: only an accelerometer's entry goes, where its force has one
         if item["channel"].replace("acc_", "force_") not in forces - {item["channel"]}:
             by_channel.setdefault(item["channel"], []).append(dict(item))
-    each, most = settings.locate.entries_by_channel, settings.locate.entries
+    each, most = settings.report.entries_by_channel, settings.report.entries
     kept = [items[k] for k in range(each) for items in by_channel.values() if len(items) > k]
     return kept[:most]
 

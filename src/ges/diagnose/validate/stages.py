@@ -45,7 +45,7 @@ def stage(model: Model, joint: Joint, board: Board, regimes: Told) -> Stage:
     # a drive on the ground is no regime of flight, and would pass for structure
     in_air = in_the_air(left, board.system)
     found = structures(
-        in_air, regimes, board.system.main, board.system.blocks(settings.locate.block_s)
+        in_air, regimes, board.system.main, board.system.blocks(settings.statistics.block_s)
     )
     return Stage(model, joint, board, left, in_air, found)
 

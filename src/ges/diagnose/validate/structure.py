@@ -123,19 +123,19 @@ def excited(values: Mapping[str, np.ndarray]) -> list[str]:
     """Regime variables, (m,) each in the unit of its name, that were flown over a range, and not
     only disturbed.
     """
-    ends = (1.0 - settings.locate.excited_quantile, settings.locate.excited_quantile)
+    ends = (1.0 - settings.statistics.extreme_quantile, settings.statistics.extreme_quantile)
     spread = {name: float(np.subtract(*np.quantile(v, ends))) for name, v in values.items()}
     return [name for name, s in spread.items() if s >= _least_spread(name, values[name])]
 
 
 def _least_spread(name: str, values: np.ndarray) -> float:
-    """A regime that varies less was moved by the disturbance itself, and follows from it; high up,
-    a radius more or less is no other place.
+    """A regime that varies less was moved by the disturbance itself, and follows from it; of a
+    height, a part that is not large is no other place.
     """
-    s = settings.locate
     if name == "height_over_radius":
-        return max(s.spread_least_radii, s.spread_least_share * float(np.median(values)))
-    return s.spread_least if name in (*SPEEDS, *PLACE) else settings.numerics.tiny
+        return settings.statistics.large_part * float(np.median(values))
+    spreads = name in (*SPEEDS, *PLACE)
+    return settings.locate.spread_least if spreads else settings.numerics.tiny
 
 
 def _basis(
@@ -145,11 +145,11 @@ def _basis(
     fold_of: np.ndarray,
 ) -> Basis:
     fold, s = fold_of[block], settings.locate
-    count, q = s.knots if len(regime) == 1 else s.place_knots, settings.statistics.extreme_quantile
+    q = settings.statistics.extreme_quantile
     ends = (q, 1.0 - q)
     # knots end at extreme quantiles: a rare excursion sets none, and the last hat stays at one
     spans = (np.quantile(values[name], ends) for name in regime)
-    knots = tuple(np.linspace(low, high, count) for low, high in spans)
+    knots = tuple(np.linspace(low, high, s.knots) for low, high in spans)
     x = hats(values[regime[0]], knots[0])
     # a place: products of the hats of both axes, bilinear between knots
     for name, k in zip(regime[1:], knots[1:], strict=True):
@@ -278,7 +278,7 @@ def _of_size(
     is rougher in one flight than in another is in no regime of flight.
     """
     # one window's square is mostly scatter, its logarithm more so: a few are averaged first
-    size = settings.locate.energy_windows
+    size = settings.design.answer_windows
     energy = [uniform_filter1d(np.where(np.isfinite(r), r, 0.0) ** 2, size, axis=0) for r in raw]
     # in logarithms a factor of roughness is an offset, and the test of means serves
     logs = [

@@ -104,7 +104,7 @@ def _rolled(flight: Prepared, windows: Windows, model: Model) -> tuple[np.ndarra
     """Recorded and simulated :data:`AHEAD` at the centres of the windows, (m, 6) each; every
     horizon starts anew from the recording, NaN where none is flown.
     """
-    n = int(round(settings.validate.horizon_s / flight.dt_s))
+    n = int(round(settings.report.horizon_s / flight.dt_s))
     rolled, at = rollouts_of(flight, model, n), windows.center
     seen = np.stack([rolled.recorded[name][at] for name in AHEAD], axis=1)
     flown = np.full_like(seen, np.nan)

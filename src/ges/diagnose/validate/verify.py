@@ -198,8 +198,8 @@ def _inside(values: Mapping[str, np.ndarray], bounds: Mapping[str, Sequence[floa
 
 def along_horizon_s() -> np.ndarray:
     """Times in a rollout at which its error is told, (p,)."""
-    longest_s = settings.validate.horizon_s
-    return np.linspace(0.0, longest_s, round(longest_s / settings.prepare.grid_step_longest_s) + 1)
+    longest_s = settings.report.horizon_s
+    return np.linspace(0.0, longest_s, round(longest_s / settings.design.coarsest_s) + 1)
 
 
 def rollout(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
@@ -209,7 +209,7 @@ def rollout(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
     -------
     error by contract column (``p_z_m`` ...), (starts, points), the first of them at the start.
     """
-    n = int(round(settings.validate.horizon_s / flight.dt_s))
+    n = int(round(settings.report.horizon_s / flight.dt_s))
     rolled = rollouts_of(flight, model, n)
     if not len(rolled.starts):
         return {}
@@ -250,4 +250,4 @@ def rollout_table(told: Mapping[str, Mapping[str, np.ndarray]]) -> dict:
         n: {s: float(np.sqrt(np.mean(e[:, -1] ** 2))) for s, e in by.items()}
         for n, by in told.items()
     }
-    return {"horizon_s": settings.validate.horizon_s, "channels": channels} if channels else {}
+    return {"horizon_s": settings.report.horizon_s, "channels": channels} if channels else {}
