@@ -59,7 +59,7 @@ def _modes(axes: Axes, table: pd.DataFrame, spread: bool, scale: float = 1000.0)
             i,
             scale * row.mean,
             yerr=scale * np.array(error),
-            fmt=style.MARKERS[i],
+            fmt=style.MODE_MARKERS[row.condition],
             color=style.MODE_COLOURS[row.condition],
             ms=4.5,
         )
@@ -101,7 +101,7 @@ def modes(summary: Path, data: Path, pdf: Path, png: Path) -> None:
             i,
             1000 * row.difference,
             yerr=error,
-            fmt=style.MARKERS[i + 1],
+            fmt=style.MODE_MARKERS[row.condition],
             ms=4.5,
             color=style.MODE_COLOURS[row.condition],
         )
@@ -284,7 +284,7 @@ def causes(tests: Path, data: Path, pdf: Path, png: Path) -> None:
             x,
             np.array([listed.index(c) for c in rows["cause"]]) + 0.2 * (i - 1),
             xerr=[x - 1000 * rows["low"], 1000 * rows["high"] - x],
-            fmt=style.MARKERS[i],
+            fmt=style.MODE_MARKERS[name],
             ms=3.5,
             color=style.MODE_COLOURS[name],
             label=style.MODE_LABELS[name],
@@ -292,7 +292,8 @@ def causes(tests: Path, data: Path, pdf: Path, png: Path) -> None:
     axes.axvline(0, color=style.BLACK, lw=0.6)
     axes.set_yticks(range(len(listed)), listed)
     axes.invert_yaxis()
-    axes.set_xlabel("less no ground effect (mm)")
+    axes.set_xlabel("AGL RMS less that\nwithout ground effect (mm)")
+    axes.locator_params(axis="x", nbins=6)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     style.save(figure, table.reset_index(drop=True), data, pdf, png)
 
@@ -312,14 +313,15 @@ def worlds(summary: Path, data: Path, pdf: Path, png: Path) -> None:
                 place,
                 y,
                 [y - 1000 * rows["low"], 1000 * rows["high"] - y],
-                fmt=style.MARKERS[i + 1],
+                fmt=style.MODE_MARKERS[name],
                 ms=3.5,
                 color=style.MODE_COLOURS[name],
                 label=style.MODE_LABELS[name],
             )
         ax.axhline(0, color=style.BLACK, lw=0.6)
+        labels = [style.FORM_LABELS.get(f, f) for f in forms]
         ax.set_xticks(
-            range(len(forms)), [f.replace("_", "-\n").replace(" to ", "\nto ") for f in forms]
+            range(len(forms)), [x.replace("-", "-\n").replace(" to ", "\nto ") for x in labels]
         )
         ax.set_title(f"command scaled by {mapping}")
     np.atleast_1d(axes)[0].set_ylabel("AGL RMS less analytical (mm)\npaired, 95 % interval")

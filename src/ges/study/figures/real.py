@@ -15,11 +15,6 @@ from ges.vehicle.file import load_vehicle
 ABSENT = """The published recordings are not at hand, so this figure shows nothing.
 'ges recordings fetch appius-ground-effect --out recordings' brings them;
 then run the workflow again."""
-FORM_LABELS = dict(
-    zip(
-        FORMS, ("Cheeseman-Bennett", "Hayden", "Sanchez-Cuevas", "exponential, fitted"), strict=True
-    )
-)
 EDGES = (0.0, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 12.0, 25.0)
 
 
@@ -84,9 +79,9 @@ def thrust(blocks: Path, forms: Path, vehicle: Path, data: Path, pdf: Path, png:
         offset = (
             f", rotors {1000 * fitted.loc[form, 'offset_m']:+.0f} mm"
             if form != "exponential"
-            else ""
+            else ", fitted"
         )
-        label = FORM_LABELS[form] + offset
+        label = style.FORM_LABELS[form] + offset
         axes.plot(
             z,
             form_curve(form, fitted.loc[form], z, known),

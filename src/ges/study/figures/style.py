@@ -53,6 +53,13 @@ MODE_LABELS = {
     "ml_asym_clamp": "ML clamped",
 }
 MODE_COLOURS = dict(zip(MODE_LABELS, (GREY, BLUE, BLACK, RED, ORANGE, GREEN), strict=True))
+MODE_MARKERS = dict(zip(MODE_LABELS, MARKERS, strict=False))
+FORM_LABELS = {
+    "cheeseman_bennett": "Cheeseman-Bennett",
+    "hayden": "Hayden",
+    "sanchez_cuevas": "Sanchez-Cuevas",
+    "exponential": "exponential",
+}
 MODEL_LABELS = {
     "analytical": "analytical",
     "linear": "linear",
