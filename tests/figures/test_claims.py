@@ -186,6 +186,15 @@ def test_digits(value, text):
     assert claims_text.digits(value) == text
 
 
+def test_what_was_measured_keeps_its_digits_where_it_is_whole():
+    measured = claims_text.Ours(value=0.062, low=0.0597, high=0.064)
+    assert claims_text.entry(measured, "m")["full"] == "62.0 [59.7, 64.0]\u202fmm"
+    assert claims_text.entry(claims_text.Ours(value=0.062), "m")["full"] == "62\u202fmm"
+    assert claims_text.entry(claims_text.Ours(value=0.0, low=0.0, high=0.5), "1")["full"] == (
+        "0 [0, 0.500]"
+    )
+
+
 def test_the_paper_quotes_what_exists_and_types_no_number(tmp_path):
     source = ROOT / "paper/main.typ"
     paper.check_source([source], tmp_path / "ok.json")

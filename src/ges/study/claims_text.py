@@ -49,11 +49,14 @@ class Quoted(Strict):
     digits: int = 3
 
 
-def digits(value: float, significant: int = 3) -> str:
-    """A number as it is printed: significant digits, true minus, no exponent down to 1e-4."""
+def digits(value: float, significant: int = 3, count: bool = True) -> str:
+    """A number as it is printed: significant digits, true minus, no exponent down to 1e-4.
+
+    Whole numbers are taken as counts, without decimals, unless ``count`` is false; zero always is.
+    """
     if not math.isfinite(value):
         return ABSENT
-    if value == round(value) and abs(value) < 1e6:
+    if value == round(value) and abs(value) < 1e6 and (count or value == 0):
         return f"{value:.0f}".replace("-", "\u2212")
     text = f"{value:#.{significant}g}" if abs(value) >= 1e-4 else f"{value:.{significant - 1}e}"
     # of large numbers, too, the format makes an exponent: those are printed in full
@@ -70,13 +73,14 @@ def entry(found: Ours | None, unit: str, significant: int = 3) -> dict[str, Any]
         return {"value": None, "ci95": None, "unit": unit, "text": ABSENT, "full": ABSENT}
     factor, name = (1000.0, "mm") if unit == "m" and abs(found.value) < MILLIMETRES else (1.0, unit)
     suffix = "" if name == "1" else f"\u202f{name}"
-    text = digits(factor * found.value, significant) + suffix
     has = math.isfinite(found.low) and math.isfinite(found.high)
     span = [found.low, found.high]
-    full = text
-    if has:
-        low, high = (digits(factor * v, significant) for v in span)
-        full = f"{digits(factor * found.value, significant)} [{low}, {high}]{suffix}"
+    # what has an interval was measured: it keeps its digits where it happens to be whole
+    value, low, high = (
+        digits(factor * v, significant, count=not has) for v in (found.value, *span)
+    )
+    text = value + suffix
+    full = f"{value} [{low}, {high}]{suffix}" if has else text
     return {
         "value": found.value,
         "ci95": span if has else None,
