@@ -115,6 +115,24 @@ def test_words_follow_the_sign(tmp_path):
     _checked_by_the_compiler(tmp_path, numbers, checks)
 
 
+def test_cells_of_a_column_have_the_same_digits(tmp_path):
+    """What was cut keeps its zeros; what was given with few digits gets none; signs are signs."""
+    shown = {
+        ("0.0597", 1000): "59.70",
+        ("0.064", 1000): "64.00",
+        ("0.99503", 1): "0.9950",
+        ("0.75", 1): "0.75",
+        ("12", 1): "12",
+        ("-0.02", 1): "−0.02",
+        ("0", 1000): "0",
+        ("bias +0.02 - -0.02", 1): "bias +0.02 less −0.02",
+        (">= 0.9", 1): "≥ 0.9",
+        ("held-out", 1): "held-out",
+    }
+    checks = [f'#assert.eq(shown("{c}", {f}), "{words}")' for (c, f), words in shown.items()]
+    _checked_by_the_compiler(tmp_path, {}, checks)
+
+
 def test_what_is_told_of_real_flights_follows_their_absence(tmp_path):
     """Without recordings, title, abstract, aims and limits claim no real flight."""
     checks = [
@@ -127,11 +145,13 @@ def test_what_is_told_of_real_flights_follows_their_absence(tmp_path):
         '#assert(words(false).aim.contains("not at hand"))',
         '#assert(words(true).limits.contains("level floor"))',
         '#assert(not words(false).limits.contains("level floor"))',
+        '#assert(words(true).airframes.contains("real airframes"))',
+        "#assert.eq(repr([]), words(false).airframes)",
     ]
     _checked_by_the_compiler(tmp_path, {}, checks)
     # the paper's own words are these
     source = (ROOT / "paper/main.typ").read_text()
-    for part in ("title", "abstract", "aim", "limits"):
+    for part in ("title", "abstract", "aim", "limits", "airframes"):
         assert source.count(f"#of-real.{part}") == 1
 
 
