@@ -30,6 +30,7 @@ from ges.diagnose.select.search import Hypothesis, Search, log_rarity
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Record
 from ges.diagnose.types.model import Model
+from ges.simulator import effects as effect_table
 
 from .synthetic import MODEL, hovering, nuisance
 
@@ -184,30 +185,24 @@ def test_what_the_form_of_a_larger_effect_is_wrong_by_is_not_told(larger, like, 
     assert larger in _told(weighed)
 
 
-@pytest.mark.parametrize(("up_s", "proven"), [(0.007, False), (0.009, True)])
-def test_what_is_within_two_sds_of_its_doubt_does_not_stand_however_clear(up_s, proven):
-    fitted = Fitted(
-        {"motor_lag": {"up_s": up_s, "down_s": 0.0}},
-        (("motor_lag", "up_s"),),
-        1e-7 * np.eye(1),
-        None,
-        None,
-        BOARD,
-    )
-    assert significant(fitted, "motor_lag").passed == proven
-
-
-@pytest.mark.parametrize(("q", "proven"), [(-0.8, False), (0.1, False), (0.2, True), (-0.9, True)])
-def test_a_doubt_lies_about_what_is_usual(q, proven):
-    fitted = Fitted(
-        {"ground_effect_moment": {"q": q}},
-        (("ground_effect_moment", "q"),),
-        1e-6 * np.eye(1),
-        None,
-        None,
-        BOARD,
-    )
-    assert significant(fitted, "ground_effect_moment").passed == proven
+@pytest.mark.parametrize(
+    ("name", "parameter", "value", "proven"),
+    [
+        ("motor_lag", "up_s", 0.007, False),
+        ("motor_lag", "up_s", 0.009, True),
+        ("ground_effect_moment", "q", -0.8, False),
+        ("ground_effect_moment", "q", 0.1, False),
+        ("ground_effect_moment", "q", 0.2, True),
+        ("ground_effect_moment", "q", -0.9, True),
+    ],
+)
+def test_what_is_within_two_sds_of_its_doubt_does_not_stand_however_clear(
+    name, parameter, value, proven
+):
+    """A doubt lies about what is usual."""
+    effects = {name: {**effect_table.get(name).neutral(), parameter: value}}
+    fitted = Fitted(effects, ((name, parameter),), 1e-7 * np.eye(1), None, None, BOARD)
+    assert significant(fitted, name).passed == proven
 
 
 def test_an_amplitude_is_as_clear_as_it_is_with_its_shape_held():

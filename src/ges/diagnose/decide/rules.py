@@ -311,9 +311,9 @@ def significant(fitted: Fitted, name: str) -> Decision:
         # the flights ask for more than the effect can be: something else is behind it
         if value != a.neutral and value in (a.low, a.high):
             return Decision(rule, False, f"{parameter} stands at its bound", value, value)
-        off, usual = value - a.neutral, doubts.get(f"{name}.{parameter}")
+        off, doubt = value - a.neutral, doubts.get(f"{name}.{parameter}")
         # what the doubt on this number allows, the file's or the usual one, is no finding
-        beyond = not usual or abs(off - usual.mean) > settings.statistics.suggestive_sds * usual.sd
+        beyond = not doubt or abs(off - doubt.mean) > settings.statistics.suggestive_sds * doubt.sd
         if beyond and abs(off) > fitted.sd(name, parameter):
             farthest = max(farthest, fitted.sds_from_neutral(name, parameter))
     because = f"{farthest:.3g} sds from neutral" if farthest else "within its sd, or its doubt"
