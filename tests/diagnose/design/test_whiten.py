@@ -142,6 +142,23 @@ def test_a_candidate_is_noise_until_it_is_chosen_and_a_mean_never_is():
     assert estimate(system).sd[0] > 3.0 * estimate(system, (0,)).sd[0]
 
 
+def test_what_acts_together_keeps_its_proportions():
+    """A channel that asks for other coefficients, as noise in a reading does, may not choose them,
+    but forms are wrong by a factor.
+    """
+    one, other = _coloured(0.0, 1.0, seed=3), _coloured(0.0, 1.0, seed=4)
+    noise, columns = _coloured(0.0, 0.1, seed=5), [DRAG, amplitude("axial_inflow.k_kg")]
+
+    def left(a, b, **known):
+        acting = [{0: one}, {0: other}]
+        system = _alone(a * one + b * other + noise, columns=columns, acting=acting)
+        return np.std(left_over(system, 0, **known)[0])
+
+    assert left(3.0, 1.5, together={0: 0.2, 1: 0.1}) == pytest.approx(0.1, rel=0.1)
+    assert left(3.0, -1.5, together={0: 0.2, 1: 0.1}) > 1.0
+    assert left(3.0, -1.5, chosen=(0, 1)) == pytest.approx(0.1, rel=0.1)
+
+
 def test_what_is_not_in_the_air_is_not_left_over():
     air = np.arange(300) >= 100
     (left,) = left_over(_alone(_coloured(0.2, count=300), air=air), 0)

@@ -179,7 +179,7 @@ def test_what_shakes_one_flight_alone_is_no_noise_of_the_others():
         x = gaussian_filter1d(rng.standard_normal((2, ROWS)), 20.0, axis=1)
         x /= x.std(axis=1, keepdims=True)
         x[1] *= 1e-3 if f else 1.0
-        y = 0.1 * rng.standard_normal(ROWS) + 8.0 * x[1]
+        y = 0.1 * rng.standard_normal(ROWS) + 20.0 * x[1]
         made.append(rows_of(y[:, None], [{0: row} for row in x]))
     wide = {"low": -1e9, "high": 1e9}
     columns = [amplitude(key, **wide) for key in ("rotor_drag.k_kg", "tether.weight_N_m")]
@@ -189,6 +189,22 @@ def test_what_shakes_one_flight_alone_is_no_noise_of_the_others():
     assert search(board, listed).best.names == ()
     _, found, chosen = search_until_stable(board, listed, ())
     assert chosen == (1,) and found.best.names == ("tether",)
+
+
+def test_what_one_of_a_family_does_is_no_noise_though_none_is_told():
+    """Columns of two drags and of an inflow are all but one."""
+    rng = np.random.default_rng(0)
+    x, idle = np.abs(rng.standard_normal((2, ROWS)))
+    alike = [x * (1.0 + 1e-3 * rng.standard_normal(ROWS)) for _ in range(2)]
+    y = (0.1 * rng.standard_normal(ROWS) + 0.15 * x)[:, None]
+    keys = ("rotor_drag.k_kg", "parasitic_drag.area_m2", "axial_inflow.k_kg", "tether.weight_N_m")
+    rows = [1e4 * x, alike[0], 1e4 * alike[1], idle]
+    columns = [amplitude(key) for key in keys]
+    board = make_board(system_of(("force_z",), columns, [rows_of(y, [{0: r} for r in rows])]))
+    listed = [Candidate(c.variant.effect, "physics", (c.variant,)) for c in columns]
+    settled, found, chosen = search_until_stable(board, listed, ())
+    assert max(found.inclusion.values()) < 0.5 and found.null().probability < 1e-3
+    assert len(chosen) == 1 and settled.noise.sd[0] == pytest.approx(0.1, rel=0.1)
 
 
 def test_asked_for_names_are_fitted_whether_they_are_there_or_not():

@@ -17,7 +17,6 @@ from ges.diagnose.decide.rules import (
     Weighed,
     ambiguous,
     does_something,
-    family_of,
     judged,
     replaced_by,
     significant,
@@ -27,7 +26,13 @@ from ges.diagnose.detectors.loads import likely_load, sharpened
 from ges.diagnose.estimate.fit import Fitted, fitted_model, free_parameters, polish, starting_values
 from ges.diagnose.estimate.shoot import shot
 from ges.diagnose.library.available import candidates_of
-from ges.diagnose.library.candidates import Candidate, acts_among, amplitude_of, modifiers_of
+from ges.diagnose.library.candidates import (
+    Candidate,
+    acts_among,
+    amplitude_of,
+    family_of,
+    modifiers_of,
+)
 from ges.diagnose.select.evidence import Board, Posterior, make_board
 from ges.diagnose.select.search import Hypothesis, Search, log_odds_against_one_of, over_plain
 from ges.diagnose.select.stable import search_until_stable

@@ -18,7 +18,7 @@ from ges.diagnose.design.system import variant_of
 from ges.diagnose.detectors.balance import LOSSES, causes_of
 from ges.diagnose.detectors.gusts import wind_speed_m_s
 from ges.diagnose.estimate.fit import Fitted
-from ges.diagnose.library.candidates import acts_among, amplitude_of
+from ges.diagnose.library.candidates import acts_among, amplitude_of, family_of
 from ges.diagnose.select.evidence import Board
 from ges.diagnose.select.search import Hypothesis, Search, size_of
 from ges.diagnose.settings import settings
@@ -220,12 +220,6 @@ def _best_of(found: Search, name: str, among: Sequence[str]) -> str:
         # beside another of the family the name has only what that leaves it: compared is each alone
         key=lambda n: h.log_evidence if (h := _alone(found, n)) else -np.inf,
     )
-
-
-def family_of(name: str) -> set[str]:
-    """Effects that act in the same place, this one among them."""
-    family = effect_table.get(name).family
-    return {e.name for e in effect_table.table().values() if e.family == family}
 
 
 def _alone(found: Search, name: str) -> Hypothesis | None:

@@ -208,10 +208,18 @@ def remaining(answer: Answer, declared: Model, moved: bool) -> tuple[Answer, lis
 def with_open_modelled(
     answer: Answer, left: list[Structure], start: Start, declared: Model, record: Record
 ) -> tuple[Answer, list[Structure]]:
-    """The same with all that is open modelled too, the likeliest in the last stage."""
+    """The same with all that is open modelled too, the likeliest in the last stage; nothing is open
+    where one of it is a wind that the gusts leave.
+    """
     if not answer.accepted.rivals:
         return answer, left
-    modelled = _answer(with_alternatives(answer.accepted, record), answer.gusts, start, declared)
+    accepted = with_alternatives(answer.accepted, record)
+    wind = accepted.alternatives.get(WIND)
+    if answer.gusts and wind and answer.gusts.may_be(wind):
+        record.note(WIND, Decision("more_than_gusts", False, "no more than gusts leave"))
+        idle = dataclasses.replace(answer.accepted, rivals=())
+        return dataclasses.replace(answer, accepted=idle), left
+    modelled = _answer(accepted, answer.gusts, start, declared)
     return modelled, left_over(modelled.foretold, modelled.last.model)
 
 

@@ -9,12 +9,13 @@ import functools
 import math
 from collections.abc import Mapping, Sequence
 from statistics import median_low
+from types import MappingProxyType
 
 import numpy as np
 from scipy.linalg import toeplitz
 from scipy.sparse import csr_array
 
-from ges.diagnose.design.system import Column, Rows, System
+from ges.diagnose.design.system import Rows, System
 from ges.diagnose.settings import settings
 
 
@@ -68,51 +69,52 @@ class White:
     count: int
 
 
-def _spread(columns: Sequence[Column], x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """How far every coefficient may go here: the declared doubt, or far beyond what the residual
-    could ask for.
-    """
-    size, wide, tiny = (
-        np.sqrt(np.mean(x**2, axis=0)),
-        settings.numerics.wide_factor,
-        settings.numerics.tiny,
-    )
-    far = np.where(size > 0, wide * np.sqrt(np.mean(y**2)) / np.maximum(size, tiny), 0.0)
-    # all is drawn to zero here, so that a mean apart from zero has to be within reach, too
-    doubts = [
-        math.hypot(n.sd, n.flight_sd, n.mean) if (n := column.nuisance) else np.nan
-        for column in columns
-    ]
-    return np.where(np.isnan(doubts), far, doubts)
+def left_over(
+    system: System,
+    channel: int,
+    chosen: Sequence[int] = (),
+    together: Mapping[int, float] = MappingProxyType({}),
+) -> list[np.ndarray]:
+    """What nuisances within their doubts, columns and a constant of each flight leave in the air,
+    in one channel, (m,) by flight.
 
-
-def left_over(system: System, channel: int, chosen: Sequence[int] = ()) -> list[np.ndarray]:
-    """What nuisances within their doubts, chosen columns and a constant of each flight leave in the
-    air, in one channel, (m,) by flight.
+    Parameters
+    ----------
+    chosen : columns whose coefficients the channel alone decides.
+    together : coefficients of columns that act with these, but for one factor: forms differ.
     """
     kept = [
         k for k, column in enumerate(system.columns) if column.nuisance is not None or k in chosen
     ]
-    acting = [np.intersect1d(kept, r.x.at[channel]) for r in system.flights]
-    return [
-        _left_of(
-            np.where(r.air, r.y[:, channel], np.nan),
-            r.x.of(channel, at),
-            [system.columns[k] for k in at],
-        )
-        for r, at in zip(system.flights, acting, strict=True)
-    ]
+    left = []
+    for r in system.flights:
+        here, acting = (np.intersect1d(at, r.x.at[channel]) for at in (kept, list(together)))
+        x = [r.x.of(channel, here)]
+        # all is drawn to zero here, so that a mean apart from zero has to be within reach, too
+        doubts = [
+            math.hypot(n.sd, n.flight_sd, n.mean) if (n := system.columns[k].nuisance) else np.inf
+            for k in here
+        ]
+        if len(acting):
+            x.append(r.x.of(channel, acting) @ [[together[int(k)]] for k in acting])
+            doubts.append(np.inf)
+        y = np.where(r.air, r.y[:, channel], np.nan)
+        left.append(_left_of(y, np.hstack(x), np.array(doubts)))
+    return left
 
 
-def _left_of(y: np.ndarray, x: np.ndarray, columns: Sequence[Column]) -> np.ndarray:
+def _left_of(y: np.ndarray, x: np.ndarray, doubts: np.ndarray) -> np.ndarray:
     good = np.isfinite(y)
     left = np.full(len(y), np.nan)
     if not good.any():
         return left
     y, x = y[good] - y[good].mean(), x[good] - x[good].mean(axis=0)
+    # what has no doubt may go far beyond what the residual could ask for
+    size, tiny = np.sqrt(np.mean(x**2, axis=0)), settings.numerics.tiny
+    far = settings.numerics.wide_factor * np.sqrt(np.mean(y**2)) / np.maximum(size, tiny)
     # in units of how far each may go, the prior N(0, 1) is a ridge of the noise's variance;
     # that variance is what is left, so it is found by turns
-    x = x * _spread(columns, x, y)
+    x = x * np.where(np.isfinite(doubts), doubts, np.where(size > 0, far, 0.0))
     gram, right, sd2 = x.T @ x, x.T @ y, np.mean(y**2)
     e = y
     for _ in range(settings.numerics.noise_rounds):
@@ -163,11 +165,14 @@ def _growth(e: np.ndarray, unrest: np.ndarray) -> tuple[float, float]:
     return best[1], best[2]
 
 
-def estimate(system: System, chosen: Sequence[int] = ()) -> Noise:
-    """Noise of every channel, pooled over flights, from what nuisances and the chosen columns
-    leave.
+def estimate(
+    system: System,
+    chosen: Sequence[int] = (),
+    together: Mapping[int, float] = MappingProxyType({}),
+) -> Noise:
+    """Noise of every channel, pooled over flights, from what is :func:`left_over`.
 
-    Without chosen columns a strong effect counts as noise: cautious, so the search starts there.
+    Without columns a strong effect counts as noise: cautious, so the search starts there.
     """
     unrest, runs = unrest_of(system.flights), [_run(r.follows) for r in system.flights]
     loose = {c for r in system.flights for _, c in r.loose}
@@ -177,11 +182,12 @@ def estimate(system: System, chosen: Sequence[int] = ()) -> Noise:
     )
 
     def of_channel(c: int) -> tuple[np.ndarray, float, float, float, float]:
-        left = left_over(system, c, chosen)
+        left = left_over(system, c, chosen, together)
         ar, sd, growth = _of_channel(system, left, runs, unrest)
         sd = max(sd, floor[c])
-        # the controller answered what chosen columns explain, too: so without them
-        answered = _quiet(left_over(system, c), runs, ar, sd) if len(chosen) and c in loose else 1.0
+        # the controller answered what columns explain, too: so without them
+        explained = bool(len(chosen) or together)
+        answered = _quiet(left_over(system, c), runs, ar, sd) if explained and c in loose else 1.0
         return ar, sd, growth, answered, _restless(left)
 
     return Noise(

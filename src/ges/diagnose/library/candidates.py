@@ -237,6 +237,12 @@ def modifiers_of(variant: Variant) -> effect_table.Effects:
     }
 
 
+def family_of(name: str) -> set[str]:
+    """Effects that act in the same place, this one among them."""
+    family = effect_table.get(name).family
+    return {e.name for e in effect_table.table().values() if e.family == family}
+
+
 def acts_among(name: str, present: Collection[str]) -> bool:
     """Whether an effect does anything beside those that are present."""
     carriers = effect_table.get(name).carriers

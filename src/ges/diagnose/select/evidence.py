@@ -5,7 +5,8 @@ and by flight.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
@@ -315,9 +316,15 @@ def _plausible(column: Column, size: float) -> float:
     )
 
 
-def make_board(system: System, chosen: Sequence[int] = ()) -> Board:
-    """Whiten and count, with the noise that the chosen columns leave."""
-    board = whitened(system, estimate(system, chosen))
+def make_board(
+    system: System,
+    chosen: Sequence[int] = (),
+    together: Mapping[int, float] = MappingProxyType({}),
+) -> Board:
+    """Whiten and count, with the noise that columns leave, by what
+    :func:`~ges.diagnose.design.whiten.left_over` makes of them.
+    """
+    board = whitened(system, estimate(system, chosen, together))
     grams = flight_grams(board.whites, system.columns, settings.evidence.tempering)
     return dataclasses.replace(board, by_flight=tuple(grams))
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.design.whiten import left_over
-from ges.diagnose.library.candidates import Candidate, Variant, acts_among
+from ges.diagnose.library.candidates import Candidate, Variant, acts_among, family_of
 from ges.diagnose.select.evidence import Board, make_board
-from ges.diagnose.select.search import Hypothesis, Search, exactly, search
+from ges.diagnose.select.search import Search, exactly, search
 from ges.diagnose.settings import settings
 
 Found = tuple[Board, Search, tuple[int, ...]]
@@ -32,7 +32,7 @@ def search_until_stable(
     candidate explains most of what the best set leaves in such a channel, the search starts once
     more from the noise without that, and stays if just that is then found.
     """
-    found = _settled(board, (), candidates, base, only)
+    found = _settled(board, candidates, base, only)
     # where names are given, no other can be hidden
     for _ in range(settings.numerics.noise_rounds if only is None else 0):
         again = _bolder(found[0], found[2], candidates, base)
@@ -50,7 +50,7 @@ def _bolder(
     """
     for hidden in _hidden(board, chosen, candidates, base):
         start = (*chosen, *hidden)
-        again = _settled(make_board(board.system, start), start, candidates, base, None)
+        again = _settled(make_board(board.system, start), candidates, base, None)
         if _effects(board.system, again[2]) - _effects(board.system, chosen) == _effects(
             board.system, hidden
         ):
@@ -60,28 +60,41 @@ def _bolder(
 
 def _settled(
     board: Board,
-    chosen: tuple[int, ...],
     candidates: Sequence[Candidate],
     base: Sequence[str],
     only: Sequence[str] | None,
 ) -> Found:
-    """Search from the noise that ``chosen`` columns leave, the board's, until it stays the same."""
+    """Search in the board's noise, then in that which the best set leaves, until it stays the same.
+
+    The set leaves noise by its coefficients together: those that one channel alone asks for could
+    explain away what the whole does not.
+    """
+    chosen: dict[int, float] = {}
     for again in range(settings.numerics.noise_rounds):
-        board = make_board(board.system, chosen) if again else board
+        board = make_board(board.system, together=chosen) if again else board
         found = search(board, candidates, base) if only is None else exactly(board, candidates)
-        sure = [n for n in found.best.names if found.inclusion[n] > 0.5]
-        now = _pick(found.best, sure, board)
+        now = _probable(found, board.system)
         # what was found leaves just the noise that it was found in
         if set(now) == set(chosen):
             break
         chosen = now
-    return board, found, chosen
+    return board, found, tuple(chosen)
 
 
-def _pick(h: Hypothesis, names: Sequence[str], board: Board) -> tuple[int, ...]:
-    return tuple(
-        k for k in h.posterior.columns if variant_of(board.system.columns[k]).effect in names
-    )
+def _probable(found: Search, system: System) -> dict[int, float]:
+    """Columns of the best set and their coefficients, of names that are more probable than not;
+    which of a family it is makes no difference to what is left.
+    """
+    probability = {
+        name: sum(h.probability for h in found.hypotheses if family_of(name) & set(h.names))
+        for name in found.best.names
+    }
+    best = found.best.posterior
+    return {
+        k: float(value)
+        for k, value in zip(best.columns, best.mean, strict=True)
+        if probability[variant_of(system.columns[k]).effect] > 0.5
+    }
 
 
 def _hidden(
