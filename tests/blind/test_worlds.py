@@ -18,6 +18,7 @@ from ges.blind.foreign import given, logs, mujoco, paths, real, rotorpy, sets, w
 from ges.blind.foreign.sets import Concealed, Place, Sources
 from ges.blind.generator.detectable import body_of
 from ges.blind.protocol import seal
+from ges.blind.score import by_world
 from ges.errors import GesError, UsageError
 
 HALVES = sets.HALVES
@@ -127,6 +128,21 @@ def test_worlds_are_made_sealed_and_what_is_missing_is_said(tmp_path, toys):
     assert len(seal.cases(out)) == 10
     with pytest.raises(UsageError, match="already holds sealed cases"):
         worlds.make_worlds(out, "development", 3)
+
+
+def test_a_set_that_nobody_can_fly_ends_no_world(tmp_path, toys, monkeypatch):
+    def unsteady(out, chosen, sources):
+        _toy(out, [one for one in chosen if one[1] != 2], sources)
+        if any(number == 2 for _, number, _ in chosen):
+            raise sets.Lost("'brick 2' was lost; its path is too fast")
+
+    monkeypatch.setitem(toys, "bricks", dataclasses.replace(toys["bricks"], make=unsteady))
+    out = tmp_path / "abroad"
+    count, total, skipped = worlds.make_worlds(out, "development", 3, ["bricks"])
+    assert count == total == 5 and len(seal.cases(out)) == 4
+    assert list(skipped.values()) == ["'brick 2' was lost; its path is too fast"]
+    assert json.loads((out / "sealed" / "made.json").read_text())["lost"] == skipped
+    assert by_world.skipped(out)["why"].tolist() == list(skipped.values())
 
 
 def test_pieces_go_on_to_the_same_bytes(tmp_path, toys, monkeypatch):

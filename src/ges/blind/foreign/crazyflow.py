@@ -16,9 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from ges.blind.foreign.drone_models import RPM, airframe
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.sets import Concealed, Place, Sources, draw_log, write_flown
+from ges.blind.foreign.sets import Concealed, Lost, Place, Sources, draw_log, write_flown
 from ges.blind.generator.detectable import NAME_OF_WRONG, Flown
-from ges.errors import GesError
 
 WORLD = "crazyflow"
 NEEDS = ("crazyflow",)
@@ -113,7 +112,7 @@ def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources)
 
     Raises
     ------
-    GesError
+    Lost
         When a drone was lost.
     """
     for drone in sorted({design.drone for design, _, _ in sets}):
@@ -237,7 +236,7 @@ def _fly(
         simulator.step(1)
         rows.append(kept | {"cmd": np.asarray(simulator.data.controls.rotor_vel)[:, 0]})
         if not np.abs(kept["pos"] - plans[:, :3, k]).max() < LOST_M:
-            raise GesError("crazyflow's controller lost a path; the path is too fast for the drone")
+            raise Lost("crazyflow's controller lost a path; the path is too fast for the drone")
     return {name: np.stack([r[name] for r in rows]) for name in rows[0]}
 
 

@@ -17,11 +17,18 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.sets import Concealed, Place, Sources, draw_log, misdeclared, write_flown
+from ges.blind.foreign.sets import (
+    Concealed,
+    Lost,
+    Place,
+    Sources,
+    draw_log,
+    misdeclared,
+    write_flown,
+)
 from ges.blind.generator.airframe import Airframe, declare
 from ges.blind.generator.detectable import NAME_OF_WRONG, Flown
 from ges.blind.generator.pilot import Pilot
-from ges.errors import GesError
 
 WORLD = "drone-models"
 NEEDS = ("drone_models",)
@@ -209,7 +216,7 @@ def _fly(
         # Runge and Kutta's sums leave the unit sphere by a little every step
         s[:, 3:7] /= np.linalg.norm(s[:, 3:7], axis=1, keepdims=True)
         if not np.abs(s[:, :3] - ref[:3].T).max() < LOST_M:
-            raise GesError(f"'{design.key}' lost its path; the path is too fast for the drone")
+            raise Lost(f"'{design.key}' lost its path; the path is too fast for the drone")
     book = {n: np.stack([r[n] for r in rows], axis=1) for n in rows[0]}
     return [
         Flown(

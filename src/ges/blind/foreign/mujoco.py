@@ -17,11 +17,18 @@ from typing import Any
 import numpy as np
 
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.sets import Concealed, Place, Sources, draw_log, misdeclared, write_flown
+from ges.blind.foreign.sets import (
+    Concealed,
+    Lost,
+    Place,
+    Sources,
+    draw_log,
+    misdeclared,
+    write_flown,
+)
 from ges.blind.generator.airframe import Airframe, declare
 from ges.blind.generator.detectable import NAME_OF_WRONG, Flown, body_of, driven
 from ges.blind.generator.pilot import Pilot
-from ges.errors import GesError
 
 WORLD = "mujoco"
 NEEDS = ("mujoco",)
@@ -284,7 +291,7 @@ def _fly(
         rows.append(_row(model, data, design, craft, u, plan[:, k]))
         mujoco.mj_step(model, data)
         if not np.abs(data.qpos[:3] - plan[:3, k]).max() < LOST_M:
-            raise GesError(
+            raise Lost(
                 f"'{design.key}' lost its path {k * STEP_S:.1f} s after the start; the path is too"
                 " fast for the vehicle"
             )

@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ges.blind.foreign.sets import Concealed, Place, Sources, draw_log, write_flown
+from ges.blind.foreign.sets import Concealed, Lost, Place, Sources, draw_log, write_flown
 from ges.blind.generator.airframe import Airframe, declare
 from ges.blind.generator.detectable import NAME_OF_WRONG, Flown
-from ges.errors import GesError
 
 WORLD = "rotorpy"
 NEEDS = ("rotorpy",)
@@ -215,7 +214,7 @@ def _fly_gently(
         if flown is not None:
             return flown
         pace *= GENTLER
-    raise GesError(
+    raise Lost(
         f"trajectory {kind} of '{design.key}' was lost, or has no solution, {ATTEMPTS} times; the"
         " trajectories are too fast for the vehicle"
     )

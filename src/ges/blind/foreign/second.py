@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.sets import Concealed, Place, Sources, draw_log, write_flown
+from ges.blind.foreign.sets import Concealed, Lost, Place, Sources, draw_log, write_flown
 from ges.blind.generator.airframe import Airframe, declare
 from ges.blind.generator.detectable import Flown, body_of, driven
 from ges.blind.noise import Air
@@ -28,7 +28,6 @@ from ges.blind.second.secrets import (
     Craft,
     true_numbers,
 )
-from ges.errors import GesError
 
 WORLD = "home-second-author"
 NEEDS = ()
@@ -111,7 +110,7 @@ def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources)
 
     Raises
     ------
-    GesError
+    Lost
         When a vehicle was lost however gently it was flown.
     """
     waiting = list(sets)
@@ -119,9 +118,8 @@ def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources)
         waiting = _make(out, waiting, GENTLER**attempt)
         if not waiting:
             return
-    raise GesError(
-        f"'{waiting[0][0].key}' was lost {ATTEMPTS} times; its paths are too fast for it"
-    )
+    keys = ", ".join(f"'{design.key}'" for design, _, _ in waiting)
+    raise Lost(f"{keys} left their paths {ATTEMPTS} times, which are too fast for them")
 
 
 def _make(out: Path, sets: Sequence[tuple[Design, int, Place]], gentle: float) -> list:

@@ -24,7 +24,7 @@ from ges.blind.foreign.recorder import Log, record
 from ges.blind.generator.airframe import Airframe
 from ges.blind.generator.detectable import INERTIA, NOTHING, Flown, detectable
 from ges.blind.noise import Noise
-from ges.errors import UsageError
+from ges.errors import GesError, UsageError
 from ges.files import write_json
 
 HALVES = ("development", "evaluation")
@@ -50,6 +50,10 @@ def check_half(half: str, seed: int) -> None:
             f"seed {seed} belongs to {half_of(seed)}, not to {half}; seeds below"
             f" {FIRST_OF_EVALUATION} are for development, the others for evaluation"
         )
+
+
+class Lost(GesError):
+    """A vehicle left its path however gently it was flown: there is no such set."""
 
 
 @dataclass(frozen=True)

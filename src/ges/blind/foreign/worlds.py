@@ -1,8 +1,8 @@
 """All worlds, and how their sets are made: in pieces, resumable, sealed when the last one stands.
 
 The split is a rule: a seed belongs to one half (:func:`sets.half_of`), and each half has its own
-paths, rates and noise, or its own conditions of real flights. What cannot be made here is skipped
-with a reason, which is kept beside the seal.
+paths, rates and noise, or its own conditions of real flights. What cannot be made here, or flown at
+all, is skipped with a reason, which is kept beside the seal.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from ges.blind.foreign import (
     rotorpy,
     second,
 )
-from ges.blind.foreign.sets import Place, Sources, check_half, half_of
+from ges.blind.foreign.sets import Lost, Place, Sources, check_half, half_of
 from ges.blind.protocol import seal
 from ges.errors import GesError, UsageError, unknown_name
 from ges.files import tree_hash, write_json
@@ -171,7 +171,7 @@ def make_worlds(
 
     Returns
     -------
-    Sets that are there, sets in all, and reasons of worlds that were skipped.
+    Sets that are done with, sets in all, and reasons of worlds, or sets, that were skipped.
 
     Raises
     ------
@@ -199,19 +199,23 @@ def make_worlds(
         raise GesError(
             "no world can be made here: " + "; ".join(f"{n}: {why}" for n, why in skipped.items())
         )
-    _begin(out, _about(half, seed, every, sets, skipped))
+    about = _about(half, seed, every, sets, skipped)
+    _begin(out, about)
     jobs = list(_jobs(out, sets))
     left = sum(len(job) for _, job in jobs)
     tell(total - left, total)
     deadline = None if minutes is None else time.monotonic() + 60.0 * minutes
-    for count in _run(out, jobs, places, processes, deadline):
-        left -= count
+    lost: dict[str, str] = {}
+    for batch, why in _run(out, jobs, places, processes, deadline):
+        left -= len(batch)
+        lost |= {p.identity: why for _, _, p in batch if not _sealed(out, p)}
         tell(total - left, total)
     if not left:
         # the note first, then the seal over it
-        os.replace(out / "sealed" / BEGUN, out / "sealed" / MADE)
+        write_json(out / "sealed" / MADE, {**about, "lost": lost})
+        (out / "sealed" / BEGUN).unlink()
         seal.close(out)
-    return total - left, total, skipped
+    return total - left, total, {**skipped, **lost}
 
 
 def make_and_seal(sums: Path, seed: int, every: int, recordings: str, given: str) -> None:
@@ -262,8 +266,12 @@ def _jobs(out: Path, sets: Mapping[str, Sets]) -> Iterator[tuple[World, Sets]]:
         size = WORLDS[name].batch
         for start in range(0, len(part), size):
             batch = part[start : start + size]
-            if not all((out / "sealed" / f"{p.identity}.json").exists() for _, _, p in batch):
+            if not all(_sealed(out, p) for _, _, p in batch):
                 yield WORLDS[name], batch
+
+
+def _sealed(out: Path, place: Place) -> bool:
+    return (out / "sealed" / f"{place.identity}.json").exists()
 
 
 def _run(
@@ -272,27 +280,28 @@ def _run(
     places: Sources,
     processes: int,
     deadline: float | None,
-) -> Iterator[int]:
-    """Make batches, those of one environment in one pool; yield how many sets each had."""
+) -> Iterator[tuple[Sets, str]]:
+    """Make batches, those of one environment in one pool; yield each, and why not all of it could
+    be flown.
+    """
     environments = {tuple(sorted(world.environment.items())) for world, _ in jobs}
     for environment in sorted(environments):
         waiting = [job for job in jobs if tuple(sorted(job[0].environment.items())) == environment]
         # spawned, not forked: libraries read these variables when they are imported
         spawn = multiprocessing.get_context("spawn")
         with _environment(dict(environment)), ProcessPoolExecutor(processes, spawn) as pool:
-            running: dict[Future, int] = {}
+            running: dict[Future, Sets] = {}
             while waiting or running:
                 # no more is begun than runs at once, so that little is under way at the deadline
                 late = deadline is not None and time.monotonic() > deadline
                 while waiting and len(running) < processes and not late:
                     world, batch = waiting.pop(0)
-                    running[pool.submit(_make, world.name, out, batch, places)] = len(batch)
+                    running[pool.submit(_make, world.name, out, batch, places)] = batch
                 if not running:
                     break
                 done, _ = wait(running, return_when=FIRST_COMPLETED)
                 for job in done:
-                    job.result()
-                    yield running.pop(job)
+                    yield running.pop(job), job.result()
 
 
 @contextlib.contextmanager
@@ -310,7 +319,13 @@ def _environment(values: Mapping[str, str]) -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _make(world: str, out: Path, batch: Sets, places: Sources) -> None:
-    """Make a batch in a folder of its own: some simulators leave logs where they are started."""
+def _make(world: str, out: Path, batch: Sets, places: Sources) -> str:
+    """Make a batch in a folder of its own: some simulators leave logs where they are started.
+    Return why not all of it could be flown; nothing where it could.
+    """
     with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
-        WORLDS[world].make(out, batch, places)
+        try:
+            WORLDS[world].make(out, batch, places)
+        except Lost as why:
+            return str(why)
+    return ""

@@ -312,13 +312,13 @@ def power_table(answers: Sequence[Answer]) -> pd.DataFrame:
 
 
 def skipped(folder: Path) -> pd.DataFrame:
-    """Worlds that could not be made, why, and what they scored when they last could."""
+    """Worlds and sets that could not be made, why, and what worlds scored when they last could."""
     made = folder / "sealed" / "made.json"
     about = json.loads(made.read_text()) if made.exists() else {}
     last = json.loads(LAST.read_text()) if LAST.exists() else {}
     rows = [
         {"world": name, "why": why} | last.get(about["half"], {}).get(name, {})
-        for name, why in about.get("skipped", {}).items()
+        for name, why in {**about.get("skipped", {}), **about.get("lost", {})}.items()
     ]
     return pd.DataFrame(rows, columns=None if rows else ["world", "why"])
 
