@@ -2,6 +2,9 @@
  *
  * dT_i = -k w_i V_i, V_i the air velocity of hub i along its axis (climb positive). With Z_w = k sum(w)/m of 0.3 to
  * 1.2 1/s. Bramwell; Padfield 2007. Out of vortex ring state only: descent below half the induced velocity.
+ *
+ * Moments: hubs that a roll moves up and down meet an inflow that lags (Pitt & Peters 1981), and a drag along the
+ * thrust at the centre makes none. So their coefficient is their own.
  */
 #include "effect.h"
 
@@ -29,6 +32,7 @@ EFFECT(axial_inflow) = {
           .doc = "thrust per axial speed and rotor speed (kg/rad)"},
         },
     .about = GES_PHYSICS,
+    .hints = GES_OWN_LEVER,
     .feedback = GES_FEEDBACK_NONE,
     .needs = "velocity",
     .wrench = wrench,

@@ -127,7 +127,7 @@ enum {
 };
 
 enum {
-  GES_OWN_LEVER = 1,         /* its moments have a coefficient of their own: their lever is not known to millimetres */
+  GES_OWN_LEVER = 1,         /* its moments have a coefficient of their own: their lever is not known */
   GES_LEVER_OF_CARRIER = 2,  /* it is that coefficient, of the effect that it modifies */
   GES_CLIPS = 4,             /* a share of its step says nothing of it */
   GES_UNLIKE_FORM_ERROR = 8, /* does not look like what the form of a larger effect is wrong by */

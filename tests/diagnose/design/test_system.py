@@ -224,11 +224,11 @@ def test_parts_split_a_column_between_forces_and_moments_and_lose_nothing():
     assert force.made_of == moment.made_of and force.key == moment.key == "rotor_drag.k_kg"
 
 
-def test_a_cushion_and_what_pushes_rotors_sideways_have_moments_of_their_own():
+def test_a_cushion_a_drag_and_an_inflow_have_moments_of_their_own():
     flight = [hovering()]
-    drag = _variant("rotor_drag", "k_kg")
-    parts = [c.part for c in build(flight, MODEL, [drag]).columns if c.variant]
-    assert parts == ["force", "moment"]
+    drag, inflow = _variant("rotor_drag", "k_kg"), _variant("axial_inflow", "k_kg")
+    parts = [c.part for c in build(flight, MODEL, [drag, inflow]).columns if c.variant]
+    assert parts == ["force", "moment", "force", "moment"]
     silent = dataclasses.replace(MODEL, known=frozenset())
     parts = [c.part for c in build(flight, silent, [drag]).columns if c.variant]
     assert parts == [""], "no moment is heard"
