@@ -24,7 +24,7 @@ from ges.diagnose.design.system import System
 from ges.diagnose.detectors.gusts import HANGING, PUSHED, WIND, Gusts, gusts_of, may_lean
 from ges.diagnose.detectors.thrust import UntoldThrust, untold_thrust
 from ges.diagnose.estimate.contributions import contributions, size_of
-from ges.diagnose.estimate.fit import Joint, fitted_model, strain, strain_without
+from ges.diagnose.estimate.fit import Fitted, Joint, fitted_model, strain, strain_without
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, Record
 from ges.diagnose.types.model import Model
@@ -74,10 +74,9 @@ def explained(
         accepted = foretelling(accepted, record)
     gusts = _gusts(accepted, start, known_gusts)
     if gusts and only is None and WIND in accepted.names:
-        blown = gusts.may_be(accepted.fit)
-        because = "no more than gusts leave" if blown else "more than gusts leave"
-        record.note(WIND, Decision("more_than_gusts", not blown, because))
-        accepted = without(accepted, WIND) if blown else accepted
+        decision = _more_than_gusts(gusts, accepted.fit)
+        record.note(WIND, decision)
+        accepted = accepted if decision.passed else without(accepted, WIND)
     answer = _answer(shot_fit(accepted), gusts, start, declared)
     if only is not None:
         return answer
@@ -109,6 +108,13 @@ def _gusts(accepted: Accepted, start: Start, known: Mapping[str, float] | None) 
     hanging = [name for name in accepted.names if name in HANGING]
     pulls = contributions(fitted, hanging, start.system.model)
     return None if may_lean(gusts.push_N, pulls, start.system) else gusts
+
+
+def _more_than_gusts(gusts: Gusts, fitted: Fitted) -> Decision:
+    """Whether the wind of a fit is more than gusts leave in flights of finite length."""
+    blown = gusts.may_be(fitted)
+    because = "no more than gusts leave" if blown else "more than gusts leave"
+    return Decision("more_than_gusts", not blown, because)
 
 
 def _unstrained(accepted: Accepted, first: Joint, record: Record) -> Accepted:
@@ -215,8 +221,8 @@ def with_open_modelled(
         return answer, left
     accepted = with_alternatives(answer.accepted, record)
     wind = accepted.alternatives.get(WIND)
-    if answer.gusts and wind and answer.gusts.may_be(wind):
-        record.note(WIND, Decision("more_than_gusts", False, "no more than gusts leave"))
+    if answer.gusts and wind and not (decision := _more_than_gusts(answer.gusts, wind)).passed:
+        record.note(WIND, decision)
         idle = dataclasses.replace(answer.accepted, rivals=())
         return dataclasses.replace(answer, accepted=idle), left
     modelled = _answer(accepted, answer.gusts, start, declared)
