@@ -85,9 +85,10 @@ def _probable(found: Search, system: System) -> dict[int, float]:
     """Columns of the best set and their coefficients, of names that are more probable than not;
     which of a family it is makes no difference to what is left.
     """
+    families = {name: family_of(name) for name in found.best.names}
     probability = {
-        name: sum(h.probability for h in found.hypotheses if family_of(name) & set(h.names))
-        for name in found.best.names
+        name: sum(h.probability for h in found.hypotheses if family & set(h.names))
+        for name, family in families.items()
     }
     best = found.best.posterior
     return {
