@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from ges.diagnose.decide.unknown import borrowed, left_over, theirs
+from ges.diagnose.decide.unknown import left_over
 from ges.diagnose.settings import using
 from ges.diagnose.types.model import from_vehicle
 from ges.diagnose.validate.locate import cells, from_findings, from_open, from_residuals, strongest
@@ -316,35 +316,3 @@ def test_vibration_grows_with_speed_in_any_flight_but_not_with_a_place(model):
     )
     assert left_over([somewhere], model) == [somewhere]
     assert left_over([dataclasses.replace(somewhere, r2=0.08)], model) == []
-
-
-def test_a_name_that_acts_elsewhere_or_hangs_below_leaves_what_others_do(model):
-    """A drag of half a newton forward, and a tether that pulls ten downward."""
-    system = SimpleNamespace(main=("force_x", "force_y", "force_z", "moment_y"))
-    drag, tether = (
-        [np.full((50, 4), [0.5, 0.0, 0.0, 0.0])],
-        [np.full((50, 4), [0.0, 0.0, -10.0, 0.0])],
-    )
-    forward, upward = (
-        _structure(model, "force_x", share=0.1),
-        _structure(model, "force_z", share=0.01),
-    )
-    assert theirs([forward, upward], {"rotor_drag": drag}, system) == [forward], (
-        "it adds nothing along thrust"
-    )
-    assert theirs([forward, upward], {"rotor_drag": drag, "tether": tether}, system) == [upward], (
-        "a tether may lean"
-    )
-
-
-def test_a_name_that_leaves_structure_of_its_own_size_is_borrowed(model):
-    assert borrowed([_structure(model, share=0.01, r2=0.4)], model)
-    assert not borrowed([_structure(model, share=0.01, r2=0.1)], model), (
-        "a form that is a little wrong"
-    )
-    assert not borrowed([_structure(model, share=0.003, r2=0.4)], model), "a second, smaller cause"
-    assert not borrowed([_structure(model, share=0.05, r2=0.4, of_size=True)], model)
-    calibrated = dataclasses.replace(model, left_unexplained={"force_z": 0.01 * model.weight_N})
-    assert not borrowed([_structure(model, share=0.01, r2=0.4)], calibrated), (
-        "the flights of the calibration show it too"
-    )

@@ -17,7 +17,7 @@ from ges.diagnose.decide.rules import (
     lead_over,
 )
 from ges.diagnose.decide.sizes import least_size, least_sizes, shares_of, unlike_form_error
-from ges.diagnose.decide.unknown import borrowed, left_over, theirs
+from ges.diagnose.decide.unknown import left_over
 from ges.diagnose.decide.withdraw import Answer, remaining
 from ges.diagnose.estimate.fit import Fitted, Joint
 from ges.diagnose.select.evidence import Posterior, make_board
@@ -111,24 +111,6 @@ def test_left_over_is_one_structure_a_channel_the_one_that_foretells_most():
     assert left_over([size, weak], MODEL) == [weak], "a mean speaks before a size"
     assert left_over([size], MODEL) == [size]
     assert left_over([_structure(share=1e-5)], MODEL) == []
-
-
-@pytest.mark.parametrize(("r2", "counts"), [(0.25, False), (0.35, True)])
-def test_a_large_structure_makes_names_the_nearest_only(r2, counts):
-    assert bool(borrowed([_structure(r2=r2)], MODEL)) == counts
-    assert not borrowed([_structure(r2=r2, of_size=True)], MODEL)
-
-
-def test_structures_are_theirs_where_names_act_for_more_than_a_share_of_them():
-    system = system_of(("force_x", "force_y", "force_z"), (), ())
-    s = _structure("force_z")
-    share = settings.statistics.large_part
-    for factor, counts in ((0.9, False), (1.1, True)):
-        added = {"rotor_drag": [np.tile([0.0, 0.0, factor * share * s.rms], (4, 1))]}
-        assert bool(theirs([s], added, system)) == counts
-    hanging = {"slung_load": [np.tile([0.1, 0.0, 5.0], (4, 1))]}
-    sideways = _structure("force_x")
-    assert theirs([sideways], hanging, system) == [], "its pull need only lean"
 
 
 def _search(evidence, inclusion=None):

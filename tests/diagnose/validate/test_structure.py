@@ -10,7 +10,6 @@ from ges.diagnose.validate.structure import (
     Structure,
     excited,
     hats,
-    moved_with,
     shared,
     structures,
     within,
@@ -103,8 +102,6 @@ def test_channels_that_one_cause_moves_are_judged_together():
     for c, name in enumerate(names):
         key = (name, ("forward_m_s",), False)
         assert together[key].q_value <= apart[c][key].q_value + 0.01
-    assert moved_with("acc_y") == ("force_x", "force_y", "acc_x", "acc_y")
-    assert moved_with("range") == ("range",)
 
 
 def test_a_size_that_follows_a_regime_is_no_mean():

@@ -4,12 +4,8 @@ blocks of time it never saw.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-import numpy as np
-
-from ges.diagnose.design.system import System
-from ges.diagnose.detectors.gusts import PUSHED, may_lean
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.diagnose.validate.locate import clear, located
@@ -28,31 +24,3 @@ def left_over(found: Sequence[Structure], model: Model) -> list[Structure]:
     for s in sorted([s for s in large if not s.of_size] or large, key=lambda s: (-s.r2, s.regime)):
         best.setdefault(s.channel, s)
     return list(best.values())
-
-
-def theirs(
-    found: Sequence[Structure], added: Mapping[str, Sequence[np.ndarray]], system: System
-) -> list[Structure]:
-    """Structures in channels in which names act, ``added`` by name and flight, (m, C); but for
-    sideways pushes that what hangs below may make: its pull need only lean.
-    """
-    each = [np.sqrt(np.nanmean(np.concatenate(by) ** 2, axis=0)) for by in added.values()]
-    acting = dict(zip(system.main, np.max(each, axis=0), strict=True))
-    return [
-        s
-        for s in found
-        if acting[s.channel] > settings.statistics.large_part * s.rms
-        and not (s.channel in PUSHED and may_lean(s.rms, added, system))
-    ]
-
-
-def borrowed(found: Sequence[Structure], model: Model) -> list[Structure]:
-    """Structures that what was accepted leaves, so large that its names are only the nearest: an
-    effect of the library that is really there explains its channels, and one that is not makes up
-    for a part of what is.
-    """
-    return [
-        s
-        for s in clear(found, model, settings.statistics.large_part, settings.decide.form_margin)
-        if not s.of_size
-    ]

@@ -1,5 +1,5 @@
 """What the flights as a whole take back: names that need declared numbers far outside their doubts,
-that gusts or the form of an untold thrust curve explain, or that stand for something else.
+or that gusts or the form of an unmeasured thrust curve explain.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ges.diagnose.decide.accept import (
 )
 from ges.diagnose.decide.foretell import foretelling
 from ges.diagnose.decide.sizes import least_size
-from ges.diagnose.decide.unknown import borrowed, left_over, theirs
+from ges.diagnose.decide.unknown import left_over
 from ges.diagnose.design.system import System
 from ges.diagnose.detectors.gusts import HANGING, PUSHED, WIND, Gusts, gusts_of, may_lean
 from ges.diagnose.detectors.thrust import UntoldThrust, untold_thrust
@@ -29,7 +29,7 @@ from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, Record
 from ges.diagnose.types.model import Model
 from ges.diagnose.validate.stages import Stage, Start, stage
-from ges.diagnose.validate.structure import Structure, moved_with
+from ges.diagnose.validate.structure import Structure
 from ges.simulator import effects as effect_table
 
 
@@ -80,7 +80,6 @@ def explained(
     answer = _answer(shot_fit(accepted), gusts, start, declared)
     if only is not None:
         return answer
-    answer = _not_borrowed(answer, start, declared, record)
     return _not_of_a_form(answer, start, declared, record)
 
 
@@ -145,34 +144,6 @@ def _unstrained(accepted: Accepted, first: Joint, record: Record) -> Accepted:
             break
         accepted = less
     return accepted
-
-
-def _not_borrowed(answer: Answer, start: Start, declared: Model, record: Record) -> Answer:
-    """The answer without names that may stand for something that is not in the library: a structure
-    that is left counts against the names that act mainly in its channel, or in one that the same
-    cause moves, and against no others.
-    """
-    if not answer.added or answer.accepted.rivals:
-        return answer
-    model, accepted = start.system.model, answer.accepted
-    # a structure in a channel where no name acts is unknown beside them, and no borrowing
-    left = borrowed(theirs(answer.foretold, answer.added, start.system), model)
-    for name, added in answer.added.items():
-        acts_in = size_of(added, start.system)["channel"]
-        mine = [s for s in left if s.channel in moved_with(acts_in)]
-        because = f"nothing large is foretold of what it leaves in {acts_in}"
-        if mine:
-            by = " and ".join(mine[0].regime)
-            because = f"{by} still foretell {mine[0].channel}, where it mainly acts"
-        statistic, most = mine[0].r2 if mine else None, settings.statistics.large_part
-        record.note(name, Decision("no_lack_of_fit", not mine, because, statistic, most))
-        if mine and name in accepted.names:
-            accepted = without(accepted, name)
-    if accepted is answer.accepted:
-        return answer
-    if not accepted.names:
-        return Answer(accepted, None, start.first, start.first.structures, {})
-    return _answer(accepted, answer.gusts, start, declared)
 
 
 def _not_of_a_form(answer: Answer, start: Start, declared: Model, record: Record) -> Answer:

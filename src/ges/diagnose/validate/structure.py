@@ -104,11 +104,6 @@ class Basis:
         )
 
 
-def moved_with(channel: str) -> tuple[str, ...]:
-    """Channels that one cause moves together, this one among them."""
-    return next((group for group in TOGETHER if channel in group), (channel,))
-
-
 def shared(told: Told) -> list[str]:
     """Regime variables that every flight has."""
     return [name for name in told[0] if all(name in t for t in told)]
