@@ -160,7 +160,7 @@ def test_what_differs_from_flight_to_flight_only_is_no_structure():
 @pytest.mark.parametrize("alike", [True, False])
 def test_what_drifts_is_no_function_of_voltage_unless_every_flight_says_so(alike):
     """A battery for each flight, or one for all of them: then no voltage is flown twice, and any
-    drift is foretold beside it.
+    drift is predicted beside it.
     """
     told, raw = _flights(), _noise(np.random.default_rng(9))
     for k, (r, t) in enumerate(zip(raw, told, strict=True)):

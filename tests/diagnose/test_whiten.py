@@ -1,4 +1,4 @@
-"""Noise: every row counts by what the rows before it do not foretell, the first ones of a
+"""Noise: every row counts by what the rows before it do not predict, the first ones of a
 run too.
 """
 
@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from ges.diagnose.design.system import build
 from ges.diagnose.design.weak import make_windows
-from ges.diagnose.design.whiten import _foretelling, _innovation, _past, _run
+from ges.diagnose.design.whiten import _innovation, _past, _prediction_filter, _run
 from ges.diagnose.prepare.gate import pass_gate
 from ges.diagnose.types.model import from_vehicle
 from ges.simulator import manoeuvres
@@ -27,14 +27,14 @@ def _covariance(count: int) -> np.ndarray:
 
 def test_innovations_of_a_whole_run_are_white():
     count, past = 8, np.arange(8)
-    filtering = _innovation(past, past, count, _foretelling(AR), np.ones(count)).toarray()
+    filtering = _innovation(past, past, count, _prediction_filter(AR), np.ones(count)).toarray()
     np.testing.assert_allclose(
         filtering @ _covariance(count) @ filtering.T, np.eye(count), atol=1e-9
     )
 
 
 def test_a_filter_whose_noise_would_grow_says_nothing_of_first_rows():
-    assert _foretelling(np.array([1.1, 0.0, 0.0])).shape == (1, 4)
+    assert _prediction_filter(np.array([1.1, 0.0, 0.0])).shape == (1, 4)
 
 
 def test_the_past_ends_where_a_row_is_missing_or_follows_none():

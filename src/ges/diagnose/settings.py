@@ -286,7 +286,7 @@ class Numerics:
     gain_ratio_least: float = number(
         0.75,
         "",
-        "Actual over foretold fall of the cost from which a step is as good as foretold.",
+        "Actual over predicted fall of the cost from which a step is as good as predicted.",
         Paper("Nocedal and Wright 2006, Numerical Optimization", "algorithm 4.1"),
         high=1.0,
     )
@@ -703,7 +703,7 @@ class Locate:
     r2_least: float = number(
         0.1,
         "",
-        "Least share of a channel's variance that a regime foretells.",
+        "Least share of a channel's variance that a regime predicts.",
         Measured(
             "none of 257 nulls is so restless over places, 6 of 86 effects outside of the library"
             " are",

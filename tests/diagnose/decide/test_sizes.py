@@ -102,7 +102,7 @@ def _structure(channel="force_z", share=0.02, r2=0.5, **more):
     return Structure(channel, ("climb_m_s",), (0.0,), (1.0,), r2, 0.002, rms, **more)
 
 
-def test_left_over_is_one_structure_a_channel_the_one_that_foretells_most():
+def test_left_over_is_one_structure_a_channel_the_one_that_predicts_most():
     weak, strong = _structure(r2=0.3), _structure(r2=0.6)
     turn = _structure("moment_x", r2=0.4)
     told = left_over([weak, turn, strong], MODEL)

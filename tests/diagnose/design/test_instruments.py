@@ -47,7 +47,7 @@ def test_no_instruments_explain_nothing():
 BLOCKS = np.arange(400) // 20
 
 
-def test_a_signal_foretells_itself_and_noise_foretells_nothing():
+def test_a_signal_predicts_itself_and_noise_predicts_nothing():
     signal, noise = _drawn(1, 400, 1)[:, 0], _drawn(2, 400, 3)
     assert strength(signal, signal[:, None], BLOCKS) > 0.98
     assert strength(signal, noise, BLOCKS) < 0.02

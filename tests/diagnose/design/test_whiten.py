@@ -1,4 +1,4 @@
-"""Noise of a channel: what is coloured comes out white, what is foretold is not noise, and neither
+"""Noise of a channel: what is coloured comes out white, what is predicted is not noise, and neither
 units nor the order of flights matter.
 """
 

@@ -41,7 +41,7 @@ def _found(flight):
     return operating_point(*null_fit(system))
 
 
-def test_where_the_linear_step_does_what_it_foretells_nothing_moves():
+def test_where_the_linear_step_does_what_it_predicts_nothing_moves():
     assert _found(_flown(1010.0, 0.0)) == {}
 
 

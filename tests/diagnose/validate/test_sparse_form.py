@@ -68,7 +68,7 @@ def test_noise_and_what_only_one_block_shows_have_no_form():
     assert form is None or form.r2 < 0.3
 
 
-def test_what_has_another_sign_in_other_blocks_foretells_nothing():
+def test_what_has_another_sign_in_other_blocks_predicts_nothing():
     (term,) = _terms(1)
     turning = np.where(BLOCK % settings.statistics.folds < 2, 1.0, -1.0) * term.values
     assert sparse_form("force_x", turning, [term], BLOCK) is None

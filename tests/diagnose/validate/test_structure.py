@@ -54,7 +54,7 @@ def test_hats_add_up_to_one_and_reproduce_straight_lines(value):
     np.testing.assert_allclose(hats(np.array([9.0]), knots)[0], np.eye(7)[-1])
 
 
-def test_a_function_of_a_regime_is_foretold_and_its_peak_and_size_are_told():
+def test_a_function_of_a_regime_is_predicted_and_its_peak_and_size_are_told():
     told, noise = _flights(), _noise()
     raw = [
         e + 0.5 * np.maximum(t["forward_m_s"], 0.0)[:, None]

@@ -17,7 +17,7 @@ from ges.diagnose.decide.accept import (
     with_alternatives,
     without,
 )
-from ges.diagnose.decide.foretell import foretelling
+from ges.diagnose.decide.predict import drop_unpredictive
 from ges.diagnose.decide.sizes import least_size
 from ges.diagnose.decide.unknown import left_over
 from ges.diagnose.design.system import System
@@ -42,14 +42,14 @@ class Answer:
     accepted : names and fits.
     gusts : beside them, or None.
     last : the stage with both.
-    foretold : the structures of that which no gust makes.
+    structures : the structures of that which no gust makes.
     added : what every accepted effect adds, by name and flight, (m, C).
     """
 
     accepted: Accepted
     gusts: Gusts | None
     last: Stage
-    foretold: list[Structure]
+    structures: list[Structure]
     added: Mapping[str, Sequence[np.ndarray]]
 
 
@@ -71,7 +71,7 @@ def explained(
     accepted = accept(start.first.board, record, only)
     if only is None:
         accepted = _unstrained(accepted, start.first.joint, record)
-        accepted = foretelling(accepted, record)
+        accepted = drop_unpredictive(accepted, record)
     gusts = _gusts(accepted, start, known_gusts)
     if gusts and only is None and WIND in accepted.names:
         decision = _more_than_gusts(gusts, accepted.fit)
@@ -90,9 +90,9 @@ def _answer(accepted: Accepted, gusts: Gusts | None, start: Start, declared: Mod
         fitted = accepted.fitted
         model = fitted_model(declared, fitted)
         last = stage(model, fitted.joint, fitted.board, start.regimes)
-    foretold = [s for s in last.structures if not gusts or s.channel not in PUSHED]
+    structures = [s for s in last.structures if not gusts or s.channel not in PUSHED]
     added = contributions(accepted.fitted, accepted.names, start.system.model)
-    return Answer(accepted, gusts, last, foretold, added)
+    return Answer(accepted, gusts, last, structures, added)
 
 
 def _gusts(accepted: Accepted, start: Start, known: Mapping[str, float] | None) -> Gusts | None:
@@ -175,7 +175,7 @@ def remaining(answer: Answer, declared: Model, moved: bool) -> tuple[Answer, lis
     beside what is proven for no more than healthy flights leave too; and the structure that is
     left.
     """
-    accepted, left = answer.accepted, left_over(answer.foretold, answer.last.model)
+    accepted, left = answer.accepted, left_over(answer.structures, answer.last.model)
     known = declared.left_unexplained and not left
     if moved or known and accepted.names and not accepted.contested:
         accepted = dataclasses.replace(accepted, rivals=())
@@ -197,7 +197,7 @@ def with_open_modelled(
         idle = dataclasses.replace(answer.accepted, rivals=())
         return dataclasses.replace(answer, accepted=idle), left
     modelled = _answer(accepted, answer.gusts, start, declared)
-    return modelled, left_over(modelled.foretold, modelled.last.model)
+    return modelled, left_over(modelled.structures, modelled.last.model)
 
 
 def practically_significant(name: str, size: Mapping, model: Model, record: Record) -> bool:

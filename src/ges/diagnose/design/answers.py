@@ -133,7 +133,7 @@ def vouched(
 
 def strengths(told: Sequence[Vouched], names: Sequence[str]) -> list[dict]:
     """How strong the instruments are by channel: the share of the rotors' thrust or moment that the
-    references foretell, mean of the flights, and in how many flights that is enough to vouch for
+    references predict, mean of the flights, and in how many flights that is enough to vouch for
     it.
     """
     heard = {n: [t.strong[n] for t in told if n in t.strong] for n in names}
@@ -150,7 +150,7 @@ def strengths(told: Sequence[Vouched], names: Sequence[str]) -> list[dict]:
 
 
 def _is_strong(share: float) -> bool:
-    """Whether instruments foretell enough of a signal."""
+    """Whether instruments predict enough of a signal."""
     return share > settings.statistics.large_part
 
 

@@ -168,7 +168,7 @@ def projected(x: np.ndarray, z: np.ndarray) -> np.ndarray:
 
 
 def strength(moved: np.ndarray, z: np.ndarray, block: np.ndarray) -> float:
-    """Share of a signal's variance (m,) that its instruments (m, j) foretell, each block of time
+    """Share of a signal's variance (m,) that its instruments (m, j) predict, each block of time
     from the other blocks.
 
     Instruments that explain no more than chance would let two-stage least squares err as plain
@@ -179,7 +179,7 @@ def strength(moved: np.ndarray, z: np.ndarray, block: np.ndarray) -> float:
     total = float(centred @ centred)
     size = np.sqrt((z**2).mean(axis=0))
     z, left = z[:, size > 0] / size[size > 0], np.zeros_like(moved)
-    # whole blocks are left out, as windows close in time foretell each other;
+    # whole blocks are left out, as windows close in time predict each other;
     # columns have unit size, so a ridge counts in windows
     fold, ridge = block % settings.statistics.folds, settings.statistics.ridge_windows
     for f in np.unique(fold):

@@ -248,14 +248,14 @@ def whiten(
     flights: Sequence[Rows], noise: Noise, unrest: Sequence[np.ndarray]
 ) -> tuple[White, ...]:
     """Filter residuals and columns by the same noise model; the first rows of a run on the ground
-    are foretold by the few before them: take-offs are short.
+    are predicted by the few before them: take-offs are short.
 
     Parameters
     ----------
     unrest : by flight, (m,) of :func:`unrest_of`.
     """
     short = any(not rows.air.all() for rows in flights)
-    filters = [_foretelling(ar) if short else _full(ar)[None] for ar in noise.ar]
+    filters = [_prediction_filter(ar) if short else _full(ar)[None] for ar in noise.ar]
     made = [_white(rows, noise, filters, u) for rows, u in zip(flights, unrest, strict=True)]
     # one kind of answer has one cause over all flights and channels, so they are bounded together;
     # what was answered is larger than the noise by all that chosen effects explain
@@ -296,7 +296,7 @@ def _bounds(loose: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndar
 def _white(
     rows: Rows, noise: Noise, filters: Sequence[np.ndarray], unrest: np.ndarray
 ) -> tuple[dict[int, Part], dict[tuple[str, int], np.ndarray]]:
-    """Parts by channel, ``filters`` of :func:`_foretelling`, none of them answering yet, and the
+    """Parts by channel, ``filters`` of :func:`_prediction_filter`, none answering yet, and the
     loose parts of their columns by kind and channel.
     """
     run, parts, loose = _run(rows.follows), {}, {}
@@ -332,7 +332,7 @@ def _full(ar: np.ndarray) -> np.ndarray:
     return np.r_[1.0, -ar]
 
 
-def _foretelling(ar: np.ndarray) -> np.ndarray:
+def _prediction_filter(ar: np.ndarray) -> np.ndarray:
     """Weights (p + 1, p + 1) of a row and of those before it that leave its innovation, in sds of
     one with a full past: line j for j rows before (Brockwell and Davis 1991, sec. 5.2); the last
     line alone where such noise would grow for ever.
@@ -350,7 +350,7 @@ def _foretelling(ar: np.ndarray) -> np.ndarray:
     covariance = toeplitz(np.linalg.lstsq(of_lag, np.eye(order + 1)[0], rcond=None)[0])
     if np.linalg.eigvalsh(covariance)[0] <= settings.numerics.tiny:
         return full[None]
-    # line j of the inverse Cholesky factor: a value less what the j before it foretell, in sds
+    # line j of the inverse Cholesky factor: a value less what the j before it predict, in sds
     whitening = np.linalg.inv(np.linalg.cholesky(covariance))
     return np.stack(
         [np.r_[whitening[j, j::-1], np.zeros(order - j)] for j in range(order)] + [full]
@@ -361,7 +361,7 @@ def _innovation(
     at: np.ndarray, past: np.ndarray, count: int, weights: np.ndarray, sd: np.ndarray
 ) -> csr_array:
     """What makes of ``count`` rows those at ``at`` less what the rows before them, ``past`` of
-    them, foretell, over ``sd``.
+    them, predict, over ``sd``.
     """
     order = weights.shape[1] - 1
     # lines count from the last, the full filter, which may be the only one;

@@ -1,11 +1,11 @@
-"""Gusts: a horizontal push through the drag that is on, slow as large eddies are, and foretold by
+"""Gusts: a horizontal push through the drag that is on, slow as large eddies are, and predicted by
 nothing else.
 
-The search weighs what place, speed, time or command foretell, and gusts none of them does. So they
+The search weighs what place, speed, time or command predict, and gusts none of them does. So they
 are looked for in what the accepted effects leave: as the wind that would make it, window by window,
 less what a steady wind, its profile with height, an error of the drag's form and trims would leave.
 Noise averages out over seconds and gusts do not: means of seconds are held against what
-the scatter of shorter means within them foretells. How strong the gusts are, the compiled effect
+the scatter of shorter means within them predicts. How strong the gusts are, the compiled effect
 says: it blows along the same flights and goes through the same means.
 """
 
@@ -35,7 +35,7 @@ HANGING = ("tether", "slung_load")
 GUSTS, WIND, AXES = "gusts", "wind", ("east_m_s", "north_m_s")
 STRENGTH = "wind_20ft_m_s"
 PUSHED = frozenset({"force_x", "force_y", "acc_x", "acc_y"})
-"""Channels in which what slow gusts did in one flight may look foretold by its time or place."""
+"""Channels in which what slow gusts did in one flight may look predicted by its time or place."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -132,7 +132,7 @@ class _Air:
         return np.array([left[at].mean(axis=0) for at in self.stretches])
 
     def noise(self, left: np.ndarray) -> float:
-        """Variance of such a mean as the scatter of shorter means within the stretches foretells
+        """Variance of such a mean as the scatter of shorter means within the stretches predicts
         it.
         """
         shorter = [

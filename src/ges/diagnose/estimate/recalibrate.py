@@ -2,7 +2,7 @@
 
 Residuals are linear in small corrections only: a thrust scale, a thrust curve and a top speed
 multiply each other. One Gauss-Newton step from the vehicle file is taken for the answer where the
-model, flown with it, gains what the linearisation foretold. Else the maximum of the posterior is
+model, flown with it, gains what the linearisation predicted. Else the maximum of the posterior is
 searched within the library's bounds by a trust-region method (Branch, Coleman and Li 1999, as
 ``scipy.optimize.least_squares`` has it), and all is linearised anew there.
 """
@@ -32,14 +32,14 @@ def operating_point(board: Board, joint: Joint) -> dict[str, float]:
     Returns
     -------
     ``effect.parameter`` to correction, in the parameter's unit; empty where the linear step does
-    what it foretells.
+    what it predicts.
     """
     posterior, moved = _Posterior(board), board.system.model.moved
     linear = np.array([joint.common[k] - moved.get(k, 0.0) for k in posterior.keys]) / posterior.sd
     # a bound that stopped a step says nothing of where the best inside is, until that was searched
     stopped = (linear != 0.0) & ((linear <= posterior.low) | (linear >= posterior.high))
     if moved or not stopped.any():
-        # trust-region ratio: actual fall of the cost over what the linear step foretold
+        # trust-region ratio: actual fall of the cost over what the linear step predicted
         given, stepped = posterior.cost(np.zeros(len(linear))), posterior.cost(linear)
         if given - stepped >= settings.numerics.gain_ratio_least * (given - joint.cost):
             return {}

@@ -300,7 +300,7 @@ def pass_gate(
     delay = drive_delay([f for f in flights if f], model)
     if delay and delay.delay_s > settings.statistics.certain_sds * delay.sd_s:
         flights = [f and shifted(f, delay.stream, delay.delay_s) for f in flights]
-    # after the clocks: a drive that is late would foretell the voltage late
+    # after the clocks: a drive that is late would predict the voltage late
     flights = [f and with_steady_voltage(with_steady_position(f)) for f in flights]
     delays = tuple(d for d in (pose, delay) if d)
     return Gate(tuple(flights), delays, tuple(sorted(warnings)), pose, gyro)

@@ -34,7 +34,7 @@ def with_steady_position(flight: Prepared) -> Prepared:
 
 def with_steady_voltage(flight: Prepared) -> Prepared:
     """A battery voltage that changes slowly as it was read, and fast as what the drive did
-    shortly before foretells it (least squares of a finite response).
+    shortly before predicts it (least squares of a finite response).
 
     Noise of the reading would weaken what voltage does to thrust: a column in error attenuates its
     coefficient (Fuller 1987, section 1.1), and most of what whitening leaves of a voltage is noise.

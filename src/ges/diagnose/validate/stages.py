@@ -28,7 +28,7 @@ class Stage:
     ----------
     model, joint, board : the model, its numbers as they were fitted, and on what.
     left : residuals by flight, (m, C), in the channels' units; ``in_air`` those in the air.
-    structures : what a smooth function of the regime foretells of them.
+    structures : what a smooth function of the regime predicts of them.
     """
 
     model: Model

@@ -3,7 +3,7 @@ never saw, how often by chance?
 
 The statistic is R^2 on blocks of time left out; blocks and not flights, or a regime that one flight
 alone visits could not show. But time and voltage run along with the flight, and whatever drifts is
-foretold by the blocks beside: of them whole flights are left out, where there are two. The null
+predicted by the blocks beside: of them whole flights are left out, where there are two. The null
 flips the sign of whole blocks of what the prediction misses (as ter Braak 1992 permutes residuals
 of the full model: signs of the signal itself would hide a strong one), which keeps autocorrelation.
 Over all channels and regimes, and over channels that one cause moves together, the largest
@@ -240,7 +240,7 @@ def _of_mean(
     for channels in _there_together(e):
         used = np.isfinite(e[:, channels[0]])
         here, at = {n: v[used] for n, v in values.items()}, block[used]
-        # every fold has to have something to foretell, and the others more windows than knots
+        # every fold has to have something to predict, and the others more windows than knots
         if used.sum() < folds * settings.locate.knots or len(np.unique(by_block[at])) < folds:
             continue
         several = len(np.unique(by_flight[at])) > 1

@@ -1,4 +1,4 @@
-"""Whether a name foretells flights that it was not fitted to: training flights, left out in turn.
+"""Whether a name predicts flights that it was not fitted to: training flights, left out in turn.
 
 The log predictive density of a flight given the others is the log evidence of all less that of the
 others (Gelman et al. 2014, *Bayesian Data Analysis*, sec. 7.2), here of the fit linearised at its
@@ -23,8 +23,8 @@ from ges.simulator import effects as effect_table
 
 
 @dataclasses.dataclass(frozen=True)
-class Foretold:
-    """Training flights, each foretold from the others with a name and without it, (F,) each; empty
+class PredictiveGain:
+    """Training flights, each predicted from the others with a name and without it, (F,) each; empty
     where there is one flight.
 
     Attributes
@@ -42,7 +42,7 @@ class Foretold:
         return float(self.gain[self.growth > 1.0].min(initial=0.0))
 
 
-def foretold(fitted: Fitted, name: str, channel: str) -> Foretold:
+def predictive_gain(fitted: Fitted, name: str, channel: str) -> PredictiveGain:
     """What a name, and what acts through it alone, is worth to flights that it was not fitted to.
 
     Parameters
@@ -52,15 +52,15 @@ def foretold(fitted: Fitted, name: str, channel: str) -> Foretold:
     board = fitted.board
     grams = flight_grams(board.whites, board.system.columns, settings.evidence.tempering)
     if len(grams) < 2:
-        return Foretold(np.zeros(0), np.zeros(0))
+        return PredictiveGain(np.zeros(0), np.zeros(0))
     # the two fits differ by the name and what it carries; noise and linearisation are the same
     rest = set(fitted.effects) - {name}
     dropped = {name, *(n for n in rest if not acts_among(n, rest))}
     at = board.system.main.index(channel)
     (less, before), (more, after) = (
-        _Fit(fitted, gone).foretold(grams, at) for gone in (dropped, ())
+        _Fit(fitted, gone).predict_flights(grams, at) for gone in (dropped, ())
     )
-    return Foretold(more - less, after / np.maximum(before, settings.numerics.tiny))
+    return PredictiveGain(more - less, after / np.maximum(before, settings.numerics.tiny))
 
 
 class _Fit:
@@ -99,7 +99,7 @@ class _Fit:
         found = posterior(total, self.columns, self.prior)
         return found, found.log_evidence - 0.5 * total.yy
 
-    def foretold(self, grams: Sequence[Gram], channel: int) -> tuple[np.ndarray, np.ndarray]:
+    def predict_flights(self, grams: Sequence[Gram], channel: int) -> tuple[np.ndarray, np.ndarray]:
         """Log density of each flight given the others, but for a constant, and its rms error by
         their coefficients in a channel, in the channel's unit; (F,) each.
         """
@@ -116,8 +116,8 @@ class _Fit:
         return density, error_rms
 
 
-def foretelling(accepted: Accepted, record: Record) -> Accepted:
-    """Without the names that some flight, foretold from the others, speaks against: certainly less
+def drop_unpredictive(accepted: Accepted, record: Record) -> Accepted:
+    """Drop names that some flight, predicted from the others, speaks against: certainly less
     likely with the name, and off by more where it mainly acts; the worst first.
     """
     while (fitted := accepted.fitted) is not None:
@@ -128,7 +128,7 @@ def foretelling(accepted: Accepted, record: Record) -> Accepted:
         for name, gain in worst.items():
             against = f"a flight left out of its fit is off by more with it, log odds {gain:.3g}"
             because = against if gain < 0.0 else "no flight left out of its fit speaks against it"
-            decision = Decision("foretells_flights", gain >= least, because, gain, least)
+            decision = Decision("predicts_flights", gain >= least, because, gain, least)
             record.note(name, decision)
         name = min(worst, key=lambda n: worst[n])
         if worst[name] >= least:
@@ -138,4 +138,4 @@ def foretelling(accepted: Accepted, record: Record) -> Accepted:
 
 
 def _worst(fitted: Fitted, name: str, channel: str) -> float:
-    return foretold(fitted, name, channel).worst if channel else 0.0
+    return predictive_gain(fitted, name, channel).worst if channel else 0.0

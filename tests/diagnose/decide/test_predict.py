@@ -1,4 +1,4 @@
-"""What flights say of one that they are asked to foretell, with a name and without it."""
+"""What flights say of one that they are asked to predict, with a name and without it."""
 
 import dataclasses
 import math
@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ges.diagnose.decide import foretell
+from ges.diagnose.decide import predict
 from ges.diagnose.estimate.fit import Fitted, free_first, joint_fit
 from ges.diagnose.select.evidence import make_board
 from ges.diagnose.settings import settings
@@ -44,10 +44,10 @@ def _about(board, value):
 
 
 def _gain(fitted, name="rotor_drag"):
-    return foretell.foretold(fitted, name, "force_z").gain
+    return predict.predictive_gain(fitted, name, "force_z").gain
 
 
-def test_what_is_the_same_in_all_flights_foretells_each_of_them():
+def test_what_is_the_same_in_all_flights_predicts_each_of_them():
     gains = _gain(_fitted((0.6, 0.6, 0.6)))
     assert gains.shape == (3,) and np.all(gains > 5.0)
 
@@ -58,7 +58,7 @@ def test_what_only_one_flight_has_makes_the_others_no_likelier():
 
 
 def test_what_turns_its_sign_makes_a_flight_certainly_less_likely():
-    told = foretell.foretold(_fitted((0.9, 0.9, -0.9)), "rotor_drag", "force_z")
+    told = predict.predictive_gain(_fitted((0.9, 0.9, -0.9)), "rotor_drag", "force_z")
     assert told.gain[2] == told.worst < -settings.statistics.certain_log_odds
     assert told.growth[2] > 1.2
 
@@ -67,7 +67,7 @@ def test_the_density_of_a_flight_is_what_the_others_say_of_it():
     """One column without nuisances: the predictive density of a Gaussian regression, by hand."""
     fitted = _fitted((0.3, 0.5), (DRAG,))
     t, value = settings.evidence.tempering, fitted.effects["rotor_drag"]["k_kg"]
-    prior = 1.0 / foretell.wide(fitted.board, [0])[0] ** 2
+    prior = 1.0 / predict.wide(fitted.board, [0])[0] ** 2
     parts = [w.parts[0] for w in fitted.board.whites]
     told = _gain(fitted)
     for left, other in ((0, 1), (1, 0)):
@@ -84,8 +84,8 @@ def test_the_density_of_a_flight_is_what_the_others_say_of_it():
         assert told[left] == pytest.approx(with_name - without, rel=1e-6)
 
 
-def test_one_flight_has_no_other_that_could_foretell_it():
-    told = foretell.foretold(_fitted((0.6,)), "rotor_drag", "force_z")
+def test_one_flight_has_no_other_that_could_predict_it():
+    told = predict.predictive_gain(_fitted((0.6,)), "rotor_drag", "force_z")
     assert told.gain.shape == (0,) and told.worst == 0.0
 
 
@@ -107,16 +107,16 @@ def test_what_acts_through_a_name_goes_with_it():
     assert np.all(np.abs(drag - wind) < 2.0)
 
 
-def test_a_flight_that_is_foretold_better_speaks_for_a_name():
+def test_a_flight_that_is_predicted_better_speaks_for_a_name():
     """However little likelier the noise model finds it."""
     gain, growth = np.array([9.0, -20.0, -8.0]), np.array([0.5, 0.9, 1.1])
-    assert foretell.Foretold(gain, growth).worst == -8.0
-    assert foretell.Foretold(gain, 0.9 * np.ones(3)).worst == 0.0
+    assert predict.PredictiveGain(gain, growth).worst == -8.0
+    assert predict.PredictiveGain(gain, 0.9 * np.ones(3)).worst == 0.0
 
 
 def test_errors_of_a_flight_are_those_by_the_others_coefficients():
     """Noise of unit sd about 0.6, and about its opposite, with coefficients of 0.6 or none."""
-    told = foretell.foretold(_fitted((0.6, 0.6, -0.6), (DRAG,)), "rotor_drag", "force_z")
+    told = predict.predictive_gain(_fitted((0.6, 0.6, -0.6), (DRAG,)), "rotor_drag", "force_z")
     alone = math.sqrt(1.0 + 0.6**2)
     assert told.growth[2] == pytest.approx(math.sqrt(1.0 + 1.2**2) / alone, rel=0.1)
     assert told.growth[0] == pytest.approx(math.sqrt(1.0 + 0.6**2) / alone, rel=0.1)
@@ -127,12 +127,12 @@ def worst(monkeypatch):
     """The flight that speaks loudest against each name, by the names that are accepted with it."""
 
     def put(by_names):
-        monkeypatch.setattr(foretell, "_worst", lambda names, name, _: by_names[names][name])
+        monkeypatch.setattr(predict, "_worst", lambda names, name, _: by_names[names][name])
 
-    monkeypatch.setattr(foretell, "contributions", lambda fitted, names, _: dict.fromkeys(names))
-    monkeypatch.setattr(foretell, "size_of", lambda added, system: {"channel": "force_x"})
+    monkeypatch.setattr(predict, "contributions", lambda fitted, names, _: dict.fromkeys(names))
+    monkeypatch.setattr(predict, "size_of", lambda added, system: {"channel": "force_x"})
     monkeypatch.setattr(
-        foretell, "without", lambda a, name: _accepted(tuple(n for n in a.names if n != name))
+        predict, "without", lambda a, name: _accepted(tuple(n for n in a.names if n != name))
     )
     return put
 
@@ -143,11 +143,11 @@ def _accepted(names):
 
 
 def test_the_worst_goes_first_and_the_others_are_asked_again(worst):
-    """Without the lag, which one flight denies, the drag foretells all of them."""
+    """Without the lag, which one flight denies, the drag predicts all of them."""
     both = ("rotor_drag", "motor_lag")
     worst({both: {"rotor_drag": -8.0, "motor_lag": -20.0}, both[:1]: {"rotor_drag": -1.0}})
     record = Record()
-    assert foretell.foretelling(_accepted(both), record).names == ("rotor_drag",)
+    assert predict.drop_unpredictive(_accepted(both), record).names == ("rotor_drag",)
     (drag,), (lag,) = record.of("rotor_drag"), record.of("motor_lag")
     assert drag.passed and drag.statistic == -1.0
     assert not lag.passed and lag.statistic == -20.0
@@ -157,4 +157,4 @@ def test_the_worst_goes_first_and_the_others_are_asked_again(worst):
 def test_a_loss_that_may_be_chance_takes_nothing_away(worst):
     names = ("rotor_drag",)
     worst({names: {"rotor_drag": -0.9 * settings.statistics.certain_log_odds}})
-    assert foretell.foretelling(_accepted(names), Record()).names == names
+    assert predict.drop_unpredictive(_accepted(names), Record()).names == names
