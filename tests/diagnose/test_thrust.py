@@ -74,7 +74,7 @@ def test_a_bent_curve_is_not_taken_for_a_usual_one(flown, sheet):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("share, told", [(0.9, False), (0.8, True)])
-def test_a_ceiling_beside_an_untold_curve_is_told_if_the_form_of_the_curve_cannot_make_it(
+def test_a_ceiling_beside_an_unmeasured_curve_is_told_if_the_form_of_the_curve_cannot_make_it(
     flown, sheet, share, told
 ):
     found = _diagnosed(flown, sheet(), BENT | {"rotor_saturation": {"share": share}}, ("battery",))

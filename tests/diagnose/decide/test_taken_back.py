@@ -82,9 +82,9 @@ def _answer(names, rivals=()):
     ("form", "left"),
     [((), ("rotor_saturation", "rotor_drag")), (("rotor_saturation",), ("rotor_drag",))],
 )
-def test_what_the_form_of_an_untold_curve_makes_is_taken_back(form, left, monkeypatch):
+def test_what_the_form_of_an_unmeasured_curve_makes_is_taken_back(form, left, monkeypatch):
     thrust = SimpleNamespace(is_form_error=lambda name, size: name in form)
-    monkeypatch.setattr(withdraw, "untold_thrust", lambda joint, system: thrust)
+    monkeypatch.setattr(withdraw, "unmeasured_thrust", lambda joint, system: thrust)
     monkeypatch.setattr(withdraw, "size_of", lambda by, system: {})
     monkeypatch.setattr(
         withdraw,
@@ -96,9 +96,9 @@ def test_what_the_form_of_an_untold_curve_makes_is_taken_back(form, left, monkey
     answer = _answer(("rotor_saturation", "rotor_drag"))
     told = withdraw._not_of_a_form(answer, start, None, record)
     assert told.accepted.names == left
-    assert [d.rule for d in record.of("rotor_saturation")] == ["not_form_of_untold_thrust"] * len(
-        form
-    )
+    assert [d.rule for d in record.of("rotor_saturation")] == [
+        "not_form_of_unmeasured_thrust"
+    ] * len(form)
     still_open = withdraw._not_of_a_form(
         _answer(("rotor_saturation",), ("wind", "tether")), start, None, record
     )

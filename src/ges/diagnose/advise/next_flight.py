@@ -8,7 +8,7 @@ from ges.diagnose.advise.recommend import Rival, open_sets, rank, rivals_of
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.design.system import build
 from ges.diagnose.detectors.balance import Shift
-from ges.diagnose.detectors.thrust import VOLTAGE, UntoldThrust
+from ges.diagnose.detectors.thrust import VOLTAGE, UnmeasuredThrust
 from ges.diagnose.library.candidates import flown
 from ges.diagnose.library.grids import library
 from ges.diagnose.select.evidence import Board, make_board
@@ -16,12 +16,12 @@ from ges.diagnose.select.search import Search
 from ges.diagnose.settings import settings
 
 
-def next_flight(accepted: Accepted, shift: Shift | UntoldThrust | None) -> dict:
+def next_flight(accepted: Accepted, shift: Shift | UnmeasuredThrust | None) -> dict:
     """``next_flight`` of diagnosis.json: the manoeuvre that separates best what is open, and how
     often to fly it; empty where nothing is open, and without a manoeuvre where none of the menu
     would do.
     """
-    if isinstance(shift, UntoldThrust):
+    if isinstance(shift, UnmeasuredThrust):
         return _with_voltage(shift)
     if shift:
         return shift.next_flight()
@@ -49,7 +49,7 @@ def separating(
     return ranked[0].content() if ranked else {}
 
 
-def _with_voltage(thrust: UntoldThrust) -> dict:
+def _with_voltage(thrust: UnmeasuredThrust) -> dict:
     """The manoeuvre that tells causes of another thrust apart once the voltage is logged."""
     system = thrust.system
     listed = library(system.model, flown(system.recordings, system.model.radius_m))

@@ -22,7 +22,7 @@ from ges.diagnose.decide.sizes import least_size
 from ges.diagnose.decide.unknown import left_over
 from ges.diagnose.design.system import System
 from ges.diagnose.detectors.gusts import HANGING, PUSHED, WIND, Gusts, gusts_of, may_lean
-from ges.diagnose.detectors.thrust import UntoldThrust, untold_thrust
+from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.contributions import contributions, size_of
 from ges.diagnose.estimate.fit import Fitted, Joint, fitted_model, strain, strain_without
 from ges.diagnose.settings import settings
@@ -147,8 +147,8 @@ def _unstrained(accepted: Accepted, first: Joint, record: Record) -> Accepted:
 
 
 def _not_of_a_form(answer: Answer, start: Start, declared: Model, record: Record) -> Answer:
-    """The answer without names that may be what the form of a needed, but untold thrust curve is
-    wrong by.
+    """The answer without names that may be what the form of a needed, but unmeasured thrust curve
+    is wrong by.
     """
     accepted, thrust = answer.accepted, thrust_of(answer, start.system)
     if thrust is None:
@@ -156,18 +156,18 @@ def _not_of_a_form(answer: Answer, start: Start, declared: Model, record: Record
     for name, by in answer.added.items():
         if thrust.is_form_error(name, size_of(by, start.system)):
             because = "the form of the thrust curve that is needed may be wrong by as much"
-            record.note(name, Decision("not_form_of_untold_thrust", False, because))
+            record.note(name, Decision("not_form_of_unmeasured_thrust", False, because))
             accepted = without(accepted, name)
     if accepted is answer.accepted:
         return answer
     return _answer(accepted, answer.gusts, start, declared)
 
 
-def thrust_of(answer: Answer, system: System) -> UntoldThrust | None:
+def thrust_of(answer: Answer, system: System) -> UnmeasuredThrust | None:
     """Thrust that is far off beside all that was accepted, where nothing says why and no other
     names are open.
     """
-    return None if answer.accepted.rivals else untold_thrust(answer.last.joint, system)
+    return None if answer.accepted.rivals else unmeasured_thrust(answer.last.joint, system)
 
 
 def remaining(answer: Answer, declared: Model, moved: bool) -> tuple[Answer, list[Structure]]:

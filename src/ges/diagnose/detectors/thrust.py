@@ -34,7 +34,7 @@ CAUSES = {
 
 
 @dataclasses.dataclass(frozen=True)
-class UntoldThrust:
+class UnmeasuredThrust:
     """What takes the difference upon itself: the number ``key``, as thrust or top speed over what
     the file says less one, or as the bend of the curve, and the sd of what is known of it; names
     that these flights cannot tell apart, and the system of the flights.
@@ -138,7 +138,7 @@ class UntoldThrust:
         return {"battery_sag": sags, "thrust_scale": {"scale": scale}}
 
 
-def untold_thrust(joint: Joint, system: System) -> UntoldThrust | None:
+def unmeasured_thrust(joint: Joint, system: System) -> UnmeasuredThrust | None:
     """The excess that is left beside all that was accepted, where it is far and nothing was logged
     to tell its cause; else None.
 
@@ -163,6 +163,6 @@ def untold_thrust(joint: Joint, system: System) -> UntoldThrust | None:
     unit = model.number(SPEED.split(".")[1]) if key == SPEED else 1.0
     value, form = joint.common[key] / unit, settings.estimate.form_error if key == CURVE else 0.0
     sd = math.hypot(joint.common_sd[key] / unit, form * value)
-    return UntoldThrust(
+    return UnmeasuredThrust(
         system, key, Estimate(value, interval95(value, sd), "1"), known[key] / unit, rivals
     )

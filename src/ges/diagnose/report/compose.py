@@ -9,7 +9,7 @@ from ges.diagnose.advise.next_flight import next_flight
 from ges.diagnose.decide.declared import Contradicted
 from ges.diagnose.decide.withdraw import Answer
 from ges.diagnose.detectors.balance import Shift
-from ges.diagnose.detectors.thrust import UntoldThrust
+from ges.diagnose.detectors.thrust import UnmeasuredThrust
 from ges.diagnose.library.requirements import silent_channels
 from ges.diagnose.prepare.problem import Problem
 from ges.diagnose.report.content import (
@@ -44,7 +44,7 @@ def composed(
     proof: Proof,
     located: Sequence[dict],
     wrong: Sequence[Contradicted],
-    shift: Shift | UntoldThrust | None,
+    shift: Shift | UnmeasuredThrust | None,
     record: Record,
     searched: bool,
 ) -> Diagnosis:
@@ -58,7 +58,7 @@ def composed(
     models : before, recalibrated and after.
     located : where the mismatch lives, as it is told.
     wrong : declared numbers that the flights contradict.
-    shift : a shifted trim or an untold thrust, None where there is none.
+    shift : a shifted trim or an unmeasured thrust, None where there is none.
     record : decisions on every name.
     searched : False where the names were given.
     """

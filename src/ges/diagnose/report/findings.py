@@ -16,7 +16,7 @@ from ges.diagnose.decide.withdraw import Answer, practically_significant
 from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.clocks import settled_findings
-from ges.diagnose.detectors.thrust import UntoldThrust
+from ges.diagnose.detectors.thrust import UnmeasuredThrust
 from ges.diagnose.estimate.contributions import contributions, contributions_of, size_of
 from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.library.candidates import amplitude_of, place_of
@@ -32,7 +32,7 @@ from ges.simulator import effects as effect_table
 def all_findings(
     answer: Answer,
     wrong: Sequence[Contradicted],
-    shift: Shift | UntoldThrust | None,
+    shift: Shift | UnmeasuredThrust | None,
     gate: Gate,
     record: Record,
     choosing: bool,

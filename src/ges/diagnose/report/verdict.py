@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from ges.diagnose.decide.declared import Contradicted
 from ges.diagnose.detectors.balance import Shift
-from ges.diagnose.detectors.thrust import UntoldThrust
+from ges.diagnose.detectors.thrust import UnmeasuredThrust
 from ges.diagnose.library.requirements import not_spoken_about
 from ges.diagnose.types.diagnosis import Finding
 
@@ -29,7 +29,7 @@ def verdict_of(
 def remark_of(
     verdict: str,
     wrong: Sequence[Contradicted],
-    shift: Shift | UntoldThrust | None,
+    shift: Shift | UnmeasuredThrust | None,
     off: Mapping[str, str],
 ) -> str:
     """What there is to say beside the sentence: why something is open and how to find out, declared

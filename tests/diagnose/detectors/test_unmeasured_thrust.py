@@ -9,7 +9,7 @@ import pytest
 
 from ges.diagnose.design.residual import driven_speeds
 from ges.diagnose.detectors.clocks import settled_findings
-from ges.diagnose.detectors.thrust import UntoldThrust, untold_thrust
+from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.fit import Joint
 from ges.diagnose.prepare.delays import Delay
 from ges.diagnose.prepare.gate import Gate
@@ -37,7 +37,7 @@ def _joint(**common):
 
 
 def test_thrust_that_is_far_beyond_its_doubt_is_told_with_all_that_may_do_it():
-    found = untold_thrust(_joint(thrust_scale__scale=-0.3, thrust_curve__c=0.05), _system())
+    found = unmeasured_thrust(_joint(thrust_scale__scale=-0.3, thrust_curve__c=0.05), _system())
     assert found.key == SCALE and found.excess.value == -0.3 and found.known_sd == 0.05
     assert found.rivals == ("battery_sag", "thrust_curve", "thrust_scale")
     assert found.excess.ci95 == pytest.approx((-0.3 - 0.0196, -0.3 + 0.0196))
@@ -50,17 +50,17 @@ def test_thrust_that_is_far_beyond_its_doubt_is_told_with_all_that_may_do_it():
 @pytest.mark.parametrize("sds", [3.9, 4.1])
 def test_thrust_within_four_sds_is_not_told(sds):
     assert settings.statistics.certain_sds == 4.0
-    found = untold_thrust(_joint(thrust_scale__scale=0.05 * sds), _system())
+    found = unmeasured_thrust(_joint(thrust_scale__scale=0.05 * sds), _system())
     assert (found is not None) == (sds > 4.0)
 
 
-def test_where_the_log_tells_the_cause_nothing_is_untold():
+def test_where_the_log_tells_the_cause_nothing_is_unmeasured():
     logged = hovering(battery_V=16.0)
-    assert untold_thrust(_joint(thrust_scale__scale=-0.3), _system(logged)) is None
+    assert unmeasured_thrust(_joint(thrust_scale__scale=-0.3), _system(logged)) is None
     spinning = hovering()
-    found = untold_thrust(_joint(thrust_scale__scale=-0.3), _system(spinning))
+    found = unmeasured_thrust(_joint(thrust_scale__scale=-0.3), _system(spinning))
     assert found is None, "with rotor speeds the scale is searched"
-    bent = untold_thrust(_joint(thrust_curve__c=0.3), _system(spinning))
+    bent = unmeasured_thrust(_joint(thrust_curve__c=0.3), _system(spinning))
     assert bent.key == CURVE and bent.rivals == ("battery_sag", "thrust_curve")
     form = settings.estimate.form_error * 0.3
     low, high = bent.excess.ci95
@@ -70,15 +70,15 @@ def test_where_the_log_tells_the_cause_nothing_is_untold():
 def test_a_top_speed_is_told_as_a_share_of_it():
     system = _system(hovering(), ((SPEED, 30.0),))
     joint = Joint(*[np.zeros(0)] * 3, 0.0, {SPEED: 200.0}, {SPEED: 10.0}, ())
-    found = untold_thrust(joint, system)
+    found = unmeasured_thrust(joint, system)
     assert found.excess.value == pytest.approx(0.2) and found.known_sd == pytest.approx(0.03)
     assert "Rotor speeds at the same commands are 20 +- 2.0 % higher" in found.sentence()
     assert "or another max_rotor_speed_rad_s would do it" in found.sentence()
     assert "vehicle" in found.may_move
 
 
-def _untold(key, value, rivals=("battery_sag", "thrust_curve", "thrust_scale")):
-    return UntoldThrust(_system(), key, Estimate(value, (value, value), "1"), 0.05, rivals)
+def _unmeasured(key, value, rivals=("battery_sag", "thrust_curve", "thrust_scale")):
+    return UnmeasuredThrust(_system(), key, Estimate(value, (value, value), "1"), 0.05, rivals)
 
 
 def _over_weight(effects):
@@ -95,7 +95,7 @@ def _over_weight(effects):
 )
 def test_each_explanation_makes_the_same_thrust_in_a_hover(key, value, thrust):
     """The compiled drive flies them; of a top speed, thrust goes with its square."""
-    sets = _untold(key, value).explanations()
+    sets = _unmeasured(key, value).explanations()
     assert set(sets) == {("thrust_scale",), ("thrust_curve",), ("battery_sag", "thrust_scale")}
     wanted = thrust or _over_weight({"thrust_curve": {"c": value}})
     for effects in sets.values():
@@ -105,9 +105,9 @@ def test_each_explanation_makes_the_same_thrust_in_a_hover(key, value, thrust):
 
 
 def test_no_curve_bends_further_than_the_library_flies():
-    assert _untold(SCALE, 9.0).explanations()["thrust_curve",]["thrust_curve"]["c"] == 1.0
+    assert _unmeasured(SCALE, 9.0).explanations()["thrust_curve",]["thrust_curve"]["c"] == 1.0
     known = dataclasses.replace(MODEL, effects={"thrust_scale": {"scale": 0.1}})
-    found = _untold(SCALE, 0.2)
+    found = _unmeasured(SCALE, 0.2)
     held = dataclasses.replace(found, system=dataclasses.replace(found.system, model=known))
     told = held.explanations()["thrust_scale",]["thrust_scale"]["scale"]
     assert told == pytest.approx(0.3), "about what the file has"
@@ -115,12 +115,12 @@ def test_no_curve_bends_further_than_the_library_flies():
 
 @pytest.mark.parametrize("share", [0.9, 1.1])
 def test_what_the_form_of_a_curve_is_wrong_by_is_known_by_its_size(share):
-    curve = _untold(CURVE, 0.3)
+    curve = _unmeasured(CURVE, 0.3)
     size_N = share * settings.estimate.form_error * 0.3 * 5.0
     size = {"value": size_N, "channel": "force_z"}
     assert curve.is_form_error("rotor_saturation", size) == (share < 1.0)
     assert not curve.is_form_error("rotor_drag", size)
-    assert not _untold(SCALE, 0.3).is_form_error("rotor_saturation", size)
+    assert not _unmeasured(SCALE, 0.3).is_form_error("rotor_saturation", size)
 
 
 def test_settled_faults_are_findings_with_intervals_and_without_rivals():
