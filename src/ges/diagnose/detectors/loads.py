@@ -21,7 +21,7 @@ from ges.diagnose.design.system import System, build, variant_of
 from ges.diagnose.library.candidates import Candidate, Variant, flown, usual_height_m
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import Board, make_board
-from ges.diagnose.select.scales import entries, scales
+from ges.diagnose.select.scorer import entries, set_scorer
 from ges.diagnose.select.search import Search
 from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
@@ -171,6 +171,6 @@ def _most_probable(like: System, variants: Sequence[Variant]) -> int:
     columns = [k for k, c in enumerate(system.columns) if c.variant is not None]
     board = make_board(system, columns[:1])
     listed = entries(board, [Candidate(LOAD, "physics", tuple(variants))])
-    on = scales(board, listed)
+    on = set_scorer(board, listed)
     (best,) = on.best([(e,) for e in listed])
     return columns.index(best.columns[0])

@@ -13,7 +13,7 @@ from scipy.special import logsumexp
 from ges.diagnose.design.system import variant_of
 from ges.diagnose.library.candidates import Candidate, Variant, acts_among, modifiers_of
 from ges.diagnose.select.evidence import Board, Posterior
-from ges.diagnose.select.scales import Entry, Scales, entries, scales
+from ges.diagnose.select.scorer import Entry, SetScorer, entries, set_scorer
 from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
 
@@ -95,7 +95,7 @@ def _compatible(names: Sequence[str], base: Sequence[str]) -> bool:
 
 
 def _sets_of(
-    on: Scales, combos: Sequence[tuple[Entry, ...]], count: int
+    on: SetScorer, combos: Sequence[tuple[Entry, ...]], count: int
 ) -> dict[tuple[str, ...], Hypothesis]:
     """Evidence of every set of names: mean over the variants, the best variant kept."""
     share = np.array([sum(e.log_share for e in combo) for combo in combos])
@@ -105,7 +105,9 @@ def _sets_of(
         grouped.setdefault(tuple(sorted(e.name for e in combo)), []).append(i)
     best = [combos[max(members, key=lambda i: weight[i])] for members in grouped.values()]
     out = {}
-    for (names, members), top, found in zip(grouped.items(), best, on.weigh(best), strict=True):
+    for (names, members), top, found in zip(
+        grouped.items(), best, on.posteriors(best), strict=True
+    ):
         prior, rarity = _log_prior(names, count), log_rarity(names)
         # mean over variants by their shares, among those alone that were weighed
         mean = np.logaddexp.reduce(weight[members]) - np.logaddexp.reduce(share[members])
@@ -122,7 +124,7 @@ def search(board: Board, candidates: Sequence[Candidate], base: Sequence[str] = 
     base : effects that are switched on already (so their modifiers may act).
     """
     listed = entries(board, candidates)
-    on = scales(board, listed)
+    on = set_scorer(board, listed)
     count = max(len({e.name for e in listed}), 1)
     nothing = _log_prior((), count)
     found: dict[tuple[str, ...], Hypothesis] = {
@@ -155,7 +157,7 @@ def over_plain(board: Board, candidates: Sequence[Candidate], best: Hypothesis) 
     """
     listed = entries(board, candidates)
     on, chosen = (
-        scales(board, listed),
+        set_scorer(board, listed),
         [next(e for e in listed if e.number == i) for i in best.variants],
     )
     plain = [e for e in listed if not modifiers_of(_variant_of(board, e))]
@@ -178,7 +180,7 @@ def exactly(board: Board, candidates: Sequence[Candidate]) -> Search:
     by_name = [
         [e for e in listed if e.name == name] for name in dict.fromkeys(e.name for e in listed)
     ]
-    on = scales(board, listed)
+    on = set_scorer(board, listed)
     chosen = [on.best([(e,) for e in options])[0] for options in by_name]
     if not chosen:
         return _normalised([Hypothesis((), (), Posterior.of_nothing(), 0.0)])
@@ -186,7 +188,7 @@ def exactly(board: Board, candidates: Sequence[Candidate]) -> Search:
     for _ in range(2):
         for i, options in enumerate(by_name):
             chosen = [*on.best([[*chosen[:i], e, *chosen[i + 1 :]] for e in options])]
-    found = on.weigh([chosen])[0]
+    found = on.posteriors([chosen])[0]
     names = tuple(sorted(e.name for e in chosen))
     return _normalised(
         [Hypothesis(names, tuple(e.number for e in chosen), found, found.log_evidence)]

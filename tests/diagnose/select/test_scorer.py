@@ -10,7 +10,7 @@ from scipy.special import logsumexp
 
 from ges.diagnose.library.candidates import Candidate
 from ges.diagnose.select.evidence import make_board, posterior
-from ges.diagnose.select.scales import entries, scales
+from ges.diagnose.select.scorer import entries, set_scorer
 from ges.diagnose.settings import settings, using
 
 from ..synthetic import amplitude, nuisance, rows_of, system_of
@@ -84,11 +84,11 @@ def test_sets_are_weighed_by_their_own_columns_whatever_else_is_listed():
     columns = [amplitude(k) for k in ("rotor_drag.k_kg", "tether.weight_N_m", "axial_inflow.k_kg")]
     board = _board([*columns, nuisance("thrust_scale.scale", 0.2)], planted=[(0, 0.3)])
     listed = entries(board, _candidates(board))
-    on = scales(board, listed)
+    on = set_scorer(board, listed)
     sets = [(listed[0],), (listed[1], listed[2]), (listed[2], listed[0])]
     gram = board.pooled()
     told = on.log_evidences(sets)
-    for chosen, value, found in zip(sets, told, on.weigh(sets), strict=True):
+    for chosen, value, found in zip(sets, told, on.posteriors(sets), strict=True):
         own = [k for e in chosen for k in e.columns]
         assert value == pytest.approx(posterior(gram, own, board.prior).log_evidence)
         assert found.columns == tuple(own) and found.log_evidence == pytest.approx(value)
@@ -99,9 +99,9 @@ def test_few_sets_at_once_are_weighed_as_many():
     board = _board([amplitude("rotor_drag.k_kg"), amplitude("tether.weight_N_m")])
     listed = entries(board, _candidates(board))
     sets = [(e,) for e in listed] * 3
-    many = scales(board, listed).log_evidences(sets)
+    many = set_scorer(board, listed).log_evidences(sets)
     with using({"numerics.sets_at_once": 2}):
-        np.testing.assert_allclose(scales(board, listed).log_evidences(sets), many)
+        np.testing.assert_allclose(set_scorer(board, listed).log_evidences(sets), many)
 
 
 @pytest.mark.parametrize("mean", [0.0, 0.1])
@@ -113,17 +113,17 @@ def test_a_candidate_of_a_declared_number_takes_the_place_of_its_doubt(mean):
     columns = [amplitude("thrust_scale.scale"), amplitude("tether.weight_N_m"), doubt]
     board = _board(columns, planted=[(0, 0.2)])
     listed = {e.name: e for e in entries(board, _candidates(board))}
-    on = scales(board, list(listed.values()))
+    on = set_scorer(board, list(listed.values()))
     without = board.pooled((2,))
     null = posterior(without, [2], board.prior)
     for names in (("thrust_scale",), ("thrust_scale", "tether")):
         chosen = [listed[n] for n in names]
         own = [k for e in chosen for k in e.columns]
         alone = posterior(without, own, board.prior)
-        (told,) = on.weigh([chosen])
+        (told,) = on.posteriors([chosen])
         assert told.log_evidence == pytest.approx(alone.log_evidence - null.log_evidence)
         np.testing.assert_allclose(told.mean, alone.mean, rtol=1e-6)
         np.testing.assert_allclose(told.covariance, alone.covariance, rtol=1e-6)
-    (beside,) = on.weigh([(listed["tether"],)])
+    (beside,) = on.posteriors([(listed["tether"],)])
     kept = posterior(board.pooled(), listed["tether"].columns, board.prior)
     assert beside.log_evidence == pytest.approx(kept.log_evidence), "the doubt takes part"

@@ -115,7 +115,7 @@ def _twins(gram: Gram, prior: Prior, at: Mapping[str, int]) -> Twins:
 
 
 @dataclasses.dataclass(frozen=True)
-class Scales:
+class SetScorer:
     """Normal equations with all nuisances integrated out.
 
     A declared number is right within its doubt, or it is a finding and free: never the sum of both.
@@ -127,7 +127,7 @@ class Scales:
     prior: Prior
     twins: Twins
 
-    def weigh(self, sets: Sequence[Sequence[Entry]]) -> list[Posterior]:
+    def posteriors(self, sets: Sequence[Sequence[Entry]]) -> list[Posterior]:
         """Posterior of the columns of every set; its log evidence over that of the
         nuisances alone.
         """
@@ -184,7 +184,7 @@ class Scales:
         return [i for i, _, _ in part], own, posteriors(self.gram, own, self.prior, more)
 
 
-def scales(board: Board, listed: Sequence[Entry]) -> Scales:
+def set_scorer(board: Board, listed: Sequence[Entry]) -> SetScorer:
     """For these variants."""
     columns, keys = board.system.columns, {key for e in listed for key in e.keys}
     at = {
@@ -192,6 +192,6 @@ def scales(board: Board, listed: Sequence[Entry]) -> Scales:
         for k in board.nuisance
         if board.prior.sd[k] > 0 and columns[k].key in keys
     }
-    return Scales(
+    return SetScorer(
         board.pooled(), board.prior, _twins(board.pooled(frozenset(at.values())), board.prior, at)
     )
