@@ -9,7 +9,7 @@ import pytest
 from ges.diagnose.decide import rules
 from ges.diagnose.decide.rules import (
     SEARCH_RULES,
-    Weighed,
+    RuleContext,
     beside_larger,
     carried,
     distinguishable,
@@ -62,7 +62,7 @@ def _weighed(found, names, sizes=(), effects=(), flights=(), known=(), monkeypat
     if monkeypatch:
         sizes = dict(sizes)
         monkeypatch.setattr(rules, "shares_of", lambda board, best, place: sizes[min(place)])
-    return Weighed(board, found, dict(known), tuple(names))
+    return RuleContext(board, found, dict(known), tuple(names))
 
 
 def _told(weighed, record=None) -> tuple[str, ...]:
@@ -358,7 +358,7 @@ def _balanced(monkeypatch, loss, mass, lost=("loss_3",), calibrated=True):
     )
     found = Search((Hypothesis(("weak_rotor",), (), told, 20.0),), {"weak_rotor": 1.0})
     board = SimpleNamespace(system=SimpleNamespace(columns=columns))
-    return rules.told_from_a_mass(Weighed(board, found, {}, ("weak_rotor",)), "weak_rotor")
+    return rules.told_from_a_mass(RuleContext(board, found, {}, ("weak_rotor",)), "weak_rotor")
 
 
 def test_a_weak_rotor_is_told_from_a_mass_at_its_hub_by_the_balance(monkeypatch):

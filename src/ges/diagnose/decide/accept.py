@@ -14,7 +14,7 @@ from scipy.special import expit
 
 from ges.diagnose.decide.rules import (
     SEARCH_RULES,
-    Weighed,
+    RuleContext,
     ambiguous,
     does_something,
     judged,
@@ -106,13 +106,13 @@ def accept(start: Board, record: Record, only: Sequence[str] | None = None) -> A
         board = start if first is None else _laid_out(listed, base, system)
         board, found = _searched(board, listed, base, only)
         first = first or (board, found)
-        weighed = Weighed(board, found, sizes, found.best.names)
-        told = judged(SEARCH_RULES, weighed, sorted(found.inclusion), record)
+        context = RuleContext(board, found, sizes, found.best.names)
+        told = judged(SEARCH_RULES, context, sorted(found.inclusion), record)
         told = tuple(n for n in found.best.names if n in told)
         if not names:
             contested = _contested(found, record)
         # later rounds hold what modifies a name against what that name's form may be wrong by
-        sizes |= {n: dataclasses.replace(weighed, standing=told).size(n) for n in told}
+        sizes |= {n: dataclasses.replace(context, standing=told).size(n) for n in told}
         through = _modifying(board, found, listed, told, only)
         new, polished = _fitted_in_full(
             board, found, (*told, *through), through, base, fitted, system, record, only is None

@@ -27,7 +27,7 @@ from ges.simulator import effects as effect_table
 
 
 @dataclasses.dataclass(frozen=True)
-class Weighed:
+class RuleContext:
     """What the rules of a search look at.
 
     Attributes
@@ -63,27 +63,27 @@ class Weighed:
         return {*self.standing, *self.board.system.model.effects}
 
 
-Rule = Callable[[Weighed, str], Decision]
+Rule = Callable[[RuleContext, str], Decision]
 
 
-def probable(c: Weighed, name: str) -> Decision:
+def probable(context: RuleContext, name: str) -> Decision:
     """The posterior probability that a name takes part is high, and the best set has it."""
-    p, best = c.found.inclusion[name], name in c.found.best.names
+    p, best = context.found.inclusion[name], name in context.found.best.names
     least = settings.statistics.acceptance_probability
     because = f"posterior probability {p:.3g}" + ("" if best else ", not in the best set")
     return Decision("probable", best and p >= least, because, p, least)
 
 
-def best_of_its_family(c: Weighed, name: str) -> Decision:
+def best_of_its_family(context: RuleContext, name: str) -> Decision:
     """Two of a family act in the same place, and one of them makes up for what the other's form is
     wrong by: the better of the two goes on.
     """
-    better = _best_of(c.found, name, c.probable)
+    better = _best_of(context.found, name, context.probable)
     because = "the best of its family" if better == name else f"{better} acts there, and better"
     return Decision("best_of_its_family", better == name, because)
 
 
-def excited(c: Weighed, name: str) -> Decision:
+def excited(context: RuleContext, name: str) -> Decision:
     """Gusts through a drag above the centre of gravity turn a vehicle, whose angular acceleration
     then answers moments that no column has: where nothing but the air shook it, that looks like
     another inertia.
@@ -92,28 +92,28 @@ def excited(c: Weighed, name: str) -> Decision:
     # a logged excitation is independent of the air, and shows the inertia whatever the gusts do
     shaken = any(
         r.flight.has("excitation") and r.flight.stack("excitation")[:, :3].any()
-        for r in c.board.system.flights
+        for r in context.board.system.flights
     )
-    blown = bool(like) and bool({like, *effect_table.get(like).carriers} & c.on())
+    blown = bool(like) and bool({like, *effect_table.get(like).carriers} & context.on())
     because = "nothing but the air moved the vehicle" if blown and not shaken else "moved enough"
     return Decision("excited", shaken or not blown, because)
 
 
-def not_model_form_error(c: Weighed, name: str) -> Decision:
+def not_model_form_error(context: RuleContext, name: str) -> Decision:
     """What is small beside a larger effect may be what the larger one's form is wrong by, and has
     to be as good as certain, as has what acts in the drive alone, and there little, and a lever;
     what a larger effect's form is known to be wrong by is no finding beside it.
     """
-    p, beside = c.found.inclusion[name], beside_larger(name, c.shares)
+    p, beside = context.found.inclusion[name], beside_larger(name, context.shares)
     larger = effect_table.get(name).error_of
     # this form is known to be wrong in just this way: no probability makes up for it
-    if beside and larger in c.shares:
+    if beside and larger in context.shares:
         return Decision(
             "not_model_form_error", False, f"the form of {larger} may be wrong by as much"
         )
     reasons = {
         "small beside a larger effect, whose form may be wrong by it": beside,
-        "faint, and in the drive alone": faint(c.shares[name]),
+        "faint, and in the drive alone": faint(context.shares[name]),
         "the lever of another effect": "lever_of_carrier" in effect_table.get(name).hints,
     }
     why = next((reason for reason, holds in reasons.items() if holds), "")
@@ -123,53 +123,55 @@ def not_model_form_error(c: Weighed, name: str) -> Decision:
     return Decision("not_model_form_error", passed, because, p, least)
 
 
-def large_enough(c: Weighed, name: str) -> Decision:
+def large_enough(context: RuleContext, name: str) -> Decision:
     """No model is right to less; a carrier is as large as what acts through it."""
-    size = c.size(name)
-    sure = c.found.inclusion[name] >= settings.statistics.certain_probability
+    size = context.size(name)
+    sure = context.found.inclusion[name] >= settings.statistics.certain_probability
     least = 1.0 / settings.decide.form_margin if sure and unlike_form_error(name) else 1.0
-    carries = any(c.size(n) >= 1.0 and name in effect_table.get(n).carriers for n in c.standing)
+    carries = any(
+        context.size(n) >= 1.0 and name in effect_table.get(n).carriers for n in context.standing
+    )
     because = f"{size:.3g} times what no model is right to" + (", and carries" if carries else "")
     return Decision("large_enough", size >= least or carries, because, size, least)
 
 
-def carried(c: Weighed, name: str) -> Decision:
+def carried(context: RuleContext, name: str) -> Decision:
     """What acts through another needs one that is on."""
-    acts = acts_among(name, c.on())
+    acts = acts_among(name, context.on())
     carriers = " or ".join(effect_table.get(name).carriers) or "nothing"
     return Decision("carried", acts, f"acts through {carriers}")
 
 
-def more_than_its_carriers_form(c: Weighed, name: str) -> Decision:
+def more_than_its_carriers_form(context: RuleContext, name: str) -> Decision:
     """A small modifier is no more than what the form of the effect that it modifies is wrong by."""
     carrier = effect_table.get(name).modifies or ""
-    wrong = settings.estimate.form_error * c.known.get(carrier, 0.0)
+    wrong = settings.estimate.form_error * context.known.get(carrier, 0.0)
     least = 0.0 if unlike_form_error(name) else wrong
-    size = c.size(name)
+    size = context.size(name)
     because = f"{size:.3g} where the form of {carrier or 'nothing'} may be wrong by {least:.3g}"
     return Decision("more_than_its_carriers_form", size >= least, because, size, least)
 
 
-def distinguishable(c: Weighed, name: str) -> Decision:
+def distinguishable(context: RuleContext, name: str) -> Decision:
     """Nothing explains the flights nearly as well in its place."""
-    rival, others = best_rival(c.found, name), replaced_by(c.found, name)
+    rival, others = best_rival(context.found, name), replaced_by(context.found, name)
     if rival is None:
         return Decision("distinguishable", True, "nothing else explains anything")
-    lead, least = _lead(c.found, name, rival), lead_over(name, rival.names)
+    lead, least = _lead(context.found, name, rival), lead_over(name, rival.names)
     because = f"log odds {lead:.3g} over {' with '.join(rival.names)} in its place"
     return Decision("distinguishable", not others, because, lead, least)
 
 
-def told_from_a_mass(c: Weighed, name: str) -> Decision:
+def told_from_a_mass(context: RuleContext, name: str) -> Decision:
     """Against a calibrated file a rotor that lost thrust and a mass at its hub ask for the same
     balance but in yaw, which has to tell them apart.
     """
-    rule, best = "told_from_a_mass", c.found.best
+    rule, best = "told_from_a_mass", context.found.best
     # only a single lost rotor has one hub where a mass could stand in for it
-    columns = [c.board.system.columns[k] for k in best.posterior.columns]
+    columns = [context.board.system.columns[k] for k in best.posterior.columns]
     keys = [col.key for col in columns if variant_of(col).effect == name]
     lost = [LOSSES.index(key) for key in keys if key in LOSSES]
-    weighed = causes_of(c.board.system) if len(lost) == 1 else []
+    weighed = causes_of(context.board.system) if len(lost) == 1 else []
     if not weighed:
         return Decision(rule, True, "no mass at one hub would do the same")
     loss, mass = weighed[lost[0]]
@@ -192,7 +194,7 @@ SEARCH_RULES: tuple[Rule, ...] = (
 
 
 def judged(
-    rules: Sequence[Rule], context: Weighed, names: Sequence[str], record: Record
+    rules: Sequence[Rule], context: RuleContext, names: Sequence[str], record: Record
 ) -> tuple[str, ...]:
     """The names that pass all rules, each judged among those that passed the ones before it."""
     standing = tuple(names)
@@ -299,7 +301,8 @@ def significant(fitted: Fitted, name: str) -> Decision:
     least = settings.statistics.clear_sds
     if unlike_form_error(name):
         least /= settings.decide.form_margin
-    farthest, doubts = 0.0, {c.key: c.nuisance for c in fitted.board.system.columns if c.nuisance}
+    farthest = 0.0
+    doubts = {c.key: c.nuisance for c in fitted.board.system.columns if c.nuisance}
     for parameter in (p for e, p in fitted.free if e == name and p not in effect.shapes):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
         # the flights ask for more than the effect can be: something else is behind it
