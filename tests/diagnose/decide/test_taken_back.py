@@ -23,8 +23,10 @@ def strains(monkeypatch):
     """Sets of names with the strain of each; what a set has after one name less."""
 
     def put(by_names, without_name):
-        monkeypatch.setattr(withdraw, "strain", lambda joint, system: joint)
-        monkeypatch.setattr(withdraw, "strain_without", lambda fitted, name: without_name[name])
+        monkeypatch.setattr(withdraw, "largest_correction_sds", lambda joint, system: joint)
+        monkeypatch.setattr(
+            withdraw, "correction_without_sds", lambda fitted, name: without_name[name]
+        )
 
         def less(accepted, name):
             left = tuple(n for n in accepted.names if n != name)
@@ -37,7 +39,7 @@ def strains(monkeypatch):
 
 def _left(names, strained, first=0.0):
     record = Record()
-    return withdraw._unstrained(_accepted(names, strained), first, record).names, record
+    return withdraw._without_conflict(_accepted(names, strained), first, record).names, record
 
 
 def test_what_needs_numbers_within_their_doubt_stays(strains):

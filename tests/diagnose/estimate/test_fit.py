@@ -13,14 +13,14 @@ from ges.diagnose.estimate.fit import (
     _with_levers_as_they_are,
     calibrated,
     correction_bounds,
+    correction_without_sds,
     fitted_model,
     in_the_air,
     joint_fit,
+    largest_correction_sds,
     left_raw,
     null_fit,
     starting_values,
-    strain,
-    strain_without,
     within_bounds,
 )
 from ges.diagnose.library.candidates import Variant, amplitude_of
@@ -221,8 +221,8 @@ def test_strain_is_the_farthest_declared_number_in_its_sds():
     system = _system((COMMON,), (0.0,), model=model)
     common = {"inertia.xx": 0.25, "inertia.yy": -0.04, "gyro.nothing": 99.0}
     joint = Joint(*[np.zeros(0)] * 3, 0.0, common, {}, ())
-    assert strain(joint, system) == pytest.approx(4.0)
-    assert strain(dataclasses.replace(joint, common={}), system) == 0.0
+    assert largest_correction_sds(joint, system) == pytest.approx(4.0)
+    assert largest_correction_sds(dataclasses.replace(joint, common={}), system) == 0.0
 
 
 def _fitted(board, joint, value):
@@ -243,8 +243,8 @@ def test_without_an_effect_the_numbers_that_make_up_for_it_are_strained():
     board = make_board(system)
     joint = joint_fit(board, [0])
     fitted = _fitted(board, joint, 0.6)
-    assert strain(joint, system) < 0.5
-    assert strain_without(fitted, "rotor_drag") == pytest.approx(0.6 / 0.2, rel=0.1)
+    assert largest_correction_sds(joint, system) < 0.5
+    assert correction_without_sds(fitted, "rotor_drag") == pytest.approx(0.6 / 0.2, rel=0.1)
 
 
 def test_the_size_of_a_physical_effect_is_no_better_known_than_its_form():

@@ -24,7 +24,13 @@ from ges.diagnose.design.system import System
 from ges.diagnose.detectors.gusts import HANGING, PUSHED, WIND, Gusts, gusts_of, may_lean
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.contributions import contributions, size_of
-from ges.diagnose.estimate.fit import Fitted, Joint, fitted_model, strain, strain_without
+from ges.diagnose.estimate.fit import (
+    Fitted,
+    Joint,
+    correction_without_sds,
+    fitted_model,
+    largest_correction_sds,
+)
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, Record
 from ges.diagnose.types.model import Model
@@ -70,7 +76,7 @@ def explained(
     """
     accepted = accept(start.first.board, record, only)
     if only is None:
-        accepted = _unstrained(accepted, start.first.joint, record)
+        accepted = _without_conflict(accepted, start.first.joint, record)
         accepted = drop_unpredictive(accepted, record)
     gusts = _gusts(accepted, start, known_gusts)
     if gusts and only is None and WIND in accepted.names:
@@ -116,15 +122,15 @@ def _more_than_gusts(gusts: Gusts, fitted: Fitted) -> Decision:
     return Decision("more_than_gusts", not blown, because)
 
 
-def _unstrained(accepted: Accepted, first: Joint, record: Record) -> Accepted:
+def _without_conflict(accepted: Accepted, first: Joint, record: Record) -> Accepted:
     """Without the names that need declared numbers far outside their doubts: one by one, the worst
     offender first of those through which no other acts, while that relieves the numbers.
     """
     while (fitted := accepted.fitted) is not None:
         system, apart = accepted.board.system, fitted.apart
         # what the numbers are strained without any name is not the names' doing
-        most = max(settings.statistics.certain_sds, strain(first, system) + 1.0)
-        needed = strain(apart, system)
+        most = max(settings.statistics.certain_sds, largest_correction_sds(first, system) + 1.0)
+        needed = largest_correction_sds(apart, system)
         if needed <= most:
             break
         # a carrier cannot go before what acts through it
@@ -133,9 +139,9 @@ def _unstrained(accepted: Accepted, first: Joint, record: Record) -> Accepted:
             for n in accepted.names
             if not any(n in effect_table.get(o).carriers for o in accepted.names)
         ]
-        worst = min(last, key=functools.partial(strain_without, fitted))
+        worst = min(last, key=functools.partial(correction_without_sds, fitted))
         less = without(accepted, worst)
-        relief = strain(less.fitted.apart if less.fitted else first, system)
+        relief = largest_correction_sds(less.fitted.apart if less.fitted else first, system)
         # a name stays if the numbers are as far off without it: something else strains them
         relieved = relief < needed - 1.0
         because = f"declared numbers go {needed:.3g} sds with it, {relief:.3g} without"

@@ -602,7 +602,7 @@ def fitted_model(model: Model, fitted: Fitted) -> Model:
     return calibrated(model.with_effects(fitted.effects), fitted.joint.common)
 
 
-def strain(joint: Joint, system: System) -> float:
+def largest_correction_sds(joint: Joint, system: System) -> float:
     """How many of its declared sds the farthest declared number was moved."""
     doubts = system.model.doubts
     return max(
@@ -611,7 +611,7 @@ def strain(joint: Joint, system: System) -> float:
     )
 
 
-def strain_without(fitted: Fitted, name: str) -> float:
+def correction_without_sds(fitted: Fitted, name: str) -> float:
     """The same, to first order, with the amplitudes of one effect back at neutral."""
     chosen = free_first(fitted.board.system)
     mean, sd = np.zeros(len(chosen)), wide(fitted.board, chosen)
@@ -620,7 +620,7 @@ def strain_without(fitted: Fitted, name: str) -> float:
             # coefficients are deviations from the fitted values: neutral is that far away
             mean[i] = amplitude_of(effect, parameter).neutral - fitted.effects[effect][parameter]
             sd[i] = settings.estimate.converged_sds * max(abs(mean[i]), settings.numerics.small)
-    return strain(joint_fit(fitted.board, chosen, mean, sd), fitted.board.system)
+    return largest_correction_sds(joint_fit(fitted.board, chosen, mean, sd), fitted.board.system)
 
 
 def null_fit(system: System) -> tuple[Board, Joint]:
