@@ -302,17 +302,17 @@ def test_unexplained_is_what_is_clear_and_large(model):
 
 
 def test_size_speaks_where_no_mean_does(model):
-    restless = _structure(model, "force_x", share=0.03, of_size=True)
-    assert left_over([restless], model) == [restless]
-    assert left_over([_structure(model), restless], model) == [_structure(model)]
-    assert left_over([dataclasses.replace(restless, channel="range")], model) == []
+    noisy = _structure(model, "force_x", share=0.03, of_size=True)
+    assert left_over([noisy], model) == [noisy]
+    assert left_over([_structure(model), noisy], model) == [_structure(model)]
+    assert left_over([dataclasses.replace(noisy, channel="range")], model) == []
 
 
 def test_vibration_grows_with_speed_in_any_flight_but_not_with_a_place(model):
-    restless = _structure(model, "force_x", share=0.03, r2=0.15, of_size=True)
-    assert left_over([restless], model) == []
+    noisy = _structure(model, "force_x", share=0.03, r2=0.15, of_size=True)
+    assert left_over([noisy], model) == []
     somewhere = dataclasses.replace(
-        restless, regime=("east_m", "north_m"), low=(0.0, 0.0), high=(1.0, 1.0)
+        noisy, regime=("east_m", "north_m"), low=(0.0, 0.0), high=(1.0, 1.0)
     )
     assert left_over([somewhere], model) == [somewhere]
     assert left_over([dataclasses.replace(somewhere, r2=0.08)], model) == []

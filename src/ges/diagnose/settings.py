@@ -539,7 +539,7 @@ class Noise:
     growths: tuple[float, ...] = number(
         (0.0, 0.1, 0.3, 1.0, 3.0),
         "",
-        "Growths of the noise's variance with unrest that are tried.",
+        "Growths of the noise's variance with covariate that are tried.",
         Numerical("half a decade apart"),
         low=0.0,
     )
@@ -705,8 +705,7 @@ class Locate:
         "",
         "Least share of a channel's variance that a regime predicts.",
         Measured(
-            "none of 257 nulls is so restless over places, 6 of 86 effects outside of the library"
-            " are",
+            "none of 257 nulls is so noisy over places, 6 of 86 effects outside of the library are",
             "development seeds",
             "9b8a121",
             RUN.replace("KEY=VALUE", "locate.r2_least=0.05"),

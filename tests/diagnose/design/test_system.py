@@ -14,9 +14,9 @@ from ges.diagnose.design.system import (
     build,
     common_channels,
     half_waves,
+    noisy,
     nuisances,
     residuals_with,
-    restless,
     window_length_s,
 )
 from ges.diagnose.library.candidates import Variant, amplitude_of
@@ -210,7 +210,7 @@ def test_unrest_is_the_change_of_thrust_between_two_readings_over_the_weight():
     slow = flight.replaced(update_s={**flight.update_s, "rotor_speed": 0.05})
     thrust = MODEL.weight_N * (1.0 + 0.3 * t)
     for told, every_s in ((flight, 0.01), (slow, 0.05)):
-        found = restless(told, windows_of(flight), MODEL, thrust)
+        found = noisy(told, windows_of(flight), MODEL, thrust)
         np.testing.assert_allclose(found, 0.3 * every_s)
 
 

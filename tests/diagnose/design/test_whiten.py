@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from ges.diagnose.design.whiten import Noise, Part, estimate, left_over, unrest_of, whiten
+from ges.diagnose.design.whiten import Noise, Part, estimate, left_over, variance_covariate, whiten
 from ges.diagnose.settings import settings, using
 
 from ..synthetic import MODEL, amplitude, nuisance, rows_of, system_of
@@ -31,7 +31,7 @@ def _alone(*signals, columns=(), acting=None, names=("force_z",), **more):
 
 
 def _whitened(system, noise):
-    return whiten(system.flights, noise, unrest_of(system.flights))
+    return whiten(system.flights, noise, variance_covariate(system.flights))
 
 
 @pytest.mark.parametrize("correlation", [-0.5, 0.0, 0.9])
@@ -92,7 +92,7 @@ def test_no_row_leans_on_what_was_before_a_break():
     )
     assert not broken.follows[100] and broken.follows[1:100].all() and len(center) == 300
     shouted = dataclasses.replace(broken, y=broken.y + 1e3 * (np.arange(290) < 100)[:, None])
-    parts = [whiten([r], noise, unrest_of([r]))[0].parts[0] for r in (broken, shouted)]
+    parts = [whiten([r], noise, variance_covariate([r]))[0].parts[0] for r in (broken, shouted)]
     after = parts[0].at >= 100
     assert 100 not in parts[0].at and parts[0].at[after][0] == 103, "a full past first"
     np.testing.assert_array_equal(parts[0].y[after], parts[1].y[after])
@@ -110,16 +110,16 @@ def test_a_row_that_is_not_there_is_missing_and_those_after_it_wait_for_their_pa
 @pytest.mark.parametrize("growth", [0.0, 1.0])
 def test_noise_that_grows_where_a_stream_is_slow_is_taken_off_there(growth):
     rng = np.random.default_rng(2)
-    unrest = np.abs(rng.standard_normal(WINDOWS)) + 0.1
-    relative = unrest / median(unrest)
+    covariate = np.abs(rng.standard_normal(WINDOWS)) + 0.1
+    relative = covariate / median(covariate)
     y = 0.1 * np.sqrt(1.0 + growth * relative**2) * rng.standard_normal(WINDOWS)
-    system = _alone(y, noise=unrest)
+    system = _alone(y, noise=covariate)
     noise = estimate(system)
     assert noise.growth[0] == growth and noise.sd[0] == pytest.approx(0.1, rel=0.05)
     ((part,),) = (w.parts for w in _whitened(system, noise))
-    restless = relative[part.at] > 2.0
-    assert np.std(part.y[restless]) == pytest.approx(1.0, rel=0.1)
-    assert np.std(part.y[~restless]) == pytest.approx(1.0, rel=0.1)
+    noisy = relative[part.at] > 2.0
+    assert np.std(part.y[noisy]) == pytest.approx(1.0, rel=0.1)
+    assert np.std(part.y[~noisy]) == pytest.approx(1.0, rel=0.1)
 
 
 def test_what_a_doubt_explains_is_not_noise_and_what_is_beyond_it_is():
@@ -167,7 +167,7 @@ def test_what_is_not_in_the_air_is_not_left_over():
 
 def test_a_flight_is_as_restless_as_it_is_over_the_middle_one():
     signals = [s * _coloured(0.0, 0.1, seed=k, count=400) for k, s in enumerate((1.0, 5.0, 1.0))]
-    assert estimate(_alone(*signals)).restless[0] == pytest.approx(5.0, rel=0.15)
+    assert estimate(_alone(*signals)).noisy[0] == pytest.approx(5.0, rel=0.15)
 
 
 def test_no_noise_is_smaller_than_the_least_share_of_the_whole():
@@ -219,5 +219,5 @@ def test_a_part_takes_more_answers_beside_those_that_it_has():
 
 def test_unrest_is_over_the_middle_of_all_flights():
     one, two = (rows_of(np.zeros((5, 1)), noise=np.full(5, v)) for v in (1.0, 3.0))
-    assert [u[0] for u in unrest_of([one, two])] == [0.5, 1.5]
-    assert unrest_of([rows_of(np.zeros((5, 1)))])[0].tolist() == [0.0] * 5
+    assert [u[0] for u in variance_covariate([one, two])] == [0.5, 1.5]
+    assert variance_covariate([rows_of(np.zeros((5, 1)))])[0].tolist() == [0.0] * 5

@@ -499,7 +499,7 @@ def rows(
         windows,
         y,
         x,
-        restless(flight, windows, model, thrust),
+        noisy(flight, windows, model, thrust),
         answered,
         vouch,
         air,
@@ -552,7 +552,7 @@ def half_waves(flight: Prepared, length_s: float) -> int:
     return min(settings.design.half_waves_most, int(length_s / shortest_s))
 
 
-def restless(flight: Prepared, windows: Windows, model: Model, thrust: np.ndarray) -> np.ndarray:
+def noisy(flight: Prepared, windows: Windows, model: Model, thrust: np.ndarray) -> np.ndarray:
     """Change of thrust between two readings of the rotor speeds, over weight, (m,): how much a slow
     stream may hide.
     """

@@ -21,17 +21,17 @@ from ges.diagnose.settings import settings
 
 @dataclasses.dataclass(frozen=True)
 class Noise:
-    """Per channel: AR coefficients (C, p), innovation sd (C,), growth with unrest (C,); over the
+    """Per channel: AR coefficients (C, p), innovation sd (C,), growth with covariate (C,); over the
     innovation sd the size of the disturbances that a controller may have answered (C,): what
-    nuisances alone leave in all but the restless flights; and how many times as much is left in the
-    most restless flight as in the middle one (C,).
+    nuisances alone leave in all but the noisy flights; and how many times as much is left in the
+    most noisy flight as in the middle one (C,).
     """
 
     ar: np.ndarray
     sd: np.ndarray
     growth: np.ndarray
     answered: np.ndarray
-    restless: np.ndarray
+    noisy: np.ndarray
 
 
 @dataclasses.dataclass(frozen=True)
@@ -150,14 +150,14 @@ def _lagged(
     return at, left[at], np.stack([left[at - k] for k in range(1, order + 1)], axis=1)
 
 
-def _growth(e: np.ndarray, unrest: np.ndarray) -> tuple[float, float]:
-    """Maximum-likelihood sd and growth of e ~ N(0, sd^2 (1 + g unrest^2)), unrest in units of its
-    median.
+def _growth(e: np.ndarray, covariate: np.ndarray) -> tuple[float, float]:
+    """Maximum-likelihood sd and growth of e ~ N(0, sd^2 (1 + g covariate^2)), covariate in units of
+    its median.
     """
     # -2 log likelihood, maximised over sd for every growth of a grid
     best = (np.inf, 1.0, 0.0)
     for g in settings.noise.growths:
-        w = 1.0 + g * unrest**2
+        w = 1.0 + g * covariate**2
         sd2 = max(float(np.mean(e**2 / w)), settings.numerics.tiny)
         cost = len(e) * np.log(sd2) + np.log(w).sum()
         if cost < best[0]:
@@ -174,7 +174,7 @@ def estimate(
 
     Without columns a strong effect counts as noise: cautious, so the search starts there.
     """
-    unrest, runs = unrest_of(system.flights), [_run(r.follows) for r in system.flights]
+    covariate, runs = variance_covariate(system.flights), [_run(r.follows) for r in system.flights]
     loose = {c for r in system.flights for _, c in r.loose}
     # rows without any noise would weigh without limit
     floor = np.array(
@@ -183,7 +183,7 @@ def estimate(
 
     def of_channel(c: int) -> tuple[np.ndarray, float, float, float, float]:
         left = left_over(system, c, chosen, together)
-        ar, sd, growth = _of_channel(system, left, runs, unrest)
+        ar, sd, growth = _of_channel(system, left, runs, covariate)
         sd = max(sd, floor[c])
         # the controller answered what columns explain, too: so without them
         explained = bool(len(chosen) or together)
@@ -219,11 +219,11 @@ def _of_channel(
     system: System,
     left: Sequence[np.ndarray],
     runs: Sequence[np.ndarray],
-    unrest: Sequence[np.ndarray],
+    covariate: Sequence[np.ndarray],
 ) -> tuple[np.ndarray, float, float]:
     """AR coefficients, innovation sd and growth of what is left of one channel, by flight."""
     order = settings.noise.autoregression_order
-    pieces = [(*_lagged(e, run, order), u) for e, run, u in zip(left, runs, unrest, strict=True)]
+    pieces = [(*_lagged(e, run, order), u) for e, run, u in zip(left, runs, covariate, strict=True)]
     value, past = np.concatenate([p[1] for p in pieces]), np.concatenate([p[2] for p in pieces])
     # too few rows for a filter: none, and a unit sd
     if len(value) < 4 * order:
@@ -237,7 +237,7 @@ def _of_channel(
     return ar, *_growth(value - past @ ar, np.concatenate([p[3][p[0]] for p in pieces]))
 
 
-def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:
+def variance_covariate(flights: Sequence[Rows]) -> list[np.ndarray]:
     """Unrest of every window, (m,) by flight, in units of the median over all flights."""
     # where thrust never changes, any unit will do
     median = np.median(np.concatenate([r.noise[r.air] for r in flights])) or 1.0
@@ -245,18 +245,18 @@ def unrest_of(flights: Sequence[Rows]) -> list[np.ndarray]:
 
 
 def whiten(
-    flights: Sequence[Rows], noise: Noise, unrest: Sequence[np.ndarray]
+    flights: Sequence[Rows], noise: Noise, covariate: Sequence[np.ndarray]
 ) -> tuple[White, ...]:
     """Filter residuals and columns by the same noise model; the first rows of a run on the ground
     are predicted by the few before them: take-offs are short.
 
     Parameters
     ----------
-    unrest : by flight, (m,) of :func:`unrest_of`.
+    covariate : by flight, (m,) of :func:`variance_covariate`.
     """
     short = any(not rows.air.all() for rows in flights)
     filters = [_prediction_filter(ar) if short else _full(ar)[None] for ar in noise.ar]
-    made = [_white(rows, noise, filters, u) for rows, u in zip(flights, unrest, strict=True)]
+    made = [_white(rows, noise, filters, u) for rows, u in zip(flights, covariate, strict=True)]
     # one kind of answer has one cause over all flights and channels, so they are bounded together;
     # what was answered is larger than the noise by all that chosen effects explain
     for kind in dict.fromkeys(kind for _, loose in made for kind, _ in loose):
@@ -294,7 +294,7 @@ def _bounds(loose: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndar
 
 
 def _white(
-    rows: Rows, noise: Noise, filters: Sequence[np.ndarray], unrest: np.ndarray
+    rows: Rows, noise: Noise, filters: Sequence[np.ndarray], covariate: np.ndarray
 ) -> tuple[dict[int, Part], dict[tuple[str, int], np.ndarray]]:
     """Parts by channel, ``filters`` of :func:`_prediction_filter`, none answering yet, and the
     loose parts of their columns by kind and channel.
@@ -312,7 +312,7 @@ def _white(
         if not len(at):
             continue
         # (4) of docs/method.md: the innovation's sd grows with what a slow stream may hide
-        sd = noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * unrest[at] ** 2)
+        sd = noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * covariate[at] ** 2)
         innovation = _innovation(at, past[at], len(rows.y), weights, sd)
         beyond = (
             (innovation @ rows.beyond[c])[:, None] if c in rows.beyond else np.zeros((len(at), 0))

@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 
 from ges.diagnose.design.system import nuisance_of, residuals_with
 from ges.diagnose.design.table import spread, table_of
-from ges.diagnose.design.whiten import unrest_of, whiten
+from ges.diagnose.design.whiten import variance_covariate, whiten
 from ges.diagnose.estimate.fit import Joint, calibrated, correction_bounds
 from ges.diagnose.select.evidence import Board, unanswered
 from ges.diagnose.settings import settings
@@ -61,7 +61,7 @@ class _Posterior:
     """
 
     def __init__(self, board: Board) -> None:
-        self.board, self.unrest = board, unrest_of(board.system.flights)
+        self.board, self.covariate = board, variance_covariate(board.system.flights)
         columns, model = board.system.columns, board.system.model
         known = {int(k): nuisance_of(columns[k]) for k in board.nuisance}
         common = [n for n in known.values() if n.sd > 0]
@@ -97,7 +97,7 @@ class _Posterior:
         ]
         left = []
         for white, x in zip(
-            whiten(rows, self.board.noise, self.unrest), self.by_flight, strict=True
+            whiten(rows, self.board.noise, self.covariate), self.by_flight, strict=True
         ):
             y = np.concatenate([unanswered(part)[1] for part in white.parts])
             # variable projection: a flight's own numbers, in sds, are solved for at every point

@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from ges.diagnose.design.system import Column, System, nuisance_of, variant_of
-from ges.diagnose.design.whiten import Noise, Part, White, estimate, unrest_of, whiten
+from ges.diagnose.design.whiten import Noise, Part, White, estimate, variance_covariate, whiten
 from ges.diagnose.select.bounded import log_mass, log_mass_within
 from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
@@ -331,7 +331,7 @@ def make_board(
 
 def whitened(system: System, noise: Noise) -> Board:
     """Whiten with a known noise and count nothing: what a fit needs."""
-    whites = whiten(system.flights, noise, unrest_of(system.flights))
+    whites = whiten(system.flights, noise, variance_covariate(system.flights))
     nuisance = np.array(
         [k for k, c in enumerate(system.columns) if c.nuisance is not None], dtype=int
     )

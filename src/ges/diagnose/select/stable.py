@@ -102,7 +102,7 @@ def _hidden(
     board: Board, chosen: Sequence[int], candidates: Sequence[Candidate], base: Sequence[str]
 ) -> list[tuple[int, ...]]:
     """Columns of the variants, one of an effect, that explain most of what chosen columns leave in
-    some channel where flights are restless and others are not, the best first.
+    some channel where flights are noisy and others are not, the best first.
     """
     system, taken = board.system, _effects(board.system, chosen)
     free = {
@@ -115,8 +115,8 @@ def _hidden(
         for k, c in enumerate(system.columns)
         if c.variant is not None and c.variant.effect in free
     ]
-    restless = board.noise.restless > settings.statistics.flights_ratio
-    channels = np.flatnonzero(restless).tolist()
+    noisy = board.noise.noisy > settings.statistics.flights_ratio
+    channels = np.flatnonzero(noisy).tolist()
     if not listed or not channels:
         return []
     share = np.max(
