@@ -59,9 +59,9 @@ def times(duration_s: float = 4.0) -> np.ndarray:
     return STEP_S * np.arange(round(duration_s / STEP_S))
 
 
-def windows_of(flight: Prepared, overtones: int = 0):
+def windows_of(flight: Prepared, higher_orders: int = 0):
     """Windows along a flight."""
-    return make_windows(flight.t_s, flight.flying, WINDOW_S, overtones)
+    return make_windows(flight.t_s, flight.flying, WINDOW_S, higher_orders)
 
 
 def nuisance(key: str, sd: float, flight_sd: float = 0.0, mean: float = 0.0) -> Column:

@@ -18,7 +18,7 @@ from ges.diagnose.design.residual import (
     residual,
     said_with_each,
     speeds_at_work,
-    with_overtones,
+    with_higher_orders,
 )
 from ges.simulator.terrain import Terrain
 
@@ -36,8 +36,8 @@ FORCE, MOMENT = ("force_x", "force_y", "force_z"), ("moment_x", "moment_y", "mom
 WEIGHT_N = MODEL.weight_N
 
 
-def _left(flight, names, model=MODEL, more=None, overtones=0):
-    return residual(flight, windows_of(flight, overtones), model, names, more)
+def _left(flight, names, model=MODEL, more=None, higher_orders=0):
+    return residual(flight, windows_of(flight, higher_orders), model, names, more)
 
 
 def test_a_hover_that_the_file_explains_leaves_nothing():
@@ -193,7 +193,7 @@ def test_a_sign_of_the_quaternion_turns_nothing():
 )
 def test_an_evaluation_that_leans_on_another_is_the_same_as_one_of_its_own(more):
     flight = manoeuvre(range_m=1.4)
-    names = with_overtones((*FORCE, *MOMENT, "drive_1", "drive_2", "drive_3", "drive_4"), 2)
+    names = with_higher_orders((*FORCE, *MOMENT, "drive_1", "drive_2", "drive_3", "drive_4"), 2)
     names = (*names, "range")
     windows = windows_of(flight, 1)
     like = along(flight, windows, MODEL, names)
@@ -258,7 +258,7 @@ def test_heights_are_over_the_logged_ground_where_the_file_has_none():
 
 
 def test_faster_test_functions_are_asked_of_moments_and_drives_alone():
-    assert with_overtones(("force_x", "moment_x", "drive_2"), 2) == (
+    assert with_higher_orders(("force_x", "moment_x", "drive_2"), 2) == (
         "force_x",
         "moment_x",
         "drive_2",

@@ -33,7 +33,7 @@ second shows there.
 """
 
 
-def with_overtones(names: Sequence[str], count: int) -> tuple[str, ...]:
+def with_higher_orders(names: Sequence[str], count: int) -> tuple[str, ...]:
     """Channels and, after them, those of the faster test functions: ``moment_x/1`` is ``moment_x``
     under the first.
     """
@@ -438,7 +438,7 @@ def along(
 
     Parameters
     ----------
-    names : channels, those of faster test functions included (see :func:`with_overtones`).
+    names : channels, those of faster test functions included (see :func:`with_higher_orders`).
     more : effects added to those of the model, for this evaluation.
     like : evaluation without ``more``.
     drive, said : with ``more``, where they are known.

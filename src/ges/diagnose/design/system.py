@@ -18,7 +18,7 @@ from ges.diagnose.design.residual import (
     drives,
     drives_of,
     said_with_each,
-    with_overtones,
+    with_higher_orders,
 )
 from ges.diagnose.design.table import Indices, Table, table_of
 from ges.diagnose.design.weak import (
@@ -443,7 +443,7 @@ def rows(
     )
     here = tuple(
         name
-        for name in with_overtones(channels(flight, model), len(windows.overtones))
+        for name in with_higher_orders(channels(flight, model), len(windows.higher_orders))
         if name in names
     )
     now = along(flight, windows, model, here)
@@ -513,7 +513,7 @@ def residuals_with(system: System, model: Model) -> list[np.ndarray]:
     def of(r: Rows) -> np.ndarray:
         here = tuple(
             name
-            for name in with_overtones(channels(r.flight, model), len(r.windows.overtones))
+            for name in with_higher_orders(channels(r.flight, model), len(r.windows.higher_orders))
             if name in system.names
         )
         y = _among(system.names, here, along(r.flight, r.windows, model, here))
@@ -604,7 +604,7 @@ def build(
     main = common_channels(flights, model)
     length_s = like.length_s if like else length_s or window_length_s(flights)
     # a sine and a cosine of every half-wave
-    names = with_overtones(main, 2 * max(half_waves(f, length_s) for f in flights))
+    names = with_higher_orders(main, 2 * max(half_waves(f, length_s) for f in flights))
     columns = (
         [Column(n.key, nuisance=n) for n in nuisances(model, main, flights)]
         if settings.design.declared_tolerance

@@ -25,7 +25,8 @@ class Windows:
     mean : (m, n) weights of the average, each row sums to 1.
     rate : (m, n) weights that give the average of the time derivative.
     length_s : support of each function.
-    overtones : weights and rate weights (m, n) of faster test functions on the same supports, see
+    higher_orders : weights and rate weights (m, n) of faster test functions on the same supports,
+    see
         :func:`tones`.
     """
 
@@ -34,7 +35,7 @@ class Windows:
     mean: csr_array
     rate: csr_array
     length_s: float
-    overtones: tuple[tuple[csr_array, csr_array], ...] = ()
+    higher_orders: tuple[tuple[csr_array, csr_array], ...] = ()
 
     @property
     def functions(self) -> dict[str, tuple[csr_array, csr_array]]:
@@ -43,7 +44,7 @@ class Windows:
         """
         return {
             "": (self.mean, self.rate),
-            **{f"/{k}": pair for k, pair in enumerate(self.overtones, 1)},
+            **{f"/{k}": pair for k, pair in enumerate(self.higher_orders, 1)},
         }
 
     def __len__(self) -> int:
@@ -63,7 +64,7 @@ class Windows:
         """Those that are true in ``which`` (m,); all of them are these themselves."""
         if which.all():
             return self
-        faster = tuple((a[which], b[which]) for a, b in self.overtones)
+        faster = tuple((a[which], b[which]) for a, b in self.higher_orders)
         return Windows(
             self.center_s[which],
             self.center[which],
@@ -140,7 +141,7 @@ def tones(half: int, step_s: float, count: int) -> list[tuple[np.ndarray, np.nda
 
 
 def make_windows(
-    t_s: np.ndarray, flying: np.ndarray, length_s: float, overtones: int = 0
+    t_s: np.ndarray, flying: np.ndarray, length_s: float, higher_orders: int = 0
 ) -> Windows:
     """Half-overlapping windows whose whole support flies.
 
@@ -149,7 +150,7 @@ def make_windows(
     t_s : (n,) uniform times.
     flying : (n,) usable samples.
     length_s : support of a test function.
-    overtones : how many half-waves the faster test functions go up to.
+    higher_orders : how many half-waves the faster test functions go up to.
     """
     step_s = t_s[1] - t_s[0]
     half = max(int(round(0.5 * length_s / step_s)), 2)
@@ -165,7 +166,7 @@ def make_windows(
             (np.tile(weights, len(centers)), columns, starts), shape=(len(centers), len(t_s))
         )
 
-    faster = tuple((spread(a), spread(b)) for a, b in tones(half, step_s, overtones))
+    faster = tuple((spread(a), spread(b)) for a, b in tones(half, step_s, higher_orders))
     return Windows(
         t_s[centers], centers, spread(phi), spread(slope), (2 * half + 1) * step_s, faster
     )
