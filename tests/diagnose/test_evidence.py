@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from ges.diagnose.design.answers import Vouched, loose, untrim
+from ges.diagnose.design.answers import FlightInstruments, endogenous_parts, untrim
 from ges.diagnose.design.table import table_of
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.design.whiten import Part, White
@@ -174,12 +174,12 @@ def test_what_a_drive_does_is_an_answer_but_along_thrust_for_its_mean():
     windows = make_windows(t, np.ones(len(t), bool), 0.2)
     column = 3.0 + windows.mean @ (np.sin(0.2 * t) + np.sin(8.0 * t))
     x, names = table_of([{0: column, 1: column}], len(column), 2), ("force_z", "moment_x")
-    told = Vouched(
+    told = FlightInstruments(
         {n: np.zeros((len(column), 1)) for n in names},
         {n: column for n in names},
         dict.fromkeys(names, 0.0),
     )
-    found = loose(
+    found = endogenous_parts(
         ("thrust_curve.c",), x, 0.2, dict(enumerate(names)), told, np.ones(len(column), bool)
     )
     np.testing.assert_allclose(found["dynamic", 0]["thrust_curve.c"], column - column.mean())
@@ -197,12 +197,12 @@ def test_what_takes_thrust_from_a_rotor_is_an_answer_but_for_its_trim_and_in_yaw
         table_of([dict.fromkeys(range(3), column)], len(column), 3),
         ("force_z", "moment_x", "moment_z"),
     )
-    told = Vouched(
+    told = FlightInstruments(
         {n: np.zeros((len(column), 1)) for n in names},
         {n: column for n in names},
         dict.fromkeys(names, 0.0),
     )
-    found = loose(
+    found = endogenous_parts(
         ("weak_rotor.loss_1",), x, 0.2, dict(enumerate(names)), told, np.ones(len(column), bool)
     )
     assert set(found) == {("rotor", 1)}, "neither along thrust nor in yaw"
@@ -217,7 +217,9 @@ def test_of_a_load_what_changes_fast_of_its_pull_is_an_answer():
     windows = make_windows(t, np.ones(len(t), bool), 0.2)
     slow, fast = 3.0 + windows.mean @ np.sin(0.2 * t), windows.mean @ np.sin(12.0 * t)
     x, names = table_of([{0: slow + fast, 1: slow + fast}], len(slow), 2), ("force_z", "force_x")
-    told = Vouched({"force_z": np.zeros((len(slow), 1))}, {"force_z": slow}, {"force_z": 0.0})
+    told = FlightInstruments(
+        {"force_z": np.zeros((len(slow), 1))}, {"force_z": slow}, {"force_z": 0.0}
+    )
     asked = (
         ("slung_load.mass_kg",),
         x,
@@ -226,8 +228,8 @@ def test_of_a_load_what_changes_fast_of_its_pull_is_an_answer():
         told,
         np.ones(len(slow), bool),
     )
-    assert not loose(*asked), "a load that may be there takes nothing from cushions"
-    found = loose(*asked, ("slung_load",))
+    assert not endogenous_parts(*asked), "a load that may be there takes nothing from cushions"
+    found = endogenous_parts(*asked, ("slung_load",))
     assert set(found) == {("load", 0)}, "along thrust alone"
     middle = slice(20, -20)
     np.testing.assert_allclose(

@@ -71,7 +71,7 @@ def test_a_fit_allows_for_the_same_answers_as_the_search_before_it(near_ground):
 
 
 def _answered(rows) -> set[str]:
-    return {key for parts in rows.loose.values() for key in parts}
+    return {key for parts in rows.endogenous.values() for key in parts}
 
 
 @pytest.mark.parametrize(

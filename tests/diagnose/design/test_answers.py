@@ -1,16 +1,18 @@
-"""What a controller may have done to columns: loose without instruments, vouched for by them."""
+"""What a controller may have done to columns: endogenous without instruments, explained by
+them.
+"""
 
 import numpy as np
 import pytest
 
 from ges.diagnose.design.answers import (
-    Vouched,
+    FlightInstruments,
     both,
+    endogenous_parts,
     feedback_of,
-    loose,
+    flight_instruments,
     near_ground_gain,
     strengths,
-    vouched,
 )
 from ges.diagnose.design.table import table_of
 from ges.diagnose.settings import settings
@@ -26,14 +28,16 @@ AIR = np.ones(COUNT, bool)
 def _told(names, strong=0.0, z=None):
     """What instruments say: nothing, or as ``strong`` as given by the columns ``z`` (m, k)."""
     z = np.zeros((COUNT, 1)) if z is None else z
-    return Vouched(
+    return FlightInstruments(
         dict.fromkeys(names, z), dict.fromkeys(names, THRUST), {n: strong for n in names}
     )
 
 
-def _loose(keys, names, columns, told=None, air=AIR, **more):
+def _endogenous(keys, names, columns, told=None, air=AIR, **more):
     x = table_of([dict.fromkeys(range(len(names)), c) for c in columns], COUNT, len(names))
-    return loose(keys, x, LENGTH_S, dict(enumerate(names)), told or _told(names), air, **more)
+    return endogenous_parts(
+        keys, x, LENGTH_S, dict(enumerate(names)), told or _told(names), air, **more
+    )
 
 
 def test_how_the_controller_shows_is_what_the_descriptor_says():
@@ -45,14 +49,16 @@ def test_how_the_controller_shows_is_what_the_descriptor_says():
 
 
 def test_what_no_controller_moves_is_never_loose():
-    assert not _loose(("rotor_drag.k_kg", "cg_offset.x_m"), ("force_x", "moment_x"), [THRUST] * 2)
+    assert not _endogenous(
+        ("rotor_drag.k_kg", "cg_offset.x_m"), ("force_x", "moment_x"), [THRUST] * 2
+    )
 
 
 def test_strong_instruments_vouch_for_what_they_explain():
     known, rest = np.sin(0.5 * T), np.sin(9.0 * T)
     z = np.column_stack([known])
     names = ("moment_x",)
-    (part,) = _loose(("motor_lag.up_s",), names, [known + rest], _told(names, 0.9, z)).values()
+    (part,) = _endogenous(("motor_lag.up_s",), names, [known + rest], _told(names, 0.9, z)).values()
     left = part["motor_lag.up_s"]
     assert abs(left @ known) < 1e-9 * COUNT
     assert np.corrcoef(left, rest)[0, 1] > 0.99
@@ -63,21 +69,21 @@ def test_weak_instruments_vouch_for_nothing(above):
     known, names = np.sin(0.5 * T), ("moment_y",)
     strong = settings.statistics.large_part + above
     told = _told(names, strong, known[:, None])
-    (part,) = _loose(("motor_lag.up_s",), names, [known], told).values()
+    (part,) = _endogenous(("motor_lag.up_s",), names, [known], told).values()
     assert (np.abs(part["motor_lag.up_s"]).max() < 1e-9) == (above > 0.0)
 
 
 def test_of_a_gain_what_it_does_by_fast_changes_of_thrust_is_loose():
     """Slow changes of thrust carry a height; the gain's force is that share of them."""
     gain = 0.1 * THRUST
-    found = _loose(("thrust_scale.scale",), ("force_z",), [gain])
+    found = _endogenous(("thrust_scale.scale",), ("force_z",), [gain])
     part, middle = found["thrust_gain", 0]["thrust_scale.scale"], slice(60, -60)
     np.testing.assert_allclose(part[middle], 0.1 * np.sin(9.0 * T)[middle], atol=0.01)
 
 
 def test_of_a_cushion_s_moment_what_changes_is_loose_and_of_another_gain_s_nothing():
     x = 3.0 + np.sin(T)
-    found = _loose(("ground_effect.c_a", "thrust_scale.scale"), ("moment_x",), [x, x])
+    found = _endogenous(("ground_effect.c_a", "thrust_scale.scale"), ("moment_x",), [x, x])
     part = found["thrust_gain", 0]
     np.testing.assert_allclose(part["ground_effect.c_a"], x - x.mean())
     np.testing.assert_array_equal(part["thrust_scale.scale"], 0.0)
@@ -85,7 +91,7 @@ def test_of_a_cushion_s_moment_what_changes_is_loose_and_of_another_gain_s_nothi
 
 def test_a_rangefinder_s_scale_is_loose_where_heights_change():
     x = 1.5 + 0.3 * np.sin(T)
-    found = _loose(("rangefinder_bias.scale",), ("range", "force_z"), [x])
+    found = _endogenous(("rangefinder_bias.scale",), ("range", "force_z"), [x])
     assert set(found) == {("height", 0)}
     np.testing.assert_allclose(found["height", 0]["rangefinder_bias.scale"], x - x.mean())
 
@@ -94,13 +100,13 @@ def test_a_rangefinder_s_scale_is_loose_where_heights_change():
 def test_a_rotor_in_yaw_is_loose_under_faster_functions_where_no_turning_was_measured(measured):
     names = ("moment_z", "moment_z/1")
     x = 2.0 + np.sin(T)
-    found = _loose(("weak_rotor.loss_2",), names, [x], turning_measured=measured)
+    found = _endogenous(("weak_rotor.loss_2",), names, [x], turning_measured=measured)
     assert set(found) == (set() if measured else {("rotor", 1)})
 
 
 def test_shapes_of_one_parameter_are_loose_alike_by_the_first():
     one, two = np.sin(T), np.cos(T)
-    found = _loose(
+    found = _endogenous(
         ("motor_lag.up_s", "esc_delay.delay_s", "motor_lag.up_s"), ("moment_x",), [one, two, two]
     )
     part = found["dynamic", 0]
@@ -111,8 +117,8 @@ def test_shapes_of_one_parameter_are_loose_alike_by_the_first():
 def test_on_the_ground_nothing_is_loose():
     air = T > 10.0
     z, own = np.zeros((air.sum(), 1)), THRUST[air]
-    told = Vouched({"moment_x": z}, {"moment_x": own}, {"moment_x": 0.0})
-    part = _loose(("motor_lag.up_s",), ("moment_x",), [np.sin(T)], told, air)["dynamic", 0]
+    told = FlightInstruments({"moment_x": z}, {"moment_x": own}, {"moment_x": 0.0})
+    part = _endogenous(("motor_lag.up_s",), ("moment_x",), [np.sin(T)], told, air)["dynamic", 0]
     np.testing.assert_array_equal(part["motor_lag.up_s"], np.where(air, np.sin(T), 0.0))
 
 
@@ -129,8 +135,8 @@ def test_new_parts_replace_known_ones_and_a_cushion_that_is_on_keeps_none_of_ano
 
 def test_strengths_are_means_over_the_flights_that_heard_a_channel():
     least = settings.statistics.large_part
-    one = Vouched({}, {}, {"force_z": least + 0.2, "moment_x": 0.1})
-    two = Vouched({}, {}, {"force_z": least - 0.2})
+    one = FlightInstruments({}, {}, {"force_z": least + 0.2, "moment_x": 0.1})
+    two = FlightInstruments({}, {}, {"force_z": least - 0.2})
     told = {s["channel"]: s for s in strengths([one, two], ("force_z", "moment_x", "moment_y"))}
     assert set(told) == {"force_z", "moment_x"}
     assert told["force_z"]["share"] == pytest.approx(least)
@@ -144,6 +150,6 @@ def test_only_channels_that_are_there_and_answer_are_vouched_for():
     windows = windows_of(flight)
     y = np.zeros((len(windows), 4))
     y[3, 2] = np.nan
-    told = vouched(flight, windows, MODEL, names, y, flight.stack("rotor_speed"))
+    told = flight_instruments(flight, windows, MODEL, names, y, flight.stack("rotor_speed"))
     assert set(told.strong) == {"force_z"} and told.strong["force_z"] == 0.0
     np.testing.assert_allclose(told.own["force_z"], MODEL.weight_N)

@@ -196,7 +196,7 @@ def test_an_answer_counts_once_however_many_flights_show_it(copies):
     """
     x = np.random.default_rng(5).standard_normal(400)
     rows = dataclasses.replace(
-        rows_of(np.zeros((400, 1)), [{0: x}]), loose={("dynamic", 0): {"motor_lag.up_s": x}}
+        rows_of(np.zeros((400, 1)), [{0: x}]), endogenous={("dynamic", 0): {"motor_lag.up_s": x}}
     )
     noise = Noise(np.zeros((1, 3)), np.array([0.5]), np.zeros(1), np.array([2.0]), np.ones(1))
     whites = whiten([rows] * copies, noise, [np.zeros(400)] * copies)

@@ -1,20 +1,22 @@
 """What a controller's answer to disturbances, or the noise of a reading, may have done to columns.
 
 A controller answers turbulence, and what it moves then correlates with the disturbance that a
-residual contains. Instruments vouch for a part of such a column; the rest is *loose*, and its
+residual contains. Instruments explain a part of such a column; the rest is *endogenous*, and its
 coefficient may err by the correlation (see ``whiten``):
 
 - ``dynamic``: what rotor speeds and their changes make of a moment, and of thrust where commands
-  alone are known. All of it is loose, but along thrust not the mean, which has no cause but the
-  balance. A trim moment has causes of its own (a shifted centre of gravity, a weak rotor), and is
-  taken out of such columns first (see :func:`untrim`).
-- ``thrust_gain``: what multiplies thrust. Loose is what it does along thrust because thrust changed
+  alone are known. All of it is endogenous, but along thrust not the mean, which has no cause but
+  the balance. A trim moment has causes of its own (a shifted centre of gravity, a weak rotor), and
+  is taken out of such columns first (see :func:`untrim`).
+- ``thrust_gain``: what multiplies thrust. Endogenous is what it does along thrust because thrust
+changed
   fast, not because its gain did; and what changes of a cushion's moment, because attitude answers
   too.
-- ``rotor``: what takes thrust from one rotor. Loose is what changes of its moment in roll and
+- ``rotor``: what takes thrust from one rotor. Endogenous is what changes of its moment in roll and
   pitch, where answers to yaw show, too: what answers a roll with a weak rotor also yaws, and takes
   large changes of all speeds. Its trim counts in full.
-- ``load``: what hangs below, once it is on. Loose is what changes fast of its pull along thrust:
+- ``load``: what hangs below, once it is on. Endogenous is what changes fast of its pull along
+thrust:
   disturbances shake the vehicle, and so it.
 - ``height``: an error of a rangefinder that grows with height: the height that it is held against
   is a reading, too.
@@ -47,7 +49,7 @@ VERTICAL = ("force_z", "acc_z")
 ROLL_PITCH, YAW = ("moment_x", "moment_y"), "moment_z"
 KINDS = ("dynamic", "thrust_gain", "rotor", "load", "height")
 
-Loose = Mapping[tuple[str, int], Mapping[str, np.ndarray]]
+EndogenousParts = Mapping[tuple[str, int], Mapping[str, np.ndarray]]
 """By kind and channel, of every ``effect.parameter`` that has it there, (m,)."""
 
 
@@ -97,7 +99,7 @@ def untrim(
 
 
 @dataclasses.dataclass(frozen=True)
-class Vouched:
+class FlightInstruments:
     """What instruments say of one flight by channel: instruments (m, k), thrust or moment of the
     rotors (m,), and the share of the latter that the former explain.
     """
@@ -107,14 +109,14 @@ class Vouched:
     strong: Mapping[str, float]
 
 
-def vouched(
+def flight_instruments(
     flight: Prepared,
     windows: Windows,
     model: Model,
     names: Sequence[str],
     y: np.ndarray,
     speeds: np.ndarray,
-) -> Vouched:
+) -> FlightInstruments:
     """Of the moments and of what acts along thrust, where residuals y (m, C) are known; ``speeds``
     (n, 4) are those at work.
     """
@@ -128,13 +130,12 @@ def vouched(
         for n, heard in zip(names, np.isfinite(y).all(axis=0), strict=True)
         if heard and _answered(n)
     ]
-    return Vouched(z, own, {n: strength(own[n], z[n], block) for n in answered})
+    return FlightInstruments(z, own, {n: strength(own[n], z[n], block) for n in answered})
 
 
-def strengths(told: Sequence[Vouched], names: Sequence[str]) -> list[dict]:
+def strengths(told: Sequence[FlightInstruments], names: Sequence[str]) -> list[dict]:
     """How strong the instruments are by channel: the share of the rotors' thrust or moment that the
-    references predict, mean of the flights, and in how many flights that is enough to vouch for
-    it.
+    references predict, mean of the flights, and in how many flights that is enough.
     """
     heard = {n: [t.strong[n] for t in told if n in t.strong] for n in names}
     return [
@@ -158,19 +159,19 @@ def _answered(name: str) -> bool:
     return block_of(name) == "moment" or name in VERTICAL
 
 
-def loose(
+def endogenous_parts(
     keys: Sequence[str],
     x: Table,
     length_s: float,
     heard: Mapping[int, str],
-    told: Vouched,
+    told: FlightInstruments,
     air: np.ndarray,
     on: Collection[str] = (),
     turning_measured: bool = True,
-) -> Loose:
-    """Loose parts of columns, zero where they are not in the ``air`` (m,).
+) -> EndogenousParts:
+    """Endogenous parts of columns, zero where they are not in the ``air`` (m,).
 
-    Shapes of one parameter are loose alike: its first column stands for them.
+    Shapes of one parameter are endogenous alike: its first column stands for them.
 
     Parameters
     ----------
@@ -189,7 +190,7 @@ def loose(
         if kind != "load" or "load" in map(feedback_of, on)
     }
     parts = {kind: {c: x.of(c, at)[air] for c in heard} for kind, at in which.items()}
-    # in moments a cushion is loose, along thrust every gain
+    # in moments a cushion is endogenous, along thrust every gain
     levels = np.array([near_ground_gain(keys[k]) for k in which["thrust_gain"]], dtype=float)
     z, own, strong, answered = (
         told.z,
@@ -197,7 +198,7 @@ def loose(
         told.strong,
         {c: n for c, n in heard.items() if n in told.strong},
     )
-    # a gain's force is in proportion to thrust: one share of it is loose, whatever the gain
+    # a gain's force is in proportion to thrust: one share of it is endogenous, whatever the gain
     share = {
         c: _by_thrust(own[n], z[n], strong[n], length_s)
         for c, n in answered.items()
@@ -241,9 +242,9 @@ def loose(
     }
 
 
-def both(known: Loose, new: Loose, on: Collection[str]) -> Loose:
-    """Loose parts of two sets of columns of the same windows, the new ones where both have them;
-    beside a cushion that is ``on`` none of another: what it makes of moments is told.
+def both(known: EndogenousParts, new: EndogenousParts, on: Collection[str]) -> EndogenousParts:
+    """Endogenous parts of two sets of columns of the same windows, the new ones where both have
+    them; beside a cushion that is ``on`` none of another: what it makes of moments is told.
     """
     taken = any(map(near_ground_gain, on))
     kept = {
@@ -276,7 +277,7 @@ def _centred(x: np.ndarray) -> np.ndarray:
 
 
 def _by_thrust(thrust: np.ndarray, z: np.ndarray, strong: float, length_s: float) -> np.ndarray:
-    """Share of a gain's force that is there because thrust is not what is vouched for, (m, 1)."""
+    """Share of a gain's force that is there because instruments do not explain thrust, (m, 1)."""
     # where thrust all but vanishes, as in a drop, the share would be endless
     least = settings.prepare.descent_share * thrust.mean()
     return _fast(thrust[:, None], z, strong, length_s) / np.maximum(thrust, least)[:, None]

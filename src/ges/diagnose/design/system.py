@@ -9,7 +9,14 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from ges.diagnose.design.answers import Loose, Vouched, both, loose, untrim, vouched
+from ges.diagnose.design.answers import (
+    EndogenousParts,
+    FlightInstruments,
+    both,
+    endogenous_parts,
+    flight_instruments,
+    untrim,
+)
 from ges.diagnose.design.residual import (
     Along,
     Drive,
@@ -134,9 +141,9 @@ class Rows:
     C, K).
 
     Windows that are not in the ``air`` (m,) tell of the drive alone; ``beyond`` is an error of unit
-    sd that its model may have where more is asked of it than in the air, (m,) by channel. ``loose``
-    are the parts of columns that instruments do not vouch for, ``vouched`` is what they say (see
-    ``answers``).
+    sd that its model may have where more is asked of it than in the air, (m,) by channel.
+    ``endogenous`` are the parts of columns that instruments do not explain, ``instruments`` is
+    what they say (see ``answers``).
     """
 
     flight: Prepared
@@ -144,8 +151,8 @@ class Rows:
     y: np.ndarray
     x: Table
     noise: np.ndarray
-    loose: Loose
-    vouched: Vouched | None
+    endogenous: EndogenousParts
+    instruments: FlightInstruments | None
     air: np.ndarray
     beyond: Mapping[int, np.ndarray]
 
@@ -476,23 +483,27 @@ def rows(
     )
     untrim(keys, x, windows, names, thrust, now.motion.omega, air)
     if like or not settings.design.instruments:
-        vouch = like.vouched if like else None
+        explained_by = like.instruments if like else None
     else:
-        vouch = vouched(flight, windows.some(air), model, names, y[air], now.drive.at_work)
-    # loose parts are projected over all windows in the air: a channel with gaps has none
+        explained_by = flight_instruments(
+            flight, windows.some(air), model, names, y[air], now.drive.at_work
+        )
+    # endogenous parts are projected over all windows in the air: a channel with gaps has none
     heard = {c: name for c, name in enumerate(names) if np.isfinite(y[air, c]).all()}
-    # of an effect that is on, the moment's part has a coefficient of its own, loose by itself
+    # of an effect that is on, the moment's part has a coefficient of its own, endogenous by itself
     apart = [
         f"{key}/{c.part}" if c.part == "moment" and variant_of(c).effect in model.effects else key
         for key, c in zip(keys, columns, strict=True)
     ]
     turning = flight.has("gyro") or "attitude" not in flight.derived
     answered = (
-        loose(apart, x, windows.length_s, heard, vouch, air, model.effects, turning)
-        if vouch
+        endogenous_parts(
+            apart, x, windows.length_s, heard, explained_by, air, model.effects, turning
+        )
+        if explained_by
         else {}
     )
-    answered = both(like.loose, answered, model.effects) if like else answered
+    answered = both(like.endogenous, answered, model.effects) if like else answered
     beyond = _beyond(flight, windows, names, now.drive.commanded)
     return Rows(
         flight,
@@ -501,7 +512,7 @@ def rows(
         x,
         noisy(flight, windows, model, thrust),
         answered,
-        vouch,
+        explained_by,
         air,
         beyond,
     )

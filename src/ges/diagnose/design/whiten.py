@@ -175,7 +175,7 @@ def estimate(
     Without columns a strong effect counts as noise: cautious, so the search starts there.
     """
     covariate, runs = variance_covariate(system.flights), [_run(r.follows) for r in system.flights]
-    loose = {c for r in system.flights for _, c in r.loose}
+    endogenous = {c for r in system.flights for _, c in r.endogenous}
     # rows without any noise would weigh without limit
     floor = np.array(
         [settings.noise.least_share * system.model.whole(name) for name in system.names]
@@ -187,7 +187,9 @@ def estimate(
         sd = max(sd, floor[c])
         # the controller answered what columns explain, too: so without them
         explained = bool(len(chosen) or together)
-        answered = _quiet(left_over(system, c), runs, ar, sd) if explained and c in loose else 1.0
+        answered = (
+            _quiet(left_over(system, c), runs, ar, sd) if explained and c in endogenous else 1.0
+        )
         return ar, sd, growth, answered, _restless(left)
 
     return Noise(
@@ -259,8 +261,10 @@ def whiten(
     made = [_white(rows, noise, filters, u) for rows, u in zip(flights, covariate, strict=True)]
     # one kind of answer has one cause over all flights and channels, so they are bounded together;
     # what was answered is larger than the noise by all that chosen effects explain
-    for kind in dict.fromkeys(kind for _, loose in made for kind, _ in loose):
-        of_kind = [{c: part for (k, c), part in loose.items() if k == kind} for _, loose in made]
+    for kind in dict.fromkeys(kind for _, endogenous in made for kind, _ in endogenous):
+        of_kind = [
+            {c: part for (k, c), part in endogenous.items() if k == kind} for _, endogenous in made
+        ]
         for (parts, _), errors in zip(made, _bounds(of_kind), strict=True):
             parts.update(
                 {c: parts[c].answering(error * noise.answered[c]) for c, error in errors.items()}
@@ -271,15 +275,15 @@ def whiten(
     )
 
 
-def _bounds(loose: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndarray]]:
-    """Loose parts of one kind, by flight and channel, as errors of unit prior sd.
+def _bounds(endogenous: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndarray]]:
+    """Endogenous parts of one kind, by flight and channel, as errors of unit prior sd.
 
     A controller makes a column follow the disturbances; the coefficient then errs by up to their
     correlation over the column's size in noise. The error
     has the same cause in every flight and channel, so that as many of them as share the column's
     power are worth one.
     """
-    power = [{c: (p**2).mean(axis=0) for c, p in parts.items()} for parts in loose]
+    power = [{c: (p**2).mean(axis=0) for c, p in parts.items()} for parts in endogenous]
     every, sd = [p for told in power for p in told.values()], settings.noise.feedback_correlation_sd
     # participation ratio: among how many flights and channels the column's power is shared
     alike = sum(every) ** 2 / np.maximum(sum(p**2 for p in every), settings.numerics.tiny)
@@ -289,7 +293,7 @@ def _bounds(loose: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndar
             c: part * sd * np.sqrt(alike / np.maximum(told[c], settings.numerics.tiny))
             for c, part in parts.items()
         }
-        for parts, told in zip(loose, power, strict=True)
+        for parts, told in zip(endogenous, power, strict=True)
     ]
 
 
@@ -297,9 +301,9 @@ def _white(
     rows: Rows, noise: Noise, filters: Sequence[np.ndarray], covariate: np.ndarray
 ) -> tuple[dict[int, Part], dict[tuple[str, int], np.ndarray]]:
     """Parts by channel, ``filters`` of :func:`_prediction_filter`, none answering yet, and the
-    loose parts of their columns by kind and channel.
+    endogenous parts of their columns by kind and channel.
     """
-    run, parts, loose = _run(rows.follows), {}, {}
+    run, parts, endogenous = _run(rows.follows), {}, {}
     later = (
         rows.windows.center > (noise.ar.shape[1] + 1) * rows.windows.half
     )  # replays settle from a start that they guess
@@ -321,10 +325,10 @@ def _white(
         parts[c] = Part(
             at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c], beyond
         )
-        for (kind, channel), columns in rows.loose.items():
+        for (kind, channel), columns in rows.endogenous.items():
             if channel == c:
-                loose[kind, c] = innovation @ np.column_stack(list(columns.values()))
-    return parts, loose
+                endogenous[kind, c] = innovation @ np.column_stack(list(columns.values()))
+    return parts, endogenous
 
 
 def _full(ar: np.ndarray) -> np.ndarray:

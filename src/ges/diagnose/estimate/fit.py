@@ -76,8 +76,8 @@ def joint_fit(
     total = sizes[0] + sizes[1] + sizes[2] * len(board.whites)
     mean, precision = np.zeros(total), np.zeros(total)
     mean[: sizes[0]] = 0.0 if prior_mean is None else prior_mean
-    loose = settings.numerics.wide_factor * board.prior.sd[chosen]
-    precision[: sizes[0]] = 1.0 / (loose if prior_sd is None else prior_sd) ** 2
+    wide_sd = settings.numerics.wide_factor * board.prior.sd[chosen]
+    precision[: sizes[0]] = 1.0 / (wide_sd if prior_sd is None else prior_sd) ** 2
     # corrections count from the vehicle file, coefficients from where its numbers were moved to
     moved, names = board.system.model.moved, [known[k].key for k in common]
     start_at = np.array([moved.get(name, 0.0) for name in names])

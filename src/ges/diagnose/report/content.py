@@ -56,7 +56,9 @@ def data_used(
     """``data`` of diagnosis.json."""
     reasons = sorted({r for f in flights for r in f.left_out})
     # without logged references there is no instrument, and no strength to tell of
-    vouched = [r.vouched for r in system.flights if r.vouched and r.flight.has("reference")]
+    by_flight = [
+        r.instruments for r in system.flights if r.instruments and r.flight.has("reference")
+    ]
     return {
         "flights": len(flights),
         "seconds_used": float(sum(f.flying.sum() * f.dt_s for f in flights)),
@@ -72,7 +74,7 @@ def data_used(
             }
             for d in gate.delays
         ],
-        "instruments": strengths(vouched, system.main),
+        "instruments": strengths(by_flight, system.main),
         "window_s": system.length_s,
         "reference_scale": {block_of(name): system.model.whole(name) for name in system.main},
         "warnings": list(warnings),
@@ -114,7 +116,7 @@ def not_tested(system: System, found: Model) -> dict[str, str]:
                 or out_of_reach(effect, system.model, flown(flights, system.model.radius_m))
                 or "these flights do not excite it"
             )
-    # in closed loop, without references as instruments, nothing vouches for a controller's motion
+    # in closed loop only references, as instruments, explain a controller's motion
     references = any(f.has("reference") for f in flights)
     moved = {n for n in searched if effect_table.get(n).feedback == "dynamic"}
     for name in sorted(moved) if not references else ():
