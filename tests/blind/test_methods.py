@@ -69,8 +69,8 @@ def test_stepwise_finds_strong_columns():
     named, predict = baselines.stepwise(_problem({"rotor_drag": 0.5, "tether": -0.3}))
     assert {"rotor_drag", "tether"} <= set(named) and named["rotor_drag"].probability > 0.99
     problem = _problem({"rotor_drag": 0.5})
-    left = problem.held.y - baselines.stepwise(problem)[1](problem.held)
-    assert np.var(left) < 0.85 * np.var(problem.held.y)
+    left = problem.held_out.y - baselines.stepwise(problem)[1](problem.held_out)
+    assert np.var(left) < 0.85 * np.var(problem.held_out.y)
 
 
 def test_stepwise_p_values_are_those_of_least_squares():
@@ -104,8 +104,8 @@ def test_parameter_fit_names_what_is_outside_its_tolerance():
 def test_boosting_learns_and_names_nothing():
     problem = _problem({"rotor_drag": 2.0})
     named, predict = baselines.boosting(problem)
-    assert not named and np.var(problem.held.y - predict(problem.held)) < 0.5 * np.var(
-        problem.held.y
+    assert not named and np.var(problem.held_out.y - predict(problem.held_out)) < 0.5 * np.var(
+        problem.held_out.y
     )
 
 

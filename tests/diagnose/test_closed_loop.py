@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from ges.diagnose.prepare.gate import pass_gate
+from ges.diagnose.prove.closed_loop import LEAN, closed_loop, lean
+from ges.diagnose.prove.verify import elsewhere
 from ges.diagnose.types.model import from_vehicle
-from ges.diagnose.validate.closed_loop import LEAN, closed_loop, lean
-from ges.diagnose.validate.verify import elsewhere
 from ges.simulator import manoeuvres
 
 LENGTH_S = 0.2

@@ -11,10 +11,10 @@ from ges.diagnose.estimate.fit import calibrated, null_fit
 from ges.diagnose.estimate.recalibrate import operating_point
 from ges.diagnose.library.candidates import flown as where_flown
 from ges.diagnose.library.grids import library, out_of_reach
+from ges.diagnose.locate.stages import first_system
 from ges.diagnose.prepare.gate import pass_gate
 from ges.diagnose.report.verdict import verdict_of
 from ges.diagnose.types.model import from_vehicle
-from ges.diagnose.validate.stages import first_system
 from ges.errors import GesError
 from ges.recordings.recording import make_set
 from ges.simulator import effects, manoeuvres

@@ -7,10 +7,10 @@ import pytest
 
 from ges.conventions import FORCE, MOMENT, SPEED
 from ges.diagnose.design.system import build
+from ges.diagnose.locate.hypothesis import Quantity, library, sparse_form
+from ges.diagnose.locate.regimes import regimes_of
 from ges.diagnose.prepare.gate import pass_gate
 from ges.diagnose.types.model import from_vehicle
-from ges.diagnose.validate.hypothesis import Quantity, library, sparse_form
-from ges.diagnose.validate.locate import regimes_of
 from ges.simulator import manoeuvres
 
 

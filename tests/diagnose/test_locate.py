@@ -10,10 +10,10 @@ import pytest
 from scipy.signal import lfilter
 
 from ges.diagnose.decide.unknown import left_over
+from ges.diagnose.locate.regimes import cells, from_findings, from_open, from_residuals, strongest
+from ges.diagnose.locate.structure import Structure, excited, structures
 from ges.diagnose.settings import using
 from ges.diagnose.types.model import from_vehicle
-from ges.diagnose.validate.locate import cells, from_findings, from_open, from_residuals, strongest
-from ges.diagnose.validate.structure import Structure, excited, structures
 
 NAMES = ("force_x", "force_z", "moment_y")
 STEP_S, WINDOWS, FLIGHTS, BLOCK = 0.1, 250, 4, 25

@@ -172,7 +172,7 @@ def test_the_folder_has_every_file_and_reads_back(watched, tmp_path):
 
 def test_the_picture_over_time_has_a_line_a_stage_and_grey_spans(watched):
     t = traces_of(watched[0])[0]
-    from ges.diagnose.validate.traces import Span
+    from ges.diagnose.prove.traces import Span
 
     t = dataclasses.replace(t, left_out=(Span(1.0, 2.0, "on_ground"),))
     axes = np.reshape(pictures.over_time(t).axes, (len(t.channels) - len(t.ahead), 2))

@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 
-from ges.diagnose.validate.traces import Span, Trace
+from ges.diagnose.prove.traces import Span, Trace
 
 DECISIONS = [
     {"rule": "recorded", "passed": True, "statistic": None, "threshold": None, "because": ""},

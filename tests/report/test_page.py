@@ -101,8 +101,8 @@ def test_smaller_entries_are_counted_and_left_out(content):
 
 
 def test_a_map_is_drawn_only_where_it_has_news(content):
+    from ges.diagnose.locate.regimes import Cell
     from ges.diagnose.report.output import map_figure
-    from ges.diagnose.validate.locate import Cell
 
     cells = [
         Cell("force_z", "height_over_radius", 0.0, 1.0, 0.3, 0.1, 1.0, q, 9) for q in (1.0, 0.5)

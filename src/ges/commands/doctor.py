@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,160 +12,14 @@ import click
 from ges.errors import GesError
 
 if TYPE_CHECKING:
-    import pandas as pd
     from rich.console import Console
-
-    from ges.recordings.readers import Log, Options
-
-# A quadrotor's angular motion and motors are over within 50 ms, its path within 0.2 s: below these
-# rates (Hz) a stream is worth a word.
-WANTED_HZ = {
-    "attitude": 50.0,
-    "rates": 50.0,
-    "acceleration": 50.0,
-    "command": 50.0,
-    "rotor_speed": 20.0,
-    "position": 10.0,
-    "velocity": 10.0,
-    "battery": 1.0,
-    "reference": 1.0,
-    "range": 10.0,
-}
-_NEAR = 0.9  # of a rate
-_AGAINST = -0.5  # correlation of what should agree
-
-
-def examine(path: Path, options: Options, kind: str = "auto") -> dict[str, Any]:
-    """What is in a log and what it is good for.
-
-    Parameters
-    ----------
-    path, options, kind : as of :func:`ges.recordings.readers.open_log`.
-
-    Returns
-    -------
-    dict with ``name``, ``format``, ``autopilot``, ``seconds``, ``usable``, ``problem``, ``streams``
-    (name, source, rate_hz, from_s, to_s, columns), ``agreement`` (what, correlation, ratio),
-    ``can_tell`` (effects), ``cannot_tell`` (effect -> what it needs), ``switch_on`` (stream ->
-    what to do), ``notes``.
-
-    Raises
-    ------
-    GesError
-        When the log cannot be read at all.
-    """
-    from ges.recordings.consistency import agreements
-    from ges.recordings.readers import open_log
-
-    log = open_log(path, options, kind)
-    problem = log.problem()
-    found: dict[str, Any] = {
-        "name": path.name,
-        "format": log.format,
-        "autopilot": log.autopilot,
-        "seconds": _seconds(log),
-        "usable": not problem,
-        "problem": problem,
-        "streams": [
-            {
-                "name": name,
-                "source": stream.source,
-                "rate_hz": round(stream.rate_hz, 1),
-                # adding zero turns -0.0 into 0.0
-                "from_s": round(stream.span_s[0], 2) + 0.0,
-                "to_s": round(stream.span_s[1], 2),
-                "columns": list(stream.columns),
-            }
-            for name, stream in sorted(log.streams.items(), key=_order)
-        ],
-        "agreement": [],
-        "can_tell": [],
-        "cannot_tell": {},
-        "switch_on": _advice(log),
-        "notes": list(log.notes),
-    }
-    if not problem:
-        frame = log.frame()
-        found["agreement"] = [
-            {"what": a.what, "correlation": round(a.correlation, 3), "ratio": round(a.ratio, 3)}
-            for a in agreements(frame)
-        ]
-        found["can_tell"], found["cannot_tell"] = _effects(frame)
-    return found
-
-
-def _order(item: tuple[str, Any]) -> tuple[int, str]:
-    from ges.recordings.readers.log import COLUMNS
-
-    names = list(COLUMNS)
-    return (names.index(item[0]) if item[0] in names else len(names), item[0])
-
-
-def _seconds(log: Log) -> float:
-    spans = [stream.span_s for stream in log.streams.values()]
-    return round(max(e for _, e in spans) - min(s for s, _ in spans), 2) if spans else 0.0
-
-
-def _advice(log: Log) -> dict[str, str]:
-    """What to switch on for streams that are not there or slow."""
-    from ges.recordings.readers import READERS
-
-    # in the words of the autopilot that wrote it
-    advice = next(reader.advice for reader in READERS if reader.name == log.format)
-    advised = {}
-    for name, wanted_hz in WANTED_HZ.items():
-        stream = log.streams.get(name)
-        if name in advice and (stream is None or stream.rate_hz < _NEAR * wanted_hz):
-            now = "not logged" if stream is None else f"{stream.rate_hz:.2g} Hz"
-            advised[name] = f"{now}: {advice[name]}"
-    return advised
-
-
-def _effects(frame: pd.DataFrame) -> tuple[list[str], dict[str, str]]:
-    """Effects that these streams can speak about, and what each of the others needs."""
-    from ges.diagnose.library.requirements import lacking
-    from ges.diagnose.prepare.align import grid_step_s, regrid
-    from ges.diagnose.prepare.gate import with_thrust_direction
-    from ges.diagnose.types.model import Model
-    from ges.simulator import effects
-
-    # as a diagnosis prepares it; a vehicle of defaults will do, as streams are asked for
-    flight = with_thrust_direction(regrid(frame, grid_step_s(frame)), frame)
-    can, cannot = [], {}
-    for name, effect in effects.table().items():
-        if effect.modifies:
-            continue
-        needs = lacking(name, [flight], Model({}))
-        if needs:
-            cannot[name] = needs
-        else:
-            can.append(name)
-    return can, cannot
-
-
-def sentences(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Sentences below the table of streams, each with its colour at a terminal."""
-    for note in found["notes"]:
-        yield f"note: {note}", ""
-    for pair in found["agreement"]:
-        if pair["correlation"] < _AGAINST:
-            yield f"{pair['what']} run against each other: one of them has the wrong sign", "red"
-    if not found["usable"]:
-        yield f"cannot be diagnosed: {found['problem']}", "red"
-    if found["can_tell"]:
-        yield f"can be told: {', '.join(found['can_tell'])}", "green"
-    reasons: dict[str, list[str]] = {}
-    for name, why in found["cannot_tell"].items():
-        reasons.setdefault(why, []).append(name)
-    for why, names in reasons.items():
-        yield f"cannot be told: {', '.join(names)} ({why})", "yellow"
-    for name, what in found["switch_on"].items():
-        yield f"next time, {name} ({what.replace(': ', '): ', 1)}", ""
 
 
 def _show(found: dict[str, Any], console: Console) -> None:
     from rich.table import Table
     from rich.text import Text
+
+    from ges.examine import sentences
 
     title = f"{found['name']}: {found['autopilot'] or found['format']}, {found['seconds']:g} s"
     table = Table()
@@ -203,6 +56,7 @@ def command(
     """
     from rich.console import Console
 
+    from ges.examine import examine
     from ges.recordings.readers import Options
 
     options, console = Options(mapping, pwm, None, part), Console()

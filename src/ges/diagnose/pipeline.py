@@ -11,13 +11,13 @@ from ges.diagnose.decide.withdraw import explained, remaining, thrust_of, with_o
 from ges.diagnose.detectors.balance import shift_of
 from ges.diagnose.detectors.gusts import GUSTS
 from ges.diagnose.estimate.fit import fitted_model
+from ges.diagnose.locate.stages import recalibrated
 from ges.diagnose.prepare.problem import Recordings, pose_problem
+from ges.diagnose.prove.proof import prove
 from ges.diagnose.report.compose import composed
 from ges.diagnose.report.content import located_by
 from ges.diagnose.types.decision import Record
 from ges.diagnose.types.diagnosis import Diagnosis
-from ges.diagnose.validate.proof import prove
-from ges.diagnose.validate.stages import recalibrated
 from ges.threads import blas_alone
 from ges.vehicle.file import Vehicle
 
@@ -83,7 +83,7 @@ def diagnose(
         "after": answer.last.model,
     }
     proof = prove(
-        problem.held,
+        problem.held_out,
         models,
         {name: fitted_model(problem.model, fitted) for name, fitted in alternatives},
         located,

@@ -33,11 +33,11 @@ from starlette.responses import (
 from starlette.routing import Route
 
 from ges import __version__
-from ges.commands.doctor import sentences
 from ges.diagnose.report import compare
 from ges.diagnose.report.page import VERDICTS
 from ges.diagnose.report.saved import load_diagnosis
 from ges.errors import GesError, UsageError
+from ges.examine import sentences
 from ges.recordings import published
 from ges.recordings.readers import READERS
 from ges.recordings.readers.maps import preset_names

@@ -20,12 +20,12 @@ from ges.diagnose.decide.sizes import least_size, least_sizes, shares_of, unlike
 from ges.diagnose.decide.unknown import left_over
 from ges.diagnose.decide.withdraw import Answer, remaining
 from ges.diagnose.estimate.fit import Fitted, Joint
+from ges.diagnose.locate.structure import Structure
 from ges.diagnose.select.evidence import Posterior, make_board
 from ges.diagnose.select.search import Hypothesis, Search
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Considered, Decision, Record
 from ges.diagnose.types.model import SPEED
-from ges.diagnose.validate.structure import Structure
 
 from ..synthetic import MODEL, amplitude, nuisance, rows_of, system_of
 

@@ -11,8 +11,8 @@ from ges.diagnose.design.system import build, residuals_with
 from ges.diagnose.estimate.fit import null_fit
 from ges.diagnose.estimate.recalibrate import operating_point
 from ges.diagnose.library.candidates import Variant, amplitude_of
+from ges.diagnose.locate.stages import recalibrated
 from ges.diagnose.types.model import SPEED
-from ges.diagnose.validate.stages import recalibrated
 
 from ..synthetic import MODEL, hovering, times
 

@@ -57,7 +57,7 @@ class Problem:
     candidates: tuple[Column, ...]
     nuisances: tuple[Column, ...]
     train: Rows
-    held: Rows
+    held_out: Rows
     holdout: tuple[str, ...]
 
 
@@ -291,7 +291,7 @@ def diagnose(recordings: RecordingSet, method: str) -> dict:
         ]
         fit = {
             "holdout_flights": list(problem.holdout),
-            "channels": _table(problem, predict(problem.held)),
+            "channels": _table(problem, predict(problem.held_out)),
         }
     kinds = {f["kind"] for f in findings}
     verdict = next((k for k in ("physics", "parameter", "sensor") if k in kinds), "nothing_proven")
@@ -311,7 +311,7 @@ def _table(problem: Problem, predicted: np.ndarray) -> dict:
     """Errors on the held-out flights by channel, those of faster test functions left out: before,
     recalibrated, after.
     """
-    held, table = problem.held, {}
+    held, table = problem.held_out, {}
     for c, name in enumerate(problem.names):
         here = held.channel == c
         if here.any() and name in UNITS:

@@ -44,14 +44,14 @@ from ges.diagnose.estimate.fit import (
     left_raw,
     null_fit,
 )
+from ges.diagnose.locate.regimes import regimes_of
+from ges.diagnose.locate.structure import structures
 from ges.diagnose.prepare.align import Prepared, attitude_measured
 from ges.diagnose.prepare.gate import at_flown_voltage, pass_gate
 from ges.diagnose.select.evidence import Gram, without_deviations
 from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import interval95
 from ges.diagnose.types.model import SPEED, Model, from_vehicle
-from ges.diagnose.validate.locate import regimes_of
-from ges.diagnose.validate.structure import structures
 from ges.errors import GesError
 from ges.recordings.recording import RecordingSet, require_drive
 from ges.simulator import effects as effect_table

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from ges.diagnose.design.system import System
+from ges.diagnose.locate.regimes import least
 from ges.diagnose.select.evidence import Board, acts_of
 from ges.diagnose.select.search import Hypothesis
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model, block_of
-from ges.diagnose.validate.locate import least
 from ges.simulator import effects as effect_table
 
 

@@ -6,10 +6,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ges.diagnose.locate.regimes import clear, located
+from ges.diagnose.locate.structure import Structure
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
-from ges.diagnose.validate.locate import clear, located
-from ges.diagnose.validate.structure import Structure
 
 
 def left_over(found: Sequence[Structure], model: Model) -> list[Structure]:

@@ -31,11 +31,11 @@ from ges.diagnose.estimate.fit import (
     fitted_model,
     largest_correction_sds,
 )
+from ges.diagnose.locate.stages import Stage, Start, stage
+from ges.diagnose.locate.structure import Structure
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, Record
 from ges.diagnose.types.model import Model
-from ges.diagnose.validate.stages import Stage, Start, stage
-from ges.diagnose.validate.structure import Structure
 from ges.simulator import effects as effect_table
 
 

@@ -30,7 +30,7 @@ class Problem:
     vehicle, model : the vehicle file, and as the simulator takes it, at the voltage that was flown.
     gate : the flights as they were aligned, and what was settled on the way.
     fitted : flights that take part in fitting and choosing, by name.
-    held : flights that take no part, by name.
+    held_out : flights that take no part, by name.
     seconds : how long each recording is, by name, also of those that cannot be used.
     warnings : what the reader should know.
     """
@@ -39,7 +39,7 @@ class Problem:
     model: Model
     gate: Gate
     fitted: Mapping[str, Prepared]
-    held: Mapping[str, Prepared]
+    held_out: Mapping[str, Prepared]
     seconds: Mapping[str, float]
     warnings: Sequence[str]
 
@@ -51,7 +51,7 @@ class Problem:
     @property
     def flights(self) -> list[Prepared]:
         """All that are used."""
-        return [*self.train, *self.held.values()]
+        return [*self.train, *self.held_out.values()]
 
 
 def pose_problem(

@@ -8,6 +8,7 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from ges.diagnose.locate.regimes import least
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import block_of
 from ges.diagnose.types.words import (
@@ -19,7 +20,6 @@ from ges.diagnose.types.words import (
     unit_words,
     without_unit,
 )
-from ges.diagnose.validate.locate import least
 
 NOTHING = "nothing more"
 """How ``next_flight`` calls the explanation that has none of the open names."""

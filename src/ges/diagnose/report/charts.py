@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ges.diagnose.prove.traces import Trace
 from ges.diagnose.types.model import block_of
 from ges.diagnose.types.words import channel_words, stage_words, unit_words
-from ges.diagnose.validate.traces import Trace
 
 LEVELS = 65534
 """Steps between the least and the greatest value of a channel: finer than any screen shows, and two

@@ -11,7 +11,11 @@ from ges.diagnose.decide.withdraw import Answer
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.thrust import UnmeasuredThrust
 from ges.diagnose.library.requirements import silent_channels
+from ges.diagnose.locate.stages import Start
+from ges.diagnose.locate.structure import Structure
 from ges.diagnose.prepare.problem import Problem
+from ges.diagnose.prove.proof import Proof
+from ges.diagnose.prove.verify import worse_recalibrated
 from ges.diagnose.report.content import (
     calibration_of,
     considered,
@@ -29,10 +33,6 @@ from ges.diagnose.report.workings import Workings
 from ges.diagnose.types.decision import Record
 from ges.diagnose.types.diagnosis import Diagnosis
 from ges.diagnose.types.model import Model
-from ges.diagnose.validate.proof import Proof
-from ges.diagnose.validate.stages import Start
-from ges.diagnose.validate.structure import Structure
-from ges.diagnose.validate.verify import worse_recalibrated
 
 
 def composed(

@@ -15,21 +15,21 @@ from ges.diagnose.estimate.fit import Joint
 from ges.diagnose.library.candidates import flown
 from ges.diagnose.library.grids import out_of_reach
 from ges.diagnose.library.requirements import lacking
+from ges.diagnose.locate.hypothesis import Form, hypotheses
+from ges.diagnose.locate.regimes import (
+    from_findings,
+    from_open,
+    from_residuals,
+    strongest,
+)
+from ges.diagnose.locate.stages import Stage, Start
+from ges.diagnose.locate.structure import Structure
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.gate import Gate
 from ges.diagnose.settings import changed, settings
 from ges.diagnose.types.decision import Considered, Decision, Record
 from ges.diagnose.types.diagnosis import interval95
 from ges.diagnose.types.model import Model, block_of
-from ges.diagnose.validate.hypothesis import Form, hypotheses
-from ges.diagnose.validate.locate import (
-    from_findings,
-    from_open,
-    from_residuals,
-    strongest,
-)
-from ges.diagnose.validate.stages import Stage, Start
-from ges.diagnose.validate.structure import Structure
 from ges.simulator import effects as effect_table
 
 

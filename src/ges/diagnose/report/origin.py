@@ -11,8 +11,11 @@ from ges.diagnose.prepare.problem import Problem
 
 def origin_of(problem: Problem) -> dict[str, Any]:
     """``origin`` of diagnosis.json, as far as tables in memory tell it."""
-    used = {**problem.fitted, **problem.held}
-    parts = {**dict.fromkeys(problem.fitted, "fitted"), **dict.fromkeys(problem.held, "held_out")}
+    used = {**problem.fitted, **problem.held_out}
+    parts = {
+        **dict.fromkeys(problem.fitted, "fitted"),
+        **dict.fromkeys(problem.held_out, "held_out"),
+    }
     rows = []
     for name, seconds in sorted(problem.seconds.items()):
         flight = used.get(name)

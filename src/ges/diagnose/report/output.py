@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 
 from ges.diagnose.design.weak import blocks_of, make_windows
+from ges.diagnose.locate.regimes import Cell
+from ges.diagnose.prove.proof import Proof
+from ges.diagnose.prove.traces import Trace, trace
+from ges.diagnose.prove.verify import along_horizon_s
 from ges.diagnose.report.drawing import Drawing, Figure
 from ges.diagnose.report.page import CAPTIONS, write_report
 from ges.diagnose.report.residuals import write_residuals
 from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import Diagnosis
 from ges.diagnose.types.words import channel_words, quantity_words, size_unit
-from ges.diagnose.validate.locate import Cell
-from ges.diagnose.validate.proof import Proof
-from ges.diagnose.validate.traces import Trace, trace
-from ges.diagnose.validate.verify import along_horizon_s
 from ges.files import write_json
 from ges.simulator import effects as effect_table
 from ges.vehicle.file import save_vehicle
@@ -53,9 +53,9 @@ def write_diagnosis(
 def traces_of(diagnosis: Diagnosis) -> list[Trace]:
     """Recorded and simulated signals of every flight that was used, by name."""
     workings = diagnosis.workings
-    flights = {**workings.problem.fitted, **workings.problem.held}
+    flights = {**workings.problem.fitted, **workings.problem.held_out}
     return [
-        trace(f, name, name in workings.problem.held, workings.models, workings.length_s)
+        trace(f, name, name in workings.problem.held_out, workings.models, workings.length_s)
         for name, f in sorted(flights.items())
     ]
 

@@ -12,10 +12,10 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
+from ges.diagnose.prove.traces import Trace
 from ges.diagnose.report import blocks
 from ges.diagnose.report.charts import chart_data
 from ges.diagnose.types import words
-from ges.diagnose.validate.traces import Trace
 from ges.files import write_text
 
 CAPTIONS: Mapping[str, str] = {

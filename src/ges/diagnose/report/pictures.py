@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from scipy.special import stdtrit
 
+from ges.diagnose.prove.traces import Trace
 from ges.diagnose.types.words import (
     channel_words,
     number_words,
@@ -26,7 +27,6 @@ from ges.diagnose.types.words import (
     stage_words,
     unit_words,
 )
-from ges.diagnose.validate.traces import Trace
 from ges.files import replacing
 
 STAGES = ("before", "recalibrated", "after")

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ges.diagnose.validate.traces import Trace
+from ges.diagnose.prove.traces import Trace
 from ges.files import replacing
 
 STAGES = {"before": "given", "recalibrated": "recalibrated", "after": "fitted"}

@@ -6,10 +6,10 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 from ges.diagnose.decide.accept import Accepted
+from ges.diagnose.locate.regimes import Cell
 from ges.diagnose.prepare.problem import Problem
+from ges.diagnose.prove.proof import Proof
 from ges.diagnose.types.model import Model
-from ges.diagnose.validate.locate import Cell
-from ges.diagnose.validate.proof import Proof
 
 
 @dataclasses.dataclass(frozen=True)

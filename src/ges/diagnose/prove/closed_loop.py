@@ -19,8 +19,8 @@ from ges.diagnose.design.instruments import replayed
 from ges.diagnose.design.weak import Windows, make_windows
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.kinematics import to_body
+from ges.diagnose.prove.verify import block_windows, stages_row
 from ges.diagnose.types.model import Model
-from ges.diagnose.validate.verify import block_windows, stages_row
 from ges.simulator import effects as effect_table
 
 LEAN = ("lean_forward_rad", "lean_left_rad")

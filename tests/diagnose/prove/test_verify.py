@@ -5,9 +5,8 @@ import pytest
 
 from ges.conventions import POSITION
 from ges.diagnose.prepare.channels import DRIVE, FORCE, MOMENT
-from ges.diagnose.settings import settings
-from ges.diagnose.validate.proof import prove
-from ges.diagnose.validate.verify import (
+from ges.diagnose.prove.proof import prove
+from ges.diagnose.prove.verify import (
     along_horizon_s,
     block_windows,
     channel_table,
@@ -22,6 +21,7 @@ from ges.diagnose.validate.verify import (
     stages_row,
     worse_recalibrated,
 )
+from ges.diagnose.settings import settings
 
 from ..synthetic import MODEL, WINDOW_S, hovering, times
 

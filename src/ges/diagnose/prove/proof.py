@@ -10,12 +10,10 @@ import numpy as np
 
 from ges.diagnose.design.system import common_channels
 from ges.diagnose.design.weak import make_windows
+from ges.diagnose.locate.regimes import regimes
 from ges.diagnose.prepare.align import Prepared
-from ges.diagnose.settings import settings
-from ges.diagnose.types.model import Model
-from ges.diagnose.validate.closed_loop import closed_loop
-from ges.diagnose.validate.locate import regimes
-from ges.diagnose.validate.verify import (
+from ges.diagnose.prove.closed_loop import closed_loop
+from ges.diagnose.prove.verify import (
     channel_table,
     elsewhere,
     errors,
@@ -23,6 +21,8 @@ from ges.diagnose.validate.verify import (
     rollout_table,
     rollouts,
 )
+from ges.diagnose.settings import settings
+from ges.diagnose.types.model import Model
 
 
 def metric() -> str:
@@ -59,7 +59,7 @@ class Proof:
 
 
 def prove(
-    held: Mapping[str, Prepared],
+    held_out: Mapping[str, Prepared],
     models: Mapping[str, Model],
     alternatives: Mapping[str, Model],
     located: Sequence[Mapping],
@@ -69,13 +69,13 @@ def prove(
 
     Parameters
     ----------
-    held : flights by name.
+    held_out : flights by name.
     models : of the stages ``before``, ``recalibrated``, ``after``.
     alternatives : with each of the names that are open.
     located : entries of the diagnosis.
     length_s : support of the test functions, s.
     """
-    flights = list(held.values())
+    flights = list(held_out.values())
     if not flights:
         return Proof({"metric": metric(), "holdout_flights": [], "channels": {}, "rollout": {}})
     channels, spacing_s = common_channels(flights, models["before"]), 0.5 * length_s
@@ -84,7 +84,7 @@ def prove(
     left, rolled = errors(flights, models, channels, length_s), rollouts(flights, models)
     fit = {
         "metric": metric(),
-        "holdout_flights": list(held),
+        "holdout_flights": list(held_out),
         "channels": channel_table(left, channels, spacing_s),
         "alternatives": {
             name: rms_table(own, channels)

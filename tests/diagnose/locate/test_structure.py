@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ges.diagnose.settings import settings
-from ges.diagnose.validate.structure import (
+from ges.diagnose.locate.structure import (
     Structure,
     excited,
     hats,
@@ -14,6 +13,7 @@ from ges.diagnose.validate.structure import (
     structures,
     within,
 )
+from ges.diagnose.settings import settings
 
 WINDOWS, BLOCK = 200, 25
 TIME_S = 0.1 * np.arange(WINDOWS)

@@ -12,12 +12,12 @@ from ges.diagnose.detectors.balance import centred
 from ges.diagnose.estimate.fit import Joint, calibrated, in_the_air, left_raw, null_fit
 from ges.diagnose.estimate.recalibrate import operating_point
 from ges.diagnose.library.available import candidates_of
+from ges.diagnose.locate.regimes import Cell, cells, regimes_of
+from ges.diagnose.locate.structure import Structure, Told, structures
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import Board
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
-from ges.diagnose.validate.locate import Cell, cells, regimes_of
-from ges.diagnose.validate.structure import Structure, Told, structures
 
 
 @dataclasses.dataclass(frozen=True)

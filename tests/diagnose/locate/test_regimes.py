@@ -7,10 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ges.diagnose.prepare.channels import DRIVE, FORCE, MOMENT
-from ges.diagnose.settings import settings
-from ges.diagnose.validate.closed_loop import lean
-from ges.diagnose.validate.locate import (
+from ges.diagnose.locate.regimes import (
     Cell,
     cells,
     clear,
@@ -20,8 +17,11 @@ from ges.diagnose.validate.locate import (
     regimes,
     strongest,
 )
-from ges.diagnose.validate.structure import Structure
-from ges.diagnose.validate.traces import recorded, spans, trace
+from ges.diagnose.locate.structure import Structure
+from ges.diagnose.prepare.channels import DRIVE, FORCE, MOMENT
+from ges.diagnose.prove.closed_loop import lean
+from ges.diagnose.prove.traces import recorded, spans, trace
+from ges.diagnose.settings import settings
 
 from ..synthetic import MODEL, WINDOW_S, hovering, rows_of, system_of, times, turned, windows_of
 

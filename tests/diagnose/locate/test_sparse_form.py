@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ges.conventions import FORCE, LENGTH, NUMBER, SPEED
+from ges.diagnose.locate.hypothesis import Form, Quantity, sparse_form
 from ges.diagnose.settings import settings
-from ges.diagnose.validate.hypothesis import Form, Quantity, sparse_form
 
 ROWS = 600
 BLOCK = np.arange(ROWS) // 25

@@ -12,13 +12,13 @@ import numpy as np
 from ges.diagnose.design.residual import model_along
 from ges.diagnose.design.system import System
 from ges.diagnose.design.weak import Windows
+from ges.diagnose.locate.structure import PLACE, Structure, Told, shared, within
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.kinematics import to_body
 from ges.diagnose.select.evidence import Board, acts_of
 from ges.diagnose.select.search import Search
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
-from ges.diagnose.validate.structure import PLACE, Structure, Told, shared, within
 
 PUSHING = ("force", "acc", "moment")
 """Kinds of channels in which the size of what is left may be told."""

@@ -22,10 +22,10 @@ from ges.diagnose.design.instruments import own_signal
 from ges.diagnose.design.residual import speeds_at_work
 from ges.diagnose.design.system import System
 from ges.diagnose.design.weak import Windows
+from ges.diagnose.locate.structure import Told
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
-from ges.diagnose.validate.structure import Told
 
 
 @dataclasses.dataclass(frozen=True)
