@@ -52,12 +52,12 @@ def test_recalibration_is_no_worse_than_the_file_on_flights_that_were_fitted(flo
     vehicle = sheet(max_rotor_speed_rad_s=TOP_RAD_S, thrust_coefficient_N_s2=hovers)
     flew = sheet(max_rotor_speed_rad_s=TOP_RAD_S)
     frames = _frames(flown, flew, {"thrust_curve": {"c": BEND}}, ("rotor_speed", "battery"))
-    board, joint = _null_fit(frames, vehicle)
-    moved = operating_point(board, joint)
+    regression, joint = _null_fit(frames, vehicle)
+    moved = operating_point(regression, joint)
     assert moved, "one linear step would do: the case is too easy to test anything"
     given, there = (
-        sum((r**2).sum() for r in residuals_with(board.system, model))
-        for model in (board.system.model, calibrated(board.system.model, moved))
+        sum((r**2).sum() for r in residuals_with(regression.system, model))
+        for model in (regression.system.model, calibrated(regression.system.model, moved))
     )
     assert there < given
     assert moved["thrust_curve.c"] > 0.1 and moved["thrust_scale.scale"] < -0.1

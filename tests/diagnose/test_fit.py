@@ -7,7 +7,7 @@ from ges.diagnose.design.system import build
 from ges.diagnose.estimate.fit import free_parameters, polish
 from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.gate import pass_gate
-from ges.diagnose.select.evidence import make_board, posterior
+from ges.diagnose.select.evidence import make_regression, posterior
 from ges.diagnose.select.search import Hypothesis
 from ges.diagnose.types.model import from_vehicle
 from ges.simulator import manoeuvres
@@ -61,7 +61,7 @@ def test_a_fit_allows_for_the_same_answers_as_the_search_before_it(near_ground):
     names = ("fountain_lift", "ground_effect", "rotor_inertia_reaction")
     search = build(flights, model, [v for n in names for v in known[n].variants])
     fitted = polish(search, {"ground_effect": {**CUSHION, **TRUE}}, FREE)
-    for before, after in zip(search.flights, fitted.board.system.flights, strict=True):
+    for before, after in zip(search.flights, fitted.regression.system.flights, strict=True):
         allowed = _answered(after)
         assert allowed >= {key for key in _answered(before) if not near_ground_gain(key)}
         assert "rotor_inertia_reaction.inertia_kg_m2" in allowed and "ground_effect.c_a" in allowed
@@ -90,9 +90,11 @@ def test_a_vector_is_fitted_whole_where_the_search_needed_one_of_its_axes(
     """
     model, flights = near_ground
     variant = next(v for v in library(model)[effect].variants if len(v.amplitudes) == 1)
-    board = make_board(build(flights, model, [variant]))
-    found = posterior(board.pooled(), board.by_variant()[effect, variant.key], board.prior)
+    regression = make_regression(build(flights, model, [variant]))
+    found = posterior(
+        regression.pooled(), regression.by_variant()[effect, variant.key], regression.prior
+    )
     chosen = Hypothesis((effect,), (0,), found, 0.0)
-    assert free_parameters(board, chosen, model, {effect: variant.parameters({})}) == [
+    assert free_parameters(regression, chosen, model, {effect: variant.parameters({})}) == [
         (effect, a) for a in axes
     ]

@@ -254,17 +254,19 @@ def test_what_is_open_is_located_where_every_explanation_acts(model, likely, cha
         for ab in zip(shape, both, strict=True)
     ]
     columns = [SimpleNamespace(variant=SimpleNamespace(effect=n)) for n in "ab"]
-    board = SimpleNamespace(system=SimpleNamespace(main=NAMES, columns=columns, flights=flights))
+    regression = SimpleNamespace(
+        system=SimpleNamespace(main=NAMES, columns=columns, flights=flights)
+    )
     found = SimpleNamespace(
         hypotheses=[_open(n, 1.0, p) for n, p in zip("ab", likely, strict=True)]
     )
-    entries = from_open(found, board, raw, told, ())
+    entries = from_open(found, regression, raw, told, ())
     assert [e["channel"] for e in entries] == channels
     assert all(
         e["q_value"] == pytest.approx(1.0 - sum(likely)) and "forward_m_s" in e["regime"]
         for e in entries
     )
-    assert from_open(found, board, raw, told, ("a", "b")) == []
+    assert from_open(found, regression, raw, told, ("a", "b")) == []
 
 
 def test_every_channel_once_before_any_twice():

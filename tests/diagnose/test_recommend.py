@@ -28,7 +28,7 @@ from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import build
 from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.gate import pass_gate
-from ges.diagnose.select.evidence import Gram, make_board, rms_of
+from ges.diagnose.select.evidence import Gram, make_regression, rms_of
 from ges.diagnose.select.search import Search, search
 from ges.diagnose.select.stable import search_until_stable
 from ges.diagnose.settings import settings
@@ -38,7 +38,7 @@ from ges.simulator import manoeuvres
 
 @pytest.fixture(scope="module")
 def judged(flown):
-    """Flights of a vehicle with effects planted, as the search sees them: the board and the
+    """Flights of a vehicle with effects planted, as the search sees them: the regression and the
     candidates of these names.
     """
 
@@ -49,7 +49,7 @@ def judged(flown):
         system = build(
             pass_gate(frames, model).flights, model, [v for c in listed for v in c.variants]
         )
-        return make_board(system), listed
+        return make_regression(system), listed
 
     return make
 
@@ -69,14 +69,16 @@ def test_wind_and_tilted_attitude_are_told_apart_by_turning_round(quad, judged):
     """In hover at one heading both are a constant side force; a turn leaves one with the world and
     one with the body.
     """
-    board, listed = judged(
+    regression, listed = judged(
         quad, {"wind": {"east_m_s": 3.0}}, [manoeuvres.hover(15.0)] * 2, ("wind", "attitude_bias")
     )
-    found = search(board, listed, tuple(quad.effects))
+    found = search(regression, listed, tuple(quad.effects))
     open_sets = [h for h in found.hypotheses if len(h.names) == 1]
-    rivals = rivals_of(board, open_sets)
+    rivals = rivals_of(regression, open_sets)
     assert {r.names for r in rivals} == {("wind",), ("attitude_bias",)}
-    ranked = {o.manoeuvre: o for o in rank(board, rivals, plans=("hover", "climbs", "yaw_turn"))}
+    ranked = {
+        o.manoeuvre: o for o in rank(regression, rivals, plans=("hover", "climbs", "yaw_turn"))
+    }
     assert abs(ranked["hover"].so_far) < 3.0
     assert next(iter(ranked)) == "yaw_turn"
     assert ranked["yaw_turn"].expected_log_odds > ranked["hover"].expected_log_odds + 10.0
@@ -91,28 +93,34 @@ def test_what_stays_open_is_told(quad, judged):
     alike.
     """
     names = ("wind", "attitude_bias", "rotor_tilt")
-    board, listed = judged(quad, {"wind": {"east_m_s": 3.0}}, [manoeuvres.hover(15.0)] * 2, names)
-    single = [h for h in search(board, listed, tuple(quad.effects)).hypotheses if len(h.names) == 1]
-    (option,) = rank(board, rivals_of(board, single), plans=("yaw_turn",))
+    regression, listed = judged(
+        quad, {"wind": {"east_m_s": 3.0}}, [manoeuvres.hover(15.0)] * 2, names
+    )
+    single = [
+        h for h in search(regression, listed, tuple(quad.effects)).hypotheses if len(h.names) == 1
+    ]
+    (option,) = rank(regression, rivals_of(regression, single), plans=("yaw_turn",))
     assert set(option.stays_open) == {"attitude_bias", "rotor_tilt"}
     assert option.separates[0] == "wind" and option.separates[1] in option.stays_open
 
 
 def test_next_flight_of_an_open_question_and_of_none(quad, judged):
     names = ("wind", "attitude_bias")
-    board, listed = judged(quad, {"wind": {"east_m_s": 3.0}}, [manoeuvres.hover(15.0)] * 2, names)
-    found = search(board, listed, tuple(quad.effects))
+    regression, listed = judged(
+        quad, {"wind": {"east_m_s": 3.0}}, [manoeuvres.hover(15.0)] * 2, names
+    )
+    found = search(regression, listed, tuple(quad.effects))
     assert {n for h in open_sets(found, ()) for n in h.names} == set(names), (
         "both explain the side force"
     )
-    told = separating(board, found, ())
+    told = separating(regression, found, ())
     assert (
         told["manoeuvre"] in manoeuvres.MENU and told["expected_log_odds"] > told["so_far_log_odds"]
     )
     assert set(names) <= set(told["separates"])
     certain = dataclasses.replace(found.hypotheses[0], probability=1.0)
     settled = Search((certain,), {n: float(n in certain.names) for n in names})
-    assert separating(board, settled, certain.names) == {}
+    assert separating(regression, settled, certain.names) == {}
 
 
 @pytest.mark.parametrize(
@@ -136,11 +144,11 @@ def test_what_the_recommended_flight_promises_it_keeps(quad, judged):
     expected.
     """
     names, plans = ("wind", "attitude_bias"), [manoeuvres.hover(15.0)] * 2
-    board, listed = judged(quad, {"wind": {"east_m_s": 3.0}}, plans, names)
+    regression, listed = judged(quad, {"wind": {"east_m_s": 3.0}}, plans, names)
     open_sets = [
-        h for h in search(board, listed, tuple(quad.effects)).hypotheses if len(h.names) == 1
+        h for h in search(regression, listed, tuple(quad.effects)).hypotheses if len(h.names) == 1
     ]
-    (option,) = rank(board, rivals_of(board, open_sets), plans=("yaw_turn",))
+    (option,) = rank(regression, rivals_of(regression, open_sets), plans=("yaw_turn",))
     after, listed = judged(
         quad, {"wind": {"east_m_s": 3.0}}, [*plans, manoeuvres.yaw_turn(30.0)], names
     )
@@ -151,11 +159,11 @@ def test_what_the_recommended_flight_promises_it_keeps(quad, judged):
 
 def test_more_thrust_and_ground_effect_are_told_apart_by_a_ladder_of_heights(quad, judged):
     low = manoeuvres.hover(15.0, 0.2)
-    board, _ = judged(quad, {}, [low] * 2, ("thrust_scale", "ground_effect"))
-    columns = board.system.columns
+    regression, _ = judged(quad, {}, [low] * 2, ("thrust_scale", "ground_effect"))
+    columns = regression.system.columns
     chosen = {}
     for k, column in enumerate(columns):
-        if column.variant is not None and board.prior.sd[k] > 0:
+        if column.variant is not None and regression.prior.sd[k] > 0:
             chosen.setdefault(column.variant.effect, k)
     rivals = [
         Rival(("thrust_scale",), {"thrust_scale": {"scale": 0.1}}, (chosen["thrust_scale"],)),
@@ -165,7 +173,7 @@ def test_more_thrust_and_ground_effect_are_told_apart_by_a_ladder_of_heights(qua
             (chosen["ground_effect"],),
         ),
     ]
-    ranked = rank(board, rivals, plans=("hover", "height_staircase", "yaw_turn"))
+    ranked = rank(regression, rivals, plans=("hover", "height_staircase", "yaw_turn"))
     assert ranked[0].manoeuvre == "height_staircase"
     assert ranked[0].expected_log_odds > 4.0 > 2.0 > max(o.expected_log_odds for o in ranked[1:])
 
@@ -191,26 +199,26 @@ def null(bare, judged):
     return judged(bare, {}, [manoeuvres.straight_runs(20.0), manoeuvres.climbs(40.0)], DRAG)
 
 
-def _planted(board, effect: str, size: float):
+def _planted(regression, effect: str, size: float):
     """The same flights with an effect of this size in their residuals."""
     k = next(
         i
-        for i, c in enumerate(board.system.columns)
+        for i, c in enumerate(regression.system.columns)
         if c.variant is not None and c.variant.effect == effect
     )
     flights = tuple(
-        dataclasses.replace(r, y=r.y + r.added({k: size}, len(board.system.names)))
-        for r in board.system.flights
+        dataclasses.replace(r, y=r.y + r.added({k: size}, len(regression.system.names)))
+        for r in regression.system.flights
     )
-    return make_board(dataclasses.replace(board.system, flights=flights))
+    return make_regression(dataclasses.replace(regression.system, flights=flights))
 
 
 @pytest.mark.parametrize("effect", ["rotor_drag", "axial_inflow"])
 def test_what_is_called_detectable_is_found_and_much_less_is_not(null, effect):
-    board, listed = null
-    smallest = smallest_detectable(board)[effect]["smallest"]
+    regression, listed = null
+    smallest = smallest_detectable(regression)[effect]["smallest"]
     found = {
-        f: search(_planted(board, effect, f * smallest), listed).inclusion[effect]
+        f: search(_planted(regression, effect, f * smallest), listed).inclusion[effect]
         for f in (0.3, 2.0)
     }
     assert found[2.0] > 0.9 and found[0.3] < 0.5
@@ -218,35 +226,37 @@ def test_what_is_called_detectable_is_found_and_much_less_is_not(null, effect):
 
 def test_a_real_flight_with_the_effect_shows_it_too(bare, null, judged):
     smallest = smallest_detectable(null[0])["rotor_drag"]["smallest"]
-    board, listed = judged(
+    regression, listed = judged(
         bare, {"rotor_drag": {"k_kg": 3.0 * smallest}}, [manoeuvres.straight_runs(20.0)] * 2, DRAG
     )
-    assert search(board, listed).inclusion["rotor_drag"] > 0.9
+    assert search(regression, listed).inclusion["rotor_drag"] > 0.9
 
 
-def _with_information(board, share: float):
-    return dataclasses.replace(board, by_flight=tuple(g.scaled(share) for g in board.by_flight))
+def _with_information(regression, share: float):
+    return dataclasses.replace(
+        regression, by_flight=tuple(g.scaled(share) for g in regression.by_flight)
+    )
 
 
 def test_more_noise_hides_more(null):
-    board, _ = null
+    regression, _ = null
     quiet, loud = (
-        smallest_detectable(_with_information(board, share))["rotor_drag"]["smallest"]
+        smallest_detectable(_with_information(regression, share))["rotor_drag"]["smallest"]
         for share in (1 / 16, 1 / 64)
     )
     assert 1.5 < loud / quiet < 2.5  # a quarter of the information: twice the noise
 
 
 def test_no_quiet_makes_detectable_what_is_too_small_to_be_told(null):
-    board, _ = null
+    regression, _ = null
     k = next(
         i
-        for i, c in enumerate(board.system.columns)
+        for i, c in enumerate(regression.system.columns)
         if c.variant is not None and c.variant.effect == "rotor_drag"
     )
-    share = np.nanmax(rms_of(board.system)[:, k] / least_sizes(board.system))
+    share = np.nanmax(rms_of(regression.system)[:, k] / least_sizes(regression.system))
     clear, loud = (
-        smallest_detectable(_with_information(board, s))["rotor_drag"]["smallest"]
+        smallest_detectable(_with_information(regression, s))["rotor_drag"]["smallest"]
         for s in (1e8, 1 / 64)
     )
     assert clear * share == pytest.approx(1.0) and loud > 1.5 * clear
@@ -275,10 +285,10 @@ def test_at_its_limit_nine_of_ten_sets_of_flights_tell_an_effect_from_its_rival(
 
 
 def test_what_a_rival_hides_names_the_rival(null):
-    board, _ = null
-    told = smallest_detectable(board)
+    regression, _ = null
+    told = smallest_detectable(regression)
     assert set(told) <= set(DRAG) and {"rotor_drag", "thrust_scale"} <= set(told)
-    columns = board.system.columns
+    columns = regression.system.columns
     drag = next(
         i
         for i, c in enumerate(columns)
@@ -295,12 +305,12 @@ def test_what_a_rival_hides_names_the_rival(null):
     def doubled(gram):
         return dataclasses.replace(gram, xx=gram.xx[np.ix_(same, same)], xy=gram.xy[same])
 
-    sd = board.prior.sd.copy()
+    sd = regression.prior.sd.copy()
     sd[twin] = sd[drag]
     twins = dataclasses.replace(
-        board,
-        by_flight=tuple(doubled(g) for g in board.by_flight),
-        prior=dataclasses.replace(board.prior, sd=sd),
+        regression,
+        by_flight=tuple(doubled(g) for g in regression.by_flight),
+        prior=dataclasses.replace(regression.prior, sd=sd),
     )
     hidden = smallest_detectable(twins)["rotor_drag"]
     assert hidden["smallest"] is None and hidden["limited_by"] == "parasitic_drag"
@@ -317,29 +327,31 @@ def test_what_was_found_has_a_limit_too(null):
     """Beside what else was found, and the same as if it had not been found; what was found is
     seen, however small.
     """
-    board, _ = null
-    before = smallest_detectable(board)
+    regression, _ = null
+    before = smallest_detectable(regression)
     variant = next(
-        c.variant for c in board.system.columns if c.variant and c.variant.effect == "rotor_drag"
+        c.variant
+        for c in regression.system.columns
+        if c.variant and c.variant.effect == "rotor_drag"
     )
     limit = before["rotor_drag"]["smallest"]
     for size in (3.0 * limit, 0.5 * limit):
-        after = smallest_detectable(board, {"rotor_drag": Found(variant, {"k_kg": size})})
+        after = smallest_detectable(regression, {"rotor_drag": Found(variant, {"k_kg": size})})
         assert after["rotor_drag"]["smallest"] == pytest.approx(min(size, limit))
         assert after.keys() == before.keys()
 
 
 def test_no_limit_is_more_than_the_vehicle_weighs(null):
-    board, _ = null
-    rms = rms_of(_with_information(board, 1e-12).system)
-    told = smallest_detectable(_with_information(board, 1e-12))
-    for k, c in enumerate(board.system.columns):
+    regression, _ = null
+    rms = rms_of(_with_information(regression, 1e-12).system)
+    told = smallest_detectable(_with_information(regression, 1e-12))
+    for k, c in enumerate(regression.system.columns):
         if c.variant is None or (limit := told.get(c.variant.effect)) is None:
             continue
         if c.key.endswith(f".{limit['parameter']}") and limit["smallest"] is not None:
-            forces = [n for n in board.system.main if n.startswith("force")]
-            at = [board.system.main.index(n) for n in forces]
-            assert (rms[at, k] * limit["smallest"]).max() <= board.system.model.weight_N
+            forces = [n for n in regression.system.main if n.startswith("force")]
+            at = [regression.system.main.index(n) for n in forces]
+            assert (rms[at, k] * limit["smallest"]).max() <= regression.system.model.weight_N
 
 
 def test_set_points_of_the_advised_flight_are_written(tmp_path):

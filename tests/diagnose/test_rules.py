@@ -58,11 +58,11 @@ def _search(evidence: dict[tuple[str, ...], float]) -> Search:
 def _weighed(found, names, sizes=(), effects=(), flights=(), known=(), monkeypatch=None):
     """The context of the rules; ``sizes`` by name and block."""
     model = SimpleNamespace(effects=dict.fromkeys(effects, {}))
-    board = SimpleNamespace(system=SimpleNamespace(model=model, flights=flights))
+    regression = SimpleNamespace(system=SimpleNamespace(model=model, flights=flights))
     if monkeypatch:
         sizes = dict(sizes)
-        monkeypatch.setattr(rules, "shares_of", lambda board, best, place: sizes[min(place)])
-    return RuleContext(board, found, dict(known), tuple(names))
+        monkeypatch.setattr(rules, "shares_of", lambda regression, best, place: sizes[min(place)])
+    return RuleContext(regression, found, dict(known), tuple(names))
 
 
 def _told(weighed, record=None) -> tuple[str, ...]:
@@ -357,8 +357,8 @@ def _balanced(monkeypatch, loss, mass, lost=("loss_3",), calibrated=True):
         tuple(range(len(lost))), np.zeros(len(lost)), np.eye(len(lost)), log_evidence=20.0
     )
     found = Search((Hypothesis(("weak_rotor",), (), told, 20.0),), {"weak_rotor": 1.0})
-    board = SimpleNamespace(system=SimpleNamespace(columns=columns))
-    return rules.told_from_a_mass(RuleContext(board, found, {}, ("weak_rotor",)), "weak_rotor")
+    regression = SimpleNamespace(system=SimpleNamespace(columns=columns))
+    return rules.told_from_a_mass(RuleContext(regression, found, {}, ("weak_rotor",)), "weak_rotor")
 
 
 def test_a_weak_rotor_is_told_from_a_mass_at_its_hub_by_the_balance(monkeypatch):

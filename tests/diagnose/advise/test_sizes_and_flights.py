@@ -11,7 +11,7 @@ from ges.diagnose.advise.detect import Found, expected_evidence, smallest_detect
 from ges.diagnose.advise.next_flight import next_flight
 from ges.diagnose.advise.recommend import Option, Rival, open_sets, rank, rivals_of
 from ges.diagnose.decide.accept import Accepted
-from ges.diagnose.select.evidence import Gram, Posterior, Prior, make_board, posterior
+from ges.diagnose.select.evidence import Gram, Posterior, Prior, make_regression, posterior
 from ges.diagnose.select.search import Hypothesis, Search
 from ges.diagnose.settings import settings
 
@@ -20,7 +20,7 @@ from ..synthetic import amplitude, hovering, rows_of, system_of
 ROWS = 300
 
 
-def _board(noise=0.1, keys=("axial_inflow.k_kg", "tether.weight_N_m"), alike=0.0, flights=2):
+def _regression(noise=0.1, keys=("axial_inflow.k_kg", "tether.weight_N_m"), alike=0.0, flights=2):
     """Noise along thrust and columns of 1 N per unit; the second as like the first as asked."""
     rng, columns = np.random.default_rng(0), [amplitude(k, low=0.0, high=50.0) for k in keys]
     made = []
@@ -29,7 +29,7 @@ def _board(noise=0.1, keys=("axial_inflow.k_kg", "tether.weight_N_m"), alike=0.0
         x[1:] = alike * x[0] + np.sqrt(1.0 - alike**2) * x[1:]
         y = noise * rng.standard_normal((ROWS, 1))
         made.append(rows_of(y, [{0: row} for row in x]))
-    return make_board(system_of(("force_z",), columns, made))
+    return make_regression(system_of(("force_z",), columns, made))
 
 
 def test_expected_evidence_is_that_of_a_flight_without_noise():
@@ -50,7 +50,7 @@ def test_expected_evidence_is_that_of_a_flight_without_noise():
 def test_more_flights_show_less_and_more_noise_more():
     sizes = {}
     for name, more in (("usual", {}), ("loud", {"noise": 0.4}), ("many", {"flights": 8})):
-        told = smallest_detectable(_board(**more))["tether"]
+        told = smallest_detectable(_regression(**more))["tether"]
         assert told["parameter"] == "weight_N_m" and told["unit"] == "N/m"
         sizes[name] = told["smallest"]
     assert sizes["many"] < sizes["usual"] < sizes["loud"]
@@ -58,26 +58,26 @@ def test_more_flights_show_less_and_more_noise_more():
 
 
 def test_a_rival_that_looks_alike_hides_an_effect_and_is_named():
-    alone = smallest_detectable(_board())["tether"]
-    hidden = smallest_detectable(_board(alike=0.99))["tether"]
+    alone = smallest_detectable(_regression())["tether"]
+    hidden = smallest_detectable(_regression(alike=0.99))["tether"]
     assert alone["limited_by"] == "" and hidden["limited_by"] == "axial_inflow"
     assert hidden["smallest"] > 2.0 * alone["smallest"]
 
 
 def test_what_was_found_is_seen_and_no_rival_of_others():
-    board = _board(alike=0.99)
-    variant = board.system.columns[0].variant
+    regression = _regression(alike=0.99)
+    variant = regression.system.columns[0].variant
     tiny = {"axial_inflow": Found(variant, {"k_kg": 1e-6})}
-    told = smallest_detectable(board, tiny)
+    told = smallest_detectable(regression, tiny)
     assert told["axial_inflow"]["smallest"] == 1e-6
     assert told["tether"]["limited_by"] == "", "beside what is accepted nothing is hidden by it"
 
 
 def test_no_smaller_size_is_detectable_than_what_matters():
-    quiet = smallest_detectable(_board(noise=1e-6))["tether"]["smallest"]
-    board = _board(noise=1e-6)
-    rms = np.sqrt(np.mean([np.mean(r.x.of(0, [1]) ** 2) for r in board.system.flights]))
-    least = settings.decide.least_force_share * board.system.model.weight_N
+    quiet = smallest_detectable(_regression(noise=1e-6))["tether"]["smallest"]
+    regression = _regression(noise=1e-6)
+    rms = np.sqrt(np.mean([np.mean(r.x.of(0, [1]) ** 2) for r in regression.system.flights]))
+    least = settings.decide.least_force_share * regression.system.model.weight_N
     assert quiet == pytest.approx(least / rms)
 
 
@@ -126,7 +126,7 @@ def _flying(monkeypatch, told):
     def simulate(model, rival, plan, logged, parameters):
         return None if told[plan] is None else (rival, plan)
 
-    def gram(board, flight, keep):
+    def gram(regression, flight, keep):
         rival, plan = flight
         rng = np.random.default_rng(1)
         x = told[plan] * rng.standard_normal((40, 2))
@@ -138,12 +138,14 @@ def _flying(monkeypatch, told):
 
 
 def _rank(monkeypatch, told):
-    board = _board()
+    regression = _regression()
     columns = {name: np.zeros(400) for name in ("v_z_m_s",)}
-    flights = [dataclasses.replace(r, flight=hovering(**columns)) for r in board.system.flights]
-    system = dataclasses.replace(board.system, flights=tuple(flights))
+    flights = [
+        dataclasses.replace(r, flight=hovering(**columns)) for r in regression.system.flights
+    ]
+    system = dataclasses.replace(regression.system, flights=tuple(flights))
     _flying(monkeypatch, told)
-    return rank(dataclasses.replace(board, system=system), RIVALS, plans=tuple(told))
+    return rank(dataclasses.replace(regression, system=system), RIVALS, plans=tuple(told))
 
 
 def test_the_manoeuvre_with_the_larger_gain_is_first_and_what_cannot_be_flown_is_none(monkeypatch):

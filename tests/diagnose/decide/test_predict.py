@@ -9,7 +9,7 @@ import pytest
 
 from ges.diagnose.decide import predict
 from ges.diagnose.estimate.fit import Fitted, free_first, joint_fit
-from ges.diagnose.select.evidence import make_board
+from ges.diagnose.select.evidence import make_regression
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Record
 
@@ -28,19 +28,19 @@ def _fitted(sizes, columns=(DRAG, COMMON)):
         x = rng.standard_normal((len(columns), ROWS))
         y = rng.standard_normal(ROWS) + size * x[0]
         flights.append(rows_of(y[:, None], [{0: row} for row in x]))
-    board = make_board(system_of(("force_z",), columns, flights), [0])
-    joint = joint_fit(board, free_first(board.system))
+    regression = make_regression(system_of(("force_z",), columns, flights), [0])
+    joint = joint_fit(regression, free_first(regression.system))
     effects = {"rotor_drag": {"k_kg": float(joint.chosen[0])}}
-    board = _about(board, float(joint.chosen[0]))
-    return Fitted(effects, (NAME,), joint.covariance, joint, joint, board)
+    regression = _about(regression, float(joint.chosen[0]))
+    return Fitted(effects, (NAME,), joint.covariance, joint, joint, regression)
 
 
-def _about(board, value):
-    """The board with its residuals as the fitted effect leaves them."""
+def _about(regression, value):
+    """The regression with its residuals as the fitted effect leaves them."""
     flights = tuple(
-        dataclasses.replace(r, y=r.y - value * r.x.of(0, [0])) for r in board.system.flights
+        dataclasses.replace(r, y=r.y - value * r.x.of(0, [0])) for r in regression.system.flights
     )
-    return make_board(dataclasses.replace(board.system, flights=flights), [0])
+    return make_regression(dataclasses.replace(regression.system, flights=flights), [0])
 
 
 def _gain(fitted, name="rotor_drag"):
@@ -67,8 +67,8 @@ def test_the_density_of_a_flight_is_what_the_others_say_of_it():
     """One column without nuisances: the predictive density of a Gaussian regression, by hand."""
     fitted = _fitted((0.3, 0.5), (DRAG,))
     t, value = settings.evidence.tempering, fitted.effects["rotor_drag"]["k_kg"]
-    prior = 1.0 / predict.wide(fitted.board, [0])[0] ** 2
-    parts = [w.parts[0] for w in fitted.board.whites]
+    prior = 1.0 / predict.wide(fitted.regression, [0])[0] ** 2
+    parts = [w.parts[0] for w in fitted.regression.whites]
     told = _gain(fitted)
     for left, other in ((0, 1), (1, 0)):
         x, y = parts[other].x[:, 0], parts[other].y
@@ -97,11 +97,11 @@ def test_what_acts_through_a_name_goes_with_it():
         x = rng.standard_normal((3, ROWS))
         y = rng.standard_normal(ROWS) + 0.6 * x[1]
         flights.append(rows_of(y[:, None], [{0: row} for row in x]))
-    board = make_board(system_of(("force_z",), columns, flights, MODEL), [0, 1])
-    joint = joint_fit(board, free_first(board.system))
+    regression = make_regression(system_of(("force_z",), columns, flights, MODEL), [0, 1])
+    joint = joint_fit(regression, free_first(regression.system))
     effects = {"rotor_drag": {"k_kg": 0.0}, "wind": {"east_m_s": 0.0, "north_m_s": 0.0}}
     free = (NAME, ("wind", "east_m_s"))
-    fitted = Fitted(effects, free, joint.covariance, joint, joint, board)
+    fitted = Fitted(effects, free, joint.covariance, joint, joint, regression)
     drag, wind = (_gain(fitted, n) for n in ("rotor_drag", "wind"))
     assert np.all(wind > 5.0)
     assert np.all(np.abs(drag - wind) < 2.0)
@@ -138,8 +138,8 @@ def worst(monkeypatch):
 
 
 def _accepted(names):
-    board = SimpleNamespace(system=SimpleNamespace(model=None))
-    return SimpleNamespace(names=names, fitted=names or None, board=board)
+    regression = SimpleNamespace(system=SimpleNamespace(model=None))
+    return SimpleNamespace(names=names, fitted=names or None, regression=regression)
 
 
 def test_the_worst_goes_first_and_the_others_are_asked_again(worst):

@@ -21,7 +21,7 @@ from ges.diagnose.decide.unknown import left_over
 from ges.diagnose.decide.withdraw import Answer, remaining
 from ges.diagnose.estimate.fit import Fitted, Joint
 from ges.diagnose.locate.structure import Structure
-from ges.diagnose.select.evidence import Posterior, make_board
+from ges.diagnose.select.evidence import Posterior, make_regression
 from ges.diagnose.select.search import Hypothesis, Search
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Considered, Decision, Record
@@ -44,23 +44,25 @@ def test_what_matters_at_least_is_a_share_of_each_channel_s_whole():
     assert least_size("ground_effect_lag", "force_x", MODEL) == pytest.approx(force / s.form_margin)
 
 
-def _board(keys=("rotor_drag.k_kg", "tether.weight_N_m")):
+def _regression(keys=("rotor_drag.k_kg", "tether.weight_N_m")):
     y = np.random.default_rng(0).standard_normal((100, 3))
     columns = [amplitude(k) for k in keys]
     acting = [{0: np.ones(100), 2: np.full(100, 0.5)}, {1: np.full(100, -2.0)}]
     names = ("force_x", "acc_x", "moment_y")
-    return make_board(system_of(names, columns, [rows_of(y, acting)]))
+    return make_regression(system_of(names, columns, [rows_of(y, acting)]))
 
 
 def test_shares_are_rms_over_what_matters_an_accelerometer_s_among_the_forces():
-    board = _board()
+    regression = _regression()
     found = Posterior((0, 1), np.array([0.3, 0.2]), np.eye(2), 0.0)
     h = Hypothesis(("rotor_drag", "tether"), (0, 1), found, 0.0)
-    force, _, moment = least_sizes(board.system)
-    told = shares_of(board, h, {"rotor_drag"})
+    force, _, moment = least_sizes(regression.system)
+    told = shares_of(regression, h, {"rotor_drag"})
     assert told == pytest.approx({"force": 0.3 / force, "moment": 0.15 / moment})
-    assert shares_of(board, h, {"tether"}) == pytest.approx({"force": 0.4 / force, "moment": 0.0})
-    both = shares_of(board, h, {"rotor_drag", "tether"})
+    assert shares_of(regression, h, {"tether"}) == pytest.approx(
+        {"force": 0.4 / force, "moment": 0.0}
+    )
+    both = shares_of(regression, h, {"rotor_drag", "tether"})
     assert both["force"] == pytest.approx(0.4 / force), "of the greatest channel"
 
 
@@ -148,7 +150,7 @@ def test_of_a_family_the_better_goes_on_and_says_so_of_the_other():
             ("fountain_lift",): (30.0, 0.0),
         }
     )
-    c = RuleContext(_board(), found, {}, ("ground_effect", "fountain_lift"))
+    c = RuleContext(_regression(), found, {}, ("ground_effect", "fountain_lift"))
     assert best_of_its_family(c, "ground_effect").passed
     dropped = best_of_its_family(c, "fountain_lift")
     assert not dropped.passed and dropped.because == "ground_effect acts there, and better"
@@ -198,10 +200,12 @@ def test_an_effect_does_something_if_an_amplitude_is_beyond_its_sd(k_kg, acts):
 
 def test_withdrawn_is_the_search_with_nothing_accepted_of_it():
     found = _search({("wind",): (1.0, 1.0)})
-    accepted = Accepted(("wind",), found, "board", "fit", {"wind": 1.0}, ("tether", "cg_offset"))
+    accepted = Accepted(
+        ("wind",), found, "regression", "fit", {"wind": 1.0}, ("tether", "cg_offset")
+    )
     told = withdrawn(accepted)
     assert (told.names, told.fitted, told.probability, told.rivals) == ((), None, {}, ())
-    assert told.found is found and told.board == "board"
+    assert told.found is found and told.regression == "regression"
     with_rival = dataclasses.replace(accepted, alternatives={"tether": 1, "cg_offset": 2})
     assert with_rival.modelled == ("wind", "tether")
 

@@ -15,7 +15,7 @@ def _accepted(names, strained):
     """What is accepted, with the strain of its declared numbers in the place of its fit."""
     fitted = SimpleNamespace(apart=strained) if names else None
     system = SimpleNamespace(model=None)
-    return SimpleNamespace(names=names, fitted=fitted, board=SimpleNamespace(system=system))
+    return SimpleNamespace(names=names, fitted=fitted, regression=SimpleNamespace(system=system))
 
 
 @pytest.fixture

@@ -104,8 +104,8 @@ def test_a_strength_is_known_by_a_factor():
 def test_a_mean_wind_within_what_gusts_leave_may_be_one(east_m_s, may):
     """Three times what gusts so strong leave and the fit doubts: 3 sqrt(0.4^2 + 0.3^2)."""
     wind = {"wind": {"east_m_s": east_m_s, "north_m_s": 0.0, "roughness_m": 0.0}}
-    board = SimpleNamespace(system=build([hovering()], MODEL, []))
-    fitted = SimpleNamespace(sd=lambda effect, parameter: 0.3, effects=wind, board=board)
+    regression = SimpleNamespace(system=build([hovering()], MODEL, []))
+    fitted = SimpleNamespace(sd=lambda effect, parameter: 0.3, effects=wind, regression=regression)
     assert GUSTS.may_be(fitted) == may
 
 

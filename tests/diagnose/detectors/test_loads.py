@@ -111,11 +111,14 @@ def test_the_way_out_is_to_where_half_of_it_is_gone():
 def test_only_a_load_that_is_not_out_of_the_question_is_made_sharper(p, likely):
     column = amplitude("slung_load.mass_kg")
     column = dataclasses.replace(column, variant=THREADS)
-    board = SimpleNamespace(system=SimpleNamespace(columns=[amplitude("rotor_drag.k_kg"), column]))
+    regression = SimpleNamespace(
+        system=SimpleNamespace(columns=[amplitude("rotor_drag.k_kg"), column])
+    )
     best = Hypothesis(("rotor_drag", "slung_load"), (), SimpleNamespace(columns=(0, 1)), 1.0)
     found = Search((best,), {"slung_load": p})
-    assert likely_load(board, found) is (THREADS if likely else None)
+    assert likely_load(regression, found) is (THREADS if likely else None)
     assert (
-        likely_load(board, Search((Hypothesis((), (), Posterior.of_nothing(), 0.0),), {})) is None
+        likely_load(regression, Search((Hypothesis((), (), Posterior.of_nothing(), 0.0),), {}))
+        is None
     )
     assert get("slung_load").remembers_the_path

@@ -24,7 +24,7 @@ from ges.diagnose.estimate.fit import (
     within_bounds,
 )
 from ges.diagnose.library.candidates import Variant, amplitude_of
-from ges.diagnose.select.evidence import Posterior, make_board, whitened
+from ges.diagnose.select.evidence import Posterior, make_regression, whitened
 from ges.diagnose.select.search import Hypothesis
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import SPEED
@@ -54,12 +54,12 @@ def _system(
     return system_of(("force_z",), columns, made, model)
 
 
-def _dense(board, chosen, common, varies, prior_mean, prior_sd):
+def _dense(regression, chosen, common, varies, prior_mean, prior_sd):
     """Design, residuals and priors of the whole fit, written out row by row."""
-    columns = board.system.columns
+    columns = regression.system.columns
     size = len(chosen) + len(common) + FLIGHTS * len(varies)
     x, y = [], []
-    for f, white in enumerate(board.whites):
+    for f, white in enumerate(regression.whites):
         (part,) = white.parts
         row = np.zeros((len(part.y), size))
         row[:, : len(chosen)] = part.x[:, chosen]
@@ -82,9 +82,9 @@ def _dense(board, chosen, common, varies, prior_mean, prior_sd):
 
 
 def test_the_joint_fit_is_least_squares_with_priors_over_all_rows():
-    board = make_board(_system(own=0.15))
-    joint = joint_fit(board, [0], np.array([0.1]), np.array([0.5]))
-    x, y, mean, sd = _dense(board, [0], [1, 2], [2], [0.1], [0.5])
+    regression = make_regression(_system(own=0.15))
+    joint = joint_fit(regression, [0], np.array([0.1]), np.array([0.5]))
+    x, y, mean, sd = _dense(regression, [0], [1, 2], [2], [0.1], [0.5])
     inverse = np.linalg.inv(x.T @ x + np.diag(sd**-2))
     beta = inverse @ (x.T @ y + mean / sd**2)
     cost = ((y - x @ beta) ** 2).sum() + (((beta - mean) / sd) ** 2).sum()
@@ -101,7 +101,7 @@ def test_the_joint_fit_is_least_squares_with_priors_over_all_rows():
 
 
 def test_planted_sizes_come_back_within_their_intervals():
-    joint = joint_fit(make_board(_system(own=0.4)), [0])
+    joint = joint_fit(make_regression(_system(own=0.4)), [0])
     assert abs(joint.chosen[0] - 0.7) < 3.0 * joint.covariance[0, 0] ** 0.5
     assert abs(joint.common["inertia.xx"] + 0.1) < 3.0 * joint.common_sd["inertia.xx"]
     own = [f["weak_rotor.loss_1"] for f in joint.by_flight]
@@ -120,7 +120,7 @@ def test_coefficients_may_differ_by_many_orders_in_their_units():
     tiny = dataclasses.replace(plain, flights=tuple(rows))
     sds = np.array([1.0]), np.array([1.0 / unit])
     one, other = (
-        joint_fit(make_board(s), [0], np.zeros(1), sd)
+        joint_fit(make_regression(s), [0], np.zeros(1), sd)
         for s, sd in zip((plain, tiny), sds, strict=True)
     )
     assert other.chosen[0] * unit == pytest.approx(one.chosen[0], rel=1e-6)
@@ -129,14 +129,14 @@ def test_coefficients_may_differ_by_many_orders_in_their_units():
 
 def test_a_number_that_a_candidate_frees_is_no_nuisance_beside_it():
     columns = (amplitude("inertia.xx"), COMMON)
-    joint = joint_fit(make_board(_system(columns, (0.5, 0.0))), [0])
+    joint = joint_fit(make_regression(_system(columns, (0.5, 0.0))), [0])
     assert joint.common == {} and joint.chosen[0] == pytest.approx(0.5, abs=0.1)
 
 
 def test_corrections_are_counted_from_the_vehicle_file():
     moved = dataclasses.replace(MODEL, moved={"inertia.xx": 0.4})
     here, there = (
-        joint_fit(make_board(_system((DRAG, COMMON), (0.0, 0.1), model=m)), [0])
+        joint_fit(make_regression(_system((DRAG, COMMON), (0.0, 0.1), model=m)), [0])
         for m in (MODEL, moved)
     )
     assert there.common["inertia.xx"] == pytest.approx(here.common["inertia.xx"] + 0.4)
@@ -154,10 +154,10 @@ def test_intervals_are_wider_where_blocks_of_time_scatter_more_than_rows():
     steady = dataclasses.replace(blocky, flights=tuple(ones))
     factors = []
     for system in (plain, steady):
-        board = make_board(system)
+        regression = make_regression(system)
         # noise as if every row were news of its own
         white = dataclasses.replace(
-            board.noise, ar=np.zeros((1, 3)), sd=np.ones(1), growth=np.zeros(1)
+            regression.noise, ar=np.zeros((1, 3)), sd=np.ones(1), growth=np.zeros(1)
         )
         joint = joint_fit(whitened(system, white), [0])
         factors.append(math.sqrt(joint.covariance[0, 0] / joint.by_rows[0, 0]))
@@ -167,7 +167,7 @@ def test_intervals_are_wider_where_blocks_of_time_scatter_more_than_rows():
 
 def test_without_candidates_the_nuisances_do_their_best():
     system = _system((COMMON,), (0.3,))
-    board, joint = null_fit(system)
+    regression, joint = null_fit(system)
     assert joint.chosen.shape == (0,) and joint.covariance.shape == (0, 0)
     left = left_raw(system, joint)
     before = sum((r.y**2).sum() for r in system.flights)
@@ -175,7 +175,7 @@ def test_without_candidates_the_nuisances_do_their_best():
     for e, r in zip(left, system.flights, strict=True):
         expected = r.y[:, 0] - joint.common["inertia.xx"] * r.x.of(0, [0])[:, 0]
         np.testing.assert_allclose(e[:, 0], expected)
-    assert board.by_flight
+    assert regression.by_flight
 
 
 def test_what_was_moved_before_is_in_the_residual_already():
@@ -225,9 +225,9 @@ def test_strain_is_the_farthest_declared_number_in_its_sds():
     assert largest_correction_sds(dataclasses.replace(joint, common={}), system) == 0.0
 
 
-def _fitted(board, joint, value):
+def _fitted(regression, joint, value):
     free = (("rotor_drag", "k_kg"),)
-    return Fitted({"rotor_drag": {"k_kg": value}}, free, joint.covariance, joint, joint, board)
+    return Fitted({"rotor_drag": {"k_kg": value}}, free, joint.covariance, joint, joint, regression)
 
 
 def test_without_an_effect_the_numbers_that_make_up_for_it_are_strained():
@@ -240,19 +240,19 @@ def test_without_an_effect_the_numbers_that_make_up_for_it_are_strained():
         y = 0.1 * rng.standard_normal(ROWS)
         flights.append(rows_of(y[:, None], [{0: x}, {0: x}]))
     system = system_of(("force_z",), columns, flights, model)
-    board = make_board(system)
-    joint = joint_fit(board, [0])
-    fitted = _fitted(board, joint, 0.6)
+    regression = make_regression(system)
+    joint = joint_fit(regression, [0])
+    fitted = _fitted(regression, joint, 0.6)
     assert largest_correction_sds(joint, system) < 0.5
     assert correction_without_sds(fitted, "rotor_drag") == pytest.approx(0.6 / 0.2, rel=0.1)
 
 
 def test_the_size_of_a_physical_effect_is_no_better_known_than_its_form():
-    board = SimpleNamespace()
+    regression = SimpleNamespace()
     effects = {"rotor_drag": {"k_kg": 2e-4}, "inertia": {"xx": 0.3}}
     free = (("rotor_drag", "k_kg"), ("inertia", "xx"))
     covariance = np.array([[1e-12, 5e-9], [5e-9, 1e-4]])
-    fitted = Fitted(effects, free, covariance, None, None, board)
+    fitted = Fitted(effects, free, covariance, None, None, regression)
     form = settings.estimate.form_error * 2e-4
     assert fitted.sd("rotor_drag", "k_kg") == pytest.approx(math.hypot(1e-6, form))
     assert fitted.sd("inertia", "xx") == pytest.approx(0.01), "a parameter has no form"
@@ -276,10 +276,10 @@ def _start(variants_values, model=MODEL):
         dataclasses.replace(amplitude(f"{v.effect}.{v.amplitudes[0].parameter}"), variant=v)
         for v, _ in variants_values
     ]
-    board = SimpleNamespace(system=SimpleNamespace(columns=columns, model=model))
+    regression = SimpleNamespace(system=SimpleNamespace(columns=columns, model=model))
     mean = np.array([value for _, value in variants_values])
     found = Posterior(tuple(range(len(mean))), mean, np.eye(len(mean)), 0.0)
-    return starting_values(board, Hypothesis((), (), found, 0.0))
+    return starting_values(regression, Hypothesis((), (), found, 0.0))
 
 
 def _variant(effect, parameter, **more):
@@ -323,9 +323,9 @@ def test_a_lag_is_not_what_a_lever_is_wrong_by():
         noise = 0.1 * rng.standard_normal((ROWS, 2))
         y = np.stack([0.5 * push, -0.4 * moment + 0.1 * late], axis=1) + noise
         flights.append(rows_of(y, [{0: push}, {1: moment}, {1: late}, {1: loss}]))
-    board = make_board(system_of(("force_x", "moment_y"), columns, flights), [0, 1])
-    apart = joint_fit(board, [0, 1])
-    told = _with_levers_as_they_are(board, [0, 1], apart, 1)
+    regression = make_regression(system_of(("force_x", "moment_y"), columns, flights), [0, 1])
+    apart = joint_fit(regression, [0, 1])
+    told = _with_levers_as_they_are(regression, [0, 1], apart, 1)
     assert told.common["motor_lag.up_s"] == pytest.approx(apart.common["motor_lag.up_s"], abs=0.02)
     assert told.common_sd["motor_lag.up_s"] == apart.common_sd["motor_lag.up_s"]
     assert told.common["weak_rotor.loss_1"] < apart.common["weak_rotor.loss_1"] - 0.05

@@ -16,7 +16,7 @@ from ges.diagnose.select.evidence import (
     acts_of,
     flight_grams,
     gram_of,
-    make_board,
+    make_regression,
     posterior,
     posteriors,
     rms_of,
@@ -188,20 +188,20 @@ def test_a_coefficient_s_prior_is_the_size_at_which_it_makes_a_share_of_the_weig
         system = _system(
             [y], [amplitude("cg_offset.x_m", low=-1e9, high=1e9)], acting, ("force_z", "moment_y")
         )
-        board = make_board(system)
+        regression = make_regression(system)
         sizes = (MODEL.weight_N / 5.0, MODEL.weight_N * MODEL.arm_m / 2.0)
-        assert board.prior.sd[0] == pytest.approx(share * min(sizes) / unit)
+        assert regression.prior.sd[0] == pytest.approx(share * min(sizes) / unit)
 
 
 def test_a_prior_is_no_wider_than_half_of_the_room_nor_than_what_is_plausible():
     y = np.random.default_rng(0).standard_normal((200, 1))
     tiny = [{0: np.full(200, 1e-9)}]
-    board = make_board(_system([y], [amplitude("rotor_drag.k_kg")], tiny))
-    assert board.prior.sd[0] == pytest.approx(0.5 * 0.01)
-    cushion = make_board(_system([y], [amplitude("ground_effect.c_a")], tiny))
+    regression = make_regression(_system([y], [amplitude("rotor_drag.k_kg")], tiny))
+    assert regression.prior.sd[0] == pytest.approx(0.5 * 0.01)
+    cushion = make_regression(_system([y], [amplitude("ground_effect.c_a")], tiny))
     plausible = effect_table.get("ground_effect").parameter("c_a").plausible
     assert cushion.prior.sd[0] == pytest.approx(plausible)
-    declared = make_board(_system([y], [amplitude("inertia.xx")], [{0: np.full(200, 1e3)}]))
+    declared = make_regression(_system([y], [amplitude("inertia.xx")], [{0: np.full(200, 1e3)}]))
     assert declared.prior.sd[0] == pytest.approx(
         effect_table.get("inertia").parameter("xx").plausible
     ), "a declared number is as wrong as such numbers are, however well the flights show it"
@@ -216,7 +216,7 @@ def test_a_level_stands_within_a_factor_of_itself_and_bounds_leave_what_is_left(
         amplitude("rotor_drag.k_kg", part="moment"),
         nuisance("thrust_scale.scale", 0.05, mean=-0.1),
     ]
-    prior = make_board(_system([y], columns, acting * 5)).prior
+    prior = make_regression(_system([y], columns, acting * 5)).prior
     reach = settings.evidence.level_reach
     np.testing.assert_allclose(prior.mean, [0.02, -0.2, 0.0, 0.0, -0.1])
     np.testing.assert_allclose(prior.low, [0.02 / reach, -0.2 * reach, 0.0, -np.inf, -np.inf])
@@ -227,9 +227,9 @@ def test_a_level_stands_within_a_factor_of_itself_and_bounds_leave_what_is_left(
 def test_what_no_flight_shows_has_no_prior_and_is_no_variant_of_the_board():
     y = np.random.default_rng(0).standard_normal((200, 1))
     columns = [amplitude("rotor_drag.k_kg"), amplitude("tether.weight_N_m")]
-    board = make_board(_system([y], columns, [{0: np.ones(200)}, {}]))
-    assert board.prior.sd[1] == 0.0
-    assert [name for name, _ in board.by_variant()] == ["rotor_drag"]
+    regression = make_regression(_system([y], columns, [{0: np.ones(200)}, {}]))
+    assert regression.prior.sd[1] == 0.0
+    assert [name for name, _ in regression.by_variant()] == ["rotor_drag"]
 
 
 def test_all_flights_together_are_their_sum_with_common_nuisances_integrated_out_once():
@@ -237,20 +237,20 @@ def test_all_flights_together_are_their_sum_with_common_nuisances_integrated_out
     y = [rng.standard_normal((150, 1)) for _ in range(3)]
     x = rng.standard_normal((2, 150))
     columns = [nuisance("thrust_scale.scale", 0.3, mean=0.2), amplitude("rotor_drag.k_kg")]
-    board = make_board(_system(y, columns, [{0: x[0]}, {0: x[1]}]))
-    total = sum(board.by_flight[1:], board.by_flight[0])
+    regression = make_regression(_system(y, columns, [{0: x[0]}, {0: x[1]}]))
+    total = sum(regression.by_flight[1:], regression.by_flight[0])
     at = np.array([0])
-    _same(board.pooled(), total.about(at, np.array([0.2])).without(at, np.array([0.3])))
-    _same(board.pooled((0,)), total)
-    known = whitened(board.system, board.noise)
-    assert known.by_flight == () and known.prior.sd.tolist() == board.prior.sd.tolist()
+    _same(regression.pooled(), total.about(at, np.array([0.2])).without(at, np.array([0.3])))
+    _same(regression.pooled((0,)), total)
+    known = whitened(regression.system, regression.noise)
+    assert known.by_flight == () and known.prior.sd.tolist() == regression.prior.sd.tolist()
 
 
 def test_the_order_of_flights_does_not_matter():
     rng = np.random.default_rng(2)
     y = [rng.standard_normal((100, 1)) for _ in range(3)]
     columns, acting = [amplitude("rotor_drag.k_kg")], [{0: rng.standard_normal(100)}]
-    _same(*(make_board(_system(e, columns, acting)).pooled() for e in (y, y[::-1])))
+    _same(*(make_regression(_system(e, columns, acting)).pooled() for e in (y, y[::-1])))
 
 
 def test_acts_are_columns_by_their_coefficients_of_the_names_that_are_asked():

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter1d
 
 from ges.diagnose.library.candidates import Candidate
-from ges.diagnose.select.evidence import Posterior, make_board
+from ges.diagnose.select.evidence import Posterior, make_regression
 from ges.diagnose.select.search import (
     Hypothesis,
     Search,
@@ -31,7 +31,7 @@ NAMES = tuple(k.split(".")[0] for k in KEYS)
 ROWS = 300
 
 
-def _board(planted: dict[str, float], keys=KEYS, seed=0, flights=2):
+def _regression(planted: dict[str, float], keys=KEYS, seed=0, flights=2):
     """Noise of 0.1 N, with effects planted in newtons rms."""
     rng, columns = np.random.default_rng(seed), [amplitude(k) for k in keys]
     made = []
@@ -41,14 +41,14 @@ def _board(planted: dict[str, float], keys=KEYS, seed=0, flights=2):
         y += sum(size * x[list(keys).index(k)] for k, size in planted.items())
         scale = [1e-4 if "k_kg" in k else 1.0 for k in keys]
         made.append(rows_of(y[:, None], [{0: row / s} for row, s in zip(x, scale, strict=True)]))
-    board = make_board(system_of(("force_z",), columns, made))
+    regression = make_regression(system_of(("force_z",), columns, made))
     listed = [Candidate(c.variant.effect, "physics", (c.variant,)) for c in columns]
-    return board, listed
+    return regression, listed
 
 
 def test_nothing_is_found_in_noise_and_probabilities_add_up():
-    board, listed = _board({})
-    found = search(board, listed)
+    regression, listed = _regression({})
+    found = search(regression, listed)
     assert found.best.names == () and found.null() is found.best
     assert sum(h.probability for h in found.hypotheses) == pytest.approx(1.0)
     assert max(found.inclusion.values()) < 0.1
@@ -60,8 +60,8 @@ def test_nothing_is_found_in_noise_and_probabilities_add_up():
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_what_is_planted_is_found_and_nothing_else(count):
     planted = dict.fromkeys(KEYS[:count], 0.3)
-    board, listed = _board(planted)
-    found = search(board, listed)
+    regression, listed = _regression(planted)
+    found = search(regression, listed)
     assert found.best.names == tuple(sorted(NAMES[:count]))
     assert all(found.inclusion[n] > 0.99 for n in NAMES[:count])
     assert all(found.inclusion[n] < 0.2 for n in NAMES[count:])
@@ -72,8 +72,8 @@ def test_what_is_planted_is_found_and_nothing_else(count):
 
 
 def test_every_pair_is_weighed_and_no_set_twice():
-    board, listed = _board({})
-    found = search(board, listed)
+    regression, listed = _regression({})
+    found = search(regression, listed)
     sets = [h.names for h in found.hypotheses]
     assert len(set(sets)) == len(sets)
     assert sum(len(names) == 2 for names in sets) == 6 and sum(len(n) == 1 for n in sets) == 4
@@ -85,8 +85,8 @@ def test_no_set_has_two_shapes_of_one_name():
     variants = [dataclasses.replace(plain.variant, shape={"vertical_ratio": r}) for r in (1.0, 1.7)]
     columns = [dataclasses.replace(plain, variant=v) for v in variants]
     rows = rows_of(rng.standard_normal((ROWS, 1)), [{0: x} for x in rng.standard_normal((2, ROWS))])
-    board = make_board(system_of(("force_z",), columns, [rows]))
-    found = search(board, [Candidate("parasitic_drag", "physics", tuple(variants))])
+    regression = make_regression(system_of(("force_z",), columns, [rows]))
+    found = search(regression, [Candidate("parasitic_drag", "physics", tuple(variants))])
     assert sorted(h.names for h in found.hypotheses) == [(), ("parasitic_drag",)]
 
 
@@ -94,8 +94,8 @@ def test_prior_of_one_cause_is_shared_among_all_of_them():
     """A column that says nothing gets its prior back: sizes of sets by the settings, names by how
     many there are.
     """
-    board, listed = _board({}, KEYS[:2], flights=1)
-    found = search(board, listed)
+    regression, listed = _regression({}, KEYS[:2], flights=1)
+    found = search(regression, listed)
     size = settings.search.size_probabilities
     for h in found.hypotheses:
         count = {0: 1.0, 1: 2.0, 2: 1.0}[len(h.names)]
@@ -108,8 +108,8 @@ def test_prior_of_one_cause_is_shared_among_all_of_them():
 
 def test_what_is_rarely_met_takes_more_of_the_flights():
     keys = ("thrust_scale.scale", "tether.weight_N_m")
-    board, listed = _board({}, keys)
-    found = search(board, listed)
+    regression, listed = _regression({}, keys)
+    found = search(regression, listed)
     rare = found.best_with("thrust_scale", ("tether",))
     flights = rare.posterior.log_evidence
     assert rare.log_evidence == pytest.approx(rare.log_prior + np.log(0.1) + flights)
@@ -127,23 +127,23 @@ def test_what_acts_through_another_of_the_set_is_no_cause_more():
 @pytest.mark.parametrize("base", [(), ("ground_effect",)])
 def test_what_needs_a_carrier_is_weighed_beside_one_alone(base):
     keys = ("ground_effect_lag.c", "tether.weight_N_m")
-    board, listed = _board({}, keys)
-    sets = {h.names for h in search(board, listed, base).hypotheses}
+    regression, listed = _regression({}, keys)
+    sets = {h.names for h in search(regression, listed, base).hypotheses}
     assert (("ground_effect_lag",) in sets) == bool(base)
     assert ("tether",) in sets
 
 
 def test_exactly_these_names_and_nothing_else():
-    board, listed = _board({KEYS[0]: 0.3})
-    found = exactly(board, listed[:2])
+    regression, listed = _regression({KEYS[0]: 0.3})
+    found = exactly(regression, listed[:2])
     assert [h.names for h in found.hypotheses] == [tuple(sorted(NAMES[:2]))]
     assert found.best.probability == 1.0 and found.inclusion[NAMES[1]] == 1.0
-    assert exactly(board, []).best.names == ()
+    assert exactly(regression, []).best.names == ()
 
 
 def test_a_set_without_modifiers_is_its_own_plain_form():
-    board, listed = _board({KEYS[0]: 0.3})
-    assert over_plain(board, listed, search(board, listed).best) == pytest.approx(0.0)
+    regression, listed = _regression({KEYS[0]: 0.3})
+    assert over_plain(regression, listed, search(regression, listed).best) == pytest.approx(0.0)
 
 
 def _weighed(evidence):
@@ -160,13 +160,13 @@ def test_the_best_with_a_name_has_none_of_the_others_where_it_can():
 
 
 def test_a_search_that_agrees_with_its_noise_stays():
-    board, listed = _board({KEYS[0]: 1.0})
-    again, found, chosen = search_until_stable(board, listed, ())
+    regression, listed = _regression({KEYS[0]: 1.0})
+    again, found, chosen = search_until_stable(regression, listed, ())
     assert found.best.names == (NAMES[0],) and chosen == (0,)
     assert again.noise.sd[0] == pytest.approx(0.1, rel=0.1)
-    assert board.noise.sd[0] > 3.0 * again.noise.sd[0]
+    assert regression.noise.sd[0] > 3.0 * again.noise.sd[0]
     assert found.inclusion[NAMES[0]] > 0.999
-    nothing = _board({})
+    nothing = _regression({})
     assert search_until_stable(*nothing, ())[2] == ()
 
 
@@ -183,11 +183,11 @@ def test_what_shakes_one_flight_alone_is_no_noise_of_the_others():
         made.append(rows_of(y[:, None], [{0: row} for row in x]))
     wide = {"low": -1e9, "high": 1e9}
     columns = [amplitude(key, **wide) for key in ("rotor_drag.k_kg", "tether.weight_N_m")]
-    board = make_board(system_of(("force_z",), columns, made))
+    regression = make_regression(system_of(("force_z",), columns, made))
     listed = [Candidate(c.variant.effect, "physics", (c.variant,)) for c in columns]
-    assert board.noise.noisy[0] > settings.statistics.flights_ratio
-    assert search(board, listed).best.names == ()
-    _, found, chosen = search_until_stable(board, listed, ())
+    assert regression.noise.noisy[0] > settings.statistics.flights_ratio
+    assert search(regression, listed).best.names == ()
+    _, found, chosen = search_until_stable(regression, listed, ())
     assert chosen == (1,) and found.best.names == ("tether",)
 
 
@@ -200,16 +200,18 @@ def test_what_one_of_a_family_does_is_no_noise_though_none_is_told():
     keys = ("rotor_drag.k_kg", "parasitic_drag.area_m2", "axial_inflow.k_kg", "tether.weight_N_m")
     rows = [1e4 * x, alike[0], 1e4 * alike[1], idle]
     columns = [amplitude(key) for key in keys]
-    board = make_board(system_of(("force_z",), columns, [rows_of(y, [{0: r} for r in rows])]))
+    regression = make_regression(
+        system_of(("force_z",), columns, [rows_of(y, [{0: r} for r in rows])])
+    )
     listed = [Candidate(c.variant.effect, "physics", (c.variant,)) for c in columns]
-    settled, found, chosen = search_until_stable(board, listed, ())
+    settled, found, chosen = search_until_stable(regression, listed, ())
     assert max(found.inclusion.values()) < 0.5 and found.null().probability < 1e-3
     assert len(chosen) == 1 and settled.noise.sd[0] == pytest.approx(0.1, rel=0.1)
 
 
 def test_asked_for_names_are_fitted_whether_they_are_there_or_not():
-    board, listed = _board({})
-    _, found, chosen = search_until_stable(board, listed[:1], (), only=NAMES[:1])
+    regression, listed = _regression({})
+    _, found, chosen = search_until_stable(regression, listed[:1], (), only=NAMES[:1])
     assert found.best.names == NAMES[:1] and chosen == (0,)
 
 

@@ -24,7 +24,7 @@ from ges.diagnose.decide.rules import lead_over
 from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import Column, variant_of
 from ges.diagnose.library.candidates import Variant, modifiers_of
-from ges.diagnose.select.evidence import Board, Gram, rms_of
+from ges.diagnose.select.evidence import Gram, Regression, rms_of
 from ges.diagnose.select.search import log_odds_against_one_of, log_rarity
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import block_of
@@ -33,9 +33,9 @@ from ges.simulator import effects as effect_table
 
 @dataclasses.dataclass(frozen=True)
 class _Shape:
-    """One variant of one effect: its columns on the board, by true column the evidence that they
-    gain and what of it is ``over`` what is free without them, and the price: of their freedom, of
-    being one of many shapes, of being rarely met.
+    """One variant of one effect: its columns in the regression, by true column the evidence that
+    they gain and what of it is ``over`` what is free without them, and the price: of their freedom,
+    of being one of many shapes, of being rarely met.
     """
 
     name: str
@@ -64,13 +64,13 @@ class _Entry:
     content: dict[str, Any]
 
 
-def _shapes(board: Board, gram: Gram, leave_out: Collection[str]) -> list[_Shape]:
+def _shapes(regression: Regression, gram: Gram, leave_out: Collection[str]) -> list[_Shape]:
     found = [
         (name, columns)
-        for (name, _), columns in board.by_variant().items()
+        for (name, _), columns in regression.by_variant().items()
         if name not in leave_out
     ]
-    many, most = Counter(name for name, _ in found), _most(board)
+    many, most = Counter(name for name, _ in found), _most(regression)
     return [
         _Shape(
             name,
@@ -80,27 +80,31 @@ def _shapes(board: Board, gram: Gram, leave_out: Collection[str]) -> list[_Shape
             cost + math.log(many[name]) - log_rarity([name]),
         )
         for name, columns in found
-        for gain, cost in [expected_evidence(gram, columns, board.prior.sd)]
+        for gain, cost in [expected_evidence(gram, columns, regression.prior.sd)]
     ]
 
 
-def _most(board: Board) -> np.ndarray:
+def _most(regression: Regression) -> np.ndarray:
     """Evidence per squared unit of every column's coefficient, (K,), that no flights exceed: a
     nuisance of its key costs no more (what columns that hold at different levels differ by would
     count as evidence without end).
     """
     # x^2 / (2 sd^2) is what the prior charges a nuisance for the same move
-    doubt = {key: sd for key, k in board.system.nuisances.items() if (sd := board.prior.sd[k]) > 0}
+    doubt = {
+        key: sd
+        for key, k in regression.system.nuisances.items()
+        if (sd := regression.prior.sd[k]) > 0
+    }
     return np.array(
-        [0.5 / doubt[c.key] ** 2 if c.key in doubt else np.inf for c in board.system.columns]
+        [0.5 / doubt[c.key] ** 2 if c.key in doubt else np.inf for c in regression.system.columns]
     )
 
 
 def expected_evidence(
     gram: Gram, columns: Sequence[int], prior_sd: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Log evidence of a set of columns when one column of the board alone acts: ``gain * size^2 -
-    cost``, noise left out.
+    """Log evidence of a set of columns when one column of the regression alone acts: ``gain *
+    size^2 - cost``, noise left out.
 
     Parameters
     ----------
@@ -166,8 +170,8 @@ class _Sizes:
     share_of_weight: np.ndarray
 
 
-def _sizes(board: Board) -> _Sizes:
-    system, rms = board.system, rms_of(board.system)
+def _sizes(regression: Regression) -> _Sizes:
+    system, rms = regression.system, rms_of(regression.system)
     block = np.array([block_of(name) for name in system.main])
     shares = rms / least_sizes(system)[:, None]
     # a share of weight has a meaning in forces and moments alone, not in the drive or the range
@@ -183,13 +187,13 @@ def _sizes(board: Board) -> _Sizes:
 
 
 def smallest_detectable(
-    board: Board, found: Mapping[str, Found] | None = None
+    regression: Regression, found: Mapping[str, Found] | None = None
 ) -> dict[str, dict[str, Any]]:
     """Smallest size by effect.
 
     Parameters
     ----------
-    board : of the search, with the columns of every candidate.
+    regression : of the search, with the columns of every candidate.
     found : effects that are accepted already; beside them the others are judged, and each of them
         beside the rest.
 
@@ -199,12 +203,12 @@ def smallest_detectable(
     fixed parameters), and ``limited_by``, the rival that is hardest to tell from it ('' when it is
     noise).
     """
-    pooled, unit, given = board.pooled(), _sizes(board), found or {}
+    pooled, unit, given = regression.pooled(), _sizes(regression), found or {}
     told: dict[str, dict[str, Any]] = {}
     for name, known in given.items():
-        alone = _beside(board, pooled, unit, {*given} - {name}, name)
+        alone = _beside(regression, pooled, unit, {*given} - {name}, name)
         told |= {name: _seen(alone[name], known)} if name in alone else {}
-    others = _beside(board, pooled, unit, {*given}, None)
+    others = _beside(regression, pooled, unit, {*given}, None)
     return told | {name: _standing_for(entries) for name, entries in others.items()}
 
 
@@ -217,7 +221,7 @@ def _seen(entries: Sequence[_Entry], found: Found) -> dict[str, Any]:
 
 
 def _beside(
-    board: Board,
+    regression: Regression,
     pooled: Gram,
     unit: _Sizes,
     given: Collection[str],
@@ -229,17 +233,17 @@ def _beside(
     free = np.array(
         [
             k
-            for k, c in enumerate(board.system.columns)
-            if c.variant is not None and c.variant.effect in given and board.prior.sd[k] > 0
+            for k, c in enumerate(regression.system.columns)
+            if c.variant is not None and c.variant.effect in given and regression.prior.sd[k] > 0
         ],
         dtype=int,
     )
     # what is given takes no side: it is integrated out with a prior that is as good as flat
-    gram = pooled.without(free, settings.numerics.wide_factor * board.prior.sd[free])
-    shapes, log_odds = _shapes(board, gram, given), settings.statistics.acceptance_log_odds
+    gram = pooled.without(free, settings.numerics.wide_factor * regression.prior.sd[free])
+    shapes, log_odds = _shapes(regression, gram, given), settings.statistics.acceptance_log_odds
     sizes: dict[str, list[_Entry]] = {}
     for shape in (s for s in shapes if asked in (None, s.name)):
-        for k in (k for k in shape.columns if _is_told(board.system.columns[k])):
+        for k in (k for k in shape.columns if _is_told(regression.system.columns[k])):
             size, hidden = _needed(shape, k, shapes, log_odds)
             if unit.drive_alone[k]:  # what is faint has to be sure
                 size = min(
@@ -247,7 +251,7 @@ def _beside(
                     _needed(shape, k, shapes, settings.statistics.certain_log_odds)[0],
                 )
             size, hidden = max((size, hidden), (float(unit.least[k]), ""))
-            sizes.setdefault(shape.name, []).append(_entry(board, k, size, hidden, unit))
+            sizes.setdefault(shape.name, []).append(_entry(regression, k, size, hidden, unit))
     return sizes
 
 
@@ -261,11 +265,11 @@ def _standing_for(entries: Sequence[_Entry]) -> dict[str, Any]:
     return sorted(entries, key=lambda entry: entry.relative)[(len(entries) - 1) // 2].content
 
 
-def _entry(board: Board, k: int, size: float, hidden: str, unit: _Sizes) -> _Entry:
+def _entry(regression: Regression, k: int, size: float, hidden: str, unit: _Sizes) -> _Entry:
     """What is told of a size: of what clips the level, if its whole is seen; of what is more than
     the vehicle's weight, or than the parameter's room, nothing.
     """
-    column = board.system.columns[k]
+    column = regression.system.columns[k]
     variant = variant_of(column)
     amplitude = variant.amplitudes[column.amplitude]
     room = max(amplitude.high - amplitude.neutral, amplitude.neutral - amplitude.low)

@@ -11,7 +11,7 @@ from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.thrust import VOLTAGE, UnmeasuredThrust
 from ges.diagnose.library.candidates import flown
 from ges.diagnose.library.grids import library
-from ges.diagnose.select.evidence import Board, make_board
+from ges.diagnose.select.evidence import Regression, make_regression
 from ges.diagnose.select.search import Search
 from ges.diagnose.settings import settings
 
@@ -32,11 +32,11 @@ def next_flight(accepted: Accepted, shift: Shift | UnmeasuredThrust | None) -> d
     )
     if not accepted.rivals and not doubtful:
         return {}
-    return separating(accepted.board, accepted.found, accepted.names)
+    return separating(accepted.regression, accepted.found, accepted.names)
 
 
 def separating(
-    board: Board,
+    regression: Regression,
     found: Search,
     proven: Sequence[str],
     parameters: Mapping[str, float] | None = None,
@@ -44,8 +44,8 @@ def separating(
     """The best manoeuvre between the sets of names that are open beside what is proven;
     ``parameters`` as for :func:`~ges.diagnose.advise.recommend.rank`.
     """
-    rivals = rivals_of(board, open_sets(found, proven))
-    ranked = rank(board, rivals, parameters) if len(rivals) > 1 else []
+    rivals = rivals_of(regression, open_sets(found, proven))
+    ranked = rank(regression, rivals, parameters) if len(rivals) > 1 else []
     return ranked[0].content() if ranked else {}
 
 
@@ -54,19 +54,22 @@ def _with_voltage(thrust: UnmeasuredThrust) -> dict:
     system = thrust.system
     listed = library(system.model, flown(system.recordings, system.model.radius_m))
     variants = [v for name in thrust.rivals if name in listed for v in listed[name].variants]
-    board = make_board(build(system.recordings, system.model, variants, system))
+    regression = make_regression(build(system.recordings, system.model, variants, system))
     rivals = [
-        Rival(names, effects, _columns(board, names))
+        Rival(names, effects, _columns(regression, names))
         for names, effects in thrust.explanations().items()
     ]
-    ranked = rank(board, rivals, also_logged=(VOLTAGE,))
+    ranked = rank(regression, rivals, also_logged=(VOLTAGE,))
     if not ranked:
         return {}
     return {**ranked[0].content(), "preparation": f"the battery voltage logged ({VOLTAGE})"}
 
 
-def _columns(board: Board, names: Sequence[str]) -> tuple[int, ...]:
-    """Columns of these effects on the board."""
+def _columns(regression: Regression, names: Sequence[str]) -> tuple[int, ...]:
+    """Columns of these effects in the regression."""
     return tuple(
-        k for (name, _), columns in board.by_variant().items() if name in names for k in columns
+        k
+        for (name, _), columns in regression.by_variant().items()
+        if name in names
+        for k in columns
     )

@@ -18,7 +18,7 @@ from ges.diagnose.design.whiten import whiten
 from ges.diagnose.estimate.fit import starting_values
 from ges.diagnose.prepare.align import STREAMS, Prepared
 from ges.diagnose.prepare.gate import prepare
-from ges.diagnose.select.evidence import Board, Gram, flight_grams, posterior
+from ges.diagnose.select.evidence import Gram, Regression, flight_grams, posterior
 from ges.diagnose.select.search import Hypothesis, Search
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
@@ -32,7 +32,7 @@ READINGS = {f"omega_{a}_rad_s": f"gyro_{a}_rad_s" for a in "xyz"}
 @dataclasses.dataclass(frozen=True)
 class Rival:
     """An explanation that is still open: its effects with their sizes, and its columns on the
-    board.
+    regression.
     """
 
     names: tuple[str, ...]
@@ -87,9 +87,9 @@ class Option:
         }
 
 
-def rivals_of(board: Board, open_sets: Sequence[Hypothesis]) -> list[Rival]:
+def rivals_of(regression: Regression, open_sets: Sequence[Hypothesis]) -> list[Rival]:
     """Rivals from hypotheses of the search; nothing at all is a rival too."""
-    return [Rival(h.names, starting_values(board, h), h.posterior.columns) for h in open_sets]
+    return [Rival(h.names, starting_values(regression, h), h.posterior.columns) for h in open_sets]
 
 
 def open_sets(found: Search, proven: Sequence[str]) -> list[Hypothesis]:
@@ -148,30 +148,32 @@ def simulate(
     return flight if flight.flying.mean() > 0.5 else None
 
 
-def _subset(board: Board, rivals: Sequence[Rival]) -> np.ndarray:
+def _subset(regression: Regression, rivals: Sequence[Rival]) -> np.ndarray:
     """Columns that matter: the nuisances in use and those of the rivals."""
-    used = [k for k in board.nuisance if board.prior.sd[k] > 0]
+    used = [k for k in regression.nuisance if regression.prior.sd[k] > 0]
     return np.array(sorted({*used, *(k for r in rivals for k in r.columns)}), dtype=int)
 
 
-def _gram(board: Board, flight: Prepared, keep: np.ndarray) -> Gram:
+def _gram(regression: Regression, flight: Prepared, keep: np.ndarray) -> Gram:
     """Normal equations of one more flight, in the noise of the flights so far."""
-    system, columns = board.system, [board.system.columns[k] for k in keep]
+    system, columns = regression.system, [regression.system.columns[k] for k in keep]
     made = rows(flight, system.model, system.names, columns, system.flights[0].windows.length_s)
     weight = settings.evidence.tempering
     # h of equation (4), over the median of the flights so far: their noise model is in that unit
     usual = np.median(np.concatenate([r.noise for r in system.flights])) or 1.0
-    return flight_grams(whiten([made], board.noise, [made.noise / usual]), columns, weight)[0]
+    return flight_grams(whiten([made], regression.noise, [made.noise / usual]), columns, weight)[0]
 
 
-def _log_odds(board: Board, gram: Gram, keep: np.ndarray, rivals: Sequence[Rival]) -> np.ndarray:
+def _log_odds(
+    regression: Regression, gram: Gram, keep: np.ndarray, rivals: Sequence[Rival]
+) -> np.ndarray:
     """Log evidence of every rival on these normal equations."""
     place = {int(k): i for i, k in enumerate(keep)}
     # nuisances are integrated out once, of all flights together: they are the same in each rival
-    drop = np.array([place[int(k)] for k in keep if k in set(board.nuisance)], dtype=int)
-    left = gram.without(drop, board.prior.sd[keep][drop])
+    drop = np.array([place[int(k)] for k in keep if k in set(regression.nuisance)], dtype=int)
+    left = gram.without(drop, regression.prior.sd[keep][drop])
     weigh = [[place[int(k)] for k in r.columns] for r in rivals]
-    prior = board.prior.take(keep)
+    prior = regression.prior.take(keep)
     return np.array([posterior(left, at, prior).log_evidence if at else 0.0 for at in weigh])
 
 
@@ -195,7 +197,7 @@ def _labels(rivals: Sequence[Rival]) -> tuple[str, ...]:
 
 
 def rank(
-    board: Board,
+    regression: Regression,
     rivals: Sequence[Rival],
     parameters: Mapping[str, float] | None = None,
     plans: Sequence[str] = tuple(manoeuvres.MENU),
@@ -205,7 +207,7 @@ def rank(
 
     Parameters
     ----------
-    board : of the search over the flights so far.
+    regression : of the search over the flights so far.
     rivals : two or more open explanations.
     parameters : numbers to fly with, where the vehicle file is not complete enough to fly; the
         model's otherwise.
@@ -213,11 +215,11 @@ def rank(
     also_logged : columns that the next flight will have and the flights so far have not; these then
         tell the rivals nothing.
     """
-    model, keep = board.system.model, _subset(board, rivals)
-    logged = [*_logged([r.flight for r in board.system.flights]), *also_logged]
-    past = sum((g.take(keep) for g in board.by_flight[1:]), board.by_flight[0].take(keep))
+    model, keep = regression.system.model, _subset(regression, rivals)
+    logged = [*_logged([r.flight for r in regression.system.flights]), *also_logged]
+    past = sum((g.take(keep) for g in regression.by_flight[1:]), regression.by_flight[0].take(keep))
     past = past.scaled(0.0) if also_logged else past
-    now = _log_odds(board, past, keep, rivals)
+    now = _log_odds(regression, past, keep, rivals)
     so_far, chance = float(np.sort(now)[-1] - np.sort(now)[-2]), softmax(now)
     labels, options = _labels(rivals), []
     expected_now = _expected(chance, [_lead(now, i) for i in range(len(rivals))])
@@ -230,7 +232,9 @@ def rank(
         # where one explanation cannot fly, the others' flights would have nothing to be told from
         if len(flown) < len(tried):
             continue
-        after = [_log_odds(board, past + _gram(board, f, keep), keep, rivals) for f in flown]
+        after = [
+            _log_odds(regression, past + _gram(regression, f, keep), keep, rivals) for f in flown
+        ]
         leads = [_lead(evidence, i) for i, evidence in enumerate(after)]
         # what would still be open although it were true
         left = tuple(

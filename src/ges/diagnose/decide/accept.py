@@ -33,7 +33,7 @@ from ges.diagnose.library.candidates import (
     family_of,
     modifiers_of,
 )
-from ges.diagnose.select.evidence import Board, Posterior, make_board
+from ges.diagnose.select.evidence import Posterior, Regression, make_regression
 from ges.diagnose.select.search import Hypothesis, Search, log_odds_against_one_of, over_plain
 from ges.diagnose.select.stable import search_until_stable
 from ges.diagnose.settings import settings
@@ -49,7 +49,7 @@ class Accepted:
     Attributes
     ----------
     names : what is accepted.
-    found, board : the first search, with no name accepted yet.
+    found, regression : the first search, with no name accepted yet.
     fitted : the accepted names fitted in full; None where there are none.
     probability : posterior probability of every accepted name.
     rivals : names of which one is needed, the likeliest first.
@@ -59,7 +59,7 @@ class Accepted:
 
     names: tuple[str, ...]
     found: Search
-    board: Board
+    regression: Regression
     fitted: Fitted | None
     probability: dict[str, float]
     rivals: tuple[str, ...]
@@ -84,7 +84,7 @@ class Accepted:
         return (*self.names, *itertools.islice(self.alternatives, 1))
 
 
-def accept(start: Board, record: Record, only: Sequence[str] | None = None) -> Accepted:
+def accept(start: Regression, record: Record, only: Sequence[str] | None = None) -> Accepted:
     """Search the library, keep what is proven, then let effects that modify the kept ones compete
     too.
 
@@ -103,19 +103,27 @@ def accept(start: Board, record: Record, only: Sequence[str] | None = None) -> A
     contested: set[str] = set()
     listed = candidates_of(system.recordings, base, (), only)
     while listed:
-        board = start if first is None else _laid_out(listed, base, system)
-        board, found = _searched(board, listed, base, only)
-        first = first or (board, found)
-        context = RuleContext(board, found, sizes, found.best.names)
+        regression = start if first is None else _laid_out(listed, base, system)
+        regression, found = _searched(regression, listed, base, only)
+        first = first or (regression, found)
+        context = RuleContext(regression, found, sizes, found.best.names)
         told = judged(SEARCH_RULES, context, sorted(found.inclusion), record)
         told = tuple(n for n in found.best.names if n in told)
         if not names:
             contested = _contested(found, record)
         # later rounds hold what modifies a name against what that name's form may be wrong by
         sizes |= {n: dataclasses.replace(context, standing=told).size(n) for n in told}
-        through = _modifying(board, found, listed, told, only)
+        through = _modifying(regression, found, listed, told, only)
         new, polished = _fitted_in_full(
-            board, found, (*told, *through), through, base, fitted, system, record, only is None
+            regression,
+            found,
+            (*told, *through),
+            through,
+            base,
+            fitted,
+            system,
+            record,
+            only is None,
         )
         if polished is None or not new:
             break
@@ -132,7 +140,7 @@ def accept(start: Board, record: Record, only: Sequence[str] | None = None) -> A
         # the next round is linearised about what is accepted, and lists what acts through it
         base = system.model.with_effects(polished.effects)
         listed = candidates_of(system.recordings, base, names, only)
-    board, found = first or search_until_stable(start, (), ())[:2]
+    regression, found = first or search_until_stable(start, (), ())[:2]
     # a name that is probable, but failed another rule, is not open
     settled = {
         *names,
@@ -141,7 +149,7 @@ def accept(start: Board, record: Record, only: Sequence[str] | None = None) -> A
     rivals = ambiguous(found, settled - contested, contested)
     if rivals and not _needed(rivals, base, system):
         rivals = ()
-    return Accepted(names, found, board, fitted, probability, rivals, frozenset(contested))
+    return Accepted(names, found, regression, fitted, probability, rivals, frozenset(contested))
 
 
 def _contested(found: Search, record: Record) -> set[str]:
@@ -155,26 +163,28 @@ def _contested(found: Search, record: Record) -> set[str]:
     return {n for name in undone for n in (name, *replaced_by(found, name))}
 
 
-def _laid_out(listed: Sequence[Candidate], base: Model, like: System) -> Board:
-    """The board of candidates beside the base, on the flights of a system like it."""
-    return make_board(build(like.recordings, base, [v for c in listed for v in c.variants], like))
+def _laid_out(listed: Sequence[Candidate], base: Model, like: System) -> Regression:
+    """Build the regression of candidates beside the base, on the flights of a system like it."""
+    return make_regression(
+        build(like.recordings, base, [v for c in listed for v in c.variants], like)
+    )
 
 
 def _searched(
-    board: Board, listed: Sequence[Candidate], base: Model, only: Sequence[str] | None
-) -> tuple[Board, Search]:
+    regression: Regression, listed: Sequence[Candidate], base: Model, only: Sequence[str] | None
+) -> tuple[Regression, Search]:
     """The search; once more beside a load whose thread and first place are sharp: missed by
     centimetres, they need other names for what is left.
     """
-    board, found, _ = search_until_stable(board, listed, tuple(base.effects), only)
-    variant = likely_load(board, found)
+    regression, found, _ = search_until_stable(regression, listed, tuple(base.effects), only)
+    variant = likely_load(regression, found)
     if variant is None:
-        return board, found
-    known = board.system
+        return regression, found
+    known = regression.system
     sharp = sharpened(known, variant)
     # two variants of one key are one entry, which would hold the load's mass twice
     if sharp.key in {v.key for c in listed for v in c.variants}:
-        return board, found
+        return regression, found
     listed = [
         dataclasses.replace(c, variants=(*c.variants, sharp)) if c.name == variant.effect else c
         for c in listed
@@ -201,7 +211,7 @@ class _Modifying:
 
 
 def _modifying(
-    board: Board,
+    regression: Regression,
     found: Search,
     listed: Sequence[Candidate],
     names: Collection[str],
@@ -211,7 +221,7 @@ def _modifying(
     if they are asked for.
     """
     chosen = found.best.posterior.columns if names else ()
-    variants = [variant_of(board.system.columns[k]) for k in chosen]
+    variants = [variant_of(regression.system.columns[k]) for k in chosen]
     brought = {
         m: values for v in variants if v.effect in names for m, values in modifiers_of(v).items()
     }
@@ -221,38 +231,38 @@ def _modifying(
         return {}
     # as a search of all that modifies these effects, and of nothing else, has them
     ways = sum(e.modifies in names for e in effect_table.table().values())
-    odds = over_plain(board, listed, found.best) - log_odds_against_one_of(ways)
+    odds = over_plain(regression, listed, found.best) - log_odds_against_one_of(ways)
     if odds <= settings.statistics.acceptance_log_odds:
         return {}
     return {m: _Modifying(values, float(expit(odds))) for m, values in brought.items()}
 
 
 def _in_full(
-    board: Board,
+    regression: Regression,
     h: Hypothesis,
     beside: Fitted | None,
     system: System,
     through: effect_table.Effects = MappingProxyType({}),
 ) -> Fitted:
-    """The fit in full of a set that was weighed on a board, beside what is fitted already; the
+    """Fit in full a set that a search weighed, beside what is fitted already; the
     system is of the model without. What goes ``through`` effects of the set is fitted with it, from
     its values.
     """
     held, known = (beside.effects, beside.free) if beside else ({}, ())
     values = {
-        **starting_values(board, h),
+        **starting_values(regression, h),
         **{m: {**effect_table.get(m).neutral(), **v} for m, v in through.items()},
     }
     free = [
         *known,
-        *free_parameters(board, h, system.model, values),
+        *free_parameters(regression, h, system.model, values),
         *((m, p) for m, v in through.items() for p in v),
     ]
     return polish(system, {**held, **values}, free)
 
 
 def _fitted_in_full(
-    board: Board,
+    regression: Regression,
     found: Search,
     new: tuple[str, ...],
     through: Mapping[str, _Modifying],
@@ -267,8 +277,8 @@ def _fitted_in_full(
     """
     while new:
         modifying = {m: through[m].values for m in new if m in through}
-        kept = _with_names(found, [n for n in new if n not in modifying], board)
-        full = _in_full(board, kept, fitted, system, modifying)
+        kept = _with_names(found, [n for n in new if n not in modifying], regression)
+        full = _in_full(regression, kept, fitted, system, modifying)
         decisions = {n: significant(full, n) for n in new} if choosing else {}
         for name, decision in decisions.items():
             record.note(name, decision)
@@ -331,7 +341,7 @@ def _in_place_of(fitted: Fitted, name: str, rival: str, system: System) -> Fitte
         *((rival, a.parameter) for a in amplitudes),
         *((rival, p) for p in known.shapes if known.parameter(p).fitted),
     ]
-    return polish(system, values, free, held=fitted.board.noise)
+    return polish(system, values, free, held=fitted.regression.noise)
 
 
 def shot_fit(accepted: Accepted) -> Accepted:
@@ -341,7 +351,7 @@ def shot_fit(accepted: Accepted) -> Accepted:
     What remembers the path, as a load that swings on it, would remember where one piece of it ends
     and the next begins: then nothing is shot.
     """
-    fitted, system = accepted.fitted, accepted.board.system
+    fitted, system = accepted.fitted, accepted.regression.system
     if fitted is None or any(effect_table.get(name).remembers_the_path for name in fitted.effects):
         return accepted
     # along its own path a push of turbulence no longer moves the velocity that drag is held against
@@ -377,21 +387,21 @@ def _beside(accepted: Accepted, name: str) -> Fitted | None:
     """The fit with one open name, and what it acts through, beside what is accepted; None where it
     cannot act.
     """
-    system, fitted = accepted.board.system, accepted.fitted
+    system, fitted = accepted.regression.system, accepted.fitted
     best = accepted.found.best_with(name, accepted.rivals)
     held = set(fitted.effects) if fitted else set()
     # a modifier or a wind alone does nothing: the carrier of its own best set comes with it
     mine = ({name} | set(effect_table.get(name).carriers) & set(best.names)) - held
     if not acts_among(name, {*mine, *held, *system.model.effects}):
         return None
-    kept = dataclasses.replace(best, posterior=_only(best, mine, accepted.board))
-    full = _in_full(accepted.board, kept, fitted, system)
+    kept = dataclasses.replace(best, posterior=_only(best, mine, accepted.regression))
+    full = _in_full(accepted.regression, kept, fitted, system)
     return shot_fit(dataclasses.replace(accepted, fitted=full)).fitted
 
 
 def without(accepted: Accepted, name: str) -> Accepted:
     """The same with one name less, and what acts through it alone; the others fitted anew."""
-    system = accepted.board.system
+    system = accepted.regression.system
     rest = {*accepted.names, *system.model.effects} - {name}
     names = tuple(n for n in accepted.names if n in rest and acts_among(n, rest))
     if not names:
@@ -408,20 +418,22 @@ def withdrawn(accepted: Accepted) -> Accepted:
     return dataclasses.replace(accepted, names=(), fitted=None, probability={}, rivals=())
 
 
-def _with_names(found: Search, names: Sequence[str], board: Board) -> Hypothesis:
+def _with_names(found: Search, names: Sequence[str], regression: Regression) -> Hypothesis:
     """The set of just these names as the search weighed it, else the best set less all others."""
     just = tuple(sorted(names))
     # a set that was weighed by itself has coefficients without what the others took of it
     weighed = next((h for h in found.hypotheses if h.names == just), None)
-    return weighed or dataclasses.replace(found.best, posterior=_only(found.best, names, board))
+    return weighed or dataclasses.replace(
+        found.best, posterior=_only(found.best, names, regression)
+    )
 
 
-def _only(h: Hypothesis, names: Collection[str], board: Board) -> Posterior:
+def _only(h: Hypothesis, names: Collection[str], regression: Regression) -> Posterior:
     # the posterior of a part is the marginal: its rows and columns of mean and covariance
     keep = [
         i
         for i, k in enumerate(h.posterior.columns)
-        if variant_of(board.system.columns[k]).effect in names
+        if variant_of(regression.system.columns[k]).effect in names
     ]
     p = h.posterior
     return dataclasses.replace(

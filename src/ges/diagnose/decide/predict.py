@@ -49,14 +49,14 @@ def predictive_gain(fitted: Fitted, name: str, channel: str) -> PredictiveGain:
     ----------
     channel : in which errors are compared.
     """
-    board = fitted.board
-    grams = flight_grams(board.whites, board.system.columns, settings.evidence.tempering)
+    regression = fitted.regression
+    grams = flight_grams(regression.whites, regression.system.columns, settings.evidence.tempering)
     if len(grams) < 2:
         return PredictiveGain(np.zeros(0), np.zeros(0))
     # the two fits differ by the name and what it carries; noise and linearisation are the same
     rest = set(fitted.effects) - {name}
     dropped = {name, *(n for n in rest if not acts_among(n, rest))}
-    at = board.system.main.index(channel)
+    at = regression.system.main.index(channel)
     (less, before), (more, after) = (
         _Fit(fitted, gone).predict_flights(grams, at) for gone in (dropped, ())
     )
@@ -69,7 +69,7 @@ class _Fit:
     """
 
     def __init__(self, fitted: Fitted, dropped: Collection[str]) -> None:
-        self.system, board = fitted.board.system, fitted.board
+        self.system, regression = fitted.regression.system, fitted.regression
         columns, chosen = self.system.columns, free_first(self.system)
         freed = {columns[k].key for k in chosen}
         # columns are linear about the fit, where neutral is the neutral less the fitted value
@@ -81,11 +81,13 @@ class _Fit:
         kept = [k for k in chosen if (v := columns[k].variant) is None or v.effect not in dropped]
         # what a fit has freed is not also a nuisance, or it would be counted twice
         common = [
-            int(k) for k in board.nuisance if board.prior.sd[k] > 0 and columns[k].key not in freed
+            int(k)
+            for k in regression.nuisance
+            if regression.prior.sd[k] > 0 and columns[k].key not in freed
         ]
         self.columns = [*kept, *common]
-        mean, sd = np.zeros(len(columns)), board.prior.sd.copy()
-        mean[common], sd[chosen] = board.prior.mean[common], wide(board, chosen)
+        mean, sd = np.zeros(len(columns)), regression.prior.sd.copy()
+        mean[common], sd[chosen] = regression.prior.mean[common], wide(regression, chosen)
         endless = np.full(len(columns), np.inf)
         self.prior = Prior(mean, sd, -endless, endless)
 
@@ -121,7 +123,7 @@ def drop_unpredictive(accepted: Accepted, record: Record) -> Accepted:
     likely with the name, and off by more where it mainly acts; the worst first.
     """
     while (fitted := accepted.fitted) is not None:
-        system = accepted.board.system
+        system = accepted.regression.system
         added = contributions(fitted, accepted.names, system.model)
         worst = {n: _worst(fitted, n, size_of(a, system)["channel"]) for n, a in added.items()}
         least = -settings.statistics.certain_log_odds

@@ -19,7 +19,7 @@ from ges.diagnose.detectors.balance import LOSSES, causes_of
 from ges.diagnose.detectors.gusts import wind_speed_m_s
 from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.library.candidates import acts_among, amplitude_of, family_of
-from ges.diagnose.select.evidence import Board
+from ges.diagnose.select.evidence import Regression
 from ges.diagnose.select.search import Hypothesis, Search, size_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, Record
@@ -32,12 +32,12 @@ class RuleContext:
 
     Attributes
     ----------
-    board, found : the search.
+    regression, found : the search.
     known : sizes of effects that are accepted already, over what matters at least.
     standing : names that passed the rules before, in the order of the best set.
     """
 
-    board: Board
+    regression: Regression
     found: Search
     known: Mapping[str, float]
     standing: tuple[str, ...]
@@ -52,7 +52,7 @@ class RuleContext:
     def shares(self) -> Mapping[str, Mapping[str, float]]:
         """What each standing name makes in its place, by block, over what matters at least."""
         places = {n: taken_over(self.found, n, self.probable) for n in self.standing}
-        return {n: shares_of(self.board, self.found.best, p) for n, p in places.items() if p}
+        return {n: shares_of(self.regression, self.found.best, p) for n, p in places.items() if p}
 
     def size(self, name: str) -> float:
         """The greatest share of a standing name."""
@@ -60,7 +60,7 @@ class RuleContext:
 
     def on(self) -> set[str]:
         """Standing names and effects of the model."""
-        return {*self.standing, *self.board.system.model.effects}
+        return {*self.standing, *self.regression.system.model.effects}
 
 
 Rule = Callable[[RuleContext, str], Decision]
@@ -92,7 +92,7 @@ def excited(context: RuleContext, name: str) -> Decision:
     # a logged excitation is independent of the air, and shows the inertia whatever the gusts do
     shaken = any(
         r.flight.has("excitation") and r.flight.stack("excitation")[:, :3].any()
-        for r in context.board.system.flights
+        for r in context.regression.system.flights
     )
     blown = bool(like) and bool({like, *effect_table.get(like).carriers} & context.on())
     because = "nothing but the air moved the vehicle" if blown and not shaken else "moved enough"
@@ -168,10 +168,10 @@ def told_from_a_mass(context: RuleContext, name: str) -> Decision:
     """
     rule, best = "told_from_a_mass", context.found.best
     # only a single lost rotor has one hub where a mass could stand in for it
-    columns = [context.board.system.columns[k] for k in best.posterior.columns]
+    columns = [context.regression.system.columns[k] for k in best.posterior.columns]
     keys = [col.key for col in columns if variant_of(col).effect == name]
     lost = [LOSSES.index(key) for key in keys if key in LOSSES]
-    weighed = causes_of(context.board.system) if len(lost) == 1 else []
+    weighed = causes_of(context.regression.system) if len(lost) == 1 else []
     if not weighed:
         return Decision(rule, True, "no mass at one hub would do the same")
     loss, mass = weighed[lost[0]]
@@ -294,7 +294,7 @@ def significant(fitted: Fitted, name: str) -> Decision:
     """
     effect, rule = effect_table.get(name), "significant_when_fitted"
     if effect.moves_air:
-        speed_m_s = wind_speed_m_s(fitted.board.system, name, fitted.effects[name])
+        speed_m_s = wind_speed_m_s(fitted.regression.system, name, fitted.effects[name])
         still_m_s = settings.decide.still_air_m_s
         if speed_m_s < still_m_s:
             return Decision(rule, False, "air is as still anywhere", speed_m_s, still_m_s)
@@ -302,7 +302,7 @@ def significant(fitted: Fitted, name: str) -> Decision:
     if unlike_form_error(name):
         least /= settings.decide.form_margin
     farthest = 0.0
-    doubts = {c.key: c.nuisance for c in fitted.board.system.columns if c.nuisance}
+    doubts = {c.key: c.nuisance for c in fitted.regression.system.columns if c.nuisance}
     for parameter in (p for e, p in fitted.free if e == name and p not in effect.shapes):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
         # the flights ask for more than the effect can be: something else is behind it

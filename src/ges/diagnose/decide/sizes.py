@@ -8,7 +8,7 @@ import numpy as np
 
 from ges.diagnose.design.system import System
 from ges.diagnose.locate.regimes import least
-from ges.diagnose.select.evidence import Board, acts_of
+from ges.diagnose.select.evidence import Regression, acts_of
 from ges.diagnose.select.search import Hypothesis
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model, block_of
@@ -35,11 +35,11 @@ def least_sizes(system: System) -> np.ndarray:
     return np.array([least(block_of(name), system.model.whole(name)) for name in system.main])
 
 
-def shares_of(board: Board, h: Hypothesis, names: set[str]) -> Mapping[str, float]:
+def shares_of(regression: Regression, h: Hypothesis, names: set[str]) -> Mapping[str, float]:
     """Rms of what effects add together by the search's coefficients, over the least that matters,
     in each block its greatest channel; an accelerometer shows forces.
     """
-    system, added = board.system, acts_of(h.posterior, names, board.system)
+    system, added = regression.system, acts_of(h.posterior, names, regression.system)
     with np.errstate(invalid="ignore"):
         share = np.sqrt(
             np.nanmean(np.where(np.isfinite(added).any(axis=0), added, 0.0) ** 2, axis=0)

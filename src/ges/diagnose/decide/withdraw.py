@@ -74,7 +74,7 @@ def explained(
     declared : the vehicle file's model.
     known_gusts : parameters of the gusts that the vehicle file has.
     """
-    accepted = accept(start.first.board, record, only)
+    accepted = accept(start.first.regression, record, only)
     if only is None:
         accepted = _without_conflict(accepted, start.first.joint, record)
         accepted = drop_unpredictive(accepted, record)
@@ -95,7 +95,7 @@ def _answer(accepted: Accepted, gusts: Gusts | None, start: Start, declared: Mod
     if accepted.fitted is not None:
         fitted = accepted.fitted
         model = fitted_model(declared, fitted)
-        last = stage(model, fitted.joint, fitted.board, start.regimes)
+        last = stage(model, fitted.joint, fitted.regression, start.regimes)
     structures = [s for s in last.structures if not gusts or s.channel not in PUSHED]
     added = contributions(accepted.fitted, accepted.names, start.system.model)
     return Answer(accepted, gusts, last, structures, added)
@@ -105,7 +105,11 @@ def _gusts(accepted: Accepted, start: Start, known: Mapping[str, float] | None) 
     """Gusts beside what is accepted, where nothing hangs below that may lean to push so."""
     fitted = accepted.fitted
     gusts = gusts_of(
-        *((fitted.board.system, fitted.joint) if fitted else (start.system, start.first.joint)),
+        *(
+            (fitted.regression.system, fitted.joint)
+            if fitted
+            else (start.system, start.first.joint)
+        ),
         known,
     )
     if not gusts:
@@ -127,8 +131,8 @@ def _without_conflict(accepted: Accepted, first: Joint, record: Record) -> Accep
     offender first of those through which no other acts, while that relieves the numbers.
     """
     while (fitted := accepted.fitted) is not None:
-        system, apart = accepted.board.system, fitted.apart
-        # what the numbers are strained without any name is not the names' doing
+        system, apart = accepted.regression.system, fitted.apart
+        # corrections that are needed without any name are not the names' doing
         most = max(settings.statistics.certain_sds, largest_correction_sds(first, system) + 1.0)
         needed = largest_correction_sds(apart, system)
         if needed <= most:
@@ -142,7 +146,7 @@ def _without_conflict(accepted: Accepted, first: Joint, record: Record) -> Accep
         worst = min(last, key=functools.partial(correction_without_sds, fitted))
         less = without(accepted, worst)
         relief = largest_correction_sds(less.fitted.apart if less.fitted else first, system)
-        # a name stays if the numbers are as far off without it: something else strains them
+        # a name stays if the numbers are as far off without it: something else moves them
         relieved = relief < needed - 1.0
         because = f"declared numbers go {needed:.3g} sds with it, {relief:.3g} without"
         record.note(worst, Decision("within_declared_numbers", not relieved, because, needed, most))

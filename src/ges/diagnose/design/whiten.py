@@ -240,7 +240,7 @@ def _of_channel(
 
 
 def variance_covariate(flights: Sequence[Rows]) -> list[np.ndarray]:
-    """Unrest of every window, (m,) by flight, in units of the median over all flights."""
+    """Covariate of every window, (m,) by flight, in units of the median over all flights."""
     # where thrust never changes, any unit will do
     median = np.median(np.concatenate([r.noise[r.air] for r in flights])) or 1.0
     return [r.noise / median for r in flights]

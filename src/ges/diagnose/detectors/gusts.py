@@ -60,7 +60,7 @@ class Gusts:
         """
         sd_m_s = max(fitted.sd("wind", p) for p in AXES)
         most_m_s = settings.statistics.clear_sds * math.hypot(self.mean_sd_m_s, sd_m_s)
-        return wind_speed_m_s(fitted.board.system, "wind", fitted.effects["wind"]) < most_m_s
+        return wind_speed_m_s(fitted.regression.system, "wind", fitted.effects["wind"]) < most_m_s
 
     @property
     def ci95(self) -> tuple[float, float]:
@@ -161,8 +161,8 @@ def gusts_of(
     """
     if not heard_by(system.model.effects) or not {*FORCE} <= {*system.names}:
         return None
-    told = _told(system, joint)
-    air = _air(told, system.model)
+    forces = _force_windows(system, joint)
+    air = _air(forces, system.model)
     if not air.stretches:
         return None
     left = air.less_known(air.wind)
@@ -175,14 +175,14 @@ def gusts_of(
     chance = float(fdtrc(count, count * (parts - 1.0), slow / noise))
     if chance > settings.statistics.chance:
         return None
-    found = _measured(slow - noise, chance, air, told, system.model)
+    found = _measured(slow - noise, chance, air, forces, system.model)
     # no news unless clearly stronger than the gusts that are known already
     expected = 0.0 if known is None else {**effect_table.get("gusts").defaults(), **known}[STRENGTH]
     return found if found.ci95[0] > expected else None
 
 
 @dataclasses.dataclass(frozen=True)
-class _Told:
+class _ForceWindows:
     """One flight: its windows ``at`` (m,) that tell of horizontal forces, what is left there as
     wind, (m, 2) east and north, and the push of a unit wind, (m, 2, 2) channel by axis.
     """
@@ -193,14 +193,14 @@ class _Told:
     push: np.ndarray
 
 
-def _told(system: System, joint: Joint) -> list[_Told]:
+def _force_windows(system: System, joint: Joint) -> list[_ForceWindows]:
     """Of the flights that tell anything."""
     east_and_north = Variant("wind", {}, tuple(amplitude_of("wind", p) for p in AXES))
     blown = build(system.recordings, system.model, [east_and_north], system)
     columns = [
         k for k, c in enumerate(blown.columns) if c.variant is not None and c.part != "moment"
     ]
-    channels, told = np.array([blown.names.index(name) for name in FORCE[:2]]), []
+    channels, forces = np.array([blown.names.index(name) for name in FORCE[:2]]), []
     for rows, left in zip(blown.flights, left_raw(system, joint), strict=True):
         push = np.stack([rows.x.of(c, columns) for c in channels], axis=1)
         push += (
@@ -209,31 +209,31 @@ def _told(system: System, joint: Joint) -> list[_Told]:
         at = np.flatnonzero(np.isfinite(left[:, channels]).all(axis=1))
         if push.any() and len(at):
             wind = np.linalg.solve(push[at], left[np.ix_(at, channels)][:, :, None])[:, :, 0]
-            told.append(_Told(rows, at, wind, push[at]))
-    return told
+            forces.append(_ForceWindows(rows, at, wind, push[at]))
+    return forces
 
 
-def _air(told: Sequence[_Told], model: Model) -> _Air:
-    if not told:
+def _air(forces: Sequence[_ForceWindows], model: Model) -> _Air:
+    if not forces:
         return _Air(np.zeros((0, 2)), np.zeros((0, 2, 6)), np.zeros(6), (), 1)
-    first = np.cumsum([0, *(len(t.at) for t in told)])
+    first = np.cumsum([0, *(len(t.at) for t in forces)])
     # wind, profile and drag may be anything; a trim is a tilt within its doubt, a share of weight
     tilt = effect_table.get("attitude_bias").parameters[0].doubt
     trim_N = (tilt.sd if tilt else 0.0) * model.weight_N
     return _Air(
-        np.concatenate([t.wind for t in told]),
-        np.concatenate([_known(t, i, len(told)) for i, t in enumerate(told)]),
-        np.r_[np.zeros(6), np.full(2 * len(told), trim_N**-2)],
-        [k + part for k, t in zip(first, told, strict=False) for part in _stretches(t)],
-        max(1, round(settings.design.answer_slowest_s / (0.5 * told[0].rows.windows.length_s))),
+        np.concatenate([t.wind for t in forces]),
+        np.concatenate([_known(t, i, len(forces)) for i, t in enumerate(forces)]),
+        np.r_[np.zeros(6), np.full(2 * len(forces), trim_N**-2)],
+        [k + part for k, t in zip(first, forces, strict=False) for part in _stretches(t)],
+        max(1, round(settings.design.answer_slowest_s / (0.5 * forces[0].rows.windows.length_s))),
     )
 
 
-def _known(told: _Told, number: int, flights: int) -> np.ndarray:
+def _known(forces: _ForceWindows, number: int, flights: int) -> np.ndarray:
     """Of one flight, (m, 2, 6 + 2 flights): a steady wind, its profile with height, an error of the
     drag's form, and a trim of this flight, which is a force that turns with the body.
     """
-    at, flight = told.rows.windows.center[told.at], told.rows.flight
+    at, flight = forces.rows.windows.center[forces.at], forces.rows.flight
     v = flight.stack("velocity")[at, :2]
     height = (
         np.log(np.maximum(flight.columns["p_z_m"][at], settings.prepare.height_error_m))
@@ -243,32 +243,34 @@ def _known(told: _Told, number: int, flights: int) -> np.ndarray:
     axes = np.broadcast_to(np.eye(2), (len(at), 2, 2))
     # a unit force along each body axis, as the wind that would push so
     trims = np.zeros((len(at), 2, 2 * flights))
-    trims[:, :, 2 * number : 2 * number + 2] = np.linalg.inv(told.push)
+    trims[:, :, 2 * number : 2 * number + 2] = np.linalg.inv(forces.push)
     faster = np.linalg.norm(v, axis=1, keepdims=True) * v
     return np.concatenate(
         [axes, height[:, None, None] * axes, v[:, :, None], faster[:, :, None], trims], axis=2
     )
 
 
-def _stretches(told: _Told) -> list[np.ndarray]:
-    """Windows of every stretch of one flight, numbered among those that are told; none shorter than
+def _stretches(forces: _ForceWindows) -> list[np.ndarray]:
+    """Windows of every stretch of one flight, numbered among those that are used; none shorter than
     half of one.
     """
-    windows, length_s = told.rows.windows, settings.statistics.block_s
-    number = ((windows.center_s[told.at] - windows.center_s[told.at[0]]) // length_s).astype(int)
+    windows, length_s = forces.rows.windows, settings.statistics.block_s
+    number = ((windows.center_s[forces.at] - windows.center_s[forces.at[0]]) // length_s).astype(
+        int
+    )
     parts = [np.flatnonzero(number == k) for k in np.unique(number)]
     return [part for part in parts if len(part) >= length_s / windows.length_s]
 
 
 def _measured(
-    excess: float, chance: float, air: _Air, told: Sequence[_Told], model: Model
+    excess: float, chance: float, air: _Air, forces: Sequence[_ForceWindows], model: Model
 ) -> Gusts:
     """The strength at which the compiled gusts make as much excess variance of the means, along the
     same flights.
     """
     blown = [
         np.concatenate(draw)
-        for draw in zip(*(_blown(t, model, i) for i, t in enumerate(told)), strict=True)
+        for draw in zip(*(_blown(t, model, i) for i, t in enumerate(forces)), strict=True)
     ]
     made = np.array([np.mean(air.means(air.less_known(wind)) ** 2) for wind in blown])
     # wind goes with the strength, its variance with the square: hence a root, and half the error
@@ -277,7 +279,7 @@ def _measured(
         float(np.std([wind.mean(axis=0) for wind in blown])),
     )
     # both axes blow independently: squares of what each pushes add up
-    push_2 = np.concatenate([(t.push**2).sum(axis=2) for t in told]).mean()
+    push_2 = np.concatenate([(t.push**2).sum(axis=2) for t in forces]).mean()
     return Gusts(
         strength,
         0.5 * float(made.std() / made.mean()),
@@ -288,11 +290,13 @@ def _measured(
     )
 
 
-def _blown(told: _Told, model: Model, number: int) -> list[np.ndarray]:
+def _blown(forces: _ForceWindows, model: Model, number: int) -> list[np.ndarray]:
     """Winds (m, 2) of the compiled gusts of unit strength along one flight, by draw."""
-    samples = effect_table.Samples.from_columns(motion_of(told.rows.flight, model, {}).columns)
+    samples = effect_table.Samples.from_columns(motion_of(forces.rows.flight, model, {}).columns)
     # no two flights share a draw: their gusts are independent
     draws = settings.detect.gust_draws
     sets = [{"gusts": {STRENGTH: 1.0, "seed": float(draws * number + k)}} for k in range(draws)]
     said = effect_table.replay_each(model.parameters, samples, sets, model.terrain)
-    return [(told.rows.windows.mean @ r.stack("wind_x_m_s", "wind_y_m_s"))[told.at] for r in said]
+    return [
+        (forces.rows.windows.mean @ r.stack("wind_x_m_s", "wind_y_m_s"))[forces.at] for r in said
+    ]

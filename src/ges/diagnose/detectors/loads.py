@@ -20,7 +20,7 @@ import numpy as np
 from ges.diagnose.design.system import System, build, variant_of
 from ges.diagnose.library.candidates import Candidate, Variant, flown, usual_height_m
 from ges.diagnose.prepare.align import Prepared
-from ges.diagnose.select.evidence import Board, make_board
+from ges.diagnose.select.evidence import Regression, make_regression
 from ges.diagnose.select.scorer import entries, set_scorer
 from ges.diagnose.select.search import Search
 from ges.diagnose.settings import settings
@@ -49,14 +49,14 @@ class Drawn:
         return Drawn(self.behind_m, ahead_m)
 
 
-def likely_load(board: Board, found: Search) -> Variant | None:
+def likely_load(regression: Regression, found: Search) -> Variant | None:
     """The variant of a load on a thread in the best set that has one, where that is not out of the
     question.
     """
     best = next((h for h in found.hypotheses if LOAD in h.names), None)
     if best is None or found.inclusion[LOAD] < settings.statistics.possible_probability:
         return None
-    variants = (variant_of(board.system.columns[k]) for k in best.posterior.columns)
+    variants = (variant_of(regression.system.columns[k]) for k in best.posterior.columns)
     return next(v for v in variants if v.effect == LOAD)
 
 
@@ -169,8 +169,8 @@ def _most_probable(like: System, variants: Sequence[Variant]) -> int:
     system = build(like.recordings, like.model, variants, like)
     # a load has one amplitude, its mass: as many columns as variants, in their order
     columns = [k for k, c in enumerate(system.columns) if c.variant is not None]
-    board = make_board(system, columns[:1])
-    listed = entries(board, [Candidate(LOAD, "physics", tuple(variants))])
-    on = set_scorer(board, listed)
+    regression = make_regression(system, columns[:1])
+    listed = entries(regression, [Candidate(LOAD, "physics", tuple(variants))])
+    on = set_scorer(regression, listed)
     (best,) = on.best([(e,) for e in listed])
     return columns.index(best.columns[0])

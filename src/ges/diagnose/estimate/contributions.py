@@ -51,7 +51,7 @@ def contributions(
     """
     if fitted is None:
         return {}
-    system = fitted.board.system
+    system = fitted.regression.system
     return {n: contributions_of(system.model.effects, n, system, declared) for n in names}
 
 

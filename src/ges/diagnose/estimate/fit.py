@@ -19,9 +19,9 @@ from ges.diagnose.design.whiten import Noise, White, estimate
 from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of, reach_of
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import (
-    Board,
+    Regression,
     gram_of,
-    make_board,
+    make_regression,
     unanswered,
     whitened,
 )
@@ -48,7 +48,7 @@ class Joint:
 
 
 def joint_fit(
-    board: Board,
+    regression: Regression,
     chosen: Indices,
     prior_mean: np.ndarray | None = None,
     prior_sd: np.ndarray | None = None,
@@ -60,26 +60,26 @@ def joint_fit(
     Parameters
     ----------
     chosen : columns of the system.
-    prior_mean, prior_sd : (k,) prior of the chosen coefficients; the board's, wide, where not
+    prior_mean, prior_sd : (k,) prior of the chosen coefficients; the regression's, wide, where not
         given.
     held : prior mean and sd of common nuisances by key, as corrections of the vehicle file; those
         of the file where not given.
     """
-    columns, chosen = board.system.columns, np.asarray(chosen, dtype=int)
+    columns, chosen = regression.system.columns, np.asarray(chosen, dtype=int)
     freed = {columns[k].key for k in chosen}
-    known = {int(k): nuisance_of(columns[k]) for k in board.nuisance}
+    known = {int(k): nuisance_of(columns[k]) for k in regression.nuisance}
     common = np.array([k for k, n in known.items() if n.sd > 0 and n.key not in freed], dtype=int)
     varies = np.array([k for k, n in known.items() if n.flight_sd > 0], dtype=int)
     # unknowns in a row: the chosen, the common nuisances, then each flight's own, flight by flight
     sizes = (len(chosen), len(common), len(varies))
     start = np.cumsum((0, *sizes[:2]))
-    total = sizes[0] + sizes[1] + sizes[2] * len(board.whites)
+    total = sizes[0] + sizes[1] + sizes[2] * len(regression.whites)
     mean, precision = np.zeros(total), np.zeros(total)
     mean[: sizes[0]] = 0.0 if prior_mean is None else prior_mean
-    wide_sd = settings.numerics.wide_factor * board.prior.sd[chosen]
+    wide_sd = settings.numerics.wide_factor * regression.prior.sd[chosen]
     precision[: sizes[0]] = 1.0 / (wide_sd if prior_sd is None else prior_sd) ** 2
     # corrections count from the vehicle file, coefficients from where its numbers were moved to
-    moved, names = board.system.model.moved, [known[k].key for k in common]
+    moved, names = regression.system.model.moved, [known[k].key for k in common]
     start_at = np.array([moved.get(name, 0.0) for name in names])
     for i, (k, name) in enumerate(zip(common, names, strict=True), start[1]):
         mean[i], sd = known[k].mean, known[k].sd
@@ -87,16 +87,16 @@ def joint_fit(
             mean[i], sd = held[name][0] - start_at[i - start[1]], held[name][1]
         precision[i] = 1.0 / sd**2
     precision[start[2] :] = np.tile(
-        [1.0 / known[k].flight_sd ** 2 for k in varies], len(board.whites)
+        [1.0 / known[k].flight_sd ** 2 for k in varies], len(regression.whites)
     )
     places = [
         np.r_[np.arange(start[2]), start[2] + f * sizes[2] + np.arange(sizes[2])]
-        for f in range(len(board.whites))
+        for f in range(len(regression.whites))
     ]
     kept = np.r_[chosen, common, varies]
     # priors are rows too; each flight reaches the shared unknowns and its own alone (an arrow)
     xx, xy, yy = np.diag(precision), precision * mean, float(precision @ mean**2)
-    for w, at in zip(board.whites, places, strict=True):
+    for w, at in zip(regression.whites, places, strict=True):
         gram = gram_of(w).take(kept)
         xx[np.ix_(at, at)] += gram.xx
         xy[at] += gram.xy
@@ -107,11 +107,13 @@ def joint_fit(
     # only common numbers are bounded; most fits stay inside, and only others pay for a search
     room = np.full((total, 2), [-math.inf, math.inf])
     for i, k in enumerate(common, start[1]):
-        room[i] = correction_bounds(known[k].key, board.system.model)
+        room[i] = correction_bounds(known[k].key, regression.system.model)
     if np.any((beta < room[:, 0]) | (beta > room[:, 1])):
         beta = _bounded(xx, xy, unit, room)
     by_rows = inverse[: sizes[0], : sizes[0]]
-    covariance = np.maximum(1.0, _inflation(board, kept, places, beta, inverse, sizes[0])) * by_rows
+    covariance = (
+        np.maximum(1.0, _inflation(regression, kept, places, beta, inverse, sizes[0])) * by_rows
+    )
     flight_names = [known[k].key for k in varies]
     return Joint(
         beta[: sizes[0]],
@@ -148,7 +150,7 @@ def _bounded(xx: np.ndarray, xy: np.ndarray, unit: np.ndarray, room: np.ndarray)
 
 
 def _inflation(
-    board: Board,
+    regression: Regression,
     kept: np.ndarray,
     places: Sequence[np.ndarray],
     beta: np.ndarray,
@@ -161,8 +163,8 @@ def _inflation(
     if not count:
         return np.ones((0, 0))
     # meat of the sandwich, the sum of s s' over blocks; each flight in its own places
-    middle, blocks = np.zeros_like(inverse), board.system.blocks(settings.statistics.block_s)
-    for white, at, block in zip(board.whites, places, blocks, strict=True):
+    middle, blocks = np.zeros_like(inverse), regression.system.blocks(settings.statistics.block_s)
+    for white, at, block in zip(regression.whites, places, blocks, strict=True):
         for score in _scores(white, kept, beta[at], block):
             middle[np.ix_(at, at)] += np.outer(score, score)
     # sds alone are widened, never narrowed: correlations stay those of the rows
@@ -197,7 +199,7 @@ class Fitted:
     covariance: np.ndarray
     joint: Joint
     apart: Joint
-    board: Board
+    regression: Regression
 
     def sd(self, effect: str, parameter: str) -> float:
         """Standard deviation of one fitted parameter; the size of a physical effect is no better
@@ -254,12 +256,12 @@ def _blown(one: str, other: str) -> bool:
     return any(e.moves_air for e in pair) and (one in pair[1].carriers or other in pair[0].carriers)
 
 
-def starting_values(board: Board, hypothesis: Hypothesis) -> dict[str, dict[str, float]]:
+def starting_values(regression: Regression, hypothesis: Hypothesis) -> dict[str, dict[str, float]]:
     """Parameters of every accepted effect as the linear search left them."""
     found: dict[str, dict[str, float]] = {}
     carriers: dict[tuple[str, str], effect_table.Effects] = {}
     for k, value in zip(hypothesis.posterior.columns, hypothesis.posterior.mean, strict=True):
-        column = board.system.columns[k]
+        column = regression.system.columns[k]
         if column.part == "moment":
             continue
         variant = variant_of(column)
@@ -267,7 +269,7 @@ def starting_values(board: Board, hypothesis: Hypothesis) -> dict[str, dict[str,
         # what clips is not linear in its level: the one whose column was chosen, no multiple of it
         clips = "clips" in effect_table.get(variant.effect).hints
         value = a.level if clips else value
-        declared = board.system.model.effects.get(variant.effect, {})
+        declared = regression.system.model.effects.get(variant.effect, {})
         held = found.get(variant.effect) or {**variant.parameters({}), **declared}
         found[variant.effect] = {
             **held,
@@ -294,14 +296,14 @@ def _through(found: dict[str, dict[str, float]], beside: effect_table.Effects) -
 
 
 def free_parameters(
-    board: Board, hypothesis: Hypothesis, model: Model, values: effect_table.Effects
+    regression: Regression, hypothesis: Hypothesis, model: Model, values: effect_table.Effects
 ) -> list[tuple[str, str]]:
     """Amplitudes of the hypothesis, all axes of its vectors, and those shapes that its variants try
     and the data may move.
     """
     found = []
     for k in hypothesis.posterior.columns:
-        column = board.system.columns[k]
+        column = regression.system.columns[k]
         if column.part == "moment":
             continue
         variant = variant_of(column)
@@ -356,7 +358,7 @@ class _Point:
 
     values: effect_table.Effects
     free: tuple[tuple[str, str], ...]
-    board: Board
+    regression: Regression
     chosen: list[int]
     joint: Joint
 
@@ -440,7 +442,7 @@ def polish(
         variants = [Variant(e, {}, (_moves((e, p), values, model),)) for e, p in free]
         system = build(flights or like.recordings, model.with_effects(values), variants, like)
         # one noise for all rounds: costs under several would not compare
-        known = held or (first.board.noise if first else None)
+        known = held or (first.regression.noise if first else None)
         noise = known or estimate(system, free_first(system))
         there = _linearised(values, free, whitened(system, noise), model)
         # the step promised more than it kept: half of the way back, from the best point so far
@@ -457,15 +459,18 @@ def polish(
             first = None
     if at is None:
         raise ValueError("numerics.fit_rounds is 0; set 1 or more")
-    joint = _with_levers_as_they_are(at.board, at.chosen, at.joint, len(free))
-    return Fitted(at.values, free, at.covariance, joint, at.joint, at.board)
+    joint = _with_levers_as_they_are(at.regression, at.chosen, at.joint, len(free))
+    return Fitted(at.values, free, at.covariance, joint, at.joint, at.regression)
 
 
 def _linearised(
-    values: effect_table.Effects, free: tuple[tuple[str, str], ...], board: Board, model: Model
+    values: effect_table.Effects,
+    free: tuple[tuple[str, str], ...],
+    regression: Regression,
+    model: Model,
 ) -> _Point:
     """The free parameters at their values, fitted together with all else."""
-    chosen = free_first(board.system)
+    chosen = free_first(regression.system)
     mean, sd = np.array(
         [_prior(name, values, model) for name in free]
         + [(0.0, math.inf)] * (len(chosen) - len(free))
@@ -473,9 +478,9 @@ def _linearised(
     return _Point(
         values,
         free,
-        board,
+        regression,
         chosen,
-        joint_fit(board, chosen, mean, np.where(np.isinf(sd), wide(board, chosen), sd)),
+        joint_fit(regression, chosen, mean, np.where(np.isinf(sd), wide(regression, chosen), sd)),
     )
 
 
@@ -495,7 +500,7 @@ def _within(mean: np.ndarray, covariance: np.ndarray, bounds: np.ndarray) -> np.
 
 
 def _with_levers_as_they_are(
-    board: Board, chosen: Sequence[int], joint: Joint, count: int
+    regression: Regression, chosen: Sequence[int], joint: Joint, count: int
 ) -> Joint:
     """The nuisances as the fitted vehicle needs them, where small moments had coefficients of their
     own beside the ``count`` free ones: a vehicle flies with the levers that its file has, and trims
@@ -512,7 +517,7 @@ def _with_levers_as_they_are(
         if not _is_trim(key)
     }
     told = joint_fit(
-        board,
+        regression,
         chosen[:count],
         joint.chosen[:count],
         np.sqrt(np.diag(joint.covariance)[:count]) * firm,
@@ -529,10 +534,10 @@ def _is_trim(key: str) -> bool:
     return effect != "vehicle" and bool(effect_table.get(effect).parameter(parameter).trim)
 
 
-def wide(board: Board, chosen: Sequence[int]) -> np.ndarray:
+def wide(regression: Regression, chosen: Sequence[int]) -> np.ndarray:
     """Sd of k coefficients that the flights alone shall set, (k,)."""
     return settings.numerics.wide_factor * np.maximum(
-        board.prior.sd[chosen], settings.numerics.small
+        regression.prior.sd[chosen], settings.numerics.small
     )
 
 
@@ -613,20 +618,22 @@ def largest_correction_sds(joint: Joint, system: System) -> float:
 
 def correction_without_sds(fitted: Fitted, name: str) -> float:
     """The same, to first order, with the amplitudes of one effect back at neutral."""
-    chosen = free_first(fitted.board.system)
-    mean, sd = np.zeros(len(chosen)), wide(fitted.board, chosen)
+    chosen = free_first(fitted.regression.system)
+    mean, sd = np.zeros(len(chosen)), wide(fitted.regression, chosen)
     for i, (effect, parameter) in enumerate(fitted.free):
         if effect == name and parameter not in effect_table.get(effect).shapes:
             # coefficients are deviations from the fitted values: neutral is that far away
             mean[i] = amplitude_of(effect, parameter).neutral - fitted.effects[effect][parameter]
             sd[i] = settings.estimate.converged_sds * max(abs(mean[i]), settings.numerics.small)
-    return largest_correction_sds(joint_fit(fitted.board, chosen, mean, sd), fitted.board.system)
+    return largest_correction_sds(
+        joint_fit(fitted.regression, chosen, mean, sd), fitted.regression.system
+    )
 
 
-def null_fit(system: System) -> tuple[Board, Joint]:
+def null_fit(system: System) -> tuple[Regression, Joint]:
     """Nuisances alone: the best that the declared parameters can do."""
-    board = make_board(system)
-    return board, joint_fit(board, ())
+    regression = make_regression(system)
+    return regression, joint_fit(regression, ())
 
 
 def left_raw(system: System, joint: Joint) -> list[np.ndarray]:

@@ -18,23 +18,23 @@ from ges.diagnose.design.system import nuisance_of, residuals_with
 from ges.diagnose.design.table import spread, table_of
 from ges.diagnose.design.whiten import variance_covariate, whiten
 from ges.diagnose.estimate.fit import Joint, calibrated, correction_bounds
-from ges.diagnose.select.evidence import Board, unanswered
+from ges.diagnose.select.evidence import Regression, unanswered
 from ges.diagnose.settings import settings
 
 
-def operating_point(board: Board, joint: Joint) -> dict[str, float]:
+def operating_point(regression: Regression, joint: Joint) -> dict[str, float]:
     """Corrections of the declared numbers about which all has to be linearised.
 
     Parameters
     ----------
-    board, joint : of the null fit, linearised at the vehicle file or where it was moved to.
+    regression, joint : of the null fit, linearised at the vehicle file or where it was moved to.
 
     Returns
     -------
     ``effect.parameter`` to correction, in the parameter's unit; empty where the linear step does
     what it predicts.
     """
-    posterior, moved = _Posterior(board), board.system.model.moved
+    posterior, moved = _Posterior(regression), regression.system.model.moved
     linear = np.array([joint.common[k] - moved.get(k, 0.0) for k in posterior.keys]) / posterior.sd
     # a bound that stopped a step says nothing of where the best inside is, until that was searched
     stopped = (linear != 0.0) & ((linear <= posterior.low) | (linear >= posterior.high))
@@ -60,10 +60,10 @@ class _Posterior:
     their deviations from the vehicle file in sds; those of each flight are at their best beside.
     """
 
-    def __init__(self, board: Board) -> None:
-        self.board, self.covariate = board, variance_covariate(board.system.flights)
-        columns, model = board.system.columns, board.system.model
-        known = {int(k): nuisance_of(columns[k]) for k in board.nuisance}
+    def __init__(self, regression: Regression) -> None:
+        self.regression, self.covariate = regression, variance_covariate(regression.system.flights)
+        columns, model = regression.system.columns, regression.system.model
+        known = {int(k): nuisance_of(columns[k]) for k in regression.nuisance}
         common = [n for n in known.values() if n.sd > 0]
         self.keys = [n.key for n in common]
         self.sd = np.array([n.sd for n in common])
@@ -77,7 +77,7 @@ class _Posterior:
             np.concatenate(
                 [spread(unanswered(part)[0], part.columns, varying) * unit for part in white.parts]
             )
-            for white in board.whites
+            for white in regression.whites
         ]
 
     def cost(self, point: np.ndarray) -> float:
@@ -88,7 +88,7 @@ class _Posterior:
         """Whitened residuals of all flights and deviations of all numbers from their priors in
         sds.
         """
-        system = self.board.system
+        system = self.regression.system
         common = dict(zip(self.keys, point * self.sd, strict=True))
         moved = residuals_with(system, calibrated(system.model, common))
         rows = [
@@ -97,7 +97,7 @@ class _Posterior:
         ]
         left = []
         for white, x in zip(
-            whiten(rows, self.board.noise, self.covariate), self.by_flight, strict=True
+            whiten(rows, self.regression.noise, self.covariate), self.by_flight, strict=True
         ):
             y = np.concatenate([unanswered(part)[1] for part in white.parts])
             # variable projection: a flight's own numbers, in sds, are solved for at every point

@@ -22,7 +22,7 @@ from ges.diagnose.design.instruments import own_signal
 from ges.diagnose.design.residual import speeds_at_work
 from ges.diagnose.design.system import System
 from ges.diagnose.design.weak import Windows
-from ges.diagnose.locate.structure import Told
+from ges.diagnose.locate.structure import Regimes
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
@@ -114,15 +114,15 @@ def _thrust(flight: Prepared, windows: Windows, model: Model) -> np.ndarray:
     )["force_z"]
 
 
-def _shapes(system: System, told: Told) -> list[Quantity]:
+def _shapes(system: System, regimes: Regimes) -> list[Quantity]:
     """Numbers: powers of speeds over the induced speed of hover, of radius over height, and their
     products.
     """
     model = system.model
     values = {
-        name: np.concatenate([t[name] for t in told])
-        for name in told[0]
-        if all(name in t for t in told)
+        name: np.concatenate([t[name] for t in regimes])
+        for name in regimes[0]
+        if all(name in t for t in regimes)
     }
     # momentum theory: v_h = sqrt(W / (2 rho A)) over the discs of four rotors
     disc = 4.0 * np.pi * model.radius_m**2
@@ -155,10 +155,10 @@ def _shapes(system: System, told: Told) -> list[Quantity]:
     return [*moving, *cushions, *(a * b for a, b in itertools.product(ratios, cushions[:2]))]
 
 
-def library(system: System, told: Told, dimension: Dimension) -> list[Quantity]:
+def library(system: System, regimes: Regimes, dimension: Dimension) -> list[Quantity]:
     """All terms of this dimension."""
     # a term that does not vary is the constant, which every design has already
-    terms = [scale * shape for scale in _scales(system) for shape in _shapes(system, told)]
+    terms = [scale * shape for scale in _scales(system) for shape in _shapes(system, regimes)]
     return [t for t in terms if t.dimension == dimension and np.std(t.values) > 0]
 
 
@@ -233,14 +233,18 @@ def _sandwich(x: np.ndarray, e: np.ndarray, block: np.ndarray) -> np.ndarray:
 
 
 def hypotheses(
-    system: System, left: Sequence[np.ndarray], told: Told, channels: Sequence[str], length_s: float
+    system: System,
+    left: Sequence[np.ndarray],
+    regimes: Regimes,
+    channels: Sequence[str],
+    length_s: float,
 ) -> Mapping[str, Form]:
     """A form for each of these channels, where one is found.
 
     Parameters
     ----------
     left : by flight, (m, C) residuals in the channels' units.
-    told : by flight, regime variables of every window, (m,) each.
+    regimes : by flight, regime variables of every window, (m,) each.
     length_s : of a block of time.
     """
     dimension = {"force": FORCE, "acc": FORCE, "moment": MOMENT}
@@ -248,7 +252,7 @@ def hypotheses(
     found = {}
     for name in (c for c in channels if c.split("_")[0] in dimension):
         e = np.concatenate([row[:, system.main.index(name)] for row in left])
-        form = sparse_form(name, e, library(system, told, dimension[name.split("_")[0]]), block)
+        form = sparse_form(name, e, library(system, regimes, dimension[name.split("_")[0]]), block)
         if form:
             found[name] = form
     return found

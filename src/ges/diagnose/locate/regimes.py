@@ -12,16 +12,16 @@ import numpy as np
 from ges.diagnose.design.residual import model_along
 from ges.diagnose.design.system import System
 from ges.diagnose.design.weak import Windows
-from ges.diagnose.locate.structure import PLACE, Structure, Told, shared, within
+from ges.diagnose.locate.structure import PLACE, Regimes, Structure, shared, within
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.kinematics import to_body
-from ges.diagnose.select.evidence import Board, acts_of
+from ges.diagnose.select.evidence import Regression, acts_of
 from ges.diagnose.select.search import Search
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 
 PUSHING = ("force", "acc", "moment")
-"""Kinds of channels in which the size of what is left may be told."""
+"""Kinds of channels in which the size of what is left may be reported."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,7 +115,7 @@ def clear(
 
 
 def located(found: Sequence[Structure], model: Model) -> list[Structure]:
-    """Structures that are told."""
+    """Structures that are reported."""
     return clear(found, model, settings.locate.r2_least)
 
 
@@ -134,7 +134,7 @@ def _least(s: Structure, model: Model, margin: float) -> float:
 
 
 def cells(
-    system: System, raw: Sequence[np.ndarray], told: Told, found: Sequence[Structure]
+    system: System, raw: Sequence[np.ndarray], regime_values: Regimes, found: Sequence[Structure]
 ) -> list[Cell]:
     """Mean residual of every channel in every bin of every regime, the mean of each flight left
     out.
@@ -145,11 +145,13 @@ def cells(
     Parameters
     ----------
     raw : by flight, (m, C) residuals in the channels' units after the fit of the nuisances alone.
-    told : of :func:`regimes_of`.
+    regime_values : of :func:`regimes_of`.
     found : structures of the same residuals.
     """
     block = np.concatenate(system.blocks(settings.statistics.block_s))
-    values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
+    values = {
+        name: np.concatenate([t[name] for t in regime_values]) for name in shared(regime_values)
+    }
     chance = {
         (s.channel, s.regime[0]): s.q_value
         for s in located(found, system.model)
@@ -182,16 +184,16 @@ def _cells_of(
     channel: str, name: str, value: np.ndarray, e: np.ndarray, block: np.ndarray, q: float
 ) -> list[Cell]:
     limits, which = _bins(value)
-    told = []
+    rows = []
     for k in range(len(limits) - 1):
         inside = which == k
         # a cell seen in few blocks has no standard error to speak of
         if np.count_nonzero(np.bincount(block[inside])) >= settings.statistics.folds:
-            told.append(
+            rows.append(
                 (k, float(e[inside].mean()), _error(e[inside], block[inside]), int(inside.sum()))
             )
     # a mean's square holds its variance as well: E m^2 = mu^2 + sd^2
-    excess = [n * max(0.0, mean**2 - sd**2) for _, mean, sd, n in told]
+    excess = [n * max(0.0, mean**2 - sd**2) for _, mean, sd, n in rows]
     total = sum(excess) or 1.0
     return [
         Cell(
@@ -205,7 +207,7 @@ def _cells_of(
             q if abs(mean) > settings.statistics.suggestive_sds * sd else 1.0,
             n,
         )
-        for (k, mean, sd, n), x in zip(told, excess, strict=True)
+        for (k, mean, sd, n), x in zip(rows, excess, strict=True)
     ]
 
 
@@ -223,10 +225,10 @@ def from_residuals(made: Sequence[Cell], found: Sequence[Structure], system: Sys
     """
     size = {(s.channel, s.regime[0]): s.rms for s in found if len(s.regime) == 1 and not s.of_size}
     entries = _merged([c for c in made if c.q_value <= settings.statistics.chance], made, size)
-    told = {item["channel"] for item in entries}
+    channels = {item["channel"] for item in entries}
     for s in sorted(located(found, system.model), key=lambda s: -s.r2):
-        if s.channel not in told:
-            told.add(s.channel)
+        if s.channel not in channels:
+            channels.add(s.channel)
             entries.append(
                 {
                     "channel": s.channel,
@@ -272,7 +274,7 @@ def from_findings(
     added: Mapping[str, Sequence[np.ndarray]],
     left: Sequence[np.ndarray],
     probability: Mapping[str, float],
-    told: Told,
+    regime_values: Regimes,
     system: System,
 ) -> list[dict]:
     """Entries of ``located`` from what was found: channels in which a finding stands out of what
@@ -284,10 +286,12 @@ def from_findings(
     left : by flight, (m, C) residuals with the findings.
     probability : of each finding.
     """
-    values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
+    values = {
+        name: np.concatenate([t[name] for t in regime_values]) for name in shared(regime_values)
+    }
     noise, entries = np.concatenate(left), []
-    for name, by_flight in added.items():
-        acts = np.concatenate(by_flight)
+    for name, parts in added.items():
+        acts = np.concatenate(parts)
         for c, channel in enumerate(system.main):
             good = np.isfinite(acts[:, c]) & np.isfinite(noise[:, c])
             if _rms(acts[good, c]) > settings.statistics.large_part * _rms(noise[good, c]):
@@ -304,7 +308,11 @@ def from_findings(
 
 
 def from_open(
-    found: Search, board: Board, left: Sequence[np.ndarray], told: Told, proven: Sequence[str]
+    found: Search,
+    regression: Regression,
+    left: Sequence[np.ndarray],
+    regime_values: Regimes,
+    proven: Sequence[str],
 ) -> list[dict]:
     """Entries of ``located`` where something is open: channels in which, whichever of the open
     explanations holds, something that is not proven acts; the sum of their probabilities has to
@@ -312,24 +320,26 @@ def from_open(
 
     Parameters
     ----------
-    found, board : of the search.
+    found, regression : of the search.
     left : by flight, (m, C) residuals of what is proven.
     """
-    system, noise = board.system, np.concatenate(left)
+    system, noise = regression.system, np.concatenate(left)
     chance: dict[str, float] = {}
     negligible = 1.0 - settings.statistics.certain_probability
     shown: dict[str, np.ndarray] = {}
     for h in (
         h for h in found.hypotheses if h.probability > negligible and set(h.names) - set(proven)
     ):
-        acts = acts_of(h.posterior, set(h.names) - set(proven), board.system)
+        acts = acts_of(h.posterior, set(h.names) - set(proven), regression.system)
         for c, channel in enumerate(system.main):
             good = np.isfinite(acts[:, c]) & np.isfinite(noise[:, c])
             if _rms(acts[good, c]) > settings.statistics.large_part * _rms(noise[good, c]):
                 # hypotheses exclude each other, so their probabilities add
                 chance[channel] = chance.get(channel, 0.0) + h.probability
                 shown.setdefault(channel, np.where(good, acts[:, c], np.nan))
-    values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
+    values = {
+        name: np.concatenate([t[name] for t in regime_values]) for name in shared(regime_values)
+    }
     entries = []
     for channel in (
         c for c, p in chance.items() if p >= settings.statistics.acceptance_probability

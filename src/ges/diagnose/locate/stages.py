@@ -13,9 +13,9 @@ from ges.diagnose.estimate.fit import Joint, calibrated, in_the_air, left_raw, n
 from ges.diagnose.estimate.recalibrate import operating_point
 from ges.diagnose.library.available import candidates_of
 from ges.diagnose.locate.regimes import Cell, cells, regimes_of
-from ges.diagnose.locate.structure import Structure, Told, structures
+from ges.diagnose.locate.structure import Regimes, Structure, structures
 from ges.diagnose.prepare.align import Prepared
-from ges.diagnose.select.evidence import Board
+from ges.diagnose.select.evidence import Regression
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 
@@ -26,28 +26,31 @@ class Stage:
 
     Attributes
     ----------
-    model, joint, board : the model, its numbers as they were fitted, and on what.
+    model, joint, regression : the model, its numbers as they were fitted, and on what.
     left : residuals by flight, (m, C), in the channels' units; ``in_air`` those in the air.
     structures : what a smooth function of the regime predicts of them.
     """
 
     model: Model
     joint: Joint
-    board: Board
+    regression: Regression
     left: Sequence[np.ndarray]
     in_air: Sequence[np.ndarray]
     structures: list[Structure]
 
 
-def stage(model: Model, joint: Joint, board: Board, regimes: Told) -> Stage:
+def stage(model: Model, joint: Joint, regression: Regression, regimes: Regimes) -> Stage:
     """Of a model and its fit; ``regimes`` of all windows by flight."""
-    left = centred(left_raw(board.system, joint), board.system)
+    left = centred(left_raw(regression.system, joint), regression.system)
     # a drive on the ground is no regime of flight, and would pass for structure
-    in_air = in_the_air(left, board.system)
+    in_air = in_the_air(left, regression.system)
     found = structures(
-        in_air, regimes, board.system.main, board.system.blocks(settings.statistics.block_s)
+        in_air,
+        regimes,
+        regression.system.main,
+        regression.system.blocks(settings.statistics.block_s),
     )
-    return Stage(model, joint, board, left, in_air, found)
+    return Stage(model, joint, regression, left, in_air, found)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,7 +65,7 @@ class Start:
     """
 
     system: System
-    regimes: Told
+    regimes: Regimes
     first: Stage
     cells: list[Cell]
 
@@ -70,17 +73,17 @@ class Start:
 def recalibrated(flights: Sequence[Prepared], declared: Model) -> Start:
     """Set the declared numbers within their doubts, and look at what that leaves."""
     system = first_system(flights, declared)
-    board, joint = null_fit(system)
+    regression, joint = null_fit(system)
     for _ in range(settings.numerics.noise_rounds):
-        moved = operating_point(board, joint)
+        moved = operating_point(regression, joint)
         if not moved:
             break
         # corrections multiply each other, so all columns are made anew where the model now stands
         there = dataclasses.replace(calibrated(declared, moved), moved=moved)
         system = first_system(flights, there)
-        board, joint = null_fit(system)
+        regression, joint = null_fit(system)
     regimes = regimes_of(system)
-    first = stage(calibrated(declared, joint.common), joint, board, regimes)
+    first = stage(calibrated(declared, joint.common), joint, regression, regimes)
     return Start(system, regimes, first, cells(system, first.in_air, regimes, first.structures))
 
 

@@ -35,7 +35,7 @@ TOGETHER = (
     ("moment_x", "moment_y"),
     ("drive_1", "drive_2", "drive_3", "drive_4"),
 )
-Told = Sequence[Mapping[str, np.ndarray]]
+Regimes = Sequence[Mapping[str, np.ndarray]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,9 +104,9 @@ class Basis:
         )
 
 
-def shared(told: Told) -> list[str]:
+def shared(regimes: Regimes) -> list[str]:
     """Regime variables that every flight has."""
-    return [name for name in told[0] if all(name in t for t in told)]
+    return [name for name in regimes[0] if all(name in t for t in regimes)]
 
 
 def hats(value: np.ndarray, knots: np.ndarray) -> np.ndarray:
@@ -199,7 +199,7 @@ def _missed(basis: Basis, y: np.ndarray) -> np.ndarray:
 
 
 def structures(
-    raw: Sequence[np.ndarray], told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
+    raw: Sequence[np.ndarray], regimes: Regimes, names: Sequence[str], blocks: Sequence[np.ndarray]
 ) -> list[Structure]:
     """Test mean and size of every channel over every regime, within the flights: thrust and trims
     differ from flight to flight.
@@ -207,12 +207,12 @@ def structures(
     Parameters
     ----------
     raw : by flight, (m, C) residuals in the channels' units, NaN where a channel is absent.
-    told : by flight, regime variables of every window, (m,) each.
+    regimes : by flight, regime variables of every window, (m,) each.
     names : of the C channels.
     blocks : by flight, number of the block of time of every window.
     """
     raw = [within(r) for r in raw]
-    return [*_of_mean(raw, told, names, blocks), *_of_size(raw, told, names, blocks)]
+    return [*_of_mean(raw, regimes, names, blocks), *_of_size(raw, regimes, names, blocks)]
 
 
 def within(e: np.ndarray) -> np.ndarray:
@@ -222,9 +222,9 @@ def within(e: np.ndarray) -> np.ndarray:
 
 
 def _of_mean(
-    raw: Sequence[np.ndarray], told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
+    raw: Sequence[np.ndarray], regimes: Regimes, names: Sequence[str], blocks: Sequence[np.ndarray]
 ) -> list[Structure]:
-    values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
+    values = {name: np.concatenate([t[name] for t in regimes]) for name in shared(regimes)}
     _, block = np.unique(np.concatenate(blocks), return_inverse=True)
     rng, folds = np.random.default_rng(settings.statistics.seed), settings.statistics.folds
     count = int(block.max(initial=-1)) + 1
@@ -267,7 +267,7 @@ def _there_together(e: np.ndarray) -> list[list[int]]:
 
 
 def _of_size(
-    raw: Sequence[np.ndarray], told: Told, names: Sequence[str], blocks: Sequence[np.ndarray]
+    raw: Sequence[np.ndarray], regimes: Regimes, names: Sequence[str], blocks: Sequence[np.ndarray]
 ) -> list[Structure]:
     """The same of the logarithm of the residuals' energy, each flight's own mean left out: air that
     is rougher in one flight than in another is in no regime of flight.
@@ -280,8 +280,8 @@ def _of_size(
         np.where(np.isfinite(r), np.log(np.maximum(e, settings.numerics.tiny)), np.nan)
         for r, e in zip(raw, energy, strict=True)
     ]
-    values = {name: np.concatenate([t[name] for t in told]) for name in shared(told)}
-    found = _of_mean([within(row) for row in logs], told, names, blocks)
+    values = {name: np.concatenate([t[name] for t in regimes]) for name in shared(regimes)}
+    found = _of_mean([within(row) for row in logs], regimes, names, blocks)
     pooled = np.concatenate(energy)
     return [_sized(s, pooled[:, list(names).index(s.channel)], values) for s in found]
 

@@ -1,7 +1,7 @@
 """Held-out flights flown again in closed loop: the simulator's firmware follows the logged
 references.
 
-The controller on board need not be ours, so what depends on gains tells little; what a vehicle
+The controller on regression need not be ours, so what depends on gains tells little; what a vehicle
 needs to hold a reference at all, its drive and its lean, does not depend on them while the flight
 is slow, and is compared first. The errors are averages over the windows of the weak form: before,
 recalibrated and after, with intervals over blocks of time.

@@ -79,7 +79,7 @@ def composed(
         located=tuple(located),
         unexplained=tuple(unexplained),
         fit=proof.fit,
-        detectable=smallest_detectable(answer.accepted.board, found_sizes(answer.accepted)),
+        detectable=smallest_detectable(answer.accepted.regression, found_sizes(answer.accepted)),
         next_flight=next_flight(answer.accepted, shift),
         data=data_used(problem.flights, problem.gate, start.system, off, warnings),
         calibration=calibration,

@@ -42,7 +42,9 @@ def located_by(start: Start, answer: Answer) -> list[dict]:
     entries += from_findings(answer.added, left, accepted.probability, start.regimes, start.system)
     # what is open is in no model yet, so the accepted residual still holds it
     if accepted.rivals:
-        entries += from_open(accepted.found, accepted.board, left, start.regimes, accepted.names)
+        entries += from_open(
+            accepted.found, accepted.regression, left, start.regimes, accepted.names
+        )
     return strongest(entries)
 
 
@@ -178,6 +180,6 @@ def places_of(accepted: Accepted, name: str) -> str:
     """
     if name not in accepted.found.inclusion:
         return ""
-    columns = accepted.board.system.columns
+    columns = accepted.regression.system.columns
     variants = (variant_of(columns[k]) for k in accepted.found.best_with(name).posterior.columns)
     return " and ".join(next(v for v in variants if v.effect == name).places)

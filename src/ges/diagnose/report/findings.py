@@ -58,7 +58,7 @@ def all_findings(
     return [
         *proven,
         *settled_findings(gate, answer.last.model.doubts),
-        *declared_findings(wrong, answer.last.board.system),
+        *declared_findings(wrong, answer.last.regression.system),
         *open_findings(accepted),
         *(shift.findings() if shift else ()),
     ]
@@ -68,7 +68,7 @@ def found_sizes(accepted: Accepted) -> dict[str, Found]:
     """What was accepted, as the limits of what can be seen are held against it."""
     if accepted.fitted is None:
         return {}
-    columns = accepted.board.system.columns
+    columns = accepted.regression.system.columns
     chosen = accepted.found.best.posterior.columns
     variants = {v.effect: v for v in (variant_of(columns[k]) for k in chosen)}
     effects = accepted.fitted.effects
@@ -135,12 +135,12 @@ def alternatives_of(accepted: Accepted, name: str) -> tuple[dict, ...]:
 
 def finding(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> Finding:
     """One accepted effect; ``added`` (m, C) by flight, of :func:`contributions`."""
-    declared = accepted.board.system.model.effects.get(name, {})
+    declared = accepted.regression.system.model.effects.get(name, {})
     return Finding.of(
         name,
         stated(accepted.probability[name]),
         parameters_of(accepted.fit, name, declared),
-        size_of(added, accepted.fit.board.system),
+        size_of(added, accepted.fit.regression.system),
         alternatives_of(accepted, name),
         place=places_of(accepted, name),
     )
@@ -153,8 +153,8 @@ def by_place(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> list
     ----------
     added : by flight, (m, C) of :func:`contributions`.
     """
-    fitted, model = accepted.fit, accepted.board.system.model
-    system = fitted.board.system
+    fitted, model = accepted.fit, accepted.regression.system.model
+    system = fitted.regression.system
     numbered = [p for e, p in fitted.free if e == name and place_of(p)]
     # ``added`` is of all places together, so each is computed alone, with the others at neutral
     if len(numbered) < 2:
@@ -217,13 +217,13 @@ def _open(accepted: Accepted, name: str) -> Finding:
     # without a fit there is no contribution to size, only the coefficient of the search
     if fitted is None:
         return Finding.of(name, chance, _searched(accepted, name), is_open=True)
-    model = accepted.board.system.model
+    model = accepted.regression.system.model
     added, declared = contributions(fitted, (name,), model)[name], model.effects.get(name, {})
     return Finding.of(
         name,
         chance,
         parameters_of(fitted, name, declared),
-        size_of(added, fitted.board.system),
+        size_of(added, fitted.regression.system),
         is_open=True,
         place=places_of(accepted, name),
     )
@@ -237,7 +237,7 @@ def _searched(accepted: Accepted, name: str) -> dict[str, Estimate]:
     )
     told: dict[str, Estimate] = {}
     for k, mean, sd in zip(found.columns, found.mean, found.sd, strict=True):
-        column = accepted.board.system.columns[k]
+        column = accepted.regression.system.columns[k]
         variant = variant_of(column)
         # the moment's part has a coefficient of its own, and is no parameter of the effect
         if variant.effect == name and column.part != "moment":

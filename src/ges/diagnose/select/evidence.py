@@ -232,7 +232,7 @@ def posterior(gram: Gram, columns: Sequence[int], prior: Prior) -> Posterior:
 
 
 @dataclasses.dataclass(frozen=True)
-class Board:
+class Regression:
     """Everything that the search needs: normal equations by flight and pooled, priors of the
     coefficients.
     """
@@ -316,26 +316,26 @@ def _plausible(column: Column, size: float) -> float:
     )
 
 
-def make_board(
+def make_regression(
     system: System,
     chosen: Sequence[int] = (),
     together: Mapping[int, float] = MappingProxyType({}),
-) -> Board:
+) -> Regression:
     """Whiten and count, with the noise that columns leave, by what
     :func:`~ges.diagnose.design.whiten.left_over` makes of them.
     """
-    board = whitened(system, estimate(system, chosen, together))
-    grams = flight_grams(board.whites, system.columns, settings.evidence.tempering)
-    return dataclasses.replace(board, by_flight=tuple(grams))
+    regression = whitened(system, estimate(system, chosen, together))
+    grams = flight_grams(regression.whites, system.columns, settings.evidence.tempering)
+    return dataclasses.replace(regression, by_flight=tuple(grams))
 
 
-def whitened(system: System, noise: Noise) -> Board:
+def whitened(system: System, noise: Noise) -> Regression:
     """Whiten with a known noise and count nothing: what a fit needs."""
     whites = whiten(system.flights, noise, variance_covariate(system.flights))
     nuisance = np.array(
         [k for k, c in enumerate(system.columns) if c.nuisance is not None], dtype=int
     )
-    return Board(system, noise, whites, (), _prior(system), nuisance)
+    return Regression(system, noise, whites, (), _prior(system), nuisance)
 
 
 def _prior(system: System) -> Prior:

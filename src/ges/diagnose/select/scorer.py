@@ -14,7 +14,7 @@ import numpy as np
 
 from ges.diagnose.design.system import variant_of
 from ges.diagnose.library.candidates import Candidate
-from ges.diagnose.select.evidence import Board, Gram, Posterior, Prior, posteriors
+from ges.diagnose.select.evidence import Gram, Posterior, Prior, Regression, posteriors
 from ges.diagnose.settings import settings
 from ges.threads import each
 
@@ -32,11 +32,11 @@ class Entry:
     log_share: float
 
 
-def entries(board: Board, candidates: Sequence[Candidate]) -> list[Entry]:
+def entries(regression: Regression, candidates: Sequence[Candidate]) -> list[Entry]:
     """Variants whose columns the flights excite at all."""
-    allowed, all_columns = {c.name for c in candidates}, board.system.columns
+    allowed, all_columns = {c.name for c in candidates}, regression.system.columns
     found = [
-        (name, columns) for (name, _), columns in board.by_variant().items() if name in allowed
+        (name, columns) for (name, _), columns in regression.by_variant().items() if name in allowed
     ]
     keys = [tuple(dict.fromkeys(all_columns[k].key for k in columns)) for _, columns in found]
     shares = _log_shares(
@@ -184,14 +184,16 @@ class SetScorer:
         return [i for i, _, _ in part], own, posteriors(self.gram, own, self.prior, more)
 
 
-def set_scorer(board: Board, listed: Sequence[Entry]) -> SetScorer:
+def set_scorer(regression: Regression, listed: Sequence[Entry]) -> SetScorer:
     """For these variants."""
-    columns, keys = board.system.columns, {key for e in listed for key in e.keys}
+    columns, keys = regression.system.columns, {key for e in listed for key in e.keys}
     at = {
         columns[k].key: int(k)
-        for k in board.nuisance
-        if board.prior.sd[k] > 0 and columns[k].key in keys
+        for k in regression.nuisance
+        if regression.prior.sd[k] > 0 and columns[k].key in keys
     }
     return SetScorer(
-        board.pooled(), board.prior, _twins(board.pooled(frozenset(at.values())), board.prior, at)
+        regression.pooled(),
+        regression.prior,
+        _twins(regression.pooled(frozenset(at.values())), regression.prior, at),
     )

@@ -12,7 +12,7 @@ from scipy.special import logsumexp
 
 from ges.diagnose.design.system import variant_of
 from ges.diagnose.library.candidates import Candidate, Variant, acts_among, modifiers_of
-from ges.diagnose.select.evidence import Board, Posterior
+from ges.diagnose.select.evidence import Posterior, Regression
 from ges.diagnose.select.scorer import Entry, SetScorer, entries, set_scorer
 from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
@@ -116,15 +116,17 @@ def _sets_of(
     return out
 
 
-def search(board: Board, candidates: Sequence[Candidate], base: Sequence[str] = ()) -> Search:
+def search(
+    regression: Regression, candidates: Sequence[Candidate], base: Sequence[str] = ()
+) -> Search:
     """Weigh the null, all singles, all pairs, and larger sets grown from the best.
 
     Parameters
     ----------
     base : effects that are switched on already (so their modifiers may act).
     """
-    listed = entries(board, candidates)
-    on = set_scorer(board, listed)
+    listed = entries(regression, candidates)
+    on = set_scorer(regression, listed)
     count = max(len({e.name for e in listed}), 1)
     nothing = _log_prior((), count)
     found: dict[tuple[str, ...], Hypothesis] = {
@@ -151,16 +153,16 @@ def search(board: Board, candidates: Sequence[Candidate], base: Sequence[str] = 
     return _normalised(list(found.values()))
 
 
-def over_plain(board: Board, candidates: Sequence[Candidate], best: Hypothesis) -> float:
+def over_plain(regression: Regression, candidates: Sequence[Candidate], best: Hypothesis) -> float:
     """Log evidence of the best set over that of the same names without what modifies a variant of
     them.
     """
-    listed = entries(board, candidates)
+    listed = entries(regression, candidates)
     on, chosen = (
-        set_scorer(board, listed),
+        set_scorer(regression, listed),
         [next(e for e in listed if e.number == i) for i in best.variants],
     )
-    plain = [e for e in listed if not modifiers_of(_variant_of(board, e))]
+    plain = [e for e in listed if not modifiers_of(_variant_of(regression, e))]
     # what nothing modifies stays; for each of the others all plain variants of its name
     options = [
         [e] if e in plain else [other for other in plain if other.name == e.name] for e in chosen
@@ -170,17 +172,17 @@ def over_plain(board: Board, candidates: Sequence[Candidate], best: Hypothesis) 
     )
 
 
-def _variant_of(board: Board, entry: Entry) -> Variant:
-    return variant_of(board.system.columns[entry.columns[0]])
+def _variant_of(regression: Regression, entry: Entry) -> Variant:
+    return variant_of(regression.system.columns[entry.columns[0]])
 
 
-def exactly(board: Board, candidates: Sequence[Candidate]) -> Search:
+def exactly(regression: Regression, candidates: Sequence[Candidate]) -> Search:
     """All candidates together and nothing else, the best variant of each."""
-    listed = entries(board, candidates)
+    listed = entries(regression, candidates)
     by_name = [
         [e for e in listed if e.name == name] for name in dict.fromkeys(e.name for e in listed)
     ]
-    on = set_scorer(board, listed)
+    on = set_scorer(regression, listed)
     chosen = [on.best([(e,) for e in options])[0] for options in by_name]
     if not chosen:
         return _normalised([Hypothesis((), (), Posterior.of_nothing(), 0.0)])

@@ -11,28 +11,30 @@ import numpy as np
 from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.design.whiten import left_over
 from ges.diagnose.library.candidates import Candidate, Variant, acts_among, family_of
-from ges.diagnose.select.evidence import Board, make_board
+from ges.diagnose.select.evidence import Regression, make_regression
 from ges.diagnose.select.search import Search, exactly, search
 from ges.diagnose.settings import settings
 
-Found = tuple[Board, Search, tuple[int, ...]]
-"""A search on the board of its noise, and the columns of what is more probable in it than not."""
+Found = tuple[Regression, Search, tuple[int, ...]]
+"""A search, its regression, and the columns of what is more probable in it than
+not.
+"""
 
 
 def search_until_stable(
-    board: Board,
+    regression: Regression,
     candidates: Sequence[Candidate],
     base: Sequence[str],
     only: Sequence[str] | None = None,
 ) -> Found:
     """Search, measure the noise that the best set leaves, search again; starts from the most
-    cautious noise, the board's.
+    cautious noise, the regression's.
 
     To that noise a strong effect that shakes some flights and not others is noise. So where a
     candidate explains most of what the best set leaves in such a channel, the search starts once
     more from the noise without that, and stays if just that is then found.
     """
-    found = _settled(board, candidates, base, only)
+    found = _settled(regression, candidates, base, only)
     # where names are given, no other can be hidden
     for _ in range(settings.numerics.noise_rounds if only is None else 0):
         again = _bolder(found[0], found[2], candidates, base)
@@ -43,42 +45,50 @@ def search_until_stable(
 
 
 def _bolder(
-    board: Board, chosen: tuple[int, ...], candidates: Sequence[Candidate], base: Sequence[str]
+    regression: Regression,
+    chosen: tuple[int, ...],
+    candidates: Sequence[Candidate],
+    base: Sequence[str],
 ) -> Found | None:
     """The search from the noise without a candidate that explains most of what is left, if it finds
     that and nothing else new.
     """
-    for hidden in _hidden(board, chosen, candidates, base):
+    for hidden in _hidden(regression, chosen, candidates, base):
         start = (*chosen, *hidden)
-        again = _settled(make_board(board.system, start), candidates, base, None)
-        if _effects(board.system, again[2]) - _effects(board.system, chosen) == _effects(
-            board.system, hidden
+        again = _settled(make_regression(regression.system, start), candidates, base, None)
+        if _effects(regression.system, again[2]) - _effects(regression.system, chosen) == _effects(
+            regression.system, hidden
         ):
             return again
     return None
 
 
 def _settled(
-    board: Board,
+    regression: Regression,
     candidates: Sequence[Candidate],
     base: Sequence[str],
     only: Sequence[str] | None,
 ) -> Found:
-    """Search in the board's noise, then in that which the best set leaves, until it stays the same.
+    """Search in the regression's noise, then in that which the best set leaves, until it stays the
+    same.
 
     The set leaves noise by its coefficients together: those that one channel alone asks for could
     explain away what the whole does not.
     """
     chosen: dict[int, float] = {}
     for again in range(settings.numerics.noise_rounds):
-        board = make_board(board.system, together=chosen) if again else board
-        found = search(board, candidates, base) if only is None else exactly(board, candidates)
-        now = _probable(found, board.system)
+        regression = make_regression(regression.system, together=chosen) if again else regression
+        found = (
+            search(regression, candidates, base)
+            if only is None
+            else exactly(regression, candidates)
+        )
+        now = _probable(found, regression.system)
         # what was found leaves just the noise that it was found in
         if set(now) == set(chosen):
             break
         chosen = now
-    return board, found, tuple(chosen)
+    return regression, found, tuple(chosen)
 
 
 def _probable(found: Search, system: System) -> dict[int, float]:
@@ -99,12 +109,15 @@ def _probable(found: Search, system: System) -> dict[int, float]:
 
 
 def _hidden(
-    board: Board, chosen: Sequence[int], candidates: Sequence[Candidate], base: Sequence[str]
+    regression: Regression,
+    chosen: Sequence[int],
+    candidates: Sequence[Candidate],
+    base: Sequence[str],
 ) -> list[tuple[int, ...]]:
     """Columns of the variants, one of an effect, that explain most of what chosen columns leave in
     some channel where flights are noisy and others are not, the best first.
     """
-    system, taken = board.system, _effects(board.system, chosen)
+    system, taken = regression.system, _effects(regression.system, chosen)
     free = {
         c.name
         for c in candidates
@@ -115,7 +128,7 @@ def _hidden(
         for k, c in enumerate(system.columns)
         if c.variant is not None and c.variant.effect in free
     ]
-    noisy = board.noise.noisy > settings.statistics.flights_ratio
+    noisy = regression.noise.noisy > settings.statistics.flights_ratio
     channels = np.flatnonzero(noisy).tolist()
     if not listed or not channels:
         return []
