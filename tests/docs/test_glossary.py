@@ -1,0 +1,42 @@
+"""Words of the field in the diagnosis: those of the glossary, and none of those that are gone."""
+
+import io
+import re
+import tokenize
+from pathlib import Path
+
+import pytest
+
+import ges
+
+ROOT = Path(__file__).parents[2]
+FILES = sorted((Path(ges.__file__).parent / "diagnose").rglob("*.py"))
+GONE = re.compile(
+    r"foretell|foretold|untold|vouch|overtone|unrest"
+    r"|(?<![a-z])(?:loose|boards?|strain(?:s|ed)?)(?![a-z])",
+    re.IGNORECASE,
+)
+"""Within words too, but for those that are parts of others: constraint, on-board."""
+
+
+def gone(source: str) -> list[str]:
+    """Words that are gone, in names, comments and docstrings."""
+    kinds = (tokenize.NAME, tokenize.COMMENT, tokenize.STRING)
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    return [m for t in tokens if t.type in kinds for m in GONE.findall(t.string)]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
+def test_the_diagnosis_speaks_the_words_of_the_field(path):
+    assert not gone(path.read_text())
+
+
+def test_a_word_that_is_gone_is_found_in_names_and_docstrings():
+    source = "def untold_thrust(board):\n    '''What flights foretell.'''\n"
+    assert gone(source) == ["untold", "board", "foretell"]
+    assert not gone("constraint = onboard\n")
+
+
+def test_words_that_are_gone_are_listed_with_those_that_replaced_them():
+    listed = (ROOT / "docs/glossary.md").read_text().split("## Words that are gone")[1]
+    assert all(word in listed for word in ("board", "foretell", "loose", "overtones", "strain"))
