@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ges.conventions import BODY_RATE, COMMAND, POSITION, QUATERNION, ROTOR_SPEED, VELOCITY
-from ges.diagnose.design.system import Column, Nuisance, Rows, System
+from ges.diagnose.design.system import DesignColumn, FlightRows, Nuisance, System
 from ges.diagnose.design.table import table_of
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of
@@ -64,18 +64,18 @@ def windows_of(flight: Prepared, higher_orders: int = 0):
     return make_windows(flight.t_s, flight.flying, WINDOW_S, higher_orders)
 
 
-def nuisance(key: str, sd: float, flight_sd: float = 0.0, mean: float = 0.0) -> Column:
+def nuisance(key: str, sd: float, flight_sd: float = 0.0, mean: float = 0.0) -> DesignColumn:
     """A number ``effect.parameter`` that every hypothesis may adjust."""
     effect, parameter = key.split(".")
-    return Column(key, nuisance=Nuisance(effect, parameter, 0.01, sd, flight_sd, mean))
+    return DesignColumn(key, nuisance=Nuisance(effect, parameter, 0.01, sd, flight_sd, mean))
 
 
-def amplitude(key: str, part: str = "", **changes) -> Column:
+def amplitude(key: str, part: str = "", **changes) -> DesignColumn:
     """A column of one amplitude ``effect.parameter``, alone in its variant."""
     effect, parameter = key.split(".")
     a = amplitude_of(effect, parameter)
     a = Amplitude(**{**vars(a), **changes})
-    return Column(key, variant=Variant(effect, {}, (a,)), part=part)
+    return DesignColumn(key, variant=Variant(effect, {}, (a,)), part=part)
 
 
 Channels = Mapping[int, np.ndarray]
@@ -87,7 +87,7 @@ def rows_of(
     air: np.ndarray | None = None,
     start_s: float = 0.0,
     noise: np.ndarray | None = None,
-) -> Rows:
+) -> FlightRows:
     """Rows of one flight from its residuals (m, C) and columns by channel, (m,) each."""
     half = 10
     t_s = start_s + STEP_S * np.arange(half * (len(y) + 1) + 1)
@@ -97,13 +97,13 @@ def rows_of(
     flight = Prepared(t_s, {}, flying, {}, {})
     air = np.ones(len(y), bool) if air is None else air
     noise = np.zeros(len(y)) if noise is None else noise
-    return Rows(flight, windows, y, table_of(columns, *y.shape), noise, {}, None, air, {})
+    return FlightRows(flight, windows, y, table_of(columns, *y.shape), noise, {}, None, air, {})
 
 
 def system_of(
     names: Sequence[str],
-    columns: Sequence[Column],
-    flights: Sequence[Rows],
+    columns: Sequence[DesignColumn],
+    flights: Sequence[FlightRows],
     model: Model = MODEL,
 ) -> System:
     """All of them as one system."""

@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal, norm
 from ges.diagnose.design.answers import FlightInstruments, endogenous_parts, untrim
 from ges.diagnose.design.table import table_of
 from ges.diagnose.design.weak import make_windows
-from ges.diagnose.design.whiten import Part, White
+from ges.diagnose.design.whiten import White, WhitePart
 from ges.diagnose.select.bounded import log_mass_within
 from ges.diagnose.select.evidence import Gram, Prior, gram_of, posterior, unanswered
 
@@ -109,7 +109,7 @@ def test_of_coefficients_far_beyond_their_bounds_there_is_no_mass_whatever_round
 def test_rows_without_answers_have_the_products_of_the_fit(seen):
     x, y = seen
     rng = np.random.default_rng(5)
-    part = Part(np.arange(60), np.arange(x.shape[1]), y, x, 3.0 * rng.normal(size=(60, 4)))
+    part = WhitePart(np.arange(60), np.arange(x.shape[1]), y, x, 3.0 * rng.normal(size=(60, 4)))
     left_x, left_y = unanswered(part)
     gram = gram_of(White((part,), x.shape[1]))
     np.testing.assert_allclose(left_x.T @ left_x, gram.xx)
@@ -121,8 +121,8 @@ def test_channels_add_up_whatever_columns_act_on_them(seen):
     none = np.zeros((60, 0))
     few = White(
         (
-            Part(np.arange(60), np.array([2]), y, x[:, :1], none),
-            Part(np.arange(60), np.array([0, 2]), y, x, none),
+            WhitePart(np.arange(60), np.array([2]), y, x[:, :1], none),
+            WhitePart(np.arange(60), np.array([0, 2]), y, x, none),
         ),
         3,
     )

@@ -7,7 +7,7 @@ import pytest
 
 from ges.conventions import FORCE, MOMENT, SPEED
 from ges.diagnose.design.system import build
-from ges.diagnose.locate.hypothesis import Quantity, library, sparse_form
+from ges.diagnose.locate.hypothesis import Factor, library, sparse_form
 from ges.diagnose.locate.regimes import regimes_of
 from ges.diagnose.prepare.gate import pass_gate
 from ges.diagnose.types.model import from_vehicle
@@ -27,7 +27,7 @@ def flights(sheet, flown, with_rates):
 
 
 def test_dimensions_of_products_and_ratios():
-    force, speed = Quantity("F", FORCE, np.ones(3)), Quantity("V", SPEED, np.full(3, -2.0))
+    force, speed = Factor("F", FORCE, np.ones(3)), Factor("V", SPEED, np.full(3, -2.0))
     assert (force * speed.over(speed)).dimension == FORCE
     assert (force * speed).dimension == (1, 2, -3)
     assert speed.squared().dimension == (0, 2, -2) and speed.squared().values == pytest.approx(

@@ -29,7 +29,7 @@ from ges.diagnose.design.system import build
 from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.gate import pass_gate
 from ges.diagnose.select.evidence import Gram, make_regression, rms_of
-from ges.diagnose.select.search import Search, search
+from ges.diagnose.select.search import SearchResult, search
 from ges.diagnose.select.stable import search_until_stable
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import from_vehicle
@@ -119,7 +119,7 @@ def test_next_flight_of_an_open_question_and_of_none(quad, judged):
     )
     assert set(names) <= set(told["separates"])
     certain = dataclasses.replace(found.hypotheses[0], probability=1.0)
-    settled = Search((certain,), {n: float(n in certain.names) for n in names})
+    settled = SearchResult((certain,), {n: float(n in certain.names) for n in names})
     assert separating(regression, settled, certain.names) == {}
 
 

@@ -26,7 +26,7 @@ from ges.diagnose.decide.rules import (
 from ges.diagnose.decide.withdraw import practically_significant
 from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.select.evidence import Posterior
-from ges.diagnose.select.search import Hypothesis, Search, log_rarity
+from ges.diagnose.select.search import Hypothesis, SearchResult, log_rarity
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Record
 from ges.diagnose.types.model import Model
@@ -46,10 +46,10 @@ BOARD = SimpleNamespace(
 )
 
 
-def _search(evidence: dict[tuple[str, ...], float]) -> Search:
+def _search(evidence: dict[tuple[str, ...], float]) -> SearchResult:
     ranked = sorted(evidence.items(), key=lambda item: -item[1])
     names = {n for told in evidence for n in told}
-    return Search(
+    return SearchResult(
         tuple(Hypothesis(told, (), Posterior.of_nothing(), log) for told, log in ranked),
         dict.fromkeys(names, 1.0),
     )
@@ -356,7 +356,7 @@ def _balanced(monkeypatch, loss, mass, lost=("loss_3",), calibrated=True):
     told = Posterior(
         tuple(range(len(lost))), np.zeros(len(lost)), np.eye(len(lost)), log_evidence=20.0
     )
-    found = Search((Hypothesis(("weak_rotor",), (), told, 20.0),), {"weak_rotor": 1.0})
+    found = SearchResult((Hypothesis(("weak_rotor",), (), told, 20.0),), {"weak_rotor": 1.0})
     regression = SimpleNamespace(system=SimpleNamespace(columns=columns))
     return rules.told_from_a_mass(RuleContext(regression, found, {}, ("weak_rotor",)), "weak_rotor")
 

@@ -107,7 +107,7 @@ def command(
     from ges.diagnose.settings import parse, using
 
     # drawing before the imports: its process reads matplotlib while this one reads the rest
-    with using(parse(pairs)), drawing(out) as figures, Progress() as progress:
+    with using(parse(pairs)), drawing(out) as figures, DiagnoseProgress() as progress:
         from ges.diagnose.run import Request, run
         from ges.recordings.readers import Options
 
@@ -132,7 +132,7 @@ def command(
         click.launch(page.resolve().as_uri())
 
 
-class Progress:
+class DiagnoseProgress:
     """What is being done, on stderr: a spinner at a terminal, and a line a step once it has ended
     with the seconds that it took.
     """
@@ -144,7 +144,7 @@ class Progress:
         self._status = self._console.status("")
         self._words, self._since = "", 0.0
 
-    def __enter__(self) -> Progress:
+    def __enter__(self) -> DiagnoseProgress:
         self._status.start()
         return self
 

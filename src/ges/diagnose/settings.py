@@ -122,7 +122,7 @@ RUN = "ges blind run DIR --set KEY=VALUE && ges blind score DIR --set KEY=VALUE"
 
 
 @dataclasses.dataclass(frozen=True)
-class Statistics:
+class StatisticsSettings:
     """Levels of certainty that all stages share."""
 
     acceptance_probability: float = probability(
@@ -239,7 +239,7 @@ class Statistics:
 
 
 @dataclasses.dataclass(frozen=True)
-class Numerics:
+class NumericsSettings:
     """Limits of arithmetic and of iterations."""
 
     tiny: float = number(
@@ -296,7 +296,7 @@ class Numerics:
 
 
 @dataclasses.dataclass(frozen=True)
-class Prepare:
+class PrepareSettings:
     """Grid, samples in the air, delays between streams, noisy readings."""
 
     grid_step_shortest_s: float = number(
@@ -414,7 +414,7 @@ class Prepare:
 
 
 @dataclasses.dataclass(frozen=True)
-class Library:
+class LibrarySettings:
     """How candidates are laid out over the flights, beside what their descriptors ask for."""
 
     step_share: float = number(
@@ -446,7 +446,7 @@ class Library:
 
 
 @dataclasses.dataclass(frozen=True)
-class Design:
+class DesignSettings:
     """Windows of the weak form, columns, instruments."""
 
     window_shortest_s: float = number(
@@ -520,7 +520,7 @@ class Design:
 
 
 @dataclasses.dataclass(frozen=True)
-class Noise:
+class NoiseSettings:
     """Autocorrelation and size of what is left in a channel."""
 
     whitening: bool = number(
@@ -552,7 +552,7 @@ class Noise:
 
 
 @dataclasses.dataclass(frozen=True)
-class Evidence:
+class EvidenceSettings:
     """What a window is worth, and priors of coefficients."""
 
     tempering: float = number(
@@ -584,7 +584,7 @@ class Evidence:
 
 
 @dataclasses.dataclass(frozen=True)
-class Search:
+class SearchSettings:
     """Which sets of candidates are weighed, and how probable they are before."""
 
     size_probabilities: tuple[float, ...] = number(
@@ -627,7 +627,7 @@ class Search:
 
 
 @dataclasses.dataclass(frozen=True)
-class Estimate:
+class EstimateSettings:
     """The fit in full."""
 
     converged_sds: float = number(
@@ -656,7 +656,7 @@ class Estimate:
 
 
 @dataclasses.dataclass(frozen=True)
-class Detect:
+class DetectSettings:
     """Effects that need a procedure: gusts, loads on threads, a shifted balance."""
 
     gust_variance_ratio: float = number(
@@ -688,7 +688,7 @@ class Detect:
 
 
 @dataclasses.dataclass(frozen=True)
-class Locate:
+class LocateSettings:
     """Structure in what is left, and where it lies."""
 
     knots: int = number(
@@ -715,7 +715,7 @@ class Locate:
 
 
 @dataclasses.dataclass(frozen=True)
-class Decide:
+class DecideSettings:
     """Rules by which a name is told."""
 
     form_margin: float = number(
@@ -747,7 +747,7 @@ class Decide:
 
 
 @dataclasses.dataclass(frozen=True)
-class Advise:
+class AdviseSettings:
     """What these flights could have shown, and which flight is next."""
 
     power: float = probability(
@@ -776,7 +776,7 @@ class Advise:
 
 
 @dataclasses.dataclass(frozen=True)
-class Calibrate:
+class CalibrateSettings:
     """A vehicle file from flights that are known to be good."""
 
     loss_sd: float = number(
@@ -820,7 +820,7 @@ class Calibrate:
 
 
 @dataclasses.dataclass(frozen=True)
-class Report:
+class ReportSettings:
     """What the report lists and draws."""
 
     alternatives: int = number(
@@ -856,21 +856,21 @@ class Report:
 class Settings:
     """All numbers of the method, by stage."""
 
-    statistics: Statistics = Statistics()
-    numerics: Numerics = Numerics()
-    prepare: Prepare = Prepare()
-    library: Library = Library()
-    design: Design = Design()
-    noise: Noise = Noise()
-    evidence: Evidence = Evidence()
-    search: Search = Search()
-    estimate: Estimate = Estimate()
-    detect: Detect = Detect()
-    locate: Locate = Locate()
-    decide: Decide = Decide()
-    advise: Advise = Advise()
-    calibrate: Calibrate = Calibrate()
-    report: Report = Report()
+    statistics: StatisticsSettings = StatisticsSettings()
+    numerics: NumericsSettings = NumericsSettings()
+    prepare: PrepareSettings = PrepareSettings()
+    library: LibrarySettings = LibrarySettings()
+    design: DesignSettings = DesignSettings()
+    noise: NoiseSettings = NoiseSettings()
+    evidence: EvidenceSettings = EvidenceSettings()
+    search: SearchSettings = SearchSettings()
+    estimate: EstimateSettings = EstimateSettings()
+    detect: DetectSettings = DetectSettings()
+    locate: LocateSettings = LocateSettings()
+    decide: DecideSettings = DecideSettings()
+    advise: AdviseSettings = AdviseSettings()
+    calibrate: CalibrateSettings = CalibrateSettings()
+    report: ReportSettings = ReportSettings()
 
 
 _active = Settings()

@@ -26,11 +26,11 @@ from ges.files import sha256, write_json
 from ges.study.config import Study
 
 
-class Strict(BaseModel):
+class StrictRun(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
 
-class Output(Strict):
+class Output(StrictRun):
     """One file that the run made."""
 
     rule: str = Field(description="workflow rule that made it")
@@ -38,7 +38,7 @@ class Output(Strict):
     size_bytes: int = Field(ge=0)
 
 
-class Code(Strict):
+class Code(StrictRun):
     """State of the project's files."""
 
     commit: str = Field(description="git commit, 'unknown' outside a checkout")
@@ -46,7 +46,7 @@ class Code(Strict):
     sha256: str = Field(pattern="^[0-9a-f]{64}$", description="hash over the project's files")
 
 
-class Environment(Strict):
+class Environment(StrictRun):
     """Where it ran."""
 
     python: str
@@ -57,7 +57,7 @@ class Environment(Strict):
     packages: dict[str, str] = Field(description="installed package versions")
 
 
-class Timing(Strict):
+class Timing(StrictRun):
     """Cost of one job, named ``<stage>/<job>``."""
 
     wall_s: float
@@ -69,7 +69,7 @@ class Timing(Strict):
     )
 
 
-class Manifest(Strict):
+class Manifest(StrictRun):
     """Everything that is needed to say where a number comes from, and to check that it is still
     there.
     """

@@ -115,7 +115,7 @@ class Parameter:
 
 
 @dataclasses.dataclass(frozen=True)
-class Search:
+class SearchHints:
     """Variants of an effect that a search tries, as ``ges_search`` of ``sim_c/include/ges.h``."""
 
     amplitudes: tuple[str, ...]
@@ -172,7 +172,7 @@ class Effect:
     unexcited_like: str
     settled: str
     carried: tuple[float, ...]
-    searches: tuple[Search, ...]
+    searches: tuple[SearchHints, ...]
 
     @property
     def remembers_the_path(self) -> bool:
@@ -268,8 +268,8 @@ def _parameter(p: _lib.CEffectParameter) -> Parameter:
     )
 
 
-def _search(s: _lib.CSearch) -> Search:
-    return Search(
+def _search(s: _lib.CSearch) -> SearchHints:
+    return SearchHints(
         _words(s.amplitudes),
         _text(s.rule),
         dict(setting for f in s.fixed if (setting := _setting(f))),

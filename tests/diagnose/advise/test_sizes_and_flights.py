@@ -12,7 +12,7 @@ from ges.diagnose.advise.next_flight import next_flight
 from ges.diagnose.advise.recommend import Option, Rival, open_sets, rank, rivals_of
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.select.evidence import Gram, Posterior, Prior, make_regression, posterior
-from ges.diagnose.select.search import Hypothesis, Search
+from ges.diagnose.select.search import Hypothesis, SearchResult
 from ges.diagnose.settings import settings
 
 from ..synthetic import amplitude, hovering, rows_of, system_of
@@ -95,7 +95,7 @@ def test_a_flight_is_flown_until_the_odds_of_an_acceptance_are_expected(expected
 
 def _search(sets, inclusion):
     listed = [Hypothesis(n, (), Posterior.of_nothing(), log, p) for n, (log, p) in sets.items()]
-    return Search(tuple(sorted(listed, key=lambda h: -h.log_evidence)), inclusion)
+    return SearchResult(tuple(sorted(listed, key=lambda h: -h.log_evidence)), inclusion)
 
 
 def test_open_are_the_best_set_with_each_name_in_question_and_nothing_where_that_may_be():

@@ -18,11 +18,11 @@ from ges.diagnose.decide.rules import (
 )
 from ges.diagnose.decide.sizes import least_size, least_sizes, shares_of, unlike_form_error
 from ges.diagnose.decide.unknown import left_over
-from ges.diagnose.decide.withdraw import Answer, remaining
+from ges.diagnose.decide.withdraw import Explanation, remaining
 from ges.diagnose.estimate.fit import Fitted, Joint
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.select.evidence import Posterior, make_regression
-from ges.diagnose.select.search import Hypothesis, Search
+from ges.diagnose.select.search import Hypothesis, SearchResult
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Considered, Decision, Record
 from ges.diagnose.types.model import SPEED
@@ -118,7 +118,7 @@ def test_left_over_is_one_structure_a_channel_the_one_that_predicts_most():
 def _search(evidence, inclusion=None):
     ranked = sorted(evidence.items(), key=lambda item: -item[1][0])
     listed = tuple(Hypothesis(n, (), Posterior.of_nothing(), log, p) for n, (log, p) in ranked)
-    return Search(listed, inclusion or {n: 1.0 for names in evidence for n in names})
+    return SearchResult(listed, inclusion or {n: 1.0 for names in evidence for n in names})
 
 
 def test_names_replace_each_other_where_one_is_needed_and_neither_proven():
@@ -226,5 +226,5 @@ def test_rivals_go_where_a_shifted_balance_or_healthy_flights_explain_them(
     accepted = Accepted(("wind",), found, None, None, {}, ("tether",), frozenset(contested))
     last = type("Stage", (), {"model": MODEL})()
     declared = dataclasses.replace(MODEL, left_unexplained=known)
-    told, left = remaining(Answer(accepted, None, last, [], {}), declared, moved)
+    told, left = remaining(Explanation(accepted, None, last, [], {}), declared, moved)
     assert bool(told.accepted.rivals) == open_still and left == []

@@ -77,7 +77,7 @@ def test_what_carries_another_is_not_taken_from_under_it(strains):
 def _answer(names, rivals=()):
     accepted = SimpleNamespace(names=names, rivals=rivals)
     added = {name: name for name in names}
-    return withdraw.Answer(accepted, None, SimpleNamespace(joint=None), [], added)
+    return withdraw.Explanation(accepted, None, SimpleNamespace(joint=None), [], added)
 
 
 @pytest.mark.parametrize(

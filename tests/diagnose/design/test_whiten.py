@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from ges.diagnose.design.whiten import Noise, Part, estimate, left_over, variance_covariate, whiten
+from ges.diagnose.design.whiten import (
+    NoiseModel,
+    WhitePart,
+    estimate,
+    left_over,
+    variance_covariate,
+    whiten,
+)
 from ges.diagnose.settings import settings, using
 
 from ..synthetic import MODEL, amplitude, nuisance, rows_of, system_of
@@ -69,7 +76,7 @@ def test_whitened_numbers_do_not_know_the_unit_of_their_channel():
 def test_the_order_of_flights_does_not_matter():
     signals = [_coloured(0.5, seed=k, count=400) for k in range(3)]
     forth, back = estimate(_alone(*signals)), estimate(_alone(*signals[::-1]))
-    for field in dataclasses.fields(Noise):
+    for field in dataclasses.fields(NoiseModel):
         np.testing.assert_allclose(getattr(forth, field.name), getattr(back, field.name))
 
 
@@ -198,7 +205,7 @@ def test_an_answer_counts_once_however_many_flights_show_it(copies):
     rows = dataclasses.replace(
         rows_of(np.zeros((400, 1)), [{0: x}]), endogenous={("dynamic", 0): {"motor_lag.up_s": x}}
     )
-    noise = Noise(np.zeros((1, 3)), np.array([0.5]), np.zeros(1), np.array([2.0]), np.ones(1))
+    noise = NoiseModel(np.zeros((1, 3)), np.array([0.5]), np.zeros(1), np.array([2.0]), np.ones(1))
     whites = whiten([rows] * copies, noise, [np.zeros(400)] * copies)
     parts = [w.parts[0] for w in whites]
     answers = [part.answer[:, 0] for part in parts]
@@ -211,7 +218,7 @@ def test_an_answer_counts_once_however_many_flights_show_it(copies):
 
 
 def test_a_part_takes_more_answers_beside_those_that_it_has():
-    part = Part(np.arange(3), np.array([0]), np.ones(3), np.ones((3, 1)), np.zeros((3, 0)))
+    part = WhitePart(np.arange(3), np.array([0]), np.ones(3), np.ones((3, 1)), np.zeros((3, 0)))
     both = part.answering(np.ones((3, 1))).answering(2.0 * np.ones((3, 1)))
     np.testing.assert_array_equal(both.answer, [[1.0, 2.0]] * 3)
     assert part.answer.shape == (3, 0)

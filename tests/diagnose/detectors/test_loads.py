@@ -14,7 +14,7 @@ from ges.diagnose.design.system import build
 from ges.diagnose.detectors.loads import Drawn, likely_load, sharpened, way_out
 from ges.diagnose.library.candidates import Variant, amplitude_of
 from ges.diagnose.select.evidence import Posterior
-from ges.diagnose.select.search import Hypothesis, Search
+from ges.diagnose.select.search import Hypothesis, SearchResult
 from ges.simulator.effects import get
 
 from ..synthetic import MODEL, WINDOW_S, amplitude, hovering, times, windows_of
@@ -115,10 +115,12 @@ def test_only_a_load_that_is_not_out_of_the_question_is_made_sharper(p, likely):
         system=SimpleNamespace(columns=[amplitude("rotor_drag.k_kg"), column])
     )
     best = Hypothesis(("rotor_drag", "slung_load"), (), SimpleNamespace(columns=(0, 1)), 1.0)
-    found = Search((best,), {"slung_load": p})
+    found = SearchResult((best,), {"slung_load": p})
     assert likely_load(regression, found) is (THREADS if likely else None)
     assert (
-        likely_load(regression, Search((Hypothesis((), (), Posterior.of_nothing(), 0.0),), {}))
+        likely_load(
+            regression, SearchResult((Hypothesis((), (), Posterior.of_nothing(), 0.0),), {})
+        )
         is None
     )
     assert get("slung_load").remembers_the_path

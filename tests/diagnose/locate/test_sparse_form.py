@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ges.conventions import FORCE, LENGTH, NUMBER, SPEED
-from ges.diagnose.locate.hypothesis import Form, Quantity, sparse_form
+from ges.diagnose.locate.hypothesis import Factor, Form, sparse_form
 from ges.diagnose.settings import settings
 
 ROWS = 600
@@ -15,7 +15,7 @@ BLOCK = np.arange(ROWS) // 25
 
 def _terms(count=5, seed=0):
     rng = np.random.default_rng(seed)
-    return [Quantity(f"t{k}", FORCE, rng.standard_normal(ROWS)) for k in range(count)]
+    return [Factor(f"t{k}", FORCE, rng.standard_normal(ROWS)) for k in range(count)]
 
 
 def _noise(seed=9):
@@ -24,8 +24,8 @@ def _noise(seed=9):
 
 @given(st.floats(-3.0, 3.0), st.integers(1, 3))
 def test_dimensions_add_up_and_powers_multiply(value, n):
-    speed = Quantity("V", SPEED, np.array([value or 1.0]))
-    length = Quantity("L", LENGTH, np.array([2.0]))
+    speed = Factor("V", SPEED, np.array([value or 1.0]))
+    length = Factor("L", LENGTH, np.array([2.0]))
     assert (speed * length).dimension == (0, 2, -1)
     assert speed.over(length).dimension == (0, 0, -1)
     assert speed.over(speed).dimension == NUMBER and speed.over(speed).values[0] == 1.0

@@ -12,7 +12,7 @@ from ges.diagnose.library.candidates import Candidate
 from ges.diagnose.select.evidence import Posterior, make_regression
 from ges.diagnose.select.search import (
     Hypothesis,
-    Search,
+    SearchResult,
     exactly,
     log_odds_against_one_of,
     log_rarity,
@@ -148,7 +148,7 @@ def test_a_set_without_modifiers_is_its_own_plain_form():
 
 def _weighed(evidence):
     ranked = sorted(evidence.items(), key=lambda item: -item[1])
-    return Search(tuple(Hypothesis(n, (), Posterior.of_nothing(), v) for n, v in ranked), {})
+    return SearchResult(tuple(Hypothesis(n, (), Posterior.of_nothing(), v) for n, v in ranked), {})
 
 
 def test_the_best_with_a_name_has_none_of_the_others_where_it_can():

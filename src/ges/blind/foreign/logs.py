@@ -29,7 +29,7 @@ UNKNOWN_LIMIT: dict[str, Any] = {
 
 
 @dataclass(frozen=True)
-class Source:
+class LogSource:
     """A log, how it is read, and the vehicle in the library."""
 
     path: str
@@ -37,15 +37,15 @@ class Source:
     vehicle: str
 
 
-GAZEBO = Source("gazebo-iris/quadrotor_model.csv", Options("gazebo-iris"), "gazebo-iris")
-SIH = Source("px4-flights/sample_px4_events.ulg", Options(), "sih-quad")
+GAZEBO = LogSource("gazebo-iris/quadrotor_model.csv", Options("gazebo-iris"), "gazebo-iris")
+SIH = LogSource("px4-flights/sample_px4_events.ulg", Options(), "sih-quad")
 
 
 @dataclass(frozen=True)
 class Design:
     """A set: the log, effects that are left out of the file, numbers that are wrong in it."""
 
-    source: Source
+    source: LogSource
     without: tuple[str, ...] = ()
     wrong: Mapping[str, float] = field(default_factory=dict)
 

@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ges.blind.protocol import arithmetic
-from ges.diagnose.design.system import Column, System, build, nuisance_of, variant_of
+from ges.diagnose.design.system import DesignColumn, System, build, nuisance_of, variant_of
 from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.channels import UNITS
 from ges.diagnose.prepare.gate import pass_gate
@@ -32,7 +32,7 @@ BOOSTED_ROWS = 3000
 
 
 @dataclasses.dataclass(frozen=True)
-class Rows:
+class BaselineRows:
     """Stacked rows of some flights, channels in units of their spread on the training flights.
 
     ``y`` (n,) residual after calibration, ``raw`` (n,) before, ``x`` (n, k) candidates,
@@ -49,30 +49,30 @@ class Rows:
 
 
 @dataclasses.dataclass(frozen=True)
-class Problem:
+class BaselineProblem:
     """A case as the baselines see it."""
 
     names: tuple[str, ...]
     scale: np.ndarray
-    candidates: tuple[Column, ...]
-    nuisances: tuple[Column, ...]
-    train: Rows
-    held_out: Rows
+    candidates: tuple[DesignColumn, ...]
+    nuisances: tuple[DesignColumn, ...]
+    train: BaselineRows
+    held_out: BaselineRows
     holdout: tuple[str, ...]
 
 
 @dataclasses.dataclass(frozen=True)
-class Claim:
+class BaselineClaim:
     """How probable a name is said to be, and the statistic that it was chosen by."""
 
     probability: float
     statistic: float
 
 
-Answer = tuple[dict[str, Claim], Callable[[Rows], np.ndarray]]
+Answer = tuple[dict[str, BaselineClaim], Callable[[BaselineRows], np.ndarray]]
 
 
-def prepare(recordings: RecordingSet) -> Problem:
+def prepare(recordings: RecordingSet) -> BaselineProblem:
     """Residuals and columns of the training and the held-out flights, calibrated within the
     declared tolerances.
     """
@@ -107,7 +107,7 @@ def prepare(recordings: RecordingSet) -> Problem:
     train_rows, held_rows = (dataclasses.replace(r, y=r.raw - r.nuisance @ beta) for r in rows)
     columns = np.array(first.columns, dtype=object)
     names = tuple(recordings.flights[i].name for i in held)
-    return Problem(
+    return BaselineProblem(
         first.names,
         scale,
         tuple(columns[~free]),
@@ -118,7 +118,7 @@ def prepare(recordings: RecordingSet) -> Problem:
     )
 
 
-def _stack(system: System, scale: np.ndarray, free: np.ndarray) -> Rows:
+def _stack(system: System, scale: np.ndarray, free: np.ndarray) -> BaselineRows:
     parts = []
     for number, rows in enumerate(system.flights):
         m, c = rows.y.shape
@@ -136,7 +136,7 @@ def _stack(system: System, scale: np.ndarray, free: np.ndarray) -> Rows:
         np.concatenate([(p[k][:, :width] if k == 2 else p[k])[p[5]] for p in parts])
         for k in range(5)
     )
-    return Rows(y, y, x[:, ~free], x[:, free], state, channel, flight)
+    return BaselineRows(y, y, x[:, ~free], x[:, free], state, channel, flight)
 
 
 def _ridge(x: np.ndarray, y: np.ndarray, sd: np.ndarray) -> np.ndarray:
@@ -144,13 +144,13 @@ def _ridge(x: np.ndarray, y: np.ndarray, sd: np.ndarray) -> np.ndarray:
     return np.linalg.solve(x.T @ x + np.diag(1.0 / sd**2), x.T @ y)
 
 
-def stepwise(problem: Problem) -> Answer:
+def stepwise(problem: BaselineProblem) -> Answer:
     """Forward selection at p < 0.05, rows taken as independent."""
     from scipy.stats import t as student
 
     rows = problem.train
     kept: list[int] = []
-    claims: dict[str, Claim] = {}
+    claims: dict[str, BaselineClaim] = {}
     x, y = rows.x.copy(), rows.y.copy()
     while len(kept) < MOST_TERMS:
         # projections on the columns; of one that the kept explain only rounding is left
@@ -167,7 +167,7 @@ def stepwise(problem: Problem) -> Answer:
             break
         kept.append(best)
         claims.setdefault(
-            variant_of(problem.candidates[best]).effect, Claim(1.0 - p_value, statistic)
+            variant_of(problem.candidates[best]).effect, BaselineClaim(1.0 - p_value, statistic)
         )
         # Gram and Schmidt: what is kept is taken out of all columns and of the residual
         unit = x[:, best] / norm[best]
@@ -176,7 +176,7 @@ def stepwise(problem: Problem) -> Answer:
     return claims, lambda r: r.x[:, kept] @ beta
 
 
-def sindy(problem: Problem) -> Answer:
+def sindy(problem: BaselineProblem) -> Answer:
     """Sequentially thresholded least squares of pysindy, the threshold chosen by leaving one flight
     out.
 
@@ -210,35 +210,35 @@ def sindy(problem: Problem) -> Answer:
         beta = (
             fit(flights, min(THRESHOLDS, key=error) if len(flights) > 1 else THRESHOLDS[0]) / size
         )
-    claims: dict[str, Claim] = {}
+    claims: dict[str, BaselineClaim] = {}
     # the largest column of a name comes first and stands for it
     for k in sorted(np.flatnonzero(beta), key=lambda k: -abs(beta[k]) * size[k]):
         name = variant_of(problem.candidates[k]).effect
-        claims.setdefault(name, Claim(1.0, float(abs(beta[k]) * size[k])))
+        claims.setdefault(name, BaselineClaim(1.0, float(abs(beta[k]) * size[k])))
     return claims, lambda r: r.x @ beta
 
 
-def parameters(problem: Problem) -> Answer:
+def parameters(problem: BaselineProblem) -> Answer:
     """Least squares of all declared numbers, trims and biases; named is what ends beyond three
     times its tolerance, where it has a name: full rotor speed has none.
     """
     rows = problem.train
     beta, *_ = np.linalg.lstsq(rows.nuisance, rows.raw, rcond=None)
-    claims: dict[str, Claim] = {}
+    claims: dict[str, BaselineClaim] = {}
     for column, value in zip(problem.nuisances, beta, strict=True):
         n = nuisance_of(column)
         # distance from the declared number in its own doubts
         outside = float(abs(value) / max(n.sd, n.flight_sd))
         if n.effect != "vehicle" and outside > OUTSIDE_SD:
-            before = claims.get(n.effect, Claim(1.0, 0.0)).statistic
-            claims[n.effect] = Claim(1.0, max(outside, before))
+            before = claims.get(n.effect, BaselineClaim(1.0, 0.0)).statistic
+            claims[n.effect] = BaselineClaim(1.0, max(outside, before))
     # predictions are of what calibration leaves: its share of the coefficients is taken off
     calibrated = rows.raw - rows.y
     prior = np.linalg.lstsq(rows.nuisance, calibrated, rcond=None)[0]
     return claims, lambda r: r.nuisance @ (beta - prior)
 
 
-def boosting(problem: Problem) -> Answer:
+def boosting(problem: BaselineProblem) -> Answer:
     """Gradient boosting of the residual on everything that was logged, a channel at a time; it
     names nothing.
     """
@@ -252,7 +252,7 @@ def boosting(problem: Problem) -> Answer:
             rows.state[here], rows.y[here]
         )
 
-    def predict(r: Rows) -> np.ndarray:
+    def predict(r: BaselineRows) -> np.ndarray:
         out = np.zeros(len(r.y))
         for c, model in models.items():
             here = r.channel == c
@@ -263,7 +263,7 @@ def boosting(problem: Problem) -> Answer:
     return {}, predict
 
 
-METHODS: dict[str, Callable[[Problem], Answer]] = {
+METHODS: dict[str, Callable[[BaselineProblem], Answer]] = {
     "stepwise": stepwise,
     "sindy": sindy,
     "parameters": parameters,
@@ -307,7 +307,7 @@ def diagnose(recordings: RecordingSet, method: str) -> dict:
     }
 
 
-def _table(problem: Problem, predicted: np.ndarray) -> dict:
+def _table(problem: BaselineProblem, predicted: np.ndarray) -> dict:
     """Errors on the held-out flights by channel, those of faster test functions left out: before,
     recalibrated, after.
     """

@@ -22,7 +22,7 @@ from scipy.special import ndtri
 
 from ges.diagnose.decide.rules import lead_over
 from ges.diagnose.decide.sizes import least_sizes
-from ges.diagnose.design.system import Column, variant_of
+from ges.diagnose.design.system import DesignColumn, variant_of
 from ges.diagnose.library.candidates import Variant, modifiers_of
 from ges.diagnose.select.evidence import Gram, Regression, rms_of
 from ges.diagnose.select.search import log_odds_against_one_of, log_rarity
@@ -255,7 +255,7 @@ def _beside(
     return sizes
 
 
-def _is_told(column: Column) -> bool:
+def _is_told(column: DesignColumn) -> bool:
     """Whether a size is told of it: of the main part of effects that nothing modifies."""
     return column.part != "moment" and not modifiers_of(variant_of(column))
 

@@ -12,7 +12,7 @@ from ges.diagnose.detectors.thrust import VOLTAGE, UnmeasuredThrust
 from ges.diagnose.library.candidates import flown
 from ges.diagnose.library.grids import library
 from ges.diagnose.select.evidence import Regression, make_regression
-from ges.diagnose.select.search import Search
+from ges.diagnose.select.search import SearchResult
 from ges.diagnose.settings import settings
 
 
@@ -37,7 +37,7 @@ def next_flight(accepted: Accepted, shift: Shift | UnmeasuredThrust | None) -> d
 
 def separating(
     regression: Regression,
-    found: Search,
+    found: SearchResult,
     proven: Sequence[str],
     parameters: Mapping[str, float] | None = None,
 ) -> dict:

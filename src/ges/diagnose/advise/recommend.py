@@ -19,7 +19,7 @@ from ges.diagnose.estimate.fit import starting_values
 from ges.diagnose.prepare.align import STREAMS, Prepared
 from ges.diagnose.prepare.gate import prepare
 from ges.diagnose.select.evidence import Gram, Regression, flight_grams, posterior
-from ges.diagnose.select.search import Hypothesis, Search
+from ges.diagnose.select.search import Hypothesis, SearchResult
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.simulator import flight as sim
@@ -92,7 +92,7 @@ def rivals_of(regression: Regression, open_sets: Sequence[Hypothesis]) -> list[R
     return [Rival(h.names, starting_values(regression, h), h.posterior.columns) for h in open_sets]
 
 
-def open_sets(found: Search, proven: Sequence[str]) -> list[Hypothesis]:
+def open_sets(found: SearchResult, proven: Sequence[str]) -> list[Hypothesis]:
     """The best set with each name that is neither proven nor ruled out, and the best without any
     where that is possible.
     """

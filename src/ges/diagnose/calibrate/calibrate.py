@@ -211,7 +211,7 @@ def _usual_spread(key: str, keys: Sequence[str]) -> float:
 
 
 @dataclasses.dataclass(frozen=True)
-class _Posterior:
+class _SessionPosterior:
     mean: np.ndarray
     covariance: np.ndarray
     log_likelihood: float
@@ -233,7 +233,7 @@ def _posterior(
     prior_sd: np.ndarray,
     flight_sd: np.ndarray,
     session_sd: np.ndarray,
-) -> _Posterior:
+) -> _SessionPosterior:
     """Common numbers under N(prior_mean, prior_sd^2), with the deviations N(0, session_sd^2) of
     every session and N(0, flight_sd^2) of every flight of it integrated out.
     """
@@ -254,7 +254,7 @@ def _posterior(
     covariance = np.linalg.inv(precision)
     mean = covariance @ right
     total += 0.5 * float(right @ mean) + 0.5 * np.linalg.slogdet(covariance)[1]
-    return _Posterior(mean, covariance, float(total))
+    return _SessionPosterior(mean, covariance, float(total))
 
 
 def _gauge(keys: Sequence[str], model: Model) -> np.ndarray:

@@ -34,7 +34,7 @@ from ges.diagnose.library.candidates import (
     modifiers_of,
 )
 from ges.diagnose.select.evidence import Posterior, Regression, make_regression
-from ges.diagnose.select.search import Hypothesis, Search, log_odds_against_one_of, over_plain
+from ges.diagnose.select.search import Hypothesis, SearchResult, log_odds_against_one_of, over_plain
 from ges.diagnose.select.stable import search_until_stable
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, Record
@@ -58,7 +58,7 @@ class Accepted:
     """
 
     names: tuple[str, ...]
-    found: Search
+    found: SearchResult
     regression: Regression
     fitted: Fitted | None
     probability: dict[str, float]
@@ -152,7 +152,7 @@ def accept(start: Regression, record: Record, only: Sequence[str] | None = None)
     return Accepted(names, found, regression, fitted, probability, rivals, frozenset(contested))
 
 
-def _contested(found: Search, record: Record) -> set[str]:
+def _contested(found: SearchResult, record: Record) -> set[str]:
     """Names that could not be told from others, and those others."""
     undone = [
         name
@@ -172,7 +172,7 @@ def _laid_out(listed: Sequence[Candidate], base: Model, like: System) -> Regress
 
 def _searched(
     regression: Regression, listed: Sequence[Candidate], base: Model, only: Sequence[str] | None
-) -> tuple[Regression, Search]:
+) -> tuple[Regression, SearchResult]:
     """The search; once more beside a load whose thread and first place are sharp: missed by
     centimetres, they need other names for what is left.
     """
@@ -212,7 +212,7 @@ class _Modifying:
 
 def _modifying(
     regression: Regression,
-    found: Search,
+    found: SearchResult,
     listed: Sequence[Candidate],
     names: Collection[str],
     only: Sequence[str] | None,
@@ -263,7 +263,7 @@ def _in_full(
 
 def _fitted_in_full(
     regression: Regression,
-    found: Search,
+    found: SearchResult,
     new: tuple[str, ...],
     through: Mapping[str, _Modifying],
     base: Model,
@@ -418,7 +418,7 @@ def withdrawn(accepted: Accepted) -> Accepted:
     return dataclasses.replace(accepted, names=(), fitted=None, probability={}, rivals=())
 
 
-def _with_names(found: Search, names: Sequence[str], regression: Regression) -> Hypothesis:
+def _with_names(found: SearchResult, names: Sequence[str], regression: Regression) -> Hypothesis:
     """The set of just these names as the search weighed it, else the best set less all others."""
     just = tuple(sorted(names))
     # a set that was weighed by itself has coefficients without what the others took of it

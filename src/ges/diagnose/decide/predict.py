@@ -58,12 +58,12 @@ def predictive_gain(fitted: Fitted, name: str, channel: str) -> PredictiveGain:
     dropped = {name, *(n for n in rest if not acts_among(n, rest))}
     at = regression.system.main.index(channel)
     (less, before), (more, after) = (
-        _Fit(fitted, gone).predict_flights(grams, at) for gone in (dropped, ())
+        _LinearFit(fitted, gone).predict_flights(grams, at) for gone in (dropped, ())
     )
     return PredictiveGain(more - less, after / np.maximum(before, settings.numerics.tiny))
 
 
-class _Fit:
+class _LinearFit:
     """A fit, linearised at its best, with some effects ``dropped``: their columns held where the
     effects are neutral.
     """

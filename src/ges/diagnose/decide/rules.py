@@ -20,7 +20,7 @@ from ges.diagnose.detectors.gusts import wind_speed_m_s
 from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.library.candidates import acts_among, amplitude_of, family_of
 from ges.diagnose.select.evidence import Regression
-from ges.diagnose.select.search import Hypothesis, Search, size_of
+from ges.diagnose.select.search import Hypothesis, SearchResult, size_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, Record
 from ges.simulator import effects as effect_table
@@ -38,7 +38,7 @@ class RuleContext:
     """
 
     regression: Regression
-    found: Search
+    found: SearchResult
     known: Mapping[str, float]
     standing: tuple[str, ...]
 
@@ -207,7 +207,7 @@ def judged(
     return standing
 
 
-def taken_over(found: Search, name: str, among: Sequence[str]) -> set[str]:
+def taken_over(found: SearchResult, name: str, among: Sequence[str]) -> set[str]:
     """All that acts in a name's place, which the name takes over; nothing where another of its
     family is the better.
     """
@@ -215,7 +215,7 @@ def taken_over(found: Search, name: str, among: Sequence[str]) -> set[str]:
     return family_of(name) & set(found.best.names) if best else set()
 
 
-def _best_of(found: Search, name: str, among: Sequence[str]) -> str:
+def _best_of(found: SearchResult, name: str, among: Sequence[str]) -> str:
     """The one of a name's family, of those ``among``, whose best set without the others is best."""
     return max(
         sorted(family_of(name) & set(among)),
@@ -224,7 +224,7 @@ def _best_of(found: Search, name: str, among: Sequence[str]) -> str:
     )
 
 
-def _alone(found: Search, name: str) -> Hypothesis | None:
+def _alone(found: SearchResult, name: str) -> Hypothesis | None:
     """The best set that has this name and no other of its family."""
     return next((h for h in found.hypotheses if family_of(name) & set(h.names) == {name}), None)
 
@@ -251,7 +251,7 @@ def faint(share: Mapping[str, float]) -> bool:
     )
 
 
-def best_rival(found: Search, name: str) -> Hypothesis | None:
+def best_rival(found: SearchResult, name: str) -> Hypothesis | None:
     """What explains the flights best in a name's place, however rarely it is met."""
     best = _alone(found, name) or found.best
     # a larger set explains at least as much by its freedom alone
@@ -264,12 +264,12 @@ def best_rival(found: Search, name: str) -> Hypothesis | None:
     return max(others, key=lambda h: h.of_flights, default=None)
 
 
-def _lead(found: Search, name: str, rival: Hypothesis) -> float:
+def _lead(found: SearchResult, name: str, rival: Hypothesis) -> float:
     """Log odds of the best set with a name over its rival, from the flights alone."""
     return (_alone(found, name) or found.best).of_flights - rival.of_flights
 
 
-def replaced_by(found: Search, name: str) -> tuple[str, ...]:
+def replaced_by(found: SearchResult, name: str) -> tuple[str, ...]:
     """Names that explain the flights nearly as well in a name's place; () where none do."""
     rival = best_rival(found, name)
     if name not in found.best.names or rival is None:
@@ -327,7 +327,7 @@ def does_something(fitted: Fitted, name: str) -> bool:
     return any(abs(fitted.effects[name][p] - neutral) > fitted.sd(name, p) for p, neutral in own)
 
 
-def ambiguous(found: Search, names: set[str], contested: set[str]) -> tuple[str, ...]:
+def ambiguous(found: SearchResult, names: set[str], contested: set[str]) -> tuple[str, ...]:
     """Names that replace each other: none proven alone, but one of them needed."""
     # probability that nothing is at work beyond the settled names
     without = sum(h.probability for h in found.hypotheses if not set(h.names) - names)

@@ -40,7 +40,7 @@ from ges.simulator import effects as effect_table
 
 
 @dataclasses.dataclass(frozen=True)
-class Answer:
+class Explanation:
     """What the search came to.
 
     Attributes
@@ -65,7 +65,7 @@ def explained(
     known_gusts: Mapping[str, float] | None,
     record: Record,
     only: Sequence[str] | None,
-) -> Answer:
+) -> Explanation:
     """What the library explains, fitted in full, and gusts in what it leaves; with ``only``, just
     these effects, whatever speaks against them.
 
@@ -89,7 +89,7 @@ def explained(
     return _not_of_a_form(answer, start, declared, record)
 
 
-def _answer(accepted: Accepted, gusts: Gusts | None, start: Start, declared: Model) -> Answer:
+def _answer(accepted: Accepted, gusts: Gusts | None, start: Start, declared: Model) -> Explanation:
     """What is accepted and gusts, with what they leave and add."""
     last = start.first
     if accepted.fitted is not None:
@@ -98,7 +98,7 @@ def _answer(accepted: Accepted, gusts: Gusts | None, start: Start, declared: Mod
         last = stage(model, fitted.joint, fitted.regression, start.regimes)
     structures = [s for s in last.structures if not gusts or s.channel not in PUSHED]
     added = contributions(accepted.fitted, accepted.names, start.system.model)
-    return Answer(accepted, gusts, last, structures, added)
+    return Explanation(accepted, gusts, last, structures, added)
 
 
 def _gusts(accepted: Accepted, start: Start, known: Mapping[str, float] | None) -> Gusts | None:
@@ -156,7 +156,9 @@ def _without_conflict(accepted: Accepted, first: Joint, record: Record) -> Accep
     return accepted
 
 
-def _not_of_a_form(answer: Answer, start: Start, declared: Model, record: Record) -> Answer:
+def _not_of_a_form(
+    answer: Explanation, start: Start, declared: Model, record: Record
+) -> Explanation:
     """The answer without names that may be what the form of a needed, but unmeasured thrust curve
     is wrong by.
     """
@@ -173,14 +175,16 @@ def _not_of_a_form(answer: Answer, start: Start, declared: Model, record: Record
     return _answer(accepted, answer.gusts, start, declared)
 
 
-def thrust_of(answer: Answer, system: System) -> UnmeasuredThrust | None:
+def thrust_of(answer: Explanation, system: System) -> UnmeasuredThrust | None:
     """Thrust that is far off beside all that was accepted, where nothing says why and no other
     names are open.
     """
     return None if answer.accepted.rivals else unmeasured_thrust(answer.last.joint, system)
 
 
-def remaining(answer: Answer, declared: Model, moved: bool) -> tuple[Answer, list[Structure]]:
+def remaining(
+    answer: Explanation, declared: Model, moved: bool
+) -> tuple[Explanation, list[Structure]]:
     """The answer without rivals that a shifted balance (``moved``) makes idle, or that are needed
     beside what is proven for no more than healthy flights leave too; and the structure that is
     left.
@@ -193,8 +197,8 @@ def remaining(answer: Answer, declared: Model, moved: bool) -> tuple[Answer, lis
 
 
 def with_open_modelled(
-    answer: Answer, left: list[Structure], start: Start, declared: Model, record: Record
-) -> tuple[Answer, list[Structure]]:
+    answer: Explanation, left: list[Structure], start: Start, declared: Model, record: Record
+) -> tuple[Explanation, list[Structure]]:
     """The same with all that is open modelled too, the likeliest in the last stage; nothing is open
     where one of it is a wind that the gusts leave.
     """

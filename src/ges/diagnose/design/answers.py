@@ -38,7 +38,7 @@ from ges.diagnose.design.instruments import (
     projected,
     strength,
 )
-from ges.diagnose.design.table import Table
+from ges.diagnose.design.table import ColumnTable
 from ges.diagnose.design.weak import Windows, blocks_of
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.settings import settings
@@ -69,7 +69,7 @@ def near_ground_gain(key: str) -> bool:
 
 def untrim(
     keys: Sequence[str],
-    x: Table,
+    x: ColumnTable,
     windows: Windows,
     names: Sequence[str],
     thrust: np.ndarray,
@@ -161,7 +161,7 @@ def _answered(name: str) -> bool:
 
 def endogenous_parts(
     keys: Sequence[str],
-    x: Table,
+    x: ColumnTable,
     length_s: float,
     heard: Mapping[int, str],
     told: FlightInstruments,

@@ -27,7 +27,7 @@ from ges.diagnose.design.residual import (
     said_with_each,
     with_higher_orders,
 )
-from ges.diagnose.design.table import Indices, Table, table_of
+from ges.diagnose.design.table import ColumnTable, Indices, table_of
 from ges.diagnose.design.weak import (
     Windows,
     blocks_of,
@@ -64,7 +64,7 @@ class Nuisance:
 
 
 @dataclasses.dataclass(frozen=True)
-class Column:
+class DesignColumn:
     """One column: a nuisance, or one amplitude of one variant of a candidate.
 
     ``part`` 'force' or 'moment' is a column of those channels alone, with a coefficient of its own.
@@ -111,7 +111,7 @@ class Column:
         return f"{v.effect}.{v.amplitudes[self.amplitude].parameter}"
 
 
-def variant_of(column: Column) -> Variant:
+def variant_of(column: DesignColumn) -> Variant:
     """Of a column that is an amplitude of one.
 
     Raises
@@ -123,7 +123,7 @@ def variant_of(column: Column) -> Variant:
     return column.variant
 
 
-def nuisance_of(column: Column) -> Nuisance:
+def nuisance_of(column: DesignColumn) -> Nuisance:
     """Of a column that is one.
 
     Raises
@@ -136,7 +136,7 @@ def nuisance_of(column: Column) -> Nuisance:
 
 
 @dataclasses.dataclass(frozen=True)
-class Rows:
+class FlightRows:
     """One flight: residuals ``y`` (m, C), NaN where a channel is not there, and columns ``x`` (m,
     C, K).
 
@@ -149,7 +149,7 @@ class Rows:
     flight: Prepared
     windows: Windows
     y: np.ndarray
-    x: Table
+    x: ColumnTable
     noise: np.ndarray
     endogenous: EndogenousParts
     instruments: FlightInstruments | None
@@ -186,8 +186,8 @@ class System:
 
     model: Model
     names: tuple[str, ...]
-    columns: tuple[Column, ...]
-    flights: tuple[Rows, ...]
+    columns: tuple[DesignColumn, ...]
+    flights: tuple[FlightRows, ...]
     length_s: float
 
     @property
@@ -304,7 +304,7 @@ def _stepped(
     return {effect: {**now, parameter: now[parameter] + step}}, step
 
 
-def _reference(model: Model, column: Column) -> dict:
+def _reference(model: Model, column: DesignColumn) -> dict:
     """Effects that must be on already for the column's shape, with the amplitude still neutral; {}
     where they do nothing.
     """
@@ -315,7 +315,7 @@ def _reference(model: Model, column: Column) -> dict:
     return neutral if drives(neutral) or variant.beside else {}
 
 
-def _shift(model: Model, column: Column) -> tuple[dict, float]:
+def _shift(model: Model, column: DesignColumn) -> tuple[dict, float]:
     if column.nuisance is not None:
         n = column.nuisance
         return _stepped(model, n.effect, {}, n.parameter, n.step)
@@ -353,7 +353,7 @@ class _Seen:
     driven: Mapping[str, Drive]
     said: Mapping[str, Replay]
 
-    def column(self, column: Column) -> dict[int, np.ndarray]:
+    def column(self, column: DesignColumn) -> dict[int, np.ndarray]:
         """Minus the residual's change per unit of the column's coefficient, by channel, (m,) each,
         whatever its part.
         """
@@ -392,7 +392,7 @@ class _Seen:
         return {c: change for c, change in changes.items() if change.any()}
 
 
-def _added(model: Model, columns: Iterable[Column]) -> dict[str, dict]:
+def _added(model: Model, columns: Iterable[DesignColumn]) -> dict[str, dict]:
     """All that these columns add to the effects, by its name among what is known."""
     added = [
         e for c in columns if c.key != SPEED for e in (_reference(model, c), _shift(model, c)[0])
@@ -430,11 +430,11 @@ def rows(
     flight: Prepared,
     model: Model,
     names: Sequence[str],
-    columns: Sequence[Column],
+    columns: Sequence[DesignColumn],
     length_s: float,
     known: Mapping | None = None,
-    like: Rows | None = None,
-) -> Rows:
+    like: FlightRows | None = None,
+) -> FlightRows:
     """Residuals and columns of one flight; a column is minus the residual's change per unit of its
     coefficient.
 
@@ -505,7 +505,7 @@ def rows(
     )
     answered = both(like.endogenous, answered, model.effects) if like else answered
     beyond = _beyond(flight, windows, names, now.drive.commanded)
-    return Rows(
+    return FlightRows(
         flight,
         windows,
         y,
@@ -521,7 +521,7 @@ def rows(
 def residuals_with(system: System, model: Model) -> list[np.ndarray]:
     """Residuals (m, C) by flight of a system's windows and channels under another model."""
 
-    def of(r: Rows) -> np.ndarray:
+    def of(r: FlightRows) -> np.ndarray:
         here = tuple(
             name
             for name in with_higher_orders(channels(r.flight, model), len(r.windows.higher_orders))
@@ -574,7 +574,7 @@ def noisy(flight: Prepared, windows: Windows, model: Model, thrust: np.ndarray) 
     return windows.mean @ rate * (every if np.isfinite(every) else flight.dt_s)
 
 
-def _known(system: System, flight: Rows, model: Model, wanted: set[tuple]) -> dict:
+def _known(system: System, flight: FlightRows, model: Model, wanted: set[tuple]) -> dict:
     """Nuisance columns of one flight by key; of the others, if computed for this very model, those
     that are ``wanted``, by what they are made of.
     """
@@ -586,8 +586,8 @@ def _known(system: System, flight: Rows, model: Model, wanted: set[tuple]) -> di
 
 
 def _parts(effect: str, beside: Collection[str]) -> tuple[str, ...]:
-    """Parts that an effect's columns come in, see :class:`Column`; the force alone, where what it
-    makes of moments is free ``beside`` it.
+    """Parts that an effect's columns come in, see :class:`DesignColumn`; the force alone, where
+    what it makes of moments is free ``beside`` it.
     """
     if "own_lever" not in effect_table.get(effect).hints:
         return ("",)
@@ -617,7 +617,7 @@ def build(
     # a sine and a cosine of every half-wave
     names = with_higher_orders(main, 2 * max(half_waves(f, length_s) for f in flights))
     columns = (
-        [Column(n.key, nuisance=n) for n in nuisances(model, main, flights)]
+        [DesignColumn(n.key, nuisance=n) for n in nuisances(model, main, flights)]
         if settings.design.declared_tolerance
         else []
     )
@@ -625,11 +625,11 @@ def build(
         # without channels of moments there is nothing to split
         parts = _parts(v.effect, {w.effect for w in variants}) if MOMENT[0] in names else ("",)
         columns += [
-            Column(v.key, variant=v, amplitude=j, part=part)
+            DesignColumn(v.key, variant=v, amplitude=j, part=part)
             for j in range(len(v.amplitudes))
             for part in parts
         ]
-    before: Sequence[Rows | None] = like.flights if like else [None] * len(flights)
+    before: Sequence[FlightRows | None] = like.flights if like else [None] * len(flights)
     wanted = {c.made_of for c in columns}
     known = [_known(like, r, model, wanted) if like and r else {} for r in before]
     made = each(

@@ -14,7 +14,7 @@ Indices = Sequence[int] | np.ndarray
 
 
 @dataclasses.dataclass(frozen=True)
-class Table:
+class ColumnTable:
     """Columns (m, C, K): by channel the numbers ``at`` (k,) of those that act there, ascending, and
     what they are, (m, k).
     """
@@ -42,14 +42,14 @@ class Table:
         return np.stack([self.of(c, wanted) @ size for c in range(count)], axis=1)
 
 
-def table_of(columns: Sequence[Mapping[int, np.ndarray]], rows: int, channels: int) -> Table:
+def table_of(columns: Sequence[Mapping[int, np.ndarray]], rows: int, channels: int) -> ColumnTable:
     """The table of columns that are given by the channels that they act on, (m,) each."""
     at = [[k for k, column in enumerate(columns) if c in column] for c in range(channels)]
     values = (
         np.stack([columns[k][c] for k in ks], axis=1) if ks else np.zeros((rows, 0))
         for c, ks in enumerate(at)
     )
-    return Table(
+    return ColumnTable(
         (rows, channels, len(columns)), tuple(np.array(ks, dtype=int) for ks in at), tuple(values)
     )
 

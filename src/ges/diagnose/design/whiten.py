@@ -15,12 +15,12 @@ import numpy as np
 from scipy.linalg import toeplitz
 from scipy.sparse import csr_array
 
-from ges.diagnose.design.system import Rows, System
+from ges.diagnose.design.system import FlightRows, System
 from ges.diagnose.settings import settings
 
 
 @dataclasses.dataclass(frozen=True)
-class Noise:
+class NoiseModel:
     """Per channel: AR coefficients (C, p), innovation sd (C,), growth with covariate (C,); over the
     innovation sd the size of the disturbances that a controller may have answered (C,): what
     nuisances alone leave in all but the noisy flights; and how many times as much is left in the
@@ -35,7 +35,7 @@ class Noise:
 
 
 @dataclasses.dataclass(frozen=True)
-class Part:
+class WhitePart:
     """One channel of a whitened flight: usable rows ``at`` (n,), their residuals (n,) and those
     ``columns`` (k,) of all that act there, (n, k).
 
@@ -54,7 +54,7 @@ class Part:
         """Columns with columns (k, k), columns with residuals (k,), residuals with residuals."""
         return self.x.T @ self.x, self.x.T @ self.y, float(self.y @ self.y)
 
-    def answering(self, errors: np.ndarray) -> Part:
+    def answering(self, errors: np.ndarray) -> WhitePart:
         """With more columns of what a controller may have answered, (n, moved)."""
         return dataclasses.replace(self, answer=np.hstack([self.answer, errors]))
 
@@ -65,7 +65,7 @@ class White:
     all.
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[WhitePart, ...]
     count: int
 
 
@@ -169,7 +169,7 @@ def estimate(
     system: System,
     chosen: Sequence[int] = (),
     together: Mapping[int, float] = MappingProxyType({}),
-) -> Noise:
+) -> NoiseModel:
     """Noise of every channel, pooled over flights, from what is :func:`left_over`.
 
     Without columns a strong effect counts as noise: cautious, so the search starts there.
@@ -192,7 +192,7 @@ def estimate(
         )
         return ar, sd, growth, answered, _restless(left)
 
-    return Noise(
+    return NoiseModel(
         *(np.array(told) for told in zip(*map(of_channel, range(len(system.names))), strict=True))
     )
 
@@ -239,7 +239,7 @@ def _of_channel(
     return ar, *_growth(value - past @ ar, np.concatenate([p[3][p[0]] for p in pieces]))
 
 
-def variance_covariate(flights: Sequence[Rows]) -> list[np.ndarray]:
+def variance_covariate(flights: Sequence[FlightRows]) -> list[np.ndarray]:
     """Covariate of every window, (m,) by flight, in units of the median over all flights."""
     # where thrust never changes, any unit will do
     median = np.median(np.concatenate([r.noise[r.air] for r in flights])) or 1.0
@@ -247,7 +247,7 @@ def variance_covariate(flights: Sequence[Rows]) -> list[np.ndarray]:
 
 
 def whiten(
-    flights: Sequence[Rows], noise: Noise, covariate: Sequence[np.ndarray]
+    flights: Sequence[FlightRows], noise: NoiseModel, covariate: Sequence[np.ndarray]
 ) -> tuple[White, ...]:
     """Filter residuals and columns by the same noise model; the first rows of a run on the ground
     are predicted by the few before them: take-offs are short.
@@ -298,8 +298,8 @@ def _bounds(endogenous: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np
 
 
 def _white(
-    rows: Rows, noise: Noise, filters: Sequence[np.ndarray], covariate: np.ndarray
-) -> tuple[dict[int, Part], dict[tuple[str, int], np.ndarray]]:
+    rows: FlightRows, noise: NoiseModel, filters: Sequence[np.ndarray], covariate: np.ndarray
+) -> tuple[dict[int, WhitePart], dict[tuple[str, int], np.ndarray]]:
     """Parts by channel, ``filters`` of :func:`_prediction_filter`, none answering yet, and the
     endogenous parts of their columns by kind and channel.
     """
@@ -322,7 +322,7 @@ def _white(
             (innovation @ rows.beyond[c])[:, None] if c in rows.beyond else np.zeros((len(at), 0))
         )
         # one filter for residual, columns and errors: y = X beta + e holds after it, with e white
-        parts[c] = Part(
+        parts[c] = WhitePart(
             at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c], beyond
         )
         for (kind, channel), columns in rows.endogenous.items():

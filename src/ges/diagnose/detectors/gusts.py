@@ -20,7 +20,7 @@ from scipy.special import fdtrc
 
 from ges.conventions import SDS_95
 from ges.diagnose.design.residual import motion_of
-from ges.diagnose.design.system import Rows, System, build
+from ges.diagnose.design.system import FlightRows, System, build
 from ges.diagnose.estimate.fit import Fitted, Joint, left_raw
 from ges.diagnose.library.candidates import Variant, acts_among, amplitude_of
 from ges.diagnose.prepare.channels import FORCE
@@ -187,7 +187,7 @@ class _ForceWindows:
     wind, (m, 2) east and north, and the push of a unit wind, (m, 2, 2) channel by axis.
     """
 
-    rows: Rows
+    rows: FlightRows
     at: np.ndarray
     wind: np.ndarray
     push: np.ndarray

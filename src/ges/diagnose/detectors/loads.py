@@ -22,7 +22,7 @@ from ges.diagnose.library.candidates import Candidate, Variant, flown, usual_hei
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import Regression, make_regression
 from ges.diagnose.select.scorer import entries, set_scorer
-from ges.diagnose.select.search import Search
+from ges.diagnose.select.search import SearchResult
 from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
 
@@ -49,7 +49,7 @@ class Drawn:
         return Drawn(self.behind_m, ahead_m)
 
 
-def likely_load(regression: Regression, found: Search) -> Variant | None:
+def likely_load(regression: Regression, found: SearchResult) -> Variant | None:
     """The variant of a load on a thread in the best set that has one, where that is not out of the
     question.
     """

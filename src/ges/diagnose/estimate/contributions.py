@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ges.diagnose.design.residual import residual
-from ges.diagnose.design.system import Rows, System
+from ges.diagnose.design.system import FlightRows, System
 from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.prepare.channels import channels
 from ges.diagnose.settings import settings
@@ -68,7 +68,7 @@ def contributions_of(
 
 
 def _added(
-    rows: Rows, effects: effect_table.Effects, model: Model, names: tuple[str, ...]
+    rows: FlightRows, effects: effect_table.Effects, model: Model, names: tuple[str, ...]
 ) -> np.ndarray:
     """Residual with these effects alone less residual with the model's, (m, C); NaN where a channel
     is absent.

@@ -15,7 +15,7 @@ from scipy.optimize import lsq_linear
 
 from ges.diagnose.design.system import System, build, nuisance_of, variant_of
 from ges.diagnose.design.table import Indices, spread
-from ges.diagnose.design.whiten import Noise, White, estimate
+from ges.diagnose.design.whiten import NoiseModel, White, estimate
 from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of, reach_of
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import (
@@ -420,7 +420,7 @@ def polish(
     values: effect_table.Effects,
     free: Sequence[tuple[str, str]],
     flights: Sequence[Prepared] | None = None,
-    held: Noise | None = None,
+    held: NoiseModel | None = None,
 ) -> Fitted:
     """Gauss-Newton over all free parameters, the compiled effects linearised anew each round; a
     step that costs more than it saves is halved, and the noise that a far start left is measured

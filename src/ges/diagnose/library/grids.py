@@ -22,9 +22,9 @@ from ges.diagnose.library.candidates import (
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
-from ges.simulator.effects import Effect, Parameter, Search
+from ges.simulator.effects import Effect, Parameter, SearchHints
 
-Rule = Callable[[Effect, Search, Model, Flown], tuple[Variant, ...]]
+Rule = Callable[[Effect, SearchHints, Model, Flown], tuple[Variant, ...]]
 NOWHERE = Flown()
 
 
@@ -94,7 +94,7 @@ def _variant(effect: Effect, amplitudes: tuple[str, ...], **shape: float) -> Var
     return Variant(effect.name, shape, tuple(amplitude_of(effect.name, n) for n in amplitudes))
 
 
-def _grid(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple[Variant, ...]:
+def _grid(effect: Effect, search: SearchHints, model: Model, reached: Flown) -> tuple[Variant, ...]:
     """One variant for each level of the axis and of what is declared across it, plain or with each
     effect that modifies it.
     """
@@ -124,12 +124,14 @@ def _grid(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple
     return tuple(dataclasses.replace(v, beside=way) for v in plain for way in ways)
 
 
-def _each(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple[Variant, ...]:
+def _each(effect: Effect, search: SearchHints, model: Model, reached: Flown) -> tuple[Variant, ...]:
     """One variant an amplitude."""
     return tuple(_variant(effect, (name,)) for name in search.amplitudes)
 
 
-def _places(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple[Variant, ...]:
+def _places(
+    effect: Effect, search: SearchHints, model: Model, reached: Flown
+) -> tuple[Variant, ...]:
     """At each place, one amplitude a place, and at each two of them; towards more of it alone, as
     no blade heals.
     """
@@ -137,7 +139,7 @@ def _places(effect: Effect, search: Search, model: Model, reached: Flown) -> tup
     return tuple(_one_way(_variant(effect, names), low=0.0) for names in sets)
 
 
-def _axes(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple[Variant, ...]:
+def _axes(effect: Effect, search: SearchHints, model: Model, reached: Flown) -> tuple[Variant, ...]:
     """Every subset of the axes: an error of one axis does not pay for the others. Levels are steps
     of the columns, each of which holds on its side of neutral.
     """
@@ -167,19 +169,25 @@ def _at_level(variant: Variant, *steps: float, **changes: Any) -> Variant:
     )
 
 
-def _at_levels(effect: Effect, search: Search, levels: tuple[float, ...]) -> tuple[Variant, ...]:
+def _at_levels(
+    effect: Effect, search: SearchHints, levels: tuple[float, ...]
+) -> tuple[Variant, ...]:
     plain = _variant(effect, search.amplitudes)
     return tuple(_at_level(plain, level - plain.amplitudes[0].neutral) for level in levels)
 
 
-def _levels(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple[Variant, ...]:
+def _levels(
+    effect: Effect, search: SearchHints, model: Model, reached: Flown
+) -> tuple[Variant, ...]:
     """For what is not linear in its parameter: each column is the whole step from the neutral value
     to a level.
     """
     return _at_levels(effect, search, search.levels)
 
 
-def _asked(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple[Variant, ...]:
+def _asked(
+    effect: Effect, search: SearchHints, model: Model, reached: Flown
+) -> tuple[Variant, ...]:
     """Levels near the top of what was asked of the motors in the air, and shares of the way from
     there to what a take-off asks.
     """
@@ -191,7 +199,9 @@ def _asked(effect: Effect, search: Search, model: Model, reached: Flown) -> tupl
     return _at_levels(effect, search, tuple(levels))
 
 
-def _slower(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple[Variant, ...]:
+def _slower(
+    effect: Effect, search: SearchHints, model: Model, reached: Flown
+) -> tuple[Variant, ...]:
     """Slower than declared by shares of it, slowing down no sooner than speeding up; faster ones
     are within the declared doubt or another matter.
     """
@@ -208,7 +218,9 @@ def _slower(effect: Effect, search: Search, model: Model, reached: Flown) -> tup
     )
 
 
-def _above(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple[Variant, ...]:
+def _above(
+    effect: Effect, search: SearchHints, model: Model, reached: Flown
+) -> tuple[Variant, ...]:
     """A little above the greatest height of the rotors, by radii."""
     if reached.high_m is None:
         return ()
@@ -217,7 +229,9 @@ def _above(effect: Effect, search: Search, model: Model, reached: Flown) -> tupl
     return tuple(_variant(effect, search.amplitudes, **{search.axis[0]: z}) for z in heights)
 
 
-def _beside(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple[Variant, ...]:
+def _beside(
+    effect: Effect, search: SearchHints, model: Model, reached: Flown
+) -> tuple[Variant, ...]:
     """A radius beyond each side of what was flown; where a pull is exponential, how far is one with
     how strong.
     """
@@ -238,7 +252,7 @@ def _beside(effect: Effect, search: Search, model: Model, reached: Flown) -> tup
 
 
 def _over_places(
-    effect: Effect, search: Search, model: Model, reached: Flown
+    effect: Effect, search: SearchHints, model: Model, reached: Flown
 ) -> tuple[Variant, ...]:
     """Above each place that was visited, as wide as the places are apart, so many radii above the
     highest.
@@ -261,12 +275,16 @@ def _over_places(
     )
 
 
-def _hanging(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple[Variant, ...]:
+def _hanging(
+    effect: Effect, search: SearchHints, model: Model, reached: Flown
+) -> tuple[Variant, ...]:
     """Free below the middle, where the tilt shows a swing."""
     return _grid(effect, search, model, reached) if reached.tilt_seen else ()
 
 
-def _lying(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple[Variant, ...]:
+def _lying(
+    effect: Effect, search: SearchHints, model: Model, reached: Flown
+) -> tuple[Variant, ...]:
     """On threads that are longer than the flights are low: the load lies on the ground there."""
     lowest_m = reached.low_m[2] if reached.low_m else 0.0
     levels = tuple(length for length in search.levels if length > lowest_m)
@@ -277,7 +295,9 @@ def _hubs(model: Model) -> list[tuple[float, float]]:
     return [(model.number(f"rotor_{i}_x_m"), model.number(f"rotor_{i}_y_m")) for i in range(1, 5)]
 
 
-def _at_hubs(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple[Variant, ...]:
+def _at_hubs(
+    effect: Effect, search: SearchHints, model: Model, reached: Flown
+) -> tuple[Variant, ...]:
     """Free below each rotor."""
     if not reached.tilt_seen:
         return ()
@@ -288,7 +308,9 @@ def _at_hubs(effect: Effect, search: Search, model: Model, reached: Flown) -> tu
     )
 
 
-def _drawn(effect: Effect, search: Search, model: Model, reached: Flown) -> tuple[Variant, ...]:
+def _drawn(
+    effect: Effect, search: SearchHints, model: Model, reached: Flown
+) -> tuple[Variant, ...]:
     """Drawn over the ground on threads longer than the height of flight, below the middle and below
     each rotor; none that stays slack all the way. Levels are how far behind, over that height.
     """

@@ -29,34 +29,34 @@ from ges.diagnose.types.model import Model
 
 
 @dataclasses.dataclass(frozen=True)
-class Quantity:
+class Factor:
     """A physical quantity along the flights: how it is written, its dimension, its values (n,)."""
 
     text: str
     dimension: Dimension
     values: np.ndarray
 
-    def __mul__(self, other: Quantity) -> Quantity:
+    def __mul__(self, other: Factor) -> Factor:
         text = " ".join(t for t in (self.text, other.text) if t)
-        return Quantity(text, _plus(self.dimension, other.dimension), self.values * other.values)
+        return Factor(text, _plus(self.dimension, other.dimension), self.values * other.values)
 
-    def over(self, other: Quantity) -> Quantity:
+    def over(self, other: Factor) -> Factor:
         """The ratio of two quantities."""
         minus = _plus(self.dimension, other.dimension, -1)
-        return Quantity(f"({self.text}/{other.text})", minus, self.values / other.values)
+        return Factor(f"({self.text}/{other.text})", minus, self.values / other.values)
 
-    def power(self, n: int) -> Quantity:
+    def power(self, n: int) -> Factor:
         """The n-th power."""
-        return Quantity(
+        return Factor(
             f"{self.text}^{n}" if n > 1 else self.text,
             tuple(n * d for d in self.dimension),
             self.values**n,
         )
 
-    def squared(self) -> Quantity:
+    def squared(self) -> Factor:
         """The square with the sign of the quantity, as drag has it."""
         dimension = tuple(2 * d for d in self.dimension)
-        return Quantity(
+        return Factor(
             f"{self.text}|{self.text[1:-1]}|", dimension, self.values * np.abs(self.values)
         )
 
@@ -94,15 +94,15 @@ class Form:
         }
 
 
-def _scales(system: System) -> list[Quantity]:
+def _scales(system: System) -> list[Factor]:
     """What a force or a moment may be a share of: weight and thrust, each alone and with the
     rotors' arm.
     """
     model = system.model
     count = sum(len(r.windows) for r in system.flights)
-    weight = Quantity("m g", FORCE, np.full(count, model.weight_N))
-    arm = Quantity("L", LENGTH, np.full(count, model.arm_m))
-    thrust = Quantity(
+    weight = Factor("m g", FORCE, np.full(count, model.weight_N))
+    arm = Factor("L", LENGTH, np.full(count, model.arm_m))
+    thrust = Factor(
         "T", FORCE, np.concatenate([_thrust(r.flight, r.windows, model) for r in system.flights])
     )
     return [weight, thrust, weight * arm, thrust * arm]
@@ -114,7 +114,7 @@ def _thrust(flight: Prepared, windows: Windows, model: Model) -> np.ndarray:
     )["force_z"]
 
 
-def _shapes(system: System, regimes: Regimes) -> list[Quantity]:
+def _shapes(system: System, regimes: Regimes) -> list[Factor]:
     """Numbers: powers of speeds over the induced speed of hover, of radius over height, and their
     products.
     """
@@ -126,7 +126,7 @@ def _shapes(system: System, regimes: Regimes) -> list[Quantity]:
     }
     # momentum theory: v_h = sqrt(W / (2 rho A)) over the discs of four rotors
     disc = 4.0 * np.pi * model.radius_m**2
-    hover = Quantity(
+    hover = Factor(
         "v_h",
         SPEED,
         np.full(
@@ -142,7 +142,7 @@ def _shapes(system: System, regimes: Regimes) -> list[Quantity]:
         "climb_m_s": "v_z",
     }
     ratios = [
-        Quantity(text, SPEED, values[name]).over(hover)
+        Factor(text, SPEED, values[name]).over(hover)
         for name, text in speeds.items()
         if name in values
     ]
@@ -150,19 +150,19 @@ def _shapes(system: System, regimes: Regimes) -> list[Quantity]:
     if "height_over_radius" not in values:
         return moving
     # a height near zero, or wrong by noise, would make R/h run away
-    near = Quantity("(R/h)", NUMBER, 1.0 / np.maximum(values["height_over_radius"], 0.5))
+    near = Factor("(R/h)", NUMBER, 1.0 / np.maximum(values["height_over_radius"], 0.5))
     cushions = [near.power(n) for n in (1, 2, 3)]
     return [*moving, *cushions, *(a * b for a, b in itertools.product(ratios, cushions[:2]))]
 
 
-def library(system: System, regimes: Regimes, dimension: Dimension) -> list[Quantity]:
+def library(system: System, regimes: Regimes, dimension: Dimension) -> list[Factor]:
     """All terms of this dimension."""
     # a term that does not vary is the constant, which every design has already
     terms = [scale * shape for scale in _scales(system) for shape in _shapes(system, regimes)]
     return [t for t in terms if t.dimension == dimension and np.std(t.values) > 0]
 
 
-def _design(terms: Sequence[Quantity], good: np.ndarray) -> np.ndarray:
+def _design(terms: Sequence[Factor], good: np.ndarray) -> np.ndarray:
     """Columns (n, k + 1), the last a constant: what recalibration takes up is none of the form's
     business.
     """
@@ -180,7 +180,7 @@ def _r2(x: np.ndarray, y: np.ndarray, fold: np.ndarray) -> float:
 
 
 def sparse_form(
-    channel: str, e: np.ndarray, terms: Sequence[Quantity], block: np.ndarray
+    channel: str, e: np.ndarray, terms: Sequence[Factor], block: np.ndarray
 ) -> Form | None:
     """Few terms that together explain a residual; None where not even one does.
 
@@ -193,7 +193,7 @@ def sparse_form(
     good = np.isfinite(e)
     # blocks are dealt out in turn, so that every fold spans all flights
     y, fold = e[good], block[good] % settings.statistics.folds
-    chosen: list[Quantity] = []
+    chosen: list[Factor] = []
     best = 0.0
     while len(chosen) < settings.report.terms:
         # orthogonal matching: all chosen terms are fitted again before the next is matched

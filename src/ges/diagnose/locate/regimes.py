@@ -16,7 +16,7 @@ from ges.diagnose.locate.structure import PLACE, Regimes, Structure, shared, wit
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.kinematics import to_body
 from ges.diagnose.select.evidence import Regression, acts_of
-from ges.diagnose.select.search import Search
+from ges.diagnose.select.search import SearchResult
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 
@@ -308,7 +308,7 @@ def from_findings(
 
 
 def from_open(
-    found: Search,
+    found: SearchResult,
     regression: Regression,
     left: Sequence[np.ndarray],
     regime_values: Regimes,

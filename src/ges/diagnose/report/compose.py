@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from ges.diagnose.advise.detect import smallest_detectable
 from ges.diagnose.advise.next_flight import next_flight
 from ges.diagnose.decide.declared import Contradicted
-from ges.diagnose.decide.withdraw import Answer
+from ges.diagnose.decide.withdraw import Explanation
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.thrust import UnmeasuredThrust
 from ges.diagnose.library.requirements import silent_channels
@@ -38,7 +38,7 @@ from ges.diagnose.types.model import Model
 def composed(
     problem: Problem,
     start: Start,
-    answer: Answer,
+    answer: Explanation,
     left: Sequence[Structure],
     models: Mapping[str, Model],
     proof: Proof,

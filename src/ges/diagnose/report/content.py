@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ges.diagnose.decide.accept import Accepted
-from ges.diagnose.decide.withdraw import Answer
+from ges.diagnose.decide.withdraw import Explanation
 from ges.diagnose.design.answers import strengths
 from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.gusts import GUSTS, heard_by
@@ -33,7 +33,7 @@ from ges.diagnose.types.model import Model, block_of
 from ges.simulator import effects as effect_table
 
 
-def located_by(start: Start, answer: Answer) -> list[dict]:
+def located_by(start: Start, answer: Explanation) -> list[dict]:
     """``located`` of diagnosis.json: where the recalibrated vehicle misses the recordings, where
     findings act, and where something open does.
     """

@@ -12,7 +12,7 @@ import numpy as np
 from ges.diagnose.advise.detect import Found
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.declared import Contradicted
-from ges.diagnose.decide.withdraw import Answer, practically_significant
+from ges.diagnose.decide.withdraw import Explanation, practically_significant
 from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.clocks import settled_findings
@@ -30,7 +30,7 @@ from ges.simulator import effects as effect_table
 
 
 def all_findings(
-    answer: Answer,
+    answer: Explanation,
     wrong: Sequence[Contradicted],
     shift: Shift | UnmeasuredThrust | None,
     gate: Gate,

@@ -10,8 +10,15 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ges.diagnose.design.system import Column, System, nuisance_of, variant_of
-from ges.diagnose.design.whiten import Noise, Part, White, estimate, variance_covariate, whiten
+from ges.diagnose.design.system import DesignColumn, System, nuisance_of, variant_of
+from ges.diagnose.design.whiten import (
+    NoiseModel,
+    White,
+    WhitePart,
+    estimate,
+    variance_covariate,
+    whiten,
+)
 from ges.diagnose.select.bounded import log_mass, log_mass_within
 from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
@@ -82,7 +89,7 @@ def gram_of(white: White, tempering: float = 1.0) -> Gram:
     return Gram(xx, xy, yy, n)
 
 
-def _of_part(part: Part, tempering: float) -> Gram:
+def _of_part(part: WhitePart, tempering: float) -> Gram:
     gram, answer = Gram(*part.products, float(len(part.at))).scaled(tempering), part.answer
     if not answer.shape[1]:
         return gram
@@ -90,7 +97,7 @@ def _of_part(part: Part, tempering: float) -> Gram:
     return _without_copies(gram, tempering * inner, tempering * cross, tempering * right)
 
 
-def unanswered(part: Part) -> tuple[np.ndarray, np.ndarray]:
+def unanswered(part: WhitePart) -> tuple[np.ndarray, np.ndarray]:
     """Columns (n, k) and residuals (n,) weighted down along the answers, so that their products are
     those of :func:`gram_of`.
     """
@@ -115,7 +122,7 @@ def _without_copies(gram: Gram, inner: np.ndarray, cross: np.ndarray, right: np.
 
 
 def flight_grams(
-    whites: Sequence[White], columns: Sequence[Column], tempering: float
+    whites: Sequence[White], columns: Sequence[DesignColumn], tempering: float
 ) -> list[Gram]:
     """Normal equations by flight; what may differ from flight to flight is integrated out
     of each.
@@ -238,7 +245,7 @@ class Regression:
     """
 
     system: System
-    noise: Noise
+    noise: NoiseModel
     whites: tuple[White, ...]
     by_flight: tuple[Gram, ...]
     prior: Prior
@@ -297,7 +304,7 @@ def _sizes(system: System, share: float) -> np.ndarray:
     )
 
 
-def _plausible(column: Column, size: float) -> float:
+def _plausible(column: DesignColumn, size: float) -> float:
     """The size where nothing better is known, but no more than half of its room in the library; 0
     where nothing shows it.
     """
@@ -329,7 +336,7 @@ def make_regression(
     return dataclasses.replace(regression, by_flight=tuple(grams))
 
 
-def whitened(system: System, noise: Noise) -> Regression:
+def whitened(system: System, noise: NoiseModel) -> Regression:
     """Whiten with a known noise and count nothing: what a fit needs."""
     whites = whiten(system.flights, noise, variance_covariate(system.flights))
     nuisance = np.array(
@@ -350,7 +357,7 @@ def _prior(system: System) -> Prior:
     return Prior(mean, sd, low, high)
 
 
-def _bounds(column: Column) -> tuple[float, float, float]:
+def _bounds(column: DesignColumn) -> tuple[float, float, float]:
     """Level, lowest and highest coefficient: about the level, or what the effect's bounds leave."""
     # a moment's part is not how large the effect is, and the bounds of that say nothing of it
     if column.variant is None or column.part == "moment":

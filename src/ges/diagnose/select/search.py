@@ -40,7 +40,7 @@ class Hypothesis:
 
 
 @dataclasses.dataclass(frozen=True)
-class Search:
+class SearchResult:
     """All weighed hypotheses, best first, and the probability that each candidate takes part."""
 
     hypotheses: tuple[Hypothesis, ...]
@@ -118,7 +118,7 @@ def _sets_of(
 
 def search(
     regression: Regression, candidates: Sequence[Candidate], base: Sequence[str] = ()
-) -> Search:
+) -> SearchResult:
     """Weigh the null, all singles, all pairs, and larger sets grown from the best.
 
     Parameters
@@ -176,7 +176,7 @@ def _variant_of(regression: Regression, entry: Entry) -> Variant:
     return variant_of(regression.system.columns[entry.columns[0]])
 
 
-def exactly(regression: Regression, candidates: Sequence[Candidate]) -> Search:
+def exactly(regression: Regression, candidates: Sequence[Candidate]) -> SearchResult:
     """All candidates together and nothing else, the best variant of each."""
     listed = entries(regression, candidates)
     by_name = [
@@ -197,7 +197,7 @@ def exactly(regression: Regression, candidates: Sequence[Candidate]) -> Search:
     )
 
 
-def _normalised(found: list[Hypothesis]) -> Search:
+def _normalised(found: list[Hypothesis]) -> SearchResult:
     total = logsumexp([h.log_evidence for h in found])
     weighed = [
         dataclasses.replace(h, probability=float(np.exp(h.log_evidence - total))) for h in found
@@ -208,4 +208,4 @@ def _normalised(found: list[Hypothesis]) -> Search:
     inclusion = {
         n: float(sum(h.probability for h in weighed if n in h.names)) for n in sorted(names)
     }
-    return Search(tuple(weighed), inclusion)
+    return SearchResult(tuple(weighed), inclusion)

@@ -12,10 +12,10 @@ from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.design.whiten import left_over
 from ges.diagnose.library.candidates import Candidate, Variant, acts_among, family_of
 from ges.diagnose.select.evidence import Regression, make_regression
-from ges.diagnose.select.search import Search, exactly, search
+from ges.diagnose.select.search import SearchResult, exactly, search
 from ges.diagnose.settings import settings
 
-Found = tuple[Regression, Search, tuple[int, ...]]
+Found = tuple[Regression, SearchResult, tuple[int, ...]]
 """A search, its regression, and the columns of what is more probable in it than
 not.
 """
@@ -91,7 +91,7 @@ def _settled(
     return regression, found, tuple(chosen)
 
 
-def _probable(found: Search, system: System) -> dict[int, float]:
+def _probable(found: SearchResult, system: System) -> dict[int, float]:
     """Columns of the best set and their coefficients, of names that are more probable than not;
     which of a family it is makes no difference to what is left.
     """

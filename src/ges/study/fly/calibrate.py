@@ -165,7 +165,7 @@ def misfit(flown: Mapping[str, float]) -> float:
 
 
 @dataclasses.dataclass(frozen=True)
-class Search:
+class GainSearch:
     """What a search of the free numbers looks at.
 
     Points are places within the bounds from 1 to 2, (n,), so that relative steps of derivatives are
@@ -227,7 +227,7 @@ def calibrate(
     calibration : to write (JSON): free numbers, published and flown figures, bounds and seeds of
         the search.
     """
-    search = Search(simulator, plan, pulse, calibration_seeds.list())
+    search = GainSearch(simulator, plan, pulse, calibration_seeds.list())
     start = search.point(
         {
             **simulator.parameters(),

@@ -59,7 +59,7 @@ def _folded(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 
 def _walk(
-    search: calibrate.Search, how: Ensemble, start: dict[str, float]
+    search: calibrate.GainSearch, how: Ensemble, start: dict[str, float]
 ) -> Iterator[dict[str, float]]:
     """A row a step: where the walk is, its misfit and its effects."""
     low, high = ends(calibrate.FREE)
@@ -140,7 +140,7 @@ def fly_ensemble(
     """
     walk = pd.DataFrame(
         _walk(
-            calibrate.Search(simulator, plan, pulse, calibration_seeds.list()),
+            calibrate.GainSearch(simulator, plan, pulse, calibration_seeds.list()),
             ensemble,
             json.loads(Path(calibration).read_text())["fitted"],
         )

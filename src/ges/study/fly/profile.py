@@ -24,7 +24,9 @@ GAIN = "curvature_gain_m"
 EVALUATIONS = 4  # of a refit, each with its derivatives
 
 
-def _refitted(search: calibrate.Search, start: dict[str, float], gain: float) -> dict[str, float]:
+def _refitted(
+    search: calibrate.GainSearch, start: dict[str, float], gain: float
+) -> dict[str, float]:
     """The free numbers that fit best with the gain held, from those of a start."""
     # the residuals keep the pull of the held gain, a constant that moves nothing
     here = search.point({**start, GAIN: gain})
@@ -63,7 +65,7 @@ def fit_profile(
     calibration : what the calibration found (JSON); the refits start there.
     profile : to write (JSON): the free numbers at every gain, and the seeds.
     """
-    search = calibrate.Search(simulator, plan, pulse, calibration_seeds.list())
+    search = calibrate.GainSearch(simulator, plan, pulse, calibration_seeds.list())
     done = [json.loads(Path(calibration).read_text())["fitted"]]
     centre = done[0][GAIN]
     # outwards from the calibrated gain, so that each refit starts from its neighbour
@@ -92,7 +94,7 @@ def fly_profile(
         ``within``, whether the latter is below the number of ``figures``, each then within its
         tolerance on average; and the effects of the refitted simulator.
     """
-    search = calibrate.Search(simulator, plan, pulse, calibration_seeds.list())
+    search = calibrate.GainSearch(simulator, plan, pulse, calibration_seeds.list())
     calibrated = json.loads(Path(calibration).read_text())["fitted"]
     rows, figures = [], len(calibrate.PUBLISHED)
     for numbers in json.loads(Path(profile).read_text())["refitted"]:
