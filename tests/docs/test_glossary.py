@@ -1,8 +1,10 @@
 """Words of the field in the diagnosis: those of the glossary, and none of those that are gone."""
 
+import ast
 import io
 import re
 import tokenize
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -40,3 +42,37 @@ def test_a_word_that_is_gone_is_found_in_names_and_docstrings():
 def test_words_that_are_gone_are_listed_with_those_that_replaced_them():
     listed = (ROOT / "docs/glossary.md").read_text().split("## Words that are gone")[1]
     assert all(word in listed for word in ("board", "foretell", "loose", "overtones", "strain"))
+
+
+TWICE = {
+    "Air",
+    "Airframe",
+    "Design",
+    "Estimate",
+    "Flight",
+    "Flights",
+    "Flown",
+    "Log",
+    "Parameter",
+    "Proof",
+    "Record",
+    "Replay",
+    "Sortie",
+    "Stream",
+    "Table",
+    "Vehicle",
+    "Window",
+    "_Strict",
+}
+"""Names of classes that still have two meanings; none may be added."""
+
+
+def _classes(folder: Path) -> Counter[str]:
+    trees = (ast.parse(p.read_text()) for p in folder.rglob("*.py"))
+    return Counter(n.name for t in trees for n in ast.walk(t) if isinstance(n, ast.ClassDef))
+
+
+def test_a_class_has_a_name_of_its_own():
+    package = Path(ges.__file__).parent
+    assert {name for name, n in _classes(package).items() if n > 1} == TWICE
+    assert max(_classes(package / "diagnose").values()) == 1
