@@ -35,7 +35,7 @@ def _column(name: str) -> SimpleNamespace:
     return SimpleNamespace(variant=SimpleNamespace(effect=name), nuisance=None)
 
 
-def _problem(coefficients: dict[str, float], noise: float = 1.0) -> baselines.Problem:
+def _problem(coefficients: dict[str, float], noise: float = 1.0) -> baselines.BaselineProblem:
     """Three flights of independent columns, residual = columns times coefficients + white noise;
     calibration has no part.
     """
@@ -46,15 +46,15 @@ def _problem(coefficients: dict[str, float], noise: float = 1.0) -> baselines.Pr
         nuisance=SimpleNamespace(effect="thrust_scale", sd=0.1, flight_sd=0.0)
     )
 
-    def rows(n: int) -> baselines.Rows:
+    def rows(n: int) -> baselines.BaselineRows:
         x, free = rng.standard_normal((n, 4)), rng.standard_normal((n, 1))
         y = x @ beta + noise * rng.standard_normal(n)
-        return baselines.Rows(
+        return baselines.BaselineRows(
             y, y + 0.5 * free[:, 0], x, free, x.copy(), np.arange(n) % 2, np.arange(n) % 3
         )
 
     columns = tuple(_column(n) for n in names)
-    return baselines.Problem(
+    return baselines.BaselineProblem(
         ("force_x", "force_y"),
         np.ones(2),
         columns,

@@ -367,6 +367,8 @@ STRANGER: dict[str, Secret] = {
         "interference": _pick(level, (0.04, 0.08, 0.15), rng)
     },
 }
+# library effects that are the same physics in another form: right answers, too
+RELATED = {"wall_suction": ("wall_effect",)}
 EVERY = PHYSICS | PARAMETER | SENSOR | STRANGER
 # what a physical secret brings with it: wind and gusts act through drag, the rest modify the
 # ground's effect

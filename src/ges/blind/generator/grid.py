@@ -278,8 +278,8 @@ def _also(spec: Spec, names: Sequence[str], terrain: str) -> list[list[str]]:
     out = []
     if len(spec.names) == 1 and spec.names[0] in ("wind", "gusts", "actuator_mapping"):
         out.append([spec.names[0]])
-    if spec.names == ("wall_suction",):
-        out.append(["wall_effect"])
+    if len(spec.names) == 1:
+        out += [[relative] for relative in concealed.RELATED.get(spec.names[0], ())]
     if terrain == "step" and "ground_effect" in names:
         out += [[*a, "partial_ground_effect"] for a in [names, *out] if "ground_effect" in a]
     return out

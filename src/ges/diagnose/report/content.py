@@ -120,7 +120,9 @@ def not_tested(system: System, found: Model) -> dict[str, str]:
             )
     # in closed loop only references, as instruments, explain a controller's motion
     references = any(f.has("reference") for f in flights)
-    moved = {n for n in searched if effect_table.get(n).feedback == "dynamic"}
+    # what was named for all that has been tested
+    named = found.effects.keys() - system.model.effects.keys()
+    moved = {n for n in searched - named if effect_table.get(n).feedback == "dynamic"}
     for name in sorted(moved) if not references else ():
         reasons[name] = (
             "needs the references that the controller followed, or its answers to disturbances look"
