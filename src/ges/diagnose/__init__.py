@@ -2,8 +2,8 @@
 flights never seen become.
 
 ``ges.diagnose(recordings, vehicle)`` runs the whole chain of
-:func:`ges.diagnose.pipeline.diagnose`; the modules beside it are its steps: gate, system, evidence,
-select, fit, locate, unknown, verify, report.
+:func:`ges.diagnose.pipeline.diagnose`. The rooms beside it, from the ground up: types, prepare,
+library, design, select, estimate, detectors, locate, decide, advise, prove, report, calibrate.
 """
 
 from __future__ import annotations

@@ -301,8 +301,8 @@ def gaps(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
 def lift(
     flight: Prepared, thrust_coefficient: float, speed_max: float, weight_N: float
 ) -> np.ndarray | None:
-    """Thrust over weight as the drive tells it, (n,), smoothed over 0.3 s; None without rotor
-    speeds and commands.
+    """Thrust over weight by the drive, (n,), smoothed by ``prepare.thrust_smoothing_s``; None
+    without rotor speeds and commands.
 
     Parameters
     ----------
