@@ -1,6 +1,6 @@
 # Two commands on a fresh machine with python3 (3.11 or later), make and a C compiler:
 #   make all       environment, simulator, the whole study, the paper
-#   make test      the same set-up, then the tests of five minutes: parts, laws, readers, a few diagnoses
+#   make test      the same set-up, then the tests of five minutes: parts, effects, readers, a few diagnoses
 # and
 #   make test-all  the tests that make test leaves out: other instructions, sanitizers, whole runs
 #   make lint      format, style and types

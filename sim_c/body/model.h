@@ -6,7 +6,7 @@
 #ifndef GES_MODEL_H
 #define GES_MODEL_H
 
-#include "../effects/effect.h"
+#include "../effects/law.h"
 #include "../sim/parameters.h"
 #include "../world/ground.h"
 
@@ -26,6 +26,7 @@ typedef struct {
   cushion_hook *cushion; /* of the effect that has one, or NULL, and its parameters */
   const vd *cushion_p;
   int wants_agl;
+  law_t law;
 } active_t;
 
 /* One named parameter of every lane. */
@@ -166,6 +167,7 @@ static inline void add_wrenches(const active_t *a, const sample_t *s, const vd *
   for (int j = 0; j < a->n; j++)
     if (a->effect[j]->wrench)
       a->effect[j]->wrench(s, a->p[j], y + Y_X + a->first_state[j], dy + Y_X + a->first_state[j], w);
+  add_law(&a->law, s, w);
 }
 
 /* Ground effect factor of every rotor from the thrust increments near the ground. */
@@ -187,6 +189,9 @@ static inline void add_drive(const active_t *a, const sample_t *s, const vd *y, 
   d->lag_down = lane_max(s->motor_lag + d->lag_down, all_lanes(1e-4));
   d->battery = s->battery_nominal + d->battery;
 }
+
+/* Voltage of the battery, V: as recorded, or as the drive has it where it was not. */
+static inline vd voltage_of(const sample_t *s, const drive_t *d) { return sel(MASK(s->battery == s->battery), s->battery, d->battery); }
 
 /* Force and moment on the body, gravity and gyroscopic terms apart: thrusts, reaction torques, effects. */
 static inline void sum_wrench(const sample_t *s, const wrench_t *w, vd force[3], vd moment[3]) {

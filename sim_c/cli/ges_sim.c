@@ -7,6 +7,7 @@
  *   mass_kg = 1.2                 sets a parameter of it
  *   effect rotor_drag             switches an effect on with its typical parameters
  *   effect.rotor_drag.k_kg = 1e-4 sets a parameter of it
+ *   term 1 0 0.1 V_x R R |V_x|    a term of a law: channel (0 to 5), scale (0 weight, 1 thrust), coefficient, groups
  *   inputs FILE                   table of numbers: 14 columns of references, or 12 of a replay, as control says
  *   columns t_s p_z_m ...         what is recorded, for all flights (default: every column)
  * Output: CSV on standard output, or raw doubles, flight after flight, into FILE.
@@ -96,6 +97,32 @@ static void set_effect(ges_flight *f, char *name, double value, const char *path
   stop(path, line, "unknown parameter of this effect");
 }
 
+static int group_index(const char *name) {
+  const ges_group *table;
+  int n = ges_groups(&table);
+  for (int k = 0; k < n; k++)
+    if (!strcmp(table[k].quantity, name)) return k;
+  return -1;
+}
+
+static void read_term(ges_flight *f, char *text, const char *path, int line) {
+  if (f->effects.n_terms == GES_MAX_TERMS) stop(path, line, "too many terms of laws");
+  ges_term *term = &f->effects.term[f->effects.n_terms];
+  char coefficient[64];
+  int used;
+  if (sscanf(text, "%d %d %63s%n", &term->channel, &term->scale, coefficient, &used) != 3)
+    stop(path, line, "expected term CHANNEL SCALE COEFFICIENT GROUP ...");
+  f->effects.coefficient[f->effects.n_terms++] = strtod(coefficient, NULL);
+  for (char *name = strtok(text + used, " \t"); name; name = strtok(NULL, " \t")) {
+    int magnitude = *name == '|';
+    if (magnitude) name++;
+    name[strcspn(name, "|")] = 0;
+    int k = group_index(name);
+    if (k < 0) stop(path, line, "unknown group; see effects/groups.def");
+    ++*(magnitude ? &term->magnitude[k] : &term->power[k]);
+  }
+}
+
 static void read_inputs(ges_flight *f, const char *file, const char *path, int line) {
   FILE *in = fopen(file, "r");
   size_t n = 0, room = 1024;
@@ -153,6 +180,7 @@ static void read_line(script_t *s, char *text, const char *path, int line) {
   ges_flight *f = &s->flight[s->n - 1];
   ges_effect_info info;
   if (!strcmp(word, "effect")) effect_slot(f, rest, &info, path, line);
+  else if (!strcmp(word, "term")) read_term(f, rest, path, line);
   else if (!strcmp(word, "inputs")) read_inputs(f, rest, path, line);
   else read_assignment(f, text, path, line);
 }

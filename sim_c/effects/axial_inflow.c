@@ -25,7 +25,7 @@ EFFECT(axial_inflow) = {
     .channels = "force_z moment_x moment_y",
     .kind = GES_WRENCH,
     .n_parameters = 1,
-    .laws = GES_LAW_MIRROR | GES_LAW_DISSIPATES | GES_LAW_FREE_AIR,
+    .invariants = GES_INVARIANT_MIRROR | GES_INVARIANT_DISSIPATES | GES_INVARIANT_FREE_AIR,
     .parameters =
         {
          {.name = "k_kg", .unit = "kg", .role = GES_AMPLITUDE, .value = 3e-4, .neutral = 0, .low = 0, .high = 1e-1,

@@ -20,7 +20,7 @@ EFFECT(ceiling_effect) = {
     .channels = "force_z",
     .kind = GES_WRENCH,
     .n_parameters = 2,
-    .laws = GES_LAW_MIRROR,
+    .invariants = GES_INVARIANT_MIRROR,
     .parameters =
         {
          {.name = "amplitude", .unit = "1", .role = GES_AMPLITUDE, .value = 1, .neutral = 0, .low = 0, .high = 12,

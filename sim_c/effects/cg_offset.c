@@ -17,7 +17,7 @@ EFFECT(cg_offset) = {
     .channels = "moment_x moment_y",
     .kind = GES_WRENCH,
     .n_parameters = 2,
-    .laws = GES_LAW_FREE_AIR,
+    .invariants = GES_INVARIANT_FREE_AIR,
     .parameters =
         {
          {.name = "x_m", .unit = "m", .role = GES_AMPLITUDE, .value = 0.005, .neutral = 0, .low = -0.1, .high = 0.1,

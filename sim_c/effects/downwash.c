@@ -24,7 +24,7 @@ EFFECT(downwash) = {
     .channels = "force_x force_y force_z",
     .kind = GES_WRENCH,
     .n_parameters = 6,
-    .laws = GES_LAW_FREE_AIR,
+    .invariants = GES_INVARIANT_FREE_AIR,
     .parameters =
         {
          {.name = "force_N", .unit = "N", .role = GES_AMPLITUDE, .value = 2267.18, .neutral = 0, .low = 0, .high = 1e6,

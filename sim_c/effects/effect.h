@@ -46,6 +46,7 @@ struct sample_s {
   cushion_hook *cushion_at;    /* that hook, for what the cushion would be elsewhere, or NULL where it is off */
   const vd *cushion_p;         /* and its parameters */
   vd battery, battery_nominal; /* V; NaN where it was not recorded */
+  vd voltage;                  /* V; recorded, or as the drive has it; known once the drive is, for `wrench` */
 };
 
 typedef struct {
@@ -68,7 +69,7 @@ typedef struct {
 typedef struct {
   const char *name, *title, *equation, *reference, *modifies, *channels;
   int kind, n_parameters, n_states;
-  unsigned laws;
+  unsigned invariants;
   ges_effect_parameter parameters[GES_MAX_PARAMETERS];
   int about, feedback;
   unsigned hints;

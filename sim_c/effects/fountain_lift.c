@@ -22,7 +22,7 @@ EFFECT(fountain_lift) = {
     .channels = "force_z",
     .kind = GES_WRENCH,
     .n_parameters = 2,
-    .laws = GES_LAW_MIRROR | GES_LAW_FADES,
+    .invariants = GES_INVARIANT_MIRROR | GES_INVARIANT_FADES,
     .parameters =
         {
          {.name = "c_b", .unit = "1", .role = GES_AMPLITUDE, .value = 0.06, .neutral = 0, .low = 0, .high = 0.5,

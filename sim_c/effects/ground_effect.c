@@ -112,7 +112,7 @@ EFFECT(ground_effect) = {
     .channels = "force_z moment_x moment_y",
     .kind = GES_WRENCH,
     .n_parameters = 10,
-    .laws = GES_LAW_MIRROR | GES_LAW_FADES,
+    .invariants = GES_INVARIANT_MIRROR | GES_INVARIANT_FADES,
     .parameters =
         {
          {.name = "form", .unit = "1", .role = GES_SHAPE, .value = 0, .neutral = NAN, .low = 0, .high = 4,

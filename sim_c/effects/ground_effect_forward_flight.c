@@ -23,7 +23,7 @@ EFFECT(ground_effect_forward_flight) = {
     .channels = "force_z moment_x moment_y",
     .kind = GES_WRENCH,
     .n_parameters = 1,
-    .laws = GES_LAW_MIRROR | GES_LAW_FADES,
+    .invariants = GES_INVARIANT_MIRROR | GES_INVARIANT_FADES,
     .parameters =
         {
          {.name = "c", .unit = "1", .role = GES_AMPLITUDE, .value = 1, .neutral = 0, .low = 0, .high = 10,

@@ -28,7 +28,7 @@ EFFECT(ground_effect_lag) = {
     .kind = GES_WRENCH,
     .n_parameters = 1,
     .n_states = 4,
-    .laws = GES_LAW_MIRROR | GES_LAW_FADES,
+    .invariants = GES_INVARIANT_MIRROR | GES_INVARIANT_FADES,
     .parameters =
         {
          {.name = "c", .unit = "1", .role = GES_AMPLITUDE, .value = 1.5, .neutral = 0, .low = 0, .high = 30,

@@ -20,7 +20,7 @@ EFFECT(ground_effect_moment) = {
     .channels = "moment_x moment_y",
     .kind = GES_WRENCH,
     .n_parameters = 1,
-    .laws = GES_LAW_MIRROR | GES_LAW_FADES,
+    .invariants = GES_INVARIANT_MIRROR | GES_INVARIANT_FADES,
     .parameters =
         {
          {.name = "q", .unit = "1", .role = GES_AMPLITUDE, .value = 0.5, .neutral = 0, .low = -10, .high = 10,

@@ -17,7 +17,7 @@ EFFECT(gyroscopic_moment) = {
     .channels = "moment_x moment_y",
     .kind = GES_WRENCH,
     .n_parameters = 1,
-    .laws = GES_LAW_NO_WORK | GES_LAW_FREE_AIR,
+    .invariants = GES_INVARIANT_NO_WORK | GES_INVARIANT_FREE_AIR,
     .parameters =
         {
          {.name = "inertia_kg_m2", .unit = "kg m^2", .role = GES_AMPLITUDE, .value = 0.0001, .neutral = 0, .low = 0, .high = 0.1,

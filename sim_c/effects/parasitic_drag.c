@@ -19,7 +19,7 @@ EFFECT(parasitic_drag) = {
     .channels = "force_x force_y force_z",
     .kind = GES_WRENCH,
     .n_parameters = 2,
-    .laws = GES_LAW_MIRROR | GES_LAW_DISSIPATES | GES_LAW_FREE_AIR,
+    .invariants = GES_INVARIANT_MIRROR | GES_INVARIANT_DISSIPATES | GES_INVARIANT_FREE_AIR,
     .parameters =
         {
          {.name = "area_m2", .unit = "m^2", .role = GES_AMPLITUDE, .value = 0.02, .neutral = 0, .low = 0, .high = 1,

@@ -42,7 +42,7 @@ EFFECT(partial_ground_effect) = {
     .channels = "force_z moment_x moment_y",
     .kind = GES_WRENCH,
     .n_parameters = 1,
-    .laws = GES_LAW_FADES,
+    .invariants = GES_INVARIANT_FADES,
     .parameters =
         {
          {.name = "k", .unit = "1", .role = GES_AMPLITUDE, .value = 0.7, .neutral = 0, .low = 0, .high = 2,

@@ -26,7 +26,7 @@ EFFECT(rotor_cant) = {
     .channels = "moment_z",
     .kind = GES_WRENCH,
     .n_parameters = 1,
-    .laws = GES_LAW_FREE_AIR,
+    .invariants = GES_INVARIANT_FREE_AIR,
     .parameters =
         {
          {.name = "angle_rad", .unit = "rad", .role = GES_AMPLITUDE, .value = 0.01, .neutral = 0, .low = -0.2, .high = 0.2,

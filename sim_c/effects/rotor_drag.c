@@ -27,7 +27,7 @@ EFFECT(rotor_drag) = {
     .channels = "force_x force_y",
     .kind = GES_WRENCH,
     .n_parameters = 1,
-    .laws = GES_LAW_MIRROR | GES_LAW_DISSIPATES | GES_LAW_FREE_AIR,
+    .invariants = GES_INVARIANT_MIRROR | GES_INVARIANT_DISSIPATES | GES_INVARIANT_FREE_AIR,
     .parameters =
         {
          {.name = "k_kg", .unit = "kg", .role = GES_AMPLITUDE, .value = 1e-4, .neutral = 0, .low = 0, .high = 1e-2,

@@ -14,7 +14,7 @@ EFFECT(rotor_inertia_reaction) = {
     .channels = "moment_z",
     .kind = GES_WRENCH,
     .n_parameters = 1,
-    .laws = GES_LAW_FREE_AIR,
+    .invariants = GES_INVARIANT_FREE_AIR,
     .parameters =
         {
          {.name = "inertia_kg_m2", .unit = "kg m^2", .role = GES_AMPLITUDE, .value = 0.0001, .neutral = 0, .low = 0, .high = 0.1,

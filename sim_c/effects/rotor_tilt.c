@@ -21,7 +21,7 @@ EFFECT(rotor_tilt) = {
     .channels = "force_x force_y",
     .kind = GES_WRENCH,
     .n_parameters = 2,
-    .laws = GES_LAW_FREE_AIR,
+    .invariants = GES_INVARIANT_FREE_AIR,
     .parameters =
         {
          {.name = "x_rad", .unit = "rad", .role = GES_AMPLITUDE, .value = 0.02, .neutral = 0, .low = -0.2, .high = 0.2,

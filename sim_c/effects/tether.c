@@ -22,7 +22,7 @@ EFFECT(tether) = {
     .channels = "force_x force_y force_z",
     .kind = GES_WRENCH,
     .n_parameters = 5,
-    .laws = GES_LAW_FREE_AIR,
+    .invariants = GES_INVARIANT_FREE_AIR,
     .parameters =
         {
          {.name = "weight_N_m", .unit = "N/m", .role = GES_AMPLITUDE, .value = 0.1, .neutral = 0, .low = 0, .high = 50,

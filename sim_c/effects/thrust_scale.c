@@ -14,7 +14,7 @@ EFFECT(thrust_scale) = {
     .channels = "force_z",
     .kind = GES_WRENCH,
     .n_parameters = 1,
-    .laws = GES_LAW_MIRROR | GES_LAW_FREE_AIR,
+    .invariants = GES_INVARIANT_MIRROR | GES_INVARIANT_FREE_AIR,
     .parameters =
         {
          {.name = "scale", .unit = "1", .role = GES_AMPLITUDE, .value = 0.05, .neutral = 0, .low = -0.9, .high = 9,

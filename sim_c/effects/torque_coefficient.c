@@ -14,7 +14,7 @@ EFFECT(torque_coefficient) = {
     .channels = "moment_z",
     .kind = GES_WRENCH,
     .n_parameters = 1,
-    .laws = GES_LAW_FREE_AIR,
+    .invariants = GES_INVARIANT_FREE_AIR,
     .parameters =
         {
          {.name = "scale", .unit = "1", .role = GES_AMPLITUDE, .value = 0.2, .neutral = 0, .low = -0.9, .high = 3,

@@ -17,7 +17,7 @@ EFFECT(translational_lift) = {
     .channels = "force_z",
     .kind = GES_WRENCH,
     .n_parameters = 1,
-    .laws = GES_LAW_MIRROR | GES_LAW_FREE_AIR,
+    .invariants = GES_INVARIANT_MIRROR | GES_INVARIANT_FREE_AIR,
     .parameters =
         {
          {.name = "c", .unit = "1", .role = GES_AMPLITUDE, .value = 0.3, .neutral = 0, .low = 0, .high = 3,

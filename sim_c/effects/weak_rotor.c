@@ -17,7 +17,7 @@ EFFECT(weak_rotor) = {
     .channels = "force_z moment_x moment_y moment_z",
     .kind = GES_WRENCH,
     .n_parameters = 4,
-    .laws = GES_LAW_FREE_AIR,
+    .invariants = GES_INVARIANT_FREE_AIR,
     .parameters =
         {
          {.name = "loss_1", .unit = "1", .role = GES_AMPLITUDE, .value = 0.15, .neutral = 0, .low = -0.5, .high = 1,

@@ -16,11 +16,13 @@
 
 #include <stdint.h>
 
-#define GES_ABI 4
+#define GES_ABI 5
 #define GES_ROTORS 4
 #define GES_MAX_EFFECTS 40       /* effects switched on in one flight */
 #define GES_MAX_PARAMETERS 12    /* parameters of one effect */
 #define GES_MAX_STATES 8         /* extra states of one effect */
+#define GES_MAX_TERMS 24         /* terms of the laws of one flight */
+#define GES_MAX_GROUPS 16        /* dimensionless groups that terms are made of */
 #define GES_REFERENCE_COLUMNS 14 /* p_ref[3] v_ref[3] a_ref[3] yaw_ref, excitation: angular acc. [3], vertical acc. */
 #define GES_REPLAY_COLUMNS 12    /* drive[4] q[4] battery_V omega[3] */
 
@@ -101,13 +103,13 @@ typedef struct {
 
 enum { GES_WRENCH = 0, GES_ACTUATOR = 1, GES_SENSOR = 2, GES_WIND = 3, GES_PARAMETER = 4 };
 
-/* Laws an effect promises; the contract tests hold it to them. */
+/* What stays true of an effect whatever the state; the contract tests hold it to that. */
 enum {
-  GES_LAW_MIRROR = 1,     /* reflecting the vehicle left-right reflects the wrench */
-  GES_LAW_DISSIPATES = 2, /* never feeds energy into the motion relative to the air */
-  GES_LAW_NO_WORK = 4,    /* its power is zero */
-  GES_LAW_FADES = 8,      /* vanishes far from the ground */
-  GES_LAW_FREE_AIR = 16   /* does not depend on the ground */
+  GES_INVARIANT_MIRROR = 1,     /* reflecting the vehicle left-right reflects the wrench */
+  GES_INVARIANT_DISSIPATES = 2, /* never feeds energy into the motion relative to the air */
+  GES_INVARIANT_NO_WORK = 4,    /* its power is zero */
+  GES_INVARIANT_FADES = 8,      /* vanishes far from the ground */
+  GES_INVARIANT_FREE_AIR = 16   /* does not depend on the ground */
 };
 
 /* What a finding is about: physics that a simulator lacks, a number that it has wrong, or a sensor. */
@@ -141,7 +143,7 @@ typedef struct {
   const char *modifies; /* name of the effect without which this one is nothing, or NULL */
   const char *channels; /* space-separated: force_x ... moment_z drive range gyro acc attitude */
   int kind, n_parameters, n_states;
-  unsigned laws;
+  unsigned invariants;
   const ges_effect_parameter *parameters;
   int about, feedback;
   unsigned hints;
@@ -165,11 +167,28 @@ typedef struct {
   const double *z_m;
 } ges_grid;
 
-/* Effects switched on, in any order. */
+/* A dimensionless group, quantity over reference, and what has to be recorded to know it. */
+typedef struct {
+  const char *quantity, *reference, *needs, *doc;
+} ges_group;
+
+enum { GES_SCALE_WEIGHT = 0, GES_SCALE_THRUST = 1 };
+
+/* A term of a law, see effects/law.h: into channel (0 to 2 force, 3 to 5 moment, body frame), scale times the product
+ * of g^power |g|^magnitude over the groups g. */
+typedef struct {
+  int channel, scale;
+  int power[GES_MAX_GROUPS], magnitude[GES_MAX_GROUPS];
+} ges_term;
+
+/* Effects switched on, in any order, and the terms of laws, each with its coefficient. */
 typedef struct {
   int n;
   int id[GES_MAX_EFFECTS];
   double value[GES_MAX_EFFECTS][GES_MAX_PARAMETERS];
+  int n_terms;
+  ges_term term[GES_MAX_TERMS];
+  double coefficient[GES_MAX_TERMS];
 } ges_effects;
 
 typedef struct {
@@ -197,6 +216,7 @@ int ges_modes(const ges_choice **table);
 int ges_controllers(const ges_choice **table);
 int ges_effect_count(void);
 int ges_effect(int id, ges_effect_info *info);
+int ges_groups(const ges_group **table);
 
 /* Fly n flights; columns selects what is recorded; lanes is 0 (choose) or at most 1, 2, 4 or 8. Results do not
  * depend on it. */

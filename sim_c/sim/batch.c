@@ -47,6 +47,13 @@ static const ges_column replay_out_table[] = {
 #undef X
 };
 
+static const ges_group group_table[] = {
+#define X(quantity, reference, needs, doc, expression) {#quantity, #reference, needs, doc},
+#include "../effects/groups.def"
+#undef X
+};
+enum { N_GROUPS = sizeof group_table / sizeof *group_table };
+
 static const ges_choice mode_table[] = {
 #define X(name, runs_network, factor, doc) {#name, doc, 0},
 #include "../firmware/modes.def"
@@ -98,13 +105,18 @@ int ges_effect(int id, ges_effect_info *info) {
   while (n < GES_MAX_SEARCHES && e->search[n].amplitudes) n++;
   *info = (ges_effect_info){
       .name = e->name, .title = e->title, .equation = e->equation, .reference = e->reference, .modifies = e->modifies,
-      .channels = e->channels, .kind = e->kind, .n_parameters = e->n_parameters, .n_states = e->n_states, .laws = e->laws,
+      .channels = e->channels, .kind = e->kind, .n_parameters = e->n_parameters, .n_states = e->n_states, .invariants = e->invariants,
       .parameters = e->parameters, .about = e->about, .feedback = e->feedback, .hints = e->hints, .rarity = e->rarity,
       .needs = e->needs, .through = e->through, .family = e->family, .usual_beside = e->usual_beside,
       .error_of = e->error_of, .unexcited_like = e->unexcited_like, .settled = e->settled,
       .carried = e->carried.levels, .n_carried = e->carried.n_levels, .n_searches = n, .searches = e->search,
   };
   return 1;
+}
+
+int ges_groups(const ges_group **table) {
+  *table = group_table;
+  return N_GROUPS;
 }
 
 /* ---- checks ------------------------------------------------------------------------------------------------ */
@@ -149,6 +161,20 @@ static int check_parameters(const double *p, char *error, int size) {
   return 1;
 }
 
+static int check_law(const ges_effects *e, char *error, int size) {
+  if (e->n_terms < 0 || e->n_terms > GES_MAX_TERMS)
+    return fail(error, size, "%d terms of laws; at most %d at once", e->n_terms, GES_MAX_TERMS);
+  for (int j = 0; j < e->n_terms; j++) {
+    const ges_term *term = &e->term[j];
+    int known = term->channel >= 0 && term->channel < 6 && (term->scale == GES_SCALE_WEIGHT || term->scale == GES_SCALE_THRUST);
+    for (int k = 0; k < GES_MAX_GROUPS; k++)
+      known = known && term->power[k] >= 0 && term->magnitude[k] >= 0 && (k < N_GROUPS || term->power[k] + term->magnitude[k] == 0);
+    if (!known) return fail(error, size, "term %d of the laws has no such channel, scale, group or power", j + 1);
+    if (!isfinite(e->coefficient[j])) return fail(error, size, "term %d of the laws has coefficient %g; it must be finite", j + 1, e->coefficient[j]);
+  }
+  return 1;
+}
+
 static int check_effects(const ges_effects *e, char *error, int size) {
   const effect_t *cushion = NULL;
   if (e->n < 0 || e->n > GES_MAX_EFFECTS) return fail(error, size, "%d effects; at most %d at once", e->n, GES_MAX_EFFECTS);
@@ -168,7 +194,7 @@ static int check_effects(const ges_effects *e, char *error, int size) {
                     q->low, q->high);
     }
   }
-  return 1;
+  return check_law(e, error, size);
 }
 
 static int check_grid(const double *p, const ges_grid *g, char *error, int size) {
@@ -214,6 +240,8 @@ static void set_effects(plan_t *plan, const ges_effects *e) {
   plan->n_effects = e->n;
   for (int j = 0; j < e->n; j++) plan->effect[j] = e->id[j];
   qsort(plan->effect, (size_t)e->n, sizeof *plan->effect, compare_int);
+  plan->n_terms = e->n_terms;
+  memcpy(plan->term, e->term, (size_t)e->n_terms * sizeof *e->term);
 }
 
 static int n_steps(const double *p) { return (int)floor(p[P_duration_s] / p[P_dt_s] + 0.5); }

@@ -81,9 +81,19 @@ static void add_active(active_t *a, int id, const ges_effects *const *effects) {
   if (e->blow) a->wants_agl = 1;
 }
 
+static void load_law(law_t *law, const plan_t *plan, const ges_effects *const *effects) {
+  law->n = plan->n_terms;
+  law->term = plan->term;
+  for (int j = 0; j < law->n; j++) {
+    for (int i = 0; i < GES_W; i++) set_lane(&law->coefficient[j], i, effects[i]->coefficient[j]);
+    for (int k = 0; k < N_GROUPS; k++) law->uses[k] |= law->term[j].power[k] + law->term[j].magnitude[k] > 0;
+  }
+}
+
 static void load_active(active_t *a, const plan_t *plan, const ges_effects *const *effects) {
   memset(a, 0, sizeof *a);
   for (int j = 0; j < plan->n_effects; j++) add_active(a, plan->effect[j], effects);
+  load_law(&a->law, plan, effects);
 }
 
 static void load_noise(noise_t *n, const double *const *p) {
@@ -465,7 +475,7 @@ static void drive_rates(lanes_t *l, const vd *y, vd *dy) {
   drive_t d;
   sample_t *s = &l->sample;
   add_drive(&l->active, s, y, dy, &d);
-  l->report.battery = sel(MASK(s->battery == s->battery), s->battery, d.battery);
+  s->voltage = l->report.battery = voltage_of(s, &d);
   vd up = 1.0 / lane_max(d.lag_up, l->dt), down = 1.0 / lane_max(d.lag_down, l->dt); /* faster than a step: one step */
   for (int i = 0; i < GES_ROTORS; i++) {
     vd change = d.speed[i] - s->speed[i];
@@ -677,6 +687,7 @@ static void evaluate(replay_t *r) {
   add_ground(a, s, r->y, r->dy, &r->wrench);
   set_factor(s, r->wrench.thrust);
   add_drive(a, s, r->y, r->dy, &r->drive);
+  s->voltage = voltage_of(s, &r->drive);
   add_wrenches(a, s, r->y, r->dy, &r->wrench);
   sum_wrench(s, &r->wrench, r->force, r->moment);
 }

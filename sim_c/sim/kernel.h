@@ -10,6 +10,8 @@ typedef struct {
   int integrator, control, attitude_imposed;
   int references; /* whether there is an input table, and it holds references */
   int n_effects, effect[GES_MAX_EFFECTS]; /* in the order of effects.def */
+  int n_terms;
+  ges_term term[GES_MAX_TERMS];
 } plan_t;
 
 enum {

@@ -57,8 +57,8 @@ def _python(library: Path, *arguments: str) -> subprocess.CompletedProcess:
 
 
 @pytest.mark.slow
-def test_the_new_effect_keeps_its_laws(copy):
-    done = _python(copy, str(ROOT / "tests/contract/laws.py"))
+def test_the_new_effect_keeps_its_invariants(copy):
+    done = _python(copy, str(ROOT / "tests/contract/invariants.py"))
     assert done.returncode == 0, done.stdout + done.stderr
 
 

@@ -1,4 +1,5 @@
-"""In C a mode, a controller and an effect stand in one place each, and no name or law decides."""
+"""In C a mode, a controller and an effect stand in one place each, and no name or
+invariant decides."""
 
 import json
 import os
@@ -48,11 +49,11 @@ def test_effects_are_named_in_their_files_and_in_one_table():
         assert places(rf'"{name}"') <= {f"{other}.c" for other in effects.table()}
 
 
-def test_no_law_decides():
-    """Laws are promises for the tests: in what flies they are listed, and nothing reads them."""
+def test_no_invariant_decides():
+    """Invariants are for the tests: in what flies they are listed, and nothing reads them."""
     engine = [path for path in FLYING if path.parent.name not in ("effects", "include")]
-    lines = [line for path in engine for line in code(path).splitlines() if "law" in line.lower()]
-    assert len(lines) == 1 and ".laws = e->laws," in lines[0]
+    lines = [line for path in engine for line in code(path).splitlines() if "invariant" in line]
+    assert len(lines) == 1 and ".invariants = e->invariants," in lines[0]
 
 
 def test_no_mode_and_no_controller_is_compared_with_a_number():

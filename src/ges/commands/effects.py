@@ -25,8 +25,8 @@ def _markdown(effect: effects.Effect) -> str:
     ]
     if effect.modifies:
         facts.append(f"acts on `{effect.modifies}` and is nothing without it")
-    if effect.laws:
-        facts.append(f"promises: {', '.join(sorted(effect.laws))}")
+    if effect.invariants:
+        facts.append(f"promises: {', '.join(sorted(effect.invariants))}")
     head = (
         "| parameter | unit | typical | off | bounds | meaning |\n| --- | --- | --- | --- | --- |"
         " --- |"

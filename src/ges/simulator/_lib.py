@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes as ct
 import functools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -18,8 +18,9 @@ from numpy.typing import ArrayLike
 
 from ges.errors import GesError
 
-ABI = 4
+ABI = 5
 MAX_EFFECTS, MAX_PARAMETERS, MAX_LEVELS = 40, 12, 40
+MAX_TERMS, MAX_GROUPS = 24, 16
 _ERROR_SIZE = 512
 _double_p = ct.POINTER(ct.c_double)
 
@@ -80,7 +81,7 @@ class CEffectInfo(ct.Structure):
         *((n, ct.c_char_p) for n in ("name", "title", "equation", "reference")),
         *((n, ct.c_char_p) for n in ("modifies", "channels")),
         *((n, ct.c_int) for n in ("kind", "n_parameters", "n_states")),
-        ("laws", ct.c_uint),
+        ("invariants", ct.c_uint),
         ("parameters", ct.POINTER(CEffectParameter)),
         *((n, ct.c_int) for n in ("about", "feedback")),
         ("hints", ct.c_uint),
@@ -101,11 +102,25 @@ class CGrid(ct.Structure):
     )
 
 
+class CGroup(ct.Structure):
+    _fields_ = [(n, ct.c_char_p) for n in ("quantity", "reference", "needs", "doc")]
+
+
+class CTerm(ct.Structure):
+    _fields_ = [
+        *((n, ct.c_int) for n in ("channel", "scale")),
+        *((n, ct.c_int * MAX_GROUPS) for n in ("power", "magnitude")),
+    ]
+
+
 class CEffects(ct.Structure):
     _fields_ = [
         ("n", ct.c_int),
         ("id", ct.c_int * MAX_EFFECTS),
         ("value", (ct.c_double * MAX_PARAMETERS) * MAX_EFFECTS),
+        ("n_terms", ct.c_int),
+        ("term", CTerm * MAX_TERMS),
+        ("coefficient", ct.c_double * MAX_TERMS),
     ]
 
 
@@ -254,14 +269,33 @@ def effect_infos() -> list[CEffectInfo]:
     return infos
 
 
-def pack_effects(effects: list[tuple[int, list[float]]]) -> CEffects:
-    """Effects as (number, parameter values)."""
+def group_table() -> list[tuple[str, str, str, str]]:
+    """(quantity, reference, needs, doc) of every dimensionless group that laws are made of."""
+    table = ct.POINTER(CGroup)()
+    n = load().ges_groups(ct.byref(table))
+    return [tuple(s.decode() for s in (g.quantity, g.reference, g.needs, g.doc)) for g in table[:n]]
+
+
+def pack_effects(
+    effects: list[tuple[int, list[float]]],
+    terms: Sequence[tuple[int, int, Sequence[int], Sequence[int], float]] = (),
+) -> CEffects:
+    """Effects as (number, parameter values), terms of laws as (channel, scale, powers, powers of
+    magnitudes, coefficient), a power for every group.
+    """
     if len(effects) > MAX_EFFECTS:
         raise GesError(f"{len(effects)} effects are switched on; at most {MAX_EFFECTS} at once")
-    packed = CEffects(n=len(effects))
+    if len(terms) > MAX_TERMS:
+        raise GesError(f"the laws have {len(terms)} terms; at most {MAX_TERMS} at once")
+    packed = CEffects(n=len(effects), n_terms=len(terms))
     for j, (number, values) in enumerate(effects):
         packed.id[j] = number
         packed.value[j][: len(values)] = values
+    for j, (channel, scale, power, magnitude, coefficient) in enumerate(terms):
+        packed.term[j] = CTerm(channel=channel, scale=scale)
+        packed.term[j].power[: len(power)] = power
+        packed.term[j].magnitude[: len(magnitude)] = magnitude
+        packed.coefficient[j] = coefficient
     return packed
 
 

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ges.errors import GesError, UsageError, unknown_name
-from ges.simulator import _lib
+from ges.simulator import _lib, laws
 from ges.simulator.terrain import Terrain
 
 if TYPE_CHECKING:
     import pandas as pd
 
 KINDS = ("wrench", "actuator", "sensor", "wind", "parameter")
-LAWS = {"mirror": 1, "dissipates": 2, "no_work": 4, "fades": 8, "free_air": 16}
+INVARIANTS = {"mirror": 1, "dissipates": 2, "no_work": 4, "fades": 8, "free_air": 16}
 ROLES = {1: "amplitude", 2: "shape", 3: "switch"}
 TRIMS = {0: "", 1: "thrust", 2: "rotor", 3: "lever", 4: "yaw"}
 ABOUT = {1: "physics", 2: "parameter", 3: "sensor"}
@@ -158,7 +158,7 @@ class Effect:
     channels: tuple[str, ...]
     kind: str
     n_states: int
-    laws: frozenset[str]
+    invariants: frozenset[str]
     parameters: tuple[Parameter, ...]
     about: str
     feedback: str
@@ -298,7 +298,7 @@ def _effect(number: int, info: _lib.CEffectInfo) -> Effect:
         channels=_words(info.channels),
         kind=KINDS[info.kind],
         n_states=info.n_states,
-        laws=frozenset(law for law, bit in LAWS.items() if info.laws & bit),
+        invariants=frozenset(name for name, bit in INVARIANTS.items() if info.invariants & bit),
         parameters=tuple(map(_parameter, info.parameters[: info.n_parameters])),
         about=ABOUT[info.about],
         feedback=FEEDBACK[info.feedback],
@@ -326,8 +326,71 @@ def table() -> dict[str, Effect]:
     }
 
 
+class _Law(Effect):
+    """Laws as an effect: its parameters are coefficients by term (:mod:`ges.simulator.laws`)."""
+
+    def parameter(self, name: str) -> Parameter:
+        """The coefficient of a term; an impossible one is a UsageError."""
+        return Parameter(
+            name=laws.term_of(name).key,
+            unit="1",
+            doc="coefficient of the term",
+            role="amplitude",
+            default=1.0,
+            neutral=0.0,
+            low=-math.inf,
+            high=math.inf,
+            fit_low=-math.inf,
+            fit_high=math.inf,
+            plausible=0.0,
+            usual=0.0,
+            usual_sd=0.0,
+            usual_share=0.0,
+            fitted=False,
+            whole=False,
+            trim="",
+            corrects=(),
+            acts_above=None,
+            reach=0.0,
+            reach_over="",
+            doubt=None,
+        )
+
+
+@functools.lru_cache(maxsize=1)
+def _law() -> Effect:
+    return _Law(
+        number=-1,
+        name=laws.LAW,
+        title="law found in flights, which no effect of the library has",
+        equation="F_c = sum_j c_j m g prod_k g_k^n |g_k|^m",
+        reference="Buckingham 1914",
+        modifies=None,
+        channels=laws.CHANNELS,
+        kind="wrench",
+        n_states=0,
+        invariants=frozenset(),
+        parameters=(),
+        about="law",
+        feedback="none",
+        hints=frozenset(),
+        rarity=1.0,
+        needs=(),
+        through=(),
+        family=laws.LAW,
+        usual_beside="",
+        error_of="",
+        unexcited_like="",
+        settled="",
+        carried=(),
+        searches=(),
+    )
+
+
 def get(name: str) -> Effect:
-    """One effect; an unknown name is a UsageError that names the nearest."""
+    """One effect, or laws as one; an unknown name is a UsageError that names the nearest."""
+    if name == laws.LAW:
+        return _law()
     known = table()
     if name not in known:
         raise unknown_name("effect", name, known)
@@ -337,7 +400,12 @@ def get(name: str) -> Effect:
 def pack(effects: Effects) -> _lib.CEffects:
     """Effects as the library takes them."""
     return _lib.pack_effects(
-        [(get(name).number, get(name).values(values or {})) for name, values in effects.items()]
+        [
+            (get(name).number, get(name).values(values or {}))
+            for name, values in effects.items()
+            if name != laws.LAW
+        ],
+        laws.packed(effects.get(laws.LAW, {})),
     )
 
 

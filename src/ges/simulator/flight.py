@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ges.errors import UsageError, unknown_name
-from ges.simulator import _lib, effects
+from ges.simulator import _lib, effects, laws
 from ges.simulator.terrain import Terrain
 
 
@@ -190,6 +190,15 @@ def fly(
     ]
 
 
+def _term_line(term: tuple) -> str:
+    """A term of a law, as :func:`ges.simulator.laws.packed` has it, for ``ges_sim``."""
+    channel, scale, power, magnitude, coefficient = term
+    names = [group.quantity for group in laws.groups().values()]
+    factors = [q for q, n in zip(names, power, strict=True) for _ in range(n)]
+    factors += [f"|{q}|" for q, m in zip(names, magnitude, strict=True) for _ in range(m)]
+    return f"term {channel} {scale} {coefficient.hex()} {' '.join(factors)}"
+
+
 def write_script(
     flights: Sequence[Flight], path: str | Path, wanted: Iterable[str] | None = None
 ) -> None:
@@ -207,6 +216,9 @@ def write_script(
         # hexadecimal floats lose no bit
         lines += [f"{name} = {float(value).hex()}" for name, value in flight.numbers().items()]
         for name, values in flight.effects.items():
+            if name == laws.LAW:
+                lines += map(_term_line, laws.packed(values))
+                continue
             lines.append(f"effect {name}")
             lines += [
                 f"effect.{name}.{key} = {float(value).hex()}" for key, value in values.items()

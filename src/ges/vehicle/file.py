@@ -18,6 +18,7 @@ from pydantic_core import ErrorDetails
 from ges.conventions import GRAVITY_M_S2, N_ROTORS
 from ges.errors import GesError, UsageError, unknown_name
 from ges.files import write_text
+from ges.simulator import laws
 from ges.simulator.terrain import Terrain
 from ges.vehicle import library
 
@@ -139,6 +140,31 @@ class GroundFile(_Strict):
         return self
 
 
+class Law(_Strict):
+    """Force or moment on the body that no effect has, as :mod:`ges.simulator.laws` writes it, with
+    the sd of every coefficient, none where they are exactly known.
+    """
+
+    channel: str
+    form: str
+    sd: tuple[Annotated[float, pydantic.Field(ge=0)], ...] = ()
+
+    @pydantic.model_validator(mode="after")
+    def _readable(self) -> Law:
+        try:
+            count = len(self.terms())
+        except UsageError as error:
+            # pydantic collects what is a ValueError
+            raise ValueError(str(error)) from None
+        if self.sd and len(self.sd) != count:
+            raise ValueError(f"sd has {len(self.sd)} numbers, the form {count} terms; one for each")
+        return self
+
+    def terms(self) -> dict[laws.Term, float]:
+        """Coefficients by term."""
+        return laws.parse(self.channel, self.form)
+
+
 class Vehicle(_Strict):
     """What the simulator is told of a vehicle."""
 
@@ -153,6 +179,7 @@ class Vehicle(_Strict):
     rho_kg_m3: Positive = Quantity(value=1.225)
     terrain: GroundFile = GroundFile()
     effects: dict[str, dict[str, Estimate]] = {}
+    laws: tuple[Law, ...] = ()
     left_unexplained: dict[str, Annotated[float, pydantic.Field(ge=0)]] | None = None
     """By channel (``force_z`` in N, ``moment_y`` in N m...): rms of what even the flights of its
     calibration show beyond it; with ``_size``, the largest that their residual gets anywhere.
@@ -164,6 +191,15 @@ class Vehicle(_Strict):
         if not rotors:
             raise ValueError("the list is empty; a vehicle has at least one rotor")
         return rotors
+
+    @pydantic.field_validator("laws")
+    @classmethod
+    def _once(cls, given: tuple[Law, ...]) -> tuple[Law, ...]:
+        channels = [law.channel for law in given]
+        for channel in channels:
+            if channels.count(channel) > 1:
+                raise ValueError(f"{channel} has more than one law; write their sum as one form")
+        return given
 
     @pydantic.model_validator(mode="before")
     @classmethod
@@ -194,11 +230,13 @@ class Vehicle(_Strict):
         return float(np.sqrt(per_rotor / self.thrust_coefficient_N_s2.value))
 
     def effect_values(self) -> dict[str, dict[str, float]]:
-        """Effects that the simulator already models, as plain numbers."""
-        return {
+        """Effects that the simulator already models, as plain numbers, laws among them."""
+        values = {
             name: {key: q.value for key, q in values.items()}
             for name, values in self.effects.items()
         }
+        terms = {t.key: c for law in self.laws for t, c in law.terms().items()}
+        return {**values, laws.LAW: terms} if terms else values
 
     def parameters(self) -> dict[str, float]:
         """The simulator's parameters; what the file leaves out keeps the simulator's default.
@@ -241,7 +279,7 @@ def _where(location: tuple) -> str:
 
 def _known_keys(location: tuple) -> list[str]:
     # a key one level down may belong to any of the parts: the nearest name of all is offered
-    models: list[Any] = {1: [Vehicle]}.get(len(location), [Inertia, Rotor, Quantity, GroundFile])
+    models: list[Any] = {1: [Vehicle]}.get(len(location), [Inertia, Rotor, Quantity, GroundFile, Law])
     return sorted(
         {name for model in models for name in model.model_fields}
         | ({"sd_rel"} if len(location) > 1 else set())
@@ -364,11 +402,18 @@ def vehicle_content(vehicle: Vehicle) -> dict[str, Any]:
             content[key] = {
                 name: {k: q.plain() for k, q in values.items()} for name, values in value.items()
             }
+        elif key == "laws":
+            # a file without laws stays as it was before there were any
+            content |= {key: [_law_content(law) for law in value]} if value else {}
         elif isinstance(value, pydantic.BaseModel):
             content[key] = value.model_dump(exclude_none=True)
         else:
             content[key] = value
     return content
+
+
+def _law_content(law: Law) -> dict[str, Any]:
+    return {"channel": law.channel, "form": law.form, **({"sd": list(law.sd)} if law.sd else {})}
 
 
 def save_vehicle(vehicle: Vehicle, path: str | Path) -> None:

@@ -121,7 +121,7 @@ def mirrored(samples: dict) -> dict:
 
 
 def check_mirror(effect):
-    if "mirror" not in effect.laws:
+    if "mirror" not in effect.invariants:
         return
     a = added(effect, effect.defaults(), random_samples(), terrain=bowl())
     b = added(effect, effect.defaults(), mirrored(random_samples()), terrain=bowl(flip=True))
@@ -154,7 +154,7 @@ def power(effect, samples) -> np.ndarray:
 
 
 def check_power(effect):
-    if "dissipates" in effect.laws:
+    if "dissipates" in effect.invariants:
         samples = random_samples()
         for name in columns("omega_", "xyz", "_rad_s"):
             samples[name] = 0 * samples[name]
@@ -165,20 +165,20 @@ def check_power(effect):
             turning[name] = 0 * turning[name]
         if power(effect, turning).max() > 1e-12:
             yield "feeds energy into the rotation"
-    if "no_work" in effect.laws and np.abs(power(effect, random_samples())).max() > 1e-12:
+    if "no_work" in effect.invariants and np.abs(power(effect, random_samples())).max() > 1e-12:
         yield "does work"
 
 
 def check_height(effect):
     samples = random_samples()
-    if "fades" in effect.laws:
+    if "fades" in effect.invariants:
         low, high = (
             added(effect, effect.defaults(), samples),
             dict(samples, p_z_m=samples["p_z_m"] + 20.0),
         )
         if largest(added(effect, effect.defaults(), high)) > 1e-3 * largest(low):
             yield "does not fade with height"
-    if "free_air" in effect.laws:
+    if "free_air" in effect.invariants:
         a, b = (
             added(effect, effect.defaults(), samples, terrain=t)
             for t in (Terrain.flat(-50.0), bowl())

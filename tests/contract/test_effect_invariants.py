@@ -1,4 +1,4 @@
-"""The laws hold for every effect, and the suite catches faults planted into copies of the
+"""The invariants hold for every effect, and the suite catches faults planted into copies of the
 sources.
 """
 
@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from laws import CHECKS, violations
+from invariants import CHECKS, violations
 
 from ges.simulator import effects
 
@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda c: c.__name__)
-def test_law_holds_for_every_effect(check):
+def test_invariant_holds_for_every_effect(check):
     assert [f"{e.name} {what}" for e in effects.table().values() for what in check(e)] == []
 
 
@@ -93,7 +93,7 @@ def test_planted_fault_is_caught(copy, fault):
         subprocess.run(["make", "-s", "-j2", "-C", str(copy / "sim_c"), "OPT=-O0"], check=True)
         environment = {**os.environ, "GES_LIBRARY": str(copy / "build" / "libges.so")}
         run = subprocess.run(
-            [sys.executable, str(ROOT / "tests/contract/laws.py")],
+            [sys.executable, str(ROOT / "tests/contract/invariants.py")],
             env=environment,
             capture_output=True,
             text=True,

@@ -1,0 +1,264 @@
+"""Laws: force and moment on the body as sums of products of dimensionless groups.
+
+A law says in the words of its terms what no effect of the library has::
+
+    force_y = 0.0975 m g (V_x/v_h)
+
+A term is a plain number, a scale and groups. The scale is ``m g``, the weight, or ``T``, the thrust
+of all rotors out of ground effect; of a moment either times ``L``, the arm of the rotors. A group is
+a quantity over its reference: ``(V_x/v_h)``, ``(R/h)^2``, ``(V_x/v_h)|V_x/v_h|``. The compiled
+simulator lists the groups (``sim_c/effects/groups.def``) and evaluates them (``law.h`` beside it).
+
+Among the effects of a flight laws stand under :data:`LAW`: coefficients by channel and term,
+``{"law": {"force_y: m g (V_x/v_h)": 0.0975}}``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import re
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from ges.errors import UsageError, unknown_name
+from ges.simulator import _lib
+from ges.simulator.terrain import Terrain
+
+LAW = "law"
+CHANNELS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
+SCALES = ("m g", "T")
+
+_NUMBER = r"[+-]?\s*(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_TERM = re.compile(
+    rf"\s*(?P<number>{_NUMBER})\s*(?P<scale>m\s+g|T)(?P<arm>\s+L)?\b"
+    r"(?P<factors>(?:\s*(?:\([^()|]*\)|\|[^()|]*\|)(?:\^\d+)?)*)\s*"
+)
+_FACTOR = re.compile(r"(?P<open>[(|])\s*(?P<group>[^()|]*?)\s*[)|](?:\^(?P<power>\d+))?")
+
+
+@dataclasses.dataclass(frozen=True)
+class Group:
+    """A dimensionless group: a quantity of the flight over its reference.
+
+    Attributes
+    ----------
+    needs : what has to be recorded to know it, as the effects' ``needs``.
+    doc : the quantity in words.
+    """
+
+    quantity: str
+    reference: str
+    needs: tuple[str, ...]
+    doc: str
+
+    @property
+    def text(self) -> str:
+        """As it is written, without brackets: ``V_x/v_h``."""
+        return f"{self.quantity}/{self.reference}"
+
+
+@functools.lru_cache(maxsize=1)
+def groups() -> dict[str, Group]:
+    """Every group that laws may use, by its text."""
+    listed = (Group(q, r, tuple(n.split()), doc) for q, r, n, doc in _lib.group_table())
+    return {group.text: group for group in listed}
+
+
+@dataclasses.dataclass(frozen=True)
+class Term:
+    """A term of a law without its coefficient.
+
+    Attributes
+    ----------
+    channel : where it acts, one of :data:`CHANNELS`, body frame.
+    scale : one of :data:`SCALES`; of a moment times the arm.
+    power, magnitude : of every group g of :func:`groups` in their order, the exponents of
+        ``g^power |g|^magnitude``.
+    """
+
+    channel: str
+    scale: str
+    power: tuple[int, ...]
+    magnitude: tuple[int, ...]
+
+    @classmethod
+    def of(
+        cls,
+        channel: str,
+        scale: str,
+        power: Mapping[str, int],
+        magnitude: Mapping[str, int] | None = None,
+    ) -> Term:
+        """A term with exponents by the groups' texts."""
+        names, more = groups(), magnitude or {}
+        return cls(
+            channel,
+            scale,
+            tuple(power.get(g, 0) for g in names),
+            tuple(more.get(g, 0) for g in names),
+        )
+
+    @property
+    def text(self) -> str:
+        """As it is written: ``m g (V_x/v_h)``."""
+        factors = [f"{self.scale} L" if self.channel.startswith("moment") else self.scale]
+        for group, n, m in zip(groups(), self.power, self.magnitude, strict=True):
+            signed = f"({group})" + (f"^{n}" if n > 1 else "") if n else ""
+            unsigned = f"|{group}|" + (f"^{m}" if m > 1 else "") if m else ""
+            factors += [signed + unsigned] if n or m else []
+        return " ".join(factors)
+
+    @property
+    def key(self) -> str:
+        """Its name among the parameters of :data:`LAW`: ``force_y: m g (V_x/v_h)``."""
+        return f"{self.channel}: {self.text}"
+
+    @property
+    def needs(self) -> frozenset[str]:
+        """What has to be recorded to know its groups."""
+        used = np.add(self.power, self.magnitude) > 0
+        return frozenset(
+            n for g, on in zip(groups().values(), used, strict=True) if on for n in g.needs
+        )
+
+    def values(self, of_group: Mapping[str, np.ndarray]) -> np.ndarray:
+        """The product of its groups, (n,), from the values (n,) of each by its text."""
+        product = np.ones(1)
+        for group, n, m in zip(groups(), self.power, self.magnitude, strict=True):
+            if n or m:
+                product = product * of_group[group] ** n * np.abs(of_group[group]) ** m
+        return product
+
+
+def parse(channel: str, text: str) -> dict[Term, float]:
+    """Read the terms of a law with their coefficients.
+
+    Parameters
+    ----------
+    channel : one of :data:`CHANNELS`.
+    text : ``0.0975 m g (V_x/v_h) - 0.02 T (R/h)^2``.
+
+    Raises
+    ------
+    UsageError
+        When the channel, a group or a dimension is wrong; it says which, and what is allowed.
+
+    Examples
+    --------
+    >>> {term.text: c for term, c in parse("force_y", "0.1 m g (V_x/v_h)").items()}
+    {'m g (V_x/v_h)': 0.1}
+    """
+    if channel not in CHANNELS:
+        raise unknown_name("channel of a law", channel, CHANNELS)
+    found: dict[Term, float] = {}
+    at = 0
+    while at < len(text) or not found:
+        met = _TERM.match(text, at)
+        # the sign of every term but the first stands before its number
+        if not met or (found and met["number"].lstrip()[0] not in "+-"):
+            raise UsageError(
+                f"the law of {channel} cannot be read at '{text[at:].strip()}'; a term is a number,"
+                " then 'm g' or 'T', of a moment 'm g L' or 'T L', then groups such as (V_x/v_h),"
+                " (R/h)^2 or (V_x/v_h)|V_x/v_h|"
+            )
+        term, at = _term(channel, met), met.end()
+        if term in found:
+            raise UsageError(f"the law of {channel} has the term '{term.text}' twice; add them up")
+        found[term] = float(re.sub(r"\s", "", met["number"]))
+    return found
+
+
+def _term(channel: str, met: re.Match[str]) -> Term:
+    """A term as the expression found it, its dimension that of the channel."""
+    is_moment = channel.startswith("moment")
+    if bool(met["arm"]) != is_moment:
+        kinds = ("a moment", "m g L or T L") if is_moment else ("a force", "m g or T")
+        raise UsageError(
+            f"the law of {channel}: '{met[0].strip()}' is not {kinds[0]}; it needs a share of"
+            f" {kinds[1]}"
+        )
+    power: dict[str, int] = {}
+    magnitude: dict[str, int] = {}
+    for factor in _FACTOR.finditer(met["factors"]):
+        group = re.sub(r"\s", "", factor["group"])
+        if group not in groups():
+            raise unknown_name(f"group in the law of {channel}", group, groups())
+        of = power if factor["open"] == "(" else magnitude
+        of[group] = of.get(group, 0) + int(factor["power"] or 1)
+    return Term.of(channel, re.sub(r"\s+", " ", met["scale"]), power, magnitude)
+
+
+def written(coefficients: Mapping[Term, float], digits: int | None = None) -> str:
+    """The terms of one law as they are written, coefficients to so many significant digits, to all
+    that they have where none are asked for.
+    """
+    form = "" if digits is None else f".{digits}g"
+    (first, c), *more = coefficients.items()
+    parts = [f"{c:{form}} {first.text}"]
+    parts += [f"{'-' if c < 0 else '+'} {abs(c):{form}} {term.text}" for term, c in more]
+    return " ".join(parts)
+
+
+@functools.lru_cache(maxsize=1024)
+def term_of(key: str) -> Term:
+    """The term of a :attr:`Term.key`.
+
+    Raises
+    ------
+    UsageError
+        When it is none.
+    """
+    channel, _, text = key.partition(": ")
+    (term,) = parse(channel, f"1 {text}")
+    return term
+
+
+def packed(coefficients: Mapping[str, float]) -> list[tuple]:
+    """Terms by :attr:`Term.key` as the compiled simulator takes them."""
+    return [
+        (CHANNELS.index(t.channel), SCALES.index(t.scale), t.power, t.magnitude, float(c))
+        for t, c in ((term_of(key), c) for key, c in coefficients.items())
+    ]
+
+
+def group_values(
+    names: Iterable[str],
+    parameters: Mapping[str, float],
+    samples: object,
+    effects: Mapping[str, Mapping[str, float]],
+    terrain: Terrain,
+) -> dict[str, np.ndarray]:
+    """Evaluate groups along recorded samples, (n,) each by text, as the compiled simulator has
+    them.
+
+    Parameters
+    ----------
+    names : texts of the groups.
+    parameters, samples, effects, terrain : of :func:`ges.simulator.effects.replay_each`.
+    """
+    from ges.simulator.effects import replay_each
+
+    names = list(names)
+    # a law of one group in every channel: what each adds is its scale times the group
+    terms = [
+        Term.of(CHANNELS[i % len(CHANNELS)], SCALES[0], {name: 1}) for i, name in enumerate(names)
+    ]
+    constants = [Term.of(channel, SCALES[0], {}) for channel in CHANNELS]
+    batches = [terms[i : i + len(CHANNELS)] for i in range(0, len(terms), len(CHANNELS))]
+    without, whole, *each = replay_each(
+        parameters,
+        samples,
+        [{**effects, LAW: {t.key: 1.0 for t in batch}} for batch in ([], constants, *batches)],
+        terrain,
+    )
+    found = {}
+    for name, term, replayed in zip(
+        names, terms, (r for b, r in zip(batches, each, strict=True) for _ in b), strict=True
+    ):
+        unit = "Nm" if term.channel.startswith("moment") else "N"
+        column = f"{term.channel}_{unit}"
+        scale = whole[column] - without[column]
+        found[name] = (replayed[column] - without[column]) / scale
+    return found
