@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ges.diagnose.decide.declared import contradicted
+from ges.diagnose.decide.laws import with_laws
 from ges.diagnose.decide.withdraw import explained, remaining, thrust_of, with_open_modelled
 from ges.diagnose.detectors.balance import shift_of
 from ges.diagnose.detectors.gusts import GUSTS
@@ -71,6 +72,8 @@ def diagnose(
     shift = moved or (None if names else thrust_of(answer, start.system))
     located = located_by(start, answer)
     answer, left = with_open_modelled(answer, left, start, problem.model, record)
+    named = answer.last.model
+    answer, left, laws = with_laws(answer, left, start, problem.model)
     # an open cause may move the numbers that it is confused with: those are not the file's fault
     but = {*answer.accepted.rivals, *(shift.may_move if shift else ())}
     wrong = [] if names else contradicted(answer.last.joint, start.system, but)
@@ -80,6 +83,7 @@ def diagnose(
     models = {
         "before": problem.model,
         "recalibrated": start.first.model,
+        **({"names_only": named} if laws else {}),
         "after": answer.last.model,
     }
     proof = prove(
@@ -92,5 +96,5 @@ def diagnose(
 
     # what is told
     return composed(
-        problem, start, answer, left, models, proof, located, wrong, shift, record, names is None
+        problem, start, answer, left, laws, models, proof, located, wrong, shift, record, names is None
     )

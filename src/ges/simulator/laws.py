@@ -18,13 +18,17 @@ from __future__ import annotations
 import dataclasses
 import functools
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ges.errors import UsageError, unknown_name
 from ges.simulator import _lib
 from ges.simulator.terrain import Terrain
+
+if TYPE_CHECKING:
+    from ges.simulator.effects import Samples
 
 LAW = "law"
 CHANNELS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
@@ -123,7 +127,7 @@ class Term:
             n for g, on in zip(groups().values(), used, strict=True) if on for n in g.needs
         )
 
-    def values(self, of_group: Mapping[str, np.ndarray]) -> np.ndarray:
+    def product(self, of_group: Mapping[str, np.ndarray]) -> np.ndarray:
         """The product of its groups, (n,), from the values (n,) of each by its text."""
         product = np.ones(1)
         for group, n, m in zip(groups(), self.power, self.magnitude, strict=True):
@@ -223,42 +227,37 @@ def packed(coefficients: Mapping[str, float]) -> list[tuple]:
     ]
 
 
-def group_values(
-    names: Iterable[str],
+def along(
+    terms: Sequence[Term],
     parameters: Mapping[str, float],
-    samples: object,
+    samples: Samples,
     effects: Mapping[str, Mapping[str, float]],
     terrain: Terrain,
-) -> dict[str, np.ndarray]:
-    """Evaluate groups along recorded samples, (n,) each by text, as the compiled simulator has
-    them.
+) -> np.ndarray:
+    """What terms with a coefficient of one add along n recorded samples, (n, terms), N or N m in
+    the body frame, as the compiled simulator has it.
 
     Parameters
     ----------
-    names : texts of the groups.
     parameters, samples, effects, terrain : of :func:`ges.simulator.effects.replay_each`.
     """
     from ges.simulator.effects import replay_each
 
-    names = list(names)
-    # a law of one group in every channel: what each adds is its scale times the group
-    terms = [
-        Term.of(CHANNELS[i % len(CHANNELS)], SCALES[0], {name: 1}) for i, name in enumerate(names)
+    used = [g for k, g in enumerate(groups()) if any(t.power[k] + t.magnitude[k] for t in terms)]
+    # one replay tells a share of the weight in every channel: what each adds is weight times group
+    probes = [Term.of(CHANNELS[i % 6], SCALES[0], {g: 1}) for i, g in enumerate(used)]
+    batches = [probes[i : i + 6] for i in range(0, len(probes), 6)]
+    scales = [[Term.of(c, scale, {}) for c in CHANNELS] for scale in SCALES]
+    sets = [{**effects, LAW: {t.key: 1.0 for t in batch}} for batch in ([], *scales, *batches)]
+    without, *each = [
+        np.hstack([r.force_N, r.moment_Nm])
+        for r in replay_each(parameters, samples, sets, terrain)
     ]
-    constants = [Term.of(channel, SCALES[0], {}) for channel in CHANNELS]
-    batches = [terms[i : i + len(CHANNELS)] for i in range(0, len(terms), len(CHANNELS))]
-    without, whole, *each = replay_each(
-        parameters,
-        samples,
-        [{**effects, LAW: {t.key: 1.0 for t in batch}} for batch in ([], constants, *batches)],
-        terrain,
+    scale = {name: r - without for name, r in zip(SCALES, each, strict=False)}
+    group = {
+        g: ((each[len(SCALES) + i // 6] - without) / scale[SCALES[0]])[:, i % 6]
+        for i, g in enumerate(used)
+    }
+    return np.stack(
+        [scale[t.scale][:, CHANNELS.index(t.channel)] * t.product(group) for t in terms], axis=1
     )
-    found = {}
-    for name, term, replayed in zip(
-        names, terms, (r for b, r in zip(batches, each, strict=True) for _ in b), strict=True
-    ):
-        unit = "Nm" if term.channel.startswith("moment") else "N"
-        column = f"{term.channel}_{unit}"
-        scale = whole[column] - without[column]
-        found[name] = (replayed[column] - without[column]) / scale
-    return found

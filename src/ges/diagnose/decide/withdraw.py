@@ -83,13 +83,13 @@ def explained(
         decision = _more_than_gusts(gusts, accepted.fit)
         record.note(WIND, decision)
         accepted = accepted if decision.passed else without(accepted, WIND)
-    answer = _answer(shot_fit(accepted), gusts, start, declared)
+    answer = answer_of(shot_fit(accepted), gusts, start, declared)
     if only is not None:
         return answer
     return _not_of_a_form(answer, start, declared, record)
 
 
-def _answer(accepted: Accepted, gusts: Gusts | None, start: Start, declared: Model) -> Explanation:
+def answer_of(accepted: Accepted, gusts: Gusts | None, start: Start, declared: Model) -> Explanation:
     """What is accepted and gusts, with what they leave and add."""
     last = start.first
     if accepted.fitted is not None:
@@ -172,7 +172,7 @@ def _not_of_a_form(
             accepted = without(accepted, name)
     if accepted is answer.accepted:
         return answer
-    return _answer(accepted, answer.gusts, start, declared)
+    return answer_of(accepted, answer.gusts, start, declared)
 
 
 def thrust_of(answer: Explanation, system: System) -> UnmeasuredThrust | None:
@@ -210,7 +210,7 @@ def with_open_modelled(
         record.note(WIND, decision)
         idle = dataclasses.replace(answer.accepted, rivals=())
         return dataclasses.replace(answer, accepted=idle), left
-    modelled = _answer(accepted, answer.gusts, start, declared)
+    modelled = answer_of(accepted, answer.gusts, start, declared)
     return modelled, left_over(modelled.structures, modelled.last.model)
 
 

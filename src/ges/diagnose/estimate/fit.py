@@ -400,18 +400,14 @@ class _Point:
         """The free parameters (k,) that cost least as far as the linearisation holds, within their
         bounds.
         """
-        bounds = {
-            (e, p.name): (p.fit_low, p.fit_high)
-            for e in self.values
-            for p in effect_table.get(e).parameters
-        }
+        known = [effect_table.get(e).parameter(p) for e, p in self.free]
         steps = self.joint.chosen[: len(self.free)]
         # all steps by one share, so that the direction stays that of descent
         steps = _share_in_reach(steps, self.free, self.values, model) * steps
         return _within(
             self.numbers() + steps,
             self.covariance,
-            np.array([bounds[name] for name in self.free]).T,
+            np.array([(p.fit_low, p.fit_high) for p in known]).T,
         )
 
 

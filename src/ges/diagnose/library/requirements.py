@@ -5,7 +5,7 @@ logged.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from ges.conventions import SPECIFIC_FORCE
 from ges.diagnose.prepare.align import Prepared, attitude_measured
@@ -69,6 +69,12 @@ REQUIREMENTS: Mapping[str, Requirement] = {
     "velocity": Requirement(
         _all_have("velocity"), "needs a logged velocity (v_x_m_s, v_y_m_s, v_z_m_s)"
     ),
+    "position": Requirement(_all_have("position"), "needs a logged position (p_x_m ...)"),
+    "rates": Requirement(_all_have("gyro"), "needs a logged gyro (omega_x_rad_s ...)"),
+    "rotor_speed_or_command": Requirement(
+        lambda flights, model: all(f.has("rotor_speed") or f.has("command") for f in flights),
+        "needs rotor speeds or motor commands (rotor_speed_1_rad_s ..., u_1 ...)",
+    ),
     "command": Requirement(_all_have("command"), "needs logged motor commands (u_1 ...)"),
     "cause_of_command": Requirement(
         lambda flights, model: any(
@@ -85,7 +91,14 @@ def lacking(name: str, flights: Flights, model: Model) -> str:
     """What some of these flights lack to speak about an effect, as ``needs ...``; '' where nothing
     is missing.
     """
-    asked = (REQUIREMENTS[need] for need in effect_table.get(name).needs)
+    return unmet(effect_table.get(name).needs, flights, model)
+
+
+def unmet(needs: Iterable[str], flights: Flights, model: Model) -> str:
+    """What some of these flights lack of :data:`REQUIREMENTS`, as ``needs ...``; '' where nothing
+    is missing.
+    """
+    asked = (REQUIREMENTS[need] for need in needs)
     return next((r.lacking for r in asked if not r.is_met(flights, model)), "")
 
 

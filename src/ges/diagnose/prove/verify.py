@@ -86,7 +86,7 @@ def stages_row(by_stage: Mapping[str, Sequence[np.ndarray]], block: int) -> dict
     (m,).
     """
     interval = reduction_ci95(by_stage["recalibrated"], by_stage["after"], block)
-    return {**{stage: rms(by_stage[stage]) for stage in STAGES}, "reduction_ci95": interval}
+    return {**{stage: rms(each) for stage, each in by_stage.items()}, "reduction_ci95": interval}
 
 
 def block_windows(spacing_s: float) -> int:
@@ -106,7 +106,7 @@ def channel_table(
     spacing_s : of the windows.
     """
     block = block_windows(spacing_s)
-    by_name = {n: {s: [e[:, c] for e in told[s]] for s in STAGES} for c, n in enumerate(names)}
+    by_name = {n: {s: [e[:, c] for e in by] for s, by in told.items()} for c, n in enumerate(names)}
     return {
         f"{n}_{UNITS[n]}": stages_row(by, block)
         for n, by in by_name.items()

@@ -86,7 +86,7 @@ def error_rows(
         rows.append(
             {
                 "name": name,
-                **{s: c[s] for s in ("before", "recalibrated", "after")},
+                **{s: c[s] for s in ("before", "recalibrated", "names_only", "after") if s in c},
                 "change": change,
                 # a change is minus a reduction, so the ends of the interval swap
                 "ci95": (-reduction[1], -reduction[0]) if reduction else None,

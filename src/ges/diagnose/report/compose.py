@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from ges.diagnose.advise.detect import smallest_detectable
 from ges.diagnose.advise.next_flight import next_flight
 from ges.diagnose.decide.declared import Contradicted
+from ges.diagnose.decide.laws import FittedLaw
 from ges.diagnose.decide.withdraw import Explanation
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.thrust import UnmeasuredThrust
@@ -24,6 +25,7 @@ from ges.diagnose.report.content import (
     unexplained_by,
 )
 from ges.diagnose.report.findings import all_findings, found_sizes
+from ges.diagnose.report.laws import laws_content
 from ges.diagnose.report.origin import origin_of
 from ges.diagnose.report.per_speed import with_force_per_speed
 from ges.diagnose.report.sentence import with_sentence
@@ -40,6 +42,7 @@ def composed(
     start: Start,
     answer: Explanation,
     left: Sequence[Structure],
+    laws: Sequence[FittedLaw],
     models: Mapping[str, Model],
     proof: Proof,
     located: Sequence[dict],
@@ -55,7 +58,8 @@ def composed(
     problem, start, answer, proof : what the stages found: prepared flights, the recalibrated model,
         the accepted names, errors on held-out flights.
     left : structure that the accepted model leaves.
-    models : before, recalibrated and after.
+    laws : what was found in flights beside the names.
+    models : before, recalibrated and after, with laws also names_only.
     located : where the mismatch lives, as it is told.
     wrong : declared numbers that the flights contradict.
     shift : a shifted trim or an unmeasured thrust, None where there is none.
@@ -65,18 +69,19 @@ def composed(
     findings = all_findings(answer, wrong, shift, problem.gate, record, searched)
     # asked of the model with all findings, as one may act through another
     findings = with_force_per_speed(findings, answer.last.model)
-    unexplained = unexplained_by(left, start, answer.last)
+    unexplained = unexplained_by(left)
     calibration = calibration_of(answer.last.joint, problem.model)
     off = silent_channels(problem.flights, problem.model)
     untested = not_tested(start.system, answer.last.model)
     warnings = [*problem.warnings, *worse_recalibrated(proof.fit["channels"])]
-    verdict = verdict_of(findings, wrong, unexplained)
+    verdict = verdict_of(findings, wrong, laws, unexplained)
     diagnosis = Diagnosis(
         verdict=verdict,
         remark=remark_of(verdict, wrong, shift, off),
         origin=origin_of(problem),
         findings=tuple(findings),
         located=tuple(located),
+        laws=tuple(laws_content(laws)),
         unexplained=tuple(unexplained),
         fit=proof.fit,
         detectable=smallest_detectable(answer.accepted.regression, found_sizes(answer.accepted)),
@@ -86,7 +91,7 @@ def composed(
         not_tested=untested,
         considered=considered(answer.accepted, record, untested),
         vehicle=fitted_vehicle(
-            problem.vehicle, problem.model, answer.accepted, answer.last.joint, answer.gusts
+            problem.vehicle, problem.model, answer.accepted, answer.last.joint, answer.gusts, laws
         ),
         workings=Workings(
             problem, answer.accepted, start.cells, models, proof, start.system.length_s

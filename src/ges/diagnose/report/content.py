@@ -15,18 +15,17 @@ from ges.diagnose.estimate.fit import Joint
 from ges.diagnose.library.candidates import flown
 from ges.diagnose.library.grids import out_of_reach
 from ges.diagnose.library.requirements import lacking
-from ges.diagnose.locate.hypothesis import Form, hypotheses
 from ges.diagnose.locate.regimes import (
     from_findings,
     from_open,
     from_residuals,
     strongest,
 )
-from ges.diagnose.locate.stages import Stage, Start
+from ges.diagnose.locate.stages import Start
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.gate import Gate
-from ges.diagnose.settings import changed, settings
+from ges.diagnose.settings import changed
 from ges.diagnose.types.decision import Considered, Decision, Record
 from ges.diagnose.types.diagnosis import interval95
 from ges.diagnose.types.model import Model, block_of
@@ -131,30 +130,19 @@ def not_tested(system: System, found: Model) -> dict[str, str]:
     return reasons
 
 
-def unexplained_by(remains: Sequence[Structure], start: Start, last: Stage) -> list[dict]:
-    """Structure that is left, each with a sparse form of it as a hypothesis where it is one of the
-    mean.
-    """
-    # a hypothesis is a form of the mean; where only the size depends on a regime there is none
-    means = [u.channel for u in remains if not u.of_size]
-    forms: Mapping[str, Form] = {}
-    if remains:
-        forms = hypotheses(
-            start.system, last.in_air, start.regimes, means, settings.statistics.block_s
-        )
-    return [_structure(u, forms.get(u.channel)) for u in remains]
-
-
-def _structure(u: Structure, form: Form | None) -> dict:
-    content = {
-        "channel": u.channel,
-        "regime": u.bounds,
-        "r2": u.r2,
-        "q_value": u.q_value,
-        "rms": u.rms,
-        "of_size": u.of_size,
-    }
-    return {**content, "hypothesis": form.content()} if form else content
+def unexplained_by(remains: Sequence[Structure]) -> list[dict]:
+    """Structure for which there is neither a name nor a law."""
+    return [
+        {
+            "channel": u.channel,
+            "regime": u.bounds,
+            "r2": u.r2,
+            "q_value": u.q_value,
+            "rms": u.rms,
+            "of_size": u.of_size,
+        }
+        for u in remains
+    ]
 
 
 def considered(

@@ -13,7 +13,7 @@ from ges.diagnose.design.weak import blocks_of, make_windows
 from ges.diagnose.locate.regimes import Cell
 from ges.diagnose.prove.proof import Proof
 from ges.diagnose.prove.traces import Trace, trace
-from ges.diagnose.prove.verify import along_horizon_s
+from ges.diagnose.prove.verify import STAGES, along_horizon_s
 from ges.diagnose.report.drawing import Drawing, Figure
 from ges.diagnose.report.page import CAPTIONS, write_report
 from ges.diagnose.report.residuals import write_residuals
@@ -54,8 +54,9 @@ def traces_of(diagnosis: Diagnosis) -> list[Trace]:
     """Recorded and simulated signals of every flight that was used, by name."""
     workings = diagnosis.workings
     flights = {**workings.problem.fitted, **workings.problem.held_out}
+    models = {stage: workings.models[stage] for stage in STAGES}
     return [
-        trace(f, name, name in workings.problem.held_out, workings.models, workings.length_s)
+        trace(f, name, name in workings.problem.held_out, models, workings.length_s)
         for name, f in sorted(flights.items())
     ]
 

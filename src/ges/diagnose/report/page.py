@@ -52,6 +52,7 @@ VERDICTS: Mapping[str, str] = {
     "sensor": "a sensor is wrong",
     "physics": "missing physics",
     "ambiguous": "more than one explanation",
+    "law": "a law that no effect of the library has",
     "unknown": "unknown cause",
 }
 PARTS: Mapping[str, str] = {

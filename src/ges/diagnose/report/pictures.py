@@ -29,15 +29,16 @@ from ges.diagnose.types.words import (
 )
 from ges.files import replacing
 
-STAGES = ("before", "recalibrated", "after")
+STAGES = ("before", "recalibrated", "names_only", "after")
 COLOURS = {
     "before": "#999999",
     "recalibrated": "#56B4E9",
+    "names_only": "#009E73",
     "after": "#D55E00",
 }  # Okabe and Ito's colour-blind safe set
 # grey, hatched and full, dotted, dashed and solid: stages differ in black and white, too
-HATCHES = {"before": "", "recalibrated": "///", "after": ""}
-LINES = {"before": ":", "recalibrated": "--", "after": "-"}
+HATCHES = {"before": "", "recalibrated": "///", "names_only": "...", "after": ""}
+LINES = {"before": ":", "recalibrated": "--", "names_only": "-.", "after": "-"}
 _STYLE = {
     "font.size": 9.0,
     "axes.spines.top": False,
@@ -177,21 +178,24 @@ def held_out_bars(channels: Mapping[str, Mapping[str, Any]]) -> Figure:
 
     Parameters
     ----------
-    channels : as ``fit.channels`` of diagnosis.json: ``before``, ``recalibrated``, ``after`` and
-        ``reduction_ci95``, the 95 % interval of 1 - after / recalibrated, which is drawn on
+    channels : as ``fit.channels`` of diagnosis.json: ``before``, ``recalibrated``, with laws
+        ``names_only``, ``after`` and ``reduction_ci95``, the 95 % interval of 1 - after / recalibrated, which is drawn on
         ``after``.
     """
     names = [n for n in channels if channels[n]["before"] > 0]
     with mpl.rc_context(_STYLE):
         figure = _figure(0.9 + 0.5 * len(names))
         axis = figure.subplots()
-        for k, stage in enumerate(STAGES):
+        stages = [s for s in STAGES if all(s in channels[n] for n in names)]
+        # a bar and a gap for every stage, centred on the channel's tick
+        step = 0.78 / len(stages)
+        for k, stage in enumerate(stages):
             values = np.array([channels[n][stage] / channels[n]["before"] for n in names])
-            at = np.arange(len(names)) + 0.26 * (k - 1)
+            at = np.arange(len(names)) + step * (k - 0.5 * (len(stages) - 1))
             axis.barh(
                 at,
                 values,
-                0.24,
+                0.92 * step,
                 color=COLOURS[stage],
                 hatch=HATCHES[stage],
                 edgecolor="white",
@@ -212,7 +216,7 @@ def held_out_bars(channels: Mapping[str, Mapping[str, Any]]) -> Figure:
         axis.set_xlabel(
             "error on held-out flights (1: that of the vehicle file, written at the left)"
         )
-        figure.legend(*axis.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+        figure.legend(*axis.get_legend_handles_labels(), loc="outside upper center", ncols=len(stages))
     return figure
 
 

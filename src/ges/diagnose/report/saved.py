@@ -48,9 +48,25 @@ class _Considered(BaseModel):
     decisions: list[_Decision]
 
 
+class _LawTerm(BaseModel):
+    term: str
+    coefficient: float
+    ci95: Interval
+
+
+class _Law(BaseModel):
+    channel: str
+    form: str
+    terms: list[_LawTerm]
+    regime: dict[str, Any]
+    size: dict[str, Any]
+    reads_as: str
+
+
 class _Errors(BaseModel):
     before: float
     recalibrated: float
+    names_only: float | None = None
     after: float
 
 
@@ -79,10 +95,13 @@ class _Saved(BaseModel):
     """What this version asks of diagnosis.json; other keys are kept and ignored."""
 
     version: Literal[1] = Field(alias="schema")
-    verdict: Literal["nothing_proven", "parameter", "sensor", "physics", "ambiguous", "unknown"]
+    verdict: Literal[
+        "nothing_proven", "parameter", "sensor", "physics", "ambiguous", "law", "unknown"
+    ]
     sentence: str
     findings: list[_Finding]
     located: list[dict[str, Any]]
+    laws: list[_Law] = []
     unexplained: list[dict[str, Any]]
     fit: _Fit
     detectable: dict[str, dict[str, Any]]

@@ -47,6 +47,7 @@ def sentence_of(content: Mapping[str, Any]) -> str:
     """
     forms = {
         "nothing_proven": _nothing,
+        "law": _law,
         "unknown": _unknown,
         "ambiguous": _ambiguous,
     }.get(content["verdict"], _named)
@@ -260,6 +261,19 @@ def _ambiguous(content: Mapping[str, Any]) -> Iterator[str]:
             proven = list_words(_names(sure, content, most, sized))
             one_of = f"missing in the simulator: {proven}; beside it {one_of}"
         yield _joined(_capital(one_of), told)
+
+
+def _law(content: Mapping[str, Any]) -> Iterator[str]:
+    """The law of the largest size, and what it is worth on flights that took no part."""
+    laws = sorted(content["laws"], key=lambda law: -law["size"]["share_of_weight"])
+    first, more = laws[0], f" and {len(laws) - 1} more" if len(laws) > 1 else ""
+    where = f"No effect of the library has the {channel_words(first['channel'])}"
+    worth = _gain(content) or "no error falls"
+    if _loss(content):
+        worth = f"{worth}, but {_loss(content)}"
+    for what in (f"{where} = {first['form']}{more}", f"{where}, a law does{more}"):
+        yield from (_joined(what, f"{unseen} {worth}") for unseen in UNSEEN)
+    yield f"{where}, a law does."
 
 
 def _unknown(content: Mapping[str, Any]) -> Iterator[str]:

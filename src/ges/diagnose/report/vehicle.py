@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from ges.diagnose.decide.accept import Accepted
+from ges.diagnose.decide.laws import FittedLaw
 from ges.diagnose.detectors.gusts import GUSTS, Gusts
 from ges.diagnose.estimate.fit import Joint, within_bounds
+from ges.diagnose.report.laws import vehicle_laws
 from ges.diagnose.types.diagnosis import interval95
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
@@ -14,9 +17,14 @@ from ges.vehicle.file import Estimate, Quantity, Vehicle
 
 
 def fitted_vehicle(
-    vehicle: Vehicle, declared: Model, accepted: Accepted, joint: Joint, gusts: Gusts | None
+    vehicle: Vehicle,
+    declared: Model,
+    accepted: Accepted,
+    joint: Joint,
+    gusts: Gusts | None,
+    laws: Sequence[FittedLaw],
 ) -> Vehicle:
-    """The vehicle file with findings and corrected numbers; what belongs to a sensor or to one
+    """The vehicle file with findings, laws and corrected numbers; what belongs to a sensor or to one
     day's trim stays out.
 
     Parameters
@@ -41,7 +49,8 @@ def fitted_vehicle(
     if gusts:
         parameters = gusts.finding().parameters
         effects[GUSTS] = {p: Estimate(value=e.value, ci95=e.ci95) for p, e in parameters.items()}
-    return vehicle.model_copy(update={"effects": effects, **numbers})
+    flown = vehicle_laws(vehicle.laws, laws)
+    return vehicle.model_copy(update={"effects": effects, "laws": flown, **numbers})
 
 
 def _estimates(accepted: Accepted, name: str) -> dict[str, Estimate]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ges.diagnose.decide.declared import Contradicted
+from ges.diagnose.decide.laws import FittedLaw
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.thrust import UnmeasuredThrust
 from ges.diagnose.library.requirements import not_spoken_about
@@ -12,7 +13,10 @@ from ges.diagnose.types.diagnosis import Finding
 
 
 def verdict_of(
-    findings: Sequence[Finding], wrong: Sequence[Contradicted], unexplained: Sequence[Mapping]
+    findings: Sequence[Finding],
+    wrong: Sequence[Contradicted],
+    laws: Sequence[FittedLaw],
+    unexplained: Sequence[Mapping],
 ) -> str:
     """One word of the contract; ``wrong`` are declared numbers that the flights contradict."""
     if any(f.is_open for f in findings):
@@ -23,6 +27,8 @@ def verdict_of(
             return kind
     if any(not number.is_trim for number in wrong):
         return "parameter"
+    if laws:
+        return "law"
     return "unknown" if unexplained or wrong else "nothing_proven"
 
 

@@ -94,7 +94,7 @@ class Finding:
 
 @dataclasses.dataclass(frozen=True)
 class Diagnosis:
-    """Verdict, findings and proof.
+    """Verdict, findings, laws and proof.
 
     ``content()`` is diagnosis.json, ``vehicle`` the fitted vehicle file, ``origin`` what it was
     made from, ``remark`` what there is to say beside the sentence, and ``workings``, of
@@ -106,6 +106,7 @@ class Diagnosis:
     origin: Mapping[str, Any]
     findings: tuple[Finding, ...]
     located: tuple[Mapping[str, Any], ...]
+    laws: tuple[Mapping[str, Any], ...]
     unexplained: tuple[Mapping[str, Any], ...]
     fit: Mapping[str, Any]
     detectable: Mapping[str, Mapping[str, Any]]
@@ -129,6 +130,7 @@ class Diagnosis:
                 "origin": dict(self.origin),
                 "findings": [f.content() for f in self.findings],
                 "located": [dict(item) for item in self.located],
+                "laws": [dict(item) for item in self.laws],
                 "unexplained": [dict(item) for item in self.unexplained],
                 "fit": dict(self.fit),
                 "detectable": dict(self.detectable),

@@ -53,6 +53,7 @@ _SUFFIXES = {
 _STAGES = {
     "before": "vehicle file as given",
     "recalibrated": "recalibrated only",
+    "names_only": "with the names alone",
     "after": "with the findings",
 }
 _WHOLES = {

@@ -1,0 +1,96 @@
+"""Laws as diagnosis.json and the page tell them, and what each reads as in an engineer's words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ges.diagnose.decide.laws import FittedLaw
+from ges.diagnose.types.diagnosis import interval95
+from ges.diagnose.types.words import channel_words
+from ges.simulator.laws import Term, groups, written
+from ges.vehicle.file import Law
+
+DIGITS = 3
+"""Significant digits of a coefficient where it is read and not flown."""
+
+
+def laws_content(laws: Sequence[FittedLaw]) -> list[dict[str, Any]]:
+    """``laws`` of diagnosis.json."""
+    return [
+        {
+            "channel": law.channel,
+            "form": written(law.coefficients, DIGITS),
+            "terms": [
+                {
+                    "term": term.text,
+                    "coefficient": c,
+                    "ci95": list(interval95(c, law.sd[term])),
+                }
+                for term, c in law.coefficients.items()
+            ],
+            "regime": law.structure.bounds,
+            "r2": law.r2,
+            "size": dict(law.size),
+            "reads_as": reads_as(law.channel, law.coefficients, law.size),
+        }
+        for law in laws
+    ]
+
+
+def vehicle_laws(before: Sequence[Law], found: Sequence[FittedLaw]) -> tuple[Law, ...]:
+    """Laws of the vehicle file with those that were found, the coefficients of a term that both
+    have as they were fitted.
+    """
+    terms: dict[str, dict[Term, tuple[float, float]]] = {}
+    for law in before:
+        sd = law.sd or (0.0,) * len(law.terms())
+        terms[law.channel] = {
+            t: (c, s) for (t, c), s in zip(law.terms().items(), sd, strict=True)
+        }
+    for new in found:
+        terms.setdefault(new.channel, {}).update(
+            {t: (c, new.sd[t]) for t, c in new.coefficients.items()}
+        )
+    return tuple(
+        Law(
+            channel=channel,
+            form=written({t: c for t, (c, _) in by.items()}),
+            sd=tuple(s for _, s in by.values()),
+        )
+        for channel, by in terms.items()
+    )
+
+
+def reads_as(channel: str, coefficients: Mapping[Term, float], size: Mapping[str, Any]) -> str:
+    """What the largest part of a law looks like, and the physics that is nearest to it."""
+    term = max(coefficients, key=lambda t: abs(coefficients[t]))
+    used = [
+        g
+        for g, n, m in zip(groups().values(), term.power, term.magnitude, strict=True)
+        if n or m
+    ]
+    grows = " and ".join(g.doc.removesuffix(", relative to the air") for g in used)
+    return f"{channel_words(channel)} that follows {grows}: {_nearest(channel, used[0].quantity)}"
+
+
+def _nearest(channel: str, quantity: str) -> str:
+    """Physics that makes a channel follow a quantity."""
+    kind, axis = channel.split("_")
+    own = {"x": ("V_x", "p"), "y": ("V_y", "q"), "z": ("V_z", "r")}[axis]
+    if quantity == "R":
+        return "a ground effect of another form, or a thrust that the ground turns"
+    if quantity in ("x", "y"):
+        return "something at a place: a draught, a thread, an obstacle or a wrong map"
+    if quantity in ("w", "U"):
+        return "the drive: a thrust curve or a battery of another form"
+    if quantity in ("p", "q", "r"):
+        same = quantity in own
+        return "a damping of the turn" if same and kind == "moment" else "a coupling of the turns"
+    if kind == "moment":
+        return "a frame or a flapping rotor whose centre of pressure is off the centre of mass"
+    if quantity in own:
+        return "a drag of another form"
+    if axis == "z":
+        return "a lift of the frame or of the rotors in forward flight"
+    return "an asymmetric frame, or a thrust that is turned in yaw"
