@@ -96,5 +96,16 @@ def diagnose(
 
     # what is told
     return composed(
-        problem, start, answer, left, laws, models, proof, located, wrong, shift, record, names is None
+        problem,
+        start,
+        answer,
+        left,
+        laws,
+        models,
+        proof,
+        located,
+        wrong,
+        shift,
+        record,
+        names is None,
     )

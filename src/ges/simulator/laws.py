@@ -4,10 +4,10 @@ A law says in the words of its terms what no effect of the library has::
 
     force_y = 0.0975 m g (V_x/v_h)
 
-A term is a plain number, a scale and groups. The scale is ``m g``, the weight, or ``T``, the thrust
-of all rotors out of ground effect; of a moment either times ``L``, the arm of the rotors. A group is
-a quantity over its reference: ``(V_x/v_h)``, ``(R/h)^2``, ``(V_x/v_h)|V_x/v_h|``. The compiled
-simulator lists the groups (``sim_c/effects/groups.def``) and evaluates them (``law.h`` beside it).
+A term is a plain number, a scale and groups. The scale is ``m g``, the weight, or ``T``, the
+thrust of all rotors out of ground effect; of a moment either times ``L``, the arm of the rotors. A
+group is a quantity over its reference: ``(V_x/v_h)``, ``(R/h)^2``, ``(V_x/v_h)|V_x/v_h|``. The
+compiled simulator lists the groups (``sim_c/effects/groups.def``) and evaluates them (``law.h``).
 
 Among the effects of a flight laws stand under :data:`LAW`: coefficients by channel and term,
 ``{"law": {"force_y: m g (V_x/v_h)": 0.0975}}``.
@@ -250,8 +250,7 @@ def along(
     scales = [[Term.of(c, scale, {}) for c in CHANNELS] for scale in SCALES]
     sets = [{**effects, LAW: {t.key: 1.0 for t in batch}} for batch in ([], *scales, *batches)]
     without, *each = [
-        np.hstack([r.force_N, r.moment_Nm])
-        for r in replay_each(parameters, samples, sets, terrain)
+        np.hstack([r.force_N, r.moment_Nm]) for r in replay_each(parameters, samples, sets, terrain)
     ]
     scale = {name: r - without for name, r in zip(SCALES, each, strict=False)}
     group = {

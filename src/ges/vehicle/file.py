@@ -279,7 +279,9 @@ def _where(location: tuple) -> str:
 
 def _known_keys(location: tuple) -> list[str]:
     # a key one level down may belong to any of the parts: the nearest name of all is offered
-    models: list[Any] = {1: [Vehicle]}.get(len(location), [Inertia, Rotor, Quantity, GroundFile, Law])
+    models: list[Any] = {1: [Vehicle]}.get(
+        len(location), [Inertia, Rotor, Quantity, GroundFile, Law]
+    )
     return sorted(
         {name for model in models for name in model.model_fields}
         | ({"sd_rel"} if len(location) > 1 else set())

@@ -1,4 +1,4 @@
-"""Laws for what the accepted names leave: terms chosen over flights, fitted together with all else."""
+"""Laws for what the accepted names leave: terms chosen over flights, flown beside the names."""
 
 from __future__ import annotations
 
@@ -11,11 +11,15 @@ import numpy as np
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.unknown import left_over
 from ges.diagnose.decide.withdraw import Explanation, answer_of
+from ges.diagnose.design.system import build
+from ges.diagnose.design.whiten import estimate
 from ges.diagnose.estimate.contributions import contributions_of, size_of
-from ges.diagnose.estimate.fit import Fitted, polish
-from ges.diagnose.locate.laws import columns, sparse_terms, tried
+from ges.diagnose.estimate.fit import Fitted, free_first, joint_fit, pinned
+from ges.diagnose.library.candidates import Variant, amplitude_of
+from ges.diagnose.locate.laws import SparseForm, columns, sparse_form, tried
 from ges.diagnose.locate.stages import Start
 from ges.diagnose.locate.structure import Structure
+from ges.diagnose.select.evidence import whitened
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model, block_of
 from ges.simulator.laws import CHANNELS, LAW, Term
@@ -51,42 +55,38 @@ def with_laws(
     """The answer with a law in every channel in which one predicts what the names leave, the
     structure that stays, and the laws.
 
+    A law is fitted to what names and declared numbers leave, which stay as they are: a law that
+    were free together with them would take their place (Liu, Bayarri and Berger 2009, *Bayesian
+    Analysis* 4, 119, on modularization).
+
     Parameters
     ----------
     left : structure that the answer leaves.
     declared : the vehicle file's model.
     """
-    chosen = {
-        channel: found
+    forms = {
+        channel: (form, structure)
         for channel, structure in _channels(left, answer).items()
-        if (found := _chosen(channel, structure, answer))
+        if (form := _form(channel, answer)).terms
     }
-    terms = [t for found in chosen.values() for t in found.terms]
-    while terms:
-        fitted = _fitted(answer, terms, start)
-        clear = [t for t in terms if _sds(fitted, t) >= settings.statistics.clear_sds]
-        if len(clear) == len(terms):
-            break
-        # what the joint fit does not need was the other terms' part
-        terms = clear
-    if not terms:
+    if not forms:
         return answer, left, []
+    terms = [term for form, _ in forms.values() for term in form.terms]
+    fitted, sd = _beside(terms, answer, start)
     accepted = dataclasses.replace(answer.accepted, fitted=fitted)
     more = answer_of(accepted, answer.gusts, start, declared)
     laws = [
-        _law(channel, chosen[channel], [t for t in terms if t.channel == channel], accepted)
-        for channel in chosen
+        FittedLaw(
+            channel,
+            {t: fitted.effects[LAW][t.key] for t in form.terms},
+            {t: sd[t] for t in form.terms},
+            form.r2,
+            structure,
+            _size(channel, accepted),
+        )
+        for channel, (form, structure) in forms.items()
     ]
-    return more, left_over(more.structures, more.last.model), [w for w in laws if w.coefficients]
-
-
-@dataclasses.dataclass(frozen=True)
-class _Chosen:
-    """Terms for the structure of one channel, and what they predict of it."""
-
-    terms: Sequence[Term]
-    r2: float
-    structure: Structure
+    return more, left_over(more.structures, more.last.model), laws
 
 
 def _channels(left: Sequence[Structure], answer: Explanation) -> dict[str, Structure]:
@@ -101,59 +101,68 @@ def _channels(left: Sequence[Structure], answer: Explanation) -> dict[str, Struc
     return found
 
 
-def _chosen(channel: str, structure: Structure, answer: Explanation) -> _Chosen | None:
-    """Terms that predict what is left in a channel of flights that they were not fitted to."""
+def _form(channel: str, answer: Explanation) -> SparseForm:
+    """A form of what is left in a channel."""
     system, model = answer.last.regression.system, answer.last.model
     kind, axis = channel.split("_")
     response = next(n for k in RESPONSES[kind] if (n := f"{k}_{axis}") in system.main)
-    e = [row[:, system.main.index(response)] for row in answer.last.in_air]
     terms = tried(channel, system)
-    if not terms:
-        return None
-    found, r2 = sparse_terms(
-        e, columns(terms, system, model), terms, system.blocks(settings.statistics.block_s)
-    )
-    if r2 < settings.locate.r2_least:
-        return None
-    return _Chosen(found, r2, structure)
-
-
-def _fitted(answer: Explanation, terms: Sequence[Term], start: Start) -> Fitted:
-    """The names' fit with coefficients of these terms as further parameters."""
-    before, system = answer.accepted.fitted, start.system
-    declared = system.model.effects.get(LAW, {})
-    law = {**declared, **{t.key: declared.get(t.key, 0.0) for t in terms}}
-    free = [(LAW, t.key) for t in terms]
-    if before is None:
-        return polish(system, {LAW: law}, free)
-    flights = before.regression.system.recordings
-    return polish(system, {**before.effects, LAW: law}, [*before.free, *free], flights)
-
-
-def _sds(fitted: Fitted, term: Term) -> float:
-    """A coefficient over its sd."""
-    return abs(fitted.effects[LAW][term.key]) / fitted.sd(LAW, term.key)
-
-
-def _law(channel: str, chosen: _Chosen, terms: Sequence[Term], accepted: Accepted) -> FittedLaw:
-    fitted = accepted.fit
-    system, effects = fitted.regression.system, fitted.effects
-    others = {k: v for k, v in effects[LAW].items() if not k.startswith(f"{channel}:")}
-    bare = dataclasses.replace(
-        accepted.regression.system.model, effects={**system.model.effects, LAW: others}
-    )
-    added = contributions_of(system.model.effects, LAW, system, bare)
-    return FittedLaw(
-        channel,
-        {t: effects[LAW][t.key] for t in terms},
-        {t: fitted.sd(LAW, t.key) for t in terms},
-        chosen.r2,
-        chosen.structure,
-        size_of([_of_kind(a, channel, system.main) for a in added], system),
+    return sparse_form(
+        [row[:, system.main.index(response)] for row in answer.last.in_air],
+        columns(terms, system, model),
+        terms,
+        system.blocks(settings.statistics.block_s),
     )
 
 
-def _of_kind(added: np.ndarray, channel: str, main: Sequence[str]) -> np.ndarray:
-    """What is added in channels of the law's own kind, NaN in all others."""
-    kinds = RESPONSES[block_of(channel)]
-    return np.where([block_of(name) in kinds for name in main], added, np.nan)
+def _beside(
+    terms: Sequence[Term], answer: Explanation, start: Start
+) -> tuple[Fitted, dict[Term, float]]:
+    """The names' fit with a law of these terms beside it, and the sds of its coefficients.
+
+    Names and declared numbers stay as they are, pinned by priors that are narrow against their sds;
+    trims are free to follow.
+    """
+    before, model = answer.accepted.fitted, start.system.model
+    system, joint = (
+        (before.regression.system, before.joint) if before else (start.system, start.first.joint)
+    )
+    names = before.effects if before else {}
+    # a term that the vehicle file has already counts from there
+    law = {**{t.key: 0.0 for t in terms}, **model.effects.get(LAW, {})}
+    variants = [Variant(LAW, {}, (amplitude_of(LAW, t.key),)) for t in terms]
+    flights, known = system.recordings, model.with_effects({**names, LAW: law})
+    asked = build(flights, known, variants, start.system)
+    chosen = free_first(asked)
+    noise = estimate(asked, chosen)
+    held = pinned(joint)
+    regression = whitened(asked, noise)
+    prior_sd = regression.prior.sd[chosen]
+    found = joint_fit(regression, chosen, np.zeros(len(chosen)), prior_sd, held)
+    law |= {t.key: law[t.key] + float(c) for t, c in zip(terms, found.chosen, strict=True)}
+    there = build(flights, known.with_effects({LAW: law}), (), start.system)
+    nothing = np.zeros((0, 0))
+    beside = dataclasses.replace(found, chosen=np.zeros(0), covariance=nothing, by_rows=nothing)
+    # a pin is no knowledge: what was pinned keeps the doubt of the names' own fit
+    beside = dataclasses.replace(
+        beside, common_sd={**found.common_sd, **{key: joint.common_sd[key] for key in held}}
+    )
+    fitted = Fitted(
+        {**names, LAW: law},
+        before.free if before else (),
+        before.covariance if before else nothing,
+        beside,
+        before.apart if before else beside,
+        whitened(there, noise),
+    )
+    return fitted, dict(zip(terms, np.sqrt(np.diag(found.covariance)), strict=True))
+
+
+def _size(channel: str, accepted: Accepted) -> dict[str, Any]:
+    """How large the law of a channel is, in channels of its own kind."""
+    system, declared = accepted.fit.regression.system, accepted.regression.system.model
+    effects, kinds = system.model.effects, RESPONSES[block_of(channel)]
+    others = {k: 0.0 if k.startswith(f"{channel}:") else v for k, v in effects[LAW].items()}
+    added = contributions_of(effects, LAW, system, declared.with_effects({LAW: others}))
+    shown = [block_of(name) in kinds for name in system.main]
+    return size_of([np.where(shown, a, np.nan) for a in added], system)

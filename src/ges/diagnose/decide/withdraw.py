@@ -89,7 +89,9 @@ def explained(
     return _not_of_a_form(answer, start, declared, record)
 
 
-def answer_of(accepted: Accepted, gusts: Gusts | None, start: Start, declared: Model) -> Explanation:
+def answer_of(
+    accepted: Accepted, gusts: Gusts | None, start: Start, declared: Model
+) -> Explanation:
     """What is accepted and gusts, with what they leave and add."""
     last = start.first
     if accepted.fitted is not None:

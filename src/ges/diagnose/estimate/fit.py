@@ -505,13 +505,7 @@ def _with_levers_as_they_are(
     """
     if len(chosen) == count:
         return joint
-    # pinned by priors that are narrow against their sds, so that trims alone are free to follow
-    firm = settings.estimate.converged_sds
-    held = {
-        key: (value, firm * joint.common_sd[key])
-        for key, value in joint.common.items()
-        if not _is_trim(key)
-    }
+    firm, held = settings.estimate.converged_sds, pinned(joint)
     told = joint_fit(
         regression,
         chosen[:count],
@@ -522,6 +516,18 @@ def _with_levers_as_they_are(
     # a pin is no knowledge: what was pinned keeps the doubt of the joint fit
     sds = {**told.common_sd, **{key: joint.common_sd[key] for key in held}}
     return dataclasses.replace(told, common_sd=sds)
+
+
+def pinned(joint: Joint) -> dict[str, tuple[float, float]]:
+    """Priors of the common nuisances of a fit that are narrow against their sds, by key, so that
+    trims alone are free to follow.
+    """
+    firm = settings.estimate.converged_sds
+    return {
+        key: (value, firm * joint.common_sd[key])
+        for key, value in joint.common.items()
+        if not _is_trim(key)
+    }
 
 
 def _is_trim(key: str) -> bool:

@@ -1,14 +1,16 @@
 """Terms of a law for what no effect explains.
 
 Terms are those of :mod:`ges.simulator.laws`: a share of weight or thrust times a product of
-dimensionless groups. Few of them are chosen by orthogonal matching (Pati et al. 1993), each kept
-only while it predicts flights that it was not fitted to, or blocks of time where there is one
-flight alone.
+dimensionless groups. Few of them are chosen, forward with exchange (Miller 2002, *Subset Selection
+in Regression*, sec. 3.10), by what they predict of flights that they were not fitted to, or of
+blocks of time where there is one flight alone.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,21 +18,23 @@ import numpy as np
 from ges.diagnose.design.residual import but_actuators, model_along
 from ges.diagnose.design.system import System
 from ges.diagnose.library.requirements import unmet
+from ges.diagnose.select.search import log_odds_against_one_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
-from ges.simulator.laws import LAW, SCALES, Term, along, groups
+from ges.simulator.laws import LAW, SCALES, Term, along
 
 SPEEDS = ("V_x/v_h", "V_y/v_h", "V_z/v_h", "v_z/v_h")
 HORIZONTAL = "V_h/v_h"
 NEAR_GROUND = "R/h"
-OTHERS = ("p/w_g", "q/w_g", "r/w_g", "x/L", "y/L", "w/w_h", "U/U_0")
+OTHERS = ("p/w_g", "q/w_g", "r/w_g", "x/L", "y/L", "U/U_0")
 
 
 def tried(channel: str, system: System) -> list[Term]:
     """Terms that these flights can speak about in a channel: speeds, with their squares and along
     with the horizontal speed, powers of the nearness of the ground and speeds near it, and what
-    else there is, each alone.
+    else there is, each alone. Not the rotors' speed: it answers to what is left, see
+    :mod:`~ges.diagnose.design.answers`.
     """
     products = [
         *(({g: 1}, {}) for g in (*SPEEDS, HORIZONTAL, *OTHERS)),
@@ -40,7 +44,9 @@ def tried(channel: str, system: System) -> list[Term]:
         *(({NEAR_GROUND: n}, {}) for n in (1, 2, 3)),
         *(({g: 1, NEAR_GROUND: n}, {}) for g in (*SPEEDS, HORIZONTAL) for n in (1, 2)),
     ]
-    listed = [Term.of(channel, s, n, m) for s, (n, m) in itertools.product(SCALES, products)]
+    # a constant beside them: numbers and names may have taken up what a term is on average
+    listed = [Term.of(channel, SCALES[0], {})]
+    listed += [Term.of(channel, s, n, m) for s, (n, m) in itertools.product(SCALES, products)]
     return [t for t in listed if not unmet(t.needs, system.recordings, system.model)]
 
 
@@ -62,12 +68,22 @@ def columns(terms: Sequence[Term], system: System, model: Model) -> list[np.ndar
     return found
 
 
-def sparse_terms(
+@dataclasses.dataclass(frozen=True)
+class SparseForm:
+    """Few terms of one channel, and the share of the variance that they predict of what they were
+    not fitted to.
+    """
+
+    terms: tuple[Term, ...]
+    r2: float
+
+
+def sparse_form(
     e: Sequence[np.ndarray],
     x: Sequence[np.ndarray],
     terms: Sequence[Term],
     blocks: Sequence[np.ndarray],
-) -> tuple[list[Term], float]:
+) -> SparseForm:
     """Choose few terms that together explain a residual; none where not even one does.
 
     Parameters
@@ -76,43 +92,74 @@ def sparse_terms(
     x : by flight, (m, terms), of :func:`columns`.
     terms : of the channel.
     blocks : by flight, number of the block of time of every window, (m,).
-
-    Returns
-    -------
-    the terms, and the share of the variance that they predict of what they were not fitted to.
     """
     good = [np.isfinite(of_flight) for of_flight in e]
     number = np.concatenate([np.full(g.sum(), f) for f, g in enumerate(good)])
     block = np.concatenate([b[g] for b, g in zip(blocks, good, strict=True)])
     several = len(np.unique(number)) > 1
     fold = (number if several else block) % settings.statistics.folds
-    # a constant of each flight is its trim's, and no law's
-    y = np.concatenate([v[g] - v[g].mean() for v, g in zip(e, good, strict=True) if g.any()])
-    table = np.concatenate(
-        [v[g] - v[g].mean(axis=0) for v, g in zip(x, good, strict=True) if g.any()]
-    )
+    y = np.concatenate([v[g] for v, g in zip(e, good, strict=True)])
+    table = np.concatenate([v[g] for v, g in zip(x, good, strict=True)])
     size = np.sqrt(np.mean(table**2, axis=0))
-    moving = size > settings.numerics.small * np.max(np.abs(table), initial=0.0)
-    chosen: list[int] = []
+    moving = np.flatnonzero(size > settings.numerics.small * size.max(initial=0.0))
+    folds = _Folds.of(table[:, moving] / size[moving], y, fold)
+    # blocks of time are independent, windows are not; every term tried is as likely as any other
+    independent = len(np.unique(block))
+    price = log_odds_against_one_of(len(moving)) + settings.statistics.acceptance_log_odds
+    chosen: tuple[int, ...] = ()
     best = 0.0
-    while len(chosen) < settings.report.terms and moving.any():
-        left = y - table[:, chosen] @ _fit(table[:, chosen], y)
-        # orthogonal matching: all chosen terms are fitted again before the next is matched
-        match = np.where(moving, np.abs(left @ table) / np.where(moving, size, 1.0), -1.0)
-        match[chosen] = -1.0
-        more = [*chosen, int(np.argmax(match))]
-        r2 = _r2(table[:, more], y, fold)
-        if r2 < best + settings.statistics.least_gain:
+    while len(chosen) < min(settings.report.terms, len(moving)):
+        more, r2 = _exchanged(folds, (*chosen, *folds.best_beside(chosen)))
+        # log predictive density of Gaussian errors at their own variance, equation (8) of method.md
+        left = max(1.0 - r2, settings.numerics.tiny) / (1.0 - best)
+        if -0.5 * independent * math.log(left) < price:
             break
         chosen, best = more, r2
-    return [terms[k] for k in chosen], best
+    return SparseForm(tuple(terms[moving[k]] for k in chosen), best)
 
 
-def _fit(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    return np.linalg.lstsq(x, y, rcond=None)[0]
+@dataclasses.dataclass(frozen=True)
+class _Folds:
+    """Normal equations by fold: (F, K, K), (F, K) and (F,)."""
+
+    xx: np.ndarray
+    xy: np.ndarray
+    yy: np.ndarray
+
+    @classmethod
+    def of(cls, x: np.ndarray, y: np.ndarray, fold: np.ndarray) -> _Folds:
+        """From columns (n, K), a residual (n,) and the fold of every row (n,)."""
+        each = [(x[fold == f], y[fold == f]) for f in np.unique(fold)]
+        return cls(
+            np.array([a.T @ a for a, _ in each]),
+            np.array([a.T @ b for a, b in each]),
+            np.array([b @ b for _, b in each]),
+        )
+
+    def r2(self, sets: np.ndarray) -> np.ndarray:
+        """Share of the variance that fits of the other folds predict, (s,), for sets of columns
+        (s, k).
+        """
+        xx, xy = self.xx[:, sets[:, :, None], sets[:, None, :]], self.xy[:, sets]
+        others = xx.sum(axis=0) - xx + settings.statistics.ridge_windows * np.eye(sets.shape[1])
+        beta = np.linalg.solve(others, (xy.sum(axis=0) - xy)[..., None])
+        # |y|^2 - |y - x b|^2 = b'(2 x'y - x'x b)
+        gain = (beta[..., 0] * (2.0 * xy - (xx @ beta)[..., 0])).sum(axis=(0, 2))
+        return gain / max(float(self.yy.sum()), settings.numerics.tiny)
+
+    def best_beside(self, chosen: tuple[int, ...]) -> tuple[int]:
+        """The column that predicts most beside those chosen."""
+        tried = [k for k in range(self.xy.shape[1]) if k not in chosen]
+        return (tried[int(np.argmax(self.r2(np.array([(*chosen, k) for k in tried]))))],)
 
 
-def _r2(x: np.ndarray, y: np.ndarray, fold: np.ndarray) -> float:
-    """Share of the variance of ``y`` that fits on the other folds predict."""
-    left = [y[fold == f] - x[fold == f] @ _fit(x[fold != f], y[fold != f]) for f in np.unique(fold)]
-    return 1.0 - float(np.concatenate(left).var() / max(y.var(), settings.numerics.tiny))
+def _exchanged(folds: _Folds, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], float]:
+    """The set with single columns exchanged for others while that predicts more, and its R^2."""
+    r2 = float(folds.r2(np.array([chosen]))[0])
+    while True:
+        rests = [(*chosen[:i], *chosen[i + 1 :]) for i in range(len(chosen))]
+        others = [(*rest, *folds.best_beside(rest)) for rest in rests]
+        gained = folds.r2(np.array(others))
+        if gained.max() <= r2 + settings.numerics.small:
+            return chosen, r2
+        chosen, r2 = others[int(np.argmax(gained))], float(gained.max())

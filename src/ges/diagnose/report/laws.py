@@ -45,9 +45,7 @@ def vehicle_laws(before: Sequence[Law], found: Sequence[FittedLaw]) -> tuple[Law
     terms: dict[str, dict[Term, tuple[float, float]]] = {}
     for law in before:
         sd = law.sd or (0.0,) * len(law.terms())
-        terms[law.channel] = {
-            t: (c, s) for (t, c), s in zip(law.terms().items(), sd, strict=True)
-        }
+        terms[law.channel] = {t: (c, s) for (t, c), s in zip(law.terms().items(), sd, strict=True)}
     for new in found:
         terms.setdefault(new.channel, {}).update(
             {t: (c, new.sd[t]) for t, c in new.coefficients.items()}
@@ -66,9 +64,7 @@ def reads_as(channel: str, coefficients: Mapping[Term, float], size: Mapping[str
     """What the largest part of a law looks like, and the physics that is nearest to it."""
     term = max(coefficients, key=lambda t: abs(coefficients[t]))
     used = [
-        g
-        for g, n, m in zip(groups().values(), term.power, term.magnitude, strict=True)
-        if n or m
+        g for g, n, m in zip(groups().values(), term.power, term.magnitude, strict=True) if n or m
     ]
     grows = " and ".join(g.doc.removesuffix(", relative to the air") for g in used)
     return f"{channel_words(channel)} that follows {grows}: {_nearest(channel, used[0].quantity)}"

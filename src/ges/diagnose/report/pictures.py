@@ -179,8 +179,8 @@ def held_out_bars(channels: Mapping[str, Mapping[str, Any]]) -> Figure:
     Parameters
     ----------
     channels : as ``fit.channels`` of diagnosis.json: ``before``, ``recalibrated``, with laws
-        ``names_only``, ``after`` and ``reduction_ci95``, the 95 % interval of 1 - after / recalibrated, which is drawn on
-        ``after``.
+        ``names_only``, ``after`` and ``reduction_ci95``, the 95 % interval of
+        1 - after / recalibrated, which is drawn on ``after``.
     """
     names = [n for n in channels if channels[n]["before"] > 0]
     with mpl.rc_context(_STYLE):
@@ -216,7 +216,9 @@ def held_out_bars(channels: Mapping[str, Mapping[str, Any]]) -> Figure:
         axis.set_xlabel(
             "error on held-out flights (1: that of the vehicle file, written at the left)"
         )
-        figure.legend(*axis.get_legend_handles_labels(), loc="outside upper center", ncols=len(stages))
+        figure.legend(
+            *axis.get_legend_handles_labels(), loc="outside upper center", ncols=len(stages)
+        )
     return figure
 
 

@@ -24,8 +24,8 @@ def fitted_vehicle(
     gusts: Gusts | None,
     laws: Sequence[FittedLaw],
 ) -> Vehicle:
-    """The vehicle file with findings, laws and corrected numbers; what belongs to a sensor or to one
-    day's trim stays out.
+    """The vehicle file with findings, laws and corrected numbers; what belongs to a sensor or to
+    one day's trim stays out.
 
     Parameters
     ----------
