@@ -68,6 +68,7 @@ def _cut(*places: str) -> dict:
         (_truth("rotor_drag"), _diagnosis(verdict="unknown"), "unknown", True),
         (_truth("rotor_drag"), {"verdict": "failed", "findings": []}, "failed", False),
         (STRANGER, _diagnosis(verdict="unknown"), "right", True),
+        (STRANGER, _diagnosis(verdict="law"), "right", True),
         (STRANGER, _diagnosis(), "partly", False),
         (STRANGER, _diagnosis("wind", verdict="unknown"), "wrong", True),
         (TWO_CUT, _losses(0.2, 0.15, 0.0, 0.01), "right", True),

@@ -63,6 +63,8 @@ OPEN = _truth("cg_offset", verdict="ambiguous", also_acceptable=[["weak_rotor"]]
         (NULL, _said("wind"), "wrong", ("wind",)),
         (NULL, _said(verdict="unknown"), "unknown", ()),
         (UNKNOWN, _said(verdict="unknown"), "exact", ()),
+        (UNKNOWN, _said(verdict="law"), "exact", ()),
+        (NULL, _said(verdict="law"), "unknown", ()),
         (UNKNOWN, NOTHING, "nothing", ()),
         (UNKNOWN, _said("wind", verdict="unknown"), "wrong", ("wind",)),
         (OPEN, _said("cg_offset", "weak_rotor", verdict="ambiguous", probability=0.5), "exact", ()),

@@ -99,7 +99,8 @@ def test_a_trim_of_a_calibrated_file_that_moved_far_is_a_change_whose_cause_is_o
     """*Nothing proven* beside a trim 5 sds away from its file would contradict itself."""
     moved = Contradicted("weak_rotor.loss_1", 0.06, 0.004, 0.012, 0.06)
     assert moved.is_trim and "vehicle has changed" in moved.sentence()
-    assert verdict_of((), [moved], ()) == "unknown"
+    assert verdict_of((), [moved], (), ()) == "unknown"
     number = Contradicted("thrust_scale.scale", 0.3, 0.01, 0.03, 0.3)
-    assert not number.is_trim and verdict_of((), [number, moved], ()) == "parameter"
-    assert verdict_of((), [], ()) == "nothing_proven"
+    assert not number.is_trim and verdict_of((), [number, moved], (), ()) == "parameter"
+    assert verdict_of((), [], (), ()) == "nothing_proven"
+    assert verdict_of((), [], ["a law"], ["structure"]) == "law"

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ges.diagnose.decide.declared import contradicted
-from ges.diagnose.decide.laws import with_laws
+from ges.diagnose.decide.laws import FittedLaw, with_laws
 from ges.diagnose.decide.withdraw import explained, remaining, thrust_of, with_open_modelled
 from ges.diagnose.detectors.balance import shift_of
 from ges.diagnose.detectors.gusts import GUSTS
@@ -73,7 +73,9 @@ def diagnose(
     located = located_by(start, answer)
     answer, left = with_open_modelled(answer, left, start, problem.model, record)
     named = answer.last.model
-    answer, left, laws = with_laws(answer, left, start, problem.model)
+    laws: list[FittedLaw] = []
+    if names is None:
+        answer, left, laws = with_laws(answer, left, start, problem.model)
     # an open cause may move the numbers that it is confused with: those are not the file's fault
     but = {*answer.accepted.rivals, *(shift.may_move if shift else ())}
     wrong = [] if names else contradicted(answer.last.joint, start.system, but)

@@ -326,7 +326,7 @@ def table() -> dict[str, Effect]:
     }
 
 
-class _Law(Effect):
+class _LawEffect(Effect):
     """Laws as an effect: its parameters are coefficients by term (:mod:`ges.simulator.laws`)."""
 
     def parameter(self, name: str) -> Parameter:
@@ -359,7 +359,7 @@ class _Law(Effect):
 
 @functools.lru_cache(maxsize=1)
 def _law() -> Effect:
-    return _Law(
+    return _LawEffect(
         number=-1,
         name=laws.LAW,
         title="law found in flights, which no effect of the library has",

@@ -93,7 +93,7 @@ def test_what_the_form_of_an_unmeasured_curve_makes_is_taken_back(form, left, mo
         "without",
         lambda a, name: SimpleNamespace(names=tuple(n for n in a.names if n != name), rivals=()),
     )
-    monkeypatch.setattr(withdraw, "_answer", lambda a, *_: _answer(a.names))
+    monkeypatch.setattr(withdraw, "answer_of", lambda a, *_: _answer(a.names))
     record, start = Record(), SimpleNamespace(system=None)
     answer = _answer(("rotor_saturation", "rotor_drag"))
     told = withdraw._not_of_a_form(answer, start, None, record)

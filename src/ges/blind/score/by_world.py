@@ -16,7 +16,7 @@ import pandas as pd
 from ges.blind.limit import power
 from ges.blind.protocol import seal
 from ges.blind.protocol.run import OUT, SIMPLE, method_folder
-from ges.blind.score.judge import acceptable, category_of
+from ges.blind.score.judge import acceptable, category_of, kind_of
 from ges.blind.score.statistics import (
     calibration_error,
     proportion,
@@ -82,7 +82,7 @@ class Answer:
 
 def answer_of(case: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> Answer:
     """Hold a diagnosis against the truth of a set."""
-    findings, verdict = diagnosis.get("findings", []), diagnosis["verdict"]
+    findings, verdict = diagnosis.get("findings", []), kind_of(diagnosis)
     right = acceptable(truth)
     known = frozenset().union(*right)
     named = _named(findings, verdict)

@@ -63,13 +63,18 @@ def acceptable(truth: Mapping) -> list[frozenset[str]]:
     return [names, *(frozenset(other) for other in truth.get("also_acceptable", []))]
 
 
+def kind_of(said: Mapping) -> str:
+    """The verdict of a diagnosis; a law, as unknown, says that no name explains what is there."""
+    return "unknown" if said["verdict"] == "law" else said["verdict"]
+
+
 def judge(case: str, truth: Mapping, said: Mapping) -> Judgement:
     """Compare a diagnosis with the truth.
 
     In an ambiguous answer only names of probability 0.9 or more are claimed, the others are
     offered. A name is wrong when no acceptable answer has it.
     """
-    findings, verdict = said.get("findings", []), said["verdict"]
+    findings, verdict = said.get("findings", []), kind_of(said)
     offered = {f["name"] for f in findings}
     claimed = {f["name"] for f in findings if verdict != "ambiguous" or f["probability"] >= SURE}
     right = acceptable(truth)

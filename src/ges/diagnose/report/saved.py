@@ -54,7 +54,7 @@ class _LawTerm(BaseModel):
     ci95: Interval
 
 
-class _Law(BaseModel):
+class _LawInWords(BaseModel):
     channel: str
     form: str
     terms: list[_LawTerm]
@@ -101,7 +101,7 @@ class _Saved(BaseModel):
     sentence: str
     findings: list[_Finding]
     located: list[dict[str, Any]]
-    laws: list[_Law] = []
+    laws: list[_LawInWords] = []
     unexplained: list[dict[str, Any]]
     fit: _Fit
     detectable: dict[str, dict[str, Any]]
