@@ -12,7 +12,7 @@
 #include "effect.h"
 
 enum {
-#define X(quantity, reference, needs, doc, expression) GROUP_##quantity,
+#define X(quantity, reference, unit, needs, doc, expression) GROUP_##quantity,
 #include "groups.def"
 #undef X
   N_GROUPS
@@ -55,7 +55,7 @@ static inline references_t references_of(const sample_t *s) {
 
 /* Those of the groups that some term uses. */
 static inline void groups_of(const law_t *law, const references_t *l, const sample_t *s, vd group[N_GROUPS]) {
-#define X(quantity, reference, needs, doc, expression) \
+#define X(quantity, reference, unit, needs, doc, expression) \
   if (law->uses[GROUP_##quantity]) group[GROUP_##quantity] = expression;
 #include "groups.def"
 #undef X

@@ -167,9 +167,9 @@ typedef struct {
   const double *z_m;
 } ges_grid;
 
-/* A dimensionless group, quantity over reference, and what has to be recorded to know it. */
+/* A dimensionless group, quantity over reference, both in `unit`, and what has to be recorded to know it. */
 typedef struct {
-  const char *quantity, *reference, *needs, *doc;
+  const char *quantity, *reference, *unit, *needs, *doc;
 } ges_group;
 
 enum { GES_SCALE_WEIGHT = 0, GES_SCALE_THRUST = 1 };

@@ -48,7 +48,7 @@ static const ges_column replay_out_table[] = {
 };
 
 static const ges_group group_table[] = {
-#define X(quantity, reference, needs, doc, expression) {#quantity, #reference, needs, doc},
+#define X(quantity, reference, unit, needs, doc, expression) {#quantity, #reference, unit, needs, doc},
 #include "../effects/groups.def"
 #undef X
 };

@@ -1,16 +1,22 @@
 """Laws: read as they are written, refused with a sentence, flown to the same bits in any lane."""
 
+import ctypes
+import re
+import subprocess
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from ges.conventions import QUATERNION
-from ges.errors import UsageError
+from ges.errors import GesError, UsageError
 from ges.simulator import effects, flight, laws
 from ges.simulator.effects import Samples
 from ges.simulator.terrain import Terrain
 from ges.vehicle.file import Vehicle, parse_vehicle, vehicle_content
+from ges.vehicle.law_export import law_as
 
 
 def _term(channel):
@@ -163,3 +169,84 @@ def test_two_laws_of_one_channel_are_one_form():
     law = {"channel": "force_y", "form": "0.1 m g"}
     with pytest.raises(UsageError, match="more than one law"):
         parse_vehicle({**SHEET, "laws": [law, law]})
+
+
+FORMS = {
+    "force_y": "0.1 m g (V_x/v_h)|V_h/v_h| - 0.2 T (R/h)^2",
+    "force_z": "-0.03 m g (V_h/v_h)^2 + 0.01 T (U/U_0) (v_z/v_h)",
+    "moment_z": "0.02 T L (q/w_g)|q/w_g|^2 + 0.001 m g L (x/L) (w/w_h)",
+}
+
+
+def _state(columns, samples):
+    """What a caller of an exported law knows, (n,) by symbol."""
+    replayed = effects.replay({}, samples, {})
+    k_t = flight.parameters()["thrust_coefficient_N_s2"].default
+    to_body = Rotation.from_quat(
+        np.stack([columns[q] for q in QUATERNION], axis=1), scalar_first=True
+    ).inv()
+    v = to_body.apply(np.stack([columns[f"v_{a}_m_s"] for a in "xyz"], axis=1))
+    speeds = np.array([columns[f"rotor_speed_{i}_rad_s"] for i in range(1, 5)])
+    return {
+        "T": k_t * (speeds**2).sum(axis=0),
+        **dict(zip(("V_x", "V_y", "V_z"), v.T, strict=True)),
+        "V_h": np.hypot(columns["v_x_m_s"], columns["v_y_m_s"]),
+        "v_z": columns["v_z_m_s"],
+        "q": columns["omega_y_rad_s"],
+        "x": columns["p_x_m"],
+        "w": speeds.mean(axis=0),
+        "U": columns["battery_V"],
+        "h": np.mean([replayed[f"rotor_height_{i}_m"] for i in range(1, 5)], axis=0),
+    }
+
+
+@pytest.fixture(scope="module")
+def exported():
+    """A vehicle with laws, what the simulator makes of them, and the state, sample by sample."""
+    parameters = {k: p.default for k, p in flight.parameters().items()}
+    rotors = [
+        {f"{a}_m": parameters[f"rotor_{i}_{a}_m"] for a in "xyz"}
+        | {"radius_m": parameters[f"rotor_{i}_radius_m"]}
+        | {"spin": "ccw" if parameters[f"rotor_{i}_spin"] > 0 else "cw"}
+        for i in range(1, 5)
+    ]
+    written = [{"channel": c, "form": form} for c, form in FORMS.items()]
+    numbers = {k: parameters[k] for k in ("mass_kg", "thrust_coefficient_N_s2", "rho_kg_m3")}
+    vehicle = parse_vehicle({"name": "test", **numbers, "rotors": rotors, "laws": written})
+    columns, samples = _samples()
+    added = effects.evaluate("law", vehicle.effect_values()["law"], samples, {})
+    return vehicle, np.hstack([added.force_N, added.moment_Nm]), _state(columns, samples)
+
+
+def _arguments(text, state):
+    names = re.search(r"law\(([^)]*)\)", text)[1].replace("double ", "").split(", ")
+    return [state[n] for n in names if n in state]
+
+
+def test_an_exported_law_is_the_simulators_in_python(exported):
+    vehicle, want, state = exported
+    text, space = law_as(vehicle, "python"), {}
+    exec(text, space)
+    for sample, row in zip(zip(*_arguments(text, state), strict=True), want, strict=True):
+        force, moment = space["law"](*sample)
+        assert [*force, *moment] == pytest.approx(row, rel=1e-9, abs=1e-9)
+
+
+def test_an_exported_law_is_the_simulators_in_c(exported, tmp_path):
+    vehicle, want, state = exported
+    text = law_as(vehicle, "c")
+    source, built = tmp_path / "law.c", tmp_path / "law.so"
+    source.write_text(text.replace("static void", "void"))
+    subprocess.run(
+        ["cc", "-Wall", "-Werror", "-shared", "-fPIC", "-o", built, source, "-lm"], check=True
+    )
+    law = ctypes.CDLL(str(built)).law
+    for sample, row in zip(zip(*_arguments(text, state), strict=True), want, strict=True):
+        force, moment = (ctypes.c_double * 3)(), (ctypes.c_double * 3)()
+        law(*map(ctypes.c_double, sample), force, moment)
+        assert [*force, *moment] == pytest.approx(row, rel=1e-9, abs=1e-9)
+
+
+def test_a_vehicle_without_laws_has_none_to_export():
+    with pytest.raises(GesError, match="has no laws"):
+        law_as(parse_vehicle(SHEET), "python")

@@ -61,6 +61,12 @@ def _listed(context: click.Context, _: click.Parameter, wanted: bool) -> None:
 @click.option("--name", help="Name of the vehicle.")
 @click.option("--to", "target", type=click.Choice(KINDS), help="Write for that simulator instead.")
 @click.option(
+    "--law-as",
+    "language",
+    type=click.Choice(("c", "python")),
+    help="Write the laws of a vehicle file as one function instead.",
+)
+@click.option(
     "--list",
     is_flag=True,
     is_eager=True,
@@ -77,6 +83,7 @@ def command(
     models: tuple[Path, ...],
     name: str | None,
     target: str | None,
+    language: str | None,
     **reading: Any,
 ) -> None:
     """Print a vehicle file, every number with its source and doubt.
@@ -90,8 +97,10 @@ def command(
       ges vehicle flight.ulg --mass 2.0 --prop 10in > drone.yaml
       ges vehicle x500/model.sdf > x500.yaml
       ges vehicle out/vehicle.fitted.yaml --to sdf > fitted.sdf
+      ges vehicle out/vehicle.fitted.yaml --law-as python > law.py
     """
     from ges.vehicle import file, formats, propeller
+    from ges.vehicle.law_export import law_as
 
     prop = propeller.Propeller.parse(size) if size else None
     log_only = {"--mass": mass_kg, "--wheelbase": wheelbase, "--layout": layout}
@@ -112,6 +121,10 @@ def command(
             sheet = _from_log(path, mass_kg, prop, wheelbase, layout, reading)
         sheet = sheet.renamed(name) if name else sheet
         vehicle, text, remarks = sheet.vehicle, sheet.to_yaml(), sheet.remarks
+    if target and language:
+        raise UsageError("--to writes a vehicle, --law-as its laws; ask for one of them")
+    if language:
+        text = law_as(vehicle, language)
     if target:
         export = formats.write_model(vehicle, target)
         text, remarks = export.text, (*remarks, *export.remarks)

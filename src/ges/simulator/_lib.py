@@ -103,7 +103,7 @@ class CGrid(ct.Structure):
 
 
 class CGroup(ct.Structure):
-    _fields_ = [(n, ct.c_char_p) for n in ("quantity", "reference", "needs", "doc")]
+    _fields_ = [(n, ct.c_char_p) for n in ("quantity", "reference", "unit", "needs", "doc")]
 
 
 class CTerm(ct.Structure):
@@ -269,11 +269,14 @@ def effect_infos() -> list[CEffectInfo]:
     return infos
 
 
-def group_table() -> list[tuple[str, str, str, str]]:
-    """(quantity, reference, needs, doc) of every dimensionless group that laws are made of."""
+def group_table() -> list[tuple[str, ...]]:
+    """(quantity, reference, unit, needs, doc) of every dimensionless group of laws."""
     table = ct.POINTER(CGroup)()
     n = load().ges_groups(ct.byref(table))
-    return [tuple(s.decode() for s in (g.quantity, g.reference, g.needs, g.doc)) for g in table[:n]]
+    return [
+        tuple(s.decode() for s in (g.quantity, g.reference, g.unit, g.needs, g.doc))
+        for g in table[:n]
+    ]
 
 
 def pack_effects(

@@ -48,12 +48,14 @@ class Group:
 
     Attributes
     ----------
+    unit : of quantity and reference.
     needs : what has to be recorded to know it, as the effects' ``needs``.
     doc : the quantity in words.
     """
 
     quantity: str
     reference: str
+    unit: str
     needs: tuple[str, ...]
     doc: str
 
@@ -66,7 +68,7 @@ class Group:
 @functools.lru_cache(maxsize=1)
 def groups() -> dict[str, Group]:
     """Every group that laws may use, by its text."""
-    listed = (Group(q, r, tuple(n.split()), doc) for q, r, n, doc in _lib.group_table())
+    listed = (Group(q, r, unit, tuple(n.split()), doc) for q, r, unit, n, doc in _lib.group_table())
     return {group.text: group for group in listed}
 
 

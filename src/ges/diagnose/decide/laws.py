@@ -1,4 +1,4 @@
-"""Laws for what the accepted names leave: terms chosen over flights, flown beside the names."""
+"""Laws for what the accepted names leave: few terms, flown beside the names."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class FittedLaw:
     ----------
     channel : one of :data:`ges.simulator.laws.CHANNELS`.
     coefficients, sd : by term.
-    r2 : share of what the names leave that it predicts of flights it was not fitted to.
+    r2 : share of what the names leave that it predicts of blocks of time it was not fitted to.
     structure : what was left in the channel, and in which regime.
     size : of :func:`~ges.diagnose.estimate.contributions.size_of`.
     """

@@ -2,8 +2,8 @@
 
 Terms are those of :mod:`ges.simulator.laws`: a share of weight or thrust times a product of
 dimensionless groups. Few of them are chosen, forward with exchange (Miller 2002, *Subset Selection
-in Regression*, sec. 3.10), by what they predict of flights that they were not fitted to, or of
-blocks of time where there is one flight alone.
+in Regression*, sec. 3.10), by what they predict of blocks of time that they were not fitted to:
+what one flight alone excites, no other flight could show.
 """
 
 from __future__ import annotations
@@ -94,10 +94,9 @@ def sparse_form(
     blocks : by flight, number of the block of time of every window, (m,).
     """
     good = [np.isfinite(of_flight) for of_flight in e]
-    number = np.concatenate([np.full(g.sum(), f) for f, g in enumerate(good)])
     block = np.concatenate([b[g] for b, g in zip(blocks, good, strict=True)])
-    several = len(np.unique(number)) > 1
-    fold = (number if several else block) % settings.statistics.folds
+    # dealt out in turn, so that every fold spans all flights
+    fold = np.unique(block, return_inverse=True)[1] % settings.statistics.folds
     y = np.concatenate([v[g] for v, g in zip(e, good, strict=True)])
     table = np.concatenate([v[g] for v, g in zip(x, good, strict=True)])
     size = np.sqrt(np.mean(table**2, axis=0))
