@@ -107,3 +107,22 @@ def test_other_vehicles_and_other_flights_are_remarked_on(written, content):
     text = run(compare.command, written("a"), written("b", origin=origin, fit=fit))
     assert "The vehicles are not the same: quad and hexa" in text
     assert "The errors are those of different flights" in text
+
+
+def test_laws_of_one_channel_stand_beside_each_other(written):
+    def law(value: float) -> dict:
+        term = {"term": "m g (V_x/v_h)", "coefficient": value, "ci95": [value - 0.01, value + 0.01]}
+        return {
+            "channel": "force_y",
+            "form": f"{value} m g (V_x/v_h)",
+            "terms": [term],
+            "regime": {},
+            "size": {},
+            "reads_as": "",
+        }
+
+    one, two = written("a", laws=[law(0.1)]), written("b", laws=[law(0.15)])
+    text = run(compare.command, one, two)
+    assert "law in the force to the left both 0.1 m g (V_x/v_h) 0.15 m g (V_x/v_h)" in text
+    assert re.search(r"m g \(V_x/v_h\) 0.100 \(.*\) 0.150 \(.*\) apart", text)
+    assert "second only none" in run(compare.command, written("c"), two)

@@ -56,7 +56,7 @@ def compare(
             }
             for name, c in zip(names, both, strict=True)
         ],
-        "findings": list(_findings(first, second)),
+        "findings": [*_findings(first, second), *_laws(first, second)],
         "numbers": list(_numbers(first["calibration"], second["calibration"])),
         "errors": [*_errors(_channels(first), _channels(second), "")]
         + [
@@ -108,6 +108,27 @@ def _findings(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[d
             "state": "both" if all(pair) else "first only" if pair[0] else "second only",
             "each": [_one(f, c, key) for f, c in zip(pair, (first, second), strict=True)],
             "parameters": [_parameter(name, pair) for name in parameters],
+        }
+
+
+def _laws(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """The same of laws, a row a channel, their terms as parameters."""
+    laws = [{law["channel"]: law for law in c.get("laws", ())} for c in (first, second)]
+    for channel in dict.fromkeys([*laws[0], *laws[1]]):
+        pair = [by.get(channel) for by in laws]
+        terms = [
+            {t["term"]: {**t, "value": t["coefficient"], "unit": "1"} for t in law["terms"]}
+            if law
+            else {}
+            for law in pair
+        ]
+        known = [{"parameters": of} for of in terms]
+        yield {
+            "name": f"law in the {channel_words(channel)}",
+            "title": "",
+            "state": "both" if all(pair) else "first only" if pair[0] else "second only",
+            "each": [law["form"] if law else "none" for law in pair],
+            "parameters": [_parameter(t, known) for t in dict.fromkeys([*terms[0], *terms[1]])],
         }
 
 
