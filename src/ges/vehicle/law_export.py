@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 
+import numpy as np
+
 from ges.conventions import ROTOR_SPEED
 from ges.errors import GesError
 from ges.simulator import laws
@@ -133,7 +135,9 @@ def _constants(vehicle: Vehicle, used: Sequence[Group], moments: bool) -> dict[s
     # the first group of a reference: of (1, 1) m/s the horizontal speed is not one
     first = {g.reference: g for g in reversed(laws.groups().values())}
     used = list(dict.fromkeys(first[g.reference] for g in used))
-    samples = Samples.from_columns({"t_s": [0.0], **{k: [v] for k, v in _ONE.items()}})
+    samples = Samples.from_columns(
+        {"t_s": np.zeros(1), **{name: np.full(1, value) for name, value in _ONE.items()}}
+    )
     asked = [Term.of("force_x", "m g", {g.text: 1}) for g in used]
     # a rotor that lies off the origin's height would count in h: the ground is put below the mean
     height_m = 1.0 + float(vehicle.rotor_arrays()["z_m"].mean())

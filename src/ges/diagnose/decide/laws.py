@@ -19,7 +19,7 @@ from ges.diagnose.library.candidates import Variant, amplitude_of
 from ges.diagnose.locate.laws import SparseForm, columns, sparse_form, tried
 from ges.diagnose.locate.stages import Start
 from ges.diagnose.locate.structure import Structure
-from ges.diagnose.select.evidence import whitened
+from ges.diagnose.select.evidence import make_regression, whitened
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model, block_of
 from ges.simulator.laws import CHANNELS, LAW, Term
@@ -69,22 +69,33 @@ def with_laws(
         for channel, structure in _channels(left, answer).items()
         if (form := _form(channel, answer)).terms
     }
-    if not forms:
-        return answer, left, []
     terms = [term for form, _ in forms.values() for term in form.terms]
-    fitted, sd = _beside(terms, answer, start)
+    while terms:
+        fitted, sd = _beside(terms, answer, start)
+        clear = [
+            t
+            for t in terms
+            if abs(fitted.effects[LAW][t.key]) > settings.statistics.clear_sds * sd[t]
+        ]
+        if len(clear) == len(terms):
+            break
+        # what only filled in for another term goes
+        terms = clear
+    if not terms:
+        return answer, left, []
     accepted = dataclasses.replace(answer.accepted, fitted=fitted)
     more = answer_of(accepted, answer.gusts, start, declared)
     laws = [
         FittedLaw(
             channel,
-            {t: fitted.effects[LAW][t.key] for t in form.terms},
-            {t: sd[t] for t in form.terms},
+            {t: fitted.effects[LAW][t.key] for t in own},
+            {t: sd[t] for t in own},
             form.r2,
             structure,
             _size(channel, accepted),
         )
         for channel, (form, structure) in forms.items()
+        if (own := [t for t in form.terms if t in terms])
     ]
     return more, left_over(more.structures, more.last.model), laws
 
@@ -132,28 +143,29 @@ def _beside(
     law = {**{t.key: 0.0 for t in terms}, **model.effects.get(LAW, {})}
     variants = [Variant(LAW, {}, (amplitude_of(LAW, t.key),)) for t in terms]
     flights, known = system.recordings, model.with_effects({**names, LAW: law})
+    # what numbers are held at leaves them no part in an answer of the controller, and a law is made
+    # of speeds, heights and places: no column here is endogenous
     asked = build(flights, known, variants, start.system)
-    chosen = free_first(asked)
-    noise = estimate(asked, chosen)
-    held = pinned(joint)
-    regression = whitened(asked, noise)
+    exogenous = tuple(dataclasses.replace(rows, endogenous={}) for rows in asked.flights)
+    asked = dataclasses.replace(asked, flights=exogenous)
+    held, chosen = pinned(joint), free_first(asked)
+    regression = whitened(asked, estimate(asked, chosen))
     prior_sd = regression.prior.sd[chosen]
     found = joint_fit(regression, chosen, np.zeros(len(chosen)), prior_sd, held)
     law |= {t.key: law[t.key] + float(c) for t, c in zip(terms, found.chosen, strict=True)}
-    there = build(flights, known.with_effects({LAW: law}), (), start.system)
-    nothing = np.zeros((0, 0))
-    beside = dataclasses.replace(found, chosen=np.zeros(0), covariance=nothing, by_rows=nothing)
+    # trims follow, as they do beside names
+    there = make_regression(build(flights, known.with_effects({LAW: law}), (), start.system))
+    beside = joint_fit(there, (), held=held)
     # a pin is no knowledge: what was pinned keeps the doubt of the names' own fit
-    beside = dataclasses.replace(
-        beside, common_sd={**found.common_sd, **{key: joint.common_sd[key] for key in held}}
-    )
+    sds = {**beside.common_sd, **{key: joint.common_sd[key] for key in held}}
+    beside = dataclasses.replace(beside, common_sd=sds)
     fitted = Fitted(
         {**names, LAW: law},
         before.free if before else (),
-        before.covariance if before else nothing,
+        before.covariance if before else np.zeros((0, 0)),
         beside,
         before.apart if before else beside,
-        whitened(there, noise),
+        there,
     )
     return fitted, dict(zip(terms, np.sqrt(np.diag(found.covariance)), strict=True))
 
