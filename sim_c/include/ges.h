@@ -53,6 +53,10 @@ typedef struct {
   double value;
 } ges_setting;
 
+/* Of a drive's delay the doubt takes in how long commands are held, of its lag what a command does between two rows of
+ * the log; of both what a motor's second pole looks like. */
+enum { GES_TIMING_DELAY = 1, GES_TIMING_LAG = 2 };
+
 /* How far a parameter may be off without any finding: a trim, a sensor, a drive that no vehicle file states. */
 typedef struct {
   const char *shows_in; /* channels, or blocks of them, of which one has to be there; "any"; NULL: never off */
@@ -61,7 +65,7 @@ typedef struct {
   double mean;
   int per_arm;          /* step and doubts are in arm lengths */
   int reciprocal;       /* acts as 1/(1 + x): linear up to where the doubt ends */
-  int timing;           /* the doubt takes in how long commands are held, and a motor's second pole */
+  int timing;           /* what the recording adds to the doubt, see below */
   int with_voltage;     /* free where every flight logged the battery's voltage */
 } ges_doubt;
 

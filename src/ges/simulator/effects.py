@@ -26,6 +26,7 @@ KINDS = ("wrench", "actuator", "sensor", "wind", "parameter")
 INVARIANTS = {"mirror": 1, "dissipates": 2, "no_work": 4, "fades": 8, "free_air": 16}
 ROLES = {1: "amplitude", 2: "shape", 3: "switch"}
 TRIMS = {0: "", 1: "thrust", 2: "rotor", 3: "lever", 4: "yaw"}
+TIMINGS = {0: "", 1: "delay", 2: "lag"}
 ABOUT = {1: "physics", 2: "parameter", 3: "sensor"}
 FEEDBACK = {1: "none", 2: "dynamic", 3: "thrust_gain", 4: "rotor", 5: "load", 6: "height"}
 HINTS = {
@@ -53,7 +54,8 @@ class Doubt:
     mean : where it usually is.
     per_arm : step and doubts are in arm lengths.
     reciprocal : acts as 1/(1 + x): linear up to where the doubt ends.
-    timing : the doubt takes in how long commands are held, and a motor's second pole.
+    timing : '', or of which of a drive's numbers it is, to which the recording adds doubt:
+        ``delay``, ``lag``.
     with_voltage : free where every flight logged the battery's voltage.
     """
 
@@ -64,7 +66,7 @@ class Doubt:
     mean: float
     per_arm: bool
     reciprocal: bool
-    timing: bool
+    timing: str
     with_voltage: bool
 
 
@@ -235,8 +237,17 @@ def _setting(s: _lib.CSetting) -> tuple[str, float] | None:
 def _doubt(d: _lib.CDoubt) -> Doubt | None:
     if not d.shows_in:
         return None
-    flags = (bool(v) for v in (d.per_arm, d.reciprocal, d.timing, d.with_voltage))
-    return Doubt(_words(d.shows_in), d.step, d.sd, d.flight_sd, d.mean, *flags)
+    return Doubt(
+        _words(d.shows_in),
+        d.step,
+        d.sd,
+        d.flight_sd,
+        d.mean,
+        bool(d.per_arm),
+        bool(d.reciprocal),
+        TIMINGS[d.timing],
+        bool(d.with_voltage),
+    )
 
 
 def _parameter(p: _lib.CEffectParameter) -> Parameter:

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Collection
 
 from ges.diagnose.decide.sizes import least_sizes
-from ges.diagnose.design.system import System
+from ges.diagnose.design.system import System, nuisance_of
 from ges.diagnose.estimate.fit import Joint
 from ges.diagnose.select.evidence import rms_of
 from ges.diagnose.settings import settings
@@ -26,8 +26,9 @@ def words_of(key: str) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Contradicted:
-    """One declared number: its correction with sd, in the unit of its ``effect.parameter``, how
-    large it is over the declared sd, and over the declared value where it is no share already.
+    """One declared number: its correction with sd, in the unit of its ``effect.parameter``, its
+    doubt (the declared sd with what the recording adds), and the correction over the declared value
+    where it is no share already.
     """
 
     key: str
@@ -60,7 +61,7 @@ class Contradicted:
             )
         return (
             f"The vehicle file is wrong about {words_of(self.key)}: these flights need"
-            f" {100.0 * self.share:+.0f} %, {self.sds:.1f} times its declared sd."
+            f" {100.0 * self.share:+.0f} %, {self.sds:.1f} times its doubt."
         )
 
 
@@ -78,7 +79,9 @@ def contradicted(joint: Joint, system: System, but: Collection[str] = ()) -> lis
     found = [
         Contradicted(key, value, joint.common_sd[key], sd, _share(key, value, model))
         for key, value in joint.common.items()
-        if (sd := model.doubts.get(key))
+        # with what the recording adds to the file's own doubt, as how long a command was held
+        if key in model.doubts
+        and (sd := nuisance_of(system.columns[system.nuisances[key]]).sd)
         and key.split(".")[0] not in but
         # certain alone is not enough: a number known to a hair may be off by what matters nowhere
         and abs(value) > settings.statistics.certain_sds * sd

@@ -5,6 +5,7 @@ flight, whitened.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
@@ -248,22 +249,25 @@ def _nuisance(
     """
     effect, _, parameter = key.partition(".")
     unit = model.arm_m if doubt.per_arm else 1.0
-    usual = _usual_delay_s(doubt.sd, model, flights) if doubt.timing else doubt.sd
-    sd = model.doubts.get(key, unit * usual)
+    sd = model.doubts.get(key, unit * doubt.sd)
+    if sd and doubt.timing:
+        # independent doubts add in squares
+        sd = math.hypot(sd, _timing_sd_s(doubt.timing, model, flights))
     step = settings.statistics.clear_sds * sd if doubt.reciprocal else unit * doubt.step
     # counted from the model as it is: what was corrected already is not expected again
     mean = doubt.mean - model.moved.get(key, 0.0)
     return Nuisance(effect, parameter, step, sd, unit * doubt.flight_sd, mean)
 
 
-def _usual_delay_s(usual_s: float, model: Model, flights: Sequence[Prepared]) -> float:
-    """Doubt on a drive's delay: its own, how long a command was held, and what a motor's second
-    pole looks like (s).
+def _timing_sd_s(timing: str, model: Model, flights: Sequence[Prepared]) -> float:
+    """Doubt on a drive's delay or lag beside its own: how long a command was held, or, of a lag,
+    what went on between two rows of the log; and what a motor's second pole looks like (s).
     """
-    held = max((f.held.sd * _slowest([f], ("command",)) for f in flights), default=0.0)
+    row_s = max((_slowest([f], ("command",)) for f in flights), default=0.0)
+    # a shape within a row is not logged: uniform over it. How late a command comes is, in the mean
+    rows = max(f.held.sd for f in flights) if timing == "delay" else 1.0 / math.sqrt(12.0)
     pole = settings.design.second_pole_share * model.number("motor_time_constant_s")
-    # independent doubts add in squares
-    return float(np.linalg.norm([usual_s, held, pole]))
+    return math.hypot(rows * row_s, pole)
 
 
 def _slowest(flights: Sequence[Prepared], streams: Sequence[str]) -> float:

@@ -595,7 +595,11 @@ def correction_bounds(key: str, model: Model) -> tuple[float, float]:
         return -model.number(parameter), math.inf
     p = effect_table.get(effect).parameter(parameter)
     held = {**effect_table.get(effect).neutral(), **model.effects.get(effect, {})}[parameter]
-    return p.low - held, p.high - held
+    # a number that is corrected by as much as it is, in its own unit, is nothing: less it cannot be
+    own = [
+        model.number(n) for n in p.corrects if n in model.parameters and n.endswith(f"_{p.unit}")
+    ]
+    return max([p.low - held, *(-number for number in own)]), p.high - held
 
 
 def within_bounds(effect: str, parameter: str, value: float) -> float:
