@@ -296,3 +296,16 @@ def test_a_column_at_an_end_of_its_range_steps_inward(at, step):
     model = MODEL.with_effects({"inertia": {"xx": 0.0, "yy": 0.0, "zz": at}})
     stepped, taken = _stepped(model, "inertia", {}, "zz", step)
     assert taken == -step and stepped["inertia"]["zz"] == pytest.approx(at - step)
+
+
+def test_a_lag_is_doubtful_by_what_a_command_does_between_two_rows():
+    flights = [hovering()]
+    by_sd = {}
+    for sd in (0.0, 1e-3):
+        model = dataclasses.replace(MODEL, doubts={"motor_lag.up_s": sd, "motor_lag.down_s": sd})
+        found = {n.key: n.sd for n in nuisances(model, ("drive_1",), flights)}
+        by_sd[sd] = found.get("motor_lag.up_s")
+    pole_s = settings.design.second_pole_share * MODEL.number("motor_time_constant_s")
+    # uniform over a row of 10 ms
+    assert by_sd[1e-3] == pytest.approx(np.sqrt(1e-3**2 + 0.01**2 / 12.0 + pole_s**2))
+    assert by_sd[0.0] is None, "what a file knows exactly stays so"

@@ -214,6 +214,8 @@ def test_no_vehicle_is_beyond_the_bounds_of_the_library():
     assert correction_bounds("inertia.xx", on) == pytest.approx((-1.2, 2.5))
     assert correction_bounds("inertia.xx", MODEL) == pytest.approx((-0.7, 3.0))
     assert correction_bounds(SPEED, MODEL) == (-1000.0, math.inf)
+    # no motor is faster than at once
+    assert correction_bounds("motor_lag.up_s", MODEL) == pytest.approx((-0.02, 0.5))
 
 
 def test_strain_is_the_farthest_declared_number_in_its_sds():
