@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from ges.conventions import COMMAND
 from ges.diagnose.library.available import candidates_of
 from ges.diagnose.library.candidates import Flown, flown
 from ges.diagnose.library.grids import library, out_of_reach
@@ -210,7 +211,7 @@ def test_where_flights_went_is_where_they_flew():
     assert reached.square_m == step and len(reached.places_m) == 24
     assert reached.places_m[0] == pytest.approx((0.5 * step, 0.5 * step))
     assert reached.commands[-1] == pytest.approx(0.9)
-    assert flown([hovering(p_x_m=None, u_1=None)], 0.0625) == Flown()
+    assert flown([hovering(p_x_m=None, u_1=None, rotor_speed_1_rad_s=None)], 0.0625) == Flown()
 
 
 def test_places_are_as_coarse_as_they_have_to_be_few():
@@ -229,12 +230,17 @@ def test_levels_of_commands_reach_from_the_air_to_a_take_off():
     t = times()
     flying = t >= 1.0
     asked = np.where(flying, 0.6, 1.0)
-    flight = hovering(**dict.fromkeys(("u_1", "u_2", "u_3", "u_4"), asked))
+    flight = hovering(**dict.fromkeys(COMMAND, asked), rotor_speed_1_rad_s=None)
     lifting = np.ones(len(t), bool)
     reached = flown([flight.replaced(flying=flying, lifting=lifting)], 0.0625)
     assert reached.asked_most == pytest.approx((0.6, 1.0))
     levels = [a.level for v in _variants("rotor_saturation", reached) for a in v.amplitudes]
     neutral = effect_table.get("rotor_saturation").parameter("share").neutral
     assert levels == pytest.approx([0.6 + 0.4 * s - neutral for s in (0.0, 0.1, 0.4, 0.7)])
+    # rotors that were logged at 750 of 1000 rad/s have no ceiling below
+    turning = hovering(**dict.fromkeys(COMMAND, asked), rotor_speed_2_rad_s=750.0)
+    faster = flown([turning.replaced(flying=flying, lifting=lifting)], 0.0625)
+    above = [a.level for v in _variants("rotor_saturation", faster) for a in v.amplitudes]
+    assert above == pytest.approx([level for level in levels if level + neutral >= 0.75])
     still = flown([flight.replaced(flying=flying)], 0.0625)
     assert still.commands == pytest.approx([0.6] * 4) and still.asked_most == (0.6, 0.6)

@@ -243,9 +243,13 @@ def _drive_flight(
         if not effect_table.get(name).modifies
     }
     every, n = flight.steps(settings.numerics.step_s), len(flight.t_s)
-    # what rotors did before the recording is unknown: they start where the first command has them
+    # rotors start as they were logged; else what they did before is unknown, and they start where
+    # the first command has them
+    logged = flight.has("rotor_speed")
     first = {
-        f"start_{name}": model.number("max_rotor_speed_rad_s") * inputs[0, i]
+        f"start_{name}": float(flight.columns[name][0])
+        if logged
+        else model.number("max_rotor_speed_rad_s") * inputs[0, i]
         for i, name in enumerate(ROTOR_SPEED)
     }
     # a bench for motors: commands replayed, the ground far below, a record for every row of the log

@@ -112,6 +112,7 @@ class Flown:
     places_m : middles of the squares of the ground plan that were visited, ``square_m`` wide.
     commands : levels near the top of the commands in the air; empty where none were logged.
     asked_most : the largest of those, and of a take-off's too.
+    speed_most_rad_s : the fastest that any rotor was logged to turn; 0 where none was logged.
     tilt_seen : whether every flight logged its attitude.
     """
 
@@ -122,6 +123,7 @@ class Flown:
     square_m: float = 0.0
     commands: tuple[float, ...] = ()
     asked_most: tuple[float, float] = (0.0, 0.0)
+    speed_most_rad_s: float = 0.0
     tilt_seen: bool = True
 
 
@@ -134,9 +136,13 @@ def flown(flights: Sequence[Prepared], radius_m: float) -> Flown:
     """
     levels, most = _asked(flights)
     tilt_seen = attitude_measured(flights)
+    turned = [float(f.stack("rotor_speed").max()) for f in flights if f.has("rotor_speed")]
+    fastest = max(turned, default=0.0)
     positions = [f.stack("position")[f.flying] for f in flights if f.has("position")]
     if not positions or not sum(len(p) for p in positions):
-        return Flown(commands=levels, asked_most=most, tilt_seen=tilt_seen)
+        return Flown(
+            commands=levels, asked_most=most, speed_most_rad_s=fastest, tilt_seen=tilt_seen
+        )
     p = np.concatenate(positions)
     places, square = _places(p[:, :2], 2.0 * radius_m)
     return Flown(
@@ -147,6 +153,7 @@ def flown(flights: Sequence[Prepared], radius_m: float) -> Flown:
         square,
         levels,
         most,
+        fastest,
         tilt_seen,
     )
 

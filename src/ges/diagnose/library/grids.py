@@ -189,14 +189,15 @@ def _asked(
     effect: Effect, search: SearchHints, model: Model, reached: Flown
 ) -> tuple[Variant, ...]:
     """Levels near the top of what was asked of the motors in the air, and shares of the way from
-    there to what a take-off asks.
+    there to what a take-off asks; no ceiling that the rotors were logged to turn faster than.
     """
     (p,) = map(effect.parameter, search.amplitudes)
     top, most = reached.asked_most
     between = [top + (most - top) * share for share in search.levels] if most > top else []
     # levels that are all but equal would be copies of one column
     levels = sorted({round(q, 3) for q in (*reached.commands, *between) if p.low < q < p.high})
-    return _at_levels(effect, search, tuple(levels))
+    turned = reached.speed_most_rad_s / model.number("max_rotor_speed_rad_s")
+    return _at_levels(effect, search, tuple(q for q in levels if q >= turned))
 
 
 def _slower(
