@@ -15,6 +15,9 @@ import click
 from ges import __version__, commands
 from ges.errors import GesError
 
+INTERRUPTED = 130
+"""As shells have it: 128 and the number of the signal."""
+
 
 class LazyGroup(click.Group):
     """A click group whose verbs are the modules of ``ges.commands`` (attribute ``command``)."""
@@ -36,17 +39,30 @@ def cli() -> None:
 
 
 def main() -> None:
-    """Entry point: one clear sentence on stderr instead of a traceback; exit 1 failed, 2
-    wrong use.
+    """Entry point: one clear sentence on stderr instead of a traceback; exit 1 failed, 2 wrong
+    use, 130 interrupted.
     """
     os.environ.setdefault(
         "OPENBLAS_NUM_THREADS", "1"
     )  # the same bytes whatever the number of cores, and in half the time
     try:
-        cli(standalone_mode=True)
+        sys.exit(cli(standalone_mode=False))
     except GesError as error:
         click.echo(f"ges: {error}", err=True)
         sys.exit(error.exit_code)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except click.Abort:
+        click.echo("ges: interrupted; what was not finished is not there", err=True)
+        sys.exit(INTERRUPTED)
+    except OSError as error:
+        # without a number of the system's it is no file's fault, but a mistake of the program
+        if error.errno is None:
+            raise
+        file = f" {error.filename}" if error.filename else ""
+        click.echo(f"ges: cannot read or write{file}: {os.strerror(error.errno)}", err=True)
+        sys.exit(1)
     except ModuleNotFoundError as error:
         module = (error.name or "ges").partition(".")[0]
         if module == "ges":

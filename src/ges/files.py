@@ -6,9 +6,12 @@ import contextlib
 import hashlib
 import json
 import os
+import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
+
+from ges.errors import GesError
 
 
 @contextlib.contextmanager
@@ -24,6 +27,23 @@ def replacing(path: str | Path) -> Iterator[Path]:
         os.replace(new, path)
     finally:
         new.unlink(missing_ok=True)
+
+
+def require_folder(path: Path) -> None:
+    """Make a folder that is to be written into, before the work whose result would be lost.
+
+    Raises
+    ------
+    GesError
+        When it is a file, or nothing can be written there.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            pass
+    except OSError as error:
+        reason = "it is a file" if path.is_file() else error.strerror
+        raise GesError(f"cannot write into the folder {path}: {reason}; name another") from None
 
 
 def write_text(path: str | Path, text: str) -> None:

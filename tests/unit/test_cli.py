@@ -1,13 +1,16 @@
 """The command line: every verb explains itself, and nothing ends in a traceback."""
 
+import errno
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
-from ges.cli import cli
+from ges.cli import INTERRUPTED, cli, main
 
 ROOT = Path(__file__).resolve().parents[2]
 GES = Path(sys.executable).parent / "ges"
@@ -106,3 +109,52 @@ def test_ges_sim_names_line_and_problem(tmp_path, text, sentence):
     result = subprocess.run([ROOT / "build" / "ges_sim", script], capture_output=True, text=True)
     assert result.returncode == 1
     assert sentence in result.stderr
+
+
+@pytest.mark.parametrize("verb", ["diagnose", "import"])
+def test_a_folder_that_cannot_be_written_is_said_before_the_work(verb, tmp_path):
+    """Neither reads what it was given first: there is no such log."""
+    taken = tmp_path / "report"
+    taken.touch()
+    more = ["--vehicle", "appius"] if verb == "import" else []
+    source = tmp_path / "flight.csv"
+    source.touch()
+    told = run(verb, str(source), *more, "--out", str(taken))
+    assert told.returncode == 1 and "Traceback" not in told.stderr
+    assert f"cannot write into the folder {taken}: it is a file; name another" in told.stderr
+
+
+def _entered(monkeypatch, failure):
+    """Exit code and words of the entry point when a verb fails so."""
+
+    def failing(**_):
+        raise failure
+
+    monkeypatch.setattr(type(cli), "__call__", lambda self, **words: failing(**words))
+    with pytest.raises(SystemExit) as left:
+        main()
+    return left.value.code
+
+
+def test_a_full_disk_is_one_sentence(monkeypatch, capsys):
+    code = _entered(monkeypatch, OSError(errno.ENOSPC, "no matter", "out/residuals.parquet"))
+    assert code == 1
+    assert capsys.readouterr().err == (
+        "ges: cannot read or write out/residuals.parquet: No space left on device\n"
+    )
+
+
+def test_a_mistake_of_the_program_stays_visible(monkeypatch):
+    with pytest.raises(OSError, match="no number"):
+        _entered(monkeypatch, OSError("no number"))
+
+
+def test_an_interrupt_exits_as_shells_have_it(tmp_path):
+    """In the middle of the work, and no part of a file stays."""
+    words = [GES, "bench", "sim", "--duration", "1000"]
+    child = subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.PIPE, cwd=tmp_path)
+    time.sleep(3.0)
+    child.send_signal(signal.SIGINT)
+    _, told = child.communicate(timeout=60)
+    assert child.returncode == INTERRUPTED and b"interrupted" in told, told
+    assert b"Traceback" not in told and not list(tmp_path.iterdir())

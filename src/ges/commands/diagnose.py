@@ -14,6 +14,7 @@ import click
 
 from ges.commands.import_ import reading_options
 from ges.commands.settings import SET
+from ges.files import require_folder
 
 SHOWN = ("--open", "--no-open", "--write-flight")
 """Options that change nothing of the diagnosis."""
@@ -106,6 +107,7 @@ def command(
     from ges.diagnose.report.drawing import drawing
     from ges.diagnose.settings import parse, using
 
+    require_folder(out)
     # drawing before the imports: its process reads matplotlib while this one reads the rest
     with using(parse(pairs)), drawing(out) as figures, DiagnoseProgress() as progress:
         from ges.diagnose.run import Request, run

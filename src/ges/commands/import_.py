@@ -159,10 +159,12 @@ def command(
 
     Example: ges import flights/*.ulg --vehicle vehicle.yaml --out set
     """
+    from ges.files import require_folder
     from ges.recordings.readers import flight_names
     from ges.recordings.recording import make_set, write_set
     from ges.vehicle.file import load_vehicle
 
+    require_folder(out)
     vehicle = load_vehicle(vehicle_path)
     flights: list[tuple[str, pd.DataFrame]] = []
     noticed: dict[str, list[str]] = {}
