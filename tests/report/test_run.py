@@ -111,6 +111,17 @@ def test_the_origin_is_the_log(result, log):
     assert "--vehicle hummingbird" in origin["command"]
 
 
+def test_without_a_page_there_are_the_files_for_programs_alone(result, log, tmp_path):
+    (tmp_path / "report.html").write_text("of an earlier diagnosis")
+    words = [str(log), "--vehicle", "hummingbird", "--out", str(tmp_path), "--no-page"]
+    done = CliRunner().invoke(verb.command, words, prog_name="ges diagnose")
+    assert done.exception is None, done.output
+    assert done.stderr.splitlines()[-1].endswith("diagnosis.json")
+    files = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+    assert set(files) == {"diagnosis.json", "residuals.parquet", "vehicle.fitted.yaml"}
+    assert files["residuals.parquet"] == (result[1] / "residuals.parquet").read_bytes()
+
+
 @pytest.mark.slow
 def test_the_same_request_gives_the_same_bytes_on_one_core(result, log, monkeypatch):
     out = result[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shlex
 import sys
@@ -16,7 +17,7 @@ from ges.commands.import_ import reading_options
 from ges.commands.settings import SET
 from ges.files import require_folder
 
-SHOWN = ("--open", "--no-open", "--write-flight")
+SHOWN = ("--open", "--no-open", "--page", "--no-page", "--write-flight")
 """Options that change nothing of the diagnosis."""
 
 
@@ -68,6 +69,11 @@ SHOWN = ("--open", "--no-open", "--write-flight")
     ),
 )
 @click.option(
+    "--page/--no-page",
+    default=True,
+    help="Write the page and its figures, or, for programs, the other files alone.",
+)
+@click.option(
     "--open/--no-open",
     "opened",
     default=None,
@@ -90,6 +96,7 @@ def command(
     rotor_order: tuple[int, int, int, int] | None,
     part: int | None,
     write_flight: Path | None,
+    page: bool,
     opened: bool | None,
     pairs: tuple[str, ...],
 ) -> None:
@@ -109,7 +116,8 @@ def command(
 
     require_folder(out)
     # drawing before the imports: its process reads matplotlib while this one reads the rest
-    with using(parse(pairs)), drawing(out) as figures, DiagnoseProgress() as progress:
+    pictures = drawing(out) if page else contextlib.nullcontext()
+    with using(parse(pairs)), pictures as figures, DiagnoseProgress() as progress:
         from ges.diagnose.run import Request, run
         from ges.recordings.readers import Options
 
@@ -124,14 +132,14 @@ def command(
             kind=kind,
             command=command_line(context),
         )
-        found = run(request, out, figures, progress.step)
+        found = run(request, out, figures, progress.step, page)
     _tell(found, out)
     if write_flight:
         click.echo(_flight_written(found.next_flight, write_flight), err=True)
-    page = out / "report.html"
-    click.echo(page, err=True)
-    if at_a_display() if opened is None else opened:
-        click.launch(page.resolve().as_uri())
+    written = out / ("report.html" if page else "diagnosis.json")
+    click.echo(written, err=True)
+    if page and (at_a_display() if opened is None else opened):
+        click.launch(written.resolve().as_uri())
 
 
 class DiagnoseProgress:

@@ -78,7 +78,11 @@ class Inputs:
 
 
 def run(
-    request: Request, out: Path, drawing: Drawing | None = None, watch: Watch = len
+    request: Request,
+    out: Path,
+    drawing: Drawing | None = None,
+    watch: Watch = len,
+    page: bool = True,
 ) -> Diagnosis:
     """Read, diagnose and write every file of the contract.
 
@@ -88,6 +92,7 @@ def run(
     out : folder for the files.
     drawing : of the same folder, where figures are drawn by other processes.
     watch : is called with what goes on from then on, a few words.
+    page : whether the page and its figures are written.
 
     Raises
     ------
@@ -106,10 +111,10 @@ def run(
     # only now: nothing that diagnoses knows a file or a command
     origin = with_files(found.origin, inputs.hashes, inputs.vehicle_file, request.command)
     found = dataclasses.replace(found, origin=origin)
-    watch("writing the page")
+    watch("writing the page" if page else "writing")
     if inputs.made:
         write_text(out / MADE_VEHICLE, inputs.made)
-    write_diagnosis(found, out, inputs.recordings.folder, drawing)
+    write_diagnosis(found, out, inputs.recordings.folder, drawing, page)
     return found
 
 

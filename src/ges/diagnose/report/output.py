@@ -30,13 +30,20 @@ def write_diagnosis(
     out: Path,
     vehicle_folder: Path | str = ".",
     drawing: Drawing | None = None,
+    page: bool = True,
 ) -> None:
-    """Write every file of the contract into ``out``; ``vehicle_folder`` is where a height map lies,
-    ``drawing`` is of the same ``out``, where figures were begun before (:func:`map_figure`).
+    """Write every file of the contract into ``out``.
+
+    Parameters
+    ----------
+    vehicle_folder : where a height map lies.
+    drawing : of the same ``out``, where figures were begun before (:func:`map_figure`).
+    page : whether the page and its figures are written; without, those of an earlier diagnosis go.
     """
     out.mkdir(parents=True, exist_ok=True)
     content, traces = diagnosis.content(), traces_of(diagnosis)
-    drawing, figures = drawing or Drawing(out), list(_figures(diagnosis, content, traces))
+    drawing = drawing or Drawing(out)
+    figures = list(_figures(diagnosis, content, traces)) if page else []
     # first: where other processes draw, they do so while the files below are written
     drawing.start(figures)
     _remove_others(out, {name for name, *_ in figures})
@@ -46,7 +53,10 @@ def write_diagnosis(
         shutil.copyfile(Path(vehicle_folder) / ground, out / ground)
     save_vehicle(diagnosis.vehicle, out / "vehicle.fitted.yaml")
     write_residuals(traces, out / "residuals.parquet")
-    write_report(content, drawing.pictures(figures), traces, out / "report.html")
+    if page:
+        write_report(content, drawing.pictures(figures), traces, out / "report.html")
+    else:
+        (out / "report.html").unlink(missing_ok=True)
     write_json(out / "diagnosis.json", content)
 
 
