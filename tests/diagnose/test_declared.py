@@ -40,7 +40,7 @@ def _null_fit(frames, vehicle):
 
 def test_a_file_that_is_about_right_needs_one_linear_step(flown, sheet):
     frames = _frames(flown, sheet(), {"thrust_scale": {"scale": 0.02}})
-    assert operating_point(*_null_fit(frames, sheet())) == {}
+    assert operating_point(*_null_fit(frames, sheet()), from_vehicle(sheet())) == {}
 
 
 @pytest.mark.slow
@@ -53,7 +53,7 @@ def test_recalibration_is_no_worse_than_the_file_on_flights_that_were_fitted(flo
     flew = sheet(max_rotor_speed_rad_s=TOP_RAD_S)
     frames = _frames(flown, flew, {"thrust_curve": {"c": BEND}}, ("rotor_speed", "battery"))
     regression, joint = _null_fit(frames, vehicle)
-    moved = operating_point(regression, joint)
+    moved = operating_point(regression, joint, from_vehicle(vehicle))
     assert moved, "one linear step would do: the case is too easy to test anything"
     given, there = (
         sum((r**2).sum() for r in residuals_with(regression.system, model))

@@ -36,9 +36,10 @@ def _flown(top_rad_s, bend):
 def _found(flight):
     late = ("motor_lag.up_s", "motor_lag.down_s", "esc_delay.delay_s")
     doubts = {SPEED: 300.0, BEND: 0.3, **dict.fromkeys(late, 0.0)}
-    system = build([flight], dataclasses.replace(MODEL, doubts=doubts), [])
+    declared = dataclasses.replace(MODEL, doubts=doubts)
+    system = build([flight], declared, [])
     assert system.main == ("drive_1", "drive_2", "drive_3", "drive_4")
-    return operating_point(*null_fit(system))
+    return operating_point(*null_fit(system), declared)
 
 
 def test_where_the_linear_step_does_what_it_predicts_nothing_moves():

@@ -2,106 +2,131 @@
 
 Residuals are linear in small corrections only: a thrust scale, a thrust curve and a top speed
 multiply each other. One Gauss-Newton step from the vehicle file is taken for the answer where the
-model, flown with it, gains what the linearisation predicted. Else the maximum of the posterior is
-searched within the library's bounds by a trust-region method (Branch, Coleman and Li 1999, as
-``scipy.optimize.least_squares`` has it), and all is linearised anew there.
+model, flown with it, gains what the linearisation predicted. Else steps are damped until each keeps
+its promise, and all is linearised anew after every one (Dennis and Schnabel 1996, *Numerical
+Methods for Unconstrained Optimization*, sec. 10.3).
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
-from scipy.optimize import least_squares
 
-from ges.diagnose.design.system import nuisance_of, residuals_with
-from ges.diagnose.design.table import spread, table_of
+from ges.diagnose.design.system import build, nuisance_of, residuals_with
+from ges.diagnose.design.table import table_of
 from ges.diagnose.design.whiten import variance_covariate, whiten
-from ges.diagnose.estimate.fit import Joint, calibrated, correction_bounds
-from ges.diagnose.select.evidence import Regression, unanswered
+from ges.diagnose.estimate.fit import Joint, calibrated, correction_bounds, joint_fit
+from ges.diagnose.select.evidence import Regression, gram_of, whitened
 from ges.diagnose.settings import settings
+from ges.diagnose.types.model import Model
 
 
-def operating_point(regression: Regression, joint: Joint) -> dict[str, float]:
+def operating_point(regression: Regression, joint: Joint, declared: Model) -> dict[str, float]:
     """Corrections of the declared numbers about which all has to be linearised.
 
     Parameters
     ----------
     regression, joint : of the null fit, linearised at the vehicle file or where it was moved to.
+    declared : the vehicle file's model.
 
     Returns
     -------
     ``effect.parameter`` to correction, in the parameter's unit; empty where the linear step does
     what it predicts.
     """
-    posterior, moved = _Posterior(regression), regression.system.model.moved
-    linear = np.array([joint.common[k] - moved.get(k, 0.0) for k in posterior.keys]) / posterior.sd
+    moved = dict(regression.system.model.moved)
     # a bound that stopped a step says nothing of where the best inside is, until that was searched
-    stopped = (linear != 0.0) & ((linear <= posterior.low) | (linear >= posterior.high))
-    if moved or not stopped.any():
-        # trust-region ratio: actual fall of the cost over what the linear step predicted
-        given, stepped = posterior.cost(np.zeros(len(linear))), posterior.cost(linear)
-        if given - stepped >= settings.numerics.gain_ratio_least * (given - joint.cost):
-            return {}
-    inside = np.clip(0.0, posterior.low, posterior.high)
-    found = least_squares(
-        posterior.residuals,
-        inside,
-        bounds=(posterior.low, posterior.high),
-        ftol=settings.estimate.recalibration_tolerance,
-        max_nfev=settings.numerics.fit_rounds,
+    searched = moved or not _stopped(regression, joint)
+    if searched and _share_that_holds(regression, joint) == 1.0:
+        return {}
+    for _ in range(settings.numerics.fit_rounds):
+        share = _share_that_holds(regression, joint)
+        if not share:
+            break
+        before = dict(regression.system.model.moved)
+        moved = {
+            key: before.get(key, 0.0) + share * (value - before.get(key, 0.0))
+            for key, value in joint.common.items()
+        }
+        regression = _linearised(regression, declared, moved)
+        joint = joint_fit(regression, ())
+        given = _cost(regression, {})
+        if given - joint.cost < settings.estimate.recalibration_tolerance * given:
+            break
+    return moved
+
+
+def moved_to(declared: Model, moved: Mapping[str, float]) -> Model:
+    """The vehicle file's model with corrections in it, where all is linearised."""
+    return dataclasses.replace(calibrated(declared, moved), moved=moved) if moved else declared
+
+
+def _linearised(regression: Regression, declared: Model, moved: Mapping[str, float]) -> Regression:
+    """Nuisances alone, linearised with these corrections, under the same noise."""
+    system = regression.system
+    there = moved_to(declared, moved)
+    return whitened(build(system.recordings, there, (), length_s=system.length_s), regression.noise)
+
+
+def _step(regression: Regression, joint: Joint) -> dict[str, float]:
+    """From where the model stands to the best of the linearisation."""
+    moved = regression.system.model.moved
+    return {key: value - moved.get(key, 0.0) for key, value in joint.common.items()}
+
+
+def _stopped(regression: Regression, joint: Joint) -> bool:
+    """Whether a bound of the library stopped the step of some number."""
+    model = regression.system.model
+    bounds = {key: correction_bounds(key, model) for key in joint.common}
+    return any(
+        value != 0.0 and not bounds[key][0] < value < bounds[key][1]
+        for key, value in _step(regression, joint).items()
     )
-    further = dict(zip(posterior.keys, (found.x * posterior.sd).tolist(), strict=True))
-    return {key: moved.get(key, 0.0) + value for key, value in further.items()}
 
 
-class _Posterior:
-    """Minus twice the log posterior of the common nuisances as a sum of squares, at points (k,) of
-    their deviations from the vehicle file in sds; those of each flight are at their best beside.
+def _share_that_holds(regression: Regression, joint: Joint) -> float:
+    """Share of the linear step, halved until the model that is flown with it gains what was
+    predicted; 0 where none does.
     """
+    step, given = _step(regression, joint), _cost(regression, {})
+    share = 1.0
+    for _ in range(settings.numerics.fit_rounds):
+        # a share s of the step to the least of a parabola falls by s (2 - s) of its depth
+        predicted = share * (2.0 - share) * (given - joint.cost)
+        fall = given - _cost(regression, {key: share * value for key, value in step.items()})
+        if fall >= settings.numerics.gain_ratio_least * predicted:
+            return share
+        share *= 0.5
+    return 0.0
 
-    def __init__(self, regression: Regression) -> None:
-        self.regression, self.covariate = regression, variance_covariate(regression.system.flights)
-        columns, model = regression.system.columns, regression.system.model
-        known = {int(k): nuisance_of(columns[k]) for k in regression.nuisance}
-        common = [n for n in known.values() if n.sd > 0]
-        self.keys = [n.key for n in common]
-        self.sd = np.array([n.sd for n in common])
-        self.mean = np.array([n.mean for n in common]) / self.sd
-        room = np.array([correction_bounds(n.key, model) for n in common]).reshape(-1, 2)
-        self.low, self.high = (room / self.sd[:, None]).T
-        # what differs between flights is small: its columns stay as they were linearised
-        varying = [k for k, n in known.items() if n.flight_sd > 0]
-        unit = np.array([known[k].flight_sd for k in varying])
-        self.by_flight = [
-            np.concatenate(
-                [spread(unanswered(part)[0], part.columns, varying) * unit for part in white.parts]
-            )
-            for white in regression.whites
-        ]
 
-    def cost(self, point: np.ndarray) -> float:
-        """The sum of squares."""
-        return float((self.residuals(point) ** 2).sum())
+def _cost(regression: Regression, step: Mapping[str, float]) -> float:
+    """Minus twice the log posterior, but for a constant, of the model a step away, flown again;
+    what differs between flights at its best beside.
 
-    def residuals(self, point: np.ndarray) -> np.ndarray:
-        """Whitened residuals of all flights and deviations of all numbers from their priors in
-        sds.
-        """
-        system = self.regression.system
-        common = dict(zip(self.keys, point * self.sd, strict=True))
-        moved = residuals_with(system, calibrated(system.model, common))
-        rows = [
-            dataclasses.replace(r, y=y, x=table_of([], *y.shape))
-            for r, y in zip(system.flights, moved, strict=True)
-        ]
-        left = []
-        for white, x in zip(
-            whiten(rows, self.regression.noise, self.covariate), self.by_flight, strict=True
-        ):
-            y = np.concatenate([unanswered(part)[1] for part in white.parts])
-            # variable projection: a flight's own numbers, in sds, are solved for at every point
-            own = np.linalg.solve(np.eye(x.shape[1]) + x.T @ x, x.T @ y)
-            # their priors are rows as well, or the flights' numbers would cost nothing
-            left += [y - x @ own, own]
-        return np.concatenate([*left, point - self.mean])
+    Parameters
+    ----------
+    step : by ``effect.parameter``, from where the model stands.
+    """
+    system = regression.system
+    known = {int(k): nuisance_of(system.columns[k]) for k in regression.nuisance}
+    # what differs between flights is small: its columns stay as they were linearised
+    varying = [k for k, n in known.items() if n.flight_sd > 0]
+    precision = np.array([known[k].flight_sd ** -2.0 for k in varying])
+    flown = residuals_with(system, calibrated(system.model, step)) if step else None
+    rows = [
+        dataclasses.replace(
+            r,
+            y=r.y if flown is None else flown[i],
+            x=table_of([r.x.alone(k) for k in varying], *r.y.shape),
+        )
+        for i, r in enumerate(system.flights)
+    ]
+    cost = sum(((step.get(n.key, 0.0) - n.mean) / n.sd) ** 2 for n in known.values() if n.sd > 0)
+    for white in whiten(rows, regression.noise, variance_covariate(system.flights)):
+        gram = gram_of(white)
+        own = np.linalg.solve(gram.xx + np.diag(precision), gram.xy)
+        cost += gram.yy - float(gram.xy @ own)
+    return float(cost)

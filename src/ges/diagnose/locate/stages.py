@@ -10,7 +10,7 @@ import numpy as np
 from ges.diagnose.design.system import System, build, window_length_s
 from ges.diagnose.detectors.balance import centred
 from ges.diagnose.estimate.fit import Joint, calibrated, in_the_air, left_raw, null_fit
-from ges.diagnose.estimate.recalibrate import operating_point
+from ges.diagnose.estimate.recalibrate import moved_to, operating_point
 from ges.diagnose.library.available import candidates_of
 from ges.diagnose.locate.regimes import Cell, cells, regimes_of
 from ges.diagnose.locate.structure import Regimes, Structure, structures
@@ -72,16 +72,17 @@ class Start:
 
 def recalibrated(flights: Sequence[Prepared], declared: Model) -> Start:
     """Set the declared numbers within their doubts, and look at what that leaves."""
-    system = first_system(flights, declared)
-    regression, joint = null_fit(system)
+    # corrections multiply each other, so all columns are made where the model comes to stand
+    length_s = window_length_s(flights)
+    moved: dict[str, float] = {}
     for _ in range(settings.numerics.noise_rounds):
-        moved = operating_point(regression, joint)
-        if not moved:
+        alone = build(flights, moved_to(declared, moved), (), length_s=length_s)
+        further = operating_point(*null_fit(alone), declared)
+        if not further:
             break
-        # corrections multiply each other, so all columns are made anew where the model now stands
-        there = dataclasses.replace(calibrated(declared, moved), moved=moved)
-        system = first_system(flights, there)
-        regression, joint = null_fit(system)
+        moved = further
+    system = first_system(flights, moved_to(declared, moved))
+    regression, joint = null_fit(system)
     regimes = regimes_of(system)
     first = stage(calibrated(declared, joint.common), joint, regression, regimes)
     return Start(system, regimes, first, cells(system, first.in_air, regimes, first.structures))
