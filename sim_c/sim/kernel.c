@@ -660,9 +660,15 @@ typedef struct {
   reading_t reading;
 } replay_t;
 
+/* Whether the lanes hold samples one after another, which move as one vector. */
+static int in_a_row(const int64_t *at) { return at[GES_W - 1] - at[0] == GES_W - 1; }
+
 static vd gather(const double *in, int64_t n, int column_index, const int64_t *at) {
+  const double *column_start = in + (int64_t)column_index * n;
   vd v = all_lanes(0.0);
-  for (int i = 0; i < GES_W; i++) set_lane(&v, i, in[(int64_t)column_index * n + at[i]]);
+  if (in_a_row(at)) memcpy(&v, column_start + at[0], sizeof v);
+  else
+    for (int i = 0; i < GES_W; i++) set_lane(&v, i, column_start[at[i]]);
   return v;
 }
 
@@ -711,8 +717,11 @@ static void write_sample(const replay_t *replay, double *const *out, int64_t n, 
 #define X(name, unit, expression, doc) value[OUT_##name] = expression;
 #include "replay_out.def"
 #undef X
+  int together = filled == GES_W && in_a_row(at);
   for (int c = 0; c < N_REPLAY_OUT; c++)
-    for (int i = 0; i < filled; i++) out[i][(int64_t)c * n + at[i]] = lane(value[c], i);
+    if (together) memcpy(out[0] + (int64_t)c * n + at[0], &value[c], sizeof value[c]);
+    else
+      for (int i = 0; i < filled; i++) out[i][(int64_t)c * n + at[i]] = lane(value[c], i);
 }
 
 static void load_replay(replay_t *r, const double *parameters, const plan_t *plan, const ges_effects *const *sets, int n_sets,

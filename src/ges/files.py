@@ -6,7 +6,6 @@ import contextlib
 import hashlib
 import json
 import os
-import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -30,20 +29,22 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def require_folder(path: Path) -> None:
-    """Make a folder that is to be written into, before the work whose result would be lost.
+    """Say that a folder cannot be written into, before the work whose result would be lost; nothing
+    is made yet.
 
     Raises
     ------
     GesError
-        When it is a file, or nothing can be written there.
+        When it, or what it would lie in, is a file or may not be written.
     """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path):
-            pass
-    except OSError as error:
-        reason = "it is a file" if path.is_file() else error.strerror
-        raise GesError(f"cannot write into the folder {path}: {reason}; name another") from None
+    there = next(p for p in (path, *path.absolute().parents) if p.exists())
+    reason = ""
+    if not there.is_dir():
+        reason = "it is a file" if there == path else f"{there} is a file"
+    elif not os.access(there, os.W_OK):
+        reason = "permission denied"
+    if reason:
+        raise GesError(f"cannot write into the folder {path}: {reason}; name another")
 
 
 def write_text(path: str | Path, text: str) -> None:

@@ -39,6 +39,9 @@ HINTS = {
     "many": 64,
 }
 
+MOST_LANES = 8
+"""Sets of effects or flights that the widest processors take together."""
+
 Effects = Mapping[str, Mapping[str, float]]
 
 

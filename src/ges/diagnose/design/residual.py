@@ -352,6 +352,7 @@ def model_along(
     effects: effect_table.Effects,
     speeds: np.ndarray | None = None,
     motion: Motion | None = None,
+    late: bool = False,
 ) -> tuple[dict[str, np.ndarray], effect_table.Replay]:
     """State columns as believed, (n,) each in the units of their names, and the compiled model
     along them.
@@ -363,14 +364,14 @@ def model_along(
     ----------
     speeds : (n, 4) rotor speeds, rad/s; those at work where not given.
     motion : of :func:`motion_of`, where it is known.
+    late : whether a rangefinder that remembers is asked too: one sample then waits for another.
     """
     motion = motion or motion_of(flight, model, effects)
     speeds = speeds_at_work(flight, model, effects) if speeds is None else speeds
     columns = _with_rotors(flight, motion, speeds)
     samples = effect_table.Samples.from_columns(columns)
-    return columns, effect_table.replay(
-        model.parameters, samples, but_actuators(effects), model.terrain
-    )
+    asked = but_actuators(effects) | (late_ranges(effects) if late else {})
+    return columns, effect_table.replay(model.parameters, samples, asked, model.terrain)
 
 
 def _with_rotors(flight: Prepared, motion: Motion, speeds: np.ndarray) -> dict[str, np.ndarray]:
@@ -384,11 +385,23 @@ def _with_rotors(flight: Prepared, motion: Motion, speeds: np.ndarray) -> dict[s
 
 
 def but_actuators(effects: effect_table.Effects) -> dict:
-    """Effects on what given rotor speeds do."""
+    """Effects on what given rotor speeds do, but those of :func:`late_ranges`."""
+    late = late_ranges(effects)
     return {
         name: values
         for name, values in effects.items()
-        if effect_table.get(name).kind != "actuator"
+        if effect_table.get(name).kind != "actuator" and name not in late
+    }
+
+
+def late_ranges(effects: effect_table.Effects) -> dict:
+    """Effects on a rangefinder alone that remember: with them samples go one after another, which
+    forces need not wait for.
+    """
+    return {
+        name: values
+        for name, values in effects.items()
+        if (known := effect_table.get(name)).n_states and known.channels == ("range",)
     }
 
 
@@ -464,11 +477,14 @@ def along(
             _said_again(like, drive, motion, effects)
             or model_along(flight, model, effects, drive.at_work, motion)[1]
         )
+    as_late = like is not None and late_ranges(effects) == late_ranges(like.effects)
     parts: dict[str, np.ndarray] = {}
     for block in dict.fromkeys(block_of(name) for name in names):
         # the effect of a column reaches few blocks: the others are those of the evaluation before
-        if like and (
-            drive is like.drive if block == "drive" else like.says_alike(said, motion, block)
+        if (
+            like
+            and (drive is like.drive if block == "drive" else like.says_alike(said, motion, block))
+            and (block != "range" or as_late)
         ):
             parts.update(
                 {name: value for name, value in like.parts.items() if block_of(name) == block}
@@ -489,15 +505,16 @@ def _as_read(
     said: effect_table.Replay,
     like: Along | None,
 ) -> effect_table.Replay:
-    """What the model says with the attitude as it was read: where on uneven ground the beam of a
-    rangefinder falls, which sees a patch and not a point, speaks about no error of the attitude.
+    """What the model says of a rangefinder, with its memory, and with the attitude as it was read:
+    where on uneven ground its beam falls, which sees a patch and not a point, speaks about no error
+    of the attitude.
     """
-    faults = _turning_faults(effects)
-    if not faults:
+    faults, late = _turning_faults(effects), bool(late_ranges(effects))
+    if not faults and not late:
         return said
     straight = {name: values for name, values in effects.items() if name not in faults}
-    known = _said_again(like, drive, like.motion, straight) if like else None
-    return known or model_along(flight, model, straight, drive.at_work)[1]
+    known = _said_again(like, drive, like.motion, straight) if like and not late else None
+    return known or model_along(flight, model, straight, drive.at_work, late=late)[1]
 
 
 def said_with_each(

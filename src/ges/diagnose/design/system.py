@@ -41,7 +41,7 @@ from ges.diagnose.prepare.channels import DRIVE, MOMENT, channels
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import SPEED, Model, block_of
 from ges.simulator import effects as effect_table
-from ges.simulator.effects import Replay
+from ges.simulator.effects import MOST_LANES, Replay
 from ges.threads import each
 
 
@@ -463,19 +463,16 @@ def rows(
     told, made = known or {}, {c.made_of: c for c in columns}
     asked = {of: c.key if c.nuisance else of for of, c in made.items()}
     new = {of: c for of, c in made.items() if asked[of] not in told}
-    # drives of all new columns are flown as one batch, and so is what remembers its path
-    added = _added(model, new.values())
-    seen = _Seen(
-        flight,
-        windows,
-        model,
-        names,
-        here,
-        now,
-        _driven(flight, model, here, added),
-        _said(flight, model, now, added),
-    )
-    values = {of: seen.column(c) if of in new else told[asked[of]] for of, c in made.items()}
+    # drives of all new columns are flown as one batch; what remembers its path goes as many at a
+    # time as the simulator has lanes, for a replay of a long flight is large
+    batched = _driven(flight, model, here, _added(model, new.values()))
+    seen = _Seen(flight, windows, model, names, here, now, batched, {})
+    values = {of: told[asked[of]] for of in made if of not in new}
+    waiting = list(new.items())
+    for first in range(0, len(waiting), MOST_LANES):
+        batch = waiting[first : first + MOST_LANES]
+        said = _said(flight, model, now, _added(model, (c for _, c in batch)))
+        values |= {of: dataclasses.replace(seen, said=said).column(c) for of, c in batch}
     x = table_of([c.part_of(values[c.made_of], names) for c in columns], *y.shape)
     y = np.where(
         x.finite() & (air[:, None] | driven), y, np.nan
