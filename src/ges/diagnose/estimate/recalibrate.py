@@ -3,13 +3,13 @@
 Residuals are linear in small corrections only: a thrust scale, a thrust curve and a top speed
 multiply each other. One Gauss-Newton step from the vehicle file is taken for the answer where the
 model, flown with it, gains what the linearisation predicted. Else steps are damped until each keeps
-its promise, and all is linearised anew after every one (Dennis and Schnabel 1996, *Numerical
-Methods for Unconstrained Optimization*, sec. 10.3).
+its promise, and all is linearised anew after every one (Levenberg 1944, Q. Appl. Math. 2, 164).
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -39,23 +39,43 @@ def operating_point(regression: Regression, joint: Joint, declared: Model) -> di
     moved = dict(regression.system.model.moved)
     # a bound that stopped a step says nothing of where the best inside is, until that was searched
     searched = moved or not _stopped(regression, joint)
-    if searched and _share_that_holds(regression, joint) == 1.0:
+    given = _cost(regression, {})
+    if searched and _holds(regression, given, joint, joint):
         return {}
+    reach = math.inf
     for _ in range(settings.numerics.fit_rounds):
-        share = _share_that_holds(regression, joint)
-        if not share:
+        damped, reach = _damped(regression, given, joint, reach)
+        if damped is None:
             break
-        before = dict(regression.system.model.moved)
-        moved = {
-            key: before.get(key, 0.0) + share * (value - before.get(key, 0.0))
-            for key, value in joint.common.items()
-        }
+        moved = dict(damped.common)
         regression = _linearised(regression, declared, moved)
         joint = joint_fit(regression, ())
         given = _cost(regression, {})
         if given - joint.cost < settings.estimate.recalibration_tolerance * given:
             break
     return moved
+
+
+def _damped(
+    regression: Regression, given: float, joint: Joint, reach: float
+) -> tuple[Joint | None, float]:
+    """The step of all within a reach, in sds of the numbers' doubts, that is halved until the step
+    keeps its promise, and the reach of the next one; None where none does.
+    """
+    for _ in range(settings.numerics.fit_rounds):
+        tried = joint if math.isinf(reach) else _within_reach(regression, reach)
+        if _holds(regression, given, joint, tried):
+            return tried, 2.0 * reach
+        reach = min(0.5 * reach, 1.0)
+    return None, reach
+
+
+def _within_reach(regression: Regression, reach: float) -> Joint:
+    """The fit with every number drawn to where it stands (Levenberg 1944)."""
+    moved = regression.system.model.moved
+    known = [nuisance_of(regression.system.columns[k]) for k in regression.nuisance]
+    near = {n.key: (moved.get(n.key, 0.0), reach * n.sd) for n in known if n.sd > 0}
+    return joint_fit(regression, (), held=near)
 
 
 def moved_to(declared: Model, moved: Mapping[str, float]) -> Model:
@@ -86,20 +106,22 @@ def _stopped(regression: Regression, joint: Joint) -> bool:
     )
 
 
-def _share_that_holds(regression: Regression, joint: Joint) -> float:
-    """Share of the linear step, halved until the model that is flown with it gains what was
-    predicted; 0 where none does.
+def _holds(regression: Regression, given: float, best: Joint, tried: Joint) -> bool:
+    """Whether the model, flown with a step, gains enough of what the linearisation predicts of that
+    step, whose best is known.
+
+    Parameters
+    ----------
+    given : cost of standing still.
     """
-    step, given = _step(regression, joint), _cost(regression, {})
-    share = 1.0
-    for _ in range(settings.numerics.fit_rounds):
-        # a share s of the step to the least of a parabola falls by s (2 - s) of its depth
-        predicted = share * (2.0 - share) * (given - joint.cost)
-        fall = given - _cost(regression, {key: share * value for key, value in step.items()})
-        if fall >= settings.numerics.gain_ratio_least * predicted:
-            return share
-        share *= 0.5
-    return 0.0
+    whole, step = _step(regression, best), _step(regression, tried)
+    known = (nuisance_of(regression.system.columns[k]) for k in regression.nuisance)
+    sd = {n.key: n.sd for n in known if n.sd > 0}
+    # a parabola's fall by a part of the way to its least
+    length = sum((whole[key] / sd[key]) ** 2 for key in whole)
+    part = sum(step[key] * whole[key] / sd[key] ** 2 for key in whole) / length if length else 1.0
+    predicted = part * (2.0 - part) * (given - best.cost)
+    return given - _cost(regression, step) >= settings.numerics.gain_ratio_least * predicted
 
 
 def _cost(regression: Regression, step: Mapping[str, float]) -> float:
