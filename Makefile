@@ -28,6 +28,8 @@ PYTEST = OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(CORES) --dist worksteal
 .DEFAULT_GOAL := all
 
 all: build
+	@test -n "$$GES_RECORDINGS" || $(BIN)/ges recordings fetch appius-ground-effect --out recordings --timeout 20 \
+		|| echo "make: the flights near the ground were not fetched; the study goes on without them"
 	$(BIN)/snakemake --cores $(CORES) all
 
 test: build

@@ -107,6 +107,11 @@ FIGURE_RULES = {
         },
         {},
     ),
+    "real_changes": (
+        "real:changes",
+        {"errors": "results/changes/errors.csv"},
+        {},
+    ),
     "fig06": ("offline:models", {"table1": "results/table1.csv"}, {}),
     "fig07": (
         "offline:splits",

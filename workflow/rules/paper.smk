@@ -4,6 +4,7 @@ SHOWN_TABLES = [
     "results/table2.csv",
     "results/claims.csv",
     "results/real/forms.csv",
+    "results/changes/changes.csv",
     "results/closed_loop/poles_summary.csv",
     "results/closed_loop/pulse_map_limits.csv",
     "results/closed_loop/ensemble_summary.csv",

@@ -26,7 +26,8 @@ def list_sets() -> None:
             f" licence: {source.licence}"
         )
         click.echo(f"{'':22s} {source.about}")
-    click.echo(f"{published.EXAMPLE:22s} in the package: simulated flights near the ground")
+    for name, about in published.SHIPPED.items():
+        click.echo(f"{name:22s} in the package: {about}")
 
 
 @command.command()
@@ -41,11 +42,19 @@ def list_sets() -> None:
     envvar="GES_RECORDINGS",
     help="Take copies from this folder.",
 )
-def fetch(names: tuple[str, ...], out: Path, copies: Path | None) -> None:
+@click.option(
+    "--timeout",
+    "timeout_s",
+    type=click.FloatRange(min=0.0, min_open=True),
+    default=published.TIMEOUT_S,
+    show_default=True,
+    help="Seconds after which a source that does not answer is given up.",
+)
+def fetch(names: tuple[str, ...], out: Path, copies: Path | None, timeout_s: float) -> None:
     """Fetch sets by name, or all that are published; every file's SHA-256 is checked.
 
     Example: ges recordings fetch example --out recordings
     """
     for name in names or published.sources():
-        for path in published.fetch(name, out, copies):
+        for path in published.fetch(name, out, copies, timeout_s):
             click.echo(path, err=True)

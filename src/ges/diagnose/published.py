@@ -1,23 +1,33 @@
-"""The first diagnosis of the study: published flights of a real vehicle whose simulator does not
-know of the ground.
+"""The first diagnoses of the study, of published flights: a vehicle that has changed since it was
+calibrated, and one whose simulator does not know of the ground.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from ges.diagnose.calibrate.calibrate import calibrate
 from ges.diagnose.pipeline import diagnose
 from ges.diagnose.report.output import write_diagnosis
-from ges.files import write_text
+from ges.errors import GesError
 from ges.recordings.readers import Options, open_log
+from ges.recordings.recording import load_set
 from ges.vehicle.file import load_vehicle
 
 HELD_OUT = "NO_COMPENSATION_V_050"
-ABSENT = """<!doctype html><title>No diagnosis</title>
-<p>The published recordings are not at hand, so nothing was diagnosed.
-<code>ges recordings fetch appius-ground-effect --out recordings</code> brings them;
-then run the workflow again.</p>
-"""
+
+
+def diagnose_changed(reference: list[Path], flights: list[Path], report: Path) -> None:
+    """Diagnose the flights of a vehicle against others of the same one.
+
+    Parameters
+    ----------
+    reference, flights : files of a recording set each.
+    report : report.html; all other files of a diagnosis are written beside it.
+    """
+    vehicle = calibrate(load_set(reference[0].parent)).vehicle
+    found = diagnose({f.name: f.frame for f in load_set(flights[0].parent).flights}, vehicle)
+    write_diagnosis(found, report.parent)
 
 
 def diagnose_published(recordings: list[Path], vehicle: Path, mapping: Path, report: Path) -> None:
@@ -26,15 +36,22 @@ def diagnose_published(recordings: list[Path], vehicle: Path, mapping: Path, rep
 
     Parameters
     ----------
-    recordings : published CSV files; where there are none, the report says so.
+    recordings : published CSV files.
     vehicle, mapping : vehicle file and column map.
     report : report.html; all other files of a diagnosis are written beside it.
+
+    Raises
+    ------
+    GesError
+        Where the flight held out, or one beside it to fit, is not among them.
     """
     options = Options(mapping)
     logs = (open_log(path, options) for path in sorted(recordings))
     flights = {log.name: log.frame() for log in logs if "rotor_speed" in log.streams}
-    # without its flight held out, or one beside it to fit, nothing would be proven
+    # without these nothing would be proven
     if HELD_OUT not in flights or len(flights) < 2:
-        write_text(report, ABSENT)
-        return
+        raise GesError(
+            f"the recordings lack {HELD_OUT} or a flight beside it;"
+            " 'ges recordings fetch appius-ground-effect --out recordings' brings all"
+        )
     write_diagnosis(diagnose(flights, load_vehicle(vehicle), holdout=[HELD_OUT]), report.parent)

@@ -1,5 +1,5 @@
 """Published flights by name: source repository, pinned commit, path and SHA-256, fetched or copied,
-always checked. The package itself holds one small set, ``example``, simulated.
+always checked. The package itself holds two small ones: :data:`SHIPPED`.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 
 import pydantic
@@ -30,7 +31,12 @@ class Source(pydantic.BaseModel):
     files: dict[str, tuple[str, str]]
 
 
-EXAMPLE = "example"
+TIMEOUT_S = 60.0
+SHIPPED = {
+    "example": "simulated flights near the ground",
+    "crazypad-small": "real flights of a Crazyflie, healthy and with one labelled change; MIT",
+}
+"""Sets that the package holds, and what they are."""
 
 
 def sources() -> dict[str, Source]:
@@ -50,10 +56,10 @@ def check(content: bytes, sha256: str, name: str) -> bytes:
     return content
 
 
-def _download(source: Source, path: str) -> bytes:
+def _download(source: Source, path: str, timeout_s: float) -> bytes:
     address = f"https://raw.githubusercontent.com/{source.repository}/{source.commit}/{path}"
     try:
-        with urllib.request.urlopen(address, timeout=60) as answer:
+        with urllib.request.urlopen(address, timeout=timeout_s) as answer:
             return answer.read()
     except (urllib.error.URLError, OSError) as error:
         raise GesError(
@@ -69,27 +75,47 @@ def _copy(folder: Path, local: str) -> bytes:
         raise GesError(f"{folder} has no {local}: {error.strerror}") from None
 
 
-def fetch(name: str, out: Path, copies: Path | None) -> Iterator[Path]:
+def fetch(
+    name: str, out: Path, copies: Path | None, timeout_s: float = TIMEOUT_S
+) -> Iterator[Path]:
     """Bring one data set to ``out``, from its repository or from a folder with copies; gives each
-    path as it is done.
+    path as it is done. A file that is there already, as published, is not fetched again.
+
+    Parameters
+    ----------
+    copies : folder with copies; None for the repository.
+    timeout_s : after which a repository that does not answer is given up.
+
+    Raises
+    ------
+    GesError
+        For an unknown name, a file that is not there, or one that is not as published.
     """
-    if name == EXAMPLE:
-        yield from _example(out / EXAMPLE)
+    if name in SHIPPED:
+        yield from _copy_shipped(resources.files("ges.recordings") / name, out / name)
         return
     known = sources()
     if name not in known:
-        raise unknown_name("data set", name, [*known, EXAMPLE])
+        raise unknown_name("data set", name, [*known, *SHIPPED])
     source = known[name]
     for local, (path, sha256) in source.files.items():
         target = out / local
-        with replacing(target) as new:
-            given = _copy(copies, local) if copies else _download(source, path)
-            new.write_bytes(check(given, sha256, local))
+        if not _is_published(target, sha256):
+            given = _copy(copies, local) if copies else _download(source, path, timeout_s)
+            with replacing(target) as new:
+                new.write_bytes(check(given, sha256, local))
         yield target
 
 
-def _example(out: Path) -> Iterator[Path]:
-    for file in (resources.files("ges.recordings") / EXAMPLE).iterdir():
-        with replacing(out / file.name) as new:
-            new.write_bytes(file.read_bytes())
-        yield out / file.name
+def _is_published(path: Path, sha256: str) -> bool:
+    return path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == sha256
+
+
+def _copy_shipped(folder: Traversable, out: Path) -> Iterator[Path]:
+    for entry in sorted(folder.iterdir(), key=lambda e: e.name):
+        if entry.is_dir():
+            yield from _copy_shipped(entry, out / entry.name)
+            continue
+        with replacing(out / entry.name) as new:
+            new.write_bytes(entry.read_bytes())
+        yield out / entry.name

@@ -237,7 +237,7 @@ class Pages:
         """Keep the flights that the package ships."""
         logs = self.workspace.new_logs()
         with tempfile.TemporaryDirectory() as folder:
-            for path in published.fetch(published.EXAMPLE, Path(folder), None):
+            for path in published.fetch("example", Path(folder), None):
                 if path.suffix in (".parquet", ".yaml"):
                     with path.open("rb") as content:
                         logs.add(path.name, content)

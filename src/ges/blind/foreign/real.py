@@ -51,30 +51,21 @@ CUT = Concealed(
     optional=("torque_coefficient",),
     places={"weak_rotor": ("rotor 3",)},
 )
+TAPED_WEIGHT = Concealed(
+    ("cg_offset", "thrust_scale"), "strong", optional=("inertia",), instead=(("cg_offset",),)
+)
+# the thread hangs near motor 3, so that its weight shifts the balance, too
+STRING_WEIGHT = Concealed(("slung_load",), "strong", optional=("cg_offset", "thrust_scale"))
 # airframe, number of the first of three flights, label
 CONDITIONS: Mapping[str, tuple[str, int, Concealed]] = {
-    "add_weight_W1_near_M3": (
-        "E9",
-        4,
-        Concealed(
-            ("cg_offset", "thrust_scale"),
-            "strong",
-            optional=("inertia",),
-            instead=(("cg_offset",),),
-        ),
-    ),
+    "add_weight_W1_near_M3": ("E9", 4, TAPED_WEIGHT),
     "cut_propeller_M3_1mm": ("E8", 1, CUT),
     "cut_propeller_M3_3mm": ("E9", 0, CUT),
     "cut_propellers_M2_2mm_M1_2mm": ("E9", 3, CUT_PAIR),
     "cut_propellers_M2_4mm_M1_4mm": ("E9", 3, CUT_PAIR),
     "cut_propellers_M2_6mm_M1_6mm": ("E9", 3, CUT_PAIR),
     "tape_on_propeller_M3": ("E8", 0, CUT),
-    # the thread hangs near motor 3, so that its weight shifts the balance, too
-    "weight_on_string_W3_near_M3": (
-        "E8",
-        0,
-        Concealed(("slung_load",), "strong", optional=("cg_offset", "thrust_scale")),
-    ),
+    "weight_on_string_W3_near_M3": ("E8", 0, STRING_WEIGHT),
 }
 # free flights and flights with 4.7 g on a cable, by speed; the vehicle itself is 2.7 g heavier then
 FREE = {"1.0": (0, 1, 2, 3, 4), "0.7": (17, 18, 19, 20, 21)}

@@ -15,6 +15,18 @@ from ges.vehicle.file import load_vehicle
 ABSENT = """The published recordings are not at hand, so this figure shows nothing.
 'ges recordings fetch appius-ground-effect --out recordings' brings them;
 then run the workflow again."""
+# of an error by channel: heading of its panel
+CHANNELS = {
+    "force_z_N": "force along thrust (mN)",
+    "moment_x_Nm": "moment in roll (mN m)",
+    "moment_y_Nm": "moment in pitch (mN m)",
+    "moment_z_Nm": "moment in yaw (mN m)",
+}
+STAGES = {
+    "as_given": ("calibrated before the change", "o", style.GREY),
+    "recalibrated": ("recalibrated", "s", style.BLUE),
+    "named": ("with what was named", "^", style.RED),
+}
 EDGES = (0.0, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 12.0, 25.0)
 
 
@@ -158,3 +170,21 @@ def dispersion(scatter: Path, data: Path, pdf: Path, png: Path) -> None:
         )
     axes[0].set_ylabel("up (mm)")
     style.save(figure, pd.DataFrame(rows), data, pdf, png)
+
+
+def changes(errors: Path, data: Path, pdf: Path, png: Path) -> None:
+    """Error of every channel on flights that took no part, by what was done to the vehicle: with
+    the file calibrated before, recalibrated, and with what was named.
+    """
+    table = pd.read_csv(errors)
+    done = list(table["done"].drop_duplicates())
+    figure, axes = style.subplots(1, len(CHANNELS), width=style.PAGE_IN, height=2.0, sharey=True)
+    for ax, (channel, heading) in zip(axes, CHANNELS.items(), strict=True):
+        rows = table[table["channel"] == channel].set_index("done").reindex(done)
+        for stage, (label, mark, colour) in STAGES.items():
+            ax.plot(1e3 * rows[stage], np.arange(len(done)), mark, color=colour, label=label)
+        ax.set(xlabel=heading, xlim=(0.0, None), ylim=(len(done) - 0.5, -0.5))
+        ax.set_yticks(np.arange(len(done)), done)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(STAGES))
+    style.save(figure, table, data, pdf, png)
