@@ -19,7 +19,7 @@ from ges.recordings.readers import flight_names
 from ges.recordings.recording import write_set
 from ges.simulator import flight as sim
 from ges.simulator import manoeuvres
-from ges.vehicle.file import load_vehicle
+from ges.vehicle.file import load_vehicle, save_vehicle
 
 COLUMNS = (
     *("t_s", "p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s"),
@@ -173,8 +173,12 @@ def test_a_set_keeps_its_vehicle_unless_another_is_named(vehicle, tmp_path):
     inputs = gathered(Request(sources=[tmp_path]), len)
     assert inputs.vehicle_file["file"] == "vehicle.yaml"
     assert inputs.hashes == {f"f{k}": sha256(tmp_path / f"f{k}.parquet") for k in (1, 2)}
-    other = gathered(Request(sources=[tmp_path], vehicle="x500"), len)
-    assert other.recordings.vehicle.name == load_vehicle("x500").name
+    save_vehicle(vehicle.model_copy(update={"name": "another"}), tmp_path / "other.yaml")
+    other = gathered(Request(sources=[tmp_path], vehicle=str(tmp_path / "other.yaml")), len)
+    assert other.recordings.vehicle.name == "another"
+    # the rotors of this one stand in another order
+    with pytest.raises(GesError, match="commands and rotor speeds are in another order"):
+        gathered(Request(sources=[tmp_path], vehicle="x500"), len)
     with pytest.raises(UsageError, match="mass is said of logs"):
         gathered(Request(sources=[tmp_path], mass_kg=1.0), len)
 

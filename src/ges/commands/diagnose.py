@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from ges.commands.import_ import reading_options
+from ges.commands.import_ import MEND, reading_options
 from ges.commands.settings import SET
 from ges.files import require_folder
 
@@ -59,6 +59,7 @@ SHOWN = ("--open", "--no-open", "--page", "--no-page", "--write-flight")
     ),
 )
 @reading_options
+@MEND
 @click.option(
     "--write-flight",
     type=click.Path(path_type=Path),
@@ -95,6 +96,7 @@ def command(
     pwm: tuple[float, float] | None,
     rotor_order: tuple[int, int, int, int] | None,
     part: int | None,
+    mends: tuple[str, ...],
     write_flight: Path | None,
     page: bool,
     opened: bool | None,
@@ -130,6 +132,7 @@ def command(
             holdout=holdout,
             options=Options(mapping, pwm, rotor_order, part),
             kind=kind,
+            mends=mends,
             command=command_line(context),
         )
         found = run(request, out, figures, progress.step, page)

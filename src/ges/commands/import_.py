@@ -56,6 +56,19 @@ READING = (
 """Options of every verb that reads a flight log."""
 
 
+MEND = click.option(
+    "--mend",
+    "mends",
+    multiple=True,
+    metavar="NAME",
+    help=(
+        "Read the columns otherwise than they are told, as quaternion-xyzw or motors-2341; the"
+        " sentence that refuses a log offers it. May be given again."
+    ),
+)
+"""Option of every verb that makes a recording set."""
+
+
 def reading_options(function: Callable) -> Callable:
     """Add :data:`READING` to a verb; they go into :func:`read_log` as they come."""
     # decorators apply from the last to the first, and help has them in this order
@@ -127,6 +140,7 @@ def _summary(name: str, frame: pd.DataFrame) -> str:
     "sources", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG..."
 )
 @reading_options
+@MEND
 @click.option(
     "--parts",
     type=click.IntRange(min=1),
@@ -151,6 +165,7 @@ def command(
     pwm: tuple[float, float] | None,
     rotor_order: tuple[int, ...] | None,
     part: int | None,
+    mends: tuple[str, ...],
     parts: int,
     vehicle_path: Path,
     out: Path,
@@ -171,7 +186,7 @@ def command(
     for name, path in flight_names(sources).items():
         log = read_log(path, kind, mapping, pwm, rotor_order, part)
         cut, empty = _without_empty(_parts(name, log.frame(), parts))
-        recordings = make_set(vehicle, cut)
+        recordings = make_set(vehicle, cut, mends=mends)
         # what a reader notes is mostly the same of all logs: said once, with their names
         for note in log.notes:
             noticed.setdefault(note, []).append(path.name)

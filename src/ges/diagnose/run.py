@@ -45,6 +45,7 @@ class Request:
         propellers, and order and spins of the motors where the log lacks them.
     holdout : flights that take no part; a rule chooses where there is none.
     options, kind : what is said of the logs, see :func:`ges.recordings.readers.open_log`.
+    mends : as which the columns are read, see :func:`ges.recordings.recording.make_set`.
     command : how it was asked for, for the page.
     """
 
@@ -56,6 +57,7 @@ class Request:
     holdout: Sequence[str] = ()
     options: Options = dataclasses.field(default_factory=Options)
     kind: str = "auto"
+    mends: Sequence[str] = ()
     command: str = ""
 
 
@@ -137,7 +139,7 @@ def _of_set(request: Request, folder: Path, watch: Watch) -> Inputs:
             " which has its vehicle.yaml (--vehicle names another)"
         )
     watch(f"reading {folder}")
-    recordings, path = load_set(folder), folder / "vehicle.yaml"
+    recordings, path = load_set(folder, mends=request.mends), folder / "vehicle.yaml"
     if request.vehicle:
         path = vehicle_path(request.vehicle)
         # checked anew: so far it was against the set's own vehicle
@@ -169,7 +171,7 @@ def _of_logs(request: Request, watch: Watch) -> Inputs:
             f"{whole} is the only log, so it was cut into {len(named)} flights; what is held out"
             " shares battery, trim and weather with the rest, and another flight would prove more"
         )
-    recordings = make_set(vehicle, named, folder)
+    recordings = make_set(vehicle, named, folder, request.mends)
     recordings = dataclasses.replace(recordings, warnings=(*notes, *recordings.warnings))
     return Inputs(recordings, hashes, vehicle_file, made)
 

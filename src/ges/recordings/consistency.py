@@ -5,6 +5,7 @@ would break, measured.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -23,9 +24,15 @@ from ges.conventions import (
 )
 
 _STEP_S, _SMOOTH_S = 0.02, 0.15
+# rotors turn a vehicle faster than that moves it
+_FAST_STEP_S, _FAST_SMOOTH_S = 0.01, 0.05
 _LONGEST_GAP_S = 0.5
 _FEWEST = 100
 _STILL = 1e-6
+_LEAST_UPRIGHT = 0.2
+# a pair never agrees better than clocks and filters let it
+_LEAST_MISFIT = 1e-3
+_TURNS = ("roll", "pitch", "yaw")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,6 +53,29 @@ class Agreement:
     rms: float
 
 
+Reading = tuple[Sequence[int], float]
+
+
+@dataclasses.dataclass(frozen=True)
+class PairFit:
+    """How much of two quantities that should be equal does not agree.
+
+    Attributes
+    ----------
+    misfit : power of the difference over the sum of both powers, about their means: 0 where they
+        are equal, 1 where they have nothing in common, 2 where they are opposite.
+    windows : independent ones, by the width of the smoothing.
+    """
+
+    misfit: float
+    windows: float
+
+    @property
+    def log_likelihood(self) -> float:
+        """Of the pair, with its noise at the most likely value."""
+        return -0.5 * self.windows * float(np.log(max(self.misfit, _LEAST_MISFIT)))
+
+
 def agreements(frame: pd.DataFrame) -> list[Agreement]:
     """Pairs of quantities that must agree, smoothed over 0.15 s.
 
@@ -62,56 +92,172 @@ def agreements(frame: pd.DataFrame) -> list[Agreement]:
     -------
     list of Agreement, one a component; pairs that were not logged are left out.
     """
+    grid = _grid(frame)
+    if grid is None:
+        return []
+    pairs = {**_kinematic_pairs(grid, frame), **_thrust_pair(grid, frame)}
+    return [
+        Agreement(what, float(np.corrcoef(a, b)[0, 1]), float(a @ b / (b @ b)), float(np.std(b)))
+        for what, (a, b) in _smoothed(pairs).items()
+    ]
+
+
+def kinematic_fits(frame: pd.DataFrame) -> dict[str, PairFit]:
+    """How well quantities that are equal by kinematics are equal, by what they are; those of
+    :func:`agreements` but for the thrust, and, where there is no accelerometer, horizontal
+    acceleration against the tilt, dv/dt = g (R e_z)_xy / (R e_z)_z.
+    """
+    grid = _grid(frame)
+    if grid is None:
+        return {}
+    windows = _windows(frame, _STEP_S, _SMOOTH_S)
+    return {
+        what: PairFit(float(np.sum((a - b) ** 2) / (a @ a + b @ b)), len(a) * windows)
+        for what, (a, b) in _smoothed(_kinematic_pairs(grid, frame)).items()
+    }
+
+
+def _windows(frame: pd.DataFrame, step_s: float, smooth_s: float) -> float:
+    """Independent windows in a sample of the grid: none is shorter than the smoothing or a row."""
+    # width of a box that averages noise as the smoothing does
+    box_s = 2.0 * np.sqrt(np.pi) * smooth_s
+    return step_s / max(box_s, float(np.median(np.diff(frame["t_s"]))))
+
+
+def mixer_fits(
+    frame: pd.DataFrame, rotors: Mapping[str, np.ndarray], readings: Sequence[Reading]
+) -> list[dict[str, PairFit]]:
+    """How well the angular acceleration follows what unlike rotors ask for, by axis, for every
+    reading of the motors' columns.
+
+    Moments are proportional to sum_i (y_i, -x_i, -spin_i) s_i, with s the squared speeds, or the
+    commands where these are not logged; the factor of each axis is fitted, not below zero.
+
+    Parameters
+    ----------
+    rotors : ``x_m, y_m, spin`` (n,) of the vehicle's rotors.
+    readings : rotor of each column, from 0, and the factor on ``spin``.
+    """
+    grid = _grid(frame, _FAST_STEP_S)
+    turning = None if grid is None else _turning(grid, frame)
+    share = None if grid is None else _shares(grid, frame)
+    if turning is None or share is None or share.shape[1] != len(rotors["x_m"]):
+        return [{} for _ in readings]
+    speeding = np.gradient(turning, _FAST_STEP_S, axis=0)
+    both = np.isfinite(np.hstack([speeding, share])).all(axis=1)
+    if both.sum() < _FEWEST:
+        return [{} for _ in readings]
+    width = _FAST_SMOOTH_S / _FAST_STEP_S
+    speeding, share = _smooth(speeding, both, width), _smooth(share, both, width)
+    windows = len(share) * _windows(frame, _FAST_STEP_S, _FAST_SMOOTH_S)
+    found = []
+    for order, sense in readings:
+        place = list(order)
+        arms = [rotors["y_m"], -rotors["x_m"], -sense * rotors["spin"]]
+        fits = {}
+        for axis, arm, turned in zip(_TURNS, arms, speeding.T, strict=True):
+            asked = share @ arm[place]
+            if min(np.std(asked), np.std(turned)) >= _STILL:
+                r = max(0.0, float(np.corrcoef(asked, turned)[0, 1]))
+                fits[f"mixer in {axis}"] = PairFit(1.0 - r**2, windows)
+        found.append(fits)
+    return found
+
+
+def _grid(frame: pd.DataFrame, step_s: float = _STEP_S) -> np.ndarray | None:
+    """Even times of a flight; None where it is too short to say anything, or too long to be one."""
     t_s = frame["t_s"].to_numpy(dtype=float)
-    if len(t_s) < 2:
-        return []
-    grid = np.arange(t_s[0], t_s[-1], _STEP_S)
-    if len(grid) < _FEWEST:
-        return []
+    if len(t_s) < 2 or t_s[-1] - t_s[0] > _LONGEST_GAP_S * len(t_s):
+        return None
+    grid = np.arange(t_s[0], t_s[-1], step_s)
+    return grid if len(grid) >= _FEWEST else None
+
+
+Pairs = dict[str, tuple[np.ndarray, np.ndarray]]
+
+
+def _kinematic_pairs(grid: np.ndarray, frame: pd.DataFrame) -> Pairs:
     has = {
         names: all(n in frame for n in names)
         for names in (POSITION, VELOCITY, QUATERNION, BODY_RATE, SPECIFIC_FORCE)
     }
     value = {names: _on(grid, frame, names) for names, logged in has.items() if logged}
-    found = []
+    pairs: Pairs = {}
     if has[QUATERNION]:
-        q = value[QUATERNION]
-        q = np.where(np.isfinite(q).all(axis=1)[:, None], q, [1.0, 0.0, 0.0, 0.0])
-        turned = Rotation.from_quat(q, scalar_first=True)
-        valid = np.isfinite(value[QUATERNION]).all(axis=1)
+        turned, valid = _attitude(value[QUATERNION])
         if has[BODY_RATE]:
-            # body rates: log(q_k* q_k+1) / dt
-            step = (turned[:-1].inv() * turned[1:]).as_rotvec() / _STEP_S
-            turning = np.vstack([step, step[-1:]])
-            # a turn needs both of its attitudes
-            turning[~(valid & np.r_[valid[1:], False])] = np.nan
-            found += _pairs("{} and the turning of the attitude", BODY_RATE, value, turning)
-        if has[VELOCITY] and has[SPECIFIC_FORCE]:
-            force = np.where(np.isfinite(value[SPECIFIC_FORCE]), value[SPECIFIC_FORCE], 0.0)
-            # dv/dt = R f - g e_z
-            world = turned.apply(force) - [0.0, 0.0, GRAVITY_M_S2]
-            world[~(valid & np.isfinite(value[SPECIFIC_FORCE]).all(axis=1))] = np.nan
-            speeding = {VELOCITY: np.gradient(value[VELOCITY], _STEP_S, axis=0)}
-            found += _pairs("d({})/dt and the accelerometer", VELOCITY, speeding, world)
-    if has[POSITION] and has[VELOCITY]:
-        moving = {POSITION: np.gradient(value[POSITION], _STEP_S, axis=0)}
-        found += [
-            pair
-            for axis, p, v in zip(range(3), POSITION, VELOCITY, strict=True)
-            for pair in _pair(
-                f"d({p})/dt and {v}", moving[POSITION][:, axis], value[VELOCITY][:, axis]
+            turning = _rates(turned, valid, _STEP_S)
+            pairs |= _paired(
+                "{} and the turning of the attitude", BODY_RATE, value[BODY_RATE], turning
             )
-        ]
-    if has[SPECIFIC_FORCE]:
-        for names, power in ((ROTOR_SPEED, 2), (COMMAND, 1)):
-            if all(n in frame for n in names):
-                # speeds first: thrust goes with their square, whatever the drive does
-                push = (_on(grid, frame, names) ** power).sum(axis=1)
-                along = value[SPECIFIC_FORCE][:, 2]
-                what = f"acc_z_m_s2 and {'squared rotor speeds' if power == 2 else 'commands'}"
-                found += _pair(what, along, push)
-                break
-    return found
+        if has[VELOCITY]:
+            speeding = np.gradient(value[VELOCITY], _STEP_S, axis=0)
+            if has[SPECIFIC_FORCE]:
+                force = np.where(np.isfinite(value[SPECIFIC_FORCE]), value[SPECIFIC_FORCE], 0.0)
+                # dv/dt = R f - g e_z
+                world = turned.apply(force) - [0.0, 0.0, GRAVITY_M_S2]
+                world[~(valid & np.isfinite(value[SPECIFIC_FORCE]).all(axis=1))] = np.nan
+                what = "d({})/dt and the accelerometer"
+                pairs |= _paired(what, VELOCITY, speeding, world)
+            else:
+                axis = turned.apply([0.0, 0.0, 1.0])
+                axis[~valid] = np.nan
+                tilt = GRAVITY_M_S2 * axis[:, :2] / np.maximum(axis[:, 2:], _LEAST_UPRIGHT)
+                pairs |= _paired("d({})/dt and the tilt", VELOCITY[:2], speeding, tilt)
+    if has[POSITION] and has[VELOCITY]:
+        moving = np.gradient(value[POSITION], _STEP_S, axis=0)
+        pairs |= {
+            f"d({p})/dt and {v}": (moving[:, k], value[VELOCITY][:, k])
+            for k, (p, v) in enumerate(zip(POSITION, VELOCITY, strict=True))
+        }
+    return pairs
+
+
+def _thrust_pair(grid: np.ndarray, frame: pd.DataFrame) -> Pairs:
+    if not all(n in frame for n in SPECIFIC_FORCE):
+        return {}
+    for names, power in ((ROTOR_SPEED, 2), (COMMAND, 1)):
+        if all(n in frame for n in names):
+            # speeds first: thrust goes with their square, whatever the drive does
+            push = (_on(grid, frame, names) ** power).sum(axis=1)
+            what = f"acc_z_m_s2 and {'squared rotor speeds' if power == 2 else 'commands'}"
+            return {what: (_on(grid, frame, SPECIFIC_FORCE)[:, 2], push)}
+    return {}
+
+
+def _shares(grid: np.ndarray, frame: pd.DataFrame) -> np.ndarray | None:
+    """What each rotor has over the mean of all (t, n), of squared speeds or of commands."""
+    for names, power in ((ROTOR_SPEED, 2), (COMMAND, 1)):
+        if all(n in frame for n in names):
+            push = _on(grid, frame, names) ** power
+            return push - push.mean(axis=1, keepdims=True)
+    return None
+
+
+def _turning(grid: np.ndarray, frame: pd.DataFrame) -> np.ndarray | None:
+    """Body rates (t, 3) as logged, or as the attitude turns."""
+    if all(n in frame for n in BODY_RATE):
+        return _on(grid, frame, BODY_RATE)
+    if all(n in frame for n in QUATERNION):
+        return _rates(*_attitude(_on(grid, frame, QUATERNION)), _FAST_STEP_S)
+    return None
+
+
+def _attitude(q: np.ndarray) -> tuple[Rotation, np.ndarray]:
+    """Attitudes, and where they are known."""
+    valid = np.isfinite(q).all(axis=1) & (np.linalg.norm(q, axis=1) > 0.0)
+    return Rotation.from_quat(
+        np.where(valid[:, None], q, [1.0, 0.0, 0.0, 0.0]), scalar_first=True
+    ), valid
+
+
+def _rates(turned: Rotation, valid: np.ndarray, step_s: float) -> np.ndarray:
+    # body rates: log(q_k* q_k+1) / dt
+    step = (turned[:-1].inv() * turned[1:]).as_rotvec() / step_s
+    turning = np.vstack([step, step[-1:]])
+    # a turn needs both of its attitudes
+    turning[~(valid & np.r_[valid[1:], False])] = np.nan
+    return turning
 
 
 def _on(grid: np.ndarray, frame: pd.DataFrame, names: tuple[str, ...]) -> np.ndarray:
@@ -129,28 +275,31 @@ def _on(grid: np.ndarray, frame: pd.DataFrame, names: tuple[str, ...]) -> np.nda
     return out
 
 
-def _pairs(what: str, names: tuple[str, ...], value: dict, other: np.ndarray) -> list[Agreement]:
-    return [
-        pair
-        for k, name in enumerate(names)
-        for pair in _pair(what.format(name), value[names][:, k], other[:, k])
-    ]
+def _paired(what: str, names: tuple[str, ...], columns: np.ndarray, other: np.ndarray) -> Pairs:
+    return {what.format(name): (columns[:, k], other[:, k]) for k, name in enumerate(names)}
 
 
-def _pair(what: str, a: np.ndarray, b: np.ndarray) -> list[Agreement]:
-    both = np.isfinite(a) & np.isfinite(b)
-    if both.sum() < _FEWEST:
-        return []
-    a, b = (
-        # gaps are bridged for the filter alone; only what both had is compared
-        gaussian_filter1d(
-            np.interp(np.arange(len(x)), np.flatnonzero(both), x[both]), _SMOOTH_S / _STEP_S
-        )[both]
-        for x in (a, b)
+def _smoothed(pairs: Pairs) -> Pairs:
+    """Both of each pair, smoothed and about their means; pairs without samples or motion go."""
+    found: Pairs = {}
+    for what, (a, b) in pairs.items():
+        both = np.isfinite(a) & np.isfinite(b)
+        if both.sum() < _FEWEST:
+            continue
+        a, b = (_smooth(x, both, _SMOOTH_S / _STEP_S) for x in (a, b))
+        if min(np.std(a), np.std(b)) >= _STILL:
+            found[what] = a, b
+    return found
+
+
+def _smooth(values: np.ndarray, valid: np.ndarray, width: float) -> np.ndarray:
+    """Values (t,) or (t, n) where they are valid, smoothed over ``width`` samples and about their
+    means.
+    """
+    steps = np.arange(len(values))
+    # gaps are bridged for the filter alone; only what is there is compared
+    whole = np.apply_along_axis(
+        lambda column: np.interp(steps, steps[valid], column[valid]), 0, values
     )
-    a, b = a - a.mean(), b - b.mean()
-    if min(np.std(a), np.std(b)) < _STILL:
-        return []
-    return [
-        Agreement(what, float(np.corrcoef(a, b)[0, 1]), float(a @ b / (b @ b)), float(np.std(b)))
-    ]
+    smooth = gaussian_filter1d(whole, width, axis=0)[valid]
+    return smooth - smooth.mean(axis=0)

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
-from scipy.spatial.transform import Rotation
 
 from ges.conventions import (
     BODY_RATE,
@@ -26,8 +25,9 @@ from ges.conventions import (
     VELOCITY,
     VELOCITY_REF,
 )
-from ges.errors import GesError
+from ges.errors import GesError, unknown_name
 from ges.files import replacing
+from ges.recordings import faults
 from ges.simulator.terrain import Terrain
 from ges.vehicle.file import Vehicle, load_vehicle, save_vehicle
 
@@ -120,31 +120,6 @@ def _check_time(name: str, frame: pd.DataFrame) -> None:
         )
 
 
-def _rms(values: np.ndarray) -> float:
-    finite = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(finite**2))) if len(finite) else 0.0
-
-
-def _turning(frame: pd.DataFrame) -> np.ndarray:
-    """Body rates (n - 1, 3) that the attitudes imply, rad/s; NaN where one of two is missing."""
-    q = frame[list(QUATERNION)].to_numpy(dtype=float)
-    good = np.isfinite(q).all(axis=1) & (np.linalg.norm(q, axis=1) > 0)
-    turned = Rotation.from_quat(np.where(good[:, None], q, [1.0, 0.0, 0.0, 0.0]), scalar_first=True)
-    # body rates: log(q_k* q_k+1) / dt
-    rates = (turned[:-1].inv() * turned[1:]).as_rotvec() / np.diff(
-        frame["t_s"].to_numpy(dtype=float)
-    )[:, None]
-    return np.where((good[1:] & good[:-1])[:, None], rates, np.nan)
-
-
-def _agreement(a: np.ndarray, b: np.ndarray) -> float:
-    """Correlation of two signals where both are there; 0 where one of them stands still."""
-    both = np.isfinite(a) & np.isfinite(b)
-    if both.sum() < _FEWEST or np.std(a[both]) == 0 or np.std(b[both]) == 0:
-        return 0.0
-    return float(np.corrcoef(a[both], b[both])[0, 1])
-
-
 def _contradiction(name: str, frame: pd.DataFrame, hover_rad_s: float) -> str | None:
     """A unit or an axis that the other columns or the vehicle's weight refute, in one sentence with
     what to do.
@@ -152,8 +127,6 @@ def _contradiction(name: str, frame: pd.DataFrame, hover_rad_s: float) -> str | 
     checks = (
         _too_fast(frame, hover_rad_s),
         _wrong_force(frame),
-        _wrong_rates(frame),
-        _wrong_velocity(frame),
     )
     return next((f"{name}: {problem}" for problem in checks if problem), None)
 
@@ -187,57 +160,6 @@ def _wrong_force(frame: pd.DataFrame) -> str | None:
             " forward-left-up, so negate y and z of accelerometer and gyro"
         )
     return None
-
-
-def _wrong_rates(frame: pd.DataFrame) -> str | None:
-    if not all(name in frame for name in (*QUATERNION, *BODY_RATE)):
-        return None
-    turning, rates = _turning(frame), frame[list(BODY_RATE)].to_numpy(dtype=float)
-    logged, implied = _rms(np.linalg.norm(rates, axis=1)), _rms(np.linalg.norm(turning, axis=1))
-    if logged > _DEGREES * implied > 0:
-        return (
-            f"body rates of {logged:.2g} rad/s where the attitude turns at {implied:.2g}; they look"
-            " like deg/s, convert them"
-        )
-    for k, column in enumerate(BODY_RATE):
-        if _agreement(rates[1:, k], turning[:, k]) < -_AGAINST:
-            return (
-                f"{column} runs against the attitude: one of them is not forward-left-up in"
-                " east-north-up; a log in forward-right-down needs y and z negated"
-            )
-    return None
-
-
-def _wrong_velocity(frame: pd.DataFrame) -> str | None:
-    t_s = frame["t_s"].to_numpy(dtype=float)
-    for position, velocity in zip(POSITION, VELOCITY, strict=True):
-        if position not in frame or velocity not in frame:
-            continue
-        # smoothed, as a position's noise would drown its derivative
-        p, v = (
-            frame[c].interpolate().rolling(_over(t_s), center=True).mean().to_numpy()
-            for c in (position, velocity)
-        )
-        moving = np.gradient(p, t_s)
-        if _agreement(moving, v) < -_AGAINST:
-            return (
-                f"{velocity} runs against {position}: one of them points the other way (down, in"
-                " north-east-down); negate it"
-            )
-        if (
-            _agreement(moving, v) > _AGAINST
-            and not 1.0 / _SCALED < (ratio := np.nanstd(moving) / np.nanstd(v)) < _SCALED
-        ):
-            return (
-                f"{position} moves {ratio:.2g} times as fast as {velocity} says: one of them is not"
-                " in metres and seconds"
-            )
-    return None
-
-
-def _over(t_s: np.ndarray) -> int:
-    """Rows in a quarter of a second."""
-    return max(3, int(0.25 / np.median(np.diff(t_s))))
 
 
 def _implausible(name: str, column: str, values: np.ndarray) -> str | None:
@@ -289,27 +211,51 @@ def checked_frame(name: str, frame: pd.DataFrame) -> tuple[pd.DataFrame, list[st
 
 
 def make_set(
-    vehicle: Vehicle, frames: Iterable[tuple[str, pd.DataFrame]], folder: Path | str = "."
+    vehicle: Vehicle,
+    frames: Iterable[tuple[str, pd.DataFrame]],
+    folder: Path | str = ".",
+    mends: Sequence[str] = (),
 ) -> RecordingSet:
-    """Recording set from tables in memory, checked, also against the vehicle."""
-    flights, warnings = [], []
+    """Recording set from tables in memory, checked, also against the vehicle and one another.
+
+    Parameters
+    ----------
+    folder : of the height map that the vehicle file names.
+    mends : names of :func:`ges.recordings.faults.faults` as which every table is read.
+
+    Raises
+    ------
+    GesError
+        Where a table cannot be right as it is told, in one sentence with what is likeliest wrong.
+    """
+    known = faults.faults(len(vehicle.rotors))
+    if wrong := [name for name in mends if name not in known]:
+        raise unknown_name("mend", wrong[0], [name for name in known if name])
+    flights, warnings = [], [f"read with --mend {name}: {known[name].what}" for name in mends]
     hover = vehicle.hover_speed_rad_s()
-    for name, frame in frames:
+    for name, told in frames:
+        frame = told
+        for mend in mends:
+            frame = known[mend].mend(frame)
         good, noticed = checked_frame(name, frame)
         if problem := _contradiction(name, good, hover):
             raise GesError(problem)
         flights.append(Flight(name, good))
         warnings += noticed
+    alike, log_odds = faults.found([f.frame for f in flights], vehicle)
+    if alike:
+        raise GesError(f"{flights[0].name}: {faults.sentence(alike, log_odds)}")
     return RecordingSet(vehicle, tuple(flights), Path(folder), tuple(warnings))
 
 
-def load_set(folder: str | Path, least: int = 2) -> RecordingSet:
+def load_set(folder: str | Path, least: int = 2, mends: Sequence[str] = ()) -> RecordingSet:
     """Read a recording set.
 
     Parameters
     ----------
     folder : holds vehicle.yaml and the flights' Parquet files, read in the order of their names.
     least : how many flights there must be.
+    mends : as which every table is read, see :func:`make_set`.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -328,9 +274,8 @@ def load_set(folder: str | Path, least: int = 2) -> RecordingSet:
             f"{folder} holds {held} (*.parquet); needed are {least} or more; 'ges import --parts 4'"
             " cuts a long log"
         )
-    return make_set(
-        load_vehicle(folder / "vehicle.yaml"), ((p.stem, _read(p)) for p in paths), folder
-    )
+    frames = ((p.stem, _read(p)) for p in paths)
+    return make_set(load_vehicle(folder / "vehicle.yaml"), frames, folder, mends)
 
 
 def _read(path: Path) -> pd.DataFrame:

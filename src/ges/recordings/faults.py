@@ -1,0 +1,270 @@
+"""How a log may have to be read otherwise than its columns say: order, sign, frame and unit.
+
+Kinematics ties the streams of a rigid body to one another, whatever flies: body rates are the
+turning of the attitude, the accelerometer turned into the world is the acceleration, velocity is
+the derivative of position, and unlike rotors turn the vehicle about the axes of its mixer. Every
+fault of :func:`faults` is a hypothesis on the columns; it is judged by how well the mended columns
+fit one another.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from ges.conventions import (
+    BODY_RATE,
+    COMMAND,
+    POSITION,
+    POSITION_REF,
+    QUATERNION,
+    ROTOR_SPEED,
+    SPECIFIC_FORCE,
+    VELOCITY,
+    VELOCITY_REF,
+)
+from ges.recordings.consistency import PairFit, Reading, kinematic_fits, mixer_fits
+from ges.vehicle.file import Vehicle
+
+PRIOR_ODDS = 1e-3
+"""Of any fault against the log as it is told."""
+ALIKE_NATS = 3.0
+"""Within which two faults explain the log alike."""
+AGREED_MISFIT = 0.3
+"""Below which two streams say the same; a factor of two between them is beyond."""
+LARGEST_MISFIT = 0.8
+"""Of what a fault mends: beyond it the mended columns do not fit each other either."""
+MOST_FLIGHTS = 6
+"""That are looked at: all of a set are told alike."""
+
+
+Fits = Mapping[tuple[int, str], PairFit]
+
+
+@dataclasses.dataclass(frozen=True)
+class Fault:
+    """A way in which the columns are not what their names say.
+
+    Attributes
+    ----------
+    name : of the option that mends it; '' where the vehicle file is to be mended.
+    what : in words.
+    mend : gives the table as it should have been.
+    motors : of a fault of the motors alone, the rotor of each column and the factor on the
+        vehicle file's senses of rotation.
+    """
+
+    name: str
+    what: str
+    mend: Callable[[pd.DataFrame], pd.DataFrame]
+    motors: Reading | None = None
+
+
+def _scaled(columns: Sequence[str], factor: float) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    def mend(frame: pd.DataFrame) -> pd.DataFrame:
+        return frame.assign(**{c: factor * frame[c] for c in columns if c in frame})
+
+    return mend
+
+
+def _renamed(columns: Sequence[str], held: Sequence[str]) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    """Column ``columns[i]`` holds what ``held[i]`` should."""
+
+    def mend(frame: pd.DataFrame) -> pd.DataFrame:
+        pairs = zip(columns, held, strict=True)
+        return frame.assign(**{there: frame[c] for c, there in pairs if c in frame})
+
+    return mend
+
+
+def _same(frame: pd.DataFrame) -> pd.DataFrame:
+    return frame
+
+
+def _axes(columns: Sequence[str], axes: str) -> tuple[str, ...]:
+    return tuple(c for c, a in zip(columns, "xyz", strict=True) if a in axes)
+
+
+def _signs() -> Iterator[Fault]:
+    # single axes are turned over by hand, the others by a change of frame or of convention
+    streams = {
+        "gyro": (BODY_RATE, ("x", "y", "z", "yz", "xyz")),
+        "accelerometer": (SPECIFIC_FORCE, ("yz", "xyz")),
+        "velocity": (VELOCITY, ("z", "yz")),
+        "position": (POSITION, ("z", "yz")),
+    }
+    for stream, (columns, turned_over) in streams.items():
+        for axes in turned_over:
+            part = _axes(columns, axes)
+            yield Fault(
+                f"{stream}-minus-{axes}",
+                f"{' and '.join(part)} {'has' if len(part) == 1 else 'have'} the other sign",
+                _scaled(part, -1.0),
+            )
+    world = (POSITION, VELOCITY, POSITION_REF, VELOCITY_REF)
+    for axes, frame in (("yz", "forward-right-down or north-east-down"), ("z", "down")):
+        turned = [c for stream in world for c in _axes(stream, axes)]
+        yield Fault(
+            f"world-minus-{axes}",
+            f"{' and '.join(axes)} of position, velocity and their references have the other sign,"
+            f" as in a log that was half converted from {frame}",
+            _scaled(turned, -1.0),
+        )
+
+
+def _units() -> Iterator[Fault]:
+    scales = {
+        "gyro-deg": (BODY_RATE, "the body rates are in deg/s", np.pi / 180.0),
+        "position-ft": (POSITION, "the position is in feet", 0.3048),
+        "position-cm": (POSITION, "the position is in centimetres", 0.01),
+        "position-mm": (POSITION, "the position is in millimetres", 0.001),
+        "velocity-ft": (VELOCITY, "the velocity is in feet per second", 0.3048),
+        "velocity-cm": (VELOCITY, "the velocity is in centimetres per second", 0.01),
+        "velocity-kmh": (VELOCITY, "the velocity is in kilometres per hour", 1.0 / 3.6),
+        "time-ms": (("t_s",), "the time is in milliseconds", 1e-3),
+        "time-us": (("t_s",), "the time is in microseconds", 1e-6),
+    }
+    for name, (columns, what, factor) in scales.items():
+        yield Fault(name, what, _scaled(columns, factor))
+
+
+def _attitudes() -> Iterator[Fault]:
+    yield Fault(
+        "quaternion-xyzw",
+        "the quaternion stands in the order x, y, z, w",
+        _renamed(QUATERNION, (*QUATERNION[1:], QUATERNION[0])),
+    )
+    yield Fault(
+        "quaternion-inverse",
+        "the quaternion turns from the world into the body",
+        _scaled(QUATERNION[1:], -1.0),
+    )
+    yield Fault(
+        "quaternion-ned",
+        "the attitude is of forward-right-down axes in north-east-down",
+        _scaled(QUATERNION[2:], -1.0),
+    )
+
+
+def _motors(n_rotors: int) -> Iterator[Fault]:
+    told = tuple(range(n_rotors))
+    wrong_way = "the vehicle file has the senses of all rotors the wrong way round"
+    yield Fault("", wrong_way, lambda frame: frame, (told, -1.0))
+    # of more rotors there are too many orders to ask which is meant
+    orders = itertools.permutations(told) if n_rotors == len(COMMAND) else ()
+    for order in orders:
+        if order == told:
+            continue
+        motors = [str(i + 1) for i in order]
+        yield Fault(
+            f"motors-{''.join(motors)}",
+            "commands and rotor speeds are in another order, columns 1 to"
+            f" {n_rotors} of the vehicle file's rotors {' '.join(motors)}",
+            _reordered(order),
+            (order, 1.0),
+        )
+
+
+def _reordered(order: Sequence[int]) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    streams = [
+        (ROTOR_SPEED, [ROTOR_SPEED[i] for i in order]),
+        (COMMAND, [COMMAND[i] for i in order]),
+    ]
+
+    def mend(frame: pd.DataFrame) -> pd.DataFrame:
+        for columns, held in streams:
+            frame = _renamed(columns, held)(frame)
+        return frame
+
+    return mend
+
+
+def faults(n_rotors: int = len(COMMAND)) -> dict[str, Fault]:
+    """Faults that a log can have, by the name of the option that mends them."""
+    every = (*_attitudes(), *_units(), *_signs(), *_motors(n_rotors))
+    return {f.name: f for f in every}
+
+
+def found(frames: Sequence[pd.DataFrame], vehicle: Vehicle) -> tuple[list[Fault], float]:
+    """Faults that explain how the streams of flights differ, and the odds of the likeliest.
+
+    The likelihood of a reading is that of the misfits of its pairs, each of unknown noise:
+    log p = -sum_k (n_k / 2) log m_k with n_k independent windows and m_k the share of the pair's
+    power that does not agree.
+
+    Parameters
+    ----------
+    frames : contract columns of each flight; all are read alike.
+    vehicle : has the places and senses of the rotors.
+
+    Returns
+    -------
+    faults : that explain the log alike, likeliest first; none where it is believed as it is told.
+    log_odds : of the likeliest over the log as it is, natural logarithm.
+    """
+    if not frames:
+        return [], 0.0
+    frames = frames[:MOST_FLIGHTS]
+    every = faults(len(vehicle.rotors)).values()
+    as_told: Reading = (range(len(vehicle.rotors)), 1.0)
+    of_motors = [f for f in every if f.motors]
+    readings = [as_told, *(f.motors for f in of_motors if f.motors)]
+    rotors = vehicle.rotor_arrays()
+    mixer, *reordered = _together(lambda f: mixer_fits(f, rotors, readings), frames)
+    (told,) = _together(lambda f: [kinematic_fits(f)], frames)
+    scores = [
+        (_gain(mixer, mended), fault) for fault, mended in zip(of_motors, reordered, strict=True)
+    ]
+    # kinematics is exact, so that streams which agree with one another need no other reading
+    agreed = bool(told) and all(f.misfit < AGREED_MISFIT for f in told.values())
+    for fault in () if agreed else every:
+        if not fault.motors:
+            (mended,) = _together(
+                lambda f: [kinematic_fits(f) | mixer_fits(f, rotors, [as_told])[0]],
+                [fault.mend(f) for f in frames],
+            )
+            scores.append((_gain({**told, **mixer}, mended), fault))
+    best = max((gain for gain, _ in scores), default=0.0)
+    if best + np.log(PRIOR_ODDS) <= 0.0:
+        return [], 0.0
+    alike = [pair for pair in scores if pair[0] > best - ALIKE_NATS]
+    # of two that are as likely the one that changes less
+    alike.sort(key=lambda pair: (-round(pair[0], 1), len(pair[1].what)))
+    return [f for _, f in alike], best + np.log(PRIOR_ODDS)
+
+
+def _together(
+    fits: Callable[[pd.DataFrame], list[dict[str, PairFit]]], frames: Sequence[pd.DataFrame]
+) -> list[dict[tuple[int, str], PairFit]]:
+    """Fits of every reading over all flights, by flight and pair."""
+    by_flight = [fits(frame) for frame in frames]
+    return [
+        {(k, what): fit for k, pairs in enumerate(of) for what, fit in pairs.items()}
+        for of in zip(*by_flight, strict=True)
+    ]
+
+
+def sentence(alike: Sequence[Fault], log_odds: float) -> str:
+    """What is likeliest wrong with a log, and how to have it read otherwise."""
+    odds = (
+        f"10^{log_odds / np.log(10.0):.0f}" if log_odds > np.log(1e6) else f"{np.exp(log_odds):.0f}"
+    )
+    what = "; or ".join(f.what for f in alike[:3])
+    options = [f"--mend {f.name}" for f in alike[:3] if f.name]
+    mend = f"; {' or '.join(options)} reads it so" if options else "; mend it"
+    return f"its streams do not fit one another as they are told: {what} (odds {odds} : 1){mend}"
+
+
+def _gain(told: Fits, mended: Fits) -> float:
+    """Log likelihood that a mended log has over the one that is told; none where what is mended
+    does not fit, either.
+    """
+    changed = [fit for what, fit in mended.items() if fit != told.get(what)]
+    if not changed or np.mean([fit.misfit for fit in changed]) > LARGEST_MISFIT:
+        return 0.0
+    likely = [sum(f.log_likelihood for f in fits.values()) for fits in (mended, told)]
+    return likely[0] - likely[1]
