@@ -12,6 +12,7 @@ from ges.diagnose.library.requirements import lacking
 from ges.diagnose.prepare.align import grid_step_s, regrid
 from ges.diagnose.prepare.gate import with_thrust_direction
 from ges.diagnose.types.model import Model
+from ges.recordings import faults
 from ges.recordings.consistency import agreements
 from ges.recordings.readers import READERS, Log, Options, open_log
 from ges.recordings.readers.log import COLUMNS
@@ -77,6 +78,7 @@ def examine(path: Path, options: Options, kind: str = "auto") -> dict[str, Any]:
             for name, stream in sorted(log.streams.items(), key=_order)
         ],
         "agreement": [],
+        "fault": "",
         "can_tell": [],
         "cannot_tell": {},
         "switch_on": _advice(log),
@@ -88,6 +90,8 @@ def examine(path: Path, options: Options, kind: str = "auto") -> dict[str, Any]:
             {"what": a.what, "correlation": round(a.correlation, 3), "ratio": round(a.ratio, 3)}
             for a in agreements(frame)
         ]
+        alike, log_odds = faults.found([frame])
+        found["fault"] = faults.sentence(alike, log_odds) if alike else ""
         found["can_tell"], found["cannot_tell"] = _effects(frame)
     return found
 
@@ -140,6 +144,8 @@ def sentences(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for pair in found["agreement"]:
         if pair["correlation"] < _AGAINST:
             yield f"{pair['what']} run against each other: one of them has the wrong sign", "red"
+    if found["fault"]:
+        yield found["fault"], "red"
     if not found["usable"]:
         yield f"cannot be diagnosed: {found['problem']}", "red"
     if found["can_tell"]:

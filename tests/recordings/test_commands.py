@@ -48,6 +48,9 @@ def test_doctor_shows_a_sign_that_is_wrong(tmp_path, motion):
     wrong = dict(motion, omega=motion["omega"] * [-1, 1, 1])
     page = _run("doctor", _table(tmp_path / "f.csv", wrong))
     assert "omega_x_rad_s and the turning of the attitude run against each other" in page.output
+    assert (
+        "omega_x_rad_s has the other sign" in page.output and "--mend gyro-minus-x" in page.output
+    )
 
 
 def test_doctor_goes_on_behind_a_log_that_cannot_be_read(tmp_path, motion, monkeypatch, capsys):

@@ -135,13 +135,13 @@ def mixer_fits(
 
     Parameters
     ----------
-    rotors : ``x_m, y_m, spin`` (n,) of the vehicle's rotors.
+    rotors : ``x_m, y_m, spin`` (n,) of the vehicle's rotors; none where they are not known.
     readings : rotor of each column, from 0, and the factor on ``spin``.
     """
     grid = _grid(frame, _FAST_STEP_S)
     turning = None if grid is None else _turning(grid, frame)
     share = None if grid is None else _shares(grid, frame)
-    if turning is None or share is None or share.shape[1] != len(rotors["x_m"]):
+    if turning is None or share is None or share.shape[1] != len(rotors.get("x_m", ())):
         return [{} for _ in readings]
     speeding = np.gradient(turning, _FAST_STEP_S, axis=0)
     both = np.isfinite(np.hstack([speeding, share])).all(axis=1)

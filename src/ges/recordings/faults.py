@@ -189,7 +189,9 @@ def faults(n_rotors: int = len(COMMAND)) -> dict[str, Fault]:
     return {f.name: f for f in every}
 
 
-def found(frames: Sequence[pd.DataFrame], vehicle: Vehicle) -> tuple[list[Fault], float]:
+def found(
+    frames: Sequence[pd.DataFrame], vehicle: Vehicle | None = None
+) -> tuple[list[Fault], float]:
     """Faults that explain how the streams of flights differ, and the odds of the likeliest.
 
     The likelihood of a reading is that of the misfits of its pairs, each of unknown noise:
@@ -199,7 +201,7 @@ def found(frames: Sequence[pd.DataFrame], vehicle: Vehicle) -> tuple[list[Fault]
     Parameters
     ----------
     frames : contract columns of each flight; all are read alike.
-    vehicle : has the places and senses of the rotors.
+    vehicle : has the places and senses of the rotors; without it the motors are not judged.
 
     Returns
     -------
@@ -209,11 +211,11 @@ def found(frames: Sequence[pd.DataFrame], vehicle: Vehicle) -> tuple[list[Fault]
     if not frames:
         return [], 0.0
     frames = frames[:MOST_FLIGHTS]
-    every = faults(len(vehicle.rotors)).values()
-    as_told: Reading = (range(len(vehicle.rotors)), 1.0)
+    n_rotors, rotors = (len(vehicle.rotors), vehicle.rotor_arrays()) if vehicle else (0, {})
+    every = faults(n_rotors).values()
+    as_told: Reading = (range(n_rotors), 1.0)
     of_motors = [f for f in every if f.motors]
     readings = [as_told, *(f.motors for f in of_motors if f.motors)]
-    rotors = vehicle.rotor_arrays()
     mixer, *reordered = _together(lambda f: mixer_fits(f, rotors, readings), frames)
     (told,) = _together(lambda f: [kinematic_fits(f)], frames)
     scores = [
