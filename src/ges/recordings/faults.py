@@ -38,8 +38,8 @@ AGREED_MISFIT = 0.3
 """Below which two streams say the same; a factor of two between them is beyond."""
 LARGEST_MISFIT = 0.8
 """Of what a fault mends: beyond it the mended columns do not fit each other either."""
-MOST_FLIGHTS = 6
-"""That are looked at: all of a set are told alike."""
+MOST_FLIGHTS, LONGEST_S, FEWEST_ROWS = 6, 60.0, 3000
+"""That are looked at: all of a set are told alike, from beginning to end."""
 
 
 Fits = Mapping[tuple[int, str], PairFit]
@@ -210,7 +210,7 @@ def found(
     """
     if not frames:
         return [], 0.0
-    frames = frames[:MOST_FLIGHTS]
+    frames = [_middle(frame) for frame in frames[:MOST_FLIGHTS]]
     n_rotors, rotors = (len(vehicle.rotors), vehicle.rotor_arrays()) if vehicle else (0, {})
     every = faults(n_rotors).values()
     as_told: Reading = (range(n_rotors), 1.0)
@@ -237,6 +237,14 @@ def found(
     # of two that are as likely the one that changes less
     alike.sort(key=lambda pair: (-round(pair[0], 1), len(pair[1].what)))
     return [f for _, f in alike], best + np.log(PRIOR_ODDS)
+
+
+def _middle(frame: pd.DataFrame) -> pd.DataFrame:
+    """The middle minute of a long flight; of one whose clock is in doubt so many rows at least."""
+    t_s = frame["t_s"].to_numpy(dtype=float)
+    rows = max(FEWEST_ROWS, int(LONGEST_S / np.median(np.diff(t_s))))
+    start = max(0, (len(frame) - rows) // 2)
+    return frame.iloc[start : start + rows]
 
 
 def _together(
