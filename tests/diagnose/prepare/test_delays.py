@@ -59,6 +59,36 @@ def test_delays_of_flights_that_differ_are_as_doubtful_as_they_scatter():
     assert 0.007 < found.sd_s < 0.02
 
 
+def _answering(seed):
+    """A hover that nothing moves but a controller which answers the noise of its gyro."""
+    noise = 0.02 * np.random.default_rng(seed).standard_normal(len(T))
+    rate = np.zeros(len(T))
+    # dw/dt = -k (w + n), a rotor lag of 30 ms behind it
+    asked, step_s = 0.0, T[1] - T[0]
+    for k in range(1, len(T)):
+        asked += step_s / 0.03 * (-6.0 * (rate[k - 1] + noise[k - 1]) - asked)
+        rate[k] = rate[k - 1] + step_s * asked
+    roll = np.cumsum(rate) * step_s
+    q = {"q_w": np.cos(0.5 * roll), "q_x": np.sin(0.5 * roll)}
+    return hovering(DURATION_S, **q, omega_x_rad_s=rate + noise)
+
+
+def test_noise_that_the_controller_answers_is_no_late_attitude():
+    assert pose_delay([_answering(seed) for seed in range(3)]) is None
+
+
+def test_flights_that_agree_by_luck_know_no_more_than_their_noise_lets_them():
+    """Over many pairs of flights the errors are as large as the stated sd says, or smaller."""
+    found = [
+        pose_delay(
+            [_turning(0.02, seed=2 * k, noise=0.25), _turning(0.02, seed=2 * k + 1, noise=0.25)]
+        )
+        for k in range(12)
+    ]
+    errors = np.array([(f.delay_s - 0.02) / f.sd_s for f in found])
+    assert np.mean(errors**2) < 2.0 and np.abs(errors).max() < 3.0
+
+
 def test_what_does_not_move_tells_no_delay():
     assert pose_delay([hovering(DURATION_S)]) is None
     assert pose_delay([]) is None

@@ -135,6 +135,18 @@ class Prepared:
         """Steps no longer than this between two samples."""
         return max(1, int(np.ceil(self.dt_s / longest_s)))
 
+    def between(self, start: int, end: int) -> Prepared:
+        """The rows from ``start`` up to ``end``."""
+        rows = slice(start, end)
+        of_rows = {
+            name: {key: values[rows] for key, values in getattr(self, name).items()}
+            for name in ("columns", "excluded", "path")
+        }
+        lifting = None if self.lifting is None else self.lifting[rows]
+        return self.replaced(
+            t_s=self.t_s[rows], flying=self.flying[rows], lifting=lifting, **of_rows
+        )
+
     def replaced(self, **changes: Any) -> Prepared:
         """A copy with other fields."""
         return dataclasses.replace(self, **changes)

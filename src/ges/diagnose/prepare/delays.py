@@ -53,7 +53,7 @@ def _high_pass(x: np.ndarray, step_s: float, slower_s: float | None = None) -> n
 
 
 def _correlations(flight: Prepared, model: Model, lags_s: np.ndarray) -> np.ndarray | None:
-    """Sums for the correlation of thrust with vertical acceleration at every lag: (3, lags)."""
+    """Sums for the correlation of thrust with vertical acceleration at every lag: (4, lags)."""
     ratio = lift(
         flight,
         model.number("thrust_coefficient_N_s2"),
@@ -66,29 +66,28 @@ def _correlations(flight: Prepared, model: Model, lags_s: np.ndarray) -> np.ndar
         or flight.flying.sum() * flight.dt_s < settings.prepare.flight_shortest_s
     ):
         return None
-    step, inside = flight.dt_s, flight.flying
+    step = flight.dt_s
     width = settings.prepare.thrust_smoothing_s / step
     # derivative of the Gaussian that smoothed the thrust: both keep the same band of frequency
     a = _high_pass(gaussian_filter1d(flight.columns["v_z_m_s"], width, order=1) / step, step)
     b = _high_pass(ratio, step)
-    out = []
-    for lag in lags_s:
-        shifted = np.interp(flight.t_s + lag, flight.t_s, b)[inside]
-        out.append((a[inside] @ shifted, shifted @ shifted, a[inside] @ a[inside]))
-    return np.array(out).T
+    return _sums(flight, a, b, width, lags_s)
 
 
 def _sums(
-    flight: Prepared, a: np.ndarray, b: np.ndarray, inside: np.ndarray, lags_s: np.ndarray
+    flight: Prepared, a: np.ndarray, b: np.ndarray, width: float, lags_s: np.ndarray
 ) -> np.ndarray:
-    """Sums for the correlation of one signal with another taken later by every lag, over some
-    samples: (3, lags).
+    """Sums for the correlation of one signal with another taken later by every lag, in the air:
+    products, squares of the later and of the other, and how many samples are independent, where
+    both were smoothed over ``width`` samples: (4, lags).
     """
-    late, a = (
-        np.stack([np.interp(flight.t_s + lag, flight.t_s, b)[inside] for lag in lags_s]),
-        a[inside],
-    )
-    return np.stack([late @ a, (late**2).sum(axis=1), np.full(len(lags_s), a @ a)])
+    inside = flight.flying
+    late = np.stack([np.interp(flight.t_s + lag, flight.t_s, b)[inside] for lag in lags_s])
+    a = a[inside]
+    # a box as wide averages noise as the Gaussian does
+    free = len(a) / max(1.0, 2.0 * math.sqrt(math.pi) * width)
+    each = [late @ a, (late**2).sum(axis=1), np.full(len(lags_s), a @ a)]
+    return np.stack([*each, np.full(len(lags_s), free)])
 
 
 def _peak(sums: np.ndarray, lags_s: np.ndarray) -> tuple[float, float]:
@@ -102,8 +101,23 @@ def _peak(sums: np.ndarray, lags_s: np.ndarray) -> tuple[float, float]:
     return float(lags_s[i] + shift * (lags_s[1] - lags_s[0])), float(r[i])
 
 
+def _bound(sums: np.ndarray, lags_s: np.ndarray) -> float:
+    """The least sd that a delay between two signals can have (Cramer-Rao; Carter 1987, Proc. IEEE
+    75, 236): a = g b(t - d) + n has the information g^2 sum(b'^2) / var(n) on d.
+    """
+    products, squares, power, free = sums
+    i = int(np.clip(np.argmax(products), 1, len(lags_s) - 2))
+    gain = products[i] / squares[i]
+    # of the correlation the curvature at its peak is -g sum(b'^2)
+    bend = products[i - 1] - 2.0 * products[i] + products[i + 1]
+    bend /= (lags_s[1] - lags_s[0]) ** 2
+    left = max(power[i] - gain * products[i], 0.0)
+    information = -gain * bend * free[i]
+    return math.sqrt(left / information) if information > 0.0 else math.inf
+
+
 def _told(stream: str, told: Sequence[np.ndarray], lags_s: np.ndarray) -> Delay | None:
-    """The delay that the flights' summed correlations (3, lags) peak at; None without a clear peak.
+    """The delay that the flights' summed correlations (4, lags) peak at; None without a clear peak.
     Its sd is the scatter of the flights, each by how much it moves: one that hardly does says
     nothing of it. And one without which the others agree better makes no delay alone.
     """
@@ -120,6 +134,8 @@ def _told(stream: str, told: Sequence[np.ndarray], lags_s: np.ndarray) -> Delay 
     # leave one flight out: where the rest agree better, its whole pull on the delay is doubt
     less = [_peak(np.sum(told, axis=0) - s, lags_s) for s in told] if len(told) > 1 else []
     sd = max([sd, *(abs(at - delay) for at, r in less if r > top)])
+    # flights that agree by luck know no more than their noise lets them
+    sd = max(sd, _bound(np.sum(told, axis=0), lags_s))
     # the sd of what is rounded to the grid of lags (Sheppard 1898)
     least_sd_s = float(lags_s[1] - lags_s[0]) / math.sqrt(12.0)
     clear = top > settings.statistics.large_part
@@ -134,7 +150,7 @@ def _behind_commands(flights: Sequence[Prepared]) -> float:
         # summed squares go as thrust: turns, in which rotors differ, cancel to first order
         squares = ((f.stack(s) ** 2).sum(axis=1) for s in ("command", "rotor_speed"))
         asked, given = (_high_pass(gaussian_filter1d(s / s.mean(), width), f.dt_s) for s in squares)
-        told.append(_sums(f, asked, given, f.flying, lags_s))
+        told.append(_sums(f, asked, given, width, lags_s))
     found = _told("rotor_speed", told, lags_s)
     return found.delay_s if found else np.inf
 
@@ -153,7 +169,7 @@ def drive_delay(flights: Sequence[Prepared], model: Model) -> Delay | None:
     if found is None:
         return None
     # share of variance that the delay explains beyond none: r^2 at the peak less r |r| at lag 0
-    at, shifted_2, still_2 = np.sum(told, axis=0)[:, np.argmin(np.abs(lags_s))]
+    at, shifted_2, still_2, _ = np.sum(told, axis=0)[:, np.argmin(np.abs(lags_s))]
     gained = found.correlation**2 - at * abs(at) / (shifted_2 * still_2)
     # speeds behind their commands by more than the motors lag: so late can the log be at most
     room = _behind_commands(flights) - model.number("motor_time_constant_s")
@@ -221,36 +237,44 @@ def _delayed(flight: Prepared, taps: int) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([with_past(x, taps)[air] for x in u]), np.concatenate(list(speed[:, air]))
 
 
+def _width(flight: Prepared) -> float:
+    """Samples over which both body rates are smoothed: one width, set by the slower stream, so that
+    the smoothing itself makes no delay between them.
+    """
+    update_s = max(flight.update_s["attitude"], flight.update_s["gyro"])
+    return max(settings.design.coarsest_s, update_s) / flight.dt_s
+
+
 def _both_rates(flight: Prepared) -> tuple[np.ndarray, np.ndarray] | None:
     """Smoothed body rates by gyro and by attitude."""
     if "attitude" in flight.derived or not (flight.has("gyro") and flight.has("attitude")):
         return None
-    update_s = max(flight.update_s["attitude"], flight.update_s["gyro"])
-    # one width for both, set by the slower stream: the smoothing itself makes no delay between them
-    width = max(settings.design.coarsest_s, update_s) / flight.dt_s
+    width = _width(flight)
     q = flight.stack("attitude")
     turning = turn_rates(q, np.gradient(q, flight.dt_s, axis=0))
     return tuple(gaussian_filter1d(r, width, axis=0) for r in (flight.stack("gyro"), turning))
 
 
 def _rate_correlations(flight: Prepared) -> np.ndarray | None:
-    """Sums for the correlation of the two body rates at every lag of the pose: (3, lags)."""
+    """Sums for the correlation of the two body rates at every lag of the pose: (4, lags)."""
     pair, lags_s = _both_rates(flight), _pose_lags_s()
     if pair is None or flight.flying.sum() * flight.dt_s <= settings.prepare.flight_shortest_s:
         return None
-    sums = np.zeros((3, len(lags_s)))
-    for a, b in zip(pair[0].T, pair[1].T, strict=True):
-        a, b = _high_pass(a, flight.dt_s), _high_pass(b, flight.dt_s)
-        sums += _sums(flight, a, b, flight.flying, lags_s)
-    return sums
+    gyro, pose = (_high_pass(rates.T, flight.dt_s) for rates in pair)
+    axes = zip(gyro, pose, strict=True)
+    return np.sum([_sums(flight, a, b, _width(flight), lags_s) for a, b in axes], axis=0)
 
 
 def pose_delay(flights: Sequence[Prepared]) -> Delay | None:
     """How late position, velocity and attitude are against the gyro, by direct correlation of the
     two body rates.
+
+    None where most of the gyro is noise: the controller answers it, and so the vehicle turns a
+    moment after its noise, as a late attitude would.
     """
     told = [s for s in each(_rate_correlations, flights) if s is not None]
-    return _told("attitude", told, _pose_lags_s())
+    found = _told("attitude", told, _pose_lags_s())
+    return found if found and found.correlation**2 > 0.5 else None
 
 
 def clock_drift(flight: Prepared) -> float:
