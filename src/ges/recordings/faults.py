@@ -36,6 +36,8 @@ ALIKE_NATS = 3.0
 """Within which two faults explain the log alike."""
 AGREED_MISFIT = 0.3
 """Below which two streams say the same; a factor of two between them is beyond."""
+REFUTED_NATS = 20.0
+"""By which a fault has to be worse than the log as it is told, so that no flight is asked more."""
 LARGEST_MISFIT = 0.8
 """Of what a fault mends: beyond it the mended columns do not fit each other either."""
 MOST_FLIGHTS, LONGEST_S, FEWEST_ROWS = 6, 60.0, 3000
@@ -225,10 +227,7 @@ def found(
     agreed = bool(told) and all(f.misfit < AGREED_MISFIT for f in told.values())
     for fault in () if agreed else every:
         if not fault.motors:
-            (mended,) = _together(
-                lambda f: [kinematic_fits(f) | mixer_fits(f, rotors, [as_told])[0]],
-                [fault.mend(f) for f in frames],
-            )
+            mended = _mended(fault, frames, {**told, **mixer}, rotors)
             scores.append((_gain({**told, **mixer}, mended), fault))
     best = max((gain for gain, _ in scores), default=0.0)
     if best + np.log(PRIOR_ODDS) <= 0.0:
@@ -237,6 +236,26 @@ def found(
     # of two that are as likely the one that changes less
     alike.sort(key=lambda pair: (-round(pair[0], 1), len(pair[1].what)))
     return [f for _, f in alike], best + np.log(PRIOR_ODDS)
+
+
+def _mended(
+    fault: Fault, frames: Sequence[pd.DataFrame], told: Fits, rotors: Mapping[str, np.ndarray]
+) -> Fits:
+    """Fits of mended flights, by flight and pair, up to the flight that refutes the fault."""
+    as_told: Reading = (range(len(rotors.get("x_m", ()))), 1.0)
+    found: dict[tuple[int, str], PairFit] = {}
+    for k, frame in enumerate(frames):
+        better = fault.mend(frame)
+        pairs = kinematic_fits(better) | mixer_fits(better, rotors, [as_told])[0]
+        found |= {(k, what): fit for what, fit in pairs.items()}
+        so_far = {key: fit for key, fit in told.items() if key[0] <= k}
+        if _log_likelihood(found) < _log_likelihood(so_far) - REFUTED_NATS:
+            break
+    return found
+
+
+def _log_likelihood(fits: Fits) -> float:
+    return sum(fit.log_likelihood for fit in fits.values())
 
 
 def _middle(frame: pd.DataFrame) -> pd.DataFrame:
@@ -276,5 +295,4 @@ def _gain(told: Fits, mended: Fits) -> float:
     changed = [fit for what, fit in mended.items() if fit != told.get(what)]
     if not changed or np.mean([fit.misfit for fit in changed]) > LARGEST_MISFIT:
         return 0.0
-    likely = [sum(f.log_likelihood for f in fits.values()) for fits in (mended, told)]
-    return likely[0] - likely[1]
+    return _log_likelihood(mended) - _log_likelihood(told)

@@ -75,13 +75,15 @@ def recalibrated(flights: Sequence[Prepared], declared: Model) -> Start:
     # corrections multiply each other, so all columns are made where the model comes to stand
     length_s = window_length_s(flights)
     moved: dict[str, float] = {}
-    for some in (*parts(flights), flights):
-        for _ in range(settings.numerics.noise_rounds):
-            alone = build(some, moved_to(declared, moved), (), length_s=length_s)
-            further = operating_point(*null_fit(alone), declared)
-            if not further:
-                break
-            moved = further
+    for some in parts(flights):
+        alone = build(some, moved_to(declared, moved), (), length_s=length_s)
+        moved = operating_point(*null_fit(alone), declared) or moved
+    for _ in range(settings.numerics.noise_rounds):
+        alone = build(flights, moved_to(declared, moved), (), length_s=length_s)
+        further = operating_point(*null_fit(alone), declared)
+        if not further:
+            break
+        moved = further
     system = first_system(flights, moved_to(declared, moved))
     regression, joint = null_fit(system)
     regimes = regimes_of(system)
