@@ -111,9 +111,11 @@ static void read_term(ges_flight *f, char *text, const char *path, int line) {
   char coefficient[64];
   int used;
   if (sscanf(text, "%d %d %63s%n", &term->channel, &term->scale, coefficient, &used) != 3)
-    stop(path, line, "expected term CHANNEL SCALE COEFFICIENT GROUP ...");
+    stop(path, line, "expected term CHANNEL SCALE COEFFICIENT GROUP ... near:X,Y,WIDTH");
   f->effects.coefficient[f->effects.n_terms++] = strtod(coefficient, NULL);
   for (char *name = strtok(text + used, " \t"); name; name = strtok(NULL, " \t")) {
+    double *near = term->near_m;
+    if (sscanf(name, "near:%lf,%lf,%lf", &near[0], &near[1], &near[2]) == 3) continue;
     int magnitude = *name == '|';
     if (magnitude) name++;
     name[strcspn(name, "|")] = 0;

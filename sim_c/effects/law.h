@@ -1,6 +1,7 @@
 /* Laws: force and moment on the body, body frame, that stand in no effect's file but in the vehicle's own.
  *
- *   channel += coefficient * scale * product over groups of g^power |g|^magnitude
+ *   channel += coefficient * scale * product over groups of g^power |g|^magnitude * near
+ *   near = exp(-((x - x_0)^2 + (y - y_0)^2) / (2 w^2)), or one where a term has no place of its own
  *
  * The scale is the weight m g or the thrust T of all rotors out of ground effect, of a moment times the arm L of the
  * rotors; groups.def lists the groups. Coefficients are plain numbers, and may differ from lane to lane; the terms are
@@ -69,6 +70,12 @@ static inline vd term_product(const ges_term *term, vd product, const vd group[N
   return product;
 }
 
+/* How much a term acts at a place, a radial basis function (Broomhead and Lowe 1988, Complex Systems 2, 321). */
+static inline vd nearness(const ges_term *term, const sample_t *s) {
+  vd x = s->p[0] - term->near_m[0], y = s->p[1] - term->near_m[1];
+  return lane_exp((-0.5 / (term->near_m[2] * term->near_m[2])) * (x * x + y * y));
+}
+
 static inline void add_law(const law_t *law, const sample_t *s, wrench_t *add) {
   if (law->n == 0) return;
   references_t l = references_of(s);
@@ -77,6 +84,7 @@ static inline void add_law(const law_t *law, const sample_t *s, wrench_t *add) {
   for (int j = 0; j < law->n; j++) {
     const ges_term *term = &law->term[j];
     vd value = term_product(term, law->coefficient[j] * scale[term->scale], group);
+    if (term->near_m[2] > 0.0) value *= nearness(term, s);
     if (term->channel < 3) add->force[term->channel] += value;
     else add->moment[term->channel - 3] += value * l.arm;
   }

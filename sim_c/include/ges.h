@@ -16,7 +16,7 @@
 
 #include <stdint.h>
 
-#define GES_ABI 5
+#define GES_ABI 6
 #define GES_ROTORS 4
 #define GES_MAX_EFFECTS 40       /* effects switched on in one flight */
 #define GES_MAX_PARAMETERS 12    /* parameters of one effect */
@@ -183,6 +183,7 @@ enum { GES_SCALE_WEIGHT = 0, GES_SCALE_THRUST = 1 };
 typedef struct {
   int channel, scale;
   int power[GES_MAX_GROUPS], magnitude[GES_MAX_GROUPS];
+  double near_m[3]; /* x, y and width of the place about which it acts, see effects/law.h; a width of 0: everywhere */
 } ges_term;
 
 /* Effects switched on, in any order, and the terms of laws, each with its coefficient. */

@@ -170,6 +170,9 @@ static int check_law(const ges_effects *e, char *error, int size) {
     for (int k = 0; k < GES_MAX_GROUPS; k++)
       known = known && term->power[k] >= 0 && term->magnitude[k] >= 0 && (k < N_GROUPS || term->power[k] + term->magnitude[k] == 0);
     if (!known) return fail(error, size, "term %d of the laws has no such channel, scale, group or power", j + 1);
+    if (!isfinite(term->near_m[0]) || !isfinite(term->near_m[1]) || !(term->near_m[2] >= 0.0 && term->near_m[2] < 1e9))
+      return fail(error, size, "term %d of the laws acts near x %g m, y %g m within %g m; these must be finite, the width not negative", j + 1,
+                  term->near_m[0], term->near_m[1], term->near_m[2]);
     if (!isfinite(e->coefficient[j])) return fail(error, size, "term %d of the laws has coefficient %g; it must be finite", j + 1, e->coefficient[j]);
   }
   return 1;

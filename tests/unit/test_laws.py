@@ -21,8 +21,15 @@ from ges.vehicle.law_export import law_as
 
 def _term(channel):
     exponents = st.dictionaries(st.sampled_from(list(laws.groups())), st.integers(1, 3), max_size=3)
+    metres = st.floats(-1e3, 1e3, allow_nan=False)
+    place = st.tuples(metres, metres, st.floats(1e-3, 1e3))
     return st.builds(
-        laws.Term.of, st.just(channel), st.sampled_from(laws.SCALES), exponents, exponents
+        laws.Term.of,
+        st.just(channel),
+        st.sampled_from(laws.SCALES),
+        exponents,
+        exponents,
+        st.one_of(st.just((0.0, 0.0, 0.0)), place),
     )
 
 
@@ -47,6 +54,8 @@ def test_what_is_written_is_read_again(data, channel):
         ("force_x", "", "a term is a number"),
         ("force_x", "1 m g 2 T", "a term is a number"),
         ("force_x", "1 m g (V_x/v_h) + 2 m g (V_x/v_h)", "twice"),
+        ("force_x", "1 m g near(1 m, 2 m, 0 m)", "no width"),
+        ("force_x", "1 m g near(1, 2, 3)", "a term is a number"),
     ],
 )
 def test_what_is_no_law_is_refused_in_a_sentence(channel, text, says):
@@ -90,7 +99,10 @@ def test_groups_are_quantities_over_their_references():
 def test_a_law_adds_its_terms_in_its_channel_alone(channel):
     _, samples = _samples()
     arm = " L" if channel.startswith("moment") else ""
-    form = f"0.3 T{arm} (V_y/v_h)|V_y/v_h| (R/h) - 0.02 m g{arm} (q/w_g)^2"
+    form = (
+        f"0.3 T{arm} (V_y/v_h)|V_y/v_h| (R/h) - 0.02 m g{arm} (q/w_g)^2"
+        f" + 0.1 m g{arm} (v_z/v_h) near(0.3 m, -0.5 m, 0.8 m)"
+    )
     terms = laws.parse(channel, form)
     added = effects.evaluate("law", {t.key: c for t, c in terms.items()}, samples, {})
     wrench = np.hstack([added.force_N, added.moment_Nm])
@@ -100,7 +112,20 @@ def test_a_law_adds_its_terms_in_its_channel_alone(channel):
     assert not np.delete(wrench, at, axis=1).any()
 
 
+def test_a_place_is_a_bell_about_it():
+    columns, samples = _samples()
+    (term,) = laws.parse("force_z", "1 m g near(0.3 m, -0.5 m, 0.8 m)")
+    p = {name: known.default for name, known in flight.parameters().items()}
+    away = (columns["p_x_m"] - 0.3) ** 2 + (columns["p_y_m"] + 0.5) ** 2
+    want = p["mass_kg"] * p["gravity_m_s2"] * np.exp(-away / (2.0 * 0.8**2))
+    added = effects.evaluate("law", {term.key: 1.0}, samples, {}).force_N[:, 2]
+    assert added == pytest.approx(want, rel=1e-9)
+    assert laws.along([term], {}, samples, {}, Terrain.flat())[:, 0] == pytest.approx(want)
+    assert term.needs == {"position"}
+
+
 LAW = {
+    "moment_x: m g L near(0.5 m, 0.1 m, 0.4 m)": 0.01,
     "force_y: m g (V_x/v_h)": 0.1,
     "force_z: T (R/h)^2": 0.05,
     "moment_z: m g L (r/w_g)": -0.01,
@@ -174,7 +199,7 @@ def test_two_laws_of_one_channel_are_one_form():
 FORMS = {
     "force_y": "0.1 m g (V_x/v_h)|V_h/v_h| - 0.2 T (R/h)^2",
     "force_z": "-0.03 m g (V_h/v_h)^2 + 0.01 T (U/U_0) (v_z/v_h)",
-    "moment_z": "0.02 T L (q/w_g)|q/w_g|^2 + 0.001 m g L (x/L) (w/w_h)",
+    "moment_z": "0.02 T L (q/w_g)|q/w_g|^2 + 0.001 m g L (x/L) (w/w_h) near(0.2 m, 0.4 m, 0.9 m)",
 }
 
 
@@ -194,6 +219,7 @@ def _state(columns, samples):
         "v_z": columns["v_z_m_s"],
         "q": columns["omega_y_rad_s"],
         "x": columns["p_x_m"],
+        "y": columns["p_y_m"],
         "w": speeds.mean(axis=0),
         "U": columns["battery_V"],
         "h": np.mean([replayed[f"rotor_height_{i}_m"] for i in range(1, 5)], axis=0),

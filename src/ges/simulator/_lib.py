@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from ges.errors import GesError
 
-ABI = 5
+ABI = 6
 MAX_EFFECTS, MAX_PARAMETERS, MAX_LEVELS = 40, 12, 40
 MAX_TERMS, MAX_GROUPS = 24, 16
 _ERROR_SIZE = 512
@@ -110,6 +110,7 @@ class CTerm(ct.Structure):
     _fields_ = [
         *((n, ct.c_int) for n in ("channel", "scale")),
         *((n, ct.c_int * MAX_GROUPS) for n in ("power", "magnitude")),
+        ("near_m", ct.c_double * 3),
     ]
 
 
@@ -281,10 +282,10 @@ def group_table() -> list[tuple[str, ...]]:
 
 def pack_effects(
     effects: list[tuple[int, list[float]]],
-    terms: Sequence[tuple[int, int, Sequence[int], Sequence[int], float]] = (),
+    terms: Sequence[tuple] = (),
 ) -> CEffects:
     """Effects as (number, parameter values), terms of laws as (channel, scale, powers, powers of
-    magnitudes, coefficient), a power for every group.
+    magnitudes, place and width in m, coefficient), a power for every group.
     """
     if len(effects) > MAX_EFFECTS:
         raise GesError(f"{len(effects)} effects are switched on; at most {MAX_EFFECTS} at once")
@@ -294,8 +295,8 @@ def pack_effects(
     for j, (number, values) in enumerate(effects):
         packed.id[j] = number
         packed.value[j][: len(values)] = values
-    for j, (channel, scale, power, magnitude, coefficient) in enumerate(terms):
-        packed.term[j] = CTerm(channel=channel, scale=scale)
+    for j, (channel, scale, power, magnitude, near_m, coefficient) in enumerate(terms):
+        packed.term[j] = CTerm(channel=channel, scale=scale, near_m=near_m)
         packed.term[j].power[: len(power)] = power
         packed.term[j].magnitude[: len(magnitude)] = magnitude
         packed.coefficient[j] = coefficient

@@ -377,7 +377,7 @@ def _law() -> Effect:
         number=-1,
         name=laws.LAW,
         title="law found in flights, which no effect of the library has",
-        equation="F_c = sum_j c_j m g prod_k g_k^n |g_k|^m",
+        equation="F_c = sum_j c_j m g prod_k g_k^n |g_k|^m near_j",
         reference="Buckingham 1914",
         modifies=None,
         channels=laws.CHANNELS,

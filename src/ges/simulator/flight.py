@@ -192,10 +192,11 @@ def fly(
 
 def _term_line(term: tuple) -> str:
     """A term of a law, as :func:`ges.simulator.laws.packed` has it, for ``ges_sim``."""
-    channel, scale, power, magnitude, coefficient = term
+    channel, scale, power, magnitude, near_m, coefficient = term
     names = [group.quantity for group in laws.groups().values()]
     factors = [q for q, n in zip(names, power, strict=True) for _ in range(n)]
     factors += [f"|{q}|" for q, m in zip(names, magnitude, strict=True) for _ in range(m)]
+    factors += [f"near:{','.join(map(float.hex, near_m))}"] if near_m[2] else []
     return f"term {channel} {scale} {coefficient.hex()} {' '.join(factors)}"
 
 

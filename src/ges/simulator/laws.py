@@ -8,6 +8,8 @@ A term is a plain number, a scale and groups. The scale is ``m g``, the weight, 
 thrust of all rotors out of ground effect; of a moment either times ``L``, the arm of the rotors. A
 group is a quantity over its reference: ``(V_x/v_h)``, ``(R/h)^2``, ``(V_x/v_h)|V_x/v_h|``. The
 compiled simulator lists the groups (``sim_c/effects/groups.def``) and evaluates them (``law.h``).
+A term may act about one place on the map, ``near(1.2 m, -0.5 m, 0.4 m)``: times
+exp(-((x - 1.2 m)^2 + (y + 0.5 m)^2) / (2 (0.4 m)^2)).
 
 Among the effects of a flight laws stand under :data:`LAW`: coefficients by channel and term,
 ``{"law": {"force_y: m g (V_x/v_h)": 0.0975}}``.
@@ -38,6 +40,8 @@ _NUMBER = r"[+-]?\s*(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _TERM = re.compile(
     rf"\s*(?P<number>{_NUMBER})\s*(?P<scale>m\s+g|T)(?P<arm>\s+L)?\b"
     r"(?P<factors>(?:\s*(?:\([^()|]*\)|\|[^()|]*\|)(?:\^\d+)?)*)\s*"
+    rf"(?:near\(\s*(?P<x>{_NUMBER})\s*m\s*,\s*(?P<y>{_NUMBER})\s*m\s*,"
+    rf"\s*(?P<width>{_NUMBER})\s*m\s*\)\s*)?"
 )
 _FACTOR = re.compile(r"(?P<open>[(|])\s*(?P<group>[^()|]*?)\s*[)|](?:\^(?P<power>\d+))?")
 
@@ -82,12 +86,14 @@ class Term:
     scale : one of :data:`SCALES`; of a moment times the arm.
     power, magnitude : of every group g of :func:`groups` in their order, the exponents of
         ``g^power |g|^magnitude``.
+    near_m : x, y and width of the place about which it acts; a width of 0: everywhere.
     """
 
     channel: str
     scale: str
     power: tuple[int, ...]
     magnitude: tuple[int, ...]
+    near_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @classmethod
     def of(
@@ -96,14 +102,16 @@ class Term:
         scale: str,
         power: Mapping[str, int],
         magnitude: Mapping[str, int] | None = None,
+        near_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> Term:
-        """A term with exponents by the groups' texts."""
+        """A term with exponents by the groups' texts, about a place."""
         names, more = groups(), magnitude or {}
         return cls(
             channel,
             scale,
             tuple(power.get(g, 0) for g in names),
             tuple(more.get(g, 0) for g in names),
+            near_m,
         )
 
     @property
@@ -114,7 +122,15 @@ class Term:
             signed = f"({group})" + (f"^{n}" if n > 1 else "") if n else ""
             unsigned = f"|{group}|" + (f"^{m}" if m > 1 else "") if m else ""
             factors += [signed + unsigned] if n or m else []
+        if self.local:
+            x, y, width = map(repr, self.near_m)
+            factors.append(f"near({x} m, {y} m, {width} m)")
         return " ".join(factors)
+
+    @property
+    def local(self) -> bool:
+        """Whether it acts about one place only."""
+        return self.near_m[2] > 0.0
 
     @property
     def key(self) -> str:
@@ -125,13 +141,18 @@ class Term:
     def needs(self) -> frozenset[str]:
         """What has to be recorded to know its groups."""
         used = np.add(self.power, self.magnitude) > 0
-        return frozenset(
+        own = frozenset({"position"}) if self.local else frozenset()
+        return own | {
             n for g, on in zip(groups().values(), used, strict=True) if on for n in g.needs
-        )
+        }
 
-    def product(self, of_group: Mapping[str, np.ndarray]) -> np.ndarray:
-        """The product of its groups, (n,), from the values (n,) of each by its text."""
-        product = np.ones(1)
+    def product(self, of_group: Mapping[str, np.ndarray], p_m: np.ndarray) -> np.ndarray:
+        """The product of its groups and how near its place is, (n,), from the values (n,) of each
+        group by its text and the horizontal position (n, 2).
+        """
+        x, y, width = self.near_m
+        away = ((p_m - (x, y)) ** 2).sum(axis=1) / (2.0 * width**2) if self.local else np.zeros(1)
+        product = np.exp(-away)
         for group, n, m in zip(groups(), self.power, self.magnitude, strict=True):
             if n or m:
                 product = product * of_group[group] ** n * np.abs(of_group[group]) ** m
@@ -167,7 +188,7 @@ def parse(channel: str, text: str) -> dict[Term, float]:
             raise UsageError(
                 f"the law of {channel} cannot be read at '{text[at:].strip()}'; a term is a number,"
                 " then 'm g' or 'T', of a moment 'm g L' or 'T L', then groups such as (V_x/v_h),"
-                " (R/h)^2 or (V_x/v_h)|V_x/v_h|"
+                " (R/h)^2 or (V_x/v_h)|V_x/v_h|, then a place, near(1 m, 2 m, 0.5 m)"
             )
         term, at = _term(channel, met), met.end()
         if term in found:
@@ -193,7 +214,13 @@ def _term(channel: str, met: re.Match[str]) -> Term:
             raise unknown_name(f"group in the law of {channel}", group, groups())
         of = power if factor["open"] == "(" else magnitude
         of[group] = of.get(group, 0) + int(factor["power"] or 1)
-    return Term.of(channel, re.sub(r"\s+", " ", met["scale"]), power, magnitude)
+    x, y, width = (float(re.sub(r"\s", "", met[k] or "0")) for k in ("x", "y", "width"))
+    if met["width"] and not width > 0.0:
+        raise UsageError(
+            f"the law of {channel}: near({x:g} m, {y:g} m, {width:g} m) has no width; it must be"
+            " above 0 m"
+        )
+    return Term.of(channel, re.sub(r"\s+", " ", met["scale"]), power, magnitude, (x, y, width))
 
 
 def written(coefficients: Mapping[Term, float], digits: int | None = None) -> str:
@@ -224,7 +251,7 @@ def term_of(key: str) -> Term:
 def packed(coefficients: Mapping[str, float]) -> list[tuple]:
     """Terms by :attr:`Term.key` as the compiled simulator takes them."""
     return [
-        (CHANNELS.index(t.channel), SCALES.index(t.scale), t.power, t.magnitude, float(c))
+        (CHANNELS.index(t.channel), SCALES.index(t.scale), t.power, t.magnitude, t.near_m, float(c))
         for t, c in ((term_of(key), c) for key, c in coefficients.items())
     ]
 
@@ -245,6 +272,8 @@ def along(
     """
     from ges.simulator.effects import replay_each
 
+    rows = samples.columns()
+    p_m = samples.data[[rows["p_x_m"], rows["p_y_m"]]].T
     used = [g for k, g in enumerate(groups()) if any(t.power[k] + t.magnitude[k] for t in terms)]
     # one replay tells a share of the weight in every channel: what each adds is weight times group
     probes = [Term.of(CHANNELS[i % 6], SCALES[0], {g: 1}) for i, g in enumerate(used)]
@@ -260,5 +289,6 @@ def along(
         for i, g in enumerate(used)
     }
     return np.stack(
-        [scale[t.scale][:, CHANNELS.index(t.channel)] * t.product(group) for t in terms], axis=1
+        [scale[t.scale][:, CHANNELS.index(t.channel)] * t.product(group, p_m) for t in terms],
+        axis=1,
     )

@@ -22,6 +22,7 @@ _ONE = {
     **dict.fromkeys(("omega_x_rad_s", "omega_y_rad_s", "omega_z_rad_s", "battery_V"), 1.0),
     **dict.fromkeys(ROTOR_SPEED, 1.0),
 }
+_PLACE = {"x": "place east of the origin", "y": "place north of the origin"}
 GROUND = "R"
 """Quantity of the one group whose reference varies, and not its quantity."""
 
@@ -38,6 +39,7 @@ class _Language:
     nearness: str
     assign: Callable[[str, int, str], str]
     magnitude: str
+    exponential: str
     tail: str
 
 
@@ -48,6 +50,7 @@ _PYTHON = _Language(
     nearness="    h = max(h, 0.5 * R)",
     assign=lambda vector, axis, value: f"    {vector}[{axis}] = {value}",
     magnitude="abs",
+    exponential="math.exp",
     tail="    return force, moment",
 )
 _C = _Language(
@@ -61,6 +64,7 @@ _C = _Language(
     nearness="  h = fmax(h, 0.5 * R);",
     assign=lambda vector, axis, value: f"  {vector}[{axis}] = {value};",
     magnitude="fabs",
+    exponential="exp",
     tail="}",
 )
 LANGUAGES: Mapping[str, _Language] = {"python": _PYTHON, "c": _C}
@@ -100,12 +104,16 @@ def law_as(vehicle: Vehicle, language: str) -> str:
         if any(t.power[k] + t.magnitude[k] for t in terms)
     ]
     thrust = any(t.scale == "T" for t in terms)
+    # a place is one of the position's own groups, over no reference
+    place = [q for q in ("x", "y") if any(t.local for t in terms)]
     names = [*(["T"] if thrust else []), *(_varies(group) for group in used)]
+    names += [q for q in place if q not in names]
     lines = [
         f"Law of {vehicle.name}: force (N) and moment (N m) on the body, x forward, y left, z along"
         " thrust.",
         *(["T: thrust of all rotors out of ground effect, N"] if thrust else []),
         *(f"{_varies(g)}: {_words(g)}, {g.unit}" for g in used),
+        *(f"{q}: {_PLACE[q]}, m" for q in place if q not in map(_varies, used)),
     ]
     values = _constants(vehicle, used, any(t.channel.startswith("moment") for t in terms))
     body = [words.constant(name, repr(value)) for name, value in values.items()]
@@ -115,7 +123,8 @@ def law_as(vehicle: Vehicle, language: str) -> str:
         for channel, of in form
     ]
     comment = [f"{words.comment}{line}" for line in lines]
-    return "\n".join([*comment, words.head(names), *body, words.tail]) + "\n"
+    imported = ["import math\n"] if place and language == "python" else []
+    return "\n".join([*comment, *imported, words.head(names), *body, words.tail]) + "\n"
 
 
 def _varies(group: Group) -> str:
@@ -161,5 +170,9 @@ def _sum(terms: Mapping[Term, float], words: _Language) -> str:
         for group, n, m in zip(laws.groups().values(), term.power, term.magnitude, strict=True):
             ratio = f"({group.quantity} / {group.reference})"
             factors += [ratio] * n + [f"{words.magnitude}{ratio}"] * m
+        if term.local:
+            x, y, width = map(repr, term.near_m)
+            away = " + ".join(f"({q} - {at}) * ({q} - {at})" for q, at in (("x", x), ("y", y)))
+            factors.append(f"{words.exponential}(-({away}) / (2.0 * {width} * {width}))")
         parts.append(" * ".join(factors))
     return " + ".join(parts)

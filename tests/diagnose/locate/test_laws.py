@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ges.diagnose.design.system import build
-from ges.diagnose.locate.laws import columns, sparse_form, tried
+from ges.diagnose.locate.laws import around, columns, places, sparse_form, tried
 from ges.diagnose.prepare.gate import pass_gate
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import from_vehicle
@@ -121,3 +121,20 @@ def test_columns_are_what_the_simulator_flies(system):
                 for m in (system.model, more)
             )
             assert 0.5 * x[:, k] == pytest.approx(without - having, rel=1e-6, abs=1e-9)
+
+
+def test_places_lie_where_the_flights_went(system):
+    """A grid in three widths, each place within a width of where somebody flew."""
+    found = places(system)
+    flown = [rows.flight.columns for rows in system.flights]
+    path = np.concatenate([np.stack([c["p_x_m"], c["p_y_m"]], axis=1) for c in flown])
+    widths = sorted({w for *_, w in found})
+    assert len(widths) == 3 and widths[2] == pytest.approx(4.0 * widths[0], rel=0.02)
+    assert all(np.hypot(*(path - (x, y)).T).min() < width for x, y, width in found)
+    local = Term.of("force_z", "m g", {}, near_m=found[0])
+    assert local in tried("force_z", system)
+
+
+def test_a_place_is_moved_and_widened_by_halves():
+    moved = {t.near_m for t in around(Term.of("force_z", "m g", {}, near_m=(1.0, -2.0, 0.4)))}
+    assert len(moved) == 27 and {(1.0, -2.0, 0.4), (0.8, -2.2, 0.28), (1.2, -2.0, 0.56)} <= moved

@@ -16,7 +16,7 @@ from ges.diagnose.design.whiten import estimate
 from ges.diagnose.estimate.contributions import contributions_of, size_of
 from ges.diagnose.estimate.fit import Fitted, free_first, joint_fit, pinned
 from ges.diagnose.library.candidates import Variant, amplitude_of
-from ges.diagnose.locate.laws import SparseForm, columns, sparse_form, tried
+from ges.diagnose.locate.laws import SparseForm, around, columns, sparse_form, tried
 from ges.diagnose.locate.stages import Start
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.select.evidence import make_regression, whitened
@@ -117,13 +117,20 @@ def _form(channel: str, answer: Explanation) -> SparseForm:
     system, model = answer.last.regression.system, answer.last.model
     kind, axis = channel.split("_")
     response = next(n for k in RESPONSES[kind] if (n := f"{k}_{axis}") in system.main)
-    terms = tried(channel, system)
-    return sparse_form(
-        [row[:, system.main.index(response)] for row in answer.last.in_air],
-        columns(terms, system, model),
-        terms,
-        system.blocks(settings.statistics.block_s),
-    )
+    left = [row[:, system.main.index(response)] for row in answer.last.in_air]
+    blocks, terms = system.blocks(settings.statistics.block_s), tried(channel, system)
+    form = sparse_form(left, columns(terms, system, model), terms, blocks)
+    # a place on the grid is half a cell off; what was tried before is paid for still
+    for _ in range(settings.numerics.noise_rounds):
+        nearer = [t for chosen in form.terms if chosen.local for t in around(chosen)]
+        if not nearer:
+            break
+        terms = list(dict.fromkeys((*terms, *nearer)))
+        finer = sparse_form(left, columns(terms, system, model), terms, blocks)
+        if finer.r2 <= form.r2 + settings.numerics.small:
+            break
+        form = finer
+    return form
 
 
 def _beside(

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ges.conventions import POSITION
 from ges.diagnose.design.residual import but_actuators, model_along
 from ges.diagnose.design.system import System
 from ges.diagnose.library.requirements import unmet
@@ -27,6 +28,8 @@ from ges.simulator.laws import LAW, SCALES, Term, along
 SPEEDS = ("V_x/v_h", "V_y/v_h", "V_z/v_h", "v_z/v_h")
 HORIZONTAL = "V_h/v_h"
 NEAR_GROUND = "R/h"
+WIDTHS = 3
+"""Widths of places that are tried, each half of the one before."""
 OTHERS = ("p/w_g", "q/w_g", "r/w_g", "x/L", "y/L", "U/U_0")
 
 
@@ -47,7 +50,48 @@ def tried(channel: str, system: System) -> list[Term]:
     # a constant beside them: numbers and names may have taken up what a term is on average
     listed = [Term.of(channel, SCALES[0], {})]
     listed += [Term.of(channel, s, n, m) for s, (n, m) in itertools.product(SCALES, products)]
+    listed += [Term.of(channel, SCALES[0], {}, near_m=place) for place in places(system)]
     return [t for t in listed if not unmet(t.needs, system.recordings, system.model)]
+
+
+def places(system: System) -> list[tuple[float, float, float]]:
+    """Places on the map, and widths, (x, y, w) in m, about which the flights went: a grid as wide
+    as the bells on it, halved from the way from end to end.
+    """
+    x, y = (
+        np.concatenate([r.windows.mean @ r.flight.columns[c] for r in system.flights])
+        if all(c in r.flight.columns for r in system.flights)
+        else np.zeros(1)
+        for c in POSITION[:2]
+    )
+    across = max(float(np.ptp(x)), float(np.ptp(y)))
+    found = []
+    for halved in range(2, 2 + WIDTHS if across > 0.0 else 0):
+        width = _round(across / 2**halved)
+        cells = {
+            (round(a / width), round(b / width))
+            for a, b in zip(x.tolist(), y.tolist(), strict=True)
+        }
+        found += [(_round(a * width), _round(b * width), width) for a, b in sorted(cells)]
+    return found
+
+
+def around(term: Term) -> list[Term]:
+    """The term of a place with the place moved by half its width, and the width by a half."""
+    x, y, width = term.near_m
+    steps = itertools.product((-0.5, 0.0, 0.5), (-0.5, 0.0, 0.5), (0.7, 1.0, 1.4))
+    return [
+        dataclasses.replace(
+            term,
+            near_m=(_round(x + i * width), _round(y + j * width), _round(k * width)),
+        )
+        for i, j, k in steps
+    ]
+
+
+def _round(value: float) -> float:
+    """To three digits: places are known no better, and people read them."""
+    return float(f"{value:.3g}")
 
 
 def columns(terms: Sequence[Term], system: System, model: Model) -> list[np.ndarray]:

@@ -66,8 +66,15 @@ def reads_as(channel: str, coefficients: Mapping[Term, float], size: Mapping[str
     used = [
         g for g, n, m in zip(groups().values(), term.power, term.magnitude, strict=True) if n or m
     ]
+    words = channel_words(channel)
+    if term.local:
+        x, y, width = term.near_m
+        where = f"{words} near x {x:g} m, y {y:g} m, within {width:g} m"
+        return f"{where}: {_nearest(channel, 'x')}"
+    if not used:
+        return f"{words} that is always there: a trim, or a number of the vehicle file that is off"
     grows = " and ".join(g.doc.removesuffix(", relative to the air") for g in used)
-    return f"{channel_words(channel)} that follows {grows}: {_nearest(channel, used[0].quantity)}"
+    return f"{words} that follows {grows}: {_nearest(channel, used[0].quantity)}"
 
 
 def _nearest(channel: str, quantity: str) -> str:
