@@ -146,19 +146,33 @@ def sparse_form(
     size = np.sqrt(np.mean(table**2, axis=0))
     moving = np.flatnonzero(size > settings.numerics.small * size.max(initial=0.0))
     folds = _Folds.of(table[:, moving] / size[moving], y, fold)
-    # blocks of time are independent, windows are not; every term tried is as likely as any other
-    independent = len(np.unique(block))
+    # every term tried is as likely as any other
     price = log_odds_against_one_of(len(moving)) + settings.statistics.acceptance_log_odds
+    flight = np.repeat(np.arange(len(good)), [int(g.sum()) for g in good])
     chosen: tuple[int, ...] = ()
-    best = 0.0
+    best, worth = SparseForm((), 0.0), 0.0
+    # a term may predict little until another stands beside it
     while len(chosen) < min(settings.report.terms, len(moving)):
-        more, r2 = _exchanged(folds, (*chosen, *folds.best_beside(chosen)))
-        # log predictive density of Gaussian errors at their own variance, equation (8) of method.md
-        left = max(1.0 - r2, settings.numerics.tiny) / (1.0 - best)
-        if -0.5 * independent * math.log(left) < price:
-            break
-        chosen, best = more, r2
-    return SparseForm(tuple(terms[moving[k]] for k in chosen), best)
+        chosen, r2 = _exchanged(folds, (*chosen, *folds.best_beside(chosen)))
+        used = table[:, moving[list(chosen)]]
+        error = y - used @ np.linalg.lstsq(used, y, rcond=None)[0]
+        # log predictive density of Gaussian errors, equation (10) of method.md
+        left = max(1.0 - r2, settings.numerics.tiny)
+        score = -0.5 * _independent(error, flight) * math.log(left) - len(chosen) * price
+        if score > worth:
+            best, worth = SparseForm(tuple(terms[moving[k]] for k in chosen), r2), score
+    return best
+
+
+def _independent(left: np.ndarray, flight: np.ndarray) -> float:
+    """How many independent values a residual (n,) is worth, whose flights follow one another, by
+    its correlation from one window to the next: n (1 - r) / (1 + r) (Bartlett 1946, J. R. Stat.
+    Soc. Suppl. 8, 27).
+    """
+    same = flight[1:] == flight[:-1]
+    power = max(float(left @ left), settings.numerics.tiny)
+    r = float(np.clip((left[1:] * left[:-1])[same].sum() / power, 0.0, 1.0))
+    return len(left) * (1.0 - r) / (1.0 + r)
 
 
 @dataclasses.dataclass(frozen=True)
