@@ -74,7 +74,7 @@ typedef struct {
   int about, feedback;
   unsigned hints;
   double rarity;
-  const char *needs, *through, *family, *usual_beside, *error_of, *unexcited_like, *settled;
+  const char *needs, *through, *family, *usual_beside, *error_of, *settled;
   struct {
     double levels[GES_MAX_LEVELS];
     int n_levels;

@@ -29,7 +29,6 @@ EFFECT(inertia) = {
     .feedback = GES_FEEDBACK_DYNAMIC,
     .needs = "attitude",
     .rarity = 0.1,
-    .unexcited_like = "wind",
     .search =
         {
          {.amplitudes = "xx yy zz", .rule = "axes", LEVELS(0.4, -0.3)},

@@ -16,7 +16,7 @@
 
 #include <stdint.h>
 
-#define GES_ABI 6
+#define GES_ABI 7
 #define GES_ROTORS 4
 #define GES_MAX_EFFECTS 40       /* effects switched on in one flight */
 #define GES_MAX_PARAMETERS 12    /* parameters of one effect */
@@ -157,7 +157,6 @@ typedef struct {
   const char *family;         /* effects of one family act in one place, or NULL */
   const char *usual_beside;   /* what is there as a rule, and looks like this one, or NULL */
   const char *error_of;       /* the larger effect whose form may be wrong by what looks like this one, or NULL */
-  const char *unexcited_like; /* the effect that makes up this one where nothing but the air moved the vehicle, or NULL */
   const char *settled;        /* why it enters no search, or NULL */
   const double *carried;      /* levels at which it is tried together with what it modifies */
   int n_carried, n_searches;

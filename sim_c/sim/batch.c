@@ -108,7 +108,7 @@ int ges_effect(int id, ges_effect_info *info) {
       .channels = e->channels, .kind = e->kind, .n_parameters = e->n_parameters, .n_states = e->n_states, .invariants = e->invariants,
       .parameters = e->parameters, .about = e->about, .feedback = e->feedback, .hints = e->hints, .rarity = e->rarity,
       .needs = e->needs, .through = e->through, .family = e->family, .usual_beside = e->usual_beside,
-      .error_of = e->error_of, .unexcited_like = e->unexcited_like, .settled = e->settled,
+      .error_of = e->error_of, .settled = e->settled,
       .carried = e->carried.levels, .n_carried = e->carried.n_levels, .n_searches = n, .searches = e->search,
   };
   return 1;

@@ -10,14 +10,10 @@ from ges.diagnose.decide import rules
 from ges.diagnose.decide.rules import (
     SEARCH_RULES,
     RuleContext,
-    beside_larger,
     carried,
     distinguishable,
-    faint,
     judged,
     large_enough,
-    more_than_its_carriers_form,
-    not_model_form_error,
     probable,
     replaced_by,
     significant,
@@ -55,14 +51,14 @@ def _search(evidence: dict[tuple[str, ...], float]) -> SearchResult:
     )
 
 
-def _weighed(found, names, sizes=(), effects=(), flights=(), known=(), monkeypatch=None):
+def _weighed(found, names, sizes=(), effects=(), flights=(), monkeypatch=None):
     """The context of the rules; ``sizes`` by name and block."""
     model = SimpleNamespace(effects=dict.fromkeys(effects, {}))
     regression = SimpleNamespace(system=SimpleNamespace(model=model, flights=flights))
     if monkeypatch:
         sizes = dict(sizes)
         monkeypatch.setattr(rules, "shares_of", lambda regression, best, place: sizes[min(place)])
-    return RuleContext(regression, found, dict(known), tuple(names))
+    return RuleContext(regression, found, tuple(names))
 
 
 def _told(weighed, record=None) -> tuple[str, ...]:
@@ -172,20 +168,6 @@ def test_one_of_a_family_is_contested_that_the_other_explains_as_well_alone():
 
 
 @pytest.mark.parametrize(
-    ("larger", "like"), [("thrust_curve", "rotor_saturation"), ("weak_rotor", "rotor_saturation")]
-)
-def test_what_the_form_of_a_larger_effect_is_wrong_by_is_not_told(larger, like, monkeypatch):
-    """A ceiling of a hundredth of a curve is the curve's own end; beside what bends nothing it
-    stays.
-    """
-    sizes = {larger: {"drive": 200.0}, like: {"drive": 2.0}}
-    found = _search({(larger, like): 50.0})
-    weighed = _weighed(found, (larger, like), sizes, monkeypatch=monkeypatch)
-    assert not_model_form_error(weighed, like).passed == (larger != "thrust_curve")
-    assert larger in _told(weighed)
-
-
-@pytest.mark.parametrize(
     ("name", "parameter", "value", "proven"),
     [
         ("motor_lag", "up_s", 0.007, False),
@@ -261,37 +243,6 @@ def test_air_that_hardly_moves_is_no_wind(size, rough, blows):
     assert significant(fitted, "wind").passed == bool(blows)
 
 
-def test_what_is_small_beside_a_larger_one_in_every_block_may_be_its_form():
-    shares = {
-        "slung_load": {"force": 98.0, "moment": 4.0},
-        "parasitic_drag": {"force": 1.9, "moment": 0.0},
-        "cg_offset": {"force": 0.0, "moment": 9.0},
-    }
-    assert beside_larger("parasitic_drag", shares)
-    assert not beside_larger("cg_offset", shares)
-    assert not beside_larger("slung_load", shares)
-
-
-def test_a_small_modifier_is_the_error_of_a_form_unless_it_does_not_look_like_one(monkeypatch):
-    known = {"ground_effect": 30.0}
-    least = settings.estimate.form_error * 30.0
-    for name, size, passed in (
-        ("partial_ground_effect", 0.9 * least, False),
-        ("partial_ground_effect", 1.1 * least, True),
-        ("ground_effect_lag", 0.1 * least, True),
-        ("ground_effect_forward_flight", 0.1 * least, True),
-        ("rotor_drag", 0.1 * least, True),
-    ):
-        weighed = _weighed(
-            _search({(name,): 9.0}),
-            (name,),
-            {name: {"force": size}},
-            known=known,
-            monkeypatch=monkeypatch,
-        )
-        assert more_than_its_carriers_form(weighed, name).passed == passed, name
-
-
 def test_what_does_not_look_like_the_error_of_a_form_may_be_smaller():
     def matters(name, channel, share):
         size = {"channel": channel, "share_of_weight": share}
@@ -319,31 +270,6 @@ def test_and_is_told_if_it_is_as_good_as_certain(name, probability, told, monkey
     assert (name in _told(weighed)) == told
 
 
-@pytest.mark.parametrize("asked", [0.0, 1.0])
-@pytest.mark.parametrize("beside", ["rotor_drag", "weak_rotor"])
-def test_an_inertia_beside_a_drag_is_told_by_what_is_asked_for_not_by_gusts(
-    asked, beside, monkeypatch
-):
-    flight = SimpleNamespace(
-        has=lambda stream: True, stack=lambda stream: np.array([[asked, 0.0, 0.0, 1.0]])
-    )
-    names = (beside, "inertia")
-    weighed = _weighed(
-        _search({names: 50.0}),
-        names,
-        dict.fromkeys(names, {"moment": 5.0}),
-        flights=[SimpleNamespace(flight=flight)],
-        monkeypatch=monkeypatch,
-    )
-    told = _told(weighed)
-    assert ("inertia" in told) == (asked > 0.0 or beside == "weak_rotor") and beside in told
-
-
-def test_what_is_faint_in_the_drive_alone_takes_more_to_be_told():
-    assert faint({"force": 0.0, "drive": 1.4}) and not faint({"force": 0.0, "drive": 2.5})
-    assert not faint({"force": 1.2, "drive": 1.4})
-
-
 def _balanced(monkeypatch, loss, mass, lost=("loss_3",), calibrated=True):
     """A search that names a weak rotor; what the balance says of it and of a mass at its hub."""
     columns = tuple(
@@ -358,7 +284,7 @@ def _balanced(monkeypatch, loss, mass, lost=("loss_3",), calibrated=True):
     )
     found = SearchResult((Hypothesis(("weak_rotor",), (), told, 20.0),), {"weak_rotor": 1.0})
     regression = SimpleNamespace(system=SimpleNamespace(columns=columns))
-    return rules.told_from_a_mass(RuleContext(regression, found, {}, ("weak_rotor",)), "weak_rotor")
+    return rules.told_from_a_mass(RuleContext(regression, found, ("weak_rotor",)), "weak_rotor")
 
 
 def test_a_weak_rotor_is_told_from_a_mass_at_its_hub_by_the_balance(monkeypatch):

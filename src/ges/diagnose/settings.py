@@ -721,7 +721,7 @@ class DecideSettings:
     form_margin: float = number(
         2.0,
         "",
-        "How much larger a faint effect or a structure has to be, how much smaller and less clear"
+        "How much larger a structure has to be, how much smaller and less clear"
         " what is unlike the error of a form may be.",
         Convention("what acts through time or speed is no error of a form; not measured"),
         low=1.0,

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from ges.errors import GesError
 
-ABI = 6
+ABI = 7
 MAX_EFFECTS, MAX_PARAMETERS, MAX_LEVELS = 40, 12, 40
 MAX_TERMS, MAX_GROUPS = 24, 16
 _ERROR_SIZE = 512
@@ -87,7 +87,7 @@ class CEffectInfo(ct.Structure):
         ("hints", ct.c_uint),
         ("rarity", ct.c_double),
         *((n, ct.c_char_p) for n in ("needs", "through", "family", "usual_beside", "error_of")),
-        *((n, ct.c_char_p) for n in ("unexcited_like", "settled")),
+        ("settled", ct.c_char_p),
         ("carried", _double_p),
         *((n, ct.c_int) for n in ("n_carried", "n_searches")),
         ("searches", ct.POINTER(CSearch)),

@@ -148,7 +148,6 @@ class Effect:
     family : effects of one family act in one place; '' for its own.
     usual_beside : what is there as a rule and looks like this one.
     error_of : the larger effect whose form may be wrong by what looks like this one.
-    unexcited_like : the effect that makes up this one where nothing but the air moved the vehicle.
     settled : why it enters no search; '' where it does.
     carried : levels at which it is tried together with what it modifies.
     searches : its variants; none: all amplitudes together.
@@ -174,7 +173,6 @@ class Effect:
     family: str
     usual_beside: str
     error_of: str
-    unexcited_like: str
     settled: str
     carried: tuple[float, ...]
     searches: tuple[SearchHints, ...]
@@ -324,7 +322,6 @@ def _effect(number: int, info: _lib.CEffectInfo) -> Effect:
         family=_text(info.family) or name,
         usual_beside=_text(info.usual_beside),
         error_of=_text(info.error_of),
-        unexcited_like=_text(info.unexcited_like),
         settled=_text(info.settled),
         carried=tuple(info.carried[: info.n_carried]),
         searches=tuple(map(_search, info.searches[: info.n_searches])),
@@ -394,7 +391,6 @@ def _law() -> Effect:
         family=laws.LAW,
         usual_beside="",
         error_of="",
-        unexcited_like="",
         settled="",
         carried=(),
         searches=(),

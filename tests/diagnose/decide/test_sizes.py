@@ -150,7 +150,7 @@ def test_of_a_family_the_better_goes_on_and_says_so_of_the_other():
             ("fountain_lift",): (30.0, 0.0),
         }
     )
-    c = RuleContext(_regression(), found, {}, ("ground_effect", "fountain_lift"))
+    c = RuleContext(_regression(), found, ("ground_effect", "fountain_lift"))
     assert best_of_its_family(c, "ground_effect").passed
     dropped = best_of_its_family(c, "fountain_lift")
     assert not dropped.passed and dropped.because == "ground_effect acts there, and better"
@@ -168,7 +168,7 @@ def test_each_rule_sees_those_alone_that_passed_the_ones_before_it():
         return Decision("never", False, "")
 
     record = Record()
-    context = RuleContext(None, None, {}, ())
+    context = RuleContext(None, None, ())
     assert judged((short, never), context, ("wind", "tether"), record) == ()
     assert seen == [("short", ("wind", "tether"))] * 2 + [("never", ("wind",))]
     assert [d.rule for d in record.of("tether")] == ["short"]

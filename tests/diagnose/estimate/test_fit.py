@@ -13,11 +13,9 @@ from ges.diagnose.estimate.fit import (
     _with_levers_as_they_are,
     calibrated,
     correction_bounds,
-    correction_without_sds,
     fitted_model,
     in_the_air,
     joint_fit,
-    largest_correction_sds,
     left_raw,
     null_fit,
     starting_values,
@@ -218,35 +216,9 @@ def test_no_vehicle_is_beyond_the_bounds_of_the_library():
     assert correction_bounds("motor_lag.up_s", MODEL) == pytest.approx((-0.02, 0.5))
 
 
-def test_strain_is_the_farthest_declared_number_in_its_sds():
-    model = dataclasses.replace(MODEL, doubts={"inertia.xx": 0.1, "inertia.yy": 0.01})
-    system = _system((COMMON,), (0.0,), model=model)
-    common = {"inertia.xx": 0.25, "inertia.yy": -0.04, "gyro.nothing": 99.0}
-    joint = Joint(*[np.zeros(0)] * 3, 0.0, common, {}, ())
-    assert largest_correction_sds(joint, system) == pytest.approx(4.0)
-    assert largest_correction_sds(dataclasses.replace(joint, common={}), system) == 0.0
-
-
 def _fitted(regression, joint, value):
     free = (("rotor_drag", "k_kg"),)
     return Fitted({"rotor_drag": {"k_kg": value}}, free, joint.covariance, joint, joint, regression)
-
-
-def test_without_an_effect_the_numbers_that_make_up_for_it_are_strained():
-    """Drag and inertia look alike here: what the drag no longer explains, the inertia has to."""
-    rng, model = np.random.default_rng(2), dataclasses.replace(MODEL, doubts={"inertia.xx": 0.2})
-    columns = (DRAG, nuisance("inertia.xx", 0.2))
-    flights = []
-    for _ in range(2):
-        x = rng.standard_normal(ROWS)
-        y = 0.1 * rng.standard_normal(ROWS)
-        flights.append(rows_of(y[:, None], [{0: x}, {0: x}]))
-    system = system_of(("force_z",), columns, flights, model)
-    regression = make_regression(system)
-    joint = joint_fit(regression, [0])
-    fitted = _fitted(regression, joint, 0.6)
-    assert largest_correction_sds(joint, system) < 0.5
-    assert correction_without_sds(fitted, "rotor_drag") == pytest.approx(0.6 / 0.2, rel=0.1)
 
 
 def test_the_size_of_a_physical_effect_is_no_better_known_than_its_form():

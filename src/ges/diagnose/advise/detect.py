@@ -161,12 +161,11 @@ def _needed(
 
 @dataclasses.dataclass(frozen=True)
 class _Sizes:
-    """Of every column (K,): the coefficient at which it matters in its greatest channel, whether it
-    acts in the drive alone, and what a unit of it makes of weight, or of weight times arm.
+    """Of every column (K,): the coefficient at which it matters in its greatest channel, and what a
+    unit of it makes of weight, or of weight times arm.
     """
 
     least: np.ndarray
-    drive_alone: np.ndarray
     share_of_weight: np.ndarray
 
 
@@ -181,7 +180,6 @@ def _sizes(regression: Regression) -> _Sizes:
         return _Sizes(
             # shares are linear in the coefficient: it matters once the greatest of them is one
             1.0 / shares.max(axis=0),
-            ~shares[block != "drive"].any(axis=0),
             (rms / whole)[pushed].max(axis=0, initial=0.0),
         )
 
@@ -245,11 +243,6 @@ def _beside(
     for shape in (s for s in shapes if asked in (None, s.name)):
         for k in (k for k in shape.columns if _is_told(regression.system.columns[k])):
             size, hidden = _needed(shape, k, shapes, log_odds)
-            if unit.drive_alone[k]:  # what is faint has to be sure
-                size = min(
-                    max(size, settings.decide.form_margin * unit.least[k]),
-                    _needed(shape, k, shapes, settings.statistics.certain_log_odds)[0],
-                )
             size, hidden = max((size, hidden), (float(unit.least[k]), ""))
             sizes.setdefault(shape.name, []).append(_entry(regression, k, size, hidden, unit))
     return sizes

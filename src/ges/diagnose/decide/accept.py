@@ -99,20 +99,17 @@ def accept(start: Regression, record: Record, only: Sequence[str] | None = None)
     fitted: Fitted | None = None
     names: tuple[str, ...] = ()
     probability: dict[str, float] = {}
-    sizes: dict[str, float] = {}
     contested: set[str] = set()
     listed = candidates_of(system.recordings, base, (), only)
     while listed:
         regression = start if first is None else _laid_out(listed, base, system)
         regression, found = _searched(regression, listed, base, only)
         first = first or (regression, found)
-        context = RuleContext(regression, found, sizes, found.best.names)
+        context = RuleContext(regression, found, found.best.names)
         told = judged(SEARCH_RULES, context, sorted(found.inclusion), record)
         told = tuple(n for n in found.best.names if n in told)
         if not names:
             contested = _contested(found, record)
-        # later rounds hold what modifies a name against what that name's form may be wrong by
-        sizes |= {n: dataclasses.replace(context, standing=told).size(n) for n in told}
         through = _modifying(regression, found, listed, told, only)
         new, polished = _fitted_in_full(
             regression,
@@ -136,7 +133,6 @@ def accept(start: Regression, record: Record, only: Sequence[str] | None = None)
             fitted, instead = _best_forms_in_wind(fitted, names, system, record)
             names = tuple(instead.get(n, n) for n in names)
             probability = {instead.get(n, n): p for n, p in probability.items()}
-            sizes = {instead.get(n, n): size for n, size in sizes.items()}
         # the next round is linearised about what is accepted, and lists what acts through it
         base = system.model.with_effects(polished.effects)
         listed = candidates_of(system.recordings, base, names, only)

@@ -33,13 +33,11 @@ class RuleContext:
     Attributes
     ----------
     regression, found : the search.
-    known : sizes of effects that are accepted already, over what matters at least.
     standing : names that passed the rules before, in the order of the best set.
     """
 
     regression: Regression
     found: SearchResult
-    known: Mapping[str, float]
     standing: tuple[str, ...]
 
     @functools.cached_property
@@ -83,46 +81,6 @@ def best_of_its_family(context: RuleContext, name: str) -> Decision:
     return Decision("best_of_its_family", better == name, because)
 
 
-def excited(context: RuleContext, name: str) -> Decision:
-    """Gusts through a drag above the centre of gravity turn a vehicle, whose angular acceleration
-    then answers moments that no column has: where nothing but the air shook it, that looks like
-    another inertia.
-    """
-    like = effect_table.get(name).unexcited_like
-    # a logged excitation is independent of the air, and shows the inertia whatever the gusts do
-    shaken = any(
-        r.flight.has("excitation") and r.flight.stack("excitation")[:, :3].any()
-        for r in context.regression.system.flights
-    )
-    blown = bool(like) and bool({like, *effect_table.get(like).carriers} & context.on())
-    because = "nothing but the air moved the vehicle" if blown and not shaken else "moved enough"
-    return Decision("excited", shaken or not blown, because)
-
-
-def not_model_form_error(context: RuleContext, name: str) -> Decision:
-    """What is small beside a larger effect may be what the larger one's form is wrong by, and has
-    to be as good as certain, as has what acts in the drive alone, and there little, and a lever;
-    what a larger effect's form is known to be wrong by is no finding beside it.
-    """
-    p, beside = context.found.inclusion[name], beside_larger(name, context.shares)
-    larger = effect_table.get(name).error_of
-    # this form is known to be wrong in just this way: no probability makes up for it
-    if beside and larger in context.shares:
-        return Decision(
-            "not_model_form_error", False, f"the form of {larger} may be wrong by as much"
-        )
-    reasons = {
-        "small beside a larger effect, whose form may be wrong by it": beside,
-        "faint, and in the drive alone": faint(context.shares[name]),
-        "the lever of another effect": "lever_of_carrier" in effect_table.get(name).hints,
-    }
-    why = next((reason for reason, holds in reasons.items() if holds), "")
-    because = f"{why}: posterior probability {p:.5g}" if why else "no larger effect is wrong by it"
-    least = settings.statistics.certain_probability if why else None
-    passed = least is None or p >= least
-    return Decision("not_model_form_error", passed, because, p, least)
-
-
 def large_enough(context: RuleContext, name: str) -> Decision:
     """No model is right to less; a carrier is as large as what acts through it."""
     size = context.size(name)
@@ -140,16 +98,6 @@ def carried(context: RuleContext, name: str) -> Decision:
     acts = acts_among(name, context.on())
     carriers = " or ".join(effect_table.get(name).carriers) or "nothing"
     return Decision("carried", acts, f"acts through {carriers}")
-
-
-def more_than_its_carriers_form(context: RuleContext, name: str) -> Decision:
-    """A small modifier is no more than what the form of the effect that it modifies is wrong by."""
-    carrier = effect_table.get(name).modifies or ""
-    wrong = settings.estimate.form_error * context.known.get(carrier, 0.0)
-    least = 0.0 if unlike_form_error(name) else wrong
-    size = context.size(name)
-    because = f"{size:.3g} where the form of {carrier or 'nothing'} may be wrong by {least:.3g}"
-    return Decision("more_than_its_carriers_form", size >= least, because, size, least)
 
 
 def distinguishable(context: RuleContext, name: str) -> Decision:
@@ -183,11 +131,8 @@ def told_from_a_mass(context: RuleContext, name: str) -> Decision:
 SEARCH_RULES: tuple[Rule, ...] = (
     probable,
     best_of_its_family,
-    excited,
-    not_model_form_error,
     large_enough,
     carried,
-    more_than_its_carriers_form,
     distinguishable,
     told_from_a_mass,
 )
@@ -227,28 +172,6 @@ def _best_of(found: SearchResult, name: str, among: Sequence[str]) -> str:
 def _alone(found: SearchResult, name: str) -> Hypothesis | None:
     """The best set that has this name and no other of its family."""
     return next((h for h in found.hypotheses if family_of(name) & set(h.names) == {name}), None)
-
-
-def beside_larger(name: str, shares: Mapping[str, Mapping[str, float]]) -> bool:
-    """Whether another effect is so much larger in each block of channels that the name may be an
-    error of the other's form.
-    """
-    others = [by for n, by in shares.items() if n != name]
-    return all(
-        v < settings.estimate.form_error * max((by[block] for by in others), default=0.0)
-        for block, v in shares[name].items()
-        if v > 0.0
-    )
-
-
-def faint(share: Mapping[str, float]) -> bool:
-    """Whether a name acts in the drive alone, and there little: so may a motor that is not quite as
-    the library has it.
-    """
-    return (
-        not any(v > 0.0 for block, v in share.items() if block != "drive")
-        and share.get("drive", 0.0) < settings.decide.form_margin
-    )
 
 
 def best_rival(found: SearchResult, name: str) -> Hypothesis | None:

@@ -1,11 +1,10 @@
-"""What the flights as a whole take back: names that need declared numbers far outside their doubts,
-or that gusts or the form of an unmeasured thrust curve explain.
+"""What the flights as a whole take back: names that gusts or the form of an unmeasured thrust curve
+explain.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -17,7 +16,6 @@ from ges.diagnose.decide.accept import (
     with_alternatives,
     without,
 )
-from ges.diagnose.decide.predict import drop_unpredictive
 from ges.diagnose.decide.sizes import least_size
 from ges.diagnose.decide.unknown import left_over
 from ges.diagnose.design.system import System
@@ -26,17 +24,12 @@ from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.contributions import contributions, size_of
 from ges.diagnose.estimate.fit import (
     Fitted,
-    Joint,
-    correction_without_sds,
     fitted_model,
-    largest_correction_sds,
 )
 from ges.diagnose.locate.stages import Stage, Start, stage
 from ges.diagnose.locate.structure import Structure
-from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, Record
 from ges.diagnose.types.model import Model
-from ges.simulator import effects as effect_table
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,9 +68,6 @@ def explained(
     known_gusts : parameters of the gusts that the vehicle file has.
     """
     accepted = accept(start.first.regression, record, only)
-    if only is None:
-        accepted = _without_conflict(accepted, start.first.joint, record)
-        accepted = drop_unpredictive(accepted, record)
     gusts = _gusts(accepted, start, known_gusts)
     if gusts and only is None and WIND in accepted.names:
         decision = _more_than_gusts(gusts, accepted.fit)
@@ -126,36 +116,6 @@ def _more_than_gusts(gusts: Gusts, fitted: Fitted) -> Decision:
     blown = gusts.may_be(fitted)
     because = "no more than gusts leave" if blown else "more than gusts leave"
     return Decision("more_than_gusts", not blown, because)
-
-
-def _without_conflict(accepted: Accepted, first: Joint, record: Record) -> Accepted:
-    """Without the names that need declared numbers far outside their doubts: one by one, the worst
-    offender first of those through which no other acts, while that relieves the numbers.
-    """
-    while (fitted := accepted.fitted) is not None:
-        system, apart = accepted.regression.system, fitted.apart
-        # corrections that are needed without any name are not the names' doing
-        most = max(settings.statistics.certain_sds, largest_correction_sds(first, system) + 1.0)
-        needed = largest_correction_sds(apart, system)
-        if needed <= most:
-            break
-        # a carrier cannot go before what acts through it
-        last = [
-            n
-            for n in accepted.names
-            if not any(n in effect_table.get(o).carriers for o in accepted.names)
-        ]
-        worst = min(last, key=functools.partial(correction_without_sds, fitted))
-        less = without(accepted, worst)
-        relief = largest_correction_sds(less.fitted.apart if less.fitted else first, system)
-        # a name stays if the numbers are as far off without it: something else moves them
-        relieved = relief < needed - 1.0
-        because = f"declared numbers go {needed:.3g} sds with it, {relief:.3g} without"
-        record.note(worst, Decision("within_declared_numbers", not relieved, because, needed, most))
-        if not relieved:
-            break
-        accepted = less
-    return accepted
 
 
 def _not_of_a_form(

@@ -613,29 +613,6 @@ def fitted_model(model: Model, fitted: Fitted) -> Model:
     return calibrated(model.with_effects(fitted.effects), fitted.joint.common)
 
 
-def largest_correction_sds(joint: Joint, system: System) -> float:
-    """How many of its declared sds the farthest declared number was moved."""
-    doubts = system.model.doubts
-    return max(
-        (abs(value) / doubts[key] for key, value in joint.common.items() if doubts.get(key)),
-        default=0.0,
-    )
-
-
-def correction_without_sds(fitted: Fitted, name: str) -> float:
-    """The same, to first order, with the amplitudes of one effect back at neutral."""
-    chosen = free_first(fitted.regression.system)
-    mean, sd = np.zeros(len(chosen)), wide(fitted.regression, chosen)
-    for i, (effect, parameter) in enumerate(fitted.free):
-        if effect == name and parameter not in effect_table.get(effect).shapes:
-            # coefficients are deviations from the fitted values: neutral is that far away
-            mean[i] = amplitude_of(effect, parameter).neutral - fitted.effects[effect][parameter]
-            sd[i] = settings.estimate.converged_sds * max(abs(mean[i]), settings.numerics.small)
-    return largest_correction_sds(
-        joint_fit(fitted.regression, chosen, mean, sd), fitted.regression.system
-    )
-
-
 def null_fit(system: System) -> tuple[Regression, Joint]:
     """Nuisances alone: the best that the declared parameters can do."""
     regression = make_regression(system)
