@@ -181,12 +181,13 @@ def test_late_rotor_speeds_are_found_beside_their_commands(flown, sheet, with_ra
 
 
 def test_a_flight_without_which_the_others_agree_better_makes_no_delay_alone():
-    """Sums of products, squares and squares: of one flight they agree at no delay, of another
+    """Sums of products, squares, squares and of independent samples: of one flight they agree at no delay, of another
     nowhere, least there.
     """
     lags_s, ones = np.arange(-0.04, 0.6, 0.02), np.ones(32)
-    clear = np.stack([100.0 * np.exp(-((lags_s / 0.5) ** 2)), 100.0 * ones, 100.0 * ones])
-    against = np.stack([100.0 * lags_s - 60.0, 10.0 * ones, 10.0 * ones])
+    clear = np.exp(-((lags_s / 0.5) ** 2))
+    clear = np.stack([100.0 * clear, 100.0 * ones, 100.0 * ones, 1e3 * ones])
+    against = np.stack([100.0 * lags_s - 60.0, 10.0 * ones, 10.0 * ones, 1e3 * ones])
     told = _told("rotor_speed", [clear, against], lags_s)
     assert told.delay_s > 0.08 and told.delay_s < 4.0 * told.sd_s
     alone = _told("rotor_speed", [clear] * 2, lags_s)

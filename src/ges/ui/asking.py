@@ -22,6 +22,7 @@ NOTHING_FOUND: Mapping[str, Any] = {
     "problem": "",
     "streams": [],
     "agreement": [],
+    "fault": "",
     "can_tell": [],
     "cannot_tell": {},
     "switch_on": {},

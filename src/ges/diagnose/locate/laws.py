@@ -28,8 +28,6 @@ from ges.simulator.laws import LAW, SCALES, Term, along
 SPEEDS = ("V_x/v_h", "V_y/v_h", "V_z/v_h", "v_z/v_h")
 HORIZONTAL = "V_h/v_h"
 NEAR_GROUND = "R/h"
-WIDTHS = 3
-"""Widths of places that are tried, each half of the one before."""
 OTHERS = ("p/w_g", "q/w_g", "r/w_g", "x/L", "y/L", "U/U_0")
 
 
@@ -66,7 +64,7 @@ def places(system: System) -> list[tuple[float, float, float]]:
     )
     across = max(float(np.ptp(x)), float(np.ptp(y)))
     found = []
-    for halved in range(2, 2 + WIDTHS if across > 0.0 else 0):
+    for halved in (2, 3, 4) if across > 0.0 else ():
         width = _round(across / 2**halved)
         cells = {
             (round(a / width), round(b / width))
@@ -77,9 +75,9 @@ def places(system: System) -> list[tuple[float, float, float]]:
 
 
 def around(term: Term) -> list[Term]:
-    """The term of a place with the place moved by half its width, and the width by a half."""
+    """The term of a place with the place moved by half its width, and the width halved or doubled."""
     x, y, width = term.near_m
-    steps = itertools.product((-0.5, 0.0, 0.5), (-0.5, 0.0, 0.5), (0.7, 1.0, 1.4))
+    steps = itertools.product((-0.5, 0.0, 0.5), (-0.5, 0.0, 0.5), (0.5, 1.0, 2.0))
     return [
         dataclasses.replace(
             term,
