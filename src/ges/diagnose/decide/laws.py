@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.unknown import left_over
 from ges.diagnose.decide.withdraw import Explanation, answer_of
 from ges.diagnose.design.system import build
@@ -72,14 +72,16 @@ def with_laws(
     terms = [term for form, _ in forms.values() for term in form.terms]
     while terms:
         fitted, sd = _beside(terms, answer, start)
+        overdone = _overdone(forms, fitted, answer)
         clear = [
             t
             for t in terms
             if abs(fitted.effects[LAW][t.key]) > settings.statistics.clear_sds * sd[t]
+            and t.channel not in overdone
         ]
         if len(clear) == len(terms):
             break
-        # what only filled in for another term goes
+        # what only filled in for another term goes, and what trims would have to take back
         terms = clear
     if not terms:
         return answer, left, []
@@ -92,12 +94,36 @@ def with_laws(
             {t: sd[t] for t in own},
             form.r2,
             structure,
-            _size(channel, accepted),
+            _size(channel, fitted, answer),
         )
         for channel, (form, structure) in forms.items()
         if (own := [t for t in form.terms if t in terms])
     ]
     return more, left_over(more.structures, more.last.model), laws
+
+
+def _overdone(
+    forms: Mapping[str, tuple[SparseForm, Structure]], fitted: Fitted, answer: Explanation
+) -> set[str]:
+    """Channels in which a law moves more within flights than what was left there: trims that are
+    free beside it cancel it in these flights, and would not in others.
+    """
+    main = fitted.regression.system.main
+    found = set()
+    for channel, (_, structure) in forms.items():
+        at = main.index(structure.channel)
+        added = [a[:, at] for a in _added(channel, fitted, answer)]
+        left = [row[:, at] for row in answer.last.in_air]
+        moved, had = (math.hypot(*map(_spread, rows)) for rows in (added, left))
+        if settings.statistics.large_part * moved > had:
+            found.add(channel)
+    return found
+
+
+def _spread(values: np.ndarray) -> float:
+    """Length of what differs from the mean; of nothing 0."""
+    good = values[np.isfinite(values)]
+    return float(np.linalg.norm(good - good.mean())) if len(good) else 0.0
 
 
 def _channels(left: Sequence[Structure], answer: Explanation) -> dict[str, Structure]:
@@ -177,11 +203,17 @@ def _beside(
     return fitted, dict(zip(terms, np.sqrt(np.diag(found.covariance)), strict=True))
 
 
-def _size(channel: str, accepted: Accepted) -> dict[str, Any]:
-    """How large the law of a channel is, in channels of its own kind."""
-    system, declared = accepted.fit.regression.system, accepted.regression.system.model
-    effects, kinds = system.model.effects, RESPONSES[block_of(channel)]
+def _added(channel: str, fitted: Fitted, answer: Explanation) -> list[np.ndarray]:
+    """What the law of a channel adds to every channel, by flight, (m, C)."""
+    effects, declared = fitted.regression.system.model.effects, answer.accepted.regression
     others = {k: 0.0 if k.startswith(f"{channel}:") else v for k, v in effects[LAW].items()}
-    added = contributions_of(effects, LAW, system, declared.with_effects({LAW: others}))
+    without = declared.system.model.with_effects({LAW: others})
+    return contributions_of(effects, LAW, fitted.regression.system, without)
+
+
+def _size(channel: str, fitted: Fitted, answer: Explanation) -> dict[str, Any]:
+    """How large the law of a channel is, in channels of its own kind."""
+    system, kinds = fitted.regression.system, RESPONSES[block_of(channel)]
     shown = [block_of(name) in kinds for name in system.main]
+    added = _added(channel, fitted, answer)
     return size_of([np.where(shown, a, np.nan) for a in added], system)

@@ -1,5 +1,5 @@
-"""What the flights as a whole take back: names that gusts or the form of an unmeasured thrust curve
-explain.
+"""What the flights as a whole take back: names that do not predict a flight, or that gusts or the
+form of an unmeasured thrust curve explain.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from ges.diagnose.decide.accept import (
     with_alternatives,
     without,
 )
+from ges.diagnose.decide.predict import drop_unpredictive
 from ges.diagnose.decide.sizes import least_size
 from ges.diagnose.decide.unknown import left_over
 from ges.diagnose.design.system import System
@@ -68,6 +69,8 @@ def explained(
     known_gusts : parameters of the gusts that the vehicle file has.
     """
     accepted = accept(start.first.regression, record, only)
+    if only is None:
+        accepted = drop_unpredictive(accepted, record)
     gusts = _gusts(accepted, start, known_gusts)
     if gusts and only is None and WIND in accepted.names:
         decision = _more_than_gusts(gusts, accepted.fit)

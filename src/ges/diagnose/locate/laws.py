@@ -75,7 +75,7 @@ def places(system: System) -> list[tuple[float, float, float]]:
 
 
 def around(term: Term) -> list[Term]:
-    """The term of a place with the place moved by half its width, and the width halved or doubled."""
+    """The term of a place, moved by half its width, and its width halved or doubled."""
     x, y, width = term.near_m
     steps = itertools.product((-0.5, 0.0, 0.5), (-0.5, 0.0, 0.5), (0.5, 1.0, 2.0))
     return [
@@ -154,7 +154,7 @@ def sparse_form(
         chosen, r2 = _exchanged(folds, (*chosen, *folds.best_beside(chosen)))
         used = table[:, moving[list(chosen)]]
         error = y - used @ np.linalg.lstsq(used, y, rcond=None)[0]
-        # log predictive density of Gaussian errors, equation (10) of method.md
+        # log predictive density of Gaussian errors, equation (11) of method.md
         left = max(1.0 - r2, settings.numerics.tiny)
         score = -0.5 * _independent(error, flight) * math.log(left) - len(chosen) * price
         if score > worth:
