@@ -181,8 +181,8 @@ def test_late_rotor_speeds_are_found_beside_their_commands(flown, sheet, with_ra
 
 
 def test_a_flight_without_which_the_others_agree_better_makes_no_delay_alone():
-    """Sums of products, squares, squares and of independent samples: of one flight they agree at no delay, of another
-    nowhere, least there.
+    """Sums of products, squares, squares and of independent samples: of one flight they agree at no
+    delay, of another nowhere, least there.
     """
     lags_s, ones = np.arange(-0.04, 0.6, 0.02), np.ones(32)
     clear = np.exp(-((lags_s / 0.5) ** 2))
