@@ -1,9 +1,20 @@
 """GES: simulation, control and diagnosis of multirotors near irregular ground."""
 
-import importlib
-import types
+from __future__ import annotations
+
+import importlib as _importlib
+import pkgutil as _pkgutil
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import types
 
 __version__ = "0.1.0"
+
+
+def __dir__() -> list[str]:
+    """The packages and modules of ges, none of which has to be imported for that."""
+    return sorted(["__version__", *(m.name for m in _pkgutil.iter_modules(__path__))])
 
 
 def __getattr__(name: str) -> types.ModuleType:
@@ -11,6 +22,6 @@ def __getattr__(name: str) -> types.ModuleType:
     if name.startswith("_"):
         raise AttributeError(name)
     try:
-        return importlib.import_module(f".{name}", __name__)
+        return _importlib.import_module(f".{name}", __name__)
     except ModuleNotFoundError:
         raise AttributeError(f"module 'ges' has no attribute '{name}'") from None

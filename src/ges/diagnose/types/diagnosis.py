@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import html
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -119,6 +120,23 @@ class Diagnosis:
     sentence: str = ""
     workings: Any = dataclasses.field(default=None, repr=False)
 
+    def __repr__(self) -> str:
+        """Verdict and names in one line; ``sentence``, ``findings`` and ``fit`` have the rest."""
+        names = [f"{f.name} {f.place}".strip() for f in self.findings]
+        names += [law["form"] for law in self.laws]
+        return f"Diagnosis({self.verdict}: {', '.join(names) or 'no name'})"
+
+    def _repr_html_(self) -> str:
+        """Verdict, sentence and findings, as a notebook shows them."""
+        rows = "".join(
+            f"<tr><td>{html.escape(f.title)} {html.escape(f.place)}</td>"
+            f"<td>{f.probability:.2f}</td><td>{html.escape(_numbers(f.parameters))}</td></tr>"
+            for f in self.findings
+        )
+        head = "<tr><th>finding</th><th>probability</th><th>fitted, 95 % interval</th></tr>"
+        said = f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.sentence)}</p>"
+        return said + (f"<table>{head}{rows}</table>" if rows else "")
+
     def content(self) -> dict[str, Any]:
         """diagnosis.json."""
         return cleaned(
@@ -141,6 +159,14 @@ class Diagnosis:
                 "considered": [c.content() for c in self.considered],
             }
         )
+
+
+def _numbers(parameters: Mapping[str, Estimate]) -> str:
+    units = {name: "" if e.unit == "1" else f" {e.unit}" for name, e in parameters.items()}
+    return "; ".join(
+        f"{name} {e.value:.3g} [{e.ci95[0]:.3g}, {e.ci95[1]:.3g}]{units[name]}"
+        for name, e in parameters.items()
+    )
 
 
 def cleaned(value: Any) -> Any:
