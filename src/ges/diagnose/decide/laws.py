@@ -64,6 +64,11 @@ def with_laws(
     left : structure that the answer leaves.
     declared : the vehicle file's model.
     """
+    # a declared number that was named would be a nuisance again beside a law, and move twice
+    before = answer.accepted.fitted
+    corrected = {n.key for c in start.system.columns if (n := c.nuisance)}
+    if before and any(f"{e}.{p}" in corrected for e, p in before.free):
+        return answer, left, []
     forms = {
         channel: (form, structure)
         for channel, structure in _channels(left, answer).items()

@@ -28,14 +28,15 @@ from ges.simulator.laws import LAW, SCALES, Term, along
 SPEEDS = ("V_x/v_h", "V_y/v_h", "V_z/v_h", "v_z/v_h")
 HORIZONTAL = "V_h/v_h"
 NEAR_GROUND = "R/h"
-OTHERS = ("p/w_g", "q/w_g", "r/w_g", "x/L", "y/L", "U/U_0")
+OTHERS = ("p/w_g", "q/w_g", "r/w_g", "x/L", "y/L")
 
 
 def tried(channel: str, system: System) -> list[Term]:
     """Terms that these flights can speak about in a channel: speeds, with their squares and along
     with the horizontal speed, powers of the nearness of the ground and speeds near it, and what
     else there is, each alone. Not the rotors' speed: it answers to what is left, see
-    :mod:`~ges.diagnose.design.answers`.
+    :mod:`~ges.diagnose.design.answers`. Nor the voltage: it falls with time,
+    so that blocks of time predict each other by any drift, and other flights do not.
     """
     products = [
         *(({g: 1}, {}) for g in (*SPEEDS, HORIZONTAL, *OTHERS)),
