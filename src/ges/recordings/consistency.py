@@ -140,9 +140,10 @@ def mixer_fits(
     """
     grid = _grid(frame, _FAST_STEP_S)
     turning = None if grid is None else _turning(grid, frame)
-    share = None if grid is None else _shares(grid, frame)
-    if turning is None or share is None or share.shape[1] != len(rotors.get("x_m", ())):
+    push = None if grid is None else _push(grid, frame)
+    if turning is None or push is None or push[1].shape[1] != len(rotors.get("x_m", ())):
         return [{} for _ in readings]
+    share = push[1] - push[1].mean(axis=1, keepdims=True)
     speeding = np.gradient(turning, _FAST_STEP_S, axis=0)
     both = np.isfinite(np.hstack([speeding, share])).all(axis=1)
     if both.sum() < _FEWEST:
@@ -214,23 +215,21 @@ def _kinematic_pairs(grid: np.ndarray, frame: pd.DataFrame) -> Pairs:
 
 
 def _thrust_pair(grid: np.ndarray, frame: pd.DataFrame) -> Pairs:
-    if not all(n in frame for n in SPECIFIC_FORCE):
+    push = _push(grid, frame)
+    if push is None or not all(n in frame for n in SPECIFIC_FORCE):
         return {}
-    for names, power in ((ROTOR_SPEED, 2), (COMMAND, 1)):
-        if all(n in frame for n in names):
-            # speeds first: thrust goes with their square, whatever the drive does
-            push = (_on(grid, frame, names) ** power).sum(axis=1)
-            what = f"acc_z_m_s2 and {'squared rotor speeds' if power == 2 else 'commands'}"
-            return {what: (_on(grid, frame, SPECIFIC_FORCE)[:, 2], push)}
-    return {}
+    name, of_rotors = push
+    along = _on(grid, frame, SPECIFIC_FORCE)[:, 2]
+    return {f"acc_z_m_s2 and {name}": (along, of_rotors.sum(axis=1))}
 
 
-def _shares(grid: np.ndarray, frame: pd.DataFrame) -> np.ndarray | None:
-    """What each rotor has over the mean of all (t, n), of squared speeds or of commands."""
-    for names, power in ((ROTOR_SPEED, 2), (COMMAND, 1)):
-        if all(n in frame for n in names):
-            push = _on(grid, frame, names) ** power
-            return push - push.mean(axis=1, keepdims=True)
+def _push(grid: np.ndarray, frame: pd.DataFrame) -> tuple[str, np.ndarray] | None:
+    """What goes with the thrust of every rotor, its name and values (t, n)."""
+    # speeds first: thrust goes with their square, whatever the drive does
+    if all(n in frame for n in ROTOR_SPEED):
+        return "squared rotor speeds", _on(grid, frame, ROTOR_SPEED) ** 2
+    if all(n in frame for n in COMMAND):
+        return "commands", _on(grid, frame, COMMAND)
     return None
 
 

@@ -225,10 +225,11 @@ def found(
     ]
     # kinematics is exact, so that streams which agree with one another need no other reading
     agreed = bool(told) and all(f.misfit < AGREED_MISFIT for f in told.values())
+    whole = told | mixer
     for fault in () if agreed else every:
         if not fault.motors:
-            mended = _mended(fault, frames, {**told, **mixer}, rotors)
-            scores.append((_gain({**told, **mixer}, mended), fault))
+            mended = _mended(fault, frames, whole, lambda f: mixer_fits(f, rotors, [as_told])[0])
+            scores.append((_gain(whole, mended), fault))
     best = max((gain for gain, _ in scores), default=0.0)
     if best + np.log(PRIOR_ODDS) <= 0.0:
         return [], 0.0
@@ -239,14 +240,16 @@ def found(
 
 
 def _mended(
-    fault: Fault, frames: Sequence[pd.DataFrame], told: Fits, rotors: Mapping[str, np.ndarray]
+    fault: Fault,
+    frames: Sequence[pd.DataFrame],
+    told: Fits,
+    mixer: Callable[[pd.DataFrame], dict[str, PairFit]],
 ) -> Fits:
     """Fits of mended flights, by flight and pair, up to the flight that refutes the fault."""
-    as_told: Reading = (range(len(rotors.get("x_m", ()))), 1.0)
     found: dict[tuple[int, str], PairFit] = {}
     for k, frame in enumerate(frames):
         better = fault.mend(frame)
-        pairs = kinematic_fits(better) | mixer_fits(better, rotors, [as_told])[0]
+        pairs = kinematic_fits(better) | mixer(better)
         found |= {(k, what): fit for what, fit in pairs.items()}
         so_far = {key: fit for key, fit in told.items() if key[0] <= k}
         if _log_likelihood(found) < _log_likelihood(so_far) - REFUTED_NATS:

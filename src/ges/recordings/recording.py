@@ -51,11 +51,7 @@ _UNITS = {
 }
 
 _FAR = 4.0  # rotor speeds over hover that no vehicle reaches; rpm are 9.5 times too large
-_DEGREES = 20.0  # body rates over what the attitude does; degrees are 57 times too large
 _LOWEST_FORCE_M_S2 = 3.0  # no vehicle falls freely most of the time
-_AGAINST = 0.8  # correlation beyond which two columns say the same, or the opposite
-_SCALED = 3.0  # times as fast; feet, centimetres and millimetres are beyond
-_FEWEST = 50
 
 # Largest believable magnitude of a column in its unit, and what is usually wrong beyond it.
 _PLAUSIBLE = (
