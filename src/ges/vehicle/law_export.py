@@ -22,7 +22,6 @@ _ONE = {
     **dict.fromkeys(("omega_x_rad_s", "omega_y_rad_s", "omega_z_rad_s", "battery_V"), 1.0),
     **dict.fromkeys(ROTOR_SPEED, 1.0),
 }
-_PLACE = {"x": "place east of the origin", "y": "place north of the origin"}
 GROUND = "R"
 """Quantity of the one group whose reference varies, and not its quantity."""
 
@@ -104,16 +103,15 @@ def law_as(vehicle: Vehicle, language: str) -> str:
         if any(t.power[k] + t.magnitude[k] for t in terms)
     ]
     thrust = any(t.scale == "T" for t in terms)
-    # a place is one of the position's own groups, over no reference
-    place = [q for q in ("x", "y") if any(t.local for t in terms)]
-    names = [*(["T"] if thrust else []), *(_varies(group) for group in used)]
-    names += [q for q in place if q not in names]
+    # a place is the quantity of the position's own groups, over no reference
+    local = any(t.local for t in terms)
+    named = [*used, *(g for q in ("x/L", "y/L") if local and (g := laws.groups()[q]) not in used)]
+    names = [*(["T"] if thrust else []), *map(_varies, named)]
     lines = [
         f"Law of {vehicle.name}: force (N) and moment (N m) on the body, x forward, y left, z along"
         " thrust.",
         *(["T: thrust of all rotors out of ground effect, N"] if thrust else []),
-        *(f"{_varies(g)}: {_words(g)}, {g.unit}" for g in used),
-        *(f"{q}: {_PLACE[q]}, m" for q in place if q not in map(_varies, used)),
+        *(f"{_varies(g)}: {_words(g)}, {g.unit}" for g in named),
     ]
     values = _constants(vehicle, used, any(t.channel.startswith("moment") for t in terms))
     body = [words.constant(name, repr(value)) for name, value in values.items()]
@@ -123,7 +121,7 @@ def law_as(vehicle: Vehicle, language: str) -> str:
         for channel, of in form
     ]
     comment = [f"{words.comment}{line}" for line in lines]
-    imported = ["import math\n"] if place and language == "python" else []
+    imported = ["import math\n"] if local and language == "python" else []
     return "\n".join([*comment, *imported, words.head(names), *body, words.tail]) + "\n"
 
 

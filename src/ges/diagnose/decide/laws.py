@@ -150,14 +150,16 @@ def _form(channel: str, answer: Explanation) -> SparseForm:
     response = next(n for k in RESPONSES[kind] if (n := f"{k}_{axis}") in system.main)
     left = [row[:, system.main.index(response)] for row in answer.last.in_air]
     blocks, terms = system.blocks(settings.statistics.block_s), tried(channel, system)
-    form = sparse_form(left, columns(terms, system, model), terms, blocks)
+    x = columns(terms, system, model)
+    form = sparse_form(left, x, terms, blocks)
     # a place on the grid is half a cell off; what was tried before is paid for still
     for _ in range(settings.numerics.noise_rounds):
-        nearer = [t for chosen in form.terms if chosen.local for t in around(chosen)]
-        if not nearer:
+        near = dict.fromkeys(t for chosen in form.terms if chosen.local for t in around(chosen))
+        if not (new := [t for t in near if t not in terms]):
             break
-        terms = list(dict.fromkeys((*terms, *nearer)))
-        finer = sparse_form(left, columns(terms, system, model), terms, blocks)
+        terms = [*terms, *new]
+        x = [np.hstack(pair) for pair in zip(x, columns(new, system, model), strict=True)]
+        finer = sparse_form(left, x, terms, blocks)
         if finer.r2 <= form.r2 + settings.numerics.small:
             break
         form = finer
