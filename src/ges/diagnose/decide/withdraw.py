@@ -23,10 +23,7 @@ from ges.diagnose.design.system import System
 from ges.diagnose.detectors.gusts import HANGING, PUSHED, WIND, Gusts, gusts_of, may_lean
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.contributions import contributions, size_of
-from ges.diagnose.estimate.fit import (
-    Fitted,
-    fitted_model,
-)
+from ges.diagnose.estimate.fit import Fitted, fitted_model
 from ges.diagnose.locate.stages import Stage, Start, stage
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.types.decision import Decision, Record

@@ -123,7 +123,8 @@ def _told(stream: str, told: Sequence[np.ndarray], lags_s: np.ndarray) -> Delay 
     """
     if not told:
         return None
-    delay, top = _peak(np.sum(told, axis=0), lags_s)
+    together = np.sum(told, axis=0)
+    delay, top = _peak(together, lags_s)
     weight = np.maximum([s[0].max() for s in told], 0.0)
     weight = weight / (weight.sum() or 1.0)
     # flights beyond one, as many as speak up
@@ -132,10 +133,10 @@ def _told(stream: str, told: Sequence[np.ndarray], lags_s: np.ndarray) -> Delay 
     several = free > settings.numerics.small
     sd = float(scatter / np.sqrt(free)) if several else float(lags_s[1] - lags_s[0])
     # leave one flight out: where the rest agree better, its whole pull on the delay is doubt
-    less = [_peak(np.sum(told, axis=0) - s, lags_s) for s in told] if len(told) > 1 else []
+    less = [_peak(together - s, lags_s) for s in told] if len(told) > 1 else []
     sd = max([sd, *(abs(at - delay) for at, r in less if r > top)])
     # flights that agree by luck know no more than their noise lets them
-    sd = max(sd, _bound(np.sum(told, axis=0), lags_s))
+    sd = max(sd, _bound(together, lags_s))
     # the sd of what is rounded to the grid of lags (Sheppard 1898)
     least_sd_s = float(lags_s[1] - lags_s[0]) / math.sqrt(12.0)
     clear = top > settings.statistics.large_part
