@@ -47,6 +47,7 @@ build: env check-cc
 	@$(MAKE) --no-print-directory -C sim_c CC="$(CC)" -j$(CORES)
 
 docs: build
+	$(BIN)/python docs/frames.py
 	$(BIN)/ges effects --markdown > docs/effects.md.new && mv docs/effects.md.new docs/effects.md
 	$(BIN)/ges config --markdown > docs/config.md.new && mv docs/config.md.new docs/config.md
 	$(BIN)/ges settings --markdown > docs/settings.md.new && mv docs/settings.md.new docs/settings.md

@@ -35,13 +35,13 @@ static inline void add_contact(const vehicle_t *b, sample_t *s, vd force[3], vd 
   vd depth[GES_ROTORS], deepest = all_lanes(-1.0);
   vd push[3], turn[3];
   for (int k = 0; k < 3; k++) push[k] = turn[k] = all_lanes(0.0);
-  for (int i = 0; i < GES_ROTORS; i++) {
+  for (int i = 0; i < ROTORS_OF(s); i++) {
     depth[i] = (s->hub[i][2] + b->gear_height) * s->r[8] - s->height[i];
     deepest = lane_max(deepest, depth[i]);
   }
   s->contact = sel(GT(deepest, all_lanes(0.0)), all_lanes(1.0), all_lanes(0.0));
   if (any(GT(deepest, all_lanes(0.0))))
-    for (int i = 0; i < GES_ROTORS; i++) {
+    for (int i = 0; i < ROTORS_OF(s); i++) {
       const vd foot[3] = {s->hub[i][0], s->hub[i][1], -b->gear_height};
       press_foot(b, s, foot, depth[i], push, turn);
     }

@@ -10,12 +10,16 @@
 #include "../sim/parameters.h"
 #include "../world/ground.h"
 
-enum { Y_P = 0, Y_V = 3, Y_Q = 6, Y_OMEGA = 10, Y_SPEED = 13, Y_X = 17, Y_MAX = Y_X + GES_MAX_EFFECTS * GES_MAX_STATES };
+enum { Y_P = 0, Y_V = 3, Y_Q = 6, Y_OMEGA = 10, Y_SPEED = 13, Y_X = Y_SPEED + GES_ROTORS, Y_MAX = Y_X + GES_MAX_EFFECTS * GES_MAX_STATES };
 
 typedef struct {
   vd mass, inertia[3], rho, gravity, thrust_coefficient, torque_coefficient, motor_lag, speed_max;
   vd battery_nominal, gear_height, gear_stiffness, gear_damping, gear_friction;
   vd hub[GES_ROTORS][3], radius[GES_ROTORS], spin[GES_ROTORS];
+#if GES_GENERAL
+  int rotors;
+  vd axis[GES_ROTORS][3], thrust_share[GES_ROTORS], torque_share[GES_ROTORS], lag_share[GES_ROTORS];
+#endif
 } vehicle_t;
 
 typedef struct {
@@ -38,10 +42,24 @@ static inline vd column(const double *const *parameters, int index) {
 
 static inline void load_rotors(vehicle_t *b, const double *const *p) {
   const int stride = P_rotor_2_x_m - P_rotor_1_x_m;
-  for (int i = 0; i < GES_ROTORS; i++) {
+#if GES_GENERAL
+  b->rotors = (int)p[0][P_rotors];
+#endif
+  for (int i = 0; i < ROTORS_OF(b); i++) {
     for (int k = 0; k < 3; k++) b->hub[i][k] = column(p, P_rotor_1_x_m + i * stride + k);
     b->radius[i] = column(p, P_rotor_1_radius_m + i * stride);
     b->spin[i] = column(p, P_rotor_1_spin + i * stride);
+#if GES_GENERAL
+    vd *a = b->axis[i], length = all_lanes(0.0);
+    for (int k = 0; k < 3; k++) {
+      a[k] = column(p, P_rotor_1_axis_x + i * stride + k);
+      length += a[k] * a[k];
+    }
+    for (int k = 0; k < 3; k++) a[k] = a[k] / lane_sqrt(length);
+    b->thrust_share[i] = column(p, P_rotor_1_thrust + i * stride);
+    b->torque_share[i] = column(p, P_rotor_1_torque + i * stride);
+    b->lag_share[i] = column(p, P_rotor_1_lag + i * stride);
+#endif
   }
 }
 
@@ -100,23 +118,25 @@ static inline void sample_state(const vd *y, sample_t *s) {
     s->v[k] = y[Y_V + k];
     s->omega[k] = y[Y_OMEGA + k];
   }
-  for (int k = 0; k < 4; k++) {
-    s->q[k] = y[Y_Q + k];
-    s->speed[k] = y[Y_SPEED + k];
-  }
+  for (int k = 0; k < 4; k++) s->q[k] = y[Y_Q + k];
+  for (int i = 0; i < ROTORS_OF(s); i++) s->speed[i] = y[Y_SPEED + i];
   rotation_matrix(s->q, s->r);
 }
 
 static inline void sample_rotors(const vehicle_t *b, ground_lanes_t *g, sample_t *s) {
   ground_move(g, s->p[0]);
   s->map = g;
-  for (int i = 0; i < GES_ROTORS; i++) {
+  for (int i = 0; i < ROTORS_OF(s); i++) {
     const vd *hub = b->hub[i];
     s->under[i] = ground_at(g, s->p[0] + row_dot(s->r, hub), s->p[1] + row_dot(s->r + 3, hub));
     s->height[i] = s->p[2] + row_dot(s->r + 6, hub) - s->under[i].height;
     vd w2 = s->speed[i] * s->speed[i];
     s->thrust[i] = s->thrust_coefficient * w2;
     s->torque[i] = s->torque_coefficient * w2;
+#if GES_GENERAL
+    s->thrust[i] = s->thrust[i] * s->thrust_share[i];
+    s->torque[i] = s->torque[i] * s->torque_share[i];
+#endif
   }
 }
 
@@ -146,6 +166,13 @@ static inline void build_sample(const vehicle_t *b, const active_t *a, ground_la
 /* Hubs, radii and spins do not change along a flight. */
 static inline void start_sample(const vehicle_t *b, const active_t *a, sample_t *s) {
   memset(s, 0, sizeof *s);
+#if GES_GENERAL
+  s->rotors = b->rotors;
+  memcpy(s->axis, b->axis, sizeof s->axis);
+  memcpy(s->thrust_share, b->thrust_share, sizeof s->thrust_share);
+  memcpy(s->torque_share, b->torque_share, sizeof s->torque_share);
+  for (int i = 0; i < s->rotors; i++) s->inverse_lag_share[i] = 1.0 / b->lag_share[i];
+#endif
   sample_constants(b, a, s);
   memcpy(s->hub, b->hub, sizeof s->hub);
   memcpy(s->radius, b->radius, sizeof s->radius);
@@ -172,9 +199,9 @@ static inline void add_wrenches(const active_t *a, const sample_t *s, const vd *
 
 /* Ground effect factor of every rotor from the thrust increments near the ground. */
 static inline void set_factor(sample_t *s, const vd thrust_added[GES_ROTORS]) {
-  for (int i = 0; i < GES_ROTORS; i++)
+  for (int i = 0; i < ROTORS_OF(s); i++)
     s->factor[i] = 1.0 + thrust_added[i] / lane_max(s->thrust[i], all_lanes(1e-12));
-  s->factor_mean = 0.25 * total(s->factor);
+  s->factor_mean = mean(s, s->factor);
 }
 
 /* Commanded rotor speeds and lags, effects included; w_cmd is held within [0, w_max]. */
@@ -183,7 +210,7 @@ static inline void add_drive(const active_t *a, const sample_t *s, const vd *y, 
   for (int j = 0; j < a->n; j++)
     if (a->effect[j]->drive)
       a->effect[j]->drive(s, a->p[j], y + Y_X + a->first_state[j], dy + Y_X + a->first_state[j], d);
-  for (int i = 0; i < GES_ROTORS; i++)
+  for (int i = 0; i < ROTORS_OF(s); i++)
     d->speed[i] = clamp(s->speed_max * s->u[i] + d->speed[i], all_lanes(0.0), s->speed_max);
   d->lag_up = lane_max(s->motor_lag + d->lag_up, all_lanes(1e-4));
   d->lag_down = lane_max(s->motor_lag + d->lag_down, all_lanes(1e-4));
@@ -199,12 +226,9 @@ static inline void sum_wrench(const sample_t *s, const wrench_t *w, vd force[3],
     force[k] = w->force[k];
     moment[k] = w->moment[k];
   }
-  for (int i = 0; i < GES_ROTORS; i++) {
-    vd thrust = s->thrust[i] + w->thrust[i];
-    force[2] += thrust;
-    moment[0] += s->hub[i][1] * thrust;
-    moment[1] -= s->hub[i][0] * thrust;
-    moment[2] -= s->spin[i] * s->torque[i];
+  for (int i = 0; i < ROTORS_OF(s); i++) {
+    add_thrust(s, i, s->thrust[i] + w->thrust[i], force, moment);
+    add_reaction(s, i, s->torque[i], moment);
   }
 }
 

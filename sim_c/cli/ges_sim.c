@@ -8,8 +8,8 @@
  *   effect rotor_drag             switches an effect on with its typical parameters
  *   effect.rotor_drag.k_kg = 1e-4 sets a parameter of it
  *   term 1 0 0.1 V_x R R |V_x|    a term of a law: channel (0 to 5), scale (0 weight, 1 thrust), coefficient, groups
- *   inputs FILE                   table of numbers: 14 columns of references, or 12 of a replay, as control says
- *   columns t_s p_z_m ...         what is recorded, for all flights (default: every column)
+ *   inputs FILE                   table of numbers: 14 columns of references, or of a replay one for every rotor and 8, as control says
+ *   columns t_s p_z_m ...         what is recorded, for all flights (default: every column, of the first flight's rotors)
  * Output: CSV on standard output, or raw doubles, flight after flight, into FILE.
  */
 #include <errno.h>
@@ -76,7 +76,7 @@ static int effect_slot(ges_flight *f, const char *name, ges_effect_info *info, c
   if (id < 0) stop(path, line, "unknown effect; see the effects folder for names");
   for (int j = 0; j < f->effects.n; j++)
     if (f->effects.id[j] == id) return j;
-  if (f->effects.n == GES_MAX_EFFECTS) stop(path, line, "too many effects; at most 16");
+  if (f->effects.n == GES_MAX_EFFECTS) stop(path, line, "too many effects; at most 40");
   int j = f->effects.n++;
   f->effects.id[j] = id;
   for (int k = 0; k < info->n_parameters; k++) f->effects.value[j][k] = info->parameters[k].value;
@@ -138,8 +138,8 @@ static void read_inputs(ges_flight *f, const char *file, const char *path, int l
   const ges_choice *controllers;
   int control = (int)f->parameters[P_control], known = ges_controllers(&controllers);
   if (control < 0 || control >= known) stop(path, line, "no such control; see sim/controllers.def");
-  int width = controllers[control].input_columns;
-  if (n == 0 || n % (size_t)width) stop(path, line, "inputs file does not hold whole rows (14 references, or 12 of a replay; set control first)");
+  int width = controllers[control].input_columns + controllers[control].rotor_columns * (int)f->parameters[P_rotors];
+  if (n == 0 || n % (size_t)width) stop(path, line, "inputs file does not hold whole rows (14 references, or a column for every rotor and 8 of a replay; set control and rotors first)");
   f->inputs = values;
   f->n_inputs = (int)(n / (size_t)width);
 }
@@ -196,7 +196,9 @@ static void read_script(script_t *s, const char *path) {
   if (s->n == 0) stop(path, 0, "no flight in this file; begin one with a line 'flight'");
   const ges_column *table;
   int all = ges_columns(&table);
-  for (int c = 0; s->n_columns < all && s->n_columns == c; c++) s->columns[s->n_columns++] = c;
+  if (s->n_columns > 0) return;
+  for (int c = 0; c < all; c++)
+    if (table[c].rotor <= (int)s->flight[0].parameters[P_rotors]) s->columns[s->n_columns++] = c;
 }
 
 static void write_csv(const script_t *s) {

@@ -1,6 +1,6 @@
 /* Lanes: one vector per variable, one lane per flight (or per recorded sample).
  *
- * GES_W is the number of lanes a translation unit is compiled for. All arithmetic on `vd` reads like
+ * GES_W is the number of lanes a translation unit is compiled for, GES_ROTORS that of rotors (effects/effect.h). All arithmetic on `vd` reads like
  * scalar code; comparisons give masks (all bits set or none) for sel(). Only + - * / and sqrt are used, which
  * IEEE 754 rounds correctly, so every lane has the same bits whatever GES_W and the machine's vector width
  * (compile with -ffp-contract=off and without -ffast-math).
@@ -15,10 +15,14 @@
 #error "define GES_W, the number of lanes, before lanes.h"
 #endif
 
-#define GES_PASTE_(a, b) a##_w##b
-#define GES_PASTE(a, b) GES_PASTE_(a, b)
-/* Name of a symbol that exists once per lane width. */
-#define PER_WIDTH(name) GES_PASTE(name, GES_W)
+#ifndef GES_ROTORS
+#define GES_ROTORS 4
+#endif
+
+#define GES_PASTE_(a, b, c) a##_r##b##_w##c
+#define GES_PASTE(a, b, c) GES_PASTE_(a, b, c)
+/* Name of a symbol that exists once per number of rotors and lane width. */
+#define PER_UNIT(name) GES_PASTE(name, GES_ROTORS, GES_W)
 
 #define MAGIC_ROUND 6755399441055744.0 /* 1.5 * 2^52: adding it rounds to the nearest integer */
 

@@ -1,12 +1,14 @@
-/* Centre of gravity beside the geometric centre: M = -r x (sum(T) e_z), r the offset, body frame. Hover-like: the
+/* Centre of gravity beside the geometric centre: M = -r x sum(T_i a_i), a_i the axes of the rotors, r the offset, body frame. Hover-like: the
  * terms in angular acceleration (m r x a) are of second order in r and left out. */
 #include "effect.h"
 
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
-  vd thrust = total(s->thrust);
-  add->moment[0] -= p[1] * thrust;
-  add->moment[1] += p[0] * thrust;
+  vd thrust[3];
+  thrust_vector(s, thrust);
+  add->moment[0] -= p[1] * thrust[2];
+  add->moment[1] += p[0] * thrust[2];
+  add->moment[2] += p[1] * thrust[0] - p[0] * thrust[1];
 }
 
 EFFECT(cg_offset) = {

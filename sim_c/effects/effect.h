@@ -18,6 +18,16 @@
 #include "../include/ges.h"
 #include "../world/terrain.h"
 
+/* Units of 4, 6 and 8 rotors that stand upright and are alike have loops of fixed length. That of GES_MAX_ROTORS serves
+ * every vehicle: as many rotors as it has, each with its own direction, coefficients and lag. */
+#define GES_GENERAL (GES_ROTORS == GES_MAX_ROTORS)
+#if GES_GENERAL
+#define ROTORS_OF(x) ((x)->rotors)
+#else
+#define ROTORS_OF(x) ((void)(x), GES_ROTORS)
+#endif
+#define GES_MAX_STATES (2 * GES_ROTORS) /* extra states of one effect */
+
 typedef struct sample_s sample_t;
 
 /* f - 1 of every rotor near the ground, from a sample and the parameters of the effect whose thrust gain it is. */
@@ -31,6 +41,10 @@ struct sample_s {
   vd omega_dot[3];             /* body, rad/s^2; that of the step before while simulating */
   vd wind[3], air[3];          /* wind, world; velocity relative to the air, body, m/s */
   vd hub[GES_ROTORS][3], spin[GES_ROTORS], radius[GES_ROTORS];
+#if GES_GENERAL
+  int rotors;
+  vd axis[GES_ROTORS][3], thrust_share[GES_ROTORS], torque_share[GES_ROTORS], inverse_lag_share[GES_ROTORS];
+#endif
   vd speed[GES_ROTORS], u[GES_ROTORS];
   vd speed_rate[GES_ROTORS];   /* rad/s^2 */
   vd thrust[GES_ROTORS];       /* K_T w^2, N, out of ground effect */
@@ -94,14 +108,56 @@ typedef struct {
  * times a rate: what decays by itself has to take half a step or longer. */
 #define GES_STATE_STEP_S 2.5e-3
 
-#define EFFECT(name) const effect_t PER_WIDTH(effect_##name)
+#define EFFECT(name) const effect_t PER_UNIT(effect_##name)
 
 /* Induced velocity of rotor i hovering at its present thrust, squared, m^2/s^2: T / (2 rho A). */
 static inline vd induced_squared(const sample_t *s, int i) {
   return s->thrust[i] / (s->rho * (2.0 * 3.141592653589793) * (s->radius[i] * s->radius[i]));
 }
-/* Total thrust, N. */
-static inline vd total(const vd rotor[GES_ROTORS]) { return (rotor[0] + rotor[1]) + (rotor[2] + rotor[3]); }
+/* Sum over the rotors, pair by pair: the same bits for as many rotors in every unit. */
+static inline vd total(const sample_t *s, const vd rotor[GES_ROTORS]) {
+  int n = ROTORS_OF(s);
+  vd sum = n > 1 ? rotor[0] + rotor[1] : rotor[0];
+  for (int i = 2; i + 1 < n; i += 2) sum += rotor[i] + rotor[i + 1];
+  return n > 2 && n % 2 ? sum + rotor[n - 1] : sum;
+}
+static inline vd mean(const sample_t *s, const vd rotor[GES_ROTORS]) { return (1.0 / ROTORS_OF(s)) * total(s, rotor); }
+/* Add a thrust along the axis of rotor i, at its hub, to the force and moment on the body. */
+static inline void add_thrust(const sample_t *s, int i, vd thrust, vd force[3], vd moment[3]) {
+  const vd *r = s->hub[i];
+#if GES_GENERAL
+  const vd *a = s->axis[i], f[3] = {a[0] * thrust, a[1] * thrust, a[2] * thrust};
+  for (int k = 0; k < 3; k++) force[k] += f[k];
+  moment[0] += r[1] * f[2] - r[2] * f[1];
+  moment[1] += r[2] * f[0] - r[0] * f[2];
+  moment[2] += r[0] * f[1] - r[1] * f[0];
+#else
+  force[2] += thrust;
+  moment[0] += r[1] * thrust;
+  moment[1] -= r[0] * thrust;
+#endif
+}
+/* Thrusts of all rotors together, body frame, N. */
+static inline void thrust_vector(const sample_t *s, vd force[3]) {
+#if GES_GENERAL
+  vd along[GES_ROTORS];
+  for (int k = 0; k < 3; k++) {
+    for (int i = 0; i < s->rotors; i++) along[i] = s->axis[i][k] * s->thrust[i];
+    force[k] = total(s, along);
+  }
+#else
+  force[0] = force[1] = all_lanes(0.0);
+  force[2] = total(s, s->thrust);
+#endif
+}
+/* Add the reaction to an aerodynamic torque of rotor i to the moment on the body. */
+static inline void add_reaction(const sample_t *s, int i, vd torque, vd moment[3]) {
+#if GES_GENERAL
+  for (int k = 0; k < 3; k++) moment[k] -= s->axis[i][k] * (s->spin[i] * torque);
+#else
+  moment[2] -= s->spin[i] * torque;
+#endif
+}
 /* Velocity of hub i relative to the air, v + omega x r - wind, body frame, m/s: what each rotor meets. */
 static inline void hub_air(const sample_t *s, int i, vd air[3]) {
   const vd *w = s->omega, *r = s->hub[i];

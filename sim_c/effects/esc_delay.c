@@ -7,12 +7,12 @@
 
 static void begin(const sample_t *s, const vd *p, vd *x) {
   (void)p;
-  for (int i = 0; i < GES_ROTORS; i++) x[i] = s->speed[i] / s->speed_max;
+  for (int i = 0; i < ROTORS_OF(s); i++) x[i] = s->speed[i] / s->speed_max;
 }
 
 static void drive(const sample_t *s, const vd *p, const vd *x, vd *dx, drive_t *add) {
   vd d = lane_max(p[0], all_lanes(0.006)), rate = 1.0 / d;
-  for (int i = 0; i < GES_ROTORS; i++) {
+  for (int i = 0; i < ROTORS_OF(s); i++) {
     vd late = x[GES_ROTORS + i];
     dx[i] = late;
     dx[GES_ROTORS + i] = (12.0 * rate * rate) * (s->u[i] - x[i]) - (6.0 * rate) * late;
@@ -28,7 +28,7 @@ EFFECT(esc_delay) = {
     .channels = "drive force_z moment_x moment_y moment_z",
     .kind = GES_ACTUATOR,
     .n_parameters = 1,
-    .n_states = 8,
+    .n_states = 2 * GES_ROTORS,
     .parameters =
         {
          {.name = "delay_s", .unit = "s", .role = GES_AMPLITUDE, .value = 0.01, .neutral = 0, .low = 0, .high = 0.1,

@@ -7,11 +7,13 @@
 
 static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
-  vd a = s->hub[0][0] - s->hub[2][0], b = s->hub[0][1] - s->hub[2][1];
-  vd c = s->hub[0][0] - s->hub[3][0], e = s->hub[0][1] - s->hub[3][1];
-  vd spacing = lane_min(lane_sqrt(a * a + b * b), lane_sqrt(c * c + e * e));
-  vd ratio = 0.25 * total(s->height) / (p[1] * lane_max(spacing, all_lanes(1e-3)));
-  add->force[2] += p[0] * total(s->thrust) * lane_exp(-(ratio * ratio));
+  vd spacing = all_lanes(ROTORS_OF(s) > 1 ? INFINITY : 0.0);
+  for (int i = 1; i < ROTORS_OF(s); i++) {
+    vd a = s->hub[0][0] - s->hub[i][0], b = s->hub[0][1] - s->hub[i][1], square = a * a + b * b;
+    spacing = sel(GT(square, all_lanes(1e-6)), lane_min(spacing, lane_sqrt(square)), spacing); /* not one over the other */
+  }
+  vd ratio = mean(s, s->height) / (p[1] * lane_max(spacing, all_lanes(1e-3)));
+  add->force[2] += p[0] * total(s, s->thrust) * lane_exp(-(ratio * ratio));
 }
 
 EFFECT(fountain_lift) = {

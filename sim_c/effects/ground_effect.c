@@ -4,8 +4,9 @@
  * x_i = (height of the hub + offset) / R_i, kappa the Laplacian of the ground (1/m, positive in hollows). Forms f(x):
  *   0 Cheeseman & Bennett 1955 (ARC R&M 3021):  1 / (1 - u), u = (1/4x)^2, x held above 0.26 (pole at 1/4)
  *   1 Hayden 1976:  (A + B (2/x)^2)^(2/3), A = 0.9926, B = 0.0379; below 1 taken as 1
- *   2 Sanchez-Cuevas, Heredia & Ollero 2017:  image sources of four rotors with the body lift K_b,
- *       1/f = 1 - u - x/(d^2+4x^2)^1.5 - x/2/(b^2+4x^2)^1.5 ... with d, b the adjacent and opposite hub distances over R
+ *   2 Sanchez-Cuevas, Heredia & Ollero 2017:  image sources of all rotors with the body lift K_b,
+ *       1/f = 1 - u - sum_j x/2 / (d_j^2 + 4x^2)^1.5 - 2 K_b x / (b^2 + 4x^2)^1.5, d_j the distances of the other hubs
+ *       over R, b the greatest (the opposite rotor)
  *   3 He & Leang 2020:  1 + C_a exp(-C_b x)
  *   4 rational:  1 + C_a / (1 + (C_b x)^2): flat at the ground, where measured gains level off, and falling as x^-2, as images do
  * The slope exponent, the curvature gain and the clamp are the study's heuristics, without external support.
@@ -23,28 +24,17 @@ static vd hayden(vd x) {
 
 static vd inverse_three_halves(vd x) { return 1.0 / (x * lane_sqrt(x)); }
 
-static vd sanchez_cuevas(vd x, vd d, vd b, vd kb) {
-  vd quarter = 0.25 / lane_max(x, all_lanes(0.26)), four = 4.0 * x * x;
-  vd adjacent = x * inverse_three_halves(d * d + four);
-  vd opposite = x * inverse_three_halves(b * b + four);
-  return 1.0 / lane_max(1.0 - quarter * quarter - adjacent - (0.5 + 2.0 * kb) * opposite, all_lanes(0.2));
-}
-
-static vd distance(const vd a[3], const vd b[3]) {
-  vd x = a[0] - b[0], y = a[1] - b[1];
-  return lane_sqrt(x * x + y * y);
-}
-
-/* Least and greatest distance of hub i from the others, over its radius. */
-static void spacing(const sample_t *s, int i, vd *adjacent, vd *opposite) {
-  *adjacent = *opposite = distance(s->hub[i], s->hub[(i + 1) % GES_ROTORS]);
-  for (int j = 2; j < GES_ROTORS; j++) {
-    vd other = distance(s->hub[i], s->hub[(i + j) % GES_ROTORS]);
-    *adjacent = lane_min(*adjacent, other);
-    *opposite = lane_max(*opposite, other);
+/* Images of all rotors: x/2 / (d^2 + 4 x^2)^1.5 of one at the distance d R, which is (1/4x)^2 of the rotor itself. */
+static vd sanchez_cuevas(const sample_t *s, int i, vd x, vd kb) {
+  vd quarter = 0.25 / lane_max(x, all_lanes(0.26)), four = 4.0 * x * x, opposite = all_lanes(0.0), images = quarter * quarter;
+  for (int j = 0; j < ROTORS_OF(s); j++) {
+    if (j == i) continue;
+    vd a = s->hub[i][0] - s->hub[j][0], b = s->hub[i][1] - s->hub[j][1];
+    vd square = (a * a + b * b) / (s->radius[i] * s->radius[i]);
+    images += 0.5 * x * inverse_three_halves(square + four);
+    opposite = lane_max(opposite, square);
   }
-  *adjacent = *adjacent / s->radius[i];
-  *opposite = *opposite / s->radius[i];
+  return 1.0 / lane_max(1.0 - images - 2.0 * kb * x * inverse_three_halves(opposite + four), all_lanes(0.2));
 }
 
 /* f - 1 of rotor i as a fraction, so that one division serves the form and the slope. */
@@ -59,10 +49,9 @@ static fraction_t cheeseman_bennett(vd height, vd radius) {
 }
 
 static fraction_t other_form(const sample_t *s, const vd *p, int i) {
-  vd adjacent, opposite, x = (s->height[i] + p[OFFSET]) / s->radius[i];
-  spacing(s, i, &adjacent, &opposite);
+  vd x = (s->height[i] + p[OFFSET]) / s->radius[i];
   vd f = hayden(x);
-  f = sel(GT(p[FORM], all_lanes(1.5)), sanchez_cuevas(x, adjacent, opposite, p[KB]), f);
+  f = sel(GT(p[FORM], all_lanes(1.5)), sanchez_cuevas(s, i, x, p[KB]), f);
   f = sel(GT(p[FORM], all_lanes(2.5)), 1.0 + p[CA] * lane_exp(-p[DECAY] * x), f);
   vd k = p[DECAY] * x;
   f = sel(GT(p[FORM], all_lanes(3.5)), 1.0 + p[CA] / (1.0 + k * k), f);
@@ -90,7 +79,7 @@ static vd inverse_slope_factor(const ground_t *g, vd n) {
 }
 
 static void cushion(const sample_t *s, const vd *p, vd cushion[GES_ROTORS]) {
-  for (int i = 0; i < GES_ROTORS; i++) {
+  for (int i = 0; i < ROTORS_OF(s); i++) {
     const ground_t *g = &s->under[i];
     fraction_t f = gain(s, p, i);
     vd corrected = p[AMPLITUDE] * f.over * (1.0 + p[CURVATURE_GAIN] * g->laplacian);
@@ -101,7 +90,7 @@ static void cushion(const sample_t *s, const vd *p, vd cushion[GES_ROTORS]) {
 
 static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)p, (void)x, (void)dx;
-  for (int i = 0; i < GES_ROTORS; i++) add->thrust[i] += s->thrust[i] * s->cushion[i];
+  for (int i = 0; i < ROTORS_OF(s); i++) add->thrust[i] += s->thrust[i] * s->cushion[i];
 }
 
 EFFECT(ground_effect) = {

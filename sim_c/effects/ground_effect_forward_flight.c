@@ -8,7 +8,7 @@
 
 static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
-  for (int i = 0; i < GES_ROTORS; i++) {
+  for (int i = 0; i < ROTORS_OF(s); i++) {
     vd v2 = p[0] * p[0] * across_squared(s, i);
     add->thrust[i] -= s->thrust[i] * s->cushion[i] * (v2 / (v2 + lane_max(induced_squared(s, i), all_lanes(1e-9))));
   }

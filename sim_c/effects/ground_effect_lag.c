@@ -4,12 +4,12 @@
 
 static void begin(const sample_t *s, const vd *p, vd *x) {
   (void)p;
-  for (int i = 0; i < GES_ROTORS; i++) x[i] = s->cushion[i];
+  for (int i = 0; i < ROTORS_OF(s); i++) x[i] = s->cushion[i];
 }
 
 static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   vl on = GT(p[0], all_lanes(0.0));
-  for (int i = 0; i < GES_ROTORS; i++) {
+  for (int i = 0; i < ROTORS_OF(s); i++) {
     vd induced = lane_sqrt(lane_max(induced_squared(s, i), all_lanes(1e-6)));
     vd tau = p[0] * (lane_max(s->height[i], all_lanes(0.0)) + s->radius[i]) / induced;
     vd behind = s->cushion[i] - x[i];
@@ -27,7 +27,7 @@ EFFECT(ground_effect_lag) = {
     .channels = "force_z",
     .kind = GES_WRENCH,
     .n_parameters = 1,
-    .n_states = 4,
+    .n_states = GES_ROTORS,
     .invariants = GES_INVARIANT_MIRROR | GES_INVARIANT_FADES,
     .parameters =
         {

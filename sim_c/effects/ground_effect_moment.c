@@ -4,7 +4,7 @@
 
 static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
-  for (int i = 0; i < GES_ROTORS; i++) {
+  for (int i = 0; i < ROTORS_OF(s); i++) {
     vd lift = p[0] * s->thrust[i] * s->cushion[i];
     add->moment[0] += s->hub[i][1] * lift;
     add->moment[1] -= s->hub[i][0] * lift;

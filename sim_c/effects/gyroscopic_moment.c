@@ -4,7 +4,7 @@
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
   vd h = all_lanes(0.0);
-  for (int i = 0; i < GES_ROTORS; i++) h += s->spin[i] * (p[0] * s->speed[i]);
+  for (int i = 0; i < ROTORS_OF(s); i++) h += s->spin[i] * (p[0] * s->speed[i]);
   add->moment[0] -= s->omega[1] * h;
   add->moment[1] += s->omega[0] * h;
 }

@@ -37,19 +37,17 @@ static inline vd horizontal_squared(const sample_t *s) {
   return x * x + y * y;
 }
 
-static inline vd mean_height(const sample_t *s) { return 0.25 * total(s->height); }
-
 static inline references_t references_of(const sample_t *s) {
   references_t l;
   vd arm = all_lanes(0.0), disc = all_lanes(0.0), weight = s->mass * s->gravity;
-  for (int i = 0; i < GES_ROTORS; i++) {
+  for (int i = 0; i < ROTORS_OF(s); i++) {
     arm += lane_sqrt(s->hub[i][0] * s->hub[i][0] + s->hub[i][1] * s->hub[i][1]);
     disc += 3.141592653589793 * (s->radius[i] * s->radius[i]);
   }
-  l.radius = total(s->radius) / GES_ROTORS;
-  l.arm = arm / GES_ROTORS;
+  l.radius = mean(s, s->radius);
+  l.arm = arm / ROTORS_OF(s);
   l.hover_inflow = lane_sqrt(weight / (2.0 * s->rho * disc));
-  l.hover_speed = lane_sqrt(weight / (GES_ROTORS * s->thrust_coefficient));
+  l.hover_speed = lane_sqrt(weight / (ROTORS_OF(s) * s->thrust_coefficient));
   l.body_rate = lane_sqrt(s->gravity / l.arm);
   return l;
 }
@@ -79,7 +77,7 @@ static inline vd nearness(const ges_term *term, const sample_t *s) {
 static inline void add_law(const law_t *law, const sample_t *s, wrench_t *add) {
   if (law->n == 0) return;
   references_t l = references_of(s);
-  vd group[N_GROUPS], scale[2] = {s->mass * s->gravity, total(s->thrust)};
+  vd group[N_GROUPS], scale[2] = {s->mass * s->gravity, total(s, s->thrust)};
   groups_of(law, &l, s, group);
   for (int j = 0; j < law->n; j++) {
     const ges_term *term = &law->term[j];

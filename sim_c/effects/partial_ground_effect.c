@@ -9,7 +9,7 @@ enum { POINTS = 8 };
 /* Cushions with every hub's ground taken k radii away in the direction (cx, cy) of the world. */
 static void shifted_cushion(const sample_t *s, vd k, double cx, double cy, vd cushion[GES_ROTORS]) {
   sample_t moved = *s;
-  for (int i = 0; i < GES_ROTORS; i++) {
+  for (int i = 0; i < ROTORS_OF(s); i++) {
     vd reach = k * s->radius[i];
     vd x = s->p[0] + (s->r[0] * s->hub[i][0] + s->r[1] * s->hub[i][1] + s->r[2] * s->hub[i][2]);
     vd y = s->p[1] + (s->r[3] * s->hub[i][0] + s->r[4] * s->hub[i][1] + s->r[5] * s->hub[i][2]);
@@ -28,7 +28,7 @@ static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t
   for (int m = 0; m < POINTS; m++) {
     vd cushion[GES_ROTORS];
     shifted_cushion(s, p[0], circle[m][0], circle[m][1], cushion);
-    for (int i = 0; i < GES_ROTORS; i++)
+    for (int i = 0; i < ROTORS_OF(s); i++)
       add->thrust[i] += s->thrust[i] * ((cushion[i] - s->cushion[i]) * (1.0 / POINTS));
   }
 }

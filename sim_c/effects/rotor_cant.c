@@ -1,12 +1,12 @@
 /* Rotors canted about their arms by one small angle, so that their thrust turns the body:
  * F_i = g T_i t_i, M_i = r_i x F_i, with t_i = e_z x r_i / |r_i| across the arm; in yaw g sum(T_i |r_i|).
  *
- * Motors stand straight to a degree or so; of four, the mean counts. */
+ * Motors stand straight to a degree or so; of all, the mean counts. */
 #include "effect.h"
 
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
-  for (int i = 0; i < GES_ROTORS; i++) {
+  for (int i = 0; i < ROTORS_OF(s); i++) {
     const vd *r = s->hub[i];
     vd arm = lane_sqrt(r[0] * r[0] + r[1] * r[1]), push = p[0] * s->thrust[i];
     vd fx = -(push * (r[1] / arm)), fy = push * (r[0] / arm);
@@ -30,7 +30,7 @@ EFFECT(rotor_cant) = {
     .parameters =
         {
          {.name = "angle_rad", .unit = "rad", .role = GES_AMPLITUDE, .value = 0.01, .neutral = 0, .low = -0.2, .high = 0.2,
-          .doc = "mean angle of the four, that turns counter-clockwise seen from above", .trim = GES_TRIM_YAW,
+          .doc = "mean angle of the rotors, that turns counter-clockwise seen from above", .trim = GES_TRIM_YAW,
           .doubt = {.shows_in = "moment_z", .step = 0.002, .sd = 0}},
         },
     .about = GES_PHYSICS,

@@ -7,7 +7,7 @@
 
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
-  for (int i = 0; i < GES_ROTORS; i++) {
+  for (int i = 0; i < ROTORS_OF(s); i++) {
     vd air[3];
     hub_air(s, i, air);
     vd fx = -p[0] * s->speed[i] * air[0], fy = -p[0] * s->speed[i] * air[1];

@@ -3,7 +3,7 @@
 
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
-  for (int i = 0; i < GES_ROTORS; i++) add->moment[2] -= s->spin[i] * (p[0] * s->speed_rate[i]);
+  for (int i = 0; i < ROTORS_OF(s); i++) add_reaction(s, i, p[0] * s->speed_rate[i], add->moment);
 }
 
 EFFECT(rotor_inertia_reaction) = {

@@ -3,7 +3,7 @@
 
 static void drive(const sample_t *s, const vd *p, const vd *x, vd *dx, drive_t *add) {
   (void)x, (void)dx;
-  for (int i = 0; i < GES_ROTORS; i++)
+  for (int i = 0; i < ROTORS_OF(s); i++)
     add->speed[i] -= s->speed_max * lane_max(s->u[i] - p[0], all_lanes(0.0));
 }
 

@@ -3,7 +3,7 @@
 
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
-  for (int i = 0; i < GES_ROTORS; i++) {
+  for (int i = 0; i < ROTORS_OF(s); i++) {
     vd fx = p[0] * s->thrust[i], fy = p[1] * s->thrust[i];
     add->force[0] += fx;
     add->force[1] += fy;

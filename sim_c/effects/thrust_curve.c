@@ -3,7 +3,7 @@
 
 static void drive(const sample_t *s, const vd *p, const vd *x, vd *dx, drive_t *add) {
   (void)x, (void)dx;
-  for (int i = 0; i < GES_ROTORS; i++) {
+  for (int i = 0; i < ROTORS_OF(s); i++) {
     vd u = lane_max(s->u[i], all_lanes(0.0));
     vd bent = lane_sqrt(lane_max((1.0 - p[0]) * (u * u) + p[0] * u, all_lanes(0.0)));
     add->speed[i] += s->speed_max * (bent - u);

@@ -3,7 +3,7 @@
 
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
-  for (int i = 0; i < GES_ROTORS; i++) add->thrust[i] += p[0] * s->thrust[i];
+  for (int i = 0; i < ROTORS_OF(s); i++) add->thrust[i] += p[0] * s->thrust[i];
 }
 
 EFFECT(thrust_scale) = {

@@ -3,7 +3,7 @@
 
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
-  for (int i = 0; i < GES_ROTORS; i++) {
+  for (int i = 0; i < ROTORS_OF(s); i++) {
     vd v2 = across_squared(s, i);
     add->thrust[i] += p[0] * s->thrust[i] * (v2 / (v2 + lane_max(induced_squared(s, i), all_lanes(1e-9))));
   }

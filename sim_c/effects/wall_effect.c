@@ -6,7 +6,7 @@ static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t
   vd sine, cosine;
   lane_sin_cos(p[2], &sine, &cosine);
   vd d = lane_max(p[1] - (s->p[0] * cosine + s->p[1] * sine), all_lanes(0.0));
-  vd pull = p[0] * total(s->thrust) * lane_exp(-d / s->radius[0]);
+  vd pull = p[0] * total(s, s->thrust) * lane_exp(-d / s->radius[0]);
   for (int k = 0; k < 3; k++) add->force[k] += pull * (s->r[k] * cosine + s->r[3 + k] * sine);
 }
 

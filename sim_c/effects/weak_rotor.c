@@ -3,11 +3,16 @@
 
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
-  for (int i = 0; i < GES_ROTORS; i++) {
+  for (int i = 0; i < ROTORS_OF(s); i++) {
     add->thrust[i] -= p[i] * s->thrust[i];
-    add->moment[2] += s->spin[i] * (p[i] * s->torque[i]);
+    add_reaction(s, i, -(p[i] * s->torque[i]), add->moment);
   }
 }
+
+#define LOSS(i) \
+  {.name = "loss_" #i, .unit = "1", .role = GES_AMPLITUDE, .value = i == 1 ? 0.15 : 0, .neutral = 0, .low = -0.5, .high = 1, \
+   .doc = "lost share of rotor " #i, .rotor = i, .trim = GES_TRIM_ROTOR, \
+   .doubt = {.shows_in = "moment", .step = 0.005, .sd = 0.01, .flight_sd = 0.003}},
 
 EFFECT(weak_rotor) = {
     .name = "weak_rotor",
@@ -16,29 +21,18 @@ EFFECT(weak_rotor) = {
     .reference = "definition",
     .channels = "force_z moment_x moment_y moment_z",
     .kind = GES_WRENCH,
-    .n_parameters = 4,
+    .n_parameters = GES_MAX_ROTORS,
     .invariants = GES_INVARIANT_FREE_AIR,
     .parameters =
         {
-         {.name = "loss_1", .unit = "1", .role = GES_AMPLITUDE, .value = 0.15, .neutral = 0, .low = -0.5, .high = 1,
-          .doc = "lost share of rotor 1",
-          .doubt = {.shows_in = "moment", .step = 0.005, .sd = 0.01, .flight_sd = 0.003}, .trim = GES_TRIM_ROTOR},
-         {.name = "loss_2", .unit = "1", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -0.5, .high = 1,
-          .doc = "lost share of rotor 2",
-          .doubt = {.shows_in = "moment", .step = 0.005, .sd = 0.01, .flight_sd = 0.003}, .trim = GES_TRIM_ROTOR},
-         {.name = "loss_3", .unit = "1", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -0.5, .high = 1,
-          .doc = "lost share of rotor 3",
-          .doubt = {.shows_in = "moment", .step = 0.005, .sd = 0.01, .flight_sd = 0.003}, .trim = GES_TRIM_ROTOR},
-         {.name = "loss_4", .unit = "1", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -0.5, .high = 1,
-          .doc = "lost share of rotor 4",
-          .doubt = {.shows_in = "moment", .step = 0.005, .sd = 0.01, .flight_sd = 0.003}, .trim = GES_TRIM_ROTOR},
+         EACH_ROTOR(LOSS)
         },
     .about = GES_PHYSICS,
     .feedback = GES_FEEDBACK_ROTOR,
     .hints = GES_MANY,
     .search =
         {
-         {.amplitudes = "loss_1 loss_2 loss_3 loss_4", .rule = "places"},
+         {.amplitudes = "loss_*", .rule = "places"},
         },
     .wrench = wrench,
 };

@@ -52,17 +52,58 @@ static real command_of(const fw_config *c, real thrust) {
   return pick(WHEN(k > 0.0f), 2.0f * share / (k + root(k * k + 4.0f * (1.0f - k) * share)), u);
 }
 
+/* How far all rotors have to go along `axis` of the mixer so that the one furthest outside its limits comes in; where some
+ * are over and some under, the sum of both, which leaves them equally far outside. */
+static real desaturating(const fw_config *c, int axis, const real *rotor, real most) {
+  real low = number(0.0f), high = number(0.0f);
+  for (int i = 0; i < FIRMWARE_ROTORS_OF(c); i++) {
+    real way = c->mixer[i][axis], size = greatest(way, -way), safe = greatest(size, number(1e-6f));
+    real past = pick(WHEN(rotor[i] < 0.0f), -rotor[i], pick(WHEN(rotor[i] > most), most - rotor[i], number(0.0f)));
+    real gain = pick(WHEN(size > 1e-6f), past / safe * pick(WHEN(way < 0.0f), number(-1.0f), number(1.0f)), number(0.0f));
+    low = least(low, gain);
+    high = greatest(high, gain);
+  }
+  return low + high;
+}
+
+/* Twice, the second time by half: the first step may push others out. `down`: thrust may fall, never rise. */
+static void desaturate(const fw_config *c, int axis, real *rotor, real most, int down) {
+  for (int round = 0; round < 2; round++) {
+    real gain = desaturating(c, axis, rotor, most) * (round ? 0.5f : 1.0f);
+    if (down) gain = least(gain, number(0.0f));
+    for (int i = 0; i < FIRMWARE_ROTORS_OF(c); i++) rotor[i] = rotor[i] + gain * c->mixer[i][axis];
+  }
+}
+
+/* Thrust, roll and pitch first, then as much yaw as is left; after PX4, ControlAllocationSequentialDesaturation.cpp,
+ * mixAirmodeDisabled. */
+static void allocate(const fw_config *c, real yaw, const real *roll_pitch, real *rotor) {
+  real most = c->thrust_coefficient * c->speed_max * c->speed_max;
+  for (int i = 0; i < FIRMWARE_ROTORS_OF(c); i++) rotor[i] = roll_pitch[i];
+  desaturate(c, 0, rotor, most, 1);
+  desaturate(c, 1, rotor, most, 0);
+  desaturate(c, 2, rotor, most, 0);
+  for (int i = 0; i < FIRMWARE_ROTORS_OF(c); i++) rotor[i] = rotor[i] + yaw * c->mixer[i][3];
+  desaturate(c, 3, rotor, 1.15f * most, 0); /* at full thrust some yaw is left, for which thrust falls */
+  desaturate(c, 0, rotor, most, 1);
+}
+
 void firmware_run(const fw_config *c, const fw_input *in, fw_state *state, fw_output *out) {
   real d[3], moment[3], factor[FIRMWARE_ROTORS];
   real up = height_acceleration(c, height_error(c, in, state), in->dt, state) + in->a_ref[2] + in->excitation[3];
   real thrust = c->mass * greatest(c->gravity + up, number(0.0f)) / greatest(in->r[8], number(0.5f));
   wanted_direction(c, in, d);
   wanted_moment(c, in, d, moment);
-  out->thrust_command = command_of(c, 0.25f * thrust);
+  out->thrust_command = command_of(c, thrust / (float)FIRMWARE_ROTORS_OF(c));
   ge_ff_estimate(c, in, state->range, out->thrust_command, state, factor, out);
-  for (int i = 0; i < FIRMWARE_ROTORS; i++) {
+  int rotors = FIRMWARE_ROTORS_OF(c);
+  real rotor[FIRMWARE_ROTORS], roll_pitch[FIRMWARE_ROTORS];
+  for (int i = 0; i < rotors; i++) {
     const real *m = c->mixer[i];
-    real rotor = m[0] * thrust + m[1] * moment[0] + m[2] * moment[1] + m[3] * moment[2];
-    out->u[i] = within(command_of(c, rotor) * ge_ff_scale(c, factor[i]), number(0.0f), number(1.0f));
+    roll_pitch[i] = m[0] * thrust + m[1] * moment[0] + m[2] * moment[1];
+    rotor[i] = roll_pitch[i] + m[3] * moment[2];
   }
+  if (c->allocation) allocate(c, moment[2], roll_pitch, rotor);
+  for (int i = 0; i < rotors; i++)
+    out->u[i] = within(command_of(c, rotor[i]) * ge_ff_scale(c, factor[i]), number(0.0f), number(1.0f));
 }

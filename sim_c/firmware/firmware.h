@@ -8,8 +8,7 @@
 
 #include "real.h"
 
-#define FIRMWARE_ROTORS 4
-#define FIRMWARE_FEATURES 13
+#define FIRMWARE_FEATURES 13 /* gyro[3], range, rpm[4], current[4], thrust_command: the network flies four rotors */
 
 enum {
 #define X(name, runs_network, factor, doc) FF_##name,
@@ -21,7 +20,9 @@ enum {
 typedef struct {
   real mass, inertia[3], gravity, thrust_coefficient, speed_max, rotor_radius;
   real thrust_curve; /* c of T = T_max ((1 - c) u^2 + c u) */
+  int rotors;                     /* at most FIRMWARE_ROTORS */
   real mixer[FIRMWARE_ROTORS][4]; /* thrust of each rotor per collective thrust and moments x, y, z */
+  int allocation;                 /* 0: each command held within its limits; 1: roll and pitch before yaw */
   real altitude_kp, altitude_ki, altitude_kd, altitude_filter, altitude_integral;
   real position_kp, velocity_kp, tangent_max;
   real attitude_kp, attitude_kd, yaw_kp, yaw_kd;
@@ -72,8 +73,8 @@ real ge_ff_network(const real feature[FIRMWARE_FEATURES]);
 /* Whether the network gives, within float rounding, the output stored in its header beside its sample input. */
 int ge_ff_network_is_sound(void);
 
-/* Thrust of each rotor per unit of collective thrust and moment: inverse of the rotor geometry.
- * Returns 0 when the rotors cannot make them. x, y: hubs; yaw: torque about z per thrust. */
-int mixer_make(const float x[4], const float y[4], const float yaw[4], float mixer[4][4]);
+/* Thrust of each rotor per unit of collective thrust and moment: (pseudo-)inverse of what each makes per thrust.
+ * effect[0..3][i]: force along z, moments x, y, z of rotor i per its thrust. Returns 0 when the rotors cannot make them. */
+int mixer_make(int rotors, float effect[4][FIRMWARE_MAX_ROTORS], float mixer[FIRMWARE_MAX_ROTORS][4]);
 
 #endif

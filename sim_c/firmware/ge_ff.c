@@ -43,16 +43,24 @@ int ge_ff_network_is_sound(void) {
   return !some(WHEN(off * off > 1e-10f) | WHEN(off != off));
 }
 
+#if FIRMWARE_ROTORS == 4
 static real run_network(const fw_config *c, const fw_input *in, real range, real thrust_command) {
   if (!some(c->network_runs)) return number(__builtin_nanf(""));
   real feature[FIRMWARE_FEATURES] = {in->gyro[0], in->gyro[1], in->gyro[2], range};
-  for (int i = 0; i < FIRMWARE_ROTORS; i++) {
+  for (int i = 0; i < 4; i++) {
     feature[4 + i] = in->rpm[i];
     feature[8 + i] = in->current[i];
   }
   feature[12] = thrust_command;
   return pick(c->network_runs, ge_ff_network(feature), number(__builtin_nanf("")));
 }
+
+#else
+static real run_network(const fw_config *c, const fw_input *in, real range, real thrust_command) {
+  (void)c, (void)in, (void)range, (void)thrust_command;
+  return number(__builtin_nanf(""));
+}
+#endif
 
 choice ge_ff_runs_network(real mode) {
   choice runs = {0};
@@ -78,20 +86,29 @@ static real lead(const fw_config *c, real f, real last, real dt) {
   return pick(WHEN(c->lead > 0.0f) & WHEN(last > 0.0f), f + c->lead * (f - last) / dt, f);
 }
 
+/* Pair by pair, as the simulator sums. */
+static real total_of(int n, const real *rotor) {
+  real sum = n > 1 ? rotor[0] + rotor[1] : rotor[0];
+  for (int i = 2; i + 1 < n; i += 2) sum = sum + (rotor[i] + rotor[i + 1]);
+  return n > 2 && n % 2 ? sum + rotor[n - 1] : sum;
+}
+
 void ge_ff_estimate(const fw_config *c, const fw_input *in, real range, real thrust_command, fw_state *state,
                     real factor[FIRMWARE_ROTORS], fw_output *out) {
   real network = run_network(c, in, range, thrust_command);
   real model = analytical(c, range * in->r[8] + c->range_to_rotor);
-  real mean = 0.25f * ((in->oracle[0] + in->oracle[1]) + (in->oracle[2] + in->oracle[3]));
+  int rotors = FIRMWARE_ROTORS_OF(c);
+  float share = 1.0f / (float)rotors;
+  real mean = share * total_of(rotors, in->oracle);
   choice in_pulse = WHEN(in->t >= c->pulse_start) & WHEN(in->t < c->pulse_end);
   real bias = c->bias + pick(in_pulse, c->pulse, number(0.0f));
   out->estimate = number(0.0f);
-  for (int i = 0; i < FIRMWARE_ROTORS; i++) {
+  for (int i = 0; i < rotors; i++) {
     real oracle = pick(WHEN(c->per_rotor > 0.5f), in->oracle[i], mean);
     real f = rotor_factor(c, network, model, oracle, range) + bias;
     factor[i] = greatest(lead(c, f, state->estimate[i], in->dt), number(0.1f));
     state->estimate[i] = f;
-    out->estimate = out->estimate + 0.25f * factor[i];
+    out->estimate = out->estimate + share * factor[i];
   }
   out->shadow = network;
 }

@@ -1,4 +1,6 @@
-/* Mixer: inverse of [1; y; -x; yaw] by Gauss-Jordan elimination with partial pivoting. */
+/* Mixer: what each rotor gives for a collective thrust and three moments, by Gauss-Jordan elimination with partial pivoting.
+ *
+ * Four rotors: the inverse of their effects B. Others: the pseudo-inverse B^T (B B^T)^-1, the least thrusts that do it. */
 #include "firmware.h"
 
 static void swap_rows(float a[4][8], int i, int j) {
@@ -29,18 +31,42 @@ static int eliminate(float a[4][8], int column) {
   return 1;
 }
 
-int mixer_make(const float x[4], const float y[4], const float yaw[4], float mixer[4][4]) {
-  float a[4][8] = {{0}};
-  for (int j = 0; j < 4; j++) {
-    a[0][j] = 1.0f;
-    a[1][j] = y[j];
-    a[2][j] = -x[j];
-    a[3][j] = yaw[j];
-    a[j][4 + j] = 1.0f;
-  }
+/* Invert the left half of `a` into its right half. */
+static int invert(float a[4][8]) {
+  for (int j = 0; j < 4; j++) a[j][4 + j] = 1.0f;
   for (int column = 0; column < 4; column++)
     if (!eliminate(a, column)) return 0;
-  for (int i = 0; i < 4; i++)
-    for (int j = 0; j < 4; j++) mixer[i][j] = a[i][4 + j];
+  return 1;
+}
+
+/* Rows scaled to the size of the first, so that one threshold of pivots serves vehicles of every size. */
+static void scale_rows(int rotors, const float effect[4][FIRMWARE_MAX_ROTORS], float scale[4]) {
+  for (int k = 0; k < 4; k++) {
+    scale[k] = 1e-12f;
+    for (int i = 0; i < rotors; i++) scale[k] = effect[k][i] * effect[k][i] > scale[k] * scale[k] ? effect[k][i] : scale[k];
+    if (scale[k] < 0.0f) scale[k] = -scale[k];
+  }
+}
+
+int mixer_make(int rotors, float effect[4][FIRMWARE_MAX_ROTORS], float mixer[FIRMWARE_MAX_ROTORS][4]) {
+  float a[4][8] = {{0}}, scale[4];
+  if (rotors == 4) {
+    for (int k = 0; k < 4; k++)
+      for (int j = 0; j < 4; j++) a[k][j] = effect[k][j];
+    if (!invert(a)) return 0;
+    for (int i = 0; i < 4; i++)
+      for (int j = 0; j < 4; j++) mixer[i][j] = a[i][4 + j];
+    return 1;
+  }
+  scale_rows(rotors, effect, scale);
+  for (int k = 0; k < 4; k++)
+    for (int j = 0; j < 4; j++)
+      for (int i = 0; i < rotors; i++) a[k][j] += effect[k][i] / scale[k] * (effect[j][i] / scale[j]);
+  if (!invert(a)) return 0;
+  for (int i = 0; i < rotors; i++)
+    for (int j = 0; j < 4; j++) {
+      mixer[i][j] = 0.0f;
+      for (int k = 0; k < 4; k++) mixer[i][j] += effect[k][i] / scale[k] * a[k][4 + j] / scale[j];
+    }
   return 1;
 }

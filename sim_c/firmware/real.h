@@ -9,16 +9,27 @@
 #define FIRMWARE_LANES 1
 #endif
 
-/* Functions that exist once per number of lanes; on a flight controller they keep their plain names. */
-#define FIRMWARE_PASTE_(name, lanes) name##_w##lanes
-#define FIRMWARE_PASTE(name, lanes) FIRMWARE_PASTE_(name, lanes)
-#if FIRMWARE_LANES > 1
-#define firmware_run FIRMWARE_PASTE(firmware_run, FIRMWARE_LANES)
-#define ge_ff_estimate FIRMWARE_PASTE(ge_ff_estimate, FIRMWARE_LANES)
-#define ge_ff_scale FIRMWARE_PASTE(ge_ff_scale, FIRMWARE_LANES)
-#define ge_ff_runs_network FIRMWARE_PASTE(ge_ff_runs_network, FIRMWARE_LANES)
-#define ge_ff_network FIRMWARE_PASTE(ge_ff_network, FIRMWARE_LANES)
-#define ge_ff_network_is_sound FIRMWARE_PASTE(ge_ff_network_is_sound, FIRMWARE_LANES)
+#define FIRMWARE_MAX_ROTORS 16
+#ifndef FIRMWARE_ROTORS
+#define FIRMWARE_ROTORS 4 /* or 6, 8; 16: as many as its configuration says */
+#endif
+#if FIRMWARE_ROTORS == FIRMWARE_MAX_ROTORS
+#define FIRMWARE_ROTORS_OF(c) ((c)->rotors)
+#else
+#define FIRMWARE_ROTORS_OF(c) ((void)(c), FIRMWARE_ROTORS)
+#endif
+
+/* Functions that exist once per number of rotors and lanes; on a flight controller they keep their plain names. */
+#define FIRMWARE_PASTE_(name, rotors, lanes) name##_r##rotors##_w##lanes
+#define FIRMWARE_PASTE(name) FIRMWARE_PASTE_3(name, FIRMWARE_ROTORS, FIRMWARE_LANES)
+#define FIRMWARE_PASTE_3(name, rotors, lanes) FIRMWARE_PASTE_(name, rotors, lanes)
+#if FIRMWARE_LANES > 1 || FIRMWARE_ROTORS != 4
+#define firmware_run FIRMWARE_PASTE(firmware_run)
+#define ge_ff_estimate FIRMWARE_PASTE(ge_ff_estimate)
+#define ge_ff_scale FIRMWARE_PASTE(ge_ff_scale)
+#define ge_ff_runs_network FIRMWARE_PASTE(ge_ff_runs_network)
+#define ge_ff_network FIRMWARE_PASTE(ge_ff_network)
+#define ge_ff_network_is_sound FIRMWARE_PASTE(ge_ff_network_is_sound)
 #endif
 
 #if FIRMWARE_LANES == 1

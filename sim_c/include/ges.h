@@ -2,7 +2,8 @@
  *
  * Conventions. World ENU, z up. Body FLU: x forward, y left, z along thrust. Quaternions are Hamilton, body to
  * world, scalar first. SI units and radians; a name that crosses this border carries its unit. Rotor spin is +1 for
- * counter-clockwise seen from above, -1 for clockwise; the reaction torque on the body has the opposite sign.
+ * counter-clockwise seen from above, -1 for clockwise; the reaction torque on the body has the opposite sign. A vehicle
+ * has `rotors` rotors, the first of those in the tables.
  *
  * Every number of a flight is one entry of a flat table of named doubles (sim/params.def); every recorded quantity
  * one entry of a table of columns (sim/columns.def); every physical effect one descriptor (effects/); every mode of the
@@ -16,29 +17,35 @@
 
 #include <stdint.h>
 
-#define GES_ABI 7
-#define GES_ROTORS 4
+#define GES_ABI 8
+#define GES_MAX_ROTORS 16
 #define GES_MAX_EFFECTS 40       /* effects switched on in one flight */
-#define GES_MAX_PARAMETERS 12    /* parameters of one effect */
-#define GES_MAX_STATES 8         /* extra states of one effect */
+#define GES_MAX_PARAMETERS 16    /* parameters of one effect */
 #define GES_MAX_TERMS 24         /* terms of the laws of one flight */
 #define GES_MAX_GROUPS 16        /* dimensionless groups that terms are made of */
 #define GES_REFERENCE_COLUMNS 14 /* p_ref[3] v_ref[3] a_ref[3] yaw_ref, excitation: angular acc. [3], vertical acc. */
-#define GES_REPLAY_COLUMNS 12    /* drive[4] q[4] battery_V omega[3] */
+#define GES_REPLAY_COLUMNS 8     /* q[4] battery_V omega[3], behind a drive for every rotor */
+/* A macro for every rotor there may be, numbered from 1. */
+#define EACH_ROTOR(M) M(1) M(2) M(3) M(4) M(5) M(6) M(7) M(8) M(9) M(10) M(11) M(12) M(13) M(14) M(15) M(16)
 
 typedef struct {
   const char *name, *unit, *doc;
   double value, low, high; /* default and bounds, both allowed */
 } ges_parameter;
 
+/* Of a rotor: its number from 1; GES_EACH_ROTOR: a "#" in the name stands for it, a column for every one; else 0. */
 typedef struct {
   const char *name, *unit, *doc;
+  int rotor;
 } ges_column;
+
+enum { GES_EACH_ROTOR = -1 };
 
 /* A row of a table of choices: a feedforward mode, or a controller with the columns of its input table. */
 typedef struct {
   const char *name, *doc;
   int input_columns; /* 0: reads no table of its own */
+  int rotor_columns; /* 1: before these one for every rotor */
 } ges_choice;
 
 /* What a parameter is to a fit: a coefficient that scales the effect, a shape that is searched or fitted, or a number
@@ -81,6 +88,7 @@ typedef struct {
   double usual_share;       /* amplitude: of the weight, at 1 m/s; where another effect needs this one to act through */
   int fitted;               /* shape that flights may move */
   int whole;                /* axis of a vector that is fitted whole */
+  int rotor;                /* the rotor that it belongs to, from 1, or 0 */
   int trim;
   const char *corrects;     /* numbers of the vehicle file that it corrects, or NULL */
   ges_setting acts_above;   /* shape that does something where this parameter is above this value alone */
@@ -95,7 +103,7 @@ typedef struct {
 
 /* Variants of an effect that a search tries: amplitudes that are fitted together, over levels of an axis. */
 typedef struct {
-  const char *amplitudes; /* space-separated */
+  const char *amplitudes; /* space-separated; "*" for the number of every rotor */
   const char *rule;       /* how variants are laid out (ges.diagnose.library.grids); NULL: one for each level of the axis */
   ges_setting fixed[4];
   const char *axis;       /* parameters that vary, space-separated, or NULL */
@@ -215,6 +223,7 @@ extern "C" {
 int ges_abi(void);
 int ges_parameters(const ges_parameter **table);
 int ges_columns(const ges_column **table);
+/* In the order of the tables; those of the rotors come last. */
 int ges_replay_columns(const ges_column **inputs, int *n_inputs, const ges_column **outputs, int *n_outputs);
 int ges_modes(const ges_choice **table);
 int ges_controllers(const ges_choice **table);

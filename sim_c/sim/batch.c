@@ -12,12 +12,12 @@
 #include "kernel.h"
 #include "parameters.h"
 
-#define X(name) extern const effect_t effect_##name##_w1;
+#define X(name) extern const effect_t effect_##name##_r4_w1;
 #include "../effects/effects.def"
 #undef X
 
 static const effect_t *const effects_known[] = {
-#define X(name) &effect_##name##_w1,
+#define X(name) &effect_##name##_r4_w1,
 #include "../effects/effects.def"
 #undef X
 };
@@ -29,22 +29,37 @@ static const ges_parameter parameter_table[] = {
 #undef X
 };
 
+#define OF_NONE(name, unit, doc) {#name, unit, doc, 0},
+#define OF_ROTOR(name, suffix, unit, doc, rotor) {#name #rotor #suffix, unit, "rotor " #rotor ": " doc, rotor},
 static const ges_column column_table[] = {
-#define X(name, unit, value, doc) {#name, unit, doc},
+#define X(name, unit, value, doc) OF_NONE(name, unit, doc)
+#define XR(name, suffix, unit, value, doc)                                                                              \
+  OF_ROTOR(name, suffix, unit, doc, 1) OF_ROTOR(name, suffix, unit, doc, 2) OF_ROTOR(name, suffix, unit, doc, 3)        \
+  OF_ROTOR(name, suffix, unit, doc, 4) OF_ROTOR(name, suffix, unit, doc, 5) OF_ROTOR(name, suffix, unit, doc, 6)        \
+  OF_ROTOR(name, suffix, unit, doc, 7) OF_ROTOR(name, suffix, unit, doc, 8) OF_ROTOR(name, suffix, unit, doc, 9)        \
+  OF_ROTOR(name, suffix, unit, doc, 10) OF_ROTOR(name, suffix, unit, doc, 11) OF_ROTOR(name, suffix, unit, doc, 12)     \
+  OF_ROTOR(name, suffix, unit, doc, 13) OF_ROTOR(name, suffix, unit, doc, 14) OF_ROTOR(name, suffix, unit, doc, 15)     \
+  OF_ROTOR(name, suffix, unit, doc, 16)
 #include "columns.def"
 #undef X
+#undef XR
 };
 
+#define OF_EACH_ROTOR(name, suffix, unit, doc) {#name "#" #suffix, unit, doc, GES_EACH_ROTOR},
 static const ges_column replay_in_table[] = {
-#define X(name, unit, doc) {#name, unit, doc},
+#define X(name, unit, doc) OF_NONE(name, unit, doc)
+#define XR OF_EACH_ROTOR
 #include "replay_in.def"
 #undef X
+#undef XR
 };
 
 static const ges_column replay_out_table[] = {
-#define X(name, unit, value, doc) {#name, unit, doc},
+#define X(name, unit, value, doc) OF_NONE(name, unit, doc)
+#define XR(name, suffix, unit, value, doc) OF_EACH_ROTOR(name, suffix, unit, doc)
 #include "replay_out.def"
 #undef X
+#undef XR
 };
 
 static const ges_group group_table[] = {
@@ -55,13 +70,13 @@ static const ges_group group_table[] = {
 enum { N_GROUPS = sizeof group_table / sizeof *group_table };
 
 static const ges_choice mode_table[] = {
-#define X(name, runs_network, factor, doc) {#name, doc, 0},
+#define X(name, runs_network, factor, doc) {#name, doc, 0, 0},
 #include "../firmware/modes.def"
 #undef X
 };
 
 static const ges_choice controller_table[] = {
-#define X(name, run, impose, speeds_imposed, input_columns, doc) {#name, doc, input_columns},
+#define X(name, run, impose, speeds_imposed, input_columns, rotor_columns, doc) {#name, doc, input_columns, rotor_columns},
 #include "controllers.def"
 #undef X
 };
@@ -80,9 +95,9 @@ int ges_columns(const ges_column **table) {
 
 int ges_replay_columns(const ges_column **inputs, int *n_inputs, const ges_column **outputs, int *n_outputs) {
   *inputs = replay_in_table;
-  *n_inputs = N_REPLAY_IN;
+  *n_inputs = N_REPLAY_IN + N_REPLAY_IN_ROTOR;
   *outputs = replay_out_table;
-  *n_outputs = N_REPLAY_OUT;
+  *n_outputs = N_REPLAY_OUT + N_REPLAY_OUT_ROTOR;
   return 1;
 }
 
@@ -119,6 +134,8 @@ int ges_groups(const ges_group **table) {
   return N_GROUPS;
 }
 
+enum { ROTOR_STRIDE = P_rotor_2_x_m - P_rotor_1_x_m };
+
 /* ---- checks ------------------------------------------------------------------------------------------------ */
 
 static int fail(char *error, int size, const char *format, ...) {
@@ -148,10 +165,13 @@ static int check_parameters(const double *p, char *error, int size) {
   if (p[P_terrain_features_max] < p[P_terrain_features_min])
     return fail(error, size, "terrain_features_max is %g, below terrain_features_min %g; raise it", p[P_terrain_features_max],
                 p[P_terrain_features_min]);
-  double reach = fabs(p[P_rotor_1_x_m]);
-  for (int i = 0; i < GES_ROTORS; i++) {
-    int at = P_rotor_1_x_m + i * (P_rotor_2_x_m - P_rotor_1_x_m);
-    reach = fmax(reach, sqrt(p[at] * p[at] + p[at + 1] * p[at + 1] + p[at + 2] * p[at + 2]));
+  if (p[P_rotors] != floor(p[P_rotors])) return fail(error, size, "rotors is %g; it takes a whole number", p[P_rotors]);
+  double reach = 0.0;
+  for (int i = 0; i < (int)p[P_rotors]; i++) {
+    const double *rotor = p + P_rotor_1_x_m + i * ROTOR_STRIDE, *axis = p + P_rotor_1_axis_x + i * ROTOR_STRIDE;
+    if (axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2] < 1e-6)
+      return fail(error, size, "the axis of rotor %d has no length; upright is 0 0 1", i + 1);
+    reach = fmax(reach, sqrt(rotor[0] * rotor[0] + rotor[1] * rotor[1] + rotor[2] * rotor[2]));
   }
   if (p[P_terrain_kind] == 1 && reach > 0.45 * p[P_terrain_length_m] / p[P_terrain_features_max])
     return fail(error, size, "rotors reach %g m from the centre, too far for terrain features every %g m; use fewer features", reach,
@@ -212,7 +232,7 @@ static int check_grid(const double *p, const ges_grid *g, char *error, int size)
 static int check_inputs(const ges_flight *f, char *error, int size) {
   const double *p = f->parameters;
   const ges_choice *controller = &controller_table[(int)p[P_control]];
-  int replays = controller->input_columns == GES_REPLAY_COLUMNS;
+  int replays = controller->rotor_columns;
   if (p[P_attitude_imposed] != 0.0 && !replays)
     return fail(error, size, "attitude_imposed needs a control that replays; the input table of %s holds references", controller->name);
   if (replays && (!f->inputs || f->n_inputs < 1))
@@ -222,6 +242,7 @@ static int check_inputs(const ges_flight *f, char *error, int size) {
 
 static int check_network(const double *p, char *error, int size) {
   if (!some(ge_ff_runs_network((float)p[P_mode])) && p[P_shadow] == 0.0) return 1;
+  if (p[P_rotors] != 4.0) return fail(error, size, "the network reads the speeds of 4 rotors, and this vehicle has %g; choose another mode", p[P_rotors]);
   if (ge_ff_network_is_sound()) return 1;
   return fail(error, size, "the compiled network does not give the output stored in ge_ff_mlp_weights.h; export it again and rebuild");
 }
@@ -233,6 +254,40 @@ static int check_flight(const ges_flight *f, int number, char *error, int size) 
       check_network(f->parameters, reason, sizeof reason))
     return 1;
   return fail(error, size, "flight %d: %s", number, reason);
+}
+
+/* ---- units --------------------------------------------------------------------------------------------------- */
+
+static const kernel_t *const kernels[][4] = {
+#ifdef __x86_64__
+#define X(rotors) {&kernel_r##rotors##_w1, &kernel_r##rotors##_w2, &kernel_r##rotors##_w4, &kernel_r##rotors##_w8},
+#else
+#define X(rotors) {&kernel_r##rotors##_w1, &kernel_r##rotors##_w2, NULL, NULL},
+#endif
+    EACH_UNIT(X)
+#undef X
+};
+static const int unit_rotors[] = {
+#define X(rotors) rotors,
+    EACH_UNIT(X)
+#undef X
+};
+enum { N_UNITS = sizeof kernels / sizeof *kernels };
+
+/* Whether all rotors stand upright, and are alike. */
+static int plain_rotors(const double *p) {
+  for (int i = 0; i < (int)p[P_rotors]; i++) {
+    const double *axis = p + P_rotor_1_axis_x + i * ROTOR_STRIDE, *share = p + P_rotor_1_thrust + i * ROTOR_STRIDE;
+    if (axis[0] != 0.0 || axis[1] != 0.0 || axis[2] != 1.0 || share[0] != 1.0 || share[1] != 1.0 || share[2] != 1.0) return 0;
+  }
+  return 1;
+}
+
+/* The unit that flies a vehicle: that of its number of rotors, or the last one, which flies any. */
+static int unit_of(const double *p) {
+  for (int k = 0; k < N_UNITS - 1; k++)
+    if (p[P_rotors] == (double)unit_rotors[k] && plain_rotors(p)) return k;
+  return N_UNITS - 1;
 }
 
 /* ---- plans ------------------------------------------------------------------------------------------------- */
@@ -262,6 +317,8 @@ static plan_t replay_plan(const ges_effects *e) {
 static plan_t plan_of(const ges_flight *f) {
   plan_t plan = replay_plan(&f->effects);
   const double *p = f->parameters;
+  plan.rotors = (int)p[P_rotors];
+  plan.allocation = (int)p[P_allocation];
   plan.n_steps = n_steps(p);
   plan.control_every = (int)p[P_control_every];
   plan.telemetry_every = (int)p[P_telemetry_every];
@@ -275,7 +332,7 @@ static plan_t plan_of(const ges_flight *f) {
 
 static int same_plan(const ges_flight *a, const ges_flight *b) {
   plan_t x = plan_of(a), y = plan_of(b);
-  return !memcmp(&x, &y, sizeof x) && a->parameters[P_terrain_kind] == b->parameters[P_terrain_kind] && !a->inputs == !b->inputs;
+  return !memcmp(&x, &y, sizeof x) && unit_of(a->parameters) == unit_of(b->parameters) && a->parameters[P_terrain_kind] == b->parameters[P_terrain_kind] && !a->inputs == !b->inputs;
 }
 
 /* ---- flying ------------------------------------------------------------------------------------------------ */
@@ -291,16 +348,18 @@ static int lanes_of_the_processor(void) {
   return 2;
 }
 
-/* The kernel of as many lanes, or of the most that the processor has where that is 0 (choose) or fewer; NULL: no such width. */
-static const kernel_t *kernel_of(int lanes) {
+/* Lanes that are used where `lanes` are asked for: the most that the processor has where that is 0 (choose) or more than it
+ * has; 0: no such width. */
+static int lanes_used(int lanes) {
   int most = lanes_of_the_processor();
-  if (lanes != 0 && lanes != 1 && lanes != 2 && lanes != 4 && lanes != 8) return NULL;
-  if (lanes == 0 || lanes > most) lanes = most;
-#ifdef __x86_64__
-  if (lanes == 8) return &kernel_w8;
-  if (lanes == 4) return &kernel_w4;
-#endif
-  return lanes == 2 ? &kernel_w2 : &kernel_w1;
+  if (lanes != 0 && lanes != 1 && lanes != 2 && lanes != 4 && lanes != 8) return 0;
+  return lanes == 0 || lanes > most ? most : lanes;
+}
+
+static const kernel_t *kernel_of(const double *parameters, int lanes) {
+  int width = 0;
+  while (1 << width < lanes) width++;
+  return kernels[unit_of(parameters)][width];
 }
 
 static int fly_together(ges_flight **flights, int n, const kernel_t *kernel, const int *columns, int n_columns, char *error, int size) {
@@ -314,7 +373,7 @@ static int fly_together(ges_flight **flights, int n, const kernel_t *kernel, con
   }
   if (!good) fail(error, size, "out of memory for the terrain");
   else if (!kernel->fly(&plan, flights, pointer, n, columns, n_columns))
-    good = fail(error, size, "the rotors' places and spins cannot make thrust and three moments independently; check rotor_*_x_m, _y_m, _spin");
+    good = fail(error, size, "the rotors' places, spins and axes cannot make thrust and three moments independently; check rotor_*_x_m, _y_m, _spin, _axis_*");
   for (int i = 0; i < made; i++) terrain_free(&terrain[i]);
   return good;
 }
@@ -331,10 +390,9 @@ static int collect(ges_flight *flights, int n, int first, char *flown, int most,
 }
 
 int ges_fly(ges_flight *flights, int n, const int *columns, int n_columns, int lanes, char *error, int error_size) {
-  const kernel_t *kernel = kernel_of(lanes);
   ges_flight *together[8];
-  int good = 1;
-  if (!kernel) return fail(error, error_size, "lanes is %d; allowed are 0 (choose), 1, 2, 4 and 8", lanes);
+  int good = 1, most = lanes_used(lanes);
+  if (!most) return fail(error, error_size, "lanes is %d; allowed are 0 (choose), 1, 2, 4 and 8", lanes);
   for (int c = 0; c < n_columns; c++)
     if (columns[c] < 0 || columns[c] >= N_COLUMNS) return fail(error, error_size, "column number %d does not exist", columns[c]);
   for (int i = 0; i < n; i++) {
@@ -347,8 +405,8 @@ int ges_fly(ges_flight *flights, int n, const int *columns, int n_columns, int l
   if (!flown) return fail(error, error_size, "out of memory");
   for (int i = 0; i < n && good; i++) {
     if (flown[i]) continue;
-    int m = collect(flights, n, i, flown, kernel->lanes, together);
-    const kernel_t *fit = lanes == 0 && m == 1 ? &kernel_w1 : kernel;
+    int m = collect(flights, n, i, flown, most, together);
+    const kernel_t *fit = kernel_of(flights[i].parameters, lanes == 0 && m == 1 ? 1 : most);
     good = fly_together(together, m, fit, columns, n_columns, error, error_size);
   }
   free(flown);
@@ -372,24 +430,25 @@ static int alike(const plan_t *plan, const ges_effects *sets, int n, int most) {
 
 int ges_replay(const double *parameters, const ges_effects *sets, int n_sets, const ges_grid *grid, const double *in, int64_t n,
                double *out, int lanes, char *error, int error_size) {
-  const kernel_t *kernel = kernel_of(lanes);
   terrain_t terrain;
-  if (!kernel) return fail(error, error_size, "lanes is %d; allowed are 0 (choose), 1, 2, 4 and 8", lanes);
+  int most = lanes_used(lanes);
+  if (!most) return fail(error, error_size, "lanes is %d; allowed are 0 (choose), 1, 2, 4 and 8", lanes);
   if (!check_parameters(parameters, error, error_size) || !check_grid(parameters, grid, error, error_size)) return 0;
   for (int i = 0; i < n_sets; i++)
     if (!check_effects(&sets[i], error, error_size)) return 0;
   if (!terrain_make(&terrain, parameters, grid)) return fail(error, error_size, "out of memory for the terrain");
+  int width = N_REPLAY_OUT + N_REPLAY_OUT_ROTOR * (int)parameters[P_rotors];
   for (int i = 0, m; i < n_sets; i += m) {
     const ges_effects *together[8];
     double *to[8];
     plan_t plan = replay_plan(&sets[i]);
     int in_order = has_states(&plan);
-    m = in_order ? alike(&plan, &sets[i], n_sets - i, kernel->lanes) : 1;
+    m = in_order ? alike(&plan, &sets[i], n_sets - i, most) : 1;
     for (int k = 0; k < m; k++) {
       together[k] = &sets[i + k];
-      to[k] = out + (int64_t)(i + k) * N_REPLAY_OUT * n;
+      to[k] = out + (int64_t)(i + k) * width * n;
     }
-    const kernel_t *fit = lanes == 0 && in_order && m == 1 ? &kernel_w1 : kernel;
+    const kernel_t *fit = kernel_of(parameters, lanes == 0 && in_order && m == 1 ? 1 : most);
     fit->replay(parameters, &plan, together, to, m, &terrain, in, n);
   }
   terrain_free(&terrain);

@@ -1,4 +1,4 @@
-/* The step, once for every lane width (GES_W): fly flights, or replay recorded samples.
+/* The step, once for every number of rotors (GES_ROTORS) and lane width (GES_W): fly flights, or replay recorded samples.
  *
  * A step: sample of the state -> ground effect -> sensors and firmware (every control_every steps) -> drive ->
  * remaining effects, contact -> record -> integrate. Semi-implicit Euler advances velocities first and positions with
@@ -12,15 +12,16 @@
 #include "../body/model.h"
 #include "../core/random.h"
 #define FIRMWARE_LANES GES_W
+#define FIRMWARE_ROTORS GES_ROTORS
 #include "../firmware/firmware.h"
 #include "columns.h"
 
-#define X(name) extern const effect_t PER_WIDTH(effect_##name);
+#define X(name) extern const effect_t PER_UNIT(effect_##name);
 #include "../effects/effects.def"
 #undef X
 
 static const effect_t *const effect_table[] = {
-#define X(name) &PER_WIDTH(effect_##name),
+#define X(name) &PER_UNIT(effect_##name),
 #include "../effects/effects.def"
 #undef X
 };
@@ -125,15 +126,31 @@ static void load_task(task_t *t, const double *const *p, ges_flight *const *flig
   }
 }
 
+/* What rotor k of lane i makes per its thrust: force along z, moments x, y, z. */
+static void thrust_effect(const vehicle_t *b, int i, int k, float effect[4][FIRMWARE_MAX_ROTORS]) {
+  double x = lane(b->hub[k][0], i), y = lane(b->hub[k][1], i);
+  double yaw = -lane(b->spin[k], i) * lane(b->torque_coefficient, i) / lane(b->thrust_coefficient, i);
+#if GES_GENERAL
+  double z = lane(b->hub[k][2], i), ax = lane(b->axis[k][0], i), ay = lane(b->axis[k][1], i), az = lane(b->axis[k][2], i);
+  yaw *= lane(b->torque_share[k], i) / fmax(lane(b->thrust_share[k], i), 1e-9);
+  effect[0][k] = (float)az;
+  effect[1][k] = (float)(y * az - z * ay + yaw * ax);
+  effect[2][k] = (float)(z * ax - x * az + yaw * ay);
+  effect[3][k] = (float)(x * ay - y * ax + yaw * az);
+#else
+  effect[0][k] = 1.0f;
+  effect[1][k] = (float)y;
+  effect[2][k] = -(float)x;
+  effect[3][k] = (float)yaw;
+#endif
+}
+
 static int load_mixer(fw_config *c, const vehicle_t *b, int i) {
-  float x[4], y[4], yaw[4], mixer[4][4];
-  for (int k = 0; k < 4; k++) {
-    x[k] = (float)lane(b->hub[k][0], i);
-    y[k] = (float)lane(b->hub[k][1], i);
-    yaw[k] = (float)(-lane(b->spin[k], i) * lane(b->torque_coefficient, i) / lane(b->thrust_coefficient, i));
-  }
-  int good = mixer_make(x, y, yaw, mixer);
-  for (int j = 0; good && j < 4; j++)
+  float effect[4][FIRMWARE_MAX_ROTORS], mixer[FIRMWARE_MAX_ROTORS][4];
+  int rotors = ROTORS_OF(b);
+  for (int k = 0; k < rotors; k++) thrust_effect(b, i, k, effect);
+  int good = mixer_make(rotors, effect, mixer);
+  for (int j = 0; good && j < rotors; j++)
     for (int k = 0; k < 4; k++) memcpy((char *)&c->mixer[j][k] + 4 * i, &mixer[j][k], 4);
   return good;
 }
@@ -175,7 +192,7 @@ static void load_feedforward(fw_config *c, const double *const *p) {
 }
 
 /* What the firmware believes of the vehicle. */
-static int load_belief(fw_config *c, const vehicle_t *b, const double *const *p) {
+static int load_belief(fw_config *c, const plan_t *plan, const vehicle_t *b, const double *const *p) {
   vd mass = column(p, P_fw_mass_kg), thrust = column(p, P_fw_thrust_coefficient_N_s2);
   c->mass = to_float(sel(GT(mass, all_lanes(0.0)), mass, b->mass));
   c->thrust_coefficient = to_float(sel(GT(thrust, all_lanes(0.0)), thrust, b->thrust_coefficient));
@@ -184,8 +201,10 @@ static int load_belief(fw_config *c, const vehicle_t *b, const double *const *p)
   c->gravity = to_float(b->gravity);
   c->speed_max = to_float(b->speed_max);
   c->rotor_radius = to_float(b->radius[0]);
+  c->rotors = ROTORS_OF(b);
+  c->allocation = plan->allocation;
   for (int i = 0; i < GES_W; i++)
-    if (!load_mixer(c, b, i)) return 0;
+    if (!load_mixer(c, b, i) && plan->control == CONTROL_firmware) return 0;
   return 1;
 }
 
@@ -222,13 +241,19 @@ static void start_trimmed(lanes_t *l) {
   ground_move(&l->ground, x);
   vf in_world = pick(l->config.height_from_position, number(0.0f), number(1.0f));
   vd ground = ground_at(&l->ground, x, y).height * to_double(in_world);
-  vd speed = lane_sqrt(b->mass * b->gravity / (4.0 * b->thrust_coefficient));
+  #if GES_GENERAL
+  vd per_square = all_lanes(0.0);
+  for (int i = 0; i < b->rotors; i++) per_square += b->thrust_coefficient * (b->thrust_share[i] * b->axis[i][2]);
+#else
+  vd per_square = (double)GES_ROTORS * b->thrust_coefficient;
+#endif
+  vd speed = lane_sqrt(b->mass * b->gravity / lane_max(per_square, all_lanes(1e-12)));
   l->y[Y_P] = x;
   l->y[Y_P + 1] = y;
   l->y[Y_P + 2] = up + ground;
   l->y[Y_V] = vx;
   l->y[Y_Q] = all_lanes(1.0);
-  for (int i = 0; i < GES_ROTORS; i++) l->y[Y_SPEED + i] = lane_min(speed, b->speed_max);
+  for (int i = 0; i < ROTORS_OF(b); i++) l->y[Y_SPEED + i] = lane_min(speed, b->speed_max);
 }
 
 static void start_state(lanes_t *l, const double *const *p) {
@@ -265,7 +290,7 @@ static int load_lanes(lanes_t *l, const plan_t *plan, ges_flight *const *flights
   load_task(&l->task, p, flights);
   load_gains(&l->config, p);
   load_feedforward(&l->config, p);
-  if (!load_belief(&l->config, &l->body, p)) return 0;
+  if (!load_belief(&l->config, plan, &l->body, p)) return 0;
   l->memory.range = to_float(l->noise.range_max);
   seed_streams(l->stream, p);
   memset(&l->report, 0xff, sizeof l->report); /* NaN until something is reported */
@@ -288,7 +313,7 @@ static void read_telemetry(lanes_t *l, const reading_t *add) {
   reading_t *y = &l->reading;
   vd range = noisy(s->range + add->range, n->range, &l->stream[RANGE]);
   y->range = sel(MASK(range <= n->range_max), range, all_lanes(NAN));
-  for (int i = 0; i < GES_ROTORS; i++) {
+  for (int i = 0; i < ROTORS_OF(s); i++) {
     y->rpm[i] = noisy(s->speed[i], n->rpm, &l->stream[TELEMETRY]);
     y->current[i] = noisy(n->idle + n->per_torque * s->torque[i], n->current, &l->stream[TELEMETRY]);
   }
@@ -364,7 +389,7 @@ static void table_reference(lanes_t *l, fw_input *in) {
 /* The oracle's truth: the factor here, or where the vehicle will be after the preview time. */
 static void oracle(lanes_t *l, fw_input *in) {
   const sample_t *s = &l->sample;
-  for (int i = 0; i < GES_ROTORS; i++) in->oracle[i] = to_float(s->factor[i]);
+  for (int i = 0; i < ROTORS_OF(s); i++) in->oracle[i] = to_float(s->factor[i]);
   if (!l->task.any_preview || !l->active.cushion) return;
   sample_t ahead = *s;
   for (int k = 0; k < 2; k++) ahead.p[k] = s->p[k] + s->v[k] * l->task.preview;
@@ -372,7 +397,7 @@ static void oracle(lanes_t *l, fw_input *in) {
   l->active.cushion(&ahead, l->active.cushion_p, ahead.cushion);
   ground_move(&l->ground, s->p[0]);
   vl looks = GT(l->task.preview, all_lanes(0.0));
-  for (int i = 0; i < GES_ROTORS; i++) in->oracle[i] = to_float(sel(looks, 1.0 + ahead.cushion[i], s->factor[i]));
+  for (int i = 0; i < ROTORS_OF(s); i++) in->oracle[i] = to_float(sel(looks, 1.0 + ahead.cushion[i], s->factor[i]));
 }
 
 static void firmware_sees(lanes_t *l, const vd attitude[9], fw_input *in) {
@@ -386,7 +411,7 @@ static void firmware_sees(lanes_t *l, const vd attitude[9], fw_input *in) {
     in->v[k] = to_float(noisy(s->v[k], l->noise.velocity, &l->stream[NAVIGATION]));
   }
   in->range = to_float(l->reading.range);
-  for (int i = 0; i < GES_ROTORS; i++) {
+  for (int i = 0; i < ROTORS_OF(s); i++) {
     in->rpm[i] = to_float(l->reading.rpm[i]);
     in->current[i] = to_float(l->reading.current[i]);
   }
@@ -410,7 +435,7 @@ static void run_firmware(lanes_t *l, const vd attitude[9]) {
   else cruise_reference(l, &in);
   oracle(l, &in);
   firmware_run(&l->config, &in, &l->memory, &out);
-  for (int i = 0; i < GES_ROTORS; i++) l->sample.u[i] = to_double(out.u[i]);
+  for (int i = 0; i < ROTORS_OF(&l->body); i++) l->sample.u[i] = to_double(out.u[i]);
   report(l, &in, &out);
 }
 
@@ -418,30 +443,33 @@ static void run_nothing(lanes_t *l, const vd attitude[9]) { (void)l, (void)attit
 
 /* ---- what replays dictate ----------------------------------------------------------------------------------- */
 
-static vd replayed(const lanes_t *l, int k, int hold) { return input(&l->task, GES_REPLAY_COLUMNS, l->sample.t, k, hold); }
+/* Column k of the replay table: the drive of every rotor, then q, battery and omega. */
+static vd replayed(const lanes_t *l, int k, int hold) {
+  return input(&l->task, GES_REPLAY_COLUMNS + ROTORS_OF(&l->body), l->sample.t, k, hold);
+}
 
 static void impose_nothing(lanes_t *l, vd *y) { (void)l, (void)y; }
 
 static void impose_commands(lanes_t *l, vd *y) {
   (void)y;
-  l->sample.battery = replayed(l, 8, 1);
-  for (int i = 0; i < GES_ROTORS; i++) l->sample.u[i] = replayed(l, i, 1);
+  l->sample.battery = replayed(l, ROTORS_OF(&l->body) + 4, 1);
+  for (int i = 0; i < ROTORS_OF(&l->body); i++) l->sample.u[i] = replayed(l, i, 1);
 }
 
 static void impose_speeds(lanes_t *l, vd *y) {
-  l->sample.battery = replayed(l, 8, 1);
-  for (int i = 0; i < GES_ROTORS; i++) y[Y_SPEED + i] = replayed(l, i, 0);
+  l->sample.battery = replayed(l, ROTORS_OF(&l->body) + 4, 1);
+  for (int i = 0; i < ROTORS_OF(&l->body); i++) y[Y_SPEED + i] = replayed(l, i, 0);
 }
 
 static void impose_attitude(lanes_t *l, vd *y) {
   vd *q = y + Y_Q, norm = all_lanes(0.0);
   for (int k = 0; k < 4; k++) {
-    q[k] = replayed(l, 4 + k, 0);
+    q[k] = replayed(l, ROTORS_OF(&l->body) + k, 0);
     norm += q[k] * q[k];
   }
   norm = lane_sqrt(norm);
   for (int k = 0; k < 4; k++) q[k] = q[k] / norm;
-  for (int k = 0; k < 3; k++) y[Y_OMEGA + k] = replayed(l, 9 + k, 0);
+  for (int k = 0; k < 3; k++) y[Y_OMEGA + k] = replayed(l, ROTORS_OF(&l->body) + 5 + k, 0);
 }
 
 typedef struct {
@@ -451,7 +479,7 @@ typedef struct {
 } controller_t;
 
 static const controller_t controllers[] = {
-#define X(name, run, impose, speeds_imposed, input_columns, doc) {run, impose, speeds_imposed},
+#define X(name, run, impose, speeds_imposed, input_columns, rotor_columns, doc) {run, impose, speeds_imposed},
 #include "controllers.def"
 #undef X
 };
@@ -477,9 +505,12 @@ static void drive_rates(lanes_t *l, const vd *y, vd *dy) {
   add_drive(&l->active, s, y, dy, &d);
   s->voltage = l->report.battery = voltage_of(s, &d);
   vd up = 1.0 / lane_max(d.lag_up, l->dt), down = 1.0 / lane_max(d.lag_down, l->dt); /* faster than a step: one step */
-  for (int i = 0; i < GES_ROTORS; i++) {
+  for (int i = 0; i < ROTORS_OF(s); i++) {
     vd change = d.speed[i] - s->speed[i];
     s->speed_rate[i] = change * sel(GT(change, all_lanes(0.0)), up, down);
+#if GES_GENERAL
+    s->speed_rate[i] = change * lane_min(sel(GT(change, all_lanes(0.0)), up, down) * s->inverse_lag_share[i], 1.0 / l->dt);
+#endif
     dy[Y_SPEED + i] = controllers[l->plan->control].speeds_imposed ? all_lanes(0.0) : s->speed_rate[i];
   }
 }
@@ -560,16 +591,19 @@ static void step_runge_kutta(lanes_t *l, vd t) {
 
 /* ---- recording --------------------------------------------------------------------------------------------- */
 
-static const char *const state_name[Y_X + 1] = {
-    "p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s", "q_w", "q_x", "q_y", "q_z",
-    "omega_x_rad_s", "omega_y_rad_s", "omega_z_rad_s", "rotor_speed_1_rad_s", "rotor_speed_2_rad_s",
-    "rotor_speed_3_rad_s", "rotor_speed_4_rad_s", "state of an effect"};
+static const char *const state_name[] = {
+    "p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s", "q_w", "q_x", "q_y", "q_z", "omega_x_rad_s", "omega_y_rad_s",
+    "omega_z_rad_s",
+#define ROTOR(i) "rotor_speed_" #i "_rad_s",
+    EACH_ROTOR(ROTOR)
+#undef ROTOR
+};
 
 /* First state of lane i that is not finite. */
 static const char *bad_field(const lanes_t *l, int i) {
   for (int k = 0; k < l->n_y; k++) {
     double value = lane(l->y[k], i);
-    if (!(value - value == 0.0)) return state_name[k < Y_X ? k : Y_X];
+    if (!(value - value == 0.0)) return k < Y_X ? state_name[k] : "state of an effect";
   }
   return NULL;
 }
@@ -607,12 +641,16 @@ static void fill_row(lanes_t *l, vd *row) {
   for (int k = 0; k < 3; k++)
     l->reading.acc[k] = noisy(l->force[k] * s->inverse_mass + l->acc_error[k], l->noise.acc, &l->stream[ACCELERATION]);
 #define X(name, unit, value, doc) row[C_##name] = value;
+#define XR(name, suffix, unit, value, doc) \
+  for (int i = 0; i < ROTORS_OF(s); i++) row[C_##name + i] = value;
 #include "columns.def"
 #undef X
+#undef XR
 }
 
 static void record(lanes_t *l, ges_flight *const *flights, int n, int row, const int *columns, int n_columns) {
   vd value[N_COLUMNS];
+  memset(value, 0xff, sizeof value); /* NaN, for rotors that there are not */
   fill_row(l, value);
   for (int i = 0; i < n; i++) {
     int stopped = flights[i]->stopped_row >= 0;
@@ -677,10 +715,10 @@ static void read_sample(replay_t *r, const double *in, int64_t n, const int64_t 
   s->t = gather(in, n, IN_t_s, at);
   for (int k = 0; k < Y_SPEED; k++) r->y[k] = gather(in, n, IN_p_x_m + k, at);
   for (int k = 0; k < 3; k++) s->omega_dot[k] = gather(in, n, IN_omega_dot_x_rad_s2 + k, at);
-  for (int i = 0; i < GES_ROTORS; i++) {
-    r->y[Y_SPEED + i] = gather(in, n, IN_rotor_speed_1_rad_s + i, at);
-    s->speed_rate[i] = gather(in, n, IN_rotor_acceleration_1_rad_s2 + i, at);
-    s->u[i] = gather(in, n, IN_u_1 + i, at);
+  for (int i = 0; i < ROTORS_OF(s); i++) {
+    r->y[Y_SPEED + i] = gather(in, n, N_REPLAY_IN + IN_rotor_speed_ * ROTORS_OF(s) + i, at);
+    s->speed_rate[i] = gather(in, n, N_REPLAY_IN + IN_rotor_acceleration_ * ROTORS_OF(s) + i, at);
+    s->u[i] = gather(in, n, N_REPLAY_IN + IN_u_ * ROTORS_OF(s) + i, at);
   }
   s->battery = gather(in, n, IN_battery_V, at);
 }
@@ -689,7 +727,7 @@ static void evaluate(replay_t *r) {
   const active_t *a = &r->active;
   sample_t *s = &r->sample;
   memset(&r->wrench, 0, sizeof r->wrench);
-  memset(r->dy, 0, sizeof r->dy);
+  memset(r->dy, 0, sizeof(vd) * (size_t)(Y_X + a->n_states));
   add_ground(a, s, r->y, r->dy, &r->wrench);
   set_factor(s, r->wrench.thrust);
   add_drive(a, s, r->y, r->dy, &r->drive);
@@ -713,12 +751,16 @@ static void write_sample(const replay_t *replay, double *const *out, int64_t n, 
   const drive_t *d = &replay->drive;
   const reading_t *r = &replay->reading;
   const vd *force = replay->force, *moment = replay->moment;
-  vd value[N_REPLAY_OUT];
+  vd value[N_REPLAY_OUT + N_REPLAY_OUT_ROTOR * GES_ROTORS];
+  int width = N_REPLAY_OUT + N_REPLAY_OUT_ROTOR * ROTORS_OF(s);
 #define X(name, unit, expression, doc) value[OUT_##name] = expression;
+#define XR(name, suffix, unit, expression, doc) \
+  for (int i = 0; i < ROTORS_OF(s); i++) value[N_REPLAY_OUT + OUT_##name * ROTORS_OF(s) + i] = expression;
 #include "replay_out.def"
 #undef X
+#undef XR
   int together = filled == GES_W && in_a_row(at);
-  for (int c = 0; c < N_REPLAY_OUT; c++)
+  for (int c = 0; c < width; c++)
     if (together) memcpy(out[0] + (int64_t)c * n + at[0], &value[c], sizeof value[c]);
     else
       for (int i = 0; i < filled; i++) out[i][(int64_t)c * n + at[i]] = lane(value[c], i);
@@ -775,7 +817,7 @@ static void advance_states(replay_t *r, const motion_t *before) {
   motion_t now = motion_of(&r->sample);
   for (int half = 0; half < 2 * steps; half++) {
     double ahead = dt / steps * (half % 2 ? 1.0 : 0.5);
-    if (half % 2 == 0) memcpy(start, x, sizeof start);
+    if (half % 2 == 0) memcpy(start, x, sizeof(vd) * (size_t)r->active.n_states);
     r->sample.t = end - dt * (1.0 - 0.5 * half / steps);
     move(&r->sample, before, &now, 0.5 * half / steps);
     evaluate(r);
@@ -828,4 +870,4 @@ static void replay(const double *parameters, const plan_t *plan, const ges_effec
   else replay_samples(&r, out[0], in, n);
 }
 
-const kernel_t PER_WIDTH(kernel) = {GES_W, fly, replay};
+const kernel_t PER_UNIT(kernel) = {GES_W, fly, replay};

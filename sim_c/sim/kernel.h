@@ -1,4 +1,4 @@
-/* The compiled step for one lane width; batch.c chooses among them. */
+/* The compiled step for one number of rotors and one lane width; batch.c chooses among them. */
 #ifndef GES_KERNEL_H
 #define GES_KERNEL_H
 
@@ -6,6 +6,8 @@
 
 /* What the flights of one group share; the rest may differ from lane to lane. */
 typedef struct {
+  int rotors;
+  int allocation; /* of the firmware */
   int n_steps, control_every, telemetry_every, record_every;
   int integrator, control, attitude_imposed;
   int references; /* whether there is an input table, and it holds references */
@@ -15,7 +17,7 @@ typedef struct {
 } plan_t;
 
 enum {
-#define X(name, run, impose, speeds_imposed, input_columns, doc) CONTROL_##name,
+#define X(name, run, impose, speeds_imposed, input_columns, rotor_columns, doc) CONTROL_##name,
 #include "controllers.def"
 #undef X
   N_CONTROLLERS
@@ -31,6 +33,10 @@ typedef struct {
                  const void *terrain, const double *in, int64_t n);
 } kernel_t;
 
-extern const kernel_t kernel_w1, kernel_w2, kernel_w4, kernel_w8;
+/* X(number of rotors) of every unit; that of GES_MAX_ROTORS serves every vehicle. */
+#define EACH_UNIT(X) X(4) X(6) X(8) X(16)
+#define X(rotors) extern const kernel_t kernel_r##rotors##_w1, kernel_r##rotors##_w2, kernel_r##rotors##_w4, kernel_r##rotors##_w8;
+EACH_UNIT(X)
+#undef X
 
 #endif

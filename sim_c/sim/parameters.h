@@ -2,6 +2,8 @@
 #ifndef GES_PARAMETERS_H
 #define GES_PARAMETERS_H
 
+#include "../include/ges.h"
+
 enum {
 #define X(name, unit, value, low, high, doc) P_##name,
 #include "params.def"

@@ -6,9 +6,13 @@ body-to-world, scalar first. Everything is SI and radians; a name carries its un
 
 from __future__ import annotations
 
+import functools
+import itertools
+from collections.abc import Collection
+
 GRAVITY_M_S2 = 9.80665
-N_ROTORS = 4
 FAR_FROM_GROUND_M = 5e4
+FEWEST_ROTORS, MAX_ROTORS = 3, 16
 
 Dimension = tuple[int, ...]
 """Exponents of kg, m and s."""
@@ -30,11 +34,49 @@ POSITION_REF = tuple(f"p_ref_{a}_m" for a in AXES)
 VELOCITY_REF = tuple(f"v_ref_{a}_m_s" for a in AXES)
 
 
-def rotor_columns(template: str, n_rotors: int = N_ROTORS) -> tuple[str, ...]:
-    """Names of one quantity for every rotor, e.g. ``rotor_columns("rotor_speed_{}_rad_s")``."""
+@functools.cache
+def rotor_columns(template: str, n_rotors: int) -> tuple[str, ...]:
+    """Names of one quantity for every rotor.
+
+    Examples
+    --------
+    >>> rotor_columns("rotor_speed_{}_rad_s", 2)
+    ('rotor_speed_1_rad_s', 'rotor_speed_2_rad_s')
+    """
     return tuple(template.format(i + 1) for i in range(n_rotors))
 
 
-ROTOR_SPEED = rotor_columns("rotor_speed_{}_rad_s")
-COMMAND = rotor_columns("u_{}")
-MOTOR_CURRENT = rotor_columns("motor_current_{}_A")
+def rotor_speed(n_rotors: int) -> tuple[str, ...]:
+    """Columns of the speeds of so many rotors."""
+    return rotor_columns("rotor_speed_{}_rad_s", n_rotors)
+
+
+def command(n_rotors: int) -> tuple[str, ...]:
+    """Columns of the commands of so many rotors."""
+    return rotor_columns("u_{}", n_rotors)
+
+
+def motor_current(n_rotors: int) -> tuple[str, ...]:
+    """Columns of the currents of so many rotors."""
+    return rotor_columns("motor_current_{}_A", n_rotors)
+
+
+def _in(names: Collection[str], template: str) -> tuple[str, ...]:
+    missing = next(i for i in itertools.count() if template.format(i + 1) not in names)
+    return rotor_columns(template, missing)
+
+
+def rotor_speeds_in(names: Collection[str]) -> tuple[str, ...]:
+    """Columns of rotor speeds among these, from the first rotor on."""
+    return _in(names, "rotor_speed_{}_rad_s")
+
+
+def commands_in(names: Collection[str]) -> tuple[str, ...]:
+    """Columns of commands among these, from the first rotor on."""
+    return _in(names, "u_{}")
+
+
+def rotors_in(names: Collection[str]) -> int:
+    """How many rotors have a speed, a command or a current among these columns."""
+    currents = _in(names, "motor_current_{}_A")
+    return max(map(len, (rotor_speeds_in(names), commands_in(names), currents)))

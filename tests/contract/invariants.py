@@ -90,7 +90,7 @@ def largest(replay: effects.Replay) -> float:
 
 def check_neutral(effect):
     change = added(effect, effect.neutral(), random_samples(), terrain=bowl()).data
-    change[effects.Replay.columns()["battery_V"]] = (
+    change[effects.replay_rows(4)["battery_V"]] = (
         0.0  # the voltage itself may sag without consequence
     )
     if np.nanmax(np.abs(change)) != 0.0:
@@ -98,7 +98,7 @@ def check_neutral(effect):
 
 
 def check_acts(effect):
-    if not largest(added(effect, effect.defaults(), random_samples(), terrain=bowl())) > 1e-9:
+    if not largest(added(effect, effect.completed({}), random_samples(), terrain=bowl())) > 1e-9:
         yield "does nothing at its typical parameters"
 
 
@@ -123,8 +123,8 @@ def mirrored(samples: dict) -> dict:
 def check_mirror(effect):
     if "mirror" not in effect.invariants:
         return
-    a = added(effect, effect.defaults(), random_samples(), terrain=bowl())
-    b = added(effect, effect.defaults(), mirrored(random_samples()), terrain=bowl(flip=True))
+    a = added(effect, effect.completed({}), random_samples(), terrain=bowl())
+    b = added(effect, effect.completed({}), mirrored(random_samples()), terrain=bowl(flip=True))
     scale = max(largest(a), 1e-12)
     gaps = [
         a.force_N * [1, -1, 1] - b.force_N,
@@ -148,7 +148,7 @@ def body_velocity(samples: dict) -> np.ndarray:
 
 
 def power(effect, samples) -> np.ndarray:
-    replay = added(effect, effect.defaults(), samples)
+    replay = added(effect, effect.completed({}), samples)
     omega = np.stack([samples[n] for n in columns("omega_", "xyz", "_rad_s")], axis=1)
     return (replay.force_N * body_velocity(samples)).sum(1) + (replay.moment_Nm * omega).sum(1)
 
@@ -173,14 +173,14 @@ def check_height(effect):
     samples = random_samples()
     if "fades" in effect.invariants:
         low, high = (
-            added(effect, effect.defaults(), samples),
+            added(effect, effect.completed({}), samples),
             dict(samples, p_z_m=samples["p_z_m"] + 20.0),
         )
-        if largest(added(effect, effect.defaults(), high)) > 1e-3 * largest(low):
+        if largest(added(effect, effect.completed({}), high)) > 1e-3 * largest(low):
             yield "does not fade with height"
     if "free_air" in effect.invariants:
         a, b = (
-            added(effect, effect.defaults(), samples, terrain=t)
+            added(effect, effect.completed({}), samples, terrain=t)
             for t in (Terrain.flat(-50.0), bowl())
         )
         if np.abs(a.force_N - b.force_N).max() + np.abs(a.moment_Nm - b.moment_Nm).max() > 1e-9:
@@ -195,8 +195,17 @@ def factor(unit: str, scale: dict[str, float]) -> float:
     return result
 
 
+def units_of(table) -> dict[str, str]:
+    """Unit of every column of a vehicle with four rotors."""
+    return {
+        name.replace("#", str(rotor)): unit
+        for name, unit, _, each in table
+        for rotor in (range(1, 5) if each else (0,))
+    }
+
+
 def rescaled_samples(samples: dict, scale: dict) -> dict:
-    units = {name: unit for name, unit, _ in _lib.replay_tables()[0]}
+    units = units_of(_lib.replay_tables()[0])
     return {name: values * factor(units[name], scale) for name, values in samples.items()}
 
 
@@ -208,12 +217,12 @@ def check_homogeneous(effect):
     } | vehicle()
     numbers = {n: v * factor(sim.parameters()[n].unit, scale) for n, v in base.items()}
     samples = random_samples()
-    a = added(effect, effect.defaults(), samples, base)
+    a = added(effect, effect.completed({}), samples, base)
     b = added(effect, values, rescaled_samples(samples, scale), {**numbers, "seed": 1.0})
-    for row, (name, unit, _) in enumerate(_lib.replay_tables()[1]):
-        expected = a.data[row] * factor(unit, scale)
+    for name, unit in units_of(_lib.replay_tables()[1]).items():
+        expected = a[name] * factor(unit, scale)
         size = max(np.nanmax(np.abs(expected)), 1e-9)
-        if not np.allclose(expected, b.data[row], rtol=0, atol=1e-6 * size, equal_nan=True):
+        if not np.allclose(expected, b[name], rtol=0, atol=1e-6 * size, equal_nan=True):
             yield f"is not dimensionally homogeneous in {name}"
 
 

@@ -4,13 +4,15 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ges.conventions import BODY_RATE, COMMAND, POSITION, QUATERNION, ROTOR_SPEED, VELOCITY
+from ges.conventions import BODY_RATE, POSITION, QUATERNION, VELOCITY, command, rotor_speed
 from ges.diagnose.design.system import DesignColumn, FlightRows, Nuisance, System
 from ges.diagnose.design.table import table_of
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of
 from ges.diagnose.prepare.align import Held, Prepared
 from ges.diagnose.types.model import Model
+
+COMMAND, ROTOR_SPEED = command(4), rotor_speed(4)
 
 NUMBERS = {
     "mass_kg": 1.0,

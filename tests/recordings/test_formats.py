@@ -186,7 +186,7 @@ def test_ardupilot_rotor_speeds_against_the_commands_are_refused(tmp_path, motio
 @pytest.mark.parametrize(
     ("more", "kind"),
     [
-        ({"parameters": {"FRAME_CLASS": 2.0}}, "a hexarotor"),
+        ({"parameters": {"FRAME_CLASS": 6.0}}, "a helicopter"),
         ({"text": ("ArduPlane V4.5.7",)}, "an ArduPlane vehicle"),
     ],
 )
@@ -271,10 +271,16 @@ def test_the_longest_of_several_flights_is_read_and_said(tmp_path, motion):
         open_log(path, Options(part=4))
 
 
-def test_betaflight_with_six_motors_is_refused(tmp_path, motion):
+def test_betaflight_with_six_motors_is_read(tmp_path, motion):
     six = 48 + 1999 * motion["u"][:, [0, 1, 2, 3, 0, 1]]
-    with pytest.raises(GesError, match="a vehicle with 6 motors"):
-        open_log(_betaflight(tmp_path / "f.bbl", motion, motors=six)).frame()
+    frame = open_log(_betaflight(tmp_path / "f.bbl", motion, motors=six)).frame()
+    np.testing.assert_array_equal(frame["u_6"], frame["u_2"])
+
+
+def test_betaflight_with_two_motors_is_refused(tmp_path, motion):
+    with pytest.raises(GesError, match="a vehicle with 2 motors"):
+        two = 48 + 1999 * motion["u"][:, :2]
+        open_log(_betaflight(tmp_path / "f.bbl", motion, motors=two)).frame()
 
 
 def test_a_real_betaflight_log(recordings_dir):

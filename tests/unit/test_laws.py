@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from ges.conventions import QUATERNION
 from ges.errors import GesError, UsageError
 from ges.simulator import effects, flight, laws
-from ges.simulator.effects import Samples
+from ges.simulator.effects import Samples, sample_rows
 from ges.simulator.terrain import Terrain
 from ges.vehicle.file import Vehicle, parse_vehicle, vehicle_content
 from ges.vehicle.law_export import law_as
@@ -65,7 +65,7 @@ def test_what_is_no_law_is_refused_in_a_sentence(channel, text, says):
 
 def _samples(n=37, seed=0):
     rng = np.random.default_rng(seed)
-    columns = {name: rng.normal(size=n) for name in Samples.columns()}
+    columns = {name: rng.normal(size=n) for name in sample_rows(4)}
     q = rng.normal(size=(n, 4))
     columns |= dict(zip(QUATERNION, (q / np.linalg.norm(q, axis=1)[:, None]).T, strict=True))
     columns |= {f"rotor_speed_{i}_rad_s": 500.0 + 50.0 * rng.normal(size=n) for i in range(1, 5)}

@@ -9,10 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ges.conventions import COMMAND, ROTOR_SPEED
+from ges.conventions import command, rotor_speed
 from ges.simulator import flight as sim
 from ges.simulator import manoeuvres
 from ges.vehicle.file import Vehicle, load_vehicle
+
+COMMAND, ROTOR_SPEED = command(4), rotor_speed(4)
 
 CURVE = 0.4
 

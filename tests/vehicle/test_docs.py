@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from ges.vehicle.airframe import LAYOUTS
 from ges.vehicle.file import parse_vehicle
+from ges.vehicle.layouts import LAYOUTS
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "vehicle.md").read_text()
 
@@ -33,6 +33,9 @@ def test_its_commands_run(recordings_dir, tmp_path):
 
 
 def test_its_file_is_a_vehicle_and_its_layouts_are_all():
-    (block,) = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
-    assert len(parse_vehicle(yaml.safe_load(block)).rotors) == 4
+    rotor, block = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+    vehicle = yaml.safe_load(block)
+    assert len(parse_vehicle(vehicle).rotors) == 4
+    canted = parse_vehicle({**vehicle, "rotors": [*vehicle["rotors"], *yaml.safe_load(rotor)]})
+    assert canted.rotors[4].unit_axis[0] > 0.0
     assert all(f"`{name}`" in PAGE for name in LAYOUTS)

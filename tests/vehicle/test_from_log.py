@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from ges.conventions import COMMAND, GRAVITY_M_S2, ROTOR_SPEED
+from ges.conventions import GRAVITY_M_S2, command, rotor_speed
 from ges.errors import GesError, UsageError
 from ges.vehicle.drive import curve_at_hover, hover, normalised_thrust, response
 from ges.vehicle.file import Quantity, parse_vehicle
@@ -14,6 +14,8 @@ from ges.vehicle.propeller import Propeller
 from ges.vehicle.turning import turning
 
 from .conftest import CURVE, Log, fly
+
+COMMAND, ROTOR_SPEED = command(4), rotor_speed(4)
 
 PROP = Propeller(0.24)
 PARAMETERS = {
@@ -138,12 +140,12 @@ def test_a_log_with_commands_alone_carries_the_weight(flight, flown_vehicle):
 
 def test_px4_curve_depends_on_where_the_commands_were_taken(flight):
     frame = _without(flight, "rotor_speed_")
-    for command, factor, c in (
+    for source, factor, c in (
         ("actuator_motors", 0.6, 1.0),
         ("actuator_outputs", 0.6, 0.4),
         ("actuator_outputs", 0.0, 0.447),
     ):
-        log = Log(frame, parameters={**PARAMETERS, "THR_MDL_FAC": factor}, command=command)
+        log = Log(frame, parameters={**PARAMETERS, "THR_MDL_FAC": factor}, command=source)
         found = describe_log(log, 1.5, PROP).vehicle.effects["thrust_curve"]["c"]
         assert found.value == pytest.approx(c, abs=0.01) and found.sd >= 0.1
 

@@ -5,13 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ges.conventions import COMMAND, GRAVITY_M_S2
+from ges.conventions import GRAVITY_M_S2, command
 from ges.errors import GesError
 from ges.recordings.readers import open_log
 from ges.vehicle.drive import binned, normalised_thrust
 from ges.vehicle.file import load_vehicle
 from ges.vehicle.from_log import describe_log
 from ges.vehicle.propeller import Propeller
+
+COMMAND = command(4)
 
 
 @dataclasses.dataclass

@@ -14,13 +14,13 @@ from scipy.spatial.transform import Rotation
 
 from ges.conventions import (
     BODY_RATE,
-    COMMAND,
     GRAVITY_M_S2,
     POSITION,
     QUATERNION,
-    ROTOR_SPEED,
     SPECIFIC_FORCE,
     VELOCITY,
+    commands_in,
+    rotor_speeds_in,
 )
 
 _STEP_S, _SMOOTH_S = 0.02, 0.15
@@ -226,10 +226,10 @@ def _thrust_pair(grid: np.ndarray, frame: pd.DataFrame) -> Pairs:
 def _push(grid: np.ndarray, frame: pd.DataFrame) -> tuple[str, np.ndarray] | None:
     """What goes with the thrust of every rotor, its name and values (t, n)."""
     # speeds first: thrust goes with their square, whatever the drive does
-    if all(n in frame for n in ROTOR_SPEED):
-        return "squared rotor speeds", _on(grid, frame, ROTOR_SPEED) ** 2
-    if all(n in frame for n in COMMAND):
-        return "commands", _on(grid, frame, COMMAND)
+    if speeds := rotor_speeds_in(frame):
+        return "squared rotor speeds", _on(grid, frame, speeds) ** 2
+    if commands := commands_in(frame):
+        return "commands", _on(grid, frame, commands)
     return None
 
 

@@ -18,20 +18,22 @@ import pandas as pd
 
 from ges.conventions import (
     BODY_RATE,
-    COMMAND,
     POSITION,
     POSITION_REF,
     QUATERNION,
-    ROTOR_SPEED,
     SPECIFIC_FORCE,
     VELOCITY,
     VELOCITY_REF,
+    command,
+    rotor_speed,
 )
 from ges.recordings.consistency import PairFit, Reading, kinematic_fits, mixer_fits
 from ges.vehicle.file import Vehicle
 
 PRIOR_ODDS = 1e-3
 """Of any fault against the log as it is told."""
+MOST_PERMUTED = 4
+"""Motors whose every order is tried: 8 would have 40,320."""
 ALIKE_NATS = 3.0
 """Within which two faults explain the log alike."""
 AGREED_MISFIT = 0.3
@@ -156,8 +158,7 @@ def _motors(n_rotors: int) -> Iterator[Fault]:
     told = tuple(range(n_rotors))
     wrong_way = "the vehicle file has the senses of all rotors the wrong way round"
     yield Fault("", wrong_way, lambda frame: frame, (told, -1.0))
-    # of more rotors there are too many orders to ask which is meant
-    orders = itertools.permutations(told) if n_rotors == len(COMMAND) else ()
+    orders = itertools.permutations(told) if n_rotors <= MOST_PERMUTED else ()
     for order in orders:
         if order == told:
             continue
@@ -172,10 +173,8 @@ def _motors(n_rotors: int) -> Iterator[Fault]:
 
 
 def _reordered(order: Sequence[int]) -> Callable[[pd.DataFrame], pd.DataFrame]:
-    streams = [
-        (ROTOR_SPEED, [ROTOR_SPEED[i] for i in order]),
-        (COMMAND, [COMMAND[i] for i in order]),
-    ]
+    n = len(order)
+    streams = [(each, [each[i] for i in order]) for each in (rotor_speed(n), command(n))]
 
     def mend(frame: pd.DataFrame) -> pd.DataFrame:
         for columns, held in streams:
@@ -185,7 +184,7 @@ def _reordered(order: Sequence[int]) -> Callable[[pd.DataFrame], pd.DataFrame]:
     return mend
 
 
-def faults(n_rotors: int = len(COMMAND)) -> dict[str, Fault]:
+def faults(n_rotors: int = 4) -> dict[str, Fault]:
     """Faults that a log can have, by the name of the option that mends them."""
     every = (*_attitudes(), *_units(), *_signs(), *_motors(n_rotors))
     return {f.name: f for f in every}

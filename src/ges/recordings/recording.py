@@ -18,12 +18,16 @@ import pyarrow.parquet as pq
 
 from ges.conventions import (
     BODY_RATE,
+    MAX_ROTORS,
     POSITION,
     POSITION_REF,
     QUATERNION,
     SPECIFIC_FORCE,
     VELOCITY,
     VELOCITY_REF,
+    command,
+    motor_current,
+    rotor_speed,
 )
 from ges.errors import GesError, unknown_name
 from ges.files import replacing
@@ -233,7 +237,7 @@ def make_set(
         frame = told
         for mend in mends:
             frame = known[mend].mend(frame)
-        good, noticed = checked_frame(name, frame)
+        good, noticed = checked_frame(name, frame.drop(columns=_of_no_rotor(frame, vehicle)))
         if problem := _contradiction(name, good, hover):
             raise GesError(problem)
         flights.append(Flight(name, good))
@@ -242,6 +246,16 @@ def make_set(
     if alike:
         raise GesError(f"{flights[0].name}: {faults.sentence(alike, log_odds)}")
     return RecordingSet(vehicle, tuple(flights), Path(folder), tuple(warnings))
+
+
+def _of_no_rotor(frame: pd.DataFrame, vehicle: Vehicle) -> list[str]:
+    """Columns of motors that the vehicle has not: spare outputs of its autopilot, which are kept
+    and ignored as all else that no contract names.
+    """
+    count = len(vehicle.rotors)
+    every = (names(MAX_ROTORS) for names in (rotor_speed, command, motor_current))
+    beyond = {name for names in every for name in names[count:]}
+    return [name for name in frame.columns if name in beyond]
 
 
 def load_set(folder: str | Path, least: int = 2, mends: Sequence[str] = ()) -> RecordingSet:

@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 
 from ges.errors import GesError
 
-ABI = 7
-MAX_EFFECTS, MAX_PARAMETERS, MAX_LEVELS = 40, 12, 40
+ABI = 8
+MAX_EFFECTS, MAX_PARAMETERS, MAX_LEVELS = 40, 16, 40
 MAX_TERMS, MAX_GROUPS = 24, 16
 _ERROR_SIZE = 512
 _double_p = ct.POINTER(ct.c_double)
@@ -32,11 +32,17 @@ class CParameter(ct.Structure):
 
 
 class CColumn(ct.Structure):
-    _fields_ = [(n, ct.c_char_p) for n in ("name", "unit", "doc")]
+    _fields_: ClassVar[Any] = [
+        *((n, ct.c_char_p) for n in ("name", "unit", "doc")),
+        ("rotor", ct.c_int),
+    ]
 
 
 class CChoice(ct.Structure):
-    _fields_ = [("name", ct.c_char_p), ("doc", ct.c_char_p), ("input_columns", ct.c_int)]
+    _fields_ = [
+        *((n, ct.c_char_p) for n in ("name", "doc")),
+        *((n, ct.c_int) for n in ("input_columns", "rotor_columns")),
+    ]
 
 
 class CSetting(ct.Structure):
@@ -57,7 +63,7 @@ class CEffectParameter(ct.Structure):
         ("role", ct.c_int),
         *((n, ct.c_double) for n in ("value", "neutral", "low", "high", "fit_low", "fit_high")),
         *((n, ct.c_double) for n in ("plausible", "usual", "usual_sd", "usual_share")),
-        *((n, ct.c_int) for n in ("fitted", "whole", "trim")),
+        *((n, ct.c_int) for n in ("fitted", "whole", "rotor", "trim")),
         ("corrects", ct.c_char_p),
         ("acts_above", CSetting),
         ("reach", ct.c_double),
@@ -225,14 +231,19 @@ def parameter_table() -> list[tuple[str, str, str, float, float, float]]:
     ]
 
 
-def _column_list(table: Any, n: int) -> list[tuple[str, str, str]]:
-    return [(c.name.decode(), c.unit.decode(), c.doc.decode()) for c in table[:n]]
+Column = tuple[str, str, str, int]
+"""Name, unit, doc, and the rotor that a column is of: its number from 1, 0 of none, -1 of each, for
+whose number there is a ``#`` in the name."""
 
 
-def _choices(listed: Callable[..., int]) -> dict[str, int]:
+def _column_list(table: Any, n: int) -> list[Column]:
+    return [(c.name.decode(), c.unit.decode(), c.doc.decode(), c.rotor) for c in table[:n]]
+
+
+def _choices(listed: Callable[..., int]) -> dict[str, tuple[int, int]]:
     table = ct.POINTER(CChoice)()
     n = listed(ct.byref(table))
-    return {row.name.decode(): row.input_columns for row in table[:n]}
+    return {row.name.decode(): (row.input_columns, row.rotor_columns) for row in table[:n]}
 
 
 def mode_names() -> list[str]:
@@ -240,20 +251,22 @@ def mode_names() -> list[str]:
     return list(_choices(load().ges_modes))
 
 
-def controller_inputs() -> dict[str, int]:
-    """Columns of the input table of every controller, in the order of its number."""
+def controller_inputs() -> dict[str, tuple[int, int]]:
+    """Columns of the input table of every controller, in the order of its number: those of no
+    rotor, and how many for every rotor.
+    """
     return _choices(load().ges_controllers)
 
 
-def column_table() -> list[tuple[str, str, str]]:
-    """(name, unit, doc) of every recorded quantity."""
+def column_table() -> list[Column]:
+    """Every recorded quantity."""
     table = ct.POINTER(CColumn)()
     n = load().ges_columns(ct.byref(table))
     return _column_list(table, n)
 
 
-def replay_tables() -> tuple[list[tuple[str, str, str]], list[tuple[str, str, str]]]:
-    """(name, unit, doc) of what a replay reads and of what it gives."""
+def replay_tables() -> tuple[list[Column], list[Column]]:
+    """What a replay reads and what it gives; columns of the rotors come last."""
     inputs, outputs = ct.POINTER(CColumn)(), ct.POINTER(CColumn)()
     n_in, n_out = ct.c_int(), ct.c_int()
     load().ges_replay_columns(ct.byref(inputs), ct.byref(n_in), ct.byref(outputs), ct.byref(n_out))

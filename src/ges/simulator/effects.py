@@ -8,6 +8,7 @@ There is no second copy of any physics in Python: :func:`table` lists what the l
 from __future__ import annotations
 
 import dataclasses
+import fnmatch
 import functools
 import math
 from collections.abc import Mapping, Sequence
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ges.conventions import MAX_ROTORS, rotor_columns, rotors_in
 from ges.errors import GesError, UsageError, unknown_name
 from ges.simulator import _lib, laws
 from ges.simulator.terrain import Terrain
@@ -86,6 +88,7 @@ class Parameter:
     usual, usual_sd : where a shape usually is; sd 0 where nothing is usual.
     usual_share : of the weight at 1 m/s, where another effect needs this one to act through.
     fitted, whole : shape that flights may move; axis of a vector that is fitted whole.
+    rotor : number of the rotor that it belongs to, from 1; 0: of none.
     trim : '' or the kind of a vehicle's trim that it is: ``thrust``, ``rotor``, ``lever``,
         ``yaw``.
     corrects : numbers of the vehicle file that it corrects.
@@ -111,6 +114,7 @@ class Parameter:
     usual_share: float
     fitted: bool
     whole: bool
+    rotor: int
     trim: str
     corrects: tuple[str, ...]
     acts_above: tuple[str, float] | None
@@ -201,26 +205,36 @@ class Effect:
         """Parameters that scale it."""
         return tuple(p.name for p in self.parameters if p.role == "amplitude")
 
+    def of_rotors(self, n_rotors: int) -> tuple[Parameter, ...]:
+        """Its parameters on a vehicle with so many rotors."""
+        return tuple(p for p in self.parameters if p.rotor <= n_rotors)
+
     @property
     def shapes(self) -> tuple[str, ...]:
         """Shapes that flights may move."""
         return tuple(p.name for p in self.parameters if p.fitted)
 
-    def defaults(self) -> dict[str, float]:
-        """Typical parameters, at which the effect is switched on by name alone."""
-        return {p.name: p.default for p in self.parameters}
-
     def neutral(self) -> dict[str, float]:
         """Parameters at which the effect vanishes."""
         return {p.name: p.default if math.isnan(p.neutral) else p.neutral for p in self.parameters}
 
-    def values(self, given: Mapping[str, float]) -> list[float]:
-        """Given parameters in the library's order, defaults where absent."""
-        known = [p.name for p in self.parameters]
+    def completed(self, given: Mapping[str, float]) -> dict[str, float]:
+        """All parameters in the library's order: given ones, defaults where absent, but where
+        some rotors are given nothing of the others.
+        """
+        known = {p.name: p for p in self.parameters}
         for name in given:
             if name not in known:
                 raise unknown_name(f"parameter of effect {self.name}", name, known)
-        return [float(given.get(p.name, p.default)) for p in self.parameters]
+        some = any(known[name].rotor for name in given)
+        return {
+            name: float(given.get(name, p.neutral if some and p.rotor else p.default))
+            for name, p in known.items()
+        }
+
+    def values(self, given: Mapping[str, float]) -> list[float]:
+        """:meth:`completed` parameters in the library's order."""
+        return list(self.completed(given).values())
 
 
 def _text(value: bytes | None) -> str:
@@ -271,6 +285,7 @@ def _parameter(p: _lib.CEffectParameter) -> Parameter:
         usual_share=p.usual_share,
         fitted=bool(p.fitted),
         whole=bool(p.whole),
+        rotor=p.rotor,
         trim=TRIMS[p.trim],
         corrects=_words(p.corrects),
         acts_above=_setting(p.acts_above),
@@ -280,9 +295,10 @@ def _parameter(p: _lib.CEffectParameter) -> Parameter:
     )
 
 
-def _search(s: _lib.CSearch) -> SearchHints:
+def _search(s: _lib.CSearch, info: _lib.CEffectInfo) -> SearchHints:
+    names = [p.name.decode() for p in info.parameters[: info.n_parameters]]
     return SearchHints(
-        _words(s.amplitudes),
+        tuple(n for word in _words(s.amplitudes) for n in fnmatch.filter(names, word)),
         _text(s.rule),
         dict(setting for f in s.fixed if (setting := _setting(f))),
         _words(s.axis),
@@ -324,7 +340,7 @@ def _effect(number: int, info: _lib.CEffectInfo) -> Effect:
         error_of=_text(info.error_of),
         settled=_text(info.settled),
         carried=tuple(info.carried[: info.n_carried]),
-        searches=tuple(map(_search, info.searches[: info.n_searches])),
+        searches=tuple(_search(s, info) for s in info.searches[: info.n_searches]),
     )
 
 
@@ -359,6 +375,7 @@ class _LawEffect(Effect):
             usual_share=0.0,
             fitted=False,
             whole=False,
+            rotor=0,
             trim="",
             corrects=(),
             acts_above=None,
@@ -419,32 +436,56 @@ def pack(effects: Effects) -> _lib.CEffects:
     )
 
 
+def _rows(table: Sequence[_lib.Column], n_rotors: int) -> dict[str, int]:
+    """Row of each quantity, those of the rotors last."""
+    fixed = [name for name, _, _, rotor in table if not rotor]
+    of_rotors = [
+        name.replace("#", str(i + 1)) for name, *_, rotor in table if rotor for i in range(n_rotors)
+    ]
+    return {name: row for row, name in enumerate((*fixed, *of_rotors))}
+
+
+@functools.lru_cache(maxsize=MAX_ROTORS)
+def sample_rows(n_rotors: int) -> dict[str, int]:
+    """Row of each quantity that a replay reads of a vehicle with so many rotors."""
+    return _rows(_lib.replay_tables()[0], n_rotors)
+
+
+@functools.lru_cache(maxsize=MAX_ROTORS)
+def replay_rows(n_rotors: int) -> dict[str, int]:
+    """Row of each quantity that a replay gives of a vehicle with so many rotors."""
+    return _rows(_lib.replay_tables()[1], n_rotors)
+
+
 @dataclasses.dataclass(frozen=True)
 class Samples:
-    """Recorded samples as the library reads them: ``data`` has one row per column of ``columns()``,
-    shape (k, n).
+    """Recorded samples as the library reads them: ``data`` has one row per column of
+    :func:`sample_rows`, shape (k, n).
     """
 
     data: np.ndarray
+    n_rotors: int = 4
 
-    @staticmethod
-    @functools.lru_cache(maxsize=1)
-    def columns() -> dict[str, int]:
+    @property
+    def rows(self) -> dict[str, int]:
         """Row of each quantity."""
-        return {name: i for i, (name, _, _) in enumerate(_lib.replay_tables()[0])}
+        return sample_rows(self.n_rotors)
 
     @classmethod
-    def from_columns(cls, values: Mapping[str, np.ndarray]) -> Samples:
+    def from_columns(cls, values: Mapping[str, np.ndarray], n_rotors: int | None = None) -> Samples:
         """From contract columns; what is absent is 0, attitude level, battery NaN; other names are
         ignored.
 
         Parameters
         ----------
         values : mapping of column name to array of shape (n,); ``t_s`` is required.
+        n_rotors : as many as have columns of speeds or commands where it is not given, or four
+            where none has.
         """
         if "t_s" not in values:
             raise UsageError("samples need a column t_s")
-        rows = cls.columns()
+        n_rotors = n_rotors or rotors_in(values) or 4
+        rows = sample_rows(n_rotors)
         data = np.zeros((len(rows), len(values["t_s"])))
         # level attitude; a battery of 0 V would be a reading, NaN is none
         data[rows["q_w"]] = 1.0
@@ -452,7 +493,7 @@ class Samples:
         for name, row in rows.items():
             if name in values:
                 data[row] = values[name]
-        return cls(data)
+        return cls(data, n_rotors)
 
     @classmethod
     def from_frame(cls, frame: pd.DataFrame) -> Samples:
@@ -461,8 +502,16 @@ class Samples:
             {
                 name: frame[name].to_numpy(dtype=float)
                 for name in frame.columns
-                if name in cls.columns()
+                if name in sample_rows(rotors_in(frame.columns) or 4)
             }
+        )
+
+    def of(self, n_rotors: int) -> Samples:
+        """The same of a vehicle with so many rotors; those that were not there stand still."""
+        if n_rotors == self.n_rotors:
+            return self
+        return Samples.from_columns(
+            {name: self.data[row] for name, row in self.rows.items()}, n_rotors
         )
 
     def __len__(self) -> int:
@@ -471,18 +520,15 @@ class Samples:
 
 @dataclasses.dataclass(frozen=True)
 class Replay:
-    """The model along recorded samples: columns of shape (n,) by name, body frame, SI."""
+    """The model along recorded samples: columns of shape (n,) by name, body frame, SI; ``data`` has
+    one row per column of :func:`replay_rows`.
+    """
 
     data: np.ndarray
-
-    @staticmethod
-    @functools.lru_cache(maxsize=1)
-    def columns() -> dict[str, int]:
-        """Row of each quantity."""
-        return {name: i for i, (name, _, _) in enumerate(_lib.replay_tables()[1])}
+    n_rotors: int = 4
 
     def __getitem__(self, name: str) -> np.ndarray:
-        rows = self.columns()
+        rows = replay_rows(self.n_rotors)
         if name not in rows:
             raise unknown_name("replay column", name, rows)
         return self.data[rows[name]]
@@ -503,13 +549,13 @@ class Replay:
 
     @property
     def thrust_N(self) -> np.ndarray:
-        """Thrust of each rotor, (n, 4)."""
-        return self.stack(*(f"thrust_{i}_N" for i in range(1, 5)))
+        """Thrust of each rotor, (n, n_rotors)."""
+        return self.stack(*rotor_columns("thrust_{}_N", self.n_rotors))
 
     @property
     def rotor_command_rad_s(self) -> np.ndarray:
-        """Commanded rotor speeds before the motor lag, (n, 4)."""
-        return self.stack(*(f"rotor_command_{i}_rad_s" for i in range(1, 5)))
+        """Commanded rotor speeds before the motor lag, (n, n_rotors)."""
+        return self.stack(*rotor_columns("rotor_command_{}_rad_s", self.n_rotors))
 
 
 def replay(
@@ -543,13 +589,16 @@ def replay_each(
     side where they are alike.
     """
     from ges.simulator.flight import parameter_vector
+    from ges.simulator.flight import parameters as _parameters
 
     terrain = terrain or Terrain.flat()
     vector = parameter_vector({**terrain.parameters(), **parameters})
     heights, packed = terrain.height_map(), [pack(e) for e in sets]
     grid = None if heights is None else _lib.pack_grid(*heights)
-    replayed = _lib.replay(vector, packed, grid, samples.data, len(Replay.columns()), lanes)
-    return [Replay(data) for data in replayed]
+    n_rotors = int(vector[list(_parameters()).index("rotors")])
+    told, n_outputs = samples.of(n_rotors), len(replay_rows(n_rotors))
+    replayed = _lib.replay(vector, packed, grid, told.data, n_outputs, lanes)
+    return [Replay(data, n_rotors) for data in replayed]
 
 
 def evaluate(
@@ -574,4 +623,4 @@ def evaluate(
     # evaluated beside what is on, since a modifier alone adds nothing
     with_it = replay(parameters, samples, {**base, name: values}, terrain)
     without = replay(parameters, samples, base, terrain)
-    return Replay(with_it.data - without.data)
+    return Replay(with_it.data - without.data, without.n_rotors)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ges.conventions import MAX_ROTORS
 from ges.errors import UsageError, unknown_name
 from ges.simulator import _lib, effects, laws
 from ges.simulator.terrain import Terrain
@@ -31,7 +32,7 @@ def controllers() -> list[str]:
 
 
 @functools.lru_cache(maxsize=1)
-def _controller_inputs() -> dict[str, int]:
+def _controller_inputs() -> dict[str, tuple[int, int]]:
     return _lib.controller_inputs()
 
 
@@ -53,10 +54,17 @@ def parameters() -> dict[str, Parameter]:
     return {row[0]: Parameter(*row) for row in _lib.parameter_table()}
 
 
+@functools.lru_cache(maxsize=MAX_ROTORS)
+def columns(n_rotors: int = 4) -> dict[str, tuple[str, str]]:
+    """(unit, meaning) of every recorded quantity by name, of a vehicle with so many rotors."""
+    return {
+        name: (unit, doc) for name, unit, doc, rotor in _lib.column_table() if rotor <= n_rotors
+    }
+
+
 @functools.lru_cache(maxsize=1)
-def columns() -> dict[str, tuple[str, str]]:
-    """(unit, meaning) of every recorded quantity by name."""
-    return {name: (unit, doc) for name, unit, doc in _lib.column_table()}
+def _column_numbers() -> dict[str, int]:
+    return {name: i for i, (name, *_) in enumerate(_lib.column_table())}
 
 
 def parameter_vector(given: Mapping[str, float]) -> np.ndarray:
@@ -81,8 +89,8 @@ class Flight:
     effects : effect name to its parameters (defaults elsewhere).
     terrain : ground; procedural from the flight's seed if not given.
     inputs : (n, 14) references where ``control`` is firmware: p_ref (3), v_ref (3), a_ref (3),
-        yaw_ref, excitation (3 rad/s^2, m/s^2); (n, 12) replay where it is replayed_commands or
-        replayed_speeds: drive (4; commands or rotor speeds), q (4), battery_V, omega (3). Rows are
+        yaw_ref, excitation (3 rad/s^2, m/s^2); (n, k + 8) replay where it is replayed_commands or
+        replayed_speeds: drive (k rotors; commands or speeds), q (4), battery_V, omega (3). Rows are
         ``inputs_dt_s`` apart from t = 0.
     """
 
@@ -95,6 +103,11 @@ class Flight:
         """Parameters with the terrain's, names of modes and controllers replaced by numbers."""
         named = {**self.terrain.parameters(), **self.parameters}
         return {name: self._number(name, value) for name, value in named.items()}
+
+    @property
+    def n_rotors(self) -> int:
+        """Number of rotors."""
+        return int(self.numbers().get("rotors", parameters()["rotors"].default))
 
     @staticmethod
     def _number(name: str, value: float | str) -> float:
@@ -133,17 +146,20 @@ class Record:
         return self.columns[name]
 
 
-def _column_numbers(wanted: Iterable[str] | None) -> tuple[list[str], list[int]]:
-    known = list(columns())
-    names = known if wanted is None else list(wanted)
+def _recorded(flights: Sequence[Flight], wanted: Iterable[str] | None) -> list[str]:
+    """Names of what is recorded: all that every flight has, where it is not said."""
+    if wanted is None:
+        return list(columns(min((f.n_rotors for f in flights), default=1)))
+    names, known = list(wanted), columns(max((f.n_rotors for f in flights), default=1))
     for name in names:
         if name not in known:
             raise unknown_name("column", name, known)
-    return names, [known.index(name) for name in names]
+    return names
 
 
-def _check_inputs(inputs: np.ndarray, control: float) -> None:
-    for number, width in enumerate(_controller_inputs().values()):
+def _check_inputs(inputs: np.ndarray, control: float, n_rotors: int) -> None:
+    for number, (fixed, of_rotor) in enumerate(_controller_inputs().values()):
+        width = fixed + of_rotor * n_rotors
         if control == number and np.shape(inputs)[1:] != (width,):
             raise UsageError(
                 f"inputs have shape {np.shape(inputs)}; this control takes (n, {width})"
@@ -153,7 +169,7 @@ def _check_inputs(inputs: np.ndarray, control: float) -> None:
 def _packed(flight: Flight) -> tuple:
     numbers, ground = flight.numbers(), flight.terrain
     if flight.inputs is not None:
-        _check_inputs(flight.inputs, numbers.get("control", 0.0))
+        _check_inputs(flight.inputs, numbers.get("control", 0.0), flight.n_rotors)
     heights = ground.height_map()
     grid = None if heights is None else _lib.pack_grid(*heights)
     return parameter_vector(numbers), effects.pack(flight.effects), grid, flight.inputs
@@ -167,7 +183,7 @@ def fly(
     Parameters
     ----------
     flights : any number; they need not resemble each other.
-    wanted : names of the columns to record; all if not given.
+    wanted : names of the columns to record; all that every flight has if not given.
     lanes : 0 lets the library choose; 1, 2, 4 and 8 give the same bits.
 
     Raises
@@ -175,8 +191,8 @@ def fly(
     GesError When a number is out of its bounds or an input table is missing; the message names
     flight, value and bounds.
     """
-    names, numbers = _column_numbers(wanted)
-    flown = _lib.fly([_packed(f) for f in flights], numbers, lanes)
+    names, numbers = _recorded(flights, wanted), _column_numbers()
+    flown = _lib.fly([_packed(f) for f in flights], [numbers[name] for name in names], lanes)
     seeds = [int(f.numbers().get("seed", parameters()["seed"].default)) for f in flights]
     return [
         # the library gives a row a sample; a column has to be contiguous for what reads it alone
@@ -206,7 +222,7 @@ def write_script(
     """Write flights (without height maps) as a text file that the program ``ges_sim`` flies to the
     same bytes.
     """
-    names, _ = _column_numbers(wanted)
+    names = _recorded(flights, wanted)
     lines = ["columns " + " ".join(names)]
     for i, flight in enumerate(flights):
         if flight.terrain.kind == "grid":
@@ -222,7 +238,8 @@ def write_script(
                 continue
             lines.append(f"effect {name}")
             lines += [
-                f"effect.{name}.{key} = {float(value).hex()}" for key, value in values.items()
+                f"effect.{name}.{key} = {value.hex()}"
+                for key, value in effects.get(name).completed(values).items()
             ]
         if flight.inputs is not None:
             table = Path(path).with_suffix(f".inputs{i}.txt")

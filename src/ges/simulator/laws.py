@@ -272,7 +272,7 @@ def along(
     """
     from ges.simulator.effects import replay_each
 
-    rows = samples.columns()
+    rows = samples.rows
     p_m = samples.data[[rows["p_x_m"], rows["p_y_m"]]].T
     used = [g for k, g in enumerate(groups()) if any(t.power[k] + t.magnitude[k] for t in terms)]
     # one replay tells a share of the weight in every channel: what each adds is weight times group

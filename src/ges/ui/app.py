@@ -45,7 +45,7 @@ from ges.ui import asking, guard
 from ges.ui.folder import Diagnosed, Logs, Workspace
 from ges.ui.jobs import Jobs, ask
 from ges.vehicle import library
-from ges.vehicle.airframe import LAYOUTS
+from ges.vehicle.layouts import LAYOUTS
 
 MOST_FILES = 100
 """Files of one upload."""

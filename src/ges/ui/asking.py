@@ -12,7 +12,7 @@ from ges.errors import UsageError
 from ges.recordings.readers.maps import preset_names
 from ges.ui.folder import Logs
 from ges.vehicle import library
-from ges.vehicle.airframe import LAYOUTS
+from ges.vehicle.layouts import LAYOUTS
 
 NOTHING_FOUND: Mapping[str, Any] = {
     "format": "",

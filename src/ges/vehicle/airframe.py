@@ -12,52 +12,34 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ges.conventions import N_ROTORS
+from ges.conventions import FEWEST_ROTORS, MAX_ROTORS
 from ges.errors import GesError, UsageError, unknown_name
-from ges.vehicle import scaling
-from ges.vehicle.file import Quantity, Rotor, Spin
+from ges.vehicle import layouts, scaling
+from ges.vehicle.file import Quantity, Rotor
+from ges.vehicle.layouts import LAYOUTS, Spin
 from ges.vehicle.propeller import Propeller
 
-# Angle of every arm, degrees clockwise from the nose seen from above, and the spin of its rotor.
-LAYOUTS: Mapping[str, tuple[tuple[float, Spin], ...]] = {
-    "x": ((45, "ccw"), (225, "ccw"), (315, "cw"), (135, "cw")),
-    "h": ((45, "cw"), (225, "cw"), (315, "ccw"), (135, "ccw")),
-    "plus": ((90, "ccw"), (270, "ccw"), (0, "cw"), (180, "cw")),
-    "plus-reversed": ((90, "cw"), (270, "cw"), (0, "ccw"), (180, "ccw")),
-    "betaflight-x": ((135, "cw"), (45, "ccw"), (225, "ccw"), (315, "cw")),
-    "betaflight-x-reversed": ((135, "ccw"), (45, "cw"), (225, "cw"), (315, "ccw")),
-    "dji-x": ((45, "ccw"), (315, "cw"), (225, "ccw"), (135, "cw")),
-    "clockwise-x": ((45, "ccw"), (135, "cw"), (225, "ccw"), (315, "cw")),
-}
-
-# AP_Motors' FRAME_TYPE of FRAME_CLASS 1; a V frame has the hubs and spins of an X.
-ARDUPILOT_FRAMES = {
-    0: "plus",
-    1: "x",
-    2: "x",
-    3: "h",
-    6: "plus-reversed",
-    12: "betaflight-x",
-    13: "dji-x",
-    14: "clockwise-x",
-    18: "betaflight-x-reversed",
-}
-ARDUPILOT_CLASSES = {2: "hexa", 3: "octa", 4: "octa quad", 5: "Y6", 6: "helicopter", 7: "tri"}
-
-# Airframe numbers of PX4 before it logged CA_ROTOR*: its quadrotors, all X but these.
+# Airframe numbers of PX4 before it logged CA_ROTOR*: its quadrotors, X but for those of layouts.py.
 PX4_QUADS = (range(1001, 1002), range(4000, 5000), range(10015, 10021))
-PX4_OTHERS = {4040: "h", 4900: "clockwise-x", 5001: "plus"}
-
 # Hubs that a propeller's diameter contradicts: rotors would touch, or the arms are only nominal.
 TOUCHING, NOMINAL = 0.98, 2.6
 ENTERED_SD_REL = 0.05
 PLANE_SD = 0.15
-TILTED = math.cos(math.radians(5.0))
+# The upper rotor of a coaxial pair over the plane between both, in radii: a motor's height.
+HALF_PAIR_RADII = 0.3
+# Below this a rotor stands upright, and its axis is no direction of its own.
+UPRIGHT = math.cos(math.radians(0.5))
+
+
+TAIL_SERVO = (
+    "A tricopter turns about yaw by a servo at its tail, which is not modelled: its yaw moment"
+    " tells nothing."
+)
 
 
 @dataclasses.dataclass(frozen=True)
 class Airframe:
-    """Rotors of a quadrotor, in the order of its motors.
+    """Rotors of a multirotor, in the order of its motors.
 
     Attributes
     ----------
@@ -91,8 +73,7 @@ def from_layout(name: str, propeller: Propeller, wheelbase_m: float | None) -> A
     if name not in LAYOUTS:
         raise unknown_name("layout", name, LAYOUTS)
     if wheelbase_m is None:
-        # neighbours on a square are sqrt(2) arms apart
-        arm_m = scaling.SPACING * propeller.diameter_m / math.sqrt(2.0)
+        arm_m = scaling.SPACING * propeller.diameter_m / _neighbours(name)
         sd_rel = scaling.SPACING_SD_REL
         source = (
             f"Motor order and spins of the layout {name}; arms as long as propellers of"
@@ -101,16 +82,46 @@ def from_layout(name: str, propeller: Propeller, wheelbase_m: float | None) -> A
     else:
         arm_m, sd_rel = 0.5 * wheelbase_m, 0.02
         source = f"Motor order and spins of the layout {name}; wheelbase as given, to {sd_rel:.0%}."
-    angles = np.radians([angle for angle, _ in LAYOUTS[name]])
-    hubs = arm_m * np.stack([np.cos(angles), -np.sin(angles), 0.0 * angles], axis=1)
-    spins = [spin for _, spin in LAYOUTS[name]]
-    return Airframe(_rotors(hubs, spins, propeller, sd_rel), source)
+    hubs = np.column_stack([arm_m * _plan(name), _levels(name, propeller)])
+    spins = [mount.spin for mount in LAYOUTS[name]]
+    remarks = (TAIL_SERVO,) if name == "tri" else ()
+    return Airframe(_rotors(hubs, spins, propeller, sd_rel), source, remarks)
+
+
+def _plan(name: str) -> np.ndarray:
+    """Hubs of a layout in the plane, forward and left over the arm, (n, 2)."""
+    angles = np.radians([mount.angle_deg for mount in LAYOUTS[name]])
+    reach = np.array([mount.reach for mount in LAYOUTS[name]])
+    return reach[:, None] * np.stack([np.cos(angles), -np.sin(angles)], axis=1)
+
+
+def _levels(name: str, propeller: Propeller) -> np.ndarray:
+    """Hubs of a layout over its middle, (n,) m."""
+    return (
+        HALF_PAIR_RADII
+        * propeller.radius_m
+        * np.array([float(mount.level) for mount in LAYOUTS[name]])
+    )
+
+
+def _neighbours(name: str) -> float:
+    """Distance of the nearest hubs of a layout that are not one over the other, over the arm."""
+    plan = _plan(name)
+    gaps = np.linalg.norm(plan[:, None] - plan[None, :], axis=2)
+    return float(gaps[gaps > 1e-6].min())
 
 
 def _rotors(
-    hubs: np.ndarray, spins: Sequence[Spin], propeller: Propeller, sd_rel: float
+    hubs: np.ndarray,
+    spins: Sequence[Spin],
+    propeller: Propeller,
+    sd_rel: float,
+    axes: np.ndarray | None = None,
 ) -> tuple[Rotor, ...]:
-    """Rotors at hubs (n, 3); how high they lie over the centre of mass, no log tells well."""
+    """Rotors at hubs (n, 3), with axes (n, 3) where they are canted; how high they lie over the
+    centre of mass, no log tells well.
+    """
+    axes = np.tile([0.0, 0.0, 1.0], (len(hubs), 1)) if axes is None else axes
     plane_sd = PLANE_SD * float(np.linalg.norm(hubs[:, :2], axis=1).mean())
     return tuple(
         Rotor(
@@ -119,8 +130,9 @@ def _rotors(
             z_m=Quantity(value=float(z) + 0.0, sd=plane_sd),
             radius_m=Quantity(value=propeller.radius_m),
             spin=spin,
+            axis=None if axis[2] > UPRIGHT else tuple(axis.round(6).tolist()),
         )
-        for (x, y, z), spin in zip(hubs, spins, strict=True)
+        for (x, y, z), spin, axis in zip(hubs, spins, axes, strict=True)
     )
 
 
@@ -144,13 +156,19 @@ def from_parameters(
     Raises
     ------
     GesError
-        When the vehicle is no quadrotor with upright axes, or its layout is not known here.
+        When the vehicle is no multirotor, or its layout is not known here.
     """
     if kind == "px4":
         return _px4(parameters, propeller, wheelbase_m)
     if kind == "ardupilot":
         return from_layout(_ardupilot_layout(parameters), propeller, wheelbase_m)
     if kind == "betaflight":
+        count = int(parameters.get("motors", 4))
+        if count != 4:
+            raise UsageError(
+                f"the log has {count} motors and does not say how they are arranged; give --layout,"
+                f" one of {', '.join(layouts.of_rotors(count)) or 'none that is known'}"
+            )
         reversed_ = parameters.get("yaw_motors_reversed", 0) == 1
         name = "betaflight-x-reversed" if reversed_ else "betaflight-x"
         return from_layout(name, propeller, wheelbase_m)
@@ -179,17 +197,17 @@ def number_of(parameters: Mapping[str, float], key: str, default: float | None) 
 def _ardupilot_layout(parameters: Mapping[str, float]) -> str:
     """Layout of FRAME_CLASS and FRAME_TYPE, or of FRAME before version 3.5."""
     group = int(number_of(parameters, "FRAME_CLASS", 1))
-    if group != 1:
-        what = ARDUPILOT_CLASSES.get(group, f"FRAME_CLASS {group}")
-        raise GesError(f"the log is of a {what}; ges simulates quadrotors (FRAME_CLASS 1)")
+    if group not in layouts.ARDUPILOT:
+        what = layouts.NO_MULTIROTORS.get(group, f"FRAME_CLASS {group}")
+        raise GesError(f"the log is of a {what}; ges simulates multirotors")
     key = "FRAME_TYPE" if "FRAME_TYPE" in parameters else "FRAME"
-    number = int(number_of(parameters, key, None))
-    if number not in ARDUPILOT_FRAMES:
+    number, known = int(number_of(parameters, key, None)), layouts.ARDUPILOT[group]
+    if number not in known:
         raise UsageError(
-            f"{key} {number} is not one of {sorted(ARDUPILOT_FRAMES)}, whose motors all point up;"
-            " other frames cannot be simulated"
+            f"{key} {number} is not one of {sorted(known)} of FRAME_CLASS {group}, whose motors all"
+            " point up; give --layout"
         )
-    return ARDUPILOT_FRAMES[number]
+    return known[number]
 
 
 def _px4(
@@ -198,40 +216,49 @@ def _px4(
     kind = int(number_of(parameters, "CA_AIRFRAME", 0))
     if kind != 0:
         raise GesError(
-            f"the log is of no multirotor (CA_AIRFRAME {kind}); ges simulates quadrotors"
+            f"the log is of no multirotor (CA_AIRFRAME {kind}); ges simulates multirotors"
             " (CA_AIRFRAME 0)"
         )
     count = int(number_of(parameters, "CA_ROTOR_COUNT", 0))
     if count == 0:
         return from_layout(_px4_airframe(parameters), propeller, wheelbase_m)
-    if count != N_ROTORS:
+    if not FEWEST_ROTORS <= count <= MAX_ROTORS:
         raise GesError(
-            f"the vehicle has {count} rotors (CA_ROTOR_COUNT); ges simulates quadrotors, {N_ROTORS}"
+            f"the vehicle has {count} rotors (CA_ROTOR_COUNT); ges simulates {FEWEST_ROTORS} to"
+            f" {MAX_ROTORS}"
         )
-    return _control_allocation(parameters, propeller, wheelbase_m)
+    return _control_allocation(count, parameters, propeller, wheelbase_m)
 
 
 def _px4_airframe(parameters: Mapping[str, float]) -> str:
     number = int(number_of(parameters, "SYS_AUTOSTART", None))
-    if not any(number in numbers for numbers in PX4_QUADS) and number not in PX4_OTHERS:
+    known = layouts.PX4_AIRFRAMES
+    if not any(number in numbers for numbers in PX4_QUADS) and number not in known:
         raise UsageError(
-            f"airframe {number} (SYS_AUTOSTART) is not known to be a quadrotor; give --layout, as"
+            f"airframe {number} (SYS_AUTOSTART) is not known to be a multirotor; give --layout, as"
             " in --layout x, if it is one"
         )
-    return PX4_OTHERS.get(number, "x")
+    return known.get(number, "x")
 
 
 def _control_allocation(
-    parameters: Mapping[str, float], propeller: Propeller, wheelbase_m: float | None
+    count: int, parameters: Mapping[str, float], propeller: Propeller, wheelbase_m: float | None
 ) -> Airframe:
-    """Rotors of CA_ROTORn_PX, PY, PZ (forward, right, down) and KM (positive: ccw)."""
-    names = [f"CA_ROTOR{i}" for i in range(N_ROTORS)]
-    # PX4's z points down: the axis of an upright rotor is -1
-    upright = [-number_of(parameters, f"{n}_AZ", -1.0) for n in names]
-    if min(upright) < TILTED:
+    """Rotors of CA_ROTORn_PX, PY, PZ (forward, right, down), AX, AY, AZ (along thrust) and KM
+    (positive: ccw).
+    """
+    names = [f"CA_ROTOR{i}" for i in range(count)]
+    # upright by default: PX4's z points down, and so does -1 of it up
+    usual = {"X": 0.0, "Y": 0.0, "Z": -1.0}
+    axes = np.array([[number_of(parameters, f"{n}_A{a}", usual[a]) for a in "XYZ"] for n in names])
+    axes = axes * (1.0, -1.0, -1.0)
+    lengths = np.linalg.norm(axes, axis=1, keepdims=True)
+    if not (lengths > 0).all() or not (axes[:, 2] > 0).all():
         raise GesError(
-            "a rotor's axis is tilted (CA_ROTOR*_AX, AY, AZ); ges simulates upright rotors"
+            "a rotor's axis (CA_ROTOR*_AX, AY, AZ) does not point up; ges simulates rotors that"
+            " lift"
         )
+    axes = axes / lengths
     frd = np.array([[number_of(parameters, f"{n}_P{a}", 0.0) for a in "XYZ"] for n in names])
     # forward-right-down to forward-left-up
     hubs = frd * (1.0, -1.0, -1.0)
@@ -243,12 +270,13 @@ def _control_allocation(
             "CA_ROTOR* puts all rotors into one place or gives one no spin; give --layout, as in"
             " --layout x"
         )
-    return _sized(hubs, spins, propeller, wheelbase_m, arm_m)
+    return _sized(hubs, spins, axes, propeller, wheelbase_m, arm_m)
 
 
 def _sized(
     hubs: np.ndarray,
     spins: Sequence[Spin],
+    axes: np.ndarray,
     propeller: Propeller,
     wheelbase_m: float | None,
     arm_m: float,
@@ -256,7 +284,8 @@ def _sized(
     """Rotors at the autopilot's hubs, scaled where the user or the propeller knows better."""
     # published quadrotors have neighbours 1.2 to 1.5 diameters apart, which checks the lengths
     gaps = np.linalg.norm(hubs[:, None, :2] - hubs[None, :, :2], axis=2)
-    spacing = float(gaps[gaps > 0].min()) / propeller.diameter_m
+    # one over the other is no neighbour
+    spacing = float(gaps[gaps > 0.1 * arm_m].min()) / propeller.diameter_m
     source = "Hubs and spins of CA_ROTOR*_PX, PY, PZ and KM"
     scale, sd_rel = 1.0, ENTERED_SD_REL
     remarks: tuple[str, ...] = ()
@@ -277,4 +306,4 @@ def _sized(
                 f" where propellers of {propeller} would touch: check --prop, or give"
                 " --wheelbase.",
             )
-    return Airframe(_rotors(scale * hubs, spins, propeller, sd_rel), source, remarks)
+    return Airframe(_rotors(scale * hubs, spins, propeller, sd_rel, axes), source, remarks)

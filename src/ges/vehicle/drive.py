@@ -15,14 +15,13 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from ges.conventions import (
-    COMMAND,
     GRAVITY_M_S2,
-    N_ROTORS,
     POSITION,
     QUATERNION,
-    ROTOR_SPEED,
     SPECIFIC_FORCE,
     VELOCITY,
+    commands_in,
+    rotor_speeds_in,
 )
 from ges.errors import GesError
 from ges.vehicle.file import Quantity
@@ -61,7 +60,7 @@ def curve_at_hover(elasticity: float, u: float) -> float:
 
 @dataclasses.dataclass(frozen=True)
 class Hover:
-    """Thrust of a rotor over its drive, from the weight that four of them carried.
+    """Thrust of a rotor over its drive, from the weight that all of them carried.
 
     Attributes
     ----------
@@ -71,6 +70,7 @@ class Hover:
     seconds : of flight that it was taken from.
     quiet : whether these seconds hovered; else all that flew was taken.
     measured : whether the drive is a measured rotor speed.
+    n_rotors : number of rotors.
     """
 
     thrust_per_drive: Quantity
@@ -78,6 +78,7 @@ class Hover:
     seconds: float
     quiet: bool
     measured: bool
+    n_rotors: int
 
 
 def binned(frame: pd.DataFrame) -> pd.DataFrame:
@@ -90,7 +91,7 @@ def binned(frame: pd.DataFrame) -> pd.DataFrame:
 
 def _stack(frame: pd.DataFrame, names: tuple[str, ...]) -> np.ndarray | None:
     """Columns (n, k), None where one was not logged."""
-    if not all(name in frame for name in names):
+    if not names or not all(name in frame for name in names):
         return None
     values = frame[list(names)].to_numpy(dtype=float)
     return values if np.isfinite(values).any() else None
@@ -182,7 +183,7 @@ class _Bins:
 def _bins(frame: pd.DataFrame, c: float) -> _Bins:
     """A flight in half seconds; ``c`` as for :func:`hover`."""
     means = binned(frame)
-    speeds, commands = _stack(means, ROTOR_SPEED), _stack(means, COMMAND)
+    speeds, commands = _stack(means, rotor_speeds_in(means)), _stack(means, commands_in(means))
     # measured speeds need no curve, but a few seconds of them are too little
     if speeds is not None and (
         commands is None or np.isfinite(speeds).all(axis=1).sum() >= FEWEST_BINS
@@ -236,6 +237,7 @@ def hover(frame: pd.DataFrame, mass_kg: float, c: float, radius_m: float) -> Hov
         float(used.sum() * BIN_S),
         used is quiet,
         bins.measured,
+        bins.drives.shape[1],
     )
 
 
@@ -281,7 +283,7 @@ def response(frame: pd.DataFrame, curve: Quantity) -> Response | None:
     -------
     Response, or None where speeds or commands are missing or have nothing to do with each other.
     """
-    if not {*ROTOR_SPEED, *COMMAND} <= set(frame):
+    if not rotor_speeds_in(frame) or len(rotor_speeds_in(frame)) != len(commands_in(frame)):
         return None
     bins = _bins(frame, curve.value)
     speeds, commands = bins.speeds, bins.commands
@@ -289,7 +291,7 @@ def response(frame: pd.DataFrame, curve: Quantity) -> Response | None:
         return None
     # a stopped rotor has no place on the curve
     good = bins.flying[:, None] & (speeds > 0) & (commands > 0)
-    if good.sum() < N_ROTORS * FEWEST_BINS:
+    if good.sum() < good.shape[1] * FEWEST_BINS:
         return None
     w, u = speeds[good], commands[good]
     steady = _steady_response(w, u, curve)
@@ -343,16 +345,17 @@ def _lag(frame: pd.DataFrame, c: float) -> Quantity | None:
 
     Both sides are compared after a high-pass of 0.3 s, over a grid of time constants and delays.
     """
-    rows = frame.filter(["t_s", *ROTOR_SPEED, *COMMAND]).dropna()
+    turning, asking = rotor_speeds_in(frame), commands_in(frame)
+    rows = frame[["t_s", *turning, *asking]].dropna()
     if len(rows) < FEWEST_ROWS:
         return None
     step_s = float(np.median(np.diff(rows["t_s"])))
     if step_s > SLOWEST_TELEMETRY_S:
         return None
-    commands = rows[list(COMMAND)].to_numpy(dtype=float)
+    commands = rows[list(asking)].to_numpy(dtype=float)
     asked = np.sqrt(normalised_thrust(commands, c))
     # slow errors, of the battery or the curve, would hide what a few hundredths of a second do
-    fast = _fast(rows[list(ROTOR_SPEED)].to_numpy(dtype=float), step_s)
+    fast = _fast(rows[list(turning)].to_numpy(dtype=float), step_s)
     lags_s = np.geomspace(*LAGS_S, 40)
     score = [_likeness(_fast(_slow(asked, step_s, lag), step_s), fast, step_s) for lag in lags_s]
     best = int(np.argmax(score))

@@ -15,12 +15,13 @@ import pydantic
 import yaml
 from pydantic_core import ErrorDetails
 
-from ges.conventions import GRAVITY_M_S2, N_ROTORS
+from ges.conventions import FEWEST_ROTORS, GRAVITY_M_S2, MAX_ROTORS
 from ges.errors import GesError, UsageError, unknown_name
 from ges.files import write_text
 from ges.simulator import laws
 from ges.simulator.terrain import Terrain
 from ges.vehicle import library
+from ges.vehicle.layouts import Spin
 
 YAML_ENDINGS = (".yaml", ".yml")
 
@@ -97,8 +98,6 @@ def _positive(quantity: Quantity) -> Quantity:
 
 
 Positive = Annotated[Quantity, pydantic.AfterValidator(_positive)]
-Spin = Literal["cw", "ccw"]
-"""Sense in which a rotor turns, seen from above."""
 
 
 class Rotor(_Strict):
@@ -106,6 +105,8 @@ class Rotor(_Strict):
     above.
 
     A rotor that spins ccw turns the body cw: its reaction torque on the body is negative about z.
+    Where it is canted, ``axis`` is the direction of its thrust, of any length. Coefficients and
+    time constant are the vehicle's where the rotor states none of its own.
     """
 
     x_m: Quantity
@@ -113,6 +114,23 @@ class Rotor(_Strict):
     z_m: Quantity = Quantity(value=0.0)
     radius_m: Positive
     spin: Spin
+    axis: tuple[float, float, float] | None = None
+    thrust_coefficient_N_s2: Positive | None = None
+    torque_coefficient_Nm_s2: Positive | None = None
+    motor_time_constant_s: Positive | None = None
+
+    @pydantic.field_validator("axis")
+    @classmethod
+    def _upwards(cls, axis: tuple[float, float, float] | None) -> tuple[float, float, float] | None:
+        if axis is not None and not axis[2] > 0.0:
+            raise ValueError(f"is {list(axis)}; a rotor lifts: its third number is above zero")
+        return axis
+
+    @property
+    def unit_axis(self) -> np.ndarray:
+        """Direction of its thrust in the body frame, (3,)."""
+        axis = np.array(self.axis or (0.0, 0.0, 1.0))
+        return axis / np.linalg.norm(axis)
 
 
 class Inertia(_Strict):
@@ -188,8 +206,17 @@ class Vehicle(_Strict):
     @pydantic.field_validator("rotors")
     @classmethod
     def _some(cls, rotors: tuple[Rotor, ...]) -> tuple[Rotor, ...]:
-        if not rotors:
-            raise ValueError("the list is empty; a vehicle has at least one rotor")
+        if not FEWEST_ROTORS <= len(rotors) <= MAX_ROTORS:
+            raise ValueError(
+                f"{len(rotors)} are listed; a multirotor has {FEWEST_ROTORS} to {MAX_ROTORS}"
+            )
+        hubs = [(r.x_m.value, r.y_m.value, r.z_m.value) for r in rotors]
+        for i, hub in enumerate(hubs):
+            if hub in hubs[:i]:
+                raise ValueError(
+                    f"rotors {hubs.index(hub) + 1} and {i + 1} are in one place; coaxial ones"
+                    " differ in z_m"
+                )
         return rotors
 
     @pydantic.field_validator("laws")
@@ -213,8 +240,8 @@ class Vehicle(_Strict):
         return given
 
     def rotor_arrays(self) -> dict[str, np.ndarray]:
-        """``x_m, y_m, z_m, radius_m`` and ``spin`` (+1 ccw seen from above), each of shape
-        (n_rotors,).
+        """``x_m, y_m, z_m, radius_m``, ``spin`` (+1 ccw seen from above), ``axis_x``, ``axis_y``,
+        ``axis_z`` of its thrust, and ``thrust, torque, lag`` over the vehicle's, (n_rotors,) each.
 
         The reaction torque of rotor i on the body about z is ``-spin[i] k_q w^2``.
         """
@@ -222,7 +249,32 @@ class Vehicle(_Strict):
             name: np.array([getattr(r, name).value for r in self.rotors])
             for name in ("x_m", "y_m", "z_m", "radius_m")
         }
-        return {**arrays, "spin": np.array([1.0 if r.spin == "ccw" else -1.0 for r in self.rotors])}
+        axes = np.stack([r.unit_axis for r in self.rotors], axis=1)
+        return {
+            **arrays,
+            "spin": np.array([1.0 if r.spin == "ccw" else -1.0 for r in self.rotors]),
+            **{f"axis_{a}": axis for a, axis in zip("xyz", axes, strict=True)},
+            **self._own_shares(),
+        }
+
+    def _own_shares(self) -> dict[str, np.ndarray]:
+        """Each rotor's own coefficients and lag over the vehicle's, (n_rotors,)."""
+        own = {
+            "thrust": "thrust_coefficient_N_s2",
+            "torque": "torque_coefficient_Nm_s2",
+            "lag": "motor_time_constant_s",
+        }
+        return {
+            short: np.array(
+                [
+                    given.value / usual.value
+                    if (given := getattr(rotor, name)) and (usual := getattr(self, name))
+                    else 1.0
+                    for rotor in self.rotors
+                ]
+            )
+            for short, name in own.items()
+        }
 
     def hover_speed_rad_s(self) -> float:
         """Rotor speed at which equal rotors carry the weight, out of ground effect."""
@@ -239,18 +291,7 @@ class Vehicle(_Strict):
         return {**values, laws.LAW: terms} if terms else values
 
     def parameters(self) -> dict[str, float]:
-        """The simulator's parameters; what the file leaves out keeps the simulator's default.
-
-        Raises
-        ------
-        GesError
-            When the vehicle has not four rotors, the number the simulator flies.
-        """
-        if len(self.rotors) != N_ROTORS:
-            raise GesError(
-                f"vehicle '{self.name}' has {len(self.rotors)} rotors; the simulator flies"
-                f" {N_ROTORS}"
-            )
+        """The simulator's parameters; what the file leaves out keeps the simulator's default."""
         named = {
             "mass_kg": self.mass_kg,
             "thrust_coefficient_N_s2": self.thrust_coefficient_N_s2,
@@ -262,6 +303,9 @@ class Vehicle(_Strict):
         values = {key: q.value for key, q in named.items() if q is not None}
         if self.inertia_kg_m2:
             values |= {f"i{a}_kg_m2": getattr(self.inertia_kg_m2, a) for a in ("xx", "yy", "zz")}
+        values["rotors"] = float(len(self.rotors))
+        # where motors reach their limits, four are held one by one as the study's firmware does
+        values["allocation"] = float(len(self.rotors) != 4)
         for key, array in self.rotor_arrays().items():
             values |= {f"rotor_{i}_{key}": float(v) for i, v in enumerate(array, 1)}
         return values
@@ -308,6 +352,12 @@ def _check_effects(vehicle: Vehicle, path: str) -> None:
             effects.get(name).values({key: q.value for key, q in values.items()})
         except UsageError as error:
             raise UsageError(f"{path}: {error}") from None
+        for key in values:
+            if _rotor_of(name, key) > len(vehicle.rotors):
+                raise UsageError(
+                    f"{path}: effects.{name}.{key} is of a rotor that is not there; the vehicle has"
+                    f" {len(vehicle.rotors)}"
+                )
 
 
 def parse_vehicle(content: Any, path: str = "vehicle") -> Vehicle:
@@ -396,13 +446,15 @@ def vehicle_content(vehicle: Vehicle) -> dict[str, Any]:
         if isinstance(value, Quantity):
             content[key] = value.plain()
         elif key == "rotors":
-            content[key] = [
-                {k: v.plain() if isinstance(v, Quantity) else v for k, v in rotor}
-                for rotor in value
-            ]
+            content[key] = [{k: _plain(v) for k, v in rotor if v is not None} for rotor in value]
         elif key == "effects":
             content[key] = {
-                name: {k: q.plain() for k, q in values.items()} for name, values in value.items()
+                name: {
+                    k: q.plain()
+                    for k, q in values.items()
+                    if _rotor_of(name, k) <= len(vehicle.rotors)
+                }
+                for name, values in value.items()
             }
         elif key == "laws":
             # a file without laws stays as it was before there were any
@@ -412,6 +464,19 @@ def vehicle_content(vehicle: Vehicle) -> dict[str, Any]:
         else:
             content[key] = value
     return content
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Quantity):
+        return value.plain()
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _rotor_of(effect: str, parameter: str) -> int:
+    """The rotor, from 1, that a parameter of an effect belongs to; 0 of none."""
+    from ges.simulator import effects
+
+    return effects.get(effect).parameter(parameter).rotor
 
 
 def _law_content(law: Law) -> dict[str, Any]:

@@ -8,19 +8,20 @@ source and an honest doubt.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
 import pandas as pd
 
-from ges.conventions import GRAVITY_M_S2, N_ROTORS
+from ges.conventions import GRAVITY_M_S2, rotors_in
 from ges.errors import UsageError
 from ges.vehicle import airframe, propeller, scaling
-from ges.vehicle.airframe import LAYOUTS, Airframe
+from ges.vehicle.airframe import Airframe
 from ges.vehicle.datasheet import Datasheet
 from ges.vehicle.drive import Hover, Response, curve_at_hover, hover, response
 from ges.vehicle.file import Estimate, Quantity, parse_vehicle
+from ges.vehicle.layouts import of_rotors
 from ges.vehicle.propeller import Propeller
 from ges.vehicle.turning import Turning, turning
 
@@ -66,7 +67,7 @@ def describe_log(
     *,
     layout: str | None = None,
     wheelbase_m: float | None = None,
-    name: str = "quadrotor",
+    name: str = "multirotor",
 ) -> Datasheet:
     """Vehicle of a flight log.
 
@@ -75,7 +76,7 @@ def describe_log(
     log : the flight.
     mass_kg : what was flown, weighed.
     prop : the propellers.
-    layout : order and spins of the motors, one of :data:`~ges.vehicle.airframe.LAYOUTS`, where the
+    layout : order and spins of the motors, one of :data:`~ges.vehicle.layouts.LAYOUTS`, where the
         log does not say them or says them wrongly.
     wheelbase_m : distance of opposite hubs, where it is known better than the log does.
     name : of the vehicle.
@@ -83,13 +84,13 @@ def describe_log(
     Raises
     ------
     GesError
-        When the log is of no quadrotor, flies too little, or contradicts the layout.
+        When the log is of no multirotor, flies too little, or contradicts the layout.
     """
     if not 0.005 <= mass_kg <= 200.0:
         raise UsageError(f"--mass {mass_kg:g} is no mass from 0.005 to 200 kg")
     frame = log.frame()
     seen = turning(frame)
-    rotors = _airframe(log, prop, layout, wheelbase_m, seen)
+    rotors = _airframe(log, prop, layout, wheelbase_m, seen, rotors_in(frame))
     curve, curve_source = _curve(log, prop, frame)
     # speeds beside commands show the curve of this very drive; what was known before is the prior
     answers = response(frame, curve)
@@ -111,10 +112,12 @@ def describe_log(
         answers.lag_s if answers else None,
         log.format == "crazyflie",
     )
+    if airframe.TAIL_SERVO in rotors.remarks:
+        unlogged.pop("torque_coefficient_Nm_s2")
     content = {
         "name": name,
         "mass_kg": {"value": mass_kg, "sd": MASS_SD_REL * mass_kg},
-        "rotors": [rotor.model_dump() for rotor in rotors.rotors],
+        "rotors": [rotor.model_dump(exclude_none=True) for rotor in rotors.rotors],
         "rho_kg_m3": AIR_KG_M3.plain(),
         "effects": {"thrust_curve": {"c": Estimate(value=curve.value, sd=curve.sd).plain()}},
         **thrust,
@@ -144,8 +147,12 @@ def _airframe(
     layout: str | None,
     wheelbase_m: float | None,
     seen: Turning | None,
+    count: int,
 ) -> Airframe:
-    """Rotors as the user or the log says, unless the flight turns otherwise."""
+    """Rotors, of which ``count`` were logged, as the user or the log says, unless the flight turns
+    otherwise.
+    """
+    known = of_rotors(count)
     if layout is not None:
         found = airframe.from_layout(layout, prop, wheelbase_m)
     # older headers do not say which way the motors turn; yaw shows it
@@ -154,11 +161,16 @@ def _airframe(
     elif log.format in ("px4", "ardupilot", "betaflight", "crazyflie"):
         found = airframe.from_parameters(log.format, log.parameters, prop, wheelbase_m)
     else:
-        found = airframe.from_layout(_layout_flown(seen, prop), prop, wheelbase_m)
+        found = airframe.from_layout(_layout_flown(seen, prop, known), prop, wheelbase_m)
+    if len(found.rotors) != count:
+        raise UsageError(
+            f"the log has commands or speeds of {count} motors, its frame {len(found.rotors)}; give"
+            f" --layout, one of {', '.join(known) or 'none that is known'}"
+        )
     # a wrong order makes every moment wrong and no force: nothing later would show it
     if seen and (against := seen.contradicted(found.rotors)):
-        fits = [n for n in LAYOUTS if _fits(n, seen, prop)]
-        hint = f"it fits --layout {fits[0]}" if fits else f"layouts are {', '.join(LAYOUTS)}"
+        fits = [n for n in known if _fits(n, seen, prop)]
+        hint = f"it fits --layout {fits[0]}" if fits else f"layouts are {', '.join(known)}"
         raise UsageError(
             f"the flight contradicts the order or spins of the motors in {_listed(against)}:"
             f" the vehicle turns otherwise than its commands would turn it; {hint}"
@@ -183,13 +195,13 @@ def _propellers_out(seen: Turning | None, prop: Propeller) -> str:
     return other if against == ["yaw"] else usual
 
 
-def _layout_flown(seen: Turning | None, prop: Propeller) -> str:
+def _layout_flown(seen: Turning | None, prop: Propeller, known: Sequence[str]) -> str:
     """The one layout that the flight itself shows."""
-    fits = [name for name in LAYOUTS if seen and _fits(name, seen, prop)]
+    fits = [name for name in known if seen and _fits(name, seen, prop)]
     if len(fits) != 1:
         raise UsageError(
             "the log does not say how the motors are arranged and the flight does not show it"
-            f" clearly; give --layout, one of {', '.join(LAYOUTS)}"
+            f" clearly; give --layout, one of {', '.join(known) or 'none that is known'}"
         )
     return fits[0]
 
@@ -285,7 +297,7 @@ def _thrust(
     }
     if answers:
         top = answers.top_speed_rad_s
-        ratio = N_ROTORS * thrust.value * top.value**2 / weight_N
+        ratio = flown.n_rotors * thrust.value * top.value**2 / weight_N
         content["max_rotor_speed_rad_s"] = top.plain()
         sources["max_rotor_speed_rad_s"] = (
             "Speed at full command, from the telemetry's speeds at commands of"
@@ -313,6 +325,7 @@ def _thrust_commanded(
     largest = flown.thrust_per_drive
     # only k w_max^2 acts: the coefficient takes its doubt, the speed that of the factors
     top = math.sqrt(largest.value / usual.value)
+    ratio = flown.n_rotors * largest.value / weight_N
     content = {
         "thrust_coefficient_N_s2": Quantity(
             value=usual.value, sd=usual.value * largest.sd / largest.value
@@ -327,7 +340,7 @@ def _thrust_commanded(
         ),
         "max_rotor_speed_rad_s": (
             f"{hovered}: the speed at full command that makes a rotor's largest thrust of"
-            f" {largest.value:.3g} N. Thrust to weight: {N_ROTORS * largest.value / weight_N:.2g}."
+            f" {largest.value:.3g} N. Thrust to weight: {ratio:.2g}."
             " As a speed it is no better known than the coefficient is as one."
         ),
     }

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ges.conventions import ROTOR_SPEED
+from ges.conventions import MAX_ROTORS, rotor_speed
 from ges.errors import GesError
 from ges.simulator import laws
 from ges.simulator.effects import Samples
@@ -20,7 +20,7 @@ from ges.vehicle.file import Vehicle
 _ONE = {
     **dict.fromkeys(("v_x_m_s", "v_y_m_s", "v_z_m_s", "p_x_m", "p_y_m", "p_z_m"), 1.0),
     **dict.fromkeys(("omega_x_rad_s", "omega_y_rad_s", "omega_z_rad_s", "battery_V"), 1.0),
-    **dict.fromkeys(ROTOR_SPEED, 1.0),
+    **dict.fromkeys(rotor_speed(MAX_ROTORS), 1.0),
 }
 GROUND = "R"
 """Quantity of the one group whose reference varies, and not its quantity."""

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from ges.conventions import BODY_RATE, COMMAND, ROTOR_SPEED
+from ges.conventions import BODY_RATE, commands_in, rotor_speeds_in
 from ges.vehicle.file import Rotor
 
 AXES = ("roll", "pitch", "yaw")
@@ -81,8 +81,9 @@ def turning(frame: pd.DataFrame) -> Turning | None:
     -------
     Turning, or None where drives or body rates are missing or too few.
     """
-    drives = next((n for n in (COMMAND, ROTOR_SPEED) if set(n) <= set(frame)), None)
-    if drives is None or not set(BODY_RATE) <= set(frame):
+    asked, measured = commands_in(frame), rotor_speeds_in(frame)
+    drives = asked if len(asked) >= len(measured) else measured
+    if not drives or not set(BODY_RATE) <= set(frame):
         return None
     rows = frame[["t_s", *drives, *BODY_RATE]].copy()
     # a set-point is in force until the next one

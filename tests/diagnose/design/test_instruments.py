@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ges.conventions import ROTOR_SPEED
+from ges.conventions import rotor_speed
 from ges.diagnose.design.instruments import (
     instruments,
     mark_of,
@@ -14,9 +14,11 @@ from ges.diagnose.design.instruments import (
     replayed,
     strength,
 )
-from ges.diagnose.prepare.align import STREAMS
+from ges.diagnose.prepare.align import streams
 
 from ..synthetic import MODEL, NUMBERS, hovering, times, windows_of
+
+ROTOR_SPEED = rotor_speed(4)
 
 SEEDS = st.integers(min_value=0, max_value=2**31)
 
@@ -88,7 +90,7 @@ def _following(z_m):
     """A flight that was asked to be at heights (n,)."""
     t = times(6.0)
     rate = np.gradient(z_m, t)
-    asked = dict.fromkeys(STREAMS["reference"], 0.0) | {"p_ref_z_m": z_m, "v_ref_z_m_s": rate}
+    asked = dict.fromkeys(streams(4)["reference"], 0.0) | {"p_ref_z_m": z_m, "v_ref_z_m_s": rate}
     return hovering(6.0, **asked)
 
 

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ges.conventions import COMMAND, QUATERNION, ROTOR_SPEED
+from ges.conventions import QUATERNION, command, rotor_speed
 from ges.diagnose.design.residual import (
     act_along_the_path,
     along,
@@ -31,6 +31,8 @@ from ..synthetic import (
     turned,
     windows_of,
 )
+
+COMMAND, ROTOR_SPEED = command(4), rotor_speed(4)
 
 FORCE, MOMENT = ("force_x", "force_y", "force_z"), ("moment_x", "moment_y", "moment_z")
 WEIGHT_N = MODEL.weight_N

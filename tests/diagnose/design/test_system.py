@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ges.conventions import BODY_RATE, COMMAND, ROTOR_SPEED
+from ges.conventions import BODY_RATE, command, rotor_speed
 from ges.diagnose.design.residual import residual
 from ges.diagnose.design.system import (
     _stepped,
@@ -37,6 +37,8 @@ from ..synthetic import (
     times,
     windows_of,
 )
+
+COMMAND, ROTOR_SPEED = command(4), rotor_speed(4)
 
 FORCES = ("force_x", "force_y", "force_z")
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ges.conventions import BODY_RATE, ROTOR_SPEED, VELOCITY
+from ges.conventions import BODY_RATE, VELOCITY, rotor_speed
 from ges.diagnose.design.residual import along
 from ges.diagnose.design.system import build
 from ges.diagnose.detectors.loads import Drawn, likely_load, sharpened, way_out
@@ -18,6 +18,8 @@ from ges.diagnose.select.search import Hypothesis, SearchResult
 from ges.simulator.effects import get
 
 from ..synthetic import MODEL, WINDOW_S, amplitude, hovering, times, windows_of
+
+ROTOR_SPEED = rotor_speed(4)
 
 THREADS = Variant(
     "slung_load", {"length_m": 0.5, "below_m": 20.0}, (amplitude_of("slung_load", "mass_kg"),)

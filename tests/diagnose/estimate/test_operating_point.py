@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ges.conventions import COMMAND, ROTOR_SPEED
+from ges.conventions import command, rotor_speed
 from ges.diagnose.design.residual import driven_speeds
 from ges.diagnose.design.system import build, residuals_with
 from ges.diagnose.estimate.fit import null_fit
@@ -15,6 +15,8 @@ from ges.diagnose.locate.stages import recalibrated
 from ges.diagnose.types.model import SPEED
 
 from ..synthetic import MODEL, hovering, times
+
+COMMAND, ROTOR_SPEED = command(4), rotor_speed(4)
 
 BEND = "thrust_curve.c"
 

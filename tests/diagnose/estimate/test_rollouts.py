@@ -5,10 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ges.conventions import COMMAND, ROTOR_SPEED, VELOCITY
+from ges.conventions import VELOCITY, command, rotor_speed
 from ges.diagnose.estimate.shoot import can_roll, rollouts_of, shot, starts_of
 
 from ..synthetic import MODEL, NUMBERS, hovering, times
+
+COMMAND, ROTOR_SPEED = command(4), rotor_speed(4)
 
 
 def test_a_rollout_needs_a_place_a_motion_and_a_drive():

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from ges.conventions import COMMAND
+from ges.conventions import command
 from ges.diagnose.library.available import candidates_of
 from ges.diagnose.library.candidates import Flown, flown
 from ges.diagnose.library.grids import library, out_of_reach
@@ -16,6 +16,8 @@ from ges.simulator import effects as effect_table
 from ges.simulator.terrain import Terrain
 
 from ..synthetic import MODEL, hovering, times
+
+COMMAND = command(4)
 
 REACHED = Flown(
     low_m=(-2.0, -1.0, 0.4),

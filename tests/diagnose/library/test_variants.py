@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from ges.conventions import BODY_RATE, COMMAND, ROTOR_SPEED, VELOCITY
+from ges.conventions import BODY_RATE, VELOCITY, command, rotor_speed
 from ges.diagnose.library.candidates import (
     Candidate,
     Flown,
@@ -30,6 +30,8 @@ from ges.simulator import effects as effect_table
 from ges.simulator.terrain import Terrain
 
 from ..synthetic import MODEL, hovering
+
+COMMAND, ROTOR_SPEED = command(4), rotor_speed(4)
 
 
 def test_every_amplitude_has_a_step_that_is_small_in_its_room_and_starts_at_neutral():

@@ -18,7 +18,7 @@ from ges.diagnose.locate.regimes import (
     strongest,
 )
 from ges.diagnose.locate.structure import Structure
-from ges.diagnose.prepare.channels import DRIVE, FORCE, MOMENT
+from ges.diagnose.prepare.channels import FORCE, MOMENT, drive
 from ges.diagnose.prove.closed_loop import lean
 from ges.diagnose.prove.traces import recorded, spans, trace
 from ges.diagnose.settings import settings
@@ -219,7 +219,7 @@ def test_stretches_that_are_left_out_are_told_in_order_with_their_reasons():
 
 def test_what_a_recording_shows_is_the_force_that_moved_the_mass():
     flight = hovering(v_x_m_s=0.5 * times(), omega_y_rad_s=0.2 * times())
-    names = (*FORCE, *MOMENT, *DRIVE)
+    names = (*FORCE, *MOMENT, *drive(4))
     shown = dict(zip(names, recorded(flight, windows_of(flight), MODEL, names).T, strict=True))
     np.testing.assert_allclose(shown["moment_y"], 0.2 * MODEL.number("iyy_kg_m2"), rtol=1e-6)
     np.testing.assert_allclose(shown["drive_1"], MODEL.hover_rad_s)

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ges.conventions import COMMAND, QUATERNION, ROTOR_SPEED
+from ges.conventions import QUATERNION, command, rotor_speed
 from ges.diagnose.prepare.align import (
     airborne,
     attitude_measured,
@@ -21,6 +21,8 @@ from ges.diagnose.settings import settings
 from ges.errors import GesError
 
 from ..synthetic import MODEL, hovering
+
+COMMAND, ROTOR_SPEED = command(4), rotor_speed(4)
 
 T = np.arange(0.0, 8.0, 0.01)
 
@@ -79,8 +81,9 @@ def test_quaternions_keep_their_sign_and_their_length():
 
 
 def test_half_of_a_stream_is_no_stream_but_of_positions():
-    flight = regrid(_frame(p_z_m=T, v_x_m_s=T, u_1=0.5 + 0.01 * T), 0.01)
-    assert set(flight.columns) == {"p_z_m"} and not flight.has("position")
+    turning = dict.fromkeys(rotor_speed(4), 500.0 + T)
+    flight = regrid(_frame(p_z_m=T, v_x_m_s=T, u_1=0.5 + 0.01 * T, **turning), 0.01)
+    assert set(flight.columns) == {"p_z_m", *turning} and not flight.has("position")
 
 
 def test_a_rangefinder_out_of_its_range_is_silent_where_the_height_is_known():

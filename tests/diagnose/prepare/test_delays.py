@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ges.conventions import BODY_RATE, COMMAND, QUATERNION, ROTOR_SPEED
+from ges.conventions import BODY_RATE, QUATERNION, command, rotor_speed
 from ges.diagnose.prepare.delays import (
     command_hold,
     drive_delay,
@@ -19,6 +19,8 @@ from ges.diagnose.prepare.steady import with_past, with_steady_position, with_st
 from ges.diagnose.settings import settings
 
 from ..synthetic import MODEL, hovering, times
+
+COMMAND, ROTOR_SPEED = command(4), rotor_speed(4)
 
 DURATION_S = 16.0
 T = times(DURATION_S)

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ges.conventions import BODY_RATE, COMMAND, ROTOR_SPEED, VELOCITY
-from ges.diagnose.prepare.channels import ACC, DRIVE, FORCE, MOMENT, channels
+from ges.conventions import BODY_RATE, VELOCITY, command, rotor_speed
+from ges.diagnose.prepare.channels import ACC, FORCE, MOMENT, channels, drive
 from ges.diagnose.prepare.cut import cut
 from ges.diagnose.prepare.gate import Gate, at_flown_voltage, with_thrust_direction
 from ges.diagnose.prepare.kinematics import to_body
@@ -18,6 +18,8 @@ from ges.diagnose.prepare.split import digest, split
 from ges.errors import GesError
 
 from ..synthetic import MODEL, hovering, times
+
+COMMAND, ROTOR_SPEED = command(4), rotor_speed(4)
 
 
 @given(st.sets(st.integers(0, 30), min_size=0, max_size=12), st.integers(0, 99))
@@ -75,16 +77,16 @@ def _lacking(*names):
 @pytest.mark.parametrize(
     ("flight", "expected"),
     [
-        (_lacking(), (*FORCE, *ACC, *MOMENT, *DRIVE, "range")),
+        (_lacking(), (*FORCE, *ACC, *MOMENT, *drive(4), "range")),
         (_lacking(*COMMAND), (*FORCE, *ACC, *MOMENT, "range")),
         (_lacking(*COMMAND, *ROTOR_SPEED), ("range",)),
-        (_lacking(*VELOCITY), (*ACC, *MOMENT, *DRIVE, "range")),
-        (_lacking("q_w"), (*ACC, *MOMENT, *DRIVE)),
-        (_lacking("q_w", *BODY_RATE, "acc_x_m_s2"), (*ACC[1:], *DRIVE)),
-        (_lacking("range_m"), (*FORCE, *ACC, *MOMENT, *DRIVE)),
+        (_lacking(*VELOCITY), (*ACC, *MOMENT, *drive(4), "range")),
+        (_lacking("q_w"), (*ACC, *MOMENT, *drive(4))),
+        (_lacking("q_w", *BODY_RATE, "acc_x_m_s2"), (*ACC[1:], *drive(4))),
+        (_lacking("range_m"), (*FORCE, *ACC, *MOMENT, *drive(4))),
         (
             _lacking().replaced(derived=frozenset({"attitude"})),
-            ("force_z", *ACC, *MOMENT, *DRIVE, "range"),
+            ("force_z", *ACC, *MOMENT, *drive(4), "range"),
         ),
     ],
 )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ges.conventions import POSITION
-from ges.diagnose.prepare.channels import DRIVE, FORCE, MOMENT
+from ges.diagnose.prepare.channels import FORCE, MOMENT, drive
 from ges.diagnose.prove.proof import prove
 from ges.diagnose.prove.verify import (
     along_horizon_s,
@@ -122,7 +122,7 @@ def test_elsewhere_is_outside_all_regimes_of_its_channel():
 
 def test_errors_are_residuals_by_stage_absent_where_a_channel_is():
     flights = [hovering(), hovering(acc_z_m_s2=9.80665)]
-    names = (*FORCE, *MOMENT, *DRIVE, "acc_z")
+    names = (*FORCE, *MOMENT, *drive(4), "acc_z")
     force, acc = names.index("force_z"), names.index("acc_z")
     told = errors(flights, {"before": HEAVY, "after": MODEL}, names, WINDOW_S)
     first, second = told["before"]
@@ -185,7 +185,7 @@ def test_intervals_of_a_proof_are_over_blocks_of_five_seconds():
     flights = [hovering(20.0, v_z_m_s=noise)]
     models = {"before": HEAVY, "recalibrated": HEAVY, "after": MODEL}
     told = prove({"last": flights[0]}, models, {}, (), WINDOW_S)
-    names = (*FORCE, *MOMENT, *DRIVE)
+    names = (*FORCE, *MOMENT, *drive(4))
     left = errors(flights, models, names, WINDOW_S)
     own = channel_table(left, names, SPACING_S)["force_z_N"]
     assert told.fit["channels"]["force_z_N"] == own

@@ -12,14 +12,14 @@ from ges.blind.generator.detectable import Flown, sample_times
 from ges.blind.noise import Noise, coloured
 from ges.conventions import (
     BODY_RATE,
-    COMMAND,
     POSITION,
     POSITION_REF,
     QUATERNION,
-    ROTOR_SPEED,
     SPECIFIC_FORCE,
     VELOCITY,
     VELOCITY_REF,
+    command,
+    rotor_speed,
 )
 
 
@@ -96,11 +96,12 @@ class _Recorder:
         return dict(zip((*BODY_RATE, *SPECIFIC_FORCE), (*rate, *felt), strict=True))
 
     def _drive(self) -> dict[str, np.ndarray]:
-        named = dict(zip(COMMAND, np.clip(self._held("u"), 0.0, 1.0), strict=True))
+        u = np.clip(self._held("u"), 0.0, 1.0)
+        named = dict(zip(command(len(u)), u, strict=True))
         if self.log.rotor_speeds:
             # noise of a rotor speed is a share of it
-            speed = self._at("rotor_speed") * (1.0 + self._white(4, self.noise.speed_share))
-            named |= dict(zip(ROTOR_SPEED, speed, strict=True))
+            speed = self._at("rotor_speed") * (1.0 + self._white(len(u), self.noise.speed_share))
+            named |= dict(zip(rotor_speed(len(u)), speed, strict=True))
         return named
 
     def _asked(self) -> dict[str, np.ndarray]:

@@ -14,15 +14,15 @@ from ges.blind.generator.plan import CONTROL_DT_S
 from ges.blind.noise import Noise, coloured
 from ges.conventions import (
     BODY_RATE,
-    COMMAND,
-    MOTOR_CURRENT,
     POSITION,
     POSITION_REF,
     QUATERNION,
-    ROTOR_SPEED,
     SPECIFIC_FORCE,
     VELOCITY,
     VELOCITY_REF,
+    command,
+    motor_current,
+    rotor_speed,
 )
 
 NOISE_LEVELS = {"low": 0.4, "ordinary": 1.0, "high": 2.2}
@@ -163,11 +163,12 @@ class Recorder:
         return 0.5 * out
 
     def _drive(self) -> dict[str, np.ndarray]:
-        n = len(self.t)
-        named = dict(zip(COMMAND, _quantise(np.clip(self._held("u"), 0.0, 1.0), 1e-4), strict=True))
+        n, u = len(self.t), _quantise(np.clip(self._held("u"), 0.0, 1.0), 1e-4)
+        rotors = len(u)
+        named = dict(zip(command(rotors), u, strict=True))
         if self.log.rotor_speeds:
-            w = self._at("rotor_speed") * (1.0 + self._noise((4, n), ORDINARY.speed_share))
-            named |= dict(zip(ROTOR_SPEED, _quantise(w, 0.5), strict=True))
+            w = self._at("rotor_speed") * (1.0 + self._noise((rotors, n), ORDINARY.speed_share))
+            named |= dict(zip(rotor_speed(rotors), _quantise(w, 0.5), strict=True))
         full, amps = (
             self.sortie.craft.battery_V,
             REFERENCE_CURRENT_A_PER_KG * self.sortie.craft.true["mass"],
@@ -178,8 +179,8 @@ class Recorder:
             named["battery_V"] = _quantise(volt, 0.01)
             named["battery_A"] = _quantise(current.sum(axis=0) + self._noise(n, 0.01 * amps), 0.01)
         if self.log.currents:
-            each = current + self._noise((4, n), 0.01 * amps)
-            named |= dict(zip(MOTOR_CURRENT, _quantise(each, 0.005), strict=True))
+            each = current + self._noise((rotors, n), 0.01 * amps)
+            named |= dict(zip(motor_current(rotors), _quantise(each, 0.005), strict=True))
         return named
 
     def _held(self, name: str) -> np.ndarray:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from ges.conventions import COMMAND, GRAVITY_M_S2, ROTOR_SPEED, SPECIFIC_FORCE
+from ges.conventions import GRAVITY_M_S2, SPECIFIC_FORCE, command, rotor_speed
 from ges.errors import GesError
 from ges.recordings.recording import RecordingSet
 from ges.vehicle.file import Vehicle
@@ -62,12 +62,14 @@ def balance(recordings: RecordingSet) -> Balance:
 
 
 def _means(frame: pd.DataFrame, vehicle: Vehicle) -> tuple[np.ndarray, float]:
-    """Return mean thrusts (4,) by the declared coefficient, and mean specific force upwards."""
-    k = vehicle.thrust_coefficient_N_s2.value
-    if set(ROTOR_SPEED) <= set(frame):
-        square = frame[list(ROTOR_SPEED)].to_numpy(dtype=float) ** 2
-    elif set(COMMAND) <= set(frame) and vehicle.max_rotor_speed_rad_s is not None:
-        u = frame[list(COMMAND)].to_numpy(dtype=float)
+    """Return mean thrusts (n_rotors,) by the declared coefficient, and the mean specific force
+    upwards.
+    """
+    k, n = vehicle.thrust_coefficient_N_s2.value, len(vehicle.rotors)
+    if set(rotor_speed(n)) <= set(frame):
+        square = frame[list(rotor_speed(n))].to_numpy(dtype=float) ** 2
+    elif set(command(n)) <= set(frame) and vehicle.max_rotor_speed_rad_s is not None:
+        u = frame[list(command(n))].to_numpy(dtype=float)
         linear = vehicle.effect_values().get("thrust_curve", {}).get("c", 0.0)
         square = ((1.0 - linear) * u**2 + linear * u) * vehicle.max_rotor_speed_rad_s.value**2
     else:

@@ -16,7 +16,7 @@ import numpy as np
 from ges.blind.protocol import arithmetic
 from ges.diagnose.design.system import DesignColumn, System, build, nuisance_of, variant_of
 from ges.diagnose.library.grids import library
-from ges.diagnose.prepare.channels import UNITS
+from ges.diagnose.prepare.channels import unit_of
 from ges.diagnose.prepare.gate import pass_gate
 from ges.diagnose.prepare.split import digest, split
 from ges.diagnose.types.model import from_vehicle
@@ -314,11 +314,11 @@ def _table(problem: BaselineProblem, predicted: np.ndarray) -> dict:
     held, table = problem.held_out, {}
     for c, name in enumerate(problem.names):
         here = held.channel == c
-        if here.any() and name in UNITS:
+        if here.any() and "/" not in name:
             stages = {"before": held.raw, "recalibrated": held.y, "after": held.y - predicted}
             errors = {
                 k: float(np.sqrt(np.mean(v[here] ** 2)) * problem.scale[c])
                 for k, v in stages.items()
             }
-            table[f"{name}_{UNITS[name]}"] = errors
+            table[f"{name}_{unit_of(name)}"] = errors
     return table

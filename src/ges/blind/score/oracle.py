@@ -16,7 +16,7 @@ import numpy as np
 
 from ges.blind.generator.drive import NOMINAL
 from ges.blind.generator.whereabouts import FAST_STEP, TRUTH_STEP
-from ges.conventions import BODY_RATE, COMMAND, POSITION, QUATERNION, ROTOR_SPEED, VELOCITY
+from ges.conventions import BODY_RATE, POSITION, QUATERNION, VELOCITY, command, rotor_speed
 from ges.errors import GesError
 from ges.simulator import effects as effect_table
 from ges.simulator.terrain import Terrain
@@ -137,8 +137,8 @@ def _columns(flight: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         "v": VELOCITY,
         "q": QUATERNION,
         "omega": BODY_RATE,
-        "rotor_speed": ROTOR_SPEED,
-        "u": COMMAND,
+        "rotor_speed": rotor_speed(flight["rotor_speed"].shape[1]),
+        "u": command(flight["u"].shape[1]),
     }
     told = {c: flight[key][:, k] for key, names in groups.items() for k, c in enumerate(names)}
     told |= {
@@ -148,7 +148,7 @@ def _columns(flight: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _fast(flight: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    told = {c: flight["fast_u"][:, k] for k, c in enumerate(COMMAND)}
+    told = {c: flight["fast_u"][:, k] for k, c in enumerate(command(flight["fast_u"].shape[1]))}
     told["battery_V"] = flight["fast_battery"][:, 0] * flight["full_V"]
     return told | {"t_s": np.arange(len(flight["fast_u"])) * STEP_S * FAST_STEP}
 

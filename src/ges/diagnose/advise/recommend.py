@@ -13,10 +13,11 @@ import numpy as np
 import pandas as pd
 from scipy.special import softmax
 
+from ges.conventions import MAX_ROTORS
 from ges.diagnose.design.system import rows
 from ges.diagnose.design.whiten import whiten
 from ges.diagnose.estimate.fit import starting_values
-from ges.diagnose.prepare.align import STREAMS, Prepared
+from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.gate import prepare
 from ges.diagnose.select.evidence import Gram, Regression, flight_grams, posterior
 from ges.diagnose.select.search import Hypothesis, SearchResult
@@ -113,9 +114,9 @@ def open_sets(found: SearchResult, proven: Sequence[str]) -> list[Hypothesis]:
 
 def _logged(flights: Sequence[Prepared]) -> list[str]:
     """Columns that every recording had, what was derived from others left out."""
-    made = {name for f in flights for stream in f.derived for name in STREAMS[stream]}
+    made = {name for f in flights for stream in f.derived for name in f.streams[stream]}
     common = set.intersection(*(set(f.columns) for f in flights)) - made
-    return ["t_s", *sorted(common & {*sim.columns(), *READINGS, "ground_z_m"})]
+    return ["t_s", *sorted(common & {*sim.columns(MAX_ROTORS), *READINGS, "ground_z_m"})]
 
 
 def simulate(

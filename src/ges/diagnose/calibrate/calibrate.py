@@ -26,7 +26,6 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from ges.conventions import rotor_columns
 from ges.diagnose.decide.declared import words_of
 from ges.diagnose.design.system import System, build, nuisance_of
 from ges.diagnose.detectors.balance import (
@@ -35,6 +34,7 @@ from ges.diagnose.detectors.balance import (
     LOSSES,
     MASS,
     centred,
+    losses_of,
     variance_of_means,
 )
 from ges.diagnose.estimate.fit import (
@@ -263,10 +263,10 @@ def _gauge(keys: Sequence[str], model: Model) -> np.ndarray:
     way against the others, into the cant, ``g = mean(s_i e_i) K_Q / (K_T L)``.
     """
     turn = np.eye(len(keys))
-    if not set(LOSSES) <= set(keys):
+    gains = losses_of(model)
+    if not set(gains) <= set(keys):
         return turn
-    losses = [keys.index(key) for key in LOSSES]
-    spin = np.array([model.number(name) for name in rotor_columns("rotor_{}_spin")])
+    losses, spin = [keys.index(key) for key in gains], model.of_rotors("spin")
     ratio_m = model.number("torque_coefficient_Nm_s2") / model.number("thrust_coefficient_N_s2")
     # a pattern that the losses share is projected out of them, into the number that does the same
     together = {THRUST: (np.ones(len(losses)), -1.0), CANT: (spin, ratio_m / model.arm_m)}

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse import csr_array
 
-from ges.conventions import BODY_RATE, POSITION, QUATERNION, ROTOR_SPEED, VELOCITY
+from ges.conventions import BODY_RATE, POSITION, QUATERNION, VELOCITY, rotor_speed
 from ges.diagnose.design.residual import but_actuators
 from ges.diagnose.design.weak import Windows
 from ges.diagnose.prepare.align import Prepared
@@ -57,7 +57,7 @@ def replayed(
     start |= {
         "start_q_w": float(np.cos(half)),
         "start_q_z": float(np.sin(half)),
-        **{f"start_{n}": model.hover_rad_s for n in ROTOR_SPEED},
+        **{f"start_{n}": model.hover_rad_s for n in rotor_speed(model.n_rotors)},
     }
     numbers: dict[str, float | str] = {
         **model.parameters,
@@ -74,7 +74,8 @@ def replayed(
         "duration_s": (len(table) - 1) * flight.dt_s,
     }
     numbers |= {"gear_height_m": 0.0, "gear_stiffness_N_m": 0.0}
-    columns = ("t_s", *POSITION, *VELOCITY, *QUATERNION, *BODY_RATE, *ROTOR_SPEED, *more)
+    speeds = rotor_speed(model.n_rotors)
+    columns = ("t_s", *POSITION, *VELOCITY, *QUATERNION, *BODY_RATE, *speeds, *more)
     record = sim.fly([sim.Flight(numbers, model.effects, model.terrain, table)], columns)[0]
     if record.status != "ok":
         return None
@@ -124,7 +125,8 @@ def own_signal(
     """Thrust and moment that the rotor speeds at work make, by channel, (m,); without the faster
     averages that this flight, its streams slower than another's, does not have.
     """
-    samples = {"t_s": flight.t_s - flight.t_s[0], **dict(zip(ROTOR_SPEED, speeds.T, strict=True))}
+    turning = dict(zip(rotor_speed(model.n_rotors), speeds.T, strict=True))
+    samples = {"t_s": flight.t_s - flight.t_s[0], **turning}
     # without effects: the rotors' own thrust and moment
     replay = effect_table.replay(model.parameters, effect_table.Samples.from_columns(samples), {})
     told = {

@@ -17,10 +17,19 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.sparse import csr_array
 
-from ges.conventions import BODY_RATE, COMMAND, FAR_FROM_GROUND_M, QUATERNION, ROTOR_SPEED, VELOCITY
+from ges.conventions import (
+    BODY_RATE,
+    FAR_FROM_GROUND_M,
+    QUATERNION,
+    VELOCITY,
+    command,
+    rotor_columns,
+    rotor_speed,
+)
 from ges.diagnose.design.weak import Windows
 from ges.diagnose.prepare.align import Prepared
-from ges.diagnose.prepare.channels import ACC, DRIVE, FORCE, MOMENT
+from ges.diagnose.prepare.channels import ACC, FORCE, MOMENT
+from ges.diagnose.prepare.channels import drive as drive_channels
 from ges.diagnose.prepare.kinematics import body_rates, quaternion_product, to_body
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model, block_of
@@ -65,7 +74,7 @@ def state_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
     units of their names.
     """
     columns = {"t_s": flight.t_s - flight.t_s[0], **height_columns(flight, model)}
-    for names in (VELOCITY, QUATERNION, COMMAND, ("battery_V",)):
+    for names in (VELOCITY, QUATERNION, command(model.n_rotors), ("battery_V",)):
         columns.update({name: flight.columns[name] for name in names if name in flight.columns})
     # effects ask for an angular acceleration, and differences amplify the gyro's noise: smoothed
     omega, width = body_rates(flight), settings.prepare.rate_smoothing_s / flight.dt_s
@@ -155,7 +164,9 @@ def corrected(
 def driven_speeds(
     flights: Sequence[Prepared], model: Model, effects: effect_table.Effects
 ) -> list[np.ndarray]:
-    """Rotor speeds that the commands make, flown through the compiled drive; (n, 4) rad/s each."""
+    """Rotor speeds that the commands make, flown through the compiled drive; (n, rotors) rad/s
+    each.
+    """
     return _flown(
         [
             (f, effects, _drive_inputs(f, model, commands_at_work(f, model, effects)))
@@ -168,8 +179,8 @@ def driven_speeds(
 def driven_by_each(
     flight: Prepared, model: Model, sets: Sequence[effect_table.Effects]
 ) -> list[np.ndarray]:
-    """Rotor speeds of one flight under several sets of effects, flown as one batch; (n, 4) rad/s
-    each.
+    """Rotor speeds of one flight under several sets of effects, flown as one batch; (n, rotors)
+    rad/s each.
     """
     # few sets change the commands: the inputs of all others are the same
     plain = _drive_inputs(flight, model, commands_at_work(flight, model, {}))
@@ -183,14 +194,15 @@ def driven_by_each(
 def _flown(
     batch: Sequence[tuple[Prepared, effect_table.Effects, np.ndarray]], model: Model
 ) -> list[np.ndarray]:
-    """Rotor speeds (n, 4) of flights with their effects and the inputs of their drives."""
+    """Rotor speeds (n, rotors) of flights with their effects and the inputs of their drives."""
+    names = rotor_speed(model.n_rotors)
     records = sim.fly(
         [_drive_flight(flight, model, effects, inputs) for flight, effects, inputs in batch],
-        ROTOR_SPEED,
+        names,
     )
     lengths = [len(flight.t_s) for flight, _, _ in batch]
     return [
-        np.stack([r[name][:n] for name in ROTOR_SPEED], axis=1)
+        np.stack([r[name][:n] for name in names], axis=1)
         for r, n in zip(records, lengths, strict=True)
     ]
 
@@ -201,7 +213,7 @@ def _modified(effects: effect_table.Effects) -> set[str]:
 
 
 def commands_at_work(flight: Prepared, model: Model, effects: effect_table.Effects) -> np.ndarray:
-    """Commands that reach the motors, (n, 4): the logged ones, changed by what acts by height
+    """Commands that reach the motors, (n, rotors): the logged ones, changed by what acts by height
     between log and motor.
 
     The drive itself is flown far above the ground, so such effects are asked here, along the
@@ -214,7 +226,7 @@ def commands_at_work(flight: Prepared, model: Model, effects: effect_table.Effec
     modified = {m for a in acting if (m := effect_table.get(a).modifies)}
     on = {name: effects[name] for name in acting | modified if name in effects}
     samples = effect_table.Samples.from_columns(
-        {**state_columns(flight, model), **dict(zip(COMMAND, u.T, strict=True))}
+        {**state_columns(flight, model), **dict(zip(command(model.n_rotors), u.T, strict=True))}
     )
     said = effect_table.replay(model.parameters, samples, on, model.terrain)
     return said.rotor_command_rad_s / model.number("max_rotor_speed_rad_s")
@@ -250,7 +262,7 @@ def _drive_flight(
         f"start_{name}": float(flight.columns[name][0])
         if logged
         else model.number("max_rotor_speed_rad_s") * inputs[0, i]
-        for i, name in enumerate(ROTOR_SPEED)
+        for i, name in enumerate(rotor_speed(model.n_rotors))
     }
     # a bench for motors: commands replayed, the ground far below, a record for every row of the log
     numbers = {
@@ -271,8 +283,8 @@ def _drive_flight(
 
 
 def _between(u: np.ndarray, every: int, late: float) -> np.ndarray:
-    """Commands (n, 4) at the middles of the steps of the replay, (n * every, 4), on straight lines
-    between the samples.
+    """Commands (n, rotors) at the middles of the steps of the replay, (n * every, rotors), on
+    straight lines between the samples.
 
     The replay holds a row for its step; they act ``late`` (rows): held, see
     :func:`~.delays.command_hold`.
@@ -284,7 +296,7 @@ def _between(u: np.ndarray, every: int, late: float) -> np.ndarray:
 @dataclasses.dataclass(frozen=True)
 class Drive:
     """Rotor speeds that turn the air, and those that the commands make (None where nothing asks for
-    them); (n, 4) rad/s.
+    them); (n, rotors) rad/s.
     """
 
     at_work: np.ndarray
@@ -297,7 +309,7 @@ def drives_of(
     """Both of one flight under each of these sets of effects, flown once."""
     if not flight.has("rotor_speed"):
         return [Drive(made, made) for made in driven_by_each(flight, model, sets)]
-    commanded = driven_by_each(flight, model, sets) if DRIVE[0] in names else [None] * len(sets)
+    commanded = driven_by_each(flight, model, sets) if "drive_1" in names else [None] * len(sets)
     return [
         Drive(speeds_at_work(flight, model, e), made)
         for e, made in zip(sets, commanded, strict=True)
@@ -305,7 +317,7 @@ def drives_of(
 
 
 def speeds_at_work(flight: Prepared, model: Model, effects: effect_table.Effects) -> np.ndarray:
-    """Rotor speeds that turn the air: measured, or made by the commands; (n, 4) rad/s."""
+    """Rotor speeds that turn the air: measured, or made by the commands; (n, rotors) rad/s."""
     if not flight.has("rotor_speed"):
         return driven_speeds([flight], model, effects)[0]
     measured = flight.stack("rotor_speed")
@@ -327,8 +339,9 @@ def _as_if_commanded(
     """
     # speeds stand for commands, the median voltage for the nominal: only its changes count
     columns = {"t_s": flight.t_s, "battery_V": flight.columns["battery_V"]}
-    columns.update(zip(ROTOR_SPEED, speeds.T, strict=True))
-    columns.update(zip(COMMAND, speeds.T / model.number("max_rotor_speed_rad_s"), strict=True))
+    columns.update(zip(rotor_speed(model.n_rotors), speeds.T, strict=True))
+    asked = speeds.T / model.number("max_rotor_speed_rad_s")
+    columns.update(zip(command(model.n_rotors), asked, strict=True))
     parameters = {
         **model.parameters,
         "battery_nominal_V": float(np.median(flight.columns["battery_V"])),
@@ -362,7 +375,7 @@ def model_along(
 
     Parameters
     ----------
-    speeds : (n, 4) rotor speeds, rad/s; those at work where not given.
+    speeds : (n, rotors) rotor speeds, rad/s; those at work where not given.
     motion : of :func:`motion_of`, where it is known.
     late : whether a rangefinder that remembers is asked too: one sample then waits for another.
     """
@@ -375,13 +388,14 @@ def model_along(
 
 
 def _with_rotors(flight: Prepared, motion: Motion, speeds: np.ndarray) -> dict[str, np.ndarray]:
-    """All that the library reads of every sample, with these rotor speeds (n, 4)."""
-    columns = {**motion.columns, **flight.path, **dict(zip(ROTOR_SPEED, speeds.T, strict=True))}
-    rate = np.gradient(speeds, flight.dt_s, axis=0)
-    columns.update(
-        zip((f"rotor_acceleration_{i}_rad_s2" for i in range(1, 5)), rate.T, strict=True)
-    )
-    return columns
+    """All that the library reads of every sample, with these rotor speeds (n, rotors)."""
+    n, rate = speeds.shape[1], np.gradient(speeds, flight.dt_s, axis=0)
+    return {
+        **motion.columns,
+        **flight.path,
+        **dict(zip(rotor_speed(n), speeds.T, strict=True)),
+        **dict(zip(rotor_columns("rotor_acceleration_{}_rad_s2", n), rate.T, strict=True)),
+    }
 
 
 def but_actuators(effects: effect_table.Effects) -> dict:
@@ -635,11 +649,11 @@ def _lost(
     if drive.commanded is None:
         raise ValueError("the drive was not flown from the commands; ask for its channels too")
     lost = flight.stack("rotor_speed") - drive.commanded
-    left = [(mark, mean @ lost) for mark, mean, _ in _marked(windows, DRIVE[0], names)]
+    left = [(mark, mean @ lost) for mark, mean, _ in _marked(windows, "drive_1", names)]
     return {
         name + mark: column
         for mark, each in left
-        for name, column in zip(DRIVE, each.T, strict=True)
+        for name, column in zip(drive_channels(each.shape[1]), each.T, strict=True)
     }
 
 

@@ -37,7 +37,7 @@ from ges.diagnose.design.weak import (
 from ges.diagnose.library.candidates import Variant
 from ges.diagnose.library.requirements import needs_attitude
 from ges.diagnose.prepare.align import Prepared, attitude_measured
-from ges.diagnose.prepare.channels import DRIVE, MOMENT, channels
+from ges.diagnose.prepare.channels import MOMENT, channels, drive
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import SPEED, Model, block_of
 from ges.simulator import effects as effect_table
@@ -69,7 +69,7 @@ class DesignColumn:
     """One column: a nuisance, or one amplitude of one variant of a candidate.
 
     ``part`` 'force' or 'moment' is a column of those channels alone, with a coefficient of its own.
-    A thrust gain near the ground is split so: how much the cushions of four rotors differ, and so
+    A thrust gain near the ground is split so: how much the cushions of the rotors differ, and so
     the moment, depends on how far each of them spreads. And so is what pushes the rotors sideways:
     its lever about the centre of gravity is millimetres long, and as small moments are measured far
     better than small forces, they would decide its size.
@@ -230,7 +230,7 @@ def nuisances(
         for effect in effect_table.table().values()
         if attitude_measured(flights) or not needs_attitude(effect.name)
         if not effect.modifies or effect.modifies in model.effects
-        for p in effect.parameters
+        for p in effect.of_rotors(model.n_rotors)
         if p.doubt and set(p.doubt.shows_in) & present and (voltage or not p.doubt.with_voltage)
     ]
     # the top speed is a number of the vehicle: no effect's descriptor has a doubt for it
@@ -537,9 +537,9 @@ def residuals_with(system: System, model: Model) -> list[np.ndarray]:
 def _beyond(
     flight: Prepared, windows: Windows, names: Sequence[str], commanded: np.ndarray | None
 ) -> dict[int, np.ndarray]:
-    """By channel of the drive, (m,): how far commands (n, 4), as rotor speeds, are beyond all that
-    the flight asks in the air, times the doubt on what they do there: a model is as
-    wrong about that as any form.
+    """By channel of the drive, (m,): how far commands (n, rotors), as rotor speeds, are beyond all
+    that the flight asks in the air, times the doubt on what they do there: a model is as wrong
+    about that as any form.
     """
     if commanded is None or not (flight.driven & ~flight.flying).any():
         return {}
@@ -548,7 +548,7 @@ def _beyond(
     )
     marked = {
         f"{name}{mark}": mean @ speeds
-        for name, speeds in zip(DRIVE, more.T, strict=True)
+        for name, speeds in zip(drive(more.shape[1]), more.T, strict=True)
         for mark, (mean, _) in windows.functions.items()
     }
     return {

@@ -18,17 +18,23 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import expit, ndtri
 
-from ges.conventions import SDS_95, rotor_columns
+from ges.conventions import MAX_ROTORS, SDS_95, rotor_columns
 from ges.diagnose.design.system import System, nuisance_of
 from ges.diagnose.prepare.align import attitude_measured
 from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
+from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
 CHANNELS = ("force_z", "moment_x", "moment_y", "moment_z")
-LOSSES = tuple(f"weak_rotor.{name}" for name in rotor_columns("loss_{}"))
+LOSSES = rotor_columns("weak_rotor.loss_{}", MAX_ROTORS)
 MASS = ("cg_offset.x_m", "cg_offset.y_m", "thrust_scale.scale")
 CANT = "rotor_cant.angle_rad"
+
+
+def losses_of(model: Model) -> tuple[str, ...]:
+    """Keys of the losses of the rotors that a vehicle has."""
+    return LOSSES[: model.n_rotors]
 
 
 def _mean_variance(values: np.ndarray, block: int) -> float:
@@ -133,7 +139,7 @@ class Shift:
         per_kg = 1.0 / model.number("mass_kg")
         start = {
             key: model.effects.get(key.split(".")[0], {}).get(key.split(".")[1], 0.0)
-            for key in (*LOSSES, *MASS)
+            for key in (*losses_of(model), *MASS)
         }
         lost = {f"loss_{i}": (start[LOSSES[i - 1]], 1.0)}
         hub = {
@@ -168,7 +174,9 @@ def _stated(system: System, column: Mapping[str, int]) -> bool:
     """Whether the vehicle file, a calibrated one, states how far the gain of every motor may be
     off.
     """
-    gains = "weak_rotor" in system.model.effects and {*LOSSES, *MASS} <= set(column)
+    gains = "weak_rotor" in system.model.effects and {*losses_of(system.model), *MASS} <= set(
+        column
+    )
     return gains and set(CHANNELS) <= set(system.main)
 
 
@@ -196,8 +204,8 @@ def causes_of(system: System) -> list[tuple[Cause, Cause]]:
     column = system.nuisances
     if not _stated(system, column):
         return []
-    y, x, precision = _distance(system, [*LOSSES, *MASS], column)
-    directions = [(_loss(x, i), _mass(x, i, system)) for i in range(len(LOSSES))]
+    y, x, precision = _distance(system, [*losses_of(system.model), *MASS], column)
+    directions = [(_loss(x, i), _mass(x, i, system)) for i in range(system.model.n_rotors)]
     return [
         (_weigh(y, lost, precision, i), _weigh(y, heavy, precision, i))
         for i, (lost, heavy) in enumerate(directions, 1)

@@ -177,7 +177,7 @@ def gusts_of(
         return None
     found = _measured(slow - noise, chance, air, forces, system.model)
     # no news unless clearly stronger than the gusts that are known already
-    expected = 0.0 if known is None else {**effect_table.get("gusts").defaults(), **known}[STRENGTH]
+    expected = 0.0 if known is None else effect_table.get("gusts").completed(known)[STRENGTH]
     return found if found.ci95[0] > expected else None
 
 

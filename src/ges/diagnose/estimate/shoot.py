@@ -16,7 +16,7 @@ import dataclasses
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from ges.conventions import BODY_RATE, POSITION, QUATERNION, ROTOR_SPEED, VELOCITY
+from ges.conventions import BODY_RATE, POSITION, QUATERNION, VELOCITY, rotor_speed
 from ges.diagnose.design.residual import model_along
 from ges.diagnose.design.system import window_length_s
 from ges.diagnose.design.weak import whole
@@ -59,7 +59,7 @@ def rollouts_of(flight: Prepared, model: Model, n: int) -> Rollouts:
     }
     # where the ground's height was logged over flat terrain, the model's height is over that
     recorded["p_z_m"] = recorded["p_z_m"] + (columns["p_z_m"] - flight.columns["p_z_m"])
-    table = np.stack([columns[name] for name in (*ROTOR_SPEED, *QUATERNION)], axis=1)
+    table = np.stack([columns[name] for name in _imposed(model)], axis=1)
     rates = np.stack([columns[name] for name in BODY_RATE], axis=1)
     battery = flight.columns.get("battery_V", np.full(len(table), np.nan))
     inputs = np.column_stack([table, battery, rates])
@@ -76,14 +76,19 @@ def rollouts_of(flight: Prepared, model: Model, n: int) -> Rollouts:
     )
 
 
+def _imposed(model: Model) -> tuple[str, ...]:
+    """Columns that a rollout takes from the recording, in the order of a replay."""
+    return (*rotor_speed(model.n_rotors), *QUATERNION)
+
+
 def _piece(
     flight: Prepared, model: Model, effects: dict, recorded: dict, inputs: np.ndarray, start: int
 ) -> sim.Flight:
-    every = flight.steps(settings.numerics.step_s)
+    every, imposed = flight.steps(settings.numerics.step_s), _imposed(model)
     state = {f"start_{name}": float(recorded[name][start]) for name in POSITION + VELOCITY}
     state |= {
         f"start_{name}": float(v)
-        for name, v in zip((*ROTOR_SPEED, *QUATERNION), inputs[0, :8], strict=True)
+        for name, v in zip(imposed, inputs[0, : len(imposed)], strict=True)
     }
     numbers = {
         **model.parameters,

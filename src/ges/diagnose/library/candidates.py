@@ -76,7 +76,7 @@ class Variant:
 
 def place_of(parameter: str) -> str:
     """``rotor 3`` of a numbered parameter, ``loss_3``; '' of all others."""
-    numbered = re.fullmatch(r".*_(\d)", parameter)
+    numbered = re.fullmatch(r".*_(\d+)", parameter)
     return f"rotor {numbered[1]}" if numbered else ""
 
 

@@ -61,7 +61,8 @@ def out_of_reach(effect: Effect, model: Model, reached: Flown) -> str:
 def _variants(effect: Effect, model: Model, reached: Flown) -> tuple[Variant, ...]:
     """All variants; without a search of its own all that can vanish, together."""
     if not effect.searches:
-        names = (p.name for p in effect.parameters if not math.isnan(p.neutral))
+        here = effect.of_rotors(model.n_rotors)
+        names = (p.name for p in here if not math.isnan(p.neutral))
         return (_variant(effect, tuple(names)),)
     listed = [v for s in effect.searches for v in RULES[s.rule](effect, s, model, reached)]
     usual = _usual_carrier(effect, model)
@@ -87,7 +88,11 @@ def _usual_carrier(effect: Effect, model: Model) -> effect_table.Effects:
     carrier = effect_table.get(effect.through[0])
     # a rotor drag, c v times the sum of speeds, is that share of the weight at 1 m/s in hover
     (p,) = (p for p in carrier.parameters if p.usual_share)
-    return {carrier.name: {p.name: p.usual_share * model.weight_N / (4.0 * model.hover_rad_s)}}
+    return {
+        carrier.name: {
+            p.name: p.usual_share * model.weight_N / (model.n_rotors * model.hover_rad_s)
+        }
+    }
 
 
 def _variant(effect: Effect, amplitudes: tuple[str, ...], **shape: float) -> Variant:
@@ -135,7 +140,8 @@ def _places(
     """At each place, one amplitude a place, and at each two of them; towards more of it alone, as
     no blade heals.
     """
-    sets = (c for n in (1, 2) for c in itertools.combinations(search.amplitudes, n))
+    here = [n for n in search.amplitudes if effect.parameter(n).rotor <= model.n_rotors]
+    sets = (c for n in (1, 2) for c in itertools.combinations(here, n))
     return tuple(_one_way(_variant(effect, names), low=0.0) for names in sets)
 
 
@@ -225,7 +231,7 @@ def _above(
     """A little above the greatest height of the rotors, by radii."""
     if reached.high_m is None:
         return ()
-    top = reached.high_m[2] + max(model.number(f"rotor_{i}_z_m") for i in range(1, 5))
+    top = reached.high_m[2] + float(model.of_rotors("z_m").max())
     heights = (top + k * model.radius_m for k in search.levels)
     return tuple(_variant(effect, search.amplitudes, **{search.axis[0]: z}) for z in heights)
 
@@ -293,7 +299,7 @@ def _lying(
 
 
 def _hubs(model: Model) -> list[tuple[float, float]]:
-    return [(model.number(f"rotor_{i}_x_m"), model.number(f"rotor_{i}_y_m")) for i in range(1, 5)]
+    return list(zip(model.of_rotors("x_m"), model.of_rotors("y_m"), strict=True))
 
 
 def _at_hubs(

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ges.conventions import rotor_columns
 from ges.diagnose.design.residual import model_along
 from ges.diagnose.design.system import System
 from ges.diagnose.design.weak import Windows
@@ -48,7 +49,7 @@ def regimes(flight: Prepared, windows: Windows, model: Model) -> dict[str, np.nd
     found = {"time_s": windows.center_s - flight.t_s[0]}
     if "p_z_m" in columns:
         # as the rotors have it: each over the ground below it, which may be uneven
-        height = said.stack(*(f"rotor_height_{i}_m" for i in range(1, 5))).mean(axis=1)
+        height = said.stack(*rotor_columns("rotor_height_{}_m", model.n_rotors)).mean(axis=1)
         found["height_over_radius"] = height[at] / model.radius_m
     if flight.has("velocity"):
         v = flight.stack("velocity")[at]

@@ -24,6 +24,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.sparse import csr_array
 
+from ges.conventions import MAX_ROTORS, rotor_columns
 from ges.diagnose.settings import settings
 
 PLACE = ("east_m", "north_m")
@@ -33,7 +34,7 @@ TOGETHER = (
     ("force_x", "force_y", "acc_x", "acc_y"),
     ("force_z", "acc_z"),
     ("moment_x", "moment_y"),
-    ("drive_1", "drive_2", "drive_3", "drive_4"),
+    rotor_columns("drive_{}", MAX_ROTORS),
 )
 Regimes = Sequence[Mapping[str, np.ndarray]]
 

@@ -8,6 +8,7 @@ file.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -18,26 +19,24 @@ from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter
 
 from ges.conventions import (
     BODY_RATE,
-    COMMAND,
-    MOTOR_CURRENT,
     POSITION,
     QUATERNION,
-    ROTOR_SPEED,
     SPECIFIC_FORCE,
     VELOCITY,
+    command,
+    motor_current,
+    rotor_speed,
+    rotors_in,
 )
 from ges.diagnose.settings import settings
 from ges.errors import GesError
 
-STREAMS: Mapping[str, tuple[str, ...]] = {
+_STREAMS: Mapping[str, tuple[str, ...]] = {
     "position": POSITION,
     "velocity": VELOCITY,
     "attitude": QUATERNION,
     "gyro": BODY_RATE,
     "accelerometer": SPECIFIC_FORCE,
-    "rotor_speed": ROTOR_SPEED,
-    "command": COMMAND,
-    "motor_current": MOTOR_CURRENT,
     "battery": ("battery_V",),
     "range": ("range_m",),
     "ground": ("ground_z_m",),
@@ -52,6 +51,13 @@ STREAMS: Mapping[str, tuple[str, ...]] = {
     ),
     "excitation": ("excite_x_rad_s2", "excite_y_rad_s2", "excite_z_rad_s2", "excite_up_m_s2"),
 }
+
+
+@functools.cache
+def streams(n_rotors: int) -> Mapping[str, tuple[str, ...]]:
+    """Columns of every stream of a vehicle with so many rotors."""
+    of_rotors = {"rotor_speed": rotor_speed, "command": command, "motor_current": motor_current}
+    return {**_STREAMS, **{name: columns(n_rotors) for name, columns in of_rotors.items()}}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,13 +129,18 @@ class Prepared:
             reason: float(at.sum() * self.dt_s) for reason, at in self.excluded.items() if at.any()
         }
 
+    @functools.cached_property
+    def streams(self) -> Mapping[str, tuple[str, ...]]:
+        """Columns of every stream."""
+        return streams(rotors_in(self.columns) or 1)
+
     def has(self, stream: str) -> bool:
         """Whether every column of a stream was logged."""
-        return all(name in self.columns for name in STREAMS[stream])
+        return all(name in self.columns for name in self.streams[stream])
 
     def stack(self, stream: str) -> np.ndarray:
         """Columns of a stream, (n, k)."""
-        return np.stack([self.columns[name] for name in STREAMS[stream]], axis=1)
+        return np.stack([self.columns[name] for name in self.streams[stream]], axis=1)
 
     def steps(self, longest_s: float) -> int:
         """Steps no longer than this between two samples."""
@@ -251,7 +262,7 @@ def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
     grid = np.arange(t_s[0], t_s[-1], step_s)
     columns: dict[str, np.ndarray] = {}
     update: dict[str, float] = {}
-    for stream, names in STREAMS.items():
+    for stream, names in streams(rotors_in(frame.columns) or 1).items():
         # a height, or one axis of an accelerometer, is of use alone; an attitude only whole
         if stream in ("position", "reference", "accelerometer"):
             groups = [[name] for name in _present(frame, names)]

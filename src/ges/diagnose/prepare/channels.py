@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+from ges.conventions import rotor_columns
 from ges.diagnose.prepare.align import Prepared
-from ges.diagnose.types.model import Model
+from ges.diagnose.types.model import Model, block_of
 
 FORCE = ("force_x", "force_y", "force_z")
 MOMENT = ("moment_x", "moment_y", "moment_z")
 ACC = ("acc_x", "acc_y", "acc_z")
-DRIVE = ("drive_1", "drive_2", "drive_3", "drive_4")
-UNITS = {
+_UNITS = {
     **dict.fromkeys(FORCE + ACC, "N"),
     **dict.fromkeys(MOMENT, "Nm"),
-    **dict.fromkeys(DRIVE, "rad_s"),
+    "drive": "rad_s",
     "range": "m",
 }
+
+
+def unit_of(channel: str) -> str:
+    """Unit of a channel as names carry it."""
+    return _UNITS.get(channel) or _UNITS[block_of(channel)]
+
+
+def drive(n_rotors: int) -> tuple[str, ...]:
+    """Channels of the speeds of so many rotors."""
+    return rotor_columns("drive_{}", n_rotors)
 
 
 def channels(flight: Prepared, model: Model) -> tuple[str, ...]:
@@ -35,7 +45,7 @@ def channels(flight: Prepared, model: Model) -> tuple[str, ...]:
     if driven and (flight.has("gyro") or attitude) and "moments_of_inertia" in model.known:
         found += MOMENT if "torque" in model.known else MOMENT[:2]
     if flight.has("rotor_speed") and flight.has("command"):
-        found += DRIVE
+        found += drive(model.n_rotors)
     if flight.has("range") and "p_z_m" in flight.columns and attitude:
         found.append("range")
     return tuple(found)

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import stdtrit
 
-from ges.diagnose.prepare.align import STREAMS, Held, Prepared, lift, maybe_held
+from ges.diagnose.prepare.align import Held, Prepared, lift, maybe_held
 from ges.diagnose.prepare.kinematics import turn_rates
 from ges.diagnose.prepare.steady import with_past
 from ges.diagnose.settings import settings
@@ -353,7 +353,7 @@ def without_bias(flight: Prepared, bias: np.ndarray) -> Prepared:
     """The flight with a constant (3,), rad/s, taken out of its gyro."""
     if not flight.has("gyro"):
         return flight
-    mended = {n: flight.columns[n] - b for n, b in zip(STREAMS["gyro"], bias, strict=True)}
+    mended = {n: flight.columns[n] - b for n, b in zip(flight.streams["gyro"], bias, strict=True)}
     return flight.replaced(columns={**flight.columns, **mended})
 
 
@@ -361,7 +361,7 @@ def shifted(flight: Prepared, stream: str, delay_s: float) -> Prepared:
     """The flight with one stream moved back by its delay."""
     # the pose is taken as one estimator's: position and velocity are as late as the attitude
     streams = POSE if stream == "attitude" else (stream,)
-    names = [n for s in streams for n in STREAMS[s] if n in flight.columns]
+    names = [n for s in streams for n in flight.streams[s] if n in flight.columns]
     # what was so at t, a late stream says at t + delay
     moved = {n: np.interp(flight.t_s + delay_s, flight.t_s, flight.columns[n]) for n in names}
     return flight.replaced(

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ges.conventions import COMMAND, POSITION, ROTOR_SPEED
+from ges.conventions import POSITION, command, rotor_speed, rotors_in
 from ges.diagnose.design.instruments import replayed
 from ges.diagnose.design.weak import Windows, make_windows
 from ges.diagnose.prepare.align import Prepared
@@ -47,7 +47,8 @@ def _compared(flight: Prepared) -> tuple[str, ...]:
 def _told(columns: Mapping[str, np.ndarray], names: Sequence[str]) -> np.ndarray:
     """These channels of a recording or of a simulated flight, (n, k)."""
     known = {name: columns[name] for name in POSITION if name in names}
-    for name, each in ((SPEED, ROTOR_SPEED), (DUTY, COMMAND)):
+    n_rotors = rotors_in(columns)
+    for name, each in ((SPEED, rotor_speed(n_rotors)), (DUTY, command(n_rotors))):
         if name in names:
             known[name] = np.mean([columns[c] for c in each], axis=0)
     if LEAN[0] in names:
@@ -62,7 +63,7 @@ def _flown(
 ) -> np.ndarray | None:
     """Simulated less recorded, (windows, k); None where the model cannot follow."""
     physics = {n: v for n, v in model.effects.items() if effect_table.get(n).kind != "sensor"}
-    said = replayed(flight, dataclasses.replace(model, effects=physics), COMMAND)
+    said = replayed(flight, dataclasses.replace(model, effects=physics), command(model.n_rotors))
     return (
         None if said is None else windows.mean @ (_told(said, names) - _told(flight.columns, names))
     )

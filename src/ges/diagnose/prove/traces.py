@@ -15,10 +15,10 @@ from ges.diagnose.design.residual import Drive, along, residual
 from ges.diagnose.design.weak import Windows, make_windows
 from ges.diagnose.estimate.shoot import can_roll, rollouts_of
 from ges.diagnose.prepare.align import Prepared
-from ges.diagnose.prepare.channels import UNITS, channels
+from ges.diagnose.prepare.channels import channels, unit_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
-from ges.simulator.effects import Replay
+from ges.simulator.effects import Replay, replay_rows
 
 AHEAD = (*POSITION, *VELOCITY)
 
@@ -81,7 +81,7 @@ def trace(
     for stage, model in models.items():
         # residual is recorded less model
         simulated[stage][used] = shown[used] - residual(flight, windows, model, names)
-    named = tuple(f"{n}_{UNITS[n]}" for n in names)
+    named = tuple(f"{n}_{unit_of(n)}" for n in names)
     if can_roll(flight):
         rolled = {s: _rolled(flight, everywhere, model) for s, model in models.items()}
         shown = np.hstack([shown, next(iter(rolled.values()))[0]])
@@ -124,11 +124,12 @@ def recorded(flight: Prepared, windows: Windows, model: Model, names: Sequence[s
     """
     silent = dataclasses.replace(model, effects={})
     # equation (1) of docs/method.md with the model's force and moment zero
-    said = np.zeros((len(Replay.columns()), len(flight.t_s)))
+    n_rotors, rows = model.n_rotors, replay_rows(model.n_rotors)
+    said = Replay(np.zeros((len(rows), len(flight.t_s))), n_rotors)
     for name in ("mass_kg", "ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"):
-        said[Replay.columns()[name]] = model.number(name)
-    still = np.zeros((len(flight.t_s), 4))
-    found = along(flight, windows, silent, names, drive=Drive(still, still), said=Replay(said))
+        said.data[rows[name]] = model.number(name)
+    still = np.zeros((len(flight.t_s), n_rotors))
+    found = along(flight, windows, silent, names, drive=Drive(still, still), said=said)
     return found.stack(names)
 
 

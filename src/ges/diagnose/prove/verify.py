@@ -13,7 +13,7 @@ from ges.diagnose.design.residual import residual
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.estimate.shoot import can_roll, rollouts_of
 from ges.diagnose.prepare.align import Prepared
-from ges.diagnose.prepare.channels import UNITS, channels
+from ges.diagnose.prepare.channels import channels, unit_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 
@@ -108,7 +108,7 @@ def channel_table(
     block = block_windows(spacing_s)
     by_name = {n: {s: [e[:, c] for e in by] for s, by in told.items()} for c, n in enumerate(names)}
     return {
-        f"{n}_{UNITS[n]}": stages_row(by, block)
+        f"{n}_{unit_of(n)}": stages_row(by, block)
         for n, by in by_name.items()
         if _present(by["before"])
     }
@@ -136,7 +136,7 @@ def rms_table(left: Sequence[np.ndarray], names: Sequence[str]) -> dict[str, flo
     left : by flight, errors (m, C) in the channels' units.
     """
     by_name = {n: [e[:, c] for e in left] for c, n in enumerate(names)}
-    return {f"{n}_{UNITS[n]}": rms(each) for n, each in by_name.items() if _present(each)}
+    return {f"{n}_{unit_of(n)}": rms(each) for n, each in by_name.items() if _present(each)}
 
 
 def _present(each: Sequence[np.ndarray]) -> bool:
@@ -179,7 +179,7 @@ def elsewhere(
         if sum(np.isfinite(e).sum() for e in pick["after"]) < 2 * block:
             continue
         low, high = reduction_ci95(pick["recalibrated"], pick["after"], block)
-        table[f"{name}_{UNITS[name]}"] = {
+        table[f"{name}_{unit_of(name)}"] = {
             **{stage: rms(each) for stage, each in pick.items()},
             # a change is minus a reduction, so the ends of the interval swap
             "change_ci95": [-high, -low],

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ges.conventions import FAR_FROM_GROUND_M, ROTOR_SPEED, VELOCITY
+from ges.conventions import FAR_FROM_GROUND_M, VELOCITY, rotor_speed
 from ges.diagnose.types.diagnosis import Finding
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
@@ -39,7 +39,7 @@ def force_per_speed_N_s_m(name: str, model: Model) -> float | None:
         "t_s": np.arange(float(len(speeds))),
         "p_z_m": np.full(len(speeds), FAR_FROM_GROUND_M),
         **dict(zip(VELOCITY, speeds.T, strict=True)),
-        **dict.fromkeys(ROTOR_SPEED, np.full(len(speeds), model.hover_rad_s)),
+        **dict.fromkeys(rotor_speed(model.n_rotors), np.full(len(speeds), model.hover_rad_s)),
     }
     others = {k: v for k, v in model.effects.items() if k != name}
     samples = effect_table.Samples.from_columns(columns)

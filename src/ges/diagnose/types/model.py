@@ -7,6 +7,8 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from ges.simulator import effects as effect_table
 from ges.simulator.terrain import Terrain
 from ges.vehicle.file import Quantity, Vehicle
@@ -60,21 +62,32 @@ class Model:
         return self.number("mass_kg") * self.number("gravity_m_s2")
 
     @property
+    def n_rotors(self) -> int:
+        """Number of rotors."""
+        return int(self.number("rotors"))
+
+    def of_rotors(self, quantity: str) -> np.ndarray:
+        """One number of every rotor, ``x_m`` or ``spin`` say, (n_rotors,) in its unit."""
+        return np.array([self.number(f"rotor_{i + 1}_{quantity}") for i in range(self.n_rotors)])
+
+    @property
     def hover_rad_s(self) -> float:
-        """Rotor speed at which four rotors carry the weight."""
-        # m g = 4 k_T Omega^2
-        return math.sqrt(self.weight_N / (4.0 * self.number("thrust_coefficient_N_s2")))
+        """Rotor speed at which all rotors together carry the weight."""
+        # m g = sum_i k_i a_zi Omega^2, a_z the upward part of a rotor's axis
+        lifting = float((self.of_rotors("thrust") * self.of_rotors("axis_z")).sum())
+        return math.sqrt(self.weight_N / (lifting * self.number("thrust_coefficient_N_s2")))
 
     @property
     def arm_m(self) -> float:
         """Mean distance of the hubs from the body origin, in the plane of the rotors."""
-        hubs = [(self.number(f"rotor_{i}_x_m"), self.number(f"rotor_{i}_y_m")) for i in range(1, 5)]
-        return sum((x * x + y * y) ** 0.5 for x, y in hubs) / 4.0
+        # summed one by one: the sums of arrays round otherwise
+        hubs = zip(self.of_rotors("x_m"), self.of_rotors("y_m"), strict=True)
+        return float(sum((x * x + y * y) ** 0.5 for x, y in hubs)) / self.n_rotors
 
     @property
     def radius_m(self) -> float:
         """Mean rotor radius."""
-        return sum(self.number(f"rotor_{i}_radius_m") for i in range(1, 5)) / 4.0
+        return float(sum(self.of_rotors("radius_m"))) / self.n_rotors
 
     def whole(self, channel: str) -> float:
         """What sizes in a channel are shares of: weight, weight times arm, full rotor speed, a

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
-
-from ges.conventions import rotor_columns
 
 _CHANNELS = {
     "force_x": "force forward",
@@ -18,7 +17,6 @@ _CHANNELS = {
     "acc_y": "accelerometer left",
     "acc_z": "accelerometer along thrust",
     "range": "rangefinder",
-    **dict(zip(rotor_columns("drive_{}"), rotor_columns("speed of rotor {}"), strict=True)),
     "p_x_m": "position x",
     "p_y_m": "position y",
     "p_z_m": "height",
@@ -82,9 +80,9 @@ def without_unit(name: str) -> str:
 
 def channel_words(name: str) -> str:
     """A channel in words, its unit left out."""
-    return (
-        _CHANNELS.get(name) or _CHANNELS.get(_split(name)[0]) or _split(name)[0].replace("_", " ")
-    )
+    known = _CHANNELS.get(name) or _CHANNELS.get(_split(name)[0])
+    words = _split(name)[0].replace("_", " ")
+    return known or re.sub(r"^drive (\d+)$", r"speed of rotor \1", words)
 
 
 def quantity_words(name: str) -> str:

@@ -7,6 +7,7 @@ stand where FRAME_TYPE says (quad X: 1 front right, 2 rear left, 3 front left, 4
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import re
 from collections import Counter
@@ -16,10 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from ges.conventions import BODY_RATE, N_ROTORS, POSITION, QUATERNION, SPECIFIC_FORCE, VELOCITY
+from ges.conventions import BODY_RATE, POSITION, QUATERNION, SPECIFIC_FORCE, VELOCITY
 from ges.errors import GesError
 from ges.recordings.readers import frames, rotor_order
 from ges.recordings.readers.log import Log, Options, Stream, increasing, on_axis, optional_module
+from ges.vehicle import layouts
+from ges.vehicle.layouts import LAYOUTS
 
 _MAGIC, _TEXT = b"\xa3\x95", b"FMT,"
 
@@ -76,21 +79,8 @@ _DSHOT = range(4, 8)  # MOT_PWM_TYPE; outputs are then always 1000 to 2000
 _DSHOT_RANGE = (1000.0, 2000.0)
 _LEAST_PULSE_US = 500.0  # RCOU 0: no pulse
 
-# FRAME_CLASS (ArduCopter) of what is no quadrotor.
-_NO_QUADROTOR = {
-    2: "a hexarotor (six rotors)",
-    3: "an octorotor (eight rotors)",
-    4: "an octaquad (eight rotors)",
-    5: "a Y6 (six rotors)",
-    6: "a helicopter",
-    7: "a tricopter (three rotors)",
-    8: "a single-rotor copter",
-    9: "a coaxial copter",
-    11: "a dual helicopter",
-    12: "a dodecahexarotor (twelve rotors)",
-    13: "a quad helicopter",
-    14: "a decarotor (ten rotors)",
-}
+# SERVOn_FUNCTION of motors 9 to 12, and the motors of a tricopter, whose seventh is a servo.
+_MOTOR_9, _TRICOPTER, _TRI_MOTORS = 82, 7, (1, 2, 4)
 
 
 class _Message:
@@ -286,15 +276,38 @@ def _holds_height(log: _Log, t_s: np.ndarray) -> np.ndarray:
     return (at >= 0) & ~np.isin(number[np.maximum(at, 0)], _WITHOUT_HEIGHT)
 
 
-def _channels(log: _Log) -> list[int]:
-    """Output (from 1) of each motor, by SERVOn_FUNCTION; 1 to 4 in logs from before there was
-    one.
+def _motors(log: _Log) -> list[int]:
+    """Numbers of the motors, by the frame, or by the functions of the outputs where no frame was
+    logged.
     """
-    functions = {log.parameters.get(f"SERVO{n}_FUNCTION"): n for n in range(1, 17)}
-    motors = [float(_MOTOR_1 + i) for i in range(N_ROTORS)]
-    if all(motor in functions for motor in motors):
-        return [functions[motor] for motor in motors]
-    return list(range(1, N_ROTORS + 1))
+    group = int(log.parameters.get("FRAME_CLASS", 0))
+    if group == _TRICOPTER:
+        return list(_TRI_MOTORS)
+    if group in layouts.ARDUPILOT:
+        return list(range(1, len(LAYOUTS[next(iter(layouts.ARDUPILOT[group].values()))]) + 1))
+    functions = _functions(log)
+    count = next(n for n in itertools.count() if _function(n + 1) not in functions)
+    return list(range(1, (count if count > 4 else 4) + 1))
+
+
+def _function(motor: int) -> float:
+    """SERVOn_FUNCTION of a motor."""
+    return float(_MOTOR_1 + motor - 1 if motor < 9 else _MOTOR_9 + motor - 9)
+
+
+def _functions(log: _Log) -> dict[float | None, int]:
+    """Output (from 1) of every function."""
+    return {log.parameters.get(f"SERVO{n}_FUNCTION"): n for n in range(1, 33)}
+
+
+def _channels(log: _Log) -> list[int]:
+    """Output (from 1) of each motor, by SERVOn_FUNCTION; its own number in logs from before there
+    was one.
+    """
+    functions, motors = _functions(log), _motors(log)
+    if all(_function(motor) in functions for motor in motors):
+        return [functions[_function(motor)] for motor in motors]
+    return motors
 
 
 def _pulses(log: _Log, options: Options) -> tuple[float, float]:
@@ -324,8 +337,9 @@ def _commands(log: _Log, options: Options) -> Iterator[tuple[str, Stream]]:
     # a motor that gets no pulse stands
     pulses = np.where(pulses < _LEAST_PULSE_US, low, pulses)
     u = np.clip((pulses - low) / (high - low), 0.0, 1.0)
-    if channels != list(range(1, N_ROTORS + 1)):
-        log.notes.append(f"motors 1 to 4 are outputs {', '.join(map(str, channels))}")
+    if channels != list(range(1, len(channels) + 1)):
+        told = ", ".join(map(str, channels))
+        log.notes.append(f"motors 1 to {len(channels)} are outputs {told}")
     yield "command", Stream(message.t_s, {f"u_{i + 1}": row for i, row in enumerate(u)}, "RCOU")
 
 
@@ -336,14 +350,16 @@ def _rotor_speeds(
     for another order.
     """
     escs = {k: m for k, m in log.messages.get("ESC", {}).items() if m.has("RPM")}
+    channels = _channels(log)
+    stated = options.order_of(len(channels))
     order = (
-        [sorted(escs)[k - 1] if k <= len(escs) else -1 for k in options.rotor_order]
-        if options.rotor_order
-        else [n - 1 for n in _channels(log)]
+        [sorted(escs)[k - 1] if k <= len(escs) else -1 for k in stated]
+        if stated
+        else [n - 1 for n in channels]
     )
-    # controllers may be counted by themselves, not by outputs: four are taken in their order
+    # controllers may be counted by themselves, not by outputs: as many are taken in their order
     if not set(order) <= set(escs):
-        if len(escs) == N_ROTORS:
+        if len(escs) == len(channels):
             order = sorted(escs)
         else:
             return
@@ -356,7 +372,7 @@ def _rotor_speeds(
         if own.has("Curr"):
             currents[f"motor_current_{i}_A"] = np.interp(t_s, own.t_s, own["Curr"])
     stream = Stream(t_s, speeds, "ESC")
-    if command is not None and not options.rotor_order:
+    if command is not None and not stated:
         why, spoken_for = rotor_order.doubt(command, stream)
         if why and spoken_for:
             log.notes.append(
@@ -365,7 +381,7 @@ def _rotor_speeds(
             )
             return
     yield "rotor_speed", stream
-    if len(currents) == N_ROTORS:
+    if len(currents) == len(channels):
         yield "motor_current", Stream(t_s, currents, "ESC")
 
 
@@ -399,10 +415,11 @@ def _refusal(log: _Log) -> str:
     """Why the vehicle is none that can be diagnosed."""
     text = " ".join(log.texts)
     other = re.search(r"Ardu(Plane|Rover|Sub)|APM:(Plane|Rover|Sub)|Blimp", text)
-    kind = _NO_QUADROTOR.get(int(log.parameters.get("FRAME_CLASS", 0)))
+    kind = layouts.NO_MULTIROTORS.get(int(log.parameters.get("FRAME_CLASS", 0)))
+    kind = f"a {kind}" if kind else None
     if other:
         kind = f"an {other.group(0)} vehicle"
-    return f"this is a log of {kind}; quadrotors can be diagnosed so far" if kind else ""
+    return f"this is a log of {kind}; multirotors can be diagnosed" if kind else ""
 
 
 class ArduPilot:

@@ -20,8 +20,8 @@ import numpy as np
 
 from ges.conventions import (
     BODY_RATE,
+    FEWEST_ROTORS,
     GRAVITY_M_S2,
-    N_ROTORS,
     POSITION,
     QUATERNION,
     SPECIFIC_FORCE,
@@ -142,7 +142,13 @@ def _decoded(
 def _vector(fields: Mapping[str, np.ndarray], name: str, count: int = 3) -> np.ndarray | None:
     """Fields ``name[0]`` ... as rows."""
     names = [f"{name}[{k}]" for k in range(count)]
-    return np.stack([fields[n] for n in names]) if all(n in fields for n in names) else None
+    known = names and all(n in fields for n in names)
+    return np.stack([fields[n] for n in names]) if known else None
+
+
+def _motors(fields: Mapping[str, np.ndarray]) -> int:
+    """Number of motors."""
+    return sum(1 for field in fields if re.fullmatch(r"motor\[\d+\]", field))
 
 
 def _range(header: _Header, options: Options) -> tuple[float, float]:
@@ -163,7 +169,8 @@ def _drive(
 ) -> dict[str, np.ndarray]:
     """Commands, and rotor speeds where bidirectional DShot gave them (eRPM in hundreds)."""
     columns: dict[str, np.ndarray] = {}
-    motors, speeds = _vector(fields, "motor", N_ROTORS), _vector(fields, "eRPM", N_ROTORS)
+    count = _motors(fields)
+    motors, speeds = _vector(fields, "motor", count), _vector(fields, "eRPM", count)
     if motors is not None:
         low, high = _range(header, options)
         u = np.clip((motors - low) / (high - low), 0.0, 1.0)
@@ -212,7 +219,7 @@ def _inav_motion(fields: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 def _yaw_note(fields: Mapping[str, np.ndarray]) -> str:
     """Which way the motors turn, by how the mixer answers its own yaw controller."""
     motors, p, i = (
-        _vector(fields, "motor", N_ROTORS),
+        _vector(fields, "motor", 4) if _motors(fields) == 4 else None,
         fields.get("axisP[2]"),
         fields.get("axisI[2]"),
     )
@@ -293,14 +300,14 @@ class Betaflight:
         streams: dict[str, Stream] = named_streams(
             t_s, {name: values[good] for name, values in columns.items()}, "main frames"
         )
-        count = sum(1 for field in fields if re.fullmatch(r"motor\[\d+\]", field))
-        kind = f"a vehicle with {count} motors" if count not in (0, N_ROTORS) else ""
+        count = _motors(fields)
+        kind = f"a vehicle with {count} motors" if 0 < count < FEWEST_ROTORS else ""
         return Log(
             path.stem,
             self.name,
             header.text.get("Firmware revision", ""),
             streams,
-            header.parameters(),
+            header.parameters() | {"motors": float(count)},
             tuple(notes),
-            f"this is a log of {kind}; quadrotors can be diagnosed so far" if kind else "",
+            f"this is a log of {kind}; multirotors can be diagnosed" if kind else "",
         )

@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import savgol_filter
 
-from ges.conventions import COMMAND, POSITION, QUATERNION, VELOCITY
 from ges.conventions import GRAVITY_M_S2 as _G
+from ges.conventions import POSITION, QUATERNION, VELOCITY, command
 from ges.errors import GesError
 from ges.recordings.readers.frames import (
     named,
@@ -164,9 +164,11 @@ def _columns(event: str, table: Mapping[str, np.ndarray]) -> dict[str, np.ndarra
 
 def _commands(columns: dict[str, np.ndarray], notes: list[str]) -> bool:
     """Where the mixer's request was not logged, the command is the duty cycle; whether it is."""
-    duty = not any(name in columns for name in COMMAND) and all(name in columns for name in _PWM)
+    duty = not any(name in columns for name in command(len(_PWM))) and all(
+        name in columns for name in _PWM
+    )
     if duty:
-        columns |= {u: columns.pop(pwm) for u, pwm in zip(COMMAND, _PWM, strict=True)}
+        columns |= {u: columns.pop(pwm) for u, pwm in zip(command(len(_PWM)), _PWM, strict=True)}
         notes.append(
             "motor.m1 to m4 were not logged; the commands are the duty cycles pwm.m1_pwm to"
             " m4_pwm, after the firmware's battery compensation"

@@ -17,7 +17,6 @@ import pandas as pd
 
 from ges.conventions import (
     BODY_RATE,
-    N_ROTORS,
     POSITION,
     POSITION_REF,
     QUATERNION,
@@ -193,9 +192,24 @@ class Options:
                 f"--pwm {self.pwm[0]:g} {self.pwm[1]:g}: the output that means 0 must be below the"
                 " one that means 1"
             )
-        if self.rotor_order and sorted(self.rotor_order) != list(range(1, N_ROTORS + 1)):
+        count = len(self.rotor_order or ())
+        if self.rotor_order and sorted(self.rotor_order) != list(range(1, count + 1)):
             order = " ".join(map(str, self.rotor_order))
-            raise UsageError(f"--rotor-order {order}: name each of 1 to {N_ROTORS} once")
+            raise UsageError(f"--rotor-order {order}: name each of 1 to {count} once")
+
+    def order_of(self, count: int) -> tuple[int, ...] | None:
+        """The stated order of the readings of so many motors; None where it is not stated.
+
+        Raises
+        ------
+        UsageError
+            When it is of another number of motors.
+        """
+        if self.rotor_order and len(self.rotor_order) != count:
+            raise UsageError(
+                f"--rotor-order names {len(self.rotor_order)} readings; the log has {count} motors"
+            )
+        return self.rotor_order
 
 
 class Reader(Protocol):

@@ -18,7 +18,8 @@ import pyulog
 
 from ges.conventions import (
     BODY_RATE,
-    N_ROTORS,
+    FEWEST_ROTORS,
+    MAX_ROTORS,
     POSITION,
     POSITION_REF,
     QUATERNION,
@@ -51,20 +52,18 @@ _DOWNWARD = 25  # distance_sensor.orientation, MAV_SENSOR_ROTATION_PITCH_270
 _MOTOR_1 = 101  # actuator function of motor 1
 _LATEST_SAMPLE_S = 0.2
 
-# MAV_TYPE (https://mavlink.io/en/messages/common.html) of what is no quadrotor.
-_NO_QUADROTOR = {
+# MAV_TYPE (https://mavlink.io/en/messages/common.html) of what is no multirotor, and the motors of
+# what is one.
+_NO_MULTIROTOR = {
     1: "a fixed-wing aircraft",
     3: "a coaxial helicopter",
     4: "a helicopter",
     10: "a rover",
     11: "a boat",
     12: "a submarine",
-    13: "a hexarotor (six rotors)",
-    14: "an octorotor (eight rotors)",
-    15: "a tricopter (three rotors)",
     **dict.fromkeys(range(19, 26), "a VTOL aircraft"),
-    29: "a dodecarotor (twelve rotors)",
 }
+_MOTORS = {2: 4, 13: 6, 14: 8, 15: 3, 29: 12, 35: 10}
 
 # Outputs that can drive motors, by the prefix of their parameters <prefix>_FUNCn, _MINn, _MAXn.
 _DRIVERS = ("PWM_MAIN", "PWM_AUX", "UAVCAN_EC", "SIM_GZ_EC", "HIL_ACT", "PCA9685", "PWM_EXTRA")
@@ -339,12 +338,21 @@ def _references(log: Uorb) -> Iterator[tuple[str, Stream]]:
         yield "reference", Stream(topic.t_s, asked, source, held=True)
 
 
+def _motors(log: Uorb) -> int:
+    """Number of motors, by the geometry of newer firmware, or by the kind of vehicle."""
+    count = log.number("CA_ROTOR_COUNT")
+    if count and log.parameters.get("CA_AIRFRAME", 0) == 0:
+        return int(count)
+    return _MOTORS.get(int(log.number("MAV_TYPE") or 0), 4)
+
+
 def _commands(log: Uorb, options: Options) -> Iterator[tuple[str, Stream]]:
     """Normalised motor commands: ``actuator_motors``, else the outputs over their own range."""
-    fields = [f"control[{k}]" for k in range(N_ROTORS)]
+    count = _motors(log)
+    fields = [f"control[{k}]" for k in range(count)]
     topic = log.topic("actuator_motors", *fields)
     if topic is not None:
-        control = topic.stack("control[{}]", range(N_ROTORS))
+        control = topic.stack("control[{}]", range(count))
         # by its definition NaN stops the motor, and below 0 it turns backwards, which no output
         # here can express
         control = np.where(np.isnan(control), 0.0, control)
@@ -373,7 +381,7 @@ def _commands(log: Uorb, options: Options) -> Iterator[tuple[str, Stream]]:
 
 
 def _outputs(log: Uorb, options: Options) -> tuple[np.ndarray, np.ndarray, str] | None:
-    """Commands (4, n) from what was sent to the motors; their times and source."""
+    """Commands (motors, n) from what was sent to the motors; their times and source."""
     channels, driver = _channels(log)
     fields = [f"output[{k}]" for k in channels]
     topics = log.instances("actuator_outputs", *fields)
@@ -389,7 +397,7 @@ def _outputs(log: Uorb, options: Options) -> tuple[np.ndarray, np.ndarray, str] 
         )
     sent = topic.stack("output[{}]", channels)
     # what the user says of the range goes before what the log says
-    ranges = [options.pwm] * N_ROTORS if options.pwm else None
+    ranges = [options.pwm] * len(channels) if options.pwm else None
     low, high = np.asarray(ranges or _ranges(log, sent, channels, driver), dtype=float).T
     u = np.clip((sent - low[:, None]) / (high - low)[:, None], 0.0, 1.0)
     return u, topic.t_s, "actuator_outputs"
@@ -401,12 +409,12 @@ def _channels(log: Uorb) -> tuple[list[int], str]:
     """
     for driver in _DRIVERS:
         functions = {log.parameters.get(f"{driver}_FUNC{n}"): n - 1 for n in range(1, 17)}
-        motors = [float(_MOTOR_1 + i) for i in range(N_ROTORS)]
-        # a driver that has all four motors is the one they hang on
+        motors = [float(_MOTOR_1 + i) for i in range(_motors(log))]
+        # a driver that has all motors is the one they hang on
         if all(motor in functions for motor in motors):
             return [functions[motor] for motor in motors], driver
     betaflight = log.parameters.get("MOT_ORDERING") == 1
-    return list(_BETAFLIGHT_ORDER if betaflight else range(N_ROTORS)), "PWM_MAIN"
+    return list(_BETAFLIGHT_ORDER if betaflight else range(_motors(log))), "PWM_MAIN"
 
 
 def _ranges(
@@ -473,8 +481,9 @@ def _rotor_speeds(
         return
     # a controller's function is a motor's number where it never changes
     functions = {_constant(topic.values(f"esc[{k}].actuator_function")): k for k in range(8)}
-    motors, stated = [float(_MOTOR_1 + i) for i in range(N_ROTORS)], options.rotor_order
-    order = list(range(N_ROTORS))
+    count = _motors(log)
+    motors, stated = [float(_MOTOR_1 + i) for i in range(count)], options.order_of(count)
+    order = list(range(count))
     known = bool(stated) or all(motor in functions for motor in motors)
     if known:
         order = [k - 1 for k in stated] if stated else [functions[motor] for motor in motors]
@@ -491,9 +500,9 @@ def _rotor_speeds(
                 f" {why}; if you know it, give the order, e.g. --rotor-order 1 2 3 4"
             )
             return
-    if order != list(range(N_ROTORS)):
+    if order != list(range(count)):
         log.notes.append(
-            "rotor speeds of motors 1 to 4 are readings"
+            f"rotor speeds of motors 1 to {count} are readings"
             f" {', '.join(str(k + 1) for k in order)} of esc_status"
         )
     yield "rotor_speed", speeds
@@ -559,11 +568,10 @@ def _range(log: Uorb) -> Iterator[tuple[str, Stream]]:
 def _refusal(log: Uorb) -> str:
     """Why the vehicle is none that can be diagnosed, by the log's own parameters."""
     # by the kind of vehicle, or by the rotors that newer firmware counts
-    kind = _NO_QUADROTOR.get(int(log.number("MAV_TYPE") or 0))
-    rotors = log.number("CA_ROTOR_COUNT")
-    if kind is None and log.parameters.get("CA_AIRFRAME", 0) == 0 and rotors not in (None, 0.0):
-        kind = f"a vehicle with {rotors:g} rotors" if rotors != N_ROTORS else None
-    return f"this is a log of {kind}; quadrotors can be diagnosed so far" if kind else ""
+    kind = _NO_MULTIROTOR.get(int(log.number("MAV_TYPE") or 0))
+    if kind is None and _motors(log) not in range(FEWEST_ROTORS, MAX_ROTORS + 1):
+        kind = f"a vehicle with {_motors(log)} rotors"
+    return f"this is a log of {kind}; multirotors can be diagnosed" if kind else ""
 
 
 def _autopilot(log: Uorb) -> str:

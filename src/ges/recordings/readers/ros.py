@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import pydantic
 
-from ges.conventions import N_ROTORS
+from ges.conventions import FEWEST_ROTORS, MAX_ROTORS
 from ges.errors import GesError, UsageError
 from ges.recordings.readers import px4, rotor_order
 from ges.recordings.readers.log import (
@@ -281,7 +281,7 @@ def _in_doubt(streams: dict[str, Stream], options: Options, notes: list[str]) ->
     if command is None or speed is None:
         return streams
     if options.rotor_order:
-        order = [f"rotor_speed_{k}_rad_s" for k in options.rotor_order]
+        order = [f"rotor_speed_{k}_rad_s" for k in options.order_of(len(speed.columns)) or ()]
         columns = {f"rotor_speed_{i}_rad_s": speed.columns[name] for i, name in enumerate(order, 1)}
         return streams | {"rotor_speed": Stream(speed.t_s, columns, speed.source)}
     why, _ = rotor_order.doubt(command, speed)
@@ -296,7 +296,7 @@ def _in_doubt(streams: dict[str, Stream], options: Options, notes: list[str]) ->
 
 def _rotors(streams: Mapping[str, Stream]) -> int:
     """How many motors are commanded."""
-    return len(streams["command"].columns) if "command" in streams else N_ROTORS
+    return len(streams["command"].columns) if "command" in streams else 4
 
 
 class Ros:
@@ -364,7 +364,8 @@ class Ros:
                 f" {', '.join(sorted(bag.topics)[:8]) or 'none'}"
             )
         rotors = _rotors(streams)
-        kind = f"a vehicle with {rotors} motors" if rotors != N_ROTORS else ""
+        can = FEWEST_ROTORS <= rotors <= MAX_ROTORS
+        kind = "" if can else f"a vehicle with {rotors} motors"
         return Log(
             path.stem,
             self.name,
@@ -372,5 +373,5 @@ class Ros:
             streams,
             {},
             tuple(notes),
-            f"this is a log of {kind}; quadrotors can be diagnosed so far" if kind else "",
+            f"this is a log of {kind}; multirotors can be diagnosed" if kind else "",
         )

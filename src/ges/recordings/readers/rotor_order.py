@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from ges.recordings.readers.log import Stream
 
@@ -36,6 +35,19 @@ def agreement(command: Stream, speed: Stream) -> np.ndarray | None:
     return np.corrcoef(np.vstack(shares))[: len(u), len(u) :]
 
 
+def _best(r: np.ndarray) -> tuple[tuple[int, ...], float]:
+    """The order whose pairs have the greatest mean correlation, and that (Kuhn 1955)."""
+    rows, order = linear_sum_assignment(r, maximize=True)
+    return tuple(int(k) for k in order), float(r[rows, order].mean())
+
+
+def _without(r: np.ndarray, i: int, k: int) -> np.ndarray:
+    """Correlations under which one pair is never taken."""
+    changed = r.copy()
+    changed[i, k] = -len(r)
+    return changed
+
+
 def doubt(command: Stream, speed: Stream) -> tuple[str, tuple[int, ...]]:
     """Why the readings may not be in the order of the motors ('' where the commands bear them
     out), and the order that the commands speak for, counted from 1.
@@ -43,11 +55,11 @@ def doubt(command: Stream, speed: Stream) -> tuple[str, tuple[int, ...]]:
     r = agreement(command, speed)
     if r is None:
         return "the commands cannot show which reading is whose", ()
-    # all 24 orders, each by the mean correlation of its pairs
-    scores = {p: r[range(len(r)), p].mean() for p in itertools.permutations(range(len(r)))}
-    best, second = sorted(scores, key=lambda p: scores[p], reverse=True)[:2]
+    best, score = _best(r)
     order = tuple(i + 1 for i in best)
-    if scores[best] < LEAST_CORRELATION or scores[best] - scores[second] < LEAST_AHEAD:
+    # the next best order does without one of the best one's pairs
+    second = max(_best(_without(r, i, k))[1] for i, k in enumerate(best))
+    if score < LEAST_CORRELATION or score - second < LEAST_AHEAD:
         return "the commands agree with no order of the readings clearly", ()
     if best == tuple(range(len(r))):
         return "", order

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from ges.conventions import AXES, MOTOR_CURRENT, rotor_columns
+from ges.conventions import AXES, motor_current, rotor_columns
 
 FEATURES = (
     *(f"gyro_{a}_rad_s" for a in AXES),
     "range_m",
-    *rotor_columns("rpm_{}_rad_s"),
-    *MOTOR_CURRENT,
+    *rotor_columns("rpm_{}_rad_s", 4),
+    *motor_current(4),
     "thrust_command",
 )
 """What the firmware gives its network, in its order."""

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import least_squares
 
-from ges.conventions import GRAVITY_M_S2, ROTOR_SPEED
+from ges.conventions import GRAVITY_M_S2, rotor_speed
 from ges.files import replacing
 from ges.recordings import published
 from ges.recordings.readers import Options, open_log
@@ -66,7 +66,7 @@ def _write(table: pd.DataFrame, path: Path) -> None:
 
 def _samples(frame: pd.DataFrame, vehicle: Vehicle) -> pd.DataFrame:
     """Rows in the air with thrust ratio, height in radii and number of the block."""
-    thrust = vehicle.thrust_coefficient_N_s2.value * (frame[list(ROTOR_SPEED)] ** 2).sum(axis=1)
+    thrust = vehicle.thrust_coefficient_N_s2.value * (frame[list(rotor_speed(4))] ** 2).sum(axis=1)
     weight = vehicle.mass_kg.value * GRAVITY_M_S2
     # cosine of the tilt: the part of body z that points up
     upright = 1 - 2 * (frame["q_x"] ** 2 + frame["q_y"] ** 2)

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from ges.conventions import ROTOR_SPEED
+from ges.conventions import rotor_speed
 from ges.simulator import effects
 from ges.simulator.terrain import ProceduralShape, Terrain
 from ges.study.config import Flights, Simulator
@@ -44,7 +44,7 @@ def flat_factor(
     """
     height_m = np.asarray(height_m, dtype=float)
     # f is a ratio of thrusts at equal speed: any speed serves
-    turning = dict.fromkeys(ROTOR_SPEED, np.full(len(height_m), 400.0))
+    turning = dict.fromkeys(rotor_speed(4), np.full(len(height_m), 400.0))
     samples = effects.Samples.from_columns(
         {"t_s": np.arange(len(height_m)) * 0.01, "p_z_m": height_m, **turning}
     )

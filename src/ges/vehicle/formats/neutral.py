@@ -11,7 +11,7 @@ import defusedxml.ElementTree
 import numpy as np
 from defusedxml.common import DefusedXmlException
 
-from ges.conventions import GRAVITY_M_S2, N_ROTORS
+from ges.conventions import GRAVITY_M_S2
 from ges.errors import GesError, UsageError
 from ges.simulator import effects as effect_table
 from ges.vehicle import scaling
@@ -19,6 +19,10 @@ from ges.vehicle.file import Vehicle
 
 # effects that correct a declared number, which every format has
 FOLDED = ("thrust_scale", "torque_coefficient", "inertia", "motor_lag", "rotor_saturation")
+
+
+UPRIGHT = math.cos(math.radians(5.0))
+"""Least upward part of the axis of a rotor that formats without axes take as upright."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,18 +41,18 @@ class Export:
 
 @dataclasses.dataclass(frozen=True)
 class Plain:
-    """A quadrotor as plain numbers, corrections of declared numbers folded in.
+    """A multirotor as plain numbers, corrections of declared numbers folded in.
 
     Attributes
     ----------
     name : of the vehicle.
     mass_kg : mass.
     inertia_kg_m2 : about the body axes, (3,).
-    hubs_m : from the centre of mass, (4, 3); a declared offset of it is in here.
+    hubs_m : from the centre of mass, (n, 3); a declared offset of it is in here.
     radius_m : mean over the rotors.
-    spin : +1 ccw, seen from above, (4,).
-    thrust_N_s2 : thrust coefficient of each rotor, losses included, (4,).
-    torque_Nm_s2 : reaction torque of each rotor over squared speed, losses included, (4,).
+    spin : +1 ccw, seen from above, (n,).
+    thrust_N_s2 : thrust coefficient of each rotor, losses included, (n,).
+    torque_Nm_s2 : reaction torque of each rotor over squared speed, losses included, (n,).
     lag_up_s, lag_down_s : time constants of the drive.
     top_speed_rad_s : at full command.
     rho_kg_m3 : density of the air.
@@ -97,11 +101,17 @@ def plain(vehicle: Vehicle) -> Plain:
     Raises
     ------
     GesError
-        When it has not four rotors, or one makes no thrust.
+        When a rotor is canted or makes no thrust.
     """
+    for i, rotor in enumerate(vehicle.rotors, 1):
+        if rotor.unit_axis[2] < UPRIGHT:
+            raise GesError(
+                f"rotor {i} of vehicle '{vehicle.name}' is canted; models are written of upright"
+                " rotors"
+            )
     numbers = vehicle.parameters()
     effects = {
-        name: {**effect_table.get(name).defaults(), **values}
+        name: effect_table.get(name).completed(values)
         for name, values in vehicle.effect_values().items()
     }
     rotors = vehicle.rotor_arrays()
@@ -110,9 +120,9 @@ def plain(vehicle: Vehicle) -> Plain:
     # seen from a centre of mass further ahead, every hub is further behind
     hubs = hubs - (moved.get("x_m", 0.0), moved.get("y_m", 0.0), 0.0)
     weak = effects.get("weak_rotor", {})
-    losses = np.array([weak.get(f"loss_{i + 1}", 0.0) for i in range(N_ROTORS)])
+    losses = np.array([weak.get(f"loss_{i + 1}", 0.0) for i in range(len(hubs))])
     scale = effects.get("thrust_scale", {}).get("scale", 0.0)
-    thrust = (1.0 + scale - losses) * numbers["thrust_coefficient_N_s2"]
+    thrust = (1.0 + scale - losses) * rotors["thrust"] * numbers["thrust_coefficient_N_s2"]
     if not np.all(thrust > 0):
         raise GesError(
             f"rotor {int(np.argmin(thrust)) + 1} of vehicle '{vehicle.name}' makes no thrust"
@@ -129,7 +139,9 @@ def plain(vehicle: Vehicle) -> Plain:
         float(np.mean(rotors["radius_m"])),
         rotors["spin"],
         thrust,
-        torque * (1.0 + effects.get("torque_coefficient", {}).get("scale", 0.0) - losses),
+        torque
+        * rotors["torque"]
+        * (1.0 + effects.get("torque_coefficient", {}).get("scale", 0.0) - losses),
         # simulators divide by their time constants
         max(lag_s + lags.get("up_s", 0.0), 1e-3),
         max(lag_s + lags.get("down_s", 0.0), 1e-3),

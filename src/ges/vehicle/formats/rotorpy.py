@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from ges.conventions import N_ROTORS
 from ges.errors import GesError, UsageError
 from ges.vehicle import scaling
 from ges.vehicle.datasheet import Datasheet, comment
@@ -135,17 +134,17 @@ def from_parameters(
     Raises
     ------
     GesError
-        When it is no quadrotor or a number is missing.
+        When rotors and directions differ in number, or a number is missing.
     """
     for key in _NEEDED:
         if key not in params:
             raise UsageError(f"{name}: quad_params has no {key}; add it")
     hubs = _hubs(params, name)
     directions = np.ravel(_numbers(params["rotor_directions"], "rotor_directions", name))
-    if len(hubs) != N_ROTORS or len(directions) != N_ROTORS or not np.all(np.abs(directions) == 1):
+    if len(hubs) != len(directions) or not np.all(np.abs(directions) == 1):
         raise GesError(
             f"{name}: rotor_pos and rotor_directions hold {len(hubs)} and {len(directions)} rotors;"
-            f" ges simulates quadrotors, {N_ROTORS}, with directions +1 (cw) and -1 (ccw)"
+            " they hold one entry for each, directions +1 (cw) or -1 (ccw)"
         )
 
     def scalar(key: str, default: float = 0.0) -> float:
@@ -278,9 +277,9 @@ def write(vehicle: Vehicle) -> Export:
         "mass": p.mass_kg,
         **dict(zip(("Ixx", "Iyy", "Izz"), p.inertia_kg_m2, strict=True)),
         **dict.fromkeys(("Ixy", "Iyz", "Ixz"), 0.0),
-        "num_rotors": N_ROTORS,
+        "num_rotors": len(p.hubs_m),
         "rotor_radius": p.radius_m,
-        "rotor_pos": dict(zip(("r1", "r2", "r3", "r4"), p.hubs_m, strict=True)),
+        "rotor_pos": {f"r{i}": hub for i, hub in enumerate(p.hubs_m, 1)},
         "rotor_directions": -p.spin,
         "rI": np.zeros(3),
         "c_Dx": across,

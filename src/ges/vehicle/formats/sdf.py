@@ -17,7 +17,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from ges.conventions import GRAVITY_M_S2, N_ROTORS
+from ges.conventions import FEWEST_ROTORS, GRAVITY_M_S2, MAX_ROTORS
 from ges.errors import GesError, UsageError
 from ges.vehicle import scaling
 from ges.vehicle.datasheet import Datasheet
@@ -129,11 +129,11 @@ def _motors(scope: Scope, name: str) -> list[Motor]:
         if which in found:
             raise UsageError(f"{name}: two motors have the number {which:g}")
         found[which] = _motor(plugin, name)
-    if len(found) != N_ROTORS:
+    if not FEWEST_ROTORS <= len(found) <= MAX_ROTORS:
         what = f"{len(found)} motor model plugins" if found else "no motor model plugin"
         raise GesError(
-            f"{name} holds {what} (motorNumber, motorConstant ...); ges reads quadrotors that are"
-            f" driven by {N_ROTORS} of them"
+            f"{name} holds {what} (motorNumber, motorConstant ...); ges reads multirotors that are"
+            f" driven by {FEWEST_ROTORS} to {MAX_ROTORS} of them"
         )
     return [found[key] for key in sorted(found)]
 
@@ -345,15 +345,15 @@ def write(vehicle: Vehicle) -> Export:
         f"  <model name={quoteattr(p.name)}>",
         *_body_lines(p, blade_kg, blade),
     ]
-    for i in range(N_ROTORS):
+    for i in range(len(p.hubs_m)):
         lines += _rotor_lines(p, i, blade_kg, blade)
-    lines += [line for i in range(N_ROTORS) for line in _plugin_lines(p, i)]
+    lines += [line for i in range(len(p.hubs_m)) for line in _plugin_lines(p, i)]
     return Export("\n".join([*lines, "  </model>", "</sdf>"]) + "\n", tuple(remarks))
 
 
 def _body_lines(p: Plain, blade_kg: float, blade: np.ndarray) -> list[str]:
     """The body: what the rotors' links leave of mass, centre of mass and inertia."""
-    mass = p.mass_kg - N_ROTORS * blade_kg
+    mass = p.mass_kg - len(p.hubs_m) * blade_kg
     # body and blades have their common centre at the origin
     centre = -blade_kg * p.hubs_m.sum(axis=0) / mass
     tensor = np.diag(p.inertia_kg_m2) - _offset(mass, centre)

@@ -14,12 +14,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ges.conventions import GRAVITY_M_S2, N_ROTORS
+from ges.conventions import GRAVITY_M_S2
 from ges.errors import GesError, UsageError
-from ges.vehicle import airframe, propeller, scaling
+from ges.vehicle import propeller, scaling
 from ges.vehicle.datasheet import Datasheet, comment
 from ges.vehicle.file import Vehicle, parse_vehicle
 from ges.vehicle.formats.neutral import Export, Plain, number, one_thrust, plain, without
+from ges.vehicle.layouts import LAYOUTS
 from ges.vehicle.propeller import Propeller
 
 # sih_params.yaml of PX4.
@@ -90,7 +91,7 @@ def from_parameters(
     for key in ("SIH_MASS", "SIH_T_MAX", "SIH_Q_MAX", "SIH_L_ROLL", "SIH_L_PITCH", "SIH_T_TAU"):
         if not p[key] > 0:
             raise UsageError(f"{name}: {key} is {p[key]:g}; it must be positive")
-    angles = [(x, spin) for x, spin in airframe.LAYOUTS["x"]]
+    angles = [(m.angle_deg, m.spin) for m in LAYOUTS["x"]]
     signs = [(math.cos(math.radians(a)), -math.sin(math.radians(a))) for a, _ in angles]
     hubs = np.array(
         [(np.sign(x) * p["SIH_L_PITCH"], np.sign(y) * p["SIH_L_ROLL"]) for x, y in signs]
@@ -99,9 +100,9 @@ def from_parameters(
     # only T_MAX = k w_max^2 acts; a usual k for the size makes usual speeds of it
     thrust = propeller.thrust_coefficient(Propeller(2.0 * radius_m), RHO_KG_M3).value
     top = math.sqrt(p["SIH_T_MAX"] / thrust)
-    hover = math.sqrt(p["SIH_MASS"] * GRAVITY_M_S2 / (N_ROTORS * thrust))
+    hover = math.sqrt(p["SIH_MASS"] * GRAVITY_M_S2 / (4 * thrust))
     # K v = sum_i k w_i v, with the rotors as fast as in hover
-    drag = p["SIH_KDV"] / (N_ROTORS * hover)
+    drag = p["SIH_KDV"] / (4 * hover)
     effects: dict[str, dict[str, float]] = {"thrust_curve": {"c": 1.0}}
     if drag:
         effects |= {"rotor_drag": {"k_kg": drag}, "axial_inflow": {"k_kg": drag}}
@@ -173,7 +174,7 @@ def write(vehicle: Vehicle) -> Export:
         "SIH_L_ROLL": float(hubs[:, 1].mean()),
         "SIH_L_PITCH": float(hubs[:, 0].mean()),
         # k = K / (4 w) of the reader, backwards
-        "SIH_KDV": across * N_ROTORS * p.hover_rad_s,
+        "SIH_KDV": across * 4 * p.hover_rad_s,
         "SIH_KDW": 0.0,
         "SIH_T_TAU": 0.5 * (p.lag_up_s + p.lag_down_s),
     }
@@ -190,14 +191,16 @@ def _px4_order(p: Plain) -> tuple[list[int], list[str]]:
     """Rotors in PX4's order, and what does not fit it."""
     # clockwise from the nose, as the layouts count
     angles = np.degrees(np.arctan2(-p.hubs_m[:, 1], p.hubs_m[:, 0])) % 360.0
-    layout = airframe.LAYOUTS["x"]
+    layout = [(m.angle_deg, m.spin) for m in LAYOUTS["x"]]
+    if len(angles) != 4:
+        raise GesError(f"vehicle '{p.name}' is no X quadrotor, the only one that SIH flies")
     gaps = np.array([[abs((a - b + 180.0) % 360.0 - 180.0) for b, _ in layout] for a in angles])
-    order = [int(np.argmin(gaps[:, k])) for k in range(N_ROTORS)]
+    order = [int(np.argmin(gaps[:, k])) for k in range(4)]
     # one rotor nearest to two places
-    if len(set(order)) < N_ROTORS:
+    if len(set(order)) < 4:
         raise GesError(f"vehicle '{p.name}' is no X quadrotor, the only one that SIH flies")
     remarks = []
-    if order != list(range(N_ROTORS)):
+    if order != list(range(4)):
         told = ", ".join(str(k + 1) for k in order)
         remarks.append(f"PX4's motors 1 to 4 are rotors {told} of the vehicle file.")
     if [("ccw" if p.spin[k] > 0 else "cw") for k in order] != [spin for _, spin in layout]:

@@ -15,7 +15,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from ges.conventions import GRAVITY_M_S2, N_ROTORS
+from ges.conventions import GRAVITY_M_S2
 from ges.errors import GesError, UsageError
 from ges.simulator import effects as effect_table
 from ges.vehicle.datasheet import Datasheet
@@ -74,7 +74,7 @@ def read(data: bytes, name: str, prop: Propeller | None = None) -> Datasheet:
     # k n^2 = (k / (pi / 30)^2) w^2
     thrust = values["kf"] / RAD_S_PER_RPM**2
     # at top speed four rotors make thrust2weight times the weight
-    top = math.sqrt(values["thrust2weight"] * mass * GRAVITY_M_S2 / (N_ROTORS * thrust))
+    top = math.sqrt(values["thrust2weight"] * mass * GRAVITY_M_S2 / (4 * thrust))
     content = {
         "name": root.get("name") or name.removesuffix(".urdf"),
         "mass_kg": mass,
@@ -128,9 +128,12 @@ def _origin(link: Element, name: str) -> np.ndarray:
 def _hubs(root: Element, base: Element, name: str) -> np.ndarray:
     """Hubs (4, 3) from the centre of mass."""
     count = sum(bool(re.fullmatch(r"prop\d+_link", x.get("name", ""))) for x in root.iter("link"))
-    if count != N_ROTORS:
-        raise GesError(f"{name} has {count} propellers; ges simulates quadrotors, {N_ROTORS}")
-    links = [_link(root, f"prop{i}_link", name) for i in range(N_ROTORS)]
+    if count != 4:
+        raise GesError(
+            f"{name} has {count} propellers; the spins that gym-pybullet-drones gives them are"
+            " known of four"
+        )
+    links = [_link(root, f"prop{i}_link", name) for i in range(4)]
     return np.array([_origin(link, name) for link in links]) - _origin(base, name)
 
 
@@ -177,7 +180,7 @@ def write(vehicle: Vehicle) -> Export:
         "arm": arm_m,
         "kf": p.mean_thrust_N_s2 * RAD_S_PER_RPM**2,
         "km": p.mean_torque_Nm_s2 * RAD_S_PER_RPM**2,
-        "thrust2weight": N_ROTORS * p.mean_thrust_N_s2 * p.top_speed_rad_s**2 / weight,
+        "thrust2weight": 4 * p.mean_thrust_N_s2 * p.top_speed_rad_s**2 / weight,
         "max_speed_kmh": 30.0,
         "gnd_eff_coeff": gain,
         "prop_radius": p.radius_m,
@@ -210,8 +213,8 @@ def _order(p: Plain) -> tuple[list[int], list[str]]:
     corners = [math.atan2(y, x) for x, y in CORNERS]
     # differences of angles within pi
     gaps = np.abs(np.angle(np.exp(1j * (angles[:, None] - np.array(corners)[None, :]))))
-    order = [int(np.argmin(gaps[:, k])) for k in range(N_ROTORS)]
-    if len(set(order)) < N_ROTORS:
+    order = [int(np.argmin(gaps[:, k])) for k in range(4)]
+    if len(p.hubs_m) != 4 or len(set(order)) < 4:
         raise GesError(
             f"vehicle '{p.name}' is no X quadrotor; gym-pybullet-drones' urdf is written for those"
         )
@@ -231,12 +234,12 @@ def _ground_gain(p: Plain) -> float:
         return 0.0
     hubs = {
         f"rotor_{i + 1}_{axis}_m": float(p.hubs_m[i, k])
-        for i in range(N_ROTORS)
+        for i in range(4)
         for k, axis in enumerate("xyz")
     }
     numbers = {**hubs, "thrust_coefficient_N_s2": p.mean_thrust_N_s2, "mass_kg": p.mass_kg}
-    numbers |= {f"rotor_{i + 1}_radius_m": p.radius_m for i in range(N_ROTORS)}
-    speeds = {f"rotor_speed_{i + 1}_rad_s": np.array([p.hover_rad_s]) for i in range(N_ROTORS)}
+    numbers |= {f"rotor_{i + 1}_radius_m": p.radius_m for i in range(4)}
+    speeds = {f"rotor_speed_{i + 1}_rad_s": np.array([p.hover_rad_s]) for i in range(4)}
     # hovering level with the rotors one radius above the ground
     at = {"t_s": np.zeros(1), "p_z_m": np.array([p.radius_m - p.hubs_m[:, 2].mean()]), **speeds}
     samples = effect_table.Samples.from_columns(at)

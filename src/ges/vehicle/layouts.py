@@ -1,0 +1,250 @@
+"""Named layouts: where the motors of an autopilot's frames sit, and which way they turn.
+
+ArduPilot's are those of ``libraries/AP_Motors/AP_MotorsMatrix.cpp`` (4.5); PX4's geometries of six
+and eight motors number theirs alike. Betaflight's are those of ``src/main/flight/mixer_init.c``
+(4.5), which INAV shares.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+Spin = Literal["cw", "ccw"]
+"""Sense in which a rotor turns, seen from above."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Mount:
+    """Place of a motor.
+
+    Attributes
+    ----------
+    angle_deg : of its arm, clockwise from the nose seen from above.
+    spin : of its rotor.
+    level : 1 for the upper and -1 for the lower one of a coaxial pair, 0 for a motor alone.
+    reach : length of its arm over that of the vehicle.
+    """
+
+    angle_deg: float
+    spin: Spin
+    level: int = 0
+    reach: float = 1.0
+
+
+def _ring(*motors: tuple[float, Spin]) -> tuple[Mount, ...]:
+    return tuple(Mount(angle, spin) for angle, spin in motors)
+
+
+def _pairs(*motors: tuple[float, Spin, int]) -> tuple[Mount, ...]:
+    return tuple(Mount(*motor) for motor in motors)
+
+
+def _placed(*motors: tuple[float, float, Spin]) -> tuple[Mount, ...]:
+    """Motors at factors of roll (left) and pitch (forward)."""
+    return tuple(
+        Mount(math.degrees(math.atan2(-roll, pitch)), spin, reach=math.hypot(roll, pitch))
+        for roll, pitch, spin in motors
+    )
+
+
+def _around(count: int, first_deg: float, *, coaxial: bool = False) -> tuple[Mount, ...]:
+    """Motors clockwise from the nose that turn by turns ccw and cw; of coaxial pairs the upper ones
+    do, and the lower ones against them.
+    """
+    senses: tuple[Spin, Spin] = ("ccw", "cw")
+    arms = range(count // 2 if coaxial else count)
+    step = 360.0 / len(arms)
+    if not coaxial:
+        return tuple(Mount(first_deg + step * i, senses[i % 2]) for i in arms)
+    return tuple(
+        Mount(first_deg + step * i, senses[(i + k) % 2], 1 - 2 * k) for i in arms for k in (0, 1)
+    )
+
+
+_X8: Sequence[tuple[float, Spin, int]] = (
+    (45, "ccw", 1),
+    (315, "cw", 1),
+    (225, "ccw", 1),
+    (135, "cw", 1),
+    (315, "ccw", -1),
+    (45, "cw", -1),
+    (135, "ccw", -1),
+    (225, "cw", -1),
+)
+
+LAYOUTS: Mapping[str, tuple[Mount, ...]] = {
+    "x": _ring((45, "ccw"), (225, "ccw"), (315, "cw"), (135, "cw")),
+    "h": _ring((45, "cw"), (225, "cw"), (315, "ccw"), (135, "ccw")),
+    "plus": _ring((90, "ccw"), (270, "ccw"), (0, "cw"), (180, "cw")),
+    "plus-reversed": _ring((90, "cw"), (270, "cw"), (0, "ccw"), (180, "ccw")),
+    "betaflight-x": _ring((135, "cw"), (45, "ccw"), (225, "ccw"), (315, "cw")),
+    "betaflight-x-reversed": _ring((135, "ccw"), (45, "cw"), (225, "cw"), (315, "ccw")),
+    "dji-x": _ring((45, "ccw"), (315, "cw"), (225, "ccw"), (135, "cw")),
+    "clockwise-x": _ring((45, "ccw"), (135, "cw"), (225, "ccw"), (315, "cw")),
+    "tri": _ring((60, "ccw"), (300, "cw"), (180, "ccw")),
+    "hexa-x": _ring((90, "cw"), (270, "ccw"), (330, "cw"), (150, "ccw"), (30, "ccw"), (210, "cw")),
+    "hexa-plus": _ring(
+        (0, "cw"), (180, "ccw"), (240, "cw"), (60, "ccw"), (300, "ccw"), (120, "cw")
+    ),
+    "hexa-h": _placed(
+        (-1, 0, "cw"), (1, 0, "ccw"), (1, 1, "cw"), (-1, -1, "ccw"), (-1, 1, "ccw"), (1, -1, "cw")
+    ),
+    "hexa-dji-x": _ring(
+        (30, "ccw"), (330, "cw"), (270, "ccw"), (210, "cw"), (150, "ccw"), (90, "cw")
+    ),
+    "hexa-clockwise-x": _around(6, 30),
+    "betaflight-hexa-x": _ring(
+        (150, "ccw"), (30, "ccw"), (210, "cw"), (330, "cw"), (90, "cw"), (270, "ccw")
+    ),
+    "y6": _pairs(
+        (60, "ccw", -1),
+        (300, "cw", 1),
+        (300, "ccw", -1),
+        (180, "cw", -1),
+        (60, "cw", 1),
+        (180, "ccw", 1),
+    ),
+    "y6-b": _pairs(
+        (60, "cw", 1),
+        (60, "ccw", -1),
+        (180, "cw", 1),
+        (180, "ccw", -1),
+        (300, "cw", 1),
+        (300, "ccw", -1),
+    ),
+    "y6-f": _pairs(
+        (180, "ccw", 1),
+        (60, "ccw", 1),
+        (300, "ccw", 1),
+        (180, "cw", -1),
+        (60, "cw", -1),
+        (300, "cw", -1),
+    ),
+    "betaflight-y6": _pairs(
+        (180, "ccw", 1),
+        (60, "cw", 1),
+        (300, "cw", 1),
+        (180, "cw", -1),
+        (60, "ccw", -1),
+        (300, "ccw", -1),
+    ),
+    "octo-x": _ring(
+        (22.5, "cw"),
+        (202.5, "cw"),
+        (67.5, "ccw"),
+        (157.5, "ccw"),
+        (337.5, "ccw"),
+        (247.5, "ccw"),
+        (292.5, "cw"),
+        (112.5, "cw"),
+    ),
+    "octo-plus": _ring(
+        (0, "cw"),
+        (180, "cw"),
+        (45, "ccw"),
+        (135, "ccw"),
+        (315, "ccw"),
+        (225, "ccw"),
+        (270, "cw"),
+        (90, "cw"),
+    ),
+    "octo-v": _placed(
+        (-0.83, 0.34, "cw"),
+        (-1.0, 1.0, "ccw"),
+        (-0.67, -0.32, "cw"),
+        (-0.50, -1.0, "ccw"),
+        (0.50, -1.0, "cw"),
+        (0.67, -0.32, "ccw"),
+        (0.83, 0.34, "cw"),
+        (1.0, 1.0, "ccw"),
+    ),
+    "octo-dji-x": _ring(
+        (22.5, "ccw"),
+        (337.5, "cw"),
+        (292.5, "ccw"),
+        (247.5, "cw"),
+        (202.5, "ccw"),
+        (157.5, "cw"),
+        (112.5, "ccw"),
+        (67.5, "cw"),
+    ),
+    "octo-clockwise-x": _around(8, 22.5),
+    "x8": _pairs(*_X8),
+    "x8-h": _pairs(*((a, "cw" if s == "ccw" else "ccw", level) for a, s, level in _X8)),
+    "x8-plus": _pairs(*(((a - 45) % 360, s, level) for a, s, level in _X8)),
+    "x8-clockwise": _around(8, 45, coaxial=True),
+    "betaflight-x8": _pairs(
+        (135, "cw", 1),
+        (45, "ccw", 1),
+        (225, "ccw", 1),
+        (315, "cw", 1),
+        (135, "ccw", -1),
+        (45, "cw", -1),
+        (225, "cw", -1),
+        (315, "ccw", -1),
+    ),
+    "deca-x": _around(10, 18),
+    "deca-plus": _around(10, 0),
+    "dodeca-x": _around(12, 30, coaxial=True),
+    "dodeca-plus": _around(12, 0, coaxial=True),
+}
+"""Motors of every layout, in the order of their numbers."""
+
+ARDUPILOT: Mapping[int, Mapping[int, str]] = {
+    1: {
+        0: "plus",
+        1: "x",
+        # a V frame has the places and spins of an X
+        2: "x",
+        3: "h",
+        6: "plus-reversed",
+        12: "betaflight-x",
+        13: "dji-x",
+        14: "clockwise-x",
+        18: "betaflight-x-reversed",
+    },
+    2: {0: "hexa-plus", 1: "hexa-x", 3: "hexa-h", 13: "hexa-dji-x", 14: "hexa-clockwise-x"},
+    3: {0: "octo-plus", 1: "octo-x", 2: "octo-v", 13: "octo-dji-x", 14: "octo-clockwise-x"},
+    4: {0: "x8-plus", 1: "x8", 3: "x8-h", 14: "x8-clockwise"},
+    5: {0: "y6", 1: "y6", 10: "y6-b", 11: "y6-f"},
+    7: dict.fromkeys(range(20), "tri"),
+    12: {0: "dodeca-plus", 1: "dodeca-x"},
+    14: {0: "deca-plus", 1: "deca-x"},
+}
+"""Layout of every FRAME_TYPE, by FRAME_CLASS."""
+
+NO_MULTIROTORS: Mapping[int, str] = {
+    6: "helicopter",
+    8: "single rotor",
+    9: "coaxial helicopter",
+    10: "bi-copter",
+    11: "helicopter",
+    13: "helicopter",
+    15: "scripted matrix",
+    16: "six degrees of freedom frame",
+    17: "scripted matrix",
+}
+"""What else a FRAME_CLASS can be."""
+
+PX4_AIRFRAMES: Mapping[int, str] = {
+    4040: "h",
+    4900: "clockwise-x",
+    5001: "plus",
+    6001: "hexa-x",
+    6002: "hexa-x",
+    7001: "hexa-plus",
+    8001: "octo-x",
+    9001: "octo-plus",
+    11001: "y6-b",
+    12001: "x8",
+    12002: "x8",
+}
+"""Airframes (SYS_AUTOSTART) of PX4 before it logged CA_ROTOR*, but for its X quadrotors."""
+
+
+def of_rotors(count: int) -> tuple[str, ...]:
+    """Names of the layouts with so many motors."""
+    return tuple(name for name, mounts in LAYOUTS.items() if len(mounts) == count)
