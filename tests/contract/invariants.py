@@ -5,17 +5,70 @@ Run against another library with GES_LIBRARY, as the tests with planted faults d
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 import pint
 
+from ges.conventions import rotor_columns
 from ges.simulator import _lib, effects
 from ges.simulator import flight as sim
 from ges.simulator.terrain import Terrain
+from ges.vehicle.layouts import LAYOUTS
 
 UNITS = pint.UnitRegistry()
 N = 64
-MIRROR_ROTORS = [2, 3, 0, 1]  # left-right partners in the default layout
 BOWL_AXIS = np.linspace(-3, 3, 25)
+FRAMES = ("x", "tri", "hexa-x", "octo-x", "x8", "deca-x", "canted")
+
+
+def numbers_of(frame: str) -> dict[str, float]:
+    """A frame whose hubs are above its centre, so that arms matter in every axis."""
+    mounts = LAYOUTS["hexa-x" if frame == "canted" else frame]
+    numbers = {"rotors": float(len(mounts))}
+    for i, m in enumerate(mounts, 1):
+        angle = np.radians(m.angle_deg)
+        # the rear rotor of a tricopter is its own mirror image, which no spin is
+        spin = 0.0 if frame == "tri" and m.angle_deg == 180 else 1.0 if m.spin == "ccw" else -1.0
+        numbers |= {
+            f"rotor_{i}_x_m": 0.124 * np.cos(angle),
+            f"rotor_{i}_y_m": -0.124 * np.sin(angle),
+            f"rotor_{i}_z_m": 0.03 + 0.02 * m.level,
+            f"rotor_{i}_radius_m": 0.083,
+            f"rotor_{i}_spin": spin,
+        }
+        if frame == "canted":
+            # turned about its arm by a quarter of a radian, with the sense of its spin
+            numbers |= {
+                f"rotor_{i}_axis_x": -0.25 * spin * -np.sin(angle),
+                f"rotor_{i}_axis_y": 0.25 * spin * np.cos(angle),
+            }
+    return numbers
+
+
+def partners(frame: str) -> list[int]:
+    """Of every rotor, the one at its place in a mirror that swaps left and right."""
+    at = numbers_of(frame)
+    hubs = [[at[f"rotor_{i}_{a}_m"] for a in "xyz"] for i in range(1, int(at["rotors"]) + 1)]
+    return [
+        int(np.argmin([np.linalg.norm(np.subtract(hub, (x, -y, z))) for hub in hubs]))
+        for x, y, z in hubs
+    ]
+
+
+FRAME = FRAMES[0]
+"""What is flown now."""
+
+
+@contextlib.contextmanager
+def flying(frame: str):
+    """All checks of another frame."""
+    global FRAME
+    before, FRAME = FRAME, frame
+    try:
+        yield
+    finally:
+        FRAME = before
 
 
 def columns(prefix: str, names: str, suffix: str) -> list[str]:
@@ -23,7 +76,7 @@ def columns(prefix: str, names: str, suffix: str) -> list[str]:
 
 
 def rotors(template: str) -> list[str]:
-    return [template.format(i) for i in range(1, 5)]
+    return list(rotor_columns(template, int(numbers_of(FRAME)["rotors"])))
 
 
 def random_samples(seed: int = 0) -> dict[str, np.ndarray]:
@@ -58,8 +111,7 @@ def bowl(flip: bool = False) -> Terrain:
 
 
 def vehicle() -> dict[str, float]:
-    """A vehicle whose hubs are above its centre, so that arms matter in every axis."""
-    return {f"rotor_{i}_z_m": 0.03 for i in range(1, 5)}
+    return numbers_of(FRAME)
 
 
 def context(effect: effects.Effect) -> dict:
@@ -90,7 +142,7 @@ def largest(replay: effects.Replay) -> float:
 
 def check_neutral(effect):
     change = added(effect, effect.neutral(), random_samples(), terrain=bowl()).data
-    change[effects.replay_rows(4)["battery_V"]] = (
+    change[effects.replay_rows(len(partners(FRAME)))["battery_V"]] = (
         0.0  # the voltage itself may sag without consequence
     )
     if np.nanmax(np.abs(change)) != 0.0:
@@ -115,7 +167,7 @@ def mirrored(samples: dict) -> dict:
         out[name] = -samples[name]
     for template in ("rotor_speed_{}_rad_s", "rotor_acceleration_{}_rad_s2", "u_{}"):
         names = rotors(template)
-        for i, j in enumerate(MIRROR_ROTORS):
+        for i, j in enumerate(partners(FRAME)):
             out[names[i]] = samples[names[j]]
     return out
 
@@ -129,7 +181,7 @@ def check_mirror(effect):
     gaps = [
         a.force_N * [1, -1, 1] - b.force_N,
         a.moment_Nm * [-1, 1, -1] - b.moment_Nm,
-        a.thrust_N[:, MIRROR_ROTORS] - b.thrust_N,
+        a.thrust_N[:, partners(FRAME)] - b.thrust_N,
     ]
     if max(np.abs(g).max() for g in gaps) > 1e-9 * scale:
         yield "is not mirror-symmetric"
@@ -196,11 +248,11 @@ def factor(unit: str, scale: dict[str, float]) -> float:
 
 
 def units_of(table) -> dict[str, str]:
-    """Unit of every column of a vehicle with four rotors."""
+    """Unit of every column of the vehicle."""
     return {
         name.replace("#", str(rotor)): unit
         for name, unit, _, each in table
-        for rotor in (range(1, 5) if each else (0,))
+        for rotor in (range(1, len(partners(FRAME)) + 1) if each else (0,))
     }
 
 
@@ -260,12 +312,16 @@ CHECKS = (
 
 
 def violations() -> list[str]:
-    return [
-        f"{effect.name} {what}"
-        for effect in effects.table().values()
-        for check in CHECKS
-        for what in check(effect)
-    ]
+    found = []
+    for frame in FRAMES:
+        with flying(frame):
+            found += [
+                f"{effect.name} {what} ({frame})"
+                for effect in effects.table().values()
+                for check in CHECKS
+                for what in check(effect)
+            ]
+    return found
 
 
 if __name__ == "__main__":
