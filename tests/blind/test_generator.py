@@ -192,7 +192,7 @@ def test_each_of_confounded_names_is_concealed_as_often(every_spec):
 def test_small_grids_show_every_kind(name):
     assert (
         sum(grid.COMPOSITIONS[name].values())
-        == {"smoke": 4, "glance": 12, "tiny": 40, "sample": 60, "third": 387}[name]
+        == {"smoke": 4, "glance": 12, "tiny": 40, "sample": 60, "third": 399}[name]
     )
     assert name == "smoke" or {s.category for s in grid.specs(name, 1)} == set(
         grid.COMPOSITIONS["full"]
@@ -260,7 +260,8 @@ def test_what_cannot_be_flown_is_flown_gentler(every_spec):
         np.abs(make.draw_case(spec, "full", 3, a).sorties[runs].plan.reference[3:6]).max()
         for a in (0, make.ATTEMPTS - 1)
     ]
-    assert fastest[1] < 0.7 * fastest[0]
+    # another vehicle is drawn, too, and a larger one flies faster
+    assert fastest[1] < 0.8 * fastest[0]
     hard = dataclasses.replace(spec, levels=(2,))
     assert [
         make.draw_case(hard, "full", 3, a).spec.levels

@@ -150,6 +150,9 @@ def check_neutral(effect):
 
 
 def check_acts(effect):
+    coaxial = any(m.level for m in LAYOUTS.get(FRAME, ()))
+    if effect.name == "coaxial_wake" and not coaxial:
+        return
     if not largest(added(effect, effect.completed({}), random_samples(), terrain=bowl())) > 1e-9:
         yield "does nothing at its typical parameters"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,16 +28,46 @@ DOUBTS = {
     "speed": 0.01,
 }
 # rotor order of three common autopilots: quadrant (front +x, left +y) and spin seen from above
-LAYOUTS = (
+QUADS = (
     ((1, -1, "ccw"), (-1, 1, "ccw"), (1, 1, "cw"), (-1, -1, "cw")),
     ((1, -1, "cw"), (-1, -1, "ccw"), (-1, 1, "cw"), (1, 1, "ccw")),
     ((1, 1, "cw"), (1, -1, "ccw"), (-1, -1, "cw"), (-1, 1, "ccw")),
 )
 
 
+# six arms at these degrees to the left of the nose, of two autopilots
+HEXAS = (
+    ((-90, "cw"), (90, "ccw"), (30, "cw"), (-150, "ccw"), (-30, "ccw"), (150, "cw")),
+    ((-30, "ccw"), (30, "cw"), (90, "ccw"), (150, "cw"), (-150, "ccw"), (-90, "cw")),
+)
+# four arms with a rotor above and one below: quadrant, spin, and whether it is the upper one
+X8S = (
+    (
+        (1, -1, "ccw", 1),
+        (1, 1, "cw", 1),
+        (-1, 1, "ccw", 1),
+        (-1, -1, "cw", 1),
+        (1, 1, "ccw", 0),
+        (1, -1, "cw", 0),
+        (-1, -1, "ccw", 0),
+        (-1, 1, "cw", 0),
+    ),
+)
+ROTORS = {"quad": 4, "hexa": 6, "x8": 8}
+# arm and inertia over those of a quadrotor with rotors of the same size
+LONGER, HEAVIER = {"hexa": 1.45, "x8": 1.0}, {"hexa": 1.9, "x8": 1.15}
+HALF_PAIR = 0.35
+"""Upper and lower rotor of a pair from the plane between both, in radii."""
+
+
 @dataclass(frozen=True)
 class Airframe:
-    """One vehicle: numbers that are exact, and those that are declared with an error."""
+    """One vehicle: numbers that are exact, and those that are declared with an error.
+
+    Attributes
+    ----------
+    rotor_level_m : of every rotor over the plane at ``rotor_z_m``; none where all lie in it.
+    """
 
     size: str
     radius_m: float
@@ -47,17 +78,47 @@ class Airframe:
     battery_V: float
     declared: dict[str, float]
     true: dict[str, float]
+    rotor_level_m: tuple[float, ...] = ()
+
+    @property
+    def n_rotors(self) -> int:
+        """Number of rotors."""
+        return len(self.rotor_x_m)
+
+    @property
+    def hubs_m(self) -> np.ndarray:
+        """Hubs in the body frame, (n_rotors, 3)."""
+        level = np.array(self.rotor_level_m or (0.0,) * self.n_rotors)
+        return np.stack([self.rotor_x_m, self.rotor_y_m, self.rotor_z_m + level], axis=1)
+
+    @property
+    def upper(self) -> tuple[int, ...]:
+        """Of every rotor, the one over it; -1 where there is none."""
+        hubs = self.hubs_m
+        over = [
+            [j for j, b in enumerate(hubs) if np.allclose(a[:2], b[:2]) and b[2] > a[2]]
+            for a in hubs
+        ]
+        return tuple(found[0] if found else -1 for found in over)
+
+    @property
+    def spacing_m(self) -> float:
+        """Distance of the nearest hubs that are not one over the other."""
+        plane = self.hubs_m[:, :2]
+        gaps = np.hypot(*(plane[:, None] - plane[None, :]).transpose(2, 0, 1))
+        return float(gaps[gaps > 0.1 * self.radius_m].min())
 
     @property
     def hover_speed_rad_s(self) -> float:
         """Rotor speed that carries the true weight."""
-        return float(np.sqrt(self.true["mass"] * GRAVITY_M_S2 / (4.0 * self.true["thrust"])))
+        weight_N = self.true["mass"] * GRAVITY_M_S2
+        return float(np.sqrt(weight_N / (self.n_rotors * self.true["thrust"])))
 
     @property
     def hover_induced_m_s(self) -> float:
         """Momentum theory's induced velocity in hover, sqrt(T / (2 rho A))."""
         disc = RHO_KG_M3 * np.pi * self.radius_m**2
-        return float(np.sqrt(self.true["mass"] * GRAVITY_M_S2 / (8.0 * disc)))
+        return float(np.sqrt(self.true["mass"] * GRAVITY_M_S2 / (2.0 * self.n_rotors * disc)))
 
     @property
     def arm_m(self) -> float:
@@ -67,7 +128,7 @@ class Airframe:
     def vehicle_file(self, terrain: dict) -> dict:
         """Return the vehicle file's content: declared values with their doubts, no effects."""
         value = {k: float(f"{v:.6g}") for k, v in self.declared.items()}
-        rotors = zip(self.rotor_x_m, self.rotor_y_m, self.spin, strict=True)
+        rotors = zip(self.hubs_m.round(6).tolist(), self.spin, strict=True)
         return {
             "name": "vehicle",
             "mass_kg": {
@@ -84,11 +145,11 @@ class Airframe:
                 {
                     "x_m": x,
                     "y_m": y,
-                    "z_m": self.rotor_z_m,
+                    "z_m": z,
                     "radius_m": self.radius_m,
                     "spin": "ccw" if spin > 0 else "cw",
                 }
-                for x, y, spin in rotors
+                for (x, y, z), spin in rotors
             ],
             "thrust_coefficient_N_s2": {"value": value["thrust"], "sd_rel": DOUBTS["thrust"]},
             "torque_coefficient_Nm_s2": {"value": value["torque"], "sd_rel": DOUBTS["torque"]},
@@ -100,12 +161,13 @@ class Airframe:
         }
 
 
-def draw_airframe(size: str, rng: np.random.Generator) -> Airframe:
-    """Draw a vehicle of a size class and the errors of its file (normal, within two
+def draw_airframe(size: str, rng: np.random.Generator, frame: str = "quad") -> Airframe:
+    """Draw a vehicle of a size class and a frame, and the errors of its file (normal, within two
     declared sd).
     """
     mass, radius, arm, hover, ixx, lag, volt = (v * rng.uniform(0.88, 1.12) for v in CLASSES[size])
-    thrust = mass * GRAVITY_M_S2 / (4.0 * hover**2)
+    arm, ixx = arm * LONGER.get(frame, 1.0), ixx * HEAVIER.get(frame, 1.0)
+    thrust = mass * GRAVITY_M_S2 / (ROTORS[frame] * hover**2)
     declared = {
         "mass": mass,
         "ixx": ixx,
@@ -117,20 +179,43 @@ def draw_airframe(size: str, rng: np.random.Generator) -> Airframe:
         # thrust over weight of 1.9 to 2.4 at top speed
         "speed": hover * np.sqrt(rng.uniform(1.9, 2.4)),
     }
-    layout = LAYOUTS[rng.integers(len(LAYOUTS))]
-    # an X layout: each hub as far ahead as aside
-    lever = round(float(arm / np.sqrt(2.0)), 4)
+    places, spins, levels = _places(frame, float(arm), float(radius), rng)
     return Airframe(
         size=size,
         radius_m=round(float(radius), 4),
-        rotor_x_m=tuple(lever * x for x, _, _ in layout),
-        rotor_y_m=tuple(lever * y for _, y, _ in layout),
+        rotor_x_m=tuple(x for x, _ in places),
+        rotor_y_m=tuple(y for _, y in places),
         rotor_z_m=round(float(0.25 * radius), 4),
-        spin=tuple(1 if s == "ccw" else -1 for _, _, s in layout),
+        spin=spins,
         battery_V=float(volt),
         declared={k: float(v) for k, v in declared.items()},
         true=_with_errors(declared, rng),
+        rotor_level_m=levels,
     )
+
+
+def _places(
+    frame: str, arm_m: float, radius_m: float, rng: np.random.Generator
+) -> tuple[list[tuple[float, float]], tuple[int, ...], tuple[float, ...]]:
+    """Draw the order of a frame's motors: places (x, y), spins, and levels of coaxial ones."""
+    if frame == "hexa":
+        arms = HEXAS[rng.integers(len(HEXAS))]
+        turned = np.radians([angle for angle, _ in arms])
+        hubs = np.stack([arm_m * np.cos(turned), arm_m * np.sin(turned)], axis=1).round(4) + 0.0
+        return [(float(x), float(y)) for x, y in hubs], _senses([s for _, s in arms]), ()
+    # an X layout: each hub as far ahead as aside
+    lever = round(float(arm_m / np.sqrt(2.0)), 4)
+    if frame == "x8":
+        motors = X8S[rng.integers(len(X8S))]
+        levels = tuple(round((2 * up - 1) * HALF_PAIR * radius_m, 4) for *_, up in motors)
+        at = [(lever * x, lever * y) for x, y, _, _ in motors]
+        return at, _senses([s for _, _, s, _ in motors]), levels
+    quad = QUADS[rng.integers(len(QUADS))]
+    return [(lever * x, lever * y) for x, y, _ in quad], _senses([s for _, _, s in quad]), ()
+
+
+def _senses(spins: Sequence[str]) -> tuple[int, ...]:
+    return tuple(1 if s == "ccw" else -1 for s in spins)
 
 
 def _with_errors(declared: dict[str, float], rng: np.random.Generator) -> dict[str, float]:

@@ -18,6 +18,7 @@ from ges.conventions import GRAVITY_M_S2
 LEVELS = ("weak", "medium", "strong")
 NEUTRAL: dict[str, float] = {
     # rotors and frame
+    "coaxial": 0.0,
     "weak_share": 0.0,
     "weak_index": 0.0,
     "cg_x_m": 0.0,
@@ -55,6 +56,9 @@ NEUTRAL: dict[str, float] = {
     "ceiling_u": 1.0,
     "mapping": 0.0,
     # attached
+    "payload_share": 0.0,
+    "payload_x_m": 0.0,
+    "payload_y_m": 0.0,
     "load_share": 0.0,
     "rope_m": 0.3,
     "tether_N_m": 0.0,
@@ -108,25 +112,24 @@ def _sign(rng: np.random.Generator) -> float:
 
 
 def hover_drag_N_s_m(craft: Airframe, s: float) -> float:
-    """Return the blade-element in-plane force of four hovering rotors per m/s, at unit gain."""
+    """Return the blade-element in-plane force of all rotors in hover per m/s, at unit gain."""
     tip = craft.hover_speed_rad_s * craft.radius_m
     disc = RHO_KG_M3 * np.pi * craft.radius_m**2
-    ct = weight_N(craft) / (4.0 * disc * tip**2)
+    ct = weight_N(craft) / (craft.n_rotors * disc * tip**2)
     slope = np.asarray(s)
     theta = rotor.blade_pitch(np.asarray(ct), slope)
     mu = 0.5 / tip
-    return float(
-        4.0 * disc * tip**2 * rotor.inplane_coefficient(theta, slope, np.sqrt(ct / 2.0), mu) / 0.5
-    )
+    ch = rotor.inplane_coefficient(theta, slope, np.sqrt(ct / 2.0), mu)
+    return float(craft.n_rotors * disc * tip**2 * ch / 0.5)
 
 
 def image_sum_at(craft: Airframe, x: float) -> float:
-    """Return the image upwash of all four rotors over flat ground at rotor height x R (a share of
+    """Return the image upwash of all rotors over flat ground at rotor height x R (a share of
     v_i).
     """
-    h, lever = x * craft.radius_m, abs(craft.rotor_x_m[0])
-    # image of the rotor itself, of two neighbours and of the one across
-    squares = np.array([0.0, 2.0 * lever, 2.0 * lever, 2.0 * np.sqrt(2.0) * lever]) ** 2
+    h, plane = x * craft.radius_m, craft.hubs_m[:, :2]
+    # image of the first rotor itself and of all others
+    squares = ((plane - plane[0]) ** 2).sum(axis=1)
     return float((craft.radius_m**2 / 4.0 * 2.0 * h / (squares + 4.0 * h * h) ** 1.5).sum())
 
 
@@ -167,7 +170,8 @@ def _gusts(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, f
 def _ground_effect(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     gain_at_one_radius = _pick(level, (0.05, 0.10, 0.20), rng)
     tip = craft.hover_speed_rad_s * craft.radius_m
-    ct = weight_N(craft) / (4.0 * RHO_KG_M3 * np.pi * craft.radius_m**2 * tip**2)
+    disc = RHO_KG_M3 * np.pi * craft.radius_m**2
+    ct = weight_N(craft) / (craft.n_rotors * disc * tip**2)
     # upwash u (over v_i) gives dC_T / C_T = slope u, with slope = s lam / (4 C_T)
     lam, s = np.sqrt(ct / 2.0), NEUTRAL["blade_s"]
     slope = s * lam / (4.0 * ct)
@@ -224,7 +228,7 @@ def _saturation(craft: Airframe, level: int, rng: np.random.Generator) -> dict[s
 def _weak_rotor(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {
         "weak_share": _pick(level, (0.05, 0.11, 0.22), rng),
-        "weak_index": float(rng.integers(4)),
+        "weak_index": float(rng.integers(craft.n_rotors)),
     }
 
 
@@ -247,6 +251,17 @@ def _rotor_inertia(craft: Airframe, level: int, rng: np.random.Generator) -> dic
 
 def _slung_load(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"load_share": _pick(level, (0.04, 0.09, 0.18), rng), "rope_m": rng.uniform(0.2, 0.45)}
+
+
+def _payload(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+    x, y = _direction(rng)
+    away = rng.uniform(0.0, 0.7) * craft.arm_m
+    share = _pick(level, (0.08, 0.14, 0.24), rng)
+    return {"payload_share": share, "payload_x_m": x * away, "payload_y_m": y * away}
+
+
+def _coaxial_wake(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+    return {"coaxial": _pick(level, (0.35, 0.6, 1.0), rng)}
 
 
 def _tether(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
@@ -336,6 +351,8 @@ PHYSICS: dict[str, Secret] = {
     "rotor_tilt": _rotor_tilt,
     "rotor_inertia_reaction": _rotor_inertia,
     "slung_load": _slung_load,
+    "payload": _payload,
+    "coaxial_wake": _coaxial_wake,
     "tether": _tether,
 }
 PARAMETER: dict[str, Secret] = {

@@ -75,10 +75,9 @@ def detectable(
 def body_of(craft: Airframe) -> Body:
     """Return the true vehicle in the limit's terms."""
     true = craft.true
-    height = np.full(4, craft.rotor_z_m)
     yaw = -np.array(craft.spin) * true["torque"] / true["thrust"]
-    places = np.stack([craft.rotor_x_m, craft.rotor_y_m, height], axis=1)
-    return Body(true["mass"], np.array([true[k] for k in ("ixx", "iyy", "izz")]), places, yaw)
+    inertia = np.array([true[k] for k in ("ixx", "iyy", "izz")])
+    return Body(true["mass"], inertia, craft.hubs_m, yaw)
 
 
 def _path(
@@ -153,8 +152,8 @@ def doubts(
 
     Parameters
     ----------
-    speed, speed_rate : (n, 4) rotor speeds (rad/s) and their rates; omega, turning : (n, 3) body
-        rates and their rates.
+    speed, speed_rate : (n, rotors) rotor speeds (rad/s) and their rates.
+    omega, turning : (n, 3) body rates and their rates.
     """
     thrust = true["thrust"] * speed**2
     wrench = body.wrench(thrust)
@@ -176,7 +175,7 @@ def doubts(
 
 
 def driven(body: Body, true: Mapping[str, float], speed: np.ndarray, change: np.ndarray) -> Change:
-    """Return what a small change (n, 4) of rotor speeds does: to the speeds and to the wrench."""
+    """Return what a small change (n, rotors) of rotor speeds does to them and to the wrench."""
     return {"speed_rad_s": change, **body.wrench(2.0 * true["thrust"] * speed * change)}
 
 

@@ -24,15 +24,14 @@ SLOW = 8
 TURN_PER_M = 6.0
 """The air's angular acceleration over its acceleration."""
 CONTROL = 4
+ROTORS = 0
+"""Width of what every rotor has one of."""
 CHANNELS = {
     "p": 3,
     "v": 3,
     "q": 4,
     "omega": 3,
-    "rotor_speed": 4,
-    "plain_speed": 4,
-    "u": 4,
-    "current": 4,
+    **dict.fromkeys(("rotor_speed", "plain_speed", "u", "current"), ROTORS),
     "battery": 1,
     "specific_force": 3,
     "ground": 1,
@@ -88,7 +87,7 @@ def _column(values: Iterable[float]) -> np.ndarray:
 
 
 class Bench:
-    """The constants of all sorties as (F,) and (4, F) arrays."""
+    """The constants of all sorties as (F,) and (n_rotors, F) arrays; all have as many rotors."""
 
     def __init__(self, sorties: list[Sortie]) -> None:
         crafts = [s.craft for s in sorties]
@@ -99,15 +98,27 @@ class Bench:
         self.arm = _column(c.arm_m for c in crafts)
         self.rx = np.array([c.rotor_x_m for c in crafts]).T
         self.ry = np.array([c.rotor_y_m for c in crafts]).T
-        self.rz = _column(c.rotor_z_m for c in crafts)
+        self.rz = np.array([c.hubs_m[:, 2] for c in crafts]).T
+        self.spacing = _column(c.spacing_m for c in crafts)
+        # of every rotor the one over it, itself where there is none
+        above = np.array([c.upper for c in crafts]).T
+        self.is_lower = (above >= 0).astype(float)
+        self.upper = np.where(above >= 0, above, np.arange(len(above))[:, None])
+        self.n_rotors = len(self.rx)
         self.spin = np.array([c.spin for c in crafts], dtype=float).T
         self._rotors()
         self._drive()
 
     def _rotors(self) -> None:
         hid, true = self.hid, self.true
-        self.mass = true["mass"]
+        carried, x, y = hid["payload_share"], hid["payload_x_m"], hid["payload_y_m"]
+        self.mass = true["mass"] * (1.0 + carried)
+        # two bodies turn about their common centre with the reduced mass at their distance (Koenig)
+        reduced = true["mass"] * carried / (1.0 + carried)
         self.inertia = np.stack([true[k] for k in ("ixx", "iyy", "izz")]) * hid["inertia_error"]
+        self.inertia = self.inertia + reduced * np.stack([y * y, x * x, x * x + y * y])
+        self.cg_x = hid["cg_x_m"] + x * carried / (1.0 + carried)
+        self.cg_y = hid["cg_y_m"] + y * carried / (1.0 + carried)
         self.thrust = true["thrust"] * hid["thrust_error"]
         # a weak rotor has lost thrust and torque alike
         health = np.ones_like(self.rx)
@@ -115,14 +126,15 @@ class Bench:
         self.k = self.thrust * health
         self.kq = true["torque"] * hid["torque_error"] * health
         self.weight = self.mass * GRAVITY_M_S2
-        self.hover = np.sqrt(self.weight / (4.0 * self.thrust))
+        self.hover = np.sqrt(self.weight / (self.n_rotors * self.thrust))
         self.disc = np.pi * self.radius**2
         self.ct = self.thrust / (RHO_KG_M3 * self.disc * self.radius**2)
         self.theta = rotor.blade_pitch(self.ct, hid["blade_s"])
-        # momentum theory in hover, v_h = sqrt(T / (2 rho A)), a quarter of the weight a rotor
-        self.v_h = np.sqrt(self.weight / (8.0 * RHO_KG_M3 * self.disc))
+        # momentum theory in hover, v_h = sqrt(T / (2 rho A)), of every rotor's share of the weight
+        self.v_h = np.sqrt(self.weight / (2.0 * self.n_rotors * RHO_KG_M3 * self.disc))
         # a vehicle in which no effect reads the inflow keeps the plain law T = k w^2
-        self.breathes = ((hid["axial"] + hid["edgewise"] + hid["image_gain"]) > 0.0).astype(float)
+        inflow = hid["axial"] + hid["edgewise"] + hid["image_gain"] + hid["coaxial"]
+        self.breathes = (inflow > 0.0).astype(float)
         self.near = np.flatnonzero((hid["image_gain"] > 0.0) | (hid["fountain"] > 0.0))
 
     def _drive(self) -> None:
@@ -139,7 +151,7 @@ class Bench:
         self.filter = 0.1 * self.lag
         self.plain_rate = drive.rate_of_lag(true["lag"] * 0.9, hover_x, drive.DROOP)
         self.delay = np.round(hid["delay_s"] / DT_S).astype(int)
-        self.hover_current = 4.0 * self.droop * hover_x**2
+        self.hover_current = self.n_rotors * self.droop * hover_x**2
 
     def hover_command(self, volt: np.ndarray) -> np.ndarray:
         """Return the command (F,) that holds the hover speed at a voltage ratio."""
@@ -158,7 +170,7 @@ class Bench:
     def steady_moment(self) -> np.ndarray:
         """Return the body moment (3, F) of CG offset and weak rotor at hover with equal speeds."""
         share = self.k / self.k.sum(axis=0) * self.weight
-        x, y = self.rx - self.hid["cg_x_m"], self.ry - self.hid["cg_y_m"]
+        x, y = self.rx - self.cg_x, self.ry - self.cg_y
         torque = -self.spin * self.kq / self.k * share
         return np.stack([(y * share).sum(axis=0), -(x * share).sum(axis=0), torque.sum(axis=0)])
 
@@ -181,15 +193,17 @@ class State:
             [np.cos(first[9] / 2), np.zeros(flights), np.zeros(flights), np.sin(first[9] / 2)]
         )
         self.omega = np.zeros((3, flights))
-        self.x = np.where(parked, 0.0, bench.hover_x) * np.ones((4, 1))
-        self.v_i = bench.v_h * np.ones((4, 1))
-        self.speed_rate = np.zeros((4, flights))
+        self.x = np.where(parked, 0.0, bench.hover_x) * np.ones((bench.n_rotors, 1))
+        self.v_i = bench.v_h * np.ones((bench.n_rotors, 1))
+        self.speed_rate = np.zeros((bench.n_rotors, flights))
         self.charge = _column(s.charge for s in sorties)
         self.polar = bench.hid["polar_resistance"].copy() * ~parked
         self.volt = drive.open_circuit(self.charge) - bench.hid["resistance"] - self.polar
-        self.esc = np.where(parked, 0.0, bench.hover_command(self.volt)) * np.ones((4, 1))
+        self.esc = np.where(parked, 0.0, bench.hover_command(self.volt)) * np.ones(
+            (bench.n_rotors, 1)
+        )
         self.gust = np.zeros((5, flights))
-        self.image, self.fountain = np.zeros((4, flights)), np.zeros(flights)
+        self.image, self.fountain = np.zeros((bench.n_rotors, flights)), np.zeros(flights)
         self.load = self.p.copy()
         self.load[2] -= bench.hid["rope_m"]
         self.load_v = np.zeros((3, flights))
@@ -270,7 +284,7 @@ class Simulation:
         # squared speeds over that of hover, as the mixer asks for weight and trim moment
         square = (
             np.einsum("ijf,jf->if", self.pilot.mixer, asked)
-            / (self.b.weight / 4.0)
+            / (self.b.weight / self.b.n_rotors)
             * self.b.declared["thrust"]
         )
         share = np.sqrt(np.maximum(square, 0.1))
@@ -292,7 +306,7 @@ class Simulation:
     def run(self) -> dict[str, np.ndarray]:
         """Fly; return each channel of CHANNELS as (n, width, F)."""
         n, flights = self.steps // CONTROL, len(self.sorties)
-        book = {k: np.empty((n, w, flights)) for k, w in CHANNELS.items()}
+        book = {k: np.empty((n, w or self.b.n_rotors, flights)) for k, w in CHANNELS.items()}
         reference = np.stack([_stay(s.plan.reference, n) for s in self.sorties], axis=-1)
         # a flight that is over waits for the others: position and yaw stay, rates are zero
         reference[3:9], reference[10] = (
@@ -366,7 +380,7 @@ class Simulation:
 
     def _ground(self, f: np.ndarray) -> None:
         s, b = self.s, self.b
-        arms = np.stack([b.rx[:, f], b.ry[:, f], np.broadcast_to(b.rz[f], (4, len(f)))])
+        arms = np.stack([b.rx[:, f], b.ry[:, f], b.rz[:, f]])
         rotors = s.p[:, None, f] + np.einsum("ijf,jkf->ikf", self.r[:, :, f], arms)
         drift = s.v[:2, f] - self.wind[:2, f]
         # a moving rotor leaves its wake behind: the rays reach the ground against the drift
@@ -383,7 +397,7 @@ class Simulation:
         keep = np.where(time > 0.0, np.exp(-SLOW * DT_S / np.maximum(time, 1e-3)), 0.0)
         s.image[:, f] = keep * s.image[:, f] + (1.0 - keep) * target
         s.fountain[f] = attached.fountain_share(
-            s.p[2, f] - self.under[f], 2.0 * np.abs(b.rx[0, f]), self.r[2, 2, f]
+            s.p[2, f] - self.under[f], b.spacing[f], self.r[2, 2, f]
         )
 
     def _motors(self, i: int) -> None:
@@ -460,7 +474,7 @@ class Simulation:
         edge = np.sqrt(ex * ex + ey * ey)
         tip = np.maximum(w, 0.05 * b.hover) * b.radius
         active_edge, active_climb = edge * b.hid["edgewise"], climb * b.hid["axial"]
-        lam = (s.v_i * (1.0 - s.image) + active_climb) / tip
+        lam = (s.v_i * (1.0 - s.image) + active_climb + self._wake(edge)) / tip
         ct = rotor.thrust_coefficient(b.theta, b.hid["blade_s"], lam, active_edge / tip)
         # the blade element gives only the ratio to hover; the size is the true thrust coefficient's
         ratio = 1.0 + b.breathes * (np.clip(ct / b.ct, 0.0, 3.0) - 1.0)
@@ -474,13 +488,29 @@ class Simulation:
         size = b.hid["drag_gain"] * RHO_KG_M3 * b.disc * tip * tip * ch / np.maximum(edge, 1e-6)
         return np.stack([-size * ex, -size * ey]), thrust
 
+    def _wake(self, edge: np.ndarray) -> np.ndarray:
+        """Return what the wake of the rotor above adds to the inflow of a lower one, (n, F).
+
+        A contracting wake carries what its disc takes in, so that averaged over a disc of the same
+        size the flow is that disc's own. Across the flight it slants by the edgewise speed over
+        that of the wake, and covers less of the disc below.
+        """
+        b = self.b
+        if not b.hid["coaxial"].any():
+            return np.zeros_like(edge)
+        flights = np.arange(edge.shape[1])
+        above = np.maximum(self.s.v_i[b.upper, flights], 1e-3)
+        drop = b.rz[b.upper, flights] - b.rz
+        missed = drop * edge / (1.5 * above) / (1.4 * b.radius)
+        return b.hid["coaxial"] * b.is_lower * above * np.clip(1.0 - missed, 0.0, 1.0)
+
     def _sum_rotors(
         self, w: np.ndarray, drag: np.ndarray, thrust: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         b = self.b
         fx = drag[0] + b.hid["tilt_x_rad"] * thrust
         fy = drag[1] + b.hid["tilt_y_rad"] * thrust
-        x, y = b.rx - b.hid["cg_x_m"], b.ry - b.hid["cg_y_m"]
+        x, y = b.rx - b.cg_x, b.ry - b.cg_y
         torque = -b.spin * (b.kq * w * w + b.hid["rotor_inertia_kg_m2"] * self.s.speed_rate)
         force = np.stack([fx.sum(axis=0), fy.sum(axis=0), thrust.sum(axis=0)])
         moment = np.stack(

@@ -5,7 +5,7 @@ it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -126,6 +126,7 @@ class Spec:
     menu: str = "full"
     rivals: tuple[str, ...] = ()
     logging: dict = field(default_factory=dict)
+    frame: str = "quad"
 
 
 def specs(grid: str, seed: int) -> list[Spec]:
@@ -137,10 +138,18 @@ def specs(grid: str, seed: int) -> list[Spec]:
         category: [str(s) for s in rng.permutation(list(CLASSES))]
         for category in COMPOSITIONS[grid]
     }
-    return [
+    every = [
         _spec(i, category, k, sizes[category], rng)
         for i, (category, k) in enumerate(kinds[j] for j in order)
     ]
+    return [replace(spec, frame=_frame(spec)) for spec in every]
+
+
+def _frame(spec: Spec) -> str:
+    """A fifth of the cases have six rotors or eight; a wake from above needs a rotor above."""
+    if "coaxial_wake" in spec.names:
+        return "x8"
+    return {3: "hexa", 8: "x8"}.get(spec.index % 10, "quad")
 
 
 def _spec(
@@ -280,6 +289,10 @@ def _also(spec: Spec, names: Sequence[str], terrain: str) -> list[list[str]]:
         out.append([spec.names[0]])
     if len(spec.names) == 1:
         out += [[relative] for relative in concealed.RELATED.get(spec.names[0], ())]
+    # a mass beside the centre is, to first order, more weight and a centre that moved
+    if "payload" in names:
+        rest = [n for n in names if n != "payload"]
+        out += [[*rest, "thrust_scale", "cg_offset"], [*rest, "thrust_scale"]]
     if terrain == "step" and "ground_effect" in names:
         out += [[*a, "partial_ground_effect"] for a in [names, *out] if "ground_effect" in a]
     return out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import shutil
@@ -183,19 +184,30 @@ def fly_batch(
     waiting = list(batch)
     for attempt in range(ATTEMPTS * len(LEVELS)):
         cases = [draw(spec, attempt) for spec in waiting]
-        book = Simulation([s for c in cases for s in c.sorties]).run()
-        parts = [_slice(book, k) for k in range(len(cases))]
-        flown = [_flew(c, part) for c, part in zip(cases, parts, strict=True)]
-        well = [(c, p) for c, p, ok in zip(cases, parts, flown, strict=True) if ok]
-        limits = detectable_of([c for c, _ in well], [p for _, p in well])
-        for (case, part), limit in zip(well, limits, strict=True):
-            _write_case(case, part, limit, out, seed)
-        waiting = [s for s, ok in zip(waiting, flown, strict=True) if not ok]
+        # vehicles with as many rotors fly abreast
+        groups = itertools.groupby(
+            sorted(cases, key=lambda c: c.craft.n_rotors), key=lambda c: c.craft.n_rotors
+        )
+        written = {
+            case.spec.index for _, group in groups for case in _fly_alike(list(group), out, seed)
+        }
+        waiting = [spec for spec in waiting if spec.index not in written]
         if not waiting:
             return
     raise GesError(
         f"case {waiting[0].index} ({waiting[0].names}) could not be flown at any severity"
     )
+
+
+def _fly_alike(cases: Sequence[Case], out: Path, seed: int) -> list[Case]:
+    """Fly cases of vehicles with as many rotors, and write those that could be flown."""
+    book = Simulation([s for c in cases for s in c.sorties]).run()
+    parts = [_slice(book, k) for k in range(len(cases))]
+    well = [(c, p) for c, p in zip(cases, parts, strict=True) if _flew(c, p)]
+    limits = detectable_of([c for c, _ in well], [p for _, p in well])
+    for (case, part), limit in zip(well, limits, strict=True):
+        _write_case(case, part, limit, out, seed)
+    return [case for case, _ in well]
 
 
 def draw_case(spec: Spec, grid: str, seed: int, attempt: int = 0) -> Case:
@@ -210,7 +222,7 @@ def draw_case(spec: Spec, grid: str, seed: int, attempt: int = 0) -> Case:
     spec = replace(spec, levels=eased)
     around = draw_circumstances(spec, grid, seed)
     rng = np.random.default_rng([seed, spec.index, 3, attempt])
-    craft = draw_airframe(spec.size, rng)
+    craft = draw_airframe(spec.size, rng, spec.frame)
     numbers = draw_numbers(spec, craft, seed, attempt)
     z = ground.draw_terrain(around.terrain, craft.radius_m, rng)
     merged = around.battery | {k: v for one in numbers.values() for k, v in one.items()}

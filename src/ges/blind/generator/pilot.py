@@ -17,7 +17,7 @@ class Pilot:
     Parameters
     ----------
     declared : dict of (F,) arrays: mass, ixx, iyy, izz, thrust, torque, speed.
-    rotor_x, rotor_y, spin : (4, F) geometry; lag_s : (F,) the response it was tuned for.
+    rotor_x, rotor_y, spin : (n, F) geometry; lag_s : (F,) the response it was tuned for.
     """
 
     def __init__(
@@ -34,7 +34,10 @@ class Pilot:
         # thrust and moments of the squared speeds; its inverse is the mixer
         k, q = declared["thrust"], declared["torque"]
         rows = np.stack([np.broadcast_to(k, rotor_x.shape), k * rotor_y, -k * rotor_x, -q * spin])
-        self.mixer = np.linalg.inv(rows.transpose(2, 0, 1)).transpose(1, 2, 0)
+        self.rotors, each = len(rotor_x), rows.transpose(2, 0, 1)
+        # of more than four rotors the smallest squares that make what is asked
+        mixer = np.linalg.inv(each) if self.rotors == 4 else np.linalg.pinv(each)
+        self.mixer = mixer.transpose(1, 2, 0)
         slow = lag_s + 0.008
         self.k_rate = np.minimum(0.5 / slow, 22.0)
         # each loop is a bit over twice as slow as the one inside it
@@ -52,7 +55,7 @@ class Pilot:
         """
         self.held = moment
         # the sum of errors that adds to gravity what hover takes by the declared numbers
-        lift = 4.0 * thrust_coefficient * (hover_u * self.speed) ** 2 / self.mass
+        lift = self.rotors * thrust_coefficient * (hover_u * self.speed) ** 2 / self.mass
         self.sum_pos[2] = (lift - GRAVITY_M_S2) / (0.25 * self.k_vel[2] * self.k_pos[2])
 
     def command(
@@ -65,7 +68,7 @@ class Pilot:
         omega: np.ndarray,
         flying: np.ndarray,
     ) -> np.ndarray:
-        """Return normalised speed commands (4, F) for references (11, F) and a measured state."""
+        """Return normalised speed commands (n, F) for references (11, F) and a measured state."""
         error = ref[0:3] - p
         # bounded, and standing still on the ground, so that nothing winds up
         self.sum_pos = np.clip(self.sum_pos + self.dt * flying * error, -6.0, 6.0)

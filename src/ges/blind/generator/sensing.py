@@ -150,12 +150,12 @@ class Recorder:
         return named | dict(zip(SPECIFIC_FORCE, _quantise(acc, 0.0048), strict=True))
 
     def _vibration(self) -> np.ndarray:
-        """Once-per-revolution tones of the four rotors as the sampling folds them down, (3, n)."""
+        """Once-per-revolution tones of the rotors as the sampling folds them down, (3, n)."""
         speed = self.truth["rotor_speed"]
         phase = np.cumsum(speed, axis=0) * CONTROL_DT_S
         share = np.sqrt(np.maximum(speed, 0.0) / (speed.max() + 1e-9))
         out = np.zeros((3, len(self.t)))
-        for rotor in range(4):
+        for rotor in range(speed.shape[1]):
             turned = np.interp(self.t, self.clock, phase[:, rotor])
             size = np.interp(self.t, self.clock, share[:, rotor])
             start = self.rng.uniform(0.0, 2.0 * np.pi, (3, 1))

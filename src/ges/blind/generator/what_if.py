@@ -18,6 +18,7 @@ from ges.blind.generator.detectable import Flown, body_of, detectable, driven
 from ges.blind.generator.flight import (
     CONTROL,
     DT_S,
+    ROTORS,
     SLOW,
     TURN_PER_M,
     Simulation,
@@ -26,6 +27,7 @@ from ges.blind.generator.flight import (
 )
 from ges.blind.generator.plan import CONTROL_DT_S
 from ges.blind.generator.sensing import lagged
+from ges.blind.generator.whereabouts import payload_force
 from ges.blind.limit import Change
 from ges.blind.noise import Air
 
@@ -54,10 +56,10 @@ class Replay(Simulation):
 
     def run(self) -> dict[str, np.ndarray]:
         """Return ``force`` and ``moment`` beyond the declared vehicle's (n, 3, F), ``speed``
-        (n, 4, F).
+        (n, rotors, F).
         """
         n = len(self.book["p"])
-        out = {k: np.empty((n, w, len(self.sorties))) for k, w in LOADS.items()}
+        out = {k: np.empty((n, w or self.b.n_rotors, len(self.sorties))) for k, w in LOADS.items()}
         speeds = self.book["rotor_speed"] / self.b.true["speed"]
         # the drive runs on with its own speeds, while the loads are those at the recorded speeds
         own = speeds[0].copy()
@@ -84,7 +86,7 @@ class Replay(Simulation):
         return out
 
 
-LOADS = {"force": 3, "moment": 3, "speed": 4}
+LOADS = {"force": 3, "moment": 3, "speed": ROTORS}
 Flights = Sequence[Mapping[str, np.ndarray]]
 
 
@@ -200,20 +202,20 @@ def _change(
     if not replayed:
         loads = {"force": flight["extra_force"], "moment": flight["extra_moment"]}
         speed = flight["rotor_speed"] - flight["plain_speed"]
-        return {case.names[0]: _as_change(case, flight, loads | {"speed": speed})}
+        return {case.names[0]: _as_change(case, case.names[0], flight, loads | {"speed": speed})}
     found = {}
     for name in case.names:
         # each name against the same flights without it alone
         whole = replayed["whole" if name in OWN_NUMBERS else "base"][f]
         off = {k: whole[k] - replayed[name][f][k] for k in LOADS}
-        found[name] = _as_change(case, flight, off)
+        found[name] = _as_change(case, name, flight, off)
     return found
 
 
 def _as_change(
-    case: Case, flight: Mapping[str, np.ndarray], off: Mapping[str, np.ndarray]
+    case: Case, name: str, flight: Mapping[str, np.ndarray], off: Mapping[str, np.ndarray]
 ) -> Change:
-    """Return loads and the speeds of the drive as a change; a wrong inertia is a moment, too."""
+    """Return loads and the speeds of the drive as a change; a wrong mass or inertia is one, too."""
     found = driven(body_of(case.craft), case.craft.true, flight["rotor_speed"], off["speed"])
     found = {**found, "force_N": found["force_N"] + off["force"]}
     # J (1 + e) omega' = M: the file's J leaves a moment of -e J omega'
@@ -221,6 +223,8 @@ def _as_change(
     true = np.array([case.craft.true[k] for k in ("ixx", "iyy", "izz")])
     turning = np.gradient(flight["omega"], CONTROL_DT_S, axis=0)
     found["moment_Nm"] = found["moment_Nm"] + off["moment"] - excess * true * turning
+    if name == "payload":
+        found["force_N"] = found["force_N"] + payload_force(case, flight)
     return found
 
 

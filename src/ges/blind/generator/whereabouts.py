@@ -72,10 +72,17 @@ def _loads(case: Case, flight: Mapping[str, np.ndarray], through_drive: bool) ->
     inertia = np.array([true["ixx"], true["iyy"], true["izz"]])
     excess = numbers.get("inertia_error", 1.0) - 1.0
     spin_up = np.gradient(flight["omega"], CONTROL_DT_S, axis=0)
-    out = np.hstack([flight["extra_force"], flight["extra_moment"] - excess * inertia * spin_up])
+    force = flight["extra_force"] + payload_force(case, flight)
+    out = np.hstack([force, flight["extra_moment"] - excess * inertia * spin_up])
     if through_drive:
         out[:, 2:] += _thrust_difference(case, flight)
     return out
+
+
+def payload_force(case: Case, flight: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return what the declared mass misses of a payload, -m_p (a - g) in the body frame, (n, 3)."""
+    share = case.sorties[0].numbers.get("payload_share", 0.0)
+    return -share * case.craft.true["mass"] * flight["specific_force"]
 
 
 def _thrust_difference(case: Case, flight: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -16,7 +16,16 @@ import numpy as np
 
 from ges.blind.generator.drive import NOMINAL
 from ges.blind.generator.whereabouts import FAST_STEP, TRUTH_STEP
-from ges.conventions import BODY_RATE, POSITION, QUATERNION, VELOCITY, command, rotor_speed
+from ges.conventions import (
+    BODY_RATE,
+    MAX_ROTORS,
+    POSITION,
+    QUATERNION,
+    VELOCITY,
+    command,
+    rotor_columns,
+    rotor_speed,
+)
 from ges.errors import GesError
 from ges.simulator import effects as effect_table
 from ges.simulator.terrain import Terrain
@@ -38,7 +47,8 @@ FREE: Mapping[str, tuple[str, ...]] = {
     "axial_inflow": ("k_kg",),
     "translational_lift": ("c",),
     "wind": ("east_m_s", "north_m_s", "roughness_m"),
-    "weak_rotor": ("loss_1", "loss_2", "loss_3", "loss_4"),
+    "weak_rotor": rotor_columns("loss_{}", MAX_ROTORS),
+    "coaxial_wake": ("c",),
     "cg_offset": ("x_m", "y_m"),
     "rotor_tilt": ("x_rad", "y_rad"),
     "rotor_inertia_reaction": ("inertia_kg_m2",),
@@ -293,6 +303,10 @@ def declared_values(truth: Mapping, vehicle: Vehicle) -> dict[str, dict[str, flo
         raise GesError("the case's vehicle file has no torque coefficient; make the case anew")
     torque = true["torque"] / declared.value
     found = {
+        "payload": {
+            "mass_kg": true["mass"] * concealed.get("payload_share", 0.0),
+            **{f"{a}_m": concealed.get(f"payload_{a}_m", 0.0) for a in "xy"},
+        },
         "thrust_scale": {"scale": lift * concealed.get("thrust_error", 1.0) - 1.0},
         "inertia": {a: v * concealed.get("inertia_error", 1.0) - 1.0 for a, v in inertia.items()},
         "torque_coefficient": {"scale": torque * concealed.get("torque_error", 1.0) - 1.0},

@@ -315,6 +315,25 @@ def _at_hubs(
     )
 
 
+def _on_body(
+    effect: Effect, search: SearchHints, model: Model, reached: Flown
+) -> tuple[Variant, ...]:
+    """In the middle, at each hub, and halfway between; a fit moves it from there."""
+    x_name, y_name = search.axis
+    places = [(0.0, 0.0), *((k * x, k * y) for k in (0.5, 1.0) for x, y in _hubs(model))]
+    return tuple(
+        _variant(effect, search.amplitudes, **search.fixed, **{x_name: x, y_name: y})
+        for x, y in dict.fromkeys(places)
+    )
+
+
+def _coaxial(
+    effect: Effect, search: SearchHints, model: Model, reached: Flown
+) -> tuple[Variant, ...]:
+    """Where a rotor lies over another."""
+    return _grid(effect, search, model, reached) if model.coaxial else ()
+
+
 def _drawn(
     effect: Effect, search: SearchHints, model: Model, reached: Flown
 ) -> tuple[Variant, ...]:
@@ -355,6 +374,8 @@ RULES: Mapping[str, Rule] = {
     "over_places": _over_places,
     "hanging": _hanging,
     "at_hubs": _at_hubs,
+    "on_body": _on_body,
+    "coaxial": _coaxial,
     "lying": _lying,
     "drawn": _drawn,
 }

@@ -85,6 +85,12 @@ class Model:
         return float(sum((x * x + y * y) ** 0.5 for x, y in hubs)) / self.n_rotors
 
     @property
+    def coaxial(self) -> bool:
+        """Whether the disc of a rotor lies over the hub of another."""
+        hubs = self.of_rotors("x_m") + 1j * self.of_rotors("y_m")
+        return bool((np.abs(hubs[:, None] - hubs) < self.radius_m).sum() > self.n_rotors)
+
+    @property
     def radius_m(self) -> float:
         """Mean rotor radius."""
         return float(sum(self.of_rotors("radius_m"))) / self.n_rotors
