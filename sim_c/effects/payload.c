@@ -60,7 +60,6 @@ EFFECT(payload) = {
         },
     .about = GES_PHYSICS,
     .feedback = GES_FEEDBACK_THRUST_GAIN,
-    .needs = "voltage_or_rotor_speed",
     .search =
         {
          {.amplitudes = "mass_kg", .rule = "on_body", .axis = "x_m y_m"},

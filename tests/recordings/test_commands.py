@@ -115,7 +115,7 @@ def test_import_takes_any_log_and_writes_the_contract(tmp_path, motion):
     [
         (("--format", "px5"), "unknown format 'px5'"),
         (("--pwm", "2000", "1000"), "the output that means 0 must be below"),
-        (("--rotor-order", "1", "2", "3", "3"), "name each of 1 to 4 once"),
+        (("--rotor-order", "1,2,3,3"), "name each of 1 to 4 once"),
         (("--map", "nobody"), "unknown map"),
     ],
 )

@@ -94,7 +94,7 @@ def command(
     kind: str,
     mapping: str | None,
     pwm: tuple[float, float] | None,
-    rotor_order: tuple[int, int, int, int] | None,
+    rotor_order: tuple[int, ...] | None,
     part: int | None,
     mends: tuple[str, ...],
     write_flight: Path | None,

@@ -15,6 +15,18 @@ if TYPE_CHECKING:
     from ges.recordings.readers import Log
 
 
+def _order(
+    context: click.Context, option: click.Parameter, given: str | None
+) -> tuple[int, ...] | None:
+    """Numbers between commas or spaces."""
+    if given is None:
+        return None
+    words = given.replace(",", " ").split()
+    if not words or not all(word.isdigit() for word in words):
+        raise click.BadParameter(f"'{given}' is no list of numbers; write it as 2,4,1,3")
+    return tuple(map(int, words))
+
+
 READING = (
     click.option(
         "--format",
@@ -42,10 +54,10 @@ READING = (
     ),
     click.option(
         "--rotor-order",
-        type=(int, int, int, int),
-        metavar="N N N N",
-        help="For motors 1 to 4 the number of the speed reading that is its own, where the log does"
-        " not say.",
+        callback=_order,
+        metavar="N,N,...",
+        help="For every motor in turn the number of the speed reading that is its own, where the"
+        " log does not say, as 2,4,1,3.",
     ),
     click.option(
         "--part",
@@ -105,6 +117,22 @@ def _parts(name: str, frame: pd.DataFrame, count: int) -> list[tuple[str, pd.Dat
     ]
 
 
+def _within(name: str, frame: pd.DataFrame, between: tuple[float, float] | None) -> pd.DataFrame:
+    """The rows of these seconds, counted from the first row."""
+    from ges.errors import UsageError
+
+    if between is None:
+        return frame
+    since_s = frame["t_s"] - frame["t_s"].iloc[0]
+    kept = frame[(since_s >= between[0]) & (since_s <= between[1])]
+    if kept.empty:
+        raise UsageError(
+            f"--between {between[0]:g} {between[1]:g} leaves no row of {name}, which lasts"
+            f" {since_s.iloc[-1]:.1f} s"
+        )
+    return kept.reset_index(drop=True)
+
+
 def _without_empty(
     parts: list[tuple[str, pd.DataFrame]],
 ) -> tuple[list[tuple[str, pd.DataFrame]], list[str]]:
@@ -149,6 +177,12 @@ def _summary(name: str, frame: pd.DataFrame) -> str:
     help="Cut each log into so many flights; a diagnosis needs two or more.",
 )
 @click.option(
+    "--between",
+    type=(float, float),
+    metavar="START END",
+    help="Keep these seconds of each log, on its own clock from its first sample on.",
+)
+@click.option(
     "--vehicle",
     "vehicle_path",
     type=click.Path(path_type=Path),
@@ -167,6 +201,7 @@ def command(
     part: int | None,
     mends: tuple[str, ...],
     parts: int,
+    between: tuple[float, float] | None,
     vehicle_path: Path,
     out: Path,
 ) -> None:
@@ -185,7 +220,7 @@ def command(
     noticed: dict[str, list[str]] = {}
     for name, path in flight_names(sources).items():
         log = read_log(path, kind, mapping, pwm, rotor_order, part)
-        cut, empty = _without_empty(_parts(name, log.frame(), parts))
+        cut, empty = _without_empty(_parts(name, _within(name, log.frame(), between), parts))
         recordings = make_set(vehicle, cut, mends=mends)
         # what a reader notes is mostly the same of all logs: said once, with their names
         for note in log.notes:

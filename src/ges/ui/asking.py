@@ -44,8 +44,8 @@ def checked_reading(logs: Logs, form: FormData) -> dict[str, Any]:
     if (low is None) != (high is None):
         raise UsageError("motor outputs need both: what means 0 and what means 1")
     order = [_whole(word) for word in _text(form, "rotor_order").replace(",", " ").split()]
-    if order and sorted(order) != [1, 2, 3, 4]:
-        raise UsageError("the order of speed readings is 1 2 3 4 in any order, as in 2 4 1 3")
+    if order and sorted(order) != list(range(1, len(order) + 1)):
+        raise UsageError("the order of speed readings names each from 1 on once, as in 2 4 1 3")
     part = _text(form, "part")
     mapping = _one_of(form, "map", ["", *preset_names(), *logs.yaml_names()])
     pwm = None if low is None else [low, high]
@@ -67,7 +67,7 @@ def reading(logs: Logs, rotor_order: bool = True) -> list[str]:
     if said["part"]:
         words += ["--part", str(said["part"])]
     if rotor_order and said["rotor_order"]:
-        words += ["--rotor-order", *map(str, said["rotor_order"])]
+        words += ["--rotor-order", ",".join(map(str, said["rotor_order"]))]
     return words
 
 

@@ -124,12 +124,18 @@ def _fast(values: np.ndarray, step_s: float) -> np.ndarray:
 
 
 def _strongest(drive: np.ndarray, turned: np.ndarray, flying: np.ndarray, lags: int) -> Turning:
-    """Gains of each axis at the lag that explains most of it."""
+    """Gains of each axis at the lag that explains most of it.
+
+    A mixer asks three moments of all drives: of more than four drives only the three strongest
+    directions carry them, and what else differs says nothing (principal component regression).
+    """
+    _, _, directions = np.linalg.svd(drive[flying], full_matrices=False)
+    asked = directions[:3].T
     gains, r2 = np.zeros((3, drive.shape[1])), np.full(3, -np.inf)
     for lag in range(max(lags, 1) + 1):
         used = flying[: len(flying) - lag]
         x, y = drive[: len(drive) - lag][used], turned[lag:][used]
-        fit = np.linalg.lstsq(x, y, rcond=None)[0]
+        fit = asked @ np.linalg.lstsq(x @ asked, y, rcond=None)[0]
         variance = np.var(y, axis=0)
         explained = 1.0 - np.var(y - x @ fit, axis=0) / np.where(variance > 0, variance, np.inf)
         # the least-squares fit at each lag, an axis by itself

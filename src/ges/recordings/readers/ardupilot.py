@@ -377,7 +377,7 @@ def _rotor_speeds(
         if why and spoken_for:
             log.notes.append(
                 "the rotor speeds are not used: by the output channels they are in one order, but"
-                f" {why}; if you know it, give the order, e.g. --rotor-order 1 2 3 4"
+                f" {why}; if you know it, give the order, e.g. --rotor-order 1,2,3,4"
             )
             return
     yield "rotor_speed", stream

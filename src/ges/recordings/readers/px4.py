@@ -497,7 +497,7 @@ def _rotor_speeds(
         if why:
             log.notes.append(
                 "the rotor speeds are not used, as the log does not say which motor each is of and"
-                f" {why}; if you know it, give the order, e.g. --rotor-order 1 2 3 4"
+                f" {why}; if you know it, give the order, e.g. --rotor-order 1,2,3,4"
             )
             return
     if order != list(range(count)):

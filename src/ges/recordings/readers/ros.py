@@ -288,7 +288,7 @@ def _in_doubt(streams: dict[str, Stream], options: Options, notes: list[str]) ->
     if why:
         notes.append(
             "the rotor speeds are not used, as the bag does not say which motor each is of and"
-            f" {why}; if you know it, give the order, e.g. --rotor-order 1 2 3 4"
+            f" {why}; if you know it, give the order, e.g. --rotor-order 1,2,3,4"
         )
         return {name: s for name, s in streams.items() if name != "rotor_speed"}
     return streams
