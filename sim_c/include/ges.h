@@ -17,7 +17,7 @@
 
 #include <stdint.h>
 
-#define GES_ABI 8
+#define GES_ABI 9
 #define GES_MAX_ROTORS 16
 #define GES_MAX_EFFECTS 40       /* effects switched on in one flight */
 #define GES_MAX_PARAMETERS 16    /* parameters of one effect */
@@ -74,6 +74,7 @@ typedef struct {
   int reciprocal;       /* acts as 1/(1 + x): linear up to where the doubt ends */
   int timing;           /* what the recording adds to the doubt, see below */
   int with_voltage;     /* free where every flight logged the battery's voltage */
+  double unlogged_voltage_sd; /* from flight to flight, where neither that nor rotor speeds were logged */
 } ges_doubt;
 
 typedef struct {

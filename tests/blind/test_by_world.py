@@ -125,6 +125,19 @@ def test_table_has_a_row_for_each_world_and_one_for_all():
     assert (table["sure_names"]["all"], table["sure_names_true"]["all"]) == (2, 1)
 
 
+def test_scores_are_told_by_number_of_rotors():
+    of_six = _truth("wind") | {"situation": {"world": "x", "rotors": 6}}
+    answers = [
+        answer_of("a", _truth("wind"), _diagnosis("wind")),
+        answer_of("b", of_six, _diagnosis("wind")),
+        answer_of("c", of_six, _diagnosis("tether")),
+    ]
+    table = by_world.by_rotors(answers).set_index("rotors")
+    assert list(table.index) == [4, 6]
+    assert (table["good"][6], table["wrong"][6], table["sets"][4]) == (0.5, 1, 1)
+    assert table["low"][6] < 0.5 < table["high"][6]
+
+
 def _claims(*claims: tuple[str, float]) -> dict:
     findings = [
         {"name": n, "probability": 1.0, "statistic": s, "parameters": {}} for n, s in claims

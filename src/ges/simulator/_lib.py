@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from ges.errors import GesError
 
-ABI = 8
+ABI = 9
 MAX_EFFECTS, MAX_PARAMETERS, MAX_LEVELS = 40, 16, 40
 MAX_TERMS, MAX_GROUPS = 24, 16
 _ERROR_SIZE = 512
@@ -54,6 +54,7 @@ class CDoubt(ct.Structure):
         ("shows_in", ct.c_char_p),
         *((n, ct.c_double) for n in ("step", "sd", "flight_sd", "mean")),
         *((n, ct.c_int) for n in ("per_arm", "reciprocal", "timing", "with_voltage")),
+        ("unlogged_voltage_sd", ct.c_double),
     ]
 
 

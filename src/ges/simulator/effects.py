@@ -62,6 +62,7 @@ class Doubt:
     timing : '', or of which of a drive's numbers it is, to which the recording adds doubt:
         ``delay``, ``lag``.
     with_voltage : free where every flight logged the battery's voltage.
+    unlogged_voltage_sd : how much flights differ where neither that nor rotor speeds were logged.
     """
 
     shows_in: tuple[str, ...]
@@ -73,6 +74,7 @@ class Doubt:
     reciprocal: bool
     timing: str
     with_voltage: bool
+    unlogged_voltage_sd: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -262,6 +264,7 @@ def _doubt(d: _lib.CDoubt) -> Doubt | None:
         bool(d.reciprocal),
         TIMINGS[d.timing],
         bool(d.with_voltage),
+        d.unlogged_voltage_sd,
     )
 
 

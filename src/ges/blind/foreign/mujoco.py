@@ -36,14 +36,29 @@ SECONDS = 15.0
 STEP_S, STEPS_A_COMMAND = 0.002, 2
 LOST_M = 3.0
 GRAVITY_M_S2 = 9.81
-SIGNS = ((1, -1, 1), (-1, 1, 1), (1, 1, -1), (-1, -1, -1))
-"""Place (x, y) and spin of each rotor, seen from above, counter-clockwise positive."""
+QUAD = ((1, -1, 0, 1), (-1, 1, 0, 1), (1, 1, 0, -1), (-1, -1, 0, -1))
+"""Place (x, y over the lever, z over the radius) and spin of each rotor, seen from above,
+counter-clockwise positive."""
+HALF = 0.5 * 3.0**0.5
+HEXA = (
+    (0, -1, 0, -1),
+    (HALF, -0.5, 0, 1),
+    (HALF, 0.5, 0, -1),
+    (0, 1, 0, 1),
+    (-HALF, 0.5, 0, -1),
+    (-HALF, -0.5, 0, 1),
+)
+X8 = (*((x, y, 0.3, s) for x, y, _, s in QUAD), *((x, y, -0.3, -s) for x, y, _, s in QUAD))
 # mass kg, rotor radius m, lever m, inertia kg m^2, thrust over weight, hover speed rad/s, lag s,
 # semi-axes of the body m, speed m/s
 VEHICLES = {
     "x1100": (1.1, 0.12, 0.16, (0.011, 0.012, 0.021), 2.2, 540.0, 0.04, (0.13, 0.11, 0.05), 3.0),
     "x150": (0.15, 0.038, 0.05, (1.6e-4, 1.7e-4, 3.0e-4), 2.6, 1500.0, 0.03, (0.05, 0.04, 0.02), 2),
+    "hexa": (1.6, 0.11, 0.26, (0.026, 0.028, 0.047), 2.3, 560.0, 0.04, (0.15, 0.13, 0.06), 3.0),
+    "x8": (2.2, 0.12, 0.17, (0.029, 0.031, 0.044), 2.3, 540.0, 0.045, (0.15, 0.13, 0.08), 3.0),
 }
+FRAMES = {"x1100": QUAD, "x150": QUAD, "hexa": HEXA, "x8": X8}
+MORE_ROTORS = ("hexa", "x8")
 METHOD = "force along the path, MuJoCo's own generalised forces and the actuators' numbers"
 
 
@@ -128,8 +143,9 @@ class Design:
 def designs(half: str) -> list[Design]:
     """Return the sets of a half: the same effects in both, at other sizes."""
     more = {"development": 1.0, "evaluation": 1.25}[half]
-    found = [Design(v, copy=k) for v in VEHICLES for k in range(3)]
-    for v in VEHICLES:
+    quads = [v for v in VEHICLES if v not in MORE_ROTORS]
+    found = [Design(v, copy=k) for v in quads for k in range(3)]
+    for v in quads:
         found += [
             Design(v, drag=1.5 * more),
             Design(v, drag=4.0 * more),
@@ -150,6 +166,16 @@ def designs(half: str) -> list[Design]:
             Design(v, drag=0.1 * more),
             Design(v, weak=0.006 * more),
             Design(v, tilt_rad=0.002 * more),
+        ]
+    for v in MORE_ROTORS:
+        found += [Design(v, copy=k) for k in range(2)]
+        found += [
+            Design(v, drag=4.0 * more),
+            Design(v, weak=0.12 * more),
+            Design(v, shift=0.04 * more),
+            Design(v, load=0.1 * more),
+            Design(v, wrong={"mass": 1.0 - 0.12 * more}),
+            Design(v, drag=3.0 * more, weak=0.15),
         ]
     return found + [
         Design("x1100", spring=2.0 * more),
@@ -190,21 +216,23 @@ def _make(out: Path, design: Design, number: int, place: Place) -> None:
 
 def _airframe(design: Design, rng: np.random.Generator) -> Airframe:
     mass, radius, lever, inertia, lift, hover, lag, _, _ = VEHICLES[design.vehicle]
-    thrust = mass * GRAVITY_M_S2 / (4.0 * hover**2)
+    frame = FRAMES[design.vehicle]
+    thrust = mass * GRAVITY_M_S2 / (len(frame) * hover**2)
     true = dict(zip(("ixx", "iyy", "izz"), inertia, strict=True))
     true |= {"mass": mass, "thrust": thrust, "torque": thrust * 0.16 * radius}
     true |= {"lag": lag, "speed": hover * float(np.sqrt(lift))}
-    x, y, spin = (tuple(s[k] for s in SIGNS) for k in range(3))
+    x, y, z = (tuple(s[k] for s in frame) for k in range(3))
     return Airframe(
         design.vehicle,
         radius,
         tuple(lever * k for k in x),
         tuple(lever * k for k in y),
         0.0,
-        spin,
+        tuple(int(s[3]) for s in frame),
         12.0,
         declare(true, rng),
         true,
+        tuple(radius * k for k in z),
     )
 
 
@@ -213,7 +241,7 @@ LEASH_M = 0.3
 
 
 def _xml(design: Design, craft: Airframe, heading: float) -> str:
-    """Return the model: a free body with four thrusters at sites, a fluid, a tendon."""
+    """Return the model: a free body with its thrusters at sites, a fluid, a tendon."""
     true, size = craft.true, VEHICLES[design.vehicle][7]
     # MuJoCo's fluid acts by density and viscosity: without either it is a vacuum
     dense = 1.2 * design.box if design.box else 1.2 if design.drag else 0.0
@@ -221,10 +249,10 @@ def _xml(design: Design, craft: Airframe, heading: float) -> str:
     shape = f'fluidshape="ellipsoid" fluidcoef="{design.drag} 0.25 1.5 0 0"' if design.drag else ""
     top, yaw = true["thrust"] * true["speed"] ** 2, true["torque"] / true["thrust"]
     sites, thrusters = [], []
-    for k in range(4):
+    for k in range(craft.n_rotors):
         x = craft.rotor_x_m[k] - design.shift * craft.arm_m
         y = craft.rotor_y_m[k] + 0.5 * design.shift * craft.arm_m
-        sites.append(f'<site name="r{k}" pos="{x} {y} 0"/>')
+        sites.append(f'<site name="r{k}" pos="{x} {y} {craft.hubs_m[k, 2]}"/>')
         gain = top * (1.0 - design.weak * (k == 1))
         late = f'delay="{design.delay_s}" nsample="32" interp="zoh"' if design.delay_s else ""
         thrusters.append(
@@ -271,7 +299,7 @@ def _fly(
     data = mujoco.MjData(model)
     pilot = _pilot(design, craft)
     # it starts in hover: rotors at rest would let it fall first
-    hover = np.sqrt(craft.true["mass"] * (1.0 + design.load) * GRAVITY_M_S2 / 4.0)
+    hover = np.sqrt(craft.true["mass"] * (1.0 + design.load) * GRAVITY_M_S2 / craft.n_rotors)
     hover /= np.sqrt(craft.true["thrust"]) * craft.true["speed"]
     data.qpos[:3] = plan[:3, 0]
     data.qpos[3:7] = [np.cos(0.5 * plan[9, 0]), 0.0, 0.0, np.sin(0.5 * plan[9, 0])]
@@ -280,7 +308,7 @@ def _fly(
         data.qpos[10] = 1.0
     data.act[:] = hover**2
     rows = []
-    u = np.full(4, hover)
+    u = np.full(craft.n_rotors, hover)
     for k in range(plan.shape[1]):
         if k % STEPS_A_COMMAND == 0:
             u = _command(pilot, plan[:, k], data, rng)
@@ -389,10 +417,11 @@ def _changes(
     body, true = body_of(craft), craft.true
     thrust = true["thrust"] * states["rotor_speed"] ** 2
     if design.weak:
-        found["weak_rotor"] = body.wrench(-design.weak * thrust * np.array([0.0, 1.0, 0.0, 0.0]))
+        second = np.eye(craft.n_rotors)[1]
+        found["weak_rotor"] = body.wrench(-design.weak * thrust * second)
     if design.tilt_rad:
         # F = tilt T (1, -0.6, 0), M_z = sum x F_y - y F_x
-        aside = design.tilt_rad * thrust * (1.0 - design.weak * np.eye(4)[1])
+        aside = design.tilt_rad * thrust * (1.0 - design.weak * np.eye(craft.n_rotors)[1])
         level = aside.sum(axis=1)
         yaw = aside @ (-0.6 * body.rotor_m[:, 0] - body.rotor_m[:, 1])
         found["rotor_tilt"] = {

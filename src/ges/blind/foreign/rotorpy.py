@@ -25,7 +25,9 @@ SECONDS = (11.0, 15.0)
 LONGEST_STEP_S = 0.005
 LOST_M = 2.0
 ATTEMPTS, GENTLER = 6, 0.85
-PACE = {"hummingbird": 1.0, "crazyflie": 0.6}
+PACE = {"hummingbird": 1.0, "crazyflie": 0.6, "hexarotor": 0.9}
+HEXA_ARM_M = 0.3
+"""Of a hexarotor made of a hummingbird's rotors, half again as heavy, wide enough for six."""
 AERO = ("c_Dx", "c_Dy", "c_Dz", "k_d", "k_z", "k_h", "k_flap")
 # coefficients that RotorPy's vehicles have or, where they have none, of a like share of the weight
 ON = {
@@ -44,6 +46,7 @@ ON = {
         "flapping": {"k_flap": 1.2e-7},
     },
 }
+ON["hexarotor"] = ON["hummingbird"]
 METHOD = "force along the path, RotorPy's own wrench with and without each effect"
 
 
@@ -130,6 +133,13 @@ def designs(half: str) -> list[Design]:
     wrong += [("hummingbird", {"torque": 0.65}), ("crazyflie", {"torque": 1.45})]
     wrong += [("hummingbird", {"inertia": 1.45}), ("crazyflie", {"inertia": 0.65})]
     wrong += [("hummingbird", {"lag": 8.0}), ("crazyflie", {"lag": 0.5})]
+    found += [Design("hexarotor", copy=k) for k in range(2)]
+    found += [Design("hexarotor", {n: 1.0}) for n in effects]
+    found += [
+        Design("hexarotor", {"rotor_drag": 1.0}, wind_m_s=wind[0]),
+        Design("hexarotor", shift_m=(0.008, -0.006)),
+    ]
+    wrong += [("hexarotor", {"mass": 1.13}), ("hexarotor", {"torque": 0.65})]
     return found + [Design(v, wrong=w) for v, w in wrong]
 
 
@@ -166,12 +176,50 @@ def _make(out: Path, design: Design, number: int, place: Place) -> None:
 def _numbers(design: Design) -> dict[str, Any]:
     from rotorpy.vehicles import crazyflie_params, hummingbird_params
 
-    published = {"hummingbird": hummingbird_params, "crazyflie": crazyflie_params}
+    published = {
+        "hummingbird": hummingbird_params.quad_params,
+        "crazyflie": crazyflie_params.quad_params,
+        "hexarotor": _hexarotor(hummingbird_params.quad_params),
+    }
     # a plain vehicle without any drag; what is on is added to it
-    numbers = published[design.vehicle].quad_params | dict.fromkeys(AERO, 0.0)
+    numbers = published[design.vehicle] | dict.fromkeys(AERO, 0.0)
     for name, share in design.on.items():
         numbers |= {k: share * v for k, v in ON[design.vehicle][name].items()}
     return numbers
+
+
+def _hexarotor(of: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a hummingbird with six of its rotors, every other one turning the other way."""
+    angles = np.radians(30.0 + 60.0 * np.arange(6))
+    hubs = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
+    heavier = {name: 1.5 * of[name] for name in ("mass", "Ixx", "Iyy", "Izz")}
+    wider = {name: 2.0 * heavier[name] for name in ("Ixx", "Iyy", "Izz")}
+    return {
+        **of,
+        **heavier,
+        **wider,
+        "num_rotors": 6,
+        "rotor_pos": {f"r{k + 1}": HEXA_ARM_M * hub for k, hub in enumerate(hubs)},
+        "rotor_directions": np.array([1, -1] * 3),
+    }
+
+
+def _pilot(numbers: Mapping[str, Any]) -> Any:
+    """Return RotorPy's controller; it inverts the effects of four rotors, of more their least
+    thrusts are taken.
+    """
+    from rotorpy.controllers.quadrotor_control import SE3Control
+
+    four = dict(list(numbers["rotor_pos"].items())[:4])
+    if int(numbers["num_rotors"]) == len(four):
+        return SE3Control(dict(numbers))
+    square = {"num_rotors": 4, "rotor_pos": four, "rotor_directions": np.array([1, -1, 1, -1])}
+    pilot = SE3Control({**numbers, **square})
+    hubs = np.array(list(numbers["rotor_pos"].values()))
+    per_thrust = numbers["k_m"] / numbers["k_eta"] * numbers["rotor_directions"]
+    pilot.f_to_TM = np.vstack([np.ones(len(hubs)), hubs[:, 1], -hubs[:, 0], per_thrust])
+    pilot.TM_to_f = np.linalg.pinv(pilot.f_to_TM)
+    return pilot
 
 
 def _airframe(design: Design, numbers: Mapping[str, Any], rng: np.random.Generator) -> Airframe:
@@ -300,22 +348,22 @@ def _fly(
     Runge and Kutta's fourth order on RotorPy's equations of motion, ten times faster than its own
     adaptive integration.
     """
-    from rotorpy.controllers.quadrotor_control import SE3Control
     from rotorpy.vehicles.multirotor import Multirotor
 
     first = path.update(0.0)
     half = 0.5 * float(first["yaw"])
-    hover = np.sqrt(numbers["mass"] * 9.81 / (4.0 * numbers["k_eta"]))
+    rotors = int(numbers["num_rotors"])
+    hover = np.sqrt(numbers["mass"] * 9.81 / (rotors * numbers["k_eta"]))
     state = {
         "x": np.array(first["x"], dtype=float),
         "v": np.array(first["x_dot"], dtype=float),
         "q": np.array([0.0, 0.0, np.sin(half), np.cos(half)]),
         "w": np.zeros(3),
         "wind": air(0.0, np.asarray(first["x"])),
-        "rotor_speeds": np.full(4, hover),
+        "rotor_speeds": np.full(rotors, hover),
     }
     # the body alone is shifted: controller and file believe in the published hubs
-    vehicle, pilot = Multirotor(dict(numbers), state, aero=True), SE3Control(dict(numbers))
+    vehicle, pilot = Multirotor(dict(numbers), state, aero=True), _pilot(numbers)
     vehicle.rotor_geometry = vehicle.rotor_geometry - np.array([*design.shift_m, 0.0])
     without = _vehicles_without(design, numbers, state)
     rows = []

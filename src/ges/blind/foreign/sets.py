@@ -191,7 +191,7 @@ def write_flown(
     craft = replace(craft, declared=misdeclared(craft.declared, wrong))
     content = concealed.truth() | {
         "detectable": limits | {"method": method},
-        "situation": situation(place, craft.size, log),
+        "situation": situation(place, craft.size, log) | {"rotors": craft.n_rotors},
     }
     write_set(out, place, craft.vehicle_file(FLAT), frames, content)
 

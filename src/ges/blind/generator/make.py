@@ -318,6 +318,7 @@ def _write_truth(
     content |= seen_channels(case, flights)
     content["situation"] = {
         "vehicle": case.craft.size,
+        "rotors": case.craft.n_rotors,
         "noise": case.around.logging.noise,
         "rotor_speeds": case.around.logging.rotor_speeds,
         "references": case.around.logging.references,

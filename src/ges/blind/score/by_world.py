@@ -49,7 +49,8 @@ class Answer:
 
     ``answer`` is one of :data:`ANSWERS`; ``alarm`` whether anything is said to be there, of a null
     anything that is not true of it; ``named`` the true names that were named; ``nats`` by name what
-    any method could tell; ``stated`` (probability, came true) of each name.
+    any method could tell; ``stated`` (probability, came true) of each name; ``rotors`` how many
+    the vehicle has.
     """
 
     case: str
@@ -60,6 +61,7 @@ class Answer:
     named: frozenset[str]
     nats: Mapping[str, float]
     stated: tuple[tuple[float, bool], ...]
+    rotors: int = 4
 
     @property
     def null(self) -> bool:
@@ -101,6 +103,7 @@ def answer_of(case: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any])
         frozenset(named & {f["name"] for f in truth["findings"]}),
         nats,
         tuple((float(f["probability"]), f["name"] in known) for f in findings),
+        int(truth.get("situation", {}).get("rotors", 4)),
     )
 
 
@@ -233,6 +236,18 @@ def table(answers: Sequence[Answer]) -> pd.DataFrame:
     return pd.DataFrame([{"world": name} | _row(part) for name, part in groups.items()])
 
 
+def by_rotors(answers: Sequence[Answer]) -> pd.DataFrame:
+    """One row a number of rotors, as :func:`table` has them, with the share of concealed sets that
+    were answered well and its 95 % interval.
+    """
+    rows = []
+    for rotors in sorted({a.rotors for a in answers}):
+        part = [a for a in answers if a.rotors == rotors]
+        share, low, high = proportion([a.good for a in part if not a.null])
+        rows.append({"rotors": rotors} | _row(part) | {"good": share, "low": low, "high": high})
+    return pd.DataFrame(rows)
+
+
 def _row(answers: Sequence[Answer]) -> dict[str, Any]:
     nulls = [a for a in answers if a.null]
     concealed = [a for a in answers if not a.null]
@@ -333,7 +348,8 @@ def score_worlds(folder: Path, out: Path, diagnosed: str = OUT) -> dict[str, Any
     """Score the sets of all worlds, beside every simple baseline that was run on them, each cut at
     the false alarms of the tool.
 
-    Writes ``worlds.csv`` (by method and world), ``sets.csv``, ``power.csv``, ``skipped.csv``,
+    Writes ``worlds.csv`` (by method and world), ``rotors.csv``, ``sets.csv``, ``power.csv``,
+    ``skipped.csv``,
     ``reliability.csv``, ``power.pdf`` and ``power.png``, and ``scores.json``, which is returned.
 
     Raises
@@ -356,6 +372,7 @@ def score_worlds(folder: Path, out: Path, diagnosed: str = OUT) -> dict[str, Any
     powers = pd.concat([power_table(answers).assign(method=m) for m, answers in by_method.items()])
     tables = {
         "worlds": pd.concat([table(a).assign(method=m) for m, a in by_method.items()]),
+        "rotors": by_rotors(tool),
         "sets": _set_table(tool, truths, folder / diagnosed),
         "power": powers,
         "skipped": skipped(folder),

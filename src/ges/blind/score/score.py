@@ -14,7 +14,7 @@ import pandas as pd
 
 from ges.blind.protocol import seal
 from ges.blind.protocol.run import OUT, method_folder
-from ges.blind.score.by_world import answer_of, power_table
+from ges.blind.score.by_world import answer_of, by_rotors, power_table
 from ges.blind.score.coefficients import Comparison, compare
 from ges.blind.score.judge import CATEGORIES, Judgement, judge
 from ges.blind.score.statistics import (
@@ -67,6 +67,7 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
     judged = [judge(n, truths[n], said[n]) for n in names]
     held = _against_oracle(folder, truths, {diagnosed: said})[diagnosed]
     table = case_table(folder, diagnosed, judged, truths, held)
+    answers = [answer_of(n, truths[n], said[n]) for n in names]
     scores = summary(judged, table, {n: c for n, c in held.items() if c})
     tables = {
         "cases": table,
@@ -76,7 +77,8 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
         "categories": outcomes(judged),
         "reliability": reliability_table([s for j in judged for s in j.stated]),
         "oracle": reach(judged, held),
-        "power": power_table([answer_of(n, truths[n], said[n]) for n in names]),
+        "power": power_table(answers),
+        "rotors": by_rotors(answers),
     }
     for name, frame in tables.items():
         write_csv(out / f"{name}.csv", frame)

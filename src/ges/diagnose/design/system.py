@@ -256,7 +256,11 @@ def _nuisance(
     step = settings.statistics.clear_sds * sd if doubt.reciprocal else unit * doubt.step
     # counted from the model as it is: what was corrected already is not expected again
     mean = doubt.mean - model.moved.get(key, 0.0)
-    return Nuisance(effect, parameter, step, sd, unit * doubt.flight_sd, mean)
+    flight_sd = unit * doubt.flight_sd
+    # a battery that nobody read is full in one flight and empty in another
+    if not any(f.has("battery") or f.has("rotor_speed") for f in flights):
+        flight_sd = math.hypot(flight_sd, doubt.unlogged_voltage_sd)
+    return Nuisance(effect, parameter, step, sd, flight_sd, mean)
 
 
 def _timing_sd_s(timing: str, model: Model, flights: Sequence[Prepared]) -> float:
