@@ -142,7 +142,7 @@ def _hovering(numbers: dict[str, float], speed: float, **more) -> effects.Sample
 
 def test_a_canted_rotor_pushes_along_its_axis():
     numbers = numbers_of("hexa-x")
-    canted = {**numbers, "rotor_2_axis_x": 3.0, "rotor_2_axis_z": 4.0}
+    canted = {**numbers, "rotor_2_axis_x": 0.75, "rotor_2_axis_z": 1.0}
     straight = effects.replay(numbers, _hovering(numbers, 400.0))
     turned = effects.replay(canted, _hovering(canted, 400.0))
     thrust = numbers["thrust_coefficient_N_s2"] * 400.0**2
