@@ -124,7 +124,7 @@ def test_what_is_chosen_reaches_the_command_line(client, folder, dropped, ges):
     over(client, address)
     words = about(folder, address)["problem"]
     assert words == (
-        "diagnose --no-open --mass=2.5 --prop=--out=/x --layout=x --holdout two --map mine.yaml"
+        "diagnose --no-open --mass=2.5 --prop=--out=/x --frame=x --holdout two --map mine.yaml"
         " --pwm 1000.0 2000.0 --part 2 --rotor-order 2,4,1,3"
         f" --out ../../..{address}/results -- one.csv two.csv"
     )

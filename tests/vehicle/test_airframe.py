@@ -115,7 +115,7 @@ def test_nominal_arms_are_scaled_and_touching_rotors_remarked():
 
 
 def test_a_log_without_parameters_asks_for_the_layout():
-    with pytest.raises(UsageError, match="--layout"):
+    with pytest.raises(UsageError, match="--frame"):
         from_parameters("table", {}, TEN_IN, None)
     with pytest.raises(UsageError, match="did you mean 'betaflight-x'"):
         from_layout("betaflightx", TEN_IN, None)

@@ -165,7 +165,7 @@ def test_ardupilot_curve_has_the_slope_of_its_own(flight):
 
 def test_a_wrong_order_of_motors_is_refused_with_the_right_one(flight):
     log = Log(flight, "betaflight", "Betaflight 4.5")
-    with pytest.raises(UsageError, match="contradicts the order.*--layout x"):
+    with pytest.raises(UsageError, match="contradicts the order.*--frame x"):
         describe_log(log, 1.5, PROP)
     assert describe_log(log, 1.5, PROP, layout="x", wheelbase_m=0.495).vehicle
 
@@ -175,7 +175,7 @@ def test_a_table_without_parameters_shows_its_layout_in_flight(flight):
     assert [r.spin for r in found.rotors] == ["ccw", "ccw", "cw", "cw"]
     hover_only = flight[(flight["t_s"] > 0) & (flight["t_s"] < 6)]
     still = hover_only.assign(**dict.fromkeys(["omega_x_rad_s", "omega_y_rad_s"], 0.0))
-    with pytest.raises(UsageError, match="give --layout"):
+    with pytest.raises(UsageError, match="give --frame"):
         describe_log(Log(still, "table", ""), 1.5, PROP)
 
 

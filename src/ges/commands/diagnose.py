@@ -45,9 +45,11 @@ SHOWN = ("--open", "--no-open", "--page", "--no-page", "--write-flight")
 )
 @click.option("--prop", metavar="SIZE", help="LOG: propellers, as 10in, 10x4.5 or 0.254m.")
 @click.option(
+    "--frame",
     "--layout",
+    "layout",
     metavar="NAME",
-    help="LOG: order and spins of the motors, as x or betaflight-x, where the log lacks them.",
+    help="LOG: order and spins of the motors, as x, hexa-x, x8 or y6, where the log lacks them.",
 )
 @click.option(
     "--holdout",

@@ -46,9 +46,16 @@ def _listed(context: click.Context, _: click.Parameter, wanted: bool) -> None:
     help="LOG: distance of opposite motors, as 500mm, where it is known better than the log does.",
 )
 @click.option(
+    "--arm",
+    metavar="LENGTH",
+    help="LOG: distance of a motor from the centre, half of the wheelbase.",
+)
+@click.option(
+    "--frame",
     "--layout",
+    "layout",
     metavar="NAME",
-    help="LOG: order and spins of the motors, as x or betaflight-x, where the log lacks them.",
+    help="LOG: order and spins of the motors, as x, hexa-x, x8 or y6, where the log lacks them.",
 )
 @click.option(
     "--models",
@@ -79,6 +86,7 @@ def command(
     mass_kg: float | None,
     size: str | None,
     wheelbase: str | None,
+    arm: str | None,
     layout: str | None,
     models: tuple[Path, ...],
     name: str | None,
@@ -103,7 +111,7 @@ def command(
     from ges.vehicle.law_export import law_as
 
     prop = propeller.Propeller.parse(size) if size else None
-    log_only = {"--mass": mass_kg, "--wheelbase": wheelbase, "--layout": layout}
+    log_only = {"--mass": mass_kg, "--wheelbase": wheelbase, "--arm": arm, "--frame": layout}
     log_only |= {"--map": reading["mapping"], "--pwm": reading["pwm"]}
     path = file.vehicle_path(source)
     remarks: tuple[str, ...] = ()
@@ -118,7 +126,7 @@ def command(
             _refuse(log_only, f"{path.name} says it")
             sheet = formats.read_model(path, kind, prop, models)
         else:
-            sheet = _from_log(path, mass_kg, prop, wheelbase, layout, reading)
+            sheet = _from_log(path, mass_kg, prop, _wheelbase_m(wheelbase, arm), layout, reading)
         sheet = sheet.renamed(name) if name else sheet
         vehicle, text, remarks = sheet.vehicle, sheet.to_yaml(), sheet.remarks
     if target and language:
@@ -141,16 +149,26 @@ def _refuse(options: Mapping[str, object], why: str) -> None:
         raise UsageError(f"{given[0]} is not for this source: {why}")
 
 
+def _wheelbase_m(wheelbase: str | None, arm: str | None) -> float | None:
+    """Distance of opposite motors, as one of both says it."""
+    from ges.vehicle.propeller import length_m
+
+    if wheelbase and arm:
+        raise UsageError("--wheelbase is twice --arm; give one of them")
+    if arm:
+        return 2.0 * length_m(arm)
+    return length_m(wheelbase) if wheelbase else None
+
+
 def _from_log(
     path: Path,
     mass_kg: float | None,
     prop: Propeller | None,
-    wheelbase: str | None,
+    wheelbase_m: float | None,
     layout: str | None,
     reading: dict[str, Any],
 ) -> Datasheet:
     from ges.vehicle.from_log import describe_log
-    from ges.vehicle.propeller import length_m
 
     log = read_log(path, **reading)
     if mass_kg is None or prop is None:
@@ -160,5 +178,4 @@ def _from_log(
         )
     for note in log.notes:
         click.echo(f"note: {note}", err=True)
-    wheelbase_m = length_m(wheelbase) if wheelbase else None
     return describe_log(log, mass_kg, prop, layout=layout, wheelbase_m=wheelbase_m)

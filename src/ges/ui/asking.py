@@ -114,7 +114,7 @@ def _made(form: FormData) -> list[str]:
         )
     layout = _one_of(form, "layout", ["", *LAYOUTS])
     # with "=": what was typed cannot begin an option of its own
-    return [f"--mass={mass_kg}", f"--prop={prop}", *([f"--layout={layout}"] if layout else [])]
+    return [f"--mass={mass_kg}", f"--prop={prop}", *([f"--frame={layout}"] if layout else [])]
 
 
 def _named(logs: Logs, form: FormData) -> str:

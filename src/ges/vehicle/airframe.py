@@ -166,7 +166,7 @@ def from_parameters(
         count = int(parameters.get("motors", 4))
         if count != 4:
             raise UsageError(
-                f"the log has {count} motors and does not say how they are arranged; give --layout,"
+                f"the log has {count} motors and does not say how they are arranged; give --frame,"
                 f" one of {', '.join(layouts.of_rotors(count)) or 'none that is known'}"
             )
         reversed_ = parameters.get("yaw_motors_reversed", 0) == 1
@@ -175,7 +175,7 @@ def from_parameters(
     if kind == "crazyflie":
         return from_layout("clockwise-x", propeller, wheelbase_m)
     raise UsageError(
-        "the log does not say how the motors are arranged; give --layout, one of"
+        "the log does not say how the motors are arranged; give --frame, one of"
         f" {', '.join(LAYOUTS)}"
     )
 
@@ -190,7 +190,7 @@ def number_of(parameters: Mapping[str, float], key: str, default: float | None) 
     """
     value = parameters.get(key, default)
     if value is None or not math.isfinite(value):
-        raise UsageError(f"the log's parameter {key} is {value}; give --layout, as in --layout x")
+        raise UsageError(f"the log's parameter {key} is {value}; give --frame, as in --frame x")
     return float(value)
 
 
@@ -205,7 +205,7 @@ def _ardupilot_layout(parameters: Mapping[str, float]) -> str:
     if number not in known:
         raise UsageError(
             f"{key} {number} is not one of {sorted(known)} of FRAME_CLASS {group}, whose motors all"
-            " point up; give --layout"
+            " point up; give --frame"
         )
     return known[number]
 
@@ -235,8 +235,8 @@ def _px4_airframe(parameters: Mapping[str, float]) -> str:
     known = layouts.PX4_AIRFRAMES
     if not any(number in numbers for numbers in PX4_QUADS) and number not in known:
         raise UsageError(
-            f"airframe {number} (SYS_AUTOSTART) is not known to be a multirotor; give --layout, as"
-            " in --layout x, if it is one"
+            f"airframe {number} (SYS_AUTOSTART) is not known to be a multirotor; give --frame, as"
+            " in --frame x, if it is one"
         )
     return known.get(number, "x")
 
@@ -267,8 +267,8 @@ def _control_allocation(
     arm_m = scaling.arm_m(hubs[:, 0], hubs[:, 1])
     if not arm_m > 0 or not all(turns):
         raise UsageError(
-            "CA_ROTOR* puts all rotors into one place or gives one no spin; give --layout, as in"
-            " --layout x"
+            "CA_ROTOR* puts all rotors into one place or gives one no spin; give --frame, as in"
+            " --frame x"
         )
     return _sized(hubs, spins, axes, propeller, wheelbase_m, arm_m)
 

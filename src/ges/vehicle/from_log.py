@@ -165,12 +165,12 @@ def _airframe(
     if len(found.rotors) != count:
         raise UsageError(
             f"the log has commands or speeds of {count} motors, its frame {len(found.rotors)}; give"
-            f" --layout, one of {', '.join(known) or 'none that is known'}"
+            f" --frame, one of {', '.join(known) or 'none that is known'}"
         )
     # a wrong order makes every moment wrong and no force: nothing later would show it
     if seen and (against := seen.contradicted(found.rotors)):
         fits = [n for n in known if _fits(n, seen, prop)]
-        hint = f"it fits --layout {fits[0]}" if fits else f"layouts are {', '.join(known)}"
+        hint = f"it fits --frame {fits[0]}" if fits else f"layouts are {', '.join(known)}"
         raise UsageError(
             f"the flight contradicts the order or spins of the motors in {_listed(against)}:"
             f" the vehicle turns otherwise than its commands would turn it; {hint}"
@@ -201,7 +201,7 @@ def _layout_flown(seen: Turning | None, prop: Propeller, known: Sequence[str]) -
     if len(fits) != 1:
         raise UsageError(
             "the log does not say how the motors are arranged and the flight does not show it"
-            f" clearly; give --layout, one of {', '.join(known) or 'none that is known'}"
+            f" clearly; give --frame, one of {', '.join(known) or 'none that is known'}"
         )
     return fits[0]
 
