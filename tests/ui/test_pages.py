@@ -104,7 +104,7 @@ def test_a_form_that_makes_no_sense_is_answered_in_a_sentence(
     ("form", "sentence"),
     [
         ({"pwm_low": "1000"}, "need both"),
-        ({"rotor_order": "1 2 3"}, "1 2 3 4 in any order"),
+        ({"rotor_order": "1 2 4"}, "names each from 1 on once"),
         ({"rotor_order": "1 2 3 x"}, "is no whole number"),
         ({"part": "-1"}, "is no whole number"),
         ({"map": "../../secret.yaml"}, "is not here"),

@@ -179,6 +179,10 @@ def test_sih_parameters_of_a_script_and_of_a_parameter_file(tmp_path):
 def test_every_vehicle_of_the_library_comes_back_from_every_format(name, kind, tmp_path):
     """Weight, hubs, spins, inertia, thrust, and the torque of each rotor survive."""
     start = load_vehicle(name)
+    if len(start.rotors) != 4 and kind in ("urdf", "sih"):
+        with pytest.raises(GesError, match="is no X quadrotor"):
+            formats.write_model(start, kind)
+        return
     back = _read(_written(tmp_path, start, kind)).vehicle
     a, b = neutral.plain(start), neutral.plain(back)
     order = _order(a, b)
@@ -201,9 +205,9 @@ def test_every_vehicle_of_the_library_comes_back_from_every_format(name, kind, t
 
 
 def _order(a: neutral.Plain, b: neutral.Plain) -> list[int]:
-    """Rotor of ``a`` that each rotor of ``b`` is."""
-    gaps = np.linalg.norm(b.hubs_m[:, None, :2] - a.hubs_m[None, :, :2], axis=2)
-    return [int(k) for k in np.argmin(gaps, axis=1)]
+    """The rotor of ``a`` that each of ``b`` is, by its place."""
+    gaps = np.linalg.norm(a.hubs_m[:, None] - b.hubs_m[None, :], axis=2)
+    return [int(k) for k in np.argmin(gaps, axis=0)]
 
 
 LEARNED = {

@@ -22,7 +22,7 @@ PUBLISHED = [
 def test_every_vehicle_says_its_name_and_where_it_comes_from(name):
     vehicle = load_vehicle(name)
     assert vehicle.name == name
-    assert len(vehicle.rotors) == 4
+    assert len(vehicle.rotors) == (8 if "x8" in name else 4)
     text = library.path_of(name).read_text()
     assert text.startswith("# ") and len(library.title(name)) > 20
     largest = vehicle.max_rotor_speed_rad_s.value

@@ -36,7 +36,9 @@ def _variants(name, reached=REACHED, model=MODEL):
 def test_every_effect_that_enters_the_search_is_a_candidate_with_variants_of_itself():
     found = library(MODEL, REACHED)
     for name, effect in effect_table.table().items():
-        assert (name in found) == (not effect.settled), name
+        # no rotor of a quadrotor lies over another
+        tried = not effect.settled and name != "coaxial_wake"
+        assert (name in found) == tried, name
     for name, candidate in found.items():
         assert candidate.name == name and candidate.variants
         assert {v.effect for v in candidate.variants} == {name}

@@ -580,12 +580,15 @@ def _force(
     motion: Motion,
     said: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
-    """m (a - g) - F in the body frame; the derivative of the velocity rests on the test
-    function.
+    """m (a - g) - F in the body frame, as an acceleration times the declared mass; the derivative
+    of the velocity rests on the test function.
+
+    In that unit a payload scales what the model says and not what was measured, noise and all.
     """
     v, carried = motion.carried
-    mass = float(said["mass_kg"][0])
-    left = mass * (windows.rate @ v) + windows.mean @ (mass * carried - said.force_N)
+    declared = model.number("mass_kg")
+    acting = (declared / float(said["mass_kg"][0])) * said.force_N
+    left = declared * (windows.rate @ v) + windows.mean @ (declared * carried - acting)
     return dict(zip(FORCE, left.T, strict=True))
 
 
@@ -630,8 +633,10 @@ def _acc(
 ) -> dict[str, np.ndarray]:
     """The accelerometer's readings less the model's, as a force."""
     columns = {name: f"{name}_m_s2" for name in ACC if name in names}
+    # as the acceleration of a force: in the declared mass
+    declared = model.number("mass_kg")
     return {
-        n: windows.mean @ (said["mass_kg"] * (flight.columns[c] - said[c]))
+        n: windows.mean @ (declared * (flight.columns[c] - said[c]))
         for n, c in columns.items()
     }
 
