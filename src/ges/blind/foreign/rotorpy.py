@@ -204,20 +204,42 @@ def _hexarotor(of: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _pilot(numbers: Mapping[str, Any]) -> Any:
-    """Return RotorPy's controller; it inverts the effects of four rotors, of more their least
-    thrusts are taken.
+def _four_of(numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the numbers with the first four rotors alone: RotorPy's constructors invert the
+    effects of the rotors, which only those of four can be.
     """
+    hubs = dict(list(numbers["rotor_pos"].items())[:4])
+    return {
+        **numbers,
+        "num_rotors": len(hubs),
+        "rotor_pos": hubs,
+        "rotor_directions": np.array([1, -1, 1, -1]),
+    }
+
+
+def _vehicle(numbers: Mapping[str, Any], state: Mapping[str, np.ndarray]) -> Any:
+    """Return RotorPy's vehicle with all of its rotors."""
+    from rotorpy.vehicles.multirotor import Multirotor
+
+    if numbers["num_rotors"] == 4:
+        return Multirotor(dict(numbers), dict(state), aero=True)
+    vehicle = Multirotor(_four_of(numbers), dict(state), aero=True)
+    vehicle.num_rotors, vehicle.rotor_pos = numbers["num_rotors"], numbers["rotor_pos"]
+    vehicle.rotor_dir = numbers["rotor_directions"]
+    vehicle.extract_geometry()
+    return vehicle
+
+
+def _pilot(numbers: Mapping[str, Any]) -> Any:
+    """Return RotorPy's controller; of more than four rotors the least thrusts are asked for."""
     from rotorpy.controllers.quadrotor_control import SE3Control
 
-    four = dict(list(numbers["rotor_pos"].items())[:4])
-    if int(numbers["num_rotors"]) == len(four):
+    if numbers["num_rotors"] == 4:
         return SE3Control(dict(numbers))
-    square = {"num_rotors": 4, "rotor_pos": four, "rotor_directions": np.array([1, -1, 1, -1])}
-    pilot = SE3Control({**numbers, **square})
+    pilot = SE3Control(_four_of(numbers))
     hubs = np.array(list(numbers["rotor_pos"].values()))
-    per_thrust = numbers["k_m"] / numbers["k_eta"] * numbers["rotor_directions"]
-    pilot.f_to_TM = np.vstack([np.ones(len(hubs)), hubs[:, 1], -hubs[:, 0], per_thrust])
+    yaw = numbers["k_m"] / numbers["k_eta"] * numbers["rotor_directions"]
+    pilot.f_to_TM = np.vstack([np.ones(len(hubs)), hubs[:, 1], -hubs[:, 0], yaw])
     pilot.TM_to_f = np.linalg.pinv(pilot.f_to_TM)
     return pilot
 
@@ -348,8 +370,6 @@ def _fly(
     Runge and Kutta's fourth order on RotorPy's equations of motion, ten times faster than its own
     adaptive integration.
     """
-    from rotorpy.vehicles.multirotor import Multirotor
-
     first = path.update(0.0)
     half = 0.5 * float(first["yaw"])
     rotors = int(numbers["num_rotors"])
@@ -363,7 +383,7 @@ def _fly(
         "rotor_speeds": np.full(rotors, hover),
     }
     # the body alone is shifted: controller and file believe in the published hubs
-    vehicle, pilot = Multirotor(dict(numbers), state, aero=True), _pilot(numbers)
+    vehicle, pilot = _vehicle(numbers, state), _pilot(numbers)
     vehicle.rotor_geometry = vehicle.rotor_geometry - np.array([*design.shift_m, 0.0])
     without = _vehicles_without(design, numbers, state)
     rows = []
@@ -388,11 +408,10 @@ def _vehicles_without(
     design: Design, numbers: Mapping[str, Any], state: Mapping[str, np.ndarray]
 ) -> dict[str, Any]:
     """Return by name the vehicle that lacks this one effect; None for air that moves."""
-    from rotorpy.vehicles.multirotor import Multirotor
 
     def vehicle(off: Iterable[str], shift: Sequence[float]) -> Any:
         # as it flies but for the one effect
-        one = Multirotor(dict(numbers) | dict.fromkeys(off, 0.0), dict(state), aero=True)
+        one = _vehicle(dict(numbers) | dict.fromkeys(off, 0.0), state)
         one.rotor_geometry = one.rotor_geometry - np.array([*shift, 0.0])
         return one
 
@@ -445,7 +464,8 @@ def _step(
     vehicle: Any, state: Mapping[str, np.ndarray], control: Mapping[str, Any], dt: float
 ) -> dict[str, np.ndarray]:
     asked = np.clip(control["cmd_motor_speeds"], vehicle.rotor_speed_min, vehicle.rotor_speed_max)
-    s = vehicle._pack_state(state)
+    # in the order of its own packing, which has room for four rotors
+    s = np.concatenate([state[k] for k in ("x", "v", "q", "w", "wind", "rotor_speeds")])
     # the command is held over the step, as a speed controller does
     k1 = vehicle._s_dot_fn(0.0, s, asked)
     k2 = vehicle._s_dot_fn(0.0, s + 0.5 * dt * k1, asked)

@@ -636,8 +636,7 @@ def _acc(
     # as the acceleration of a force: in the declared mass
     declared = model.number("mass_kg")
     return {
-        n: windows.mean @ (declared * (flight.columns[c] - said[c]))
-        for n, c in columns.items()
+        n: windows.mean @ (declared * (flight.columns[c] - said[c])) for n, c in columns.items()
     }
 
 
