@@ -23,13 +23,14 @@ from ges.blind.noise import Air, Noise
 from ges.conventions import GRAVITY_M_S2
 
 VIBRATION_RMS = 0.6
-"""Root mean square of the four rotors' tones over their amplitude, folded down by the sampling."""
+"""Root mean square of four rotors' tones over their amplitude, folded down by the sampling."""
 AMPLITUDE_SD = 1.0
 """Doubt of how large the other true effects are, over their true size, where one is left out."""
 CHANNELS = {
     "force_N": 3,
     "moment_Nm": 3,
-    "speed_rad_s": 4,
+    # as many as there are rotors
+    "speed_rad_s": 0,
     "position_m": 3,
     "velocity_m_s": 3,
     "acceleration_m_s2": 3,
@@ -38,16 +39,17 @@ CHANNELS = {
     "range_m": 1,
 }
 Change = Mapping[str, np.ndarray]
-"""By channel of :data:`CHANNELS`, (n, width), what differs along a flight: force and moment in the
-body frame, rotor speeds, and what a faulty sensor adds to its reading (position and velocity in the
-world, acceleration, attitude and rates in the body). A channel that is left out does not differ."""
+"""By channel of :data:`CHANNELS`, (n, width), of rotor speeds (n, rotors), what differs along a
+flight: force and moment in the body frame, rotor speeds, and what a faulty sensor adds to its
+reading (position and velocity in the world, acceleration, attitude and rates in the body). A
+channel that is left out does not differ."""
 
 
 @dataclass(frozen=True)
 class Path:
     """One flown flight at the log's own times, noise-free.
 
-    ``rotation`` (n, 3, 3) body to world, ``thrust_N`` and ``speed_rad_s`` (n, 4),
+    ``rotation`` (n, 3, 3) body to world, ``thrust_N`` and ``speed_rad_s`` (n, rotors),
     ``speed_error_rad_s`` how well rotor speeds between samples follow from the log at best.
     ``changes`` are what the concealed effects did, by name; ``doubts`` (sd, change for one unit) of
     what the vehicle file declares, by name.
@@ -65,8 +67,8 @@ class Path:
 
 @dataclass(frozen=True)
 class Body:
-    """True mass, inertia (3,), rotor places (4, 3) from the centre of mass, yaw moment over thrust
-    of each rotor (4,)."""
+    """True mass, inertia (3,), rotor places (n, 3) from the centre of mass, yaw moment over thrust
+    of each rotor (n,)."""
 
     mass_kg: float
     inertia_kg_m2: np.ndarray
@@ -74,7 +76,7 @@ class Body:
     yaw_m: np.ndarray
 
     def wrench(self, thrust_N: np.ndarray) -> Change:
-        """Return force and moment of rotor thrusts (n, 4)."""
+        """Return force and moment of rotor thrusts (n, rotors)."""
         moment = thrust_N @ np.stack([self.rotor_m[:, 1], -self.rotor_m[:, 0], self.yaw_m], axis=1)
         force = np.zeros((len(thrust_N), 3))
         force[:, 2] = thrust_N.sum(axis=1)
@@ -163,10 +165,12 @@ def _biases(noise: Noise) -> list[tuple[str, np.ndarray, float]]:
 
 
 def _flight_gram(path: Path, body: Body, noise: Noise, columns: Sequence[Change]) -> np.ndarray:
-    n = len(path.thrust_N)
+    n, rotors = path.thrust_N.shape
     # a channel that a change leaves out is zero there
     parts = {
-        c: np.stack([np.broadcast_to(one.get(c, 0.0), (n, w)) for one in columns], axis=-1)
+        c: np.stack(
+            [np.broadcast_to(one.get(c, 0.0), (n, w or rotors)) for one in columns], axis=-1
+        )
         for c, w in CHANNELS.items()
     }
     to_world = "nij,njc->nic"
