@@ -7,6 +7,7 @@ from __future__ import annotations
 import ast
 import collections
 import dataclasses
+import json
 import subprocess
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from ges.blind.generator.airframe import CLASSES, DOUBTS, draw_airframe
 from ges.blind.generator.concealed import EVERY, NEUTRAL, PHYSICS
 from ges.blind.generator.sensing import Recorder
 from ges.blind.protocol import seal
+from ges.vehicle.file import load_vehicle
 
 BLIND = Path(generator.__file__).parents[1]
 GENERATOR = [
@@ -310,3 +312,21 @@ def test_streams_are_in_step(flown):
         logged = frame[[columns.format(a) for a in "xyz"]].to_numpy()
         off = [((record._at(name, d).T - logged) ** 2).sum() for d in shifts]
         assert abs(shifts[int(np.argmin(off))]) <= 1e-3
+
+
+@pytest.mark.parametrize(
+    ("frame", "names"),
+    [("hexa", ()), ("x8", ()), ("x8", ("coaxial_wake",)), ("hexa", ("payload",))],
+)
+def test_more_rotors_stay_up_and_can_be_told(frame, names, tmp_path):
+    spec = grid.Spec(0, "single" if names else "null", names, (1,) * len(names), frame=frame)
+    (tmp_path / "cases").mkdir()
+    (tmp_path / "sealed").mkdir()
+    make.fly_batch([spec], tmp_path, 3, lambda s, attempt: make.draw_case(s, "tiny", 3, attempt))
+    (case,) = (tmp_path / "cases").iterdir()
+    vehicle = load_vehicle(case / "vehicle.yaml")
+    assert len(vehicle.rotors) == {"hexa": 6, "x8": 8}[frame]
+    sealed = json.loads((tmp_path / "sealed" / f"{case.name}.json").read_text())
+    assert sealed["situation"]["rotors"] == len(vehicle.rotors)
+    told = sealed["detectable"]["without"]
+    assert told.keys() == set(names) and all(nats > 1.0 for nats in told.values())
