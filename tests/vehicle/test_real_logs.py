@@ -7,11 +7,12 @@ import pytest
 
 from ges.conventions import GRAVITY_M_S2, command
 from ges.errors import GesError
-from ges.recordings.readers import open_log
+from ges.recordings.readers import Options, open_log
 from ges.vehicle.drive import binned, normalised_thrust
 from ges.vehicle.file import load_vehicle
 from ges.vehicle.from_log import describe_log
 from ges.vehicle.propeller import Propeller
+from ges.vehicle.turning import turning
 
 COMMAND = command(4)
 
@@ -118,3 +119,13 @@ def test_a_vtol_and_a_flight_that_never_was_are_refused(recordings_dir):
     ):
         with pytest.raises(GesError, match=words):
             describe_log(open_log(recordings_dir / path), 1.0, Propeller.parse("10in"))
+
+
+def test_an_x8_turns_as_its_layout_says(recordings_dir):
+    """Two nominal flights: roll, pitch and yaw follow what eight motors are asked for."""
+    vehicle = load_vehicle("acsl-x8")
+    for stem in ("log_20240613_115633", "log_20240613_121802"):
+        log = open_log(recordings_dir / "acsl-x8" / f"{stem}.log", Options(mapping="acsl"))
+        seen = turning(log.frame())
+        assert (seen.agreement(vehicle.rotors) > 0.9).all()
+        assert not seen.contradicted(vehicle.rotors)
