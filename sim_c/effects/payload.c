@@ -60,7 +60,7 @@ EFFECT(payload) = {
         },
     .about = GES_PHYSICS,
     .feedback = GES_FEEDBACK_THRUST_GAIN,
-    .needs = "attitude",
+    .needs = "attitude voltage_or_rotor_speed",
     .search =
         {
          {.amplitudes = "mass_kg", .rule = "on_body", .axis = "x_m y_m"},

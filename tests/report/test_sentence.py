@@ -173,3 +173,13 @@ def test_nothing_proven_tells_the_number_that_moved(content):
     assert "farthest off is thrust scale: the flights ask for +9.0 %, 3.0 declared" in sentence_of(
         content
     )
+
+
+def test_nothing_proven_tells_the_error_that_stays_on_flights_that_took_no_part(content):
+    content |= {"verdict": "nothing_proven", "findings": [], "calibration": {}}
+    content["data"]["reference_scale"] = {"force": 19.0, "moment": 2.6}
+    content["fit"]["channels"] = {
+        "force_z_N": {"before": 20.2, "recalibrated": 14.7, "after": 14.7},
+        "moment_y_Nm": {"before": 0.3, "recalibrated": 0.2, "after": 0.2},
+    }
+    assert "the force along thrust stays 15 N off" in sentence_of(content)
