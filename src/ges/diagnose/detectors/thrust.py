@@ -14,6 +14,8 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from ges.diagnose.design.system import System, nuisance_of
 from ges.diagnose.estimate.fit import Joint, within_bounds
 from ges.diagnose.library.requirements import lacking
@@ -154,15 +156,20 @@ def unmeasured_thrust(joint: Joint, system: System) -> UnmeasuredThrust | None:
         if (key.split(".")[0] in rivals or rivals and key == SPEED)
         and (sd := nuisance_of(system.columns[k]).sd)
     }
+    # a voltage of each flight's own is one of the causes: what they have in the mean counts, too
+    own = {key: np.array([f.get(key, 0.0) for f in joint.by_flight]) for key in known}
+    off = {key: joint.common.get(key, 0.0) + float(own[key].mean()) for key in known}
     # in sds of what was known: the number farthest off takes the difference upon itself
-    far = {key: abs(joint.common.get(key, 0.0)) / sd for key, sd in known.items()}
+    far = {key: abs(off[key]) / sd for key, sd in known.items()}
     key = max(far, key=lambda k: far[k], default=None)
     if key is None or far[key] < settings.statistics.certain_sds:
         return None
     # a top speed as a share of the file's; a curve is wrong by its form as well
     unit = model.number(SPEED.split(".")[1]) if key == SPEED else 1.0
-    value, form = joint.common[key] / unit, settings.estimate.form_error if key == CURVE else 0.0
-    sd = math.hypot(joint.common_sd[key] / unit, form * value)
+    value, form = off[key] / unit, settings.estimate.form_error if key == CURVE else 0.0
+    # of these flights, and not of those to come: what they share, or how far they are apart
+    apart = own[key].std(ddof=1) / math.sqrt(len(flights)) if len(flights) > 1 else 0.0
+    sd = math.hypot((apart or joint.common_sd[key]) / unit, form * value)
     return UnmeasuredThrust(
         system, key, Estimate(value, interval95(value, sd), "1"), known[key] / unit, rivals
     )
