@@ -200,6 +200,8 @@ def test_acceptable_answers_are_all_combinations_of_what_is_true_as_well():
     assert other == {frozenset(s) for s in ("ab", "ac", "abc", "d", "bd", "cd", "bcd")}
     twice = Concealed(("weak_rotor",), places={"weak_rotor": ("rotor 1", "rotor 2")}).truth()
     assert [f["place"] for f in twice["findings"]] == ["rotor 1", "rotor 2"]
+    heavy = Concealed(("rotor_drag", "thrust_scale"), heavier=True).truth()
+    assert heavy["also_acceptable"] == [["payload", "rotor_drag"]]
     assert twice["category"] == "single" and Concealed().truth()["verdict"] == "nothing_proven"
 
 

@@ -67,6 +67,7 @@ class Design:
         return Concealed(
             tuple(names),
             "weak" if 0.0 < size < 0.5 and not self.wrong else "strong",
+            heavier=self.wrong.get("mass", 1.0) < 1.0,
             optional=tuple(optional),
             verdict="parameter" if parameter else "",
             category="parameter" if parameter else "",

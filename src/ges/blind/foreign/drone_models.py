@@ -71,6 +71,7 @@ class Design:
         return Concealed(
             tuple(names),
             "weak" if small else "strong",
+            heavier=self.wrong.get("mass", 1.0) < 1.0,
             optional=optional if "motor_lag" in names else (*optional, "motor_lag"),
             verdict="parameter" if parameter else "",
             category="parameter" if parameter else "",

@@ -64,6 +64,7 @@ class Design:
         return Concealed(
             names,
             "medium",
+            heavier=self.wrong.get("mass_kg", 1.0) < 1.0,
             optional=other,
             verdict="parameter" if parameter else "",
             category="parameter" if parameter else "",

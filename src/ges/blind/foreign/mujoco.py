@@ -131,6 +131,7 @@ class Design:
         return Concealed(
             names,
             "medium",
+            heavier=self.wrong.get("mass", 1.0) < 1.0,
             # a weight on a rope shifts neither thrust nor balance, but its mass is lifted
             optional=("thrust_scale",) if self.load else (),
             instead=instead,

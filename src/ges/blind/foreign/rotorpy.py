@@ -94,6 +94,7 @@ class Design:
         return Concealed(
             tuple(names),
             severity,
+            heavier=self.wrong.get("mass", 1.0) < 1.0,
             instead=instead,
             verdict="parameter" if parameter else "",
             category="parameter" if parameter else "single" if instead else "",

@@ -118,7 +118,8 @@ class Concealed:
     """What is true of a set: names, other answers that are as right, and how it is counted.
 
     ``optional`` are names that are true as well but small; ``instead`` whole answers that are as
-    right. ``verdict`` and ``category`` follow from the names where they are left out.
+    right. ``verdict`` and ``category`` follow from the names where they are left out. Of a vehicle
+    that is ``heavier`` than its file says, a payload is as right as a thrust that is less.
     """
 
     names: tuple[str, ...] = ()
@@ -130,6 +131,7 @@ class Concealed:
     places: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     note: str = ""
+    heavier: bool = False
 
     def truth(self) -> dict[str, Any]:
         """Return the contract's form, with the category beside it."""
@@ -150,11 +152,15 @@ class Concealed:
             for place in ([{"place": p} for p in self.places.get(n, ())] or [{}])
         ]
 
+    def _with_payload(self) -> list[tuple[str, ...]]:
+        changed = tuple("payload" if n == "thrust_scale" else n for n in self.names)
+        return [changed] if self.heavier else []
+
     def _other(self) -> list[list[str]]:
         # every choice of the small names, beside the answer itself or one that is as right
         whole = [
             sorted({*names, *more})
-            for names in (self.names, *self.instead)
+            for names in (self.names, *self._with_payload(), *self.instead)
             for size in range(len(self.optional) + 1)
             for more in itertools.combinations(self.optional, size)
         ]

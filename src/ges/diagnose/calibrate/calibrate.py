@@ -27,6 +27,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from ges.diagnose.decide.declared import words_of
+from ges.diagnose.design.speeds import with_turning_speeds
 from ges.diagnose.design.system import System, build, nuisance_of
 from ges.diagnose.detectors.balance import (
     CANT,
@@ -583,7 +584,9 @@ def calibrate(recordings: RecordingSet, *more: RecordingSet) -> Calibration:
             f"{len(flights)} usable reference flight; calibration needs two or more to see how much"
             " flights differ"
         )
-    numbers, spreads = _fit(flights, session, _opened(at_flown_voltage(model, flights), flights))
+    model = at_flown_voltage(model, flights)
+    flights = with_turning_speeds(flights, model)
+    numbers, spreads = _fit(flights, session, _opened(model, flights))
     update = _folded(recordings.vehicle, numbers) | {
         "effects": _effects(recordings.vehicle, numbers)
     }

@@ -317,7 +317,11 @@ def drives_of(
 
 
 def speeds_at_work(flight: Prepared, model: Model, effects: effect_table.Effects) -> np.ndarray:
-    """Rotor speeds that turn the air: measured, or made by the commands; (n, rotors) rad/s."""
+    """Rotor speeds that turn the air: expected, measured, or made by the commands; (n, rotors)
+    rad/s.
+    """
+    if flight.turning is not None:
+        return flight.turning
     if not flight.has("rotor_speed"):
         return driven_speeds([flight], model, effects)[0]
     measured = flight.stack("rotor_speed")

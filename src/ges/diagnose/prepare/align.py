@@ -97,6 +97,8 @@ class Prepared:
     path : position and velocity at which the model is asked, where not at the recorded ones; world,
         m and m/s.
     held : how long its commands are held.
+    turning : (n, rotors) rotor speeds at which the model is asked, rad/s, where not at the recorded
+        ones.
     """
 
     t_s: np.ndarray
@@ -109,6 +111,7 @@ class Prepared:
     path: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
     lifting: np.ndarray | None = None
     held: Held = dataclasses.field(default_factory=maybe_held)
+    turning: np.ndarray | None = None
 
     @property
     def driven(self) -> np.ndarray:
@@ -142,6 +145,14 @@ class Prepared:
         """Columns of a stream, (n, k)."""
         return np.stack([self.columns[name] for name in self.streams[stream]], axis=1)
 
+    @property
+    def drive_in_every_row(self) -> bool:
+        """Whether commands and rotor speeds bring news in every row."""
+        if not (self.has("command") and self.has("rotor_speed")):
+            return False
+        slowest_s = max(self.update_s[s] for s in ("command", "rotor_speed"))
+        return round(slowest_s / self.dt_s) <= 1
+
     def steps(self, longest_s: float) -> int:
         """Steps no longer than this between two samples."""
         return max(1, int(np.ceil(self.dt_s / longest_s)))
@@ -153,10 +164,11 @@ class Prepared:
             name: {key: values[rows] for key, values in getattr(self, name).items()}
             for name in ("columns", "excluded", "path")
         }
-        lifting = None if self.lifting is None else self.lifting[rows]
-        return self.replaced(
-            t_s=self.t_s[rows], flying=self.flying[rows], lifting=lifting, **of_rows
-        )
+        maybe = {
+            name: None if (values := getattr(self, name)) is None else values[rows]
+            for name in ("lifting", "turning")
+        }
+        return self.replaced(t_s=self.t_s[rows], flying=self.flying[rows], **maybe, **of_rows)
 
     def replaced(self, **changes: Any) -> Prepared:
         """A copy with other fields."""

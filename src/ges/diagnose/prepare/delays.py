@@ -187,7 +187,7 @@ def command_hold(flights: Sequence[Prepared]) -> Held:
     row, nothing shows at once, most a row later, and less from there on. A transport delay or a
     slow second pole looks like neither, and leaves it open.
     """
-    told = [f for f in flights if f.has("rotor_speed") and f.has("command") and _every_row(f)]
+    told = [f for f in flights if f.drive_in_every_row]
     if not told:
         return maybe_held()
     p = settings.prepare
@@ -200,12 +200,6 @@ def command_hold(flights: Sequence[Prepared]) -> Held:
     )
     held = fades and after < (1.0 - settings.statistics.least_gain) * then
     return Held(0.5, p.at_once_share) if held else maybe_held()
-
-
-def _every_row(flight: Prepared) -> bool:
-    """Whether commands and rotor speeds bring news in every row."""
-    slowest_s = max(flight.update_s[s] for s in ("command", "rotor_speed"))
-    return round(slowest_s / flight.dt_s) <= 1
 
 
 def _responses(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray]:

@@ -53,6 +53,15 @@ class Problem:
         """All that are used."""
         return [*self.train, *self.held_out.values()]
 
+    def with_flights(self, flights: Sequence[Prepared]) -> Problem:
+        """With these in the place of :attr:`flights`, in their order."""
+        some = iter(flights)
+        return dataclasses.replace(
+            self,
+            fitted={name: next(some) for name in self.fitted},
+            held_out={name: next(some) for name in self.held_out},
+        )
+
 
 def pose_problem(
     recordings: Recordings,
