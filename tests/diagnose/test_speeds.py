@@ -5,7 +5,7 @@ import pytest
 
 from ges.diagnose.design.speeds import expected_speeds
 
-NOISE_RAD_S = 3.0
+NOISE_RAD_S, DT_S = 3.0, 0.005
 
 
 def _made(rng, n=3000, rotors=4):
@@ -28,7 +28,7 @@ def test_noise_goes_and_a_wrong_lag_stays(late_rows):
     rng = np.random.default_rng(1)
     made = _made(rng)
     true = _lagged(made, late_rows) + 12.0
-    found = expected_speeds(true + rng.normal(0.0, NOISE_RAD_S, made.shape), made)
+    found = expected_speeds(true + rng.normal(0.0, NOISE_RAD_S, made.shape), made, DT_S)
     inner = slice(50, -50)
     assert np.std((found - true)[inner]) < 0.4 * NOISE_RAD_S
     assert abs(np.mean((found - true)[inner])) < 0.1
@@ -39,7 +39,7 @@ def test_what_the_commands_do_not_say_is_taken_from_the_readings():
     made = _made(rng)
     true = made.copy()
     true[1000:2000, 2] *= 0.9
-    found = expected_speeds(true + rng.normal(0.0, 1.0, made.shape), made)
+    found = expected_speeds(true + rng.normal(0.0, 1.0, made.shape), made, DT_S)
     assert np.sqrt(np.mean((found - true)[:, 2] ** 2)) < 1.0
     assert np.allclose(found[1200:1800, 2].mean(), true[1200:1800, 2].mean(), atol=0.5)
 
@@ -47,4 +47,4 @@ def test_what_the_commands_do_not_say_is_taken_from_the_readings():
 def test_readings_without_noise_are_what_was():
     made = _made(np.random.default_rng(3))
     true = _lagged(made, 4.0)
-    assert np.std(expected_speeds(true, made) - true) < 0.02 * np.std(true - made)
+    assert np.std(expected_speeds(true, made, DT_S) - true) < 0.02 * np.std(true - made)

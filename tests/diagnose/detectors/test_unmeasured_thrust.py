@@ -33,7 +33,7 @@ def _system(flight=COMMANDED, doubts=((SCALE, 0.05), (CURVE, 0.03))):
 
 def _joint(**common):
     named = {key.replace("__", "."): value for key, value in common.items()}
-    return Joint(*[np.zeros(0)] * 3, 0.0, named, dict.fromkeys(named, 0.01), ())
+    return Joint(*[np.zeros(0)] * 3, 0.0, named, dict.fromkeys(named, 0.01), ({},))
 
 
 def test_thrust_that_is_far_beyond_its_doubt_is_told_with_all_that_may_do_it():
@@ -69,7 +69,7 @@ def test_where_the_log_tells_the_cause_nothing_is_unmeasured():
 
 def test_a_top_speed_is_told_as_a_share_of_it():
     system = _system(hovering(), ((SPEED, 30.0),))
-    joint = Joint(*[np.zeros(0)] * 3, 0.0, {SPEED: 200.0}, {SPEED: 10.0}, ())
+    joint = Joint(*[np.zeros(0)] * 3, 0.0, {SPEED: 200.0}, {SPEED: 10.0}, ({},))
     found = unmeasured_thrust(joint, system)
     assert found.excess.value == pytest.approx(0.2) and found.known_sd == pytest.approx(0.03)
     assert "Rotor speeds at the same commands are 20 +- 2.0 % higher" in found.sentence()
@@ -143,3 +143,16 @@ def test_a_delay_that_clocks_usually_have_is_no_fault(delay_s, doubts, told):
     """Usual is 3 ms; beyond doubt are four sds, as of every declared number."""
     gate = Gate((), (), (), Delay("attitude", delay_s, 0.0005, 0.99))
     assert [f.name for f in settled_findings(gate, doubts)] == told
+
+
+def test_a_thrust_of_each_flight_s_own_counts_in_the_mean():
+    system = _system()
+    system = dataclasses.replace(system, flights=system.flights * 2)
+    joint = dataclasses.replace(
+        _joint(thrust_scale__scale=-0.05),
+        by_flight=({SCALE: -0.24}, {SCALE: -0.26}),
+    )
+    found = unmeasured_thrust(joint, system)
+    # half a range of two is their mean's standard error: (.26 - .24) / 2
+    assert found.excess.value == pytest.approx(-0.3)
+    assert found.excess.ci95 == pytest.approx((-0.3 - 0.0196, -0.3 + 0.0196))

@@ -8,6 +8,7 @@ takes the place of the readings (regression calibration: Carroll, Ruppert, Stefa
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,10 +17,8 @@ from scipy.signal import lfilter
 
 from ges.diagnose.design.residual import driven_speeds
 from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
-
-LAG_GAINS = (0.5, 0.25, 0.125, 0.0625, 0.03125)
-"""Of the averages that span lags: from two rows of the log to thirty, an octave apart."""
 
 
 def with_turning_speeds(flights: Sequence[Prepared], model: Model) -> list[Prepared]:
@@ -33,21 +32,22 @@ def with_turning_speeds(flights: Sequence[Prepared], model: Model) -> list[Prepa
     told = [f for f in flights if f.drive_in_every_row]
     made = iter(driven_speeds(told, model, {}) if told else ())
     return [
-        f.replaced(turning=expected_speeds(f.stack("rotor_speed"), next(made)))
+        f.replaced(turning=expected_speeds(f.stack("rotor_speed"), next(made), f.dt_s))
         if f.drive_in_every_row
         else f
         for f in flights
     ]
 
 
-def expected_speeds(read: np.ndarray, made: np.ndarray) -> np.ndarray:
-    """Rotor speeds given their readings and what the commands make of them, (n, rotors) rad/s each.
+def expected_speeds(read: np.ndarray, made: np.ndarray, dt_s: float) -> np.ndarray:
+    """Rotor speeds given their readings and what the commands make of them, (n, rotors) rad/s each,
+    ``dt_s`` apart.
 
     A reading is w_made + sum_j c_j b_j + level + noise: the level walks at random, and b is what
     another lag would add. That is spanned by exponential averages of w_made, as in Laguerre models
     (Wahlberg 1991, IEEE Trans. Autom. Control 36, 551), and its rate where it rises.
     """
-    off, lags = read - made, [_lags(w) for w in made.T]
+    off, lags = read - made, [_lags(w, dt_s) for w in made.T]
     # one drive for all rotors, by normal equations: logs may be long
     gram = sum(b.T @ b for b in lags)
     right = sum(b.T @ (e - e.mean()) for b, e in zip(lags, off.T, strict=True))
@@ -56,10 +56,14 @@ def expected_speeds(read: np.ndarray, made: np.ndarray) -> np.ndarray:
     return lagged + np.stack([_level(e) for e in (read - lagged).T], axis=1)
 
 
-def _lags(made: np.ndarray) -> np.ndarray:
-    """What another lag adds to a speed (n,), (n, k), about its mean."""
-    once = [_filtered(made, gain) for gain in LAG_GAINS]
-    twice = [_filtered(w, gain) for w, gain in zip(once, LAG_GAINS, strict=True)]
+def _lags(made: np.ndarray, dt_s: float) -> np.ndarray:
+    """What another lag adds to a speed (n,), (n, k), about its mean: averages over two rows and
+    more, an octave apart, up to the shortest window.
+    """
+    octaves = math.ceil(math.log2(settings.design.window_shortest_s / dt_s))
+    gains = [0.5**k for k in range(1, octaves + 1)]
+    once = [_filtered(made, gain) for gain in gains]
+    twice = [_filtered(w, gain) for w, gain in zip(once, gains, strict=True)]
     added = np.stack(
         [*(w - made for w in (*once, *twice)), np.maximum(np.gradient(made), 0.0)], axis=1
     )

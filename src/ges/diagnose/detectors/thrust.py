@@ -157,8 +157,11 @@ def unmeasured_thrust(joint: Joint, system: System) -> UnmeasuredThrust | None:
         and (sd := nuisance_of(system.columns[k]).sd)
     }
     # a voltage of each flight's own is one of the causes: what they have in the mean counts, too
-    own = {key: np.array([f.get(key, 0.0) for f in joint.by_flight]) for key in known}
-    off = {key: joint.common.get(key, 0.0) + float(own[key].mean()) for key in known}
+    total = {
+        key: joint.common.get(key, 0.0) + np.array([f.get(key, 0.0) for f in joint.by_flight])
+        for key in known
+    }
+    off = {key: float(told.mean()) for key, told in total.items()}
     # in sds of what was known: the number farthest off takes the difference upon itself
     far = {key: abs(off[key]) / sd for key, sd in known.items()}
     key = max(far, key=lambda k: far[k], default=None)
@@ -168,7 +171,7 @@ def unmeasured_thrust(joint: Joint, system: System) -> UnmeasuredThrust | None:
     unit = model.number(SPEED.split(".")[1]) if key == SPEED else 1.0
     value, form = off[key] / unit, settings.estimate.form_error if key == CURVE else 0.0
     # of these flights, and not of those to come: what they share, or how far they are apart
-    apart = own[key].std(ddof=1) / math.sqrt(len(flights)) if len(flights) > 1 else 0.0
+    apart = total[key].std(ddof=1) / math.sqrt(len(flights)) if len(flights) > 1 else 0.0
     sd = math.hypot((apart or joint.common_sd[key]) / unit, form * value)
     return UnmeasuredThrust(
         system, key, Estimate(value, interval95(value, sd), "1"), known[key] / unit, rivals
