@@ -204,3 +204,13 @@ def test_a_command_that_may_be_held_is_late_by_the_mean_of_both_and_as_doubtful(
     draws = np.where(np.random.default_rng(0).random(200_000) < p, 0.5, 0.0)
     assert held.late == pytest.approx(draws.mean(), abs=3e-3)
     assert held.sd == pytest.approx(draws.std(), abs=3e-3)
+
+
+def test_a_faster_stream_is_averaged_and_what_is_too_fast_for_the_grid_stays_out():
+    t_s = np.arange(0.0, 6.0, 0.001)
+    # 190 Hz would fold to 10 Hz on a grid of 5 ms
+    slow, fast = np.sin(2.0 * t_s), np.sin(2.0 * np.pi * 190.0 * t_s)
+    flight = regrid(pd.DataFrame({"t_s": t_s, "p_z_m": slow + fast}), 0.005)
+    inner = slice(2, -2)
+    left = flight.columns["p_z_m"] - np.sin(2.0 * flight.t_s)
+    assert np.abs(left[inner]).max() < 0.1 and np.abs(fast[::5]).max() > 0.9

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.interpolate import make_interp_spline
 from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter
 
 from ges.conventions import (
@@ -227,7 +228,24 @@ def _regrid(t_s: np.ndarray, values: np.ndarray, grid_s: np.ndarray) -> tuple[np
     on_grid = np.stack(
         [np.interp(grid_s, t_s[knots], values[knots, k]) for k in range(values.shape[1])], axis=1
     )
-    return on_grid, float(np.median(np.diff(t_s[fresh])))
+    every_s, step_s = float(np.median(np.diff(t_s[fresh]))), float(grid_s[1] - grid_s[0])
+    # points of a faster stream would fold its noise and the rotors' vibration into what is slow
+    if every_s < step_s:
+        on_grid = _averaged(t_s[knots], values[knots], grid_s, step_s, on_grid)
+    return on_grid, every_s
+
+
+def _averaged(
+    t_s: np.ndarray, values: np.ndarray, grid_s: np.ndarray, step_s: float, points: np.ndarray
+) -> np.ndarray:
+    """Means of straight lines between values over the step about every time of a grid; ``points``
+    where not all of it is known.
+    """
+    area = make_interp_spline(t_s, values, k=1).antiderivative()
+    start, end = grid_s - 0.5 * step_s, grid_s + 0.5 * step_s
+    known = (start >= t_s[0]) & (end <= t_s[-1])
+    points[known] = (area(end[known]) - area(start[known])) / step_s
+    return points
 
 
 def _continuous(q: np.ndarray) -> np.ndarray:
