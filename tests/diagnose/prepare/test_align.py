@@ -214,3 +214,15 @@ def test_a_faster_stream_is_averaged_and_what_is_too_fast_for_the_grid_stays_out
     inner = slice(2, -2)
     left = flight.columns["p_z_m"] - np.sin(2.0 * flight.t_s)
     assert np.abs(left[inner]).max() < 0.1 and np.abs(fast[::5]).max() > 0.9
+
+
+@pytest.mark.parametrize("row_s", [0.005, 0.01])
+def test_rows_as_fast_as_the_grid_are_taken_as_they_are_however_their_times_round(row_s):
+    rng = np.random.default_rng(4)
+    for start_s in np.arange(0.1, 20.0, 0.7):
+        t_s = start_s + row_s * np.arange(900)
+        values = rng.normal(0.0, 1.0, len(t_s))
+        frame = pd.DataFrame({"t_s": t_s, "p_z_m": values})
+        flight = regrid(frame, grid_step_s(frame))
+        read = np.interp(flight.t_s, t_s, values)
+        np.testing.assert_array_equal(flight.columns["p_z_m"], read)

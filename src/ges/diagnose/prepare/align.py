@@ -216,8 +216,12 @@ def _held_ends(t_s: np.ndarray, rows: np.ndarray) -> np.ndarray:
     return np.unique(np.r_[rows, before_next[stood]])
 
 
-def _regrid(t_s: np.ndarray, values: np.ndarray, grid_s: np.ndarray) -> tuple[np.ndarray, float]:
-    """A stream between its new values, straight lines; and the median time between them."""
+def _regrid(
+    t_s: np.ndarray, values: np.ndarray, grid_s: np.ndarray, mean_s: float
+) -> tuple[np.ndarray, float]:
+    """A stream between its new values, straight lines, or their means over ``mean_s`` where news
+    comes faster; and the median time between them.
+    """
     fresh = np.flatnonzero(_fresh(values))
     # one value for the whole flight: nothing to interpolate, and no time between news
     if len(fresh) < 2:
@@ -228,23 +232,22 @@ def _regrid(t_s: np.ndarray, values: np.ndarray, grid_s: np.ndarray) -> tuple[np
     on_grid = np.stack(
         [np.interp(grid_s, t_s[knots], values[knots, k]) for k in range(values.shape[1])], axis=1
     )
-    every_s, step_s = float(np.median(np.diff(t_s[fresh]))), float(grid_s[1] - grid_s[0])
-    # points of a faster stream would fold its noise and the rotors' vibration into what is slow
-    if every_s < step_s:
-        on_grid = _averaged(t_s[knots], values[knots], grid_s, step_s, on_grid)
+    every_s = float(np.median(np.diff(t_s[fresh])))
+    if every_s < mean_s:
+        on_grid = _averaged(t_s[knots], values[knots], grid_s, mean_s, on_grid)
     return on_grid, every_s
 
 
 def _averaged(
-    t_s: np.ndarray, values: np.ndarray, grid_s: np.ndarray, step_s: float, points: np.ndarray
+    t_s: np.ndarray, values: np.ndarray, grid_s: np.ndarray, mean_s: float, points: np.ndarray
 ) -> np.ndarray:
-    """Means of straight lines between values over the step about every time of a grid; ``points``
+    """Means of straight lines between values over ``mean_s`` about every time of a grid; ``points``
     where not all of it is known.
     """
     area = make_interp_spline(t_s, values, k=1).antiderivative()
-    start, end = grid_s - 0.5 * step_s, grid_s + 0.5 * step_s
+    start, end = grid_s - 0.5 * mean_s, grid_s + 0.5 * mean_s
     known = (start >= t_s[0]) & (end <= t_s[-1])
-    points[known] = (area(end[known]) - area(start[known])) / step_s
+    points[known] = (area(end[known]) - area(start[known])) / mean_s
     return points
 
 
@@ -290,6 +293,10 @@ def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
             " sort the recording"
         )
     grid = np.arange(t_s[0], t_s[-1], step_s)
+    # points of faster rows would fold their noise and the rotors' vibration into what is slow; rows
+    # no faster are not smoothed, however their times round
+    row_s = np.median(np.diff(t_s))
+    mean_s = step_s if row_s < step_s and not np.isclose(row_s, step_s) else 0.0
     columns: dict[str, np.ndarray] = {}
     update: dict[str, float] = {}
     for stream, names in streams(rotors_in(frame.columns) or 1).items():
@@ -301,7 +308,7 @@ def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
         for group in groups:
             values = frame[group].to_numpy(dtype=float)
             values = _continuous(values) if stream == "attitude" else values
-            on_grid, every = _regrid(t_s, values, grid)
+            on_grid, every = _regrid(t_s, values, grid, mean_s)
             columns.update(zip(group, on_grid.T, strict=True))
             # the slowest axis sets the update time; one that stands still says nothing of it
             update[stream] = (
