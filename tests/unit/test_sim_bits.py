@@ -146,7 +146,7 @@ def test_each_width_keeps_to_its_instructions():
         allowed = next(pattern for end, pattern in wider.items() if unit.name.endswith(end))
         listing = subprocess.run(["objdump", "-d", unit], capture_output=True, text=True).stdout
         assert not re.search(allowed, listing), unit.name
-    wide = {n: (ROOT / f"build/obj/kernel_w{n}.o").read_bytes() for n in (4, 8)}
+    wide = {n: (ROOT / f"build/obj/kernel_r4_w{n}.o").read_bytes() for n in (4, 8)}
     assert wide[4] != wide[8]
 
 
