@@ -507,10 +507,11 @@ static void drive_rates(lanes_t *l, const vd *y, vd *dy) {
   vd up = 1.0 / lane_max(d.lag_up, l->dt), down = 1.0 / lane_max(d.lag_down, l->dt); /* faster than a step: one step */
   for (int i = 0; i < ROTORS_OF(s); i++) {
     vd change = d.speed[i] - s->speed[i];
-    s->speed_rate[i] = change * sel(GT(change, all_lanes(0.0)), up, down);
+    vd rate = sel(GT(change, all_lanes(0.0)), up, down);
 #if GES_GENERAL
-    s->speed_rate[i] = change * lane_min(sel(GT(change, all_lanes(0.0)), up, down) * s->inverse_lag_share[i], 1.0 / l->dt);
+    rate = lane_min(rate * s->inverse_lag_share[i], 1.0 / l->dt);
 #endif
+    s->speed_rate[i] = change * rate;
     dy[Y_SPEED + i] = controllers[l->plan->control].speeds_imposed ? all_lanes(0.0) : s->speed_rate[i];
   }
 }

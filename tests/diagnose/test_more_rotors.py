@@ -1,15 +1,13 @@
 """What is planted in a hexarotor and in an X8 is found there, at its rotor, and nothing else."""
 
-import numpy as np
 import pytest
 
 import ges
 from ges.conventions import command
-from ges.simulator import manoeuvres
 from ges.vehicle.airframe import from_layout
 from ges.vehicle.propeller import Propeller
 
-from .test_planted import LOGGED, ORDINARY
+from .test_planted import LOGGED, recordings_of
 
 
 @pytest.fixture(scope="module")
@@ -29,15 +27,8 @@ def vehicles(sheet):
 
 
 def _diagnosed(flown, vehicle, planted):
-    rotors, frames = len(vehicle.rotors), []
-    logged = (*LOGGED, *command(rotors)[4:])
-    for seed, (plan, numbers) in enumerate(ORDINARY, 1):
-        table = manoeuvres.MENU[plan](*numbers)
-        frame, asked = flown(vehicle, planted, table, seed, logged), manoeuvres.to_frame(table)
-        excitation = {
-            c: np.interp(frame["t_s"], asked["t_s"], asked[c]) for c in manoeuvres.COLUMNS[10:]
-        }
-        frames.append(frame.assign(**excitation))
+    logged = (*LOGGED, *command(len(vehicle.rotors))[4:])
+    frames = recordings_of(flown, vehicle, planted, logged=logged)
     return ges.diagnose(frames, vehicle, holdout=["flight5"])
 
 

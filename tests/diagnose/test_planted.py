@@ -153,12 +153,12 @@ def vehicle(sheet):
     )
 
 
-def _recordings(flown, vehicle, effects, plans=ORDINARY):
+def recordings_of(flown, vehicle, effects, plans=ORDINARY, logged=LOGGED):
     """Every manoeuvre once, the references and the excitation logged."""
     frames = []
     for seed, (plan, numbers) in enumerate(plans, 1):
         table = manoeuvres.MENU[plan](*numbers)
-        frame, asked = flown(vehicle, effects, table, seed, LOGGED), manoeuvres.to_frame(table)
+        frame, asked = flown(vehicle, effects, table, seed, logged), manoeuvres.to_frame(table)
         excitation = {
             c: np.interp(frame["t_s"], asked["t_s"], asked[c]) for c in manoeuvres.COLUMNS[10:]
         }
@@ -172,7 +172,7 @@ def diagnosed(flown, vehicle):
 
     @functools.cache
     def make(name: str) -> Diagnosis:
-        flights = _recordings(flown, vehicle, PLANTED[name], WHERE.get(name, ORDINARY))
+        flights = recordings_of(flown, vehicle, PLANTED[name], WHERE.get(name, ORDINARY))
         return ges.diagnose(flights, vehicle, holdout=["flight5"])
 
     return make
@@ -182,7 +182,7 @@ def diagnosed(flown, vehicle):
 def test_a_cushion_that_any_speed_takes_away_is_one_that_fades(flown, vehicle):
     """Three was as far as the library went, and what ran to its bound did not stand."""
     fades = {**CUSHION, "ground_effect_forward_flight": {"c": 5.0}}
-    found = ges.diagnose(_recordings(flown, vehicle, fades, LOW), vehicle, holdout=["flight5"])
+    found = ges.diagnose(recordings_of(flown, vehicle, fades, LOW), vehicle, holdout=["flight5"])
     assert {f.name for f in found.findings} == set(fades), found.sentence
 
 
@@ -207,7 +207,7 @@ def test_planted_effect_is_found(name, diagnosed):
 @pytest.mark.slow
 def test_two_cut_propellers_are_two_findings_with_their_places(flown, vehicle):
     lost = {"loss_1": 0.1, "loss_3": 0.16}
-    flights = _recordings(flown, vehicle, {"weak_rotor": lost})
+    flights = recordings_of(flown, vehicle, {"weak_rotor": lost})
     found = ges.diagnose(flights, vehicle, holdout=["flight5"])
     assert [f.name for f in found.findings] == ["weak_rotor", "weak_rotor"], found.sentence
     assert {f.place for f in found.findings} == {"rotor 1", "rotor 3"}
@@ -218,7 +218,7 @@ def test_two_cut_propellers_are_two_findings_with_their_places(flown, vehicle):
 @pytest.fixture(scope="module")
 def nothing(flown, vehicle):
     """The diagnosis of flights in which nothing is planted."""
-    return ges.diagnose(_recordings(flown, vehicle, {}), vehicle, holdout=["flight5"])
+    return ges.diagnose(recordings_of(flown, vehicle, {}), vehicle, holdout=["flight5"])
 
 
 @pytest.mark.slow
@@ -237,7 +237,7 @@ def test_a_lag_as_large_as_would_have_been_seen_is_found(name, parameters, nothi
     """
     size = 1.1 * nothing.detectable[name]["smallest"]
     found = ges.diagnose(
-        _recordings(flown, vehicle, {name: dict.fromkeys(parameters, size)}),
+        recordings_of(flown, vehicle, {name: dict.fromkeys(parameters, size)}),
         vehicle,
         holdout=["flight5"],
     )
@@ -275,7 +275,7 @@ def _taken_off(frame: pd.DataFrame, vehicle, share: float) -> pd.DataFrame:
 def test_a_ceiling_that_only_a_take_off_reaches_is_found(flown, vehicle):
     """What a drive does counts on the ground, too, while it lifts; all else there is left out."""
     calm = (*ORDINARY[:2], ("height_staircase", (20.0, 0.5, 1.5)), ORDINARY[4], ORDINARY[4])
-    flights = _recordings(flown, vehicle, {}, calm)
+    flights = recordings_of(flown, vehicle, {}, calm)
     reached = [_taken_off(f, vehicle, 0.8) if i < 2 else f for i, f in enumerate(flights)]
     found = ges.diagnose(reached, vehicle, holdout=["flight5"])
     assert [f.name for f in found.findings] == ["rotor_saturation"], found.sentence
@@ -290,7 +290,7 @@ def test_a_ceiling_that_only_a_take_off_reaches_is_found(flown, vehicle):
 def test_an_airframe_that_meets_the_climb_with_its_plan_is_no_inflow(flown, vehicle):
     """Twice the drag along thrust is the airframe's own, not a loss of thrust when climbing."""
     drag = {"parasitic_drag": {"area_m2": 0.15, "vertical_ratio": 2.0}}
-    found = ges.diagnose(_recordings(flown, vehicle, drag), vehicle, holdout=["flight5"])
+    found = ges.diagnose(recordings_of(flown, vehicle, drag), vehicle, holdout=["flight5"])
     assert [f.name for f in found.findings] == ["parasitic_drag"], found.sentence
     assert found.findings[0].parameters["vertical_ratio"].value == pytest.approx(2.0, rel=0.1)
 
@@ -302,14 +302,14 @@ def test_an_airframe_that_meets_the_climb_with_its_plan_is_no_inflow(flown, vehi
 def test_in_a_wind_a_drag_keeps_its_name(drag, flown, vehicle):
     """In steady air of 4 m/s what is quadratic in it is nearly linear in the motion."""
     blown = {**drag, "wind": {"east_m_s": 3.5, "north_m_s": -2.0}}
-    found = ges.diagnose(_recordings(flown, vehicle, blown), vehicle, holdout=["flight5"])
+    found = ges.diagnose(recordings_of(flown, vehicle, blown), vehicle, holdout=["flight5"])
     assert {f.name for f in found.findings} == set(blown), found.sentence
 
 
 @pytest.mark.slow
 def test_air_that_hardly_moves_is_no_wind(flown, vehicle):
     breath = {"rotor_drag": {"k_kg": 2e-4}, "wind": {"east_m_s": 0.2, "north_m_s": 0.0}}
-    found = ges.diagnose(_recordings(flown, vehicle, breath), vehicle, holdout=["flight5"])
+    found = ges.diagnose(recordings_of(flown, vehicle, breath), vehicle, holdout=["flight5"])
     assert [f.name for f in found.findings] == ["rotor_drag"], found.sentence
 
 
@@ -317,7 +317,7 @@ def test_air_that_hardly_moves_is_no_wind(flown, vehicle):
 def test_a_rangefinder_that_sees_no_ground_for_a_while_is_held_against_the_height_all_the_same(
     flown, vehicle
 ):
-    flights = _recordings(flown, vehicle, PLANTED["rangefinder_bias"])
+    flights = recordings_of(flown, vehicle, PLANTED["rangefinder_bias"])
     gone = [
         f.assign(range_m=f["range_m"].where((f["t_s"] < 5.0) | (f["t_s"] > 8.0))) for f in flights
     ]
@@ -331,7 +331,7 @@ def test_a_load_is_found_in_flights_that_begin_in_mid_swing(flown, vehicle):
     load = {"mass_kg": 0.12, "length_m": 0.5}
     flights = [
         f[f["t_s"] >= 7.3].reset_index(drop=True)
-        for f in _recordings(flown, vehicle, {"slung_load": load}, ROOM)
+        for f in recordings_of(flown, vehicle, {"slung_load": load}, ROOM)
     ]
     found = ges.diagnose(flights, vehicle, holdout=["flight5"])
     assert [f.name for f in found.findings] == ["slung_load"], found.sentence
@@ -347,7 +347,7 @@ def test_what_shakes_one_flight_of_four_does_not_hide_as_its_noise(flown, vehicl
     """
     plans = (*ORDINARY[:3], ("multisine", (25.0,)), ORDINARY[4])
     reaction = {"rotor_inertia_reaction": {"inertia_kg_m2": 1e-4}}
-    flights = _recordings(flown, vehicle, reaction, plans)
+    flights = recordings_of(flown, vehicle, reaction, plans)
     flights = [f.drop(columns=[c for c in f if c.startswith("rotor_speed")]) for f in flights]
     found = ges.diagnose(flights, vehicle, holdout=["flight5"])
     assert [f.name for f in found.findings] == ["rotor_inertia_reaction"], found.sentence
@@ -360,7 +360,7 @@ def test_a_name_that_strains_the_declared_numbers_takes_no_true_one_along(flown,
     declared; the drag is true.
     """
     plans = [(plan, (60.0, *numbers[1:])) for plan, numbers in ORDINARY if plan != "climbs"]
-    found = ges.diagnose(_recordings(flown, vehicle, DRAG, plans), vehicle, holdout=["flight4"])
+    found = ges.diagnose(recordings_of(flown, vehicle, DRAG, plans), vehicle, holdout=["flight4"])
     assert [f.name for f in found.findings] == ["rotor_drag"], found.sentence
     assert found.findings[0].parameters["k_kg"].value == pytest.approx(
         DRAG["rotor_drag"]["k_kg"], rel=0.05
@@ -376,7 +376,9 @@ def test_a_load_that_is_dragged_over_the_ground_is_found_with_its_thread(flown, 
     hub = {"attach_x_m": -0.12, "attach_y_m": 0.12}
     load = {"mass_kg": 0.06, "length_m": 0.8, **hub, "start_x_m": start_x_m}
     found = ges.diagnose(
-        _recordings(flown, vehicle, {"slung_load": load}, JUST_ABOVE), vehicle, holdout=["flight5"]
+        recordings_of(flown, vehicle, {"slung_load": load}, JUST_ABOVE),
+        vehicle,
+        holdout=["flight5"],
     )
     assert [f.name for f in found.findings] == ["slung_load"], found.sentence
     told = {name: e.value for name, e in found.vehicle.effects["slung_load"].items()}
@@ -390,7 +392,7 @@ def test_a_load_that_is_dragged_over_the_ground_is_found_with_its_thread(flown, 
 @pytest.mark.parametrize("roughness_m", [0.0, 0.05])
 def test_a_wind_is_told_with_how_it_grows_with_height(roughness_m, flown, vehicle):
     blows = {**DRAG, "wind": {"east_m_s": 3.0, "north_m_s": 1.5, "roughness_m": roughness_m}}
-    found = ges.diagnose(_recordings(flown, vehicle, blows), vehicle, holdout=["flight5"])
+    found = ges.diagnose(recordings_of(flown, vehicle, blows), vehicle, holdout=["flight5"])
     told = next(f for f in found.findings if f.name == "wind").parameters
     assert told["east_m_s"].value == pytest.approx(3.0, rel=0.1) and told[
         "north_m_s"
@@ -402,7 +404,7 @@ def test_a_wind_is_told_with_how_it_grows_with_height(roughness_m, flown, vehicl
 @pytest.mark.slow
 def test_a_noisy_reading_of_the_voltage_makes_no_smaller_sag(flown, vehicle):
     """Noise of 1 %: taken as read it makes a sensitivity of 0.8 one of 0.53."""
-    flights = _recordings(flown, vehicle, PLANTED["battery_sag"])
+    flights = recordings_of(flown, vehicle, PLANTED["battery_sag"])
     noise = np.random.default_rng(0)
     noisy = [f.assign(battery_V=f["battery_V"] + noise.normal(0.0, 0.16, len(f))) for f in flights]
     (finding,) = ges.diagnose(noisy, vehicle, holdout=["flight5"]).findings
@@ -427,7 +429,7 @@ def gusty(flown, vehicle):
             for k, _ in enumerate(ORDINARY, 7)
         ]
         return [
-            _recordings(flown, vehicle, {**DRAG, **blowing, **g}, [plan])[0]
+            recordings_of(flown, vehicle, {**DRAG, **blowing, **g}, [plan])[0]
             for g, plan in zip(gusts, ORDINARY, strict=True)
         ]
 
@@ -494,7 +496,7 @@ def over_ledges(sheet, vehicle, tmp_path):
 def test_partial_ground_effect_is_found_over_ledges(flown, over_ledges):
     effects = {**CUSHION, "partial_ground_effect": {"k": 1.0}}
     found = ges.diagnose(
-        _recordings(flown, over_ledges, effects, LEDGES), over_ledges, holdout=["flight5"]
+        recordings_of(flown, over_ledges, effects, LEDGES), over_ledges, holdout=["flight5"]
     )
     assert {f.name for f in found.findings} == set(effects), found.sentence
 
@@ -503,7 +505,7 @@ def test_where_a_leaning_beam_falls_speaks_about_no_error_of_the_attitude(flown,
     """A rangefinder sees a patch, the model a point: of a bias of 50 mrad the forces speak
     alone.
     """
-    (frame,) = _recordings(flown, over_ledges, {}, LEDGES[1:2])
+    (frame,) = recordings_of(flown, over_ledges, {}, LEDGES[1:2])
     model = from_vehicle(over_ledges, ".")
     flight = prepare(frame, model)
     windows, biased = (
@@ -525,7 +527,7 @@ def test_a_late_pose_is_a_time_offset(flown, vehicle):
     late = [*POSE[1:], "q_w", "q_x", "q_y", "q_z"]
     flights = [
         f.assign(**{c: np.interp(f["t_s"] - 0.03, f["t_s"], f[c]) for c in late})
-        for f in _recordings(flown, vehicle, {})
+        for f in recordings_of(flown, vehicle, {})
     ]
     found = ges.diagnose(flights, vehicle, holdout=["flight5"])
     assert [f.name for f in found.findings] == ["time_offset"], found.sentence

@@ -467,7 +467,7 @@ class Samples:
     """
 
     data: np.ndarray
-    n_rotors: int = 4
+    n_rotors: int
 
     @property
     def rows(self) -> dict[str, int]:
@@ -528,7 +528,7 @@ class Replay:
     """
 
     data: np.ndarray
-    n_rotors: int = 4
+    n_rotors: int
 
     def __getitem__(self, name: str) -> np.ndarray:
         rows = replay_rows(self.n_rotors)
@@ -591,14 +591,13 @@ def replay_each(
     """:func:`replay` under each of several sets of effects; those with extra states fly side by
     side where they are alike.
     """
-    from ges.simulator.flight import parameter_vector
-    from ges.simulator.flight import parameters as _parameters
+    from ges.simulator.flight import parameter_vector, rotors_of
 
     terrain = terrain or Terrain.flat()
     vector = parameter_vector({**terrain.parameters(), **parameters})
     heights, packed = terrain.height_map(), [pack(e) for e in sets]
     grid = None if heights is None else _lib.pack_grid(*heights)
-    n_rotors = int(vector[list(_parameters()).index("rotors")])
+    n_rotors = rotors_of(parameters)
     told, n_outputs = samples.of(n_rotors), len(replay_rows(n_rotors))
     replayed = _lib.replay(vector, packed, grid, told.data, n_outputs, lanes)
     return [Replay(data, n_rotors) for data in replayed]

@@ -54,6 +54,11 @@ def parameters() -> dict[str, Parameter]:
     return {row[0]: Parameter(*row) for row in _lib.parameter_table()}
 
 
+def rotors_of(given: Mapping[str, float | str]) -> int:
+    """How many rotors these numbers of a flight give the vehicle."""
+    return int(given.get("rotors", parameters()["rotors"].default))
+
+
 @functools.lru_cache(maxsize=MAX_ROTORS)
 def columns(n_rotors: int = 4) -> dict[str, tuple[str, str]]:
     """(unit, meaning) of every recorded quantity by name, of a vehicle with so many rotors."""
@@ -107,7 +112,7 @@ class Flight:
     @property
     def n_rotors(self) -> int:
         """Number of rotors."""
-        return int(self.numbers().get("rotors", parameters()["rotors"].default))
+        return rotors_of(self.parameters)
 
     @staticmethod
     def _number(name: str, value: float | str) -> float:

@@ -34,11 +34,8 @@ class Mount:
     reach: float = 1.0
 
 
-def _ring(*motors: tuple[float, Spin]) -> tuple[Mount, ...]:
-    return tuple(Mount(angle, spin) for angle, spin in motors)
-
-
-def _pairs(*motors: tuple[float, Spin, int]) -> tuple[Mount, ...]:
+def _mounted(*motors: tuple[float, Spin] | tuple[float, Spin, int]) -> tuple[Mount, ...]:
+    """Motors at angles, of coaxial pairs with their levels."""
     return tuple(Mount(*motor) for motor in motors)
 
 
@@ -76,30 +73,32 @@ _X8: Sequence[tuple[float, Spin, int]] = (
 )
 
 LAYOUTS: Mapping[str, tuple[Mount, ...]] = {
-    "x": _ring((45, "ccw"), (225, "ccw"), (315, "cw"), (135, "cw")),
-    "h": _ring((45, "cw"), (225, "cw"), (315, "ccw"), (135, "ccw")),
-    "plus": _ring((90, "ccw"), (270, "ccw"), (0, "cw"), (180, "cw")),
-    "plus-reversed": _ring((90, "cw"), (270, "cw"), (0, "ccw"), (180, "ccw")),
-    "betaflight-x": _ring((135, "cw"), (45, "ccw"), (225, "ccw"), (315, "cw")),
-    "betaflight-x-reversed": _ring((135, "ccw"), (45, "cw"), (225, "cw"), (315, "ccw")),
-    "dji-x": _ring((45, "ccw"), (315, "cw"), (225, "ccw"), (135, "cw")),
-    "clockwise-x": _ring((45, "ccw"), (135, "cw"), (225, "ccw"), (315, "cw")),
-    "tri": _ring((60, "ccw"), (300, "cw"), (180, "ccw")),
-    "hexa-x": _ring((90, "cw"), (270, "ccw"), (330, "cw"), (150, "ccw"), (30, "ccw"), (210, "cw")),
-    "hexa-plus": _ring(
+    "x": _mounted((45, "ccw"), (225, "ccw"), (315, "cw"), (135, "cw")),
+    "h": _mounted((45, "cw"), (225, "cw"), (315, "ccw"), (135, "ccw")),
+    "plus": _mounted((90, "ccw"), (270, "ccw"), (0, "cw"), (180, "cw")),
+    "plus-reversed": _mounted((90, "cw"), (270, "cw"), (0, "ccw"), (180, "ccw")),
+    "betaflight-x": _mounted((135, "cw"), (45, "ccw"), (225, "ccw"), (315, "cw")),
+    "betaflight-x-reversed": _mounted((135, "ccw"), (45, "cw"), (225, "cw"), (315, "ccw")),
+    "dji-x": _mounted((45, "ccw"), (315, "cw"), (225, "ccw"), (135, "cw")),
+    "clockwise-x": _mounted((45, "ccw"), (135, "cw"), (225, "ccw"), (315, "cw")),
+    "tri": _mounted((60, "ccw"), (300, "cw"), (180, "ccw")),
+    "hexa-x": _mounted(
+        (90, "cw"), (270, "ccw"), (330, "cw"), (150, "ccw"), (30, "ccw"), (210, "cw")
+    ),
+    "hexa-plus": _mounted(
         (0, "cw"), (180, "ccw"), (240, "cw"), (60, "ccw"), (300, "ccw"), (120, "cw")
     ),
     "hexa-h": _placed(
         (-1, 0, "cw"), (1, 0, "ccw"), (1, 1, "cw"), (-1, -1, "ccw"), (-1, 1, "ccw"), (1, -1, "cw")
     ),
-    "hexa-dji-x": _ring(
+    "hexa-dji-x": _mounted(
         (30, "ccw"), (330, "cw"), (270, "ccw"), (210, "cw"), (150, "ccw"), (90, "cw")
     ),
     "hexa-clockwise-x": _around(6, 30),
-    "betaflight-hexa-x": _ring(
+    "betaflight-hexa-x": _mounted(
         (150, "ccw"), (30, "ccw"), (210, "cw"), (330, "cw"), (90, "cw"), (270, "ccw")
     ),
-    "y6": _pairs(
+    "y6": _mounted(
         (60, "ccw", -1),
         (300, "cw", 1),
         (300, "ccw", -1),
@@ -107,7 +106,7 @@ LAYOUTS: Mapping[str, tuple[Mount, ...]] = {
         (60, "cw", 1),
         (180, "ccw", 1),
     ),
-    "y6-b": _pairs(
+    "y6-b": _mounted(
         (60, "cw", 1),
         (60, "ccw", -1),
         (180, "cw", 1),
@@ -115,7 +114,7 @@ LAYOUTS: Mapping[str, tuple[Mount, ...]] = {
         (300, "cw", 1),
         (300, "ccw", -1),
     ),
-    "y6-f": _pairs(
+    "y6-f": _mounted(
         (180, "ccw", 1),
         (60, "ccw", 1),
         (300, "ccw", 1),
@@ -123,7 +122,7 @@ LAYOUTS: Mapping[str, tuple[Mount, ...]] = {
         (60, "cw", -1),
         (300, "cw", -1),
     ),
-    "betaflight-y6": _pairs(
+    "betaflight-y6": _mounted(
         (180, "ccw", 1),
         (60, "cw", 1),
         (300, "cw", 1),
@@ -131,7 +130,7 @@ LAYOUTS: Mapping[str, tuple[Mount, ...]] = {
         (60, "ccw", -1),
         (300, "ccw", -1),
     ),
-    "octo-x": _ring(
+    "octo-x": _mounted(
         (22.5, "cw"),
         (202.5, "cw"),
         (67.5, "ccw"),
@@ -141,7 +140,7 @@ LAYOUTS: Mapping[str, tuple[Mount, ...]] = {
         (292.5, "cw"),
         (112.5, "cw"),
     ),
-    "octo-plus": _ring(
+    "octo-plus": _mounted(
         (0, "cw"),
         (180, "cw"),
         (45, "ccw"),
@@ -161,7 +160,7 @@ LAYOUTS: Mapping[str, tuple[Mount, ...]] = {
         (0.83, 0.34, "cw"),
         (1.0, 1.0, "ccw"),
     ),
-    "octo-dji-x": _ring(
+    "octo-dji-x": _mounted(
         (22.5, "ccw"),
         (337.5, "cw"),
         (292.5, "ccw"),
@@ -172,11 +171,11 @@ LAYOUTS: Mapping[str, tuple[Mount, ...]] = {
         (67.5, "cw"),
     ),
     "octo-clockwise-x": _around(8, 22.5),
-    "x8": _pairs(*_X8),
-    "x8-h": _pairs(*((a, "cw" if s == "ccw" else "ccw", level) for a, s, level in _X8)),
-    "x8-plus": _pairs(*(((a - 45) % 360, s, level) for a, s, level in _X8)),
+    "x8": _mounted(*_X8),
+    "x8-h": _mounted(*((a, "cw" if s == "ccw" else "ccw", level) for a, s, level in _X8)),
+    "x8-plus": _mounted(*(((a - 45) % 360, s, level) for a, s, level in _X8)),
     "x8-clockwise": _around(8, 45, coaxial=True),
-    "betaflight-x8": _pairs(
+    "betaflight-x8": _mounted(
         (135, "cw", 1),
         (45, "ccw", 1),
         (225, "ccw", 1),

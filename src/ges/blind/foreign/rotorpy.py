@@ -193,12 +193,10 @@ def _hexarotor(of: Mapping[str, Any]) -> dict[str, Any]:
     """Return a hummingbird with six of its rotors, every other one turning the other way."""
     angles = np.radians(30.0 + 60.0 * np.arange(6))
     hubs = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
-    heavier = {name: 1.5 * of[name] for name in ("mass", "Ixx", "Iyy", "Izz")}
-    wider = {name: 2.0 * heavier[name] for name in ("Ixx", "Iyy", "Izz")}
     return {
         **of,
-        **heavier,
-        **wider,
+        "mass": 1.5 * of["mass"],
+        **{name: 3.0 * of[name] for name in ("Ixx", "Iyy", "Izz")},
         "num_rotors": 6,
         "rotor_pos": {f"r{k + 1}": HEXA_ARM_M * hub for k, hub in enumerate(hubs)},
         "rotor_directions": np.array([1, -1] * 3),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import operator
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -185,9 +186,8 @@ def fly_batch(
     for attempt in range(ATTEMPTS * len(LEVELS)):
         cases = [draw(spec, attempt) for spec in waiting]
         # vehicles with as many rotors fly abreast
-        groups = itertools.groupby(
-            sorted(cases, key=lambda c: c.craft.n_rotors), key=lambda c: c.craft.n_rotors
-        )
+        rotors = operator.attrgetter("craft.n_rotors")
+        groups = itertools.groupby(sorted(cases, key=rotors), key=rotors)
         written = {
             case.spec.index for _, group in groups for case in _fly_alike(list(group), out, seed)
         }

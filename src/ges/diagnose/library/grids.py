@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from ges.diagnose.library.candidates import (
@@ -302,29 +302,30 @@ def _hubs(model: Model) -> list[tuple[float, float]]:
     return list(zip(model.of_rotors("x_m"), model.of_rotors("y_m"), strict=True))
 
 
+def _at(
+    effect: Effect, search: SearchHints, places: Iterable[tuple[float, float]]
+) -> tuple[Variant, ...]:
+    """At each of these places (x, y)."""
+    x_name, y_name = search.axis
+    return tuple(
+        _variant(effect, search.amplitudes, **search.fixed, **{x_name: x, y_name: y})
+        for x, y in places
+    )
+
+
 def _at_hubs(
     effect: Effect, search: SearchHints, model: Model, reached: Flown
 ) -> tuple[Variant, ...]:
     """Free below each rotor."""
-    if not reached.tilt_seen:
-        return ()
-    x_name, y_name = search.axis
-    return tuple(
-        _variant(effect, search.amplitudes, **search.fixed, **{x_name: x, y_name: y})
-        for x, y in _hubs(model)
-    )
+    return _at(effect, search, _hubs(model)) if reached.tilt_seen else ()
 
 
 def _on_body(
     effect: Effect, search: SearchHints, model: Model, reached: Flown
 ) -> tuple[Variant, ...]:
     """In the middle, at each hub, and halfway between; a fit moves it from there."""
-    x_name, y_name = search.axis
-    places = [(0.0, 0.0), *((k * x, k * y) for k in (0.5, 1.0) for x, y in _hubs(model))]
-    return tuple(
-        _variant(effect, search.amplitudes, **search.fixed, **{x_name: x, y_name: y})
-        for x, y in dict.fromkeys(places)
-    )
+    hubs = [(k * x, k * y) for k in (0.5, 1.0) for x, y in _hubs(model)]
+    return _at(effect, search, dict.fromkeys([(0.0, 0.0), *hubs]))
 
 
 def _coaxial(

@@ -292,10 +292,8 @@ def _nothing(content: Mapping[str, Any]) -> Iterator[str]:
     agree = "Nothing proven: within the declared doubts these flights agree with the simulator"
     moved, stays = _moved(content), _largest_error(content)
     rest = [f"{where} {stays}" for where in UNSEEN] if stays else []
-    for start in (
-        *([f"{agree}; farthest off is {moved}"] if moved else []),
-        f"{agree}, but for effects too small to show",
-    ):
+    starts = [f"{agree}; farthest off is {moved}"] if moved else []
+    for start in (*starts, f"{agree}, but for effects too small to show"):
         yield from (_joined(start, clause) for clause in (*rest, ""))
 
 
@@ -304,15 +302,15 @@ def _largest_error(content: Mapping[str, Any]) -> str:
     or what its block has in its place: wide doubts agree with much.
     """
     scale = content["data"].get("reference_scale", {})
-    shares = {
-        name: c["recalibrated"] / scale[block_of(name)]
+    left = {
+        name: c["recalibrated"]
         for name, c in content["fit"].get("channels", {}).items()
         if scale.get(block_of(name))
     }
-    name = max(shares, key=lambda n: shares[n], default=None)
+    name = max(left, key=lambda n: left[n] / scale[block_of(n)], default=None)
     if name is None:
         return ""
-    error = number_words(content["fit"]["channels"][name]["recalibrated"], 2)
+    error = number_words(left[name], 2)
     return f"the {channel_words(name)} stays {error} {unit_words(name)} off"
 
 

@@ -287,7 +287,7 @@ def _motors(log: _Log) -> list[int]:
         return list(range(1, len(LAYOUTS[next(iter(layouts.ARDUPILOT[group].values()))]) + 1))
     functions = _functions(log)
     count = next(n for n in itertools.count() if _function(n + 1) not in functions)
-    return list(range(1, (count if count > 4 else 4) + 1))
+    return list(range(1, max(count, 4) + 1))
 
 
 def _function(motor: int) -> float:

@@ -192,12 +192,10 @@ def _px4_order(p: Plain) -> tuple[list[int], list[str]]:
     # clockwise from the nose, as the layouts count
     angles = np.degrees(np.arctan2(-p.hubs_m[:, 1], p.hubs_m[:, 0])) % 360.0
     layout = [(m.angle_deg, m.spin) for m in LAYOUTS["x"]]
-    if len(angles) != 4:
-        raise GesError(f"vehicle '{p.name}' is no X quadrotor, the only one that SIH flies")
     gaps = np.array([[abs((a - b + 180.0) % 360.0 - 180.0) for b, _ in layout] for a in angles])
     order = [int(np.argmin(gaps[:, k])) for k in range(4)]
     # one rotor nearest to two places
-    if len(set(order)) < 4:
+    if len(angles) != 4 or len(set(order)) < 4:
         raise GesError(f"vehicle '{p.name}' is no X quadrotor, the only one that SIH flies")
     remarks = []
     if order != list(range(4)):
