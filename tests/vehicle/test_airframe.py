@@ -1,6 +1,7 @@
 """Hubs and spins from what autopilots say."""
 
 import itertools
+import re
 
 import numpy as np
 import pytest
@@ -90,7 +91,7 @@ def test_betaflight_and_its_reversed_props():
 def test_every_layout_can_steer_all_axes(name):
     rotors = from_layout(name, TEN_IN, 0.5).rotors
     # a tricopter's tail has a servo in place of an axis of its own
-    assert np.linalg.matrix_rank(moments(rotors)) == (2 if name == "tri" else 3)
+    assert np.linalg.matrix_rank(moments(rotors)) == (2 if len(rotors) == 3 else 3)
     # every frame stands level on equal thrusts, and hubs one over the other turn against each other
     places = [(r.x_m.value, r.y_m.value) for r in rotors]
     np.testing.assert_allclose(np.mean(places, axis=0), 0.0, atol=2e-3)
@@ -119,3 +120,71 @@ def test_a_log_without_parameters_asks_for_the_layout():
         from_parameters("table", {}, TEN_IN, None)
     with pytest.raises(UsageError, match="did you mean 'betaflight-x'"):
         from_layout("betaflightx", TEN_IN, None)
+
+
+HEXA_MIX = """# diff all
+mixer CUSTOM
+mmix reset
+mmix 0  1.000 -0.500  0.866025  1.000
+mmix 1  1.000 -0.500 -0.866025  1.000
+mmix 2  1.000  0.500  0.866025 -1.000
+mmix 3  1.000  0.500 -0.866025 -1.000
+mmix 4  1.000 -1.000  0.000 -1.000
+mmix 5  1.000  1.000  0.000  1.000
+"""
+
+
+@pytest.fixture
+def settings(tmp_path):
+    def write(text):
+        (tmp_path / "diff.txt").write_text(text)
+        return str(tmp_path / "diff.txt")
+
+    return write
+
+
+def _mounted(airframe):
+    return [(round(r.x_m.value, 3), round(r.y_m.value, 3), r.spin) for r in airframe.rotors]
+
+
+@pytest.mark.parametrize("text", [HEXA_MIX, "mixer HEX6X\n"])
+def test_a_mixer_in_settings_is_a_frame(settings, text):
+    found = from_layout(settings(text), TEN_IN, 0.5)
+    assert _mounted(found) == _mounted(from_layout("betaflight-hexa-x", TEN_IN, 0.5))
+    assert "diff.txt" in found.source
+
+
+def test_props_out_turn_the_mixer_of_settings(settings):
+    spins = {
+        line: [r.spin for r in from_layout(settings(f"mixer QUADX\n{line}\n"), TEN_IN, 0.5).rotors]
+        for line in ("", "set yaw_motors_reversed = ON")
+    }
+    assert spins[""] == ["cw", "ccw", "ccw", "cw"]
+    assert spins["set yaw_motors_reversed = ON"] == ["ccw", "cw", "cw", "ccw"]
+
+
+def test_of_two_motors_at_one_place_the_first_is_the_upper_one(settings):
+    rows = [(r, p, y) for y in (1, -1) for r, p in ((-1, 1), (-1, -1), (1, 1), (1, -1))]
+    flip = {(-1, -1), (1, 1)}
+    text = "".join(
+        f"mmix {k} 1.0 {r} {p} {-y if (r, p) in flip else y}\n" for k, (r, p, y) in enumerate(rows)
+    )
+    rotors = from_layout(settings(text), TEN_IN, 0.5).rotors
+    assert [r.z_m.value > 0 for r in rotors] == [True] * 4 + [False] * 4
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("mixer AIRPLANE\n", "mixer AIRPLANE; --frame takes"),
+        ("set dyn_lpf = 1\n", "no line 'mmix' and no line 'mixer'"),
+        (
+            HEXA_MIX.replace("1.000  1.000  0.000  1.000", "1.000 0.0 0.0 1.0"),
+            "motor 6 has no part",
+        ),
+        (HEXA_MIX.replace("0.500  0.866025 -1.000", "0.500 0.866 0"), "motor 3 has no part in yaw"),
+    ],
+)
+def test_settings_that_place_no_motors_are_refused(settings, text, said):
+    with pytest.raises(GesError, match=re.escape(said)):
+        from_layout(settings(text), TEN_IN, 0.5)

@@ -48,8 +48,11 @@ SHOWN = ("--open", "--no-open", "--page", "--no-page", "--write-flight")
     "--frame",
     "--layout",
     "layout",
-    metavar="NAME",
-    help="LOG: order and spins of the motors, as x, hexa-x, x8 or y6, where the log lacks them.",
+    metavar="NAME|FILE",
+    help=(
+        "LOG: order and spins of the motors, as x, hexa-x, x8 or y6, where the log lacks them; or a"
+        " file with the mixer of Betaflight or INAV (what diff all prints)."
+    ),
 )
 @click.option(
     "--holdout",

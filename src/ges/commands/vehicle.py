@@ -54,8 +54,11 @@ def _listed(context: click.Context, _: click.Parameter, wanted: bool) -> None:
     "--frame",
     "--layout",
     "layout",
-    metavar="NAME",
-    help="LOG: order and spins of the motors, as x, hexa-x, x8 or y6, where the log lacks them.",
+    metavar="NAME|FILE",
+    help=(
+        "LOG: order and spins of the motors, as x, hexa-x, x8 or y6, where the log lacks them; or a"
+        " file with the mixer of Betaflight or INAV (what diff all prints)."
+    ),
 )
 @click.option(
     "--models",

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ges.conventions import FEWEST_ROTORS, MAX_ROTORS
-from ges.errors import GesError, UsageError, unknown_name
+from ges.errors import GesError, UsageError
 from ges.vehicle import layouts, scaling
 from ges.vehicle.file import Quantity, Rotor
 from ges.vehicle.layouts import LAYOUTS, Spin
@@ -29,12 +29,6 @@ PLANE_SD = 0.15
 HALF_PAIR_RADII = 0.3
 # Below this a rotor stands upright, and its axis is no direction of its own.
 UPRIGHT = math.cos(math.radians(0.5))
-
-
-TAIL_SERVO = (
-    "A tricopter turns about yaw by a servo at its tail, which is not modelled: its yaw moment"
-    " tells nothing."
-)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,6 +47,11 @@ class Airframe:
     remarks: tuple[str, ...] = ()
 
     @property
+    def yaw_by_servo(self) -> bool:
+        """Whether a servo turns the vehicle: three rotors hold height, roll and pitch."""
+        return len(self.rotors) == 3
+
+    @property
     def arm_m(self) -> float:
         """Root mean square distance of the hubs from the centre."""
         return scaling.arm_m(*(np.array([getattr(r, k).value for r in self.rotors]) for k in XY))
@@ -61,54 +60,41 @@ class Airframe:
 XY = ("x_m", "y_m")
 
 
-def from_layout(name: str, propeller: Propeller, wheelbase_m: float | None) -> Airframe:
-    """Rotors of a named layout on equal arms.
+def from_layout(frame: str, propeller: Propeller, wheelbase_m: float | None) -> Airframe:
+    """Rotors of a layout.
 
     Parameters
     ----------
-    name : one of ``LAYOUTS``.
+    frame : see :func:`ges.vehicle.layouts.layout_of`.
     propeller : its radius, and, with no wheelbase, the length of the arms.
     wheelbase_m : distance of opposite hubs.
     """
-    if name not in LAYOUTS:
-        raise unknown_name("layout", name, LAYOUTS)
+    layout = layouts.layout_of(frame)
+    plan = _plan(layout.mounts)
     if wheelbase_m is None:
-        arm_m = scaling.SPACING * propeller.diameter_m / _neighbours(name)
+        gaps = np.linalg.norm(plan[:, None] - plan[None, :], axis=2)
+        # one over the other is no neighbour
+        arm_m = scaling.SPACING * propeller.diameter_m / float(gaps[gaps > 1e-6].min())
         sd_rel = scaling.SPACING_SD_REL
         source = (
-            f"Motor order and spins of the layout {name}; arms as long as propellers of"
+            f"{layout.source}; arms as long as propellers of"
             f" {propeller} usually have, to {sd_rel:.0%} (--wheelbase tells them)."
         )
     else:
         arm_m, sd_rel = 0.5 * wheelbase_m, 0.02
-        source = f"Motor order and spins of the layout {name}; wheelbase as given, to {sd_rel:.0%}."
-    hubs = np.column_stack([arm_m * _plan(name), _levels(name, propeller)])
-    spins = [mount.spin for mount in LAYOUTS[name]]
-    remarks = (TAIL_SERVO,) if name == "tri" else ()
-    return Airframe(_rotors(hubs, spins, propeller, sd_rel), source, remarks)
+        source = f"{layout.source}; wheelbase as given, to {sd_rel:.0%}."
+    half_pair_m = HALF_PAIR_RADII * propeller.radius_m
+    levels = np.array([half_pair_m * mount.level for mount in layout.mounts])
+    hubs = np.column_stack([arm_m * plan, levels])
+    rotors = _rotors(hubs, [mount.spin for mount in layout.mounts], propeller, sd_rel)
+    return Airframe(rotors, source)
 
 
-def _plan(name: str) -> np.ndarray:
-    """Hubs of a layout in the plane, forward and left over the arm, (n, 2)."""
-    angles = np.radians([mount.angle_deg for mount in LAYOUTS[name]])
-    reach = np.array([mount.reach for mount in LAYOUTS[name]])
+def _plan(mounts: Sequence[layouts.Mount]) -> np.ndarray:
+    """Hubs in the plane, forward and left over the arm, (n, 2)."""
+    angles = np.radians([mount.angle_deg for mount in mounts])
+    reach = np.array([mount.reach for mount in mounts])
     return reach[:, None] * np.stack([np.cos(angles), -np.sin(angles)], axis=1)
-
-
-def _levels(name: str, propeller: Propeller) -> np.ndarray:
-    """Hubs of a layout over its middle, (n,) m."""
-    return (
-        HALF_PAIR_RADII
-        * propeller.radius_m
-        * np.array([float(mount.level) for mount in LAYOUTS[name]])
-    )
-
-
-def _neighbours(name: str) -> float:
-    """Distance of the nearest hubs of a layout that are not one over the other, over the arm."""
-    plan = _plan(name)
-    gaps = np.linalg.norm(plan[:, None] - plan[None, :], axis=2)
-    return float(gaps[gaps > 1e-6].min())
 
 
 def _rotors(

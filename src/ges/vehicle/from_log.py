@@ -32,6 +32,10 @@ TUNED_SD, FLOWN_SD = 0.15, 0.1
 ARDUPILOT_EXPO = 0.65
 # A thrust coefficient this many times off is no spread of propellers.
 UNLIKELY = 1.8
+TAIL_SERVO = (
+    "A tricopter turns about yaw by a servo at its tail, which is not modelled: its yaw moment"
+    " tells nothing."
+)
 # Plus and X layouts agree in roll and pitch to 0.71.
 SURELY = 0.9
 
@@ -76,8 +80,8 @@ def describe_log(
     log : the flight.
     mass_kg : what was flown, weighed.
     prop : the propellers.
-    layout : order and spins of the motors, one of :data:`~ges.vehicle.layouts.LAYOUTS`, where the
-        log does not say them or says them wrongly.
+    layout : order and spins of the motors, where the log does not say them or says them wrongly;
+        see :func:`~ges.vehicle.layouts.layout_of`.
     wheelbase_m : distance of opposite hubs, where it is known better than the log does.
     name : of the vehicle.
 
@@ -112,8 +116,10 @@ def describe_log(
         answers.lag_s if answers else None,
         log.format == "crazyflie",
     )
-    if airframe.TAIL_SERVO in rotors.remarks:
+    remarks = (*rotors.remarks, *doubts)
+    if rotors.yaw_by_servo:
         unlogged.pop("torque_coefficient_Nm_s2")
+        remarks = (TAIL_SERVO, *remarks)
     content = {
         "name": name,
         "mass_kg": {"value": mass_kg, "sd": MASS_SD_REL * mass_kg},
@@ -136,9 +142,7 @@ def describe_log(
         f" {mass_kg:g} kg and propellers of {prop}. A number with an sd may be off by that much;"
         " 'ges calibrate' on healthy flights narrows it."
     )
-    return Datasheet(
-        parse_vehicle(content, "the vehicle"), origin, sources, (*rotors.remarks, *doubts)
-    )
+    return Datasheet(parse_vehicle(content, "the vehicle"), origin, sources, remarks)
 
 
 def _airframe(

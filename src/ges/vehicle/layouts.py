@@ -2,15 +2,20 @@
 
 ArduPilot's are those of ``libraries/AP_Motors/AP_MotorsMatrix.cpp`` (4.5); PX4's geometries of six
 and eight motors number theirs alike. Betaflight's are those of ``src/main/flight/mixer_init.c``
-(4.5), which INAV shares.
+(4.5), which INAV shares; the settings that they print (``diff all``) name one of them or hold a
+mixer of their own.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Literal
+
+from ges.errors import GesError, unknown_name
 
 Spin = Literal["cw", "ccw"]
 """Sense in which a rotor turns, seen from above."""
@@ -81,7 +86,10 @@ LAYOUTS: Mapping[str, tuple[Mount, ...]] = {
     "betaflight-x-reversed": _mounted((135, "ccw"), (45, "cw"), (225, "cw"), (315, "ccw")),
     "dji-x": _mounted((45, "ccw"), (315, "cw"), (225, "ccw"), (135, "cw")),
     "clockwise-x": _mounted((45, "ccw"), (135, "cw"), (225, "ccw"), (315, "cw")),
+    "betaflight-x1234": _mounted((315, "cw"), (45, "ccw"), (135, "cw"), (225, "ccw")),
+    "betaflight-plus": _mounted((180, "cw"), (90, "ccw"), (270, "ccw"), (0, "cw")),
     "tri": _mounted((60, "ccw"), (300, "cw"), (180, "ccw")),
+    "betaflight-tri": _mounted((180, "ccw"), (60, "ccw"), (300, "cw")),
     "hexa-x": _mounted(
         (90, "cw"), (270, "ccw"), (330, "cw"), (150, "ccw"), (30, "ccw"), (210, "cw")
     ),
@@ -97,6 +105,9 @@ LAYOUTS: Mapping[str, tuple[Mount, ...]] = {
     "hexa-clockwise-x": _around(6, 30),
     "betaflight-hexa-x": _mounted(
         (150, "ccw"), (30, "ccw"), (210, "cw"), (330, "cw"), (90, "cw"), (270, "ccw")
+    ),
+    "betaflight-hexa-plus": _mounted(
+        (120, "ccw"), (60, "cw"), (240, "ccw"), (300, "cw"), (0, "ccw"), (180, "cw")
     ),
     "y6": _mounted(
         (60, "ccw", -1),
@@ -171,6 +182,26 @@ LAYOUTS: Mapping[str, tuple[Mount, ...]] = {
         (67.5, "cw"),
     ),
     "octo-clockwise-x": _around(8, 22.5),
+    "betaflight-octo-plus": _mounted(
+        (315, "ccw"),
+        (45, "ccw"),
+        (135, "ccw"),
+        (225, "ccw"),
+        (0, "cw"),
+        (90, "cw"),
+        (180, "cw"),
+        (270, "cw"),
+    ),
+    "betaflight-octo-x": _mounted(
+        (292.5, "ccw"),
+        (22.5, "ccw"),
+        (112.5, "ccw"),
+        (202.5, "ccw"),
+        (337.5, "cw"),
+        (67.5, "cw"),
+        (157.5, "cw"),
+        (247.5, "cw"),
+    ),
     "x8": _mounted(*_X8),
     "x8-h": _mounted(*((a, "cw" if s == "ccw" else "ccw", level) for a, s, level in _X8)),
     "x8-plus": _mounted(*(((a - 45) % 360, s, level) for a, s, level in _X8)),
@@ -213,7 +244,21 @@ ARDUPILOT: Mapping[int, Mapping[int, str]] = {
     12: {0: "dodeca-plus", 1: "dodeca-x"},
     14: {0: "deca-plus", 1: "deca-x"},
 }
-"""Layout of every FRAME_TYPE, by FRAME_CLASS."""
+"""MotorLayout of every FRAME_TYPE, by FRAME_CLASS."""
+
+BETAFLIGHT: Mapping[str, str] = {
+    "TRI": "betaflight-tri",
+    "QUADP": "betaflight-plus",
+    "QUADX": "betaflight-x",
+    "QUADX1234": "betaflight-x1234",
+    "Y6": "betaflight-y6",
+    "HEX6": "betaflight-hexa-plus",
+    "HEX6X": "betaflight-hexa-x",
+    "OCTOX8": "betaflight-x8",
+    "OCTOFLATP": "betaflight-octo-plus",
+    "OCTOFLATX": "betaflight-octo-x",
+}
+"""MotorLayout of every ``mixer`` of Betaflight whose motors all point up."""
 
 NO_MULTIROTORS: Mapping[int, str] = {
     6: "helicopter",
@@ -242,6 +287,98 @@ PX4_AIRFRAMES: Mapping[int, str] = {
     12002: "x8",
 }
 """Airframes (SYS_AUTOSTART) of PX4 before it logged CA_ROTOR*, but for its X quadrotors."""
+
+
+@dataclasses.dataclass(frozen=True)
+class MotorLayout:
+    """Motors of a vehicle, in the order of their numbers.
+
+    Attributes
+    ----------
+    mounts : where they sit and how they turn.
+    source : where that is from.
+    """
+
+    mounts: tuple[Mount, ...]
+    source: str
+
+
+def layout_of(frame: str) -> MotorLayout:
+    """Return the layout of a name, or of the mixer in a file of Betaflight's or INAV's settings.
+
+    Parameters
+    ----------
+    frame : one of ``LAYOUTS``, or the path of a text with lines ``mmix`` or ``mixer``.
+
+    Raises
+    ------
+    GesError
+        When it is neither, or the mixer is that of no multirotor.
+    """
+    if frame in LAYOUTS:
+        return MotorLayout(LAYOUTS[frame], f"Motor order and spins of the layout {frame}")
+    path = Path(frame)
+    if not path.is_file():
+        raise unknown_name("frame", frame, LAYOUTS)
+    return _of_settings(path.name, path.read_text(encoding="utf-8", errors="replace"))
+
+
+def _of_settings(name: str, text: str) -> MotorLayout:
+    """MotorLayout of settings as ``diff all`` and ``dump`` print them."""
+    turned = re.search(r"^set (?:yaw_motors_reversed|motor_direction_inverted) = ON", text, re.M)
+    mix = re.findall(r"^mmix\s+(\d+)((?:\s+[-+.\d]+){4})\s*$", text, re.M)
+    if mix:
+        # a later line of a motor's number takes the place of an earlier one
+        rows = {int(number): [float(w) for w in weights.split()] for number, weights in mix}
+        mixed = _of_mix(name, [rows[number] for number in sorted(rows) if rows[number][0] > 0.0])
+    else:
+        mixed = _of_mixer(name, re.findall(r"^mixer\s+(\w+)\s*$", text, re.M))
+    return dataclasses.replace(mixed, mounts=_reversed(mixed.mounts)) if turned else mixed
+
+
+def _of_mixer(name: str, mixers: Sequence[str]) -> MotorLayout:
+    if not mixers or mixers[-1] not in BETAFLIGHT:
+        said = f"mixer {mixers[-1]}" if mixers else "no line 'mmix' and no line 'mixer'"
+        raise GesError(
+            f"{name} has {said}; --frame takes a file with mmix lines (diff all), a mixer of"
+            f" {', '.join(BETAFLIGHT)}, or a name, as in --frame x"
+        )
+    found = layout_of(BETAFLIGHT[mixers[-1]])
+    return dataclasses.replace(found, source=f"Motor order and spins of {mixers[-1]} in {name}")
+
+
+def _of_mix(name: str, weights: Sequence[Sequence[float]]) -> MotorLayout:
+    """MotorLayout of weights (throttle, roll, pitch, yaw) of motors: a motor lies to the left as it is
+    asked to roll, to the rear as it is asked to pitch, and turns ccw where it is asked to yaw.
+    """
+    # a tricopter yaws by a servo, and which way its rotors turn hardly matters
+    by_servo = len(weights) == 3
+    for number, (_, roll, pitch, yaw) in enumerate(weights, 1):
+        if not (roll or pitch) or not (yaw or by_servo):
+            raise GesError(
+                f"{name}: motor {number} has no part in {'roll, pitch' if yaw else 'yaw'} (mmix),"
+                " so that its place or spin is not known; give --frame by name"
+            )
+    placed = _placed(*((r, -p, "cw" if yaw < 0 else "ccw") for _, r, p, yaw in weights))
+    longest = max(mount.reach for mount in placed)
+    # of two motors at one place the firmware's own mixers number the upper one first
+    places = [(round(m.angle_deg, 3), round(m.reach, 3)) for m in placed]
+    mounts = tuple(
+        dataclasses.replace(
+            m,
+            reach=m.reach / longest,
+            level=0 if places.count(here) == 1 else 1 if here not in places[:k] else -1,
+        )
+        for k, (m, here) in enumerate(zip(placed, places, strict=True))
+    )
+    source = f"Motor order, places and spins as the mixer of {name} weighs them (mmix)"
+    return MotorLayout(mounts, source)
+
+
+def _reversed(mounts: Sequence[Mount]) -> tuple[Mount, ...]:
+    return tuple(
+        dataclasses.replace(mount, spin="cw" if mount.spin == "ccw" else "ccw") for mount in mounts
+    )
 
 
 def of_rotors(count: int) -> tuple[str, ...]:
