@@ -244,7 +244,7 @@ ARDUPILOT: Mapping[int, Mapping[int, str]] = {
     12: {0: "dodeca-plus", 1: "dodeca-x"},
     14: {0: "deca-plus", 1: "deca-x"},
 }
-"""MotorLayout of every FRAME_TYPE, by FRAME_CLASS."""
+"""Layout of every FRAME_TYPE, by FRAME_CLASS."""
 
 BETAFLIGHT: Mapping[str, str] = {
     "TRI": "betaflight-tri",
@@ -258,7 +258,7 @@ BETAFLIGHT: Mapping[str, str] = {
     "OCTOFLATP": "betaflight-octo-plus",
     "OCTOFLATX": "betaflight-octo-x",
 }
-"""MotorLayout of every ``mixer`` of Betaflight whose motors all point up."""
+"""Layout of every ``mixer`` of Betaflight whose motors all point up."""
 
 NO_MULTIROTORS: Mapping[int, str] = {
     6: "helicopter",
@@ -324,7 +324,7 @@ def layout_of(frame: str) -> MotorLayout:
 
 
 def _of_settings(name: str, text: str) -> MotorLayout:
-    """MotorLayout of settings as ``diff all`` and ``dump`` print them."""
+    """Layout of settings as ``diff all`` and ``dump`` print them."""
     turned = re.search(r"^set (?:yaw_motors_reversed|motor_direction_inverted) = ON", text, re.M)
     mix = re.findall(r"^mmix\s+(\d+)((?:\s+[-+.\d]+){4})\s*$", text, re.M)
     if mix:
@@ -348,7 +348,7 @@ def _of_mixer(name: str, mixers: Sequence[str]) -> MotorLayout:
 
 
 def _of_mix(name: str, weights: Sequence[Sequence[float]]) -> MotorLayout:
-    """MotorLayout of weights (throttle, roll, pitch, yaw) of motors: a motor lies to the left as it is
+    """Layout of weights (throttle, roll, pitch, yaw) of motors: a motor lies to the left as it is
     asked to roll, to the rear as it is asked to pitch, and turns ccw where it is asked to yaw.
     """
     # a tricopter yaws by a servo, and which way its rotors turn hardly matters
