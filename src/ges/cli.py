@@ -20,12 +20,20 @@ INTERRUPTED = 130
 
 
 class LazyGroup(click.Group):
-    """A click group whose verbs are the modules of ``ges.commands`` (attribute ``command``)."""
+    """A click group that imports a command only when it is used.
+
+    Notes
+    -----
+    Each module of ``ges.commands`` is one command, its attribute ``command``. A module of a Python
+    keyword ends with an underscore: ``import_``.
+    """
 
     def list_commands(self, ctx: click.Context) -> list[str]:
+        """List the modules of ``ges.commands``, sorted, without importing them."""
         return sorted(m.name.rstrip("_") for m in pkgutil.iter_modules(commands.__path__))
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        """Import a command by name; None where there is no such command."""
         if name not in self.list_commands(ctx):
             return None
         module = name + "_" if keyword.iskeyword(name) else name
@@ -39,8 +47,14 @@ def cli() -> None:
 
 
 def main() -> None:
-    """Entry point: one clear sentence on stderr instead of a traceback; exit 1 failed, 2 wrong
-    use, 130 interrupted.
+    """Run the command line, and end the process with its exit status.
+
+    Errors are printed to stderr in one sentence, without a traceback.
+
+    Raises
+    ------
+    SystemExit
+        With 0 if it succeeded, 1 if it failed, 2 for wrong use, 130 if interrupted.
     """
     os.environ.setdefault(
         "OPENBLAS_NUM_THREADS", "1"
@@ -72,7 +86,7 @@ def main() -> None:
 
 
 def _brings(module: str) -> str:
-    """What to install for a module: the extra of this package that lists it, or its own name."""
+    """Name what to install for a module: an extra of this package, or the module's own package."""
     name = {"sklearn": "scikit-learn"}.get(module, module)
     for requirement in importlib.metadata.requires("ges") or ():
         extra = re.fullmatch(f"{name}; extra == '(.+)'", requirement)

@@ -36,7 +36,16 @@ VELOCITY_REF = tuple(f"v_ref_{a}_m_s" for a in AXES)
 
 @functools.cache
 def rotor_columns(template: str, n_rotors: int) -> tuple[str, ...]:
-    """Names of one quantity for every rotor.
+    """Name one quantity of every rotor.
+
+    Parameters
+    ----------
+    template : name with ``{}`` where the number of the rotor stands.
+    n_rotors : number of rotors.
+
+    Returns
+    -------
+    Names of rotors 1 to ``n_rotors``, in this order.
 
     Examples
     --------
@@ -47,17 +56,35 @@ def rotor_columns(template: str, n_rotors: int) -> tuple[str, ...]:
 
 
 def rotor_speed(n_rotors: int) -> tuple[str, ...]:
-    """Columns of the speeds of so many rotors."""
+    """Name the columns of rotor speeds in rad/s.
+
+    Examples
+    --------
+    >>> rotor_speed(2)
+    ('rotor_speed_1_rad_s', 'rotor_speed_2_rad_s')
+    """
     return rotor_columns("rotor_speed_{}_rad_s", n_rotors)
 
 
 def command(n_rotors: int) -> tuple[str, ...]:
-    """Columns of the commands of so many rotors."""
+    """Name the columns of motor commands, each from 0 to 1.
+
+    Examples
+    --------
+    >>> command(2)
+    ('u_1', 'u_2')
+    """
     return rotor_columns("u_{}", n_rotors)
 
 
 def motor_current(n_rotors: int) -> tuple[str, ...]:
-    """Columns of the currents of so many rotors."""
+    """Name the columns of motor currents in A.
+
+    Examples
+    --------
+    >>> motor_current(2)
+    ('motor_current_1_A', 'motor_current_2_A')
+    """
     return rotor_columns("motor_current_{}_A", n_rotors)
 
 
@@ -67,16 +94,38 @@ def _in(names: Collection[str], template: str) -> tuple[str, ...]:
 
 
 def rotor_speeds_in(names: Collection[str]) -> tuple[str, ...]:
-    """Columns of rotor speeds among these, from the first rotor on."""
+    """Select the columns of rotor speeds, without a gap from rotor 1 on.
+
+    Examples
+    --------
+    >>> rotor_speeds_in({"t_s", "rotor_speed_1_rad_s", "rotor_speed_3_rad_s"})
+    ('rotor_speed_1_rad_s',)
+    """
     return _in(names, "rotor_speed_{}_rad_s")
 
 
 def commands_in(names: Collection[str]) -> tuple[str, ...]:
-    """Columns of commands among these, from the first rotor on."""
+    """Select the columns of motor commands, without a gap from rotor 1 on.
+
+    Examples
+    --------
+    >>> commands_in({"t_s", "u_1", "u_2", "u_4"})
+    ('u_1', 'u_2')
+    """
     return _in(names, "u_{}")
 
 
 def rotors_in(names: Collection[str]) -> int:
-    """How many rotors have a speed, a command or a current among these columns."""
+    """Count the rotors that have a speed, a command or a current among the columns.
+
+    Returns
+    -------
+    Number of rotors, counted without a gap from rotor 1 on; 0 where there is none.
+
+    Examples
+    --------
+    >>> rotors_in({"t_s", "u_1", "u_2", "rotor_speed_1_rad_s"})
+    2
+    """
     currents = _in(names, "motor_current_{}_A")
     return max(map(len, (rotor_speeds_in(names), commands_in(names), currents)))

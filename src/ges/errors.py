@@ -7,19 +7,61 @@ from collections.abc import Iterable
 
 
 class GesError(Exception):
-    """Something could not be done; the command line prints the message and exits with 1."""
+    """A request that could not be carried out, with one sentence for a person.
+
+    The sentence says what was wrong, where, what is allowed and what to do. The command line prints
+    it without a traceback.
+
+    Attributes
+    ----------
+    exit_code : exit status of the command line, 1.
+
+    Examples
+    --------
+    >>> from ges.recordings.recording import load_set
+    >>> try:
+    ...     load_set("no-such-folder")
+    ... except GesError as error:
+    ...     print(str(error).partition(";")[0])
+    there is no folder no-such-folder
+    """
 
     exit_code = 1
 
 
 class UsageError(GesError):
-    """The request itself was wrong (unknown name, impossible value); exits with 2."""
+    """A request that is wrong in itself: an unknown name, or a value that is not possible.
+
+    Attributes
+    ----------
+    exit_code : exit status of the command line, 2.
+
+    Examples
+    --------
+    >>> from ges.vehicle.file import load_vehicle
+    >>> try:
+    ...     load_vehicle("crazyflie-2.2")
+    ... except UsageError as error:
+    ...     print(error, error.exit_code)
+    unknown vehicle 'crazyflie-2.2'; did you mean 'crazyflie-2.1'? 2
+    """
 
     exit_code = 2
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> UsageError:
-    """Build the error for a name that does not exist, with the nearest one that does."""
+    """Build the error for a name that does not exist.
+
+    Parameters
+    ----------
+    kind : what the name should name, for the message.
+    name : the name given.
+    known : all names that exist.
+
+    Returns
+    -------
+    The error, with the nearest known name where one is near, else with all of them.
+    """
     known = sorted(known)
     near = difflib.get_close_matches(name, known, n=1)
     hint = f"did you mean '{near[0]}'?" if near else "known: " + ", ".join(known)

@@ -1,4 +1,4 @@
-"""What is in a flight log, what can be told from it, and what to log next time."""
+"""What a flight log holds, which effects it can show, and what to log next time."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _AGAINST = -0.5  # correlation of what should agree
 
 
 def examine(path: Path, options: Options, kind: str = "auto") -> dict[str, Any]:
-    """What is in a log and what it is good for.
+    """Describe the streams of a log, and which effects a diagnosis could find in it.
 
     Parameters
     ----------
@@ -45,10 +45,18 @@ def examine(path: Path, options: Options, kind: str = "auto") -> dict[str, Any]:
 
     Returns
     -------
-    dict with ``name``, ``format``, ``autopilot``, ``seconds``, ``usable``, ``problem``, ``streams``
-    (name, source, rate_hz, from_s, to_s, columns), ``agreement`` (what, correlation, ratio),
-    ``can_tell`` (effects), ``cannot_tell`` (effect -> what it needs), ``switch_on`` (stream ->
-    what to do), ``notes``.
+    A mapping that can be written as JSON.
+
+    - ``name``, ``format``, ``autopilot``: file name, reader, firmware.
+    - ``seconds``: from the first sample of any stream to the last.
+    - ``usable``, ``problem``: whether a diagnosis can use it; if not, why.
+    - ``streams``: name, source, rate_hz, from_s, to_s and columns of each.
+    - ``agreement``: correlation and ratio of quantities that two streams measure.
+    - ``fault``: a likely error of units or axes, in one sentence; '' if there is none.
+    - ``can_tell``: effects whose streams were logged.
+    - ``cannot_tell``: what each of the other effects lacks.
+    - ``switch_on``: by stream, how to log it or log it faster.
+    - ``notes``: remarks of the reader.
 
     Raises
     ------
@@ -107,7 +115,7 @@ def _seconds(log: Log) -> float:
 
 
 def _advice(log: Log) -> dict[str, str]:
-    """What to switch on for streams that are not there or slow."""
+    """Say what to switch on for streams that are missing or slow."""
 
     # in the words of the autopilot that wrote it
     advice = next(reader.advice for reader in READERS if reader.name == log.format)
@@ -121,7 +129,7 @@ def _advice(log: Log) -> dict[str, str]:
 
 
 def _effects(frame: pd.DataFrame) -> tuple[list[str], dict[str, str]]:
-    """Effects that these streams can speak about, and what each of the others needs."""
+    """Split the effects into those with all their streams, and what each of the others lacks."""
 
     # as a diagnosis prepares it; a vehicle of defaults will do, as streams are asked for
     flight = with_thrust_direction(regrid(frame, grid_step_s(frame)), frame)
@@ -138,7 +146,16 @@ def _effects(frame: pd.DataFrame) -> tuple[list[str], dict[str, str]]:
 
 
 def sentences(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Sentences below the table of streams, each with its colour at a terminal."""
+    """Put the findings of :func:`examine` into sentences.
+
+    Parameters
+    ----------
+    found : what :func:`examine` returns.
+
+    Yields
+    ------
+    A sentence, and the colour that a terminal gives it; '' for none.
+    """
     for note in found["notes"]:
         yield f"note: {note}", ""
     for pair in found["agreement"]:

@@ -1,4 +1,4 @@
-"""Files that are whole or not there: written under another name, then renamed."""
+"""Files that are complete or absent: written under a temporary name, then renamed."""
 
 from __future__ import annotations
 
@@ -15,8 +15,20 @@ from ges.errors import GesError
 
 @contextlib.contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """Yield a name in the same folder to write to; it becomes ``path`` when the block ends well,
-    and goes away if not.
+    """Write to a temporary file that replaces another one when the block succeeds.
+
+    Parameters
+    ----------
+    path : file to replace; its folder is made where it is missing.
+
+    Yields
+    ------
+    Path of the temporary file, in the same folder. It is removed if the block fails.
+
+    Raises
+    ------
+    OSError
+        Where the folder or the file cannot be written.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -29,13 +41,18 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def require_folder(path: Path) -> None:
-    """Say that a folder cannot be written into, before the work whose result would be lost; nothing
-    is made yet.
+    """Check that a folder can be written into, without making it.
+
+    It is called before long work, whose result would otherwise be lost.
+
+    Parameters
+    ----------
+    path : the folder, which need not exist yet.
 
     Raises
     ------
     GesError
-        When it, or what it would lie in, is a file or may not be written.
+        When the folder, or its nearest existing parent, is a file or is not writable.
     """
     there = next(p for p in (path, *path.absolute().parents) if p.exists())
     reason = ""
@@ -48,24 +65,60 @@ def require_folder(path: Path) -> None:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write a text file, whole or not at all."""
+    """Write a text file in UTF-8, complete or not at all.
+
+    Parameters
+    ----------
+    path : file to replace; its folder is made where it is missing.
+    text : content.
+    """
     with replacing(path) as new:
         new.write_text(text, encoding="utf-8")
 
 
 def write_json(path: str | Path, content: Any) -> None:
-    """Write JSON with sorted keys, so that equal contents are equal bytes."""
+    """Write JSON with sorted keys, so that equal contents give equal bytes.
+
+    Parameters
+    ----------
+    path : file to replace; its folder is made where it is missing.
+    content : what :mod:`json` can write.
+
+    Raises
+    ------
+    ValueError
+        Where a number is not finite, which JSON cannot write.
+    """
     write_text(path, json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n")
 
 
 def sha256(path: str | Path) -> str:
-    """SHA-256 of a file's bytes, hexadecimal."""
+    """Hash the bytes of a file.
+
+    Parameters
+    ----------
+    path : the file.
+
+    Returns
+    -------
+    SHA-256, 64 hexadecimal digits.
+    """
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def tree_hash(root: Path, files: Iterable[Path]) -> str:
-    """Hash over names (relative to ``root``) and contents of files."""
+    """Hash the names and contents of several files.
+
+    Parameters
+    ----------
+    root : folder that names are relative to.
+    files : files below ``root``, in any order.
+
+    Returns
+    -------
+    SHA-256, 64 hexadecimal digits, of a listing as ``sha256sum`` prints it.
+    """
     listing = "".join(
         f"{sha256(file)}  {file.relative_to(root).as_posix()}\n" for file in sorted(files)
     )

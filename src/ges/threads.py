@@ -1,6 +1,4 @@
-"""Work on several cores: compiled calls and large array operations by threads of one process, plain
-Python by processes.
-"""
+"""Parallel work: compiled calls and large array operations in threads, pure Python in processes."""
 
 from __future__ import annotations
 
@@ -21,8 +19,11 @@ R = TypeVar("R")
 
 
 def cores() -> int:
-    """Cores to work on: those that this process may use, but no more than ``OMP_NUM_THREADS`` where
-    that is set.
+    """Count the cores that this process may use.
+
+    Returns
+    -------
+    Number of cores, at least 1; at most ``OMP_NUM_THREADS`` where that is set.
     """
     allowed = (
         len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -32,8 +33,18 @@ def cores() -> int:
 
 
 def blas_alone(work: Callable[P, R]) -> Callable[P, R]:
-    """``work`` with one thread of BLAS: the same bytes whatever the number of cores, and its
-    threads do not wait for ours.
+    """Decorate a function to run with BLAS limited to one thread.
+
+    Sums of BLAS depend on its number of threads, so results are the same on any machine. Its
+    threads do not compete with those of :func:`each` either.
+
+    Parameters
+    ----------
+    work : the function.
+
+    Returns
+    -------
+    A function with the same arguments and result.
     """
 
     @functools.wraps(work)
@@ -49,8 +60,16 @@ def blas_alone(work: Callable[P, R]) -> Callable[P, R]:
 
 
 def each(work: Callable[..., R], *arguments: Iterable) -> list[R]:
-    """``work`` of one of each of the arguments after another, in their order, whatever the number
-    of cores.
+    """Call a function on each of several arguments, in threads.
+
+    Parameters
+    ----------
+    work : the function; it must be safe to call from several threads.
+    *arguments : iterables, one for each argument of ``work``, as for :func:`map`.
+
+    Returns
+    -------
+    Results in the order of the arguments, whatever the number of cores.
     """
     count = cores()
     if count == 1:
@@ -66,15 +85,35 @@ results, in their order.
 
 
 def at_once(work: Callable, *arguments: Iterable) -> Callable[[], list]:
-    """A :data:`Begin` that does all of the work before it returns."""
+    """Do all of the work before returning; a :data:`Begin` without parallelism.
+
+    Parameters
+    ----------
+    work : the function.
+    *arguments : iterables, one for each argument of ``work``, as for :func:`map`.
+
+    Returns
+    -------
+    A function that returns the results, in order.
+    """
     done = list(map(work, *arguments))
     return lambda: done
 
 
 @contextlib.contextmanager
 def apart(prepare: Callable[[], object]) -> Iterator[Begin]:
-    """A :data:`Begin` by other processes, for what keeps Python itself busy. They come of one that
-    does ``prepare`` while the caller goes on; work and arguments are copied to them, results back.
+    """Start work in other processes, for pure Python that threads cannot run in parallel.
+
+    Where there is one core, or no ``fork``, the work is done in this process.
+
+    Parameters
+    ----------
+    prepare : called once in the first of these processes, while the caller goes on. The others are
+        forked from that one.
+
+    Yields
+    ------
+    A :data:`Begin`. Work, arguments and results are copied between processes by pickle.
     """
     if cores() < 2 or "fork" not in multiprocessing.get_all_start_methods():
         yield at_once
@@ -89,7 +128,7 @@ def _processes(count: int, prepare: Callable[[], object]) -> ProcessPoolExecutor
 
 
 def _shared(work: Callable, *arguments: Iterable) -> list:
-    """What :func:`each` does, by processes that are born as this one is."""
+    """Do what :func:`each` does, in processes forked from this one."""
     with _processes(cores(), os.getpid) as pool:
         return list(pool.map(work, *arguments))
 

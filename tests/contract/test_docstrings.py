@@ -1,4 +1,6 @@
-"""What a caller must know of an array stands in the docstring: its shape, and units of numbers."""
+"""What a caller must know stands in the docstring: sections, shapes of arrays, units of numbers; in
+short sentences.
+"""
 
 import ast
 import re
@@ -6,11 +8,19 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from prose import docstring_sentences
 
 import ges
 
 ROOT = Path(ges.__file__).parent
 ROOMS = ("diagnose", "simulator")
+ROOMS_WITH_SECTIONS = (".", "paper")
+"""Folders of the package whose docstrings are complete; "." are its own modules."""
+LEAST_SHARE = 0.8
+LONGEST_SENTENCE_WORDS = 25
+SECTION = re.compile(
+    r"^(Parameters|Attributes|Returns|Yields|Raises|Notes|References|Examples)\n-{3,}$", re.M
+)
 DIMENSION = r"\d*\s?[A-Za-z_]\w*(?: [+*-] \w+)*|\d+"
 SHAPE = re.compile(rf"\((?:{DIMENSION}),(?: (?:{DIMENSION}),?)*\)")
 """``(n,)``, ``(n, 3)``, ``(2 half + 1,)``: symbols and numbers, no words between."""
@@ -67,3 +77,48 @@ def test_a_sentence_in_brackets_is_no_shape():
     assert SHAPE.search("rates (n, 3)") and SHAPE.search("weights (2 half + 1,)")
     assert not SHAPE.search("stopped for long (no row, or motion not logged)")
     assert not SHAPE.search("means (averages)")
+
+
+def _files(room: str) -> list[Path]:
+    return sorted((ROOT / room).glob("*.py" if room == "." else "**/*.py"))
+
+
+def _counted(
+    body: list[ast.stmt], of: str = ""
+) -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef]]:
+    """Public functions and classes, but for commands: what those say is their help."""
+    for node in body:
+        if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            continue
+        decorators = " ".join(map(ast.unparse, node.decorator_list))
+        if node.name.startswith("_") or re.search(r"\.(command|group)\b", decorators):
+            continue
+        yield of + node.name, node
+        if isinstance(node, ast.ClassDef):
+            yield from _counted(node.body, f"{node.name}.")
+
+
+@pytest.mark.parametrize("room", ROOMS_WITH_SECTIONS)
+def test_most_public_functions_and_classes_have_sections(room):
+    public = {
+        f"{path.relative_to(ROOT)}:{name}": SECTION.search(ast.get_docstring(node) or "")
+        for path in _files(room)
+        if not re.match(r"_[a-z]", path.name)
+        for name, node in _counted(ast.parse(path.read_text(encoding="utf-8")).body)
+    }
+    bare = [name for name, section in public.items() if not section]
+    assert len(bare) <= (1.0 - LEAST_SHARE) * len(public), "\n".join(bare)
+
+
+@pytest.mark.parametrize("room", ROOMS_WITH_SECTIONS)
+def test_no_sentence_of_a_docstring_is_long(room):
+    kinds = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    long = [
+        f"{path.relative_to(ROOT)}: {sentence}"
+        for path in _files(room)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, kinds)
+        for sentence in docstring_sentences(ast.get_docstring(node) or "")
+        if len(sentence.split()) > LONGEST_SENTENCE_WORDS
+    ]
+    assert not long, "\n".join(long)

@@ -1,9 +1,11 @@
 """Pages for a reader in a hurry: short sentences, links that lead somewhere, a short front page."""
 
+import inspect
 import re
 from pathlib import Path
 
 import pytest
+from prose import docstring_sentences, sentences
 
 ROOT = Path(__file__).parents[2]
 # What the program writes, tables of scores and the record of what was found are no guides.
@@ -14,23 +16,6 @@ GUIDES = [
 ]
 LONGEST_SENTENCE_WORDS = 30
 LONGEST_README_LINES = 100
-
-
-def sentences(text: str) -> list[str]:
-    """Sentences of the prose of a page, without code, equations, tables and headings."""
-    text = re.sub(r"^\s*(```|~~~).*?^\s*\1", "", text, flags=re.M | re.S)
-    text = re.sub(r"(?<=\n\n)( {4}.*\n)+", "", text)
-    text = re.sub(r"\$\$.*?\$\$|<!--.*?-->|<[^>]+>", "", text, flags=re.S)
-    text = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", text)
-    text = re.sub(r"`[^`]*`|\$[^$]*\$", "X", text)
-    blocks = re.split(r"\n\s*\n|\n(?=\s*(?:[-*+]|\d+\.) )", text)
-    prose = [b for b in blocks if not b.lstrip().startswith(("|", "#", "!!!", "???"))]
-    return [
-        s.strip()
-        for block in prose
-        for s in re.split(r"(?<=[.!?:;])[\"'*_)]*\s+", " ".join(block.split()))
-        if s.strip()
-    ]
 
 
 @pytest.mark.parametrize("page", GUIDES, ids=lambda p: str(p.relative_to(ROOT)))
@@ -59,3 +44,30 @@ def test_the_front_page_is_short_and_has_no_seeds_or_hashes():
 def test_sentences_are_counted_as_a_reader_does():
     text = "# Title\n\nOne two.\nThree [four](x.md) `five six`: seven.\n\n- a b\n- c\n\n| t |\n"
     assert sentences(text) == ["One two.", "Three four X:", "seven.", "- a b", "- c"]
+
+
+def test_entries_of_a_docstring_are_sentences_of_their_own():
+    text = """Do it.
+
+    Parameters
+    ----------
+    a, b : shares
+        of ``x and y``, both. Never zero.
+
+    Raises
+    ------
+    GesError
+        Where it cannot.
+
+    Examples
+    --------
+    >>> 1 + 1
+    2
+    """
+    assert docstring_sentences(inspect.cleandoc(text)) == [
+        "Do it.",
+        "a, b :",
+        "shares of X, both.",
+        "Never zero.",
+        "GesError Where it cannot.",
+    ]

@@ -1,6 +1,4 @@
-"""The paper: facts of every table and figure, LaTeX fragments, the check against typed numbers, and
-the PDF.
-"""
+"""The paper: origins of its tables and figures, LaTeX fragments, a check of its text, the PDF."""
 
 from __future__ import annotations
 
@@ -38,10 +36,17 @@ def _blanked(pattern: re.Pattern[str], text: str) -> str:
 
 
 def naked_numbers(text: str) -> list[tuple[int, str]]:
-    """(line, number) of every number that stands in the prose of a Typst source instead of being
-    read from results.
+    """Find numbers that are typed into the prose of a Typst source, not read from results.
 
-    Numbers in maths, labels, raw text, statements and arguments of calls are no prose.
+    Numbers in comments, maths, labels, raw text, statements and arguments of calls are no prose.
+
+    Parameters
+    ----------
+    text : the source.
+
+    Returns
+    -------
+    (line, number as typed) of each; lines are counted from 1.
     """
     # calls last: brackets within maths or text, blanked by now, would end their arguments
     prose = _blanked(_CALL, _blanked(_NOT_PROSE, text))
@@ -53,7 +58,18 @@ def naked_numbers(text: str) -> list[tuple[int, str]]:
 
 
 def check_source(sources: list[Path], checked: Path) -> None:
-    """Refuse a source with typed numbers; write which files were found right."""
+    """Refuse Typst sources with typed numbers.
+
+    Parameters
+    ----------
+    sources : the files.
+    checked : JSON file to write, with the SHA-256 of each source by its name.
+
+    Raises
+    ------
+    GesError
+        Where a number is typed; it names files, lines and numbers.
+    """
     wrong = [
         f"{s.name} line {n}: '{number}'"
         for s in sources
@@ -68,9 +84,14 @@ def check_source(sources: list[Path], checked: Path) -> None:
 
 
 def write_facts(made: list[Path], makers: dict[str, str], code: Code, facts: Path) -> None:
-    """Origin of every table and figure: the rule that made it, the hash of its data, the commit.
+    """Write the origin of every table and figure.
 
-    A figure is known by the data file beside its picture.
+    Parameters
+    ----------
+    made : data files of tables and figures; a figure's lies beside its picture.
+    makers : rule that made each file, by its path.
+    code : commit of the code, and whether it was modified.
+    facts : JSON file to write: rule, first 12 digits of the SHA-256, and commit, by file stem.
     """
     state = code.commit + (" with changes" if code.modified else "")
     write_json(
@@ -80,7 +101,13 @@ def write_facts(made: list[Path], makers: dict[str, str], code: Code, facts: Pat
 
 
 def write_settings(study: Study, settings: Path) -> None:
-    """The configuration as JSON, from which the text quotes settings."""
+    """Write the configuration as JSON, from which the text quotes settings.
+
+    Parameters
+    ----------
+    study : the configuration.
+    settings : JSON file to write.
+    """
     write_json(settings, study.model_dump(mode="json"))
 
 
@@ -95,7 +122,14 @@ def _cell(value: object) -> str:
 
 
 def write_latex(table: Path, facts: Path, fragment: Path) -> None:
-    """A table as a LaTeX tabular (booktabs) whose last line says where it comes from."""
+    """Write a table as a LaTeX tabular of the package booktabs.
+
+    Parameters
+    ----------
+    table : CSV file.
+    facts : origins, as :func:`write_facts` writes them.
+    fragment : file to write; its last line is a comment with the origin.
+    """
     import pandas as pd
 
     frame = pd.read_csv(table)
@@ -117,17 +151,36 @@ def write_latex(table: Path, facts: Path, fragment: Path) -> None:
 
 
 def authors(citation: Path) -> str:
-    """Names of the authors of a citation file (CFF), in its order."""
+    """Read the authors of a citation file.
+
+    Parameters
+    ----------
+    citation : file in the Citation File Format (CFF, YAML).
+
+    Returns
+    -------
+    Names in the order of the file, separated by commas.
+    """
     listed = yaml.safe_load(citation.read_text())["authors"]
     return ", ".join(a.get("name") or f"{a['given-names']} {a['family-names']}" for a in listed)
 
 
 def render(main: Path, results: Path, citation: Path, pdf: Path) -> None:
-    """Compile the paper; its source reads tables, figures and numbers below ``results``, its
-    authors are those of ``citation``.
+    """Compile the paper to a PDF.
 
-    Only fonts that come with the compiler are used, and no date is written, so equal results give
-    equal bytes.
+    Equal results give equal bytes: fonts are those of the compiler, and no date is written.
+
+    Parameters
+    ----------
+    main : Typst source.
+    results : folder from which the source reads tables, figures and numbers.
+    citation : file with the authors, see :func:`authors`.
+    pdf : file to write.
+
+    Raises
+    ------
+    GesError
+        Where the source does not compile; it names the place.
     """
     import typst
 
