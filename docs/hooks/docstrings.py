@@ -3,12 +3,14 @@ numpydoc has a type; griffe is told so.
 """
 
 import re
+import textwrap
 
 import griffe
 
-SECTION = re.compile(r"^(Parameters|Attributes)\n-+\n(.*?)(?=^\w[\w ]*\n-+$|\Z)", re.M | re.S)
+_REST = r"\n-+\n(.*?)(?=^\w[\w ]*\n-+$|\Z)"
+SECTION = re.compile(rf"^(Parameters|Attributes){_REST}", re.M | re.S)
 ITEM = re.compile(r"^(\w[\w, *]*) : (?=\S)", re.M)
-RETURNS = re.compile(r"^Returns\n-+\n(?=\S)", re.M)
+GIVEN = re.compile(rf"^(Returns|Yields){_REST}", re.M | re.S)
 
 
 class TextBehindColon(griffe.Extension):
@@ -18,4 +20,8 @@ class TextBehindColon(griffe.Extension):
         """Called by griffe with everything that it has read."""
         if obj.docstring:
             text = SECTION.sub(lambda s: ITEM.sub(r"\1\n    ", s[0]), obj.docstring.value)
-            obj.docstring.value = RETURNS.sub("Returns\n-------\n:\n    ", text)
+            obj.docstring.value = GIVEN.sub(_below_a_dash, text)
+
+
+def _below_a_dash(section: re.Match) -> str:
+    return f"{section[1]}\n-------\n:\n{textwrap.indent(section[2], '    ')}"

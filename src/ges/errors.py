@@ -18,7 +18,7 @@ class GesError(Exception):
 
     Examples
     --------
-    >>> from ges.recordings.recording import load_set
+    >>> from ges.errors import GesError
     >>> try:
     ...     load_set("no-such-folder")
     ... except GesError as error:
@@ -38,7 +38,7 @@ class UsageError(GesError):
 
     Examples
     --------
-    >>> from ges.vehicle.file import load_vehicle
+    >>> from ges.errors import UsageError
     >>> try:
     ...     load_vehicle("crazyflie-2.2")
     ... except UsageError as error:

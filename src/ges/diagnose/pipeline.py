@@ -36,26 +36,48 @@ def diagnose(
     names: Sequence[str] | None = None,
     watch: Watch = lambda step, known: None,
 ) -> Diagnosis:
-    """Find what a simulator lacks, from real flights, to the same bytes whatever the number of
-    cores.
+    """Find what a simulator lacks, from recorded flights.
+
+    Results are the same to the last byte, whatever the number of cores.
 
     Parameters
     ----------
-    recordings : a recording set, or tables with contract columns (a mapping gives them names).
-    vehicle : what is known of the vehicle, with doubts; taken from a recording set where there is
-        one.
-    holdout : names of flights that take no part in fitting or choosing; None lets a rule choose
-        that does not look at them.
-    folder : where a height map named by the vehicle file lies.
-    names : fit exactly these effects instead of searching: what the library could reach if the
-        cause were known.
-    watch : is called as steps end, with ``"located"`` and the cells of the location map, then
-        ``"fitted"`` and the names.
+    recordings : a recording set, or flights as tables with the columns of
+        :class:`~ges.recordings.recording.RecordingSet`. A mapping gives tables names.
+    vehicle : the vehicle file; needed for tables, and for a set in place of its own.
+    holdout : names of flights that take no part in fitting or choosing. By default a hash of the
+        recorded numbers chooses one flight in four, and at least one of two.
+    folder : folder of the height map that ``vehicle`` names.
+    names : effects to fit instead of searching: what could be reached if the causes were known.
+    watch : called as ``watch(step, known)`` when a step ends. Steps are ``"located"`` with the
+        cells of the map of residuals, and ``"fitted"`` with the accepted names.
+
+    Returns
+    -------
+    Verdict, findings, and errors on the flights held out.
 
     Raises
     ------
     GesError
         When the recordings cannot be used, in one sentence.
+    UsageError
+        When ``holdout`` or ``names`` has an unknown name.
+
+    Notes
+    -----
+    The equations stand in docs/method.md, the rules of every decision in docs/reference.md.
+
+    Examples
+    --------
+    Four simulated flights come with the package; rotor drag and ground effect acted on them.
+
+    >>> from pathlib import Path
+    >>> import ges
+    >>> from ges.recordings.recording import load_set
+    >>> example = Path(ges.__file__).parent / "recordings" / "example"
+    >>> found = ges.diagnose(load_set(example))
+    >>> found
+    Diagnosis(physics: rotor_drag, ground_effect)
     """
     record = Record()
 

@@ -34,19 +34,28 @@ STEPS: Mapping[str, str] = {
 
 @dataclasses.dataclass(frozen=True)
 class Request:
-    """What a user asks for.
+    """What to diagnose, and what is known beside the files.
 
     Attributes
     ----------
-    sources : one recording set, or flight logs of one vehicle.
-    vehicle : a vehicle file or a name of the library; of a set its own, of logs one made from the
-        first of them, where none is given.
-    mass_kg, prop, layout : what a vehicle made from a log cannot take from it: mass as flown,
-        propellers, and order and spins of the motors where the log lacks them.
-    holdout : flights that take no part; a rule chooses where there is none.
-    options, kind : what is said of the logs, see :func:`ges.recordings.readers.open_log`.
-    mends : as which the columns are read, see :func:`ges.recordings.recording.make_set`.
-    command : how it was asked for, for the page.
+    sources : folder of one recording set, or flight logs of one vehicle.
+    vehicle : path of a vehicle file, or a name of the library. By default a set's own; for logs one
+        is made from the first.
+    mass_kg : mass as flown, for a vehicle made from a log.
+    prop : size of the propellers, as ``10x4.5``, for a vehicle made from a log.
+    layout : order and spins of the motors, as ``x`` or ``hexa-x``, where the log lacks them.
+    holdout : names of flights that take no part; if empty, :func:`~ges.diagnose.pipeline.diagnose`
+        chooses.
+    options, kind : how logs are read, see :func:`ges.recordings.readers.open_log`.
+    mends : corrections of columns, see :func:`ges.recordings.recording.make_set`.
+    command : command line that the page shows; '' for none.
+
+    Examples
+    --------
+    >>> from ges.diagnose.run import Request
+    >>> request = Request(sorted(example.glob("runs_*.parquet")), example / "vehicle.yaml")
+    >>> [path.name for path in request.sources]
+    ['runs_fast.parquet', 'runs_slow.parquet']
     """
 
     sources: Sequence[Path]
@@ -63,14 +72,14 @@ class Request:
 
 @dataclasses.dataclass(frozen=True)
 class Inputs:
-    """Flights ready to be diagnosed.
+    """Flights ready to be diagnosed, with the origin of each.
 
     Attributes
     ----------
     recordings : checked flights with their vehicle.
     hashes : SHA-256 of the file of each flight, by name of the flight.
     vehicle_file : ``file`` and ``sha256`` of the vehicle file.
-    made : text of a vehicle file that was made from a log; '' where it was given.
+    made : text of a vehicle file that was made from a log; '' where one was given.
     """
 
     recordings: RecordingSet
@@ -86,20 +95,33 @@ def run(
     watch: Watch = len,
     page: bool = True,
 ) -> Diagnosis:
-    """Read, diagnose and write every file of the contract.
+    """Read flights, diagnose them and write the files of the diagnosis.
 
     Parameters
     ----------
-    request : what is asked for.
-    out : folder for the files.
-    drawing : of the same folder, where figures are drawn by other processes.
-    watch : is called with what goes on from then on, a few words.
-    page : whether the page and its figures are written.
+    request : what to diagnose.
+    out : folder for the files, made where it is missing.
+    drawing : figures drawn by other processes into ``out``; by default they are drawn in this one.
+    watch : called with a few words when a step begins.
+    page : whether report.html and its figures are written.
+
+    Returns
+    -------
+    The diagnosis, whose ``origin`` names the files.
 
     Raises
     ------
     GesError
-        Where the request, a log or the vehicle will not do, in one sentence.
+        When the request, a log or the vehicle cannot be used, in one sentence.
+    OSError
+        When a file cannot be written.
+
+    Examples
+    --------
+    >>> from ges.diagnose.run import run
+    >>> again = run(request, Path("report"), page=False)
+    >>> sorted(path.name for path in Path("report").iterdir())
+    ['diagnosis.json', 'residuals.parquet', 'vehicle.fitted.yaml']
     """
     inputs = gathered(request, watch)
 
@@ -121,7 +143,18 @@ def run(
 
 
 def gathered(request: Request, watch: Watch) -> Inputs:
-    """The flights of a request, read and checked; a single log is cut into several."""
+    """Read and check the flights of a request; a single log is cut into several.
+
+    Parameters
+    ----------
+    request : what to diagnose.
+    watch : called with a few words when a step begins.
+
+    Raises
+    ------
+    GesError
+        When the request, a log or the vehicle cannot be used, in one sentence.
+    """
     first, *rest = request.sources
     # a folder may be a log itself: a ROS 2 bag is one
     if not rest and first.is_dir() and not any(r.sniff(b"", first) for r in READERS):

@@ -1,7 +1,7 @@
 """Recording sets: a folder with a vehicle file and one Parquet file a flight.
 
-Columns are quantities, floats in SI, NaN where a sample is missing; ``t_s`` is required and
-strictly increasing, not necessarily regular. Columns that are not known are kept and ignored.
+Columns are quantities: floats in SI units, NaN where a sample is missing. ``t_s`` is required; it
+increases strictly, not necessarily in equal steps. Unknown columns are kept and ignored.
 """
 
 from __future__ import annotations
@@ -73,7 +73,16 @@ _PLAUSIBLE = (
 
 
 def unit_of(column: str) -> str | None:
-    """Unit of a known column, None for a column that is only kept."""
+    """Look up the unit of a column.
+
+    Parameters
+    ----------
+    column : name of the column.
+
+    Returns
+    -------
+    The unit, as ``m/s^2``; ``1`` where it has none; None for an unknown column.
+    """
     if column in _UNITS:
         return _UNITS[column]
     return next((unit for form, unit in _ROTOR_UNITS if re.fullmatch(form, column)), None)
@@ -81,7 +90,18 @@ def unit_of(column: str) -> str | None:
 
 @dataclasses.dataclass(frozen=True)
 class Flight:
-    """One recorded flight: a name for people, and the table."""
+    """One recorded flight.
+
+    Attributes
+    ----------
+    name : name for people, unique in its set.
+    frame : table (n rows) with ``t_s`` and columns of the recording; world ENU, body FLU, SI units.
+
+    Examples
+    --------
+    >>> flights.flights[0].name, flights.flights[0].frame["t_s"].iloc[-1].item()
+    ('runs_fast', 20.0)
+    """
 
     name: str
     frame: pd.DataFrame
@@ -89,7 +109,22 @@ class Flight:
 
 @dataclasses.dataclass(frozen=True)
 class RecordingSet:
-    """Flights of one vehicle, and what was noticed when they were read."""
+    """Checked flights of one vehicle.
+
+    Attributes
+    ----------
+    vehicle : the vehicle file.
+    flights : the flights, in order of reading.
+    folder : folder of the height map that the vehicle file names.
+    warnings : what was noticed when they were read, one sentence each.
+
+    Examples
+    --------
+    >>> [flight.name for flight in flights.flights]
+    ['runs_fast', 'runs_slow', 'stairs_fast', 'stairs_slow']
+    >>> flights.vehicle.name
+    'example quadrotor'
+    """
 
     vehicle: Vehicle
     flights: tuple[Flight, ...]
@@ -97,7 +132,13 @@ class RecordingSet:
     warnings: tuple[str, ...] = ()
 
     def ground(self) -> Terrain:
-        """Ground under the flights."""
+        """Load the ground under the flights.
+
+        Raises
+        ------
+        GesError
+            When the height map that the vehicle file names cannot be read.
+        """
         return self.vehicle.ground(self.folder)
 
 
@@ -121,8 +162,11 @@ def _check_time(name: str, frame: pd.DataFrame) -> None:
 
 
 def _contradiction(name: str, frame: pd.DataFrame, hover_rad_s: float) -> str | None:
-    """A unit or an axis that the other columns or the vehicle's weight refute, in one sentence with
-    what to do.
+    """Find a unit or an axis that other columns or the vehicle's weight refute.
+
+    Returns
+    -------
+    One sentence with what to do; None where nothing is refuted.
     """
     checks = (
         _too_fast(frame, hover_rad_s),
@@ -176,17 +220,22 @@ def _implausible(name: str, column: str, values: np.ndarray) -> str | None:
 
 
 def checked_frame(name: str, frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """Check one flight's table: floats, increasing time, no empty channel, believable units.
+    """Check the table of one flight: numbers, increasing time, plausible units.
+
+    Parameters
+    ----------
+    name : name of the flight, for messages.
+    frame : table (n rows) with ``t_s`` and contract columns.
 
     Returns
     -------
-    frame, warnings : the table without channels that hold no sample, and a sentence for each of
-        those.
+    The table with known columns as floats, without those that hold no sample, and a warning for
+    each of these.
 
     Raises
     ------
     GesError
-        One sentence naming flight, column, value and remedy.
+        One sentence that names flight, column, value and remedy.
     """
     _check_time(name, frame)
     warnings, empty = [], []
@@ -216,17 +265,35 @@ def make_set(
     folder: Path | str = ".",
     mends: Sequence[str] = (),
 ) -> RecordingSet:
-    """Recording set from tables in memory, checked, also against the vehicle and one another.
+    """Make a recording set from tables in memory, and check it.
+
+    Tables are checked one by one, against the vehicle, and their columns against each other.
 
     Parameters
     ----------
-    folder : of the height map that the vehicle file names.
-    mends : names of :func:`ges.recordings.faults.faults` as which every table is read.
+    vehicle : the vehicle file.
+    frames : name and table (n rows) of each flight; world ENU, body FLU, SI units.
+    folder : folder of the height map that the vehicle file names.
+    mends : corrections applied to every table first: names of :func:`ges.recordings.faults.faults`.
+
+    Returns
+    -------
+    The set, without columns of motors that the vehicle does not have.
 
     Raises
     ------
     GesError
-        Where a table cannot be right as it is told, in one sentence with what is likeliest wrong.
+        When a table cannot be right; the sentence says what is most likely wrong.
+    UsageError
+        When ``mends`` has an unknown name.
+
+    Examples
+    --------
+    >>> from ges.recordings.recording import make_set
+    >>> first = flights.flights[0]
+    >>> half = make_set(flights.vehicle, [("first half", first.frame[:500])])
+    >>> [flight.name for flight in half.flights]
+    ['first half']
     """
     known = faults.faults(len(vehicle.rotors))
     if wrong := [name for name in mends if name not in known]:
@@ -249,9 +316,7 @@ def make_set(
 
 
 def _of_no_rotor(frame: pd.DataFrame, vehicle: Vehicle) -> list[str]:
-    """Columns of motors that the vehicle has not: spare outputs of its autopilot, which are kept
-    and ignored as all else that no contract names.
-    """
+    """List columns of motors that the vehicle does not have, as spare outputs of its autopilot."""
     count = len(vehicle.rotors)
     every = (names(MAX_ROTORS) for names in (rotor_speed, command, motor_current))
     beyond = {name for names in every for name in names[count:]}
@@ -259,13 +324,30 @@ def _of_no_rotor(frame: pd.DataFrame, vehicle: Vehicle) -> list[str]:
 
 
 def load_set(folder: str | Path, least: int = 2, mends: Sequence[str] = ()) -> RecordingSet:
-    """Read a recording set.
+    """Read a recording set from its folder, and check it.
 
     Parameters
     ----------
-    folder : holds vehicle.yaml and the flights' Parquet files, read in the order of their names.
-    least : how many flights there must be.
-    mends : as which every table is read, see :func:`make_set`.
+    folder : holds vehicle.yaml and the flights' Parquet files, which are read in order of their
+        names.
+    least : smallest number of flights allowed.
+    mends : corrections applied to every table, see :func:`make_set`.
+
+    Returns
+    -------
+    The set; each flight is named after its file.
+
+    Raises
+    ------
+    GesError
+        When files are missing, cannot be read or cannot be right, in one sentence.
+
+    Examples
+    --------
+    >>> from ges.recordings.recording import load_set
+    >>> flights = load_set(example)
+    >>> len(flights.flights)
+    4
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -305,7 +387,13 @@ def _read(path: Path) -> pd.DataFrame:
 
 
 def write_flight(path: Path, frame: pd.DataFrame) -> None:
-    """Write one flight, units in the metadata; complete or not at all."""
+    """Write a flight as a Parquet file, complete or not at all.
+
+    Parameters
+    ----------
+    path : file to write.
+    frame : table (n rows) of the flight; units of known columns are written as metadata.
+    """
     table = pa.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None)
     fields = [
         f.with_type(pa.float64()).with_metadata({"unit": unit}) if (unit := unit_of(f.name)) else f
@@ -318,12 +406,25 @@ def write_flight(path: Path, frame: pd.DataFrame) -> None:
 def write_set(
     folder: str | Path, vehicle: Vehicle, frames: Iterable[tuple[str, pd.DataFrame]]
 ) -> None:
-    """Write a recording set: vehicle.yaml and a Parquet file a flight.
+    """Write a recording set: vehicle.yaml and one Parquet file a flight.
+
+    Parameters
+    ----------
+    folder : folder to write into, made where it is missing.
+    vehicle : the vehicle file.
+    frames : name and table (n rows) of each flight; the name becomes that of the file.
 
     Raises
     ------
     GesError
-        When the folder already holds other flights, which would become part of the set.
+        When the folder holds other flights, which would become part of the set.
+
+    Examples
+    --------
+    >>> from ges.recordings.recording import write_set
+    >>> write_set("copy", flights.vehicle, [(f.name, f.frame) for f in flights.flights])
+    >>> load_set("copy").vehicle == flights.vehicle
+    True
     """
     folder, tables = Path(folder), dict(frames)
     others = sorted(p.name for p in folder.glob("*.parquet") if p.stem not in tables)
@@ -338,12 +439,16 @@ def write_set(
 
 
 def require_drive(recordings: RecordingSet) -> None:
-    """Refuse flights that tell nothing of the drive.
+    """Refuse flights without rotor speeds and without motor commands.
+
+    Parameters
+    ----------
+    recordings : the flights.
 
     Raises
     ------
     GesError
-        When there is no flight, or one has neither rotor speeds nor motor commands.
+        When there is no flight, or one has neither of the two for every rotor.
     """
     if not recordings.flights:
         raise GesError(

@@ -1,8 +1,8 @@
-"""Fly: batches of flights in the compiled simulator.
+"""Batches of flights in the compiled simulator.
 
-A flight is a flat table of named numbers (``parameters()``), the effects that are switched on, the
-ground, and, where needed, a table of references or of a replay. Many flights go in one call;
-results do not depend on how many, on the number of lanes, or on the machine.
+A flight is a table of named numbers (:func:`parameters`), effects, ground and, where needed, an
+input table. Many flights go in one call. Results do not depend on how many, on the number of lanes,
+or on the machine.
 """
 
 from __future__ import annotations
@@ -22,12 +22,24 @@ from ges.simulator.terrain import Terrain
 
 @functools.lru_cache(maxsize=1)
 def modes() -> list[str]:
-    """Modes of the feedforward; ``mode`` is the place of one in this list."""
+    """List the modes of the feedforward; ``mode`` is an index into this list.
+
+    Examples
+    --------
+    >>> modes()[0]
+    'none'
+    """
     return _lib.mode_names()
 
 
 def controllers() -> list[str]:
-    """What can drive the rotors; ``control`` is the place of one in this list."""
+    """List what can drive the rotors; ``control`` is an index into this list.
+
+    Examples
+    --------
+    >>> controllers()
+    ['firmware', 'replayed_commands', 'replayed_speeds']
+    """
     return list(_controller_inputs())
 
 
@@ -38,7 +50,16 @@ def _controller_inputs() -> dict[str, tuple[int, int]]:
 
 @dataclasses.dataclass(frozen=True)
 class Parameter:
-    """One number of a flight, with its default and allowed bounds."""
+    """One number of a flight.
+
+    Attributes
+    ----------
+    name : its name.
+    unit : ``1`` where it has none.
+    doc : its meaning, in words.
+    default : value where none is given, in ``unit``.
+    low, high : bounds, in ``unit``, both allowed.
+    """
 
     name: str
     unit: str
@@ -50,18 +71,43 @@ class Parameter:
 
 @functools.lru_cache(maxsize=1)
 def parameters() -> dict[str, Parameter]:
-    """Every number of a flight by name."""
+    """List every number of a flight, by name.
+
+    Examples
+    --------
+    >>> parameters()["dt_s"].default
+    0.001
+    """
     return {row[0]: Parameter(*row) for row in _lib.parameter_table()}
 
 
 def rotors_of(given: Mapping[str, float | str]) -> int:
-    """How many rotors these numbers of a flight give the vehicle."""
+    """Give the number of rotors of the vehicle that these numbers of a flight describe.
+
+    Parameters
+    ----------
+    given : numbers of a flight by name; the simulator's default where ``rotors`` is missing.
+    """
     return int(given.get("rotors", parameters()["rotors"].default))
 
 
 @functools.lru_cache(maxsize=MAX_ROTORS)
 def columns(n_rotors: int = 4) -> dict[str, tuple[str, str]]:
-    """(unit, meaning) of every recorded quantity by name, of a vehicle with so many rotors."""
+    """List the quantities that can be recorded.
+
+    Parameters
+    ----------
+    n_rotors : number of rotors of the vehicle.
+
+    Returns
+    -------
+    (unit, meaning) by name.
+
+    Examples
+    --------
+    >>> columns()["p_z_m"]
+    ('m', 'position, world z')
+    """
     return {
         name: (unit, doc) for name, unit, doc, rotor in _lib.column_table() if rotor <= n_rotors
     }
@@ -73,8 +119,20 @@ def _column_numbers() -> dict[str, int]:
 
 
 def parameter_vector(given: Mapping[str, float]) -> np.ndarray:
-    """All numbers of a flight in the library's order, (k,) in the units of their names, defaults
-    where not given.
+    """Put the numbers of a flight into the order of the compiled library.
+
+    Parameters
+    ----------
+    given : numbers by name, in the units of their names.
+
+    Returns
+    -------
+    All parameters, (k,); defaults where none is given.
+
+    Raises
+    ------
+    UsageError
+        When a name is unknown.
     """
     known = parameters()
     for name in given:
@@ -85,18 +143,42 @@ def parameter_vector(given: Mapping[str, float]) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True)
 class Flight:
-    """What is flown.
+    """A flight to simulate.
 
-    Parameters
+    Attributes
     ----------
-    parameters : numbers by name; defaults elsewhere. ``mode`` may also be a name of :func:`modes`,
-        ``control`` one of :func:`controllers`.
-    effects : effect name to its parameters (defaults elsewhere).
-    terrain : ground; procedural from the flight's seed if not given.
-    inputs : (n, 14) references where ``control`` is firmware: p_ref (3), v_ref (3), a_ref (3),
-        yaw_ref, excitation (3 rad/s^2, m/s^2); (n, k + 8) replay where it is replayed_commands or
-        replayed_speeds: drive (k rotors; commands or speeds), q (4), battery_V, omega (3). Rows are
-        ``inputs_dt_s`` apart from t = 0.
+    parameters : numbers by name, in the units of :func:`parameters`; defaults elsewhere. ``mode``
+        may be a name of :func:`modes`, ``control`` one of :func:`controllers`.
+    effects : parameters by effect; defaults elsewhere.
+    terrain : ground; by default procedural, from the flight's seed.
+    inputs : input table (n, k), its rows ``inputs_dt_s`` apart from t = 0; see notes.
+
+    Notes
+    -----
+    Columns of ``inputs`` depend on ``control``.
+
+    For ``firmware``, 14 references in the world frame: position (3, m), velocity (3, m/s),
+    acceleration (3, m/s^2), yaw (rad), angular acceleration about the body axes (3, rad/s^2),
+    vertical acceleration (m/s^2).
+
+    For ``replayed_commands`` and ``replayed_speeds``, n_rotors + 8: commands (0 to 1) or rotor
+    speeds (rad/s), attitude (4, body to world), battery (V), body rates (3, rad/s).
+
+    Examples
+    --------
+    A second of hover on flat ground, with rotor drag:
+
+    >>> from ges.simulator import manoeuvres
+    >>> from ges.simulator.flight import Flight, fly
+    >>> from ges.simulator.terrain import Terrain
+    >>> flight = Flight(
+    ...     {"duration_s": 1.0, "inputs_dt_s": manoeuvres.STEP_S},
+    ...     effects={"rotor_drag": {"k_kg": 6e-5}},
+    ...     terrain=Terrain.flat(),
+    ...     inputs=manoeuvres.make("hover", 1.0),
+    ... )
+    >>> flight.n_rotors
+    4
     """
 
     parameters: Mapping[str, float | str] = dataclasses.field(default_factory=dict)
@@ -105,7 +187,18 @@ class Flight:
     inputs: np.ndarray | None = None
 
     def numbers(self) -> dict[str, float]:
-        """Parameters with the terrain's, names of modes and controllers replaced by numbers."""
+        """Give all numbers of the flight.
+
+        Returns
+        -------
+        Parameters with those of the terrain, by name; names of modes and controllers as their
+        index.
+
+        Raises
+        ------
+        UsageError
+            When a name of a mode or controller is unknown, or a text stands for a number.
+        """
         named = {**self.terrain.parameters(), **self.parameters}
         return {name: self._number(name, value) for name, value in named.items()}
 
@@ -128,8 +221,21 @@ class Flight:
 
 @dataclasses.dataclass(frozen=True)
 class Record:
-    """One flown flight: ``columns`` by name, each of shape (n,); NaN from the row where a state
-    stopped being finite.
+    """A simulated flight.
+
+    Attributes
+    ----------
+    columns : recorded quantities (n,) by name, in the units of :func:`columns`. NaN from the row on
+        where a state stopped being finite.
+    seed : seed of the flight.
+    stopped_t_s : time at which a state stopped being finite, s; None if none did.
+    stopped_field : that state; None if none did.
+
+    Examples
+    --------
+    >>> (record,) = fly([flight])
+    >>> record.status, record["p_z_m"].shape
+    ('ok', (101,))
     """
 
     columns: dict[str, np.ndarray]
@@ -139,7 +245,7 @@ class Record:
 
     @property
     def status(self) -> str:
-        """'ok', or what went wrong and when."""
+        """``ok``, or what stopped being finite, and when, in one sentence."""
         if self.stopped_field is None:
             return "ok"
         return (
@@ -152,7 +258,7 @@ class Record:
 
 
 def _recorded(flights: Sequence[Flight], wanted: Iterable[str] | None) -> list[str]:
-    """Names of what is recorded: all that every flight has, where it is not said."""
+    """Name what is recorded: by default all that every flight has."""
     if wanted is None:
         return list(columns(min((f.n_rotors for f in flights), default=1)))
     names, known = list(wanted), columns(max((f.n_rotors for f in flights), default=1))
@@ -183,18 +289,31 @@ def _packed(flight: Flight) -> tuple:
 def fly(
     flights: Sequence[Flight], wanted: Iterable[str] | None = None, lanes: int = 0
 ) -> list[Record]:
-    """Fly a batch.
+    """Simulate a batch of flights.
 
     Parameters
     ----------
     flights : any number; they need not resemble each other.
-    wanted : names of the columns to record; all that every flight has if not given.
-    lanes : 0 lets the library choose; 1, 2, 4 and 8 give the same bits.
+    wanted : names of :func:`columns` to record; by default all that every flight has.
+    lanes : flights that are computed together: 1, 2, 4, 8, or 0 for what suits the processor.
+        Results are the same bits.
+
+    Returns
+    -------
+    A record for each flight, in their order.
 
     Raises
     ------
-    GesError When a number is out of its bounds or an input table is missing; the message names
-    flight, value and bounds.
+    GesError
+        When a number is out of its bounds, or an input table is missing.
+    UsageError
+        When a name is unknown, or an input table has a wrong shape.
+
+    Examples
+    --------
+    >>> (record,) = fly([flight], ["t_s", "p_z_m"])
+    >>> record["t_s"][-1].item()
+    1.0
     """
     names, numbers = _recorded(flights, wanted), _column_numbers()
     flown = _lib.fly([_packed(f) for f in flights], [numbers[name] for name in names], lanes)
@@ -212,7 +331,7 @@ def fly(
 
 
 def _term_line(term: tuple) -> str:
-    """A term of a law, as :func:`ges.simulator.laws.packed` has it, for ``ges_sim``."""
+    """Write a term of a law, as :func:`ges.simulator.laws.packed` gives it, for ``ges_sim``."""
     channel, scale, power, magnitude, near_m, coefficient = term
     names = [group.quantity for group in laws.groups().values()]
     factors = [q for q, n in zip(names, power, strict=True) for _ in range(n)]
@@ -224,8 +343,18 @@ def _term_line(term: tuple) -> str:
 def write_script(
     flights: Sequence[Flight], path: str | Path, wanted: Iterable[str] | None = None
 ) -> None:
-    """Write flights (without height maps) as a text file that the program ``ges_sim`` flies to the
-    same bytes.
+    """Write flights as a script that the program ``ges_sim`` flies to the same bytes.
+
+    Parameters
+    ----------
+    flights : on flat or procedural ground.
+    path : script to write; input tables are written beside it.
+    wanted : names of :func:`columns` to record; by default all that every flight has.
+
+    Raises
+    ------
+    UsageError
+        When a flight has a height map, or a name is unknown.
     """
     names = _recorded(flights, wanted)
     lines = ["columns " + " ".join(names)]

@@ -1,9 +1,9 @@
-"""Manoeuvres: tables of references that the simulator's firmware, or a real autopilot's offboard
-mode, can follow.
+"""Manoeuvres: tables of references for the simulator's firmware or an autopilot's offboard mode.
 
-A table has 14 columns, ``STEP_S`` apart: position, velocity and acceleration reference (world),
-yaw, and an excitation that is added to the commanded angular acceleration (rad/s^2) and vertical
-acceleration (m/s^2).
+A table has 14 columns, :data:`COLUMNS`, and rows :data:`STEP_S` apart. They are position, velocity,
+acceleration and yaw references in the world frame ENU, and an excitation. The excitation is added
+to the commanded angular acceleration about the body axes (rad/s^2) and to the vertical acceleration
+(m/s^2).
 """
 
 from __future__ import annotations
@@ -39,9 +39,7 @@ def _times(duration_s: float) -> np.ndarray:
 
 
 def _along(t: np.ndarray, knots_s: list[float], points: np.ndarray) -> np.ndarray:
-    """Table that passes the points (n, 3) at the knots, at rest there, with quintic blends between
-    them.
-    """
+    """Pass the points (n, 3) at the knots, at rest there, with quintic blends between them."""
     table = np.zeros((len(t), 14))
     leg = np.clip(np.searchsorted(knots_s, t, side="right") - 1, 0, len(knots_s) - 2)
     start, length = np.asarray(knots_s)[leg], np.diff(knots_s)[leg]
@@ -55,15 +53,35 @@ def _along(t: np.ndarray, knots_s: list[float], points: np.ndarray) -> np.ndarra
 
 
 def hover(duration_s: float = 30.0, height_m: float = 1.0) -> np.ndarray:
-    """Stand still; a table (n, 14)."""
+    """Make a hover at one point.
+
+    Parameters
+    ----------
+    duration_s : length.
+    height_m : height reference.
+
+    Returns
+    -------
+    Table (n, 14), see the module.
+    """
     return _along(_times(duration_s), [0.0, duration_s], np.tile([0.0, 0.0, height_m], (2, 1)))
 
 
 def height_staircase(
     duration_s: float = 60.0, low_m: float = 0.15, high_m: float = 1.5
 ) -> np.ndarray:
-    """Down and up through a ladder of heights, holding each: ground effect against mass,
-    rangefinder and inflow; a table (n, 14).
+    """Make a descent and a climb through a ladder of heights, each held for a while.
+
+    It separates ground effect from mass, rangefinder errors and inflow. Heights have equal ratios.
+
+    Parameters
+    ----------
+    duration_s : length.
+    low_m, high_m : lowest and highest step.
+
+    Returns
+    -------
+    Table (n, 14), see the module.
     """
     # the ground's effect falls off with height: equal ratios, not equal steps
     ladder = np.geomspace(high_m, low_m, 6)
@@ -80,8 +98,19 @@ def height_staircase(
 def straight_runs(
     duration_s: float = 60.0, length_m: float = 6.0, height_m: float = 1.0
 ) -> np.ndarray:
-    """Out and back along both axes at three speeds: drag against wind, tilt and attitude bias; a
-    table (n, 14).
+    """Make runs out and back along both axes, at three speeds.
+
+    They separate drag from wind, tilt and attitude bias.
+
+    Parameters
+    ----------
+    duration_s : length.
+    length_m : length of a run.
+    height_m : height reference.
+
+    Returns
+    -------
+    Table (n, 14), see the module.
     """
     legs = [np.array(p) * length_m for p in ((1.0, 0, 0), (0.0, 0, 0), (0, 1.0, 0), (0, 0.0, 0))]
     points, weights = [np.zeros(3)], []
@@ -93,8 +122,18 @@ def straight_runs(
 
 
 def climbs(duration_s: float = 40.0, low_m: float = 1.0, high_m: float = 4.0) -> np.ndarray:
-    """Up and down at several rates, out of ground effect: inflow against motor lag; a table
-    (n, 14).
+    """Make climbs and descents at several rates, out of ground effect.
+
+    They separate inflow from motor lag.
+
+    Parameters
+    ----------
+    duration_s : length.
+    low_m, high_m : lowest and highest point.
+
+    Returns
+    -------
+    Table (n, 14), see the module.
     """
     heights = np.array([low_m, high_m] * 5)
     knots = np.concatenate([[0.0], np.cumsum(np.linspace(1.6, 0.6, len(heights) - 1))])
@@ -103,8 +142,18 @@ def climbs(duration_s: float = 40.0, low_m: float = 1.0, high_m: float = 4.0) ->
 
 
 def yaw_turn(duration_s: float = 30.0, height_m: float = 1.0) -> np.ndarray:
-    """A full turn in hover: what is fixed in the body against what is fixed in the world; a table
-    (n, 14).
+    """Make a full turn in hover.
+
+    It separates what is fixed in the body from what is fixed in the world.
+
+    Parameters
+    ----------
+    duration_s : length.
+    height_m : height reference.
+
+    Returns
+    -------
+    Table (n, 14), see the module.
     """
     table = hover(duration_s, height_m)
     # at rest for a twelfth of the time before and after the turn
@@ -115,8 +164,23 @@ def yaw_turn(duration_s: float = 30.0, height_m: float = 1.0) -> np.ndarray:
 def multisine(
     duration_s: float = 20.0, height_m: float = 1.5, amplitude_rad_s2: float = 6.0
 ) -> np.ndarray:
-    """Recorded excitation of each axis with its own frequencies (Schroeder phases): inertia, motor
-    lag, delays; a table (n, 14).
+    """Make an excitation of roll, pitch, yaw and height, each with frequencies of its own.
+
+    It separates inertia, motor lag and delays.
+
+    Parameters
+    ----------
+    duration_s : length.
+    height_m : height reference.
+    amplitude_rad_s2 : peak angular acceleration about each axis; vertically it is 2 m/s^2.
+
+    Returns
+    -------
+    Table (n, 14), see the module.
+
+    References
+    ----------
+    Schroeder, IEEE Transactions on Information Theory 16, 1970: phases that keep the peak low.
     """
     table, t, lines = hover(duration_s, height_m), _times(duration_s), 6
     for axis in range(4):
@@ -137,12 +201,28 @@ MENU: Mapping[str, Callable[..., np.ndarray]] = {
 
 
 def make(name: str, duration_s: float | None = None) -> np.ndarray:
-    """A manoeuvre of the menu by name, a table (n, 14).
+    """Make a manoeuvre by name.
+
+    Parameters
+    ----------
+    name : a key of :data:`MENU`: ``hover``, ``height_staircase``, ``straight_runs``, ``climbs``,
+        ``yaw_turn``, ``multisine``.
+    duration_s : length; by default that of the manoeuvre.
+
+    Returns
+    -------
+    Table (n, 14) of references, rows :data:`STEP_S` apart. Columns are position (m), velocity (m/s)
+    and acceleration (m/s^2), each x, y, z in the world, yaw (rad), and excitation.
 
     Raises
     ------
     UsageError
-        For a name that is not on the menu.
+        When the name is not in :data:`MENU`.
+
+    Examples
+    --------
+    >>> manoeuvres.make("climbs", 10.0).shape
+    (501, 14)
     """
     if name not in MENU:
         raise unknown_name("manoeuvre", name, MENU)
@@ -150,20 +230,36 @@ def make(name: str, duration_s: float | None = None) -> np.ndarray:
 
 
 def to_frame(table: np.ndarray) -> pd.DataFrame:
-    """A table (n, 14) as a set-point file's content."""
+    """Give a table of references column names and times.
+
+    Parameters
+    ----------
+    table : (n, 14), rows :data:`STEP_S` apart.
+
+    Returns
+    -------
+    Table of ``t_s`` and :data:`COLUMNS`, as a set-point file has it.
+    """
     return pd.DataFrame(
         {"t_s": np.arange(len(table)) * STEP_S, **dict(zip(COLUMNS, table.T, strict=True))}
     )
 
 
 def from_frame(frame: pd.DataFrame) -> np.ndarray:
-    """References from a set-point file or a recording, (n, 14): resampled to ``STEP_S``, absent
-    columns 0.
+    """Read references from a set-point file or a recording.
+
+    Parameters
+    ----------
+    frame : table with ``t_s`` and at least the position reference.
+
+    Returns
+    -------
+    Table (m, 14) resampled to :data:`STEP_S` from the first time on; 0 in columns that are absent.
 
     Raises
     ------
     GesError
-        When there is no time or no position reference.
+        When the time or a position reference is missing.
     """
     for name in ("t_s", *COLUMNS[:3]):
         if name not in frame:

@@ -19,15 +19,15 @@ SD_DIGITS = 2
 
 @dataclasses.dataclass(frozen=True)
 class Datasheet:
-    """A vehicle and where its numbers come from.
+    """A vehicle with the source of each of its numbers.
 
     Attributes
     ----------
-    vehicle : what the simulator is told.
-    origin : what was read, a sentence or two that head the file.
-    sources : by key of the vehicle file, or ``effects.NAME``: where the number comes from and what
-        its doubt stands for.
-    remarks : what the source says and a vehicle file cannot, a sentence each.
+    vehicle : content of the vehicle file.
+    origin : what was read, in a sentence or two at the head of the file.
+    sources : by key of the vehicle file, or ``effects.NAME``: where the number and its sd come
+        from.
+    remarks : what the source says and a vehicle file cannot, one sentence each.
     """
 
     vehicle: Vehicle
@@ -36,11 +36,17 @@ class Datasheet:
     remarks: tuple[str, ...] = ()
 
     def renamed(self, name: str) -> Datasheet:
-        """The same vehicle under another name."""
+        """Give the vehicle another name; sources stay."""
         return dataclasses.replace(self, vehicle=self.vehicle.model_copy(update={"name": name}))
 
     def to_yaml(self) -> str:
-        """The vehicle file, sources as comments; doubtful numbers end where their doubt begins."""
+        """Write the vehicle file with sources as comments.
+
+        Returns
+        -------
+        YAML text. A number with an sd is rounded to the second digit of the sd, others to six
+        digits.
+        """
         content = _rounded(vehicle_content(self.vehicle))
         effects = content.pop("effects")
         lines = [line for text in (self.origin, *self.remarks) for line in comment(text)]
@@ -54,7 +60,17 @@ class Datasheet:
 
 
 def comment(text: str, mark: str = "# ") -> list[str]:
-    """Comment lines of a text; none for no text."""
+    """Wrap a text into comment lines.
+
+    Parameters
+    ----------
+    text : '' gives no line.
+    mark : what every line begins with.
+
+    Returns
+    -------
+    Lines of at most 98 characters.
+    """
     wrapped = textwrap.wrap(
         text, COLUMNS - 2 - len(mark), break_long_words=False, break_on_hyphens=False
     )
@@ -74,7 +90,7 @@ def _flow(value: Any) -> str:
 
 
 def _rounded(value: Any) -> Any:
-    """The same with floats cut to what they tell: six digits, or two digits of their doubt."""
+    """Round floats to six digits, or to the second digit of their sd."""
     if isinstance(value, dict):
         if value.get("sd"):
             digits = _digits(value["value"], value["sd"])
@@ -86,7 +102,7 @@ def _rounded(value: Any) -> Any:
 
 
 def _digits(value: float, sd: float) -> int:
-    """Significant digits of a value down to the second digit of its doubt."""
+    """Count the significant digits of a value down to the second digit of its sd."""
     if value == 0.0:
         return SD_DIGITS
     # 1234.5678 with an sd of 0.31 is written 1234.57

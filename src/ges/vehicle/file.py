@@ -1,7 +1,7 @@
 """The vehicle file: what is known of a vehicle, and how well.
 
-A plain number means exactly known; ``{value, sd}`` or ``{value, sd_rel}`` states the user's own
-doubt, which is the tolerance a calibration may use: a fitted value well outside it is a finding.
+A plain number is exactly known. ``{value, sd}`` or ``{value, sd_rel}`` states a standard deviation,
+absolute or relative to the value. A fitted value far outside it is a finding.
 """
 
 from __future__ import annotations
@@ -31,7 +31,13 @@ class _Strict(pydantic.BaseModel):
 
 
 class Quantity(_Strict):
-    """A number with its standard deviation (0: exactly known)."""
+    """A number with its standard deviation.
+
+    Attributes
+    ----------
+    value : nominal value.
+    sd : standard deviation in the unit of the value; 0 means exactly known.
+    """
 
     value: float
     sd: float = pydantic.Field(default=0.0, ge=0)
@@ -49,7 +55,7 @@ class Quantity(_Strict):
         return given
 
     def plain(self) -> float | dict[str, float]:
-        """As it is written in a file."""
+        """Give the number as a vehicle file has it: plain, or ``{value, sd}`` where it has an sd."""
         return {"value": self.value, "sd": self.sd} if self.sd else self.value
 
 
@@ -58,7 +64,7 @@ def _is_number(x: object) -> TypeGuard[float]:
 
 
 def _with_sd(given: Mapping[str, Any]) -> dict[str, Any]:
-    """The same with ``sd`` in place of ``sd_rel``."""
+    """Replace ``sd_rel`` by ``sd``."""
     if "sd" in given:
         raise ValueError("give sd or sd_rel, not both")
     value, share = given.get("value"), given["sd_rel"]
@@ -70,7 +76,12 @@ def _with_sd(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class Estimate(Quantity):
-    """A parameter of an effect, which may state its 95 % interval."""
+    """A parameter of an effect in a vehicle file.
+
+    Attributes
+    ----------
+    ci95 : 95 % interval, (low, high), in the unit of the value; None if not stated.
+    """
 
     ci95: tuple[float, float] | None = None
 
@@ -81,7 +92,7 @@ class Estimate(Quantity):
         return self
 
     def plain(self) -> float | dict[str, Any]:
-        """As it is written in a file."""
+        """Give the number as a vehicle file has it, with ``ci95`` where it is stated."""
         if self.ci95 is None:
             return super().plain()
         return {
@@ -101,12 +112,17 @@ Positive = Annotated[Quantity, pydantic.AfterValidator(_positive)]
 
 
 class Rotor(_Strict):
-    """One rotor: hub in the body frame (FLU, from the centre of mass), radius, spin seen from
-    above.
+    """One rotor of a vehicle.
 
-    A rotor that spins ccw turns the body cw: its reaction torque on the body is negative about z.
-    Where it is canted, ``axis`` is the direction of its thrust, of any length. Coefficients and
-    time constant are the vehicle's where the rotor states none of its own.
+    Attributes
+    ----------
+    x_m, y_m, z_m : hub in the body frame FLU, from the centre of mass, m.
+    radius_m : over the tip, m.
+    spin : ``ccw`` or ``cw``, seen from above. A ccw rotor turns the body cw: its reaction torque is
+        negative about z.
+    axis : direction of its thrust in the body frame, of any length; None for body z.
+    thrust_coefficient_N_s2, torque_coefficient_Nm_s2, motor_time_constant_s : of this rotor; None
+        for the vehicle's.
     """
 
     x_m: Quantity
@@ -128,13 +144,19 @@ class Rotor(_Strict):
 
     @property
     def unit_axis(self) -> np.ndarray:
-        """Direction of its thrust in the body frame, (3,)."""
+        """Direction of its thrust in the body frame, (3,), of length 1."""
         axis = np.array(self.axis or (0.0, 0.0, 1.0))
         return axis / np.linalg.norm(axis)
 
 
 class Inertia(_Strict):
-    """Moments of inertia about the body axes, with one relative doubt."""
+    """Moments of inertia about the body axes.
+
+    Attributes
+    ----------
+    xx, yy, zz : kg m^2.
+    sd_rel : standard deviation of each, relative to its value.
+    """
 
     xx: pydantic.PositiveFloat
     yy: pydantic.PositiveFloat
@@ -143,8 +165,13 @@ class Inertia(_Strict):
 
 
 class GroundFile(_Strict):
-    """Ground under the flights: flat at a height, or a height map in an .npz file beside the
-    vehicle file.
+    """Ground under the flights.
+
+    Attributes
+    ----------
+    kind : ``flat``, or ``grid`` for a height map.
+    z_m : height of flat ground in the world, m.
+    file : .npz file of the height map, beside the vehicle file; None for flat ground.
     """
 
     kind: Literal["flat", "grid"] = "flat"
@@ -159,8 +186,13 @@ class GroundFile(_Strict):
 
 
 class Law(_Strict):
-    """Force or moment on the body that no effect has, as :mod:`ges.simulator.laws` writes it, with
-    the sd of every coefficient, none where they are exactly known.
+    """Force or moment on the body that no effect of the library has.
+
+    Attributes
+    ----------
+    channel : one of :data:`ges.simulator.laws.CHANNELS`, body frame.
+    form : sum of terms, as :mod:`ges.simulator.laws` writes it.
+    sd : standard deviation of each coefficient; empty where they are exactly known.
     """
 
     channel: str
@@ -179,12 +211,39 @@ class Law(_Strict):
         return self
 
     def terms(self) -> dict[laws.Term, float]:
-        """Coefficients by term."""
+        """Give the coefficients by term, as :func:`ges.simulator.laws.parse` reads them."""
         return laws.parse(self.channel, self.form)
 
 
 class Vehicle(_Strict):
-    """What the simulator is told of a vehicle."""
+    """Content of a vehicle file: what the simulator takes a vehicle to be.
+
+    A number is a :class:`Quantity`, which has its standard deviation.
+
+    Attributes
+    ----------
+    name : for people.
+    mass_kg : as flown.
+    inertia_kg_m2 : about the body axes; None for the simulator's default.
+    rotors : 3 to 16, in the order of the recorded columns.
+    thrust_coefficient_N_s2 : k in T = k w^2 of a rotor, at the density ``rho_kg_m3``.
+    torque_coefficient_Nm_s2 : k_q in the reaction torque k_q w^2; None for the simulator's default.
+    motor_time_constant_s : first-order lag of rotor speed behind its command; None for the default.
+    max_rotor_speed_rad_s : at full command; None for the simulator's default.
+    rho_kg_m3 : density of the air.
+    terrain : ground under the flights.
+    effects : effects that the simulator is to model, by name and parameter.
+    laws : forces and moments beside the effects, at most one law a channel.
+    left_unexplained : rms of the residual that healthy flights leave, by channel, N or N m. Written
+        by a calibration; a key with ``_size`` is the largest that the residual gets anywhere.
+
+    Examples
+    --------
+    >>> len(vehicle.rotors), vehicle.rotors[0].spin
+    (4, 'cw')
+    >>> round(vehicle.hover_speed_rad_s())
+    469
+    """
 
     name: str
     mass_kg: Positive
@@ -240,10 +299,14 @@ class Vehicle(_Strict):
         return given
 
     def rotor_arrays(self) -> dict[str, np.ndarray]:
-        """``x_m, y_m, z_m, radius_m``, ``spin`` (+1 ccw seen from above), ``axis_x``, ``axis_y``,
-        ``axis_z`` of its thrust, and ``thrust, torque, lag`` over the vehicle's, (n_rotors,) each.
+        """Give the numbers of all rotors as arrays (n_rotors,).
 
-        The reaction torque of rotor i on the body about z is ``-spin[i] k_q w^2``.
+        Returns
+        -------
+        - ``x_m``, ``y_m``, ``z_m``, ``radius_m``: hub in the body frame FLU and radius, m.
+        - ``spin``: +1 ccw seen from above, -1 cw. The reaction torque about z is ``-spin k_q w^2``.
+        - ``axis_x``, ``axis_y``, ``axis_z``: unit vector of the thrust, body frame.
+        - ``thrust``, ``torque``, ``lag``: own coefficient or time constant over the vehicle's.
         """
         arrays = {
             name: np.array([getattr(r, name).value for r in self.rotors])
@@ -258,7 +321,7 @@ class Vehicle(_Strict):
         }
 
     def _own_shares(self) -> dict[str, np.ndarray]:
-        """Each rotor's own coefficients and lag over the vehicle's, (n_rotors,)."""
+        """Divide each rotor's own coefficients and lag by the vehicle's, (n_rotors,)."""
         own = {
             "thrust": "thrust_coefficient_N_s2",
             "torque": "torque_coefficient_Nm_s2",
@@ -277,12 +340,22 @@ class Vehicle(_Strict):
         }
 
     def hover_speed_rad_s(self) -> float:
-        """Rotor speed at which equal rotors carry the weight, out of ground effect."""
+        """Compute the rotor speed at hover, out of ground effect.
+
+        Returns
+        -------
+        w = sqrt(m g / (n k)) in rad/s, with the vehicle's thrust coefficient k for all n rotors.
+        """
         per_rotor = self.mass_kg.value * GRAVITY_M_S2 / len(self.rotors)
         return float(np.sqrt(per_rotor / self.thrust_coefficient_N_s2.value))
 
     def effect_values(self) -> dict[str, dict[str, float]]:
-        """Effects that the simulator already models, as plain numbers, laws among them."""
+        """Give the effects as plain numbers.
+
+        Returns
+        -------
+        Values by effect and parameter; laws stand under :data:`ges.simulator.laws.LAW`, by term.
+        """
         values = {
             name: {key: q.value for key, q in values.items()}
             for name, values in self.effects.items()
@@ -291,7 +364,13 @@ class Vehicle(_Strict):
         return {**values, laws.LAW: terms} if terms else values
 
     def parameters(self) -> dict[str, float]:
-        """The simulator's parameters; what the file leaves out keeps the simulator's default."""
+        """Give the numbers of the vehicle as parameters of the simulator.
+
+        Returns
+        -------
+        Values by name of :func:`ges.simulator.flight.parameters`; what the file leaves out is left
+        out.
+        """
         named = {
             "mass_kg": self.mass_kg,
             "thrust_coefficient_N_s2": self.thrust_coefficient_N_s2,
@@ -311,7 +390,17 @@ class Vehicle(_Strict):
         return values
 
     def ground(self, folder: Path | str = ".") -> Terrain:
-        """The ground; a height map is looked for in ``folder``, where the vehicle file lies."""
+        """Load the ground.
+
+        Parameters
+        ----------
+        folder : folder of the vehicle file, where a height map lies.
+
+        Raises
+        ------
+        GesError
+            When the height map cannot be read.
+        """
         if self.terrain.file is None:
             return Terrain.flat(self.terrain.z_m)
         return Terrain.load(Path(folder) / self.terrain.file)
@@ -363,6 +452,15 @@ def _check_effects(vehicle: Vehicle, path: str) -> None:
 def parse_vehicle(content: Any, path: str = "vehicle") -> Vehicle:
     """Check the content of a vehicle file.
 
+    Parameters
+    ----------
+    content : what YAML reads from the file.
+    path : what to call the file in messages.
+
+    Returns
+    -------
+    The vehicle.
+
     Raises
     ------
     UsageError
@@ -381,16 +479,20 @@ def parse_vehicle(content: Any, path: str = "vehicle") -> Vehicle:
 
 
 def vehicle_path(source: str | Path) -> Path:
-    """File of a vehicle: one of the library by its name, or the file itself.
+    """Find the file of a vehicle.
 
     Parameters
     ----------
     source : name of a vehicle in :mod:`ges.vehicle.library`, or path of a vehicle file.
 
+    Returns
+    -------
+    Path of the file, which need not exist if ``source`` is a path.
+
     Raises
     ------
     UsageError
-        When it is neither; it names the nearest vehicle of the library.
+        When it is a name that the library does not have; the message has the nearest one.
     """
     path = Path(source)
     if str(source) in library.names():
@@ -402,22 +504,30 @@ def vehicle_path(source: str | Path) -> Path:
 
 
 def load_vehicle(source: str | Path) -> Vehicle:
-    """Read a vehicle: a vehicle file (YAML), one of the library by its name, or a model of another
-    simulator (see :mod:`ges.vehicle.formats`; ``ges vehicle`` says what such a model leaves open).
+    """Read a vehicle.
 
     Parameters
     ----------
-    source : see :func:`vehicle_path`.
+    source : a vehicle file (YAML), a name of :mod:`ges.vehicle.library`, or a model of another
+        simulator that :mod:`ges.vehicle.formats` reads.
+
+    Returns
+    -------
+    The vehicle, checked.
 
     Raises
     ------
     GesError
-        When there is no such vehicle, or its file cannot be read or says something impossible.
+        When there is no such vehicle, or its file cannot be read.
+    UsageError
+        When its content is not possible; the message names the key.
 
     Examples
     --------
-    >>> load_vehicle("crazyflie-2.1").mass_kg.value
-    0.032
+    >>> from ges.vehicle.file import load_vehicle
+    >>> vehicle = load_vehicle("hummingbird")
+    >>> vehicle.mass_kg
+    Quantity(value=0.5, sd=0.02)
     """
     path = vehicle_path(source)
     # what is no YAML may be a model of another simulator, known by its content
@@ -437,7 +547,16 @@ def load_vehicle(source: str | Path) -> Vehicle:
 
 
 def vehicle_content(vehicle: Vehicle) -> dict[str, Any]:
-    """The content of a vehicle file: doubts kept, keys in their standard order."""
+    """Give the content of a vehicle file: sds kept, keys in their standard order.
+
+    Parameters
+    ----------
+    vehicle : the vehicle.
+
+    Returns
+    -------
+    Mappings, lists and numbers that YAML can write, and :func:`parse_vehicle` can read.
+    """
     content: dict[str, Any] = {}
     for key in Vehicle.model_fields:
         value = getattr(vehicle, key)
@@ -473,7 +592,7 @@ def _plain(value: Any) -> Any:
 
 
 def _rotor_of(effect: str, parameter: str) -> int:
-    """The rotor, from 1, that a parameter of an effect belongs to; 0 of none."""
+    """Number of the rotor, from 1, that a parameter of an effect belongs to; 0 for none."""
     from ges.simulator import effects
 
     return effects.get(effect).parameter(parameter).rotor
@@ -484,5 +603,23 @@ def _law_content(law: Law) -> dict[str, Any]:
 
 
 def save_vehicle(vehicle: Vehicle, path: str | Path) -> None:
-    """Write a vehicle file; complete or not at all."""
+    """Write a vehicle file, complete or not at all.
+
+    Parameters
+    ----------
+    vehicle : the vehicle.
+    path : file to write (YAML).
+
+    Raises
+    ------
+    OSError
+        When it cannot be written.
+
+    Examples
+    --------
+    >>> from ges.vehicle.file import save_vehicle
+    >>> save_vehicle(vehicle, "mine.yaml")
+    >>> load_vehicle("mine.yaml") == vehicle
+    True
+    """
     write_text(path, yaml.safe_dump(vehicle_content(vehicle), sort_keys=False))

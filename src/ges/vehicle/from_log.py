@@ -1,8 +1,8 @@
 """A vehicle file from a flight log, the mass and the propeller.
 
-What the log's parameters say of geometry and thrust curve is taken as said; thrust comes from the
-weight that the flight carried; what nothing tells comes from scaling laws. Every number keeps its
-source and an honest doubt.
+Geometry and thrust curve are those of the log's parameters. The thrust coefficient follows from the
+weight that the flight carried. What no log tells comes from scaling laws. Every number keeps its
+source and its standard deviation.
 """
 
 from __future__ import annotations
@@ -41,27 +41,34 @@ SURELY = 0.9
 
 
 class Stream(Protocol):
-    """What is needed of a stream of a log: where it comes from."""
+    """What :func:`describe_log` reads of a stream: where it comes from."""
 
     @property
-    def source(self) -> str: ...
+    def source(self) -> str:
+        """Topic, message or event of the log."""
 
 
 class Log(Protocol):
-    """What is needed of a flight log; see :class:`ges.recordings.readers.Log`."""
+    """What :func:`describe_log` reads of a log; see :class:`ges.recordings.readers.Log`."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Stem of the file."""
     @property
-    def format(self) -> str: ...
+    def format(self) -> str:
+        """Name of the reader."""
     @property
-    def autopilot(self) -> str: ...
+    def autopilot(self) -> str:
+        """Firmware and version; '' where the log does not say."""
     @property
-    def parameters(self) -> Mapping[str, float]: ...
+    def parameters(self) -> Mapping[str, float]:
+        """The autopilot's own parameters, as logged."""
     @property
-    def streams(self) -> Mapping[str, Stream]: ...
+    def streams(self) -> Mapping[str, Stream]:
+        """Streams by name."""
 
-    def frame(self) -> pd.DataFrame: ...
+    def frame(self) -> pd.DataFrame:
+        """All columns on one time axis."""
 
 
 def describe_log(
@@ -73,22 +80,41 @@ def describe_log(
     wheelbase_m: float | None = None,
     name: str = "multirotor",
 ) -> Datasheet:
-    """Vehicle of a flight log.
+    """Make a vehicle file from a flight log.
 
     Parameters
     ----------
     log : the flight.
-    mass_kg : what was flown, weighed.
-    prop : the propellers.
-    layout : order and spins of the motors, where the log does not say them or says them wrongly;
-        see :func:`~ges.vehicle.layouts.layout_of`.
-    wheelbase_m : distance of opposite hubs, where it is known better than the log does.
-    name : of the vehicle.
+    mass_kg : mass as flown, weighed; 0.005 to 200 kg.
+    prop : propellers of all rotors.
+    layout : order and spins of the motors, see :func:`~ges.vehicle.layouts.layout_of`; by default
+        those of the log, or those that the flight shows.
+    wheelbase_m : distance of opposite hubs, m; by default that of the log or of usual vehicles.
+    name : name of the vehicle.
+
+    Returns
+    -------
+    The vehicle with the source of each number; ``to_yaml()`` writes it.
 
     Raises
     ------
     GesError
-        When the log is of no multirotor, flies too little, or contradicts the layout.
+        When the log is of no multirotor, or flies too little.
+    UsageError
+        When the mass is not possible, the layout is unknown, or the flight contradicts it.
+
+    Notes
+    -----
+    Thrust coefficient k from hover, in half seconds: m (g + dv_z/dt) / cos(tilt) = k sum_i w_i^2.
+    docs/from-log-to-vehicle.md has the other numbers.
+
+    Examples
+    --------
+    >>> from ges.vehicle.from_log import describe_log
+    >>> from ges.vehicle.propeller import Propeller
+    >>> sheet = describe_log(log, 1.2, Propeller.parse("8in"))
+    >>> sheet.vehicle.mass_kg
+    Quantity(value=1.2, sd=0.012)
     """
     if not 0.005 <= mass_kg <= 200.0:
         raise UsageError(f"--mass {mass_kg:g} is no mass from 0.005 to 200 kg")
@@ -153,8 +179,12 @@ def _airframe(
     seen: Turning | None,
     count: int,
 ) -> Airframe:
-    """Rotors, of which ``count`` were logged, as the user or the log says, unless the flight turns
-    otherwise.
+    """Find the rotors, of which ``count`` were logged, from the user, the log or the flight.
+
+    Raises
+    ------
+    UsageError
+        When the flight contradicts their order or spins.
     """
     known = of_rotors(count)
     if layout is not None:
@@ -187,20 +217,20 @@ def _listed(words: list[str]) -> str:
 
 
 def _fits(name: str, seen: Turning, prop: Propeller) -> bool:
-    """Whether all three axes turn as this layout, and no other, would turn them."""
+    """Tell whether all three axes turn as this layout, and no other, would turn them."""
     rotors = airframe.from_layout(name, prop, None).rotors
     return bool(np.all(seen.agreement(rotors) > SURELY))
 
 
 def _propellers_out(seen: Turning | None, prop: Propeller) -> str:
-    """Betaflight's layout, with propellers the other way round where the flight shows it."""
+    """Choose Betaflight's layout, with reversed propellers where the flight shows it."""
     usual, other = "betaflight-x", "betaflight-x-reversed"
     against = seen and seen.contradicted(airframe.from_layout(usual, prop, None).rotors)
     return other if against == ["yaw"] else usual
 
 
 def _layout_flown(seen: Turning | None, prop: Propeller, known: Sequence[str]) -> str:
-    """The one layout that the flight itself shows."""
+    """Find the one layout that the flight itself shows."""
     fits = [name for name in known if seen and _fits(name, seen, prop)]
     if len(fits) != 1:
         raise UsageError(
@@ -225,7 +255,7 @@ def _rotors_source(found: Airframe, seen: Turning | None) -> str:
 
 
 def _curve(log: Log, prop: Propeller, frame: pd.DataFrame) -> tuple[Quantity, str]:
-    """Linear share of thrust over command, before the flight is asked, and its source."""
+    """Give the linear share of thrust over command before the flight is used, and its source."""
     source = log.streams["command"].source if "command" in log.streams else ""
     common = propeller.thrust_curve(prop)
     default = (
@@ -255,7 +285,7 @@ def _curve(log: Log, prop: Propeller, frame: pd.DataFrame) -> tuple[Quantity, st
 
 
 def _ardupilot_curve(parameters: Mapping[str, float], frame: pd.DataFrame) -> tuple[Quantity, str]:
-    """Curve with the slope of ArduPilot's at the median command.
+    """Give the curve with the slope of ArduPilot's at the median command.
 
     T ~ (1 - e) s + e s^2 over s = (u - MOT_SPIN_MIN) / (MOT_SPIN_MAX - MOT_SPIN_MIN).
     """
@@ -280,7 +310,7 @@ def _ardupilot_curve(parameters: Mapping[str, float], frame: pd.DataFrame) -> tu
 def _thrust(
     flown: Hover, answers: Response | None, prop: Propeller, mass_kg: float
 ) -> tuple[dict, dict[str, str], tuple[str, ...]]:
-    """Thrust coefficient and top speed, their sources, and what looks wrong with them."""
+    """Give thrust coefficient and top speed, their sources, and what looks wrong with them."""
     weight_N = mass_kg * GRAVITY_M_S2
     hovered = (
         f"From {flown.seconds:.0f} s of hovering under {weight_N:.3g} N"
@@ -311,7 +341,7 @@ def _thrust(
 
 
 def _size_doubt(ratio: float, prop: Propeller) -> tuple[str, ...]:
-    """What a thrust coefficient far from that of the propeller's size speaks for."""
+    """Say what a thrust coefficient far from that of the propeller's size suggests."""
     if 1.0 / UNLIKELY < ratio < UNLIKELY:
         return ()
     # k ~ D^4
@@ -325,7 +355,7 @@ def _size_doubt(ratio: float, prop: Propeller) -> tuple[str, ...]:
 def _thrust_commanded(
     flown: Hover, prop: Propeller, usual: Quantity, weight_N: float, hovered: str
 ) -> tuple[dict, dict[str, str], tuple[str, ...]]:
-    """Coefficient and top speed where commands alone were logged: their product is known."""
+    """Give coefficient and top speed where commands alone were logged, which show their product."""
     largest = flown.thrust_per_drive
     # only k w_max^2 acts: the coefficient takes its doubt, the speed that of the factors
     top = math.sqrt(largest.value / usual.value)
@@ -359,7 +389,7 @@ def _unlogged(
     lag: Quantity | None,
     brushed: bool,
 ) -> tuple[dict, dict[str, str]]:
-    """Inertia, torque and lag, mostly from scaling laws, and their sources."""
+    """Give inertia, torque and lag, mostly from scaling laws, and their sources."""
     content = {
         "inertia_kg_m2": scaling.inertia(mass_kg, arm_m).model_dump(),
         "torque_coefficient_Nm_s2": scaling.torque_coefficient(

@@ -1,7 +1,7 @@
 """Propellers by their trade names, and what the size alone tells of a rotor.
 
-The static thrust coefficient of propeller practice is C_T = T / (rho n^2 D^4), n in revolutions per
-second, so that T = k w^2 with k = C_T rho D^4 / (4 pi^2).
+The static thrust coefficient of propellers is C_T = T / (rho n^2 D^4), with n in revolutions per
+second. So T = k w^2 with k = C_T rho D^4 / (4 pi^2).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Propeller:
     Attributes
     ----------
     diameter_m : over the tips.
-    blades : how many.
+    blades : number of blades.
     """
 
     diameter_m: float
@@ -45,16 +45,27 @@ class Propeller:
 
     @classmethod
     def parse(cls, size: str) -> Propeller:
-        """Read ``10in``, ``10x4.5``, ``5x4.3x3`` (diameter x pitch x blades, inches), ``254mm`` or
-        ``0.254m``.
+        """Read the size of a propeller.
 
-        The pitch is read and not used: at a standstill families of blades differ by more than their
-        pitches do.
+        Parameters
+        ----------
+        size : ``10in``, ``10x4.5``, ``5x4.3x3`` (diameter x pitch x blades, inches), ``254mm`` or
+            ``0.254m``. The pitch is not used: families of blades differ by more than their pitches
+            do.
+
+        Returns
+        -------
+        The propeller, of two blades unless stated.
 
         Raises
         ------
         UsageError
             When it is no size, or none between 2 cm and 2 m.
+
+        Examples
+        --------
+        >>> Propeller.parse("5x4.3x3")
+        Propeller(diameter_m=0.127, blades=3)
         """
         match = _SIZE.fullmatch(size.strip().lower())
         if not match:
@@ -82,12 +93,25 @@ class Propeller:
 
 
 def length_m(text: str) -> float:
-    """Read a length such as ``500mm``, ``0.5m`` or ``20in``; a plain number counts metres.
+    """Read a length.
+
+    Parameters
+    ----------
+    text : as ``500mm``, ``0.5m`` or ``20in``; a plain number is in metres.
+
+    Returns
+    -------
+    Length, m.
 
     Raises
     ------
     UsageError
         When it is no length, or none between 2 cm and 5 m.
+
+    Examples
+    --------
+    >>> length_m("500mm")
+    0.5
     """
     match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*(mm|cm|in|m|\"|)", text.strip().lower())
     metres = float(match[1]) * (UNITS_M[match[2]] if match[2] else 1.0) if match else math.nan
@@ -97,7 +121,7 @@ def length_m(text: str) -> float:
 
 
 def thrust_coefficient(propeller: Propeller, rho_kg_m3: float) -> Quantity:
-    """Thrust over squared rotor speed (N s^2) that propellers of this size have.
+    """Estimate the thrust coefficient from the size of a propeller.
 
     Parameters
     ----------
@@ -106,8 +130,11 @@ def thrust_coefficient(propeller: Propeller, rho_kg_m3: float) -> Quantity:
 
     Returns
     -------
-    Quantity
-        k = C_T rho D^4 / (4 pi^2) with the spread of published coefficients as its sd.
+    k = C_T rho D^4 / (4 pi^2) in N s^2; its sd is the spread of published propellers, 20 %.
+
+    References
+    ----------
+    Leishman, Principles of Helicopter Aerodynamics, 2006, section 3.3, for the number of blades.
     """
     # a power law in the number of blades through two and three of them
     ct = TWO_BLADES_CT * A_BLADE_MORE ** (math.log2(propeller.blades / 2) / math.log2(1.5))
@@ -116,10 +143,23 @@ def thrust_coefficient(propeller: Propeller, rho_kg_m3: float) -> Quantity:
 
 
 def thrust_curve(propeller: Propeller) -> Quantity:
-    """Linear share c in T = T_max ((1 - c) u^2 + c u) of a common speed controller.
+    """Estimate the linear share of thrust over command from the size of a propeller.
 
-    ArduPilot's default exponent, 1 - c = 0.65, was chosen from about a hundred measured propellers;
-    its author puts 5 in at 0.5 and 30 in at 0.8 (L. Hall, discuss.ardupilot.org, topic 26172).
+    Parameters
+    ----------
+    propeller : its diameter is used.
+
+    Returns
+    -------
+    c in T = T_max ((1 - c) u^2 + c u) for commands u from 0 to 1, with an sd of 0.2.
+
+    Notes
+    -----
+    1 - c is 0.5 at 5 in and 0.8 at 30 in, linear between and constant outside.
+
+    References
+    ----------
+    L. Hall, discuss.ardupilot.org, topic 26172: about a hundred measured propellers.
     """
     inches = propeller.diameter_m / INCH_M
     exponent = 0.5 + 0.3 * (min(max(inches, 5.0), 30.0) - 5.0) / 25.0

@@ -1,6 +1,4 @@
-"""Two diagnoses side by side: verdicts, findings whose intervals overlap or do not, and errors on
-flights that took no part.
-"""
+"""Two diagnoses side by side: verdicts, findings, corrections and errors on held-out flights."""
 
 from __future__ import annotations
 
@@ -28,18 +26,32 @@ from ges.files import write_text
 def compare(
     first: Mapping[str, Any], second: Mapping[str, Any], names: Sequence[str]
 ) -> dict[str, Any]:
-    """What two diagnoses agree and differ in, as words and numbers ready to be set in tables.
+    """Compare two diagnoses.
 
     Parameters
     ----------
-    first, second : diagnosis.json of each.
-    names : what to call them.
+    first, second : contents of diagnosis.json, as :func:`~ges.diagnose.report.saved.load_diagnosis`
+        reads them.
+    names : what to call the first and the second.
 
     Returns
     -------
-    ``names``, ``remarks`` (what makes them hard to compare), ``heads`` (verdict and sentence of
-    each), ``findings``, ``numbers`` (corrections of declared numbers) and ``errors``: rows, see
-    there.
+    A mapping of words and numbers ready for tables.
+
+    - ``names``: as given.
+    - ``remarks``: what makes the two hard to compare, such as flights that both used.
+    - ``heads``: verdict, sentence, vehicle and seconds of each.
+    - ``findings``: ``state`` (``both``, ``first only``, ``second only``), and whether intervals
+    overlap.
+    - ``numbers``: corrections of nominal parameters.
+    - ``errors``: errors on held-out flights, and their change.
+
+    Examples
+    --------
+    >>> from ges.diagnose.report.compare import compare
+    >>> table = compare(load_diagnosis("all"), load_diagnosis("report"), ["four", "two"])
+    >>> [(row["name"], row["state"]) for row in table["findings"]]
+    [('rotor drag', 'both'), ('ground effect', 'first only')]
     """
     both = (first, second)
     return {

@@ -32,13 +32,31 @@ def write_diagnosis(
     drawing: Drawing | None = None,
     page: bool = True,
 ) -> None:
-    """Write every file of the contract into ``out``.
+    """Write the files of a diagnosis into a folder.
+
+    They are diagnosis.json, vehicle.fitted.yaml and residuals.parquet; with ``page`` also
+    report.html and its figures. Figures of an earlier diagnosis in the folder are removed.
 
     Parameters
     ----------
-    vehicle_folder : where a height map lies.
-    drawing : of the same ``out``, where figures were begun before (:func:`map_figure`).
-    page : whether the page and its figures are written; without, those of an earlier diagnosis go.
+    diagnosis : the result, as :func:`~ges.diagnose.pipeline.diagnose` returns it.
+    out : folder for the files, made where it is missing.
+    vehicle_folder : folder of the height map that the vehicle file names; it is copied.
+    drawing : figures of ``out`` that were begun before; by default all are drawn now.
+    page : whether the page and its figures are written. If not, those of an earlier diagnosis are
+        removed.
+
+    Raises
+    ------
+    OSError
+        When a file cannot be read or written.
+
+    Examples
+    --------
+    >>> from ges.diagnose.report.output import write_diagnosis
+    >>> write_diagnosis(found, Path("all"), page=False)
+    >>> Path("all/diagnosis.json").exists()
+    True
     """
     out.mkdir(parents=True, exist_ok=True)
     content, traces = diagnosis.content(), traces_of(diagnosis)

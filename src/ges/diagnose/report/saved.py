@@ -1,4 +1,4 @@
-"""A diagnosis that was written, read back: diagnosis.json, checked against the contract."""
+"""A saved diagnosis: diagnosis.json, read back and checked."""
 
 from __future__ import annotations
 
@@ -114,16 +114,27 @@ class _Saved(BaseModel):
 
 
 def load_diagnosis(folder: str | Path) -> dict[str, Any]:
-    """Read the diagnosis in a folder.
+    """Read the diagnosis that was written into a folder.
 
     Parameters
     ----------
-    folder : ``--out`` of ``ges diagnose``, or its diagnosis.json.
+    folder : folder that ``ges diagnose --out`` wrote, or the path of a diagnosis.json.
+
+    Returns
+    -------
+    The content of diagnosis.json, see :meth:`ges.diagnose.types.diagnosis.Diagnosis.content`.
 
     Raises
     ------
     GesError
-        Where there is none, or what is there is not a diagnosis as the contract has it.
+        When there is no file, it cannot be read, or its content is not a diagnosis.
+
+    Examples
+    --------
+    >>> from ges.diagnose.report.saved import load_diagnosis
+    >>> content = load_diagnosis("all")
+    >>> [finding["name"] for finding in content["findings"]]
+    ['rotor_drag', 'ground_effect']
     """
     path = Path(folder)
     path = path / "diagnosis.json" if path.is_dir() else path

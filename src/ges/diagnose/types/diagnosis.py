@@ -1,4 +1,4 @@
-"""What a diagnosis says, as the contract writes it."""
+"""The result of a diagnosis, and its form as diagnosis.json."""
 
 from __future__ import annotations
 
@@ -15,13 +15,27 @@ from ges.vehicle.file import Vehicle
 
 
 def interval95(value: float, sd: float) -> tuple[float, float]:
-    """95 % interval of a Gaussian."""
+    """Compute the 95 % interval of a Gaussian, (low, high), from its mean and sd.
+
+    Examples
+    --------
+    >>> interval95(10.0, 1.0)
+    (8.04, 11.96)
+    """
     return (value - SDS_95 * sd, value + SDS_95 * sd)
 
 
 @dataclasses.dataclass(frozen=True)
 class Estimate:
-    """A fitted parameter: value, 95 % interval, unit, and what to know about it."""
+    """A fitted parameter.
+
+    Attributes
+    ----------
+    value : estimate, in ``unit``.
+    ci95 : 95 % interval, (low, high), in ``unit``.
+    unit : ``1`` where it has none.
+    note : what to know about it; '' for nothing.
+    """
 
     value: float
     ci95: tuple[float, float]
@@ -29,15 +43,38 @@ class Estimate:
     note: str = ""
 
     def content(self) -> dict[str, Any]:
-        """As JSON."""
+        """Give ``value``, ``ci95``, ``unit``, and ``note`` where there is one, as JSON has them."""
         told = {"value": self.value, "ci95": list(self.ci95), "unit": self.unit}
         return {**told, "note": self.note} if self.note else told
 
 
 @dataclasses.dataclass(frozen=True)
 class Finding:
-    """One named cause; ``is_open`` where the flights cannot tell it from others, ``place`` where it
-    acts in one of several, ``rotor 3``.
+    """A cause of the difference between simulator and flights.
+
+    Attributes
+    ----------
+    name : name of the effect.
+    kind : ``physics``, ``parameter`` or ``sensor``.
+    title : the effect in words.
+    probability : posterior probability, 0 to 1, after the correction of docs/reference.md.
+    equation : formula of the effect.
+    parameters : fitted parameters, by name.
+    size : ``value`` (rms) and ``unit`` in the ``channel`` where the effect is largest,
+        ``share_of_weight`` there. Empty where it was not fitted.
+    alternatives : ``name`` and ``log_odds`` of other effects in its place; negative odds are
+        against them.
+    is_open : whether the flights cannot tell it from others.
+    place : where it acts, as ``rotor 3``, if in one of several places; else ''.
+
+    Examples
+    --------
+    >>> drag = found.findings[0]
+    >>> print(drag.title, "|", drag.equation)
+    rotor drag, linear in air speed | F_i = -k w_i (V + omega x r_i)_xy
+    >>> low, high = drag.parameters["k_kg"].ci95
+    >>> low < 6e-5 < high  # what acted when the flights were simulated
+    True
     """
 
     name: str
@@ -62,7 +99,18 @@ class Finding:
         is_open: bool = False,
         place: str = "",
     ) -> Finding:
-        """An effect of the library; without a ``size`` where no fit was made with it."""
+        """Make the finding of an effect of the library.
+
+        Parameters
+        ----------
+        name : name of the effect; it gives kind, title and equation.
+        probability, parameters, size, alternatives, is_open, place : as the attributes.
+
+        Raises
+        ------
+        UsageError
+            When the library has no such effect.
+        """
         effect = effect_table.get(name)
         return cls(
             name,
@@ -78,7 +126,12 @@ class Finding:
         )
 
     def content(self) -> dict[str, Any]:
-        """As JSON."""
+        """Give the finding as an entry of ``findings`` in diagnosis.json.
+
+        Returns
+        -------
+        The attributes by name, ``is_open`` as ``open``.
+        """
         return {
             "name": self.name,
             "kind": self.kind,
@@ -95,11 +148,45 @@ class Finding:
 
 @dataclasses.dataclass(frozen=True)
 class Diagnosis:
-    """Verdict, findings, laws and proof.
+    """The result of a diagnosis.
 
-    ``content()`` is diagnosis.json, ``vehicle`` the fitted vehicle file, ``origin`` what it was
-    made from, ``remark`` what there is to say beside the sentence, and ``workings``, of
-    :mod:`ges.diagnose.report.workings`, what figures are drawn from.
+    Attributes
+    ----------
+    verdict : ``nothing_proven``, ``parameter``, ``sensor``, ``physics``, ``ambiguous``, ``law`` or
+        ``unknown``.
+    remark : what is to be said beside the sentence; '' for nothing.
+    origin : ``vehicle``, ``flights`` with the part each took, and ``version``; of a run also file
+        hashes and command.
+    findings : causes: proven ones, the largest first, then settled and nominal parameters, then
+        open ones.
+    located : where the residual is largest: ``channel``, ``regime`` with its bounds,
+        ``share_of_excess``, ``mean``, ``q_value``.
+    laws : fitted laws: ``channel``, ``form``, ``terms`` with 95 % intervals, ``regime``, ``size``.
+    unexplained : residual structure with neither cause nor law: ``channel``, ``regime``, ``r2``,
+        ``q_value``, ``rms``.
+    fit : errors on ``holdout_flights``. ``channels`` has rms ``before``, ``recalibrated`` and
+        ``after``, and ``rollout`` the same of open-loop simulation.
+    detectable : by effect the ``smallest`` size of ``parameter`` that these flights would show;
+        None where they show none.
+    next_flight : ``manoeuvre`` that separates what is open, and what it separates; empty where
+        nothing is open.
+    data : flights, seconds, channels, delays and instruments used, and ``warnings``.
+    calibration : correction of each nominal parameter, with its 95 % interval and its stated sd.
+    not_tested : by effect, what the recordings lack to test it.
+    considered : every candidate with its posterior probability and the decisions about it.
+    vehicle : vehicle file with corrections, findings and laws.
+    sentence : the result in one sentence.
+    workings : intermediate results, from which figures are drawn.
+
+    Examples
+    --------
+    >>> found.verdict
+    'physics'
+    >>> errors = found.fit["channels"]["force_x_N"]
+    >>> errors["after"] < 0.5 * errors["recalibrated"]
+    True
+    >>> "battery_sag" in found.not_tested  # no voltage was logged
+    True
     """
 
     verdict: str
@@ -138,7 +225,13 @@ class Diagnosis:
         return said + (f"<table>{head}{rows}</table>" if rows else "")
 
     def content(self) -> dict[str, Any]:
-        """diagnosis.json."""
+        """Give the content of diagnosis.json.
+
+        Returns
+        -------
+        A mapping of plain JSON values: six significant digits, None for a number that is not
+        finite.
+        """
         return cleaned(
             {
                 "schema": 1,
@@ -170,7 +263,16 @@ def _numbers(parameters: Mapping[str, Estimate]) -> str:
 
 
 def cleaned(value: Any) -> Any:
-    """Plain JSON: numpy scalars as numbers, six significant digits, what is not finite as null."""
+    """Convert a value to plain JSON.
+
+    Parameters
+    ----------
+    value : mappings, lists, tuples, numbers and numpy scalars, nested at will.
+
+    Returns
+    -------
+    The same with floats of six significant digits; None in place of NaN and infinity.
+    """
     if isinstance(value, Mapping):
         return {str(k): cleaned(v) for k, v in value.items()}
     if isinstance(value, list | tuple):

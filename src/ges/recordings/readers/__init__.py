@@ -1,6 +1,4 @@
-"""Readers of flight logs, one file a format, and the registry that knows a format by its first
-bytes.
-"""
+"""Readers of flight logs, one file a format, and the choice of the reader by a log's first bytes."""
 
 from __future__ import annotations
 
@@ -35,7 +33,17 @@ _NOTHING_SAID = Options()
 
 
 def reader_of(path: Path) -> Reader:
-    """The reader that knows the first bytes of a file."""
+    """Choose the reader of a log by its first bytes.
+
+    Parameters
+    ----------
+    path : the log; a folder for ROS 2 bags.
+
+    Raises
+    ------
+    GesError
+        When the file cannot be read, is empty, or is of no known format.
+    """
     try:
         if path.is_dir():
             head = b""
@@ -56,28 +64,34 @@ def reader_of(path: Path) -> Reader:
 
 
 def open_log(path: str | Path, options: Options = _NOTHING_SAID, kind: str = "auto") -> Log:
-    """Read a flight log, whatever wrote it.
+    """Read a flight log of any known format.
+
+    Formats are PX4 ULog, ArduPilot DataFlash, Betaflight and INAV blackbox, Crazyflie micro-SD
+    logs, ROS bags, MATLAB files, CSV and Parquet.
 
     Parameters
     ----------
     path : the log; a folder for ROS 2 bags.
-    options : what the user says about it.
-    kind : name of a reader; ``auto`` goes by the first bytes.
+    options : what the user states about the log.
+    kind : name of a reader, as ``px4``; ``auto`` chooses by the first bytes.
 
     Returns
     -------
-    Log, with streams at their own times; :meth:`Log.frame` brings them to one.
+    The log, with streams at their own times; :meth:`Log.frame` brings them to one time axis.
 
     Raises
     ------
     GesError
-        When no reader knows the file or it cannot be read, in one sentence.
+        When no reader knows the file, or it cannot be read.
+    UsageError
+        When there is no reader of that name, or an option does not suit the log.
 
     Examples
     --------
-    >>> log = open_log("flight.ulg")              # doctest: +SKIP
-    >>> log.streams["rates"].rate_hz              # doctest: +SKIP
-    50.0
+    >>> from ges.recordings.readers import open_log
+    >>> log = open_log(example / "runs_fast.parquet")
+    >>> log.format, log.problem()
+    ('table', '')
     """
     path = Path(path)
     if kind == "auto":
@@ -94,12 +108,20 @@ def open_log(path: str | Path, options: Options = _NOTHING_SAID, kind: str = "au
 
 
 def flight_names(sources: Sequence[Path]) -> dict[str, Path]:
-    """Logs by the names of their flights: the file's own, with its folder where two are alike.
+    """Name flights after their logs: the file's stem, with the folder's name where stems are equal.
+
+    Parameters
+    ----------
+    sources : paths of the logs.
+
+    Returns
+    -------
+    Paths by name, in the order given.
 
     Raises
     ------
     UsageError
-        Where two would still be called the same.
+        When two flights would still have the same name.
     """
     for named in (lambda p: p.stem, lambda p: f"{p.parent.name}_{p.stem}"):
         names = {named(path): path for path in sources}

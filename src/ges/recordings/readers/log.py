@@ -1,6 +1,4 @@
-"""What a reader gives: a flight log as streams, each at its own times, in the contract's frames
-and units.
-"""
+"""A flight log as streams, each at its own times, in the package's frames and units."""
 
 from __future__ import annotations
 
@@ -65,10 +63,17 @@ class Stream:
 
     Attributes
     ----------
-    t_s : (n,) strictly increasing, seconds on the log's clock.
-    columns : name -> (n,); contract columns in SI, ENU and FLU; NaN where a sample is missing.
-    source : what the log calls it (topic, message, event).
-    held : a set-point that stays in force until the next one.
+    t_s : (n,) strictly increasing times on the log's clock, s.
+    columns : quantities (n,) by column name, in SI units; world ENU, body FLU. NaN where a sample
+        is missing.
+    source : what the log calls it: topic, message or event.
+    held : whether it is a set-point, which stays in force until the next one.
+
+    Examples
+    --------
+    >>> stream = log.streams["velocity"]
+    >>> list(stream.columns), round(stream.rate_hz)
+    (['v_x_m_s', 'v_y_m_s', 'v_z_m_s'], 50)
     """
 
     t_s: np.ndarray
@@ -78,20 +83,26 @@ class Stream:
 
     @property
     def rate_hz(self) -> float:
-        """New values a second: rows with a finite value other than the row before's; all rows of a
-        set-point, which may stand still.
+        """Rate of new values, 1/s, by the median spacing; 0 where fewer than two rows have one.
+
+        Of a set-point, which may stand still, every row counts.
         """
         rows = self.news() if not self.held else np.arange(len(self.t_s))
         return 1.0 / float(np.median(np.diff(self.t_s[rows]))) if len(rows) > 1 else 0.0
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """First and last time with a finite value."""
+        """First and last time with a finite value, s; (0, 0) where there is none."""
         finite = self.t_s[self._finite().any(axis=1)]
         return (float(finite[0]), float(finite[-1])) if len(finite) else (0.0, 0.0)
 
     def news(self) -> np.ndarray:
-        """Rows that bring a new value; all finite ones where nothing ever changes."""
+        """Find the rows that bring a new value.
+
+        Returns
+        -------
+        Row numbers (k,). All rows with a finite value where fewer than two of them bring a new one.
+        """
         # a slow sensor copied into every row of a fast loop brings nothing new in most of them
         rows = np.flatnonzero(self._finite().any(axis=1))
         values = self._values()[rows]
@@ -107,17 +118,24 @@ class Stream:
 
 @dataclasses.dataclass(frozen=True)
 class Log:
-    """One flight log.
+    """A flight log as its reader gives it.
 
     Attributes
     ----------
     name : stem of the file.
     format : name of the reader.
-    autopilot : firmware and version, '' where the log does not say.
+    autopilot : firmware and version; '' where the log does not say.
     streams : by name, a key of :data:`COLUMNS` or ``other``.
     parameters : the autopilot's own parameters, by their own names, as logged.
-    notes : what was found, chosen or corrected, a sentence each.
-    refusal : why the vehicle or the log can be of no use at all; '' where it can.
+    notes : what was found, chosen or corrected, one sentence each.
+    refusal : why the log is of no use at all; '' where it is.
+
+    Examples
+    --------
+    >>> log.name, sorted(log.streams)[:3]
+    ('runs_fast', ['acceleration', 'attitude', 'command'])
+    >>> log.frame().shape
+    (1001, 29)
     """
 
     name: str
@@ -129,12 +147,21 @@ class Log:
     refusal: str = ""
 
     def problem(self) -> str:
-        """Why this log cannot serve, in one sentence with what to log instead; '' where it can."""
+        """Say why this log cannot be diagnosed.
+
+        Returns
+        -------
+        One sentence that says what to log instead; '' where the log can be diagnosed.
+        """
         return self.refusal or _shortcoming(self.streams)
 
     def axis(self) -> np.ndarray:
-        """Times of the rows of :meth:`frame`: those of the attitude, or of the fastest stream
-        where there is no attitude (or one too slow).
+        """Choose the times of the rows of :meth:`frame`.
+
+        Returns
+        -------
+        Times (n,) of the attitude, s; of the longest stream if the attitude is missing or slower
+        than 2 Hz.
         """
         # at its own times the attitude, by which all else is turned, needs no interpolation
         attitude = self.streams.get("attitude")
@@ -143,21 +170,21 @@ class Log:
         return max(self.streams.values(), key=lambda s: len(s.t_s)).t_s
 
     def frame(self) -> pd.DataFrame:
-        """All columns on one time axis.
+        """Bring all columns to one time axis.
 
-        A stream that is slower than the axis appears in the row nearest to each of its samples, by
-        a straight line between its own; its other rows are NaN, so that nobody counts one sample
-        twice. A faster one appears by its mean around each row, so that vibration does not fold
-        down. A set-point stays for a second at most. Nothing is drawn over a gap.
+        A stream slower than the axis appears in the row nearest to each sample, interpolated
+        linearly. Its other rows are NaN, so that no sample counts twice. A faster stream is
+        averaged around each row, so that vibration does not alias. A set-point is held for at most
+        1 s. Nothing is interpolated across a gap.
 
         Returns
         -------
-        pandas.DataFrame with ``t_s`` and contract columns.
+        Table with ``t_s`` and a column for each quantity.
 
         Raises
         ------
         GesError
-            When the log cannot serve (:meth:`problem`).
+            When :meth:`problem` finds one.
         """
         if problem := self.problem():
             raise GesError(f"{self.name}: {problem}")
@@ -170,15 +197,26 @@ class Log:
 
 @dataclasses.dataclass(frozen=True)
 class Options:
-    """What a user may say about a log.
+    """What a user states about a log.
 
     Attributes
     ----------
     mapping : column or topic map: a file, or the name of a preset.
     pwm : values of the motor outputs (us) that mean command 0 and 1, where the log does not say.
-    rotor_order : for each motor 1, 2, ... the number of the speed reading that is its own, counted
-        from 1, where the log does not say.
-    part : which flight of a file that holds several, counted from 1; the longest if None.
+    rotor_order : for motors 1, 2, ... the number of the speed reading that belongs to it, from 1,
+        where the log does not say.
+    part : which flight of a file that holds several, from 1; the longest if None.
+
+    Raises
+    ------
+    UsageError
+        When ``pwm`` does not increase, or ``rotor_order`` is no permutation.
+
+    Examples
+    --------
+    >>> from ges.recordings.readers import Options
+    >>> Options(pwm=(1000.0, 2000.0)).pwm
+    (1000.0, 2000.0)
     """
 
     mapping: str | Path | None = None
@@ -198,7 +236,15 @@ class Options:
             raise UsageError(f"--rotor-order {order}: name each of 1 to {count} once")
 
     def order_of(self, count: int) -> tuple[int, ...] | None:
-        """The stated order of the readings of so many motors; None where it is not stated.
+        """Check the stated order of the speed readings against the number of motors.
+
+        Parameters
+        ----------
+        count : number of motors in the log.
+
+        Returns
+        -------
+        :attr:`rotor_order`; None where it is not stated.
 
         Raises
         ------
@@ -213,12 +259,19 @@ class Options:
 
 
 class Reader(Protocol):
-    """One log format.
+    """A reader of one log format; the protocol that every reader follows.
 
     Attributes
     ----------
-    name, title : for options, and for people.
-    advice : what to switch on to have a stream, or to have it faster, by stream.
+    name : for options.
+    title : for people.
+    advice : by stream, what to switch on to log it, or to log it faster.
+
+    Examples
+    --------
+    >>> from ges.recordings.readers import READERS
+    >>> [reader.name for reader in READERS]
+    ['px4', 'ardupilot', 'betaflight', 'crazyflie', 'ros', 'matlab', 'table']
     """
 
     @property
@@ -229,19 +282,42 @@ class Reader(Protocol):
     def advice(self) -> Mapping[str, str]: ...
 
     def sniff(self, head: bytes, path: Path) -> bool:
-        """Whether the first bytes are this format's; ``path`` only for formats that are folders."""
+        """Tell whether a log is of this format.
+
+        Parameters
+        ----------
+        head : first bytes of the file, 4096 at most; empty for a folder.
+        path : path of the log, which formats without a signature need.
+        """
 
     def read(self, path: Path, options: Options) -> Log:
-        """The log; raises GesError with one sentence where it cannot be read."""
+        """Read a log.
+
+        Parameters
+        ----------
+        path : the log.
+        options : what the user states about it.
+
+        Raises
+        ------
+        GesError
+            When it cannot be read, in one sentence.
+        """
 
 
 def optional_module(name: str, extra: str, what: str) -> ModuleType:
-    """A module that not every installation has.
+    """Import a module that not every installation has.
+
+    Parameters
+    ----------
+    name : name of the module.
+    extra : extra of this package that installs it.
+    what : which logs it reads, for the message.
 
     Raises
     ------
     GesError
-        With the command that installs it.
+        When it is not installed; the message has the command that installs it.
     """
     try:
         return importlib.import_module(name)
@@ -255,8 +331,17 @@ def optional_module(name: str, extra: str, what: str) -> ModuleType:
 def named_streams(
     t_s: np.ndarray, columns: Mapping[str, np.ndarray], source: str = ""
 ) -> dict[str, Stream]:
-    """Columns of one table as streams, all at the times ``t_s`` (n,); those without any finite
-    value are left out.
+    """Group the columns of one table into streams.
+
+    Parameters
+    ----------
+    t_s : (n,) times of the rows, s.
+    columns : values (n,) by column name.
+    source : what the log calls the table.
+
+    Returns
+    -------
+    Streams by name; columns without any finite value are left out.
     """
     groups: dict[str, dict[str, np.ndarray]] = {}
     for column, values in columns.items():
@@ -266,7 +351,16 @@ def named_streams(
 
 
 def increasing(t_s: np.ndarray) -> tuple[np.ndarray, str]:
-    """Rows (n,) whose time is a number and goes on, and what is to be said of the others."""
+    """Select rows whose times are finite and strictly increase.
+
+    Parameters
+    ----------
+    t_s : (n,) times as logged, s.
+
+    Returns
+    -------
+    Which rows are kept (n,), and a sentence about the others; '' where all are kept.
+    """
     finite = np.isfinite(t_s)
     if len(t_s) > 2:
         # one damaged time far ahead would make all later rows repeat an earlier one
@@ -280,12 +374,28 @@ def increasing(t_s: np.ndarray) -> tuple[np.ndarray, str]:
 
 
 def stream_of(column: str) -> str:
-    """Name of the stream that a column belongs to."""
+    """Name the stream that a column belongs to, a key of :data:`COLUMNS` or ``other``.
+
+    Examples
+    --------
+    >>> stream_of("v_x_m_s"), stream_of("temperature")
+    ('velocity', 'other')
+    """
     return next((s for s, form in COLUMNS.items() if re.fullmatch(form, column)), "other")
 
 
 def on_axis(axis: np.ndarray, stream: Stream) -> dict[str, np.ndarray]:
-    """Columns of a stream at the times ``axis`` (n,), as :meth:`Log.frame` says."""
+    """Bring the columns of a stream to other times, as :meth:`Log.frame` describes.
+
+    Parameters
+    ----------
+    axis : (n,) times, s.
+    stream : the stream.
+
+    Returns
+    -------
+    Values (n,) by column name; NaN where the stream has none.
+    """
     t = stream.t_s
     if len(t) == len(axis) and np.array_equal(t, axis):
         return dict(stream.columns)
@@ -316,7 +426,7 @@ def _nearest(axis: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def _lines(axis: np.ndarray, rows: np.ndarray, t: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Straight lines between samples, at some rows of the axis; NaN elsewhere and in gaps."""
+    """Interpolate linearly between samples at some rows of the axis; NaN elsewhere and in gaps."""
     out = np.full(len(axis), np.nan)
     if len(t) < 2 or len(rows) == 0:
         return out
@@ -331,9 +441,7 @@ def _lines(axis: np.ndarray, rows: np.ndarray, t: np.ndarray, values: np.ndarray
 
 
 def _means(axis: np.ndarray, t: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Mean of the finite samples in the cell around each row, NaN in an empty cell; a cell is a
-    usual step wide.
-    """
+    """Average the finite samples around each row, over one usual step; NaN where there is none."""
     half, finite = 0.5 * _spacing(axis), np.isfinite(values)
     first, last = np.searchsorted(t, axis - half), np.searchsorted(t, axis + half)
     # sums over cells are differences of running sums
@@ -344,14 +452,14 @@ def _means(axis: np.ndarray, t: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def _held(axis: np.ndarray, t: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """The last value given, for a second at most."""
+    """Hold the last value given, for at most one second."""
     before = np.searchsorted(t, axis, side="right") - 1
     given = (before >= 0) & (axis - t[np.maximum(before, 0)] < _LONG_GAP_S)
     return np.where(given, values[np.maximum(before, 0)], np.nan)
 
 
 def _shortcoming(streams: Mapping[str, Stream]) -> str:
-    """What a log lacks to say anything of forces, whoever wrote it."""
+    """Say what a log of any origin lacks to tell forces; '' for nothing."""
     longest_s = max((s.t_s[-1] - s.t_s[0] for s in streams.values()), default=0.0)
     if longest_s > _LONGEST_S:
         return (
