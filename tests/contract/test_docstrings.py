@@ -14,10 +14,11 @@ import ges
 
 ROOT = Path(ges.__file__).parent
 ROOMS = ("diagnose", "simulator")
-ROOMS_WITH_SECTIONS = (".", "paper")
+ROOMS_WITH_SECTIONS = (".", "paper", "simulator")
 """Folders of the package whose docstrings are complete; "." are its own modules."""
 LEAST_SHARE = 0.8
 LONGEST_SENTENCE_WORDS = 25
+WITHOUT_SECTIONS = re.compile(r"\.(command|group)\b|\b(cached_)?property\b")
 SECTION = re.compile(
     r"^(Parameters|Attributes|Returns|Yields|Raises|Notes|References|Examples)\n-{3,}$", re.M
 )
@@ -86,12 +87,14 @@ def _files(room: str) -> list[Path]:
 def _counted(
     body: list[ast.stmt], of: str = ""
 ) -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef]]:
-    """Public functions and classes, but for commands: what those say is their help."""
+    """Public functions and classes, but for commands, whose docstring is their help, and
+    properties, which take one line.
+    """
     for node in body:
         if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
             continue
         decorators = " ".join(map(ast.unparse, node.decorator_list))
-        if node.name.startswith("_") or re.search(r"\.(command|group)\b", decorators):
+        if node.name.startswith("_") or WITHOUT_SECTIONS.search(decorators):
             continue
         yield of + node.name, node
         if isinstance(node, ast.ClassDef):

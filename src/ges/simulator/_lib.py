@@ -148,8 +148,12 @@ class CFlight(ct.Structure):
 
 
 def library_path() -> Path:
-    """Where the compiled simulator is looked for: ``$GES_LIBRARY`` if set, else beside this file,
-    where a wheel has it, else ``build/libges.so`` at the top of the checkout.
+    """Find the compiled simulator.
+
+    Returns
+    -------
+    ``$GES_LIBRARY`` if set, else ``libges.so`` beside this file (a wheel has it), else
+    ``build/libges.so`` of the checkout.
     """
     given, beside = os.environ.get("GES_LIBRARY"), Path(__file__).with_name("libges.so")
     if given:
@@ -160,6 +164,10 @@ def library_path() -> Path:
 @functools.lru_cache(maxsize=8)
 def load(path: Path | None = None) -> ct.CDLL:
     """Load the compiled simulator.
+
+    Parameters
+    ----------
+    path : the library; :func:`library_path` by default.
 
     Raises
     ------
@@ -213,7 +221,7 @@ def _pointer(array: np.ndarray) -> Any:
 
 
 def contiguous(array: ArrayLike) -> np.ndarray:
-    """The same numbers as C doubles, (n,) or (n, k) as they are."""
+    """Convert to C doubles in rows, (n,) or (n, k) as given."""
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
@@ -224,7 +232,7 @@ def _checked(call: Callable[..., int], *arguments: Any) -> None:
 
 
 def parameter_table() -> list[tuple[str, str, str, float, float, float]]:
-    """(name, unit, doc, default, low, high) of every number of a flight."""
+    """List (name, unit, doc, default, low, high) of every number of a flight."""
     table = ct.POINTER(CParameter)()
     n = load().ges_parameters(ct.byref(table))
     return [
@@ -248,26 +256,29 @@ def _choices(listed: Callable[..., int]) -> dict[str, tuple[int, int]]:
 
 
 def mode_names() -> list[str]:
-    """Every mode of the feedforward, in the order of its number."""
+    """List the modes of the feedforward, in the order of their numbers."""
     return list(_choices(load().ges_modes))
 
 
 def controller_inputs() -> dict[str, tuple[int, int]]:
-    """Columns of the input table of every controller, in the order of its number: those of no
-    rotor, and how many for every rotor.
+    """List the columns of the input table of every controller, in the order of its number.
+
+    Returns
+    -------
+    By controller, the number of columns of no rotor, and the number for every rotor.
     """
     return _choices(load().ges_controllers)
 
 
 def column_table() -> list[Column]:
-    """Every recorded quantity."""
+    """List every recorded quantity."""
     table = ct.POINTER(CColumn)()
     n = load().ges_columns(ct.byref(table))
     return _column_list(table, n)
 
 
 def replay_tables() -> tuple[list[Column], list[Column]]:
-    """What a replay reads and what it gives; columns of the rotors come last."""
+    """List what a replay reads and what it gives; columns of rotors come last."""
     inputs, outputs = ct.POINTER(CColumn)(), ct.POINTER(CColumn)()
     n_in, n_out = ct.c_int(), ct.c_int()
     load().ges_replay_columns(ct.byref(inputs), ct.byref(n_in), ct.byref(outputs), ct.byref(n_out))
@@ -275,7 +286,7 @@ def replay_tables() -> tuple[list[Column], list[Column]]:
 
 
 def effect_infos() -> list[CEffectInfo]:
-    """Descriptor of every compiled effect, in the order of its number."""
+    """List the descriptors of all compiled effects, in the order of their numbers."""
     library, infos = load(), []
     for i in range(library.ges_effect_count()):
         info = CEffectInfo()
@@ -285,7 +296,7 @@ def effect_infos() -> list[CEffectInfo]:
 
 
 def group_table() -> list[tuple[str, ...]]:
-    """(quantity, reference, unit, needs, doc) of every dimensionless group of laws."""
+    """List (quantity, reference, unit, needs, doc) of every dimensionless group of laws."""
     table = ct.POINTER(CGroup)()
     n = load().ges_groups(ct.byref(table))
     return [
@@ -298,8 +309,18 @@ def pack_effects(
     effects: list[tuple[int, list[float]]],
     terms: Sequence[tuple] = (),
 ) -> CEffects:
-    """Effects as (number, parameter values), terms of laws as (channel, scale, powers, powers of
-    magnitudes, place and width in m, coefficient), a power for every group.
+    """Pack effects and terms of laws into the struct of the compiled library.
+
+    Parameters
+    ----------
+    effects : number and parameter values of each effect.
+    terms : channel, scale, powers, powers of magnitudes, place and width (m), and coefficient of
+        each; a power for every group.
+
+    Raises
+    ------
+    GesError
+        When there are more effects or terms than the library takes.
     """
     if len(effects) > MAX_EFFECTS:
         raise GesError(f"{len(effects)} effects are switched on; at most {MAX_EFFECTS} at once")
@@ -318,8 +339,12 @@ def pack_effects(
 
 
 def pack_grid(x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> CGrid:
-    """Height map over uniform axes, in the world: x (k,), y (m,), heights (m, k), m; keeps a
-    reference to the heights.
+    """Pack a height map; the struct keeps a reference to the heights.
+
+    Parameters
+    ----------
+    x_m, y_m : uniform axes in the world, (k,) and (m,).
+    z_m : (m, k) heights in the world.
     """
     z_m = contiguous(z_m)
     grid = CGrid(
@@ -337,8 +362,23 @@ def _reference(grid: CGrid | None) -> Any:
 def fly(
     flights: list[tuple], columns: list[int], lanes: int
 ) -> list[tuple[np.ndarray, float, str | None]]:
-    """Fly (parameters, CEffects, CGrid | None, inputs | None) each; give what was recorded, (n, k)
-    for k columns in their units, the stop time (s) and the stopped field.
+    """Fly a batch.
+
+    Parameters
+    ----------
+    flights : (parameters, CEffects, CGrid or None, inputs or None) of each.
+    columns : numbers of the columns to record.
+    lanes : as of :func:`ges.simulator.flight.fly`.
+
+    Returns
+    -------
+    Of each flight the record (n, k) for k columns in their units, the stop time (s) and the stopped
+    field.
+
+    Raises
+    ------
+    GesError
+        When a number is out of its bounds or an input table is missing.
     """
     library, kept, batch = load(), [], (CFlight * len(flights))()
     for c, (parameters, effects, grid, inputs) in zip(batch, flights, strict=True):
@@ -379,8 +419,25 @@ def replay(
     n_outputs: int,
     lanes: int,
 ) -> np.ndarray:
-    """Model along recorded samples under each set of effects: (n_inputs, n) in, (n_sets, n_outputs,
-    n) out.
+    """Compute the model along n recorded samples under each set of effects.
+
+    Parameters
+    ----------
+    parameters : all numbers of the vehicle, (k,).
+    sets : packed sets of effects.
+    grid : height map; None for other ground.
+    samples : (n_inputs, n), a row for each quantity.
+    n_outputs : number of quantities given.
+    lanes : 0 for what suits the processor.
+
+    Returns
+    -------
+    Array (n_sets, n_outputs, n).
+
+    Raises
+    ------
+    GesError
+        When a number is out of its bounds.
     """
     samples, parameters = contiguous(samples), contiguous(parameters)
     out = np.empty((len(sets), n_outputs, samples.shape[1]))
@@ -401,8 +458,17 @@ def replay(
 def terrain(
     parameters: ArrayLike, grid: CGrid | None, x_m: np.ndarray, y_m: np.ndarray
 ) -> tuple[np.ndarray, ...]:
-    """Height (m), slope along x and y, and Laplacian (1/m) of the ground at points x, y (n,) in the
-    world, m; (n,) each.
+    """Compute the ground at n points.
+
+    Parameters
+    ----------
+    parameters : all numbers of a flight, (k,).
+    grid : height map; None for other ground.
+    x_m, y_m : (n,) coordinates in the world.
+
+    Returns
+    -------
+    Height (m), slope along x and y, and Laplacian (1/m), each (n,).
     """
     x_m, y_m, parameters = contiguous(x_m), contiguous(y_m), contiguous(parameters)
     out = [np.empty(len(x_m)) for _ in range(4)]
@@ -419,7 +485,7 @@ def terrain(
 
 
 def network(features: np.ndarray) -> float:
-    """The exported network on features (13,), as the firmware computes it."""
+    """Compute the exported network as the firmware does, from features (13,)."""
     given = np.ascontiguousarray(features, dtype=np.float32)
     factor = ct.c_float()
     load().ges_network(given.ctypes.data_as(ct.POINTER(ct.c_float)), ct.byref(factor))

@@ -1,8 +1,7 @@
-"""The physical effects, read out of the compiled simulator, and their forces along recorded
-flights.
+"""The physical effects, read from the compiled simulator, and their forces along recorded flights.
 
-There is no second copy of any physics in Python: :func:`table` lists what the library holds,
-:func:`replay` asks the compiled functions, and :func:`evaluate` gives what one effect adds.
+There is no second copy of any physics in Python. :func:`table` lists what the library holds,
+:func:`replay` calls the compiled functions, and :func:`evaluate` gives what one effect adds.
 """
 
 from __future__ import annotations
@@ -49,20 +48,23 @@ Effects = Mapping[str, Mapping[str, float]]
 
 @dataclasses.dataclass(frozen=True)
 class Doubt:
-    """How far a parameter may be off without any finding, in its unit, or in arm lengths.
+    """How far a parameter may be off without being a finding.
+
+    Numbers are in the parameter's unit, or in arm lengths.
 
     Attributes
     ----------
-    shows_in : channels or blocks of them, of which one has to be there; ``("any",)`` for all.
-    step : from neutral, at which it is linearised.
-    sd, flight_sd : usual doubt, and how much flights of one vehicle differ.
-    mean : where it usually is.
-    per_arm : step and doubts are in arm lengths.
-    reciprocal : acts as 1/(1 + x): linear up to where the doubt ends.
-    timing : '', or of which of a drive's numbers it is, to which the recording adds doubt:
-        ``delay``, ``lag``.
-    with_voltage : free where every flight logged the battery's voltage.
-    unlogged_voltage_sd : how much flights differ where neither that nor rotor speeds were logged.
+    shows_in : channels or blocks of them, of which one must be present; ``("any",)`` for all.
+    step : distance from neutral at which it is linearised.
+    sd : usual standard deviation.
+    flight_sd : standard deviation between flights of one vehicle.
+    mean : usual value.
+    per_arm : whether step and sds are in arm lengths.
+    reciprocal : whether it acts as 1/(1 + x), which is linear within the sds.
+    timing : ``delay`` or ``lag`` of the drive, to which the recording adds uncertainty; '' for
+        neither.
+    with_voltage : whether it is free where every flight logged the battery's voltage.
+    unlogged_voltage_sd : standard deviation between flights with neither voltage nor rotor speeds.
     """
 
     shows_in: tuple[str, ...]
@@ -79,25 +81,30 @@ class Doubt:
 
 @dataclasses.dataclass(frozen=True)
 class Parameter:
-    """One parameter of an effect, as ``ges_effect_parameter`` of ``sim_c/include/ges.h`` has it.
+    """One parameter of an effect, as ``ges_effect_parameter`` of ``sim_c/include/ges.h``.
 
     Attributes
     ----------
+    name : name of the parameter.
+    unit : ``1`` where it has none.
+    doc : its meaning, in words.
     role : ``amplitude``, ``shape`` or ``switch``.
-    default, neutral : typical value, and where the effect vanishes (NaN: not by this one alone).
-    low, high : bounds; ``fit_low``, ``fit_high`` those of a fit.
-    plausible : sd that is plausible by itself, 0 where nothing is known.
-    usual, usual_sd : where a shape usually is; sd 0 where nothing is usual.
-    usual_share : of the weight at 1 m/s, where another effect needs this one to act through.
-    fitted, whole : shape that flights may move; axis of a vector that is fitted whole.
-    rotor : number of the rotor that it belongs to, from 1; 0: of none.
-    trim : '' or the kind of a vehicle's trim that it is: ``thrust``, ``rotor``, ``lever``,
-        ``yaw``.
-    corrects : numbers of the vehicle file that it corrects.
-    acts_above : the parameter, and the value above which alone this one does something; or None.
-    reach, reach_over : share of ``radius`` or of a parameter by which a fit may move it at once; 0:
-        by any.
-    doubt : how far it may be off without any finding, or None.
+    default : typical size, used when an effect is switched on by name alone.
+    neutral : value at which the effect vanishes, or of a vehicle that states none; NaN for neither.
+    low, high : bounds.
+    fit_low, fit_high : bounds of a fit.
+    plausible : plausible standard deviation; 0 where nothing is known.
+    usual, usual_sd : usual value of a shape, and its standard deviation; sd 0 where none is usual.
+    usual_share : share of the weight at 1 m/s, where another effect needs this one to act through.
+    fitted : whether flights may move this shape.
+    whole : whether it is one axis of a vector that is fitted whole.
+    rotor : number of its rotor, from 1; 0 for none.
+    trim : kind of trim: ``thrust``, ``rotor``, ``lever``, ``yaw``; '' for none.
+    corrects : nominal parameters of the vehicle file that it corrects.
+    acts_above : another parameter, and the value above which this one acts; None for always.
+    reach, reach_over : largest step of a fit, as a share of ``radius`` or of a parameter; 0 for
+        any.
+    doubt : how far it may be off without being a finding; None if by nothing.
     """
 
     name: str
@@ -127,7 +134,19 @@ class Parameter:
 
 @dataclasses.dataclass(frozen=True)
 class SearchHints:
-    """Variants of an effect that a search tries, as ``ges_search`` of ``sim_c/include/ges.h``."""
+    """Variants of an effect that a search tries, as ``ges_search`` of ``sim_c/include/ges.h``.
+
+    Attributes
+    ----------
+    amplitudes : parameters that are fitted together.
+    rule : function of :mod:`ges.diagnose.library.grids` that lays out the variants; '' for one a
+        level.
+    fixed : parameters and the values at which they are held.
+    axis : shapes that vary over the levels.
+    across : one more shape, varied within the sd that the vehicle file has of it; '' for none.
+    levels : values of the axis.
+    modified : whether it is tried with each effect that modifies it.
+    """
 
     amplitudes: tuple[str, ...]
     rule: str
@@ -144,19 +163,28 @@ class Effect:
 
     Attributes
     ----------
-    about : what a finding of it is about: ``physics``, ``parameter`` or ``sensor``.
-    feedback : how the controller shows in it: ``none``, ``dynamic``, ``thrust_gain``, ``rotor``,
-        ``load`` or ``height``.
+    number : index in the compiled library; -1 for laws.
+    name, title : identifier, and a line for people.
+    equation, reference : formula and its source.
+    modifies : effect that this one modifies; None for an effect of its own.
+    channels : channels in which it acts.
+    kind : one of :data:`KINDS`.
+    n_states : number of states that it adds to the vehicle's.
+    invariants : any of :data:`INVARIANTS`.
+    parameters : all, in the library's order.
+    about : what a finding is about: ``physics``, ``parameter`` or ``sensor``.
+    feedback : how the controller's response shows in it: ``none``, ``dynamic``, ``thrust_gain``,
+        ``rotor``, ``load`` or ``height``.
     hints : any of :data:`HINTS`.
-    rarity : how often it is met, over others.
-    needs : what has to be recorded.
-    through : effects of which one has to be on for this one to act.
-    family : effects of one family act in one place; '' for its own.
-    usual_beside : what is there as a rule and looks like this one.
-    error_of : the larger effect whose form may be wrong by what looks like this one.
+    rarity : how often it is met, relative to other effects.
+    needs : streams that must be recorded.
+    through : prerequisite effects, of which one must be on for this one to act.
+    family : effects of one family act in the same place; its own name if it has none.
+    usual_beside : what is usually present and looks like this one.
+    error_of : larger effect whose form may be wrong by what looks like this one.
     settled : why it enters no search; '' where it does.
     carried : levels at which it is tried together with what it modifies.
-    searches : its variants; none: all amplitudes together.
+    searches : its variants; empty for all amplitudes together.
     """
 
     number: int
@@ -185,44 +213,81 @@ class Effect:
 
     @property
     def remembers_the_path(self) -> bool:
-        """Whether its force depends on where the vehicle has been, and not on where it is alone."""
+        """Whether its force depends on earlier states of the flight, not on the present one alone."""
         return self.n_states > 0 and self.kind == "wrench"
 
     def parameter(self, name: str) -> Parameter:
-        """One parameter by name."""
+        """Find a parameter.
+
+        Parameters
+        ----------
+        name : name of the parameter.
+
+        Raises
+        ------
+        StopIteration
+            When the effect has no such parameter.
+        """
         return next(p for p in self.parameters if p.name == name)
 
     @property
     def moves_air(self) -> bool:
-        """Whether it is a wind, which acts through what reads the velocity relative to the air."""
+        """Whether it is a wind, which acts on what reads the velocity relative to the air."""
         return self.kind == "wind"
 
     @property
     def carriers(self) -> tuple[str, ...]:
-        """Effects of which one must be on for this one to act; none for most."""
+        """Prerequisite effects, of which one must be on for this one to act; empty for most."""
         return (self.modifies,) if self.modifies else self.through
 
     @property
     def amplitudes(self) -> tuple[str, ...]:
-        """Parameters that scale it."""
+        """Names of the parameters that scale it."""
         return tuple(p.name for p in self.parameters if p.role == "amplitude")
 
     def of_rotors(self, n_rotors: int) -> tuple[Parameter, ...]:
-        """Its parameters on a vehicle with so many rotors."""
+        """Select the parameters that a vehicle with fewer than 16 rotors has.
+
+        Parameters
+        ----------
+        n_rotors : number of rotors.
+
+        Returns
+        -------
+        Parameters of no rotor, and those of rotors 1 to ``n_rotors``.
+        """
         return tuple(p for p in self.parameters if p.rotor <= n_rotors)
 
     @property
     def shapes(self) -> tuple[str, ...]:
-        """Shapes that flights may move."""
+        """Names of the shapes that flights may move."""
         return tuple(p.name for p in self.parameters if p.fitted)
 
     def neutral(self) -> dict[str, float]:
-        """Parameters at which the effect vanishes."""
+        """Give the parameters at which the effect vanishes.
+
+        Returns
+        -------
+        Values by name; the default of a parameter that has no neutral value of its own.
+        """
         return {p.name: p.default if math.isnan(p.neutral) else p.neutral for p in self.parameters}
 
     def completed(self, given: Mapping[str, float]) -> dict[str, float]:
-        """All parameters in the library's order: given ones, defaults where absent, but where
-        some rotors are given nothing of the others.
+        """Complete the parameters of the effect.
+
+        Parameters
+        ----------
+        given : values by name.
+
+        Returns
+        -------
+        All parameters in the library's order, with defaults for those not given. If some rotors are
+        given, the others are neutral.
+
+        Raises
+        ------
+        UsageError
+            When a name is unknown.
         """
         known = {p.name: p for p in self.parameters}
         for name in given:
@@ -235,7 +300,12 @@ class Effect:
         }
 
     def values(self, given: Mapping[str, float]) -> list[float]:
-        """:meth:`completed` parameters in the library's order."""
+        """Give the values of :meth:`completed` parameters, in the library's order.
+
+        Parameters
+        ----------
+        given : values by name; defaults elsewhere.
+        """
         return list(self.completed(given).values())
 
 
@@ -312,7 +382,7 @@ def _search(s: _lib.CSearch, info: _lib.CEffectInfo) -> SearchHints:
 
 
 def _effect(number: int, info: _lib.CEffectInfo) -> Effect:
-    """The descriptor; one that leaves out what every effect has to say is an error."""
+    """Convert a descriptor; one without ``about`` or ``feedback`` is an error."""
     name = _text(info.name)
     if info.about not in ABOUT or info.feedback not in FEEDBACK:
         raise GesError(
@@ -349,7 +419,17 @@ def _effect(number: int, info: _lib.CEffectInfo) -> Effect:
 
 @functools.lru_cache(maxsize=1)
 def table() -> dict[str, Effect]:
-    """Every compiled effect by name."""
+    """List every compiled effect.
+
+    Returns
+    -------
+    Effects by name, in the library's order.
+
+    Examples
+    --------
+    >>> table()["rotor_drag"].parameter("k_kg").unit
+    'kg'
+    """
     return {
         effect.name: effect
         for effect in map(_effect, *zip(*enumerate(_lib.effect_infos()), strict=True))
@@ -357,10 +437,10 @@ def table() -> dict[str, Effect]:
 
 
 class _LawEffect(Effect):
-    """Laws as an effect: its parameters are coefficients by term (:mod:`ges.simulator.laws`)."""
+    """Laws as an effect: parameters are coefficients by term (:mod:`ges.simulator.laws`)."""
 
     def parameter(self, name: str) -> Parameter:
-        """The coefficient of a term; an impossible one is a UsageError."""
+        """Give the coefficient of a term as a parameter; an impossible term is a UsageError."""
         return Parameter(
             name=laws.term_of(name).key,
             unit="1",
@@ -418,7 +498,17 @@ def _law() -> Effect:
 
 
 def get(name: str) -> Effect:
-    """One effect, or laws as one; an unknown name is a UsageError that names the nearest."""
+    """Look up an effect.
+
+    Parameters
+    ----------
+    name : name of the effect, or :data:`ges.simulator.laws.LAW` for laws as one effect.
+
+    Raises
+    ------
+    UsageError
+        When there is none; the message has the nearest name.
+    """
     if name == laws.LAW:
         return _law()
     known = table()
@@ -428,7 +518,19 @@ def get(name: str) -> Effect:
 
 
 def pack(effects: Effects) -> _lib.CEffects:
-    """Effects as the library takes them."""
+    """Convert effects to the struct of the compiled library.
+
+    Parameters
+    ----------
+    effects : parameters by effect; defaults elsewhere.
+
+    Raises
+    ------
+    UsageError
+        When a name is unknown.
+    GesError
+        When there are more effects or terms of laws than the library takes.
+    """
     return _lib.pack_effects(
         [
             (get(name).number, get(name).values(values or {}))
@@ -440,7 +542,7 @@ def pack(effects: Effects) -> _lib.CEffects:
 
 
 def _rows(table: Sequence[_lib.Column], n_rotors: int) -> dict[str, int]:
-    """Row of each quantity, those of the rotors last."""
+    """Number the rows of the quantities, those of rotors last."""
     fixed = [name for name, _, _, rotor in table if not rotor]
     of_rotors = [
         name.replace("#", str(i + 1)) for name, *_, rotor in table if rotor for i in range(n_rotors)
@@ -450,20 +552,42 @@ def _rows(table: Sequence[_lib.Column], n_rotors: int) -> dict[str, int]:
 
 @functools.lru_cache(maxsize=MAX_ROTORS)
 def sample_rows(n_rotors: int) -> dict[str, int]:
-    """Row of each quantity that a replay reads of a vehicle with so many rotors."""
+    """Number the rows of what a replay reads.
+
+    Parameters
+    ----------
+    n_rotors : number of rotors of the vehicle.
+
+    Returns
+    -------
+    Row of :attr:`Samples.data` by quantity.
+    """
     return _rows(_lib.replay_tables()[0], n_rotors)
 
 
 @functools.lru_cache(maxsize=MAX_ROTORS)
 def replay_rows(n_rotors: int) -> dict[str, int]:
-    """Row of each quantity that a replay gives of a vehicle with so many rotors."""
+    """Number the rows of what a replay gives.
+
+    Parameters
+    ----------
+    n_rotors : number of rotors of the vehicle.
+
+    Returns
+    -------
+    Row of :attr:`Replay.data` by quantity.
+    """
     return _rows(_lib.replay_tables()[1], n_rotors)
 
 
 @dataclasses.dataclass(frozen=True)
 class Samples:
-    """Recorded samples as the library reads them: ``data`` has one row per column of
-    :func:`sample_rows`, shape (k, n).
+    """Recorded samples as the compiled library reads them.
+
+    Attributes
+    ----------
+    data : (k, n) SI, world ENU, body FLU; a row for each quantity of :func:`sample_rows`.
+    n_rotors : number of rotors.
     """
 
     data: np.ndarray
@@ -471,19 +595,25 @@ class Samples:
 
     @property
     def rows(self) -> dict[str, int]:
-        """Row of each quantity."""
+        """Row of :attr:`data` by quantity."""
         return sample_rows(self.n_rotors)
 
     @classmethod
     def from_columns(cls, values: Mapping[str, np.ndarray], n_rotors: int | None = None) -> Samples:
-        """From contract columns; what is absent is 0, attitude level, battery NaN; other names are
+        """Make samples from columns of a recording.
+
+        Absent quantities are 0, the attitude level, the battery's voltage NaN. Other names are
         ignored.
 
         Parameters
         ----------
-        values : mapping of column name to array of shape (n,); ``t_s`` is required.
-        n_rotors : as many as have columns of speeds or commands where it is not given, or four
-            where none has.
+        values : arrays (n,) by column name; ``t_s`` is required.
+        n_rotors : number of rotors; by default as many as have speeds or commands, or four.
+
+        Raises
+        ------
+        UsageError
+            When ``t_s`` is missing.
         """
         if "t_s" not in values:
             raise UsageError("samples need a column t_s")
@@ -500,7 +630,12 @@ class Samples:
 
     @classmethod
     def from_frame(cls, frame: pd.DataFrame) -> Samples:
-        """From a recording's table."""
+        """Make samples from the table of a recording, as :meth:`from_columns` does.
+
+        Parameters
+        ----------
+        frame : table (n rows) with ``t_s`` and contract columns.
+        """
         return cls.from_columns(
             {
                 name: frame[name].to_numpy(dtype=float)
@@ -510,7 +645,16 @@ class Samples:
         )
 
     def of(self, n_rotors: int) -> Samples:
-        """The same of a vehicle with so many rotors; those that were not there stand still."""
+        """Convert to another number of rotors.
+
+        Parameters
+        ----------
+        n_rotors : number of rotors.
+
+        Returns
+        -------
+        Samples in which added rotors stand still.
+        """
         if n_rotors == self.n_rotors:
             return self
         return Samples.from_columns(
@@ -523,8 +667,14 @@ class Samples:
 
 @dataclasses.dataclass(frozen=True)
 class Replay:
-    """The model along recorded samples: columns of shape (n,) by name, body frame, SI; ``data`` has
-    one row per column of :func:`replay_rows`.
+    """The model along n recorded samples.
+
+    An item, as ``replay["force_z_N"]``, is a column (n,) by name, body frame, SI.
+
+    Attributes
+    ----------
+    data : (k, n), a row for each quantity of :func:`replay_rows`.
+    n_rotors : number of rotors.
     """
 
     data: np.ndarray
@@ -537,7 +687,17 @@ class Replay:
         return self.data[rows[name]]
 
     def stack(self, *names: str) -> np.ndarray:
-        """Several columns as an array of shape (n, k)."""
+        """Give several columns as an array (n, k).
+
+        Parameters
+        ----------
+        *names : quantities of :func:`replay_rows`.
+
+        Raises
+        ------
+        UsageError
+            When a name is unknown.
+        """
         return np.stack([self[name] for name in names], axis=1)
 
     @property
@@ -568,15 +728,28 @@ def replay(
     terrain: Terrain | None = None,
     lanes: int = 0,
 ) -> Replay:
-    """Ask the compiled model for forces, drive and readings along recorded samples.
+    """Compute forces, drive and sensor readings of the model along recorded samples.
 
     Parameters
     ----------
-    parameters : simulator parameters of the vehicle by name
-        (``ges.simulator.flight.parameters()``); defaults elsewhere.
-    samples : n recorded samples; in order of time where an effect has extra states.
-    effects : effects that are switched on.
-    terrain : ground; flat at 0 if not given.
+    parameters : numbers of the vehicle by name of :func:`ges.simulator.flight.parameters`; defaults
+        elsewhere.
+    samples : n recorded samples; in order of time if an effect has states of its own.
+    effects : effects that are switched on; none by default.
+    terrain : ground; flat at 0 by default.
+    lanes : samples that are computed together; 0 for what suits the processor. Results are the same
+        bits.
+
+    Returns
+    -------
+    Columns (n,) of the model, body frame, SI.
+
+    Raises
+    ------
+    GesError
+        When a number is out of its bounds.
+    UsageError
+        When a name is unknown.
     """
     return replay_each(parameters, samples, [effects or {}], terrain, lanes)[0]
 
@@ -588,8 +761,18 @@ def replay_each(
     terrain: Terrain | None = None,
     lanes: int = 0,
 ) -> list[Replay]:
-    """:func:`replay` under each of several sets of effects; those with extra states fly side by
-    side where they are alike.
+    """Compute :func:`replay` under each of several sets of effects.
+
+    Sets with states of their own are computed side by side where they have the same effects.
+
+    Parameters
+    ----------
+    parameters, samples, terrain, lanes : as of :func:`replay`.
+    sets : sets of effects, each with parameters by effect.
+
+    Returns
+    -------
+    One replay for each set, in their order.
     """
     from ges.simulator.flight import parameter_vector, rotors_of
 
@@ -611,10 +794,23 @@ def evaluate(
     effects: Effects | None = None,
     terrain: Terrain | None = None,
 ) -> Replay:
-    """What one effect adds to the model along recorded samples, beside the effects already switched
-    on.
+    """Compute what one effect adds to the model along recorded samples.
 
-    The result's columns are differences: model with the effect less model without it.
+    Parameters
+    ----------
+    name : the effect.
+    values : its parameters by name; defaults elsewhere.
+    samples, parameters, terrain : as of :func:`replay`.
+    effects : effects that are already on; an effect that modifies another needs that one here.
+
+    Returns
+    -------
+    Differences (n,): the model with the effect less the model without it.
+
+    Raises
+    ------
+    UsageError
+        When the effect is already on, or a name is unknown.
     """
     base = dict(effects or {})
     if name in base:

@@ -1,17 +1,17 @@
 """Laws: force and moment on the body as sums of products of dimensionless groups.
 
-A law says in the words of its terms what no effect of the library has::
+A law writes what no effect of the library has::
 
     force_y = 0.0975 m g (V_x/v_h)
 
-A term is a plain number, a scale and groups. The scale is ``m g``, the weight, or ``T``, the
-thrust of all rotors out of ground effect; of a moment either times ``L``, the arm of the rotors. A
-group is a quantity over its reference: ``(V_x/v_h)``, ``(R/h)^2``, ``(V_x/v_h)|V_x/v_h|``. The
-compiled simulator lists the groups (``sim_c/effects/groups.def``) and evaluates them (``law.h``).
-A term may act about one place on the map, ``near(1.2 m, -0.5 m, 0.4 m)``: times
-exp(-((x - 1.2 m)^2 + (y + 0.5 m)^2) / (2 (0.4 m)^2)).
+A term is a coefficient, a scale and groups. The scale is ``m g``, the weight, or ``T``, the thrust
+of all rotors out of ground effect. In a moment either is multiplied by ``L``, the arm of the
+rotors. A group is a quantity over its reference: ``(V_x/v_h)``, ``(R/h)^2``,
+``(V_x/v_h)|V_x/v_h|``. The compiled simulator lists the groups (``sim_c/effects/groups.def``) and
+evaluates them (``law.h``). A term may act about one place on the map, ``near(1.2 m, -0.5 m, 0.4
+m)``. It is then multiplied by exp(-((x - 1.2 m)^2 + (y + 0.5 m)^2) / (2 (0.4 m)^2)).
 
-Among the effects of a flight laws stand under :data:`LAW`: coefficients by channel and term,
+Among the effects of a flight, laws stand under :data:`LAW`, with coefficients by channel and term:
 ``{"law": {"force_y: m g (V_x/v_h)": 0.0975}}``.
 """
 
@@ -52,8 +52,9 @@ class Group:
 
     Attributes
     ----------
+    quantity, reference : their symbols.
     unit : of quantity and reference.
-    needs : what has to be recorded to know it, as the effects' ``needs``.
+    needs : streams that must be recorded to know it, as the ``needs`` of effects.
     doc : the quantity in words.
     """
 
@@ -65,13 +66,18 @@ class Group:
 
     @property
     def text(self) -> str:
-        """As it is written, without brackets: ``V_x/v_h``."""
+        """The group as it is written, without brackets: ``V_x/v_h``."""
         return f"{self.quantity}/{self.reference}"
 
 
 @functools.lru_cache(maxsize=1)
 def groups() -> dict[str, Group]:
-    """Every group that laws may use, by its text."""
+    """List every group that laws may use.
+
+    Returns
+    -------
+    Groups by their text, in the order of exponents of :class:`Term`.
+    """
     listed = (Group(q, r, unit, tuple(n.split()), doc) for q, r, unit, n, doc in _lib.group_table())
     return {group.text: group for group in listed}
 
@@ -83,10 +89,10 @@ class Term:
     Attributes
     ----------
     channel : where it acts, one of :data:`CHANNELS`, body frame.
-    scale : one of :data:`SCALES`; of a moment times the arm.
-    power, magnitude : of every group g of :func:`groups` in their order, the exponents of
-        ``g^power |g|^magnitude``.
-    near_m : x, y and width of the place about which it acts; a width of 0: everywhere.
+    scale : one of :data:`SCALES`; in a moment times the arm.
+    power, magnitude : exponents in ``g^power |g|^magnitude`` for each group g, in the order of
+        :func:`groups`.
+    near_m : x, y and width of the place about which it acts, world, m; width 0 for everywhere.
     """
 
     channel: str
@@ -104,7 +110,13 @@ class Term:
         magnitude: Mapping[str, int] | None = None,
         near_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> Term:
-        """A term with exponents by the groups' texts, about a place."""
+        """Make a term from exponents by group.
+
+        Parameters
+        ----------
+        channel, scale, near_m : as the attributes.
+        power, magnitude : exponents by the text of the group; 0 elsewhere.
+        """
         names, more = groups(), magnitude or {}
         return cls(
             channel,
@@ -116,7 +128,7 @@ class Term:
 
     @property
     def text(self) -> str:
-        """As it is written: ``m g (V_x/v_h)``."""
+        """The term as it is written: ``m g (V_x/v_h)``."""
         factors = [f"{self.scale} L" if self.channel.startswith("moment") else self.scale]
         for group, n, m in zip(groups(), self.power, self.magnitude, strict=True):
             signed = f"({group})" + (f"^{n}" if n > 1 else "") if n else ""
@@ -139,7 +151,7 @@ class Term:
 
     @property
     def needs(self) -> frozenset[str]:
-        """What has to be recorded to know its groups."""
+        """Streams that must be recorded to know its groups."""
         used = np.add(self.power, self.magnitude) > 0
         own = frozenset({"position"}) if self.local else frozenset()
         return own | {
@@ -147,8 +159,16 @@ class Term:
         }
 
     def product(self, of_group: Mapping[str, np.ndarray], p_m: np.ndarray) -> np.ndarray:
-        """The product of its groups and how near its place is, (n,), from the values (n,) of each
-        group by its text and the horizontal position (n, 2).
+        """Multiply its groups, and the weight of its place.
+
+        Parameters
+        ----------
+        of_group : values (n,) of each group by its text.
+        p_m : horizontal position (n, 2) in the world.
+
+        Returns
+        -------
+        Product (n,), without scale and coefficient.
         """
         x, y, width = self.near_m
         away = ((p_m - (x, y)) ** 2).sum(axis=1) / (2.0 * width**2) if self.local else np.zeros(1)
@@ -165,7 +185,11 @@ def parse(channel: str, text: str) -> dict[Term, float]:
     Parameters
     ----------
     channel : one of :data:`CHANNELS`.
-    text : ``0.0975 m g (V_x/v_h) - 0.02 T (R/h)^2``.
+    text : as ``0.0975 m g (V_x/v_h) - 0.02 T (R/h)^2``.
+
+    Returns
+    -------
+    Coefficients by term, in the order of the text.
 
     Raises
     ------
@@ -198,7 +222,7 @@ def parse(channel: str, text: str) -> dict[Term, float]:
 
 
 def _term(channel: str, met: re.Match[str]) -> Term:
-    """A term as the expression found it, its dimension that of the channel."""
+    """Convert a match to a term, and check its dimension."""
     is_moment = channel.startswith("moment")
     if bool(met["arm"]) != is_moment:
         kinds = ("a moment", "m g L or T L") if is_moment else ("a force", "m g or T")
@@ -224,8 +248,17 @@ def _term(channel: str, met: re.Match[str]) -> Term:
 
 
 def written(coefficients: Mapping[Term, float], digits: int | None = None) -> str:
-    """The terms of one law as they are written, coefficients to so many significant digits, to all
-    that they have where none are asked for.
+    """Write the terms of one law, as :func:`parse` reads them.
+
+    Parameters
+    ----------
+    coefficients : by term; one at least.
+    digits : significant digits of the coefficients; all that they have by default.
+
+    Examples
+    --------
+    >>> written(parse("force_y", "0.12345 m g (V_x/v_h) - 0.02 T"), digits=2)
+    '0.12 m g (V_x/v_h) - 0.02 T'
     """
     form = "" if digits is None else f".{digits}g"
     (first, c), *more = coefficients.items()
@@ -236,7 +269,11 @@ def written(coefficients: Mapping[Term, float], digits: int | None = None) -> st
 
 @functools.lru_cache(maxsize=1024)
 def term_of(key: str) -> Term:
-    """The term of a :attr:`Term.key`.
+    """Read the :attr:`Term.key` of a term.
+
+    Parameters
+    ----------
+    key : as ``force_y: m g (V_x/v_h)``.
 
     Raises
     ------
@@ -249,7 +286,16 @@ def term_of(key: str) -> Term:
 
 
 def packed(coefficients: Mapping[str, float]) -> list[tuple]:
-    """Terms by :attr:`Term.key` as the compiled simulator takes them."""
+    """Convert the terms of laws to what the compiled simulator takes.
+
+    Parameters
+    ----------
+    coefficients : by :attr:`Term.key`.
+
+    Returns
+    -------
+    Tuples of channel, scale, powers, powers of magnitudes, place and width (m), and coefficient.
+    """
     return [
         (CHANNELS.index(t.channel), SCALES.index(t.scale), t.power, t.magnitude, t.near_m, float(c))
         for t, c in ((term_of(key), c) for key, c in coefficients.items())
@@ -263,12 +309,16 @@ def along(
     effects: Mapping[str, Mapping[str, float]],
     terrain: Terrain,
 ) -> np.ndarray:
-    """What terms with a coefficient of one add along n recorded samples, (n, terms), N or N m in
-    the body frame, as the compiled simulator has it.
+    """Compute what terms with a coefficient of one add along n recorded samples.
 
     Parameters
     ----------
-    parameters, samples, effects, terrain : of :func:`ges.simulator.effects.replay_each`.
+    terms : the terms.
+    parameters, samples, effects, terrain : as of :func:`ges.simulator.effects.replay_each`.
+
+    Returns
+    -------
+    Array (n, terms) in N or N m, body frame, as the compiled simulator has it.
     """
     from ges.simulator.effects import replay_each
 

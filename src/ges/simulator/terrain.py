@@ -1,8 +1,7 @@
-"""Ground under a flight: flat, procedural from a seed, or a height map; a numpy port equal bit for
-bit to the C one.
+"""Ground under a flight: flat, procedural from a seed, or a height map.
 
-The formulas are in ``sim_c/world/terrain.h``. Every operation is repeated here in the same order,
-so that heights, slopes and curvatures recovered offline are those the simulator flew over.
+The formulas are those of ``sim_c/world/terrain.h``. Every operation is repeated here in the same
+order. Heights, slopes and curvatures are therefore the same bits that the simulator flew over.
 """
 
 from __future__ import annotations
@@ -24,7 +23,17 @@ KINDS = {"flat": 0.0, "procedural": 1.0, "grid": 2.0}
 
 @dataclasses.dataclass(frozen=True)
 class ProceduralShape:
-    """Numbers that lay out procedural ground; names as in the simulator's parameter table."""
+    """Numbers that lay out procedural ground.
+
+    Attributes
+    ----------
+    terrain_length_m : length along x of the strip that holds the features.
+    terrain_features_min, terrain_features_max : range of the number of features.
+    terrain_amplitude_min_m, terrain_amplitude_max_m : range of the height of a feature.
+    terrain_width_min_m, terrain_width_max_m : range of the width of a feature along y.
+    terrain_roughness_m : amplitude of the waves everywhere.
+    terrain_roughness_length_m : wavelength of these waves.
+    """
 
     terrain_length_m: float = 2500.0
     terrain_features_min: float = 800.0
@@ -114,8 +123,13 @@ def _bump(s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @dataclasses.dataclass(frozen=True)
 class Ground:
-    """Ground at n points: height (m), slope components, Laplacian (1/m, positive in hollows);
-    arrays of shape (n,).
+    """Ground at n points.
+
+    Attributes
+    ----------
+    height_m : (n,) height in the world.
+    slope_x, slope_y : (n,) derivative of the height along x and y of the world.
+    curvature_1_m : (n,) Laplacian of the height; positive in hollows.
     """
 
     height_m: np.ndarray
@@ -131,7 +145,16 @@ class Ground:
 
 @dataclasses.dataclass(frozen=True)
 class Terrain:
-    """Ground of a flight; make one with :meth:`flat`, :meth:`procedural` or :meth:`grid`."""
+    """Ground of a flight; made with :meth:`flat`, :meth:`procedural` or :meth:`grid`.
+
+    Attributes
+    ----------
+    kind : a key of :data:`KINDS`.
+    z_m : height of flat ground in the world; added to the heights of other kinds.
+    seed : of procedural ground; None for the seed of the flight.
+    shape : of procedural ground.
+    x_m, y_m, heights_m : height map, axes (k,) and (m,), heights (m, k); None for other kinds.
+    """
 
     kind: str
     z_m: float = 0.0
@@ -143,25 +166,42 @@ class Terrain:
 
     @classmethod
     def flat(cls, z_m: float = 0.0) -> Terrain:
-        """Level ground at height z_m."""
+        """Make level ground.
+
+        Parameters
+        ----------
+        z_m : height in the world.
+        """
         return cls("flat", z_m=float(z_m))
 
     @classmethod
     def procedural(
         cls, seed: int | None = None, shape: ProceduralShape = ProceduralShape()
     ) -> Terrain:
-        """Irregular ground from a seed; None takes the seed of the flight."""
+        """Make irregular ground from a seed.
+
+        Parameters
+        ----------
+        seed : None for the seed of the flight.
+        shape : numbers that lay it out.
+        """
         return cls("procedural", seed=seed, shape=shape)
 
     @classmethod
     def grid(cls, x_m: np.ndarray, y_m: np.ndarray, heights_m: np.ndarray) -> Terrain:
-        """Height map over uniformly spaced, increasing axes of the world, x (k,) and y (m,), with
-        heights (m, k); bilinear, edge values outside.
+        """Make ground from a height map, interpolated bilinearly.
+
+        Outside the map the value at its edge holds.
+
+        Parameters
+        ----------
+        x_m, y_m : axes in the world, (k,) and (m,), uniformly spaced and increasing.
+        heights_m : (m, k) heights in the world.
 
         Raises
         ------
         UsageError
-            When an axis is not so, or the heights are not finite or of another shape.
+            When an axis is not uniform, or heights are not finite or of another shape.
         """
         x_m, y_m, heights_m = (np.asarray(a, dtype=float) for a in (x_m, y_m, heights_m))
         for name, axis in (("x_m", x_m), ("y_m", y_m)):
@@ -184,7 +224,17 @@ class Terrain:
 
     @classmethod
     def load(cls, path: str | Path) -> Terrain:
-        """Height map from an .npz file with x_m, y_m and z_m[y, x]."""
+        """Read a height map, as :meth:`grid` takes it.
+
+        Parameters
+        ----------
+        path : .npz file with ``x_m`` (k,), ``y_m`` (m,) and ``z_m`` (m, k).
+
+        Raises
+        ------
+        GesError
+            When the file cannot be read or has other content.
+        """
         try:
             with np.load(path) as stored:
                 return cls.grid(stored["x_m"], stored["y_m"], stored["z_m"])
@@ -194,7 +244,13 @@ class Terrain:
             ) from error
 
     def parameters(self) -> dict[str, float]:
-        """The simulator's parameters for this ground."""
+        """Give the ground as parameters of the simulator.
+
+        Returns
+        -------
+        Values by name of :func:`ges.simulator.flight.parameters`; a height map itself is passed
+        apart.
+        """
         values = {"terrain_kind": KINDS[self.kind], "terrain_z_m": self.z_m}
         if self.kind == "procedural":
             values |= dataclasses.asdict(self.shape)
@@ -202,7 +258,17 @@ class Terrain:
         return values
 
     def at(self, x_m: np.ndarray, y_m: np.ndarray) -> Ground:
-        """Ground at points of world coordinates x_m, y_m, each of shape (n,)."""
+        """Compute the ground at n points.
+
+        Parameters
+        ----------
+        x_m, y_m : (n,) coordinates in the world.
+
+        Raises
+        ------
+        UsageError
+            When the ground takes the seed of its flight, which is not known here.
+        """
         x_m, y_m = np.broadcast_arrays(np.asarray(x_m, dtype=float), np.asarray(y_m, dtype=float))
         if self.kind == "procedural":
             return self._procedural_at(x_m, y_m)
@@ -232,7 +298,13 @@ class Terrain:
         return Ground(*ground)
 
     def height_map(self) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """Axes x_m (nx,) and y_m (ny,) and heights (ny, nx), m; None for ground of another kind."""
+        """Give the height map.
+
+        Returns
+        -------
+        Axes ``x_m`` (nx,) and ``y_m`` (ny,) and heights (ny, nx), m; None for ground of another
+        kind.
+        """
         if self.x_m is None or self.y_m is None or self.heights_m is None:
             return None
         return self.x_m, self.y_m, self.heights_m
