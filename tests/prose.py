@@ -16,7 +16,7 @@ def sentences(text: str) -> list[str]:
     text = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", text)
     text = re.sub(r"(`+)[^`]*\1|\$[^$]*\$", "X", text)
     blocks = re.split(r"\n\s*\n|\n(?=\s*(?:[-*+]|\d+\.) )", text)
-    prose = [b for b in blocks if not b.lstrip().startswith(("|", "#", "!!!", "???"))]
+    prose = [b for b in blocks if not b.lstrip().startswith(("|", "==", "#", "!!!", "???"))]
     return [
         s.strip()
         for block in prose

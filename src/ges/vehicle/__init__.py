@@ -1,7 +1,7 @@
-"""The vehicle: numbers of a multirotor with the doubt in each, and where they come from.
+"""The vehicle: nominal parameters of a multirotor with their standard deviations and sources.
 
-``file`` is the vehicle file, ``library`` the vehicles that come with the package, ``from_log``
-makes one from a flight log, ``formats`` reads and writes those of other simulators.
+``file`` is the vehicle file, ``library`` the vehicles that come with the package. ``from_log``
+makes a vehicle from a flight log. ``formats`` reads and writes those of other simulators.
 """
 
 from ges.vehicle.file import (

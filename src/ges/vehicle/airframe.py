@@ -1,4 +1,4 @@
-"""Where the rotors sit and which way they turn, from what an autopilot says of its vehicle.
+"""Where the rotors sit and which way they turn, from what an autopilot states of its vehicle.
 
 Autopilots number motors and count their axes in their own ways. Here everything is in the body
 frame of the vehicle file: x forward, y left, spin seen from above.
@@ -38,8 +38,8 @@ class Airframe:
     Attributes
     ----------
     rotors : hubs, radii and spins.
-    source : where they come from.
-    remarks : what looks wrong with them.
+    source : where they come from, in a sentence.
+    remarks : what looks wrong with them, one sentence each.
     """
 
     rotors: tuple[Rotor, ...]
@@ -48,12 +48,12 @@ class Airframe:
 
     @property
     def yaw_by_servo(self) -> bool:
-        """Whether a servo turns the vehicle: three rotors hold height, roll and pitch."""
+        """Whether a servo turns the vehicle about yaw, as three rotors alone cannot."""
         return len(self.rotors) == 3
 
     @property
     def arm_m(self) -> float:
-        """Root mean square distance of the hubs from the centre."""
+        """Root mean square distance of the hubs from the centre, m."""
         return scaling.arm_m(*(np.array([getattr(r, k).value for r in self.rotors]) for k in XY))
 
 
@@ -61,13 +61,22 @@ XY = ("x_m", "y_m")
 
 
 def from_layout(frame: str, propeller: Propeller, wheelbase_m: float | None) -> Airframe:
-    """Rotors of a layout.
+    """Place rotors as a layout does.
 
     Parameters
     ----------
     frame : see :func:`ges.vehicle.layouts.layout_of`.
-    propeller : its radius, and, with no wheelbase, the length of the arms.
-    wheelbase_m : distance of opposite hubs.
+    propeller : its radius; without a wheelbase also the length of the arms.
+    wheelbase_m : distance of opposite hubs, m; None if not known.
+
+    Returns
+    -------
+    Rotors with an sd of 2 % of the arm, or 10 % where only the propeller gives it.
+
+    Raises
+    ------
+    GesError
+        When the layout is not known.
     """
     layout = layouts.layout_of(frame)
     plan = _plan(layout.mounts)
@@ -91,7 +100,7 @@ def from_layout(frame: str, propeller: Propeller, wheelbase_m: float | None) -> 
 
 
 def _plan(mounts: Sequence[layouts.Mount]) -> np.ndarray:
-    """Hubs in the plane, forward and left over the arm, (n, 2)."""
+    """Compute the hubs in the plane, forward and left over the arm, (n, 2)."""
     angles = np.radians([mount.angle_deg for mount in mounts])
     reach = np.array([mount.reach for mount in mounts])
     return reach[:, None] * np.stack([np.cos(angles), -np.sin(angles)], axis=1)
@@ -104,8 +113,9 @@ def _rotors(
     sd_rel: float,
     axes: np.ndarray | None = None,
 ) -> tuple[Rotor, ...]:
-    """Rotors at hubs (n, 3), with axes (n, 3) where they are canted; how high they lie over the
-    centre of mass, no log tells well.
+    """Make rotors from hubs (n, 3), with axes (n, 3) where they are canted.
+
+    No log tells well how high they lie over the centre of mass; ``z_m`` has a wide sd.
     """
     axes = np.tile([0.0, 0.0, 1.0], (len(hubs), 1)) if axes is None else axes
     plane_sd = PLANE_SD * float(np.linalg.norm(hubs[:, :2], axis=1).mean())
@@ -131,7 +141,7 @@ def _doubtful(value: float, sd_rel: float) -> Quantity:
 def from_parameters(
     kind: str, parameters: Mapping[str, float], propeller: Propeller, wheelbase_m: float | None
 ) -> Airframe:
-    """Rotors that an autopilot's parameters describe.
+    """Place rotors as an autopilot's parameters describe.
 
     Parameters
     ----------
@@ -139,10 +149,16 @@ def from_parameters(
     parameters : the autopilot's own, by their own names.
     propeller, wheelbase_m : see :func:`from_layout`.
 
+    Returns
+    -------
+    Rotors in the order of the autopilot's motors.
+
     Raises
     ------
     GesError
-        When the vehicle is no multirotor, or its layout is not known here.
+        When the vehicle is no multirotor.
+    UsageError
+        When the layout is not known, or a parameter is missing.
     """
     if kind == "px4":
         return _px4(parameters, propeller, wheelbase_m)
@@ -167,12 +183,18 @@ def from_parameters(
 
 
 def number_of(parameters: Mapping[str, float], key: str, default: float | None) -> float:
-    """A parameter of an autopilot, or ``default`` where it was not logged.
+    """Look up a parameter of an autopilot.
+
+    Parameters
+    ----------
+    parameters : the autopilot's own, by their own names.
+    key : name of the parameter.
+    default : value where it was not logged; None for an error.
 
     Raises
     ------
     UsageError
-        When it is no finite number, or was not logged and has no default.
+        When it is not finite, or was not logged and has no default.
     """
     value = parameters.get(key, default)
     if value is None or not math.isfinite(value):
@@ -181,7 +203,7 @@ def number_of(parameters: Mapping[str, float], key: str, default: float | None) 
 
 
 def _ardupilot_layout(parameters: Mapping[str, float]) -> str:
-    """Layout of FRAME_CLASS and FRAME_TYPE, or of FRAME before version 3.5."""
+    """Find the layout of FRAME_CLASS and FRAME_TYPE, or of FRAME before version 3.5."""
     group = int(number_of(parameters, "FRAME_CLASS", 1))
     if group not in layouts.ARDUPILOT:
         what = layouts.NO_MULTIROTORS.get(group, f"FRAME_CLASS {group}")
@@ -230,8 +252,9 @@ def _px4_airframe(parameters: Mapping[str, float]) -> str:
 def _control_allocation(
     count: int, parameters: Mapping[str, float], propeller: Propeller, wheelbase_m: float | None
 ) -> Airframe:
-    """Rotors of CA_ROTORn_PX, PY, PZ (forward, right, down), AX, AY, AZ (along thrust) and KM
-    (positive: ccw).
+    """Read rotors from CA_ROTORn_PX, PY, PZ (forward, right, down), AX, AY, AZ and KM.
+
+    The axis is along the thrust; KM is positive for ccw.
     """
     names = [f"CA_ROTOR{i}" for i in range(count)]
     # upright by default: PX4's z points down, and so does -1 of it up
@@ -267,7 +290,7 @@ def _sized(
     wheelbase_m: float | None,
     arm_m: float,
 ) -> Airframe:
-    """Rotors at the autopilot's hubs, scaled where the user or the propeller knows better."""
+    """Place rotors at the autopilot's hubs, scaled where user or propeller is more precise."""
     # published quadrotors have neighbours 1.2 to 1.5 diameters apart, which checks the lengths
     gaps = np.linalg.norm(hubs[:, None, :2] - hubs[None, :, :2], axis=2)
     # one over the other is no neighbour

@@ -1,7 +1,7 @@
-"""What a flight tells of its drive: thrust from hovering, top speed and lag from rotor speeds.
+"""What a flight tells of its drive: thrust from hover, top speed and lag from rotor speeds.
 
 Signals come as one table in contract columns, each at its own rate, NaN between its samples. Means
-over half a second bring them together: they lose nothing that a steady balance needs.
+over half a second bring them together; a steady balance loses nothing by it.
 """
 
 from __future__ import annotations
@@ -42,15 +42,32 @@ LAGS_S, LONGEST_DELAY_S, HIGH_PASS_S, LAG_SD_REL = (0.005, 0.2), 0.03, 0.3, 0.15
 
 
 def normalised_thrust(u: np.ndarray, c: float) -> np.ndarray:
-    """Share of the largest thrust at a command: (1 - c) u^2 + c u, not below 0."""
+    """Compute the share of the largest thrust at a command.
+
+    Parameters
+    ----------
+    u : commands, 0 to 1, of any shape.
+    c : linear share of the thrust curve.
+
+    Returns
+    -------
+    (1 - c) u^2 + c u, not below 0, of the shape of ``u``.
+    """
     return np.maximum((1.0 - c) * u * u + c * u, 0.0)
 
 
 def curve_at_hover(elasticity: float, u: float) -> float:
-    """Linear share c of the thrust curve with this slope d ln T / d ln u at command ``u``.
+    """Compute the thrust curve that has a given slope at hover.
 
-    Solves (2 (1 - c) u + c) / ((1 - c) u + c) = E for c; a curve of another form agrees with it in
-    value and slope at hover.
+    Parameters
+    ----------
+    elasticity : slope E = d ln T / d ln u.
+    u : command at hover, 0 to 1.
+
+    Returns
+    -------
+    c that solves (2 (1 - c) u + c) / ((1 - c) u + c) = E, from -0.5 to 1. A curve of another form
+    agrees with it in value and slope at hover.
     """
     if elasticity <= 1.0:
         return 1.0
@@ -60,15 +77,15 @@ def curve_at_hover(elasticity: float, u: float) -> float:
 
 @dataclasses.dataclass(frozen=True)
 class Hover:
-    """Thrust of a rotor over its drive, from the weight that all of them carried.
+    """Thrust of a rotor over its drive, from the weight that all rotors carried.
 
     Attributes
     ----------
-    thrust_per_drive : N per ((1 - c) u^2 + c u), which is the largest thrust of a rotor, or
-        N s^2 per w^2, which is the thrust coefficient.
-    drive : median drive of a rotor there.
-    seconds : of flight that it was taken from.
-    quiet : whether these seconds hovered; else all that flew was taken.
+    thrust_per_drive : N per ((1 - c) u^2 + c u), the largest thrust of a rotor; or N s^2 per w^2,
+        the thrust coefficient, if ``measured``.
+    drive : median drive of a rotor at hover.
+    seconds : seconds of flight used.
+    quiet : whether these seconds hovered; if not, all of the flight was used.
     measured : whether the drive is a measured rotor speed.
     n_rotors : number of rotors.
     """
@@ -82,7 +99,16 @@ class Hover:
 
 
 def binned(frame: pd.DataFrame) -> pd.DataFrame:
-    """Means over half a second of what was sampled in it; ``t_s`` starts each bin."""
+    """Average every column over half a second.
+
+    Parameters
+    ----------
+    frame : table (n rows) of a flight in contract columns; NaN between samples.
+
+    Returns
+    -------
+    Table with a row for each half second that has rows; means are over the samples in it.
+    """
     # each signal is averaged over its own samples, at whatever rate they came
     t_s = frame["t_s"].to_numpy(dtype=float)
     bins = np.floor((t_s - t_s[0]) / BIN_S).astype(int)
@@ -90,7 +116,7 @@ def binned(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _stack(frame: pd.DataFrame, names: tuple[str, ...]) -> np.ndarray | None:
-    """Columns (n, k), None where one was not logged."""
+    """Give columns as an array (n, k); None where one was not logged."""
     if not names or not all(name in frame for name in names):
         return None
     values = frame[list(names)].to_numpy(dtype=float)
@@ -98,7 +124,7 @@ def _stack(frame: pd.DataFrame, names: tuple[str, ...]) -> np.ndarray | None:
 
 
 def _upward(bins: pd.DataFrame) -> np.ndarray | None:
-    """Cosine of the tilt of every bin (n,)."""
+    """Compute the cosine of the tilt of every bin (n,)."""
     q = _stack(bins, QUATERNION)
     if q is None:
         return None
@@ -111,10 +137,10 @@ def _upward(bins: pd.DataFrame) -> np.ndarray | None:
 
 
 def _lift(bins: pd.DataFrame, up: np.ndarray | None) -> np.ndarray:
-    """Thrust over mass of every bin (n,), m/s^2.
+    """Compute thrust over mass of every bin (n,), m/s^2.
 
-    From climbing over the tilt, (g + dv_z/dt) / cos(tilt); where no attitude was logged the length
-    of g + dv/dt, which is short by the drag; where no velocity was, what the accelerometer felt.
+    With an attitude it is (g + dv_z/dt) / cos(tilt). Without one it is the length of g + dv/dt,
+    which lacks the drag. Without a velocity it is the reading of the accelerometer.
     """
     velocity = _stack(bins, VELOCITY)
     if velocity is not None:
@@ -134,7 +160,7 @@ def _lift(bins: pd.DataFrame, up: np.ndarray | None) -> np.ndarray:
 
 
 def _flying(ratio: np.ndarray) -> np.ndarray:
-    """Bins whose lift over drive is that of flight, not that of standing with idling rotors."""
+    """Select bins whose lift over drive is that of flight, not of standing with idling rotors."""
     # lift over drive is about one number in flight, and far more where the ground carries
     known = np.isfinite(ratio) & (ratio > 0)
     if known.sum() < FEWEST_BINS:
@@ -150,7 +176,7 @@ def _flying(ratio: np.ndarray) -> np.ndarray:
 
 
 def _hovering(bins: _Bins, radius_m: float) -> np.ndarray:
-    """Flying bins that hover, as far as what was logged tells it."""
+    """Select flying bins that hover, as far as the log shows."""
     calm = bins.flying & (np.abs(bins.lift / GRAVITY_M_S2 - 1.0) < QUIET)
     if bins.up is not None:
         calm &= bins.up > np.cos(TILT_RAD)
@@ -167,7 +193,7 @@ def _hovering(bins: _Bins, radius_m: float) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True)
 class _Bins:
-    """Half seconds of a flight: means, what drives rotors in them, and which of them fly."""
+    """Half seconds of a flight: means, what drives the rotors, and which of them fly."""
 
     means: pd.DataFrame
     speeds: np.ndarray | None
@@ -181,7 +207,7 @@ class _Bins:
 
 
 def _bins(frame: pd.DataFrame, c: float) -> _Bins:
-    """A flight in half seconds; ``c`` as for :func:`hover`."""
+    """Split a flight into half seconds; ``c`` as for :func:`hover`."""
     means = binned(frame)
     speeds, commands = _stack(means, rotor_speeds_in(means)), _stack(means, commands_in(means))
     # measured speeds need no curve, but a few seconds of them are too little
@@ -203,23 +229,29 @@ def _bins(frame: pd.DataFrame, c: float) -> _Bins:
 
 
 def hover(frame: pd.DataFrame, mass_kg: float, c: float, radius_m: float) -> Hover:
-    """Thrust of a rotor over its drive, from a flight of known mass.
-
-    In every half second m (g + dv_z/dt) / cos(tilt) = kappa sum_i d_i, with d = w^2 where rotor
-    speeds were measured and d = (1 - c) u^2 + c u where only commands were. The median over what
-    hovers out of ground effect is kappa, its spread the doubt.
+    """Estimate the thrust of a rotor over its drive, from a flight of known mass.
 
     Parameters
     ----------
-    frame : a flight in contract columns.
-    mass_kg : what was flown.
-    c : linear share of the thrust curve.
-    radius_m : of a rotor; six of them is out of ground effect.
+    frame : table (n rows) of a flight in contract columns.
+    mass_kg : mass as flown.
+    c : linear share of the thrust curve; used where rotor speeds were not measured.
+    radius_m : of a rotor; six radii above the lowest point count as out of ground effect.
+
+    Returns
+    -------
+    Thrust over drive. Its sd is the spread over the half seconds, and 2 % of the value.
 
     Raises
     ------
     GesError
-        When nothing drives rotors, or less than five seconds fly.
+        When nothing drives the rotors, or less than five seconds fly.
+
+    Notes
+    -----
+    In every half second m (g + dv_z/dt) / cos(tilt) = kappa sum_i d_i. Measured rotor speeds give d
+    = w^2, commands alone d = (1 - c) u^2 + c u. kappa is the median over what hovers out of ground
+    effect.
     """
     bins = _bins(frame, c)
     quiet = _hovering(bins, radius_m)
@@ -242,7 +274,7 @@ def hover(frame: pd.DataFrame, mass_kg: float, c: float, radius_m: float) -> Hov
 
 
 def _centre(values: np.ndarray) -> tuple[float, float]:
-    """Median and the standard deviation that the middle half of the values has."""
+    """Compute the median, and the sd that the middle half of the values has."""
     low, middle, high = np.quantile(values, [0.25, 0.5, 0.75])
     # the middle half of a normal distribution is 1.349 standard deviations wide
     return float(middle), float((high - low) / 1.349)
@@ -256,9 +288,9 @@ class Response:
     ----------
     top_speed_rad_s : speed at full command.
     c : linear share of the thrust curve.
-    lag_s : first-order time constant; None where telemetry is too slow to tell it.
-    r2 : share of the speeds' variance that command and curve explain, half seconds compared.
-    span : least and greatest command seen.
+    lag_s : first-order time constant; None where telemetry is too slow to show it.
+    r2 : share of the variance of speeds that commands and curve explain, over half seconds.
+    span : 1 % and 99 % quantile of the commands.
     """
 
     top_speed_rad_s: Quantity
@@ -269,19 +301,21 @@ class Response:
 
 
 def response(frame: pd.DataFrame, curve: Quantity) -> Response | None:
-    """Top speed, thrust curve and lag of a flight with both rotor speeds and commands.
-
-    Fits w = w_max sqrt((1 - c) u^2 + c u) to means over half a second, with what is known of c as
-    its prior; the lag then to what telemetry shows between them.
+    """Fit top speed, thrust curve and lag to a flight with rotor speeds and commands.
 
     Parameters
     ----------
-    frame : a flight in contract columns.
-    curve : linear share of the thrust curve, with its doubt, before this flight.
+    frame : table (n rows) of a flight in contract columns.
+    curve : linear share of the thrust curve before this flight, with its sd: the prior.
 
     Returns
     -------
-    Response, or None where speeds or commands are missing or have nothing to do with each other.
+    The fit; None where speeds or commands are missing, too few, or hardly correlated.
+
+    Notes
+    -----
+    w = w_max sqrt((1 - c) u^2 + c u) is fitted to means over half a second. The lag is then fitted
+    to fast telemetry.
     """
     if not rotor_speeds_in(frame) or len(rotor_speeds_in(frame)) != len(commands_in(frame)):
         return None
@@ -305,8 +339,11 @@ def response(frame: pd.DataFrame, curve: Quantity) -> Response | None:
 def _steady_response(
     w: np.ndarray, u: np.ndarray, curve: Quantity
 ) -> tuple[Quantity, Quantity, float] | None:
-    """Top speed and curve from speeds and commands (n,), and the variance explained; None where
-    that is little.
+    """Fit top speed and curve to speeds and commands (n,).
+
+    Returns
+    -------
+    Top speed, curve, and share of variance explained; None where that is little.
     """
     usual = float(np.median(w))
     # the search is for x[0] about 1 beside c, so that one step suits both
@@ -341,7 +378,7 @@ def _steady_response(
 
 
 def _lag(frame: pd.DataFrame, c: float) -> Quantity | None:
-    """Time constant of dw/dt = (w_cmd - w) / tau, a pure delay beside it, from fast telemetry.
+    """Fit the time constant of dw/dt = (w_cmd - w) / tau, with a pure delay, to fast telemetry.
 
     Both sides are compared after a high-pass of 0.3 s, over a grid of time constants and delays.
     """
@@ -366,7 +403,7 @@ def _lag(frame: pd.DataFrame, c: float) -> Quantity | None:
 
 
 def _likeness(made: np.ndarray, seen: np.ndarray, step_s: float) -> float:
-    """Correlation of two signals (n, k) at the delay that suits them best."""
+    """Compute the correlation of two signals (n, k) at the delay that maximises it."""
     n = len(seen)
     # a delay would else pass for a longer lag
     pairs = ((made[: n - late], seen[late:]) for late in range(int(LONGEST_DELAY_S / step_s) + 1))
@@ -374,7 +411,7 @@ def _likeness(made: np.ndarray, seen: np.ndarray, step_s: float) -> float:
 
 
 def _slow(values: np.ndarray, step_s: float, lag_s: float) -> np.ndarray:
-    """First-order low-pass along the rows, at rest before the first."""
+    """Apply a first-order low-pass along the rows, at rest before the first."""
     keep = np.exp(-step_s / lag_s)
     return lfilter([1.0 - keep], [1.0, -keep], values - values[:1], axis=0) + values[:1]
 

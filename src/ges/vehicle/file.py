@@ -55,7 +55,7 @@ class Quantity(_Strict):
         return given
 
     def plain(self) -> float | dict[str, float]:
-        """Give the number as a vehicle file has it: plain, or ``{value, sd}`` where it has an sd."""
+        """Give the number as in a vehicle file: plain, or ``{value, sd}`` where it has an sd."""
         return {"value": self.value, "sd": self.sd} if self.sd else self.value
 
 

@@ -54,15 +54,19 @@ class Log(Protocol):
     @property
     def name(self) -> str:
         """Stem of the file."""
+
     @property
     def format(self) -> str:
         """Name of the reader."""
+
     @property
     def autopilot(self) -> str:
         """Firmware and version; '' where the log does not say."""
+
     @property
     def parameters(self) -> Mapping[str, float]:
         """The autopilot's own parameters, as logged."""
+
     @property
     def streams(self) -> Mapping[str, Stream]:
         """Streams by name."""

@@ -1,4 +1,4 @@
-"""Laws of a vehicle file as a function of another simulator's language, without dependencies."""
+"""Laws of a vehicle file as a function in another simulator's language, without dependencies."""
 
 from __future__ import annotations
 
@@ -28,8 +28,17 @@ GROUND = "R"
 
 @dataclasses.dataclass(frozen=True)
 class _Language:
-    """How a function is written: head from its name and arguments, a constant, a sum in a channel,
-    and the end.
+    """How a function is written in a language.
+
+    Attributes
+    ----------
+    comment : what begins a line of comment.
+    head : beginning of the function, from the names of its arguments.
+    constant : a named constant, from name and value.
+    nearness : line that limits the height over the ground.
+    assign : sum in a channel, from ``force`` or ``moment``, axis and expression.
+    magnitude, exponential : functions of the language.
+    tail : end of the function.
     """
 
     comment: str
@@ -74,7 +83,12 @@ def law_as(vehicle: Vehicle, language: str) -> str:
 
     Parameters
     ----------
-    language : one of :data:`LANGUAGES`.
+    vehicle : the vehicle, with its laws.
+    language : a key of :data:`LANGUAGES`.
+
+    Returns
+    -------
+    Source text. Its comment names the arguments of the function with their units.
 
     Raises
     ------
@@ -126,7 +140,7 @@ def law_as(vehicle: Vehicle, language: str) -> str:
 
 
 def _varies(group: Group) -> str:
-    """The symbol of a group that changes in flight."""
+    """Give the symbol of a group that changes in flight."""
     return group.reference if group.quantity == GROUND else group.quantity
 
 
@@ -135,9 +149,7 @@ def _words(group: Group) -> str:
 
 
 def _constants(vehicle: Vehicle, used: Sequence[Group], moments: bool) -> dict[str, float]:
-    """Weight, and the constant of every group that is used, by symbol, as the simulator has
-    them.
-    """
+    """Compute weight, arm, and the constant of every group, by symbol, in the simulator."""
     parameters = vehicle.parameters()
     # the first group of a reference: of (1, 1) m/s the horizontal speed is not one
     first = {g.reference: g for g in reversed(laws.groups().values())}

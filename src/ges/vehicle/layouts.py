@@ -1,8 +1,8 @@
 """Named layouts: where the motors of an autopilot's frames sit, and which way they turn.
 
-ArduPilot's are those of ``libraries/AP_Motors/AP_MotorsMatrix.cpp`` (4.5); PX4's geometries of six
-and eight motors number theirs alike. Betaflight's are those of ``src/main/flight/mixer_init.c``
-(4.5), which INAV shares; the settings that they print (``diff all``) name one of them or hold a
+ArduPilot's are those of ``libraries/AP_Motors/AP_MotorsMatrix.cpp`` (4.5). PX4's geometries of six
+and eight motors have the same numbers. Betaflight's are those of ``src/main/flight/mixer_init.c``
+(4.5), which INAV shares. The settings that they print (``diff all``) name one of them or hold a
 mixer of their own.
 """
 
@@ -27,8 +27,8 @@ class Mount:
 
     Attributes
     ----------
-    angle_deg : of its arm, clockwise from the nose seen from above.
-    spin : of its rotor.
+    angle_deg : direction of its arm, clockwise from the nose seen from above.
+    spin : sense of its rotor.
     level : 1 for the upper and -1 for the lower one of a coaxial pair, 0 for a motor alone.
     reach : length of its arm over that of the vehicle.
     """
@@ -40,12 +40,12 @@ class Mount:
 
 
 def _mounted(*motors: tuple[float, Spin] | tuple[float, Spin, int]) -> tuple[Mount, ...]:
-    """Motors at angles, of coaxial pairs with their levels."""
+    """Place motors at angles, those of coaxial pairs with their levels."""
     return tuple(Mount(*motor) for motor in motors)
 
 
 def _placed(*motors: tuple[float, float, Spin]) -> tuple[Mount, ...]:
-    """Motors at factors of roll (left) and pitch (forward)."""
+    """Place motors at factors of roll (left) and pitch (forward)."""
     return tuple(
         Mount(math.degrees(math.atan2(-roll, pitch)), spin, reach=math.hypot(roll, pitch))
         for roll, pitch, spin in motors
@@ -53,8 +53,9 @@ def _placed(*motors: tuple[float, float, Spin]) -> tuple[Mount, ...]:
 
 
 def _around(count: int, first_deg: float, *, coaxial: bool = False) -> tuple[Mount, ...]:
-    """Motors clockwise from the nose that turn by turns ccw and cw; of coaxial pairs the upper ones
-    do, and the lower ones against them.
+    """Place motors clockwise from the nose, alternately ccw and cw.
+
+    In coaxial pairs the upper ones alternate, and the lower ones turn the other way.
     """
     senses: tuple[Spin, Spin] = ("ccw", "cw")
     arms = range(count // 2 if coaxial else count)
@@ -304,16 +305,27 @@ class MotorLayout:
 
 
 def layout_of(frame: str) -> MotorLayout:
-    """Return the layout of a name, or of the mixer in a file of Betaflight's or INAV's settings.
+    """Find a layout by its name, or read it from settings of Betaflight or INAV.
 
     Parameters
     ----------
-    frame : one of ``LAYOUTS``, or the path of a text with lines ``mmix`` or ``mixer``.
+    frame : a key of :data:`LAYOUTS`, or the path of a text with lines ``mmix`` or ``mixer``.
+
+    Returns
+    -------
+    Motors in the order of their numbers.
 
     Raises
     ------
+    UsageError
+        When it is neither a name nor a file.
     GesError
-        When it is neither, or the mixer is that of no multirotor.
+        When the settings hold no mixer, or one of no multirotor.
+
+    Examples
+    --------
+    >>> [mount.spin for mount in layout_of("x").mounts]
+    ['ccw', 'ccw', 'cw', 'cw']
     """
     if frame in LAYOUTS:
         return MotorLayout(LAYOUTS[frame], f"Motor order and spins of the layout {frame}")
@@ -324,7 +336,7 @@ def layout_of(frame: str) -> MotorLayout:
 
 
 def _of_settings(name: str, text: str) -> MotorLayout:
-    """Layout of settings as ``diff all`` and ``dump`` print them."""
+    """Read the layout from settings as ``diff all`` and ``dump`` print them."""
     turned = re.search(r"^set (?:yaw_motors_reversed|motor_direction_inverted) = ON", text, re.M)
     mix = re.findall(r"^mmix\s+(\d+)((?:\s+[-+.\d]+){4})\s*$", text, re.M)
     if mix:
@@ -348,8 +360,10 @@ def _of_mixer(name: str, mixers: Sequence[str]) -> MotorLayout:
 
 
 def _of_mix(name: str, weights: Sequence[Sequence[float]]) -> MotorLayout:
-    """Layout of weights (throttle, roll, pitch, yaw) of motors: a motor lies to the left as it is
-    asked to roll, to the rear as it is asked to pitch, and turns ccw where it is asked to yaw.
+    """Derive the layout from the weights (throttle, roll, pitch, yaw) of each motor.
+
+    A motor with positive roll lies to the left, with positive pitch to the rear. It turns ccw where
+    its yaw is positive.
     """
     # a tricopter yaws by a servo, and which way its rotors turn hardly matters
     by_servo = len(weights) == 3
@@ -382,5 +396,19 @@ def _reversed(mounts: Sequence[Mount]) -> tuple[Mount, ...]:
 
 
 def of_rotors(count: int) -> tuple[str, ...]:
-    """Names of the layouts with so many motors."""
+    """List the layouts with a number of motors.
+
+    Parameters
+    ----------
+    count : number of motors.
+
+    Returns
+    -------
+    Names, keys of :data:`LAYOUTS`.
+
+    Examples
+    --------
+    >>> of_rotors(10)
+    ('deca-x', 'deca-plus')
+    """
     return tuple(name for name, mounts in LAYOUTS.items() if len(mounts) == count)

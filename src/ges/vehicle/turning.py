@@ -1,8 +1,8 @@
 """Which rotor turns the vehicle which way, seen from the flight itself.
 
-A wrong order of motors makes every moment wrong and no force, so nothing else would show it. The
-angular accelerations are regressed on what drives each rotor; the gains have to point where the
-hubs and spins of the layout say.
+A wrong order of motors makes every moment wrong and no force, so nothing else would show it.
+Angular accelerations are regressed on what drives each rotor. The gains must have the direction
+that the hubs and spins of the layout give.
 """
 
 from __future__ import annotations
@@ -26,20 +26,28 @@ FEWEST_ROWS = 200
 
 @dataclasses.dataclass(frozen=True)
 class Turning:
-    """What drives each axis.
+    """Regression of the angular accelerations on what drives the rotors.
 
     Attributes
     ----------
-    gains : angular acceleration per drive, mean over rotors taken off, (3, n_rotors).
-    r2 : share of the fast angular acceleration that they explain, (3,).
+    gains : (3, n_rotors) angular acceleration per drive about x, y, z, less their mean over rotors.
+    r2 : (3,) share of the variance of fast angular acceleration that they explain.
     """
 
     gains: np.ndarray
     r2: np.ndarray
 
     def agreement(self, rotors: Sequence[Rotor]) -> np.ndarray:
-        """Cosine between gains and the moments of these rotors, (3,); NaN where the flight is
-        silent.
+        """Compare the gains with the moments that rotors make.
+
+        Parameters
+        ----------
+        rotors : hubs and spins to test.
+
+        Returns
+        -------
+        Cosines (3,) of gains and moments about x, y, z; NaN where the regression explains too
+        little.
         """
         wanted = moments(rotors)
         # only directions are compared: how strongly an axis turns depends on the inertia, too
@@ -49,18 +57,45 @@ class Turning:
         return np.divide(product, size, out=np.full(3, np.nan), where=loud)
 
     def contradicted(self, rotors: Sequence[Rotor]) -> list[str]:
-        """Axes that turn otherwise than these rotors would turn them."""
+        """List the axes that turn differently than these rotors would turn them.
+
+        Parameters
+        ----------
+        rotors : hubs and spins to test.
+
+        Returns
+        -------
+        Any of ``roll``, ``pitch``, ``yaw``: cosines below 0.3.
+        """
         cosines = self.agreement(rotors)
         return [axis for axis, cosine in zip(AXES, cosines, strict=True) if cosine < CONTRADICTS]
 
     def confirmed(self, rotors: Sequence[Rotor]) -> list[str]:
-        """Axes that turn as these rotors would turn them."""
+        """List the axes that turn as these rotors would turn them.
+
+        Parameters
+        ----------
+        rotors : hubs and spins to test.
+
+        Returns
+        -------
+        Any of ``roll``, ``pitch``, ``yaw``: cosines above 0.7.
+        """
         cosines = self.agreement(rotors)
         return [axis for axis, cosine in zip(AXES, cosines, strict=True) if cosine > AGREES]
 
 
 def moments(rotors: Sequence[Rotor]) -> np.ndarray:
-    """Moment about x, y, z that thrust of each rotor makes, mean over rotors taken off, (3, n)."""
+    """Compute the direction of the moment that each rotor's thrust makes.
+
+    Parameters
+    ----------
+    rotors : n rotors with hubs and spins.
+
+    Returns
+    -------
+    (y, -x, -spin) of each rotor, (3, n), less the mean over rotors; spin is +1 for ccw.
+    """
     x, y = (np.array([getattr(r, k).value for r in rotors]) for k in ("x_m", "y_m"))
     spin = np.array([1.0 if r.spin == "ccw" else -1.0 for r in rotors])
     weights = np.stack([y, -x, -spin])
@@ -70,16 +105,16 @@ def moments(rotors: Sequence[Rotor]) -> np.ndarray:
 def turning(frame: pd.DataFrame) -> Turning | None:
     """Regress angular accelerations on what drives the rotors.
 
-    Commands are taken before rotor speeds: they are logged faster. The drive may act up to 0.12 s
-    later than it was asked for; of these lags each axis takes the one that explains most.
+    Commands are preferred to rotor speeds, as they are logged faster. The drive may act up to 0.12
+    s after its command; each axis takes the lag that explains most.
 
     Parameters
     ----------
-    frame : a flight in contract columns.
+    frame : table (n rows) of a flight in contract columns.
 
     Returns
     -------
-    Turning, or None where drives or body rates are missing or too few.
+    The regression; None where drives or body rates are missing or have too few rows.
     """
     asked, measured = commands_in(frame), rotor_speeds_in(frame)
     drives = asked if len(asked) >= len(measured) else measured
@@ -112,22 +147,22 @@ def _rows(frame: pd.DataFrame, seconds: float) -> int:
 
 
 def _thinned(rows: pd.DataFrame) -> pd.DataFrame:
-    """Means over a fiftieth of a second where rows come faster."""
+    """Average over a fiftieth of a second where rows come faster."""
     cells = np.floor(rows["t_s"] / FINEST_STEP_S)
     return rows.groupby(cells.to_numpy()).mean()
 
 
 def _fast(values: np.ndarray, step_s: float) -> np.ndarray:
-    """What changes within a second, (n, k)."""
+    """Take off the moving average over one second, (n, k)."""
     slow = pd.DataFrame(values).rolling(max(3, round(1.0 / step_s)), center=True, min_periods=1)
     return values - slow.mean().to_numpy()
 
 
 def _strongest(drive: np.ndarray, turned: np.ndarray, flying: np.ndarray, lags: int) -> Turning:
-    """Gains of each axis at the lag that explains most of it.
+    """Find the gains of each axis at the lag that explains most of it.
 
-    A mixer asks three moments of all drives: of more than four drives only the three strongest
-    directions carry them, and what else differs says nothing (principal component regression).
+    A mixer asks three moments of all drives. So of more than four drives only the three strongest
+    directions are used (principal component regression).
     """
     _, _, directions = np.linalg.svd(drive[flying], full_matrices=False)
     asked = directions[:3].T

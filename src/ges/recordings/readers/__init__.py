@@ -1,4 +1,4 @@
-"""Readers of flight logs, one file a format, and the choice of the reader by a log's first bytes."""
+"""Readers of flight logs, one file a format, and the choice of one by a log's first bytes."""
 
 from __future__ import annotations
 

@@ -33,7 +33,21 @@ LARGEST_BYTES = 5_000_000
 
 
 def kind_of(path: Path) -> str | None:
-    """Format of a file by its first bytes and ending; None where it is none of these."""
+    """Find the format of a model by its content, or by the ending ``.py``.
+
+    Parameters
+    ----------
+    path : the file.
+
+    Returns
+    -------
+    ``sdf``, ``urdf``, ``rotorpy`` or ``sih``; None where it is none of these.
+
+    Raises
+    ------
+    GesError
+        When the file cannot be read.
+    """
     try:
         with path.open("rb") as file:
             head = file.read(65536)
@@ -57,14 +71,18 @@ def read_model(
     Parameters
     ----------
     path : the model.
-    kind : see :func:`kind_of`.
+    kind : one of those of :func:`kind_of`.
     prop : propellers, where the file does not say how large they are, or says it wrongly.
     models : folders in which included Gazebo models are looked for, beside the model's own.
+
+    Returns
+    -------
+    The vehicle with the source of each number.
 
     Raises
     ------
     GesError
-        When it cannot be read or is no quadrotor, in one sentence.
+        When it cannot be read or is of no multirotor, in one sentence.
     """
     try:
         if path.stat().st_size > LARGEST_BYTES:
@@ -80,5 +98,20 @@ def read_model(
 
 
 def write_model(vehicle: Vehicle, kind: str) -> Export:
-    """Write a vehicle as another simulator reads it; ``kind`` is one of :data:`WRITERS`."""
+    """Write a vehicle as another simulator reads it.
+
+    Parameters
+    ----------
+    vehicle : the vehicle.
+    kind : a key of :data:`WRITERS`.
+
+    Returns
+    -------
+    The text of the file, and remarks on what it cannot express.
+
+    Raises
+    ------
+    GesError
+        When the format cannot hold this vehicle.
+    """
     return WRITERS[kind](vehicle)

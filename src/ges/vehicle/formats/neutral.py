@@ -1,4 +1,4 @@
-"""What the formats share: plain numbers of a vehicle, and XML that may be hostile."""
+"""What the formats share: plain numbers of a vehicle, and XML from untrusted files."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ class Export:
 
     Attributes
     ----------
-    text : the file.
-    remarks : what the format cannot express or what was put in its place, a sentence each.
+    text : content of the file.
+    remarks : what the format cannot express, or what stands in its place, one sentence each.
     """
 
     text: str
@@ -41,22 +41,22 @@ class Export:
 
 @dataclasses.dataclass(frozen=True)
 class Plain:
-    """A multirotor as plain numbers, corrections of declared numbers folded in.
+    """A multirotor as plain numbers, with corrections of nominal parameters applied.
 
     Attributes
     ----------
-    name : of the vehicle.
+    name : name of the vehicle.
     mass_kg : mass.
-    inertia_kg_m2 : about the body axes, (3,).
-    hubs_m : from the centre of mass, (n, 3); a declared offset of it is in here.
+    inertia_kg_m2 : (3,) about the body axes.
+    hubs_m : (n, 3) from the centre of mass, body frame; an offset of the centre is applied.
     radius_m : mean over the rotors.
-    spin : +1 ccw, seen from above, (n,).
-    thrust_N_s2 : thrust coefficient of each rotor, losses included, (n,).
-    torque_Nm_s2 : reaction torque of each rotor over squared speed, losses included, (n,).
-    lag_up_s, lag_down_s : time constants of the drive.
+    spin : (n,) +1 ccw, -1 cw, seen from above.
+    thrust_N_s2 : (n,) thrust coefficient of each rotor, with its losses.
+    torque_Nm_s2 : (n,) reaction torque of each rotor over squared speed, with its losses.
+    lag_up_s, lag_down_s : time constants of the drive, speeding up and slowing down.
     top_speed_rad_s : at full command.
     rho_kg_m3 : density of the air.
-    effects : those not folded into the numbers above.
+    effects : effects that are not applied to the numbers above.
     remarks : numbers that the vehicle file leaves out and that were estimated.
     """
 
@@ -77,26 +77,43 @@ class Plain:
 
     @property
     def hover_rad_s(self) -> float:
-        """Mean speed at which the rotors carry the weight."""
+        """Rotor speed at which equal speeds of all rotors carry the weight."""
         return math.sqrt(self.mass_kg * GRAVITY_M_S2 / float(np.sum(self.thrust_N_s2)))
 
     @property
     def mean_thrust_N_s2(self) -> float:
-        """Thrust coefficient of a format that has one for all rotors."""
+        """Mean thrust coefficient, for a format that has one for all rotors."""
         return float(np.mean(self.thrust_N_s2))
 
     @property
     def mean_torque_Nm_s2(self) -> float:
-        """Torque coefficient of a format that has one for all rotors."""
+        """Mean torque coefficient, for a format that has one for all rotors."""
         return float(np.mean(self.torque_Nm_s2))
 
     def effect(self, name: str, parameter: str) -> float:
-        """A parameter of an effect; 0 where it is off."""
+        """Look up a parameter of an effect.
+
+        Parameters
+        ----------
+        name, parameter : of the effect, and of its number.
+
+        Returns
+        -------
+        The value; 0 where the effect is off.
+        """
         return self.effects.get(name, {}).get(parameter, 0.0)
 
 
 def plain(vehicle: Vehicle) -> Plain:
-    """Plain numbers of a vehicle file.
+    """Convert a vehicle file to plain numbers.
+
+    Parameters
+    ----------
+    vehicle : the vehicle.
+
+    Returns
+    -------
+    The numbers; what the file leaves out is estimated by :mod:`ges.vehicle.scaling`.
 
     Raises
     ------
@@ -155,7 +172,7 @@ def plain(vehicle: Vehicle) -> Plain:
 def _estimated(
     vehicle: Vehicle, hubs: np.ndarray, thrust: np.ndarray
 ) -> tuple[np.ndarray, float, float, float, list[str]]:
-    """Inertia, torque coefficient, lag and top speed, estimated where the file leaves them out."""
+    """Give inertia, torque coefficient, lag and top speed, estimated where they are missing."""
     diameter_m = 2.0 * float(np.mean([r.radius_m.value for r in vehicle.rotors]))
     inertia, torque = vehicle.inertia_kg_m2, vehicle.torque_coefficient_Nm_s2
     lag, top = vehicle.motor_time_constant_s, vehicle.max_rotor_speed_rad_s
@@ -181,7 +198,18 @@ def _estimated(
 
 
 def without(plain: Plain, expressed: Iterable[str], target: str) -> list[str]:
-    """A sentence for every effect that a format cannot express."""
+    """List the effects that a format cannot express.
+
+    Parameters
+    ----------
+    plain : the vehicle.
+    expressed : names of effects that the format has.
+    target : name of the format, for people.
+
+    Returns
+    -------
+    One sentence for each effect that is left out.
+    """
     known = {"cg_offset", "weak_rotor", *expressed}
     return [
         f"{target} has no {name} ({effect_table.get(name).title}): left out."
@@ -191,19 +219,40 @@ def without(plain: Plain, expressed: Iterable[str], target: str) -> list[str]:
 
 
 def one_thrust(plain: Plain, target: str) -> list[str]:
-    """A sentence where rotors differ and a format has one thrust coefficient for all."""
+    """Say that a format takes the mean where rotors differ in thrust.
+
+    Parameters
+    ----------
+    plain : the vehicle.
+    target : name of the format, for people.
+
+    Returns
+    -------
+    One sentence; empty where all rotors are alike.
+    """
     if np.allclose(plain.thrust_N_s2, plain.mean_thrust_N_s2, rtol=1e-6):
         return []
     return [f"{target} has one thrust coefficient for all rotors: the mean of four that differ."]
 
 
 def parse_xml(data: bytes, name: str) -> Element:
-    """Root of an XML file without entities, external references or endless nesting.
+    """Parse XML without entities, external references or endless nesting.
+
+    Parameters
+    ----------
+    data : the file.
+    name : name of the file, for messages.
+
+    Returns
+    -------
+    Root element.
 
     Raises
     ------
+    UsageError
+        When it is no XML.
     GesError
-        When it is no XML, or one that defines entities.
+        When it defines entities or nests without end.
     """
     try:
         return defusedxml.ElementTree.fromstring(data)
@@ -218,12 +267,17 @@ def parse_xml(data: bytes, name: str) -> Element:
 
 
 def number(text: str | None, what: str, name: str) -> float:
-    """A finite number in a file.
+    """Read a finite number of a file.
+
+    Parameters
+    ----------
+    text : as it stands in the file; None where it is missing.
+    what, name : what it is and the name of the file, for messages.
 
     Raises
     ------
     UsageError
-        Where it is missing or none.
+        When it is missing, or no finite number.
     """
     if text is None or not text.strip():
         raise UsageError(f"{name}: {what} is missing; add it")

@@ -1,11 +1,12 @@
 """Parameter files of RotorPy (Folk, Paulos & Kumar 2023): a Python module with ``quad_params``.
 
-The file is read as text, never run: numbers, names given before, arithmetic, lists, dictionaries
-and the few numpy calls that such files hold.
+The file is read as text, never run. It may hold numbers, names given before, arithmetic, lists,
+dictionaries and the few numpy calls that such files use.
 
-Its physics (``rotorpy/vehicles/multirotor.py``): T_i = k_eta w_i^2 + k_h (v_x^2 + v_y^2), yaw
-moment k_m w_i^2 along +z where ``rotor_directions`` is +1 (a rotor turning cw), H_i = -w_i
-diag(k_d, k_d, k_z) v_i at each hub, D = -|v| diag(c_Dx, c_Dy, c_Dz) v, dw/dt = (w_cmd - w) / tau_m.
+Its physics (``rotorpy/vehicles/multirotor.py``): thrust T_i = k_eta w_i^2 + k_h (v_x^2 + v_y^2).
+Yaw moment k_m w_i^2 along +z where ``rotor_directions`` is +1 (a rotor turning cw). Rotor drag H_i
+= -w_i diag(k_d, k_d, k_z) v_i at each hub. Body drag D = -|v| diag(c_Dx, c_Dy, c_Dz) v. Lag dw/dt =
+(w_cmd - w) / tau_m.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ _EXPRESSED = ("rotor_drag", "axial_inflow", "parasitic_drag", "translational_lif
 
 
 def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
-    """Value of an expression; ValueError where it is more than arithmetic on literals."""
+    """Evaluate an expression; ValueError where it is more than arithmetic on literals."""
     match node:
         case ast.Constant(value=str() as value):
             return value
@@ -88,7 +89,7 @@ def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
 
 
 def _parameters(data: bytes, name: str) -> dict[str, Any]:
-    """``quad_params`` of a file, or its only dictionary."""
+    """Evaluate ``quad_params`` of a file."""
     try:
         tree = ast.parse(data)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
@@ -115,13 +116,22 @@ def _parameters(data: bytes, name: str) -> dict[str, Any]:
 
 
 def read(data: bytes, name: str, prop: Propeller | None = None) -> Datasheet:
-    """Vehicle of a RotorPy parameter file.
+    """Read a vehicle from a RotorPy parameter file.
 
     Parameters
     ----------
     data : the file.
-    name : of the file, for messages.
-    prop : propellers; RotorPy does not need their size and most of its files leave it out.
+    name : name of the file, for messages.
+    prop : propellers; most files do not state their size.
+
+    Returns
+    -------
+    The vehicle with the source of each number.
+
+    Raises
+    ------
+    GesError
+        When the file is not as RotorPy reads it.
     """
     return from_parameters(_parameters(data, name), name, prop)
 
@@ -129,12 +139,24 @@ def read(data: bytes, name: str, prop: Propeller | None = None) -> Datasheet:
 def from_parameters(
     params: Mapping[str, Any], name: str = "quad_params", prop: Propeller | None = None
 ) -> Datasheet:
-    """Vehicle of RotorPy's ``quad_params``, as its Python modules hold them.
+    """Convert RotorPy's ``quad_params`` to a vehicle.
+
+    Parameters
+    ----------
+    params : the dictionary, as RotorPy's modules hold it.
+    name : name of its file, for messages; the vehicle is named after it.
+    prop : propellers; by default of ``rotor_radius``, or as the hubs suggest.
+
+    Returns
+    -------
+    The vehicle with the source of each number.
 
     Raises
     ------
+    UsageError
+        When a number is missing or not finite.
     GesError
-        When rotors and directions differ in number, or a number is missing.
+        When rotors and directions differ in number.
     """
     for key in _NEEDED:
         if key not in params:
@@ -206,7 +228,7 @@ def _numbers(value: Any, key: str, name: str) -> np.ndarray:
 
 
 def _hubs(params: Mapping[str, Any], name: str) -> np.ndarray:
-    """Hubs (n, 3) of a dictionary or a list of positions."""
+    """Read hubs (n, 3) from a dictionary or a list of positions."""
     given = params["rotor_pos"]
     rows = list(given.values()) if isinstance(given, Mapping) else list(np.atleast_1d(given))
     hubs = [np.ravel(_numbers(row, "rotor_pos", name)) for row in rows]
@@ -218,7 +240,7 @@ def _hubs(params: Mapping[str, Any], name: str) -> np.ndarray:
 def _radius(
     params: Mapping[str, Any], hubs: np.ndarray, prop: Propeller | None, name: str
 ) -> tuple[float, str]:
-    """Radius of the rotors and its source."""
+    """Give the radius of the rotors and its source."""
     if prop is not None:
         return prop.radius_m, "Radius as given."
     if params.get("rotor_radius") is not None:
@@ -232,7 +254,7 @@ def _radius(
 def _effects(
     params: Mapping[str, Any], scalar: Callable[..., float], radius_m: float, rho: float
 ) -> tuple[dict, dict, list]:
-    """Drag and lift as effects, with their sources and what they lose."""
+    """Convert drag and lift to effects, with their sources and what they lose."""
     effects: dict[str, dict[str, float]] = {}
     sources: dict[str, str] = {}
     remarks: list[str] = []
@@ -265,7 +287,17 @@ def _effects(
 
 
 def write(vehicle: Vehicle) -> Export:
-    """A RotorPy parameter file of a vehicle."""
+    """Write a vehicle as a RotorPy parameter file.
+
+    Parameters
+    ----------
+    vehicle : the vehicle.
+
+    Raises
+    ------
+    GesError
+        When a rotor is canted or makes no thrust.
+    """
     p = plain(vehicle)
     remarks = [*p.remarks, *one_thrust(p, "RotorPy"), *without(p, _EXPRESSED, "RotorPy")]
     if abs(p.lag_up_s - p.lag_down_s) > 1e-6:

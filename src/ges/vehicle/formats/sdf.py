@@ -1,9 +1,9 @@
 """Gazebo models (SDFormat) whose rotors are driven by a motor model plugin.
 
-Both plugins are read: ``libgazebo_motor_model.so`` of Gazebo classic, and ``MulticopterMotorModel``
-of Gazebo. Their physics: T_i = motorConstant w_i^2 along the rotor's z, reaction torque
-momentConstant T_i, H_i = -rotorDragCoefficient |w_i| v across the axis, and a first-order lag with
-timeConstantUp and timeConstantDown. Written is the second.
+Two plugins are read: ``libgazebo_motor_model.so`` of Gazebo classic and ``MulticopterMotorModel``
+of Gazebo. The second is written. Their physics: thrust T_i = motorConstant w_i^2 along the rotor's
+z, reaction torque momentConstant T_i. Rotor drag H_i = -rotorDragCoefficient |w_i| v across the
+axis. First-order lag with timeConstantUp and timeConstantDown.
 """
 
 from __future__ import annotations
@@ -46,7 +46,15 @@ _NUMBERS = {
 
 @dataclasses.dataclass(frozen=True)
 class Motor:
-    """One motor model plugin."""
+    """One motor model plugin.
+
+    Attributes
+    ----------
+    link, joint : names of the rotor's link and joint.
+    spin : ``cw`` or ``ccw``, seen from above.
+    numbers : the plugin's numbers, by element.
+    classic : whether it is the plugin of Gazebo classic.
+    """
 
     link: str
     joint: str
@@ -57,7 +65,14 @@ class Motor:
 
 @dataclasses.dataclass(frozen=True)
 class Inertial:
-    """Mass, centre of mass and tensor about it, in one frame."""
+    """Mass properties of one or several links, in one frame.
+
+    Attributes
+    ----------
+    mass_kg : mass.
+    centre_m : (3,) centre of mass.
+    tensor_kg_m2 : (3, 3) inertia about the centre of mass.
+    """
 
     mass_kg: float
     centre_m: np.ndarray
@@ -67,7 +82,7 @@ class Inertial:
 def read(
     data: bytes, path: Path, prop: Propeller | None = None, models: Sequence[Path] = ()
 ) -> Datasheet:
-    """Vehicle of a Gazebo model.
+    """Read a vehicle from a Gazebo model.
 
     Mass, centre of mass and inertia are those of all links together. Hubs count from that centre,
     along the axes of the link that the rotors turn on.
@@ -79,10 +94,14 @@ def read(
     prop : propellers, in place of the size of the rotors' collision shapes.
     models : more folders for included models.
 
+    Returns
+    -------
+    The vehicle with the source of each number.
+
     Raises
     ------
     GesError
-        When it is no quadrotor with motor model plugins, or something in it cannot be read.
+        When it is no multirotor with motor model plugins, or something in it cannot be read.
     """
     name = path.name
     model = model_of(parse_xml(data, name), name)
@@ -119,7 +138,7 @@ def read(
 
 
 def _motors(scope: Scope, name: str) -> list[Motor]:
-    """Motors in the order of their numbers."""
+    """List the motors in the order of their numbers."""
     found: dict[float, Motor] = {}
     for plugin in scope.elements("plugin"):
         # known by what it holds: the plugin's name differs between Gazebos
@@ -152,7 +171,10 @@ def _motor(plugin: Element, name: str) -> Motor:
 
 
 def _inertial(pose: Pose, link: Element, name: str) -> Inertial:
-    """Of one link; without ``<inertial>`` SDFormat gives it 1 kg and a unit tensor."""
+    """Read the mass properties of a link.
+
+    Without ``<inertial>`` SDFormat gives a link 1 kg and a unit tensor.
+    """
     inertial = link.find("inertial")
     if inertial is None:
         return Inertial(1.0, pose.p, np.eye(3))
@@ -171,7 +193,7 @@ def _inertial(pose: Pose, link: Element, name: str) -> Inertial:
 
 
 def _together(parts: Sequence[Inertial], name: str) -> Inertial:
-    """Several bodies as one (parallel axis theorem)."""
+    """Combine several bodies into one (parallel axis theorem)."""
     mass = sum(part.mass_kg for part in parts)
     if not mass > 0:
         raise UsageError(f"{name}: its links have no mass; give base_link an <inertial>")
@@ -184,12 +206,12 @@ def _together(parts: Sequence[Inertial], name: str) -> Inertial:
 
 
 def _offset(mass_kg: float, d: np.ndarray) -> np.ndarray:
-    """Tensor of a point mass at ``d`` (3,)."""
+    """Compute the inertia of a point mass at ``d`` (3,)."""
     return mass_kg * (d @ d * np.eye(3) - np.outer(d, d))
 
 
 def _base(scope: Scope, links: Mapping, motors: Sequence[Motor], name: str) -> Pose:
-    """Pose of the link that the rotors turn on."""
+    """Find the pose of the link that the rotors turn on."""
     parents = {
         joint.get("name"): (joint.findtext("parent") or "").strip()
         for joint in scope.elements("joint")
@@ -203,7 +225,7 @@ def _base(scope: Scope, links: Mapping, motors: Sequence[Motor], name: str) -> P
 
 
 def _rotor(links: Mapping, motor: Motor, base: Pose, name: str) -> tuple[Pose, Element]:
-    """A rotor's link, upright on the base."""
+    """Find a rotor's link, which must be upright on the base."""
     if motor.link not in links:
         raise UsageError(f"{name}: there is no link '{motor.link[:60]}' for a motor's linkName")
     pose, element = links[motor.link]
@@ -215,7 +237,7 @@ def _rotor(links: Mapping, motor: Motor, base: Pose, name: str) -> tuple[Pose, E
 def _radius(
     rotors: Sequence[Element], hubs: np.ndarray, prop: Propeller | None, name: str
 ) -> tuple[float, str]:
-    """Radius of the rotors and its source."""
+    """Give the radius of the rotors and its source."""
     if prop is not None:
         return prop.radius_m, "radius as given"
     sizes = []
@@ -238,7 +260,7 @@ def _radius(
 def _motor_content(
     motors: Sequence[Motor], mass_kg: float, scope: Scope, name: str
 ) -> tuple[dict, dict[str, str]]:
-    """What the motor plugins say, as the vehicle file has it, and its sources."""
+    """Convert the numbers of the motor plugins to keys of a vehicle file, with their sources."""
     by_key = {key: np.array([m.numbers[key] for m in motors]) for key in _NUMBERS}
     thrust = by_key["motorConstant"]
     if not np.all(thrust > 0):
@@ -292,7 +314,7 @@ def _motor_content(
 
 
 def _channel(scope: Scope, name: str) -> tuple[float, float] | None:
-    """Scale and offset (rad/s) of commands in PX4's mavlink interface, where the model has one."""
+    """Read scale and offset (rad/s) of commands in PX4's mavlink interface; None without it."""
     for plugin in scope.elements("plugin"):
         channel = plugin.find("control_channels/channel")
         if channel is not None:
@@ -303,7 +325,7 @@ def _channel(scope: Scope, name: str) -> tuple[float, float] | None:
 
 
 def _remarks(links: Mapping, motors: Sequence[Motor], tensor: np.ndarray) -> list[str]:
-    """What the model has and a vehicle file has not."""
+    """List what the model has and a vehicle file cannot have."""
     remarks = [
         f"Link {key} has no <inertial>; SDFormat gives it 1 kg and 1 kg m^2."
         for key, (_, element) in links.items()
@@ -323,7 +345,17 @@ def _remarks(links: Mapping, motors: Sequence[Motor], tensor: np.ndarray) -> lis
 
 
 def write(vehicle: Vehicle) -> Export:
-    """A Gazebo model of a vehicle: one body, four rotors with motor model plugins, no sensors."""
+    """Write a vehicle as a Gazebo model: a body and its rotors with plugins, without sensors.
+
+    Parameters
+    ----------
+    vehicle : the vehicle.
+
+    Raises
+    ------
+    GesError
+        When a rotor is canted or makes no thrust, or the body would have no positive inertia.
+    """
     p = plain(vehicle)
     remarks = [*p.remarks, *without(p, ("rotor_drag", "thrust_curve"), "Gazebo's motor model")]
     if "thrust_curve" in p.effects:
@@ -352,7 +384,7 @@ def write(vehicle: Vehicle) -> Export:
 
 
 def _body_lines(p: Plain, blade_kg: float, blade: np.ndarray) -> list[str]:
-    """The body: what the rotors' links leave of mass, centre of mass and inertia."""
+    """Write the body: total mass, centre and inertia less those of the rotors' links."""
     mass = p.mass_kg - len(p.hubs_m) * blade_kg
     # body and blades have their common centre at the origin
     centre = -blade_kg * p.hubs_m.sum(axis=0) / mass
@@ -402,7 +434,7 @@ def _row(values: np.ndarray) -> str:
 
 
 def _rotor_lines(p: Plain, i: int, blade_kg: float, blade: np.ndarray) -> list[str]:
-    """Link and joint of a rotor."""
+    """Write link and joint of a rotor."""
     disc = f"<cylinder><radius>{p.radius_m:.9g}</radius><length>0.005</length></cylinder>"
     return [
         f'    <link name="rotor_{i}">',
@@ -418,7 +450,7 @@ def _rotor_lines(p: Plain, i: int, blade_kg: float, blade: np.ndarray) -> list[s
 
 
 def _plugin_lines(p: Plain, i: int) -> list[str]:
-    """Motor model of a rotor."""
+    """Write the motor model of a rotor."""
     values = {
         "jointName": f"rotor_{i}_joint",
         "linkName": f"rotor_{i}",

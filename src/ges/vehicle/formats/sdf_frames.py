@@ -1,7 +1,8 @@
 """Frames of an SDFormat model: poses of its links, with models that it includes.
 
-Frame semantics of SDFormat 1.7: a link's pose is in the frame of its model, a joint's in that of
-its child link, a frame's in what it is attached to; ``relative_to`` names another.
+Frame semantics are those of SDFormat 1.7. The pose of a link is in the frame of its model, that of
+a joint in its child link. The pose of a frame is in what it is attached to; ``relative_to`` names
+another.
 """
 
 from __future__ import annotations
@@ -26,7 +27,13 @@ Finder = Callable[[str], Element]
 
 @dataclasses.dataclass(frozen=True)
 class Pose:
-    """Place and attitude of one frame in another."""
+    """Place and attitude of one frame in another.
+
+    Attributes
+    ----------
+    p : (3,) origin, m.
+    r : rotation from the inner to the outer frame.
+    """
 
     p: np.ndarray
     r: Rotation
@@ -39,7 +46,12 @@ ORIGIN = Pose(np.zeros(3), Rotation.identity())
 
 
 def pose_of(element: Element | None, name: str) -> Pose:
-    """Pose that a ``<pose>`` element holds; the origin where there is none.
+    """Read the pose of a ``<pose>`` element.
+
+    Parameters
+    ----------
+    element : the element; None or an empty one gives the origin.
+    name : name of the file, for messages.
 
     Raises
     ------
@@ -59,12 +71,17 @@ def pose_of(element: Element | None, name: str) -> Pose:
 
 
 def model_of(root: Element, name: str) -> Element:
-    """The first ``<model>`` of a file.
+    """Find the first ``<model>`` of a file.
+
+    Parameters
+    ----------
+    root : root element of the file.
+    name : name of the file, for messages.
 
     Raises
     ------
     UsageError
-        When it holds none.
+        When there is none.
     """
     found = root if root.tag == "model" else root.find(".//model")
     if found is None:
@@ -73,7 +90,17 @@ def model_of(root: Element, name: str) -> Element:
 
 
 def finder(path: Path, models: Sequence[Path]) -> Finder:
-    """Look-up of ``model://NAME`` beside a model and in the user's folders, nowhere else."""
+    """Make a look-up of included models, in a few folders and nowhere else.
+
+    Parameters
+    ----------
+    path : the including model; its folder and the one above are searched.
+    models : more folders to search.
+
+    Returns
+    -------
+    A function that gives the ``<model>`` of ``model://NAME``, or raises UsageError.
+    """
     folders = (path.parent.parent, path.parent, *models)
 
     def find(uri: str) -> Element:
@@ -97,7 +124,20 @@ def finder(path: Path, models: Sequence[Path]) -> Finder:
 
 
 class Scope:
-    """One model: its own elements, and the models inside of it by name."""
+    """One model: its own elements, and the models inside of it by name.
+
+    Parameters
+    ----------
+    model : the element ``<model>``.
+    name : name of the file, for messages.
+    find : look-up of included models.
+    depth : how many models include this one.
+
+    Raises
+    ------
+    GesError
+        When models include each other more than 8 deep.
+    """
 
     def __init__(self, model: Element, name: str, find: Finder, depth: int = 0) -> None:
         self.file = name
@@ -127,12 +167,17 @@ class Scope:
                 self.inner[name] = (part, Scope(included, self.file, find, depth + 1))
 
     def frame(self, name: str, trail: tuple[str, ...] = ()) -> Pose:
-        """A frame of this model in the model's own.
+        """Find the pose of a frame in the model's own.
+
+        Parameters
+        ----------
+        name : name of a link, joint or frame; ``A::B`` is frame B of the inner model A.
+        trail : frames that refer to this one, so that a circle is noticed.
 
         Raises
         ------
         UsageError
-            When there is none of this name, or frames refer to each other in a circle.
+            When there is no such frame, or frames refer to each other in a circle.
         """
         if name not in self._resolved:
             if name in trail:
@@ -162,7 +207,17 @@ class Scope:
         return self.frame(named or base, trail) @ pose_of(pose, self.file)
 
     def links(self, outer: Pose = ORIGIN, prefix: str = "") -> Iterator[tuple[str, Pose, Element]]:
-        """All links, those of inner models too: qualified name, pose in this model, element."""
+        """List all links, also those of inner models.
+
+        Parameters
+        ----------
+        outer : pose of this model in the outermost.
+        prefix : what the names of its links begin with.
+
+        Yields
+        ------
+        Qualified name, pose in the outermost model, and element.
+        """
         for part in self.own:
             if part.tag == "link":
                 name = part.get("name", "")
@@ -171,7 +226,12 @@ class Scope:
             yield from scope.links(outer @ self.frame(name), f"{prefix}{name}::")
 
     def elements(self, tag: str) -> Iterator[Element]:
-        """All elements of a kind, those of inner models too."""
+        """List all elements of a kind, also those of inner models.
+
+        Parameters
+        ----------
+        tag : kind of element.
+        """
         yield from (part for part in self.own if part.tag == tag)
         for _, scope in self.inner.values():
             yield from scope.elements(tag)

@@ -2,8 +2,8 @@
 
 Read from an airframe script (``param set-default SIH_MASS 1.0``), a parameter file of
 QGroundControl, or lines of name and value. Its physics (``sih.cpp``): T_i = SIH_T_MAX u_i, reaction
-torque SIH_Q_MAX u_i, u following its command with SIH_T_TAU, hubs at (+-SIH_L_PITCH, +-SIH_L_ROLL)
-in PX4's order, F = -SIH_KDV v and M = -SIH_KDW omega.
+torque SIH_Q_MAX u_i, u following its command with SIH_T_TAU. Hubs are at (+-SIH_L_PITCH,
++-SIH_L_ROLL) in PX4's order; F = -SIH_KDV v and M = -SIH_KDW omega.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ RHO_KG_M3 = 1.225
 
 
 def _given(data: bytes, name: str) -> dict[str, float]:
-    """Parameters that a text file sets, the last one counts."""
+    """Read the parameters that a text file sets; the last of a name counts."""
     try:
         text = data.decode()
     except UnicodeDecodeError:
@@ -64,13 +64,22 @@ def _given(data: bytes, name: str) -> dict[str, float]:
 
 
 def read(data: bytes, name: str, prop: Propeller | None = None) -> Datasheet:
-    """Vehicle of a file that sets SIH parameters.
+    """Read a vehicle from a file that sets SIH parameters.
 
     Parameters
     ----------
     data : the file.
-    name : of the file, for messages.
-    prop : propellers; SIH has none and needs none.
+    name : name of the file, for messages.
+    prop : propellers; SIH states none.
+
+    Returns
+    -------
+    The vehicle with the source of each number.
+
+    Raises
+    ------
+    GesError
+        When the file sets no SIH parameter, or those of no quadrotor.
     """
     return from_parameters(_given(data, name), name, prop)
 
@@ -78,12 +87,24 @@ def read(data: bytes, name: str, prop: Propeller | None = None) -> Datasheet:
 def from_parameters(
     given: Mapping[str, float], name: str = "SIH parameters", prop: Propeller | None = None
 ) -> Datasheet:
-    """Vehicle of SIH parameters; those not given are PX4's defaults.
+    """Convert SIH parameters to a vehicle.
+
+    Parameters
+    ----------
+    given : values by name; PX4's defaults elsewhere.
+    name : name of the file, for messages.
+    prop : propellers; by default as the hubs suggest.
+
+    Returns
+    -------
+    The vehicle with the source of each number.
 
     Raises
     ------
     GesError
         When they are of no quadrotor.
+    UsageError
+        When a number is not positive.
     """
     p = {**DEFAULTS, **{key: float(value) for key, value in given.items() if key in DEFAULTS}}
     if p["SIH_VEHICLE_TYPE"] != 0:
@@ -144,7 +165,17 @@ def from_parameters(
 
 
 def write(vehicle: Vehicle) -> Export:
-    """An airframe script's lines that make PX4's SIH fly a vehicle."""
+    """Write a vehicle as lines of an airframe script for PX4's SIH.
+
+    Parameters
+    ----------
+    vehicle : the vehicle.
+
+    Raises
+    ------
+    GesError
+        When it is no X quadrotor of upright rotors.
+    """
     p = plain(vehicle)
     order, remarks = _px4_order(p)
     remarks = [*p.remarks, *remarks, *one_thrust(p, "SIH")]
@@ -188,7 +219,7 @@ def write(vehicle: Vehicle) -> Export:
 
 
 def _px4_order(p: Plain) -> tuple[list[int], list[str]]:
-    """Rotors in PX4's order, and what does not fit it."""
+    """Give the rotors in PX4's order, and what does not fit it."""
     # clockwise from the nose, as the layouts count
     angles = np.degrees(np.arctan2(-p.hubs_m[:, 1], p.hubs_m[:, 0])) % 360.0
     layout = [(m.angle_deg, m.spin) for m in LAYOUTS["x"]]

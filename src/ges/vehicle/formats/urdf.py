@@ -1,9 +1,9 @@
 """Vehicles of gym-pybullet-drones (Panerati et al. 2021): URDF with an element ``<properties>``.
 
 Its physics (``BaseAviary.py``): T_i = kf n_i^2 and a reaction torque km n_i^2, n in revolutions a
-minute, with the signs -, +, -, + about z for propellers 0 to 3; rotor speeds follow their commands
-at once, up to thrust2weight. Ground effect, drag and downwash fly in the modes ``PYB_GND``,
-``PYB_DRAG`` and ``PYB_DW`` alone, so they are read as comments.
+minute. Torques have the signs -, +, -, + about z for propellers 0 to 3. Rotor speeds follow their
+commands at once, up to thrust2weight. Ground effect, drag and downwash exist in the modes
+``PYB_GND``, ``PYB_DRAG`` and ``PYB_DW`` alone, so they are read as comments.
 """
 
 from __future__ import annotations
@@ -39,18 +39,24 @@ _EXPRESSED = ("rotor_drag", "axial_inflow", "ground_effect")
 
 
 def read(data: bytes, name: str, prop: Propeller | None = None) -> Datasheet:
-    """Vehicle of a gym-pybullet-drones URDF.
+    """Read a vehicle from a URDF of gym-pybullet-drones.
 
     Parameters
     ----------
     data : the file.
-    name : of the file, for messages.
+    name : name of the file, for messages.
     prop : propellers, in place of ``prop_radius``.
+
+    Returns
+    -------
+    The vehicle with the source of each number.
 
     Raises
     ------
     GesError
         When it is no quadrotor of that simulator.
+    UsageError
+        When a number or a link is missing.
     """
     root = parse_xml(data, name)
     properties = root.find("properties")
@@ -126,7 +132,7 @@ def _origin(link: Element, name: str) -> np.ndarray:
 
 
 def _hubs(root: Element, base: Element, name: str) -> np.ndarray:
-    """Hubs (4, 3) from the centre of mass."""
+    """Read the hubs (4, 3) from the centre of mass."""
     count = sum(bool(re.fullmatch(r"prop\d+_link", x.get("name", ""))) for x in root.iter("link"))
     if count != 4:
         raise GesError(
@@ -138,7 +144,7 @@ def _hubs(root: Element, base: Element, name: str) -> np.ndarray:
 
 
 def _modes(values: dict[str, float]) -> list[str]:
-    """What flies in other modes only, as lines for ``effects``."""
+    """List what acts in other modes only, as lines for ``effects``."""
     xy, z, ground = (values.get(k, 0.0) for k in ("drag_coeff_xy", "drag_coeff_z", "gnd_eff_coeff"))
     remarks = []
     if xy or z:
@@ -157,7 +163,17 @@ def _modes(values: dict[str, float]) -> list[str]:
 
 
 def write(vehicle: Vehicle) -> Export:
-    """A URDF of a vehicle for gym-pybullet-drones."""
+    """Write a vehicle as a URDF for gym-pybullet-drones.
+
+    Parameters
+    ----------
+    vehicle : the vehicle.
+
+    Raises
+    ------
+    GesError
+        When it is no X quadrotor of upright rotors.
+    """
     p = plain(vehicle)
     target = "gym-pybullet-drones"
     remarks = [*p.remarks, *one_thrust(p, target), *without(p, _EXPRESSED, target)]
@@ -208,7 +224,7 @@ def write(vehicle: Vehicle) -> Export:
 
 
 def _order(p: Plain) -> tuple[list[int], list[str]]:
-    """Rotors in that simulator's order, front left first, and what does not fit it."""
+    """Give the rotors in that simulator's order, front left first, and what does not fit it."""
     angles = np.arctan2(p.hubs_m[:, 1], p.hubs_m[:, 0])
     corners = [math.atan2(y, x) for x, y in CORNERS]
     # differences of angles within pi
@@ -229,7 +245,7 @@ def _order(p: Plain) -> tuple[list[int], list[str]]:
 
 
 def _ground_gain(p: Plain) -> float:
-    """G of 1 + G (R / 4 h)^2 with the gain that the vehicle's ground effect has at one radius."""
+    """Compute G of 1 + G (R / 4 h)^2 with the vehicle's ground-effect gain at one radius."""
     if "ground_effect" not in p.effects:
         return 0.0
     hubs = {
@@ -271,7 +287,7 @@ def _link_lines(
 
 
 def _fixed_lines(name: str, origin: np.ndarray) -> list[str]:
-    """A link without mass, fixed to the base."""
+    """Write a link without mass, fixed to the base."""
     return [
         *_link_lines(f"{name}_link", origin, 0.0, np.zeros(3)),
         f'  <joint name="{name}_joint" type="fixed">',

@@ -12,16 +12,32 @@ FOLDER = Path(__file__).parent
 
 
 def names() -> list[str]:
-    """Names of the vehicles, sorted."""
+    """List the vehicles of the library, sorted by name.
+
+    Examples
+    --------
+    >>> "crazyflie-2.1" in names()
+    True
+    """
     return sorted(path.stem for path in FOLDER.glob("*.yaml"))
 
 
 def path_of(name: str) -> Path:
-    """File of a vehicle that is in the library."""
+    """Locate the file of a vehicle of the library.
+
+    Parameters
+    ----------
+    name : one of :func:`names`; it is not checked.
+    """
     return FOLDER / f"{name}.yaml"
 
 
 def title(name: str) -> str:
-    """First line of what its file says of a vehicle."""
+    """Read the first line of a vehicle's file, which says what the vehicle is.
+
+    Parameters
+    ----------
+    name : one of :func:`names`.
+    """
     first, *_ = path_of(name).read_text(encoding="utf-8").splitlines()
     return first.lstrip("# ")
