@@ -1,6 +1,4 @@
-"""Whether the streams of a log agree with one another on axes, signs and units: what a wrong frame
-would break, measured.
-"""
+"""Whether the streams of a log agree with one another on axes, signs and units."""
 
 from __future__ import annotations
 
@@ -44,7 +42,7 @@ class Agreement:
     what : the two quantities, in words.
     correlation : 1 where they agree, -1 where a sign is wrong; 0 without motion.
     ratio : how many times as large the first is as the second (least squares).
-    rms : of the second, in its unit: where nothing moves, nothing is said.
+    rms : standard deviation of the second, in its unit: small where little moves.
     """
 
     what: str
@@ -62,9 +60,9 @@ class PairFit:
 
     Attributes
     ----------
-    misfit : power of the difference over the sum of both powers, about their means: 0 where they
+    misfit : power of the difference over the sum of both powers, about their means. 0 where they
         are equal, 1 where they have nothing in common, 2 where they are opposite.
-    windows : independent ones, by the width of the smoothing.
+    windows : number of independent windows, by the width of the smoothing.
     """
 
     misfit: float
@@ -72,25 +70,29 @@ class PairFit:
 
     @property
     def log_likelihood(self) -> float:
-        """Of the pair, with its noise at the most likely value."""
+        """Log likelihood of the pair, with its noise at the most likely value: -(n/2) log m."""
         return -0.5 * self.windows * float(np.log(max(self.misfit, _LEAST_MISFIT)))
 
 
 def agreements(frame: pd.DataFrame) -> list[Agreement]:
-    """Pairs of quantities that must agree, smoothed over 0.15 s.
-
-    Body rates against the turning of the attitude; velocity against the derivative of the
-    position; acceleration of the velocity against the specific force turned into the world,
-    dv/dt = R f - g e_z; specific force along the thrust axis against the squared rotor speeds (or
-    the commands).
+    """Compare pairs of quantities that must agree, smoothed over 0.15 s.
 
     Parameters
     ----------
-    frame : contract columns.
+    frame : table (n rows) with ``t_s`` and contract columns.
 
     Returns
     -------
-    list of Agreement, one a component; pairs that were not logged are left out.
+    One agreement for each component; pairs that were not logged are left out.
+
+    Notes
+    -----
+    The pairs are:
+
+    - body rates and the turning of the attitude;
+    - velocity and the derivative of the position;
+    - acceleration of the velocity and the specific force in the world, dv/dt = R f - g e_z;
+    - specific force along the thrust axis and squared rotor speeds, or commands.
     """
     grid = _grid(frame)
     if grid is None:
@@ -103,9 +105,17 @@ def agreements(frame: pd.DataFrame) -> list[Agreement]:
 
 
 def kinematic_fits(frame: pd.DataFrame) -> dict[str, PairFit]:
-    """How well quantities that are equal by kinematics are equal, by what they are; those of
-    :func:`agreements` but for the thrust, and, where there is no accelerometer, horizontal
-    acceleration against the tilt, dv/dt = g (R e_z)_xy / (R e_z)_z.
+    """Measure how well quantities that kinematics makes equal are equal.
+
+    Parameters
+    ----------
+    frame : table (n rows) with ``t_s`` and contract columns.
+
+    Returns
+    -------
+    Fits by the pair in words: those of :func:`agreements` without the thrust. Without an
+    accelerometer the horizontal acceleration is compared with the tilt, dv/dt = g (R e_z)_xy / (R
+    e_z)_z.
     """
     grid = _grid(frame)
     if grid is None:
@@ -118,7 +128,7 @@ def kinematic_fits(frame: pd.DataFrame) -> dict[str, PairFit]:
 
 
 def _windows(frame: pd.DataFrame, step_s: float, smooth_s: float) -> float:
-    """Independent windows in a sample of the grid: none is shorter than the smoothing or a row."""
+    """Count independent windows in a sample of the grid; none is shorter than smoothing or row."""
     # width of a box that averages noise as the smoothing does
     box_s = 2.0 * np.sqrt(np.pi) * smooth_s
     return step_s / max(box_s, float(np.median(np.diff(frame["t_s"]))))
@@ -127,16 +137,23 @@ def _windows(frame: pd.DataFrame, step_s: float, smooth_s: float) -> float:
 def mixer_fits(
     frame: pd.DataFrame, rotors: Mapping[str, np.ndarray], readings: Sequence[Reading]
 ) -> list[dict[str, PairFit]]:
-    """How well the angular acceleration follows what unlike rotors ask for, by axis, for every
-    reading of the motors' columns.
-
-    Moments are proportional to sum_i (y_i, -x_i, -spin_i) s_i, with s the squared speeds, or the
-    commands where these are not logged; the factor of each axis is fitted, not below zero.
+    """Measure how well the angular acceleration follows what unlike rotors ask for.
 
     Parameters
     ----------
-    rotors : ``x_m, y_m, spin`` (n,) of the vehicle's rotors; none where they are not known.
-    readings : rotor of each column, from 0, and the factor on ``spin``.
+    frame : table (n rows) with ``t_s`` and contract columns.
+    rotors : ``x_m``, ``y_m``, ``spin`` (n_rotors,) of the vehicle; empty where not known.
+    readings : ways to read the motors' columns: rotor of each column, from 0, and a factor on
+        ``spin``.
+
+    Returns
+    -------
+    For each reading the fits by axis; empty where the log does not show them.
+
+    Notes
+    -----
+    Moments are proportional to sum_i (y_i, -x_i, -spin_i) s_i. s are the squared speeds, or the
+    commands where no speeds were logged. The factor of each axis is fitted, not below zero.
     """
     grid = _grid(frame, _FAST_STEP_S)
     turning = None if grid is None else _turning(grid, frame)
@@ -166,7 +183,7 @@ def mixer_fits(
 
 
 def _grid(frame: pd.DataFrame, step_s: float = _STEP_S) -> np.ndarray | None:
-    """Even times of a flight; None where it is too short to say anything, or too long to be one."""
+    """Make even times of a flight; None where it is too short, or too long for its rows."""
     t_s = frame["t_s"].to_numpy(dtype=float)
     if len(t_s) < 2 or t_s[-1] - t_s[0] > _LONGEST_GAP_S * len(t_s):
         return None
@@ -224,7 +241,7 @@ def _thrust_pair(grid: np.ndarray, frame: pd.DataFrame) -> Pairs:
 
 
 def _push(grid: np.ndarray, frame: pd.DataFrame) -> tuple[str, np.ndarray] | None:
-    """What goes with the thrust of every rotor, its name and values (t, n)."""
+    """Give what goes with the thrust of every rotor: its name and values (t, n)."""
     # speeds first: thrust goes with their square, whatever the drive does
     if speeds := rotor_speeds_in(frame):
         return "squared rotor speeds", _on(grid, frame, speeds) ** 2
@@ -234,7 +251,7 @@ def _push(grid: np.ndarray, frame: pd.DataFrame) -> tuple[str, np.ndarray] | Non
 
 
 def _turning(grid: np.ndarray, frame: pd.DataFrame) -> np.ndarray | None:
-    """Body rates (t, 3) as logged, or as the attitude turns."""
+    """Give body rates (t, 3) as logged, or as the attitude turns."""
     if all(n in frame for n in BODY_RATE):
         return _on(grid, frame, BODY_RATE)
     if all(n in frame for n in QUATERNION):
@@ -243,7 +260,7 @@ def _turning(grid: np.ndarray, frame: pd.DataFrame) -> np.ndarray | None:
 
 
 def _attitude(q: np.ndarray) -> tuple[Rotation, np.ndarray]:
-    """Attitudes, and where they are known."""
+    """Give attitudes, and where they are known."""
     valid = np.isfinite(q).all(axis=1) & (np.linalg.norm(q, axis=1) > 0.0)
     return Rotation.from_quat(
         np.where(valid[:, None], q, [1.0, 0.0, 0.0, 0.0]), scalar_first=True
@@ -260,7 +277,7 @@ def _rates(turned: Rotation, valid: np.ndarray, step_s: float) -> np.ndarray:
 
 
 def _on(grid: np.ndarray, frame: pd.DataFrame, names: tuple[str, ...]) -> np.ndarray:
-    """Columns (n, k) on the grid between their own samples, NaN in gaps."""
+    """Interpolate columns (n, k) on the grid between their own samples; NaN in gaps."""
     t_s, out = frame["t_s"].to_numpy(dtype=float), np.full((len(grid), len(names)), np.nan)
     for k, name in enumerate(names):
         values = frame[name].to_numpy(dtype=float)
@@ -279,7 +296,7 @@ def _paired(what: str, names: tuple[str, ...], columns: np.ndarray, other: np.nd
 
 
 def _smoothed(pairs: Pairs) -> Pairs:
-    """Both of each pair, smoothed and about their means; pairs without samples or motion go."""
+    """Smooth both of each pair about their means; pairs without samples or motion are left out."""
     found: Pairs = {}
     for what, (a, b) in pairs.items():
         both = np.isfinite(a) & np.isfinite(b)
@@ -292,9 +309,7 @@ def _smoothed(pairs: Pairs) -> Pairs:
 
 
 def _smooth(values: np.ndarray, valid: np.ndarray, width: float) -> np.ndarray:
-    """Values (t,) or (t, n) where they are valid, smoothed over ``width`` samples and about their
-    means.
-    """
+    """Smooth valid values (t,) or (t, n) over ``width`` samples, about their means."""
     steps = np.arange(len(values))
     # gaps are bridged for the filter alone; only what is there is compared
     whole = np.apply_along_axis(

@@ -1,10 +1,10 @@
 """How a log may have to be read otherwise than its columns say: order, sign, frame and unit.
 
-Kinematics ties the streams of a rigid body to one another, whatever flies: body rates are the
-turning of the attitude, the accelerometer turned into the world is the acceleration, velocity is
-the derivative of position, and unlike rotors turn the vehicle about the axes of its mixer. Every
-fault of :func:`faults` is a hypothesis on the columns; it is judged by how well the mended columns
-fit one another.
+Kinematics ties the streams of a rigid body to one another, whatever flies. Body rates are the
+turning of the attitude. The accelerometer turned into the world is the acceleration. Velocity is
+the derivative of position. Unlike rotors turn the vehicle about the axes of its mixer. Every fault
+of :func:`faults` is a hypothesis on the columns, judged by how well the corrected columns fit one
+another.
 """
 
 from __future__ import annotations
@@ -55,11 +55,11 @@ class Fault:
 
     Attributes
     ----------
-    name : of the option that mends it; '' where the vehicle file is to be mended.
-    what : in words.
-    mend : gives the table as it should have been.
-    motors : of a fault of the motors alone, the rotor of each column and the factor on the
-        vehicle file's senses of rotation.
+    name : name of the option that corrects it; '' where the vehicle file is to be corrected.
+    what : the fault in words.
+    mend : function from the table (n rows) to the table as it should have been.
+    motors : of a fault of the motors alone, the rotor of each column and the factor on the vehicle
+        file's senses of rotation; else None.
     """
 
     name: str
@@ -76,7 +76,7 @@ def _scaled(columns: Sequence[str], factor: float) -> Callable[[pd.DataFrame], p
 
 
 def _renamed(columns: Sequence[str], held: Sequence[str]) -> Callable[[pd.DataFrame], pd.DataFrame]:
-    """Column ``columns[i]`` holds what ``held[i]`` should."""
+    """Read the column ``columns[i]`` as ``held[i]``."""
 
     def mend(frame: pd.DataFrame) -> pd.DataFrame:
         pairs = zip(columns, held, strict=True)
@@ -185,7 +185,21 @@ def _reordered(order: Sequence[int]) -> Callable[[pd.DataFrame], pd.DataFrame]:
 
 
 def faults(n_rotors: int = 4) -> dict[str, Fault]:
-    """Faults that a log can have, by the name of the option that mends them."""
+    """List the faults that a log can have.
+
+    Parameters
+    ----------
+    n_rotors : number of rotors of the vehicle.
+
+    Returns
+    -------
+    Faults by the name of the option that corrects them.
+
+    Examples
+    --------
+    >>> faults()["gyro-deg"].what
+    'the body rates are in deg/s'
+    """
     every = (*_attitudes(), *_units(), *_signs(), *_motors(n_rotors))
     return {f.name: f for f in every}
 
@@ -193,21 +207,23 @@ def faults(n_rotors: int = 4) -> dict[str, Fault]:
 def found(
     frames: Sequence[pd.DataFrame], vehicle: Vehicle | None = None
 ) -> tuple[list[Fault], float]:
-    """Faults that explain how the streams of flights differ, and the odds of the likeliest.
-
-    The likelihood of a reading is that of the misfits of its pairs, each of unknown noise:
-    log p = -sum_k (n_k / 2) log m_k with n_k independent windows and m_k the share of the pair's
-    power that does not agree.
+    """Find the faults that explain how the streams of flights differ.
 
     Parameters
     ----------
-    frames : contract columns of each flight; all are read alike.
+    frames : contract columns of each flight; all are read in the same way.
     vehicle : has the places and senses of the rotors; without it the motors are not judged.
 
     Returns
     -------
-    faults : that explain the log alike, likeliest first; none where it is believed as it is told.
-    log_odds : of the likeliest over the log as it is, natural logarithm.
+    The faults that explain the log equally well, most likely first; empty where the log is believed
+    as it is. Then the log odds (natural) of the likeliest against the log as it is.
+
+    Notes
+    -----
+    The likelihood of a reading is that of the misfits of its pairs, each of unknown noise: log p =
+    -sum_k (n_k / 2) log m_k. n_k is the number of independent windows of pair k, m_k the share of
+    its power that does not agree.
     """
     if not frames:
         return [], 0.0
@@ -244,7 +260,7 @@ def _mended(
     told: Fits,
     mixer: Callable[[pd.DataFrame], dict[str, PairFit]],
 ) -> Fits:
-    """Fits of mended flights, by flight and pair, up to the flight that refutes the fault."""
+    """Compute fits of corrected flights, by flight and pair, up to one that refutes the fault."""
     found: dict[tuple[int, str], PairFit] = {}
     for k, frame in enumerate(frames):
         better = fault.mend(frame)
@@ -261,7 +277,7 @@ def _log_likelihood(fits: Fits) -> float:
 
 
 def _middle(frame: pd.DataFrame) -> pd.DataFrame:
-    """The middle minute of a long flight; of one whose clock is in doubt so many rows at least."""
+    """Cut the middle minute out of a long flight, with at least 3000 rows."""
     t_s = frame["t_s"].to_numpy(dtype=float)
     rows = max(FEWEST_ROWS, int(LONGEST_S / np.median(np.diff(t_s))))
     start = max(0, (len(frame) - rows) // 2)
@@ -271,7 +287,7 @@ def _middle(frame: pd.DataFrame) -> pd.DataFrame:
 def _together(
     fits: Callable[[pd.DataFrame], list[dict[str, PairFit]]], frames: Sequence[pd.DataFrame]
 ) -> list[dict[tuple[int, str], PairFit]]:
-    """Fits of every reading over all flights, by flight and pair."""
+    """Collect the fits of every reading over all flights, by flight and pair."""
     by_flight = [fits(frame) for frame in frames]
     return [
         {(k, what): fit for k, pairs in enumerate(of) for what, fit in pairs.items()}
@@ -280,7 +296,12 @@ def _together(
 
 
 def sentence(alike: Sequence[Fault], log_odds: float) -> str:
-    """What is likeliest wrong with a log, and how to have it read otherwise."""
+    """Say what is most likely wrong with a log, and how to have it read otherwise.
+
+    Parameters
+    ----------
+    alike, log_odds : what :func:`found` returns, with one fault at least.
+    """
     odds = (
         f"10^{log_odds / np.log(10.0):.0f}" if log_odds > np.log(1e6) else f"{np.exp(log_odds):.0f}"
     )
@@ -291,8 +312,9 @@ def sentence(alike: Sequence[Fault], log_odds: float) -> str:
 
 
 def _gain(told: Fits, mended: Fits) -> float:
-    """Log likelihood that a mended log has over the one that is told; none where what is mended
-    does not fit, either.
+    """Compute the log likelihood that a corrected log has over the log as it is.
+
+    It is none where what is corrected does not fit either.
     """
     changed = [fit for what, fit in mended.items() if fit != told.get(what)]
     if not changed or np.mean([fit.misfit for fit in changed]) > LARGEST_MISFIT:

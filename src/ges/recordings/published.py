@@ -1,5 +1,7 @@
-"""Published flights by name: source repository, pinned commit, path and SHA-256, fetched or copied,
-always checked. The package itself holds two small ones: :data:`SHIPPED`.
+"""Published flights by name, fetched from a pinned commit or copied, and always checked.
+
+Each has a source repository, commit, path and SHA-256. The package itself holds two small sets:
+:data:`SHIPPED`.
 """
 
 from __future__ import annotations
@@ -20,7 +22,15 @@ from ges.files import replacing
 
 
 class Source(pydantic.BaseModel):
-    """One published data set: ``files`` maps the local path to (path there, SHA-256)."""
+    """One published data set.
+
+    Attributes
+    ----------
+    repository : owner and name on GitHub.
+    commit : commit that the files are of.
+    licence, about : for people.
+    files : path in the repository and SHA-256, by local path.
+    """
 
     model_config = pydantic.ConfigDict(extra="forbid")
 
@@ -40,13 +50,34 @@ SHIPPED = {
 
 
 def sources() -> dict[str, Source]:
-    """Every known data set by name."""
+    """List every known data set, those that the package holds left out.
+
+    Returns
+    -------
+    Sources by name.
+    """
     content = yaml.safe_load((resources.files("ges.recordings") / "published.yaml").read_text())
     return {name: Source.model_validate(entry) for name, entry in content.items()}
 
 
 def check(content: bytes, sha256: str, name: str) -> bytes:
-    """The same bytes, if they are those that were published."""
+    """Check that bytes are those that were published.
+
+    Parameters
+    ----------
+    content : the bytes.
+    sha256 : SHA-256 of those that were published, hexadecimal.
+    name : name of the file, for messages.
+
+    Returns
+    -------
+    ``content``.
+
+    Raises
+    ------
+    GesError
+        When they are not.
+    """
     found = hashlib.sha256(content).hexdigest()
     if found != sha256:
         raise GesError(
@@ -78,18 +109,25 @@ def _copy(folder: Path, local: str) -> bytes:
 def fetch(
     name: str, out: Path, copies: Path | None, timeout_s: float = TIMEOUT_S
 ) -> Iterator[Path]:
-    """Bring one data set to ``out``, from its repository or from a folder with copies; gives each
-    path as it is done. A file that is there already, as published, is not fetched again.
+    """Bring one data set into a folder; a file that is there as published is not fetched again.
 
     Parameters
     ----------
-    copies : folder with copies; None for the repository.
-    timeout_s : after which a repository that does not answer is given up.
+    name : a key of :func:`sources` or of :data:`SHIPPED`.
+    out : folder for the files.
+    copies : folder with copies; None to download from the repository.
+    timeout_s : time after which a repository that does not answer is given up.
+
+    Yields
+    ------
+    Path of each file, once it is complete.
 
     Raises
     ------
+    UsageError
+        When the name is unknown.
     GesError
-        For an unknown name, a file that is not there, or one that is not as published.
+        When a file is missing, or is not as published.
     """
     if name in SHIPPED:
         yield from _copy_shipped(resources.files("ges.recordings") / name, out / name)

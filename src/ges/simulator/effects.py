@@ -213,7 +213,7 @@ class Effect:
 
     @property
     def remembers_the_path(self) -> bool:
-        """Whether its force depends on earlier states of the flight, not on the present one alone."""
+        """Whether its force depends on earlier states of the flight, not on the present alone."""
         return self.n_states > 0 and self.kind == "wrench"
 
     def parameter(self, name: str) -> Parameter:

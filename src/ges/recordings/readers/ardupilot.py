@@ -1,7 +1,8 @@
-"""ArduPilot DataFlash (.bin and .log), by pymavlink: https://ardupilot.org/copter/docs/logmessages.html.
+"""ArduPilot DataFlash (.bin and .log), by pymavlink.
 
-World NED, body FRD. Parameters by their ArduPilot names. Motors are ArduPilot's own 1 to 4, which
-stand where FRAME_TYPE says (quad X: 1 front right, 2 rear left, 3 front left, 4 rear right).
+Format: https://ardupilot.org/copter/docs/logmessages.html. World NED, body FRD. Parameters by their
+ArduPilot names. Motors are ArduPilot's own 1 to 4, which stand where FRAME_TYPE says (quad X: 1
+front right, 2 rear left, 3 front left, 4 rear right).
 """
 
 from __future__ import annotations
@@ -96,7 +97,7 @@ class _Message:
         return self._columns[field]
 
     def has(self, *fields: str) -> bool:
-        """Whether these fields are there and one of them says anything."""
+        """Tell whether these fields are there and one of them is not zero throughout."""
         return all(f in self._columns for f in fields) and any(
             bool(np.any(np.isfinite(self[f]) & (self[f] != 0))) for f in fields
         )
@@ -116,7 +117,7 @@ class _Log:
         self.texts: list[str] = []
 
     def message(self, name: str, *fields: str, instance: int | None = None) -> _Message | None:
-        """The first instance (or a given one) of a message that says anything in these fields."""
+        """Find the first instance (or a given one) of a message with values in these fields."""
         instances = self.messages.get(name, {})
         wanted = sorted(instances) if instance is None else [instance]
         speaking = [n for n in wanted if n in instances and instances[n].has(*fields)]
@@ -128,7 +129,7 @@ class _Log:
 
 
 def _rows(reader: Any, log: _Log) -> dict[tuple[str, int], tuple[tuple[str, ...], list]]:
-    """Samples of all messages that are wanted: (time in s, values) by name and instance."""
+    """Read the samples of all wanted messages: (time in s, values) by name and instance."""
     wanted = [*_FIELDS, *_NUMBERED, "PARM", "MSG"]
     tables: dict[tuple[str, int], tuple[tuple[str, ...], list]] = {}
     while (message := reader.recv_match(type=wanted)) is not None:
@@ -200,7 +201,7 @@ def _attitude(log: _Log) -> Iterator[tuple[str, Stream]]:
 
 
 def _inertial(log: _Log) -> Iterator[tuple[str, Stream]]:
-    """Body rates from the gyro, else from the rate controller; specific force."""
+    """Give body rates from the gyro, else from the rate controller; and specific force."""
     gyro, rate = log.message("IMU", "GyrX", "GyrY", "GyrZ"), log.message("RATE", "R", "P", "Y")
     if gyro is not None:
         rates, t_s, source = gyro.stack("GyrX", "GyrY", "GyrZ"), gyro.t_s, "IMU"
@@ -216,7 +217,10 @@ def _inertial(log: _Log) -> Iterator[tuple[str, Stream]]:
 
 
 def _motion(log: _Log) -> Iterator[tuple[str, Stream]]:
-    """Position and velocity by the estimator that flew (EKF3 before EKF2), its primary core."""
+    """Give position and velocity of the estimator that flew (EKF3 before EKF2).
+
+    They are those of the core that led for most of the flight.
+    """
     for name, about in (("XKF1", "XKF4"), ("NKF1", "NKF4")):
         # one core throughout, the one that led for most of the flight: a change of core is a step
         primary = log.message(about, "PI", instance=0)
@@ -236,11 +240,11 @@ def _motion(log: _Log) -> Iterator[tuple[str, Stream]]:
 
 
 def _references(log: _Log) -> Iterator[tuple[str, Stream]]:
-    """What the position and attitude controllers were asked for.
+    """Give what the position and attitude controllers were asked for.
 
     A target that equals the estimate to the last digit follows it (a relaxed controller) and asks
-    for nothing. Target velocities hold the controller's answer to the position error (AC_PosControl
-    adds it), so that only the desired velocity DV of newer logs is taken.
+    for nothing. Target velocities hold the controller's response to the position error
+    (AC_PosControl adds it). So only the desired velocity DV of newer logs is taken.
     """
     columns: dict[str, np.ndarray] = {}
     base = log.message("ATT", "DesYaw") or log.message("CTUN", "DAlt")
@@ -266,7 +270,7 @@ def _references(log: _Log) -> Iterator[tuple[str, Stream]]:
 
 
 def _holds_height(log: _Log, t_s: np.ndarray) -> np.ndarray:
-    """True while the flight mode has a height to hold."""
+    """Tell when the flight mode has a height to hold, (n,)."""
     modes = log.messages.get("MODE", {}).get(0)
     if modes is None:
         return np.ones(len(t_s), dtype=bool)
@@ -277,9 +281,7 @@ def _holds_height(log: _Log, t_s: np.ndarray) -> np.ndarray:
 
 
 def _motors(log: _Log) -> list[int]:
-    """Numbers of the motors, by the frame, or by the functions of the outputs where no frame was
-    logged.
-    """
+    """Number the motors, by the frame, or by the functions of the outputs without one."""
     group = int(log.parameters.get("FRAME_CLASS", 0))
     if group == _TRICOPTER:
         return list(_TRI_MOTORS)
@@ -291,18 +293,19 @@ def _motors(log: _Log) -> list[int]:
 
 
 def _function(motor: int) -> float:
-    """SERVOn_FUNCTION of a motor."""
+    """Give SERVOn_FUNCTION of a motor."""
     return float(_MOTOR_1 + motor - 1 if motor < 9 else _MOTOR_9 + motor - 9)
 
 
 def _functions(log: _Log) -> dict[float | None, int]:
-    """Output (from 1) of every function."""
+    """Give the output (from 1) of every function."""
     return {log.parameters.get(f"SERVO{n}_FUNCTION"): n for n in range(1, 33)}
 
 
 def _channels(log: _Log) -> list[int]:
-    """Output (from 1) of each motor, by SERVOn_FUNCTION; its own number in logs from before there
-    was one.
+    """Give the output (from 1) of each motor, by SERVOn_FUNCTION.
+
+    In logs from before there was one it is the motor's own number.
     """
     functions, motors = _functions(log), _motors(log)
     if all(_function(motor) in functions for motor in motors):
@@ -311,7 +314,10 @@ def _channels(log: _Log) -> list[int]:
 
 
 def _pulses(log: _Log, options: Options) -> tuple[float, float]:
-    """Pulse widths that mean command 0 and 1 (AP_MotorsMulticopter::get_pwm_output_min)."""
+    """Give the pulse widths that mean command 0 and 1.
+
+    As AP_MotorsMulticopter::get_pwm_output_min does.
+    """
     if options.pwm:
         return options.pwm
     if log.parameters.get("MOT_PWM_TYPE") in _DSHOT:
@@ -346,8 +352,9 @@ def _commands(log: _Log, options: Options) -> Iterator[tuple[str, Stream]]:
 def _rotor_speeds(
     log: _Log, options: Options, command: Stream | None
 ) -> Iterator[tuple[str, Stream]]:
-    """Rotor speeds by output channel, each controller's own samples; refused if the commands speak
-    for another order.
+    """Give rotor speeds by output channel, each controller's own samples.
+
+    They are refused if the commands indicate another order.
     """
     escs = {k: m for k, m in log.messages.get("ESC", {}).items() if m.has("RPM")}
     channels = _channels(log)
@@ -397,7 +404,7 @@ def _battery(log: _Log) -> Iterator[tuple[str, Stream]]:
 
 
 def _range(log: _Log) -> Iterator[tuple[str, Stream]]:
-    """The first rangefinder that looks down, where it calls its reading good."""
+    """Give the first rangefinder that looks down, where its status is good."""
     for message in log.messages.get("RFND", {}).values():
         distance, facing = ("Dist", "Orient") if message.has("Dist") else ("Dist1", "Orient1")
         if not message.has(distance) or not message.has(facing):
@@ -412,7 +419,7 @@ def _range(log: _Log) -> Iterator[tuple[str, Stream]]:
 
 
 def _refusal(log: _Log) -> str:
-    """Why the vehicle is none that can be diagnosed."""
+    """Say why the vehicle is none that can be diagnosed; '' where it can."""
     text = " ".join(log.texts)
     other = re.search(r"Ardu(Plane|Rover|Sub)|APM:(Plane|Rover|Sub)|Blimp", text)
     kind = layouts.NO_MULTIROTORS.get(int(log.parameters.get("FRAME_CLASS", 0)))
@@ -423,7 +430,12 @@ def _refusal(log: _Log) -> str:
 
 
 class ArduPilot:
-    """ArduPilot DataFlash."""
+    """Reader of ArduPilot DataFlash logs, binary and text.
+
+    Attributes
+    ----------
+    name, title, advice : as of :class:`~ges.recordings.readers.log.Reader`.
+    """
 
     name = "ardupilot"
     title = "ArduPilot DataFlash (.bin, .log)"
@@ -447,16 +459,27 @@ class ArduPilot:
     }
 
     def sniff(self, head: bytes, path: Path) -> bool:
-        """Whether the first bytes are those of a DataFlash message, or of its text form."""
+        """Tell whether the first bytes are those of a DataFlash message, or of its text form."""
         return head.startswith(_MAGIC) or head.lstrip().startswith(_TEXT)
 
     def read(self, path: Path, options: Options) -> Log:
-        """Streams of a DataFlash log; t = 0 at its first sample.
+        """Read a DataFlash log; t = 0 at its first sample.
+
+        Parameters
+        ----------
+        path : the log.
+        options : ``pwm`` and ``rotor_order`` are used.
+
+        Returns
+        -------
+        Streams in ENU and FLU. Commands are RCOU over the pulse range; references are held.
 
         Raises
         ------
         GesError
             When pymavlink is not installed, nothing can be read, or pulse widths have no range.
+        UsageError
+            When ``rotor_order`` is of another number of motors.
         """
         log = _open(path)
         streams: dict[str, Stream] = {}

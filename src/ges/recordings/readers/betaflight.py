@@ -1,10 +1,10 @@
 """Betaflight and INAV blackbox (.bbl, .bfl, .txt), by betaflight-chirp-core.
 
-Header fields and scales as in betaflight/blackbox-log-viewer (``flightlog_fields_presenter.js``).
-Body axes are forward-left-up already. On a published flight (Betaflight 4.2) more thrust at the
-left is followed by a positive roll acceleration, more at the rear by a positive pitch acceleration
-(nose down), and the accelerometer reads +1 g. Motors are the firmware's: 1 rear right, 2 front
-right, 3 rear left, 4 front left.
+Header fields and scales are those of betaflight/blackbox-log-viewer
+(``flightlog_fields_presenter.js``). Body axes are FLU already, as a published flight (Betaflight
+4.2) shows. More thrust at the left is followed by a positive roll acceleration. More thrust at the
+rear is followed by a positive pitch acceleration (nose down). The accelerometer reads +1 g. Motors
+are the firmware's: 1 rear right, 2 front right, 3 rear left, 4 front left.
 """
 
 from __future__ import annotations
@@ -57,19 +57,19 @@ class _Header:
             self.text[name] = value.strip()
 
     def numbers(self, name: str) -> list[float]:
-        """Numbers of a line, separated by commas or a stroke; none where it holds text."""
+        """Read the numbers of a line, separated by commas or a stroke; none where it holds text."""
         try:
             return [float(part) for part in re.split("[,/]", self.text[name])]
         except (KeyError, ValueError):
             return []
 
     def number(self, name: str, default: float) -> float:
-        """A positive number of the header."""
+        """Read a positive number of the header."""
         value, *_ = self.numbers(name) or [default]
         return value if 0 < value < math.inf else default
 
     def parameters(self) -> dict[str, float]:
-        """Every number by its name, those of a list with their place."""
+        """Collect every number by its name, those of a list with their place."""
         found: dict[str, float] = {}
         for name in self.text:
             values = [] if name.startswith("Field ") else self.numbers(name)
@@ -78,14 +78,17 @@ class _Header:
         return found
 
     def firmware(self) -> tuple[str, tuple[int, ...]]:
-        """Name and version of the firmware."""
+        """Read name and version of the firmware."""
         found = re.search(r"(\w+)\s+(\d+)\.(\d+)", self.text.get("Firmware revision", ""))
         return (
             (found.group(1), (int(found.group(2)), int(found.group(3)))) if found else ("", (0, 0))
         )
 
     def rad_s(self) -> float:
-        """Size of a gyro unit: ``gyro_scale`` is a float's bytes in hexadecimal, deg/s a unit."""
+        """Read the size of a gyro unit, rad/s.
+
+        ``gyro_scale`` holds the bytes of a float in hexadecimal, deg/s a unit.
+        """
         text = self.text.get("gyro_scale", self.text.get("gyro.scale", "0x3f800000"))
         try:
             (scale,) = struct.unpack("<f", struct.pack("<I", int(text, 16)))
@@ -95,7 +98,7 @@ class _Header:
 
 
 def _flights(decoder: Any, data: bytes, options: Options, name: str) -> tuple[int, int, str]:
-    """Bytes of the flight that is wanted, and what is to be said of the others."""
+    """Find the bytes of the flight that is wanted, and what to say of the others."""
     parts = decoder.split_sessions(data)
     if options.part is None:
         # the longest, as arming on the ground makes a short one
@@ -115,7 +118,7 @@ def _flights(decoder: Any, data: bytes, options: Options, name: str) -> tuple[in
 def _decoded(
     decoder: Any, data: bytes, start: int, end: int, name: str
 ) -> tuple[_Header, dict[str, np.ndarray], int]:
-    """The parser with all frames of one flight."""
+    """Decode all frames of one flight."""
     # each flight repeats the header, with the settings of that time
     header = _Header(data[start:end])
     for line, fewest in (("I interval", 1), ("P interval", 1)):
@@ -140,19 +143,19 @@ def _decoded(
 
 
 def _vector(fields: Mapping[str, np.ndarray], name: str, count: int = 3) -> np.ndarray | None:
-    """Fields ``name[0]`` ... as rows."""
+    """Give fields ``name[0]`` ... as rows."""
     names = [f"{name}[{k}]" for k in range(count)]
     known = names and all(n in fields for n in names)
     return np.stack([fields[n] for n in names]) if known else None
 
 
 def _motors(fields: Mapping[str, np.ndarray]) -> int:
-    """Number of motors."""
+    """Count the motors."""
     return sum(1 for field in fields if re.fullmatch(r"motor\[\d+\]", field))
 
 
 def _range(header: _Header, options: Options) -> tuple[float, float]:
-    """Motor outputs that mean command 0 and 1."""
+    """Give the motor outputs that mean command 0 and 1."""
     if options.pwm:
         return options.pwm
     ends = header.numbers("motorOutput")
@@ -167,7 +170,7 @@ def _range(header: _Header, options: Options) -> tuple[float, float]:
 def _drive(
     header: _Header, fields: Mapping[str, np.ndarray], options: Options
 ) -> dict[str, np.ndarray]:
-    """Commands, and rotor speeds where bidirectional DShot gave them (eRPM in hundreds)."""
+    """Give commands, and rotor speeds where bidirectional DShot gave them (eRPM in hundreds)."""
     columns: dict[str, np.ndarray] = {}
     count = _motors(fields)
     motors, speeds = _vector(fields, "motor", count), _vector(fields, "eRPM", count)
@@ -183,7 +186,10 @@ def _drive(
 
 
 def _electrics(header: _Header, fields: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Battery in the unit of the firmware's age (Betaflight 4 and INAV 0.01 V, 3.1 on 0.1 V)."""
+    """Give the battery in the unit of the firmware's version.
+
+    It is 0.01 V in Betaflight 4 and INAV, 0.1 V from Betaflight 3.1 on.
+    """
     name, version = header.firmware()
     volts = fields.get("vbatLatest", fields.get("vbat"))
     amperes = fields.get("amperageLatest", fields.get("amperage"))
@@ -198,8 +204,10 @@ def _electrics(header: _Header, fields: Mapping[str, np.ndarray]) -> dict[str, n
 
 
 def _inav_motion(fields: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """INAV's own estimate: position and velocity north, east, up in cm; roll, pitch (nose down) and
-    heading in tenths of a degree.
+    """Give INAV's own estimate.
+
+    Position and velocity are north, east, up in cm. Roll, pitch (nose down) and heading are in
+    tenths of a degree.
     """
     columns: dict[str, np.ndarray] = {}
     for names, field in ((POSITION, "navPos"), (VELOCITY, "navVel")):
@@ -217,7 +225,7 @@ def _inav_motion(fields: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _yaw_note(fields: Mapping[str, np.ndarray]) -> str:
-    """Which way the motors turn, by how the mixer answers its own yaw controller."""
+    """Say which way the motors turn, by how the mixer responds to its own yaw controller."""
     motors, p, i = (
         _vector(fields, "motor", 4) if _motors(fields) == 4 else None,
         fields.get("axisP[2]"),
@@ -242,7 +250,12 @@ def _yaw_note(fields: Mapping[str, np.ndarray]) -> str:
 
 
 class Betaflight:
-    """Betaflight and INAV blackbox."""
+    """Reader of Betaflight and INAV blackbox logs.
+
+    Attributes
+    ----------
+    name, title, advice : as of :class:`~ges.recordings.readers.log.Reader`.
+    """
 
     name = "betaflight"
     title = "Betaflight or INAV blackbox (.bbl, .bfl)"
@@ -264,16 +277,27 @@ class Betaflight:
     }
 
     def sniff(self, head: bytes, path: Path) -> bool:
-        """Whether the header line of the recorder is among the first bytes."""
+        """Tell whether the header line of the recorder is among the first bytes."""
         return _MAGIC in head
 
     def read(self, path: Path, options: Options) -> Log:
-        """Streams of one flight of a blackbox log, t = 0 at its first sample.
+        """Read one flight of a blackbox log; t = 0 at its first sample.
+
+        Parameters
+        ----------
+        path : the log.
+        options : ``pwm`` and ``part`` are used.
+
+        Returns
+        -------
+        Streams in ENU and FLU, all at the times of the main frames.
 
         Raises
         ------
         GesError
             When the decoder is not installed, or nothing can be read.
+        UsageError
+            When the file has no flight of the number ``part``.
         """
         decoder = optional_module("betaflight_chirp_core.decoder", "betaflight", "Betaflight logs")
         data = path.read_bytes()

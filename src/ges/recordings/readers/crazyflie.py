@@ -2,8 +2,8 @@
 
 Format: ``docs/functional-areas/uSD-card`` of bitcraze/crazyflie-firmware. Version 1 stamps events
 in milliseconds (uint32), version 2 in microseconds (uint64). Letters of the types are those of
-Python's struct module. World is ENU and body FLU already; M1 front right, M2 back right, M3 back
-left, M4 front left.
+Python's struct module. World is ENU and body FLU already. Motors are M1 front right, M2 back right,
+M3 back left, M4 front left.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def _string(data: bytes, at: int) -> tuple[str, int]:
 
 
 def _event_types(data: bytes, stamp: str) -> tuple[dict[int, _EventType], int]:
-    """Event types by number, and where the header ends."""
+    """Read the event types by number, and where the header ends."""
     (count,) = struct.unpack_from("<H", data, 3)
     types, at = {}, 5
     for _ in range(count):
@@ -107,8 +107,11 @@ def _event_types(data: bytes, stamp: str) -> tuple[dict[int, _EventType], int]:
 def _events(
     data: bytes, at: int, types: Mapping[int, _EventType]
 ) -> tuple[dict[int, list[tuple]], bool]:
-    """Rows of every event type up to the end or the first broken event; whether the end was
-    reached.
+    """Read rows of every event type up to the end or the first broken event.
+
+    Returns
+    -------
+    The rows, and whether the end was reached.
     """
     rows: dict[int, list[tuple]] = {number: [] for number in types}
     end = len(data)
@@ -124,8 +127,11 @@ def _events(
 
 
 def _parse(data: bytes, name: str) -> tuple[list[tuple[str, dict[str, np.ndarray]]], bool]:
-    """Event types that occur, each with its fields and ``t_s``, the longest first; whether the log
-    is whole.
+    """Read the event types that occur, the longest first, each with its fields and ``t_s``.
+
+    Returns
+    -------
+    The tables, and whether the log is whole.
     """
     (version,) = struct.unpack_from("<H", data, 1)
     if version not in _STAMP:
@@ -150,8 +156,9 @@ def _parse(data: bytes, name: str) -> tuple[list[tuple[str, dict[str, np.ndarray
 
 
 def _columns(event: str, table: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Contract columns of one event type; fields that are not known keep their name, behind that
-    of the event where they have no group.
+    """Convert the fields of one event type to contract columns.
+
+    Unknown fields keep their name, behind that of the event where they have no group.
     """
     columns = {}
     for field, values in table.items():
@@ -163,7 +170,12 @@ def _columns(event: str, table: Mapping[str, np.ndarray]) -> dict[str, np.ndarra
 
 
 def _commands(columns: dict[str, np.ndarray], notes: list[str]) -> bool:
-    """Where the mixer's request was not logged, the command is the duty cycle; whether it is."""
+    """Take the duty cycle as the command where the mixer's request was not logged.
+
+    Returns
+    -------
+    Whether it was taken.
+    """
     duty = not any(name in columns for name in command(len(_PWM))) and all(
         name in columns for name in _PWM
     )
@@ -177,8 +189,13 @@ def _commands(columns: dict[str, np.ndarray], notes: list[str]) -> bool:
 
 
 def _velocity(t_s: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Velocity (3, n) of positions (3, n) by local cubics (Savitzky and Golay, 1964) between gaps;
+    """Differentiate positions (3, n) to velocity (3, n) by local cubics between gaps.
+
     NaN where there are too few samples for that.
+
+    References
+    ----------
+    Savitzky and Golay, Analytical Chemistry 36, 1964.
     """
     usual_s = float(np.median(np.diff(t_s)))
     # an odd number of samples, centred
@@ -200,11 +217,11 @@ def _velocity(t_s: np.ndarray, p: np.ndarray) -> np.ndarray:
 
 
 def _with_motion_capture(streams: dict[str, Stream], seen: Stream, notes: list[str]) -> None:
-    """Position and velocity of motion capture in place of the vehicle's own estimate, which stays
-    under other names; its attitude only where there is no other, as it is the noisier one.
+    """Put position and velocity of motion capture in place of the vehicle's own estimate.
 
-    The estimator's velocity is no derivative of the position: on published flights (IMRCLab) it is
-    4 to 8 % too large along the ground.
+    The estimate stays under other names. The attitude of motion capture is taken only where there
+    is no other, as it is noisier. The estimator's velocity is no derivative of the position: on
+    published flights (IMRCLab) it is 4 to 8 % too large along the ground.
     """
     # poses are repeated in the log until the next one comes
     rows = seen.news()
@@ -237,8 +254,9 @@ def _with_motion_capture(streams: dict[str, Stream], seen: Stream, notes: list[s
 def _streams(
     tables: list[tuple[str, dict[str, np.ndarray]]], notes: list[str]
 ) -> dict[str, Stream]:
-    """Streams of all event types on one clock; of a quantity in several, that of the event that
-    speaks most.
+    """Give streams of all event types on one clock.
+
+    A quantity in several events is that of the event with most samples.
     """
     start_s = min(float(table["t_s"][0]) for _, table in tables)
     # what the mixer asks for goes before duty cycles, in whichever event it is
@@ -268,7 +286,12 @@ def _streams(
 
 
 class Crazyflie:
-    """Crazyflie micro-SD log."""
+    """Reader of Crazyflie micro-SD logs.
+
+    Attributes
+    ----------
+    name, title, advice : as of :class:`~ges.recordings.readers.log.Reader`.
+    """
 
     name = "crazyflie"
     title = "Crazyflie micro-SD log"
@@ -286,16 +309,22 @@ class Crazyflie:
     }
 
     def sniff(self, head: bytes, path: Path) -> bool:
-        """Whether the first bytes are 0xBC and a version that is known."""
+        """Tell whether the first bytes are 0xBC and a version that is known."""
         return head[:1] == bytes([_MAGIC]) and int.from_bytes(head[1:3], "little") in _STAMP
 
     def read(self, path: Path, options: Options) -> Log:
-        """Streams of a micro-SD log; t = 0 at its first event.
+        """Read a micro-SD log; t = 0 at its first event.
 
-        Commands ``u_i`` are what the mixer asked for over its full scale; world accelerations
-        without gravity become the body's specific force where the whole attitude was logged and
-        are kept as ``acc_world_*_m_s2`` where not; roll and yaw without pitch are kept as
-        ``roll_rad``, ``yaw_rad``.
+        Parameters
+        ----------
+        path : the log.
+        options : not used.
+
+        Returns
+        -------
+        Streams in ENU and FLU. Commands ``u_i`` are the mixer's requests over their full scale.
+        World accelerations become the specific force where the whole attitude was logged; else they
+        stay ``acc_world_*_m_s2``. Roll and yaw without pitch stay ``roll_rad`` and ``yaw_rad``.
 
         Raises
         ------

@@ -1,5 +1,7 @@
-"""Frames: north-east-down with forward-right-down (aviation) to east-north-up with
-forward-left-up, and angles to quaternions.
+"""Conversion of frames and angles.
+
+Aviation's frames, world NED and body FRD, become world ENU and body FLU. Euler angles become
+quaternions.
 """
 
 from __future__ import annotations
@@ -17,19 +19,44 @@ WORLD_ACCELERATION = ("acc_world_x_m_s2", "acc_world_y_m_s2", "acc_world_z_m_s2"
 
 
 def enu_from_ned(north: np.ndarray, east: np.ndarray, down: np.ndarray) -> tuple[np.ndarray, ...]:
-    """A world vector: x east, y north, z up."""
+    """Turn a world vector from NED to ENU.
+
+    Parameters
+    ----------
+    north, east, down : (n,) components.
+
+    Returns
+    -------
+    x east, y north, z up, each (n,).
+    """
     return east, north, -down
 
 
 def yaw_from_heading(heading: np.ndarray) -> np.ndarray:
-    """Yaw (rad, from east to north, within pi) of a heading (rad, from north to east)."""
+    """Turn a heading into a yaw.
+
+    Parameters
+    ----------
+    heading : (n,) rad, from north to east.
+
+    Returns
+    -------
+    Yaw (n,), rad from east to north, from -pi to pi.
+    """
     return (np.pi / 2 - heading + np.pi) % (2 * np.pi) - np.pi
 
 
 def attitude_from_ned(q: np.ndarray) -> np.ndarray:
-    """Quaternion (4, n), Hamilton and scalar first, of NED/FRD as that of ENU/FLU:
-    q_enu_from_ned q q_frd_from_flu, which is (0, h, h, 0) q (0, 1, 0, 0) with h = sqrt(1/2), sign
-    dropped.
+    """Turn an attitude of FRD axes in NED into that of FLU axes in ENU.
+
+    Parameters
+    ----------
+    q : (4, n) quaternions, Hamilton, body to world, scalar first.
+
+    Returns
+    -------
+    q_enu_from_ned q q_frd_from_flu, (4, n), continuous in sign. That is (0, h, h, 0) q (0, 1, 0, 0)
+    with h = sqrt(1/2).
     """
     w, x, y, z = q
     h = np.sqrt(0.5)
@@ -37,8 +64,15 @@ def attitude_from_ned(q: np.ndarray) -> np.ndarray:
 
 
 def one_sign(q: np.ndarray) -> np.ndarray:
-    """Quaternions (4, n) of length one, each on the side of the one before; NaN where the length
-    is zero or not finite.
+    """Normalise quaternions, and choose signs so that neighbours are alike.
+
+    Parameters
+    ----------
+    q : (4, n) quaternions of any length.
+
+    Returns
+    -------
+    Quaternions (4, n) of length one; NaN where the length is zero or not finite.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         q = q / np.linalg.norm(q, axis=0)
@@ -51,8 +85,15 @@ def one_sign(q: np.ndarray) -> np.ndarray:
 
 
 def quaternion(roll: np.ndarray, pitch: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-    """Hamilton quaternion body-to-world of shape (4, n) from yaw-pitch-roll (z-y-x) angles in
-    radians.
+    """Convert yaw-pitch-roll (z-y-x) angles to quaternions.
+
+    Parameters
+    ----------
+    roll, pitch, yaw : (n,) rad.
+
+    Returns
+    -------
+    Quaternions (4, n), Hamilton, body to world, scalar first.
     """
     cr, sr, cp, sp, cy, sy = (f(a / 2) for a in (roll, pitch, yaw) for f in (np.cos, np.sin))
     return np.stack(
@@ -66,18 +107,44 @@ def quaternion(roll: np.ndarray, pitch: np.ndarray, yaw: np.ndarray) -> np.ndarr
 
 
 def flu_from_frd(vector: Iterable[np.ndarray]) -> list[np.ndarray]:
-    """A body vector, forward-right-down turned forward-left-up."""
+    """Turn a body vector from FRD to FLU.
+
+    Parameters
+    ----------
+    vector : three components, each (n,).
+
+    Returns
+    -------
+    Forward, left, up, each (n,).
+    """
     return [sign * v for sign, v in zip(FLU_FROM_FRD, vector, strict=True)]
 
 
 def named(names: tuple[str, ...], values: Iterable[np.ndarray]) -> dict[str, np.ndarray]:
-    """Columns of a vector or quaternion, one a component."""
+    """Name the components of a vector or quaternion as columns.
+
+    Parameters
+    ----------
+    names : names of the columns.
+    values : as many components, each (n,).
+
+    Returns
+    -------
+    Components by name.
+    """
     return dict(zip(names, values, strict=True))
 
 
 def with_quaternion(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Add the quaternion where roll, pitch and yaw are all there; incomplete angles stay as they
-    are.
+    """Replace roll, pitch and yaw by the quaternion; incomplete angles stay as they are.
+
+    Parameters
+    ----------
+    columns : (n,) by name; angles ``roll_rad``, ``pitch_rad``, ``yaw_rad``.
+
+    Returns
+    -------
+    The columns with the quaternion, body to world, in the axes of the angles.
     """
     out = dict(columns)
     if all(name in out for name in EULER):
@@ -86,7 +153,17 @@ def with_quaternion(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def with_world_velocity(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Turn a velocity along the body's axes into the world: v = R(q) v_body."""
+    """Turn a velocity along the body's axes into the world: v = R(q) v_body.
+
+    Parameters
+    ----------
+    columns : (n,) by name; with ``v_body_x_m_s``, ``v_body_y_m_s``, ``v_body_z_m_s`` and the
+        quaternion.
+
+    Returns
+    -------
+    The columns with ``v_x_m_s``, ``v_y_m_s``, ``v_z_m_s`` in place of those of the body.
+    """
     out = dict(columns)
     body = np.stack([out.pop(name) for name in BODY_VELOCITY])
     turned = np.einsum("ijn,jn->in", rotation(np.stack([out[name] for name in QUATERNION])), body)
@@ -94,7 +171,16 @@ def with_world_velocity(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarr
 
 
 def rotation(q: np.ndarray) -> np.ndarray:
-    """Rotation matrices (3, 3, n) body-to-world of quaternions (4, n) of length one."""
+    """Convert quaternions to rotation matrices.
+
+    Parameters
+    ----------
+    q : (4, n) of length one, body to world.
+
+    Returns
+    -------
+    Matrices (3, 3, n), body to world.
+    """
     w, x, y, z = q
     return np.array(
         [
@@ -106,8 +192,16 @@ def rotation(q: np.ndarray) -> np.ndarray:
 
 
 def with_specific_force(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Turn a world acceleration without gravity into the body's specific force where the whole
-    attitude was logged: f = R(q)^T (a + g e_z).
+    """Replace a world acceleration without gravity by the specific force: f = R(q)^T (a + g e_z).
+
+    Parameters
+    ----------
+    columns : (n,) by name; ``acc_world_x_m_s2`` ... in ENU, quaternion to ENU.
+
+    Returns
+    -------
+    The columns with ``acc_x_m_s2`` ...; unchanged where attitude or acceleration are incomplete, or
+    where there is a specific force.
     """
     out = dict(columns)
     if all(name in out for name in (*QUATERNION, *WORLD_ACCELERATION)) and not any(

@@ -1,4 +1,4 @@
-"""Column maps (YAML): what each column of a foreign table is, in which unit, with which sign."""
+"""Column maps (YAML): what each column of a foreign table is, in which unit and with which sign."""
 
 from __future__ import annotations
 
@@ -34,17 +34,16 @@ class _Strict(pydantic.BaseModel):
 
 
 class Column(_Strict):
-    """Where one column goes.
+    """Where one column of a file goes.
 
     Attributes
     ----------
-    to : column of the recording set; a name without meaning there is kept and ignored.
-    unit : unit in the file; that of the column if not given. ``g`` is the standard acceleration of
+    to : column of the recording set; an unknown name is kept and ignored.
+    unit : unit in the file; that of ``to`` by default. ``g`` is the standard acceleration of
         gravity.
-    factor, offset : after the unit: a sign, a full scale, a zero.
-    missing : number by which the file says that a sample is missing (besides an empty field and
-        nan).
-    optional : whether a file may come without it.
+    factor, offset : applied after the unit: a sign, a full scale, a zero.
+    missing : number that stands for a missing sample, besides an empty field and nan.
+    optional : whether a file may lack it.
     """
 
     to: str
@@ -60,17 +59,24 @@ class Layout(_Strict):
 
     Attributes
     ----------
-    columns : a list for files without a header (null: skip), names for files with one.
-    axes : frames of the file; ``ned-frd`` (north-east-down, forward-right-down) is turned into the
-        contract's ``enu-flu``.
+    columns : a list for files without a header (null: skip), or by name for files with one.
+    axes : frames of the file: ``enu-flu``, or ``ned-frd`` (north-east-down, forward-right-down),
+        which is converted.
     """
 
     columns: list[Column | None] | dict[str, Column]
     axes: Literal["enu-flu", "ned-frd"] = "enu-flu"
 
     def named(self, header: Iterable[str]) -> dict[str, Column] | None:
-        """Columns by their names in the file; None where the layout goes by position or a column
-        is missing that must be there.
+        """Select the columns that a file has.
+
+        Parameters
+        ----------
+        header : names of the file's columns.
+
+        Returns
+        -------
+        Columns by name; None where the layout goes by position or a required column is missing.
         """
         if not isinstance(self.columns, dict):
             return None
@@ -85,7 +91,7 @@ class ColumnMap(_Strict):
     Attributes
     ----------
     about : whose files these are.
-    separator, decimal : of a text file.
+    separator, decimal : of a text file, one character each.
     layouts : the first that fits a table is used; of a MATLAB file every one that fits.
     """
 
@@ -122,7 +128,23 @@ def _units() -> pint.UnitRegistry:
 
 @functools.cache
 def unit_factor(unit: str, target: str | None) -> float:
-    """Factor from one unit to another (or to SI base units where no target is set)."""
+    """Compute the factor from one unit to another.
+
+    Parameters
+    ----------
+    unit : unit to convert from, as ``deg`` or ``rpm``.
+    target : unit to convert to; None or ``1`` for SI base units.
+
+    Raises
+    ------
+    UsageError
+        When a unit is unknown, or the two have different dimensions.
+
+    Examples
+    --------
+    >>> unit_factor("mV", "V")
+    0.001
+    """
     try:
         one = _units().Quantity(1.0, unit)
         return float((one.to(target) if target and target != "1" else one.to_base_units()).m)
@@ -144,25 +166,51 @@ def _preset_files() -> dict[str, resources.abc.Traversable]:
 
 
 def preset_names() -> list[str]:
-    """Names of all shipped maps, sorted."""
+    """List the names of all shipped maps, sorted.
+
+    Examples
+    --------
+    >>> "appius" in preset_names()
+    True
+    """
     return sorted(_preset_files())
 
 
 @functools.cache
 def presets(model: type[Map]) -> Mapping[str, Map]:
-    """Shipped maps of one kind, by name."""
+    """Read the shipped maps of one kind.
+
+    Parameters
+    ----------
+    model : :class:`ColumnMap`, or the topic map of :mod:`ges.recordings.readers.ros`.
+
+    Returns
+    -------
+    Maps by name, sorted.
+    """
     wanted = "topics" if "topics" in model.model_fields else "layouts"
     files = {name: yaml.safe_load(f.read_text("utf-8")) for name, f in _preset_files().items()}
     return {n: model.model_validate(c) for n, c in sorted(files.items()) if wanted in c}
 
 
 def load_map(given: str | Path, model: type[Map]) -> Map:
-    """Read a map: a YAML file, or the name of a preset.
+    """Read a map.
+
+    Parameters
+    ----------
+    given : a YAML file, or the name of a preset.
+    model : kind of map, see :func:`presets`.
+
+    Returns
+    -------
+    The map, checked.
 
     Raises
     ------
     GesError
-        One sentence on what is wrong with it.
+        When it cannot be read.
+    UsageError
+        When there is no such map, or its content is wrong; one sentence on what.
     """
     path = Path(given)
     if path.suffix not in (".yaml", ".yml") and not path.is_file():
@@ -190,7 +238,7 @@ def _sentence(problems: list[ErrorDetails], model: type[pydantic.BaseModel]) -> 
 
 
 def _keys(annotation: Any) -> set[str]:
-    """Keys of a model and of the models in it."""
+    """Collect the keys of a model and of the models in it."""
     if isinstance(annotation, type) and issubclass(annotation, pydantic.BaseModel):
         fields = annotation.model_fields
         return set(fields).union(*(_keys(field.annotation) for field in fields.values()))
@@ -198,7 +246,22 @@ def _keys(annotation: Any) -> set[str]:
 
 
 def convert(values: np.ndarray, column: Column) -> np.ndarray:
-    """A column in the file's unit as the quantity it stands for."""
+    """Convert a column of a file to the quantity that it stands for.
+
+    Parameters
+    ----------
+    values : (n,) in the file's unit.
+    column : where it goes.
+
+    Returns
+    -------
+    Values (n,) in the unit of ``column.to``; NaN where missing.
+
+    Raises
+    ------
+    UsageError
+        When the unit does not suit the column.
+    """
     # a name without meaning here may still tell an angle (roll_rad)
     target = unit_of(column.to) or ("rad" if column.to.endswith("_rad") else None)
     scale = unit_factor(column.unit, target) if column.unit else 1.0
@@ -209,8 +272,24 @@ def convert(values: np.ndarray, column: Column) -> np.ndarray:
 
 
 def in_contract(columns: Mapping[str, np.ndarray], axes: str = "enu-flu") -> dict[str, np.ndarray]:
-    """Columns in the contract's frames: angles become the quaternion, a world acceleration the
-    specific force, north-east-down east-north-up.
+    """Bring columns into the package's frames: world ENU, body FLU.
+
+    Angles become the quaternion. A velocity along the body's axes is turned into the world. A world
+    acceleration becomes the specific force.
+
+    Parameters
+    ----------
+    columns : (n,) by name, SI.
+    axes : ``enu-flu``, or ``ned-frd`` for columns in NED and FRD.
+
+    Returns
+    -------
+    Columns (n,) by name.
+
+    Raises
+    ------
+    UsageError
+        When a vector that must be turned lacks a component or the attitude.
     """
     # in the file's own axes first, as its angles and body velocity belong to each other there
     out = frames.with_quaternion(columns)
@@ -238,8 +317,12 @@ def _turned(
     names: tuple[str, ...],
     turn: Callable[..., Iterable[np.ndarray]],
 ) -> dict[str, np.ndarray]:
-    """A vector in other axes; one of which a component is missing cannot be turned and is left
-    out, so that no column lies about its axis.
+    """Turn a vector into other axes.
+
+    Raises
+    ------
+    UsageError
+        When some of its components are missing, as no column may lie about its axis.
     """
     present = [name for name in names if name in columns]
     if len(present) == len(names):

@@ -1,5 +1,6 @@
-"""MATLAB .mat files (up to version 7), by scipy and a column map whose names are MATLAB's own:
-``log.t``, ``log.position(:,1)``.
+"""MATLAB .mat files (up to version 7), by scipy and a column map.
+
+Names in the map are MATLAB's own: ``log.t``, ``log.position(:,1)``.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _MOST_COLUMNS = 64
 
 
 def _arrays(value: Any, name: str) -> Iterator[tuple[str, np.ndarray]]:
-    """Vectors of numbers in a variable, by the expression that gives them in MATLAB."""
+    """List the vectors of numbers in a variable, by the expression that gives them in MATLAB."""
     if isinstance(value, dict):
         for field, inner in value.items():
             if not field.startswith("__"):
@@ -49,8 +50,9 @@ def _extract(path: str, out: str) -> None:
 
 
 def _variables(path: Path) -> dict[str, np.ndarray]:
-    """Vectors of a file by their names in MATLAB, read in a process of its own: a damaged file
-    makes scipy's reader not raise but crash.
+    """Read the vectors of a file by their names in MATLAB, in a process of its own.
+
+    A damaged file may crash scipy's reader, which no exception would report.
     """
     code = f"import sys; from {__name__} import _extract; _extract(*sys.argv[1:])"
     with tempfile.TemporaryDirectory() as folder:
@@ -69,23 +71,39 @@ def _variables(path: Path) -> dict[str, np.ndarray]:
 
 
 class Matlab:
-    """MATLAB .mat."""
+    """Reader of MATLAB .mat files.
+
+    Attributes
+    ----------
+    name, title, advice : as of :class:`~ges.recordings.readers.log.Reader`.
+    """
 
     name = "matlab"
     title = "MATLAB .mat by a column map"
     advice = ADVICE
 
     def sniff(self, head: bytes, path: Path) -> bool:
-        """Whether the first bytes are MATLAB's."""
+        """Tell whether the first bytes are MATLAB's."""
         return head.startswith((_MAGIC, _HDF5))
 
     def read(self, path: Path, options: Options) -> Log:
-        """Streams of all layouts of the map that fit, each at its own times.
+        """Read the streams of all layouts of the map that fit, each at its own times.
+
+        Parameters
+        ----------
+        path : the file.
+        options : ``mapping`` is used.
+
+        Returns
+        -------
+        Streams in ENU and FLU; one that two layouts give is kept under two names.
 
         Raises
         ------
         GesError
-            When the file is damaged or of version 7.3, or no map knows its variables.
+            When the file is damaged or of version 7.3.
+        UsageError
+            When no map knows its variables, or those of a layout differ in length.
         """
         with path.open("rb") as file:
             if file.read(len(_HDF5)) == _HDF5:

@@ -81,7 +81,7 @@ _BETAFLIGHT_ORDER = (1, 2, 3, 0)
 
 
 class _Topic:
-    """One instance of a topic; samples whose time does not go on are left out."""
+    """One instance of a topic; samples whose time does not increase are left out."""
 
     def __init__(self, number: int, data: Mapping[str, np.ndarray], start_us: float) -> None:
         self.number = number
@@ -95,8 +95,11 @@ class _Topic:
         return all(self.values(field) is not None for field in fields)
 
     def values(self, field: str, valid: str = "") -> np.ndarray | None:
-        """Values of a field, NaN where the log's own flag says that they are not valid; None for
-        a field that is not there.
+        """Give the values of a field; NaN where the log's own flag says that they are not valid.
+
+        Returns
+        -------
+        Values (n,); None for a field that is not there.
         """
         if field not in self._data:
             return None
@@ -108,11 +111,12 @@ class _Topic:
         return values if flags is None else np.where(flags == 1, values, np.nan)
 
     def known(self, field: str, valid: str = "") -> np.ndarray:
-        """Values of a field that is there, as :meth:`values` has them.
+        """Give the values of a field that is there, as :meth:`values` does.
 
         Raises
         ------
-        KeyError : where it is not.
+        KeyError
+            When it is not there.
         """
         values = self.values(field, valid)
         if values is None:
@@ -120,12 +124,13 @@ class _Topic:
         return values
 
     def stack(self, form: str, keys: Iterable[int | str] = range(3)) -> np.ndarray:
-        """Fields ``form.format(k)`` as rows."""
+        """Stack fields ``form.format(k)`` as rows."""
         return np.stack([self.known(form.format(k)) for k in keys])
 
     def measured_s(self) -> np.ndarray:
-        """Times at which the samples were measured, where the log has them and they go on; else
-        those at which they were published.
+        """Give the times at which the samples were measured, where the log has increasing ones.
+
+        Otherwise they are the times at which the samples were published.
         """
         sample = self.values("timestamp_sample")
         if sample is None:
@@ -138,14 +143,14 @@ class _Topic:
 
 
 class Uorb:
-    """Topics, parameters and notes of one log of PX4's own messages, whatever they came by.
+    """Topics, parameters and notes of a log of PX4's own messages, of a ULog or a ROS bag.
 
     Parameters
     ----------
-    name : of the log, for messages.
-    start_us : time that becomes t = 0.
+    name : name of the log, for messages.
+    start_us : time stamp that becomes t = 0.
     parameters : PX4 parameters, as far as they are known.
-    about : what the log says of the firmware and board.
+    about : what the log says of firmware and board.
     """
 
     def __init__(
@@ -157,18 +162,42 @@ class Uorb:
         self._instances: dict[str, list[_Topic]] = {}
 
     def add(self, name: str, number: int, data: Mapping[str, np.ndarray]) -> None:
-        """One instance of a topic: its fields, ``timestamp`` among them, each (n,)."""
+        """Add one instance of a topic.
+
+        Parameters
+        ----------
+        name : name of the topic.
+        number : number of the instance.
+        data : (n,) by field; ``timestamp`` in microseconds is among them, or the instance is
+            ignored.
+        """
         if "timestamp" in data:
             topic = _Topic(number, data, self.start_us)
             if len(topic.t_s) > 1:
                 self._instances.setdefault(name, []).append(topic)
 
     def instances(self, name: str, *fields: str) -> list[_Topic]:
-        """Instances of a topic with all these fields."""
+        """List the instances of a topic that have some fields.
+
+        Parameters
+        ----------
+        name : name of the topic.
+        *fields : fields that an instance must have.
+        """
         return [topic for topic in self._instances.get(name, ()) if topic.has(*fields)]
 
     def topic(self, name: str, *fields: str) -> _Topic | None:
-        """The first instance that has these fields and says anything in them; None without."""
+        """Find the first instance that has some fields and is not zero throughout in all of them.
+
+        Parameters
+        ----------
+        name : name of the topic.
+        *fields : fields that it must have.
+
+        Returns
+        -------
+        The instance, with a note where it is not the first; None if there is none.
+        """
         found = self.instances(name, *fields)
         speaking = [topic for topic in found if any(_speaks(topic.known(f)) for f in fields)]
         if not speaking:
@@ -181,7 +210,16 @@ class Uorb:
         return speaking[0]
 
     def number(self, name: str) -> float | None:
-        """A parameter; None where the log does not have it or says that it is not set (-1)."""
+        """Look up a parameter.
+
+        Parameters
+        ----------
+        name : name of the parameter.
+
+        Returns
+        -------
+        Its value; None where it was not logged or is negative, which means not set.
+        """
         value = self.parameters.get(name)
         return None if value is None or value < 0 else value
 
@@ -199,7 +237,7 @@ def _speaks(values: np.ndarray) -> bool:
 
 
 def _is_whole(data: bytes) -> bool:
-    """Whether the messages of a log end where the file ends."""
+    """Tell whether the messages of a log end where the file ends."""
     at = _HEADER
     while at + _MESSAGE_HEADER <= len(data):
         at += _MESSAGE_HEADER + int.from_bytes(data[at : at + 2], "little")
@@ -207,8 +245,9 @@ def _is_whole(data: bytes) -> bool:
 
 
 class _Advancing(io.BytesIO):
-    """Bytes that may not be read round in circles, as pyulog does where a damaged length sends it
-    back more than it came forward.
+    """Bytes that may not be read in circles.
+
+    pyulog does so where a damaged length sends it back more than it came forward.
     """
 
     _furthest, _since = 0, 0
@@ -260,7 +299,7 @@ def _attitude(log: Uorb) -> Iterator[tuple[str, Stream]]:
 
 
 def _inertial(log: Uorb) -> Iterator[tuple[str, Stream]]:
-    """Body rates by the best source that the log has, and specific force."""
+    """Give body rates by the best source that the log has, and specific force."""
     sources: tuple[tuple[str, str, Sequence[int | str]], ...] = (
         ("vehicle_angular_velocity", "xyz[{}]", range(3)),
         ("sensor_combined", "gyro_rad[{}]", range(3)),
@@ -280,7 +319,7 @@ def _inertial(log: Uorb) -> Iterator[tuple[str, Stream]]:
 
 
 def _motion(log: Uorb) -> Iterator[tuple[str, Stream]]:
-    """Position and velocity where the log calls them valid."""
+    """Give position and velocity where the log calls them valid."""
     for stream, names, fields, flags in (
         ("position", POSITION, ("x", "y", "z"), ("xy_valid", "xy_valid", "z_valid")),
         ("velocity", VELOCITY, ("vx", "vy", "vz"), ("v_xy_valid", "v_xy_valid", "v_z_valid")),
@@ -305,11 +344,12 @@ def _motion(log: Uorb) -> Iterator[tuple[str, Stream]]:
 
 
 def _references(log: Uorb) -> Iterator[tuple[str, Stream]]:
-    """What the position controller was asked for.
+    """Give what the position controller was asked for.
 
     ``vehicle_local_position_setpoint`` holds the velocity that the controller asked of itself after
-    it had seen the position error, which is an answer to disturbances and no reference: of it only
-    what stands without a position is taken (PX4 ``PositionControl::getLocalPositionSetpoint``).
+    it had seen the position error. That is a response to disturbances and no reference. So only
+    what stands without a position is taken of it (PX4
+    ``PositionControl::getLocalPositionSetpoint``).
     """
     vectors = {"position": "position[{}]", "velocity": "velocity[{}]"}
     new = log.topic("trajectory_setpoint", *(f.format(0) for f in vectors.values()))
@@ -339,7 +379,7 @@ def _references(log: Uorb) -> Iterator[tuple[str, Stream]]:
 
 
 def _motors(log: Uorb) -> int:
-    """Number of motors, by the geometry of newer firmware, or by the kind of vehicle."""
+    """Count the motors, by the geometry of newer firmware, or by the kind of vehicle."""
     count = log.number("CA_ROTOR_COUNT")
     if count and log.parameters.get("CA_AIRFRAME", 0) == 0:
         return int(count)
@@ -347,7 +387,7 @@ def _motors(log: Uorb) -> int:
 
 
 def _commands(log: Uorb, options: Options) -> Iterator[tuple[str, Stream]]:
-    """Normalised motor commands: ``actuator_motors``, else the outputs over their own range."""
+    """Give normalised motor commands: ``actuator_motors``, else outputs over their own range."""
     count = _motors(log)
     fields = [f"control[{k}]" for k in range(count)]
     topic = log.topic("actuator_motors", *fields)
@@ -381,7 +421,7 @@ def _commands(log: Uorb, options: Options) -> Iterator[tuple[str, Stream]]:
 
 
 def _outputs(log: Uorb, options: Options) -> tuple[np.ndarray, np.ndarray, str] | None:
-    """Commands (motors, n) from what was sent to the motors; their times and source."""
+    """Give commands (motors, n) from what was sent to the motors; their times and source."""
     channels, driver = _channels(log)
     fields = [f"output[{k}]" for k in channels]
     topics = log.instances("actuator_outputs", *fields)
@@ -404,8 +444,9 @@ def _outputs(log: Uorb, options: Options) -> tuple[np.ndarray, np.ndarray, str] 
 
 
 def _channels(log: Uorb) -> tuple[list[int], str]:
-    """Output of each motor, and the prefix of the driver's parameters; from 1.13 on by their
-    functions, before that by the mixer's order.
+    """Give the output of each motor, and the prefix of the driver's parameters.
+
+    From 1.13 on motors are known by their functions, before that by the mixer's order.
     """
     for driver in _DRIVERS:
         functions = {log.parameters.get(f"{driver}_FUNC{n}"): n - 1 for n in range(1, 17)}
@@ -420,7 +461,7 @@ def _channels(log: Uorb) -> tuple[list[int], str]:
 def _ranges(
     log: Uorb, sent: np.ndarray, channels: list[int], driver: str
 ) -> list[tuple[float, float]]:
-    """Outputs that mean command 0 and 1, for each motor."""
+    """Give the outputs that mean command 0 and 1, for each motor."""
     # 0 is no pulse, or a motor that stands
     on = sent[np.isfinite(sent) & (sent > 0)]
     if driver.startswith("PWM") and _is_dshot(log, driver, on):
@@ -457,8 +498,9 @@ def _ranges(
 
 
 def _is_dshot(log: Uorb, driver: str, on: np.ndarray) -> bool:
-    """Whether outputs are DShot values: by DSHOT_CONFIG (up to 1.12), by the timers (from 1.13 on),
-    or as no pulse is that short.
+    """Tell whether outputs are DShot values.
+
+    By DSHOT_CONFIG (up to 1.12), by the timers (from 1.13 on), or as no pulse is that short.
     """
     timers = [log.parameters.get(f"{driver}_TIM{k}") for k in range(8)]
     return (
@@ -471,8 +513,9 @@ def _is_dshot(log: Uorb, driver: str, on: np.ndarray) -> bool:
 def _rotor_speeds(
     log: Uorb, options: Options, command: Stream | None
 ) -> Iterator[tuple[str, Stream]]:
-    """Rotor speeds by the function of each speed controller; without functions in the order of the
-    log, if the commands bear that out.
+    """Give rotor speeds by the function of each speed controller.
+
+    Without functions they are in the order of the log, if the commands agree with that.
     """
     # eight readings are always there; those of no controller are zero throughout
     readings = [k for k in range(8) if log.topic("esc_status", f"esc[{k}].esc_rpm")]
@@ -512,12 +555,12 @@ def _rotor_speeds(
 
 
 def _constant(values: np.ndarray | None) -> float | None:
-    """The value that a field has throughout."""
+    """Give the value that a field has throughout; None where it changes."""
     return float(values[0]) if values is not None and np.all(values == values[0]) else None
 
 
 def _each_esc(topic: _Topic, order: list[int], what: str) -> Iterator[tuple[str, np.ndarray]]:
-    """One quantity of every speed controller; NaN while it is offline."""
+    """Give one quantity of every speed controller; NaN while it is offline."""
     online = topic.values("esc_online_flags")
     for i, k in enumerate(order, 1):
         values = topic.values(f"esc[{k}].esc_{what}")
@@ -551,7 +594,7 @@ def _battery(log: Uorb) -> Iterator[tuple[str, Stream]]:
 
 
 def _range(log: Uorb) -> Iterator[tuple[str, Stream]]:
-    """The first rangefinder that looks down, where it can see."""
+    """Give the first rangefinder that looks down, within its own range."""
     for topic in log.instances("distance_sensor", "current_distance"):
         facing, seen = topic.values("orientation"), topic.known("current_distance")
         if not _speaks(seen) or (facing is not None and np.any(facing != _DOWNWARD)):
@@ -566,7 +609,7 @@ def _range(log: Uorb) -> Iterator[tuple[str, Stream]]:
 
 
 def _refusal(log: Uorb) -> str:
-    """Why the vehicle is none that can be diagnosed, by the log's own parameters."""
+    """Say why the vehicle is none that can be diagnosed, by the log's own parameters."""
     # by the kind of vehicle, or by the rotors that newer firmware counts
     kind = _NO_MULTIROTOR.get(int(log.number("MAV_TYPE") or 0))
     if kind is None and _motors(log) not in range(FEWEST_ROTORS, MAX_ROTORS + 1):
@@ -575,7 +618,7 @@ def _refusal(log: Uorb) -> str:
 
 
 def _autopilot(log: Uorb) -> str:
-    """Firmware with its version (0xMMmmppTT) and board."""
+    """Name the firmware with its version (0xMMmmppTT) and board."""
     release, board = log.about.get("ver_sw_release"), log.about.get("ver_hw")
     version = ""
     if isinstance(release, int):
@@ -584,7 +627,24 @@ def _autopilot(log: Uorb) -> str:
 
 
 def uorb_streams(log: Uorb, options: Options) -> dict[str, Stream]:
-    """Streams of PX4's own messages; what is noticed goes to the notes of the log."""
+    """Convert PX4's own messages to streams.
+
+    Parameters
+    ----------
+    log : the messages; remarks are added to its notes.
+    options : ``pwm`` and ``rotor_order`` are used.
+
+    Returns
+    -------
+    Streams by name, in ENU and FLU.
+
+    Raises
+    ------
+    GesError
+        When motor outputs have no range.
+    UsageError
+        When ``rotor_order`` is of another number of motors.
+    """
     streams: dict[str, Stream] = {}
     for part in (_attitude, _inertial, _motion, _references, _battery, _range):
         streams |= dict(part(log))
@@ -594,7 +654,12 @@ def uorb_streams(log: Uorb, options: Options) -> dict[str, Stream]:
 
 
 class Px4:
-    """PX4 ULog."""
+    """Reader of PX4 ULogs.
+
+    Attributes
+    ----------
+    name, title, advice : as of :class:`~ges.recordings.readers.log.Reader`.
+    """
 
     name = "px4"
     title = "PX4 ULog (.ulg)"
@@ -622,16 +687,27 @@ class Px4:
     }
 
     def sniff(self, head: bytes, path: Path) -> bool:
-        """Whether the first bytes are those of a ULog."""
+        """Tell whether the first bytes are those of a ULog."""
         return head.startswith(_MAGIC)
 
     def read(self, path: Path, options: Options) -> Log:
-        """Streams of a ULog; t = 0 where the log starts.
+        """Read a ULog; t = 0 where the log starts.
+
+        Parameters
+        ----------
+        path : the log.
+        options : ``pwm`` and ``rotor_order`` are used.
+
+        Returns
+        -------
+        Streams in ENU and FLU, see :func:`uorb_streams`.
 
         Raises
         ------
         GesError
             When nothing can be read, or motor outputs have no range.
+        UsageError
+            When ``rotor_order`` is of another number of motors.
         """
         log = _open(path)
         streams = uorb_streams(log, options)

@@ -41,12 +41,12 @@ class Topic(pydantic.BaseModel):
     Attributes
     ----------
     topic : its name, or the end of it behind a namespace.
-    fields : field of the message (``pose.position.x``, ``channels[0]``) -> column. Besides the
-        contract's columns: ``v_body_x_m_s`` ..., velocity along the body's axes, and
+    fields : columns by field of the message (``pose.position.x``, ``channels[0]``). Besides the
+        contract's columns there are ``v_body_x_m_s`` ..., velocity along the body's axes, and
         ``pwm_us_1`` ..., pulses to the motors.
     uorb : instead of fields, the PX4 topic whose message this is; it is read as in a PX4 log.
-    axes : as in a column map.
-    held : set-points that stay in force until the next.
+    axes : ``enu-flu`` or ``ned-frd``, as in a column map.
+    held : whether set-points stay in force until the next one.
     """
 
     model_config = pydantic.ConfigDict(extra="forbid")
@@ -65,9 +65,9 @@ class TopicMap(pydantic.BaseModel):
     ----------
     about : whose bags these are.
     autopilot : what wrote them.
-    topics : of a column that several topics give, the first one in this list is taken.
-    definitions : folder with ``PACKAGE/msg/NAME.msg``, for bags that do not hold their own
-        (older .db3), beside the map file.
+    topics : topics to read; a column that several give is taken from the first.
+    definitions : folder with ``PACKAGE/msg/NAME.msg`` beside the map file, for bags without their
+        own (older .db3).
     """
 
     model_config = pydantic.ConfigDict(extra="forbid")
@@ -79,14 +79,14 @@ class TopicMap(pydantic.BaseModel):
 
 
 def _matches(wanted: str, name: str) -> bool:
-    """Whether a bag's topic is the wanted one, in any namespace and any version (``_v1``)."""
+    """Tell whether a bag's topic is the wanted one, in any namespace and version (``_v1``)."""
     # PX4 marks topics whose messages have changed by a version
     name = re.sub(r"_v\d+$", "", name)
     return name == wanted or name.endswith("/" + wanted.lstrip("/"))
 
 
 def _getter(path: str) -> Callable[[Any], Any]:
-    """Function that takes a field such as ``esc[0].esc_rpm`` out of a message."""
+    """Make a function that takes a field such as ``esc[0].esc_rpm`` out of a message."""
     steps = [name or k for name, k in re.findall(r"(\w+)|\[(\d+)\]", path)]
 
     def take(message: Any) -> Any:
@@ -98,7 +98,7 @@ def _getter(path: str) -> Callable[[Any], Any]:
 
 
 def _numeric_fields(message: Any, prefix: str = "") -> Iterator[str]:
-    """Paths of all numbers in a message, those of short arrays one by one."""
+    """List the paths of all numbers in a message, those of short arrays one by one."""
     for name in getattr(message, "__dataclass_fields__", {}):
         if name.startswith("__"):
             continue
@@ -116,7 +116,7 @@ def _numeric_fields(message: Any, prefix: str = "") -> Iterator[str]:
 
 
 def _stamp_s(message: Any, received_ns: int) -> float:
-    """Time of a message: its header's, else when it was received."""
+    """Give the time of a message, s: its header's, else when it was received."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     # zero is a header that nobody filled in
     if stamp is not None and (stamp.sec, stamp.nanosec) != (0, 0):
@@ -132,7 +132,7 @@ class _Bag:
         self.topics = {c.topic: c.msgtype for c in reader.connections}
 
     def find(self, wanted: str) -> str | None:
-        """The bag's topic that matches; None without."""
+        """Find the bag's topic that matches; None without."""
         found = sorted({name for name in self.topics if _matches(wanted, name)})
         if len(found) > 1:
             raise UsageError(
@@ -142,8 +142,9 @@ class _Bag:
         return found[0] if found else None
 
     def read(self, topic: str, fields: Sequence[str] | None) -> dict[str, np.ndarray]:
-        """Fields of all messages of a topic, each (n,), with ``t_s``; all numbers if no fields are
-        named.
+        """Read fields of all messages of a topic, each (n,), with ``t_s``.
+
+        All numbers are read if no fields are named.
         """
         connections = [c for c in self._reader.connections if c.topic == topic]
         names = None if fields is None else list(fields)
@@ -169,7 +170,7 @@ class _Bag:
 
 
 def _typestore(mapping: TopicMap, beside: Path | None) -> Any:
-    """Types of messages for a bag that does not hold their definitions."""
+    """Collect types of messages for a bag that does not hold their definitions."""
     typesys = optional_module("rosbags.typesys", "ros", "ROS bags")
     store = typesys.get_typestore(typesys.Stores.LATEST)
     if mapping.definitions is not None:
@@ -187,7 +188,7 @@ def _typestore(mapping: TopicMap, beside: Path | None) -> Any:
 
 
 def _map_for(bag: _Bag, options: Options) -> tuple[TopicMap, str]:
-    """The map that the user names, else the shipped one that knows most of the bag's topics."""
+    """Choose the map that the user names, else the shipped one that knows most topics."""
     if options.mapping is not None:
         return load_map(options.mapping, TopicMap), ""
     known = {
@@ -207,7 +208,7 @@ def _map_for(bag: _Bag, options: Options) -> tuple[TopicMap, str]:
 def _pulses(
     columns: dict[str, np.ndarray], options: Options, notes: list[str]
 ) -> dict[str, np.ndarray]:
-    """Pulses to the motors as commands."""
+    """Convert pulses to the motors to commands."""
     pulses = {name: m for name in columns if (m := _PULSE.fullmatch(name))}
     if not pulses:
         return columns
@@ -224,7 +225,7 @@ def _pulses(
 
 
 def _mapped(bag: _Bag, mapping: TopicMap, options: Options, notes: list[str]) -> dict[str, Stream]:
-    """Streams of the topics that are mapped field by field."""
+    """Give streams of the topics that are mapped field by field."""
     streams: dict[str, Stream] = {}
     taken: set[str] = set()
     for entry in (t for t in mapping.topics if not t.uorb):
@@ -256,7 +257,7 @@ def _mapped(bag: _Bag, mapping: TopicMap, options: Options, notes: list[str]) ->
 
 
 def _uorb(bag: _Bag, mapping: TopicMap, options: Options, notes: list[str]) -> dict[str, Stream]:
-    """Streams of the topics that are PX4's own messages, by PX4's own clock."""
+    """Give streams of the topics that are PX4's own messages, by PX4's own clock."""
     tables = {}
     for entry in (t for t in mapping.topics if t.uorb):
         topic = bag.find(entry.topic)
@@ -276,7 +277,7 @@ def _uorb(bag: _Bag, mapping: TopicMap, options: Options, notes: list[str]) -> d
 
 
 def _in_doubt(streams: dict[str, Stream], options: Options, notes: list[str]) -> dict[str, Stream]:
-    """Without rotor speeds whose order the commands do not bear out."""
+    """Leave out rotor speeds whose order the commands do not confirm."""
     command, speed = streams.get("command"), streams.get("rotor_speed")
     if command is None or speed is None:
         return streams
@@ -295,12 +296,17 @@ def _in_doubt(streams: dict[str, Stream], options: Options, notes: list[str]) ->
 
 
 def _rotors(streams: Mapping[str, Stream]) -> int:
-    """How many motors are commanded."""
+    """Count the motors that are commanded."""
     return len(streams["command"].columns) if "command" in streams else 4
 
 
 class Ros:
-    """ROS 1 and ROS 2 bags."""
+    """Reader of ROS 1 and ROS 2 bags.
+
+    Attributes
+    ----------
+    name, title, advice : as of :class:`~ges.recordings.readers.log.Reader`.
+    """
 
     name = "ros"
     title = "ROS bag (.bag, .mcap, .db3 or folder)"
@@ -318,17 +324,27 @@ class Ros:
     }
 
     def sniff(self, head: bytes, path: Path) -> bool:
-        """Whether the first bytes are those of a bag, or the folder holds ``metadata.yaml``."""
+        """Tell whether it begins as a bag, or is a folder with ``metadata.yaml``."""
         return head.startswith(_MAGICS) or (path.is_dir() and (path / "metadata.yaml").exists())
 
     def read(self, path: Path, options: Options) -> Log:
-        """Streams of a bag; t = 0 at its first sample.
+        """Read a bag; t = 0 at its first sample.
+
+        Parameters
+        ----------
+        path : the bag, a file or a folder.
+        options : ``mapping``, ``pwm`` and ``rotor_order`` are used.
+
+        Returns
+        -------
+        Streams in ENU and FLU, by the topic map.
 
         Raises
         ------
         GesError
-            When rosbags is not installed, the bag is damaged or lacks definitions, or no map knows
-            its topics.
+            When rosbags is not installed, or the bag is damaged or lacks definitions.
+        UsageError
+            When no map knows its topics, a field is missing, or ``rotor_order`` does not suit.
         """
         highlevel = optional_module("rosbags.highlevel", "ros", "ROS bags")
         # shipped maps are chosen by an open bag's topics: only the user's own brings definitions

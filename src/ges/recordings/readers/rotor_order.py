@@ -1,4 +1,4 @@
-"""Which speed reading belongs to which motor, where the log does not say: the commands know."""
+"""Which speed reading belongs to which motor, by the commands, where the log does not say."""
 
 from __future__ import annotations
 
@@ -13,10 +13,18 @@ LEAST_CORRELATION, LEAST_AHEAD, FEWEST = 0.25, 0.1, 30
 
 
 def agreement(command: Stream, speed: Stream) -> np.ndarray | None:
-    """Correlations (n, n) of each motor's share of the commands with each reading's share of the
-    speeds, while all turn; None where they cannot be compared.
+    """Correlate each motor's commands with each reading of speed.
 
-    A share is what a rotor has over the mean of all: what a controller asks of one rotor alone.
+    Only shares over the mean of all rotors are compared: what a controller asks of one rotor alone.
+
+    Parameters
+    ----------
+    command, speed : streams of n motors and n readings.
+
+    Returns
+    -------
+    Correlations (n, n), motors along rows, while all rotors turn; None where they cannot be
+    compared.
     """
     u, w = (np.stack(list(s.columns.values())) for s in (command, speed))
     if len(u) != len(w) or len(command.t_s) < 2:
@@ -36,21 +44,34 @@ def agreement(command: Stream, speed: Stream) -> np.ndarray | None:
 
 
 def _best(r: np.ndarray) -> tuple[tuple[int, ...], float]:
-    """The order whose pairs have the greatest mean correlation, and that (Kuhn 1955)."""
+    """Find the order whose pairs have the greatest mean correlation, and that correlation.
+
+    References
+    ----------
+    Kuhn, Naval Research Logistics Quarterly 2, 1955 (assignment).
+    """
     rows, order = linear_sum_assignment(r, maximize=True)
     return tuple(int(k) for k in order), float(r[rows, order].mean())
 
 
 def _without(r: np.ndarray, i: int, k: int) -> np.ndarray:
-    """Correlations under which one pair is never taken."""
+    """Change correlations so that one pair is never taken."""
     changed = r.copy()
     changed[i, k] = -len(r)
     return changed
 
 
 def doubt(command: Stream, speed: Stream) -> tuple[str, tuple[int, ...]]:
-    """Why the readings may not be in the order of the motors ('' where the commands bear them
-    out), and the order that the commands speak for, counted from 1.
+    """Check whether the commands confirm the order of the speed readings.
+
+    Parameters
+    ----------
+    command, speed : streams of n motors and n readings.
+
+    Returns
+    -------
+    Why the order is in doubt ('' if the commands confirm it), and the order that the commands
+    indicate, counted from 1 (empty if none).
     """
     r = agreement(command, speed)
     if r is None:

@@ -1,5 +1,6 @@
-"""CSV and Parquet tables: by a column map, by a shipped one that fits, or with the contract's own
-column names.
+"""CSV and Parquet tables, read by a column map.
+
+The map is the user's, a shipped one that fits, or the contract's own column names.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ _TEXT = set(range(32, 127)) | set(b"\t\r\n\f") | set(range(128, 256))
 
 
 def _lines(path: Path, separator: str) -> tuple[pa.Table, list[str]]:
-    """All cells as bytes, with the header if there is one; and what was noticed."""
+    """Read all cells as bytes, with the header if there is one; and what was noticed."""
     data = path.read_bytes()
     # spreadsheets save UTF-16
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
@@ -80,7 +81,7 @@ def _lines(path: Path, separator: str) -> tuple[pa.Table, list[str]]:
 
 
 def _first_line(data: bytes, separator: str) -> list[str]:
-    """Cells of the first line that is not empty."""
+    """Split the first line that is not empty into cells."""
     line = data.removeprefix(b"\xef\xbb\xbf").lstrip().split(b"\n", 1)[0]
     try:
         (row,) = pa_csv.read_csv(
@@ -99,7 +100,7 @@ def _text(cells: pa.ChunkedArray) -> list[str]:
 
 
 def _numbers(cells: pa.ChunkedArray, decimal: str, name: str, first_line: int) -> np.ndarray:
-    """Numbers of a column; an empty cell is NaN."""
+    """Convert a column to numbers; an empty cell is NaN."""
     text = pc.ascii_trim_whitespace(pc.cast(cells, pa.large_string(), safe=False))
     if decimal != ".":
         text = pc.replace_substring(text, decimal, ".")
@@ -123,8 +124,11 @@ def _numbers(cells: pa.ChunkedArray, decimal: str, name: str, first_line: int) -
 def _fitting(
     mapping: ColumnMap, first: list[str], name: str
 ) -> tuple[Layout, dict[int, Column], bool]:
-    """The layout that fits the first line, its columns by their place, and whether that line is a
-    header.
+    """Find the layout that fits the first line.
+
+    Returns
+    -------
+    The layout, its columns by their place, and whether that line is a header.
     """
     for layout in mapping.layouts:
         if (named := layout.named(first)) is not None:
@@ -154,7 +158,16 @@ def _is_number(cell: str) -> bool:
 
 
 def own_names(header: list[str]) -> ColumnMap | None:
-    """The map of a table that has the contract's column names already."""
+    """Make the map of a table that has the contract's column names already.
+
+    Parameters
+    ----------
+    header : names of the table's columns.
+
+    Returns
+    -------
+    The map of its known columns; None where ``t_s`` is not among them.
+    """
     if "t_s" not in header:
         return None
     known = {name: Column(to=name) for name in header if unit_of(name)}
@@ -162,8 +175,25 @@ def own_names(header: list[str]) -> ColumnMap | None:
 
 
 def map_for(header: list[str], options: Options, name: str) -> tuple[ColumnMap, str]:
-    """The map that the user names, else the contract's own names, else a shipped map of named
-    columns that fits; and what is to be said of the choice.
+    """Choose the map of a table.
+
+    It is the one that the user names, else the contract's own names, else a shipped map of named
+    columns that fits.
+
+    Parameters
+    ----------
+    header : names of the table's columns.
+    options : ``mapping`` is used.
+    name : name of the file, for messages.
+
+    Returns
+    -------
+    The map, and a sentence on the choice; '' where there is nothing to say.
+
+    Raises
+    ------
+    UsageError
+        When no map fits.
     """
     if options.mapping is not None:
         return load_map(options.mapping, ColumnMap), ""
@@ -182,7 +212,27 @@ def map_for(header: list[str], options: Options, name: str) -> tuple[ColumnMap, 
 def streams_of(
     columns: Mapping[str, np.ndarray], layout: Layout, name: str, source: str = ""
 ) -> tuple[dict[str, Stream], list[str]]:
-    """Streams of a table whose columns have the contract's names and units."""
+    """Make streams of the columns of a table.
+
+    Parameters
+    ----------
+    columns : (n,) by contract name, SI, with ``t_s``.
+    layout : has the frames of the columns.
+    name : name of the file, for messages.
+    source : what the log calls the table.
+
+    Returns
+    -------
+    Streams in ENU and FLU, and remarks. A clock that counts from a calendar's beginning starts at
+    0.
+
+    Raises
+    ------
+    UsageError
+        When ``t_s`` is missing.
+    GesError
+        When there is no sample, or a time is not finite.
+    """
     if "t_s" not in columns:
         raise UsageError(f"{name}: the map sends no column to t_s; a flight needs its time")
     t_s = columns["t_s"]
@@ -203,14 +253,19 @@ def streams_of(
 
 
 class Table:
-    """CSV or Parquet."""
+    """Reader of CSV and Parquet tables.
+
+    Attributes
+    ----------
+    name, title, advice : as of :class:`~ges.recordings.readers.log.Reader`.
+    """
 
     name = "table"
     title = "CSV or Parquet by a column map"
     advice = ADVICE
 
     def sniff(self, head: bytes, path: Path) -> bool:
-        """Whether it is Parquet, or text all through with a separator in the first line."""
+        """Tell whether it is Parquet, or text throughout with a separator in the first line."""
         if head.startswith(_PARQUET):
             return True
         if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
@@ -219,13 +274,23 @@ class Table:
         return bool(head) and set(head) <= _TEXT and any(s.encode() in line for s in _SEPARATORS)
 
     def read(self, path: Path, options: Options) -> Log:
-        """Streams of a table, all on its time column.
+        """Read a table; all streams are at the times of its ``t_s``.
+
+        Parameters
+        ----------
+        path : the file.
+        options : ``mapping`` is used.
+
+        Returns
+        -------
+        Streams in ENU and FLU.
 
         Raises
         ------
         GesError
-            Naming the line where the file has another number of columns than its first, or
-            something that is no number; or when there is no map for it.
+            When a line has another number of columns than the first, or a cell is no number.
+        UsageError
+            When there is no map for it.
         """
         with path.open("rb") as file:
             is_parquet = file.read(4) == _PARQUET
