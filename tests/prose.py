@@ -5,7 +5,8 @@ import re
 SECTION = re.compile(r"^\w[\w ]*\n-{3,}$", re.M)
 # An entry of a section: a name and its text, or a line above an indented text.
 ENTRY = re.compile(r"^(?=\S(?:.* : |.*\n {4}\S))", re.M)
-EXAMPLE = re.compile(r"^ *>>> .*\n?(?:.*\S.*\n?)*", re.M)
+# Of Python, or of a command: click leaves lines below a backspace as they are.
+EXAMPLE = re.compile(r"^(?: *>>> |\x08).*\n?(?:.*\S.*\n?)*", re.M)
 
 
 def sentences(text: str) -> list[str]:

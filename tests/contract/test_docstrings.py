@@ -14,7 +14,16 @@ import ges
 
 ROOT = Path(ges.__file__).parent
 ROOMS = ("diagnose", "simulator")
-ROOMS_WITH_SECTIONS = (".", "paper", "recordings", "simulator", "vehicle")
+ROOMS_WITH_SECTIONS = (
+    ".",
+    "commands",
+    "paper",
+    "provenance",
+    "recordings",
+    "simulator",
+    "ui",
+    "vehicle",
+)
 """Folders of the package whose docstrings are complete; "." are its own modules."""
 LEAST_SHARE = 0.8
 LONGEST_SENTENCE_WORDS = 25

@@ -35,7 +35,14 @@ MINUTES = click.option(
 
 
 class Progress:
-    """A bar on stderr at a terminal, nothing in a file."""
+    """A progress bar on stderr, shown at a terminal only.
+
+    A call ``progress(done, total)`` moves it.
+
+    Parameters
+    ----------
+    what : words before the bar.
+    """
 
     def __init__(self, what: str):
         from rich.console import Console

@@ -151,8 +151,9 @@ def command(
 
 
 class DiagnoseProgress:
-    """What is being done, on stderr: a spinner at a terminal, and a line a step once it has ended
-    with the seconds that it took.
+    """Progress of a diagnosis on stderr.
+
+    At a terminal there is a spinner. A step that has ended gives a line with its seconds.
     """
 
     def __init__(self) -> None:
@@ -173,7 +174,12 @@ class DiagnoseProgress:
         self._status.stop()
 
     def step(self, words: str) -> None:
-        """The last step has ended, and this one begins."""
+        """End the last step, and begin another one.
+
+        Parameters
+        ----------
+        words : what begins; '' for nothing.
+        """
         now = time.monotonic()
         if self._words:
             self._console.print(f"{self._words}: {now - self._since:.1f} s", style="dim")
@@ -182,7 +188,16 @@ class DiagnoseProgress:
 
 
 def command_line(context: click.Context) -> str:
-    """The command as it was given, but for what changes nothing of the result."""
+    """Write the command as it was given, without options that change nothing of the result.
+
+    Parameters
+    ----------
+    context : of the command.
+
+    Returns
+    -------
+    One line, quoted for a shell.
+    """
     words = ["ges", "diagnose"]
     for parameter in context.command.params:
         # only what was typed: a default is that of the version, which the page names as well
@@ -201,7 +216,12 @@ def command_line(context: click.Context) -> str:
 
 
 def at_a_display() -> bool:
-    """Whether a person sits in front of a screen here."""
+    """Tell whether a person sits in front of a screen.
+
+    Returns
+    -------
+    True if stdout is a terminal and there is a display.
+    """
     # a pipe, or a job without a screen, opens no browser
     display = sys.platform in ("win32", "darwin") or any(
         os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")

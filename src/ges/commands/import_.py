@@ -82,7 +82,16 @@ MEND = click.option(
 
 
 def reading_options(function: Callable) -> Callable:
-    """Add :data:`READING` to a verb; they go into :func:`read_log` as they come."""
+    """Add :data:`READING` to a command, whose values :func:`read_log` takes.
+
+    Parameters
+    ----------
+    function : the command.
+
+    Returns
+    -------
+    The command with the options, in their order.
+    """
     # decorators apply from the last to the first, and help has them in this order
     for option in reversed(READING):
         function = option(function)
@@ -97,7 +106,20 @@ def read_log(
     rotor_order: tuple[int, ...] | None,
     part: int | None,
 ) -> Log:
-    """A log, read as these options say."""
+    """Read a log as the options of :data:`READING` say.
+
+    Parameters
+    ----------
+    path, kind, mapping, pwm, rotor_order, part : see :class:`ges.recordings.readers.Options` and
+        :func:`ges.recordings.readers.open_log`.
+
+    Raises
+    ------
+    GesError
+        When the log cannot be read.
+    UsageError
+        When an option is wrong.
+    """
     from ges.recordings.readers import Options, open_log
 
     return open_log(path, Options(mapping, pwm, rotor_order, part), kind)

@@ -56,7 +56,12 @@ def command(markdown: bool) -> None:
 
 
 def page() -> str:
-    """The page of the documentation, one table a stage."""
+    """Write the page of the documentation on settings, with one table for each stage.
+
+    Returns
+    -------
+    Markdown.
+    """
     import dataclasses
 
     from ges.diagnose.settings import NOT_OF_THE_METHOD, Settings, of_method, rows

@@ -1,8 +1,8 @@
 """What a run of the workflow was made of: one manifest a run, written after everything else.
 
 A manifest lies in ``results/runs/<id>/manifest.json``. Its id is made from the configuration and
-the project's files, so that the same question asked with the same code has the same id, whatever
-the machine and the day.
+the project's files. The same question asked with the same code has the same id, on any machine and
+any day.
 """
 
 from __future__ import annotations
@@ -27,11 +27,20 @@ from ges.study.config import Study
 
 
 class StrictRun(BaseModel):
+    """A part of a manifest; unknown keys are errors."""
+
     model_config = ConfigDict(extra="forbid")
 
 
 class Output(StrictRun):
-    """One file that the run made."""
+    """One file that the run made.
+
+    Attributes
+    ----------
+    rule : workflow rule that made it.
+    sha256 : SHA-256 of the file, hexadecimal.
+    size_bytes : size of the file.
+    """
 
     rule: str = Field(description="workflow rule that made it")
     sha256: str = Field(pattern="^[0-9a-f]{64}$")
@@ -39,7 +48,14 @@ class Output(StrictRun):
 
 
 class Code(StrictRun):
-    """State of the project's files."""
+    """State of the project's files.
+
+    Attributes
+    ----------
+    commit : git commit; ``unknown`` outside a checkout.
+    modified : whether files differed from the commit.
+    sha256 : hash over the project's files.
+    """
 
     commit: str = Field(description="git commit, 'unknown' outside a checkout")
     modified: bool = Field(description="files differed from the commit")
@@ -47,7 +63,16 @@ class Code(StrictRun):
 
 
 class Environment(StrictRun):
-    """Where it ran."""
+    """Machine and software of a run.
+
+    Attributes
+    ----------
+    python : version of Python.
+    platform, processor : operating system with machine type, and model of the processor.
+    cores : number of cores of the machine.
+    compiler : first line of the C compiler's version.
+    packages : installed versions by package.
+    """
 
     python: str
     platform: str
@@ -58,7 +83,16 @@ class Environment(StrictRun):
 
 
 class Timing(StrictRun):
-    """Cost of one job, named ``<stage>/<job>``."""
+    """Cost of one job, named ``<stage>/<job>``.
+
+    Attributes
+    ----------
+    wall_s : elapsed time.
+    cpu_s : processor time; None where it was not measured.
+    peak_MiB : largest resident memory; None where it was not measured.
+    started_s : start after that of the first job recorded.
+    starting_cpu_s : part of ``cpu_s`` before the work began: interpreter and imports.
+    """
 
     wall_s: float
     cpu_s: float | None
@@ -70,8 +104,19 @@ class Timing(StrictRun):
 
 
 class Manifest(StrictRun):
-    """Everything that is needed to say where a number comes from, and to check that it is still
-    there.
+    """Origin of a run's numbers, with hashes to check them.
+
+    Attributes
+    ----------
+    manifest_version : 1.
+    id : id of the run, see :func:`run_id`.
+    config, config_sha256 : configuration and its hash.
+    code, environment : what ran, and where.
+    seeds : seeds by list.
+    inputs : SHA-256 of files that were read, by path.
+    outputs : files that were made, by path.
+    metrics : numbers that the paper quotes, by name.
+    timings : cost of each job.
     """
 
     manifest_version: int = Field(ge=1, le=1)
@@ -90,12 +135,31 @@ class Manifest(StrictRun):
 
 
 def config_hash(config: Mapping[str, Any]) -> str:
-    """Hash of a configuration, independent of the order and the layout of its file."""
+    """Hash a configuration, independent of the order and layout of its file.
+
+    Parameters
+    ----------
+    config : the configuration, as JSON has it.
+
+    Returns
+    -------
+    SHA-256, 64 hexadecimal digits.
+    """
     return hashlib.sha256(json.dumps(config, sort_keys=True).encode()).hexdigest()
 
 
 def run_id(config: Mapping[str, Any], code_sha256: str) -> str:
-    """Id of the run of a configuration with given code."""
+    """Name the run of a configuration with given code.
+
+    Parameters
+    ----------
+    config : the configuration, as JSON has it.
+    code_sha256 : hash over the project's files.
+
+    Returns
+    -------
+    First 8 digits of both hashes, with a hyphen between.
+    """
     return f"{config_hash(config)[:8]}-{code_sha256[:8]}"
 
 
@@ -108,7 +172,16 @@ def _said(*command: str, cwd: Path | None = None) -> str:
 
 
 def commit(root: Path) -> tuple[str, bool]:
-    """Commit of a checkout and whether tracked files differ from it."""
+    """Find the commit of a checkout.
+
+    Parameters
+    ----------
+    root : folder of the checkout.
+
+    Returns
+    -------
+    First 10 digits of the commit, or ``unknown``, and whether tracked files differ from it.
+    """
     found = _said("git", "rev-parse", "--short=10", "HEAD", cwd=root) or "unknown"
     return found, bool(_said("git", "status", "--porcelain", "--untracked-files=no", cwd=root))
 
@@ -142,7 +215,7 @@ def _number(text: str) -> float | None:
 
 
 def _logged(log: Path, what: str) -> float | None:
-    """Processor time that a job's log gives for ``what``."""
+    """Read the processor time that a job's log gives for ``what``."""
     found = (
         re.search(rf"([\d.]+) s of processor time {what}", log.read_text(errors="replace"))
         if log.is_file()
@@ -152,8 +225,10 @@ def _logged(log: Path, what: str) -> float | None:
 
 
 def _timing(path: Path, log: Path) -> Timing:
-    """Cost of a job, its start by the clock; its own word on processor time goes before the
-    benchmark's, which misses what ends between two looks.
+    """Read the cost of a job.
+
+    Processor time is that of the job's log, else of the benchmark, which misses what ends between
+    two samples.
     """
     keys, values = (line.split("\t") for line in path.read_text().splitlines()[:2])
     row = dict(zip(keys, values, strict=True))
@@ -169,7 +244,7 @@ def _timing(path: Path, log: Path) -> Timing:
 
 
 def _timings(folder: Path, logs: Path) -> dict[str, Timing]:
-    """Timing of every job; a benchmark file is written when its job ends."""
+    """Read the timing of every job; a benchmark file is written when its job ends."""
     names = {
         f: f.relative_to(folder).with_suffix("").as_posix() for f in sorted(folder.rglob("*.tsv"))
     }
@@ -198,10 +273,13 @@ def write_manifest(
     ----------
     made : every result; named in the manifest as given, relative to where the workflow ran.
     numbers : JSON of the numbers quoted in the paper, the run's metrics.
-    makers : rule that made each result.
-    read : sha256 of the files that the run read.
-    benchmarks, logs : folders of Snakemake's benchmark files and of the logs, a folder a stage in
-        each.
+    study : the configuration.
+    makers : rule that made each result, by its path.
+    read : SHA-256 of the files that the run read, by path.
+    code : state of the project's files.
+    benchmarks, logs : folders of Snakemake's benchmark files and of the logs, with a folder for
+        each stage.
+    manifest : file to write.
     """
     config = study.model_dump(mode="json")
     values = {name: entry["value"] for name, entry in json.loads(numbers.read_text()).items()}
@@ -226,7 +304,15 @@ def write_manifest(
 
 
 class Cost(NamedTuple):
-    """What a stage, or the whole run, took."""
+    """Cost of a stage, or of the whole run.
+
+    Attributes
+    ----------
+    jobs : number of jobs.
+    wall_s : time in which any of them ran.
+    cpu_s, starting_cpu_s : sums over the jobs.
+    peak_MiB : most memory that jobs running at the same time can have held.
+    """
 
     jobs: int
     wall_s: float
@@ -236,7 +322,7 @@ class Cost(NamedTuple):
 
 
 def _together(timings: Iterable[Timing]) -> Iterator[tuple[float, list[Timing]]]:
-    """Stretches of time between starts and ends of jobs: length, and the jobs that ran in it."""
+    """Split time at starts and ends of jobs: length, and the jobs that ran in it."""
     timings = list(timings)
     # between two neighbouring edges the set of running jobs is constant
     edges = sorted({edge for t in timings for edge in (t.started_s, t.started_s + t.wall_s)})
@@ -248,8 +334,15 @@ def _together(timings: Iterable[Timing]) -> Iterator[tuple[float, list[Timing]]]
 
 
 def cost(timings: Collection[Timing]) -> Cost:
-    """Cost of jobs: time in which any of them ran, and the most memory that those running at once
-    can have held.
+    """Add up the cost of jobs.
+
+    Parameters
+    ----------
+    timings : timing of each job.
+
+    Returns
+    -------
+    Total cost; times and memory that were not measured count as 0.
     """
     stretches = [(length, jobs) for length, jobs in _together(timings) if jobs]
     return Cost(
@@ -262,8 +355,15 @@ def cost(timings: Collection[Timing]) -> Cost:
 
 
 def stages(run: Manifest) -> dict[str, Cost]:
-    """Cost of every stage of a run, in the order in which they began, and of the whole
-    under 'all'.
+    """Add up the cost of every stage of a run.
+
+    Parameters
+    ----------
+    run : manifest of the run.
+
+    Returns
+    -------
+    Cost by stage, in the order in which they began, and of the whole under ``all``.
     """
     groups: dict[str, list[Timing]] = {}
     for name, timing in sorted(run.timings.items(), key=lambda item: item[1].started_s):
@@ -275,7 +375,17 @@ def stages(run: Manifest) -> dict[str, Cost]:
 
 
 def load_manifest(path: Path) -> Manifest:
-    """Read and check a manifest."""
+    """Read and check a manifest.
+
+    Parameters
+    ----------
+    path : manifest.json of a run.
+
+    Raises
+    ------
+    GesError
+        When it cannot be read, or its content is wrong.
+    """
     try:
         return Manifest.model_validate_json(path.read_bytes())
     except (OSError, ValidationError) as error:
@@ -291,7 +401,16 @@ def load_manifest(path: Path) -> Manifest:
 
 
 def manifests(results: Path) -> dict[str, Path]:
-    """Manifest file of every run below a results folder, newest last."""
+    """List the manifest files below a results folder.
+
+    Parameters
+    ----------
+    results : folder that holds ``runs``.
+
+    Returns
+    -------
+    Paths by id of the run, newest last.
+    """
     found = sorted(
         results.glob("runs/*/manifest.json"), key=lambda f: (f.stat().st_mtime, f.parent.name)
     )
@@ -299,7 +418,24 @@ def manifests(results: Path) -> dict[str, Path]:
 
 
 def find(results: Path, name: str) -> Manifest:
-    """The run whose id is, or begins with, ``name``; 'latest' is the newest."""
+    """Find a run.
+
+    Parameters
+    ----------
+    results : folder that holds ``runs``.
+    name : id or its beginning; ``latest`` for the newest.
+
+    Returns
+    -------
+    Manifest of the run.
+
+    Raises
+    ------
+    GesError
+        When there is no run, several fit, or the manifest cannot be read.
+    UsageError
+        When none fits; the message has the nearest id.
+    """
     known = manifests(results)
     if not known:
         raise GesError(
@@ -318,7 +454,17 @@ def find(results: Path, name: str) -> Manifest:
 
 
 def changed_files(run: Manifest, folder: Path) -> dict[str, str]:
-    """Outputs of a run that are no longer what they were: name to 'missing' or 'changed'."""
+    """List outputs of a run that are no longer what they were.
+
+    Parameters
+    ----------
+    run : manifest of the run.
+    folder : folder that the paths in the manifest are relative to.
+
+    Returns
+    -------
+    ``missing`` or ``changed``, by path.
+    """
     wrong = {}
     for name, output in run.outputs.items():
         file = folder / name
@@ -330,7 +476,18 @@ def changed_files(run: Manifest, folder: Path) -> dict[str, str]:
 
 
 def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested keys as dotted ones."""
+    """Flatten nested keys to dotted ones.
+
+    Parameters
+    ----------
+    tree : nested mappings.
+    prefix : what every key begins with.
+
+    Examples
+    --------
+    >>> flat({"a": {"b": 1}, "c": 2})
+    {'a.b': 1, 'c': 2}
+    """
     rows: dict[str, Any] = {}
     for key, value in tree.items():
         rows |= (
@@ -342,8 +499,16 @@ def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def differences(a: Manifest, b: Manifest) -> dict[str, dict[str, tuple[Any, Any]]]:
-    """What differs between two runs: group to key to the two values (``None`` where one
-    has none).
+    """List what differs between two runs.
+
+    Parameters
+    ----------
+    a, b : manifests of the runs.
+
+    Returns
+    -------
+    Both values by group (``config``, ``code``, ``environment``, ``metrics``, ``outputs``) and key;
+    None where one has none.
     """
 
     def facts(run: Manifest) -> dict[str, dict[str, Any]]:
@@ -364,9 +529,22 @@ def differences(a: Manifest, b: Manifest) -> dict[str, dict[str, tuple[Any, Any]
 
 
 def export_mlflow(run: Manifest, uri: str, experiment: str) -> str:
-    """Write a run into an MLflow store, by one writer, once; returns MLflow's own run id.
+    """Write a run into an MLflow store, once.
 
-    ``uri`` is a tracking address, or the name of an SQLite file.
+    Parameters
+    ----------
+    run : manifest of the run.
+    uri : tracking address, or the name of an SQLite file.
+    experiment : name of the experiment.
+
+    Returns
+    -------
+    MLflow's own id of the run; that of the existing one if it was written before.
+
+    Raises
+    ------
+    GesError
+        When MLflow is not installed.
     """
     try:
         import mlflow

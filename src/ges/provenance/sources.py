@@ -10,7 +10,16 @@ PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def module_file(module: str) -> Path | None:
-    """File of a module of this package, ``None`` if there is none of that name."""
+    """Find the file of a module of this package.
+
+    Parameters
+    ----------
+    module : absolute name.
+
+    Returns
+    -------
+    Path of the file; None where there is no such module.
+    """
     parts = module.split(".")
     if parts[0] != PACKAGE.name:
         return None
@@ -21,8 +30,9 @@ def module_file(module: str) -> Path | None:
 
 @functools.cache
 def _imported(module: str) -> tuple[str, ...]:
-    """Names that a module imports, absolute; of ``from x import y`` both x and x.y, one of which
-    may be no module.
+    """List the names that a module imports, absolute.
+
+    Of ``from x import y`` they are both x and x.y, one of which may be no module.
     """
     names: list[str] = []
     file = module_file(module)
@@ -44,11 +54,18 @@ def _imported(module: str) -> tuple[str, ...]:
 
 @functools.cache
 def sources(module: str) -> tuple[Path, ...]:
-    """Files of this package that importing ``module`` can run, itself included.
+    """List the files of this package that importing a module can run, itself included.
 
-    A function that runs with the same inputs and the same sources gives the same result, so a
-    workflow rule that names these files as its input is run again when one of them changes, and
-    only then.
+    A workflow rule that names them as its input is run again when one of them changes, and only
+    then.
+
+    Parameters
+    ----------
+    module : absolute name.
+
+    Returns
+    -------
+    Paths, sorted.
     """
     todo, found = [module], {}
     while todo:

@@ -1,5 +1,7 @@
-"""The web application behind ``ges ui``: pages made by the server, one script for what a form
-cannot do, steps of a diagnosis as server-sent events.
+"""The web application behind ``ges ui``.
+
+Pages are made by the server. One script does what a form cannot do. Steps of a diagnosis come as
+server-sent events.
 """
 
 from __future__ import annotations
@@ -61,7 +63,12 @@ RESULTS = {
 
 @functools.lru_cache(maxsize=1)
 def templates() -> jinja2.Environment:
-    """Templates of the pages."""
+    """Load the templates of the pages.
+
+    Returns
+    -------
+    The environment, which is made once. A misspelt name in a template is an error.
+    """
     made = jinja2.Environment(
         loader=jinja2.PackageLoader("ges.ui"),
         autoescape=True,
@@ -77,22 +84,33 @@ def templates() -> jinja2.Environment:
 
 
 def page(template: str, status: int = 200, **content: Any) -> HTMLResponse:
-    """One of the server's own pages."""
+    """Render one of the server's own pages.
+
+    Parameters
+    ----------
+    template : name of the template.
+    status : HTTP status.
+    **content : values of the names in the template.
+    """
     return HTMLResponse(templates().get_template(template).render(content), status)
 
 
 def make_app(folder: Path, limit_mb: int) -> Starlette:
-    """The application.
+    """Make the application.
 
     Parameters
     ----------
-    folder : where logs and diagnoses are kept; made where it is not there.
-    limit_mb : what one upload may have together, megabytes.
+    folder : folder for logs and diagnoses, made where it is missing.
+    limit_mb : largest size of one upload, megabytes.
+
+    Returns
+    -------
+    The application, which refuses foreign pages and large uploads.
 
     Raises
     ------
     GesError
-        Where the folder cannot be made.
+        When the folder cannot be made.
     """
     pages = Pages(Workspace(folder), limit_mb * 1_000_000)
     return Starlette(
@@ -115,7 +133,7 @@ def make_app(folder: Path, limit_mb: int) -> Starlette:
 
 
 async def _refused(_: Request, error: Exception) -> Response:
-    """A page with the one sentence of an error."""
+    """Show the one sentence of an error."""
     status = error.status_code if isinstance(error, HTTPException) else 400
     words = error.detail if isinstance(error, HTTPException) else str(error)
     return page("problem.html.j2", status, words=words)
@@ -135,12 +153,15 @@ async def _broken(_: Request, error: Exception) -> Response:
 
 
 class Pages:
-    """What the server answers.
+    """Handlers of the server's addresses.
+
+    A handler takes a request and returns a response. KeyError, for an unknown id or file, becomes a
+    page with status 404; GesError one with status 400.
 
     Parameters
     ----------
     workspace : where logs and diagnoses are kept.
-    limit_bytes : of one upload.
+    limit_bytes : largest size of one upload.
     """
 
     def __init__(self, workspace: Workspace, limit_bytes: int) -> None:
@@ -149,7 +170,12 @@ class Pages:
         self._doctor = asyncio.Lock()
 
     def routes(self) -> list[Route]:
-        """Addresses and what answers them."""
+        """List the addresses and their handlers.
+
+        Returns
+        -------
+        Routes; those that change something take POST alone.
+        """
         post = functools.partial(Route, methods=["POST"])
         return [
             Route("/", self.start),
@@ -172,14 +198,19 @@ class Pages:
 
     @contextlib.asynccontextmanager
     async def lifespan(self, _: Starlette) -> AsyncIterator[None]:
-        """End what is under way when the server ends."""
+        """Stop what is running when the server ends.
+
+        Yields
+        ------
+        Once, while the server runs.
+        """
         yield
         await self.jobs.close()
 
     # What was dropped.
 
     async def start(self, _: Request) -> Response:
-        """The first page: a place to drop logs on, and what is there already."""
+        """Show the first page: a place to drop logs on, and what is there already."""
         return page(
             "start.html.j2",
             folder=self.workspace.folder,
@@ -191,7 +222,13 @@ class Pages:
         )
 
     async def static(self, request: Request) -> Response:
-        """Script and style sheets."""
+        """Send the script or the style sheet.
+
+        Raises
+        ------
+        KeyError
+            When the address names another file.
+        """
         name = request.path_params["name"]
         kinds = {"ui.js": "text/javascript", "ui.css": "text/css"}
         if name not in kinds:
@@ -204,12 +241,34 @@ class Pages:
         return Response(text, media_type=kinds[name])
 
     async def drop(self, request: Request) -> Response:
-        """Keep new logs."""
+        """Keep new logs, and go on to their page.
+
+        Parameters
+        ----------
+        request : form field ``files``, at most :data:`MOST_FILES`.
+
+        Raises
+        ------
+        UsageError
+            When no file came, or all are empty.
+        """
         files = await self._uploaded(request)
         return _see(await self._keep(self.workspace.new_logs(), files))
 
     async def drop_more(self, request: Request) -> Response:
-        """Add files to logs that are there."""
+        """Add files to logs that are there, and go on to their page.
+
+        Parameters
+        ----------
+        request : ``id`` of the logs in the address, form field ``files``.
+
+        Raises
+        ------
+        KeyError
+            When there are no such logs.
+        UsageError
+            When no file came, or all are empty.
+        """
         logs = self.workspace.logs(request.path_params["id"])
         return _see(await self._keep(logs, await self._uploaded(request)))
 
@@ -234,7 +293,7 @@ class Pages:
         return f"/logs/{logs.id}"
 
     async def example(self, _: Request) -> Response:
-        """Keep the flights that the package ships."""
+        """Keep the flights that the package ships, and go on to their page."""
         logs = self.workspace.new_logs()
         with tempfile.TemporaryDirectory() as folder:
             for path in published.fetch("example", Path(folder), None):
@@ -244,7 +303,17 @@ class Pages:
         return _see(f"/logs/{logs.id}")
 
     async def logs(self, request: Request) -> Response:
-        """What ``ges doctor`` says of logs, and the vehicle that flew them."""
+        """Show what ``ges doctor`` says of logs, and a form for their vehicle.
+
+        Parameters
+        ----------
+        request : ``id`` of the logs in the address.
+
+        Raises
+        ------
+        KeyError
+            When there are no such logs.
+        """
         logs = self.workspace.logs(request.path_params["id"])
         found = await self._examined(logs)
         return page(
@@ -275,14 +344,38 @@ class Pages:
         return found
 
     async def reading(self, request: Request) -> Response:
-        """Keep how the logs are to be read."""
+        """Keep how the logs are to be read, and go on to their page.
+
+        Parameters
+        ----------
+        request : ``id`` of the logs in the address, form of :func:`ges.ui.asking.checked_reading`.
+
+        Raises
+        ------
+        KeyError
+            When there are no such logs.
+        UsageError
+            When the form has a wrong value.
+        """
         logs = self.workspace.logs(request.path_params["id"])
         logs.note(reading=asking.checked_reading(logs, await request.form(max_files=0)))
         logs.forget_answer()
         return _see(f"/logs/{logs.id}")
 
     async def vehicle(self, request: Request) -> Response:
-        """Show the vehicle file that the form describes."""
+        """Show the vehicle file that the form describes.
+
+        Parameters
+        ----------
+        request : ``id`` of the logs in the address, form of :func:`ges.ui.asking.vehicle_words`.
+
+        Raises
+        ------
+        KeyError
+            When there are no such logs.
+        GesError
+            When the vehicle cannot be made; the sentence is that of ``ges vehicle``.
+        """
         logs = self.workspace.logs(request.path_params["id"])
         form = await request.form(max_files=0)
         words = asking.vehicle_words(logs, form, await self._examined(logs))
@@ -295,7 +388,19 @@ class Pages:
     # What was diagnosed.
 
     async def diagnose(self, request: Request) -> Response:
-        """Begin a diagnosis."""
+        """Begin a diagnosis, and go on to its page.
+
+        Parameters
+        ----------
+        request : ``id`` of the logs in the address, form of :func:`ges.ui.asking.diagnose_words`.
+
+        Raises
+        ------
+        KeyError
+            When there are no such logs.
+        UsageError
+            When the form has a wrong value.
+        """
         logs = self.workspace.logs(request.path_params["id"])
         form = await request.form(max_files=0)
         words, chosen, vehicle = asking.diagnose_words(logs, form, await self._examined(logs))
@@ -308,7 +413,17 @@ class Pages:
         return _see(f"/diagnoses/{diagnosis.id}")
 
     async def diagnosis(self, request: Request) -> Response:
-        """Steps of a diagnosis, or what it found."""
+        """Show the steps of a diagnosis, or what it found.
+
+        Parameters
+        ----------
+        request : ``id`` of the diagnosis in the address.
+
+        Raises
+        ------
+        KeyError
+            When there is no such diagnosis.
+        """
         told = self._told(self.workspace.diagnosis(request.path_params["id"]))
         return page(
             "diagnosis.html.j2",
@@ -322,7 +437,18 @@ class Pages:
         )
 
     async def events(self, request: Request) -> Response:
-        """Steps as server-sent events, from the first that the page does not show."""
+        """Send steps as server-sent events, from the first that the page does not show.
+
+        Parameters
+        ----------
+        request : ``id`` of the diagnosis in the address. The last known step is the header
+            ``last-event-id`` or the query ``last``.
+
+        Raises
+        ------
+        KeyError
+            When there is no such diagnosis.
+        """
         key = self.workspace.diagnosis(request.path_params["id"]).id
         # a browser that lost the connection says which step it saw last
         last = request.headers.get("last-event-id") or request.query_params.get("last", "")
@@ -337,19 +463,49 @@ class Pages:
         yield "event: over\ndata: {}\n\n"
 
     async def stop(self, request: Request) -> Response:
-        """End a diagnosis that is under way."""
+        """Stop a diagnosis that is running, and go on to its page.
+
+        Parameters
+        ----------
+        request : ``id`` of the diagnosis in the address.
+
+        Raises
+        ------
+        KeyError
+            When there is no such diagnosis.
+        """
         key = self.workspace.diagnosis(request.path_params["id"]).id
         await self.jobs.stop(key)
         return _see(f"/diagnoses/{key}")
 
     async def report(self, request: Request) -> Response:
-        """The page of a diagnosis."""
+        """Show the report of a diagnosis, as a page of no origin.
+
+        Parameters
+        ----------
+        request : ``id`` of the diagnosis in the address.
+
+        Raises
+        ------
+        KeyError
+            When there is no such diagnosis, or it has no report.
+        """
         path = self._result(request, "report.html")
         # shown here, but as a page of no origin: its words may come from a hostile log
         return FileResponse(path, headers={"content-security-policy": guard.REPORTS})
 
     async def result(self, request: Request) -> Response:
-        """A file of a diagnosis, to keep."""
+        """Send a file of a diagnosis as a download.
+
+        Parameters
+        ----------
+        request : ``id`` of the diagnosis and ``name`` of the file in the address.
+
+        Raises
+        ------
+        KeyError
+            When there is no such diagnosis or file.
+        """
         path = self._result(request, request.path_params["name"])
         return FileResponse(path, filename=path.name)
 
@@ -361,7 +517,17 @@ class Pages:
         return diagnosis.results / name
 
     async def archive(self, request: Request) -> Response:
-        """All files of a diagnosis."""
+        """Send all files of a diagnosis as one zip file.
+
+        Parameters
+        ----------
+        request : ``id`` of the diagnosis in the address.
+
+        Raises
+        ------
+        KeyError
+            When there is no such diagnosis, or it is not done.
+        """
         diagnosis = self.workspace.diagnosis(request.path_params["id"])
         if self._told(diagnosis)["state"] != "done":
             raise KeyError(diagnosis.id)
@@ -369,7 +535,19 @@ class Pages:
         return FileResponse(path, filename=f"ges-{diagnosis.id[:6]}.zip")
 
     async def compare(self, request: Request) -> Response:
-        """Two diagnoses side by side."""
+        """Show two diagnoses side by side.
+
+        Parameters
+        ----------
+        request : ids of both as the query ``with``.
+
+        Raises
+        ------
+        KeyError
+            When there is no such diagnosis.
+        UsageError
+            When not exactly two are chosen.
+        """
         # one that was ticked twice would be compared with itself
         keys = list(dict.fromkeys(request.query_params.getlist("with")))
         if len(keys) != 2:
@@ -382,7 +560,7 @@ class Pages:
         return HTMLResponse(text, headers={"content-security-policy": guard.REPORTS})
 
     def _told(self, diagnosis: Diagnosed) -> dict[str, Any]:
-        """What the pages say of a diagnosis."""
+        """Collect what the pages say of a diagnosis."""
         about, job = diagnosis.about, self.jobs.get(diagnosis.id)
         # every key that a template asks for, as templates are strict
         told: dict[str, Any] = {
@@ -413,14 +591,14 @@ def _see(address: str) -> RedirectResponse:
 
 
 def _name(about: dict[str, Any]) -> str:
-    """What to call a diagnosis: its flights and vehicle."""
+    """Name a diagnosis after its flights and vehicle."""
     first, *others = about["files"]
     more = f" and {len(others)} more" if others else ""
     return f"{first}{more}, {about['vehicle']}"
 
 
 def _answers(text: str, problem: str, names: list[str]) -> list[dict[str, Any]]:
-    """What ``ges doctor --json`` said; where it broke, that."""
+    """Read what ``ges doctor --json`` wrote; where it failed, that."""
     with contextlib.suppress(json.JSONDecodeError):
         return [{**asking.NOTHING_FOUND, **found} for found in json.loads(text)]
     return [{**asking.NOTHING_FOUND, "name": name, "problem": problem} for name in names]

@@ -1,4 +1,4 @@
-"""From the forms of the page to the words of the command line."""
+"""Conversion of the page's forms to words of the command line."""
 
 from __future__ import annotations
 
@@ -32,12 +32,22 @@ NOTHING_FOUND: Mapping[str, Any] = {
 
 
 def checked_reading(logs: Logs, form: FormData) -> dict[str, Any]:
-    """How logs are to be read, as the form says it.
+    """Check the form that says how logs are to be read.
+
+    Parameters
+    ----------
+    logs : the logs, with the maps that came with them.
+    form : fields ``pwm_low``, ``pwm_high``, ``rotor_order``, ``part`` and ``map``; all may be
+        empty.
+
+    Returns
+    -------
+    ``map``, ``pwm``, ``rotor_order`` and ``part``, for ``about.json`` of the logs.
 
     Raises
     ------
     UsageError
-        Where a number is none, or a map is neither shipped nor here.
+        When a number is none, or a map is neither shipped nor here.
     """
     # checked here, so that the answer is a sentence about the form and not about an option
     low, high = _number(form, "pwm_low"), _number(form, "pwm_high")
@@ -58,7 +68,17 @@ def checked_reading(logs: Logs, form: FormData) -> dict[str, Any]:
 
 
 def reading(logs: Logs, rotor_order: bool = True) -> list[str]:
-    """The same as options; ``ges doctor`` knows no order of rotors."""
+    """Give the options that say how logs are to be read.
+
+    Parameters
+    ----------
+    logs : the logs, with what :func:`checked_reading` kept.
+    rotor_order : whether the command takes the order of rotors; ``ges doctor`` does not.
+
+    Returns
+    -------
+    Words of the command line; empty where nothing is stated.
+    """
     said, words = logs.about["reading"], []
     if said["map"]:
         words += ["--map", said["map"]]
@@ -72,7 +92,20 @@ def reading(logs: Logs, rotor_order: bool = True) -> list[str]:
 
 
 def vehicle_words(logs: Logs, form: FormData, found: Sequence[Mapping[str, Any]]) -> list[str]:
-    """``ges vehicle`` for what the form describes."""
+    """Give the words of ``ges vehicle`` for what a form describes.
+
+    Parameters
+    ----------
+    logs : the logs.
+    form : ``source`` is ``made`` for a vehicle from the first log, with ``mass``, ``prop`` and
+        ``layout``; else ``vehicle`` is a name.
+    found : answers of ``ges doctor`` about the logs.
+
+    Raises
+    ------
+    UsageError
+        When a field has a wrong value, or mass and propellers are missing.
+    """
     if _text(form, "source") != "made":
         return ["vehicle", "--", _named(logs, form)]
     first, *_ = chosen(form, found)
@@ -82,7 +115,21 @@ def vehicle_words(logs: Logs, form: FormData, found: Sequence[Mapping[str, Any]]
 def diagnose_words(
     logs: Logs, form: FormData, found: Sequence[Mapping[str, Any]]
 ) -> tuple[list[str], list[str], str]:
-    """Options of ``ges diagnose`` that the form asks for, the logs, and a name for the vehicle."""
+    """Give the options of ``ges diagnose`` that a form asks for.
+
+    Parameters
+    ----------
+    logs, form, found : as of :func:`vehicle_words`; ``holdout`` of the form names a flight.
+
+    Returns
+    -------
+    Options, names of the logs, and a name for the vehicle.
+
+    Raises
+    ------
+    UsageError
+        When a field has a wrong value, or no log is ticked.
+    """
     files = chosen(form, found)
     if _text(form, "source") == "made":
         words, vehicle = _made(form), "made from the log"
@@ -95,7 +142,18 @@ def diagnose_words(
 
 
 def chosen(form: FormData, found: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Logs that are ticked; one that cannot serve is none."""
+    """List the logs that are ticked and can be diagnosed.
+
+    Parameters
+    ----------
+    form : field ``log``, once for each ticked log.
+    found : answers of ``ges doctor`` about the logs.
+
+    Raises
+    ------
+    UsageError
+        When there is none.
+    """
     usable = [f["name"] for f in found if f["usable"]]
     ticked = [name for name in usable if name in form.getlist("log")]
     if not ticked:

@@ -1,9 +1,10 @@
-"""What the page keeps, in the one folder that the user names: logs as they were dropped, and
-diagnoses. Random ids name the folders; of a client's file name the last part is kept, cleaned.
+"""What the page keeps in the folder that the user names: logs as they were dropped, and diagnoses.
+
+Random ids name the folders. Of a client's file name the last part is kept, cleaned.
 
 ::
 
-    logs/<id>/about.json         what was said of how the logs are to be read
+    logs/<id>/about.json         how the logs are to be read
     logs/<id>/doctor.json        answer of ``ges doctor``, until the files change
     logs/<id>/files/             the files
     diagnoses/<id>/about.json    what was asked for, and how it ended
@@ -32,7 +33,21 @@ LONGEST_NAME = 60
 
 
 def clean_name(given: str) -> str:
-    """A file name without folders, hidden names, leading dashes and characters of a shell."""
+    """Clean a file name of folders, hidden names, leading dashes and characters of a shell.
+
+    Parameters
+    ----------
+    given : name as the client sent it.
+
+    Returns
+    -------
+    A name of at most :data:`LONGEST_NAME` characters, with its ending; ``log`` if nothing is left.
+
+    Examples
+    --------
+    >>> clean_name("../my flight.ulg")
+    'my_flight.ulg'
+    """
     last = re.split(r"[/\\]", given)[-1]
     name = re.sub(r"[^\w.]+", "_", last).strip("._")
     # what is cut is the stem: readers go by the ending
@@ -57,40 +72,55 @@ class Kept:
 
     @property
     def about(self) -> dict[str, Any]:
-        """What is written down of it."""
+        """Content of its ``about.json``."""
         return json.loads((self.path / "about.json").read_text(encoding="utf-8"))
 
     def note(self, **changed: Any) -> None:
-        """Write down more of it."""
+        """Change entries of its ``about.json``.
+
+        Parameters
+        ----------
+        **changed : new values by key; others stay.
+        """
         write_json(self.path / "about.json", {**self.about, **changed})
 
 
 class Logs(Kept):
-    """Logs that were dropped together, with the vehicle files and maps that came with them."""
+    """Logs that were dropped together, with vehicle files and maps that came with them.
+
+    Attributes
+    ----------
+    id, path : as of :class:`Kept`.
+    """
 
     @property
     def files(self) -> Path:
-        """Their folder."""
+        """Folder of the files."""
         return self.path / "files"
 
     def names(self) -> list[str]:
-        """Files that are to be read as logs, sorted."""
+        """List the files to be read as logs, sorted: those that are not YAML."""
         return [n for n in self._all() if not n.lower().endswith(YAML_ENDINGS)]
 
     def yaml_names(self) -> list[str]:
-        """Vehicle files and maps, sorted."""
+        """List vehicle files and maps, sorted: those that are YAML."""
         return [n for n in self._all() if n.lower().endswith(YAML_ENDINGS)]
 
     def _all(self) -> list[str]:
         return sorted(p.name for p in self.files.iterdir() if not p.name.startswith("."))
 
     def add(self, given: str, content: BinaryIO) -> None:
-        """Keep a file under its cleaned name, or that with a number where there is one already.
+        """Keep a file under its cleaned name, with a number added where that is taken.
+
+        Parameters
+        ----------
+        given : name as the client sent it.
+        content : open file, read to its end.
 
         Raises
         ------
         GesError
-            Where it cannot be written.
+            When it cannot be written.
         """
         name = Path(clean_name(given))
         taken, number = set(self._all()), 2
@@ -107,29 +137,45 @@ class Logs(Kept):
         self.forget_answer()
 
     def answer(self) -> list[dict[str, Any]] | None:
-        """What ``ges doctor`` said of the files, if it was asked."""
+        """Read what ``ges doctor`` said of the files.
+
+        Returns
+        -------
+        One mapping a file, see :func:`ges.examine.examine`; None if it was not asked since the last
+        change.
+        """
         path = self.path / "doctor.json"
         return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
 
     def keep_answer(self, found: list[dict[str, Any]]) -> None:
-        """Keep what ``ges doctor`` said."""
+        """Keep what ``ges doctor`` said.
+
+        Parameters
+        ----------
+        found : one mapping a file.
+        """
         write_json(self.path / "doctor.json", found)
 
     def forget_answer(self) -> None:
-        """The files, or what is said of them, changed."""
+        """Remove the answer of ``ges doctor``, after files or their reading changed."""
         (self.path / "doctor.json").unlink(missing_ok=True)
 
 
 class Diagnosed(Kept):
-    """A diagnosis that was asked for."""
+    """A diagnosis that was asked for.
+
+    Attributes
+    ----------
+    id, path : as of :class:`Kept`.
+    """
 
     @property
     def results(self) -> Path:
-        """The folder that ``ges diagnose`` writes."""
+        """Folder that ``ges diagnose`` writes."""
         return self.path / "results"
 
     def names(self) -> list[str]:
-        """Files that are there to be read, sorted."""
+        """List the files in :attr:`results` that are complete, sorted; empty before the first."""
         if not self.results.is_dir():
             return []
         return sorted(
@@ -137,7 +183,12 @@ class Diagnosed(Kept):
         )
 
     def archive(self) -> Path:
-        """All of them in one zip file."""
+        """Pack all files of :attr:`results` into one zip file, once.
+
+        Returns
+        -------
+        Path of the zip file.
+        """
         path = self.path / "results.zip"
         if not path.is_file():
             # make_archive adds an ending of its own
@@ -151,12 +202,12 @@ class Workspace:
 
     Parameters
     ----------
-    folder : made where it is not there.
+    folder : made where it is missing.
 
     Raises
     ------
     GesError
-        Where it cannot be made.
+        When it cannot be made.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -168,13 +219,23 @@ class Workspace:
             raise GesError(f"cannot make the folder {folder}: {error.strerror}") from None
 
     def new_logs(self) -> Logs:
-        """An empty set of logs."""
+        """Make an empty set of logs.
+
+        Returns
+        -------
+        The set, read as :data:`AS_THEY_ARE`.
+        """
         logs = Logs(self._new("logs", {"reading": AS_THEY_ARE}))
         logs.files.mkdir()
         return logs
 
     def new_diagnosis(self, asked: Mapping[str, Any]) -> Diagnosed:
-        """A diagnosis that has not begun."""
+        """Make a diagnosis that has not begun.
+
+        Parameters
+        ----------
+        asked : first content of its ``about.json``.
+        """
         return Diagnosed(self._new("diagnoses", asked))
 
     def _new(self, kind: str, about: Mapping[str, Any]) -> Path:
@@ -185,11 +246,31 @@ class Workspace:
         return path
 
     def logs(self, key: str) -> Logs:
-        """A set of logs by its id; ``KeyError`` where there is none."""
+        """Find a set of logs.
+
+        Parameters
+        ----------
+        key : its id, 16 hexadecimal digits.
+
+        Raises
+        ------
+        KeyError
+            When there is none.
+        """
         return Logs(self._path("logs", key))
 
     def diagnosis(self, key: str) -> Diagnosed:
-        """A diagnosis by its id; ``KeyError`` where there is none."""
+        """Find a diagnosis.
+
+        Parameters
+        ----------
+        key : its id, 16 hexadecimal digits.
+
+        Raises
+        ------
+        KeyError
+            When there is none.
+        """
         return Diagnosed(self._path("diagnoses", key))
 
     def _path(self, kind: str, key: str) -> Path:
@@ -200,11 +281,11 @@ class Workspace:
         return path
 
     def all_logs(self) -> list[Logs]:
-        """All sets of logs, the newest first."""
+        """List all sets of logs, the newest first."""
         return [Logs(p) for p in self._newest("logs")]
 
     def all_diagnoses(self) -> list[Diagnosed]:
-        """All diagnoses, the newest first."""
+        """List all diagnoses, the newest first."""
         return [Diagnosed(p) for p in self._newest("diagnoses")]
 
     def _newest(self, kind: str) -> list[Path]:

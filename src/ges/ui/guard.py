@@ -1,4 +1,4 @@
-"""What keeps other pages out of a server on loopback, and what it serves inside."""
+"""Protection of a server on loopback from other pages, and headers of what it serves."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ HEADERS = {
 
 
 class Guard:
-    """Refuse what other pages send, and what is larger than the limit; add :data:`HEADERS`.
+    """Middleware that refuses requests of other pages and large ones, and adds :data:`HEADERS`.
 
     Parameters
     ----------
-    app : what is guarded.
-    limit_bytes : of one request.
+    app : application to guard.
+    limit_bytes : largest size of one request.
     """
 
     def __init__(self, app: ASGIApp, limit_bytes: int) -> None:
@@ -71,7 +71,12 @@ class Guard:
 
 
 def too_large(limit_bytes: int) -> str:
-    """What is said of an upload beyond the limit."""
+    """Say that an upload is beyond the limit.
+
+    Parameters
+    ----------
+    limit_bytes : the limit.
+    """
     return (
         f"These files are larger than {limit_bytes / 1e6:.0f} MB together; drop fewer of them, or"
         " start ges ui with a larger --limit."

@@ -1,5 +1,7 @@
-"""Verbs of ``ges`` in child processes: what the page knows of a log or a diagnosis it is told by
-the command line, so that a file that brings it down brings nothing else down.
+"""Commands of ``ges`` in child processes.
+
+The page learns of a log or a diagnosis from the command line. A file that crashes the command
+crashes nothing else.
 """
 
 from __future__ import annotations
@@ -27,7 +29,13 @@ _STEP = re.compile(r"(.+): (\d+\.\d) s")
 
 @dataclass(frozen=True)
 class Ended:
-    """A verb that has ended: exit code and what it wrote."""
+    """A command that has ended.
+
+    Attributes
+    ----------
+    code : exit status.
+    out, err : what it wrote to stdout and stderr.
+    """
 
     code: int
     out: str
@@ -35,7 +43,7 @@ class Ended:
 
     @property
     def problem(self) -> str:
-        """Its one sentence on what went wrong."""
+        """One sentence on what went wrong, as the command wrote it."""
         lines = [line for line in self.err.splitlines() if line.strip()]
         # what GES and click say on purpose; the last line of a traceback where neither spoke
         said = [line.removeprefix("ges: ") for line in lines if line.startswith("ges: ")]
@@ -65,7 +73,7 @@ async def _start(words: Sequence[str], cwd: Path) -> asyncio.subprocess.Process:
 
 
 async def _end(process: asyncio.subprocess.Process) -> None:
-    """End a verb with the processes that it started."""
+    """Kill a command with the processes that it started."""
     if process.returncode is None:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
@@ -73,12 +81,16 @@ async def _end(process: asyncio.subprocess.Process) -> None:
 
 
 async def ask(words: Sequence[str], cwd: Path) -> Ended:
-    """Run a verb that is over soon.
+    """Run a command that takes little time.
 
     Parameters
     ----------
-    words : verb and arguments.
+    words : command and arguments, without ``ges``.
     cwd : folder in which it runs.
+
+    Returns
+    -------
+    What it wrote; after :data:`LONGEST_ANSWER_S` it is killed, with status 1.
     """
     process = await _start(words, cwd)
     try:
@@ -94,13 +106,15 @@ async def ask(words: Sequence[str], cwd: Path) -> Ended:
 
 @dataclass
 class Job:
-    """A diagnosis under way.
+    """A diagnosis that is running or was.
 
     Attributes
     ----------
     steps : ``what`` and ``seconds`` of each step that has ended.
-    state : waiting, running, done, failed or stopped.
-    problem : why it failed, a sentence.
+    state : ``waiting``, ``running``, ``done``, ``failed`` or ``stopped``.
+    problem : why it failed, one sentence; '' if it did not.
+    news : notified when ``steps`` or ``state`` change.
+    task : task that runs it; None before it is scheduled.
     """
 
     steps: list[dict[str, Any]] = field(default_factory=list)
@@ -111,11 +125,20 @@ class Job:
 
     @property
     def over(self) -> bool:
-        """Whether nothing more will come."""
+        """Whether the diagnosis has ended, in whatever way."""
         return self.state not in ("waiting", "running")
 
     async def follow(self, known: int = 0) -> AsyncIterator[tuple[int, dict[str, Any]]]:
-        """Steps with their numbers as they end, from one that is not known yet."""
+        """Wait for steps as they end.
+
+        Parameters
+        ----------
+        known : number of the first step to give, from 0.
+
+        Yields
+        ------
+        Number and content of each step, until the diagnosis is over.
+        """
         while True:
             for number in range(known, len(self.steps)):
                 yield number, self.steps[number]
@@ -128,36 +151,50 @@ class Job:
 
 
 class Jobs:
-    """Diagnoses under way, one at a time: each keeps a processor busy."""
+    """Queue of diagnoses, one at a time, as each keeps a processor busy."""
 
     def __init__(self) -> None:
         self._jobs: dict[str, Job] = {}
         self._turn = asyncio.Semaphore(1)
 
     def get(self, key: str) -> Job | None:
-        """The job of a diagnosis that was begun since the server started."""
-        return self._jobs.get(key)
-
-    def begin(self, diagnosis: Diagnosed, words: Sequence[str], cwd: Path) -> None:
-        """Begin a diagnosis once those before it are over.
+        """Find the job of a diagnosis.
 
         Parameters
         ----------
-        diagnosis : where it is written down how it ended.
+        key : id of the diagnosis.
+
+        Returns
+        -------
+        The job; None if it was not begun since the server started.
+        """
+        return self._jobs.get(key)
+
+    def begin(self, diagnosis: Diagnosed, words: Sequence[str], cwd: Path) -> None:
+        """Queue a diagnosis, to begin once those before it are over.
+
+        Parameters
+        ----------
+        diagnosis : its ``about.json`` gets state, problem, steps and seconds at the end.
         words, cwd : as of :func:`ask`.
         """
         job = self._jobs[diagnosis.id] = Job()
         job.task = asyncio.create_task(self._work(job, diagnosis, words, cwd))
 
     async def stop(self, key: str) -> None:
-        """End a diagnosis that is under way."""
+        """Stop a diagnosis that is queued or running; nothing happens to others.
+
+        Parameters
+        ----------
+        key : id of the diagnosis.
+        """
         job = self._jobs.get(key)
         if job and job.task and not job.over:
             job.task.cancel()
             await asyncio.wait([job.task])
 
     async def close(self) -> None:
-        """End all that are under way."""
+        """Stop all diagnoses that are queued or running."""
         for key in list(self._jobs):
             await self.stop(key)
 
