@@ -13,7 +13,7 @@ from prose import docstring_sentences
 import ges
 
 ROOT = Path(ges.__file__).parent
-ROOMS = ("diagnose", "simulator")
+ROOMS = ("diagnose", "recordings", "simulator", "vehicle")
 ROOMS_WITH_SECTIONS = (
     ".",
     "commands",
@@ -38,6 +38,9 @@ UNIT = re.compile(
     r"_(?:1_)?(?:kg|m|s|rad|N|Nm|V|A|Hz|us|radii|sds)\d?(?:_(?:m|s|rad)\d?)*$|_N_s2$|_kg_m2$"
 )
 
+PARAMETERS = re.compile(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+$|\Z)", re.M | re.S)
+ENTRY = re.compile(r"^\*{0,2}(\w[\w, ]*) : ", re.M)
+
 
 def _public(body: list[ast.stmt], of: str = "") -> Iterator[tuple[str, ast.FunctionDef]]:
     """Functions of a module and methods of its classes whose names do not begin with ``_``."""
@@ -48,8 +51,10 @@ def _public(body: list[ast.stmt], of: str = "") -> Iterator[tuple[str, ast.Funct
             yield from _public(node.body, f"{node.name}.")
 
 
-def _arguments(function: ast.FunctionDef) -> list[ast.arg]:
-    return [*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs]
+def _arguments(function: ast.FunctionDef | ast.AsyncFunctionDef) -> list[ast.arg]:
+    a = function.args
+    of_all = [*a.posonlyargs, *a.args, a.vararg, *a.kwonlyargs, a.kwarg]
+    return [one for one in of_all if one is not None and one.arg not in ("self", "cls")]
 
 
 def _takes_or_returns_arrays(function: ast.FunctionDef) -> bool:
@@ -134,3 +139,17 @@ def test_no_sentence_of_a_docstring_is_long(room):
         if len(sentence.split()) > LONGEST_SENTENCE_WORDS
     ]
     assert not long, "\n".join(long)
+
+
+@pytest.mark.parametrize("room", ROOMS_WITH_SECTIONS)
+def test_parameters_are_those_that_the_function_takes(room):
+    wrong = []
+    for path in _files(room):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                continue
+            if section := PARAMETERS.search(ast.get_docstring(node) or ""):
+                named = {n.strip() for names in ENTRY.findall(section[1]) for n in names.split(",")}
+                if named != {a.arg for a in _arguments(node)}:
+                    wrong.append(f"{path.relative_to(ROOT)}:{node.name}")
+    assert not wrong, "\n".join(wrong)

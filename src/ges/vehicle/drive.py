@@ -46,12 +46,12 @@ def normalised_thrust(u: np.ndarray, c: float) -> np.ndarray:
 
     Parameters
     ----------
-    u : commands, 0 to 1, of any shape.
+    u : commands, 0 to 1, of a shape such as (n,) or (n, k).
     c : linear share of the thrust curve.
 
     Returns
     -------
-    (1 - c) u^2 + c u, not below 0, of the shape of ``u``.
+    (1 - c) u^2 + c u, not below 0, of the same shape.
     """
     return np.maximum((1.0 - c) * u * u + c * u, 0.0)
 
