@@ -13,12 +13,12 @@ __version__ = "0.1.0"
 
 
 def __dir__() -> list[str]:
-    """The packages and modules of ges, none of which has to be imported for that."""
+    """List the packages and modules of ges, without importing them."""
     return sorted(["__version__", *(m.name for m in _pkgutil.iter_modules(__path__))])
 
 
 def __getattr__(name: str) -> types.ModuleType:
-    """``ges.diagnose`` and the other packages, imported when they are first asked for."""
+    """Import ``ges.diagnose`` and the other packages when they are first asked for."""
     if name.startswith("_"):
         raise AttributeError(name)
     try:

@@ -63,7 +63,6 @@ def examine(path: Path, options: Options, kind: str = "auto") -> dict[str, Any]:
     GesError
         When the log cannot be read at all.
     """
-
     log = open_log(path, options, kind)
     problem = log.problem()
     found: dict[str, Any] = {
@@ -116,7 +115,6 @@ def _seconds(log: Log) -> float:
 
 def _advice(log: Log) -> dict[str, str]:
     """Say what to switch on for streams that are missing or slow."""
-
     # in the words of the autopilot that wrote it
     advice = next(reader.advice for reader in READERS if reader.name == log.format)
     advised = {}
@@ -130,7 +128,6 @@ def _advice(log: Log) -> dict[str, str]:
 
 def _effects(frame: pd.DataFrame) -> tuple[list[str], dict[str, str]]:
     """Split the effects into those with all their streams, and what each of the others lacks."""
-
     # as a diagnosis prepares it; a vehicle of defaults will do, as streams are asked for
     flight = with_thrust_direction(regrid(frame, grid_step_s(frame)), frame)
     can, cannot = [], {}

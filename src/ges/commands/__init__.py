@@ -1,1 +1,1 @@
-"""One module a verb; each offers ``command``, a click command."""
+"""Commands of ``ges``, one module each, which offers ``command``, a click command."""

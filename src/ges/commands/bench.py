@@ -160,7 +160,7 @@ def _manoeuvre(vehicle: Vehicle, plan: str, duration: float, seed: int) -> sim.F
 
 
 def _logged(record: sim.Record, seed: int) -> pd.DataFrame:
-    """A flight's table, its velocity and attitude as noisy as an estimator's."""
+    """Give a flight's table, its velocity and attitude as noisy as an estimator's."""
     import pandas as pd
 
     rng, columns = (
@@ -173,9 +173,7 @@ def _logged(record: sim.Record, seed: int) -> pd.DataFrame:
 
 
 def _diagnosis_case(duration: float, repeats: int) -> dict:
-    """Five flights with rotor drag: seconds of simulating them, of diagnosing them and of writing
-    the report.
-    """
+    """Time five flights with rotor drag: simulating them, diagnosing them, writing the report."""
     from ges.diagnose.pipeline import diagnose
     from ges.diagnose.report.output import write_diagnosis
     from ges.vehicle.file import parse_vehicle
@@ -242,9 +240,11 @@ BENCHES = {"sim": _bench_sim, "diagnosis": _bench_diagnosis}
 )
 @click.option("--out", type=click.Path(path_type=Path), help="Write the figures here as JSON.")
 def command(what: str, duration: float, repeats: int, out: Path | None) -> None:
-    """How fast it is. sim: steps per second and core, for one flight and for lanes, beside cheaper
-    kernels for scale. diagnosis: seconds of diagnosing five flights, as many times those of
-    simulating them, and of writing the report.
+    """Measure how fast the simulator or the diagnosis is.
+
+    sim: steps per second and core, for one flight and for lanes, beside cheaper kernels for scale.
+    diagnosis: seconds of diagnosing five flights, as many times those of simulating them, and of
+    writing the report.
 
     Example: ges bench sim --out bench.json
 

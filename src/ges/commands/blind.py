@@ -173,10 +173,10 @@ def score(folder: Path, out: Path | None, method: str, pairs: tuple[str, ...]) -
     metavar="DIR ...",
 )
 def calibrate(folders: tuple[Path, ...]) -> None:
-    """Fit the correction of stated probabilities to diagnosed cases of development seeds (below
-    1000).
+    """Fit the correction of stated probabilities to diagnosed cases of development seeds.
 
-    Prints two of ges settings. Example: ges blind calibrate dev-21 dev-22
+    These are seeds below 1000. Prints two of ges settings. Example: ges blind calibrate dev-21
+    dev-22
     """
     import numpy as np
 
@@ -196,11 +196,12 @@ def calibrate(folders: tuple[Path, ...]) -> None:
 @click.argument("before", type=click.Path(path_type=Path, exists=True, file_okay=False))
 @click.argument("after", type=click.Path(path_type=Path, exists=True, file_okay=False))
 def changes(before: Path, after: Path) -> None:
-    """List what differs between two folders of verdicts on the same cases; exit 1 if anything does.
-    New keys do not count.
+    """List what differs between two folders of verdicts on the same cases.
 
-    Example: cp -r proof/diagnosed proof/before, change the code, then
-    ges blind run proof && ges blind changes proof/before proof/diagnosed
+    Exits with 1 if anything does. New keys do not count.
+
+    Example: cp -r proof/diagnosed proof/before, change the code, then ges blind run proof && ges
+    blind changes proof/before proof/diagnosed
     """
     from ges.blind.score.changes import changed_cases
 
@@ -277,8 +278,10 @@ def worlds(
     processes: int,
     minutes: float | None,
 ) -> None:
-    """Write sets from worlds that the diagnosis was not tuned on: simulators of others (extra
-    'simulators'), real flights, and the home generator in other airs and by a second author.
+    """Write sets from worlds that the diagnosis was not tuned on.
+
+    They are simulators of others (extra 'simulators'), real flights, and the home generator in
+    other airs and by a second author.
 
     Example: ges blind worlds --seed 7 --half development --only rotorpy --out abroad
     """

@@ -17,8 +17,10 @@ import click
     help="Write the comparison as a page, too.",
 )
 def command(first: Path, second: Path, html: Path | None) -> None:
-    """Lay two diagnoses side by side: verdicts, findings with intervals that overlap or do not, and
-    errors on flights that took no part.
+    """Lay two diagnoses side by side.
+
+    Shows verdicts, findings with intervals that overlap or do not, and errors on flights that took
+    no part.
 
     Example: ges compare reports/monday reports/tuesday
     """

@@ -107,10 +107,10 @@ def command(
     opened: bool | None,
     pairs: tuple[str, ...],
 ) -> None:
-    """Locate where the simulator and the flights differ, name what is missing, fit it, and show the
-    fit improve.
+    """Find what a simulator lacks, from recorded flights.
 
-    SET is a folder of 'ges import'; a LOG is read as it is, whatever autopilot wrote it.
+    Locates where simulator and flights differ, names what is missing, fits it, and shows the fit
+    improve. SET is a folder of 'ges import'; a LOG is read as it is, whatever autopilot wrote it.
 
     \b
     Examples:

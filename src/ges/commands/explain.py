@@ -11,8 +11,9 @@ import click
 @click.argument("folder", type=click.Path(path_type=Path), metavar="DIR")
 @click.argument("name", required=False)
 def command(folder: Path, name: str | None) -> None:
-    """Print what the diagnosis in DIR considered; with NAME, every rule that this effect had to
-    pass, and what was measured.
+    """Print what the diagnosis in DIR considered.
+
+    With NAME it prints every rule that this effect had to pass, and what was measured.
 
     \b
     Examples:

@@ -126,7 +126,7 @@ def read_log(
 
 
 def _parts(name: str, frame: pd.DataFrame, count: int) -> list[tuple[str, pd.DataFrame]]:
-    """The log as ``count`` consecutive flights of equal length in time."""
+    """Cut the log into ``count`` consecutive flights of equal length in time."""
     if count == 1:
         return [(name, frame)]
     t = frame["t_s"]
@@ -140,7 +140,7 @@ def _parts(name: str, frame: pd.DataFrame, count: int) -> list[tuple[str, pd.Dat
 
 
 def _within(name: str, frame: pd.DataFrame, between: tuple[float, float] | None) -> pd.DataFrame:
-    """The rows of these seconds, counted from the first row."""
+    """Select the rows of these seconds, counted from the first row."""
     from ges.errors import UsageError
 
     if between is None:
@@ -158,8 +158,11 @@ def _within(name: str, frame: pd.DataFrame, between: tuple[float, float] | None)
 def _without_empty(
     parts: list[tuple[str, pd.DataFrame]],
 ) -> tuple[list[tuple[str, pd.DataFrame]], list[str]]:
-    """Flights without the columns that hold nothing in them, and a sentence for those that lack
-    the same.
+    """Drop the columns that hold nothing in a flight.
+
+    Returns
+    -------
+    Name and table of each flight, and a sentence for flights that lack the same columns.
     """
     lacking: dict[tuple[str, ...], list[str]] = {}
     kept = []

@@ -87,8 +87,9 @@ def show(run: str, results: Path, as_json: bool) -> None:
 @RUN
 @RESULTS
 def cost(run: str, results: Path) -> None:
-    """Time and memory of a run by stage; 'starting' is interpreter and imports, memory what jobs at
-    once held at most.
+    """Print time and memory of a run by stage.
+
+    'starting' is interpreter and imports, memory what jobs at once held at most.
     """
     found = runs.find(results, run)
     table = _table("stage", "jobs", "wall s", "CPU s", "starting CPU s", "peak MiB")
@@ -106,7 +107,7 @@ def _short(value: Any) -> str:
 @click.argument("b")
 @RESULTS
 def diff(a: str, b: str, results: Path) -> None:
-    """What differs between two runs: configuration, code, packages, metrics, files."""
+    """List what differs between two runs: configuration, code, packages, metrics, files."""
     first, second = runs.find(results, a), runs.find(results, b)
     table = _table("what", "key", first.id, second.id)
     for group, keys in runs.differences(first, second).items():

@@ -45,11 +45,11 @@ LOOPBACK = "127.0.0.1"
     help="Open the page in a browser. Default: at a terminal with a display.",
 )
 def command(folder: Path, port: int, limit_mb: int, opened: bool | None) -> None:
-    """Serve a page to drop flight logs on: what is in them, which vehicle flew, the diagnosis as it
-    goes on, and two of them side by side.
+    """Serve a page to drop flight logs on.
 
-    Only this computer reaches it, it reaches no other, and what is dropped stays in the folder.
-    Ctrl-C ends it.
+    It shows what is in them, which vehicle flew, the diagnosis as it goes on, and two of them side
+    by side. Only this computer reaches it, it reaches no other, and what is dropped stays in the
+    folder. Ctrl-C ends it.
 
     Example: ges ui --folder flights
     """

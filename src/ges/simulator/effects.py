@@ -542,7 +542,7 @@ def pack(effects: Effects) -> _lib.CEffects:
 
 
 def _rows(table: Sequence[_lib.Column], n_rotors: int) -> dict[str, int]:
-    """Number the rows of the quantities, those of rotors last."""
+    """Give the row of each quantity, those of rotors last."""
     fixed = [name for name, _, _, rotor in table if not rotor]
     of_rotors = [
         name.replace("#", str(i + 1)) for name, *_, rotor in table if rotor for i in range(n_rotors)
@@ -552,7 +552,7 @@ def _rows(table: Sequence[_lib.Column], n_rotors: int) -> dict[str, int]:
 
 @functools.lru_cache(maxsize=MAX_ROTORS)
 def sample_rows(n_rotors: int) -> dict[str, int]:
-    """Number the rows of what a replay reads.
+    """Give the row of each quantity that a replay reads.
 
     Parameters
     ----------
@@ -567,7 +567,7 @@ def sample_rows(n_rotors: int) -> dict[str, int]:
 
 @functools.lru_cache(maxsize=MAX_ROTORS)
 def replay_rows(n_rotors: int) -> dict[str, int]:
-    """Number the rows of what a replay gives.
+    """Give the row of each quantity that a replay gives.
 
     Parameters
     ----------

@@ -592,7 +592,7 @@ def _plain(value: Any) -> Any:
 
 
 def _rotor_of(effect: str, parameter: str) -> int:
-    """Number of the rotor, from 1, that a parameter of an effect belongs to; 0 for none."""
+    """Give the number of the rotor that a parameter of an effect belongs to, from 1; 0 for none."""
     from ges.simulator import effects
 
     return effects.get(effect).parameter(parameter).rotor

@@ -281,7 +281,7 @@ def _holds_height(log: _Log, t_s: np.ndarray) -> np.ndarray:
 
 
 def _motors(log: _Log) -> list[int]:
-    """Number the motors, by the frame, or by the functions of the outputs without one."""
+    """List the numbers of the motors, by the frame, else by the functions of the outputs."""
     group = int(log.parameters.get("FRAME_CLASS", 0))
     if group == _TRICOPTER:
         return list(_TRI_MOTORS)
