@@ -97,7 +97,7 @@ def command(
     language: str | None,
     **reading: Any,
 ) -> None:
-    """Print a vehicle file, every number with its source and doubt.
+    """Print a vehicle file, every number with its source and standard deviation.
 
     From a flight log, its mass and propellers; from a Gazebo model (SDF), a RotorPy parameter file,
     a gym-pybullet-drones URDF or PX4 SIH parameters; from a vehicle file or a name of the library.

@@ -226,7 +226,8 @@ class Vehicle(_Strict):
     mass_kg : as flown.
     inertia_kg_m2 : about the body axes; None for the simulator's default.
     rotors : 3 to 16, in the order of the recorded columns.
-    thrust_coefficient_N_s2 : k in T = k w^2 of a rotor, at the density ``rho_kg_m3``.
+    thrust_coefficient_N_s2 : k in T = k w^2 of a rotor, out of ground effect; it does not follow
+        ``rho_kg_m3``.
     torque_coefficient_Nm_s2 : k_q in the reaction torque k_q w^2; None for the simulator's default.
     motor_time_constant_s : first-order lag of rotor speed behind its command; None for the default.
     max_rotor_speed_rad_s : at full command; None for the simulator's default.

@@ -160,8 +160,8 @@ class Log:
 
         Returns
         -------
-        Times (n,) of the attitude, s; of the longest stream if the attitude is missing or slower
-        than 2 Hz.
+        Times (n,) of the attitude, s; of the stream with most rows if the attitude is missing or
+        slower than 2 Hz.
         """
         # at its own times the attitude, by which all else is turned, needs no interpolation
         attitude = self.streams.get("attitude")
@@ -459,7 +459,7 @@ def _held(axis: np.ndarray, t: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def _shortcoming(streams: Mapping[str, Stream]) -> str:
-    """Say what a log of any origin lacks to tell forces; '' for nothing."""
+    """Say what a log of any origin lacks to determine forces; '' for nothing."""
     longest_s = max((s.t_s[-1] - s.t_s[0] for s in streams.values()), default=0.0)
     if longest_s > _LONGEST_S:
         return (
