@@ -235,8 +235,9 @@ class Vehicle(_Strict):
     terrain : ground under the flights.
     effects : effects that the simulator is to model, by name and parameter.
     laws : forces and moments beside the effects, at most one law a channel.
-    left_unexplained : rms of the residual that healthy flights leave, by channel, N or N m. Written
-        by a calibration; a key with ``_size`` is the largest that the residual gets anywhere.
+    left_unexplained : rms of the residual that the flights of a calibration leave, by channel:
+        ``force_z`` in N, ``moment_y`` in N m. A key with ``_size`` is the largest that the residual
+        gets anywhere.
 
     Examples
     --------
@@ -259,9 +260,6 @@ class Vehicle(_Strict):
     effects: dict[str, dict[str, Estimate]] = {}
     laws: tuple[Law, ...] = ()
     left_unexplained: dict[str, Annotated[float, pydantic.Field(ge=0)]] | None = None
-    """By channel (``force_z`` in N, ``moment_y`` in N m...): rms of what even the flights of its
-    calibration show beyond it; with ``_size``, the largest that their residual gets anywhere.
-    """
 
     @pydantic.field_validator("rotors")
     @classmethod
