@@ -48,7 +48,8 @@ def diagnose(
     holdout : names of flights that take no part in fitting or choosing. By default a hash of the
         recorded numbers chooses one flight in four, and at least one of two.
     folder : folder of the height map that ``vehicle`` names.
-    names : effects to fit instead of searching: what could be reached if the causes were known.
+    names : effects to fit instead of searching: what could be reached if the causes were known. A
+        name that the flights cannot show, or the library does not have, is left out.
     watch : called as ``watch(step, known)`` when a step ends. Steps are ``"located"`` with the
         cells of the map of residuals, and ``"fitted"`` with the accepted names.
 
@@ -61,7 +62,7 @@ def diagnose(
     GesError
         When the recordings cannot be used, in one sentence.
     UsageError
-        When ``holdout`` or ``names`` has an unknown name.
+        When ``holdout`` has an unknown name.
 
     Notes
     -----

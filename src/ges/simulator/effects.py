@@ -237,7 +237,7 @@ class Effect:
 
     @property
     def carriers(self) -> tuple[str, ...]:
-        """Prerequisite effects, of which one must be on for this one to act; empty for most."""
+        """Effects of which one must be on for this one to act; none for most."""
         return (self.modifies,) if self.modifies else self.through
 
     @property
