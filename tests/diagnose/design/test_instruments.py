@@ -128,3 +128,13 @@ def test_instruments_know_what_was_asked_and_nothing_of_the_recording():
 
 def test_marks_are_what_stands_behind_the_channel():
     assert mark_of("moment_x/2") == "/2" and mark_of("force_z") == ""
+
+
+def test_commands_far_from_a_window_are_instruments_of_its_drive():
+    """What goes on is known from its neighbours, what differs from row to row is not."""
+    t, rng = times(30.0), np.random.default_rng(2)
+    windows, shares = windows_of(hovering(30.0)), []
+    for u in (0.5 + 0.05 * np.sin(2.0 * t), 0.5 + 0.02 * rng.normal(size=len(t))):
+        z = instruments(hovering(30.0, u_1=u), windows, MODEL, ("drive_1",))["drive_1"]
+        shares.append(strength(windows.mean @ u, z, windows.center_s.astype(int) // 5))
+    assert shares[0] > 0.95 and shares[1] < 0.1

@@ -18,6 +18,8 @@ changed
 - ``load``: what hangs below, once it is on. Endogenous is what changes fast of its pull along
 thrust:
   disturbances shake the vehicle, and so it.
+- ``drive``: all that moves a rotor's speed. Endogenous is what changes with it: the noise of the
+  commands between two rows is in the model's speed, in the residual and in the column alike.
 - ``height``: an error of a rangefinder that grows with height: the height that it is held against
   is a reading, too.
 """
@@ -48,6 +50,7 @@ from ges.simulator import effects as effect_table
 VERTICAL = ("force_z", "acc_z")
 ROLL_PITCH, YAW = ("moment_x", "moment_y"), "moment_z"
 KINDS = ("dynamic", "thrust_gain", "rotor", "load", "height")
+DRIVE = "drive"
 
 EndogenousParts = Mapping[tuple[str, int], Mapping[str, np.ndarray]]
 """By kind and channel, of every ``effect.parameter`` that has it there, (m,)."""
@@ -117,8 +120,8 @@ def flight_instruments(
     y: np.ndarray,
     speeds: np.ndarray,
 ) -> FlightInstruments:
-    """Of the moments and of what acts along thrust, where residuals y (m, C) are known; ``speeds``
-    (n, 4) are those at work.
+    """Of the moments, of what acts along thrust and of the drives, where residuals y (m, C) are
+    known; ``speeds`` (n, rotors) are those at work.
     """
     z, own = (
         instruments(flight, windows, model, names),
@@ -156,7 +159,7 @@ def _is_strong(share: float) -> bool:
 
 
 def _answered(name: str) -> bool:
-    return block_of(name) == "moment" or name in VERTICAL
+    return block_of(name) in ("moment", DRIVE) or name in VERTICAL
 
 
 def endogenous_parts(
@@ -189,15 +192,15 @@ def endogenous_parts(
         for kind in KINDS
         if kind != "load" or "load" in map(feedback_of, on)
     }
+    # whatever a column is of, it moves a speed along the same commands
+    moved = {k for c, n in heard.items() if block_of(n) == DRIVE for k in x.at[c]}
+    which[DRIVE] = [k for k in _first(keys) if k in moved]
     parts = {kind: {c: x.of(c, at)[air] for c in heard} for kind, at in which.items()}
     # in moments a cushion is endogenous, along thrust every gain
     levels = np.array([near_ground_gain(keys[k]) for k in which["thrust_gain"]], dtype=float)
-    z, own, strong, answered = (
-        told.z,
-        told.own,
-        told.strong,
-        {c: n for c, n in heard.items() if n in told.strong},
-    )
+    z, own, strong = told.z, told.own, told.strong
+    driven = {c: n for c, n in heard.items() if n in strong and block_of(n) == DRIVE}
+    answered = {c: n for c, n in heard.items() if n in strong and c not in driven}
     # a gain's force is in proportion to thrust: one share of it is endogenous, whatever the gain
     share = {
         c: _by_thrust(own[n], z[n], strong[n], length_s)
@@ -229,6 +232,10 @@ def endogenous_parts(
             c: _fast(parts["load"][c], z[n], strong[n], length_s)
             for c, n in answered.items()
             if "load" in parts and n in VERTICAL
+        },
+        DRIVE: {
+            c: _beyond(parts[DRIVE][c], z[n], strong[n], mean_is_told=True)
+            for c, n in driven.items()
         },
         "height": {c: _centred(parts["height"][c]) for c, n in heard.items() if n == "range"},
     }
@@ -264,11 +271,15 @@ def _among(air: np.ndarray, values: np.ndarray) -> np.ndarray:
     return full
 
 
-def _first(keys: Sequence[str], kind: str) -> list[int]:
-    """First column of every parameter of a kind."""
+def _first(keys: Sequence[str], kind: str = "") -> list[int]:
+    """First column of every parameter, of those of a kind where one is given."""
     # in reverse, so that the first of equal keys is the one that the dictionary keeps
     return list(
-        {key: k for k, key in reversed(list(enumerate(keys))) if feedback_of(key) == kind}.values()
+        {
+            key: k
+            for k, key in reversed(list(enumerate(keys)))
+            if not kind or feedback_of(key) == kind
+        }.values()
     )
 
 

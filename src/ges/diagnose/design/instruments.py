@@ -10,7 +10,7 @@ allows: without references and without strong motion, nothing.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -19,10 +19,15 @@ from ges.conventions import BODY_RATE, POSITION, QUATERNION, VELOCITY, rotor_spe
 from ges.diagnose.design.residual import but_actuators
 from ges.diagnose.design.weak import Windows
 from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.prepare.channels import drive
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 from ges.simulator import flight as sim
+
+MOMENTS = ("moment_x", "moment_y", "moment_z")
+# Lags of commands in half windows, value, slope and curvature on either side of a window.
+APART = (-4, -3, -2, 2, 3, 4)
 
 
 def _table(flight: Prepared) -> np.ndarray:
@@ -89,67 +94,77 @@ def instruments(
     flight: Prepared, windows: Windows, model: Model, names: Sequence[str]
 ) -> dict[str, np.ndarray]:
     """Instruments of one flight by channel, (m, k): changes of the replayed thrust or moment at
-    several lags.
+    several lags; of a rotor's speed all of these, and its commands a window and more away.
 
     Means are no instruments: a trim moment has other causes than what a column would make of it.
     """
-    nothing = np.zeros((len(windows), 1))
-    said = replayed(flight, model)
-    if said is None:
-        return {name: nothing for name in names}
-    samples = effect_table.Samples.from_columns({"t_s": flight.t_s - flight.t_s[0], **said})
-    replay = effect_table.replay(
-        model.parameters, samples, but_actuators(model.effects), model.terrain
-    )
-    told = {
-        "z": replay.force_N[:, 2],
-        **{f"moment_{a}": replay.moment_Nm[:, k] for k, a in enumerate("xyz")},
-    }
-    functions, late = (
-        windows.functions,
-        {base: _late(values, flight, windows) for base, values in told.items()},
-    )
-    # velocity and accelerometer hear of one thrust
-    late |= dict.fromkeys(("force_z", "acc_z"), late["z"])
+    functions, said = windows.functions, replayed(flight, model)
+    # one ahead: a window that is averaged sees what begins within it
+    near = range(-1, settings.design.answer_windows + 1)
+    late: dict[str, list[np.ndarray]] = {}
+    if said is not None:
+        made = _thrust_and_moments(flight, model, said)
+        late = {base: _late(values, flight, windows, near) for base, values in made.items()}
+        # velocity and accelerometer hear of one thrust
+        late["acc_z"] = late["force_z"]
+    if flight.has("command"):
+        every = [signal for base in ("force_z", *MOMENTS) for signal in late.get(base, ())]
+        asked = zip(drive(model.n_rotors), flight.stack("command").T, strict=True)
+        late |= {name: [*_late(u, flight, windows, APART), *every] for name, u in asked}
     lagged = {
         name: np.column_stack(_centred_means(late[base], functions[mark_of(name)][0]))
         for name in names
         if (base := name.split("/")[0]) in late and mark_of(name) in functions
     }
-    return {name: lagged.get(name, nothing) for name in names}
+    return {name: lagged.get(name, np.zeros((len(windows), 1))) for name in names}
 
 
 def own_signal(
     flight: Prepared, windows: Windows, model: Model, speeds: np.ndarray, names: Sequence[str]
 ) -> dict[str, np.ndarray]:
-    """Thrust and moment that the rotor speeds at work make, by channel, (m,); without the faster
-    averages that this flight, its streams slower than another's, does not have.
+    """Thrust and moment that the rotor speeds at work make, and commands of a drive, by channel,
+    (m,); without the faster averages that this flight, its streams slower than another's, does not
+    have.
     """
     turning = dict(zip(rotor_speed(model.n_rotors), speeds.T, strict=True))
-    samples = {"t_s": flight.t_s - flight.t_s[0], **turning}
     # without effects: the rotors' own thrust and moment
-    replay = effect_table.replay(model.parameters, effect_table.Samples.from_columns(samples), {})
-    told = {
-        "z": replay.force_N[:, 2],
-        **{f"moment_{a}": replay.moment_Nm[:, k] for k, a in enumerate("xyz")},
-    }
+    made = _thrust_and_moments(flight, model, turning, {})
+    if flight.has("command"):
+        made |= zip(drive(model.n_rotors), flight.stack("command").T, strict=True)
     functions = windows.functions
     return {
-        n: functions[mark_of(n)][0] @ told.get(n.split("/")[0], told["z"])
+        n: functions[mark_of(n)][0] @ made.get(n.split("/")[0], made["force_z"])
         for n in names
         if mark_of(n) in functions
     }
+
+
+def _thrust_and_moments(
+    flight: Prepared,
+    model: Model,
+    signals: Mapping[str, np.ndarray],
+    effects: effect_table.Effects | None = None,
+) -> dict[str, np.ndarray]:
+    """Thrust and moments along signals (n,) of the contract's names, by channel, (n,); of the
+    model's own effects but actuators where none are given.
+    """
+    samples = effect_table.Samples.from_columns({"t_s": flight.t_s - flight.t_s[0], **signals})
+    on = but_actuators(model.effects) if effects is None else effects
+    terrain = model.terrain if effects is None else None
+    replay = effect_table.replay(model.parameters, samples, on, terrain)
+    moments = zip(MOMENTS, replay.moment_Nm.T, strict=True)
+    return {"force_z": replay.force_N[:, 2], **dict(moments)}
 
 
 def mark_of(name: str) -> str:
     return name[len(name.split("/")[0]) :]
 
 
-def _late(values: np.ndarray, flight: Prepared, windows: Windows) -> list[np.ndarray]:
+def _late(
+    values: np.ndarray, flight: Prepared, windows: Windows, lags: Iterable[int]
+) -> list[np.ndarray]:
     """A signal late by multiples of half a window."""
     step, t = 0.5 * windows.length_s, flight.t_s
-    # one ahead: a window that is averaged sees what begins within it
-    lags = range(-1, settings.design.answer_windows + 1)
     return [np.interp(t - lag * step, t, values) for lag in lags]
 
 
