@@ -33,7 +33,9 @@ from ges.diagnose.library.candidates import (
     family_of,
     modifiers_of,
 )
+from ges.diagnose.select.alike import Alike
 from ges.diagnose.select.evidence import Posterior, Regression, make_regression
+from ges.diagnose.select.scorer import entries
 from ges.diagnose.select.search import Hypothesis, SearchResult, log_odds_against_one_of, over_plain
 from ges.diagnose.select.stable import search_until_stable
 from ges.diagnose.settings import settings
@@ -55,6 +57,7 @@ class Accepted:
     rivals : names of which one is needed, the likeliest first.
     contested : those of them that others could replace.
     alternatives : the fits with each rival, the first of them ``fitted``.
+    alike : places where each name does nearly the same in these flights.
     """
 
     names: tuple[str, ...]
@@ -65,6 +68,7 @@ class Accepted:
     rivals: tuple[str, ...]
     contested: frozenset[str] = frozenset()
     alternatives: Mapping[str, Fitted] = dataclasses.field(default_factory=dict)
+    alike: Mapping[str, tuple[Alike, ...]] = dataclasses.field(default_factory=dict)
 
     @property
     def fit(self) -> Fitted:
@@ -100,16 +104,20 @@ def accept(start: Regression, record: Record, only: Sequence[str] | None = None)
     names: tuple[str, ...] = ()
     probability: dict[str, float] = {}
     contested: set[str] = set()
+    alike: dict[str, tuple[Alike, ...]] = {}
     listed = candidates_of(system.recordings, base, (), only)
     while listed:
         regression = start if first is None else _laid_out(listed, base, system)
         regression, found = _searched(regression, listed, base, only)
         first = first or (regression, found)
-        context = RuleContext(regression, found, found.best.names)
+        context = RuleContext(
+            regression, found, found.best.names, tuple(entries(regression, listed))
+        )
         told = judged(SEARCH_RULES, context, sorted(found.inclusion), record)
         told = tuple(n for n in found.best.names if n in told)
         if not names:
-            contested = _contested(found, record)
+            contested = _contested(context, record)
+            alike = {n: context.alike(n) for n in told}
         through = _modifying(regression, found, listed, told, only)
         new, polished = _fitted_in_full(
             regression,
@@ -145,18 +153,29 @@ def accept(start: Regression, record: Record, only: Sequence[str] | None = None)
     rivals = ambiguous(found, settled - contested, contested)
     if rivals and not _needed(rivals, base, system):
         rivals = ()
-    return Accepted(names, found, regression, fitted, probability, rivals, frozenset(contested))
+    return Accepted(
+        names,
+        found,
+        regression,
+        fitted,
+        probability,
+        rivals,
+        frozenset(contested),
+        alike=alike,
+    )
 
 
-def _contested(found: SearchResult, record: Record) -> set[str]:
+def _contested(context: RuleContext, record: Record) -> set[str]:
     """Names that could not be told from others, and those others."""
+    found = context.found
     undone = [
         name
         for name in found.best.names
         for d in record.of(name)
         if d.rule == "distinguishable" and not d.passed
     ]
-    return {n for name in undone for n in (name, *replaced_by(found, name))}
+    others = {n: [a.name for a in context.alike(n)] for n in undone}
+    return {n for name in undone for n in (name, *replaced_by(found, name), *others[name])}
 
 
 def _laid_out(listed: Sequence[Candidate], base: Model, like: System) -> Regression:

@@ -19,7 +19,9 @@ from ges.diagnose.detectors.balance import LOSSES, causes_of
 from ges.diagnose.detectors.gusts import wind_speed_m_s
 from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.library.candidates import acts_among, amplitude_of, family_of
+from ges.diagnose.select.alike import Alike, alike_of
 from ges.diagnose.select.evidence import Regression
+from ges.diagnose.select.scorer import Entry
 from ges.diagnose.select.search import Hypothesis, SearchResult, size_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, Record
@@ -34,11 +36,13 @@ class RuleContext:
     ----------
     regression, found : the search.
     standing : names that passed the rules before, in the order of the best set.
+    listed : variants of all that was searched.
     """
 
     regression: Regression
     found: SearchResult
     standing: tuple[str, ...]
+    listed: tuple[Entry, ...] = ()
 
     @functools.cached_property
     def probable(self) -> tuple[str, ...]:
@@ -55,6 +59,14 @@ class RuleContext:
     def size(self, name: str) -> float:
         """The greatest share of a standing name."""
         return max(self.shares[name].values())
+
+    def alike(self, name: str) -> tuple[Alike, ...]:
+        """What these flights cannot tell from a name of the best set but another of its family."""
+        return tuple(
+            a
+            for a in alike_of(self.regression, self.found.best, name, self.listed)
+            if a.name == name or a.name not in family_of(name)
+        )
 
     def on(self) -> set[str]:
         """Standing names and effects of the model."""
@@ -101,8 +113,13 @@ def carried(context: RuleContext, name: str) -> Decision:
 
 
 def distinguishable(context: RuleContext, name: str) -> Decision:
-    """Nothing explains the flights nearly as well in its place."""
+    """Nothing explains the flights nearly as well in its place, nor could it be expected to."""
     rival, others = best_rival(context.found, name), replaced_by(context.found, name)
+    alike = next((a for a in context.alike(name) if a.name != name), None)
+    if alike is not None:
+        lead, least = alike.expected_log_odds, settings.statistics.acceptance_log_odds
+        because = f"{alike.name} does nearly the same here: log odds {lead:.3g} to be expected"
+        return Decision("distinguishable", False, because, lead, least)
     if rival is None:
         return Decision("distinguishable", True, "nothing else explains anything")
     lead, least = _lead(context.found, name, rival), lead_over(name, rival.names)

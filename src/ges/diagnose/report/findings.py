@@ -118,7 +118,9 @@ def _tied(fitted: Fitted, key: tuple[str, str]) -> str:
 
 
 def alternatives_of(accepted: Accepted, name: str) -> tuple[dict, ...]:
-    """Names that could stand in its place, with the log odds against the best set that has it."""
+    """Names that could stand in its place, with the log odds against the best set that has it;
+    first other places of it that these flights cannot tell from its own.
+    """
     weighed = accepted.found.hypotheses
     having = max((h.log_evidence for h in weighed if name in h.names), default=0.0)
     # the best set without the name, by what it has that was not accepted: that takes its place
@@ -130,7 +132,11 @@ def alternatives_of(accepted: Accepted, name: str) -> tuple[dict, ...]:
     ranked = sorted(best.items(), key=lambda item: (-item[1], item[0]))[
         : settings.report.alternatives
     ]
-    return tuple({"name": n, "log_odds": float(v)} for n, v in ranked)
+    places = [
+        {"name": a.name, "place": a.place, "log_odds": -a.expected_log_odds}
+        for a in accepted.alike.get(name, ())
+    ]
+    return (*places, *({"name": n, "log_odds": float(v)} for n, v in ranked))
 
 
 def finding(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> Finding:

@@ -1,0 +1,96 @@
+"""Which names these flights cannot tell apart, whatever the noise was.
+
+What a name does is a direction in the space of all residuals, whitened by their noise, with
+nuisances and the other names of its set projected out. Of a rival that can do nearly the same the
+name is not told, even where the evidence prefers one: that is of priors and of chance.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ges.diagnose.design.system import variant_of
+from ges.diagnose.select.evidence import Gram, Regression
+from ges.diagnose.select.scorer import Entry
+from ges.diagnose.select.search import Hypothesis
+from ges.diagnose.settings import settings
+
+
+@dataclasses.dataclass(frozen=True)
+class Alike:
+    """What these flights cannot tell from a name.
+
+    Attributes
+    ----------
+    name, place : the other effect, or the same at another place (``rotor 5``).
+    values : its coefficients by ``effect.parameter``, in their units.
+    expected_log_odds : of the name over it, if the name is true.
+    """
+
+    name: str
+    place: str
+    values: Mapping[str, float]
+    expected_log_odds: float
+
+
+def alike_of(
+    regression: Regression, h: Hypothesis, name: str, listed: Sequence[Entry]
+) -> tuple[Alike, ...]:
+    """Return the effects and places that these flights cannot tell from a name, the nearest first.
+
+    Parameters
+    ----------
+    h : a set that has the name; its other names stay beside every rival.
+    listed : variants of all that could stand in its place.
+    """
+    if not listed:
+        return ()
+    columns, found = regression.system.columns, h.posterior
+    own = [i for i, k in enumerate(found.columns) if variant_of(columns[k]).effect == name]
+    mine, b = [found.columns[i] for i in own], found.mean[own]
+    others = np.array([k for k in found.columns if k not in mine], dtype=int)
+    gram = regression.pooled().without(others, regression.prior.sd[others])
+    # log odds over nothing that the name is expected to have, but for the size that it took
+    whole = 0.5 * float(b @ gram.xx[np.ix_(mine, mine)] @ b)
+    size = _unlikely(regression, mine, b)
+    least, best = settings.statistics.acceptance_log_odds, dict[tuple[str, str], Alike]()
+    here = variant_of(columns[mine[0]]).places
+    for entry in listed:
+        places = variant_of(columns[entry.columns[0]]).places
+        if entry.name in h.names and (entry.name != name or set(places) & set(here) or not here):
+            continue
+        lost, values = _in_place_of(gram, regression, mine, b, entry)
+        lost -= size
+        key = entry.name, " and ".join(places)
+        # a rival that explains nothing is no rival, only a name that hardly shows
+        if lost < least <= whole - lost and (key not in best or lost < best[key].expected_log_odds):
+            best[key] = Alike(*key, values, lost)
+    return tuple(sorted(best.values(), key=lambda a: (a.expected_log_odds, a.name, a.place)))
+
+
+def _unlikely(regression: Regression, at: Sequence[int], values: np.ndarray) -> float:
+    """Log prior density of coefficients (k,) at their mean over that at their values."""
+    prior = regression.prior.take(np.array(at))
+    return 0.5 * float((((values - prior.mean) / prior.sd) ** 2).sum())
+
+
+def _in_place_of(
+    gram: Gram, regression: Regression, mine: Sequence[int], b: np.ndarray, entry: Entry
+) -> tuple[float, dict[str, float]]:
+    """Expected log odds of columns with coefficients b (k,) over a variant, and its coefficients.
+
+    Minimises (|X b - Z c|^2 + |(c - mu) / s|^2) / 2 over c, between the bounds of its prior.
+    """
+    at, own = list(entry.columns), list(mine)
+    prior, inner = regression.prior.take(np.array(at)), gram.xx[np.ix_(at, at)]
+    cross, precision = gram.xx[np.ix_(at, own)] @ b, np.diag(1.0 / prior.sd**2)
+    c = np.linalg.solve(inner + precision, cross + precision @ prior.mean)
+    c = np.clip(c, prior.low, prior.high)
+    lost = b @ gram.xx[np.ix_(own, own)] @ b - 2.0 * c @ cross + c @ inner @ c
+    keys = [regression.system.columns[k].key for k in at]
+    # the two parts of one amplitude, force and moment, are one value: that of the force
+    values = dict(reversed(list(zip(keys, c.tolist(), strict=True))))
+    return 0.5 * float(lost) + _unlikely(regression, at, c), values
