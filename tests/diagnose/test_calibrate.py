@@ -219,7 +219,7 @@ def _balance_share(vehicle, flights):
     system = build(prepared.flights, at_flown_voltage(model, prepared.flights), [])
     at = [system.names.index(f"moment_{a}") for a in "xyz"]
     means = np.mean([r.in_air(at).mean(axis=0) for r in system.flights], axis=0)
-    return np.abs(means) / model.whole("moment_x")
+    return np.abs(means) / model.reference_scale("moment_x")
 
 
 def test_gains_and_cant_balance_the_moments(recordings_dir):

@@ -68,7 +68,7 @@ def test_only_what_acts_through_a_variant_modifies_it(sheet):
     assert {m for v in listed["ground_effect"].variants for m in modifiers_of(v)} == {
         e.name for e in effect_table.table().values() if e.carried
     }
-    assert any(v.beside for v in listed["wind"].variants) and not any(
+    assert any(v.given for v in listed["wind"].variants) and not any(
         modifiers_of(v) for v in listed["wind"].variants
     )
 

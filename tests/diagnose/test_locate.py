@@ -283,7 +283,14 @@ def test_the_accelerometer_speaks_where_the_force_does_not():
 
 def _structure(model, channel="force_z", share=0.01, r2=0.5, q=0.002, **more):
     return Structure(
-        channel, ("climb_m_s",), (0.0,), (1.0,), r2, q, share * model.whole(channel), **more
+        channel,
+        ("climb_m_s",),
+        (0.0,),
+        (1.0,),
+        r2,
+        q,
+        share * model.reference_scale(channel),
+        **more,
     )
 
 

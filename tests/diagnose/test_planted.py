@@ -517,7 +517,7 @@ def test_where_a_leaning_beam_falls_speaks_about_no_error_of_the_attitude(flown,
     )
     assert np.array_equal(plain[:, 0], leaning[:, 0])
     assert np.mean(plain[:, 1] - leaning[:, 1]) == pytest.approx(
-        0.05 * model.whole("force_y"), rel=0.1
+        0.05 * model.reference_scale("force_y"), rel=0.1
     )
 
 

@@ -51,7 +51,6 @@ TWICE = {
     "Estimate",
     "Flight",
     "Flights",
-    "Flown",
     "Log",
     "Parameter",
     "Proof",

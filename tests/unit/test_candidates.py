@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from ges.diagnose.library.candidates import flown
+from ges.diagnose.library.candidates import flight_envelope
 from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.settings import settings
@@ -36,33 +36,37 @@ def flight():
 
 
 def test_only_what_was_flown_counts(flight):
-    reached = flown([flight], RADIUS_M)
-    assert reached.low_m == pytest.approx((-3.0, -1.5, 1.0), abs=0.01)
-    assert reached.high_m[0] == pytest.approx(3.0, abs=0.01)
-    assert 1 < len(reached.places_m) <= settings.library.places_most
-    assert max(x for x, _ in reached.places_m) < 3.0 + reached.square_m
-    assert min(reached.commands) > 0.4 and max(reached.commands) <= 0.8
+    envelope = flight_envelope([flight], RADIUS_M)
+    assert envelope.low_m == pytest.approx((-3.0, -1.5, 1.0), abs=0.01)
+    assert envelope.high_m[0] == pytest.approx(3.0, abs=0.01)
+    assert 1 < len(envelope.places_m) <= settings.library.places_most
+    assert max(x for x, _ in envelope.places_m) < 3.0 + envelope.square_m
+    assert min(envelope.commands) > 0.4 and max(envelope.commands) <= 0.8
 
 
 def test_a_ceiling_is_above_and_walls_are_beyond(flight):
-    reached = flown([flight], RADIUS_M)
-    found = library(MODEL, reached)
+    envelope = flight_envelope([flight], RADIUS_M)
+    found = library(MODEL, envelope)
     ceilings = [v.shape["ceiling_z_m"] for v in found["ceiling_effect"].variants]
-    assert min(ceilings) > reached.high_m[2] and len(set(ceilings)) == len(ceilings)
+    assert min(ceilings) > envelope.high_m[2] and len(set(ceilings)) == len(ceilings)
     for wall in found["wall_effect"].variants:
         c, s = math.cos(wall.shape["bearing_rad"]), math.sin(wall.shape["bearing_rad"])
         reach = (flight.columns["p_x_m"] * c + flight.columns["p_y_m"] * s)[flight.flying].max()
         assert wall.shape["distance_m"] == pytest.approx(reach + RADIUS_M, abs=1e-9)
-    assert all(v.shape["other_z_m"] > reached.high_m[2] for v in found["downwash"].variants)
+    assert all(v.shape["other_z_m"] > envelope.high_m[2] for v in found["downwash"].variants)
 
 
 def test_each_variant_has_a_name_of_its_own(flight):
-    keys = [v.key for c in library(MODEL, flown([flight], RADIUS_M)).values() for v in c.variants]
+    keys = [
+        v.key
+        for c in library(MODEL, flight_envelope([flight], RADIUS_M)).values()
+        for v in c.variants
+    ]
     assert len(set(keys)) == len(keys)
 
 
 def test_what_was_not_logged_is_not_laid_out(flight):
     blind = flight.replaced(columns={})
     assert not {"ceiling_effect", "wall_effect", "downwash", "rotor_saturation"} & set(
-        library(MODEL, flown([blind], RADIUS_M))
+        library(MODEL, flight_envelope([blind], RADIUS_M))
     )

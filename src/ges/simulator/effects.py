@@ -236,7 +236,7 @@ class Effect:
         return self.kind == "wind"
 
     @property
-    def carriers(self) -> tuple[str, ...]:
+    def prerequisites(self) -> tuple[str, ...]:
         """Effects of which one must be on for this one to act; none for most."""
         return (self.modifies,) if self.modifies else self.through
 

@@ -171,11 +171,11 @@ def test_trims_spread_by_their_doubts_and_thrust_where_motors_cannot_be_told_apa
 
 
 def test_what_commands_alone_tell_is_one_number():
-    told = module._opened(MODEL, [hovering()]).doubts
+    told = module._opened(MODEL, [hovering()]).prior_sds
     assert {told[key] for key in LOSSES[:4]} == {settings.calibrate.loss_sd}
     assert told["cg_offset.x_m"] == 0.0 and SPEED not in told
     commanded = hovering(**{f"rotor_speed_{i}_rad_s": None for i in range(1, 5)})
-    told = module._opened(MODEL, [commanded]).doubts
+    told = module._opened(MODEL, [commanded]).prior_sds
     assert told[SPEED] == 0.0 and told["thrust_curve.c"] == 0.0
 
 

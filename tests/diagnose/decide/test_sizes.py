@@ -73,7 +73,7 @@ def _declared(common, but=(), acting=1.0):
     keys = ("inertia.yy", "cg_offset.x_m", SPEED)
     columns = [nuisance(k, DOUBTS[k]) for k in keys]
     rows = rows_of(np.zeros((5, 1)), [{0: np.full(5, acting)} for _ in keys])
-    model = dataclasses.replace(MODEL, doubts=DOUBTS)
+    model = dataclasses.replace(MODEL, prior_sds=DOUBTS)
     joint = Joint(*[np.zeros(0)] * 3, 0.0, common, dict.fromkeys(common, 0.01), ())
     return contradicted(joint, system_of(("force_z",), columns, [rows], model), but)
 
@@ -100,7 +100,7 @@ def test_what_hardly_shows_or_what_others_can_move_contradicts_nothing():
 
 
 def _structure(channel="force_z", share=0.02, r2=0.5, **more):
-    rms = share * MODEL.whole(channel)
+    rms = share * MODEL.reference_scale(channel)
     return Structure(channel, ("climb_m_s",), (0.0,), (1.0,), r2, 0.002, rms, **more)
 
 

@@ -89,7 +89,7 @@ def test_a_column_is_minus_the_change_of_the_residual_by_its_step(variant):
 
 
 def test_columns_of_top_speed_are_differences_of_the_vehicle_itself():
-    model = dataclasses.replace(MODEL, doubts={SPEED: 30.0})
+    model = dataclasses.replace(MODEL, prior_sds={SPEED: 30.0})
     flight = manoeuvre()
     system = build([flight], model, [])
     (rows,), k = system.flights, system.nuisances[SPEED]
@@ -131,7 +131,7 @@ def test_declared_doubts_are_free_and_undeclared_numbers_are_not():
     usual = {f"{n.effect}.{n.parameter}": n for n in nuisances(MODEL, names, flights)}
     assert "inertia.xx" not in usual and SPEED not in usual
     sure = dataclasses.replace(
-        MODEL, doubts={"inertia.xx": 0.1, "weak_rotor.loss_1": 0.0, SPEED: 20.0}
+        MODEL, prior_sds={"inertia.xx": 0.1, "weak_rotor.loss_1": 0.0, SPEED: 20.0}
     )
     told = {f"{n.effect}.{n.parameter}": n for n in nuisances(sure, names, flights)}
     assert told["inertia.xx"].sd == 0.1
@@ -156,7 +156,7 @@ def test_a_lever_is_doubted_by_a_share_of_the_arm():
 
 def test_a_number_that_was_moved_keeps_its_doubt_about_the_vehicle_file():
     moved = dataclasses.replace(
-        MODEL, doubts={"thrust_scale.scale": 0.05}, moved={"thrust_scale.scale": 0.3}
+        MODEL, prior_sds={"thrust_scale.scale": 0.05}, corrections={"thrust_scale.scale": 0.3}
     )
     names = common_channels([hovering()], MODEL)
     found = next(n for n in nuisances(moved, names, [hovering()]) if n.effect == "thrust_scale")
@@ -231,7 +231,7 @@ def test_a_cushion_a_drag_and_an_inflow_have_moments_of_their_own():
     drag, inflow = _variant("rotor_drag", "k_kg"), _variant("axial_inflow", "k_kg")
     parts = [c.part for c in build(flight, MODEL, [drag, inflow]).columns if c.variant]
     assert parts == ["force", "moment", "force", "moment"]
-    silent = dataclasses.replace(MODEL, known=frozenset())
+    silent = dataclasses.replace(MODEL, stated_parts=frozenset())
     parts = [c.part for c in build(flight, silent, [drag]).columns if c.variant]
     assert parts == [""], "no moment is heard"
     cushion = _variant("ground_effect", "c_a", form=3.0, amplitude=1.0, decay=1.0)
@@ -304,7 +304,7 @@ def test_a_lag_is_doubtful_by_what_a_command_does_between_two_rows():
     flights = [hovering()]
     by_sd = {}
     for sd in (0.0, 1e-3):
-        model = dataclasses.replace(MODEL, doubts={"motor_lag.up_s": sd, "motor_lag.down_s": sd})
+        model = dataclasses.replace(MODEL, prior_sds={"motor_lag.up_s": sd, "motor_lag.down_s": sd})
         found = {n.key: n.sd for n in nuisances(model, ("drive_1",), flights)}
         by_sd[sd] = found.get("motor_lag.up_s")
     pole_s = settings.design.second_pole_share * MODEL.number("motor_time_constant_s")

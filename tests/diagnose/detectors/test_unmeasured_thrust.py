@@ -27,7 +27,7 @@ def _system(flight=COMMANDED, doubts=((SCALE, 0.05), (CURVE, 0.03))):
     columns = [nuisance(key, sd) for key, sd in doubts]
     rows = rows_of(np.zeros((4, 1)), [{0: np.full(4, 5.0)} for _ in columns])
     rows = dataclasses.replace(rows, flight=flight)
-    model = dataclasses.replace(MODEL, doubts={SCALE: 0.05})
+    model = dataclasses.replace(MODEL, prior_sds={SCALE: 0.05})
     return system_of(("force_z",), columns, [rows], model)
 
 

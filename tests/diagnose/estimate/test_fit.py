@@ -132,7 +132,7 @@ def test_a_number_that_a_candidate_frees_is_no_nuisance_beside_it():
 
 
 def test_corrections_are_counted_from_the_vehicle_file():
-    moved = dataclasses.replace(MODEL, moved={"inertia.xx": 0.4})
+    moved = dataclasses.replace(MODEL, corrections={"inertia.xx": 0.4})
     here, there = (
         joint_fit(make_regression(_system((DRAG, COMMON), (0.0, 0.1), model=m)), [0])
         for m in (MODEL, moved)
@@ -177,7 +177,7 @@ def test_without_candidates_the_nuisances_do_their_best():
 
 
 def test_what_was_moved_before_is_in_the_residual_already():
-    moved = dataclasses.replace(MODEL, moved={"inertia.xx": 0.4})
+    moved = dataclasses.replace(MODEL, corrections={"inertia.xx": 0.4})
     system = _system((COMMON,), (0.1,), model=moved)
     (first, *_) = left_raw(
         system, Joint(*[np.zeros(0)] * 3, 0.0, {"inertia.xx": 0.5}, {}, ({},) * 3)
@@ -273,7 +273,7 @@ def test_a_fit_starts_from_the_search_within_bounds_and_from_what_the_file_has()
 def test_a_wind_is_as_strong_as_the_drag_that_was_found_lets_it_be():
     """Product alone is known: half of the usual drag, twice the wind."""
     beside = {"rotor_drag": {"k_kg": 1e-4}}
-    wind = _variant("wind", "east_m_s", beside=beside)
+    wind = _variant("wind", "east_m_s", given=beside)
     for found, factor in (
         (5e-5, 2.0),
         (2e-4, 0.5),

@@ -38,7 +38,7 @@ def _flown(top_rad_s, bend):
 def _found(flight):
     late = ("motor_lag.up_s", "motor_lag.down_s", "esc_delay.delay_s")
     doubts = {SPEED: 300.0, BEND: 0.3, **dict.fromkeys(late, 0.0)}
-    declared = dataclasses.replace(MODEL, doubts=doubts)
+    declared = dataclasses.replace(MODEL, prior_sds=doubts)
     system = build([flight], declared, [])
     assert system.main == ("drive_1", "drive_2", "drive_3", "drive_4")
     return operating_point(*null_fit(system), declared)
@@ -59,7 +59,7 @@ def _beyond(flight):
     late = ("motor_lag.up_s", "motor_lag.down_s", "esc_delay.delay_s")
     model = MODEL.with_effects({"thrust_curve": {"c": 0.95}})
     doubts = {SPEED: 300.0, BEND: 0.3, **dict.fromkeys(late, 0.0)}
-    return [flight], dataclasses.replace(model, doubts=doubts)
+    return [flight], dataclasses.replace(model, prior_sds=doubts)
 
 
 def test_no_number_is_moved_beyond_the_bounds_of_the_library():
@@ -81,7 +81,7 @@ def test_no_number_is_moved_beyond_the_bounds_of_the_library():
 def test_columns_of_a_number_at_its_bound_step_inward():
     """Where a step outward would leave the bounds, the column is that of one inward."""
     flight = _flown(1000.0, 0.0)
-    model = dataclasses.replace(MODEL, doubts={BEND: 0.3})
+    model = dataclasses.replace(MODEL, prior_sds={BEND: 0.3})
     variant = Variant("thrust_curve", {}, (amplitude_of("thrust_curve", "c"),))
     columns = []
     for c in (0.98, 1.0):

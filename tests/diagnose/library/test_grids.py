@@ -9,7 +9,7 @@ import pytest
 
 from ges.conventions import command
 from ges.diagnose.library.available import candidates_of
-from ges.diagnose.library.candidates import Flown, flown
+from ges.diagnose.library.candidates import FlightEnvelope, flight_envelope
 from ges.diagnose.library.grids import library, out_of_reach
 from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
@@ -19,7 +19,7 @@ from ..synthetic import MODEL, hovering, times
 
 COMMAND = command(4)
 
-REACHED = Flown(
+REACHED = FlightEnvelope(
     low_m=(-2.0, -1.0, 0.4),
     high_m=(3.0, 1.5, 2.0),
     middle_m=(0.5, 0.0, 1.0),
@@ -29,8 +29,8 @@ REACHED = Flown(
 )
 
 
-def _variants(name, reached=REACHED, model=MODEL):
-    return library(model, reached)[name].variants
+def _variants(name, envelope=REACHED, model=MODEL):
+    return library(model, envelope)[name].variants
 
 
 def test_every_effect_that_enters_the_search_is_a_candidate_with_variants_of_itself():
@@ -59,7 +59,7 @@ def test_what_the_file_has_is_no_candidate_unless_it_acts_in_many_places():
     on = MODEL.with_effects({"rotor_drag": {"k_kg": 1e-4}, "weak_rotor": {"loss_1": 0.1}})
     found = library(on, REACHED)
     assert "rotor_drag" not in found and "weak_rotor" in found
-    moved = dataclasses.replace(on, moved={"rotor_drag.k_kg": 1e-5})
+    moved = dataclasses.replace(on, corrections={"rotor_drag.k_kg": 1e-5})
     assert "rotor_drag" in library(moved, REACHED)
 
 
@@ -140,7 +140,7 @@ def test_loads_hang_lie_and_are_drawn_on_threads_that_fit_the_flight():
     assert hubs == expected | {(0.0, 0.0)}
     drawn = {round(v.shape["length_m"], 6) for v in loads if "start_x_m" in v.shape}
     assert drawn == {round(math.hypot(1.0, k), 6) for k in (0.6, 1.2)}, "1 m over the ground"
-    untilted = dataclasses.replace(REACHED, tilt_seen=False)
+    untilted = dataclasses.replace(REACHED, attitude_logged=False)
     still = _variants("slung_load", untilted)
     assert all("start_x_m" in v.shape for v in still), "a swing shows in the tilt alone"
     high = dataclasses.replace(MODEL, terrain=Terrain.flat(0.5))
@@ -167,13 +167,13 @@ def test_a_plane_that_is_in_doubt_is_tried_across_its_doubt():
 
 
 def test_a_wind_brings_the_drag_that_it_acts_through_unless_one_is_on():
-    usual = {frozenset(v.beside) for v in _variants("wind")}
+    usual = {frozenset(v.given) for v in _variants("wind")}
     assert usual == {frozenset({"rotor_drag"})}
-    (k_kg,) = {v.beside["rotor_drag"]["k_kg"] for v in _variants("wind")}
+    (k_kg,) = {v.given["rotor_drag"]["k_kg"] for v in _variants("wind")}
     share = effect_table.get("rotor_drag").parameter("k_kg").usual_share
     assert k_kg * 4.0 * MODEL.hover_rad_s == pytest.approx(share * MODEL.weight_N)
     on = MODEL.with_effects({"parasitic_drag": {"area_m2": 0.01}})
-    assert all(not v.beside for v in _variants("wind", model=on))
+    assert all(not v.given for v in _variants("wind", model=on))
 
 
 def test_what_was_not_flown_is_not_laid_out():
@@ -207,27 +207,30 @@ def test_where_flights_went_is_where_they_flew():
     t = times()
     flying = t >= 1.0
     x = np.where(flying, t - 1.0, 70.0)
-    reached = flown([hovering(p_x_m=x, u_1=0.9).replaced(flying=flying)], 0.0625)
-    assert reached.low_m == pytest.approx((0.0, 0.0, 1.5))
-    assert reached.high_m == pytest.approx((2.99, 0.0, 1.5))
-    assert reached.middle_m[0] == pytest.approx(1.495)
+    envelope = flight_envelope([hovering(p_x_m=x, u_1=0.9).replaced(flying=flying)], 0.0625)
+    assert envelope.low_m == pytest.approx((0.0, 0.0, 1.5))
+    assert envelope.high_m == pytest.approx((2.99, 0.0, 1.5))
+    assert envelope.middle_m[0] == pytest.approx(1.495)
     step = 0.125
-    assert reached.square_m == step and len(reached.places_m) == 24
-    assert reached.places_m[0] == pytest.approx((0.5 * step, 0.5 * step))
-    assert reached.commands[-1] == pytest.approx(0.9)
-    assert flown([hovering(p_x_m=None, u_1=None, rotor_speed_1_rad_s=None)], 0.0625) == Flown()
+    assert envelope.square_m == step and len(envelope.places_m) == 24
+    assert envelope.places_m[0] == pytest.approx((0.5 * step, 0.5 * step))
+    assert envelope.commands[-1] == pytest.approx(0.9)
+    assert (
+        flight_envelope([hovering(p_x_m=None, u_1=None, rotor_speed_1_rad_s=None)], 0.0625)
+        == FlightEnvelope()
+    )
 
 
 def test_places_are_as_coarse_as_they_have_to_be_few():
     t = times(40.0)
     wide = hovering(40.0, p_x_m=t * np.cos(t), p_y_m=t * np.sin(t))
-    reached = flown([wide], 0.0625)
-    assert 1 < len(reached.places_m) <= settings.library.places_most
-    steps = math.log(reached.square_m / 0.125, math.sqrt(2.0))
+    envelope = flight_envelope([wide], 0.0625)
+    assert 1 < len(envelope.places_m) <= settings.library.places_most
+    steps = math.log(envelope.square_m / 0.125, math.sqrt(2.0))
     assert steps == pytest.approx(round(steps), abs=1e-6)
     for x, y in zip(wide.columns["p_x_m"][::50], wide.columns["p_y_m"][::50], strict=True):
-        near = min(max(abs(x - a), abs(y - b)) for a, b in reached.places_m)
-        assert near <= 0.5 * reached.square_m + 1e-9
+        near = min(max(abs(x - a), abs(y - b)) for a, b in envelope.places_m)
+        assert near <= 0.5 * envelope.square_m + 1e-9
 
 
 def test_levels_of_commands_reach_from_the_air_to_a_take_off():
@@ -236,15 +239,15 @@ def test_levels_of_commands_reach_from_the_air_to_a_take_off():
     asked = np.where(flying, 0.6, 1.0)
     flight = hovering(**dict.fromkeys(COMMAND, asked), rotor_speed_1_rad_s=None)
     lifting = np.ones(len(t), bool)
-    reached = flown([flight.replaced(flying=flying, lifting=lifting)], 0.0625)
-    assert reached.asked_most == pytest.approx((0.6, 1.0))
-    levels = [a.level for v in _variants("rotor_saturation", reached) for a in v.amplitudes]
+    envelope = flight_envelope([flight.replaced(flying=flying, lifting=lifting)], 0.0625)
+    assert envelope.largest_commands == pytest.approx((0.6, 1.0))
+    levels = [a.level for v in _variants("rotor_saturation", envelope) for a in v.amplitudes]
     neutral = effect_table.get("rotor_saturation").parameter("share").neutral
     assert levels == pytest.approx([0.6 + 0.4 * s - neutral for s in (0.0, 0.1, 0.4, 0.7)])
     # rotors that were logged at 750 of 1000 rad/s have no ceiling below
     turning = hovering(**dict.fromkeys(COMMAND, asked), rotor_speed_2_rad_s=750.0)
-    faster = flown([turning.replaced(flying=flying, lifting=lifting)], 0.0625)
+    faster = flight_envelope([turning.replaced(flying=flying, lifting=lifting)], 0.0625)
     above = [a.level for v in _variants("rotor_saturation", faster) for a in v.amplitudes]
     assert above == pytest.approx([level for level in levels if level + neutral >= 0.75])
-    still = flown([flight.replaced(flying=flying)], 0.0625)
-    assert still.commands == pytest.approx([0.6] * 4) and still.asked_most == (0.6, 0.6)
+    still = flight_envelope([flight.replaced(flying=flying)], 0.0625)
+    assert still.commands == pytest.approx([0.6] * 4) and still.largest_commands == (0.6, 0.6)

@@ -9,10 +9,10 @@ import pytest
 from ges.conventions import BODY_RATE, VELOCITY, command, rotor_speed
 from ges.diagnose.library.candidates import (
     Candidate,
-    Flown,
+    FlightEnvelope,
     Variant,
-    acts_among,
     amplitude_of,
+    has_prerequisite,
     modifiers_of,
     place_of,
     reach_of,
@@ -66,8 +66,10 @@ def test_places_are_numbered_amplitudes_of_what_may_act_in_many():
 
 
 def test_what_acts_through_others_needs_one_of_them():
-    assert acts_among("rotor_drag", ()) and not acts_among("wind", ())
-    assert acts_among("wind", ("parasitic_drag",)) and not acts_among("wind", ("ground_effect",))
+    assert has_prerequisite("rotor_drag", ()) and not has_prerequisite("wind", ())
+    assert has_prerequisite("wind", ("parasitic_drag",)) and not has_prerequisite(
+        "wind", ("ground_effect",)
+    )
     wind = Variant("wind", {}, (), {"rotor_drag": {"k_kg": 1e-4}})
     assert Candidate("wind", "physics", (wind,)).stands_alone
     assert not Candidate("wind", "physics", (Variant("wind", {}, ()),)).stands_alone
@@ -77,10 +79,10 @@ def test_what_acts_through_others_needs_one_of_them():
 
 
 def test_a_usual_height_is_over_the_ground_of_the_file():
-    reached = Flown(middle_m=(0.0, 0.0, 1.2))
-    assert usual_height_m(MODEL, reached) == pytest.approx(1.2)
+    envelope = FlightEnvelope(middle_m=(0.0, 0.0, 1.2))
+    assert usual_height_m(MODEL, envelope) == pytest.approx(1.2)
     raised = dataclasses.replace(MODEL, terrain=Terrain.flat(0.5))
-    assert usual_height_m(raised, reached) == pytest.approx(0.7)
+    assert usual_height_m(raised, envelope) == pytest.approx(0.7)
 
 
 def test_a_place_moves_by_a_share_of_what_it_acts_over_and_nothing_else_is_held():
@@ -153,7 +155,7 @@ def test_silent_channels_say_what_to_log_or_to_state():
     blind = _without(*BODY_RATE, "q_w")
     off = silent_channels([blind], MODEL)
     assert "log the gyro" in off["moment_x"] and "velocity and attitude" in off["force_z"]
-    unstated = dataclasses.replace(MODEL, known=frozenset())
+    unstated = dataclasses.replace(MODEL, stated_parts=frozenset())
     off = silent_channels([FULL], unstated)
     assert off["moment_x"].startswith("state inertia_kg_m2")
     assert off["moment_z"].startswith("state torque_coefficient")

@@ -95,9 +95,9 @@ def test_a_log_speaks_about_what_it_holds(flight, expected):
 
 
 def test_moments_are_heard_where_the_file_states_what_they_turn():
-    bare = dataclasses.replace(MODEL, known=frozenset())
+    bare = dataclasses.replace(MODEL, stated_parts=frozenset())
     assert not set(MOMENT) & set(channels(hovering(), bare))
-    some = dataclasses.replace(MODEL, known=frozenset({"moments_of_inertia"}))
+    some = dataclasses.replace(MODEL, stated_parts=frozenset({"moments_of_inertia"}))
     assert set(MOMENT) & set(channels(hovering(), some)) == set(MOMENT[:2])
 
 

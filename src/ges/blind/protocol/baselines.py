@@ -81,7 +81,7 @@ def prepare(recordings: RecordingSet) -> BaselineProblem:
     gate = pass_gate(frames, model)
     train, held = split([digest(f) for f in frames], gate.usable(), None)
     # one shape an effect; what acts through another effect alone has no column without it
-    variants = [c.variants[0] for c in library(model).values() if not c.carriers]
+    variants = [c.variants[0] for c in library(model).values() if not c.prerequisites]
     used = {i: f for i, f in enumerate(gate.flights) if f}
     parts = [build([used[i] for i in part], model, variants) for part in (train, held)]
     first = parts[0]

@@ -175,7 +175,7 @@ def _sizes(regression: Regression) -> _Sizes:
     shares = rms / least_sizes(system)[:, None]
     # a share of weight has a meaning in forces and moments alone, not in the drive or the range
     pushed = np.isin(block, ("force", "acc", "moment"))
-    whole = np.array([system.model.whole(name) for name in system.main])[:, None]
+    whole = np.array([system.model.reference_scale(name) for name in system.main])[:, None]
     with np.errstate(divide="ignore"):
         return _Sizes(
             # shares are linear in the coefficient: it matters once the greatest of them is one

@@ -9,7 +9,7 @@ from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.design.system import build
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.thrust import VOLTAGE, UnmeasuredThrust
-from ges.diagnose.library.candidates import flown
+from ges.diagnose.library.candidates import flight_envelope
 from ges.diagnose.library.grids import library
 from ges.diagnose.select.evidence import Regression, make_regression
 from ges.diagnose.select.search import SearchResult
@@ -52,7 +52,7 @@ def separating(
 def _with_voltage(thrust: UnmeasuredThrust) -> dict:
     """The manoeuvre that tells causes of another thrust apart once the voltage is logged."""
     system = thrust.system
-    listed = library(system.model, flown(system.recordings, system.model.radius_m))
+    listed = library(system.model, flight_envelope(system.recordings, system.model.radius_m))
     variants = [v for name in thrust.rivals if name in listed for v in listed[name].variants]
     regression = make_regression(build(system.recordings, system.model, variants, system))
     rivals = [

@@ -127,7 +127,7 @@ def _opened(model: Model, flights: Sequence[Prepared]) -> Model:
         **dict.fromkeys(LOSSES, settings.calibrate.loss_sd),
         CANT: settings.calibrate.cant_sd_rad,
         **dict.fromkeys(LEVERS, 0.0),
-        **model.doubts,
+        **model.prior_sds,
     }
     # thrust coefficient, curve and top speed all scale thrust per command: the first takes it up
     if _commanded(flights):
@@ -135,7 +135,7 @@ def _opened(model: Model, flights: Sequence[Prepared]) -> Model:
             [f"{e.name}.{p.name}" for e in _drives() for p in e.parameters], 0.0
         )
         doubts[SPEED] = 0.0
-    return dataclasses.replace(model, doubts=doubts)
+    return dataclasses.replace(model, prior_sds=doubts)
 
 
 def _drives() -> list[Effect]:
@@ -321,7 +321,8 @@ def _declared(
     # trims were told by the slow balance: here they are free within their doubt alone
     known = {key: n.later_sd for key, n in before.items() if key in TRIMS}
     now = dataclasses.replace(
-        calibrated(model, {k: n.value for k, n in before.items()}), doubts={**model.doubts, **known}
+        calibrated(model, {k: n.value for k, n in before.items()}),
+        prior_sds={**model.prior_sds, **known},
     )
     system = build(flights, now, [])
     _, joint = null_fit(system)

@@ -28,9 +28,9 @@ from ges.diagnose.estimate.shoot import shot
 from ges.diagnose.library.available import candidates_of
 from ges.diagnose.library.candidates import (
     Candidate,
-    acts_among,
     amplitude_of,
     family_of,
+    has_prerequisite,
     modifiers_of,
 )
 from ges.diagnose.select.alike import Alike
@@ -300,7 +300,7 @@ def _fitted_in_full(
         fallen = {n for n, d in decisions.items() if not d.passed}
         fallen = (fallen & set(modifying)) or fallen
         # what acted through a name that fell has nothing to act through
-        fallen |= {n for n in new if not acts_among(n, {*base.effects, *(set(new) - fallen)})}
+        fallen |= {n for n in new if not has_prerequisite(n, {*base.effects, *(set(new) - fallen)})}
         if not fallen:
             return new, full
         new = tuple(n for n in new if n not in fallen)
@@ -318,7 +318,7 @@ def _best_forms_in_wind(
     """
     instead: dict[str, str] = {}
     blown = {
-        c for n in names if effect_table.get(n).moves_air for c in effect_table.get(n).carriers
+        c for n in names if effect_table.get(n).moves_air for c in effect_table.get(n).prerequisites
     }
     listed = {c.name for c in candidates_of(system.recordings, system.model)}
     least = settings.statistics.acceptance_log_odds
@@ -406,8 +406,8 @@ def _beside(accepted: Accepted, name: str) -> Fitted | None:
     best = accepted.found.best_with(name, accepted.rivals)
     held = set(fitted.effects) if fitted else set()
     # a modifier or a wind alone does nothing: the carrier of its own best set comes with it
-    mine = ({name} | set(effect_table.get(name).carriers) & set(best.names)) - held
-    if not acts_among(name, {*mine, *held, *system.model.effects}):
+    mine = ({name} | set(effect_table.get(name).prerequisites) & set(best.names)) - held
+    if not has_prerequisite(name, {*mine, *held, *system.model.effects}):
         return None
     kept = dataclasses.replace(best, posterior=_only(best, mine, accepted.regression))
     full = _in_full(accepted.regression, kept, fitted, system)
@@ -418,7 +418,7 @@ def without(accepted: Accepted, name: str) -> Accepted:
     """The same with one name less, and what acts through it alone; the others fitted anew."""
     system = accepted.regression.system
     rest = {*accepted.names, *system.model.effects} - {name}
-    names = tuple(n for n in accepted.names if n in rest and acts_among(n, rest))
+    names = tuple(n for n in accepted.names if n in rest and has_prerequisite(n, rest))
     if not names:
         return withdrawn(accepted)
     fitted = accepted.fit

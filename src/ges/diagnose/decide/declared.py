@@ -80,7 +80,7 @@ def contradicted(joint: Joint, system: System, but: Collection[str] = ()) -> lis
         Contradicted(key, value, joint.common_sd[key], sd, _share(key, value, model))
         for key, value in joint.common.items()
         # with what the recording adds to the file's own doubt, as how long a command was held
-        if key in model.doubts
+        if key in model.prior_sds
         and (sd := nuisance_of(system.columns[system.nuisances[key]]).sd)
         and key.split(".")[0] not in but
         # certain alone is not enough: a number known to a hair may be off by what matters nowhere

@@ -15,7 +15,7 @@ import numpy as np
 from ges.diagnose.decide.accept import Accepted, without
 from ges.diagnose.estimate.contributions import contributions, size_of
 from ges.diagnose.estimate.fit import Fitted, free_first, wide
-from ges.diagnose.library.candidates import acts_among, amplitude_of
+from ges.diagnose.library.candidates import amplitude_of, has_prerequisite
 from ges.diagnose.select.evidence import Gram, Posterior, Prior, flight_grams, posterior
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, Record
@@ -55,7 +55,7 @@ def predictive_gain(fitted: Fitted, name: str, channel: str) -> PredictiveGain:
         return PredictiveGain(np.zeros(0), np.zeros(0))
     # the two fits differ by the name and what it carries; noise and linearisation are the same
     rest = set(fitted.effects) - {name}
-    dropped = {name, *(n for n in rest if not acts_among(n, rest))}
+    dropped = {name, *(n for n in rest if not has_prerequisite(n, rest))}
     at = regression.system.main.index(channel)
     (less, before), (more, after) = (
         _LinearFit(fitted, gone).predict_flights(grams, at) for gone in (dropped, ())

@@ -18,7 +18,7 @@ from ges.diagnose.design.system import variant_of
 from ges.diagnose.detectors.balance import LOSSES, causes_of
 from ges.diagnose.detectors.gusts import wind_speed_m_s
 from ges.diagnose.estimate.fit import Fitted
-from ges.diagnose.library.candidates import acts_among, amplitude_of, family_of
+from ges.diagnose.library.candidates import amplitude_of, family_of, has_prerequisite
 from ges.diagnose.select.alike import Alike, alike_of
 from ges.diagnose.select.evidence import Regression
 from ges.diagnose.select.scorer import Entry
@@ -99,7 +99,8 @@ def large_enough(context: RuleContext, name: str) -> Decision:
     sure = context.found.inclusion[name] >= settings.statistics.certain_probability
     least = 1.0 / settings.decide.form_margin if sure and unlike_form_error(name) else 1.0
     carries = any(
-        context.size(n) >= 1.0 and name in effect_table.get(n).carriers for n in context.standing
+        context.size(n) >= 1.0 and name in effect_table.get(n).prerequisites
+        for n in context.standing
     )
     because = f"{size:.3g} times what no model is right to" + (", and carries" if carries else "")
     return Decision("large_enough", size >= least or carries, because, size, least)
@@ -107,8 +108,8 @@ def large_enough(context: RuleContext, name: str) -> Decision:
 
 def carried(context: RuleContext, name: str) -> Decision:
     """What acts through another needs one that is on."""
-    acts = acts_among(name, context.on())
-    carriers = " or ".join(effect_table.get(name).carriers) or "nothing"
+    acts = has_prerequisite(name, context.on())
+    carriers = " or ".join(effect_table.get(name).prerequisites) or "nothing"
     return Decision("carried", acts, f"acts through {carriers}")
 
 

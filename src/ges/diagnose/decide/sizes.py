@@ -25,14 +25,16 @@ def unlike_form_error(name: str) -> bool:
 def least_size(name: str, channel: str, model: Model) -> float:
     """The least rms of an effect at which it matters in a channel, in the channel's unit."""
     share = 1.0 / settings.decide.form_margin if unlike_form_error(name) else 1.0
-    return share * least(block_of(channel), model.whole(channel))
+    return share * least(block_of(channel), model.reference_scale(channel))
 
 
 def least_sizes(system: System) -> np.ndarray:
     """What matters at least in each main channel, (C,), rms over all windows, in the channel's
     unit: no model is right to less.
     """
-    return np.array([least(block_of(name), system.model.whole(name)) for name in system.main])
+    return np.array(
+        [least(block_of(name), system.model.reference_scale(name)) for name in system.main]
+    )
 
 
 def shares_of(regression: Regression, h: Hypothesis, names: set[str]) -> Mapping[str, float]:

@@ -181,7 +181,7 @@ def practically_significant(name: str, size: Mapping, model: Model, record: Reco
     more than what no model is right to.
     """
     channel, share = size["channel"], size["share_of_weight"]
-    least = least_size(name, channel, model) / model.whole(channel) if channel else None
+    least = least_size(name, channel, model) / model.reference_scale(channel) if channel else None
     passed = bool(channel) and share >= least
     because = f"{100.0 * share:.2g} % of the whole in {channel}" if channel else "shows nowhere"
     record.note(name, Decision("practically_significant", passed, because, share, least))

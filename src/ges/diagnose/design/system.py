@@ -89,7 +89,7 @@ class DesignColumn:
         if self.nuisance is not None:
             return (self.nuisance,)
         v = variant_of(self)
-        return v.effect, tuple(v.shape.items()), v.amplitudes[self.amplitude], repr(v.beside)
+        return v.effect, tuple(v.shape.items()), v.amplitudes[self.amplitude], repr(v.given)
 
     def part_of(
         self, whole: Mapping[int, np.ndarray], names: Sequence[str]
@@ -235,7 +235,7 @@ def nuisances(
     ]
     # the top speed is a number of the vehicle: no effect's descriptor has a doubt for it
     if "drive" in present:
-        sd = model.doubts.get(SPEED, 0.0)
+        sd = model.prior_sds.get(SPEED, 0.0)
         effect, _, parameter = SPEED.partition(".")
         listed.append(Nuisance(effect, parameter, step=sd, sd=sd, flight_sd=0.0))
     return tuple(n for n in listed if n.sd > 0 or n.flight_sd > 0)
@@ -249,13 +249,13 @@ def _nuisance(
     """
     effect, _, parameter = key.partition(".")
     unit = model.arm_m if doubt.per_arm else 1.0
-    sd = model.doubts.get(key, unit * doubt.sd)
+    sd = model.prior_sds.get(key, unit * doubt.sd)
     if sd and doubt.timing:
         # independent doubts add in squares
         sd = math.hypot(sd, _timing_sd_s(doubt.timing, model, flights))
     step = settings.statistics.clear_sds * sd if doubt.reciprocal else unit * doubt.step
     # counted from the model as it is: what was corrected already is not expected again
-    mean = doubt.mean - model.moved.get(key, 0.0)
+    mean = doubt.mean - model.corrections.get(key, 0.0)
     flight_sd = unit * doubt.flight_sd
     # a battery that nobody read is full in one flight and empty in another
     if not any(f.has("battery") or f.has("rotor_speed") for f in flights):
@@ -319,8 +319,8 @@ def _reference(model: Model, column: DesignColumn) -> dict:
     variant = column.variant
     if variant is None or variant.effect in model.effects:
         return {}
-    neutral = {**variant.beside, variant.effect: variant.parameters({})}
-    return neutral if drives(neutral) or variant.beside else {}
+    neutral = {**variant.given, variant.effect: variant.parameters({})}
+    return neutral if drives(neutral) or variant.given else {}
 
 
 def _shift(model: Model, column: DesignColumn) -> tuple[dict, float]:
@@ -331,7 +331,7 @@ def _shift(model: Model, column: DesignColumn) -> tuple[dict, float]:
     a = variant.amplitudes[column.amplitude]
     values = variant.parameters({}) if variant.effect not in model.effects else {}
     stepped, step = _stepped(model, variant.effect, values, a.parameter, a.step)
-    return {**variant.beside, **stepped}, step
+    return {**variant.given, **stepped}, step
 
 
 def _among(names: Sequence[str], here: Sequence[str], evaluated: Along) -> np.ndarray:

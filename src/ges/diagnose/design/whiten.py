@@ -178,7 +178,7 @@ def estimate(
     endogenous = {c for r in system.flights for _, c in r.endogenous}
     # rows without any noise would weigh without limit
     floor = np.array(
-        [settings.noise.least_share * system.model.whole(name) for name in system.names]
+        [settings.noise.least_share * system.model.reference_scale(name) for name in system.names]
     )
 
     def of_channel(c: int) -> tuple[np.ndarray, float, float, float, float]:

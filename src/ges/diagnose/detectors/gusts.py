@@ -22,7 +22,7 @@ from ges.conventions import SDS_95
 from ges.diagnose.design.residual import motion_of
 from ges.diagnose.design.system import FlightRows, System, build
 from ges.diagnose.estimate.fit import Fitted, Joint, left_raw
-from ges.diagnose.library.candidates import Variant, acts_among, amplitude_of
+from ges.diagnose.library.candidates import Variant, amplitude_of, has_prerequisite
 from ges.diagnose.prepare.channels import FORCE
 from ges.diagnose.select.stated import stated
 from ges.diagnose.settings import settings
@@ -150,7 +150,7 @@ class _Air:
 
 def heard_by(effects: effect_table.Effects) -> bool:
     """Whether something is on that moving air pushes."""
-    return acts_among("wind", effects)
+    return has_prerequisite("wind", effects)
 
 
 def gusts_of(

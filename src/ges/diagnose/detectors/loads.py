@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ges.diagnose.design.system import System, build, variant_of
-from ges.diagnose.library.candidates import Candidate, Variant, flown, usual_height_m
+from ges.diagnose.library.candidates import Candidate, Variant, flight_envelope, usual_height_m
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import Regression, make_regression
 from ges.diagnose.select.scorer import entries, set_scorer
@@ -105,7 +105,7 @@ def _coarse_step(variant: Variant) -> float:
 def _drawn(like: System, variant: Variant) -> Variant:
     flights = like.recordings
     height_m, way = (
-        usual_height_m(like.model, flown(flights, like.model.radius_m)),
+        usual_height_m(like.model, flight_envelope(flights, like.model.radius_m)),
         way_out(flights),
     )
     # a taut thread from this height meets the ground so far behind

@@ -79,7 +79,7 @@ class UnmeasuredThrust:
         told = [f"{CAUSES[name]} ({name})" for name in CAUSES if name in self.rivals]
         *some, last = told + ([f"another {SPEED.split('.')[1]}"] if self.key == SPEED else [])
         causes = f"{', '.join(some)} or {last}"
-        known = "declared" if self.key in self.system.model.doubts else "usual"
+        known = "declared" if self.key in self.system.model.prior_sds else "usual"
         return (
             f"{self._off(value, half)}, {times} times its {known} sd."
             f" {causes[0].upper()}{causes[1:]} would do it; where the voltage is logged ({VOLTAGE})"

@@ -34,7 +34,7 @@ def size_of(added: Sequence[np.ndarray], system: System) -> dict[str, Any]:
     more = 1.0 + settings.numerics.small
     best: dict[str, Any] = {"value": 0.0, "unit": "N", "share_of_weight": 0.0, "channel": ""}
     for c, channel in enumerate(system.main):
-        unit, whole = size_unit(channel), system.model.whole(channel)
+        unit, whole = size_unit(channel), system.model.reference_scale(channel)
         values = np.concatenate([a[:, c] for a in added])
         values = values[np.isfinite(values)]
         rms = float(np.sqrt(np.mean(values**2))) if len(values) else 0.0

@@ -79,7 +79,7 @@ def joint_fit(
     wide_sd = settings.numerics.wide_factor * regression.prior.sd[chosen]
     precision[: sizes[0]] = 1.0 / (wide_sd if prior_sd is None else prior_sd) ** 2
     # corrections count from the vehicle file, coefficients from where its numbers were moved to
-    moved, names = regression.system.model.moved, [known[k].key for k in common]
+    moved, names = regression.system.model.corrections, [known[k].key for k in common]
     start_at = np.array([moved.get(name, 0.0) for name in names])
     for i, (k, name) in enumerate(zip(common, names, strict=True), start[1]):
         mean[i], sd = known[k].mean, known[k].sd
@@ -253,7 +253,9 @@ class Fitted:
 def _blown(one: str, other: str) -> bool:
     """Whether one is a wind and the other a drag that it acts through."""
     pair = (effect_table.get(one), effect_table.get(other))
-    return any(e.moves_air for e in pair) and (one in pair[1].carriers or other in pair[0].carriers)
+    return any(e.moves_air for e in pair) and (
+        one in pair[1].prerequisites or other in pair[0].prerequisites
+    )
 
 
 def starting_values(regression: Regression, hypothesis: Hypothesis) -> dict[str, dict[str, float]]:
@@ -276,7 +278,7 @@ def starting_values(regression: Regression, hypothesis: Hypothesis) -> dict[str,
             a.parameter: float(np.clip(held[a.parameter] + value, a.low, a.high)),
         }
         # its column was made beside a carrier of usual size: the flights know the product of both
-        carriers |= {(variant.effect, a.parameter): variant.beside} if variant.beside else {}
+        carriers |= {(variant.effect, a.parameter): variant.given} if variant.given else {}
     for (effect, parameter), beside in carriers.items():
         found[effect][parameter] *= _through(found, beside)
     return found
@@ -623,7 +625,7 @@ def left_raw(system: System, joint: Joint) -> list[np.ndarray]:
     """Residuals of the channels under the plain average, in their units, after the nuisances, by
     flight, (m, C).
     """
-    count, out, moved = len(system.main), [], system.model.moved
+    count, out, moved = len(system.main), [], system.model.corrections
     for rows, own in zip(system.flights, joint.by_flight, strict=True):
         # the residual was taken where numbers were moved to: only the rest of a correction is due
         terms = {

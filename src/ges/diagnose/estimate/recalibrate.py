@@ -36,7 +36,7 @@ def operating_point(regression: Regression, joint: Joint, declared: Model) -> di
     ``effect.parameter`` to correction, in the parameter's unit; empty where the linear step does
     what it predicts.
     """
-    moved = dict(regression.system.model.moved)
+    moved = dict(regression.system.model.corrections)
     # a bound that stopped a step says nothing of where the best inside is, until that was searched
     searched = moved or not _stopped(regression, joint)
     given = _cost(regression, {})
@@ -72,7 +72,7 @@ def _damped(
 
 def _within_reach(regression: Regression, reach: float) -> Joint:
     """The fit with every number drawn to where it stands (Levenberg 1944)."""
-    moved = regression.system.model.moved
+    moved = regression.system.model.corrections
     known = [nuisance_of(regression.system.columns[k]) for k in regression.nuisance]
     near = {n.key: (moved.get(n.key, 0.0), reach * n.sd) for n in known if n.sd > 0}
     return joint_fit(regression, (), held=near)
@@ -80,7 +80,9 @@ def _within_reach(regression: Regression, reach: float) -> Joint:
 
 def moved_to(declared: Model, moved: Mapping[str, float]) -> Model:
     """The vehicle file's model with corrections in it, where all is linearised."""
-    return dataclasses.replace(calibrated(declared, moved), moved=moved) if moved else declared
+    return (
+        dataclasses.replace(calibrated(declared, moved), corrections=moved) if moved else declared
+    )
 
 
 def _linearised(regression: Regression, declared: Model, moved: Mapping[str, float]) -> Regression:
@@ -92,7 +94,7 @@ def _linearised(regression: Regression, declared: Model, moved: Mapping[str, flo
 
 def _step(regression: Regression, joint: Joint) -> dict[str, float]:
     """From where the model stands to the best of the linearisation."""
-    moved = regression.system.model.moved
+    moved = regression.system.model.corrections
     return {key: value - moved.get(key, 0.0) for key, value in joint.common.items()}
 
 

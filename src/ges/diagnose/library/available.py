@@ -1,10 +1,10 @@
-"""Candidates that these recordings can speak about."""
+"""Candidates that the recordings at hand can test."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ges.diagnose.library.candidates import Candidate, flown
+from ges.diagnose.library.candidates import Candidate, flight_envelope
 from ges.diagnose.library.grids import library
 from ges.diagnose.library.requirements import lacking
 from ges.diagnose.prepare.align import Prepared
@@ -17,14 +17,21 @@ def candidates_of(
     taken: Sequence[str] = (),
     only: Sequence[str] | None = None,
 ) -> list[Candidate]:
-    """Candidates that can act now: those that need no other at first, then what acts through the
-    effects that are on.
+    """Return the candidates that can act on a model and be seen in these flights.
+
+    Parameters
+    ----------
+    flights : prepared recordings.
+    base : the model they are tested on.
+    taken : names that are left out. With any, only effects with a prerequisite in ``base`` are
+        listed.
+    only : names that are allowed; None allows all.
     """
     return [
         c
-        for c in library(base, flown(flights, base.radius_m)).values()
+        for c in library(base, flight_envelope(flights, base.radius_m)).values()
         if c.name not in taken
         and (only is None or c.name in only)
         and not lacking(c.name, flights, base)
-        and (set(c.carriers) & set(base.effects) or c.stands_alone and not taken)
+        and (set(c.prerequisites) & set(base.effects) or c.stands_alone and not taken)
     ]

@@ -1,8 +1,8 @@
-"""What could be missing: every compiled effect, as columns that the library itself computes.
+"""Candidates: the compiled effects, each as variants that are linear in their amplitudes.
 
-An effect enters a fit through *variants*: a setting of its shape parameters (decay, length, form)
-with the amplitude parameters that multiply it. Which are tried stands in the effect's descriptor;
-``grids`` lays them out over the flights.
+A *variant* fixes the shape parameters of an effect (decay, length, form). The amplitude parameters
+that multiply it are estimated. The effect's descriptor states which variants are tried; ``grids``
+makes them for the flights at hand.
 """
 
 from __future__ import annotations
@@ -22,11 +22,16 @@ from ges.simulator import effects as effect_table
 
 @dataclasses.dataclass(frozen=True)
 class Amplitude:
-    """One coefficient of a variant: the parameter it moves, its step for the column, and its
-    bounds.
+    """One coefficient of a variant.
 
-    ``level`` is the coefficient that the column holds at where the effect is not linear in it; 0
-    where it is.
+    Attributes
+    ----------
+    parameter : of the effect.
+    step : difference of the parameter that makes the column.
+    low, high : bounds of the parameter.
+    neutral : value at which the effect vanishes.
+    level : coefficient at which the column is exact, for an effect that is not linear in the
+        parameter; 0 for one that is.
     """
 
     parameter: str
@@ -39,19 +44,25 @@ class Amplitude:
 
 @dataclasses.dataclass(frozen=True)
 class Variant:
-    """One shape of one effect, linear (or linearised) in its amplitudes; ``beside`` are effects
-    through which it acts, at a usual size, where the vehicle has none of them on.
+    """One shape of one effect, linear (or linearised) in its amplitudes.
+
+    Attributes
+    ----------
+    effect : its name.
+    shape : values of the shape parameters.
+    amplitudes : the coefficients.
+    given : prerequisite effects at a usual size, where the vehicle has none of them on.
     """
 
     effect: str
     shape: Mapping[str, float]
     amplitudes: tuple[Amplitude, ...]
-    beside: effect_table.Effects = dataclasses.field(default_factory=dict)
+    given: effect_table.Effects = dataclasses.field(default_factory=dict)
 
     @property
     def places(self) -> tuple[str, ...]:
-        """Where an effect acts that may act in several places, ``rotor 3``, by its numbered
-        amplitudes; none for all others.
+        """Where the amplitudes act, ``rotor 3``; empty for an effect that cannot act in several
+        places.
         """
         if "many" not in effect_table.get(self.effect).hints:
             return ()
@@ -59,61 +70,82 @@ class Variant:
 
     @property
     def key(self) -> str:
-        """A name for the shape, the amplitudes and their steps."""
-        known = {
+        """Unique text of shape, amplitudes and steps."""
+        values = {
             **self.shape,
-            **{f"{e}.{k}": v for e, values in self.beside.items() for k, v in values.items()},
+            **{f"{e}.{k}": v for e, values in self.given.items() for k, v in values.items()},
         }
-        shape = ",".join(f"{k}={v:g}" for k, v in known.items())
+        shape = ",".join(f"{k}={v:g}" for k, v in values.items())
         amplitudes = ",".join(f"{a.parameter} by {a.step:g}" for a in self.amplitudes)
         return f"{self.effect}[{shape}]({amplitudes})"
 
     def parameters(self, values: Mapping[str, float]) -> dict[str, float]:
-        """The effect's parameters with the given amplitudes, all others neutral."""
+        """Return all parameters of the effect.
+
+        Parameters
+        ----------
+        values : amplitudes that are set; all others are neutral.
+        """
         zero = {a.parameter: a.neutral for a in self.amplitudes}
         return {**effect_table.get(self.effect).neutral(), **self.shape, **zero, **values}
 
 
 def place_of(parameter: str) -> str:
-    """``rotor 3`` of a numbered parameter, ``loss_3``; '' of all others."""
+    """Return where a parameter acts.
+
+    Parameters
+    ----------
+    parameter : a numbered one, ``loss_3``, acts at a rotor.
+
+    Returns
+    -------
+    ``rotor 3``; '' for parameters without a number.
+    """
     numbered = re.fullmatch(r".*_(\d+)", parameter)
     return f"rotor {numbered[1]}" if numbered else ""
 
 
 @dataclasses.dataclass(frozen=True)
 class Candidate:
-    """An effect under test; it acts through one of its ``carriers``."""
+    """An effect under test.
+
+    Attributes
+    ----------
+    name, kind : of the effect.
+    variants : its shapes that are tried.
+    """
 
     name: str
     kind: str
     variants: tuple[Variant, ...]
 
     @property
-    def carriers(self) -> tuple[str, ...]:
-        """Effects of which one must be on for this one to act."""
-        return effect_table.get(self.name).carriers
+    def prerequisites(self) -> tuple[str, ...]:
+        """Effects of which one must be on for this one to act; empty for most."""
+        return effect_table.get(self.name).prerequisites
 
     @property
     def stands_alone(self) -> bool:
-        """Whether it does anything where nothing else is on: it needs no carrier, or its variants
+        """Whether it acts where nothing else is on: without prerequisites, or with variants that
         bring one.
         """
-        return not self.carriers or any(v.beside for v in self.variants)
+        return not self.prerequisites or any(v.given for v in self.variants)
 
 
 @dataclasses.dataclass(frozen=True)
-class Flown:
-    """Where the flights went and what they asked of the motors; no force, no residual.
+class FlightEnvelope:
+    """Where the flights went and what they commanded; no force and no residual.
 
     Attributes
     ----------
     low_m, high_m : corners of the box of positions, world; None where no position was logged.
-    middle_m : median of the positions by axis; None where no position was logged.
-    places_m : middles of the squares of the ground plan that were visited, ``square_m`` wide.
-    commands : levels near the top of the commands in the air; empty where none were logged.
-    asked_most : the largest of those, and of a take-off's too.
-    speed_most_rad_s : the fastest that any rotor was logged to turn; 0 where none was logged.
-    tilt_seen : whether every flight logged its attitude.
+    middle_m : median position by axis, world; None where no position was logged.
+    places_m : centres (x, y) of the squares of the ground plan that were visited.
+    square_m : width of the squares.
+    commands : high quantiles of the commands in the air, 0 to 1; empty where none were logged.
+    largest_commands : the largest command in the air, and including take-offs.
+    fastest_rad_s : fastest logged rotor speed; 0 where none was logged.
+    attitude_logged : whether every flight logged its attitude.
     """
 
     low_m: tuple[float, ...] | None = None
@@ -122,30 +154,34 @@ class Flown:
     places_m: tuple[tuple[float, float], ...] = ()
     square_m: float = 0.0
     commands: tuple[float, ...] = ()
-    asked_most: tuple[float, float] = (0.0, 0.0)
-    speed_most_rad_s: float = 0.0
-    tilt_seen: bool = True
+    largest_commands: tuple[float, float] = (0.0, 0.0)
+    fastest_rad_s: float = 0.0
+    attitude_logged: bool = True
 
 
-NOWHERE = Flown()
+def flight_envelope(flights: Sequence[Prepared], radius_m: float) -> FlightEnvelope:
+    """Return the envelope of flights, from samples in the air.
 
-
-def flown(flights: Sequence[Prepared], radius_m: float) -> Flown:
-    """Sum up where flights went, samples in the air alone, and what they asked; no square of the
-    ground plan is finer than a rotor of this radius.
+    Parameters
+    ----------
+    flights : prepared recordings.
+    radius_m : rotor radius; squares of the ground plan are at least twice as wide.
     """
-    levels, most = _asked(flights)
-    tilt_seen = attitude_measured(flights)
+    levels, most = _command_levels(flights)
+    attitude_logged = attitude_measured(flights)
     turned = [float(f.stack("rotor_speed").max()) for f in flights if f.has("rotor_speed")]
     fastest = max(turned, default=0.0)
     positions = [f.stack("position")[f.flying] for f in flights if f.has("position")]
     if not positions or not sum(len(p) for p in positions):
-        return Flown(
-            commands=levels, asked_most=most, speed_most_rad_s=fastest, tilt_seen=tilt_seen
+        return FlightEnvelope(
+            commands=levels,
+            largest_commands=most,
+            fastest_rad_s=fastest,
+            attitude_logged=attitude_logged,
         )
     p = np.concatenate(positions)
-    places, square = _places(p[:, :2], 2.0 * radius_m)
-    return Flown(
+    places, square = _visited_squares(p[:, :2], 2.0 * radius_m)
+    return FlightEnvelope(
         tuple(p.min(axis=0)),
         tuple(p.max(axis=0)),
         tuple(np.median(p, axis=0)),
@@ -154,23 +190,27 @@ def flown(flights: Sequence[Prepared], radius_m: float) -> Flown:
         levels,
         most,
         fastest,
-        tilt_seen,
+        attitude_logged,
     )
 
 
-def _asked(flights: Sequence[Prepared]) -> tuple[tuple[float, ...], tuple[float, float]]:
-    """Levels near the top of the commands in the air, the largest there, and that of a take-off."""
-    told = [f for f in flights if f.has("command") and f.flying.any()]
-    if not told:
+def _command_levels(flights: Sequence[Prepared]) -> tuple[tuple[float, ...], tuple[float, float]]:
+    """High quantiles of the commands in the air, the largest there, and that of a take-off."""
+    commanded = [f for f in flights if f.has("command") and f.flying.any()]
+    if not commanded:
         return (), (0.0, 0.0)
-    air = np.concatenate([f.stack("command")[f.flying].ravel() for f in told])
-    most = max(float(f.stack("command")[f.driven].max()) for f in told)
+    air = np.concatenate([f.stack("command")[f.flying].ravel() for f in commanded])
+    most = max(float(f.stack("command")[f.driven].max()) for f in commanded)
     levels = np.quantile(air, settings.library.command_quantiles)
     return tuple(map(float, levels)), (float(air.max()), most)
 
 
-def _places(plan: np.ndarray, square: float) -> tuple[tuple[tuple[float, float], ...], float]:
-    """Squares of the ground plan that were visited, so wide or coarse enough to be few."""
+def _visited_squares(
+    plan: np.ndarray, square: float
+) -> tuple[tuple[tuple[float, float], ...], float]:
+    """Centres of the visited squares of the ground plan (n, 2), widened until they are few, and
+    their width.
+    """
     while True:
         corner = np.floor(plan / square)
         cells = np.unique(
@@ -188,8 +228,16 @@ def _places(plan: np.ndarray, square: float) -> tuple[tuple[tuple[float, float],
 
 
 def amplitude_of(effect: str, name: str) -> Amplitude:
-    """A parameter as a coefficient: a small step of its usual size, its bounds, and neutral at zero
-    where it states none.
+    """Return a parameter as a coefficient with step, bounds and neutral value.
+
+    Parameters
+    ----------
+    effect : name of the effect.
+    name : of the parameter; one that states no neutral value is neutral at zero.
+
+    Notes
+    -----
+    The step is a small share of the parameter's usual size.
     """
     p, share = effect_table.get(effect).parameter(name), settings.library.step_share
     neutral = 0.0 if math.isnan(p.neutral) else p.neutral
@@ -207,22 +255,37 @@ def amplitude_of(effect: str, name: str) -> Amplitude:
     return Amplitude(name, share * typical, p.low, p.high, neutral)
 
 
-def usual_height_m(model: Model, reached: Flown) -> float:
-    """Over the ground, at the median of the positions.
+def usual_height_m(model: Model, envelope: FlightEnvelope) -> float:
+    """Return the height over the ground at the median position.
+
+    Parameters
+    ----------
+    model : with the terrain.
+    envelope : of the flights.
 
     Raises
     ------
-    ValueError : where no position was logged.
+    ValueError
+        Where no position was logged.
     """
-    if reached.middle_m is None:
+    if envelope.middle_m is None:
         raise ValueError("no height without a position; log one")
-    x, y, z = reached.middle_m
+    x, y, z = envelope.middle_m
     return z - float(model.terrain.at(np.array([x]), np.array([y])).height_m[0])
 
 
 def reach_of(name: tuple[str, str], values: effect_table.Effects, model: Model) -> float:
-    """How far a parameter that is a place, or a thread's length, may move in one round of a fit, m:
-    a share of what it acts over; 0 for all others.
+    """Return how far a place or a thread's length may move in one round of a fit, m.
+
+    Parameters
+    ----------
+    name : effect and parameter.
+    values : current parameters of all effects.
+    model : for the rotor radius.
+
+    Returns
+    -------
+    A share of the distance that the effect acts over; 0 for all other parameters.
     """
     effect, parameter = name
     p = effect_table.get(effect).parameter(parameter)
@@ -236,21 +299,37 @@ def reach_of(name: tuple[str, str], values: effect_table.Effects, model: Model) 
 
 
 def modifiers_of(variant: Variant) -> effect_table.Effects:
-    """What a variant brings with it that acts through its effect."""
+    """Return the effects given with a variant that act through its own effect.
+
+    Parameters
+    ----------
+    variant : of any effect.
+    """
     return {
         name: values
-        for name, values in variant.beside.items()
-        if variant.effect in effect_table.get(name).carriers
+        for name, values in variant.given.items()
+        if variant.effect in effect_table.get(name).prerequisites
     }
 
 
 def family_of(name: str) -> set[str]:
-    """Effects that act in the same place, this one among them."""
+    """Return the names of all effects that act in the same place, this one included.
+
+    Parameters
+    ----------
+    name : of an effect.
+    """
     family = effect_table.get(name).family
     return {e.name for e in effect_table.table().values() if e.family == family}
 
 
-def acts_among(name: str, present: Collection[str]) -> bool:
-    """Whether an effect does anything beside those that are present."""
-    carriers = effect_table.get(name).carriers
-    return not carriers or not set(carriers).isdisjoint(present)
+def has_prerequisite(name: str, present: Collection[str]) -> bool:
+    """Return whether an effect can act, given which others are present.
+
+    Parameters
+    ----------
+    name : of the effect; one without prerequisites always acts.
+    present : names of effects that are on.
+    """
+    prerequisites = effect_table.get(name).prerequisites
+    return not prerequisites or not set(prerequisites).isdisjoint(present)

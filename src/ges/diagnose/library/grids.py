@@ -1,7 +1,7 @@
-"""Variants of every effect, laid out as its descriptor asks: one rule a function.
+"""Variants of every effect, made as its descriptor asks: one function for each rule of layout.
 
-A rule sees the effect, one row of its searches, the vehicle and where the flights went; no force
-and no residual.
+A rule sees the effect, one row of its search hints, the vehicle and the flight envelope. It sees no
+force and no residual.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 from ges.diagnose.library.candidates import (
     Candidate,
-    Flown,
+    FlightEnvelope,
     Variant,
     amplitude_of,
     usual_height_m,
@@ -24,72 +24,89 @@ from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 from ges.simulator.effects import Effect, Parameter, SearchHints
 
-Rule = Callable[[Effect, SearchHints, Model, Flown], tuple[Variant, ...]]
-NOWHERE = Flown()
+Rule = Callable[[Effect, SearchHints, Model, FlightEnvelope], tuple[Variant, ...]]
+NOWHERE = FlightEnvelope()
 
 
-def library(model: Model, reached: Flown = NOWHERE) -> dict[str, Candidate]:
-    """Every candidate by name, of the shapes that the library flies."""
-    moved = {key.split(".")[0] for key in model.moved}
-    found = {}
+def library(model: Model, envelope: FlightEnvelope = NOWHERE) -> dict[str, Candidate]:
+    """Return every candidate that can be searched, by name.
+
+    Parameters
+    ----------
+    model : of the vehicle. Effects of its file are known and no candidates, unless recalibration
+        put them there or they may act several times.
+    envelope : of the flights.
+    """
+    corrected = {key.split(".")[0] for key in model.corrections}
+    candidates = {}
     for effect in effect_table.table().values():
         # what the file has is known; what recalibration put there or moved may still be found
-        known = effect.name in model.effects and effect.name not in moved
-        if effect.settled or known and "many" not in effect.hints:
+        already_on = effect.name in model.effects and effect.name not in corrected
+        if effect.settled or already_on and "many" not in effect.hints:
             continue
-        variants = tuple(filter(_is_flown, _variants(effect, model, reached)))
+        variants = tuple(filter(_within_bounds, _variants(effect, model, envelope)))
         if variants:
-            found[effect.name] = Candidate(effect.name, effect.about, variants)
-    return found
+            candidates[effect.name] = Candidate(effect.name, effect.about, variants)
+    return candidates
 
 
-def out_of_reach(effect: Effect, model: Model, reached: Flown) -> str:
-    """Why no variant of an effect is tried: flights so wide, or so high, that what would act on
-    them is beyond the bounds of its parameters; '' where that is not why.
+def out_of_reach(effect: Effect, model: Model, envelope: FlightEnvelope) -> str:
+    """Explain why no variant of an effect is tried.
+
+    Parameters
+    ----------
+    effect : of the library.
+    model : of the vehicle.
+    envelope : of the flights.
+
+    Returns
+    -------
+    The parameter that flights so wide or so high put beyond its bounds; '' where that is not why.
     """
-    listed = _variants(effect, model, reached)
-    if not listed or any(map(_is_flown, listed)):
+    listed = _variants(effect, model, envelope)
+    if not listed or any(map(_within_bounds, listed)):
         return ""
     shape = listed[0].shape
-    p = next(p for p in effect.parameters if p.name in shape and not _is_within(p, shape))
+    p = next(p for p in effect.parameters if p.name in shape and not _in_range(p, shape))
     return (
         f"it would take {p.name} {shape[p.name]:.3g} {p.unit} on flights as wide or as high as"
         f" these, and {p.low:g} to {p.high:g} is what it is known for"
     )
 
 
-def _variants(effect: Effect, model: Model, reached: Flown) -> tuple[Variant, ...]:
-    """All variants; without a search of its own all that can vanish, together."""
+def _variants(effect: Effect, model: Model, envelope: FlightEnvelope) -> tuple[Variant, ...]:
+    """All variants of an effect; without search hints one, of all parameters that can vanish."""
     if not effect.searches:
         here = effect.of_rotors(model.n_rotors)
         names = (p.name for p in here if not math.isnan(p.neutral))
         return (_variant(effect, tuple(names)),)
-    listed = [v for s in effect.searches for v in RULES[s.rule](effect, s, model, reached)]
-    usual = _usual_carrier(effect, model)
-    return tuple(dataclasses.replace(v, beside=usual) if usual else v for v in listed)
+    listed = [v for s in effect.searches for v in RULES[s.rule](effect, s, model, envelope)]
+    usual = _usual_prerequisite(effect, model)
+    return tuple(dataclasses.replace(v, given=usual) if usual else v for v in listed)
 
 
-def _is_flown(variant: Variant) -> bool:
+def _within_bounds(variant: Variant) -> bool:
     """Whether the shape lies within the bounds of its effect's parameters."""
     rows = (effect_table.get(variant.effect).parameter(name) for name in variant.shape)
-    return all(_is_within(p, variant.shape) for p in rows)
+    return all(_in_range(p, variant.shape) for p in rows)
 
 
-def _is_within(p: Parameter, shape: Mapping[str, float]) -> bool:
+def _in_range(p: Parameter, shape: Mapping[str, float]) -> bool:
     return p.low <= shape[p.name] <= p.high
 
 
-def _usual_carrier(effect: Effect, model: Model) -> effect_table.Effects:
-    """What an effect acts through, at its usual size, where the vehicle has none of it on: so large
-    that at 1 m/s it makes its share of the weight.
+def _usual_prerequisite(effect: Effect, model: Model) -> effect_table.Effects:
+    """A prerequisite at its usual size, where the vehicle has none on.
+
+    At 1 m/s it makes its usual share of the weight.
     """
     if not effect.through or set(effect.through) & set(model.effects):
         return {}
-    carrier = effect_table.get(effect.through[0])
+    prerequisite = effect_table.get(effect.through[0])
     # a rotor drag, c v times the sum of speeds, is that share of the weight at 1 m/s in hover
-    (p,) = (p for p in carrier.parameters if p.usual_share)
+    (p,) = (p for p in prerequisite.parameters if p.usual_share)
     return {
-        carrier.name: {
+        prerequisite.name: {
             p.name: p.usual_share * model.weight_N / (model.n_rotors * model.hover_rad_s)
         }
     }
@@ -99,9 +116,13 @@ def _variant(effect: Effect, amplitudes: tuple[str, ...], **shape: float) -> Var
     return Variant(effect.name, shape, tuple(amplitude_of(effect.name, n) for n in amplitudes))
 
 
-def _grid(effect: Effect, search: SearchHints, model: Model, reached: Flown) -> tuple[Variant, ...]:
-    """One variant for each level of the axis and of what is declared across it, plain or with each
-    effect that modifies it.
+def _grid(
+    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
+) -> tuple[Variant, ...]:
+    """One variant for each level of the axis and of the number across it.
+
+    Effects that modify this one are given with the variant, one at a time, where the hints ask for
+    them.
     """
     axes = {search.axis[0]: search.levels} if search.axis else {}
     if search.across:
@@ -126,28 +147,34 @@ def _grid(effect: Effect, search: SearchHints, model: Model, reached: Flown) -> 
         if other.modifies == effect.name and other.name not in model.effects
         for level in other.carried
     ]
-    return tuple(dataclasses.replace(v, beside=way) for v in plain for way in ways)
+    return tuple(dataclasses.replace(v, given=way) for v in plain for way in ways)
 
 
-def _each(effect: Effect, search: SearchHints, model: Model, reached: Flown) -> tuple[Variant, ...]:
-    """One variant an amplitude."""
+def _each(
+    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
+) -> tuple[Variant, ...]:
+    """One variant for each amplitude."""
     return tuple(_variant(effect, (name,)) for name in search.amplitudes)
 
 
 def _places(
-    effect: Effect, search: SearchHints, model: Model, reached: Flown
+    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """At each place, one amplitude a place, and at each two of them; towards more of it alone, as
-    no blade heals.
+    """One amplitude for each place, and each pair of places.
+
+    Losses are bounded at zero: no blade heals.
     """
     here = [n for n in search.amplitudes if effect.parameter(n).rotor <= model.n_rotors]
     sets = (c for n in (1, 2) for c in itertools.combinations(here, n))
-    return tuple(_one_way(_variant(effect, names), low=0.0) for names in sets)
+    return tuple(_with_amplitudes(_variant(effect, names), low=0.0) for names in sets)
 
 
-def _axes(effect: Effect, search: SearchHints, model: Model, reached: Flown) -> tuple[Variant, ...]:
-    """Every subset of the axes: an error of one axis does not pay for the others. Levels are steps
-    of the columns, each of which holds on its side of neutral.
+def _axes(
+    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
+) -> tuple[Variant, ...]:
+    """Every subset of the axes: an error of one axis does not pay for the others.
+
+    With levels there is one column for each side of neutral, bounded there.
     """
     sets = [
         _variant(effect, names)
@@ -157,21 +184,21 @@ def _axes(effect: Effect, search: SearchHints, model: Model, reached: Flown) -> 
     if not search.levels:
         return tuple(sets)
     sides = [{"step": s, ("low" if s > 0.0 else "high"): 0.0} for s in search.levels]
-    return tuple(_one_way(v, **side) for side in sides for v in sets)
+    return tuple(_with_amplitudes(v, **side) for side in sides for v in sets)
 
 
-def _one_way(variant: Variant, **changes: Any) -> Variant:
-    """The variant with other steps or bounds of all of its amplitudes."""
+def _with_amplitudes(variant: Variant, **changes: Any) -> Variant:
+    """The variant with fields of all its amplitudes replaced."""
     changed = tuple(dataclasses.replace(a, **changes) for a in variant.amplitudes)
     return dataclasses.replace(variant, amplitudes=changed)
 
 
 def _at_level(variant: Variant, *steps: float, **changes: Any) -> Variant:
-    """The variant with columns of these whole steps, which hold about them."""
-    moved = zip(variant.amplitudes, steps, strict=True)
+    """The variant with columns of these whole steps, exact at them."""
+    stepped = zip(variant.amplitudes, steps, strict=True)
     return dataclasses.replace(
         variant,
-        amplitudes=tuple(dataclasses.replace(a, step=s, level=s, **changes) for a, s in moved),
+        amplitudes=tuple(dataclasses.replace(a, step=s, level=s, **changes) for a, s in stepped),
     )
 
 
@@ -183,42 +210,43 @@ def _at_levels(
 
 
 def _levels(
-    effect: Effect, search: SearchHints, model: Model, reached: Flown
+    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """For what is not linear in its parameter: each column is the whole step from the neutral value
-    to a level.
-    """
+    """For effects that are not linear: each column is the whole step from neutral to a level."""
     return _at_levels(effect, search, search.levels)
 
 
-def _asked(
-    effect: Effect, search: SearchHints, model: Model, reached: Flown
+def _commanded(
+    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """Levels near the top of what was asked of the motors in the air, and shares of the way from
-    there to what a take-off asks; no ceiling that the rotors were logged to turn faster than.
+    """Levels near the largest commands in the air, and on the way from there to those of a
+    take-off.
+
+    A ceiling is no level where rotors were logged to turn faster.
     """
     (p,) = map(effect.parameter, search.amplitudes)
-    top, most = reached.asked_most
+    top, most = envelope.largest_commands
     between = [top + (most - top) * share for share in search.levels] if most > top else []
     # levels that are all but equal would be copies of one column
-    levels = sorted({round(q, 3) for q in (*reached.commands, *between) if p.low < q < p.high})
-    turned = reached.speed_most_rad_s / model.number("max_rotor_speed_rad_s")
+    levels = sorted({round(q, 3) for q in (*envelope.commands, *between) if p.low < q < p.high})
+    turned = envelope.fastest_rad_s / model.number("max_rotor_speed_rad_s")
     return _at_levels(effect, search, tuple(q for q in levels if q >= turned))
 
 
 def _slower(
-    effect: Effect, search: SearchHints, model: Model, reached: Flown
+    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """Slower than declared by shares of it, slowing down no sooner than speeding up; faster ones
-    are within the declared doubt or another matter.
+    """Slower motors than nominal, slowing down no sooner than speeding up.
+
+    Faster ones are within the prior sd, or another effect.
     """
-    both, declared = _variant(effect, search.amplitudes), model.number("motor_time_constant_s")
+    plain, nominal_s = _variant(effect, search.amplitudes), model.number("motor_time_constant_s")
     # below the finest step of a grid a lag does not show in any log
     levels = [
-        max(share * declared, settings.prepare.grid_step_shortest_s) for share in search.levels
+        max(share * nominal_s, settings.prepare.grid_step_shortest_s) for share in search.levels
     ]
     return tuple(
-        _at_level(both, up, down, low=0.0)
+        _at_level(plain, up, down, low=0.0)
         for i, up in enumerate(levels)
         # down as slow as up, or one level slower
         for down in levels[i : i + 2]
@@ -226,31 +254,29 @@ def _slower(
 
 
 def _above(
-    effect: Effect, search: SearchHints, model: Model, reached: Flown
+    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """A little above the greatest height of the rotors, by radii."""
-    if reached.high_m is None:
+    """A little above the greatest height of the rotors, in radii."""
+    if envelope.high_m is None:
         return ()
-    top = reached.high_m[2] + float(model.of_rotors("z_m").max())
+    top = envelope.high_m[2] + float(model.of_rotors("z_m").max())
     heights = (top + k * model.radius_m for k in search.levels)
     return tuple(_variant(effect, search.amplitudes, **{search.axis[0]: z}) for z in heights)
 
 
-def _beside(
-    effect: Effect, search: SearchHints, model: Model, reached: Flown
+def _outside_box(
+    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """A radius beyond each side of what was flown; where a pull is exponential, how far is one with
-    how strong.
-    """
-    if reached.low_m is None or reached.high_m is None:
+    """A radius beyond each side of the box that was flown."""
+    if envelope.low_m is None or envelope.high_m is None:
         return ()
     distance, bearing = search.axis
     # bearings east, north, west and south, with the edge of the box along each
     sides = (
-        (0.0, reached.high_m[0]),
-        (0.5 * math.pi, reached.high_m[1]),
-        (math.pi, -reached.low_m[0]),
-        (-0.5 * math.pi, -reached.low_m[1]),
+        (0.0, envelope.high_m[0]),
+        (0.5 * math.pi, envelope.high_m[1]),
+        (math.pi, -envelope.low_m[0]),
+        (-0.5 * math.pi, -envelope.low_m[1]),
     )
     return tuple(
         _variant(effect, search.amplitudes, **{bearing: b, distance: d + model.radius_m})
@@ -259,18 +285,19 @@ def _beside(
 
 
 def _over_places(
-    effect: Effect, search: SearchHints, model: Model, reached: Flown
+    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """Above each place that was visited, as wide as the places are apart, so many radii above the
-    highest.
+    """Above each place that was visited, as wide as the places are apart.
+
+    The height is so many radii above the highest position.
     """
-    if reached.high_m is None:
+    if envelope.high_m is None:
         return ()
     x_name, y_name, z_name, width = search.axis
     # over the highest that was flown anywhere: a rotor never passes through what is there
     (radii,) = search.levels
-    above = reached.high_m[2] + radii * model.radius_m
-    wide = max(0.5 * reached.square_m, model.radius_m)
+    above = envelope.high_m[2] + radii * model.radius_m
+    wide = max(0.5 * envelope.square_m, model.radius_m)
     return tuple(
         _variant(
             effect,
@@ -278,31 +305,31 @@ def _over_places(
             **search.fixed,
             **{width: wide, x_name: x, y_name: y, z_name: above},
         )
-        for x, y in reached.places_m
+        for x, y in envelope.places_m
     )
 
 
 def _hanging(
-    effect: Effect, search: SearchHints, model: Model, reached: Flown
+    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """Free below the middle, where the tilt shows a swing."""
-    return _grid(effect, search, model, reached) if reached.tilt_seen else ()
+    """Hanging freely below the middle, where a logged attitude shows a swing."""
+    return _grid(effect, search, model, envelope) if envelope.attitude_logged else ()
 
 
 def _lying(
-    effect: Effect, search: SearchHints, model: Model, reached: Flown
+    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """On threads that are longer than the flights are low: the load lies on the ground there."""
-    lowest_m = reached.low_m[2] if reached.low_m else 0.0
+    """On threads longer than the lowest height, so that the load lies on the ground there."""
+    lowest_m = envelope.low_m[2] if envelope.low_m else 0.0
     levels = tuple(length for length in search.levels if length > lowest_m)
-    return _hanging(effect, dataclasses.replace(search, levels=levels), model, reached)
+    return _hanging(effect, dataclasses.replace(search, levels=levels), model, envelope)
 
 
 def _hubs(model: Model) -> list[tuple[float, float]]:
     return list(zip(model.of_rotors("x_m"), model.of_rotors("y_m"), strict=True))
 
 
-def _at(
+def _at_places(
     effect: Effect, search: SearchHints, places: Iterable[tuple[float, float]]
 ) -> tuple[Variant, ...]:
     """At each of these places (x, y)."""
@@ -314,38 +341,41 @@ def _at(
 
 
 def _at_hubs(
-    effect: Effect, search: SearchHints, model: Model, reached: Flown
+    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """Free below each rotor."""
-    return _at(effect, search, _hubs(model)) if reached.tilt_seen else ()
+    """Hanging freely below each rotor."""
+    return _at_places(effect, search, _hubs(model)) if envelope.attitude_logged else ()
 
 
 def _on_body(
-    effect: Effect, search: SearchHints, model: Model, reached: Flown
+    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
     """In the middle, at each hub, and halfway between; a fit moves it from there."""
     hubs = [(k * x, k * y) for k in (0.5, 1.0) for x, y in _hubs(model)]
-    return _at(effect, search, dict.fromkeys([(0.0, 0.0), *hubs]))
+    return _at_places(effect, search, dict.fromkeys([(0.0, 0.0), *hubs]))
 
 
 def _coaxial(
-    effect: Effect, search: SearchHints, model: Model, reached: Flown
+    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
     """Where a rotor lies over another."""
-    return _grid(effect, search, model, reached) if model.coaxial else ()
+    return _grid(effect, search, model, envelope) if model.coaxial else ()
 
 
 def _drawn(
-    effect: Effect, search: SearchHints, model: Model, reached: Flown
+    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """Drawn over the ground on threads longer than the height of flight, below the middle and below
-    each rotor; none that stays slack all the way. Levels are how far behind, over that height.
+    """Drawn over the ground on threads longer than the height of flight, below the middle and each
+    rotor.
+
+    Levels are how far behind the load follows, over that height. Threads that stay slack throughout
+    are left out.
     """
-    if reached.low_m is None or reached.high_m is None:
+    if envelope.low_m is None or envelope.high_m is None:
         return ()
     length_name, x_name, y_name = search.axis
-    height = usual_height_m(model, reached)
-    way = max(high - low for high, low in zip(reached.high_m[:2], reached.low_m[:2], strict=True))
+    height = usual_height_m(model, envelope)
+    way = max(high - low for high, low in zip(envelope.high_m[:2], envelope.low_m[:2], strict=True))
     # a taut thread with its load k heights behind
     lengths = [
         height * math.hypot(1.0, k) for k in search.levels if height > 0.0 and k * height < way
@@ -368,10 +398,10 @@ RULES: Mapping[str, Rule] = {
     "places": _places,
     "axes": _axes,
     "levels": _levels,
-    "asked": _asked,
+    "asked": _commanded,
     "slower": _slower,
     "above": _above,
-    "beside": _beside,
+    "beside": _outside_box,
     "over_places": _over_places,
     "hanging": _hanging,
     "at_hubs": _at_hubs,

@@ -121,11 +121,11 @@ def silent_channels(flights: Sequence[Prepared], model: Model) -> dict[str, str]
         "force_z": pose,
         "acc_x": "log the accelerometer (acc_x_m_s2 ...)",
         "moment_x": gyro
-        if "moments_of_inertia" in model.known
+        if "moments_of_inertia" in model.stated_parts
         else "state inertia_kg_m2 in the vehicle file",
         "moment_z": (
             gyro
-            if "torque" in model.known
+            if "torque" in model.stated_parts
             else "state torque_coefficient_Nm_s2 in the vehicle file"
         ),
         "drive_1": "log rotor speeds and motor commands, both (rotor_speed_1_rad_s ..., u_1 ...)",

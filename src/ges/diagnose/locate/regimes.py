@@ -131,7 +131,7 @@ def _least(s: Structure, model: Model, margin: float) -> float:
     # all of a residual is compared where its size depends on a regime, and not a part of it alone
     if s.of_size:
         margin = settings.decide.form_margin if s.kind in PUSHING else np.inf
-    return max(margin * least(s.kind, model.whole(s.channel)), known)
+    return max(margin * least(s.kind, model.reference_scale(s.channel)), known)
 
 
 def cells(
@@ -412,7 +412,7 @@ def _weightiest(entries: Sequence[dict], system: System) -> list[dict]:
     stays in the channels' order.
     """
     weight = [
-        float(f"{item.pop('energy') / system.model.whole(item['channel']) ** 2:.6g}")
+        float(f"{item.pop('energy') / system.model.reference_scale(item['channel']) ** 2:.6g}")
         for item in entries
     ]
     return [entries[i] for i in sorted(range(len(entries)), key=lambda i: -weight[i])]

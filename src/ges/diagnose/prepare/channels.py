@@ -42,8 +42,8 @@ def channels(flight: Prepared, model: Model) -> tuple[str, ...]:
             for name, column in zip(ACC, ("acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2"), strict=True)
             if column in flight.columns
         ]
-    if driven and (flight.has("gyro") or attitude) and "moments_of_inertia" in model.known:
-        found += MOMENT if "torque" in model.known else MOMENT[:2]
+    if driven and (flight.has("gyro") or attitude) and "moments_of_inertia" in model.stated_parts:
+        found += MOMENT if "torque" in model.stated_parts else MOMENT[:2]
     if flight.has("rotor_speed") and flight.has("command"):
         found += drive(model.n_rotors)
     if flight.has("range") and "p_z_m" in flight.columns and attitude:

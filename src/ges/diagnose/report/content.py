@@ -12,7 +12,7 @@ from ges.diagnose.design.answers import strengths
 from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.gusts import GUSTS, heard_by
 from ges.diagnose.estimate.fit import Joint
-from ges.diagnose.library.candidates import flown
+from ges.diagnose.library.candidates import flight_envelope
 from ges.diagnose.library.grids import out_of_reach
 from ges.diagnose.library.requirements import lacking
 from ges.diagnose.locate.regimes import (
@@ -77,7 +77,9 @@ def data_used(
         ],
         "instruments": strengths(by_flight, system.main),
         "window_s": system.length_s,
-        "reference_scale": {block_of(name): system.model.whole(name) for name in system.main},
+        "reference_scale": {
+            block_of(name): system.model.reference_scale(name) for name in system.main
+        },
         "warnings": list(warnings),
         # the defaults stand in docs/settings.md
         **({"settings": changed()} if changed() else {}),
@@ -90,7 +92,7 @@ def calibration_of(joint: Joint, model: Model) -> dict[str, dict]:
         key: {
             "value": value,
             "ci95": list(interval95(value, joint.common_sd[key])),
-            "declared_sd": model.doubts.get(key),
+            "declared_sd": model.prior_sds.get(key),
         }
         for key, value in joint.common.items()
     }
@@ -114,7 +116,9 @@ def not_tested(system: System, found: Model) -> dict[str, str]:
             reasons[name] = (
                 lacking(name, flights, system.model)
                 or effect.settled
-                or out_of_reach(effect, system.model, flown(flights, system.model.radius_m))
+                or out_of_reach(
+                    effect, system.model, flight_envelope(flights, system.model.radius_m)
+                )
                 or "these flights do not excite it"
             )
     # in closed loop only references, as instruments, explain a controller's motion

@@ -57,7 +57,7 @@ def all_findings(
         proven = [f for f in proven if practically_significant(f.name, f.size, model, record)]
     return [
         *proven,
-        *settled_findings(gate, answer.last.model.doubts),
+        *settled_findings(gate, answer.last.model.prior_sds),
         *declared_findings(wrong, answer.last.regression.system),
         *open_findings(accepted),
         *(shift.findings() if shift else ()),

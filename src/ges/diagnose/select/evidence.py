@@ -292,7 +292,7 @@ def _sizes(system: System, share: float) -> np.ndarray:
     # an error of a rangefinder may be as large as its whole, not a share of it
     whole = np.array(
         [
-            system.model.whole(name) * (1.0 if name != "range" else 1.0 / share)
+            system.model.reference_scale(name) * (1.0 if name != "range" else 1.0 / share)
             for name in system.main
         ]
     )

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from ges.diagnose.design.system import variant_of
-from ges.diagnose.library.candidates import Candidate, Variant, acts_among, modifiers_of
+from ges.diagnose.library.candidates import Candidate, Variant, has_prerequisite, modifiers_of
 from ges.diagnose.select.evidence import Posterior, Regression
 from ges.diagnose.select.scorer import Entry, SetScorer, entries, set_scorer
 from ges.diagnose.settings import settings
@@ -66,7 +66,7 @@ def size_of(names: Sequence[str]) -> int:
     """How many causes a set has: what acts through another of the set counts no more than that one
     alone.
     """
-    return sum(not set(effect_table.get(name).carriers) & set(names) for name in names)
+    return sum(not set(effect_table.get(name).prerequisites) & set(names) for name in names)
 
 
 def _log_prior(names: Sequence[str], count: int) -> float:
@@ -91,7 +91,7 @@ def log_rarity(names: Sequence[str]) -> float:
 
 def _compatible(names: Sequence[str], base: Sequence[str]) -> bool:
     present = set(names) | set(base)
-    return all(acts_among(n, present) for n in names)
+    return all(has_prerequisite(n, present) for n in names)
 
 
 def _sets_of(

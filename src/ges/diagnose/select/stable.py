@@ -10,7 +10,7 @@ import numpy as np
 
 from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.design.whiten import left_over
-from ges.diagnose.library.candidates import Candidate, Variant, acts_among, family_of
+from ges.diagnose.library.candidates import Candidate, Variant, family_of, has_prerequisite
 from ges.diagnose.select.evidence import Regression, make_regression
 from ges.diagnose.select.search import SearchResult, exactly, search
 from ges.diagnose.settings import settings
@@ -121,7 +121,7 @@ def _hidden(
     free = {
         c.name
         for c in candidates
-        if c.name not in taken and acts_among(c.name, {c.name, *taken, *base})
+        if c.name not in taken and has_prerequisite(c.name, {c.name, *taken, *base})
     }
     listed = [
         k

@@ -1,4 +1,4 @@
-"""Decisions about a name, and the record of what was considered."""
+"""Decisions of the rules about effects, and the record of everything that was considered."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any
 
 @dataclasses.dataclass(frozen=True)
 class Decision:
-    """What one rule said of one name.
+    """Outcome of one rule for one name.
 
     Attributes
     ----------
     rule : name of the rule.
     passed : whether the name goes on to the next rule.
-    because : in words, what was weighed.
-    statistic, threshold : what was held against what; None where the rule holds no numbers.
+    because : the comparison, in words.
+    statistic, threshold : the two numbers that were compared; None where the rule compares none.
     """
 
     rule: str
@@ -26,7 +26,7 @@ class Decision:
     threshold: float | None = None
 
     def content(self) -> dict[str, Any]:
-        """As JSON."""
+        """Return the decision as JSON, an entry of ``considered[].decisions`` of diagnosis.json."""
         return {
             "rule": self.rule,
             "passed": self.passed,
@@ -38,8 +38,14 @@ class Decision:
 
 @dataclasses.dataclass(frozen=True)
 class Considered:
-    """A candidate, where it acts (``rotor 3``; '' everywhere), its posterior probability beside all
-    rivals (None where it was not weighed), and the decisions about it in their order.
+    """A candidate effect and all that was decided about it.
+
+    Attributes
+    ----------
+    name : the effect.
+    place : where it acts, ``rotor 3``; '' where it acts everywhere.
+    probability : posterior probability among all rivals; None where it was not computed.
+    decisions : of the rules, in their order.
     """
 
     name: str
@@ -48,7 +54,7 @@ class Considered:
     decisions: tuple[Decision, ...]
 
     def content(self) -> dict[str, Any]:
-        """An entry of ``considered`` of diagnosis.json."""
+        """Return the candidate as an entry of ``considered`` of diagnosis.json."""
         return {
             "name": self.name,
             "place": self.place,
@@ -58,20 +64,40 @@ class Considered:
 
 
 class Record:
-    """Decisions as they are made: the last of each rule about each name."""
+    """Log of decisions: the latest one of each rule about each name.
+
+    Notes
+    -----
+    The rules write to it while a diagnosis runs; :class:`Considered` takes its decisions from it.
+    """
 
     def __init__(self) -> None:
         self._decisions: dict[str, dict[str, Decision]] = {}
 
     def note(self, name: str, decision: Decision) -> None:
-        """Keep a decision; one of the same rule about the same name is replaced."""
+        """Keep a decision about a name.
+
+        Parameters
+        ----------
+        name : the effect.
+        decision : replaces an earlier one of the same rule about the same name.
+        """
         rules = self._decisions.setdefault(name, {})
         # taken out first, so that it stands last: later rounds of the search ask a rule again
         rules.pop(decision.rule, None)
         rules[decision.rule] = decision
 
     def of(self, name: str) -> tuple[Decision, ...]:
-        """Decisions about a name, in the order in which they were last made."""
+        """Return the decisions about a name.
+
+        Parameters
+        ----------
+        name : the effect; a name that was never decided about has none.
+
+        Returns
+        -------
+        Decisions in the order in which they were last made.
+        """
         return tuple(self._decisions.get(name, {}).values())
 
     @property

@@ -44,8 +44,8 @@ class Estimate:
 
     def content(self) -> dict[str, Any]:
         """Give ``value``, ``ci95``, ``unit``, and ``note`` where there is one, as JSON has them."""
-        told = {"value": self.value, "ci95": list(self.ci95), "unit": self.unit}
-        return {**told, "note": self.note} if self.note else told
+        content = {"value": self.value, "ci95": list(self.ci95), "unit": self.unit}
+        return {**content, "note": self.note} if self.note else content
 
 
 @dataclasses.dataclass(frozen=True)
@@ -221,8 +221,8 @@ class Diagnosis:
             for f in self.findings
         )
         head = "<tr><th>finding</th><th>probability</th><th>fitted, 95 % interval</th></tr>"
-        said = f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.sentence)}</p>"
-        return said + (f"<table>{head}{rows}</table>" if rows else "")
+        sentence = f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.sentence)}</p>"
+        return sentence + (f"<table>{head}{rows}</table>" if rows else "")
 
     def content(self) -> dict[str, Any]:
         """Give the content of diagnosis.json.

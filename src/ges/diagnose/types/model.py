@@ -1,4 +1,4 @@
-"""The declared vehicle as the compiled simulator takes it, with the user's doubts."""
+"""The nominal vehicle as the compiled simulator takes it, with prior sds of its numbers."""
 
 from __future__ import annotations
 
@@ -17,41 +17,60 @@ SPEED = "vehicle.max_rotor_speed_rad_s"
 
 
 def block_of(channel: str) -> str:
-    """``force``, ``acc``, ``moment``, ``drive`` or ``range``."""
+    """Return the block that a channel belongs to.
+
+    Parameters
+    ----------
+    channel : ``force_x``, ``drive_3`` or ``range``.
+
+    Returns
+    -------
+    ``force``, ``acc``, ``moment``, ``drive`` or ``range``.
+    """
     return channel.split("_")[0]
 
 
 @dataclasses.dataclass(frozen=True)
 class Model:
-    """What the engine knows of the vehicle.
+    """The simulator's model of a vehicle, with prior sds of its nominal parameters.
 
     Attributes
     ----------
     parameters : numbers of the simulator by name.
-    effects : effects that the vehicle file already switches on.
+    effects : effects that are switched on.
     terrain : the ground.
-    doubts : standard deviations by ``effect.parameter``: how far the declared numbers may honestly
-        be off, put as the effect that would correct them (``thrust_scale.scale`` for mass and
-        thrust coefficient together, ``inertia.xx``), or the user's own doubt on a trim of a
-        calibrated vehicle (``cg_offset.x_m``).
-    known : parts that the file declares: ``moments_of_inertia``, ``torque``, ``motor``, ``speed``.
-    plane_sd_m : doubt on the height of the rotor plane.
-    left_unexplained : by channel, rms of structure that the flights it was calibrated on show too.
-    moved : corrections of declared numbers, by ``effect.parameter``, that are in it already: it is
-        where all is linearised, and the doubts stay about the vehicle file.
+    prior_sds : prior standard deviations by ``effect.parameter``. A nominal parameter stands as the
+        effect that corrects it: ``thrust_scale.scale`` for mass and thrust coefficient,
+        ``inertia.xx``. Trims of a calibrated vehicle have the sd that its file states
+        (``cg_offset.x_m``).
+    stated_parts : optional parts that the file states: ``moments_of_inertia``, ``torque``,
+        ``motor``, ``speed``.
+    plane_sd_m : prior sd of the height of the rotor plane.
+    left_unexplained : rms of structure by channel that the calibration flights show as well.
+    corrections : corrections of nominal parameters by ``effect.parameter`` that the model has
+        already. All is linearised there; the priors stay centred on the vehicle file.
     """
 
     parameters: Mapping[str, float]
     effects: effect_table.Effects = dataclasses.field(default_factory=dict)
     terrain: Terrain = dataclasses.field(default_factory=Terrain.flat)
-    doubts: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    known: frozenset[str] = frozenset({"moments_of_inertia", "torque", "motor", "speed"})
+    prior_sds: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    stated_parts: frozenset[str] = frozenset({"moments_of_inertia", "torque", "motor", "speed"})
     plane_sd_m: float = 0.0
     left_unexplained: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    moved: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    corrections: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
     def number(self, name: str) -> float:
-        """A simulator parameter, default where not declared."""
+        """Return a parameter of the simulator.
+
+        Parameters
+        ----------
+        name : of the parameter, ``mass_kg``.
+
+        Returns
+        -------
+        Its value, or the simulator's default where the file has none.
+        """
         from ges.simulator.flight import parameters
 
         return float(self.parameters.get(name, parameters()[name].default))
@@ -67,7 +86,16 @@ class Model:
         return int(self.number("rotors"))
 
     def of_rotors(self, quantity: str) -> np.ndarray:
-        """One number of every rotor, ``x_m`` or ``spin`` say, (n_rotors,) in its unit."""
+        """Return one quantity of every rotor.
+
+        Parameters
+        ----------
+        quantity : ``x_m``, ``radius_m``, ``spin``: a name without the number of the rotor.
+
+        Returns
+        -------
+        Values (n_rotors,) in the quantity's unit, body frame.
+        """
         return np.array([self.number(f"rotor_{i + 1}_{quantity}") for i in range(self.n_rotors)])
 
     @property
@@ -95,9 +123,16 @@ class Model:
         """Mean rotor radius."""
         return float(sum(self.of_rotors("radius_m"))) / self.n_rotors
 
-    def whole(self, channel: str) -> float:
-        """What sizes in a channel are shares of: weight, weight times arm, full rotor speed, a
-        rotor radius.
+    def reference_scale(self, channel: str) -> float:
+        """Return what sizes in a channel are expressed as a share of.
+
+        Parameters
+        ----------
+        channel : name of a channel.
+
+        Returns
+        -------
+        Weight (N), weight times arm (N m), full rotor speed (rad/s) or a rotor radius (m).
         """
         # an accelerometer's channel is m a, a force as well
         kind = block_of(channel)
@@ -108,11 +143,23 @@ class Model:
         return self.number("max_rotor_speed_rad_s") if kind == "drive" else self.radius_m
 
     def with_number(self, name: str, value: float) -> Model:
-        """The same vehicle with one declared number replaced."""
+        """Return a copy with one parameter of the simulator replaced.
+
+        Parameters
+        ----------
+        name : of the parameter, ``mass_kg``.
+        value : in the unit of the name.
+        """
         return dataclasses.replace(self, parameters={**self.parameters, name: value})
 
     def with_effects(self, more: effect_table.Effects) -> Model:
-        """The same vehicle with effects added; parameters given replace those that were on."""
+        """Return a copy with effects added.
+
+        Parameters
+        ----------
+        more : effects with their parameters. Parameters given here replace those of effects that
+            are on.
+        """
         merged = {name: dict(values) for name, values in self.effects.items()}
         for name, values in more.items():
             merged[name] = {**merged.get(name, {}), **values}
@@ -124,45 +171,58 @@ def _relative(quantity: Quantity | None) -> float:
 
 
 def _number(vehicle: Vehicle, path: str) -> tuple[float, float] | None:
-    """Value and sd of a declared number, ``inertia_kg_m2.xx``; None where it is not declared."""
-    name, _, axis = path.partition(".")
-    held = getattr(vehicle, name)
-    if held is None:
-        return None
-    if isinstance(held, Quantity):
-        return held.value, held.sd
-    return getattr(held, axis), held.sd_rel * getattr(held, axis)
+    """Return value and sd of a number of the vehicle file, None where the file has none.
 
-
-def _doubts(vehicle: Vehicle) -> dict[str, float]:
-    """Doubts on what is declared, as those on the effects that correct it: as a share of it, where
-    the correction has no unit.
+    Parameters
+    ----------
+    path : ``mass_kg`` or ``inertia_kg_m2.xx``.
     """
-    doubts = {}
+    name, _, axis = path.partition(".")
+    nominal = getattr(vehicle, name)
+    if nominal is None:
+        return None
+    if isinstance(nominal, Quantity):
+        return nominal.value, nominal.sd
+    return getattr(nominal, axis), nominal.sd_rel * getattr(nominal, axis)
+
+
+def _prior_sds(vehicle: Vehicle) -> dict[str, float]:
+    """Prior sds by ``effect.parameter`` of the effects that correct numbers of the file.
+
+    They are relative where the correction has no unit.
+    """
+    prior_sds = {}
     for effect in effect_table.table().values():
         for p in (p for p in effect.parameters if p.corrects and p.role == "amplitude"):
-            known = [n for path in p.corrects if (n := _number(vehicle, path))]
+            nominal = [n for path in p.corrects if (n := _number(vehicle, path))]
             # a scale corrects a quotient of several numbers, as k_T / m: their relative doubts,
             # which are independent, add in squares
-            sds = [sd / abs(value) if p.unit == "1" else sd for value, sd in known]
-            doubts[f"{effect.name}.{p.name}"] = math.hypot(*sds)
+            sds = [sd / abs(value) if p.unit == "1" else sd for value, sd in nominal]
+            prior_sds[f"{effect.name}.{p.name}"] = math.hypot(*sds)
     if vehicle.max_rotor_speed_rad_s:
-        doubts[SPEED] = vehicle.max_rotor_speed_rad_s.sd
+        prior_sds[SPEED] = vehicle.max_rotor_speed_rad_s.sd
     # a calibrated file states the doubt of its own trims; it goes before that of declared numbers
     given = {
         f"{name}.{key}": quantity.sd
         for name, values in vehicle.effects.items()
         for key, quantity in values.items()
     }
-    return {name: sd for name, sd in doubts.items() if sd > 0} | given
+    return {name: sd for name, sd in prior_sds.items() if sd > 0} | given
 
 
 def from_vehicle(vehicle: Vehicle, folder: Path | str = ".") -> Model:
-    """Read a vehicle file's content as a model; ``folder`` is where a height map lies.
+    """Build the model of a vehicle file.
 
-    Random effects are left out: which gusts blew, no file knows.
+    Parameters
+    ----------
+    vehicle : content of the file.
+    folder : where a height map that it names lies.
+
+    Notes
+    -----
+    Random effects are left out: no file knows which gusts blew.
     """
-    known = {
+    optional_parts = {
         "moments_of_inertia": vehicle.inertia_kg_m2,
         "torque": vehicle.torque_coefficient_Nm_s2,
         "motor": vehicle.motor_time_constant_s,
@@ -176,9 +236,9 @@ def from_vehicle(vehicle: Vehicle, folder: Path | str = ".") -> Model:
             if "random" not in effect_table.get(name).hints
         },
         vehicle.ground(folder),
-        _doubts(vehicle),
+        _prior_sds(vehicle),
         # what the file does not state is the simulator's default, which no channel may stand on
-        frozenset(name for name, given in known.items() if given is not None),
+        frozenset(name for name, given in optional_parts.items() if given is not None),
         # effects know one plane of all rotors: the widest of their doubts
         max(rotor.z_m.sd for rotor in vehicle.rotors),
         vehicle.left_unexplained or {},

@@ -1,4 +1,4 @@
-"""Names of channels, regimes and numbers as a reader says them."""
+"""Channels, regime variables and numbers in a reader's words."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ MOST_ODDS = 23.0
 
 
 def _split(name: str) -> tuple[str, str]:
-    """A contract name and its unit."""
+    """Split a contract name into name and unit."""
     # the longest first: v_x_m_s ends in _s as well
     for suffix in sorted(_SUFFIXES, key=len, reverse=True):
         if name.endswith(f"_{suffix}"):
@@ -74,53 +74,107 @@ def _split(name: str) -> tuple[str, str]:
 
 
 def without_unit(name: str) -> str:
-    """A contract name without its unit: ``force_z_N`` is ``force_z``."""
+    """Return a contract name without its unit.
+
+    Parameters
+    ----------
+    name : ``force_z_N``, which becomes ``force_z``.
+    """
     return _split(name)[0]
 
 
 def channel_words(name: str) -> str:
-    """A channel in words, its unit left out."""
-    known = _CHANNELS.get(name) or _CHANNELS.get(_split(name)[0])
+    """Return a channel in words, without its unit.
+
+    Parameters
+    ----------
+    name : ``force_z``, ``force_z_N`` or ``drive_3``.
+
+    Returns
+    -------
+    *force along thrust*, *speed of rotor 3*; the name itself for what is not listed.
+    """
+    listed = _CHANNELS.get(name) or _CHANNELS.get(_split(name)[0])
     words = _split(name)[0].replace("_", " ")
-    return known or re.sub(r"^drive (\d+)$", r"speed of rotor \1", words)
+    return listed or re.sub(r"^drive (\d+)$", r"speed of rotor \1", words)
 
 
 def quantity_words(name: str) -> str:
-    """A regime variable with its unit."""
+    """Return a regime variable in words, with its unit.
+
+    Parameters
+    ----------
+    name : ``airspeed_m_s``, which becomes *horizontal speed, m/s*.
+    """
     words, unit = _QUANTITIES.get(name) or (_split(name)[0].replace("_", " "), _split(name)[1])
     return f"{words}, {unit}" if unit else words
 
 
 def unit_words(channel: str) -> str:
-    """Unit of a channel of the fit (``force_z_N``, ``p_z_m``)."""
+    """Return the unit of a channel of the fit.
+
+    Parameters
+    ----------
+    channel : with its unit, ``force_z_N`` or ``p_z_m``.
+    """
     return _split(channel)[1]
 
 
 def size_unit(channel: str) -> str:
-    """Unit of sizes in a channel that has none in its name (``force_z``)."""
+    """Return the unit of sizes in a channel.
+
+    Parameters
+    ----------
+    channel : without a unit, ``force_z``.
+
+    Returns
+    -------
+    *N*, *N m*, *rad/s* or *m*; '' for others.
+    """
     return {"force": "N", "acc": "N", "moment": "N m", "drive": "rad/s", "range": "m"}.get(
         channel.split("_")[0], ""
     )
 
 
 def whole_words(unit: str) -> str:
-    """What a size is a share of, by its unit."""
+    """Return what a size is expressed as a share of.
+
+    Parameters
+    ----------
+    unit : of the size; *N* gives *weight*.
+    """
     return _WHOLES.get(unit, "the whole")
 
 
 def plain(name: str) -> str:
-    """A contract name as words: ``cg_offset+thrust_scale`` is *cg offset with thrust scale*."""
+    """Return a contract name as words.
+
+    Parameters
+    ----------
+    name : ``cg_offset+thrust_scale``, which becomes *cg offset with thrust scale*.
+    """
     return str(name).replace("_", " ").replace("+", " with ")
 
 
 def list_words(items: Sequence[str], last: str = "and") -> str:
-    """``a, b and c``."""
+    """Join items as an enumeration: *a, b and c*.
+
+    Parameters
+    ----------
+    items : at least one.
+    last : word before the last item.
+    """
     *some, end = items
     return f"{', '.join(some)} {last} {end}" if some else end
 
 
 def percent_words(share: float | None) -> str:
-    """A share in percent, one decimal below ten."""
+    """Format a share in percent, with one decimal below ten.
+
+    Parameters
+    ----------
+    share : 0.05 for *5.0 %*; None for *not known*.
+    """
     if share is None:
         return "not known"
     # from 0.0995 on it would be written 10.0; adding zero turns -0.0 into 0.0
@@ -130,7 +184,12 @@ def percent_words(share: float | None) -> str:
 
 
 def probability_words(p: float | None) -> str:
-    """A probability to two decimals, three beyond 0.99."""
+    """Format a probability to two decimals, to three above 0.99.
+
+    Parameters
+    ----------
+    p : 0 to 1; None for *not known*.
+    """
     if p is None:
         return "not known"
     # rounded, it would read as certainty
@@ -138,21 +197,41 @@ def probability_words(p: float | None) -> str:
 
 
 def regime_words(regime: Mapping[str, Sequence[float]]) -> str:
-    """Bounds of a regime: *height over rotor radius 0.50 to 2.00*."""
+    """Return bounds of a regime in words.
+
+    Parameters
+    ----------
+    regime : lower and upper bound by variable.
+
+    Returns
+    -------
+    *height over rotor radius 0.50 to 2.00*; *everywhere* for no variable.
+    """
     parts = []
     for name, (low, high) in regime.items():
         words, _, unit = quantity_words(name).partition(", ")
-        parts.append(f"{words} {bounds_words(low, high, 3)}{' ' + unit if unit else ''}")
+        parts.append(f"{words} {_bounds_words(low, high, 3)}{' ' + unit if unit else ''}")
     return ", ".join(parts) or "everywhere"
 
 
 def stage_words(stage: str) -> str:
-    """Stage of the proof in words."""
+    """Return a stage of the proof in words.
+
+    Parameters
+    ----------
+    stage : ``before``, ``recalibrated``, ``names_only`` or ``after``.
+    """
     return _STAGES[stage]
 
 
 def number_words(value: float | None, digits: int = 3) -> str:
-    """A number with three significant digits, without an exponent between 0.001 and a million."""
+    """Format a number, without an exponent between 0.001 and a million.
+
+    Parameters
+    ----------
+    value : None and what is not finite give *not known*.
+    digits : significant digits.
+    """
     if value is None or not math.isfinite(value):
         return "not known"
     if value != 0 and not 1e-3 <= abs(value) < 1e6:
@@ -164,9 +243,12 @@ def number_words(value: float | None, digits: int = 3) -> str:
     return f"{value:.{decimals}f}".replace("-", "−")
 
 
-def bounds_words(low: float, high: float, digits: int = 2) -> str:
-    """Two bounds to the same decimals, so many digits of the larger; a bound that is next to
-    nothing is zero.
+def _bounds_words(low: float, high: float, digits: int = 2) -> str:
+    """Format two bounds to the same decimals.
+
+    Parameters
+    ----------
+    digits : significant digits of the larger bound; the other may round to zero.
     """
     largest = max(abs(low), abs(high))
     if not largest or not 1e-3 <= largest < 1e6:
@@ -183,14 +265,28 @@ def _raised(exponent: int) -> str:
 
 
 def chance_words(q: float | None) -> str:
-    """A small probability."""
+    """Format a small probability.
+
+    Parameters
+    ----------
+    q : 0 to 1; None for *not known*.
+    """
     if q is None:
         return "not known"
     return "< 0.0001" if q < 1e-4 else f"{q:.2g}"
 
 
 def odds_words(log_odds: float | None) -> str:
-    """Log odds of an alternative against what was accepted."""
+    """Format the odds of an alternative against what was accepted.
+
+    Parameters
+    ----------
+    log_odds : natural logarithm; None where they were not computed.
+
+    Returns
+    -------
+    *12 times less likely*.
+    """
     if log_odds is None:
         return "not weighed"
     times = (
