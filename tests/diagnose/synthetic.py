@@ -9,7 +9,7 @@ from ges.diagnose.design.system import DesignColumn, FlightRows, Nuisance, Syste
 from ges.diagnose.design.table import table_of
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of
-from ges.diagnose.prepare.align import Held, Prepared
+from ges.diagnose.prepare.align import CommandHold, Prepared
 from ges.diagnose.types.model import Model
 
 COMMAND, ROTOR_SPEED = command(4), rotor_speed(4)
@@ -52,7 +52,7 @@ def hovering(duration_s: float = 4.0, **columns) -> Prepared:
         np.ones(len(t_s), bool),
         {},
         dict.fromkeys(updates, STEP_S),
-        held=Held(0.0, 0.0),
+        command_hold=CommandHold(0.0, 0.0),
     )
 
 
@@ -122,7 +122,7 @@ def turned(flight: Prepared, yaw_rad: float) -> Prepared:
     ch, sh = np.cos(0.5 * yaw_rad), np.sin(0.5 * yaw_rad)
     w, x, y, z = (flight.columns[name] for name in QUATERNION)
     q = (ch * w - sh * z, ch * x - sh * y, ch * y + sh * x, ch * z + sh * w)
-    return flight.replaced(columns={**columns, **dict(zip(QUATERNION, q, strict=True))})
+    return flight.replace(columns={**columns, **dict(zip(QUATERNION, q, strict=True))})
 
 
 def manoeuvre(duration_s: float = 6.0, **columns) -> Prepared:

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from ges.cli import cli
 from ges.diagnose.calibrate.calibrate import LOSSES, calibrate
 from ges.diagnose.design.system import build
-from ges.diagnose.prepare.gate import at_flown_voltage, pass_gate
+from ges.diagnose.prepare.gate import pass_gate, with_flown_voltage
 from ges.diagnose.types.model import from_vehicle
 from ges.errors import GesError
 from ges.recordings.readers import open_log
@@ -216,7 +216,7 @@ def _balance_share(vehicle, flights):
     made = make_set(vehicle, flights)
     model = from_vehicle(made.vehicle)
     prepared = pass_gate([f.frame for f in made.flights], model, [f.name for f in made.flights])
-    system = build(prepared.flights, at_flown_voltage(model, prepared.flights), [])
+    system = build(prepared.flights, with_flown_voltage(model, prepared.flights), [])
     at = [system.names.index(f"moment_{a}") for a in "xyz"]
     means = np.mean([r.in_air(at).mean(axis=0) for r in system.flights], axis=0)
     return np.abs(means) / model.reference_scale("moment_x")

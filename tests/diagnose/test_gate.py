@@ -6,9 +6,9 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
-from ges.diagnose.prepare.align import Held, Prepared, maybe_held
-from ges.diagnose.prepare.delays import _told, command_hold
-from ges.diagnose.prepare.gate import clipped, pass_gate, prepare
+from ges.diagnose.prepare.align import CommandHold, Prepared, default_command_hold
+from ges.diagnose.prepare.delays import _combined_delay, estimate_command_hold
+from ges.diagnose.prepare.gate import clipped_samples, pass_gate, prepare
 from ges.diagnose.prepare.steady import with_steady_voltage
 from ges.diagnose.types.model import from_vehicle
 from ges.errors import GesError
@@ -115,7 +115,7 @@ def test_a_slow_or_constant_sensor_is_not_taken_for_clipped(whole):
     held = whole[RATES[0]].to_numpy()[(np.arange(len(t)) // 10) * 10]
     still = np.full(len(t), 9.81)
     frame = _changed(whole, **{RATES[0]: held}, acc_z_m_s2=still)
-    assert not clipped(frame, t).any()
+    assert not clipped_samples(frame, t).any()
 
 
 def test_two_clocks_that_drift_are_said(whole, model):
@@ -188,9 +188,9 @@ def test_a_flight_without_which_the_others_agree_better_makes_no_delay_alone():
     clear = np.exp(-((lags_s / 0.5) ** 2))
     clear = np.stack([100.0 * clear, 100.0 * ones, 100.0 * ones, 1e3 * ones])
     against = np.stack([100.0 * lags_s - 60.0, 10.0 * ones, 10.0 * ones, 1e3 * ones])
-    told = _told("rotor_speed", [clear, against], lags_s)
+    told = _combined_delay("rotor_speed", [clear, against], lags_s)
     assert told.delay_s > 0.08 and told.delay_s < 4.0 * told.sd_s
-    alone = _told("rotor_speed", [clear] * 2, lags_s)
+    alone = _combined_delay("rotor_speed", [clear] * 2, lags_s)
     assert alone.delay_s == pytest.approx(0.0, abs=0.005)
     assert alone.sd_s == pytest.approx(0.02 / np.sqrt(12.0)), "as the grid of lags rounds it"
 
@@ -219,14 +219,18 @@ def _commanded(held: bool, late_s: float = 0.0):
 
 
 def test_how_long_commands_are_held_shows_in_the_speeds_beside_them():
-    assert command_hold([_commanded(held=False)] * 2) == Held(0.0, 0.1)
-    assert command_hold([_commanded(held=True)] * 2) == Held(0.5, 0.1)
+    assert estimate_command_hold([_commanded(held=False)] * 2) == CommandHold(0.0, 0.1)
+    assert estimate_command_hold([_commanded(held=True)] * 2) == CommandHold(0.5, 0.1)
 
 
 def test_what_is_late_or_not_logged_leaves_open_how_long_commands_are_held():
     late, moved = _commanded(held=False, late_s=0.015), _commanded(held=False)
-    unseen = moved.replaced(columns={c: v for c, v in moved.columns.items() if c in COMMAND})
-    assert command_hold([late] * 2) == command_hold([unseen] * 2) == maybe_held()
+    unseen = moved.replace(columns={c: v for c, v in moved.columns.items() if c in COMMAND})
+    assert (
+        estimate_command_hold([late] * 2)
+        == estimate_command_hold([unseen] * 2)
+        == default_command_hold()
+    )
 
 
 def test_a_voltage_falls_as_read_and_dips_as_the_drive_pulls_it_down(whole, model):
@@ -239,7 +243,7 @@ def test_a_voltage_falls_as_read_and_dips_as_the_drive_pulls_it_down(whole, mode
     true = 16.0 - 0.05 * flight.t_s - 0.3 * sag / sag.std()
     read = true + np.random.default_rng(0).normal(0.0, 0.3, n)
     told = with_steady_voltage(
-        flight.replaced(columns={**flight.columns, "battery_V": read})
+        flight.replace(columns={**flight.columns, "battery_V": read})
     ).columns["battery_V"]
     assert np.std(told - true) < 0.25 * np.std(read - true)
 
@@ -254,11 +258,12 @@ def test_a_blow_from_the_ground_is_left_out_and_counted(whole, model):
     low = _changed(
         blown, ground_z_m=np.where(np.abs(whole["t_s"] - 12.0) < 1.0, whole["p_z_m"] - 0.08, 0.0)
     )
-    struck, free = pass_gate([low, blown], model).flights
+    impact_samples, free = pass_gate([low, blown], model).flights
     assert (
-        struck.left_out["contact"] == pytest.approx(1.0, abs=0.1) and "contact" not in free.left_out
+        impact_samples.left_out["contact"] == pytest.approx(1.0, abs=0.1)
+        and "contact" not in free.left_out
     )
-    assert not struck.flying[np.abs(struck.t_s - 12.0) < 0.3].any()
+    assert not impact_samples.flying[np.abs(impact_samples.t_s - 12.0) < 0.3].any()
 
 
 def test_a_wandering_position_moves_fast_as_the_velocity_says(whole, model):

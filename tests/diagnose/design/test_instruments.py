@@ -112,7 +112,7 @@ def test_a_replay_stands_where_it_is_asked_to_and_bears_its_weight():
 def test_instruments_know_what_was_asked_and_nothing_of_the_recording():
     """Thrust as the references want it, each lag for itself, and without its mean."""
     flight = _following(1.5 + 0.3 * np.sin(3.0 * times(6.0)))
-    loud = flight.replaced(
+    loud = flight.replace(
         columns={**flight.columns, **{n: 2.0 * flight.columns[n] for n in ROTOR_SPEED}}
     )
     windows = windows_of(flight)

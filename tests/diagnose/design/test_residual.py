@@ -171,7 +171,7 @@ def test_it_does_not_matter_which_rotor_is_called_the_first():
         for names in (ROTOR_SPEED, COMMAND)
         for new, old in enumerate(order)
     }
-    other = flight.replaced(columns={**flight.columns, **columns})
+    other = flight.replace(columns={**flight.columns, **columns})
     named = dataclasses.replace(MODEL, parameters={**NUMBERS, **numbers})
     names = (*FORCE, *MOMENT)
     np.testing.assert_allclose(_left(other, names, named), _left(flight, names), atol=1e-9)
@@ -180,7 +180,7 @@ def test_it_does_not_matter_which_rotor_is_called_the_first():
 def test_a_sign_of_the_quaternion_turns_nothing():
     flight = manoeuvre()
     negative = {name: -flight.columns[name] for name in QUATERNION}
-    other = flight.replaced(columns={**flight.columns, **negative})
+    other = flight.replace(columns={**flight.columns, **negative})
     names = (*FORCE, *MOMENT)
     np.testing.assert_allclose(_left(other, names), _left(flight, names), atol=1e-9)
 

@@ -20,7 +20,7 @@ from ges.diagnose.design.system import (
     window_length_s,
 )
 from ges.diagnose.library.candidates import Variant, amplitude_of
-from ges.diagnose.prepare.align import Held
+from ges.diagnose.prepare.align import CommandHold
 from ges.diagnose.settings import settings, using
 from ges.diagnose.types.model import SPEED
 from ges.simulator import effects as effect_table
@@ -164,7 +164,7 @@ def test_a_number_that_was_moved_keeps_its_doubt_about_the_vehicle_file():
 
 
 def test_what_was_not_logged_frees_no_number_that_only_it_shows():
-    derived = hovering().replaced(derived=frozenset({"attitude"}))
+    derived = hovering().replace(derived=frozenset({"attitude"}))
     unmeasured = hovering(**dict.fromkeys(ROTOR_SPEED))
     charged = hovering(battery_V=16.0)
 
@@ -187,29 +187,29 @@ def test_a_delay_is_as_doubtful_as_commands_are_held_and_a_second_pole_is_late()
     own = effect_table.get("esc_delay").parameter("delay_s").doubt.sd
     pole = settings.design.second_pole_share * MODEL.number("motor_time_constant_s")
     assert doubt(hovering()) == pytest.approx(np.hypot(own, pole))
-    held = hovering().replaced(held=Held(0.5, 0.4))
+    held = hovering().replace(command_hold=CommandHold(0.5, 0.4))
     assert doubt(held) == pytest.approx(np.sqrt(own**2 + pole**2 + (0.4 * 0.01) ** 2))
 
 
 def test_windows_are_as_long_as_the_slowest_stream_asks():
     flight = hovering()
     assert window_length_s([flight]) == settings.design.window_shortest_s
-    slow = flight.replaced(update_s={**flight.update_s, "attitude": 0.1})
+    slow = flight.replace(update_s={**flight.update_s, "attitude": 0.1})
     assert window_length_s([flight, slow]) == pytest.approx(settings.design.window_updates * 0.1)
-    never = flight.replaced(update_s={**flight.update_s, "command": np.inf})
+    never = flight.replace(update_s={**flight.update_s, "command": np.inf})
     assert window_length_s([never]) == settings.design.window_shortest_s
 
 
 @pytest.mark.parametrize(("update_s", "count"), [(0.01, 3), (0.03, 2), (0.05, 1), (0.07, 0)])
 def test_half_waves_are_as_many_as_the_slowest_stream_can_follow(update_s, count):
     flight = hovering()
-    slow = flight.replaced(update_s={**flight.update_s, "rotor_speed": update_s})
+    slow = flight.replace(update_s={**flight.update_s, "rotor_speed": update_s})
     assert half_waves(slow, 0.2) == count
 
 
 def test_unrest_is_the_change_of_thrust_between_two_readings_over_the_weight():
     flight, t = hovering(), times()
-    slow = flight.replaced(update_s={**flight.update_s, "rotor_speed": 0.05})
+    slow = flight.replace(update_s={**flight.update_s, "rotor_speed": 0.05})
     thrust = MODEL.weight_N * (1.0 + 0.3 * t)
     for told, every_s in ((flight, 0.01), (slow, 0.05)):
         found = noisy(told, windows_of(flight), MODEL, thrust)

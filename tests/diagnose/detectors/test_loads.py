@@ -74,7 +74,7 @@ def test_a_thread_is_made_as_long_as_its_swing_says():
     pull_N = pull_N - along(flight, windows_of(flight), MODEL, ("force_x",)).said.force_N
     more = np.cumsum(pull_N, axis=0) * 0.01 / MODEL.number("mass_kg")
     columns = {name: flight.columns[name] + more[:, k] for k, name in enumerate(VELOCITY)}
-    swung = flight.replaced(columns={**flight.columns, **columns})
+    swung = flight.replace(columns={**flight.columns, **columns})
     rng = np.random.default_rng(0)
     sizes = {
         **dict.fromkeys(VELOCITY, 1e-3),
@@ -82,7 +82,7 @@ def test_a_thread_is_made_as_long_as_its_swing_says():
         **dict.fromkeys(ROTOR_SPEED, 0.5),
     }
     noisy = {n: swung.columns[n] + s * rng.standard_normal(1200) for n, s in sizes.items()}
-    swung = swung.replaced(columns={**swung.columns, **noisy})
+    swung = swung.replace(columns={**swung.columns, **noisy})
     found = sharpened(build([swung], MODEL, [], length_s=WINDOW_S), THREADS)
     assert found.shape["length_m"] == pytest.approx(0.55, rel=0.03)
     assert found.shape["below_m"] == 20.0 and found.amplitudes == THREADS.amplitudes

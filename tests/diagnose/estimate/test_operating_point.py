@@ -32,7 +32,7 @@ def _flown(top_rad_s, bend):
     columns = dict(zip(ROTOR_SPEED, speeds.T, strict=True))
     blind = {name for name in flight.columns if name[:2] in ("p_", "v_", "q_", "om")}
     kept = {n: v for n, v in flight.columns.items() if n not in blind}
-    return flight.replaced(columns={**kept, **columns})
+    return flight.replace(columns={**kept, **columns})
 
 
 def _found(flight):
@@ -71,7 +71,7 @@ def test_no_number_is_moved_beyond_the_bounds_of_the_library():
     speeds = {n: 1000.0 * u[c] ** 0.4 for n, c in zip(ROTOR_SPEED, COMMAND, strict=True)}
     flight = hovering(8.0, **u)
     kept = {n: v for n, v in flight.columns.items() if n[:2] not in ("p_", "v_", "q_", "om")}
-    start = recalibrated(*_beyond(flight.replaced(columns={**kept, **speeds})))
+    start = recalibrated(*_beyond(flight.replace(columns={**kept, **speeds})))
     told = start.first.joint.common
     assert told[BEND] == pytest.approx(0.05, abs=1e-9)
     flown = residuals_with(start.system, start.first.model)[0][:, :4]

@@ -25,7 +25,7 @@ def test_horizons_follow_each_other_where_all_of_one_flies():
     assert starts_of(flight, 100).tolist() == [0, 100, 200]
     flying = flight.flying.copy()
     flying[150] = False
-    assert starts_of(flight.replaced(flying=flying), 100).tolist() == [0, 200]
+    assert starts_of(flight.replace(flying=flying), 100).tolist() == [0, 200]
     assert not len(starts_of(flight, 1000))
 
 
@@ -60,7 +60,7 @@ def test_every_piece_starts_from_the_recording():
 def test_the_shot_path_is_the_flown_one_and_the_recorded_one_where_none_is_flown():
     flying = np.ones(400, bool)
     flying[:150] = False
-    flight = hovering().replaced(flying=flying)
+    flight = hovering().replace(flying=flying)
     heavy = dataclasses.replace(MODEL, parameters={**NUMBERS, "mass_kg": 1.1})
     path = shot(flight, heavy).path
     assert set(path) == {"p_x_m", "p_y_m", "p_z_m", *VELOCITY}
@@ -75,7 +75,7 @@ def test_the_shot_path_is_the_flown_one_and_the_recorded_one_where_none_is_flown
 
 def test_a_slow_drive_or_no_place_leaves_the_recorded_path():
     flight = hovering()
-    slow = flight.replaced(update_s={**flight.update_s, "rotor_speed": 0.2})
+    slow = flight.replace(update_s={**flight.update_s, "rotor_speed": 0.2})
     assert shot(slow, MODEL) is slow
     blind = hovering(p_x_m=None)
     assert shot(blind, MODEL) is blind

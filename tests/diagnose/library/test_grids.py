@@ -207,7 +207,7 @@ def test_where_flights_went_is_where_they_flew():
     t = times()
     flying = t >= 1.0
     x = np.where(flying, t - 1.0, 70.0)
-    envelope = flight_envelope([hovering(p_x_m=x, u_1=0.9).replaced(flying=flying)], 0.0625)
+    envelope = flight_envelope([hovering(p_x_m=x, u_1=0.9).replace(flying=flying)], 0.0625)
     assert envelope.low_m == pytest.approx((0.0, 0.0, 1.5))
     assert envelope.high_m == pytest.approx((2.99, 0.0, 1.5))
     assert envelope.middle_m[0] == pytest.approx(1.495)
@@ -239,15 +239,15 @@ def test_levels_of_commands_reach_from_the_air_to_a_take_off():
     asked = np.where(flying, 0.6, 1.0)
     flight = hovering(**dict.fromkeys(COMMAND, asked), rotor_speed_1_rad_s=None)
     lifting = np.ones(len(t), bool)
-    envelope = flight_envelope([flight.replaced(flying=flying, lifting=lifting)], 0.0625)
+    envelope = flight_envelope([flight.replace(flying=flying, lifting=lifting)], 0.0625)
     assert envelope.largest_commands == pytest.approx((0.6, 1.0))
     levels = [a.level for v in _variants("rotor_saturation", envelope) for a in v.amplitudes]
     neutral = effect_table.get("rotor_saturation").parameter("share").neutral
     assert levels == pytest.approx([0.6 + 0.4 * s - neutral for s in (0.0, 0.1, 0.4, 0.7)])
     # rotors that were logged at 750 of 1000 rad/s have no ceiling below
     turning = hovering(**dict.fromkeys(COMMAND, asked), rotor_speed_2_rad_s=750.0)
-    faster = flight_envelope([turning.replaced(flying=flying, lifting=lifting)], 0.0625)
+    faster = flight_envelope([turning.replace(flying=flying, lifting=lifting)], 0.0625)
     above = [a.level for v in _variants("rotor_saturation", faster) for a in v.amplitudes]
     assert above == pytest.approx([level for level in levels if level + neutral >= 0.75])
-    still = flight_envelope([flight.replaced(flying=flying)], 0.0625)
+    still = flight_envelope([flight.replace(flying=flying)], 0.0625)
     assert still.commands == pytest.approx([0.6] * 4) and still.largest_commands == (0.6, 0.6)

@@ -106,11 +106,11 @@ def test_every_need_of_a_descriptor_is_known_here():
 
 
 FULL = hovering(battery_V=16.0, range_m=1.5, acc_z_m_s2=9.8)
-DERIVED = FULL.replaced(derived=frozenset({"attitude"}))
+DERIVED = FULL.replace(derived=frozenset({"attitude"}))
 
 
 def _without(*names):
-    return FULL.replaced(columns={n: v for n, v in FULL.columns.items() if n not in names})
+    return FULL.replace(columns={n: v for n, v in FULL.columns.items() if n not in names})
 
 
 @pytest.mark.parametrize(
@@ -135,7 +135,7 @@ def test_what_a_log_lacks_is_said_in_words(effect, flight, asked):
 
 @pytest.mark.parametrize(("step_m", "told"), [(0.05, ""), (0.2, "needs ground without edges")])
 def test_a_rangefinder_s_lag_is_told_apart_from_edges_of_the_ground_on_smooth_ground(step_m, told):
-    crossing = FULL.replaced(columns={**FULL.columns, "p_x_m": FULL.t_s - 2.0})
+    crossing = FULL.replace(columns={**FULL.columns, "p_x_m": FULL.t_s - 2.0})
     x_m, y_m = np.linspace(-3.0, 3.0, 25), np.linspace(-3.0, 3.0, 25)
     heights_m = np.where(x_m > 0.0, step_m, 0.0) * np.ones((25, 25))
     edged = dataclasses.replace(MODEL, terrain=Terrain.grid(x_m, y_m, heights_m))

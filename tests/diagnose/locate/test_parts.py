@@ -11,7 +11,7 @@ from ..synthetic import hovering
 def test_each_part_is_a_quarter_of_the_next_and_in_the_air():
     long = hovering(500.0)
     air = (long.t_s > 100.0) & (long.t_s < 450.0)
-    found = parts([long.replaced(flying=air), hovering(40.0)])
+    found = parts([long.replace(flying=air), hovering(40.0)])
     lengths = [[round(len(f.t_s) * f.dt_s) for f in some] for some in found]
     assert lengths == [[31, 30], [125, 30]]
     for first, second in found:

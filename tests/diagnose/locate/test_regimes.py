@@ -57,7 +57,7 @@ def test_regimes_in_body_axes_do_not_know_where_north_is(yaw_rad):
 
 
 def test_what_was_not_logged_is_no_regime():
-    flight = hovering(v_x_m_s=None, p_x_m=None).replaced(derived=frozenset({"attitude"}))
+    flight = hovering(v_x_m_s=None, p_x_m=None).replace(derived=frozenset({"attitude"}))
     told = set(regimes(flight, windows_of(flight), MODEL))
     assert told == {"time_s", "height_over_radius"}
 
@@ -209,7 +209,7 @@ def test_stretches_that_are_left_out_are_told_in_order_with_their_reasons():
     ground, gap = np.zeros(400, bool), np.zeros(400, bool)
     ground[:100] = ground[300:] = True
     gap[150:200] = True
-    flight = hovering().replaced(excluded={"gaps": gap, "on_ground": ground})
+    flight = hovering().replace(excluded={"gaps": gap, "on_ground": ground})
     told = [(s.start_s, s.end_s, s.reason) for s in spans(flight)]
     expected = [(0.0, 1.0, "on_ground"), (1.5, 2.0, "gaps"), (3.0, 4.0, "on_ground")]
     assert [r for *_, r in told] == [r for *_, r in expected]
@@ -232,7 +232,7 @@ def test_what_a_recording_shows_is_the_force_that_moved_the_mass():
 def test_a_trace_is_recorded_and_simulated_in_the_windows_that_fly():
     flying = np.ones(400, bool)
     flying[:100] = False
-    flight = hovering().replaced(flying=flying)
+    flight = hovering().replace(flying=flying)
     heavy = MODEL.with_number("mass_kg", 1.1)
     told = trace(flight, "first", True, {"before": heavy, "after": MODEL}, WINDOW_S)
     c = told.channels.index("force_z_N")

@@ -8,14 +8,14 @@ from ges.conventions import QUATERNION, command, rotor_speed
 from ges.diagnose.prepare.align import (
     airborne,
     attitude_measured,
+    default_command_hold,
     gaps,
     grid_step_s,
-    lift,
     lifting,
-    maybe_held,
-    over_usual,
     regrid,
     resting_m,
+    thrust_over_usual,
+    thrust_over_weight,
 )
 from ges.diagnose.settings import settings
 from ges.errors import GesError
@@ -132,19 +132,19 @@ def _working(*levels):
 def test_lift_is_thrust_over_weight_from_speeds_or_from_commands():
     flight = hovering()
     told = [MODEL.number(n) for n in ("thrust_coefficient_N_s2", "max_rotor_speed_rad_s")]
-    np.testing.assert_allclose(lift(flight, *told, MODEL.weight_N), 1.0)
+    np.testing.assert_allclose(thrust_over_weight(flight, *told, MODEL.weight_N), 1.0)
     commanded = hovering(**dict.fromkeys(ROTOR_SPEED))
-    np.testing.assert_allclose(lift(commanded, *told, MODEL.weight_N), 1.0)
+    np.testing.assert_allclose(thrust_over_weight(commanded, *told, MODEL.weight_N), 1.0)
     silent = hovering(**dict.fromkeys((*ROTOR_SPEED, *COMMAND)))
-    assert lift(silent, *told, MODEL.weight_N) is None
-    np.testing.assert_array_equal(over_usual(silent, None), 1.0)
+    assert thrust_over_weight(silent, *told, MODEL.weight_N) is None
+    np.testing.assert_array_equal(thrust_over_usual(silent, None), 1.0)
 
 
 @pytest.mark.parametrize("wrong", [0.5, 1.0, 3.0])
 def test_a_wrong_thrust_coefficient_does_not_matter(wrong):
     flight, ratio = hovering(8.0), _working(0.1, 1.0, 1.02, 0.1)
-    np.testing.assert_allclose(over_usual(flight, wrong * ratio), ratio / 1.01, rtol=0.02)
-    assert not over_usual(flight, np.zeros(800)).any(), "a drive that never runs"
+    np.testing.assert_allclose(thrust_over_usual(flight, wrong * ratio), ratio / 1.01, rtol=0.02)
+    assert not thrust_over_usual(flight, np.zeros(800)).any(), "a drive that never runs"
 
 
 def test_the_air_is_where_the_drive_works_and_the_vehicle_is_off_its_rest():
@@ -189,21 +189,21 @@ def test_a_drive_lifts_where_it_pushes_most_of_its_usual_in_flight():
 
 def test_a_flight_knows_its_streams_and_what_was_left_out():
     ground = np.arange(400) < 150
-    flight = hovering().replaced(excluded={"on_ground": ground, "gaps": np.zeros(400, bool)})
+    flight = hovering().replace(excluded={"on_ground": ground, "gaps": np.zeros(400, bool)})
     assert flight.left_out == {"on_ground": pytest.approx(1.5)}
     assert flight.has("attitude") and not flight.has("battery")
     assert flight.stack("position").shape == (400, 3)
     assert flight.steps(0.0025) == 4 and flight.steps(1.0) == 1
     assert flight.driven is flight.flying
     assert attitude_measured([flight])
-    assert not attitude_measured([flight, flight.replaced(derived=frozenset({"attitude"}))])
+    assert not attitude_measured([flight, flight.replace(derived=frozenset({"attitude"}))])
 
 
 def test_a_command_that_may_be_held_is_late_by_the_mean_of_both_and_as_doubtful():
-    held, p = maybe_held(), settings.prepare.hold_probability
+    held, p = default_command_hold(), settings.prepare.hold_probability
     draws = np.where(np.random.default_rng(0).random(200_000) < p, 0.5, 0.0)
-    assert held.late == pytest.approx(draws.mean(), abs=3e-3)
-    assert held.sd == pytest.approx(draws.std(), abs=3e-3)
+    assert held.delay_rows == pytest.approx(draws.mean(), abs=3e-3)
+    assert held.sd_rows == pytest.approx(draws.std(), abs=3e-3)
 
 
 def test_a_faster_stream_is_averaged_and_what_is_too_fast_for_the_grid_stays_out():

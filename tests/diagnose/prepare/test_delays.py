@@ -7,15 +7,15 @@ import pytest
 
 from ges.conventions import BODY_RATE, QUATERNION, command, rotor_speed
 from ges.diagnose.prepare.delays import (
-    command_hold,
     drive_delay,
+    estimate_command_hold,
     gyro_bias,
     pose_delay,
-    shifted,
-    without_bias,
+    without_delay,
+    without_gyro_bias,
 )
 from ges.diagnose.prepare.kinematics import body_rates, quaternion_product, to_body, turn_rates
-from ges.diagnose.prepare.steady import with_past, with_steady_position, with_steady_voltage
+from ges.diagnose.prepare.steady import lag_matrix, with_steady_position, with_steady_voltage
 from ges.diagnose.settings import settings
 
 from ..synthetic import MODEL, hovering, times
@@ -94,13 +94,13 @@ def test_flights_that_agree_by_luck_know_no_more_than_their_noise_lets_them():
 def test_what_does_not_move_tells_no_delay():
     assert pose_delay([hovering(DURATION_S)]) is None
     assert pose_delay([]) is None
-    derived = _turning(0.03).replaced(derived=frozenset({"attitude"}))
+    derived = _turning(0.03).replace(derived=frozenset({"attitude"}))
     assert pose_delay([derived]) is None
 
 
 def test_a_stream_that_is_moved_back_by_its_delay_is_on_time():
     late = _turning(0.05)
-    on_time = shifted(late, "attitude", 0.05)
+    on_time = without_delay(late, "attitude", 0.05)
     assert on_time.lateness_s == {"attitude": 0.05}
     inside = slice(0, -20)
     np.testing.assert_allclose(
@@ -136,7 +136,7 @@ def test_rotor_speeds_on_time_or_unlogged_have_no_delay():
         drive_delay([_climbing(0.0)], MODEL) is None
         or abs(drive_delay([_climbing(0.0)], MODEL).delay_s) < 0.004
     )
-    silent = _climbing(0.1).replaced(columns={"v_z_m_s": T})
+    silent = _climbing(0.1).replace(columns={"v_z_m_s": T})
     assert drive_delay([silent], MODEL) is None
 
 
@@ -158,11 +158,11 @@ def test_a_held_command_shows_a_row_later(held):
         zip(ROTOR_SPEED, 1000.0 * speed, strict=True)
     )
     flight = hovering(DURATION_S, **columns)
-    found = command_hold([flight])
-    assert found.late == (0.5 if held else 0.0)
-    assert found.sd == settings.prepare.at_once_share
-    slow = flight.replaced(update_s={**flight.update_s, "command": 0.05})
-    assert command_hold([slow]).sd > found.sd, "rows without news tell nothing"
+    found = estimate_command_hold([flight])
+    assert found.delay_rows == (0.5 if held else 0.0)
+    assert found.sd_rows == settings.prepare.at_once_share
+    slow = flight.replace(update_s={**flight.update_s, "command": 0.05})
+    assert estimate_command_hold([slow]).sd_rows > found.sd_rows, "rows without news tell nothing"
 
 
 def test_a_gyro_s_offset_is_found_with_the_scatter_of_flights():
@@ -173,10 +173,10 @@ def test_a_gyro_s_offset_is_found_with_the_scatter_of_flights():
     np.testing.assert_allclose(sd[:2], least, rtol=0.1)
     assert sd[2] == pytest.approx(np.hypot(least, 0.005 / np.sqrt(3.0)), rel=0.05)
     assert gyro_bias(flights[:1]) is None, "one flight has no scatter"
-    mended = without_bias(flights[0], mean)
+    mended = without_gyro_bias(flights[0], mean)
     assert mended.columns["omega_y_rad_s"].mean() == pytest.approx(0.0, abs=1e-3)
     unmeasured = hovering(**dict.fromkeys(BODY_RATE))
-    assert without_bias(unmeasured, mean) is unmeasured
+    assert without_gyro_bias(unmeasured, mean) is unmeasured
 
 
 def _rotations(seed, count=8):
@@ -216,7 +216,7 @@ def test_rates_come_back_from_the_attitude_that_they_turn():
 
 
 def test_the_past_of_a_row_is_itself_and_what_was_before():
-    told = with_past(np.array([1.0, 2.0, 3.0]), 2)
+    told = lag_matrix(np.array([1.0, 2.0, 3.0]), 2)
     np.testing.assert_array_equal(told, [[1.0, 0.0], [2.0, 1.0], [3.0, 2.0]])
 
 

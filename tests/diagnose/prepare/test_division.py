@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from ges.conventions import BODY_RATE, VELOCITY, command, rotor_speed
 from ges.diagnose.prepare.channels import ACC, FORCE, MOMENT, channels, drive
 from ges.diagnose.prepare.cut import cut
-from ges.diagnose.prepare.gate import Gate, at_flown_voltage, with_thrust_direction
+from ges.diagnose.prepare.gate import Gate, with_flown_voltage, with_thrust_direction
 from ges.diagnose.prepare.kinematics import to_body
 from ges.diagnose.prepare.problem import Problem
 from ges.diagnose.prepare.split import digest, split
@@ -71,7 +71,7 @@ def test_a_short_recording_is_not_cut_but_said():
 
 def _lacking(*names):
     full = hovering(range_m=1.5, **{f"{a}_m_s2": 0.0 for a in ACC})
-    return full.replaced(columns={n: v for n, v in full.columns.items() if n not in names})
+    return full.replace(columns={n: v for n, v in full.columns.items() if n not in names})
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def _lacking(*names):
         (_lacking("q_w", *BODY_RATE, "acc_x_m_s2"), (*ACC[1:], *drive(4))),
         (_lacking("range_m"), (*FORCE, *ACC, *MOMENT, *drive(4))),
         (
-            _lacking().replaced(derived=frozenset({"attitude"})),
+            _lacking().replace(derived=frozenset({"attitude"})),
             ("force_z", *ACC, *MOMENT, *drive(4), "range"),
         ),
     ],
@@ -121,14 +121,14 @@ def test_thrust_points_where_the_acceleration_says(yaw_rad):
 
 def test_the_usual_voltage_is_what_was_flown_unless_the_file_models_it():
     flights = [hovering(battery_V=15.0), None, hovering(battery_V=13.0), hovering()]
-    assert at_flown_voltage(MODEL, flights).number("battery_nominal_V") == 14.0
+    assert with_flown_voltage(MODEL, flights).number("battery_nominal_V") == 14.0
     sagging = MODEL.with_effects({"battery_sag": {"sensitivity": 1.0}})
-    assert at_flown_voltage(sagging, flights) is sagging
-    assert at_flown_voltage(MODEL, [hovering()]) is MODEL
+    assert with_flown_voltage(sagging, flights) is sagging
+    assert with_flown_voltage(MODEL, [hovering()]) is MODEL
     flying = np.arange(400) < 100
     volts = np.where(flying, 15.0, 9.0)
-    landed = hovering(battery_V=volts).replaced(flying=flying)
-    assert at_flown_voltage(MODEL, [landed]).number("battery_nominal_V") == 15.0
+    landed = hovering(battery_V=volts).replace(flying=flying)
+    assert with_flown_voltage(MODEL, [landed]).number("battery_nominal_V") == 15.0
 
 
 def test_a_gate_knows_which_flights_are_of_use_and_a_problem_which_it_fits():

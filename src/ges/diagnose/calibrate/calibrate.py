@@ -48,7 +48,7 @@ from ges.diagnose.estimate.fit import (
 from ges.diagnose.locate.regimes import regimes_of
 from ges.diagnose.locate.structure import structures
 from ges.diagnose.prepare.align import Prepared, attitude_measured
-from ges.diagnose.prepare.gate import at_flown_voltage, pass_gate
+from ges.diagnose.prepare.gate import pass_gate, with_flown_voltage
 from ges.diagnose.select.evidence import Gram, without_deviations
 from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import interval95
@@ -585,7 +585,7 @@ def calibrate(recordings: RecordingSet, *more: RecordingSet) -> Calibration:
             f"{len(flights)} usable reference flight; calibration needs two or more to see how much"
             " flights differ"
         )
-    model = at_flown_voltage(model, flights)
+    model = with_flown_voltage(model, flights)
     flights = with_turning_speeds(flights, model)
     numbers, spreads = _fit(flights, session, _opened(model, flights))
     update = _folded(recordings.vehicle, numbers) | {
@@ -612,7 +612,7 @@ def _left_unexplained(
     """By channel, the largest structure that the calibrated file leaves in two of its own flights:
     no news in later ones.
     """
-    model = at_flown_voltage(from_vehicle(vehicle, folder), flights)
+    model = with_flown_voltage(from_vehicle(vehicle, folder), flights)
     system = build(flights, model, [])
     left = in_the_air(centred(left_raw(system, null_fit(system)[1]), system), system)
     told, blocks = regimes_of(system), system.blocks(settings.statistics.block_s)

@@ -236,7 +236,7 @@ def _drive_inputs(flight: Prepared, model: Model, commands: np.ndarray) -> np.nd
     """Commands, attitude, battery voltage and rates, a row for every step of the drive."""
     every = flight.steps(settings.numerics.step_s)
     u, voltage = (
-        _between(commands, every, flight.held.late),
+        _between(commands, every, flight.command_hold.delay_rows),
         flight.columns.get("battery_V", np.full(len(flight.t_s), np.nan)),
     )
     # motors alone are flown: attitude is imposed level and at rest
@@ -320,8 +320,8 @@ def speeds_at_work(flight: Prepared, model: Model, effects: effect_table.Effects
     """Rotor speeds that turn the air: expected, measured, or made by the commands; (n, rotors)
     rad/s.
     """
-    if flight.turning is not None:
-        return flight.turning
+    if flight.model_speeds is not None:
+        return flight.model_speeds
     if not flight.has("rotor_speed"):
         return driven_speeds([flight], model, effects)[0]
     measured = flight.stack("rotor_speed")

@@ -22,17 +22,18 @@ from ges.diagnose.types.model import Model
 
 
 def with_turning_speeds(flights: Sequence[Prepared], model: Model) -> list[Prepared]:
-    """Flights with :attr:`Prepared.turning`, where commands and rotor speeds bring news in every
-    row; the others as they are.
+    """Return the flights with rotor speeds at which the model is evaluated.
 
     Parameters
     ----------
-    model : of the declared vehicle, whose drive the commands run through.
+    flights : prepared recordings. Those in which commands and rotor speeds do not change in every
+        row stay as they are.
+    model : of the vehicle, through whose drive the commands run.
     """
     told = [f for f in flights if f.drive_in_every_row]
     made = iter(driven_speeds(told, model, {}) if told else ())
     return [
-        f.replaced(turning=expected_speeds(f.stack("rotor_speed"), next(made), f.dt_s))
+        f.replace(model_speeds=expected_speeds(f.stack("rotor_speed"), next(made), f.dt_s))
         if f.drive_in_every_row
         else f
         for f in flights

@@ -269,7 +269,9 @@ def _timing_sd_s(timing: str, model: Model, flights: Sequence[Prepared]) -> floa
     """
     row_s = max((_slowest([f], ("command",)) for f in flights), default=0.0)
     # a shape within a row is not logged: uniform over it. How late a command comes is, in the mean
-    rows = max(f.held.sd for f in flights) if timing == "delay" else 1.0 / math.sqrt(12.0)
+    rows = (
+        max(f.command_hold.sd_rows for f in flights) if timing == "delay" else 1.0 / math.sqrt(12.0)
+    )
     pole = settings.design.second_pole_share * model.number("motor_time_constant_s")
     return math.hypot(rows * row_s, pole)
 

@@ -126,4 +126,4 @@ def shot(flight: Prepared, model: Model) -> Prepared:
             path[name][start : start + n] = np.interp(
                 clock, record["t_s"] - record["t_s"][0], record[name]
             )
-    return flight.replaced(path=path)
+    return flight.replace(path=path)

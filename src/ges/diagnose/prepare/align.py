@@ -1,8 +1,6 @@
-"""Data first: which samples fly, how often each stream really speaks, how late one stream is
-against another.
+"""Recordings on a uniform grid: streams, gaps, and the samples that are in the air.
 
-A recording becomes a :class:`Prepared` flight on a uniform grid. Nothing here knows the name of a
-file.
+A recording becomes a :class:`Prepared` flight. Nothing here knows the name of a file.
 """
 
 from __future__ import annotations
@@ -56,27 +54,40 @@ _STREAMS: Mapping[str, tuple[str, ...]] = {
 
 @functools.cache
 def streams(n_rotors: int) -> Mapping[str, tuple[str, ...]]:
-    """Columns of every stream of a vehicle with so many rotors."""
+    """Return the columns of every stream.
+
+    Parameters
+    ----------
+    n_rotors : number of rotors of the vehicle.
+    """
     of_rotors = {"rotor_speed": rotor_speed, "command": command, "motor_current": motor_current}
     return {**_STREAMS, **{name: columns(n_rotors) for name, columns in of_rotors.items()}}
 
 
 @dataclasses.dataclass(frozen=True)
-class Held:
-    """How long a command acts on after its row, so that it comes that much later on the whole: mean
-    and sd, in rows.
+class CommandHold:
+    """How long the vehicle acts on a command after its row.
+
+    Attributes
+    ----------
+    delay_rows : mean delay that this adds, in rows.
+    sd_rows : its standard deviation, in rows.
     """
 
-    late: float
-    sd: float
+    delay_rows: float
+    sd_rows: float
 
 
-def maybe_held() -> Held:
-    """Until the next row, so that it comes half a row later on the whole, or not at all: most
-    controllers run faster than their logs.
+def default_command_hold() -> CommandHold:
+    """Return the hold of commands about which nothing is known.
+
+    Notes
+    -----
+    They are held until the next row, half a row late on average, or not at all. Most controllers
+    run faster than their logs.
     """
     chance = settings.prepare.hold_probability
-    return Held(0.5 * chance, 0.5 * math.sqrt(chance * (1.0 - chance)))
+    return CommandHold(0.5 * chance, 0.5 * math.sqrt(chance * (1.0 - chance)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,18 +99,18 @@ class Prepared:
     t_s : (n,) uniform times.
     columns : contract columns on the grid; what was not logged is absent. Only the rangefinder's
         may be NaN, out of its range.
-    flying : (n,) True where the vehicle is in the air, away from contact and from gaps.
-    lifting : (n,) True where the drive carries nearly as much as in flight, away from gaps; as
-        ``flying`` where nothing is said.
+    flying : (n,) True in the air, away from contact and from gaps.
+    lifting : (n,) True where the drive carries nearly as much as in flight, away from gaps. None
+        means as ``flying``.
     excluded : (n,) True where a sample is left out, by reason.
     update_s : median time between two new values of each stream.
-    lateness_s : delay taken out of a stream, by stream.
+    lateness_s : delay that was removed, by stream.
     derived : streams that were not logged but made from others.
-    path : position and velocity at which the model is asked, where not at the recorded ones; world,
-        m and m/s.
-    held : how long its commands are held.
-    turning : (n, rotors) rotor speeds at which the model is asked, rad/s, where not at the recorded
-        ones.
+    path : position and velocity at which the model is evaluated, where not at the recorded ones;
+        world, m and m/s.
+    command_hold : how long its commands are held.
+    model_speeds : (n, rotors) rotor speeds at which the model is evaluated, rad/s, where not at the
+        recorded ones.
     """
 
     t_s: np.ndarray
@@ -111,14 +122,12 @@ class Prepared:
     derived: frozenset[str] = frozenset()
     path: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
     lifting: np.ndarray | None = None
-    held: Held = dataclasses.field(default_factory=maybe_held)
-    turning: np.ndarray | None = None
+    command_hold: CommandHold = dataclasses.field(default_factory=default_command_hold)
+    model_speeds: np.ndarray | None = None
 
     @property
     def driven(self) -> np.ndarray:
-        """(n,) True where the drive tells of itself: in the air, and on the ground where
-        it lifts.
-        """
+        """(n,) True where the drive can be compared: in the air, or lifting on the ground."""
         return self.flying if self.lifting is None else self.flying | self.lifting
 
     @property
@@ -128,7 +137,7 @@ class Prepared:
 
     @property
     def left_out(self) -> dict[str, float]:
-        """Seconds left out, by reason."""
+        """Seconds that are left out, by reason."""
         return {
             reason: float(at.sum() * self.dt_s) for reason, at in self.excluded.items() if at.any()
         }
@@ -139,27 +148,51 @@ class Prepared:
         return streams(rotors_in(self.columns) or 1)
 
     def has(self, stream: str) -> bool:
-        """Whether every column of a stream was logged."""
+        """Return whether every column of a stream was logged.
+
+        Parameters
+        ----------
+        stream : a key of :func:`streams`.
+        """
         return all(name in self.columns for name in self.streams[stream])
 
     def stack(self, stream: str) -> np.ndarray:
-        """Columns of a stream, (n, k)."""
+        """Return the columns of a stream side by side.
+
+        Parameters
+        ----------
+        stream : a key of :func:`streams` that was logged.
+
+        Returns
+        -------
+        (n, k), in the unit of the columns.
+        """
         return np.stack([self.columns[name] for name in self.streams[stream]], axis=1)
 
     @property
     def drive_in_every_row(self) -> bool:
-        """Whether commands and rotor speeds bring news in every row."""
+        """Whether commands and rotor speeds have new values in every row."""
         if not (self.has("command") and self.has("rotor_speed")):
             return False
         slowest_s = max(self.update_s[s] for s in ("command", "rotor_speed"))
         return round(slowest_s / self.dt_s) <= 1
 
     def steps(self, longest_s: float) -> int:
-        """Steps no longer than this between two samples."""
+        """Return how many simulator steps lie between two samples.
+
+        Parameters
+        ----------
+        longest_s : longest step that is allowed.
+        """
         return max(1, int(np.ceil(self.dt_s / longest_s)))
 
     def between(self, start: int, end: int) -> Prepared:
-        """The rows from ``start`` up to ``end``."""
+        """Return a part of the flight.
+
+        Parameters
+        ----------
+        start, end : first row, and one past the last.
+        """
         rows = slice(start, end)
         of_rows = {
             name: {key: values[rows] for key, values in getattr(self, name).items()}
@@ -167,17 +200,27 @@ class Prepared:
         }
         maybe = {
             name: None if (values := getattr(self, name)) is None else values[rows]
-            for name in ("lifting", "turning")
+            for name in ("lifting", "model_speeds")
         }
-        return self.replaced(t_s=self.t_s[rows], flying=self.flying[rows], **maybe, **of_rows)
+        return self.replace(t_s=self.t_s[rows], flying=self.flying[rows], **maybe, **of_rows)
 
-    def replaced(self, **changes: Any) -> Prepared:
-        """A copy with other fields."""
+    def replace(self, **changes: Any) -> Prepared:
+        """Return a copy with other fields.
+
+        Parameters
+        ----------
+        changes : fields by name.
+        """
         return dataclasses.replace(self, **changes)
 
 
 def attitude_measured(flights: Sequence[Prepared]) -> bool:
-    """Whether every flight logged its attitude."""
+    """Return whether every flight logged its attitude.
+
+    Parameters
+    ----------
+    flights : prepared recordings; an attitude that was derived does not count.
+    """
     return not any("attitude" in f.derived for f in flights)
 
 
@@ -189,9 +232,10 @@ def _present(frame: pd.DataFrame, names: Sequence[str]) -> list[str]:
     ]
 
 
-def _fresh(values: np.ndarray) -> np.ndarray:
-    """Rows that bring a new value of a stream: finite, and any column other than in the
-    row before.
+def _new_value_rows(values: np.ndarray) -> np.ndarray:
+    """True in rows that bring a new value of a stream.
+
+    All columns are finite there, and one differs from the last finite row.
     """
     finite = np.isfinite(values).all(axis=1)
     rows = np.flatnonzero(finite)
@@ -200,15 +244,13 @@ def _fresh(values: np.ndarray) -> np.ndarray:
         if len(rows)
         else np.zeros(0, bool)
     )
-    fresh = np.zeros(len(values), dtype=bool)
-    fresh[rows[changed]] = True
-    return fresh
+    new = np.zeros(len(values), dtype=bool)
+    new[rows[changed]] = True
+    return new
 
 
-def _held_ends(t_s: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Rows at which a value is known: its arrival; where it stood long without news, also the last
-    row that repeats it.
-    """
+def _knot_rows(t_s: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Rows at which a value is known: its first, and its last where it stood for long."""
     usual = np.median(np.diff(t_s[rows])) if len(rows) > 2 else np.inf
     before_next = np.r_[rows[1:] - 1, len(t_s) - 1]
     # a straight line to the next news would turn a long hold into a slow ramp
@@ -219,40 +261,42 @@ def _held_ends(t_s: np.ndarray, rows: np.ndarray) -> np.ndarray:
 def _regrid(
     t_s: np.ndarray, values: np.ndarray, grid_s: np.ndarray, mean_s: float
 ) -> tuple[np.ndarray, float]:
-    """A stream between its new values, straight lines, or their means over ``mean_s`` where news
-    comes faster; and the median time between them.
+    """A stream on the grid, and the median time between its new values.
+
+    It is interpolated linearly. Rows faster than ``mean_s`` are averaged over it.
     """
-    fresh = np.flatnonzero(_fresh(values))
+    new = np.flatnonzero(_new_value_rows(values))
     # one value for the whole flight: nothing to interpolate, and no time between news
-    if len(fresh) < 2:
+    if len(new) < 2:
         return np.repeat(values[np.isfinite(values).all(axis=1)][:1], len(grid_s), axis=0), np.inf
-    knots = _held_ends(t_s, fresh)
+    knots = _knot_rows(t_s, new)
     # the last row before news may be a hole in the log
     knots = knots[np.isfinite(values[knots]).all(axis=1)]
     on_grid = np.stack(
         [np.interp(grid_s, t_s[knots], values[knots, k]) for k in range(values.shape[1])], axis=1
     )
-    every_s = float(np.median(np.diff(t_s[fresh])))
+    every_s = float(np.median(np.diff(t_s[new])))
     if every_s < mean_s:
-        on_grid = _averaged(t_s[knots], values[knots], grid_s, mean_s, on_grid)
+        on_grid = _grid_means(t_s[knots], values[knots], grid_s, mean_s, on_grid)
     return on_grid, every_s
 
 
-def _averaged(
+def _grid_means(
     t_s: np.ndarray, values: np.ndarray, grid_s: np.ndarray, mean_s: float, points: np.ndarray
 ) -> np.ndarray:
-    """Means of straight lines between values over ``mean_s`` about every time of a grid; ``points``
-    where not all of it is known.
+    """Means of linearly interpolated values over ``mean_s`` around every time of a grid.
+
+    ``points`` stay where the interval reaches beyond the values.
     """
     area = make_interp_spline(t_s, values, k=1).antiderivative()
     start, end = grid_s - 0.5 * mean_s, grid_s + 0.5 * mean_s
-    known = (start >= t_s[0]) & (end <= t_s[-1])
-    points[known] = (area(end[known]) - area(start[known])) / mean_s
+    inside = (start >= t_s[0]) & (end <= t_s[-1])
+    points[inside] = (area(end[inside]) - area(start[inside])) / mean_s
     return points
 
 
-def _continuous(q: np.ndarray) -> np.ndarray:
-    """Quaternions of one sign along the flight."""
+def _one_sign(q: np.ndarray) -> np.ndarray:
+    """Quaternions without sign changes along the flight."""
     q = q.copy()
     finite = np.flatnonzero(np.isfinite(q).all(axis=1))
     # q and -q are one attitude: a line between them would pass through attitudes never flown
@@ -262,7 +306,12 @@ def _continuous(q: np.ndarray) -> np.ndarray:
 
 
 def grid_step_s(frame: pd.DataFrame) -> float:
-    """Step of the uniform grid: the median spacing of the rows, within bounds."""
+    """Return the step of the uniform grid: the median spacing of the rows, within bounds.
+
+    Parameters
+    ----------
+    frame : a recording with contract columns.
+    """
     median_s = np.median(np.diff(frame["t_s"].to_numpy(dtype=float)))
     shortest_s, longest_s = (
         settings.prepare.grid_step_shortest_s,
@@ -272,13 +321,22 @@ def grid_step_s(frame: pd.DataFrame) -> float:
 
 
 def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
-    """Put a recording on a uniform grid; ``flying`` is not decided yet.
+    """Put a recording on a uniform grid.
 
     Parameters
     ----------
     frame : a recording with contract columns.
     step_s : spacing of the grid.
     number : index of the flight, for messages.
+
+    Returns
+    -------
+    A flight in which all samples still count as flying.
+
+    Raises
+    ------
+    GesError
+        When the recording is too short, or its times do not increase.
     """
     t_s = frame["t_s"].to_numpy(dtype=float)
     shortest_s = settings.prepare.flight_shortest_s
@@ -307,7 +365,7 @@ def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
             groups = [list(names)] if len(_present(frame, names)) == len(names) else []
         for group in groups:
             values = frame[group].to_numpy(dtype=float)
-            values = _continuous(values) if stream == "attitude" else values
+            values = _one_sign(values) if stream == "attitude" else values
             on_grid, every = _regrid(t_s, values, grid, mean_s)
             columns.update(zip(group, on_grid.T, strict=True))
             # the slowest axis sets the update time; one that stands still says nothing of it
@@ -318,7 +376,8 @@ def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
             )
     # a line across a rangefinder's silence is invented: kept only where it stands for the height
     if "range_m" in columns and "p_z_m" in columns:
-        columns["range_m"] = np.where(_silent(frame, "range_m", grid), np.nan, columns["range_m"])
+        readings_s = t_s[np.isfinite(frame["range_m"].to_numpy(dtype=float))]
+        columns["range_m"] = np.where(_far_from(readings_s, grid), np.nan, columns["range_m"])
     # straight lines between attitudes leave the unit sphere
     if all(name in columns for name in QUATERNION):
         norm = np.sqrt(sum(columns[name] ** 2 for name in QUATERNION))
@@ -326,21 +385,28 @@ def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
     return Prepared(grid, columns, np.ones(len(grid), bool), {}, update)
 
 
-def _silent(frame: pd.DataFrame, name: str, grid_s: np.ndarray) -> np.ndarray:
-    """True on the grid where a sensor had nothing to say for too long to be bridged."""
-    heard = frame["t_s"].to_numpy(dtype=float)[np.isfinite(frame[name].to_numpy(dtype=float))]
-    # the readings on both sides of every sample: a line is drawn only between near ones
-    after = np.searchsorted(heard, grid_s, side="left").clip(1, len(heard) - 1)
+def _far_from(readings_s: np.ndarray, grid_s: np.ndarray) -> np.ndarray:
+    """True on the grid where the readings on both sides are further apart than a pause."""
+    # a line is drawn only between near readings
+    after = np.searchsorted(readings_s, grid_s, side="left").clip(1, len(readings_s) - 1)
     return (
-        (heard[after] - heard[after - 1] > settings.prepare.pause_s)
-        | (grid_s < heard[0])
-        | (grid_s > heard[-1])
+        (readings_s[after] - readings_s[after - 1] > settings.prepare.pause_s)
+        | (grid_s < readings_s[0])
+        | (grid_s > readings_s[-1])
     )
 
 
 def gaps(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
-    """True on the grid (n,) where the recording itself stopped for long (no row, or motion not
-    logged).
+    """Find the pauses of a recording, without rows or without logged motion.
+
+    Parameters
+    ----------
+    frame : a recording with contract columns.
+    grid_s : (n,) times of the grid.
+
+    Returns
+    -------
+    (n,) True within a pause.
     """
     motion = (
         _present(frame, VELOCITY) or _present(frame, POSITION) or _present(frame, SPECIFIC_FORCE)
@@ -348,26 +414,24 @@ def gaps(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
     t_s = frame["t_s"].to_numpy(dtype=float)
     # rows that bring no motion are as good as no rows
     good = t_s[np.isfinite(frame[motion].to_numpy(dtype=float)).all(axis=1)] if motion else t_s
-    if len(good) < 2:
-        return np.ones(len(grid_s), dtype=bool)
-    after = np.searchsorted(good, grid_s, side="left").clip(1, len(good) - 1)
-    return (
-        (good[after] - good[after - 1] > settings.prepare.pause_s)
-        | (grid_s < good[0])
-        | (grid_s > good[-1])
-    )
+    return np.ones(len(grid_s), dtype=bool) if len(good) < 2 else _far_from(good, grid_s)
 
 
-def lift(
+def thrust_over_weight(
     flight: Prepared, thrust_coefficient: float, speed_max: float, weight_N: float
 ) -> np.ndarray | None:
-    """Thrust over weight by the drive, (n,), smoothed by ``prepare.thrust_smoothing_s``; None
-    without rotor speeds and commands.
+    """Return thrust over weight as the drive makes it.
 
     Parameters
     ----------
+    flight : prepared recording.
     thrust_coefficient : N s^2.
     speed_max : rotor speed of a full command, rad/s.
+    weight_N : weight of the vehicle.
+
+    Returns
+    -------
+    (n,), smoothed by ``prepare.thrust_smoothing_s``; None without rotor speeds and commands.
     """
     if flight.has("rotor_speed"):
         speeds = flight.stack("rotor_speed")
@@ -380,22 +444,38 @@ def lift(
     return gaussian_filter1d(ratio, settings.prepare.thrust_smoothing_s / flight.dt_s)
 
 
-def over_usual(flight: Prepared, ratio: np.ndarray | None) -> np.ndarray:
-    """Thrust over its own median where it is clearly up, (n,), so that a wrong thrust coefficient
-    does not matter; one where no drive was logged.
-    """
-    return np.ones(len(flight.t_s)) if ratio is None else ratio / _usual(ratio)
-
-
-def resting_m(flight: Prepared, working: np.ndarray, height_m: np.ndarray | None) -> float:
-    """Height over the ground that the vehicle rests at: that of an end of the recording where the
-    drive idles, if nothing is much lower (a brisk descent idles too, and a table is left for what
-    is below it); infinite in a recording that begins and ends in the air, or has no height.
+def thrust_over_usual(flight: Prepared, ratio: np.ndarray | None) -> np.ndarray:
+    """Return thrust over its usual value, so that a wrong thrust coefficient does not matter.
 
     Parameters
     ----------
-    working : (n,) thrust of :func:`over_usual`.
+    flight : prepared recording.
+    ratio : (n,) of :func:`thrust_over_weight`.
+
+    Returns
+    -------
+    (n,) thrust over its median in flight; ones where no drive was logged.
+    """
+    return np.ones(len(flight.t_s)) if ratio is None else ratio / _usual_thrust(ratio)
+
+
+def resting_m(flight: Prepared, working: np.ndarray, height_m: np.ndarray | None) -> float:
+    """Return the height over the ground at which the vehicle rests.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+    working : (n,) of :func:`thrust_over_usual`.
     height_m : (n,) over the ground; None where it is not known.
+
+    Returns
+    -------
+    The height at an end of the recording where the drive idles; infinite where there is none.
+
+    Notes
+    -----
+    A brisk descent idles too, and a table is left for what is below it. So a height does not count
+    if the vehicle goes much lower.
     """
     if height_m is None:
         return np.inf
@@ -413,20 +493,22 @@ def airborne(
     working: np.ndarray,
     above_m: np.ndarray | None,
 ) -> np.ndarray:
-    """Samples in the air.
-
-    The drive must carry most of its own median where it is clearly up, or a part of it well above
-    the resting height, as in a brisk descent; and the vehicle must be off its resting height:
-    ``above_m`` it, where that is known. A margin around every contact is left out.
+    """Find the samples in the air.
 
     Parameters
     ----------
-    working : (n,) thrust of :func:`over_usual`.
+    flight : prepared recording.
+    working : (n,) of :func:`thrust_over_usual`.
     above_m : (n,) height over that at rest; None where it is not known.
 
     Returns
     -------
-    (n,) True in the air.
+    (n,) True in the air, without a margin around every contact.
+
+    Notes
+    -----
+    The drive must carry most of its usual thrust, or a part of it well above the resting height, as
+    in a descent. The vehicle must also be off its resting height, where that is known.
     """
     p = settings.prepare
     up = working > p.lifting_share
@@ -440,32 +522,41 @@ def airborne(
 
 
 def lifting(flight: Prepared, flying: np.ndarray) -> np.ndarray:
-    """Samples, True of (n,), in which the rotors push most of their median in flight, and a little
-    before and after do: a take-off shows what a drive does at its limits, but not while it spins
-    up.
+    """Find the samples in which the drive works as in flight, take-offs included.
 
     Parameters
     ----------
+    flight : prepared recording.
     flying : (n,) True in the air.
+
+    Returns
+    -------
+    (n,) True where the rotors make most of their median thrust in flight, and do so shortly before
+    and after.
+
+    Notes
+    -----
+    A take-off shows what a drive does at its limits, but not while it spins up.
     """
     if not (flight.has("rotor_speed") and flight.has("command") and flying.any()):
         return flying
     # squares of speeds are thrust but for a factor, which the ratio to the median drops
-    push = (flight.stack("rotor_speed") ** 2).sum(axis=1)
-    lifts = push > settings.prepare.lifting_share * np.median(push[flying])
+    thrust = (flight.stack("rotor_speed") ** 2).sum(axis=1)
+    lifts = thrust > settings.prepare.lifting_share * np.median(thrust[flying])
     return _well_within(lifts, settings.design.half_window_s, flight.dt_s)
 
 
 def _well_within(at: np.ndarray, margin_s: float, dt_s: float) -> np.ndarray:
-    """Those of the samples ``at`` (n,) that are a margin away from all others."""
+    """The samples ``at`` (n,) that are a margin away from all others."""
     return (
         ~binary_dilation(~at, iterations=max(1, int(round(margin_s / dt_s)))) if (~at).any() else at
     )
 
 
-def _usual(ratio: np.ndarray) -> float:
-    """Median of the thrust (n,) where it is clearly up: above half of its mean, each sample counted
-    by its thrust, so that what idles does not; infinite for a drive that never runs.
+def _usual_thrust(ratio: np.ndarray) -> float:
+    """Median of the thrust (n,) above half of its mean, weighted by itself.
+
+    Idling samples hardly count in that mean. A drive that never runs gives infinity.
     """
     total = float(ratio.sum())
     return float(np.median(ratio[ratio > 0.5 * (ratio @ ratio) / total])) if total > 0 else np.inf

@@ -1,4 +1,4 @@
-"""Channels: what of a model a flight can be held against."""
+"""Channels: the quantities of a model that a flight can be compared with."""
 
 from __future__ import annotations
 
@@ -18,34 +18,52 @@ _UNITS = {
 
 
 def unit_of(channel: str) -> str:
-    """Unit of a channel as names carry it."""
+    """Return the unit of a channel as names carry it.
+
+    Parameters
+    ----------
+    channel : ``moment_x``, which gives ``Nm``.
+    """
     return _UNITS.get(channel) or _UNITS[block_of(channel)]
 
 
 def drive(n_rotors: int) -> tuple[str, ...]:
-    """Channels of the speeds of so many rotors."""
+    """Return the channels of the rotor speeds.
+
+    Parameters
+    ----------
+    n_rotors : number of rotors.
+    """
     return rotor_columns("drive_{}", n_rotors)
 
 
 def channels(flight: Prepared, model: Model) -> tuple[str, ...]:
-    """Channels that a flight can speak about; the rangefinder over flat ground alone: elsewhere it
-    sees a patch, not a point.
+    """Return the channels in which a flight can be compared with a model.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+    model : of the vehicle; moments need the inertia that its file states.
+
+    Notes
+    -----
+    The rangefinder counts over flat ground alone. Elsewhere it sees a patch, not a point.
     """
     driven = flight.has("rotor_speed") or flight.has("command")
     attitude = flight.has("attitude")
-    found: list[str] = []
+    names: list[str] = []
     if driven and attitude and flight.has("velocity"):
-        found += ["force_z"] if "attitude" in flight.derived else FORCE
+        names += ["force_z"] if "attitude" in flight.derived else FORCE
     if driven:
-        found += [
+        names += [
             name
             for name, column in zip(ACC, ("acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2"), strict=True)
             if column in flight.columns
         ]
     if driven and (flight.has("gyro") or attitude) and "moments_of_inertia" in model.stated_parts:
-        found += MOMENT if "torque" in model.stated_parts else MOMENT[:2]
+        names += MOMENT if "torque" in model.stated_parts else MOMENT[:2]
     if flight.has("rotor_speed") and flight.has("command"):
-        found += drive(model.n_rotors)
+        names += drive(model.n_rotors)
     if flight.has("range") and "p_z_m" in flight.columns and attitude:
-        found.append("range")
-    return tuple(found)
+        names.append("range")
+    return tuple(names)

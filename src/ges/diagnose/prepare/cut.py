@@ -1,4 +1,4 @@
-"""One long recording as several flights, so that a part of it can be held out."""
+"""One long recording cut into several flights, so that a part of it can be held out."""
 
 from __future__ import annotations
 
@@ -12,15 +12,18 @@ from ges.errors import GesError
 
 
 def cut(name: str, frame: pd.DataFrame, model: Model) -> list[tuple[str, pd.DataFrame]]:
-    """Consecutive parts that are as long in the air as each other: so many that the one that is
-    held out is a fold, or fewer where a part would be shorter than twice the shortest flight that
-    is of use.
+    """Cut a recording into consecutive parts of equal time in the air.
 
     Parameters
     ----------
     name : of the recording; the parts are ``name_part1`` ...
     frame : table with contract columns.
-    model : the vehicle, which tells when it flies.
+    model : of the vehicle, which shows when it flies.
+
+    Returns
+    -------
+    Names and tables of the parts: as many as there are folds. They are fewer where a part would be
+    shorter than twice the shortest usable flight.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Gate before any physics: which samples fly and are whole, and what one stream says of another."""
+"""Checks before any physics: usable flights and samples, and delays and offsets between streams."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from ges.diagnose.prepare.align import (
     airborne,
     gaps,
     grid_step_s,
-    lift,
     lifting,
-    over_usual,
     regrid,
     resting_m,
+    thrust_over_usual,
+    thrust_over_weight,
 )
 from ges.diagnose.prepare.delays import (
     Delay,
     clock_drift,
-    command_hold,
     drive_delay,
+    estimate_command_hold,
     gyro_bias,
     pose_delay,
-    shifted,
-    without_bias,
+    without_delay,
+    without_gyro_bias,
 )
 from ges.diagnose.prepare.steady import with_steady_position, with_steady_voltage
 from ges.diagnose.settings import settings
@@ -41,8 +41,16 @@ from ges.threads import each
 
 @dataclasses.dataclass(frozen=True)
 class Gate:
-    """Prepared flights (None where a recording is of no use), delays, and sentences for
-    the report.
+    """Recordings after all checks.
+
+    Attributes
+    ----------
+    flights : prepared flights; None where a recording cannot be used.
+    delays : clear delays of streams. That of the pose is removed, that of the drive where it is
+        certain.
+    warnings : sentences for the report.
+    pose : clear delay of the pose, which was removed.
+    gyro : clear offset of the gyro, which was removed, and its sd; (3,) rad/s each.
     """
 
     flights: tuple[Prepared | None, ...]
@@ -52,14 +60,20 @@ class Gate:
     gyro: tuple[np.ndarray, np.ndarray] | None = None
 
     def usable(self) -> list[int]:
-        """Indices of the flights that can be used."""
+        """Return the indices of the flights that can be used."""
         return [i for i, f in enumerate(self.flights) if f is not None]
 
 
 @dataclasses.dataclass(frozen=True)
 class _Gridded:
-    """One recording on a grid, its thrust over the usual (n,), its height over the ground (n,) if
-    known, and that at rest, m.
+    """One recording on a grid.
+
+    Attributes
+    ----------
+    flight : on the grid.
+    working : (n,) thrust over its usual value.
+    height_m : (n,) height over the ground, where known.
+    resting_m : height at rest.
     """
 
     flight: Prepared
@@ -69,27 +83,39 @@ class _Gridded:
 
 
 def prepare(frame: pd.DataFrame, model: Model, number: int = 0) -> Prepared:
-    """One recording on a grid, flying samples found, seconds left out counted by reason."""
+    """Put one recording on a grid and find the samples that fly.
+
+    Parameters
+    ----------
+    frame : table with contract columns.
+    model : of the vehicle.
+    number : index of the flight, for messages.
+
+    Returns
+    -------
+    The flight, with the reason for every sample that is left out.
+    """
     return _in_the_air(_on_grid(frame, model, number), frame, model)
 
 
 def _on_grid(frame: pd.DataFrame, model: Model, number: int) -> _Gridded:
     flight = with_thrust_direction(regrid(frame, grid_step_s(frame), number), frame)
-    ratio = lift(
+    ratio = thrust_over_weight(
         flight,
         model.number("thrust_coefficient_N_s2"),
         model.number("max_rotor_speed_rad_s"),
         model.weight_N,
     )
-    working, height = over_usual(flight, ratio), height_over_ground_m(flight, model)
+    working, height = thrust_over_usual(flight, ratio), _height_over_ground_m(flight, model)
     return _Gridded(flight, working, height, resting_m(flight, working, height))
 
 
 def _in_the_air(
     gridded: _Gridded, frame: pd.DataFrame, model: Model, others_rest_m: float = np.inf
 ) -> Prepared:
-    """With the samples that fly; ``others_rest_m`` is where other flights rest, for a flight that
-    begins and ends in the air.
+    """The flight with its flying samples.
+
+    ``others_rest_m`` is where other flights rest, for one that begins and ends in the air.
     """
     flight, own = gridded.flight, np.isfinite(gridded.resting_m)
     rest_m = gridded.resting_m if own else others_rest_m
@@ -101,15 +127,15 @@ def _in_the_air(
     )
     # one reason a sample, so that the seconds left out add up
     gap, up = gaps(frame, flight.t_s), airborne(flight, gridded.working, above)
-    cut = clipped(frame, flight.t_s) & up & ~gap
-    hit = struck(gridded, model) & up & ~gap & ~cut
+    cut = clipped_samples(frame, flight.t_s) & up & ~gap
+    hit = impact_samples(gridded, model) & up & ~gap & ~cut
     left_out = {"on_ground": ~up & ~gap, "gaps": gap, "clipping": cut, "contact": hit}
     flying = up & ~gap & ~cut & ~hit
-    return flight.replaced(flying=flying, lifting=lifting(flight, flying) & ~gap, excluded=left_out)
+    return flight.replace(flying=flying, lifting=lifting(flight, flying) & ~gap, excluded=left_out)
 
 
-def height_over_ground_m(flight: Prepared, model: Model) -> np.ndarray | None:
-    """Over the ground as it was logged, or as the vehicle file has it, (n,); None without a logged
+def _height_over_ground_m(flight: Prepared, model: Model) -> np.ndarray | None:
+    """Height over the logged ground, else that of the vehicle file, (n,); None without a logged
     height.
     """
     if "p_z_m" not in flight.columns:
@@ -123,43 +149,57 @@ def height_over_ground_m(flight: Prepared, model: Model) -> np.ndarray | None:
     return flight.columns["p_z_m"] - ground
 
 
-def struck(gridded: _Gridded, model: Model) -> np.ndarray:
-    """True, of (n,), around every blow from the ground: a short force close to it that no drive
-    makes and no noise.
+def impact_samples(gridded: _Gridded, model: Model) -> np.ndarray:
+    """Find contacts with the ground: short forces close to it that no drive and no noise makes.
+
+    Parameters
+    ----------
+    gridded : the recording.
+    model : of the vehicle.
+
+    Returns
+    -------
+    (n,) True around every contact.
     """
     flight = gridded.flight
     if gridded.height_m is None or "acc_z_m_s2" not in flight.columns:
         return np.zeros(len(flight.t_s), bool)
-    p, push = settings.prepare, flight.columns["acc_z_m_s2"]
+    p, force_m_s2 = settings.prepare, flight.columns["acc_z_m_s2"]
     # what is left of the thrust beside what carries is the least that no drive makes so shortly
     least_m_s2 = p.descent_share * GRAVITY_M_S2
     size = 2 * int(0.5 * p.pause_s / flight.dt_s) + 1
     # a running median follows steps and ramps of thrust and passes by what is short: a blow
-    blow = np.abs(push - median_filter(push, size=size, mode="nearest"))
+    impact = np.abs(force_m_s2 - median_filter(force_m_s2, size=size, mode="nearest"))
     # noise from the median: an rms would be swollen by the blows themselves
-    usual = MAD_TO_SD * np.median(blow)
+    usual = MAD_TO_SD * np.median(impact)
     close = gridded.height_m < p.blow_height_radii * model.radius_m
-    hit = (blow > least_m_s2 + settings.statistics.certain_sds * usual) & close
+    hit = (impact > least_m_s2 + settings.statistics.certain_sds * usual) & close
     around = max(1, int(p.pause_s / flight.dt_s))
     return binary_dilation(hit, iterations=around) if hit.any() else hit
 
 
-def clipped(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
-    """True on the grid (n,), and shortly around, where a gyro or accelerometer stands at its
-    largest reading: out of its range.
+def clipped_samples(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
+    """Find where a gyro or accelerometer stands at the limit of its range.
+
+    Parameters
+    ----------
+    frame : table with contract columns.
+    grid_s : (n,) times of the grid.
+
+    Returns
+    -------
+    (n,) True there and shortly around.
     """
-    t_s, found = frame["t_s"].to_numpy(dtype=float), np.zeros(len(grid_s), bool)
+    t_s, at_limit = frame["t_s"].to_numpy(dtype=float), np.zeros(len(grid_s), bool)
     margin_s = settings.design.half_window_s
     for name in (n for n in (*BODY_RATE, *SPECIFIC_FORCE) if n in frame):
         for first, last in _at_limit(t_s, frame[name].to_numpy(dtype=float)):
-            found |= (grid_s >= t_s[first] - margin_s) & (grid_s <= t_s[last] + margin_s)
-    return found
+            at_limit |= (grid_s >= t_s[first] - margin_s) & (grid_s <= t_s[last] + margin_s)
+    return at_limit
 
 
 def _at_limit(t_s: np.ndarray, values: np.ndarray) -> list[tuple[int, int]]:
-    """First and last rows of the times for which a reading stands still at the farthest that it
-    ever is, either way.
-    """
+    """First and last rows of the times for which a reading stands still at its extreme."""
     finite = np.flatnonzero(np.isfinite(values))
     starts = finite[np.r_[True, np.diff(values[finite]) != 0]] if len(finite) else finite
     if len(starts) < 3:
@@ -178,11 +218,22 @@ def _at_limit(t_s: np.ndarray, values: np.ndarray) -> list[tuple[int, int]]:
 
 
 def with_thrust_direction(flight: Prepared, frame: pd.DataFrame) -> Prepared:
-    """Where no attitude was logged: the body axis along thrust from the acceleration, and the yaw
-    that was logged (or 0).
+    """Derive an attitude from the acceleration where none was logged.
 
-    Good for slow flight: drag counts as tilt, so horizontal forces say nothing then; ``derived``
-    remembers it.
+    Parameters
+    ----------
+    flight : on the grid.
+    frame : the recording, for a logged yaw; without one it is zero.
+
+    Returns
+    -------
+    The flight with ``attitude`` among ``derived``; unchanged where it was logged, or velocity was
+    not.
+
+    Notes
+    -----
+    The body's up is that of acceleration less gravity. Drag then counts as tilt, so horizontal
+    forces carry no information.
     """
     if flight.has("attitude") or not flight.has("velocity"):
         return flight
@@ -201,7 +252,7 @@ def with_thrust_direction(flight: Prepared, frame: pd.DataFrame) -> Prepared:
     w, x, y, _ = tilt.T
     q = np.column_stack([w * c, x * c + y * s, y * c - x * s, w * s])
     columns = {**flight.columns, **dict(zip(("q_w", "q_x", "q_y", "q_z"), q.T, strict=True))}
-    return flight.replaced(
+    return flight.replace(
         columns=columns,
         derived=frozenset({"attitude"}),
         # a smoothed tilt brings no news within its smoothing
@@ -209,9 +260,13 @@ def with_thrust_direction(flight: Prepared, frame: pd.DataFrame) -> Prepared:
     )
 
 
-def at_flown_voltage(model: Model, flights: Sequence[Prepared | None]) -> Model:
-    """The model with the median battery voltage in the air as its nominal one, unless the vehicle
-    file models sag already.
+def with_flown_voltage(model: Model, flights: Sequence[Prepared | None]) -> Model:
+    """Return the model with the median battery voltage in the air as the nominal one.
+
+    Parameters
+    ----------
+    model : of the vehicle; unchanged if its effects read the voltage already.
+    flights : prepared recordings; None for those that cannot be used.
     """
     volts = [
         f.columns["battery_V"][f.flying] for f in flights if f is not None and f.has("battery")
@@ -221,8 +276,8 @@ def at_flown_voltage(model: Model, flights: Sequence[Prepared | None]) -> Model:
     return model.with_number("battery_nominal_V", float(np.median(np.concatenate(volts))))
 
 
-def _problem(flight: Prepared) -> str | None:
-    """Why a flight is of no use."""
+def _unusable_because(flight: Prepared) -> str | None:
+    """Why a flight cannot be used; None where it can."""
     if not (flight.has("rotor_speed") or flight.has("command")):
         return "has neither rotor speeds nor commands: its forces cannot be modelled"
     drive = "rotor_speed" if flight.has("rotor_speed") else "command"
@@ -237,21 +292,21 @@ def _problem(flight: Prepared) -> str | None:
 
 
 def _remarks(flight: Prepared) -> list[str]:
-    """What was noticed in a flight that can be used."""
-    told, drift = [], clock_drift(flight)
+    """What a reader should know about a flight that can be used."""
+    remarks, drift = [], clock_drift(flight)
     if "clipping" in flight.left_out:
-        told.append(
+        remarks.append(
             f"reaches the limit of its gyro or accelerometer; {flight.left_out['clipping']:.2g} s"
             " around that are left out"
         )
     if abs(drift) > max(
         (flight.update_s[s] for s in ("gyro", "attitude") if flight.has(s)), default=0.0
     ):
-        told.append(
+        remarks.append(
             f"has two clocks: its attitude gets {1e3 * drift:.0f} ms later against its gyro along"
             " the flight; bring the logs to one clock before they are imported"
         )
-    return told
+    return remarks
 
 
 def pass_gate(
@@ -261,21 +316,23 @@ def pass_gate(
 
     Parameters
     ----------
-    names : what messages call the flights; their numbers where not given.
+    frames : tables with contract columns.
+    model : of the vehicle.
+    names : of the flights in messages; their numbers where not given.
 
     Raises
     ------
     GesError
-        When no recording is left that the model can be held against.
+        When no recording can be compared with the model.
     """
     names = names or [f"flight {i}" for i in range(len(frames))]
     gridded = each(lambda i: _on_grid(frames[i], model, i), range(len(frames)))
     rest_m = min(g.resting_m for g in gridded)
-    found: list[Prepared] = each(
+    prepared: list[Prepared] = each(
         lambda g, frame: _in_the_air(g, frame, model, rest_m), gridded, frames
     )
-    problems = [_problem(f) for f in found]
-    flights = [None if problem else f for f, problem in zip(found, problems, strict=True)]
+    problems = [_unusable_because(f) for f in prepared]
+    flights = [None if problem else f for f, problem in zip(prepared, problems, strict=True)]
     if all(problems):
         name, problem = min(zip(names, problems, strict=True))
         raise GesError(
@@ -290,24 +347,28 @@ def pass_gate(
     ]
     noticed = each(lambda f: _remarks(f) if f else [], flights)
     warnings += [
-        f"{name} {told}" for name, remarks in zip(names, noticed, strict=True) for told in remarks
+        f"{name} {remark}"
+        for name, remarks in zip(names, noticed, strict=True)
+        for remark in remarks
     ]
-    pose, flights = _pose_settled(flights)
-    gyro, flights = _gyro_settled(flights)
-    held = command_hold([f for f in flights if f])
-    flights = [f and f.replaced(held=held) for f in flights]
+    pose, flights = _without_pose_delay(flights)
+    gyro, flights = _without_clear_gyro_bias(flights)
+    hold = estimate_command_hold([f for f in flights if f])
+    flights = [f and f.replace(command_hold=hold) for f in flights]
     # a delay that is not certain is left alone: a shift by noise adds an error
     delay = drive_delay([f for f in flights if f], model)
     if delay and delay.delay_s > settings.statistics.certain_sds * delay.sd_s:
-        flights = [f and shifted(f, delay.stream, delay.delay_s) for f in flights]
+        flights = [f and without_delay(f, delay.stream, delay.delay_s) for f in flights]
     # after the clocks: a drive that is late would predict the voltage late
     flights = [f and with_steady_voltage(with_steady_position(f)) for f in flights]
     delays = tuple(d for d in (pose, delay) if d)
     return Gate(tuple(flights), delays, tuple(sorted(warnings)), pose, gyro)
 
 
-def _pose_settled(flights: list[Prepared | None]) -> tuple[Delay | None, list[Prepared | None]]:
-    """A clear delay of the pose, and the flights without it."""
+def _without_pose_delay(
+    flights: list[Prepared | None],
+) -> tuple[Delay | None, list[Prepared | None]]:
+    """The clear delay of the pose, and the flights without it."""
     used = [f for f in flights if f]
     pose = pose_delay(used)
     # noise draws the peak of a correlation between two readings
@@ -316,16 +377,16 @@ def _pose_settled(flights: list[Prepared | None]) -> tuple[Delay | None, list[Pr
     )
     if not pose or abs(pose.delay_s) <= max(settings.statistics.certain_sds * pose.sd_s, least_s):
         return None, flights
-    return pose, [f and shifted(f, pose.stream, pose.delay_s) for f in flights]
+    return pose, [f and without_delay(f, pose.stream, pose.delay_s) for f in flights]
 
 
-def _gyro_settled(
+def _without_clear_gyro_bias(
     flights: list[Prepared | None],
 ) -> tuple[tuple[np.ndarray, np.ndarray] | None, list[Prepared | None]]:
-    """A clear gyro offset with its sd, and the flights without it."""
-    found = gyro_bias([f for f in flights if f])
-    if not found:
+    """The clear gyro offset with its sd, and the flights without it."""
+    bias = gyro_bias([f for f in flights if f])
+    if not bias:
         return None, flights
-    if not (np.abs(found[0]) > settings.statistics.certain_sds * found[1]).any():
+    if not (np.abs(bias[0]) > settings.statistics.certain_sds * bias[1]).any():
         return None, flights
-    return found, [f and without_bias(f, found[0]) for f in flights]
+    return bias, [f and without_gyro_bias(f, bias[0]) for f in flights]

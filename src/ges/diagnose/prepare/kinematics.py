@@ -1,4 +1,4 @@
-"""Attitudes and rates: Hamilton quaternions body to world, scalar first."""
+"""Attitudes and body rates; Hamilton quaternions, body to world, scalar first."""
 
 from __future__ import annotations
 
@@ -10,7 +10,16 @@ from ges.diagnose.settings import settings
 
 
 def quaternion_product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Hamilton product, rows (n, 4)."""
+    """Return the Hamilton product.
+
+    Parameters
+    ----------
+    a, b : (n, 4).
+
+    Returns
+    -------
+    (n, 4).
+    """
     w1, x1, y1, z1 = a.T
     w2, x2, y2, z2 = b.T
     return np.stack(
@@ -25,7 +34,17 @@ def quaternion_product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def to_body(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """World vectors in the body frame, rows (n, 3)."""
+    """Rotate world vectors into the body frame.
+
+    Parameters
+    ----------
+    q : (n, 4) attitudes.
+    v : (n, 3), world.
+
+    Returns
+    -------
+    (n, 3), body.
+    """
     # v + 2 w (u x v) + 2 u x (u x v), with the conjugate: from the world to the body
     u, w = -q[:, 1:], q[:, :1]
     t = 2.0 * np.cross(u, v)
@@ -33,14 +52,33 @@ def to_body(q: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def turn_rates(q: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    """Body rates (n, 3) of attitudes (n, 4) whose quaternions change at ``rate`` (n, 4)."""
+    """Return the body rates of a changing attitude.
+
+    Parameters
+    ----------
+    q : (n, 4) attitudes.
+    rate : (n, 4) time derivative of ``q``, 1/s.
+
+    Returns
+    -------
+    (n, 3) rad/s, body.
+    """
     # omega = 2 q* dq/dt, of which the scalar part is zero for unit quaternions
     conjugate = q * np.array([1.0, -1.0, -1.0, -1.0])
     return 2.0 * quaternion_product(conjugate, rate)[:, 1:]
 
 
 def body_rates(flight: Prepared) -> np.ndarray:
-    """Gyro where logged, else from the attitude, else zero; (n, 3) rad/s."""
+    """Return the gyro where logged, else rates from the attitude, else zero.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+
+    Returns
+    -------
+    (n, 3) rad/s, body.
+    """
     if flight.has("gyro"):
         return flight.stack("gyro")
     if not flight.has("attitude"):

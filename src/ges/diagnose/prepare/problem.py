@@ -1,4 +1,4 @@
-"""What a diagnosis works on, once everything is read, aligned and divided."""
+"""The data of a diagnosis: flights read, aligned, and divided into fitted and held-out ones."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ges.diagnose.prepare.align import Prepared
-from ges.diagnose.prepare.gate import Gate, at_flown_voltage, pass_gate
+from ges.diagnose.prepare.gate import Gate, pass_gate, with_flown_voltage
 from ges.diagnose.prepare.split import digest, split
 from ges.diagnose.types.model import Model, from_vehicle
 from ges.errors import GesError, unknown_name
@@ -23,15 +23,15 @@ Recordings = RecordingSet | Mapping[str, pd.DataFrame] | Sequence[pd.DataFrame]
 
 @dataclasses.dataclass(frozen=True)
 class Problem:
-    """What a diagnosis works on.
+    """The data of a diagnosis.
 
     Attributes
     ----------
-    vehicle, model : the vehicle file, and as the simulator takes it, at the voltage that was flown.
-    gate : the flights as they were aligned, and what was settled on the way.
-    fitted : flights that take part in fitting and choosing, by name.
-    held_out : flights that take no part, by name.
-    seconds : how long each recording is, by name, also of those that cannot be used.
+    vehicle, model : the vehicle file, and its model at the voltage that was flown.
+    gate : the aligned flights, delays and offsets.
+    fitted : flights for fitting and choosing, by name.
+    held_out : flights for the proof alone, by name.
+    seconds : duration of every recording by name, also of those that cannot be used.
     warnings : what the reader should know.
     """
 
@@ -45,16 +45,21 @@ class Problem:
 
     @property
     def train(self) -> list[Prepared]:
-        """Flights that take part in fitting and choosing."""
+        """Flights for fitting and choosing."""
         return list(self.fitted.values())
 
     @property
     def flights(self) -> list[Prepared]:
-        """All that are used."""
+        """All flights in use: those for fitting, then those held out."""
         return [*self.train, *self.held_out.values()]
 
     def with_flights(self, flights: Sequence[Prepared]) -> Problem:
-        """With these in the place of :attr:`flights`, in their order."""
+        """Return a copy with other flights.
+
+        Parameters
+        ----------
+        flights : in the order of :attr:`flights`.
+        """
         some = iter(flights)
         return dataclasses.replace(
             self,
@@ -69,13 +74,23 @@ def pose_problem(
     holdout: Sequence[str] | None,
     folder: Path | str,
 ) -> Problem:
-    """Align the flights, settle clocks and gyro, and divide them; neither the flights' names nor
-    their order matter.
+    """Align the flights, remove delays and offsets, and divide them.
+
+    Parameters
+    ----------
+    recordings : a recording set, or tables with contract columns.
+    vehicle : taken from a recording set where not given.
+    holdout : names of the flights to hold out; None lets :func:`split` choose.
+    folder : where a height map of the vehicle file lies.
 
     Raises
     ------
     GesError
         When the recordings cannot be used, in one sentence.
+
+    Notes
+    -----
+    Neither names nor order of the flights matter.
     """
     flights = _as_set(recordings, vehicle, folder)
     require_drive(flights)
@@ -84,9 +99,9 @@ def pose_problem(
     ordered = sorted(hashed, key=lambda pair: pair[0])
     labels, frames = [f.name for _, f in ordered], [f.frame for _, f in ordered]
     gate = pass_gate(frames, model, labels)
-    model = at_flown_voltage(model, gate.flights)
+    model = with_flown_voltage(model, gate.flights)
     used = {i: f for i, f in enumerate(gate.flights) if f}
-    train, held = split([d for d, _ in ordered], gate.usable(), _numbers(holdout, labels))
+    train, held_out = split([d for d, _ in ordered], gate.usable(), _indices(holdout, labels))
     if not train:
         raise GesError("every usable flight is held out; leave at least one for fitting")
     return Problem(
@@ -94,7 +109,7 @@ def pose_problem(
         model,
         gate,
         {labels[i]: used[i] for i in train},
-        {labels[i]: used[i] for i in held},
+        {labels[i]: used[i] for i in held_out},
         {f.name: float(np.ptp(f.frame["t_s"].to_numpy(dtype=float))) for _, f in ordered},
         (*flights.warnings, *gate.warnings),
     )
@@ -114,7 +129,7 @@ def _as_set(recordings: Recordings, vehicle: Vehicle | None, folder: Path | str)
     return make_set(vehicle, [(f"flight{i}", f) for i, f in enumerate(recordings, 1)], folder)
 
 
-def _numbers(holdout: Sequence[str] | None, names: Sequence[str]) -> list[int] | None:
+def _indices(holdout: Sequence[str] | None, names: Sequence[str]) -> list[int] | None:
     if holdout is None:
         return None
     for name in holdout:
