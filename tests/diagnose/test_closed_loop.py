@@ -5,7 +5,7 @@ import pytest
 
 from ges.diagnose.prepare.gate import pass_gate
 from ges.diagnose.prove.closed_loop import LEAN, closed_loop, lean
-from ges.diagnose.prove.verify import elsewhere
+from ges.diagnose.prove.verify import errors_elsewhere
 from ges.diagnose.types.model import from_vehicle
 from ges.simulator import manoeuvres
 
@@ -63,7 +63,7 @@ def _errors(after_outside):
 def test_what_gets_worse_elsewhere_is_told(factor, worse):
     told, regimes = _errors(factor)
     located = [{"channel": "force_z", "regime": {"height_over_radius": [0.0, 4.97]}}]
-    entry = elsewhere(told, ("force_z",), located, regimes, 0.5 * LENGTH_S)["force_z_N"]
+    entry = errors_elsewhere(told, ("force_z",), located, regimes, 0.5 * LENGTH_S)["force_z_N"]
     assert entry["worse"] is worse
     assert entry["after"] / entry["recalibrated"] == pytest.approx(factor, rel=0.02)
-    assert elsewhere(told, ("force_z",), [], regimes, 0.5 * LENGTH_S) == {}
+    assert errors_elsewhere(told, ("force_z",), [], regimes, 0.5 * LENGTH_S) == {}

@@ -10,8 +10,14 @@ import pytest
 from scipy.signal import lfilter
 
 from ges.diagnose.decide.unknown import left_over
-from ges.diagnose.locate.regimes import cells, from_findings, from_open, from_residuals, strongest
-from ges.diagnose.locate.structure import Structure, excited, structures
+from ges.diagnose.locate.regimes import (
+    located_by_findings,
+    located_by_open_names,
+    located_by_residuals,
+    regime_cells,
+    strongest_entries,
+)
+from ges.diagnose.locate.structure import Structure, structures, varied_regimes
 from ges.diagnose.settings import using
 from ges.diagnose.types.model import from_vehicle
 
@@ -56,10 +62,10 @@ def _system(model):
 
 
 def test_a_force_that_follows_a_speed_is_found_there_and_not_elsewhere():
-    told, raw = _flights(), _noise(np.random.default_rng(1))
-    for r, t in zip(raw, told, strict=True):
+    told, residuals = _flights(), _noise(np.random.default_rng(1))
+    for r, t in zip(residuals, told, strict=True):
         r[:, 0] -= 0.04 * t["forward_m_s"]
-    found = _clear(structures(raw, told, NAMES, _blocks()))
+    found = _clear(structures(residuals, told, NAMES, _blocks()))
     best = max(found.values(), key=lambda s: s.r2)
     assert (best.channel, best.regime) == ("force_x", ("forward_m_s",)) and best.r2 > 0.3
     assert {key[0] for key in found} == {"force_x"}
@@ -85,19 +91,21 @@ def test_a_strong_structure_does_not_hide_itself():
     """Ninety times the noise: signs of the signal itself would make any prediction look like
     chance.
     """
-    told, raw = _flights(), _noise(np.random.default_rng(2))
-    for r, t in zip(raw, told, strict=True):
+    told, residuals = _flights(), _noise(np.random.default_rng(2))
+    for r, t in zip(residuals, told, strict=True):
         r[:, 2] += 4.5 * np.maximum(t["forward_m_s"], 0.0)
-    assert ("moment_y", "forward_m_s") in _clear(structures(raw, told, NAMES, _blocks()))
+    assert ("moment_y", "forward_m_s") in _clear(structures(residuals, told, NAMES, _blocks()))
 
 
 def test_what_one_flight_alone_visits_is_seen():
-    told, raw = _flights(), _noise(np.random.default_rng(3))
+    told, residuals = _flights(), _noise(np.random.default_rng(3))
     for t in told:
         t["height_over_radius"] = np.full(WINDOWS, 12.0)
     told[0]["height_over_radius"] = 7.0 + 5.0 * np.cos(2 * np.pi * told[0]["time_s"] / 5.0)
-    raw[0][:, 1] += 0.4 * (told[0]["height_over_radius"] < 6.0)
-    assert ("force_z", "height_over_radius") in _clear(structures(raw, told, NAMES, _blocks()))
+    residuals[0][:, 1] += 0.4 * (told[0]["height_over_radius"] < 6.0)
+    assert ("force_z", "height_over_radius") in _clear(
+        structures(residuals, told, NAMES, _blocks())
+    )
 
 
 def test_a_speed_that_only_the_disturbance_moved_is_no_regime():
@@ -109,20 +117,20 @@ def test_a_speed_that_only_the_disturbance_moved_is_no_regime():
         "left_m_s": np.linspace(-1.0, 1.0, 50),
         "battery_V": np.full(50, 15.0),
     }
-    assert excited(hover) == ["left_m_s"]
+    assert varied_regimes(hover) == ["left_m_s"]
 
 
 @pytest.mark.parametrize(("middle", "counts"), [(3.0, True), (47.0, False)])
 def test_a_radius_of_height_is_a_regime_near_the_ground_alone(middle, counts):
     heights = np.linspace(middle - 1.0, middle + 1.0, 500)
-    assert (excited({"height_over_radius": heights}) == ["height_over_radius"]) == counts
+    assert (varied_regimes({"height_over_radius": heights}) == ["height_over_radius"]) == counts
 
 
 def test_where_the_size_changes_and_the_mean_does_not():
-    told, raw = _flights(), _noise(np.random.default_rng(4))
-    for r, t in zip(raw, told, strict=True):
+    told, residuals = _flights(), _noise(np.random.default_rng(4))
+    for r, t in zip(residuals, told, strict=True):
         r[:, 1] *= 1.0 + 5.0 * (t["height_over_radius"] < 5.0)
-    found = [s for s in structures(raw, told, NAMES, _blocks()) if s.q_value <= 0.01]
+    found = [s for s in structures(residuals, told, NAMES, _blocks()) if s.q_value <= 0.01]
     best = max((s for s in found if s.of_size), key=lambda s: s.r2)
     assert (best.channel, best.regime) == ("force_z", ("height_over_radius",)) and best.low[0] < 5.0
     assert best.rms == pytest.approx(0.3, rel=0.3), (
@@ -137,11 +145,11 @@ def test_rougher_air_in_one_flight_than_in_another_is_in_no_regime():
     """
     alarms = 0
     for k in range(20):
-        told, raw = _flights(k), _noise(np.random.default_rng(k))
-        for i, (r, t) in enumerate(zip(raw, told, strict=True)):
+        told, residuals = _flights(k), _noise(np.random.default_rng(k))
+        for i, (r, t) in enumerate(zip(residuals, told, strict=True)):
             r *= (0.5, 1.0, 2.2, 2.0)[i % 4]
             t["height_over_radius"] = t["height_over_radius"] + 8.0 * (i % 4)
-        found = structures(raw, told, NAMES, _blocks())
+        found = structures(residuals, told, NAMES, _blocks())
         alarms += any(s.of_size and s.q_value <= 0.05 and s.r2 > 0.1 for s in found)
     assert alarms <= 3
 
@@ -150,11 +158,11 @@ def test_what_differs_from_flight_to_flight_only_is_no_structure():
     """A battery that is fuller in one flight than in the next, and a thrust that is a little off in
     each.
     """
-    told, raw = _flights(), _noise(np.random.default_rng(8))
-    for k, (r, t) in enumerate(zip(raw, told, strict=True)):
+    told, residuals = _flights(), _noise(np.random.default_rng(8))
+    for k, (r, t) in enumerate(zip(residuals, told, strict=True)):
         t["battery_V"] = 16.0 - 0.4 * k - 0.01 * t["time_s"]
         r[:, 1] += 0.1 * k
-    assert not _clear(structures(raw, told, NAMES, _blocks()))
+    assert not _clear(structures(residuals, told, NAMES, _blocks()))
 
 
 @pytest.mark.parametrize("alike", [True, False])
@@ -162,30 +170,32 @@ def test_what_drifts_is_no_function_of_voltage_unless_every_flight_says_so(alike
     """A battery for each flight, or one for all of them: then no voltage is flown twice, and any
     drift is predicted beside it.
     """
-    told, raw = _flights(), _noise(np.random.default_rng(9))
-    for k, (r, t) in enumerate(zip(raw, told, strict=True)):
+    told, residuals = _flights(), _noise(np.random.default_rng(9))
+    for k, (r, t) in enumerate(zip(residuals, told, strict=True)):
         t["battery_V"] = 16.0 - 0.02 * (t["time_s"] + (0.0 if alike else 60.0 * k))
         r[:, 1] += (0.3 if alike or k % 2 else -0.3) * t["time_s"] / 25.0
     found = {
         key
-        for key in _clear(structures(raw, told, NAMES, _blocks()))
+        for key in _clear(structures(residuals, told, NAMES, _blocks()))
         if key[1] in ("time_s", "battery_V")
     }
     assert found == ({("force_z", "time_s"), ("force_z", "battery_V")} if alike else set())
 
 
 def test_same_bytes_every_time():
-    told, raw = _flights(), _noise(np.random.default_rng(5))
-    assert structures(raw, told, NAMES, _blocks()) == structures(raw, told, NAMES, _blocks())
+    told, residuals = _flights(), _noise(np.random.default_rng(5))
+    assert structures(residuals, told, NAMES, _blocks()) == structures(
+        residuals, told, NAMES, _blocks()
+    )
 
 
 def test_map_and_entries_show_the_cells(model):
-    told, raw = _flights(), _noise(np.random.default_rng(6))
-    for r, t in zip(raw, told, strict=True):
+    told, residuals = _flights(), _noise(np.random.default_rng(6))
+    for r, t in zip(residuals, told, strict=True):
         r[:, 1] += 0.3 * (t["height_over_radius"] < 5.0)
-    found = structures(raw, told, NAMES, _blocks())
-    made = cells(_system(model), raw, told, found)
-    first = from_residuals(made, found, _system(model))[0]
+    found = structures(residuals, told, NAMES, _blocks())
+    made = regime_cells(_system(model), residuals, told, found)
+    first = located_by_residuals(made, found, _system(model))[0]
     low, high = first["regime"]["height_over_radius"]
     assert first["channel"] == "force_z" and low < 2.5 and 3.0 < high < 7.0
     assert first["mean"] == pytest.approx(0.7 * 0.3, abs=0.07), (
@@ -199,21 +209,28 @@ def test_map_and_entries_show_the_cells(model):
 
 
 def test_what_is_too_small_to_matter_is_not_located(model):
-    told, raw = _flights(), [1e-3 * r for r in _noise(np.random.default_rng(9))]
-    for r, t in zip(raw, told, strict=True):
+    told, residuals = _flights(), [1e-3 * r for r in _noise(np.random.default_rng(9))]
+    for r, t in zip(residuals, told, strict=True):
         r[:, 0] -= 1e-4 * t["forward_m_s"]
-    found = structures(raw, told, NAMES, _blocks())
+    found = structures(residuals, told, NAMES, _blocks())
     assert "force_x" in {key[0] for key in _clear(found)}
-    assert from_residuals(cells(_system(model), raw, told, found), found, _system(model)) == []
+    assert (
+        located_by_residuals(
+            regime_cells(_system(model), residuals, told, found), found, _system(model)
+        )
+        == []
+    )
 
 
 def test_a_finding_is_located_where_it_stands_out_of_the_noise(model):
-    told, raw = _flights(), _noise(np.random.default_rng(7))
+    told, residuals = _flights(), _noise(np.random.default_rng(7))
     acts = [
         np.stack([-0.05 * t["forward_m_s"], np.zeros(WINDOWS), 1e-4 * t["forward_m_s"]], axis=1)
         for t in told
     ]
-    entries = from_findings({"rotor_drag": acts}, raw, {"rotor_drag": 0.98}, told, _system(model))
+    entries = located_by_findings(
+        {"rotor_drag": acts}, residuals, {"rotor_drag": 0.98}, told, _system(model)
+    )
     assert [(e["channel"], *e["regime"], e["finding"]) for e in entries] == [
         ("force_x", "forward_m_s", "rotor_drag")
     ]
@@ -236,7 +253,7 @@ def test_what_is_open_is_located_where_every_explanation_acts(model, likely, cha
     """Two explanations of a side force, one with a moment too: the force is there whichever holds,
     the moment is not sure.
     """
-    told, raw = _flights(), _noise(np.random.default_rng(10))
+    told, residuals = _flights(), _noise(np.random.default_rng(10))
     shape = [
         np.stack([0.05 * t["forward_m_s"], np.zeros(WINDOWS), np.zeros(WINDOWS)], axis=1)
         for t in told
@@ -260,25 +277,25 @@ def test_what_is_open_is_located_where_every_explanation_acts(model, likely, cha
     found = SimpleNamespace(
         hypotheses=[_open(n, 1.0, p) for n, p in zip("ab", likely, strict=True)]
     )
-    entries = from_open(found, regression, raw, told, ())
+    entries = located_by_open_names(found, regression, residuals, told, ())
     assert [e["channel"] for e in entries] == channels
     assert all(
         e["q_value"] == pytest.approx(1.0 - sum(likely)) and "forward_m_s" in e["regime"]
         for e in entries
     )
-    assert from_open(found, regression, raw, told, ("a", "b")) == []
+    assert located_by_open_names(found, regression, residuals, told, ("a", "b")) == []
 
 
 def test_every_channel_once_before_any_twice():
     entries = [{"channel": c, "n": k} for c in ("a", "b") for k in range(5)]
-    assert [e["channel"] for e in strongest(entries)] == ["a", "b", "a", "b", "a", "b"]
+    assert [e["channel"] for e in strongest_entries(entries)] == ["a", "b", "a", "b", "a", "b"]
     with using({"report.entries": 3}):
-        assert len(strongest(entries)) == 3
+        assert len(strongest_entries(entries)) == 3
 
 
 def test_the_accelerometer_speaks_where_the_force_does_not():
     entries = [{"channel": c} for c in ("acc_x", "force_x", "acc_z", "moment_y")]
-    assert [e["channel"] for e in strongest(entries)] == ["force_x", "acc_z", "moment_y"]
+    assert [e["channel"] for e in strongest_entries(entries)] == ["force_x", "acc_z", "moment_y"]
 
 
 def _structure(model, channel="force_z", share=0.01, r2=0.5, q=0.002, **more):

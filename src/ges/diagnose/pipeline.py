@@ -13,7 +13,7 @@ from ges.diagnose.design.speeds import with_turning_speeds
 from ges.diagnose.detectors.balance import shift_of
 from ges.diagnose.detectors.gusts import GUSTS
 from ges.diagnose.estimate.fit import fitted_model
-from ges.diagnose.locate.stages import recalibrated
+from ges.diagnose.locate.stages import recalibrate
 from ges.diagnose.prepare.problem import Recordings, pose_problem
 from ges.diagnose.prove.proof import prove
 from ges.diagnose.report.compose import composed
@@ -85,7 +85,7 @@ def diagnose(
     # what is there, and what the declared numbers can do about it
     problem = pose_problem(recordings, vehicle, holdout, folder)
     problem = problem.with_flights(with_turning_speeds(problem.flights, problem.model))
-    start = recalibrated(problem.train, problem.model)
+    start = recalibrate(problem.train, problem.model)
     watch("located", start.cells)
 
     # what the library explains of the rest, and what stays open or unexplained

@@ -20,6 +20,6 @@ def test_a_law_moves_no_more_within_flights_than_what_was_left(times, overdone, 
     monkeypatch.setattr(laws, "_added", lambda channel, fitted, answer: added)
     system = SimpleNamespace(main=("force_x", "acc_z"))
     fitted = SimpleNamespace(regression=SimpleNamespace(system=system))
-    answer = SimpleNamespace(last=SimpleNamespace(in_air=left))
+    answer = SimpleNamespace(last=SimpleNamespace(residuals_in_air=left))
     forms = {"force_z": (None, SimpleNamespace(channel="acc_z"))}
     assert laws._overdone(forms, fitted, answer) == ({"force_z"} if overdone else set())

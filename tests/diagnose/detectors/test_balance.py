@@ -14,9 +14,9 @@ from ges.diagnose.detectors.balance import (
     Cause,
     Shift,
     causes_of,
-    centred,
     shift_of,
     variance_of_means,
+    without_mean_balance,
 )
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
@@ -113,14 +113,14 @@ def test_without_a_calibrated_file_there_is_no_balance_to_shift(model, keys):
     system = _system(0.15 * _columns()[0], model=model, keys=keys)
     assert causes_of(system) == [] and shift_of(system) is None
     left = [np.ones((3, 4))]
-    assert centred(left, system)[0] is left[0]
+    assert without_mean_balance(left, system)[0] is left[0]
 
 
 def test_where_the_balance_judges_means_they_are_taken_off_over_all_flights():
     rng = np.random.default_rng(0)
     left = [rng.standard_normal((50, 4)) + k for k in range(2)]
     left[0][3, 1] = np.nan
-    told = centred(left, _system(np.zeros(4)))
+    told = without_mean_balance(left, _system(np.zeros(4)))
     assert np.nanmean(np.concatenate(told), axis=0) == pytest.approx(np.zeros(4), abs=1e-12)
     assert told[1].mean() - np.nanmean(told[0]) == pytest.approx(1.0, abs=0.2), "not of each"
     assert np.isnan(told[0][3, 1])

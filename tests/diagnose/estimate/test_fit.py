@@ -14,10 +14,10 @@ from ges.diagnose.estimate.fit import (
     calibrated,
     correction_bounds,
     fitted_model,
-    in_the_air,
     joint_fit,
-    left_raw,
     null_fit,
+    only_in_air,
+    raw_residuals,
     starting_values,
     within_bounds,
 )
@@ -167,7 +167,7 @@ def test_without_candidates_the_nuisances_do_their_best():
     system = _system((COMMON,), (0.3,))
     regression, joint = null_fit(system)
     assert joint.chosen.shape == (0,) and joint.covariance.shape == (0, 0)
-    left = left_raw(system, joint)
+    left = raw_residuals(system, joint)
     before = sum((r.y**2).sum() for r in system.flights)
     assert sum((e**2).sum() for e in left) < before
     for e, r in zip(left, system.flights, strict=True):
@@ -179,7 +179,7 @@ def test_without_candidates_the_nuisances_do_their_best():
 def test_what_was_moved_before_is_in_the_residual_already():
     moved = dataclasses.replace(MODEL, corrections={"inertia.xx": 0.4})
     system = _system((COMMON,), (0.1,), model=moved)
-    (first, *_) = left_raw(
+    (first, *_) = raw_residuals(
         system, Joint(*[np.zeros(0)] * 3, 0.0, {"inertia.xx": 0.5}, {}, ({},) * 3)
     )
     rows = system.flights[0]
@@ -189,7 +189,7 @@ def test_what_was_moved_before_is_in_the_residual_already():
 def test_on_the_ground_nothing_is_left_in_the_air():
     air = np.array([True, False, True])
     system = system_of(("force_z",), (), [rows_of(np.ones((3, 1)), air=air)])
-    (left,) = in_the_air([np.ones((3, 1))], system)
+    (left,) = only_in_air([np.ones((3, 1))], system)
     assert np.isnan(left.ravel()).tolist() == [False, True, False]
 
 

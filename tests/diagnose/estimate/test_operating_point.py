@@ -11,7 +11,7 @@ from ges.diagnose.design.system import build, residuals_with
 from ges.diagnose.estimate.fit import null_fit
 from ges.diagnose.estimate.recalibrate import operating_point
 from ges.diagnose.library.candidates import Variant, amplitude_of
-from ges.diagnose.locate.stages import recalibrated
+from ges.diagnose.locate.stages import recalibrate
 from ges.diagnose.types.model import SPEED
 
 from ..synthetic import MODEL, hovering, times
@@ -71,11 +71,13 @@ def test_no_number_is_moved_beyond_the_bounds_of_the_library():
     speeds = {n: 1000.0 * u[c] ** 0.4 for n, c in zip(ROTOR_SPEED, COMMAND, strict=True)}
     flight = hovering(8.0, **u)
     kept = {n: v for n, v in flight.columns.items() if n[:2] not in ("p_", "v_", "q_", "om")}
-    start = recalibrated(*_beyond(flight.replace(columns={**kept, **speeds})))
+    start = recalibrate(*_beyond(flight.replace(columns={**kept, **speeds})))
     told = start.first.joint.common
     assert told[BEND] == pytest.approx(0.05, abs=1e-9)
     flown = residuals_with(start.system, start.first.model)[0][:, :4]
-    assert flown == pytest.approx(start.first.left[0], abs=0.1 * np.abs(start.first.left[0]).max())
+    assert flown == pytest.approx(
+        start.first.residuals[0], abs=0.1 * np.abs(start.first.residuals[0]).max()
+    )
 
 
 def test_columns_of_a_number_at_its_bound_step_inward():

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from ges.diagnose.design.system import build
-from ges.diagnose.locate.laws import around, columns, places, sparse_form, tried
+from ges.diagnose.locate.laws import (
+    candidate_places,
+    candidate_terms,
+    neighbouring_terms,
+    sparse_form,
+    term_columns,
+)
 from ges.diagnose.prepare.gate import pass_gate
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import from_vehicle
@@ -103,7 +109,7 @@ def system(sheet, flown, with_rates):
 
 @pytest.mark.parametrize("channel", CHANNELS)
 def test_terms_are_those_of_the_channel_that_the_flights_can_speak_about(system, channel):
-    terms = tried(channel, system)
+    terms = candidate_terms(channel, system)
     assert len(terms) > 40 and {t.channel for t in terms} == {channel}
     assert not any("U/U_0" in t.text for t in terms), "no battery was logged"
 
@@ -112,10 +118,10 @@ def test_columns_are_what_the_simulator_flies(system):
     """A term's column is the change of the model's force, as :mod:`ges.diagnose.design` has it."""
     from ges.diagnose.design.residual import residual
 
-    terms = tried("force_x", system)[::9]
+    terms = candidate_terms("force_x", system)[::9]
     for k, term in enumerate(terms):
         more = system.model.with_effects({LAW: {term.key: 0.5}})
-        for rows, x in zip(system.flights, columns(terms, system, system.model), strict=True):
+        for rows, x in zip(system.flights, term_columns(terms, system, system.model), strict=True):
             without, having = (
                 residual(rows.flight, rows.windows, m, ("force_x",))[:, 0]
                 for m in (system.model, more)
@@ -125,16 +131,18 @@ def test_columns_are_what_the_simulator_flies(system):
 
 def test_places_lie_where_the_flights_went(system):
     """A grid in three widths, each place within a width of where somebody flew."""
-    found = places(system)
+    found = candidate_places(system)
     flown = [rows.flight.columns for rows in system.flights]
     path = np.concatenate([np.stack([c["p_x_m"], c["p_y_m"]], axis=1) for c in flown])
     widths = sorted({w for *_, w in found})
     assert len(widths) == 3 and widths[2] == pytest.approx(4.0 * widths[0], rel=0.02)
     assert all(np.hypot(*(path - (x, y)).T).min() < width for x, y, width in found)
     local = Term.of("force_z", "m g", {}, near_m=found[0])
-    assert local in tried("force_z", system)
+    assert local in candidate_terms("force_z", system)
 
 
 def test_a_place_is_moved_by_half_a_width_and_halved_or_doubled():
-    moved = {t.near_m for t in around(Term.of("force_z", "m g", {}, near_m=(1.0, -2.0, 0.4)))}
+    moved = {
+        t.near_m for t in neighbouring_terms(Term.of("force_z", "m g", {}, near_m=(1.0, -2.0, 0.4)))
+    }
     assert len(moved) == 27 and {(1.0, -2.0, 0.4), (0.8, -2.2, 0.2), (1.2, -2.0, 0.8)} <= moved

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ges.diagnose.locate.stages import parts
+from ges.diagnose.locate.stages import nested_parts
 from ges.diagnose.settings import settings
 
 from ..synthetic import hovering
@@ -11,7 +11,7 @@ from ..synthetic import hovering
 def test_each_part_is_a_quarter_of_the_next_and_in_the_air():
     long = hovering(500.0)
     air = (long.t_s > 100.0) & (long.t_s < 450.0)
-    found = parts([long.replace(flying=air), hovering(40.0)])
+    found = nested_parts([long.replace(flying=air), hovering(40.0)])
     lengths = [[round(len(f.t_s) * f.dt_s) for f in some] for some in found]
     assert lengths == [[31, 30], [125, 30]]
     for first, second in found:
@@ -23,4 +23,4 @@ def test_each_part_is_a_quarter_of_the_next_and_in_the_air():
 
 
 def test_short_flights_have_no_parts():
-    assert parts([hovering(4.0 * settings.advise.duration_s - 1.0)]) == []
+    assert nested_parts([hovering(4.0 * settings.advise.duration_s - 1.0)]) == []

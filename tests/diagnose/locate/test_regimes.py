@@ -9,18 +9,18 @@ from hypothesis import strategies as st
 
 from ges.diagnose.locate.regimes import (
     Cell,
-    cells,
-    clear,
-    edges,
-    from_findings,
-    from_residuals,
-    regimes,
-    strongest,
+    bin_edges,
+    clear_structures,
+    located_by_findings,
+    located_by_residuals,
+    regime_cells,
+    regime_variables,
+    strongest_entries,
 )
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.prepare.channels import FORCE, MOMENT, drive
 from ges.diagnose.prove.closed_loop import lean
-from ges.diagnose.prove.traces import recorded, spans, trace
+from ges.diagnose.prove.traces import excluded_spans, recorded_signals, trace
 from ges.diagnose.settings import settings
 
 from ..synthetic import MODEL, WINDOW_S, hovering, rows_of, system_of, times, turned, windows_of
@@ -35,7 +35,7 @@ def test_regimes_are_the_state_at_the_middle_of_a_window():
         v_x_m_s=3.0, v_y_m_s=4.0, v_z_m_s=0.5, p_x_m=3.0 * t, q_w=half, q_z=half, battery_V=16.0 - t
     )
     windows = windows_of(flight)
-    told = regimes(flight, windows, MODEL)
+    told = regime_variables(flight, windows, MODEL)
     clock = t[windows.center]
     np.testing.assert_allclose(told["airspeed_m_s"], 5.0)
     np.testing.assert_allclose(told["climb_m_s"], 0.5)
@@ -51,25 +51,27 @@ def test_regimes_are_the_state_at_the_middle_of_a_window():
 @pytest.mark.parametrize("yaw_rad", [1.0, -2.5])
 def test_regimes_in_body_axes_do_not_know_where_north_is(yaw_rad):
     flight = hovering(v_x_m_s=3.0, v_y_m_s=-1.0)
-    one, other = (regimes(f, windows_of(f), MODEL) for f in (flight, turned(flight, yaw_rad)))
+    one, other = (
+        regime_variables(f, windows_of(f), MODEL) for f in (flight, turned(flight, yaw_rad))
+    )
     for name in ("forward_m_s", "left_m_s", "airspeed_m_s", "height_over_radius"):
         np.testing.assert_allclose(other[name], one[name], atol=1e-9)
 
 
 def test_what_was_not_logged_is_no_regime():
     flight = hovering(v_x_m_s=None, p_x_m=None).replace(derived=frozenset({"attitude"}))
-    told = set(regimes(flight, windows_of(flight), MODEL))
+    told = set(regime_variables(flight, windows_of(flight), MODEL))
     assert told == {"time_s", "height_over_radius"}
 
 
 @pytest.mark.parametrize("shape", [1.0, 5.0])
 def test_bins_hold_as_many_windows_each(shape):
     values = np.random.default_rng(0).random(300) ** shape
-    limits = edges(values)
+    limits = bin_edges(values)
     count, _ = np.histogram(values, limits)
     assert len(limits) == settings.report.bins + 1
     assert count.sum() == 300 and np.ptp(count) <= 1
-    assert len(edges(np.ones(50))) == 1, "what does not vary has no bins"
+    assert len(bin_edges(np.ones(50))) == 1, "what does not vary has no bins"
 
 
 def _system(y, names=("force_z", "moment_x")):
@@ -89,7 +91,7 @@ CLEAR = Structure("force_z", ("height_over_radius",), (1.0,), (3.0,), 0.8, 0.002
 
 def test_cells_are_means_of_bins_with_errors_over_blocks_of_time():
     e = _planted()
-    made = cells(_system(e), [e], [{"height_over_radius": HEIGHT}], [CLEAR])
+    made = regime_cells(_system(e), [e], [{"height_over_radius": HEIGHT}], [CLEAR])
     first = made[0]
     assert first.channel == "force_z" and first.low == pytest.approx(1.0, abs=0.01)
     inside = first.high >= HEIGHT
@@ -106,7 +108,7 @@ def test_a_cell_s_error_is_that_of_its_blocks_of_time():
     (block,) = _system(np.zeros((COUNT, 2))).blocks(settings.statistics.block_s)
     level = np.random.default_rng(3).standard_normal(block.max() + 1)
     e = np.column_stack([level[block], np.zeros(COUNT)])
-    made = cells(_system(e), [e], [{"climb_m_s": (block % 3).astype(float)}], [])
+    made = regime_cells(_system(e), [e], [{"climb_m_s": (block % 3).astype(float)}], [])
     (cell,) = (c for c in made if c.channel == "force_z" and c.low <= 1.0 < c.high)
     assert cell.windows == 200
     assert cell.sd == pytest.approx(np.std(level[[1, 4, 7, 10]], ddof=1) / 2.0)
@@ -115,8 +117,8 @@ def test_a_cell_s_error_is_that_of_its_blocks_of_time():
 def test_neighbouring_cells_of_one_sign_are_one_entry():
     e = _planted()
     system = _system(e)
-    made = cells(system, [e], [{"height_over_radius": HEIGHT}], [CLEAR])
-    entries = from_residuals(made, [CLEAR], system)
+    made = regime_cells(system, [e], [{"height_over_radius": HEIGHT}], [CLEAR])
+    entries = located_by_residuals(made, [CLEAR], system)
     low, high = entries[0]["regime"]["height_over_radius"]
     assert (
         entries[0]["channel"] == "force_z"
@@ -130,7 +132,7 @@ def test_neighbouring_cells_of_one_sign_are_one_entry():
 
 def test_a_place_that_no_single_variable_shows_is_an_entry_of_its_own():
     place = Structure("moment_x", ("east_m", "north_m"), (0.0, 1.0), (2.0, 3.0), 0.6, 0.002, 0.1)
-    (entry,) = from_residuals([], [place], _system(_planted()))
+    (entry,) = located_by_residuals([], [place], _system(_planted()))
     assert entry["regime"] == {"east_m": [0.0, 2.0], "north_m": [1.0, 3.0]}
     assert entry["mean"] == 0.1 and entry["share_of_excess"] == 0.6
 
@@ -149,15 +151,15 @@ def test_a_place_that_no_single_variable_shows_is_an_entry_of_its_own():
 )
 def test_a_structure_is_clear_if_it_is_no_chance_explains_and_matters(change, counts):
     s = dataclasses.replace(CLEAR, **change)
-    found = clear([s], MODEL, settings.locate.r2_least)
+    found = clear_structures([s], MODEL, settings.locate.r2_least)
     assert bool(found) == counts
 
 
 def test_what_flights_of_the_calibration_leave_too_is_no_news():
     known = dataclasses.replace(MODEL, left_unexplained={"force_z": 0.1})
-    assert not clear([CLEAR], known, 0.1)
+    assert not clear_structures([CLEAR], known, 0.1)
     few = dataclasses.replace(MODEL, left_unexplained={"force_z": 0.05})
-    assert clear([CLEAR], few, 0.1)
+    assert clear_structures([CLEAR], few, 0.1)
 
 
 def test_a_finding_is_located_by_the_regime_that_it_follows():
@@ -167,7 +169,7 @@ def test_a_finding_is_located_by_the_regime_that_it_follows():
     told = [{"height_over_radius": HEIGHT, "time_s": np.random.default_rng(2).permutation(HEIGHT)}]
     found = {"ground_effect": [acts], "rotor_drag": [1e-9 * acts]}
     chance = {"ground_effect": 0.99, "rotor_drag": 0.95}
-    (entry,) = from_findings(found, [left], chance, told, _system(left))
+    (entry,) = located_by_findings(found, [left], chance, told, _system(left))
     assert entry["finding"] == "ground_effect" and entry["channel"] == "force_z"
     low, high = entry["regime"]["height_over_radius"]
     assert low == pytest.approx(1.0, abs=0.01) and high < 4.0 and entry["share_of_excess"] > 0.9
@@ -176,7 +178,7 @@ def test_a_finding_is_located_by_the_regime_that_it_follows():
 
 def test_of_many_entries_the_first_of_each_channel_come_first():
     listed = [{"channel": c, "n": n} for n in range(5) for c in ("force_x", "moment_x")]
-    told = strongest([*listed, {"channel": "acc_x", "n": 0}, {"channel": "acc_y", "n": 0}])
+    told = strongest_entries([*listed, {"channel": "acc_x", "n": 0}, {"channel": "acc_y", "n": 0}])
     assert [(t["channel"], t["n"]) for t in told[:3]] == [
         ("force_x", 0),
         ("moment_x", 0),
@@ -187,7 +189,7 @@ def test_of_many_entries_the_first_of_each_channel_come_first():
 
 def test_cells_are_of_one_channel_and_one_variable():
     made = Cell("force_z", "climb_m_s", 0.0, 1.0, 0.2, 0.1, 1.0, 0.01, 30)
-    entries = from_residuals(
+    entries = located_by_residuals(
         [made],
         [Structure("force_z", ("climb_m_s",), (0.0,), (1.0,), 0.5, 0.01, 0.2)],
         _system(_planted()),
@@ -210,17 +212,19 @@ def test_stretches_that_are_left_out_are_told_in_order_with_their_reasons():
     ground[:100] = ground[300:] = True
     gap[150:200] = True
     flight = hovering().replace(excluded={"gaps": gap, "on_ground": ground})
-    told = [(s.start_s, s.end_s, s.reason) for s in spans(flight)]
+    told = [(s.start_s, s.end_s, s.reason) for s in excluded_spans(flight)]
     expected = [(0.0, 1.0, "on_ground"), (1.5, 2.0, "gaps"), (3.0, 4.0, "on_ground")]
     assert [r for *_, r in told] == [r for *_, r in expected]
     np.testing.assert_allclose([s[:2] for s in told], [s[:2] for s in expected], atol=1e-9)
-    assert spans(hovering()) == ()
+    assert excluded_spans(hovering()) == ()
 
 
 def test_what_a_recording_shows_is_the_force_that_moved_the_mass():
     flight = hovering(v_x_m_s=0.5 * times(), omega_y_rad_s=0.2 * times())
     names = (*FORCE, *MOMENT, *drive(4))
-    shown = dict(zip(names, recorded(flight, windows_of(flight), MODEL, names).T, strict=True))
+    shown = dict(
+        zip(names, recorded_signals(flight, windows_of(flight), MODEL, names).T, strict=True)
+    )
     np.testing.assert_allclose(shown["moment_y"], 0.2 * MODEL.number("iyy_kg_m2"), rtol=1e-6)
     np.testing.assert_allclose(shown["drive_1"], MODEL.hover_rad_s)
     # v x omega adds to the climb what the nose takes from it

@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 
 from ges.diagnose.locate.structure import (
     Structure,
-    excited,
-    hats,
-    shared,
+    hat_functions,
+    shared_variables,
     structures,
-    within,
+    varied_regimes,
+    without_mean,
 )
 from ges.diagnose.settings import settings
 
@@ -39,31 +39,31 @@ def _noise(count=3, channels=1, seed=1, size=0.1):
     return [size * rng.standard_normal((WINDOWS, channels)) for _ in range(count)]
 
 
-def _found(raw, told, names=("force_x",)):
-    found = structures(raw, told, names, _blocks(len(raw)))
+def _found(residuals, told, names=("force_x",)):
+    found = structures(residuals, told, names, _blocks(len(residuals)))
     return {(s.channel, s.regime, s.of_size): s for s in found}
 
 
 @given(st.floats(-5.0, 5.0))
 def test_hats_add_up_to_one_and_reproduce_straight_lines(value):
     knots, value = np.linspace(-5.0, 5.0, 7), np.array([value, -value])
-    x = hats(value, knots)
+    x = hat_functions(value, knots)
     np.testing.assert_allclose(x.sum(axis=1), 1.0)
     np.testing.assert_allclose(x @ knots, value, atol=1e-12)
-    np.testing.assert_allclose(hats(knots, knots), np.eye(7))
-    np.testing.assert_allclose(hats(np.array([9.0]), knots)[0], np.eye(7)[-1])
+    np.testing.assert_allclose(hat_functions(knots, knots), np.eye(7))
+    np.testing.assert_allclose(hat_functions(np.array([9.0]), knots)[0], np.eye(7)[-1])
 
 
 def test_a_function_of_a_regime_is_predicted_and_its_peak_and_size_are_told():
     told, noise = _flights(), _noise()
-    raw = [
+    residuals = [
         e + 0.5 * np.maximum(t["forward_m_s"], 0.0)[:, None]
         for e, t in zip(noise, told, strict=True)
     ]
-    found = _found(raw, told)
+    found = _found(residuals, told)
     mean = found["force_x", ("forward_m_s",), False]
     assert mean.q_value == pytest.approx(1.0 / (1.0 + settings.statistics.resamples))
-    signal = np.concatenate([within(r) for r in raw])
+    signal = np.concatenate([without_mean(r) for r in residuals])
     assert mean.r2 == pytest.approx(1.0 - 0.01 / signal.var(), abs=0.05)
     assert mean.rms == pytest.approx(np.sqrt(signal.var() - 0.01), rel=0.05)
     assert mean.bounds["forward_m_s"][1] == pytest.approx(2.0, abs=0.05), "at the fastest"
@@ -72,9 +72,9 @@ def test_a_function_of_a_regime_is_predicted_and_its_peak_and_size_are_told():
 
 @pytest.mark.parametrize("unit", [1e-3, 1e4])
 def test_a_statistic_does_not_know_the_unit_of_its_channel(unit):
-    told, raw = _flights(), _noise()
-    raw = [e + 0.05 * t["left_m_s"][:, None] for e, t in zip(raw, told, strict=True)]
-    plain, scaled = _found(raw, told), _found([unit * e for e in raw], told)
+    told, residuals = _flights(), _noise()
+    residuals = [e + 0.05 * t["left_m_s"][:, None] for e, t in zip(residuals, told, strict=True)]
+    plain, scaled = _found(residuals, told), _found([unit * e for e in residuals], told)
     for key, s in plain.items():
         assert scaled[key].r2 == pytest.approx(s.r2, abs=1e-9)
         assert scaled[key].q_value == s.q_value
@@ -96,9 +96,9 @@ def test_channels_that_one_cause_moves_are_judged_together():
     told = _flights(2, seed=3)
     names = ("force_x", "acc_x")
     push = [0.028 * t["forward_m_s"][:, None] * np.ones((1, 2)) for t in told]
-    raw = [e + p for e, p in zip(_noise(2, 2, seed=5), push, strict=True)]
-    together = _found(raw, told, names)
-    apart = [_found([r[:, [c]] for r in raw], told, (n,)) for c, n in enumerate(names)]
+    residuals = [e + p for e, p in zip(_noise(2, 2, seed=5), push, strict=True)]
+    together = _found(residuals, told, names)
+    apart = [_found([r[:, [c]] for r in residuals], told, (n,)) for c, n in enumerate(names)]
     for c, name in enumerate(names):
         key = (name, ("forward_m_s",), False)
         assert together[key].q_value <= apart[c][key].q_value + 0.01
@@ -106,11 +106,11 @@ def test_channels_that_one_cause_moves_are_judged_together():
 
 def test_a_size_that_follows_a_regime_is_no_mean():
     told = _flights()
-    raw = [
+    residuals = [
         e * np.where(t["forward_m_s"] > 0.5, 4.0, 1.0)[:, None]
         for e, t in zip(_noise(), told, strict=True)
     ]
-    found = _found(raw, told)
+    found = _found(residuals, told)
     size = found["force_x", ("forward_m_s",), True]
     assert size.q_value < 0.01 and found["force_x", ("forward_m_s",), False].q_value > 0.02
     fast = size.bounds["forward_m_s"][0] > 0.0
@@ -119,11 +119,11 @@ def test_a_size_that_follows_a_regime_is_no_mean():
 
 
 def test_what_is_absent_counts_nowhere():
-    told, raw = _flights(), _noise(channels=2)
-    raw = [e + 0.3 * t["forward_m_s"][:, None] for e, t in zip(raw, told, strict=True)]
-    for e in raw:
+    told, residuals = _flights(), _noise(channels=2)
+    residuals = [e + 0.3 * t["forward_m_s"][:, None] for e, t in zip(residuals, told, strict=True)]
+    for e in residuals:
         e[:, 1] = np.nan
-    found = _found(raw, told, ("force_x", "range"))
+    found = _found(residuals, told, ("force_x", "range"))
     assert {key[0] for key in found} == {"force_x"}
 
 
@@ -134,25 +134,25 @@ def test_too_few_windows_tell_nothing():
 
 def test_flights_less_their_mean_keep_their_holes():
     e = np.array([[1.0, np.nan], [3.0, 5.0]])
-    np.testing.assert_array_equal(within(e), [[-1.0, np.nan], [1.0, 0.0]])
-    assert np.isnan(within(np.full((2, 1), np.nan))).all()
+    np.testing.assert_array_equal(without_mean(e), [[-1.0, np.nan], [1.0, 0.0]])
+    assert np.isnan(without_mean(np.full((2, 1), np.nan))).all()
 
 
 def test_regimes_are_shared_that_every_flight_has():
-    assert shared([{"a": 1, "b": 2}, {"b": 3}]) == ["b"]
+    assert shared_variables([{"a": 1, "b": 2}, {"b": 3}]) == ["b"]
 
 
 @pytest.mark.parametrize(("spread", "counts"), [(0.4, False), (0.7, True)])
 def test_a_place_counts_where_it_was_flown_over_half_a_metre(spread, counts):
     values = np.linspace(0.0, spread, 500)
-    assert (excited({"east_m": values}) == ["east_m"]) == counts
-    assert excited({"battery_V": 1e-3 * values}) == ["battery_V"]
+    assert (varied_regimes({"east_m": values}) == ["east_m"]) == counts
+    assert varied_regimes({"battery_V": 1e-3 * values}) == ["battery_V"]
 
 
 def test_one_outlier_is_no_range():
     values = np.zeros(500)
     values[7] = 30.0
-    assert excited({"climb_m_s": values}) == []
+    assert varied_regimes({"climb_m_s": values}) == []
 
 
 def test_a_structure_writes_its_bounds_by_variable():

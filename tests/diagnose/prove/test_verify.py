@@ -7,19 +7,19 @@ from ges.conventions import POSITION
 from ges.diagnose.prepare.channels import FORCE, MOMENT, drive
 from ges.diagnose.prove.proof import prove
 from ges.diagnose.prove.verify import (
-    along_horizon_s,
     block_windows,
     channel_table,
-    elsewhere,
-    errors,
+    errors_elsewhere,
+    horizon_times_s,
+    recalibration_warnings,
     reduction_ci95,
     rms,
     rms_table,
-    rollout,
+    rollout_errors,
+    rollout_errors_by_stage,
     rollout_table,
-    rollouts,
+    stage_errors,
     stages_row,
-    worse_recalibrated,
 )
 from ges.diagnose.settings import settings
 
@@ -94,7 +94,7 @@ def test_a_block_is_as_many_windows_as_five_seconds_hold(spacing_s, count):
 
 @pytest.mark.parametrize(("share", "told"), [(1.01, False), (1.03, True)])
 def test_a_recalibration_that_makes_it_worse_is_one_sentence(share, told):
-    found = worse_recalibrated({"force_x_N": {"before": 0.2, "recalibrated": 0.2 * share}})
+    found = recalibration_warnings({"force_x_N": {"before": 0.2, "recalibrated": 0.2 * share}})
     assert bool(found) == told
     if told:
         assert found[0].startswith("on the flights that took no part the error of force_x_N is 0.2")
@@ -109,14 +109,14 @@ def test_elsewhere_is_outside_all_regimes_of_its_channel():
     regimes = [{"height_over_radius": np.where(low, 1.0, 5.0)}]
     bounds = {"height_over_radius": [0.5, 1.5]}
     located = [{"channel": n, "regime": bounds} for n in ("force_z", "moment_x")]
-    table = elsewhere(told, ("force_z", "moment_x"), located, regimes, SPACING_S)
+    table = errors_elsewhere(told, ("force_z", "moment_x"), located, regimes, SPACING_S)
     assert table["force_z_N"]["worse"] and not table["moment_x_Nm"]["worse"]
     assert table["force_z_N"]["change_ci95"] == pytest.approx([1.0, 1.0])
     assert table["moment_x_Nm"]["change_ci95"] == pytest.approx([0.0, 0.0])
     everywhere = [{"channel": "force_z", "regime": {"height_over_radius": [0.0, 9.0]}}]
-    assert elsewhere(told, ("force_z",), everywhere, regimes, SPACING_S) == {}
+    assert errors_elsewhere(told, ("force_z",), everywhere, regimes, SPACING_S) == {}
     unknown = [{"channel": "force_z", "regime": {"battery_V": [0.0, 9.0]}}]
-    whole = elsewhere(told, ("force_z",), unknown, regimes, SPACING_S)["force_z_N"]
+    whole = errors_elsewhere(told, ("force_z",), unknown, regimes, SPACING_S)["force_z_N"]
     assert whole["recalibrated"] == pytest.approx(rms([base[:, 0]]))
 
 
@@ -124,7 +124,7 @@ def test_errors_are_residuals_by_stage_absent_where_a_channel_is():
     flights = [hovering(), hovering(acc_z_m_s2=9.80665)]
     names = (*FORCE, *MOMENT, *drive(4), "acc_z")
     force, acc = names.index("force_z"), names.index("acc_z")
-    told = errors(flights, {"before": HEAVY, "after": MODEL}, names, WINDOW_S)
+    told = stage_errors(flights, {"before": HEAVY, "after": MODEL}, names, WINDOW_S)
     first, second = told["before"]
     more_N = 0.1 * MODEL.weight_N
     np.testing.assert_allclose(first[:, force], more_N, rtol=1e-6)
@@ -134,8 +134,8 @@ def test_errors_are_residuals_by_stage_absent_where_a_channel_is():
 
 
 def test_a_rollout_s_error_starts_at_nothing_and_grows_as_a_fall():
-    told = rollout(hovering(), HEAVY)
-    clock = along_horizon_s()
+    told = rollout_errors(hovering(), HEAVY)
+    clock = horizon_times_s()
     assert clock[0] == 0.0 and clock[-1] == settings.report.horizon_s
     assert told["p_z_m"].shape == (3, len(clock))
     np.testing.assert_allclose(
@@ -143,12 +143,12 @@ def test_a_rollout_s_error_starts_at_nothing_and_grows_as_a_fall():
     )
     np.testing.assert_allclose(told["v_z_m_s"], np.tile(-FALL_M_S2 * clock, (3, 1)), atol=1e-3)
     np.testing.assert_allclose(told["p_x_m"], 0.0, atol=1e-9)
-    assert rollout(hovering(0.5), MODEL) == {}
+    assert rollout_errors(hovering(0.5), MODEL) == {}
 
 
 def test_rollouts_of_all_flights_are_pooled_and_told_at_the_end_of_the_horizon():
     flights = [hovering(), hovering(2.5), hovering(q_w=None)]
-    told = rollouts(flights, {"before": HEAVY, "after": MODEL})
+    told = rollout_errors_by_stage(flights, {"before": HEAVY, "after": MODEL})
     assert told["p_z_m"]["before"].shape[0] == 5, (
         "three and two horizons, and none without attitude"
     )
@@ -186,7 +186,7 @@ def test_intervals_of_a_proof_are_over_blocks_of_five_seconds():
     models = {"before": HEAVY, "recalibrated": HEAVY, "after": MODEL}
     told = prove({"last": flights[0]}, models, {}, (), WINDOW_S)
     names = (*FORCE, *MOMENT, *drive(4))
-    left = errors(flights, models, names, WINDOW_S)
+    left = stage_errors(flights, models, names, WINDOW_S)
     own = channel_table(left, names, SPACING_S)["force_z_N"]
     assert told.fit["channels"]["force_z_N"] == own
     assert own["reduction_ci95"] != channel_table(left, names, 60.0)["force_z_N"]["reduction_ci95"]

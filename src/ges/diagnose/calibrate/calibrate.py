@@ -34,16 +34,16 @@ from ges.diagnose.detectors.balance import (
     CHANNELS,
     LOSSES,
     MASS,
-    centred,
     losses_of,
     variance_of_means,
+    without_mean_balance,
 )
 from ges.diagnose.estimate.fit import (
     calibrated,
     correction_bounds,
-    in_the_air,
-    left_raw,
     null_fit,
+    only_in_air,
+    raw_residuals,
 )
 from ges.diagnose.locate.regimes import regimes_of
 from ges.diagnose.locate.structure import structures
@@ -614,7 +614,9 @@ def _left_unexplained(
     """
     model = with_flown_voltage(from_vehicle(vehicle, folder), flights)
     system = build(flights, model, [])
-    left = in_the_air(centred(left_raw(system, null_fit(system)[1]), system), system)
+    left = only_in_air(
+        without_mean_balance(raw_residuals(system, null_fit(system)[1]), system), system
+    )
     told, blocks = regimes_of(system), system.blocks(settings.statistics.block_s)
     largest: dict[str, float] = {}
     for pair in itertools.combinations(range(len(flights)), 2):

@@ -16,7 +16,13 @@ from ges.diagnose.design.whiten import estimate
 from ges.diagnose.estimate.contributions import contributions_of, size_of
 from ges.diagnose.estimate.fit import Fitted, free_first, joint_fit, pinned
 from ges.diagnose.library.candidates import Variant, amplitude_of
-from ges.diagnose.locate.laws import SparseForm, around, columns, sparse_form, tried
+from ges.diagnose.locate.laws import (
+    SparseForm,
+    candidate_terms,
+    neighbouring_terms,
+    sparse_form,
+    term_columns,
+)
 from ges.diagnose.locate.stages import Start
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.select.evidence import make_regression, whitened
@@ -118,7 +124,7 @@ def _overdone(
     for channel, (_, structure) in forms.items():
         at = main.index(structure.channel)
         added = [a[:, at] for a in _added(channel, fitted, answer)]
-        left = [row[:, at] for row in answer.last.in_air]
+        left = [row[:, at] for row in answer.last.residuals_in_air]
         moved, had = (math.hypot(*map(_spread, rows)) for rows in (added, left))
         if settings.statistics.large_part * moved > had:
             found.add(channel)
@@ -148,17 +154,19 @@ def _form(channel: str, answer: Explanation) -> SparseForm:
     system, model = answer.last.regression.system, answer.last.model
     kind, axis = channel.split("_")
     response = next(n for k in RESPONSES[kind] if (n := f"{k}_{axis}") in system.main)
-    left = [row[:, system.main.index(response)] for row in answer.last.in_air]
-    blocks, terms = system.blocks(settings.statistics.block_s), tried(channel, system)
-    x = columns(terms, system, model)
+    left = [row[:, system.main.index(response)] for row in answer.last.residuals_in_air]
+    blocks, terms = system.blocks(settings.statistics.block_s), candidate_terms(channel, system)
+    x = term_columns(terms, system, model)
     form = sparse_form(left, x, terms, blocks)
     # a place on the grid is half a cell off; what was tried before is paid for still
     for _ in range(settings.numerics.noise_rounds):
-        near = dict.fromkeys(t for chosen in form.terms if chosen.local for t in around(chosen))
+        near = dict.fromkeys(
+            t for chosen in form.terms if chosen.local for t in neighbouring_terms(chosen)
+        )
         if not (new := [t for t in near if t not in terms]):
             break
         terms = [*terms, *new]
-        x = [np.hstack(pair) for pair in zip(x, columns(new, system, model), strict=True)]
+        x = [np.hstack(pair) for pair in zip(x, term_columns(new, system, model), strict=True)]
         finer = sparse_form(left, x, terms, blocks)
         if finer.r2 <= form.r2 + settings.numerics.small:
             break

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ges.diagnose.design.system import System
-from ges.diagnose.locate.regimes import least
+from ges.diagnose.locate.regimes import least_rms
 from ges.diagnose.select.evidence import Regression, acts_of
 from ges.diagnose.select.search import Hypothesis
 from ges.diagnose.settings import settings
@@ -25,7 +25,7 @@ def unlike_form_error(name: str) -> bool:
 def least_size(name: str, channel: str, model: Model) -> float:
     """The least rms of an effect at which it matters in a channel, in the channel's unit."""
     share = 1.0 / settings.decide.form_margin if unlike_form_error(name) else 1.0
-    return share * least(block_of(channel), model.reference_scale(channel))
+    return share * least_rms(block_of(channel), model.reference_scale(channel))
 
 
 def least_sizes(system: System) -> np.ndarray:
@@ -33,7 +33,7 @@ def least_sizes(system: System) -> np.ndarray:
     unit: no model is right to less.
     """
     return np.array(
-        [least(block_of(name), system.model.reference_scale(name)) for name in system.main]
+        [least_rms(block_of(name), system.model.reference_scale(name)) for name in system.main]
     )
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ges.diagnose.locate.regimes import clear, located
+from ges.diagnose.locate.regimes import clear_structures, reported_structures
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
@@ -19,7 +19,10 @@ def left_over(found: Sequence[Structure], model: Model) -> list[Structure]:
     channel, the largest share first.
     """
     r2 = settings.statistics.least_gain
-    large = [*located(found, model), *clear(found, model, r2, settings.decide.form_margin)]
+    large = [
+        *reported_structures(found, model),
+        *clear_structures(found, model, r2, settings.decide.form_margin),
+    ]
     best: dict[str, Structure] = {}
     for s in sorted([s for s in large if not s.of_size] or large, key=lambda s: (-s.r2, s.regime)):
         best.setdefault(s.channel, s)

@@ -24,7 +24,7 @@ from ges.diagnose.detectors.gusts import HANGING, PUSHED, WIND, Gusts, gusts_of,
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.contributions import contributions, size_of
 from ges.diagnose.estimate.fit import Fitted, fitted_model
-from ges.diagnose.locate.stages import Stage, Start, stage
+from ges.diagnose.locate.stages import Stage, Start, make_stage
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.types.decision import Decision, Record
 from ges.diagnose.types.model import Model
@@ -87,7 +87,7 @@ def answer_of(
     if accepted.fitted is not None:
         fitted = accepted.fitted
         model = fitted_model(declared, fitted)
-        last = stage(model, fitted.joint, fitted.regression, start.regimes)
+        last = make_stage(model, fitted.joint, fitted.regression, start.regimes)
     structures = [s for s in last.structures if not gusts or s.channel not in PUSHED]
     added = contributions(accepted.fitted, accepted.names, start.system.model)
     return Explanation(accepted, gusts, last, structures, added)

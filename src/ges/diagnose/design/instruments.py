@@ -192,8 +192,8 @@ def strength(moved: np.ndarray, z: np.ndarray, block: np.ndarray) -> float:
     regression does (Bound, Jaeger and Baker 1995); what they explain of time they were not fitted
     to is no chance.
     """
-    centred = moved - moved.mean()
-    total = float(centred @ centred)
+    without_mean_balance = moved - moved.mean()
+    total = float(without_mean_balance @ without_mean_balance)
     size = np.sqrt((z**2).mean(axis=0))
     z, left = z[:, size > 0] / size[size > 0], np.zeros_like(moved)
     # whole blocks are left out, as windows close in time predict each other;
@@ -202,5 +202,7 @@ def strength(moved: np.ndarray, z: np.ndarray, block: np.ndarray) -> float:
     for f in np.unique(fold):
         out = fold == f
         gram = z[~out].T @ z[~out] + ridge * np.eye(z.shape[1])
-        left[out] = centred[out] - z[out] @ np.linalg.solve(gram, z[~out].T @ centred[~out])
+        left[out] = without_mean_balance[out] - z[out] @ np.linalg.solve(
+            gram, z[~out].T @ without_mean_balance[~out]
+        )
     return max(0.0, 1.0 - float(left @ left) / total) if total > 0 else 0.0

@@ -180,7 +180,7 @@ def _stated(system: System, column: Mapping[str, int]) -> bool:
     return gains and set(CHANNELS) <= set(system.main)
 
 
-def centred(left: Sequence[np.ndarray], system: System) -> list[np.ndarray]:
+def without_mean_balance(left: Sequence[np.ndarray], system: System) -> list[np.ndarray]:
     """Residuals of the plain averages (m, C) by flight, less their mean over all flights where
     :func:`shift_of` judges it.
     """

@@ -21,7 +21,7 @@ from scipy.special import fdtrc
 from ges.conventions import SDS_95
 from ges.diagnose.design.residual import motion_of
 from ges.diagnose.design.system import FlightRows, System, build
-from ges.diagnose.estimate.fit import Fitted, Joint, left_raw
+from ges.diagnose.estimate.fit import Fitted, Joint, raw_residuals
 from ges.diagnose.library.candidates import Variant, amplitude_of, has_prerequisite
 from ges.diagnose.prepare.channels import FORCE
 from ges.diagnose.select.stated import stated
@@ -201,7 +201,7 @@ def _force_windows(system: System, joint: Joint) -> list[_ForceWindows]:
         k for k, c in enumerate(blown.columns) if c.variant is not None and c.part != "moment"
     ]
     channels, forces = np.array([blown.names.index(name) for name in FORCE[:2]]), []
-    for rows, left in zip(blown.flights, left_raw(system, joint), strict=True):
+    for rows, left in zip(blown.flights, raw_residuals(system, joint), strict=True):
         push = np.stack([rows.x.of(c, columns) for c in channels], axis=1)
         push += (
             settings.numerics.small * np.abs(push).max() * np.eye(2)

@@ -384,7 +384,7 @@ class _Point:
         """The free parameters, (k,)."""
         return np.array([self.values[e][p] for e, p in self.free])
 
-    def moved_to(self, numbers: np.ndarray) -> effect_table.Effects:
+    def values_at(self, numbers: np.ndarray) -> effect_table.Effects:
         """The values with the free parameters at these numbers (k,)."""
         values = {name: dict(v) for name, v in self.values.items()}
         for (e, p), number in zip(self.free, numbers, strict=True):
@@ -445,10 +445,10 @@ def polish(
         there = _linearised(values, free, whitened(system, noise), model)
         # the step promised more than it kept: half of the way back, from the best point so far
         if at and first and there.cost > at.cost + settings.estimate.same_cost:
-            values = at.moved_to(0.5 * (at.numbers() + there.numbers()))
+            values = at.values_at(0.5 * (at.numbers() + there.numbers()))
             continue
         at, first = there, first or there
-        values = at.moved_to(at.best(model))
+        values = at.values_at(at.best(model))
         if at.sds_to(values) < settings.estimate.converged_sds:
             at = dataclasses.replace(at, values=values)
             # far from where its noise was measured, the fit goes on with that of the new place
@@ -621,7 +621,7 @@ def null_fit(system: System) -> tuple[Regression, Joint]:
     return regression, joint_fit(regression, ())
 
 
-def left_raw(system: System, joint: Joint) -> list[np.ndarray]:
+def raw_residuals(system: System, joint: Joint) -> list[np.ndarray]:
     """Residuals of the channels under the plain average, in their units, after the nuisances, by
     flight, (m, C).
     """
@@ -636,7 +636,7 @@ def left_raw(system: System, joint: Joint) -> list[np.ndarray]:
     return out
 
 
-def in_the_air(left: Sequence[np.ndarray], system: System) -> list[np.ndarray]:
+def only_in_air(left: Sequence[np.ndarray], system: System) -> list[np.ndarray]:
     """Residuals (m, C) by flight, NaN where windows are not in the air: a drive on the ground is in
     no regime of flight.
     """

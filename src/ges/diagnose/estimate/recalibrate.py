@@ -78,7 +78,7 @@ def _within_reach(regression: Regression, reach: float) -> Joint:
     return joint_fit(regression, (), held=near)
 
 
-def moved_to(declared: Model, moved: Mapping[str, float]) -> Model:
+def at_corrections(declared: Model, moved: Mapping[str, float]) -> Model:
     """The vehicle file's model with corrections in it, where all is linearised."""
     return (
         dataclasses.replace(calibrated(declared, moved), corrections=moved) if moved else declared
@@ -88,7 +88,7 @@ def moved_to(declared: Model, moved: Mapping[str, float]) -> Model:
 def _linearised(regression: Regression, declared: Model, moved: Mapping[str, float]) -> Regression:
     """Nuisances alone, linearised with these corrections, under the same noise."""
     system = regression.system
-    there = moved_to(declared, moved)
+    there = at_corrections(declared, moved)
     return whitened(build(system.recordings, there, (), length_s=system.length_s), regression.noise)
 
 

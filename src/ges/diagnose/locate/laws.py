@@ -1,9 +1,8 @@
-"""Terms of a law for what no effect explains.
+"""Terms of a law for residuals that no effect explains.
 
-Terms are those of :mod:`ges.simulator.laws`: a share of weight or thrust times a product of
-dimensionless groups. Few of them are chosen, forward with exchange (Miller 2002, *Subset Selection
-in Regression*, sec. 3.10), by what they predict of blocks of time that they were not fitted to:
-what one flight alone excites, no other flight could show.
+A term of :mod:`ges.simulator.laws` is a share of weight or thrust times a product of dimensionless
+groups. A few are chosen by forward selection with exchange (Miller 2002, *Subset Selection in
+Regression*, sec. 3.10). They are scored on blocks of time that they were not fitted to.
 """
 
 from __future__ import annotations
@@ -31,12 +30,20 @@ NEAR_GROUND = "R/h"
 OTHERS = ("p/w_g", "q/w_g", "r/w_g", "x/L", "y/L")
 
 
-def tried(channel: str, system: System) -> list[Term]:
-    """Terms that these flights can speak about in a channel: speeds, with their squares and along
-    with the horizontal speed, powers of the nearness of the ground and speeds near it, and what
-    else there is, each alone. Not the rotors' speed: it answers to what is left, see
-    :mod:`~ges.diagnose.design.answers`. Nor the voltage: it falls with time,
-    so that blocks of time predict each other by any drift, and other flights do not.
+def candidate_terms(channel: str, system: System) -> list[Term]:
+    """Return the terms that these flights can show in a channel.
+
+    Parameters
+    ----------
+    channel : response of the law, ``force_y``.
+    system : of the flights.
+
+    Notes
+    -----
+    Speeds, their squares and products with the horizontal speed, powers of the nearness of the
+    ground, and other groups alone. Rotor speeds are left out because they respond to the residual,
+    see :mod:`~ges.diagnose.design.answers`. So is the voltage, which falls with time and would
+    predict any drift.
     """
     products = [
         *(({g: 1}, {}) for g in (*SPEEDS, HORIZONTAL, *OTHERS)),
@@ -49,13 +56,21 @@ def tried(channel: str, system: System) -> list[Term]:
     # a constant beside them: numbers and names may have taken up what a term is on average
     listed = [Term.of(channel, SCALES[0], {})]
     listed += [Term.of(channel, s, n, m) for s, (n, m) in itertools.product(SCALES, products)]
-    listed += [Term.of(channel, SCALES[0], {}, near_m=place) for place in places(system)]
+    listed += [Term.of(channel, SCALES[0], {}, near_m=place) for place in candidate_places(system)]
     return [t for t in listed if not unmet(t.needs, system.recordings, system.model)]
 
 
-def places(system: System) -> list[tuple[float, float, float]]:
-    """Places on the map, and widths, (x, y, w) in m, about which the flights went: a grid as wide
-    as the bells on it, halved from the way from end to end.
+def candidate_places(system: System) -> list[tuple[float, float, float]]:
+    """Return centres and widths of local terms that cover where the flights went.
+
+    Parameters
+    ----------
+    system : of the flights.
+
+    Returns
+    -------
+    (x, y, width) in m, world; grids whose step is their width, halved from the extent of the
+    flights.
     """
     x, y = (
         np.concatenate([r.windows.mean @ r.flight.columns[c] for r in system.flights])
@@ -75,8 +90,17 @@ def places(system: System) -> list[tuple[float, float, float]]:
     return found
 
 
-def around(term: Term) -> list[Term]:
-    """The term of a place, moved by half its width, and its width halved or doubled."""
+def neighbouring_terms(term: Term) -> list[Term]:
+    """Return variations of a local term.
+
+    Parameters
+    ----------
+    term : with a place.
+
+    Returns
+    -------
+    The term moved by half its width in each direction, with half, the same and twice its width.
+    """
     x, y, width = term.near_m
     steps = itertools.product((-0.5, 0.0, 0.5), (-0.5, 0.0, 0.5), (0.5, 1.0, 2.0))
     return [
@@ -89,16 +113,22 @@ def around(term: Term) -> list[Term]:
 
 
 def _round(value: float) -> float:
-    """To three digits: places are known no better, and people read them."""
+    """Round to three digits: places are known no better, and people read them."""
     return float(f"{value:.3g}")
 
 
-def columns(terms: Sequence[Term], system: System, model: Model) -> list[np.ndarray]:
-    """Windowed means of what terms with a coefficient of one add, by flight (m, terms), N or N m.
+def term_columns(terms: Sequence[Term], system: System, model: Model) -> list[np.ndarray]:
+    """Compute the windowed means of terms with a coefficient of one.
 
     Parameters
     ----------
-    model : along whose air and ground the groups are taken.
+    terms : of one channel.
+    system : of the flights.
+    model : whose air and ground the groups are computed with.
+
+    Returns
+    -------
+    By flight, (m, terms) in N or N m.
     """
     found = []
     for rows in system.flights:
@@ -113,8 +143,12 @@ def columns(terms: Sequence[Term], system: System, model: Model) -> list[np.ndar
 
 @dataclasses.dataclass(frozen=True)
 class SparseForm:
-    """Few terms of one channel, and the share of the variance that they predict of what they were
-    not fitted to.
+    """A few terms of one channel.
+
+    Attributes
+    ----------
+    terms : that were chosen.
+    r2 : share of the variance that they predict on blocks they were not fitted to.
     """
 
     terms: tuple[Term, ...]
@@ -127,14 +161,19 @@ def sparse_form(
     terms: Sequence[Term],
     blocks: Sequence[np.ndarray],
 ) -> SparseForm:
-    """Choose few terms that together explain a residual; none where not even one does.
+    """Choose few terms that together explain a residual.
 
     Parameters
     ----------
     e : by flight, (m,) residual in the channel's unit, NaN where it is absent.
-    x : by flight, (m, terms), of :func:`columns`.
+    x : by flight, (m, terms), of :func:`term_columns`.
     terms : of the channel.
     blocks : by flight, number of the block of time of every window, (m,).
+
+    Returns
+    -------
+    The set with the greatest score of equation (11) of docs/method.md; no term where none is
+    positive.
     """
     good = [np.isfinite(of_flight) for of_flight in e]
     block = np.concatenate([b[g] for b, g in zip(blocks, good, strict=True)])
@@ -152,20 +191,21 @@ def sparse_form(
     best, worth = SparseForm((), 0.0), 0.0
     # a term may predict little until another stands beside it
     while len(chosen) < min(settings.report.terms, len(moving)):
-        chosen, r2 = _exchanged(folds, (*chosen, *folds.best_beside(chosen)))
+        chosen, r2 = _exchange(folds, (*chosen, *folds.best_addition(chosen)))
         used = table[:, moving[list(chosen)]]
         error = y - used @ np.linalg.lstsq(used, y, rcond=None)[0]
         # log predictive density of Gaussian errors, equation (11) of method.md
         left = max(1.0 - r2, settings.numerics.tiny)
-        score = -0.5 * _independent(error, flight) * math.log(left) - len(chosen) * price
+        score = -0.5 * _independent_count(error, flight) * math.log(left) - len(chosen) * price
         if score > worth:
             best, worth = SparseForm(tuple(terms[moving[k]] for k in chosen), r2), score
     return best
 
 
-def _independent(left: np.ndarray, flight: np.ndarray) -> float:
-    """How many independent values a residual (n,) is worth, whose flights follow one another, by
-    its correlation from one window to the next: n (1 - r) / (1 + r) (Bartlett 1946, J. R. Stat.
+def _independent_count(left: np.ndarray, flight: np.ndarray) -> float:
+    """Effective number of independent values of a residual (n,), n (1 - r) / (1 + r).
+
+    r is the correlation from one window to the next within a flight (Bartlett 1946, J. R. Stat.
     Soc. Suppl. 8, 27).
     """
     same = flight[1:] == flight[:-1]
@@ -193,8 +233,8 @@ class _Folds:
         )
 
     def r2(self, sets: np.ndarray) -> np.ndarray:
-        """Share of the variance that fits of the other folds predict, (s,), for sets of columns
-        (s, k).
+        """Share of the variance that fits to the other folds predict, (s,), for sets of columns (s,
+        k).
         """
         xx, xy = self.xx[:, sets[:, :, None], sets[:, None, :]], self.xy[:, sets]
         others = xx.sum(axis=0) - xx + settings.statistics.ridge_windows * np.eye(sets.shape[1])
@@ -203,18 +243,18 @@ class _Folds:
         gain = (beta[..., 0] * (2.0 * xy - (xx @ beta)[..., 0])).sum(axis=(0, 2))
         return gain / max(float(self.yy.sum()), settings.numerics.tiny)
 
-    def best_beside(self, chosen: tuple[int, ...]) -> tuple[int]:
-        """The column that predicts most beside those chosen."""
+    def best_addition(self, chosen: tuple[int, ...]) -> tuple[int]:
+        """The column that predicts most together with those chosen."""
         tried = [k for k in range(self.xy.shape[1]) if k not in chosen]
         return (tried[int(np.argmax(self.r2(np.array([(*chosen, k) for k in tried]))))],)
 
 
-def _exchanged(folds: _Folds, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], float]:
-    """The set with single columns exchanged for others while that predicts more, and its R^2."""
+def _exchange(folds: _Folds, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], float]:
+    """Exchange single columns of a set while that predicts more; the set and its R^2."""
     r2 = float(folds.r2(np.array([chosen]))[0])
     while True:
         rests = [(*chosen[:i], *chosen[i + 1 :]) for i in range(len(chosen))]
-        others = [(*rest, *folds.best_beside(rest)) for rest in rests]
+        others = [(*rest, *folds.best_addition(rest)) for rest in rests]
         gained = folds.r2(np.array(others))
         if gained.max() <= r2 + settings.numerics.small:
             return chosen, r2

@@ -1,6 +1,4 @@
-"""Where the mismatch lives: channels whose residual a regime predicts, cells of that regime, and
-where the findings act.
-"""
+"""Where the model misfits: channels and cells of a regime, and where findings act."""
 
 from __future__ import annotations
 
@@ -13,7 +11,7 @@ from ges.conventions import rotor_columns
 from ges.diagnose.design.residual import model_along
 from ges.diagnose.design.system import System
 from ges.diagnose.design.weak import Windows
-from ges.diagnose.locate.structure import PLACE, Regimes, Structure, shared, within
+from ges.diagnose.locate.structure import PLACE, Regimes, Structure, shared_variables, without_mean
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.kinematics import to_body
 from ges.diagnose.select.evidence import Regression, acts_of
@@ -27,8 +25,17 @@ PUSHING = ("force", "acc", "moment")
 
 @dataclasses.dataclass(frozen=True)
 class Cell:
-    """One regime cell of one channel: bounds, mean residual in the channel's unit with its sd,
-    share of the excess, q.
+    """Residual of one channel in one bin of a regime variable.
+
+    Attributes
+    ----------
+    channel, regime : names of both.
+    low, high : bounds of the bin, in the variable's unit.
+    mean : mean residual, in the channel's unit.
+    sd : its standard error.
+    share : of the excess over all bins.
+    q_value : that of the channel over the variable; 1 where the mean is not clear.
+    windows : number of windows in the bin.
     """
 
     channel: str
@@ -42,14 +49,27 @@ class Cell:
     windows: int
 
 
-def regimes(flight: Prepared, windows: Windows, model: Model) -> dict[str, np.ndarray]:
-    """Regime variables of every window, (m,) each; what cannot be known is absent."""
+def regime_variables(flight: Prepared, windows: Windows, model: Model) -> dict[str, np.ndarray]:
+    """Return the regime variables at the centre of every window.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+    windows : m windows of the flight.
+    model : for the heights of the rotors over the ground.
+
+    Returns
+    -------
+    (m,) by variable, in the unit of its name; without those that were not logged.
+    """
     at = windows.center
-    columns, said = model_along(flight, model, model.effects)
+    columns, model_output = model_along(flight, model, model.effects)
     found = {"time_s": windows.center_s - flight.t_s[0]}
     if "p_z_m" in columns:
         # as the rotors have it: each over the ground below it, which may be uneven
-        height = said.stack(*rotor_columns("rotor_height_{}_m", model.n_rotors)).mean(axis=1)
+        height = model_output.stack(*rotor_columns("rotor_height_{}_m", model.n_rotors)).mean(
+            axis=1
+        )
         found["height_over_radius"] = height[at] / model.radius_m
     if flight.has("velocity"):
         v = flight.stack("velocity")[at]
@@ -69,24 +89,44 @@ def regimes(flight: Prepared, windows: Windows, model: Model) -> dict[str, np.nd
 
 
 def regimes_of(system: System) -> list[dict[str, np.ndarray]]:
-    """:func:`regimes` of every flight, (m,) by variable in the unit of its name."""
-    return [regimes(r.flight, r.windows, system.model) for r in system.flights]
+    """Return the :func:`regime_variables` of every flight of a system.
+
+    Parameters
+    ----------
+    system : of the flights.
+
+    Returns
+    -------
+    By flight, (m,) by variable in the unit of its name.
+    """
+    return [regime_variables(r.flight, r.windows, system.model) for r in system.flights]
 
 
-def edges(values: np.ndarray) -> np.ndarray:
-    """Bin edges of one regime with values (m,): quantiles (b,), so that each bin holds as many
-    windows.
+def bin_edges(values: np.ndarray) -> np.ndarray:
+    """Return edges of bins with equally many windows.
+
+    Parameters
+    ----------
+    values : (m,) of a regime variable.
+
+    Returns
+    -------
+    (b,) quantiles, in the unit of the values.
     """
     return np.unique(np.quantile(values, np.linspace(0.0, 1.0, settings.report.bins + 1)))
 
 
-def least(block: str, whole: float) -> float:
-    """The least rms that matters in a block of channels, in their unit: no model is right to less.
+def least_rms(block: str, whole: float) -> float:
+    """Return the practical significance threshold of a block of channels.
 
     Parameters
     ----------
-    block : ``force``, ``acc``, ``moment``, ``drive`` or ``range``; nothing matters in others.
-    whole : what sizes in the block are shares of, in the unit of its channels.
+    block : ``force``, ``acc``, ``moment``, ``drive`` or ``range``.
+    whole : reference scale of the block, in the unit of its channels.
+
+    Returns
+    -------
+    Rms below which no model is right; infinite for other blocks.
     """
     s = settings.decide
     if block == "range":
@@ -99,12 +139,22 @@ def least(block: str, whole: float) -> float:
     return shares.get(block, np.inf) * whole
 
 
-def clear(
+def clear_structures(
     found: Sequence[Structure], model: Model, least_r2: float, margin: float = 1.0
 ) -> list[Structure]:
-    """Structures that no noise makes, that carry a part of the residual that matters, and that are
-    large enough to matter, by a ``margin``; of the residual's size, a larger part, but over places:
-    vibration and the attitude's noise grow with speed in any flight.
+    """Select structures that are significant, predict enough, and are large enough to matter.
+
+    Parameters
+    ----------
+    found : structures of a stage.
+    model : for reference scales, and structure that the calibration flights show.
+    least_r2 : share of the variance, 0 to 1, that a structure must predict.
+    margin : factor on the rms that it must reach.
+
+    Notes
+    -----
+    A structure of size must predict more, except over places: vibration and attitude noise grow
+    with speed in any flight.
     """
     likely = [
         s
@@ -112,12 +162,18 @@ def clear(
         if s.q_value <= settings.statistics.chance
         and s.r2 >= (_least_r2_of_size(s) if s.of_size else least_r2)
     ]
-    return [s for s in likely if s.rms > _least(s, model, margin)]
+    return [s for s in likely if s.rms > _least_rms_of(s, model, margin)]
 
 
-def located(found: Sequence[Structure], model: Model) -> list[Structure]:
-    """Structures that are reported."""
-    return clear(found, model, settings.locate.r2_least)
+def reported_structures(found: Sequence[Structure], model: Model) -> list[Structure]:
+    """Select the structures that are reported.
+
+    Parameters
+    ----------
+    found : structures of a stage.
+    model : as for :func:`clear_structures`.
+    """
+    return clear_structures(found, model, settings.locate.r2_least)
 
 
 def _least_r2_of_size(s: Structure) -> float:
@@ -125,42 +181,45 @@ def _least_r2_of_size(s: Structure) -> float:
     return settings.locate.r2_least if over_places else settings.statistics.large_part
 
 
-def _least(s: Structure, model: Model, margin: float) -> float:
-    """Smallest rms that counts; what the flights of the calibration show too does not."""
-    known = settings.statistics.flights_ratio * model.left_unexplained.get(s.key, 0.0)
+def _least_rms_of(s: Structure, model: Model, margin: float) -> float:
+    """Smallest rms of a structure that counts; more than the calibration flights show."""
+    calibrated = settings.statistics.flights_ratio * model.left_unexplained.get(s.key, 0.0)
     # all of a residual is compared where its size depends on a regime, and not a part of it alone
     if s.of_size:
         margin = settings.decide.form_margin if s.kind in PUSHING else np.inf
-    return max(margin * least(s.kind, model.reference_scale(s.channel)), known)
+    return max(margin * least_rms(s.kind, model.reference_scale(s.channel)), calibrated)
 
 
-def cells(
+def regime_cells(
     system: System, raw: Sequence[np.ndarray], regime_values: Regimes, found: Sequence[Structure]
 ) -> list[Cell]:
-    """Mean residual of every channel in every bin of every regime, the mean of each flight left
-    out.
-
-    A cell is significant (its q is that of its channel over its regime) where that structure is
-    clear and the cell's mean is beyond twice its standard error over blocks of time.
+    """Compute the mean residual of every channel in every bin of every regime variable.
 
     Parameters
     ----------
+    system : of the flights.
     raw : by flight, (m, C) residuals in the channels' units after the fit of the nuisances alone.
     regime_values : of :func:`regimes_of`.
     found : structures of the same residuals.
+
+    Notes
+    -----
+    The mean of each flight is subtracted. A cell is significant where its structure is reported and
+    its mean is beyond twice the standard error over blocks of time.
     """
     block = np.concatenate(system.blocks(settings.statistics.block_s))
     values = {
-        name: np.concatenate([t[name] for t in regime_values]) for name in shared(regime_values)
+        name: np.concatenate([t[name] for t in regime_values])
+        for name in shared_variables(regime_values)
     }
     chance = {
         (s.channel, s.regime[0]): s.q_value
-        for s in located(found, system.model)
+        for s in reported_structures(found, system.model)
         if len(s.regime) == 1 and not s.of_size
     }
     made: list[Cell] = []
     for c, channel in enumerate(system.main):
-        e = np.concatenate([within(r)[:, c] for r in raw])
+        e = np.concatenate([without_mean(r)[:, c] for r in raw])
         used = np.isfinite(e)
         for name, value in values.items():
             if used.any() and np.ptp(value[used]) > settings.numerics.small:
@@ -177,7 +236,7 @@ def cells(
 
 def _bins(value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Edges, and the bin of every value."""
-    limits = edges(value)
+    limits = bin_edges(value)
     return limits, np.clip(np.searchsorted(limits, value, side="right") - 1, 0, len(limits) - 2)
 
 
@@ -191,7 +250,12 @@ def _cells_of(
         # a cell seen in few blocks has no standard error to speak of
         if np.count_nonzero(np.bincount(block[inside])) >= settings.statistics.folds:
             rows.append(
-                (k, float(e[inside].mean()), _error(e[inside], block[inside]), int(inside.sum()))
+                (
+                    k,
+                    float(e[inside].mean()),
+                    _standard_error(e[inside], block[inside]),
+                    int(inside.sum()),
+                )
             )
     # a mean's square holds its variance as well: E m^2 = mu^2 + sd^2
     excess = [n * max(0.0, mean**2 - sd**2) for _, mean, sd, n in rows]
@@ -212,22 +276,34 @@ def _cells_of(
     ]
 
 
-def _error(e: np.ndarray, block: np.ndarray) -> float:
-    """Standard error of a mean whose blocks are independent and whose windows are not."""
+def _standard_error(e: np.ndarray, block: np.ndarray) -> float:
+    """Standard error of a mean, with blocks as clusters."""
     sums = np.bincount(block, e - e.mean())
     # variance of a mean with clusters, sum of (sum e)^2 over n^2, corrected for few of them
     live = len(np.unique(block))
     return float(np.sqrt((sums**2).sum() * live / (live - 1.0)) / len(e))
 
 
-def from_residuals(made: Sequence[Cell], found: Sequence[Structure], system: System) -> list[dict]:
-    """Entries of ``located`` from what the recalibrated vehicle leaves: neighbouring significant
-    cells of one sign joined, and places that no single variable shows.
+def located_by_residuals(
+    made: Sequence[Cell], found: Sequence[Structure], system: System
+) -> list[dict]:
+    """Return entries of ``located`` from the residuals of the recalibrated vehicle.
+
+    Parameters
+    ----------
+    made : cells of :func:`regime_cells`.
+    found : structures of the same residuals.
+    system : of the flights.
+
+    Notes
+    -----
+    Neighbouring significant cells of one sign are joined. Places count where no single variable
+    shows the channel.
     """
     size = {(s.channel, s.regime[0]): s.rms for s in found if len(s.regime) == 1 and not s.of_size}
-    entries = _merged([c for c in made if c.q_value <= settings.statistics.chance], made, size)
+    entries = _merge_cells([c for c in made if c.q_value <= settings.statistics.chance], made, size)
     channels = {item["channel"] for item in entries}
-    for s in sorted(located(found, system.model), key=lambda s: -s.r2):
+    for s in sorted(reported_structures(found, system.model), key=lambda s: -s.r2):
         if s.channel not in channels:
             channels.add(s.channel)
             entries.append(
@@ -240,10 +316,10 @@ def from_residuals(made: Sequence[Cell], found: Sequence[Structure], system: Sys
                     "energy": s.rms**2,
                 }
             )
-    return _weightiest(entries, system)
+    return _by_energy(entries, system)
 
 
-def _merged(
+def _merge_cells(
     kept: Sequence[Cell], made: Sequence[Cell], size: Mapping[tuple[str, str], float]
 ) -> list[dict]:
     out: list[dict] = []
@@ -254,14 +330,14 @@ def _merged(
         for cell in [*here, None]:
             significant = cell if cell and cell.q_value <= settings.statistics.chance else None
             if chain and (not significant or np.sign(significant.mean) != np.sign(chain[-1].mean)):
-                out.append({**_joined(chain), "energy": size[channel, regime] ** 2})
+                out.append({**_join_cells(chain), "energy": size[channel, regime] ** 2})
                 chain = []
             if significant:
                 chain.append(significant)
     return out
 
 
-def _joined(chain: Sequence[Cell]) -> dict:
+def _join_cells(chain: Sequence[Cell]) -> dict:
     return {
         "channel": chain[0].channel,
         "regime": {chain[0].regime: [chain[0].low, chain[-1].high]},
@@ -271,32 +347,42 @@ def _joined(chain: Sequence[Cell]) -> dict:
     }
 
 
-def from_findings(
-    added: Mapping[str, Sequence[np.ndarray]],
-    left: Sequence[np.ndarray],
+def located_by_findings(
+    contributions: Mapping[str, Sequence[np.ndarray]],
+    residuals: Sequence[np.ndarray],
     probability: Mapping[str, float],
     regime_values: Regimes,
     system: System,
 ) -> list[dict]:
-    """Entries of ``located`` from what was found: channels in which a finding stands out of what
-    the model leaves, each with the regime that its contribution follows most closely.
+    """Return entries of ``located`` from what the findings contribute.
 
     Parameters
     ----------
-    added : by finding and flight, (m, C) of what it adds; NaN where a channel is absent.
-    left : by flight, (m, C) residuals with the findings.
+    contributions : by finding and flight, (m, C) in the channels' units; NaN where a channel is
+        absent.
+    residuals : by flight, (m, C) with the findings.
     probability : of each finding.
+    regime_values : by flight, regime variables of all windows.
+    system : of the flights.
+
+    Returns
+    -------
+    One entry for each channel in which a finding exceeds the residual, with its most affected
+    regime.
     """
     values = {
-        name: np.concatenate([t[name] for t in regime_values]) for name in shared(regime_values)
+        name: np.concatenate([t[name] for t in regime_values])
+        for name in shared_variables(regime_values)
     }
-    noise, entries = np.concatenate(left), []
-    for name, parts in added.items():
-        acts = np.concatenate(parts)
+    noise, entries = np.concatenate(residuals), []
+    for name, of_flights in contributions.items():
+        contribution = np.concatenate(of_flights)
         for c, channel in enumerate(system.main):
-            good = np.isfinite(acts[:, c]) & np.isfinite(noise[:, c])
-            if _rms(acts[good, c]) > settings.statistics.large_part * _rms(noise[good, c]):
-                where = _acting(acts[good, c], {n: v[good] for n, v in values.items()})
+            good = np.isfinite(contribution[:, c]) & np.isfinite(noise[:, c])
+            if _rms(contribution[good, c]) > settings.statistics.large_part * _rms(noise[good, c]):
+                where = _most_affected_regime(
+                    contribution[good, c], {n: v[good] for n, v in values.items()}
+                )
                 entries.append(
                     {
                         "channel": channel,
@@ -305,48 +391,54 @@ def from_findings(
                         "finding": name,
                     }
                 )
-    return _weightiest(entries, system)
+    return _by_energy(entries, system)
 
 
-def from_open(
+def located_by_open_names(
     found: SearchResult,
     regression: Regression,
-    left: Sequence[np.ndarray],
+    residuals: Sequence[np.ndarray],
     regime_values: Regimes,
     proven: Sequence[str],
 ) -> list[dict]:
-    """Entries of ``located`` where something is open: channels in which, whichever of the open
-    explanations holds, something that is not proven acts; the sum of their probabilities has to
-    reach that of an acceptance.
+    """Return entries of ``located`` where names are open.
 
     Parameters
     ----------
     found, regression : of the search.
-    left : by flight, (m, C) residuals of what is proven.
+    residuals : by flight, (m, C) with what is proven.
+    regime_values : by flight, regime variables of all windows.
+    proven : names that are accepted.
+
+    Returns
+    -------
+    Channels in which something unproven acts whichever open explanation is true. Their
+    probabilities must sum to that of an acceptance.
     """
-    system, noise = regression.system, np.concatenate(left)
+    system, noise = regression.system, np.concatenate(residuals)
     chance: dict[str, float] = {}
     negligible = 1.0 - settings.statistics.certain_probability
     shown: dict[str, np.ndarray] = {}
     for h in (
         h for h in found.hypotheses if h.probability > negligible and set(h.names) - set(proven)
     ):
-        acts = acts_of(h.posterior, set(h.names) - set(proven), regression.system)
+        contribution = acts_of(h.posterior, set(h.names) - set(proven), regression.system)
         for c, channel in enumerate(system.main):
-            good = np.isfinite(acts[:, c]) & np.isfinite(noise[:, c])
-            if _rms(acts[good, c]) > settings.statistics.large_part * _rms(noise[good, c]):
+            good = np.isfinite(contribution[:, c]) & np.isfinite(noise[:, c])
+            if _rms(contribution[good, c]) > settings.statistics.large_part * _rms(noise[good, c]):
                 # hypotheses exclude each other, so their probabilities add
                 chance[channel] = chance.get(channel, 0.0) + h.probability
-                shown.setdefault(channel, np.where(good, acts[:, c], np.nan))
+                shown.setdefault(channel, np.where(good, contribution[:, c], np.nan))
     values = {
-        name: np.concatenate([t[name] for t in regime_values]) for name in shared(regime_values)
+        name: np.concatenate([t[name] for t in regime_values])
+        for name in shared_variables(regime_values)
     }
     entries = []
     for channel in (
         c for c, p in chance.items() if p >= settings.statistics.acceptance_probability
     ):
         good = np.isfinite(shown[channel])
-        where = _acting(shown[channel][good], {n: v[good] for n, v in values.items()})
+        where = _most_affected_regime(shown[channel][good], {n: v[good] for n, v in values.items()})
         where.pop("energy")
         entries.append({"channel": channel, **where, "q_value": max(0.0, 1.0 - chance[channel])})
     return entries
@@ -356,10 +448,8 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
-def _acting(a: np.ndarray, values: Mapping[str, np.ndarray]) -> dict:
-    """Regime whose bins explain most of ``a``, and the run of bins around its peak that hold at
-    least half of the peak.
-    """
+def _most_affected_regime(a: np.ndarray, values: Mapping[str, np.ndarray]) -> dict:
+    """The regime whose bins explain most of ``a``, within the bins of at least half of the peak."""
     best: tuple[str, float, np.ndarray, np.ndarray, np.ndarray]
     best = ("", -1.0, np.zeros(1), np.zeros(1), np.zeros(1))
     for name, value in values.items():
@@ -372,7 +462,9 @@ def _acting(a: np.ndarray, values: Mapping[str, np.ndarray]) -> dict:
             if between > best[1]:
                 best = (name, between, limits, mean, count)
     regime, _, edges, level, weight = best
-    low, high = _run(np.abs(level) >= 0.5 * np.abs(level).max(), int(np.argmax(np.abs(level))))
+    low, high = _run_around(
+        np.abs(level) >= 0.5 * np.abs(level).max(), int(np.argmax(np.abs(level)))
+    )
     inside, energy = slice(low, high), weight * level**2
     return {
         "regime": {regime: [float(edges[low]), float(edges[high])]},
@@ -382,7 +474,7 @@ def _acting(a: np.ndarray, values: Mapping[str, np.ndarray]) -> dict:
     }
 
 
-def _run(high: np.ndarray, at: int) -> tuple[int, int]:
+def _run_around(high: np.ndarray, at: int) -> tuple[int, int]:
     """First and one past the last of the true values around ``at``."""
     low, end = at, at + 1
     while low > 0 and high[low - 1]:
@@ -392,9 +484,17 @@ def _run(high: np.ndarray, at: int) -> tuple[int, int]:
     return low, end
 
 
-def strongest(entries: Sequence[Mapping]) -> list[dict]:
-    """The clearest entries, a few of a channel, every channel once before any twice; the
-    accelerometer where the force, which it measures too, has none.
+def strongest_entries(entries: Sequence[Mapping]) -> list[dict]:
+    """Select the entries that are reported.
+
+    Parameters
+    ----------
+    entries : of ``located``, strongest first.
+
+    Returns
+    -------
+    A few of each channel, every channel once before any twice. An accelerometer's entry is dropped
+    where its force has one.
     """
     forces = {item["channel"] for item in entries if item["channel"].startswith("force")}
     by_channel: dict[str, list[dict]] = {}
@@ -407,9 +507,10 @@ def strongest(entries: Sequence[Mapping]) -> list[dict]:
     return kept[:most]
 
 
-def _weightiest(entries: Sequence[dict], system: System) -> list[dict]:
-    """Entries by their ``energy`` over weight, which they lose; what differs by rounding alone
-    stays in the channels' order.
+def _by_energy(entries: Sequence[dict], system: System) -> list[dict]:
+    """Entries by decreasing ``energy`` over weight, without that key.
+
+    Those that differ by rounding alone keep the order of the channels.
     """
     weight = [
         float(f"{item.pop('energy') / system.model.reference_scale(item['channel']) ** 2:.6g}")

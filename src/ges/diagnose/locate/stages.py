@@ -1,4 +1,4 @@
-"""Stages of a vehicle model: as given, recalibrated, with the findings; and what each leaves."""
+"""Stages of a vehicle model: as given, recalibrated, with findings, each with its residuals."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ges.diagnose.design.system import System, build, window_length_s
-from ges.diagnose.detectors.balance import centred
-from ges.diagnose.estimate.fit import Joint, calibrated, in_the_air, left_raw, null_fit
-from ges.diagnose.estimate.recalibrate import moved_to, operating_point
+from ges.diagnose.detectors.balance import without_mean_balance
+from ges.diagnose.estimate.fit import Joint, calibrated, null_fit, only_in_air, raw_residuals
+from ges.diagnose.estimate.recalibrate import at_corrections, operating_point
 from ges.diagnose.library.available import candidates_of
-from ges.diagnose.locate.regimes import Cell, cells, regimes_of
+from ges.diagnose.locate.regimes import Cell, regime_cells, regimes_of
 from ges.diagnose.locate.structure import Regimes, Structure, structures
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import Regression
@@ -22,46 +22,57 @@ from ges.diagnose.types.model import Model
 
 @dataclasses.dataclass(frozen=True)
 class Stage:
-    """A model, the fit behind it, and what it leaves.
+    """A model, the fit behind it, and its residuals.
 
     Attributes
     ----------
-    model, joint, regression : the model, its numbers as they were fitted, and on what.
-    left : residuals by flight, (m, C), in the channels' units; ``in_air`` those in the air.
-    structures : what a smooth function of the regime predicts of them.
+    model : with the fitted numbers.
+    joint : the fit.
+    regression : what was fitted.
+    residuals : by flight, (m, C), in the channels' units.
+    residuals_in_air : by flight, (m, C), NaN for windows on the ground.
+    structures : what a smooth function of a regime variable predicts of them.
     """
 
     model: Model
     joint: Joint
     regression: Regression
-    left: Sequence[np.ndarray]
-    in_air: Sequence[np.ndarray]
+    residuals: Sequence[np.ndarray]
+    residuals_in_air: Sequence[np.ndarray]
     structures: list[Structure]
 
 
-def stage(model: Model, joint: Joint, regression: Regression, regimes: Regimes) -> Stage:
-    """Of a model and its fit; ``regimes`` of all windows by flight."""
-    left = centred(left_raw(regression.system, joint), regression.system)
+def make_stage(model: Model, joint: Joint, regression: Regression, regimes: Regimes) -> Stage:
+    """Return the stage of a fitted model.
+
+    Parameters
+    ----------
+    model : with the fitted numbers.
+    joint, regression : the fit.
+    regimes : by flight, regime variables of all windows.
+    """
+    residuals = without_mean_balance(raw_residuals(regression.system, joint), regression.system)
     # a drive on the ground is no regime of flight, and would pass for structure
-    in_air = in_the_air(left, regression.system)
+    residuals_in_air = only_in_air(residuals, regression.system)
     found = structures(
-        in_air,
+        residuals_in_air,
         regimes,
         regression.system.main,
         regression.system.blocks(settings.statistics.block_s),
     )
-    return Stage(model, joint, regression, left, in_air, found)
+    return Stage(model, joint, regression, residuals, residuals_in_air, found)
 
 
 @dataclasses.dataclass(frozen=True)
 class Start:
-    """What the declared vehicle leaves.
+    """The recalibrated vehicle without findings: where the search begins.
 
     Attributes
     ----------
-    system : residuals, nuisances and every candidate that needs no other.
-    regimes : of all windows, by flight.
-    first : the recalibrated stage; ``cells`` its map.
+    system : residuals, nuisances and all candidates without prerequisites.
+    regimes : by flight, regime variables of all windows.
+    first : the recalibrated stage.
+    cells : map of its residuals over the regime variables.
     """
 
     system: System
@@ -70,31 +81,61 @@ class Start:
     cells: list[Cell]
 
 
-def recalibrated(flights: Sequence[Prepared], declared: Model) -> Start:
-    """Set the declared numbers within their doubts, and look at what that leaves."""
+def recalibrate(flights: Sequence[Prepared], nominal: Model) -> Start:
+    """Set the nominal parameters within their prior sds, and look at the remaining residuals.
+
+    Parameters
+    ----------
+    flights : that take part in the fit.
+    nominal : the vehicle file's model.
+
+    Notes
+    -----
+    Corrections multiply each other, so the columns are computed again where the model stands.
+    Shorter parts of long flights come first, see :func:`nested_parts`.
+    """
     # corrections multiply each other, so all columns are made where the model comes to stand
     length_s = window_length_s(flights)
-    moved: dict[str, float] = {}
-    for some in parts(flights):
-        alone = build(some, moved_to(declared, moved), (), length_s=length_s)
-        moved = operating_point(*null_fit(alone), declared) or moved
+    corrections: dict[str, float] = {}
+    for some in nested_parts(flights):
+        alone = build(some, at_corrections(nominal, corrections), (), length_s=length_s)
+        corrections = operating_point(*null_fit(alone), nominal) or corrections
     for _ in range(settings.numerics.noise_rounds):
-        alone = build(flights, moved_to(declared, moved), (), length_s=length_s)
-        further = operating_point(*null_fit(alone), declared)
-        if not further:
+        alone = build(flights, at_corrections(nominal, corrections), (), length_s=length_s)
+        more = operating_point(*null_fit(alone), nominal)
+        if not more:
             break
-        moved = further
-    system = first_system(flights, moved_to(declared, moved))
+        corrections = more
+    system = first_system(flights, at_corrections(nominal, corrections))
     regression, joint = null_fit(system)
     regimes = regimes_of(system)
-    first = stage(calibrated(declared, joint.common), joint, regression, regimes)
-    return Start(system, regimes, first, cells(system, first.in_air, regimes, first.structures))
+    first = make_stage(calibrated(nominal, joint.common), joint, regression, regimes)
+    return Start(
+        system,
+        regimes,
+        first,
+        regime_cells(system, first.residuals_in_air, regimes, first.structures),
+    )
 
 
-def parts(flights: Sequence[Prepared]) -> list[list[Prepared]]:
-    """Shorter parts of long flights, a quarter of the next each: where they put the declared
-    numbers, all of the flights have a step or two left, and steps are what long flights cost
-    (Bottou, Curtis and Nocedal 2018, SIAM Rev. 60, 223).
+def nested_parts(flights: Sequence[Prepared]) -> list[list[Prepared]]:
+    """Return ever longer middle parts of the flights, a quarter of the next each.
+
+    Parameters
+    ----------
+    flights : prepared recordings.
+
+    Returns
+    -------
+    The shortest parts first, without the whole flights; empty for short flights.
+
+    Notes
+    -----
+    What short parts settle, whole flights correct in a step or two.
+
+    References
+    ----------
+    Bottou, Curtis and Nocedal 2018, SIAM Rev. 60, 223.
     """
     found: list[list[Prepared]] = []
     some = list(flights)
@@ -109,7 +150,7 @@ def _seconds(flight: Prepared) -> float:
 
 
 def _middle(flight: Prepared, seconds: float) -> Prepared:
-    """So long a part about the middle of the time in the air."""
+    """The part of this length about the middle of the time in the air."""
     rows = min(len(flight.t_s), round(seconds / flight.dt_s))
     air = np.flatnonzero(flight.flying)
     center = int(air[len(air) // 2]) if len(air) else len(flight.t_s) // 2
@@ -118,6 +159,12 @@ def _middle(flight: Prepared, seconds: float) -> Prepared:
 
 
 def first_system(flights: Sequence[Prepared], model: Model) -> System:
-    """The system of a vehicle with every candidate that needs no other."""
+    """Return the system of a vehicle with all candidates without prerequisites.
+
+    Parameters
+    ----------
+    flights : prepared recordings.
+    model : what residuals and columns are computed with.
+    """
     variants = [v for c in candidates_of(flights, model) for v in c.variants]
     return build(flights, model, variants, length_s=window_length_s(flights))

@@ -1,18 +1,16 @@
-"""Structure in residuals: does a smooth function of a regime variable predict blocks of time it
-never saw, how often by chance?
+"""Structure in residuals: does a smooth function of a regime variable predict unseen blocks of
+time?
 
-The statistic is R^2 on blocks of time left out; blocks and not flights, or a regime that one flight
-alone visits could not show. But time and voltage run along with the flight, and whatever drifts is
-predicted by the blocks beside: of them whole flights are left out, where there are two. The null
-flips the sign of whole blocks of what the prediction misses (as ter Braak 1992 permutes residuals
-of the full model: signs of the signal itself would hide a strong one), which keeps autocorrelation.
-Over all channels and regimes, and over channels that one cause moves together, the largest
-standardised statistic counts (Westfall and Young 1993): a set of flights without structure shows
-any at all with the stated probability. Residuals are taken as they are: to a whitening filter a
-force that changes slowly along the flight would look like coloured noise, and go.
+The statistic is R^2 on blocks of time left out. Time and voltage run along with a flight, and
+neighbouring blocks predict any drift. So of those whole flights are left out, where there are two.
 
-The same test of the logarithm of the residual's energy asks where its size, not its mean, depends
-on the regime: a buffet, or a field whose direction turns faster than the regime resolves.
+The null flips signs of whole blocks of what the prediction misses, which keeps autocorrelation (ter
+Braak 1992). The largest standardised statistic counts over all channels and regimes, and over
+channels that one cause moves together (Westfall and Young 1993). Residuals are not whitened: a
+filter would remove a force that changes slowly along the flight.
+
+The same test of the logarithm of the residual's energy asks where its size depends on the regime.
+Examples are a buffet, or a field whose direction turns faster than the regime resolves.
 """
 
 from __future__ import annotations
@@ -41,15 +39,18 @@ Regimes = Sequence[Mapping[str, np.ndarray]]
 
 @dataclasses.dataclass(frozen=True)
 class Structure:
-    """One channel over one regime (one variable, or a place: two).
+    """One channel over one regime: one variable, or a place of two.
 
     Attributes
     ----------
-    low, high : by variable, where the prediction is largest. r2 : on blocks of time left out.
+    channel : name of the channel.
+    regime : its variables.
+    low, high : bounds by variable of the cell in which the prediction is largest.
+    r2 : on blocks of time left out.
     q_value : chance of so clear a structure anywhere, in flights without any.
-    rms : of the prediction, in the channel's unit; of the residual where the prediction is largest,
-        if ``of_size``.
-    of_size : whether it is the residual's size that depends on the regime, not its mean.
+    rms : of the prediction, in the channel's unit. If ``of_size``, of the residual within the
+        bounds.
+    of_size : whether the residual's size depends on the regime, and not its mean.
     """
 
     channel: str
@@ -63,9 +64,7 @@ class Structure:
 
     @property
     def key(self) -> str:
-        """Its name among what a calibrated file leaves unexplained: of a mean by the channel, of a
-        size with ``_size``.
-        """
+        """Key in ``left_unexplained`` of a vehicle file: the channel, with ``_size`` for a size."""
         return f"{self.channel}_size" if self.of_size else self.channel
 
     @property
@@ -75,14 +74,23 @@ class Structure:
 
     @property
     def bounds(self) -> dict[str, list[float]]:
-        """``regime`` as the contract writes it."""
+        """Bounds by variable, as the contract writes a regime."""
         return {name: [a, b] for name, a, b in zip(self.regime, self.low, self.high, strict=True)}
 
 
 @dataclasses.dataclass(frozen=True)
-class Basis:
-    """Hats over the knots of a regime's variables for the windows in use, (n, K), the fold of every
-    window (n,) and of every block (b,), and the normal equations by fold.
+class _Basis:
+    """Hat functions over a regime for the n windows in use.
+
+    Attributes
+    ----------
+    regime : its variables.
+    knots : of each variable.
+    x : (n, K) values of the functions.
+    fold : (n,) fold of every window.
+    fold_of : (b,) fold of every block of time.
+    gram : normal equations by fold, (K, K).
+    inverse : inverse of the normal equations without each fold, (K, K).
     """
 
     regime: tuple[str, ...]
@@ -94,8 +102,15 @@ class Basis:
     inverse: Mapping[int, np.ndarray]
 
     def peak(self, beta: np.ndarray) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Bounds of the cell around the largest of the coefficients (K,), by regime variable in its
-        unit.
+        """Return the bounds of the cell around the largest coefficient.
+
+        Parameters
+        ----------
+        beta : (K,) coefficients.
+
+        Returns
+        -------
+        Lower and upper bounds by variable, in its unit.
         """
         shape = tuple(len(k) for k in self.knots)
         at = [int(i) for i in np.unravel_index(int(np.argmax(np.abs(beta))), shape)]
@@ -105,19 +120,37 @@ class Basis:
         )
 
 
-def shared(regimes: Regimes) -> list[str]:
-    """Regime variables that every flight has."""
+def shared_variables(regimes: Regimes) -> list[str]:
+    """Return the regime variables that every flight has.
+
+    Parameters
+    ----------
+    regimes : by flight.
+    """
     return [name for name in regimes[0] if all(name in t for t in regimes)]
 
 
-def hats(value: np.ndarray, knots: np.ndarray) -> np.ndarray:
-    """Piecewise-linear functions, 1 at one knot and 0 at all others, (n, K)."""
+def hat_functions(value: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """Return piecewise linear functions, 1 at one knot and 0 at the others.
+
+    Parameters
+    ----------
+    value : (n,) of a regime variable.
+    knots : (K,) in its unit.
+
+    Returns
+    -------
+    (n, K).
+    """
     return np.stack([np.interp(value, knots, row) for row in np.eye(len(knots))], axis=1)
 
 
-def excited(values: Mapping[str, np.ndarray]) -> list[str]:
-    """Regime variables, (m,) each in the unit of its name, that were flown over a range, and not
-    only disturbed.
+def varied_regimes(values: Mapping[str, np.ndarray]) -> list[str]:
+    """Return the regime variables that were flown over a range, beyond disturbances.
+
+    Parameters
+    ----------
+    values : by variable, (m,) in the unit of its name.
     """
     ends = (1.0 - settings.statistics.extreme_quantile, settings.statistics.extreme_quantile)
     spread = {name: float(np.subtract(*np.quantile(v, ends))) for name, v in values.items()}
@@ -125,8 +158,9 @@ def excited(values: Mapping[str, np.ndarray]) -> list[str]:
 
 
 def _least_spread(name: str, values: np.ndarray) -> float:
-    """A regime that varies less was moved by the disturbance itself, and follows from it; of a
-    height, a part that is not large is no other place.
+    """Spread below which a variable was moved by the disturbance itself.
+
+    A height has to vary by a large part of itself.
     """
     if name == "height_over_radius":
         return settings.statistics.large_part * float(np.median(values))
@@ -139,22 +173,22 @@ def _basis(
     regime: tuple[str, ...],
     block: np.ndarray,
     fold_of: np.ndarray,
-) -> Basis:
+) -> _Basis:
     fold, s = fold_of[block], settings.locate
     q = settings.statistics.extreme_quantile
     ends = (q, 1.0 - q)
     # knots end at extreme quantiles: a rare excursion sets none, and the last hat stays at one
     spans = (np.quantile(values[name], ends) for name in regime)
     knots = tuple(np.linspace(low, high, s.knots) for low, high in spans)
-    x = hats(values[regime[0]], knots[0])
+    x = hat_functions(values[regime[0]], knots[0])
     # a place: products of the hats of both axes, bilinear between knots
     for name, k in zip(regime[1:], knots[1:], strict=True):
-        x = (x[:, :, None] * hats(values[name], k)[:, None, :]).reshape(len(x), -1)
+        x = (x[:, :, None] * hat_functions(values[name], k)[:, None, :]).reshape(len(x), -1)
     # normal equations without a fold are the total less its own; one inverse serves every channel
     # and draw, and the ridge keeps knots that nobody visited at zero
     gram = {int(f): x[fold == f].T @ x[fold == f] for f in np.unique(fold)}
     total = sum(gram.values()) + settings.statistics.ridge_windows * np.eye(x.shape[1])
-    return Basis(
+    return _Basis(
         regime,
         knots,
         x,
@@ -165,13 +199,16 @@ def _basis(
     )
 
 
-def _regimes(names: Sequence[str]) -> list[tuple[str, ...]]:
+def _single_and_place(names: Sequence[str]) -> list[tuple[str, ...]]:
     return [(name,) for name in names] + ([PLACE] if set(PLACE) <= set(names) else [])
 
 
-def _gain(basis: Basis, y: np.ndarray, of_block: csr_array, signs: np.ndarray) -> np.ndarray:
-    """R^2 on the folds left out, of every channel ``y`` (n, C) with its blocks' signs flipped as in
-    ``signs`` (b, d); (C, d). ``of_block`` (b, n) sums rows by block.
+def _cross_validated_r2(
+    basis: _Basis, y: np.ndarray, of_block: csr_array, signs: np.ndarray
+) -> np.ndarray:
+    """R^2 on the folds left out, (C, d), of channels ``y`` (n, C) and d draws of signs.
+
+    ``signs`` (b, d) flip blocks; ``of_block`` (b, n) sums rows by block.
     """
     # signs of blocks act on the blocks' sums of x y alone: one product makes all draws
     sums = np.stack([of_block @ (basis.x * channel[:, None]) for channel in y.T], axis=2).reshape(
@@ -190,42 +227,65 @@ def _gain(basis: Basis, y: np.ndarray, of_block: csr_array, signs: np.ndarray) -
     )
 
 
-def _missed(basis: Basis, y: np.ndarray) -> np.ndarray:
-    """What the prediction from the other folds leaves of ``y`` (n, C)."""
-    left, total = y.copy(), basis.x.T @ y
+def _fold_residuals(basis: _Basis, y: np.ndarray) -> np.ndarray:
+    """Residuals of ``y`` (n, C) after prediction from the other folds."""
+    missed, total = y.copy(), basis.x.T @ y
     for f, inverse in basis.inverse.items():
         at = basis.fold == f
-        left[at] -= basis.x[at] @ (inverse @ (total - basis.x[at].T @ y[at]))
-    return left
+        missed[at] -= basis.x[at] @ (inverse @ (total - basis.x[at].T @ y[at]))
+    return missed
 
 
 def structures(
-    raw: Sequence[np.ndarray], regimes: Regimes, names: Sequence[str], blocks: Sequence[np.ndarray]
+    residuals: Sequence[np.ndarray],
+    regimes: Regimes,
+    names: Sequence[str],
+    blocks: Sequence[np.ndarray],
 ) -> list[Structure]:
-    """Test mean and size of every channel over every regime, within the flights: thrust and trims
-    differ from flight to flight.
+    """Test mean and size of every channel over every regime, within the flights.
 
     Parameters
     ----------
-    raw : by flight, (m, C) residuals in the channels' units, NaN where a channel is absent.
+    residuals : by flight, (m, C) in the channels' units, NaN where a channel is absent.
     regimes : by flight, regime variables of every window, (m,) each.
     names : of the C channels.
     blocks : by flight, number of the block of time of every window.
+
+    Notes
+    -----
+    The mean of each flight is subtracted first: thrust and trims differ between flights.
     """
-    raw = [within(r) for r in raw]
-    return [*_of_mean(raw, regimes, names, blocks), *_of_size(raw, regimes, names, blocks)]
+    residuals = [without_mean(r) for r in residuals]
+    return [
+        *_mean_structures(residuals, regimes, names, blocks),
+        *_size_structures(residuals, regimes, names, blocks),
+    ]
 
 
-def within(e: np.ndarray) -> np.ndarray:
-    """Residuals of one flight (m, C) less their mean in every channel."""
+def without_mean(e: np.ndarray) -> np.ndarray:
+    """Return the residuals of one flight less their mean in every channel.
+
+    Parameters
+    ----------
+    e : (m, C), NaN where a channel is absent.
+
+    Returns
+    -------
+    (m, C).
+    """
     good = np.isfinite(e)
     return e - np.where(good, e, 0.0).sum(axis=0) / np.maximum(good.sum(axis=0), 1)
 
 
-def _of_mean(
-    raw: Sequence[np.ndarray], regimes: Regimes, names: Sequence[str], blocks: Sequence[np.ndarray]
+def _mean_structures(
+    residuals: Sequence[np.ndarray],
+    regimes: Regimes,
+    names: Sequence[str],
+    blocks: Sequence[np.ndarray],
 ) -> list[Structure]:
-    values = {name: np.concatenate([t[name] for t in regimes]) for name in shared(regimes)}
+    values = {
+        name: np.concatenate([t[name] for t in regimes]) for name in shared_variables(regimes)
+    }
     _, block = np.unique(np.concatenate(blocks), return_inverse=True)
     rng, folds = np.random.default_rng(settings.statistics.seed), settings.statistics.folds
     count = int(block.max(initial=-1)) + 1
@@ -234,11 +294,11 @@ def _of_mean(
     # as they do in the flights, which the largest statistic needs
     signs = rng.choice([-1.0, 1.0], (count, settings.statistics.resamples))
     by_flight = np.zeros(count, dtype=int)
-    by_flight[block] = np.repeat(np.arange(len(raw)), [len(r) for r in raw])
-    e = np.concatenate(raw)
+    by_flight[block] = np.repeat(np.arange(len(residuals)), [len(r) for r in residuals])
+    e = np.concatenate(residuals)
     found: dict[int, list[tuple[Structure, np.ndarray]]] = {}
     # channels that are there in the same windows share the basis and its inverses
-    for channels in _there_together(e):
+    for channels in _channels_with_equal_windows(e):
         used = np.isfinite(e[:, channels[0]])
         here, at = {n: v[used] for n, v in values.items()}, block[used]
         # every fold has to have something to predict, and the others more windows than knots
@@ -246,66 +306,78 @@ def _of_mean(
             continue
         several = len(np.unique(by_flight[at])) > 1
         of_block = csr_array((np.ones(len(at)), (at, np.arange(len(at)))), shape=(count, len(at)))
-        for regime in _regimes(excited(here)):
+        for regime in _single_and_place(varied_regimes(here)):
             basis = _basis(
                 here, regime, at, by_flight if several and regime[0] in RUNNING else by_block
             )
-            tested = _tested(
+            tested = _test_channels(
                 [names[c] for c in channels], basis, e[np.ix_(used, channels)], of_block, signs
             )
             for c, of_channel in zip(channels, tested, strict=True):
                 found.setdefault(c, []).append(of_channel)
     listed = [of_channel for c in sorted(found) for of_channel in found[c]]
-    return _judged([tested for tested, _ in listed], np.array([draws for _, draws in listed]))
+    return _with_q_values(
+        [tested for tested, _ in listed], np.array([draws for _, draws in listed])
+    )
 
 
-def _there_together(e: np.ndarray) -> list[list[int]]:
-    """Channels (columns of ``e``) that have the same windows."""
+def _channels_with_equal_windows(e: np.ndarray) -> list[list[int]]:
+    """Groups of channels (columns of ``e``) that have the same windows."""
     alike: dict[bytes, list[int]] = {}
     for c, there in enumerate(np.isfinite(e).T):
         alike.setdefault(there.tobytes(), []).append(c)
     return list(alike.values())
 
 
-def _of_size(
-    raw: Sequence[np.ndarray], regimes: Regimes, names: Sequence[str], blocks: Sequence[np.ndarray]
+def _size_structures(
+    residuals: Sequence[np.ndarray],
+    regimes: Regimes,
+    names: Sequence[str],
+    blocks: Sequence[np.ndarray],
 ) -> list[Structure]:
-    """The same of the logarithm of the residuals' energy, each flight's own mean left out: air that
-    is rougher in one flight than in another is in no regime of flight.
+    """The same test for the logarithm of the residuals' energy.
+
+    Each flight's own mean is subtracted: air that is rougher in one flight is in no regime.
     """
     # one window's square is mostly scatter, its logarithm more so: a few are averaged first
     size = settings.design.answer_windows
-    energy = [uniform_filter1d(np.where(np.isfinite(r), r, 0.0) ** 2, size, axis=0) for r in raw]
+    energy = [
+        uniform_filter1d(np.where(np.isfinite(r), r, 0.0) ** 2, size, axis=0) for r in residuals
+    ]
     # in logarithms a factor of roughness is an offset, and the test of means serves
     logs = [
         np.where(np.isfinite(r), np.log(np.maximum(e, settings.numerics.tiny)), np.nan)
-        for r, e in zip(raw, energy, strict=True)
+        for r, e in zip(residuals, energy, strict=True)
     ]
-    values = {name: np.concatenate([t[name] for t in regimes]) for name in shared(regimes)}
-    found = _of_mean([within(row) for row in logs], regimes, names, blocks)
+    values = {
+        name: np.concatenate([t[name] for t in regimes]) for name in shared_variables(regimes)
+    }
+    found = _mean_structures([without_mean(row) for row in logs], regimes, names, blocks)
     pooled = np.concatenate(energy)
-    return [_sized(s, pooled[:, list(names).index(s.channel)], values) for s in found]
+    return [_as_size_structure(s, pooled[:, list(names).index(s.channel)], values) for s in found]
 
 
-def _sized(found: Structure, energy: np.ndarray, values: Mapping[str, np.ndarray]) -> Structure:
-    """With the rms of the residual inside the structure's bounds."""
+def _as_size_structure(
+    structure: Structure, energy: np.ndarray, values: Mapping[str, np.ndarray]
+) -> Structure:
+    """A structure of size, with the rms of the residual within its bounds."""
     inside = np.ones(len(energy), bool)
-    for name, (low, high) in found.bounds.items():
+    for name, (low, high) in structure.bounds.items():
         inside &= (values[name] >= low) & (values[name] <= high)
     rms = float(np.sqrt(energy[inside].mean())) if inside.any() else 0.0
-    return dataclasses.replace(found, rms=rms, of_size=True)
+    return dataclasses.replace(structure, rms=rms, of_size=True)
 
 
-def _tested(
-    names: Sequence[str], basis: Basis, e: np.ndarray, of_block: csr_array, signs: np.ndarray
+def _test_channels(
+    names: Sequence[str], basis: _Basis, e: np.ndarray, of_block: csr_array, signs: np.ndarray
 ) -> list:
-    """Of every named channel of ``e`` (n, C) one structure, its chance not known yet, and R^2 of
-    its null draws.
+    """For every channel of ``e`` (n, C) its structure, without a q value yet, and R^2 of the null
+    draws.
     """
     size = np.maximum(np.sqrt(np.mean(e**2, axis=0)), settings.numerics.tiny)
     y = e / size
-    r2 = _gain(basis, y, of_block, np.ones((len(signs), 1)))[:, 0]
-    draws = _gain(basis, _missed(basis, y), of_block, signs)
+    r2 = _cross_validated_r2(basis, y, of_block, np.ones((len(signs), 1)))[:, 0]
+    draws = _cross_validated_r2(basis, _fold_residuals(basis, y), of_block, signs)
     # once it is tested, all folds together tell where it peaks and how large it is
     beta = np.linalg.solve(
         sum(basis.gram.values()) + settings.statistics.ridge_windows * np.eye(basis.x.shape[1]),
@@ -323,9 +395,10 @@ def _tested(
     ]
 
 
-def _judged(tested: Sequence[Structure], chance: np.ndarray) -> list[Structure]:
-    """Chance that the largest standardised statistic of all tests, and of all channels that go
-    together, reaches each one's.
+def _with_q_values(tested: Sequence[Structure], chance: np.ndarray) -> list[Structure]:
+    """Structures with the chance that the largest standardised statistic reaches theirs.
+
+    The largest is taken over all tests, and over sums of channels that go together.
     """
     if not tested:
         return []

@@ -1,4 +1,4 @@
-"""Proof on flights that took no part: errors of every stage, rollouts, closed loop."""
+"""Proof on held-out flights: errors of every stage, rollouts, closed loop."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ import numpy as np
 
 from ges.diagnose.design.system import common_channels
 from ges.diagnose.design.weak import make_windows
-from ges.diagnose.locate.regimes import regimes
+from ges.diagnose.locate.regimes import regime_variables
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prove.closed_loop import closed_loop
 from ges.diagnose.prove.verify import (
     channel_table,
-    elsewhere,
-    errors,
+    errors_elsewhere,
     rms_table,
+    rollout_errors_by_stage,
     rollout_table,
-    rollouts,
+    stage_errors,
 )
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 
 
-def metric() -> str:
-    """``metric`` of the fit, in words."""
+def _metric_words() -> str:
+    """Text of ``fit.metric``."""
     return (
         "rms of the weak-form residual (windowed average, nothing differentiated) on flights that"
         " took no part; reduction_ci95: share by which 'after' is below 'recalibrated', 95 %"
@@ -36,17 +36,17 @@ def metric() -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Proof:
-    """Errors before, recalibrated and after on the held-out flights.
+    """Errors of the stages on the held-out flights.
 
     Attributes
     ----------
     fit : ``fit`` of diagnosis.json.
     flights : the held-out flights.
     channels : names of the channels.
-    errors : by stage, residuals by flight, (m, C).
+    errors : by stage, residuals by flight, (m, C), in the channels' units.
     rollouts : errors by contract column and stage, (starts, steps).
-    regimes : of every window, by flight.
-    length_s : support of the test functions, s.
+    regimes : by flight, regime variables of every window.
+    length_s : support of the test functions.
     """
 
     fit: Mapping[str, Any]
@@ -71,27 +71,34 @@ def prove(
     ----------
     held_out : flights by name.
     models : of the stages ``before``, ``recalibrated``, ``after``.
-    alternatives : with each of the names that are open.
+    alternatives : the model with each of the open names.
     located : entries of the diagnosis.
-    length_s : support of the test functions, s.
+    length_s : support of the test functions.
     """
     flights = list(held_out.values())
     if not flights:
-        return Proof({"metric": metric(), "holdout_flights": [], "channels": {}, "rollout": {}})
+        return Proof(
+            {"metric": _metric_words(), "holdout_flights": [], "channels": {}, "rollout": {}}
+        )
     channels, spacing_s = common_channels(flights, models["before"]), 0.5 * length_s
     windows = [make_windows(f.t_s, f.flying, length_s) for f in flights]
-    told = [regimes(f, w, models["after"]) for f, w in zip(flights, windows, strict=True)]
-    left, rolled = errors(flights, models, channels, length_s), rollouts(flights, models)
+    regimes = [
+        regime_variables(f, w, models["after"]) for f, w in zip(flights, windows, strict=True)
+    ]
+    errors_by_stage, rollout_errors = (
+        stage_errors(flights, models, channels, length_s),
+        rollout_errors_by_stage(flights, models),
+    )
     fit = {
-        "metric": metric(),
+        "metric": _metric_words(),
         "holdout_flights": list(held_out),
-        "channels": channel_table(left, channels, spacing_s),
+        "channels": channel_table(errors_by_stage, channels, spacing_s),
         "alternatives": {
             name: rms_table(own, channels)
-            for name, own in errors(flights, alternatives, channels, length_s).items()
+            for name, own in stage_errors(flights, alternatives, channels, length_s).items()
         },
-        "elsewhere": elsewhere(left, channels, located, told, spacing_s),
-        "rollout": rollout_table(rolled),
+        "elsewhere": errors_elsewhere(errors_by_stage, channels, located, regimes, spacing_s),
+        "rollout": rollout_table(rollout_errors),
         "closed_loop": closed_loop(flights, models, length_s),
     }
-    return Proof(fit, flights, channels, left, rolled, told, length_s)
+    return Proof(fit, flights, channels, errors_by_stage, rollout_errors, regimes, length_s)

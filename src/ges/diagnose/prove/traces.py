@@ -1,5 +1,7 @@
-"""Recorded and simulated signals over time: in the windows and channels that every error is an rms
-of, and positions and velocities simulated ahead, from where the recording was.
+"""Recorded and simulated signals over time.
+
+Channels are averaged over windows, as in every error. Positions and velocities are simulated ahead
+from the recorded state.
 """
 
 from __future__ import annotations
@@ -25,7 +27,13 @@ AHEAD = (*POSITION, *VELOCITY)
 
 @dataclasses.dataclass(frozen=True)
 class Span:
-    """A stretch of a flight that is left out, s on its own clock, and why."""
+    """A stretch of a flight that is left out.
+
+    Attributes
+    ----------
+    start_s, end_s : on the flight's own clock.
+    reason : why.
+    """
 
     start_s: float
     end_s: float
@@ -44,9 +52,9 @@ class Trace:
     used : (m,) True where the whole window flies.
     channels : names with their units: ``force_z_N``, body frame; ``p_z_m``, world.
     ahead : those that are simulated ahead, again and again from the recorded state.
-    recorded : (m, C) what the recording shows.
-    simulated : by stage, (m, C) the same of a model; NaN where a window is not used.
-    left_out : what is not used.
+    recorded : (m, C) signals of the recording.
+    simulated : by stage, (m, C) signals of a model; NaN where a window is not used.
+    left_out : spans that are not used.
     """
 
     flight: str
@@ -63,7 +71,7 @@ class Trace:
 def trace(
     flight: Prepared, name: str, held_out: bool, models: Mapping[str, Model], length_s: float
 ) -> Trace:
-    """One flight under every model.
+    """Return one flight under every model.
 
     Parameters
     ----------
@@ -76,15 +84,15 @@ def trace(
     used = everywhere.within(flight.flying)
     windows, first = everywhere.some(used), next(iter(models.values()))
     names = channels(flight, first)
-    shown = recorded(flight, everywhere, first, names)
-    simulated = {stage: np.full_like(shown, np.nan) for stage in models}
+    recorded = recorded_signals(flight, everywhere, first, names)
+    simulated = {stage: np.full_like(recorded, np.nan) for stage in models}
     for stage, model in models.items():
         # residual is recorded less model
-        simulated[stage][used] = shown[used] - residual(flight, windows, model, names)
+        simulated[stage][used] = recorded[used] - residual(flight, windows, model, names)
     named = tuple(f"{n}_{unit_of(n)}" for n in names)
     if can_roll(flight):
-        rolled = {s: _rolled(flight, everywhere, model) for s, model in models.items()}
-        shown = np.hstack([shown, next(iter(rolled.values()))[0]])
+        rolled = {s: _rollout_signals(flight, everywhere, model) for s, model in models.items()}
+        recorded = np.hstack([recorded, next(iter(rolled.values()))[0]])
         simulated = {s: np.hstack([simulated[s], rolled[s][1]]) for s in models}
         named += AHEAD
     return Trace(
@@ -94,47 +102,68 @@ def trace(
         used=used,
         channels=named,
         ahead=frozenset(AHEAD) & set(named),
-        recorded=shown,
+        recorded=recorded,
         simulated=simulated,
-        left_out=spans(flight),
+        left_out=excluded_spans(flight),
     )
 
 
-def _rolled(flight: Prepared, windows: Windows, model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """Recorded and simulated :data:`AHEAD` at the centres of the windows, (m, 6) each; every
-    horizon starts anew from the recording, NaN where none is flown.
+def _rollout_signals(
+    flight: Prepared, windows: Windows, model: Model
+) -> tuple[np.ndarray, np.ndarray]:
+    """Recorded and simulated :data:`AHEAD` at the centres of the windows, (m, 6) each.
+
+    Every horizon starts again from the recording; NaN where none is flown.
     """
     n = int(round(settings.report.horizon_s / flight.dt_s))
     rolled, at = rollouts_of(flight, model, n), windows.center
-    seen = np.stack([rolled.recorded[name][at] for name in AHEAD], axis=1)
-    flown = np.full_like(seen, np.nan)
+    recorded = np.stack([rolled.recorded[name][at] for name in AHEAD], axis=1)
+    simulated = np.full_like(recorded, np.nan)
     for start, record in zip(rolled.starts, rolled.flown, strict=True):
         rows = np.flatnonzero((at >= start) & (at < start + n))
         # beyond where the simulator gave up, nothing was simulated
         clock, late_s = record["t_s"] - record["t_s"][0], (at[rows] - start) * flight.dt_s
         for c, name in enumerate(AHEAD):
-            flown[rows, c] = np.interp(late_s, clock, record[name], right=np.nan)
-    return seen, flown
+            simulated[rows, c] = np.interp(late_s, clock, record[name], right=np.nan)
+    return recorded, simulated
 
 
-def recorded(flight: Prepared, windows: Windows, model: Model, names: Sequence[str]) -> np.ndarray:
-    """What the recording shows, (windows, channels): the residual of a model that says nothing.
+def recorded_signals(
+    flight: Prepared, windows: Windows, model: Model, names: Sequence[str]
+) -> np.ndarray:
+    """Return the signals of the recording: the residual of a model without force and moment.
 
-    Forces and moments are those that moved the declared mass and inertia; no sensor is corrected.
+    Parameters
+    ----------
+    flight : prepared recording.
+    windows : m windows of the flight.
+    model : for mass and inertia; no sensor is corrected.
+    names : of the C channels.
+
+    Returns
+    -------
+    (m, C), in the channels' units.
     """
-    silent = dataclasses.replace(model, effects={})
+    no_effects = dataclasses.replace(model, effects={})
     # equation (1) of docs/method.md with the model's force and moment zero
     n_rotors, rows = model.n_rotors, replay_rows(model.n_rotors)
-    said = Replay(np.zeros((len(rows), len(flight.t_s))), n_rotors)
+    no_model_output = Replay(np.zeros((len(rows), len(flight.t_s))), n_rotors)
     for name in ("mass_kg", "ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"):
-        said.data[rows[name]] = model.number(name)
+        no_model_output.data[rows[name]] = model.number(name)
     still = np.zeros((len(flight.t_s), n_rotors))
-    found = along(flight, windows, silent, names, drive=Drive(still, still), said=said)
-    return found.stack(names)
+    signals = along(
+        flight, windows, no_effects, names, drive=Drive(still, still), said=no_model_output
+    )
+    return signals.stack(names)
 
 
-def spans(flight: Prepared) -> tuple[Span, ...]:
-    """Every stretch that is left out, in order of time."""
+def excluded_spans(flight: Prepared) -> tuple[Span, ...]:
+    """Return every stretch that is left out, in order of time.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+    """
     found = []
     for reason, at in flight.excluded.items():
         # padded, so that every stretch turns on and off, one at an end of the flight too

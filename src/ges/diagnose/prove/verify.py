@@ -1,6 +1,4 @@
-"""Proof on flights that took no part: weak-form errors and open-loop rollouts, before, recalibrated
-and after.
-"""
+"""Weak-form errors and open-loop rollouts of every stage on held-out flights."""
 
 from __future__ import annotations
 
@@ -20,11 +18,21 @@ from ges.diagnose.types.model import Model
 STAGES = ("before", "recalibrated", "after")
 
 
-def errors(
+def stage_errors(
     flights: Sequence[Prepared], models: Mapping[str, Model], names: Sequence[str], length_s: float
 ) -> dict[str, list[np.ndarray]]:
-    """Weak-form residuals by stage: a list over flights of (m, C), NaN where a channel is
-    absent.
+    """Compute the weak-form residuals of every stage.
+
+    Parameters
+    ----------
+    flights : held out.
+    models : by stage.
+    names : of the C channels.
+    length_s : support of the test functions.
+
+    Returns
+    -------
+    By stage and flight, (m, C) in the channels' units; NaN where a channel is absent.
     """
     out: dict[str, list[np.ndarray]] = {stage: [] for stage in models}
     for flight in flights:
@@ -37,7 +45,7 @@ def errors(
     return out
 
 
-def _blocks(e: np.ndarray, block: int) -> np.ndarray:
+def _block_sums(e: np.ndarray, block: int) -> np.ndarray:
     """Sums of squares and counts by block, (b, 2)."""
     good = np.isfinite(e)
     edges = np.arange(0, len(e), block)
@@ -50,16 +58,21 @@ def _blocks(e: np.ndarray, block: int) -> np.ndarray:
     )
 
 
-def rms(each: Sequence[np.ndarray]) -> float:
-    """Of errors by flight (m,), without what is absent."""
-    told = np.concatenate(each)
-    return float(np.sqrt(np.mean(told[np.isfinite(told)] ** 2)))
+def rms(of_flights: Sequence[np.ndarray]) -> float:
+    """Return the root mean square over flights.
+
+    Parameters
+    ----------
+    of_flights : errors (m,) by flight; NaN is left out.
+    """
+    pooled = np.concatenate(of_flights)
+    return float(np.sqrt(np.mean(pooled[np.isfinite(pooled)] ** 2)))
 
 
 def reduction_ci95(
     before: Sequence[np.ndarray], after: Sequence[np.ndarray], block: int
 ) -> list[float]:
-    """95 % interval of 1 - after/before of the rms, resampling blocks of time within flights.
+    """Return the 95 % interval of 1 - after/before of the rms, by a block bootstrap.
 
     Parameters
     ----------
@@ -67,7 +80,7 @@ def reduction_ci95(
     block : windows in a block of time.
     """
     pairs = [
-        np.hstack([_blocks(b, block), _blocks(a, block)])
+        np.hstack([_block_sums(b, block), _block_sums(a, block)])
         for b, a in zip(before, after, strict=True)
         if len(b)
     ]
@@ -82,31 +95,46 @@ def reduction_ci95(
 
 
 def stages_row(by_stage: Mapping[str, Sequence[np.ndarray]], block: int) -> dict:
-    """Rms of every stage, and by how much 'after' is below 'recalibrated', of errors by flight
-    (m,).
+    """Return the rms of every stage, and the interval of the reduction.
+
+    Parameters
+    ----------
+    by_stage : by stage and flight, errors (m,) in one unit.
+    block : windows in a block of time.
+
+    Returns
+    -------
+    Rms by stage, and ``reduction_ci95`` of 'after' against 'recalibrated'.
     """
     interval = reduction_ci95(by_stage["recalibrated"], by_stage["after"], block)
     return {**{stage: rms(each) for stage, each in by_stage.items()}, "reduction_ci95": interval}
 
 
 def block_windows(spacing_s: float) -> int:
-    """Windows in a block of time."""
+    """Return the number of windows in a block of time.
+
+    Parameters
+    ----------
+    spacing_s : of the windows.
+    """
     return max(1, int(round(settings.statistics.block_s / spacing_s)))
 
 
 def channel_table(
-    told: Mapping[str, Sequence[np.ndarray]], names: Sequence[str], spacing_s: float
+    errors: Mapping[str, Sequence[np.ndarray]], names: Sequence[str], spacing_s: float
 ) -> dict[str, dict]:
-    """``channels`` of the fit, as the contract writes them.
+    """Return ``fit.channels`` of diagnosis.json.
 
     Parameters
     ----------
-    told : by stage and flight, errors (m, C) in the channels' units.
+    errors : by stage and flight, (m, C) in the channels' units.
     names : of the C channels.
     spacing_s : of the windows.
     """
     block = block_windows(spacing_s)
-    by_name = {n: {s: [e[:, c] for e in by] for s, by in told.items()} for c, n in enumerate(names)}
+    by_name = {
+        n: {s: [e[:, c] for e in by] for s, by in errors.items()} for c, n in enumerate(names)
+    }
     return {
         f"{n}_{unit_of(n)}": stages_row(by, block)
         for n, by in by_name.items()
@@ -114,28 +142,31 @@ def channel_table(
     }
 
 
-def worse_recalibrated(channels: Mapping[str, Mapping]) -> list[str]:
-    """A sentence for every channel of :func:`channel_table` that the recalibrated model misses by
-    more than the vehicle file as given does.
-    """
-    return [
-        f"on the flights that took no part the error of {name} is {told['before']:.3g} as given and"
-        f" {told['recalibrated']:.3g} recalibrated: the flights differ by more than the declared"
-        " numbers can"
-        for name, told in channels.items()
-        if told["recalibrated"] > (1.0 + settings.statistics.least_gain) * told["before"]
-    ]
-
-
-def rms_table(left: Sequence[np.ndarray], names: Sequence[str]) -> dict[str, float]:
-    """Rms of one stage of :func:`errors` by channel, as the channels of :func:`channel_table`;
-    without those that are absent.
+def recalibration_warnings(channels: Mapping[str, Mapping]) -> list[str]:
+    """Return a sentence for every channel that recalibration makes worse on held-out flights.
 
     Parameters
     ----------
-    left : by flight, errors (m, C) in the channels' units.
+    channels : of :func:`channel_table`.
     """
-    by_name = {n: [e[:, c] for e in left] for c, n in enumerate(names)}
+    return [
+        f"on the flights that took no part the error of {name} is {rms['before']:.3g} as given and"
+        f" {rms['recalibrated']:.3g} recalibrated: the flights differ by more than the declared"
+        " numbers can"
+        for name, rms in channels.items()
+        if rms["recalibrated"] > (1.0 + settings.statistics.least_gain) * rms["before"]
+    ]
+
+
+def rms_table(errors: Sequence[np.ndarray], names: Sequence[str]) -> dict[str, float]:
+    """Return the rms of one stage by channel, without absent channels.
+
+    Parameters
+    ----------
+    errors : by flight, (m, C) in the channels' units.
+    names : of the C channels.
+    """
+    by_name = {n: [e[:, c] for e in errors] for c, n in enumerate(names)}
     return {f"{n}_{unit_of(n)}": rms(each) for n, each in by_name.items() if _present(each)}
 
 
@@ -143,27 +174,32 @@ def _present(each: Sequence[np.ndarray]) -> bool:
     return any(np.isfinite(e).any() for e in each)
 
 
-def elsewhere(
-    told: Mapping[str, Sequence[np.ndarray]],
+def errors_elsewhere(
+    errors: Mapping[str, Sequence[np.ndarray]],
     names: Sequence[str],
     located: Sequence[Mapping],
     regimes: Sequence[Mapping[str, np.ndarray]],
     spacing_s: float,
 ) -> dict[str, dict]:
-    """``elsewhere`` of the fit: the same errors outside every regime in which a channel was found
-    wrong: must not get worse.
+    """Return ``fit.elsewhere``: errors outside the regimes in which a channel was found wrong.
 
     Parameters
     ----------
-    told : of :func:`errors`, (m, C) by stage and flight in the channels' units.
+    errors : of :func:`stage_errors`, (m, C) by stage and flight in the channels' units.
+    names : of the C channels.
     located : entries of the diagnosis.
     regimes : by flight, regime variables of every window, (m,) each.
+    spacing_s : of the windows.
 
     Returns
     -------
-    by channel, of those that have such regimes and windows outside: rms ``recalibrated`` and
-    ``after``, the 95 % interval ``change_ci95`` of after/recalibrated - 1, and ``worse``: whether
-    it lies above what counts as a change.
+    By channel: rms ``recalibrated`` and ``after``, the interval ``change_ci95`` of
+    after/recalibrated - 1, and ``worse``. Channels without such regimes, or without windows
+    outside, are left out.
+
+    Notes
+    -----
+    A finding must not make these errors worse.
     """
     block, table = block_windows(spacing_s), {}
     for c, name in enumerate(names):
@@ -172,7 +208,7 @@ def elsewhere(
             continue
         masks = [~np.any([_inside(r, bounds) for bounds in wrong], axis=0) for r in regimes]
         pick = {
-            s: [np.where(m, e[:, c], np.nan) for e, m in zip(told[s], masks, strict=True)]
+            s: [np.where(m, e[:, c], np.nan) for e, m in zip(errors[s], masks, strict=True)]
             for s in STAGES[1:]
         }
         # fewer than two blocks leave nothing to resample
@@ -196,58 +232,79 @@ def _inside(values: Mapping[str, np.ndarray], bounds: Mapping[str, Sequence[floa
     return inside
 
 
-def along_horizon_s() -> np.ndarray:
-    """Times in a rollout at which its error is told, (p,)."""
+def horizon_times_s() -> np.ndarray:
+    """Return the times (p,) in a rollout at which errors are taken, s.
+
+    Notes
+    -----
+    From 0 to ``report.horizon_s``, both included.
+    """
     longest_s = settings.report.horizon_s
     return np.linspace(0.0, longest_s, round(longest_s / settings.design.coarsest_s) + 1)
 
 
-def rollout(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
-    """Open-loop errors along one horizon, see :mod:`~ges.diagnose.estimate.shoot`.
+def rollout_errors(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
+    """Compute open-loop errors of one flight, see :mod:`~ges.diagnose.estimate.shoot`.
+
+    Parameters
+    ----------
+    flight : held out.
+    model : that is flown.
 
     Returns
     -------
-    error by contract column (``p_z_m`` ...), (starts, points), the first of them at the start.
+    By contract column (``p_z_m`` ...), (starts, points), simulated minus recorded; the first point
+    is the start.
     """
     n = int(round(settings.report.horizon_s / flight.dt_s))
     rolled = rollouts_of(flight, model, n)
     if not len(rolled.starts):
         return {}
     at, clock = (
-        np.linspace(0.0, n * flight.dt_s, len(along_horizon_s())),
+        np.linspace(0.0, n * flight.dt_s, len(horizon_times_s())),
         np.arange(n + 1) * flight.dt_s,
     )
     errors = {}
     for name in POSITION + VELOCITY:
-        said = np.array([np.interp(at, r["t_s"] - r["t_s"][0], r[name]) for r in rolled.flown])
-        seen = np.array(
+        simulated = np.array([np.interp(at, r["t_s"] - r["t_s"][0], r[name]) for r in rolled.flown])
+        recorded = np.array(
             [np.interp(at, clock, rolled.recorded[name][s : s + n + 1]) for s in rolled.starts]
         )
-        errors[name] = said - seen
+        errors[name] = simulated - recorded
     return errors
 
 
-def rollouts(
+def rollout_errors_by_stage(
     flights: Sequence[Prepared], models: Mapping[str, Model]
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Errors of :func:`rollout` by contract column and stage over all flights, (starts, points)."""
-    told: dict[str, dict[str, np.ndarray]] = {}
-    for stage, model in models.items():
-        pieces = [p for f in flights if can_roll(f) for p in [rollout(f, model)] if p]
-        for name in pieces[0] if pieces else ():
-            told.setdefault(name, {})[stage] = np.concatenate([p[name] for p in pieces])
-    return told
-
-
-def rollout_table(told: Mapping[str, Mapping[str, np.ndarray]]) -> dict:
-    """``rollout`` of the fit: rms error after one horizon by channel and stage.
+    """Compute :func:`rollout_errors` over all flights.
 
     Parameters
     ----------
-    told : by contract column and stage, errors (r, p) along r rollouts, in the unit of the column.
+    flights : held out.
+    models : by stage.
+
+    Returns
+    -------
+    By contract column and stage, (starts, points).
+    """
+    by_column: dict[str, dict[str, np.ndarray]] = {}
+    for stage, model in models.items():
+        pieces = [p for f in flights if can_roll(f) for p in [rollout_errors(f, model)] if p]
+        for name in pieces[0] if pieces else ():
+            by_column.setdefault(name, {})[stage] = np.concatenate([p[name] for p in pieces])
+    return by_column
+
+
+def rollout_table(errors: Mapping[str, Mapping[str, np.ndarray]]) -> dict:
+    """Return ``fit.rollout``: rms error at the end of a horizon.
+
+    Parameters
+    ----------
+    errors : by contract column and stage, (r, p) of r rollouts, in the unit of the column.
     """
     channels = {
         n: {s: float(np.sqrt(np.mean(e[:, -1] ** 2))) for s, e in by.items()}
-        for n, by in told.items()
+        for n, by in errors.items()
     }
     return {"horizon_s": settings.report.horizon_s, "channels": channels} if channels else {}

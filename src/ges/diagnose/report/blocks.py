@@ -8,7 +8,7 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from ges.diagnose.locate.regimes import least
+from ges.diagnose.locate.regimes import least_rms
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import block_of
 from ges.diagnose.types.words import (
@@ -44,7 +44,7 @@ def _large(row: Mapping[str, Any], scale: Mapping[str, float]) -> bool:
     block = block_of(row["channel"])
     if row.get("mean") is None or block not in scale:
         return True
-    return abs(row["mean"]) >= least(block, scale[block])
+    return abs(row["mean"]) >= least_rms(block, scale[block])
 
 
 def _wide(regime: Mapping[str, Sequence[float]]) -> bool:
@@ -108,7 +108,7 @@ def least_told(name: str, scale: Mapping[str, float]) -> float:
     """
     block = block_of(without_unit(name))
     if block in scale:
-        return least(block, scale[block])
+        return least_rms(block, scale[block])
     return LEAST_READING.get(unit_words(name), 0.0)
 
 

@@ -16,7 +16,7 @@ from ges.diagnose.locate.stages import Start
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.prepare.problem import Problem
 from ges.diagnose.prove.proof import Proof
-from ges.diagnose.prove.verify import worse_recalibrated
+from ges.diagnose.prove.verify import recalibration_warnings
 from ges.diagnose.report.content import (
     calibration_of,
     considered,
@@ -73,7 +73,7 @@ def composed(
     calibration = calibration_of(answer.last.joint, problem.model)
     off = silent_channels(problem.flights, problem.model)
     untested = not_tested(start.system, answer.last.model)
-    warnings = [*problem.warnings, *worse_recalibrated(proof.fit["channels"])]
+    warnings = [*problem.warnings, *recalibration_warnings(proof.fit["channels"])]
     verdict = verdict_of(findings, wrong, laws, unexplained)
     diagnosis = Diagnosis(
         verdict=verdict,

@@ -16,10 +16,10 @@ from ges.diagnose.library.candidates import flight_envelope
 from ges.diagnose.library.grids import out_of_reach
 from ges.diagnose.library.requirements import lacking
 from ges.diagnose.locate.regimes import (
-    from_findings,
-    from_open,
-    from_residuals,
-    strongest,
+    located_by_findings,
+    located_by_open_names,
+    located_by_residuals,
+    strongest_entries,
 )
 from ges.diagnose.locate.stages import Start
 from ges.diagnose.locate.structure import Structure
@@ -36,15 +36,17 @@ def located_by(start: Start, answer: Explanation) -> list[dict]:
     """``located`` of diagnosis.json: where the recalibrated vehicle misses the recordings, where
     findings act, and where something open does.
     """
-    accepted, left = answer.accepted, answer.last.left
-    entries = from_residuals(start.cells, start.first.structures, start.system)
-    entries += from_findings(answer.added, left, accepted.probability, start.regimes, start.system)
+    accepted, left = answer.accepted, answer.last.residuals
+    entries = located_by_residuals(start.cells, start.first.structures, start.system)
+    entries += located_by_findings(
+        answer.added, left, accepted.probability, start.regimes, start.system
+    )
     # what is open is in no model yet, so the accepted residual still holds it
     if accepted.rivals:
-        entries += from_open(
+        entries += located_by_open_names(
             accepted.found, accepted.regression, left, start.regimes, accepted.names
         )
-    return strongest(entries)
+    return strongest_entries(entries)
 
 
 def data_used(

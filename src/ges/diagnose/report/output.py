@@ -13,7 +13,7 @@ from ges.diagnose.design.weak import blocks_of, make_windows
 from ges.diagnose.locate.regimes import Cell
 from ges.diagnose.prove.proof import Proof
 from ges.diagnose.prove.traces import Trace, trace
-from ges.diagnose.prove.verify import STAGES, along_horizon_s
+from ges.diagnose.prove.verify import STAGES, horizon_times_s
 from ges.diagnose.report.drawing import Drawing, Figure
 from ges.diagnose.report.page import CAPTIONS, write_report
 from ges.diagnose.report.residuals import write_residuals
@@ -119,7 +119,7 @@ def _figures(
         yield (
             "rollout",
             "rollout_growth",
-            (along_horizon_s(), proof.rollouts),
+            (horizon_times_s(), proof.rollouts),
         )
     # bars are errors over that of the file as given: without a flight held out there is none
     if any(c["before"] for c in content["fit"]["channels"].values()):
