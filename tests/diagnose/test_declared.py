@@ -7,7 +7,7 @@ import ges
 from ges.diagnose.calibrate.calibrate import calibrate
 from ges.diagnose.decide.declared import Contradicted
 from ges.diagnose.design.system import residuals_with
-from ges.diagnose.estimate.fit import calibrated, null_fit
+from ges.diagnose.estimate.fit import null_fit, with_corrections
 from ges.diagnose.estimate.recalibrate import operating_point
 from ges.diagnose.library.candidates import flown as where_flown
 from ges.diagnose.library.grids import library, out_of_reach
@@ -57,7 +57,7 @@ def test_recalibration_is_no_worse_than_the_file_on_flights_that_were_fitted(flo
     assert moved, "one linear step would do: the case is too easy to test anything"
     given, there = (
         sum((r**2).sum() for r in residuals_with(regression.system, model))
-        for model in (regression.system.model, calibrated(regression.system.model, moved))
+        for model in (regression.system.model, with_corrections(regression.system.model, moved))
     )
     assert there < given
     assert moved["thrust_curve.c"] > 0.1 and moved["thrust_scale.scale"] < -0.1

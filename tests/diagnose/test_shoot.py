@@ -61,8 +61,8 @@ def test_the_path_of_the_true_model_is_the_recorded_one(prepared):
     noise.
     """
     flight, model = prepared
-    path = shoot.shot(flight, model).path
-    starts = shoot.starts_of(flight, round(0.2 / flight.dt_s))
+    path = shoot.with_rollout_path(flight, model).path
+    starts = shoot.rollout_starts(flight, round(0.2 / flight.dt_s))
     assert len(starts) > 100 and set(path) == {
         f"{a}_{b}"
         for a, b in (
@@ -82,14 +82,14 @@ def test_the_path_of_the_true_model_is_the_recorded_one(prepared):
 def test_a_wrong_model_flies_another_path(prepared):
     flight, model = prepared
     heavier = model.with_number("mass_kg", 1.3 * model.number("mass_kg"))
-    fallen = shoot.shot(flight, heavier).path["v_z_m_s"] - flight.columns["v_z_m_s"]
+    fallen = shoot.with_rollout_path(flight, heavier).path["v_z_m_s"] - flight.columns["v_z_m_s"]
     assert np.mean(fallen[flight.flying]) < -0.1
 
 
 def test_readings_too_slow_for_a_piece_leave_the_recorded_path(prepared):
     flight, model = prepared
     slow = dataclasses.replace(flight, update_s={**flight.update_s, "rotor_speed": 0.1})
-    assert shoot.shot(slow, model).path == {}
+    assert shoot.with_rollout_path(slow, model).path == {}
 
 
 def test_moments_of_flights_never_seen_do_not_pay_for_a_tilt(flown, sheet, with_rates):

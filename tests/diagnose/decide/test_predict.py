@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ges.diagnose.decide import predict
-from ges.diagnose.estimate.fit import Fitted, free_first, joint_fit
+from ges.diagnose.estimate.fit import Fitted, free_columns, joint_fit
 from ges.diagnose.select.evidence import make_regression
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Record
@@ -29,7 +29,7 @@ def _fitted(sizes, columns=(DRAG, COMMON)):
         y = rng.standard_normal(ROWS) + size * x[0]
         flights.append(rows_of(y[:, None], [{0: row} for row in x]))
     regression = make_regression(system_of(("force_z",), columns, flights), [0])
-    joint = joint_fit(regression, free_first(regression.system))
+    joint = joint_fit(regression, free_columns(regression.system))
     effects = {"rotor_drag": {"k_kg": float(joint.chosen[0])}}
     regression = _about(regression, float(joint.chosen[0]))
     return Fitted(effects, (NAME,), joint.covariance, joint, joint, regression)
@@ -67,7 +67,7 @@ def test_the_density_of_a_flight_is_what_the_others_say_of_it():
     """One column without nuisances: the predictive density of a Gaussian regression, by hand."""
     fitted = _fitted((0.3, 0.5), (DRAG,))
     t, value = settings.evidence.tempering, fitted.effects["rotor_drag"]["k_kg"]
-    prior = 1.0 / predict.wide(fitted.regression, [0])[0] ** 2
+    prior = 1.0 / predict.wide_sds(fitted.regression, [0])[0] ** 2
     parts = [w.parts[0] for w in fitted.regression.whites]
     told = _gain(fitted)
     for left, other in ((0, 1), (1, 0)):
@@ -98,7 +98,7 @@ def test_what_acts_through_a_name_goes_with_it():
         y = rng.standard_normal(ROWS) + 0.6 * x[1]
         flights.append(rows_of(y[:, None], [{0: row} for row in x]))
     regression = make_regression(system_of(("force_z",), columns, flights, MODEL), [0, 1])
-    joint = joint_fit(regression, free_first(regression.system))
+    joint = joint_fit(regression, free_columns(regression.system))
     effects = {"rotor_drag": {"k_kg": 0.0}, "wind": {"east_m_s": 0.0, "north_m_s": 0.0}}
     free = (NAME, ("wind", "east_m_s"))
     fitted = Fitted(effects, free, joint.covariance, joint, joint, regression)
@@ -130,7 +130,9 @@ def worst(monkeypatch):
         monkeypatch.setattr(predict, "_worst", lambda names, name, _: by_names[names][name])
 
     monkeypatch.setattr(predict, "contributions", lambda fitted, names, _: dict.fromkeys(names))
-    monkeypatch.setattr(predict, "size_of", lambda added, system: {"channel": "force_x"})
+    monkeypatch.setattr(
+        predict, "size_of_contribution", lambda added, system: {"channel": "force_x"}
+    )
     monkeypatch.setattr(
         predict, "without", lambda a, name: _accepted(tuple(n for n in a.names if n != name))
     )

@@ -19,7 +19,7 @@ from ges.diagnose.decide.rules import (
 from ges.diagnose.decide.sizes import least_size, least_sizes, shares_of, unlike_form_error
 from ges.diagnose.decide.unknown import left_over
 from ges.diagnose.decide.withdraw import Explanation, remaining
-from ges.diagnose.estimate.fit import Fitted, Joint
+from ges.diagnose.estimate.fit import Fitted, JointFit
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.select.evidence import Posterior, make_regression
 from ges.diagnose.select.search import Hypothesis, SearchResult
@@ -74,7 +74,7 @@ def _declared(common, but=(), acting=1.0):
     columns = [nuisance(k, DOUBTS[k]) for k in keys]
     rows = rows_of(np.zeros((5, 1)), [{0: np.full(5, acting)} for _ in keys])
     model = dataclasses.replace(MODEL, prior_sds=DOUBTS)
-    joint = Joint(*[np.zeros(0)] * 3, 0.0, common, dict.fromkeys(common, 0.01), ())
+    joint = JointFit(*[np.zeros(0)] * 3, 0.0, common, dict.fromkeys(common, 0.01), ())
     return contradicted(joint, system_of(("force_z",), columns, [rows], model), but)
 
 

@@ -21,7 +21,7 @@ def _answer(names, rivals=()):
 def test_what_the_form_of_an_unmeasured_curve_makes_is_taken_back(form, left, monkeypatch):
     thrust = SimpleNamespace(is_form_error=lambda name, size: name in form)
     monkeypatch.setattr(withdraw, "unmeasured_thrust", lambda joint, system: thrust)
-    monkeypatch.setattr(withdraw, "size_of", lambda by, system: {})
+    monkeypatch.setattr(withdraw, "size_of_contribution", lambda by, system: {})
     monkeypatch.setattr(
         withdraw,
         "without",

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from ges.diagnose.design.system import build
 from ges.diagnose.detectors.gusts import Gusts, gusts_of, heard_by, may_lean, wind_speed_m_s
-from ges.diagnose.estimate.fit import Joint
+from ges.diagnose.estimate.fit import JointFit
 from ges.diagnose.settings import settings
 
 from ..synthetic import MODEL, hovering, system_of
@@ -21,7 +21,7 @@ DURATION_S = 52.0
 
 
 @functools.lru_cache
-def _blown(strength_m_s, slow_s=3.0, constant_m_s=0.0, drag=True):
+def _wind_and_its_drag(strength_m_s, slow_s=3.0, constant_m_s=0.0, drag=True):
     """A system whose residuals are those of a wind through the drag, that wanders in so many
     seconds; its sensors' noise of 0.02 N.
     """
@@ -40,12 +40,12 @@ def _blown(strength_m_s, slow_s=3.0, constant_m_s=0.0, drag=True):
     return dataclasses.replace(system, flights=(dataclasses.replace(rows, y=y),))
 
 
-JOINT = Joint(*[np.zeros(0)] * 3, 0.0, {}, {}, ({},))
+JOINT = JointFit(*[np.zeros(0)] * 3, 0.0, {}, {}, ({},))
 
 
 @functools.lru_cache
 def _found(strength_m_s):
-    return gusts_of(_blown(strength_m_s), JOINT)
+    return gusts_of(_wind_and_its_drag(strength_m_s), JOINT)
 
 
 def test_gusts_are_told_by_the_rms_of_their_push_and_more_of_them_by_more():
@@ -69,11 +69,11 @@ def test_gusts_are_told_by_the_rms_of_their_push_and_more_of_them_by_more():
     ids=["still", "a steady wind", "fast noise", "no drag"],
 )
 def test_what_is_no_gust_is_none(blown):
-    assert gusts_of(_blown(**blown), JOINT) is None
+    assert gusts_of(_wind_and_its_drag(**blown), JOINT) is None
 
 
 def test_no_more_gusts_than_the_file_has_are_no_news():
-    system, strength = _blown(1.0), _found(1.0).strength_m_s
+    system, strength = _wind_and_its_drag(1.0), _found(1.0).strength_m_s
     assert gusts_of(system, JOINT, {"wind_20ft_m_s": strength}) is None
     assert gusts_of(system, JOINT, {"wind_20ft_m_s": 0.1 * strength}) is not None
 

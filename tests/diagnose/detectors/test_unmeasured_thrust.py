@@ -10,7 +10,7 @@ import pytest
 from ges.diagnose.design.residual import driven_speeds
 from ges.diagnose.detectors.clocks import settled_findings
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
-from ges.diagnose.estimate.fit import Joint
+from ges.diagnose.estimate.fit import JointFit
 from ges.diagnose.prepare.delays import Delay
 from ges.diagnose.prepare.gate import Gate
 from ges.diagnose.settings import settings
@@ -33,7 +33,7 @@ def _system(flight=COMMANDED, doubts=((SCALE, 0.05), (CURVE, 0.03))):
 
 def _joint(**common):
     named = {key.replace("__", "."): value for key, value in common.items()}
-    return Joint(*[np.zeros(0)] * 3, 0.0, named, dict.fromkeys(named, 0.01), ({},))
+    return JointFit(*[np.zeros(0)] * 3, 0.0, named, dict.fromkeys(named, 0.01), ({},))
 
 
 def test_thrust_that_is_far_beyond_its_doubt_is_told_with_all_that_may_do_it():
@@ -69,7 +69,7 @@ def test_where_the_log_tells_the_cause_nothing_is_unmeasured():
 
 def test_a_top_speed_is_told_as_a_share_of_it():
     system = _system(hovering(), ((SPEED, 30.0),))
-    joint = Joint(*[np.zeros(0)] * 3, 0.0, {SPEED: 200.0}, {SPEED: 10.0}, ({},))
+    joint = JointFit(*[np.zeros(0)] * 3, 0.0, {SPEED: 200.0}, {SPEED: 10.0}, ({},))
     found = unmeasured_thrust(joint, system)
     assert found.excess.value == pytest.approx(0.2) and found.known_sd == pytest.approx(0.03)
     assert "Rotor speeds at the same commands are 20 +- 2.0 % higher" in found.sentence()

@@ -7,7 +7,11 @@ import pytest
 
 from ges.diagnose.design.residual import residual
 from ges.diagnose.design.system import build
-from ges.diagnose.estimate.contributions import contributions, contributions_of, size_of
+from ges.diagnose.estimate.contributions import (
+    contributions,
+    contributions_of,
+    size_of_contribution,
+)
 
 from ..synthetic import MODEL, manoeuvre, system_of
 
@@ -15,7 +19,7 @@ NAMES = ("force_x", "force_z", "moment_x", "acc_x")
 
 
 def _size(*columns):
-    return size_of([np.column_stack(columns)], system_of(NAMES, (), ()))
+    return size_of_contribution([np.column_stack(columns)], system_of(NAMES, (), ()))
 
 
 def test_a_size_is_told_where_it_weighs_most():
@@ -39,7 +43,9 @@ def test_absent_windows_do_not_dilute_a_size_and_nothing_has_no_channel():
     none = np.zeros(4)
     assert _size(push, none, none, none)["value"] == pytest.approx(0.5)
     assert _size(none, none, none, np.full(4, np.nan))["channel"] == ""
-    two = size_of([np.full((2, 4), 3.0), np.full((6, 4), 1.0)], system_of(NAMES, (), ()))
+    two = size_of_contribution(
+        [np.full((2, 4), 3.0), np.full((6, 4), 1.0)], system_of(NAMES, (), ())
+    )
     assert two["value"] == pytest.approx(np.sqrt(3.0)), "all windows of all flights count alike"
 
 

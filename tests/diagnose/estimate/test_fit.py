@@ -9,9 +9,8 @@ import pytest
 
 from ges.diagnose.estimate.fit import (
     Fitted,
-    Joint,
-    _with_levers_as_they_are,
-    calibrated,
+    JointFit,
+    _refit_trims,
     correction_bounds,
     fitted_model,
     joint_fit,
@@ -19,6 +18,7 @@ from ges.diagnose.estimate.fit import (
     only_in_air,
     raw_residuals,
     starting_values,
+    with_corrections,
     within_bounds,
 )
 from ges.diagnose.library.candidates import Variant, amplitude_of
@@ -87,7 +87,7 @@ def test_the_joint_fit_is_least_squares_with_priors_over_all_rows():
     beta = inverse @ (x.T @ y + mean / sd**2)
     cost = ((y - x @ beta) ** 2).sum() + (((beta - mean) / sd) ** 2).sum()
     assert joint.chosen[0] == pytest.approx(beta[0])
-    assert joint.by_rows[0, 0] == pytest.approx(inverse[0, 0])
+    assert joint.row_covariance[0, 0] == pytest.approx(inverse[0, 0])
     assert joint.common == pytest.approx(
         {"inertia.xx": beta[1], "weak_rotor.loss_1": beta[2]}, rel=1e-6
     )
@@ -158,8 +158,8 @@ def test_intervals_are_wider_where_blocks_of_time_scatter_more_than_rows():
             regression.noise, ar=np.zeros((1, 3)), sd=np.ones(1), growth=np.zeros(1)
         )
         joint = joint_fit(whitened(system, white), [0])
-        factors.append(math.sqrt(joint.covariance[0, 0] / joint.by_rows[0, 0]))
-        assert (joint.covariance >= joint.by_rows).all()
+        factors.append(math.sqrt(joint.covariance[0, 0] / joint.row_covariance[0, 0]))
+        assert (joint.covariance >= joint.row_covariance).all()
     assert factors[0] < 1.3 and factors[1] > 2.5
 
 
@@ -180,7 +180,7 @@ def test_what_was_moved_before_is_in_the_residual_already():
     moved = dataclasses.replace(MODEL, corrections={"inertia.xx": 0.4})
     system = _system((COMMON,), (0.1,), model=moved)
     (first, *_) = raw_residuals(
-        system, Joint(*[np.zeros(0)] * 3, 0.0, {"inertia.xx": 0.5}, {}, ({},) * 3)
+        system, JointFit(*[np.zeros(0)] * 3, 0.0, {"inertia.xx": 0.5}, {}, ({},) * 3)
     )
     rows = system.flights[0]
     np.testing.assert_allclose(first[:, 0], rows.y[:, 0] - 0.1 * rows.x.of(0, [0])[:, 0])
@@ -194,11 +194,11 @@ def test_on_the_ground_nothing_is_left_in_the_air():
 
 
 def test_a_vehicle_takes_its_corrections_through_the_effects_that_make_them():
-    told = calibrated(MODEL, {SPEED: 25.0, "inertia.xx": 0.2, "thrust_scale.scale": -0.1})
+    told = with_corrections(MODEL, {SPEED: 25.0, "inertia.xx": 0.2, "thrust_scale.scale": -0.1})
     assert told.number("max_rotor_speed_rad_s") == 1025.0
     assert told.effects["inertia"] == {"xx": 0.2, "yy": 0.0, "zz": 0.0}
     assert told.effects["thrust_scale"] == {"scale": -0.1}
-    again = calibrated(told, {"inertia.xx": 0.1, "inertia.zz": 0.3})
+    again = with_corrections(told, {"inertia.xx": 0.1, "inertia.zz": 0.3})
     assert again.effects["inertia"] == pytest.approx({"xx": 0.3, "yy": 0.0, "zz": 0.3})
     assert MODEL.effects == {}, "a model is never changed"
 
@@ -207,7 +207,9 @@ def test_no_vehicle_is_beyond_the_bounds_of_the_library():
     assert (
         within_bounds("inertia", "xx", -3.0) == -0.7 and within_bounds("inertia", "xx", 0.1) == 0.1
     )
-    assert calibrated(MODEL, {"esc_delay.delay_s": -0.01}).effects["esc_delay"]["delay_s"] == 0.0
+    assert (
+        with_corrections(MODEL, {"esc_delay.delay_s": -0.01}).effects["esc_delay"]["delay_s"] == 0.0
+    )
     on = MODEL.with_effects({"inertia": {"xx": 0.5}})
     assert correction_bounds("inertia.xx", on) == pytest.approx((-1.2, 2.5))
     assert correction_bounds("inertia.xx", MODEL) == pytest.approx((-0.7, 3.0))
@@ -238,7 +240,7 @@ def test_the_size_of_a_physical_effect_is_no_better_known_than_its_form():
 
 
 def test_a_fitted_vehicle_has_its_effects_and_its_corrections():
-    joint = Joint(*[np.zeros(0)] * 3, 0.0, {"inertia.xx": 0.2}, {}, ())
+    joint = JointFit(*[np.zeros(0)] * 3, 0.0, {"inertia.xx": 0.2}, {}, ())
     fitted = _fitted(None, dataclasses.replace(joint, covariance=np.eye(1)), 3e-4)
     told = fitted_model(MODEL, fitted)
     assert told.effects["rotor_drag"]["k_kg"] == 3e-4 and told.effects["inertia"]["xx"] == 0.2
@@ -299,7 +301,7 @@ def test_a_lag_is_not_what_a_lever_is_wrong_by():
         flights.append(rows_of(y, [{0: push}, {1: moment}, {1: late}, {1: loss}]))
     regression = make_regression(system_of(("force_x", "moment_y"), columns, flights), [0, 1])
     apart = joint_fit(regression, [0, 1])
-    told = _with_levers_as_they_are(regression, [0, 1], apart, 1)
+    told = _refit_trims(regression, [0, 1], apart, 1)
     assert told.common["motor_lag.up_s"] == pytest.approx(apart.common["motor_lag.up_s"], abs=0.02)
     assert told.common_sd["motor_lag.up_s"] == apart.common_sd["motor_lag.up_s"]
     assert told.common["weak_rotor.loss_1"] < apart.common["weak_rotor.loss_1"] - 0.05

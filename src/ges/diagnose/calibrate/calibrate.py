@@ -39,11 +39,11 @@ from ges.diagnose.detectors.balance import (
     without_mean_balance,
 )
 from ges.diagnose.estimate.fit import (
-    calibrated,
     correction_bounds,
     null_fit,
     only_in_air,
     raw_residuals,
+    with_corrections,
 )
 from ges.diagnose.locate.regimes import regimes_of
 from ges.diagnose.locate.structure import structures
@@ -283,7 +283,7 @@ def _trims(
 ) -> tuple[dict[str, Number], _Spreads]:
     """Gains and trims from the slow balance, and their spreads between flights and sessions."""
     shift = {key: n.value for key, n in before.items()}
-    told = _balance(build(flights, calibrated(model, shift), []), session)
+    told = _balance(build(flights, with_corrections(model, shift), []), session)
     # linearised at the last values: seen from there, the file and its prior stand at minus them
     start = -np.array([shift.get(key, 0.0) for key in told.keys])
     spreads = _spreads(
@@ -321,7 +321,7 @@ def _declared(
     # trims were told by the slow balance: here they are free within their doubt alone
     known = {key: n.later_sd for key, n in before.items() if key in TRIMS}
     now = dataclasses.replace(
-        calibrated(model, {k: n.value for k, n in before.items()}),
+        with_corrections(model, {k: n.value for k, n in before.items()}),
         prior_sds={**model.prior_sds, **known},
     )
     system = build(flights, now, [])

@@ -24,7 +24,7 @@ from ges.diagnose.decide.rules import (
 from ges.diagnose.design.system import System, build, variant_of
 from ges.diagnose.detectors.loads import likely_load, sharpened
 from ges.diagnose.estimate.fit import Fitted, fitted_model, free_parameters, polish, starting_values
-from ges.diagnose.estimate.shoot import shot
+from ges.diagnose.estimate.shoot import with_rollout_path
 from ges.diagnose.library.available import candidates_of
 from ges.diagnose.library.candidates import (
     Candidate,
@@ -327,7 +327,11 @@ def _best_forms_in_wind(
         for rival in sorted((family_of(name) & listed) - set(fitted.effects)):
             tried = _in_place_of(fitted, name, rival, system)
             # costs are -2 log posterior under one noise; each row counts as in the evidence
-            gain = 0.5 * settings.evidence.tempering * (fitted.apart.cost - tried.apart.cost)
+            gain = (
+                0.5
+                * settings.evidence.tempering
+                * (fitted.joint_free_moments.cost - tried.joint_free_moments.cost)
+            )
             because = f"log odds {gain:.3g} over {name}, both in full where the air moves"
             passed = gain > least and significant(tried, rival).passed
             record.note(rival, Decision(rule, passed, because, gain, least))
@@ -356,7 +360,7 @@ def _in_place_of(fitted: Fitted, name: str, rival: str, system: System) -> Fitte
         *((rival, a.parameter) for a in amplitudes),
         *((rival, p) for p in known.shapes if known.parameter(p).fitted),
     ]
-    return polish(system, values, free, held=fitted.regression.noise)
+    return polish(system, values, free, fixed_noise=fitted.regression.noise)
 
 
 def shot_fit(accepted: Accepted) -> Accepted:
@@ -371,7 +375,7 @@ def shot_fit(accepted: Accepted) -> Accepted:
         return accepted
     # along its own path a push of turbulence no longer moves the velocity that drag is held against
     model = fitted_model(system.model, fitted)
-    flights = [shot(flight, model) for flight in system.recordings]
+    flights = [with_rollout_path(flight, model) for flight in system.recordings]
     polished = polish(system, fitted.effects, fitted.free, flights)
     return dataclasses.replace(accepted, fitted=polished)
 

@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import System, nuisance_of
-from ges.diagnose.estimate.fit import Joint
+from ges.diagnose.estimate.fit import JointFit
 from ges.diagnose.select.evidence import rms_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import SPEED, Model
@@ -65,7 +65,7 @@ class Contradicted:
         )
 
 
-def contradicted(joint: Joint, system: System, but: Collection[str] = ()) -> list[Contradicted]:
+def contradicted(joint: JointFit, system: System, but: Collection[str] = ()) -> list[Contradicted]:
     """Declared numbers, and trims that the file was calibrated with, that a fit moves beyond
     doubt, and by more than what no model is right to, the farthest first.
 

@@ -13,8 +13,8 @@ from ges.diagnose.decide.unknown import left_over
 from ges.diagnose.decide.withdraw import Explanation, answer_of
 from ges.diagnose.design.system import build
 from ges.diagnose.design.whiten import estimate
-from ges.diagnose.estimate.contributions import contributions_of, size_of
-from ges.diagnose.estimate.fit import Fitted, free_first, joint_fit, pinned
+from ges.diagnose.estimate.contributions import contributions_of, size_of_contribution
+from ges.diagnose.estimate.fit import Fitted, free_columns, joint_fit, pinned_priors
 from ges.diagnose.library.candidates import Variant, amplitude_of
 from ges.diagnose.locate.laws import (
     SparseForm,
@@ -44,7 +44,7 @@ class FittedLaw:
     coefficients, sd : by term.
     r2 : share of what the names leave that it predicts of blocks of time it was not fitted to.
     structure : what was left in the channel, and in which regime.
-    size : of :func:`~ges.diagnose.estimate.contributions.size_of`.
+    size : of :func:`~ges.diagnose.estimate.contributions.size_of_contribution`.
     """
 
     channel: str
@@ -196,14 +196,14 @@ def _beside(
     asked = build(flights, known, variants, start.system)
     exogenous = tuple(dataclasses.replace(rows, endogenous={}) for rows in asked.flights)
     asked = dataclasses.replace(asked, flights=exogenous)
-    held, chosen = pinned(joint), free_first(asked)
+    held, chosen = pinned_priors(joint), free_columns(asked)
     regression = whitened(asked, estimate(asked, chosen))
     prior_sd = regression.prior.sd[chosen]
     found = joint_fit(regression, chosen, np.zeros(len(chosen)), prior_sd, held)
     law |= {t.key: law[t.key] + float(c) for t, c in zip(terms, found.chosen, strict=True)}
     # trims follow, as they do beside names
     there = make_regression(build(flights, known.with_effects({LAW: law}), (), start.system))
-    beside = joint_fit(there, (), held=held)
+    beside = joint_fit(there, (), nuisance_priors=held)
     # a pin is no knowledge: what was pinned keeps the doubt of the names' own fit
     sds = {**beside.common_sd, **{key: joint.common_sd[key] for key in held}}
     beside = dataclasses.replace(beside, common_sd=sds)
@@ -212,7 +212,7 @@ def _beside(
         before.free if before else (),
         before.covariance if before else np.zeros((0, 0)),
         beside,
-        before.apart if before else beside,
+        before.joint_free_moments if before else beside,
         there,
     )
     return fitted, dict(zip(terms, np.sqrt(np.diag(found.covariance)), strict=True))
@@ -231,4 +231,4 @@ def _size(channel: str, fitted: Fitted, answer: Explanation) -> dict[str, Any]:
     system, kinds = fitted.regression.system, RESPONSES[block_of(channel)]
     shown = [block_of(name) in kinds for name in system.main]
     added = _added(channel, fitted, answer)
-    return size_of([np.where(shown, a, np.nan) for a in added], system)
+    return size_of_contribution([np.where(shown, a, np.nan) for a in added], system)

@@ -13,8 +13,8 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from ges.diagnose.decide.accept import Accepted, without
-from ges.diagnose.estimate.contributions import contributions, size_of
-from ges.diagnose.estimate.fit import Fitted, free_first, wide
+from ges.diagnose.estimate.contributions import contributions, size_of_contribution
+from ges.diagnose.estimate.fit import Fitted, free_columns, wide_sds
 from ges.diagnose.library.candidates import amplitude_of, has_prerequisite
 from ges.diagnose.select.evidence import Gram, Posterior, Prior, flight_grams, posterior
 from ges.diagnose.settings import settings
@@ -70,7 +70,7 @@ class _LinearFit:
 
     def __init__(self, fitted: Fitted, dropped: Collection[str]) -> None:
         self.system, regression = fitted.regression.system, fitted.regression
-        columns, chosen = self.system.columns, free_first(self.system)
+        columns, chosen = self.system.columns, free_columns(self.system)
         freed = {columns[k].key for k in chosen}
         # columns are linear about the fit, where neutral is the neutral less the fitted value
         self.held = {
@@ -87,7 +87,7 @@ class _LinearFit:
         ]
         self.columns = [*kept, *common]
         mean, sd = np.zeros(len(columns)), regression.prior.sd.copy()
-        mean[common], sd[chosen] = regression.prior.mean[common], wide(regression, chosen)
+        mean[common], sd[chosen] = regression.prior.mean[common], wide_sds(regression, chosen)
         endless = np.full(len(columns), np.inf)
         self.prior = Prior(mean, sd, -endless, endless)
 
@@ -125,7 +125,10 @@ def drop_unpredictive(accepted: Accepted, record: Record) -> Accepted:
     while (fitted := accepted.fitted) is not None:
         system = accepted.regression.system
         added = contributions(fitted, accepted.names, system.model)
-        worst = {n: _worst(fitted, n, size_of(a, system)["channel"]) for n, a in added.items()}
+        worst = {
+            n: _worst(fitted, n, size_of_contribution(a, system)["channel"])
+            for n, a in added.items()
+        }
         least = -settings.statistics.certain_log_odds
         for name, gain in worst.items():
             against = f"a flight left out of its fit is off by more with it, log odds {gain:.3g}"

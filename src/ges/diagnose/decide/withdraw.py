@@ -22,7 +22,7 @@ from ges.diagnose.decide.unknown import left_over
 from ges.diagnose.design.system import System
 from ges.diagnose.detectors.gusts import HANGING, PUSHED, WIND, Gusts, gusts_of, may_lean
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
-from ges.diagnose.estimate.contributions import contributions, size_of
+from ges.diagnose.estimate.contributions import contributions, size_of_contribution
 from ges.diagnose.estimate.fit import Fitted, fitted_model
 from ges.diagnose.locate.stages import Stage, Start, make_stage
 from ges.diagnose.locate.structure import Structure
@@ -128,7 +128,7 @@ def _not_of_a_form(
     if thrust is None:
         return answer
     for name, by in answer.added.items():
-        if thrust.is_form_error(name, size_of(by, start.system)):
+        if thrust.is_form_error(name, size_of_contribution(by, start.system)):
             because = "the form of the thrust curve that is needed may be wrong by as much"
             record.note(name, Decision("not_form_of_unmeasured_thrust", False, because))
             accepted = without(accepted, name)
@@ -177,8 +177,14 @@ def with_open_modelled(
 
 
 def practically_significant(name: str, size: Mapping, model: Model, record: Record) -> bool:
-    """Whether a finding's size, as :func:`~ges.diagnose.estimate.contributions.size_of` has it, is
-    more than what no model is right to.
+    """Decide whether a finding is above the practical significance threshold of its channel.
+
+    Parameters
+    ----------
+    name : of the finding.
+    size : of :func:`~ges.diagnose.estimate.contributions.size_of_contribution`.
+    model : for the reference scale of the channel.
+    record : gets the decision.
     """
     channel, share = size["channel"], size["share_of_weight"]
     least = least_size(name, channel, model) / model.reference_scale(channel) if channel else None

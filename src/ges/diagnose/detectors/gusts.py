@@ -21,7 +21,7 @@ from scipy.special import fdtrc
 from ges.conventions import SDS_95
 from ges.diagnose.design.residual import motion_of
 from ges.diagnose.design.system import FlightRows, System, build
-from ges.diagnose.estimate.fit import Fitted, Joint, raw_residuals
+from ges.diagnose.estimate.fit import Fitted, JointFit, raw_residuals
 from ges.diagnose.library.candidates import Variant, amplitude_of, has_prerequisite
 from ges.diagnose.prepare.channels import FORCE
 from ges.diagnose.select.stated import stated
@@ -154,7 +154,7 @@ def heard_by(effects: effect_table.Effects) -> bool:
 
 
 def gusts_of(
-    system: System, joint: Joint, known: Mapping[str, float] | None = None
+    system: System, joint: JointFit, known: Mapping[str, float] | None = None
 ) -> Gusts | None:
     """Gusts in what a fit leaves; None where no drag is on, nothing scatters as they do, or no more
     than those that are ``known`` (parameters of the effect).
@@ -193,7 +193,7 @@ class _ForceWindows:
     push: np.ndarray
 
 
-def _force_windows(system: System, joint: Joint) -> list[_ForceWindows]:
+def _force_windows(system: System, joint: JointFit) -> list[_ForceWindows]:
     """Of the flights that tell anything."""
     east_and_north = Variant("wind", {}, tuple(amplitude_of("wind", p) for p in AXES))
     blown = build(system.recordings, system.model, [east_and_north], system)

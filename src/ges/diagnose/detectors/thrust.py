@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ges.diagnose.design.system import System, nuisance_of
-from ges.diagnose.estimate.fit import Joint, within_bounds
+from ges.diagnose.estimate.fit import JointFit, within_bounds
 from ges.diagnose.library.requirements import lacking
 from ges.diagnose.select.evidence import rms_of
 from ges.diagnose.settings import settings
@@ -140,7 +140,7 @@ class UnmeasuredThrust:
         return {"battery_sag": sags, "thrust_scale": {"scale": scale}}
 
 
-def unmeasured_thrust(joint: Joint, system: System) -> UnmeasuredThrust | None:
+def unmeasured_thrust(joint: JointFit, system: System) -> UnmeasuredThrust | None:
     """The excess that is left beside all that was accepted, where it is far and nothing was logged
     to tell its cause; else None.
 

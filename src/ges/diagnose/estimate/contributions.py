@@ -1,4 +1,4 @@
-"""What fitted effects add on the flights, and how large that is."""
+"""Contribution of fitted effects to the flights, and its size."""
 
 from __future__ import annotations
 
@@ -18,51 +18,74 @@ from ges.diagnose.types.words import size_unit
 from ges.simulator import effects as effect_table
 
 
-def size_of(added: Sequence[np.ndarray], system: System) -> dict[str, Any]:
-    """Rms of what one effect adds where it weighs most; what force and accelerometer show of one
-    push differs by rounding alone, and the first is told.
+def size_of_contribution(contribution: Sequence[np.ndarray], system: System) -> dict[str, Any]:
+    """Return the rms of an effect's contribution in the channel where it is largest.
 
     Parameters
     ----------
-    added : by flight, (m, C) of :func:`contributions`, in the channels' units.
+    contribution : by flight, (m, C) of :func:`contributions`, in the channels' units.
+    system : of the flights.
 
     Returns
     -------
-    ``value`` in ``unit``, ``share_of_weight`` of the channel's whole, and ``channel``, '' where the
-    effect shows nowhere.
+    ``value`` in ``unit``, ``share_of_weight`` (of the channel's reference scale), and ``channel``;
+    '' where the effect shows nowhere.
+
+    Notes
+    -----
+    Force and accelerometer show one push alike but for rounding; the first is named.
     """
     more = 1.0 + settings.numerics.small
     best: dict[str, Any] = {"value": 0.0, "unit": "N", "share_of_weight": 0.0, "channel": ""}
     for c, channel in enumerate(system.main):
-        unit, whole = size_unit(channel), system.model.reference_scale(channel)
-        values = np.concatenate([a[:, c] for a in added])
+        unit, scale = size_unit(channel), system.model.reference_scale(channel)
+        values = np.concatenate([a[:, c] for a in contribution])
         values = values[np.isfinite(values)]
         rms = float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
-        if rms / whole > more * best["share_of_weight"]:
-            best = {"value": rms, "unit": unit, "share_of_weight": rms / whole, "channel": channel}
+        if rms / scale > more * best["share_of_weight"]:
+            best = {"value": rms, "unit": unit, "share_of_weight": rms / scale, "channel": channel}
     return best
 
 
 def contributions(
-    fitted: Fitted | None, names: Collection[str], declared: Model
+    fitted: Fitted | None, names: Collection[str], nominal: Model
 ) -> dict[str, list[np.ndarray]]:
-    """What fitted effects add on the flights to what the ``declared`` model has of them, by name
-    and flight, (m, C), in the channels' units.
+    """Return what fitted effects add to the nominal model.
+
+    Parameters
+    ----------
+    fitted : the fit; None gives nothing.
+    names : of the effects.
+    nominal : the model to compare with.
+
+    Returns
+    -------
+    By name and flight, (m, C) in the channels' units.
     """
     if fitted is None:
         return {}
     system = fitted.regression.system
-    return {n: contributions_of(system.model.effects, n, system, declared) for n in names}
+    return {n: contributions_of(system.model.effects, n, system, nominal) for n in names}
 
 
 def contributions_of(
-    effects: effect_table.Effects, name: str, system: System, declared: Model
+    effects: effect_table.Effects, name: str, system: System, nominal: Model
 ) -> list[np.ndarray]:
-    """What one of the ``effects`` adds to what the ``declared`` model has of it, (m, C) by flight,
-    in the channels' units.
+    """Return what one effect adds to the nominal model.
+
+    Parameters
+    ----------
+    effects : all that are on.
+    name : of the effect.
+    system : of the flights.
+    nominal : the model to compare with.
+
+    Returns
+    -------
+    By flight, (m, C) in the channels' units.
     """
     bare = {k: v for k, v in effects.items() if k != name}
-    bare |= {name: declared.effects[name]} if name in declared.effects else {}
+    bare |= {name: nominal.effects[name]} if name in nominal.effects else {}
     model = dataclasses.replace(system.model, effects=effects)
     return [_added(rows, bare, model, system.main) for rows in system.flights]
 
@@ -70,13 +93,15 @@ def contributions_of(
 def _added(
     rows: FlightRows, effects: effect_table.Effects, model: Model, names: tuple[str, ...]
 ) -> np.ndarray:
-    """Residual with these effects alone less residual with the model's, (m, C); NaN where a channel
-    is absent.
+    """Residual with these effects less residual with the model's, (m, C); NaN where a channel is
+    absent.
     """
     bare = dataclasses.replace(model, effects=effects)
     here = channels(rows.flight, model)
     out = np.full((len(rows.windows), len(names)), np.nan)
     # residual is recorded less model: what an effect adds to the model it takes from the residual
-    without, having = (residual(rows.flight, rows.windows, m, here) for m in (bare, model))
-    out[:, [names.index(n) for n in here]] = without - having
+    without_effects, with_effects = (
+        residual(rows.flight, rows.windows, m, here) for m in (bare, model)
+    )
+    out[:, [names.index(n) for n in here]] = without_effects - with_effects
     return np.where(np.isfinite(rows.y[:, : len(names)]), out, np.nan)

@@ -1,5 +1,7 @@
-"""Joint least squares with priors: nuisances common and by flight, and the chosen effects;
-intervals by blocks of time.
+"""Joint least squares with priors: chosen effects, and nuisances common to all flights and by
+flight.
+
+Intervals are by blocks of time.
 """
 
 from __future__ import annotations
@@ -32,15 +34,23 @@ from ges.simulator import effects as effect_table
 
 
 @dataclasses.dataclass(frozen=True)
-class Joint:
-    """Coefficients of one fit: chosen columns, common nuisances as corrections of the vehicle file,
-    nuisances by flight; covariance of the chosen, by blocks and by priors, and as independent rows
-    would have it; and the cost, -2 log posterior but for a constant, which is the least.
+class JointFit:
+    """Coefficients of one fit.
+
+    Attributes
+    ----------
+    chosen : (k,) coefficients of the chosen columns.
+    covariance : (k, k) of them, widened for the scatter between blocks of time.
+    row_covariance : (k, k) as if rows were independent.
+    cost : -2 log posterior at its minimum, but for a constant.
+    common : common nuisances by key, as corrections of the vehicle file.
+    common_sd : their standard deviations.
+    by_flight : nuisances of each flight by key.
     """
 
     chosen: np.ndarray
     covariance: np.ndarray
-    by_rows: np.ndarray
+    row_covariance: np.ndarray
     cost: float
     common: Mapping[str, float]
     common_sd: Mapping[str, float]
@@ -52,24 +62,30 @@ def joint_fit(
     chosen: Indices,
     prior_mean: np.ndarray | None = None,
     prior_sd: np.ndarray | None = None,
-    held: Mapping[str, tuple[float, float]] = MappingProxyType({}),
-) -> Joint:
-    """Fit chosen columns and all nuisances at once, but for those whose number a chosen column
-    frees; common nuisances within the bounds of what the library flies.
+    nuisance_priors: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+) -> JointFit:
+    """Fit chosen columns and all nuisances at once.
 
     Parameters
     ----------
-    chosen : columns of the system.
+    regression : whitened rows and priors.
+    chosen : columns of the system. The nuisance of a number that one of them frees is left out.
     prior_mean, prior_sd : (k,) prior of the chosen coefficients; the regression's, wide, where not
         given.
-    held : prior mean and sd of common nuisances by key, as corrections of the vehicle file; those
-        of the file where not given.
+    nuisance_priors : prior mean and sd of common nuisances by key, as corrections of the vehicle
+        file. Those of the file where not given.
+
+    Notes
+    -----
+    Common nuisances stay within the bounds of the library's parameters.
     """
     columns, chosen = regression.system.columns, np.asarray(chosen, dtype=int)
     freed = {columns[k].key for k in chosen}
-    known = {int(k): nuisance_of(columns[k]) for k in regression.nuisance}
-    common = np.array([k for k, n in known.items() if n.sd > 0 and n.key not in freed], dtype=int)
-    varies = np.array([k for k, n in known.items() if n.flight_sd > 0], dtype=int)
+    nuisances = {int(k): nuisance_of(columns[k]) for k in regression.nuisance}
+    common = np.array(
+        [k for k, n in nuisances.items() if n.sd > 0 and n.key not in freed], dtype=int
+    )
+    varies = np.array([k for k, n in nuisances.items() if n.flight_sd > 0], dtype=int)
     # unknowns in a row: the chosen, the common nuisances, then each flight's own, flight by flight
     sizes = (len(chosen), len(common), len(varies))
     start = np.cumsum((0, *sizes[:2]))
@@ -79,15 +95,18 @@ def joint_fit(
     wide_sd = settings.numerics.wide_factor * regression.prior.sd[chosen]
     precision[: sizes[0]] = 1.0 / (wide_sd if prior_sd is None else prior_sd) ** 2
     # corrections count from the vehicle file, coefficients from where its numbers were moved to
-    moved, names = regression.system.model.corrections, [known[k].key for k in common]
-    start_at = np.array([moved.get(name, 0.0) for name in names])
+    corrections, names = regression.system.model.corrections, [nuisances[k].key for k in common]
+    start_at = np.array([corrections.get(name, 0.0) for name in names])
     for i, (k, name) in enumerate(zip(common, names, strict=True), start[1]):
-        mean[i], sd = known[k].mean, known[k].sd
-        if name in held:
-            mean[i], sd = held[name][0] - start_at[i - start[1]], held[name][1]
+        mean[i], sd = nuisances[k].mean, nuisances[k].sd
+        if name in nuisance_priors:
+            mean[i], sd = (
+                nuisance_priors[name][0] - start_at[i - start[1]],
+                nuisance_priors[name][1],
+            )
         precision[i] = 1.0 / sd**2
     precision[start[2] :] = np.tile(
-        [1.0 / known[k].flight_sd ** 2 for k in varies], len(regression.whites)
+        [1.0 / nuisances[k].flight_sd ** 2 for k in varies], len(regression.whites)
     )
     places = [
         np.r_[np.arange(start[2]), start[2] + f * sizes[2] + np.arange(sizes[2])]
@@ -107,18 +126,19 @@ def joint_fit(
     # only common numbers are bounded; most fits stay inside, and only others pay for a search
     room = np.full((total, 2), [-math.inf, math.inf])
     for i, k in enumerate(common, start[1]):
-        room[i] = correction_bounds(known[k].key, regression.system.model)
+        room[i] = correction_bounds(nuisances[k].key, regression.system.model)
     if np.any((beta < room[:, 0]) | (beta > room[:, 1])):
-        beta = _bounded(xx, xy, unit, room)
-    by_rows = inverse[: sizes[0], : sizes[0]]
+        beta = _bounded_solution(xx, xy, unit, room)
+    row_covariance = inverse[: sizes[0], : sizes[0]]
     covariance = (
-        np.maximum(1.0, _inflation(regression, kept, places, beta, inverse, sizes[0])) * by_rows
+        np.maximum(1.0, _inflation(regression, kept, places, beta, inverse, sizes[0]))
+        * row_covariance
     )
-    flight_names = [known[k].key for k in varies]
-    return Joint(
+    flight_names = [nuisances[k].key for k in varies]
+    return JointFit(
         beta[: sizes[0]],
         covariance,
-        by_rows,
+        row_covariance,
         # |y - x beta|^2 and the priors' share, also where a bound holds beta off the optimum
         yy - float((2.0 * xy - xx @ beta) @ beta),
         dict(zip(names, start_at + beta[start[1] : start[2]], strict=True)),
@@ -127,8 +147,10 @@ def joint_fit(
     )
 
 
-def _bounded(xx: np.ndarray, xy: np.ndarray, unit: np.ndarray, room: np.ndarray) -> np.ndarray:
-    """Coefficients (n,) that solve normal equations best within bounds.
+def _bounded_solution(
+    xx: np.ndarray, xy: np.ndarray, unit: np.ndarray, room: np.ndarray
+) -> np.ndarray:
+    """Solve normal equations within bounds.
 
     Parameters
     ----------
@@ -140,13 +162,13 @@ def _bounded(xx: np.ndarray, xy: np.ndarray, unit: np.ndarray, room: np.ndarray)
     size, axes = np.linalg.eigh(xx * np.outer(unit, unit))
     kept = size > len(size) * np.finfo(float).eps * size[-1]
     root = np.sqrt(size[kept])
-    found = lsq_linear(
+    solution = lsq_linear(
         root[:, None] * axes[:, kept].T,
         axes[:, kept].T @ (xy * unit) / root,
         bounds=room.T / unit,
         method="bvls",
     )
-    return np.clip(found.x * unit, *room.T)
+    return np.clip(solution.x * unit, *room.T)
 
 
 def _inflation(
@@ -157,8 +179,8 @@ def _inflation(
     inverse: np.ndarray,
     count: int,
 ) -> np.ndarray:
-    """Factor by which blocks of time scatter more than independent rows would (sandwich over
-    blocks), (k, k).
+    """Factor (k, k) by which blocks of time scatter more than independent rows: a sandwich over
+    blocks.
     """
     if not count:
         return np.ones((0, 0))
@@ -174,7 +196,7 @@ def _inflation(
 
 
 def _scores(white: White, kept: np.ndarray, beta: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """By block of time of one flight, what its residuals push the kept coefficients to, (b, k)."""
+    """Scores of the kept coefficients by block of time of one flight, (b, k)."""
     number = np.unique(block, return_inverse=True)[1]
     scores = np.zeros((number.max(initial=-1) + 1, len(kept)))
     for part in white.parts:
@@ -190,67 +212,95 @@ def _scores(white: White, kept: np.ndarray, beta: np.ndarray, block: np.ndarray)
 
 @dataclasses.dataclass(frozen=True)
 class Fitted:
-    """Parameters of the accepted effects with covariance, and what the nuisances came to: ``joint``
-    as a vehicle flies with them, ``apart`` where small moments have coefficients of their own.
+    """Fitted parameters of the accepted effects.
+
+    Attributes
+    ----------
+    effects : all parameters by effect.
+    free : effect and parameter of the k that were fitted.
+    covariance : (k, k) of them.
+    joint : the fit as a vehicle flies it, with the levers of its file.
+    joint_free_moments : the fit in which small moments have coefficients of their own.
+    regression : the rows at the last linearisation.
     """
 
     effects: effect_table.Effects
     free: tuple[tuple[str, str], ...]
     covariance: np.ndarray
-    joint: Joint
-    apart: Joint
+    joint: JointFit
+    joint_free_moments: JointFit
     regression: Regression
 
     def sd(self, effect: str, parameter: str) -> float:
-        """Standard deviation of one fitted parameter; the size of a physical effect is no better
-        known than its form.
+        """Return the standard deviation of a fitted parameter.
+
+        Parameters
+        ----------
+        effect, parameter : names of both.
+
+        Notes
+        -----
+        It includes the form error: the size of a physical effect is no better known than its form.
         """
         i = self.free.index((effect, parameter))
         return math.hypot(math.sqrt(self.covariance[i, i]), self._form_error(effect, parameter))
 
     def sds_from_neutral(self, effect: str, parameter: str) -> float:
-        """Distance of an amplitude from neutral in its sd, the effect's shape held: how certain it
-        is that something acts.
+        """Return the distance of an amplitude from neutral in its sd, given the effect's shape.
 
-        A wind and the drag that it acts through are held for each other: slow flights tell their
-        product well and neither alone. Of a declared number, as it is with what is plausible of it:
-        twice the inertia give or take a third is no finding.
+        Parameters
+        ----------
+        effect, parameter : names of both.
+
+        Notes
+        -----
+        A wind and the drag that it acts through are given for each other: slow flights determine
+        their product alone. A correction of a nominal parameter is also shrunk by what is
+        plausible. Twice the inertia give or take a third is no finding.
         """
         i = self.free.index((effect, parameter))
-        held = [
+        given = [
             k
             for k, (e, p) in enumerate(self.free)
-            if (e == effect and p in effect_table.get(effect).shapes) or _blown(e, effect)
+            if (e == effect and p in effect_table.get(effect).shapes)
+            or _wind_and_its_drag(e, effect)
         ]
         # Schur complement: the variance of a normal given what is held
-        tied = self.covariance[i, held]
+        cross = self.covariance[i, given]
         own = (
             self.covariance[i, i]
-            - tied @ np.linalg.pinv(self.covariance[np.ix_(held, held)], hermitian=True) @ tied
+            - cross @ np.linalg.pinv(self.covariance[np.ix_(given, given)], hermitian=True) @ cross
         )
         away = self.effects[effect][parameter] - amplitude_of(effect, parameter).neutral
         sd = math.hypot(math.sqrt(max(own, 0.0)), self._form_error(effect, parameter))
         # posterior mean over posterior sd under N(neutral, plausible^2), which shrinks both
-        known = effect_table.get(effect).parameter(parameter)
-        plausible = known.plausible if known.corrects and known.plausible else math.inf
+        descriptor = effect_table.get(effect).parameter(parameter)
+        plausible = (
+            descriptor.plausible if descriptor.corrects and descriptor.plausible else math.inf
+        )
         return abs(away) / (sd * math.hypot(1.0, sd / plausible))
 
     def _form_error(self, effect: str, parameter: str) -> float:
         """Sd of a parameter that is due to the form of its effect."""
-        known = effect_table.get(effect)
-        if known.about != "physics" or parameter in known.shapes:
+        descriptor = effect_table.get(effect)
+        if descriptor.about != "physics" or parameter in descriptor.shapes:
             return 0.0
         return settings.estimate.form_error * abs(
             self.effects[effect][parameter] - amplitude_of(effect, parameter).neutral
         )
 
     def correlation(self, a: tuple[str, str], b: tuple[str, str]) -> float:
-        """Correlation of two fitted parameters."""
+        """Return the correlation of two fitted parameters.
+
+        Parameters
+        ----------
+        a, b : effect and parameter of each.
+        """
         i, j = self.free.index(a), self.free.index(b)
         return float(self.covariance[i, j] / np.sqrt(self.covariance[i, i] * self.covariance[j, j]))
 
 
-def _blown(one: str, other: str) -> bool:
+def _wind_and_its_drag(one: str, other: str) -> bool:
     """Whether one is a wind and the other a drag that it acts through."""
     pair = (effect_table.get(one), effect_table.get(other))
     return any(e.moves_air for e in pair) and (
@@ -259,9 +309,24 @@ def _blown(one: str, other: str) -> bool:
 
 
 def starting_values(regression: Regression, hypothesis: Hypothesis) -> dict[str, dict[str, float]]:
-    """Parameters of every accepted effect as the linear search left them."""
-    found: dict[str, dict[str, float]] = {}
-    carriers: dict[tuple[str, str], effect_table.Effects] = {}
+    """Return the parameters of a hypothesis as the linear search left them.
+
+    Parameters
+    ----------
+    regression : of the search.
+    hypothesis : with its posterior.
+
+    Returns
+    -------
+    All parameters by effect.
+
+    Notes
+    -----
+    The column of an effect with prerequisites was computed at their usual size. Only the product of
+    both is known, so the coefficient is scaled to the sizes that were found.
+    """
+    values: dict[str, dict[str, float]] = {}
+    given: dict[tuple[str, str], effect_table.Effects] = {}
     for k, value in zip(hypothesis.posterior.columns, hypothesis.posterior.mean, strict=True):
         column = regression.system.columns[k]
         if column.part == "moment":
@@ -271,87 +336,102 @@ def starting_values(regression: Regression, hypothesis: Hypothesis) -> dict[str,
         # what clips is not linear in its level: the one whose column was chosen, no multiple of it
         clips = "clips" in effect_table.get(variant.effect).hints
         value = a.level if clips else value
-        declared = regression.system.model.effects.get(variant.effect, {})
-        held = found.get(variant.effect) or {**variant.parameters({}), **declared}
-        found[variant.effect] = {
-            **held,
-            a.parameter: float(np.clip(held[a.parameter] + value, a.low, a.high)),
+        nominal = regression.system.model.effects.get(variant.effect, {})
+        current = values.get(variant.effect) or {**variant.parameters({}), **nominal}
+        values[variant.effect] = {
+            **current,
+            a.parameter: float(np.clip(current[a.parameter] + value, a.low, a.high)),
         }
         # its column was made beside a carrier of usual size: the flights know the product of both
-        carriers |= {(variant.effect, a.parameter): variant.given} if variant.given else {}
-    for (effect, parameter), beside in carriers.items():
-        found[effect][parameter] *= _through(found, beside)
-    return found
+        given |= {(variant.effect, a.parameter): variant.given} if variant.given else {}
+    for (effect, parameter), usual in given.items():
+        values[effect][parameter] *= _usual_over_fitted(values, usual)
+    return values
 
 
-def _through(found: dict[str, dict[str, float]], beside: effect_table.Effects) -> float:
-    """Usual size of what an effect acts through over the size that was found, which is raised to a
-    part of the usual one.
+def _usual_over_fitted(values: dict[str, dict[str, float]], usual: effect_table.Effects) -> float:
+    """Usual size of the prerequisites over their size in ``values``.
+
+    The latter is raised to a part of the usual one first.
     """
     share, least = 1.0, settings.statistics.large_part
-    for carrier, usual in beside.items():
-        for parameter, value in usual.items():
-            if carrier in found:
-                found[carrier][parameter] = max(found[carrier][parameter], least * value)
-                share *= value / found[carrier][parameter]
+    for prerequisite, sizes in usual.items():
+        for parameter, value in sizes.items():
+            if prerequisite in values:
+                values[prerequisite][parameter] = max(
+                    values[prerequisite][parameter], least * value
+                )
+                share *= value / values[prerequisite][parameter]
     return share
 
 
 def free_parameters(
     regression: Regression, hypothesis: Hypothesis, model: Model, values: effect_table.Effects
 ) -> list[tuple[str, str]]:
-    """Amplitudes of the hypothesis, all axes of its vectors, and those shapes that its variants try
-    and the data may move.
+    """Return the parameters that a fit moves.
+
+    Parameters
+    ----------
+    regression : of the search.
+    hypothesis : that was accepted.
+    model : of the vehicle.
+    values : parameters by effect to start from.
+
+    Returns
+    -------
+    Effect and parameter: amplitudes of the hypothesis, all axes of its vectors, and shapes that the
+    data may move.
     """
-    found = []
+    free = []
     for k in hypothesis.posterior.columns:
         column = regression.system.columns[k]
         if column.part == "moment":
             continue
         variant = variant_of(column)
-        found.append((variant.effect, variant.amplitudes[column.amplitude].parameter))
-    chosen = list(dict.fromkeys(e for e, _ in found))
+        free.append((variant.effect, variant.amplitudes[column.amplitude].parameter))
+    chosen = list(dict.fromkeys(e for e, _ in free))
     vectors = {e: [p.name for p in effect_table.get(e).parameters if p.whole] for e in chosen}
-    found = [f for f in found if not vectors[f[0]]]
-    found += [(e, axis) for e, axes in vectors.items() for axis in axes]
-    return found + [
+    free = [f for f in free if not vectors[f[0]]]
+    free += [(e, axis) for e, axes in vectors.items() for axis in axes]
+    return free + [
         (effect, p.name)
         for effect in chosen
         for p in effect_table.get(effect).parameters
-        if p.fitted and not _is_held(p, values[effect], model)
+        if p.fitted and not _is_fixed(p, values[effect], model)
     ]
 
 
-def _is_held(p: effect_table.Parameter, values: Mapping[str, float], model: Model) -> bool:
-    """Whether a shape does nothing in the variant of these values, or is declared as known."""
+def _is_fixed(p: effect_table.Parameter, values: Mapping[str, float], model: Model) -> bool:
+    """Whether a shape has no influence at these values, or is exactly known."""
     if p.corrects and model.plane_sd_m <= 0.0:
         return True
     return p.acts_above is not None and values[p.acts_above[0]] <= p.acts_above[1]
 
 
-def _prior(
+def _deviation_prior(
     name: tuple[str, str], values: effect_table.Effects, model: Model
 ) -> tuple[float, float]:
-    """Mean and sd of a free parameter's deviation from its present value; a place moves little in
-    one round.
+    """Mean and sd of a free parameter's deviation from its present value.
+
+    A place moves little in one round.
     """
     value, reach = values[name[0]][name[1]], reach_of(name, values, model)
     if reach:
         return 0.0, reach
-    known = effect_table.get(name[0]).parameter(name[1])
+    descriptor = effect_table.get(name[0]).parameter(name[1])
     # what corrects a declared number is pulled back to no correction, -value from here
-    if known.fitted and known.corrects:
+    if descriptor.fitted and descriptor.corrects:
         return -value, model.plane_sd_m
-    return (known.usual - value, known.usual_sd) if known.usual_sd else (0.0, math.inf)
+    return (
+        (descriptor.usual - value, descriptor.usual_sd) if descriptor.usual_sd else (0.0, math.inf)
+    )
 
 
-def _moves(name: tuple[str, str], values: effect_table.Effects, model: Model) -> Amplitude:
-    """A free parameter about its present value, with the step of its column; a place moves by a
-    part of what it acts over.
-    """
+def _free_amplitude(name: tuple[str, str], values: effect_table.Effects, model: Model) -> Amplitude:
+    """A free parameter about its present value, with the step of its column."""
     a, reach = amplitude_of(*name), reach_of(name, values, model)
     step = settings.library.step_share * reach if reach else a.step
-    return _small(dataclasses.replace(a, step=step), values[name[0]][name[1]])
+    return _with_inner_step(dataclasses.replace(a, step=step), values[name[0]][name[1]])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -362,17 +442,17 @@ class _Point:
     free: tuple[tuple[str, str], ...]
     regression: Regression
     chosen: list[int]
-    joint: Joint
+    joint: JointFit
 
     @functools.cached_property
     def cost(self) -> float:
-        """-2 log posterior of these values, all else where it is best beside them."""
+        """-2 log posterior at these values, with all nuisances at their optimum."""
         # the joint cost is that of the full step; standing still costs its quadratic form more,
         # with the inverse marginal covariance as the Hessian in which all else is at its best
         k = len(self.free)
         steps = self.joint.chosen[:k]
         return self.joint.cost + float(
-            steps @ np.linalg.pinv(self.joint.by_rows[:k, :k], hermitian=True) @ steps
+            steps @ np.linalg.pinv(self.joint.row_covariance[:k, :k], hermitian=True) @ steps
         )
 
     @property
@@ -380,36 +460,32 @@ class _Point:
         """Of the free parameters, (k, k)."""
         return self.joint.covariance[: len(self.free), : len(self.free)]
 
-    def numbers(self) -> np.ndarray:
+    def free_values(self) -> np.ndarray:
         """The free parameters, (k,)."""
         return np.array([self.values[e][p] for e, p in self.free])
 
-    def values_at(self, numbers: np.ndarray) -> effect_table.Effects:
+    def values_at(self, free_values: np.ndarray) -> effect_table.Effects:
         """The values with the free parameters at these numbers (k,)."""
         values = {name: dict(v) for name, v in self.values.items()}
-        for (e, p), number in zip(self.free, numbers, strict=True):
+        for (e, p), number in zip(self.free, free_values, strict=True):
             values[e][p] = float(number)
         return values
 
     def sds_to(self, values: effect_table.Effects) -> float:
-        """Distance to other values, of the free parameter that is farthest from its own in
-        its sd.
-        """
-        away = np.array([values[e][p] for e, p in self.free]) - self.numbers()
+        """Largest distance of a free parameter to other values, in its sd."""
+        away = np.array([values[e][p] for e, p in self.free]) - self.free_values()
         return float(np.max(np.abs(away) / np.sqrt(np.diag(self.covariance)), initial=0.0))
 
-    def best(self, model: Model) -> np.ndarray:
-        """The free parameters (k,) that cost least as far as the linearisation holds, within their
-        bounds.
-        """
-        known = [effect_table.get(e).parameter(p) for e, p in self.free]
+    def next_values(self, model: Model) -> np.ndarray:
+        """Free parameters (k,) of least cost under the linearisation, within their bounds."""
+        descriptors = [effect_table.get(e).parameter(p) for e, p in self.free]
         steps = self.joint.chosen[: len(self.free)]
         # all steps by one share, so that the direction stays that of descent
         steps = _share_in_reach(steps, self.free, self.values, model) * steps
-        return _within(
-            self.numbers() + steps,
+        return _mean_within_bounds(
+            self.free_values() + steps,
             self.covariance,
-            np.array([(p.fit_low, p.fit_high) for p in known]).T,
+            np.array([(p.fit_low, p.fit_high) for p in descriptors]).T,
         )
 
 
@@ -418,37 +494,39 @@ def polish(
     values: effect_table.Effects,
     free: Sequence[tuple[str, str]],
     flights: Sequence[Prepared] | None = None,
-    held: NoiseModel | None = None,
+    fixed_noise: NoiseModel | None = None,
 ) -> Fitted:
-    """Gauss-Newton over all free parameters, the compiled effects linearised anew each round; a
-    step that costs more than it saves is halved, and the noise that a far start left is measured
-    again.
+    """Fit all free parameters by Gauss-Newton, with the effects linearised again in each round.
 
     Parameters
     ----------
-    like : system of the same flights, of the model without these effects; its nuisance columns
-        serve again.
+    like : system of the same flights, of the model without these effects; its nuisance columns are
+        reused.
     values, free : parameters of the effects, and which of them are fitted.
     flights : the same flights along another path; the system's own where not given.
-    held : noise to weigh with, so that costs of several fits compare; that of a start is measured
-        where it is not given.
+    fixed_noise : noise model of all rounds, so that costs of several fits compare. It is estimated
+        at the start where not given.
+
+    Notes
+    -----
+    A step that costs more than it saves is halved. After a far start the noise is estimated again.
     """
     free, model = tuple(free), like.model
     at: _Point | None = None
     first: _Point | None = None
     for _ in range(settings.numerics.fit_rounds):
-        variants = [Variant(e, {}, (_moves((e, p), values, model),)) for e, p in free]
+        variants = [Variant(e, {}, (_free_amplitude((e, p), values, model),)) for e, p in free]
         system = build(flights or like.recordings, model.with_effects(values), variants, like)
         # one noise for all rounds: costs under several would not compare
-        known = held or (first.regression.noise if first else None)
-        noise = known or estimate(system, free_first(system))
-        there = _linearised(values, free, whitened(system, noise), model)
+        noise_so_far = fixed_noise or (first.regression.noise if first else None)
+        noise = noise_so_far or estimate(system, free_columns(system))
+        there = _linearise(values, free, whitened(system, noise), model)
         # the step promised more than it kept: half of the way back, from the best point so far
         if at and first and there.cost > at.cost + settings.estimate.same_cost:
-            values = at.values_at(0.5 * (at.numbers() + there.numbers()))
+            values = at.values_at(0.5 * (at.free_values() + there.free_values()))
             continue
         at, first = there, first or there
-        values = at.values_at(at.best(model))
+        values = at.values_at(at.next_values(model))
         if at.sds_to(values) < settings.estimate.converged_sds:
             at = dataclasses.replace(at, values=values)
             # far from where its noise was measured, the fit goes on with that of the new place
@@ -457,20 +535,20 @@ def polish(
             first = None
     if at is None:
         raise ValueError("numerics.fit_rounds is 0; set 1 or more")
-    joint = _with_levers_as_they_are(at.regression, at.chosen, at.joint, len(free))
+    joint = _refit_trims(at.regression, at.chosen, at.joint, len(free))
     return Fitted(at.values, free, at.covariance, joint, at.joint, at.regression)
 
 
-def _linearised(
+def _linearise(
     values: effect_table.Effects,
     free: tuple[tuple[str, str], ...],
     regression: Regression,
     model: Model,
 ) -> _Point:
-    """The free parameters at their values, fitted together with all else."""
-    chosen = free_first(regression.system)
+    """The free parameters at their values, fitted together with all nuisances."""
+    chosen = free_columns(regression.system)
     mean, sd = np.array(
-        [_prior(name, values, model) for name in free]
+        [_deviation_prior(name, values, model) for name in free]
         + [(0.0, math.inf)] * (len(chosen) - len(free))
     ).T
     return _Point(
@@ -478,51 +556,60 @@ def _linearised(
         free,
         regression,
         chosen,
-        joint_fit(regression, chosen, mean, np.where(np.isinf(sd), wide(regression, chosen), sd)),
+        joint_fit(
+            regression, chosen, mean, np.where(np.isinf(sd), wide_sds(regression, chosen), sd)
+        ),
     )
 
 
-def _within(mean: np.ndarray, covariance: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-    """The mean (k,) with what leaves its bounds (2, k) held there, and the others where they are
-    most probable beside that.
+def _mean_within_bounds(mean: np.ndarray, covariance: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """The mean (k,) with parts beyond their bounds (2, k) clipped, and the others conditional on
+    those.
     """
-    held = np.clip(mean, *bounds)
-    out = held != mean
+    clipped = np.clip(mean, *bounds)
+    out = clipped != mean
     if not out.any():
         return mean
     # mean of a normal given the parts that are held at their bounds
-    moved = mean + covariance[:, out] @ np.linalg.solve(
-        covariance[np.ix_(out, out)], (held - mean)[out]
+    conditional = mean + covariance[:, out] @ np.linalg.solve(
+        covariance[np.ix_(out, out)], (clipped - mean)[out]
     )
-    return np.where(out, held, np.clip(moved, *bounds))
+    return np.where(out, clipped, np.clip(conditional, *bounds))
 
 
-def _with_levers_as_they_are(
-    regression: Regression, chosen: Sequence[int], joint: Joint, count: int
-) -> Joint:
-    """The nuisances as the fitted vehicle needs them, where small moments had coefficients of their
-    own beside the ``count`` free ones: a vehicle flies with the levers that its file has, and trims
-    make up for the rest. Declared numbers stay as they were with the moments free: a lag or an
-    inertia is not what a lever is wrong by.
+def _refit_trims(
+    regression: Regression, chosen: Sequence[int], joint: JointFit, count: int
+) -> JointFit:
+    """Refit the trims without the separate coefficients of small moments.
+
+    The search gives moments coefficients of their own; a vehicle file cannot. Other nominal
+    parameters are pinned at their joint estimates, so only trims absorb the difference.
     """
     if len(chosen) == count:
         return joint
-    firm, held = settings.estimate.converged_sds, pinned(joint)
-    told = joint_fit(
+    firm, priors = settings.estimate.converged_sds, pinned_priors(joint)
+    refit = joint_fit(
         regression,
         chosen[:count],
         joint.chosen[:count],
         np.sqrt(np.diag(joint.covariance)[:count]) * firm,
-        held,
+        priors,
     )
     # a pin is no knowledge: what was pinned keeps the doubt of the joint fit
-    sds = {**told.common_sd, **{key: joint.common_sd[key] for key in held}}
-    return dataclasses.replace(told, common_sd=sds)
+    sds = {**refit.common_sd, **{key: joint.common_sd[key] for key in priors}}
+    return dataclasses.replace(refit, common_sd=sds)
 
 
-def pinned(joint: Joint) -> dict[str, tuple[float, float]]:
-    """Priors of the common nuisances of a fit that are narrow against their sds, by key, so that
-    trims alone are free to follow.
+def pinned_priors(joint: JointFit) -> dict[str, tuple[float, float]]:
+    """Return narrow priors that keep all nuisances but trims at a fit.
+
+    Parameters
+    ----------
+    joint : the fit.
+
+    Returns
+    -------
+    Mean and sd by key.
     """
     firm = settings.estimate.converged_sds
     return {
@@ -538,16 +625,29 @@ def _is_trim(key: str) -> bool:
     return effect != "vehicle" and bool(effect_table.get(effect).parameter(parameter).trim)
 
 
-def wide(regression: Regression, chosen: Sequence[int]) -> np.ndarray:
-    """Sd of k coefficients that the flights alone shall set, (k,)."""
+def wide_sds(regression: Regression, chosen: Sequence[int]) -> np.ndarray:
+    """Return prior sds so wide that the flights alone determine the coefficients.
+
+    Parameters
+    ----------
+    regression : with the prior of every column.
+    chosen : k columns.
+
+    Returns
+    -------
+    (k,), in the units of the coefficients.
+    """
     return settings.numerics.wide_factor * np.maximum(
         regression.prior.sd[chosen], settings.numerics.small
     )
 
 
-def free_first(system: System) -> list[int]:
-    """Columns of the free parameters in their order, after them the small moments that some of them
-    make.
+def free_columns(system: System) -> list[int]:
+    """Return the columns of the free parameters in order, then those of their small moments.
+
+    Parameters
+    ----------
+    system : with the columns of one variant for each free parameter.
     """
     columns = [k for k, c in enumerate(system.columns) if c.variant is not None]
     return sorted(columns, key=lambda k: system.columns[k].part == "moment")
@@ -556,90 +656,134 @@ def free_first(system: System) -> list[int]:
 def _share_in_reach(
     steps: np.ndarray, free: Sequence[tuple[str, str]], values: effect_table.Effects, model: Model
 ) -> float:
-    """Share of a step that moves no place further than its reach, within which the columns still
-    hold.
-    """
+    """Share of a step that moves no place beyond its reach, where the columns still hold."""
     reaches = np.array([reach_of(name, values, model) or math.inf for name in free])
     return float(
         min(1.0, np.min(reaches / np.maximum(np.abs(steps), settings.numerics.tiny), initial=1.0))
     )
 
 
-def _small(a: Amplitude, value: float) -> Amplitude:
-    """A step that stays within bounds on the inner side."""
+def _with_inner_step(a: Amplitude, value: float) -> Amplitude:
+    """The amplitude at a value, with a step that stays within its bounds."""
     step = a.step if value + a.step <= a.high else -a.step
     return dataclasses.replace(a, step=step, neutral=value)
 
 
-def calibrated(model: Model, common: Mapping[str, float]) -> Model:
-    """The vehicle with its nuisances set, each through the compiled effect that corrects it."""
+def with_corrections(model: Model, common: Mapping[str, float]) -> Model:
+    """Return the vehicle with its nuisances set, each through the effect that corrects it.
+
+    Parameters
+    ----------
+    model : of the vehicle.
+    common : corrections by ``effect.parameter``.
+    """
     more: dict[str, dict[str, float]] = {}
     for key, value in common.items():
         effect, parameter = key.split(".")
         if effect == "vehicle":
             model = model.with_number(parameter, model.number(parameter) + value)
             continue
-        held = more.get(effect) or {
+        current = more.get(effect) or {
             **effect_table.get(effect).neutral(),
             **model.effects.get(effect, {}),
         }
         more[effect] = {
-            **held,
-            parameter: within_bounds(effect, parameter, held[parameter] + value),
+            **current,
+            parameter: within_bounds(effect, parameter, current[parameter] + value),
         }
     return model.with_effects(more)
 
 
 def correction_bounds(key: str, model: Model) -> tuple[float, float]:
-    """Least and greatest correction of a number, ``effect.parameter``, that the library flies."""
+    """Return the least and greatest correction within the bounds of the library.
+
+    Parameters
+    ----------
+    key : ``effect.parameter``.
+    model : that is corrected.
+    """
     effect, parameter = key.split(".")
     if effect == "vehicle":
         return -model.number(parameter), math.inf
     p = effect_table.get(effect).parameter(parameter)
-    held = {**effect_table.get(effect).neutral(), **model.effects.get(effect, {})}[parameter]
+    current = {**effect_table.get(effect).neutral(), **model.effects.get(effect, {})}[parameter]
     # a number that is corrected by as much as it is, in its own unit, is nothing: less it cannot be
     own = [
         model.number(n) for n in p.corrects if n in model.parameters and n.endswith(f"_{p.unit}")
     ]
-    return max([p.low - held, *(-number for number in own)]), p.high - held
+    return max([p.low - current, *(-number for number in own)]), p.high - current
 
 
 def within_bounds(effect: str, parameter: str, value: float) -> float:
-    """The value, without what rounding added to a bound."""
+    """Return a value clipped to the bounds of its parameter.
+
+    Parameters
+    ----------
+    effect, parameter : names of both.
+    value : in the parameter's unit.
+    """
     p = effect_table.get(effect).parameter(parameter)
     return float(np.clip(value, p.low, p.high))
 
 
 def fitted_model(model: Model, fitted: Fitted) -> Model:
-    """The vehicle with what was fitted: effects, and the nuisances beside them."""
-    return calibrated(model.with_effects(fitted.effects), fitted.joint.common)
+    """Return the vehicle with fitted effects and nuisances.
+
+    Parameters
+    ----------
+    model : of the vehicle file.
+    fitted : the fit.
+    """
+    return with_corrections(model.with_effects(fitted.effects), fitted.joint.common)
 
 
-def null_fit(system: System) -> tuple[Regression, Joint]:
-    """Nuisances alone: the best that the declared parameters can do."""
+def null_fit(system: System) -> tuple[Regression, JointFit]:
+    """Fit the nuisances alone: the best that the nominal parameters can do.
+
+    Parameters
+    ----------
+    system : of the flights.
+    """
     regression = make_regression(system)
     return regression, joint_fit(regression, ())
 
 
-def raw_residuals(system: System, joint: Joint) -> list[np.ndarray]:
-    """Residuals of the channels under the plain average, in their units, after the nuisances, by
-    flight, (m, C).
+def raw_residuals(system: System, joint: JointFit) -> list[np.ndarray]:
+    """Return residuals of the main channels after the nuisances.
+
+    Parameters
+    ----------
+    system : of the flights.
+    joint : the fit.
+
+    Returns
+    -------
+    By flight, (m, C) in the channels' units.
     """
-    count, out, moved = len(system.main), [], system.model.corrections
+    count, residuals, corrections = len(system.main), [], system.model.corrections
     for rows, own in zip(system.flights, joint.by_flight, strict=True):
         # the residual was taken where numbers were moved to: only the rest of a correction is due
         terms = {
-            k: joint.common.get(key, 0.0) - moved.get(key, 0.0) + own.get(key, 0.0)
+            k: joint.common.get(key, 0.0) - corrections.get(key, 0.0) + own.get(key, 0.0)
             for key, k in system.nuisances.items()
         }
-        out.append(rows.y[:, :count] - rows.added(terms, count))
-    return out
+        residuals.append(rows.y[:, :count] - rows.added(terms, count))
+    return residuals
 
 
-def only_in_air(left: Sequence[np.ndarray], system: System) -> list[np.ndarray]:
-    """Residuals (m, C) by flight, NaN where windows are not in the air: a drive on the ground is in
-    no regime of flight.
+def only_in_air(residuals: Sequence[np.ndarray], system: System) -> list[np.ndarray]:
+    """Mask the windows on the ground.
+
+    Parameters
+    ----------
+    residuals : by flight, (m, C).
+    system : of the flights.
+
+    Returns
+    -------
+    By flight, (m, C), NaN on the ground.
     """
     return [
-        np.where(rows.air[:, None], e, np.nan) for rows, e in zip(system.flights, left, strict=True)
+        np.where(rows.air[:, None], e, np.nan)
+        for rows, e in zip(system.flights, residuals, strict=True)
     ]

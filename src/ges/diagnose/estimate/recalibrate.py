@@ -1,9 +1,9 @@
-"""The best that the declared numbers can do, where they are too far off for one linear step.
+"""Recalibration: nominal parameters that are too far off for one linear step.
 
 Residuals are linear in small corrections only: a thrust scale, a thrust curve and a top speed
-multiply each other. One Gauss-Newton step from the vehicle file is taken for the answer where the
-model, flown with it, gains what the linearisation predicted. Else steps are damped until each keeps
-its promise, and all is linearised anew after every one (Levenberg 1944, Q. Appl. Math. 2, 164).
+multiply each other. One Gauss-Newton step from the vehicle file is accepted if the model, flown
+with it, gains what the linearisation predicted. Otherwise steps are damped until each does, and all
+is linearised again after every one (Levenberg 1944, Q. Appl. Math. 2, 164).
 """
 
 from __future__ import annotations
@@ -17,88 +17,99 @@ import numpy as np
 from ges.diagnose.design.system import build, nuisance_of, residuals_with
 from ges.diagnose.design.table import table_of
 from ges.diagnose.design.whiten import variance_covariate, whiten
-from ges.diagnose.estimate.fit import Joint, calibrated, correction_bounds, joint_fit
+from ges.diagnose.estimate.fit import JointFit, correction_bounds, joint_fit, with_corrections
 from ges.diagnose.select.evidence import Regression, gram_of, whitened
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 
 
-def operating_point(regression: Regression, joint: Joint, declared: Model) -> dict[str, float]:
-    """Corrections of the declared numbers about which all has to be linearised.
+def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> dict[str, float]:
+    """Return the corrections about which all has to be linearised.
 
     Parameters
     ----------
-    regression, joint : of the null fit, linearised at the vehicle file or where it was moved to.
-    declared : the vehicle file's model.
+    regression, joint : of the null fit, linearised at the vehicle file or at an earlier point.
+    nominal : the vehicle file's model.
 
     Returns
     -------
-    ``effect.parameter`` to correction, in the parameter's unit; empty where the linear step does
+    ``effect.parameter`` to correction, in the parameter's unit. Empty where the linear step does
     what it predicts.
     """
-    moved = dict(regression.system.model.corrections)
+    corrections = dict(regression.system.model.corrections)
     # a bound that stopped a step says nothing of where the best inside is, until that was searched
-    searched = moved or not _stopped(regression, joint)
-    given = _cost(regression, {})
-    if searched and _holds(regression, given, joint, joint):
+    may_stop = corrections or not _stopped_at_bound(regression, joint)
+    cost = _cost(regression, {})
+    if may_stop and _gains_as_predicted(regression, cost, joint, joint):
         return {}
     reach = math.inf
     for _ in range(settings.numerics.fit_rounds):
-        damped, reach = _damped(regression, given, joint, reach)
-        if damped is None:
+        step, reach = _damped_step(regression, cost, joint, reach)
+        if step is None:
             break
-        moved = dict(damped.common)
-        regression = _linearised(regression, declared, moved)
+        corrections = dict(step.common)
+        regression = _linearise(regression, nominal, corrections)
         joint = joint_fit(regression, ())
-        given = _cost(regression, {})
-        if given - joint.cost < settings.estimate.recalibration_tolerance * given:
+        cost = _cost(regression, {})
+        if cost - joint.cost < settings.estimate.recalibration_tolerance * cost:
             break
-    return moved
+    return corrections
 
 
-def _damped(
-    regression: Regression, given: float, joint: Joint, reach: float
-) -> tuple[Joint | None, float]:
-    """The step of all within a reach, in sds of the numbers' doubts, that is halved until the step
-    keeps its promise, and the reach of the next one; None where none does.
+def _damped_step(
+    regression: Regression, cost: float, joint: JointFit, reach: float
+) -> tuple[JointFit | None, float]:
+    """The step within a reach that gains as predicted, and the reach of the next one.
+
+    The reach is in prior sds, and halved until the step holds. None where none does.
     """
     for _ in range(settings.numerics.fit_rounds):
         tried = joint if math.isinf(reach) else _within_reach(regression, reach)
-        if _holds(regression, given, joint, tried):
+        if _gains_as_predicted(regression, cost, joint, tried):
             return tried, 2.0 * reach
         reach = min(0.5 * reach, 1.0)
     return None, reach
 
 
-def _within_reach(regression: Regression, reach: float) -> Joint:
-    """The fit with every number drawn to where it stands (Levenberg 1944)."""
-    moved = regression.system.model.corrections
-    known = [nuisance_of(regression.system.columns[k]) for k in regression.nuisance]
-    near = {n.key: (moved.get(n.key, 0.0), reach * n.sd) for n in known if n.sd > 0}
-    return joint_fit(regression, (), held=near)
+def _within_reach(regression: Regression, reach: float) -> JointFit:
+    """The fit with every number drawn to its present value (Levenberg 1944)."""
+    corrections = regression.system.model.corrections
+    nuisances = [nuisance_of(regression.system.columns[k]) for k in regression.nuisance]
+    near = {n.key: (corrections.get(n.key, 0.0), reach * n.sd) for n in nuisances if n.sd > 0}
+    return joint_fit(regression, (), nuisance_priors=near)
 
 
-def at_corrections(declared: Model, moved: Mapping[str, float]) -> Model:
-    """The vehicle file's model with corrections in it, where all is linearised."""
+def at_corrections(nominal: Model, corrections: Mapping[str, float]) -> Model:
+    """Return the vehicle file's model with corrections, where all is linearised.
+
+    Parameters
+    ----------
+    nominal : the vehicle file's model.
+    corrections : by ``effect.parameter``.
+    """
     return (
-        dataclasses.replace(calibrated(declared, moved), corrections=moved) if moved else declared
+        dataclasses.replace(with_corrections(nominal, corrections), corrections=corrections)
+        if corrections
+        else nominal
     )
 
 
-def _linearised(regression: Regression, declared: Model, moved: Mapping[str, float]) -> Regression:
-    """Nuisances alone, linearised with these corrections, under the same noise."""
+def _linearise(
+    regression: Regression, nominal: Model, corrections: Mapping[str, float]
+) -> Regression:
+    """The regression of the nuisances, linearised with these corrections, under the same noise."""
     system = regression.system
-    there = at_corrections(declared, moved)
+    there = at_corrections(nominal, corrections)
     return whitened(build(system.recordings, there, (), length_s=system.length_s), regression.noise)
 
 
-def _step(regression: Regression, joint: Joint) -> dict[str, float]:
-    """From where the model stands to the best of the linearisation."""
-    moved = regression.system.model.corrections
-    return {key: value - moved.get(key, 0.0) for key, value in joint.common.items()}
+def _step(regression: Regression, joint: JointFit) -> dict[str, float]:
+    """Step from the present corrections to the optimum of the linearisation."""
+    corrections = regression.system.model.corrections
+    return {key: value - corrections.get(key, 0.0) for key, value in joint.common.items()}
 
 
-def _stopped(regression: Regression, joint: Joint) -> bool:
+def _stopped_at_bound(regression: Regression, joint: JointFit) -> bool:
     """Whether a bound of the library stopped the step of some number."""
     model = regression.system.model
     bounds = {key: correction_bounds(key, model) for key in joint.common}
@@ -108,38 +119,42 @@ def _stopped(regression: Regression, joint: Joint) -> bool:
     )
 
 
-def _holds(regression: Regression, given: float, best: Joint, tried: Joint) -> bool:
-    """Whether the model, flown with a step, gains enough of what the linearisation predicts of that
-    step, whose best is known.
+def _gains_as_predicted(
+    regression: Regression, cost: float, best: JointFit, tried: JointFit
+) -> bool:
+    """Whether the model, flown with a step, gains enough of what the linearisation predicts.
 
     Parameters
     ----------
-    given : cost of standing still.
+    cost : without a step.
+    best : the full step.
+    tried : the step to check.
     """
-    whole, step = _step(regression, best), _step(regression, tried)
-    known = (nuisance_of(regression.system.columns[k]) for k in regression.nuisance)
-    sd = {n.key: n.sd for n in known if n.sd > 0}
+    full, step = _step(regression, best), _step(regression, tried)
+    nuisances = (nuisance_of(regression.system.columns[k]) for k in regression.nuisance)
+    sd = {n.key: n.sd for n in nuisances if n.sd > 0}
     # a parabola's fall by a part of the way to its least
-    length = sum((whole[key] / sd[key]) ** 2 for key in whole)
-    part = sum(step[key] * whole[key] / sd[key] ** 2 for key in whole) / length if length else 1.0
-    predicted = part * (2.0 - part) * (given - best.cost)
-    return given - _cost(regression, step) >= settings.numerics.gain_ratio_least * predicted
+    length = sum((full[key] / sd[key]) ** 2 for key in full)
+    part = sum(step[key] * full[key] / sd[key] ** 2 for key in full) / length if length else 1.0
+    predicted = part * (2.0 - part) * (cost - best.cost)
+    return cost - _cost(regression, step) >= settings.numerics.gain_ratio_least * predicted
 
 
 def _cost(regression: Regression, step: Mapping[str, float]) -> float:
-    """Minus twice the log posterior, but for a constant, of the model a step away, flown again;
-    what differs between flights at its best beside.
+    """-2 log posterior, but for a constant, of the model flown a step away.
+
+    Numbers that differ between flights are at their optimum.
 
     Parameters
     ----------
-    step : by ``effect.parameter``, from where the model stands.
+    step : by ``effect.parameter``, from the present corrections.
     """
     system = regression.system
-    known = {int(k): nuisance_of(system.columns[k]) for k in regression.nuisance}
+    nuisances = {int(k): nuisance_of(system.columns[k]) for k in regression.nuisance}
     # what differs between flights is small: its columns stay as they were linearised
-    varying = [k for k, n in known.items() if n.flight_sd > 0]
-    precision = np.array([known[k].flight_sd ** -2.0 for k in varying])
-    flown = residuals_with(system, calibrated(system.model, step)) if step else None
+    varying = [k for k, n in nuisances.items() if n.flight_sd > 0]
+    precision = np.array([nuisances[k].flight_sd ** -2.0 for k in varying])
+    flown = residuals_with(system, with_corrections(system.model, step)) if step else None
     rows = [
         dataclasses.replace(
             r,
@@ -148,7 +163,9 @@ def _cost(regression: Regression, step: Mapping[str, float]) -> float:
         )
         for i, r in enumerate(system.flights)
     ]
-    cost = sum(((step.get(n.key, 0.0) - n.mean) / n.sd) ** 2 for n in known.values() if n.sd > 0)
+    cost = sum(
+        ((step.get(n.key, 0.0) - n.mean) / n.sd) ** 2 for n in nuisances.values() if n.sd > 0
+    )
     for white in whiten(rows, regression.noise, variance_covariate(system.flights)):
         gram = gram_of(white)
         own = np.linalg.solve(gram.xx + np.diag(precision), gram.xy)

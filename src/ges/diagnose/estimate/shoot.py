@@ -1,12 +1,12 @@
-"""Multiple shooting: the simulator flies a recording again, piece by piece, each from where the
-recording was.
+"""Multiple shooting: the simulator flies a recording again in pieces, each from the recorded state.
 
-Rotor speeds and attitude are imposed as recorded, position and velocity are free. Held-out flights
-are judged by the error after one second. Fits are polished by rollouts as long as the shortest
-window: the model is asked along the flown path instead of the recorded one. What a window of the
-weak form then sees is the error of the rollout (its test function vanishes at both ends, and the
-derivative of the simulated velocity is the simulated force), and a push of turbulence no longer
-moves the velocity that a drag is held against.
+Rotor speeds and attitude are imposed as recorded; position and velocity are free. Held-out flights
+are judged by the error after one second.
+
+Fits are refined by rollouts as long as the shortest window: the model is evaluated along the
+simulated path. A window of the weak form then sees the error of the rollout. Its test function
+vanishes at both ends, and the derivative of the simulated velocity is the simulated force. So
+turbulence no longer moves the velocity that a drag depends on.
 """
 
 from __future__ import annotations
@@ -27,22 +27,42 @@ from ges.simulator import effects as effect_table
 from ges.simulator import flight as sim
 
 
-def can_roll(flight: Prepared) -> bool:
-    """Whether a rollout has a start and a drive."""
+def can_roll_out(flight: Prepared) -> bool:
+    """Return whether a rollout has a start and a drive.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+    """
     placed = all(flight.has(stream) for stream in ("attitude", "velocity", "position"))
     return placed and (flight.has("rotor_speed") or flight.has("command"))
 
 
-def starts_of(flight: Prepared, n: int) -> np.ndarray:
-    """Rows (k,) where a whole horizon of ``n`` rows flies, one horizon apart."""
+def rollout_starts(flight: Prepared, n: int) -> np.ndarray:
+    """Return rows from which a whole horizon flies, one horizon apart.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+    n : rows of a horizon.
+
+    Returns
+    -------
+    (k,) rows.
+    """
     rows = np.arange(0, len(flight.t_s) - n - 1, n)
     return rows[whole(flight.flying, rows, rows + n + 1)]
 
 
 @dataclasses.dataclass(frozen=True)
 class Rollouts:
-    """Rollouts of one flight: rows where they start, flown columns and the recorded, smoothed state
-    by contract column.
+    """Rollouts of one flight.
+
+    Attributes
+    ----------
+    starts : (k,) rows at which they start.
+    flown : a record of each.
+    recorded : (n,) smoothed positions and velocities by contract column, world.
     """
 
     starts: np.ndarray
@@ -50,8 +70,15 @@ class Rollouts:
     recorded: dict[str, np.ndarray]
 
 
-def rollouts_of(flight: Prepared, model: Model, n: int) -> Rollouts:
-    """Fly every horizon of ``n`` rows of one flight."""
+def fly_rollouts(flight: Prepared, model: Model, n: int) -> Rollouts:
+    """Fly every horizon of one flight.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+    model : that is flown.
+    n : rows of a horizon.
+    """
     columns, _ = model_along(flight, model, model.effects)
     width = settings.design.coarsest_s / flight.dt_s
     recorded = {
@@ -69,7 +96,7 @@ def rollouts_of(flight: Prepared, model: Model, n: int) -> Rollouts:
         for k, v in model.effects.items()
         if effect_table.get(k).kind not in ("sensor", "actuator")
     }
-    starts = starts_of(flight, n)
+    starts = rollout_starts(flight, n)
     pieces = [_piece(flight, model, effects, recorded, inputs[s : s + n + 2], s) for s in starts]
     return Rollouts(
         starts, sim.fly(pieces, ("t_s", *POSITION, *VELOCITY)) if pieces else [], recorded
@@ -107,18 +134,27 @@ def _piece(
     return sim.Flight(numbers, effects, model.terrain, inputs)
 
 
-def shot(flight: Prepared, model: Model) -> Prepared:
-    """The flight with the path that the model flies, see :attr:`Prepared.path`; as it is where it
-    cannot be flown.
+def with_rollout_path(flight: Prepared, model: Model) -> Prepared:
+    """Return the flight with the path of its rollouts, see :attr:`Prepared.path`.
 
-    What rotors did between slow readings would move such a path against the residual that it makes:
-    then nothing is flown.
+    Parameters
+    ----------
+    flight : prepared recording.
+    model : that is flown.
+
+    Returns
+    -------
+    The flight unchanged where it cannot be flown, or where streams are slow.
+
+    Notes
+    -----
+    What rotors did between slow readings would move the path against the residual that it makes.
     """
     shortest_s = settings.design.window_shortest_s
-    if not can_roll(flight) or window_length_s([flight]) > shortest_s:
+    if not can_roll_out(flight) or window_length_s([flight]) > shortest_s:
         return flight
     n = max(1, int(round(shortest_s / flight.dt_s)))
-    rolled, clock = rollouts_of(flight, model, n), flight.dt_s * np.arange(n)
+    rolled, clock = fly_rollouts(flight, model, n), flight.dt_s * np.arange(n)
     path = {name: values.copy() for name, values in rolled.recorded.items()}
     for start, record in zip(rolled.starts, rolled.flown, strict=True):
         # a piece that the simulator gave up keeps the recorded path

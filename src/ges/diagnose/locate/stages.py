@@ -9,7 +9,13 @@ import numpy as np
 
 from ges.diagnose.design.system import System, build, window_length_s
 from ges.diagnose.detectors.balance import without_mean_balance
-from ges.diagnose.estimate.fit import Joint, calibrated, null_fit, only_in_air, raw_residuals
+from ges.diagnose.estimate.fit import (
+    JointFit,
+    null_fit,
+    only_in_air,
+    raw_residuals,
+    with_corrections,
+)
 from ges.diagnose.estimate.recalibrate import at_corrections, operating_point
 from ges.diagnose.library.available import candidates_of
 from ges.diagnose.locate.regimes import Cell, regime_cells, regimes_of
@@ -35,14 +41,14 @@ class Stage:
     """
 
     model: Model
-    joint: Joint
+    joint: JointFit
     regression: Regression
     residuals: Sequence[np.ndarray]
     residuals_in_air: Sequence[np.ndarray]
     structures: list[Structure]
 
 
-def make_stage(model: Model, joint: Joint, regression: Regression, regimes: Regimes) -> Stage:
+def make_stage(model: Model, joint: JointFit, regression: Regression, regimes: Regimes) -> Stage:
     """Return the stage of a fitted model.
 
     Parameters
@@ -109,7 +115,7 @@ def recalibrate(flights: Sequence[Prepared], nominal: Model) -> Start:
     system = first_system(flights, at_corrections(nominal, corrections))
     regression, joint = null_fit(system)
     regimes = regimes_of(system)
-    first = make_stage(calibrated(nominal, joint.common), joint, regression, regimes)
+    first = make_stage(with_corrections(nominal, joint.common), joint, regression, regimes)
     return Start(
         system,
         regimes,

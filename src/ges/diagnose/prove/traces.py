@@ -15,7 +15,7 @@ import numpy as np
 from ges.conventions import POSITION, VELOCITY
 from ges.diagnose.design.residual import Drive, along, residual
 from ges.diagnose.design.weak import Windows, make_windows
-from ges.diagnose.estimate.shoot import can_roll, rollouts_of
+from ges.diagnose.estimate.shoot import can_roll_out, fly_rollouts
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import channels, unit_of
 from ges.diagnose.settings import settings
@@ -90,7 +90,7 @@ def trace(
         # residual is recorded less model
         simulated[stage][used] = recorded[used] - residual(flight, windows, model, names)
     named = tuple(f"{n}_{unit_of(n)}" for n in names)
-    if can_roll(flight):
+    if can_roll_out(flight):
         rolled = {s: _rollout_signals(flight, everywhere, model) for s, model in models.items()}
         recorded = np.hstack([recorded, next(iter(rolled.values()))[0]])
         simulated = {s: np.hstack([simulated[s], rolled[s][1]]) for s in models}
@@ -116,7 +116,7 @@ def _rollout_signals(
     Every horizon starts again from the recording; NaN where none is flown.
     """
     n = int(round(settings.report.horizon_s / flight.dt_s))
-    rolled, at = rollouts_of(flight, model, n), windows.center
+    rolled, at = fly_rollouts(flight, model, n), windows.center
     recorded = np.stack([rolled.recorded[name][at] for name in AHEAD], axis=1)
     simulated = np.full_like(recorded, np.nan)
     for start, record in zip(rolled.starts, rolled.flown, strict=True):

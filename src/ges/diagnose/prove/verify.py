@@ -9,7 +9,7 @@ import numpy as np
 from ges.conventions import POSITION, QUANTILES_95, VELOCITY
 from ges.diagnose.design.residual import residual
 from ges.diagnose.design.weak import make_windows
-from ges.diagnose.estimate.shoot import can_roll, rollouts_of
+from ges.diagnose.estimate.shoot import can_roll_out, fly_rollouts
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import channels, unit_of
 from ges.diagnose.settings import settings
@@ -257,7 +257,7 @@ def rollout_errors(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
     is the start.
     """
     n = int(round(settings.report.horizon_s / flight.dt_s))
-    rolled = rollouts_of(flight, model, n)
+    rolled = fly_rollouts(flight, model, n)
     if not len(rolled.starts):
         return {}
     at, clock = (
@@ -290,7 +290,7 @@ def rollout_errors_by_stage(
     """
     by_column: dict[str, dict[str, np.ndarray]] = {}
     for stage, model in models.items():
-        pieces = [p for f in flights if can_roll(f) for p in [rollout_errors(f, model)] if p]
+        pieces = [p for f in flights if can_roll_out(f) for p in [rollout_errors(f, model)] if p]
         for name in pieces[0] if pieces else ():
             by_column.setdefault(name, {})[stage] = np.concatenate([p[name] for p in pieces])
     return by_column

@@ -11,7 +11,7 @@ from ges.diagnose.decide.withdraw import Explanation
 from ges.diagnose.design.answers import strengths
 from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.gusts import GUSTS, heard_by
-from ges.diagnose.estimate.fit import Joint
+from ges.diagnose.estimate.fit import JointFit
 from ges.diagnose.library.candidates import flight_envelope
 from ges.diagnose.library.grids import out_of_reach
 from ges.diagnose.library.requirements import lacking
@@ -88,7 +88,7 @@ def data_used(
     }
 
 
-def calibration_of(joint: Joint, model: Model) -> dict[str, dict]:
+def calibration_of(joint: JointFit, model: Model) -> dict[str, dict]:
     """What the declared numbers came to, each beside its declared doubt."""
     return {
         key: {

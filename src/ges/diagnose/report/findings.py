@@ -17,7 +17,11 @@ from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.clocks import settled_findings
 from ges.diagnose.detectors.thrust import UnmeasuredThrust
-from ges.diagnose.estimate.contributions import contributions, contributions_of, size_of
+from ges.diagnose.estimate.contributions import (
+    contributions,
+    contributions_of,
+    size_of_contribution,
+)
 from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.library.candidates import amplitude_of, place_of
 from ges.diagnose.prepare.gate import Gate
@@ -146,7 +150,7 @@ def finding(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> Findi
         name,
         stated(accepted.probability[name]),
         parameters_of(accepted.fit, name, declared),
-        size_of(added, accepted.fit.regression.system),
+        size_of_contribution(added, accepted.fit.regression.system),
         alternatives_of(accepted, name),
         place=places_of(accepted, name),
     )
@@ -171,7 +175,7 @@ def by_place(accepted: Accepted, name: str, added: Sequence[np.ndarray]) -> list
     for parameter in numbered:
         others = {p: neutral[p] for p in numbered if p != parameter}
         effects = {**system.model.effects, name: {**fitted.effects[name], **others}}
-        size = size_of(contributions_of(effects, name, system, model), system)
+        size = size_of_contribution(contributions_of(effects, name, system, model), system)
         parameters = {parameter: whole.parameters[parameter]}
         place = place_of(parameter)
         found.append(dataclasses.replace(whole, parameters=parameters, size=size, place=place))
@@ -204,7 +208,7 @@ def _declared(name: str, wrong: Sequence[Contradicted], system: System) -> Findi
     terms = {system.nuisances[n.key]: n.value for n in wrong}
     added = [rows.added(terms, len(system.main)) for rows in system.flights]
     # certain by its own rule, hence as sure as any name is told to be
-    found = Finding.of(name, stated(1.0), parameters, size_of(added, system))
+    found = Finding.of(name, stated(1.0), parameters, size_of_contribution(added, system))
     # the effect may be physics; what is wrong here is a number of the file
     return dataclasses.replace(found, kind="parameter")
 
@@ -229,7 +233,7 @@ def _open(accepted: Accepted, name: str) -> Finding:
         name,
         chance,
         parameters_of(fitted, name, declared),
-        size_of(added, fitted.regression.system),
+        size_of_contribution(added, fitted.regression.system),
         is_open=True,
         place=places_of(accepted, name),
     )

@@ -8,7 +8,7 @@ from typing import Any
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.laws import FittedLaw
 from ges.diagnose.detectors.gusts import GUSTS, Gusts
-from ges.diagnose.estimate.fit import Joint, within_bounds
+from ges.diagnose.estimate.fit import JointFit, within_bounds
 from ges.diagnose.report.laws import vehicle_laws
 from ges.diagnose.types.diagnosis import interval95
 from ges.diagnose.types.model import Model
@@ -20,7 +20,7 @@ def fitted_vehicle(
     vehicle: Vehicle,
     declared: Model,
     accepted: Accepted,
-    joint: Joint,
+    joint: JointFit,
     gusts: Gusts | None,
     laws: Sequence[FittedLaw],
 ) -> Vehicle:
