@@ -15,7 +15,7 @@ import pytest
 import ges
 from ges.diagnose.design.residual import residual
 from ges.diagnose.design.weak import make_windows
-from ges.diagnose.detectors.gusts import may_lean
+from ges.diagnose.detectors.gusts import load_may_push
 from ges.diagnose.prepare.channels import FORCE
 from ges.diagnose.prepare.gate import prepare
 from ges.diagnose.types.diagnosis import Diagnosis
@@ -472,9 +472,9 @@ def test_gusts_are_found_where_the_drag_is_known_and_one_flight_tells_of_no_forc
 def test_a_tether_that_may_lean_pushes_as_gusts_do():
     """Ten newtons that lean by an eighth push as gusts of 1.2 N do."""
     system = SimpleNamespace(main=FORCE)
-    assert may_lean(1.2, {"tether": [np.full((50, 3), [0.0, 0.0, -10.0])]}, system)
-    assert not may_lean(1.2, {"tether": [np.full((50, 3), [0.0, 0.0, -1.0])]}, system)
-    assert not may_lean(1.2, {"ground_effect": [np.full((50, 3), [0.0, 0.0, 10.0])]}, system)
+    assert load_may_push(1.2, {"tether": [np.full((50, 3), [0.0, 0.0, -10.0])]}, system)
+    assert not load_may_push(1.2, {"tether": [np.full((50, 3), [0.0, 0.0, -1.0])]}, system)
+    assert not load_may_push(1.2, {"ground_effect": [np.full((50, 3), [0.0, 0.0, 10.0])]}, system)
 
 
 def test_gusts_are_not_looked_for_where_nothing_carries_them(diagnosed):

@@ -277,7 +277,9 @@ def _balanced(monkeypatch, loss, mass, lost=("loss_3",), calibrated=True):
         for p in lost
     )
     monkeypatch.setattr(rules, "variant_of", lambda column: column.variant)
-    causes = [(SimpleNamespace(explained=loss), SimpleNamespace(explained=mass))] * 4
+    causes = [
+        (SimpleNamespace(distance_explained=loss), SimpleNamespace(distance_explained=mass))
+    ] * 4
     monkeypatch.setattr(rules, "causes_of", lambda system: causes if calibrated else [])
     told = Posterior(
         tuple(range(len(lost))), np.zeros(len(lost)), np.eye(len(lost)), log_evidence=20.0

@@ -10,7 +10,7 @@ from ges.diagnose.decide.declared import contradicted
 from ges.diagnose.decide.laws import FittedLaw, with_laws
 from ges.diagnose.decide.withdraw import explained, remaining, thrust_of, with_open_modelled
 from ges.diagnose.design.speeds import with_turning_speeds
-from ges.diagnose.detectors.balance import shift_of
+from ges.diagnose.detectors.balance import balance_shift
 from ges.diagnose.detectors.gusts import GUSTS
 from ges.diagnose.estimate.fit import fitted_model
 from ges.diagnose.locate.stages import recalibrate
@@ -92,7 +92,7 @@ def diagnose(
     known_gusts = problem.vehicle.effect_values().get(GUSTS)
     answer = explained(start, problem.model, known_gusts, record, names)
     watch("fitted", answer.accepted.names)
-    moved = None if answer.accepted.names else shift_of(start.system)
+    moved = None if answer.accepted.names else balance_shift(start.system)
     answer, left = remaining(answer, problem.model, moved is not None)
     shift = moved or (None if names else thrust_of(answer, start.system))
     located = located_by(start, answer)

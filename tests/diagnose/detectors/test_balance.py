@@ -13,8 +13,8 @@ from ges.diagnose.detectors.balance import (
     MASS,
     Cause,
     Shift,
+    balance_shift,
     causes_of,
-    shift_of,
     variance_of_means,
     without_mean_balance,
 )
@@ -56,10 +56,10 @@ def _system(shift, sd=1e-3, flight_sd=1e-3, model=CALIBRATED, noise=1e-3, keys=G
 @pytest.mark.parametrize("rotor", [1, 2, 3, 4])
 def test_a_loss_is_found_back_at_its_rotor_with_its_size(rotor):
     weighed = causes_of(_system(0.15 * _columns()[rotor - 1]))
-    loss, mass = max(weighed, key=lambda pair: pair[0].explained)
+    loss, mass = max(weighed, key=lambda pair: pair[0].distance_explained)
     assert loss.rotor == rotor and loss.value == pytest.approx(0.15, rel=0.02)
     low, high = loss.ci95
-    assert low < 0.15 < high and loss.explained > mass.explained
+    assert low < 0.15 < high and loss.distance_explained > mass.distance_explained
 
 
 @pytest.mark.parametrize("rotor", [1, 2, 3, 4])
@@ -69,23 +69,23 @@ def test_a_mass_at_a_hub_is_found_back_there_in_kilograms(rotor):
     x, y = (MODEL.number(f"rotor_{rotor}_{a}_m") for a in "xy")
     shift = kg * (x * columns[4] + y * columns[5] - columns[6]) / MODEL.number("mass_kg")
     weighed = causes_of(_system(shift))
-    loss, mass = max(weighed, key=lambda pair: pair[1].explained)
+    loss, mass = max(weighed, key=lambda pair: pair[1].distance_explained)
     assert mass.rotor == rotor and mass.value == pytest.approx(kg, rel=0.02)
-    assert mass.explained >= loss.explained
+    assert mass.distance_explained >= loss.distance_explained
 
 
 def test_what_would_be_a_gain_or_a_negative_mass_explains_nothing():
     weighed = causes_of(_system(-0.15 * _columns()[0]))
     loss, mass = weighed[0]
-    assert loss.value < 0.0 and loss.explained == 0.0 and mass.explained == 0.0
+    assert loss.value < 0.0 and loss.distance_explained == 0.0 and mass.distance_explained == 0.0
 
 
 def test_a_shift_within_what_the_file_allows_is_none():
     shift = 0.02 * _columns()[0]
-    assert shift_of(_system(shift, sd=0.05)) is None
+    assert balance_shift(_system(shift, sd=0.05)) is None
     (loss, _), *_ = causes_of(_system(shift, sd=0.05, flight_sd=0.03))
-    assert loss.sd > np.hypot(0.05, 0.03 / np.sqrt(FLIGHTS)) and loss.explained < 1.0
-    assert shift_of(_system(0.0 * shift)) is None
+    assert loss.sd > np.hypot(0.05, 0.03 / np.sqrt(FLIGHTS)) and loss.distance_explained < 1.0
+    assert balance_shift(_system(0.0 * shift)) is None
 
 
 def test_a_shift_whose_cause_is_open_is_told_towards_its_rotor():
@@ -99,19 +99,19 @@ def test_a_shift_whose_cause_is_open_is_told_towards_its_rotor():
             strict=True,
         )
     ]
-    shift = shift_of(dataclasses.replace(system, flights=tuple(blind)))
+    shift = balance_shift(dataclasses.replace(system, flights=tuple(blind)))
     assert shift is not None and shift.rotor == 3 and shift.gained > 9.0
     assert "moved towards rotor 3" in shift.sentence() and "15 +-" in shift.sentence()
 
 
 def test_a_loss_that_yaw_tells_is_no_open_shift():
-    assert shift_of(_system(0.15 * _columns()[2], noise=1e-6, sd=1e-5, flight_sd=1e-5)) is None
+    assert balance_shift(_system(0.15 * _columns()[2], noise=1e-6, sd=1e-5, flight_sd=1e-5)) is None
 
 
 @pytest.mark.parametrize(("model", "keys"), [(MODEL, GAINS), (CALIBRATED, GAINS[:-1])])
 def test_without_a_calibrated_file_there_is_no_balance_to_shift(model, keys):
     system = _system(0.15 * _columns()[0], model=model, keys=keys)
-    assert causes_of(system) == [] and shift_of(system) is None
+    assert causes_of(system) == [] and balance_shift(system) is None
     left = [np.ones((3, 4))]
     assert without_mean_balance(left, system)[0] is left[0]
 

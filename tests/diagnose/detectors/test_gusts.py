@@ -10,7 +10,13 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from ges.diagnose.design.system import build
-from ges.diagnose.detectors.gusts import Gusts, gusts_of, heard_by, may_lean, wind_speed_m_s
+from ges.diagnose.detectors.gusts import (
+    Gusts,
+    find_gusts,
+    load_may_push,
+    shows_moving_air,
+    wind_speed_m_s,
+)
 from ges.diagnose.estimate.fit import JointFit
 from ges.diagnose.settings import settings
 
@@ -45,17 +51,17 @@ JOINT = JointFit(*[np.zeros(0)] * 3, 0.0, {}, {}, ({},))
 
 @functools.lru_cache
 def _found(strength_m_s):
-    return gusts_of(_wind_and_its_drag(strength_m_s), JOINT)
+    return find_gusts(_wind_and_its_drag(strength_m_s), JOINT)
 
 
 def test_gusts_are_told_by_the_rms_of_their_push_and_more_of_them_by_more():
     found = {s: _found(s) for s in (1.0, 2.0)}
     for strength, gusts in found.items():
         push_N = DRAG_KG * 4.0 * MODEL.hover_rad_s * strength * np.sqrt(2.0)
-        assert 0.3 * push_N < gusts.push_N < 1.3 * push_N
+        assert 0.3 * push_N < gusts.force_N < 1.3 * push_N
         assert gusts.chance < 1e-6 and gusts.ci95[0] < gusts.strength_m_s < gusts.ci95[1]
     assert found[2.0].strength_m_s == pytest.approx(2.0 * found[1.0].strength_m_s, rel=0.1)
-    assert found[2.0].push_N == pytest.approx(2.0 * found[1.0].push_N, rel=0.1)
+    assert found[2.0].force_N == pytest.approx(2.0 * found[1.0].force_N, rel=0.1)
 
 
 @pytest.mark.parametrize(
@@ -69,13 +75,13 @@ def test_gusts_are_told_by_the_rms_of_their_push_and_more_of_them_by_more():
     ids=["still", "a steady wind", "fast noise", "no drag"],
 )
 def test_what_is_no_gust_is_none(blown):
-    assert gusts_of(_wind_and_its_drag(**blown), JOINT) is None
+    assert find_gusts(_wind_and_its_drag(**blown), JOINT) is None
 
 
 def test_no_more_gusts_than_the_file_has_are_no_news():
     system, strength = _wind_and_its_drag(1.0), _found(1.0).strength_m_s
-    assert gusts_of(system, JOINT, {"wind_20ft_m_s": strength}) is None
-    assert gusts_of(system, JOINT, {"wind_20ft_m_s": 0.1 * strength}) is not None
+    assert find_gusts(system, JOINT, {"wind_20ft_m_s": strength}) is None
+    assert find_gusts(system, JOINT, {"wind_20ft_m_s": 0.1 * strength}) is not None
 
 
 @pytest.mark.parametrize("height_m", [1.5, 4.0])
@@ -106,19 +112,19 @@ def test_a_mean_wind_within_what_gusts_leave_may_be_one(east_m_s, may):
     wind = {"wind": {"east_m_s": east_m_s, "north_m_s": 0.0, "roughness_m": 0.0}}
     regression = SimpleNamespace(system=build([hovering()], MODEL, []))
     fitted = SimpleNamespace(sd=lambda effect, parameter: 0.3, effects=wind, regression=regression)
-    assert GUSTS.may_be(fitted) == may
+    assert GUSTS.may_explain_wind(fitted) == may
 
 
 def test_what_hangs_below_may_lean_to_push_by_a_share_of_its_pull():
     system = system_of(("force_x", "force_y", "force_z"), (), ())
     pull = [np.tile([0.0, 0.6, 0.8], (10, 1))]
     share = settings.statistics.large_part
-    assert may_lean(0.9 * share, {"slung_load": pull}, system)
-    assert not may_lean(1.1 * share, {"slung_load": pull}, system)
-    assert not may_lean(0.1, {"rotor_drag": pull}, system), "it does not hang"
-    assert not may_lean(0.1, {}, system)
+    assert load_may_push(0.9 * share, {"slung_load": pull}, system)
+    assert not load_may_push(1.1 * share, {"slung_load": pull}, system)
+    assert not load_may_push(0.1, {"rotor_drag": pull}, system), "it does not hang"
+    assert not load_may_push(0.1, {}, system)
 
 
 def test_moving_air_is_heard_by_a_drag_alone():
-    assert heard_by({"rotor_drag": {}}) and heard_by({"parasitic_drag": {}})
-    assert not heard_by({"ground_effect": {}}) and not heard_by({})
+    assert shows_moving_air({"rotor_drag": {}}) and shows_moving_air({"parasitic_drag": {}})
+    assert not shows_moving_air({"ground_effect": {}}) and not shows_moving_air({})

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from ges.conventions import BODY_RATE, VELOCITY, rotor_speed
 from ges.diagnose.design.residual import along
 from ges.diagnose.design.system import build
-from ges.diagnose.detectors.loads import Drawn, likely_load, sharpened, way_out
+from ges.diagnose.detectors.loads import DraggedLoad, outbound_direction, probable_load, refine_load
 from ges.diagnose.library.candidates import Variant, amplitude_of
 from ges.diagnose.select.evidence import Posterior
 from ges.diagnose.select.search import Hypothesis, SearchResult
@@ -83,30 +83,30 @@ def test_a_thread_is_made_as_long_as_its_swing_says():
     }
     noisy = {n: swung.columns[n] + s * rng.standard_normal(1200) for n, s in sizes.items()}
     swung = swung.replace(columns={**swung.columns, **noisy})
-    found = sharpened(build([swung], MODEL, [], length_s=WINDOW_S), THREADS)
+    found = refine_load(build([swung], MODEL, [], length_s=WINDOW_S), THREADS)
     assert found.shape["length_m"] == pytest.approx(0.55, rel=0.03)
     assert found.shape["below_m"] == 20.0 and found.amplitudes == THREADS.amplitudes
 
 
 @given(st.floats(0.1, 2.0), st.floats(-1.0, 1.0), st.floats(0.1, 2.0))
 def test_another_thread_gets_taut_at_the_same_place(behind_m, ahead_m, other_m):
-    load = Drawn(behind_m, ahead_m)
+    load = DraggedLoad(behind_m, ahead_m)
     told = load.with_thread(other_m)
     assert told.behind_m == other_m
     assert told.ahead_m + told.behind_m == pytest.approx(load.ahead_m + load.behind_m)
-    assert load.with_place(0.3) == Drawn(behind_m, 0.3)
+    assert load.with_place(0.3) == DraggedLoad(behind_m, 0.3)
 
 
 def test_the_way_out_is_to_where_half_of_it_is_gone():
     t = times()
     there_and_back = 2.0 * np.sin(np.pi * t / 4.0)
     flight = hovering(p_x_m=5.0 + 0.6 * there_and_back, p_y_m=-3.0 + 0.8 * there_and_back)
-    np.testing.assert_allclose(way_out([flight]), [0.6, 0.8], atol=1e-6)
+    np.testing.assert_allclose(outbound_direction([flight]), [0.6, 0.8], atol=1e-6)
     east = hovering(p_x_m=t)
     np.testing.assert_allclose(
-        way_out([east, flight]), np.array([2.6, 0.8]) / np.hypot(2.6, 0.8), atol=0.01
+        outbound_direction([east, flight]), np.array([2.6, 0.8]) / np.hypot(2.6, 0.8), atol=0.01
     )
-    assert np.linalg.norm(way_out([hovering()])) == pytest.approx(1.0)
+    assert np.linalg.norm(outbound_direction([hovering()])) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(("p", "likely"), [(0.0, False), (0.5, True)])
@@ -118,9 +118,9 @@ def test_only_a_load_that_is_not_out_of_the_question_is_made_sharper(p, likely):
     )
     best = Hypothesis(("rotor_drag", "slung_load"), (), SimpleNamespace(columns=(0, 1)), 1.0)
     found = SearchResult((best,), {"slung_load": p})
-    assert likely_load(regression, found) is (THREADS if likely else None)
+    assert probable_load(regression, found) is (THREADS if likely else None)
     assert (
-        likely_load(
+        probable_load(
             regression, SearchResult((Hypothesis((), (), Posterior.of_nothing(), 0.0),), {})
         )
         is None

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ges.diagnose.design.residual import driven_speeds
-from ges.diagnose.detectors.clocks import settled_findings
+from ges.diagnose.detectors.clocks import gate_findings
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.fit import JointFit
 from ges.diagnose.prepare.delays import Delay
@@ -38,7 +38,7 @@ def _joint(**common):
 
 def test_thrust_that_is_far_beyond_its_doubt_is_told_with_all_that_may_do_it():
     found = unmeasured_thrust(_joint(thrust_scale__scale=-0.3, thrust_curve__c=0.05), _system())
-    assert found.key == SCALE and found.excess.value == -0.3 and found.known_sd == 0.05
+    assert found.key == SCALE and found.excess.value == -0.3 and found.prior_sd == 0.05
     assert found.rivals == ("battery_sag", "thrust_curve", "thrust_scale")
     assert found.excess.ci95 == pytest.approx((-0.3 - 0.0196, -0.3 + 0.0196))
     assert found.sentence().startswith("Thrust is 30 +- 2.0 % less than the vehicle file says, 6")
@@ -71,7 +71,7 @@ def test_a_top_speed_is_told_as_a_share_of_it():
     system = _system(hovering(), ((SPEED, 30.0),))
     joint = JointFit(*[np.zeros(0)] * 3, 0.0, {SPEED: 200.0}, {SPEED: 10.0}, ({},))
     found = unmeasured_thrust(joint, system)
-    assert found.excess.value == pytest.approx(0.2) and found.known_sd == pytest.approx(0.03)
+    assert found.excess.value == pytest.approx(0.2) and found.prior_sd == pytest.approx(0.03)
     assert "Rotor speeds at the same commands are 20 +- 2.0 % higher" in found.sentence()
     assert "or another max_rotor_speed_rad_s would do it" in found.sentence()
     assert "vehicle" in found.may_move
@@ -126,13 +126,13 @@ def test_what_the_form_of_a_curve_is_wrong_by_is_known_by_its_size(share):
 def test_settled_faults_are_findings_with_intervals_and_without_rivals():
     pose = Delay("attitude", 0.04, 0.002, 0.9)
     gyro = np.array([0.03, 0.0, -0.04]), np.array([0.001, 0.001, 0.002])
-    late, offset = settled_findings(Gate((), (), (), pose, gyro), {})
+    late, offset = gate_findings(Gate((), (), (), pose, gyro), {})
     assert late.name == "time_offset" and late.parameters["delay_s"].value == 0.04
     assert late.parameters["delay_s"].ci95 == pytest.approx((0.04 - 0.00392, 0.04 + 0.00392))
     assert offset.size["value"] == pytest.approx(0.05) and not offset.is_open
     assert offset.parameters["z_rad_s"].ci95 == pytest.approx((-0.04 - 0.00392, -0.04 + 0.00392))
     assert late.probability == settings.statistics.certain_probability
-    assert settled_findings(Gate((), (), ()), {}) == []
+    assert gate_findings(Gate((), (), ()), {}) == []
 
 
 @pytest.mark.parametrize(
@@ -142,7 +142,7 @@ def test_settled_faults_are_findings_with_intervals_and_without_rivals():
 def test_a_delay_that_clocks_usually_have_is_no_fault(delay_s, doubts, told):
     """Usual is 3 ms; beyond doubt are four sds, as of every declared number."""
     gate = Gate((), (), (), Delay("attitude", delay_s, 0.0005, 0.99))
-    assert [f.name for f in settled_findings(gate, doubts)] == told
+    assert [f.name for f in gate_findings(gate, doubts)] == told
 
 
 def test_a_thrust_of_each_flight_s_own_counts_in_the_mean():

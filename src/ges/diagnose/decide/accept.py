@@ -22,7 +22,7 @@ from ges.diagnose.decide.rules import (
     significant,
 )
 from ges.diagnose.design.system import System, build, variant_of
-from ges.diagnose.detectors.loads import likely_load, sharpened
+from ges.diagnose.detectors.loads import probable_load, refine_load
 from ges.diagnose.estimate.fit import Fitted, fitted_model, free_parameters, polish, starting_values
 from ges.diagnose.estimate.shoot import with_rollout_path
 from ges.diagnose.library.available import candidates_of
@@ -192,11 +192,11 @@ def _searched(
     centimetres, they need other names for what is left.
     """
     regression, found, _ = search_until_stable(regression, listed, tuple(base.effects), only)
-    variant = likely_load(regression, found)
+    variant = probable_load(regression, found)
     if variant is None:
         return regression, found
     known = regression.system
-    sharp = sharpened(known, variant)
+    sharp = refine_load(known, variant)
     # two variants of one key are one entry, which would hold the load's mass twice
     if sharp.key in {v.key for c in listed for v in c.variants}:
         return regression, found

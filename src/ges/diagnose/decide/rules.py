@@ -141,7 +141,10 @@ def told_from_a_mass(context: RuleContext, name: str) -> Decision:
     if not weighed:
         return Decision(rule, True, "no mass at one hub would do the same")
     loss, mass = weighed[lost[0]]
-    lead, least = 0.5 * (loss.explained - mass.explained), settings.statistics.acceptance_log_odds
+    lead, least = (
+        0.5 * (loss.distance_explained - mass.distance_explained),
+        settings.statistics.acceptance_log_odds,
+    )
     because = f"log odds {lead:.3g} over a mass at its hub, by the balance"
     return Decision(rule, lead >= least, because, lead, least)
 

@@ -20,7 +20,7 @@ from ges.diagnose.decide.predict import drop_unpredictive
 from ges.diagnose.decide.sizes import least_size
 from ges.diagnose.decide.unknown import left_over
 from ges.diagnose.design.system import System
-from ges.diagnose.detectors.gusts import HANGING, PUSHED, WIND, Gusts, gusts_of, may_lean
+from ges.diagnose.detectors.gusts import HANGING, PUSHED, WIND, Gusts, find_gusts, load_may_push
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.contributions import contributions, size_of_contribution
 from ges.diagnose.estimate.fit import Fitted, fitted_model
@@ -96,7 +96,7 @@ def answer_of(
 def _gusts(accepted: Accepted, start: Start, known: Mapping[str, float] | None) -> Gusts | None:
     """Gusts beside what is accepted, where nothing hangs below that may lean to push so."""
     fitted = accepted.fitted
-    gusts = gusts_of(
+    gusts = find_gusts(
         *(
             (fitted.regression.system, fitted.joint)
             if fitted
@@ -108,12 +108,12 @@ def _gusts(accepted: Accepted, start: Start, known: Mapping[str, float] | None) 
         return None
     hanging = [name for name in accepted.names if name in HANGING]
     pulls = contributions(fitted, hanging, start.system.model)
-    return None if may_lean(gusts.push_N, pulls, start.system) else gusts
+    return None if load_may_push(gusts.force_N, pulls, start.system) else gusts
 
 
 def _more_than_gusts(gusts: Gusts, fitted: Fitted) -> Decision:
     """Whether the wind of a fit is more than gusts leave in flights of finite length."""
-    blown = gusts.may_be(fitted)
+    blown = gusts.may_explain_wind(fitted)
     because = "no more than gusts leave" if blown else "more than gusts leave"
     return Decision("more_than_gusts", not blown, because)
 

@@ -1,12 +1,11 @@
-"""Has the balance of thrust and moments left what healthy flights do among themselves, and towards
-which rotor?
+"""Shift of the balance of thrust and moments beyond what healthy flights show, and at which rotor.
 
 A vehicle file from ``ges calibrate`` states how far the gain of every motor may be off in a later
-flight. What goes beyond is one number in each of four directions (thrust, roll, pitch, yaw), and
-two single causes near one rotor ask for nearly the same answer of the controller: a rotor that lost
-thrust, and a mass at its hub. They differ in yaw alone. The search weighs names one by one against
-nothing; here the two are held against each other, so that a change which is certain while its cause
-is not is told as such.
+flight. A larger change has one number in each of four directions: thrust, roll, pitch, yaw. Two
+causes near one rotor change the controller's response almost alike: a rotor that lost thrust, and a
+mass at its hub. They differ in yaw alone. The search compares names one by one with nothing; here
+the two are compared with each other. So a change that is certain while its cause is not is reported
+as such.
 """
 
 from __future__ import annotations
@@ -33,21 +32,32 @@ CANT = "rotor_cant.angle_rad"
 
 
 def losses_of(model: Model) -> tuple[str, ...]:
-    """Keys of the losses of the rotors that a vehicle has."""
+    """Return the keys of the thrust losses of a vehicle's rotors.
+
+    Parameters
+    ----------
+    model : of the vehicle.
+    """
     return LOSSES[: model.n_rotors]
 
 
 def _mean_variance(values: np.ndarray, block: int) -> float:
-    """Variance of the mean of one flight's windows, from blocks of time; nan where there is but one
-    block.
-    """
+    """Variance of the mean of one flight's windows, from blocks of time; nan for a single block."""
     blocks = [values[k : k + block].mean() for k in range(0, len(values), block)]
     return float(np.var(blocks, ddof=1) / len(blocks)) if len(blocks) > 1 else np.nan
 
 
 def variance_of_means(system: System, channels: Sequence[int]) -> np.ndarray:
-    """Variance of a flight's mean residual in the air in c channels, (c,), in their squared units,
-    from blocks of time, mean of the flights.
+    """Return the variance of a flight's mean residual in the air, from blocks of time.
+
+    Parameters
+    ----------
+    system : of the flights.
+    channels : numbers of c channels.
+
+    Returns
+    -------
+    (c,) mean over the flights, in the squared units of the channels.
     """
     block_s = settings.statistics.block_s
     # windows stand half a length apart
@@ -59,25 +69,36 @@ def variance_of_means(system: System, channels: Sequence[int]) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True)
 class Cause:
-    """One cause near one rotor: amplitude (loss, or kg), its sd, and the squared distance that it
-    explains.
+    """One cause near one rotor.
+
+    Attributes
+    ----------
+    rotor : its number, from 1.
+    value : loss (a share) or mass (kg).
+    sd : its standard deviation.
+    distance_explained : squared distance of the balance that it explains, in sd^2.
     """
 
     rotor: int
     value: float
     sd: float
-    explained: float
+    distance_explained: float
 
     @property
     def ci95(self) -> tuple[float, float]:
-        """95 % interval."""
+        """95 % interval of the value."""
         return interval95(self.value, self.sd)
 
 
 @dataclasses.dataclass(frozen=True)
 class Shift:
-    """A balance that moved: both causes at the rotor that explains it best, and whether the load's
-    swing could be seen.
+    """A shifted balance, with both causes at the rotor that explains it best.
+
+    Attributes
+    ----------
+    system : of the flights.
+    loss, mass : the two causes.
+    swing_seen : whether the flights would show the swing of a hanging load.
     """
 
     system: System
@@ -96,43 +117,47 @@ class Shift:
     @property
     def gained(self) -> float:
         """Squared distance that the better cause explains, in sd^2."""
-        return max(self.loss.explained, self.mass.explained)
+        return max(self.loss.distance_explained, self.mass.distance_explained)
 
     def sentence(self) -> str:
-        """Where the balance went, what would do it, and how to find out."""
-        away, odds = self.gained**0.5, np.exp(0.5 * abs(self.loss.explained - self.mass.explained))
-        lost = f"{100 * self.loss.value:.0f} +- {100 * SDS_95 * self.loss.sd:.0f} %"
-        grams = f"{1e3 * self.mass.value:.2f} +- {1e3 * SDS_95 * self.mass.sd:.2f} g"
+        """Return what shifted, what would explain it, and how to find out."""
+        away = self.gained**0.5
+        odds = np.exp(0.5 * abs(self.loss.distance_explained - self.mass.distance_explained))
+        loss_words = f"{100 * self.loss.value:.0f} +- {100 * SDS_95 * self.loss.sd:.0f} %"
+        mass_words = f"{1e3 * self.mass.value:.2f} +- {1e3 * SDS_95 * self.mass.sd:.2f} g"
         i = self.rotor
         return (
             f"Since the calibration the balance of thrust and moments has moved towards rotor {i},"
             f" {away:.1f} sd beyond what healthy flights do among themselves. A rotor {i} that lost"
-            f" {lost} of its thrust or {grams} near rotor {i} (fixed or hanging) would do it; the"
-            f" two differ in yaw alone, too little here (odds {odds:.0f}:1). Weigh the vehicle, or"
-            f" fly the same with a new propeller {i}: the shift then goes if the propeller was the"
-            " cause, and stays if a mass is."
+            f" {loss_words} of its thrust or {mass_words} near rotor {i} (fixed or hanging) would"
+            f" do it; the two differ in yaw alone, too little here (odds {odds:.0f}:1). Weigh the"
+            f" vehicle, or fly the same with a new propeller {i}: the shift then goes if the"
+            " propeller was the cause, and stays if a mass is."
         )
 
     def next_flight(self) -> dict:
-        """``next_flight`` of diagnosis.json: what a healthy balance would be worth against the
-        shift that was seen.
-        """
+        """Return ``next_flight`` of diagnosis.json: the expected evidence of a healthy balance."""
         return {
             "manoeuvre": "hover",
             "preparation": f"a new propeller on rotor {self.rotor}",
             "separates": ["weak_rotor", "cg_offset+thrust_scale"],
             "stays_open": [],
             "expected_log_odds": 0.5 * self.gained,
-            "so_far_log_odds": 0.5 * abs(self.loss.explained - self.mass.explained),
+            "so_far_log_odds": 0.5
+            * abs(self.loss.distance_explained - self.mass.distance_explained),
         }
 
     def findings(self) -> list[Finding]:
-        """Both causes in the library's names; their probabilities are those of each given that one
-        of them acts, as much less sure than the balance as what a search says.
+        """Return both causes as findings of the library.
+
+        Notes
+        -----
+        Their probabilities are those of each given that one of them acts. They are tempered as
+        those of a search.
         """
         model, i = self.system.model, self.rotor
         # half the difference of squared distances: log odds of the loss against the mass
-        lead = 0.5 * (self.loss.explained - self.mass.explained)
+        lead = 0.5 * (self.loss.distance_explained - self.mass.distance_explained)
         share = expit(settings.search.log_odds_slope * lead)
         # a kilogram at a hub moves the centre of gravity by the hub's place over the mass,
         # and thrust carries as much more: a thrust scale of minus one over the mass
@@ -141,7 +166,7 @@ class Shift:
             key: model.effects.get(key.split(".")[0], {}).get(key.split(".")[1], 0.0)
             for key in (*losses_of(model), *MASS)
         }
-        lost = {f"loss_{i}": (start[LOSSES[i - 1]], 1.0)}
+        loss = {f"loss_{i}": (start[LOSSES[i - 1]], 1.0)}
         hub = {
             f"{a}_m": (start[f"cg_offset.{a}_m"], per_kg * model.number(f"rotor_{i}_{a}_m"))
             for a in "xy"
@@ -150,102 +175,122 @@ class Shift:
         # a mass that hangs would swing, and an attitude that was measured shows that
         heavier += [] if self.swing_seen else [("slung_load", {"mass_kg": (0.0, 1.0)})]
         return [
-            _named("weak_rotor", share, lost, self.loss),
-            *(_named(n, 1.0 - share, p, self.mass) for n, p in heavier),
+            _as_finding("weak_rotor", share, loss, self.loss),
+            *(_as_finding(n, 1.0 - share, p, self.mass) for n, p in heavier),
         ]
 
 
-def _named(
+def _as_finding(
     name: str, probability: float, parameters: dict[str, tuple[float, float]], cause: Cause
 ) -> Finding:
-    """A cause as a finding: parameters as start and change per unit of its amplitude."""
+    """A cause as a finding; parameters as start and change per unit of its value."""
     units = {p.name: p.unit for p in effect_table.get(name).parameters}
-    told = {}
+    estimates = {}
     for key, (start, per) in parameters.items():
         low, high = sorted(start + per * v for v in cause.ci95)
         note = f"near rotor {cause.rotor}" + (
             f"; the vehicle file has {start:.3g}" if start else ""
         )
-        told[key] = Estimate(start + per * cause.value, (low, high), units[key], note)
-    return Finding.of(name, float(probability), told, is_open=True)
+        estimates[key] = Estimate(start + per * cause.value, (low, high), units[key], note)
+    return Finding.of(name, float(probability), estimates, is_open=True)
 
 
-def _stated(system: System, column: Mapping[str, int]) -> bool:
-    """Whether the vehicle file, a calibrated one, states how far the gain of every motor may be
-    off.
-    """
+def _states_balance(system: System, column: Mapping[str, int]) -> bool:
+    """Whether the vehicle file, a calibrated one, states how far every motor's gain may be off."""
     gains = "weak_rotor" in system.model.effects and {*losses_of(system.model), *MASS} <= set(
         column
     )
     return gains and set(CHANNELS) <= set(system.main)
 
 
-def without_mean_balance(left: Sequence[np.ndarray], system: System) -> list[np.ndarray]:
-    """Residuals of the plain averages (m, C) by flight, less their mean over all flights where
-    :func:`shift_of` judges it.
+def without_mean_balance(residuals: Sequence[np.ndarray], system: System) -> list[np.ndarray]:
+    """Subtract the mean balance over all flights where :func:`balance_shift` judges it.
+
+    Parameters
+    ----------
+    residuals : by flight, (m, C) of the main channels, in their units.
+    system : of the flights.
+
+    Returns
+    -------
+    By flight, (m, C).
     """
-    if not _stated(system, system.nuisances):
-        return list(left)
+    if not _states_balance(system, system.nuisances):
+        return list(residuals)
     slow = [system.main.index(c) for c in CHANNELS]
     mean = np.zeros(len(system.main))
-    mean[slow] = np.nanmean(np.concatenate(left)[:, slow], axis=0)
-    return [rows - mean for rows in left]
+    mean[slow] = np.nanmean(np.concatenate(residuals)[:, slow], axis=0)
+    return [rows - mean for rows in residuals]
 
 
 def causes_of(system: System) -> list[tuple[Cause, Cause]]:
-    """By rotor, its loss and a mass at its hub, each as if it alone had changed; none without a
-    calibrated file.
+    """Estimate for every rotor its loss and a mass at its hub, each as if it alone had changed.
 
     Parameters
     ----------
     system : nuisance columns suffice; those of ``weak_rotor``, ``cg_offset`` and ``thrust_scale``
         are read.
+
+    Returns
+    -------
+    Loss and mass by rotor; empty without a calibrated file.
     """
     column = system.nuisances
-    if not _stated(system, column):
+    if not _states_balance(system, column):
         return []
-    y, x, precision = _distance(system, [*losses_of(system.model), *MASS], column)
-    directions = [(_loss(x, i), _mass(x, i, system)) for i in range(system.model.n_rotors)]
+    y, x, precision = _mean_balance(system, [*losses_of(system.model), *MASS], column)
+    directions = [
+        (_loss_direction(x, i), _mass_direction(x, i, system)) for i in range(system.model.n_rotors)
+    ]
     return [
-        (_weigh(y, lost, precision, i), _weigh(y, heavy, precision, i))
-        for i, (lost, heavy) in enumerate(directions, 1)
+        (_estimate_cause(y, loss, precision, i), _estimate_cause(y, mass, precision, i))
+        for i, (loss, mass) in enumerate(directions, 1)
     ]
 
 
-def _strongest(weighed: Sequence[tuple[Cause, Cause]]) -> tuple[Cause, Cause]:
+def _strongest(causes: Sequence[tuple[Cause, Cause]]) -> tuple[Cause, Cause]:
     """Both causes at the rotor that explains most."""
-    return max(weighed, key=lambda pair: max(c.explained for c in pair))
+    return max(causes, key=lambda pair: max(c.distance_explained for c in pair))
 
 
-def shift_of(system: System) -> Shift | None:
-    """The shift, where the balance leaves what a calibrated file allows and its cause is open; else
-    None.
+def balance_shift(system: System) -> Shift | None:
+    """Find a balance beyond what a calibrated file allows whose cause is open.
+
+    Parameters
+    ----------
+    system : of the flights.
+
+    Returns
+    -------
+    The shift; None where the balance is as allowed, or its cause is clear.
     """
-    weighed = causes_of(system)
-    if not weighed:
+    causes = causes_of(system)
+    if not causes:
         return None
-    loss, mass = _strongest(weighed)
+    loss, mass = _strongest(causes)
     # Bonferroni over two causes at every rotor; each of them explains on one side only
-    least = ndtri(settings.statistics.chance / (2 * len(weighed))) ** 2
-    gained, between = max(loss.explained, mass.explained), abs(loss.explained - mass.explained)
+    least = ndtri(settings.statistics.chance / (2 * len(causes))) ** 2
+    gained = max(loss.distance_explained, mass.distance_explained)
+    between = abs(loss.distance_explained - mass.distance_explained)
     seen = attitude_measured([r.flight for r in system.flights])
-    return Shift(system, loss, mass, seen) if gained > least and between < _told_apart() else None
+    return (
+        Shift(system, loss, mass, seen) if gained > least and between < _clear_distance() else None
+    )
 
 
-def _told_apart() -> float:
-    """Difference of two squared distances at which the chance of the wrong cause is a healthy
-    flight's of being called changed.
-    """
+def _clear_distance() -> float:
+    """Difference of squared distances at which the wrong cause has the chance of a false alarm."""
     # chance = 1 / (1 + exp(difference / 2))
     chance = settings.statistics.chance
     return 2.0 * float(np.log(1.0 / chance - 1.0))
 
 
-def _distance(
+def _mean_balance(
     system: System, keys: Sequence[str], column: dict[str, int]
 ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
-    """Mean residuals (4,), mean columns by key (4,) and the inverse covariance of the former under
-    the file's doubts, that on the cant of the rotors among them.
+    """Mean residuals (4,), mean columns by key (4,), and the inverse covariance of the residuals.
+
+    Prior sds of the file count as noise, that of the cant of the rotors among them.
     """
     keys = [*keys, *({CANT} & set(column))]
     slow, count = [system.names.index(c) for c in CHANNELS], len(system.flights)
@@ -262,21 +307,24 @@ def _distance(
     return y, x, np.linalg.inv(covariance)
 
 
-def _loss(x: dict[str, np.ndarray], i: int) -> np.ndarray:
-    """Change of the residual by the loss of one rotor."""
+def _loss_direction(x: dict[str, np.ndarray], i: int) -> np.ndarray:
+    """Change of the residual per loss of one rotor, (4,)."""
     return x[LOSSES[i]]
 
 
-def _mass(x: dict[str, np.ndarray], i: int, system: System) -> np.ndarray:
-    """Change of the residual by a kilogram at one hub: the centre of gravity moves, and the thrust
-    weighs less in comparison.
+def _mass_direction(x: dict[str, np.ndarray], i: int, system: System) -> np.ndarray:
+    """Change of the residual per kilogram at one hub, (4,).
+
+    The centre of gravity moves, and the thrust is less for the weight.
     """
     hub = [system.model.number(f"rotor_{i + 1}_{a}_m") for a in "xy"]
     return (hub[0] * x[MASS[0]] + hub[1] * x[MASS[1]] - x[MASS[2]]) / system.model.number("mass_kg")
 
 
-def _weigh(y: np.ndarray, direction: np.ndarray, precision: np.ndarray, rotor: int) -> Cause:
-    """Generalised least squares of one amplitude; a loss or a mass below zero explains nothing."""
+def _estimate_cause(
+    y: np.ndarray, direction: np.ndarray, precision: np.ndarray, rotor: int
+) -> Cause:
+    """Generalised least squares of one cause; a value below zero explains nothing."""
     information = float(direction @ precision @ direction)
     value = float(direction @ precision @ y) / information
     return Cause(rotor, value, information**-0.5, value**2 * information if value > 0 else 0.0)

@@ -1,4 +1,4 @@
-"""Faults of clocks and gyros that are settled before any physics: a late pose, a gyro offset."""
+"""Faults of clocks and gyros that were removed before any physics: a late pose, a gyro offset."""
 
 from __future__ import annotations
 
@@ -14,49 +14,55 @@ from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
 from ges.simulator import effects as effect_table
 
 
-def settled_findings(gate: Gate, doubts: Mapping[str, float]) -> list[Finding]:
-    """Sensor faults that the gate settled before any physics: a late pose, a gyro offset. They are
-    as good as certain: measured directly, against no rival. A delay that clocks usually have is
-    settled, and is no fault.
+def gate_findings(gate: Gate, prior_sds: Mapping[str, float]) -> list[Finding]:
+    """Return the sensor faults that the gate removed, as findings.
 
     Parameters
     ----------
-    doubts : of the vehicle file, by ``effect.parameter``.
+    gate : recordings after all checks.
+    prior_sds : of the vehicle file, by ``effect.parameter``.
+
+    Notes
+    -----
+    They are as good as certain: measured directly, without rivals. A delay that clocks usually have
+    is no fault.
     """
-    found = []
-    if gate.pose and abs(gate.pose.delay_s) > _beyond_doubt_s(gate.pose, doubts):
+    findings = []
+    if gate.pose and abs(gate.pose.delay_s) > _clear_delay_s(gate.pose, prior_sds):
         value = Estimate(
             gate.pose.delay_s,
             interval95(gate.pose.delay_s, gate.pose.sd_s),
             "s",
             "position, velocity and attitude late against gyro, accelerometer and drive",
         )
-        found.append(
-            _settled(
+        findings.append(
+            _certain_finding(
                 "time_offset", {"delay_s": value}, {"value": abs(gate.pose.delay_s), "unit": "s"}
             )
         )
     if gate.gyro:
-        told = {
+        estimates = {
             f"{a}_rad_s": Estimate(float(b), interval95(float(b), float(s)), "rad/s")
             for a, b, s in zip("xyz", *gate.gyro, strict=True)
         }
-        found.append(
-            _settled(
-                "gyro_bias", told, {"value": float(np.linalg.norm(gate.gyro[0])), "unit": "rad/s"}
+        findings.append(
+            _certain_finding(
+                "gyro_bias",
+                estimates,
+                {"value": float(np.linalg.norm(gate.gyro[0])), "unit": "rad/s"},
             )
         )
-    return found
+    return findings
 
 
-def _beyond_doubt_s(pose: Delay, doubts: Mapping[str, float]) -> float:
-    """Delay from which a pose is late beyond doubt, as any declared number has to be, s."""
+def _clear_delay_s(pose: Delay, prior_sds: Mapping[str, float]) -> float:
+    """Delay from which a pose is certainly later than its prior allows."""
     usual = effect_table.get("time_offset").parameter("delay_s").doubt
-    doubt_s = doubts.get("time_offset.delay_s", usual.sd if usual else 0.0)
-    return settings.statistics.certain_sds * math.hypot(pose.sd_s, doubt_s)
+    prior_sd_s = prior_sds.get("time_offset.delay_s", usual.sd if usual else 0.0)
+    return settings.statistics.certain_sds * math.hypot(pose.sd_s, prior_sd_s)
 
 
-def _settled(name: str, parameters: dict[str, Estimate], size: dict) -> Finding:
+def _certain_finding(name: str, parameters: dict[str, Estimate], size: dict) -> Finding:
     return Finding.of(
         name, settings.statistics.certain_probability, parameters, {**size, "share_of_weight": 0.0}
     )

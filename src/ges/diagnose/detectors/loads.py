@@ -1,12 +1,10 @@
-"""Loads on threads: how long the thread is, and where a load that is drawn over the ground lay
-first.
+"""Suspended and dragged loads: length of the thread, and first place of a load on the ground.
 
-How long a thread is decides how fast its load swings, to hundredths; that and the first place
-decide where the thread of a drawn load gets taut, to centimetres, and the flights show it as a
-step. No affordable grid is that fine and no slope leads there from afar, so the best of a coarse
-grid is made sharper before rivals are weighed. Of a drawn load: first the place on the way out at
-which the thread gets taut, then what that leaves open between the thread and the first place, then
-both.
+The length decides how fast a load swings, to hundredths. With the first place it decides where the
+thread of a dragged load gets taut, to centimetres, which the flights show as a step. No affordable
+grid is that fine, and no slope leads there from afar. So the best of a coarse grid is refined
+before rivals are compared. For a dragged load three steps follow. First comes the place where the
+thread gets taut. Then comes the trade-off of thread and first place, then both.
 """
 
 from __future__ import annotations
@@ -27,31 +25,52 @@ from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
 
 LOAD = "slung_load"
-DRAWN = ("start_x_m", "start_y_m")
+START = ("start_x_m", "start_y_m")
 """Shapes of a load that lies on the ground at first."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Drawn:
-    """A load that is drawn ``behind_m`` behind and lay ``ahead_m`` ahead at first, both
-    horizontal.
+class DraggedLoad:
+    """Geometry of a load that is dragged over the ground.
+
+    Attributes
+    ----------
+    behind_m : horizontal distance at which it is dragged behind.
+    ahead_m : horizontal distance ahead of the start at which it lay first.
     """
 
     behind_m: float
     ahead_m: float
 
-    def with_thread(self, behind_m: float) -> Drawn:
-        """On another thread that gets taut at the same place on the way out."""
-        return Drawn(behind_m, self.ahead_m + self.behind_m - behind_m)
+    def with_thread(self, behind_m: float) -> DraggedLoad:
+        """Return it on another thread that gets taut at the same place.
 
-    def with_place(self, ahead_m: float) -> Drawn:
-        """From another first place."""
-        return Drawn(self.behind_m, ahead_m)
+        Parameters
+        ----------
+        behind_m : of the other thread.
+        """
+        return DraggedLoad(behind_m, self.ahead_m + self.behind_m - behind_m)
+
+    def with_place(self, ahead_m: float) -> DraggedLoad:
+        """Return it from another first place.
+
+        Parameters
+        ----------
+        ahead_m : of the other place.
+        """
+        return DraggedLoad(self.behind_m, ahead_m)
 
 
-def likely_load(regression: Regression, found: SearchResult) -> Variant | None:
-    """The variant of a load on a thread in the best set that has one, where that is not out of the
-    question.
+def probable_load(regression: Regression, found: SearchResult) -> Variant | None:
+    """Return the load of the best set that has one.
+
+    Parameters
+    ----------
+    regression, found : of the search.
+
+    Returns
+    -------
+    Its variant; None where a load is improbable.
     """
     best = next((h for h in found.hypotheses if LOAD in h.names), None)
     if best is None or found.inclusion[LOAD] < settings.statistics.possible_probability:
@@ -60,19 +79,23 @@ def likely_load(regression: Regression, found: SearchResult) -> Variant | None:
     return next(v for v in variants if v.effect == LOAD)
 
 
-def sharpened(like: System, variant: Variant) -> Variant:
-    """The variant with the thread, and of a drawn load the first place, that explain most.
+def refine_load(like: System, variant: Variant) -> Variant:
+    """Refine the thread of a load, and the first place of a dragged one.
 
     Parameters
     ----------
     like : a system of the flights.
     variant : of ``slung_load``; where it is attached stays.
+
+    Returns
+    -------
+    The variant with most evidence.
     """
-    fine = _drawn if set(DRAWN) <= variant.shape.keys() else _hanging
+    fine = _refine_dragged if set(START) <= variant.shape.keys() else _refine_hanging
     return fine(like, variant)
 
 
-def _hanging(like: System, variant: Variant) -> Variant:
+def _refine_hanging(like: System, variant: Variant) -> Variant:
     best, span, levels = variant, _coarse_step(variant), settings.detect.load_levels
     # as far as the next of the coarse grid; the second grid spans one step of the first
     for _ in range(2):
@@ -88,9 +111,7 @@ def _hanging(like: System, variant: Variant) -> Variant:
 
 
 def _coarse_step(variant: Variant) -> float:
-    """Ratio of the thread of a hanging load to the farther of its neighbours on the grid that it is
-    from, or the nearest to it.
-    """
+    """Ratio of the thread's length to its farther neighbour on the grid."""
     grids = (
         np.array(s.levels)
         for s in effect_table.get(LOAD).searches
@@ -102,17 +123,15 @@ def _coarse_step(variant: Variant) -> float:
     return float((near[1:] / near[:-1]).max())
 
 
-def _drawn(like: System, variant: Variant) -> Variant:
+def _refine_dragged(like: System, variant: Variant) -> Variant:
     flights = like.recordings
-    height_m, way = (
-        usual_height_m(like.model, flight_envelope(flights, like.model.radius_m)),
-        way_out(flights),
-    )
+    height_m = usual_height_m(like.model, flight_envelope(flights, like.model.radius_m))
+    way = outbound_direction(flights)
     # a taut thread from this height meets the ground so far behind
-    best = Drawn(math.sqrt(max(variant.shape["length_m"] ** 2 - height_m**2, 0.0)), 0.0)
+    best = DraggedLoad(math.sqrt(max(variant.shape["length_m"] ** 2 - height_m**2, 0.0)), 0.0)
 
-    def shaped(load: Drawn) -> Variant:
-        start = dict(zip(DRAWN, (float(load.ahead_m * c) for c in way), strict=True))
+    def shaped(load: DraggedLoad) -> Variant:
+        start = dict(zip(START, (float(load.ahead_m * c) for c in way), strict=True))
         return dataclasses.replace(
             variant,
             shape={**variant.shape, "length_m": math.hypot(height_m, load.behind_m), **start},
@@ -129,9 +148,16 @@ def _drawn(like: System, variant: Variant) -> Variant:
     return shaped(best)
 
 
-def way_out(flights: Sequence[Prepared]) -> np.ndarray:
-    """Horizontal direction in which the flights leave their first places, (2,), of length 1: to
-    where half of the way is gone.
+def outbound_direction(flights: Sequence[Prepared]) -> np.ndarray:
+    """Return the horizontal direction in which the flights leave their first places.
+
+    Parameters
+    ----------
+    flights : prepared recordings.
+
+    Returns
+    -------
+    (2,) of length 1, world: to where half of the way is gone.
     """
     # a direction even where no flight leaves its place
     total = np.array([settings.numerics.small, 0.0])
@@ -142,12 +168,12 @@ def way_out(flights: Sequence[Prepared]) -> np.ndarray:
     return total / np.linalg.norm(total)
 
 
-def _first_places(load: Drawn, height_m: float) -> list[Drawn]:
+def _first_places(load: DraggedLoad, height_m: float) -> list[DraggedLoad]:
     shares = np.linspace(-1.0, 1.0, settings.detect.load_levels)
     return [load.with_place(load.behind_m * k) for k in shares]
 
 
-def _threads(load: Drawn, height_m: float) -> list[Drawn]:
+def _threads(load: DraggedLoad, height_m: float) -> list[DraggedLoad]:
     (coarse,) = (s.levels for s in effect_table.get(LOAD).searches if s.rule == "drawn")
     # a step of the coarse grid beyond both of its ends
     step = coarse[1] / coarse[0]
@@ -155,8 +181,8 @@ def _threads(load: Drawn, height_m: float) -> list[Drawn]:
     return [load.with_thread(height_m * k) for k in shares]
 
 
-def _nearby(share: float) -> Callable[[Drawn, float], list[Drawn]]:
-    def options(load: Drawn, height_m: float) -> list[Drawn]:
+def _nearby(share: float) -> Callable[[DraggedLoad, float], list[DraggedLoad]]:
+    def options(load: DraggedLoad, height_m: float) -> list[DraggedLoad]:
         step = share * load.behind_m
         threads = [load.with_thread(load.behind_m + k * step) for k in (-2, -1, 1, 2)]
         return threads + [load.with_place(load.ahead_m + k * step) for k in (-2, -1, 1, 2)]
@@ -165,7 +191,7 @@ def _nearby(share: float) -> Callable[[Drawn, float], list[Drawn]]:
 
 
 def _most_probable(like: System, variants: Sequence[Variant]) -> int:
-    """Number of the variant with most evidence; the noise is what the first of them leaves."""
+    """Number of the variant with most evidence, under the noise that the first of them leaves."""
     system = build(like.recordings, like.model, variants, like)
     # a load has one amplitude, its mass: as many columns as variants, in their order
     columns = [k for k, c in enumerate(system.columns) if c.variant is not None]

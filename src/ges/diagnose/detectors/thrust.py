@@ -1,11 +1,10 @@
-"""Thrust that is far from what the vehicle file says, in flights whose battery voltage was not
-logged.
+"""Thrust far from the vehicle file, in flights whose battery voltage was not logged.
 
-Three things would do it: another mass or thrust coefficient, another thrust curve, another battery
-voltage than the file's, at which the motors' top speed is another, too. Without the voltage the
-last two are not searched, nor is the first where rotor speeds are missing, too (see
-``requirements``); the declared thrust, or its usual curve, takes the difference upon itself, as far
-as it may be. Farther than that, one of them is needed.
+Three causes are possible: another mass or thrust coefficient, another thrust curve, or another
+battery voltage, with another top speed of the motors. Without the voltage the last two are not
+searched. Nor is the first where rotor speeds are missing (see ``requirements``). Nominal thrust, or
+its usual curve, absorbs the difference as far as its prior allows. Beyond that one of the causes is
+needed.
 """
 
 from __future__ import annotations
@@ -37,25 +36,35 @@ CAUSES = {
 
 @dataclasses.dataclass(frozen=True)
 class UnmeasuredThrust:
-    """What takes the difference upon itself: the number ``key``, as thrust or top speed over what
-    the file says less one, or as the bend of the curve, and the sd of what is known of it; names
-    that these flights cannot tell apart, and the system of the flights.
+    """A thrust difference whose cause was not measured.
+
+    Attributes
+    ----------
+    system : of the flights.
+    key : the number that absorbs it, ``effect.parameter``.
+    excess : thrust or top speed relative to the file less one, or the bend of the curve.
+    prior_sd : of the same quantity.
+    rivals : names that these flights cannot tell apart.
     """
 
     system: System
     key: str
     excess: Estimate
-    known_sd: float
+    prior_sd: float
     rivals: tuple[str, ...]
 
     @property
     def may_move(self) -> frozenset[str]:
-        """Effects whose declared numbers the rivals can move, and the top speed."""
+        """Effects whose nominal parameters the rivals can move, and the top speed."""
         return frozenset({*self.rivals, SPEED.split(".")[0]})
 
     def is_form_error(self, name: str, size: Mapping) -> bool:
-        """Whether an effect of this ``size`` (of a finding) may be what the form of the curve that
-        is needed is wrong by.
+        """Return whether an effect may be a form error of the curve that is needed.
+
+        Parameters
+        ----------
+        name : of the effect.
+        size : of a finding.
         """
         if effect_table.get(name).error_of != self.key.split(".")[0]:
             return False
@@ -68,20 +77,22 @@ class UnmeasuredThrust:
         )
 
     def sentence(self) -> str:
-        """How far it is off, what would do it, and how to find out."""
+        """Return how far the thrust is off, what would explain it, and how to find out."""
         low, high = self.excess.ci95
         share = 1.0 if self.key == CURVE else 100.0
         value, half = (
             number_words(share * abs(self.excess.value), 2),
             number_words(share * 0.5 * (high - low), 2),
         )
-        times = number_words(abs(self.excess.value) / self.known_sd, 2)
-        told = [f"{CAUSES[name]} ({name})" for name in CAUSES if name in self.rivals]
-        *some, last = told + ([f"another {SPEED.split('.')[1]}"] if self.key == SPEED else [])
+        times = number_words(abs(self.excess.value) / self.prior_sd, 2)
+        causes_named = [f"{CAUSES[name]} ({name})" for name in CAUSES if name in self.rivals]
+        *some, last = causes_named + (
+            [f"another {SPEED.split('.')[1]}"] if self.key == SPEED else []
+        )
         causes = f"{', '.join(some)} or {last}"
-        known = "declared" if self.key in self.system.model.prior_sds else "usual"
+        kind_of_sd = "declared" if self.key in self.system.model.prior_sds else "usual"
         return (
-            f"{self._off(value, half)}, {times} times its {known} sd."
+            f"{self._off(value, half)}, {times} times its {kind_of_sd} sd."
             f" {causes[0].upper()}{causes[1:]} would do it; where the voltage is logged ({VOLTAGE})"
             " they can be told apart."
         )
@@ -104,24 +115,27 @@ class UnmeasuredThrust:
         )
 
     def findings(self) -> list[Finding]:
-        """The names, each as likely as the others."""
+        """Return the rivals as findings, each equally probable."""
         effect, parameter = self.key.split(".")
-        told = {effect: {parameter: self.excess}}
+        estimates = {effect: {parameter: self.excess}}
         return [
-            Finding.of(name, 1.0 / len(self.rivals), told.get(name, {}), is_open=True)
+            Finding.of(name, 1.0 / len(self.rivals), estimates.get(name, {}), is_open=True)
             for name in self.rivals
         ]
 
     def explanations(self) -> dict[tuple[str, ...], effect_table.Effects]:
-        """Sets of names that would do it, each with the effects by which it does; a battery's sag
-        is known by how it grows, what it takes in the middle is another thrust, and in all of them
-        the battery runs down.
+        """Return sets of names that would explain it, each with the effects by which it does.
+
+        Notes
+        -----
+        The battery runs down in all of them, and its sag shows by how it grows. What it takes in
+        the middle of the flight is another thrust.
         """
         scale = ("thrust_scale",) if "thrust_scale" in self.rivals else ()
         sets = (scale, ("thrust_curve",), ("battery_sag", *scale))
-        return {names: self._flown_with(names) for names in sets if names}
+        return {names: self._effects_of(names) for names in sets if names}
 
-    def _flown_with(self, names: Sequence[str]) -> effect_table.Effects:
+    def _effects_of(self, names: Sequence[str]) -> effect_table.Effects:
         model = self.system.model
         sags = {
             **effect_table.get("battery_sag").neutral(),
@@ -135,44 +149,53 @@ class UnmeasuredThrust:
             effect, _, parameter = CURVE.partition(".")
             bend = within_bounds(effect, parameter, thrust / per_bend)
             return {"battery_sag": sags, "thrust_curve": {"c": bend}}
-        known = model.effects.get("thrust_scale", {}).get("scale", 0.0)
-        scale = known + thrust * ("thrust_scale" in names)
+        present = model.effects.get("thrust_scale", {}).get("scale", 0.0)
+        scale = present + thrust * ("thrust_scale" in names)
         return {"battery_sag": sags, "thrust_scale": {"scale": scale}}
 
 
 def unmeasured_thrust(joint: JointFit, system: System) -> UnmeasuredThrust | None:
-    """The excess that is left beside all that was accepted, where it is far and nothing was logged
-    to tell its cause; else None.
+    """Find an excess of thrust beside everything accepted, without logged signals to tell its
+    cause.
 
     Parameters
     ----------
     joint : of the last fit, corrections counted from the vehicle file.
+    system : of the flights.
+
+    Returns
+    -------
+    The excess; None where it is within the prior sds, or the signals were logged.
     """
     model, flights = system.model, [r.flight for r in system.flights]
     rivals = tuple(sorted(name for name in CAUSES if lacking(name, flights, model)))
-    known = {
+    prior_sds = {
         key: sd
         for key, k in system.nuisances.items()
         if (key.split(".")[0] in rivals or rivals and key == SPEED)
         and (sd := nuisance_of(system.columns[k]).sd)
     }
     # a voltage of each flight's own is one of the causes: what they have in the mean counts, too
-    total = {
+    corrections_by_key = {
         key: joint.common.get(key, 0.0) + np.array([f.get(key, 0.0) for f in joint.by_flight])
-        for key in known
+        for key in prior_sds
     }
-    off = {key: float(told.mean()) for key, told in total.items()}
+    mean_correction = {
+        key: float(corrections.mean()) for key, corrections in corrections_by_key.items()
+    }
     # in sds of what was known: the number farthest off takes the difference upon itself
-    far = {key: abs(off[key]) / sd for key, sd in known.items()}
-    key = max(far, key=lambda k: far[k], default=None)
-    if key is None or far[key] < settings.statistics.certain_sds:
+    in_sds = {key: abs(mean_correction[key]) / sd for key, sd in prior_sds.items()}
+    key = max(in_sds, key=lambda k: in_sds[k], default=None)
+    if key is None or in_sds[key] < settings.statistics.certain_sds:
         return None
     # a top speed as a share of the file's; a curve is wrong by its form as well
     unit = model.number(SPEED.split(".")[1]) if key == SPEED else 1.0
-    value, form = off[key] / unit, settings.estimate.form_error if key == CURVE else 0.0
+    value, form = mean_correction[key] / unit, settings.estimate.form_error if key == CURVE else 0.0
     # of these flights, and not of those to come: what they share, or how far they are apart
-    apart = total[key].std(ddof=1) / math.sqrt(len(flights)) if len(flights) > 1 else 0.0
+    apart = (
+        corrections_by_key[key].std(ddof=1) / math.sqrt(len(flights)) if len(flights) > 1 else 0.0
+    )
     sd = math.hypot((apart or joint.common_sd[key]) / unit, form * value)
     return UnmeasuredThrust(
-        system, key, Estimate(value, interval95(value, sd), "1"), known[key] / unit, rivals
+        system, key, Estimate(value, interval95(value, sd), "1"), prior_sds[key] / unit, rivals
     )

@@ -10,7 +10,7 @@ from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.withdraw import Explanation
 from ges.diagnose.design.answers import strengths
 from ges.diagnose.design.system import System, variant_of
-from ges.diagnose.detectors.gusts import GUSTS, heard_by
+from ges.diagnose.detectors.gusts import GUSTS, shows_moving_air
 from ges.diagnose.estimate.fit import JointFit
 from ges.diagnose.library.candidates import flight_envelope
 from ges.diagnose.library.grids import out_of_reach
@@ -111,7 +111,7 @@ def not_tested(system: System, found: Model) -> dict[str, str]:
     searched = {c.variant.effect for c in system.columns if c.variant is not None}
     # the gate and the search for gusts speak about these, though no column of theirs is searched
     searched |= {e.name for e in effect_table.table().values() if e.settled and e.kind == "sensor"}
-    searched |= {GUSTS} if heard_by(found.effects) else set()
+    searched |= {GUSTS} if shows_moving_air(found.effects) else set()
     for name, effect in effect_table.table().items():
         # what modifies another effect is tried together with that one
         if name not in searched and not effect.modifies:

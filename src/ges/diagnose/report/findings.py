@@ -15,7 +15,7 @@ from ges.diagnose.decide.declared import Contradicted
 from ges.diagnose.decide.withdraw import Explanation, practically_significant
 from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.balance import Shift
-from ges.diagnose.detectors.clocks import settled_findings
+from ges.diagnose.detectors.clocks import gate_findings
 from ges.diagnose.detectors.thrust import UnmeasuredThrust
 from ges.diagnose.estimate.contributions import (
     contributions,
@@ -61,7 +61,7 @@ def all_findings(
         proven = [f for f in proven if practically_significant(f.name, f.size, model, record)]
     return [
         *proven,
-        *settled_findings(gate, answer.last.model.prior_sds),
+        *gate_findings(gate, answer.last.model.prior_sds),
         *declared_findings(wrong, answer.last.regression.system),
         *open_findings(accepted),
         *(shift.findings() if shift else ()),
