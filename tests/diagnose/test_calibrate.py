@@ -97,9 +97,9 @@ def test_what_the_drive_does_on_the_ground_is_no_balance(flown, held_down, with_
         frames.append(
             (f"f{k}", held_down(frame, np.where(t < 2.0, 0.0, np.where(t < 4.0, 1.3, 1.0))))
         )
-    told = calibrate(make_set(vehicle, frames))
-    assert told.numbers["thrust_scale.scale"].value == pytest.approx(0.02, abs=0.006)
-    assert all(abs(told.numbers[key].value) < 0.006 for key in LOSSES[:4])
+    spread_words = calibrate(make_set(vehicle, frames))
+    assert spread_words.numbers["thrust_scale.scale"].value == pytest.approx(0.02, abs=0.006)
+    assert all(abs(spread_words.numbers[key].value) < 0.006 for key in LOSSES[:4])
 
 
 def test_the_file_takes_the_corrections(known, vehicle):
@@ -137,7 +137,9 @@ def test_sets_are_sessions_whose_spread_is_in_the_doubt(known, vehicle, alike, r
     assert apart.spread < 0.005 < 0.01 < apart.session_spread
     assert np.isnan(together.session_spread) and together.spread > 0.01
     assert apart.numbers[LOSSES[1]].later_sd > 2 * known.numbers[LOSSES[1]].later_sd
-    assert "sessions differ by" in apart.told() and "sessions" not in together.told()
+    assert (
+        "sessions differ by" in apart.spread_words() and "sessions" not in together.spread_words()
+    )
     with pytest.raises(GesError, match="different vehicle files"):
         calibrate(make_set(vehicle, alike), make_set(known.vehicle, alike))
 

@@ -10,13 +10,13 @@ import pytest
 
 from ges.commands.diagnose import _flight_written
 from ges.diagnose.advise.detect import (
-    Found,
-    _needed,
+    DetectedEffect,
+    _detectable_size,
     _Shape,
     expected_evidence,
     smallest_detectable,
 )
-from ges.diagnose.advise.next_flight import separating
+from ges.diagnose.advise.next_flight import separating_manoeuvre
 from ges.diagnose.advise.recommend import (
     Option,
     Rival,
@@ -113,14 +113,14 @@ def test_next_flight_of_an_open_question_and_of_none(quad, judged):
     assert {n for h in open_sets(found, ()) for n in h.names} == set(names), (
         "both explain the side force"
     )
-    told = separating(regression, found, ())
+    told = separating_manoeuvre(regression, found, ())
     assert (
         told["manoeuvre"] in manoeuvres.MENU and told["expected_log_odds"] > told["so_far_log_odds"]
     )
     assert set(names) <= set(told["separates"])
     certain = dataclasses.replace(found.hypotheses[0], probability=1.0)
     settled = SearchResult((certain,), {n: float(n in certain.names) for n in names})
-    assert separating(regression, settled, certain.names) == {}
+    assert separating_manoeuvre(regression, settled, certain.names) == {}
 
 
 @pytest.mark.parametrize(
@@ -276,7 +276,7 @@ def test_at_its_limit_nine_of_ten_sets_of_flights_tell_an_effect_from_its_rival(
         _Shape(name, (k,), gain, gain, cost)
         for k, (name, (gain, cost)) in enumerate(zip(names, gains, strict=True))
     ]
-    size, by = _needed(shapes[0], 0, shapes, np.log(9.0))
+    size, by = _detectable_size(shapes[0], 0, shapes, np.log(9.0))
     right = settings.evidence.tempering * (size * x[:, :1] + rng.normal(0.0, 1.0, (n, 2000))).T @ x
     evidence = 0.5 * right**2 / (np.diag(gram.xx) + 1.0 / sd**2) - [cost for _, cost in gains]
     price = np.log(9.0) + np.log(0.5 / 0.3 * 2)
@@ -315,7 +315,7 @@ def test_what_a_rival_hides_names_the_rival(null):
     hidden = smallest_detectable(twins)["rotor_drag"]
     assert hidden["smallest"] is None and hidden["limited_by"] == "parasitic_drag"
     variant = columns[twin[0]].variant
-    far = {"parasitic_drag": Found(variant, {"area_m2": np.inf})}
+    far = {"parasitic_drag": DetectedEffect(variant, {"area_m2": np.inf})}
     beside = smallest_detectable(twins, far)
     assert (
         beside["parasitic_drag"]["smallest"] is None
@@ -336,7 +336,9 @@ def test_what_was_found_has_a_limit_too(null):
     )
     limit = before["rotor_drag"]["smallest"]
     for size in (3.0 * limit, 0.5 * limit):
-        after = smallest_detectable(regression, {"rotor_drag": Found(variant, {"k_kg": size})})
+        after = smallest_detectable(
+            regression, {"rotor_drag": DetectedEffect(variant, {"k_kg": size})}
+        )
         assert after["rotor_drag"]["smallest"] == pytest.approx(min(size, limit))
         assert after.keys() == before.keys()
 

@@ -45,6 +45,6 @@ def command(recordings: tuple[Path, ...], out: Path) -> None:
         )
     save_vehicle(found.vehicle, out)
     click.echo(
-        f"{out}: {found.seconds:.1f} s in the air; in their trims {found.told()}",
+        f"{out}: {found.seconds:.1f} s in the air; in their trims {found.spread_words()}",
         err=True,
     )

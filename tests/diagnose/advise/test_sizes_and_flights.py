@@ -7,7 +7,7 @@ import pytest
 from scipy.special import ndtri
 
 from ges.diagnose.advise import recommend
-from ges.diagnose.advise.detect import Found, expected_evidence, smallest_detectable
+from ges.diagnose.advise.detect import DetectedEffect, expected_evidence, smallest_detectable
 from ges.diagnose.advise.next_flight import next_flight
 from ges.diagnose.advise.recommend import Option, Rival, open_sets, rank, rivals_of
 from ges.diagnose.decide.accept import Accepted
@@ -67,7 +67,7 @@ def test_a_rival_that_looks_alike_hides_an_effect_and_is_named():
 def test_what_was_found_is_seen_and_no_rival_of_others():
     regression = _regression(alike=0.99)
     variant = regression.system.columns[0].variant
-    tiny = {"axial_inflow": Found(variant, {"k_kg": 1e-6})}
+    tiny = {"axial_inflow": DetectedEffect(variant, {"k_kg": 1e-6})}
     told = smallest_detectable(regression, tiny)
     assert told["axial_inflow"]["smallest"] == 1e-6
     assert told["tether"]["limited_by"] == "", "beside what is accepted nothing is hidden by it"

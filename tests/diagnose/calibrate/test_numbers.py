@@ -83,16 +83,16 @@ def test_the_order_of_flights_and_sessions_does_not_matter():
 
 def _spreads_of(sessions, unit=0.2):
     trims = module._Trims(("a", "b"), np.ones(2), np.full(2, unit), tuple(map(tuple, sessions)))
-    return module._spreads(trims, np.zeros(2), 1.0)
+    return module._fit_spreads(trims, np.zeros(2), 1.0)
 
 
 def test_a_spread_between_flights_is_found_back():
     grams = _grams(_flights(200, 40, 2, flight_sd=0.6, seed=1))
     flight, session = _spreads_of([grams])
-    assert flight.seen == pytest.approx(3.0, rel=0.15)
-    assert np.isnan(session.seen) and session.doubt == 0.0, "one set has one spread"
+    assert flight.estimate == pytest.approx(3.0, rel=0.15)
+    assert np.isnan(session.estimate) and session.later_sd == 0.0, "one set has one spread"
     alike = _grams(_flights(200, 40, 2, flight_sd=0.0, seed=1))
-    assert _spreads_of([alike])[0].seen < 0.5
+    assert _spreads_of([alike])[0].estimate < 0.5
 
 
 def test_a_spread_between_sessions_is_told_from_that_between_flights():
@@ -106,15 +106,15 @@ def test_a_spread_between_sessions_is_told_from_that_between_flights():
             day.append((x, x @ own + 0.1 * rng.standard_normal(40)))
         days.append([Gram(100 * g.xx, 100 * g.xy, 100 * g.yy, g.n) for g in _grams(day)])
     flight, session = _spreads_of(days)
-    assert flight.seen == pytest.approx(0.3, rel=0.2)
-    assert session.seen == pytest.approx(3.0, rel=0.2)
+    assert flight.estimate == pytest.approx(0.3, rel=0.2)
+    assert session.estimate == pytest.approx(3.0, rel=0.2)
 
 
 def test_single_flights_of_several_days_tell_nothing_of_one_day():
     grams = _grams(_flights(30, 40, 2, flight_sd=0.6, seed=1))
     flight, session = _spreads_of([[g] for g in grams])
-    assert np.isnan(flight.seen) and flight.pooled == settings.calibrate.smaller_spread
-    assert session.seen == pytest.approx(3.0, rel=0.25)
+    assert np.isnan(flight.estimate) and flight.pooled == settings.calibrate.smaller_spread
+    assert session.estimate == pytest.approx(3.0, rel=0.25)
 
 
 def test_spreads_are_pooled_by_their_degrees_of_freedom():
@@ -123,9 +123,9 @@ def test_spreads_are_pooled_by_their_degrees_of_freedom():
     assert alone.pooled == pytest.approx(0.5) and alone.freedom == worth
     many = module._pooled(2.0, 1e9, 0.5)
     assert many.pooled == pytest.approx(2.0, rel=1e-6)
-    assert many.doubt == pytest.approx(2.0, rel=1e-4), "no Student's tail of so many"
+    assert many.later_sd == pytest.approx(2.0, rel=1e-4), "no Student's tail of so many"
     assert module._pooled(2.0, worth, 0.0).pooled == pytest.approx(np.sqrt(2.0))
-    assert alone.doubt > 1.2 * alone.pooled
+    assert alone.later_sd > 1.2 * alone.pooled
 
 
 def test_a_loss_of_all_motors_is_a_thrust_scale():
@@ -171,23 +171,25 @@ def test_trims_spread_by_their_doubts_and_thrust_where_motors_cannot_be_told_apa
 
 
 def test_what_commands_alone_tell_is_one_number():
-    told = module._opened(MODEL, [hovering()]).prior_sds
+    told = module._with_free_trims(MODEL, [hovering()]).prior_sds
     assert {told[key] for key in LOSSES[:4]} == {settings.calibrate.loss_sd}
     assert told["cg_offset.x_m"] == 0.0 and SPEED not in told
     commanded = hovering(**{f"rotor_speed_{i}_rad_s": None for i in range(1, 5)})
-    told = module._opened(MODEL, [commanded]).prior_sds
+    told = module._with_free_trims(MODEL, [commanded]).prior_sds
     assert told[SPEED] == 0.0 and told["thrust_curve.c"] == 0.0
 
 
 @pytest.mark.parametrize(("value", "flown"), [(0.2, 0.2), (-0.72, -0.7)])
 def test_a_correction_that_is_beyond_by_noise_is_at_its_bound(value, flown):
-    assert module._flown("inertia.xx", value, 0.01, MODEL) == pytest.approx(flown)
-    assert module._flown("esc_delay.delay_s", -0.05, 1e-3, MODEL) == 0.0, "no declared number"
+    assert module._within_flown_bounds("inertia.xx", value, 0.01, MODEL) == pytest.approx(flown)
+    assert module._within_flown_bounds("esc_delay.delay_s", -0.05, 1e-3, MODEL) == 0.0, (
+        "no declared number"
+    )
 
 
 def test_a_correction_that_is_clearly_beyond_is_refused_in_one_sentence():
     with pytest.raises(GesError, match=r"need inertia\.xx corrected by -0\.9, and the simulator"):
-        module._flown("inertia.xx", -0.9, 0.01, MODEL)
+        module._within_flown_bounds("inertia.xx", -0.9, 0.01, MODEL)
 
 
 def test_corrections_are_folded_into_the_numbers_that_they_correct():
@@ -198,7 +200,7 @@ def test_corrections_are_folded_into_the_numbers_that_they_correct():
         "inertia.zz": _number(-0.1, 0.04),
         SPEED: _number(25.0, 5.0),
     }
-    told = module._folded(vehicle, numbers)
+    told = module._corrected_fields(vehicle, numbers)
     assert told["thrust_coefficient_N_s2"].value == pytest.approx(5.4e-6)
     assert told["thrust_coefficient_N_s2"].sd == pytest.approx(0.02 * 6e-6)
     assert told["mass_kg"].value == 1.0 and told["mass_kg"].sd == 0.0, "one of the two takes it"
@@ -221,7 +223,7 @@ def test_trims_are_written_as_effects_about_what_the_file_had():
 
 
 def test_a_number_far_from_its_declared_doubt_is_said_and_trims_are_not():
-    far = module._far(
+    far = module._moved_warnings(
         {"inertia.xx": _number(0.4), "inertia.yy": _number(0.1), LOSSES[0]: _number(0.4)}
     )
     assert len(far) == 1 and far[0].startswith("inertia.xx moved by 0.4, 8.0 times its declared sd")

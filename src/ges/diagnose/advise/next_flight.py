@@ -1,4 +1,4 @@
-"""What to fly next: the manoeuvre that separates best what is open."""
+"""The next flight: the manoeuvre that best separates open names."""
 
 from __future__ import annotations
 
@@ -17,9 +17,18 @@ from ges.diagnose.settings import settings
 
 
 def next_flight(accepted: Accepted, shift: Shift | UnmeasuredThrust | None) -> dict:
-    """``next_flight`` of diagnosis.json: the manoeuvre that separates best what is open, and how
-    often to fly it; empty where nothing is open, and without a manoeuvre where none of the menu
-    would do.
+    """Return ``next_flight`` of diagnosis.json.
+
+    Parameters
+    ----------
+    accepted : names and fits of the search.
+    shift : a shifted balance or unmeasured thrust, which has a next flight of its own; None without
+        one.
+
+    Returns
+    -------
+    The best manoeuvre and how often to fly it. Empty where nothing is open; without a manoeuvre
+    where none of the menu would do.
     """
     if isinstance(shift, UnmeasuredThrust):
         return _with_voltage(shift)
@@ -32,17 +41,22 @@ def next_flight(accepted: Accepted, shift: Shift | UnmeasuredThrust | None) -> d
     )
     if not accepted.rivals and not doubtful:
         return {}
-    return separating(accepted.regression, accepted.found, accepted.names)
+    return separating_manoeuvre(accepted.regression, accepted.found, accepted.names)
 
 
-def separating(
+def separating_manoeuvre(
     regression: Regression,
     found: SearchResult,
     proven: Sequence[str],
     parameters: Mapping[str, float] | None = None,
 ) -> dict:
-    """The best manoeuvre between the sets of names that are open beside what is proven;
-    ``parameters`` as for :func:`~ges.diagnose.advise.recommend.rank`.
+    """Return the best manoeuvre between the sets of names that are open.
+
+    Parameters
+    ----------
+    regression, found : of the search.
+    proven : names that are accepted.
+    parameters : as for :func:`~ges.diagnose.advise.recommend.rank`.
     """
     rivals = rivals_of(regression, open_sets(found, proven))
     ranked = rank(regression, rivals, parameters) if len(rivals) > 1 else []
@@ -50,7 +64,7 @@ def separating(
 
 
 def _with_voltage(thrust: UnmeasuredThrust) -> dict:
-    """The manoeuvre that tells causes of another thrust apart once the voltage is logged."""
+    """The manoeuvre that separates causes of another thrust, with the voltage logged."""
     system = thrust.system
     listed = library(system.model, flight_envelope(system.recordings, system.model.radius_m))
     variants = [v for name in thrust.rivals if name in listed for v in listed[name].variants]

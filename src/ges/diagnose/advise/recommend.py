@@ -1,6 +1,7 @@
-"""The next flight: every explanation that is still open is flown, simulated, over a menu of
-manoeuvres, and judged as a real flight would be; the manoeuvre whose outcome separates them most is
-recommended.
+"""Ranking of manoeuvres for the next flight.
+
+Every explanation that is still open is simulated over a menu of manoeuvres, and evaluated as a real
+flight would be. The manoeuvre whose outcome separates them most is recommended.
 """
 
 from __future__ import annotations
@@ -32,8 +33,13 @@ READINGS = {f"omega_{a}_rad_s": f"gyro_{a}_rad_s" for a in "xyz"}
 
 @dataclasses.dataclass(frozen=True)
 class Rival:
-    """An explanation that is still open: its effects with their sizes, and its columns on the
-    regression.
+    """An explanation that is still open.
+
+    Attributes
+    ----------
+    names : its effects.
+    effects : with their parameters.
+    columns : its columns in the regression.
     """
 
     names: tuple[str, ...]
@@ -47,11 +53,13 @@ class Option:
 
     Attributes
     ----------
-    separates : explanations that would be told from all others, with one that stands for the rest.
+    manoeuvre : name in the menu.
+    separates : explanations that it would separate from all others, with one that stands for the
+        rest.
     stays_open : explanations that it would leave open among themselves.
-    expected_log_odds : of the true explanation over its best rival afterwards, the rivals as likely
-        as they are now.
-    so_far : what the flights so far give the best of them.
+    expected_log_odds : of the true explanation over its best rival afterwards, averaged over the
+        present probabilities.
+    so_far : log odds of the best explanation from the flights so far.
     gain : of the expected log odds by one such flight.
     """
 
@@ -64,9 +72,7 @@ class Option:
 
     @property
     def flights(self) -> int | None:
-        """How often to fly it until the odds of an acceptance are expected; None where that would
-        take too many.
-        """
+        """How often to fly it until an acceptance is expected; None where that takes too many."""
         lacking = settings.statistics.acceptance_log_odds - self.expected_log_odds
         if lacking <= 0.0:
             return 1
@@ -77,7 +83,9 @@ class Option:
         return wanted if wanted <= settings.advise.flights_most else None
 
     def content(self) -> dict:
-        """``next_flight`` of diagnosis.json; without a manoeuvre where this one would not do."""
+        """Return ``next_flight`` of diagnosis.json, without a manoeuvre where this one would not
+        do.
+        """
         return {
             "manoeuvre": self.manoeuvre if self.flights else None,
             "flights": self.flights,
@@ -89,13 +97,27 @@ class Option:
 
 
 def rivals_of(regression: Regression, open_sets: Sequence[Hypothesis]) -> list[Rival]:
-    """Rivals from hypotheses of the search; nothing at all is a rival too."""
+    """Return the rivals of hypotheses; the one without names is a rival too.
+
+    Parameters
+    ----------
+    regression : of the search.
+    open_sets : hypotheses that are open.
+    """
     return [Rival(h.names, starting_values(regression, h), h.posterior.columns) for h in open_sets]
 
 
 def open_sets(found: SearchResult, proven: Sequence[str]) -> list[Hypothesis]:
-    """The best set with each name that is neither proven nor ruled out, and the best without any
-    where that is possible.
+    """Return the best set with each name that is neither accepted nor ruled out.
+
+    Parameters
+    ----------
+    found : of the search.
+    proven : names that are accepted.
+
+    Returns
+    -------
+    Hypotheses. The best set of accepted names alone is among them where it is possible.
     """
     names = [
         n for n in sorted(found.inclusion, key=lambda n: -found.inclusion[n]) if n not in proven
@@ -112,8 +134,8 @@ def open_sets(found: SearchResult, proven: Sequence[str]) -> list[Hypothesis]:
     return list({h.names: h for h in sets}.values())
 
 
-def _logged(flights: Sequence[Prepared]) -> list[str]:
-    """Columns that every recording had, what was derived from others left out."""
+def _logged_columns(flights: Sequence[Prepared]) -> list[str]:
+    """Columns that every recording had, without derived ones."""
     made = {name for f in flights for stream in f.derived for name in f.streams[stream]}
     common = set.intersection(*(set(f.columns) for f in flights)) - made
     return ["t_s", *sorted(common & {*sim.columns(MAX_ROTORS), *READINGS, "ground_z_m"})]
@@ -122,8 +144,19 @@ def _logged(flights: Sequence[Prepared]) -> list[str]:
 def simulate(
     model: Model, rival: Rival, plan: str, logged: Sequence[str], parameters: Mapping[str, float]
 ) -> Prepared | None:
-    """One manoeuvre flown with a rival's effects, recorded as the flights so far were; None where
-    it could not be flown.
+    """Fly one manoeuvre with a rival's effects, recorded as the flights so far were.
+
+    Parameters
+    ----------
+    model : of the vehicle.
+    rival : whose effects act.
+    plan : name of the manoeuvre.
+    logged : columns that are recorded.
+    parameters : of the simulator.
+
+    Returns
+    -------
+    The flight; None where it could not be flown, or hardly leaves the ground.
     """
     table = manoeuvres.make(plan, settings.advise.duration_s)
     numbers: dict[str, float | str] = {
@@ -149,8 +182,8 @@ def simulate(
     return flight if flight.flying.mean() > 0.5 else None
 
 
-def _subset(regression: Regression, rivals: Sequence[Rival]) -> np.ndarray:
-    """Columns that matter: the nuisances in use and those of the rivals."""
+def _columns_in_use(regression: Regression, rivals: Sequence[Rival]) -> np.ndarray:
+    """Numbers of the nuisance columns in use and of the rivals' columns."""
     used = [k for k in regression.nuisance if regression.prior.sd[k] > 0]
     return np.array(sorted({*used, *(k for r in rivals for k in r.columns)}), dtype=int)
 
@@ -165,34 +198,32 @@ def _gram(regression: Regression, flight: Prepared, keep: np.ndarray) -> Gram:
     return flight_grams(whiten([made], regression.noise, [made.noise / usual]), columns, weight)[0]
 
 
-def _log_odds(
+def _log_evidence(
     regression: Regression, gram: Gram, keep: np.ndarray, rivals: Sequence[Rival]
 ) -> np.ndarray:
     """Log evidence of every rival on these normal equations."""
     place = {int(k): i for i, k in enumerate(keep)}
     # nuisances are integrated out once, of all flights together: they are the same in each rival
     drop = np.array([place[int(k)] for k in keep if k in set(regression.nuisance)], dtype=int)
-    left = gram.without(drop, regression.prior.sd[keep][drop])
-    weigh = [[place[int(k)] for k in r.columns] for r in rivals]
+    marginal = gram.without(drop, regression.prior.sd[keep][drop])
+    sets = [[place[int(k)] for k in r.columns] for r in rivals]
     prior = regression.prior.take(keep)
-    return np.array([posterior(left, at, prior).log_evidence if at else 0.0 for at in weigh])
+    return np.array([posterior(marginal, at, prior).log_evidence if at else 0.0 for at in sets])
 
 
 def _lead(evidence: np.ndarray, truth: int) -> float:
-    """How far the true rival is ahead of the best other."""
+    """Lead of the true rival over the best other, in log evidence."""
     return float(evidence[truth] - np.delete(evidence, truth).max())
 
 
-def _expected(chance: np.ndarray, leads: Sequence[float]) -> float:
-    """Lead of the true rival, the rivals as likely as they are; what is settled is not counted
-    twice.
-    """
+def _expected_lead(chance: np.ndarray, leads: Sequence[float]) -> float:
+    """Lead of the true rival averaged over probabilities, capped where it settles the question."""
     # a lead beyond what settles the question is worth no more than that
     return float(chance @ np.minimum(leads, settings.advise.settled_log_odds))
 
 
 def _labels(rivals: Sequence[Rival]) -> tuple[str, ...]:
-    """What sets each rival apart: the names that not all of them have."""
+    """Names of each rival that not all of them have."""
     shared = set.intersection(*(set(r.names) for r in rivals))
     return tuple("+".join(n for n in r.names if n not in shared) or "nothing more" for r in rivals)
 
@@ -204,48 +235,51 @@ def rank(
     plans: Sequence[str] = tuple(manoeuvres.MENU),
     also_logged: Collection[str] = (),
 ) -> list[Option]:
-    """Manoeuvres, best first.
+    """Rank the manoeuvres, best first.
 
     Parameters
     ----------
     regression : of the search over the flights so far.
     rivals : two or more open explanations.
-    parameters : numbers to fly with, where the vehicle file is not complete enough to fly; the
-        model's otherwise.
+    parameters : numbers to fly with, where the vehicle file is not complete enough; the model's
+        otherwise.
     plans : names of the menu in ``ges.simulator.manoeuvres``.
-    also_logged : columns that the next flight will have and the flights so far have not; these then
-        tell the rivals nothing.
+    also_logged : columns that only the next flight will have; the flights so far then count as no
+        evidence.
     """
-    model, keep = regression.system.model, _subset(regression, rivals)
-    logged = [*_logged([r.flight for r in regression.system.flights]), *also_logged]
+    model, keep = regression.system.model, _columns_in_use(regression, rivals)
+    logged = [*_logged_columns([r.flight for r in regression.system.flights]), *also_logged]
     past = sum((g.take(keep) for g in regression.by_flight[1:]), regression.by_flight[0].take(keep))
     past = past.scaled(0.0) if also_logged else past
-    now = _log_odds(regression, past, keep, rivals)
+    now = _log_evidence(regression, past, keep, rivals)
     so_far, chance = float(np.sort(now)[-1] - np.sort(now)[-2]), softmax(now)
     labels, options = _labels(rivals), []
-    expected_now = _expected(chance, [_lead(now, i) for i in range(len(rivals))])
+    expected_now = _expected_lead(chance, [_lead(now, i) for i in range(len(rivals))])
     for plan in plans:
-        tried = each(
+        simulated = each(
             lambda r, plan=plan: simulate(model, r, plan, logged, parameters or model.parameters),
             rivals,
         )
-        flown = [f for f in tried if f is not None]
+        flown = [f for f in simulated if f is not None]
         # where one explanation cannot fly, the others' flights would have nothing to be told from
-        if len(flown) < len(tried):
+        if len(flown) < len(simulated):
             continue
         after = [
-            _log_odds(regression, past + _gram(regression, f, keep), keep, rivals) for f in flown
+            _log_evidence(regression, past + _gram(regression, f, keep), keep, rivals)
+            for f in flown
         ]
         leads = [_lead(evidence, i) for i, evidence in enumerate(after)]
         # what would still be open although it were true
-        left = tuple(
+        still_open = tuple(
             label
             for label, lead in zip(labels, leads, strict=True)
             if lead <= settings.statistics.acceptance_log_odds
         )
-        told = tuple(label for label in labels if label not in left)
-        expected = _expected(chance, leads)
-        separates, open_still = (told + left[:1], left) if told else (labels, ())
+        separated = tuple(label for label in labels if label not in still_open)
+        expected = _expected_lead(chance, leads)
+        separates, open_still = (
+            (separated + still_open[:1], still_open) if separated else (labels, ())
+        )
         options.append(
             Option(plan, separates, open_still, expected, so_far, expected - expected_now)
         )

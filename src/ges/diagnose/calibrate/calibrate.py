@@ -1,15 +1,15 @@
-"""Calibrate a vehicle file on reference flights that are known to be good: what its later flights
-are held against.
+"""Calibration of a vehicle file on healthy reference flights, with which later flights are
+compared.
 
-Every declared number may move within its tolerance; gains of single motors, the cant of the rotors
-and the centre of gravity (trims) may move as far as small vehicles do. Flights of one vehicle
-differ by more than noise (a battery put back elsewhere, warm motors), so the spread of trims is
-fitted too, and it enters the doubt that the new file states. Flights of one set may be of one
-afternoon or of several days, and have one spread. Sets are sessions, and the trims then spread at
-two levels, between the flights of a session and between sessions (a hierarchical model; Gelman et
-al., *Bayesian Data Analysis*, 3rd ed., chapter 5). A handful of flights or sessions tells a spread
-badly: it is pooled with what such vehicles usually do, by degrees of freedom (scaled inverse
-chi-squared; ibid., section 2.6).
+Every nominal parameter may move within its prior sd. Gains of single motors, the cant of the rotors
+and the centre of gravity (trims) may move as far as small vehicles do.
+
+Flights of one vehicle differ by more than noise, for instance by a battery put back elsewhere. So
+the spread of trims is fitted too, and enters the sd that the new file states. Several sets are
+sessions. The trims then spread at two levels, between the flights of a session and between sessions
+(a hierarchical model; Gelman et al., *Bayesian Data Analysis*, 3rd ed., chapter 5). Few flights or
+sessions determine a spread badly. It is pooled with what such vehicles usually show, by degrees of
+freedom (scaled inverse chi-squared; ibid., section 2.6).
 """
 
 from __future__ import annotations
@@ -66,17 +66,17 @@ TRIMS = (THRUST, *LOSSES, CANT, *LEVERS)
 
 @dataclasses.dataclass(frozen=True)
 class Number:
-    """One fitted number, as the correction that was added to the file's.
+    """One fitted number, as the correction of the file's.
 
     Attributes
     ----------
     value : correction; relative for ``thrust_scale``, ``inertia``, ``torque_coefficient`` and the
         motors' losses.
     sd : of the correction, from these flights alone.
-    flight_sd, session_sd : spread from flight to flight of a session, and from session to session.
-    declared_sd : tolerance it was fitted within.
-    later_sd : doubt about it in a flight of a later session: sd, spreads and the small numbers of
-        flights and sessions together.
+    flight_sd, session_sd : spread between flights of a session, and between sessions.
+    declared_sd : prior sd.
+    later_sd : sd in a flight of a later session, with spreads and the small numbers of flights and
+        sessions.
     """
 
     value: float
@@ -94,10 +94,16 @@ class Number:
 
 @dataclasses.dataclass(frozen=True)
 class Calibration:
-    """The new vehicle file, the numbers behind it, and what was noticed.
+    """A calibrated vehicle file and what it was made from.
 
-    ``spread`` and ``session_spread`` are those of a motor's gain that these flights show: between
-    flights, and between sessions; nan where there is one session, or one flight of each.
+    Attributes
+    ----------
+    vehicle : the new file.
+    numbers : corrections by ``effect.parameter``.
+    spread, session_spread : of a motor's gain between flights, and between sessions; nan with one
+        session, or one flight of each.
+    seconds : time in the air.
+    warnings : what the reader should know.
     """
 
     vehicle: Vehicle
@@ -107,8 +113,8 @@ class Calibration:
     seconds: float
     warnings: tuple[str, ...]
 
-    def told(self) -> str:
-        """By how much flights and sessions differ."""
+    def spread_words(self) -> str:
+        """Return by how much flights and sessions differ, in words."""
         levels = {"flights": self.spread, "sessions": self.session_spread}
         return " and ".join(
             f"{which} differ by {100.0 * seen:.1f} %"
@@ -117,29 +123,30 @@ class Calibration:
         )
 
 
-def _opened(model: Model, flights: Sequence[Prepared]) -> Model:
-    """The model with the motors' gains and the cant free; in hover a shifted centre of gravity
-    looks the same as gains, so that one only moves within the doubt that the file itself declares.
-    What turns commands into thrust is one number without rotor speeds.
+def _with_free_trims(model: Model, flights: Sequence[Prepared]) -> Model:
+    """The model with free gains of the motors and free cant.
+
+    In hover a shifted centre of gravity looks like gains, so it only moves within the sd of the
+    file. Without rotor speeds one number turns commands into thrust.
     """
     # later entries win: what the file declares stands, the rest may move as small vehicles do
-    doubts = {
+    prior_sds = {
         **dict.fromkeys(LOSSES, settings.calibrate.loss_sd),
         CANT: settings.calibrate.cant_sd_rad,
         **dict.fromkeys(LEVERS, 0.0),
         **model.prior_sds,
     }
     # thrust coefficient, curve and top speed all scale thrust per command: the first takes it up
-    if _commanded(flights):
-        doubts |= dict.fromkeys(
-            [f"{e.name}.{p.name}" for e in _drives() for p in e.parameters], 0.0
+    if _commands_alone(flights):
+        prior_sds |= dict.fromkeys(
+            [f"{e.name}.{p.name}" for e in _drive_effects() for p in e.parameters], 0.0
         )
-        doubts[SPEED] = 0.0
-    return dataclasses.replace(model, prior_sds=doubts)
+        prior_sds[SPEED] = 0.0
+    return dataclasses.replace(model, prior_sds=prior_sds)
 
 
-def _drives() -> list[Effect]:
-    """Effects on what turns commands into thrust, of which no vehicle file declares a number."""
+def _drive_effects() -> list[Effect]:
+    """Effects on what turns commands into thrust that correct no number of the vehicle file."""
     return [
         e
         for e in effect_table.table().values()
@@ -148,15 +155,21 @@ def _drives() -> list[Effect]:
     ]
 
 
-def _commanded(flights: Sequence[Prepared]) -> bool:
+def _commands_alone(flights: Sequence[Prepared]) -> bool:
     """Whether thrust is known from commands alone."""
     return not any(f.has("rotor_speed") for f in flights)
 
 
 @dataclasses.dataclass(frozen=True)
 class _Trims:
-    """Balance of whole flights: by flight, mean residuals y (c,) and columns x (c, k) over the sd
-    of that mean, as normal equations by session; ``spread`` (k,) is the usual one.
+    """Mean balance of whole flights.
+
+    Attributes
+    ----------
+    keys : of the k trims.
+    prior_sd : (k,).
+    spread : (k,) usual spread.
+    sessions : normal equations by session and flight, of c channels over the sd of their mean.
     """
 
     keys: tuple[str, ...]
@@ -165,12 +178,12 @@ class _Trims:
     sessions: tuple[tuple[Gram, ...], ...]
 
 
-def _balance(system: System, session: Sequence[int]) -> _Trims:
+def _trim_balance(system: System, session: Sequence[int]) -> _Trims:
     """Reduce every flight, of the ``session`` with that number, to its mean balance of thrust and
     moments.
 
-    Slow balance alone tells gains: in single windows the noise of the commands is in the model too,
-    and the fit would shrink the model to be rid of it (errors in variables).
+    Slow balance alone determines gains. In single windows the noise of the commands is in the model
+    too, and a fit would shrink the model (errors in variables).
     """
     kept = [
         k
@@ -201,8 +214,10 @@ def _balance(system: System, session: Sequence[int]) -> _Trims:
 
 
 def _usual_spread(key: str, keys: Sequence[str]) -> float:
-    """Spread of a trim before its factor, a share of how far it may be off: of every motor's gain
-    and the cant; of the thrust where motors cannot be told apart.
+    """Usual spread of a trim: a share of how far it may be off.
+
+    It applies to every motor's gain and the cant, or to the thrust where motors cannot be
+    separated.
     """
     numbers = settings.calibrate
     if key == THRUST and not set(LOSSES) & set(keys):
@@ -218,9 +233,10 @@ class _SessionPosterior:
     log_likelihood: float
 
 
-def _integrated(gram: Gram, spread: np.ndarray) -> tuple[Gram, float]:
-    """Numbers of one flight or session, their deviation N(0, spread^2) from common ones integrated
-    out: the normal equations of the common ones, and what is left of the log likelihood.
+def _marginalise(gram: Gram, spread: np.ndarray) -> tuple[Gram, float]:
+    """Integrate out the deviation N(0, spread^2) of one flight or session.
+
+    Returns the normal equations of the common numbers, and the rest of the log likelihood.
     """
     # what the integral leaves beside them is -log det(I + S A S) / 2, S = diag(spread)
     inner = np.eye(len(spread)) + gram.xx * np.outer(spread, spread)
@@ -235,8 +251,10 @@ def _posterior(
     flight_sd: np.ndarray,
     session_sd: np.ndarray,
 ) -> _SessionPosterior:
-    """Common numbers under N(prior_mean, prior_sd^2), with the deviations N(0, session_sd^2) of
-    every session and N(0, flight_sd^2) of every flight of it integrated out.
+    """Posterior of common numbers under N(prior_mean, prior_sd^2).
+
+    Deviations N(0, session_sd^2) of every session and N(0, flight_sd^2) of every flight are
+    integrated out.
     """
     precision = np.diag(1.0 / prior_sd**2)
     right, total = (
@@ -245,12 +263,12 @@ def _posterior(
     )
     for grams in sessions:
         # inner level first: what flights leave adds up to their session, and sessions to the whole
-        flights = [_integrated(gram, flight_sd) for gram in grams]
-        session, own = _integrated(
+        flights = [_marginalise(gram, flight_sd) for gram in grams]
+        session, own = _marginalise(
             functools.reduce(operator.add, [gram for gram, _ in flights]), session_sd
         )
         precision, right = precision + session.xx, right + session.xy
-        total += own + sum(told for _, told in flights) - 0.5 * session.yy
+        total += own + sum(log_term for _, log_term in flights) - 0.5 * session.yy
     # Gaussian integral over the common numbers: the evidence that the spreads are chosen by
     covariance = np.linalg.inv(precision)
     mean = covariance @ right
@@ -259,74 +277,83 @@ def _posterior(
 
 
 def _gauge(keys: Sequence[str], model: Model) -> np.ndarray:
-    """Map that moves what all losses do together into the number that does the same (small
-    corrections, alike arms): their mean into the thrust scale; their yaw, of rotors that turn one
-    way against the others, into the cant, ``g = mean(s_i e_i) K_Q / (K_T L)``.
+    """Matrix that moves common patterns of the losses into the number that does the same.
+
+    Their mean goes into the thrust scale. Their yaw, of rotors that turn one way against the
+    others, goes into the cant, ``g = mean(s_i e_i) K_Q / (K_T L)``. Corrections are small and arms
+    alike.
     """
-    turn = np.eye(len(keys))
+    gauge = np.eye(len(keys))
     gains = losses_of(model)
     if not set(gains) <= set(keys):
-        return turn
+        return gauge
     losses, spin = [keys.index(key) for key in gains], model.of_rotors("spin")
     ratio_m = model.number("torque_coefficient_Nm_s2") / model.number("thrust_coefficient_N_s2")
     # a pattern that the losses share is projected out of them, into the number that does the same
     together = {THRUST: (np.ones(len(losses)), -1.0), CANT: (spin, ratio_m / model.arm_m)}
     for key, (sign, per) in together.items():
         if key in keys:
-            turn[np.ix_(losses, losses)] -= np.outer(sign, sign) / len(losses)
-            turn[keys.index(key), losses] = per * sign / len(losses)
-    return turn
+            gauge[np.ix_(losses, losses)] -= np.outer(sign, sign) / len(losses)
+            gauge[keys.index(key), losses] = per * sign / len(losses)
+    return gauge
 
 
-def _trims(
+def _fit_trims(
     flights: Sequence[Prepared], session: Sequence[int], model: Model, before: Mapping[str, Number]
 ) -> tuple[dict[str, Number], _Spreads]:
     """Gains and trims from the slow balance, and their spreads between flights and sessions."""
     shift = {key: n.value for key, n in before.items()}
-    told = _balance(build(flights, with_corrections(model, shift), []), session)
+    balance = _trim_balance(build(flights, with_corrections(model, shift), []), session)
     # linearised at the last values: seen from there, the file and its prior stand at minus them
-    start = -np.array([shift.get(key, 0.0) for key in told.keys])
-    spreads = _spreads(
-        told, start, 1.0 if _commanded(flights) else settings.calibrate.smaller_spread
+    start = -np.array([shift.get(key, 0.0) for key in balance.keys])
+    spreads = _fit_spreads(
+        balance, start, 1.0 if _commands_alone(flights) else settings.calibrate.smaller_spread
     )
-    flight_sd, session_sd = (level.pooled * told.spread for level in spreads)
-    found, turn = (
-        _posterior(told.sessions, start, told.prior_sd, flight_sd, session_sd),
-        _gauge(told.keys, model),
+    flight_sd, session_sd = (level.pooled * balance.spread for level in spreads)
+    posterior, gauge = (
+        _posterior(balance.sessions, start, balance.prior_sd, flight_sd, session_sd),
+        _gauge(balance.keys, model),
     )
     # after the gauge: what losses and thrust scale cannot tell apart would count in both sds
-    sd = np.sqrt(np.diag(turn @ found.covariance @ turn.T))
-    later = np.sqrt(sd**2 + sum((level.doubt * told.spread) ** 2 for level in spreads))
-    values = turn @ (found.mean - start)
-    rows = zip(told.keys, values, sd, flight_sd, session_sd, told.prior_sd, later, strict=True)
+    sd = np.sqrt(np.diag(gauge @ posterior.covariance @ gauge.T))
+    later = np.sqrt(sd**2 + sum((level.later_sd * balance.spread) ** 2 for level in spreads))
+    values = gauge @ (posterior.mean - start)
+    rows = zip(
+        balance.keys, values, sd, flight_sd, session_sd, balance.prior_sd, later, strict=True
+    )
     numbers = (
-        (key, Number(_flown(key, float(value), float(sd), model), float(sd), *map(float, rest)))
+        (
+            key,
+            Number(
+                _within_flown_bounds(key, float(value), float(sd), model),
+                float(sd),
+                *map(float, rest),
+            ),
+        )
         for key, value, sd, *rest in rows
     )
     return dict(numbers), spreads
 
 
-def _declared(
+def _nominal_numbers(
     flights: Sequence[Prepared], model: Model, before: Mapping[str, Number]
 ) -> dict[str, Number]:
-    """Declared numbers other than trims, from the same fit that a diagnosis begins with; none
-    without measured rates.
+    """Nominal parameters other than trims, from the fit that a diagnosis begins with.
 
-    The fit starts from the last values, so its prior sits at minus those: each is pulled back by
-    its share of prior. What no file declares, as a clock's delay, is in a later flight no better
-    known than such numbers usually are.
+    None without measured rates. The fit starts from the last values, so its prior is centred at
+    minus those. What no file states, as a clock's delay, keeps its usual sd in later flights.
     """
     if not attitude_measured(flights):
         return {}
     # trims were told by the slow balance: here they are free within their doubt alone
-    known = {key: n.later_sd for key, n in before.items() if key in TRIMS}
+    trim_sds = {key: n.later_sd for key, n in before.items() if key in TRIMS}
     now = dataclasses.replace(
         with_corrections(model, {k: n.value for k, n in before.items()}),
-        prior_sds={**model.prior_sds, **known},
+        prior_sds={**model.prior_sds, **trim_sds},
     )
     system = build(flights, now, [])
     _, joint = null_fit(system)
-    told = {}
+    numbers = {}
     for nuisance in (
         c.nuisance for c in system.columns if c.nuisance and c.nuisance.key in joint.common
     ):
@@ -336,26 +363,29 @@ def _declared(
             # prior's share w = (sd / prior sd)^2: its mean at -last moves the answer by -w last
             value = last * (1.0 - (sd / nuisance.sd) ** 2) + float(joint.common[key])
             later = max(sd, _usual_sd(key))
-            told[key] = Number(_flown(key, value, sd, model), sd, 0.0, 0.0, nuisance.sd, later)
-    return told
+            numbers[key] = Number(
+                _within_flown_bounds(key, value, sd, model), sd, 0.0, 0.0, nuisance.sd, later
+            )
+    return numbers
 
 
 def _usual_sd(key: str) -> float:
-    """How well an ``effect.parameter`` is usually known: 0 where only the vehicle file says."""
+    """Usual prior sd of an ``effect.parameter``; 0 where only the vehicle file states one."""
     effect, _, parameter = key.partition(".")
-    doubt = effect_table.get(effect).parameter(parameter).doubt if key != SPEED else None
-    return doubt.sd if doubt else 0.0
+    usual = effect_table.get(effect).parameter(parameter).doubt if key != SPEED else None
+    return usual.sd if usual else 0.0
 
 
-def _flown(key: str, value: float, sd: float, model: Model) -> float:
-    """A correction within what the library flies: of one that is beyond by noise, or by what a
-    drive's form is wrong by, as a delay of less than nothing is, the bound.
+def _within_flown_bounds(key: str, value: float, sd: float, model: Model) -> float:
+    """A correction clipped to the bounds that the library flies.
+
+    It may exceed them by noise, or by the form error of a drive, as a delay below zero does.
 
     Raises
     ------
     GesError
-        For a declared number or a trim that is clearly beyond: a file that holds a part of it would
-        blame the rest on physics.
+        For a nominal parameter or trim that is clearly beyond. A file with a part of it would blame
+        the rest on physics.
     """
     (low, high), sds = correction_bounds(key, model), settings.statistics.certain_sds
     near = low - sds * sd <= value <= high + sds * sd
@@ -371,14 +401,12 @@ def _flown(key: str, value: float, sd: float, model: Model) -> float:
 def _fit(
     flights: Sequence[Prepared], session: Sequence[int], model: Model
 ) -> tuple[dict[str, Number], _Spreads]:
-    """Trims and declared numbers in turn, each with the other's last values, until nothing
-    moves.
-    """
+    """Fit trims and nominal parameters in turn until nothing moves."""
     numbers: dict[str, Number] = {}
     for _ in range(settings.numerics.noise_rounds):
         last = numbers
-        trims, spreads = _trims(flights, session, model, last)
-        numbers = {**trims, **_declared(flights, model, {**last, **trims})}
+        trims, spreads = _fit_trims(flights, session, model, last)
+        numbers = {**trims, **_nominal_numbers(flights, model, {**last, **trims})}
         share = settings.calibrate.converged_share
         if last and all(
             abs(n.value - last[key].value) < share * n.later_sd for key, n in numbers.items()
@@ -389,18 +417,24 @@ def _fit(
 
 @dataclasses.dataclass(frozen=True)
 class _Spread:
-    """A spread over the usual one, as these flights alone show it (nan where they cannot) and
-    pooled with what is usual, and its degrees of freedom.
+    """A spread over the usual one.
+
+    Attributes
+    ----------
+    estimate : from these flights alone; nan where they show none.
+    pooled : with the usual one.
+    freedom : its degrees of freedom.
     """
 
-    seen: float
+    estimate: float
     pooled: float
     freedom: float
 
     @property
-    def doubt(self) -> float:
-        """The sd of a normal that is as wide as what a later flight or session adds, of a Student
-        distribution, where a change becomes certain.
+    def later_sd(self) -> float:
+        """Sd of the equivalent normal of a later flight or session.
+
+        It is as wide as the Student distribution where a change becomes certain.
         """
         # equal tails: Student's quantile where a normal has certain_sds, over certain_sds
         certain_sds = settings.statistics.certain_sds
@@ -411,23 +445,24 @@ _Spreads = tuple[_Spread, _Spread]
 """Between flights, of a session where there are several, and between sessions."""
 
 
-def _spreads(told: _Trims, start: np.ndarray, usual: float) -> _Spreads:
-    """Both spreads by maximum likelihood, first between flights, pooled with ``usual`` ones; of a
-    single set one, whatever its flights' days.
+def _fit_spreads(balance: _Trims, start: np.ndarray, usual: float) -> _Spreads:
+    """Both spreads by maximum likelihood, first between flights, pooled with ``usual`` ones.
+
+    A single set has one spread, whatever its flights' days.
     """
-    sessions, balances = told.sessions, told.sessions[0][0].n
+    sessions, balances = balance.sessions, balance.sessions[0][0].n
     several = len(sessions) > 1
     flights = sum(map(len, sessions))
     alike = usual * (settings.calibrate.smaller_spread if several else 1.0)
 
-    def seen(flight: float | None, session: float | None) -> float:
+    def most_likely(flight: float | None, session: float | None) -> float:
         """The factor, of the two the one that is None, that makes the flights most likely."""
 
         def cost(log_factor: float) -> float:
             at = float(np.exp(log_factor))
             levels = [at if level is None else level for level in (flight, session)]
             return -_posterior(
-                sessions, start, told.prior_sd, *(level * told.spread for level in levels)
+                sessions, start, balance.prior_sd, *(level * balance.spread for level in levels)
             ).log_likelihood
 
         # a scale is searched in its logarithm: it stays positive, and half is as far as double
@@ -437,49 +472,54 @@ def _spreads(told: _Trims, start: np.ndarray, usual: float) -> _Spreads:
     # each flight beyond the first of its session shows one deviation in every balance
     freedom = balances * (flights - len(sessions))
     # flights first, sessions held at their usual spread
-    within = _pooled(seen(None, usual if several else 0.0) if freedom else np.nan, freedom, alike)
+    within = _pooled(
+        most_likely(None, usual if several else 0.0) if freedom else np.nan, freedom, alike
+    )
     if not several:
         return within, _Spread(np.nan, 0.0, settings.calibrate.spread_freedom)
     # then sessions, beside what flights were found to differ by
-    between = seen(within.pooled, None)
+    between = most_likely(within.pooled, None)
     return within, _pooled(between, balances * (len(sessions) - 1), usual)
 
 
-def _pooled(seen: float, freedom: float, usual: float) -> _Spread:
-    """The spread of these flights and the usual one, weighed by their degrees of freedom."""
+def _pooled(estimate: float, freedom: float, usual: float) -> _Spread:
+    """The estimated and the usual spread, weighted by their degrees of freedom."""
     # scaled inverse chi-squared: (n s^2 + n0 s0^2) / (n + n0); no freedom, no word (s is nan)
     worth = settings.calibrate.spread_freedom
     total = freedom + worth
-    own = freedom * seen**2 if freedom else 0.0
-    return _Spread(seen, float(np.sqrt((own + worth * usual**2) / total)), total)
+    own = freedom * estimate**2 if freedom else 0.0
+    return _Spread(estimate, float(np.sqrt((own + worth * usual**2) / total)), total)
 
 
 def _scaled(quantity: Quantity, number: Number) -> Quantity:
-    """A quantity after a relative correction, its doubt that of later flights."""
+    """A quantity after a relative correction, with the sd of later flights."""
     return Quantity(
         value=quantity.value * (1.0 + number.value), sd=abs(quantity.value) * number.later_sd
     )
 
 
-def _folded(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict:
-    """Fields of the vehicle file that take corrections themselves: of numbers that move as one, as
-    mass and thrust coefficient do, the last; the others stand.
+def _corrected_fields(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict:
+    """Fields of the vehicle file that take corrections themselves.
+
+    Of numbers that act as one, as mass and thrust coefficient do, the last is corrected.
     """
     update: dict = {}
     for path, corrections in _by_number(numbers).items():
         name, _, axis = path.partition(".")
-        held = update.get(name, getattr(vehicle, name))
+        current = update.get(name, getattr(vehicle, name))
         later_sd = max(n.later_sd for _, n in corrections)
         if axis:
-            own = getattr(held, axis) * (1.0 + corrections[0][1].value)
+            own = getattr(current, axis) * (1.0 + corrections[0][1].value)
             # one relative doubt serves all axes, so the largest of theirs
-            known_sd = held.sd_rel if name in update else 0.0
-            update[name] = held.model_copy(update={axis: own, "sd_rel": max(known_sd, later_sd)})
+            sd_so_far = current.sd_rel if name in update else 0.0
+            update[name] = current.model_copy(
+                update={axis: own, "sd_rel": max(sd_so_far, later_sd)}
+            )
         elif corrections[0][0].unit == "1":
-            update[name] = _scaled(held, corrections[0][1])
+            update[name] = _scaled(current, corrections[0][1])
         else:
             shift = float(np.mean([n.value for _, n in corrections]))
-            update[name] = Quantity(value=held.value + shift, sd=later_sd)
+            update[name] = Quantity(value=current.value + shift, sd=later_sd)
         # numbers that act as one have one doubt: it is in the last, and the others are held
         update |= {
             other: Quantity(value=getattr(vehicle, other).value)
@@ -494,57 +534,57 @@ def _folded(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict:
 
 
 def _by_number(numbers: Mapping[str, Number]) -> dict[str, list[tuple[Parameter, Number]]]:
-    """Corrections of each number of the vehicle file, ``inertia_kg_m2.xx`` say."""
-    found: dict[str, list[tuple[Parameter, Number]]] = {}
+    """Corrections of each number of the vehicle file, ``inertia_kg_m2.xx`` for instance."""
+    corrections: dict[str, list[tuple[Parameter, Number]]] = {}
     for effect in effect_table.table().values():
         for p in effect.parameters:
             if p.corrects and (number := numbers.get(f"{effect.name}.{p.name}")):
-                found.setdefault(p.corrects[-1], []).append((p, number))
-    return found
+                corrections.setdefault(p.corrects[-1], []).append((p, number))
+    return corrections
 
 
-def _drive_held(vehicle: Vehicle, effects: dict[str, dict[str, Estimate]]) -> dict[str, object]:
-    """Top speed and thrust curve as they are: what flights show of them is in the thrust
-    coefficient and its doubt.
-    """
+def _fixed_drive(vehicle: Vehicle, effects: dict[str, dict[str, Estimate]]) -> dict[str, object]:
+    """Top speed and thrust curve without an sd: the thrust coefficient and its sd absorb them."""
     curves = {
         e.name: {key: Estimate(value=q.value) for key, q in effects[e.name].items()}
-        for e in _drives()
+        for e in _drive_effects()
         if "reads_voltage" not in e.hints and effects.get(e.name)
     }
-    held: dict[str, object] = {"effects": {**effects, **curves}}
+    fields: dict[str, object] = {"effects": {**effects, **curves}}
     if vehicle.max_rotor_speed_rad_s:
-        held["max_rotor_speed_rad_s"] = Quantity(value=vehicle.max_rotor_speed_rad_s.value)
-    return held
+        fields["max_rotor_speed_rad_s"] = Quantity(value=vehicle.max_rotor_speed_rad_s.value)
+    return fields
 
 
-def _belongs(key: str, number: Number, vehicle: Vehicle) -> bool:
-    """Whether a number is written under ``effects``: trims always, drive effects where declared or
-    beyond the usual.
+def _is_written_as_effect(key: str, number: Number, vehicle: Vehicle) -> bool:
+    """Whether a number is written under ``effects``.
+
+    Trims always are; effects of the drive where stated, or beyond the usual.
     """
     effect, clear_sds = key.split(".")[0], settings.statistics.clear_sds
     clear = abs(number.value) > max(clear_sds * number.later_sd, number.declared_sd)
-    of_the_drive = effect in {e.name for e in _drives()}
+    of_the_drive = effect in {e.name for e in _drive_effects()}
     return key in TRIMS and key != THRUST or of_the_drive and (clear or effect in vehicle.effects)
 
 
 def _effects(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict[str, dict[str, Estimate]]:
-    """``effects`` of the new file. Where the battery sat is in the gains' spread already: the
-    centre of gravity has no more.
+    """``effects`` of the new file.
+
+    The battery's place is in the spread of the gains already, so the centre of gravity has no sd.
     """
     effects = {name: dict(values) for name, values in vehicle.effects.items()}
     for key, number in numbers.items():
         name, parameter = key.split(".")
-        if not _belongs(key, number, vehicle):
+        if not _is_written_as_effect(key, number, vehicle):
             continue
-        held = effects.setdefault(name, {})
+        parameters = effects.setdefault(name, {})
         start = (
-            held[parameter].value
-            if parameter in held
+            parameters[parameter].value
+            if parameter in parameters
             else effect_table.get(name).neutral()[parameter]
         )
         value, low, high = (start + v for v in (number.value, *number.ci95))
-        held[parameter] = Estimate(value=value, sd=number.later_sd, ci95=(low, high))
+        parameters[parameter] = Estimate(value=value, sd=number.later_sd, ci95=(low, high))
     if set(LOSSES) & set(numbers):
         lever = LEVERS[0].split(".")[0]
         still = {key.split(".")[1]: Estimate(value=0.0) for key in LEVERS}
@@ -554,18 +594,24 @@ def _effects(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict[str, dict[
 
 @blas_alone
 def calibrate(recordings: RecordingSet, *more: RecordingSet) -> Calibration:
-    """Fit a vehicle file to reference flights, to the same bytes whatever the number of cores.
+    """Fit a vehicle file to reference flights.
 
     Parameters
     ----------
-    recordings, more : flights that are known to be good, with the vehicle file to start from: every
-        set one session (a day, a battery put in anew), with the same vehicle file.
+    recordings, more : flights that are known to be healthy, with the vehicle file to start from.
+        Every set is one session (a day, a battery put in anew), with the same vehicle file.
 
     Raises
     ------
-    GesError When fewer than two flights can be used, or sessions come with different vehicle files.
-    UsageError When the flights contradict the file so far that a corrected number is impossible,
-    such as a negative mass.
+    GesError
+        When fewer than two flights can be used, or sessions come with different vehicle files.
+    UsageError
+        When the flights contradict the file so far that a corrected number is impossible, such as a
+        negative mass.
+
+    Notes
+    -----
+    The result has the same bytes whatever the number of cores.
     """
     sets = (recordings, *more)
     for one in sets:
@@ -587,42 +633,47 @@ def calibrate(recordings: RecordingSet, *more: RecordingSet) -> Calibration:
         )
     model = with_flown_voltage(model, flights)
     flights = with_turning_speeds(flights, model)
-    numbers, spreads = _fit(flights, session, _opened(model, flights))
-    update = _folded(recordings.vehicle, numbers) | {
+    numbers, spreads = _fit(flights, session, _with_free_trims(model, flights))
+    update = _corrected_fields(recordings.vehicle, numbers) | {
         "effects": _effects(recordings.vehicle, numbers)
     }
-    if _commanded(flights):
-        update |= _drive_held(recordings.vehicle, update["effects"])
+    if _commands_alone(flights):
+        update |= _fixed_drive(recordings.vehicle, update["effects"])
     seconds = float(sum(f.flying.sum() * f.dt_s for f in flights))
-    told = (*(w for one in sets for w in one.warnings), *gate.warnings, *_far(numbers))
+    warnings = (
+        *(w for one in sets for w in one.warnings),
+        *gate.warnings,
+        *_moved_warnings(numbers),
+    )
     vehicle = recordings.vehicle.model_copy(update=update)
     vehicle = vehicle.model_copy(
-        update={"left_unexplained": _left_unexplained(flights, vehicle, recordings.folder)}
+        update={"left_unexplained": _calibrated_structure(flights, vehicle, recordings.folder)}
     )
     vehicle = parse_vehicle(vehicle_content(vehicle), "the calibrated vehicle")
     spread, between = (
-        level.seen * settings.calibrate.spread * settings.calibrate.loss_sd for level in spreads
+        level.estimate * settings.calibrate.spread * settings.calibrate.loss_sd for level in spreads
     )
-    return Calibration(vehicle, numbers, spread, between, seconds, told)
+    return Calibration(vehicle, numbers, spread, between, seconds, warnings)
 
 
-def _left_unexplained(
+def _calibrated_structure(
     flights: Sequence[Prepared], vehicle: Vehicle, folder: Path
 ) -> dict[str, float]:
-    """By channel, the largest structure that the calibrated file leaves in two of its own flights:
-    no news in later ones.
+    """Largest structure by channel that the calibrated file leaves in two of its own flights.
+
+    It is no news in later ones.
     """
     model = with_flown_voltage(from_vehicle(vehicle, folder), flights)
     system = build(flights, model, [])
-    left = only_in_air(
+    residuals = only_in_air(
         without_mean_balance(raw_residuals(system, null_fit(system)[1]), system), system
     )
-    told, blocks = regimes_of(system), system.blocks(settings.statistics.block_s)
+    regimes, blocks = regimes_of(system), system.blocks(settings.statistics.block_s)
     largest: dict[str, float] = {}
     for pair in itertools.combinations(range(len(flights)), 2):
         for s in structures(
-            [left[i] for i in pair],
-            [told[i] for i in pair],
+            [residuals[i] for i in pair],
+            [regimes[i] for i in pair],
             system.main,
             [blocks[i] for i in pair],
         ):
@@ -630,8 +681,8 @@ def _left_unexplained(
     return largest
 
 
-def _far(numbers: Mapping[str, Number]) -> list[str]:
-    """A sentence for every declared number that left its tolerance."""
+def _moved_warnings(numbers: Mapping[str, Number]) -> list[str]:
+    """A sentence for every nominal parameter that moved clearly beyond its prior sd."""
     return [
         f"{key} moved by {n.value:.3g}, {abs(n.value) / n.declared_sd:.1f} times its declared sd of"
         f" {n.declared_sd:.3g}; look at the vehicle file before you rely on it"

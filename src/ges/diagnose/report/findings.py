@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ges.diagnose.advise.detect import Found
+from ges.diagnose.advise.detect import DetectedEffect
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.declared import Contradicted
 from ges.diagnose.decide.withdraw import Explanation, practically_significant
@@ -68,7 +68,7 @@ def all_findings(
     ]
 
 
-def found_sizes(accepted: Accepted) -> dict[str, Found]:
+def found_sizes(accepted: Accepted) -> dict[str, DetectedEffect]:
     """What was accepted, as the limits of what can be seen are held against it."""
     if accepted.fitted is None:
         return {}
@@ -77,7 +77,7 @@ def found_sizes(accepted: Accepted) -> dict[str, Found]:
     variants = {v.effect: v for v in (variant_of(columns[k]) for k in chosen)}
     effects = accepted.fitted.effects
     return {
-        name: Found(
+        name: DetectedEffect(
             variants.get(name),
             {
                 p: abs(effects[name][p] - amplitude_of(name, p).neutral)
