@@ -253,7 +253,7 @@ def test_bins_give_means_and_intervals_that_count_blocks():
     for _ in range(200):
         blocks = np.repeat(np.arange(12), 25)
         x, y = rng.uniform(0, 1, 300), np.repeat(rng.normal(0, 1, 12), 25) + rng.normal(0, 0.1, 300)
-        center, mean, half = pictures.binned(x, y, blocks, np.array([0.0, 0.5, 1.0]))
+        center, mean, half = pictures.bin_means(x, y, blocks, np.array([0.0, 0.5, 1.0]))
         assert mean[0] == pytest.approx(y[x < 0.5].mean()) and center[1] == pytest.approx(
             x[x >= 0.5].mean()
         )

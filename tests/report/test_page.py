@@ -219,7 +219,7 @@ def test_what_next_ends_the_page_with_commands(content):
 def test_a_warning_stands_once_with_its_flights(content):
     assert "one <b> and two: has two clocks" in text_of(content)
     names = ["part1", "part11"]
-    assert blocks.grouped(["part11: a", "part1: a", "part1 is b", "c", "c"], names) == [
+    assert blocks.grouped_warnings(["part11: a", "part1: a", "part1 is b", "c", "c"], names) == [
         "part11 and part1: a",
         "part1 is b",
         "c",

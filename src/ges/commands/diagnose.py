@@ -230,11 +230,11 @@ def at_a_display() -> bool:
 
 
 def _tell(found: Any, out: Path) -> None:
-    from ges.diagnose.report.blocks import flight_names, grouped
+    from ges.diagnose.report.blocks import flight_names, grouped_warnings
 
     content = {"origin": found.origin}
     # on stderr, so that standard output is the answer alone
-    for warning in grouped(found.data["warnings"], flight_names(content)):
+    for warning in grouped_warnings(found.data["warnings"], flight_names(content)):
         click.echo(f"warning: {warning}", err=True)
     click.echo(found.sentence)
     if found.remark:

@@ -25,5 +25,5 @@ def command(folder: Path, name: str | None) -> None:
     from ges.diagnose.report.terminal import console
 
     content = load_diagnosis(folder)
-    record = explain.of_name(content, name) if name else explain.overview(content)
+    record = explain.decisions_about(content, name) if name else explain.overview(content)
     console().print(record)

@@ -1,9 +1,8 @@
-"""Diagnosis: where simulation and recording differ, which physics that is, and how much better
-flights never seen become.
+"""Diagnosis: where simulation and recording differ, which physics that is, and the proof.
 
-``ges.diagnose(recordings, vehicle)`` runs the whole chain of
-:func:`ges.diagnose.pipeline.diagnose`. The rooms beside it, from the ground up: types, prepare,
-library, design, select, estimate, detectors, locate, decide, advise, prove, report, calibrate.
+``ges.diagnose(recordings, vehicle)`` runs :func:`ges.diagnose.pipeline.diagnose`. The rooms, from
+the ground up: types, prepare, library, design, select, estimate, detectors, locate, decide, advise,
+prove, report, calibrate.
 """
 
 from __future__ import annotations

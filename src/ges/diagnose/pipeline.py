@@ -16,8 +16,8 @@ from ges.diagnose.estimate.fit import fitted_model
 from ges.diagnose.locate.stages import recalibrate
 from ges.diagnose.prepare.problem import Recordings, pose_problem
 from ges.diagnose.prove.proof import prove
-from ges.diagnose.report.compose import composed
-from ges.diagnose.report.content import located_by
+from ges.diagnose.report.compose import compose_diagnosis
+from ges.diagnose.report.content import located_entries
 from ges.diagnose.types.decision import Record
 from ges.diagnose.types.diagnosis import Diagnosis
 from ges.threads import blas_alone
@@ -95,7 +95,7 @@ def diagnose(
     moved = None if answer.accepted.names else balance_shift(start.system)
     answer, left = remaining(answer, problem.model, moved is not None)
     shift = moved or (None if names else thrust_of(answer, start.system))
-    located = located_by(start, answer)
+    located = located_entries(start, answer)
     answer, left = with_open_modelled(answer, left, start, problem.model, record)
     named = answer.last.model
     laws: list[FittedLaw] = []
@@ -122,7 +122,7 @@ def diagnose(
     )
 
     # what is told
-    return composed(
+    return compose_diagnosis(
         problem,
         start,
         answer,

@@ -1,5 +1,7 @@
-"""The first diagnoses of the study, of published flights: a vehicle that has changed since it was
-calibrated, and one whose simulator does not know of the ground.
+"""The study's first diagnoses of published flights.
+
+One vehicle has changed since it was calibrated; the simulator of another does not know of the
+ground.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ HELD_OUT = "NO_COMPENSATION_V_050"
 
 
 def diagnose_changed(reference: list[Path], flights: list[Path], report: Path) -> None:
-    """Diagnose the flights of a vehicle against others of the same one.
+    """Diagnose the flights of a vehicle against reference flights of the same one.
 
     Parameters
     ----------
@@ -31,8 +33,7 @@ def diagnose_changed(reference: list[Path], flights: list[Path], report: Path) -
 
 
 def diagnose_published(recordings: list[Path], vehicle: Path, mapping: Path, report: Path) -> None:
-    """Diagnose the flights that have rotor speeds; the flight :data:`HELD_OUT` takes no part in
-    fitting or choosing.
+    """Diagnose the flights that have rotor speeds, with :data:`HELD_OUT` held out.
 
     Parameters
     ----------
@@ -43,7 +44,7 @@ def diagnose_published(recordings: list[Path], vehicle: Path, mapping: Path, rep
     Raises
     ------
     GesError
-        Where the flight held out, or one beside it to fit, is not among them.
+        Where the held-out flight, or another one, is missing.
     """
     options = Options(mapping)
     logs = (open_log(path, options) for path in sorted(recordings))

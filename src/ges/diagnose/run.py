@@ -1,4 +1,4 @@
-"""A whole run: flight logs or a recording set in, a diagnosis and its page out."""
+"""A whole run: from flight logs or a recording set to a diagnosis and its page."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""Blocks of the page that weigh what is worth a reader's time: rows, remarks, and what to do next.
-All from diagnosis.json alone.
+"""Parts of the page that choose what is worth a reader's time: rows, remarks, and next steps.
+
+All is made from diagnosis.json alone.
 """
 
 from __future__ import annotations
@@ -32,8 +33,16 @@ LEAST_WIDTH = {"": 0.01, "m": 0.1, "m/s": 0.1, "V": 0.01, "s": 0.5}
 
 
 def located_rows(content: Mapping[str, Any]) -> tuple[list[Mapping[str, Any]], int]:
-    """Entries of ``located`` worth telling, and how many are not: smaller than a finding has to be,
-    or in a condition narrower than anybody flies on purpose.
+    """Select the entries of ``located`` that are shown.
+
+    Parameters
+    ----------
+    content : diagnosis.json.
+
+    Returns
+    -------
+    The entries, and the number of others. Those are below the practical significance threshold, or
+    in a condition narrower than anybody flies on purpose.
     """
     scale = content["data"].get("reference_scale", {})
     kept = [row for row in content["located"] if _wide(row["regime"]) and _large(row, scale)]
@@ -58,7 +67,7 @@ def _wide(regime: Mapping[str, Sequence[float]]) -> bool:
 def error_rows(
     table: Mapping[str, Mapping[str, Any]], scale: Mapping[str, float]
 ) -> tuple[list[dict[str, Any]], list[str]]:
-    """Rows of a table of errors by stage, and the names of those too small to act on.
+    """Make the rows of a table of errors by stage.
 
     Parameters
     ----------
@@ -67,14 +76,15 @@ def error_rows(
 
     Returns
     -------
-    rows : name, the three stages, ``change`` of *after* against *recalibrated* (a share) with its
-        95 % interval where there is one, and ``state``: *better*, *worse* or ''.
+    rows : name, the stages, ``change`` of *after* against *recalibrated* (a share) with its 95 %
+        interval, and ``state``: *better*, *worse* or ''.
+    small : names of channels whose errors are too small to act on.
     """
     rows, small = [], []
     for name, c in table.items():
         stages = [c[s] for s in ("before", "recalibrated", "after") if c.get(s) is not None]
         # all three stages have to be small: an error that the findings brought down is news
-        if stages and max(stages) < least_told(name, scale):
+        if stages and max(stages) < least_relevant_error(name, scale):
             small.append(name)
             continue
         reduction = _interval(c)
@@ -102,9 +112,17 @@ def _interval(row: Mapping[str, Any]) -> tuple[float, float] | None:
     return None if low is None or high is None else (low, high)
 
 
-def least_told(name: str, scale: Mapping[str, float]) -> float:
-    """Error of a channel below which no engineer acts, in the unit that its name carries; ``scale``
-    of :func:`error_rows`.
+def least_relevant_error(name: str, scale: Mapping[str, float]) -> float:
+    """Return the error of a channel below which no engineer acts.
+
+    Parameters
+    ----------
+    name : of the channel, with its unit.
+    scale : of :func:`error_rows`.
+
+    Returns
+    -------
+    In the unit of the name.
     """
     block = block_of(without_unit(name))
     if block in scale:
@@ -113,14 +131,19 @@ def least_told(name: str, scale: Mapping[str, float]) -> float:
 
 
 def remarks(content: Mapping[str, Any]) -> list[str]:
-    """What speaks against the fit on flights that took no part, with what to do."""
+    """Return what speaks against the fit on held-out flights, with what to do.
+
+    Parameters
+    ----------
+    content : diagnosis.json.
+    """
     table = content["fit"].get("channels", {})
     out = [*_worse_than_recalibrated(table), *_worse_than_given(table)]
     rolled = content["fit"].get("rollout") or {}
     for name, c in rolled.get("channels", {}).items():
         if c["after"] > (1.0 + settings.statistics.least_gain) * c["recalibrated"] and c[
             "after"
-        ] >= least_told(name, {}):
+        ] >= least_relevant_error(name, {}):
             out.append(
                 f"Simulated {number_words(rolled['horizon_s'], 2)} s ahead, the"
                 f" {channel_words(name)} is farther off with the findings:"
@@ -166,7 +189,7 @@ def _stages(name: str, c: Mapping[str, Any], first: str, then: str) -> str:
     return f"{number_words(c[first])} → {number_words(c[then])}{' ' + unit if unit else ''}"
 
 
-def separates_words(names: Sequence[str], tell: str = "tells", show: str = "shows") -> str:
+def _separates_words(names: Sequence[str], tell: str = "tells", show: str = "shows") -> str:
     """What a flight is good for: *tells a and b apart*, *shows whether a is there at all*.
 
     Parameters
@@ -184,8 +207,16 @@ def separates_words(names: Sequence[str], tell: str = "tells", show: str = "show
 
 
 def next_steps(content: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """What to do now: ``words``, ``points`` under them, and a ``command`` where one does it, to be
-    run in the page's folder.
+    """Return what to do now.
+
+    Parameters
+    ----------
+    content : diagnosis.json.
+
+    Returns
+    -------
+    ``words``, ``points`` under them, and a ``command`` where one does it, to be run in the page's
+    folder.
     """
     return [
         *_next_flight(content),
@@ -202,7 +233,7 @@ def _next_flight(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     separates, times = advised["separates"], advised.get("flights") or 1
     # what no manoeuvre separates, a change of the vehicle or a measurement on the ground does
     if not advised.get("manoeuvre"):
-        would = separates_words(separates, "would tell", "would show")
+        would = _separates_words(separates, "would tell", "would show")
         yield {
             "words": (
                 f"No manoeuvre of the menu {would}. Instead change one thing on the vehicle"
@@ -215,9 +246,9 @@ def _next_flight(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         }
         return
     what = (
-        f"it {separates_words(separates)}"
+        f"it {_separates_words(separates)}"
         if times == 1
-        else f"together these flights {separates_words(separates, 'tell', 'show')}"
+        else f"together these flights {_separates_words(separates, 'tell', 'show')}"
     )
     often = f" {times} times" if times > 1 else ""
     prepared = f" with {advised['preparation']}" if advised.get("preparation") else ""
@@ -272,8 +303,15 @@ def _why_not(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def considered_rows(content: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Candidates that were weighed and not named, the likeliest first, each with the first rule
-    that it failed.
+    """Return the candidates that were compared and not named, the most probable first.
+
+    Parameters
+    ----------
+    content : diagnosis.json.
+
+    Returns
+    -------
+    Entries of ``considered``, each with the first decision that ``failed``.
     """
     named = {(f["name"], f.get("place", "")) for f in content["findings"]}
     rows = [
@@ -286,7 +324,12 @@ def considered_rows(content: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def decision_words(decision: Mapping[str, Any]) -> str:
-    """A decision as a sentence: the rule, what was measured, what it asks, and why."""
+    """Return a decision as a sentence: statistic, threshold and reason.
+
+    Parameters
+    ----------
+    decision : an entry of ``decisions``.
+    """
     numbers = ""
     if decision.get("statistic") is not None:
         numbers = number_words(decision["statistic"])
@@ -297,18 +340,34 @@ def decision_words(decision: Mapping[str, Any]) -> str:
 
 
 def share_words(name: str, value: float | None, scale: Mapping[str, float]) -> str:
-    """A size of a channel as a share of its reference scale; '' where none is known."""
-    whole = scale.get(block_of(without_unit(name)))
-    return percent_words(value / whole) if whole and value is not None else ""
+    """Return a size of a channel as a share of its reference scale.
+
+    Parameters
+    ----------
+    name : of the channel, with its unit.
+    value : in that unit.
+    scale : reference scale by block of channels.
+
+    Returns
+    -------
+    A percentage; '' where no scale is known.
+    """
+    reference = scale.get(block_of(without_unit(name)))
+    return percent_words(value / reference) if reference and value is not None else ""
 
 
 def flight_names(content: Mapping[str, Any]) -> list[str]:
-    """Names of all flights that a diagnosis was given."""
+    """Return the names of all flights that a diagnosis was given.
+
+    Parameters
+    ----------
+    content : diagnosis.json.
+    """
     return [f["name"] for f in content.get("origin", {}).get("flights", ())]
 
 
-def grouped(warnings: Sequence[str], names: Sequence[str]) -> list[str]:
-    """Every warning once: those that say the same of several flights, with all their names.
+def grouped_warnings(warnings: Sequence[str], names: Sequence[str]) -> list[str]:
+    """Join warnings that say the same of several flights.
 
     Parameters
     ----------

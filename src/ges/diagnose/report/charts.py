@@ -1,4 +1,4 @@
-"""Data of the page's charts over time, small enough to be a part of it."""
+"""Data of the page's charts over time, small enough to be part of it."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ MISSING = -32768
 
 
 def chart_data(traces: Sequence[Trace]) -> dict[str, Any]:
-    """What ``charts.js`` draws.
+    """Return what ``charts.js`` draws.
 
     Parameters
     ----------
-    traces : one a flight, in the order of the menu; the first that took no part is shown first.
+    traces : one for each flight, in the order of the menu. The first held-out one is shown first.
     """
     shown = next((i for i, t in enumerate(traces) if t.held_out), 0)
     stages = [["recorded", "recorded"], *([s, stage_words(s)] for s in traces[0].simulated)]
@@ -46,7 +46,7 @@ def _flight(t: Trace) -> dict[str, Any]:
                 "block": block_of(name),
                 "label": channel_words(name),
                 "unit": unit_words(name),
-                **packed(
+                **_packed(
                     {
                         "recorded": t.recorded[:, c],
                         **{stage: values[:, c] for stage, values in t.simulated.items()},
@@ -58,9 +58,10 @@ def _flight(t: Trace) -> dict[str, Any]:
     }
 
 
-def packed(series: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """Signals (n,) of one channel as numbers of two bytes, little-endian, base64; value = ``low`` +
-    ``step`` * (number + 32767), :data:`MISSING` where there is none.
+def _packed(series: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    """Signals (n,) of one channel as 16-bit numbers, little-endian, base64.
+
+    The value is ``low`` + ``step`` * (number + 32767), :data:`MISSING` where there is none.
     """
     finite = np.concatenate([v[np.isfinite(v)] for v in series.values()])
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)

@@ -96,8 +96,8 @@ def _remarks(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[st
         count = f"{len(same)} of the flights are" if len(same) > 1 else "One of the flights is"
         yield f"{count} in both: what they have in common is no second witness."
     # an error is that of model and flying together, so only the same flights compare models alone
-    held = [set(c["fit"]["holdout_flights"]) for c in (first, second)]
-    if held[0] != held[1]:
+    held_out = [set(c["fit"]["holdout_flights"]) for c in (first, second)]
+    if held_out[0] != held_out[1]:
         yield (
             "The errors are those of different flights, so that the flying may account for a change"
             " of them."
@@ -105,8 +105,10 @@ def _remarks(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[st
 
 
 def _findings(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """A row a finding: in which of the two it is, its size and probability in each, and by
-    parameter both values with their intervals and whether these overlap.
+    """One row for each finding.
+
+    It has the diagnoses that have it, its size and probability in each, and both values of every
+    parameter with the overlap of their intervals.
     """
     # by place, too: a loss at rotor 3 is another finding than one at rotor 4
     found = [{(f["name"], f.get("place", "")): f for f in c["findings"]} for c in (first, second)]
@@ -124,7 +126,7 @@ def _findings(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[d
 
 
 def _laws(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """The same of laws, a row a channel, their terms as parameters."""
+    """The same for laws: one row for each channel, terms as parameters."""
     laws = [{law["channel"]: law for law in c.get("laws", ())} for c in (first, second)]
     for channel in dict.fromkeys([*laws[0], *laws[1]]):
         pair = [by.get(channel) for by in laws]
@@ -134,21 +136,23 @@ def _laws(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[dict[
             else {}
             for law in pair
         ]
-        known = [{"parameters": of} for of in terms]
+        parameters = [{"parameters": of} for of in terms]
         yield {
             "name": f"law in the {channel_words(channel)}",
             "title": "",
             "state": "both" if all(pair) else "first only" if pair[0] else "second only",
             "each": [law["form"] if law else "none" for law in pair],
-            "parameters": [_parameter(t, known) for t in dict.fromkeys([*terms[0], *terms[1]])],
+            "parameters": [
+                _parameter(t, parameters) for t in dict.fromkeys([*terms[0], *terms[1]])
+            ],
         }
 
 
 def _one(f: Mapping[str, Any] | None, content: Mapping[str, Any], key: tuple[str, str]) -> str:
-    """A finding in a few words; of one that is absent, how likely it was held to be."""
+    """A finding in a few words; how probable it was where it is absent."""
     if f is None:
-        weighed = {(c["name"], c.get("place", "")): c for c in content.get("considered", ())}
-        chance = weighed.get(key, {}).get("probability")
+        considered = {(c["name"], c.get("place", "")): c for c in content.get("considered", ())}
+        chance = considered.get(key, {}).get("probability")
         return "not named" + ("" if chance is None else f" ({probability_words(chance)})")
     chance = f"probability {probability_words(f['probability'])}"
     parts = [size_words(f, content), chance, "open" if f.get("open") else ""]
@@ -185,7 +189,7 @@ def _overlap(a: Sequence[float | None] | None, b: Sequence[float | None] | None)
 def _numbers(
     first: Mapping[str, Mapping[str, Any]], second: Mapping[str, Mapping[str, Any]]
 ) -> Iterator[dict[str, Any]]:
-    """A row a declared number that both or one corrected."""
+    """One row for each nominal parameter that either diagnosis corrected."""
     for key in dict.fromkeys([*first, *second]):
         pair = [c.get(key) for c in (first, second)]
         yield {
@@ -207,9 +211,7 @@ def _rolled(content: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
 def _errors(
     first: Mapping[str, Mapping[str, Any]], second: Mapping[str, Mapping[str, Any]], what: str
 ) -> Iterator[dict[str, Any]]:
-    """A row a channel that both have: errors recalibrated and with the findings, and the change of
-    the latter from the first diagnosis to the second.
-    """
+    """One row for each channel of both: errors, and their change from the first to the second."""
     for name in (n for n in first if n in second):
         a, b = first[name], second[name]
         change = b["after"] / a["after"] - 1.0 if a["after"] else None
@@ -224,7 +226,12 @@ def _errors(
 
 
 def as_text(comparison: Mapping[str, Any]) -> RenderableType:
-    """The comparison of :func:`compare` for a terminal."""
+    """Return a comparison for a terminal.
+
+    Parameters
+    ----------
+    comparison : of :func:`compare`.
+    """
     return Group(*_text(comparison))
 
 
@@ -261,10 +268,21 @@ def _text(c: Mapping[str, Any]) -> Iterator[RenderableType]:
 
 
 def as_html(comparison: Mapping[str, Any]) -> str:
-    """The comparison of :func:`compare` as a page."""
+    """Return a comparison as a page.
+
+    Parameters
+    ----------
+    comparison : of :func:`compare`.
+    """
     return environment().get_template("compare.html.j2").render(comparison)
 
 
 def write_html(comparison: Mapping[str, Any], path: str | Path) -> None:
-    """Write the page, whole or not at all."""
+    """Write the page of a comparison, whole or not at all.
+
+    Parameters
+    ----------
+    comparison : of :func:`compare`.
+    path : of the file.
+    """
     write_text(path, as_html(comparison))

@@ -1,4 +1,4 @@
-"""What is told of a diagnosis, from what every stage hands over."""
+"""The diagnosis put together from the results of all stages."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from ges.diagnose.prove.proof import Proof
 from ges.diagnose.prove.verify import recalibration_warnings
 from ges.diagnose.report.content import (
     calibration_of,
-    considered,
+    considered_candidates,
     data_used,
     not_tested,
-    unexplained_by,
+    unexplained_entries,
 )
-from ges.diagnose.report.findings import all_findings, found_sizes
+from ges.diagnose.report.findings import all_findings, detected_effects
 from ges.diagnose.report.laws import laws_content
 from ges.diagnose.report.origin import origin_of
 from ges.diagnose.report.per_speed import with_force_per_speed
@@ -37,59 +37,61 @@ from ges.diagnose.types.diagnosis import Diagnosis
 from ges.diagnose.types.model import Model
 
 
-def composed(
+def compose_diagnosis(
     problem: Problem,
     start: Start,
     answer: Explanation,
-    left: Sequence[Structure],
+    unexplained_structures: Sequence[Structure],
     laws: Sequence[FittedLaw],
     models: Mapping[str, Model],
     proof: Proof,
     located: Sequence[dict],
-    wrong: Sequence[Contradicted],
+    contradicted: Sequence[Contradicted],
     shift: Shift | UnmeasuredThrust | None,
     record: Record,
-    searched: bool,
+    names_searched: bool,
 ) -> Diagnosis:
-    """Put together what is told.
+    """Put the diagnosis together.
 
     Parameters
     ----------
-    problem, start, answer, proof : what the stages found: prepared flights, the recalibrated model,
+    problem, start, answer, proof : results of the stages: prepared flights, the recalibrated model,
         the accepted names, errors on held-out flights.
-    left : structure that the accepted model leaves.
-    laws : what was found in flights beside the names.
+    unexplained_structures : structure in the residuals of the accepted model.
+    laws : found beside the names.
     models : before, recalibrated and after, with laws also names_only.
-    located : where the mismatch lives, as it is told.
-    wrong : declared numbers that the flights contradict.
-    shift : a shifted trim or an unmeasured thrust, None where there is none.
+    located : entries of ``located``.
+    contradicted : nominal parameters that the flights contradict.
+    shift : a shifted balance or an unmeasured thrust; None where there is none.
     record : decisions on every name.
-    searched : False where the names were given.
+    names_searched : False where the names were given.
     """
-    findings = all_findings(answer, wrong, shift, problem.gate, record, searched)
+    findings = all_findings(answer, contradicted, shift, problem.gate, record, names_searched)
     # asked of the model with all findings, as one may act through another
     findings = with_force_per_speed(findings, answer.last.model)
-    unexplained = unexplained_by(left)
+    unexplained = unexplained_entries(unexplained_structures)
     calibration = calibration_of(answer.last.joint, problem.model)
     off = silent_channels(problem.flights, problem.model)
     untested = not_tested(start.system, answer.last.model)
     warnings = [*problem.warnings, *recalibration_warnings(proof.fit["channels"])]
-    verdict = verdict_of(findings, wrong, laws, unexplained)
+    verdict = verdict_of(findings, contradicted, laws, unexplained)
     diagnosis = Diagnosis(
         verdict=verdict,
-        remark=remark_of(verdict, wrong, shift, off),
+        remark=remark_of(verdict, contradicted, shift, off),
         origin=origin_of(problem),
         findings=tuple(findings),
         located=tuple(located),
         laws=tuple(laws_content(laws)),
         unexplained=tuple(unexplained),
         fit=proof.fit,
-        detectable=smallest_detectable(answer.accepted.regression, found_sizes(answer.accepted)),
+        detectable=smallest_detectable(
+            answer.accepted.regression, detected_effects(answer.accepted)
+        ),
         next_flight=next_flight(answer.accepted, shift),
         data=data_used(problem.flights, problem.gate, start.system, off, warnings),
         calibration=calibration,
         not_tested=untested,
-        considered=considered(answer.accepted, record, untested),
+        considered=considered_candidates(answer.accepted, record, untested),
         vehicle=fitted_vehicle(
             problem.vehicle, problem.model, answer.accepted, answer.last.joint, answer.gusts, laws
         ),

@@ -1,5 +1,5 @@
-"""Parts of diagnosis.json that sum up what was there: data, calibration, what was not tested, what
-stays unexplained, what was considered.
+"""Parts of diagnosis.json on the data, calibration, untested, unexplained and considered
+candidates.
 """
 
 from __future__ import annotations
@@ -32,19 +32,24 @@ from ges.diagnose.types.model import Model, block_of
 from ges.simulator import effects as effect_table
 
 
-def located_by(start: Start, answer: Explanation) -> list[dict]:
-    """``located`` of diagnosis.json: where the recalibrated vehicle misses the recordings, where
-    findings act, and where something open does.
+def located_entries(start: Start, answer: Explanation) -> list[dict]:
+    """Return ``located``: where the recalibrated model misfits, and where findings and open names
+    act.
+
+    Parameters
+    ----------
+    start : the recalibrated vehicle.
+    answer : accepted names with their contributions.
     """
-    accepted, left = answer.accepted, answer.last.residuals
+    accepted, residuals = answer.accepted, answer.last.residuals
     entries = located_by_residuals(start.cells, start.first.structures, start.system)
     entries += located_by_findings(
-        answer.added, left, accepted.probability, start.regimes, start.system
+        answer.added, residuals, accepted.probability, start.regimes, start.system
     )
     # what is open is in no model yet, so the accepted residual still holds it
     if accepted.rivals:
         entries += located_by_open_names(
-            accepted.found, accepted.regression, left, start.regimes, accepted.names
+            accepted.found, accepted.regression, residuals, start.regimes, accepted.names
         )
     return strongest_entries(entries)
 
@@ -56,7 +61,16 @@ def data_used(
     off: Mapping[str, str],
     warnings: Sequence[str],
 ) -> dict:
-    """``data`` of diagnosis.json."""
+    """Return ``data`` of diagnosis.json.
+
+    Parameters
+    ----------
+    flights : that are used.
+    gate : delays and offsets.
+    system : of the first search.
+    off : channels without data, each with what to log.
+    warnings : sentences for the reader.
+    """
     reasons = sorted({r for f in flights for r in f.left_out})
     # without logged references there is no instrument, and no strength to tell of
     by_flight = [
@@ -89,7 +103,13 @@ def data_used(
 
 
 def calibration_of(joint: JointFit, model: Model) -> dict[str, dict]:
-    """What the declared numbers came to, each beside its declared doubt."""
+    """Return ``calibration``: corrections of the nominal parameters with their prior sds.
+
+    Parameters
+    ----------
+    joint : of the last fit, corrections counted from the vehicle file.
+    model : of the vehicle file.
+    """
     return {
         key: {
             "value": value,
@@ -100,18 +120,19 @@ def calibration_of(joint: JointFit, model: Model) -> dict[str, dict]:
     }
 
 
-def not_tested(system: System, found: Model) -> dict[str, str]:
-    """Candidates that these recordings cannot speak about, each with what they lack.
+def not_tested(system: System, fitted: Model) -> dict[str, str]:
+    """Return ``not_tested``: candidates that these recordings cannot show, with what they lack.
 
     Parameters
     ----------
-    system : of the first search; found : the model with the findings.
+    system : of the first search.
+    fitted : the model with the findings.
     """
     flights, reasons = system.recordings, {}
     searched = {c.variant.effect for c in system.columns if c.variant is not None}
     # the gate and the search for gusts speak about these, though no column of theirs is searched
     searched |= {e.name for e in effect_table.table().values() if e.settled and e.kind == "sensor"}
-    searched |= {GUSTS} if shows_moving_air(found.effects) else set()
+    searched |= {GUSTS} if shows_moving_air(fitted.effects) else set()
     for name, effect in effect_table.table().items():
         # what modifies another effect is tried together with that one
         if name not in searched and not effect.modifies:
@@ -126,9 +147,9 @@ def not_tested(system: System, found: Model) -> dict[str, str]:
     # in closed loop only references, as instruments, explain a controller's motion
     references = any(f.has("reference") for f in flights)
     # what was named for all that has been tested
-    named = found.effects.keys() - system.model.effects.keys()
-    moved = {n for n in searched - named if effect_table.get(n).feedback == "dynamic"}
-    for name in sorted(moved) if not references else ():
+    named = fitted.effects.keys() - system.model.effects.keys()
+    dynamic = {n for n in searched - named if effect_table.get(n).feedback == "dynamic"}
+    for name in sorted(dynamic) if not references else ():
         reasons[name] = (
             "needs the references that the controller followed, or its answers to disturbances look"
             " like this effect"
@@ -136,8 +157,13 @@ def not_tested(system: System, found: Model) -> dict[str, str]:
     return reasons
 
 
-def unexplained_by(remains: Sequence[Structure]) -> list[dict]:
-    """Structure for which there is neither a name nor a law."""
+def unexplained_entries(remains: Sequence[Structure]) -> list[dict]:
+    """Return ``unexplained``: structure with neither a name nor a law.
+
+    Parameters
+    ----------
+    remains : structures of the last stage.
+    """
     return [
         {
             "channel": u.channel,
@@ -151,11 +177,17 @@ def unexplained_by(remains: Sequence[Structure]) -> list[dict]:
     ]
 
 
-def considered(
+def considered_candidates(
     accepted: Accepted, record: Record, reasons: Mapping[str, str]
 ) -> tuple[Considered, ...]:
-    """Every candidate with its posterior probability and the decisions about it, the likeliest
-    first; what was not weighed with the reason.
+    """Return ``considered``: every candidate with probability and decisions, the most probable
+    first.
+
+    Parameters
+    ----------
+    accepted : of the search.
+    record : decisions by name.
+    reasons : of :func:`not_tested`.
     """
     inclusion = accepted.found.inclusion
     entries = [
@@ -171,8 +203,16 @@ def considered(
 
 
 def places_of(accepted: Accepted, name: str) -> str:
-    """Where an effect that acts in one of several places does, ``rotor 3``, by the best variant;
-    '' for all others.
+    """Return where an effect acts that may act in several places.
+
+    Parameters
+    ----------
+    accepted : of the search.
+    name : of the effect.
+
+    Returns
+    -------
+    ``rotor 3``, by the best variant; '' for other effects.
     """
     if name not in accepted.found.inclusion:
         return ""

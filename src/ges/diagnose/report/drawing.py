@@ -1,5 +1,6 @@
-"""Drawing the figures of a diagnosis, each as soon as it can be: importable at once, what draws
-them takes a second to read.
+"""Drawing of a diagnosis's figures, each as soon as its data are there.
+
+The module imports quickly; matplotlib takes a second.
 """
 
 from __future__ import annotations
@@ -16,22 +17,38 @@ Figure = tuple[str, str, Sequence]
 
 
 class Drawing:
-    """The figures of one folder; each is drawn once."""
+    """The figures of one folder, each drawn once.
+
+    Parameters
+    ----------
+    out : the folder.
+    begin : how work is started, here or in other processes.
+    """
 
     def __init__(self, out: Path, begin: Begin = at_once) -> None:
         self._out, self._begin = out, begin
         self._begun: dict[str, tuple[Callable[[], list[bytes]], int]] = {}
 
     def start(self, figures: Sequence[Figure]) -> None:
-        """Begin to draw those that were not begun before."""
+        """Begin to draw the figures that were not begun before.
+
+        Parameters
+        ----------
+        figures : name, function of ``pictures`` and its arguments.
+        """
         new = [f for f in figures if f[0] not in self._begun]
         if new:
             self._out.mkdir(parents=True, exist_ok=True)
-            pictures = self._begin(partial(_drawn, self._out), new)
+            pictures = self._begin(partial(_draw, self._out), new)
             self._begun |= {name: (pictures, i) for i, (name, *_) in enumerate(new)}
 
     def pictures(self, figures: Sequence[Figure]) -> Mapping[str, bytes]:
-        """The figures as PNG, by name, once all of them are written."""
+        """Return figures as PNG by name, once all of them are written.
+
+        Parameters
+        ----------
+        figures : as for :meth:`start`.
+        """
         self.start(figures)
         begun = {name: self._begun[name] for name, *_ in figures}
         return {name: pictures()[i] for name, (pictures, i) in begun.items()}
@@ -39,7 +56,16 @@ class Drawing:
 
 @contextmanager
 def drawing(out: Path) -> Iterator[Drawing]:
-    """Drawing by processes that get ready while the caller goes on."""
+    """Draw by processes that start up while the caller goes on.
+
+    Parameters
+    ----------
+    out : folder of the figures.
+
+    Yields
+    ------
+    A :class:`Drawing`.
+    """
     with apart(_ready) as begin:
         yield Drawing(out, begin)
 
@@ -51,8 +77,8 @@ def _ready() -> None:
     pictures.png(pictures.Figure(figsize=(1.0, 1.0)))
 
 
-def _drawn(out: Path, figure: Figure) -> bytes:
-    """The picture of one figure, which is written too."""
+def _draw(out: Path, figure: Figure) -> bytes:
+    """Draw and write one figure; its PNG."""
     from ges.diagnose.report import pictures
 
     name, draw, arguments = figure

@@ -1,4 +1,4 @@
-"""Why names were given or not: the record of decisions as tables for a terminal."""
+"""Why names were given or not: the decisions as tables for a terminal."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NUMBERS = ("probability", "statistic", "asked")
 
 
 def overview(content: Mapping[str, Any]) -> RenderableType:
-    """What was named, what was considered and not named, and what could not be tested.
+    """Return what was named, considered and not named, and not tested.
 
     Parameters
     ----------
@@ -32,20 +32,20 @@ def overview(content: Mapping[str, Any]) -> RenderableType:
     return Group(*_overview(content))
 
 
-def of_name(content: Mapping[str, Any], name: str) -> RenderableType:
-    """Every decision about one effect.
+def decisions_about(content: Mapping[str, Any], name: str) -> RenderableType:
+    """Return every decision about one effect.
 
     Parameters
     ----------
     content : diagnosis.json.
-    name : of an effect of the library; words do, too.
+    name : of an effect of the library; spaces or hyphens may stand for underscores.
 
     Raises
     ------
     UsageError
-        For a name that the library has not; the nearest is told.
+        For a name that the library lacks, with the nearest one.
     GesError
-        Where the diagnosis keeps no record of it.
+        Where the diagnosis has no record of it.
     """
     name = name.strip().replace(" ", "_").replace("-", "_")
     if name not in effect_table.table():
@@ -151,15 +151,15 @@ def _limits(content: Mapping[str, Any], name: str) -> Iterator[RenderableType]:
     limit = content["detectable"].get(name)
     if limit:
         unit = "" if limit.get("unit") in (None, "1") else f" {limit['unit']}"
-        beside = (
+        rival = (
             f", hardest to tell from {plain(limit['limited_by'])}"
             if limit.get("limited_by")
             else ""
         )
         smallest = limit["smallest"]
-        seen = (
+        size = (
             "not visible in these flights"
             if smallest is None
             else f"{number_words(smallest)}{unit}"
         )
-        yield Text(f"\nsmallest that would have been seen: {limit['parameter']} {seen}{beside}")
+        yield Text(f"\nsmallest that would have been seen: {limit['parameter']} {size}{rival}")

@@ -1,4 +1,4 @@
-"""Laws as diagnosis.json and the page tell them, and what each reads as in an engineer's words."""
+"""Laws as diagnosis.json and the page show them, with the nearest physics in words."""
 
 from __future__ import annotations
 
@@ -16,7 +16,12 @@ DIGITS = 3
 
 
 def laws_content(laws: Sequence[FittedLaw]) -> list[dict[str, Any]]:
-    """``laws`` of diagnosis.json."""
+    """Return ``laws`` of diagnosis.json.
+
+    Parameters
+    ----------
+    laws : that were fitted.
+    """
     return [
         {
             "channel": law.channel,
@@ -39,8 +44,12 @@ def laws_content(laws: Sequence[FittedLaw]) -> list[dict[str, Any]]:
 
 
 def vehicle_laws(before: Sequence[Law], found: Sequence[FittedLaw]) -> tuple[Law, ...]:
-    """Laws of the vehicle file with those that were found, the coefficients of a term that both
-    have as they were fitted.
+    """Return the laws of the fitted vehicle file.
+
+    Parameters
+    ----------
+    before : laws of the vehicle file.
+    found : laws that were fitted; they replace coefficients of terms that both have.
     """
     terms: dict[str, dict[Term, tuple[float, float]]] = {}
     for law in before:
@@ -61,7 +70,14 @@ def vehicle_laws(before: Sequence[Law], found: Sequence[FittedLaw]) -> tuple[Law
 
 
 def reads_as(channel: str, coefficients: Mapping[Term, float], size: Mapping[str, Any]) -> str:
-    """What the largest part of a law looks like, and the physics that is nearest to it."""
+    """Return what the largest term of a law looks like, and the nearest physics.
+
+    Parameters
+    ----------
+    channel : response of the law.
+    coefficients : by term.
+    size : of the law.
+    """
     term = max(coefficients, key=lambda t: abs(coefficients[t]))
     used = [
         g for g, n, m in zip(groups().values(), term.power, term.magnitude, strict=True) if n or m
@@ -78,7 +94,7 @@ def reads_as(channel: str, coefficients: Mapping[Term, float], size: Mapping[str
 
 
 def _nearest(channel: str, quantity: str) -> str:
-    """Physics that makes a channel follow a quantity."""
+    """Physics that makes a channel depend on a quantity."""
     kind, axis = channel.split("_")
     own = {"x": ("V_x", "p"), "y": ("V_y", "q"), "z": ("V_z", "r")}[axis]
     if quantity == "R":

@@ -1,4 +1,4 @@
-"""What a diagnosis was made from."""
+"""``origin`` of diagnosis.json: what a diagnosis was made from."""
 
 from __future__ import annotations
 
@@ -10,7 +10,12 @@ from ges.diagnose.prepare.problem import Problem
 
 
 def origin_of(problem: Problem) -> dict[str, Any]:
-    """``origin`` of diagnosis.json, as far as tables in memory tell it."""
+    """Return ``origin`` as far as tables in memory show it.
+
+    Parameters
+    ----------
+    problem : the data of the diagnosis.
+    """
     used = {**problem.fitted, **problem.held_out}
     parts = {
         **dict.fromkeys(problem.fitted, "fitted"),
@@ -38,7 +43,7 @@ def with_files(
     vehicle_file: Mapping[str, str],
     command: str,
 ) -> dict[str, Any]:
-    """The same with what a run from files knows beside.
+    """Return ``origin`` with what a run from files knows.
 
     Parameters
     ----------

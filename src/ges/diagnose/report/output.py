@@ -1,4 +1,4 @@
-"""Files of a diagnosis: diagnosis.json, the fitted vehicle, the figures and the report."""
+"""Files of a diagnosis: diagnosis.json, the fitted vehicle, residuals, figures and the report."""
 
 from __future__ import annotations
 
@@ -79,7 +79,12 @@ def write_diagnosis(
 
 
 def traces_of(diagnosis: Diagnosis) -> list[Trace]:
-    """Recorded and simulated signals of every flight that was used, by name."""
+    """Return recorded and simulated signals of every flight in use, by name.
+
+    Parameters
+    ----------
+    diagnosis : with its workings.
+    """
     workings = diagnosis.workings
     flights = {**workings.problem.fitted, **workings.problem.held_out}
     models = {stage: workings.models[stage] for stage in STAGES}
@@ -97,8 +102,15 @@ def _remove_others(out: Path, drawn: Collection[str]) -> None:
 
 
 def map_figure(cells: Sequence[Cell]) -> list[Figure]:
-    """The map of where the mismatch lives, which can be drawn as soon as it was located; none where
-    it would show nothing but noise.
+    """Return the map of residuals over regimes, which can be drawn before the search.
+
+    Parameters
+    ----------
+    cells : of the recalibrated stage.
+
+    Returns
+    -------
+    One figure; none where it would show nothing but noise.
     """
     news = any(c.q_value <= settings.statistics.chance for c in cells)
     return [("where", "location_map", ([_cell(c) for c in cells],))] if news else []
@@ -107,14 +119,14 @@ def map_figure(cells: Sequence[Cell]) -> list[Figure]:
 def _figures(
     diagnosis: Diagnosis, content: Mapping[str, Any], traces: Sequence[Trace]
 ) -> Iterator[Figure]:
-    """Those that this diagnosis has something for."""
+    """Figures that this diagnosis has data for."""
     proof = diagnosis.workings.proof
     yield from map_figure(diagnosis.workings.cells)
     # a flight that took no part shows what a fit could not have bent
     yield "over_time", "over_time", (next((t for t in traces if t.held_out), traces[0]),)
-    told = _parameters(content)
-    if told:
-        yield "parameters", "parameter_intervals", (told,)
+    parameters = _parameters(content)
+    if parameters:
+        yield "parameters", "parameter_intervals", (parameters,)
     if proof.rollouts:
         yield (
             "rollout",
@@ -144,8 +156,8 @@ def _cell(cell: Cell) -> dict[str, Any]:
 
 
 def _parameters(content: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Fitted parameters of the findings, then declared numbers that recalibration moved."""
-    told = [
+    """Fitted parameters of the findings, then nominal ones that recalibration moved."""
+    rows = [
         {"label": f"{f['name']}.{name}", **{k: p[k] for k in ("value", "ci95", "unit")}}
         for f in content["findings"]
         for name, p in f["parameters"].items()
@@ -153,7 +165,7 @@ def _parameters(content: Mapping[str, Any]) -> list[dict[str, Any]]:
     # corrections are counted from the vehicle file, so what is declared lies at zero
     for key, p in content["calibration"].items():
         if p["declared_sd"]:
-            told.append(
+            rows.append(
                 {
                     "label": key,
                     "value": p["value"],
@@ -163,7 +175,7 @@ def _parameters(content: Mapping[str, Any]) -> list[dict[str, Any]]:
                     "declared_sd": p["declared_sd"],
                 }
             )
-    return told
+    return rows
 
 
 def _unit(key: str) -> str:
@@ -174,31 +186,38 @@ def _unit(key: str) -> str:
 
 
 def _residual_picture(place: Mapping[str, Any], proof: Proof) -> tuple:
-    """The clearest location on held-out flights: what recalibration leaves there, and what the
-    findings add.
-    """
+    """The clearest location on held-out flights: residual, and contribution of the findings."""
     regime, c = next(iter(place["regime"])), proof.channels.index(place["channel"])
     x, block = _regime_values(regime, proof)
-    left = {
+    residuals = {
         stage: np.concatenate([e[:, c] for e in proof.errors[stage]])
         for stage in ("recalibrated", "after")
     }
-    good = np.isfinite(left["recalibrated"]) & np.isfinite(x)
+    good = np.isfinite(residuals["recalibrated"]) & np.isfinite(x)
     # residual is recorded less model, so what the findings add is the difference of both;
     # the recalibrated model, whose own residual this is, adds nothing
-    added = (left["recalibrated"] - left["after"])[good]
-    curves = {"recalibrated": np.zeros(good.sum())} | ({"after": added} if added.any() else {})
+    contribution = (residuals["recalibrated"] - residuals["after"])[good]
+    curves = {"recalibrated": np.zeros(good.sum())} | (
+        {"after": contribution} if contribution.any() else {}
+    )
     words = f"{channel_words(place['channel'])}, {size_unit(place['channel'])}"
-    return x[good], left["recalibrated"][good], curves, block[good], quantity_words(regime), words
+    return (
+        x[good],
+        residuals["recalibrated"][good],
+        curves,
+        block[good],
+        quantity_words(regime),
+        words,
+    )
 
 
 def _regime_values(regime: str, proof: Proof) -> tuple[np.ndarray, np.ndarray]:
-    cut = [make_windows(f.t_s, f.flying, proof.length_s) for f in proof.flights]
+    windows = [make_windows(f.t_s, f.flying, proof.length_s) for f in proof.flights]
     values = [
-        t.get(regime, np.full(len(w), np.nan)) for t, w in zip(proof.regimes, cut, strict=True)
+        t.get(regime, np.full(len(w), np.nan)) for t, w in zip(proof.regimes, windows, strict=True)
     ]
     blocks = blocks_of(
-        [(w, f.t_s[0]) for f, w in zip(proof.flights, cut, strict=True)],
+        [(w, f.t_s[0]) for f, w in zip(proof.flights, windows, strict=True)],
         settings.statistics.block_s,
     )
     return np.concatenate(values), np.concatenate(blocks)

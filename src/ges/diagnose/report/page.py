@@ -1,4 +1,4 @@
-"""The report: one self-contained HTML page of diagnosis.json, pictures and signals over time."""
+"""The report: one self-contained HTML page of diagnosis.json, figures and signals over time."""
 
 from __future__ import annotations
 
@@ -71,7 +71,12 @@ def _asset(name: str) -> Markup:
 
 @functools.lru_cache(maxsize=1)
 def environment() -> jinja2.Environment:
-    """Templates of the pages, with the words that they use."""
+    """Return the templates of the pages, with the filters that they use.
+
+    Notes
+    -----
+    Text is escaped. A key that a diagnosis lacks leaves its place empty.
+    """
     templates = jinja2.Environment(
         loader=jinja2.PackageLoader("ges.diagnose.report", "."),
         autoescape=True,
@@ -104,13 +109,14 @@ def render(
     pictures: Mapping[str, bytes] | None = None,
     traces: Sequence[Trace] = (),
 ) -> str:
-    """The page as text.
+    """Return the page as text.
 
     Parameters
     ----------
     content : diagnosis.json (contract, schema 1).
     pictures : PNG bytes by place: any of :data:`CAPTIONS`.
-    traces : recorded and simulated signals, one a flight; without them the page has no charts.
+    traces : recorded and simulated signals, one for each flight; without them the page has no
+        charts.
     """
     fit, scale = content["fit"], content["data"].get("reference_scale", {})
     tables = {
@@ -134,7 +140,7 @@ def render(
         "steps": blocks.next_steps(content),
         # flights from tables in memory have no file and no hash: no column for them
         "hashed": any(f.get("sha256") for f in content.get("origin", {}).get("flights", ())),
-        "warnings": blocks.grouped(
+        "warnings": blocks.grouped_warnings(
             content["data"].get("warnings", ()), blocks.flight_names(content)
         ),
         "pictures": {
@@ -154,5 +160,11 @@ def write_report(
     traces: Sequence[Trace],
     path: str | Path,
 ) -> None:
-    """Write the report, whole or not at all; parameters as :func:`render`."""
+    """Write the report, whole or not at all.
+
+    Parameters
+    ----------
+    content, pictures, traces : as for :func:`render`.
+    path : of the file.
+    """
     write_text(path, render(content, pictures, traces))

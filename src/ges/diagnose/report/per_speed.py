@@ -1,4 +1,4 @@
-"""How a force grows with speed: what an engineer calls the strength of a drag."""
+"""Growth of a force with speed: the usual measure of a drag."""
 
 from __future__ import annotations
 
@@ -17,9 +17,7 @@ LINEAR = 0.05
 
 
 def force_per_speed_N_s_m(name: str, model: Model) -> float | None:
-    """Force that an effect makes in hover for each m/s of speed, far from ground and in still air.
-
-    The compiled effect is asked at rest, at 1 and at 2 m/s, along each body axis.
+    """Return the force that an effect makes in hover for each m/s of speed, in still air.
 
     Parameters
     ----------
@@ -28,8 +26,13 @@ def force_per_speed_N_s_m(name: str, model: Model) -> float | None:
 
     Returns
     -------
-    Of the axis on which it is greatest, N per m/s; None where the force is not in proportion to
-    speed, or hangs on where the vehicle has been.
+    For the body axis on which it is greatest, N per m/s. None where the force is not proportional
+    to speed, or depends on the past.
+
+    Notes
+    -----
+    The compiled effect is evaluated at rest, at 1 and at 2 m/s along each body axis, far from the
+    ground.
     """
     if effect_table.get(name).n_states:
         return None
@@ -58,7 +61,13 @@ def force_per_speed_N_s_m(name: str, model: Model) -> float | None:
 
 
 def with_force_per_speed(findings: Sequence[Finding], model: Model) -> list[Finding]:
-    """The findings, those that the model has with their force per speed in their ``size``."""
+    """Return the findings with the force per speed in their ``size``.
+
+    Parameters
+    ----------
+    findings : those that the model lacks stay as they are.
+    model : vehicle with all findings, as one may act through another.
+    """
     rates = [
         force_per_speed_N_s_m(f.name, model) if f.name in model.effects else None for f in findings
     ]

@@ -1,6 +1,4 @@
-"""Pictures of a diagnosis: functions from plain numbers to matplotlib figures, readable in print
-and without colour.
-"""
+"""Figures of a diagnosis: functions from plain numbers to matplotlib, readable without colour."""
 
 from __future__ import annotations
 
@@ -69,7 +67,13 @@ def _figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
 
 
 def png(figure: Figure, dpi: int = 160) -> bytes:
-    """The figure, laid out, as PNG, the same bytes every time."""
+    """Return a figure as PNG, with the same bytes every time.
+
+    Parameters
+    ----------
+    figure : to lay out and draw.
+    dpi : resolution.
+    """
     out = io.BytesIO()
     with mpl.rc_context(_STYLE):
         figure.savefig(out, format="png", dpi=dpi, metadata={"Software": None})
@@ -77,7 +81,17 @@ def png(figure: Figure, dpi: int = 160) -> bytes:
 
 
 def save(figure: Figure, folder: Path | str, name: str) -> bytes:
-    """Write ``name.png`` and ``name.pdf``; returns the PNG."""
+    """Write ``name.png`` and ``name.pdf``.
+
+    Parameters
+    ----------
+    figure : to draw.
+    folder, name : of the files.
+
+    Returns
+    -------
+    The PNG.
+    """
     picture = png(figure)
     with replacing(Path(folder) / f"{name}.png") as new:
         new.write_bytes(picture)
@@ -93,14 +107,14 @@ def save(figure: Figure, folder: Path | str, name: str) -> bytes:
 
 
 def location_map(cells: Sequence[Mapping[str, Any]], most_channels: int = 8) -> Figure:
-    """Where the mismatch lives: mean residual over its standard error, by channel (rows) and regime
-    bins (columns).
+    """Draw where the model misfits: mean residual over its standard error, by channel and regime
+    bin.
 
     Parameters
     ----------
-    cells : a mapping a cell: ``channel``, ``regime``, ``low``, ``high``, ``mean`` (channel's unit),
-        ``sd`` (of the mean), ``q_value``. Cells with q below 0.05 carry a dot; bins without enough
-        data stay white.
+    cells : a mapping for each cell: ``channel``, ``regime``, ``low``, ``high``, ``mean`` (channel's
+        unit), ``sd`` (of the mean), ``q_value``. Cells with q below 0.05 carry a dot; bins without
+        enough data stay white.
     most_channels : the channels with the clearest cells are drawn.
     """
     z = {
@@ -132,7 +146,7 @@ def _score(cell: Mapping[str, Any]) -> float:
 def _strip(
     axis: Axes, cells: Sequence[Mapping[str, Any]], channels: Sequence[str], regime: str
 ) -> AxesImage:
-    """One regime: bins of equal width on the page, their bounds written below."""
+    """One regime: bins of equal width on the page, their bounds below."""
     bounds = sorted({k["low"] for k in cells} | {k["high"] for k in cells})
     score = np.full((len(channels), max(len(bounds) - 1, 1)), np.nan)
     for cell in cells:
@@ -163,7 +177,7 @@ def _strip(
 
 
 def _ticks(bounds: Sequence[float], shown: Sequence[int]) -> list[str]:
-    """Bounds to a hundredth of their span, or as finely as tells them apart."""
+    """Bounds to a hundredth of their span, or as finely as makes them differ."""
     decimals = max(0, 2 - int(np.ceil(np.log10(max(bounds[-1] - bounds[0], 1e-9)))))
     while decimals < MOST_DECIMALS and len({round(bounds[i], decimals) for i in shown}) < len(
         shown
@@ -173,14 +187,13 @@ def _ticks(bounds: Sequence[float], shown: Sequence[int]) -> list[str]:
 
 
 def held_out_bars(channels: Mapping[str, Mapping[str, Any]]) -> Figure:
-    """Errors on held-out flights before, recalibrated and after, each channel in units of its
-    ``before``.
+    """Draw errors on held-out flights by stage, each channel in units of its ``before``.
 
     Parameters
     ----------
     channels : as ``fit.channels`` of diagnosis.json: ``before``, ``recalibrated``, with laws
-        ``names_only``, ``after`` and ``reduction_ci95``, the 95 % interval of
-        1 - after / recalibrated, which is drawn on ``after``.
+        ``names_only``, ``after`` and ``reduction_ci95``. The latter is the 95 % interval of 1 -
+        after / recalibrated, drawn on ``after``.
     """
     names = [n for n in channels if channels[n]["before"] > 0]
     with mpl.rc_context(_STYLE):
@@ -248,15 +261,16 @@ def residual_against(
     ylabel: str,
     bins: int = BINS,
 ) -> Figure:
-    """What the recalibrated model leaves against one regime variable, with what each model says
-    there.
+    """Draw the residual of the recalibrated model against a regime variable.
 
     Parameters
     ----------
     x, y : (n,) variable and residual of every window (held-out flights).
     curves : by stage (``recalibrated``, ``after``), (n,) what that model adds in the same windows.
-    blocks : (n,) number of the stretch of flight; the 95 % bands come from the spread of the
-        blocks' means.
+    blocks : (n,) number of the block of time; the 95 % bands come from the spread of the blocks'
+        means.
+    xlabel, ylabel : of the axes.
+    bins : number of bins with equally many windows.
     """
     # quantiles: every bin has as many windows, and so a mean that is known as well
     edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, bins + 1)))
@@ -265,7 +279,7 @@ def residual_against(
         axis = figure.subplots()
         # thousands of points are pixels in the PDF, not as many vector marks
         axis.plot(x, y, ".", color="#BBBBBB", markersize=2.0, rasterized=True, zorder=1)
-        center, mean, half = binned(x, y, blocks, edges)
+        center, mean, half = bin_means(x, y, blocks, edges)
         axis.errorbar(
             center,
             mean,
@@ -277,8 +291,8 @@ def residual_against(
             zorder=3,
             label="recorded, mean of the bin with 95 % interval",
         )
-        for stage, told in curves.items():
-            _, line, _ = binned(x, told, blocks, edges)
+        for stage, contribution in curves.items():
+            _, line, _ = bin_means(x, contribution, blocks, edges)
             axis.plot(
                 center,
                 line,
@@ -299,12 +313,11 @@ def residual_against(
 
 
 def over_time(t: Trace) -> Figure:
-    """Signals of one flight, recorded and by stage, and recorded less each stage beside them;
-    without those that are simulated ahead.
+    """Draw signals of one flight, recorded and by stage, with recorded less simulated beside them.
 
     Parameters
     ----------
-    t : the flight; grey spans are left out.
+    t : the flight; grey spans are left out, and so are channels that are simulated ahead.
     """
     drawn = [(c, name) for c, name in enumerate(t.channels) if name not in t.ahead]
     rows = len(drawn)
@@ -346,24 +359,27 @@ def over_time(t: Trace) -> Figure:
 
 
 def _limit(axis: Axes, used: np.ndarray, *signals: np.ndarray) -> None:
-    """The axis to what is used: a blow on the ground would flatten all else."""
+    """Limits of an axis by what is used: an impact on the ground would flatten all else."""
     values = np.concatenate([s[used & np.isfinite(s)] for s in signals])
     if len(values):
         room = 0.05 * np.ptp(values) or 1.0
         axis.set_ylim(values.min() - room, values.max() + room)
 
 
-def binned(
+def bin_means(
     x: np.ndarray, y: np.ndarray, blocks: np.ndarray, edges: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centre, mean and half width of the 95 % interval of every bin that is not empty, (b,) each; a
-    block of time counts as one draw.
+    """Return centre, mean and half width of the 95 % interval of every bin with data.
 
     Parameters
     ----------
     x, y : (n,) signals; the centres are in the unit of x, means and half widths in that of y.
-    blocks : (n,) number of the block of time.
+    blocks : (n,) number of the block of time, which counts as one draw.
     edges : (k,) of the bins, rising.
+
+    Returns
+    -------
+    (b,) each.
     """
     center, mean, half = [], [], []
     number = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
@@ -386,13 +402,13 @@ def binned(
 def rollout_growth(
     t_s: np.ndarray, errors: Mapping[str, Mapping[str, np.ndarray]], seed: int = 0
 ) -> Figure:
-    """Open-loop error against time since the start, before, recalibrated and after, with 95 % bands
-    over the starts.
+    """Draw the open-loop error against time since the start, with 95 % bands over the starts.
 
     Parameters
     ----------
     t_s : (k,) time since the start of a rollout.
     errors : by contract column (``p_z_m`` ...) and stage, (starts, k) simulated less recorded.
+    seed : of the bootstrap.
     """
     names = list(errors)
     with mpl.rc_context(_STYLE):
@@ -430,13 +446,12 @@ def _rms_band(e: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.n
 
 
 def parameter_intervals(parameters: Sequence[Mapping[str, Any]]) -> Figure:
-    """Fitted parameters with 95 % intervals, a line each on its own scale, zero and the declared
-    value marked; the first ten, which a printed page holds.
+    """Draw fitted parameters with 95 % intervals, each on its own scale.
 
     Parameters
     ----------
-    parameters : ``label``, ``value``, ``ci95``, ``unit``, and, where the vehicle file declares one,
-        ``declared`` and ``declared_sd``.
+    parameters : ``label``, ``value``, ``ci95``, ``unit``, and, where the vehicle file has one,
+        ``declared`` and ``declared_sd``. The first ten are drawn, which a printed page holds.
     """
     parameters = parameters[:MOST_PARAMETERS]
     with mpl.rc_context(_STYLE):
@@ -447,16 +462,16 @@ def parameter_intervals(parameters: Sequence[Mapping[str, Any]]) -> Figure:
         axis.set(xlim=(-0.02, 1.02), ylim=(len(parameters) - 0.5, -0.5))
         axis.set_axis_off()
         # one entry a label, however many rows drew it
-        told = dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
-        figure.legend(told.values(), told.keys(), loc="outside lower center", ncols=len(told))
+        labels = dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
+        figure.legend(labels.values(), labels.keys(), loc="outside lower center", ncols=len(labels))
     return figure
 
 
 def _interval(axis: Axes, row: int, p: Mapping[str, Any]) -> None:
     """One line: what is drawn lies between 0 and 1."""
     low, high = (v if v is not None else p["value"] for v in p["ci95"])
-    declared, doubt = p.get("declared"), 2.0 * (p.get("declared_sd") or 0.0)
-    band = [declared - doubt, declared + doubt] if declared is not None else []
+    nominal, two_sds = p.get("declared"), 2.0 * (p.get("declared_sd") or 0.0)
+    band = [nominal - two_sds, nominal + two_sds] if nominal is not None else []
     reach = [low, high, 0.0, *band]
     # every parameter has its own unit, so every line is scaled to hold what is marked on it
     start, length = min(reach), max(reach) - min(reach) or 1.0
@@ -485,5 +500,9 @@ def _interval(axis: Axes, row: int, p: Mapping[str, Any]) -> None:
     axis.plot(value_at, row + 0.2, "o", color="black", markersize=5.0, label="fitted")
     unit = f" {p['unit']}" if p["unit"] not in ("1", "") else ""
     span = f"95 %: {number_words(low)} to {number_words(high)}"
-    known = f"; declared: {number_words(declared)} ± {number_words(doubt, 2)}" if band else ""
-    axis.text(0.0, row - 0.07, f"{p['label']} = {number_words(p['value'])}{unit}  ({span}{known})")
+    nominal_words = (
+        f"; declared: {number_words(nominal)} ± {number_words(two_sds, 2)}" if band else ""
+    )
+    axis.text(
+        0.0, row - 0.07, f"{p['label']} = {number_words(p['value'])}{unit}  ({span}{nominal_words})"
+    )

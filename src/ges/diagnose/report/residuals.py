@@ -17,18 +17,18 @@ STAGES = {"before": "given", "recalibrated": "recalibrated", "after": "fitted"}
 
 
 def residual_table(traces: Sequence[Trace]) -> pa.Table:
-    """A row a window, flights one after another.
+    """Make the table of residuals.parquet: one row for each window, flights in sequence.
 
     Parameters
     ----------
-    traces : one a flight.
+    traces : one for each flight.
 
     Returns
     -------
-    Table with ``flight``; ``held_out`` and ``used``; ``t_s`` on the flight's own clock;
-    ``timeline_s``, which goes on from flight to flight, for viewers of a single time axis; and by
-    channel ``force_z_N/recorded``, ``/given``, ``/recalibrated`` and ``/fitted``. The models are
-    NaN where ``used`` is false, all of a channel where a flight has not logged it.
+    Table with ``flight``, ``held_out`` and ``used``, and ``t_s`` on the flight's own clock.
+    ``timeline_s`` goes on from flight to flight, for viewers of a single time axis. By channel
+    there are ``force_z_N/recorded``, ``/given``, ``/recalibrated`` and ``/fitted``. The models are
+    NaN where ``used`` is false. A channel is NaN where a flight has not logged it.
     """
     channels = list(dict.fromkeys(name for t in traces for name in t.channels))
     columns = {
@@ -49,7 +49,13 @@ def residual_table(traces: Sequence[Trace]) -> pa.Table:
 
 
 def write_residuals(traces: Sequence[Trace], path: Path) -> None:
-    """Write :func:`residual_table`, whole or not at all."""
+    """Write :func:`residual_table`, whole or not at all.
+
+    Parameters
+    ----------
+    traces : one for each flight.
+    path : of the file.
+    """
     with replacing(path) as new:
         pq.write_table(residual_table(traces), new)
 
@@ -62,7 +68,7 @@ def _column(t: Trace, values: np.ndarray, name: str) -> np.ndarray:
 
 
 def _timeline_s(traces: Sequence[Trace]) -> np.ndarray:
-    """Times from the start of the first flight, a second between one flight and the next."""
+    """Times from the start of the first flight, with a second between flights."""
     times, start = [], 0.0
     for t in traces:
         times.append(t.t_s - t.t_s[0] + start)

@@ -92,7 +92,7 @@ class _Correction(BaseModel):
 
 
 class _Saved(BaseModel):
-    """What this version asks of diagnosis.json; other keys are kept and ignored."""
+    """Keys of diagnosis.json that this version reads; others are kept and ignored."""
 
     version: Literal[1] = Field(alias="schema")
     verdict: Literal[

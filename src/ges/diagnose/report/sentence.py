@@ -1,5 +1,7 @@
-"""The sentence that an engineer reads first: what is missing, how much, how sure, and what it is
-worth on flights that took no part; at most :data:`MOST_WORDS` words and no key of a file.
+"""The sentence that an engineer reads first, of at most :data:`MOST_WORDS` words.
+
+It says what is missing, how much, how sure, and what that is worth on held-out flights. No key of a
+file is in it.
 """
 
 from __future__ import annotations
@@ -8,7 +10,7 @@ import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from ges.diagnose.report.blocks import error_rows, least_told
+from ges.diagnose.report.blocks import error_rows, least_relevant_error
 from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import Diagnosis
 from ges.diagnose.types.model import block_of
@@ -35,39 +37,46 @@ UNSEEN = ("on flights that took no part,", "unseen,")
 
 
 def sentence_of(content: Mapping[str, Any]) -> str:
-    """One sentence of a diagnosis.
+    """Return the sentence of a diagnosis.
 
     Parameters
     ----------
-    content : diagnosis.json; of ``sentence`` itself nothing is read.
+    content : diagnosis.json without its ``sentence``.
 
     Returns
     -------
-    The most telling form that has no more than :data:`MOST_WORDS` words.
+    The first form that has no more than :data:`MOST_WORDS` words; forms go from most to least
+    detail.
     """
     forms = {
         "nothing_proven": _nothing,
         "law": _law,
         "unknown": _unknown,
         "ambiguous": _ambiguous,
-    }.get(content["verdict"], _named)
+    }.get(content["verdict"], _findings_forms)
     # every generator ends with a form that is short enough
     return next(form for form in forms(content) if len(form.split()) <= MOST_WORDS)
 
 
 def with_sentence(diagnosis: Diagnosis) -> Diagnosis:
-    """The diagnosis with its sentence."""
+    """Return the diagnosis with its sentence.
+
+    Parameters
+    ----------
+    diagnosis : complete but for it.
+    """
     return dataclasses.replace(diagnosis, sentence=sentence_of(diagnosis.content()))
 
 
-def _named(content: Mapping[str, Any]) -> Iterator[str]:
-    """Findings by kind, how sure the least of them is, and what they are worth on flights that took
-    no part; what is too long loses names first, then a gain, then sizes; beside a loss sizes, then
-    which channel lost, and the gain last.
+def _findings_forms(content: Mapping[str, Any]) -> Iterator[str]:
+    """Findings by kind, how sure the least of them is, and their worth on held-out flights.
+
+    Shorter forms drop names first, then a gain, then sizes. With a loss they drop sizes, then the
+    channel that lost, and the gain last.
     """
     findings, gain, loss = content["findings"], _gain(content), _loss(content)
     if not findings:
-        yield from _declared(content)
+        yield from _wrong_number(content)
         return
     if not content["fit"].get("channels"):
         forms = [(True, ""), (False, "")]
@@ -75,17 +84,17 @@ def _named(content: Mapping[str, Any]) -> Iterator[str]:
     elif loss:
         both = [f"{gain}, but {loss}", f"{gain}, but another error grows"] if gain else []
         both += [loss]
-        forms = [(sized, told) for told in both for sized in (True, False)]
+        forms = [(sized, clause) for clause in both for sized in (True, False)]
     else:
         forms = [
-            (sized, told) for sized in (True, False) for told in (gain or "no error falls", "")
+            (sized, clause) for sized in (True, False) for clause in (gain or "no error falls", "")
         ]
     # names are the first to go, one by one, for they stand in the table below the sentence
     for sized, worth in forms:
         for most in range(MOST_NAMES, 0, -1):
             what = f"{_by_kind(findings, content, most, sized)}, {_sureness(findings)}"
             clauses = [f"{where} {worth}" for where in UNSEEN] if worth else [""]
-            yield from (_joined(what, clause) for clause in clauses)
+            yield from (_join(what, clause) for clause in clauses)
     lead = LEADS[findings[0]["kind"]]
     yield _capital(f"{lead} {list_words(_names(findings, content, 1, False))}.")
 
@@ -118,15 +127,24 @@ def _name(f: Mapping[str, Any]) -> str:
 
 
 def size_words(f: Mapping[str, Any], content: Mapping[str, Any]) -> str:
-    """How large a finding is: N per m/s where its force grows in proportion to speed, else a share
-    of the weight, the lever of a moment in metres, or its own unit; of a declared number the
-    correction; '' where nothing is known.
+    """Return how large a finding is.
+
+    Parameters
+    ----------
+    f : the finding.
+    content : diagnosis.json.
+
+    Returns
+    -------
+    N per m/s where the force is proportional to speed. Else a share of the weight, the lever of a
+    moment in metres, or its own unit. For a nominal parameter the correction; '' where nothing is
+    known.
     """
     size = f["size"]
     if f["kind"] == "parameter" and f["parameters"]:
         # of several corrections of one effect the largest is told
         name = max(f["parameters"], key=lambda p: abs(f["parameters"][p]["value"]))
-        return correction_words(name, f["parameters"][name]["value"])
+        return _correction_words(name, f["parameters"][name]["value"])
     if size.get("force_per_speed_N_s_m"):
         return f"{number_words(size['force_per_speed_N_s_m'], 2)} N per m/s"
     if size.get("value") is None:
@@ -150,8 +168,9 @@ def _sureness(findings: Sequence[Mapping]) -> str:
 
 
 def _gain(content: Mapping[str, Any]) -> str:
-    """What the findings are worth on flights that took no part: the position that gains most a
-    second ahead, else the channel that does.
+    """What the findings are worth on held-out flights.
+
+    The position that gains most a second ahead, else the channel that does.
     """
     rolled = content["fit"].get("rollout") or {}
     # metres off a second ahead say more to an engineer than newtons of a residual
@@ -172,8 +191,9 @@ def _gain(content: Mapping[str, Any]) -> str:
 
 
 def _loss(content: Mapping[str, Any]) -> str:
-    """The channel that is worse with the findings on flights that took no part, not by chance, and
-    by more than a reading that nobody acts on; '' where there is none.
+    """The channel that is certainly worse with the findings on held-out flights.
+
+    It counts from an error on that somebody acts on; '' where there is none.
     """
     scale = content["data"].get("reference_scale", {})
     rows, _ = error_rows(content["fit"].get("channels", {}), scale)
@@ -181,7 +201,7 @@ def _loss(content: Mapping[str, Any]) -> str:
         row
         for row in rows
         if row["state"] == "worse"
-        and row["after"] - row["recalibrated"] >= least_told(row["name"], scale)
+        and row["after"] - row["recalibrated"] >= least_relevant_error(row["name"], scale)
     ]
     if not worse:
         return ""
@@ -190,7 +210,7 @@ def _loss(content: Mapping[str, Any]) -> str:
 
 
 def _best(table: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mapping[str, Any]] | None:
-    """The row that gains most against recalibration alone, if it gains anything worth telling."""
+    """The row that gains most against recalibration alone, if the gain is worth a mention."""
     # against recalibration, as only what exceeds it speaks for the findings
     gains = {n: 1.0 - c["after"] / c["recalibrated"] for n, c in table.items() if c["recalibrated"]}
     name = max(gains, key=lambda n: gains[n], default=None)
@@ -201,13 +221,13 @@ def _best(table: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mapping[str, Any
     )
 
 
-def _declared(content: Mapping[str, Any]) -> Iterator[str]:
-    """A declared number that the flights contradict and that no effect corrects."""
-    yield f"The vehicle file is wrong about {_moved(content) or 'a declared number'}."
+def _wrong_number(content: Mapping[str, Any]) -> Iterator[str]:
+    """A contradicted nominal parameter that no effect corrects."""
+    yield f"The vehicle file is wrong about {_largest_correction(content) or 'a declared number'}."
 
 
-def _moved(content: Mapping[str, Any]) -> str:
-    """The number that recalibration moved farthest over its declared sd; '' within two."""
+def _largest_correction(content: Mapping[str, Any]) -> str:
+    """The number that recalibration moved farthest over its prior sd; '' within two."""
     # a correction counts by the doubt that the file states; one without contradicts nothing
     rows = {k: c for k, c in content["calibration"].items() if c["declared_sd"]}
     far = {k: abs(c["value"]) / c["declared_sd"] for k, c in rows.items()}
@@ -215,13 +235,18 @@ def _moved(content: Mapping[str, Any]) -> str:
     if key is None or far[key] < settings.statistics.suggestive_sds:
         return ""
     return (
-        f"{key_words(key)}: the flights ask for {correction_words(key, rows[key]['value'])},"
+        f"{key_words(key)}: the flights ask for {_correction_words(key, rows[key]['value'])},"
         f" {number_words(far[key], 2)} declared sds"
     )
 
 
 def key_words(key: str) -> str:
-    """A number of the calibration: ``thrust_scale.scale`` is *thrust scale*."""
+    """Return a number of the calibration in words.
+
+    Parameters
+    ----------
+    key : ``thrust_scale.scale``, which gives *thrust scale*.
+    """
     effect, parameter = key.split(".")
     words = plain(without_unit(parameter))
     if effect == "vehicle":
@@ -229,7 +254,7 @@ def key_words(key: str) -> str:
     return plain(effect) if words == "scale" else f"{plain(effect)} {words}"
 
 
-def correction_words(key: str, value: float) -> str:
+def _correction_words(key: str, value: float) -> str:
     """A correction with its sign: a share in percent, else in its own unit.
 
     Parameters
@@ -248,7 +273,7 @@ def _ambiguous(content: Mapping[str, Any]) -> Iterator[str]:
     advised = content["next_flight"].get("manoeuvre")
     tells = f"flying {plain(advised)} would tell" if advised else ""
     # first to go is a third name, then the advised flight, then the sizes: the page has them all
-    for most, sized, told in (
+    for most, sized, clause in (
         *((m, True, tells) for m in range(MOST_NAMES, 1, -1)),
         *((m, True, "") for m in range(MOST_NAMES, 1, -1)),
         *((m, False, "") for m in range(MOST_NAMES, 0, -1)),
@@ -260,11 +285,11 @@ def _ambiguous(content: Mapping[str, Any]) -> Iterator[str]:
         if sure:
             proven = list_words(_names(sure, content, most, sized))
             one_of = f"missing in the simulator: {proven}; beside it {one_of}"
-        yield _joined(_capital(one_of), told)
+        yield _join(_capital(one_of), clause)
 
 
 def _law(content: Mapping[str, Any]) -> Iterator[str]:
-    """The law of the largest size, and what it is worth on flights that took no part."""
+    """The law of the largest size, and its worth on held-out flights."""
     laws = sorted(content["laws"], key=lambda law: -law["size"]["share_of_weight"])
     first, more = laws[0], f" and {len(laws) - 1} more" if len(laws) > 1 else ""
     where = f"No effect of the library has the {channel_words(first['channel'])}"
@@ -272,7 +297,7 @@ def _law(content: Mapping[str, Any]) -> Iterator[str]:
     if _loss(content):
         worth = f"{worth}, but {_loss(content)}"
     for what in (f"{where} = {first['form']}{more}", f"{where}, a law does{more}"):
-        yield from (_joined(what, f"{unseen} {worth}") for unseen in UNSEEN)
+        yield from (_join(what, f"{unseen} {worth}") for unseen in UNSEEN)
     yield f"{where}, a law does."
 
 
@@ -283,38 +308,39 @@ def _unknown(content: Mapping[str, Any]) -> Iterator[str]:
         where = f"The simulator is wrong in the {channel_words(first['channel'])}"
         yield f"{where} at {regime_words(first['regime'])}, and {nothing}."
         yield f"{where}, and {nothing}."
-    elif moved := _moved(content):
-        yield f"The vehicle is not as its file has it: {moved}, and {nothing}."
+    elif correction := _largest_correction(content):
+        yield f"The vehicle is not as its file has it: {correction}, and {nothing}."
     yield f"The simulator is wrong, and {nothing}."
 
 
 def _nothing(content: Mapping[str, Any]) -> Iterator[str]:
     agree = "Nothing proven: within the declared doubts these flights agree with the simulator"
-    moved, stays = _moved(content), _largest_error(content)
+    correction, stays = _largest_correction(content), _largest_error(content)
     rest = [f"{where} {stays}" for where in UNSEEN] if stays else []
-    starts = [f"{agree}; farthest off is {moved}"] if moved else []
+    starts = [f"{agree}; farthest off is {correction}"] if correction else []
     for start in (*starts, f"{agree}, but for effects too small to show"):
-        yield from (_joined(start, clause) for clause in (*rest, ""))
+        yield from (_join(start, clause) for clause in (*rest, ""))
 
 
 def _largest_error(content: Mapping[str, Any]) -> str:
-    """The largest error that recalibration leaves on flights that took no part, against the weight
-    or what its block has in its place: wide doubts agree with much.
+    """The largest error that recalibration leaves on held-out flights, over the reference scale.
+
+    Wide prior sds agree with much.
     """
     scale = content["data"].get("reference_scale", {})
-    left = {
+    errors = {
         name: c["recalibrated"]
         for name, c in content["fit"].get("channels", {}).items()
         if scale.get(block_of(name))
     }
-    name = max(left, key=lambda n: left[n] / scale[block_of(n)], default=None)
+    name = max(errors, key=lambda n: errors[n] / scale[block_of(n)], default=None)
     if name is None:
         return ""
-    error = number_words(left[name], 2)
+    error = number_words(errors[name], 2)
     return f"the {channel_words(name)} stays {error} {unit_words(name)} off"
 
 
-def _joined(*clauses: str) -> str:
+def _join(*clauses: str) -> str:
     return "; ".join(c for c in clauses if c) + "."
 
 

@@ -1,4 +1,4 @@
-"""The vehicle file with what was found: it flies as it is."""
+"""The vehicle file with what was found, which flies as it is."""
 
 from __future__ import annotations
 
@@ -18,32 +18,39 @@ from ges.vehicle.file import Estimate, Quantity, Vehicle
 
 def fitted_vehicle(
     vehicle: Vehicle,
-    declared: Model,
+    nominal: Model,
     accepted: Accepted,
     joint: JointFit,
     gusts: Gusts | None,
     laws: Sequence[FittedLaw],
 ) -> Vehicle:
-    """The vehicle file with findings, laws and corrected numbers; what belongs to a sensor or to
-    one day's trim stays out.
+    """Return the vehicle file with findings, laws and corrected numbers.
 
     Parameters
     ----------
-    declared : the vehicle's model; joint : of the last fit, corrections counted from it.
+    vehicle : the vehicle file.
+    nominal : its model.
+    accepted : names and fits.
+    joint : of the last fit, corrections counted from the nominal model.
+    gusts, laws : that were found.
+
+    Notes
+    -----
+    Corrections of sensors stay out.
     """
     numbers: dict[str, Any] = {}
     effects = {name: dict(values) for name, values in vehicle.effects.items()}
     for key, value in joint.common.items():
         name, parameter = key.split(".")
         if name == "vehicle":
-            corrected = declared.number(parameter) + value
+            corrected = nominal.number(parameter) + value
             numbers[parameter] = Quantity(value=corrected, sd=joint.common_sd[key])
         elif effect_table.get(name).kind != "sensor":
-            held = effects.setdefault(name, {})
+            of_effect = effects.setdefault(name, {})
             neutral = effect_table.get(name).neutral()[parameter]
-            start = held[parameter].value if parameter in held else neutral
+            start = of_effect[parameter].value if parameter in of_effect else neutral
             corrected = within_bounds(name, parameter, start + value)
-            held[parameter] = Estimate(value=corrected, sd=joint.common_sd[key])
+            of_effect[parameter] = Estimate(value=corrected, sd=joint.common_sd[key])
     for name in accepted.modelled:
         effects.setdefault(name, {}).update(_estimates(accepted, name))
     if gusts:
@@ -56,8 +63,10 @@ def fitted_vehicle(
 def _estimates(accepted: Accepted, name: str) -> dict[str, Estimate]:
     """Parameters of an effect as they were fitted, with intervals of those that were free."""
     fitted, free = accepted.fit, {p for e, p in accepted.fit.free if e == name}
-    found = {}
+    estimates = {}
     for parameter, value in fitted.effects[name].items():
         sd = fitted.sd(name, parameter) if parameter in free else 0.0
-        found[parameter] = Estimate(value=value, sd=sd, ci95=interval95(value, sd) if sd else None)
-    return found
+        estimates[parameter] = Estimate(
+            value=value, sd=sd, ci95=interval95(value, sd) if sd else None
+        )
+    return estimates

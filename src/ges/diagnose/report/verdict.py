@@ -1,4 +1,4 @@
-"""The verdict, one word of the contract, and what there is to say beside the sentence."""
+"""The verdict, one word of the contract, and the remark beside the sentence."""
 
 from __future__ import annotations
 
@@ -14,40 +14,57 @@ from ges.diagnose.types.diagnosis import Finding
 
 def verdict_of(
     findings: Sequence[Finding],
-    wrong: Sequence[Contradicted],
+    contradicted: Sequence[Contradicted],
     laws: Sequence[FittedLaw],
     unexplained: Sequence[Mapping],
 ) -> str:
-    """One word of the contract; ``wrong`` are declared numbers that the flights contradict."""
+    """Return the verdict.
+
+    Parameters
+    ----------
+    findings : of the diagnosis.
+    contradicted : nominal parameters that the flights contradict.
+    laws : that were found.
+    unexplained : entries of ``unexplained``.
+
+    Returns
+    -------
+    One of the words of ``verdict`` in the contract.
+    """
     if any(f.is_open for f in findings):
         return "ambiguous"
     kinds = {f.kind for f in findings}
     for kind in ("physics", "sensor", "parameter"):
         if kind in kinds:
             return kind
-    if any(not number.is_trim for number in wrong):
+    if any(not number.is_trim for number in contradicted):
         return "parameter"
     if laws:
         return "law"
-    return "unknown" if unexplained or wrong else "nothing_proven"
+    return "unknown" if unexplained or contradicted else "nothing_proven"
 
 
 def remark_of(
     verdict: str,
-    wrong: Sequence[Contradicted],
+    contradicted: Sequence[Contradicted],
     shift: Shift | UnmeasuredThrust | None,
     off: Mapping[str, str],
 ) -> str:
-    """What there is to say beside the sentence: why something is open and how to find out, declared
-    numbers that the flights contradict, and what a verdict of nothing proven does not speak about.
+    """Return what there is to say besides the sentence.
 
     Parameters
     ----------
-    wrong : declared numbers that the flights contradict.
-    shift : what moved, where the flights cannot tell by which of several causes.
-    off : channels that no flight speaks about, each with what to log.
+    verdict : of :func:`verdict_of`.
+    contradicted : nominal parameters that the flights contradict.
+    shift : a shifted balance or unmeasured thrust; None without one.
+    off : channels without data, each with what to log.
+
+    Returns
+    -------
+    Why something is open and how to find out, what is contradicted, and what *nothing proven* does
+    not cover.
     """
     sentences = [shift.sentence()] if shift else []
-    sentences += [number.sentence() for number in wrong]
+    sentences += [number.sentence() for number in contradicted]
     sentences += [not_spoken_about(off)] if verdict == "nothing_proven" else []
     return " ".join(s.strip() for s in sentences if s)

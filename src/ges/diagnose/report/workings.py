@@ -1,4 +1,4 @@
-"""What figures are drawn from, beside what is told."""
+"""Data of the figures, besides diagnosis.json."""
 
 from __future__ import annotations
 
@@ -14,8 +14,16 @@ from ges.diagnose.types.model import Model
 
 @dataclasses.dataclass(frozen=True)
 class Workings:
-    """What a diagnosis worked on, the search, the map of what the recalibrated model leaves, the
-    models by stage, the proof, and the support of its windows, s.
+    """Intermediate results of a diagnosis.
+
+    Attributes
+    ----------
+    problem : the data.
+    accepted : names and fits.
+    cells : map of the residuals of the recalibrated vehicle.
+    models : by stage.
+    proof : errors on held-out flights.
+    length_s : support of the test functions.
     """
 
     problem: Problem
