@@ -16,10 +16,10 @@ from ges.diagnose.settings import (
     Numerical,
     Paper,
     Settings,
-    changed,
+    changed_settings,
     of_method,
     parse,
-    rows,
+    setting_rows,
     settings,
     using,
 )
@@ -33,7 +33,7 @@ WORDS = {*(PACKAGE / "report").glob("*.py"), PACKAGE / "types" / "words.py"}
 a picture is. They change no diagnosis.
 """
 ROOT = PACKAGE.parents[2]
-ALL = {key: (value, about) for key, value, about in rows(Settings())}
+ALL = {key: (value, about) for key, value, about in setting_rows(Settings())}
 
 
 def _numbers(tree: ast.AST) -> list[float]:
@@ -98,13 +98,13 @@ def test_every_number_is_used():
 def test_what_is_set_holds_for_a_while_and_in_every_thread():
     with using({"evidence.tempering": 0.5, "search.beam": 2}):
         assert each(lambda _: settings.evidence.tempering, range(8)) == [0.5] * 8
-        assert changed() == {"evidence.tempering": 0.5, "search.beam": 2}
+        assert changed_settings() == {"evidence.tempering": 0.5, "search.beam": 2}
         with using({"evidence.tempering": Settings().evidence.tempering}):
-            assert changed() == {"search.beam": 2}
-    assert settings.evidence == Settings().evidence and changed() == {}
+            assert changed_settings() == {"search.beam": 2}
+    assert settings.evidence == Settings().evidence and changed_settings() == {}
     with pytest.raises(ZeroDivisionError), using({"search.beam": 2}):
         raise ZeroDivisionError
-    assert changed() == {}
+    assert changed_settings() == {}
 
 
 def test_numbers_are_read_as_what_they_are():

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from ges.commands import diagnose as verb
 from ges.diagnose.prepare.cut import cut
-from ges.diagnose.run import Request, gathered
+from ges.diagnose.run import Request, gather_inputs
 from ges.diagnose.types.model import from_vehicle
 from ges.errors import GesError, UsageError
 from ges.files import sha256
@@ -160,32 +160,32 @@ def test_several_logs_are_flights_as_they_are(vehicle, tmp_path):
     (tmp_path / "empty.parquet").write_bytes((tmp_path / "flight1.parquet").read_bytes())
     flown(vehicle, 6.0, 3)[["t_s", "p_x_m"]].to_parquet(tmp_path / "empty.parquet")
     request = Request(sources=sorted(tmp_path.glob("*.parquet")), vehicle="hummingbird")
-    inputs = gathered(request, len)
+    inputs = gather_inputs(request, len)
     assert [f.name for f in inputs.recordings.flights] == ["flight1", "flight2"]
     (warning,) = (w for w in inputs.recordings.warnings if "left out" in w)
     assert warning.startswith("empty was left out: the log says nothing of the drive")
     with pytest.raises(GesError, match="empty.parquet: the log says nothing of the drive"):
-        gathered(Request(sources=[tmp_path / "empty.parquet"], vehicle="hummingbird"), len)
+        gather_inputs(Request(sources=[tmp_path / "empty.parquet"], vehicle="hummingbird"), len)
 
 
 def test_a_set_keeps_its_vehicle_unless_another_is_named(vehicle, tmp_path):
     write_set(tmp_path, vehicle, {f"f{k}": flown(vehicle, 6.0, k) for k in (1, 2)}.items())
-    inputs = gathered(Request(sources=[tmp_path]), len)
+    inputs = gather_inputs(Request(sources=[tmp_path]), len)
     assert inputs.vehicle_file["file"] == "vehicle.yaml"
     assert inputs.hashes == {f"f{k}": sha256(tmp_path / f"f{k}.parquet") for k in (1, 2)}
     save_vehicle(vehicle.model_copy(update={"name": "another"}), tmp_path / "other.yaml")
-    other = gathered(Request(sources=[tmp_path], vehicle=str(tmp_path / "other.yaml")), len)
+    other = gather_inputs(Request(sources=[tmp_path], vehicle=str(tmp_path / "other.yaml")), len)
     assert other.recordings.vehicle.name == "another"
     # the rotors of this one stand in another order
     with pytest.raises(GesError, match="commands and rotor speeds are in another order"):
-        gathered(Request(sources=[tmp_path], vehicle="x500"), len)
+        gather_inputs(Request(sources=[tmp_path], vehicle="x500"), len)
     with pytest.raises(UsageError, match="mass is said of logs"):
-        gathered(Request(sources=[tmp_path], mass_kg=1.0), len)
+        gather_inputs(Request(sources=[tmp_path], mass_kg=1.0), len)
 
 
 def test_a_log_needs_a_vehicle_or_mass_and_propeller(log):
     with pytest.raises(UsageError, match="give --mass KG and --prop SIZE, or --vehicle"):
-        gathered(Request(sources=[log], mass_kg=1.0), len)
+        gather_inputs(Request(sources=[log], mass_kg=1.0), len)
 
 
 def test_names_of_flights_are_told_apart_by_folders(tmp_path):

@@ -46,12 +46,12 @@ def command(markdown: bool) -> None:
 
     Example: ges settings | grep evidence
     """
-    from ges.diagnose.settings import rows, settings
+    from ges.diagnose.settings import setting_rows, settings
 
     if markdown:
         click.echo(page())
         return
-    for key, value, about in rows(settings):
+    for key, value, about in setting_rows(settings):
         click.echo(f"{key} = {_written(value)} {about.unit}".rstrip() + f": {about.meaning}")
 
 
@@ -64,14 +64,14 @@ def page() -> str:
     """
     import dataclasses
 
-    from ges.diagnose.settings import NOT_OF_THE_METHOD, Settings, of_method, rows
+    from ges.diagnose.settings import NOT_OF_THE_METHOD, Settings, of_method, setting_rows
 
     default, parts = Settings(), []
     for stage in dataclasses.fields(default):
         about_stage = getattr(default, stage.name).__doc__
         listed = "\n".join(
             f"| `{key}` | {_written(value)} | {about.unit} | {about.meaning} | {about.source} |"
-            for key, value, about in rows(default)
+            for key, value, about in setting_rows(default)
             if key.startswith(f"{stage.name}.")
         )
         parts.append(f"## {stage.name}\n\n{about_stage}\n\n{TABLE}{listed}\n")

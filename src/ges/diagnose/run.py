@@ -123,7 +123,7 @@ def run(
     >>> sorted(path.name for path in Path("report").iterdir())
     ['diagnosis.json', 'residuals.parquet', 'vehicle.fitted.yaml']
     """
-    inputs = gathered(request, watch)
+    inputs = gather_inputs(request, watch)
 
     def ended(step: str, known: Sequence) -> None:
         if step == "located" and drawing:
@@ -142,7 +142,7 @@ def run(
     return found
 
 
-def gathered(request: Request, watch: Watch) -> Inputs:
+def gather_inputs(request: Request, watch: Watch) -> Inputs:
     """Read and check the flights of a request; a single log is cut into several.
 
     Parameters
@@ -210,7 +210,7 @@ def _of_logs(request: Request, watch: Watch) -> Inputs:
 
 
 def _opened(request: Request, watch: Watch) -> tuple[dict[str, tuple[Path, Log]], list[str]]:
-    """Logs by name of their flight with their files, and of those that cannot serve why."""
+    """Logs by name of their flight with their files, and why others cannot serve."""
     logs, refused = {}, []
     for name, path in flight_names(request.sources).items():
         watch(f"reading {path.name}")
@@ -231,8 +231,9 @@ def _opened(request: Request, watch: Watch) -> tuple[dict[str, tuple[Path, Log]]
 def _vehicle(
     request: Request, logs: Mapping[str, tuple[Path, Log]]
 ) -> tuple[Vehicle, dict[str, str], Path, str, Sequence[str]]:
-    """Vehicle, its file and hash, the folder of its height map; of one made from the first log also
-    its text and what is to be said of it.
+    """Vehicle, its file and hash, and the folder of its height map.
+
+    For one made from the first log also its text and remarks.
     """
     if request.vehicle:
         path = vehicle_path(request.vehicle)

@@ -1,9 +1,8 @@
-"""Every number of the method: its unit, its meaning and where it comes from.
+"""Every number of the method: its unit, its meaning and its source.
 
-``settings`` is read where a number is needed (``settings.evidence.tempering``); :func:`using` sets
+``settings`` is read where a number is needed (``settings.evidence.tempering``). :func:`using` sets
 numbers for a while, as ``ges diagnose --set evidence.tempering=0.5`` does. Numbers of effects
-(priors, grids, doubts, bounds) stand in their descriptors, constants of nature in
-:mod:`ges.conventions`.
+(priors, grids, bounds) stand in their descriptors, constants of nature in :mod:`ges.conventions`.
 """
 
 from __future__ import annotations
@@ -21,7 +20,13 @@ from ges.errors import UsageError, unknown_name
 
 @dataclasses.dataclass(frozen=True)
 class Paper:
-    """A number that a publication gives."""
+    """A number that a publication gives.
+
+    Attributes
+    ----------
+    reference : the publication.
+    equation : where the number stands in it.
+    """
 
     reference: str
     equation: str
@@ -53,7 +58,12 @@ class Measured:
 
 @dataclasses.dataclass(frozen=True)
 class Convention:
-    """A number that was agreed on, because one has to be."""
+    """A number that was agreed on, because one is needed.
+
+    Attributes
+    ----------
+    why : reason for the choice.
+    """
 
     why: str
 
@@ -63,7 +73,12 @@ class Convention:
 
 @dataclasses.dataclass(frozen=True)
 class Numerical:
-    """A number that no result should depend on."""
+    """A number that no result should depend on.
+
+    Attributes
+    ----------
+    why : reason for the choice.
+    """
 
     why: str
 
@@ -79,8 +94,14 @@ ABOVE_ZERO, BELOW_ONE = math.nextafter(0.0, 1.0), math.nextafter(1.0, 0.0)
 
 @dataclasses.dataclass(frozen=True)
 class About:
-    """What is known of a number: unit ('' where it has none), meaning, source, and the least and
-    the greatest value that make sense.
+    """Description of a number.
+
+    Attributes
+    ----------
+    unit : '' where it has none.
+    meaning : in words.
+    source : where it comes from.
+    low, high : least and greatest value that is allowed.
     """
 
     unit: str
@@ -91,7 +112,7 @@ class About:
 
     @property
     def allowed(self) -> str:
-        """The values that make sense, in words."""
+        """The allowed values in words."""
         low = "above 0" if self.low == ABOVE_ZERO else f"{self.low:g}"
         if self.high == BELOW_ONE:
             return f"{low} to below 1"
@@ -107,14 +128,26 @@ def number(
     low: float = ABOVE_ZERO,
     high: float = math.inf,
 ) -> Any:
-    """A field of a stage; of several numbers each lies between ``low`` and ``high``."""
+    """Return a field of a stage.
+
+    Parameters
+    ----------
+    value : default; of several numbers each lies within the bounds.
+    unit, meaning, source, low, high : as in :class:`About`.
+    """
     return dataclasses.field(
         default=value, metadata={"about": About(unit, meaning, source, low, high)}
     )
 
 
 def probability(value: float, meaning: str, source: Source) -> Any:
-    """A field that is a probability."""
+    """Return a field that is a probability.
+
+    Parameters
+    ----------
+    value : default, between 0 and 1.
+    meaning, source : as in :class:`About`.
+    """
     return number(value, "", meaning, source, high=BELOW_ONE)
 
 
@@ -234,7 +267,7 @@ class StatisticsSettings:
 
     @property
     def possible_probability(self) -> float:
-        """What is left where something is accepted."""
+        """Probability above which a rival of an accepted name is still possible."""
         return 1.0 - self.acceptance_probability
 
 
@@ -415,7 +448,7 @@ class PrepareSettings:
 
 @dataclasses.dataclass(frozen=True)
 class LibrarySettings:
-    """How candidates are laid out over the flights, beside what their descriptors ask for."""
+    """How candidates are laid out over the flights, besides what their descriptors ask for."""
 
     step_share: float = number(
         0.1,
@@ -500,28 +533,24 @@ class DesignSettings:
     )
 
     @property
-    def answer_windows(self) -> int:
-        """How many half windows an answer lasts."""
+    def response_windows(self) -> int:
+        """Half windows that a controller's feedback response lasts."""
         return round(self.answer_slowest_s / self.half_window_s)
 
     @property
     def half_window_s(self) -> float:
-        """Half of the shortest window, where windows are centred: a transient is over by then, and
-        a tilt that is smoothed so still changes from window to window.
-        """
+        """Half of the shortest window: by then a transient is over."""
         return 0.5 * self.window_shortest_s
 
     @property
     def coarsest_s(self) -> float:
-        """A quarter of the shortest window: the coarsest grid, and the smoothing of states that
-        windows do not see.
-        """
+        """A quarter of the shortest window: the coarsest grid, and the smoothing of states."""
         return 0.25 * self.window_shortest_s
 
 
 @dataclasses.dataclass(frozen=True)
 class NoiseSettings:
-    """Autocorrelation and size of what is left in a channel."""
+    """Autocorrelation and size of the residual of a channel."""
 
     whitening: bool = number(
         True, "", "Whether windows are whitened.", Convention("off in an ablation")
@@ -585,7 +614,7 @@ class EvidenceSettings:
 
 @dataclasses.dataclass(frozen=True)
 class SearchSettings:
-    """Which sets of candidates are weighed, and how probable they are before."""
+    """Which sets of candidates are compared, and their prior probabilities."""
 
     size_probabilities: tuple[float, ...] = number(
         (0.5, 0.3, 0.13, 0.05, 0.02),
@@ -689,7 +718,7 @@ class DetectSettings:
 
 @dataclasses.dataclass(frozen=True)
 class LocateSettings:
-    """Structure in what is left, and where it lies."""
+    """Structure in residuals, and its location."""
 
     knots: int = number(
         9, "", "Knots of a smooth function, in every variable.", Convention("not measured"), low=2
@@ -716,7 +745,7 @@ class LocateSettings:
 
 @dataclasses.dataclass(frozen=True)
 class DecideSettings:
-    """Rules by which a name is told."""
+    """Rules by which a name is accepted."""
 
     form_margin: float = number(
         2.0,
@@ -777,7 +806,7 @@ class AdviseSettings:
 
 @dataclasses.dataclass(frozen=True)
 class CalibrateSettings:
-    """A vehicle file from flights that are known to be good."""
+    """A vehicle file from healthy reference flights."""
 
     loss_sd: float = number(
         0.1,
@@ -854,7 +883,14 @@ class ReportSettings:
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """All numbers of the method, by stage."""
+    """All numbers of the method, by stage.
+
+    Attributes
+    ----------
+    statistics, numerics : shared by all stages.
+    prepare, library, design, noise, evidence, search, estimate, detect, locate, decide, advise,
+        calibrate, report : of the room or step of that name.
+    """
 
     statistics: StatisticsSettings = StatisticsSettings()
     numerics: NumericsSettings = NumericsSettings()
@@ -877,8 +913,9 @@ _active = Settings()
 
 
 class _Active:
-    """Hands on to the settings that are in force: for every thread, as one process works on one
-    diagnosis at a time.
+    """Proxy of the settings in force, for every thread.
+
+    One process runs one diagnosis at a time.
     """
 
     def __getattr__(self, stage: str) -> Any:
@@ -917,7 +954,15 @@ def using(overrides: Mapping[str, Any]) -> Iterator[Settings]:
 
 
 def parse(pairs: Iterable[str]) -> dict[str, Any]:
-    """Numbers by ``stage.name`` from ``stage.name=value``.
+    """Parse numbers from text.
+
+    Parameters
+    ----------
+    pairs : ``stage.name=value``.
+
+    Returns
+    -------
+    By ``stage.name``, of the number's type.
 
     Raises
     ------
@@ -928,18 +973,32 @@ def parse(pairs: Iterable[str]) -> dict[str, Any]:
     for pair in pairs:
         if "=" not in pair:
             raise UsageError(f"'{pair}' sets nothing; write KEY=VALUE, as evidence.tempering=0.5")
-    set_to = {key: value for key, value, _ in rows(_with(_active, given))}
+    set_to = {key: value for key, value, _ in setting_rows(_with(_active, given))}
     return {key: set_to[key] for key in given}
 
 
-def changed() -> dict[str, Any]:
-    """Numbers that are set to other than their defaults, by ``stage.name``."""
-    default = {key: value for key, value, _ in rows(Settings())}
-    return {key: value for key, value, _ in rows(_active) if value != default[key]}
+def changed_settings() -> dict[str, Any]:
+    """Return the numbers that differ from their defaults.
+
+    Returns
+    -------
+    By ``stage.name``.
+    """
+    default = {key: value for key, value, _ in setting_rows(Settings())}
+    return {key: value for key, value, _ in setting_rows(_active) if value != default[key]}
 
 
-def rows(of: Settings) -> Iterator[tuple[str, Any, About]]:
-    """Every number: ``stage.name``, value, and what is known of it."""
+def setting_rows(of: Settings) -> Iterator[tuple[str, Any, About]]:
+    """Return every number with its description.
+
+    Parameters
+    ----------
+    of : the settings.
+
+    Yields
+    ------
+    ``stage.name``, value, and description.
+    """
     for stage in dataclasses.fields(of):
         numbers = getattr(of, stage.name)
         for field in dataclasses.fields(numbers):
@@ -957,12 +1016,19 @@ what is listed.
 
 
 def of_method(of: Settings) -> list[str]:
-    """Names of the numbers of the method: those that a verdict depends on. The others are in stages
-    that only plan or list, are numerical, or are switches of ablations.
+    """Return the names of the numbers that a verdict depends on.
+
+    Parameters
+    ----------
+    of : the settings.
+
+    Notes
+    -----
+    Others are in stages that only plan or list, are numerical, or switch ablations.
     """
     return [
         key
-        for key, value, about in rows(of)
+        for key, value, about in setting_rows(of)
         if key.split(".")[0] not in NOT_OF_THE_METHOD
         and not isinstance(about.source, Numerical)
         and not isinstance(value, bool)
@@ -970,7 +1036,7 @@ def of_method(of: Settings) -> list[str]:
 
 
 def _with(base: Settings, overrides: Mapping[str, Any]) -> Settings:
-    known = {key: about for key, _, about in rows(base)}
+    known = {key: about for key, _, about in setting_rows(base)}
     for key, value in overrides.items():
         if key not in known:
             raise unknown_name("setting", key, known)

@@ -100,7 +100,7 @@ def instruments(
     """
     functions, said = windows.functions, replayed(flight, model)
     # one ahead: a window that is averaged sees what begins within it
-    near = range(-1, settings.design.answer_windows + 1)
+    near = range(-1, settings.design.response_windows + 1)
     late: dict[str, list[np.ndarray]] = {}
     if said is not None:
         made = _thrust_and_moments(flight, model, said)

@@ -340,7 +340,7 @@ def _size_structures(
     Each flight's own mean is subtracted: air that is rougher in one flight is in no regime.
     """
     # one window's square is mostly scatter, its logarithm more so: a few are averaged first
-    size = settings.design.answer_windows
+    size = settings.design.response_windows
     energy = [
         uniform_filter1d(np.where(np.isfinite(r), r, 0.0) ** 2, size, axis=0) for r in residuals
     ]

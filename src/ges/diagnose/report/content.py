@@ -25,7 +25,7 @@ from ges.diagnose.locate.stages import Start
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.gate import Gate
-from ges.diagnose.settings import changed
+from ges.diagnose.settings import changed_settings
 from ges.diagnose.types.decision import Considered, Decision, Record
 from ges.diagnose.types.diagnosis import interval95
 from ges.diagnose.types.model import Model, block_of
@@ -98,7 +98,7 @@ def data_used(
         },
         "warnings": list(warnings),
         # the defaults stand in docs/settings.md
-        **({"settings": changed()} if changed() else {}),
+        **({"settings": changed_settings()} if changed_settings() else {}),
     }
 
 
