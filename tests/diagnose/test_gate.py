@@ -258,12 +258,11 @@ def test_a_blow_from_the_ground_is_left_out_and_counted(whole, model):
     low = _changed(
         blown, ground_z_m=np.where(np.abs(whole["t_s"] - 12.0) < 1.0, whole["p_z_m"] - 0.08, 0.0)
     )
-    impact_samples, free = pass_gate([low, blown], model).flights
+    struck, free = pass_gate([low, blown], model).flights
     assert (
-        impact_samples.left_out["contact"] == pytest.approx(1.0, abs=0.1)
-        and "contact" not in free.left_out
+        struck.left_out["contact"] == pytest.approx(1.0, abs=0.1) and "contact" not in free.left_out
     )
-    assert not impact_samples.flying[np.abs(impact_samples.t_s - 12.0) < 0.3].any()
+    assert not struck.flying[np.abs(struck.t_s - 12.0) < 0.3].any()
 
 
 def test_a_wandering_position_moves_fast_as_the_velocity_says(whole, model):

@@ -264,7 +264,7 @@ def test_what_is_open_is_located_where_every_explanation_acts(model, likely, cha
     ]
     flights = [
         SimpleNamespace(
-            added=lambda terms, count, ab=ab: sum(
+            weighted_columns=lambda terms, count, ab=ab: sum(
                 size * ab[k][:, :count] for k, size in terms.items()
             )
         )

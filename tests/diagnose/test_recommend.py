@@ -207,7 +207,7 @@ def _planted(regression, effect: str, size: float):
         if c.variant is not None and c.variant.effect == effect
     )
     flights = tuple(
-        dataclasses.replace(r, y=r.y + r.added({k: size}, len(regression.system.names)))
+        dataclasses.replace(r, y=r.y + r.weighted_columns({k: size}, len(regression.system.names)))
         for r in regression.system.flights
     )
     return make_regression(dataclasses.replace(regression.system, flights=flights))

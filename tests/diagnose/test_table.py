@@ -21,8 +21,8 @@ def test_a_column_is_what_it_was_made_of_and_zero_elsewhere(table):
     assert table.shape == (2, 3, 3)
     np.testing.assert_array_equal(table.of(0, [1, 2, 0]), [[3.0, 0.0, 1.0], [4.0, 0.0, 2.0]])
     np.testing.assert_array_equal(table.of(1, [0, 1]), np.zeros((2, 2)))
-    assert {c: list(v) for c, v in table.alone(1).items()} == {0: [3.0, 4.0], 2: [5.0, 6.0]}
-    assert table.alone(2) == {}
+    assert {c: list(v) for c, v in table.column(1).items()} == {0: [3.0, 4.0], 2: [5.0, 6.0]}
+    assert table.column(2) == {}
 
 
 def test_windows_are_told_in_which_some_column_of_a_channel_is_no_number():
@@ -32,9 +32,9 @@ def test_windows_are_told_in_which_some_column_of_a_channel_is_no_number():
 
 def test_columns_add_up_in_the_channels_that_are_asked_for(table):
     np.testing.assert_array_equal(
-        table.summed({0: 1.0, 1: -2.0}, 3), [[-5.0, 0.0, -10.0], [-6.0, 0.0, -12.0]]
+        table.weighted_sum({0: 1.0, 1: -2.0}, 3), [[-5.0, 0.0, -10.0], [-6.0, 0.0, -12.0]]
     )
-    assert table.summed({1: 1.0}, 1).shape == (2, 1)
+    assert table.weighted_sum({1: 1.0}, 1).shape == (2, 1)
 
 
 def test_columns_taken_over_from_another_system_are_those_computed_anew(sheet, flown):

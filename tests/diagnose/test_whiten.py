@@ -72,11 +72,11 @@ def test_windows_on_the_ground_tell_of_the_drive_alone(taking_off):
         told[:, drive].all() and told[rows.air].all() and not told[np.ix_(~rows.air, ~drive)].any()
     )
     alone = make_windows(rows.flight.t_s, rows.flight.flying, rows.windows.length_s)
-    np.testing.assert_array_equal(rows.windows.some(rows.air).center, alone.center)
+    np.testing.assert_array_equal(rows.windows.select(rows.air).center, alone.center)
 
 
 def test_what_a_drive_does_with_more_than_flights_ask_is_in_doubt_on_the_ground_alone(taking_off):
     (rows,) = taking_off.flights
-    doubted = {taking_off.names[c]: part for c, part in rows.beyond.items()}
+    doubted = {taking_off.names[c]: part for c, part in rows.drive_error.items()}
     assert {"drive_1", "drive_2", "drive_3", "drive_4"} <= set(doubted)
     assert not any(part[rows.air].any() for part in doubted.values())

@@ -9,7 +9,7 @@ from typing import Any
 from ges.diagnose.decide.declared import contradicted
 from ges.diagnose.decide.laws import FittedLaw, with_laws
 from ges.diagnose.decide.withdraw import explained, remaining, thrust_of, with_open_modelled
-from ges.diagnose.design.speeds import with_turning_speeds
+from ges.diagnose.design.speeds import with_expected_speeds
 from ges.diagnose.detectors.balance import balance_shift
 from ges.diagnose.detectors.gusts import GUSTS
 from ges.diagnose.estimate.fit import fitted_model
@@ -84,7 +84,7 @@ def diagnose(
 
     # what is there, and what the declared numbers can do about it
     problem = pose_problem(recordings, vehicle, holdout, folder)
-    problem = problem.with_flights(with_turning_speeds(problem.flights, problem.model))
+    problem = problem.with_flights(with_expected_speeds(problem.flights, problem.model))
     start = recalibrate(problem.train, problem.model)
     watch("located", start.cells)
 

@@ -9,15 +9,15 @@ import pytest
 
 from ges.conventions import QUATERNION, command, rotor_speed
 from ges.diagnose.design.residual import (
-    act_along_the_path,
-    along,
-    commands_at_work,
-    driven_speeds,
-    drives,
+    acting_speeds,
+    change_drive,
+    commanded_speeds,
+    depend_on_path_alone,
+    evaluate,
     height_columns,
+    motor_commands,
+    replay_with_each,
     residual,
-    said_with_each,
-    speeds_at_work,
     with_higher_orders,
 )
 from ges.simulator.terrain import Terrain
@@ -200,9 +200,9 @@ def test_an_evaluation_that_leans_on_another_is_the_same_as_one_of_its_own(more)
     names = with_higher_orders((*FORCE, *MOMENT, "drive_1", "drive_2", "drive_3", "drive_4"), 2)
     names = (*names, "range")
     windows = windows_of(flight, 1)
-    like = along(flight, windows, MODEL, names)
-    leaning = along(flight, windows, MODEL, names, more, like).stack(names)
-    alone = along(flight, windows, MODEL, names, more).stack(names)
+    like = evaluate(flight, windows, MODEL, names)
+    leaning = evaluate(flight, windows, MODEL, names, more, like).stack(names)
+    alone = evaluate(flight, windows, MODEL, names, more).stack(names)
     assert not np.allclose(alone, like.stack(names))
     np.testing.assert_allclose(leaning, alone, atol=1e-12)
 
@@ -210,10 +210,10 @@ def test_an_evaluation_that_leans_on_another_is_the_same_as_one_of_its_own(more)
 def test_what_remembers_the_path_says_the_same_in_a_batch():
     flight = manoeuvre()
     loads = [{"slung_load": {"mass_kg": 0.05, "length_m": length}} for length in (0.4, 0.8)]
-    like = along(flight, windows_of(flight), MODEL, FORCE)
-    for load, said in zip(loads, said_with_each(flight, MODEL, like, loads), strict=True):
-        alone = along(flight, windows_of(flight), MODEL, FORCE, load)
-        np.testing.assert_allclose(said.force_N, alone.said.force_N, atol=1e-9)
+    like = evaluate(flight, windows_of(flight), MODEL, FORCE)
+    for load, said in zip(loads, replay_with_each(flight, MODEL, like, loads), strict=True):
+        alone = evaluate(flight, windows_of(flight), MODEL, FORCE, load)
+        np.testing.assert_allclose(said.force_N, alone.output.force_N, atol=1e-9)
 
 
 def test_a_drive_lags_its_commands_by_the_motor_s_time():
@@ -222,7 +222,7 @@ def test_a_drive_lags_its_commands_by_the_motor_s_time():
     u = np.where(t < 1.0, 0.5, 0.6)
     flight = hovering(2.0, **dict.fromkeys(COMMAND, u), **dict.fromkeys(ROTOR_SPEED))
     slow = dataclasses.replace(MODEL, parameters={**NUMBERS, "motor_time_constant_s": 0.1})
-    (speeds,) = driven_speeds([flight], slow, {})
+    (speeds,) = commanded_speeds([flight], slow, {})
     done = (speeds[:, 0] - 500.0) / 100.0
     # the step is between two rows
     late_s = 0.1 - 0.5 * 0.01
@@ -233,32 +233,32 @@ def test_a_drive_lags_its_commands_by_the_motor_s_time():
 def test_rotors_start_as_they_were_logged():
     """A recording that begins while they are still on their way is no ceiling of theirs."""
     flight = hovering(2.0, **dict.fromkeys(COMMAND, 0.9), **dict.fromkeys(ROTOR_SPEED, 400.0))
-    (speeds,) = driven_speeds([flight], MODEL, {})
+    (speeds,) = commanded_speeds([flight], MODEL, {})
     # one lag of 20 ms later 63 % of the way from 400 to 900 rad/s
     assert speeds[0] == pytest.approx(400.0, abs=1e-6)
     assert speeds[2] == pytest.approx(900.0 - 500.0 * np.exp(-1.0), rel=0.02)
     unlogged = hovering(2.0, **dict.fromkeys(COMMAND, 0.9), **dict.fromkeys(ROTOR_SPEED))
-    assert driven_speeds([unlogged], MODEL, {})[0][0] == pytest.approx(900.0)
+    assert commanded_speeds([unlogged], MODEL, {})[0][0] == pytest.approx(900.0)
 
 
 def test_commands_beyond_their_range_do_no_more_than_its_ends():
     flight = hovering(u_1=1.4, u_2=-0.2)
-    at_work = commands_at_work(flight, MODEL, {})
+    at_work = motor_commands(flight, MODEL, {})
     assert (at_work[:, 0] == 1.0).all() and (at_work[:, 1] == 0.0).all()
 
 
 def test_measured_speeds_turn_the_air_and_commands_where_none_are():
     flight = hovering(**{ROTOR_SPEED[0]: 123.0})
-    assert (speeds_at_work(flight, MODEL, {})[:, 0] == 123.0).all()
+    assert (acting_speeds(flight, MODEL, {})[:, 0] == 123.0).all()
     unmeasured = hovering(**dict.fromkeys(ROTOR_SPEED))
-    np.testing.assert_allclose(speeds_at_work(unmeasured, MODEL, {}), MODEL.hover_rad_s, atol=0.01)
+    np.testing.assert_allclose(acting_speeds(unmeasured, MODEL, {}), MODEL.hover_rad_s, atol=0.01)
 
 
 def test_sag_hides_in_speeds_where_no_command_was_logged():
     t = times()
     flight = hovering(battery_V=16.0 - 0.5 * t, **dict.fromkeys(COMMAND))
     sag = {"battery_sag": {"sensitivity": 1.0}}
-    speeds = speeds_at_work(flight, MODEL, sag)[:, 0] / MODEL.hover_rad_s
+    speeds = acting_speeds(flight, MODEL, sag)[:, 0] / MODEL.hover_rad_s
     assert speeds[0] > 1.02 and speeds[-1] < 0.98 and (np.diff(speeds) < 0.0).all()
     assert speeds[len(t) // 2] == pytest.approx(1.0, abs=1e-3), "at the middle voltage as logged"
 
@@ -286,8 +286,8 @@ def test_faster_test_functions_are_asked_of_moments_and_drives_alone():
 
 def test_what_changes_speeds_and_what_remembers_its_path_are_known():
     cushion = {"ground_effect": {}}
-    assert drives({"motor_lag": {}}) and not drives(cushion)
-    assert drives(cushion, {"actuator_mapping": {}}), "a mapping that is on acts upon it"
-    assert act_along_the_path({"slung_load": {}}, {})
-    assert not act_along_the_path({"slung_load": {}, "attitude_bias": {}}, {})
-    assert not act_along_the_path({"rotor_drag": {}}, {})
+    assert change_drive({"motor_lag": {}}) and not change_drive(cushion)
+    assert change_drive(cushion, {"actuator_mapping": {}}), "a mapping that is on acts upon it"
+    assert depend_on_path_alone({"slung_load": {}}, {})
+    assert not depend_on_path_alone({"slung_load": {}, "attitude_bias": {}}, {})
+    assert not depend_on_path_alone({"rotor_drag": {}}, {})

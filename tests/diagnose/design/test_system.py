@@ -14,9 +14,9 @@ from ges.diagnose.design.system import (
     build,
     common_channels,
     half_waves,
-    noisy,
     nuisances,
     residuals_with,
+    thrust_change,
     window_length_s,
 )
 from ges.diagnose.library.candidates import Variant, amplitude_of
@@ -212,7 +212,7 @@ def test_unrest_is_the_change_of_thrust_between_two_readings_over_the_weight():
     slow = flight.replace(update_s={**flight.update_s, "rotor_speed": 0.05})
     thrust = MODEL.weight_N * (1.0 + 0.3 * t)
     for told, every_s in ((flight, 0.01), (slow, 0.05)):
-        found = noisy(told, windows_of(flight), MODEL, thrust)
+        found = thrust_change(told, windows_of(flight), MODEL, thrust)
         np.testing.assert_allclose(found, 0.3 * every_s)
 
 
@@ -220,10 +220,10 @@ def test_parts_split_a_column_between_forces_and_moments_and_lose_nothing():
     names = ("force_x", "moment_y", "acc_z")
     whole = {0: np.ones(3), 1: 2.0 * np.ones(3), 2: 3.0 * np.ones(3)}
     force, moment = (amplitude("rotor_drag.k_kg", part) for part in ("force", "moment"))
-    assert set(force.part_of(whole, names)) == {0, 2}
-    assert set(moment.part_of(whole, names)) == {1}
-    assert amplitude("rotor_drag.k_kg").part_of(whole, names) is whole
-    assert force.made_of == moment.made_of and force.key == moment.key == "rotor_drag.k_kg"
+    assert set(force.restricted_to_part(whole, names)) == {0, 2}
+    assert set(moment.restricted_to_part(whole, names)) == {1}
+    assert amplitude("rotor_drag.k_kg").restricted_to_part(whole, names) is whole
+    assert force.recipe == moment.recipe and force.key == moment.key == "rotor_drag.k_kg"
 
 
 def test_a_cushion_a_drag_and_an_inflow_have_moments_of_their_own():
@@ -261,7 +261,8 @@ def test_rows_follow_each_other_within_a_stretch_alone():
     rows = rows_of(np.zeros((6, 1)))
     assert rows.follows.tolist() == [False] + [True] * 5
     gap = dataclasses.replace(
-        rows, windows=rows.windows.some(np.array([True, True, False, True, True, True]))
+        rows,
+        windows=rows.windows.select(np.array([True, True, False, True, True, True])),
     )
     assert gap.follows.tolist() == [False, True, False, True, True]
 
@@ -269,7 +270,9 @@ def test_rows_follow_each_other_within_a_stretch_alone():
 def test_columns_add_up_and_are_absent_where_the_channel_is():
     y = np.array([[0.0, np.nan], [0.0, 0.0]])
     rows = rows_of(y, [{0: np.array([1.0, 2.0])}, {0: np.ones(2), 1: np.array([5.0, 6.0])}])
-    np.testing.assert_array_equal(rows.added({0: 2.0, 1: -1.0}, 2), [[1.0, np.nan], [3.0, -6.0]])
+    np.testing.assert_array_equal(
+        rows.weighted_columns({0: 2.0, 1: -1.0}, 2), [[1.0, np.nan], [3.0, -6.0]]
+    )
     np.testing.assert_array_equal(rows.mean_columns([0, 1], [0, 1]), [[1.5, 1.0], [0.0, 5.5]])
 
 

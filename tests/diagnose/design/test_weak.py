@@ -5,7 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ges.diagnose.design.weak import blocks_of, bump, make_windows, tones, whole
+from ges.diagnose.design.weak import (
+    all_allowed,
+    blocks_of,
+    bump,
+    higher_order_functions,
+    make_windows,
+)
 
 HALVES = st.integers(min_value=2, max_value=40)
 STEPS_S = st.floats(min_value=1e-3, max_value=0.05)
@@ -31,7 +37,10 @@ def test_an_average_does_not_know_the_direction_of_time_and_a_rate_turns_with_it
 @given(HALVES, st.integers(min_value=1, max_value=3))
 def test_faster_test_functions_see_white_noise_as_the_average_does_and_each_its_own(half, count):
     """Orthogonal to each other and to the bump, all as long as it."""
-    functions = [bump(half, 0.01)[0], *(weights for weights, _ in tones(half, 0.01, count))]
+    functions = [
+        bump(half, 0.01)[0],
+        *(weights for weights, _ in higher_order_functions(half, 0.01, count)),
+    ]
     if len(functions) > half:
         return
     gram = np.array([[a @ b for b in functions] for a in functions])
@@ -45,7 +54,7 @@ def test_rate_weights_of_a_faster_function_are_those_of_the_derivative(number):
     """
     half, step_s = 60, 1e-3
     t_s = step_s * np.arange(-half, half + 1)
-    weights, rates = tones(half, step_s, 2)[number]
+    weights, rates = higher_order_functions(half, step_s, 2)[number]
     for signal, derivative in (
         (np.sin(30.0 * t_s + 0.4), 30.0 * np.cos(30.0 * t_s + 0.4)),
         (np.exp(9.0 * t_s), 9.0 * np.exp(9.0 * t_s)),
@@ -84,8 +93,8 @@ def test_windows_overlap_by_half_and_none_is_shorter_than_five_samples():
 def test_some_windows_are_those_rows_of_all_their_weights():
     windows = make_windows(0.01 * np.arange(100), np.ones(100, bool), 0.2, 1)
     which = np.arange(len(windows)) % 2 == 0
-    few, signal = windows.some(which), np.random.default_rng(0).normal(size=100)
-    assert windows.some(np.ones(len(windows), bool)) is windows
+    few, signal = windows.select(which), np.random.default_rng(0).normal(size=100)
+    assert windows.select(np.ones(len(windows), bool)) is windows
     assert set(few.functions) == {"", "/1", "/2"}
     for mark, (mean, rate) in few.functions.items():
         np.testing.assert_array_equal(mean @ signal, (windows.functions[mark][0] @ signal)[which])
@@ -96,7 +105,7 @@ def test_some_windows_are_those_rows_of_all_their_weights():
 def test_a_range_of_samples_counts_where_all_of_them_do():
     allowed = np.array([True, True, False, True, True])
     first, past = np.array([0, 1, 3, 0]), np.array([2, 3, 5, 0])
-    assert whole(allowed, first, past).tolist() == [True, False, True, True]
+    assert all_allowed(allowed, first, past).tolist() == [True, False, True, True]
 
 
 @pytest.mark.parametrize("start_s", [0.0, 1234.5])

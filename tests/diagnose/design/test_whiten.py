@@ -12,8 +12,8 @@ from scipy.signal import lfilter
 from ges.diagnose.design.whiten import (
     NoiseModel,
     WhitePart,
-    estimate,
-    left_over,
+    estimate_noise,
+    noise_residuals,
     variance_covariate,
     whiten,
 )
@@ -44,7 +44,7 @@ def _whitened(system, noise):
 @pytest.mark.parametrize("correlation", [-0.5, 0.0, 0.9])
 def test_a_first_order_process_comes_out_white_and_of_unit_size(correlation):
     system = _alone(_coloured(correlation))
-    noise = estimate(system)
+    noise = estimate_noise(system)
     ((part,),) = (w.parts for w in _whitened(system, noise))
     assert noise.ar[0] == pytest.approx([correlation, 0.0, 0.0], abs=0.08)
     assert noise.sd[0] == pytest.approx(0.1, rel=0.05)
@@ -57,7 +57,7 @@ def test_a_first_order_process_comes_out_white_and_of_unit_size(correlation):
 def test_columns_go_through_the_filter_of_the_residuals():
     y = _coloured(0.7)
     system = _alone(y, columns=[DRAG], acting=[{0: -2.5 * y}])
-    ((part,),) = (w.parts for w in _whitened(system, estimate(_alone(y))))
+    ((part,),) = (w.parts for w in _whitened(system, estimate_noise(_alone(y))))
     np.testing.assert_allclose(part.x[:, 0], -2.5 * part.y)
     assert part.products[0] == pytest.approx(6.25 * part.products[2])
 
@@ -67,7 +67,7 @@ def test_whitened_numbers_do_not_know_the_unit_of_their_channel():
     made = []
     for unit in (1.0, 1000.0):
         system = _alone(unit * y, columns=[DRAG], acting=[{0: unit * x}])
-        ((part,),) = (w.parts for w in _whitened(system, estimate(system)))
+        ((part,),) = (w.parts for w in _whitened(system, estimate_noise(system)))
         made.append(part)
     np.testing.assert_allclose(made[0].y, made[1].y, rtol=1e-6)
     np.testing.assert_allclose(made[0].x, made[1].x, rtol=1e-6)
@@ -75,7 +75,7 @@ def test_whitened_numbers_do_not_know_the_unit_of_their_channel():
 
 def test_the_order_of_flights_does_not_matter():
     signals = [_coloured(0.5, seed=k, count=400) for k in range(3)]
-    forth, back = estimate(_alone(*signals)), estimate(_alone(*signals[::-1]))
+    forth, back = estimate_noise(_alone(*signals)), estimate_noise(_alone(*signals[::-1]))
     for field in dataclasses.fields(NoiseModel):
         np.testing.assert_allclose(getattr(forth, field.name), getattr(back, field.name))
 
@@ -83,18 +83,18 @@ def test_the_order_of_flights_does_not_matter():
 def test_no_row_leans_on_what_was_before_a_break():
     y = _coloured(0.8, count=300)
     system = _alone(y)
-    noise = estimate(system)
+    noise = estimate_noise(system)
     (rows,) = system.flights
     keep = np.ones(len(y), bool)
     keep[100:110] = False
     center = rows.windows.center.copy()
-    windows = rows.windows.some(keep)
+    windows = rows.windows.select(keep)
     broken = dataclasses.replace(
         rows,
         windows=windows,
         y=rows.y[keep],
         x=dataclasses.replace(rows.x, shape=(290, 1, 0), values=(np.zeros((290, 0)),)),
-        noise=rows.noise[keep],
+        covariate=rows.covariate[keep],
         air=rows.air[keep],
     )
     assert not broken.follows[100] and broken.follows[1:100].all() and len(center) == 300
@@ -109,7 +109,7 @@ def test_a_row_that_is_not_there_is_missing_and_those_after_it_wait_for_their_pa
     y = _coloured(0.8, count=200)
     y[50] = np.nan
     system = _alone(y)
-    (part,) = _whitened(system, estimate(system))[0].parts
+    (part,) = _whitened(system, estimate_noise(system))[0].parts
     assert np.isfinite(part.y).all()
     assert not set(range(50, 54)) & set(part.at) and {49, 54} <= set(part.at)
 
@@ -121,7 +121,7 @@ def test_noise_that_grows_where_a_stream_is_slow_is_taken_off_there(growth):
     relative = covariate / median(covariate)
     y = 0.1 * np.sqrt(1.0 + growth * relative**2) * rng.standard_normal(WINDOWS)
     system = _alone(y, noise=covariate)
-    noise = estimate(system)
+    noise = estimate_noise(system)
     assert noise.growth[0] == growth and noise.sd[0] == pytest.approx(0.1, rel=0.05)
     ((part,),) = (w.parts for w in _whitened(system, noise))
     noisy = relative[part.at] > 2.0
@@ -133,20 +133,20 @@ def test_what_a_doubt_explains_is_not_noise_and_what_is_beyond_it_is():
     x, noise = _coloured(0.0, 1.0, seed=3), _coloured(0.0, 0.1, seed=4)
     column, acting = [nuisance("thrust_scale.scale", 0.5)], [{0: x}]
     within = _alone(0.4 * x + noise, columns=column, acting=acting)
-    (left,) = left_over(within, 0)
+    (left,) = noise_residuals(within, 0)
     assert np.std(left) == pytest.approx(0.1, rel=0.1)
     narrow = [nuisance("thrust_scale.scale", 1e-4)]
-    (left,) = left_over(_alone(0.4 * x + noise, columns=narrow, acting=acting), 0)
+    (left,) = noise_residuals(_alone(0.4 * x + noise, columns=narrow, acting=acting), 0)
     assert np.std(left) > 0.3
 
 
 def test_a_candidate_is_noise_until_it_is_chosen_and_a_mean_never_is():
     x, noise = _coloured(0.0, 1.0, seed=3), _coloured(0.0, 0.1, seed=4)
     system = _alone(7.0 + 0.4 * x + noise, columns=[DRAG], acting=[{0: x}])
-    assert np.std(left_over(system, 0)[0]) == pytest.approx(0.41, rel=0.1)
-    assert np.std(left_over(system, 0, (0,))[0]) == pytest.approx(0.1, rel=0.1)
-    assert abs(left_over(system, 0)[0].mean()) < 1e-9
-    assert estimate(system).sd[0] > 3.0 * estimate(system, (0,)).sd[0]
+    assert np.std(noise_residuals(system, 0)[0]) == pytest.approx(0.41, rel=0.1)
+    assert np.std(noise_residuals(system, 0, (0,))[0]) == pytest.approx(0.1, rel=0.1)
+    assert abs(noise_residuals(system, 0)[0].mean()) < 1e-9
+    assert estimate_noise(system).sd[0] > 3.0 * estimate_noise(system, (0,)).sd[0]
 
 
 def test_what_acts_together_keeps_its_proportions():
@@ -159,7 +159,7 @@ def test_what_acts_together_keeps_its_proportions():
     def left(a, b, **known):
         acting = [{0: one}, {0: other}]
         system = _alone(a * one + b * other + noise, columns=columns, acting=acting)
-        return np.std(left_over(system, 0, **known)[0])
+        return np.std(noise_residuals(system, 0, **known)[0])
 
     assert left(3.0, 1.5, together={0: 0.2, 1: 0.1}) == pytest.approx(0.1, rel=0.1)
     assert left(3.0, -1.5, together={0: 0.2, 1: 0.1}) > 1.0
@@ -168,30 +168,30 @@ def test_what_acts_together_keeps_its_proportions():
 
 def test_what_is_not_in_the_air_is_not_left_over():
     air = np.arange(300) >= 100
-    (left,) = left_over(_alone(_coloured(0.2, count=300), air=air), 0)
+    (left,) = noise_residuals(_alone(_coloured(0.2, count=300), air=air), 0)
     assert np.isnan(left[:100]).all() and np.isfinite(left[100:]).all()
 
 
 def test_a_flight_is_as_restless_as_it_is_over_the_middle_one():
     signals = [s * _coloured(0.0, 0.1, seed=k, count=400) for k, s in enumerate((1.0, 5.0, 1.0))]
-    assert estimate(_alone(*signals)).noisy[0] == pytest.approx(5.0, rel=0.15)
+    assert estimate_noise(_alone(*signals)).noisiest_flight[0] == pytest.approx(5.0, rel=0.15)
 
 
 def test_no_noise_is_smaller_than_the_least_share_of_the_whole():
-    assert estimate(_alone(np.zeros(100))).sd[0] == pytest.approx(
+    assert estimate_noise(_alone(np.zeros(100))).sd[0] == pytest.approx(
         settings.noise.least_share * MODEL.weight_N
     )
 
 
 def test_a_channel_too_short_for_its_filter_is_left_as_it_is():
-    noise = estimate(_alone(_coloured(0.9, count=10)))
+    noise = estimate_noise(_alone(_coloured(0.9, count=10)))
     assert not noise.ar.any() and noise.sd[0] == 1.0 and noise.growth[0] == 0.0
 
 
 def test_without_whitening_every_window_counts_by_the_rms_alone():
     y = _coloured(0.9)
     with using({"noise.whitening": False}):
-        noise = estimate(_alone(y))
+        noise = estimate_noise(_alone(y))
     assert not noise.ar.any()
     assert noise.sd[0] == pytest.approx(np.sqrt(np.mean((y - y.mean())[3:] ** 2)), rel=1e-3)
 
@@ -208,7 +208,7 @@ def test_an_answer_counts_once_however_many_flights_show_it(copies):
     noise = NoiseModel(np.zeros((1, 3)), np.array([0.5]), np.zeros(1), np.array([2.0]), np.ones(1))
     whites = whiten([rows] * copies, noise, [np.zeros(400)] * copies)
     parts = [w.parts[0] for w in whites]
-    answers = [part.answer[:, 0] for part in parts]
+    answers = [part.feedback_errors[:, 0] for part in parts]
     sd = settings.noise.feedback_correlation_sd
     for part, answer in zip(parts, answers, strict=True):
         share = answer / part.x[:, 0]
@@ -219,9 +219,9 @@ def test_an_answer_counts_once_however_many_flights_show_it(copies):
 
 def test_a_part_takes_more_answers_beside_those_that_it_has():
     part = WhitePart(np.arange(3), np.array([0]), np.ones(3), np.ones((3, 1)), np.zeros((3, 0)))
-    both = part.answering(np.ones((3, 1))).answering(2.0 * np.ones((3, 1)))
-    np.testing.assert_array_equal(both.answer, [[1.0, 2.0]] * 3)
-    assert part.answer.shape == (3, 0)
+    both = part.with_feedback_errors(np.ones((3, 1))).with_feedback_errors(2.0 * np.ones((3, 1)))
+    np.testing.assert_array_equal(both.feedback_errors, [[1.0, 2.0]] * 3)
+    assert part.feedback_errors.shape == (3, 0)
 
 
 def test_unrest_is_over_the_middle_of_all_flights():

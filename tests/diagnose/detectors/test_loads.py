@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ges.conventions import BODY_RATE, VELOCITY, rotor_speed
-from ges.diagnose.design.residual import along
+from ges.diagnose.design.residual import evaluate
 from ges.diagnose.design.system import build
 from ges.diagnose.detectors.loads import DraggedLoad, outbound_direction, probable_load, refine_load
 from ges.diagnose.library.candidates import Variant, amplitude_of
@@ -49,7 +49,7 @@ def _shaken(duration_s=20.0, length_m=None, mass_kg=0.05):
     load = {
         "slung_load": {"mass_kg": mass_kg, "length_m": length_m, "below_m": 20.0, "damping": 0.0}
     }
-    said = along(flight, windows_of(flight), MODEL, ("force_x",), load).said
+    said = evaluate(flight, windows_of(flight), MODEL, ("force_x",), load).output
     return flight, said.force_N
 
 
@@ -70,8 +70,8 @@ def test_a_thread_is_made_as_long_as_its_swing_says():
     flight = _shaken(12.0)
     load = {"slung_load": {"mass_kg": 0.01, "length_m": 0.55, "below_m": 20.0}}
     # the recording of a vehicle with the load: its velocity shows the pull
-    pull_N = along(flight, windows_of(flight), MODEL, ("force_x",), load).said.force_N
-    pull_N = pull_N - along(flight, windows_of(flight), MODEL, ("force_x",)).said.force_N
+    pull_N = evaluate(flight, windows_of(flight), MODEL, ("force_x",), load).output.force_N
+    pull_N = pull_N - evaluate(flight, windows_of(flight), MODEL, ("force_x",)).output.force_N
     more = np.cumsum(pull_N, axis=0) * 0.01 / MODEL.number("mass_kg")
     columns = {name: flight.columns[name] + more[:, k] for k, name in enumerate(VELOCITY)}
     swung = flight.replace(columns={**flight.columns, **columns})

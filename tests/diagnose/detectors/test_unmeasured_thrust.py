@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ges.diagnose.design.residual import driven_speeds
+from ges.diagnose.design.residual import commanded_speeds
 from ges.diagnose.detectors.clocks import gate_findings
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.fit import JointFit
@@ -84,7 +84,7 @@ def _unmeasured(key, value, rivals=("battery_sag", "thrust_curve", "thrust_scale
 def _over_weight(effects):
     """Thrust over weight that the commands of a hover make under some effects, in full drive."""
     curve = {name: v for name, v in effects.items() if name == "thrust_curve"}
-    (speeds,) = driven_speeds([COMMANDED], MODEL, curve)
+    (speeds,) = commanded_speeds([COMMANDED], MODEL, curve)
     scale = effects.get("thrust_scale", {}).get("scale", 0.0)
     return (1.0 + scale) * float(np.mean((speeds[-1] / MODEL.hover_rad_s) ** 2))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ges.conventions import command, rotor_speed
-from ges.diagnose.design.residual import driven_speeds
+from ges.diagnose.design.residual import commanded_speeds
 from ges.diagnose.design.system import build, residuals_with
 from ges.diagnose.estimate.fit import null_fit
 from ges.diagnose.estimate.recalibrate import operating_point
@@ -21,13 +21,13 @@ COMMAND, ROTOR_SPEED = command(4), rotor_speed(4)
 BEND = "thrust_curve.c"
 
 
-def _flown(top_rad_s, bend):
+def _fly_motors(top_rad_s, bend):
     """A flight whose speeds a drive of another top speed and bend has made of the commands."""
     t, rng = times(8.0), np.random.default_rng(0)
     u = {name: 0.55 + 0.35 * np.sin((0.8 + 0.2 * i) * t + i) for i, name in enumerate(COMMAND)}
     flight = hovering(8.0, **u)
     other = MODEL.with_number("max_rotor_speed_rad_s", top_rad_s)
-    (speeds,) = driven_speeds([flight], other, {"thrust_curve": {"c": bend}} if bend else {})
+    (speeds,) = commanded_speeds([flight], other, {"thrust_curve": {"c": bend}} if bend else {})
     speeds = speeds + rng.normal(0.0, 1.0, speeds.shape)
     columns = dict(zip(ROTOR_SPEED, speeds.T, strict=True))
     blind = {name for name in flight.columns if name[:2] in ("p_", "v_", "q_", "om")}
@@ -45,16 +45,16 @@ def _found(flight):
 
 
 def test_where_the_linear_step_does_what_it_predicts_nothing_moves():
-    assert _found(_flown(1010.0, 0.0)) == {}
+    assert _found(_fly_motors(1010.0, 0.0)) == {}
 
 
 def test_numbers_that_multiply_each_other_are_found_beyond_the_linear_step():
-    found = _found(_flown(1800.0, 0.9))
+    found = _found(_fly_motors(1800.0, 0.9))
     assert found[SPEED] == pytest.approx(800.0, abs=25.0)
     assert found[BEND] == pytest.approx(0.9, abs=0.05)
 
 
-def _beyond(flight):
+def _drive_form_error(flight):
     """The same question to a vehicle whose curve may not bend as far as the flight's."""
     late = ("motor_lag.up_s", "motor_lag.down_s", "esc_delay.delay_s")
     model = MODEL.with_effects({"thrust_curve": {"c": 0.95}})
@@ -71,7 +71,7 @@ def test_no_number_is_moved_beyond_the_bounds_of_the_library():
     speeds = {n: 1000.0 * u[c] ** 0.4 for n, c in zip(ROTOR_SPEED, COMMAND, strict=True)}
     flight = hovering(8.0, **u)
     kept = {n: v for n, v in flight.columns.items() if n[:2] not in ("p_", "v_", "q_", "om")}
-    start = recalibrate(*_beyond(flight.replace(columns={**kept, **speeds})))
+    start = recalibrate(*_drive_form_error(flight.replace(columns={**kept, **speeds})))
     told = start.first.joint.common
     assert told[BEND] == pytest.approx(0.05, abs=1e-9)
     flown = residuals_with(start.system, start.first.model)[0][:, :4]
@@ -82,13 +82,13 @@ def test_no_number_is_moved_beyond_the_bounds_of_the_library():
 
 def test_columns_of_a_number_at_its_bound_step_inward():
     """Where a step outward would leave the bounds, the column is that of one inward."""
-    flight = _flown(1000.0, 0.0)
+    flight = _fly_motors(1000.0, 0.0)
     model = dataclasses.replace(MODEL, prior_sds={BEND: 0.3})
     variant = Variant("thrust_curve", {}, (amplitude_of("thrust_curve", "c"),))
     columns = []
     for c in (0.98, 1.0):
         system = build([flight], model.with_effects({"thrust_curve": {"c": c}}), [variant])
         k = next(k for k, column in enumerate(system.columns) if column.variant is not None)
-        columns.append(np.concatenate(list(system.flights[0].x.alone(k).values())))
+        columns.append(np.concatenate(list(system.flights[0].x.column(k).values())))
     inside, bound = columns
     assert bound == pytest.approx(inside, abs=0.1 * np.abs(inside).max())

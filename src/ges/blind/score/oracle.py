@@ -121,14 +121,14 @@ class Witness:
 
     def speeds(self, effects: effect_table.Effects) -> np.ndarray:
         """Rotor speeds (n, 4) that the library's drive makes of the commands, over top speed."""
-        from ges.diagnose.design.residual import driven_speeds
+        from ges.diagnose.design.residual import commanded_speeds
         from ges.diagnose.prepare.align import Prepared
         from ges.diagnose.types.model import Model
 
         flights = [_fast(flight) for flight in self.flights]
         prepared = [Prepared(c["t_s"], c, np.ones(len(c["t_s"]), bool), {}, {}) for c in flights]
         return (
-            np.concatenate(driven_speeds(prepared, Model(self.numbers), effects))
+            np.concatenate(commanded_speeds(prepared, Model(self.numbers), effects))
             / self.numbers["max_rotor_speed_rad_s"]
         )
 

@@ -15,7 +15,7 @@ import pandas as pd
 from scipy.special import softmax
 
 from ges.conventions import MAX_ROTORS
-from ges.diagnose.design.system import rows
+from ges.diagnose.design.system import flight_rows
 from ges.diagnose.design.whiten import whiten
 from ges.diagnose.estimate.fit import starting_values
 from ges.diagnose.prepare.align import Prepared
@@ -191,11 +191,15 @@ def _columns_in_use(regression: Regression, rivals: Sequence[Rival]) -> np.ndarr
 def _gram(regression: Regression, flight: Prepared, keep: np.ndarray) -> Gram:
     """Normal equations of one more flight, in the noise of the flights so far."""
     system, columns = regression.system, [regression.system.columns[k] for k in keep]
-    made = rows(flight, system.model, system.names, columns, system.flights[0].windows.length_s)
+    made = flight_rows(
+        flight, system.model, system.names, columns, system.flights[0].windows.length_s
+    )
     weight = settings.evidence.tempering
     # h of equation (4), over the median of the flights so far: their noise model is in that unit
-    usual = np.median(np.concatenate([r.noise for r in system.flights])) or 1.0
-    return flight_grams(whiten([made], regression.noise, [made.noise / usual]), columns, weight)[0]
+    usual = np.median(np.concatenate([r.covariate for r in system.flights])) or 1.0
+    return flight_grams(
+        whiten([made], regression.noise, [made.covariate / usual]), columns, weight
+    )[0]
 
 
 def _log_evidence(

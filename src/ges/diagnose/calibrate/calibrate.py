@@ -27,7 +27,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from ges.diagnose.decide.declared import words_of
-from ges.diagnose.design.speeds import with_turning_speeds
+from ges.diagnose.design.speeds import with_expected_speeds
 from ges.diagnose.design.system import System, build, nuisance_of
 from ges.diagnose.detectors.balance import (
     CANT,
@@ -632,7 +632,7 @@ def calibrate(recordings: RecordingSet, *more: RecordingSet) -> Calibration:
             " flights differ"
         )
     model = with_flown_voltage(model, flights)
-    flights = with_turning_speeds(flights, model)
+    flights = with_expected_speeds(flights, model)
     numbers, spreads = _fit(flights, session, _with_free_trims(model, flights))
     update = _corrected_fields(recordings.vehicle, numbers) | {
         "effects": _effects(recordings.vehicle, numbers)

@@ -12,7 +12,7 @@ import numpy as np
 from ges.diagnose.decide.unknown import left_over
 from ges.diagnose.decide.withdraw import Explanation, answer_of
 from ges.diagnose.design.system import build
-from ges.diagnose.design.whiten import estimate
+from ges.diagnose.design.whiten import estimate_noise
 from ges.diagnose.estimate.contributions import contributions_of, size_of_contribution
 from ges.diagnose.estimate.fit import Fitted, free_columns, joint_fit, pinned_priors
 from ges.diagnose.library.candidates import Variant, amplitude_of
@@ -197,7 +197,7 @@ def _beside(
     exogenous = tuple(dataclasses.replace(rows, endogenous={}) for rows in asked.flights)
     asked = dataclasses.replace(asked, flights=exogenous)
     held, chosen = pinned_priors(joint), free_columns(asked)
-    regression = whitened(asked, estimate(asked, chosen))
+    regression = whitened(asked, estimate_noise(asked, chosen))
     prior_sd = regression.prior.sd[chosen]
     found = joint_fit(regression, chosen, np.zeros(len(chosen)), prior_sd, held)
     law |= {t.key: law[t.key] + float(c) for t, c in zip(terms, found.chosen, strict=True)}

@@ -110,7 +110,9 @@ class _LinearFit:
             found, others = self._of([g for i, g in enumerate(grams) if i != left])
             terms = {**self.held, **dict(zip(found.columns, found.mean, strict=True))}
             # not whitened: a flight counts against a name only where its plain error grows, too
-            error = (rows.y[:, channel] - rows.added(terms, channel + 1)[:, channel])[rows.air]
+            error = (rows.y[:, channel] - rows.weighted_columns(terms, channel + 1)[:, channel])[
+                rows.air
+            ]
             rms = float(np.linalg.norm(error[np.isfinite(error)]) / np.sqrt(len(error)))
             # log p(y_f | y_-f) = log Z(y) - log Z(y_-f), equation (8) of docs/method.md
             told.append((whole - others, rms))

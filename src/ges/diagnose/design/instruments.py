@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from ges.conventions import BODY_RATE, POSITION, QUATERNION, VELOCITY, rotor_speed
-from ges.diagnose.design.residual import but_actuators
+from ges.diagnose.design.residual import without_actuators
 from ges.diagnose.design.weak import Windows
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import drive
@@ -149,7 +149,7 @@ def _thrust_and_moments(
     model's own effects but actuators where none are given.
     """
     samples = effect_table.Samples.from_columns({"t_s": flight.t_s - flight.t_s[0], **signals})
-    on = but_actuators(model.effects) if effects is None else effects
+    on = without_actuators(model.effects) if effects is None else effects
     terrain = model.terrain if effects is None else None
     replay = effect_table.replay(model.parameters, samples, on, terrain)
     moments = zip(MOMENTS, replay.moment_Nm.T, strict=True)
@@ -192,8 +192,8 @@ def strength(moved: np.ndarray, z: np.ndarray, block: np.ndarray) -> float:
     regression does (Bound, Jaeger and Baker 1995); what they explain of time they were not fitted
     to is no chance.
     """
-    without_mean_balance = moved - moved.mean()
-    total = float(without_mean_balance @ without_mean_balance)
+    centred = moved - moved.mean()
+    total = float(centred @ centred)
     size = np.sqrt((z**2).mean(axis=0))
     z, left = z[:, size > 0] / size[size > 0], np.zeros_like(moved)
     # whole blocks are left out, as windows close in time predict each other;
@@ -202,7 +202,5 @@ def strength(moved: np.ndarray, z: np.ndarray, block: np.ndarray) -> float:
     for f in np.unique(fold):
         out = fold == f
         gram = z[~out].T @ z[~out] + ridge * np.eye(z.shape[1])
-        left[out] = without_mean_balance[out] - z[out] @ np.linalg.solve(
-            gram, z[~out].T @ without_mean_balance[~out]
-        )
+        left[out] = centred[out] - z[out] @ np.linalg.solve(gram, z[~out].T @ centred[~out])
     return max(0.0, 1.0 - float(left @ left) / total) if total > 0 else 0.0

@@ -1,9 +1,8 @@
-"""Residuals in weak form: what the recording shows less what the model gives, window by window and
-channel by channel.
+"""Residuals in weak form: recorded minus modelled, by window and channel.
 
-Blocks: ``force_*`` (from velocity), ``acc_*`` (from the accelerometer, as a force), ``moment_*``
+Blocks are ``force_*`` (from velocity), ``acc_*`` (from the accelerometer, as a force), ``moment_*``
 (from the gyro), ``drive_*`` (rotor speeds against commands) and ``range``. A force shows in the
-first two alike; a fault of one sensor shows in one of them only. The model side always is the
+first two alike; a fault of one sensor shows in one of them only. The model side is always the
 compiled library's.
 """
 
@@ -43,16 +42,32 @@ second shows there.
 
 
 def with_higher_orders(names: Sequence[str], count: int) -> tuple[str, ...]:
-    """Channels and, after them, those of the faster test functions: ``moment_x/1`` is ``moment_x``
-    under the first.
+    """Append the channels of faster test functions.
+
+    Parameters
+    ----------
+    names : channels.
+    count : number of faster test functions.
+
+    Returns
+    -------
+    ``moment_x/1`` is ``moment_x`` under the first of them.
     """
     fine = [name for name in names if block_of(name) in FINE]
     return (*names, *(f"{name}/{k}" for k in range(1, count + 1) for name in fine))
 
 
 def height_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
-    """Position (n,) by contract column, m in the world, with the logged ground taken out where one
-    is logged and the terrain is flat.
+    """Return the position, over the logged ground where one is logged and the terrain is flat.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+    model : with the terrain.
+
+    Returns
+    -------
+    (n,) by contract column, m, world. Without a position the rangefinder's reading is the height.
     """
     columns = {
         name: flight.columns[name] for name in ("p_x_m", "p_y_m", "p_z_m") if name in flight.columns
@@ -69,9 +84,10 @@ def height_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
     return columns
 
 
-def state_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
-    """What the library reads of every sample, rotor speeds apart: (n,) by contract column, in the
-    units of their names.
+def _state_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
+    """All that the library reads of every sample but rotor speeds.
+
+    (n,) by contract column, in the units of their names.
     """
     columns = {"t_s": flight.t_s - flight.t_s[0], **height_columns(flight, model)}
     for names in (VELOCITY, QUATERNION, command(model.n_rotors), ("battery_V",)):
@@ -86,8 +102,12 @@ def state_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
 
 @dataclasses.dataclass(frozen=True)
 class Motion:
-    """What the library reads of every sample, rotor speeds apart, and what the equations of motion
-    take of it.
+    """The recorded motion as the library and the equations of motion take it.
+
+    Attributes
+    ----------
+    columns : (n,) by contract column; rotor speeds are not among them.
+    gravity_m_s2 : gravity.
     """
 
     columns: Mapping[str, np.ndarray]
@@ -95,14 +115,12 @@ class Motion:
 
     @functools.cached_property
     def omega(self) -> np.ndarray:
-        """Body rates, (n, 3)."""
+        """Body rates, (n, 3) rad/s."""
         return np.stack([self.columns[name] for name in BODY_RATE], axis=1)
 
     @functools.cached_property
-    def carried(self) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity in the body frame, and the part of the acceleration less gravity that is not its
-        derivative; (n, 3) each.
-        """
+    def velocity_terms(self) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity v_b in the body frame, and omega x v_b + R^T g; (n, 3) each."""
         # (1) of docs/method.md without the derivative: omega x v_b + R^T g
         q = np.stack([self.columns[name] for name in QUATERNION], axis=1)
         v = to_body(q, np.stack([self.columns[name] for name in VELOCITY], axis=1))
@@ -112,9 +130,17 @@ class Motion:
 
 
 def motion_of(flight: Prepared, model: Model, effects: effect_table.Effects) -> Motion:
-    """Of one flight, as believed with these effects."""
+    """Return the motion of a flight, with sensor faults undone.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+    model : of the vehicle.
+    effects : of which sensor faults count.
+    """
     return Motion(
-        corrected(state_columns(flight, model), model, effects), model.number("gravity_m_s2")
+        undo_sensor_faults(_state_columns(flight, model), model, effects),
+        model.number("gravity_m_s2"),
     )
 
 
@@ -125,7 +151,7 @@ def _of_kind(effects: effect_table.Effects, *kinds: str) -> dict:
 
 
 def _turning_faults(effects: effect_table.Effects) -> dict:
-    """Faults of sensors that turn what was read of attitude and rates."""
+    """Sensor faults of attitude and rates."""
     faults = _of_kind(effects, "sensor")
     return {
         name: values
@@ -134,64 +160,77 @@ def _turning_faults(effects: effect_table.Effects) -> dict:
     }
 
 
-def corrected(
+def undo_sensor_faults(
     columns: dict[str, np.ndarray], model: Model, effects: effect_table.Effects
 ) -> dict[str, np.ndarray]:
-    """Columns (n,) with attitude and rates (rad/s) as they were, if the given sensor faults had
-    made the readings.
+    """Return attitude and rates as they were, if the given sensor faults had made the readings.
+
+    Parameters
+    ----------
+    columns : (n,) by contract column, rates in rad/s.
+    model : of the vehicle.
+    effects : of which sensor faults count.
     """
     faults = _turning_faults(effects)
     if not faults:
         return columns
-    said = effect_table.replay(
+    output = effect_table.replay(
         model.parameters, effect_table.Samples.from_columns(columns), faults, model.terrain
     )
     # a small turn by the error e is undone by the quaternion (sqrt(1 - |e / 2|^2), -e / 2)
-    turned = -0.5 * said.stack(
+    turn = -0.5 * output.stack(
         "attitude_error_x_rad", "attitude_error_y_rad", "attitude_error_z_rad"
     )
     columns = dict(columns)
     if "q_w" in columns:
         q = np.stack([columns[name] for name in QUATERNION], axis=1)
-        q = quaternion_product(q, np.column_stack([np.sqrt(1.0 - (turned**2).sum(axis=1)), turned]))
+        q = quaternion_product(q, np.column_stack([np.sqrt(1.0 - (turn**2).sum(axis=1)), turn]))
         columns.update(zip(QUATERNION, q.T, strict=True))
     # the fault f makes f(x) of a rate x: to first order what was read as x had been 2 x - f(x)
     for k, name in enumerate(BODY_RATE):
-        columns[name] = 2.0 * columns[name] - said[f"gyro_{'xyz'[k]}_rad_s"]
+        columns[name] = 2.0 * columns[name] - output[f"gyro_{'xyz'[k]}_rad_s"]
     return columns
 
 
-def driven_speeds(
+def commanded_speeds(
     flights: Sequence[Prepared], model: Model, effects: effect_table.Effects
 ) -> list[np.ndarray]:
-    """Rotor speeds that the commands make, flown through the compiled drive; (n, rotors) rad/s
-    each.
+    """Return the rotor speeds that the commands make, through the compiled drive.
+
+    Parameters
+    ----------
+    flights : prepared recordings.
+    model : of the vehicle.
+    effects : of which actuators count.
+
+    Returns
+    -------
+    By flight, (n, rotors) rad/s.
     """
-    return _flown(
-        [
-            (f, effects, _drive_inputs(f, model, commands_at_work(f, model, effects)))
-            for f in flights
-        ],
+    return _fly_motors(
+        [(f, effects, _drive_inputs(f, model, motor_commands(f, model, effects))) for f in flights],
         model,
     )
 
 
-def driven_by_each(
+def _commanded_speeds_of_each(
     flight: Prepared, model: Model, sets: Sequence[effect_table.Effects]
 ) -> list[np.ndarray]:
-    """Rotor speeds of one flight under several sets of effects, flown as one batch; (n, rotors)
-    rad/s each.
+    """Rotor speeds of one flight under several sets of effects, in one batch; (n, rotors) rad/s
+    each.
     """
     # few sets change the commands: the inputs of all others are the same
-    plain = _drive_inputs(flight, model, commands_at_work(flight, model, {}))
+    plain = _drive_inputs(flight, model, motor_commands(flight, model, {}))
     inputs = [
-        _drive_inputs(flight, model, commands_at_work(flight, model, e)) if _modified(e) else plain
+        _drive_inputs(flight, model, motor_commands(flight, model, e))
+        if _command_modifiers(e)
+        else plain
         for e in sets
     ]
-    return _flown([(flight, e, table) for e, table in zip(sets, inputs, strict=True)], model)
+    return _fly_motors([(flight, e, table) for e, table in zip(sets, inputs, strict=True)], model)
 
 
-def _flown(
+def _fly_motors(
     batch: Sequence[tuple[Prepared, effect_table.Effects, np.ndarray]], model: Model
 ) -> list[np.ndarray]:
     """Rotor speeds (n, rotors) of flights with their effects and the inputs of their drives."""
@@ -207,33 +246,44 @@ def _flown(
     ]
 
 
-def _modified(effects: effect_table.Effects) -> set[str]:
-    """Actuators that change the commands by what another effect says."""
+def _command_modifiers(effects: effect_table.Effects) -> set[str]:
+    """Actuators that change the commands of another effect."""
     return {name for name in _of_kind(effects, "actuator") if effect_table.get(name).modifies}
 
 
-def commands_at_work(flight: Prepared, model: Model, effects: effect_table.Effects) -> np.ndarray:
-    """Commands that reach the motors, (n, rotors): the logged ones, changed by what acts by height
-    between log and motor.
+def motor_commands(flight: Prepared, model: Model, effects: effect_table.Effects) -> np.ndarray:
+    """Return the commands that reach the motors.
 
-    The drive itself is flown far above the ground, so such effects are asked here, along the
+    Parameters
+    ----------
+    flight : prepared recording.
+    model : of the vehicle.
+    effects : of which modifiers of commands count.
+
+    Returns
+    -------
+    (n, rotors), 0 to 1: the logged ones, changed by what acts by height.
+
+    Notes
+    -----
+    The drive itself is flown far above the ground, so such effects are evaluated here, along the
     recorded path.
     """
     u = flight.stack("command").clip(0.0, 1.0)
-    acting = _modified(effects)
+    acting = _command_modifiers(effects)
     if not acting:
         return u
     modified = {m for a in acting if (m := effect_table.get(a).modifies)}
     on = {name: effects[name] for name in acting | modified if name in effects}
     samples = effect_table.Samples.from_columns(
-        {**state_columns(flight, model), **dict(zip(command(model.n_rotors), u.T, strict=True))}
+        {**_state_columns(flight, model), **dict(zip(command(model.n_rotors), u.T, strict=True))}
     )
-    said = effect_table.replay(model.parameters, samples, on, model.terrain)
-    return said.rotor_command_rad_s / model.number("max_rotor_speed_rad_s")
+    output = effect_table.replay(model.parameters, samples, on, model.terrain)
+    return output.rotor_command_rad_s / model.number("max_rotor_speed_rad_s")
 
 
 def _drive_inputs(flight: Prepared, model: Model, commands: np.ndarray) -> np.ndarray:
-    """Commands, attitude, battery voltage and rates, a row for every step of the drive."""
+    """Commands, attitude, battery voltage and rates, one row for each step of the drive."""
     every = flight.steps(settings.numerics.step_s)
     u, voltage = (
         _between(commands, every, flight.command_hold.delay_rows),
@@ -282,48 +332,70 @@ def _drive_flight(
     return sim.Flight(numbers, drives, Terrain.flat(), inputs)
 
 
-def _between(u: np.ndarray, every: int, late: float) -> np.ndarray:
-    """Commands (n, rotors) at the middles of the steps of the replay, (n * every, rotors), on
-    straight lines between the samples.
+def _between(u: np.ndarray, every: int, delay_rows: float) -> np.ndarray:
+    """Commands (n * every, rotors) at the middles of the steps, ``delay_rows`` late.
 
-    The replay holds a row for its step; they act ``late`` (rows): held, see
-    :func:`~.delays.command_hold`.
+    They are interpolated between the samples (n, rotors). Commands that are held act later, see
+    :func:`~.delays.estimate_command_hold`.
     """
-    rows = (np.arange(len(u) * every) + 0.5) / every - late
+    rows = (np.arange(len(u) * every) + 0.5) / every - delay_rows
     return np.stack([np.interp(rows, np.arange(len(u)), column) for column in u.T], axis=1)
 
 
 @dataclasses.dataclass(frozen=True)
 class Drive:
-    """Rotor speeds that turn the air, and those that the commands make (None where nothing asks for
-    them); (n, rotors) rad/s.
+    """Rotor speeds of one flight.
+
+    Attributes
+    ----------
+    acting : (n, rotors) rad/s, those that turn the air.
+    commanded : (n, rotors) rad/s, those that the commands make; None where no channel needs them.
     """
 
-    at_work: np.ndarray
+    acting: np.ndarray
     commanded: np.ndarray | None
 
 
-def drives_of(
+def fly_drives(
     flight: Prepared, model: Model, sets: Sequence[effect_table.Effects], names: Sequence[str]
 ) -> list[Drive]:
-    """Both of one flight under each of these sets of effects, flown once."""
+    """Return the drive of one flight under several sets of effects, flown once.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+    model : of the vehicle.
+    sets : of effects.
+    names : channels; without ``drive_1`` the commands are not flown where speeds were logged.
+    """
     if not flight.has("rotor_speed"):
-        return [Drive(made, made) for made in driven_by_each(flight, model, sets)]
-    commanded = driven_by_each(flight, model, sets) if "drive_1" in names else [None] * len(sets)
+        return [Drive(made, made) for made in _commanded_speeds_of_each(flight, model, sets)]
+    commanded = (
+        _commanded_speeds_of_each(flight, model, sets) if "drive_1" in names else [None] * len(sets)
+    )
     return [
-        Drive(speeds_at_work(flight, model, e), made)
+        Drive(acting_speeds(flight, model, e), made)
         for e, made in zip(sets, commanded, strict=True)
     ]
 
 
-def speeds_at_work(flight: Prepared, model: Model, effects: effect_table.Effects) -> np.ndarray:
-    """Rotor speeds that turn the air: expected, measured, or made by the commands; (n, rotors)
-    rad/s.
+def acting_speeds(flight: Prepared, model: Model, effects: effect_table.Effects) -> np.ndarray:
+    """Return the rotor speeds that turn the air: expected, measured, or made by the commands.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+    model : of the vehicle.
+    effects : that are on.
+
+    Returns
+    -------
+    (n, rotors) rad/s.
     """
     if flight.model_speeds is not None:
         return flight.model_speeds
     if not flight.has("rotor_speed"):
-        return driven_speeds([flight], model, effects)[0]
+        return commanded_speeds([flight], model, effects)[0]
     measured = flight.stack("rotor_speed")
     suspect = {
         name: values
@@ -338,8 +410,9 @@ def speeds_at_work(flight: Prepared, model: Model, effects: effect_table.Effects
 def _as_if_commanded(
     flight: Prepared, speeds: np.ndarray, model: Model, effects: effect_table.Effects
 ) -> np.ndarray:
-    """Without commands, sag can only hide in the telemetry: speeds as the voltage would have
-    changed them.
+    """Speeds as the voltage would have changed them.
+
+    Without commands, sag can only hide in the telemetry.
     """
     # speeds stand for commands, the median voltage for the nominal: only its changes count
     columns = {"t_s": flight.t_s, "battery_V": flight.columns["battery_V"]}
@@ -355,15 +428,19 @@ def _as_if_commanded(
     ).rotor_command_rad_s
 
 
-def drives(effects: effect_table.Effects, on: effect_table.Effects | None = None) -> bool:
-    """Whether effects change the rotor speeds: actuators, and what an actuator that is ``on`` acts
-    upon.
+def change_drive(effects: effect_table.Effects, on: effect_table.Effects | None = None) -> bool:
+    """Return whether effects change the rotor speeds.
+
+    Parameters
+    ----------
+    effects : that are added.
+    on : effects that are on; an actuator among them may act upon the added ones.
     """
     acting = [*effects, *(name for name in on or {} if effect_table.get(name).modifies in effects)]
     return any(effect_table.get(name).kind == "actuator" for name in acting)
 
 
-def model_along(
+def replay_model(
     flight: Prepared,
     model: Model,
     effects: effect_table.Effects,
@@ -371,24 +448,28 @@ def model_along(
     motion: Motion | None = None,
     late: bool = False,
 ) -> tuple[dict[str, np.ndarray], effect_table.Replay]:
-    """State columns as believed, (n,) each in the units of their names, and the compiled model
-    along them.
-
-    Actuators have made the speeds and change nothing else of it: left out, none of their states is
-    advanced.
+    """Evaluate the compiled model along the recorded state.
 
     Parameters
     ----------
-    speeds : (n, rotors) rotor speeds, rad/s; those at work where not given.
+    flight : prepared recording.
+    model : of the vehicle.
+    effects : that are on. Actuators are left out: they have made the speeds already.
+    speeds : (n, rotors) rotor speeds, rad/s; the acting ones where not given.
     motion : of :func:`motion_of`, where it is known.
-    late : whether a rangefinder that remembers is asked too: one sample then waits for another.
+    late : whether a rangefinder with memory is evaluated too, whose samples depend on one another.
+
+    Returns
+    -------
+    State columns (n,) in the units of their names, with sensor faults undone, and the model's
+    output.
     """
     motion = motion or motion_of(flight, model, effects)
-    speeds = speeds_at_work(flight, model, effects) if speeds is None else speeds
+    speeds = acting_speeds(flight, model, effects) if speeds is None else speeds
     columns = _with_rotors(flight, motion, speeds)
     samples = effect_table.Samples.from_columns(columns)
-    asked = but_actuators(effects) | (late_ranges(effects) if late else {})
-    return columns, effect_table.replay(model.parameters, samples, asked, model.terrain)
+    evaluated = without_actuators(effects) | (range_lags(effects) if late else {})
+    return columns, effect_table.replay(model.parameters, samples, evaluated, model.terrain)
 
 
 def _with_rotors(flight: Prepared, motion: Motion, speeds: np.ndarray) -> dict[str, np.ndarray]:
@@ -402,9 +483,14 @@ def _with_rotors(flight: Prepared, motion: Motion, speeds: np.ndarray) -> dict[s
     }
 
 
-def but_actuators(effects: effect_table.Effects) -> dict:
-    """Effects on what given rotor speeds do, but those of :func:`late_ranges`."""
-    late = late_ranges(effects)
+def without_actuators(effects: effect_table.Effects) -> dict:
+    """Return the effects on what given rotor speeds do.
+
+    Parameters
+    ----------
+    effects : of which actuators and :func:`range_lags` are left out.
+    """
+    late = range_lags(effects)
     return {
         name: values
         for name, values in effects.items()
@@ -412,39 +498,65 @@ def but_actuators(effects: effect_table.Effects) -> dict:
     }
 
 
-def late_ranges(effects: effect_table.Effects) -> dict:
-    """Effects on a rangefinder alone that remember: with them samples go one after another, which
-    forces need not wait for.
+def range_lags(effects: effect_table.Effects) -> dict:
+    """Return the effects with memory on a rangefinder alone.
+
+    Parameters
+    ----------
+    effects : that are on.
+
+    Notes
+    -----
+    With them samples depend on one another, which forces need not wait for.
     """
     return {
         name: values
         for name, values in effects.items()
-        if (known := effect_table.get(name)).n_states and known.channels == ("range",)
+        if (effect := effect_table.get(name)).n_states and effect.channels == ("range",)
     }
 
 
 @dataclasses.dataclass(frozen=True)
-class Along:
-    """One evaluation of a flight: drive, motion, what the model says along it, and by channel what
-    that leaves, (m,) each.
+class Evaluation:
+    """One evaluation of a flight, which the next one reuses where nothing changed.
 
-    The next evaluation takes over what it does not change.
+    Attributes
+    ----------
+    drive, motion : of the flight.
+    effects : that were on.
+    output : the model's, along the flight.
+    residuals : by channel, (m,).
     """
 
     drive: Drive
     motion: Motion
     effects: effect_table.Effects
-    said: effect_table.Replay
-    parts: Mapping[str, np.ndarray]
+    output: effect_table.Replay
+    residuals: Mapping[str, np.ndarray]
 
     def stack(self, names: Sequence[str]) -> np.ndarray:
-        """Channels as an array of shape (m, k)."""
-        return np.stack([self.parts[name] for name in names], axis=1)
+        """Return residuals side by side.
 
-    def says_alike(self, said: effect_table.Replay, motion: Motion, block: str) -> bool:
-        """Whether this evaluation had the same of all that a block of channels is held against."""
+        Parameters
+        ----------
+        names : k channels.
+
+        Returns
+        -------
+        (m, k).
+        """
+        return np.stack([self.residuals[name] for name in names], axis=1)
+
+    def has_same_output(self, output: effect_table.Replay, motion: Motion, block: str) -> bool:
+        """Return whether the model output that a block of channels depends on is the same.
+
+        Parameters
+        ----------
+        output, motion : of another evaluation.
+        block : of channels.
+        """
         return motion is self.motion and all(
-            np.array_equal(said[name], self.said[name]) for name in _HELD_AGAINST[block]
+            np.array_equal(output[name], self.output[name]) for name in _OUTPUTS_OF_BLOCK[block]
         )
 
 
@@ -453,125 +565,154 @@ def residual(
     windows: Windows,
     model: Model,
     names: Sequence[str],
-    more: effect_table.Effects | None = None,
+    extra_effects: effect_table.Effects | None = None,
 ) -> np.ndarray:
-    """Recorded less modelled, (windows, channels); N, N m, rad/s and m. See :func:`along`."""
-    return along(flight, windows, model, names, more).stack(names)
+    """Compute residuals, recorded minus modelled.
+
+    Parameters
+    ----------
+    flight, windows, model, names, extra_effects : as for :func:`evaluate`.
+
+    Returns
+    -------
+    (windows, channels) in N, N m, rad/s and m.
+    """
+    return evaluate(flight, windows, model, names, extra_effects).stack(names)
 
 
-def along(
+def evaluate(
     flight: Prepared,
     windows: Windows,
     model: Model,
     names: Sequence[str],
-    more: effect_table.Effects | None = None,
-    like: Along | None = None,
+    extra_effects: effect_table.Effects | None = None,
+    reuse: Evaluation | None = None,
     drive: Drive | None = None,
-    said: effect_table.Replay | None = None,
-) -> Along:
-    """Recorded less modelled.
+    output: effect_table.Replay | None = None,
+) -> Evaluation:
+    """Compute the residuals of one flight, recorded minus modelled, by window and channel.
 
     Parameters
     ----------
+    flight : prepared recording.
+    windows : m windows of the flight.
+    model : that is evaluated.
     names : channels, those of faster test functions included (see :func:`with_higher_orders`).
-    more : effects added to those of the model, for this evaluation.
-    like : evaluation without ``more``.
-    drive, said : with ``more``, where they are known.
+    extra_effects : effects added to those of the model, for this evaluation.
+    reuse : evaluation without ``extra_effects``, whose unchanged parts are shared.
+    drive, output : with ``extra_effects``, where they are known.
     """
-    effects = model.with_effects(more).effects if more else model.effects
+    effects = model.with_effects(extra_effects).effects if extra_effects else model.effects
     if drive is None:
         drive = (
-            like.drive
-            if like and not drives(more or {}, model.effects)
-            else drives_of(flight, model, [effects], names)[0]
+            reuse.drive
+            if reuse and not change_drive(extra_effects or {}, model.effects)
+            else fly_drives(flight, model, [effects], names)[0]
         )
     motion = (
-        like.motion
-        if like and not _turning_faults(more or {})
+        reuse.motion
+        if reuse and not _turning_faults(extra_effects or {})
         else motion_of(flight, model, effects)
     )
-    if said is None:
-        said = (
-            _said_again(like, drive, motion, effects)
-            or model_along(flight, model, effects, drive.at_work, motion)[1]
+    if output is None:
+        output = (
+            _reused_output(reuse, drive, motion, effects)
+            or replay_model(flight, model, effects, drive.acting, motion)[1]
         )
-    as_late = like is not None and late_ranges(effects) == late_ranges(like.effects)
-    parts: dict[str, np.ndarray] = {}
+    same_lags = reuse is not None and range_lags(effects) == range_lags(reuse.effects)
+    residuals: dict[str, np.ndarray] = {}
     for block in dict.fromkeys(block_of(name) for name in names):
         # the effect of a column reaches few blocks: the others are those of the evaluation before
         if (
-            like
-            and (drive is like.drive if block == "drive" else like.says_alike(said, motion, block))
-            and (block != "range" or as_late)
+            reuse
+            and (
+                drive is reuse.drive
+                if block == "drive"
+                else reuse.has_same_output(output, motion, block)
+            )
+            and (block != "range" or same_lags)
         ):
-            parts.update(
-                {name: value for name, value in like.parts.items() if block_of(name) == block}
+            residuals.update(
+                {name: value for name, value in reuse.residuals.items() if block_of(name) == block}
             )
         else:
-            heard = (
-                _as_read(flight, model, effects, drive, said, like) if block == "range" else said
+            block_output = (
+                _range_output(flight, model, effects, drive, output, reuse)
+                if block == "range"
+                else output
             )
-            parts.update(_PARTS[block](flight, windows, model, names, drive, motion, heard))
-    return Along(drive, motion, effects, said, parts)
+            residuals.update(
+                _BLOCKS[block](flight, windows, model, names, drive, motion, block_output)
+            )
+    return Evaluation(drive, motion, effects, output, residuals)
 
 
-def _as_read(
+def _range_output(
     flight: Prepared,
     model: Model,
     effects: effect_table.Effects,
     drive: Drive,
-    said: effect_table.Replay,
-    like: Along | None,
+    output: effect_table.Replay,
+    reuse: Evaluation | None,
 ) -> effect_table.Replay:
-    """What the model says of a rangefinder, with its memory, and with the attitude as it was read:
-    where on uneven ground its beam falls, which sees a patch and not a point, speaks about no error
-    of the attitude.
+    """Model output for a rangefinder, with its memory, and with the attitude as it was read.
+
+    On uneven ground its beam sees a patch and not a point. Where it falls carries no information on
+    an error of the attitude.
     """
-    faults, late = _turning_faults(effects), bool(late_ranges(effects))
+    faults, late = _turning_faults(effects), bool(range_lags(effects))
     if not faults and not late:
-        return said
+        return output
     straight = {name: values for name, values in effects.items() if name not in faults}
-    known = _said_again(like, drive, like.motion, straight) if like and not late else None
-    return known or model_along(flight, model, straight, drive.at_work, late=late)[1]
+    known = _reused_output(reuse, drive, reuse.motion, straight) if reuse and not late else None
+    return known or replay_model(flight, model, straight, drive.acting, late=late)[1]
 
 
-def said_with_each(
-    flight: Prepared, model: Model, like: Along, added: Sequence[effect_table.Effects]
+def replay_with_each(
+    flight: Prepared, model: Model, base: Evaluation, sets: Sequence[effect_table.Effects]
 ) -> list:
-    """The :class:`Replay` with each of these additions, which change neither drive nor motion;
-    asked in one batch.
+    """Replay the model with each of several additions, in one batch.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+    model : of the vehicle.
+    base : evaluation without additions.
+    sets : additions that change neither drive nor motion.
     """
     samples = effect_table.Samples.from_columns(
-        _with_rotors(flight, like.motion, like.drive.at_work)
+        _with_rotors(flight, base.motion, base.drive.acting)
     )
-    sets = [but_actuators(model.with_effects(more).effects) for more in added]
-    return effect_table.replay_each(model.parameters, samples, sets, model.terrain)
+    merged = [without_actuators(model.with_effects(extra).effects) for extra in sets]
+    return effect_table.replay_each(model.parameters, samples, merged, model.terrain)
 
 
-def act_along_the_path(effects: effect_table.Effects, on: effect_table.Effects) -> bool:
-    """Whether effects remember where the vehicle has been, and change neither drive nor motion
-    beside those that are ``on``.
+def depend_on_path_alone(effects: effect_table.Effects, on: effect_table.Effects) -> bool:
+    """Return whether effects have memory of the path, and change neither drive nor motion.
+
+    Parameters
+    ----------
+    effects : that are added.
+    on : effects that are on.
     """
     remembers = any(effect_table.get(name).remembers_the_path for name in effects)
-    return remembers and not _turning_faults(effects) and not drives(effects, on)
+    return remembers and not _turning_faults(effects) and not change_drive(effects, on)
 
 
-def _said_again(
-    like: Along | None, drive: Drive, motion: Motion, effects: effect_table.Effects
+def _reused_output(
+    reuse: Evaluation | None, drive: Drive, motion: Motion, effects: effect_table.Effects
 ) -> effect_table.Replay | None:
-    """What the model said before, if nothing that it is asked about differs."""
-    if like is None or motion is not like.motion:
+    """The model output of another evaluation, if nothing that it depends on differs."""
+    if reuse is None or motion is not reuse.motion:
         return None
-    same = but_actuators(effects) == but_actuators(like.effects)
-    return like.said if same and np.array_equal(drive.at_work, like.drive.at_work) else None
+    same = without_actuators(effects) == without_actuators(reuse.effects)
+    return reuse.output if same and np.array_equal(drive.acting, reuse.drive.acting) else None
 
 
-def _marked(
+def _test_functions_of(
     windows: Windows, channel: str, names: Sequence[str]
 ) -> list[tuple[str, csr_array, csr_array]]:
-    """Every test function that one channel is asked under: mark of its name, weights, rate
-    weights.
-    """
+    """Every test function of one channel: mark of its name, weights, rate weights."""
     return [(mark, *pair) for mark, pair in windows.functions.items() if channel + mark in names]
 
 
@@ -582,18 +723,18 @@ def _force(
     names: Sequence[str],
     drive: Drive,
     motion: Motion,
-    said: effect_table.Replay,
+    output: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
-    """m (a - g) - F in the body frame, as an acceleration times the declared mass; the derivative
-    of the velocity rests on the test function.
+    """Residual m (a - g) - F in the body frame, as an acceleration times the nominal mass.
 
-    In that unit a payload scales what the model says and not what was measured, noise and all.
+    In that unit a payload scales the model and not the measurement, noise and all. The derivative
+    of the velocity is in the test function.
     """
-    v, carried = motion.carried
-    declared = model.number("mass_kg")
-    acting = (declared / float(said["mass_kg"][0])) * said.force_N
-    left = declared * (windows.rate @ v) + windows.mean @ (declared * carried - acting)
-    return dict(zip(FORCE, left.T, strict=True))
+    v, apparent = motion.velocity_terms
+    nominal_mass = model.number("mass_kg")
+    acting = (nominal_mass / float(output["mass_kg"][0])) * output.force_N
+    residual = nominal_mass * (windows.rate @ v) + windows.mean @ (nominal_mass * apparent - acting)
+    return dict(zip(FORCE, residual.T, strict=True))
 
 
 def _moment(
@@ -603,25 +744,25 @@ def _moment(
     names: Sequence[str],
     drive: Drive,
     motion: Motion,
-    said: effect_table.Replay,
+    output: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
-    """I dOmega + Omega x I Omega - M in the body frame, as an angular acceleration times the
-    declared inertia.
+    """Residual I dOmega + Omega x I Omega - M in the body frame, times nominal over modelled
+    inertia.
 
-    In that unit a wrong inertia scales what the model says and not what was measured; otherwise the
-    best fit would be to shrink both to nothing.
+    In that unit a wrong inertia scales the model and not the measurement. Otherwise the best fit
+    would shrink both to nothing.
     """
-    omega, inertia = motion.omega, said.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2")
-    declared = np.array([model.number(f"i{a}_kg_m2") for a in ("xx", "yy", "zz")])
+    omega, inertia = motion.omega, output.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2")
+    nominal = np.array([model.number(f"i{a}_kg_m2") for a in ("xx", "yy", "zz")])
     # (1) of docs/method.md over the inertia that is believed, then times the declared one
-    acting = (np.cross(omega, inertia * omega) - said.moment_Nm) / inertia
-    left = [
-        (mark, declared * (rate @ omega + mean @ acting))
-        for mark, mean, rate in _marked(windows, "moment_x", names)
+    acting = (np.cross(omega, inertia * omega) - output.moment_Nm) / inertia
+    residuals = [
+        (mark, nominal * (rate @ omega + mean @ acting))
+        for mark, mean, rate in _test_functions_of(windows, "moment_x", names)
     ]
     return {
         name + mark: column
-        for mark, each in left
+        for mark, each in residuals
         for name, column in zip(MOMENT, each.T, strict=True)
     }
 
@@ -633,34 +774,37 @@ def _acc(
     names: Sequence[str],
     drive: Drive,
     motion: Motion,
-    said: effect_table.Replay,
+    output: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
-    """The accelerometer's readings less the model's, as a force."""
+    """Residual of the accelerometer, as a force with the nominal mass."""
     columns = {name: f"{name}_m_s2" for name in ACC if name in names}
     # as the acceleration of a force: in the declared mass
-    declared = model.number("mass_kg")
+    nominal_mass = model.number("mass_kg")
     return {
-        n: windows.mean @ (declared * (flight.columns[c] - said[c])) for n, c in columns.items()
+        n: windows.mean @ (nominal_mass * (flight.columns[c] - output[c]))
+        for n, c in columns.items()
     }
 
 
-def _lost(
+def _drive(
     flight: Prepared,
     windows: Windows,
     model: Model,
     names: Sequence[str],
     drive: Drive,
     motion: Motion,
-    said: effect_table.Replay,
+    output: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
-    """Rotor speeds less those that the commands make."""
+    """Residual of the rotor speeds against those that the commands make."""
     if drive.commanded is None:
         raise ValueError("the drive was not flown from the commands; ask for its channels too")
-    lost = flight.stack("rotor_speed") - drive.commanded
-    left = [(mark, mean @ lost) for mark, mean, _ in _marked(windows, "drive_1", names)]
+    residual = flight.stack("rotor_speed") - drive.commanded
+    residuals = [
+        (mark, mean @ residual) for mark, mean, _ in _test_functions_of(windows, "drive_1", names)
+    ]
     return {
         name + mark: column
-        for mark, each in left
+        for mark, each in residuals
         for name, column in zip(drive_channels(each.shape[1]), each.T, strict=True)
     }
 
@@ -672,15 +816,15 @@ def _range(
     names: Sequence[str],
     drive: Drive,
     motion: Motion,
-    said: effect_table.Replay,
+    output: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
-    """The rangefinder's readings less the model's."""
-    return {"range": windows.mean @ (flight.columns["range_m"] - said["range_m"])}
+    """Residual of the rangefinder."""
+    return {"range": windows.mean @ (flight.columns["range_m"] - output["range_m"])}
 
 
-_PARTS = {"force": _force, "moment": _moment, "acc": _acc, "drive": _lost, "range": _range}
+_BLOCKS = {"force": _force, "moment": _moment, "acc": _acc, "drive": _drive, "range": _range}
 # What of the model each block rests on; the drive rests on its speeds alone.
-_HELD_AGAINST = {
+_OUTPUTS_OF_BLOCK = {
     "force": ("mass_kg", "force_x_N", "force_y_N", "force_z_N"),
     "moment": ("moment_x_Nm", "moment_y_Nm", "moment_z_Nm", "ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"),
     "acc": ("mass_kg", "acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2"),

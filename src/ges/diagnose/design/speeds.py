@@ -1,9 +1,9 @@
 """Rotor speeds as they were, from their readings and the commands.
 
-Thrust is computed from the readings, so that their noise is in the regressors, where it biases: it
-makes inertias too large and losses too small. The expectation of the speeds given all that was read
-takes the place of the readings (regression calibration: Carroll, Ruppert, Stefanski and Crainiceanu
-2006, Measurement Error in Nonlinear Models, chapter 4).
+Thrust is computed from the readings. Their noise is then in the regressors and biases them:
+inertias come out too large and losses too small. So the readings are replaced by the expected
+speeds given all data (regression calibration). See Carroll, Ruppert, Stefanski and Crainiceanu
+2006, Measurement Error in Nonlinear Models, chapter 4.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
-from ges.diagnose.design.residual import driven_speeds
+from ges.diagnose.design.residual import commanded_speeds
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 
 
-def with_turning_speeds(flights: Sequence[Prepared], model: Model) -> list[Prepared]:
-    """Return the flights with rotor speeds at which the model is evaluated.
+def with_expected_speeds(flights: Sequence[Prepared], model: Model) -> list[Prepared]:
+    """Return the flights with expected rotor speeds, at which the model is evaluated.
 
     Parameters
     ----------
@@ -30,63 +30,75 @@ def with_turning_speeds(flights: Sequence[Prepared], model: Model) -> list[Prepa
         row stay as they are.
     model : of the vehicle, through whose drive the commands run.
     """
-    told = [f for f in flights if f.drive_in_every_row]
-    made = iter(driven_speeds(told, model, {}) if told else ())
+    complete = [f for f in flights if f.drive_in_every_row]
+    commanded = iter(commanded_speeds(complete, model, {}) if complete else ())
     return [
-        f.replace(model_speeds=expected_speeds(f.stack("rotor_speed"), next(made), f.dt_s))
+        f.replace(model_speeds=expected_speeds(f.stack("rotor_speed"), next(commanded), f.dt_s))
         if f.drive_in_every_row
         else f
         for f in flights
     ]
 
 
-def expected_speeds(read: np.ndarray, made: np.ndarray, dt_s: float) -> np.ndarray:
-    """Rotor speeds given their readings and what the commands make of them, (n, rotors) rad/s each,
-    ``dt_s`` apart.
+def expected_speeds(readings: np.ndarray, commanded: np.ndarray, dt_s: float) -> np.ndarray:
+    """Return the rotor speeds given their readings and the commands.
 
-    A reading is w_made + sum_j c_j b_j + level + noise: the level walks at random, and b is what
-    another lag would add. That is spanned by exponential averages of w_made, as in Laguerre models
-    (Wahlberg 1991, IEEE Trans. Autom. Control 36, 551), and its rate where it rises.
+    Parameters
+    ----------
+    readings : (n, rotors) rad/s.
+    commanded : (n, rotors) rad/s, what the commands make.
+    dt_s : spacing of the rows.
+
+    Returns
+    -------
+    (n, rotors) rad/s.
+
+    Notes
+    -----
+    A reading is w_commanded + sum_j c_j b_j + level + noise. The level walks at random, and b spans
+    another lag. It consists of exponential averages of w_commanded, as in Laguerre models (Wahlberg
+    1991, IEEE Trans. Autom. Control 36, 551), and its rate where it rises.
     """
-    off, lags = read - made, [_lags(w, dt_s) for w in made.T]
+    differences, lags = readings - commanded, [_lag_basis(w, dt_s) for w in commanded.T]
     # one drive for all rotors, by normal equations: logs may be long
     gram = sum(b.T @ b for b in lags)
-    right = sum(b.T @ (e - e.mean()) for b, e in zip(lags, off.T, strict=True))
+    right = sum(b.T @ (e - e.mean()) for b, e in zip(lags, differences.T, strict=True))
     size = np.linalg.pinv(gram, hermitian=True) @ right
-    lagged = made + np.stack([b @ size for b in lags], axis=1)
-    return lagged + np.stack([_level(e) for e in (read - lagged).T], axis=1)
+    lagged = commanded + np.stack([b @ size for b in lags], axis=1)
+    return lagged + np.stack([_level(e) for e in (readings - lagged).T], axis=1)
 
 
-def _lags(made: np.ndarray, dt_s: float) -> np.ndarray:
-    """What another lag adds to a speed (n,), (n, k), about its mean: averages over two rows and
-    more, an octave apart, up to the shortest window.
+def _lag_basis(commanded: np.ndarray, dt_s: float) -> np.ndarray:
+    """What another lag adds to a speed (n,), as (n, k) about its mean.
+
+    Averages run over two rows and more, an octave apart, up to the shortest window.
     """
     octaves = math.ceil(math.log2(settings.design.window_shortest_s / dt_s))
     gains = [0.5**k for k in range(1, octaves + 1)]
-    once = [_filtered(made, gain) for gain in gains]
-    twice = [_filtered(w, gain) for w, gain in zip(once, gains, strict=True)]
+    once = [_smooth(commanded, gain) for gain in gains]
+    twice = [_smooth(w, gain) for w, gain in zip(once, gains, strict=True)]
     added = np.stack(
-        [*(w - made for w in (*once, *twice)), np.maximum(np.gradient(made), 0.0)], axis=1
+        [*(w - commanded for w in (*once, *twice)), np.maximum(np.gradient(commanded), 0.0)], axis=1
     )
     return added - added.mean(axis=0)
 
 
-def _level(read: np.ndarray) -> np.ndarray:
-    """A level that walks at random, read with white noise, (n,): its expectation given all of them,
-    at the likeliest gain of the steady Kalman filter.
+def _level(readings: np.ndarray) -> np.ndarray:
+    """Expected level (n,) of a random walk that is read with white noise.
 
-    Both ways the filter is an average that forgets exponentially (Durbin and Koopman 2012, Time
-    Series Analysis by State Space Methods, sections 2.2, 2.4 and 2.11).
+    The gain of the steady Kalman filter is the most probable one. Forward and backward the filter
+    is an exponential average (Durbin and Koopman 2012, Time Series Analysis by State Space Methods,
+    sections 2.2, 2.4, 2.11).
     """
 
     def innovations(log_gain: float) -> float:
-        return float(np.mean((read[1:] - _filtered(read, np.exp(log_gain))[:-1]) ** 2))
+        return float(np.mean((readings[1:] - _smooth(readings, np.exp(log_gain))[:-1]) ** 2))
 
-    found = minimize_scalar(innovations, bounds=(-np.log(len(read)), 0.0), method="bounded")
+    found = minimize_scalar(innovations, bounds=(-np.log(len(readings)), 0.0), method="bounded")
     gain = float(np.exp(found.x))
-    return _filtered(_filtered(read, gain)[::-1], gain)[::-1]
+    return _smooth(_smooth(readings, gain)[::-1], gain)[::-1]
 
 
-def _filtered(read: np.ndarray, gain: float) -> np.ndarray:
-    start = [(1.0 - gain) * read[0]]
-    return lfilter([gain], [1.0, gain - 1.0], read, zi=start)[0]
+def _smooth(readings: np.ndarray, gain: float) -> np.ndarray:
+    start = [(1.0 - gain) * readings[0]]
+    return lfilter([gain], [1.0, gain - 1.0], readings, zi=start)[0]

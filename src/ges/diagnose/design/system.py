@@ -1,5 +1,5 @@
-"""The linear system behind a diagnosis: residuals, nuisance columns and candidate columns of every
-flight, whitened.
+"""The linear system of a diagnosis: residuals, nuisance columns and candidate columns of every
+flight.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from ges.diagnose.design.answers import (
     untrim,
 )
 from ges.diagnose.design.residual import (
-    Along,
     Drive,
-    act_along_the_path,
-    along,
-    drives,
-    drives_of,
-    said_with_each,
+    Evaluation,
+    change_drive,
+    depend_on_path_alone,
+    evaluate,
+    fly_drives,
+    replay_with_each,
     with_higher_orders,
 )
 from ges.diagnose.design.table import ColumnTable, Indices, table_of
@@ -47,8 +47,15 @@ from ges.threads import each
 
 @dataclasses.dataclass(frozen=True)
 class Nuisance:
-    """A number that every hypothesis may adjust: sd over vehicles (declared doubt) and from flight
-    to flight, about a mean.
+    """A nominal parameter that every hypothesis may adjust.
+
+    Attributes
+    ----------
+    effect, parameter : of its correction.
+    step : difference of the parameter that makes the column.
+    sd : prior sd over vehicles.
+    flight_sd : sd from flight to flight.
+    mean : prior mean of the correction.
     """
 
     effect: str
@@ -68,11 +75,19 @@ class Nuisance:
 class DesignColumn:
     """One column: a nuisance, or one amplitude of one variant of a candidate.
 
-    ``part`` 'force' or 'moment' is a column of those channels alone, with a coefficient of its own.
-    A thrust gain near the ground is split so: how much the cushions of the rotors differ, and so
-    the moment, depends on how far each of them spreads. And so is what pushes the rotors sideways:
-    its lever about the centre of gravity is millimetres long, and as small moments are measured far
-    better than small forces, they would decide its size.
+    Attributes
+    ----------
+    label : for messages.
+    nuisance : of a nuisance's column.
+    variant, amplitude : of an amplitude's column, with the number of the amplitude.
+    part : 'force' or 'moment' for a column of those channels alone, with a coefficient of its own.
+
+    Notes
+    -----
+    A ground-effect thrust gain is split into parts. Gains differ between rotors with the height of
+    each, and so does the moment. A sideways force on the rotors is split too. Its lever about the
+    centre of gravity is millimetres long. Small moments are measured far better than small forces,
+    and would decide its size.
     """
 
     label: str
@@ -82,8 +97,8 @@ class DesignColumn:
     part: str = ""
 
     @property
-    def made_of(self) -> tuple:
-        """What the column is computed from: two columns with the same differ in their parts at
+    def recipe(self) -> tuple:
+        """What the column is computed from; two columns of one recipe differ in their parts at
         most.
         """
         if self.nuisance is not None:
@@ -91,21 +106,27 @@ class DesignColumn:
         v = variant_of(self)
         return v.effect, tuple(v.shape.items()), v.amplitudes[self.amplitude], repr(v.given)
 
-    def part_of(
-        self, whole: Mapping[int, np.ndarray], names: Sequence[str]
+    def restricted_to_part(
+        self, changes: Mapping[int, np.ndarray], names: Sequence[str]
     ) -> Mapping[int, np.ndarray]:
-        """This column's part of all that its coefficient changes, by channel, (m,) each."""
+        """Return the changes that belong to this column's part.
+
+        Parameters
+        ----------
+        changes : by channel, (m,), of all that the coefficient moves.
+        names : of the channels.
+        """
         if not self.part:
-            return whole
+            return changes
         return {
             c: value
-            for c, value in whole.items()
+            for c, value in changes.items()
             if (block_of(names[c]) == "moment") == (self.part == "moment")
         }
 
     @property
     def key(self) -> str:
-        """``effect.parameter``: a nuisance and a candidate with one key correct the same number."""
+        """``effect.parameter``; a nuisance and a candidate of one key correct the same number."""
         if self.nuisance is not None:
             return self.nuisance.key
         v = variant_of(self)
@@ -113,11 +134,16 @@ class DesignColumn:
 
 
 def variant_of(column: DesignColumn) -> Variant:
-    """Of a column that is an amplitude of one.
+    """Return the variant that an amplitude column belongs to.
+
+    Parameters
+    ----------
+    column : of an amplitude.
 
     Raises
     ------
-    TypeError : for a nuisance's column.
+    TypeError
+        For the column of a nuisance.
     """
     if column.variant is None:
         raise TypeError(f"column {column.label} is a nuisance and of no variant")
@@ -125,11 +151,16 @@ def variant_of(column: DesignColumn) -> Variant:
 
 
 def nuisance_of(column: DesignColumn) -> Nuisance:
-    """Of a column that is one.
+    """Return the nuisance of a nuisance column.
+
+    Parameters
+    ----------
+    column : of a nuisance.
 
     Raises
     ------
-    TypeError : for an amplitude's column.
+    TypeError
+        For the column of an amplitude.
     """
     if column.nuisance is None:
         raise TypeError(f"column {column.label} is an amplitude and no nuisance")
@@ -138,24 +169,29 @@ def nuisance_of(column: DesignColumn) -> Nuisance:
 
 @dataclasses.dataclass(frozen=True)
 class FlightRows:
-    """One flight: residuals ``y`` (m, C), NaN where a channel is not there, and columns ``x`` (m,
-    C, K).
+    """Residuals and columns of one flight.
 
-    Windows that are not in the ``air`` (m,) tell of the drive alone; ``beyond`` is an error of unit
-    sd that its model may have where more is asked of it than in the air, (m,) by channel.
-    ``endogenous`` are the parts of columns that instruments do not explain, ``instruments`` is
-    what they say (see ``answers``).
+    Attributes
+    ----------
+    flight, windows : of the rows; windows on the ground belong to the drive alone.
+    y : (m, C) residuals, NaN where a channel is absent.
+    x : columns, (m, C, K).
+    covariate : (m,) covariate of the variance, see :func:`thrust_change`.
+    endogenous : parts of columns that instruments do not explain.
+    instruments : of the flight; None where they are off.
+    air : (m,) True for windows in the air.
+    drive_error : by channel, (m,) model error of unit sd, where more is commanded than in the air.
     """
 
     flight: Prepared
     windows: Windows
     y: np.ndarray
     x: ColumnTable
-    noise: np.ndarray
+    covariate: np.ndarray
     endogenous: EndogenousParts
     instruments: FlightInstruments | None
     air: np.ndarray
-    beyond: Mapping[int, np.ndarray]
+    drive_error: Mapping[int, np.ndarray]
 
     @property
     def follows(self) -> np.ndarray:
@@ -165,25 +201,59 @@ class FlightRows:
         return np.r_[False, half == half.min()] if len(half) else np.zeros(len(self.windows), bool)
 
     def in_air(self, channels: Indices) -> np.ndarray:
-        """Residuals of c channels in the air, (a, c), in the channels' units."""
+        """Return residuals in the air.
+
+        Parameters
+        ----------
+        channels : numbers of c channels.
+
+        Returns
+        -------
+        (a, c), in the channels' units.
+        """
         return self.y[np.ix_(self.air, np.asarray(channels, dtype=int))]
 
     def mean_columns(self, channels: Sequence[int], wanted: Sequence[int]) -> np.ndarray:
-        """Means in the air of k wanted columns in c channels, (c, k), in the channels' units over
-        those of the coefficients.
+        """Return the means of columns in the air.
+
+        Parameters
+        ----------
+        channels : numbers of c channels.
+        wanted : numbers of k columns.
+
+        Returns
+        -------
+        (c, k), in the channels' units over those of the coefficients.
         """
         return np.stack([self.x.of(c, wanted)[self.air].mean(axis=0) for c in channels])
 
-    def added(self, terms: Mapping[int, float], count: int) -> np.ndarray:
-        """Columns times ``terms``, in the first ``count`` channels, (m, count), NaN where a channel
-        is not there.
+    def weighted_columns(self, terms: Mapping[int, float], count: int) -> np.ndarray:
+        """Return a linear combination of columns.
+
+        Parameters
+        ----------
+        terms : coefficients by column.
+        count : the first channels that are summed.
+
+        Returns
+        -------
+        (m, count), NaN where a channel is absent.
         """
-        return np.where(np.isfinite(self.y[:, :count]), self.x.summed(terms, count), np.nan)
+        return np.where(np.isfinite(self.y[:, :count]), self.x.weighted_sum(terms, count), np.nan)
 
 
 @dataclasses.dataclass(frozen=True)
 class System:
-    """All flights with the same channels and columns."""
+    """All flights with the same channels and columns.
+
+    Attributes
+    ----------
+    model : about which all is linearised.
+    names : of the C channels, those of faster test functions last.
+    columns : of the design.
+    flights : rows by flight.
+    length_s : support of the test functions.
+    """
 
     model: Model
     names: tuple[str, ...]
@@ -203,23 +273,39 @@ class System:
 
     @property
     def main(self) -> tuple[str, ...]:
-        """Channels under the plain average: what is told and drawn."""
+        """Channels under the plain average, which are reported and drawn."""
         return tuple(name for name in self.names if "/" not in name)
 
     def blocks(self, length_s: float) -> list[np.ndarray]:
-        """Number of the block of time of every window, (m,) by flight."""
+        """Number the blocks of time of every window.
+
+        Parameters
+        ----------
+        length_s : length of a block.
+
+        Returns
+        -------
+        By flight, (m,).
+        """
         return blocks_of([(r.windows, r.flight.t_s[0]) for r in self.flights], length_s)
 
 
 def nuisances(
     model: Model, names: Iterable[str], flights: Sequence[Prepared]
 ) -> tuple[Nuisance, ...]:
-    """Numbers that are always free: declared doubts, trims, and what no drive and no sensor does
-    exactly, as the effects' descriptors have it.
+    """Return the numbers that are always free: uncertain nominal parameters, trims, and sensor
+    errors.
 
-    A doubt that the vehicle file states under ``effects`` replaces the usual one. Where no attitude
-    was measured, numbers that only it shows stay as declared; where rotor speeds have to be made
-    from commands, the thrust curve is as doubtful as where both were logged.
+    Parameters
+    ----------
+    model : of the vehicle; prior sds of its file replace the usual ones.
+    names : channels.
+    flights : prepared recordings.
+
+    Notes
+    -----
+    Without a measured attitude, numbers that only it shows stay nominal. Where rotor speeds have to
+    be made from commands, the thrust curve is as uncertain as where both were logged.
     """
     present = {"any", *names, *map(block_of, names)}
     if any(not f.has("rotor_speed") for f in flights):
@@ -242,30 +328,30 @@ def nuisances(
 
 
 def _nuisance(
-    key: str, doubt: effect_table.Doubt, model: Model, flights: Sequence[Prepared]
+    key: str, prior: effect_table.Doubt, model: Model, flights: Sequence[Prepared]
 ) -> Nuisance:
-    """One parameter, ``effect.parameter``, within its doubts, about where the vehicle file has
-    it.
-    """
+    """One parameter with its priors, centred on the vehicle file."""
     effect, _, parameter = key.partition(".")
-    unit = model.arm_m if doubt.per_arm else 1.0
-    sd = model.prior_sds.get(key, unit * doubt.sd)
-    if sd and doubt.timing:
+    unit = model.arm_m if prior.per_arm else 1.0
+    sd = model.prior_sds.get(key, unit * prior.sd)
+    if sd and prior.timing:
         # independent doubts add in squares
-        sd = math.hypot(sd, _timing_sd_s(doubt.timing, model, flights))
-    step = settings.statistics.clear_sds * sd if doubt.reciprocal else unit * doubt.step
+        sd = math.hypot(sd, _timing_sd_s(prior.timing, model, flights))
+    step = settings.statistics.clear_sds * sd if prior.reciprocal else unit * prior.step
     # counted from the model as it is: what was corrected already is not expected again
-    mean = doubt.mean - model.corrections.get(key, 0.0)
-    flight_sd = unit * doubt.flight_sd
+    mean = prior.mean - model.corrections.get(key, 0.0)
+    flight_sd = unit * prior.flight_sd
     # a battery that nobody read is full in one flight and empty in another
     if not any(f.has("battery") or f.has("rotor_speed") for f in flights):
-        flight_sd = math.hypot(flight_sd, doubt.unlogged_voltage_sd)
+        flight_sd = math.hypot(flight_sd, prior.unlogged_voltage_sd)
     return Nuisance(effect, parameter, step, sd, flight_sd, mean)
 
 
 def _timing_sd_s(timing: str, model: Model, flights: Sequence[Prepared]) -> float:
-    """Doubt on a drive's delay or lag beside its own: how long a command was held, or, of a lag,
-    what went on between two rows of the log; and what a motor's second pole looks like (s).
+    """Further sd of a drive's delay or lag.
+
+    It covers how long a command was held, or for a lag the time between two rows. A motor's second
+    pole is included.
     """
     row_s = max((_slowest([f], ("command",)) for f in flights), default=0.0)
     # a shape within a row is not logged: uniform over it. How late a command comes is, in the mean
@@ -285,14 +371,27 @@ def _slowest(flights: Sequence[Prepared], streams: Sequence[str]) -> float:
 
 
 def window_length_s(flights: Sequence[Prepared]) -> float:
-    """Support of the test functions: longer than the shortest where a stream speaks seldom."""
+    """Return the support of the test functions, longer where a stream is slow.
+
+    Parameters
+    ----------
+    flights : prepared recordings.
+    """
     slowest = _slowest(flights, ("velocity", "attitude", "gyro", "rotor_speed", "command"))
     return max(settings.design.window_shortest_s, settings.design.window_updates * slowest)
 
 
 def common_channels(flights: Sequence[Prepared], model: Model) -> tuple[str, ...]:
-    """Channels that at least one flight can speak about, in the order of the first flight that has
-    most of them.
+    """Return the channels that at least one flight has.
+
+    Parameters
+    ----------
+    flights : prepared recordings.
+    model : of the vehicle.
+
+    Returns
+    -------
+    In the order of the first flight that has most of them.
     """
     listed = [channels(flight, model) for flight in flights]
     return tuple(
@@ -303,29 +402,30 @@ def common_channels(flights: Sequence[Prepared], model: Model) -> tuple[str, ...
 def _stepped(
     model: Model, effect: str, values: Mapping[str, float], parameter: str, step: float
 ) -> tuple[dict, float]:
-    """An effect with one parameter a step further, and that step: turned round where it would leave
-    the effect's bounds.
+    """An effect with one parameter a step further, and that step.
+
+    The step is reversed where it would leave the bounds.
     """
-    known = effect_table.get(effect)
-    now = {**known.neutral(), **model.effects.get(effect, {}), **values}
-    p = known.parameter(parameter)
-    if not p.low <= now[parameter] + step <= p.high:
+    descriptor = effect_table.get(effect)
+    values_now = {**descriptor.neutral(), **model.effects.get(effect, {}), **values}
+    p = descriptor.parameter(parameter)
+    if not p.low <= values_now[parameter] + step <= p.high:
         step = -step
-    return {effect: {**now, parameter: now[parameter] + step}}, step
+    return {effect: {**values_now, parameter: values_now[parameter] + step}}, step
 
 
 def _reference(model: Model, column: DesignColumn) -> dict:
-    """Effects that must be on already for the column's shape, with the amplitude still neutral; {}
-    where they do nothing.
+    """Effects that must be on for the column's shape, with neutral amplitude; {} where they do
+    nothing.
     """
     variant = column.variant
     if variant is None or variant.effect in model.effects:
         return {}
     neutral = {**variant.given, variant.effect: variant.parameters({})}
-    return neutral if drives(neutral) or variant.given else {}
+    return neutral if change_drive(neutral) or variant.given else {}
 
 
-def _shift(model: Model, column: DesignColumn) -> tuple[dict, float]:
+def _stepped_effects(model: Model, column: DesignColumn) -> tuple[dict, float]:
     if column.nuisance is not None:
         n = column.nuisance
         return _stepped(model, n.effect, {}, n.parameter, n.step)
@@ -336,22 +436,28 @@ def _shift(model: Model, column: DesignColumn) -> tuple[dict, float]:
     return {**variant.given, **stepped}, step
 
 
-def _among(names: Sequence[str], here: Sequence[str], evaluated: Along) -> np.ndarray:
-    """An evaluation of the channels of one flight among those of all flights, (m, C), NaN
-    elsewhere.
-    """
-    told = evaluated.stack(here)
+def _in_all_channels(
+    names: Sequence[str], here: Sequence[str], evaluated: Evaluation
+) -> np.ndarray:
+    """An evaluation of one flight's channels among those of all flights, (m, C), NaN elsewhere."""
+    values = evaluated.stack(here)
     if tuple(names) == tuple(here):
-        return told
-    full = np.full((len(told), len(names)), np.nan)
-    full[:, [names.index(name) for name in here]] = told
+        return values
+    full = np.full((len(values), len(names)), np.nan)
+    full[:, [names.index(name) for name in here]] = values
     return full
 
 
 @dataclasses.dataclass(frozen=True)
-class _Seen:
-    """One flight as the model sees it ``now``, and what a column makes of it; channels are ``here``
-    among ``names``.
+class _ColumnEvaluator:
+    """Evaluates the columns of one flight.
+
+    Attributes
+    ----------
+    flight, windows, model : of the flight.
+    names, here : channels of the system, and of the flight.
+    base : evaluation of the model.
+    drives, outputs : with additions, by the text of these, where they are known.
     """
 
     flight: Prepared
@@ -359,99 +465,111 @@ class _Seen:
     model: Model
     names: Sequence[str]
     here: Sequence[str]
-    now: Along
-    driven: Mapping[str, Drive]
-    said: Mapping[str, Replay]
+    base: Evaluation
+    drives: Mapping[str, Drive]
+    outputs: Mapping[str, Replay]
 
     def column(self, column: DesignColumn) -> dict[int, np.ndarray]:
-        """Minus the residual's change per unit of the column's coefficient, by channel, (m,) each,
-        whatever its part.
-        """
+        """Minus the residual's change per unit of the coefficient, by channel, (m,)."""
         # a number of the vehicle is no effect: drive, motion and replay are all made anew
         if column.nuisance is not None and column.nuisance.effect == "vehicle":
             n = column.nuisance
             other = self.model.with_number(n.parameter, self.model.number(n.parameter) + n.step)
             return self._change(
-                self.now, along(self.flight, self.windows, other, self.here), n.step
+                self.base, evaluate(self.flight, self.windows, other, self.here), n.step
             )
-        shifted, step = _shift(self.model, column)
+        shifted, step = _stepped_effects(self.model, column)
         return self._change(self._with(_reference(self.model, column)), self._with(shifted), step)
 
-    def _with(self, effects: effect_table.Effects) -> Along:
+    def _with(self, effects: effect_table.Effects) -> Evaluation:
         """The evaluation with effects added."""
         if not effects:
-            return self.now
-        known = repr(effects)
-        return along(
+            return self.base
+        key = repr(effects)
+        return evaluate(
             self.flight,
             self.windows,
             self.model,
             self.here,
             effects,
-            self.now,
-            self.driven.get(known),
-            self.said.get(known),
+            self.base,
+            self.drives.get(key),
+            self.outputs.get(key),
         )
 
-    def _change(self, before: Along, after: Along, step: float) -> dict[int, np.ndarray]:
+    def _change(self, before: Evaluation, after: Evaluation, step: float) -> dict[int, np.ndarray]:
         pairs = (
-            (self.names.index(name), before.parts[name], after.parts[name]) for name in self.here
+            (self.names.index(name), before.residuals[name], after.residuals[name])
+            for name in self.here
         )
         # what was taken over from the evaluation before is the same object: nothing changed there
         changes = {c: (a - b) / step for c, a, b in pairs if a is not b}
         return {c: change for c, change in changes.items() if change.any()}
 
 
-def _added(model: Model, columns: Iterable[DesignColumn]) -> dict[str, dict]:
-    """All that these columns add to the effects, by its name among what is known."""
+def _additions(model: Model, columns: Iterable[DesignColumn]) -> dict[str, dict]:
+    """All that these columns add to the effects, by its text."""
     added = [
-        e for c in columns if c.key != SPEED for e in (_reference(model, c), _shift(model, c)[0])
+        e
+        for c in columns
+        if c.key != SPEED
+        for e in (_reference(model, c), _stepped_effects(model, c)[0])
     ]
     return {repr(e): e for e in added if e}
 
 
-def _driven(
+def _fly_additions(
     flight: Prepared, model: Model, here: Sequence[str], added: Mapping[str, dict]
 ) -> dict[str, Drive]:
-    """Drives under what is added, flown as one batch."""
+    """Drives under the additions, flown as one batch."""
     sets = {
-        name: model.with_effects(e).effects for name, e in added.items() if drives(e, model.effects)
+        name: model.with_effects(e).effects
+        for name, e in added.items()
+        if change_drive(e, model.effects)
     }
     return (
-        dict(zip(sets, drives_of(flight, model, list(sets.values()), here), strict=True))
+        dict(zip(sets, fly_drives(flight, model, list(sets.values()), here), strict=True))
         if sets
         else {}
     )
 
 
-def _said(
-    flight: Prepared, model: Model, now: Along, added: Mapping[str, dict]
+def _replay_additions(
+    flight: Prepared, model: Model, base: Evaluation, added: Mapping[str, dict]
 ) -> dict[str, Replay]:
-    """What the model says with what is added and remembers its path, replayed as one batch."""
-    sets = {name: e for name, e in added.items() if act_along_the_path(e, model.effects)}
+    """Model output under additions with memory of the path, replayed as one batch."""
+    sets = {name: e for name, e in added.items() if depend_on_path_alone(e, model.effects)}
     return (
-        dict(zip(sets, said_with_each(flight, model, now, list(sets.values())), strict=True))
+        dict(zip(sets, replay_with_each(flight, model, base, list(sets.values())), strict=True))
         if sets
         else {}
     )
 
 
-def rows(
+def flight_rows(
     flight: Prepared,
     model: Model,
     names: Sequence[str],
     columns: Sequence[DesignColumn],
     length_s: float,
-    known: Mapping | None = None,
+    known_columns: Mapping | None = None,
     like: FlightRows | None = None,
 ) -> FlightRows:
-    """Residuals and columns of one flight; a column is minus the residual's change per unit of its
-    coefficient.
+    """Compute residuals and columns of one flight.
 
     Parameters
     ----------
-    known : columns to take over, nuisances by key and others by what they are made of.
-    like : of the same flight, whose instruments serve again: they hardly change with effects.
+    flight : prepared recording.
+    model : about which the columns are linearised.
+    names : of the C channels.
+    columns : of the design.
+    length_s : support of the test functions.
+    known_columns : columns to reuse, nuisances by key and others by recipe.
+    like : rows of the same flight, whose instruments are reused: they hardly change with effects.
+
+    Notes
+    -----
+    A column is minus the residual's change per unit of its coefficient.
     """
     windows = make_windows(flight.t_s, flight.driven, length_s, half_waves(flight, length_s))
     air, driven = (
@@ -463,70 +581,87 @@ def rows(
         for name in with_higher_orders(channels(flight, model), len(windows.higher_orders))
         if name in names
     )
-    now = along(flight, windows, model, here)
-    y = _among(names, here, now)
+    base = evaluate(flight, windows, model, here)
+    y = _in_all_channels(names, here, base)
     # parts of one column are made of the same: computed once, and not at all where it is known
-    told, made = known or {}, {c.made_of: c for c in columns}
-    asked = {of: c.key if c.nuisance else of for of, c in made.items()}
-    new = {of: c for of, c in made.items() if asked[of] not in told}
+    known, made = known_columns or {}, {c.recipe: c for c in columns}
+    known_key = {of: c.key if c.nuisance else of for of, c in made.items()}
+    new = {of: c for of, c in made.items() if known_key[of] not in known}
     # drives of all new columns are flown as one batch; what remembers its path goes as many at a
     # time as the simulator has lanes, for a replay of a long flight is large
-    batched = _driven(flight, model, here, _added(model, new.values()))
-    seen = _Seen(flight, windows, model, names, here, now, batched, {})
-    values = {of: told[asked[of]] for of in made if of not in new}
-    waiting = list(new.items())
-    for first in range(0, len(waiting), MOST_LANES):
-        batch = waiting[first : first + MOST_LANES]
-        said = _said(flight, model, now, _added(model, (c for _, c in batch)))
-        values |= {of: dataclasses.replace(seen, said=said).column(c) for of, c in batch}
-    x = table_of([c.part_of(values[c.made_of], names) for c in columns], *y.shape)
+    drives = _fly_additions(flight, model, here, _additions(model, new.values()))
+    evaluator = _ColumnEvaluator(flight, windows, model, names, here, base, drives, {})
+    values = {of: known[known_key[of]] for of in made if of not in new}
+    to_compute = list(new.items())
+    for first in range(0, len(to_compute), MOST_LANES):
+        batch = to_compute[first : first + MOST_LANES]
+        outputs = _replay_additions(flight, model, base, _additions(model, (c for _, c in batch)))
+        values |= {of: dataclasses.replace(evaluator, outputs=outputs).column(c) for of, c in batch}
+    x = table_of([c.restricted_to_part(values[c.recipe], names) for c in columns], *y.shape)
     y = np.where(
         x.finite() & (air[:, None] | driven), y, np.nan
     )  # a beam that tilted a little further would see no ground
     # what is constant in a moment, or goes with this thrust, is a trim
     keys, thrust = (
         [c.key for c in columns],
-        model.number("thrust_coefficient_N_s2") * (now.drive.at_work**2).sum(axis=1),
+        model.number("thrust_coefficient_N_s2") * (base.drive.acting**2).sum(axis=1),
     )
-    untrim(keys, x, windows, names, thrust, now.motion.omega, air)
+    untrim(keys, x, windows, names, thrust, base.motion.omega, air)
     if like or not settings.design.instruments:
-        explained_by = like.instruments if like else None
+        instruments = like.instruments if like else None
     else:
-        explained_by = flight_instruments(
-            flight, windows.some(air), model, names, y[air], now.drive.at_work
+        instruments = flight_instruments(
+            flight, windows.select(air), model, names, y[air], base.drive.acting
         )
     # endogenous parts are projected over all windows in the air: a channel with gaps has none
-    heard = {c: name for c, name in enumerate(names) if np.isfinite(y[air, c]).all()}
+    in_air = {c: name for c, name in enumerate(names) if np.isfinite(y[air, c]).all()}
     # of an effect that is on, the moment's part has a coefficient of its own, endogenous by itself
-    apart = [
+    separate_keys = [
         f"{key}/{c.part}" if c.part == "moment" and variant_of(c).effect in model.effects else key
         for key, c in zip(keys, columns, strict=True)
     ]
-    turning = flight.has("gyro") or "attitude" not in flight.derived
-    answered = (
+    rates_measured = flight.has("gyro") or "attitude" not in flight.derived
+    endogenous = (
         endogenous_parts(
-            apart, x, windows.length_s, heard, explained_by, air, model.effects, turning
+            separate_keys,
+            x,
+            windows.length_s,
+            in_air,
+            instruments,
+            air,
+            model.effects,
+            rates_measured,
         )
-        if explained_by
+        if instruments
         else {}
     )
-    answered = both(like.endogenous, answered, model.effects) if like else answered
-    beyond = _beyond(flight, windows, names, now.drive.commanded)
+    endogenous = both(like.endogenous, endogenous, model.effects) if like else endogenous
+    drive_error = _drive_form_error(flight, windows, names, base.drive.commanded)
     return FlightRows(
         flight,
         windows,
         y,
         x,
-        noisy(flight, windows, model, thrust),
-        answered,
-        explained_by,
+        thrust_change(flight, windows, model, thrust),
+        endogenous,
+        instruments,
         air,
-        beyond,
+        drive_error,
     )
 
 
 def residuals_with(system: System, model: Model) -> list[np.ndarray]:
-    """Residuals (m, C) by flight of a system's windows and channels under another model."""
+    """Compute the residuals of a system's windows and channels under another model.
+
+    Parameters
+    ----------
+    system : of the flights.
+    model : that is evaluated.
+
+    Returns
+    -------
+    By flight, (m, C).
+    """
 
     def of(r: FlightRows) -> np.ndarray:
         here = tuple(
@@ -534,45 +669,63 @@ def residuals_with(system: System, model: Model) -> list[np.ndarray]:
             for name in with_higher_orders(channels(r.flight, model), len(r.windows.higher_orders))
             if name in system.names
         )
-        y = _among(system.names, here, along(r.flight, r.windows, model, here))
+        y = _in_all_channels(system.names, here, evaluate(r.flight, r.windows, model, here))
         return np.where(np.isfinite(r.y), y, np.nan)
 
     return each(of, system.flights)
 
 
-def _beyond(
+def _drive_form_error(
     flight: Prepared, windows: Windows, names: Sequence[str], commanded: np.ndarray | None
 ) -> dict[int, np.ndarray]:
-    """By channel of the drive, (m,): how far commands (n, rotors), as rotor speeds, are beyond all
-    that the flight asks in the air, times the doubt on what they do there: a model is as wrong
-    about that as any form.
+    """Model error of the drive on the ground, by channel, (m,).
+
+    Commands (n, rotors) beyond all in the air are multiplied by the form error of their speeds.
     """
     if commanded is None or not (flight.driven & ~flight.flying).any():
         return {}
-    more = settings.estimate.form_error * np.maximum(
+    excess = settings.estimate.form_error * np.maximum(
         commanded - commanded[flight.flying].max(axis=0), 0.0
     )
-    marked = {
+    by_name = {
         f"{name}{mark}": mean @ speeds
-        for name, speeds in zip(drive(more.shape[1]), more.T, strict=True)
+        for name, speeds in zip(drive(excess.shape[1]), excess.T, strict=True)
         for mark, (mean, _) in windows.functions.items()
     }
     return {
-        c: marked[name] for c, name in enumerate(names) if name in marked and marked[name].any()
+        c: by_name[name] for c, name in enumerate(names) if name in by_name and by_name[name].any()
     }
 
 
 def half_waves(flight: Prepared, length_s: float) -> int:
-    """How many half-waves a test function may have before a stream cannot follow it."""
+    """Return how many half-waves a test function may have before a stream cannot follow it.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+    length_s : support of the test function.
+    """
     slowest = _slowest([flight], ("gyro", "attitude", "rotor_speed", "command")) or np.inf
     # a half-wave has to span as many updates of a stream as the shortest window has to
     shortest_s = settings.design.window_updates * slowest
     return min(settings.design.half_waves_most, int(length_s / shortest_s))
 
 
-def noisy(flight: Prepared, windows: Windows, model: Model, thrust: np.ndarray) -> np.ndarray:
-    """Change of thrust between two readings of the rotor speeds, over weight, (m,): how much a slow
-    stream may hide.
+def thrust_change(
+    flight: Prepared, windows: Windows, model: Model, thrust: np.ndarray
+) -> np.ndarray:
+    """Return the change of thrust between two readings of the rotor speeds, over weight.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+    windows : m windows of the flight.
+    model : of the vehicle.
+    thrust : (n,) N.
+
+    Returns
+    -------
+    (m,), the covariate of the variance: how much a slow stream may hide.
     """
     every = flight.update_s.get(
         "rotor_speed" if flight.has("rotor_speed") else "command", flight.dt_s
@@ -581,24 +734,26 @@ def noisy(flight: Prepared, windows: Windows, model: Model, thrust: np.ndarray) 
     return windows.mean @ rate * (every if np.isfinite(every) else flight.dt_s)
 
 
-def _known(system: System, flight: FlightRows, model: Model, wanted: set[tuple]) -> dict:
-    """Nuisance columns of one flight by key; of the others, if computed for this very model, those
-    that are ``wanted``, by what they are made of.
+def _known_columns(system: System, flight: FlightRows, model: Model, wanted: set[tuple]) -> dict:
+    """Columns of one flight to reuse.
+
+    Nuisances are by key. Others are by recipe, if wanted and computed for this very model.
     """
-    known: dict = {key: flight.x.alone(k) for key, k in system.nuisances.items()}
+    known: dict = {key: flight.x.column(k) for key, k in system.nuisances.items()}
     for k, c in enumerate(system.columns) if system.model is model else ():
-        if c.variant is not None and c.made_of in wanted:
-            known[c.made_of] = known.get(c.made_of, {}) | flight.x.alone(k)
+        if c.variant is not None and c.recipe in wanted:
+            known[c.recipe] = known.get(c.recipe, {}) | flight.x.column(k)
     return known
 
 
-def _parts(effect: str, beside: Collection[str]) -> tuple[str, ...]:
-    """Parts that an effect's columns come in, see :class:`DesignColumn`; the force alone, where
-    what it makes of moments is free ``beside`` it.
+def _column_parts(effect: str, others_present: Collection[str]) -> tuple[str, ...]:
+    """Parts of an effect's columns, see :class:`DesignColumn`.
+
+    It has the force alone where another effect present makes its moment free.
     """
     if "own_lever" not in effect_table.get(effect).hints:
         return ("",)
-    others = map(effect_table.get, beside)
+    others = map(effect_table.get, others_present)
     levers = {e.modifies for e in others if "lever_of_carrier" in e.hints}
     return ("force",) if effect in levers else ("force", "moment")
 
@@ -610,14 +765,16 @@ def build(
     like: System | None = None,
     length_s: float | None = None,
 ) -> System:
-    """Assemble the system: nuisance columns first, then every amplitude of every variant.
+    """Build the system: nuisance columns first, then every amplitude of every variant.
 
     Parameters
     ----------
-    like : a system of the same flights and channels: its windows, nuisance columns and
-        instruments are taken over, which hardly change with effects; all of its columns where the
-        model is the same.
-    length_s : support of the test functions, s; of :func:`window_length_s` where not given.
+    flights : prepared recordings.
+    model : about which the columns are linearised.
+    variants : of candidates.
+    like : a system of the same flights and channels. Windows, nuisance columns and instruments are
+        reused, which hardly change with effects; all columns where the model is the same.
+    length_s : support of the test functions; of :func:`window_length_s` where not given.
     """
     main = common_channels(flights, model)
     length_s = like.length_s if like else length_s or window_length_s(flights)
@@ -630,19 +787,21 @@ def build(
     )
     for v in variants:
         # without channels of moments there is nothing to split
-        parts = _parts(v.effect, {w.effect for w in variants}) if MOMENT[0] in names else ("",)
+        parts = (
+            _column_parts(v.effect, {w.effect for w in variants}) if MOMENT[0] in names else ("",)
+        )
         columns += [
             DesignColumn(v.key, variant=v, amplitude=j, part=part)
             for j in range(len(v.amplitudes))
             for part in parts
         ]
-    before: Sequence[FlightRows | None] = like.flights if like else [None] * len(flights)
-    wanted = {c.made_of for c in columns}
-    known = [_known(like, r, model, wanted) if like and r else {} for r in before]
-    made = each(
-        lambda f, k, r: rows(f, model, names, columns, length_s, k, r),
+    reused: Sequence[FlightRows | None] = like.flights if like else [None] * len(flights)
+    wanted = {c.recipe for c in columns}
+    known_columns = [_known_columns(like, r, model, wanted) if like and r else {} for r in reused]
+    of_flights = each(
+        lambda f, k, r: flight_rows(f, model, names, columns, length_s, k, r),
         flights,
-        known,
-        before,
+        known_columns,
+        reused,
     )
-    return System(model, names, tuple(columns), tuple(made), length_s)
+    return System(model, names, tuple(columns), tuple(of_flights), length_s)

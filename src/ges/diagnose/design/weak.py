@@ -1,7 +1,7 @@
-"""Weak form: averages with smooth test functions of compact support, so that no signal is ever
+"""Weak form: averages with smooth test functions of compact support, so that nothing is
 differentiated.
 
-For a test function phi with compact support, integral(phi x') = -integral(phi' x): the derivative
+For a test function phi with compact support, integral(phi x') = -integral(phi' x). The derivative
 moves from the noisy signal to the known function (Messenger & Bortz 2021, weak SINDy).
 """
 
@@ -20,14 +20,13 @@ class Windows:
 
     Attributes
     ----------
-    center_s : (m,) centres, seconds from the start of the recording's clock.
+    center_s : (m,) centres, on the recording's clock.
     center : (m,) rows of the centres on the grid.
     mean : (m, n) weights of the average, each row sums to 1.
     rate : (m, n) weights that give the average of the time derivative.
     length_s : support of each function.
-    higher_orders : weights and rate weights (m, n) of faster test functions on the same supports,
-    see
-        :func:`tones`.
+    higher_orders : weights and rate weights (m, n) of :func:`higher_order_functions` on the same
+        supports.
     """
 
     center_s: np.ndarray
@@ -39,9 +38,7 @@ class Windows:
 
     @property
     def functions(self) -> dict[str, tuple[csr_array, csr_array]]:
-        """Weights and rate weights of every test function, by the mark that it puts on a channel's
-        name.
-        """
+        """Weights and rate weights of every test function, by the mark on a channel's name."""
         return {
             "": (self.mean, self.rate),
             **{f"/{k}": pair for k, pair in enumerate(self.higher_orders, 1)},
@@ -57,11 +54,25 @@ class Windows:
         return (self.mean.indptr[1] - 1) // 2 if len(self) else 0
 
     def within(self, allowed: np.ndarray) -> np.ndarray:
-        """(m,) True where the whole support lies in ``allowed`` (n,) samples."""
-        return whole(allowed, self.center - self.half, self.center + self.half + 1)
+        """Return the windows whose whole support is allowed.
 
-    def some(self, which: np.ndarray) -> Windows:
-        """Those that are true in ``which`` (m,); all of them are these themselves."""
+        Parameters
+        ----------
+        allowed : (n,) samples.
+
+        Returns
+        -------
+        (m,) True where all samples of the support are.
+        """
+        return all_allowed(allowed, self.center - self.half, self.center + self.half + 1)
+
+    def select(self, which: np.ndarray) -> Windows:
+        """Return some of the windows.
+
+        Parameters
+        ----------
+        which : (m,) True for those to keep.
+        """
         if which.all():
             return self
         faster = tuple((a[which], b[which]) for a, b in self.higher_orders)
@@ -75,21 +86,34 @@ class Windows:
         )
 
 
-def whole(allowed: np.ndarray, first: np.ndarray, past: np.ndarray) -> np.ndarray:
-    """(m,) True where all ``allowed`` (n,) samples from ``first`` to before ``past`` (m,) are."""
+def all_allowed(allowed: np.ndarray, first: np.ndarray, past: np.ndarray) -> np.ndarray:
+    """Return whether all samples of each interval are allowed.
+
+    Parameters
+    ----------
+    allowed : (n,) samples.
+    first, past : (m,) first sample of each interval, and one past its last.
+
+    Returns
+    -------
+    (m,).
+    """
     # samples not allowed before each: as many at both ends means none between
     out = np.r_[0, np.cumsum(~allowed)]
     return out[past] == out[first]
 
 
 def blocks_of(flights: Sequence[tuple[Windows, float]], length_s: float) -> list[np.ndarray]:
-    """Number of the block of time of every window, (m,) by flight; no block is shared by two
-    flights.
+    """Number the blocks of time of every window; no two flights share a block.
 
     Parameters
     ----------
     flights : windows, and the first time of the flight's clock (s).
     length_s : length of a block.
+
+    Returns
+    -------
+    By flight, (m,).
     """
     found, first = [], 0
     for windows, start_s in flights:
@@ -100,27 +124,46 @@ def blocks_of(flights: Sequence[tuple[Windows, float]], length_s: float) -> list
 
 
 def bump(half: int, step_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Weights of (1 - s^2)^3, (2 half + 1,), and those of minus its derivative, 1/s; exact for
-    constants and ramps.
+    """Return the plain test function (1 - s^2)^3 and minus its derivative.
+
+    Parameters
+    ----------
+    half : samples from the centre to the end.
+    step_s : spacing of the samples.
+
+    Returns
+    -------
+    Weights (2 half + 1,), and rate weights (2 half + 1,) in 1/s; exact for constants and ramps.
     """
     s, phi, slope = _bump(half)
     return phi / phi.sum(), slope / (slope @ (s * (half + 1.0) * step_s))
 
 
 def _bump(half: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Places s in (-1, 1), (1 - s^2)^3, and minus its derivative."""
+    """Points s in (-1, 1), (1 - s^2)^3, and minus its derivative."""
     s = np.arange(-half, half + 1) / (half + 1.0)
     return s, (1.0 - s**2) ** 3, 6.0 * s * (1.0 - s**2) ** 2
 
 
-def tones(half: int, step_s: float, count: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Faster test functions: the bump times sines and cosines of 1 ... count half-waves, freed of
-    the slower ones.
+def higher_order_functions(
+    half: int, step_s: float, count: int
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return faster test functions: the bump times sines and cosines of some half-waves.
+
+    Parameters
+    ----------
+    half : samples from the centre to the end.
+    step_s : spacing of the samples.
+    count : largest number of half-waves.
 
     Returns
     -------
-    weights and rate weights, (2 half + 1,) each; white noise has the same size in all of them as in
-    the bump's average.
+    Weights and rate weights, (2 half + 1,) each.
+
+    Notes
+    -----
+    They are orthogonal to slower ones. White noise has the same size in all of them as in the
+    bump's average.
     """
     s, phi, slope = _bump(half)
     made = [np.stack([phi, slope])]
@@ -143,19 +186,19 @@ def tones(half: int, step_s: float, count: int) -> list[tuple[np.ndarray, np.nda
 def make_windows(
     t_s: np.ndarray, flying: np.ndarray, length_s: float, higher_orders: int = 0
 ) -> Windows:
-    """Half-overlapping windows whose whole support flies.
+    """Make half-overlapping windows whose whole support flies.
 
     Parameters
     ----------
     t_s : (n,) uniform times.
     flying : (n,) usable samples.
     length_s : support of a test function.
-    higher_orders : how many half-waves the faster test functions go up to.
+    higher_orders : largest number of half-waves of the faster test functions.
     """
     step_s = t_s[1] - t_s[0]
     half = max(int(round(0.5 * length_s / step_s)), 2)
     centers = np.arange(half, len(t_s) - half, half)
-    centers = centers[whole(flying, centers - half, centers + half + 1)]
+    centers = centers[all_allowed(flying, centers - half, centers + half + 1)]
     phi, slope = bump(half, step_s)
     # all rows have the same weights, each at its centre: a band matrix in compressed rows
     columns = (centers[:, None] + np.arange(-half, half + 1)).ravel()
@@ -166,7 +209,9 @@ def make_windows(
             (np.tile(weights, len(centers)), columns, starts), shape=(len(centers), len(t_s))
         )
 
-    faster = tuple((spread(a), spread(b)) for a, b in tones(half, step_s, higher_orders))
+    faster = tuple(
+        (spread(a), spread(b)) for a, b in higher_order_functions(half, step_s, higher_orders)
+    )
     return Windows(
         t_s[centers], centers, spread(phi), spread(slope), (2 * half + 1) * step_s, faster
     )

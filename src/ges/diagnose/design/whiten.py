@@ -1,6 +1,4 @@
-"""Noise of each channel: autocorrelation, size, and where a slow stream makes it larger; so that
-windows count once.
-"""
+"""Noise of each channel: autocorrelation, size, and heteroscedasticity; and whitening by it."""
 
 from __future__ import annotations
 
@@ -21,100 +19,126 @@ from ges.diagnose.settings import settings
 
 @dataclasses.dataclass(frozen=True)
 class NoiseModel:
-    """Per channel: AR coefficients (C, p), innovation sd (C,), growth with covariate (C,); over the
-    innovation sd the size of the disturbances that a controller may have answered (C,): what
-    nuisances alone leave in all but the noisy flights; and how many times as much is left in the
-    most noisy flight as in the middle one (C,).
+    """Noise of the C channels.
+
+    Attributes
+    ----------
+    ar : (C, p) autoregression coefficients.
+    sd : (C,) innovation sd.
+    growth : (C,) growth of the variance with the covariate.
+    disturbance : (C,) size of disturbances that feedback may have followed, over ``sd``. It is the
+        residual of the nuisances alone, without the noisiest flights.
+    noisiest_flight : (C,) residual of the noisiest flight over that of the middle one.
     """
 
     ar: np.ndarray
     sd: np.ndarray
     growth: np.ndarray
-    answered: np.ndarray
-    noisy: np.ndarray
+    disturbance: np.ndarray
+    noisiest_flight: np.ndarray
 
 
 @dataclasses.dataclass(frozen=True)
 class WhitePart:
-    """One channel of a whitened flight: usable rows ``at`` (n,), their residuals (n,) and those
-    ``columns`` (k,) of all that act there, (n, k).
+    """One channel of a whitened flight.
 
-    ``answer`` are more columns (n, moved) of unit prior sd: what a controller's answer to
-    disturbances may have added.
+    Attributes
+    ----------
+    at : (n,) usable rows.
+    columns : (k,) numbers of the columns that act there.
+    y : (n,) residuals.
+    x : (n, k) columns.
+    feedback_errors : (n, j) columns of unit prior sd: errors that feedback may have caused.
     """
 
     at: np.ndarray
     columns: np.ndarray
     y: np.ndarray
     x: np.ndarray
-    answer: np.ndarray
+    feedback_errors: np.ndarray
 
     @functools.cached_property
     def products(self) -> tuple[np.ndarray, np.ndarray, float]:
         """Columns with columns (k, k), columns with residuals (k,), residuals with residuals."""
         return self.x.T @ self.x, self.x.T @ self.y, float(self.y @ self.y)
 
-    def answering(self, errors: np.ndarray) -> WhitePart:
-        """With more columns of what a controller may have answered, (n, moved)."""
-        return dataclasses.replace(self, answer=np.hstack([self.answer, errors]))
+    def with_feedback_errors(self, errors: np.ndarray) -> WhitePart:
+        """Return a copy with more columns of errors that feedback may have caused.
+
+        Parameters
+        ----------
+        errors : (n, j).
+        """
+        return dataclasses.replace(self, feedback_errors=np.hstack([self.feedback_errors, errors]))
 
 
 @dataclasses.dataclass(frozen=True)
 class White:
-    """One flight, whitened: the channels that have usable rows, and how many columns there are in
-    all.
+    """One whitened flight.
+
+    Attributes
+    ----------
+    parts : channels with usable rows.
+    count : number of all columns.
     """
 
     parts: tuple[WhitePart, ...]
     count: int
 
 
-def left_over(
+def noise_residuals(
     system: System,
     channel: int,
     chosen: Sequence[int] = (),
     together: Mapping[int, float] = MappingProxyType({}),
 ) -> list[np.ndarray]:
-    """What nuisances within their doubts, columns and a constant of each flight leave in the air,
-    in one channel, (m,) by flight.
+    """Return what nuisances within their priors, columns and a constant of each flight leave in the
+    air.
 
     Parameters
     ----------
+    system : of the flights.
+    channel : its number.
     chosen : columns whose coefficients the channel alone decides.
-    together : coefficients of columns that act with these, but for one factor: forms differ.
+    together : coefficients of columns that act with these, but for one common factor: forms differ.
+
+    Returns
+    -------
+    By flight, (m,).
     """
     kept = [
         k for k, column in enumerate(system.columns) if column.nuisance is not None or k in chosen
     ]
-    left = []
+    residuals = []
     for r in system.flights:
         here, acting = (np.intersect1d(at, r.x.at[channel]) for at in (kept, list(together)))
         x = [r.x.of(channel, here)]
         # all is drawn to zero here, so that a mean apart from zero has to be within reach, too
-        doubts = [
+        prior_sds = [
             math.hypot(n.sd, n.flight_sd, n.mean) if (n := system.columns[k].nuisance) else np.inf
             for k in here
         ]
         if len(acting):
             x.append(r.x.of(channel, acting) @ [[together[int(k)]] for k in acting])
-            doubts.append(np.inf)
+            prior_sds.append(np.inf)
         y = np.where(r.air, r.y[:, channel], np.nan)
-        left.append(_left_of(y, np.hstack(x), np.array(doubts)))
-    return left
+        residuals.append(_ridge_residual(y, np.hstack(x), np.array(prior_sds)))
+    return residuals
 
 
-def _left_of(y: np.ndarray, x: np.ndarray, doubts: np.ndarray) -> np.ndarray:
+def _ridge_residual(y: np.ndarray, x: np.ndarray, prior_sds: np.ndarray) -> np.ndarray:
+    """Residual (m,) of a ridge regression whose ridge is the variance of the residual."""
     good = np.isfinite(y)
-    left = np.full(len(y), np.nan)
+    residual = np.full(len(y), np.nan)
     if not good.any():
-        return left
+        return residual
     y, x = y[good] - y[good].mean(), x[good] - x[good].mean(axis=0)
     # what has no doubt may go far beyond what the residual could ask for
     size, tiny = np.sqrt(np.mean(x**2, axis=0)), settings.numerics.tiny
     far = settings.numerics.wide_factor * np.sqrt(np.mean(y**2)) / np.maximum(size, tiny)
     # in units of how far each may go, the prior N(0, 1) is a ridge of the noise's variance;
     # that variance is what is left, so it is found by turns
-    x = x * np.where(np.isfinite(doubts), doubts, np.where(size > 0, far, 0.0))
+    x = x * np.where(np.isfinite(prior_sds), prior_sds, np.where(size > 0, far, 0.0))
     gram, right, sd2 = x.T @ x, x.T @ y, np.mean(y**2)
     e = y
     for _ in range(settings.numerics.noise_rounds):
@@ -122,8 +146,8 @@ def _left_of(y: np.ndarray, x: np.ndarray, doubts: np.ndarray) -> np.ndarray:
         ridge = max(sd2, settings.numerics.small * np.trace(gram), settings.numerics.tiny)
         e = y - x @ np.linalg.solve(gram + ridge * np.eye(len(gram)), right)
         sd2 = np.mean(e**2)
-    left[good] = e
-    return left
+    residual[good] = e
+    return residual
 
 
 def _run(follows: np.ndarray) -> np.ndarray:
@@ -134,26 +158,22 @@ def _run(follows: np.ndarray) -> np.ndarray:
 
 
 def _past(y: np.ndarray, run: np.ndarray) -> np.ndarray:
-    """How many rows that are there every row (m,) directly follows; -1 where it is not there
-    itself. ``run`` of :func:`_run`.
-    """
+    """How many present rows every row (m,) directly follows; -1 where it is absent itself."""
     there, at = np.isfinite(y), np.arange(len(y))
     first = there & ((run == 0) | ~np.r_[False, there[:-1]])
     return np.where(there, at - np.maximum.accumulate(np.where(first, at, 0)), -1)
 
 
 def _lagged(
-    left: np.ndarray, run: np.ndarray, order: int
+    residual: np.ndarray, run: np.ndarray, order: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows with a full past, their value and their past."""
-    at = np.flatnonzero(_past(left, run) >= order)
-    return at, left[at], np.stack([left[at - k] for k in range(1, order + 1)], axis=1)
+    at = np.flatnonzero(_past(residual, run) >= order)
+    return at, residual[at], np.stack([residual[at - k] for k in range(1, order + 1)], axis=1)
 
 
 def _growth(e: np.ndarray, covariate: np.ndarray) -> tuple[float, float]:
-    """Maximum-likelihood sd and growth of e ~ N(0, sd^2 (1 + g covariate^2)), covariate in units of
-    its median.
-    """
+    """Maximum-likelihood sd and growth of e ~ N(0, sd^2 (1 + g covariate^2))."""
     # -2 log likelihood, maximised over sd for every growth of a grid
     best = (np.inf, 1.0, 0.0)
     for g in settings.noise.growths:
@@ -165,14 +185,21 @@ def _growth(e: np.ndarray, covariate: np.ndarray) -> tuple[float, float]:
     return best[1], best[2]
 
 
-def estimate(
+def estimate_noise(
     system: System,
     chosen: Sequence[int] = (),
     together: Mapping[int, float] = MappingProxyType({}),
 ) -> NoiseModel:
-    """Noise of every channel, pooled over flights, from what is :func:`left_over`.
+    """Estimate the noise of every channel, pooled over flights, from :func:`noise_residuals`.
 
-    Without columns a strong effect counts as noise: cautious, so the search starts there.
+    Parameters
+    ----------
+    system : of the flights.
+    chosen, together : columns that do not count as noise, as for :func:`noise_residuals`.
+
+    Notes
+    -----
+    Without columns a strong effect counts as noise. That is cautious, so the search starts there.
     """
     covariate, runs = variance_covariate(system.flights), [_run(r.follows) for r in system.flights]
     endogenous = {c for r in system.flights for _, c in r.endogenous}
@@ -182,50 +209,59 @@ def estimate(
     )
 
     def of_channel(c: int) -> tuple[np.ndarray, float, float, float, float]:
-        left = left_over(system, c, chosen, together)
-        ar, sd, growth = _of_channel(system, left, runs, covariate)
+        residuals = noise_residuals(system, c, chosen, together)
+        ar, sd, growth = _channel_noise(system, residuals, runs, covariate)
         sd = max(sd, floor[c])
         # the controller answered what columns explain, too: so without them
-        explained = bool(len(chosen) or together)
-        answered = (
-            _quiet(left_over(system, c), runs, ar, sd) if explained and c in endogenous else 1.0
+        has_columns = bool(len(chosen) or together)
+        disturbance = (
+            _disturbance_size(noise_residuals(system, c), runs, ar, sd)
+            if has_columns and c in endogenous
+            else 1.0
         )
-        return ar, sd, growth, answered, _restless(left)
+        return ar, sd, growth, disturbance, _noisiest_over_median(residuals)
 
     return NoiseModel(
-        *(np.array(told) for told in zip(*map(of_channel, range(len(system.names))), strict=True))
+        *(
+            np.array(values)
+            for values in zip(*map(of_channel, range(len(system.names))), strict=True)
+        )
     )
 
 
-def _quiet(
-    left: Sequence[np.ndarray], runs: Sequence[np.ndarray], ar: np.ndarray, sd: float
+def _disturbance_size(
+    residuals: Sequence[np.ndarray], runs: Sequence[np.ndarray], ar: np.ndarray, sd: float
 ) -> float:
-    """Size of what is left (m,) over the innovation sd, of the middle flight, of two the lesser; at
-    least 1.
+    """Residual size (m,) over the innovation sd in the middle flight, of two the lesser; at least
+    1.
     """
     sizes = [
         np.sqrt(np.mean((value - past @ ar) ** 2))
-        for _, value, past in (_lagged(e, run, len(ar)) for e, run in zip(left, runs, strict=True))
+        for _, value, past in (
+            _lagged(e, run, len(ar)) for e, run in zip(residuals, runs, strict=True)
+        )
         if len(value)
     ]
     return max(1.0, float(median_low(sizes)) / sd) if sizes else 1.0
 
 
-def _restless(left: Sequence[np.ndarray]) -> float:
-    """Size of what is left (m,) in the flight with most of it, over that of the middle flight."""
-    sizes = [float(np.nanstd(e)) for e in left if np.isfinite(e).any()]
+def _noisiest_over_median(residuals: Sequence[np.ndarray]) -> float:
+    """Size of the residual (m,) in the noisiest flight over that of the middle one."""
+    sizes = [float(np.nanstd(e)) for e in residuals if np.isfinite(e).any()]
     return max(sizes) / max(median_low(sizes), settings.numerics.tiny) if sizes else 1.0
 
 
-def _of_channel(
+def _channel_noise(
     system: System,
-    left: Sequence[np.ndarray],
+    residuals: Sequence[np.ndarray],
     runs: Sequence[np.ndarray],
     covariate: Sequence[np.ndarray],
 ) -> tuple[np.ndarray, float, float]:
-    """AR coefficients, innovation sd and growth of what is left of one channel, by flight."""
+    """AR coefficients, innovation sd and growth of one channel's residuals by flight."""
     order = settings.noise.autoregression_order
-    pieces = [(*_lagged(e, run, order), u) for e, run, u in zip(left, runs, covariate, strict=True)]
+    pieces = [
+        (*_lagged(e, run, order), u) for e, run, u in zip(residuals, runs, covariate, strict=True)
+    ]
     value, past = np.concatenate([p[1] for p in pieces]), np.concatenate([p[2] for p in pieces])
     # too few rows for a filter: none, and a unit sd
     if len(value) < 4 * order:
@@ -240,34 +276,53 @@ def _of_channel(
 
 
 def variance_covariate(flights: Sequence[FlightRows]) -> list[np.ndarray]:
-    """Covariate of every window, (m,) by flight, in units of the median over all flights."""
+    """Return the covariate of the variance in units of its median over all flights.
+
+    Parameters
+    ----------
+    flights : rows by flight.
+
+    Returns
+    -------
+    By flight, (m,).
+    """
     # where thrust never changes, any unit will do
-    median = np.median(np.concatenate([r.noise[r.air] for r in flights])) or 1.0
-    return [r.noise / median for r in flights]
+    median = np.median(np.concatenate([r.covariate[r.air] for r in flights])) or 1.0
+    return [r.covariate / median for r in flights]
 
 
 def whiten(
     flights: Sequence[FlightRows], noise: NoiseModel, covariate: Sequence[np.ndarray]
 ) -> tuple[White, ...]:
-    """Filter residuals and columns by the same noise model; the first rows of a run on the ground
-    are predicted by the few before them: take-offs are short.
+    """Filter residuals and columns by the same noise model.
 
     Parameters
     ----------
+    flights : rows by flight.
+    noise : of the channels.
     covariate : by flight, (m,) of :func:`variance_covariate`.
+
+    Notes
+    -----
+    The first rows of a run on the ground are predicted by the few before them: take-offs are short.
     """
     short = any(not rows.air.all() for rows in flights)
-    filters = [_prediction_filter(ar) if short else _full(ar)[None] for ar in noise.ar]
-    made = [_white(rows, noise, filters, u) for rows, u in zip(flights, covariate, strict=True)]
+    filters = [_prediction_filter(ar) if short else _full_filter(ar)[None] for ar in noise.ar]
+    made = [
+        _whiten_flight(rows, noise, filters, u) for rows, u in zip(flights, covariate, strict=True)
+    ]
     # one kind of answer has one cause over all flights and channels, so they are bounded together;
     # what was answered is larger than the noise by all that chosen effects explain
     for kind in dict.fromkeys(kind for _, endogenous in made for kind, _ in endogenous):
         of_kind = [
             {c: part for (k, c), part in endogenous.items() if k == kind} for _, endogenous in made
         ]
-        for (parts, _), errors in zip(made, _bounds(of_kind), strict=True):
+        for (parts, _), errors in zip(made, _error_bounds(of_kind), strict=True):
             parts.update(
-                {c: parts[c].answering(error * noise.answered[c]) for c, error in errors.items()}
+                {
+                    c: parts[c].with_feedback_errors(error * noise.disturbance[c])
+                    for c, error in errors.items()
+                }
             )
     return tuple(
         White(tuple(parts.values()), rows.x.shape[2])
@@ -275,34 +330,34 @@ def whiten(
     )
 
 
-def _bounds(endogenous: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndarray]]:
+def _error_bounds(endogenous: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndarray]]:
     """Endogenous parts of one kind, by flight and channel, as errors of unit prior sd.
 
-    A controller makes a column follow the disturbances; the coefficient then errs by up to their
-    correlation over the column's size in noise. The error
-    has the same cause in every flight and channel, so that as many of them as share the column's
-    power are worth one.
+    Feedback makes a column follow the disturbances. Its coefficient then errs by up to their
+    correlation over the column's size in noise. The error has the same cause in every flight and
+    channel. So those that share the column's power count as one.
     """
     power = [{c: (p**2).mean(axis=0) for c, p in parts.items()} for parts in endogenous]
-    every, sd = [p for told in power for p in told.values()], settings.noise.feedback_correlation_sd
+    every, sd = (
+        [p for of_flight in power for p in of_flight.values()],
+        settings.noise.feedback_correlation_sd,
+    )
     # participation ratio: among how many flights and channels the column's power is shared
     alike = sum(every) ** 2 / np.maximum(sum(p**2 for p in every), settings.numerics.tiny)
     # (5) of docs/method.md: root mean square rho in sds of the noise, times the root of that number
     return [
         {
-            c: part * sd * np.sqrt(alike / np.maximum(told[c], settings.numerics.tiny))
+            c: part * sd * np.sqrt(alike / np.maximum(of_flight[c], settings.numerics.tiny))
             for c, part in parts.items()
         }
-        for parts, told in zip(endogenous, power, strict=True)
+        for parts, of_flight in zip(endogenous, power, strict=True)
     ]
 
 
-def _white(
+def _whiten_flight(
     rows: FlightRows, noise: NoiseModel, filters: Sequence[np.ndarray], covariate: np.ndarray
 ) -> tuple[dict[int, WhitePart], dict[tuple[str, int], np.ndarray]]:
-    """Parts by channel, ``filters`` of :func:`_prediction_filter`, none answering yet, and the
-    endogenous parts of their columns by kind and channel.
-    """
+    """Whitened parts by channel, and whitened endogenous parts by kind and channel."""
     run, parts, endogenous = _run(rows.follows), {}, {}
     later = (
         rows.windows.center > (noise.ar.shape[1] + 1) * rows.windows.half
@@ -318,12 +373,14 @@ def _white(
         # (4) of docs/method.md: the innovation's sd grows with what a slow stream may hide
         sd = noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * covariate[at] ** 2)
         innovation = _innovation(at, past[at], len(rows.y), weights, sd)
-        beyond = (
-            (innovation @ rows.beyond[c])[:, None] if c in rows.beyond else np.zeros((len(at), 0))
+        drive_errors = (
+            (innovation @ rows.drive_error[c])[:, None]
+            if c in rows.drive_error
+            else np.zeros((len(at), 0))
         )
         # one filter for residual, columns and errors: y = X beta + e holds after it, with e white
         parts[c] = WhitePart(
-            at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c], beyond
+            at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c], drive_errors
         )
         for (kind, channel), columns in rows.endogenous.items():
             if channel == c:
@@ -331,18 +388,19 @@ def _white(
     return parts, endogenous
 
 
-def _full(ar: np.ndarray) -> np.ndarray:
-    """Weights (p + 1,) of a row and of the p before it that leave its innovation."""
+def _full_filter(ar: np.ndarray) -> np.ndarray:
+    """Weights (p + 1,) of a row and the p before it that give its innovation."""
     return np.r_[1.0, -ar]
 
 
 def _prediction_filter(ar: np.ndarray) -> np.ndarray:
-    """Weights (p + 1, p + 1) of a row and of those before it that leave its innovation, in sds of
-    one with a full past: line j for j rows before (Brockwell and Davis 1991, sec. 5.2); the last
-    line alone where such noise would grow for ever.
+    """Weights (p + 1, p + 1) that give the innovation of a row from j rows before it, in line j.
+
+    Each is in sds of one with a full past (Brockwell and Davis 1991, sec. 5.2). The last line
+    stands alone where such noise would grow without bound.
     """
     order = len(ar)
-    full, lag = _full(ar), np.arange(order + 1)
+    full, lag = _full_filter(ar), np.arange(order + 1)
     # Yule-Walker for the covariances g, in variances of the innovation:
     # sum_j a_j g(|i - j|) = 1 where i = 0, else 0
     of_lag = np.zeros((order + 1, order + 1))
@@ -364,8 +422,9 @@ def _prediction_filter(ar: np.ndarray) -> np.ndarray:
 def _innovation(
     at: np.ndarray, past: np.ndarray, count: int, weights: np.ndarray, sd: np.ndarray
 ) -> csr_array:
-    """What makes of ``count`` rows those at ``at`` less what the rows before them, ``past`` of
-    them, predict, over ``sd``.
+    """Matrix that turns ``count`` rows into innovations over ``sd`` of those at ``at``.
+
+    Each is predicted from its ``past`` rows.
     """
     order = weights.shape[1] - 1
     # lines count from the last, the full filter, which may be the only one;

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from ges.diagnose.design.system import System, build, nuisance_of, variant_of
-from ges.diagnose.design.table import Indices, spread
-from ges.diagnose.design.whiten import NoiseModel, White, estimate
+from ges.diagnose.design.table import Indices, pick_columns
+from ges.diagnose.design.whiten import NoiseModel, White, estimate_noise
 from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of, reach_of
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import (
@@ -201,7 +201,7 @@ def _scores(white: White, kept: np.ndarray, beta: np.ndarray, block: np.ndarray)
     scores = np.zeros((number.max(initial=-1) + 1, len(kept)))
     for part in white.parts:
         x, y = unanswered(part)
-        d = spread(x, part.columns, kept)
+        d = pick_columns(x, part.columns, kept)
         # rows come in order of time, so that a block is one run of them, summed at once
         first = np.flatnonzero(np.diff(number[part.at], prepend=-1))
         scores[number[part.at[first]]] += np.add.reduceat(
@@ -519,7 +519,7 @@ def polish(
         system = build(flights or like.recordings, model.with_effects(values), variants, like)
         # one noise for all rounds: costs under several would not compare
         noise_so_far = fixed_noise or (first.regression.noise if first else None)
-        noise = noise_so_far or estimate(system, free_columns(system))
+        noise = noise_so_far or estimate_noise(system, free_columns(system))
         there = _linearise(values, free, whitened(system, noise), model)
         # the step promised more than it kept: half of the way back, from the best point so far
         if at and first and there.cost > at.cost + settings.estimate.same_cost:
@@ -767,7 +767,7 @@ def raw_residuals(system: System, joint: JointFit) -> list[np.ndarray]:
             k: joint.common.get(key, 0.0) - corrections.get(key, 0.0) + own.get(key, 0.0)
             for key, k in system.nuisances.items()
         }
-        residuals.append(rows.y[:, :count] - rows.added(terms, count))
+        residuals.append(rows.y[:, :count] - rows.weighted_columns(terms, count))
     return residuals
 
 

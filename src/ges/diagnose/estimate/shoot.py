@@ -17,9 +17,9 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from ges.conventions import BODY_RATE, POSITION, QUATERNION, VELOCITY, rotor_speed
-from ges.diagnose.design.residual import model_along
+from ges.diagnose.design.residual import replay_model
 from ges.diagnose.design.system import window_length_s
-from ges.diagnose.design.weak import whole
+from ges.diagnose.design.weak import all_allowed
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
@@ -51,7 +51,7 @@ def rollout_starts(flight: Prepared, n: int) -> np.ndarray:
     (k,) rows.
     """
     rows = np.arange(0, len(flight.t_s) - n - 1, n)
-    return rows[whole(flight.flying, rows, rows + n + 1)]
+    return rows[all_allowed(flight.flying, rows, rows + n + 1)]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,7 +79,7 @@ def fly_rollouts(flight: Prepared, model: Model, n: int) -> Rollouts:
     model : that is flown.
     n : rows of a horizon.
     """
-    columns, _ = model_along(flight, model, model.effects)
+    columns, _ = replay_model(flight, model, model.effects)
     width = settings.design.coarsest_s / flight.dt_s
     recorded = {
         name: gaussian_filter1d(flight.columns[name], width) for name in VELOCITY + POSITION

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ges.conventions import POSITION
-from ges.diagnose.design.residual import but_actuators, model_along
+from ges.diagnose.design.residual import replay_model, without_actuators
 from ges.diagnose.design.system import System
 from ges.diagnose.library.requirements import unmet
 from ges.diagnose.select.search import log_odds_against_one_of
@@ -132,9 +132,9 @@ def term_columns(terms: Sequence[Term], system: System, model: Model) -> list[np
     """
     found = []
     for rows in system.flights:
-        state, _ = model_along(rows.flight, model, model.effects)
+        state, _ = replay_model(rows.flight, model, model.effects)
         samples = effect_table.Samples.from_columns(state)
-        effects = {k: v for k, v in but_actuators(model.effects).items() if k != LAW}
+        effects = {k: v for k, v in without_actuators(model.effects).items() if k != LAW}
         found.append(
             rows.windows.mean @ along(terms, model.parameters, samples, effects, model.terrain)
         )

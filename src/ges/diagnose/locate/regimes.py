@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ges.conventions import rotor_columns
-from ges.diagnose.design.residual import model_along
+from ges.diagnose.design.residual import replay_model
 from ges.diagnose.design.system import System
 from ges.diagnose.design.weak import Windows
 from ges.diagnose.locate.structure import PLACE, Regimes, Structure, shared_variables, without_mean
@@ -63,7 +63,7 @@ def regime_variables(flight: Prepared, windows: Windows, model: Model) -> dict[s
     (m,) by variable, in the unit of its name; without those that were not logged.
     """
     at = windows.center
-    columns, model_output = model_along(flight, model, model.effects)
+    columns, model_output = replay_model(flight, model, model.effects)
     found = {"time_s": windows.center_s - flight.t_s[0]}
     if "p_z_m" in columns:
         # as the rotors have it: each over the ground below it, which may be uneven

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from ges.conventions import POSITION, VELOCITY
-from ges.diagnose.design.residual import Drive, along, residual
+from ges.diagnose.design.residual import Drive, evaluate, residual
 from ges.diagnose.design.weak import Windows, make_windows
 from ges.diagnose.estimate.shoot import can_roll_out, fly_rollouts
 from ges.diagnose.prepare.align import Prepared
@@ -82,7 +82,7 @@ def trace(
     """
     everywhere = make_windows(flight.t_s, np.ones(len(flight.t_s), bool), length_s)
     used = everywhere.within(flight.flying)
-    windows, first = everywhere.some(used), next(iter(models.values()))
+    windows, first = everywhere.select(used), next(iter(models.values()))
     names = channels(flight, first)
     recorded = recorded_signals(flight, everywhere, first, names)
     simulated = {stage: np.full_like(recorded, np.nan) for stage in models}
@@ -151,8 +151,8 @@ def recorded_signals(
     for name in ("mass_kg", "ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"):
         no_model_output.data[rows[name]] = model.number(name)
     still = np.zeros((len(flight.t_s), n_rotors))
-    signals = along(
-        flight, windows, no_effects, names, drive=Drive(still, still), said=no_model_output
+    signals = evaluate(
+        flight, windows, no_effects, names, drive=Drive(still, still), output=no_model_output
     )
     return signals.stack(names)
 

@@ -232,7 +232,7 @@ def _contradicted_finding(
     }
     # to first order: the number's column times its correction
     terms = {system.nuisances[n.key]: n.value for n in contradicted}
-    contribution = [rows.added(terms, len(system.main)) for rows in system.flights]
+    contribution = [rows.weighted_columns(terms, len(system.main)) for rows in system.flights]
     # certain by its own rule, hence as sure as any name is told to be
     found = Finding.of(name, stated(1.0), parameters, size_of_contribution(contribution, system))
     # the effect may be physics; what is wrong here is a number of the file

@@ -15,7 +15,7 @@ from ges.diagnose.design.whiten import (
     NoiseModel,
     White,
     WhitePart,
-    estimate,
+    estimate_noise,
     variance_covariate,
     whiten,
 )
@@ -90,7 +90,7 @@ def gram_of(white: White, tempering: float = 1.0) -> Gram:
 
 
 def _of_part(part: WhitePart, tempering: float) -> Gram:
-    gram, answer = Gram(*part.products, float(len(part.at))).scaled(tempering), part.answer
+    gram, answer = Gram(*part.products, float(len(part.at))).scaled(tempering), part.feedback_errors
     if not answer.shape[1]:
         return gram
     inner, cross, right = answer.T @ answer, part.x.T @ answer, answer.T @ part.y
@@ -102,7 +102,7 @@ def unanswered(part: WhitePart) -> tuple[np.ndarray, np.ndarray]:
     those of :func:`gram_of`.
     """
     # (1 + A A^T)^(-1/2) for the answers A: 1 / sqrt(1 + s^2) along each left singular vector
-    u, size, _ = np.linalg.svd(part.answer, full_matrices=False)
+    u, size, _ = np.linalg.svd(part.feedback_errors, full_matrices=False)
     lost = u * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
     return part.x - lost @ (u.T @ part.x), part.y - lost @ (u.T @ part.y)
 
@@ -193,7 +193,7 @@ def acts_of(found: Posterior, names: Collection[str], system: System) -> np.ndar
         for k, value in zip(found.columns, found.mean, strict=True)
         if variant_of(system.columns[k]).effect in names
     }
-    return np.concatenate([r.added(terms, len(system.main)) for r in system.flights])
+    return np.concatenate([r.weighted_columns(terms, len(system.main)) for r in system.flights])
 
 
 def posteriors(
@@ -329,9 +329,9 @@ def make_regression(
     together: Mapping[int, float] = MappingProxyType({}),
 ) -> Regression:
     """Whiten and count, with the noise that columns leave, by what
-    :func:`~ges.diagnose.design.whiten.left_over` makes of them.
+    :func:`~ges.diagnose.design.whiten.noise_residuals` makes of them.
     """
-    regression = whitened(system, estimate(system, chosen, together))
+    regression = whitened(system, estimate_noise(system, chosen, together))
     grams = flight_grams(regression.whites, system.columns, settings.evidence.tempering)
     return dataclasses.replace(regression, by_flight=tuple(grams))
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ges.diagnose.design.system import System, variant_of
-from ges.diagnose.design.whiten import left_over
+from ges.diagnose.design.whiten import noise_residuals
 from ges.diagnose.library.candidates import Candidate, Variant, family_of, has_prerequisite
 from ges.diagnose.select.evidence import Regression, make_regression
 from ges.diagnose.select.search import SearchResult, exactly, search
@@ -128,12 +128,13 @@ def _hidden(
         for k, c in enumerate(system.columns)
         if c.variant is not None and c.variant.effect in free
     ]
-    noisy = regression.noise.noisy > settings.statistics.flights_ratio
+    noisy = regression.noise.noisiest_flight > settings.statistics.flights_ratio
     channels = np.flatnonzero(noisy).tolist()
     if not listed or not channels:
         return []
     share = np.max(
-        [_explained(system, c, left_over(system, c, chosen), listed) for c in channels], axis=0
+        [_explained(system, c, noise_residuals(system, c, chosen), listed) for c in channels],
+        axis=0,
     )
     # most explained first: of an effect the first variant that comes is its best
     best: dict[str, Variant] = {}
