@@ -240,6 +240,18 @@ def test_every_verdict_makes_a_page_even_with_nothing_in_it(content, verdict):
     assert "No flight could be held out" in text and "Considered and not named" not in text
 
 
+def test_a_place_that_flights_cannot_tell_from_another_says_so(content):
+    """Two rotors of a coaxial pair in hover."""
+    other = {"name": "weak_rotor", "place": "rotor 5", "log_odds": -0.3}
+    rival = {"name": "wind", "log_odds": -9.1}
+    lost = {"name": "weak_rotor", "place": "rotor 1", "alternatives": [other, rival]}
+    text = text_of({**content, "findings": [{**content["findings"][0], **lost}]})
+    assert "Instead of it: weak rotor of rotor 5" in text
+    assert "These flights cannot tell where it acts" in text
+    del content["findings"][0]["alternatives"][1:]
+    assert "cannot tell where it acts" not in text_of(content)
+
+
 def test_what_is_open_has_an_error_each(content):
     first, channels = content["findings"][0], content["fit"]["channels"]
     content |= {

@@ -114,7 +114,7 @@ class _LinearFit:
                 rows.air
             ]
             rms = float(np.linalg.norm(error[np.isfinite(error)]) / np.sqrt(len(error)))
-            # log p(y_f | y_-f) = log Z(y) - log Z(y_-f), equation (8) of docs/method.md
+            # log p(y_f | y_-f) = log Z(y) - log Z(y_-f), equation (9) of docs/method.md
             told.append((whole - others, rms))
         density, error_rms = np.array(told).T
         return density, error_rms

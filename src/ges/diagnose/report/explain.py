@@ -126,7 +126,7 @@ def _as_named(content: Mapping[str, Any], name: str) -> Iterator[RenderableType]
         yield Text(f"\n{_effect(f)}: {state}, probability {probability_words(f['probability'])}")
         if f["alternatives"]:
             others = ", ".join(
-                f"{plain(a['name'])} {odds_words(a['log_odds'])}" for a in f["alternatives"]
+                f"{_effect(a)} {odds_words(a['log_odds'])}" for a in f["alternatives"]
             )
             yield Text(f"instead of it: {others}")
 

@@ -82,7 +82,7 @@ def _in_place_of(
 ) -> tuple[float, dict[str, float]]:
     """Expected log odds of columns with coefficients b (k,) over a variant, and its coefficients.
 
-    Minimises (|X b - Z c|^2 + |(c - mu) / s|^2) / 2 over c, between the bounds of its prior.
+    Minimises (8) of docs/method.md over c, between the bounds of its prior.
     """
     at, own = list(entry.columns), list(mine)
     prior, inner = regression.prior.take(np.array(at)), gram.xx[np.ix_(at, at)]
