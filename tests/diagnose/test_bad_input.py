@@ -162,3 +162,8 @@ def test_a_flight_in_order_is_not_refused():
 def test_no_flight_at_all_is_said():
     with pytest.raises(GesError, match="no flight among the recordings"):
         ges.diagnose([], load_vehicle("appius"))
+
+
+def test_an_effect_that_nobody_has_is_refused_before_any_work():
+    with pytest.raises(GesError, match="unknown effect 'rotor_drga'; did you mean 'rotor_drag'"):
+        ges.diagnose([_flight(), _flight()], load_vehicle("appius"), names=["rotor_drga"])

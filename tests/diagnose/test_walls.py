@@ -80,4 +80,11 @@ def test_what_decides_sees_no_flight_that_is_held_out(path):
 
 
 def test_the_pipeline_is_a_table_of_contents():
-    assert len((ROOT / "pipeline.py").read_text().splitlines()) <= 120
+    """Docstrings aside."""
+    text = (ROOT / "pipeline.py").read_text()
+    parts = [
+        ast.get_docstring(n, clean=False) or ""
+        for n in ast.walk(ast.parse(text))
+        if isinstance(n, ast.FunctionDef | ast.Module)
+    ]
+    assert len(text.splitlines()) - sum(len(p.splitlines()) for p in parts) <= 105

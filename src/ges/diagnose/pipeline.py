@@ -20,6 +20,7 @@ from ges.diagnose.report.compose import compose_diagnosis
 from ges.diagnose.report.content import located_entries
 from ges.diagnose.types.decision import Record
 from ges.diagnose.types.diagnosis import Diagnosis
+from ges.simulator import effects as effect_table
 from ges.threads import blas_alone
 from ges.vehicle.file import Vehicle
 
@@ -49,7 +50,7 @@ def diagnose(
         recorded numbers chooses one flight in four, and at least one of two.
     folder : folder of the height map that ``vehicle`` names.
     names : effects to fit instead of searching: what could be reached if the causes were known. A
-        name that the flights cannot show, or the library does not have, is left out.
+        name that the flights cannot show is left out.
     watch : called as ``watch(step, known)`` when a step ends. Steps are ``"located"`` with the
         cells of the map of residuals, and ``"fitted"`` with the accepted names.
 
@@ -62,7 +63,7 @@ def diagnose(
     GesError
         When the recordings cannot be used, in one sentence.
     UsageError
-        When ``holdout`` has an unknown name.
+        When ``holdout`` or ``names`` has an unknown name.
 
     Notes
     -----
@@ -81,6 +82,8 @@ def diagnose(
     Diagnosis(physics: rotor_drag, ground_effect)
     """
     record = Record()
+    for name in names or ():
+        effect_table.get(name)
 
     # what is there, and what the declared numbers can do about it
     problem = pose_problem(recordings, vehicle, holdout, folder)
