@@ -247,16 +247,16 @@ def short_flights():
     """Three seconds of one set of each kind of part: (sorties, book)."""
     from ges.blind.foreign import second
     from ges.blind.foreign.sets import Place
-    from ges.blind.second.flight import Flights
+    from ges.blind.second.flight import SecondSimulation
 
     names = ("rotor_drag", "wind", "ground_effect_lag", "slung_load", "inertia", "cg_offset")
     sorties = []
     for name in names:
-        design = second.Design("s900", (name,), 2)
+        design = second.SecondDesign("s900", (name,), 2)
         place = Place(second.WORLD, design.key, "development", 3)
         _, flown = second._sorties(design, place)
         sorties.append(dataclasses.replace(flown[0], plan=flown[0].plan[:, :400]))
-    return sorties, Flights(sorties).run()
+    return sorties, SecondSimulation(sorties).run()
 
 
 def test_parts_are_all_that_separates_a_flight_from_a_plain_vehicle(short_flights):

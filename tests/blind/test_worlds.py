@@ -247,10 +247,12 @@ def _balanced(flown, craft) -> None:
 @pytest.mark.parametrize(
     "design",
     [
-        rotorpy.Design("hummingbird"),
-        rotorpy.Design("crazyflie", {"rotor_drag": 1.0, "parasitic_drag": 1.0}, wind_m_s=1.5),
-        rotorpy.Design("hummingbird", {"translational_lift": 1.0, "axial_inflow": 0.3}),
-        rotorpy.Design("hummingbird", shift_m=(0.006, -0.004)),
+        rotorpy.RotorpyDesign("hummingbird"),
+        rotorpy.RotorpyDesign(
+            "crazyflie", {"rotor_drag": 1.0, "parasitic_drag": 1.0}, wind_m_s=1.5
+        ),
+        rotorpy.RotorpyDesign("hummingbird", {"translational_lift": 1.0, "axial_inflow": 0.3}),
+        rotorpy.RotorpyDesign("hummingbird", shift_m=(0.006, -0.004)),
     ],
     ids=lambda d: d.key,
 )
@@ -281,15 +283,15 @@ def test_rotorpy_gusts_have_the_same_size_whatever_the_step():
 
 
 MUJOCO = (
-    mujoco.Design("x1100"),
-    mujoco.Design("x1100", drag=4.0, wind_m_s=3.0),
-    mujoco.Design("x150", viscosity=0.02),
-    mujoco.Design("x1100", load=0.1),
-    mujoco.Design("x1100", spring=2.0),
-    mujoco.Design("x150", weak=0.1, tilt_rad=0.03),
-    mujoco.Design("x1100", shift=0.05),
-    mujoco.Design("x1100", curve=0.6),
-    mujoco.Design("x1100", ceiling=0.8, delay_s=0.016),
+    mujoco.MujocoDesign("x1100"),
+    mujoco.MujocoDesign("x1100", drag=4.0, wind_m_s=3.0),
+    mujoco.MujocoDesign("x150", viscosity=0.02),
+    mujoco.MujocoDesign("x1100", load=0.1),
+    mujoco.MujocoDesign("x1100", spring=2.0),
+    mujoco.MujocoDesign("x150", weak=0.1, tilt_rad=0.03),
+    mujoco.MujocoDesign("x1100", shift=0.05),
+    mujoco.MujocoDesign("x1100", curve=0.6),
+    mujoco.MujocoDesign("x1100", ceiling=0.8, delay_s=0.016),
 )
 
 
@@ -312,7 +314,7 @@ def test_mujoco_keeps_its_balance(design):
 
 def test_mujoco_without_anything_in_its_drive_is_the_declared_drive():
     pytest.importorskip("mujoco", reason="the extra 'simulators' is not installed")
-    rng, design = np.random.default_rng(0), mujoco.Design("x150")
+    rng, design = np.random.default_rng(0), mujoco.MujocoDesign("x150")
     craft = mujoco._airframe(design, rng)
     plan = paths.references(
         "development", 6.0, mujoco.STEP_S, paths.Scale(1.0, 0.04, 2.0, 0.3), rng
@@ -325,7 +327,7 @@ def test_mujoco_without_anything_in_its_drive_is_the_declared_drive():
 ARRAYS = """
 import numpy as np
 from ges.blind.foreign import drone_models as d, paths
-design = d.Design("cf2x_L250", across=1.0, along=1.0, propeller=2.0)
+design = d.DroneModelsDesign("cf2x_L250", across=1.0, along=1.0, propeller=2.0)
 numbers, rng = d._numbers(design), np.random.default_rng(1)
 craft = d.airframe(design.drone, numbers, rng)
 plan = paths.references("development", 6.0, d.STEP_S, paths.Scale(0.5, 0.02, 0.8, 0.4), rng)[1]
@@ -353,7 +355,10 @@ from pathlib import Path
 from ges.blind.foreign import crazyflow as c
 from ges.blind.foreign.sets import Place
 c.SECONDS = 5.0
-designs = [c.Design("cf21B_500", across=1.0, along=1.0, weak=0.1), c.Design("cf21B_500")]
+designs = [
+    c.CrazyflowDesign("cf21B_500", across=1.0, along=1.0, weak=0.1),
+    c.CrazyflowDesign("cf21B_500"),
+]
 kept = []
 c.write_flown = lambda out, place, *flown: kept.append(flown[:2])
 places = [Place(c.WORLD, d.key, "development", 3) for d in designs]
@@ -451,7 +456,7 @@ def test_a_trajectory_without_a_solution_is_drawn_anew_and_slower(monkeypatch):
     monkeypatch.setattr(
         rotorpy, "_trajectory", lambda half, kind, pace, rng: paces.append(pace) or next(drawn)
     )
-    design, rng = rotorpy.Design("hummingbird"), np.random.default_rng(0)
+    design, rng = rotorpy.RotorpyDesign("hummingbird"), np.random.default_rng(0)
     assert rotorpy._fly_gently(design, {}, "development", 2, np.zeros(3), 0.01, rng) == "path"
     assert paces[1] == rotorpy.GENTLER * paces[0]
 

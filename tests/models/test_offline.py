@@ -12,7 +12,7 @@ import pytest
 from ges.study import config
 from ges.study.datasets.flights import fly_batch
 from ges.study.datasets.leakage import check_leakage
-from ges.study.datasets.rows import Window, load_rows
+from ges.study.datasets.rows import RowWindow, load_rows
 from ges.study.datasets.split import write_split
 from ges.study.models import zoo
 from ges.study.offline.curves import learning_curve
@@ -55,14 +55,14 @@ def test_every_horizon_is_scored_on_the_same_rows(data):
     assert list(table["horizon_s"]) == [0.0, 0.0, 0.4, 0.4]
     assert table["test_rows"].nunique() == 1
     # The last 0.4 s of a flight have no target at the longest horizon, at the shortest neither.
-    test = load_rows(REPORT, SPLIT, "test", Window.of(SHAPE, 100.0, 0.4), None, 1, past=False)
+    test = load_rows(REPORT, SPLIT, "test", RowWindow.of(SHAPE, 100.0, 0.4), None, 1, past=False)
     assert table["test_rows"][0] == len(test)
     analytical = table.query("model == 'analytical'")["rmse"].to_numpy()
     assert analytical[0] < analytical[1]
 
 
 def test_importances_are_set_against_the_rest(data):
-    window = Window.of(SHAPE, 100.0, 0.1)
+    window = RowWindow.of(SHAPE, 100.0, 0.1)
     train = load_rows(REPORT, SPLIT, "train", window, 200, 1, past=False)
     model = zoo.fitted(
         "random_forest", zoo.make("random_forest", FOREST, SHAPE, VEHICLE, 1), train, None
@@ -80,7 +80,7 @@ def test_importances_are_set_against_the_rest(data):
 
 def test_a_curve_has_the_shares_that_are_asked_for(data):
     fit = config.Fit(train_rows=200)
-    window = Window.of(SHAPE, 100.0, 0.1)
+    window = RowWindow.of(SHAPE, 100.0, 0.1)
     train = load_rows(REPORT, SPLIT, "train", window, 200, 1, past=False)
     joblib.dump(
         zoo.fitted("linear", zoo.make("linear", fit, SHAPE, VEHICLE, 1), train, None), "cap.joblib"

@@ -15,7 +15,7 @@ from ges.study import config
 from ges.study.datasets.columns import CONTACT, FEATURES, TARGET
 from ges.study.datasets.flights import fly_batch, read_flight
 from ges.study.datasets.leakage import check_leakage
-from ges.study.datasets.rows import Window, load_rows
+from ges.study.datasets.rows import RowWindow, load_rows
 from ges.study.datasets.split import PARTS, write_split
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,7 +27,7 @@ SEEDS = STUDY.seeds.model_copy(
         "test": config.SeedRange(first=271, count=1),
     }
 )
-WINDOW = Window(rows=5, step=3, horizon=10, reserve=25)
+WINDOW = RowWindow(rows=5, step=3, horizon=10, reserve=25)
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def rows(
     kind: str = "blockwise",
     most: int | None = None,
     past: bool = True,
-    window: Window = WINDOW,
+    window: RowWindow = WINDOW,
 ):
     return load_rows(Path("report.json"), Path(f"rows.{kind}.csv"), part, window, most, 1, past)
 
@@ -83,7 +83,7 @@ def test_rows_are_the_flight(data):
 
 def test_every_model_and_horizon_has_the_same_rows(data):
     with_past, without = rows("train", most=200), rows("train", most=200, past=False)
-    farther = rows("train", most=200, window=Window(rows=5, step=3, horizon=25, reserve=25))
+    farther = rows("train", most=200, window=RowWindow(rows=5, step=3, horizon=25, reserve=25))
     assert without.x.shape[1:] == (1, len(FEATURES)) and np.array_equal(with_past.now, without.now)
     assert np.array_equal(with_past.row, without.row) and np.array_equal(
         with_past.seed, without.seed

@@ -54,7 +54,7 @@ class Part(BaseModel):
     )
 
 
-class Vehicle(Part):
+class Quadrotor(Part):
     """Airframe that is flown: four rotors in a cross of equal arms."""
 
     mass_kg: Positive = Field(description="mass")
@@ -160,7 +160,7 @@ class GroundEffect(Part):
 class Simulator(Part):
     """What is flown, over what, and how it is controlled."""
 
-    vehicle: Vehicle = Field(description="airframe")
+    vehicle: Quadrotor = Field(description="airframe")
     sensors: Sensors = Field(description="sensor noise")
     controller: Controller = Field(description="firmware")
     terrain: TerrainShape = Field(description="ground")
@@ -496,7 +496,7 @@ class Worlds(Part):
     batches: Count = Field(description="jobs that share the sets")
 
 
-class Proof(Part):
+class ConcealedProof(Part):
     """The proof with concealed effects."""
 
     grid: Literal["smoke", "glance", "tiny", "sample", "third", "full"] = Field(
@@ -519,7 +519,7 @@ class Study(Part):
     models: Models = Field(description="models")
     offline: Offline = Field(description="offline experiments")
     closed_loop: ClosedLoop = Field(description="closed-loop experiments")
-    proof: Proof = Field(description="the proof with concealed effects")
+    proof: ConcealedProof = Field(description="the proof with concealed effects")
 
     @model_validator(mode="after")
     def _flights_end_on_the_track(self) -> Study:

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from ges.blind.foreign.drone_models import RPM, airframe
 from ges.blind.foreign.paths import Scale, references
 from ges.blind.foreign.sets import Concealed, Lost, Place, Sources, draw_log, write_flown
-from ges.blind.generator.detectable import NAME_OF_WRONG, Flown
+from ges.blind.generator.detectable import NAME_OF_WRONG, TrueFlight
 
 WORLD = "crazyflow"
 NEEDS = ("crazyflow",)
@@ -33,7 +33,7 @@ METHOD = "force along the path, crazyflow's own accelerations with and without e
 
 
 @dataclass(frozen=True)
-class Design:
+class CrazyflowDesign:
     """A set to fly: shares of the published drag and propeller inertia, the share that rotor 3
     loses, whether the thrust curve keeps its linear term, and how the file is wrong."""
 
@@ -83,32 +83,32 @@ NAMES = {
 }
 
 
-def designs(half: str) -> list[Design]:
+def designs(half: str) -> list[CrazyflowDesign]:
     """Return the sets of a half."""
     small = {"development": 0.3, "evaluation": 0.4}[half]
-    found = [Design(d, copy=k) for d in DRONES[half] for k in range(2)]
+    found = [CrazyflowDesign(d, copy=k) for d in DRONES[half] for k in range(2)]
     for d in DRONES[half]:
         found += [
-            Design(d, across=1.0),
-            Design(d, across=small),
-            Design(d, along=1.0),
-            Design(d, across=1.0, along=1.0),
-            Design(d, weak=0.3 * small),
-            Design(d, across=1.0, along=1.0, propeller=1.0, linear=True),
+            CrazyflowDesign(d, across=1.0),
+            CrazyflowDesign(d, across=small),
+            CrazyflowDesign(d, along=1.0),
+            CrazyflowDesign(d, across=1.0, along=1.0),
+            CrazyflowDesign(d, weak=0.3 * small),
+            CrazyflowDesign(d, across=1.0, along=1.0, propeller=1.0, linear=True),
         ]
     first, second = DRONES[half]
     return found + [
-        Design(first, propeller=2.0),
-        Design(second, across=1.0, weak=0.1),
-        Design(first, wrong={"mass": 0.86}),
-        Design(second, across=1.0, wrong={"mass": 1.15}),
-        Design(first, wrong={"lag": 2.2}),
-        Design(second, wrong={"inertia": 0.65}),
-        Design(first, wrong={"torque": 1.5}),
+        CrazyflowDesign(first, propeller=2.0),
+        CrazyflowDesign(second, across=1.0, weak=0.1),
+        CrazyflowDesign(first, wrong={"mass": 0.86}),
+        CrazyflowDesign(second, across=1.0, wrong={"mass": 1.15}),
+        CrazyflowDesign(first, wrong={"lag": 2.2}),
+        CrazyflowDesign(second, wrong={"inertia": 0.65}),
+        CrazyflowDesign(first, wrong={"torque": 1.5}),
     ]
 
 
-def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+def make(out: Path, sets: Sequence[tuple[CrazyflowDesign, int, Place]], sources: Sources) -> None:
     """Fly designs abreast, a drone at a time, and seal them.
 
     Raises
@@ -121,7 +121,9 @@ def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources)
         _make_of_drone(out, drone, chosen)
 
 
-def _make_of_drone(out: Path, drone: str, sets: Sequence[tuple[Design, int, Place]]) -> None:
+def _make_of_drone(
+    out: Path, drone: str, sets: Sequence[tuple[CrazyflowDesign, int, Place]]
+) -> None:
     simulator = _simulator(drone, 4 * len(sets))
     published = {k: np.asarray(v) for k, v in vars(simulator.data.params).items()}
     numbers = [_numbers(design, published) for design, _, _ in sets]
@@ -173,7 +175,7 @@ def _top_speed(simulator: Any, drone: str) -> float:
     return float(np.max(rotor_vel_limits(simulator.dynamics, drone)[1])) / RPM
 
 
-def _numbers(design: Design, published: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _numbers(design: CrazyflowDesign, published: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the parameters of one set. Without its linear term a thrust curve carries the same
     weight at the same speed."""
     numbers = {k: np.array(v) for k, v in published.items()}
@@ -260,12 +262,12 @@ def _asked(ref: np.ndarray) -> np.ndarray:
 
 
 def _flown(
-    design: Design,
+    design: CrazyflowDesign,
     craft: Any,
     numbers: Mapping[str, np.ndarray],
     book: Mapping[str, np.ndarray],
     plan: np.ndarray,
-) -> Flown:
+) -> TrueFlight:
     # f = R' (a + g e_z)
     turn = Rotation.from_quat(book["quat"])
     push, spin = _accelerations(numbers, book)
@@ -290,7 +292,7 @@ def _flown(
         "v_ref": plan[3:6].T,
         "yaw_ref": plan[9:10].T,
     }
-    return Flown(1.0 / RATE_HZ, states, changes)
+    return TrueFlight(1.0 / RATE_HZ, states, changes)
 
 
 def _without(numbers: Mapping[str, np.ndarray], name: str) -> dict[str, np.ndarray]:

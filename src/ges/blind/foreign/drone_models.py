@@ -26,8 +26,8 @@ from ges.blind.foreign.sets import (
     misdeclared,
     write_flown,
 )
-from ges.blind.generator.airframe import Airframe, declare
-from ges.blind.generator.detectable import NAME_OF_WRONG, Flown
+from ges.blind.generator.airframe import TrueVehicle, declare
+from ges.blind.generator.detectable import NAME_OF_WRONG, TrueFlight
 from ges.blind.generator.pilot import Pilot
 
 WORLD = "drone-models"
@@ -42,7 +42,7 @@ METHOD = "force along the path, drone-models' own accelerations with and without
 
 
 @dataclass(frozen=True)
-class Design:
+class DroneModelsDesign:
     """A set to fly: shares of the published drag across and along the thrust and of the propellers'
     inertia, the share that one motor's thrust loses, and how the file is wrong."""
 
@@ -85,30 +85,30 @@ NAMES = {
 }
 
 
-def designs(half: str) -> list[Design]:
+def designs(half: str) -> list[DroneModelsDesign]:
     """Return the sets of a half; the halves share no drone but one."""
     drones = {"development": DRONES[:2], "evaluation": DRONES[1:]}[half]
     small = {"development": 0.25, "evaluation": 0.35}[half]
-    found = [Design(d, copy=k) for d in drones for k in range(2)]
+    found = [DroneModelsDesign(d, copy=k) for d in drones for k in range(2)]
     for d in drones:
         found += [
-            Design(d, across=1.0),
-            Design(d, across=small),
-            Design(d, along=1.0),
-            Design(d, across=1.0, along=1.0),
-            Design(d, propeller=2.0),
+            DroneModelsDesign(d, across=1.0),
+            DroneModelsDesign(d, across=small),
+            DroneModelsDesign(d, along=1.0),
+            DroneModelsDesign(d, across=1.0, along=1.0),
+            DroneModelsDesign(d, propeller=2.0),
         ]
     return found + [
-        Design(drones[0], across=1.0, propeller=2.0),
-        Design(drones[1], wrong={"lag": 0.55}),
-        Design(drones[0], wrong={"mass": 1.13}),
-        Design(drones[1], across=1.0, wrong={"mass": 0.87}),
-        Design(drones[0], wrong={"torque": 0.6}),
-        Design(drones[1], wrong={"inertia": 1.4}),
+        DroneModelsDesign(drones[0], across=1.0, propeller=2.0),
+        DroneModelsDesign(drones[1], wrong={"lag": 0.55}),
+        DroneModelsDesign(drones[0], wrong={"mass": 1.13}),
+        DroneModelsDesign(drones[1], across=1.0, wrong={"mass": 0.87}),
+        DroneModelsDesign(drones[0], wrong={"torque": 0.6}),
+        DroneModelsDesign(drones[1], wrong={"inertia": 1.4}),
     ]
 
 
-def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+def make(out: Path, sets: Sequence[tuple[DroneModelsDesign, int, Place]], sources: Sources) -> None:
     """Fly designs, one after the other, and seal them.
 
     Raises
@@ -120,7 +120,7 @@ def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources)
         _make(out, design, number, place)
 
 
-def _make(out: Path, design: Design, number: int, place: Place) -> None:
+def _make(out: Path, design: DroneModelsDesign, number: int, place: Place) -> None:
     numbers = _numbers(design)
     craft = airframe(design.drone, numbers, place.rng("file"))
     log = draw_log(place, number)
@@ -131,7 +131,7 @@ def _make(out: Path, design: Design, number: int, place: Place) -> None:
     write_flown(out, place, craft, flights, log, design.concealed(), METHOD, design.wrong)
 
 
-def _numbers(design: Design) -> dict[str, Any]:
+def _numbers(design: DroneModelsDesign) -> dict[str, Any]:
     from drone_models import parametrize
     from drone_models.first_principles import dynamics
 
@@ -144,7 +144,7 @@ def _numbers(design: Design) -> dict[str, Any]:
     return numbers
 
 
-def airframe(drone: str, numbers: Mapping[str, Any], rng: np.random.Generator) -> Airframe:
+def airframe(drone: str, numbers: Mapping[str, Any], rng: np.random.Generator) -> TrueVehicle:
     """Return the true vehicle in our terms, and a file about it with honest errors.
 
     A positive entry of the mixing matrix's last row turns the body counter-clockwise, so the rotor
@@ -165,7 +165,7 @@ def airframe(drone: str, numbers: Mapping[str, Any], rng: np.random.Generator) -
     # its equations know no top speed; half again that of hover leaves room to steer
     true |= {"lag": float(np.mean(1.0 / rates)), "speed": 1.5 * hover}
     true = {key: float(value) for key, value in true.items()}
-    return Airframe(
+    return TrueVehicle(
         size=drone,
         radius_m=RADIUS_M,
         # rows of the mixing matrix over the arm: M_x = y T, M_y = -x T
@@ -180,12 +180,12 @@ def airframe(drone: str, numbers: Mapping[str, Any], rng: np.random.Generator) -
 
 
 def _fly(
-    design: Design,
+    design: DroneModelsDesign,
     numbers: Mapping[str, Any],
-    craft: Airframe,
+    craft: TrueVehicle,
     reference: np.ndarray,
     rng: np.random.Generator,
-) -> list[Flown]:
+) -> list[TrueFlight]:
     """Fly references (11, n, flights) abreast by Runge and Kutta's fourth order."""
     flights = reference.shape[2]
     declared = misdeclared(craft.declared, design.wrong)
@@ -220,7 +220,7 @@ def _fly(
             raise Lost(f"'{design.key}' lost its path; the path is too fast for the drone")
     book = {n: np.stack([r[n] for r in rows], axis=1) for n in rows[0]}
     return [
-        Flown(
+        TrueFlight(
             STEP_S,
             {n: v[f] for n, v in book.items() if "/" not in n},
             {NAMES[n]: {c: book[f"{n}/{c}"][f] for c in ("force_N", "moment_Nm")} for n in without},
@@ -261,7 +261,7 @@ def _rate(numbers: Mapping[str, Any], s: np.ndarray, asked: np.ndarray) -> np.nd
 
 
 def _row(
-    craft: Airframe,
+    craft: TrueVehicle,
     without: Mapping[str, Mapping[str, Any]],
     s: np.ndarray,
     rate: np.ndarray,

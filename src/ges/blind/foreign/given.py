@@ -23,7 +23,7 @@ UNKNOWN_LIMIT: dict[str, Any] = {
 
 
 @dataclass(frozen=True)
-class Design:
+class GivenSet:
     """One set of the folder."""
 
     key: str
@@ -34,13 +34,13 @@ def folder_of(half: str, sources: Sources) -> Path:
     return sources.given / (WORLD if half == "development" else f"{WORLD}-{half}")
 
 
-def designs(half: str, sources: Sources) -> list[Design]:
+def designs(half: str, sources: Sources) -> list[GivenSet]:
     """Return the sets that are given for a half."""
     cases = folder_of(half, sources) / "cases"
-    return [Design(path.name) for path in sorted(cases.iterdir())] if cases.is_dir() else []
+    return [GivenSet(path.name) for path in sorted(cases.iterdir())] if cases.is_dir() else []
 
 
-def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+def make(out: Path, sets: Sequence[tuple[GivenSet, int, Place]], sources: Sources) -> None:
     """Copy sets under names that say nothing, with their truth.
 
     Raises

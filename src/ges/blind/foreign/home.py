@@ -27,7 +27,7 @@ STRENGTHS = {
 
 
 @dataclass(frozen=True)
-class Design:
+class HomeDesign:
     """One case of the generator's own grid."""
 
     spec: Spec
@@ -39,22 +39,22 @@ class Design:
         return f"{self.spec.size} {names} {self.spec.menu} #{self.spec.index}"
 
 
-def designs(half: str) -> list[Design]:
+def designs(half: str) -> list[HomeDesign]:
     """Return the generator's cases; they differ by the seed, which is that of the half."""
-    return [Design(spec) for spec in specs(GRID, HALF_SEED[half])]
+    return [HomeDesign(spec) for spec in specs(GRID, HALF_SEED[half])]
 
 
 HALF_SEED = {"development": 0, "evaluation": 1}
 """Orders the composition; what is drawn for a case follows from the seed of the sets."""
 
 
-def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+def make(out: Path, sets: Sequence[tuple[HomeDesign, int, Place]], sources: Sources) -> None:
     """Fly cases in their usual air and seal them."""
     _make(out, sets, lambda case, _: case)
 
 
 def make_in_other_air(
-    out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources
+    out: Path, sets: Sequence[tuple[HomeDesign, int, Place]], sources: Sources
 ) -> None:
     """Fly cases in air of two time scales, with tails and bursts, each flight of another strength,
     and seal them.
@@ -64,7 +64,7 @@ def make_in_other_air(
 
 def _make(
     out: Path,
-    sets: Sequence[tuple[Design, int, Place]],
+    sets: Sequence[tuple[HomeDesign, int, Place]],
     dressed: Callable[[Case, Place], Case],
 ) -> None:
     place_of = {design.spec.index: place for design, _, place in sets}

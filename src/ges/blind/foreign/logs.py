@@ -42,7 +42,7 @@ SIH = LogSource("px4-flights/sample_px4_events.ulg", Options(), "sih-quad")
 
 
 @dataclass(frozen=True)
-class Design:
+class LogDesign:
     """A set: the log, effects that are left out of the file, numbers that are wrong in it."""
 
     source: LogSource
@@ -71,17 +71,17 @@ class Design:
         )
 
 
-def designs(half: str) -> list[Design]:
+def designs(half: str) -> list[LogDesign]:
     """Return the sets of a half; each half has a half of the flight in Gazebo."""
     found = [
-        Design(GAZEBO),
-        Design(GAZEBO, ("rotor_drag",)),
-        Design(GAZEBO, wrong={"mass_kg": 0.86 if half == "development" else 1.13}),
+        LogDesign(GAZEBO),
+        LogDesign(GAZEBO, ("rotor_drag",)),
+        LogDesign(GAZEBO, wrong={"mass_kg": 0.86 if half == "development" else 1.13}),
     ]
-    return found + ([Design(SIH)] if half == "development" else [])
+    return found + ([LogDesign(SIH)] if half == "development" else [])
 
 
-def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+def make(out: Path, sets: Sequence[tuple[LogDesign, int, Place]], sources: Sources) -> None:
     """Write sets of pieces of the logs.
 
     Raises
@@ -111,7 +111,7 @@ def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources)
         write_set(out, place, _file(design), flights, truth)
 
 
-def _file(design: Design) -> dict[str, Any]:
+def _file(design: LogDesign) -> dict[str, Any]:
     """Return the library's file with the usual doubts, less what is concealed."""
     content = vehicle_content(load_vehicle(design.source.vehicle))
     doubted = {

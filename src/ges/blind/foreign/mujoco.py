@@ -26,8 +26,8 @@ from ges.blind.foreign.sets import (
     misdeclared,
     write_flown,
 )
-from ges.blind.generator.airframe import Airframe, declare
-from ges.blind.generator.detectable import NAME_OF_WRONG, Flown, body_of, driven
+from ges.blind.generator.airframe import TrueVehicle, declare
+from ges.blind.generator.detectable import NAME_OF_WRONG, TrueFlight, body_of, driven
 from ges.blind.generator.pilot import Pilot
 
 WORLD = "mujoco"
@@ -63,7 +63,7 @@ METHOD = "force along the path, MuJoCo's own generalised forces and the actuator
 
 
 @dataclass(frozen=True)
-class Design:
+class MujocoDesign:
     """A set to fly: numbers of the XML that differ from a plain vehicle in a vacuum.
 
     ``drag`` is the ellipsoid's blunt drag coefficient (0: the fluid is a vacuum), ``box`` the
@@ -141,55 +141,55 @@ class Design:
         )
 
 
-def designs(half: str) -> list[Design]:
+def designs(half: str) -> list[MujocoDesign]:
     """Return the sets of a half: the same effects in both, at other sizes."""
     more = {"development": 1.0, "evaluation": 1.25}[half]
     quads = [v for v in VEHICLES if v not in MORE_ROTORS]
-    found = [Design(v, copy=k) for v in quads for k in range(3)]
+    found = [MujocoDesign(v, copy=k) for v in quads for k in range(3)]
     for v in quads:
         found += [
-            Design(v, drag=1.5 * more),
-            Design(v, drag=4.0 * more),
-            Design(v, box=12.0 * more),
-            Design(v, viscosity=0.02 * more if v == "x150" else 0.05 * more),
-            Design(v, drag=3.0, wind_m_s=3.0 * more),
-            Design(v, weak=0.08 * more),
-            Design(v, tilt_rad=0.03 * more),
-            Design(v, shift=0.04 * more),
-            Design(v, curve=1.0 - 0.4 * more),
-            Design(v, ceiling=0.8 / more**0.5),
-            Design(v, delay_s=0.016 * more),
-            Design(v, load=0.1 * more),
-            Design(v, wrong={"lag": 1.0 / (2.2 * more)}),
-            Design(v, wrong={"mass": 1.0 + (0.12 if v == "x150" else -0.12) * more}),
-            Design(v, drag=3.0 * more, weak=0.1),
+            MujocoDesign(v, drag=1.5 * more),
+            MujocoDesign(v, drag=4.0 * more),
+            MujocoDesign(v, box=12.0 * more),
+            MujocoDesign(v, viscosity=0.02 * more if v == "x150" else 0.05 * more),
+            MujocoDesign(v, drag=3.0, wind_m_s=3.0 * more),
+            MujocoDesign(v, weak=0.08 * more),
+            MujocoDesign(v, tilt_rad=0.03 * more),
+            MujocoDesign(v, shift=0.04 * more),
+            MujocoDesign(v, curve=1.0 - 0.4 * more),
+            MujocoDesign(v, ceiling=0.8 / more**0.5),
+            MujocoDesign(v, delay_s=0.016 * more),
+            MujocoDesign(v, load=0.1 * more),
+            MujocoDesign(v, wrong={"lag": 1.0 / (2.2 * more)}),
+            MujocoDesign(v, wrong={"mass": 1.0 + (0.12 if v == "x150" else -0.12) * more}),
+            MujocoDesign(v, drag=3.0 * more, weak=0.1),
             # a twentieth of that: what the limit says can hardly be told
-            Design(v, drag=0.1 * more),
-            Design(v, weak=0.006 * more),
-            Design(v, tilt_rad=0.002 * more),
+            MujocoDesign(v, drag=0.1 * more),
+            MujocoDesign(v, weak=0.006 * more),
+            MujocoDesign(v, tilt_rad=0.002 * more),
         ]
     for v in MORE_ROTORS:
-        found += [Design(v, copy=k) for k in range(2)]
+        found += [MujocoDesign(v, copy=k) for k in range(2)]
         found += [
-            Design(v, drag=4.0 * more),
-            Design(v, weak=0.12 * more),
-            Design(v, shift=0.04 * more),
-            Design(v, load=0.1 * more),
-            Design(v, wrong={"mass": 1.0 - 0.12 * more}),
-            Design(v, drag=3.0 * more, weak=0.15),
+            MujocoDesign(v, drag=4.0 * more),
+            MujocoDesign(v, weak=0.12 * more),
+            MujocoDesign(v, shift=0.04 * more),
+            MujocoDesign(v, load=0.1 * more),
+            MujocoDesign(v, wrong={"mass": 1.0 - 0.12 * more}),
+            MujocoDesign(v, drag=3.0 * more, weak=0.15),
         ]
     return found + [
-        Design("x1100", spring=2.0 * more),
-        Design("x1100", wrong={"torque": 1.0 + 0.35 * more}),
-        Design("x150", wrong={"inertia": 1.0 - 0.3 * more}),
-        Design("x1100", drag=3.0, shift=0.05 * more),
-        Design("x150", drag=3.0, load=0.1 * more),
-        Design("x1100", weak=0.1, wrong={"lag": 0.5 / more}),
-        Design("x1100", drag=3.0 * more, wrong={"mass": 0.87}),
+        MujocoDesign("x1100", spring=2.0 * more),
+        MujocoDesign("x1100", wrong={"torque": 1.0 + 0.35 * more}),
+        MujocoDesign("x150", wrong={"inertia": 1.0 - 0.3 * more}),
+        MujocoDesign("x1100", drag=3.0, shift=0.05 * more),
+        MujocoDesign("x150", drag=3.0, load=0.1 * more),
+        MujocoDesign("x1100", weak=0.1, wrong={"lag": 0.5 / more}),
+        MujocoDesign("x1100", drag=3.0 * more, wrong={"mass": 0.87}),
     ]
 
 
-def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+def make(out: Path, sets: Sequence[tuple[MujocoDesign, int, Place]], sources: Sources) -> None:
     """Fly designs, one after the other, and seal them.
 
     Raises
@@ -201,7 +201,7 @@ def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources)
         _make(out, design, number, place)
 
 
-def _make(out: Path, design: Design, number: int, place: Place) -> None:
+def _make(out: Path, design: MujocoDesign, number: int, place: Place) -> None:
     craft = _airframe(design, place.rng("file"))
     log = draw_log(place, number)
     rng = place.rng("paths")
@@ -215,7 +215,7 @@ def _make(out: Path, design: Design, number: int, place: Place) -> None:
     write_flown(out, place, craft, flights, log, design.concealed(), METHOD, design.wrong)
 
 
-def _airframe(design: Design, rng: np.random.Generator) -> Airframe:
+def _airframe(design: MujocoDesign, rng: np.random.Generator) -> TrueVehicle:
     mass, radius, lever, inertia, lift, hover, lag, _, _ = VEHICLES[design.vehicle]
     frame = FRAMES[design.vehicle]
     thrust = mass * GRAVITY_M_S2 / (len(frame) * hover**2)
@@ -223,7 +223,7 @@ def _airframe(design: Design, rng: np.random.Generator) -> Airframe:
     true |= {"mass": mass, "thrust": thrust, "torque": thrust * 0.16 * radius}
     true |= {"lag": lag, "speed": hover * float(np.sqrt(lift))}
     x, y, z = (tuple(s[k] for s in frame) for k in range(3))
-    return Airframe(
+    return TrueVehicle(
         design.vehicle,
         radius,
         tuple(lever * k for k in x),
@@ -241,7 +241,7 @@ LOAD_ROPE_M = 0.35
 LEASH_M = 0.3
 
 
-def _xml(design: Design, craft: Airframe, heading: float) -> str:
+def _xml(design: MujocoDesign, craft: TrueVehicle, heading: float) -> str:
     """Return the model: a free body with its thrusters at sites, a fluid, a tendon."""
     true, size = craft.true, VEHICLES[design.vehicle][7]
     # MuJoCo's fluid acts by density and viscosity: without either it is a vacuum
@@ -288,12 +288,12 @@ def _xml(design: Design, craft: Airframe, heading: float) -> str:
 
 
 def _fly(
-    design: Design,
-    craft: Airframe,
+    design: MujocoDesign,
+    craft: TrueVehicle,
     plan: np.ndarray,
     heading: float,
     rng: np.random.Generator,
-) -> Flown:
+) -> TrueFlight:
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(_xml(design, craft, heading))
@@ -326,10 +326,10 @@ def _fly(
             )
     states = {n: np.stack([r[n] for r in rows]) for n in rows[0]}
     forces = {n: states.pop(n) for n in list(states) if n.startswith("of_")}
-    return Flown(STEP_S, states, _changes(design, craft, states, forces))
+    return TrueFlight(STEP_S, states, _changes(design, craft, states, forces))
 
 
-def _pilot(design: Design, craft: Airframe) -> Pilot:
+def _pilot(design: MujocoDesign, craft: TrueVehicle) -> Pilot:
     declared = misdeclared(craft.declared, design.wrong)
     one = {k: np.array([v]) for k, v in declared.items()}
     x, y, spin = (
@@ -357,7 +357,7 @@ def _rotation(data: Any) -> np.ndarray:
 
 
 def _row(
-    model: Any, data: Any, design: Design, craft: Airframe, u: np.ndarray, ref: np.ndarray
+    model: Any, data: Any, design: MujocoDesign, craft: TrueVehicle, u: np.ndarray, ref: np.ndarray
 ) -> dict[str, np.ndarray]:
     import mujoco
 
@@ -395,8 +395,8 @@ def _row(
 
 
 def _changes(
-    design: Design,
-    craft: Airframe,
+    design: MujocoDesign,
+    craft: TrueVehicle,
     states: Mapping[str, np.ndarray],
     forces: Mapping[str, np.ndarray],
 ) -> dict[str, Any]:
@@ -449,7 +449,7 @@ def _wrench(rows: np.ndarray) -> dict[str, np.ndarray]:
     return {"force_N": rows[:, :3], "moment_Nm": rows[:, 3:]}
 
 
-def _plain_speed(craft: Airframe, states: Mapping[str, np.ndarray]) -> np.ndarray:
+def _plain_speed(craft: TrueVehicle, states: Mapping[str, np.ndarray]) -> np.ndarray:
     """Return the rotor speeds that the declared kind of drive makes of the commands."""
     from scipy.signal import lfilter
 

@@ -87,7 +87,7 @@ Flights = list[pd.DataFrame]
 
 
 @dataclass(frozen=True)
-class Design:
+class RecordedDesign:
     """A set of recorded flights: those it is calibrated on (none: the file as it is), those to be
     diagnosed, by path within the data set, the labelled truth, and into how many pieces a single
     long flight is cut.
@@ -114,7 +114,7 @@ def _of_half(items: Sequence, half: str) -> list:
     return list(items)[HALVES.index(half) :: 2]
 
 
-def crazypad_designs(half: str) -> list[Design]:
+def crazypad_designs(half: str) -> list[RecordedDesign]:
     """Return healthy flights against other healthy flights, and changed ones against healthy ones
     of the same airframe and session.
     """
@@ -123,7 +123,7 @@ def crazypad_designs(half: str) -> list[Design]:
         every = [f"normal_flight/{name}" for name in HEALTHY[airframe]]
         for pair in itertools.combinations(every, 2):
             rest = tuple(name for name in every if name not in pair)
-            found.append(Design(rest, pair, HEALTHY_FLIGHTS, f"healthy {airframe}"))
+            found.append(RecordedDesign(rest, pair, HEALTHY_FLIGHTS, f"healthy {airframe}"))
     for folder in _of_half(sorted(CONDITIONS), half):
         airframe, start, truth = CONDITIONS[folder]
         healthy = tuple(f"normal_flight/{name}" for name in HEALTHY[airframe])
@@ -134,56 +134,60 @@ def crazypad_designs(half: str) -> list[Design]:
             references = [*each, each[0] + each[1]]
         logs = [f"{folder}/{airframe}_log0{start + k}" for k in range(3)]
         found += [
-            Design(reference, pair, truth, folder)
+            RecordedDesign(reference, pair, truth, folder)
             for reference in references
             for pair in itertools.combinations(logs, 2)
         ]
     return found
 
 
-def imrclab_designs(half: str) -> list[Design]:
+def imrclab_designs(half: str) -> list[RecordedDesign]:
     """Return free flights against other free flights, and loaded ones against free ones."""
     speed = {"development": "1.0", "evaluation": "0.7"}[half]
     free = [f"free/eckart{k:02d}" for k in FREE[speed]]
     found = [
-        Design(tuple(free[:3]), tuple(free[3:]), ROTORS_ALONE, "free"),
-        Design(tuple(free[2:]), tuple(free[:2]), ROTORS_ALONE, "free"),
+        RecordedDesign(tuple(free[:3]), tuple(free[3:]), ROTORS_ALONE, "free"),
+        RecordedDesign(tuple(free[2:]), tuple(free[:2]), ROTORS_ALONE, "free"),
     ]
     for kind in (speed,) if half == "development" else (speed, "sideways"):
         loaded = [f"payload/eckart{k:02d}" for k in PAYLOAD[kind]]
         found += [
-            Design(tuple(free), tuple(part), CABLE, f"payload {kind}")
+            RecordedDesign(tuple(free), tuple(part), CABLE, f"payload {kind}")
             for part in (loaded[:2], loaded[2:], loaded)
         ]
     return found
 
 
-def appius_designs(half: str) -> list[Design]:
+def appius_designs(half: str) -> list[RecordedDesign]:
     """Return flights near the ground, and one far from it in pieces."""
     if half == "development":
         return [
-            Design((), ("HOVERING.csv", "VERTICAL_SPEEDS.csv"), NEAR, "near the ground"),
-            Design((), ("HIGH_ALTITUDE_V_050.csv",), ROTORS_ALONE, "far from the ground", pieces=2),
+            RecordedDesign((), ("HOVERING.csv", "VERTICAL_SPEEDS.csv"), NEAR, "near the ground"),
+            RecordedDesign(
+                (), ("HIGH_ALTITUDE_V_050.csv",), ROTORS_ALONE, "far from the ground", pieces=2
+            ),
         ]
     near = ("NO_COMPENSATION_V_050.csv",)
     return [
-        Design((), (*near, "HIGH_ALTITUDE_V_050.csv"), NEAR, "near and far"),
-        Design((), near, NEAR, "near the ground", pieces=2),
-        Design((), (*near, "VERTICAL_SPEEDS.csv"), NEAR, "near the ground"),
+        RecordedDesign((), (*near, "HIGH_ALTITUDE_V_050.csv"), NEAR, "near and far"),
+        RecordedDesign((), near, NEAR, "near the ground", pieces=2),
+        RecordedDesign((), (*near, "VERTICAL_SPEEDS.csv"), NEAR, "near the ground"),
     ]
 
 
 def maker(world: str) -> Callable[..., None]:
     """Return the function that writes the sets of one of these worlds."""
 
-    def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+    def make(
+        out: Path, sets: Sequence[tuple[RecordedDesign, int, Place]], sources: Sources
+    ) -> None:
         for design, _, place in sets:
             _make(out, world, design, place, sources)
 
     return make
 
 
-def _make(out: Path, world: str, design: Design, place: Place, sources: Sources) -> None:
+def _make(out: Path, world: str, design: RecordedDesign, place: Place, sources: Sources) -> None:
     root = sources.recordings / FOLDERS[world]
     vehicle = _vehicle(world)
     flights = [piece for name in design.flights for piece in _pieces(world, root / name, design)]
@@ -222,7 +226,7 @@ def _calibrated(world: str, vehicle: Vehicle, root: Path, reference: Sequence[st
     return calibrate(*sessions).vehicle
 
 
-def _pieces(world: str, path: Path, design: Design) -> Flights:
+def _pieces(world: str, path: Path, design: RecordedDesign) -> Flights:
     frame = _frame(world, path)
     size = len(frame) // design.pieces
     return [frame.iloc[k * size : (k + 1) * size] for k in range(design.pieces)]

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from ges.blind.generator.detectable import Flown, sample_times
+from ges.blind.generator.detectable import TrueFlight, sample_times
 from ges.blind.noise import Noise, coloured
 from ges.conventions import (
     BODY_RATE,
@@ -24,7 +24,7 @@ from ges.conventions import (
 
 
 @dataclass(frozen=True)
-class Log:
+class LogSettings:
     """How a set is logged: rate, sensors, and which streams there are."""
 
     rate_hz: float
@@ -39,13 +39,13 @@ class Log:
         return self.noise if self.rotor_speeds else replace(self.noise, speed_share=np.inf)
 
 
-def record(flown: Flown, log: Log, rng: np.random.Generator) -> pd.DataFrame:
+def record(flown: TrueFlight, log: LogSettings, rng: np.random.Generator) -> pd.DataFrame:
     """Return a flight as its sensors saw it, in contract columns."""
     return _Recorder(flown, log, rng).frame()
 
 
 class _Recorder:
-    def __init__(self, flown: Flown, log: Log, rng: np.random.Generator):
+    def __init__(self, flown: TrueFlight, log: LogSettings, rng: np.random.Generator):
         self.flown, self.log, self.noise, self.rng = flown, log, log.noise, rng
         self.clock = np.arange(len(flown.state["p"])) * flown.step_s
         # samples may fall between steps: smooth states are drawn through, set-points hold

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from ges.blind.foreign.sets import Concealed, Lost, Place, Sources, draw_log, write_flown
-from ges.blind.generator.airframe import Airframe, declare
-from ges.blind.generator.detectable import NAME_OF_WRONG, Flown
+from ges.blind.generator.airframe import TrueVehicle, declare
+from ges.blind.generator.detectable import NAME_OF_WRONG, TrueFlight
 
 WORLD = "rotorpy"
 NEEDS = ("rotorpy",)
@@ -51,7 +51,7 @@ METHOD = "force along the path, RotorPy's own wrench with and without each effec
 
 
 @dataclass(frozen=True)
-class Design:
+class RotorpyDesign:
     """A set to fly: what is on (share of :data:`ON`), the air, and how the vehicle file is wrong.
 
     ``wind`` is the speed of a steady wind, ``gusts`` a kind of moving air with its size;
@@ -101,7 +101,7 @@ class Design:
         )
 
 
-def designs(half: str) -> list[Design]:
+def designs(half: str) -> list[RotorpyDesign]:
     """Return the sets of a half: the same effects in both, at other sizes."""
     small = {"development": 0.3, "evaluation": 0.4}[half]
     wind = {"development": (2.5, 1.5), "evaluation": (3.2, 1.1)}[half]
@@ -115,36 +115,38 @@ def designs(half: str) -> list[Design]:
         ("axial_inflow", "parasitic_drag"),
         ("translational_lift", "parasitic_drag"),
     ]
-    found = [Design(v, copy=k) for v in both for k in range(4)]
-    found += [Design(v, {n: size}) for v in both for n in effects for size in (1.0, small)]
-    found += [Design("hummingbird", dict.fromkeys(p, 1.0)) for p in pairs]
-    found += [Design("crazyflie", dict.fromkeys(pairs[k], 1.0)) for k in (0, 2)]
-    found += [Design("hummingbird", dict.fromkeys(effects[:3], 1.0))]
-    found += [Design(v, {"flapping": 1.0}) for v in both]
+    found = [RotorpyDesign(v, copy=k) for v in both for k in range(4)]
+    found += [RotorpyDesign(v, {n: size}) for v in both for n in effects for size in (1.0, small)]
+    found += [RotorpyDesign("hummingbird", dict.fromkeys(p, 1.0)) for p in pairs]
+    found += [RotorpyDesign("crazyflie", dict.fromkeys(pairs[k], 1.0)) for k in (0, 2)]
+    found += [RotorpyDesign("hummingbird", dict.fromkeys(effects[:3], 1.0))]
+    found += [RotorpyDesign(v, {"flapping": 1.0}) for v in both]
     for vehicle, speed in zip(both, wind, strict=True):
         found += [
-            Design(vehicle, {"rotor_drag": 1.0}, wind_m_s=speed),
-            Design(vehicle, {"parasitic_drag": 1.0}, wind_m_s=speed),
-            Design(vehicle, {"rotor_drag": 1.0}, gusts=("dryden", 0.4 * speed)),
-            Design(vehicle, {"rotor_drag": 1.0}, gusts=("sinusoid", 0.4 * speed)),
-            Design(vehicle, shift_m=(0.006, -0.004) if vehicle == "hummingbird" else (0.0, 0.002)),
+            RotorpyDesign(vehicle, {"rotor_drag": 1.0}, wind_m_s=speed),
+            RotorpyDesign(vehicle, {"parasitic_drag": 1.0}, wind_m_s=speed),
+            RotorpyDesign(vehicle, {"rotor_drag": 1.0}, gusts=("dryden", 0.4 * speed)),
+            RotorpyDesign(vehicle, {"rotor_drag": 1.0}, gusts=("sinusoid", 0.4 * speed)),
+            RotorpyDesign(
+                vehicle, shift_m=(0.006, -0.004) if vehicle == "hummingbird" else (0.0, 0.002)
+            ),
         ]
     wrong = [("hummingbird", {"mass": 1.12}), ("crazyflie", {"mass": 0.86})]
     wrong += [("hummingbird", {"thrust": 0.85}), ("crazyflie", {"thrust": 1.14})]
     wrong += [("hummingbird", {"torque": 0.65}), ("crazyflie", {"torque": 1.45})]
     wrong += [("hummingbird", {"inertia": 1.45}), ("crazyflie", {"inertia": 0.65})]
     wrong += [("hummingbird", {"lag": 8.0}), ("crazyflie", {"lag": 0.5})]
-    found += [Design("hexarotor", copy=k) for k in range(2)]
-    found += [Design("hexarotor", {n: 1.0}) for n in effects]
+    found += [RotorpyDesign("hexarotor", copy=k) for k in range(2)]
+    found += [RotorpyDesign("hexarotor", {n: 1.0}) for n in effects]
     found += [
-        Design("hexarotor", {"rotor_drag": 1.0}, wind_m_s=wind[0]),
-        Design("hexarotor", shift_m=(0.008, -0.006)),
+        RotorpyDesign("hexarotor", {"rotor_drag": 1.0}, wind_m_s=wind[0]),
+        RotorpyDesign("hexarotor", shift_m=(0.008, -0.006)),
     ]
     wrong += [("hexarotor", {"mass": 1.13}), ("hexarotor", {"torque": 0.65})]
-    return found + [Design(v, wrong=w) for v, w in wrong]
+    return found + [RotorpyDesign(v, wrong=w) for v, w in wrong]
 
 
-def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+def make(out: Path, sets: Sequence[tuple[RotorpyDesign, int, Place]], sources: Sources) -> None:
     """Fly designs, one after the other, and seal them.
 
     Raises
@@ -156,7 +158,7 @@ def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources)
         _make(out, design, number, place)
 
 
-def _make(out: Path, design: Design, number: int, place: Place) -> None:
+def _make(out: Path, design: RotorpyDesign, number: int, place: Place) -> None:
     numbers = _numbers(design)
     craft = _airframe(design, numbers, place.rng("file"))
     log = draw_log(place, number)
@@ -174,7 +176,7 @@ def _make(out: Path, design: Design, number: int, place: Place) -> None:
     write_flown(out, place, craft, flights, log, concealed, METHOD, design.wrong)
 
 
-def _numbers(design: Design) -> dict[str, Any]:
+def _numbers(design: RotorpyDesign) -> dict[str, Any]:
     from rotorpy.vehicles import crazyflie_params, hummingbird_params
 
     published = {
@@ -243,14 +245,16 @@ def _pilot(numbers: Mapping[str, Any]) -> Any:
     return pilot
 
 
-def _airframe(design: Design, numbers: Mapping[str, Any], rng: np.random.Generator) -> Airframe:
+def _airframe(
+    design: RotorpyDesign, numbers: Mapping[str, Any], rng: np.random.Generator
+) -> TrueVehicle:
     """Return the true vehicle, and a file about it with honest errors. Of RotorPy's rotors those
     with a positive direction turn clockwise."""
     names = {"mass": "mass", "ixx": "Ixx", "iyy": "Iyy", "izz": "Izz"}
     names |= {"thrust": "k_eta", "torque": "k_m", "lag": "tau_m", "speed": "rotor_speed_max"}
     true = {own: float(numbers[name]) for own, name in names.items()}
     places = np.array(list(numbers["rotor_pos"].values()))
-    return Airframe(
+    return TrueVehicle(
         size=design.vehicle,
         radius_m=float(numbers.get("rotor_radius", 0.0231)),
         rotor_x_m=tuple(map(float, places[:, 0])),
@@ -264,14 +268,14 @@ def _airframe(design: Design, numbers: Mapping[str, Any], rng: np.random.Generat
 
 
 def _fly_gently(
-    design: Design,
+    design: RotorpyDesign,
     numbers: Mapping[str, Any],
     half: str,
     kind: int,
     blowing: np.ndarray,
     step_s: float,
     rng: np.random.Generator,
-) -> Flown:
+) -> TrueFlight:
     """Fly a trajectory; one that has no solution, or that the controller loses, is drawn anew and
     flown slower.
     """
@@ -329,7 +333,7 @@ def _trajectory(half: str, kind: int, pace: float, rng: np.random.Generator) -> 
 
 
 def _air(
-    design: Design, blowing: np.ndarray, step_s: float, rng: np.random.Generator
+    design: RotorpyDesign, blowing: np.ndarray, step_s: float, rng: np.random.Generator
 ) -> Callable[[float, np.ndarray], np.ndarray]:
     """Return RotorPy's wind as a function of time and position."""
     from rotorpy.wind.default_winds import ConstantWind, SinusoidWind
@@ -358,12 +362,12 @@ def _dryden(size: float, step_s: float, rng: np.random.Generator) -> Any:
 
 def _fly(
     numbers: Mapping[str, Any],
-    design: Design,
+    design: RotorpyDesign,
     path: Any,
     air: Callable[[float, np.ndarray], np.ndarray],
     step_s: float,
     rng: np.random.Generator,
-) -> Flown | None:
+) -> TrueFlight | None:
     """Fly one trajectory by RotorPy's controller; None where it lost it.
 
     Runge and Kutta's fourth order on RotorPy's equations of motion, ten times faster than its own
@@ -400,11 +404,11 @@ def _fly(
         name: {c: np.stack([r[f"{name}/{c}"] for r in rows]) for c in ("force_N", "moment_Nm")}
         for name in without
     }
-    return Flown(step_s, states, changes)
+    return TrueFlight(step_s, states, changes)
 
 
 def _vehicles_without(
-    design: Design, numbers: Mapping[str, Any], state: Mapping[str, np.ndarray]
+    design: RotorpyDesign, numbers: Mapping[str, Any], state: Mapping[str, np.ndarray]
 ) -> dict[str, Any]:
     """Return by name the vehicle that lacks this one effect; None for air that moves."""
 

@@ -14,11 +14,18 @@ import numpy as np
 
 from ges.blind.foreign.paths import Scale, references
 from ges.blind.foreign.sets import Concealed, Lost, Place, Sources, draw_log, write_flown
-from ges.blind.generator.airframe import Airframe, declare
-from ges.blind.generator.detectable import Flown, body_of, driven
+from ges.blind.generator.airframe import TrueVehicle, declare
+from ges.blind.generator.detectable import TrueFlight, body_of, driven
 from ges.blind.noise import Air
 from ges.blind.second.air import TURBULENCE
-from ges.blind.second.flight import CONTROL, DRIVES, DT_S, TURN_PER_M, Flights, Sortie
+from ges.blind.second.flight import (
+    CONTROL,
+    DRIVES,
+    DT_S,
+    TURN_PER_M,
+    SecondSimulation,
+    SecondSortie,
+)
 from ges.blind.second.secrets import (
     LAYOUT,
     LEVELS,
@@ -46,7 +53,7 @@ METHOD = "loads along the path that each effect made, kept by the generator itse
 
 
 @dataclass(frozen=True)
-class Design:
+class SecondDesign:
     """A set to fly: vehicle class, what is concealed and how strongly (0 to 2)."""
 
     vehicle: str
@@ -85,15 +92,17 @@ class Design:
         )
 
 
-def designs(half: str) -> list[Design]:
+def designs(half: str) -> list[SecondDesign]:
     """Return the sets of a half: every effect once, at levels that differ between the halves."""
     shift = {"development": 0, "evaluation": 1}[half]
     sizes = list(VEHICLES)
     physics = [n for n in SECRETS if n not in PARAMETERS]
-    found = [Design(sizes[k % 4], copy=k) for k in range(7)]
-    found += [Design(sizes[(k + shift) % 4], (n,), (k + shift) % 3) for k, n in enumerate(physics)]
+    found = [SecondDesign(sizes[k % 4], copy=k) for k in range(7)]
     found += [
-        Design(sizes[(k + 2 * shift) % 4], (n,), (k + 1 + shift) % 3)
+        SecondDesign(sizes[(k + shift) % 4], (n,), (k + shift) % 3) for k, n in enumerate(physics)
+    ]
+    found += [
+        SecondDesign(sizes[(k + 2 * shift) % 4], (n,), (k + 1 + shift) % 3)
         for k, n in enumerate((*PARAMETERS, *STRANGERS))
     ]
     pairs = (
@@ -102,10 +111,10 @@ def designs(half: str) -> list[Design]:
         ("parasitic_drag", "motor_lag"),
         ("slung_load", "rotor_drag"),
     )
-    return found + [Design(sizes[(k + shift) % 4], p, 1 + shift) for k, p in enumerate(pairs)]
+    return found + [SecondDesign(sizes[(k + shift) % 4], p, 1 + shift) for k, p in enumerate(pairs)]
 
 
-def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+def make(out: Path, sets: Sequence[tuple[SecondDesign, int, Place]], sources: Sources) -> None:
     """Fly designs abreast and seal them; what was lost or touched the ground is flown gentler.
 
     Raises
@@ -122,11 +131,11 @@ def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources)
     raise Lost(f"{keys} left their paths {ATTEMPTS} times, which are too fast for them")
 
 
-def _make(out: Path, sets: Sequence[tuple[Design, int, Place]], gentle: float) -> list:
+def _make(out: Path, sets: Sequence[tuple[SecondDesign, int, Place]], gentle: float) -> list:
     """Fly sets abreast and seal those that were flown well; return the others."""
     drawn = [_sorties(design, place, gentle) for design, _, place in sets]
     sorties = [sortie for _, flown in drawn for sortie in flown]
-    book = Flights(sorties).run()
+    book = SecondSimulation(sorties).run()
     # the changes of a name are kept for the flights that have it alone: their places among those
     where = {n: [f for f, s in enumerate(sorties) if n in s.names] for n in SECRETS | STRANGERS}
     lost, at = [], 0
@@ -146,11 +155,13 @@ def _flew(p: np.ndarray, plan: np.ndarray) -> bool:
     return bool(np.abs(p - plan[:3].T).max() < LOST_M and p[:, 2].min() > 0.0)
 
 
-def _sorties(design: Design, place: Place, gentle: float = 1.0) -> tuple[Airframe, list[Sortie]]:
+def _sorties(
+    design: SecondDesign, place: Place, gentle: float = 1.0
+) -> tuple[TrueVehicle, list[SecondSortie]]:
     true = true_numbers(design.vehicle, place.rng("vehicle"))
     _, radius, lever, _, _, _ = VEHICLES[design.vehicle]
     x, y, spin = (tuple(int(row[k]) for row in LAYOUT) for k in range(3))
-    craft = Airframe(
+    craft = TrueVehicle(
         size=design.vehicle,
         radius_m=radius,
         rotor_x_m=tuple(lever * v for v in x),
@@ -177,7 +188,7 @@ def _sorties(design: Design, place: Place, gentle: float = 1.0) -> tuple[Airfram
     turbulence = float(rng.uniform(0.02, 0.07))
     hubs = np.stack([craft.rotor_x_m, craft.rotor_y_m, [craft.rotor_z_m] * 4], axis=1)
     return craft, [
-        Sortie(
+        SecondSortie(
             true=true,
             declared=craft.declared,
             radius_m=radius,
@@ -195,12 +206,12 @@ def _sorties(design: Design, place: Place, gentle: float = 1.0) -> tuple[Airfram
 
 
 def _flown(
-    craft: Airframe,
-    sortie: Sortie,
+    craft: TrueVehicle,
+    sortie: SecondSortie,
     f: int,
     book: Mapping[str, np.ndarray],
     where: Mapping[str, Sequence[int]],
-) -> Flown:
+) -> TrueFlight:
     rows = {n: v[:, :, f].astype(float) for n, v in book.items() if not n.startswith("change/")}
     plain = rows.pop("plain_speed")
     changes = {}
@@ -219,4 +230,4 @@ def _flown(
     }
     # (sd, correlation time) of each process of the air, as the limit takes it
     scales = tuple((share * sortie.turbulence, time) for share, time in TURBULENCE)
-    return Flown(CONTROL * DT_S, rows, changes, Air(scales, TURN_PER_M))
+    return TrueFlight(CONTROL * DT_S, rows, changes, Air(scales, TURN_PER_M))

@@ -20,9 +20,9 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from ges.blind.foreign.recorder import Log, record
-from ges.blind.generator.airframe import Airframe
-from ges.blind.generator.detectable import INERTIA, NOTHING, Flown, detectable
+from ges.blind.foreign.recorder import LogSettings, record
+from ges.blind.generator.airframe import TrueVehicle
+from ges.blind.generator.detectable import INERTIA, NOTHING, TrueFlight, detectable
 from ges.blind.noise import Noise
 from ges.errors import GesError, UsageError
 from ges.files import write_json
@@ -93,7 +93,7 @@ LEVELS = {
 RATES_HZ = {"development": (50.0, 100.0, 250.0, 500.0), "evaluation": (62.5, 125.0, 200.0, 400.0)}
 
 
-def draw_log(place: Place, number: int, noise: Noise | None = None) -> Log:
+def draw_log(place: Place, number: int, noise: Noise | None = None) -> LogSettings:
     """Return how the ``number``-th set of a world is logged: rates and levels go round, what is
     logged is drawn."""
     rng = place.rng("log")
@@ -104,7 +104,7 @@ def draw_log(place: Place, number: int, noise: Noise | None = None) -> Log:
     sensors = (noise or Noise()).scaled(levels[level])
     # motion capture is slower than an inertial sensor that is logged at every turn of the loop
     every = 4 if rate > 300.0 else 1
-    return Log(
+    return LogSettings(
         rate,
         replace(sensors, pose_every=every),
         level,
@@ -174,9 +174,9 @@ CATEGORY_OF_SIZE = ("null", "single", "pair", "triple")
 def write_flown(
     out: Path,
     place: Place,
-    craft: Airframe,
-    flights: Sequence[Flown],
-    log: Log,
+    craft: TrueVehicle,
+    flights: Sequence[TrueFlight],
+    log: LogSettings,
     concealed: Concealed,
     method: str,
     wrong: Mapping[str, float] = NOTHING,
@@ -202,7 +202,7 @@ def write_flown(
     write_set(out, place, craft.vehicle_file(FLAT), frames, content)
 
 
-def situation(place: Place, vehicle: str, log: Log) -> dict[str, Any]:
+def situation(place: Place, vehicle: str, log: LogSettings) -> dict[str, Any]:
     """Return what surrounds a set, for the table of cases."""
     return {
         "world": place.world,

@@ -61,7 +61,7 @@ HALF_PAIR = 0.35
 
 
 @dataclass(frozen=True)
-class Airframe:
+class TrueVehicle:
     """One vehicle: numbers that are exact, and those that are declared with an error.
 
     Attributes
@@ -161,7 +161,7 @@ class Airframe:
         }
 
 
-def draw_airframe(size: str, rng: np.random.Generator, frame: str = "quad") -> Airframe:
+def draw_airframe(size: str, rng: np.random.Generator, frame: str = "quad") -> TrueVehicle:
     """Draw a vehicle of a size class and a frame, and the errors of its file (normal, within two
     declared sd).
     """
@@ -180,7 +180,7 @@ def draw_airframe(size: str, rng: np.random.Generator, frame: str = "quad") -> A
         "speed": hover * np.sqrt(rng.uniform(1.9, 2.4)),
     }
     places, spins, levels = _places(frame, float(arm), float(radius), rng)
-    return Airframe(
+    return TrueVehicle(
         size=size,
         radius_m=round(float(radius), 4),
         rotor_x_m=tuple(x for x, _ in places),

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ges.blind.generator import rotor
-from ges.blind.generator.airframe import RHO_KG_M3, Airframe
+from ges.blind.generator.airframe import RHO_KG_M3, TrueVehicle
 from ges.conventions import GRAVITY_M_S2
 
 LEVELS = ("weak", "medium", "strong")
@@ -88,10 +88,10 @@ NEUTRAL: dict[str, float] = {
     "gyro_bias_z_rad_s": 0.0,
 }
 
-Secret = Callable[[Airframe, int, np.random.Generator], dict[str, float]]
+Secret = Callable[[TrueVehicle, int, np.random.Generator], dict[str, float]]
 
 
-def weight_N(craft: Airframe) -> float:
+def weight_N(craft: TrueVehicle) -> float:
     """Return the true weight."""
     return craft.true["mass"] * GRAVITY_M_S2
 
@@ -111,7 +111,7 @@ def _sign(rng: np.random.Generator) -> float:
     return float(rng.choice([-1.0, 1.0]))
 
 
-def hover_drag_N_s_m(craft: Airframe, s: float) -> float:
+def hover_drag_N_s_m(craft: TrueVehicle, s: float) -> float:
     """Return the blade-element in-plane force of all rotors in hover per m/s, at unit gain."""
     tip = craft.hover_speed_rad_s * craft.radius_m
     disc = RHO_KG_M3 * np.pi * craft.radius_m**2
@@ -123,7 +123,7 @@ def hover_drag_N_s_m(craft: Airframe, s: float) -> float:
     return float(craft.n_rotors * disc * tip**2 * ch / 0.5)
 
 
-def image_sum_at(craft: Airframe, x: float) -> float:
+def image_sum_at(craft: TrueVehicle, x: float) -> float:
     """Return the image upwash of all rotors over flat ground at rotor height x R (a share of
     v_i).
     """
@@ -133,29 +133,31 @@ def image_sum_at(craft: Airframe, x: float) -> float:
     return float((craft.radius_m**2 / 4.0 * 2.0 * h / (squares + 4.0 * h * h) ** 1.5).sum())
 
 
-def _rotor_drag(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _rotor_drag(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     target = _pick(level, (0.008, 0.018, 0.034), rng) * weight_N(craft)
     return {"drag_gain": target / hover_drag_N_s_m(craft, NEUTRAL["blade_s"])}
 
 
-def _parasitic_drag(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _parasitic_drag(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     share_at_3_m_s = _pick(level, (0.02, 0.045, 0.09), rng)
     return {"area_m2": share_at_3_m_s * weight_N(craft) / (0.5 * RHO_KG_M3 * 9.0)}
 
 
-def _axial_inflow(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _axial_inflow(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"axial": 1.0, "blade_s": _pick(level, (0.2, 0.45, 0.85), rng)}
 
 
-def _translational_lift(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _translational_lift(
+    craft: TrueVehicle, level: int, rng: np.random.Generator
+) -> dict[str, float]:
     return {"edgewise": 1.0, "blade_s": _pick(level, (0.35, 0.6, 1.0), rng)}
 
 
-def _moving_air(craft: Airframe, rng: np.random.Generator) -> dict[str, float]:
+def _moving_air(craft: TrueVehicle, rng: np.random.Generator) -> dict[str, float]:
     return _rotor_drag(craft, int(rng.integers(1, 3)), rng)
 
 
-def _wind(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _wind(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     speed = _pick(level, (1.0, 2.2, 4.5), rng)
     return _moving_air(craft, rng) | {
         "wind_m_s": speed,
@@ -163,11 +165,11 @@ def _wind(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, fl
     }
 
 
-def _gusts(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _gusts(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return _moving_air(craft, rng) | {"gust_m_s": _pick(level, (0.4, 0.8, 1.6), rng)}
 
 
-def _ground_effect(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _ground_effect(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     gain_at_one_radius = _pick(level, (0.05, 0.10, 0.20), rng)
     tip = craft.hover_speed_rad_s * craft.radius_m
     disc = RHO_KG_M3 * np.pi * craft.radius_m**2
@@ -181,126 +183,126 @@ def _ground_effect(craft: Airframe, level: int, rng: np.random.Generator) -> dic
     return {"image_gain": upwash / (1.0 - min(upwash / 0.75, 0.8)) / image_sum_at(craft, 1.0)}
 
 
-def _forward_fade(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _forward_fade(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return _ground_effect(craft, max(level, 1), rng) | {
         "image_sweep": _pick(level, (2.0, 3.5, 6.0), rng)
     }
 
 
-def _ground_lag(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _ground_lag(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return _ground_effect(craft, max(level, 1), rng) | {
         "image_lag": _pick(level, (1.5, 3.5, 8.0), rng)
     }
 
 
-def _ground_moment(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _ground_moment(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return _ground_effect(craft, max(level, 1), rng) | {
         "image_contrast": _pick(level, (0.8, 1.6, 3.0), rng)
     }
 
 
-def _fountain(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _fountain(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"fountain": _pick(level, (0.025, 0.05, 0.10), rng)}
 
 
-def _battery_sag(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _battery_sag(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"sags": _pick(level, (0.3, 0.6, 0.95), rng, 0.05)}
 
 
-def _motor_lag(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _motor_lag(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"lag_gain": _pick(level, (1.5, 1.9, 2.5), rng, 0.05), "coast": rng.uniform(1.0, 1.5)}
 
 
-def _esc_delay(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _esc_delay(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"delay_s": _pick(level, (0.006, 0.012, 0.025), rng)}
 
 
-def _thrust_curve(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _thrust_curve(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"curve_droop": _pick(level, (0.08, 0.18, 0.35), rng)}
 
 
-def _saturation(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _saturation(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     # the ceiling lies at this thrust over weight; thrust goes with the square of the speed
     hover_u = craft.hover_speed_rad_s / craft.true["speed"]
     return {"ceiling_u": hover_u * np.sqrt(_pick(level, (1.5, 1.35, 1.24), rng, 0.02))}
 
 
-def _weak_rotor(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _weak_rotor(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {
         "weak_share": _pick(level, (0.05, 0.11, 0.22), rng),
         "weak_index": float(rng.integers(craft.n_rotors)),
     }
 
 
-def _cg_offset(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _cg_offset(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     x, y = _direction(rng)
     size = _pick(level, (0.02, 0.04, 0.07), rng) * craft.arm_m
     return {"cg_x_m": x * size, "cg_y_m": y * size}
 
 
-def _rotor_tilt(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _rotor_tilt(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     x, y = _direction(rng)
     size = np.radians(_pick(level, (0.8, 1.6, 3.0), rng))
     return {"tilt_x_rad": x * size, "tilt_y_rad": y * size}
 
 
-def _rotor_inertia(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _rotor_inertia(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     rate = _pick(level, (1.2, 2.5, 5.0), rng)
     return {"rotor_inertia_kg_m2": rate * craft.true["izz"] / craft.hover_speed_rad_s}
 
 
-def _slung_load(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _slung_load(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"load_share": _pick(level, (0.04, 0.09, 0.18), rng), "rope_m": rng.uniform(0.2, 0.45)}
 
 
-def _payload(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _payload(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     x, y = _direction(rng)
     away = rng.uniform(0.0, 0.7) * craft.arm_m
     share = _pick(level, (0.08, 0.14, 0.24), rng)
     return {"payload_share": share, "payload_x_m": x * away, "payload_y_m": y * away}
 
 
-def _coaxial_wake(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _coaxial_wake(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"coaxial": _pick(level, (0.35, 0.6, 1.0), rng)}
 
 
-def _tether(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _tether(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {
         "tether_N_m": _pick(level, (0.01, 0.025, 0.05), rng) * weight_N(craft),
         "tether_sag_m": rng.uniform(0.1, 0.4),
     }
 
 
-def _thrust_scale(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _thrust_scale(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"thrust_error": 1.0 + _sign(rng) * _pick(level, (0.10, 0.15, 0.22), rng, 0.1)}
 
 
-def _inertia(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _inertia(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"inertia_error": 1.0 + _pick(level, (0.28, 0.45, 0.7), rng, 0.1)}
 
 
-def _torque(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _torque(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"torque_error": 1.0 + _sign(rng) * _pick(level, (0.3, 0.45, 0.6), rng, 0.1)}
 
 
-def _mapping(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _mapping(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return _ground_effect(craft, level, rng) | {"mapping": 0.5}
 
 
-def _range_bias(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _range_bias(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"range_bias_m": _sign(rng) * _pick(level, (0.03, 0.06, 0.12), rng)}
 
 
-def _range_lag(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _range_lag(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"range_lag_s": _pick(level, (0.06, 0.15, 0.35), rng)}
 
 
-def _time_offset(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _time_offset(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"time_offset_s": _sign(rng) * _pick(level, (0.015, 0.03, 0.06), rng)}
 
 
 def _bias(prefix: str, unit: str, values: tuple[float, float, float], axes: str = "xyz") -> Secret:
-    def secret(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+    def secret(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
         # a normal vector over its length has no preferred direction
         direction = rng.standard_normal(len(axes))
         size = _pick(level, values, rng) * direction / np.linalg.norm(direction)
@@ -309,23 +311,23 @@ def _bias(prefix: str, unit: str, values: tuple[float, float, float], axes: str 
     return secret
 
 
-def _magnet(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _magnet(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     x, y = rng.uniform(-1.0, 1.0, 2)
     force = _pick(level, (0.04, 0.08, 0.15), rng) * weight_N(craft)
     return {"magnet_N": force, "magnet_x_m": x, "magnet_y_m": y}
 
 
-def _wall(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _wall(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"wall_N": _pick(level, (0.03, 0.06, 0.12), rng) * weight_N(craft)}
 
 
-def _updraft(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _updraft(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     x, y = rng.uniform(-1.0, 1.0, 2)
     force = _pick(level, (0.04, 0.08, 0.15), rng) * weight_N(craft)
     return {"updraft_N": force, "magnet_x_m": x, "magnet_y_m": y}
 
 
-def _hatch(craft: Airframe, level: int, rng: np.random.Generator) -> dict[str, float]:
+def _hatch(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"hatch_N": _pick(level, (0.05, 0.1, 0.2), rng) * weight_N(craft)}
 
 

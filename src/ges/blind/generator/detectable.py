@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ges.blind.generator.airframe import DOUBTS, Airframe
+from ges.blind.generator.airframe import DOUBTS, TrueVehicle
 from ges.blind.limit import Body, Change, Path, log_likelihood_ratios
 from ges.blind.noise import Air, Noise
 
@@ -30,7 +30,7 @@ NOTHING: Mapping[str, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
-class Flown:
+class TrueFlight:
     """One flight as it truly was, on a uniform clock.
 
     ``state`` by name, (n, width): ``p`` and ``v`` (world), ``q`` (scalar first), ``omega``,
@@ -45,17 +45,17 @@ class Flown:
     air: Air = field(default_factory=Air)
 
 
-def sample_times(flown: Flown, rate_hz: float) -> np.ndarray:
+def sample_times(flown: TrueFlight, rate_hz: float) -> np.ndarray:
     """Return the times of the log's samples; it starts one sample after the flight's truth."""
     end = (len(flown.state["p"]) - 1) * flown.step_s
     return np.arange(1.0 / rate_hz, end, 1.0 / rate_hz)
 
 
 def detectable(
-    flights: Sequence[Flown],
+    flights: Sequence[TrueFlight],
     rate_hz: float,
     noise: Noise,
-    craft: Airframe,
+    craft: TrueVehicle,
     wrong: Mapping[str, float] = NOTHING,
 ) -> dict[str, float | dict[str, float]]:
     """Return the log likelihood ratios of :func:`ges.blind.limit.log_likelihood_ratios`.
@@ -72,7 +72,7 @@ def detectable(
     return log_likelihood_ratios(paths, body_of(craft), noise.thinned(thin))
 
 
-def body_of(craft: Airframe) -> Body:
+def body_of(craft: TrueVehicle) -> Body:
     """Return the true vehicle in the limit's terms."""
     true = craft.true
     yaw = -np.array(craft.spin) * true["torque"] / true["thrust"]
@@ -81,11 +81,11 @@ def body_of(craft: Airframe) -> Body:
 
 
 def _path(
-    flown: Flown,
+    flown: TrueFlight,
     rate_hz: float,
     thin: int,
     noise: Noise,
-    craft: Airframe,
+    craft: TrueVehicle,
     wrong: Mapping[str, float],
 ) -> Path:
     """Return a flight as the limit sees it, at every ``thin``-th of the log's times, with what the
@@ -199,7 +199,7 @@ def _lagged(rows: np.ndarray, lag_s: float, step_s: float) -> np.ndarray:
 
 
 def _speed_error(
-    flown: Flown, rate_hz: float, noise: Noise, craft: Airframe, speed: float
+    flown: TrueFlight, rate_hz: float, noise: Noise, craft: TrueVehicle, speed: float
 ) -> float:
     """Return how well rotor speeds follow from the log at best, one sd (rad/s): from commands that
     are logged only now and then, or from speeds that are measured.

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ges.blind.generator import air, attached, drive, ground, rotor
-from ges.blind.generator.airframe import RHO_KG_M3, Airframe
+from ges.blind.generator.airframe import RHO_KG_M3, TrueVehicle
 from ges.blind.generator.concealed import NEUTRAL
 from ges.blind.generator.pilot import Pilot
 from ges.blind.generator.plan import CONTROL_DT_S, Plan
@@ -47,7 +47,7 @@ class Sortie:
     random stream.
     """
 
-    craft: Airframe
+    craft: TrueVehicle
     numbers: dict[str, float]
     plan: Plan
     grid: np.ndarray
@@ -57,7 +57,7 @@ class Sortie:
     weather: air.Weather = field(default_factory=air.Weather)
 
 
-class Air:
+class RandomInputs:
     """Random inputs of all sorties, each from its own stream: turbulence, gust shocks, control
     noise.
     """
@@ -262,7 +262,7 @@ class Simulation:
         """
         self.sorties, self.b = sorties, Bench(sorties)
         self.steps = (n or max(s.plan.reference.shape[1] for s in sorties)) * CONTROL
-        self.air = Air(sorties, self.steps)
+        self.air = RandomInputs(sorties, self.steps)
         self.flights = np.arange(len(sorties))
         self._load_terrain()
         self.s = State(self.b, sorties, self.terrain)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ges.blind.generator import concealed
-from ges.blind.generator.airframe import CLASSES, Airframe
+from ges.blind.generator.airframe import CLASSES, TrueVehicle
 from ges.blind.generator.concealed import (
     COMPANIONS,
     EVERY,
@@ -242,7 +242,7 @@ def draw_circumstances(spec: Spec, grid: str, seed: int) -> Circumstances:
 
 
 def draw_numbers(
-    spec: Spec, craft: Airframe, seed: int, attempt: int
+    spec: Spec, craft: TrueVehicle, seed: int, attempt: int
 ) -> dict[str, dict[str, float]]:
     """Return the physical numbers of each concealed effect."""
     rng = np.random.default_rng([seed, spec.index, 2, attempt])

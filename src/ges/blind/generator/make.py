@@ -17,7 +17,7 @@ import numpy as np
 import yaml
 
 from ges.blind.generator import ground
-from ges.blind.generator.airframe import Airframe, draw_airframe
+from ges.blind.generator.airframe import TrueVehicle, draw_airframe
 from ges.blind.generator.concealed import LEVELS
 from ges.blind.generator.flight import Simulation, Sortie
 from ges.blind.generator.grid import (
@@ -72,7 +72,7 @@ class Case:
 
     spec: Spec
     around: Circumstances
-    craft: Airframe
+    craft: TrueVehicle
     numbers: dict[str, dict[str, float]]
     grid: np.ndarray
     sorties: list[Sortie]
@@ -237,7 +237,7 @@ def draw_case(spec: Spec, grid: str, seed: int, attempt: int = 0) -> Case:
 def _sortie(
     f: int,
     around: Circumstances,
-    craft: Airframe,
+    craft: TrueVehicle,
     numbers: dict[str, float],
     z: np.ndarray,
     stream: list[int],

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ges.blind.generator.concealed import COMPANIONS, NEUTRAL, SENSOR
-from ges.blind.generator.detectable import Flown, body_of, detectable, driven
+from ges.blind.generator.detectable import TrueFlight, body_of, detectable, driven
 from ges.blind.generator.flight import (
     CONTROL,
     DT_S,
@@ -47,7 +47,7 @@ IMPOSED = ("p", "v", "q", "omega")
 METHOD = "loads and rotor speeds along the path, flown again without each effect"
 
 
-class Replay(Simulation):
+class PathReplay(Simulation):
     """Sorties along recorded states; ``run`` returns loads and the rotor speeds of the drive."""
 
     def __init__(self, sorties: list[Sortie], book: Mapping[str, np.ndarray]) -> None:
@@ -107,13 +107,13 @@ def detectable_of(cases: Sequence[Case], books: Sequence[Flights]) -> list[dict]
 
 def _flown(
     sortie: Sortie, flight: Mapping[str, np.ndarray], changes: Mapping[str, Change]
-) -> Flown:
+) -> TrueFlight:
     n = sortie.plan.reference.shape[1]
     scales = [(share * sortie.turbulence, time) for share, time in sortie.weather.scales]
     level = None if sortie.weather.usual else flight["level"][:n, 0]
     if level is None:
         scales = [(sortie.weather.strength * sd, time) for sd, time in scales]
-    return Flown(
+    return TrueFlight(
         CONTROL_DT_S,
         {k: flight[k][:n] for k in ("p", "v", "q", "omega", "rotor_speed", "u")},
         {name: {c: v[:n] for c, v in one.items()} for name, one in changes.items()},
@@ -180,7 +180,7 @@ def _replayed(
         recorded += books[k]
     names = (*IMPOSED, "u", "rotor_speed")
     book = {name: np.stack([flight[name] for flight in recorded], axis=-1) for name in names}
-    out = Replay(sorties, book).run()
+    out = PathReplay(sorties, book).run()
     parts = iter(range(len(sorties)))
     return {
         key: [{n: v[:, :, f] for n, v in out.items()} for f in _take(parts, cases[key[0]])]

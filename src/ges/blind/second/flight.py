@@ -62,7 +62,7 @@ DRIVES = ("battery_sag", "motor_lag", "esc_delay", "thrust_curve", "rotor_satura
 
 
 @dataclass(frozen=True)
-class Sortie:
+class SecondSortie:
     """One flight: the true vehicle and its file, what is concealed, references at the control rate
     (11, n), its air and its random stream."""
 
@@ -83,10 +83,10 @@ def _column(values: Iterable[float]) -> np.ndarray:
     return np.array(list(values), dtype=float)
 
 
-class Flights:
+class SecondSimulation:
     """Sorties of one length; :meth:`run` returns their truth at the control rate."""
 
-    def __init__(self, sorties: Sequence[Sortie]) -> None:
+    def __init__(self, sorties: Sequence[SecondSortie]) -> None:
         self.sorties, count = sorties, len(sorties)
         self.n = sorties[0].plan.shape[1]
         self.hid = {k: _column({**NEUTRAL, **s.numbers}[k] for s in sorties) for k in NEUTRAL}

@@ -26,7 +26,7 @@ SHARES = np.linspace(0.35, 1.0, 27)
 
 
 @dataclass(frozen=True)
-class Table:
+class RotorTable:
     """Thrust over that of hover by (edgewise, axial) speed over tip speed, the in-plane force
     coefficient by the same, and thrust over hover's by the share of the inflow that is left."""
 
@@ -94,7 +94,7 @@ def pitch_of(s: float, thrust: float) -> float:
 
 
 @functools.lru_cache(maxsize=256)
-def table_of(s: float, thrust: float) -> Table:
+def table_of(s: float, thrust: float) -> RotorTable:
     """Return a rotor's table.
 
     Parameters
@@ -107,7 +107,7 @@ def table_of(s: float, thrust: float) -> Table:
     mu, climb = (grid.ravel() for grid in np.meshgrid(EDGES, CLIMBS, indexing="ij"))
     lift, inplane = (v.reshape(len(EDGES), -1) for v in coefficients(s, theta, mu, climb))
     cushion = coefficients(s, theta, 0.0, 0.0, SHARES)[0]
-    return Table(lift / hover, inplane, cushion / hover)
+    return RotorTable(lift / hover, inplane, cushion / hover)
 
 
 def look_up(table: np.ndarray, mu: np.ndarray, climb: np.ndarray) -> np.ndarray:

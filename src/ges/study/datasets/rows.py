@@ -13,7 +13,7 @@ import pandas as pd
 
 from ges.errors import GesError
 from ges.files import sha256
-from ges.study.config import Window as Shape
+from ges.study.config import Window
 from ges.study.datasets.columns import CONTACT, FEATURES, TARGET, WHEREABOUTS
 from ges.study.datasets.flights import read_flight, seed_of
 
@@ -52,7 +52,7 @@ class Rows:
 
 
 @dataclasses.dataclass(frozen=True)
-class Window:
+class RowWindow:
     """How much of the past a row carries and how far ahead its target lies, in rows; ``reserve``
     rows ahead are kept free.
     """
@@ -63,7 +63,9 @@ class Window:
     reserve: int
 
     @classmethod
-    def of(cls, shape: Shape, rate_hz: float, horizon_s: float, reserve_s: float = 0.0) -> Window:
+    def of(
+        cls, shape: Window, rate_hz: float, horizon_s: float, reserve_s: float = 0.0
+    ) -> RowWindow:
         """Window of a configuration; the reserve keeps one row set for several horizons."""
         ahead = round(horizon_s * rate_hz)
         return cls(shape.rows, shape.step, ahead, max(ahead, round(reserve_s * rate_hz)))
@@ -78,7 +80,7 @@ class Window:
         return np.arange(-self.past, 1, self.step)
 
 
-def eligible(blocks: pd.DataFrame, window: Window) -> np.ndarray:
+def eligible(blocks: pd.DataFrame, window: RowWindow) -> np.ndarray:
     """Rows of one flight's blocks whose window and target stay inside their own block."""
     # past and reserve are taken off each block, so no window looks across into another part
     spans = [
@@ -96,7 +98,7 @@ def _chosen(rows: np.ndarray, most: int | None, seed: int, flight: int) -> np.nd
     return np.sort(np.random.default_rng([seed, flight]).choice(rows, most, replace=False))
 
 
-def _gather(path: Path, rows: np.ndarray, window: Window, past: bool) -> tuple:
+def _gather(path: Path, rows: np.ndarray, window: RowWindow, past: bool) -> tuple:
     seed, data = read_flight(path, (*FEATURES, TARGET, *WHEREABOUTS, CONTACT))
     table = np.stack([data[name] for name in FEATURES], axis=1)
     if len(rows) and rows[-1] + window.reserve >= len(table):
@@ -136,7 +138,7 @@ def load_rows(
     flights: Path,
     split: Path,
     part: str,
-    window: Window,
+    window: RowWindow,
     most: int | None,
     seed: int,
     past: bool = True,

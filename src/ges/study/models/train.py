@@ -22,10 +22,9 @@ import numpy as np
 import pandas as pd
 
 from ges.files import replacing, write_json
-from ges.study.config import AnyFit, Vehicle
-from ges.study.config import Window as Shape
+from ges.study.config import AnyFit, Quadrotor, Window
 from ges.study.datasets.columns import FEATURES
-from ges.study.datasets.rows import Rows, Window, load_rows
+from ges.study.datasets.rows import Rows, RowWindow, load_rows
 from ges.study.datasets.split import PARTS
 from ges.study.models import zoo
 from ges.study.models.scores import NAMES, scores
@@ -40,8 +39,8 @@ def train_model(
     plan: str,
     kind: str,
     fit: AnyFit | None,
-    window: Shape,
-    vehicle: Vehicle,
+    window: Window,
+    vehicle: Quadrotor,
     horizon_s: float,
     rate_hz: float,
     validation_rows: int | None,
@@ -60,7 +59,7 @@ def train_model(
     name, plan, kind : model, flight plan and split.
     fit : the model's part of the configuration; a model that has none is fitted to no rows.
     """
-    shape = Window.of(window, rate_hz, horizon_s)
+    shape = RowWindow.of(window, rate_hz, horizon_s)
     caps = {"train": fit.train_rows, "validation": validation_rows} if fit else {}
     caps, past = caps | {"test": test_rows}, name in zoo.SEQUENCE_MODELS
     parts = {

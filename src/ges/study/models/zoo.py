@@ -14,7 +14,7 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.tree import DecisionTreeRegressor
 
 from ges.errors import GesError
-from ges.study.config import BoostingFit, Fit, ForestFit, NetworkFit, TreeFit, Vehicle, Window
+from ges.study.config import BoostingFit, Fit, ForestFit, NetworkFit, Quadrotor, TreeFit, Window
 from ges.study.datasets.rows import Rows
 
 SEQUENCE_MODELS = ("lstm", "transformer")
@@ -26,7 +26,9 @@ def features(name: str, rows: Rows) -> np.ndarray:
     return rows.flat if name in SEQUENCE_MODELS else rows.now
 
 
-def make(name: str, fit: Fit | None, window: Window, vehicle: Vehicle, seed: int) -> RegressorMixin:
+def make(
+    name: str, fit: Fit | None, window: Window, vehicle: Quadrotor, seed: int
+) -> RegressorMixin:
     """The unfitted model of a name.
 
     Parameters

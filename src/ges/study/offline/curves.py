@@ -14,9 +14,8 @@ import joblib
 import pandas as pd
 
 from ges.files import replacing
-from ges.study.config import AnyFit, Vehicle
-from ges.study.config import Window as Shape
-from ges.study.datasets.rows import Window, load_rows
+from ges.study.config import AnyFit, Quadrotor, Window
+from ges.study.datasets.rows import RowWindow, load_rows
 from ges.study.models import zoo
 from ges.study.models.scores import scores
 
@@ -29,8 +28,8 @@ def learning_curve(
     plan: str,
     fit: AnyFit,
     shares: list[float],
-    window: Shape,
-    vehicle: Vehicle,
+    window: Window,
+    vehicle: Quadrotor,
     horizon_s: float,
     rate_hz: float,
     validation_rows: int | None,
@@ -43,7 +42,7 @@ def learning_curve(
     ``at_cap`` is the model of Table 1, fitted to the very rows that share 1 stands for, and not
     fitted again.
     """
-    shape = Window.of(window, rate_hz, horizon_s)
+    shape = RowWindow.of(window, rate_hz, horizon_s)
     past = name in zoo.SEQUENCE_MODELS
     # stopping and the choice of the best pass look at these rows, too, at every share alike
     validation = load_rows(flights, split, "validation", shape, validation_rows, seed, past)

@@ -13,9 +13,8 @@ from pathlib import Path
 import pandas as pd
 
 from ges.files import replacing
-from ges.study.config import ForestFit, Vehicle
-from ges.study.config import Window as Shape
-from ges.study.datasets.rows import Window, load_rows
+from ges.study.config import ForestFit, Quadrotor, Window
+from ges.study.datasets.rows import RowWindow, load_rows
 from ges.study.models import zoo
 from ges.study.models.scores import scores
 
@@ -29,8 +28,8 @@ def sweep_horizons(
     horizons_s: list[float],
     fit: ForestFit,
     sweep_rows: int,
-    window: Shape,
-    vehicle: Vehicle,
+    window: Window,
+    vehicle: Quadrotor,
     rate_hz: float,
     test_rows: int | None,
     resamples: int,
@@ -41,7 +40,7 @@ def sweep_horizons(
     rows = []
     for horizon_s in horizons_s:
         # the reserve of the longest, or short ones would also have rows nearer to a block's end
-        shape = Window.of(window, rate_hz, horizon_s, max(horizons_s))
+        shape = RowWindow.of(window, rate_hz, horizon_s, max(horizons_s))
         train = load_rows(flights, split, "train", shape, sweep_rows, seed, past=False)
         test = load_rows(flights, split, "test", shape, test_rows, seed, past=False)
         for name in MODELS:

@@ -17,9 +17,9 @@ import pandas as pd
 from sklearn.inspection import permutation_importance
 
 from ges.files import replacing
-from ges.study.config import Window as Shape
+from ges.study.config import Window
 from ges.study.datasets.columns import FEATURES
-from ges.study.datasets.rows import Window, load_rows
+from ges.study.datasets.rows import RowWindow, load_rows
 
 
 def write_importances(
@@ -27,7 +27,7 @@ def write_importances(
     split: Path,
     model: Path,
     plan: str,
-    window: Shape,
+    window: Window,
     rate_hz: float,
     horizon_s: float,
     rows: int,
@@ -38,7 +38,7 @@ def write_importances(
     """Impurity and permutation importance of a fitted forest on at most ``rows`` test rows."""
     forest = joblib.load(model)
     test = load_rows(
-        flights, split, "test", Window.of(window, rate_hz, horizon_s), rows, seed, past=False
+        flights, split, "test", RowWindow.of(window, rate_hz, horizon_s), rows, seed, past=False
     )
     # on test rows: impurity says what the trees split on in training, this what predictions need
     found = permutation_importance(
