@@ -47,12 +47,17 @@ channel that is left out does not differ."""
 
 @dataclass(frozen=True)
 class Path:
-    """One flown flight at the log's own times, noise-free.
+    """One flown flight at the times of its log, free of noise.
 
-    ``rotation`` (n, 3, 3) body to world, ``thrust_N`` and ``speed_rad_s`` (n, rotors),
-    ``speed_error_rad_s`` how well rotor speeds between samples follow from the log at best.
-    ``changes`` are what the concealed effects did, by name; ``doubts`` (sd, change for one unit) of
-    what the vehicle file declares, by name.
+    Attributes
+    ----------
+    step_s : time from one sample to the next.
+    rotation : (n, 3, 3) from the body frame to the world.
+    thrust_N, speed_rad_s : (n, rotors) thrusts and speeds of the rotors.
+    speed_error_rad_s : sd of rotor speeds between samples, inferred from the log at best.
+    changes : by name, what each concealed effect changed.
+    doubts : by declared number, its prior sd and the change for one unit of it.
+    air : disturbance by the air.
     """
 
     step_s: float
@@ -67,8 +72,15 @@ class Path:
 
 @dataclass(frozen=True)
 class Body:
-    """True mass, inertia (3,), rotor places (n, 3) from the centre of mass, yaw moment over thrust
-    of each rotor (n,)."""
+    """True inertial and geometric properties of a vehicle, in the body frame.
+
+    Attributes
+    ----------
+    mass_kg : mass.
+    inertia_kg_m2 : (3,) principal moments of inertia.
+    rotor_m : (rotors, 3) hubs from the centre of mass.
+    yaw_m : (rotors,) yaw moment over thrust of each rotor.
+    """
 
     mass_kg: float
     inertia_kg_m2: np.ndarray
@@ -76,7 +88,16 @@ class Body:
     yaw_m: np.ndarray
 
     def wrench(self, thrust_N: np.ndarray) -> Change:
-        """Return force and moment of rotor thrusts (n, rotors)."""
+        """Return force and moment of rotor thrusts along the body's z axis.
+
+        Parameters
+        ----------
+        thrust_N : (n, rotors).
+
+        Returns
+        -------
+        ``force_N`` and ``moment_Nm``, (n, 3) each, in the body frame.
+        """
         moment = thrust_N @ np.stack([self.rotor_m[:, 1], -self.rotor_m[:, 0], self.yaw_m], axis=1)
         force = np.zeros((len(thrust_N), 3))
         force[:, 2] = thrust_N.sum(axis=1)
@@ -86,14 +107,23 @@ class Body:
 def log_likelihood_ratios(
     paths: Sequence[Path], body: Body, noise: Noise
 ) -> dict[str, float | dict[str, float]]:
-    """Return expected log likelihood ratios in nats: of the whole truth against nothing, and of the
-    whole truth against the best without each of its names.
+    """Return the expected log likelihood ratios of what is concealed, in nats.
+
+    Parameters
+    ----------
+    paths : the flights; declared numbers are common to them, sensor biases are each flight's own.
+    body : the true vehicle.
+    noise : of the log at the step of the paths.
 
     Returns
     -------
-    dict
-        ``whole`` and ``without`` (by name). Where one name is left out the others are free, with a
-        doubt of :data:`AMPLITUDE_SD` of their true size.
+    ``whole``, of the whole truth against nothing, and ``without``, by name, of the whole truth
+    against the best explanation that lacks the name. The other names are free then, with an sd of
+    :data:`AMPLITUDE_SD` of their true size.
+
+    References
+    ----------
+    Kay 1998, *Fundamentals of statistical signal processing* II, section 4.4: the ratio is J / 2.
     """
     names = sorted({name for path in paths for name in path.changes})
     if not names:
@@ -114,7 +144,17 @@ def log_likelihood_ratios(
 
 
 def power(log_likelihood_ratio: np.ndarray, false_alarm_rate: float) -> np.ndarray:
-    """Return the probability that the best test of that false-alarm rate finds the effect."""
+    """Return the probability that the most powerful test detects an effect.
+
+    Parameters
+    ----------
+    log_likelihood_ratio : (n,) expected ratios in nats, as :func:`log_likelihood_ratios` has them.
+    false_alarm_rate : of the test, 0 to 1.
+
+    Returns
+    -------
+    (n,) Phi(sqrt(2 ratio) - z_(1-a)) at the false-alarm rate a.
+    """
     from scipy.stats import norm
 
     distance = np.sqrt(2.0 * np.maximum(log_likelihood_ratio, 0.0))

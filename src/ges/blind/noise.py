@@ -12,11 +12,19 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Noise:
-    """True noise of a log; every sd is of one sample and one axis.
+    """True sensor noise of a log; every sd is of one sample and one axis.
 
-    ``drifts`` are (sd, correlation time in s) of what wanders beside the white part. A sensor that
-    is not logged has an infinite sd, and ``pose_every`` is how many samples pass from one pose
-    (position, velocity, attitude) to the next. Vibration is the amplitude of the rotors' tones.
+    Attributes
+    ----------
+    position_m, velocity_m_s, attitude_rad, rate_rad_s, acceleration_m_s2 : sd of the white noise.
+    position_drift, velocity_drift, attitude_drift : (sd, correlation time in s) of an
+        Ornstein-Uhlenbeck process beside the white noise, the sd in the unit of its channel.
+    attitude_bias_rad, rate_bias_rad_s, acceleration_bias_m_s2 : sd of the bias that a flight keeps.
+    speed_share : sd of the white noise of a rotor speed over the speed; infinite without such a
+        log.
+    range_m : sd of the white noise of a rangefinder; infinite without one.
+    vibration_rad_s, vibration_m_s2 : amplitude of the rotors' tones in gyro and accelerometer.
+    pose_every : samples from one pose (position, velocity, attitude) to the next.
     """
 
     position_m: float = 0.002
@@ -37,7 +45,12 @@ class Noise:
     pose_every: int = 1
 
     def scaled(self, by: float) -> Noise:
-        """Return the same sensors at another level; biases stay as they are."""
+        """Return the same sensors at another noise level.
+
+        Parameters
+        ----------
+        by : factor on white noise, drifts and vibration; biases stay as they are.
+        """
         drifts = ("position_drift", "velocity_drift", "attitude_drift")
         white = (
             "position_m",
@@ -55,9 +68,18 @@ class Noise:
         return replace(self, **louder)
 
     def thinned(self, by: int) -> Noise:
-        """Return the noise of means over ``by`` samples, which tell as much of all that is slower.
+        """Return the noise of means over ``by`` samples.
 
-        ``by`` has to divide ``pose_every`` where that is more than one.
+        Such means keep all information that is slower than they are.
+
+        Parameters
+        ----------
+        by : samples of a mean; divides ``pose_every`` where that is more than one.
+
+        Returns
+        -------
+        White noise and vibration fall with the root of ``by``, that of the pose only where every
+        sample has one. Drifts and biases stay.
         """
         # what is independent from sample to sample falls with the root of their number; biases and
         # drifts are as large in the mean
@@ -71,10 +93,13 @@ class Noise:
 
 @dataclass(frozen=True)
 class Air:
-    """Disturbance of one flight: sums of Ornstein-Uhlenbeck processes, the same in every axis.
+    """Disturbance of one flight by the air: Ornstein-Uhlenbeck processes, the same in every axis.
 
-    ``acceleration_m_s2`` are (sd, correlation time in s) of each process; ``turn_per_m`` makes
-    angular acceleration of them; ``level`` (n,) scales them over the flight.
+    Attributes
+    ----------
+    acceleration_m_s2 : (sd, correlation time in s) of each process; they add up.
+    turn_per_m : angular acceleration over acceleration, 1/m.
+    level : (n,) factor on the processes over the flight; None where it is one throughout.
     """
 
     acceleration_m_s2: tuple[tuple[float, float], ...] = ()
@@ -85,7 +110,18 @@ class Air:
 def coloured(
     shape: tuple[int, int], dt: float, time_s: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return (channels, n) Ornstein-Uhlenbeck noise of unit variance with a correlation time."""
+    """Draw stationary Ornstein-Uhlenbeck noise of unit variance.
+
+    Parameters
+    ----------
+    shape : (channels, n).
+    dt : time from one sample to the next (s).
+    time_s : correlation time.
+
+    Returns
+    -------
+    (channels, n), independent from channel to channel.
+    """
     from scipy.signal import lfilter
 
     keep = np.exp(-dt / time_s)

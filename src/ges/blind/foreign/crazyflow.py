@@ -34,8 +34,18 @@ METHOD = "force along the path, crazyflow's own accelerations with and without e
 
 @dataclass(frozen=True)
 class CrazyflowDesign:
-    """A set to fly: shares of the published drag and propeller inertia, the share that rotor 3
-    loses, whether the thrust curve keeps its linear term, and how the file is wrong."""
+    """A set to fly with crazyflow.
+
+    Attributes
+    ----------
+    drone : name of one of its published drones.
+    across, along : share of the published drag across and along the thrust axis.
+    propeller : share of the published inertia of the propellers.
+    weak : share of thrust and torque that rotor 3 loses.
+    linear : whether thrust and torque curves keep their linear term.
+    wrong : factors by which the file is wrong, by the numbers of :data:`NAME_OF_WRONG`.
+    copy : number among sets that are the same otherwise.
+    """
 
     drone: str
     across: float = 0.0
@@ -48,14 +58,20 @@ class CrazyflowDesign:
 
     @property
     def key(self) -> str:
-        """A name for the table of cases."""
+        """Name in the table of cases: drone, what is on, how the file is wrong, copy."""
         parts = [f"{n} {getattr(self, n):g}" for n in NAMES if getattr(self, n)]
         parts += ["linear term of thrust"] if self.linear else []
         parts += [f"file {n} {f:g}" for n, f in self.wrong.items()]
         return f"{self.drone} {', '.join(parts) or 'nothing'} #{self.copy}"
 
     def concealed(self) -> Concealed:
-        """Return the truth: motors that slow down faster than they speed up are in every set."""
+        """Return the truth of the set.
+
+        Returns
+        -------
+        ``motor_lag`` is always true or optional: crazyflow's motors slow down faster than they
+        speed up. A linear term shows as the map from command to thrust, which is optional as well.
+        """
         names = [name for n, name in NAMES.items() if getattr(self, n)]
         names += [NAME_OF_WRONG[w] for w in self.wrong]
         optional = ["gyroscopic_moment"] if self.propeller else []
@@ -84,7 +100,7 @@ NAMES = {
 
 
 def designs(half: str) -> list[CrazyflowDesign]:
-    """Return the sets of a half."""
+    """Return the sets of a half; one drone is in both, small sizes differ."""
     small = {"development": 0.3, "evaluation": 0.4}[half]
     found = [CrazyflowDesign(d, copy=k) for d in DRONES[half] for k in range(2)]
     for d in DRONES[half]:
@@ -111,10 +127,15 @@ def designs(half: str) -> list[CrazyflowDesign]:
 def make(out: Path, sets: Sequence[tuple[CrazyflowDesign, int, Place]], sources: Sources) -> None:
     """Fly designs abreast, a drone at a time, and seal them.
 
+    Parameters
+    ----------
+    out : folder that gets ``cases/`` and ``sealed/``.
+    sets : designs, each with its number in the world and its place.
+
     Raises
     ------
     Lost
-        When a drone was lost.
+        When a drone was more than :data:`LOST_M` from its path.
     """
     for drone in sorted({design.drone for design, _, _ in sets}):
         chosen = [one for one in sets if one[0].drone == drone]

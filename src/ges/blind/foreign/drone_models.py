@@ -43,8 +43,16 @@ METHOD = "force along the path, drone-models' own accelerations with and without
 
 @dataclass(frozen=True)
 class DroneModelsDesign:
-    """A set to fly: shares of the published drag across and along the thrust and of the propellers'
-    inertia, the share that one motor's thrust loses, and how the file is wrong."""
+    """A set to fly by the equations of drone-models.
+
+    Attributes
+    ----------
+    drone : name of one of its identified drones.
+    across, along : share of the published drag across and along the thrust axis.
+    propeller : share of the published inertia of the propellers.
+    wrong : factors by which the file is wrong, by the numbers of :data:`NAME_OF_WRONG`.
+    copy : number among sets that are the same otherwise.
+    """
 
     drone: str
     across: float = 0.0
@@ -55,14 +63,19 @@ class DroneModelsDesign:
 
     @property
     def key(self) -> str:
-        """A name for the table of cases."""
+        """Name in the table of cases: drone, what is on, how the file is wrong, copy."""
         parts = [f"{n} {getattr(self, n):g}" for n in NAMES if getattr(self, n)]
         parts += [f"file {n} {f:g}" for n, f in self.wrong.items()]
         return f"{self.drone} {', '.join(parts) or 'nothing'} #{self.copy}"
 
     def concealed(self) -> Concealed:
-        """Return the truth: its motors slow down faster than they speed up, and a file has one time
-        constant, so two of them are true in every set."""
+        """Return the truth of the set.
+
+        Returns
+        -------
+        ``motor_lag`` is always true or optional. The motors slow down faster than they speed up,
+        and a file has one time constant.
+        """
         names = [name for n, name in NAMES.items() if getattr(self, n)]
         names += [NAME_OF_WRONG[w] for w in self.wrong]
         small = max(self.across, self.along, self.propeller) < 0.5 and not self.wrong
@@ -86,7 +99,7 @@ NAMES = {
 
 
 def designs(half: str) -> list[DroneModelsDesign]:
-    """Return the sets of a half; the halves share no drone but one."""
+    """Return the sets of a half; one drone is in both, small sizes differ."""
     drones = {"development": DRONES[:2], "evaluation": DRONES[1:]}[half]
     small = {"development": 0.25, "evaluation": 0.35}[half]
     found = [DroneModelsDesign(d, copy=k) for d in drones for k in range(2)]
@@ -111,10 +124,15 @@ def designs(half: str) -> list[DroneModelsDesign]:
 def make(out: Path, sets: Sequence[tuple[DroneModelsDesign, int, Place]], sources: Sources) -> None:
     """Fly designs, one after the other, and seal them.
 
+    Parameters
+    ----------
+    out : folder that gets ``cases/`` and ``sealed/``.
+    sets : designs, each with its number in the world and its place.
+
     Raises
     ------
-    GesError
-        When the vehicle was lost.
+    Lost
+        When a drone was more than :data:`LOST_M` from its path.
     """
     for design, number, place in sets:
         _make(out, design, number, place)
@@ -145,11 +163,19 @@ def _numbers(design: DroneModelsDesign) -> dict[str, Any]:
 
 
 def airframe(drone: str, numbers: Mapping[str, Any], rng: np.random.Generator) -> TrueVehicle:
-    """Return the true vehicle in our terms, and a file about it with honest errors.
+    """Return the true vehicle, and a file about it with honest errors.
 
-    A positive entry of the mixing matrix's last row turns the body counter-clockwise, so the rotor
-    clockwise. Motors slow down faster than they speed up; the one time constant of a file is the
-    mean of both in hover.
+    Parameters
+    ----------
+    drone : name of the drone.
+    numbers : parameters as drone-models has them, with rotor speeds in RPM.
+    rng : stream that the errors of the file are drawn from.
+
+    Notes
+    -----
+    A positive entry in the last row of the mixing matrix turns the body counter-clockwise, so that
+    the rotor turns clockwise. The time constant of a file is the mean of speeding up and slowing
+    down in hover.
     """
     mixing, arm = np.asarray(numbers["mixing_matrix"]), float(np.ravel(numbers["L"])[0])
     inertia = np.diag(np.asarray(numbers["J"]))

@@ -24,24 +24,42 @@ UNKNOWN_LIMIT: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class GivenSet:
-    """One set of the folder."""
+    """One set of the folder.
+
+    Attributes
+    ----------
+    key : name of its folder below ``cases/``, and of its truth below ``sealed/``.
+    """
 
     key: str
 
 
 def folder_of(half: str, sources: Sources) -> Path:
-    """Return where the sets of a half are looked for."""
+    """Return the folder of the given sets of a half.
+
+    Parameters
+    ----------
+    half : 'development', whose folder has the name of the world, or 'evaluation', whose name ends
+        in ``-evaluation``.
+    sources : the folder of all given sets.
+    """
     return sources.given / (WORLD if half == "development" else f"{WORLD}-{half}")
 
 
 def designs(half: str, sources: Sources) -> list[GivenSet]:
-    """Return the sets that are given for a half."""
+    """Return the sets that are given for a half, by name; none where there is no folder of them."""
     cases = folder_of(half, sources) / "cases"
     return [GivenSet(path.name) for path in sorted(cases.iterdir())] if cases.is_dir() else []
 
 
 def make(out: Path, sets: Sequence[tuple[GivenSet, int, Place]], sources: Sources) -> None:
-    """Copy sets under names that say nothing, with their truth.
+    """Copy sets with their truth, under names that reveal nothing.
+
+    Parameters
+    ----------
+    out : folder that gets ``cases/`` and ``sealed/``.
+    sets : each with its number in the world and its place.
+    sources : where the given sets lie.
 
     Raises
     ------

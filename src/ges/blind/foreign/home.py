@@ -28,19 +28,30 @@ STRENGTHS = {
 
 @dataclass(frozen=True)
 class HomeDesign:
-    """One case of the generator's own grid."""
+    """One case of the home generator's grid.
+
+    Attributes
+    ----------
+    spec : its place in the grid and what is concealed.
+    """
 
     spec: Spec
 
     @property
     def key(self) -> str:
-        """A name for the table of cases."""
+        """Name in the table of cases: vehicle class, concealed names, menu of flights, index."""
         names = "+".join(self.spec.names) or "nothing"
         return f"{self.spec.size} {names} {self.spec.menu} #{self.spec.index}"
 
 
 def designs(half: str) -> list[HomeDesign]:
-    """Return the generator's cases; they differ by the seed, which is that of the half."""
+    """Return the home generator's cases for a half.
+
+    Returns
+    -------
+    The grid 'world' in the order of :data:`HALF_SEED`; what is drawn for a case follows from the
+    seed of the sets.
+    """
     return [HomeDesign(spec) for spec in specs(GRID, HALF_SEED[half])]
 
 
@@ -49,15 +60,32 @@ HALF_SEED = {"development": 0, "evaluation": 1}
 
 
 def make(out: Path, sets: Sequence[tuple[HomeDesign, int, Place]], sources: Sources) -> None:
-    """Fly cases in their usual air and seal them."""
+    """Fly cases in their usual air and seal them.
+
+    Parameters
+    ----------
+    out : folder that gets ``cases/`` and ``sealed/``.
+    sets : cases, each with its number in the world and its place; all have one seed.
+
+    Raises
+    ------
+    GesError
+        When a case could not be flown at any severity.
+    """
     _make(out, sets, lambda case, _: case)
 
 
 def make_in_other_air(
     out: Path, sets: Sequence[tuple[HomeDesign, int, Place]], sources: Sources
 ) -> None:
-    """Fly cases in air of two time scales, with tails and bursts, each flight of another strength,
-    and seal them.
+    """Fly cases in air of two time scales, with heavy tails and bursts, and seal them.
+
+    Each flight of a case has another strength of turbulence; see :func:`make` for the rest.
+
+    Raises
+    ------
+    GesError
+        When a case could not be flown at any severity.
     """
     _make(out, sets, _in_other_air)
 

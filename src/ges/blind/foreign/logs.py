@@ -30,7 +30,14 @@ UNKNOWN_LIMIT: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class LogSource:
-    """A log, how it is read, and the vehicle in the library."""
+    """A log of another simulator.
+
+    Attributes
+    ----------
+    path : of the log below the folder of recordings.
+    options : how it is read.
+    vehicle : name in the library of vehicles.
+    """
 
     path: str
     options: Options
@@ -43,7 +50,14 @@ SIH = LogSource("px4-flights/sample_px4_events.ulg", Options(), "sih-quad")
 
 @dataclass(frozen=True)
 class LogDesign:
-    """A set: the log, effects that are left out of the file, numbers that are wrong in it."""
+    """A set of one log with a changed vehicle file.
+
+    Attributes
+    ----------
+    source : the log.
+    without : effects that are left out of the file.
+    wrong : factors on numbers of the file, by its keys.
+    """
 
     source: LogSource
     without: tuple[str, ...] = ()
@@ -51,13 +65,19 @@ class LogDesign:
 
     @property
     def key(self) -> str:
-        """A name for the table of cases."""
+        """Name in the table of cases: vehicle, and what was changed in its file."""
         parts = [f"file without {n}" for n in self.without]
         parts += [f"file {n} {f:g}" for n, f in self.wrong.items()]
         return f"{self.source.vehicle} {', '.join(parts) or 'nothing'}"
 
     def concealed(self) -> Concealed:
-        """Return the truth."""
+        """Return the truth of the set.
+
+        Returns
+        -------
+        The effects left out, and ``thrust_scale`` where a number is wrong. What Gazebo simulates
+        beside them is optional.
+        """
         names = (*self.without, *(("thrust_scale",) if self.wrong else ()))
         other = tuple(n for n in GAZEBO_TOO if n not in names) if self.source is GAZEBO else ()
         parameter = bool(self.wrong) and not self.without
@@ -72,7 +92,13 @@ class LogDesign:
 
 
 def designs(half: str) -> list[LogDesign]:
-    """Return the sets of a half; each half has a half of the flight in Gazebo."""
+    """Return the sets of a half.
+
+    Returns
+    -------
+    Three of the flight in Gazebo, of which each half has its own part, and for development one of
+    SIH.
+    """
     found = [
         LogDesign(GAZEBO),
         LogDesign(GAZEBO, ("rotor_drag",)),
@@ -82,7 +108,13 @@ def designs(half: str) -> list[LogDesign]:
 
 
 def make(out: Path, sets: Sequence[tuple[LogDesign, int, Place]], sources: Sources) -> None:
-    """Write sets of pieces of the logs.
+    """Write sets of :data:`PIECES` consecutive pieces of a log.
+
+    Parameters
+    ----------
+    out : folder that gets ``cases/`` and ``sealed/``.
+    sets : designs, each with its number in the world and its place.
+    sources : where the published logs lie.
 
     Raises
     ------

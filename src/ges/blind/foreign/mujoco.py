@@ -64,13 +64,25 @@ METHOD = "force along the path, MuJoCo's own generalised forces and the actuator
 
 @dataclass(frozen=True)
 class MujocoDesign:
-    """A set to fly: numbers of the XML that differ from a plain vehicle in a vacuum.
+    """A set to fly with MuJoCo: numbers of the XML that differ from a plain vehicle in a vacuum.
 
-    ``drag`` is the ellipsoid's blunt drag coefficient (0: the fluid is a vacuum), ``box`` the
-    fluid model of the equivalent inertia box with a multiple of the air's density, ``viscosity`` in
-    Pa s, ``weak`` the share that rotor 2 loses, ``tilt_rad`` and ``shift_m`` of all rotors,
-    ``curve`` the share of thrust that is quadratic in the command, ``ceiling`` the largest command,
-    ``load`` the share of the mass on a tendon, ``spring`` a tether's stiffness in N/m.
+    Attributes
+    ----------
+    vehicle : one of :data:`VEHICLES`.
+    drag : blunt drag coefficient of the ellipsoid; 0 leaves a vacuum.
+    box : density over that of air, for the fluid model of the equivalent inertia box.
+    viscosity : of the fluid, Pa s.
+    wind_m_s : speed of a steady wind.
+    weak : share of thrust and torque that rotor 2 loses.
+    tilt_rad : tilt of all rotors towards body x; towards -y it is 0.6 of that.
+    shift : shift of all rotors towards body -x over the arm; towards y it is half of that.
+    curve : share of thrust that is quadratic in the command, the rest is linear.
+    ceiling : greatest command, 0 to 1.
+    delay_s : delay of the actuators.
+    load : mass on a tendon over that of the vehicle.
+    spring : stiffness of a tether, N/m.
+    wrong : factors by which the file is wrong, by the numbers of :data:`NAME_OF_WRONG`.
+    copy : number among sets that are the same otherwise.
     """
 
     vehicle: str
@@ -91,7 +103,7 @@ class MujocoDesign:
 
     @property
     def key(self) -> str:
-        """A name for the table of cases."""
+        """Name in the table of cases: vehicle, numbers that differ, how the file is wrong, copy."""
         from dataclasses import fields
 
         parts = [
@@ -103,7 +115,7 @@ class MujocoDesign:
         return f"{self.vehicle} {', '.join(parts) or 'nothing'} #{self.copy}"
 
     def names(self) -> list[str]:
-        """Return what is true of it, in the contract's names."""
+        """Return the effects that act, and what the file is wrong about, by the library's names."""
         found = ["parasitic_drag"] if self.drag or self.box else []
         # Stokes' drag is the same along and across the thrust, and linear
         found += ["rotor_drag", "axial_inflow"] if self.viscosity else []
@@ -119,7 +131,13 @@ class MujocoDesign:
         return found + [NAME_OF_WRONG[w] for w in self.wrong]
 
     def concealed(self) -> Concealed:
-        """Return the truth."""
+        """Return the truth of the set.
+
+        Returns
+        -------
+        Wind may be named without the drag that it acts through, and viscous drag as ``rotor_drag``
+        alone. With a load ``thrust_scale`` is optional.
+        """
         names = tuple(self.names())
         instead: tuple[tuple[str, ...], ...] = ()
         if self.wind_m_s:
@@ -142,7 +160,7 @@ class MujocoDesign:
 
 
 def designs(half: str) -> list[MujocoDesign]:
-    """Return the sets of a half: the same effects in both, at other sizes."""
+    """Return the sets of a half: the same effects in both, a quarter larger for evaluation."""
     more = {"development": 1.0, "evaluation": 1.25}[half]
     quads = [v for v in VEHICLES if v not in MORE_ROTORS]
     found = [MujocoDesign(v, copy=k) for v in quads for k in range(3)]
@@ -192,10 +210,15 @@ def designs(half: str) -> list[MujocoDesign]:
 def make(out: Path, sets: Sequence[tuple[MujocoDesign, int, Place]], sources: Sources) -> None:
     """Fly designs, one after the other, and seal them.
 
+    Parameters
+    ----------
+    out : folder that gets ``cases/`` and ``sealed/``.
+    sets : designs, each with its number in the world and its place.
+
     Raises
     ------
-    GesError
-        When the vehicle was lost.
+    Lost
+        When a vehicle was more than :data:`LOST_M` from its path.
     """
     for design, number, place in sets:
         _make(out, design, number, place)

@@ -17,8 +17,15 @@ SPIN_UP_S = 1.5
 
 @dataclass(frozen=True)
 class Scale:
-    """What a path must know of the vehicle: lowest height of its centre, rotor radius, fastest
-    speed, and the time constant of its answer."""
+    """What a path must respect of a vehicle.
+
+    Attributes
+    ----------
+    low_m : least height of its centre above the ground.
+    radius_m : rotor radius.
+    speed_m_s : greatest speed.
+    smooth_s : time constant of its response; the path is smoothed over it.
+    """
 
     low_m: float
     radius_m: float
@@ -32,8 +39,21 @@ Path = Callable[[np.ndarray, Scale, np.random.Generator], tuple[np.ndarray, ...]
 def references(
     half: str, seconds: float, step_s: float, scale: Scale, rng: np.random.Generator
 ) -> list[np.ndarray]:
-    """Return one flight of every family of a half, (11, n): position, velocity, acceleration
-    (world), yaw, yaw rate."""
+    """Return one flight of every family of a half.
+
+    Parameters
+    ----------
+    half : 'development' or 'evaluation'.
+    seconds : length of a flight.
+    step_s : time from one reference to the next.
+    scale : what the paths must respect of the vehicle.
+    rng : stream that sizes and headings are drawn from.
+
+    Returns
+    -------
+    (11, n) a flight: position, velocity and acceleration in the world frame (m, s), yaw (rad) and
+    yaw rate (rad/s). It begins and ends at rest.
+    """
     n = int(round(seconds / step_s))
     t = np.arange(n) * step_s
     # the phase runs like time, but takes off from rest and comes to rest
@@ -61,7 +81,7 @@ def _holds(phase: np.ndarray, values: np.ndarray) -> np.ndarray:
     return values[place]
 
 
-def ladder(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+def _ladder(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """Holds from six radii above the lowest height down to it and up again, turning between."""
     rungs = scale.low_m + scale.radius_m * np.array([6.0, 3.0, 1.4, 0.5, 0.0, 0.9, 2.2, 5.0])
     drift = 0.4 * np.sin(2.0 * np.pi * phase / rng.uniform(6.0, 9.0))
@@ -69,7 +89,7 @@ def ladder(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[n
     return drift, 0.2 * np.cos(phase), _holds(phase, rungs), turn
 
 
-def eight(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+def _eight(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """A lying eight at growing speed, high, with the nose going round."""
     size = rng.uniform(0.9, 1.4)
     angle = scale.speed_m_s / (2.2 * size) * phase * (0.4 + 0.6 * phase / phase[-1])
@@ -77,7 +97,7 @@ def eight(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np
     return size * np.sin(angle), 0.5 * size * np.sin(2.0 * angle), high, 0.5 * phase
 
 
-def helix(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+def _helix(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """A circle that climbs and sinks, the nose along the path."""
     size, angle = rng.uniform(0.7, 1.1), 0.7 * scale.speed_m_s * phase
     reach = 0.3 * scale.speed_m_s / 1.1
@@ -85,7 +105,7 @@ def helix(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np
     return size * np.cos(angle), size * np.sin(angle), high, angle + 0.5 * np.pi
 
 
-def dashes(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+def _dashes(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """Out and back along a line, faster every time, once low and once high."""
     heading, span = rng.uniform(0.0, 2.0 * np.pi), phase[-1]
     speed = scale.speed_m_s * (0.35 + 0.65 * phase / span)
@@ -98,7 +118,7 @@ def dashes(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[n
     return along * np.cos(heading), along * np.sin(heading), high, _holds(phase, np.array([0, 0.7]))
 
 
-def chirp(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+def _chirp(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """Height sweeps between the lowest and eight radii above it, ever faster."""
     sweep = 0.15 * phase + 0.5 * 0.35 * phase**2 / phase[-1]
     swing = 0.5 + 0.5 * np.cos(2.0 * np.pi * sweep)
@@ -111,7 +131,7 @@ def chirp(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np
     )
 
 
-def rose(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+def _rose(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """A rose of three petals at steady speed, nose turned by the way."""
     size = rng.uniform(1.1, 1.6)
     angle = 0.6 * scale.speed_m_s / size * phase
@@ -121,7 +141,7 @@ def rose(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.
     return reach * np.cos(0.5 * angle), reach * np.sin(0.5 * angle), high + 0.0 * phase, yaw
 
 
-def square(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+def _square(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """A rounded square that tilts in height, at two speeds."""
     speed = scale.speed_m_s * np.where(phase < 0.5 * phase[-1], 0.45, 0.9)
     # way in edges: half-way the speed changes, and the path does not
@@ -133,7 +153,7 @@ def square(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[n
     return x, y, high, _holds(phase, rng.uniform(-1.2, 1.2, 4))
 
 
-def waypoints(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+def _waypoints(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """A spline through random points, low and high, near the fastest speed."""
     from scipy.interpolate import CubicSpline
 
@@ -149,6 +169,6 @@ def waypoints(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tupl
 
 
 FAMILIES: dict[str, tuple[Path, ...]] = {
-    "development": (ladder, eight, helix, dashes),
-    "evaluation": (chirp, rose, square, waypoints),
+    "development": (_ladder, _eight, _helix, _dashes),
+    "evaluation": (_chirp, _rose, _square, _waypoints),
 }

@@ -88,9 +88,16 @@ Flights = list[pd.DataFrame]
 
 @dataclass(frozen=True)
 class RecordedDesign:
-    """A set of recorded flights: those it is calibrated on (none: the file as it is), those to be
-    diagnosed, by path within the data set, the labelled truth, and into how many pieces a single
-    long flight is cut.
+    """A set of recorded flights.
+
+    Attributes
+    ----------
+    reference : flights that the vehicle is calibrated on, by path in the data set; without any the
+        file stays as it is.
+    flights : flights to be diagnosed, by path in the data set.
+    truth : the label.
+    about : condition, in words.
+    pieces : number of parts that each flight is cut into.
     """
 
     reference: tuple[str, ...]
@@ -101,7 +108,7 @@ class RecordedDesign:
 
     @property
     def key(self) -> str:
-        """A name for the table of cases."""
+        """Name in the table of cases: condition, flights, and what they are calibrated on."""
         against = f" against {' '.join(self.reference)}" if self.reference else ""
         return f"{self.about}: {' '.join(self.flights)}{against}"
 
@@ -115,8 +122,12 @@ def _of_half(items: Sequence, half: str) -> list:
 
 
 def crazypad_designs(half: str) -> list[RecordedDesign]:
-    """Return healthy flights against other healthy flights, and changed ones against healthy ones
-    of the same airframe and session.
+    """Return the sets of the crazypad flights for a half.
+
+    Returns
+    -------
+    Healthy flights against other healthy flights, then changed ones against healthy ones of the
+    same airframe and session. Conditions go to the halves in turn.
     """
     found = []
     for airframe in _of_half(sorted(HEALTHY), half):
@@ -142,7 +153,13 @@ def crazypad_designs(half: str) -> list[RecordedDesign]:
 
 
 def imrclab_designs(half: str) -> list[RecordedDesign]:
-    """Return free flights against other free flights, and loaded ones against free ones."""
+    """Return the sets of the IMRCLab flights for a half.
+
+    Returns
+    -------
+    Free flights against other free flights, then flights with a payload against free ones. The
+    halves differ in the speed of the flights.
+    """
     speed = {"development": "1.0", "evaluation": "0.7"}[half]
     free = [f"free/eckart{k:02d}" for k in FREE[speed]]
     found = [
@@ -159,7 +176,12 @@ def imrclab_designs(half: str) -> list[RecordedDesign]:
 
 
 def appius_designs(half: str) -> list[RecordedDesign]:
-    """Return flights near the ground, and one far from it in pieces."""
+    """Return the sets of Appius' flights for a half, without any calibration.
+
+    Returns
+    -------
+    Flights near the ground, and for development one far from it in two pieces.
+    """
     if half == "development":
         return [
             RecordedDesign((), ("HOVERING.csv", "VERTICAL_SPEEDS.csv"), NEAR, "near the ground"),
@@ -176,7 +198,17 @@ def appius_designs(half: str) -> list[RecordedDesign]:
 
 
 def maker(world: str) -> Callable[..., None]:
-    """Return the function that writes the sets of one of these worlds."""
+    """Return the function that writes the sets of one of these worlds.
+
+    Parameters
+    ----------
+    world : :data:`CRAZYPAD`, :data:`IMRCLAB` or :data:`APPIUS`.
+
+    Returns
+    -------
+    A function of the folder, the sets and the sources, like ``make`` of the other worlds. It raises
+    GesError where a recording is missing.
+    """
 
     def make(
         out: Path, sets: Sequence[tuple[RecordedDesign, int, Place]], sources: Sources

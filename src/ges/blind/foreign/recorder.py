@@ -25,7 +25,15 @@ from ges.conventions import (
 
 @dataclass(frozen=True)
 class LogSettings:
-    """How a set is logged: rate, sensors, and which streams there are."""
+    """How a set is logged.
+
+    Attributes
+    ----------
+    rate_hz : samples a second.
+    noise : true noise of the sensors.
+    level : name of the noise level, 'low' or 'high'.
+    rotor_speeds, references : whether these streams are logged.
+    """
 
     rate_hz: float
     noise: Noise
@@ -35,12 +43,24 @@ class LogSettings:
 
     @property
     def sensors(self) -> Noise:
-        """True noise; rotor speeds that are not logged are infinitely noisy."""
+        """True noise; rotor speeds have an infinite sd where they are not logged."""
         return self.noise if self.rotor_speeds else replace(self.noise, speed_share=np.inf)
 
 
 def record(flown: TrueFlight, log: LogSettings, rng: np.random.Generator) -> pd.DataFrame:
-    """Return a flight as its sensors saw it, in contract columns."""
+    """Return a flight as its sensors logged it.
+
+    Parameters
+    ----------
+    flown : the true flight.
+    log : rate, noise and streams of the log.
+    rng : stream that all sensor errors are drawn from.
+
+    Returns
+    -------
+    A row a sample, with the columns of :mod:`ges.conventions`; ``t_s`` begins at 0. The pose is NaN
+    in rows without a sample of it.
+    """
     return _Recorder(flown, log, rng).frame()
 
 

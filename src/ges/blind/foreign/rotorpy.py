@@ -52,10 +52,17 @@ METHOD = "force along the path, RotorPy's own wrench with and without each effec
 
 @dataclass(frozen=True)
 class RotorpyDesign:
-    """A set to fly: what is on (share of :data:`ON`), the air, and how the vehicle file is wrong.
+    """A set to fly with RotorPy: effects that are on, the air, and how the vehicle file is wrong.
 
-    ``wind`` is the speed of a steady wind, ``gusts`` a kind of moving air with its size;
-    ``shift_m`` moves all rotors against the centre of mass.
+    Attributes
+    ----------
+    vehicle : 'hummingbird', 'crazyflie' or 'hexarotor'.
+    on : share of the coefficients of :data:`ON`, by effect.
+    wind_m_s : speed of a steady wind.
+    gusts : kind of moving air ('dryden' or 'sinusoid', '' for none) and its size (m/s).
+    wrong : factors by which the file is wrong, by the numbers of :data:`NAME_OF_WRONG`.
+    shift_m : place of the centre of mass from the published one, body x and y.
+    copy : number among sets that are the same otherwise.
     """
 
     vehicle: str
@@ -68,7 +75,7 @@ class RotorpyDesign:
 
     @property
     def key(self) -> str:
-        """A name for the table of cases."""
+        """Name in the table of cases: vehicle, what is on, the air, how the file is wrong, copy."""
         parts = [f"{n} {s:g}" for n, s in self.on.items()]
         parts += [f"wind {self.wind_m_s:g}"] if self.wind_m_s else []
         parts += [f"{self.gusts[0]} {self.gusts[1]:g}"] if self.gusts[0] else []
@@ -77,7 +84,13 @@ class RotorpyDesign:
         return f"{self.vehicle} {', '.join(parts) or 'nothing'} #{self.copy}"
 
     def concealed(self) -> Concealed:
-        """Return what is true of it, in the contract's names."""
+        """Return the truth of the set.
+
+        Returns
+        -------
+        Moving air may be named without the drag that it acts through. With flapping, which no
+        library has, the verdict is ``unknown``.
+        """
         names = [n for n in self.on if n != "flapping"]
         names += ["wind"] if self.wind_m_s else []
         names += ["gusts"] if self.gusts[0] else []
@@ -102,7 +115,7 @@ class RotorpyDesign:
 
 
 def designs(half: str) -> list[RotorpyDesign]:
-    """Return the sets of a half: the same effects in both, at other sizes."""
+    """Return the sets of a half: the same effects in both, small ones and winds at other sizes."""
     small = {"development": 0.3, "evaluation": 0.4}[half]
     wind = {"development": (2.5, 1.5), "evaluation": (3.2, 1.1)}[half]
     both = ("hummingbird", "crazyflie")
@@ -149,10 +162,15 @@ def designs(half: str) -> list[RotorpyDesign]:
 def make(out: Path, sets: Sequence[tuple[RotorpyDesign, int, Place]], sources: Sources) -> None:
     """Fly designs, one after the other, and seal them.
 
+    Parameters
+    ----------
+    out : folder that gets ``cases/`` and ``sealed/``.
+    sets : designs, each with its number in the world and its place.
+
     Raises
     ------
-    GesError
-        When RotorPy's controller loses its trajectory.
+    Lost
+        When RotorPy's controller loses a trajectory :data:`ATTEMPTS` times, each slower.
     """
     for design, number, place in sets:
         _make(out, design, number, place)

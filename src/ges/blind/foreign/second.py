@@ -54,7 +54,15 @@ METHOD = "loads along the path that each effect made, kept by the generator itse
 
 @dataclass(frozen=True)
 class SecondDesign:
-    """A set to fly: vehicle class, what is concealed and how strongly (0 to 2)."""
+    """A set to fly by the second author's simulator.
+
+    Attributes
+    ----------
+    vehicle : class of vehicles.
+    names : concealed effects.
+    level : severity, 0 weak, 1 medium, 2 strong.
+    copy : number among sets that are the same otherwise.
+    """
 
     vehicle: str
     names: tuple[str, ...] = ()
@@ -63,19 +71,25 @@ class SecondDesign:
 
     @property
     def key(self) -> str:
-        """A name for the table of cases."""
+        """Name in the table of cases: vehicle class, concealed names, severity, copy."""
         names = "+".join(self.names) or "nothing"
         return f"{self.vehicle} {names} {LEVELS[self.level]} #{self.copy}"
 
     def all_names(self) -> tuple[str, ...]:
-        """Return what is true of it: each name after what it needs to act on."""
+        """Return the concealed names, each after the effect that it needs to act on."""
         found: list[str] = []
         for name in self.names:
             found += [n for n in (COMPANION.get(name), name) if n and n not in found]
         return tuple(found)
 
     def concealed(self) -> Concealed:
-        """Return the truth."""
+        """Return the truth of the set.
+
+        Returns
+        -------
+        Wind and gusts may be named without the drag that they act through. The verdict on an effect
+        that no library has is ``unknown``.
+        """
         severity = LEVELS[self.level]
         if self.names and self.names[0] in STRANGERS:
             return Concealed(severity=severity, verdict="unknown", category="unknown")
@@ -93,7 +107,13 @@ class SecondDesign:
 
 
 def designs(half: str) -> list[SecondDesign]:
-    """Return the sets of a half: every effect once, at levels that differ between the halves."""
+    """Return the sets of a half.
+
+    Returns
+    -------
+    Seven without anything concealed, every effect once, at severities that differ between the
+    halves, and four pairs.
+    """
     shift = {"development": 0, "evaluation": 1}[half]
     sizes = list(VEHICLES)
     physics = [n for n in SECRETS if n not in PARAMETERS]
@@ -115,12 +135,19 @@ def designs(half: str) -> list[SecondDesign]:
 
 
 def make(out: Path, sets: Sequence[tuple[SecondDesign, int, Place]], sources: Sources) -> None:
-    """Fly designs abreast and seal them; what was lost or touched the ground is flown gentler.
+    """Fly designs abreast and seal them.
+
+    A set whose vehicle left its path or touched the ground is flown again, slower and higher.
+
+    Parameters
+    ----------
+    out : folder that gets ``cases/`` and ``sealed/``.
+    sets : designs, each with its number in the world and its place.
 
     Raises
     ------
     Lost
-        When a vehicle was lost however gently it was flown.
+        When a vehicle was lost in all :data:`ATTEMPTS`.
     """
     waiting = list(sets)
     for attempt in range(ATTEMPTS):

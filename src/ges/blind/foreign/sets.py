@@ -33,7 +33,12 @@ FLAT = {"kind": "flat", "z_m": 0.0}
 
 
 def half_of(seed: int) -> str:
-    """Return the half that a seed belongs to: evaluation from :data:`FIRST_OF_EVALUATION` on."""
+    """Return the half that a seed belongs to.
+
+    Returns
+    -------
+    'evaluation' from :data:`FIRST_OF_EVALUATION` on, 'development' below.
+    """
     return HALVES[seed >= FIRST_OF_EVALUATION]
 
 
@@ -58,7 +63,13 @@ class Lost(GesError):
 
 @dataclass(frozen=True)
 class Sources:
-    """Folders of what cannot be made here: published flights, and sets made elsewhere."""
+    """Folders of what cannot be made here.
+
+    Attributes
+    ----------
+    recordings : published flights.
+    given : sets made elsewhere.
+    """
 
     recordings: Path = Path("recordings")
     given: Path = Path("worlds")
@@ -66,7 +77,15 @@ class Sources:
 
 @dataclass(frozen=True)
 class Place:
-    """Which set of a world this is; everything drawn for it follows from it."""
+    """Which set of a world this is; all random draws for it follow from it.
+
+    Attributes
+    ----------
+    world : name of the world.
+    key : name of the design, unique in the world.
+    half : 'development' or 'evaluation'.
+    seed : of all sets of a run.
+    """
 
     world: str
     key: str
@@ -75,12 +94,17 @@ class Place:
 
     @property
     def identity(self) -> str:
-        """A name that says nothing of the world or of what is concealed."""
+        """Name of the set's folder, 12 hex digits that reveal neither world nor design."""
         text = f"{self.world}/{self.key}/{self.half}/{self.seed}"
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
     def rng(self, purpose: str) -> np.random.Generator:
-        """Return a random stream of its own."""
+        """Return the random stream of one purpose.
+
+        Parameters
+        ----------
+        purpose : any word; each has a stream of its own, whatever the others have drawn.
+        """
         parts = (self.world, self.key, self.half, purpose)
         return np.random.default_rng([self.seed, *(zlib.crc32(p.encode()) for p in parts)])
 
@@ -94,8 +118,14 @@ RATES_HZ = {"development": (50.0, 100.0, 250.0, 500.0), "evaluation": (62.5, 125
 
 
 def draw_log(place: Place, number: int, noise: Noise | None = None) -> LogSettings:
-    """Return how the ``number``-th set of a world is logged: rates and levels go round, what is
-    logged is drawn."""
+    """Draw how a set is logged.
+
+    Parameters
+    ----------
+    place : its half decides rates and noise levels; which streams are logged is drawn for it.
+    number : of the set in its world; rates and levels go round with it.
+    noise : ordinary noise of the sensors; by default :class:`Noise` as it is.
+    """
     rng = place.rng("log")
     rates, levels = RATES_HZ[place.half], LEVELS[place.half]
     # shifted by one at each round of rates, so that every rate meets both levels
@@ -115,11 +145,20 @@ def draw_log(place: Place, number: int, noise: Noise | None = None) -> LogSettin
 
 @dataclass(frozen=True)
 class Concealed:
-    """What is true of a set: names, other answers that are as right, and how it is counted.
+    """What is true of a set, and how it is counted.
 
-    ``optional`` are names that are true as well but small; ``instead`` whole answers that are as
-    right. ``verdict`` and ``category`` follow from the names where they are left out. Of a vehicle
-    that is ``heavier`` than its file says, a payload is as right as a thrust that is less.
+    Attributes
+    ----------
+    names : effects and wrong numbers that are to be named.
+    severity : 'weak', 'medium' or 'strong'.
+    optional : names that are true as well, but small.
+    instead : whole answers that are as right as ``names``.
+    verdict, category : by default they follow from the names.
+    places : rotors that a name acts at, by name.
+    parameters : true parameters, by name.
+    note : remark beside the truth.
+    heavier : whether the vehicle is heavier than its file states. A payload is then as right as a
+        loss of thrust.
     """
 
     names: tuple[str, ...] = ()
@@ -134,7 +173,12 @@ class Concealed:
     heavier: bool = False
 
     def truth(self) -> dict[str, Any]:
-        """Return the contract's form, with the category beside it."""
+        """Return the truth in the form of the contract, with its category.
+
+        Returns
+        -------
+        ``also_acceptable`` holds every other set of names that is right.
+        """
         return {
             "verdict": self.verdict or ("physics" if self.names else "nothing_proven"),
             "findings": self._findings(self.names),
@@ -181,13 +225,18 @@ def write_flown(
     method: str,
     wrong: Mapping[str, float] = NOTHING,
 ) -> None:
-    """Record flown flights, write the set, seal its truth and what any method could tell of it.
+    """Record flown flights, write the set, and seal its truth and detection limit.
 
     Parameters
     ----------
-    craft : the true vehicle and what its file honestly declares.
+    out : folder that gets ``cases/`` and ``sealed/``.
+    place : which set it is.
+    craft : true vehicle, and what its file honestly declares.
+    flights : true flights.
+    log : how they are logged.
+    concealed : the truth.
     method : how the limit is known, in words.
-    wrong : factors by which the file is wrong beyond its doubts, by the numbers of
+    wrong : factors by which the file is wrong beyond its stated uncertainty, by the numbers of
         :data:`NAME_OF_WRONG`.
     """
     rng = place.rng("sensors")
@@ -222,11 +271,17 @@ def write_set(
     frames: Sequence[pd.DataFrame],
     truth: Mapping[str, Any],
 ) -> None:
-    """Write one recording set under a name that says nothing, whole or not at all; the truth last.
+    """Write one recording set and its truth, whole or not at all.
+
+    The folder's name reveals nothing, files have no times, and the truth is written last.
 
     Parameters
     ----------
+    out : folder that gets ``cases/`` and ``sealed/``.
+    place : which set it is.
     vehicle : content of the vehicle file.
+    frames : flights in columns of the contract; all but ``t_s`` become single precision.
+    truth : content of the sealed file.
     """
     final, folder = out / "cases" / place.identity, out / "cases" / f".{place.identity}"
     for left in (final, folder):
@@ -245,5 +300,11 @@ def write_set(
 
 
 def misdeclared(declared: Mapping[str, float], wrong: Mapping[str, float]) -> dict[str, float]:
-    """Return what a wrong file declares; 'inertia' is wrong about all three axes."""
+    """Return what a wrong file declares.
+
+    Parameters
+    ----------
+    declared : numbers of the file.
+    wrong : factors by number; 'inertia' stands for all three axes.
+    """
     return {k: v * wrong.get("inertia" if k in INERTIA else k, 1.0) for k, v in declared.items()}

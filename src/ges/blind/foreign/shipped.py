@@ -29,8 +29,14 @@ WORLD = "crazypad-small"
 
 @dataclass(frozen=True)
 class Change:
-    """What was done to a vehicle, the flights it is calibrated on and those to be diagnosed, each
-    by folder and, where a folder serves for both, by position in it.
+    """What was done to a vehicle, and the flights before and after it.
+
+    Attributes
+    ----------
+    done : in words.
+    truth : what a diagnosis should find.
+    reference, flights : flights for the calibration and for the diagnosis. Each is a folder of
+        :data:`WORLD` and the part of it that is taken.
     """
 
     done: str
@@ -55,7 +61,13 @@ CHANGES = (
 
 
 def make_and_seal(sums: Path) -> None:
-    """Write a set for each of :data:`CHANGES` in the folder above ``sealed/``, and seal it."""
+    """Write a set for each of :data:`CHANGES`, and seal them.
+
+    Parameters
+    ----------
+    sums : list of hashes to be written, ``sealed/SHA256SUMS``; what is in its folder and in
+        ``cases/`` beside that is replaced.
+    """
     out = sums.parents[1]
     for folder in ("cases", "sealed"):
         shutil.rmtree(out / folder, ignore_errors=True)

@@ -48,11 +48,17 @@ Sets = Sequence[tuple[Any, int, Place]]
 
 @dataclass(frozen=True)
 class World:
-    """A maker of sets.
+    """A source of sets: a simulator, logs or published flights.
 
-    ``designs`` lists what it makes for a half, ``make`` writes some of it; ``modules`` must be
-    importable, ``folder`` must be there; ``batch`` sets are made abreast, in a process of its own
-    with this environment.
+    Attributes
+    ----------
+    name, about : its name and what it is, in words.
+    designs : lists what it makes for a half.
+    make : writes some of these sets into a folder.
+    batch : number of sets that are made together, in one process.
+    modules : packages that must be importable.
+    folder : folder that must be there; None where none is needed.
+    environment : variables of the process.
     """
 
     name: str
@@ -65,7 +71,12 @@ class World:
     environment: Mapping[str, str] = field(default_factory=lambda: ALONE)
 
     def missing(self, half: str, places: Sources) -> str:
-        """Return why it cannot be made here; nothing where it can."""
+        """Return why it cannot be made here.
+
+        Returns
+        -------
+        The missing package or folder, in words; empty where nothing is missing.
+        """
         lacking = [m for m in self.modules if importlib.util.find_spec(m) is None]
         if lacking:
             return f"{lacking[0]} is not installed; pip install 'ges[simulators]'"
@@ -162,12 +173,19 @@ def make_worlds(
     minutes: float | None = None,
     tell: Callable[[int, int], None] = lambda *_: None,
 ) -> tuple[int, int, dict[str, str]]:
-    """Make the sets of a half that are not there yet; seal the folder when all are.
+    """Make the sets of a half that are not there yet, and seal the folder when all are.
 
     Parameters
     ----------
-    only : worlds to restrict to; every : so many sets of each are one.
+    out : folder of the sets.
+    half : 'development' or 'evaluation'.
+    seed : of all random draws; belongs to the half.
+    only : worlds to restrict to; by default all.
+    every : one set of so many is made.
+    places : folders of what cannot be made here.
+    processes : batches made at the same time.
     minutes : after which no more is begun; the next call goes on.
+    tell : called with the number of sets done and of all.
 
     Returns
     -------
@@ -177,6 +195,8 @@ def make_worlds(
     ------
     UsageError
         For an unknown world, a seed of the other half, or a folder that is sealed already.
+    GesError
+        When none of the worlds can be made here.
     """
     check_half(half, seed)
     for name in only:
@@ -219,8 +239,14 @@ def make_worlds(
 
 
 def make_and_seal(sums: Path, seed: int, every: int, recordings: str, given: str) -> None:
-    """Make the sets of a workflow in the folder above ``sealed/``, where ``sums`` is the list of
-    hashes; go on where it was interrupted.
+    """Make the sets of a workflow; go on where it was interrupted.
+
+    Parameters
+    ----------
+    sums : list of hashes to be written, ``sealed/SHA256SUMS`` of the folder of sets.
+    seed : of all random draws; decides the half.
+    every : one set of so many is made.
+    recordings, given : folders of published flights and of sets made elsewhere.
     """
     sums.unlink(missing_ok=True)
     sources = Sources(Path(recordings), Path(given))

@@ -62,7 +62,7 @@ def log_profile(height: np.ndarray) -> np.ndarray:
     return np.log(z / ROUGHNESS_M) / np.log(REFERENCE_HEIGHT_M / ROUGHNESS_M + 1.0)
 
 
-def dryden_lengths(height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _dryden_lengths(height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (L_u, L_w) in metres; below 10 ft the values of 10 ft."""
     # the standard states its lengths in feet
     feet = np.maximum(height / FOOT_M, 10.0)
@@ -83,7 +83,7 @@ def step_gusts(
     ``sigma`` (F,) is the standard deviation of u and v, w has half of it (near the ground).
     """
     speed = np.maximum(airspeed, 1.0)
-    long, vert = dryden_lengths(height)
+    long, vert = _dryden_lengths(height)
     out = np.empty_like(state)
     # the noise that keeps the variance at sigma^2 whatever the step
     keep = np.exp(-dt * speed / long)

@@ -91,7 +91,7 @@ NEUTRAL: dict[str, float] = {
 Secret = Callable[[TrueVehicle, int, np.random.Generator], dict[str, float]]
 
 
-def weight_N(craft: TrueVehicle) -> float:
+def _weight_N(craft: TrueVehicle) -> float:
     """Return the true weight."""
     return craft.true["mass"] * GRAVITY_M_S2
 
@@ -111,11 +111,11 @@ def _sign(rng: np.random.Generator) -> float:
     return float(rng.choice([-1.0, 1.0]))
 
 
-def hover_drag_N_s_m(craft: TrueVehicle, s: float) -> float:
+def _hover_drag_N_s_m(craft: TrueVehicle, s: float) -> float:
     """Return the blade-element in-plane force of all rotors in hover per m/s, at unit gain."""
     tip = craft.hover_speed_rad_s * craft.radius_m
     disc = RHO_KG_M3 * np.pi * craft.radius_m**2
-    ct = weight_N(craft) / (craft.n_rotors * disc * tip**2)
+    ct = _weight_N(craft) / (craft.n_rotors * disc * tip**2)
     slope = np.asarray(s)
     theta = rotor.blade_pitch(np.asarray(ct), slope)
     mu = 0.5 / tip
@@ -123,7 +123,7 @@ def hover_drag_N_s_m(craft: TrueVehicle, s: float) -> float:
     return float(craft.n_rotors * disc * tip**2 * ch / 0.5)
 
 
-def image_sum_at(craft: TrueVehicle, x: float) -> float:
+def _image_sum_at(craft: TrueVehicle, x: float) -> float:
     """Return the image upwash of all rotors over flat ground at rotor height x R (a share of
     v_i).
     """
@@ -134,13 +134,13 @@ def image_sum_at(craft: TrueVehicle, x: float) -> float:
 
 
 def _rotor_drag(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    target = _pick(level, (0.008, 0.018, 0.034), rng) * weight_N(craft)
-    return {"drag_gain": target / hover_drag_N_s_m(craft, NEUTRAL["blade_s"])}
+    target = _pick(level, (0.008, 0.018, 0.034), rng) * _weight_N(craft)
+    return {"drag_gain": target / _hover_drag_N_s_m(craft, NEUTRAL["blade_s"])}
 
 
 def _parasitic_drag(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     share_at_3_m_s = _pick(level, (0.02, 0.045, 0.09), rng)
-    return {"area_m2": share_at_3_m_s * weight_N(craft) / (0.5 * RHO_KG_M3 * 9.0)}
+    return {"area_m2": share_at_3_m_s * _weight_N(craft) / (0.5 * RHO_KG_M3 * 9.0)}
 
 
 def _axial_inflow(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
@@ -173,14 +173,14 @@ def _ground_effect(craft: TrueVehicle, level: int, rng: np.random.Generator) -> 
     gain_at_one_radius = _pick(level, (0.05, 0.10, 0.20), rng)
     tip = craft.hover_speed_rad_s * craft.radius_m
     disc = RHO_KG_M3 * np.pi * craft.radius_m**2
-    ct = weight_N(craft) / (craft.n_rotors * disc * tip**2)
+    ct = _weight_N(craft) / (craft.n_rotors * disc * tip**2)
     # upwash u (over v_i) gives dC_T / C_T = slope u, with slope = s lam / (4 C_T)
     lam, s = np.sqrt(ct / 2.0), NEUTRAL["blade_s"]
     slope = s * lam / (4.0 * ct)
     # more thrust draws more inflow, v_i ~ sqrt(T): gain (1 + slope / 2) = slope u
     upwash = gain_at_one_radius * (1.0 + 0.5 * slope) / slope
     # undo ``ground.saturate``, which is applied to the gain times the images' sum
-    return {"image_gain": upwash / (1.0 - min(upwash / 0.75, 0.8)) / image_sum_at(craft, 1.0)}
+    return {"image_gain": upwash / (1.0 - min(upwash / 0.75, 0.8)) / _image_sum_at(craft, 1.0)}
 
 
 def _forward_fade(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
@@ -268,7 +268,7 @@ def _coaxial_wake(craft: TrueVehicle, level: int, rng: np.random.Generator) -> d
 
 def _tether(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {
-        "tether_N_m": _pick(level, (0.01, 0.025, 0.05), rng) * weight_N(craft),
+        "tether_N_m": _pick(level, (0.01, 0.025, 0.05), rng) * _weight_N(craft),
         "tether_sag_m": rng.uniform(0.1, 0.4),
     }
 
@@ -313,22 +313,22 @@ def _bias(prefix: str, unit: str, values: tuple[float, float, float], axes: str 
 
 def _magnet(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     x, y = rng.uniform(-1.0, 1.0, 2)
-    force = _pick(level, (0.04, 0.08, 0.15), rng) * weight_N(craft)
+    force = _pick(level, (0.04, 0.08, 0.15), rng) * _weight_N(craft)
     return {"magnet_N": force, "magnet_x_m": x, "magnet_y_m": y}
 
 
 def _wall(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    return {"wall_N": _pick(level, (0.03, 0.06, 0.12), rng) * weight_N(craft)}
+    return {"wall_N": _pick(level, (0.03, 0.06, 0.12), rng) * _weight_N(craft)}
 
 
 def _updraft(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     x, y = rng.uniform(-1.0, 1.0, 2)
-    force = _pick(level, (0.04, 0.08, 0.15), rng) * weight_N(craft)
+    force = _pick(level, (0.04, 0.08, 0.15), rng) * _weight_N(craft)
     return {"updraft_N": force, "magnet_x_m": x, "magnet_y_m": y}
 
 
 def _hatch(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    return {"hatch_N": _pick(level, (0.05, 0.1, 0.2), rng) * weight_N(craft)}
+    return {"hatch_N": _pick(level, (0.05, 0.1, 0.2), rng) * _weight_N(craft)}
 
 
 PHYSICS: dict[str, Secret] = {

@@ -104,7 +104,7 @@ def _path(
     level = flown.air.level
     step_s = thin / rate_hz
     body = body_of(craft)
-    declared = doubts(body, craft.true, speed, rate, omega, turning, step_s)
+    declared = _doubts(body, craft.true, speed, rate, omega, turning, step_s)
     changes: dict[str, Mapping[str, np.ndarray]] = {
         n: {c: at(v) for c, v in one.items()} for n, one in flown.changes.items()
     }
@@ -139,7 +139,7 @@ def _path(
     )
 
 
-def doubts(
+def _doubts(
     body: Body,
     true: Mapping[str, float],
     speed: np.ndarray,

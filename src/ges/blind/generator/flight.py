@@ -57,7 +57,7 @@ class Sortie:
     weather: air.Weather = field(default_factory=air.Weather)
 
 
-class RandomInputs:
+class _RandomInputs:
     """Random inputs of all sorties, each from its own stream: turbulence, gust shocks, control
     noise.
     """
@@ -231,12 +231,12 @@ def to_world(r: np.ndarray, a: np.ndarray) -> np.ndarray:
     return r[:, 0] * a[0] + r[:, 1] * a[1] + r[:, 2] * a[2]
 
 
-def to_body(r: np.ndarray, a: np.ndarray) -> np.ndarray:
+def _to_body(r: np.ndarray, a: np.ndarray) -> np.ndarray:
     """Rotate world vectors (3, F) into the body."""
     return (r * a[:, None]).sum(axis=0)
 
 
-def turn(q: np.ndarray, omega: np.ndarray, dt: float) -> np.ndarray:
+def _turn(q: np.ndarray, omega: np.ndarray, dt: float) -> np.ndarray:
     """Rotate attitudes by a constant body rate for dt, exactly, and keep them of unit length."""
     angle = 0.5 * dt * np.sqrt((omega * omega).sum(axis=0))
     c = np.cos(angle)
@@ -262,7 +262,7 @@ class Simulation:
         """
         self.sorties, self.b = sorties, Bench(sorties)
         self.steps = (n or max(s.plan.reference.shape[1] for s in sorties)) * CONTROL
-        self.air = RandomInputs(sorties, self.steps)
+        self.air = _RandomInputs(sorties, self.steps)
         self.flights = np.arange(len(sorties))
         self._load_terrain()
         self.s = State(self.b, sorties, self.terrain)
@@ -443,7 +443,7 @@ class Simulation:
         """
         s, b = self.s, self.b
         w = s.x * b.true["speed"]
-        air_body = to_body(self.r, s.v - self.wind)
+        air_body = _to_body(self.r, s.v - self.wind)
         drag_xy, thrust = self._rotors(w, air_body)
         force, moment = self._sum_rotors(w, drag_xy, thrust)
         more, twist = self._extras(w, thrust, air_body)
@@ -455,7 +455,7 @@ class Simulation:
             moment - self._moment_of(plain, -b.spin * b.true["torque"] * w * w),
         )
         shake = self.shake
-        force = force + to_body(self.r, shake[:3] * b.mass)
+        force = force + _to_body(self.r, shake[:3] * b.mass)
         moment = moment + shake[3:] * TURN_PER_M * self.b.inertia
         return force, moment, extra
 
@@ -538,7 +538,7 @@ class Simulation:
         rope, s.load, s.load_v = attached.slung_load(
             s.load, s.load_v, s.p, s.v, b.mass, b.hid, DT_S
         )
-        force += to_body(self.r, pull + rope)
+        force += _to_body(self.r, pull + rope)
         more, moment = attached.strangers(air_body, thrust, b, self.buffet)
         return force + more, moment
 
@@ -560,7 +560,7 @@ class Simulation:
             ]
         )
         s.omega = s.omega + DT_S * ((moment - cross) / b.inertia + level)
-        s.q = turn(s.q, s.omega, DT_S)
+        s.q = _turn(s.q, s.omega, DT_S)
 
     def _write(
         self,
@@ -572,7 +572,7 @@ class Simulation:
         s, b = self.s, self.b
         push, _ = attached.contact(s, self.r, self.under, b)
         # an accelerometer reads all but gravity
-        felt = (force + to_body(self.r, push)) / b.mass
+        felt = (force + _to_body(self.r, push)) / b.mass
         rows = {
             "p": s.p,
             "v": s.v,

@@ -57,7 +57,7 @@ def height_at(grids: np.ndarray, which: np.ndarray, x: np.ndarray, y: np.ndarray
     return low * (1.0 - fy) + high * fy
 
 
-def rays(rings: int = 5, spokes: int = 6) -> np.ndarray:
+def _rays(rings: int = 5, spokes: int = 6) -> np.ndarray:
     """Return (2, P) horizontal reach per unit height of rays that carry equal flux downwards."""
     # equal steps of the cosine are equal solid angles
     cos = 1.0 - (np.arange(rings) + 0.5) / rings
@@ -68,7 +68,7 @@ def rays(rings: int = 5, spokes: int = 6) -> np.ndarray:
     )
 
 
-RAYS = rays()
+RAYS = _rays()
 
 
 def image_fraction(

@@ -73,7 +73,7 @@ def _under(room: Room, x: np.ndarray | float, y: np.ndarray | float) -> np.ndarr
     return _smooth(height_at(room.grid[None], np.zeros(len(x), np.intp), x, y), 0.5)
 
 
-def staircase(room: Room, rng: np.random.Generator) -> np.ndarray:
+def _staircase(room: Room, rng: np.random.Generator) -> np.ndarray:
     """Heights from six radii down to the lowest and up again, drifting slowly, turning between
     holds.
     """
@@ -84,7 +84,7 @@ def staircase(room: Room, rng: np.random.Generator) -> np.ndarray:
     return _track(t, drift, aside, z, _hold(t, np.cumsum(rng.uniform(-1.2, 1.2, 4))))
 
 
-def runs(room: Room, rng: np.random.Generator) -> np.ndarray:
+def _runs(room: Room, rng: np.random.Generator) -> np.ndarray:
     """Out-and-back runs of growing speed along one heading, high above the ground, nose turned
     between.
     """
@@ -97,7 +97,7 @@ def runs(room: Room, rng: np.random.Generator) -> np.ndarray:
     )
 
 
-def climbs(room: Room, rng: np.random.Generator) -> np.ndarray:
+def _climbs(room: Room, rng: np.random.Generator) -> np.ndarray:
     """Climbs and descents at 0.5 to 1.8 m/s, with the yaw going round once."""
     t = _clock(room)
     rates = np.array([0.5, -0.5, 1.0, -1.0, 1.8, -1.8, 1.0, -1.0]) * min(room.pace, 1.0)
@@ -113,7 +113,7 @@ def climbs(room: Room, rng: np.random.Generator) -> np.ndarray:
     )
 
 
-def low_runs(room: Room, rng: np.random.Generator) -> np.ndarray:
+def _low_runs(room: Room, rng: np.random.Generator) -> np.ndarray:
     """Runs of growing speed, 0.5 to 2.6 m/s, close to the ground, following it."""
     t = _clock(room)
     heading = rng.uniform(-0.5, 0.5) + rng.choice([0.0, np.pi])
@@ -133,7 +133,7 @@ def _out_and_back(t: np.ndarray, speeds: np.ndarray) -> np.ndarray:
     return np.clip(along - along.mean(), -REACH_M, REACH_M)
 
 
-def mixed(room: Room, rng: np.random.Generator) -> np.ndarray:
+def _mixed(room: Room, rng: np.random.Generator) -> np.ndarray:
     """Circles, a hover turned once around, and quick steps in every axis."""
     t = _clock(room)
     third = t[-1] / 3.0
@@ -164,7 +164,7 @@ hover_low = _still(lambda room: 1.3 * room.low_m)
 hover_high = _still(lambda room: 8.0 * room.radius_m + 0.8)
 
 
-def one_speed(room: Room, rng: np.random.Generator) -> np.ndarray:
+def _one_speed(room: Room, rng: np.random.Generator) -> np.ndarray:
     """One speed out and back on one line at one height and heading."""
     t = _clock(room)
     leg = 6.0
@@ -175,14 +175,14 @@ def one_speed(room: Room, rng: np.random.Generator) -> np.ndarray:
 
 
 MENU: dict[str, Manoeuvre] = {
-    "staircase": staircase,
-    "runs": runs,
-    "climbs": climbs,
-    "low_runs": low_runs,
-    "mixed": mixed,
+    "staircase": _staircase,
+    "runs": _runs,
+    "climbs": _climbs,
+    "low_runs": _low_runs,
+    "mixed": _mixed,
     "hover_low": hover_low,
     "hover_high": hover_high,
-    "one_speed": one_speed,
+    "one_speed": _one_speed,
 }
 FULL_MENU = ("staircase", "runs", "climbs", "low_runs", "mixed")
 

@@ -47,7 +47,7 @@ IMPOSED = ("p", "v", "q", "omega")
 METHOD = "loads and rotor speeds along the path, flown again without each effect"
 
 
-class PathReplay(Simulation):
+class _PathReplay(Simulation):
     """Sorties along recorded states; ``run`` returns loads and the rotor speeds of the drive."""
 
     def __init__(self, sorties: list[Sortie], book: Mapping[str, np.ndarray]) -> None:
@@ -180,7 +180,7 @@ def _replayed(
         recorded += books[k]
     names = (*IMPOSED, "u", "rotor_speed")
     book = {name: np.stack([flight[name] for flight in recorded], axis=-1) for name in names}
-    out = PathReplay(sorties, book).run()
+    out = _PathReplay(sorties, book).run()
     parts = iter(range(len(sorties)))
     return {
         key: [{n: v[:, :, f] for n, v in out.items()} for f in _take(parts, cases[key[0]])]

@@ -89,7 +89,7 @@ def run_cases(
     """
     _hidden(folder)
     names = [n for n in seal.cases(folder) if only is None or n in only]
-    tool = tool_state(options or {})
+    tool = _tool_state(options or {})
     # what has a verdict of this very tool is kept, so that an interrupted run goes on
     waiting = [n for n in names if not finished(folder / out / n, tool)]
     # the recordings of the waiting cases only: truths stay closed
@@ -133,7 +133,7 @@ def run_batch(sums: Path, verdicts: Path, batch: int, batches: int, method: str 
     write_json(verdicts, {n: sha256(folder / out / n / "diagnosis.json") for n in names})
 
 
-def tool_state(options: dict) -> str:
+def _tool_state(options: dict) -> str:
     """Hash of all that makes a verdict: sources of the diagnosis, the compiled simulator,
     options.
     """

@@ -31,21 +31,21 @@ LAST = ("true names", "true companion only", "nothing_proven", "ambiguous", "unk
 def draw_all(out: Path, tables: Mapping[str, pd.DataFrame]) -> None:
     """Draw every figure beside its table: ``<name>.csv``, ``.pdf`` and ``.png`` in ``out``."""
     drawn = {
-        "confusion_matrix": (draw_confusion, "confusion"),
-        "detection": (draw_detection, "singles"),
-        "calibration": (draw_calibration, "reliability"),
-        "outcomes": (draw_outcomes, "categories"),
+        "confusion_matrix": (_draw_confusion, "confusion"),
+        "detection": (_draw_detection, "singles"),
+        "calibration": (_draw_calibration, "reliability"),
+        "outcomes": (_draw_outcomes, "categories"),
         "detection_limit": (draw_limit, "cases"),
         "power": (draw_power, "power"),
     }
     for name, (draw, source) in drawn.items():
-        figure = draw(tables[source]) if len(tables[source]) else draw_nothing()
+        figure = draw(tables[source]) if len(tables[source]) else _draw_nothing()
         style.save(
             figure, tables[source], *((out / name).with_suffix(s) for s in (".csv", ".pdf", ".png"))
         )
 
 
-def draw_nothing() -> Figure:
+def _draw_nothing() -> Figure:
     """What stands in the place of a figure that no case has anything to show in."""
     figure, axes = style.subplots(height=0.8)
     axes.set_axis_off()
@@ -57,7 +57,7 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def draw_confusion(table: pd.DataFrame) -> Figure:
+def _draw_confusion(table: pd.DataFrame) -> Figure:
     """Share of the cases of each row that got each answer."""
     rows = [
         *sorted(r for r in set(table["concealed"]) if r not in _GROUPS),
@@ -97,7 +97,7 @@ def draw_confusion(table: pd.DataFrame) -> Figure:
 _GROUPS = ("pair", "triple", "confounded", "null")
 
 
-def draw_detection(table: pd.DataFrame) -> Figure:
+def _draw_detection(table: pd.DataFrame) -> Figure:
     """Share exactly right by severity, an effect a row."""
     named = table[table["category"].isin(["single", "parameter", "sensor"])]
     effects = list(
@@ -130,7 +130,7 @@ def draw_detection(table: pd.DataFrame) -> Figure:
     return figure
 
 
-def draw_calibration(table: pd.DataFrame) -> Figure:
+def _draw_calibration(table: pd.DataFrame) -> Figure:
     """Stated probability against the share that came true."""
     figure, axes = style.subplots(height=2.6)
     axes.plot([0, 1], [0, 1], color=style.GREY, lw=0.8, ls="--", label="as stated")
@@ -162,7 +162,7 @@ def draw_calibration(table: pd.DataFrame) -> Figure:
     return figure
 
 
-def draw_outcomes(table: pd.DataFrame) -> Figure:
+def _draw_outcomes(table: pd.DataFrame) -> Figure:
     """Shares of outcomes by kind of case."""
     kinds = list(dict.fromkeys(table["category"]))
     counts = table.pivot_table(

@@ -66,17 +66,17 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
     said = {n: read_verdict(folder / diagnosed / n) for n in names}
     judged = [judge(n, truths[n], said[n]) for n in names]
     held = _against_oracle(folder, truths, {diagnosed: said})[diagnosed]
-    table = case_table(folder, diagnosed, judged, truths, held)
+    table = _case_table(folder, diagnosed, judged, truths, held)
     answers = [answer_of(n, truths[n], said[n]) for n in names]
-    scores = summary(judged, table, {n: c for n, c in held.items() if c})
+    scores = _summary(judged, table, {n: c for n, c in held.items() if c})
     tables = {
         "cases": table,
         "scores": scores,
-        "singles": by_effect(judged),
+        "singles": _by_effect(judged),
         "confusion": confusion(judged),
-        "categories": outcomes(judged),
+        "categories": _outcomes(judged),
         "reliability": reliability_table([s for j in judged for s in j.stated]),
-        "oracle": reach(judged, held),
+        "oracle": _reach(judged, held),
         "power": power_table(answers),
         "rotors": by_rotors(answers),
     }
@@ -139,8 +139,8 @@ def compare_methods(sums: Path, verdicts: list[Path], methods: list[str], table:
     for method in methods:
         diagnosed = method_folder(method)
         judged, held = [judge(n, truths[n], said[diagnosed][n]) for n in names], every[diagnosed]
-        cases = case_table(folder, diagnosed, judged, truths, held)
-        columns[method] = summary(judged, cases, {n: c for n, c in held.items() if c}).set_index(
+        cases = _case_table(folder, diagnosed, judged, truths, held)
+        columns[method] = _summary(judged, cases, {n: c for n, c in held.items() if c}).set_index(
             "score"
         )[["value", "low", "high"]]
     side_by_side = pd.concat(columns, axis=1)
@@ -148,7 +148,7 @@ def compare_methods(sums: Path, verdicts: list[Path], methods: list[str], table:
     write_csv(table, side_by_side.reset_index())
 
 
-def case_table(
+def _case_table(
     folder: Path, diagnosed: str, judged: Sequence[Judgement], truths: dict, held: dict
 ) -> pd.DataFrame:
     """One row a case: what was concealed, what was said, what came of it, in which situation, in
@@ -187,7 +187,7 @@ def case_table(
     return pd.DataFrame(rows)
 
 
-def reach(judged: Sequence[Judgement], held: dict) -> pd.DataFrame:
+def _reach(judged: Sequence[Judgement], held: dict) -> pd.DataFrame:
     """The oracle: share of a concealed effect that the library's form of that name explains at
     best, by effect.
     """
@@ -229,7 +229,7 @@ def only_true(j: Judgement) -> bool | None:
     return set(j.claimed) <= set(j.truth) if j.claimed and j.verdict != "ambiguous" else None
 
 
-def summary(
+def _summary(
     judged: Sequence[Judgement], table: pd.DataFrame, held: dict[str, Comparison]
 ) -> pd.DataFrame:
     """All scores with interval, number of cases, aim and whether it is met."""
@@ -303,7 +303,7 @@ def _rate(
     return (*proportion([hit(j) for j in judged]), len(judged))
 
 
-def by_effect(judged: Sequence[Judgement]) -> pd.DataFrame:
+def _by_effect(judged: Sequence[Judgement]) -> pd.DataFrame:
     """Cases with one thing concealed: share exactly right, wrong and silent by effect and
     severity.
     """
@@ -360,7 +360,7 @@ def confusion(judged: Sequence[Judgement]) -> pd.DataFrame:
     return frame.value_counts(sort=False).rename("cases").reset_index()
 
 
-def outcomes(judged: Sequence[Judgement]) -> pd.DataFrame:
+def _outcomes(judged: Sequence[Judgement]) -> pd.DataFrame:
     """Count of every outcome by category."""
     frame = pd.DataFrame([(j.category, j.outcome) for j in judged], columns=["category", "outcome"])
     return frame.value_counts(sort=False).rename("cases").reset_index()
