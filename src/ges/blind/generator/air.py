@@ -15,12 +15,15 @@ REFERENCE_HEIGHT_M = 2.0
 
 @dataclass(frozen=True)
 class Weather:
-    """The turbulence of one flight; the usual one is stationary, Gaussian, of one time scale.
+    """Turbulence of one flight; by default stationary, Gaussian and of one time scale.
 
-    ``scales`` are (share of the sd, correlation time in s) of the processes that add up. The level
-    wanders by ``wander`` (sd of its logarithm) within ``wander_s``; ``spikes`` does so within a
-    tenth of a second, which makes heavy tails; now and then it rises by ``burst`` for a second or
-    two. ``strength`` is that of the whole flight.
+    Attributes
+    ----------
+    scales : (share of the sd, correlation time in s) of the processes that add up.
+    wander, wander_s : sd of the level's logarithm, and its correlation time.
+    spikes : the same within a tenth of a second, which makes heavy tails.
+    burst : share by which the level rises now and then, for a second or two.
+    strength : factor on the whole flight.
     """
 
     scales: tuple[tuple[float, float], ...] = ((1.0, 0.3),)
@@ -43,7 +46,19 @@ SPIKE_S, BURST_S, BURST_ABOVE = 0.1, 1.5, 1.3
 def turbulence(
     weather: Weather, n: int, dt: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return six rows (6, n) of turbulence of unit sd and its level (n,)."""
+    """Draw the turbulence of one flight.
+
+    Parameters
+    ----------
+    weather : its time scales and its level.
+    n : number of samples.
+    dt : time from one sample to the next (s).
+
+    Returns
+    -------
+    (6, n) rows of unit sd times the level, three for force and three for moment, and the level
+    (n,).
+    """
     # several time scales add up; the level then makes their sum uneven, the same for all six rows
     rows = sum(share * coloured((6, n), dt, time, rng) for share, time in weather.scales)
     level = np.full(n, weather.strength)
@@ -57,7 +72,16 @@ def turbulence(
 
 
 def log_profile(height: np.ndarray) -> np.ndarray:
-    """Return wind speed over that at 2 m for a height (m) above the ground."""
+    """Return the wind speed over that at 2 m by the logarithmic law.
+
+    Parameters
+    ----------
+    height : above the ground (m), any shape.
+
+    Notes
+    -----
+    ln((h + z0) / z0) / ln(2 m / z0 + 1) with the roughness length z0 of 0.02 m.
+    """
     z = np.maximum(height, 0.0) + ROUGHNESS_M
     return np.log(z / ROUGHNESS_M) / np.log(REFERENCE_HEIGHT_M / ROUGHNESS_M + 1.0)
 
@@ -77,10 +101,27 @@ def step_gusts(
     noise: np.ndarray,
     dt: float,
 ) -> np.ndarray:
-    """Advance gust filters by dt; ``state`` (5, F): u, and (output, inner) of v and of w.
+    """Advance the filters of Dryden gusts.
 
-    u is first order, v and w second order, discretised exactly on their poles;
-    ``sigma`` (F,) is the standard deviation of u and v, w has half of it (near the ground).
+    The gust along the wind is of first order, the others of second. All are discretised exactly on
+    their poles.
+
+    Parameters
+    ----------
+    state : (5, F) gust along, then (output, inner) of the gusts across and up (m/s).
+    sigma : (F,) sd of the gusts along and across (m/s); that of the gust up is half as large.
+    airspeed : (F,) m/s.
+    height : (F,) above the ground (m).
+    noise : (3, F) unit normal.
+    dt : step (s).
+
+    Returns
+    -------
+    (5, F) in the order of ``state``.
+
+    References
+    ----------
+    MIL-F-8785C, low-altitude model.
     """
     speed = np.maximum(airspeed, 1.0)
     long, vert = _dryden_lengths(height)

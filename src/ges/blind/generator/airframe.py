@@ -62,11 +62,19 @@ HALF_PAIR = 0.35
 
 @dataclass(frozen=True)
 class TrueVehicle:
-    """One vehicle: numbers that are exact, and those that are declared with an error.
+    """A drawn vehicle: its true numbers, and those that its file declares.
 
     Attributes
     ----------
-    rotor_level_m : of every rotor over the plane at ``rotor_z_m``; none where all lie in it.
+    size : class of :data:`CLASSES`, or the name of a vehicle.
+    radius_m : rotor radius.
+    rotor_x_m, rotor_y_m : (n_rotors,) hubs in the body frame.
+    rotor_z_m : height of the rotor plane.
+    spin : +1 for a rotor that turns counter-clockwise seen from above, else -1.
+    battery_V : voltage of the full battery.
+    declared, true : mass, ixx, iyy, izz, thrust (N s^2), torque (N m s^2), lag (s) and top speed
+        (rad/s), in SI units.
+    rotor_level_m : height of each rotor over the plane at ``rotor_z_m``; empty where all lie in it.
     """
 
     size: str
@@ -93,7 +101,7 @@ class TrueVehicle:
 
     @property
     def upper(self) -> tuple[int, ...]:
-        """Of every rotor, the one over it; -1 where there is none."""
+        """Index of the rotor above each rotor, -1 where there is none."""
         hubs = self.hubs_m
         over = [
             [j for j, b in enumerate(hubs) if np.allclose(a[:2], b[:2]) and b[2] > a[2]]
@@ -103,30 +111,33 @@ class TrueVehicle:
 
     @property
     def spacing_m(self) -> float:
-        """Distance of the nearest hubs that are not one over the other."""
+        """Distance of the nearest hubs that are not one above the other."""
         plane = self.hubs_m[:, :2]
         gaps = np.hypot(*(plane[:, None] - plane[None, :]).transpose(2, 0, 1))
         return float(gaps[gaps > 0.1 * self.radius_m].min())
 
     @property
     def hover_speed_rad_s(self) -> float:
-        """Rotor speed that carries the true weight."""
+        """Rotor speed at which the thrust equals the true weight."""
         weight_N = self.true["mass"] * GRAVITY_M_S2
         return float(np.sqrt(weight_N / (self.n_rotors * self.true["thrust"])))
 
     @property
-    def hover_induced_m_s(self) -> float:
-        """Momentum theory's induced velocity in hover, sqrt(T / (2 rho A))."""
-        disc = RHO_KG_M3 * np.pi * self.radius_m**2
-        return float(np.sqrt(self.true["mass"] * GRAVITY_M_S2 / (2.0 * self.n_rotors * disc)))
-
-    @property
     def arm_m(self) -> float:
-        """Distance from the centre to a rotor axis."""
+        """Distance of the first hub from the body's z axis."""
         return float(np.hypot(self.rotor_x_m[0], self.rotor_y_m[0]))
 
     def vehicle_file(self, terrain: dict) -> dict:
-        """Return the vehicle file's content: declared values with their doubts, no effects."""
+        """Return the content of the vehicle file.
+
+        Parameters
+        ----------
+        terrain : its entry of that name.
+
+        Returns
+        -------
+        Declared numbers with their sds of :data:`DOUBTS`, and no effects.
+        """
         value = {k: float(f"{v:.6g}") for k, v in self.declared.items()}
         rotors = zip(self.hubs_m.round(6).tolist(), self.spin, strict=True)
         return {
@@ -162,8 +173,17 @@ class TrueVehicle:
 
 
 def draw_airframe(size: str, rng: np.random.Generator, frame: str = "quad") -> TrueVehicle:
-    """Draw a vehicle of a size class and a frame, and the errors of its file (normal, within two
-    declared sd).
+    """Draw a vehicle and the errors of its file.
+
+    Parameters
+    ----------
+    size : class of :data:`CLASSES`.
+    rng : stream of all draws.
+    frame : 'quad', 'hexa' or 'x8'.
+
+    Returns
+    -------
+    Errors are normal, within two sds of :data:`DOUBTS`.
     """
     mass, radius, arm, hover, ixx, lag, volt = (v * rng.uniform(0.88, 1.12) for v in CLASSES[size])
     arm, ixx = arm * LONGER.get(frame, 1.0), ixx * HEAVIER.get(frame, 1.0)
@@ -227,7 +247,15 @@ def _with_errors(declared: dict[str, float], rng: np.random.Generator) -> dict[s
 
 
 def declare(true: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
-    """Return what a file honestly says of known true numbers: each off by its doubt, within two of
-    it.
+    """Draw what a file honestly declares of known true numbers.
+
+    Parameters
+    ----------
+    true : numbers by name, as of :class:`TrueVehicle`.
+    rng : stream of the errors.
+
+    Returns
+    -------
+    Each number off by a normal error of its :data:`DOUBTS`, within two sds.
     """
     return _with_errors(true, rng)

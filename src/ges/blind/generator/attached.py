@@ -27,10 +27,21 @@ def slung_load(
     hid: Mapping[str, np.ndarray],
     dt: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Advance a point mass on a stiff damped rope below the CG; return (force on the vehicle, load,
-    v).
+    """Advance a point mass on a stiff, damped rope below the centre of mass.
 
-    The rope only pulls; the load passes through the ground (it is taken to hang free).
+    The rope only pulls. The load passes through the ground: it is taken to hang free.
+
+    Parameters
+    ----------
+    load, load_v : (3, F) place (m) and velocity (m/s) of the load, world frame.
+    p, v : (3, F) of the vehicle.
+    mass : (F,) of the vehicle (kg).
+    hid : (F,) ``load_share`` of the mass, and length of the rope ``rope_m``.
+    dt : step (s).
+
+    Returns
+    -------
+    Force on the vehicle (N, world frame), place and velocity of the load, (3, F) each.
     """
     share = np.maximum(hid["load_share"], 1e-9)
     away = load - p
@@ -52,10 +63,21 @@ def slung_load(
 def tether(
     p: np.ndarray, under: np.ndarray, weight_N_m: np.ndarray, sag_m: np.ndarray
 ) -> np.ndarray:
-    """Return the world force of a cable from a winch at the origin: a catenary that touches down on
-    the ground.
+    """Return the force of a cable from a winch at the origin.
 
-    ``sag_m`` is horizontal tension over weight a metre; what hangs is sqrt(h^2 + 2 a h) long.
+    The cable hangs as a catenary that touches down on the ground; its hanging length is sqrt(h^2 +
+    2 a h).
+
+    Parameters
+    ----------
+    p : (3, F) place of the vehicle (m).
+    under : (F,) height of the ground below it (m).
+    weight_N_m : (F,) weight of the cable per metre.
+    sag_m : (F,) horizontal tension over weight per metre, a.
+
+    Returns
+    -------
+    (3, F) N, world frame.
     """
     height = np.maximum(p[2] - under, 0.0)
     hanging = weight_N_m * np.sqrt(height * height + 2.0 * sag_m * height)
@@ -66,15 +88,37 @@ def tether(
 
 
 def fountain_share(height: np.ndarray, spacing: np.ndarray, upright: np.ndarray) -> np.ndarray:
-    """Return 0..1: upwash where wakes meet under the body, greatest at 0.8 rotor spacings, dying
+    """Return the fountain's lift over its peak, 0 to 1.
+
+    Wakes that meet below the body rise there. The lift is greatest at 0.8 rotor spacings and dies
     with tilt.
+
+    Parameters
+    ----------
+    height : (F,) of the body above the ground (m).
+    spacing : (F,) of the rotors (m).
+    upright : (F,) cosine of the tilt.
+
+    Returns
+    -------
+    (F,).
     """
     x = np.maximum(height, 0.0) / spacing
     return 2.0 * (x / 0.8) ** 2 / (1.0 + (x / 0.8) ** 4) * np.clip(upright, 0.0, 1.0) ** 8
 
 
-def patches(p: np.ndarray, v: np.ndarray, hid: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the world force of what sits at a place: magnet, updraft column, wall."""
+def patches(p: np.ndarray, hid: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the force of what sits at a place: magnet, updraft column and wall.
+
+    Parameters
+    ----------
+    p : (3, F) place of the vehicle (m).
+    hid : (F,) numbers of the three.
+
+    Returns
+    -------
+    (3, F) N, world frame.
+    """
     dx, dy = p[0] - hid["magnet_x_m"], p[1] - hid["magnet_y_m"]
     near = np.exp(-(dx * dx + dy * dy) / hid["magnet_width_m"] ** 2)
     # 2.3 is about sqrt(2 e), which makes the peak of r exp(-r^2) one: the pull at most is magnet_N
@@ -88,8 +132,20 @@ def patches(p: np.ndarray, v: np.ndarray, hid: Mapping[str, np.ndarray]) -> np.n
 def strangers(
     air_body: np.ndarray, thrust: np.ndarray, b: Bench, noise: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return body force and moment: vortex-ring buffet, flapping moment, rotor interference, loose
-    hatch.
+    """Return the load of effects that no library has.
+
+    These are vortex-ring buffet, flapping moment, rotor interference and a loose hatch.
+
+    Parameters
+    ----------
+    air_body : (3, F) velocity through the air, body frame (m/s).
+    thrust : (n_rotors, F) N.
+    b : constants of the vehicles.
+    noise : (F,) unit normal, of the buffet.
+
+    Returns
+    -------
+    Force (N) and moment (N m), (3, F) each, body frame.
     """
     hid = b.hid
     # the ring forms when the vehicle sinks into its own wake, at a share of the induced velocity
@@ -114,8 +170,18 @@ def strangers(
 
 
 def contact(s: State, r: np.ndarray, under: np.ndarray, b: Bench) -> tuple[np.ndarray, np.ndarray]:
-    """Return the ground's world force (N) and angular acceleration (rad/s^2) on the
-    landing gear.
+    """Return what the ground does to the landing gear.
+
+    Parameters
+    ----------
+    s : state of the vehicles.
+    r : (3, 3, F) from the body frame to the world.
+    under : (F,) height of the ground below the vehicles (m).
+    b : constants of the vehicles.
+
+    Returns
+    -------
+    Force (N, world frame) and angular acceleration (rad/s^2, body frame), (3, F) each.
     """
     depth = under + 0.5 * b.radius - s.p[2]
     touching = (depth > 0.0).astype(float)

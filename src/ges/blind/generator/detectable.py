@@ -33,10 +33,14 @@ NOTHING: Mapping[str, float] = MappingProxyType({})
 class TrueFlight:
     """One flight as it truly was, on a uniform clock.
 
-    ``state`` by name, (n, width): ``p`` and ``v`` (world), ``q`` (scalar first), ``omega``,
-    ``rotor_speed``, ``u`` (held from one sample to the next), ``specific_force`` (body), and where
-    there were references ``p_ref``, ``v_ref``, ``yaw_ref``; ``range`` where there is a rangefinder.
-    ``changes`` are what each concealed effect did.
+    Attributes
+    ----------
+    step_s : time from one sample to the next.
+    state : by name, (n, width). ``p`` and ``v`` are in the world frame, ``q`` has the scalar first,
+        ``u`` is held from one sample to the next. ``omega``, ``rotor_speed`` and ``specific_force``
+        (body frame) follow; ``p_ref``, ``v_ref``, ``yaw_ref`` and ``range`` only where they exist.
+    changes : what each concealed effect changed, by name.
+    air : disturbance by the air.
     """
 
     step_s: float
@@ -46,7 +50,17 @@ class TrueFlight:
 
 
 def sample_times(flown: TrueFlight, rate_hz: float) -> np.ndarray:
-    """Return the times of the log's samples; it starts one sample after the flight's truth."""
+    """Return the times of a log's samples on the clock of the true flight.
+
+    Parameters
+    ----------
+    flown : the true flight.
+    rate_hz : of the log.
+
+    Returns
+    -------
+    (n,) s; the first is one sample after the flight's start.
+    """
     end = (len(flown.state["p"]) - 1) * flown.step_s
     return np.arange(1.0 / rate_hz, end, 1.0 / rate_hz)
 
@@ -58,14 +72,18 @@ def detectable(
     craft: TrueVehicle,
     wrong: Mapping[str, float] = NOTHING,
 ) -> dict[str, float | dict[str, float]]:
-    """Return the log likelihood ratios of :func:`ges.blind.limit.log_likelihood_ratios`.
+    """Return what any method could detect of a case.
 
     Parameters
     ----------
-    rate_hz, noise : of the log; rotor speeds that are not logged are infinitely noisy.
-    craft : the true vehicle; its file is doubtful by :data:`airframe.DOUBTS`.
-    wrong : factors by which the file is wrong beyond that, by the numbers of
-        :data:`NAME_OF_WRONG`.
+    flights : the true flights.
+    rate_hz, noise : of the log; rotor speeds that are not logged have an infinite sd.
+    craft : the true vehicle; its file is uncertain by :data:`airframe.DOUBTS`.
+    wrong : factors by which the file is wrong beyond that, by the numbers of :data:`NAME_OF_WRONG`.
+
+    Returns
+    -------
+    Expected log likelihood ratios in nats, see :func:`ges.blind.limit.log_likelihood_ratios`.
     """
     thin = int(np.ceil(rate_hz / LIMIT_RATE_HZ))
     paths = [_path(flown, rate_hz, thin, noise, craft, wrong) for flown in flights]
@@ -73,7 +91,13 @@ def detectable(
 
 
 def body_of(craft: TrueVehicle) -> Body:
-    """Return the true vehicle in the limit's terms."""
+    """Return the true vehicle in the terms of :mod:`ges.blind.limit`.
+
+    Returns
+    -------
+    Hubs count from the centre of the frame; a concealed offset of the centre of mass is not in
+    them.
+    """
     true = craft.true
     yaw = -np.array(craft.spin) * true["torque"] / true["thrust"]
     inertia = np.array([true[k] for k in ("ixx", "iyy", "izz")])
@@ -175,7 +199,18 @@ def _doubts(
 
 
 def driven(body: Body, true: Mapping[str, float], speed: np.ndarray, change: np.ndarray) -> Change:
-    """Return what a small change (n, rotors) of rotor speeds does to them and to the wrench."""
+    """Return what a small change of rotor speeds does, to first order.
+
+    Parameters
+    ----------
+    body : the true vehicle.
+    true : its numbers.
+    speed, change : (n, rotors) speeds and their change (rad/s).
+
+    Returns
+    -------
+    ``speed_rad_s`` as given, ``force_N`` and ``moment_Nm`` (n, 3) by 2 k w dw.
+    """
     return {"speed_rad_s": change, **body.wrench(2.0 * true["thrust"] * speed * change)}
 
 

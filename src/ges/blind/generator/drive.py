@@ -16,13 +16,32 @@ NOMINAL = 0.92  # voltage over full at which a vehicle file states the top speed
 
 
 def linear_duty(x: np.ndarray, droop: np.ndarray | float) -> np.ndarray:
-    """Return the duty at which the full battery holds speed x: the map of a speed-linear ESC."""
+    """Return the duty cycle at which the full battery holds a rotor speed.
+
+    Parameters
+    ----------
+    x : rotor speed over top speed.
+    droop : share of the full voltage that falls over the winding at top speed.
+
+    Returns
+    -------
+    (1 - r) x + r x^2: the map of a controller that is linear in speed.
+    """
     return (1.0 - droop) * x + droop * x * x
 
 
 def rate_of_lag(lag_s: np.ndarray, hover_x: np.ndarray, droop: np.ndarray | float) -> np.ndarray:
-    """Return the rate (1/s) that makes the motor's small-signal time constant at hover
-    ``lag_s``.
+    """Return the rate of the motor equation for a time constant of small changes in hover.
+
+    Parameters
+    ----------
+    lag_s : (F,) time constant.
+    hover_x : (F,) speed in hover over top speed.
+    droop : share of the full voltage that falls over the winding at top speed.
+
+    Returns
+    -------
+    (F,) 1/s.
     """
     return 1.0 / (lag_s * ((1.0 - droop) + 2.0 * droop * hover_x))
 
@@ -37,10 +56,23 @@ def step_motor(
     current_limit: float,
     dt: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Advance speed ratios x (4, F) by dt; return (x, current ratio).
+    """Advance rotor speeds by the motor equation of the module.
 
-    ``coast`` > 1 slows deceleration (no active braking). The quadratic is linearised over the step,
-    so that the step is stable at any rate.
+    The quadratic term is linearised over the step, so that the step is stable at any rate.
+
+    Parameters
+    ----------
+    x, duty : (n_rotors, F) speed over top speed, and duty cycle.
+    volt_ratio : voltage over its full value.
+    droop : share of the full voltage that falls over the winding at top speed.
+    rate : (F,) of the equation (1/s).
+    coast : above 1 it slows deceleration, as without active braking.
+    current_limit : of the current, in units of full voltage; half of it when braking.
+    dt : step (s).
+
+    Returns
+    -------
+    Speed and current, (n_rotors, F) each.
     """
     current = np.clip(duty * volt_ratio - (1.0 - droop) * x, -0.5 * current_limit, current_limit)
     # torque of the current less that of the air
@@ -51,7 +83,12 @@ def step_motor(
 
 
 def open_circuit(charge: np.ndarray) -> np.ndarray:
-    """Return the cell's rest voltage over full voltage for a state of charge 0..1 (LiPo-like)."""
+    """Return a lithium polymer cell's voltage at rest over its full voltage.
+
+    Parameters
+    ----------
+    charge : state of charge, 0 to 1.
+    """
     return 0.86 + 0.14 * charge - 0.12 * np.exp(-18.0 * np.maximum(charge, 0.0))
 
 
@@ -65,10 +102,20 @@ def step_battery(
     dt: float,
     polar_time: float = 6.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Advance charge and polarisation; return (charge, polar, terminal voltage over full).
+    """Advance charge and polarisation of a battery; voltages are over the full one.
 
-    Voltages over full voltage, current over the hover current, drain = charge a second at hover
-    current.
+    Parameters
+    ----------
+    charge : (F,) state of charge, 0 to 1.
+    polar : (F,) voltage of the polarisation.
+    current : (F,) over that of hover.
+    resistance, polar_resistance : (F,) voltage per current of hover.
+    drain : (F,) charge per second at the current of hover.
+    dt, polar_time : step, and time constant of the polarisation (s).
+
+    Returns
+    -------
+    Charge, polarisation and terminal voltage, (F,) each.
     """
     charge = charge - dt * drain * current
     polar = polar + dt / polar_time * (polar_resistance * current - polar)

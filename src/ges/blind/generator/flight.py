@@ -43,8 +43,18 @@ CHANNELS = {
 
 @dataclass(frozen=True)
 class Sortie:
-    """One flight to fly: vehicle, what is concealed in it, plan, terrain and its own
-    random stream.
+    """One flight to be simulated.
+
+    Attributes
+    ----------
+    craft : the vehicle.
+    numbers : what is concealed, as numbers that differ from :data:`NEUTRAL`.
+    plan : references.
+    grid : heights of the terrain, z[y, x] (m).
+    charge : state of charge at the start, 0 to 1.
+    turbulence : sd of the acceleration by turbulence (m/s^2).
+    seed : of the flight's own random stream.
+    weather : time scales and level of the turbulence.
     """
 
     craft: TrueVehicle
@@ -58,9 +68,7 @@ class Sortie:
 
 
 class _RandomInputs:
-    """Random inputs of all sorties, each from its own stream: turbulence, gust shocks, control
-    noise.
-    """
+    """Random inputs of all sorties: turbulence, gust shocks and noise of the controller's state."""
 
     def __init__(self, sorties: list[Sortie], steps: int) -> None:
         n = steps // SLOW + 2
@@ -87,7 +95,12 @@ def _column(values: Iterable[float]) -> np.ndarray:
 
 
 class Bench:
-    """The constants of all sorties as (F,) and (n_rotors, F) arrays; all have as many rotors."""
+    """Constants of all sorties, (F,) or (n_rotors, F).
+
+    Parameters
+    ----------
+    sorties : of vehicles that have as many rotors.
+    """
 
     def __init__(self, sorties: list[Sortie]) -> None:
         crafts = [s.craft for s in sorties]
@@ -154,7 +167,16 @@ class Bench:
         self.hover_current = self.n_rotors * self.droop * hover_x**2
 
     def hover_command(self, volt: np.ndarray) -> np.ndarray:
-        """Return the command (F,) that holds the hover speed at a voltage ratio."""
+        """Return the command that holds the rotor speed of hover.
+
+        Parameters
+        ----------
+        volt : (F,) voltage over its full value.
+
+        Returns
+        -------
+        (F,) 0 to 1.
+        """
         duty = drive.linear_duty(self.hover_x, self.droop) / self.felt(volt)
         # a speed-linear ESC's map the other way round: r u^2 + (1 - r) u = duty
         bend = 1.0 - self.droop
@@ -162,13 +184,25 @@ class Bench:
         return np.where(self.linear, linear, duty)
 
     def felt(self, volt: np.ndarray) -> np.ndarray:
-        """Return what the motors feel of the voltage over its nominal value: 1 where speed
-        controllers make up for it.
+        """Return the voltage over its nominal value as the motors feel it.
+
+        Parameters
+        ----------
+        volt : (F,) voltage over its full value.
+
+        Returns
+        -------
+        (F,) 1 where speed controllers make up for the voltage.
         """
         return 1.0 + self.hid["sags"] * (volt / drive.NOMINAL - 1.0)
 
     def steady_moment(self) -> np.ndarray:
-        """Return the body moment (3, F) of CG offset and weak rotor at hover with equal speeds."""
+        """Return the moment of an offset centre of mass and a weak rotor in hover.
+
+        Returns
+        -------
+        (3, F) N m, body frame, at equal rotor speeds.
+        """
         share = self.k / self.k.sum(axis=0) * self.weight
         x, y = self.rx - self.cg_x, self.ry - self.cg_y
         torque = -self.spin * self.kq / self.k * share
@@ -176,7 +210,14 @@ class Bench:
 
 
 class State:
-    """Everything that moves."""
+    """Everything that moves, at the start of all sorties.
+
+    Parameters
+    ----------
+    bench : constants of the vehicles.
+    sorties : the flights; one whose plan waits on the ground starts there with rotors at rest.
+    terrain : heights (m) under points (x, y) whose last axis is the flight.
+    """
 
     def __init__(
         self,
@@ -215,7 +256,16 @@ def _stay(rows: np.ndarray, n: int) -> np.ndarray:
 
 
 def rotation_matrix(q: np.ndarray) -> np.ndarray:
-    """Return (3, 3, F) body to world."""
+    """Return rotation matrices from the body frame to the world.
+
+    Parameters
+    ----------
+    q : (4, F) unit quaternions, scalar first.
+
+    Returns
+    -------
+    (3, 3, F).
+    """
     w, x, y, z = q
     return np.array(
         [
@@ -227,7 +277,13 @@ def rotation_matrix(q: np.ndarray) -> np.ndarray:
 
 
 def to_world(r: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Rotate body vectors (3, F) into the world."""
+    """Rotate vectors from the body frame to the world.
+
+    Parameters
+    ----------
+    r : (3, 3, F) from the body frame to the world.
+    a : (3, F) vectors.
+    """
     return r[:, 0] * a[0] + r[:, 1] * a[1] + r[:, 2] * a[2]
 
 
@@ -254,12 +310,16 @@ def _turn(q: np.ndarray, omega: np.ndarray, dt: float) -> np.ndarray:
 
 
 class Simulation:
-    """Sorties of equal length flown together; ``run`` returns the truth at 250 Hz."""
+    """Sorties that are flown together, at 1 kHz.
+
+    Parameters
+    ----------
+    sorties : of vehicles that have as many rotors.
+    n : rows at the control rate; by default as many as the longest plan has. All random inputs
+        follow from it.
+    """
 
     def __init__(self, sorties: list[Sortie], n: int | None = None) -> None:
-        """Take the sorties; ``n`` rows at the control rate are flown, by default as the longest
-        plan asks for. What is random follows from it.
-        """
         self.sorties, self.b = sorties, Bench(sorties)
         self.steps = (n or max(s.plan.reference.shape[1] for s in sorties)) * CONTROL
         self.air = _RandomInputs(sorties, self.steps)
@@ -300,11 +360,27 @@ class Simulation:
     def terrain(
         self, x: np.ndarray, y: np.ndarray, flights: np.ndarray | slice = slice(None)
     ) -> np.ndarray:
-        """Return terrain heights under points whose last axis is the flight."""
+        """Return heights of the terrain.
+
+        Parameters
+        ----------
+        x, y : points (m) whose last axis is the flight.
+        flights : which flights these are; by default all.
+
+        Returns
+        -------
+        Heights (m) in the shape of ``x``.
+        """
         return ground.height_at(self.grids, self.which[flights], x, y)
 
     def run(self) -> dict[str, np.ndarray]:
-        """Fly; return each channel of CHANNELS as (n, width, F)."""
+        """Fly all sorties.
+
+        Returns
+        -------
+        Each of :data:`CHANNELS` as (n, width, F) at 250 Hz. The extra force and moment (N, N m,
+        body frame) are those beyond T = k w^2 and the declared torque, without turbulence.
+        """
         n, flights = self.steps // CONTROL, len(self.sorties)
         book = {k: np.empty((n, w or self.b.n_rotors, flights)) for k, w in CHANNELS.items()}
         reference = np.stack([_stay(s.plan.reference, n) for s in self.sorties], axis=-1)
@@ -534,7 +610,7 @@ class Simulation:
         total = thrust.sum(axis=0)
         force[2] += b.hid["fountain"] * s.fountain * total
         pull = attached.tether(s.p, self.under, b.hid["tether_N_m"], b.hid["tether_sag_m"])
-        pull = pull + attached.patches(s.p, s.v, b.hid)
+        pull = pull + attached.patches(s.p, b.hid)
         rope, s.load, s.load_v = attached.slung_load(
             s.load, s.load_v, s.p, s.v, b.mass, b.hid, DT_S
         )

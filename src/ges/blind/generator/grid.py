@@ -116,7 +116,19 @@ SECONDS = {
 
 @dataclass(frozen=True)
 class Spec:
-    """One case to make: its place in the grid and what is concealed."""
+    """One case to make.
+
+    Attributes
+    ----------
+    index : place in the grid.
+    category : kind of case, a key of :data:`COMPOSITIONS`.
+    names, levels : concealed effects, and their severities 0 to 2.
+    size : class of vehicles.
+    menu : 'full', or the one manoeuvre that all flights repeat.
+    rivals : effects that the flights can hardly tell from the concealed one.
+    logging : fields of :class:`Logging` that are not drawn.
+    frame : 'quad', 'hexa' or 'x8'.
+    """
 
     index: int
     category: str
@@ -130,7 +142,13 @@ class Spec:
 
 
 def specs(grid: str, seed: int) -> list[Spec]:
-    """Return all cases of a grid in an order that says nothing of their kind."""
+    """Return all cases of a grid, in an order that reveals nothing of their kind.
+
+    Parameters
+    ----------
+    grid : key of :data:`COMPOSITIONS`.
+    seed : of order, vehicle classes and mixtures.
+    """
     rng = np.random.default_rng([seed, 0xB11D])
     kinds = [(category, k) for category, n in COMPOSITIONS[grid].items() for k in range(n)]
     order = rng.permutation(len(kinds))
@@ -193,7 +211,21 @@ def _mixture(n: int, rng: np.random.Generator) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Circumstances:
-    """What surrounds the secret; the same draw whatever is concealed."""
+    """What surrounds a concealed effect; the same draw whatever is concealed.
+
+    Attributes
+    ----------
+    identity : name of the case's folder, 12 hex digits.
+    terrain : 'flat', 'bumps' or 'step'.
+    excited, parked : of each flight, whether it has excitation, and whether it starts on the
+        ground.
+    menu : manoeuvre of each flight.
+    seconds : length of each flight.
+    charge : state of charge at the start of each flight.
+    battery : resistances and drain, as of :func:`drive.step_battery`.
+    turbulence : sd of the acceleration by turbulence (m/s^2), before a factor of the mass.
+    logging : rate, noise and streams of the log.
+    """
 
     identity: str
     terrain: str
@@ -208,7 +240,14 @@ class Circumstances:
 
 
 def draw_circumstances(spec: Spec, grid: str, seed: int) -> Circumstances:
-    """Draw terrain, flights and logging from a stream that does not know the secret."""
+    """Draw terrain, flights and logging.
+
+    Parameters
+    ----------
+    spec : of which only index, menu and logging have an influence, not the names.
+    grid : decides the length of flights.
+    seed : of all cases.
+    """
     rng = np.random.default_rng([seed, spec.index, 1])
     logging = {
         "rate_hz": float(rng.choice([80.0, 100.0, 125.0])),
@@ -244,14 +283,38 @@ def draw_circumstances(spec: Spec, grid: str, seed: int) -> Circumstances:
 def draw_numbers(
     spec: Spec, craft: TrueVehicle, seed: int, attempt: int
 ) -> dict[str, dict[str, float]]:
-    """Return the physical numbers of each concealed effect."""
+    """Draw the physical numbers of each concealed effect.
+
+    Parameters
+    ----------
+    spec : names and severities.
+    craft : the vehicle; sizes are shares of its weight or inertia.
+    seed : of all cases.
+    attempt : each has a stream of its own.
+
+    Returns
+    -------
+    By effect, numbers that differ from :data:`NEUTRAL`.
+    """
     rng = np.random.default_rng([seed, spec.index, 2, attempt])
     pairs = zip(spec.names, spec.levels, strict=True)
     return {name: EVERY[name](craft, level, rng) for name, level in pairs}
 
 
 def truth(spec: Spec, numbers: dict[str, dict[str, float]], terrain: str) -> dict:
-    """Return the truth of a case in the contract's form, with its category beside it."""
+    """Return the truth of a case in the form of the contract.
+
+    Parameters
+    ----------
+    spec : the case.
+    numbers : physical numbers by effect.
+    terrain : kind of the terrain; beside a ledge a partial ground effect is as right.
+
+    Returns
+    -------
+    ``also_acceptable`` holds every other set of names that is right; category and concealed numbers
+    stand beside.
+    """
     names = [] if spec.category == "unknown" else with_companions(spec.names)
     findings = [
         {"name": n, "parameters": numbers.get(n, {})} | _place(n, numbers.get(n, {})) for n in names
@@ -273,7 +336,7 @@ def _place(name: str, numbers: dict[str, float]) -> dict[str, str]:
 
 
 def with_companions(names: Sequence[str]) -> list[str]:
-    """Return concealed names, each after what it needs to act on."""
+    """Return concealed names, each after the effect that it needs to act on."""
     out: list[str] = []
     for name in names:
         out += [n for n in (*COMPANIONS.get(name, ()), name) if n not in out]

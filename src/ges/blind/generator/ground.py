@@ -18,12 +18,27 @@ NODES = int(round(2 * HALF_SIZE_M / SPACING_M)) + 1
 
 
 def axis() -> np.ndarray:
-    """Return the grid's coordinates (m), the same in x and y."""
+    """Return the coordinates of the grid, the same in x and y.
+
+    Returns
+    -------
+    (:data:`NODES`,) m.
+    """
     return np.linspace(-HALF_SIZE_M, HALF_SIZE_M, NODES)
 
 
 def draw_terrain(kind: str, radius: float, rng: np.random.Generator) -> np.ndarray:
-    """Return heights z[y, x] (m): 'flat', 'bumps' (smooth hills and dips) or 'step' (a ledge)."""
+    """Draw the heights of a terrain.
+
+    Parameters
+    ----------
+    kind : 'flat', 'bumps' (smooth hills and dips) or 'step' (a ledge).
+    radius : of the rotors (m); heights go with it.
+
+    Returns
+    -------
+    z[y, x] (m) on the grid of :func:`axis`.
+    """
     x = axis()
     z = np.zeros((NODES, NODES))
     if kind == "step":
@@ -43,8 +58,17 @@ def _bump(x: np.ndarray, radius: float, rng: np.random.Generator) -> np.ndarray:
 
 
 def height_at(grids: np.ndarray, which: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Interpolate heights bilinearly; ``grids`` (C, ny, nx), ``which`` broadcasts against
-    x and y.
+    """Interpolate heights bilinearly.
+
+    Parameters
+    ----------
+    grids : (C, ny, nx) heights (m).
+    which : number of the grid of each point; broadcasts against ``x``.
+    x, y : points (m); beyond the edge they count as at it.
+
+    Returns
+    -------
+    Heights (m) in the shape of ``x``.
     """
     gx = np.clip((x + HALF_SIZE_M) / SPACING_M, 0.0, NODES - 1.001)
     gy = np.clip((y + HALF_SIZE_M) / SPACING_M, 0.0, NODES - 1.001)
@@ -77,14 +101,22 @@ def image_fraction(
     ground: Callable[[np.ndarray, np.ndarray], np.ndarray],
     sweep: np.ndarray,
 ) -> np.ndarray:
-    """Return (4, F): upwash of the ground sources at every rotor over its induced velocity.
+    """Return the upwash of the ground's sources at every rotor over its induced velocity.
 
     Parameters
     ----------
-    rotor : (3, 4, F) rotor centres in the world (m).
-    radius : (F,) rotor radius (m).
-    ground : callable (x, y) -> heights, on arrays whose last axis is F.
-    sweep : (2, F) horizontal shift of the wake per unit height: zero straight below.
+    rotor : (3, n_rotors, F) hubs in the world (m).
+    radius : (F,) of the rotors (m).
+    ground : heights (m) at points (x, y) whose last axis is F.
+    sweep : (2, F) horizontal shift of the wake per unit height; zero straight below.
+
+    Returns
+    -------
+    (n_rotors, F).
+
+    References
+    ----------
+    On flat ground the image rotor of Cheeseman and Bennett 1955, (R / 4 z)^2.
     """
     under = rotor[2] - ground(rotor[0], rotor[1])
     reach = RAYS[:, :, None, None] + sweep[:, None, None, :]
@@ -105,5 +137,11 @@ def _upwash(
 
 
 def saturate(fraction: np.ndarray, most: float = 0.75) -> np.ndarray:
-    """Bound the upwash smoothly: no ground stops more than most of the inflow."""
+    """Bound the upwash smoothly: u / (1 + u / most).
+
+    Parameters
+    ----------
+    fraction : upwash over induced velocity, not negative.
+    most : share of the inflow that the ground can stop.
+    """
     return fraction / (1.0 + fraction / most)

@@ -68,7 +68,17 @@ DRIVEN = {
 
 @dataclass
 class Case:
-    """A case on its way: what surrounds it, what is concealed, and its sorties."""
+    """A case on its way to being flown.
+
+    Attributes
+    ----------
+    spec, around : what is to be concealed, and what surrounds it.
+    craft : the vehicle.
+    numbers : physical numbers by effect.
+    grid : heights of the terrain, z[y, x] (m).
+    sorties : its flights.
+    world : name of the world that it is made for; empty for a case of a grid.
+    """
 
     spec: Spec
     around: Circumstances
@@ -80,7 +90,7 @@ class Case:
 
     @property
     def names(self) -> list[str]:
-        """All that is concealed, with what it needs to act on."""
+        """All that is concealed, each after the effect that it needs to act on."""
         return with_companions(self.spec.names)
 
 
@@ -91,13 +101,26 @@ def make_cases(
     processes: int = 1,
     tell: Callable[[int, int], None] = lambda *_: None,
 ) -> int:
-    """Write ``out/cases`` and the sealed truth; return the number of cases. Interrupted, it goes on
-    with the next batch.
+    """Make all cases of a grid; interrupted, it goes on with the next batch.
+
+    Parameters
+    ----------
+    out : folder that gets ``cases/`` and ``sealed/``.
+    seed : of all random draws.
+    grid : key of :data:`COMPOSITIONS`.
+    processes : batches made at the same time.
+    tell : called with the number of cases done and of all.
+
+    Returns
+    -------
+    The number of cases.
 
     Raises
     ------
     UsageError
-        For an unknown grid or a folder that already holds cases.
+        For an unknown grid or a folder that already holds sealed cases.
+    GesError
+        When a case could not be flown at any severity.
     """
     if grid not in COMPOSITIONS:
         raise UsageError(f"unknown grid '{grid}'; known: {', '.join(COMPOSITIONS)}")
@@ -124,8 +147,12 @@ def make_cases(
 
 
 def make_and_seal(sums: Path, grid: str, seed: int, processes: int = 2) -> None:
-    """Make cases in the folder above ``sealed/``, where ``sums`` is the list of hashes; go on where
-    it was interrupted.
+    """Make the cases of a workflow; go on where it was interrupted.
+
+    Parameters
+    ----------
+    sums : list of hashes to be written, ``sealed/SHA256SUMS`` of the folder of cases.
+    grid, seed, processes : as of :func:`make_cases`.
     """
     sums.unlink(missing_ok=True)
     make_cases(sums.parents[1], seed, grid, processes)
@@ -171,11 +198,16 @@ def _make_batch(job: _Job) -> int:
 def fly_batch(
     batch: Sequence[Spec], out: Path, seed: int, draw: Callable[[Spec, int], Case]
 ) -> None:
-    """Fly cases abreast and write them; one that cannot be flown is drawn anew and flown gentler.
+    """Fly cases abreast and write them.
+
+    A case that cannot be flown is drawn anew and flown gentler.
 
     Parameters
     ----------
-    draw : a case from its spec and the number of the attempt.
+    batch : cases to fly.
+    out : folder that gets ``cases/`` and ``sealed/``.
+    seed : of the errors of sensors and maps.
+    draw : returns a case from its spec and the number of the attempt.
 
     Raises
     ------
@@ -211,11 +243,17 @@ def _fly_alike(cases: Sequence[Case], out: Path, seed: int) -> list[Case]:
 
 
 def draw_case(spec: Spec, grid: str, seed: int, attempt: int = 0) -> Case:
-    """Draw everything of a case; a further attempt keeps its circumstances, draws its numbers anew
-    and is flown gentler.
+    """Draw everything of a case.
 
-    After every :data:`ATTEMPTS` of them less is concealed: what a vehicle cannot fly with is not to
-    be found in any log.
+    A further attempt keeps the circumstances, draws the numbers anew and is gentler. After every
+    :data:`ATTEMPTS` of them the severity falls: what a vehicle cannot fly with is in no log.
+
+    Parameters
+    ----------
+    spec : what is to be concealed.
+    grid : decides the length of flights.
+    seed : of all cases.
+    attempt : number of the attempt.
     """
     # first flown gentler at the same severity, then with less concealed
     eased = tuple(max(0, level - attempt // ATTEMPTS) for level in spec.levels)

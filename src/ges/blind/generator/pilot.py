@@ -12,12 +12,17 @@ from ges.conventions import GRAVITY_M_S2
 
 
 class Pilot:
-    """Controller tuned for each vehicle's response; it knows declared numbers only.
+    """Cascaded controller of vehicles abreast, tuned for the response of each.
+
+    It knows declared numbers only.
 
     Parameters
     ----------
-    declared : dict of (F,) arrays: mass, ixx, iyy, izz, thrust, torque, speed.
-    rotor_x, rotor_y, spin : (n, F) geometry; lag_s : (F,) the response it was tuned for.
+    declared : (F,) mass, ixx, iyy, izz, thrust, torque and speed, in SI units.
+    rotor_x, rotor_y : (n_rotors, F) hubs in the body frame (m).
+    spin : (n_rotors, F) counter-clockwise positive.
+    lag_s : (F,) time constant of the drive that the gains are tuned for.
+    dt : time from one command to the next (s).
     """
 
     def __init__(
@@ -50,8 +55,13 @@ class Pilot:
         self.gain = np.stack([self.k_rate, self.k_rate, 0.6 * self.k_rate])
 
     def trim(self, moment: np.ndarray, hover_u: np.ndarray, thrust_coefficient: np.ndarray) -> None:
-        """Start as a vehicle trimmed on flights before: it holds a body moment (3, F) and its hover
-        command.
+        """Start as on a vehicle that was trimmed on flights before.
+
+        Parameters
+        ----------
+        moment : (3, F) moment that it has to hold in hover (N m, body frame).
+        hover_u : (F,) command in hover, 0 to 1.
+        thrust_coefficient : (F,) N s^2.
         """
         self.held = moment
         # the sum of errors that adds to gravity what hover takes by the declared numbers
@@ -68,7 +78,21 @@ class Pilot:
         omega: np.ndarray,
         flying: np.ndarray,
     ) -> np.ndarray:
-        """Return normalised speed commands (n, F) for references (11, F) and a measured state."""
+        """Return the commands for references and a measured state.
+
+        Parameters
+        ----------
+        ref : (11, F) position, velocity, acceleration (world frame), yaw and yaw rate.
+        excite : (4, F) angular acceleration about the body axes (rad/s^2) and heave (m/s^2).
+        p, v : (3, F) position (m) and velocity (m/s), world frame.
+        rotation : (3, 3, F) from the body frame to the world.
+        omega : (3, F) body rates (rad/s).
+        flying : (F,) 1 in the air, 0 while waiting on the ground.
+
+        Returns
+        -------
+        (n_rotors, F) rotor speeds over the declared top speed, 0 to 1.
+        """
         error = ref[0:3] - p
         # bounded, and standing still on the ground, so that nothing winds up
         self.sum_pos = np.clip(self.sum_pos + self.dt * flying * error, -6.0, 6.0)

@@ -15,9 +15,13 @@ REACH_M = 6.5
 
 @dataclass(frozen=True)
 class Plan:
-    """References of one flight, (11, n): position, velocity, acceleration (world), yaw, yaw rate.
+    """References of one flight at the control rate.
 
-    ``excite`` (4, n) is angular acceleration (rad/s^2) about the body axes and heave (m/s^2).
+    Attributes
+    ----------
+    reference : (11, n) position, velocity and acceleration (world frame), yaw, yaw rate; m, s, rad.
+    excite : (4, n) angular acceleration about the body axes (rad/s^2) and heave (m/s^2).
+    ground_s : time that the vehicle waits on the ground first.
     """
 
     reference: np.ndarray
@@ -27,8 +31,16 @@ class Plan:
 
 @dataclass(frozen=True)
 class Room:
-    """What a manoeuvre must know: duration, scales of the vehicle (``smooth_s``: its agility) and
-    the terrain under it.
+    """What a manoeuvre must know of the vehicle and the place.
+
+    Attributes
+    ----------
+    seconds : length of the flight.
+    radius_m : rotor radius.
+    low_m : least height of the centre above the ground.
+    pace : factor on speeds.
+    smooth_s : time over which references are averaged, three times.
+    grid : heights of the terrain, z[y, x] (m).
     """
 
     seconds: float
@@ -40,7 +52,7 @@ class Room:
 
     @property
     def top_m(self) -> float:
-        """Height that is clear of all terrain."""
+        """Height of the highest point of the terrain."""
         return float(self.grid.max())
 
 
@@ -190,7 +202,16 @@ FULL_MENU = ("staircase", "runs", "climbs", "low_runs", "mixed")
 def make_plan(
     name: str, room: Room, excite: bool, on_ground: bool, rng: np.random.Generator
 ) -> Plan:
-    """Return a manoeuvre's smooth references, with a take-off from the ground if asked for."""
+    """Return the smooth references of a manoeuvre.
+
+    Parameters
+    ----------
+    name : key of :data:`MENU`.
+    room : vehicle and place.
+    excite : whether a multisine excites the loops.
+    on_ground : whether the flight starts on the ground, for one to two seconds.
+    rng : stream of all draws.
+    """
     track = MENU[name](room, rng)
     ground_s = float(rng.uniform(1.0, 2.0)) if on_ground else 0.0
     if on_ground:

@@ -13,7 +13,17 @@ PROFILE_DRAG_OVER_LIFT_SLOPE = 0.02 / 5.0
 
 
 def blade_pitch(thrust_coefficient: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """Return the pitch (rad) at which a hovering rotor has this C_T, with lam = sqrt(C_T / 2)."""
+    """Return the pitch at which a hovering rotor has a thrust coefficient.
+
+    Parameters
+    ----------
+    thrust_coefficient : C_T; the inflow ratio is sqrt(C_T / 2).
+    s : solidity times lift slope.
+
+    Returns
+    -------
+    Pitch (rad) in the shape of ``s``.
+    """
     lam = np.sqrt(thrust_coefficient / 2.0)
     return 6.0 * (thrust_coefficient / s + lam / 4.0)
 
@@ -21,14 +31,38 @@ def blade_pitch(thrust_coefficient: np.ndarray, s: np.ndarray) -> np.ndarray:
 def thrust_coefficient(
     theta: np.ndarray, s: np.ndarray, lam: np.ndarray, mu: np.ndarray | float
 ) -> np.ndarray:
-    """Return C_T of the blade element rotor."""
+    """Return C_T of an untwisted blade in uniform inflow, s (theta (1/6 + mu^2 / 4) - lam / 4).
+
+    Parameters
+    ----------
+    theta : blade pitch (rad).
+    s : solidity times lift slope.
+    lam, mu : total inflow and edgewise speed over tip speed.
+
+    References
+    ----------
+    Leishman 2006, ch. 3 and 5.
+    """
     return s * (theta * (1.0 / 6.0 + 0.25 * mu * mu) - 0.25 * lam)
 
 
 def inplane_coefficient(
     theta: np.ndarray, s: np.ndarray, lam: np.ndarray, mu: np.ndarray | float
 ) -> np.ndarray:
-    """Return C_H, the in-plane force against the edgewise air, with flapping tilt of the disc."""
+    """Return C_H, the in-plane force against the edgewise air.
+
+    The disc tilts back with the first harmonic of flapping, and takes the thrust with it.
+
+    Parameters
+    ----------
+    theta : blade pitch (rad).
+    s : solidity times lift slope.
+    lam, mu : total inflow and edgewise speed over tip speed.
+
+    References
+    ----------
+    Leishman 2006, ch. 3 and 5; Fay 2001, Mesicopter.
+    """
     hub = s * mu * (0.25 * PROFILE_DRAG_OVER_LIFT_SLOPE + 0.25 * lam * theta)
     # the disc tilts back with the first-harmonic flapping, and takes the thrust with it
     flap = (8.0 / 3.0 * theta - 2.0 * lam) * mu / (1.0 - 0.5 * mu * mu)
@@ -44,10 +78,25 @@ def step_inflow(
     rho: float,
     dt: float,
 ) -> np.ndarray:
-    """Advance the induced velocity (m/s) by dt: (8/3) rho R^3 dv/dt + 2 rho A U v = T, implicit in
-    v.
+    """Advance the induced velocity of rotors, implicit in it.
 
-    Apparent mass after Pitt and Peters 1981; U is the resultant through the disc.
+    Parameters
+    ----------
+    v_i : (n_rotors, F) induced velocity (m/s).
+    thrust : (n_rotors, F) N.
+    edge, axial : (n_rotors, F) edgewise and axial speed of the air (m/s), axial positive in climb.
+    radius : (F,) of the rotors (m).
+    rho : density of the air (kg/m^3).
+    dt : step (s).
+
+    Returns
+    -------
+    (n_rotors, F) m/s by (8/3) rho R^3 dv/dt + 2 rho A U v = T, U the resultant speed through the
+    disc.
+
+    References
+    ----------
+    Apparent mass after Pitt and Peters 1981.
     """
     apparent = 8.0 / 3.0 * rho * radius**3
     through = axial + v_i
@@ -65,8 +114,25 @@ def heave_damping_1_s(
     rho: float,
     rotors: int = 4,
 ) -> np.ndarray:
-    """Return Z_w of the hovering vehicle (Bramwell; Padfield): the check on blade_pitch
-    and inflow.
+    """Return Z_w of the hovering vehicle, to check pitch and inflow against.
+
+    Parameters
+    ----------
+    s : solidity times lift slope.
+    ct : thrust coefficient in hover.
+    radius : of the rotors (m).
+    tip_speed : in hover (m/s).
+    mass : of the vehicle (kg).
+    rho : density of the air (kg/m^3).
+    rotors : their number.
+
+    Returns
+    -------
+    Vertical deceleration over vertical speed (1/s).
+
+    References
+    ----------
+    Bramwell 1976; Padfield 2007.
     """
     lam = np.sqrt(ct / 2.0)
     area = np.pi * radius**2

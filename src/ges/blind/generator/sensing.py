@@ -34,7 +34,14 @@ REFERENCE_CURRENT_A_PER_KG = 18.0
 
 @dataclass(frozen=True)
 class Logging:
-    """How a case is logged; drawn without regard to what is concealed."""
+    """How a case is logged; drawn without regard to what is concealed.
+
+    Attributes
+    ----------
+    rate_hz : samples a second.
+    noise : key of :data:`NOISE_LEVELS`.
+    rotor_speeds, references, battery, currents, ground : whether these streams are logged.
+    """
 
     rate_hz: float
     noise: str
@@ -46,18 +53,26 @@ class Logging:
 
     @property
     def scale(self) -> float:
-        """Noise relative to the ordinary level."""
+        """Factor on the ordinary noise."""
         return NOISE_LEVELS[self.noise]
 
     @property
     def sensors(self) -> Noise:
-        """True noise of the sensors; rotor speeds that are not logged are infinitely noisy."""
+        """True noise; rotor speeds have an infinite sd where they are not logged."""
         level = ORDINARY.scaled(self.scale)
         return level if self.rotor_speeds else replace(level, speed_share=np.inf)
 
 
 class Recorder:
-    """Turns one flight's truth into a logged flight."""
+    """Sensors that turn one true flight into a log.
+
+    Parameters
+    ----------
+    truth : channels of :meth:`Simulation.run` for one flight, (n, width) each.
+    sortie : the flight; faults of its sensors are in its numbers.
+    logging : rate, noise and streams of the log.
+    rng : stream of all sensor errors.
+    """
 
     def __init__(
         self,
@@ -78,7 +93,13 @@ class Recorder:
         )
 
     def frame(self) -> pd.DataFrame:
-        """Return the flight's columns in contract order."""
+        """Return the logged flight.
+
+        Returns
+        -------
+        A row a sample, in columns of :mod:`ges.conventions`; ``t_s`` begins at 0. A range that did
+        not come back is NaN.
+        """
         columns: dict[str, np.ndarray] = {"t_s": self.t - self.t[0]}
         for part in (self._pose, self._inertial, self._drive, self._range, self._asked):
             columns.update(part())
@@ -262,6 +283,14 @@ def _march(p: np.ndarray, beam: np.ndarray, grid: np.ndarray) -> np.ndarray:
 
 
 def lagged(y: np.ndarray, lag_s: float, dt: float) -> np.ndarray:
+    """Return samples behind a first-order lag, exact for a held input.
+
+    Parameters
+    ----------
+    y : (n,) samples; the lag is at rest at the first.
+    lag_s : time constant.
+    dt : time from one sample to the next (s).
+    """
     from scipy.signal import lfilter
 
     # exact for a held input, at rest at the first value

@@ -91,11 +91,17 @@ Flights = Sequence[Mapping[str, np.ndarray]]
 
 
 def detectable_of(cases: Sequence[Case], books: Sequence[Flights]) -> list[dict]:
-    """Return for every case what any method could tell of it (:mod:`ges.blind.limit`).
+    """Return for every case what any method could detect of it.
 
     Parameters
     ----------
-    books : of each case its flights' truths at the control rate, all of one length.
+    cases : the cases, of vehicles with as many rotors.
+    books : true flights of each case at the control rate, all of one length.
+
+    Returns
+    -------
+    A case's log likelihood ratios in nats, see :func:`ges.blind.limit.log_likelihood_ratios`, and
+    ``method``.
     """
     found = []
     for case, flights, changes in zip(cases, books, _changes(cases, books), strict=True):

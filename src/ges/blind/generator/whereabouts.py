@@ -24,13 +24,23 @@ TRACE = 0.1
 
 
 def seen_channels(case: Case, flights: Sequence[Mapping[str, np.ndarray]]) -> dict[str, list[str]]:
-    """Return the channels to be located, and those that it would be no mistake to locate.
+    """Return the channels in which what is concealed stands out.
 
-    ``located``: RMS of force or moment over all flights above the turbulence's, or rotor speeds
-    (where logged) off by over 1 % of top speed from those of motors with nothing concealed.
-    ``traces``: above a tenth of that. A concealed sensor fault is no force: both lists are then
-    empty. All of it is the generator's own account of what acted along the flights; what a
-    diagnosis can resolve, or reports, plays no part.
+    Parameters
+    ----------
+    case : the case.
+    flights : its true flights at the control rate.
+
+    Returns
+    -------
+    ``located``, channels to be found, and ``traces``, which are no mistake if found. Both are empty
+    for a sensor fault and without anything concealed.
+
+    Notes
+    -----
+    A channel is located where the RMS of the extra force or moment is above that of turbulence. The
+    drive is located where rotor speeds are logged and off by more than 1 % of top speed from an
+    unchanged drive's. A trace is above a tenth of that. What a diagnosis can resolve plays no part.
     """
     if not case.spec.names or set(case.spec.names) & set(SENSOR):
         return {"located": [], "traces": []}
@@ -80,7 +90,17 @@ def _loads(case: Case, flight: Mapping[str, np.ndarray], through_drive: bool) ->
 
 
 def payload_force(case: Case, flight: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return what the declared mass misses of a payload, -m_p (a - g) in the body frame, (n, 3)."""
+    """Return the force of a payload that the declared mass misses, -m_p (a - g).
+
+    Parameters
+    ----------
+    case : its numbers state the share of the payload in the mass.
+    flight : ``specific_force`` (n, 3), body frame (m/s^2).
+
+    Returns
+    -------
+    (n, 3) N, body frame.
+    """
     share = case.sorties[0].numbers.get("payload_share", 0.0)
     return -share * case.craft.true["mass"] * flight["specific_force"]
 

@@ -23,8 +23,15 @@ TURNING = 0.5
 
 @dataclass(frozen=True)
 class Balance:
-    """Mean thrusts (flights, 4) by the declared coefficient, thrusts that the balance asks for
-    (4,), and its matrix (equations, 4)."""
+    """Mean balance of the forces and moments of a recording set.
+
+    Attributes
+    ----------
+    thrust_N : (flights, n_rotors) mean thrusts by the declared coefficient.
+    asked_N : (n_rotors,) thrusts that the balance asks for.
+    matrix : (equations, n_rotors) from thrusts to vertical force, roll, pitch and, where the torque
+        coefficient is declared, yaw.
+    """
 
     thrust_N: np.ndarray
     asked_N: np.ndarray
@@ -33,6 +40,12 @@ class Balance:
 
 def balance(recordings: RecordingSet) -> Balance:
     """Return the mean balance of a recording set.
+
+    Notes
+    -----
+    Means are over rows in which all rotors turn.
+
+        sum T = m f_z,  sum y T = 0,  sum x T = 0,  sum s (k_q / k) T = 0
 
     Raises
     ------
@@ -84,8 +97,12 @@ def _means(frame: pd.DataFrame, vehicle: Vehicle) -> tuple[np.ndarray, float]:
 
 
 def mean_distance(recordings: RecordingSet) -> list[dict]:
-    """Return one nameless finding: the distance of the mean rotor speeds (of commands, where no
-    speeds are logged) from those that should carry the vehicle, over the latter.
+    """Return one finding without a name: how far the mean rotor speeds are from the balance.
+
+    Returns
+    -------
+    The finding's ``statistic`` is the norm of their relative distances from the speeds that carry
+    the vehicle. Commands stand for speeds where none are logged.
     """
     found = balance(recordings)
     # thrust over thrust is speed over speed, squared
@@ -94,7 +111,13 @@ def mean_distance(recordings: RecordingSet) -> list[dict]:
 
 
 def largest_loss(recordings: RecordingSet) -> list[dict]:
-    """Return the rotor whose loss of thrust stands out most, were the balance to hold by losses."""
+    """Return the rotor whose loss of thrust stands out most, were the balance to hold by losses.
+
+    Returns
+    -------
+    One ``weak_rotor`` with its ``place``; ``statistic`` is the loss beyond the median rotor's, a
+    share of thrust.
+    """
     found = balance(recordings)
     mean = found.thrust_N.mean(axis=0)
     # shares that make the thrusts as flown balance: sum_i A_i T_i kept_i = A T_asked

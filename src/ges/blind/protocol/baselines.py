@@ -33,10 +33,17 @@ BOOSTED_ROWS = 3000
 
 @dataclasses.dataclass(frozen=True)
 class BaselineRows:
-    """Stacked rows of some flights, channels in units of their spread on the training flights.
+    """Stacked rows of some flights.
 
-    ``y`` (n,) residual after calibration, ``raw`` (n,) before, ``x`` (n, k) candidates,
-    ``nuisance`` (n, m), ``state`` (n, f), ``channel`` and ``flight`` (n,) numbers.
+    Channels are in units of their spread on the training flights.
+
+    Attributes
+    ----------
+    y, raw : (n,) residual after and before calibration.
+    x : (n, k) columns of the candidates.
+    nuisance : (n, m) columns of declared numbers, trims and biases.
+    state : (n, f) logged channels at the centre of each window.
+    channel, flight : (n,) numbers of channel and flight.
     """
 
     y: np.ndarray
@@ -50,7 +57,16 @@ class BaselineRows:
 
 @dataclasses.dataclass(frozen=True)
 class BaselineProblem:
-    """A case as the baselines see it."""
+    """A case as the baselines see it.
+
+    Attributes
+    ----------
+    names : channels.
+    scale : (channels,) spread on the training flights.
+    candidates, nuisances : what the columns stand for.
+    train, held_out : rows of the flights.
+    holdout : names of the held-out flights.
+    """
 
     names: tuple[str, ...]
     scale: np.ndarray
@@ -63,7 +79,13 @@ class BaselineProblem:
 
 @dataclasses.dataclass(frozen=True)
 class BaselineClaim:
-    """How probable a name is said to be, and the statistic that it was chosen by."""
+    """What a baseline states of a name.
+
+    Attributes
+    ----------
+    probability : 0 to 1.
+    statistic : what it was chosen by.
+    """
 
     probability: float
     statistic: float
@@ -73,8 +95,14 @@ Answer = tuple[dict[str, BaselineClaim], Callable[[BaselineRows], np.ndarray]]
 
 
 def prepare(recordings: RecordingSet) -> BaselineProblem:
-    """Residuals and columns of the training and the held-out flights, calibrated within the
-    declared tolerances.
+    """Return residuals and columns of the training and the held-out flights.
+
+    Residuals are calibrated within the declared uncertainties.
+
+    Raises
+    ------
+    GesError
+        When the held-out flight has other channels than the training flights.
     """
     model = from_vehicle(recordings.vehicle, recordings.folder)
     frames = [f.frame for f in recordings.flights]
@@ -145,7 +173,12 @@ def _ridge(x: np.ndarray, y: np.ndarray, sd: np.ndarray) -> np.ndarray:
 
 
 def stepwise(problem: BaselineProblem) -> Answer:
-    """Forward selection at p < 0.05, rows taken as independent."""
+    """Select forward at p < 0.05, rows taken as independent.
+
+    Returns
+    -------
+    Claims by effect, with 1 - p and the t value, and the prediction of the residual from rows.
+    """
     from scipy.stats import t as student
 
     rows = problem.train
@@ -177,10 +210,18 @@ def stepwise(problem: BaselineProblem) -> Answer:
 
 
 def sindy(problem: BaselineProblem) -> Answer:
-    """Sequentially thresholded least squares of pysindy, the threshold chosen by leaving one flight
-    out.
+    """Fit by sequentially thresholded least squares of pysindy.
 
-    A flight's rows are handed over as their triangular factor, which has the same least squares.
+    The threshold is chosen by leaving one flight out. A flight's rows are passed as their
+    triangular factor, which has the same least squares.
+
+    Returns
+    -------
+    Claims by effect, with the scaled coefficient, and the prediction of the residual from rows.
+
+    References
+    ----------
+    Brunton, Proctor and Kutz 2016, PNAS 113, on which pysindy's STLSQ is built.
     """
     from pysindy.optimizers import STLSQ
 
@@ -219,8 +260,12 @@ def sindy(problem: BaselineProblem) -> Answer:
 
 
 def parameters(problem: BaselineProblem) -> Answer:
-    """Least squares of all declared numbers, trims and biases; named is what ends beyond three
-    times its tolerance, where it has a name: full rotor speed has none.
+    """Fit all declared numbers, trims and biases by least squares.
+
+    Returns
+    -------
+    Claims of the names whose number ends beyond three declared sds, and the prediction of the
+    residual from rows. Top speed has no name.
     """
     rows = problem.train
     beta, *_ = np.linalg.lstsq(rows.nuisance, rows.raw, rcond=None)
@@ -239,8 +284,11 @@ def parameters(problem: BaselineProblem) -> Answer:
 
 
 def boosting(problem: BaselineProblem) -> Answer:
-    """Gradient boosting of the residual on everything that was logged, a channel at a time; it
-    names nothing.
+    """Fit gradient boosting of the residual on all logged channels, channel by channel.
+
+    Returns
+    -------
+    No claims, and the prediction of the residual from rows.
     """
     from sklearn.ensemble import HistGradientBoostingRegressor
 
@@ -272,7 +320,17 @@ METHODS: dict[str, Callable[[BaselineProblem], Answer]] = {
 
 
 def diagnose(recordings: RecordingSet, method: str) -> dict:
-    """Answer by a baseline, as ``diagnosis.json`` would be; every finding has its ``statistic``."""
+    """Return a baseline's diagnosis in the form of ``diagnosis.json``.
+
+    Parameters
+    ----------
+    recordings : the set.
+    method : key of :data:`METHODS` here or of :data:`arithmetic.METHODS`.
+
+    Returns
+    -------
+    Every finding has its ``statistic``.
+    """
     fit: dict = {}
     if method in arithmetic.METHODS:
         findings = arithmetic.METHODS[method](recordings)

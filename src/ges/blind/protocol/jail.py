@@ -69,7 +69,12 @@ class _Beneath(ctypes.Structure):
 
 
 def interpreter() -> list[Path]:
-    """Return what Python and its packages need to be read from."""
+    """Return what Python and its packages need to be read from.
+
+    Returns
+    -------
+    Files and folders, without any that would show the generator of cases.
+    """
     paths = sysconfig.get_paths()
     found = {paths[k] for k in ("stdlib", "platstdlib", "purelib", "platlib")} | {
         os.path.join(sys.base_prefix, "lib"),
@@ -90,8 +95,11 @@ def _other(path: str) -> bool:
 
 
 def package() -> list[Path]:
-    """Return the files of this package without the generator of cases, and the folder of the
-    compiled simulator.
+    """Return the readable part of this package.
+
+    Returns
+    -------
+    Its files without the generator of cases, and the folder of the compiled simulator.
     """
     from ges.simulator._lib import library_path
 
@@ -101,13 +109,21 @@ def package() -> list[Path]:
 
 
 def lock_in(readable: Iterable[Path], writable: Iterable[Path]) -> bool:
-    """Give up all other files for the rest of this process and its children; return whether the
-    kernel enforces it.
+    """Give up all other files for the rest of this process and its children.
 
     Parameters
     ----------
     readable : files and folders (with all in them) that may be read.
     writable : folders in which all may be done.
+
+    Returns
+    -------
+    Whether the kernel enforces it; the interpreter's audit hook always does.
+
+    Raises
+    ------
+    OSError
+        When the kernel refuses a rule.
     """
     listed = Path(__file__).resolve().parents[2]
     readable, writable = (

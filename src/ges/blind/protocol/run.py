@@ -44,8 +44,17 @@ LIMIT_S = 600
 
 
 def method_options(method: str, numbers: Mapping[str, Any] | None = None) -> dict:
-    """Return the worker's options of a method: this tool, a baseline, or this tool with a part
-    taken out; with ``numbers`` set.
+    """Return the worker's options of a method.
+
+    Parameters
+    ----------
+    method : key of :data:`METHODS`: this tool, a baseline, or this tool without a part.
+    numbers : settings by name.
+
+    Raises
+    ------
+    UsageError
+        For an unknown method, or settings of a baseline, which has none.
     """
     if method not in METHODS:
         raise unknown_name("method", method, METHODS)
@@ -57,7 +66,13 @@ def method_options(method: str, numbers: Mapping[str, Any] | None = None) -> dic
 
 
 def method_folder(method: str, numbers: Mapping[str, Any] | None = None) -> str:
-    """Return the folder of a method's verdicts beside ``cases/``, with ``numbers`` set."""
+    """Return the name of the folder of a method's verdicts beside ``cases/``.
+
+    Parameters
+    ----------
+    method : key of :data:`METHODS`.
+    numbers : settings by name; they become a part of the name.
+    """
     parts = [] if method == "ges" else [method]
     parts += [f"{key}={value}".replace(" ", "") for key, value in sorted((numbers or {}).items())]
     return "-".join([OUT, *parts])
@@ -72,20 +87,27 @@ def run_cases(
     minutes: float | None = None,
     tell: Callable[[int, int], None] = lambda *_: None,
 ) -> tuple[int, int]:
-    """Diagnose the cases that have no verdict yet; return how many were diagnosed now, and how many
-    are left.
+    """Diagnose the cases that have no verdict yet.
 
     Parameters
     ----------
-    only : case names to restrict the run to (a batch).
-    out : folder beside ``cases/`` for the verdicts; options : what the worker is told
-        (:data:`METHODS`).
+    folder : of sealed cases.
+    processes : diagnoses at the same time.
+    only : names of the cases to restrict the run to.
+    out : folder beside ``cases/`` for the verdicts.
+    options : of the worker, see :func:`method_options`.
     minutes : after which no case is begun.
+    tell : called with the number of cases done and of all.
+
+    Returns
+    -------
+    How many were diagnosed now, and how many are left.
 
     Raises
     ------
-    GesError For a case that is not sealed, a recording changed since, or a folder that the walls
-    could not hide.
+    GesError
+        For a case that is not sealed, a recording changed since, or a folder that the walls could
+        not hide.
     """
     _hidden(folder)
     names = [n for n in seal.cases(folder) if only is None or n in only]
@@ -122,10 +144,16 @@ def run_cases(
 
 
 def run_batch(sums: Path, verdicts: Path, batch: int, batches: int, method: str = "ges") -> None:
-    """Diagnose every ``batches``-th case of the folder above ``sealed/``; ``verdicts`` lists the
-    hash of each diagnosis.
+    """Diagnose every ``batches``-th case of a workflow's folder.
 
     What an interrupted batch had done is kept and not done again.
+
+    Parameters
+    ----------
+    sums : list of hashes ``sealed/SHA256SUMS`` of the folder.
+    verdicts : file that gets the hash of each diagnosis.
+    batch, batches : number of the batch and of all.
+    method : key of :data:`METHODS`.
     """
     folder, out = sums.parents[1], method_folder(method)
     names = seal.cases(folder)[batch::batches]
@@ -147,7 +175,17 @@ def _tool_state(options: dict) -> str:
 
 
 def finished(verdict: Path, tool: str) -> bool:
-    """Say whether a case has its verdict from this very tool; one that failed is tried again."""
+    """Return whether a case has its verdict from this very tool.
+
+    Parameters
+    ----------
+    verdict : folder of the verdict.
+    tool : hash of sources, simulator and options.
+
+    Returns
+    -------
+    False as well for a diagnosis that failed: it is tried again.
+    """
     try:
         about = json.loads((verdict / "run.json").read_text())
     except FileNotFoundError:
@@ -241,8 +279,14 @@ def _move(made: Path, final: Path) -> None:
 
 
 def anonymous(case: Path, given: Path) -> None:
-    """Copy a recording set without anything that could tell: names, order, times of files,
-    metadata, stray files.
+    """Copy a recording set without anything that could reveal its origin.
+
+    Names, the order of flights, times of files, metadata and stray files stay behind.
+
+    Parameters
+    ----------
+    case : folder of the set.
+    given : empty folder for the copy.
     """
     import pyarrow.parquet as pq
     import yaml

@@ -13,8 +13,13 @@ SUMS = "SHA256SUMS"
 
 
 def close(folder: Path) -> None:
-    """Write ``folder/sealed/SHA256SUMS`` over all of ``sealed/`` and ``cases/``: the last file, so
-    the seal is whole.
+    """Write the list of hashes over all of ``sealed/`` and ``cases/``.
+
+    It is the last file to be written, so that a seal is whole.
+
+    Parameters
+    ----------
+    folder : of the cases; the list is ``sealed/SHA256SUMS``.
     """
     sealed = folder / "sealed"
     files = sorted(
@@ -30,7 +35,11 @@ def close(folder: Path) -> None:
 
 
 def listed(folder: Path) -> dict[str, str]:
-    """Return hash by name as the seal states them; names are relative to ``sealed/``.
+    """Return the hashes that the seal states.
+
+    Returns
+    -------
+    Hash by file, whose name is relative to ``sealed/``.
 
     Raises
     ------
@@ -98,6 +107,12 @@ def check(folder: Path, names: list[str]) -> None:
 
 
 def truth(folder: Path, name: str) -> dict:
-    """Open the seal of one case: its truth, after checking its hash."""
+    """Return the truth of one case, after checking its hash.
+
+    Raises
+    ------
+    GesError
+        When the file is missing or has changed since it was sealed.
+    """
     check(folder, [f"{name}.json"])
     return json.loads((folder / "sealed" / f"{name}.json").read_text())

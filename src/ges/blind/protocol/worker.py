@@ -18,8 +18,18 @@ from ges.errors import GesError
 
 
 def main(case: Path, out: Path, options: dict) -> int:
-    """Diagnose the set in ``case`` and write the contract's files to ``out``; return 1 where it
-    says that it cannot.
+    """Diagnose one set and write the contract's files.
+
+    Parameters
+    ----------
+    case : folder of the set, the only one that is read.
+    out : folder that gets ``diagnosis.json`` and, but for a baseline, ``vehicle.fitted.yaml``;
+        ``worker.json`` holds seconds and whether the kernel enforces the walls.
+    options : ``set``, settings by name, or ``baseline``, the name of one.
+
+    Returns
+    -------
+    1 where the method states that it cannot diagnose the set, else 0.
     """
     if "baseline" in options:
         from ges.blind.protocol import baselines  # noqa: F401  its source lies behind the wall

@@ -45,12 +45,17 @@ LAST = Path(__file__).with_name("last_scores.json")
 
 @dataclass(frozen=True)
 class Answer:
-    """What a method said of one set.
+    """What a method reported on one set.
 
-    ``answer`` is one of :data:`ANSWERS`; ``alarm`` whether anything is said to be there, of a null
-    anything that is not true of it; ``named`` the true names that were named; ``nats`` by name what
-    any method could tell; ``stated`` (probability, came true) of each name; ``rotors`` how many
-    the vehicle has.
+    Attributes
+    ----------
+    case, world, category : of the set.
+    answer : one of :data:`ANSWERS`.
+    alarm : whether anything is reported; of a null only what is not true of it.
+    named : true names that were reported.
+    nats : detection limit by name, as a log likelihood ratio.
+    stated : (probability, came true) of each name.
+    rotors : number of the vehicle's rotors.
     """
 
     case: str
@@ -75,7 +80,7 @@ class Answer:
 
     @property
     def tellable(self) -> float:
-        """Probability that the best method finds all of it; NaN where no limit is known."""
+        """Probability that the most powerful test finds all of it; NaN without a limit."""
         if self.null or not self.nats:
             return np.nan
         # all are found together no more often than the one that shows least
@@ -83,7 +88,14 @@ class Answer:
 
 
 def answer_of(case: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> Answer:
-    """Hold a diagnosis against the truth of a set."""
+    """Compare a diagnosis with the truth of a set.
+
+    Parameters
+    ----------
+    case : name of the set.
+    truth : its sealed truth.
+    diagnosis : content of ``diagnosis.json``.
+    """
     findings, verdict = diagnosis.get("findings", []), kind_of(diagnosis)
     right = acceptable(truth)
     known = frozenset().union(*right)
@@ -195,12 +207,15 @@ def _placed(truth: Mapping[str, Any], findings: Sequence[Mapping[str, Any]]) -> 
 def at_same_alarms(
     truths: Mapping[str, Mapping], answers: Mapping[str, Mapping], alarms: int
 ) -> dict[str, Mapping]:
-    """Return a baseline's diagnoses with only what is above a threshold at which it raises no more
-    false alarms on the nulls than the tool did.
+    """Return a baseline's diagnoses cut at a threshold.
+
+    The threshold lets it raise no more false alarms on the nulls than the tool did.
 
     Parameters
     ----------
-    answers : diagnoses whose findings carry a ``statistic``; alarms : of the tool on these nulls.
+    truths : by set.
+    answers : diagnoses by set, whose findings have a ``statistic``.
+    alarms : false alarms of the tool on these nulls.
     """
     nulls = sorted(
         (
@@ -226,8 +241,12 @@ def _above(diagnosis: Mapping[str, Any], least: float) -> dict[str, Any]:
 
 
 def table(answers: Sequence[Answer]) -> pd.DataFrame:
-    """One row a world and one for all: answers by kind, false alarms, sure names that are true, and
-    the share of what any method could tell.
+    """Return the scores of every world, and of all worlds together.
+
+    Returns
+    -------
+    A row a world: answers by kind, false alarms, sure names that are true, and sets that any method
+    could have told.
     """
     worlds = list(dict.fromkeys(a.world for a in answers))
     groups = {w: [a for a in answers if a.world == w] for w in worlds}
@@ -237,8 +256,12 @@ def table(answers: Sequence[Answer]) -> pd.DataFrame:
 
 
 def by_rotors(answers: Sequence[Answer]) -> pd.DataFrame:
-    """One row a number of rotors, as :func:`table` has them, with the share of concealed sets that
-    were answered well and its 95 % interval.
+    """Return the scores by the number of rotors.
+
+    Returns
+    -------
+    Columns of :func:`table`, and the share of concealed sets that were answered well with its 95 %
+    interval.
     """
     rows = []
     for rotors in sorted({a.rotors for a in answers}):
@@ -275,7 +298,13 @@ def _row(answers: Sequence[Answer]) -> dict[str, Any]:
 
 
 def scores(answers: Sequence[Answer]) -> dict[str, tuple[float, float, float, int]]:
-    """Return each score with its 95 % interval and number of sets."""
+    """Return each score over all sets.
+
+    Returns
+    -------
+    Score, 95 % interval (low, high) and number of sets, by name. The score over what any method
+    could tell is missing where no limit is known.
+    """
     nulls = [a.alarm for a in answers if a.null]
     wrong = [a.answer == "wrong" for a in answers]
     sure = [true for a in answers for p, true in a.stated if p >= SURE]
@@ -297,8 +326,12 @@ def scores(answers: Sequence[Answer]) -> dict[str, tuple[float, float, float, in
 
 
 def power_table(answers: Sequence[Answer]) -> pd.DataFrame:
-    """True names by the log likelihood ratio of the truth against the best without them: share that
-    was named, and share that the best method would have named.
+    """Return the share of true names that were reported, by their detection limit.
+
+    Returns
+    -------
+    A row a bin of :data:`EDGES_NATS` that holds names. ``named`` has a 95 % interval;
+    ``best_method`` is the mean power of the most powerful test.
     """
     rows = [(nats, n in a.named) for a in answers if not a.null for n, nats in a.nats.items()]
     values = np.array(rows, dtype=float).reshape(-1, 2)
@@ -327,7 +360,16 @@ def power_table(answers: Sequence[Answer]) -> pd.DataFrame:
 
 
 def skipped(folder: Path) -> pd.DataFrame:
-    """Worlds and sets that could not be made, why, and what worlds scored when they last could."""
+    """Return the worlds and sets that could not be made.
+
+    Parameters
+    ----------
+    folder : of the sets.
+
+    Returns
+    -------
+    A row each: name, why, and for a world its scores when it last could be made.
+    """
     made = folder / "sealed" / "made.json"
     about = json.loads(made.read_text()) if made.exists() else {}
     last = json.loads(LAST.read_text()) if LAST.exists() else {}
@@ -339,18 +381,28 @@ def skipped(folder: Path) -> pd.DataFrame:
 
 
 def made_of_worlds(folder: Path) -> bool:
-    """Say whether a folder was made by ``ges blind worlds``."""
+    """Return whether a folder was made by ``ges blind worlds``."""
     made = folder / "sealed" / "made.json"
     return made.exists() and "worlds" in json.loads(made.read_text())
 
 
 def score_worlds(folder: Path, out: Path, diagnosed: str = OUT) -> dict[str, Any]:
-    """Score the sets of all worlds, beside every simple baseline that was run on them, each cut at
-    the false alarms of the tool.
+    """Score the sets of all worlds.
 
-    Writes ``worlds.csv`` (by method and world), ``rotors.csv``, ``sets.csv``, ``power.csv``,
-    ``skipped.csv``,
-    ``reliability.csv``, ``power.pdf`` and ``power.png``, and ``scores.json``, which is returned.
+    Beside the tool stands every simple baseline that was run on them, cut at the false alarms of
+    the tool.
+
+    Parameters
+    ----------
+    folder : of sealed and diagnosed sets.
+    out : folder for ``worlds.csv`` (by method and world), ``rotors.csv``, ``sets.csv``,
+        ``power.csv``, ``skipped.csv``, ``reliability.csv``, ``power.pdf``, ``power.png`` and
+        ``scores.json``.
+    diagnosed : folder of the tool's verdicts.
+
+    Returns
+    -------
+    The content of ``scores.json``.
 
     Raises
     ------
@@ -436,7 +488,13 @@ def _seconds(verdict: Path) -> float:
 
 
 def score_batches(sums: Path, verdicts: list[Path], scores: Path) -> None:
-    """Score what the workflow's batches diagnosed; tables go beside ``scores``.
+    """Score what the workflow's batches diagnosed.
+
+    Parameters
+    ----------
+    sums : list of hashes ``sealed/SHA256SUMS`` of the folder.
+    verdicts : hashes of the diagnoses, by batch; the folder of each has the name of its method.
+    scores : ``scores.json`` to be written; tables go beside it.
 
     Raises
     ------

@@ -18,9 +18,15 @@ from ges.vehicle.file import load_vehicle
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """One case: errors relative to the oracle, (held, tried) intervals, effect over stated limit,
-    and the reductions of held-out errors by the diagnosis and by the oracle (see
-    :func:`heldout.reductions`).
+    """A diagnosis of one case beside the oracle.
+
+    Attributes
+    ----------
+    best : the oracle.
+    errors : by effect, distance from the oracle over its size; true loads are compared as one sum.
+    intervals : how many 95 % intervals hold the oracle's value, and how many there are.
+    over_limit : size of the effect over the stated detection limit; None where none is stated.
+    reductions : of held-out errors, by diagnosis and by oracle, see :func:`heldout.reductions`.
     """
 
     best: Oracle
@@ -33,8 +39,17 @@ class Comparison:
 def compare(
     folder: Path, case: str, truth: Mapping, answers: Sequence[tuple[Mapping, Path]]
 ) -> list[Comparison | None]:
-    """Hold diagnoses of one case, each with its fitted vehicle file, against the oracle, which is
-    the same for all; None for a case whose maker kept no witness.
+    """Compare diagnoses of one case with the oracle, which is the same for all.
+
+    Parameters
+    ----------
+    folder : of the cases.
+    case, truth : name of the case and its truth.
+    answers : each diagnosis with the path of its fitted vehicle file.
+
+    Returns
+    -------
+    A comparison a diagnosis; None for all where the maker kept no noise-free truth.
     """
     seen = oracle.witness(folder, case, truth)
     if seen is None:

@@ -29,7 +29,13 @@ LAST = ("true names", "true companion only", "nothing_proven", "ambiguous", "unk
 
 
 def draw_all(out: Path, tables: Mapping[str, pd.DataFrame]) -> None:
-    """Draw every figure beside its table: ``<name>.csv``, ``.pdf`` and ``.png`` in ``out``."""
+    """Draw every figure beside its table: ``<name>.csv``, ``.pdf`` and ``.png``.
+
+    Parameters
+    ----------
+    out : folder of the figures.
+    tables : by the names of :func:`ges.blind.score.score.score_cases`.
+    """
     drawn = {
         "confusion_matrix": (_draw_confusion, "confusion"),
         "detection": (_draw_detection, "singles"),
@@ -192,8 +198,11 @@ def _draw_outcomes(table: pd.DataFrame) -> Figure:
 
 
 def draw_limit(table: pd.DataFrame) -> Figure:
-    """Cases with one effect by its size over the smallest that the diagnosis says it would have
-    seen.
+    """Draw cases with one effect over its size, relative to the stated detection limit.
+
+    Parameters
+    ----------
+    table : a row a case, with ``over_limit`` and ``outcome``.
     """
     single = table[(table["category"] == "single") & table["over_limit"].notna()]
     size, right = single["over_limit"].astype(float), single["outcome"] == "exact"
@@ -230,8 +239,11 @@ def draw_limit(table: pd.DataFrame) -> Figure:
 
 
 def draw_power(table: pd.DataFrame) -> Figure:
-    """Share of true names that were named by the log likelihood ratio of the truth against the best
-    without them, beside the best that any method could do at the aim for false alarms.
+    """Draw the share of true names that were reported over their detection limit.
+
+    Parameters
+    ----------
+    table : rows of :func:`by_world.power_table`; with a column ``method`` a line each.
     """
     figure, axes = style.subplots(height=2.6)
     if not len(table):

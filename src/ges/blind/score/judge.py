@@ -20,9 +20,19 @@ CATEGORIES = ("null", "single", "pair", "triple", "parameter", "sensor", "unknow
 class Judgement:
     """What came of one case.
 
-    ``outcome``: exact, partial (true names, not all), extra (all true names and others), wrong (a
-    name that is not true, not all true ones), hedged (open, the truth among what was offered),
-    nothing, unknown, failed.
+    Attributes
+    ----------
+    case, category, severity : of the case.
+    truth : true names.
+    verdict : of the diagnosis.
+    claimed, offered : names reported as proven, and names left open.
+    outcome : 'exact', 'partial', 'extra', 'wrong', 'hedged', 'nothing', 'unknown' or 'failed'.
+        Partial claims true names, but not all; extra claims all and others. Wrong claims a false
+        name, and not all true ones. Hedged leaves the truth open among others.
+    wrong : claimed names that no right answer has.
+    flagged : whether something unexplained was reported.
+    stated : (probability, came true) of each name.
+    located : numbers of channels found, found too many, and missed.
     """
 
     case: str
@@ -45,12 +55,17 @@ class Judgement:
 
     @property
     def alarm(self) -> bool:
-        """Whether anything was said to be there."""
+        """Whether anything was reported to be there."""
         return self.verdict not in ("nothing_proven", "failed")
 
 
 def category_of(truth: Mapping) -> str:
-    """Kind of a case: as stated, or from the verdict and the number of findings."""
+    """Return the kind of a case: as stated, else by its verdict and number of findings.
+
+    Returns
+    -------
+    One of :data:`CATEGORIES`.
+    """
     if truth.get("category") in CATEGORIES:
         return truth["category"]
     kind = BY_VERDICT.get(truth["verdict"])
@@ -58,13 +73,13 @@ def category_of(truth: Mapping) -> str:
 
 
 def acceptable(truth: Mapping) -> list[frozenset[str]]:
-    """Sets of names that are right."""
+    """Return the sets of names that are right, the truth itself first."""
     names = frozenset(f["name"] for f in truth["findings"])
     return [names, *(frozenset(other) for other in truth.get("also_acceptable", []))]
 
 
 def kind_of(said: Mapping) -> str:
-    """The verdict of a diagnosis; a law, as unknown, says that no name explains what is there."""
+    """Return the verdict of a diagnosis; ``unknown`` for a law as well, which no name explains."""
     return "unknown" if said["verdict"] == "law" else said["verdict"]
 
 
@@ -73,6 +88,12 @@ def judge(case: str, truth: Mapping, said: Mapping) -> Judgement:
 
     In an ambiguous answer only names of probability 0.9 or more are claimed, the others are
     offered. A name is wrong when no acceptable answer has it.
+
+    Parameters
+    ----------
+    case : name of the case.
+    truth : its sealed truth.
+    said : content of ``diagnosis.json``.
     """
     findings, verdict = said.get("findings", []), kind_of(said)
     offered = {f["name"] for f in findings}

@@ -31,9 +31,14 @@ PARTS = ("fit", "detectable")
 
 @dataclasses.dataclass(frozen=True)
 class Opened:
-    """The oracle's best parameters; ``fit`` and ``detectable`` of the ``diagnosis.json`` that was
-    told the true names; what was concealed over the smallest that these flights would have shown,
-    of several names the least, None where none is told.
+    """What is known of a case once its truth is.
+
+    Attributes
+    ----------
+    best : the oracle's parameters.
+    told : ``fit`` and ``detectable`` of the ``diagnosis.json`` given the true names.
+    over_limit : size of what is concealed over the smallest that these flights would have shown. It
+        is the least of several names, and None where one has no such limit.
     """
 
     best: Oracle
@@ -42,8 +47,15 @@ class Opened:
 
 
 def known(folder: Path, case: str, truth: Mapping, seen: Witness) -> Opened:
-    """Return what is known of an opened case; worked out once for these recordings, these sources
-    and this simulator.
+    """Return what is known of an opened case.
+
+    It is worked out once for these recordings, these sources and this simulator, and kept.
+
+    Parameters
+    ----------
+    folder : of the cases; results are kept in its folder :data:`KEPT`.
+    case, truth : name of the case and its truth.
+    seen : noise-free truth of the flights.
     """
     kept, made_of = folder / KEPT / f"{case}.json", _made_of(folder)
     if kept.exists():

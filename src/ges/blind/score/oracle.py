@@ -71,8 +71,12 @@ DRIVES = ("motor_lag", "esc_delay")
 
 @dataclasses.dataclass(frozen=True)
 class Oracle:
-    """Best parameters by effect, and the share (0..1) of the effect's mean square that they
-    explain; NaN where unknown.
+    """Best fit of the true names in the library's forms.
+
+    Attributes
+    ----------
+    parameters : by effect.
+    reach : share of the effects' mean square that they explain, 0 to 1; NaN where unknown.
     """
 
     parameters: dict[str, dict[str, float]]
@@ -81,8 +85,16 @@ class Oracle:
 
 @dataclasses.dataclass(frozen=True)
 class Witness:
-    """What truly happened in a case: the true vehicle in the library's terms, samples, forces and
-    rotor speeds.
+    """What truly happened in a case, in the library's terms.
+
+    Attributes
+    ----------
+    numbers : true numbers of the vehicle, by simulator parameter.
+    terrain : of the case's map.
+    flights : a flight's samples by name, (n, width): states and loads at 25 Hz, and at 125 Hz what
+        begins with ``fast_``.
+    weight_N : true weight.
+    arm_m : mean distance of the hubs from the body's z axis.
     """
 
     numbers: dict[str, float]
@@ -92,8 +104,15 @@ class Witness:
     arm_m: float
 
     def loads(self, effects: effect_table.Effects) -> np.ndarray:
-        """What effects add along all flights: (n, 6) forces over weight, moments over weight times
-        arm.
+        """Return what effects add along all flights.
+
+        Parameters
+        ----------
+        effects : parameters by effect.
+
+        Returns
+        -------
+        (n, 6) forces over weight, moments over weight times arm, body frame.
         """
         parts = []
         for flight in self.flights:
@@ -113,14 +132,23 @@ class Witness:
         return np.concatenate(parts) / self.weight_N
 
     def true_loads(self) -> np.ndarray:
-        """The same, as it truly was."""
+        """Return the true extra loads, in the form of :meth:`loads`."""
         parts = [
             np.hstack([f["extra_force"], f["extra_moment"] / self.arm_m]) for f in self.flights
         ]
         return np.concatenate(parts) / self.weight_N
 
     def speeds(self, effects: effect_table.Effects) -> np.ndarray:
-        """Rotor speeds (n, 4) that the library's drive makes of the commands, over top speed."""
+        """Return the rotor speeds that the library's drive makes of the true commands.
+
+        Parameters
+        ----------
+        effects : parameters by effect.
+
+        Returns
+        -------
+        (n, n_rotors) over top speed, at 125 Hz.
+        """
         from ges.diagnose.design.residual import commanded_speeds
         from ges.diagnose.prepare.align import Prepared
         from ges.diagnose.types.model import Model
@@ -133,7 +161,7 @@ class Witness:
         )
 
     def true_speeds(self) -> np.ndarray:
-        """The same, as it truly was."""
+        """Return the true rotor speeds, in the form of :meth:`speeds`."""
         return (
             np.concatenate([f["fast_rotor_speed"] for f in self.flights])
             / self.numbers["max_rotor_speed_rad_s"]
@@ -164,7 +192,17 @@ def _fast(flight: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def witness(folder: Path, case: str, truth: Mapping) -> Witness | None:
-    """Open what the generator kept of a case; None where a case of somebody else keeps nothing."""
+    """Return the noise-free truth that the generator kept of a case.
+
+    Parameters
+    ----------
+    folder : of the cases.
+    case, truth : name of the case and its truth.
+
+    Returns
+    -------
+    None for a case of which nothing was kept.
+    """
     path = folder / "sealed" / f"{case}.npz"
     if not path.exists():
         return None
@@ -193,8 +231,18 @@ def witness(folder: Path, case: str, truth: Mapping) -> Witness | None:
 
 
 def fit(seen: Witness, names: list[str]) -> Oracle:
-    """Fit the true names that the library has: forces and moments, or rotor speeds where the drive
-    is concerned.
+    """Fit the true names that the library has to what truly happened.
+
+    Wrenches are fitted to forces and moments, effects of the drive to rotor speeds.
+
+    Parameters
+    ----------
+    seen : noise-free truth.
+    names : true names; unknown ones are left out.
+
+    Returns
+    -------
+    ``reach`` is the mean of both parts.
     """
     known = [n for n in names if n in FREE and n in effect_table.table()]
     driven = [
@@ -229,12 +277,12 @@ def _fit_drive(names: list[str], seen: Witness) -> tuple[dict[str, dict[str, flo
 
 
 def is_load(name: str) -> bool:
-    """Whether an effect is fitted by the forces and moments that it makes."""
+    """Return whether an effect is fitted by the forces and moments that it makes."""
     return name in FREE and effect_table.get(name).kind in ("wrench", "wind")
 
 
 def rms(values: np.ndarray) -> float:
-    """Root of the mean square."""
+    """Return the root of the mean square over all elements."""
     return float(np.sqrt(np.mean(values**2)))
 
 
@@ -283,8 +331,23 @@ def _typical(parameter: effect_table.Parameter) -> float:
 
 
 def declared_values(truth: Mapping, vehicle: Vehicle) -> dict[str, dict[str, float]]:
-    """Parameters that follow from the truth without a fit: what is wrong in the file, and sensor
-    faults.
+    """Return the parameters that follow from the truth without a fit.
+
+    These are errors of the vehicle file and sensor faults.
+
+    Parameters
+    ----------
+    truth : of the case.
+    vehicle : its vehicle file.
+
+    Returns
+    -------
+    Parameters by name, for the names that the truth holds.
+
+    Raises
+    ------
+    GesError
+        When the file has no torque coefficient.
     """
     true, concealed = (
         truth["true_values"],

@@ -21,8 +21,15 @@ FIRST_OF_EVALUATION = 1000
 
 
 def pairs(folders: Sequence[Path]) -> np.ndarray:
-    """Stated probability and whether the name was true, (n, 2), of all diagnosed cases of these
-    folders; what the gate settles takes no part.
+    """Return stated probabilities and whether the names were true.
+
+    Parameters
+    ----------
+    folders : of diagnosed development cases.
+
+    Returns
+    -------
+    (n, 2) of all names but those of certain probability, which the gate decides.
 
     Raises
     ------
@@ -50,11 +57,19 @@ def pairs(folders: Sequence[Path]) -> np.ndarray:
 
 
 def fit(log_odds: np.ndarray, true: np.ndarray) -> tuple[float, float]:
-    """Offset and slope of the log odds that make names come true as often as told.
+    """Fit the logistic correction that makes stated probabilities come true.
 
     Parameters
     ----------
     log_odds, true : (n,) of the search, and whether the name was true.
+
+    Returns
+    -------
+    Offset a and slope b of P = 1 / (1 + exp(-a - b log odds)).
+
+    References
+    ----------
+    Platt 1999, *Probabilistic outputs for support vector machines*.
     """
     from sklearn.linear_model import LogisticRegression
 

@@ -48,13 +48,22 @@ AIMS = {
 
 
 def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> dict:
-    """Score every case and write tables and figures to ``out`` (default ``folder/scores``); return
-    the summary.
+    """Score every case, and write tables and figures.
+
+    Parameters
+    ----------
+    folder : of sealed and diagnosed cases.
+    out : folder of tables and figures; by default ``scores`` in ``folder``.
+    diagnosed : folder of the verdicts.
+
+    Returns
+    -------
+    The content of ``scores.json``.
 
     Raises
     ------
     GesError
-        For a case without a verdict, a broken seal, or files that are not what the contract says.
+        For a case without a verdict, a broken seal, or files that are not what the contract states.
     """
     from ges.blind.score.figures import draw_all
 
@@ -110,7 +119,13 @@ def _against_oracle(
 
 
 def score_batches(sums: Path, verdicts: list[Path], scores: Path) -> None:
-    """Score what the workflow's batches diagnosed; tables and figures go beside ``scores``.
+    """Score what the workflow's batches diagnosed.
+
+    Parameters
+    ----------
+    sums : list of hashes ``sealed/SHA256SUMS`` of the folder.
+    verdicts : hashes of the diagnoses, by batch.
+    scores : ``scores.json`` to be written; tables and figures go beside it.
 
     Raises
     ------
@@ -123,8 +138,19 @@ def score_batches(sums: Path, verdicts: list[Path], scores: Path) -> None:
 
 
 def compare_methods(sums: Path, verdicts: list[Path], methods: list[str], table: Path) -> None:
-    """Write the scores of several methods on the same cases side by side: one row a score, columns
-    by method.
+    """Write the scores of several methods on the same cases side by side.
+
+    Parameters
+    ----------
+    sums : list of hashes ``sealed/SHA256SUMS`` of the folder.
+    verdicts : hashes of the diagnoses, by batch; the folder of each has the name of its method.
+    methods : to be compared.
+    table : CSV of one row a score, with value and interval of each method.
+
+    Raises
+    ------
+    GesError
+        When a verdict is not the one that its batch wrote.
     """
     folder = sums.parents[1]
     names = seal.cases(folder)
@@ -205,7 +231,12 @@ def _reach(judged: Sequence[Judgement], held: dict) -> pd.DataFrame:
 
 
 def f1(counts: np.ndarray) -> float:
-    """F1 of rows (found, too many, missed)."""
+    """Return F1 = 2 found / (2 found + too many + missed).
+
+    Parameters
+    ----------
+    counts : (n, 3) rows of found, too many, missed; NaN where all are 0.
+    """
     found, many, missed = counts.sum(axis=0)
     return 2.0 * found / (2.0 * found + many + missed) if found + many + missed else np.nan
 
@@ -223,8 +254,11 @@ def _median_share(gains: np.ndarray) -> float:
 
 
 def only_true(j: Judgement) -> bool | None:
-    """Whether all names of an answer are concealed ones; None where it gives none or leaves some
-    open.
+    """Return whether all names of an answer are concealed ones.
+
+    Returns
+    -------
+    None where it gives none or leaves some open.
     """
     return set(j.claimed) <= set(j.truth) if j.claimed and j.verdict != "ambiguous" else None
 
@@ -335,8 +369,12 @@ def _by_effect(judged: Sequence[Judgement]) -> pd.DataFrame:
 
 
 def confusion(judged: Sequence[Judgement]) -> pd.DataFrame:
-    """Count, for every concealed name (or kind, where nothing has a name), the answers that cases
-    with it got.
+    """Count the answers that cases with each concealed name got.
+
+    Returns
+    -------
+    A row a pair of ``concealed`` and ``answer``, with the number of ``cases``. Where nothing has a
+    name, the category stands for it.
     """
     rows = []
     for j in judged:

@@ -15,14 +15,20 @@ from ges.blind.score.verdicts import check_batches, read_verdict, write_csv
 
 
 def score_changes(sums: Path, verdicts: Sequence[Path], changes: Path, errors: Path) -> None:
-    """Open the seal of :mod:`ges.blind.foreign.shipped` and hold every diagnosis against it.
+    """Open the seal of :mod:`ges.blind.foreign.shipped` and score every diagnosis.
 
     Parameters
     ----------
+    sums : list of hashes ``sealed/SHA256SUMS`` of the folder.
     verdicts : hashes of the diagnoses, by batch.
     changes : table of one row a set: what was done, what was named, whether that is right.
-    errors : table of one row a set and channel, in N and N m: rms error of windows on the flights
-        that took no part, with the calibrated file, recalibrated, and with what was named.
+    errors : table of one row a set and channel, in N and N m. It holds the RMS error of windows on
+        the held-out flights: as calibrated, recalibrated, and with what was named.
+
+    Raises
+    ------
+    GesError
+        For a broken seal, or a verdict that is not the one that its batch wrote.
     """
     folder = sums.parents[1]
     check_batches(folder, OUT, verdicts)

@@ -12,7 +12,16 @@ DRAWS = 2000
 
 
 def proportion(hits: Sequence[bool]) -> tuple[float, float, float]:
-    """Share with its Clopper-Pearson interval; NaN where there is nothing to count."""
+    """Return a share with its 95 % interval.
+
+    Returns
+    -------
+    (share, low, high); NaN where there is nothing to count.
+
+    References
+    ----------
+    Clopper and Pearson 1934, Biometrika 26.
+    """
     from scipy.stats import binomtest
 
     if not len(hits):
@@ -25,7 +34,17 @@ def proportion(hits: Sequence[bool]) -> tuple[float, float, float]:
 def bootstrap(
     values: np.ndarray, statistic: Callable[[np.ndarray], float]
 ) -> tuple[float, float, float]:
-    """Statistic of rows of ``values`` with its percentile interval over resampled rows."""
+    """Return a statistic with its 95 % percentile interval over resampled rows.
+
+    Parameters
+    ----------
+    values : (n, ...) rows.
+    statistic : of such rows.
+
+    Returns
+    -------
+    (statistic, low, high); NaN without rows. The draws are the same every time.
+    """
     if not len(values):
         return (np.nan,) * 3
     # the same draws every time: scores of the same answers are the same to the last digit
@@ -36,7 +55,13 @@ def bootstrap(
 
 
 def calibration_error(stated: np.ndarray, bins: int = 10) -> float:
-    """Expected calibration error of rows (probability, came true) over equal bins."""
+    """Return the expected calibration error over equal bins.
+
+    Parameters
+    ----------
+    stated : (n, 2) stated probability and whether it came true.
+    bins : number of bins.
+    """
     place = np.clip((stated[:, 0] * bins).astype(int), 0, bins - 1)
     # |sum of p - sum of hits| / n is a bin's share of the rows times its gap
     gaps = [abs((stated[place == b, 0] - stated[place == b, 1]).sum()) for b in range(bins)]
@@ -44,7 +69,18 @@ def calibration_error(stated: np.ndarray, bins: int = 10) -> float:
 
 
 def reliability_table(stated: Sequence[tuple[float, bool]], bins: int = 10) -> pd.DataFrame:
-    """Stated probability against the share that came true, by bin."""
+    """Return the share that came true by bin of the stated probability.
+
+    Parameters
+    ----------
+    stated : (probability, came true).
+    bins : number of equal bins.
+
+    Returns
+    -------
+    A row a bin that holds any: its lower edge, count, mean stated probability, share and 95 %
+    interval.
+    """
     values = np.array(stated, dtype=float).reshape(-1, 2)
     place = np.clip((values[:, 0] * bins).astype(int), 0, bins - 1)
     rows = []
@@ -67,7 +103,18 @@ def reliability_table(stated: Sequence[tuple[float, bool]], bins: int = 10) -> p
 def score_row(
     name: str, values: tuple[float, float, float, int], aim: tuple[str, float] | None
 ) -> dict[str, float | int | str | None]:
-    """Return a score with its interval, number of cases, aim, and whether it is met."""
+    """Return a row of the table of scores.
+
+    Parameters
+    ----------
+    name : of the score.
+    values : score, interval (low, high) and number of cases.
+    aim : direction ('<=' or '>=') and goal; None without one.
+
+    Returns
+    -------
+    ``met`` is empty without an aim or without cases; numbers that are not finite are None.
+    """
     value, low, high, count = values
     sign, goal = aim or ("", np.nan)
     met = ""

@@ -13,7 +13,11 @@ from ges.files import replacing, sha256
 
 
 def read_verdict(folder: Path) -> dict:
-    """Read a case's diagnosis.json.
+    """Return the content of a case's ``diagnosis.json``.
+
+    Parameters
+    ----------
+    folder : of the case's verdict.
 
     Raises
     ------
@@ -33,13 +37,19 @@ def read_verdict(folder: Path) -> dict:
 
 
 def write_csv(path: Path, frame: pd.DataFrame) -> None:
-    """Write a table, whole or not at all, to six digits."""
+    """Write a table, whole or not at all, to six significant digits."""
     with replacing(path) as new:
         frame.to_csv(new, index=False, float_format="%.6g")
 
 
 def check_batches(folder: Path, diagnosed: str, verdicts: Sequence[Path]) -> None:
-    """Hold verdicts against the hashes that the batches wrote.
+    """Compare verdicts with the hashes that the batches wrote.
+
+    Parameters
+    ----------
+    folder : of the cases.
+    diagnosed : folder of the verdicts in it.
+    verdicts : files of hashes, one a batch.
 
     Raises
     ------

@@ -14,16 +14,46 @@ GUST_LENGTH_M = 12.0
 
 
 def profile(height: np.ndarray) -> np.ndarray:
-    """Return wind speed over that at 2 m (Hellmann 1919, exponent 1/7)."""
+    """Return the wind speed over that at 2 m by the power law of exponent 1/7.
+
+    Parameters
+    ----------
+    height : (F,) above the ground (m).
+
+    References
+    ----------
+    Hellmann 1919.
+    """
     return (np.maximum(height, 0.02) / REFERENCE_M) ** EXPONENT
 
 
 def karman_gusts(n: int, dt: float, speed: float, rng: np.random.Generator) -> np.ndarray:
-    """Return (3, n) gusts of unit sd along, across and up at a steady air speed.
+    """Draw von Karman gusts of unit sd at a steady air speed.
 
-    Rational filters that approximate von Karman's spectra (MIL-STD-1797A, appendix A), with
-    T = L / V: along (1 + 0.25 T s) / (1 + 1.357 T s + 0.1987 T^2 s^2), across and up
-    (1 + 2.7478 T s + 0.3398 T^2 s^2) / (1 + 2.9958 T s + 1.9754 T^2 s^2 + 0.1539 T^3 s^3).
+    Parameters
+    ----------
+    n : number of samples.
+    dt : time from one sample to the next (s).
+    speed : of the air (m/s).
+    rng : stream of the white noise.
+
+    Returns
+    -------
+    (3, n) along, across and up.
+
+    Notes
+    -----
+    Rational filters approximate the spectra, with T = L / V. Along it is
+
+        (1 + 0.25 T s) / (1 + 1.357 T s + 0.1987 T^2 s^2),
+
+    across and up
+
+        (1 + 2.7478 T s + 0.3398 T^2 s^2) / (1 + 2.9958 T s + 1.9754 T^2 s^2 + 0.1539 T^3 s^3).
+
+    References
+    ----------
+    MIL-STD-1797A, appendix A.
     """
     from scipy.signal import bilinear, lfilter
 
@@ -44,5 +74,15 @@ def karman_gusts(n: int, dt: float, speed: float, rng: np.random.Generator) -> n
 
 
 def turbulence(n: int, dt: float, rng: np.random.Generator) -> np.ndarray:
-    """Return (6, n) of unit sd: three of force, three of moment."""
+    """Draw turbulence of two time scales.
+
+    Parameters
+    ----------
+    n : number of samples.
+    dt : time from one sample to the next (s).
+
+    Returns
+    -------
+    (6, n) of unit sd: three rows of force, three of moment.
+    """
     return np.sum([share * coloured((6, n), dt, time, rng) for share, time in TURBULENCE], axis=0)

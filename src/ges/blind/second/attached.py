@@ -18,8 +18,22 @@ def step_cord(
     length: np.ndarray,
     dt: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Advance a weight on a cord that its own weight stretches by an eighth; it can lie on the
-    ground. Return (force on the vehicle, place, velocity).
+    """Advance a weight on an elastic cord.
+
+    Its own weight stretches the cord by :data:`STRETCH`. It can lie on the ground, where it slides
+    with friction.
+
+    Parameters
+    ----------
+    load, load_v : (3, F) place (m) and velocity (m/s) of the weight, world frame.
+    p, v : (3, F) of the vehicle.
+    mass : (F,) of the weight (kg).
+    length : (F,) of the cord (m).
+    dt : step (s).
+
+    Returns
+    -------
+    Force on the vehicle (N, world frame), place and velocity of the weight, (3, F) each.
     """
     away = load - p
     reach = np.maximum(np.sqrt((away**2).sum(axis=0)), 1e-6)
@@ -40,8 +54,18 @@ def step_cord(
 
 
 def hose(p: np.ndarray, weight_N_m: np.ndarray) -> np.ndarray:
-    """Return the world force of a hose from the origin, lifted in a straight line: its weight hangs
-    on both ends, its tension pulls towards the foot.
+    """Return the force of a hose from the origin that is lifted in a straight line.
+
+    Its weight hangs on both ends, and its tension pulls towards the foot.
+
+    Parameters
+    ----------
+    p : (3, F) place of the vehicle (m).
+    weight_N_m : (F,) weight of the hose per metre.
+
+    Returns
+    -------
+    (3, F) N, world frame.
     """
     height, aside = np.maximum(p[2], 0.0), np.hypot(p[0], p[1])
     lifted = np.hypot(height, aside)
@@ -53,12 +77,35 @@ def hose(p: np.ndarray, weight_N_m: np.ndarray) -> np.ndarray:
 def side_force(
     omega: np.ndarray, v_body: np.ndarray, share_s: np.ndarray, weight: np.ndarray
 ) -> np.ndarray:
-    """Return a body force across speed and turning, as a spinning cylinder has it (Magnus)."""
+    """Return a force across speed and rotation, as a spinning cylinder has it (Magnus).
+
+    Parameters
+    ----------
+    omega : (3, F) body rates (rad/s).
+    v_body : (3, F) velocity, body frame (m/s).
+    share_s : (F,) force over weight per unit of omega x v.
+    weight : (F,) N.
+
+    Returns
+    -------
+    (3, F) N, body frame.
+    """
     return share_s * weight * np.cross(omega, v_body, axis=0)
 
 
 def rubbing(v: np.ndarray, share: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Return a world force against the motion that hardly knows how fast it is: a dragged cable."""
+    """Return the friction of a dragged cable, which hardly depends on the speed.
+
+    Parameters
+    ----------
+    v : (3, F) velocity, world frame (m/s).
+    share : (F,) force over weight.
+    weight : (F,) N.
+
+    Returns
+    -------
+    (3, F) N, world frame, level.
+    """
     speed = np.sqrt((v**2).sum(axis=0) + 0.03**2)
     return -share * weight * v / speed * np.array([[1.0], [1.0], [0.0]])
 
@@ -66,8 +113,17 @@ def rubbing(v: np.ndarray, share: np.ndarray, weight: np.ndarray) -> np.ndarray:
 def step_slosh(
     s: np.ndarray, s_v: np.ndarray, felt: np.ndarray, dt: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Advance liquid (2, F) that swings level in a tank, by specific force; return its place,
-    velocity and acceleration back on the tank over its mass share.
+    """Advance liquid that swings in a tank at :data:`SLOSH_HZ`.
+
+    Parameters
+    ----------
+    s, s_v : (2, F) place (m) and velocity (m/s) along body x and y.
+    felt : (2, F) specific force that drives it (m/s^2).
+    dt : step (s).
+
+    Returns
+    -------
+    Place, velocity, and the acceleration back on the tank over the liquid's share of the mass.
     """
     n = 2.0 * np.pi * SLOSH_HZ
     back = -n * n * s - 0.12 * n * s_v

@@ -12,8 +12,15 @@ FIRMWARE = np.array([0.06524 * 3.0, -0.02679 * 9.0, 0.006777 * 27.0])
 
 
 def open_circuit(charge: np.ndarray) -> np.ndarray:
-    """Return a lithium cell's rest voltage over 4.1 V by state of charge 0..1 (Chen and
-    Rincon-Mora 2006).
+    """Return a lithium cell's voltage at rest over 4.1 V.
+
+    Parameters
+    ----------
+    charge : state of charge, 0 to 1.
+
+    References
+    ----------
+    Chen and Rincon-Mora 2006, IEEE Transactions on Energy Conversion 21.
     """
     z = np.clip(charge, 0.0, 1.0)
     volt = -1.031 * np.exp(-35.0 * z) + 3.685 + 0.2156 * z - 0.1178 * z**2 + 0.3201 * z**3
@@ -28,10 +35,22 @@ def step_battery(
     drain: np.ndarray,
     dt: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Advance charge and both relaxation voltages (2, F); return them with the terminal voltage.
+    """Advance charge and both relaxation voltages of a battery; voltages are over the full one.
 
-    ``current`` over that of hover; ``resistance`` in full voltages per hover current, a third of it
-    at once and a third for each relaxation.
+    A third of the resistance acts at once, and a third with each time constant of :data:`RELAX_S`.
+
+    Parameters
+    ----------
+    charge : (F,) state of charge, 0 to 1.
+    relax : (2, F) relaxation voltages.
+    current : (F,) over that of hover.
+    resistance : (F,) voltage per current of hover.
+    drain : (F,) charge per second at the current of hover.
+    dt : step (s).
+
+    Returns
+    -------
+    Charge (F,), relaxation voltages (2, F) and terminal voltage (F,).
     """
     charge = charge - dt * drain * current
     pull = resistance / 3.0 * current
@@ -40,22 +59,39 @@ def step_battery(
 
 
 def speed_of_voltage(volt: np.ndarray, sags: np.ndarray) -> np.ndarray:
-    """Return the factor on speed of a voltage over the nominal one: power taken as V^2 over a
-    constant resistance goes into w^3, so w goes with V^(2/3).
+    """Return the factor on rotor speed of a voltage.
+
+    Parameters
+    ----------
+    volt : voltage over the full one.
+    sags : 0 where speed does not depend on voltage, 1 for the whole dependence.
+
+    Notes
+    -----
+    A constant resistance takes V^2 as power, which goes into w^3: w goes with V^(2/3).
     """
     return 1.0 + sags * ((np.maximum(volt, 0.3) / NOMINAL) ** (2.0 / 3.0) - 1.0)
 
 
 def bent(u: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Return the speed over top speed of a command whose thrust is, by a share, the firmware's
-    cubic in voltage instead of its square.
+    """Return the rotor speed of a command, over top speed.
+
+    Parameters
+    ----------
+    u : command, 0 to 1.
+    share : of the thrust that follows the firmware's cubic in voltage instead of the square.
     """
     cubic = u * (FIRMWARE[0] + u * (FIRMWARE[1] + u * FIRMWARE[2])) / FIRMWARE.sum()
     return np.sqrt(np.maximum((1.0 - share) * u * u + share * cubic, 0.0))
 
 
 def capped(speed: np.ndarray, top: np.ndarray) -> np.ndarray:
-    """Return a speed that approaches its ceiling smoothly: s / (1 + (s/top)^12)^(1/12)."""
+    """Return a speed that approaches a ceiling smoothly, s / (1 + (s / top)^12)^(1/12).
+
+    Parameters
+    ----------
+    speed, top : over top speed.
+    """
     return speed / (1.0 + (speed / top) ** 12) ** (1.0 / 12.0)
 
 
@@ -67,8 +103,23 @@ def step_motor(
     coast: np.ndarray | float,
     dt: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Advance speed and its rate: w'' = n^2 (asked - w) - 2 d n w', n = 2 d / lag, so that the
-    area under the step error is the lag; slower by ``coast`` where it has to slow down.
+    """Advance speed and acceleration of rotors by a lag of second order.
+
+    Parameters
+    ----------
+    w, rate : (4, F) speed (rad/s) and its rate (rad/s^2).
+    asked : (4, F) speed that the command asks for (rad/s).
+    lag_s : (F,) area under the error of a unit step.
+    coast : factor on the lag where the rotor slows down.
+    dt : step (s).
+
+    Returns
+    -------
+    Speed and its rate, (4, F) each.
+
+    Notes
+    -----
+    w'' = n^2 (asked - w) - 2 d n w' with n = 2 d / lag and the damping d.
     """
     n = 2.0 * DAMPING / (lag_s * np.where(asked < w, coast, 1.0))
     rate = (rate + dt * n * n * (asked - w)) / (1.0 + 2.0 * DAMPING * n * dt)

@@ -63,8 +63,21 @@ DRIVES = ("battery_sag", "motor_lag", "esc_delay", "thrust_curve", "rotor_satura
 
 @dataclass(frozen=True)
 class SecondSortie:
-    """One flight: the true vehicle and its file, what is concealed, references at the control rate
-    (11, n), its air and its random stream."""
+    """One flight to be simulated.
+
+    Attributes
+    ----------
+    true, declared : numbers of the vehicle and of its file, in SI units.
+    radius_m : rotor radius.
+    rotor_m : (4, 3) hubs in the body frame.
+    spin : (4,) +1 for a rotor that turns counter-clockwise seen from above, else -1.
+    numbers : what is concealed, as numbers that differ from :data:`NEUTRAL`.
+    names : effects that act.
+    plan : (11, n) references at the control rate.
+    turbulence : sd of the acceleration by turbulence (m/s^2).
+    charge : state of charge at the start, 0 to 1.
+    seed : of the flight's own random stream.
+    """
 
     true: Mapping[str, float]
     declared: Mapping[str, float]
@@ -84,7 +97,12 @@ def _column(values: Iterable[float]) -> np.ndarray:
 
 
 class SecondSimulation:
-    """Sorties of one length; :meth:`run` returns their truth at the control rate."""
+    """Sorties of one length that are flown together, at 1 kHz.
+
+    Parameters
+    ----------
+    sorties : their plans have as many columns each.
+    """
 
     def __init__(self, sorties: Sequence[SecondSortie]) -> None:
         self.sorties, count = sorties, len(sorties)
@@ -190,8 +208,12 @@ class SecondSimulation:
         return parts["weak_rotor"][3:] + parts["cg_offset"][3:]
 
     def run(self) -> dict[str, np.ndarray]:
-        """Fly; return rows (n, width, F) of states, and ``change/<name>/force`` and ``/moment`` for
-        the flights that have the name.
+        """Fly all sorties.
+
+        Returns
+        -------
+        Single-precision states at the sensors, (n, width, F) at 250 Hz. ``change/<name>`` is (n, 6,
+        flights that have the name): force (N) and moment (N m) of the effect, body frame.
         """
         reference = np.stack([s.plan for s in self.sorties], axis=-1)
         book: dict[str, list[np.ndarray]] = {}

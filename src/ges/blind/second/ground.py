@@ -32,11 +32,18 @@ _BLOCKED = np.array([1.0 - _cylinder(h) for h in _HEIGHTS])
 
 
 def blocked_share(height_over_radius: np.ndarray) -> np.ndarray:
-    """Return the share of a hovering rotor's inflow that the ground blocks, in theory.
+    """Return the share of a hovering rotor's inflow that the ground blocks in theory.
 
-    A vortex cylinder from the disc to the ground and its image (Knight and Hefner 1941, NACA
-    TN 835), whose vortices fade with their age (as Ananthan and Leishman 2004 see them diffuse):
-    a third is left after three radii.
+    A vortex cylinder reaches from the disc to the ground and has its image there. Vortices fade
+    with age: a third is left after three radii.
+
+    Parameters
+    ----------
+    height_over_radius : of the disc above the ground, any shape.
+
+    References
+    ----------
+    Knight and Hefner 1941, NACA TN 835; the diffusion after Ananthan and Leishman 2004.
     """
     height = np.clip(height_over_radius, _HEIGHTS[0], _HEIGHTS[-1])
     return np.interp(np.log(height), np.log(_HEIGHTS), _BLOCKED)
@@ -45,16 +52,40 @@ def blocked_share(height_over_radius: np.ndarray) -> np.ndarray:
 def along_wake(
     height: np.ndarray, edge: np.ndarray, induced: np.ndarray, sweep: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the length of the way that a skewed wake takes to the ground, and the cosine of its
-    skew (Heyson 1960, NASA TR R-71: images lie along the wake).
+    """Return the way of a skewed wake to the ground.
+
+    Parameters
+    ----------
+    height : of the disc above the ground (m).
+    edge, induced : edgewise and induced speed (m/s).
+    sweep : factor on the edgewise speed.
+
+    Returns
+    -------
+    Length of the way (m), and cosine of the skew.
+
+    References
+    ----------
+    Heyson 1960, NASA TR R-71: images lie along the wake.
     """
     cosine = induced / np.sqrt(induced**2 + (sweep * edge) ** 2)
     return height / np.maximum(cosine, 0.1), cosine
 
 
 def fountain_share(height: np.ndarray, spacing: np.ndarray) -> np.ndarray:
-    """Return the lift of the fountain over its peak: wall jets that spread from each rotor lose
-    speed as r^-1.12 (Glauert 1956) and need room below the body to turn up.
+    """Return the fountain's lift over its peak.
+
+    Wall jets that spread from each rotor lose speed as r^-1.12, and need room below the body to
+    turn up.
+
+    Parameters
+    ----------
+    height : (F,) of the body above the ground (m).
+    spacing : (F,) of the rotors (m).
+
+    References
+    ----------
+    Glauert 1956, J. Fluid Mech. 1.
     """
     x = np.maximum(height, 0.0) / spacing
     shape = (1.0 + x) ** (-2.0 * WALL_JET) * -np.expm1(-3.0 * x)
@@ -66,7 +97,21 @@ PEAK = float(np.max((1.0 + _X) ** (-2.0 * WALL_JET) * -np.expm1(-3.0 * _X)))
 
 
 def levelling(tilt: np.ndarray, height: np.ndarray, spacing: np.ndarray) -> np.ndarray:
-    """Return the levelling moment over weight times spacing per unit of its coefficient: it falls
-    with the square of the height (as Yang et al. 2025 report that it dies within a span).
+    """Return the moment that levels a tilted vehicle near the ground.
+
+    Parameters
+    ----------
+    tilt : (F,) sine of the tilt about the axis.
+    height : (F,) of the body above the ground (m).
+    spacing : (F,) of the rotors (m).
+
+    Returns
+    -------
+    (F,) moment over weight times spacing, per unit of its coefficient. It dies within a span of
+    height.
+
+    References
+    ----------
+    Yang et al. 2025.
     """
     return -tilt / (1.0 + (np.maximum(height, 0.0) / spacing) ** 2) ** 2

@@ -13,12 +13,17 @@ LEAST, MOST_TILT = 0.06, 0.6
 
 
 class Cascade:
-    """Controller of many vehicles abreast; it knows what the files declare.
+    """Cascaded controller of vehicles abreast, as common autopilots have it.
+
+    It knows what the files declare.
 
     Parameters
     ----------
-    declared : dict of (F,) arrays: mass, ixx, iyy, izz, thrust, torque, speed.
-    rotor_m : (4, 2, F) places; spin : (4, F), counter-clockwise positive; lag_s : (F,).
+    declared : (F,) mass, ixx, iyy, izz, thrust, torque and speed, in SI units.
+    rotor_m : (4, 2, F) hubs, body x and y.
+    spin : (4, F) counter-clockwise positive.
+    lag_s : (F,) time constant of the drive that the gains are tuned for.
+    dt : time from one command to the next (s).
     """
 
     def __init__(
@@ -47,8 +52,12 @@ class Cascade:
         self.held = np.zeros((3, len(lag_s)))
 
     def trim(self, hover_u: np.ndarray, moment: np.ndarray) -> None:
-        """Begin as on a vehicle that has flown before: it knows the command that hovers (F,), and
-        the body moment (3, F) that it has to hold.
+        """Start as on a vehicle that has flown before.
+
+        Parameters
+        ----------
+        hover_u : (F,) command in hover, 0 to 1.
+        moment : (3, F) moment that it has to hold in hover (N m, body frame).
         """
         thrust = 4.0 * self.declared["thrust"] * (hover_u * self.declared["speed"]) ** 2
         lacking = thrust / self.declared["mass"] - G_M_S2
@@ -58,7 +67,19 @@ class Cascade:
     def commands(
         self, ref: np.ndarray, p: np.ndarray, v: np.ndarray, q: np.ndarray, omega: np.ndarray
     ) -> np.ndarray:
-        """Return commands (4, F) for references (11, F) and a measured state, scalar first."""
+        """Return the commands for references and a measured state.
+
+        Parameters
+        ----------
+        ref : (11, F) position, velocity, acceleration (world frame), yaw and yaw rate.
+        p, v : (3, F) position (m) and velocity (m/s), world frame.
+        q : (4, F) attitude, scalar first.
+        omega : (3, F) body rates (rad/s).
+
+        Returns
+        -------
+        (4, F) rotor speeds over the declared top speed, 0 to 1.
+        """
         # the integrator's input is bounded, so that a far start does not wind it up
         asked = ref[3:6] + self.position_gain * (ref[0:3] - p)
         self.drift = self.drift + self.dt * np.clip(asked - v, -1.0, 1.0)

@@ -27,8 +27,15 @@ SHARES = np.linspace(0.35, 1.0, 27)
 
 @dataclass(frozen=True)
 class RotorTable:
-    """Thrust over that of hover by (edgewise, axial) speed over tip speed, the in-plane force
-    coefficient by the same, and thrust over hover's by the share of the inflow that is left."""
+    """Coefficients of a rotor by its speed through the air and by the ground.
+
+    Attributes
+    ----------
+    thrust : thrust over that of hover at (:data:`EDGES`, :data:`CLIMBS`), speeds over tip speed.
+    inplane : in-plane force coefficient at the same.
+    cushion : thrust over that of hover at :data:`SHARES`, the share of inflow that the ground
+        leaves.
+    """
 
     thrust: np.ndarray
     inplane: np.ndarray
@@ -49,13 +56,22 @@ def coefficients(
     climb: np.ndarray | float,
     share: np.ndarray | float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (C_T, C_H) of rotors in steady air, inflow and thrust in agreement, (g,) each.
+    """Return C_T and C_H of rotors in steady air, inflow and thrust in agreement.
 
     Parameters
     ----------
-    s : solidity times lift slope; theta : pitch at three quarters of the radius (rad).
+    s : solidity times lift slope.
+    theta : pitch at three quarters of the radius (rad).
     mu, climb : (g,) edgewise and axial air speed over tip speed (climb positive).
-    share : (g,) of the induced inflow that is left (near the ground less than one).
+    share : (g,) of the induced inflow that is left; less than one near the ground.
+
+    Returns
+    -------
+    (g,) each.
+
+    References
+    ----------
+    Leishman 2006, ch. 3; Glauert 1926; Coleman, Feingold and Stempin 1945, NACA WR L-126.
     """
     mu, climb, share = np.broadcast_arrays(
         *(np.atleast_1d(v).astype(float) for v in (mu, climb, share))
@@ -84,7 +100,17 @@ def coefficients(
 
 
 def pitch_of(s: float, thrust: float) -> float:
-    """Return the pitch at which a hovering rotor has this thrust coefficient."""
+    """Return the pitch at which a hovering rotor has a thrust coefficient.
+
+    Parameters
+    ----------
+    s : solidity times lift slope.
+    thrust : thrust coefficient.
+
+    Returns
+    -------
+    Pitch at three quarters of the radius (rad).
+    """
     from scipy.optimize import brentq
 
     def error(theta: float) -> float:
@@ -99,7 +125,8 @@ def table_of(s: float, thrust: float) -> RotorTable:
 
     Parameters
     ----------
-    s : solidity times lift slope; thrust : thrust coefficient in hover.
+    s : solidity times lift slope.
+    thrust : thrust coefficient in hover.
     """
     theta = pitch_of(s, thrust)
     hover = coefficients(s, theta, 0.0, 0.0)[0][0]
@@ -111,7 +138,17 @@ def table_of(s: float, thrust: float) -> RotorTable:
 
 
 def look_up(table: np.ndarray, mu: np.ndarray, climb: np.ndarray) -> np.ndarray:
-    """Interpolate tables (F, edges, climbs), one a flight, at arrays whose last axis is F."""
+    """Interpolate tables bilinearly.
+
+    Parameters
+    ----------
+    table : (F, edges, climbs), one a flight.
+    mu, climb : edgewise and axial speed over tip speed; the last axis is F.
+
+    Returns
+    -------
+    Values in the shape of ``mu``; beyond the edges those of the edges.
+    """
     x = np.clip(mu / (EDGES[1] - EDGES[0]), 0.0, len(EDGES) - 1.001)
     y = np.clip((climb - CLIMBS[0]) / (CLIMBS[1] - CLIMBS[0]), 0.0, len(CLIMBS) - 1.001)
     i, j = x.astype(int), y.astype(int)
@@ -122,7 +159,13 @@ def look_up(table: np.ndarray, mu: np.ndarray, climb: np.ndarray) -> np.ndarray:
 
 
 def cushion_of(table: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Interpolate thrust over hover's (F, shares) at the share of inflow that is left."""
+    """Interpolate the thrust over that of hover near the ground.
+
+    Parameters
+    ----------
+    table : (F, shares), one a flight.
+    share : of the inflow that the ground leaves; the last axis is F.
+    """
     x = np.clip((share - SHARES[0]) / (SHARES[1] - SHARES[0]), 0.0, len(SHARES) - 1.001)
     i, f = x.astype(int), np.arange(table.shape[0])
     return table[f, i] * (1.0 - (x - i)) + table[f, i + 1] * (x - i)

@@ -23,7 +23,17 @@ LEVELS = ("weak", "medium", "strong")
 
 
 def true_numbers(size: str, rng: np.random.Generator) -> dict[str, float]:
-    """Return the true numbers of a vehicle of a class."""
+    """Draw the true numbers of a vehicle.
+
+    Parameters
+    ----------
+    size : class of :data:`VEHICLES`.
+
+    Returns
+    -------
+    mass, ixx, iyy, izz, thrust (N s^2), torque (N m s^2), lag (s) and top speed (rad/s), in SI
+    units.
+    """
     mass, radius, _, hover, ixx, lag = VEHICLES[size]
     mass, hover, ixx, lag = (v * rng.uniform(0.9, 1.1) for v in (mass, hover, ixx, lag))
     thrust = mass * G_M_S2 / (4.0 * hover**2)
@@ -40,7 +50,13 @@ def true_numbers(size: str, rng: np.random.Generator) -> dict[str, float]:
 
 
 class Craft:
-    """What a secret must know of a vehicle."""
+    """What a concealed effect must know of a vehicle.
+
+    Parameters
+    ----------
+    size : class of :data:`VEHICLES`.
+    true : its true numbers, as of :func:`true_numbers`.
+    """
 
     def __init__(self, size: str, true: dict[str, float]) -> None:
         _, self.radius_m, self.lever_m, _, _, _ = VEHICLES[size]
@@ -51,13 +67,24 @@ class Craft:
         self.thrust_coefficient = true["thrust"] / (self.disc * self.radius_m**2)
 
     def blade_force_N_s_m(self, s: float) -> float:
-        """Return the in-plane force of four hovering rotors per m/s."""
+        """Return the in-plane force of four hovering rotors at 1 m/s.
+
+        Parameters
+        ----------
+        s : solidity times lift slope.
+        """
         tip = self.hover_rad_s * self.radius_m
         pitch = rotor.pitch_of(s, self.thrust_coefficient)
         return 4.0 * self.disc * tip**2 * float(rotor.coefficients(s, pitch, 1.0 / tip, 0.0)[1][0])
 
     def cushion_for(self, gain: float, s: float) -> float:
-        """Return the blocked share over theory's that gives this gain of thrust at one radius."""
+        """Return the blocked share, over theory's, of a ground-effect thrust gain.
+
+        Parameters
+        ----------
+        gain : share of thrust that a rotor gains one radius above the ground.
+        s : solidity times lift slope.
+        """
         table = rotor.table_of(s, self.thrust_coefficient).cushion
         # thrust falls as more of the inflow is left; interpolation wants it to rise
         share = float(np.interp(-(1.0 + gain), -table, rotor.SHARES))
