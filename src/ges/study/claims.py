@@ -63,6 +63,8 @@ RULES = {
 
 
 class Strict(BaseModel):
+    """Base of what the files of claims and numbers hold; keys that are not listed are errors."""
+
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
@@ -70,14 +72,26 @@ Where = dict[str, str | float]
 
 
 class Claim(Strict):
-    """One claim of the paper.
+    """One claim of the paper, and where our number stands.
 
-    ``where`` and ``value`` find our number, ``reduce`` the greatest, least or mean of several;
-    ``minus`` (a further ``where``) is subtracted, ``over`` divides. ``baseline`` finds our
-    counterpart of the published ``paper_baseline``. ``fitted`` marks a number that the simulator
-    was calibrated to, which is no test, ``derived`` a statement that the paper does not make but
-    that follows from two of its own. ``margin`` belongs to ``null``, ``bound`` to ``above`` and
-    ``below``.
+    Attributes
+    ----------
+    id, section, says : name, section of the paper, and the claim in words.
+    kind : rule of the verdict, a key of :data:`RULES`.
+    paper, paper_text : published value, and how it is printed.
+    unit : of both numbers; '1' without one.
+    table, where, value : table below ``results``, row and column of our number.
+    reduce : what is made of several rows that fit.
+    minus : row whose number is subtracted, as a change of ``where``.
+    over, over_reduce : row that divides, and what is made of several such rows.
+    scale : factor on our number.
+    baseline, paper_baseline : row of our baseline, and the published baseline.
+    margin : greatest difference that 'null' allows.
+    bound : of 'above' and 'below'.
+    seeds : seed lists behind our number, separated by spaces.
+    fitted : whether the simulator was calibrated to this number, which then tests nothing.
+    derived : whether the paper does not make the statement, but it follows from two of its own.
+    why : cause of a claim that is not reproduced.
     """
 
     id: str
@@ -106,11 +120,12 @@ class Claim(Strict):
 
     @property
     def published(self) -> float:
-        """``paper``, where the verdict needs it.
+        """The published number.
 
         Raises
         ------
-        ValueError : where the claim has no number.
+        ValueError
+            When the claim has none.
         """
         if self.paper is None:
             raise ValueError(f"claim {self.id} has no number of the paper; give 'paper'")
@@ -118,11 +133,12 @@ class Claim(Strict):
 
     @property
     def limit(self) -> float:
-        """``bound``, where the verdict needs it.
+        """The bound of 'above' and 'below'.
 
         Raises
         ------
-        ValueError : where the claim has none.
+        ValueError
+            When the claim has none.
         """
         if self.bound is None:
             raise ValueError(f"claim {self.id} has no bound; give 'bound'")
@@ -130,11 +146,12 @@ class Claim(Strict):
 
     @property
     def least(self) -> float:
-        """``margin``, where the verdict needs it.
+        """The margin of 'null'.
 
         Raises
         ------
-        ValueError : where the claim has none.
+        ValueError
+            When the claim has none.
         """
         if self.margin is None:
             raise ValueError(f"claim {self.id} has no margin; give 'margin'")
@@ -142,7 +159,13 @@ class Claim(Strict):
 
 
 class Ours(Strict):
-    """Our counterpart of a claim: value with its 95 % interval (NaN where there is none)."""
+    """Our counterpart of a claim.
+
+    Attributes
+    ----------
+    value : in the unit of the claim.
+    low, high : 95 % interval; NaN where there is none.
+    """
 
     value: float
     low: float = math.nan
@@ -153,7 +176,12 @@ LISTED = Path(str(resources.files("ges.study") / "claims.yaml"))
 
 
 def claims(listed: Path = LISTED) -> list[Claim]:
-    """Every claim of a file; keys of a group hold for all of its claims, ``where`` is merged."""
+    """Return every claim of a file.
+
+    Parameters
+    ----------
+    listed : YAML of groups; keys of a group hold for all of its claims, and ``where`` is merged.
+    """
     found = []
     for group in yaml.safe_load(listed.read_text()):
         common = {k: v for k, v in group.items() if k != "claims"}
@@ -178,8 +206,25 @@ def _matches(column: pd.Series, wanted: str | float) -> pd.Series:
 
 
 def look(frame: pd.DataFrame, where: Where, value: str, reduce: str | None = None) -> Ours | None:
-    """The one row that fits, or what ``reduce`` makes of several; nothing where the table has no
-    such row.
+    """Return the number of a table's row.
+
+    Parameters
+    ----------
+    frame : the table.
+    where : values of columns that choose the row.
+    value : column of the number; its interval stands in ``<value>_low`` and ``<value>_high``, or
+        ``low`` and ``high`` of a difference.
+    reduce : what is made of several rows: 'max', 'min', 'mean', 'sum', 'first' or 'count'. The
+        interval is then left out.
+
+    Returns
+    -------
+    None where no row fits.
+
+    Raises
+    ------
+    GesError
+        When a column is missing, or several rows fit and ``reduce`` is not given.
     """
     for name in (*where, value):
         if name not in frame:
@@ -202,7 +247,18 @@ def look(frame: pd.DataFrame, where: Where, value: str, reduce: str | None = Non
 
 
 def ours(claim: Claim, tables: Mapping[str, pd.DataFrame]) -> Ours | None:
-    """Our counterpart of a claim."""
+    """Return our counterpart of a claim.
+
+    Parameters
+    ----------
+    claim : the claim.
+    tables : by their path below ``results``.
+
+    Returns
+    -------
+    None where table or row is missing, or the number is not finite. The interval of a difference or
+    ratio holds wherever both lie in theirs.
+    """
     frame = tables.get(claim.table)
     if frame is None or frame.empty:
         return None
@@ -313,7 +369,14 @@ def _not_below(_: Claim, found: Ours) -> str:
 
 
 def verdict(claim: Claim, found: Ours | None, baseline: Ours | None = None) -> str:
-    """The verdict by :data:`RULES`."""
+    """Return the verdict on a claim by :data:`RULES`.
+
+    Parameters
+    ----------
+    claim : the claim.
+    found : our number; None is :data:`UNMEASURED`.
+    baseline : our counterpart of the published baseline.
+    """
     if found is None:
         return UNMEASURED
     if claim.kind == "value":
@@ -328,7 +391,13 @@ def verdict(claim: Claim, found: Ours | None, baseline: Ours | None = None) -> s
 
 
 def read_tables(tables: list[Path], results: Path) -> dict[str, pd.DataFrame]:
-    """Tables (CSV, or JSON as one row) by their path below ``results``."""
+    """Return tables by their path below ``results``.
+
+    Parameters
+    ----------
+    tables : CSV, or JSON as one row.
+    results : folder that the paths count from.
+    """
 
     def read(path: Path) -> pd.DataFrame:
         return (
@@ -386,14 +455,16 @@ def _rows(
 def write_claims(
     listed: Path, tables: list[Path], results: Path, seeds: Seeds, table: Path, rules: Path
 ) -> None:
-    """Every claim with the paper's value, ours, and the verdict; and the rules of the verdict
-    (JSON).
+    """Write every claim with the paper's value, ours and the verdict.
 
     Parameters
     ----------
     listed : the claims (YAML).
     tables : results to look into; named in ``listed`` relative to ``results``.
+    results : folder of the results.
     seeds : seed lists of the configuration.
+    table : to write (CSV): a row a claim.
+    rules : to write (JSON): the rules of the verdict.
     """
     read = read_tables(tables, results)
     with replacing(table) as new:

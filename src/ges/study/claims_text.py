@@ -35,8 +35,16 @@ RAISED = str.maketrans(
 
 
 class Quoted(Strict):
-    """A number of a table: row, less another row, column, what it is multiplied with, digits to
-    print.
+    """A number that the text of the paper quotes.
+
+    Attributes
+    ----------
+    table, where, value : table below ``results``, row and column.
+    minus : row whose number is subtracted, as a change of ``where``.
+    reduce : what is made of several rows that fit.
+    scale : factor on the number.
+    unit : of the number; '1' without one.
+    digits : significant digits to print.
     """
 
     table: str
@@ -50,9 +58,17 @@ class Quoted(Strict):
 
 
 def digits(value: float, significant: int = 3, count: bool = True) -> str:
-    """A number as it is printed: significant digits, true minus, no exponent down to 1e-4.
+    """Return a number as it is printed.
 
-    Whole numbers are taken as counts, without decimals, unless ``count`` is false; zero always is.
+    Parameters
+    ----------
+    value : any number; one that is not finite prints as :data:`ABSENT`.
+    significant : digits.
+    count : whether whole numbers are counts, which print without decimals; zero always does.
+
+    Returns
+    -------
+    With a true minus, and without an exponent down to 1e-4.
     """
     if not math.isfinite(value):
         return ABSENT
@@ -68,7 +84,18 @@ def digits(value: float, significant: int = 3, count: bool = True) -> str:
 
 
 def entry(found: Ours | None, unit: str, significant: int = 3) -> dict[str, Any]:
-    """A number with its interval as values (SI) and as text in a handy unit."""
+    """Return a number with its interval, as values and as text.
+
+    Parameters
+    ----------
+    found : the number; None prints as :data:`ABSENT`.
+    unit : SI; metres below :data:`MILLIMETRES` are printed in millimetres.
+    significant : digits.
+
+    Returns
+    -------
+    ``value``, ``ci95`` and ``unit`` in SI, ``text``, and ``full``, which has the interval as well.
+    """
     if found is None or not math.isfinite(found.value):
         return {"value": None, "ci95": None, "unit": unit, "text": ABSENT, "full": ABSENT}
     factor, name = (1000.0, "mm") if unit == "m" and abs(found.value) < MILLIMETRES else (1.0, unit)
@@ -128,7 +155,12 @@ LISTED = Path(str(resources.files("ges.study") / "numbers.yaml"))
 
 
 def quoted(listed: Path = LISTED) -> dict[str, Quoted]:
-    """Numbers that a file names."""
+    """Return the numbers that a file names.
+
+    Parameters
+    ----------
+    listed : YAML of numbers by name.
+    """
     content = yaml.safe_load(listed.read_text())
     return {name: Quoted.model_validate(spec) for name, spec in content.items()}
 
@@ -147,8 +179,16 @@ def _found(frame: pd.DataFrame, spec: Quoted) -> Ours | None:
 def write_numbers(
     listed: Path, claims: Path, tables: list[Path], results: Path, numbers: Path
 ) -> None:
-    """Write every number that the paper may quote; one whose table or row is absent prints as
-    ``n/a``.
+    """Write every number that the paper may quote.
+
+    Parameters
+    ----------
+    listed : the numbers (YAML).
+    claims : table of :func:`claims.write_claims`.
+    tables : results to look into; named in ``listed`` relative to ``results``.
+    results : folder of the results.
+    numbers : to write (JSON): entries by name. One whose table or row is missing prints as
+        :data:`ABSENT`.
     """
     made, read = _claims(pd.read_csv(claims)), read_tables(tables, results)
     for name, spec in quoted(listed).items():

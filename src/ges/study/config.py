@@ -70,8 +70,12 @@ class Quadrotor(Part):
     gear_height_m: NonNegative = Field(description="feet below the rotor plane")
 
     def parameters(self) -> dict[str, float]:
-        """Numbers of a simulated flight; rotors 1, 2 spin ccw at front right, rear left, 3, 4 cw at
-        the others.
+        """Return the numbers of a simulated flight.
+
+        Notes
+        -----
+        Rotors 1 and 2 turn counter-clockwise, at front right and rear left. Rotors 3 and 4 turn
+        clockwise, at front left and rear right. Arms stand at 45 degrees to the body's axes.
         """
         flat = self.model_dump(exclude={"arm_m", "rotor_radius_m"})
         # arms stand at 45 degrees to the body's axes
@@ -152,7 +156,12 @@ class GroundEffect(Part):
     decay: Positive = Field(description="exponential form: decay per radius of height")
 
     def parameters(self) -> dict[str, float]:
-        """Parameters as the simulator's effect takes them."""
+        """Return the parameters as the simulator's effect takes them.
+
+        Returns
+        -------
+        ``form`` by its number, the others as they are.
+        """
         forms = get_args(type(self).model_fields["form"].annotation)
         return {**self.model_dump(), "form": float(forms.index(self.form))}
 
@@ -169,7 +178,12 @@ class Simulator(Part):
     control_every: Count = Field(description="steps between two runs of the firmware")
 
     def parameters(self) -> dict[str, float]:
-        """Flat numbers of :class:`ges.simulator.flight.Flight`."""
+        """Return the numbers of :class:`ges.simulator.flight.Flight`.
+
+        Returns
+        -------
+        Those of vehicle, sensors, firmware, terrain and integration, flat.
+        """
         parts = (self.sensors, self.controller, self.terrain)
         flat = {name: float(value) for part in parts for name, value in part.model_dump().items()}
         return {
@@ -180,7 +194,12 @@ class Simulator(Part):
         }
 
     def effects(self) -> dict[str, dict[str, float]]:
-        """Effects of :class:`ges.simulator.flight.Flight`."""
+        """Return the effects of :class:`ges.simulator.flight.Flight`.
+
+        Returns
+        -------
+        Parameters of ``ground_effect`` alone.
+        """
         return {"ground_effect": self.ground_effect.parameters()}
 
 
@@ -191,7 +210,7 @@ class SeedRange(Part):
     count: Count = Field(description="how many")
 
     def list(self) -> list[int]:
-        """The seeds."""
+        """Return the seeds, rising."""
         return list(range(self.first, self.first + self.count))
 
 
@@ -205,7 +224,12 @@ class DataSeeds(Part):
     test: SeedRange = Field(description="offline scores")
 
     def data(self) -> list[int]:
-        """Seeds of the data set: train, validation and test."""
+        """Return the seeds of the data set.
+
+        Returns
+        -------
+        Train, validation and test, in this order.
+        """
         return self.train.list() + self.validation.list() + self.test.list()
 
 
@@ -412,9 +436,7 @@ class PulseMap(Part):
 
 
 class Retune(Part):
-    """Gains of the height loop that are tried on validation seeds, as factors of the
-    controller's.
-    """
+    """Gains of the height loop to try on validation seeds, as factors of the firmware's."""
 
     kp_factors: list[Positive] = Field(min_length=1, description="proportional")
     kd_factors: list[Positive] = Field(min_length=1, description="derivative")
@@ -424,9 +446,7 @@ class Retune(Part):
 
 
 class Ensemble(Part):
-    """Walk through simulators that fit the published figures about as well as the one that is
-    flown.
-    """
+    """Walk through simulators that fit the published figures about as well."""
 
     steps: Count = Field(description="steps of the walk")
     stride: Positive = Field(
@@ -564,7 +584,11 @@ def _sentence(error: Mapping[str, Any]) -> str:
 
 
 def validate(mapping: Mapping[str, Any]) -> Study:
-    """Check a configuration.
+    """Return the study of a configuration.
+
+    Parameters
+    ----------
+    mapping : all keys with their values; none has a default.
 
     Raises
     ------
@@ -579,8 +603,11 @@ def validate(mapping: Mapping[str, Any]) -> Study:
 
 
 def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """``base`` with the values of ``over``, part by part, as Snakemake merges several
-    config files.
+    """Return a configuration with another laid over it.
+
+    Parameters
+    ----------
+    base, over : values of ``over`` win, part by part, as Snakemake merges several config files.
     """
     both = {
         k
@@ -591,7 +618,13 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def read(path: str | Path) -> dict[str, Any]:
-    """A configuration file as a mapping; one sentence where it is no such file."""
+    """Return the content of a configuration file.
+
+    Raises
+    ------
+    UsageError
+        When the file cannot be read, is no YAML, or holds no keys.
+    """
     try:
         content = yaml.safe_load(Path(path).read_text())
     except (OSError, yaml.YAMLError) as error:
@@ -606,7 +639,17 @@ def read(path: str | Path) -> dict[str, Any]:
 
 
 def load(*paths: str | Path) -> Study:
-    """The study of configuration files, later ones over earlier ones."""
+    """Return the study of configuration files.
+
+    Parameters
+    ----------
+    *paths : later files are laid over earlier ones.
+
+    Raises
+    ------
+    UsageError
+        When a file cannot be read, or the whole is not valid.
+    """
     mapping: dict[str, Any] = {}
     for path in paths:
         mapping = merged(mapping, read(path))
@@ -614,12 +657,23 @@ def load(*paths: str | Path) -> Study:
 
 
 def schema() -> dict[str, Any]:
-    """JSON schema of a whole configuration."""
+    """Return the JSON schema of a whole configuration.
+
+    Returns
+    -------
+    Draft 2020-12, as ``config/schema.json`` holds it.
+    """
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Study.model_json_schema()}
 
 
 def rows(part: type[Part] = Study, prefix: str = "") -> Iterator[tuple[str, str, str]]:
-    """(key, allowed, meaning) of every value."""
+    """Yield key, allowed values and meaning of every value.
+
+    Parameters
+    ----------
+    part : part of the configuration.
+    prefix : of its keys.
+    """
     for name, field in part.model_fields.items():
         kind, key = field.annotation, prefix + name
         if isinstance(kind, type) and issubclass(kind, Part):

@@ -112,10 +112,6 @@ class RecordedDesign:
         against = f" against {' '.join(self.reference)}" if self.reference else ""
         return f"{self.about}: {' '.join(self.flights)}{against}"
 
-    def concealed(self) -> Concealed:
-        """Return the labelled truth."""
-        return self.truth
-
 
 def _of_half(items: Sequence, half: str) -> list:
     return list(items)[HALVES.index(half) :: 2]

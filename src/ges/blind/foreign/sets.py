@@ -246,12 +246,12 @@ def write_flown(
     craft = replace(craft, declared=misdeclared(craft.declared, wrong))
     content = concealed.truth() | {
         "detectable": limits | {"method": method},
-        "situation": situation(place, craft.size, log) | {"rotors": craft.n_rotors},
+        "situation": _situation(place, craft.size, log) | {"rotors": craft.n_rotors},
     }
     write_set(out, place, craft.vehicle_file(FLAT), frames, content)
 
 
-def situation(place: Place, vehicle: str, log: LogSettings) -> dict[str, Any]:
+def _situation(place: Place, vehicle: str, log: LogSettings) -> dict[str, Any]:
     """Return what surrounds a set, for the table of cases."""
     return {
         "world": place.world,

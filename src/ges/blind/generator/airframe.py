@@ -90,7 +90,7 @@ class TrueVehicle:
 
     @property
     def n_rotors(self) -> int:
-        """Number of rotors."""
+        """Number of rotors: 4, 6 or 8."""
         return len(self.rotor_x_m)
 
     @property

@@ -21,7 +21,13 @@ SCHEMA_VERSION = 1
 
 
 def seed_of(path: Path) -> int:
-    """Seed that a file is named after (seed0042.parquet)."""
+    """Return the seed that a file is named after (``seed0042.parquet``).
+
+    Raises
+    ------
+    UsageError
+        When the file is not named like this.
+    """
     found = re.fullmatch(r"seed(\d+)\.parquet", Path(path).name)
     if not found:
         raise UsageError(
@@ -32,14 +38,24 @@ def seed_of(path: Path) -> int:
 
 
 def config_hash(*parts: object) -> str:
-    """SHA-256 of configuration parts as sorted JSON."""
+    """Return the SHA-256 of parts of a configuration, as sorted JSON.
+
+    Parameters
+    ----------
+    *parts : pydantic models, or what JSON can hold.
+    """
     plain = [p.model_dump(mode="json") if hasattr(p, "model_dump") else p for p in parts]
     return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
 
 
 def start_of(seed: int, plan: FlightPlan) -> float:
-    """Place of the track (m) where the flight of a seed begins, drawn by the seed, so that flights
-    lie over ground of every kind and not over the flat border of the first feature.
+    """Draw the place of the track where a seed's flight begins.
+
+    Flights thus lie over ground of every kind, and not over the flat border of the first feature.
+
+    Returns
+    -------
+    Place (m), the same for the same seed.
     """
     return float(np.random.default_rng(seed).uniform(plan.start_min_m, plan.start_max_m))
 
@@ -47,7 +63,20 @@ def start_of(seed: int, plan: FlightPlan) -> float:
 def data_flight(
     seed: int, simulator: Simulator, plan: FlightPlan, duration_s: float, rate_hz: float
 ) -> sim.Flight:
-    """The flight of one seed of the data set."""
+    """Return the flight of one seed of the data set.
+
+    Parameters
+    ----------
+    seed : of terrain, noise and start.
+    simulator, plan : what is flown, and how.
+    duration_s : length of the flight.
+    rate_hz : rows a second.
+
+    Raises
+    ------
+    UsageError
+        When the rate does not divide the simulator's steps.
+    """
     # a whole number of steps but for rounding, or rows would not be equally far apart
     every = 1.0 / (rate_hz * simulator.dt_s)
     if abs(every - round(every)) > 1e-9 * every:
@@ -95,11 +124,22 @@ def _write(path: Path, record: sim.Record, metadata: dict[str, str]) -> None:
 def fly_batch(
     flights: list[Path], simulator: Simulator, plan: FlightPlan, duration_s: float, rate_hz: float
 ) -> None:
-    """Fly the seeds that the files are named after and write each flight.
+    """Fly the seeds that files are named after, and write each flight.
 
-    Every flight depends on its own seed alone, so results do not depend on how seeds are batched.
-    Metadata of a file: ``schema`` (version), ``config_sha256``, ``seed``; of a column: ``unit``,
-    ``meaning``.
+    Every flight depends on its own seed alone, so that results do not depend on batches.
+
+    Parameters
+    ----------
+    flights : to write (Parquet). Metadata of a file are ``schema`` (version), ``config_sha256`` and
+        ``seed``; those of a column are ``unit`` and ``meaning``.
+    simulator, plan : what is flown, and how.
+    duration_s : length of a flight.
+    rate_hz : rows a second.
+
+    Raises
+    ------
+    GesError
+        When a flight did not end well.
     """
     metadata = {
         "schema": str(SCHEMA_VERSION),
@@ -117,7 +157,18 @@ def fly_batch(
 
 
 def read_flight(path: Path, columns: tuple[str, ...]) -> tuple[int, dict[str, np.ndarray]]:
-    """(seed that the file says it holds, columns by name) of one flight."""
+    """Return the seed that a file states, and columns by name.
+
+    Parameters
+    ----------
+    path : flight of the data set.
+    columns : names, see :data:`TYPES`.
+
+    Raises
+    ------
+    GesError
+        When the file is no flight of the data set.
+    """
     try:
         table = pq.read_table(path, columns=list(columns), partitioning=None)
         seed = int(table.schema.metadata[b"seed"])

@@ -9,7 +9,13 @@ from ges.study.config import TerrainShape
 
 
 def ground_of(seed: int, terrain: TerrainShape) -> Terrain:
-    """Procedural terrain of a seed."""
+    """Return the procedural terrain of a seed.
+
+    Parameters
+    ----------
+    seed : each draws another terrain.
+    terrain : its shape.
+    """
     known = {f.name for f in dataclasses.fields(ProceduralShape)}
     return Terrain.procedural(
         seed,

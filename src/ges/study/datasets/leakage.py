@@ -16,7 +16,7 @@ from ges.study.datasets.ground import ground_of
 from ges.study.datasets.split import PARTS
 
 
-def check_terrain(path: Path, terrain: TerrainShape) -> int:
+def _check_terrain(path: Path, terrain: TerrainShape) -> int:
     """Seed of a flight, proven by the ground it recorded: it equals, bit for bit, that of the
     seed's terrain.
     """
@@ -32,7 +32,7 @@ def check_terrain(path: Path, terrain: TerrainShape) -> int:
     return seed
 
 
-def check_blocks(blocks: pd.DataFrame, name: str, by_seed: bool) -> None:
+def _check_blocks(blocks: pd.DataFrame, name: str, by_seed: bool) -> None:
     """No row in two blocks; and, if ``by_seed``, no seed in two parts.
 
     Raises
@@ -66,12 +66,23 @@ def check_blocks(blocks: pd.DataFrame, name: str, by_seed: bool) -> None:
 def check_leakage(
     flights: list[Path], splits: list[Path], report: Path, terrain: TerrainShape
 ) -> None:
-    """Check every flight and every split (files named ``*.seedwise.csv`` must share no seed); write
-    what was checked.
+    """Check that no terrain is in two parts of a split.
 
-    The report names the SHA-256 of every flight; rows are read from flights of a report alone.
+    Parameters
+    ----------
+    flights : files of the data set; each must have flown over the terrain of its seed.
+    splits : tables of blocks; those named ``*.seedwise.csv`` must share no seed.
+    report : to write (JSON): SHA-256 of every flight, and the counts of every part. Rows are read
+        from flights of a report alone.
+    terrain : shape of the terrain.
+
+    Raises
+    ------
+    GesError
+        When a flight is not that of its seed, a seed is flown twice, blocks overlap, or parts share
+        a seed.
     """
-    seeds = {check_terrain(f, terrain) for f in flights}
+    seeds = {_check_terrain(f, terrain) for f in flights}
     checked = {"flights": {str(f): sha256(f) for f in flights}, "seeds": len(seeds)}
     if len(seeds) != len(flights):
         raise GesError(
@@ -79,7 +90,7 @@ def check_leakage(
         )
     for split in map(Path, splits):
         blocks = pd.read_csv(split)
-        check_blocks(blocks, split.name, by_seed=".seedwise." in split.name)
+        _check_blocks(blocks, split.name, by_seed=".seedwise." in split.name)
         rows = (blocks["last_row"] - blocks["first_row"] + 1).groupby(blocks["part"]).sum()
         checked[split.name] = {
             p: {

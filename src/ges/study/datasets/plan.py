@@ -48,7 +48,7 @@ EVALUATIONS = 60
 _COLUMNS = ("range_m", TARGET, CONTACT)
 
 
-def plan_numbers(point: np.ndarray) -> dict[str, float]:
+def _plan_numbers(point: np.ndarray) -> dict[str, float]:
     """Numbers of the plan and the rangefinder's noise at a place within the bounds, 0 to 1."""
     low, high = ends(FREE)
     numbers = dict(zip(FREE, map(float, low + point * (high - low)), strict=True))
@@ -57,7 +57,7 @@ def plan_numbers(point: np.ndarray) -> dict[str, float]:
     return {**numbers, "descent_duration_s": share * numbers["descent_period_s"]}
 
 
-def plan_point(numbers: Mapping[str, float]) -> np.ndarray:
+def _plan_point(numbers: Mapping[str, float]) -> np.ndarray:
     """Place of the numbers within the bounds, 0 to 1."""
     share = numbers["descent_duration_s"] / numbers["descent_period_s"]
     return place_of({**numbers, "descent_share": share}, FREE)
@@ -71,7 +71,16 @@ def fly_plan(
     duration_s: float,
     rate_hz: float,
 ) -> list[sim.Record]:
-    """Flights of the plan with the numbers in place of its own, one a seed."""
+    """Fly the plan with other numbers in place of its own, one flight a seed.
+
+    Parameters
+    ----------
+    simulator, plan : what is not free.
+    numbers : of :data:`FREE`, with ``descent_duration_s`` in place of the share.
+    seeds : of the flights.
+    duration_s : length of a flight.
+    rate_hz : rows a second.
+    """
     # the rangefinder's noise is a number of the sensors, the others are of the plan
     own = {k: v for k, v in numbers.items() if k in FlightPlan.model_fields}
     noise = {"range_noise_m": numbers["range_noise_m"]}
@@ -96,7 +105,18 @@ def _pairs(
 def formula_errors(
     records: Sequence[sim.Record], vehicle: Mapping[str, float], rate_hz: float
 ) -> dict[str, float]:
-    """The quantities of :data:`PUBLISHED` over all rows of the flights; NaN where one failed."""
+    """Return the errors of the flat-ground formula over all rows of the flights.
+
+    Parameters
+    ----------
+    records : flights with range, factor and contact.
+    vehicle : simulator numbers of the airframe.
+    rate_hz : rows a second.
+
+    Returns
+    -------
+    The quantities of :data:`PUBLISHED`; NaN where a flight failed.
+    """
     steps = [round(h * rate_hz) for h in HORIZONS_S]
     predicted = [flat_ground_factor(r["range_m"], vehicle) for r in records]
     errors: dict[str, float] = {}
@@ -115,7 +135,12 @@ def formula_errors(
 
 
 def misfit(errors: Mapping[str, float]) -> float:
-    """Sum of squared distances from the published figures, each over its tolerance."""
+    """Return the sum of squared distances from :data:`PUBLISHED`, each over its tolerance.
+
+    Parameters
+    ----------
+    errors : of :func:`formula_errors`.
+    """
     return misfit_of(errors, PUBLISHED, TOLERANCE)
 
 
@@ -127,12 +152,14 @@ def fit_plan(
     rate_hz: float,
     fitted: Path,
 ) -> None:
-    """Search the plan's free numbers from those of the configuration; write what was fitted to
-    what, and how near it came.
+    """Search the plan's free numbers, starting from those of the configuration.
 
     Parameters
     ----------
-    simulator, plan : say everything that is not free, and where the search starts.
+    simulator, plan : what is not free, and where the search starts.
+    plan_seeds : seeds that serve nothing else.
+    duration_s : length of a flight.
+    rate_hz : rows a second.
     fitted : to write (JSON): free numbers, published and flown figures, bounds and seeds.
     """
     seeds, vehicle = plan_seeds.list(), simulator.vehicle.parameters()
@@ -141,15 +168,15 @@ def fit_plan(
         records = fly_plan(simulator, plan, numbers, seeds, duration_s, rate_hz)
         return formula_errors(records, vehicle, rate_hz)
 
-    start = plan_point({**simulator.parameters(), **plan.model_dump(exclude={"mode"})})
+    start = _plan_point({**simulator.parameters(), **plan.model_dump(exclude={"mode"})})
     # no derivatives: neighbouring plans differ much, since few features lie under each flight
     found = minimize(
-        lambda x: misfit(flown(plan_numbers(x))),
+        lambda x: misfit(flown(_plan_numbers(x))),
         start,
         method="Nelder-Mead",
         bounds=[(0.0, 1.0)] * len(FREE),
         options={"maxfev": EVALUATIONS},
     )
-    numbers = plan_numbers(found.x)
+    numbers = _plan_numbers(found.x)
     report = record_of(numbers, flown(numbers), PUBLISHED, TOLERANCE, FREE, seeds, int(found.nfev))
     files.write_json(fitted, report)

@@ -42,19 +42,25 @@ class Rows:
 
     @property
     def now(self) -> np.ndarray:
-        """(n, 13) features of the present alone."""
+        """Features of the present alone, (n, 13)."""
         return self.x[:, -1]
 
     @property
     def flat(self) -> np.ndarray:
-        """(n, window * 13) features of the whole window."""
+        """Features of the whole window, (n, window * 13)."""
         return self.x.reshape(len(self.x), -1)
 
 
 @dataclasses.dataclass(frozen=True)
 class RowWindow:
-    """How much of the past a row carries and how far ahead its target lies, in rows; ``reserve``
-    rows ahead are kept free.
+    """How much of the past a row carries, and how far ahead its target lies.
+
+    Attributes
+    ----------
+    rows : rows of a window, the present one included.
+    step : rows of the data set between two rows of a window.
+    horizon : rows from the present to the target.
+    reserve : rows ahead that are kept free.
     """
 
     rows: int
@@ -66,25 +72,33 @@ class RowWindow:
     def of(
         cls, shape: Window, rate_hz: float, horizon_s: float, reserve_s: float = 0.0
     ) -> RowWindow:
-        """Window of a configuration; the reserve keeps one row set for several horizons."""
+        """Return the window of a configuration.
+
+        Parameters
+        ----------
+        shape : rows and step.
+        rate_hz : rows a second.
+        horizon_s : how far ahead the target lies.
+        reserve_s : how far ahead rows are kept free, so that several horizons have the same rows.
+        """
         ahead = round(horizon_s * rate_hz)
         return cls(shape.rows, shape.step, ahead, max(ahead, round(reserve_s * rate_hz)))
 
     @property
-    def past(self) -> int:
+    def _past(self) -> int:
         """Rows before the present that a window reaches back."""
         return (self.rows - 1) * self.step
 
-    def offsets(self) -> np.ndarray:
-        """Rows of a window relative to the present, oldest first."""
-        return np.arange(-self.past, 1, self.step)
+    def _offsets(self) -> np.ndarray:
+        """Return the rows of a window relative to the present, oldest first."""
+        return np.arange(-self._past, 1, self.step)
 
 
-def eligible(blocks: pd.DataFrame, window: RowWindow) -> np.ndarray:
+def _eligible(blocks: pd.DataFrame, window: RowWindow) -> np.ndarray:
     """Rows of one flight's blocks whose window and target stay inside their own block."""
     # past and reserve are taken off each block, so no window looks across into another part
     spans = [
-        np.arange(b.first_row + window.past, b.last_row - window.reserve + 1)
+        np.arange(b.first_row + window._past, b.last_row - window.reserve + 1)
         for b in blocks.itertuples()
     ]
     return np.concatenate(spans) if spans else np.empty(0, dtype=int)
@@ -107,11 +121,11 @@ def _gather(path: Path, rows: np.ndarray, window: RowWindow, past: bool) -> tupl
             f" {rows[-1] + window.reserve}"
         )
     # the whole window is asked even where only the present is read: all models get the same rows
-    defined = np.isfinite(table).all(axis=1)[rows[:, None] + window.offsets()].all(axis=1)
+    defined = np.isfinite(table).all(axis=1)[rows[:, None] + window._offsets()].all(axis=1)
     # touches so far: equal counts at both ends say that there is none between
     touched = np.concatenate([[0], np.cumsum(data[CONTACT] > 0)])
     rows = rows[defined & (touched[rows + window.reserve + 1] == touched[rows])]
-    x = table[rows[:, None] + (window.offsets() if past else np.zeros(1, dtype=int))]
+    x = table[rows[:, None] + (window._offsets() if past else np.zeros(1, dtype=int))]
     places = {name: data[name][rows] for name in (*WHEREABOUTS, TARGET)}
     return np.full(len(rows), seed), x, data[TARGET][rows + window.horizon], rows, places
 
@@ -143,7 +157,10 @@ def load_rows(
     seed: int,
     past: bool = True,
 ) -> Rows:
-    """Rows of a part: every model, whatever its kind, reads through here.
+    """Read the rows of a part; every model reads through here.
+
+    Rows with an undefined feature are left out, as are those with a touch of the ground up to the
+    end of the reserve.
 
     Parameters
     ----------
@@ -157,9 +174,8 @@ def load_rows(
 
     Raises
     ------
-    GesError When the part is empty, or a flight is missing or is not the one that was checked. Rows
-    with an undefined feature, or with a touch of the ground between now and the end of the reserve,
-    are left out.
+    GesError
+        When the part is empty, or a flight is missing or is not the one that was checked.
     """
     blocks = pd.read_csv(split)
     blocks = blocks[blocks["part"] == part]
@@ -168,7 +184,7 @@ def load_rows(
     files = _checked(flights, set(blocks["seed"]))
     share = None if most is None else max(most // blocks["seed"].nunique(), 1)
     found = [
-        _gather(files[s], _chosen(eligible(b, window), share, seed, s), window, past)
+        _gather(files[s], _chosen(_eligible(b, window), share, seed, s), window, past)
         for s, b in blocks.groupby("seed")
     ]
     seeds, x, y, rows = (np.concatenate([f[i] for f in found]) for i in range(4))

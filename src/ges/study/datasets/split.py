@@ -20,13 +20,13 @@ PARTS = ("train", "validation", "test")
 KINDS = ("seedwise", "blockwise")
 
 
-def seedwise(seeds: DataSeeds, rows: int) -> pd.DataFrame:
+def _seedwise(seeds: DataSeeds, rows: int) -> pd.DataFrame:
     """Whole flights: the seed lists of the configuration."""
     blocks = [(s, 0, rows - 1, part) for part in PARTS for s in getattr(seeds, part).list()]
     return pd.DataFrame(blocks, columns=["seed", "first_row", "last_row", "part"])
 
 
-def blockwise(seeds: DataSeeds, rows: int, block_rows: int, seed: int) -> pd.DataFrame:
+def _blockwise(seeds: DataSeeds, rows: int, block_rows: int, seed: int) -> pd.DataFrame:
     """Blocks of every flight, dealt at random in the proportion of the seed lists."""
     # the last instant is one row more than whole blocks; it joins the last, not a block of its own
     starts = np.arange(0, rows - 1, block_rows)
@@ -41,7 +41,7 @@ def blockwise(seeds: DataSeeds, rows: int, block_rows: int, seed: int) -> pd.Dat
     return table.assign(part=np.array(PARTS)[np.minimum(place, len(PARTS) - 1)])
 
 
-def rows_of(duration_s: float, rate_hz: float) -> int:
+def _rows_of(duration_s: float, rate_hz: float) -> int:
     """Rows of a flight, its first instant included."""
     return round(duration_s * rate_hz) + 1
 
@@ -55,14 +55,30 @@ def write_split(
     block_s: float,
     seed: int,
 ) -> None:
-    """Write the blocks of a split as CSV."""
-    rows = rows_of(duration_s, rate_hz)
+    """Write the blocks of a split as CSV.
+
+    Parameters
+    ----------
+    split : to write: ``seed``, ``first_row``, ``last_row`` and ``part`` of each block.
+    kind : 'seedwise' (whole flights) or 'blockwise' (blocks of every flight, dealt at random).
+    seeds : seed lists of the parts.
+    duration_s : length of a flight.
+    rate_hz : rows a second.
+    block_s : length of a block of the block-wise split.
+    seed : of the dealing.
+
+    Raises
+    ------
+    GesError
+        For another kind.
+    """
+    rows = _rows_of(duration_s, rate_hz)
     if kind not in KINDS:
         raise GesError(f"unknown split '{kind}'; known: {', '.join(KINDS)}")
     table = (
-        seedwise(seeds, rows)
+        _seedwise(seeds, rows)
         if kind == "seedwise"
-        else blockwise(seeds, rows, round(block_s * rate_hz), seed)
+        else _blockwise(seeds, rows, round(block_s * rate_hz), seed)
     )
     with replacing(split) as new:
         table.to_csv(new, index=False)

@@ -23,7 +23,14 @@ TRACES = ("t_s", "gyro_y_rad_s", "agl_m", "ge_factor", "ge_estimate")
 def traces(
     simulator: Simulator, plan: Flights, seed: int, data: Path, pdf: Path, png: Path
 ) -> None:
-    """Gyro and clearance of one seed in three modes (the paper's figure 15)."""
+    """Draw gyro and clearance of one seed in three modes (the paper's figure 15).
+
+    Parameters
+    ----------
+    simulator, plan : what is flown, and how.
+    seed : of terrain and noise.
+    data, pdf, png : to write: 8 s of each flight, and the figure.
+    """
     records = flown([mode(name).flight(simulator, plan, seed) for name in SHOWN], TRACES)
     table = pd.concat(
         [pd.DataFrame(r.columns).assign(mode=name) for name, r in zip(SHOWN, records, strict=True)]
@@ -71,7 +78,13 @@ def _modes(axes: Axes, table: pd.DataFrame, spread: bool, scale: float = 1000.0)
 
 
 def small(summary: Path, data: Path, pdf: Path, png: Path) -> None:
-    """Gyro RMS and AGL RMS in three modes over the small list of seeds (the paper's figure 16)."""
+    """Draw gyro RMS and AGL RMS in three modes over the small list (the paper's figure 16).
+
+    Parameters
+    ----------
+    summary : of :func:`ges.study.fly.comparison.fly_comparison`.
+    data, pdf, png : to write: the rows that are shown, and the figure.
+    """
     table = pd.read_csv(summary).query("seed_list == 'closed_loop_small' and condition in @SHOWN")
     table = table[table["metric"].isin(["gyro_rms_rad_s", "agl_rms_m"])]
     figure, (left, right) = style.subplots(1, 2, height=2.1)
@@ -87,8 +100,13 @@ def small(summary: Path, data: Path, pdf: Path, png: Path) -> None:
 
 
 def modes(summary: Path, data: Path, pdf: Path, png: Path) -> None:
-    """AGL RMS of every mode over the large list of seeds, and the paired difference (the paper's
-    figure 17).
+    """Draw AGL RMS of every mode over the large list of seeds (the paper's figure 17).
+
+    Parameters
+    ----------
+    summary : of :func:`ges.study.fly.comparison.fly_comparison`.
+    data, pdf, png : to write: the rows that are shown, with their paired differences, and the
+        figure.
     """
     table = pd.read_csv(summary).query("seed_list == 'closed_loop' and metric == 'agl_rms_m'")
     figure, (left, right) = style.subplots(1, 2, width=style.PAGE_IN, height=2.3)
@@ -125,8 +143,12 @@ BIAS_METRICS = {
 
 
 def bias(summary: Path, data: Path, pdf: Path, png: Path) -> None:
-    """Change from no bias of tracking error and clearance against the bias of the oracle (the
-    paper's figure 18).
+    """Draw the change of error and clearance against the oracle's bias (the paper's figure 18).
+
+    Parameters
+    ----------
+    summary : of :func:`ges.study.fly.bias.fly_bias`.
+    data, pdf, png : to write: the rows that are shown, and the figure.
     """
     table = pd.read_csv(summary)
     table = table[table["metric"].isin(BIAS_METRICS)]
@@ -148,8 +170,12 @@ def bias(summary: Path, data: Path, pdf: Path, png: Path) -> None:
 
 
 def restricted(summary: Path, data: Path, pdf: Path, png: Path) -> None:
-    """AGL RMS in three modes where the rangefinder reads the restricted zone (the paper's figure
-    22).
+    """Draw AGL RMS in three modes in the restricted zone (the paper's figure 22).
+
+    Parameters
+    ----------
+    summary : table ``restricted`` of :func:`ges.study.fly.comparison.fly_comparison`.
+    data, pdf, png : to write: the rows that are shown, and the figure.
     """
     table = pd.read_csv(summary).query("metric == 'agl_rms_restricted_m' and condition in @SHOWN")
     figure, axes = style.subplots(height=2.1)
@@ -159,8 +185,12 @@ def restricted(summary: Path, data: Path, pdf: Path, png: Path) -> None:
 
 
 def grid(summary: Path, data: Path, pdf: Path, png: Path) -> None:
-    """Hybrid less analytical AGL RMS over slope exponent and curvature gain (the paper's figure
-    23).
+    """Draw hybrid less analytical AGL RMS over both corrections (the paper's figure 23).
+
+    Parameters
+    ----------
+    summary : of :func:`ges.study.fly.grid.summarise_grid`.
+    data, pdf, png : to write: the rows that are shown, and the figure.
     """
     table = pd.read_csv(summary).query("metric == 'agl_rms_m' and condition == 'ml'")
     wide = 1000 * table.pivot(
@@ -196,8 +226,12 @@ def grid(summary: Path, data: Path, pdf: Path, png: Path) -> None:
 
 
 def pulse(trace: Path, tests: Path, data: Path, pdf: Path, png: Path) -> None:
-    """Clearance and shadow error after a pulse of overprediction: the causal chain, measured (the
-    paper's figure 19).
+    """Draw clearance and shadow error after a bias pulse (the paper's figure 19).
+
+    Parameters
+    ----------
+    trace, tests : of :func:`ges.study.fly.pulse.fly_pulse`.
+    data, pdf, png : to write: the tests, and the figure.
     """
     table, tested = pd.read_csv(trace), pd.read_csv(tests)
     figure, (left, right) = style.subplots(1, 2, width=style.PAGE_IN, height=2.2)
@@ -235,8 +269,12 @@ def pulse(trace: Path, tests: Path, data: Path, pdf: Path, png: Path) -> None:
 
 
 def poles(poles: Path, data: Path, pdf: Path, png: Path) -> None:
-    """Poles of the height loop by ground effect factor, near the origin, for each mode and both
-    mappings.
+    """Draw the poles of the height loop near the origin, for each mode and both mappings.
+
+    Parameters
+    ----------
+    poles : of :func:`ges.study.fly.poles.write_poles`.
+    data, pdf, png : to write: poles right of -12 1/s, and the figure.
     """
     table = pd.read_csv(poles)
     # those far to the left die out at once
@@ -269,7 +307,13 @@ def poles(poles: Path, data: Path, pdf: Path, png: Path) -> None:
 
 
 def causes(tests: Path, data: Path, pdf: Path, png: Path) -> None:
-    """Every mode against the vehicle without ground effect, with one cause taken away at a time."""
+    """Draw every mode against the vehicle without ground effect, by cause taken away.
+
+    Parameters
+    ----------
+    tests : of :func:`ges.study.fly.causes.fly_causes`.
+    data, pdf, png : to write: the rows that are shown, and the figure.
+    """
     table = pd.read_csv(tests).query("metric == 'agl_rms_m'")
     table = table[table["reference"].str.startswith(f"{FLOOR}, ")]
     table = table.assign(
@@ -299,7 +343,13 @@ def causes(tests: Path, data: Path, pdf: Path, png: Path) -> None:
 
 
 def worlds(summary: Path, data: Path, pdf: Path, png: Path) -> None:
-    """Every mode against the analytical one, by form of the true ground effect and by mapping."""
+    """Draw every mode against the analytical one, by form of the ground effect and by mapping.
+
+    Parameters
+    ----------
+    summary : of :func:`ges.study.fly.forms.fly_worlds`.
+    data, pdf, png : to write: the rows that are shown, and the figure.
+    """
     table = pd.read_csv(summary).query("metric == 'agl_rms_m'").dropna(subset=["difference"])
     mappings = list(table["mapping"].unique())
     figure, axes = style.subplots(1, len(mappings), width=style.PAGE_IN, height=2.5)
@@ -354,8 +404,12 @@ def _shares(axes: Axes, table: pd.DataFrame, column: str) -> AxesImage:
 
 
 def pulse_map(summary: Path, data: Path, pdf: Path, png: Path) -> None:
-    """By height and length of a pulse: seeds that touch the ground more than without it, and seeds
-    that return.
+    """Draw the shares of seeds that touch the ground and that return, by pulse.
+
+    Parameters
+    ----------
+    summary : of :func:`ges.study.fly.pulse.fly_pulse_map`.
+    data, pdf, png : to write: the summary, and the figure.
     """
     table = pd.read_csv(summary)
     figure, (left, right) = style.subplots(1, 2, width=style.PAGE_IN, height=2.2)
@@ -382,8 +436,14 @@ def ablation(
     pdf: Path,
     png: Path,
 ) -> None:
-    """Parts of the hybrid on the small list of seeds: the network alone, in a narrow band only, and
-    both with the cutover.
+    """Draw the parts of the hybrid mode: the network alone, and in a narrow band only.
+
+    Parameters
+    ----------
+    simulator, plan : what is flown, and how.
+    seeds : small list.
+    narrow : band of trust about the formula without a cutover.
+    data, pdf, png : to write: means by condition, and the figure.
     """
     arms = {
         "no feedforward": mode("none"),
@@ -407,7 +467,13 @@ def ablation(
 
 
 def winner(summary: Path, data: Path, pdf: Path, png: Path) -> None:
-    """Every mode with the published gains and with gains of its own."""
+    """Draw every mode with the published gains and with gains of its own.
+
+    Parameters
+    ----------
+    summary : of :func:`ges.study.fly.winner.fly_winner`.
+    data, pdf, png : to write: the rows that are shown, and the figure.
+    """
     table = pd.read_csv(summary).query("metric == 'agl_rms_m'")
     table[["mode", "gains"]] = table["condition"].str.rsplit(", ", n=1, expand=True)
     names = list(dict.fromkeys(table["mode"]))

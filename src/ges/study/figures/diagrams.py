@@ -94,8 +94,11 @@ PALE, BLUISH, GREENISH, REDDISH = "#f4f4f4", "#e3eef7", "#e2f2ec", "#fbe9df"
 
 
 def system(data: Path, pdf: Path, png: Path) -> None:
-    """Closed loop: ground and vehicle, sensors, the estimate of the ground effect, the controller
-    (the paper's figure 5).
+    """Draw the closed loop: ground, vehicle, sensors, estimate, controller (the paper's figure 5).
+
+    Parameters
+    ----------
+    data, pdf, png : to write: the joints, and the figure.
     """
     b = _Board(style.PAGE_IN, 2.35)
     b.box("ground", (0.75, 1.85), "ground from a seed\nheight, slope, curvature", (1.4, 0.5), PALE)
@@ -138,7 +141,12 @@ def system(data: Path, pdf: Path, png: Path) -> None:
 
 
 def decision(data: Path, pdf: Path, png: Path) -> None:
-    """What the hybrid firmware does at every tick (the paper's figure 20)."""
+    """Draw what the hybrid firmware does at every tick (the paper's figure 20).
+
+    Parameters
+    ----------
+    data, pdf, png : to write: the joints, and the figure.
+    """
     b = _Board(style.COLUMN_IN, 2.75)
     x, right = 1.12, 2.68
     b.box(
@@ -180,7 +188,12 @@ _STEPS: Sequence[tuple[str, str, str]] = (
 
 
 def pipeline(data: Path, pdf: Path, png: Path) -> None:
-    """The workflow from configuration to PDF."""
+    """Draw the workflow from configuration to PDF.
+
+    Parameters
+    ----------
+    data, pdf, png : to write: the joints, and the figure.
+    """
     b = _Board(style.PAGE_IN, 0.95)
     for i, (name, words, fill) in enumerate(_STEPS):
         b.box(name, (0.56 + i * 1.162, 0.6), words, (1.0, 0.44), fill)

@@ -126,8 +126,18 @@ def _blocks(name: str, rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def thrust_blocks(recordings: list[Path], vehicle: Path, mapping: Path, blocks: Path) -> None:
-    """Thrust ratio of every block of steady hover; ``factor`` is over the mean of the same flight's
-    high blocks.
+    """Write the thrust ratio of every block of steady hover.
+
+    Parameters
+    ----------
+    recordings : published flights; none give a table of headings only.
+    vehicle, mapping : vehicle file, and mapping of the columns.
+    blocks : to write; ``factor`` is ``ratio`` over the mean of the same flight's high blocks.
+
+    Raises
+    ------
+    GesError
+        When a recording is not as it was published.
     """
     known = load_vehicle(vehicle)
     tables = [_blocks(path.stem, _samples(_read(path, mapping), known)) for path in recordings]
@@ -141,7 +151,19 @@ def _effect(form: str, x: np.ndarray) -> dict[str, float]:
 
 
 def form_curve(form: str, fitted: pd.Series, z_over_r: np.ndarray, vehicle: Vehicle) -> np.ndarray:
-    """A fitted form at heights of the tracked point, in radii."""
+    """Return the factor of a fitted form.
+
+    Parameters
+    ----------
+    form : one of :data:`FORMS`.
+    fitted : row of :func:`fit_forms`.
+    z_over_r : (n,) heights of the tracked point in rotor radii.
+    vehicle : the vehicle.
+
+    Returns
+    -------
+    (n,).
+    """
     x = np.array([fitted["offset_m"], fitted["c_a"], fitted["decay"]])
     return flat_factor(
         z_over_r * vehicle.rotors[0].radius_m.value,
@@ -189,11 +211,17 @@ def _fit(form: str, blocks: pd.DataFrame, vehicle: Vehicle) -> dict[str, float |
 
 
 def fit_forms(blocks: Path, vehicle: Path, forms: Path) -> None:
-    """Fit every form to the blocks: height of the rotor plane over the tracked point, one scale a
-    flight, own constants.
+    """Fit every form of the ground effect to blocks of hover.
 
-    The offset is held by the doubt that the vehicle file states. ``aicc`` uses the spread of the
-    high blocks as noise; ``rank`` 1 is the form with the least.
+    Free are the height of the rotor plane over the tracked point, one scale a flight, and own
+    constants. The vehicle file's uncertainty of the height is its prior.
+
+    Parameters
+    ----------
+    blocks : of :func:`thrust_blocks`.
+    vehicle : vehicle file.
+    forms : to write: a row a form. ``aicc`` takes the spread of the high blocks as noise; ``rank``
+        1 has the least.
     """
     table, known = pd.read_csv(blocks), load_vehicle(vehicle)
     rows = [_fit(form, table, known) for form in FORMS] if len(table) else []
@@ -256,8 +284,15 @@ def hover_dispersion(
     seed: int,
     scatter: Path,
 ) -> None:
-    """Displacements in low and high hover: of the real vehicle (``HOVERING``), and of the simulated
-    one at like z/R.
+    """Write displacements in low and high hover, real and simulated.
+
+    Parameters
+    ----------
+    recordings : published flights, of which ``HOVERING`` is read.
+    vehicle, mapping : vehicle file, and mapping of the columns.
+    simulator, plan : what is simulated, and how.
+    seed : of the simulated flights.
+    scatter : to write: displacement of each sample from the mean of its block (m).
     """
     radius = simulator.vehicle.rotor_radius_m
     tables = _simulated_scatter(simulator, plan, {"low": 0.8 * radius, "high": 12.0 * radius}, seed)

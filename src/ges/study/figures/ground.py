@@ -34,13 +34,17 @@ TRACK = (
 def flat_factor(
     height_m: np.ndarray, parameters: Mapping[str, float], effect: Mapping[str, float]
 ) -> np.ndarray:
-    """Factor of the compiled ground effect for rotors at heights over flat ground, (n,).
+    """Return the factor of the compiled ground effect over flat ground.
 
     Parameters
     ----------
-    height_m : heights of the body origin over the ground, (n,).
+    height_m : (n,) of the body origin over the ground.
     parameters : simulator parameters of the vehicle.
     effect : parameters of ``ground_effect``.
+
+    Returns
+    -------
+    (n,) of the first rotor.
     """
     height_m = np.asarray(height_m, dtype=float)
     # f is a ratio of thrusts at equal speed: any speed serves
@@ -52,13 +56,28 @@ def flat_factor(
 
 
 def formula(height_m: np.ndarray, simulator: Simulator) -> np.ndarray:
-    """The flat-ground formula that the firmware's analytical mode believes."""
+    """Return the flat-ground formula that the firmware's analytical mode uses.
+
+    Parameters
+    ----------
+    height_m : (n,) of the body origin over the ground.
+    simulator : what is flown.
+
+    Returns
+    -------
+    (n,) factors.
+    """
     return flat_factor(height_m, simulator.parameters(), {"form": 0.0})
 
 
 def terrain(simulator: Simulator, seed: int, data: Path, pdf: Path, png: Path) -> None:
-    """Height, slope and curvature along the middle of the track of one seed, and the surface from
-    above.
+    """Draw the ground of one seed: from above, and along the middle of the track.
+
+    Parameters
+    ----------
+    simulator : shape of the terrain.
+    seed : of the terrain.
+    data, pdf, png : to write: height, slope and curvature along the track, and the figure.
     """
     ground = Terrain.procedural(
         seed, ProceduralShape(**{k: float(v) for k, v in simulator.terrain.model_dump().items()})
@@ -95,8 +114,13 @@ def terrain(simulator: Simulator, seed: int, data: Path, pdf: Path, png: Path) -
 
 
 def track(simulator: Simulator, plan: Flights, seed: int, data: Path, pdf: Path, png: Path) -> None:
-    """A flight without feedforward in the world frame, over the ground it flies above (the paper's
-    figure 3).
+    """Draw a flight without feedforward in the world frame (the paper's figure 3).
+
+    Parameters
+    ----------
+    simulator, plan : what is flown, and how.
+    seed : of terrain and noise.
+    data, pdf, png : to write: 8 s of the flight, and the figure.
     """
     (record,) = flown([mode("none").flight(simulator, plan, seed)], TRACK)
     table = pd.DataFrame(record.columns)
@@ -150,8 +174,13 @@ def _binned(flights: list[Path], simulator: Simulator, edges: np.ndarray) -> pd.
 
 
 def curve(flights: list[Path], simulator: Simulator, data: Path, pdf: Path, png: Path) -> None:
-    """True factor, the flat-ground formula, and the formula's error against clearance (the paper's
-    figure 4).
+    """Draw true factor and flat-ground formula against clearance (the paper's figure 4).
+
+    Parameters
+    ----------
+    flights : files of the data set.
+    simulator : what was flown.
+    data, pdf, png : to write: means by bin of clearance with the formula's error, and the figure.
     """
     table = _binned(flights, simulator, np.linspace(0.0, 0.6, 31))
     table["flat_formula"] = formula(table["clearance_m"], simulator)

@@ -40,7 +40,13 @@ def _dots(
 
 
 def models(table1: Path, data: Path, pdf: Path, png: Path) -> None:
-    """RMSE of every model on held-out seeds, by flight plan (the paper's figure 6)."""
+    """Draw the RMSE of every model on held-out seeds, by flight plan (the paper's figure 6).
+
+    Parameters
+    ----------
+    table1 : of :func:`ges.study.models.train.write_table1`.
+    data, pdf, png : to write: the rows that are shown, and the figure.
+    """
     table = pd.read_csv(table1).query("split == 'seedwise'")
     plans = list(dict.fromkeys(table["plan"]))
     order = list(table[table["plan"] == plans[0]].sort_values("rmse", ascending=False)["model"])
@@ -54,7 +60,14 @@ def models(table1: Path, data: Path, pdf: Path, png: Path) -> None:
 
 
 def splits(table1: Path, plan: str, data: Path, pdf: Path, png: Path) -> None:
-    """RMSE and R^2 under both splits (the paper's figure 7)."""
+    """Draw RMSE and R^2 under both splits (the paper's figure 7).
+
+    Parameters
+    ----------
+    table1 : of :func:`ges.study.models.train.write_table1`.
+    plan : flight plan that is shown.
+    data, pdf, png : to write: the rows that are shown, and the figure.
+    """
     table = pd.read_csv(table1).query("plan == @plan")
     order = list(table[table["split"] == "blockwise"].sort_values("rmse", ascending=False)["model"])
     figure, (left, right) = style.subplots(1, 2, width=style.PAGE_IN, height=2.5, sharey=True)
@@ -73,7 +86,15 @@ def splits(table1: Path, plan: str, data: Path, pdf: Path, png: Path) -> None:
 def predicted(
     table1: Path, predictions: list[Path], plan: str, data: Path, pdf: Path, png: Path
 ) -> None:
-    """Prediction against truth of the best model of the block-wise split (the paper's figure 8)."""
+    """Draw prediction against truth of the best model of a split (the paper's figure 8).
+
+    Parameters
+    ----------
+    table1 : of :func:`ges.study.models.train.write_table1`.
+    predictions : of all models on the block-wise split; each file is named after its model.
+    plan : flight plan that is shown.
+    data, pdf, png : to write: at most 4000 rows, and the figure.
+    """
     scores = (
         pd.read_csv(table1).query("plan == @plan and split == 'blockwise'").set_index("model")["r2"]
     )
@@ -139,8 +160,12 @@ def _legend(figure: Figure, axes: Axes) -> None:
 
 
 def horizons(horizons: Path, data: Path, pdf: Path, png: Path) -> None:
-    """R^2 of the formula and of the forest against how far ahead they predict (the paper's figure
-    9).
+    """Draw R^2 of formula and forest against the horizon (the paper's figure 9).
+
+    Parameters
+    ----------
+    horizons : of :func:`ges.study.offline.horizons.sweep_horizons`.
+    data, pdf, png : to write: the table, and the figure.
     """
     table = pd.read_csv(horizons).sort_values(
         ["plan", "model", "horizon_s"], ascending=[False, True, True]
@@ -166,7 +191,14 @@ def _feature(name: str) -> str:
 
 
 def importances(importances: Path, plan: str, data: Path, pdf: Path, png: Path) -> None:
-    """Impurity and permutation importance of the forest's features (the paper's figure 10)."""
+    """Draw both importances of the forest's features (the paper's figure 10).
+
+    Parameters
+    ----------
+    importances : of :func:`ges.study.offline.importances.write_importances`.
+    plan : flight plan that is shown.
+    data, pdf, png : to write: the rows that are shown, and the figure.
+    """
     table = pd.read_csv(importances).query("plan == @plan").sort_values("permutation")
     figure, (left, right) = style.subplots(1, 2, height=2.8, sharey=True)
     places = range(len(table))
@@ -179,7 +211,14 @@ def importances(importances: Path, plan: str, data: Path, pdf: Path, png: Path) 
 
 
 def ground_quartiles(quartiles: Path, quantity: str, data: Path, pdf: Path, png: Path) -> None:
-    """Mean absolute error by quartile of slope or of curvature (the paper's figures 11 and 12)."""
+    """Draw the error by quartile of slope or curvature (the paper's figures 11 and 12).
+
+    Parameters
+    ----------
+    quartiles : of :func:`ges.study.offline.bins.write_ground_quartiles`.
+    quantity : 'slope' or 'curvature'.
+    data, pdf, png : to write: the rows that are shown, and the figure.
+    """
     table = pd.read_csv(quartiles)
     table = table[(table["quantity"] == quantity) & table["model"].isin(SHOWN)]
     figure, panels = _panels(table, 2.2)
@@ -214,7 +253,13 @@ def _middle(table: pd.DataFrame) -> pd.Series:
 
 
 def clearance(bins: Path, data: Path, pdf: Path, png: Path) -> None:
-    """Error against clearance and the share of test rows in each bin (the paper's figure 13)."""
+    """Draw the error against clearance, with the share of test rows (the paper's figure 13).
+
+    Parameters
+    ----------
+    bins : of :func:`ges.study.offline.bins.write_clearance_bins`.
+    data, pdf, png : to write: bins of at least :data:`LEAST_SHARE`, and the figure.
+    """
     table = pd.read_csv(bins).query("share >= @LEAST_SHARE")
     table = table[table["model"].isin(SHOWN)]
     figure, panels = _panels(table, 2.4)
@@ -246,7 +291,13 @@ def clearance(bins: Path, data: Path, pdf: Path, png: Path) -> None:
 
 
 def reduction(bins: Path, data: Path, pdf: Path, png: Path) -> None:
-    """How much less the forest errs than the formula, against clearance (the paper's figure 14)."""
+    """Draw how much less the forest errs than the formula (the paper's figure 14).
+
+    Parameters
+    ----------
+    bins : of :func:`ges.study.offline.bins.write_clearance_bins`.
+    data, pdf, png : to write: bins of at least :data:`LEAST_SHARE`, and the figure.
+    """
     table = pd.read_csv(bins).query("model == 'random_forest' and share >= @LEAST_SHARE")
     figure, axes = style.subplots(height=2.3)
     for i, plan in enumerate(p for p in PLAN_LABELS if p in set(table["plan"])):
@@ -264,7 +315,13 @@ def reduction(bins: Path, data: Path, pdf: Path, png: Path) -> None:
 
 
 def learning_curves(curves: Path, data: Path, pdf: Path, png: Path) -> None:
-    """Validation error of every model against the number of its training rows."""
+    """Draw the validation error of every model against its training rows.
+
+    Parameters
+    ----------
+    curves : of :func:`ges.study.offline.curves.learning_curve`.
+    data, pdf, png : to write: the table, and the figure.
+    """
     table = pd.read_csv(curves)
     figure, axes = style.subplots(height=2.9)
     for i, (model, rows) in enumerate(table.groupby("model", sort=False)):

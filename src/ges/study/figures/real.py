@@ -38,8 +38,16 @@ def _absent(table: pd.DataFrame, data: Path, pdf: Path, png: Path) -> None:
 
 
 def binned(blocks: pd.DataFrame) -> pd.DataFrame:
-    """Mean factor in bins of height with the 95 % interval over blocks; bins of one block have
-    none.
+    """Return the mean factor in bins of height.
+
+    Parameters
+    ----------
+    blocks : rows of :func:`ges.study.figures.flights.thrust_blocks`.
+
+    Returns
+    -------
+    A row a bin of :data:`EDGES`: ``z_over_r``, ``factor``, ``blocks``, and ``low`` and ``high``,
+    the 95 % interval over blocks. Bins of one block have none.
     """
     groups = blocks.groupby(pd.cut(blocks["z_over_r"], EDGES), observed=True)
     table = groups.agg(
@@ -62,8 +70,15 @@ def binned(blocks: pd.DataFrame) -> pd.DataFrame:
 
 
 def thrust(blocks: Path, forms: Path, vehicle: Path, data: Path, pdf: Path, png: Path) -> None:
-    """Thrust ratio against height over the rotor radius, measured, with the forms as
-    fitted to it.
+    """Draw the measured thrust ratio against height, with the forms as fitted to it.
+
+    Parameters
+    ----------
+    blocks, forms : of :func:`ges.study.figures.flights.thrust_blocks` and
+        :func:`ges.study.figures.flights.fit_forms`.
+    vehicle : vehicle file.
+    data, pdf, png : to write: the bins that are shown, and the figure. Without recordings the
+        figure states that.
     """
     table = pd.read_csv(blocks)
     if table.empty:
@@ -128,8 +143,13 @@ def thrust(blocks: Path, forms: Path, vehicle: Path, data: Path, pdf: Path, png:
 
 
 def dispersion(scatter: Path, data: Path, pdf: Path, png: Path) -> None:
-    """Hover displacements, low against high, of the real and of the simulated vehicle (in place of
-    figures 1 and 2).
+    """Draw displacements in hover, real and simulated (in place of figures 1 and 2).
+
+    Parameters
+    ----------
+    scatter : of :func:`ges.study.figures.flights.hover_dispersion`.
+    data, pdf, png : to write: standard deviations, and the figure. Without recordings the figure
+        states that.
     """
     table = pd.read_csv(scatter)
     if "real" not in set(table["source"]):
@@ -173,8 +193,12 @@ def dispersion(scatter: Path, data: Path, pdf: Path, png: Path) -> None:
 
 
 def changes(errors: Path, data: Path, pdf: Path, png: Path) -> None:
-    """Error of every channel on flights that took no part, by what was done to the vehicle: with
-    the file calibrated before, recalibrated, and with what was named.
+    """Draw the error of every channel on held-out flights, by what was done to the vehicle.
+
+    Parameters
+    ----------
+    errors : of :func:`ges.blind.score.shipped.score_changes`.
+    data, pdf, png : to write: the errors, and the figure.
     """
     table = pd.read_csv(errors)
     done = list(table["done"].drop_duplicates())

@@ -104,14 +104,32 @@ _SETTINGS = {
 def subplots(
     rows: int = 1, columns: int = 1, width: float = COLUMN_IN, height: float = 2.2, **keywords: Any
 ) -> tuple[Figure, Any]:
-    """A figure in the style, ``width`` by ``height`` inches, and its axes, one or an array."""
+    """Return a figure in the style of all figures, and its axes.
+
+    Parameters
+    ----------
+    rows, columns : panels.
+    width, height : of the figure, inches.
+    **keywords : of ``matplotlib.pyplot.subplots``.
+
+    Returns
+    -------
+    Axes as one or as an array.
+    """
     plt.rcdefaults()
     plt.rcParams.update(_SETTINGS)
     return plt.subplots(rows, columns, figsize=(width, height), **keywords)
 
 
 def save(figure: Figure, table: pd.DataFrame, data: Path, pdf: Path, png: Path) -> None:
-    """Write the table that a figure shows, and the figure twice; equal figures give equal bytes."""
+    """Write the table that a figure shows, and the figure twice.
+
+    Parameters
+    ----------
+    figure : is closed afterwards.
+    table : what it shows.
+    data, pdf, png : to write; equal figures give equal bytes.
+    """
     with replacing(data) as new:
         table.to_csv(new, index=False, float_format="%.9g")
     with replacing(pdf) as new:
@@ -124,12 +142,12 @@ def save(figure: Figure, table: pd.DataFrame, data: Path, pdf: Path, png: Path) 
 
 
 def log_ticks(axis: Axis) -> None:
-    """Plain numbers at 1, 2 and 5 of every decade of a logarithmic axis."""
+    """Label a logarithmic axis at 1, 2 and 5 of every decade, in plain numbers."""
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 
 
 def panel(axes: Axes, letter: str) -> None:
-    """Letter of a panel, above its left upper corner."""
+    """Write the letter of a panel above its left upper corner."""
     axes.set_title(f"({letter})", loc="left", fontweight="bold")

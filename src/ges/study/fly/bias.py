@@ -13,24 +13,35 @@ from ges.study.stats.paired import compare, contrasts
 METRICS = ("agl_rms_m", "clearance_mean_m", "clearance_p5_m", "clearance_min_m", "low_clearance_s")
 
 
-def bias_name(bias: float) -> str:
+def _bias_name(bias: float) -> str:
     """'+0.02', '-0.02', '0'."""
     return f"{bias:+g}" if bias else "0"
 
 
 def bias_conditions(biases: list[float], **parameters: float | str) -> list[Condition]:
-    """The oracle under every bias, and under none."""
+    """Return the oracle under every bias, and under none.
+
+    Parameters
+    ----------
+    biases : constants that are added to the factor.
+    **parameters : further numbers of the flights.
+    """
     values = sorted({0.0, *biases})
     return [
-        Condition(bias_name(b), {"mode": "oracle", "bias": b, **parameters}, labels={"bias": b})
+        Condition(_bias_name(b), {"mode": "oracle", "bias": b, **parameters}, labels={"bias": b})
         for b in values
     ]
 
 
 def opposed(biases: list[float]) -> list[tuple[str, str]]:
-    """Pairs (+b, -b) of the biases that occur with both signs, the greatest first."""
+    """Return the biases that occur with both signs.
+
+    Returns
+    -------
+    Names of the conditions (+b, -b), the greatest first.
+    """
     return [
-        (bias_name(b), bias_name(-b))
+        (_bias_name(b), _bias_name(-b))
         for b in sorted(biases, reverse=True)
         if b > 0 and -b in biases
     ]
@@ -45,10 +56,13 @@ def fly_bias(
     summary: Path,
     tests: Path,
 ) -> None:
-    """Every bias over every seed.
+    """Fly every bias over every seed.
 
     Parameters
     ----------
+    simulator, plan : what is flown, and how.
+    biases : constants that are added to the oracle's factor.
+    closed_loop : seeds.
     flights : to write: a row a flight.
     summary : to write: means, with the paired difference from no bias.
     tests : to write: paired tests of +b against -b in every clearance metric, corrected together by

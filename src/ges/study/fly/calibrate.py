@@ -72,8 +72,15 @@ _COLUMNS = ("t_s", "range_m", "agl_m", "contact", *GYRO)
 
 
 def free_parameters(x: Sequence[float] | np.ndarray) -> dict[str, float]:
-    """Numbers of a flight from a point of the search; the least feature height keeps its ratio to
-    the greatest.
+    """Return the numbers of a flight at a point of the search.
+
+    Parameters
+    ----------
+    x : values in the order of :data:`FREE`.
+
+    Returns
+    -------
+    The least height of a feature keeps its ratio to the greatest.
     """
     numbers = dict(zip(FREE, map(float, x), strict=True))
     return {
@@ -92,8 +99,18 @@ def fly_arms(
     numbers: dict[str, float],
     seeds: Sequence[int],
 ) -> Arms:
-    """Flights of every arm that the fit looks at: ``none``, ``analytical``, ``oracle``, and the
-    oracle disturbed.
+    """Fly every arm that the fit looks at.
+
+    Parameters
+    ----------
+    simulator, plan, pulse : what is not free.
+    numbers : free numbers.
+    seeds : of every arm.
+
+    Returns
+    -------
+    Records by arm: ``none``, ``analytical``, ``oracle``, and the oracle ``pulsed``, biased ``over``
+    and biased ``under``.
     """
     kick = {
         "pulse": pulse.bias,
@@ -120,7 +137,17 @@ def fly_arms(
 
 
 def operating_point(simulator: Simulator, pulse: Pulse, arms: Arms) -> dict[str, float]:
-    """The quantities of :data:`PUBLISHED`, flown; NaN where a flight did not end well."""
+    """Return the quantities of :data:`PUBLISHED` as they were flown.
+
+    Parameters
+    ----------
+    simulator, pulse : of the flights.
+    arms : records of :func:`fly_arms`.
+
+    Returns
+    -------
+    By figure; NaN where a flight did not end well.
+    """
     reference = simulator.controller.agl_ref_m
     return {
         "none_m": mean_rms(arms["none"], reference),
@@ -141,7 +168,13 @@ def operating_point(simulator: Simulator, pulse: Pulse, arms: Arms) -> dict[str,
 
 
 def mean_rms(records: Sequence[sim.Record], reference: float) -> float:
-    """Mean over flights of the AGL RMS (m)."""
+    """Return the mean over flights of the RMS tracking error of the height over ground (m).
+
+    Parameters
+    ----------
+    records : flights with ``range_m``; readings beyond the rangefinder's reach are left out.
+    reference : height to hold (m).
+    """
     # the rangefinder reads nothing beyond its reach
     return float(np.mean([np.sqrt(np.nanmean((r["range_m"] - reference) ** 2)) for r in records]))
 
@@ -160,7 +193,12 @@ def _pulse_response(
 
 
 def misfit(flown: Mapping[str, float]) -> float:
-    """Sum of squared distances from the published figures, each over its tolerance."""
+    """Return the sum of squared distances from :data:`PUBLISHED`, each over its tolerance.
+
+    Parameters
+    ----------
+    flown : figures of :func:`operating_point`.
+    """
     return misfit_of(flown, PUBLISHED, TOLERANCE)
 
 
@@ -171,10 +209,10 @@ class GainSearch:
     Points are places within the bounds from 1 to 2, (n,), so that relative steps of derivatives are
     shares of the bounds.
 
-    Parameters
+    Attributes
     ----------
-    simulator, plan, pulse : say everything that is not free.
-    seeds : the flights behind each figure.
+    simulator, plan, pulse : what is not free.
+    seeds : flights behind each figure.
     """
 
     simulator: Simulator
@@ -183,32 +221,51 @@ class GainSearch:
     seeds: Sequence[int]
 
     def arms(self, numbers: dict[str, float]) -> Arms:
-        """Flights of every arm with these free numbers."""
+        """Return the flights of every arm with these free numbers."""
         return fly_arms(self.simulator, self.plan, self.pulse, numbers, self.seeds)
 
     def flown(self, arms: Arms) -> dict[str, float]:
-        """The quantities of :data:`PUBLISHED` of the flights."""
+        """Return the quantities of :data:`PUBLISHED` of the flights."""
         return operating_point(self.simulator, self.pulse, arms)
 
     def point(self, numbers: Mapping[str, float]) -> np.ndarray:
-        """Place of the free numbers."""
+        """Return the place of free numbers.
+
+        Returns
+        -------
+        (n,) 1 at the lower bound, 2 at the upper.
+        """
         return 1.0 + place_of(numbers, FREE)
 
     def numbers(self, point: np.ndarray) -> dict[str, float]:
-        """The free numbers at a place."""
+        """Return the free numbers at a place.
+
+        Parameters
+        ----------
+        point : (n,) 1 at the lower bound, 2 at the upper.
+        """
         low, high = ends(FREE)
         return free_parameters(low + (point - 1.0) * (high - low))
 
-    def pulled(self, point: np.ndarray, flown: Mapping[str, float]) -> np.ndarray:
-        """Distances from the published figures, then the pull towards the middle, (k + n,)."""
+    def _pulled(self, point: np.ndarray, flown: Mapping[str, float]) -> np.ndarray:
+        """Return distances from the published figures, then the pull to the middle, (k + n,)."""
         # -PULL at a lower bound, 0 in the middle, PULL at an upper one: a ridge, without which
         # fewer figures than numbers leave whole directions open
         far = distances(flown, PUBLISHED, TOLERANCE)
         return np.concatenate([far, PULL * (2.0 * point - 3.0)])
 
     def residuals(self, point: np.ndarray) -> np.ndarray:
-        """:meth:`pulled` of a point that is flown for it."""
-        return self.pulled(point, self.flown(self.arms(self.numbers(point))))
+        """Fly a point, and return its distances from the published figures.
+
+        Parameters
+        ----------
+        point : (n,) 1 at the lower bound, 2 at the upper.
+
+        Returns
+        -------
+        (figures + n,) distances over tolerances, then the pull of each number towards the middle.
+        """
+        return self._pulled(point, self.flown(self.arms(self.numbers(point))))
 
 
 def calibrate(
@@ -218,14 +275,13 @@ def calibrate(
     calibration_seeds: SeedRange,
     calibration: Path,
 ) -> None:
-    """Search the free numbers by least squares from those of the configuration; write what was
-    fitted to what, and how near it came.
+    """Search the free numbers by least squares, starting from those of the configuration.
 
     Parameters
     ----------
-    simulator, plan, pulse : say everything that is not free, and where the search starts.
-    calibration : to write (JSON): free numbers, published and flown figures, bounds and seeds of
-        the search.
+    simulator, plan, pulse : what is not free, and where the search starts.
+    calibration_seeds : seeds that serve nothing else.
+    calibration : to write (JSON): free numbers, published and flown figures, bounds and seeds.
     """
     search = GainSearch(simulator, plan, pulse, calibration_seeds.list())
     start = search.point(

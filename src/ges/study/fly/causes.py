@@ -24,7 +24,7 @@ AS_PUBLISHED = "as published"
 
 
 @dataclasses.dataclass(frozen=True)
-class Removal:
+class _Removal:
     """Numbers with which a cause is gone: of every mode, of the oracle alone, of the true ground
     effect.
     """
@@ -34,7 +34,7 @@ class Removal:
     truth: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
 
-def removals(simulator: Simulator) -> dict[str, Removal]:
+def _removals(simulator: Simulator) -> dict[str, _Removal]:
     """Every cause by name, then several together."""
     lag, damping = (
         simulator.vehicle.motor_time_constant_s,
@@ -49,26 +49,26 @@ def removals(simulator: Simulator) -> dict[str, Removal]:
     }
     fast, rotors = {"motor_time_constant_s": FAST_MOTOR_S}, {"per_rotor": 1.0}
     return {
-        AS_PUBLISHED: Removal(),
-        "no motor lag": Removal(fast),
+        AS_PUBLISHED: _Removal(),
+        "no motor lag": _Removal(fast),
         # f + tau df/dt undoes a lag of 1 / (tau s + 1)
-        "lead of the motor lag": Removal(oracle={"lead_s": lag}),
+        "lead of the motor lag": _Removal(oracle={"lead_s": lag}),
         # no derivative: the truth where the vehicle will be when the thrust has come
-        "terrain preview of the motor lag": Removal(oracle={"preview_s": lag}),
-        "per rotor": Removal(oracle=rotors),
-        "no integral action": Removal({"altitude_ki": 0.0}),
-        "no sampling delay": Removal(every),
-        "no sensor noise": Removal(quiet),
-        "no slope or curvature correction": Removal(
+        "terrain preview of the motor lag": _Removal(oracle={"preview_s": lag}),
+        "per rotor": _Removal(oracle=rotors),
+        "no integral action": _Removal({"altitude_ki": 0.0}),
+        "no sampling delay": _Removal(every),
+        "no sensor noise": _Removal(quiet),
+        "no slope or curvature correction": _Removal(
             truth={"slope_exponent": 0.0, "curvature_gain_m": 0.0}
         ),
-        "damped height loop": Removal(damping),
-        "all but integral action": Removal({**fast, **every, **quiet}, rotors),
-        "all": Removal({**fast, **every, **quiet, "altitude_ki": 0.0}, rotors),
+        "damped height loop": _Removal(damping),
+        "all but integral action": _Removal({**fast, **every, **quiet}, rotors),
+        "all": _Removal({**fast, **every, **quiet, "altitude_ki": 0.0}, rotors),
     }
 
 
-def _conditions_without(cause: str, gone: Removal) -> list[Condition]:
+def _conditions_without(cause: str, gone: _Removal) -> list[Condition]:
     own = {"none": {}, "analytical": {}, "oracle": gone.oracle}
     flown = [
         Condition(
@@ -88,12 +88,12 @@ def _conditions_without(cause: str, gone: Removal) -> list[Condition]:
     return [*flown, bare]
 
 
-def cause_conditions(simulator: Simulator) -> list[Condition]:
+def _cause_conditions(simulator: Simulator) -> list[Condition]:
     """Oracle, analytical and no feedforward without each cause, and the same vehicle where no
     ground effect exists.
     """
     return [
-        c for cause, gone in removals(simulator).items() for c in _conditions_without(cause, gone)
+        c for cause, gone in _removals(simulator).items() for c in _conditions_without(cause, gone)
     ]
 
 
@@ -105,18 +105,20 @@ def fly_causes(
     summary: Path,
     tests: Path,
 ) -> None:
-    """Fly them over every seed.
+    """Fly every mode with one cause taken away at a time.
 
     Parameters
     ----------
+    simulator, plan : what is flown, and how.
+    closed_loop : seeds.
     flights : to write: a row a flight; ``cause`` names what is taken away.
     summary : to write: means.
-    tests : to write: for every cause, oracle against analytical and against none, and every mode
-        against no ground effect at all; and every oracle against the published one.
+    tests : to write: paired tests. For every cause the oracle meets the analytical mode and none,
+        and every mode meets no ground effect at all. Every oracle meets the published one.
     """
-    table = fly_conditions(cause_conditions(simulator), closed_loop.list(), simulator, plan)
+    table = fly_conditions(_cause_conditions(simulator), closed_loop.list(), simulator, plan)
     # Holm's correction is over all of these: no pair that nobody asks for
-    causes = list(removals(simulator))
+    causes = list(_removals(simulator))
     pairs = [(f"oracle, {c}", f"{other}, {c}") for c in causes for other in ("analytical", "none")]
     pairs += [(f"{m}, {c}", f"{FLOOR}, {c}") for c in causes for m in ("none", *FEEDFORWARD)]
     pairs += [(f"oracle, {c}", f"oracle, {AS_PUBLISHED}") for c in causes if c != AS_PUBLISHED]

@@ -22,6 +22,9 @@ def choose_clamp(
 
     Parameters
     ----------
+    simulator, plan : what is flown, and how.
+    clamp_thresholds : candidates: what the network may add to the formula.
+    validation : seeds.
     flights : to write: a row a flight.
     choice : to write (JSON): ``threshold``, the seeds it was chosen on, and the mean AGL RMS of
         every candidate.

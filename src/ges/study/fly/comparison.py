@@ -16,8 +16,13 @@ REFERENCE = "analytical"
 
 
 def mode_conditions(modes: list[Mode], clamp: Path, **parameters: float) -> list[Condition]:
-    """A condition a feedforward mode; the asymmetric clamp is the one that was chosen on validation
-    seeds.
+    """Return a condition for every feedforward mode.
+
+    Parameters
+    ----------
+    modes : names of the modes.
+    clamp : choice of the asymmetric clamp's threshold (JSON).
+    **parameters : further numbers of the flights.
     """
     threshold = json.loads(Path(clamp).read_text())["threshold"]
     return [mode(name, overprediction_clamp=threshold, **parameters) for name in modes]
@@ -34,14 +39,16 @@ def fly_comparison(
     summary: Path,
     restricted: Path,
 ) -> None:
-    """Every mode over the small and the large list of seeds, the network running beside each of
-    them.
+    """Fly every mode over both lists of seeds, with the network running beside it.
 
-    The network's error in a mode that does not use it, against its error where it flies, is what
-    its own actions cost it.
+    The network's error where it does not act, against its error where it flies, is what its own
+    actions cost it.
 
     Parameters
     ----------
+    simulator, plan : what is flown, and how.
+    modes : names of the modes.
+    closed_loop_small, closed_loop : small and large list of seeds.
     clamp : the choice of the clamp threshold (JSON).
     flights : to write: a row a flight; ``seed_list`` names its list.
     summary : to write: mean of every metric, mode and list, with the paired difference from the
@@ -62,10 +69,15 @@ def fly_comparison(
 
 
 def write_table2(comparison: Path, bias: Path, table: Path) -> None:
-    """Closed-loop AGL RMS of every mode (both lists of seeds) and of every bias of the oracle.
+    """Write the closed-loop AGL RMS of every mode and of every bias of the oracle.
 
-    Intervals of means are bootstraps over seeds; differences are paired: modes from the analytical
+    Intervals of means are bootstraps over seeds. Differences are paired: modes from the analytical
     one, biases from 0.
+
+    Parameters
+    ----------
+    comparison, bias : summaries of :func:`fly_comparison` and :func:`bias.fly_bias`.
+    table : to write.
     """
     modes, biases = pd.read_csv(comparison), pd.read_csv(bias)
     both = pd.concat(

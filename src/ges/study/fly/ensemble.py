@@ -30,7 +30,17 @@ CLAIMED_SIGN = {
 
 
 def effects(simulator: Simulator, plan: Flights, arms: calibrate.Arms) -> dict[str, float]:
-    """The effects of :data:`CLAIMED_SIGN` over the flights of every arm."""
+    """Return the effects that the paper claims, over the flights of every arm.
+
+    Parameters
+    ----------
+    simulator, plan : of the flights.
+    arms : records of :func:`calibrate.fly_arms`.
+
+    Returns
+    -------
+    By name of :data:`CLAIMED_SIGN`.
+    """
     reference, low = simulator.controller.agl_ref_m, plan.low_clearance_m
     rms = {name: calibrate.mean_rms(records, reference) for name, records in arms.items()}
     row_s = float(np.diff(arms["none"][0]["t_s"][:2])[0])
@@ -134,6 +144,9 @@ def fly_ensemble(
 
     Parameters
     ----------
+    simulator, plan, pulse : what is not free.
+    ensemble : length and steps of the walk.
+    calibration_seeds : seeds of every step.
     calibration : what the calibration found (JSON); the walk starts there.
     flights : to write: a row a step of the walk.
     summary : to write: range of every effect, and the share of the walk with the claimed sign.

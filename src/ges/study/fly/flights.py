@@ -28,7 +28,7 @@ AT_ONCE = 120  # flights in memory together; results do not depend on it
 class Condition:
     """What distinguishes the flights of one arm of an experiment.
 
-    Parameters
+    Attributes
     ----------
     name : the arm, in the column ``condition`` of the table.
     parameters : numbers of :class:`ges.simulator.flight.Flight` that differ.
@@ -42,8 +42,12 @@ class Condition:
     labels: Mapping[str, float | str] = dataclasses.field(default_factory=dict)
 
     def flight(self, simulator: Simulator, plan: Flights, seed: int) -> sim.Flight:
-        """The flight of one seed; the same seed has the same terrain and the same sensor noise in
-        every condition.
+        """Return the flight of one seed.
+
+        Parameters
+        ----------
+        simulator, plan : what is flown, and how; the condition's own numbers win.
+        seed : gives the same terrain and the same sensor noise in every condition.
         """
         numbers = {
             "duration_s": plan.duration_s,
@@ -57,17 +61,35 @@ class Condition:
         )
 
     def but(self, name: str, **parameters: float | str) -> Condition:
-        """The same condition under another name with other numbers."""
+        """Return the same condition under another name with other numbers.
+
+        Parameters
+        ----------
+        name : of the new condition.
+        **parameters : numbers that differ.
+        """
         return dataclasses.replace(self, name=name, parameters={**self.parameters, **parameters})
 
 
 def mode(name: str, **parameters: float | str) -> Condition:
-    """The condition of a feedforward mode, named after it."""
+    """Return the condition of a feedforward mode, named after it.
+
+    Parameters
+    ----------
+    name : of the mode.
+    **parameters : further numbers of the flights.
+    """
     return Condition(name, {"mode": name, **parameters})
 
 
 def counted(total: int, at_once: int) -> Iterator[int]:
-    """Starts of the batches of some work; a bar on stderr where that is a terminal."""
+    """Yield the first index of every batch, with a progress bar on a terminal.
+
+    Parameters
+    ----------
+    total : pieces of work.
+    at_once : pieces of a batch.
+    """
     starts = range(0, total, at_once)
     if not sys.stderr.isatty():
         yield from starts
@@ -83,7 +105,18 @@ def counted(total: int, at_once: int) -> Iterator[int]:
 
 
 def flown(flights: Sequence[sim.Flight], columns: Iterable[str]) -> Iterator[sim.Record]:
-    """Fly in batches, and stop with a sentence where a flight did not end well."""
+    """Fly in batches, and yield the records.
+
+    Parameters
+    ----------
+    flights : to fly.
+    columns : of the records.
+
+    Raises
+    ------
+    GesError
+        When a flight did not end well.
+    """
     columns = tuple(columns)
     for start in counted(len(flights), AT_ONCE):
         for record in sim.fly(flights[start : start + AT_ONCE], columns):
@@ -97,8 +130,21 @@ def flown(flights: Sequence[sim.Flight], columns: Iterable[str]) -> Iterator[sim
 def fly_conditions(
     conditions: Sequence[Condition], seeds: Sequence[int], simulator: Simulator, plan: Flights
 ) -> pd.DataFrame:
-    """Metrics of every condition over every seed, a row a flight: ``condition``, labels, ``seed``,
-    metrics.
+    """Fly every condition over every seed.
+
+    Parameters
+    ----------
+    conditions, seeds : each condition meets each seed.
+    simulator, plan : what is flown, and how.
+
+    Returns
+    -------
+    A row a flight: ``condition``, its labels, ``seed`` and :data:`metrics.NAMES`.
+
+    Raises
+    ------
+    GesError
+        When a flight did not end well.
     """
     arms = [(c, seed) for c in conditions for seed in seeds]
     records = flown([c.flight(simulator, plan, seed) for c, seed in arms], COLUMNS)
@@ -111,6 +157,12 @@ def fly_conditions(
 
 
 def write_csv(table: pd.DataFrame, path: Path) -> None:
-    """Write a table whole or not at all."""
+    """Write a table, whole or not at all.
+
+    Parameters
+    ----------
+    table : numbers are written to the last bit.
+    path : to write.
+    """
     with replacing(path) as new:
         table.to_csv(new, index=False, lineterminator="\n")

@@ -82,16 +82,20 @@ def fly_worlds(
     summary: Path,
     tests: Path,
 ) -> None:
-    """Fly every form of the true ground effect with both mappings, and the form that fits real
-    flights best.
+    """Fly every form of the true ground effect with both mappings.
 
-    The firmware's analytical estimate and the network stay those of the default form.
+    The form that fits real flights best follows with the right mapping. The firmware's analytical
+    estimate and the network stay those of the default form.
 
     Parameters
     ----------
+    simulator, plan : what is flown, and how.
+    modes, biases : names of the modes, and biases of the oracle.
+    closed_loop : seeds.
+    clamp : choice of the clamp threshold (JSON).
     forms : forms fitted to real flights, rank 1 the best; may hold no rows. The height of the real
         vehicle's rotor plane is its own and stays behind.
-    flights : to write: a row a flight; ``experiment`` says modes or bias.
+    flights : to write: a row a flight; ``experiment`` is 'modes' or 'bias'.
     summary : to write: modes against the analytical one in every world.
     tests : to write: opposed biases against each other in every world.
     """

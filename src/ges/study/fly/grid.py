@@ -27,8 +27,19 @@ def fly_grid_cell(
     curvature_factor: float,
     flights: Path,
 ) -> None:
-    """Every mode over every seed with one pair of corrections, the curvature gain as a factor of
-    the simulator's; the network stays the one of the default corrections.
+    """Fly every mode over every seed with one pair of corrections.
+
+    The network stays the one of the default corrections.
+
+    Parameters
+    ----------
+    simulator, plan : what is flown, and how.
+    modes : names of the modes.
+    closed_loop : seeds.
+    clamp : choice of the clamp threshold (JSON).
+    slope_exponent : of the true ground effect.
+    curvature_factor : curvature gain over the simulator's.
+    flights : to write: a row a flight.
     """
     # the published grid is in gains without a unit, so factors of the gain are what compares
     gain = curvature_factor * simulator.ground_effect.curvature_gain_m
@@ -43,8 +54,13 @@ def fly_grid_cell(
 
 
 def summarise_grid(cells: list[Path], flights: Path, summary: Path) -> None:
-    """All flights of the grid in one table, and every mode against the analytical one in every
-    cell.
+    """Compare every mode with the analytical one in every cell of the grid.
+
+    Parameters
+    ----------
+    cells : tables of :func:`fly_grid_cell`.
+    flights : to write: all of their rows.
+    summary : to write: means and paired differences by cell.
     """
     table = pd.concat([pd.read_csv(cell) for cell in cells])
     write_csv(table, flights)

@@ -24,7 +24,12 @@ NAMES = (
 
 
 def gyro_rms(record: Record) -> float:
-    """Root mean square of the length of the gyro vector (rad/s)."""
+    """Return the root mean square of the length of the gyro vector (rad/s).
+
+    Parameters
+    ----------
+    record : with the columns :data:`GYRO`.
+    """
     # mean |w|^2 is the sum of the means of w_x^2, w_y^2, w_z^2
     return float(np.sqrt(sum(np.mean(record[name] ** 2) for name in GYRO)))
 
@@ -32,11 +37,7 @@ def gyro_rms(record: Record) -> float:
 def flight_metrics(
     record: Record, agl_ref_m: float, low_clearance_m: float, restricted_m: float
 ) -> dict[str, float]:
-    """Metrics of one flight.
-
-    The tracking error is that of the rangefinder, as published: sqrt(mean((range - reference)^2)).
-    Clearances are those of the true height of the body over the ground, so that sensor noise does
-    not move a minimum. The network's error is NaN where it did not run.
+    """Return the metrics of one flight.
 
     Parameters
     ----------
@@ -44,6 +45,16 @@ def flight_metrics(
     agl_ref_m : height that the controller holds.
     low_clearance_m : clearance below it counts as low.
     restricted_m : readings from this one on make the restricted tracking error.
+
+    Returns
+    -------
+    By name of :data:`NAMES`. The network's error is NaN where it did not run.
+
+    Notes
+    -----
+    The tracking error is that of the rangefinder, as published: sqrt(mean((range - reference)^2)).
+    Clearances are of the body's true height over the ground, so that sensor noise does not move a
+    minimum.
     """
     reading, clearance, row_s = (
         record["range_m"],

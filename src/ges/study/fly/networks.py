@@ -27,10 +27,12 @@ def fly_network(
     training: int,
     flights: Path,
 ) -> None:
-    """One network, as hybrid and alone, beside the formula over every seed.
+    """Fly one network, as hybrid and alone, beside the formula over every seed.
 
     Parameters
     ----------
+    simulator, plan : what is flown, and how.
+    closed_loop : seeds.
     trained_on, training : flight plan of its data set and seed of its training, for the table.
     flights : to write: a row a flight.
     """
@@ -40,10 +42,15 @@ def fly_network(
 
 
 def summarise_networks(networks: list[Path], flights: Path, summary: Path) -> None:
-    """All flights in one table, and hybrid and network alone against the formula: of every training
-    (``training`` its seed), and of their mean over trainings (``mean``).
+    """Compare hybrid and network alone with the formula.
 
-    The mean is taken seed by seed of the terrain first, so its interval is over terrains.
+    Parameters
+    ----------
+    networks : tables of :func:`fly_network`.
+    flights : to write: all of their rows.
+    summary : to write: a row a metric and condition, of every training (``training`` its seed) and
+        of their mean (``mean``). The mean is taken seed by seed first, so that its interval is over
+        terrains.
     """
     table = pd.concat([pd.read_csv(path) for path in networks])
     keys = ["condition", "trained_on", "seed"]

@@ -44,13 +44,20 @@ HILL_M = 10.0
 
 
 def gravity() -> float:
-    """Acceleration of gravity that the simulator flies with (m/s^2)."""
+    """Return the acceleration of gravity that the simulator flies with (m/s^2)."""
     return sim.parameters()["gravity_m_s2"].default
 
 
 @dataclasses.dataclass(frozen=True)
 class Trim:
-    """Hover at one height: true factor f, estimate e, and their slopes against height (1/m)."""
+    """Hover at one height.
+
+    Attributes
+    ----------
+    height_m : over the ground.
+    factor, factor_slope_1_m : true ground effect factor, and its slope against height.
+    estimate, estimate_slope_1_m : the same of the firmware's estimate.
+    """
 
     height_m: float
     factor: float
@@ -64,7 +71,13 @@ FAR = Trim(math.inf, 1.0, 0.0, 1.0, 0.0)
 
 @dataclasses.dataclass(frozen=True)
 class Site:
-    """A place to hover: ground, and where on it (m)."""
+    """A place to hover.
+
+    Attributes
+    ----------
+    ground : terrain.
+    x_m : where on it, at y = 0.
+    """
 
     ground: Terrain
     x_m: float = 0.0
@@ -72,7 +85,14 @@ class Site:
     def flight(
         self, simulator: Simulator, height_m: float, **parameters: float | str
     ) -> sim.Flight:
-        """A quiet hover that begins at rest at a height over this place."""
+        """Return a quiet hover that begins at rest over this place.
+
+        Parameters
+        ----------
+        simulator : what is flown; its rangefinder and gyro have no noise here.
+        height_m : over the ground.
+        **parameters : further numbers of the flight.
+        """
         # four rotors out of ground effect carry the weight: m g = 4 k w^2
         speed = math.sqrt(
             simulator.vehicle.mass_kg
@@ -114,7 +134,12 @@ def _hill(seed: int, amplitude_m: float) -> Terrain:
 
 @functools.lru_cache(maxsize=8)
 def crest(curvature_1_m: float) -> Site:
-    """The top of a round-topped hill, of the given (negative) Laplacian."""
+    """Return the top of a round hill.
+
+    Parameters
+    ----------
+    curvature_1_m : Laplacian of the ground there, negative.
+    """
     x = np.arange(0.0, HILL_M, 0.001)
     # a feature may be a dip: seeds are tried until one stands up
     seed, ground = next(
@@ -128,7 +153,18 @@ def crest(curvature_1_m: float) -> Site:
 
 
 def site(simulator: Simulator, factor: float) -> Site:
-    """Ground over which hovering low makes factors on the side of 1 that ``factor`` is on."""
+    """Return ground over which hovering low makes a factor on one side of 1.
+
+    Parameters
+    ----------
+    simulator : its curvature gain shapes the hill.
+    factor : flat ground from 1 on, the top of a hill below.
+
+    Raises
+    ------
+    GesError
+        When the factor is below 1 and the curvature gain is not positive.
+    """
     if factor >= 1.0:
         return Site(Terrain.flat(0.0))
     gain = simulator.ground_effect.curvature_gain_m
@@ -170,8 +206,18 @@ def _height_of(factor: float, heights_m: np.ndarray, factors: np.ndarray) -> flo
 
 
 def trim(simulator: Simulator, factor: float, mode: str) -> Trim:
-    """Where the true factor is ``factor``, and what the mode believes there; factor 1 is far from
-    the ground.
+    """Return the hover at which the true factor has a value.
+
+    Parameters
+    ----------
+    simulator : what is flown.
+    factor : true ground effect factor; 1 is far from the ground.
+    mode : feedforward mode, which decides the estimate.
+
+    Raises
+    ------
+    GesError
+        When no height makes the factor.
     """
     if factor == 1.0:
         return FAR
@@ -204,10 +250,18 @@ def _motor(simulator: Simulator) -> control.TransferFunction:
 
 
 def restoring(simulator: Simulator, at: Trim, mode: str, power: int) -> control.TransferFunction:
-    """Upward acceleration per height lost (1/s^2): controller, feedforward and the ground effect
-    itself.
+    """Return the upward acceleration per height lost (1/s^2).
 
-    ``power`` is n of the module's equations.
+    Parameters
+    ----------
+    simulator : what is flown.
+    at : the hover.
+    mode : feedforward mode.
+    power : n of the module's equations.
+
+    Returns
+    -------
+    Transfer function of controller, feedforward and the ground effect itself.
     """
     c, (run_s, read_s) = simulator.controller, _periods(simulator)
     # the firmware's discrete filter has its pole at T / (T + dt); tau of equal decay over a run:
@@ -231,19 +285,40 @@ def restoring(simulator: Simulator, at: Trim, mode: str, power: int) -> control.
 def estimate_response(
     simulator: Simulator, at: Trim, mode: str, power: int
 ) -> control.TransferFunction:
-    """Height (m) per error of the estimate that the feedforward uses."""
+    """Return the height (m) per error of the estimate that the feedforward uses.
+
+    Parameters
+    ----------
+    simulator : what is flown.
+    at : the hover.
+    mode : feedforward mode.
+    power : n of the module's equations.
+    """
     # z = (push de - restoring z) / s^2, solved for z / de
     push = -gravity() * power / at.estimate * _motor(simulator) * _delay(_periods(simulator)[0] / 2)
     return push * control.feedback(1 / S**2, restoring(simulator, at, mode, power))
 
 
 def closed_loop_poles(simulator: Simulator, at: Trim, mode: str, power: int) -> np.ndarray:
-    """Poles (1/s) of the closed height loop about a trim."""
+    """Return the poles (1/s) of the closed height loop about a hover.
+
+    Parameters
+    ----------
+    simulator : what is flown.
+    at : the hover.
+    mode : feedforward mode.
+    power : n of the module's equations.
+    """
     return control.feedback(1 / S**2, restoring(simulator, at, mode, power)).poles()
 
 
 def phase_margin_deg(simulator: Simulator) -> float:
-    """Phase margin of the height loop far from the ground; 0 where it is unstable."""
+    """Return the phase margin of the height loop far from the ground.
+
+    Returns
+    -------
+    Degrees; 0 where the loop is unstable.
+    """
     # the sign of a margin at one crossing does not prove a loop stable: poles are asked first
     if closed_loop_poles(simulator, FAR, "none", 1).real.max() >= 0:
         return 0.0
@@ -323,10 +398,12 @@ def _verdict(poles: pd.DataFrame) -> pd.DataFrame:
 def write_poles(
     simulator: Simulator, pole_factors: list[float], poles: Path, summary: Path
 ) -> None:
-    """Poles of every mode, mapping and factor.
+    """Write the poles of every mode, mapping and factor.
 
     Parameters
     ----------
+    simulator : what is flown.
+    pole_factors : ground effect factors.
     poles : to write: a row a pole.
     summary : to write: stability, dominant pair and margins, a row a mode, mapping, kind of slope
         and factor.

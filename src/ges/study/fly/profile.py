@@ -57,11 +57,13 @@ def fit_profile(
     calibration: Path,
     profile: Path,
 ) -> None:
-    """Refit the other free numbers at every gain, each from the nearest gain that is done.
+    """Refit the other free numbers at every curvature gain, each from the nearest that is done.
 
     Parameters
     ----------
-    profile_gains_m : gains to hold (m).
+    simulator, plan, pulse : what is not free.
+    profile_gains_m : gains to hold.
+    calibration_seeds : seeds of the flights.
     calibration : what the calibration found (JSON); the refits start there.
     profile : to write (JSON): the free numbers at every gain, and the seeds.
     """
@@ -85,14 +87,16 @@ def fly_profile(
     profile: Path,
     misfits: Path,
 ) -> None:
-    """Fly every gain with the other numbers as calibrated and as refitted.
+    """Fly every curvature gain with the other numbers as calibrated and as refitted.
 
     Parameters
     ----------
+    simulator, plan, pulse : what is not free.
+    calibration_seeds : seeds of the flights.
     calibration, profile : what the calibration and :func:`fit_profile` found (JSON).
-    misfits : to write: a row a gain: ``curvature_gain_m``; misfits ``held`` and ``refitted``;
-        ``within``, whether the latter is below the number of ``figures``, each then within its
-        tolerance on average; and the effects of the refitted simulator.
+    misfits : to write: a row a gain: ``curvature_gain_m``, misfits ``held`` and ``refitted``, and
+        the effects of the refitted simulator. ``within`` is 1 where the latter misfit is below the
+        number of ``figures``, each then within its tolerance on average.
     """
     search = calibrate.GainSearch(simulator, plan, pulse, calibration_seeds.list())
     calibrated = json.loads(Path(calibration).read_text())["fitted"]

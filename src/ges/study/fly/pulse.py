@@ -23,7 +23,7 @@ TRACE_EVERY = 2
 RESAMPLES = 999
 
 
-def pulse_pair(start_s: float, bias: float, duration_s: float) -> tuple[Condition, Condition]:
+def _pulse_pair(start_s: float, bias: float, duration_s: float) -> tuple[Condition, Condition]:
     """The oracle without and with a pulse, the network running beside it."""
     plain = Condition("unpulsed", {"mode": "oracle", "shadow": 1.0})
     kick = {"pulse": bias, "pulse_start_s": start_s, "pulse_duration_s": duration_s}
@@ -138,16 +138,19 @@ def fly_pulse(
     trace: Path,
     response: Path,
 ) -> None:
-    """Pulsed and unpulsed flights of every seed.
+    """Fly every seed with and without a bias pulse on the oracle.
 
     Parameters
     ----------
+    simulator, plan : what is flown, and how.
+    pulse : height, start, length, and windows after its end.
+    closed_loop : seeds.
     flights : to write: mean clearance and shadow error of every flight and window after the pulse.
     tests : to write: paired tests of pulsed against unpulsed in every window.
     trace : to write: mean change of clearance against time.
     response : to write (JSON): depth, rebound and settling of that mean, with their intervals.
     """
-    seeds, pair = closed_loop.list(), pulse_pair(pulse.start_s, pulse.bias, pulse.duration_s)
+    seeds, pair = closed_loop.list(), _pulse_pair(pulse.start_s, pulse.bias, pulse.duration_s)
     arms = [(c, seed) for c in pair for seed in seeds]
     records = list(flown([c.flight(simulator, plan, seed) for c, seed in arms], COLUMNS))
     rows = [
@@ -201,8 +204,8 @@ def _map_rows(
     short = plan.model_copy(update={"duration_s": end + how.recovery_s})
     # one unpulsed flight a seed serves every height
     arms = [
-        pulse_pair(start_s, 0.0, duration_s)[0],
-        *(pulse_pair(start_s, b, duration_s)[1] for b in how.biases),
+        _pulse_pair(start_s, 0.0, duration_s)[0],
+        *(_pulse_pair(start_s, b, duration_s)[1] for b in how.biases),
     ]
     arms = [c.but(c.name, shadow=0.0) for c in arms]
     columns = ("t_s", "agl_m", "contact")
@@ -225,15 +228,19 @@ def fly_pulse_map(
     summary: Path,
     limits: Path,
 ) -> None:
-    """Pulses of every height and length: which return, which touch the ground.
+    """Fly pulses of every height and length, to see which return and which touch the ground.
 
     Parameters
     ----------
+    simulator, plan : what is flown, and how.
+    start_s : start of every pulse.
+    pulse_map : heights, lengths and the recovery.
+    closed_loop : seeds.
     flights : to write: a row a pulsed flight, against the same flight without the pulse.
     summary : to write: share of seeds that returned and that touched the ground more than without,
         for every pulse.
-    limits : to write: for every length and sign, the greatest height up to which every seed
-        returned, and up to which none touched more; 0 where the smallest already fails.
+    limits : to write: a row a length and sign. It holds the greatest height up to which every seed
+        returned, and up to which none touched more. They are 0 where the smallest already fails.
     """
     seeds = closed_loop.list()
     rows = [

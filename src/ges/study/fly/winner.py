@@ -25,7 +25,7 @@ PUBLISHED, RETUNED = "as published", "retuned"
 HELPED = "oracle, per rotor, with lead"
 
 
-def arms(simulator: Simulator, modes: list[Mode], clamp: Path) -> list[Condition]:
+def _arms(simulator: Simulator, modes: list[Mode], clamp: Path) -> list[Condition]:
     """Every mode, and the oracle with every help that it can have."""
     oracle = Condition(
         HELPED,
@@ -48,7 +48,22 @@ def _margin_deg(simulator: Simulator, kp: float, kd: float) -> float:
 
 
 def sound_gains(simulator: Simulator, retune: Retune) -> dict[tuple[float, float], float]:
-    """Phase margin (degrees) of every pair of factors that has enough of it."""
+    """Return the pairs of gain factors with enough phase margin.
+
+    Parameters
+    ----------
+    simulator : whose gains are scaled.
+    retune : factors that are tried, and the least margin.
+
+    Returns
+    -------
+    Phase margin (degrees) by (proportional factor, derivative factor).
+
+    Raises
+    ------
+    UsageError
+        When no pair has enough.
+    """
     pairs = {
         pair: _margin_deg(simulator, *pair)
         for pair in itertools.product(retune.kp_factors, retune.kd_factors)
@@ -87,18 +102,25 @@ def choose_gains(
     flights: Path,
     choice: Path,
 ) -> None:
-    """Fly every mode with every sound pair of gains; for each mode take the pair of least mean AGL
-    RMS.
+    """Choose the gains of every mode on validation seeds.
+
+    Every mode is flown with every pair of :func:`sound_gains`; the pair of least mean AGL RMS is
+    its choice.
 
     Parameters
     ----------
+    simulator, plan : what is flown, and how.
+    modes : names of the modes.
+    retune : factors that are tried, and the least margin.
+    validation : seeds.
+    clamp : choice of the clamp threshold (JSON).
     flights : to write: a row a flight.
-    choice : to write (JSON): the seeds, and kp_factor, kd_factor, phase margin and mean AGL RMS of
-        every mode's choice.
+    choice : to write (JSON): the seeds, and factors, phase margin and mean AGL RMS of every mode's
+        choice.
     """
     sound = sound_gains(simulator, retune)
     candidates = [
-        c for arm in arms(simulator, modes, clamp) for c in _candidates(arm, simulator, sound)
+        c for arm in _arms(simulator, modes, clamp) for c in _candidates(arm, simulator, sound)
     ]
     table = fly_conditions(candidates, validation.list(), simulator, plan)
     score = means(table, ["agl_rms_m"]).set_index("condition")["mean"]
@@ -128,17 +150,21 @@ def fly_winner(
     summary: Path,
     tests: Path,
 ) -> None:
-    """Every mode with the published and with its own gains over the evaluation seeds.
+    """Fly every mode with the published and with its own gains over the evaluation seeds.
 
     Parameters
     ----------
-    flights : to write: a row a flight; ``gains`` says which.
+    simulator, plan : what is flown, and how.
+    modes : names of the modes.
+    closed_loop : seeds.
+    clamp, choice : choices of the clamp threshold and of the gains (JSON).
+    flights : to write: a row a flight; ``gains`` names which.
     summary : to write: means, with the paired difference from the analytical mode as published.
     tests : to write: every retuned mode against itself as published, and against the retuned
         analytical mode.
     """
     chosen, conditions = json.loads(Path(choice).read_text())["gains"], []
-    for arm in arms(simulator, modes, clamp):
+    for arm in _arms(simulator, modes, clamp):
         own = _scaled(simulator, chosen[arm.name]["kp_factor"], chosen[arm.name]["kd_factor"])
         for gains, numbers in ((PUBLISHED, {}), (RETUNED, own)):
             labels = {"mode": arm.name, "gains": gains}

@@ -17,9 +17,20 @@ SPEED_RAD_S = 400.0
 
 
 def flat_ground_factor(height_m: np.ndarray, vehicle: Mapping[str, float]) -> np.ndarray:
-    """Cheeseman & Bennett's factor (n,) at hub heights (n,), asked of the compiled effect.
+    """Return the flat-ground formula's factor, evaluated by the compiled effect.
 
-    The factor does not depend on rotor speed, so any one serves.
+    Parameters
+    ----------
+    height_m : (n,) of the hubs over the ground.
+    vehicle : simulator numbers of the airframe.
+
+    Returns
+    -------
+    (n,) thrust over that far from the ground; it does not depend on rotor speed.
+
+    References
+    ----------
+    Cheeseman and Bennett 1955.
     """
     speed = np.full(len(height_m), SPEED_RAD_S)
     level = {
@@ -50,12 +61,27 @@ class AnalyticalBaseline(RegressorMixin, BaseEstimator):
         self.column = column
 
     def fit(self, X: np.ndarray, y: np.ndarray) -> AnalyticalBaseline:
-        """Check the rows."""
+        """Check the rows; nothing is learned.
+
+        Parameters
+        ----------
+        X : (n, k) rows.
+        y : (n,) factors.
+        """
         validate_data(self, X, y)
         return self
 
     def predict(self, X: np.ndarray) -> np.ndarray:
-        """Factor (n,) for rows (n, k)."""
+        """Return the factor at the height that a column holds.
+
+        Parameters
+        ----------
+        X : (n, k) rows.
+
+        Returns
+        -------
+        (n,).
+        """
         return flat_ground_factor(validate_data(self, X, reset=False)[:, self.column], self.vehicle)
 
     def __sklearn_tags__(self) -> Tags:

@@ -32,7 +32,7 @@ def _array(name: str, values: np.ndarray) -> str:
 
 
 def header(model: MlpRegressor, origin: str) -> str:
-    """The header of a fitted :class:`~ges.study.models.networks.MlpRegressor`.
+    """Return the C header of a fitted network.
 
     Parameters
     ----------
@@ -82,7 +82,19 @@ def header(model: MlpRegressor, origin: str) -> str:
 
 
 def export_mlps(models: list[Path], plan: str, headers: list[Path]) -> None:
-    """Write the header of each trained network of a flight plan."""
+    """Write the header of each trained network of a flight plan.
+
+    Parameters
+    ----------
+    models : fitted networks (joblib).
+    plan : name of the flight plan, for the header's comment.
+    headers : to write, one a network.
+
+    Raises
+    ------
+    GesError
+        When a network is not 13-64-32-1.
+    """
     origin = f"MLP trained by this study on the {plan} flight plan, seed-wise split."
     for model, path in zip(models, headers, strict=True):
         write_text(path, header(joblib.load(model), origin))

@@ -21,8 +21,8 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):
     """A torch network fitted to squared error.
 
     Rows X are (n, window_rows * channels), oldest row of the window first. The step size rises and
-    falls over the passes (Smith & Topin 2018), so all of them are made: a network that stops before
-    has not cooled. The weights that did best on the validation rows are kept.
+    falls over the passes, so all of them are made: a network that stops before has not cooled. The
+    weights that did best on the validation rows are kept.
 
     Parameters
     ----------
@@ -34,9 +34,14 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):
 
     Attributes
     ----------
-    mean_, scale_ : (channels,) of the training rows; ``out_mean_``, ``out_scale_`` of the target.
+    mean_, scale_ : (channels,) of the training rows.
+    out_mean_, out_scale_ : of the target.
     weights_ : arrays of the network by name.
     validation_rmse_ : of every pass.
+
+    References
+    ----------
+    Smith and Topin 2018, on one cycle of the step size.
     """
 
     def __init__(
@@ -64,7 +69,13 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):
         X_val: np.ndarray | None = None,
         y_val: np.ndarray | None = None,
     ) -> Self:
-        """Fit; without validation rows the weights of the last pass are kept."""
+        """Fit the network; without validation rows the weights of the last pass are kept.
+
+        Parameters
+        ----------
+        X, y : training rows (n, window_rows * channels) and targets (n,).
+        X_val, y_val : the same for validation.
+        """
         X, y = validate_data(self, X, y, dtype=np.float32, y_numeric=True)
         # with one thread, sums have one order: the same bits every time; torch's own switch for
         # that imports its compiler, 1.6 s of a job, and changes nothing on a processor
@@ -132,7 +143,16 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):
         return out.numpy() * self.out_scale_ + self.out_mean_
 
     def predict(self, X: np.ndarray) -> np.ndarray:
-        """Prediction (n,) for rows (n, window_rows * channels)."""
+        """Return predictions of the target.
+
+        Parameters
+        ----------
+        X : (n, window_rows * channels) rows.
+
+        Returns
+        -------
+        (n,).
+        """
         check_is_fitted(self)
         X = validate_data(self, X, reset=False, dtype=np.float32)
         torch.set_num_threads(1)
@@ -160,8 +180,11 @@ def _one_pass(
 
 
 class MlpRegressor(NetworkRegressor):
-    """Multilayer perceptron over the window's rows side by side, two hidden layers of 64 and 32
-    (the firmware's network).
+    """Multilayer perceptron over the window's rows side by side, as the firmware flies it.
+
+    Notes
+    -----
+    Two hidden layers of 64 and 32 rectified units.
     """
 
     def _network(self, channels: int) -> nn.Module:
@@ -186,7 +209,12 @@ class _Lstm(nn.Module):
 
 
 class LstmRegressor(NetworkRegressor):
-    """One LSTM layer (Hochreiter & Schmidhuber 1997), read out at the present row."""
+    """One LSTM layer, read out at the present row.
+
+    References
+    ----------
+    Hochreiter and Schmidhuber 1997, Neural Computation 9.
+    """
 
     def __init__(
         self,
@@ -237,8 +265,11 @@ def _present_row(layer: nn.TransformerEncoderLayer, x: torch.Tensor) -> torch.Te
 
 
 class TransformerRegressor(NetworkRegressor):
-    """Transformer encoder (Vaswani et al. 2017) with learned places, read out at the
-    present row.
+    """Transformer encoder with learned places, read out at the present row.
+
+    References
+    ----------
+    Vaswani et al. 2017, *Attention is all you need*.
     """
 
     def __init__(

@@ -41,17 +41,17 @@ def _pooled(sums: np.ndarray, which: str) -> np.ndarray:
 def scores(
     truth: np.ndarray, predicted: np.ndarray, seed: np.ndarray, resamples: int, draw: int
 ) -> dict[str, float]:
-    """RMSE, MAE and R^2 over all rows, each with the 95 % interval of drawing seeds anew.
+    """Return RMSE, MAE and R^2 over all rows, with their intervals.
 
     Parameters
     ----------
-    truth, predicted, seed : (n,).
-    resamples : draws; fewer than two seeds leave the interval undefined.
+    truth, predicted, seed : (n,) target, prediction and flight of each row.
+    resamples : draws of seeds; fewer than two seeds leave the interval undefined.
     draw : seed of the draws.
 
     Returns
     -------
-    ``rmse``, ``rmse_low``, ``rmse_high`` and so on.
+    ``rmse``, ``rmse_low``, ``rmse_high`` and so on; 95 % intervals of drawing flights anew.
     """
     sums = _sums(truth, predicted, seed)
     result: dict[str, float] = {}
@@ -70,11 +70,17 @@ def reduction(
     resamples: int,
     draw: int,
 ) -> dict[str, float]:
-    """Share by which the mean absolute error is below that of a base, with its interval over seeds.
+    """Return the share by which the mean absolute error is below that of a base.
+
+    Parameters
+    ----------
+    truth, predicted, base, seed : (n,) target, both predictions and flight of each row.
+    resamples : draws of seeds.
+    draw : seed of the draws.
 
     Returns
     -------
-    ``mae_reduction``, ``mae_reduction_low``, ``mae_reduction_high``.
+    ``mae_reduction``, ``mae_reduction_low`` and ``mae_reduction_high`` (95 % over flights).
     """
     errors = pd.DataFrame({"ours": np.abs(predicted - truth), "base": np.abs(base - truth)}).astype(
         float

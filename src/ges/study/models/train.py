@@ -58,6 +58,14 @@ def train_model(
     flights, split : report of the leakage check, which names the flights, and the blocks.
     name, plan, kind : model, flight plan and split.
     fit : the model's part of the configuration; a model that has none is fitted to no rows.
+    window : window of the sequence models.
+    vehicle : airframe of the analytical baseline.
+    horizon_s : how far ahead the factor is predicted.
+    rate_hz : rows a second.
+    validation_rows, test_rows : caps on rows; None takes all.
+    resamples : draws of seeds behind an interval.
+    seed : of rows, training and draws.
+    predictions, metrics, model : to write, see the module.
     """
     shape = RowWindow.of(window, rate_hz, horizon_s)
     caps = {"train": fit.train_rows, "validation": validation_rows} if fit else {}
@@ -75,7 +83,7 @@ def train_model(
     test = parts["test"]
     # scored as they are stored, so that scores can be made again from the file to the last bit
     predicted = made.predict(zoo.features(name, test)).astype(np.float32)
-    write_predictions(predictions, test, predicted)
+    _write_predictions(predictions, test, predicted)
     found = scores(test.y, predicted, test.seed, resamples, seed)
     rows = {f"{part}_rows": len(parts.get(part, ())) for part in PARTS}
     # JSON has no NaN
@@ -95,7 +103,7 @@ def train_model(
         joblib.dump(made, new, compress=3)
 
 
-def write_predictions(path: Path, rows: Rows, predicted: np.ndarray) -> None:
+def _write_predictions(path: Path, rows: Rows, predicted: np.ndarray) -> None:
     """Write predictions of rows beside the truth and the place."""
     table = {
         "seed": rows.seed.astype(np.int32),
@@ -110,11 +118,14 @@ def write_predictions(path: Path, rows: Rows, predicted: np.ndarray) -> None:
 
 
 def write_table1(metrics: list[Path], table: Path) -> None:
-    """Table 1: every model on every split of every plan, best R^2 first.
+    """Write Table 1: every model on every split of every plan, best R^2 first.
 
-    Columns: plan, split, model; rmse, mae, r2 each with ``_low`` and ``_high`` (95 % over seeds);
-    train_rows, validation_rows, test_rows, test_seeds. All models of a plan and split are scored on
-    the same rows.
+    Parameters
+    ----------
+    metrics : files of :func:`train_model`; all models of a plan and split are scored on the same
+        rows.
+    table : to write: plan, split, model; rmse, mae, r2 each with ``_low`` and ``_high`` (95 % over
+        seeds); and the counts of rows and test seeds.
     """
     columns = [
         "plan",

@@ -22,21 +22,32 @@ VALIDATED = ("gradient_boosting", "mlp", *SEQUENCE_MODELS)
 
 
 def features(name: str, rows: Rows) -> np.ndarray:
-    """What a model reads of rows: the whole window (n, window * 13), or the present (n, 13)."""
+    """Return what a model reads of rows.
+
+    Returns
+    -------
+    The whole window (n, window * 13) for sequence models, else the present (n, 13).
+    """
     return rows.flat if name in SEQUENCE_MODELS else rows.now
 
 
 def make(
     name: str, fit: Fit | None, window: Window, vehicle: Quadrotor, seed: int
 ) -> RegressorMixin:
-    """The unfitted model of a name.
+    """Return the unfitted model of a name.
 
     Parameters
     ----------
+    name : of the model.
     fit : its part of the configuration; the analytical baseline has none.
     window : window of the sequence models.
     vehicle : airframe of the analytical baseline.
     seed : of its random numbers.
+
+    Raises
+    ------
+    GesError
+        When another model has no part in the configuration.
     """
     if name == "analytical":
         from ges.study.models.analytical import AnalyticalBaseline
@@ -95,8 +106,19 @@ def _network(name: str, fit: NetworkFit, window: Window, seed: int) -> Regressor
 def fitted(
     name: str, model: RegressorMixin, train: Rows | None, validation: Rows | None
 ) -> RegressorMixin:
-    """Fit a model to rows; those that stop early, or keep their best pass, look at the validation
-    rows, the others never see them.
+    """Fit a model to rows.
+
+    Parameters
+    ----------
+    name : of the model.
+    model : unfitted.
+    train : rows; None leaves the model as it is.
+    validation : rows for models that stop early or keep their best pass; the others never see them.
+
+    Raises
+    ------
+    GesError
+        When a model needs validation rows and has none.
     """
     if train is None:
         return model

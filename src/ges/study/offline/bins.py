@@ -86,7 +86,17 @@ def write_ground_quartiles(
     seed: int,
     table: Path,
 ) -> None:
-    """Errors of every model by quartile of slope and of curvature."""
+    """Write the errors of every model by quartile of slope and of curvature.
+
+    Parameters
+    ----------
+    predictions : of all models on the same rows; each file is named after its model.
+    plan : flight plan, for the table.
+    terrain : shape of the terrain.
+    resamples : draws of seeds behind an interval.
+    seed : of the draws.
+    table : to write, see the module.
+    """
     rows = _predictions(predictions)
     found, units = [], {"slope": "1", "curvature": "1/m"}
     for quantity, values in _irregularity(rows, terrain).items():
@@ -106,7 +116,17 @@ def write_ground_quartiles(
 def write_clearance_bins(
     predictions: list[Path], plan: str, edges_m: list[float], resamples: int, seed: int, table: Path
 ) -> None:
-    """Errors of every model by reading of the rangefinder."""
+    """Write the errors of every model by reading of the rangefinder.
+
+    Parameters
+    ----------
+    predictions : of all models on the same rows; each file is named after its model.
+    plan : flight plan, for the table.
+    edges_m : of the bins, rising.
+    resamples : draws of seeds behind an interval.
+    seed : of the draws.
+    table : to write, see the module.
+    """
     rows = _predictions(predictions)
     found = []
     for low, high in zip(edges_m[:-1], edges_m[1:], strict=True):

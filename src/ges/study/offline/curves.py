@@ -37,10 +37,24 @@ def learning_curve(
     seed: int,
     table: Path,
 ) -> None:
-    """Fit a model to shares of its cap; a model without a cap has its whole row set only.
+    """Fit a model to shares of its cap on rows, and score it on the validation rows.
 
-    ``at_cap`` is the model of Table 1, fitted to the very rows that share 1 stands for, and not
-    fitted again.
+    Parameters
+    ----------
+    flights, split : report of the leakage check, which names the flights, and the blocks.
+    at_cap : the model of Table 1, fitted to the very rows of share 1, and not fitted again.
+    name, plan : model and flight plan.
+    fit : the model's part of the configuration; without a cap on rows it has its whole row set
+        only.
+    shares : rows over the cap.
+    window : window of the sequence models.
+    vehicle : airframe of the analytical baseline.
+    horizon_s : how far ahead the factor is predicted.
+    rate_hz : rows a second.
+    validation_rows : cap on rows; None takes all.
+    resamples : draws of seeds behind an interval.
+    seed : of rows, training and draws.
+    table : to write, see the module.
     """
     shape = RowWindow.of(window, rate_hz, horizon_s)
     past = name in zoo.SEQUENCE_MODELS

@@ -36,7 +36,23 @@ def sweep_horizons(
     seed: int,
     table: Path,
 ) -> None:
-    """Fit and score both models at every horizon."""
+    """Fit and score formula and forest at every horizon.
+
+    Parameters
+    ----------
+    flights, split : report of the leakage check, which names the flights, and the blocks.
+    plan : flight plan, for the table.
+    horizons_s : how far ahead the factor is predicted.
+    fit : the forest's part of the configuration.
+    sweep_rows : cap on training rows.
+    window : of which only the reach into the past counts: it decides the rows.
+    vehicle : airframe of the analytical baseline.
+    rate_hz : rows a second.
+    test_rows : cap on rows; None takes all.
+    resamples : draws of seeds behind an interval.
+    seed : of rows, training and draws.
+    table : to write, see the module.
+    """
     rows = []
     for horizon_s in horizons_s:
         # the reserve of the longest, or short ones would also have rows nearer to a block's end

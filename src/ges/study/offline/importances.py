@@ -35,7 +35,21 @@ def write_importances(
     seed: int,
     table: Path,
 ) -> None:
-    """Impurity and permutation importance of a fitted forest on at most ``rows`` test rows."""
+    """Write impurity and permutation importance of a fitted forest.
+
+    Parameters
+    ----------
+    flights, split : report of the leakage check, which names the flights, and the blocks.
+    model : the forest (joblib).
+    plan : flight plan, for the table.
+    window : of which only the reach into the past counts: it decides the rows.
+    rate_hz : rows a second.
+    horizon_s : how far ahead the factor is predicted.
+    rows : cap on test rows.
+    repeats : shuffles of each feature.
+    seed : of rows and shuffles.
+    table : to write, see the module.
+    """
     forest = joblib.load(model)
     test = load_rows(
         flights, split, "test", RowWindow.of(window, rate_hz, horizon_s), rows, seed, past=False

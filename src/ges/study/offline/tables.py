@@ -9,8 +9,17 @@ from ges.files import write_text
 
 
 def join_tables(parts: list[Path], table: Path) -> None:
-    """Write the rows of all parts, in their order, as they stand, so that no number is rounded
-    twice.
+    """Write the rows of all parts as they stand, so that no number is rounded twice.
+
+    Parameters
+    ----------
+    parts : tables with the same columns.
+    table : to write.
+
+    Raises
+    ------
+    GesError
+        When columns differ.
     """
     headings, bodies = zip(*(Path(part).read_text().split("\n", 1) for part in parts), strict=True)
     if len(set(headings)) > 1:

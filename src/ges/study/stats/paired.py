@@ -24,8 +24,16 @@ def _resamples(n: int) -> np.ndarray:
 
 
 def mean_interval(values: np.ndarray, confidence: float = 0.95) -> tuple[float, float]:
-    """Bootstrap interval (percentile, seeded) of the mean of ``values`` (n,); NaN below
-    two values.
+    """Return the bootstrap interval of a mean (percentile, the same draws every time).
+
+    Parameters
+    ----------
+    values : (n,).
+    confidence : of the interval, 0 to 1.
+
+    Returns
+    -------
+    (low, high); NaN below two values.
     """
     if len(values) < 2:
         return float("nan"), float("nan")
@@ -37,13 +45,17 @@ def mean_interval(values: np.ndarray, confidence: float = 0.95) -> tuple[float, 
 
 
 def difference(a: np.ndarray, b: np.ndarray) -> dict[str, float]:
-    """Paired comparison of a with b, (n,) each, seed by seed.
+    """Compare two conditions seed by seed.
+
+    Parameters
+    ----------
+    a, b : (n,) values of the same seeds.
 
     Returns
     -------
-    dict ``difference`` (mean of a - b), ``low``, ``high`` (95 %, t distribution), ``t``, ``p``
-    (two-sided), ``d_z``, and ``above`` (share of pairs with a > b). Where every difference is zero,
-    t = 0 and p = 1; below two pairs the interval is NaN.
+    ``difference`` (mean of a - b), ``low``, ``high`` (95 %, t distribution), ``t``, ``p``
+    (two-sided), ``d_z`` and ``above`` (share of pairs with a > b). Where every difference is zero,
+    t = 0 and p = 1. Below two pairs the interval is NaN.
     """
     from scipy import stats
 
@@ -79,7 +91,16 @@ def difference(a: np.ndarray, b: np.ndarray) -> dict[str, float]:
 
 
 def holm(p: Sequence[float]) -> np.ndarray:
-    """p-values corrected by Holm's method; NaN stays NaN and counts for nothing."""
+    """Return p-values corrected for their number.
+
+    Parameters
+    ----------
+    p : NaN stays NaN and counts for nothing.
+
+    References
+    ----------
+    Holm 1979, Scandinavian Journal of Statistics 6.
+    """
     from statsmodels.stats.multitest import multipletests
 
     values = np.asarray(p, float)
@@ -95,16 +116,17 @@ def _by_seed(flights: pd.DataFrame, condition: str, metric: str) -> pd.Series:
 
 
 def means(flights: pd.DataFrame, metrics: Iterable[str]) -> pd.DataFrame:
-    """Mean of every metric in every condition, a row each.
+    """Return the mean of every metric in every condition.
 
     Parameters
     ----------
     flights : a row a flight: ``condition``, ``seed`` and the metrics.
+    metrics : columns of ``flights``.
 
     Returns
     -------
-    DataFrame ``metric``, ``condition``, ``seeds`` (how many), ``mean``, ``sd`` (between seeds),
-    ``mean_low``, ``mean_high``.
+    A row a metric and condition: ``metric``, ``condition``, ``seeds`` (how many), ``mean``, ``sd``
+    (between seeds), ``mean_low`` and ``mean_high``.
     """
     rows = []
     for metric in metrics:
@@ -122,13 +144,18 @@ def means(flights: pd.DataFrame, metrics: Iterable[str]) -> pd.DataFrame:
 def contrasts(
     flights: pd.DataFrame, metrics: Iterable[str], pairs: Iterable[tuple[str, str]]
 ) -> pd.DataFrame:
-    """Paired differences of pairs of conditions in every metric; Holm's correction is over the
-    whole table.
+    """Return paired differences of pairs of conditions in every metric.
+
+    Parameters
+    ----------
+    flights : a row a flight: ``condition``, ``seed`` and the metrics.
+    metrics : columns of ``flights``.
+    pairs : (condition, reference).
 
     Returns
     -------
-    DataFrame ``metric``, ``condition``, ``reference``, ``pairs`` (seeds with both), then the keys
-    of :func:`difference` and ``p_holm``.
+    A row a metric and pair: ``metric``, ``condition``, ``reference``, ``pairs`` (seeds with both),
+    the keys of :func:`difference`, and ``p_holm`` over the whole table.
     """
     rows, pairs = [], list(pairs)
     for metric in metrics:
@@ -151,8 +178,17 @@ def contrasts(
 
 
 def compare(flights: pd.DataFrame, metrics: Iterable[str], reference: str) -> pd.DataFrame:
-    """Means of every condition beside its paired difference from ``reference``, a row a metric and
-    condition.
+    """Return means of every condition beside its paired difference from a reference.
+
+    Parameters
+    ----------
+    flights : a row a flight: ``condition``, ``seed`` and the metrics.
+    metrics : columns of ``flights``.
+    reference : condition that the others are compared with.
+
+    Returns
+    -------
+    Columns of :func:`means` and :func:`contrasts`; those of the latter are NaN for the reference.
     """
     metrics, names = list(metrics), [c for c in flights["condition"].unique() if c != reference]
     differences = contrasts(flights, metrics, [(name, reference) for name in names])
