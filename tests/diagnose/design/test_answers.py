@@ -11,6 +11,7 @@ from ges.diagnose.design.answers import (
     endogenous_parts,
     feedback_of,
     flight_instruments,
+    moves_a_speed,
     near_ground_gain,
     strengths,
 )
@@ -142,6 +143,12 @@ def test_strengths_are_means_over_the_flights_that_heard_a_channel():
     assert told["force_z"]["share"] == pytest.approx(least)
     assert (told["force_z"]["flights_strong"], told["force_z"]["flights"]) == (1, 2)
     assert (told["moment_x"]["flights_strong"], told["moment_x"]["flights"]) == (0, 1)
+
+
+def test_what_moves_a_rotor_s_speed_is_of_its_drive():
+    assert moves_a_speed("battery_sag.sensitivity") and moves_a_speed("motor_lag.up_s")
+    assert moves_a_speed("vehicle.max_rotor_speed_rad_s")
+    assert not moves_a_speed("weak_rotor.loss_1") and not moves_a_speed("vehicle.mass_kg")
 
 
 def test_of_a_drive_what_its_neighbours_do_not_know_is_noise_of_the_commands():

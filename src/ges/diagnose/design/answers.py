@@ -44,7 +44,7 @@ from ges.diagnose.design.table import ColumnTable
 from ges.diagnose.design.weak import Windows, blocks_of
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.settings import settings
-from ges.diagnose.types.model import Model, block_of
+from ges.diagnose.types.model import SPEED, Model, block_of
 from ges.simulator import effects as effect_table
 
 VERTICAL = ("force_z", "acc_z")
@@ -68,6 +68,17 @@ def near_ground_gain(key: str) -> bool:
     """Whether a column is a thrust gain that depends on the height."""
     effect = effect_table.table().get(key.split(".")[0])
     return effect is not None and effect.feedback == "thrust_gain" and "height" in effect.needs
+
+
+def moves_a_speed(key: str) -> bool:
+    """Return whether a number is of a drive: of an actuator, or the top speed.
+
+    Parameters
+    ----------
+    key : ``effect.parameter``.
+    """
+    effect = effect_table.table().get(key.split(".")[0])
+    return key == SPEED or (effect is not None and effect.kind == "actuator")
 
 
 def untrim(
@@ -192,9 +203,8 @@ def endogenous_parts(
         for kind in KINDS
         if kind != "load" or "load" in map(feedback_of, on)
     }
-    # whatever a column is of, it moves a speed along the same commands
-    moved = {k for c, n in heard.items() if block_of(n) == DRIVE for k in x.at[c]}
-    which[DRIVE] = [k for k in _first(keys) if k in moved]
+    # whatever answers them, all of these are made of the same commands
+    which[DRIVE] = [k for k in _first(keys) if moves_a_speed(keys[k])]
     parts = {kind: {c: x.of(c, at)[air] for c in heard} for kind, at in which.items()}
     # in moments a cushion is endogenous, along thrust every gain
     levels = np.array([near_ground_gain(keys[k]) for k in which["thrust_gain"]], dtype=float)
