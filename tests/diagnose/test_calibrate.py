@@ -233,3 +233,21 @@ def test_gains_and_cant_balance_the_moments(recordings_dir):
     after = _balance_share(calibrate(make_set(sheet, flights)).vehicle, flights)
     assert np.linalg.norm(after) < 0.2 * np.linalg.norm(before)
     assert after[2] < 0.2 * before[2], "in yaw, by the cant"
+
+
+@pytest.mark.slow
+def test_a_calibrated_drive_turns_commands_of_later_flights_into_speeds(recordings_dir):
+    """Of a vehicle whose battery reads 3.7 V, on flights of another pace, within 2 %."""
+    folder = recordings_dir / "imrclab-crazyflie" / "free"
+    first, later = (
+        [(p.name, open_log(p).frame()) for p in sorted(folder.glob(pattern))[:3]]
+        for pattern in ("eckart0*", "eckart[12]*")
+    )
+    made = calibrate(make_set(load_vehicle("crazyflie-2.1"), first)).vehicle
+    model = from_vehicle(made, ROOT)
+    prepared = pass_gate([frame for _, frame in later], model, [name for name, _ in later])
+    system = build(prepared.flights, with_flown_voltage(model, prepared.flights), [])
+    drives = [system.main.index(f"drive_{i}") for i in range(1, 5)]
+    for rows in system.flights:
+        speed = rows.flight.stack("rotor_speed").mean()
+        assert np.abs(rows.in_air(drives).mean(axis=0)).max() < 0.02 * speed

@@ -229,3 +229,12 @@ def test_a_number_far_from_its_declared_doubt_is_said_and_trims_are_not():
     assert len(far) == 1 and far[0].startswith("inertia.xx moved by 0.4, 8.0 times its declared sd")
     low, high = _number(0.1, 0.02).ci95
     assert (low, high) == pytest.approx((0.1 - 0.0196, 0.1 + 0.0196))
+
+
+def test_a_top_speed_is_no_surer_in_later_flights_than_thrust_by_commands():
+    """Gains by commands spread by 2 % between flights, and speed goes as the root of thrust."""
+    assert module._usual_sd(SPEED, MODEL) == pytest.approx(
+        0.01 * MODEL.number("max_rotor_speed_rad_s")
+    )
+    assert module._usual_sd("battery_sag.sensitivity", MODEL) > 0.0
+    assert module._usual_sd("inertia.xx", MODEL) == 0.0

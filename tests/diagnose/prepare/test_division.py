@@ -11,11 +11,17 @@ from hypothesis import strategies as st
 from ges.conventions import BODY_RATE, VELOCITY, command, rotor_speed
 from ges.diagnose.prepare.channels import ACC, FORCE, MOMENT, channels, drive
 from ges.diagnose.prepare.cut import cut
-from ges.diagnose.prepare.gate import Gate, with_flown_voltage, with_thrust_direction
+from ges.diagnose.prepare.gate import (
+    Gate,
+    with_flown_voltage,
+    with_stated_voltage,
+    with_thrust_direction,
+)
 from ges.diagnose.prepare.kinematics import to_body
 from ges.diagnose.prepare.problem import Problem
 from ges.diagnose.prepare.split import digest, split
 from ges.errors import GesError
+from ges.vehicle.file import Estimate
 
 from ..synthetic import MODEL, hovering, times
 
@@ -136,3 +142,18 @@ def test_a_gate_knows_which_flights_are_of_use_and_a_problem_which_it_fits():
     assert Gate((a, None, b), (), ()).usable() == [0, 2]
     posed = Problem(None, MODEL, Gate((), (), ()), {"one": a}, {"two": b}, {}, ())
     assert posed.train == [a] and posed.flights == [a, b]
+
+
+def test_a_file_states_the_voltage_from_which_a_sensitivity_counts():
+    """About a median of 3.7 V it would be nonsense from the simulator's usual 16 V."""
+    effects = {
+        "battery_sag": {"sensitivity": Estimate(value=0.9)},
+        "rotor_drag": {"k_kg": Estimate(value=1e-4)},
+    }
+    model = MODEL.with_number("battery_nominal_V", 3.7)
+    stated = with_stated_voltage(effects, model)
+    assert stated["battery_sag"]["nominal_V"].value == 3.7
+    assert stated["battery_sag"]["sensitivity"].value == 0.9
+    assert stated["rotor_drag"] == effects["rotor_drag"]
+    again = with_stated_voltage(stated, MODEL.with_number("battery_nominal_V", 4.1))
+    assert again == stated, "what a file states already stays"

@@ -48,7 +48,7 @@ from ges.diagnose.estimate.fit import (
 from ges.diagnose.locate.regimes import regimes_of
 from ges.diagnose.locate.structure import structures
 from ges.diagnose.prepare.align import Prepared, attitude_measured
-from ges.diagnose.prepare.gate import pass_gate, with_flown_voltage
+from ges.diagnose.prepare.gate import pass_gate, with_flown_voltage, with_stated_voltage
 from ges.diagnose.select.evidence import Gram, without_deviations
 from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import interval95
@@ -362,17 +362,22 @@ def _nominal_numbers(
             last = before[key].value if key in before else 0.0
             # prior's share w = (sd / prior sd)^2: its mean at -last moves the answer by -w last
             value = last * (1.0 - (sd / nuisance.sd) ** 2) + float(joint.common[key])
-            later = max(sd, _usual_sd(key))
+            later = max(sd, _usual_sd(key, model))
             numbers[key] = Number(
                 _within_flown_bounds(key, value, sd, model), sd, 0.0, 0.0, nuisance.sd, later
             )
     return numbers
 
 
-def _usual_sd(key: str) -> float:
-    """Usual prior sd of an ``effect.parameter``; 0 where only the vehicle file states one."""
+def _usual_sd(key: str, model: Model) -> float:
+    """Usual prior sd of an ``effect.parameter`` in later flights; 0 where a file alone has one."""
+    if key == SPEED:
+        # gains by commands spread from flight to flight, those by rotor speeds hardly: that is the
+        # drive's, and a speed goes as the root of thrust
+        gain_sd = settings.calibrate.spread * settings.calibrate.loss_sd
+        return 0.5 * gain_sd * model.number("max_rotor_speed_rad_s")
     effect, _, parameter = key.partition(".")
-    usual = effect_table.get(effect).parameter(parameter).doubt if key != SPEED else None
+    usual = effect_table.get(effect).parameter(parameter).doubt
     return usual.sd if usual else 0.0
 
 
@@ -635,7 +640,7 @@ def calibrate(recordings: RecordingSet, *more: RecordingSet) -> Calibration:
     flights = with_expected_speeds(flights, model)
     numbers, spreads = _fit(flights, session, _with_free_trims(model, flights))
     update = _corrected_fields(recordings.vehicle, numbers) | {
-        "effects": _effects(recordings.vehicle, numbers)
+        "effects": with_stated_voltage(_effects(recordings.vehicle, numbers), model)
     }
     if _commands_alone(flights):
         update |= _fixed_drive(recordings.vehicle, update["effects"])

@@ -150,6 +150,8 @@ def accept(start: Regression, record: Record, only: Sequence[str] | None = None)
         *names,
         *(n for n, p in found.inclusion.items() if p >= settings.statistics.acceptance_probability),
     }
+    # what was open at first, and then was accepted beside the others, is open no more
+    contested -= set(names)
     rivals = ambiguous(found, settled - contested, contested)
     if rivals and not _needed(rivals, base, system):
         rivals = ()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -37,6 +37,7 @@ from ges.diagnose.types.model import Model
 from ges.errors import GesError
 from ges.simulator import effects as effect_table
 from ges.threads import each
+from ges.vehicle.file import Estimate
 
 
 @dataclasses.dataclass(frozen=True)
@@ -274,6 +275,26 @@ def with_flown_voltage(model: Model, flights: Sequence[Prepared | None]) -> Mode
     if not volts or any("reads_voltage" in effect_table.get(n).hints for n in model.effects):
         return model
     return model.with_number("battery_nominal_V", float(np.median(np.concatenate(volts))))
+
+
+def with_stated_voltage(
+    effects: Mapping[str, Mapping[str, Estimate]], model: Model
+) -> dict[str, dict[str, Estimate]]:
+    """Return effects of a vehicle file that state the voltage from which they count.
+
+    A sensitivity that was fitted about the median of some flights means nothing about another
+    voltage, which other flights have.
+
+    Parameters
+    ----------
+    effects : parameters by name, by effect.
+    model : of :func:`with_flown_voltage`.
+    """
+    nominal = {"nominal_V": Estimate(value=model.number("battery_nominal_V"))}
+    reading = {n for n in effects if "reads_voltage" in effect_table.get(n).hints}
+    return {
+        name: {**(nominal if name in reading else {}), **values} for name, values in effects.items()
+    }
 
 
 def _unusable_because(flight: Prepared) -> str | None:

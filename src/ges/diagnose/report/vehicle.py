@@ -9,6 +9,7 @@ from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.laws import FittedLaw
 from ges.diagnose.detectors.gusts import GUSTS, Gusts
 from ges.diagnose.estimate.fit import JointFit, within_bounds
+from ges.diagnose.prepare.gate import with_stated_voltage
 from ges.diagnose.report.laws import vehicle_laws
 from ges.diagnose.types.diagnosis import interval95
 from ges.diagnose.types.model import Model
@@ -56,6 +57,7 @@ def fitted_vehicle(
     if gusts:
         parameters = gusts.finding().parameters
         effects[GUSTS] = {p: Estimate(value=e.value, ci95=e.ci95) for p, e in parameters.items()}
+    effects = with_stated_voltage(effects, nominal)
     flown = vehicle_laws(vehicle.laws, laws)
     return vehicle.model_copy(update={"effects": effects, "laws": flown, **numbers})
 
