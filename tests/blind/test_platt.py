@@ -9,7 +9,7 @@ import pytest
 from scipy.special import expit
 
 from ges.blind.score.platt import fit, pairs
-from ges.diagnose.select.stated import log_odds, searched, stated
+from ges.diagnose.select.probability import calibrated_probability, log_odds, uncalibrated_log_odds
 from ges.diagnose.settings import settings
 from ges.errors import GesError
 
@@ -24,8 +24,10 @@ def test_fit_finds_the_correction_that_was_made():
 
 @pytest.mark.parametrize("probability", [0.0, 0.02, 0.5, 0.93, 1.0])
 def test_what_is_stated_leads_back_to_the_search(probability):
-    assert 0.0 < stated(probability) < 1.0
-    assert searched(stated(probability)) == pytest.approx(log_odds(probability))
+    assert 0.0 < calibrated_probability(probability) < 1.0
+    assert uncalibrated_log_odds(calibrated_probability(probability)) == pytest.approx(
+        log_odds(probability)
+    )
 
 
 @pytest.mark.parametrize("made", [{"seed": 1003}, None])

@@ -11,7 +11,7 @@ from ges.diagnose.design.table import table_of
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.design.whiten import White, WhitePart
 from ges.diagnose.select.bounded import log_mass_within
-from ges.diagnose.select.evidence import Gram, Prior, gram_of, posterior, unanswered
+from ges.diagnose.select.evidence import Gram, Prior, gram_of, posterior, whitened_against_feedback
 
 FREE = np.array([-np.inf, -np.inf]), np.array([np.inf, np.inf])
 
@@ -110,7 +110,7 @@ def test_rows_without_answers_have_the_products_of_the_fit(seen):
     x, y = seen
     rng = np.random.default_rng(5)
     part = WhitePart(np.arange(60), np.arange(x.shape[1]), y, x, 3.0 * rng.normal(size=(60, 4)))
-    left_x, left_y = unanswered(part)
+    left_x, left_y = whitened_against_feedback(part)
     gram = gram_of(White((part,), x.shape[1]))
     np.testing.assert_allclose(left_x.T @ left_x, gram.xx)
     np.testing.assert_allclose(left_x.T @ left_y, gram.xy)

@@ -46,7 +46,7 @@ def _search(evidence: dict[tuple[str, ...], float]) -> SearchResult:
     ranked = sorted(evidence.items(), key=lambda item: -item[1])
     names = {n for told in evidence for n in told}
     return SearchResult(
-        tuple(Hypothesis(told, (), Posterior.of_nothing(), log) for told, log in ranked),
+        tuple(Hypothesis(told, (), Posterior.empty(), log) for told, log in ranked),
         dict.fromkeys(names, 1.0),
     )
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ges.diagnose.report.findings import open_findings
-from ges.diagnose.select.stated import stated
+from ges.diagnose.select.probability import calibrated_probability
 
 
 @pytest.mark.parametrize(
@@ -25,5 +25,7 @@ def test_of_names_of_which_one_is_needed_no_more_is_stated_than_one(inclusion, s
     told = open_findings(
         SimpleNamespace(found=found, rivals=tuple(inclusion), alternatives={}, regression=None)
     )
-    assert [f.probability for f in told] == pytest.approx([stated(p) for p in shares])
+    assert [f.probability for f in told] == pytest.approx(
+        [calibrated_probability(p) for p in shares]
+    )
     assert all(f.is_open for f in told)

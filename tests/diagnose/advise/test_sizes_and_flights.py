@@ -94,7 +94,7 @@ def test_a_flight_is_flown_until_the_odds_of_an_acceptance_are_expected(expected
 
 
 def _search(sets, inclusion):
-    listed = [Hypothesis(n, (), Posterior.of_nothing(), log, p) for n, (log, p) in sets.items()]
+    listed = [Hypothesis(n, (), Posterior.empty(), log, p) for n, (log, p) in sets.items()]
     return SearchResult(tuple(sorted(listed, key=lambda h: -h.log_evidence)), inclusion)
 
 

@@ -117,7 +117,7 @@ def test_left_over_is_one_structure_a_channel_the_one_that_predicts_most():
 
 def _search(evidence, inclusion=None):
     ranked = sorted(evidence.items(), key=lambda item: -item[1][0])
-    listed = tuple(Hypothesis(n, (), Posterior.of_nothing(), log, p) for n, (log, p) in ranked)
+    listed = tuple(Hypothesis(n, (), Posterior.empty(), log, p) for n, (log, p) in ranked)
     return SearchResult(listed, inclusion or {n: 1.0 for names in evidence for n in names})
 
 

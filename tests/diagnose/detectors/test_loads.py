@@ -120,9 +120,7 @@ def test_only_a_load_that_is_not_out_of_the_question_is_made_sharper(p, likely):
     found = SearchResult((best,), {"slung_load": p})
     assert probable_load(regression, found) is (THREADS if likely else None)
     assert (
-        probable_load(
-            regression, SearchResult((Hypothesis((), (), Posterior.of_nothing(), 0.0),), {})
-        )
+        probable_load(regression, SearchResult((Hypothesis((), (), Posterior.empty(), 0.0),), {}))
         is None
     )
     assert get("slung_load").remembers_the_path

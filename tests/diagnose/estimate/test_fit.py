@@ -22,7 +22,7 @@ from ges.diagnose.estimate.fit import (
     within_bounds,
 )
 from ges.diagnose.library.candidates import Variant, amplitude_of
-from ges.diagnose.select.evidence import Posterior, make_regression, whitened
+from ges.diagnose.select.evidence import Posterior, make_regression, whiten_system
 from ges.diagnose.select.search import Hypothesis
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import SPEED
@@ -157,7 +157,7 @@ def test_intervals_are_wider_where_blocks_of_time_scatter_more_than_rows():
         white = dataclasses.replace(
             regression.noise, ar=np.zeros((1, 3)), sd=np.ones(1), growth=np.zeros(1)
         )
-        joint = joint_fit(whitened(system, white), [0])
+        joint = joint_fit(whiten_system(system, white), [0])
         factors.append(math.sqrt(joint.covariance[0, 0] / joint.row_covariance[0, 0]))
         assert (joint.covariance >= joint.row_covariance).all()
     assert factors[0] < 1.3 and factors[1] > 2.5

@@ -13,14 +13,14 @@ from ges.diagnose.select.evidence import (
     Gram,
     Posterior,
     Prior,
-    acts_of,
+    contribution_of,
     flight_grams,
     gram_of,
     make_regression,
     posterior,
     posteriors,
     rms_of,
-    whitened,
+    whiten_system,
 )
 from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
@@ -242,7 +242,7 @@ def test_all_flights_together_are_their_sum_with_common_nuisances_integrated_out
     at = np.array([0])
     _same(regression.pooled(), total.about(at, np.array([0.2])).without(at, np.array([0.3])))
     _same(regression.pooled((0,)), total)
-    known = whitened(regression.system, regression.noise)
+    known = whiten_system(regression.system, regression.noise)
     assert known.by_flight == () and known.prior.sd.tolist() == regression.prior.sd.tolist()
 
 
@@ -257,6 +257,6 @@ def test_acts_are_columns_by_their_coefficients_of_the_names_that_are_asked():
     columns = [amplitude("rotor_drag.k_kg"), amplitude("tether.weight_N_m")]
     system = _system([np.zeros((3, 1))] * 2, columns, [{0: np.ones(3)}, {0: np.arange(3.0)}])
     found = Posterior((0, 1), np.array([2.0, -1.0]), np.eye(2), 0.0)
-    assert acts_of(found, {"rotor_drag"}, system).ravel().tolist() == [2.0] * 6
-    both = acts_of(found, {"rotor_drag", "tether"}, system)
+    assert contribution_of(found, {"rotor_drag"}, system).ravel().tolist() == [2.0] * 6
+    both = contribution_of(found, {"rotor_drag", "tether"}, system)
     assert both.ravel().tolist() == [2.0, 1.0, 0.0] * 2

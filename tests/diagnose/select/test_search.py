@@ -10,18 +10,18 @@ from scipy.ndimage import gaussian_filter1d
 
 from ges.diagnose.library.candidates import Candidate
 from ges.diagnose.select.evidence import Posterior, make_regression
+from ges.diagnose.select.probability import calibrated_probability, log_odds, uncalibrated_log_odds
 from ges.diagnose.select.search import (
     Hypothesis,
     SearchResult,
-    exactly,
+    cause_count,
+    evaluate_exactly,
+    log_evidence_over_plain,
     log_odds_against_one_of,
     log_rarity,
-    over_plain,
     search,
-    size_of,
 )
 from ges.diagnose.select.stable import search_until_stable
-from ges.diagnose.select.stated import log_odds, searched, stated
 from ges.diagnose.settings import settings
 
 from ..synthetic import amplitude, rows_of, system_of
@@ -102,7 +102,7 @@ def test_prior_of_one_cause_is_shared_among_all_of_them():
         assert h.log_prior == pytest.approx(np.log(size[len(h.names)] / count))
         flights = h.posterior.log_evidence if h.posterior else 0.0
         assert h.log_evidence == pytest.approx(h.log_prior + flights)
-        assert h.of_flights == pytest.approx(flights)
+        assert h.flight_evidence == pytest.approx(flights)
     assert log_odds_against_one_of(2) == pytest.approx(np.log(size[0] / (size[1] / 2.0)))
 
 
@@ -113,15 +113,15 @@ def test_what_is_rarely_met_takes_more_of_the_flights():
     rare = found.best_with("thrust_scale", ("tether",))
     flights = rare.posterior.log_evidence
     assert rare.log_evidence == pytest.approx(rare.log_prior + np.log(0.1) + flights)
-    assert rare.of_flights == pytest.approx(flights)
+    assert rare.flight_evidence == pytest.approx(flights)
     assert log_rarity(("thrust_scale", "inertia")) == pytest.approx(2.0 * np.log(0.1))
     assert log_rarity(()) == 0.0
 
 
 def test_what_acts_through_another_of_the_set_is_no_cause_more():
-    assert size_of(("rotor_drag", "tether")) == 2
-    assert size_of(("ground_effect", "ground_effect_lag")) == 1
-    assert size_of(("ground_effect_lag",)) == 1
+    assert cause_count(("rotor_drag", "tether")) == 2
+    assert cause_count(("ground_effect", "ground_effect_lag")) == 1
+    assert cause_count(("ground_effect_lag",)) == 1
 
 
 @pytest.mark.parametrize("base", [(), ("ground_effect",)])
@@ -135,20 +135,22 @@ def test_what_needs_a_carrier_is_weighed_beside_one_alone(base):
 
 def test_exactly_these_names_and_nothing_else():
     regression, listed = _regression({KEYS[0]: 0.3})
-    found = exactly(regression, listed[:2])
+    found = evaluate_exactly(regression, listed[:2])
     assert [h.names for h in found.hypotheses] == [tuple(sorted(NAMES[:2]))]
     assert found.best.probability == 1.0 and found.inclusion[NAMES[1]] == 1.0
-    assert exactly(regression, []).best.names == ()
+    assert evaluate_exactly(regression, []).best.names == ()
 
 
 def test_a_set_without_modifiers_is_its_own_plain_form():
     regression, listed = _regression({KEYS[0]: 0.3})
-    assert over_plain(regression, listed, search(regression, listed).best) == pytest.approx(0.0)
+    assert log_evidence_over_plain(
+        regression, listed, search(regression, listed).best
+    ) == pytest.approx(0.0)
 
 
 def _weighed(evidence):
     ranked = sorted(evidence.items(), key=lambda item: -item[1])
-    return SearchResult(tuple(Hypothesis(n, (), Posterior.of_nothing(), v) for n, v in ranked), {})
+    return SearchResult(tuple(Hypothesis(n, (), Posterior.empty(), v) for n, v in ranked), {})
 
 
 def test_the_best_with_a_name_has_none_of_the_others_where_it_can():
@@ -218,13 +220,13 @@ def test_asked_for_names_are_fitted_whether_they_are_there_or_not():
 @given(st.floats(1e-3, 0.999), st.floats(1e-3, 0.999))
 def test_told_probabilities_keep_their_order_and_say_less_than_the_search(a, b):
     low, high = sorted((a, b))
-    assert stated(low) <= stated(high)
-    away = abs(log_odds(stated(high)) - settings.search.log_odds_offset)
+    assert calibrated_probability(low) <= calibrated_probability(high)
+    away = abs(log_odds(calibrated_probability(high)) - settings.search.log_odds_offset)
     assert away <= abs(log_odds(high)) + 1e-9
-    assert searched(stated(a)) == pytest.approx(log_odds(a), abs=1e-9)
+    assert uncalibrated_log_odds(calibrated_probability(a)) == pytest.approx(log_odds(a), abs=1e-9)
 
 
 @pytest.mark.parametrize("p", [0.0, 1.0, 1.5, -0.1])
 def test_certainty_has_an_end(p):
     most = settings.statistics.certain_log_odds
-    assert abs(log_odds(p)) == pytest.approx(most) and 0.0 < stated(p) < 1.0
+    assert abs(log_odds(p)) == pytest.approx(most) and 0.0 < calibrated_probability(p) < 1.0

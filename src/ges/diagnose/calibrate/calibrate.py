@@ -49,7 +49,7 @@ from ges.diagnose.locate.regimes import regimes_of
 from ges.diagnose.locate.structure import structures
 from ges.diagnose.prepare.align import Prepared, attitude_measured
 from ges.diagnose.prepare.gate import pass_gate, with_flown_voltage, with_stated_voltage
-from ges.diagnose.select.evidence import Gram, without_deviations
+from ges.diagnose.select.evidence import Gram, marginalise_deviations
 from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import interval95
 from ges.diagnose.types.model import SPEED, Model, from_vehicle
@@ -240,7 +240,7 @@ def _marginalise(gram: Gram, spread: np.ndarray) -> tuple[Gram, float]:
     """
     # what the integral leaves beside them is -log det(I + S A S) / 2, S = diag(spread)
     inner = np.eye(len(spread)) + gram.xx * np.outer(spread, spread)
-    common = without_deviations(gram, np.arange(len(spread)), spread)
+    common = marginalise_deviations(gram, np.arange(len(spread)), spread)
     return common, -0.5 * float(np.linalg.slogdet(inner)[1])
 
 

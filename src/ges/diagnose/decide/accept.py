@@ -36,7 +36,12 @@ from ges.diagnose.library.candidates import (
 from ges.diagnose.select.alike import Alike
 from ges.diagnose.select.evidence import Posterior, Regression, make_regression
 from ges.diagnose.select.scorer import entries
-from ges.diagnose.select.search import Hypothesis, SearchResult, log_odds_against_one_of, over_plain
+from ges.diagnose.select.search import (
+    Hypothesis,
+    SearchResult,
+    log_evidence_over_plain,
+    log_odds_against_one_of,
+)
 from ges.diagnose.select.stable import search_until_stable
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, Record
@@ -248,7 +253,7 @@ def _modifying(
         return {}
     # as a search of all that modifies these effects, and of nothing else, has them
     ways = sum(e.modifies in names for e in effect_table.table().values())
-    odds = over_plain(regression, listed, found.best) - log_odds_against_one_of(ways)
+    odds = log_evidence_over_plain(regression, listed, found.best) - log_odds_against_one_of(ways)
     if odds <= settings.statistics.acceptance_log_odds:
         return {}
     return {m: _Modifying(values, float(expit(odds))) for m, values in brought.items()}

@@ -25,7 +25,7 @@ from ges.diagnose.locate.laws import (
 )
 from ges.diagnose.locate.stages import Start
 from ges.diagnose.locate.structure import Structure
-from ges.diagnose.select.evidence import make_regression, whitened
+from ges.diagnose.select.evidence import make_regression, whiten_system
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model, block_of
 from ges.simulator.laws import CHANNELS, LAW, Term
@@ -197,7 +197,7 @@ def _beside(
     exogenous = tuple(dataclasses.replace(rows, endogenous={}) for rows in asked.flights)
     asked = dataclasses.replace(asked, flights=exogenous)
     held, chosen = pinned_priors(joint), free_columns(asked)
-    regression = whitened(asked, estimate_noise(asked, chosen))
+    regression = whiten_system(asked, estimate_noise(asked, chosen))
     prior_sd = regression.prior.sd[chosen]
     found = joint_fit(regression, chosen, np.zeros(len(chosen)), prior_sd, held)
     law |= {t.key: law[t.key] + float(c) for t, c in zip(terms, found.chosen, strict=True)}

@@ -22,7 +22,7 @@ from ges.diagnose.library.candidates import amplitude_of, family_of, has_prerequ
 from ges.diagnose.select.alike import Alike, alike_of
 from ges.diagnose.select.evidence import Regression
 from ges.diagnose.select.scorer import Entry
-from ges.diagnose.select.search import Hypothesis, SearchResult, size_of
+from ges.diagnose.select.search import Hypothesis, SearchResult, cause_count
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, Record
 from ges.simulator import effects as effect_table
@@ -202,15 +202,15 @@ def best_rival(found: SearchResult, name: str) -> Hypothesis | None:
     others = [
         h
         for h in found.hypotheses
-        if name not in h.names and h.names and size_of(h.names) <= size_of(best.names)
+        if name not in h.names and h.names and cause_count(h.names) <= cause_count(best.names)
     ]
     # by the flights alone: a rarity in the prior must not hide what explains them as well
-    return max(others, key=lambda h: h.of_flights, default=None)
+    return max(others, key=lambda h: h.flight_evidence, default=None)
 
 
 def _lead(found: SearchResult, name: str, rival: Hypothesis) -> float:
     """Log odds of the best set with a name over its rival, from the flights alone."""
-    return (_alone(found, name) or found.best).of_flights - rival.of_flights
+    return (_alone(found, name) or found.best).flight_evidence - rival.flight_evidence
 
 
 def replaced_by(found: SearchResult, name: str) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ges.diagnose.design.system import System
 from ges.diagnose.locate.regimes import least_rms
-from ges.diagnose.select.evidence import Regression, acts_of
+from ges.diagnose.select.evidence import Regression, contribution_of
 from ges.diagnose.select.search import Hypothesis
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model, block_of
@@ -41,7 +41,7 @@ def shares_of(regression: Regression, h: Hypothesis, names: set[str]) -> Mapping
     """Rms of what effects add together by the search's coefficients, over the least that matters,
     in each block its greatest channel; an accelerometer shows forces.
     """
-    system, added = regression.system, acts_of(h.posterior, names, regression.system)
+    system, added = regression.system, contribution_of(h.posterior, names, regression.system)
     with np.errstate(invalid="ignore"):
         share = np.sqrt(
             np.nanmean(np.where(np.isfinite(added).any(axis=0), added, 0.0) ** 2, axis=0)

@@ -25,7 +25,7 @@ from ges.diagnose.design.system import FlightRows, System, build
 from ges.diagnose.estimate.fit import Fitted, JointFit, raw_residuals
 from ges.diagnose.library.candidates import Variant, amplitude_of, has_prerequisite
 from ges.diagnose.prepare.channels import FORCE
-from ges.diagnose.select.stated import stated
+from ges.diagnose.select.probability import calibrated_probability
 from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import Estimate, Finding
 from ges.diagnose.types.model import Model
@@ -86,7 +86,9 @@ class Gusts:
             "share_of_weight": self.force_N / self.weight_N,
             "channel": FORCE[0],
         }
-        return Finding.of("gusts", stated(1.0 - self.chance), {STRENGTH: value}, size)
+        return Finding.of(
+            "gusts", calibrated_probability(1.0 - self.chance), {STRENGTH: value}, size
+        )
 
 
 def wind_speed_m_s(system: System, name: str, values: Mapping[str, float]) -> float:

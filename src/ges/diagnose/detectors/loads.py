@@ -197,6 +197,6 @@ def _most_probable(like: System, variants: Sequence[Variant]) -> int:
     columns = [k for k, c in enumerate(system.columns) if c.variant is not None]
     regression = make_regression(system, columns[:1])
     listed = entries(regression, [Candidate(LOAD, "physics", tuple(variants))])
-    on = set_scorer(regression, listed)
-    (best,) = on.best([(e,) for e in listed])
+    scorer = set_scorer(regression, listed)
+    (best,) = scorer.best([(e,) for e in listed])
     return columns.index(best.columns[0])

@@ -24,8 +24,8 @@ from ges.diagnose.select.evidence import (
     Regression,
     gram_of,
     make_regression,
-    unanswered,
-    whitened,
+    whiten_system,
+    whitened_against_feedback,
 )
 from ges.diagnose.select.search import Hypothesis
 from ges.diagnose.settings import settings
@@ -200,7 +200,7 @@ def _scores(white: White, kept: np.ndarray, beta: np.ndarray, block: np.ndarray)
     number = np.unique(block, return_inverse=True)[1]
     scores = np.zeros((number.max(initial=-1) + 1, len(kept)))
     for part in white.parts:
-        x, y = unanswered(part)
+        x, y = whitened_against_feedback(part)
         d = pick_columns(x, part.columns, kept)
         # rows come in order of time, so that a block is one run of them, summed at once
         first = np.flatnonzero(np.diff(number[part.at], prepend=-1))
@@ -520,7 +520,7 @@ def polish(
         # one noise for all rounds: costs under several would not compare
         noise_so_far = fixed_noise or (first.regression.noise if first else None)
         noise = noise_so_far or estimate_noise(system, free_columns(system))
-        there = _linearise(values, free, whitened(system, noise), model)
+        there = _linearise(values, free, whiten_system(system, noise), model)
         # the step promised more than it kept: half of the way back, from the best point so far
         if at and first and there.cost > at.cost + settings.estimate.same_cost:
             values = at.values_at(0.5 * (at.free_values() + there.free_values()))

@@ -18,7 +18,7 @@ from ges.diagnose.design.system import build, nuisance_of, residuals_with
 from ges.diagnose.design.table import table_of
 from ges.diagnose.design.whiten import variance_covariate, whiten
 from ges.diagnose.estimate.fit import JointFit, correction_bounds, joint_fit, with_corrections
-from ges.diagnose.select.evidence import Regression, gram_of, whitened
+from ges.diagnose.select.evidence import Regression, gram_of, whiten_system
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 
@@ -100,7 +100,9 @@ def _linearise(
     """The regression of the nuisances, linearised with these corrections, under the same noise."""
     system = regression.system
     there = at_corrections(nominal, corrections)
-    return whitened(build(system.recordings, there, (), length_s=system.length_s), regression.noise)
+    return whiten_system(
+        build(system.recordings, there, (), length_s=system.length_s), regression.noise
+    )
 
 
 def _step(regression: Regression, joint: JointFit) -> dict[str, float]:

@@ -14,7 +14,7 @@ from ges.diagnose.design.weak import Windows
 from ges.diagnose.locate.structure import PLACE, Regimes, Structure, shared_variables, without_mean
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.kinematics import to_body
-from ges.diagnose.select.evidence import Regression, acts_of
+from ges.diagnose.select.evidence import Regression, contribution_of
 from ges.diagnose.select.search import SearchResult
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
@@ -422,7 +422,7 @@ def located_by_open_names(
     for h in (
         h for h in found.hypotheses if h.probability > negligible and set(h.names) - set(proven)
     ):
-        contribution = acts_of(h.posterior, set(h.names) - set(proven), regression.system)
+        contribution = contribution_of(h.posterior, set(h.names) - set(proven), regression.system)
         for c, channel in enumerate(system.main):
             good = np.isfinite(contribution[:, c]) & np.isfinite(noise[:, c])
             if _rms(contribution[good, c]) > settings.statistics.large_part * _rms(noise[good, c]):

@@ -24,7 +24,7 @@ from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.library.candidates import amplitude_of, place_of
 from ges.diagnose.prepare.gate import Gate
 from ges.diagnose.report.content import places_of
-from ges.diagnose.select.stated import stated
+from ges.diagnose.select.probability import calibrated_probability
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Record
 from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
@@ -164,7 +164,7 @@ def _finding(accepted: Accepted, name: str, contribution: Sequence[np.ndarray]) 
     nominal = accepted.regression.system.model.effects.get(name, {})
     return Finding.of(
         name,
-        stated(accepted.probability[name]),
+        calibrated_probability(accepted.probability[name]),
         _parameters_of(accepted.fit, name, nominal),
         size_of_contribution(contribution, accepted.fit.regression.system),
         _alternatives_of(accepted, name),
@@ -234,7 +234,9 @@ def _contradicted_finding(
     terms = {system.nuisances[n.key]: n.value for n in contradicted}
     contribution = [rows.weighted_columns(terms, len(system.main)) for rows in system.flights]
     # certain by its own rule, hence as sure as any name is told to be
-    found = Finding.of(name, stated(1.0), parameters, size_of_contribution(contribution, system))
+    found = Finding.of(
+        name, calibrated_probability(1.0), parameters, size_of_contribution(contribution, system)
+    )
     # the effect may be physics; what is wrong here is a number of the file
     return dataclasses.replace(found, kind="parameter")
 
@@ -252,7 +254,9 @@ def open_findings(accepted: Accepted) -> list[Finding]:
 def _open(accepted: Accepted, name: str) -> Finding:
     fitted, inclusion = accepted.alternatives.get(name), accepted.found.inclusion
     # one of them is needed: a set that has two makes neither surer than the other lets it be
-    chance = stated(inclusion[name] / max(1.0, sum(inclusion[n] for n in accepted.rivals)))
+    chance = calibrated_probability(
+        inclusion[name] / max(1.0, sum(inclusion[n] for n in accepted.rivals))
+    )
     # without a fit there is no contribution to size, only the coefficient of the search
     if fitted is None:
         return Finding.of(name, chance, _search_estimates(accepted, name), is_open=True)

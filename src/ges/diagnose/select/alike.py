@@ -1,8 +1,9 @@
-"""Which names these flights cannot tell apart, whatever the noise was.
+"""Which names these flights cannot separate, whatever the noise was.
 
-What a name does is a direction in the space of all residuals, whitened by their noise, with
-nuisances and the other names of its set projected out. Of a rival that can do nearly the same the
-name is not told, even where the evidence prefers one: that is of priors and of chance.
+An effect is a direction in the space of all residuals. They are whitened by their noise, and
+nuisances and the other names of the set are projected out. A rival that can do nearly the same
+keeps the name open, even where the evidence prefers one. That preference comes from priors and
+chance.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from ges.diagnose.settings import settings
 
 @dataclasses.dataclass(frozen=True)
 class Alike:
-    """What these flights cannot tell from a name.
+    """An effect that these flights cannot separate from a name.
 
     Attributes
     ----------
@@ -39,12 +40,15 @@ class Alike:
 def alike_of(
     regression: Regression, h: Hypothesis, name: str, listed: Sequence[Entry]
 ) -> tuple[Alike, ...]:
-    """Return the effects and places that these flights cannot tell from a name, the nearest first.
+    """Return the effects and places that these flights cannot separate from a name, the nearest
+    first.
 
     Parameters
     ----------
-    h : a set that has the name; its other names stay beside every rival.
-    listed : variants of all that could stand in its place.
+    regression : of the search.
+    h : a set that has the name; its other names stay with every rival.
+    name : of the effect.
+    listed : variants of all possible rivals.
     """
     if not listed:
         return ()

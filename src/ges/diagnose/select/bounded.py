@@ -1,6 +1,4 @@
-"""How much of a Gaussian lies between bounds of its coefficients, however tied they are to each
-other.
-"""
+"""Mass of a Gaussian between bounds of its coefficients, whatever their correlation."""
 
 from __future__ import annotations
 
@@ -13,8 +11,15 @@ from ges.diagnose.settings import settings
 
 
 def log_mass(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Log of the standard normal's mass between two bounds, (s, k) as they are, exact in both
-    tails.
+    """Return the log mass of the standard normal between bounds, exact in both tails.
+
+    Parameters
+    ----------
+    low, high : (s, k), in sds.
+
+    Returns
+    -------
+    (s, k).
     """
     # mirrored into the lower tail, where the logarithm of the distribution keeps its digits
     low, high = np.where(low > 0, -high, low), np.where(low > 0, -low, high)
@@ -25,31 +30,39 @@ def log_mass(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 def log_mass_within(
     low: np.ndarray, high: np.ndarray, mean: np.ndarray, covariance: np.ndarray
 ) -> np.ndarray:
-    """Log of the mass of Gaussians between bounds, by expectation propagation (Cunningham, Hennig
-    and Lacoste-Julien 2011, "Gaussian Probabilities and Expectation Propagation"): every bounded
-    coefficient stands as a Gaussian factor with the mass, the mean and the variance that it has
-    within its bounds beside the factors of the others.
+    """Return the log mass of Gaussians between bounds, by expectation propagation.
 
     Parameters
     ----------
-    low, high, mean : (s, k); covariance : (s, k, k).
+    low, high, mean : (s, k), in the units of the coefficients.
+    covariance : (s, k, k).
 
     Returns
     -------
-    (s,), exact where no two of the coefficients are tied; hundreds of sds beyond bounds, where
-    rounding leaves nothing of the factors, as if none were.
+    (s,), exact where no coefficients are correlated. Hundreds of sds beyond bounds rounding leaves
+    no factors; there correlations are ignored.
+
+    Notes
+    -----
+    Every bounded coefficient stands as a Gaussian factor. It has the mass, mean and variance of the
+    coefficient within its bounds, given the factors of the others.
+
+    References
+    ----------
+    Cunningham, Hennig and Lacoste-Julien 2011, "Gaussian Probabilities and Expectation
+    Propagation".
     """
     sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    apart = log_mass((low - mean) / sd, (high - mean) / sd)
+    separately = log_mass((low - mean) / sd, (high - mean) / sd)
     with np.errstate(all="ignore"):
-        together = _together(low, high, mean, covariance)
+        jointly = _log_mass_jointly(low, high, mean, covariance)
     # all bounds together leave no more than any one of them
     return np.where(
-        np.isfinite(together), np.minimum(together, apart.min(axis=1)), apart.sum(axis=1)
+        np.isfinite(jointly), np.minimum(jointly, separately.min(axis=1)), separately.sum(axis=1)
     )
 
 
-def _together(
+def _log_mass_jointly(
     low: np.ndarray, high: np.ndarray, mean: np.ndarray, covariance: np.ndarray
 ) -> np.ndarray:
     factors, m, s = np.zeros((3, *mean.shape)), mean.copy(), covariance.copy()
@@ -81,8 +94,9 @@ def _factor(
     tilt: np.ndarray,
     weight: np.ndarray,
 ) -> np.ndarray:
-    """What stands for the bounds of one coefficient, exp(size + tilt x - weight x^2 / 2), instead
-    of what stood there: tilt, weight and size (3, s).
+    """New factor exp(size + tilt x - weight x^2 / 2) of one coefficient's bounds.
+
+    Returns tilt, weight and size (3, s), in place of the present tilt and weight.
     """
     # cavity: the coefficient's Gaussian without what stood for its bounds
     own = 1.0 / np.maximum(1.0 / variance - weight, settings.numerics.small / variance)
@@ -91,17 +105,17 @@ def _factor(
     size = log_mass(low, high)
     shift, share = _moments_within(low, high, size)
     # what is within the bounds, over the cavity, is the new factor: same mass, mean and variance
-    there, left = at + sd * shift, own * share
-    of_both = 0.5 * (np.log(share) + there**2 / left - at**2 / own)
-    return np.stack([there / left - at / own, 1.0 / left - 1.0 / own, size - of_both])
+    there, variance_within = at + sd * shift, own * share
+    of_both = 0.5 * (np.log(share) + there**2 / variance_within - at**2 / own)
+    return np.stack(
+        [there / variance_within - at / own, 1.0 / variance_within - 1.0 / own, size - of_both]
+    )
 
 
 def _moments_within(
     low: np.ndarray, high: np.ndarray, size: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and variance of the standard normal between two bounds with this log mass
-    between them.
-    """
+    """Mean and variance of the standard normal between two bounds with this log mass."""
     # with Z the mass: mean (phi(l) - phi(h)) / Z, variance 1 + (l phi(l) - h phi(h)) / Z - mean^2;
     # a bound at infinity adds nothing, though infinity times zero is no number
     log_root = 0.5 * math.log(2.0 * math.pi)

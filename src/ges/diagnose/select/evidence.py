@@ -1,5 +1,6 @@
-"""Closed-form Gaussian evidence of sets of candidate columns, with nuisances integrated out, common
-and by flight.
+"""Closed-form Gaussian evidence of sets of candidate columns.
+
+Nuisances are integrated out, common ones and those by flight; see section 7 of docs/method.md.
 """
 
 from __future__ import annotations
@@ -26,7 +27,15 @@ from ges.simulator import effects as effect_table
 
 @dataclasses.dataclass(frozen=True)
 class Gram:
-    """Normal equations: ``xx`` (K, K), ``xy`` (K,), ``yy``, and the number of rows."""
+    """Normal equations.
+
+    Attributes
+    ----------
+    xx : (K, K) columns with columns.
+    xy : (K,) columns with the residual.
+    yy : residual with itself.
+    n : number of rows.
+    """
 
     xx: np.ndarray
     xy: np.ndarray
@@ -40,23 +49,38 @@ class Gram:
         return Gram(self.xx - other.xx, self.xy - other.xy, self.yy - other.yy, self.n - other.n)
 
     def scaled(self, factor: float) -> Gram:
-        """Every row counted ``factor`` times."""
+        """Return the normal equations with every row counted several times.
+
+        Parameters
+        ----------
+        factor : how many times; a pure number.
+        """
         return Gram(self.xx * factor, self.xy * factor, self.yy * factor, self.n * factor)
 
     def about(self, columns: np.ndarray, mean: np.ndarray) -> Gram:
-        """With the coefficients of k columns counted from a mean (k,)."""
+        """Return the normal equations with some coefficients counted from a mean.
+
+        Parameters
+        ----------
+        columns : numbers of k columns.
+        mean : (k,) in the units of the coefficients.
+        """
         # products with y - X mean in the place of y
-        moved = self.xx[:, columns] @ mean
+        shift = self.xx[:, columns] @ mean
         return Gram(
             self.xx,
-            self.xy - moved,
-            self.yy - float(mean @ (2.0 * self.xy - moved)[columns]),
+            self.xy - shift,
+            self.yy - float(mean @ (2.0 * self.xy - shift)[columns]),
             self.n,
         )
 
     def without(self, drop: np.ndarray, sd: np.ndarray) -> Gram:
-        """Columns ``drop`` (d,) integrated out under N(0, sd^2), sd (d,); they stay in place, as
-        zero.
+        """Integrate out some columns, which stay in place as zero.
+
+        Parameters
+        ----------
+        drop : (d,) numbers of the columns.
+        sd : (d,) of their prior N(0, sd^2).
         """
         if not len(drop):
             return self
@@ -72,44 +96,64 @@ class Gram:
         )
 
     def take(self, keep: np.ndarray) -> Gram:
-        """Only the columns ``keep`` (k,)."""
+        """Return the normal equations of some columns.
+
+        Parameters
+        ----------
+        keep : (k,) numbers of the columns.
+        """
         return Gram(self.xx[np.ix_(keep, keep)], self.xy[keep], self.yy, self.n)
 
 
 def gram_of(white: White, tempering: float = 1.0) -> Gram:
-    """Normal equations of one whitened flight, every row counted ``tempering`` times, what a
-    controller's answer may have done to them integrated out.
+    """Return the normal equations of a whitened flight, with feedback errors integrated out.
+
+    Parameters
+    ----------
+    white : the flight.
+    tempering : how many times every row counts; a pure number.
     """
     xx, xy, yy, n = np.zeros((white.count, white.count)), np.zeros(white.count), 0.0, 0.0
     for part in white.parts:
-        gram = _of_part(part, tempering)
+        gram = _gram_of_part(part, tempering)
         xx[np.ix_(part.columns, part.columns)] += gram.xx
         xy[part.columns] += gram.xy
         yy, n = yy + gram.yy, n + gram.n
     return Gram(xx, xy, yy, n)
 
 
-def _of_part(part: WhitePart, tempering: float) -> Gram:
-    gram, answer = Gram(*part.products, float(len(part.at))).scaled(tempering), part.feedback_errors
-    if not answer.shape[1]:
+def _gram_of_part(part: WhitePart, tempering: float) -> Gram:
+    gram, errors = Gram(*part.products, float(len(part.at))).scaled(tempering), part.feedback_errors
+    if not errors.shape[1]:
         return gram
-    inner, cross, right = answer.T @ answer, part.x.T @ answer, answer.T @ part.y
-    return _without_copies(gram, tempering * inner, tempering * cross, tempering * right)
+    inner, cross, right = errors.T @ errors, part.x.T @ errors, errors.T @ part.y
+    return _marginalise_copies(gram, tempering * inner, tempering * cross, tempering * right)
 
 
-def unanswered(part: WhitePart) -> tuple[np.ndarray, np.ndarray]:
-    """Columns (n, k) and residuals (n,) weighted down along the answers, so that their products are
-    those of :func:`gram_of`.
+def whitened_against_feedback(part: WhitePart) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows whose products are those of :func:`gram_of`.
+
+    Parameters
+    ----------
+    part : one channel of a whitened flight.
+
+    Returns
+    -------
+    Columns (n, k) and residuals (n,), shrunk along the feedback errors.
     """
     # (1 + A A^T)^(-1/2) for the answers A: 1 / sqrt(1 + s^2) along each left singular vector
     u, size, _ = np.linalg.svd(part.feedback_errors, full_matrices=False)
-    lost = u * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
-    return part.x - lost @ (u.T @ part.x), part.y - lost @ (u.T @ part.y)
+    removed = u * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
+    return part.x - removed @ (u.T @ part.x), part.y - removed @ (u.T @ part.y)
 
 
-def _without_copies(gram: Gram, inner: np.ndarray, cross: np.ndarray, right: np.ndarray) -> Gram:
-    """Further columns of unit prior sd integrated out: their products with themselves, with the
-    columns, with the residual.
+def _marginalise_copies(
+    gram: Gram, inner: np.ndarray, cross: np.ndarray, right: np.ndarray
+) -> Gram:
+    """Integrate out further columns of unit prior sd.
+
+    ``inner``, ``cross`` and ``right`` are their products with themselves, the columns, the
+    residual.
     """
     # Woodbury: (1 + C C^T)^-1 = 1 - C (1 + C^T C)^-1 C^T for the further columns C
     gain = np.linalg.solve(np.eye(len(inner)) + inner, np.column_stack([cross.T, right]))
@@ -124,25 +168,39 @@ def _without_copies(gram: Gram, inner: np.ndarray, cross: np.ndarray, right: np.
 def flight_grams(
     whites: Sequence[White], columns: Sequence[DesignColumn], tempering: float
 ) -> list[Gram]:
-    """Normal equations by flight; what may differ from flight to flight is integrated out
-    of each.
+    """Return the normal equations by flight, with what varies between flights integrated out.
+
+    Parameters
+    ----------
+    whites : by flight.
+    columns : of the design.
+    tempering : how many times every row counts; a pure number.
     """
     varies = np.array(
         [k for k, c in enumerate(columns) if c.nuisance is not None and c.nuisance.flight_sd > 0],
         dtype=int,
     )
     sd = np.array([nuisance_of(columns[k]).flight_sd for k in varies])
-    return [without_deviations(gram_of(w, tempering), varies, sd) for w in whites]
+    return [marginalise_deviations(gram_of(w, tempering), varies, sd) for w in whites]
 
 
-def without_deviations(gram: Gram, varies: np.ndarray, sd: np.ndarray) -> Gram:
-    """Marginalise a copy of the k varying columns (k,), of prior N(0, sd^2), keeping the originals
-    (Woodbury).
+def marginalise_deviations(gram: Gram, varies: np.ndarray, sd: np.ndarray) -> Gram:
+    """Integrate out each flight's own deviation of the varying columns, keeping the common ones.
+
+    Parameters
+    ----------
+    gram : of one flight.
+    varies : (k,) numbers of the columns.
+    sd : (k,) of the deviations N(0, sd^2).
+
+    Notes
+    -----
+    A deviation is a copy of the column; both stand in Woodbury's identity.
     """
     if not len(varies):
         return gram
     # an own deviation is a copy of the column, scaled to unit sd, beside the common one
-    return _without_copies(
+    return _marginalise_copies(
         gram,
         gram.xx[np.ix_(varies, varies)] * np.outer(sd, sd),
         gram.xx[:, varies] * sd,
@@ -152,7 +210,15 @@ def without_deviations(gram: Gram, varies: np.ndarray, sd: np.ndarray) -> Gram:
 
 @dataclasses.dataclass(frozen=True)
 class Posterior:
-    """Coefficients of a set of columns: mean, covariance, log evidence over the null."""
+    """Coefficients of a set of columns.
+
+    Attributes
+    ----------
+    columns : their numbers.
+    mean : (k,).
+    covariance : (k, k).
+    log_evidence : over the null.
+    """
 
     columns: tuple[int, ...]
     mean: np.ndarray
@@ -160,8 +226,13 @@ class Posterior:
     log_evidence: float
 
     @classmethod
-    def of_nothing(cls) -> Posterior:
-        """Of no column."""
+    def empty(cls) -> Posterior:
+        """Return the posterior of no column.
+
+        Returns
+        -------
+        With log evidence zero.
+        """
         return cls((), np.zeros(0), np.zeros((0, 0)), 0.0)
 
     @property
@@ -172,7 +243,12 @@ class Posterior:
 
 @dataclasses.dataclass(frozen=True)
 class Prior:
-    """N(mean, sd^2) of every coefficient between ``low`` and ``high``, (K,) each."""
+    """Truncated Gaussian prior of every coefficient, N(mean, sd^2) between bounds.
+
+    Attributes
+    ----------
+    mean, sd, low, high : (K,) in the units of the coefficients.
+    """
 
     mean: np.ndarray
     sd: np.ndarray
@@ -180,17 +256,31 @@ class Prior:
     high: np.ndarray
 
     def take(self, keep: np.ndarray) -> Prior:
-        """Only the columns ``keep`` (k,)."""
+        """Return the prior of some columns.
+
+        Parameters
+        ----------
+        keep : (k,) numbers of the columns.
+        """
         return Prior(*(getattr(self, f.name)[keep] for f in dataclasses.fields(self)))
 
 
-def acts_of(found: Posterior, names: Collection[str], system: System) -> np.ndarray:
-    """What these effects add together by their coefficients, (m, C): windows of all flights, main
-    channels, in the channels' units.
+def contribution_of(posterior: Posterior, names: Collection[str], system: System) -> np.ndarray:
+    """Return what effects contribute by the coefficients of a posterior.
+
+    Parameters
+    ----------
+    posterior : of the search.
+    names : of the effects.
+    system : of the flights.
+
+    Returns
+    -------
+    (m, C) over the windows of all flights, main channels, in their units.
     """
     terms = {
         k: value
-        for k, value in zip(found.columns, found.mean, strict=True)
+        for k, value in zip(posterior.columns, posterior.mean, strict=True)
         if variant_of(system.columns[k]).effect in names
     }
     return np.concatenate([r.weighted_columns(terms, len(system.main)) for r in system.flights])
@@ -202,22 +292,31 @@ def posteriors(
     prior: Prior,
     more: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gaussian posteriors of sets of columns, all of one size; bounds count in the evidence alone.
+    """Return Gaussian posteriors of sets of columns of one size.
 
-    ``more`` is added to the normal equations of each, (s, k, k) and (s, k), and to their log
-    evidence, (s,).
+    Parameters
+    ----------
+    gram : pooled normal equations.
+    sets : s sets of k columns.
+    prior : of all columns; bounds count in the evidence alone.
+    more : added to the normal equations of each set, (s, k, k) and (s, k), and to its log evidence,
+        (s,).
 
     Returns
     -------
-    mean (s, k), covariance (s, k, k) and log evidence over the null (s,).
+    Mean (s, k), covariance (s, k, k) and log evidence over the null (s,).
+
+    References
+    ----------
+    Equation (6) of docs/method.md.
     """
     at = np.asarray(sets, dtype=int)
     scale, low, high = prior.sd[at], prior.low[at], prior.high[at]
     # in units of the prior's sd: the determinant of inner is that of Gamma A, (6) of docs/method.md
     start = prior.mean[at] / scale
-    both = scale[:, :, None] * scale[:, None, :]
-    xx, xy, known = more or (0.0, 0.0, 0.0)
-    inner = np.eye(at.shape[1]) + (gram.xx[at[:, :, None], at[:, None, :]] + xx) * both
+    scales = scale[:, :, None] * scale[:, None, :]
+    xx, xy, more_evidence = more or (0.0, 0.0, 0.0)
+    inner = np.eye(at.shape[1]) + (gram.xx[at[:, :, None], at[:, None, :]] + xx) * scales
     right = (gram.xy[at] + xy) * scale + start
     covariance = np.linalg.inv(inner)
     mean = np.einsum("sij,sj->si", covariance, right)
@@ -227,21 +326,39 @@ def posteriors(
         axis=1
     )
     gain = 0.5 * (mean * right - start**2).sum(axis=1) + within
-    return mean * scale, covariance * both, gain - 0.5 * np.linalg.slogdet(inner)[1] + known
+    return (
+        mean * scale,
+        covariance * scales,
+        gain - 0.5 * np.linalg.slogdet(inner)[1] + more_evidence,
+    )
 
 
 def posterior(gram: Gram, columns: Sequence[int], prior: Prior) -> Posterior:
-    """Of one set of columns."""
+    """Return the posterior of one set of columns.
+
+    Parameters
+    ----------
+    gram : pooled normal equations.
+    columns : numbers of the columns.
+    prior : of all columns.
+    """
     if not len(columns):
-        return Posterior.of_nothing()
+        return Posterior.empty()
     mean, covariance, log_evidence = posteriors(gram, [tuple(columns)], prior)
     return Posterior(tuple(int(k) for k in columns), mean[0], covariance[0], float(log_evidence[0]))
 
 
 @dataclasses.dataclass(frozen=True)
 class Regression:
-    """Everything that the search needs: normal equations by flight and pooled, priors of the
-    coefficients.
+    """Whitened flights with normal equations and priors: all that a search needs.
+
+    Attributes
+    ----------
+    system, noise : what was whitened, and by what.
+    whites : by flight.
+    by_flight : normal equations; empty where they were not counted.
+    prior : of all columns.
+    nuisance : numbers of the nuisance columns.
     """
 
     system: System
@@ -252,15 +369,25 @@ class Regression:
     nuisance: np.ndarray
 
     def by_variant(self) -> dict[tuple[str, str], list[int]]:
-        """Columns that the flights excite at all, by effect and variant."""
-        found: dict[tuple[str, str], list[int]] = {}
+        """Return the columns that the flights excite.
+
+        Returns
+        -------
+        Numbers of the columns by effect and variant.
+        """
+        columns: dict[tuple[str, str], list[int]] = {}
         for k, column in enumerate(self.system.columns):
             if column.variant is not None and self.prior.sd[k] > 0:
-                found.setdefault((column.variant.effect, column.variant.key), []).append(k)
-        return found
+                columns.setdefault((column.variant.effect, column.variant.key), []).append(k)
+        return columns
 
     def pooled(self, but: Collection[int] = ()) -> Gram:
-        """All flights, common nuisances integrated out ``but`` for some."""
+        """Return the normal equations of all flights, with common nuisances integrated out.
+
+        Parameters
+        ----------
+        but : numbers of nuisance columns that stay.
+        """
         total = self.by_flight[0].scaled(0.0)
         for gram in self.by_flight:
             total = total + gram
@@ -272,8 +399,15 @@ class Regression:
 
 
 def rms_of(system: System) -> np.ndarray:
-    """Root mean square of every column in each main channel, (C, K), over all windows that have the
-    channel.
+    """Return the rms of every column in each main channel.
+
+    Parameters
+    ----------
+    system : of the flights.
+
+    Returns
+    -------
+    (C, K) over all windows with the channel, in its unit over that of the coefficient.
     """
     square, count = np.zeros((len(system.main), len(system.columns))), np.zeros(len(system.main))
     for r in system.flights:
@@ -284,13 +418,15 @@ def rms_of(system: System) -> np.ndarray:
     return np.sqrt(square / np.maximum(count, 1.0)[:, None])
 
 
-def _sizes(system: System, share: float) -> np.ndarray:
-    """Prior scale of every candidate's coefficient, (K,): the size at which it makes ``share`` of
-    weight (or of weight times arm) in its greatest channel, and no more than is plausible.
+def _prior_scales(system: System, share: float) -> np.ndarray:
+    """Prior sd of every candidate's coefficient, (K,).
+
+    It is the size at which the column makes ``share`` of the reference scale in its greatest
+    channel, and no more than is plausible.
     """
     rms = rms_of(system)
     # an error of a rangefinder may be as large as its whole, not a share of it
-    whole = np.array(
+    scale = np.array(
         [
             system.model.reference_scale(name) * (1.0 if name != "range" else 1.0 / share)
             for name in system.main
@@ -298,15 +434,16 @@ def _sizes(system: System, share: float) -> np.ndarray:
     )
     with np.errstate(divide="ignore"):
         # the least over channels is that of the channel where it acts most
-        sizes = np.where(rms > 0, share * whole[:, None] / rms, np.inf).min(axis=0)
+        sizes = np.where(rms > 0, share * scale[:, None] / rms, np.inf).min(axis=0)
     return np.array(
-        [_plausible(column, size) for column, size in zip(system.columns, sizes, strict=True)]
+        [_plausible_scale(column, size) for column, size in zip(system.columns, sizes, strict=True)]
     )
 
 
-def _plausible(column: DesignColumn, size: float) -> float:
-    """The size where nothing better is known, but no more than half of its room in the library; 0
-    where nothing shows it.
+def _plausible_scale(column: DesignColumn, size: float) -> float:
+    """The prior sd of one coefficient, at most half of the range that its parameter has.
+
+    Zero where no flight shows the column.
     """
     if column.variant is None or not np.isfinite(size):
         return 0.0
@@ -314,11 +451,11 @@ def _plausible(column: DesignColumn, size: float) -> float:
     # about a level the prior is as wide as the level itself
     if a.level:
         return abs(a.level)
-    known = effect_table.get(column.variant.effect).parameter(a.parameter)
-    plausible = known.plausible or size
+    descriptor = effect_table.get(column.variant.effect).parameter(a.parameter)
+    plausible = descriptor.plausible or size
     # half of the room on the wider side: two sds of the prior stay within the bounds there
     return min(
-        plausible if known.corrects else min(plausible, size),
+        plausible if descriptor.corrects else min(plausible, size),
         0.5 * max(a.high - a.neutral, a.neutral - a.low),
     )
 
@@ -328,16 +465,27 @@ def make_regression(
     chosen: Sequence[int] = (),
     together: Mapping[int, float] = MappingProxyType({}),
 ) -> Regression:
-    """Whiten and count, with the noise that columns leave, by what
-    :func:`~ges.diagnose.design.whiten.noise_residuals` makes of them.
+    """Whiten a system and compute its normal equations.
+
+    Parameters
+    ----------
+    system : of the flights.
+    chosen, together : columns that do not count as noise, as for
+        :func:`~ges.diagnose.design.whiten.noise_residuals`.
     """
-    regression = whitened(system, estimate_noise(system, chosen, together))
+    regression = whiten_system(system, estimate_noise(system, chosen, together))
     grams = flight_grams(regression.whites, system.columns, settings.evidence.tempering)
     return dataclasses.replace(regression, by_flight=tuple(grams))
 
 
-def whitened(system: System, noise: NoiseModel) -> Regression:
-    """Whiten with a known noise and count nothing: what a fit needs."""
+def whiten_system(system: System, noise: NoiseModel) -> Regression:
+    """Whiten a system by a known noise, without normal equations: what a fit needs.
+
+    Parameters
+    ----------
+    system : of the flights.
+    noise : of its channels.
+    """
     whites = whiten(system.flights, noise, variance_covariate(system.flights))
     nuisance = np.array(
         [k for k, c in enumerate(system.columns) if c.nuisance is not None], dtype=int
@@ -346,7 +494,7 @@ def whitened(system: System, noise: NoiseModel) -> Regression:
 
 
 def _prior(system: System) -> Prior:
-    sd = _sizes(system, settings.evidence.prior_share)
+    sd = _prior_scales(system, settings.evidence.prior_share)
     mean, low, high = np.array([_bounds(c) for c in system.columns]).T
     for k, column in enumerate(system.columns):
         if column.nuisance is not None:
@@ -358,7 +506,10 @@ def _prior(system: System) -> Prior:
 
 
 def _bounds(column: DesignColumn) -> tuple[float, float, float]:
-    """Level, lowest and highest coefficient: about the level, or what the effect's bounds leave."""
+    """Level, lowest and highest coefficient.
+
+    The bounds lie about the level, or are those of the effect's parameter.
+    """
     # a moment's part is not how large the effect is, and the bounds of that say nothing of it
     if column.variant is None or column.part == "moment":
         return 0.0, -np.inf, np.inf

@@ -1,6 +1,4 @@
-"""What sets of candidates are weighed on: their columns and normal equations, every set by its own
-columns alone.
-"""
+"""Evidence of any set of candidates, each from its own columns alone."""
 
 from __future__ import annotations
 
@@ -21,8 +19,15 @@ from ges.threads import each
 
 @dataclasses.dataclass(frozen=True)
 class Entry:
-    """One variant of one candidate: its columns, what they are coefficients of, as
-    ``effect.parameter``, and its log prior among the variants of its name.
+    """One variant of one candidate.
+
+    Attributes
+    ----------
+    name : of the effect.
+    number : of the variant among all.
+    columns : of its amplitudes.
+    keys : their ``effect.parameter``.
+    log_share : log prior among the variants of its name.
     """
 
     name: str
@@ -33,24 +38,34 @@ class Entry:
 
 
 def entries(regression: Regression, candidates: Sequence[Candidate]) -> list[Entry]:
-    """Variants whose columns the flights excite at all."""
+    """Return the variants whose columns the flights excite.
+
+    Parameters
+    ----------
+    regression : with the columns of all variants.
+    candidates : that are allowed.
+    """
     allowed, all_columns = {c.name for c in candidates}, regression.system.columns
-    found = [
+    listed = [
         (name, columns) for (name, _), columns in regression.by_variant().items() if name in allowed
     ]
-    keys = [tuple(dict.fromkeys(all_columns[k].key for k in columns)) for _, columns in found]
+    keys = [tuple(dict.fromkeys(all_columns[k].key for k in columns)) for _, columns in listed]
     shares = _log_shares(
-        [(name, max(1, len(variant_of(all_columns[columns[0]]).places))) for name, columns in found]
+        [
+            (name, max(1, len(variant_of(all_columns[columns[0]]).places)))
+            for name, columns in listed
+        ]
     )
     return [
         Entry(name, i, tuple(columns), keys[i], shares[i])
-        for i, (name, columns) in enumerate(found)
+        for i, (name, columns) in enumerate(listed)
     ]
 
 
 def _log_shares(variants: Sequence[tuple[str, int]]) -> list[float]:
-    """Log prior of variants, given by name and in how many places they act, among those of their
-    name: all alike, but that so many places are as much rarer as so many causes are.
+    """Log priors of variants, given by name and number of places, among those of their name.
+
+    Several places are as much rarer than one as several causes are.
     """
     many, sizes = Counter(variants), settings.search.size_probabilities
     weight = {(n, k): sizes[k] / sizes[1] for n, k in many}
@@ -62,10 +77,15 @@ def _log_shares(variants: Sequence[tuple[str, int]]) -> list[float]:
 
 
 @dataclasses.dataclass(frozen=True)
-class Twins:
-    """Nuisances that some candidate frees, by ``effect.parameter``: their prior, and their
-    posterior where nothing is (mean (t,), covariance (t, t)), from which the columns (K,) move them
-    by -``moved`` (t, K).
+class FreedNuisances:
+    """Nuisances whose number some candidate frees, with prior and posterior.
+
+    Attributes
+    ----------
+    place : number of each by ``effect.parameter``.
+    prior_mean, prior_sd : (t,).
+    mean, covariance : (t,) and (t, t), posterior with all candidates at zero.
+    shift_per_unit : (t, K) decrease of the mean per unit of each column's coefficient.
     """
 
     place: Mapping[str, int]
@@ -73,42 +93,59 @@ class Twins:
     prior_sd: np.ndarray
     mean: np.ndarray
     covariance: np.ndarray
-    moved: np.ndarray
+    shift_per_unit: np.ndarray
 
-    def known_zero(
+    def condition_on_zero(
         self, freed: np.ndarray, own: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What the twins ``freed`` (s, f), once known to be zero, add to normal equations and log
-        evidence of sets of columns ``own`` (s, k): (s, k, k), (s, k), (s,). By the density of their
-        posterior there over that of their prior (Dickey 1971).
+        """Set some nuisances to zero in sets of columns.
+
+        Parameters
+        ----------
+        freed : (s, f) numbers of the nuisances.
+        own : (s, k) columns of the sets.
+
+        Returns
+        -------
+        What this adds to normal equations and log evidence: (s, k, k), (s, k), (s,).
+
+        Notes
+        -----
+        The evidence changes by the density of their posterior at zero over that of their prior
+        (Dickey 1971).
         """
         # beside coefficients b the twins are N(mean - moved b, C): the density at zero is Gaussian
         # in b, and adds moved^T C^-1 moved, moved^T C^-1 mean and a constant
-        mean, moved = self.mean[freed], self.moved[freed[:, :, None], own[:, None, :]]
+        mean, shift_per_unit = (
+            self.mean[freed],
+            self.shift_per_unit[freed[:, :, None], own[:, None, :]],
+        )
         covariance = self.covariance[freed[:, :, None], freed[:, None, :]]
-        solved = np.linalg.solve(covariance, np.concatenate([moved, mean[:, :, None]], axis=2))
+        solved = np.linalg.solve(
+            covariance, np.concatenate([shift_per_unit, mean[:, :, None]], axis=2)
+        )
         over, sd = self.prior_mean[freed] / self.prior_sd[freed], self.prior_sd[freed]
         log_density = -0.5 * (
             np.linalg.slogdet(covariance)[1] + (mean * solved[:, :, -1]).sum(axis=1)
         )
         # less that of the prior; powers of 2 pi cancel
         gain = log_density + (np.log(sd) + 0.5 * over**2).sum(axis=1)
-        turned = moved.transpose(0, 2, 1)
+        turned = shift_per_unit.transpose(0, 2, 1)
         return turned @ solved[:, :, :-1], (turned @ solved[:, :, -1:])[:, :, 0], gain
 
 
-def _twins(gram: Gram, prior: Prior, at: Mapping[str, int]) -> Twins:
-    """Of normal equations in which they are left."""
+def _freed_nuisances(gram: Gram, prior: Prior, at: Mapping[str, int]) -> FreedNuisances:
+    """From normal equations in which they are left."""
     columns = np.array(list(at.values()), dtype=int)
     mean, sd = prior.mean[columns], prior.sd[columns]
     # all other nuisances are integrated out by now, the twins about their prior mean here
     covariance = np.linalg.inv(gram.xx[np.ix_(columns, columns)] + np.diag(1.0 / sd**2))
-    found = mean + covariance @ gram.about(columns, mean).xy[columns]
-    return Twins(
+    mean_at_zero = mean + covariance @ gram.about(columns, mean).xy[columns]
+    return FreedNuisances(
         {key: i for i, key in enumerate(at)},
         mean,
         sd,
-        found,
+        mean_at_zero,
         covariance,
         covariance @ gram.xx[columns],
     )
@@ -116,56 +153,82 @@ def _twins(gram: Gram, prior: Prior, at: Mapping[str, int]) -> Twins:
 
 @dataclasses.dataclass(frozen=True)
 class SetScorer:
-    """Normal equations with all nuisances integrated out.
+    """Normal equations with all nuisances integrated out, which score any set.
 
-    A declared number is right within its doubt, or it is a finding and free: never the sum of both.
-    So ``twins`` take part in every set that does not have their effect's candidate for it, and are
-    zero beside that.
+    Attributes
+    ----------
+    gram, prior : of all columns.
+    freed_nuisances : nuisances that a candidate frees.
+
+    Notes
+    -----
+    A nominal parameter is right within its prior, or it is a finding and free, never the sum of
+    both. So its nuisance takes part in every set without the candidate for it, and is zero beside
+    that.
     """
 
     gram: Gram
     prior: Prior
-    twins: Twins
+    freed_nuisances: FreedNuisances
 
     def posteriors(self, sets: Sequence[Sequence[Entry]]) -> list[Posterior]:
-        """Posterior of the columns of every set; its log evidence over that of the
-        nuisances alone.
+        """Return the posterior of every set.
+
+        Parameters
+        ----------
+        sets : of entries.
+
+        Returns
+        -------
+        With log evidence over that of the nuisances alone.
         """
-        told: dict[int, Posterior] = {}
-        for at, own, found in self._by_size(sets):
+        by_number: dict[int, Posterior] = {}
+        for at, own, values in self._by_size(sets):
             for i, columns, mean, covariance, log_evidence in zip(
-                at, own.tolist(), *found, strict=True
+                at, own.tolist(), *values, strict=True
             ):
-                told[i] = Posterior(tuple(columns), mean, covariance, float(log_evidence))
-        return [told[i] for i in range(len(sets))]
+                by_number[i] = Posterior(tuple(columns), mean, covariance, float(log_evidence))
+        return [by_number[i] for i in range(len(sets))]
 
     def log_evidences(self, sets: Sequence[Sequence[Entry]]) -> np.ndarray:
-        """Of every set over the nuisances alone, (s,)."""
+        """Return the log evidence of every set over the nuisances alone.
+
+        Parameters
+        ----------
+        sets : s sets of entries.
+
+        Returns
+        -------
+        (s,).
+        """
         out = np.zeros(len(sets))
         for at, _, (_, _, log_evidence) in self._by_size(sets):
             out[at] = log_evidence
         return out
 
     def best(self, sets: Sequence[Sequence[Entry]]) -> Sequence[Entry]:
-        """The set with most evidence."""
+        """Return the set with most evidence.
+
+        Parameters
+        ----------
+        sets : of entries.
+        """
         return sets[int(np.argmax(self.log_evidences(sets)))]
 
     def _by_size(
         self, sets: Sequence[Sequence[Entry]]
     ) -> list[tuple[list[int], np.ndarray, tuple]]:
-        """Which sets, their columns and their posteriors, those with as many columns and freed
-        nuisances at once.
-        """
+        """Numbers of sets, their columns and their posteriors, for all of one shape at once."""
         # sets of one shape are one stack of matrices; few enough at once for the memory
         alike: dict[tuple[int, int], list[tuple[int, tuple[int, ...], tuple[int, ...]]]] = {}
         for i, chosen in enumerate(sets):
             own = tuple(itertools.chain.from_iterable(e.columns for e in chosen))
             freed = tuple(
                 {
-                    self.twins.place[key]: 0
+                    self.freed_nuisances.place[key]: 0
                     for e in chosen
                     for key in e.keys
-                    if key in self.twins.place
+                    if key in self.freed_nuisances.place
                 }
             )
             alike.setdefault((len(own), len(freed)), []).append((i, own, freed))
@@ -173,19 +236,25 @@ class SetScorer:
         parts = [
             group[i : i + most] for group in alike.values() for i in range(0, len(group), most)
         ]
-        return each(self._together, parts)
+        return each(self._posteriors_of_stack, parts)
 
-    def _together(
+    def _posteriors_of_stack(
         self, part: Sequence[tuple[int, tuple[int, ...], tuple[int, ...]]]
     ) -> tuple[list[int], np.ndarray, tuple]:
         own = np.array([columns for _, columns, _ in part], dtype=int)
-        freed = np.array([twins for _, _, twins in part], dtype=int)
-        more = self.twins.known_zero(freed, own) if freed.shape[1] else None
+        freed = np.array([nuisances for _, _, nuisances in part], dtype=int)
+        more = self.freed_nuisances.condition_on_zero(freed, own) if freed.shape[1] else None
         return [i for i, _, _ in part], own, posteriors(self.gram, own, self.prior, more)
 
 
 def set_scorer(regression: Regression, listed: Sequence[Entry]) -> SetScorer:
-    """For these variants."""
+    """Return the scorer of these variants.
+
+    Parameters
+    ----------
+    regression : of the search.
+    listed : variants that sets may have.
+    """
     columns, keys = regression.system.columns, {key for e in listed for key in e.keys}
     at = {
         columns[k].key: int(k)
@@ -195,5 +264,5 @@ def set_scorer(regression: Regression, listed: Sequence[Entry]) -> SetScorer:
     return SetScorer(
         regression.pooled(),
         regression.prior,
-        _twins(regression.pooled(frozenset(at.values())), regression.prior, at),
+        _freed_nuisances(regression.pooled(frozenset(at.values())), regression.prior, at),
     )

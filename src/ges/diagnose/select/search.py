@@ -1,4 +1,6 @@
-"""Which set of candidates the flights support: singles and pairs exactly, larger sets by search."""
+"""Which set of candidates the flights support: singles and pairs exactly, larger sets by beam
+search.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,16 @@ from ges.simulator import effects as effect_table
 
 @dataclasses.dataclass(frozen=True)
 class Hypothesis:
-    """A set of candidates with the best variant of each, its posterior and its probability among
-    all that were weighed.
+    """A set of candidates with the best variant of each.
+
+    Attributes
+    ----------
+    names : of the effects.
+    variants : numbers of the entries.
+    posterior : of the coefficients.
+    log_evidence : with the log prior of the set.
+    probability : among all sets that were evaluated.
+    log_prior : of a set of this size.
     """
 
     names: tuple[str, ...]
@@ -32,46 +42,64 @@ class Hypothesis:
     log_prior: float = 0.0
 
     @property
-    def of_flights(self) -> float:
-        """Log evidence of the flights alone, whatever its size and however rarely such names are
-        met.
-        """
+    def flight_evidence(self) -> float:
+        """Log evidence of the flights alone, without priors of size and rarity."""
         return self.log_evidence - self.log_prior - log_rarity(self.names)
 
 
 @dataclasses.dataclass(frozen=True)
 class SearchResult:
-    """All weighed hypotheses, best first, and the probability that each candidate takes part."""
+    """All hypotheses, best first, and the posterior probability of each candidate.
+
+    Attributes
+    ----------
+    hypotheses : sorted by log evidence.
+    inclusion : probability that a candidate takes part, by name.
+    """
 
     hypotheses: tuple[Hypothesis, ...]
     inclusion: Mapping[str, float]
 
     @property
     def best(self) -> Hypothesis:
-        """The most probable."""
+        """The most probable hypothesis."""
         return self.hypotheses[0]
 
     def best_with(self, name: str, others: Collection[str] = ()) -> Hypothesis:
-        """The most probable set that has this name, and none of some others where there is one."""
-        having = [h for h in self.hypotheses if name in h.names]
-        alone = [h for h in having if not set(others) - {name} & set(h.names)]
-        return max(alone or having, key=lambda h: h.log_evidence)
+        """Return the most probable set that has a name.
+
+        Parameters
+        ----------
+        name : that it has.
+        others : that it should not have, where there is such a set.
+        """
+        with_name = [h for h in self.hypotheses if name in h.names]
+        alone = [h for h in with_name if not set(others) - {name} & set(h.names)]
+        return max(alone or with_name, key=lambda h: h.log_evidence)
 
     def null(self) -> Hypothesis:
-        """Nothing but the declared doubts."""
+        """Return the hypothesis without names: nothing but the prior sds.
+
+        Returns
+        -------
+        With the null's log evidence, zero but for its prior.
+        """
         return next(h for h in self.hypotheses if not h.names)
 
 
-def size_of(names: Sequence[str]) -> int:
-    """How many causes a set has: what acts through another of the set counts no more than that one
-    alone.
+def cause_count(names: Sequence[str]) -> int:
+    """Return how many causes a set has.
+
+    Parameters
+    ----------
+    names : of the set. What acts through another of them adds none.
     """
     return sum(not set(effect_table.get(name).prerequisites) & set(names) for name in names)
 
 
 def _log_prior(names: Sequence[str], count: int) -> float:
-    """Of one set of this size among all of them."""
-    size = size_of(names)
+    """Log prior of one set of this size among all of them; (7) of docs/method.md."""
+    size = cause_count(names)
     # (7) of docs/method.md: all sets of one size share the prior of that size
     return float(
         np.log(settings.search.size_probabilities[size]) - np.log(max(1, math.comb(count, size)))
@@ -79,63 +107,79 @@ def _log_prior(names: Sequence[str], count: int) -> float:
 
 
 def log_odds_against_one_of(count: int) -> float:
-    """Log odds of nothing against one cause out of so many, before any flight."""
+    """Return the prior log odds of nothing against one cause.
+
+    Parameters
+    ----------
+    count : how many causes are possible.
+    """
     none, one, *_ = settings.search.size_probabilities
     return math.log(none / one * count)
 
 
 def log_rarity(names: Sequence[str]) -> float:
-    """How much less often than others of their number such names are met."""
+    """Return how much rarer these names are than others, as a log.
+
+    Parameters
+    ----------
+    names : of the set.
+    """
     return sum(math.log(effect_table.get(name).rarity) for name in names)
 
 
-def _compatible(names: Sequence[str], base: Sequence[str]) -> bool:
+def _can_act_together(names: Sequence[str], base: Sequence[str]) -> bool:
     present = set(names) | set(base)
     return all(has_prerequisite(n, present) for n in names)
 
 
-def _sets_of(
-    on: SetScorer, combos: Sequence[tuple[Entry, ...]], count: int
+def _hypotheses_of(
+    scorer: SetScorer, combos: Sequence[tuple[Entry, ...]], count: int
 ) -> dict[tuple[str, ...], Hypothesis]:
-    """Evidence of every set of names: mean over the variants, the best variant kept."""
+    """Hypotheses of every set of names: evidence averaged over variants, the best variant kept."""
     share = np.array([sum(e.log_share for e in combo) for combo in combos])
-    weight = on.log_evidences(combos) + share
+    weight = scorer.log_evidences(combos) + share
     grouped: dict[tuple[str, ...], list[int]] = {}
     for i, combo in enumerate(combos):
         grouped.setdefault(tuple(sorted(e.name for e in combo)), []).append(i)
     best = [combos[max(members, key=lambda i: weight[i])] for members in grouped.values()]
     out = {}
-    for (names, members), top, found in zip(
-        grouped.items(), best, on.posteriors(best), strict=True
+    for (names, members), top, posterior in zip(
+        grouped.items(), best, scorer.posteriors(best), strict=True
     ):
         prior, rarity = _log_prior(names, count), log_rarity(names)
         # mean over variants by their shares, among those alone that were weighed
         mean = np.logaddexp.reduce(weight[members]) - np.logaddexp.reduce(share[members])
         total = float(mean) + prior + rarity
-        out[names] = Hypothesis(names, tuple(e.number for e in top), found, total, log_prior=prior)
+        out[names] = Hypothesis(
+            names, tuple(e.number for e in top), posterior, total, log_prior=prior
+        )
     return out
 
 
 def search(
     regression: Regression, candidates: Sequence[Candidate], base: Sequence[str] = ()
 ) -> SearchResult:
-    """Weigh the null, all singles, all pairs, and larger sets grown from the best.
+    """Evaluate the null, all singles, all pairs, and larger sets grown from the best.
 
     Parameters
     ----------
-    base : effects that are switched on already (so their modifiers may act).
+    regression : with the columns of all candidates.
+    candidates : that take part.
+    base : effects that are on already, so that their modifiers may act.
     """
     listed = entries(regression, candidates)
-    on = set_scorer(regression, listed)
+    scorer = set_scorer(regression, listed)
     count = max(len({e.name for e in listed}), 1)
     nothing = _log_prior((), count)
     found: dict[tuple[str, ...], Hypothesis] = {
-        (): Hypothesis((), (), Posterior.of_nothing(), nothing, log_prior=nothing)
+        (): Hypothesis((), (), Posterior.empty(), nothing, log_prior=nothing)
     }
     combos = [(e,) for e in listed] + [
         p for p in itertools.combinations(listed, 2) if p[0].name != p[1].name
     ]
-    found |= _sets_of(on, [c for c in combos if _compatible([e.name for e in c], base)], count)
+    found |= _hypotheses_of(
+        scorer, [c for c in combos if _can_act_together([e.name for e in c], base)], count
+    )
     # beam: a larger set has one of the best sets so far, with its best variants, and one name more
     for size in range(2, len(settings.search.size_probabilities) - 1):
         grown = [h for h in found.values() if len(h.names) == size]
@@ -145,20 +189,26 @@ def search(
             (*(by_number[i] for i in h.variants), e)
             for h in top
             for e in listed
-            if e.name not in h.names and _compatible([*h.names, e.name], base)
+            if e.name not in h.names and _can_act_together([*h.names, e.name], base)
         ]
-        for names, h in _sets_of(on, larger, count).items():
+        for names, h in _hypotheses_of(scorer, larger, count).items():
             if names not in found or found[names].log_evidence < h.log_evidence:
                 found[names] = h
-    return _normalised(list(found.values()))
+    return _normalise(list(found.values()))
 
 
-def over_plain(regression: Regression, candidates: Sequence[Candidate], best: Hypothesis) -> float:
-    """Log evidence of the best set over that of the same names without what modifies a variant of
-    them.
+def log_evidence_over_plain(
+    regression: Regression, candidates: Sequence[Candidate], best: Hypothesis
+) -> float:
+    """Return the log evidence of the best set over that of its names without modifiers.
+
+    Parameters
+    ----------
+    regression, candidates : of the search.
+    best : its best hypothesis.
     """
     listed = entries(regression, candidates)
-    on, chosen = (
+    scorer, chosen = (
         set_scorer(regression, listed),
         [next(e for e in listed if e.number == i) for i in best.variants],
     )
@@ -168,7 +218,8 @@ def over_plain(regression: Regression, candidates: Sequence[Candidate], best: Hy
         [e] if e in plain else [other for other in plain if other.name == e.name] for e in chosen
     ]
     return float(
-        on.log_evidences([chosen])[0] - on.log_evidences(list(itertools.product(*options))).max()
+        scorer.log_evidences([chosen])[0]
+        - scorer.log_evidences(list(itertools.product(*options))).max()
     )
 
 
@@ -176,36 +227,43 @@ def _variant_of(regression: Regression, entry: Entry) -> Variant:
     return variant_of(regression.system.columns[entry.columns[0]])
 
 
-def exactly(regression: Regression, candidates: Sequence[Candidate]) -> SearchResult:
-    """All candidates together and nothing else, the best variant of each."""
+def evaluate_exactly(regression: Regression, candidates: Sequence[Candidate]) -> SearchResult:
+    """Evaluate all candidates together and nothing else, with the best variant of each.
+
+    Parameters
+    ----------
+    regression : with the columns of all candidates.
+    candidates : that take part.
+    """
     listed = entries(regression, candidates)
     by_name = [
         [e for e in listed if e.name == name] for name in dict.fromkeys(e.name for e in listed)
     ]
-    on = set_scorer(regression, listed)
-    chosen = [on.best([(e,) for e in options])[0] for options in by_name]
+    scorer = set_scorer(regression, listed)
+    chosen = [scorer.best([(e,) for e in options])[0] for options in by_name]
     if not chosen:
-        return _normalised([Hypothesis((), (), Posterior.of_nothing(), 0.0)])
+        return _normalise([Hypothesis((), (), Posterior.empty(), 0.0)])
     # coordinate ascent: what is best alone need not be best beside the others
     for _ in range(2):
         for i, options in enumerate(by_name):
-            chosen = [*on.best([[*chosen[:i], e, *chosen[i + 1 :]] for e in options])]
-    found = on.posteriors([chosen])[0]
+            chosen = [*scorer.best([[*chosen[:i], e, *chosen[i + 1 :]] for e in options])]
+    posterior = scorer.posteriors([chosen])[0]
     names = tuple(sorted(e.name for e in chosen))
-    return _normalised(
-        [Hypothesis(names, tuple(e.number for e in chosen), found, found.log_evidence)]
+    return _normalise(
+        [Hypothesis(names, tuple(e.number for e in chosen), posterior, posterior.log_evidence)]
     )
 
 
-def _normalised(found: list[Hypothesis]) -> SearchResult:
-    total = logsumexp([h.log_evidence for h in found])
-    weighed = [
-        dataclasses.replace(h, probability=float(np.exp(h.log_evidence - total))) for h in found
+def _normalise(hypotheses: list[Hypothesis]) -> SearchResult:
+    total = logsumexp([h.log_evidence for h in hypotheses])
+    normalised = [
+        dataclasses.replace(h, probability=float(np.exp(h.log_evidence - total)))
+        for h in hypotheses
     ]
     # names decide between equals, not the order in which sets were tried
-    weighed.sort(key=lambda h: (-h.log_evidence, h.names))
-    names = {n for h in weighed for n in h.names}
+    normalised.sort(key=lambda h: (-h.log_evidence, h.names))
+    names = {n for h in normalised for n in h.names}
     inclusion = {
-        n: float(sum(h.probability for h in weighed if n in h.names)) for n in sorted(names)
+        n: float(sum(h.probability for h in normalised if n in h.names)) for n in sorted(names)
     }
-    return SearchResult(tuple(weighed), inclusion)
+    return SearchResult(tuple(normalised), inclusion)

@@ -1,6 +1,4 @@
-"""Search and noise until they agree: what is found decides what is noise, and what is noise decides
-what is found.
-"""
+"""Search and noise in turn until they agree: each depends on the other."""
 
 from __future__ import annotations
 
@@ -12,10 +10,10 @@ from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.design.whiten import noise_residuals
 from ges.diagnose.library.candidates import Candidate, Variant, family_of, has_prerequisite
 from ges.diagnose.select.evidence import Regression, make_regression
-from ges.diagnose.select.search import SearchResult, exactly, search
+from ges.diagnose.select.search import SearchResult, evaluate_exactly, search
 from ges.diagnose.settings import settings
 
-Found = tuple[Regression, SearchResult, tuple[int, ...]]
+StableSearch = tuple[Regression, SearchResult, tuple[int, ...]]
 """A search, its regression, and the columns of what is more probable in it than
 not.
 """
@@ -26,36 +24,49 @@ def search_until_stable(
     candidates: Sequence[Candidate],
     base: Sequence[str],
     only: Sequence[str] | None = None,
-) -> Found:
-    """Search, measure the noise that the best set leaves, search again; starts from the most
-    cautious noise, the regression's.
+) -> StableSearch:
+    """Search, estimate the noise from the residuals of the best set, and search again.
 
-    To that noise a strong effect that shakes some flights and not others is noise. So where a
-    candidate explains most of what the best set leaves in such a channel, the search starts once
-    more from the noise without that, and stays if just that is then found.
+    Parameters
+    ----------
+    regression : with the most cautious noise, from which the search starts.
+    candidates : that take part.
+    base : effects that are on already.
+    only : fit exactly these names instead of searching.
+
+    Returns
+    -------
+    The regression, its search, and the columns of names that are more probable than not.
+
+    Notes
+    -----
+    To the first noise a strong effect that moves some flights and not others is noise. Such an
+    effect explains most of the residual in a noisy channel. Then the search starts once more from
+    the noise without it. That search stays if it finds just the effect.
     """
-    found = _settled(regression, candidates, base, only)
+    found = _search_and_noise(regression, candidates, base, only)
     # where names are given, no other can be hidden
     for _ in range(settings.numerics.noise_rounds if only is None else 0):
-        again = _bolder(found[0], found[2], candidates, base)
+        again = _search_without_hidden(found[0], found[2], candidates, base)
         if again is None:
             break
         found = again
     return found
 
 
-def _bolder(
+def _search_without_hidden(
     regression: Regression,
     chosen: tuple[int, ...],
     candidates: Sequence[Candidate],
     base: Sequence[str],
-) -> Found | None:
-    """The search from the noise without a candidate that explains most of what is left, if it finds
-    that and nothing else new.
+) -> StableSearch | None:
+    """The search from the noise without a candidate that explains most of the residual.
+
+    None unless it finds that and nothing else new.
     """
-    for hidden in _hidden(regression, chosen, candidates, base):
+    for hidden in _hidden_in_noise(regression, chosen, candidates, base):
         start = (*chosen, *hidden)
-        again = _settled(make_regression(regression.system, start), candidates, base, None)
+        again = _search_and_noise(make_regression(regression.system, start), candidates, base, None)
         if _effects(regression.system, again[2]) - _effects(regression.system, chosen) == _effects(
             regression.system, hidden
         ):
@@ -63,16 +74,15 @@ def _bolder(
     return None
 
 
-def _settled(
+def _search_and_noise(
     regression: Regression,
     candidates: Sequence[Candidate],
     base: Sequence[str],
     only: Sequence[str] | None,
-) -> Found:
-    """Search in the regression's noise, then in that which the best set leaves, until it stays the
-    same.
+) -> StableSearch:
+    """Search, then estimate the noise of the best set, until the set stays the same.
 
-    The set leaves noise by its coefficients together: those that one channel alone asks for could
+    The set is subtracted with its joint coefficients. Coefficients of a single channel could
     explain away what the whole does not.
     """
     chosen: dict[int, float] = {}
@@ -81,7 +91,7 @@ def _settled(
         found = (
             search(regression, candidates, base)
             if only is None
-            else exactly(regression, candidates)
+            else evaluate_exactly(regression, candidates)
         )
         now = _probable(found, regression.system)
         # what was found leaves just the noise that it was found in
@@ -92,8 +102,9 @@ def _settled(
 
 
 def _probable(found: SearchResult, system: System) -> dict[int, float]:
-    """Columns of the best set and their coefficients, of names that are more probable than not;
-    which of a family it is makes no difference to what is left.
+    """Columns and coefficients of the best set, of names that are more probable than not.
+
+    Which of a family it is makes no difference to the residual.
     """
     families = {name: family_of(name) for name in found.best.names}
     probability = {
@@ -108,14 +119,15 @@ def _probable(found: SearchResult, system: System) -> dict[int, float]:
     }
 
 
-def _hidden(
+def _hidden_in_noise(
     regression: Regression,
     chosen: Sequence[int],
     candidates: Sequence[Candidate],
     base: Sequence[str],
 ) -> list[tuple[int, ...]]:
-    """Columns of the variants, one of an effect, that explain most of what chosen columns leave in
-    some channel where flights are noisy and others are not, the best first.
+    """Columns of variants, one of an effect, that explain most of a noisy channel, the best first.
+
+    Channels count where some flights are noisy and others are not.
     """
     system, taken = regression.system, _effects(regression.system, chosen)
     free = {
@@ -133,7 +145,7 @@ def _hidden(
     if not listed or not channels:
         return []
     share = np.max(
-        [_explained(system, c, noise_residuals(system, c, chosen), listed) for c in channels],
+        [_explained_share(system, c, noise_residuals(system, c, chosen), listed) for c in channels],
         axis=0,
     )
     # most explained first: of an effect the first variant that comes is its best
@@ -152,14 +164,12 @@ def _effects(system: System, chosen: Sequence[int]) -> set[str]:
     return {variant_of(system.columns[k]).effect for k in chosen}
 
 
-def _explained(
-    system: System, channel: int, left: Sequence[np.ndarray], listed: Sequence[int]
+def _explained_share(
+    system: System, channel: int, residuals: Sequence[np.ndarray], listed: Sequence[int]
 ) -> np.ndarray:
-    """Share of what is left in a channel, (m,) by flight, that each of these columns explains
-    alone.
-    """
+    """Share of the residuals (m,) by flight that each of these columns explains alone."""
     xy, xx, yy = np.zeros(len(listed)), np.zeros(len(listed)), 0.0
-    for e, r in zip(left, system.flights, strict=True):
+    for e, r in zip(residuals, system.flights, strict=True):
         good = np.isfinite(e)
         x = r.x.of(channel, listed)[good]
         # about each flight's mean, which is no part of what is left
