@@ -5,7 +5,7 @@ import pytest
 
 import ges
 from ges.diagnose.calibrate.calibrate import calibrate
-from ges.diagnose.decide.declared import Contradicted
+from ges.diagnose.decide.contradicted import Contradicted
 from ges.diagnose.design.system import residuals_with
 from ges.diagnose.estimate.fit import null_fit, with_corrections
 from ges.diagnose.estimate.recalibrate import operating_point

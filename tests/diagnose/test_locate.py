@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from ges.diagnose.decide.unknown import left_over
+from ges.diagnose.decide.unknown import unexplained_structures
 from ges.diagnose.locate.regimes import (
     located_by_findings,
     located_by_open_names,
@@ -318,27 +318,31 @@ def test_unexplained_is_what_is_clear_and_large(model):
         _structure(model, "acc_x", q=0.2),
         _structure(model, "acc_y", r2=0.005),
     ]
-    assert left_over([large, *quiet], model) == [large]
-    assert left_over([_structure(model, share=0.003, r2=0.08)], model) == [], (
+    assert unexplained_structures([large, *quiet], model) == [large]
+    assert unexplained_structures([_structure(model, share=0.003, r2=0.08)], model) == [], (
         "faint: so do healthy flights"
     )
-    assert left_over([_structure(model, share=0.008, r2=0.02)], model), "no noise is that large"
+    assert unexplained_structures([_structure(model, share=0.008, r2=0.02)], model), (
+        "no noise is that large"
+    )
     calibrated = dataclasses.replace(model, left_unexplained={"force_z": 0.01 * model.weight_N})
-    assert left_over([large], calibrated) == [], "the flights of the calibration show it too"
+    assert unexplained_structures([large], calibrated) == [], (
+        "the flights of the calibration show it too"
+    )
 
 
 def test_size_speaks_where_no_mean_does(model):
     noisy = _structure(model, "force_x", share=0.03, of_size=True)
-    assert left_over([noisy], model) == [noisy]
-    assert left_over([_structure(model), noisy], model) == [_structure(model)]
-    assert left_over([dataclasses.replace(noisy, channel="range")], model) == []
+    assert unexplained_structures([noisy], model) == [noisy]
+    assert unexplained_structures([_structure(model), noisy], model) == [_structure(model)]
+    assert unexplained_structures([dataclasses.replace(noisy, channel="range")], model) == []
 
 
 def test_vibration_grows_with_speed_in_any_flight_but_not_with_a_place(model):
     noisy = _structure(model, "force_x", share=0.03, r2=0.15, of_size=True)
-    assert left_over([noisy], model) == []
+    assert unexplained_structures([noisy], model) == []
     somewhere = dataclasses.replace(
         noisy, regime=("east_m", "north_m"), low=(0.0, 0.0), high=(1.0, 1.0)
     )
-    assert left_over([somewhere], model) == [somewhere]
-    assert left_over([dataclasses.replace(somewhere, r2=0.08)], model) == []
+    assert unexplained_structures([somewhere], model) == [somewhere]
+    assert unexplained_structures([dataclasses.replace(somewhere, r2=0.08)], model) == []

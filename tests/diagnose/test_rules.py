@@ -10,14 +10,14 @@ from ges.diagnose.decide import rules
 from ges.diagnose.decide.rules import (
     SEARCH_RULES,
     RuleContext,
-    carried,
+    apply_rules,
     distinguishable,
-    judged,
+    has_its_prerequisite,
     large_enough,
     probable,
-    replaced_by,
+    replaced_names,
+    rivals_nearly_as_good,
     significant,
-    taken_over,
 )
 from ges.diagnose.decide.withdraw import practically_significant
 from ges.diagnose.estimate.fit import Fitted
@@ -57,12 +57,14 @@ def _weighed(found, names, sizes=(), effects=(), flights=(), monkeypatch=None):
     regression = SimpleNamespace(system=SimpleNamespace(model=model, flights=flights))
     if monkeypatch:
         sizes = dict(sizes)
-        monkeypatch.setattr(rules, "shares_of", lambda regression, best, place: sizes[min(place)])
+        monkeypatch.setattr(
+            rules, "relative_sizes", lambda regression, best, place: sizes[min(place)]
+        )
     return RuleContext(regression, found, tuple(names))
 
 
 def _told(weighed, record=None) -> tuple[str, ...]:
-    return judged(SEARCH_RULES, weighed, weighed.standing, record or Record())
+    return apply_rules(SEARCH_RULES, weighed, weighed.passing, record or Record())
 
 
 @pytest.mark.parametrize(("p", "best", "passed"), [(0.95, 1, 1), (0.85, 1, 0), (0.95, 0, 0)])
@@ -97,7 +99,7 @@ def test_what_acts_through_another_needs_one_that_is_on():
     found = _search({("ground_effect_lag",): 50.0})
     for effects, passed in (((), False), (("ground_effect",), True)):
         weighed = _weighed(found, ("ground_effect_lag",), effects=effects)
-        assert carried(weighed, "ground_effect_lag").passed == passed
+        assert has_its_prerequisite(weighed, "ground_effect_lag").passed == passed
 
 
 @pytest.mark.parametrize(("size", "passed"), [(1.1, True), (0.9, False)])
@@ -113,7 +115,7 @@ def test_a_name_has_to_make_more_than_no_model_is_right_to(size, passed, monkeyp
 def test_a_set_that_adds_no_other_name_is_no_rival():
     found = _search({("rotor_drag", "wind"): 50.0, ("wind",): 49.9})
     weighed = _weighed(found, ("rotor_drag",))
-    assert replaced_by(found, "rotor_drag") == ()
+    assert rivals_nearly_as_good(found, "rotor_drag") == ()
     assert distinguishable(weighed, "rotor_drag").passed
 
 
@@ -126,15 +128,15 @@ def test_of_a_family_the_better_alone_takes_over_what_both_do():
         }
     )
     both = ("fountain_lift", "ground_effect")
-    assert taken_over(found, "ground_effect", both) == set(both)
-    assert taken_over(found, "fountain_lift", both) == set()
-    assert taken_over(found, "ground_effect", ("ground_effect",)) == set(both)
+    assert replaced_names(found, "ground_effect", both) == set(both)
+    assert replaced_names(found, "fountain_lift", both) == set()
+    assert replaced_names(found, "ground_effect", ("ground_effect",)) == set(both)
 
 
 @pytest.mark.parametrize(("behind", "replaced"), [(1.0, ("parasitic_drag", "wind")), (3.0, ())])
 def test_a_wind_through_a_drag_is_one_cause_that_may_replace_a_tilt(behind, replaced):
     found = _search({("rotor_tilt",): 20.0, ("parasitic_drag", "wind"): 20.0 - behind})
-    assert replaced_by(found, "rotor_tilt") == replaced
+    assert rivals_nearly_as_good(found, "rotor_tilt") == replaced
 
 
 @pytest.mark.parametrize(("behind", "replaced"), [(1.0, ("thrust_scale",)), (3.0, ())])
@@ -144,27 +146,31 @@ def test_a_declared_number_that_is_rarely_wrong_is_a_rival_where_the_flights_do_
     found = _search(
         {("thrust_curve",): 20.0, ("thrust_scale",): 20.0 - behind + log_rarity(["thrust_scale"])}
     )
-    assert replaced_by(found, "thrust_curve") == replaced
+    assert rivals_nearly_as_good(found, "thrust_curve") == replaced
 
 
 def test_a_fountain_is_told_from_the_cushion_that_is_always_there_by_more():
     found = _search({("fountain_lift",): 20.0, ("ground_effect",): 16.5})
-    assert replaced_by(found, "fountain_lift") == ("ground_effect",)
+    assert rivals_nearly_as_good(found, "fountain_lift") == ("ground_effect",)
     assert (
-        replaced_by(_search({("fountain_lift",): 20.0, ("ground_effect",): 15.0}), "fountain_lift")
+        rivals_nearly_as_good(
+            _search({("fountain_lift",): 20.0, ("ground_effect",): 15.0}), "fountain_lift"
+        )
         == ()
     )
     assert (
-        replaced_by(_search({("ground_effect",): 20.0, ("fountain_lift",): 16.5}), "ground_effect")
+        rivals_nearly_as_good(
+            _search({("ground_effect",): 20.0, ("fountain_lift",): 16.5}), "ground_effect"
+        )
         == ()
     )
 
 
 def test_one_of_a_family_is_contested_that_the_other_explains_as_well_alone():
     found = _search({("esc_delay", "motor_lag"): 20.0, ("motor_lag",): 15.0, ("esc_delay",): 13.5})
-    assert replaced_by(found, "motor_lag") == ("esc_delay",)
+    assert rivals_nearly_as_good(found, "motor_lag") == ("esc_delay",)
     found = _search({("esc_delay", "motor_lag"): 20.0, ("motor_lag",): 15.0, ("esc_delay",): 5.0})
-    assert replaced_by(found, "motor_lag") == ()
+    assert rivals_nearly_as_good(found, "motor_lag") == ()
 
 
 @pytest.mark.parametrize(
@@ -286,7 +292,7 @@ def _balanced(monkeypatch, loss, mass, lost=("loss_3",), calibrated=True):
     )
     found = SearchResult((Hypothesis(("weak_rotor",), (), told, 20.0),), {"weak_rotor": 1.0})
     regression = SimpleNamespace(system=SimpleNamespace(columns=columns))
-    return rules.told_from_a_mass(RuleContext(regression, found, ("weak_rotor",)), "weak_rotor")
+    return rules.separable_from_mass(RuleContext(regression, found, ("weak_rotor",)), "weak_rotor")
 
 
 def test_a_weak_rotor_is_told_from_a_mass_at_its_hub_by_the_balance(monkeypatch):

@@ -6,9 +6,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ges.diagnose.decide.declared import contradicted
-from ges.diagnose.decide.laws import FittedLaw, with_laws
-from ges.diagnose.decide.withdraw import explained, remaining, thrust_of, with_open_modelled
+from ges.diagnose.decide.contradicted import contradicted_parameters
+from ges.diagnose.decide.laws import FittedLaw, add_laws
+from ges.diagnose.decide.withdraw import (
+    explain_flights,
+    refit_with_open_names,
+    thrust_of,
+    without_idle_rivals,
+)
 from ges.diagnose.design.speeds import with_expected_speeds
 from ges.diagnose.detectors.balance import balance_shift
 from ges.diagnose.detectors.gusts import GUSTS
@@ -85,56 +90,59 @@ def diagnose(
     for name in names or ():
         effect_table.get(name)
 
-    # what is there, and what the declared numbers can do about it
+    # what is there, and what the nominal parameters can do about it
     problem = pose_problem(recordings, vehicle, holdout, folder)
     problem = problem.with_flights(with_expected_speeds(problem.flights, problem.model))
-    start = recalibrate(problem.train, problem.model)
+    start, nominal = recalibrate(problem.train, problem.model), problem.model
     watch("located", start.cells)
 
-    # what the library explains of the rest, and what stays open or unexplained
-    known_gusts = problem.vehicle.effect_values().get(GUSTS)
-    answer = explained(start, problem.model, known_gusts, record, names)
-    watch("fitted", answer.accepted.names)
-    moved = None if answer.accepted.names else balance_shift(start.system)
-    answer, left = remaining(answer, problem.model, moved is not None)
-    shift = moved or (None if names else thrust_of(answer, start.system))
-    located = located_entries(start, answer)
-    answer, left = with_open_modelled(answer, left, start, problem.model, record)
-    named = answer.last.model
+    # what the library explains of the residuals, and what stays open or unexplained
+    nominal_gusts = problem.vehicle.effect_values().get(GUSTS)
+    explanation = explain_flights(start, nominal, nominal_gusts, record, names)
+    watch("fitted", explanation.accepted.names)
+    balance = None if explanation.accepted.names else balance_shift(start.system)
+    explanation, unexplained = without_idle_rivals(explanation, nominal, balance is not None)
+    shift = balance or (None if names else thrust_of(explanation, start.system))
+    located = located_entries(start, explanation)
+    explanation, unexplained = refit_with_open_names(
+        explanation, unexplained, start, nominal, record
+    )
+    named = explanation.last.model
     laws: list[FittedLaw] = []
     if names is None:
-        answer, left, laws = with_laws(answer, left, start, problem.model)
+        explanation, unexplained, laws = add_laws(explanation, unexplained, start, nominal)
     # an open cause may move the numbers that it is confused with: those are not the file's fault
-    but = {*answer.accepted.rivals, *(shift.may_move if shift else ())}
-    wrong = [] if names else contradicted(answer.last.joint, start.system, but)
+    excused = {*explanation.accepted.rivals, *(shift.may_move if shift else ())}
+    last = explanation.last
+    contradicted = [] if names else contradicted_parameters(last.joint, start.system, excused)
 
     # how much better held-out flights are
-    alternatives = answer.accepted.alternatives.items()
+    alternatives = explanation.accepted.alternatives.items()
     models = {
-        "before": problem.model,
+        "before": nominal,
         "recalibrated": start.first.model,
         **({"names_only": named} if laws else {}),
-        "after": answer.last.model,
+        "after": last.model,
     }
     proof = prove(
         problem.held_out,
         models,
-        {name: fitted_model(problem.model, fitted) for name, fitted in alternatives},
+        {name: fitted_model(nominal, fitted) for name, fitted in alternatives},
         located,
         start.system.length_s,
     )
 
-    # what is told
+    # the diagnosis
     return compose_diagnosis(
         problem,
         start,
-        answer,
-        left,
+        explanation,
+        unexplained,
         laws,
         models,
         proof,
         located,
-        wrong,
+        contradicted,
         shift,
         record,
         names is None,

@@ -17,7 +17,7 @@ def test_a_law_moves_no_more_within_flights_than_what_was_left(times, overdone, 
     left[0][:5] = np.nan
     most = times / settings.statistics.large_part
     added = [most * (row - np.nanmean(row, axis=0)) + 50.0 for row in left]
-    monkeypatch.setattr(laws, "_added", lambda channel, fitted, answer: added)
+    monkeypatch.setattr(laws, "_law_contribution", lambda channel, fitted, answer: added)
     system = SimpleNamespace(main=("force_x", "acc_z"))
     fitted = SimpleNamespace(regression=SimpleNamespace(system=system))
     answer = SimpleNamespace(last=SimpleNamespace(residuals_in_air=left))

@@ -134,7 +134,7 @@ def worst(monkeypatch):
         predict, "size_of_contribution", lambda added, system: {"channel": "force_x"}
     )
     monkeypatch.setattr(
-        predict, "without", lambda a, name: _accepted(tuple(n for n in a.names if n != name))
+        predict, "without_name", lambda a, name: _accepted(tuple(n for n in a.names if n != name))
     )
     return put
 

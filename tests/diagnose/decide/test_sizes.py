@@ -5,20 +5,20 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ges.diagnose.decide.accept import Accepted, withdrawn
-from ges.diagnose.decide.declared import contradicted, words_of
+from ges.diagnose.decide.accept import Accepted, without_names
+from ges.diagnose.decide.contradicted import contradicted_parameters, corrected_numbers
 from ges.diagnose.decide.rules import (
     RuleContext,
-    ambiguous,
+    apply_rules,
     best_of_its_family,
     best_rival,
-    does_something,
-    judged,
-    lead_over,
+    differs_from_neutral,
+    open_names,
+    required_lead,
 )
-from ges.diagnose.decide.sizes import least_size, least_sizes, shares_of, unlike_form_error
-from ges.diagnose.decide.unknown import left_over
-from ges.diagnose.decide.withdraw import Explanation, remaining
+from ges.diagnose.decide.sizes import least_size, least_sizes, relative_sizes, unlike_form_error
+from ges.diagnose.decide.unknown import unexplained_structures
+from ges.diagnose.decide.withdraw import Explanation, without_idle_rivals
 from ges.diagnose.estimate.fit import Fitted, JointFit
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.select.evidence import Posterior, make_regression
@@ -57,12 +57,12 @@ def test_shares_are_rms_over_what_matters_an_accelerometer_s_among_the_forces():
     found = Posterior((0, 1), np.array([0.3, 0.2]), np.eye(2), 0.0)
     h = Hypothesis(("rotor_drag", "tether"), (0, 1), found, 0.0)
     force, _, moment = least_sizes(regression.system)
-    told = shares_of(regression, h, {"rotor_drag"})
+    told = relative_sizes(regression, h, {"rotor_drag"})
     assert told == pytest.approx({"force": 0.3 / force, "moment": 0.15 / moment})
-    assert shares_of(regression, h, {"tether"}) == pytest.approx(
+    assert relative_sizes(regression, h, {"tether"}) == pytest.approx(
         {"force": 0.4 / force, "moment": 0.0}
     )
-    both = shares_of(regression, h, {"rotor_drag", "tether"})
+    both = relative_sizes(regression, h, {"rotor_drag", "tether"})
     assert both["force"] == pytest.approx(0.4 / force), "of the greatest channel"
 
 
@@ -75,7 +75,7 @@ def _declared(common, but=(), acting=1.0):
     rows = rows_of(np.zeros((5, 1)), [{0: np.full(5, acting)} for _ in keys])
     model = dataclasses.replace(MODEL, prior_sds=DOUBTS)
     joint = JointFit(*[np.zeros(0)] * 3, 0.0, common, dict.fromkeys(common, 0.01), ())
-    return contradicted(joint, system_of(("force_z",), columns, [rows], model), but)
+    return contradicted_parameters(joint, system_of(("force_z",), columns, [rows], model), but)
 
 
 def test_numbers_far_beyond_their_doubt_are_told_the_farthest_first():
@@ -94,9 +94,11 @@ def test_what_hardly_shows_or_what_others_can_move_contradicts_nothing():
     assert _declared({"inertia.yy": 0.5}, but=("inertia",)) == []
     assert _declared({"inertia.yy": 0.5}, acting=1e-6) == []
     (speed,) = _declared({SPEED: 50.0})
-    assert speed.share == pytest.approx(0.05) and words_of(SPEED) == "max_rotor_speed_rad_s"
-    assert words_of("thrust_scale.scale") == "mass_kg or thrust_coefficient_N_s2"
-    assert words_of("cg_offset.x_m") == "cg_offset.x_m"
+    assert (
+        speed.share == pytest.approx(0.05) and corrected_numbers(SPEED) == "max_rotor_speed_rad_s"
+    )
+    assert corrected_numbers("thrust_scale.scale") == "mass_kg or thrust_coefficient_N_s2"
+    assert corrected_numbers("cg_offset.x_m") == "cg_offset.x_m"
 
 
 def _structure(channel="force_z", share=0.02, r2=0.5, **more):
@@ -107,12 +109,12 @@ def _structure(channel="force_z", share=0.02, r2=0.5, **more):
 def test_left_over_is_one_structure_a_channel_the_one_that_predicts_most():
     weak, strong = _structure(r2=0.3), _structure(r2=0.6)
     turn = _structure("moment_x", r2=0.4)
-    told = left_over([weak, turn, strong], MODEL)
+    told = unexplained_structures([weak, turn, strong], MODEL)
     assert told == [strong, turn]
     size = _structure(r2=0.9, of_size=True)
-    assert left_over([size, weak], MODEL) == [weak], "a mean speaks before a size"
-    assert left_over([size], MODEL) == [size]
-    assert left_over([_structure(share=1e-5)], MODEL) == []
+    assert unexplained_structures([size, weak], MODEL) == [weak], "a mean speaks before a size"
+    assert unexplained_structures([size], MODEL) == [size]
+    assert unexplained_structures([_structure(share=1e-5)], MODEL) == []
 
 
 def _search(evidence, inclusion=None):
@@ -124,11 +126,11 @@ def _search(evidence, inclusion=None):
 def test_names_replace_each_other_where_one_is_needed_and_neither_proven():
     sets = {("wind",): (5.0, 0.55), ("rotor_tilt",): (4.8, 0.44), (): (0.0, 0.001)}
     found = _search(sets, {"wind": 0.55, "rotor_tilt": 0.44})
-    assert ambiguous(found, set(), set()) == ("wind", "rotor_tilt")
-    assert ambiguous(found, {"wind"}, set()) == (), "one is proven"
+    assert open_names(found, set(), set()) == ("wind", "rotor_tilt")
+    assert open_names(found, {"wind"}, set()) == (), "one is proven"
     not_needed = _search({**sets, (): (5.0, 0.5)}, {"wind": 0.3, "rotor_tilt": 0.2})
-    assert ambiguous(not_needed, set(), set()) == ()
-    assert ambiguous(not_needed, set(), {"wind", "rotor_tilt"}) == ("wind", "rotor_tilt")
+    assert open_names(not_needed, set(), set()) == ()
+    assert open_names(not_needed, set(), {"wind", "rotor_tilt"}) == ("wind", "rotor_tilt")
 
 
 def test_the_best_rival_has_other_names_and_no_more_causes():
@@ -138,8 +140,8 @@ def test_the_best_rival_has_other_names_and_no_more_causes():
     assert best_rival(found, "wind").names == ("cg_offset",)
     assert best_rival(_search({("wind",): (9.0, 1.0), (): (0.0, 0.0)}), "wind") is None
     log_odds = settings.statistics.acceptance_log_odds
-    assert lead_over("fountain_lift", ("ground_effect",)) == pytest.approx(2.0 * log_odds)
-    assert lead_over("fountain_lift", ("wind",)) == pytest.approx(log_odds)
+    assert required_lead("fountain_lift", ("ground_effect",)) == pytest.approx(2.0 * log_odds)
+    assert required_lead("fountain_lift", ("wind",)) == pytest.approx(log_odds)
 
 
 def test_of_a_family_the_better_goes_on_and_says_so_of_the_other():
@@ -160,16 +162,16 @@ def test_each_rule_sees_those_alone_that_passed_the_ones_before_it():
     seen = []
 
     def short(context, name):
-        seen.append(("short", context.standing))
+        seen.append(("short", context.passing))
         return Decision("short", len(name) < 5, "")
 
     def never(context, name):
-        seen.append(("never", context.standing))
+        seen.append(("never", context.passing))
         return Decision("never", False, "")
 
     record = Record()
     context = RuleContext(None, None, ())
-    assert judged((short, never), context, ("wind", "tether"), record) == ()
+    assert apply_rules((short, never), context, ("wind", "tether"), record) == ()
     assert seen == [("short", ("wind", "tether"))] * 2 + [("never", ("wind",))]
     assert [d.rule for d in record.of("tether")] == ["short"]
     assert [d.rule for d in record.of("wind")] == ["short", "never"]
@@ -195,7 +197,7 @@ def test_a_record_keeps_the_last_word_of_each_rule_in_its_order():
 def test_an_effect_does_something_if_an_amplitude_is_beyond_its_sd(k_kg, acts):
     free = (("rotor_drag", "k_kg"),)
     fitted = Fitted({"rotor_drag": {"k_kg": k_kg}}, free, np.full((1, 1), 1e-10), None, None, None)
-    assert does_something(fitted, "rotor_drag") == acts
+    assert differs_from_neutral(fitted, "rotor_drag") == acts
 
 
 def test_withdrawn_is_the_search_with_nothing_accepted_of_it():
@@ -203,7 +205,7 @@ def test_withdrawn_is_the_search_with_nothing_accepted_of_it():
     accepted = Accepted(
         ("wind",), found, "regression", "fit", {"wind": 1.0}, ("tether", "cg_offset")
     )
-    told = withdrawn(accepted)
+    told = without_names(accepted)
     assert (told.names, told.fitted, told.probability, told.rivals) == ((), None, {}, ())
     assert told.found is found and told.regression == "regression"
     with_rival = dataclasses.replace(accepted, alternatives={"tether": 1, "cg_offset": 2})
@@ -226,5 +228,5 @@ def test_rivals_go_where_a_shifted_balance_or_healthy_flights_explain_them(
     accepted = Accepted(("wind",), found, None, None, {}, ("tether",), frozenset(contested))
     last = type("Stage", (), {"model": MODEL})()
     declared = dataclasses.replace(MODEL, left_unexplained=known)
-    told, left = remaining(Explanation(accepted, None, last, [], {}), declared, moved)
+    told, left = without_idle_rivals(Explanation(accepted, None, last, [], {}), declared, moved)
     assert bool(told.accepted.rivals) == open_still and left == []

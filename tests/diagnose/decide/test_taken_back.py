@@ -24,18 +24,18 @@ def test_what_the_form_of_an_unmeasured_curve_makes_is_taken_back(form, left, mo
     monkeypatch.setattr(withdraw, "size_of_contribution", lambda by, system: {})
     monkeypatch.setattr(
         withdraw,
-        "without",
+        "without_name",
         lambda a, name: SimpleNamespace(names=tuple(n for n in a.names if n != name), rivals=()),
     )
-    monkeypatch.setattr(withdraw, "answer_of", lambda a, *_: _answer(a.names))
+    monkeypatch.setattr(withdraw, "explanation_of", lambda a, *_: _answer(a.names))
     record, start = Record(), SimpleNamespace(system=None)
     answer = _answer(("rotor_saturation", "rotor_drag"))
-    told = withdraw._not_of_a_form(answer, start, None, record)
+    told = withdraw._without_form_errors(answer, start, None, record)
     assert told.accepted.names == left
     assert [d.rule for d in record.of("rotor_saturation")] == [
         "not_form_of_unmeasured_thrust"
     ] * len(form)
-    still_open = withdraw._not_of_a_form(
+    still_open = withdraw._without_form_errors(
         _answer(("rotor_saturation",), ("wind", "tether")), start, None, record
     )
     assert still_open.accepted.names == ("rotor_saturation",), "other names are open"

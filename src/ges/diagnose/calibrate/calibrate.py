@@ -26,7 +26,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from ges.diagnose.decide.declared import words_of
+from ges.diagnose.decide.contradicted import corrected_numbers
 from ges.diagnose.design.speeds import with_expected_speeds
 from ges.diagnose.design.system import System, build, nuisance_of
 from ges.diagnose.detectors.balance import (
@@ -394,12 +394,12 @@ def _within_flown_bounds(key: str, value: float, sd: float, model: Model) -> flo
     """
     (low, high), sds = correction_bounds(key, model), settings.statistics.certain_sds
     near = low - sds * sd <= value <= high + sds * sd
-    if near or key not in TRIMS and words_of(key) == key:
+    if near or key not in TRIMS and corrected_numbers(key) == key:
         return float(np.clip(value, low, high))
     raise GesError(
         f"these flights need {key} corrected by {value:.3g}, and the simulator flies {low:.3g} to"
         f" {high:.3g}; the vehicle file is too far from the vehicle: correct"
-        f" {words_of(key)} in it and calibrate again"
+        f" {corrected_numbers(key)} in it and calibrate again"
     )
 
 
@@ -692,5 +692,6 @@ def _moved_warnings(numbers: Mapping[str, Number]) -> list[str]:
         f"{key} moved by {n.value:.3g}, {abs(n.value) / n.declared_sd:.1f} times its declared sd of"
         f" {n.declared_sd:.3g}; look at the vehicle file before you rely on it"
         for key, n in numbers.items()
-        if words_of(key) != key and abs(n.value) > settings.statistics.clear_sds * n.declared_sd
+        if corrected_numbers(key) != key
+        and abs(n.value) > settings.statistics.clear_sds * n.declared_sd
     ]

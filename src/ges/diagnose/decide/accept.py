@@ -1,5 +1,5 @@
-"""From a search to what is accepted of it: names that pass the rules, fitted in full, then effects
-that modify the accepted ones.
+"""From a search to what is accepted: names that pass the rules, fitted in full, then their
+modifiers.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from scipy.special import expit
 from ges.diagnose.decide.rules import (
     SEARCH_RULES,
     RuleContext,
-    ambiguous,
-    does_something,
-    judged,
-    replaced_by,
+    apply_rules,
+    differs_from_neutral,
+    open_names,
+    rivals_nearly_as_good,
     significant,
 )
 from ges.diagnose.design.system import System, build, variant_of
@@ -55,11 +55,11 @@ class Accepted:
 
     Attributes
     ----------
-    names : what is accepted.
+    names : accepted effects.
     found, regression : the first search, with no name accepted yet.
     fitted : the accepted names fitted in full; None where there are none.
     probability : posterior probability of every accepted name.
-    rivals : names of which one is needed, the likeliest first.
+    rivals : names of which one is needed, the most probable first.
     contested : those of them that others could replace.
     alternatives : the fits with each rival, the first of them ``fitted``.
     alike : places where each name does nearly the same in these flights.
@@ -81,7 +81,8 @@ class Accepted:
 
         Raises
         ------
-        ValueError : where nothing is.
+        ValueError
+            Where nothing is.
         """
         if self.fitted is None:
             raise ValueError("nothing is accepted, and so nothing is fitted")
@@ -89,91 +90,117 @@ class Accepted:
 
     @property
     def modelled(self) -> tuple[str, ...]:
-        """The names, and the first of the alternatives beside them."""
+        """The names, and the first of the alternatives."""
         return (*self.names, *itertools.islice(self.alternatives, 1))
 
 
 def accept(start: Regression, record: Record, only: Sequence[str] | None = None) -> Accepted:
-    """Search the library, keep what is proven, then let effects that modify the kept ones compete
-    too.
+    """Search the library in rounds, and accept what passes the rules.
 
     Parameters
     ----------
-    start : of the declared vehicle, with nothing chosen.
+    start : regression of the nominal vehicle.
     record : takes every decision.
     only : fit exactly these names instead of searching.
+
+    Notes
+    -----
+    Each round is linearised about what is accepted, and adds effects that act through it.
     """
     system, first = start.system, None
-    base = system.model
-    fitted: Fitted | None = None
-    names: tuple[str, ...] = ()
-    probability: dict[str, float] = {}
+    selection = _Selection((), None, {})
     contested: set[str] = set()
     alike: dict[str, tuple[Alike, ...]] = {}
+    base = system.model
     listed = candidates_of(system.recordings, base, (), only)
     while listed:
-        regression = start if first is None else _laid_out(listed, base, system)
-        regression, found = _searched(regression, listed, base, only)
+        regression = start if first is None else _regression_of(listed, base, system)
+        regression, found = _search_with_refined_load(regression, listed, base, only)
         first = first or (regression, found)
         context = RuleContext(
             regression, found, found.best.names, tuple(entries(regression, listed))
         )
-        told = judged(SEARCH_RULES, context, sorted(found.inclusion), record)
-        told = tuple(n for n in found.best.names if n in told)
-        if not names:
+        passing = apply_rules(SEARCH_RULES, context, sorted(found.inclusion), record)
+        passing = tuple(n for n in found.best.names if n in passing)
+        if not selection.names:
             contested = _contested(context, record)
-            alike = {n: context.alike(n) for n in told}
-        through = _modifying(regression, found, listed, told, only)
-        new, polished = _fitted_in_full(
+            alike = {n: context.alike(n) for n in passing}
+        modifiers = _probable_modifiers(regression, found, listed, passing, only)
+        new, polished = _fit_significant(
             regression,
             found,
-            (*told, *through),
-            through,
+            (*passing, *modifiers),
+            modifiers,
             base,
-            fitted,
+            selection.fitted,
             system,
             record,
             only is None,
         )
         if polished is None or not new:
             break
-        probability |= {
-            n: through[n].probability if n in through else found.inclusion[n] for n in new
+        probability = {
+            n: modifiers[n].probability if n in modifiers else found.inclusion[n] for n in new
         }
-        fitted, names = polished, names + new
+        selection = selection.extended(new, polished, probability)
         if only is None:
-            # the wind is known only now; the forms that the search chose were weighed in still air
-            fitted, instead = _best_forms_in_wind(fitted, names, system, record)
-            names = tuple(instead.get(n, n) for n in names)
-            probability = {instead.get(n, n): p for n, p in probability.items()}
+            # the wind is known only now; the forms that the search chose were for still air
+            selection = _with_best_forms_in_wind(selection, system, record)
         # the next round is linearised about what is accepted, and lists what acts through it
         base = system.model.with_effects(polished.effects)
-        listed = candidates_of(system.recordings, base, names, only)
+        listed = candidates_of(system.recordings, base, selection.names, only)
     regression, found = first or search_until_stable(start, (), ())[:2]
     # a name that is probable, but failed another rule, is not open
     settled = {
-        *names,
+        *selection.names,
         *(n for n, p in found.inclusion.items() if p >= settings.statistics.acceptance_probability),
     }
     # what was open at first, and then was accepted beside the others, is open no more
-    contested -= set(names)
-    rivals = ambiguous(found, settled - contested, contested)
-    if rivals and not _needed(rivals, base, system):
+    contested -= set(selection.names)
+    rivals = open_names(found, settled - contested, contested)
+    if rivals and not _still_needed(rivals, base, system):
         rivals = ()
     return Accepted(
-        names,
+        selection.names,
         found,
         regression,
-        fitted,
-        probability,
+        selection.fitted,
+        selection.probability,
         rivals,
         frozenset(contested),
         alike=alike,
     )
 
 
+@dataclasses.dataclass(frozen=True)
+class _Selection:
+    """Names that the rounds have accepted so far, with their fit and probabilities."""
+
+    names: tuple[str, ...]
+    fitted: Fitted | None
+    probability: dict[str, float]
+
+    def extended(
+        self, new: tuple[str, ...], fitted: Fitted, probability: Mapping[str, float]
+    ) -> _Selection:
+        """Add the names of a round."""
+        return _Selection(self.names + new, fitted, {**self.probability, **probability})
+
+
+def _with_best_forms_in_wind(selection: _Selection, system: System, record: Record) -> _Selection:
+    """Replace drags by others of their family that fit better in the wind that was accepted."""
+    if selection.fitted is None:
+        return selection
+    fitted, replacements = _best_forms_in_wind(selection.fitted, selection.names, system, record)
+    return _Selection(
+        tuple(replacements.get(n, n) for n in selection.names),
+        fitted,
+        {replacements.get(n, n): p for n, p in selection.probability.items()},
+    )
+
+
 def _contested(context: RuleContext, record: Record) -> set[str]:
-    """Names that could not be told from others, and those others."""
+    """Names that could not be separated from others, and those others."""
     found = context.found
     undone = [
         name
@@ -182,200 +209,216 @@ def _contested(context: RuleContext, record: Record) -> set[str]:
         if d.rule == "distinguishable" and not d.passed
     ]
     others = {n: [a.name for a in context.alike(n)] for n in undone}
-    return {n for name in undone for n in (name, *replaced_by(found, name), *others[name])}
+    return {
+        n for name in undone for n in (name, *rivals_nearly_as_good(found, name), *others[name])
+    }
 
 
-def _laid_out(listed: Sequence[Candidate], base: Model, like: System) -> Regression:
-    """Build the regression of candidates beside the base, on the flights of a system like it."""
+def _regression_of(listed: Sequence[Candidate], base: Model, like: System) -> Regression:
+    """Regression of candidates added to the base, on the flights of a system like it."""
     return make_regression(
         build(like.recordings, base, [v for c in listed for v in c.variants], like)
     )
 
 
-def _searched(
+def _search_with_refined_load(
     regression: Regression, listed: Sequence[Candidate], base: Model, only: Sequence[str] | None
 ) -> tuple[Regression, SearchResult]:
-    """The search; once more beside a load whose thread and first place are sharp: missed by
-    centimetres, they need other names for what is left.
+    """The search, repeated with a refined load on a thread.
+
+    A thread or first place that is wrong by centimetres needs other names for its residual.
     """
     regression, found, _ = search_until_stable(regression, listed, tuple(base.effects), only)
     variant = probable_load(regression, found)
     if variant is None:
         return regression, found
-    known = regression.system
-    sharp = refine_load(known, variant)
+    system = regression.system
+    refined = refine_load(system, variant)
     # two variants of one key are one entry, which would hold the load's mass twice
-    if sharp.key in {v.key for c in listed for v in c.variants}:
+    if refined.key in {v.key for c in listed for v in c.variants}:
         return regression, found
     listed = [
-        dataclasses.replace(c, variants=(*c.variants, sharp)) if c.name == variant.effect else c
+        dataclasses.replace(c, variants=(*c.variants, refined)) if c.name == variant.effect else c
         for c in listed
     ]
-    sharper = _laid_out(listed, known.model, known)
-    return search_until_stable(sharper, listed, tuple(known.model.effects), only)[:2]
+    larger = _regression_of(listed, system.model, system)
+    return search_until_stable(larger, listed, tuple(system.model.effects), only)[:2]
 
 
-def _needed(rivals: Sequence[str], base: Model, system: System) -> bool:
-    """Whether one of these is needed still beside what was accepted, as its fit in full has it."""
+def _still_needed(rivals: Sequence[str], base: Model, system: System) -> bool:
+    """Whether one of these is needed still, given the full fit of what was accepted."""
     listed = candidates_of(system.recordings, base, (), rivals)
-    found = search_until_stable(_laid_out(listed, base, system), listed, tuple(base.effects))[1]
+    found = search_until_stable(_regression_of(listed, base, system), listed, tuple(base.effects))[
+        1
+    ]
     return found.null().probability <= settings.statistics.possible_probability
 
 
 @dataclasses.dataclass(frozen=True)
-class _Modifying:
-    """What the best variant of an effect is modified by: its values, and how probable it is beside
-    the effect alone.
+class _Modifier:
+    """A modifier of the best variant of an effect.
+
+    Attributes
+    ----------
+    values : its parameters.
+    probability : against the effect alone.
     """
 
     values: Mapping[str, float]
     probability: float
 
 
-def _modifying(
+def _probable_modifiers(
     regression: Regression,
     found: SearchResult,
     listed: Sequence[Candidate],
     names: Collection[str],
     only: Sequence[str] | None,
-) -> dict[str, _Modifying]:
-    """Modifiers of these names' variants in the best set, if no plain variant is nearly as good; or
-    if they are asked for.
+) -> dict[str, _Modifier]:
+    """Modifiers of these names in the best set, if no plain variant is nearly as good.
+
+    All that are asked for, with ``only``.
     """
     chosen = found.best.posterior.columns if names else ()
     variants = [variant_of(regression.system.columns[k]) for k in chosen]
-    brought = {
+    modifiers = {
         m: values for v in variants if v.effect in names for m, values in modifiers_of(v).items()
     }
     if only is not None:
-        return {m: _Modifying(values, 1.0) for m, values in brought.items() if m in only}
-    if not brought:
+        return {m: _Modifier(values, 1.0) for m, values in modifiers.items() if m in only}
+    if not modifiers:
         return {}
     # as a search of all that modifies these effects, and of nothing else, has them
-    ways = sum(e.modifies in names for e in effect_table.table().values())
-    odds = log_evidence_over_plain(regression, listed, found.best) - log_odds_against_one_of(ways)
+    count = sum(e.modifies in names for e in effect_table.table().values())
+    odds = log_evidence_over_plain(regression, listed, found.best) - log_odds_against_one_of(count)
     if odds <= settings.statistics.acceptance_log_odds:
         return {}
-    return {m: _Modifying(values, float(expit(odds))) for m, values in brought.items()}
+    return {m: _Modifier(values, float(expit(odds))) for m, values in modifiers.items()}
 
 
-def _in_full(
+def _fit_hypothesis(
     regression: Regression,
     h: Hypothesis,
-    beside: Fitted | None,
+    present: Fitted | None,
     system: System,
-    through: effect_table.Effects = MappingProxyType({}),
+    modifiers: effect_table.Effects = MappingProxyType({}),
 ) -> Fitted:
-    """Fit in full a set that a search weighed, beside what is fitted already; the
-    system is of the model without. What goes ``through`` effects of the set is fitted with it, from
-    its values.
+    """Fit a set of the search in full, added to what is fitted already.
+
+    The system is of the model without the set. Modifiers are fitted with it, from their values.
     """
-    held, known = (beside.effects, beside.free) if beside else ({}, ())
+    effects, free_already = (present.effects, present.free) if present else ({}, ())
     values = {
         **starting_values(regression, h),
-        **{m: {**effect_table.get(m).neutral(), **v} for m, v in through.items()},
+        **{m: {**effect_table.get(m).neutral(), **v} for m, v in modifiers.items()},
     }
     free = [
-        *known,
+        *free_already,
         *free_parameters(regression, h, system.model, values),
-        *((m, p) for m, v in through.items() for p in v),
+        *((m, p) for m, v in modifiers.items() for p in v),
     ]
-    return polish(system, {**held, **values}, free)
+    return polish(system, {**effects, **values}, free)
 
 
-def _fitted_in_full(
+def _fit_significant(
     regression: Regression,
     found: SearchResult,
     new: tuple[str, ...],
-    through: Mapping[str, _Modifying],
+    modifiers: Mapping[str, _Modifier],
     base: Model,
     fitted: Fitted | None,
     system: System,
     record: Record,
-    choosing: bool,
+    names_searched: bool,
 ) -> tuple[tuple[str, ...], Fitted | None]:
-    """The new names that are significant when their numbers are fitted in full, and that fit; those
-    that are not are left out of it, what goes ``through`` others first.
+    """The new names that are significant in a full fit, and that fit.
+
+    Others are left out of it, modifiers first.
     """
     while new:
-        modifying = {m: through[m].values for m in new if m in through}
-        kept = _with_names(found, [n for n in new if n not in modifying], regression)
-        full = _in_full(regression, kept, fitted, system, modifying)
-        decisions = {n: significant(full, n) for n in new} if choosing else {}
+        values_of_modifiers = {m: modifiers[m].values for m in new if m in modifiers}
+        kept = _hypothesis_of(found, [n for n in new if n not in values_of_modifiers], regression)
+        full = _fit_hypothesis(regression, kept, fitted, system, values_of_modifiers)
+        decisions = {n: significant(full, n) for n in new} if names_searched else {}
         for name, decision in decisions.items():
             record.note(name, decision)
-        fallen = {n for n, d in decisions.items() if not d.passed}
-        fallen = (fallen & set(modifying)) or fallen
+        rejected = {n for n, d in decisions.items() if not d.passed}
+        rejected = (rejected & set(values_of_modifiers)) or rejected
         # what acted through a name that fell has nothing to act through
-        fallen |= {n for n in new if not has_prerequisite(n, {*base.effects, *(set(new) - fallen)})}
-        if not fallen:
+        rejected |= {
+            n for n in new if not has_prerequisite(n, {*base.effects, *(set(new) - rejected)})
+        }
+        if not rejected:
             return new, full
-        new = tuple(n for n in new if n not in fallen)
+        new = tuple(n for n in new if n not in rejected)
     return (), fitted
 
 
 def _best_forms_in_wind(
     fitted: Fitted, names: Sequence[str], system: System, record: Record
 ) -> tuple[Fitted, dict[str, str]]:
-    """The fit with others of their family in place of those that wind acts through, where these fit
-    the flights better, and by what each of them is replaced.
+    """The fit with better forms of those drags that a wind acts through, and what they replace.
 
-    A search weighs every form in still air. In wind linear and quadratic drag are other functions
-    of the motion, so there each is asked again, in full and under the same noise.
+    A search evaluates every form in still air. In wind linear and quadratic drag are other
+    functions of the motion. So each is fitted again, in full and under the same noise.
     """
-    instead: dict[str, str] = {}
-    blown = {
+    replacements: dict[str, str] = {}
+    through_wind = {
         c for n in names if effect_table.get(n).moves_air for c in effect_table.get(n).prerequisites
     }
     listed = {c.name for c in candidates_of(system.recordings, system.model)}
     least = settings.statistics.acceptance_log_odds
-    for name in sorted(blown & set(names)):
+    for name in sorted(through_wind & set(names)):
         rule, better, gained = "best_form_in_wind", fitted, 0.0
         for rival in sorted((family_of(name) & listed) - set(fitted.effects)):
-            tried = _in_place_of(fitted, name, rival, system)
+            candidate = _fit_with_replacement(fitted, name, rival, system)
             # costs are -2 log posterior under one noise; each row counts as in the evidence
             gain = (
                 0.5
                 * settings.evidence.tempering
-                * (fitted.joint_free_moments.cost - tried.joint_free_moments.cost)
+                * (fitted.joint_free_moments.cost - candidate.joint_free_moments.cost)
             )
             because = f"log odds {gain:.3g} over {name}, both in full where the air moves"
-            passed = gain > least and significant(tried, rival).passed
+            passed = gain > least and significant(candidate, rival).passed
             record.note(rival, Decision(rule, passed, because, gain, least))
             if passed and gain > gained:
-                better, gained, instead[name] = tried, gain, rival
-        if name in instead:
-            because = f"{instead[name]} fits better where the air moves"
+                better, gained, replacements[name] = candidate, gain, rival
+        if name in replacements:
+            because = f"{replacements[name]} fits better where the air moves"
             record.note(name, Decision(rule, False, because, -gained, -least))
             fitted = polish(system, better.effects, better.free)
-    return fitted, instead
+    return fitted, replacements
 
 
-def _in_place_of(fitted: Fitted, name: str, rival: str, system: System) -> Fitted:
+def _fit_with_replacement(fitted: Fitted, name: str, rival: str, system: System) -> Fitted:
     """The fit with a rival in place of a name, under the same noise."""
-    known = effect_table.get(rival)
+    descriptor = effect_table.get(rival)
     amplitudes = [
-        amplitude_of(rival, p.name) for p in known.parameters if p.name not in known.shapes
+        amplitude_of(rival, p.name)
+        for p in descriptor.parameters
+        if p.name not in descriptor.shapes
     ]
     values = {
         **{e: v for e, v in fitted.effects.items() if e != name},
         # a step from neutral: at neutral itself a shape moves nothing, and its column vanishes
-        rival: {**known.neutral(), **{a.parameter: a.neutral + a.step for a in amplitudes}},
+        rival: {**descriptor.neutral(), **{a.parameter: a.neutral + a.step for a in amplitudes}},
     }
     free = [
         *(f for f in fitted.free if f[0] != name),
         *((rival, a.parameter) for a in amplitudes),
-        *((rival, p) for p in known.shapes if known.parameter(p).fitted),
+        *((rival, p) for p in descriptor.shapes if descriptor.parameter(p).fitted),
     ]
     return polish(system, values, free, fixed_noise=fitted.regression.noise)
 
 
-def shot_fit(accepted: Accepted) -> Accepted:
-    """The same, its fit polished by multiple shooting: the model is asked along the path that it
-    flies itself.
+def fit_along_rollouts(accepted: Accepted) -> Accepted:
+    """Refine the fit by multiple shooting: the model is evaluated along the path that it flies
+    itself.
 
-    What remembers the path, as a load that swings on it, would remember where one piece of it ends
-    and the next begins: then nothing is shot.
+    Parameters
+    ----------
+    accepted : names and fits. It is returned unchanged with effects that have memory of the path,
+        whose state pieces would break.
     """
     fitted, system = accepted.fitted, accepted.regression.system
     if fitted is None or any(effect_table.get(name).remembers_the_path for name in fitted.effects):
@@ -387,18 +430,26 @@ def shot_fit(accepted: Accepted) -> Accepted:
     return dataclasses.replace(accepted, fitted=polished)
 
 
-def with_alternatives(accepted: Accepted, record: Record) -> Accepted:
-    """The same with every name that is open fitted in full beside what is accepted, where it can
-    act; without the names that then do nothing, if two are left.
+def fit_alternatives(accepted: Accepted, record: Record) -> Accepted:
+    """Fit every open name in full, added to what is accepted.
+
+    Parameters
+    ----------
+    accepted : names and fits.
+    record : takes the decisions.
+
+    Returns
+    -------
+    Without open names whose fit is neutral, if two others are left.
     """
-    tried = {name: _beside(accepted, name) for name in accepted.rivals}
+    attempts = {name: _fit_with_rival(accepted, name) for name in accepted.rivals}
     fits = {
         name: fitted
-        for name, fitted in tried.items()
-        if fitted is not None and does_something(fitted, name)
+        for name, fitted in attempts.items()
+        if fitted is not None and differs_from_neutral(fitted, name)
     }
-    idle = set(tried) - set(fits) if len(fits) > 1 else set()
-    for name in tried:
+    idle = set(attempts) - set(fits) if len(fits) > 1 else set()
+    for name in attempts:
         because = "does nothing once it is fitted" if name in idle else "one of these is needed"
         record.note(name, Decision("open", name not in idle, because))
     return dataclasses.replace(
@@ -409,52 +460,65 @@ def with_alternatives(accepted: Accepted, record: Record) -> Accepted:
     )
 
 
-def _beside(accepted: Accepted, name: str) -> Fitted | None:
-    """The fit with one open name, and what it acts through, beside what is accepted; None where it
-    cannot act.
-    """
+def _fit_with_rival(accepted: Accepted, name: str) -> Fitted | None:
+    """The fit with one open name and its prerequisite added; None where it cannot act."""
     system, fitted = accepted.regression.system, accepted.fitted
     best = accepted.found.best_with(name, accepted.rivals)
-    held = set(fitted.effects) if fitted else set()
+    present = set(fitted.effects) if fitted else set()
     # a modifier or a wind alone does nothing: the carrier of its own best set comes with it
-    mine = ({name} | set(effect_table.get(name).prerequisites) & set(best.names)) - held
-    if not has_prerequisite(name, {*mine, *held, *system.model.effects}):
+    own = ({name} | set(effect_table.get(name).prerequisites) & set(best.names)) - present
+    if not has_prerequisite(name, {*own, *present, *system.model.effects}):
         return None
-    kept = dataclasses.replace(best, posterior=_only(best, mine, accepted.regression))
-    full = _in_full(accepted.regression, kept, fitted, system)
-    return shot_fit(dataclasses.replace(accepted, fitted=full)).fitted
+    kept = dataclasses.replace(
+        best, posterior=_restricted_posterior(best, own, accepted.regression)
+    )
+    full = _fit_hypothesis(accepted.regression, kept, fitted, system)
+    return fit_along_rollouts(dataclasses.replace(accepted, fitted=full)).fitted
 
 
-def without(accepted: Accepted, name: str) -> Accepted:
-    """The same with one name less, and what acts through it alone; the others fitted anew."""
+def without_name(accepted: Accepted, name: str) -> Accepted:
+    """Drop a name and what acts through it alone, and fit the others again.
+
+    Parameters
+    ----------
+    accepted : names and fits.
+    name : to drop.
+    """
     system = accepted.regression.system
     rest = {*accepted.names, *system.model.effects} - {name}
     names = tuple(n for n in accepted.names if n in rest and has_prerequisite(n, rest))
     if not names:
-        return withdrawn(accepted)
+        return without_names(accepted)
     fitted = accepted.fit
     values, free = {n: fitted.effects[n] for n in names}, [f for f in fitted.free if f[0] in names]
-    left = polish(system, values, free)
+    fit_of_rest = polish(system, values, free)
     probability = {n: accepted.probability[n] for n in names}
-    return dataclasses.replace(accepted, names=names, fitted=left, probability=probability)
+    return dataclasses.replace(accepted, names=names, fitted=fit_of_rest, probability=probability)
 
 
-def withdrawn(accepted: Accepted) -> Accepted:
-    """The search as it was, with nothing accepted of it."""
+def without_names(accepted: Accepted) -> Accepted:
+    """Drop all names.
+
+    Parameters
+    ----------
+    accepted : names and fits.
+    """
     return dataclasses.replace(accepted, names=(), fitted=None, probability={}, rivals=())
 
 
-def _with_names(found: SearchResult, names: Sequence[str], regression: Regression) -> Hypothesis:
-    """The set of just these names as the search weighed it, else the best set less all others."""
+def _hypothesis_of(found: SearchResult, names: Sequence[str], regression: Regression) -> Hypothesis:
+    """The set of just these names from the search, else the best set without all others."""
     just = tuple(sorted(names))
     # a set that was weighed by itself has coefficients without what the others took of it
-    weighed = next((h for h in found.hypotheses if h.names == just), None)
-    return weighed or dataclasses.replace(
-        found.best, posterior=_only(found.best, names, regression)
+    exact = next((h for h in found.hypotheses if h.names == just), None)
+    return exact or dataclasses.replace(
+        found.best, posterior=_restricted_posterior(found.best, names, regression)
     )
 
 
-def _only(h: Hypothesis, names: Collection[str], regression: Regression) -> Posterior:
+def _restricted_posterior(
+    h: Hypothesis, names: Collection[str], regression: Regression
+) -> Posterior:
     # the posterior of a part is the marginal: its rows and columns of mean and covariance
     keep = [
         i

@@ -1,4 +1,4 @@
-"""Laws for what the accepted names leave: few terms, flown beside the names."""
+"""Laws for residuals that accepted names leave: few terms, fitted together with the names."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ges.diagnose.decide.unknown import left_over
-from ges.diagnose.decide.withdraw import Explanation, answer_of
+from ges.diagnose.decide.unknown import unexplained_structures
+from ges.diagnose.decide.withdraw import Explanation, explanation_of
 from ges.diagnose.design.system import build
 from ges.diagnose.design.whiten import estimate_noise
 from ges.diagnose.estimate.contributions import contributions_of, size_of_contribution
@@ -42,8 +42,8 @@ class FittedLaw:
     ----------
     channel : one of :data:`ges.simulator.laws.CHANNELS`.
     coefficients, sd : by term.
-    r2 : share of what the names leave that it predicts of blocks of time it was not fitted to.
-    structure : what was left in the channel, and in which regime.
+    r2 : share of the residual's variance that it predicts on blocks of time it was not fitted to.
+    structure : in the channel's residual, with its regime.
     size : of :func:`~ges.diagnose.estimate.contributions.size_of_contribution`.
     """
 
@@ -55,35 +55,41 @@ class FittedLaw:
     size: Mapping[str, Any]
 
 
-def with_laws(
-    answer: Explanation, left: list[Structure], start: Start, declared: Model
+def add_laws(
+    explanation: Explanation, unexplained: list[Structure], start: Start, nominal: Model
 ) -> tuple[Explanation, list[Structure], list[FittedLaw]]:
-    """The answer with a law in every channel in which one predicts what the names leave, the
-    structure that stays, and the laws.
-
-    A law is fitted to what names and declared numbers leave, which stay as they are: a law that
-    were free together with them would take their place (Liu, Bayarri and Berger 2009, *Bayesian
-    Analysis* 4, 119, on modularization).
+    """Add a law in every channel in which one predicts the residuals.
 
     Parameters
     ----------
-    left : structure that the answer leaves.
-    declared : the vehicle file's model.
+    explanation : accepted names with their fit.
+    unexplained : structures in its residuals.
+    start : the recalibrated vehicle.
+    nominal : the vehicle file's model.
+
+    Returns
+    -------
+    The explanation with laws, the structures that stay unexplained, and the laws.
+
+    Notes
+    -----
+    Names and nominal parameters are pinned: a law that is free together with them would take their
+    place (Liu, Bayarri and Berger 2009, *Bayesian Analysis* 4, 119, on modularization).
     """
     # a declared number that was named would be a nuisance again beside a law, and move twice
-    before = answer.accepted.fitted
+    before = explanation.accepted.fitted
     corrected = {n.key for c in start.system.columns if (n := c.nuisance)}
     if before and any(f"{e}.{p}" in corrected for e, p in before.free):
-        return answer, left, []
+        return explanation, unexplained, []
     forms = {
         channel: (form, structure)
-        for channel, structure in _channels(left, answer).items()
-        if (form := _form(channel, answer)).terms
+        for channel, structure in _response_structures(unexplained, explanation).items()
+        if (form := _sparse_form_of(channel, explanation)).terms
     }
     terms = [term for form, _ in forms.values() for term in form.terms]
     while terms:
-        fitted, sd = _beside(terms, answer, start)
-        overdone = _overdone(forms, fitted, answer)
+        fitted, sd = _fit_terms(terms, explanation, start)
+        overdone = _overdone(forms, fitted, explanation)
         clear = [
             t
             for t in terms
@@ -95,9 +101,9 @@ def with_laws(
         # what only filled in for another term goes, and what trims would have to take back
         terms = clear
     if not terms:
-        return answer, left, []
-    accepted = dataclasses.replace(answer.accepted, fitted=fitted)
-    more = answer_of(accepted, answer.gusts, start, declared)
+        return explanation, unexplained, []
+    accepted = dataclasses.replace(explanation.accepted, fitted=fitted)
+    more = explanation_of(accepted, explanation.gusts, start, nominal)
     laws = [
         FittedLaw(
             channel,
@@ -105,59 +111,66 @@ def with_laws(
             {t: sd[t] for t in own},
             form.r2,
             structure,
-            _size(channel, fitted, answer),
+            _law_size(channel, fitted, explanation),
         )
         for channel, (form, structure) in forms.items()
         if (own := [t for t in form.terms if t in terms])
     ]
-    return more, left_over(more.structures, more.last.model), laws
+    return more, unexplained_structures(more.structures, more.last.model), laws
 
 
 def _overdone(
-    forms: Mapping[str, tuple[SparseForm, Structure]], fitted: Fitted, answer: Explanation
+    forms: Mapping[str, tuple[SparseForm, Structure]], fitted: Fitted, explanation: Explanation
 ) -> set[str]:
-    """Channels in which a law moves more within flights than what was left there: trims that are
-    free beside it cancel it in these flights, and would not in others.
+    """Channels in which a law moves more within flights than the residual did.
+
+    Free trims cancel it in these flights, and would not in others.
     """
     main = fitted.regression.system.main
-    found = set()
+    overdone = set()
     for channel, (_, structure) in forms.items():
         at = main.index(structure.channel)
-        added = [a[:, at] for a in _added(channel, fitted, answer)]
-        left = [row[:, at] for row in answer.last.residuals_in_air]
-        moved, had = (math.hypot(*map(_spread, rows)) for rows in (added, left))
-        if settings.statistics.large_part * moved > had:
-            found.add(channel)
-    return found
+        contribution = [a[:, at] for a in _law_contribution(channel, fitted, explanation)]
+        residuals = [row[:, at] for row in explanation.last.residuals_in_air]
+        of_law, of_residual = (
+            math.hypot(*map(_spread, rows)) for rows in (contribution, residuals)
+        )
+        if settings.statistics.large_part * of_law > of_residual:
+            overdone.add(channel)
+    return overdone
 
 
 def _spread(values: np.ndarray) -> float:
-    """Length of what differs from the mean; of nothing 0."""
+    """Length of the deviation from the mean; 0 for nothing."""
     good = values[np.isfinite(values)]
     return float(np.linalg.norm(good - good.mean())) if len(good) else 0.0
 
 
-def _channels(left: Sequence[Structure], answer: Explanation) -> dict[str, Structure]:
-    """Channels of laws in which a mean is left, each with its structure."""
-    main, found = answer.last.regression.system.main, {}
+def _response_structures(
+    unexplained: Sequence[Structure], explanation: Explanation
+) -> dict[str, Structure]:
+    """Channels of laws with structure in the mean."""
+    main, by_channel = explanation.last.regression.system.main, {}
     for channel in CHANNELS:
         kind, axis = channel.split("_")
-        heard = [f"{k}_{axis}" for k in RESPONSES[kind] if f"{k}_{axis}" in main]
-        means = [s for name in heard for s in left if s.channel == name and not s.of_size]
+        responses = [f"{k}_{axis}" for k in RESPONSES[kind] if f"{k}_{axis}" in main]
+        means = [
+            s for name in responses for s in unexplained if s.channel == name and not s.of_size
+        ]
         if means:
-            found[channel] = means[0]
-    return found
+            by_channel[channel] = means[0]
+    return by_channel
 
 
-def _form(channel: str, answer: Explanation) -> SparseForm:
-    """A form of what is left in a channel."""
-    system, model = answer.last.regression.system, answer.last.model
+def _sparse_form_of(channel: str, explanation: Explanation) -> SparseForm:
+    """The sparse form of a channel's residual."""
+    system, model = explanation.last.regression.system, explanation.last.model
     kind, axis = channel.split("_")
     response = next(n for k in RESPONSES[kind] if (n := f"{k}_{axis}") in system.main)
-    left = [row[:, system.main.index(response)] for row in answer.last.residuals_in_air]
+    residuals = [row[:, system.main.index(response)] for row in explanation.last.residuals_in_air]
     blocks, terms = system.blocks(settings.statistics.block_s), candidate_terms(channel, system)
     x = term_columns(terms, system, model)
-    form = sparse_form(left, x, terms, blocks)
+    form = sparse_form(residuals, x, terms, blocks)
     # a place on the grid is half a cell off; what was tried before is paid for still
     for _ in range(settings.numerics.noise_rounds):
         near = dict.fromkeys(
@@ -167,22 +180,21 @@ def _form(channel: str, answer: Explanation) -> SparseForm:
             break
         terms = [*terms, *new]
         x = [np.hstack(pair) for pair in zip(x, term_columns(new, system, model), strict=True)]
-        finer = sparse_form(left, x, terms, blocks)
+        finer = sparse_form(residuals, x, terms, blocks)
         if finer.r2 <= form.r2 + settings.numerics.small:
             break
         form = finer
     return form
 
 
-def _beside(
-    terms: Sequence[Term], answer: Explanation, start: Start
+def _fit_terms(
+    terms: Sequence[Term], explanation: Explanation, start: Start
 ) -> tuple[Fitted, dict[Term, float]]:
-    """The names' fit with a law of these terms beside it, and the sds of its coefficients.
+    """The fit of the names with a law of these terms, and the sds of its coefficients.
 
-    Names and declared numbers stay as they are, pinned by priors that are narrow against their sds;
-    trims are free to follow.
+    Names and nominal parameters are pinned by narrow priors; trims are free.
     """
-    before, model = answer.accepted.fitted, start.system.model
+    before, model = explanation.accepted.fitted, start.system.model
     system, joint = (
         (before.regression.system, before.joint) if before else (start.system, start.first.joint)
     )
@@ -190,45 +202,48 @@ def _beside(
     # a term that the vehicle file has already counts from there
     law = {**{t.key: 0.0 for t in terms}, **model.effects.get(LAW, {})}
     variants = [Variant(LAW, {}, (amplitude_of(LAW, t.key),)) for t in terms]
-    flights, known = system.recordings, model.with_effects({**names, LAW: law})
+    flights, with_law = system.recordings, model.with_effects({**names, LAW: law})
     # what numbers are held at leaves them no part in an answer of the controller, and a law is made
     # of speeds, heights and places: no column here is endogenous
-    asked = build(flights, known, variants, start.system)
-    exogenous = tuple(dataclasses.replace(rows, endogenous={}) for rows in asked.flights)
-    asked = dataclasses.replace(asked, flights=exogenous)
-    held, chosen = pinned_priors(joint), free_columns(asked)
-    regression = whiten_system(asked, estimate_noise(asked, chosen))
+    design = build(flights, with_law, variants, start.system)
+    exogenous = tuple(dataclasses.replace(rows, endogenous={}) for rows in design.flights)
+    design = dataclasses.replace(design, flights=exogenous)
+    priors, chosen = pinned_priors(joint), free_columns(design)
+    regression = whiten_system(design, estimate_noise(design, chosen))
     prior_sd = regression.prior.sd[chosen]
-    found = joint_fit(regression, chosen, np.zeros(len(chosen)), prior_sd, held)
-    law |= {t.key: law[t.key] + float(c) for t, c in zip(terms, found.chosen, strict=True)}
+    joint_of_law = joint_fit(regression, chosen, np.zeros(len(chosen)), prior_sd, priors)
+    law |= {t.key: law[t.key] + float(c) for t, c in zip(terms, joint_of_law.chosen, strict=True)}
     # trims follow, as they do beside names
-    there = make_regression(build(flights, known.with_effects({LAW: law}), (), start.system))
-    beside = joint_fit(there, (), nuisance_priors=held)
+    refitted = make_regression(build(flights, with_law.with_effects({LAW: law}), (), start.system))
+    trims = joint_fit(refitted, (), nuisance_priors=priors)
     # a pin is no knowledge: what was pinned keeps the doubt of the names' own fit
-    sds = {**beside.common_sd, **{key: joint.common_sd[key] for key in held}}
-    beside = dataclasses.replace(beside, common_sd=sds)
+    sds = {**trims.common_sd, **{key: joint.common_sd[key] for key in priors}}
+    trims = dataclasses.replace(trims, common_sd=sds)
     fitted = Fitted(
         {**names, LAW: law},
         before.free if before else (),
         before.covariance if before else np.zeros((0, 0)),
-        beside,
-        before.joint_free_moments if before else beside,
-        there,
+        trims,
+        before.joint_free_moments if before else trims,
+        refitted,
     )
-    return fitted, dict(zip(terms, np.sqrt(np.diag(found.covariance)), strict=True))
+    return fitted, dict(zip(terms, np.sqrt(np.diag(joint_of_law.covariance)), strict=True))
 
 
-def _added(channel: str, fitted: Fitted, answer: Explanation) -> list[np.ndarray]:
-    """What the law of a channel adds to every channel, by flight, (m, C)."""
-    effects, declared = fitted.regression.system.model.effects, answer.accepted.regression
+def _law_contribution(channel: str, fitted: Fitted, explanation: Explanation) -> list[np.ndarray]:
+    """Contribution of one channel's law to every channel, by flight, (m, C)."""
+    effects, search_regression = (
+        fitted.regression.system.model.effects,
+        explanation.accepted.regression,
+    )
     others = {k: 0.0 if k.startswith(f"{channel}:") else v for k, v in effects[LAW].items()}
-    without = declared.system.model.with_effects({LAW: others})
+    without = search_regression.system.model.with_effects({LAW: others})
     return contributions_of(effects, LAW, fitted.regression.system, without)
 
 
-def _size(channel: str, fitted: Fitted, answer: Explanation) -> dict[str, Any]:
-    """How large the law of a channel is, in channels of its own kind."""
+def _law_size(channel: str, fitted: Fitted, explanation: Explanation) -> dict[str, Any]:
+    """Size of one channel's law, in channels of its own kind."""
     system, kinds = fitted.regression.system, RESPONSES[block_of(channel)]
     shown = [block_of(name) in kinds for name in system.main]
-    added = _added(channel, fitted, answer)
-    return size_of_contribution([np.where(shown, a, np.nan) for a in added], system)
+    contribution = _law_contribution(channel, fitted, explanation)
+    return size_of_contribution([np.where(shown, a, np.nan) for a in contribution], system)

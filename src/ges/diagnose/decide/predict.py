@@ -1,8 +1,8 @@
 """Whether a name predicts flights that it was not fitted to: training flights, left out in turn.
 
 The log predictive density of a flight given the others is the log evidence of all less that of the
-others (Gelman et al. 2014, *Bayesian Data Analysis*, sec. 7.2), here of the fit linearised at its
-best. Flights that are held out take no part.
+others (Gelman et al. 2014, *Bayesian Data Analysis*, sec. 7.2). The fit is linearised at its
+optimum. Held-out flights take no part.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from ges.diagnose.decide.accept import Accepted, without
+from ges.diagnose.decide.accept import Accepted, without_name
 from ges.diagnose.estimate.contributions import contributions, size_of_contribution
 from ges.diagnose.estimate.fit import Fitted, free_columns, wide_sds
 from ges.diagnose.library.candidates import amplitude_of, has_prerequisite
@@ -43,11 +43,21 @@ class PredictiveGain:
 
 
 def predictive_gain(fitted: Fitted, name: str, channel: str) -> PredictiveGain:
-    """What a name, and what acts through it alone, is worth to flights that it was not fitted to.
+    """Return what a name, and what acts through it alone, adds to the prediction of other flights.
 
     Parameters
     ----------
+    fitted : fit with the name.
+    name : of the effect.
     channel : in which errors are compared.
+
+    Returns
+    -------
+    Empty where there is one flight.
+
+    References
+    ----------
+    Equation (8) of docs/method.md.
     """
     regression = fitted.regression
     grams = flight_grams(regression.whites, regression.system.columns, settings.evidence.tempering)
@@ -57,23 +67,24 @@ def predictive_gain(fitted: Fitted, name: str, channel: str) -> PredictiveGain:
     rest = set(fitted.effects) - {name}
     dropped = {name, *(n for n in rest if not has_prerequisite(n, rest))}
     at = regression.system.main.index(channel)
-    (less, before), (more, after) = (
-        _LinearFit(fitted, gone).predict_flights(grams, at) for gone in (dropped, ())
+    (without_density, without_error), (with_density, with_error) = (
+        _LinearFit(fitted, names).predict_flights(grams, at) for names in (dropped, ())
     )
-    return PredictiveGain(more - less, after / np.maximum(before, settings.numerics.tiny))
+    return PredictiveGain(
+        with_density - without_density,
+        with_error / np.maximum(without_error, settings.numerics.tiny),
+    )
 
 
 class _LinearFit:
-    """A fit, linearised at its best, with some effects ``dropped``: their columns held where the
-    effects are neutral.
-    """
+    """A fit, linearised at its optimum, without some effects: their columns stay neutral."""
 
     def __init__(self, fitted: Fitted, dropped: Collection[str]) -> None:
         self.system, regression = fitted.regression.system, fitted.regression
         columns, chosen = self.system.columns, free_columns(self.system)
         freed = {columns[k].key for k in chosen}
         # columns are linear about the fit, where neutral is the neutral less the fitted value
-        self.held = {
+        self.fixed = {
             k: amplitude_of(e, p).neutral - fitted.effects[e][p]
             for (e, p), k in zip(fitted.free, chosen, strict=False)
             if e in dropped and p not in effect_table.get(e).shapes
@@ -96,40 +107,52 @@ class _LinearFit:
         # log_evidence is relative to all coefficients at 0; held columns move that reference,
         # so its own -|y|^2 / 2 has to count too
         total = sum(grams[1:], grams[0]).about(
-            np.array(list(self.held), dtype=int), np.array(list(self.held.values()))
+            np.array(list(self.fixed), dtype=int), np.array(list(self.fixed.values()))
         )
-        found = posterior(total, self.columns, self.prior)
-        return found, found.log_evidence - 0.5 * total.yy
+        coefficients = posterior(total, self.columns, self.prior)
+        return coefficients, coefficients.log_evidence - 0.5 * total.yy
 
     def predict_flights(self, grams: Sequence[Gram], channel: int) -> tuple[np.ndarray, np.ndarray]:
-        """Log density of each flight given the others, but for a constant, and its rms error by
-        their coefficients in a channel, in the channel's unit; (F,) each.
+        """Predict each flight from the others, (F,) each.
+
+        Returns the log density, but for a constant, and the rms error in a channel, in its unit.
         """
-        told, whole = [], self._of(grams)[1]
-        for left, rows in enumerate(self.system.flights):
-            found, others = self._of([g for i, g in enumerate(grams) if i != left])
-            terms = {**self.held, **dict(zip(found.columns, found.mean, strict=True))}
+        rows_of_flights, total = [], self._of(grams)[1]
+        for number, rows in enumerate(self.system.flights):
+            coefficients, others = self._of([g for i, g in enumerate(grams) if i != number])
+            terms = {
+                **self.fixed,
+                **dict(zip(coefficients.columns, coefficients.mean, strict=True)),
+            }
             # not whitened: a flight counts against a name only where its plain error grows, too
             error = (rows.y[:, channel] - rows.weighted_columns(terms, channel + 1)[:, channel])[
                 rows.air
             ]
             rms = float(np.linalg.norm(error[np.isfinite(error)]) / np.sqrt(len(error)))
-            # log p(y_f | y_-f) = log Z(y) - log Z(y_-f), equation (9) of docs/method.md
-            told.append((whole - others, rms))
-        density, error_rms = np.array(told).T
+            # log p(y_f | y_-f) = log Z(y) - log Z(y_-f), equation (8) of docs/method.md
+            rows_of_flights.append((total - others, rms))
+        density, error_rms = np.array(rows_of_flights).T
         return density, error_rms
 
 
 def drop_unpredictive(accepted: Accepted, record: Record) -> Accepted:
-    """Drop names that some flight, predicted from the others, speaks against: certainly less
-    likely with the name, and off by more where it mainly acts; the worst first.
+    """Drop names that certainly make some flight less probable, the worst first.
+
+    Parameters
+    ----------
+    accepted : names and fits.
+    record : takes every decision.
+
+    Notes
+    -----
+    A flight counts if its error also grows in the channel where the name mainly acts.
     """
     while (fitted := accepted.fitted) is not None:
         system = accepted.regression.system
-        added = contributions(fitted, accepted.names, system.model)
+        by_name = contributions(fitted, accepted.names, system.model)
         worst = {
             n: _worst(fitted, n, size_of_contribution(a, system)["channel"])
-            for n, a in added.items()
+            for n, a in by_name.items()
         }
         least = -settings.statistics.certain_log_odds
         for name, gain in worst.items():
@@ -140,7 +163,7 @@ def drop_unpredictive(accepted: Accepted, record: Record) -> Accepted:
         name = min(worst, key=lambda n: worst[n])
         if worst[name] >= least:
             break
-        accepted = without(accepted, name)
+        accepted = without_name(accepted, name)
     return accepted
 
 

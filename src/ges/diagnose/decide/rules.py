@@ -1,8 +1,8 @@
-"""The rules by which a name is told, in their order; each leaves a record.
+"""The rules by which a name is accepted, in their order; each leaves a record.
 
-A rule looks at one name among those that passed the rules before it, and says whether it goes on,
-and because of what. :data:`SEARCH_RULES` judge what a search has weighed, :func:`significant` what
-was fitted in full, and the rules of :mod:`~ges.diagnose.decide.withdraw` what the fit leaves.
+A rule looks at one name among those that passed the rules before it. It decides whether the name
+goes on, and gives the reason. :data:`SEARCH_RULES` apply to a search, :func:`significant` to a full
+fit, and the rules of :mod:`~ges.diagnose.decide.withdraw` to its residuals.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ges.diagnose.decide.sizes import shares_of, unlike_form_error
+from ges.diagnose.decide.sizes import relative_sizes, unlike_form_error
 from ges.diagnose.design.system import variant_of
 from ges.diagnose.detectors.balance import LOSSES, causes_of
 from ges.diagnose.detectors.gusts import wind_speed_m_s
@@ -35,13 +35,13 @@ class RuleContext:
     Attributes
     ----------
     regression, found : the search.
-    standing : names that passed the rules before, in the order of the best set.
+    passing : names that passed the rules before, in the order of the best set.
     listed : variants of all that was searched.
     """
 
     regression: Regression
     found: SearchResult
-    standing: tuple[str, ...]
+    passing: tuple[str, ...]
     listed: tuple[Entry, ...] = ()
 
     @functools.cached_property
@@ -52,16 +52,30 @@ class RuleContext:
 
     @functools.cached_property
     def shares(self) -> Mapping[str, Mapping[str, float]]:
-        """What each standing name makes in its place, by block, over what matters at least."""
-        places = {n: taken_over(self.found, n, self.probable) for n in self.standing}
-        return {n: shares_of(self.regression, self.found.best, p) for n, p in places.items() if p}
+        """Size of each passing name in its place, by block, over the practical significance
+        threshold.
+        """
+        places = {n: replaced_names(self.found, n, self.probable) for n in self.passing}
+        return {
+            n: relative_sizes(self.regression, self.found.best, p) for n, p in places.items() if p
+        }
 
     def size(self, name: str) -> float:
-        """The greatest share of a standing name."""
+        """Return the largest share of a passing name.
+
+        Parameters
+        ----------
+        name : of the effect.
+        """
         return max(self.shares[name].values())
 
     def alike(self, name: str) -> tuple[Alike, ...]:
-        """What these flights cannot tell from a name of the best set but another of its family."""
+        """Return what these flights cannot separate from a name, without others of its family.
+
+        Parameters
+        ----------
+        name : of the best set.
+        """
         return tuple(
             a
             for a in alike_of(self.regression, self.found.best, name, self.listed)
@@ -69,15 +83,26 @@ class RuleContext:
         )
 
     def on(self) -> set[str]:
-        """Standing names and effects of the model."""
-        return {*self.standing, *self.regression.system.model.effects}
+        """Return the passing names and the effects of the model.
+
+        Returns
+        -------
+        Their names.
+        """
+        return {*self.passing, *self.regression.system.model.effects}
 
 
 Rule = Callable[[RuleContext, str], Decision]
 
 
 def probable(context: RuleContext, name: str) -> Decision:
-    """The posterior probability that a name takes part is high, and the best set has it."""
+    """Accept names with a high posterior probability in the best set.
+
+    Parameters
+    ----------
+    context : of the search.
+    name : to decide on.
+    """
     p, best = context.found.inclusion[name], name in context.found.best.names
     least = settings.statistics.acceptance_probability
     because = f"posterior probability {p:.3g}" + ("" if best else ", not in the best set")
@@ -85,8 +110,16 @@ def probable(context: RuleContext, name: str) -> Decision:
 
 
 def best_of_its_family(context: RuleContext, name: str) -> Decision:
-    """Two of a family act in the same place, and one of them makes up for what the other's form is
-    wrong by: the better of the two goes on.
+    """Accept the best of each family.
+
+    Parameters
+    ----------
+    context : of the search.
+    name : to decide on.
+
+    Notes
+    -----
+    Two of a family act in the same place, and one makes up for the form error of the other.
     """
     better = _best_of(context.found, name, context.probable)
     because = "the best of its family" if better == name else f"{better} acts there, and better"
@@ -94,28 +127,52 @@ def best_of_its_family(context: RuleContext, name: str) -> Decision:
 
 
 def large_enough(context: RuleContext, name: str) -> Decision:
-    """No model is right to less; a carrier is as large as what acts through it."""
+    """Accept names above the practical significance threshold.
+
+    Parameters
+    ----------
+    context : of the search.
+    name : to decide on.
+
+    Notes
+    -----
+    A prerequisite is as large as what acts through it.
+    """
     size = context.size(name)
     sure = context.found.inclusion[name] >= settings.statistics.certain_probability
     least = 1.0 / settings.decide.form_margin if sure and unlike_form_error(name) else 1.0
-    carries = any(
+    is_prerequisite = any(
         context.size(n) >= 1.0 and name in effect_table.get(n).prerequisites
-        for n in context.standing
+        for n in context.passing
     )
-    because = f"{size:.3g} times what no model is right to" + (", and carries" if carries else "")
-    return Decision("large_enough", size >= least or carries, because, size, least)
+    because = f"{size:.3g} times what no model is right to" + (
+        ", and carries" if is_prerequisite else ""
+    )
+    return Decision("large_enough", size >= least or is_prerequisite, because, size, least)
 
 
-def carried(context: RuleContext, name: str) -> Decision:
-    """What acts through another needs one that is on."""
+def has_its_prerequisite(context: RuleContext, name: str) -> Decision:
+    """Accept names that need no prerequisite, or have one that is on.
+
+    Parameters
+    ----------
+    context : of the search.
+    name : to decide on.
+    """
     acts = has_prerequisite(name, context.on())
-    carriers = " or ".join(effect_table.get(name).prerequisites) or "nothing"
-    return Decision("carried", acts, f"acts through {carriers}")
+    prerequisites = " or ".join(effect_table.get(name).prerequisites) or "nothing"
+    return Decision("carried", acts, f"acts through {prerequisites}")
 
 
 def distinguishable(context: RuleContext, name: str) -> Decision:
-    """Nothing explains the flights nearly as well in its place, nor could it be expected to."""
-    rival, others = best_rival(context.found, name), replaced_by(context.found, name)
+    """Accept names that no rival explains nearly as well, or could be expected to.
+
+    Parameters
+    ----------
+    context : of the search.
+    name : to decide on.
+    """
+    rival, others = best_rival(context.found, name), rivals_nearly_as_good(context.found, name)
     alike = next((a for a in context.alike(name) if a.name != name), None)
     if alike is not None:
         lead, least = alike.expected_log_odds, settings.statistics.acceptance_log_odds
@@ -123,24 +180,32 @@ def distinguishable(context: RuleContext, name: str) -> Decision:
         return Decision("distinguishable", False, because, lead, least)
     if rival is None:
         return Decision("distinguishable", True, "nothing else explains anything")
-    lead, least = _lead(context.found, name, rival), lead_over(name, rival.names)
+    lead, least = _lead(context.found, name, rival), required_lead(name, rival.names)
     because = f"log odds {lead:.3g} over {' with '.join(rival.names)} in its place"
     return Decision("distinguishable", not others, because, lead, least)
 
 
-def told_from_a_mass(context: RuleContext, name: str) -> Decision:
-    """Against a calibrated file a rotor that lost thrust and a mass at its hub ask for the same
-    balance but in yaw, which has to tell them apart.
+def separable_from_mass(context: RuleContext, name: str) -> Decision:
+    """Accept a rotor that lost thrust if the balance separates it from a mass at its hub.
+
+    Parameters
+    ----------
+    context : of the search.
+    name : to decide on.
+
+    Notes
+    -----
+    Against a calibrated file both need the same balance but in yaw.
     """
     rule, best = "told_from_a_mass", context.found.best
     # only a single lost rotor has one hub where a mass could stand in for it
     columns = [context.regression.system.columns[k] for k in best.posterior.columns]
     keys = [col.key for col in columns if variant_of(col).effect == name]
-    lost = [LOSSES.index(key) for key in keys if key in LOSSES]
-    weighed = causes_of(context.regression.system) if len(lost) == 1 else []
-    if not weighed:
+    rotors = [LOSSES.index(key) for key in keys if key in LOSSES]
+    causes = causes_of(context.regression.system) if len(rotors) == 1 else []
+    if not causes:
         return Decision(rule, True, "no mass at one hub would do the same")
-    loss, mass = weighed[lost[0]]
+    loss, mass = causes[rotors[0]]
     lead, least = (
         0.5 * (loss.distance_explained - mass.distance_explained),
         settings.statistics.acceptance_log_odds,
@@ -153,36 +218,57 @@ SEARCH_RULES: tuple[Rule, ...] = (
     probable,
     best_of_its_family,
     large_enough,
-    carried,
+    has_its_prerequisite,
     distinguishable,
-    told_from_a_mass,
+    separable_from_mass,
 )
 
 
-def judged(
+def apply_rules(
     rules: Sequence[Rule], context: RuleContext, names: Sequence[str], record: Record
 ) -> tuple[str, ...]:
-    """The names that pass all rules, each judged among those that passed the ones before it."""
-    standing = tuple(names)
+    """Apply rules in order.
+
+    Parameters
+    ----------
+    rules : each sees the names that passed the ones before.
+    context : of the search.
+    names : to decide on.
+    record : takes every decision.
+
+    Returns
+    -------
+    The names that pass all rules.
+    """
+    passing = tuple(names)
     for rule in rules:
-        among = dataclasses.replace(context, standing=standing)
-        decisions = {name: rule(among, name) for name in standing}
+        context_now = dataclasses.replace(context, passing=passing)
+        decisions = {name: rule(context_now, name) for name in passing}
         for name, decision in decisions.items():
             record.note(name, decision)
-        standing = tuple(name for name in standing if decisions[name].passed)
-    return standing
+        passing = tuple(name for name in passing if decisions[name].passed)
+    return passing
 
 
-def taken_over(found: SearchResult, name: str, among: Sequence[str]) -> set[str]:
-    """All that acts in a name's place, which the name takes over; nothing where another of its
-    family is the better.
+def replaced_names(found: SearchResult, name: str, among: Sequence[str]) -> set[str]:
+    """Return all names that act in a name's place, which it replaces.
+
+    Parameters
+    ----------
+    found : of the search.
+    name : of the effect.
+    among : names that compete.
+
+    Returns
+    -------
+    Empty where another of the family is better.
     """
     best = _best_of(found, name, among) == name
     return family_of(name) & set(found.best.names) if best else set()
 
 
 def _best_of(found: SearchResult, name: str, among: Sequence[str]) -> str:
-    """The one of a name's family, of those ``among``, whose best set without the others is best."""
+    """The best of a name's family among some names, each without the others of the family."""
     return max(
         sorted(family_of(name) & set(among)),
         # beside another of the family the name has only what that leaves it: compared is each alone
@@ -196,7 +282,13 @@ def _alone(found: SearchResult, name: str) -> Hypothesis | None:
 
 
 def best_rival(found: SearchResult, name: str) -> Hypothesis | None:
-    """What explains the flights best in a name's place, however rarely it is met."""
+    """Return the set that explains the flights best in a name's place, however rare it is.
+
+    Parameters
+    ----------
+    found : of the search.
+    name : of the effect.
+    """
     best = _alone(found, name) or found.best
     # a larger set explains at least as much by its freedom alone
     others = [
@@ -213,28 +305,51 @@ def _lead(found: SearchResult, name: str, rival: Hypothesis) -> float:
     return (_alone(found, name) or found.best).flight_evidence - rival.flight_evidence
 
 
-def replaced_by(found: SearchResult, name: str) -> tuple[str, ...]:
-    """Names that explain the flights nearly as well in a name's place; () where none do."""
+def rivals_nearly_as_good(found: SearchResult, name: str) -> tuple[str, ...]:
+    """Return names that explain the flights nearly as well in a name's place.
+
+    Parameters
+    ----------
+    found : of the search.
+    name : of the effect.
+    """
     rival = best_rival(found, name)
     if name not in found.best.names or rival is None:
         return ()
-    if _lead(found, name, rival) > lead_over(name, rival.names):
+    if _lead(found, name, rival) > required_lead(name, rival.names):
         return ()
     best = _alone(found, name) or found.best
     return tuple(n for n in rival.names if n not in best.names)
 
 
-def lead_over(name: str, others: Sequence[str]) -> float:
-    """Log odds by which a name has to be better than others in its place: twice those of an
-    acceptance over what usually stands beside it.
+def required_lead(name: str, others: Sequence[str]) -> float:
+    """Return the log odds by which a name must lead others in its place.
+
+    Parameters
+    ----------
+    name : of the effect.
+    others : in its place.
+
+    Returns
+    -------
+    Those of an acceptance, twice as many over its usual companion.
     """
     usual = effect_table.get(name).usual_beside in others
     return (2.0 if usual else 1.0) * settings.statistics.acceptance_log_odds
 
 
 def significant(fitted: Fitted, name: str) -> Decision:
-    """Some amplitude is clear of neutral with its shape held, by more than its sd with it free, and
-    beyond the doubt on it, and none went as far as the effect allows; a wind blows at all.
+    """Decide whether a name is significant in a full fit.
+
+    Parameters
+    ----------
+    fitted : with the name.
+    name : of the effect.
+
+    Notes
+    -----
+    Some amplitude must be clear of neutral with its shape given, by more than its sd with the shape
+    free. It must also be beyond its prior, and no amplitude at a bound. A wind must blow at all.
     """
     effect, rule = effect_table.get(name), "significant_when_fitted"
     if effect.moves_air:
@@ -246,23 +361,31 @@ def significant(fitted: Fitted, name: str) -> Decision:
     if unlike_form_error(name):
         least /= settings.decide.form_margin
     farthest = 0.0
-    doubts = {c.key: c.nuisance for c in fitted.regression.system.columns if c.nuisance}
+    priors = {c.key: c.nuisance for c in fitted.regression.system.columns if c.nuisance}
     for parameter in (p for e, p in fitted.free if e == name and p not in effect.shapes):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
         # the flights ask for more than the effect can be: something else is behind it
         if value != a.neutral and value in (a.low, a.high):
             return Decision(rule, False, f"{parameter} stands at its bound", value, value)
-        off, doubt = value - a.neutral, doubts.get(f"{name}.{parameter}")
+        deviation, prior = value - a.neutral, priors.get(f"{name}.{parameter}")
         # what the doubt on this number allows, the file's or the usual one, is no finding
-        beyond = not doubt or abs(off - doubt.mean) > settings.statistics.suggestive_sds * doubt.sd
-        if beyond and abs(off) > fitted.sd(name, parameter):
+        is_beyond_prior = (
+            not prior or abs(deviation - prior.mean) > settings.statistics.suggestive_sds * prior.sd
+        )
+        if is_beyond_prior and abs(deviation) > fitted.sd(name, parameter):
             farthest = max(farthest, fitted.sds_from_neutral(name, parameter))
     because = f"{farthest:.3g} sds from neutral" if farthest else "within its sd, or its doubt"
     return Decision(rule, farthest > least, because, farthest, least)
 
 
-def does_something(fitted: Fitted, name: str) -> bool:
-    """Whether some amplitude is further from neutral than its sd."""
+def differs_from_neutral(fitted: Fitted, name: str) -> bool:
+    """Return whether some amplitude is farther from neutral than its sd.
+
+    Parameters
+    ----------
+    fitted : with the name.
+    name : of the effect.
+    """
     own = [
         (p, amplitude_of(name, p).neutral)
         for e, p in fitted.free
@@ -271,8 +394,19 @@ def does_something(fitted: Fitted, name: str) -> bool:
     return any(abs(fitted.effects[name][p] - neutral) > fitted.sd(name, p) for p, neutral in own)
 
 
-def ambiguous(found: SearchResult, names: set[str], contested: set[str]) -> tuple[str, ...]:
-    """Names that replace each other: none proven alone, but one of them needed."""
+def open_names(found: SearchResult, names: set[str], contested: set[str]) -> tuple[str, ...]:
+    """Return names that replace each other: none accepted alone, but one of them needed.
+
+    Parameters
+    ----------
+    found : of the search.
+    names : that are settled.
+    contested : names that others could replace, and those others.
+
+    Returns
+    -------
+    The most probable first; empty for fewer than two.
+    """
     # probability that nothing is at work beyond the settled names
     without = sum(h.probability for h in found.hypotheses if not set(h.names) - names)
     possible = settings.statistics.possible_probability

@@ -1,6 +1,4 @@
-"""Structure that no candidate explains: what a smooth function of the regime still predicts of
-blocks of time it never saw.
-"""
+"""Structure in residuals that no candidate explains."""
 
 from __future__ import annotations
 
@@ -12,11 +10,23 @@ from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 
 
-def left_over(found: Sequence[Structure], model: Model) -> list[Structure]:
-    """Structures in the residuals of the accepted model that no noise makes and that are large, or
-    explain much, as those of healthy flights that come below the asked chance do not: of the mean,
-    or where that shows none, of the size of forces and moments. The one that predicts most of each
-    channel, the largest share first.
+def unexplained_structures(found: Sequence[Structure], model: Model) -> list[Structure]:
+    """Select the structures that stay unexplained.
+
+    Parameters
+    ----------
+    found : structures in the residuals of the accepted model.
+    model : for reference scales, and structure that the calibration flights show.
+
+    Returns
+    -------
+    Of each channel the structure that predicts most, the largest share first. Structures of size
+    count where none of the mean does.
+
+    Notes
+    -----
+    A structure must be significant, and large or a large part of the residual. Healthy flights
+    below the asked chance show smaller ones.
     """
     r2 = settings.statistics.least_gain
     large = [

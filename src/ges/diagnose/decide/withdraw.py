@@ -1,5 +1,7 @@
-"""What the flights as a whole take back: names that do not predict a flight, or that gusts or the
-form of an unmeasured thrust curve explain.
+"""Checks of the accepted names on the flights as a whole.
+
+Names are dropped that do not predict a flight, that gusts explain, or that are a form error of an
+unmeasured thrust curve.
 """
 
 from __future__ import annotations
@@ -12,13 +14,13 @@ import numpy as np
 from ges.diagnose.decide.accept import (
     Accepted,
     accept,
-    shot_fit,
-    with_alternatives,
-    without,
+    fit_along_rollouts,
+    fit_alternatives,
+    without_name,
 )
 from ges.diagnose.decide.predict import drop_unpredictive
 from ges.diagnose.decide.sizes import least_size
-from ges.diagnose.decide.unknown import left_over
+from ges.diagnose.decide.unknown import unexplained_structures
 from ges.diagnose.design.system import System
 from ges.diagnose.detectors.gusts import HANGING, PUSHED, WIND, Gusts, find_gusts, load_may_push
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
@@ -32,69 +34,81 @@ from ges.diagnose.types.model import Model
 
 @dataclasses.dataclass(frozen=True)
 class Explanation:
-    """What the search came to.
+    """Accepted names with gusts, and the residual structure of their model.
 
     Attributes
     ----------
     accepted : names and fits.
-    gusts : beside them, or None.
+    gusts : found besides them, or None.
     last : the stage with both.
-    structures : the structures of that which no gust makes.
-    added : what every accepted effect adds, by name and flight, (m, C).
+    structures : residual structures that no gust makes.
+    contributions : of every accepted effect, by name and flight, (m, C) in the channels' units.
     """
 
     accepted: Accepted
     gusts: Gusts | None
     last: Stage
     structures: list[Structure]
-    added: Mapping[str, Sequence[np.ndarray]]
+    contributions: Mapping[str, Sequence[np.ndarray]]
 
 
-def explained(
+def explain_flights(
     start: Start,
-    declared: Model,
-    known_gusts: Mapping[str, float] | None,
+    nominal: Model,
+    nominal_gusts: Mapping[str, float] | None,
     record: Record,
     only: Sequence[str] | None,
 ) -> Explanation:
-    """What the library explains, fitted in full, and gusts in what it leaves; with ``only``, just
-    these effects, whatever speaks against them.
+    """Accept what the library explains, fit it in full, and find gusts in the residuals.
 
     Parameters
     ----------
-    declared : the vehicle file's model.
-    known_gusts : parameters of the gusts that the vehicle file has.
+    start : the recalibrated vehicle.
+    nominal : the vehicle file's model.
+    nominal_gusts : parameters of the gusts that the vehicle file has.
+    record : takes every decision.
+    only : fit exactly these names, whatever speaks against them.
     """
     accepted = accept(start.first.regression, record, only)
     if only is None:
         accepted = drop_unpredictive(accepted, record)
-    gusts = _gusts(accepted, start, known_gusts)
+    gusts = _gusts(accepted, start, nominal_gusts)
     if gusts and only is None and WIND in accepted.names:
         decision = _more_than_gusts(gusts, accepted.fit)
         record.note(WIND, decision)
-        accepted = accepted if decision.passed else without(accepted, WIND)
-    answer = answer_of(shot_fit(accepted), gusts, start, declared)
+        accepted = accepted if decision.passed else without_name(accepted, WIND)
+    explanation = explanation_of(fit_along_rollouts(accepted), gusts, start, nominal)
     if only is not None:
-        return answer
-    return _not_of_a_form(answer, start, declared, record)
+        return explanation
+    return _without_form_errors(explanation, start, nominal, record)
 
 
-def answer_of(
-    accepted: Accepted, gusts: Gusts | None, start: Start, declared: Model
+def explanation_of(
+    accepted: Accepted, gusts: Gusts | None, start: Start, nominal: Model
 ) -> Explanation:
-    """What is accepted and gusts, with what they leave and add."""
+    """Return the explanation of accepted names and gusts, with residuals and contributions.
+
+    Parameters
+    ----------
+    accepted : names and fits.
+    gusts : that were found, or None.
+    start : the recalibrated vehicle.
+    nominal : the vehicle file's model.
+    """
     last = start.first
     if accepted.fitted is not None:
         fitted = accepted.fitted
-        model = fitted_model(declared, fitted)
+        model = fitted_model(nominal, fitted)
         last = make_stage(model, fitted.joint, fitted.regression, start.regimes)
     structures = [s for s in last.structures if not gusts or s.channel not in PUSHED]
-    added = contributions(accepted.fitted, accepted.names, start.system.model)
-    return Explanation(accepted, gusts, last, structures, added)
+    contributions_by_name = contributions(accepted.fitted, accepted.names, start.system.model)
+    return Explanation(accepted, gusts, last, structures, contributions_by_name)
 
 
-def _gusts(accepted: Accepted, start: Start, known: Mapping[str, float] | None) -> Gusts | None:
-    """Gusts beside what is accepted, where nothing hangs below that may lean to push so."""
+def _gusts(
+    accepted: Accepted, start: Start, nominal_gusts: Mapping[str, float] | None
+) -> Gusts | None:
+    """Gusts in the residuals, where no suspended load may make them by leaning."""
     fitted = accepted.fitted
     gusts = find_gusts(
         *(
@@ -102,7 +116,7 @@ def _gusts(accepted: Accepted, start: Start, known: Mapping[str, float] | None) 
             if fitted
             else (start.system, start.first.joint)
         ),
-        known,
+        nominal_gusts,
     )
     if not gusts:
         return None
@@ -113,67 +127,106 @@ def _gusts(accepted: Accepted, start: Start, known: Mapping[str, float] | None) 
 
 def _more_than_gusts(gusts: Gusts, fitted: Fitted) -> Decision:
     """Whether the wind of a fit is more than gusts leave in flights of finite length."""
-    blown = gusts.may_explain_wind(fitted)
-    because = "no more than gusts leave" if blown else "more than gusts leave"
-    return Decision("more_than_gusts", not blown, because)
+    may_be_gusts = gusts.may_explain_wind(fitted)
+    because = "no more than gusts leave" if may_be_gusts else "more than gusts leave"
+    return Decision("more_than_gusts", not may_be_gusts, because)
 
 
-def _not_of_a_form(
-    answer: Explanation, start: Start, declared: Model, record: Record
+def _without_form_errors(
+    explanation: Explanation, start: Start, nominal: Model, record: Record
 ) -> Explanation:
-    """The answer without names that may be what the form of a needed, but unmeasured thrust curve
-    is wrong by.
-    """
-    accepted, thrust = answer.accepted, thrust_of(answer, start.system)
+    """Drop names that may be a form error of an unmeasured thrust curve."""
+    accepted, thrust = explanation.accepted, thrust_of(explanation, start.system)
     if thrust is None:
-        return answer
-    for name, by in answer.added.items():
-        if thrust.is_form_error(name, size_of_contribution(by, start.system)):
+        return explanation
+    for name, contribution in explanation.contributions.items():
+        if thrust.is_form_error(name, size_of_contribution(contribution, start.system)):
             because = "the form of the thrust curve that is needed may be wrong by as much"
             record.note(name, Decision("not_form_of_unmeasured_thrust", False, because))
-            accepted = without(accepted, name)
-    if accepted is answer.accepted:
-        return answer
-    return answer_of(accepted, answer.gusts, start, declared)
+            accepted = without_name(accepted, name)
+    if accepted is explanation.accepted:
+        return explanation
+    return explanation_of(accepted, explanation.gusts, start, nominal)
 
 
-def thrust_of(answer: Explanation, system: System) -> UnmeasuredThrust | None:
-    """Thrust that is far off beside all that was accepted, where nothing says why and no other
-    names are open.
+def thrust_of(explanation: Explanation, system: System) -> UnmeasuredThrust | None:
+    """Return an unmeasured thrust besides all that was accepted.
+
+    Parameters
+    ----------
+    explanation : accepted names with their fit.
+    system : of the first search.
+
+    Returns
+    -------
+    None where other names are open, or its cause is measured.
     """
-    return None if answer.accepted.rivals else unmeasured_thrust(answer.last.joint, system)
+    return (
+        None if explanation.accepted.rivals else unmeasured_thrust(explanation.last.joint, system)
+    )
 
 
-def remaining(
-    answer: Explanation, declared: Model, moved: bool
+def without_idle_rivals(
+    explanation: Explanation, nominal: Model, balance_shifted: bool
 ) -> tuple[Explanation, list[Structure]]:
-    """The answer without rivals that a shifted balance (``moved``) makes idle, or that are needed
-    beside what is proven for no more than healthy flights leave too; and the structure that is
-    left.
+    """Drop rivals that nothing asks for, and select the structure that stays unexplained.
+
+    Parameters
+    ----------
+    explanation : accepted names with their fit.
+    nominal : the vehicle file's model.
+    balance_shifted : whether a shifted balance explains the same.
+
+    Notes
+    -----
+    Rivals are also dropped if only healthy flights' structure asks for them besides accepted names.
     """
-    accepted, left = answer.accepted, left_over(answer.structures, answer.last.model)
-    known = declared.left_unexplained and not left
-    if moved or known and accepted.names and not accepted.contested:
+    accepted, unexplained = (
+        explanation.accepted,
+        unexplained_structures(explanation.structures, explanation.last.model),
+    )
+    shown_when_calibrated = nominal.left_unexplained and not unexplained
+    if balance_shifted or shown_when_calibrated and accepted.names and not accepted.contested:
         accepted = dataclasses.replace(accepted, rivals=())
-    return dataclasses.replace(answer, accepted=accepted), left
+    return dataclasses.replace(explanation, accepted=accepted), unexplained
 
 
-def with_open_modelled(
-    answer: Explanation, left: list[Structure], start: Start, declared: Model, record: Record
+def refit_with_open_names(
+    explanation: Explanation,
+    unexplained: list[Structure],
+    start: Start,
+    nominal: Model,
+    record: Record,
 ) -> tuple[Explanation, list[Structure]]:
-    """The same with all that is open modelled too, the likeliest in the last stage; nothing is open
-    where one of it is a wind that the gusts leave.
+    """Refit with each open name; the most probable becomes part of the last stage.
+
+    Parameters
+    ----------
+    explanation : accepted names with their fit.
+    unexplained : structures that stay.
+    start : the recalibrated vehicle.
+    nominal : the vehicle file's model.
+    record : takes every decision.
+
+    Returns
+    -------
+    The explanation and the unexplained structures. Nothing stays open if one of the names is a wind
+    that gusts may leave.
     """
-    if not answer.accepted.rivals:
-        return answer, left
-    accepted = with_alternatives(answer.accepted, record)
+    if not explanation.accepted.rivals:
+        return explanation, unexplained
+    accepted = fit_alternatives(explanation.accepted, record)
     wind = accepted.alternatives.get(WIND)
-    if answer.gusts and wind and not (decision := _more_than_gusts(answer.gusts, wind)).passed:
+    if (
+        explanation.gusts
+        and wind
+        and not (decision := _more_than_gusts(explanation.gusts, wind)).passed
+    ):
         record.note(WIND, decision)
-        idle = dataclasses.replace(answer.accepted, rivals=())
-        return dataclasses.replace(answer, accepted=idle), left
-    modelled = answer_of(accepted, answer.gusts, start, declared)
-    return modelled, left_over(modelled.structures, modelled.last.model)
+        idle = dataclasses.replace(explanation.accepted, rivals=())
+        return dataclasses.replace(explanation, accepted=idle), unexplained
+    refitted = explanation_of(accepted, explanation.gusts, start, nominal)
+    return refitted, unexplained_structures(refitted.structures, refitted.last.model)
 
 
 def practically_significant(name: str, size: Mapping, model: Model, record: Record) -> bool:

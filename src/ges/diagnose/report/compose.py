@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from ges.diagnose.advise.detect import smallest_detectable
 from ges.diagnose.advise.next_flight import next_flight
-from ges.diagnose.decide.declared import Contradicted
+from ges.diagnose.decide.contradicted import Contradicted
 from ges.diagnose.decide.laws import FittedLaw
 from ges.diagnose.decide.withdraw import Explanation
 from ges.diagnose.detectors.balance import Shift
@@ -40,7 +40,7 @@ from ges.diagnose.types.model import Model
 def compose_diagnosis(
     problem: Problem,
     start: Start,
-    answer: Explanation,
+    explanation: Explanation,
     unexplained_structures: Sequence[Structure],
     laws: Sequence[FittedLaw],
     models: Mapping[str, Model],
@@ -66,13 +66,13 @@ def compose_diagnosis(
     record : decisions on every name.
     names_searched : False where the names were given.
     """
-    findings = all_findings(answer, contradicted, shift, problem.gate, record, names_searched)
+    findings = all_findings(explanation, contradicted, shift, problem.gate, record, names_searched)
     # asked of the model with all findings, as one may act through another
-    findings = with_force_per_speed(findings, answer.last.model)
+    findings = with_force_per_speed(findings, explanation.last.model)
     unexplained = unexplained_entries(unexplained_structures)
-    calibration = calibration_of(answer.last.joint, problem.model)
+    calibration = calibration_of(explanation.last.joint, problem.model)
     off = silent_channels(problem.flights, problem.model)
-    untested = not_tested(start.system, answer.last.model)
+    untested = not_tested(start.system, explanation.last.model)
     warnings = [*problem.warnings, *recalibration_warnings(proof.fit["channels"])]
     verdict = verdict_of(findings, contradicted, laws, unexplained)
     diagnosis = Diagnosis(
@@ -85,18 +85,23 @@ def compose_diagnosis(
         unexplained=tuple(unexplained),
         fit=proof.fit,
         detectable=smallest_detectable(
-            answer.accepted.regression, detected_effects(answer.accepted)
+            explanation.accepted.regression, detected_effects(explanation.accepted)
         ),
-        next_flight=next_flight(answer.accepted, shift),
+        next_flight=next_flight(explanation.accepted, shift),
         data=data_used(problem.flights, problem.gate, start.system, off, warnings),
         calibration=calibration,
         not_tested=untested,
-        considered=considered_candidates(answer.accepted, record, untested),
+        considered=considered_candidates(explanation.accepted, record, untested),
         vehicle=fitted_vehicle(
-            problem.vehicle, problem.model, answer.accepted, answer.last.joint, answer.gusts, laws
+            problem.vehicle,
+            problem.model,
+            explanation.accepted,
+            explanation.last.joint,
+            explanation.gusts,
+            laws,
         ),
         workings=Workings(
-            problem, answer.accepted, start.cells, models, proof, start.system.length_s
+            problem, explanation.accepted, start.cells, models, proof, start.system.length_s
         ),
     )
     # last, as it reads all that is told

@@ -32,7 +32,7 @@ from ges.diagnose.types.model import Model, block_of
 from ges.simulator import effects as effect_table
 
 
-def located_entries(start: Start, answer: Explanation) -> list[dict]:
+def located_entries(start: Start, explanation: Explanation) -> list[dict]:
     """Return ``located``: where the recalibrated model misfits, and where findings and open names
     act.
 
@@ -41,10 +41,10 @@ def located_entries(start: Start, answer: Explanation) -> list[dict]:
     start : the recalibrated vehicle.
     answer : accepted names with their contributions.
     """
-    accepted, residuals = answer.accepted, answer.last.residuals
+    accepted, residuals = explanation.accepted, explanation.last.residuals
     entries = located_by_residuals(start.cells, start.first.structures, start.system)
     entries += located_by_findings(
-        answer.added, residuals, accepted.probability, start.regimes, start.system
+        explanation.contributions, residuals, accepted.probability, start.regimes, start.system
     )
     # what is open is in no model yet, so the accepted residual still holds it
     if accepted.rivals:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ges.diagnose.advise.detect import DetectedEffect
 from ges.diagnose.decide.accept import Accepted
-from ges.diagnose.decide.declared import Contradicted
+from ges.diagnose.decide.contradicted import Contradicted
 from ges.diagnose.decide.withdraw import Explanation, practically_significant
 from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.balance import Shift
@@ -32,7 +32,7 @@ from ges.simulator import effects as effect_table
 
 
 def all_findings(
-    answer: Explanation,
+    explanation: Explanation,
     contradicted: Sequence[Contradicted],
     shift: Shift | UnmeasuredThrust | None,
     gate: Gate,
@@ -55,23 +55,23 @@ def all_findings(
     Accepted effects, the largest first, then sensor faults, contradicted parameters, and open
     names.
     """
-    accepted = answer.accepted
+    accepted = explanation.accepted
     proven = [
         f
-        for n, contribution in answer.added.items()
+        for n, contribution in explanation.contributions.items()
         for f in _findings_by_place(accepted, n, contribution)
     ]
     # shares make a force, a moment and a rotor speed comparable
     proven.sort(key=lambda f: -f.size["share_of_weight"])
-    proven += [answer.gusts.finding()] if answer.gusts else []
+    proven += [explanation.gusts.finding()] if explanation.gusts else []
     # names that were given are told whatever their size
     if names_searched:
-        model = answer.last.model
+        model = explanation.last.model
         proven = [f for f in proven if practically_significant(f.name, f.size, model, record)]
     return [
         *proven,
-        *gate_findings(gate, answer.last.model.prior_sds),
-        *_contradicted_findings(contradicted, answer.last.regression.system),
+        *gate_findings(gate, explanation.last.model.prior_sds),
+        *_contradicted_findings(contradicted, explanation.last.regression.system),
         *open_findings(accepted),
         *(shift.findings() if shift else ()),
     ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ges.diagnose.decide.declared import Contradicted
+from ges.diagnose.decide.contradicted import Contradicted
 from ges.diagnose.decide.laws import FittedLaw
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.thrust import UnmeasuredThrust

@@ -1,4 +1,4 @@
-"""Declared numbers that the flights contradict: the user's own doubt is a statement, too."""
+"""Nominal parameters that the flights contradict: the user's prior sd is a statement, too."""
 
 from __future__ import annotations
 
@@ -14,9 +14,16 @@ from ges.diagnose.types.model import SPEED, Model
 from ges.simulator import effects as effect_table
 
 
-def words_of(key: str) -> str:
-    """The numbers of the vehicle file that an ``effect.parameter`` corrects: ``mass_kg or ...``;
-    itself where it corrects none.
+def corrected_numbers(key: str) -> str:
+    """Return the numbers of the vehicle file that a key corrects.
+
+    Parameters
+    ----------
+    key : ``effect.parameter``.
+
+    Returns
+    -------
+    ``mass_kg or ...``; the key itself where it corrects none.
     """
     effect, parameter = key.split(".")
     if key == SPEED:
@@ -26,9 +33,14 @@ def words_of(key: str) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Contradicted:
-    """One declared number: its correction with sd, in the unit of its ``effect.parameter``, its
-    doubt (the declared sd with what the recording adds), and the correction over the declared value
-    where it is no share already.
+    """A nominal parameter that the flights contradict.
+
+    Attributes
+    ----------
+    key : ``effect.parameter`` of its correction.
+    value, sd : of the correction, in the parameter's unit.
+    declared_sd : prior sd of the file, with what the recording adds.
+    share : correction over the nominal value, where it is not relative already.
     """
 
     key: str
@@ -44,40 +56,45 @@ class Contradicted:
 
     @property
     def is_trim(self) -> bool:
-        """Whether it is no number of the vehicle, but a trim that its file was calibrated with."""
-        return not _is_declared(self.key)
+        """Whether it is a trim of a calibrated file, and no number of the vehicle."""
+        return not _is_nominal(self.key)
 
     @property
     def sds(self) -> float:
-        """Distance from what is declared, in declared sds."""
+        """Distance from the nominal value, in prior sds."""
         return abs(self.value) / self.declared_sd
 
     def sentence(self) -> str:
-        """What is wrong, by how much, against which doubt."""
+        """Return what is wrong, and by how much."""
         if self.is_trim:
             return (
                 f"The vehicle has changed since its file was made: {self.key} moved by"
                 f" {self.sds:.1f} times the sd that the file has of it, and what did it is open."
             )
         return (
-            f"The vehicle file is wrong about {words_of(self.key)}: these flights need"
+            f"The vehicle file is wrong about {corrected_numbers(self.key)}: these flights need"
             f" {100.0 * self.share:+.0f} %, {self.sds:.1f} times its doubt."
         )
 
 
-def contradicted(joint: JointFit, system: System, but: Collection[str] = ()) -> list[Contradicted]:
-    """Declared numbers, and trims that the file was calibrated with, that a fit moves beyond
-    doubt, and by more than what no model is right to, the farthest first.
+def contradicted_parameters(
+    joint: JointFit, system: System, but: Collection[str] = ()
+) -> list[Contradicted]:
+    """Return nominal parameters and calibrated trims that a fit moves certainly beyond their prior.
 
     Parameters
     ----------
     joint : of the last fit, corrections counted from the vehicle file.
-    system : of the vehicle file, with its doubts.
-    but : effects whose numbers other causes can move that these flights cannot tell apart.
+    system : of the vehicle file, with its priors.
+    but : effects whose numbers other causes can move that these flights cannot separate.
+
+    Returns
+    -------
+    The farthest first. A correction below the practical significance threshold does not count.
     """
     model, share = system.model, rms_of(system) / least_sizes(system)[:, None]
-    found = [
-        Contradicted(key, value, joint.common_sd[key], sd, _share(key, value, model))
+    contradicted = [
+        Contradicted(key, value, joint.common_sd[key], sd, _relative_correction(key, value, model))
         for key, value in joint.common.items()
         # with what the recording adds to the file's own doubt, as how long a command was held
         if key in model.prior_sds
@@ -87,20 +104,20 @@ def contradicted(joint: JointFit, system: System, but: Collection[str] = ()) -> 
         and abs(value) > settings.statistics.certain_sds * sd
         and abs(value) * share[:, system.nuisances[key]].max() >= 1.0
     ]
-    return sorted(found, key=lambda c: -c.sds)
+    return sorted(contradicted, key=lambda c: -c.sds)
 
 
-def _is_declared(key: str) -> bool:
+def _is_nominal(key: str) -> bool:
     """Whether an ``effect.parameter`` corrects a number of the vehicle file."""
-    return key == SPEED or words_of(key) != key
+    return key == SPEED or corrected_numbers(key) != key
 
 
-def _share(key: str, value: float, model: Model) -> float:
-    """A correction over the declared value."""
+def _relative_correction(key: str, value: float, model: Model) -> float:
+    """A correction over the nominal value."""
     effect, parameter = key.split(".")
     if key == SPEED:
         return value / model.number(parameter)
-    known = effect_table.get(effect).parameter(parameter)
-    if known.unit == "1" or not known.corrects:
+    parameter_of_effect = effect_table.get(effect).parameter(parameter)
+    if parameter_of_effect.unit == "1" or not parameter_of_effect.corrects:
         return value
-    return value / model.number(known.corrects[-1])
+    return value / model.number(parameter_of_effect.corrects[-1])
