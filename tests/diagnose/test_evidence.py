@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from ges.diagnose.design.answers import FlightInstruments, endogenous_parts, untrim
+from ges.diagnose.design.feedback import FlightInstruments, endogenous_parts, subtract_trims
 from ges.diagnose.design.table import table_of
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.design.whiten import White, WhitePart
@@ -38,14 +38,16 @@ def test_evidence_is_the_marginal_likelihood_over_that_of_noise(seen):
 def test_a_coefficient_about_a_mean_is_integrated_out_about_it(seen):
     x, y = seen
     prior = Prior(np.array([0.0, 0.7]), np.array([0.3, 0.5]), *FREE)
-    both = posterior(_gram(x, y), (0, 1), prior)
+    merge_endogenous_parts = posterior(_gram(x, y), (0, 1), prior)
     alone = posterior(_gram(x, y), (1,), prior)
     about, sd = np.array([0.7]), np.array([0.5])
     left = posterior(
         _gram(x, y).about(np.array([1]), about).without(np.array([1]), sd), (0,), prior
     )
-    assert left.mean == pytest.approx(both.mean[:1])
-    assert left.log_evidence == pytest.approx(both.log_evidence - alone.log_evidence)
+    assert left.mean == pytest.approx(merge_endogenous_parts.mean[:1])
+    assert left.log_evidence == pytest.approx(
+        merge_endogenous_parts.log_evidence - alone.log_evidence
+    )
 
 
 def test_bounds_count_the_share_of_the_coefficient_within_them(seen):
@@ -138,7 +140,7 @@ def test_a_trim_moment_is_taken_out_of_what_follows_the_controller_alone():
     windows = make_windows(t, np.ones(len(t), bool), 0.2)
     column = windows.mean @ (3.0 + 0.5 * thrust + motion)
     x = table_of([{0: column}, {0: column}], len(column), 1)
-    untrim(
+    subtract_trims(
         ("inertia.xx", "cg_offset.x_m"),
         x,
         windows,
@@ -160,7 +162,7 @@ def test_a_moment_that_turned_the_vehicle_is_no_trim():
     windows = make_windows(t, np.ones(len(t), bool), 0.2)
     x = table_of([{0: windows.mean @ (3.0 + turning)}], len(windows), 1)
     flying = np.ones(len(windows), bool)
-    untrim(("inertia.xx",), x, windows, ("moment_x",), thrust, omega, flying)
+    subtract_trims(("inertia.xx",), x, windows, ("moment_x",), thrust, omega, flying)
     left = x.of(0, [0])[:, 0]
     share = np.polyfit(windows.mean @ turning, left, 1)[0]
     assert share > 0.4 and abs(left.mean()) < 0.5

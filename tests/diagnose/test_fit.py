@@ -2,7 +2,7 @@
 
 import pytest
 
-from ges.diagnose.design.answers import near_ground_gain
+from ges.diagnose.design.feedback import near_ground_gain
 from ges.diagnose.design.system import build
 from ges.diagnose.estimate.fit import free_parameters, polish
 from ges.diagnose.library.grids import library

@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 
 from ges.conventions import rotor_speed
 from ges.diagnose.design.instruments import (
+    instrument_strength,
     instruments,
     mark_of,
-    own_signal,
-    projected,
-    replayed,
-    strength,
+    project,
+    replay_references,
+    rotor_signals,
 )
 from ges.diagnose.prepare.align import streams
 
@@ -30,8 +30,8 @@ def _drawn(seed, rows=40, columns=3):
 @given(SEEDS)
 def test_a_projection_projected_again_is_itself(seed):
     x, z = _drawn(seed), _drawn(seed + 1, columns=5)
-    once = projected(x, z)
-    np.testing.assert_allclose(projected(once, z), once, atol=1e-10)
+    once = project(x, z)
+    np.testing.assert_allclose(project(once, z), once, atol=1e-10)
     np.testing.assert_allclose(z.T @ (x - once), 0.0, atol=1e-9)
 
 
@@ -39,11 +39,11 @@ def test_a_projection_projected_again_is_itself(seed):
 def test_a_projection_does_not_know_units_order_or_copies_of_instruments(seed, unit):
     x, z = _drawn(seed), _drawn(seed + 1)
     other = np.column_stack([unit * z[:, ::-1], z[:, 0], np.zeros(len(z))])
-    np.testing.assert_allclose(projected(x, other), projected(x, z), atol=1e-8)
+    np.testing.assert_allclose(project(x, other), project(x, z), atol=1e-8)
 
 
 def test_no_instruments_explain_nothing():
-    assert not projected(_drawn(0), np.zeros((40, 2))).any()
+    assert not project(_drawn(0), np.zeros((40, 2))).any()
 
 
 BLOCKS = np.arange(400) // 20
@@ -51,9 +51,9 @@ BLOCKS = np.arange(400) // 20
 
 def test_a_signal_predicts_itself_and_noise_predicts_nothing():
     signal, noise = _drawn(1, 400, 1)[:, 0], _drawn(2, 400, 3)
-    assert strength(signal, signal[:, None], BLOCKS) > 0.98
-    assert strength(signal, noise, BLOCKS) < 0.02
-    assert strength(np.ones(400), noise, BLOCKS) == 0.0
+    assert instrument_strength(signal, signal[:, None], BLOCKS) > 0.98
+    assert instrument_strength(signal, noise, BLOCKS) < 0.02
+    assert instrument_strength(np.ones(400), noise, BLOCKS) == 0.0
 
 
 @pytest.mark.parametrize("share", [0.25, 0.64])
@@ -61,14 +61,16 @@ def test_strength_is_the_share_of_the_variance(share):
     known, other = _drawn(3, 4000, 2).T
     signal = 5.0 + np.sqrt(share) * known + np.sqrt(1.0 - share) * other
     block = np.arange(4000) // 20
-    assert strength(signal, known[:, None], block) == pytest.approx(share, abs=0.04)
-    assert strength(1e3 * signal, 1e-3 * known[:, None], block) == pytest.approx(share, abs=0.04)
+    assert instrument_strength(signal, known[:, None], block) == pytest.approx(share, abs=0.04)
+    assert instrument_strength(1e3 * signal, 1e-3 * known[:, None], block) == pytest.approx(
+        share, abs=0.04
+    )
 
 
 def test_what_fits_one_block_by_chance_is_no_strength():
     """As many instruments as rows of a block explain all of the blocks that they were fitted to."""
     signal, many = _drawn(4, 80, 1)[:, 0], _drawn(5, 80, 50)
-    assert strength(signal, many, np.arange(80) // 5) < 0.1
+    assert instrument_strength(signal, many, np.arange(80) // 5) < 0.1
 
 
 def test_own_signals_are_thrust_and_moments_of_the_speeds():
@@ -76,13 +78,13 @@ def test_own_signals_are_thrust_and_moments_of_the_speeds():
     speeds = flight.stack("rotor_speed")
     speeds[:, 0] *= 1.1
     windows = windows_of(flight, 1)
-    told = own_signal(flight, windows, MODEL, speeds, ("force_z", "moment_x", "moment_y/1"))
+    told = rotor_signals(flight, windows, MODEL, speeds, ("force_z", "moment_x", "moment_y/1"))
     thrust = MODEL.weight_N * (3.0 + 1.21) / 4.0
     np.testing.assert_allclose(told["force_z"], thrust)
     more_N = 0.21 * MODEL.weight_N / 4.0
     np.testing.assert_allclose(told["moment_x"], -more_N * MODEL.number("rotor_1_x_m"), rtol=1e-6)
     assert set(told) == {"force_z", "moment_x", "moment_y/1"}
-    slow = own_signal(flight, windows_of(flight), MODEL, speeds, ("moment_y", "moment_y/1"))
+    slow = rotor_signals(flight, windows_of(flight), MODEL, speeds, ("moment_y", "moment_y/1"))
     assert set(slow) == {"moment_y"}, "no faster average of a slow stream"
 
 
@@ -96,17 +98,17 @@ def _following(z_m):
 
 def test_without_references_there_is_no_replay_and_no_instrument():
     flight = hovering()
-    assert replayed(flight, MODEL) is None
+    assert replay_references(flight, MODEL) is None
     told = instruments(flight, windows_of(flight), MODEL, ("force_z", "moment_x"))
     assert all(z.shape[1] == 1 and not z.any() for z in told.values())
 
 
 def test_a_replay_stands_where_it_is_asked_to_and_bears_its_weight():
-    said = replayed(_following(np.full(600, 2.0)), MODEL)
+    said = replay_references(_following(np.full(600, 2.0)), MODEL)
     np.testing.assert_allclose(said["p_z_m"], 2.0, atol=5e-3)
     thrust = NUMBERS["thrust_coefficient_N_s2"] * sum(said[n] ** 2 for n in ROTOR_SPEED)
     np.testing.assert_allclose(thrust[-100:], MODEL.weight_N, rtol=2e-3)
-    assert set(replayed(_following(np.full(600, 2.0)), MODEL, ("u_1",))) == {*said, "u_1"}
+    assert set(replay_references(_following(np.full(600, 2.0)), MODEL, ("u_1",))) == {*said, "u_1"}
 
 
 def test_instruments_know_what_was_asked_and_nothing_of_the_recording():
@@ -136,5 +138,5 @@ def test_commands_far_from_a_window_are_instruments_of_its_drive():
     windows, shares = windows_of(hovering(30.0)), []
     for u in (0.5 + 0.05 * np.sin(2.0 * t), 0.5 + 0.02 * rng.normal(size=len(t))):
         z = instruments(hovering(30.0, u_1=u), windows, MODEL, ("drive_1",))["drive_1"]
-        shares.append(strength(windows.mean @ u, z, windows.center_s.astype(int) // 5))
+        shares.append(instrument_strength(windows.mean @ u, z, windows.center_s.astype(int) // 5))
     assert shares[0] > 0.95 and shares[1] < 0.1

@@ -1,11 +1,11 @@
-"""Instruments: the part of what a controller did that the references alone explain.
+"""Instruments: the part of a controller's action that the references alone explain.
 
-A controller answers turbulence, so commands and rotor speeds correlate with the disturbance that a
-residual contains, and a direct fit invents motor lag and wrong inertia. What the nominal simulator
-does when it follows the logged references without any noise cannot know the disturbance: the part
-of a column that it explains (two-stage least squares) counts in full. For the rest the answer to
-disturbances may be as large as the disturbances themselves, and counts as little as that bound
-allows: without references and without strong motion, nothing.
+A controller responds to turbulence, so commands and rotor speeds correlate with the disturbance in
+a residual. A direct fit then invents motor lag and wrong inertia. The nominal simulator follows the
+logged references without noise, and its action cannot depend on the disturbance. The part of a
+column that it explains counts in full (two-stage least squares). In the rest the response may be as
+large as the disturbances themselves. It counts as little as that bound allows: nothing, without
+references and strong motion.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ MOMENTS = ("moment_x", "moment_y", "moment_z")
 APART = (-4, -3, -2, 2, 3, 4)
 
 
-def _table(flight: Prepared) -> np.ndarray:
+def _reference_table(flight: Prepared) -> np.ndarray:
     """The references as the simulator's firmware takes them, on the flight's grid."""
     t, ref = flight.t_s, flight.stack("reference")
     # the firmware also takes the reference's acceleration, made here from its velocity
@@ -40,16 +40,25 @@ def _table(flight: Prepared) -> np.ndarray:
     return np.column_stack([ref[:, :6], acceleration, yaw, excitation])
 
 
-def replayed(
+def replay_references(
     flight: Prepared, model: Model, more: Sequence[str] = ()
 ) -> dict[str, np.ndarray] | None:
-    """The nominal vehicle following the references without noise or disturbance: contract columns
-    on the flight's grid, (n,) each in the units of their names, those of the motion, rotor speeds
-    and ``more``; None where there are no references or it cannot follow them.
+    """Fly the nominal vehicle along the references, without noise or disturbance.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+    model : of the vehicle.
+    more : further columns of the simulator.
+
+    Returns
+    -------
+    Motion, rotor speeds and ``more`` on the flight's grid, (n,) each in the units of their names.
+    None where there are no references, or it cannot follow them.
     """
     if not flight.has("reference"):
         return None
-    table, every = _table(flight), flight.steps(settings.numerics.step_s)
+    table, every = _reference_table(flight), flight.steps(settings.numerics.step_s)
     start = {f"start_{name}": float(table[0, k]) for k, name in enumerate(POSITION + VELOCITY)}
     # the replay's controller would answer the noise of sensors, and the references know none
     quiet = {
@@ -93,47 +102,75 @@ def replayed(
 def instruments(
     flight: Prepared, windows: Windows, model: Model, names: Sequence[str]
 ) -> dict[str, np.ndarray]:
-    """Instruments of one flight by channel, (m, k): changes of the replayed thrust or moment at
-    several lags; of a rotor's speed all of these, and its commands a window and more away.
+    """Compute the instruments of one flight: lagged changes of the replayed thrust or moment.
 
+    Parameters
+    ----------
+    flight : prepared recording.
+    windows : m windows of the flight.
+    model : of the vehicle.
+    names : of the channels.
+
+    Returns
+    -------
+    By channel, (m, k). A rotor's speed has all of these, and its commands a window and more away.
+
+    Notes
+    -----
     Means are no instruments: a trim moment has other causes than what a column would make of it.
     """
-    functions, said = windows.functions, replayed(flight, model)
+    functions, reference_flight = windows.functions, replay_references(flight, model)
     # one ahead: a window that is averaged sees what begins within it
     near = range(-1, settings.design.response_windows + 1)
-    late: dict[str, list[np.ndarray]] = {}
-    if said is not None:
-        made = _thrust_and_moments(flight, model, said)
-        late = {base: _late(values, flight, windows, near) for base, values in made.items()}
+    by_channel: dict[str, list[np.ndarray]] = {}
+    if reference_flight is not None:
+        signals = _thrust_and_moments(flight, model, reference_flight)
+        by_channel = {
+            base: _lagged(values, flight, windows, near) for base, values in signals.items()
+        }
         # velocity and accelerometer hear of one thrust
-        late["acc_z"] = late["force_z"]
+        by_channel["acc_z"] = by_channel["force_z"]
     if flight.has("command"):
-        every = [signal for base in ("force_z", *MOMENTS) for signal in late.get(base, ())]
-        asked = zip(drive(model.n_rotors), flight.stack("command").T, strict=True)
-        late |= {name: [*_late(u, flight, windows, APART), *every] for name, u in asked}
-    lagged = {
-        name: np.column_stack(_centred_means(late[base], functions[mark_of(name)][0]))
+        of_references = [
+            signal for base in ("force_z", *MOMENTS) for signal in by_channel.get(base, ())
+        ]
+        commands = zip(drive(model.n_rotors), flight.stack("command").T, strict=True)
+        by_channel |= {
+            name: [*_lagged(u, flight, windows, APART), *of_references] for name, u in commands
+        }
+    columns = {
+        name: np.column_stack(_centred_means(by_channel[base], functions[mark_of(name)][0]))
         for name in names
-        if (base := name.split("/")[0]) in late and mark_of(name) in functions
+        if (base := name.split("/")[0]) in by_channel and mark_of(name) in functions
     }
-    return {name: lagged.get(name, np.zeros((len(windows), 1))) for name in names}
+    return {name: columns.get(name, np.zeros((len(windows), 1))) for name in names}
 
 
-def own_signal(
+def rotor_signals(
     flight: Prepared, windows: Windows, model: Model, speeds: np.ndarray, names: Sequence[str]
 ) -> dict[str, np.ndarray]:
-    """Thrust and moment that the rotor speeds at work make, and commands of a drive, by channel,
-    (m,); without the faster averages that this flight, its streams slower than another's, does not
-    have.
+    """Compute the thrust and moment of the acting rotor speeds, and commands of a drive.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+    windows : m windows of the flight.
+    model : of the vehicle.
+    speeds : (n, rotors) acting rotor speeds, rad/s.
+    names : of the channels.
+
+    Returns
+    -------
+    By channel, (m,); without faster averages that the flight's windows lack.
     """
-    turning = dict(zip(rotor_speed(model.n_rotors), speeds.T, strict=True))
+    speeds_by_name = dict(zip(rotor_speed(model.n_rotors), speeds.T, strict=True))
     # without effects: the rotors' own thrust and moment
-    made = _thrust_and_moments(flight, model, turning, {})
+    signals = _thrust_and_moments(flight, model, speeds_by_name, {})
     if flight.has("command"):
-        made |= zip(drive(model.n_rotors), flight.stack("command").T, strict=True)
+        signals |= zip(drive(model.n_rotors), flight.stack("command").T, strict=True)
     functions = windows.functions
     return {
-        n: functions[mark_of(n)][0] @ made.get(n.split("/")[0], made["force_z"])
+        n: functions[mark_of(n)][0] @ signals.get(n.split("/")[0], signals["force_z"])
         for n in names
         if mark_of(n) in functions
     }
@@ -145,8 +182,9 @@ def _thrust_and_moments(
     signals: Mapping[str, np.ndarray],
     effects: effect_table.Effects | None = None,
 ) -> dict[str, np.ndarray]:
-    """Thrust and moments along signals (n,) of the contract's names, by channel, (n,); of the
-    model's own effects but actuators where none are given.
+    """Thrust and moments along signals (n,) of the contract's names, by channel, (n,).
+
+    Without ``effects`` those of the model but actuators are on.
     """
     samples = effect_table.Samples.from_columns({"t_s": flight.t_s - flight.t_s[0], **signals})
     on = without_actuators(model.effects) if effects is None else effects
@@ -157,25 +195,41 @@ def _thrust_and_moments(
 
 
 def mark_of(name: str) -> str:
+    """Return the mark of a test function in a channel's name.
+
+    Parameters
+    ----------
+    name : ``moment_x/1``, which has ``/1``; '' for the plain average.
+    """
     return name[len(name.split("/")[0]) :]
 
 
-def _late(
+def _lagged(
     values: np.ndarray, flight: Prepared, windows: Windows, lags: Iterable[int]
 ) -> list[np.ndarray]:
-    """A signal late by multiples of half a window."""
+    """A signal delayed by multiples of half a window."""
     step, t = 0.5 * windows.length_s, flight.t_s
     return [np.interp(t - lag * step, t, values) for lag in lags]
 
 
 def _centred_means(signals: Sequence[np.ndarray], mean: csr_array) -> list[np.ndarray]:
-    """Window averages of signals, by the weights ``mean``, less what they are on average."""
+    """Window averages of signals by the weights ``mean``, less their mean."""
     averages = [mean @ signal for signal in signals]
     return [a - a.mean() for a in averages]
 
 
-def projected(x: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Columns x (m, k) projected on the instruments z (m, j)."""
+def project(x: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Project columns on instruments.
+
+    Parameters
+    ----------
+    x : (m, k) columns.
+    z : (m, j) instruments.
+
+    Returns
+    -------
+    (m, k).
+    """
     size = np.sqrt((z**2).sum(axis=0))
     z = z[:, size > 0] / size[size > 0]
     # lags of one slow signal are nearly alike: directions that are but rounding are left out
@@ -184,23 +238,29 @@ def projected(x: np.ndarray, z: np.ndarray) -> np.ndarray:
     return u @ (u.T @ x)
 
 
-def strength(moved: np.ndarray, z: np.ndarray, block: np.ndarray) -> float:
-    """Share of a signal's variance (m,) that its instruments (m, j) predict, each block of time
-    from the other blocks.
+def instrument_strength(signal: np.ndarray, z: np.ndarray, block: np.ndarray) -> float:
+    """Return the share of a signal's variance that instruments predict, on blocks of time left out.
 
+    Parameters
+    ----------
+    signal : (m,).
+    z : (m, j) instruments.
+    block : (m,) number of the block of time.
+
+    Notes
+    -----
     Instruments that explain no more than chance would let two-stage least squares err as plain
-    regression does (Bound, Jaeger and Baker 1995); what they explain of time they were not fitted
-    to is no chance.
+    regression does (Bound, Jaeger and Baker 1995). What they predict of unseen time is no chance.
     """
-    centred = moved - moved.mean()
+    centred = signal - signal.mean()
     total = float(centred @ centred)
     size = np.sqrt((z**2).mean(axis=0))
-    z, left = z[:, size > 0] / size[size > 0], np.zeros_like(moved)
+    z, missed = z[:, size > 0] / size[size > 0], np.zeros_like(signal)
     # whole blocks are left out, as windows close in time predict each other;
     # columns have unit size, so a ridge counts in windows
     fold, ridge = block % settings.statistics.folds, settings.statistics.ridge_windows
     for f in np.unique(fold):
         out = fold == f
         gram = z[~out].T @ z[~out] + ridge * np.eye(z.shape[1])
-        left[out] = centred[out] - z[out] @ np.linalg.solve(gram, z[~out].T @ centred[~out])
-    return max(0.0, 1.0 - float(left @ left) / total) if total > 0 else 0.0
+        missed[out] = centred[out] - z[out] @ np.linalg.solve(gram, z[~out].T @ centred[~out])
+    return max(0.0, 1.0 - float(missed @ missed) / total) if total > 0 else 0.0

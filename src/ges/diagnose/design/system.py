@@ -10,13 +10,13 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from ges.diagnose.design.answers import (
+from ges.diagnose.design.feedback import (
     EndogenousParts,
     FlightInstruments,
-    both,
     endogenous_parts,
     flight_instruments,
-    untrim,
+    merge_endogenous_parts,
+    subtract_trims,
 )
 from ges.diagnose.design.residual import (
     Drive,
@@ -606,7 +606,7 @@ def flight_rows(
         [c.key for c in columns],
         model.number("thrust_coefficient_N_s2") * (base.drive.acting**2).sum(axis=1),
     )
-    untrim(keys, x, windows, names, thrust, base.motion.omega, air)
+    subtract_trims(keys, x, windows, names, thrust, base.motion.omega, air)
     if like or not settings.design.instruments:
         instruments = like.instruments if like else None
     else:
@@ -635,7 +635,9 @@ def flight_rows(
         if instruments
         else {}
     )
-    endogenous = both(like.endogenous, endogenous, model.effects) if like else endogenous
+    endogenous = (
+        merge_endogenous_parts(like.endogenous, endogenous, model.effects) if like else endogenous
+    )
     drive_error = _drive_form_error(flight, windows, names, base.drive.commanded)
     return FlightRows(
         flight,

@@ -42,7 +42,7 @@ def candidate_terms(channel: str, system: System) -> list[Term]:
     -----
     Speeds, their squares and products with the horizontal speed, powers of the nearness of the
     ground, and other groups alone. Rotor speeds are left out because they respond to the residual,
-    see :mod:`~ges.diagnose.design.answers`. So is the voltage, which falls with time and would
+    see :mod:`~ges.diagnose.design.feedback`. So is the voltage, which falls with time and would
     predict any drift.
     """
     products = [

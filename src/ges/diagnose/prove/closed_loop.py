@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ges.conventions import POSITION, command, rotor_speed, rotors_in
-from ges.diagnose.design.instruments import replayed
+from ges.diagnose.design.instruments import replay_references
 from ges.diagnose.design.weak import Windows, make_windows
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.kinematics import to_body
@@ -69,7 +69,7 @@ def _closed_loop_errors(
 ) -> np.ndarray | None:
     """Simulated minus recorded, (windows, k); None where the model cannot follow."""
     physics = {n: v for n, v in model.effects.items() if effect_table.get(n).kind != "sensor"}
-    simulated = replayed(
+    simulated = replay_references(
         flight, dataclasses.replace(model, effects=physics), command(model.n_rotors)
     )
     return (

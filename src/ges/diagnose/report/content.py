@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.withdraw import Explanation
-from ges.diagnose.design.answers import strengths
+from ges.diagnose.design.feedback import instrument_strengths
 from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.gusts import GUSTS, shows_moving_air
 from ges.diagnose.estimate.fit import JointFit
@@ -91,7 +91,7 @@ def data_used(
             }
             for d in gate.delays
         ],
-        "instruments": strengths(by_flight, system.main),
+        "instruments": instrument_strengths(by_flight, system.main),
         "window_s": system.length_s,
         "reference_scale": {
             block_of(name): system.model.reference_scale(name) for name in system.main

@@ -5,15 +5,15 @@ them.
 import numpy as np
 import pytest
 
-from ges.diagnose.design.answers import (
+from ges.diagnose.design.feedback import (
     FlightInstruments,
-    both,
     endogenous_parts,
     feedback_of,
     flight_instruments,
+    instrument_strengths,
+    merge_endogenous_parts,
     moves_a_speed,
     near_ground_gain,
-    strengths,
 )
 from ges.diagnose.design.table import table_of
 from ges.diagnose.settings import settings
@@ -101,7 +101,7 @@ def test_a_rangefinder_s_scale_is_loose_where_heights_change():
 def test_a_rotor_in_yaw_is_loose_under_faster_functions_where_no_turning_was_measured(measured):
     names = ("moment_z", "moment_z/1")
     x = 2.0 + np.sin(T)
-    found = _endogenous(("weak_rotor.loss_2",), names, [x], turning_measured=measured)
+    found = _endogenous(("weak_rotor.loss_2",), names, [x], rates_measured=measured)
     assert set(found) == (set() if measured else {("rotor", 1)})
 
 
@@ -127,18 +127,21 @@ def test_new_parts_replace_known_ones_and_a_cushion_that_is_on_keeps_none_of_ano
     a, b = np.ones(3), np.zeros(3)
     known = {("dynamic", 0): {"motor_lag.up_s": a}, ("thrust_gain", 1): {"fountain_lift.c_b": a}}
     new = {("dynamic", 0): {"motor_lag.up_s": b, "esc_delay.delay_s": b}}
-    merged = both(known, new, ())
+    merged = merge_endogenous_parts(known, new, ())
     assert merged["dynamic", 0]["motor_lag.up_s"] is b and len(merged) == 2
-    beside = both(known, new, ("ground_effect.c_a",))
+    beside = merge_endogenous_parts(known, new, ("ground_effect.c_a",))
     assert ("thrust_gain", 1) not in beside and beside["dynamic", 0]["esc_delay.delay_s"] is b
-    assert both({}, {}, ()) == {}
+    assert merge_endogenous_parts({}, {}, ()) == {}
 
 
 def test_strengths_are_means_over_the_flights_that_heard_a_channel():
     least = settings.statistics.large_part
     one = FlightInstruments({}, {}, {"force_z": least + 0.2, "moment_x": 0.1})
     two = FlightInstruments({}, {}, {"force_z": least - 0.2})
-    told = {s["channel"]: s for s in strengths([one, two], ("force_z", "moment_x", "moment_y"))}
+    told = {
+        s["channel"]: s
+        for s in instrument_strengths([one, two], ("force_z", "moment_x", "moment_y"))
+    }
     assert set(told) == {"force_z", "moment_x"}
     assert told["force_z"]["share"] == pytest.approx(least)
     assert (told["force_z"]["flights_strong"], told["force_z"]["flights"]) == (1, 2)
@@ -170,5 +173,5 @@ def test_only_channels_that_are_there_and_answer_are_vouched_for():
     y = np.zeros((len(windows), 4))
     y[3, 2] = np.nan
     told = flight_instruments(flight, windows, MODEL, names, y, flight.stack("rotor_speed"))
-    assert told.strong == {"force_z": 0.0, "drive_1": 0.0}, "nothing moved"
-    np.testing.assert_allclose(told.own["force_z"], MODEL.weight_N)
+    assert told.strength == {"force_z": 0.0, "drive_1": 0.0}, "nothing moved"
+    np.testing.assert_allclose(told.signal["force_z"], MODEL.weight_N)

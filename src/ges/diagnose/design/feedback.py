@@ -1,0 +1,428 @@
+"""Feedback: what a controller's response, or noise of a reading, may add to columns.
+
+A controller responds to turbulence. What it moves then correlates with the disturbance that a
+residual contains. Instruments explain a part of such a column. The rest is *endogenous*, and its
+coefficient may err by the correlation (see ``whiten``). The kinds are:
+
+- ``dynamic``: what rotor speeds and their changes make of a moment, and of thrust where commands
+  alone are known. All of it is endogenous. The mean along thrust is not, which has no cause but the
+  balance. A trim moment has causes of its own (a shifted centre of gravity, a weak rotor), and is
+  subtracted first (see :func:`subtract_trims`).
+- ``thrust_gain``: what multiplies thrust. Its part along thrust is endogenous where thrust changed
+  fast and not its gain. So are changes of the moment of a gain near the ground, because attitude
+  responds too.
+- ``rotor``: what takes thrust from one rotor. Changes of its moment in roll and pitch are
+  endogenous, which show responses to yaw as well. With a weak rotor a response in roll also yaws,
+  and takes large changes of all speeds. Its trim counts in full.
+- ``load``: what hangs below, once it is on. Fast changes of its pull along thrust are endogenous:
+  disturbances shake the vehicle, and so the load.
+- ``drive``: all that moves a rotor's speed. Its changes are endogenous. The noise of the commands
+  between two rows is in the model's speed, in the residual and in the column alike.
+- ``height``: an error of a rangefinder that grows with height. The height that it is compared with
+  is a reading, too.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Collection, Mapping, Sequence
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from ges.conventions import AXES
+from ges.diagnose.design.instruments import (
+    instrument_strength,
+    instruments,
+    mark_of,
+    project,
+    rotor_signals,
+)
+from ges.diagnose.design.table import ColumnTable
+from ges.diagnose.design.weak import Windows, blocks_of
+from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.settings import settings
+from ges.diagnose.types.model import SPEED, Model, block_of
+from ges.simulator import effects as effect_table
+
+VERTICAL = ("force_z", "acc_z")
+ROLL_PITCH, YAW = ("moment_x", "moment_y"), "moment_z"
+DRIVE = "drive"
+
+EndogenousParts = Mapping[tuple[str, int], Mapping[str, np.ndarray]]
+"""By kind and channel, of every ``effect.parameter`` that has it there, (m,)."""
+
+
+def feedback_of(key: str) -> str:
+    """Return how a controller's response shows in a column.
+
+    Parameters
+    ----------
+    key : ``effect.parameter``.
+
+    Returns
+    -------
+    The kind; 'none' for a number that no effect corrects.
+    """
+    effect = effect_table.table().get(key.split(".")[0])
+    return effect.feedback if effect else "none"
+
+
+def near_ground_gain(key: str) -> bool:
+    """Return whether a column is a thrust gain that depends on the height.
+
+    Parameters
+    ----------
+    key : ``effect.parameter``.
+    """
+    effect = effect_table.table().get(key.split(".")[0])
+    return effect is not None and effect.feedback == "thrust_gain" and "height" in effect.needs
+
+
+def moves_a_speed(key: str) -> bool:
+    """Return whether a number is of a drive: of an actuator, or the top speed.
+
+    Parameters
+    ----------
+    key : ``effect.parameter``.
+    """
+    effect = effect_table.table().get(key.split(".")[0])
+    return key == SPEED or (effect is not None and effect.kind == "actuator")
+
+
+def subtract_trims(
+    keys: Sequence[str],
+    x: ColumnTable,
+    windows: Windows,
+    names: Sequence[str],
+    thrust: np.ndarray,
+    omega: np.ndarray,
+    air: np.ndarray,
+) -> None:
+    """Subtract the trim from the moments of ``dynamic`` columns, in place.
+
+    Parameters
+    ----------
+    keys, x : ``effect.parameter`` of every column, and the columns (m, C, K).
+    windows : m windows of the flight.
+    names : of the C channels.
+    thrust : (n,) N.
+    omega : (n, 3) body rates, rad/s.
+    air : (m,) True for windows in the air.
+
+    Notes
+    -----
+    A trim is constant or proportional to thrust. A moment that turned the vehicle is no trim,
+    though thrust may have changed with it in repeated turns. So the angular acceleration is a
+    regressor as well, and stays.
+    """
+    dynamic = np.array([feedback_of(key) == "dynamic" for key in keys], dtype=bool)
+    constant_and_thrust = np.column_stack([np.ones(len(thrust)), thrust])
+    for c, name in enumerate(names):
+        if block_of(name) != "moment" or not dynamic[x.at[c]].any():
+            continue
+        # by the channel's own test function: the average of what is held, the rate of what turned
+        mean, rate = windows.functions[mark_of(name)]
+        trim, rotation = (
+            (mean @ constant_and_thrust)[air],
+            (rate @ omega[:, AXES.index(name[len("moment_")])])[air],
+        )
+        at = np.ix_(air, dynamic[x.at[c]])
+        regressors = np.column_stack([trim, rotation])
+        # both are fitted, the trim alone is taken out
+        fitted = np.linalg.lstsq(regressors, x.values[c][at], rcond=None)[0]
+        x.values[c][at] -= trim @ fitted[: trim.shape[1]]
+
+
+@dataclasses.dataclass(frozen=True)
+class FlightInstruments:
+    """Instruments of one flight by channel.
+
+    Attributes
+    ----------
+    z : (m, k) instruments.
+    signal : (m,) thrust or moment of the rotors, or commands of a drive.
+    strength : share of the signal that the instruments explain.
+    """
+
+    z: Mapping[str, np.ndarray]
+    signal: Mapping[str, np.ndarray]
+    strength: Mapping[str, float]
+
+
+def flight_instruments(
+    flight: Prepared,
+    windows: Windows,
+    model: Model,
+    names: Sequence[str],
+    y: np.ndarray,
+    speeds: np.ndarray,
+) -> FlightInstruments:
+    """Compute the instruments of moments, of forces along thrust, and of drives.
+
+    Parameters
+    ----------
+    flight : prepared recording.
+    windows : m windows of the flight, in the air.
+    model : of the vehicle.
+    names : of the C channels.
+    y : (m, C) residuals; channels with gaps have no strength.
+    speeds : (n, rotors) acting rotor speeds, rad/s.
+    """
+    z = instruments(flight, windows, model, names)
+    signal = rotor_signals(flight, windows, model, speeds, names)
+    block = blocks_of([(windows, flight.t_s[0])], settings.statistics.block_s)[0]
+    shown = [
+        n
+        for n, known in zip(names, np.isfinite(y).all(axis=0), strict=True)
+        if known and _shows_feedback(n)
+    ]
+    return FlightInstruments(
+        z, signal, {n: instrument_strength(signal[n], z[n], block) for n in shown}
+    )
+
+
+def instrument_strengths(flights: Sequence[FlightInstruments], names: Sequence[str]) -> list[dict]:
+    """Return the strength of the instruments by channel, as diagnosis.json has it.
+
+    Parameters
+    ----------
+    flights : instruments by flight.
+    names : of the channels.
+
+    Returns
+    -------
+    Mean strength over the flights, and the number of flights in which it is enough.
+    """
+    by_channel = {n: [t.strength[n] for t in flights if n in t.strength] for n in names}
+    return [
+        {
+            "channel": n,
+            "share": float(np.mean(s)),
+            "flights_strong": sum(map(_is_strong, s)),
+            "flights": len(s),
+        }
+        for n, s in by_channel.items()
+        if s
+    ]
+
+
+def _is_strong(share: float) -> bool:
+    """Whether instruments predict enough of a signal."""
+    return share > settings.statistics.large_part
+
+
+def _shows_feedback(name: str) -> bool:
+    """Whether a controller's response shows in a channel."""
+    return block_of(name) in ("moment", DRIVE) or name in VERTICAL
+
+
+@dataclasses.dataclass(frozen=True)
+class _Channel:
+    """One channel of one flight, as the endogenous parts of its columns need it.
+
+    Attributes
+    ----------
+    name : of the channel.
+    instruments : of the flight.
+    length_s : support of a window.
+    rates_measured : whether rates or attitude were logged.
+    """
+
+    name: str
+    instruments: FlightInstruments
+    length_s: float
+    rates_measured: bool
+
+    def unexplained(self, x: np.ndarray, mean_counts: bool) -> np.ndarray:
+        """Columns (a, k) minus what instruments explain, and minus their mean where it counts in
+        full.
+        """
+        rest = _without_mean(x) if mean_counts else x
+        if not _is_strong(self.instruments.strength[self.name]):
+            return rest
+        return rest - project(x, self.instruments.z[self.name])
+
+    def fast_unexplained(self, x: np.ndarray) -> np.ndarray:
+        """Fast changes of columns (a, k) that instruments do not explain.
+
+        Slow changes balance a height, a climb, a load, and respond to no turbulence.
+        """
+        rest = self.unexplained(x, mean_counts=True)
+        # a high pass; its width in windows, which stand half a length apart
+        width = settings.design.answer_slowest_s / (0.5 * self.length_s)
+        return rest - gaussian_filter1d(rest, width, axis=0)
+
+    def endogenous_share(self) -> np.ndarray:
+        """Share (a, 1) of a gain's force that comes with thrust that instruments do not explain."""
+        thrust = self.instruments.signal[self.name]
+        # where thrust all but vanishes, as in a drop, the share would be endless
+        least = settings.prepare.descent_share * thrust.mean()
+        return self.fast_unexplained(thrust[:, None]) / np.maximum(thrust, least)[:, None]
+
+
+Part = Callable[[np.ndarray, Sequence[str], _Channel], np.ndarray | None]
+
+
+def _dynamic(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
+    """All that instruments do not explain; the mean along thrust counts in full."""
+    if not _is_balance(channel):
+        return None
+    return channel.unexplained(x, mean_counts=channel.name in VERTICAL)
+
+
+def _thrust_gain(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
+    """Its force where thrust is unexplained, and the moment of a gain near the ground."""
+    if not _is_balance(channel):
+        return None
+    # a gain's force is in proportion to thrust: one share of it is endogenous, whatever the gain
+    if channel.name in VERTICAL:
+        return x * channel.endogenous_share()
+    # of moments only that of a gain near the ground
+    return np.array(list(map(near_ground_gain, keys)), dtype=float) * _without_mean(x)
+
+
+def _rotor_in_roll_and_pitch(
+    x: np.ndarray, keys: Sequence[str], channel: _Channel
+) -> np.ndarray | None:
+    """Changes of its moment."""
+    if not _is_balance(channel) or not channel.name.startswith(ROLL_PITCH):
+        return None
+    return channel.unexplained(x, mean_counts=True)
+
+
+def _rotor_in_yaw(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
+    """Changes under faster test functions, where neither rates nor attitude were logged.
+
+    There the moment in yaw turned the vehicle unseen. The noise of the commands is in residual and
+    column alike (errors in variables). Its plain average would have spun the vehicle, and counts in
+    full.
+    """
+    seen = channel.rates_measured or not mark_of(channel.name)
+    if not _is_balance(channel) or not channel.name.startswith(YAW) or seen:
+        return None
+    return channel.unexplained(x, mean_counts=True)
+
+
+def _load(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
+    """Fast changes along thrust."""
+    known = channel.name in channel.instruments.strength
+    return channel.fast_unexplained(x) if known and channel.name in VERTICAL else None
+
+
+def _drive(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
+    """Changes of a rotor's speed."""
+    known = channel.name in channel.instruments.strength
+    if not known or block_of(channel.name) != DRIVE:
+        return None
+    return channel.unexplained(x, mean_counts=True)
+
+
+def _height(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
+    """Changes of the rangefinder's error."""
+    return _without_mean(x) if channel.name == "range" else None
+
+
+PARTS: tuple[tuple[str, Part], ...] = (
+    ("dynamic", _dynamic),
+    ("thrust_gain", _thrust_gain),
+    ("rotor", _rotor_in_roll_and_pitch),
+    ("rotor", _rotor_in_yaw),
+    ("load", _load),
+    (DRIVE, _drive),
+    ("height", _height),
+)
+"""Endogenous part of columns (a, k) by kind; None for a channel that shows none."""
+
+
+def _is_balance(channel: _Channel) -> bool:
+    """Whether a channel is one of moments, or of forces along thrust, without gaps."""
+    known = channel.name in channel.instruments.strength
+    return known and block_of(channel.name) != DRIVE
+
+
+def endogenous_parts(
+    keys: Sequence[str],
+    x: ColumnTable,
+    length_s: float,
+    channels: Mapping[int, str],
+    instruments: FlightInstruments,
+    air: np.ndarray,
+    on: Collection[str] = (),
+    rates_measured: bool = True,
+) -> EndogenousParts:
+    """Compute the endogenous parts of columns: what instruments do not explain.
+
+    Parameters
+    ----------
+    keys, x : ``effect.parameter`` of every column, and the columns (m, C, K).
+    length_s : support of a window.
+    channels : names of the channels without gaps, by number.
+    instruments : of the flight.
+    air : (m,) True for windows in the air; parts are zero elsewhere.
+    on : effects of the model.
+    rates_measured : whether rates or attitude were logged.
+
+    Returns
+    -------
+    By kind and channel, (m,) by ``effect.parameter``.
+
+    Notes
+    -----
+    Shapes of one parameter are endogenous alike: its first column stands for them.
+    """
+    found: dict[tuple[str, int], dict[str, np.ndarray]] = {}
+    for kind, part in PARTS:
+        at = _columns_of(kind, keys, on)
+        own = [keys[k] for k in at]
+        for c, name in channels.items() if at else ():
+            channel = _Channel(name, instruments, length_s, rates_measured)
+            values = part(x.of(c, at)[air], own, channel)
+            if values is not None:
+                columns = _in_all_windows(air, values).T
+                found[kind, c] = dict(zip(own, columns, strict=True))
+    return found
+
+
+def merge_endogenous_parts(
+    known: EndogenousParts, new: EndogenousParts, on: Collection[str]
+) -> EndogenousParts:
+    """Merge endogenous parts of two sets of columns of the same windows.
+
+    Parameters
+    ----------
+    known, new : parts; the new ones replace known ones.
+    on : keys of the model's effects. With a gain near the ground on, no other such gain is
+        endogenous: its moment is explained.
+    """
+    gain_is_on = any(map(near_ground_gain, on))
+    kept = {
+        at: {key: x for key, x in parts.items() if not (gain_is_on and near_ground_gain(key))}
+        for at, parts in known.items()
+    }
+    merged = {at: {**kept.get(at, {}), **new.get(at, {})} for at in dict.fromkeys((*kept, *new))}
+    return {at: parts for at, parts in merged.items() if parts}
+
+
+def _in_all_windows(air: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values of the windows in the air among all of them, (m, k), zero elsewhere."""
+    if air.all():
+        return values
+    full = np.zeros((len(air), values.shape[1]))
+    full[air] = values
+    return full
+
+
+def _columns_of(kind: str, keys: Sequence[str], on: Collection[str]) -> list[int]:
+    """First column of every parameter of a kind."""
+    # a load that may be there would take from thrust gains what they do along thrust
+    if kind == "load" and "load" not in map(feedback_of, on):
+        return []
+    # whatever responds to them, all of these are made of the same commands
+    wanted = moves_a_speed if kind == DRIVE else lambda key: feedback_of(key) == kind
+    # in reverse, so that the first of equal keys is the one that the dictionary keeps
+    return list({key: k for k, key in reversed(list(enumerate(keys))) if wanted(key)}.values())
+
+
+def _without_mean(x: np.ndarray) -> np.ndarray:
+    return x - x.mean(axis=0)
