@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from ges.diagnose.library.requirements import lacking
+from ges.diagnose.library.requirements import unmet_requirement
 from ges.diagnose.prepare.align import grid_step_s, regrid
 from ges.diagnose.prepare.gate import with_thrust_direction
 from ges.diagnose.types.model import Model
@@ -134,7 +134,7 @@ def _effects(frame: pd.DataFrame) -> tuple[list[str], dict[str, str]]:
     for name, effect in effects.table().items():
         if effect.modifies:
             continue
-        needs = lacking(name, [flight], Model({}))
+        needs = unmet_requirement(name, [flight], Model({}))
         if needs:
             cannot[name] = needs
         else:

@@ -210,7 +210,7 @@ def _of_logs(request: Request, watch: Watch) -> Inputs:
 
 
 def _opened(request: Request, watch: Watch) -> tuple[dict[str, tuple[Path, Log]], list[str]]:
-    """Logs by name of their flight with their files, and why others cannot serve."""
+    """Return logs by name of their flight with their files, and why others cannot serve."""
     logs, refused = {}, []
     for name, path in flight_names(request.sources).items():
         watch(f"reading {path.name}")

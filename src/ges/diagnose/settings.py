@@ -1048,7 +1048,7 @@ def _with(base: Settings, overrides: Mapping[str, Any]) -> Settings:
 
 
 def _read(key: str, value: Any, kind: Any, about: About) -> Any:
-    """A value of this kind; several numbers are written with commas between."""
+    """Return a value of this kind; several numbers are written with commas between."""
     several = kind not in (float, int, bool)
     asked = {
         bool: "true or false",

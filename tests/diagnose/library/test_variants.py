@@ -20,10 +20,10 @@ from ges.diagnose.library.candidates import (
 )
 from ges.diagnose.library.requirements import (
     REQUIREMENTS,
-    lacking,
     needs_attitude,
-    not_spoken_about,
     silent_channels,
+    silent_channels_words,
+    unmet_requirement,
 )
 from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
@@ -128,8 +128,8 @@ def _without(*names):
     ],
 )
 def test_what_a_log_lacks_is_said_in_words(effect, flight, asked):
-    assert lacking(effect, [FULL], MODEL) == ""
-    told = lacking(effect, [flight], MODEL)
+    assert unmet_requirement(effect, [FULL], MODEL) == ""
+    told = unmet_requirement(effect, [flight], MODEL)
     assert told.startswith("needs ") and asked in told
 
 
@@ -139,9 +139,9 @@ def test_a_rangefinder_s_lag_is_told_apart_from_edges_of_the_ground_on_smooth_gr
     x_m, y_m = np.linspace(-3.0, 3.0, 25), np.linspace(-3.0, 3.0, 25)
     heights_m = np.where(x_m > 0.0, step_m, 0.0) * np.ones((25, 25))
     edged = dataclasses.replace(MODEL, terrain=Terrain.grid(x_m, y_m, heights_m))
-    assert lacking("rangefinder_lag", [crossing], edged).startswith(told or "")
-    assert bool(lacking("rangefinder_lag", [crossing], edged)) == bool(told)
-    assert lacking("rangefinder_lag", [crossing], MODEL) == ""
+    assert unmet_requirement("rangefinder_lag", [crossing], edged).startswith(told or "")
+    assert bool(unmet_requirement("rangefinder_lag", [crossing], edged)) == bool(told)
+    assert unmet_requirement("rangefinder_lag", [crossing], MODEL) == ""
 
 
 def test_attitude_is_needed_by_what_only_it_shows():
@@ -165,10 +165,12 @@ def test_silent_channels_say_what_to_log_or_to_state():
 
 
 def test_a_verdict_of_nothing_names_what_it_is_silent_about():
-    assert not_spoken_about({}) == ""
-    told = not_spoken_about({"force_x": "log a", "force_z": "log b", "moment_x": "log c"})
+    assert silent_channels_words({}) == ""
+    told = silent_channels_words({"force_x": "log a", "force_z": "log b", "moment_x": "log c"})
     assert told == (
         " They say nothing of drag, inflow, loads and the ground (log b)"
         " and nothing of moments (log c)."
     )
-    assert not_spoken_about({"force_x": "log a"}) == " They say nothing of drag and wind (log a)."
+    assert (
+        silent_channels_words({"force_x": "log a"}) == " They say nothing of drag and wind (log a)."
+    )

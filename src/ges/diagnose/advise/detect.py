@@ -240,7 +240,7 @@ def smallest_detectable(
 
 
 def _entry_of_detected(entries: Sequence[_Entry], detected: DetectedEffect) -> dict[str, Any]:
-    """The entry of the shape that was found, no larger than the size that was found."""
+    """Return the entry of the shape that was found, no larger than the size that was found."""
     entry = next((e for e in entries if e.variant == detected.variant), entries[0]).content
     size = detected.sizes.get(entry["parameter"], math.inf)
     limit = math.inf if entry["smallest"] is None else entry["smallest"]
@@ -281,12 +281,12 @@ def _is_reported(column: DesignColumn) -> bool:
 
 
 def _median_entry(entries: Sequence[_Entry]) -> dict[str, Any]:
-    """The middle of entries by their relative size."""
+    """Return the middle of entries by their relative size."""
     return sorted(entries, key=lambda entry: entry.relative)[(len(entries) - 1) // 2].content
 
 
 def _entry(regression: Regression, k: int, size: float, hidden: str, unit: _Sizes) -> _Entry:
-    """The result for one column.
+    """Return the result for one column.
 
     An effect that clips is detectable as a whole or not at all. A size beyond the vehicle's weight,
     or the parameter's bounds, is None.

@@ -64,7 +64,7 @@ def separating_manoeuvre(
 
 
 def _with_voltage(thrust: UnmeasuredThrust) -> dict:
-    """The manoeuvre that separates causes of another thrust, with the voltage logged."""
+    """Return the manoeuvre that separates causes of another thrust, with the voltage logged."""
     system = thrust.system
     listed = library(system.model, flight_envelope(system.recordings, system.model.radius_m))
     variants = [v for name in thrust.rivals if name in listed for v in listed[name].variants]

@@ -83,8 +83,11 @@ class Option:
         return wanted if wanted <= settings.advise.flights_most else None
 
     def content(self) -> dict:
-        """Return ``next_flight`` of diagnosis.json, without a manoeuvre where this one would not
-        do.
+        """Return ``next_flight`` of diagnosis.json.
+
+        Returns
+        -------
+        ``manoeuvre`` is None where this one would not do.
         """
         return {
             "manoeuvre": self.manoeuvre if self.flights else None,
@@ -189,7 +192,7 @@ def _columns_in_use(regression: Regression, rivals: Sequence[Rival]) -> np.ndarr
 
 
 def _gram(regression: Regression, flight: Prepared, keep: np.ndarray) -> Gram:
-    """Normal equations of one more flight, in the noise of the flights so far."""
+    """Return normal equations of one more flight, in the noise of the flights so far."""
     system, columns = regression.system, [regression.system.columns[k] for k in keep]
     made = flight_rows(
         flight, system.model, system.names, columns, system.flights[0].windows.length_s

@@ -1,6 +1,4 @@
-"""From a search to what is accepted: names that pass the rules, fitted in full, then their
-modifiers.
-"""
+"""From a search to accepted names: rules, a full fit, then modifiers."""
 
 from __future__ import annotations
 
@@ -224,7 +222,7 @@ def _regression_of(listed: Sequence[Candidate], base: Model, like: System) -> Re
 def _search_with_refined_load(
     regression: Regression, listed: Sequence[Candidate], base: Model, only: Sequence[str] | None
 ) -> tuple[Regression, SearchResult]:
-    """The search, repeated with a refined load on a thread.
+    """Return the search, repeated with a refined load on a thread.
 
     A thread or first place that is wrong by centimetres needs other names for its residual.
     """
@@ -275,7 +273,7 @@ def _probable_modifiers(
     names: Collection[str],
     only: Sequence[str] | None,
 ) -> dict[str, _Modifier]:
-    """Modifiers of these names in the best set, if no plain variant is nearly as good.
+    """Return modifiers of these names in the best set, if no plain variant is nearly as good.
 
     All that are asked for, with ``only``.
     """
@@ -331,7 +329,7 @@ def _fit_significant(
     record: Record,
     names_searched: bool,
 ) -> tuple[tuple[str, ...], Fitted | None]:
-    """The new names that are significant in a full fit, and that fit.
+    """Return the new names that are significant in a full fit, and that fit.
 
     Others are left out of it, modifiers first.
     """
@@ -357,7 +355,9 @@ def _fit_significant(
 def _best_forms_in_wind(
     fitted: Fitted, names: Sequence[str], system: System, record: Record
 ) -> tuple[Fitted, dict[str, str]]:
-    """The fit with better forms of those drags that a wind acts through, and what they replace.
+    """Return the fit with better forms of drags that a wind acts through.
+
+    It comes with the names that they replace.
 
     A search evaluates every form in still air. In wind linear and quadratic drag are other
     functions of the motion. So each is fitted again, in full and under the same noise.
@@ -391,7 +391,7 @@ def _best_forms_in_wind(
 
 
 def _fit_with_replacement(fitted: Fitted, name: str, rival: str, system: System) -> Fitted:
-    """The fit with a rival in place of a name, under the same noise."""
+    """Return the fit with a rival in place of a name, under the same noise."""
     descriptor = effect_table.get(rival)
     amplitudes = [
         amplitude_of(rival, p.name)
@@ -412,8 +412,7 @@ def _fit_with_replacement(fitted: Fitted, name: str, rival: str, system: System)
 
 
 def fit_along_rollouts(accepted: Accepted) -> Accepted:
-    """Refine the fit by multiple shooting: the model is evaluated along the path that it flies
-    itself.
+    """Refine the fit by multiple shooting, along the path that the model flies itself.
 
     Parameters
     ----------
@@ -461,7 +460,7 @@ def fit_alternatives(accepted: Accepted, record: Record) -> Accepted:
 
 
 def _fit_with_rival(accepted: Accepted, name: str) -> Fitted | None:
-    """The fit with one open name and its prerequisite added; None where it cannot act."""
+    """Return the fit with one open name and its prerequisite added; None where it cannot act."""
     system, fitted = accepted.regression.system, accepted.fitted
     best = accepted.found.best_with(name, accepted.rivals)
     present = set(fitted.effects) if fitted else set()
@@ -507,7 +506,7 @@ def without_names(accepted: Accepted) -> Accepted:
 
 
 def _hypothesis_of(found: SearchResult, names: Sequence[str], regression: Regression) -> Hypothesis:
-    """The set of just these names from the search, else the best set without all others."""
+    """Return the set of just these names from the search, else the best set without all others."""
     just = tuple(sorted(names))
     # a set that was weighed by itself has coefficients without what the others took of it
     exact = next((h for h in found.hypotheses if h.names == just), None)

@@ -113,7 +113,7 @@ def _is_nominal(key: str) -> bool:
 
 
 def _relative_correction(key: str, value: float, model: Model) -> float:
-    """A correction over the nominal value."""
+    """Return a correction over the nominal value."""
     effect, parameter = key.split(".")
     if key == SPEED:
         return value / model.number(parameter)

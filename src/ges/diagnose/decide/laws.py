@@ -163,7 +163,7 @@ def _response_structures(
 
 
 def _sparse_form_of(channel: str, explanation: Explanation) -> SparseForm:
-    """The sparse form of a channel's residual."""
+    """Return the sparse form of a channel's residual."""
     system, model = explanation.last.regression.system, explanation.last.model
     kind, axis = channel.split("_")
     response = next(n for k in RESPONSES[kind] if (n := f"{k}_{axis}") in system.main)
@@ -190,7 +190,7 @@ def _sparse_form_of(channel: str, explanation: Explanation) -> SparseForm:
 def _fit_terms(
     terms: Sequence[Term], explanation: Explanation, start: Start
 ) -> tuple[Fitted, dict[Term, float]]:
-    """The fit of the names with a law of these terms, and the sds of its coefficients.
+    """Return the fit of the names with a law of these terms, and the sds of its coefficients.
 
     Names and nominal parameters are pinned by narrow priors; trims are free.
     """

@@ -24,8 +24,9 @@ from ges.simulator import effects as effect_table
 
 @dataclasses.dataclass(frozen=True)
 class PredictiveGain:
-    """Training flights, each predicted from the others with a name and without it, (F,) each; empty
-    where there is one flight.
+    """Training flights, each predicted from the others with a name and without it.
+
+    The F flights are F arrays; empty where there is one flight.
 
     Attributes
     ----------

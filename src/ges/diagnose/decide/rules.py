@@ -52,9 +52,7 @@ class RuleContext:
 
     @functools.cached_property
     def shares(self) -> Mapping[str, Mapping[str, float]]:
-        """Size of each passing name in its place, by block, over the practical significance
-        threshold.
-        """
+        """Size of each passing name in its place, by block, over its threshold."""
         places = {n: replaced_names(self.found, n, self.probable) for n in self.passing}
         return {
             n: relative_sizes(self.regression, self.found.best, p) for n, p in places.items() if p
@@ -268,7 +266,7 @@ def replaced_names(found: SearchResult, name: str, among: Sequence[str]) -> set[
 
 
 def _best_of(found: SearchResult, name: str, among: Sequence[str]) -> str:
-    """The best of a name's family among some names, each without the others of the family."""
+    """Return the best of a name's family, each tried without the others of the family."""
     return max(
         sorted(family_of(name) & set(among)),
         # beside another of the family the name has only what that leaves it: compared is each alone
@@ -277,7 +275,7 @@ def _best_of(found: SearchResult, name: str, among: Sequence[str]) -> str:
 
 
 def _alone(found: SearchResult, name: str) -> Hypothesis | None:
-    """The best set that has this name and no other of its family."""
+    """Return the best set that has this name and no other of its family."""
     return next((h for h in found.hypotheses if family_of(name) & set(h.names) == {name}), None)
 
 

@@ -235,8 +235,9 @@ class _Channel:
     rates_measured: bool
 
     def unexplained(self, x: np.ndarray, mean_counts: bool) -> np.ndarray:
-        """Columns (a, k) minus what instruments explain, and minus their mean where it counts in
-        full.
+        """Return columns (a, k) minus what instruments explain.
+
+        Their mean is subtracted where it counts in full.
         """
         rest = _without_mean(x) if mean_counts else x
         if not _is_strong(self.instruments.strength[self.name]):
@@ -285,14 +286,14 @@ def _thrust_gain(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.nd
 def _rotor_in_roll_and_pitch(
     x: np.ndarray, keys: Sequence[str], channel: _Channel
 ) -> np.ndarray | None:
-    """Changes of its moment."""
+    """Return changes of its moment."""
     if not _is_balance(channel) or not channel.name.startswith(ROLL_PITCH):
         return None
     return channel.unexplained(x, mean_counts=True)
 
 
 def _rotor_in_yaw(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
-    """Changes under faster test functions, where neither rates nor attitude were logged.
+    """Return changes under faster test functions, where neither rates nor attitude were logged.
 
     There the moment in yaw turned the vehicle unseen. The noise of the commands is in residual and
     column alike (errors in variables). Its plain average would have spun the vehicle, and counts in
@@ -311,7 +312,7 @@ def _load(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray |
 
 
 def _drive(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
-    """Changes of a rotor's speed."""
+    """Return changes of a rotor's speed."""
     known = channel.name in channel.instruments.strength
     if not known or block_of(channel.name) != DRIVE:
         return None
@@ -319,7 +320,7 @@ def _drive(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray 
 
 
 def _height(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
-    """Changes of the rangefinder's error."""
+    """Return changes of the rangefinder's error."""
     return _without_mean(x) if channel.name == "range" else None
 
 

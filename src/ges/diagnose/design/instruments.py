@@ -31,7 +31,7 @@ APART = (-4, -3, -2, 2, 3, 4)
 
 
 def _reference_table(flight: Prepared) -> np.ndarray:
-    """The references as the simulator's firmware takes them, on the flight's grid."""
+    """Return the references as the simulator's firmware takes them, on the flight's grid."""
     t, ref = flight.t_s, flight.stack("reference")
     # the firmware also takes the reference's acceleration, made here from its velocity
     acceleration = np.gradient(ref[:, 3:6], flight.dt_s, axis=0)
@@ -207,7 +207,7 @@ def mark_of(name: str) -> str:
 def _lagged(
     values: np.ndarray, flight: Prepared, windows: Windows, lags: Iterable[int]
 ) -> list[np.ndarray]:
-    """A signal delayed by multiples of half a window."""
+    """Return a signal delayed by multiples of half a window."""
     step, t = 0.5 * windows.length_s, flight.t_s
     return [np.interp(t - lag * step, t, values) for lag in lags]
 

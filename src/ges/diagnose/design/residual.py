@@ -216,8 +216,9 @@ def commanded_speeds(
 def _commanded_speeds_of_each(
     flight: Prepared, model: Model, sets: Sequence[effect_table.Effects]
 ) -> list[np.ndarray]:
-    """Rotor speeds of one flight under several sets of effects, in one batch; (n, rotors) rad/s
-    each.
+    """Fly the drive of one flight under several sets of effects, in one batch.
+
+    Rotor speeds are (n, rotors) rad/s each.
     """
     # few sets change the commands: the inputs of all others are the same
     plain = _drive_inputs(flight, model, motor_commands(flight, model, {}))
@@ -702,7 +703,7 @@ def depend_on_path_alone(effects: effect_table.Effects, on: effect_table.Effects
 def _reused_output(
     reuse: Evaluation | None, drive: Drive, motion: Motion, effects: effect_table.Effects
 ) -> effect_table.Replay | None:
-    """The model output of another evaluation, if nothing that it depends on differs."""
+    """Return the model output of another evaluation, if nothing that it depends on differs."""
     if reuse is None or motion is not reuse.motion:
         return None
     same = without_actuators(effects) == without_actuators(reuse.effects)
@@ -746,8 +747,9 @@ def _moment(
     motion: Motion,
     output: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
-    """Residual I dOmega + Omega x I Omega - M in the body frame, times nominal over modelled
-    inertia.
+    """Return the residual I dOmega + Omega x I Omega - M in the body frame.
+
+    It is scaled by nominal over modelled inertia.
 
     In that unit a wrong inertia scales the model and not the measurement. Otherwise the best fit
     would shrink both to nothing.

@@ -69,7 +69,7 @@ def expected_speeds(readings: np.ndarray, commanded: np.ndarray, dt_s: float) ->
 
 
 def _lag_basis(commanded: np.ndarray, dt_s: float) -> np.ndarray:
-    """What another lag adds to a speed (n,), as (n, k) about its mean.
+    """Return what another lag adds to a speed (n,), as (n, k) about its mean.
 
     Averages run over two rows and more, an octave apart, up to the shortest window.
     """
@@ -84,7 +84,7 @@ def _lag_basis(commanded: np.ndarray, dt_s: float) -> np.ndarray:
 
 
 def _level(readings: np.ndarray) -> np.ndarray:
-    """Expected level (n,) of a random walk that is read with white noise.
+    """Return expected level (n,) of a random walk that is read with white noise.
 
     The gain of the steady Kalman filter is the most probable one. Forward and backward the filter
     is an exponential average (Durbin and Koopman 2012, Time Series Analysis by State Space Methods,

@@ -1,5 +1,6 @@
-"""The linear system of a diagnosis: residuals, nuisance columns and candidate columns of every
-flight.
+"""The linear system of a diagnosis: residuals and columns of every flight.
+
+Columns are those of nuisances and of candidates.
 """
 
 from __future__ import annotations
@@ -98,9 +99,7 @@ class DesignColumn:
 
     @property
     def recipe(self) -> tuple:
-        """What the column is computed from; two columns of one recipe differ in their parts at
-        most.
-        """
+        """What the column is computed from; columns of one recipe differ in their parts."""
         if self.nuisance is not None:
             return (self.nuisance,)
         v = variant_of(self)
@@ -277,7 +276,7 @@ class System:
         return tuple(name for name in self.names if "/" not in name)
 
     def blocks(self, length_s: float) -> list[np.ndarray]:
-        """Number the blocks of time of every window.
+        """Count the blocks of time of every window.
 
         Parameters
         ----------
@@ -293,8 +292,7 @@ class System:
 def nuisances(
     model: Model, names: Iterable[str], flights: Sequence[Prepared]
 ) -> tuple[Nuisance, ...]:
-    """Return the numbers that are always free: uncertain nominal parameters, trims, and sensor
-    errors.
+    """Return the numbers that are always free: nominal parameters, trims, sensor errors.
 
     Parameters
     ----------
@@ -402,7 +400,7 @@ def common_channels(flights: Sequence[Prepared], model: Model) -> tuple[str, ...
 def _stepped(
     model: Model, effect: str, values: Mapping[str, float], parameter: str, step: float
 ) -> tuple[dict, float]:
-    """An effect with one parameter a step further, and that step.
+    """Return an effect with one parameter a step further, and that step.
 
     The step is reversed where it would leave the bounds.
     """
@@ -415,8 +413,9 @@ def _stepped(
 
 
 def _reference(model: Model, column: DesignColumn) -> dict:
-    """Effects that must be on for the column's shape, with neutral amplitude; {} where they do
-    nothing.
+    """Return effects that must be on for the column's shape, with neutral amplitude.
+
+    Empty where they do nothing.
     """
     variant = column.variant
     if variant is None or variant.effect in model.effects:
@@ -439,7 +438,7 @@ def _stepped_effects(model: Model, column: DesignColumn) -> tuple[dict, float]:
 def _in_all_channels(
     names: Sequence[str], here: Sequence[str], evaluated: Evaluation
 ) -> np.ndarray:
-    """An evaluation of one flight's channels among those of all flights, (m, C), NaN elsewhere."""
+    """Return one flight's channels among those of all flights, (m, C), NaN elsewhere."""
     values = evaluated.stack(here)
     if tuple(names) == tuple(here):
         return values
@@ -482,7 +481,7 @@ class _ColumnEvaluator:
         return self._change(self._with(_reference(self.model, column)), self._with(shifted), step)
 
     def _with(self, effects: effect_table.Effects) -> Evaluation:
-        """The evaluation with effects added."""
+        """Return the evaluation with effects added."""
         if not effects:
             return self.base
         key = repr(effects)

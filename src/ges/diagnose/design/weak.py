@@ -1,5 +1,4 @@
-"""Weak form: averages with smooth test functions of compact support, so that nothing is
-differentiated.
+"""Weak form: averages with smooth test functions, so that nothing is differentiated.
 
 For a test function phi with compact support, integral(phi x') = -integral(phi' x). The derivative
 moves from the noisy signal to the known function (Messenger & Bortz 2021, weak SINDy).
@@ -104,7 +103,7 @@ def all_allowed(allowed: np.ndarray, first: np.ndarray, past: np.ndarray) -> np.
 
 
 def blocks_of(flights: Sequence[tuple[Windows, float]], length_s: float) -> list[np.ndarray]:
-    """Number the blocks of time of every window; no two flights share a block.
+    """Count the blocks of time of every window; no two flights share a block.
 
     Parameters
     ----------

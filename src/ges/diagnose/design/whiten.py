@@ -92,8 +92,9 @@ def noise_residuals(
     chosen: Sequence[int] = (),
     together: Mapping[int, float] = MappingProxyType({}),
 ) -> list[np.ndarray]:
-    """Return what nuisances within their priors, columns and a constant of each flight leave in the
-    air.
+    """Return what nuisances, columns and a constant of each flight leave in the air.
+
+    Nuisances stay within their priors.
 
     Parameters
     ----------
@@ -232,8 +233,9 @@ def estimate_noise(
 def _disturbance_size(
     residuals: Sequence[np.ndarray], runs: Sequence[np.ndarray], ar: np.ndarray, sd: float
 ) -> float:
-    """Residual size (m,) over the innovation sd in the middle flight, of two the lesser; at least
-    1.
+    """Return the residual size (m,) over the innovation sd in the middle flight.
+
+    Of two it is the lesser, and at least 1.
     """
     sizes = [
         np.sqrt(np.mean((value - past @ ar) ** 2))

@@ -183,7 +183,7 @@ class Shift:
 def _as_finding(
     name: str, probability: float, parameters: dict[str, tuple[float, float]], cause: Cause
 ) -> Finding:
-    """A cause as a finding; parameters as start and change per unit of its value."""
+    """Return a cause as a finding; parameters as start and change per unit of its value."""
     units = {p.name: p.unit for p in effect_table.get(name).parameters}
     estimates = {}
     for key, (start, per) in parameters.items():

@@ -191,7 +191,10 @@ def _nearby(share: float) -> Callable[[DraggedLoad, float], list[DraggedLoad]]:
 
 
 def _most_probable(like: System, variants: Sequence[Variant]) -> int:
-    """Number of the variant with most evidence, under the noise that the first of them leaves."""
+    """Return the number of the variant with most evidence.
+
+    The noise is what the first of them leaves.
+    """
     system = build(like.recordings, like.model, variants, like)
     # a load has one amplitude, its mass: as many columns as variants, in their order
     columns = [k for k, c in enumerate(system.columns) if c.variant is not None]

@@ -17,7 +17,7 @@ import numpy as np
 
 from ges.diagnose.design.system import System, nuisance_of
 from ges.diagnose.estimate.fit import JointFit, within_bounds
-from ges.diagnose.library.requirements import lacking
+from ges.diagnose.library.requirements import unmet_requirement
 from ges.diagnose.select.evidence import rms_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
@@ -155,8 +155,7 @@ class UnmeasuredThrust:
 
 
 def unmeasured_thrust(joint: JointFit, system: System) -> UnmeasuredThrust | None:
-    """Find an excess of thrust beside everything accepted, without logged signals to tell its
-    cause.
+    """Find an excess of thrust whose cause was not logged.
 
     Parameters
     ----------
@@ -168,7 +167,7 @@ def unmeasured_thrust(joint: JointFit, system: System) -> UnmeasuredThrust | Non
     The excess; None where it is within the prior sds, or the signals were logged.
     """
     model, flights = system.model, [r.flight for r in system.flights]
-    rivals = tuple(sorted(name for name in CAUSES if lacking(name, flights, model)))
+    rivals = tuple(sorted(name for name in CAUSES if unmet_requirement(name, flights, model)))
     prior_sds = {
         key: sd
         for key, k in system.nuisances.items()

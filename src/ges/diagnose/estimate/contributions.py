@@ -93,8 +93,9 @@ def contributions_of(
 def _added(
     rows: FlightRows, effects: effect_table.Effects, model: Model, names: tuple[str, ...]
 ) -> np.ndarray:
-    """Residual with these effects less residual with the model's, (m, C); NaN where a channel is
-    absent.
+    """Return the residual with these effects less that with the model's, (m, C).
+
+    NaN where a channel is absent.
     """
     bare = dataclasses.replace(model, effects=effects)
     here = channels(rows.flight, model)

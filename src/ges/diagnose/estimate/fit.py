@@ -1,5 +1,4 @@
-"""Joint least squares with priors: chosen effects, and nuisances common to all flights and by
-flight.
+"""Joint least squares with priors: chosen effects and nuisances, common and by flight.
 
 Intervals are by blocks of time.
 """
@@ -179,8 +178,9 @@ def _inflation(
     inverse: np.ndarray,
     count: int,
 ) -> np.ndarray:
-    """Factor (k, k) by which blocks of time scatter more than independent rows: a sandwich over
-    blocks.
+    """Return by how much blocks of time scatter more than independent rows, (k, k).
+
+    It is a sandwich over blocks.
     """
     if not count:
         return np.ones((0, 0))
@@ -428,7 +428,7 @@ def _deviation_prior(
 
 
 def _free_amplitude(name: tuple[str, str], values: effect_table.Effects, model: Model) -> Amplitude:
-    """A free parameter about its present value, with the step of its column."""
+    """Return a free parameter about its present value, with the step of its column."""
     a, reach = amplitude_of(*name), reach_of(name, values, model)
     step = settings.library.step_share * reach if reach else a.step
     return _with_inner_step(dataclasses.replace(a, step=step), values[name[0]][name[1]])
@@ -461,11 +461,11 @@ class _Point:
         return self.joint.covariance[: len(self.free), : len(self.free)]
 
     def free_values(self) -> np.ndarray:
-        """The free parameters, (k,)."""
+        """Return the free parameters, (k,)."""
         return np.array([self.values[e][p] for e, p in self.free])
 
     def values_at(self, free_values: np.ndarray) -> effect_table.Effects:
-        """The values with the free parameters at these numbers (k,)."""
+        """Return the values with the free parameters at these numbers (k,)."""
         values = {name: dict(v) for name, v in self.values.items()}
         for (e, p), number in zip(self.free, free_values, strict=True):
             values[e][p] = float(number)
@@ -545,7 +545,7 @@ def _linearise(
     regression: Regression,
     model: Model,
 ) -> _Point:
-    """The free parameters at their values, fitted together with all nuisances."""
+    """Return the free parameters at their values, fitted together with all nuisances."""
     chosen = free_columns(regression.system)
     mean, sd = np.array(
         [_deviation_prior(name, values, model) for name in free]
@@ -563,8 +563,9 @@ def _linearise(
 
 
 def _mean_within_bounds(mean: np.ndarray, covariance: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-    """The mean (k,) with parts beyond their bounds (2, k) clipped, and the others conditional on
-    those.
+    """Return the mean (k,) with parts beyond their bounds (2, k) clipped.
+
+    The others are conditional on those.
     """
     clipped = np.clip(mean, *bounds)
     out = clipped != mean
@@ -664,7 +665,7 @@ def _share_in_reach(
 
 
 def _with_inner_step(a: Amplitude, value: float) -> Amplitude:
-    """The amplitude at a value, with a step that stays within its bounds."""
+    """Return the amplitude at a value, with a step that stays within its bounds."""
     step = a.step if value + a.step <= a.high else -a.step
     return dataclasses.replace(a, step=step, neutral=value)
 

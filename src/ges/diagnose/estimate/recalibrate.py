@@ -59,7 +59,7 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
 def _damped_step(
     regression: Regression, cost: float, joint: JointFit, reach: float
 ) -> tuple[JointFit | None, float]:
-    """The step within a reach that gains as predicted, and the reach of the next one.
+    """Return the step within a reach that gains as predicted, and the reach of the next one.
 
     The reach is in prior sds, and halved until the step holds. None where none does.
     """
@@ -72,7 +72,7 @@ def _damped_step(
 
 
 def _within_reach(regression: Regression, reach: float) -> JointFit:
-    """The fit with every number drawn to its present value (Levenberg 1944)."""
+    """Return the fit with every number drawn to its present value (Levenberg 1944)."""
     corrections = regression.system.model.corrections
     nuisances = [nuisance_of(regression.system.columns[k]) for k in regression.nuisance]
     near = {n.key: (corrections.get(n.key, 0.0), reach * n.sd) for n in nuisances if n.sd > 0}
@@ -97,7 +97,10 @@ def at_corrections(nominal: Model, corrections: Mapping[str, float]) -> Model:
 def _linearise(
     regression: Regression, nominal: Model, corrections: Mapping[str, float]
 ) -> Regression:
-    """The regression of the nuisances, linearised with these corrections, under the same noise."""
+    """Return the regression of the nuisances, linearised with these corrections.
+
+    The noise stays the same.
+    """
     system = regression.system
     there = at_corrections(nominal, corrections)
     return whiten_system(
@@ -128,6 +131,7 @@ def _gains_as_predicted(
 
     Parameters
     ----------
+    regression : linearised at the present corrections.
     cost : without a step.
     best : the full step.
     tried : the step to check.
@@ -149,6 +153,7 @@ def _cost(regression: Regression, step: Mapping[str, float]) -> float:
 
     Parameters
     ----------
+    regression : linearised at the present corrections.
     step : by ``effect.parameter``, from the present corrections.
     """
     system = regression.system

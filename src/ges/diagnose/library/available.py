@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from ges.diagnose.library.candidates import Candidate, flight_envelope
 from ges.diagnose.library.grids import library
-from ges.diagnose.library.requirements import lacking
+from ges.diagnose.library.requirements import unmet_requirement
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.types.model import Model
 
@@ -32,6 +32,6 @@ def candidates_of(
         for c in library(base, flight_envelope(flights, base.radius_m)).values()
         if c.name not in taken
         and (only is None or c.name in only)
-        and not lacking(c.name, flights, base)
+        and not unmet_requirement(c.name, flights, base)
         and (set(c.prerequisites) & set(base.effects) or c.stands_alone and not taken)
     ]

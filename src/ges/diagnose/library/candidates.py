@@ -61,9 +61,7 @@ class Variant:
 
     @property
     def places(self) -> tuple[str, ...]:
-        """Where the amplitudes act, ``rotor 3``; empty for an effect that cannot act in several
-        places.
-        """
+        """Where the amplitudes act, ``rotor 3``; empty for effects without several places."""
         if "many" not in effect_table.get(self.effect).hints:
             return ()
         return tuple(filter(None, (place_of(a.parameter) for a in self.amplitudes)))
@@ -126,9 +124,7 @@ class Candidate:
 
     @property
     def stands_alone(self) -> bool:
-        """Whether it acts where nothing else is on: without prerequisites, or with variants that
-        bring one.
-        """
+        """Whether it acts where nothing else is on, without or with prerequisites of its own."""
         return not self.prerequisites or any(v.given for v in self.variants)
 
 
@@ -208,8 +204,9 @@ def _command_levels(flights: Sequence[Prepared]) -> tuple[tuple[float, ...], tup
 def _visited_squares(
     plan: np.ndarray, square: float
 ) -> tuple[tuple[tuple[float, float], ...], float]:
-    """Centres of the visited squares of the ground plan (n, 2), widened until they are few, and
-    their width.
+    """Return centres and width of the visited squares of the ground plan (n, 2).
+
+    They are widened until they are few.
     """
     while True:
         corner = np.floor(plan / square)

@@ -96,7 +96,7 @@ def _in_range(p: Parameter, shape: Mapping[str, float]) -> bool:
 
 
 def _usual_prerequisite(effect: Effect, model: Model) -> effect_table.Effects:
-    """A prerequisite at its usual size, where the vehicle has none on.
+    """Return a prerequisite at its usual size, where the vehicle has none on.
 
     At 1 m/s it makes its usual share of the weight.
     """
@@ -188,13 +188,13 @@ def _axes(
 
 
 def _with_amplitudes(variant: Variant, **changes: Any) -> Variant:
-    """The variant with fields of all its amplitudes replaced."""
+    """Return the variant with fields of all its amplitudes replaced."""
     changed = tuple(dataclasses.replace(a, **changes) for a in variant.amplitudes)
     return dataclasses.replace(variant, amplitudes=changed)
 
 
 def _at_level(variant: Variant, *steps: float, **changes: Any) -> Variant:
-    """The variant with columns of these whole steps, exact at them."""
+    """Return the variant with columns of these whole steps, exact at them."""
     stepped = zip(variant.amplitudes, steps, strict=True)
     return dataclasses.replace(
         variant,
@@ -219,8 +219,7 @@ def _levels(
 def _commanded(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """Levels near the largest commands in the air, and on the way from there to those of a
-    take-off.
+    """Levels near the largest commands in the air, and towards those of a take-off.
 
     A ceiling is no level where rotors were logged to turn faster.
     """
@@ -256,7 +255,7 @@ def _slower(
 def _above(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """A little above the greatest height of the rotors, in radii."""
+    """Return a little above the greatest height of the rotors, in radii."""
     if envelope.high_m is None:
         return ()
     top = envelope.high_m[2] + float(model.of_rotors("z_m").max())
@@ -267,7 +266,7 @@ def _above(
 def _outside_box(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """A radius beyond each side of the box that was flown."""
+    """Return a radius beyond each side of the box that was flown."""
     if envelope.low_m is None or envelope.high_m is None:
         return ()
     distance, bearing = search.axis
@@ -365,8 +364,9 @@ def _coaxial(
 def _drawn(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """Drawn over the ground on threads longer than the height of flight, below the middle and each
-    rotor.
+    """Drawn over the ground on threads longer than the height of flight.
+
+    They hang below the middle and each rotor.
 
     Levels are how far behind the load follows, over that height. Threads that stay slack throughout
     are left out.

@@ -1,6 +1,4 @@
-"""What a recording cannot speak about: effects and channels, each with what would have to be
-logged.
-"""
+"""What a recording cannot show: effects and channels, each with what would have to be logged."""
 
 from __future__ import annotations
 
@@ -19,12 +17,16 @@ Flights = Sequence[Prepared]
 
 @dataclasses.dataclass(frozen=True)
 class Requirement:
-    """A signal that effects need (``needs`` of their descriptors): whether it was recorded, and
-    what to say where it was not.
+    """A signal that effects need (``needs`` of their descriptors).
+
+    Attributes
+    ----------
+    is_met : whether flights have it.
+    message : what to say where they have not.
     """
 
     is_met: Callable[[Flights, Model], bool]
-    lacking: str
+    message: str
 
 
 def _all_have(stream: str) -> Callable[[Flights, Model], bool]:
@@ -87,30 +89,61 @@ REQUIREMENTS: Mapping[str, Requirement] = {
 """By the names that descriptors use."""
 
 
-def lacking(name: str, flights: Flights, model: Model) -> str:
-    """What some of these flights lack to speak about an effect, as ``needs ...``; '' where nothing
-    is missing.
+def unmet_requirement(name: str, flights: Flights, model: Model) -> str:
+    """Return what these flights lack to show an effect.
+
+    Parameters
+    ----------
+    name : of the effect.
+    flights : prepared recordings.
+    model : of the vehicle.
+
+    Returns
+    -------
+    ``needs ...``; '' where nothing is missing.
     """
-    return unmet(effect_table.get(name).needs, flights, model)
+    return first_unmet(effect_table.get(name).needs, flights, model)
 
 
-def unmet(needs: Iterable[str], flights: Flights, model: Model) -> str:
-    """What some of these flights lack of :data:`REQUIREMENTS`, as ``needs ...``; '' where nothing
-    is missing.
+def first_unmet(needs: Iterable[str], flights: Flights, model: Model) -> str:
+    """Return the first of some requirements that these flights do not meet.
+
+    Parameters
+    ----------
+    needs : keys of :data:`REQUIREMENTS`.
+    flights : prepared recordings.
+    model : of the vehicle.
+
+    Returns
+    -------
+    ``needs ...``; '' where all are met.
     """
-    asked = (REQUIREMENTS[need] for need in needs)
-    return next((r.lacking for r in asked if not r.is_met(flights, model)), "")
+    requirements = (REQUIREMENTS[need] for need in needs)
+    return next((r.message for r in requirements if not r.is_met(flights, model)), "")
 
 
 def needs_attitude(name: str) -> bool:
-    """Whether only a measured attitude or measured rates can show an effect; a derived attitude
-    tells the slow balance alone.
+    """Return whether only a measured attitude or measured rates can show an effect.
+
+    Parameters
+    ----------
+    name : of the effect.
+
+    Notes
+    -----
+    A derived attitude shows the slow balance alone.
     """
     return "attitude" in effect_table.get(name).needs
 
 
 def silent_channels(flights: Sequence[Prepared], model: Model) -> dict[str, str]:
-    """Channels that no flight speaks about, each with what to log, or to state, to hear it."""
+    """Return the channels that no flight has, each with what to log or to state.
+
+    Parameters
+    ----------
+    flights : prepared recordings.
+    model : of the vehicle.
+    """
     logged = {name for f in flights for name in channels(f, model)}
     pose, gyro = (
         "log velocity and attitude (v_x_m_s ..., q_w ...)",
@@ -134,9 +167,16 @@ def silent_channels(flights: Sequence[Prepared], model: Model) -> dict[str, str]
     return {name: why for name, why in reasons.items() if name not in logged}
 
 
-def not_spoken_about(off: Mapping[str, str]) -> str:
-    """A sentence on what a verdict of nothing proven does not speak about, from
-    :func:`silent_channels`; '' for full logs.
+def silent_channels_words(off: Mapping[str, str]) -> str:
+    """Return a sentence on what a verdict of *nothing proven* does not cover.
+
+    Parameters
+    ----------
+    off : of :func:`silent_channels`.
+
+    Returns
+    -------
+    '' for full logs.
     """
     parts = []
     if "force_z" in off:

@@ -17,7 +17,7 @@ import numpy as np
 from ges.conventions import POSITION
 from ges.diagnose.design.residual import replay_model, without_actuators
 from ges.diagnose.design.system import System
-from ges.diagnose.library.requirements import unmet
+from ges.diagnose.library.requirements import first_unmet
 from ges.diagnose.select.search import log_odds_against_one_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
@@ -57,7 +57,7 @@ def candidate_terms(channel: str, system: System) -> list[Term]:
     listed = [Term.of(channel, SCALES[0], {})]
     listed += [Term.of(channel, s, n, m) for s, (n, m) in itertools.product(SCALES, products)]
     listed += [Term.of(channel, SCALES[0], {}, near_m=place) for place in candidate_places(system)]
-    return [t for t in listed if not unmet(t.needs, system.recordings, system.model)]
+    return [t for t in listed if not first_unmet(t.needs, system.recordings, system.model)]
 
 
 def candidate_places(system: System) -> list[tuple[float, float, float]]:
@@ -233,8 +233,9 @@ class _Folds:
         )
 
     def r2(self, sets: np.ndarray) -> np.ndarray:
-        """Share of the variance that fits to the other folds predict, (s,), for sets of columns (s,
-        k).
+        """Return the share of the variance that fits to the other folds predict, (s,).
+
+        ``sets`` of columns are (s, k).
         """
         xx, xy = self.xx[:, sets[:, :, None], sets[:, None, :]], self.xy[:, sets]
         others = xx.sum(axis=0) - xx + settings.statistics.ridge_windows * np.eye(sets.shape[1])
@@ -244,7 +245,7 @@ class _Folds:
         return gain / max(float(self.yy.sum()), settings.numerics.tiny)
 
     def best_addition(self, chosen: tuple[int, ...]) -> tuple[int]:
-        """The column that predicts most together with those chosen."""
+        """Return the column that predicts most together with those chosen."""
         tried = [k for k in range(self.xy.shape[1]) if k not in chosen]
         return (tried[int(np.argmax(self.r2(np.array([(*chosen, k) for k in tried]))))],)
 

@@ -277,7 +277,7 @@ def _cells_of(
 
 
 def _standard_error(e: np.ndarray, block: np.ndarray) -> float:
-    """Standard error of a mean, with blocks as clusters."""
+    """Return standard error of a mean, with blocks as clusters."""
     sums = np.bincount(block, e - e.mean())
     # variance of a mean with clusters, sum of (sum e)^2 over n^2, corrected for few of them
     live = len(np.unique(block))
@@ -449,7 +449,10 @@ def _rms(values: np.ndarray) -> float:
 
 
 def _most_affected_regime(a: np.ndarray, values: Mapping[str, np.ndarray]) -> dict:
-    """The regime whose bins explain most of ``a``, within the bins of at least half of the peak."""
+    """Return the regime whose bins explain most of ``a``.
+
+    Its bounds are those of the bins of at least half of the peak.
+    """
     best: tuple[str, float, np.ndarray, np.ndarray, np.ndarray]
     best = ("", -1.0, np.zeros(1), np.zeros(1), np.zeros(1))
     for name, value in values.items():

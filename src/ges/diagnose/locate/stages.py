@@ -156,7 +156,7 @@ def _seconds(flight: Prepared) -> float:
 
 
 def _middle(flight: Prepared, seconds: float) -> Prepared:
-    """The part of this length about the middle of the time in the air."""
+    """Return the part of this length about the middle of the time in the air."""
     rows = min(len(flight.t_s), round(seconds / flight.dt_s))
     air = np.flatnonzero(flight.flying)
     center = int(air[len(air) // 2]) if len(air) else len(flight.t_s) // 2

@@ -1,5 +1,4 @@
-"""Structure in residuals: does a smooth function of a regime variable predict unseen blocks of
-time?
+"""Structure in residuals: does a smooth function of a regime predict unseen blocks of time?
 
 The statistic is R^2 on blocks of time left out. Time and voltage run along with a flight, and
 neighbouring blocks predict any drift. So of those whole flights are left out, where there are two.
@@ -322,7 +321,7 @@ def _mean_structures(
 
 
 def _channels_with_equal_windows(e: np.ndarray) -> list[list[int]]:
-    """Groups of channels (columns of ``e``) that have the same windows."""
+    """Return groups of channels (columns of ``e``) that have the same windows."""
     alike: dict[bytes, list[int]] = {}
     for c, there in enumerate(np.isfinite(e).T):
         alike.setdefault(there.tobytes(), []).append(c)
@@ -335,7 +334,7 @@ def _size_structures(
     names: Sequence[str],
     blocks: Sequence[np.ndarray],
 ) -> list[Structure]:
-    """The same test for the logarithm of the residuals' energy.
+    """Return the same test for the logarithm of the residuals' energy.
 
     Each flight's own mean is subtracted: air that is rougher in one flight is in no regime.
     """
@@ -360,7 +359,7 @@ def _size_structures(
 def _as_size_structure(
     structure: Structure, energy: np.ndarray, values: Mapping[str, np.ndarray]
 ) -> Structure:
-    """A structure of size, with the rms of the residual within its bounds."""
+    """Return a structure of size, with the rms of the residual within its bounds."""
     inside = np.ones(len(energy), bool)
     for name, (low, high) in structure.bounds.items():
         inside &= (values[name] >= low) & (values[name] <= high)
@@ -371,8 +370,9 @@ def _as_size_structure(
 def _test_channels(
     names: Sequence[str], basis: _Basis, e: np.ndarray, of_block: csr_array, signs: np.ndarray
 ) -> list:
-    """For every channel of ``e`` (n, C) its structure, without a q value yet, and R^2 of the null
-    draws.
+    """Return for every channel of ``e`` (n, C) its structure, and R^2 of the null draws.
+
+    The structure has no q value yet.
     """
     size = np.maximum(np.sqrt(np.mean(e**2, axis=0)), settings.numerics.tiny)
     y = e / size
@@ -425,7 +425,7 @@ def _with_q_values(tested: Sequence[Structure], chance: np.ndarray) -> list[Stru
 
 
 def _groups(tested: Sequence[Structure]) -> list[list[int]]:
-    """Tests of one regime in channels that one cause moves together."""
+    """Return tests of one regime in channels that one cause moves together."""
     regimes = dict.fromkeys(t.regime for t in tested)
     return [
         [i for i, t in enumerate(tested) if t.regime == r and t.channel in names]

@@ -233,7 +233,7 @@ def _present(frame: pd.DataFrame, names: Sequence[str]) -> list[str]:
 
 
 def _new_value_rows(values: np.ndarray) -> np.ndarray:
-    """True in rows that bring a new value of a stream.
+    """Return true in rows that bring a new value of a stream.
 
     All columns are finite there, and one differs from the last finite row.
     """
@@ -261,7 +261,7 @@ def _knot_rows(t_s: np.ndarray, rows: np.ndarray) -> np.ndarray:
 def _regrid(
     t_s: np.ndarray, values: np.ndarray, grid_s: np.ndarray, mean_s: float
 ) -> tuple[np.ndarray, float]:
-    """A stream on the grid, and the median time between its new values.
+    """Return a stream on the grid, and the median time between its new values.
 
     It is interpolated linearly. Rows faster than ``mean_s`` are averaged over it.
     """
@@ -386,7 +386,7 @@ def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
 
 
 def _far_from(readings_s: np.ndarray, grid_s: np.ndarray) -> np.ndarray:
-    """True on the grid where the readings on both sides are further apart than a pause."""
+    """Return true on the grid where the readings on both sides are further apart than a pause."""
     # a line is drawn only between near readings
     after = np.searchsorted(readings_s, grid_s, side="left").clip(1, len(readings_s) - 1)
     return (
@@ -547,7 +547,7 @@ def lifting(flight: Prepared, flying: np.ndarray) -> np.ndarray:
 
 
 def _well_within(at: np.ndarray, margin_s: float, dt_s: float) -> np.ndarray:
-    """The samples ``at`` (n,) that are a margin away from all others."""
+    """Return the samples ``at`` (n,) that are a margin away from all others."""
     return (
         ~binary_dilation(~at, iterations=max(1, int(round(margin_s / dt_s)))) if (~at).any() else at
     )

@@ -86,7 +86,7 @@ def _thrust_correlations(flight: Prepared, model: Model, lags_s: np.ndarray) -> 
 def _correlation_sums(
     flight: Prepared, a: np.ndarray, b: np.ndarray, width: float, lags_s: np.ndarray
 ) -> np.ndarray:
-    """Sums (4, lags) for the correlation of ``a`` with ``b`` taken later, in the air.
+    """Return sums (4, lags) for the correlation of ``a`` with ``b`` taken later, in the air.
 
     They are products, squares of the later and of the other, and the number of independent samples.
     Both signals were smoothed over ``width`` samples.
@@ -242,8 +242,9 @@ def estimate_command_hold(flights: Sequence[Prepared]) -> CommandHold:
 
 
 def _responses(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray]:
-    """Finite impulse response of relative rotor speeds to relative commands: first three taps, and
-    their sds.
+    """Return the response of relative rotor speeds to relative commands, and its sds.
+
+    They are the first three taps of a finite impulse response.
 
     Least squares, which noise of the speeds does not bias.
 
@@ -261,8 +262,9 @@ def _responses(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _lagged_response_rows(flight: Prepared, taps: int) -> tuple[np.ndarray, np.ndarray]:
-    """Lagged commands and speeds of every rotor in the air, high-passed, over their means; rotors
-    in sequence.
+    """Return lagged commands and speeds of every rotor in the air, in sequence.
+
+    They are over their means, and high-passed.
     """
     air = np.flatnonzero(flight.flying)
     # over the means one response serves all rotors, whatever the units and the gain of each

@@ -61,7 +61,12 @@ class Gate:
     gyro: tuple[np.ndarray, np.ndarray] | None = None
 
     def usable(self) -> list[int]:
-        """Return the indices of the flights that can be used."""
+        """Return the indices of the flights that can be used.
+
+        Returns
+        -------
+        In the order of the recordings.
+        """
         return [i for i, f in enumerate(self.flights) if f is not None]
 
 
@@ -114,7 +119,7 @@ def _on_grid(frame: pd.DataFrame, model: Model, number: int) -> _Gridded:
 def _in_the_air(
     gridded: _Gridded, frame: pd.DataFrame, model: Model, others_rest_m: float = np.inf
 ) -> Prepared:
-    """The flight with its flying samples.
+    """Return the flight with its flying samples.
 
     ``others_rest_m`` is where other flights rest, for one that begins and ends in the air.
     """
@@ -136,8 +141,9 @@ def _in_the_air(
 
 
 def _height_over_ground_m(flight: Prepared, model: Model) -> np.ndarray | None:
-    """Height over the logged ground, else that of the vehicle file, (n,); None without a logged
-    height.
+    """Return the height over the logged ground, else that of the vehicle file, (n,).
+
+    None without a logged height.
     """
     if "p_z_m" not in flight.columns:
         return None
@@ -313,7 +319,7 @@ def _unusable_because(flight: Prepared) -> str | None:
 
 
 def _remarks(flight: Prepared) -> list[str]:
-    """What a reader should know about a flight that can be used."""
+    """Return what a reader should know about a flight that can be used."""
     remarks, drift = [], clock_drift(flight)
     if "clipping" in flight.left_out:
         remarks.append(
@@ -389,7 +395,7 @@ def pass_gate(
 def _without_pose_delay(
     flights: list[Prepared | None],
 ) -> tuple[Delay | None, list[Prepared | None]]:
-    """The clear delay of the pose, and the flights without it."""
+    """Return the clear delay of the pose, and the flights without it."""
     used = [f for f in flights if f]
     pose = pose_delay(used)
     # noise draws the peak of a correlation between two readings
@@ -404,7 +410,7 @@ def _without_pose_delay(
 def _without_clear_gyro_bias(
     flights: list[Prepared | None],
 ) -> tuple[tuple[np.ndarray, np.ndarray] | None, list[Prepared | None]]:
-    """The clear gyro offset with its sd, and the flights without it."""
+    """Return the clear gyro offset with its sd, and the flights without it."""
     bias = gyro_bias([f for f in flights if f])
     if not bias:
         return None, flights

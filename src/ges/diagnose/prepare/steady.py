@@ -14,8 +14,7 @@ from ges.diagnose.settings import settings
 
 
 def with_steady_position(flight: Prepared) -> Prepared:
-    """Return the flight with positions that change fast as the velocity and slowly as they were
-    read.
+    """Return the flight with positions whose fast changes are those of the velocity.
 
     Parameters
     ----------

@@ -1,5 +1,6 @@
-"""Held-out flights flown again in closed loop: the simulated firmware follows the logged
-references.
+"""Held-out flights flown again in closed loop, along the logged references.
+
+The simulated firmware follows them.
 
 The real controller need not be ours, so signals that depend on gains carry little information. What
 slow flight requires does not depend on them: the drive and the lean, which are compared first.
@@ -51,7 +52,7 @@ def _comparable_channels(flight: Prepared) -> tuple[str, ...]:
 
 
 def _compared_signals(columns: Mapping[str, np.ndarray], names: Sequence[str]) -> np.ndarray:
-    """These channels of a recording or a simulated flight, (n, k)."""
+    """Return these channels of a recording or a simulated flight, (n, k)."""
     signals = {name: columns[name] for name in POSITION if name in names}
     n_rotors = rotors_in(columns)
     for name, each in ((SPEED, rotor_speed(n_rotors)), (DUTY, command(n_rotors))):
@@ -67,7 +68,7 @@ def _compared_signals(columns: Mapping[str, np.ndarray], names: Sequence[str]) -
 def _closed_loop_errors(
     flight: Prepared, windows: Windows, model: Model, names: Sequence[str]
 ) -> np.ndarray | None:
-    """Simulated minus recorded, (windows, k); None where the model cannot follow."""
+    """Return simulated minus recorded, (windows, k); None where the model cannot follow."""
     physics = {n: v for n, v in model.effects.items() if effect_table.get(n).kind != "sensor"}
     simulated = replay_references(
         flight, dataclasses.replace(model, effects=physics), command(model.n_rotors)

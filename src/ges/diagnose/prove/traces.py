@@ -111,7 +111,7 @@ def trace(
 def _rollout_signals(
     flight: Prepared, windows: Windows, model: Model
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Recorded and simulated :data:`AHEAD` at the centres of the windows, (m, 6) each.
+    """Return recorded and simulated :data:`AHEAD` at the centres of the windows, (m, 6) each.
 
     Every horizon starts again from the recording; NaN where none is flown.
     """

@@ -46,7 +46,7 @@ def stage_errors(
 
 
 def _block_sums(e: np.ndarray, block: int) -> np.ndarray:
-    """Sums of squares and counts by block, (b, 2)."""
+    """Return sums of squares and counts by block, (b, 2)."""
     good = np.isfinite(e)
     edges = np.arange(0, len(e), block)
     return np.stack(

@@ -190,7 +190,7 @@ def _stages(name: str, c: Mapping[str, Any], first: str, then: str) -> str:
 
 
 def _separates_words(names: Sequence[str], tell: str = "tells", show: str = "shows") -> str:
-    """What a flight is good for: *tells a and b apart*, *shows whether a is there at all*.
+    """Return what a flight is good for: *tells a and b apart*, *shows whether a is there at all*.
 
     Parameters
     ----------

@@ -126,7 +126,7 @@ def _findings(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[d
 
 
 def _laws(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """The same for laws: one row for each channel, terms as parameters."""
+    """Yield the same for laws: one row for each channel, terms as parameters."""
     laws = [{law["channel"]: law for law in c.get("laws", ())} for c in (first, second)]
     for channel in dict.fromkeys([*laws[0], *laws[1]]):
         pair = [by.get(channel) for by in laws]
@@ -149,7 +149,7 @@ def _laws(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[dict[
 
 
 def _one(f: Mapping[str, Any] | None, content: Mapping[str, Any], key: tuple[str, str]) -> str:
-    """A finding in a few words; how probable it was where it is absent."""
+    """Return a finding in a few words; how probable it was where it is absent."""
     if f is None:
         considered = {(c["name"], c.get("place", "")): c for c in content.get("considered", ())}
         chance = considered.get(key, {}).get("probability")

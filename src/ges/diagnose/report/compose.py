@@ -55,8 +55,8 @@ def compose_diagnosis(
 
     Parameters
     ----------
-    problem, start, answer, proof : results of the stages: prepared flights, the recalibrated model,
-        the accepted names, errors on held-out flights.
+    problem, start, explanation, proof : results of the stages: prepared flights, the recalibrated
+        model, the accepted names, errors on held-out flights.
     unexplained_structures : structure in the residuals of the accepted model.
     laws : found beside the names.
     models : before, recalibrated and after, with laws also names_only.

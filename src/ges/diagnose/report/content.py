@@ -1,6 +1,4 @@
-"""Parts of diagnosis.json on the data, calibration, untested, unexplained and considered
-candidates.
-"""
+"""Parts of diagnosis.json on data, calibration, and all that was not found."""
 
 from __future__ import annotations
 
@@ -14,7 +12,7 @@ from ges.diagnose.detectors.gusts import GUSTS, shows_moving_air
 from ges.diagnose.estimate.fit import JointFit
 from ges.diagnose.library.candidates import flight_envelope
 from ges.diagnose.library.grids import out_of_reach
-from ges.diagnose.library.requirements import lacking
+from ges.diagnose.library.requirements import unmet_requirement
 from ges.diagnose.locate.regimes import (
     located_by_findings,
     located_by_open_names,
@@ -33,13 +31,12 @@ from ges.simulator import effects as effect_table
 
 
 def located_entries(start: Start, explanation: Explanation) -> list[dict]:
-    """Return ``located``: where the recalibrated model misfits, and where findings and open names
-    act.
+    """Return ``located``: where the recalibrated model misfits, and where names act.
 
     Parameters
     ----------
     start : the recalibrated vehicle.
-    answer : accepted names with their contributions.
+    explanation : accepted names with their contributions.
     """
     accepted, residuals = explanation.accepted, explanation.last.residuals
     entries = located_by_residuals(start.cells, start.first.structures, start.system)
@@ -137,7 +134,7 @@ def not_tested(system: System, fitted: Model) -> dict[str, str]:
         # what modifies another effect is tried together with that one
         if name not in searched and not effect.modifies:
             reasons[name] = (
-                lacking(name, flights, system.model)
+                unmet_requirement(name, flights, system.model)
                 or effect.settled
                 or out_of_reach(
                     effect, system.model, flight_envelope(flights, system.model.radius_m)
@@ -180,8 +177,7 @@ def unexplained_entries(remains: Sequence[Structure]) -> list[dict]:
 def considered_candidates(
     accepted: Accepted, record: Record, reasons: Mapping[str, str]
 ) -> tuple[Considered, ...]:
-    """Return ``considered``: every candidate with probability and decisions, the most probable
-    first.
+    """Return ``considered``: every candidate with its decisions, the most probable first.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ def all_findings(
 
     Parameters
     ----------
-    answer : accepted names with their fits.
+    explanation : accepted names with their fits.
     contradicted : nominal parameters that the flights contradict.
     shift : a shifted balance or unmeasured thrust; None without one.
     gate : delays and offsets that were removed.
@@ -177,9 +177,7 @@ def _findings_by_place(
 ) -> list[Finding]:
     """One accepted effect, as one finding for each place where it acts.
 
-    Parameters
-    ----------
-    contribution : by flight, (m, C) of :func:`contributions`.
+    ``contribution`` is by flight, (m, C) of :func:`contributions`.
     """
     fitted, model = accepted.fit, accepted.regression.system.model
     system = fitted.regression.system

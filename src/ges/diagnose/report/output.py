@@ -186,7 +186,7 @@ def _unit(key: str) -> str:
 
 
 def _residual_picture(place: Mapping[str, Any], proof: Proof) -> tuple:
-    """The clearest location on held-out flights: residual, and contribution of the findings."""
+    """Return the clearest location on held-out flights, with what the findings add."""
     regime, c = next(iter(place["regime"])), proof.channels.index(place["channel"])
     x, block = _regime_values(regime, proof)
     residuals = {

@@ -64,7 +64,7 @@ PARTS: Mapping[str, str] = {
 
 @functools.lru_cache
 def _asset(name: str) -> Markup:
-    """A file of the package, as it is."""
+    """Return a file of the package, as it is."""
     # scripts and style sheets of the package go in as they are; all else is escaped
     return Markup(resources.files("ges.diagnose.report").joinpath(name).read_text("utf-8"))
 

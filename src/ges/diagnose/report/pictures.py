@@ -107,8 +107,7 @@ def save(figure: Figure, folder: Path | str, name: str) -> bytes:
 
 
 def location_map(cells: Sequence[Mapping[str, Any]], most_channels: int = 8) -> Figure:
-    """Draw where the model misfits: mean residual over its standard error, by channel and regime
-    bin.
+    """Draw the mean residual over its standard error, by channel and regime bin.
 
     Parameters
     ----------

@@ -68,7 +68,7 @@ def _column(t: Trace, values: np.ndarray, name: str) -> np.ndarray:
 
 
 def _timeline_s(traces: Sequence[Trace]) -> np.ndarray:
-    """Times from the start of the first flight, with a second between flights."""
+    """Return times from the start of the first flight, with a second between flights."""
     times, start = [], 0.0
     for t in traces:
         times.append(t.t_s - t.t_s[0] + start)

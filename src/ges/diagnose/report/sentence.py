@@ -69,7 +69,7 @@ def with_sentence(diagnosis: Diagnosis) -> Diagnosis:
 
 
 def _findings_forms(content: Mapping[str, Any]) -> Iterator[str]:
-    """Findings by kind, how sure the least of them is, and their worth on held-out flights.
+    """Yield findings by kind, how sure the least of them is, and their worth on held-out flights.
 
     Shorter forms drop names first, then a gain, then sizes. With a loss they drop sizes, then the
     channel that lost, and the gain last.
@@ -168,7 +168,7 @@ def _sureness(findings: Sequence[Mapping]) -> str:
 
 
 def _gain(content: Mapping[str, Any]) -> str:
-    """What the findings are worth on held-out flights.
+    """Return what the findings are worth on held-out flights.
 
     The position that gains most a second ahead, else the channel that does.
     """
@@ -191,7 +191,7 @@ def _gain(content: Mapping[str, Any]) -> str:
 
 
 def _loss(content: Mapping[str, Any]) -> str:
-    """The channel that is certainly worse with the findings on held-out flights.
+    """Return the channel that is certainly worse with the findings on held-out flights.
 
     It counts from an error on that somebody acts on; '' where there is none.
     """
@@ -210,7 +210,7 @@ def _loss(content: Mapping[str, Any]) -> str:
 
 
 def _best(table: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mapping[str, Any]] | None:
-    """The row that gains most against recalibration alone, if the gain is worth a mention."""
+    """Return the row that gains most against recalibration alone, if that is worth a mention."""
     # against recalibration, as only what exceeds it speaks for the findings
     gains = {n: 1.0 - c["after"] / c["recalibrated"] for n, c in table.items() if c["recalibrated"]}
     name = max(gains, key=lambda n: gains[n], default=None)
@@ -222,12 +222,12 @@ def _best(table: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mapping[str, Any
 
 
 def _wrong_number(content: Mapping[str, Any]) -> Iterator[str]:
-    """A contradicted nominal parameter that no effect corrects."""
+    """Yield a contradicted nominal parameter that no effect corrects."""
     yield f"The vehicle file is wrong about {_largest_correction(content) or 'a declared number'}."
 
 
 def _largest_correction(content: Mapping[str, Any]) -> str:
-    """The number that recalibration moved farthest over its prior sd; '' within two."""
+    """Return the number that recalibration moved farthest over its prior sd; '' within two."""
     # a correction counts by the doubt that the file states; one without contradicts nothing
     rows = {k: c for k, c in content["calibration"].items() if c["declared_sd"]}
     far = {k: abs(c["value"]) / c["declared_sd"] for k, c in rows.items()}
@@ -255,7 +255,7 @@ def key_words(key: str) -> str:
 
 
 def _correction_words(key: str, value: float) -> str:
-    """A correction with its sign: a share in percent, else in its own unit.
+    """Return a correction with its sign: a share in percent, else in its own unit.
 
     Parameters
     ----------
@@ -289,7 +289,7 @@ def _ambiguous(content: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _law(content: Mapping[str, Any]) -> Iterator[str]:
-    """The law of the largest size, and its worth on held-out flights."""
+    """Yield the law of the largest size, and its worth on held-out flights."""
     laws = sorted(content["laws"], key=lambda law: -law["size"]["share_of_weight"])
     first, more = laws[0], f" and {len(laws) - 1} more" if len(laws) > 1 else ""
     where = f"No effect of the library has the {channel_words(first['channel'])}"
@@ -323,7 +323,9 @@ def _nothing(content: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _largest_error(content: Mapping[str, Any]) -> str:
-    """The largest error that recalibration leaves on held-out flights, over the reference scale.
+    """Return the largest error that recalibration leaves on held-out flights.
+
+    It is largest over the reference scale.
 
     Wide prior sds agree with much.
     """

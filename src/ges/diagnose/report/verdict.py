@@ -8,7 +8,7 @@ from ges.diagnose.decide.contradicted import Contradicted
 from ges.diagnose.decide.laws import FittedLaw
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.thrust import UnmeasuredThrust
-from ges.diagnose.library.requirements import not_spoken_about
+from ges.diagnose.library.requirements import silent_channels_words
 from ges.diagnose.types.diagnosis import Finding
 
 
@@ -66,5 +66,5 @@ def remark_of(
     """
     sentences = [shift.sentence()] if shift else []
     sentences += [number.sentence() for number in contradicted]
-    sentences += [not_spoken_about(off)] if verdict == "nothing_proven" else []
+    sentences += [silent_channels_words(off)] if verdict == "nothing_proven" else []
     return " ".join(s.strip() for s in sentences if s)

@@ -40,8 +40,7 @@ class Alike:
 def alike_of(
     regression: Regression, h: Hypothesis, name: str, listed: Sequence[Entry]
 ) -> tuple[Alike, ...]:
-    """Return the effects and places that these flights cannot separate from a name, the nearest
-    first.
+    """Return what these flights cannot separate from a name, the nearest first.
 
     Parameters
     ----------
@@ -84,7 +83,9 @@ def _unlikely(regression: Regression, at: Sequence[int], values: np.ndarray) -> 
 def _in_place_of(
     gram: Gram, regression: Regression, mine: Sequence[int], b: np.ndarray, entry: Entry
 ) -> tuple[float, dict[str, float]]:
-    """Expected log odds of columns with coefficients b (k,) over a variant, and its coefficients.
+    """Return expected log odds of columns over a variant, and its coefficients.
+
+    The columns have coefficients b (k,).
 
     Minimises (8) of docs/method.md over c, between the bounds of its prior.
     """

@@ -94,7 +94,7 @@ def _factor(
     tilt: np.ndarray,
     weight: np.ndarray,
 ) -> np.ndarray:
-    """New factor exp(size + tilt x - weight x^2 / 2) of one coefficient's bounds.
+    """Return new factor exp(size + tilt x - weight x^2 / 2) of one coefficient's bounds.
 
     Returns tilt, weight and size (3, s), in place of the present tilt and weight.
     """

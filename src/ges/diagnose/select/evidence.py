@@ -441,7 +441,7 @@ def _prior_scales(system: System, share: float) -> np.ndarray:
 
 
 def _plausible_scale(column: DesignColumn, size: float) -> float:
-    """The prior sd of one coefficient, at most half of the range that its parameter has.
+    """Return the prior sd of one coefficient, at most half of the range that its parameter has.
 
     Zero where no flight shows the column.
     """

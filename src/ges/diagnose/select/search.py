@@ -1,6 +1,4 @@
-"""Which set of candidates the flights support: singles and pairs exactly, larger sets by beam
-search.
-"""
+"""Which set of candidates the flights support: exact for pairs, then beam search."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def _search_without_hidden(
     candidates: Sequence[Candidate],
     base: Sequence[str],
 ) -> StableSearch | None:
-    """The search from the noise without a candidate that explains most of the residual.
+    """Return the search from the noise without a candidate that explains most of the residual.
 
     None unless it finds that and nothing else new.
     """

@@ -171,11 +171,9 @@ def _relative(quantity: Quantity | None) -> float:
 
 
 def _number(vehicle: Vehicle, path: str) -> tuple[float, float] | None:
-    """Return value and sd of a number of the vehicle file, None where the file has none.
+    """Value and sd of a number of the vehicle file, None where the file has none.
 
-    Parameters
-    ----------
-    path : ``mass_kg`` or ``inertia_kg_m2.xx``.
+    The path is ``mass_kg`` or ``inertia_kg_m2.xx``.
     """
     name, _, axis = path.partition(".")
     nominal = getattr(vehicle, name)

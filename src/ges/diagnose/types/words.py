@@ -248,6 +248,7 @@ def _bounds_words(low: float, high: float, digits: int = 2) -> str:
 
     Parameters
     ----------
+    low, high : the bounds.
     digits : significant digits of the larger bound; the other may round to zero.
     """
     largest = max(abs(low), abs(high))
