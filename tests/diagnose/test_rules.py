@@ -303,3 +303,17 @@ def test_a_weak_rotor_is_told_from_a_mass_at_its_hub_by_the_balance(monkeypatch)
     assert not alike.passed and "mass at its hub" in alike.because
     assert _balanced(monkeypatch, 10.0, 30.0, lost=("loss_1", "loss_2")).passed
     assert _balanced(monkeypatch, 10.0, 30.0, calibrated=False).passed
+
+
+def test_what_cannot_act_alone_is_no_rival_by_itself(monkeypatch):
+    """A wind pushes through a drag: without one beside the name it stands for two causes."""
+    seen = []
+    monkeypatch.setattr(
+        rules, "alike_of", lambda regression, best, name, rivals: seen.append(rivals) or ()
+    )
+    listed = tuple(SimpleNamespace(name=n) for n in ("wind", "wall_effect", "rotor_tilt"))
+    for names in (("rotor_tilt",), ("rotor_drag", "rotor_tilt")):
+        context = dataclasses.replace(_weighed(_search({names: 9.0}), names), listed=listed)
+        assert context.alike("rotor_tilt") == ()
+    alone, beside = ({e.name for e in rivals} for rivals in seen)
+    assert "wind" not in alone and "wind" in beside and "wall_effect" in alone

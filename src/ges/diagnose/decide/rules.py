@@ -74,9 +74,12 @@ class RuleContext:
         ----------
         name : of the best set.
         """
+        # in its place alone: what needs a prerequisite that is not there is no single cause
+        present = {*self.found.best.names, *self.regression.system.model.effects} - {name}
+        rivals = [e for e in self.listed if has_prerequisite(e.name, present)]
         return tuple(
             a
-            for a in alike_of(self.regression, self.found.best, name, self.listed)
+            for a in alike_of(self.regression, self.found.best, name, rivals)
             if a.name == name or a.name not in family_of(name)
         )
 
