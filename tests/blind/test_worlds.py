@@ -303,7 +303,7 @@ def test_mujoco_keeps_its_balance(design):
     scale = paths.Scale(1.0, craft.radius_m, 2.0, 0.3)
     plan = paths.references("development", 6.0, mujoco.STEP_S, scale, rng)[1][:, :1200]
     flown = mujoco._fly(design, craft, plan, 0.4, rng)
-    assert set(flown.changes) == set(design.names())
+    assert set(flown.changes) == set(design.concealed().names)
     drives = {"thrust_curve", "rotor_saturation", "esc_delay"} & set(flown.changes)
     if not drives:
         assert _left(flown, craft) < 2e-6
@@ -329,7 +329,7 @@ import numpy as np
 from ges.blind.foreign import drone_models as d, paths
 design = d.DroneModelsDesign("cf2x_L250", across=1.0, along=1.0, propeller=2.0)
 numbers, rng = d._numbers(design), np.random.default_rng(1)
-craft = d.airframe(design.drone, numbers, rng)
+craft = d.airframe(design.vehicle, numbers, rng)
 plan = paths.references("development", 6.0, d.STEP_S, paths.Scale(0.5, 0.02, 0.8, 0.4), rng)[1]
 flown = d._fly(design, numbers, craft, plan[:, :300, None], rng)[0]
 force = craft.true["mass"] * flown.state["specific_force"]

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ges.blind.foreign.drone_models import RPM, airframe
+from ges.blind.foreign import drone_models
+from ges.blind.foreign.drone_models import RPM, DroneModelsDesign, airframe
 from ges.blind.foreign.paths import Scale, references
 from ges.blind.foreign.sets import Concealed, Lost, Place, Sources, draw_log, write_flown
-from ges.blind.generator.detectable import NAME_OF_WRONG, TrueFlight
+from ges.blind.generator.detectable import TrueFlight
 
 WORLD = "crazyflow"
 NEEDS = ("crazyflow",)
@@ -33,36 +34,17 @@ METHOD = "force along the path, crazyflow's own accelerations with and without e
 
 
 @dataclass(frozen=True)
-class CrazyflowDesign:
+class CrazyflowDesign(DroneModelsDesign):
     """A set to fly with crazyflow.
 
     Attributes
     ----------
-    drone : name of one of its published drones.
-    across, along : share of the published drag across and along the thrust axis.
-    propeller : share of the published inertia of the propellers.
     weak : share of thrust and torque that rotor 3 loses.
     linear : whether thrust and torque curves keep their linear term.
-    wrong : factors by which the file is wrong, by the numbers of :data:`NAME_OF_WRONG`.
-    copy : number among sets that are the same otherwise.
     """
 
-    drone: str
-    across: float = 0.0
-    along: float = 0.0
-    propeller: float = 0.0
     weak: float = 0.0
-    linear: bool = False
-    wrong: Mapping[str, float] = field(default_factory=dict)
-    copy: int = 0
-
-    @property
-    def key(self) -> str:
-        """Name in the table of cases: drone, what is on, how the file is wrong, copy."""
-        parts = [f"{n} {getattr(self, n):g}" for n in NAMES if getattr(self, n)]
-        parts += ["linear term of thrust"] if self.linear else []
-        parts += [f"file {n} {f:g}" for n, f in self.wrong.items()]
-        return f"{self.drone} {', '.join(parts) or 'nothing'} #{self.copy}"
+    linear: bool = field(default=False, metadata={"words": "linear term of thrust"})
 
     def concealed(self) -> Concealed:
         """Return the truth of the set.
@@ -72,31 +54,21 @@ class CrazyflowDesign:
         ``motor_lag`` is always true or optional: crazyflow's motors slow down faster than they
         speed up. A linear term shows as the map from command to thrust, which is optional as well.
         """
-        names = [name for n, name in NAMES.items() if getattr(self, n)]
-        names += [NAME_OF_WRONG[w] for w in self.wrong]
+        effects = [name for n, name in NAMES.items() if getattr(self, n)]
         optional = ["gyroscopic_moment"] if self.propeller else []
         # seen from the commands, a linear term is the command-thrust curve
         optional += ["thrust_curve", "thrust_scale"] if self.linear else []
-        optional += [] if "motor_lag" in names else ["motor_lag"]
-        parameter = len(names) == 1 and self.wrong and "lag" not in self.wrong
+        optional += [] if "lag" in self.wrong else ["motor_lag"]
         size = max(self.across, self.along, self.propeller, 10.0 * self.weak)
-        return Concealed(
-            tuple(names),
+        return self._concealed(
+            effects,
             "weak" if 0.0 < size < 0.5 and not self.wrong else "strong",
-            heavier=self.wrong.get("mass", 1.0) < 1.0,
             optional=tuple(optional),
-            verdict="parameter" if parameter else "",
-            category="parameter" if parameter else "",
             places={"weak_rotor": (f"rotor {WEAK + 1}",)} if self.weak else {},
         )
 
 
-NAMES = {
-    "across": "rotor_drag",
-    "along": "axial_inflow",
-    "propeller": "rotor_inertia_reaction",
-    "weak": "weak_rotor",
-}
+NAMES = drone_models.NAMES | {"weak": "weak_rotor"}
 
 
 def designs(half: str) -> list[CrazyflowDesign]:
@@ -137,8 +109,8 @@ def make(out: Path, sets: Sequence[tuple[CrazyflowDesign, int, Place]], sources:
     Lost
         When a drone was more than :data:`LOST_M` from its path.
     """
-    for drone in sorted({design.drone for design, _, _ in sets}):
-        chosen = [one for one in sets if one[0].drone == drone]
+    for drone in sorted({design.vehicle for design, _, _ in sets}):
+        chosen = [one for one in sets if one[0].vehicle == drone]
         _make_of_drone(out, drone, chosen)
 
 
@@ -320,10 +292,7 @@ def _without(numbers: Mapping[str, np.ndarray], name: str) -> dict[str, np.ndarr
     if name == "weak":
         curves = ("rpm2thrust", "rpm2torque")
         return {**numbers, **{c: np.repeat(numbers[c][:1], 4, axis=0) for c in curves}}
-    if name == "propeller":
-        return {**numbers, "prop_inertia": 0.0 * numbers["prop_inertia"]}
-    kept = np.diag([0.0, 0.0, 1.0] if name == "across" else [1.0, 1.0, 0.0])
-    return {**numbers, "drag_matrix": numbers["drag_matrix"] * kept}
+    return drone_models.numbers_without(numbers, name)
 
 
 def _accelerations(

@@ -8,26 +8,17 @@ and without each effect.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.sets import (
-    Concealed,
-    Lost,
-    Place,
-    Sources,
-    draw_log,
-    misdeclared,
-    write_flown,
-)
+from ges.blind.foreign.sets import Concealed, Design, Lost, Place, one_by_one, untrimmed
 from ges.blind.generator.airframe import TrueVehicle, declare
-from ges.blind.generator.detectable import NAME_OF_WRONG, TrueFlight
+from ges.blind.generator.detectable import TrueFlight
 from ges.blind.generator.pilot import Pilot
 
 WORLD = "drone-models"
@@ -42,31 +33,18 @@ METHOD = "force along the path, drone-models' own accelerations with and without
 
 
 @dataclass(frozen=True)
-class DroneModelsDesign:
+class DroneModelsDesign(Design):
     """A set to fly by the equations of drone-models.
 
     Attributes
     ----------
-    drone : name of one of its identified drones.
     across, along : share of the published drag across and along the thrust axis.
     propeller : share of the published inertia of the propellers.
-    wrong : factors by which the file is wrong, by the numbers of :data:`NAME_OF_WRONG`.
-    copy : number among sets that are the same otherwise.
     """
 
-    drone: str
     across: float = 0.0
     along: float = 0.0
     propeller: float = 0.0
-    wrong: Mapping[str, float] = field(default_factory=dict)
-    copy: int = 0
-
-    @property
-    def key(self) -> str:
-        """Name in the table of cases: drone, what is on, how the file is wrong, copy."""
-        parts = [f"{n} {getattr(self, n):g}" for n in NAMES if getattr(self, n)]
-        parts += [f"file {n} {f:g}" for n, f in self.wrong.items()]
-        return f"{self.drone} {', '.join(parts) or 'nothing'} #{self.copy}"
 
     def concealed(self) -> Concealed:
         """Return the truth of the set.
@@ -76,18 +54,13 @@ class DroneModelsDesign:
         ``motor_lag`` is always true or optional. The motors slow down faster than they speed up,
         and a file has one time constant.
         """
-        names = [name for n, name in NAMES.items() if getattr(self, n)]
-        names += [NAME_OF_WRONG[w] for w in self.wrong]
+        effects = [name for n, name in NAMES.items() if getattr(self, n)]
         small = max(self.across, self.along, self.propeller) < 0.5 and not self.wrong
-        parameter = len(names) == 1 and self.wrong and "lag" not in self.wrong
         optional = ("gyroscopic_moment",) if self.propeller else ()
-        return Concealed(
-            tuple(names),
+        return self._concealed(
+            effects,
             "weak" if small else "strong",
-            heavier=self.wrong.get("mass", 1.0) < 1.0,
-            optional=optional if "motor_lag" in names else (*optional, "motor_lag"),
-            verdict="parameter" if parameter else "",
-            category="parameter" if parameter else "",
+            optional=optional if "lag" in self.wrong else (*optional, "motor_lag"),
         )
 
 
@@ -121,39 +94,25 @@ def designs(half: str) -> list[DroneModelsDesign]:
     ]
 
 
-def make(out: Path, sets: Sequence[tuple[DroneModelsDesign, int, Place]], sources: Sources) -> None:
-    """Fly designs, one after the other, and seal them.
-
-    Parameters
-    ----------
-    out : folder that gets ``cases/`` and ``sealed/``.
-    sets : designs, each with its number in the world and its place.
-
-    Raises
-    ------
-    Lost
-        When a drone was more than :data:`LOST_M` from its path.
-    """
-    for design, number, place in sets:
-        _make(out, design, number, place)
-
-
-def _make(out: Path, design: DroneModelsDesign, number: int, place: Place) -> None:
+def _fly_design(
+    design: DroneModelsDesign, place: Place, rate_hz: float
+) -> tuple[TrueVehicle, list[TrueFlight]]:
     numbers = _numbers(design)
-    craft = airframe(design.drone, numbers, place.rng("file"))
-    log = draw_log(place, number)
+    craft = airframe(design.vehicle, numbers, place.rng("file"))
     rng = place.rng("paths")
     scale = Scale(0.3, RADIUS_M, SPEED_M_S, SMOOTH_S)
     plans = references(place.half, SECONDS, STEP_S, scale, rng)
-    flights = _fly(design, numbers, craft, np.stack(plans, axis=-1), rng)
-    write_flown(out, place, craft, flights, log, design.concealed(), METHOD, design.wrong)
+    return craft, _fly(design, numbers, craft, np.stack(plans, axis=-1), rng)
+
+
+make = one_by_one(_fly_design, METHOD)
 
 
 def _numbers(design: DroneModelsDesign) -> dict[str, Any]:
     from drone_models import parametrize
     from drone_models.first_principles import dynamics
 
-    numbers = dict(parametrize(dynamics, design.drone).keywords)
+    numbers = dict(parametrize(dynamics, design.vehicle).keywords)
     share = np.diag([design.across, design.across, design.along])
     numbers["drag_matrix"] = np.asarray(numbers["drag_matrix"]) * share
     numbers["prop_inertia"] = design.propeller * numbers["prop_inertia"]
@@ -214,21 +173,13 @@ def _fly(
 ) -> list[TrueFlight]:
     """Fly references (11, n, flights) abreast by Runge and Kutta's fourth order."""
     flights = reference.shape[2]
-    declared = misdeclared(craft.declared, design.wrong)
-    many = {k: np.full(flights, v) for k, v in declared.items()}
-    x, y, spin = (
-        np.repeat(np.array([p], dtype=float).T, flights, axis=1)
-        for p in (craft.rotor_x_m, craft.rotor_y_m, craft.spin)
-    )
-    pilot = Pilot(many, x, y, spin, np.full(flights, craft.true["lag"]), STEP_S)
-    # no flight before has trimmed it
-    pilot.held = np.zeros((3, flights))
+    pilot = untrimmed(craft, design.wrong, craft.true["lag"], STEP_S, flights)
     first, half = reference[:, 0].T, 0.5 * reference[9, 0]
     s = np.zeros((flights, 17))
     s[:, :3], s[:, 5], s[:, 6] = first[:, :3], np.sin(half), np.cos(half)
     # it starts in hover at the start of its path
     s[:, 13:] = craft.hover_speed_rad_s * RPM
-    without = {n: _without(numbers, n) for n in NAMES if getattr(design, n)}
+    without = {n: numbers_without(numbers, n) for n in NAMES if getattr(design, n)}
     rows = []
     for k in range(reference.shape[1]):
         ref = reference[:, k]
@@ -255,7 +206,14 @@ def _fly(
     ]
 
 
-def _without(numbers: Mapping[str, Any], name: str) -> dict[str, Any]:
+def numbers_without(numbers: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return the parameters of drone-models, or of crazyflow, without one effect.
+
+    Parameters
+    ----------
+    numbers : parameters by their own names.
+    name : key of :data:`NAMES`.
+    """
     if name == "propeller":
         return {**numbers, "prop_inertia": 0.0 * numbers["prop_inertia"]}
     kept = np.array([0.0, 0.0, 1.0]) if name == "across" else np.array([1.0, 1.0, 0.0])

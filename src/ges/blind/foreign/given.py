@@ -6,20 +6,15 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import yaml
 
-from ges.blind.foreign.sets import CATEGORY_OF_SIZE, Place, Sources, write_set
+from ges.blind.foreign.sets import CATEGORY_OF_SIZE, Place, Sources, write_recorded
 from ges.errors import GesError
 
 WORLD = "gym-pybullet-drones"
-UNKNOWN_LIMIT: dict[str, Any] = {
-    "whole": None,
-    "without": {},
-    "method": "not known: nobody kept the truth",
-}
+LIMIT = "not known: nobody kept the truth"
 
 
 @dataclass(frozen=True)
@@ -76,16 +71,7 @@ def make(out: Path, sets: Sequence[tuple[GivenSet, int, Place]], sources: Source
         flights = [pd.read_parquet(flight) for flight in sorted(case.glob("*.parquet"))]
         names = truth["findings"]
         kind = "parameter" if truth["verdict"] == "parameter" else CATEGORY_OF_SIZE[len(names)]
-        about = truth.pop("case", design.key)
-        truth |= {
-            "category": kind,
-            "detectable": UNKNOWN_LIMIT,
-            "situation": {
-                "world": place.world,
-                "design": about,
-                "vehicle": "crazyflie",
-                "rotor_speeds": "rotor_speed_1_rad_s" in flights[0],
-            },
-        }
+        about = {"design": truth.pop("case", design.key), "vehicle": "crazyflie"}
         vehicle = yaml.safe_load((case / "vehicle.yaml").read_text())
-        write_set(out, place, vehicle, flights, truth)
+        truth |= {"category": kind}
+        write_recorded(out, place, vehicle, flights, truth, LIMIT, about)

@@ -11,21 +11,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ges.blind.foreign.sets import HALVES, Concealed, Place, Sources, write_set
+from ges.blind.foreign.sets import HALVES, Concealed, Place, Sources, write_recorded
 from ges.blind.generator.airframe import DOUBTS
 from ges.recordings.readers import Options, open_log
 from ges.vehicle.file import load_vehicle, vehicle_content
 
 WORLD = "px4-simulators"
+LIMIT = "not known: the log is all there is"
 PIECES = 3
 # Gazebo's motors lose thrust with speed along their axis, |v| / 25 m/s, in every flight; its map of
 # commands to speeds is a curve here
 GAZEBO_TOO = ("axial_inflow", "thrust_scale", "motor_lag", "thrust_curve")
-UNKNOWN_LIMIT: dict[str, Any] = {
-    "whole": None,
-    "without": {},
-    "method": "not known: the log is all there is",
-}
 
 
 @dataclass(frozen=True)
@@ -131,16 +127,9 @@ def make(out: Path, sets: Sequence[tuple[LogDesign, int, Place]], sources: Sourc
         # one flight is all there is: its pieces stand for several
         size = len(frame) // PIECES
         flights = [frame.iloc[k * size : (k + 1) * size] for k in range(PIECES)]
-        truth = design.concealed().truth() | {
-            "detectable": UNKNOWN_LIMIT,
-            "situation": {
-                "world": place.world,
-                "design": design.key,
-                "vehicle": design.source.vehicle,
-                "rotor_speeds": "rotor_speed_1_rad_s" in frame,
-            },
-        }
-        write_set(out, place, _file(design), flights, truth)
+        about = {"design": design.key, "vehicle": design.source.vehicle}
+        truth = design.concealed().truth()
+        write_recorded(out, place, _file(design), flights, truth, LIMIT, about)
 
 
 def _file(design: LogDesign) -> dict[str, Any]:

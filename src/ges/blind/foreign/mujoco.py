@@ -9,25 +9,16 @@ flown path, and from the actuators' numbers.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.sets import (
-    Concealed,
-    Lost,
-    Place,
-    Sources,
-    draw_log,
-    misdeclared,
-    write_flown,
-)
+from ges.blind.foreign.sets import Concealed, Design, Lost, Place, one_by_one, untrimmed
 from ges.blind.generator.airframe import TrueVehicle, declare
-from ges.blind.generator.detectable import NAME_OF_WRONG, TrueFlight, body_of, driven
+from ges.blind.generator.detectable import TrueFlight, body_of, driven
 from ges.blind.generator.pilot import Pilot
 
 WORLD = "mujoco"
@@ -63,12 +54,11 @@ METHOD = "force along the path, MuJoCo's own generalised forces and the actuator
 
 
 @dataclass(frozen=True)
-class MujocoDesign:
+class MujocoDesign(Design):
     """A set to fly with MuJoCo: numbers of the XML that differ from a plain vehicle in a vacuum.
 
     Attributes
     ----------
-    vehicle : one of :data:`VEHICLES`.
     drag : blunt drag coefficient of the ellipsoid; 0 leaves a vacuum.
     box : density over that of air, for the fluid model of the equivalent inertia box.
     viscosity : of the fluid, Pa s.
@@ -81,11 +71,8 @@ class MujocoDesign:
     delay_s : delay of the actuators.
     load : mass on a tendon over that of the vehicle.
     spring : stiffness of a tether, N/m.
-    wrong : factors by which the file is wrong, by the numbers of :data:`NAME_OF_WRONG`.
-    copy : number among sets that are the same otherwise.
     """
 
-    vehicle: str
     drag: float = 0.0
     box: float = 0.0
     viscosity: float = 0.0
@@ -98,24 +85,9 @@ class MujocoDesign:
     delay_s: float = 0.0
     load: float = 0.0
     spring: float = 0.0
-    wrong: Mapping[str, float] = field(default_factory=dict)
-    copy: int = 0
 
-    @property
-    def key(self) -> str:
-        """Name in the table of cases: vehicle, numbers that differ, how the file is wrong, copy."""
-        from dataclasses import fields
-
-        parts = [
-            f"{f.name} {getattr(self, f.name):g}"
-            for f in fields(self)
-            if f.name not in ("vehicle", "copy", "wrong") and getattr(self, f.name) != f.default
-        ]
-        parts += [f"file {n} {f:g}" for n, f in self.wrong.items()]
-        return f"{self.vehicle} {', '.join(parts) or 'nothing'} #{self.copy}"
-
-    def names(self) -> list[str]:
-        """Return the effects that act, and what the file is wrong about, by the library's names."""
+    def _effects(self) -> list[str]:
+        """Return the effects that act, by the library's names."""
         found = ["parasitic_drag"] if self.drag or self.box else []
         # Stokes' drag is the same along and across the thrust, and linear
         found += ["rotor_drag", "axial_inflow"] if self.viscosity else []
@@ -128,7 +100,7 @@ class MujocoDesign:
         found += ["esc_delay"] if self.delay_s else []
         found += ["slung_load"] if self.load else []
         found += ["tether"] if self.spring else []
-        return found + [NAME_OF_WRONG[w] for w in self.wrong]
+        return found
 
     def concealed(self) -> Concealed:
         """Return the truth of the set.
@@ -138,23 +110,20 @@ class MujocoDesign:
         Wind may be named without the drag that it acts through, and viscous drag as ``rotor_drag``
         alone. With a load ``thrust_scale`` is optional.
         """
-        names = tuple(self.names())
+        names = self._effects()
+        moved = self.wind_m_s or self.viscosity
         instead: tuple[tuple[str, ...], ...] = ()
         if self.wind_m_s:
             instead = (tuple(n for n in names if n != "parasitic_drag"),)
         if self.viscosity:
             instead = (("rotor_drag",),)
-        parameter = len(names) == 1 and self.wrong and "lag" not in self.wrong
-        alone = len(names) == 2 and (self.wind_m_s or self.viscosity)
-        return Concealed(
+        return self._concealed(
             names,
             "medium",
-            heavier=self.wrong.get("mass", 1.0) < 1.0,
             # a weight on a rope shifts neither thrust nor balance, but its mass is lifted
             optional=("thrust_scale",) if self.load else (),
             instead=instead,
-            verdict="parameter" if parameter else "",
-            category="parameter" if parameter else "single" if alone else "",
+            category="single" if moved and len(names) + len(self.wrong) == 2 else "",
             places={"weak_rotor": ("rotor 2",)} if self.weak else {},
         )
 
@@ -207,26 +176,10 @@ def designs(half: str) -> list[MujocoDesign]:
     ]
 
 
-def make(out: Path, sets: Sequence[tuple[MujocoDesign, int, Place]], sources: Sources) -> None:
-    """Fly designs, one after the other, and seal them.
-
-    Parameters
-    ----------
-    out : folder that gets ``cases/`` and ``sealed/``.
-    sets : designs, each with its number in the world and its place.
-
-    Raises
-    ------
-    Lost
-        When a vehicle was more than :data:`LOST_M` from its path.
-    """
-    for design, number, place in sets:
-        _make(out, design, number, place)
-
-
-def _make(out: Path, design: MujocoDesign, number: int, place: Place) -> None:
+def _fly_design(
+    design: MujocoDesign, place: Place, rate_hz: float
+) -> tuple[TrueVehicle, list[TrueFlight]]:
     craft = _airframe(design, place.rng("file"))
-    log = draw_log(place, number)
     rng = place.rng("paths")
     lag, speed = craft.true["lag"], VEHICLES[design.vehicle][-1]
     # room for a load below the lowest path
@@ -234,8 +187,10 @@ def _make(out: Path, design: MujocoDesign, number: int, place: Place) -> None:
     scale = Scale(low, craft.radius_m, speed, 0.18 + 2.0 * lag)
     plans = references(place.half, SECONDS, STEP_S, scale, rng)
     heading = rng.uniform(0.0, 2.0 * np.pi)
-    flights = [_fly(design, craft, plan, heading, rng) for plan in plans]
-    write_flown(out, place, craft, flights, log, design.concealed(), METHOD, design.wrong)
+    return craft, [_fly(design, craft, plan, heading, rng) for plan in plans]
+
+
+make = one_by_one(_fly_design, METHOD)
 
 
 def _airframe(design: MujocoDesign, rng: np.random.Generator) -> TrueVehicle:
@@ -321,7 +276,8 @@ def _fly(
 
     model = mujoco.MjModel.from_xml_string(_xml(design, craft, heading))
     data = mujoco.MjData(model)
-    pilot = _pilot(design, craft)
+    lag_s = craft.true["lag"] + design.delay_s
+    pilot = untrimmed(craft, design.wrong, lag_s, STEP_S * STEPS_A_COMMAND)
     # it starts in hover: rotors at rest would let it fall first
     hover = np.sqrt(craft.true["mass"] * (1.0 + design.load) * GRAVITY_M_S2 / craft.n_rotors)
     hover /= np.sqrt(craft.true["thrust"]) * craft.true["speed"]
@@ -350,19 +306,6 @@ def _fly(
     states = {n: np.stack([r[n] for r in rows]) for n in rows[0]}
     forces = {n: states.pop(n) for n in list(states) if n.startswith("of_")}
     return TrueFlight(STEP_S, states, _changes(design, craft, states, forces))
-
-
-def _pilot(design: MujocoDesign, craft: TrueVehicle) -> Pilot:
-    declared = misdeclared(craft.declared, design.wrong)
-    one = {k: np.array([v]) for k, v in declared.items()}
-    x, y, spin = (
-        np.array([p], dtype=float).T for p in (craft.rotor_x_m, craft.rotor_y_m, craft.spin)
-    )
-    tuned = np.array([craft.true["lag"] + design.delay_s])
-    pilot = Pilot(one, x, y, spin, tuned, STEP_S * STEPS_A_COMMAND)
-    # no flight before has trimmed it
-    pilot.held = np.zeros((3, 1))
-    return pilot
 
 
 def _command(pilot: Pilot, ref: np.ndarray, data: Any, rng: np.random.Generator) -> np.ndarray:

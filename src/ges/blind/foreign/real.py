@@ -11,11 +11,10 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
-from ges.blind.foreign.sets import HALVES, Concealed, Place, Sources, write_set
+from ges.blind.foreign.sets import HALVES, Concealed, Place, Sources, write_recorded
 from ges.diagnose.calibrate.calibrate import calibrate
 from ges.errors import GesError
 from ges.recordings.readers import Options, open_log
@@ -24,11 +23,7 @@ from ges.vehicle.file import Quantity, Vehicle, load_vehicle, vehicle_content
 
 CRAZYPAD, IMRCLAB, APPIUS = "crazypad", "imrclab-crazyflie", "appius"
 FOLDERS = {CRAZYPAD: "crazypad", IMRCLAB: "imrclab-crazyflie", APPIUS: "appius-ground-effect"}
-UNKNOWN_LIMIT: dict[str, Any] = {
-    "whole": None,
-    "without": {},
-    "method": "not known of real flights",
-}
+LIMIT = "not known of real flights"
 HEALTHY = {
     "E8": ("E8_log00", "E8_log01", "E8_log02", "E8_log03"),
     "E9": ("E9_log00", "E9_log01", "E9_log02", "E9_log04"),
@@ -83,7 +78,6 @@ FREE_MASS_KG = Quantity(value=0.037, sd=0.0004)
 NEAR = Concealed(("ground_effect",), "medium", optional=EVERY_ROTOR)
 HEALTHY_FLIGHTS = Concealed(severity="weak")
 ROTORS_ALONE = Concealed(severity="weak", optional=EVERY_ROTOR)
-Flights = list[pd.DataFrame]
 
 
 @dataclass(frozen=True)
@@ -221,17 +215,9 @@ def _make(out: Path, world: str, design: RecordedDesign, place: Place, sources: 
     flights = [piece for name in design.flights for piece in _pieces(world, root / name, design)]
     if design.reference:
         vehicle = _calibrated(world, vehicle, root, design.reference)
-    truth = design.truth.truth() | {
-        "detectable": UNKNOWN_LIMIT,
-        "situation": {
-            "world": place.world,
-            "design": design.key,
-            "vehicle": vehicle.name,
-            "noise": "real",
-            "rotor_speeds": "rotor_speed_1_rad_s" in flights[0],
-        },
-    }
-    write_set(out, place, vehicle_content(vehicle), flights, truth)
+    about = {"design": design.key, "vehicle": vehicle.name, "noise": "real"}
+    truth, content = design.truth.truth(), vehicle_content(vehicle)
+    write_recorded(out, place, content, flights, truth, LIMIT, about)
 
 
 def _vehicle(world: str) -> Vehicle:
@@ -254,7 +240,7 @@ def _calibrated(world: str, vehicle: Vehicle, root: Path, reference: Sequence[st
     return calibrate(*sessions).vehicle
 
 
-def _pieces(world: str, path: Path, design: RecordedDesign) -> Flights:
+def _pieces(world: str, path: Path, design: RecordedDesign) -> list[pd.DataFrame]:
     frame = _frame(world, path)
     size = len(frame) // design.pieces
     return [frame.iloc[k * size : (k + 1) * size] for k in range(design.pieces)]

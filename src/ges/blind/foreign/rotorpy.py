@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ges.blind.foreign.sets import Concealed, Lost, Place, Sources, draw_log, write_flown
+from ges.blind.foreign.sets import Concealed, Design, Lost, Place, one_by_one
 from ges.blind.generator.airframe import TrueVehicle, declare
-from ges.blind.generator.detectable import NAME_OF_WRONG, TrueFlight
+from ges.blind.generator.detectable import TrueFlight
 
 WORLD = "rotorpy"
 NEEDS = ("rotorpy",)
@@ -51,37 +50,27 @@ METHOD = "force along the path, RotorPy's own wrench with and without each effec
 
 
 @dataclass(frozen=True)
-class RotorpyDesign:
+class RotorpyDesign(Design):
     """A set to fly with RotorPy: effects that are on, the air, and how the vehicle file is wrong.
 
     Attributes
     ----------
-    vehicle : 'hummingbird', 'crazyflie' or 'hexarotor'.
     on : share of the coefficients of :data:`ON`, by effect.
     wind_m_s : speed of a steady wind.
     gusts : kind of moving air ('dryden' or 'sinusoid', '' for none) and its size (m/s).
-    wrong : factors by which the file is wrong, by the numbers of :data:`NAME_OF_WRONG`.
     shift_m : place of the centre of mass from the published one, body x and y.
-    copy : number among sets that are the same otherwise.
     """
 
-    vehicle: str
     on: Mapping[str, float] = field(default_factory=dict)
     wind_m_s: float = 0.0
     gusts: tuple[str, float] = ("", 0.0)
-    wrong: Mapping[str, float] = field(default_factory=dict)
     shift_m: tuple[float, float] = (0.0, 0.0)
-    copy: int = 0
 
-    @property
-    def key(self) -> str:
-        """Name in the table of cases: vehicle, what is on, the air, how the file is wrong, copy."""
+    def _parts(self) -> list[str]:
         parts = [f"{n} {s:g}" for n, s in self.on.items()]
         parts += [f"wind {self.wind_m_s:g}"] if self.wind_m_s else []
         parts += [f"{self.gusts[0]} {self.gusts[1]:g}"] if self.gusts[0] else []
-        parts += [f"file {n} {f:g}" for n, f in self.wrong.items()]
-        parts += ["cg_offset"] if any(self.shift_m) else []
-        return f"{self.vehicle} {', '.join(parts) or 'nothing'} #{self.copy}"
+        return parts + (["cg_offset"] if any(self.shift_m) else [])
 
     def concealed(self) -> Concealed:
         """Return the truth of the set.
@@ -91,26 +80,17 @@ class RotorpyDesign:
         Moving air may be named without the drag that it acts through. With flapping, which no
         library has, the verdict is ``unknown``.
         """
-        names = [n for n in self.on if n != "flapping"]
+        names = list(self.on)
         names += ["wind"] if self.wind_m_s else []
         names += ["gusts"] if self.gusts[0] else []
-        names += [NAME_OF_WRONG[w] for w in self.wrong]
         names += ["cg_offset"] if any(self.shift_m) else []
         severity = "weak" if min(self.on.values(), default=1.0) < 0.5 else "strong"
         if "flapping" in self.on:
             return Concealed(severity=severity, verdict="unknown", category="unknown")
-        instead: tuple[tuple[str, ...], ...] = ()
-        if self.wind_m_s or self.gusts[0]:
-            # moving air is felt through the drag alone
-            instead = (("wind",),) if self.wind_m_s else (("gusts",),)
-        parameter = self.wrong and "lag" not in self.wrong
-        return Concealed(
-            tuple(names),
-            severity,
-            heavier=self.wrong.get("mass", 1.0) < 1.0,
-            instead=instead,
-            verdict="parameter" if parameter else "",
-            category="parameter" if parameter else "single" if instead else "",
+        # moving air is felt through the drag alone
+        instead = tuple((n,) for n in names if n in ("wind", "gusts"))
+        return self._concealed(
+            names, severity, instead=instead, category="single" if instead else ""
         )
 
 
@@ -159,39 +139,24 @@ def designs(half: str) -> list[RotorpyDesign]:
     return found + [RotorpyDesign(v, wrong=w) for v, w in wrong]
 
 
-def make(out: Path, sets: Sequence[tuple[RotorpyDesign, int, Place]], sources: Sources) -> None:
-    """Fly designs, one after the other, and seal them.
-
-    Parameters
-    ----------
-    out : folder that gets ``cases/`` and ``sealed/``.
-    sets : designs, each with its number in the world and its place.
-
-    Raises
-    ------
-    Lost
-        When RotorPy's controller loses a trajectory :data:`ATTEMPTS` times, each slower.
-    """
-    for design, number, place in sets:
-        _make(out, design, number, place)
-
-
-def _make(out: Path, design: RotorpyDesign, number: int, place: Place) -> None:
+def _fly_design(
+    design: RotorpyDesign, place: Place, rate_hz: float
+) -> tuple[TrueVehicle, list[TrueFlight]]:
     numbers = _numbers(design)
     craft = _airframe(design, numbers, place.rng("file"))
-    log = draw_log(place, number)
     rng = place.rng("paths")
     # a whole number of steps from sample to sample: none is interpolated
-    steps = int(np.ceil(1.0 / (log.rate_hz * LONGEST_STEP_S) - 1e-9))
-    step_s = 1.0 / (log.rate_hz * max(steps, 1))
+    steps = int(np.ceil(1.0 / (rate_hz * LONGEST_STEP_S) - 1e-9))
+    step_s = 1.0 / (rate_hz * max(steps, 1))
     heading = rng.uniform(0.0, 2.0 * np.pi)
     blowing = design.wind_m_s * np.array([np.cos(heading), np.sin(heading), 0.0])
-    flights = [
+    return craft, [
         _fly_gently(design, numbers, place.half, kind, blowing, step_s, rng)
         for kind in range(FLIGHTS)
     ]
-    concealed = design.concealed()
-    write_flown(out, place, craft, flights, log, concealed, METHOD, design.wrong)
+
+
+make = one_by_one(_fly_design, METHOD)
 
 
 def _numbers(design: RotorpyDesign) -> dict[str, Any]:

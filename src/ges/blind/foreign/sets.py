@@ -11,8 +11,8 @@ import itertools
 import os
 import shutil
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +22,16 @@ import yaml
 
 from ges.blind.foreign.recorder import LogSettings, record
 from ges.blind.generator.airframe import TrueVehicle
-from ges.blind.generator.detectable import INERTIA, NOTHING, TrueFlight, detectable
+from ges.blind.generator.detectable import (
+    INERTIA,
+    NAME_OF_WRONG,
+    NOTHING,
+    TrueFlight,
+    detectable,
+)
+from ges.blind.generator.pilot import Pilot
 from ges.blind.noise import Noise
+from ges.conventions import rotor_speed
 from ges.errors import GesError, UsageError
 from ges.files import write_json
 
@@ -215,6 +223,67 @@ class Concealed:
 CATEGORY_OF_SIZE = ("null", "single", "pair", "triple")
 
 
+@dataclass(frozen=True)
+class Design:
+    """A set to fly with a simulator; each simulator adds what its vehicles may have.
+
+    Attributes
+    ----------
+    vehicle : name of one of the simulator's vehicles.
+    wrong : factors by which the file is wrong, by the numbers of :data:`NAME_OF_WRONG`.
+    copy : number among sets that are the same otherwise.
+    """
+
+    vehicle: str
+    wrong: Mapping[str, float] = field(default_factory=dict, kw_only=True)
+    copy: int = field(default=0, kw_only=True)
+
+    @property
+    def key(self) -> str:
+        """Name in the table of cases: vehicle, what differs, how the file is wrong, copy."""
+        parts = [*self._parts(), *(f"file {n} {f:g}" for n, f in self.wrong.items())]
+        return f"{self.vehicle} {', '.join(parts) or 'nothing'} #{self.copy}"
+
+    def concealed(self) -> Concealed:
+        """Return the truth; each simulator has its own."""
+        raise NotImplementedError
+
+    def _parts(self) -> list[str]:
+        """Return the fields that differ from their defaults, in words."""
+        own = (f for f in fields(self) if f.name not in ("vehicle", "wrong", "copy"))
+        found = [(f, getattr(self, f.name)) for f in own if getattr(self, f.name) != f.default]
+        return [f.metadata.get("words") or f"{f.name} {value:g}" for f, value in found]
+
+    def _concealed(self, effects: Iterable[str], severity: str, **more: Any) -> Concealed:
+        """Return the truth: effects that act, and what the file is wrong about."""
+        names = (*effects, *(NAME_OF_WRONG[w] for w in self.wrong))
+        if len(names) == 1 and self.wrong and "lag" not in self.wrong:
+            more |= {"verdict": "parameter", "category": "parameter"}
+        return Concealed(names, severity, heavier=self.wrong.get("mass", 1.0) < 1.0, **more)
+
+
+Fly = Callable[[Any, Place, float], tuple[TrueVehicle, Sequence[TrueFlight]]]
+
+
+def one_by_one(fly: Fly, method: str) -> Callable[..., None]:
+    """Return the function that flies designs, one after the other, and seals them.
+
+    Parameters
+    ----------
+    fly : returns vehicle and true flights of a design, its place and the rate of the log (Hz). It
+        raises :class:`Lost` where the vehicle left its path.
+    method : how the limit is known, in words.
+    """
+
+    def make(out: Path, sets: Sequence[tuple[Design, int, Place]], sources: Sources) -> None:
+        for design, number, place in sets:
+            log = draw_log(place, number)
+            craft, flights = fly(design, place, log.rate_hz)
+            write_flown(out, place, craft, flights, log, design.concealed(), method, design.wrong)
+
+    return make
+
+
 def write_flown(
     out: Path,
     place: Place,
@@ -243,7 +312,7 @@ def write_flown(
     frames = [record(flown, log, rng) for flown in flights]
     # the file is made wrong only after this: the limit takes the factors by themselves
     limits = detectable(flights, log.rate_hz, log.sensors, craft, wrong)
-    craft = replace(craft, declared=misdeclared(craft.declared, wrong))
+    craft = replace(craft, declared=_misdeclared(craft.declared, wrong))
     content = concealed.truth() | {
         "detectable": limits | {"method": method},
         "situation": _situation(place, craft.size, log) | {"rotors": craft.n_rotors},
@@ -262,6 +331,48 @@ def _situation(place: Place, vehicle: str, log: LogSettings) -> dict[str, Any]:
         "rotor_speeds": log.rotor_speeds,
         "references": log.references,
     }
+
+
+def unknown_limit(why: str) -> dict[str, Any]:
+    """Return the detection limit of a set whose noise-free truth nobody has.
+
+    Parameters
+    ----------
+    why : it is not known, in words.
+    """
+    return {"whole": None, "without": {}, "method": why}
+
+
+def write_recorded(
+    out: Path,
+    place: Place,
+    vehicle: Mapping[str, Any],
+    frames: Sequence[pd.DataFrame],
+    truth: Mapping[str, Any],
+    limit: str,
+    situation: Mapping[str, str],
+) -> None:
+    """Write a set of recorded flights, whose detection limit is not known.
+
+    Parameters
+    ----------
+    out : folder that gets ``cases/`` and ``sealed/``.
+    place : which set it is.
+    vehicle : content of the vehicle file.
+    frames : flights in columns of the contract.
+    truth : as of :meth:`Concealed.truth`.
+    limit : why it is not known, in words.
+    situation : what else surrounds the set.
+    """
+    content = dict(truth) | {
+        "detectable": unknown_limit(limit),
+        "situation": {
+            "world": place.world,
+            "rotor_speeds": rotor_speed(1)[0] in frames[0],
+            **situation,
+        },
+    }
+    write_set(out, place, vehicle, frames, content)
 
 
 def write_set(
@@ -299,12 +410,28 @@ def write_set(
     write_json(out / "sealed" / f"{place.identity}.json", truth)
 
 
-def misdeclared(declared: Mapping[str, float], wrong: Mapping[str, float]) -> dict[str, float]:
-    """Return what a wrong file declares.
+def untrimmed(
+    craft: TrueVehicle, wrong: Mapping[str, float], lag_s: float, dt: float, flights: int = 1
+) -> Pilot:
+    """Return a controller that believes a wrong file, and that no flight before has trimmed.
 
     Parameters
     ----------
-    declared : numbers of the file.
-    wrong : factors by number; 'inertia' stands for all three axes.
+    craft : the vehicle.
+    wrong : factors by which its file is wrong.
+    lag_s : time constant of the drive that the gains are tuned for.
+    dt : time from one command to the next (s).
+    flights : that are flown abreast.
     """
+    declared = _misdeclared(craft.declared, wrong)
+    hubs, spin = craft.hubs_m[:, :2, None], np.array(craft.spin, dtype=float)[:, None]
+    x, y, spin = (np.repeat(row, flights, axis=1) for row in (hubs[:, 0], hubs[:, 1], spin))
+    many = {k: np.full(flights, v) for k, v in declared.items()}
+    pilot = Pilot(many, x, y, spin, np.full(flights, lag_s), dt)
+    pilot.held = np.zeros((3, flights))
+    return pilot
+
+
+def _misdeclared(declared: Mapping[str, float], wrong: Mapping[str, float]) -> dict[str, float]:
+    """Return what a wrong file declares; 'inertia' is wrong about all three axes."""
     return {k: v * wrong.get("inertia" if k in INERTIA else k, 1.0) for k, v in declared.items()}

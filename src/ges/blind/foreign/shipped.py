@@ -14,11 +14,11 @@ from ges.blind.foreign.real import (
     CUT,
     CUT_PAIR,
     HEALTHY_FLIGHTS,
+    LIMIT,
     STRING_WEIGHT,
     TAPED_WEIGHT,
-    UNKNOWN_LIMIT,
 )
-from ges.blind.foreign.sets import HALVES, Concealed, Place, write_set
+from ges.blind.foreign.sets import HALVES, Concealed, Place, unknown_limit, write_set
 from ges.blind.protocol import seal
 from ges.diagnose.calibrate.calibrate import calibrate
 from ges.recordings.recording import RecordingSet, load_set
@@ -81,7 +81,7 @@ def _write(out: Path, change: Change) -> None:
     reference, flights = _part(change.reference), _part(change.flights)
     place = Place(WORLD, change.done, HALVES[0], 0)
     truth = change.truth.truth() | {
-        "detectable": UNKNOWN_LIMIT,
+        "detectable": unknown_limit(LIMIT),
         "situation": {"world": WORLD, "design": change.done, "noise": "real"},
     }
     vehicle = vehicle_content(calibrate(reference).vehicle)
