@@ -1,15 +1,19 @@
 """What any method could tell: the Neyman-Pearson limit of a flown case.
 
 The generator knows, noise-free, what a concealed effect changed along the flown path (a
-:data:`Change`), and the true noise of every sensor and of the air (:mod:`ges.blind.noise`). A
-Kalman filter with that noise whitens the change and every column that declared doubts allow. Then
-J = s' (I + N P N')^-1 s is the squared distance of the truth from the best explanation without the
-effect (Kay 1998, *Fundamentals of statistical signal processing* II, section 4.4; for signals in a
-state-space model Willsky and Jones 1976). The expected log likelihood ratio is J / 2, and a test
-with false-alarm rate a finds the effect with probability Phi(sqrt(J) - z_(1-a)).
+:data:`Change`). It also knows the true noise of every sensor and of the air
+(:mod:`ges.blind.noise`). A Kalman filter with that noise whitens the change and every column that
+declared uncertainties allow. Then
 
-It is an upper bound. The form of the effect is taken as known, small attitude errors act along each
-axis by themselves, and of random gusts the very realisation is taken as known.
+    J = s' (I + N P N')^-1 s
+
+is the squared distance of the truth from the best explanation without the effect. The source is Kay
+1998, *Fundamentals of statistical signal processing* II, section 4.4. Willsky and Jones 1976 treat
+signals in a state-space model. The expected log likelihood ratio is J / 2, and a test with
+false-alarm rate a finds the effect with probability Phi(sqrt(J) - z_(1-a)).
+
+It is an upper bound. The form of the effect is taken as known, and small attitude errors act along
+each axis by themselves. Of random gusts the very realisation is taken as known.
 """
 
 from __future__ import annotations
@@ -162,8 +166,10 @@ def power(log_likelihood_ratio: np.ndarray, false_alarm_rate: float) -> np.ndarr
 
 
 def _distance(gram: np.ndarray, signal: np.ndarray, sd: np.ndarray) -> float:
-    """Return s' (I + N P N')^-1 s of columns with this Gram matrix, by the matrix inversion
-    lemma, in units in which every doubt is one."""
+    """Return s' (I + N P N')^-1 s of columns with this Gram matrix.
+
+    It follows by the matrix inversion lemma, in units in which every uncertainty is one.
+    """
     doubtful = np.flatnonzero(sd)
     # s' s - s' N (P^-1 + N' N)^-1 N' s, P scaled to one
     scaled = gram[:, doubtful] * sd[doubtful]
@@ -177,7 +183,7 @@ def _gram(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the Gram matrix of whitened columns, and the sds of all but the first ``len(names)``.
 
-    Columns are the changes, the declared doubts (one for all flights), and each flight's own
+    Columns are the changes, the declared numbers (one for all flights), and each flight's own
     sensor biases.
     """
     shared = {n: sd for path in paths for n, (sd, _) in path.doubts.items()}
@@ -251,8 +257,10 @@ def _white_gram(rows: np.ndarray) -> np.ndarray:
 
 
 def _thrust_noise(path: Path, body: Body) -> dict[str, np.ndarray]:
-    """Return sds of acceleration (world, 3) and angular acceleration (3,) that unknown rotor speeds
-    between the samples make."""
+    """Return sds of the acceleration that unknown rotor speeds between the samples make.
+
+    They are those of acceleration (world, 3) and angular acceleration (body, 3).
+    """
     # thrust goes with w^2, so dT / T = 2 dw / w
     share = 2.0 * path.speed_error_rad_s / np.maximum(path.speed_rad_s, 1.0)
     each = path.thrust_N * share
@@ -265,8 +273,11 @@ def _thrust_noise(path: Path, body: Body) -> dict[str, np.ndarray]:
 
 
 def _translation(path: Path, noise: Noise, level: bool, shaken: float) -> _Filter:
-    """Return the filter of one world axis: position, velocity, the air, attitude's and both
-    readings' drift; readings of position, velocity, acceleration."""
+    """Return the filter of one world axis.
+
+    States are position, velocity, the air, and the drifts of attitude and of both readings. It
+    reads position, velocity and acceleration.
+    """
     model = _Filter(path.step_s, len(path.thrust_N), path.air.level)
     p, v = model.state(), model.state()
     model.transition[p, v] = path.step_s
@@ -290,8 +301,10 @@ def _translation(path: Path, noise: Noise, level: bool, shaken: float) -> _Filte
 
 
 def _rotation(path: Path, noise: Noise, shaken: float) -> _Filter:
-    """Return the filter of one body axis: angle, rate, the air, the attitude's drift; readings of
-    angle and rate."""
+    """Return the filter of one body axis.
+
+    States are angle, rate, the air and the drift of the attitude. It reads angle and rate.
+    """
     model = _Filter(path.step_s, len(path.thrust_N), path.air.level)
     angle, rate = model.state(), model.state()
     model.transition[angle, rate] = path.step_s

@@ -1,9 +1,8 @@
-"""The paper's claims beside our values, with a verdict by rule, and the numbers that the text of
-the paper quotes.
+"""The paper's claims beside our values, with a verdict by rule.
 
-Claims stand in ``claims.yaml`` with the published value and where ours is to be found: a table
-below ``results``, the row (``where``) and the column (``value``). The rules of the verdict are
-:data:`RULES`, which the paper prints.
+Claims stand in ``claims.yaml`` with the published value and where ours is to be found. That is a
+table below ``results``, the row (``where``) and the column (``value``). The rules of the verdict
+are :data:`RULES`, which the paper prints.
 """
 
 from __future__ import annotations
@@ -278,8 +277,9 @@ def ours(claim: Claim, tables: Mapping[str, pd.DataFrame]) -> Ours | None:
 
 
 def _combined(a: Ours, b: Ours, subtract: bool) -> Ours:
-    """Difference or ratio of two numbers, with the interval that holds wherever both lie
-    in theirs; none for a ratio whose divisor may be zero.
+    """Return the difference or ratio of two numbers.
+
+    Its interval holds wherever both lie in theirs. A ratio whose divisor may be zero has none.
     """
     # the widest that both intervals allow, since how they depend on each other is not known
     if subtract:

@@ -166,8 +166,9 @@ def quoted(listed: Path = LISTED) -> dict[str, Quoted]:
 
 
 def _found(frame: pd.DataFrame, spec: Quoted) -> Ours | None:
-    """The number that is asked for; a difference of two rows has no interval, since they are not
-    independent.
+    """Return the number that is asked for.
+
+    A difference of two rows has no interval, since they are not independent.
     """
     found = look(frame, spec.where, spec.value, spec.reduce)
     if found is None or spec.minus is None:

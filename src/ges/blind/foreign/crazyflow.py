@@ -169,8 +169,10 @@ def _top_speed(simulator: Any, drone: str) -> float:
 
 
 def _numbers(design: CrazyflowDesign, published: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the parameters of one set. Without its linear term a thrust curve carries the same
-    weight at the same speed."""
+    """Return the parameters of one set.
+
+    Without its linear term a thrust curve carries the same weight at the same speed.
+    """
     numbers = {k: np.array(v) for k, v in published.items()}
     share = np.diag([design.across, design.across, design.along])
     numbers["drag_matrix"] = numbers["drag_matrix"] * share

@@ -232,8 +232,10 @@ def _command(pilot: Pilot, ref: np.ndarray, s: np.ndarray, rng: np.random.Genera
 
 
 def _rate(numbers: Mapping[str, Any], s: np.ndarray, asked: np.ndarray) -> np.ndarray:
-    """Return the rate of states (flights, 17) by its equations of motion. The rate of the
-    quaternion, scalar last, is written out: theirs (0.1.0) puts the scalar first."""
+    """Return the rate of states (flights, 17) by drone-models' equations of motion.
+
+    The rate of the quaternion, scalar last, is written out: theirs (0.1.0) puts the scalar first.
+    """
     from drone_models.first_principles import dynamics
 
     q, omega = s[:, 3:7], s[:, 10:13]

@@ -1,7 +1,7 @@
 """Logs of other people's simulators whose vehicle is known: PX4 in Gazebo classic, and PX4 in SIH.
 
 The vehicle files are the simulators' own numbers from the library of vehicles, with the usual
-doubts; concealed is what is left out of the file, or wrong in it.
+uncertainties. Concealed is what is left out of the file, or wrong in it.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ def make(out: Path, sets: Sequence[tuple[LogDesign, int, Place]], sources: Sourc
 
 
 def _file(design: LogDesign) -> dict[str, Any]:
-    """Return the library's file with the usual doubts, less what is concealed."""
+    """Return the library's file with the usual uncertainties, less what is concealed."""
     content = vehicle_content(load_vehicle(design.source.vehicle))
     doubted = {
         "mass_kg": "mass",

@@ -189,8 +189,9 @@ def _hexarotor(of: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _four_of(numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the numbers with the first four rotors alone: RotorPy's constructors invert the
-    effects of the rotors, which only those of four can be.
+    """Return the numbers with the first four rotors alone.
+
+    RotorPy's constructors invert the effects of the rotors, which only those of four can be.
     """
     hubs = dict(list(numbers["rotor_pos"].items())[:4])
     return {
@@ -231,8 +232,10 @@ def _pilot(numbers: Mapping[str, Any]) -> Any:
 def _airframe(
     design: RotorpyDesign, numbers: Mapping[str, Any], rng: np.random.Generator
 ) -> TrueVehicle:
-    """Return the true vehicle, and a file about it with honest errors. Of RotorPy's rotors those
-    with a positive direction turn clockwise."""
+    """Return the true vehicle, and a file about it with honest errors.
+
+    Of RotorPy's rotors those with a positive direction turn clockwise.
+    """
     names = {"mass": "mass", "ixx": "Ixx", "iyy": "Iyy", "izz": "Izz"}
     names |= {"thrust": "k_eta", "torque": "k_m", "lag": "tau_m", "speed": "rotor_speed_max"}
     true = {own: float(numbers[name]) for own, name in names.items()}
@@ -259,8 +262,9 @@ def _fly_gently(
     step_s: float,
     rng: np.random.Generator,
 ) -> TrueFlight:
-    """Fly a trajectory; one that has no solution, or that the controller loses, is drawn anew and
-    flown slower.
+    """Fly a trajectory.
+
+    One that has no solution, or that the controller loses, is drawn anew and flown slower.
     """
     pace = PACE[design.vehicle]
     for _ in range(ATTEMPTS):
@@ -277,8 +281,9 @@ def _fly_gently(
 
 
 def _trajectory(half: str, kind: int, pace: float, rng: np.random.Generator) -> Any:
-    """Return one of RotorPy's own trajectories, None where its solver finds none through the points
-    that were drawn; the halves fly other families, other shapes.
+    """Return one of RotorPy's own trajectories; None where its solver finds none.
+
+    The halves fly other families and other shapes.
     """
     from rotorpy.trajectories.circular_traj import ThreeDCircularTraj
     from rotorpy.trajectories.lissajous_traj import TwoDLissajous
@@ -333,8 +338,11 @@ def _air(
 
 
 def _dryden(size: float, step_s: float, rng: np.random.Generator) -> Any:
-    """Return RotorPy's Dryden gusts. Their intensity is that of white noise of one step, so that
-    the gusts' own sd falls with the root of the step; it is made up for here."""
+    """Return RotorPy's Dryden gusts.
+
+    Their intensity is that of white noise of one step. The gusts' own sd falls with the root of the
+    step, which is made up for here.
+    """
     from rotorpy.wind.dryden_winds import DrydenGust
 
     # these gusts draw from numpy's global stream

@@ -1,7 +1,7 @@
 """What every world hands over: flown flights with what was concealed in them, as a sealed set.
 
-A world flies its designs; this module draws how they are logged, writes the recording set, and
-seals the truth with the limit of what any method could tell (:mod:`ges.blind.limit`).
+A world flies its designs. This module draws how they are logged, writes the recording set, and
+seals the truth with its detection limit (:mod:`ges.blind.limit`).
 """
 
 from __future__ import annotations

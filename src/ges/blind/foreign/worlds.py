@@ -1,8 +1,8 @@
 """All worlds, and how their sets are made: in pieces, resumable, sealed when the last one stands.
 
-The split is a rule: a seed belongs to one half (:func:`sets.half_of`), and each half has its own
-paths, rates and noise, or its own conditions of real flights. What cannot be made here, or flown at
-all, is skipped with a reason, which is kept beside the seal.
+The split is a rule: a seed belongs to one half (:func:`sets.half_of`). Each half has its own paths,
+rates and noise, or its own conditions of real flights. What cannot be made here, or flown at all,
+is skipped with a reason, which is kept beside the seal.
 """
 
 from __future__ import annotations
@@ -285,8 +285,10 @@ def _begin(out: Path, about: Mapping[str, Any]) -> None:
 
 
 def _jobs(out: Path, sets: Mapping[str, Sets]) -> Iterator[tuple[World, Sets]]:
-    """Yield batches that are not complete; a batch is made as a whole, so that what its sets share
-    does not depend on where an earlier run was interrupted.
+    """Yield batches that are not complete.
+
+    A batch is made as a whole. What its sets share then does not depend on where an earlier run was
+    interrupted.
     """
     for name, part in sets.items():
         size = WORLDS[name].batch
@@ -307,8 +309,9 @@ def _run(
     processes: int,
     deadline: float | None,
 ) -> Iterator[tuple[Sets, str]]:
-    """Make batches, those of one environment in one pool; yield each, and why not all of it could
-    be flown.
+    """Make batches, those of one environment in one pool.
+
+    Yield each, and why not all of it could be flown.
     """
     environments = {tuple(sorted(world.environment.items())) for world, _ in jobs}
     for environment in sorted(environments):
@@ -347,6 +350,7 @@ def _environment(values: Mapping[str, str]) -> Iterator[None]:
 
 def _make(world: str, out: Path, batch: Sets, places: Sources) -> str:
     """Make a batch in a folder of its own: some simulators leave logs where they are started.
+
     Return why not all of it could be flown; nothing where it could.
     """
     with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):

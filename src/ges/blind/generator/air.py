@@ -144,8 +144,9 @@ def _second_order(
     shock: np.ndarray,
     dt: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """H = sigma sqrt(T/pi) (1 + sqrt3 T s)/(1 + T s)^2 as y = sqrt3 x1 + (1 - sqrt3) x2, x2 lagging
-    x1.
+    """Advance H = sigma sqrt(T/pi) (1 + sqrt3 T s) / (1 + T s)^2 by a step.
+
+    The output is y = sqrt3 x1 + (1 - sqrt3) x2, with x2 lagging x1.
     """
     root3 = np.sqrt(3.0)
     keep = np.exp(-dt / time)

@@ -1,4 +1,4 @@
-"""Drawn vehicles: the true one, and the vehicle file that declares it with honest doubt."""
+"""Drawn vehicles: the true one, and the vehicle file that declares it with honest uncertainty."""
 
 from __future__ import annotations
 

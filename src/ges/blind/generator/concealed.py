@@ -124,8 +124,9 @@ def _hover_drag_N_s_m(craft: TrueVehicle, s: float) -> float:
 
 
 def _image_sum_at(craft: TrueVehicle, x: float) -> float:
-    """Return the image upwash of all rotors over flat ground at rotor height x R (a share of
-    v_i).
+    """Return the image upwash of all rotors over flat ground, a share of the induced velocity.
+
+    The rotors are ``x`` radii above the ground.
     """
     h, plane = x * craft.radius_m, craft.hubs_m[:, :2]
     # image of the first rotor itself and of all others

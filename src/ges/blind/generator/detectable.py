@@ -112,8 +112,9 @@ def _path(
     craft: TrueVehicle,
     wrong: Mapping[str, float],
 ) -> Path:
-    """Return a flight as the limit sees it, at every ``thin``-th of the log's times, with what the
-    file doubts and what it is wrong about.
+    """Return a flight as the limit sees it, at every ``thin``-th of the log's times.
+
+    It has the change of each declared number's uncertainty, and of what the file is wrong about.
     """
     t = sample_times(flown, rate_hz / thin)
     clock = np.arange(len(flown.state["p"])) * flown.step_s
@@ -172,12 +173,12 @@ def _doubts(
     turning: np.ndarray,
     step_s: float,
 ) -> dict[str, tuple[float, Change]]:
-    """Return (sd, change for one) of every declared number, relative to its value.
+    """Return the sd and the change for one of every declared number, relative to its value.
 
     Parameters
     ----------
-    speed, speed_rate : (n, rotors) rotor speeds (rad/s) and their rates.
-    omega, turning : (n, 3) body rates and their rates.
+    speed, speed_rate : (n, rotors) rotor speeds (rad/s) and their rates (rad/s^2).
+    omega, turning : (n, 3) body rates (rad/s) and their rates (rad/s^2).
     """
     thrust = true["thrust"] * speed**2
     wrench = body.wrench(thrust)
@@ -236,8 +237,9 @@ def _lagged(rows: np.ndarray, lag_s: float, step_s: float) -> np.ndarray:
 def _speed_error(
     flown: TrueFlight, rate_hz: float, noise: Noise, craft: TrueVehicle, speed: float
 ) -> float:
-    """Return how well rotor speeds follow from the log at best, one sd (rad/s): from commands that
-    are logged only now and then, or from speeds that are measured.
+    """Return the sd with which rotor speeds follow from the log at best (rad/s).
+
+    They follow from commands that are logged only now and then, or from speeds that are measured.
     """
     u = flown.state["u"]
     clock = np.arange(len(u)) * flown.step_s

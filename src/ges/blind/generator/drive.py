@@ -1,10 +1,12 @@
-"""Battery and motors: RC battery, motor equation (voltage less back-EMF), current limit, ESC
-filter.
+"""Battery and motors: RC battery, motor equation, current limit and filter of the ESC.
 
-All in units of the full voltage and the declared top speed: x = w / w_max, d = duty. Torque balance
-dx/dt = rate (d V/V_full - (1 - r) x - r x^2): the bracket's first two terms are the current, the
-last the aerodynamic torque, r the share of the full voltage that falls over the winding at top
-speed.
+All is in units of the full voltage and the declared top speed: x = w / w_max, d = duty cycle. The
+torque balance is
+
+    dx/dt = rate (d V/V_full - (1 - r) x - r x^2).
+
+The first two terms of the bracket are the current, the last is the aerodynamic torque. At top speed
+a share r of the full voltage falls over the winding.
 """
 
 from __future__ import annotations

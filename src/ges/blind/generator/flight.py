@@ -1,8 +1,7 @@
 """Fly many flights abreast: rigid body, blade-element rotors, motors, battery, air, ground; 1 kHz.
 
-Arrays carry the flight on the last axis. Rigid body: symplectic Euler with the mean velocity for
-the position and the exact rotation of a constant rate for the attitude; motors and inflow:
-implicit.
+Arrays carry the flight on the last axis. The rigid body takes symplectic Euler steps, with the mean
+velocity for the position and the exact rotation of a constant rate. Motors and inflow are implicit.
 """
 
 from __future__ import annotations
@@ -495,8 +494,9 @@ class Simulation:
         self._plain_motors()
 
     def _plain_motors(self) -> None:
-        """Advance motors with nothing concealed on the same commands: what the drive alone does is
-        the difference.
+        """Advance motors with nothing concealed on the same commands.
+
+        What the drive alone does is the difference.
         """
         b = self.b
         slow = 0.1 * b.true["lag"]
@@ -514,8 +514,9 @@ class Simulation:
         return full / b.ct - 1.0
 
     def _loads(self) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
-        """Return body force without gravity, moment, and what exceeds the declared kind of
-        vehicle.
+        """Return body force without gravity, moment, and the extra load.
+
+        The latter is what exceeds the declared kind of vehicle.
         """
         s, b = self.s, self.b
         w = s.x * b.true["speed"]

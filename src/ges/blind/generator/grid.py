@@ -344,8 +344,9 @@ def with_companions(names: Sequence[str]) -> list[str]:
 
 
 def _also(spec: Spec, names: Sequence[str], terrain: str) -> list[list[str]]:
-    """Return the other answers that are right: the air or mapping alone, a ledge's partial ground
-    effect.
+    """Return the other answers that are right.
+
+    These are the air or the mapping alone, and the partial ground effect of a ledge.
     """
     out = []
     if len(spec.names) == 1 and spec.names[0] in ("wind", "gusts", "actuator_mapping"):

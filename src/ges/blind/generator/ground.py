@@ -1,8 +1,8 @@
 """Terrain as a grid, and the ground's effect on the rotors by sources over a sampled patch.
 
 Every rotor is a source whose flux meets the ground along rays of equal solid angle. The ground
-answers with sources of the same flux where the rays meet it, which on flat ground is the image
-rotor of Cheeseman and Bennett 1955 (R/4z)^2; steps, slopes and neighbour rotors need no further
+answers with sources of the same flux where the rays meet it. On flat ground these are the image
+rotor of Cheeseman and Bennett 1955, (R / 4z)^2. Steps, slopes and neighbour rotors need no further
 law.
 """
 

@@ -159,8 +159,9 @@ def make_and_seal(sums: Path, grid: str, seed: int, processes: int = 2) -> None:
 
 
 def _begin(out: Path, about: dict) -> None:
-    """Keep the cases of an interrupted run of the very same generator, grid and seed; clear away
-    all others.
+    """Keep the cases of an interrupted run of the very same generator, grid and seed.
+
+    All others are cleared away.
     """
     note = out / "sealed" / BEGUN
     if note.exists() and json.loads(note.read_text()) == about:
@@ -377,8 +378,9 @@ def _write_truth(
 
 
 def _witness(case: Case, flights: Sequence[Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Return what the oracle is told: states and extra loads at 25 Hz, the drive at 125 Hz where it
-    is concerned.
+    """Return what the oracle is given of a case.
+
+    States and extra loads are at 25 Hz, the drive at 125 Hz where it is concerned.
     """
     kept: dict[str, np.ndarray] = {}
     for k, flight in enumerate(flights, 1):

@@ -86,8 +86,9 @@ def _under(room: Room, x: np.ndarray | float, y: np.ndarray | float) -> np.ndarr
 
 
 def _staircase(room: Room, rng: np.random.Generator) -> np.ndarray:
-    """Heights from six radii down to the lowest and up again, drifting slowly, turning between
-    holds.
+    """Return heights from six radii down to the lowest and up again.
+
+    The vehicle drifts slowly and turns between holds.
     """
     t = _clock(room)
     steps = np.geomspace(6.0 * room.radius_m + room.low_m, room.low_m, 5)
@@ -97,8 +98,9 @@ def _staircase(room: Room, rng: np.random.Generator) -> np.ndarray:
 
 
 def _runs(room: Room, rng: np.random.Generator) -> np.ndarray:
-    """Out-and-back runs of growing speed along one heading, high above the ground, nose turned
-    between.
+    """Return out-and-back runs of growing speed along one heading, high above the ground.
+
+    The nose turns between them.
     """
     t = _clock(room)
     heading = rng.uniform(0.0, 2.0 * np.pi)

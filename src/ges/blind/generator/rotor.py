@@ -1,8 +1,11 @@
 """Blade-element rotor in momentum inflow: untwisted blade, uniform dynamic inflow.
 
-Symbols: s = solidity times lift slope, theta = blade pitch, mu = edgewise speed over tip speed,
-lam = total inflow over tip speed. Per unit s (Leishman 2006 ch. 3 and 5; Fay 2001, Mesicopter):
-C_T / s = theta (1/6 + mu^2/4) - lam/4, C_H / s = mu c_d/(4 a) + lam mu theta/4.
+Symbols: s = solidity times lift slope, theta = blade pitch, mu = edgewise speed over tip speed, lam
+= total inflow over tip speed. Per unit s (Leishman 2006, ch. 3 and 5; Fay 2001, Mesicopter)
+
+    C_T / s = theta (1/6 + mu^2/4) - lam/4,
+
+    C_H / s = mu c_d/(4 a) + lam mu theta/4.
 """
 
 from __future__ import annotations

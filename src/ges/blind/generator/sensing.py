@@ -106,8 +106,9 @@ class Recorder:
         return pd.DataFrame(columns)
 
     def _at(self, name: str, shift: float = 0.0, smooth: float = 0.0) -> np.ndarray:
-        """Return (width, n) truth at the sample times, after a centred anti-alias mean over
-        ``smooth`` seconds (an odd count).
+        """Return the truth at the sample times, (width, n).
+
+        A centred anti-alias mean over ``smooth`` seconds (an odd count) comes first.
         """
         from scipy.ndimage import uniform_filter1d
 

@@ -55,8 +55,12 @@ class _PathReplay(Simulation):
         self.book = book
 
     def run(self) -> dict[str, np.ndarray]:
-        """Return ``force`` and ``moment`` beyond the declared vehicle's (n, 3, F), ``speed``
-        (n, rotors, F).
+        """Return the loads along the recorded path.
+
+        Returns
+        -------
+        ``force`` and ``moment`` beyond the declared vehicle's, (n, 3, F), and ``speed`` (n, rotors,
+        F).
         """
         n = len(self.book["p"])
         out = {k: np.empty((n, w or self.b.n_rotors, len(self.sorties))) for k, w in LOADS.items()}
@@ -143,8 +147,10 @@ def _changes(cases: Sequence[Case], books: Sequence[Flights]) -> list[list[dict[
 
 
 def _variants(case: Case) -> dict[str, dict[str, float]]:
-    """Return what to fly again: nothing where one effect alone is concealed, since all that is
-    unusual is its doing; else the whole, all but what acts on others, and that without each.
+    """Return the numbers of what is to be flown again, by name.
+
+    Where one effect alone is concealed nothing is: all that is unusual is its doing. Else these are
+    the whole, all but what acts on others, and that without each.
     """
     if len(case.names) < 2:
         return {}

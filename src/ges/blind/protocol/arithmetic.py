@@ -1,8 +1,9 @@
-"""Two baselines that need no diagnosis at all: how far mean commands are from those that should
-hover, and which single rotor would have to be weak for the mean balance to hold.
+"""Two baselines that need no diagnosis at all.
 
-Of the rows in which the rotors turn the means are taken, flight by flight. With thrusts
-T_i = k w_i^2 the balance is sum(T_i) = m f_z, and no moment about any axis.
+One is how far mean rotor speeds are from those that should hover. The other is which single rotor
+would have to be weak for the mean balance to hold. Means are taken flight by flight, of the rows in
+which the rotors turn. With thrusts T_i = k w_i^2 the balance is sum(T_i) = m f_z, and no moment
+about any axis.
 """
 
 from __future__ import annotations
@@ -75,9 +76,7 @@ def balance(recordings: RecordingSet) -> Balance:
 
 
 def _means(frame: pd.DataFrame, vehicle: Vehicle) -> tuple[np.ndarray, float]:
-    """Return mean thrusts (n_rotors,) by the declared coefficient, and the mean specific force
-    upwards.
-    """
+    """Return mean thrusts (n_rotors,) by the declared coefficient, and upward specific force."""
     k, n = vehicle.thrust_coefficient_N_s2.value, len(vehicle.rotors)
     if set(rotor_speed(n)) <= set(frame):
         square = frame[list(rotor_speed(n))].to_numpy(dtype=float) ** 2

@@ -366,8 +366,9 @@ def diagnose(recordings: RecordingSet, method: str) -> dict:
 
 
 def _table(problem: BaselineProblem, predicted: np.ndarray) -> dict:
-    """Errors on the held-out flights by channel, those of faster test functions left out: before,
-    recalibrated, after.
+    """Return errors on the held-out flights by channel: before, recalibrated and after.
+
+    Channels of faster test functions are left out.
     """
     held, table = problem.held_out, {}
     for c, name in enumerate(problem.names):

@@ -1,8 +1,8 @@
 """A process that can read what it was given and nothing else, for good.
 
-Two walls: the kernel's Landlock (Linux 5.13 or later, no privilege needed), which also holds for C
-code, and an audit hook of the interpreter, which holds everywhere and also stops the starting of
-other programs.
+Two walls stand. The kernel's Landlock (Linux 5.13 or later, no privilege needed) also holds for C
+code. An audit hook of the interpreter holds everywhere, and also stops the starting of other
+programs.
 """
 
 from __future__ import annotations

@@ -162,8 +162,9 @@ def run_batch(sums: Path, verdicts: Path, batch: int, batches: int, method: str 
 
 
 def _tool_state(options: dict) -> str:
-    """Hash of all that makes a verdict: sources of the diagnosis, the compiled simulator,
-    options.
+    """Return the hash of all that makes a verdict.
+
+    These are sources of the diagnosis, the compiled simulator and options.
     """
     root = Path(__file__).parents[2]
     parts = [
@@ -203,7 +204,7 @@ def _hidden(folder: Path) -> None:
 
 
 def _one(case: Path, final: Path, options: dict, tool: str) -> None:
-    """Diagnose one case under a name that says nothing and move the whole result into place."""
+    """Diagnose one case under a name that reveals nothing, and move the whole result into place."""
     with tempfile.TemporaryDirectory(prefix="") as scratch:
         given, made, home = (Path(scratch) / secrets.token_hex(6) for _ in range(3))
         for each in (given, made, home):
@@ -230,7 +231,7 @@ def _one(case: Path, final: Path, options: dict, tool: str) -> None:
 
 
 def _process(given: Path, made: Path, home: Path, options: dict) -> str | None:
-    """Run the worker; return None, or what it said when it failed."""
+    """Run the worker; return None, or its last error line when it failed."""
     # nothing of the caller's environment, which may tell; one thread and one hash seed make
     # verdicts the same to the last bit
     quiet = {

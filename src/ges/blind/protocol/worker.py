@@ -1,9 +1,9 @@
-"""One diagnosis behind walls: ``python -I -m ges.blind.protocol.worker CASE OUT OPTIONS`` (by
-:data:`run.SAME`).
+"""One diagnosis behind walls.
 
-It is started with an environment and a working folder that tell it nothing, on a copy of one case
-under a drawn name, and gives up every other file before it reads the case. OPTIONS are JSON:
-``set`` holds numbers of the method by name, ``baseline`` names another method to use.
+It is ``python -I -m ges.blind.protocol.worker CASE OUT OPTIONS``, by :data:`run.SAME`. Its
+environment and its working folder reveal nothing. It gets a copy of one case under a drawn name,
+and gives up every other file before it reads the case. OPTIONS are JSON: ``set`` holds numbers of
+the method by name, ``baseline`` names another method to use.
 """
 
 from __future__ import annotations

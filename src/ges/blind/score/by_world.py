@@ -1,5 +1,6 @@
-"""Scores by world: what was answered, what any method could have told, and simple baselines at the
-same false alarms.
+"""Scores by world: what was reported, what any method could have detected, and simple baselines.
+
+The baselines are cut at the false alarms of the tool.
 """
 
 from __future__ import annotations
@@ -161,8 +162,9 @@ def _answer(
 
 
 def _places(name: str, findings: Sequence[Mapping[str, Any]]) -> set[str]:
-    """Return where a name is said to act: its ``place``, or of losses by rotor all that are at
-    least half as large as the largest.
+    """Return where a name is reported to act.
+
+    It is the finding's ``place``, or all losses by rotor of at least half the largest.
     """
     found: set[str] = set()
     for finding in (f for f in findings if f["name"] == name):
@@ -189,12 +191,12 @@ def _true_places(truth: Mapping[str, Any]) -> dict[str, set[str]]:
 
 
 def _misplaced(truth: Mapping[str, Any], findings: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether a true name is said to act where it does not."""
+    """Return whether a true name is reported where it does not act."""
     return any(_places(name, findings) - where for name, where in _true_places(truth).items())
 
 
 def _placed(truth: Mapping[str, Any], findings: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether every true name that was named is said to act everywhere where it does."""
+    """Return whether every true name that was reported is placed everywhere where it acts."""
     named = {f["name"] for f in findings}
     return all(
         # a finding that states no place claims none, and is not held against it
@@ -246,7 +248,7 @@ def table(answers: Sequence[Answer]) -> pd.DataFrame:
     Returns
     -------
     A row a world: answers by kind, false alarms, sure names that are true, and sets that any method
-    could have told.
+    could have identified.
     """
     worlds = list(dict.fromkeys(a.world for a in answers))
     groups = {w: [a for a in answers if a.world == w] for w in worlds}
@@ -454,7 +456,7 @@ def _answers(truths: Mapping[str, Mapping], diagnoses: Mapping[str, Mapping]) ->
 def _set_table(
     answers: Sequence[Answer], truths: Mapping[str, Mapping], diagnosed: Path
 ) -> pd.DataFrame:
-    """One row a set: what was concealed, what was answered, what could have been told."""
+    """Return one row a set: what was concealed, what was reported, and the detection limit."""
     rows = []
     for a in answers:
         truth, diagnosis = truths[a.case], read_verdict(diagnosed / a.case)

@@ -45,8 +45,9 @@ def _read(verdict: Path) -> dict:
 
 
 def _differences(before: Any, after: Any, where: str = "") -> Iterator[str]:
-    """Each place where the two differ, with both values; numbers have to be equal to the
-    last bit.
+    """Yield each place where the two differ, with both values.
+
+    Numbers have to be equal to the last bit.
     """
     if isinstance(before, dict) and isinstance(after, dict):
         for key, value in before.items():

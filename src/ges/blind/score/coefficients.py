@@ -75,8 +75,10 @@ def compare(
 def _errors(
     seen: Witness, best: Oracle, claimed: Mapping[str, Mapping], fitted: Path
 ) -> dict[str, float]:
-    """Error by effect: of the loads where it makes loads (so that the form chosen does not matter),
-    else of the numbers.
+    """Return the error by effect.
+
+    It is of the loads where the effect makes loads, so that the form chosen does not matter, else
+    of the numbers.
     """
     wrenches = [n for n in best.parameters if is_load(n)]
     errors = {n: _relative(best.parameters[n], claimed[n]) for n in claimed if n not in wrenches}
@@ -109,8 +111,9 @@ def _relative(right: Mapping[str, float], told: Mapping[str, Mapping]) -> float:
 
 
 def _intervals(best: Oracle, claimed: Mapping[str, Mapping]) -> tuple[int, int]:
-    """Count 95 % intervals that hold the oracle's value, where a parameter means the same whatever
-    the others are.
+    """Count the 95 % intervals that hold the oracle's value.
+
+    Only parameters count that mean the same whatever the others are.
     """
     # beside a free shape (a decay, a length) an amplitude means another thing in every fit
     checks = [

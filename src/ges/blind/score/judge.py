@@ -163,11 +163,11 @@ def _named(
 
 
 def _located(truth: Mapping, said: Mapping) -> tuple[int, int, int]:
-    """Return (found, too many, missed) channels; a trace of an effect is neither to be found nor a
-    mistake.
+    """Return (found, too many, missed) channels.
 
-    Where nothing is concealed every channel is one too many. A truth that tells no channels (a
-    sensor fault; other people's cases) is not scored.
+    A trace of an effect is neither to be found nor a mistake. Where nothing is concealed every
+    channel is one too many. A truth that states no channels (a sensor fault; other people's cases)
+    is not scored.
     """
     # a trace is a channel that an effect reaches, too weakly for it to be demanded
     must, may = (

@@ -1,8 +1,8 @@
-"""What a case comes to once its truth is known: the oracle's fit, and the same tool told the true
-names.
+"""What a case comes to once its truth is known.
 
-It is most of the work of scoring, the same for all methods, and kept beside the cases: an
-interrupted scoring goes on.
+These are the oracle's fit, and the same tool given the true names. They are most of the work of
+scoring, the same for all methods. They are kept beside the cases, so that an interrupted scoring
+goes on.
 """
 
 from __future__ import annotations
@@ -113,11 +113,11 @@ def _work_out(folder: Path, case: str, truth: Mapping, seen: Witness) -> Opened:
 
 
 def _over_limit(seen: Witness, name: str, best: Oracle, detectable: Mapping) -> float | None:
-    """Size of the effect over the smallest that these flights would have shown: of the loads where
-    it makes loads, else of the numbers along any axis; None where no smallest is told.
+    """Return the size of the effect over the smallest that these flights would have shown.
 
-    The limit is the one that is stated when the true name is known, so that what was found and what
-    was missed are held against the same.
+    It is of the loads where the effect makes loads, else of the numbers along any axis. None stands
+    for a missing limit. The limit is the one that is stated given the true name, the same for what
+    was found and what was missed.
     """
     limit = detectable.get(name)
     if not limit or not limit.get("smallest") or name not in best.parameters:

@@ -1,8 +1,8 @@
 """The oracle: how well the true names, in the library's form, can match what truly happened.
 
 The library's form is fitted to the noise-free forces, moments and rotor speeds that the generator
-knows and no recording shows. It answers two questions: how much of a concealed effect a candidate
-of that name can reach at all, and which parameters a diagnosis should come to.
+knows and no recording shows. It answers two questions. How much of a concealed effect can a
+candidate of that name reach at all? Which parameters should a diagnosis come to?
 """
 
 from __future__ import annotations
@@ -262,8 +262,10 @@ def fit(seen: Witness, names: list[str]) -> Oracle:
 
 
 def _fit_drive(names: list[str], seen: Witness) -> tuple[dict[str, dict[str, float]], float]:
-    """Effects of a drive beside its lags, its delay and the top speed, which a diagnosis leaves
-    free as well: a vehicle file is wrong about them in every case, and no drive is of first order.
+    """Fit effects of a drive beside its lags, its delay and the top speed.
+
+    A diagnosis leaves these free as well. A vehicle file is wrong about them in every case, and no
+    drive is of first order.
     """
     true = seen.true_speeds()
 
@@ -292,8 +294,9 @@ def _least_squares(
     target: np.ndarray,
     beside: Sequence[str] = (),
 ) -> tuple[dict[str, dict[str, float]], float]:
-    """Best parameters of the names, and the share of what the effects ``beside`` them leave that
-    they explain.
+    """Return the best parameters of the names, and the share that they explain.
+
+    The share is of what the effects ``beside`` them leave.
     """
     from scipy.optimize import least_squares
 

@@ -104,8 +104,9 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
 def _against_oracle(
     folder: Path, truths: dict, said: dict[str, dict]
 ) -> dict[str, dict[str, Comparison | None]]:
-    """Comparisons by folder of verdicts and case; what ``said`` holds by the same. The oracle of a
-    case is asked once.
+    """Return comparisons by folder of verdicts and case, as ``said`` holds diagnoses.
+
+    The oracle of a case is asked once.
     """
     answers = {
         n: [(told[n], folder / d / n / "vehicle.fitted.yaml") for d, told in said.items()]
@@ -177,8 +178,9 @@ def compare_methods(sums: Path, verdicts: list[Path], methods: list[str], table:
 def _case_table(
     folder: Path, diagnosed: str, judged: Sequence[Judgement], truths: dict, held: dict
 ) -> pd.DataFrame:
-    """One row a case: what was concealed, what was said, what came of it, in which situation, in
-    how many seconds.
+    """Return one row a case.
+
+    It holds what was concealed, what was reported, what came of it, the situation and the seconds.
     """
     rows = []
     for j in judged:
@@ -214,8 +216,9 @@ def _case_table(
 
 
 def _reach(judged: Sequence[Judgement], held: dict) -> pd.DataFrame:
-    """The oracle: share of a concealed effect that the library's form of that name explains at
-    best, by effect.
+    """Return how far the library's forms reach, by effect.
+
+    It is the share of a concealed effect that the form of that name explains at best.
     """
     of = [
         # companions come before what needs them: the last name is the concealed one
@@ -247,8 +250,9 @@ def _share(gains: np.ndarray) -> float:
 
 
 def _median_share(gains: np.ndarray) -> float:
-    """Median of the first column over the second: one case that got much worse does not
-    decide it.
+    """Return the median of the first column over the second.
+
+    One case that got much worse does not decide it.
     """
     return float(np.median(gains[:, 0] / gains[:, 1]))
 
@@ -338,8 +342,9 @@ def _rate(
 
 
 def _by_effect(judged: Sequence[Judgement]) -> pd.DataFrame:
-    """Cases with one thing concealed: share exactly right, wrong and silent by effect and
-    severity.
+    """Return the shares exactly right, wrong and silent by effect and severity.
+
+    Only cases with one thing concealed count.
     """
     rows = []
     for category in ("single", "parameter", "sensor", "unknown"):

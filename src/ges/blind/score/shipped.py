@@ -1,4 +1,4 @@
-"""The real flights that the package ships, scored: what was done, and what was said of it."""
+"""The real flights that the package ships, scored: what was done, and what was reported."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Fly many vehicles abreast and keep, for every effect, what it did along the way.
 
-Newton and Euler about the true centre of mass; velocity Verlet at 1 kHz, attitude by quaternions;
-the last axis of every array is the flight. Sensors sit at the geometric centre.
+Newton and Euler about the true centre of mass: velocity Verlet at 1 kHz, attitude by quaternions.
+The last axis of every array is the flight. Sensors sit at the geometric centre.
 """
 
 from __future__ import annotations

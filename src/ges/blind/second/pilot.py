@@ -114,8 +114,9 @@ def _third_axis(q: np.ndarray) -> np.ndarray:
 
 
 def _towards(q: np.ndarray, up: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-    """Return half the rotation vector (3, F), body frame, to the attitude that thrusts along ``up``
-    with this yaw.
+    """Return half the rotation vector to the attitude that thrusts along ``up`` with this yaw.
+
+    It is (3, F), in the body frame.
     """
     heading = np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)])
     # the axes of the attitude that is asked for, in the world: ahead, left, up

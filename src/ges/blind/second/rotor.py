@@ -1,10 +1,19 @@
 """Blade elements summed up numerically over radius and azimuth, with the inflow of a skewed wake.
 
-Section forces of a rigid, linearly twisted blade (Leishman 2006, ch. 3): with U_T = r + mu sin(psi)
-and U_P = lam_c + lam_i (1 + k_x r cos(psi)), per unit of solidity times lift slope s,
-dC_T = (theta U_T^2 - U_P U_T) / 2 and dC_H = (c_d/a U_T^2 + theta U_T U_P - U_P^2) sin(psi) / 2.
-Induced inflow after Glauert 1926, lam_i = C_T / (2 sqrt(mu^2 + (lam_c + lam_i)^2)), and
-k_x = tan(chi / 2) after Coleman, Feingold and Stempin 1945 (NACA WR L-126).
+Section forces are of a rigid, linearly twisted blade (Leishman 2006, ch. 3). Per unit of solidity
+times lift slope s
+
+    U_T = r + mu sin(psi),  U_P = lam_c + lam_i (1 + k_x r cos(psi)),
+
+    dC_T = (theta U_T^2 - U_P U_T) / 2,
+
+    dC_H = (c_d/a U_T^2 + theta U_T U_P - U_P^2) sin(psi) / 2.
+
+The induced inflow is Glauert's (1926),
+
+    lam_i = C_T / (2 sqrt(mu^2 + (lam_c + lam_i)^2)).
+
+Its slope is k_x = tan(chi / 2) after Coleman, Feingold and Stempin 1945 (NACA WR L-126).
 """
 
 from __future__ import annotations

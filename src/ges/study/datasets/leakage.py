@@ -17,8 +17,14 @@ from ges.study.datasets.split import PARTS
 
 
 def _check_terrain(path: Path, terrain: TerrainShape) -> int:
-    """Seed of a flight, proven by the ground it recorded: it equals, bit for bit, that of the
-    seed's terrain.
+    """Return the seed of a flight, proven by the ground that it recorded.
+
+    The ground equals, bit for bit, that of the seed's terrain.
+
+    Raises
+    ------
+    GesError
+        When it does not, or the file is named after another seed.
     """
     seed, data = read_flight(path, ("p_x_m", "p_y_m", "ground_z_m"))
     # the numpy port repeats the compiled terrain to the last bit: what differs is other ground

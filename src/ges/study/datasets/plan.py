@@ -92,8 +92,9 @@ def fly_plan(
 def _pairs(
     record: sim.Record, predicted: np.ndarray, ahead: int, reserve: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Target and prediction of the rows that models are scored on: read by the rangefinder, and
-    without a touch of the ground up to the longest horizon.
+    """Return target and prediction of the rows that models are scored on.
+
+    The rangefinder reads them, and nothing touches the ground up to the longest horizon.
     """
     # touches so far: equal counts at both ends say that there is none between
     touched = np.concatenate([[0], np.cumsum(record[CONTACT] > 0)])

@@ -1,7 +1,7 @@
 """Splits: which rows of which seed train, validate and test.
 
 A split is a table of blocks (seed, first_row, last_row, part). The seed-wise one gives whole
-flights to a part; the block-wise one, for comparison with earlier practice, deals blocks of seconds
+flights to a part. The block-wise one, for comparison with earlier practice, deals blocks of seconds
 and so lets one terrain into all parts.
 """
 

@@ -64,8 +64,10 @@ class _Board:
         via: Sequence[Place] = (),
         end: Place | None = None,
     ) -> None:
-        """An arrow from side ``sides[0]`` of a to side ``sides[1]`` of b (l, r, t, b) through
-        points, words ``at`` a place.
+        """Draw an arrow from one box to another.
+
+        It goes from side ``sides[0]`` of a to side ``sides[1]`` of b (l, r, t, b) through points,
+        with words ``at`` a place.
         """
         corners = [self._edge(a, sides[0]), *via, end or self._edge(b, sides[1])]
         look = {

@@ -1,10 +1,12 @@
-"""What published flights near the ground say: thrust ratio in blocks of steady hover, forms fitted
-to it, dispersion.
+"""What published flights near the ground show: thrust ratio in hover, fitted forms, dispersion.
 
 A hovering vehicle needs the same thrust everywhere, and near the ground slower rotors give it. With
-T = k sum(w^2) from the measured speeds, m (g + a_z) / (T cos(tilt)) is the ground effect factor
-times the error of m/k, one number a flight that is fitted with the form. The recordings are not
-part of the project: without them every table has headings only.
+T = k sum(w^2) from the measured speeds, the ratio is
+
+    m (g + a_z) / (T cos(tilt)).
+
+It is the ground effect factor times the error of m/k, one number a flight that is fitted with the
+form. The recordings are not part of the project: without them every table has headings only.
 """
 
 from __future__ import annotations
@@ -90,8 +92,9 @@ def _samples(frame: pd.DataFrame, vehicle: Vehicle) -> pd.DataFrame:
 
 
 def _steady(rows: pd.DataFrame) -> Iterator[tuple[int, pd.DataFrame]]:
-    """Blocks that hover: height held, rotors carrying the vehicle all the time, no gap in the
-    samples.
+    """Yield blocks that hover.
+
+    Height is held, rotors carry the vehicle all the time, and no sample is missing.
     """
     for number, block in rows.groupby("block"):
         whole = block["t_s"].max() - block["t_s"].min() > 0.9 * BLOCK_S

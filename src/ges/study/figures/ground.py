@@ -148,8 +148,9 @@ def track(simulator: Simulator, plan: Flights, seed: int, data: Path, pdf: Path,
 
 
 def _binned(flights: list[Path], simulator: Simulator, edges: np.ndarray) -> pd.DataFrame:
-    """Factor and analytical error in bins of the rotors' clearance, over flights of the
-    data set.
+    """Return factor and analytical error in bins of the rotors' clearance.
+
+    Rows are of flights of the data set.
     """
     table = pd.concat(
         [pq.read_table(f, columns=["agl_m", "range_m", "ge_factor"]).to_pandas() for f in flights]

@@ -1,4 +1,4 @@
-"""Figures of real flights; where the recordings are not at hand, each says so in words."""
+"""Figures of real flights; where the recordings are not at hand, each states so in words."""
 
 from __future__ import annotations
 

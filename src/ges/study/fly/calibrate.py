@@ -1,16 +1,15 @@
-"""Fit of the simulator's unpublished numbers to published figures, on seeds that serve nothing
-else.
+"""Fit of the simulator's unpublished numbers to published figures.
 
-The paper leaves mass, gains, lag and the terrain's amplitudes out. Five of its published figures
-set the operating point: AGL RMS without feedforward and with the analytical one (mean of its 8- and
-30-seed comparisons by number of seeds), gyro RMS, the first response to the bias pulse, and the
-mean clearance lost between bias -0.02 and +0.02, which the integral gain alone decides. What is
-left of its claims (oracle, network, clearances under bias, grid, intervals) is not looked at here,
-so it can come out either way.
+Its seeds serve nothing else. The paper leaves mass, gains, lag and the terrain's amplitudes out.
+Five of its published figures set the operating point. Two are AGL RMS without feedforward and with
+the analytical one, each the mean of the 8- and 30-seed comparisons by number of seeds. Two are gyro
+RMS and the first response to the bias pulse. The last is the mean clearance lost between bias -0.02
+and +0.02, which the integral gain alone decides. What is left of its claims (oracle, network,
+clearances under bias, grid, intervals) is not looked at here. It can come out either way.
 
-The curvature gain is one of the free numbers: the paper gives 0.6 without a unit, and its finite
-differences without a step. Over a rotor's radius they are the exact Laplacian to a few per cent, so
-the gain in metres is all that is left to find.
+The curvature gain is one of the free numbers. The paper gives 0.6 without a unit, and its finite
+differences without a step. Over a rotor's radius they are the exact Laplacian to a few per cent.
+Only the gain in metres is left to find.
 
 Six figures do not settle eleven numbers. Of all that fit, a weak pull takes those nearest the
 middle of the bounds.

@@ -1,8 +1,8 @@
-"""Why the oracle does not win: one cause taken away at a time, every mode against the same vehicle
-where no ground effect exists.
+"""Why the oracle does not win: one cause taken away at a time.
 
-An oracle that cancels perfectly returns that vehicle, so its tracking error is the oracle's floor:
-where ground effect itself helps the loop, an estimate that leaves some of it tracks better.
+Every mode is compared with the same vehicle where no ground effect exists. An oracle that cancels
+perfectly returns that vehicle, so its tracking error is the oracle's floor. Where ground effect
+itself helps the loop, an estimate that leaves some of it tracks better.
 """
 
 from __future__ import annotations
@@ -25,8 +25,12 @@ AS_PUBLISHED = "as published"
 
 @dataclasses.dataclass(frozen=True)
 class _Removal:
-    """Numbers with which a cause is gone: of every mode, of the oracle alone, of the true ground
-    effect.
+    """Numbers with which a cause is gone.
+
+    Attributes
+    ----------
+    every_mode, oracle : numbers of the flights of every mode, and of the oracle alone.
+    truth : parameters of the true ground effect.
     """
 
     every_mode: Mapping[str, float] = dataclasses.field(default_factory=dict)
@@ -89,8 +93,9 @@ def _conditions_without(cause: str, gone: _Removal) -> list[Condition]:
 
 
 def _cause_conditions(simulator: Simulator) -> list[Condition]:
-    """Oracle, analytical and no feedforward without each cause, and the same vehicle where no
-    ground effect exists.
+    """Return oracle, analytical and no feedforward without each cause.
+
+    The same vehicle where no ground effect exists follows each of them.
     """
     return [
         c for cause, gone in _removals(simulator).items() for c in _conditions_without(cause, gone)

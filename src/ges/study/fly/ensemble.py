@@ -1,10 +1,9 @@
-"""Which claims hang on the numbers that the paper left out: the same effects over simulators near
-the fitted one.
+"""Which claims hang on numbers that the paper left out: the effects over like simulators.
 
-A Metropolis walk through the free numbers of the calibration, from the fitted point, on calibration
-seeds: simulators whose figures come out near the published ones, to within the tolerances times a
-slack. Few of them fit as well as the fitted one, so the misfit of the walk is reported beside the
-effects. What is looked at is what the fit did not look at.
+A Metropolis walk goes through the free numbers of the calibration, from the fitted point, on
+calibration seeds. It visits simulators whose figures come out near the published ones, to within
+the tolerances times a slack. Few of them fit as well as the fitted one, so the misfit of the walk
+is reported beside the effects. What is looked at is what the fit did not look at.
 """
 
 from __future__ import annotations
@@ -100,9 +99,10 @@ def _walk(
 
 
 def _shares(walk: pd.DataFrame) -> pd.DataFrame:
-    """Middle and 95 % range of every effect over the walk, the share of it with the sign that the
-    paper claims, and how well its simulators fit: ``fit_misfit`` of the first, ``misfit`` of the
-    middle one.
+    """Return middle and 95 % range of every effect over the walk.
+
+    ``share`` of it has the sign that the paper claims. ``fit_misfit`` is of the first simulator,
+    ``misfit`` of the middle one.
     """
     fit = walk["misfit"].iloc[0], walk["misfit"].median()
     rows = []

@@ -31,8 +31,9 @@ def _fly(
     mapping: int,
     **truth: float | str,
 ) -> pd.DataFrame:
-    """Every mode, and the oracle under every bias, with another true ground effect and one of
-    :data:`MAPPINGS`.
+    """Fly every mode, and the oracle under every bias, in another world.
+
+    It has another true ground effect and one of :data:`MAPPINGS`.
     """
     world = simulator.model_copy(
         update={"ground_effect": simulator.ground_effect.model_copy(update=truth)}

@@ -1,7 +1,8 @@
-"""The networks of both flight plans in flight: the published study flew one that was trained on its
-data set, whose cruise speed was not that of the closed loop.
+"""The networks of both flight plans in flight.
 
-Each network is one of several trainings, so that the luck of one draw of weights decides nothing.
+The published study flew one that was trained on its data set, whose cruise speed was not that of
+the closed loop. Each network is one of several trainings, so that the luck of one draw of weights
+decides nothing.
 """
 
 from __future__ import annotations

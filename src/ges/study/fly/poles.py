@@ -1,18 +1,18 @@
-"""Poles of the height loop, linearised about hover at every ground effect factor of the published
-range.
+"""Poles of the height loop, linearised about hover at every published ground effect factor.
 
-The linear model takes the simulator's own numbers: factor and estimate against height are read off
-one-row flights, so no equation of the ground effect is written here a second time. With T the
-thrust, c the command of the height loop and e the estimate, about trim
+The linear model takes the simulator's own numbers. Factor and estimate against height are read off
+one-row flights, so that no equation of the ground effect is written here a second time. T is the
+thrust, c the command of the height loop and e the estimate. About trim
 
     dT/T = G(s) [dc/c - n de/e] + df/f,      G(s) = 1/(tau s + 1),   n = 1 for 1/sqrt(f), 2 for 1/f
+
     dc = -m (kp + ki/s + kd s/(T_f s + 1)) D(s) dz,   de = e'(z) D(s) dz,   m z'' = m g dT/T
 
 D(s) is the delay of sampling and hold (Pade, order 1): half the period of the rangefinder, of the
-firmware for the oracle. A second set of poles takes the factor as a constant gain (no slopes),
-which is what a linearisation of actuator and controller alone amounts to. Factors above 1 are met
-over flat ground; those below 1 over the top of a hill so round that the curvature correction turns
-the sign of f - 1 (1 + gain kappa = -1).
+firmware for the oracle. A second set of poles takes the factor as a constant gain (no slopes). That
+is what a linearisation of actuator and controller alone amounts to. Factors above 1 are met over
+flat ground. Those below 1 are met over the top of a hill. It is so round that the curvature
+correction turns the sign of f - 1 (1 + gain kappa = -1).
 """
 
 from __future__ import annotations
@@ -237,9 +237,7 @@ def _delay(seconds: float) -> control.TransferFunction:
 
 
 def _periods(simulator: Simulator) -> tuple[float, float]:
-    """Seconds between two runs of the firmware, and between two readings of the rangefinder that it
-    gets to see.
-    """
+    """Return the periods of the firmware and of the rangefinder that it gets to see (s)."""
     # sensors are read when the firmware runs, so a new range comes at multiples of both periods
     read_every = math.lcm(simulator.control_every, int(sim.parameters()["telemetry_every"].default))
     return simulator.control_every * simulator.dt_s, read_every * simulator.dt_s

@@ -46,8 +46,9 @@ def _rows(name: str, seed: int, record: Record, pulse: Pulse) -> Iterator[dict]:
 
 
 def _tests(windows: pd.DataFrame) -> pd.DataFrame:
-    """Paired tests of pulsed against unpulsed by window; Holm's correction is over all windows of a
-    metric and both metrics.
+    """Return paired tests of pulsed against unpulsed by window.
+
+    Holm's correction is over all windows of a metric and both metrics.
     """
     # windows side by side as metrics: one table, over which Holm's correction goes
     wide = windows.pivot(
@@ -76,8 +77,9 @@ def _near(t_s: np.ndarray, pulse: Pulse) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _trace(after_s: np.ndarray, change_m: np.ndarray) -> pd.DataFrame:
-    """Mean change of clearance over seeds against time after the pulse, with its 95 % interval;
-    change_m: (seeds, rows).
+    """Return the mean change of clearance over seeds against time after the pulse.
+
+    It has its 95 % interval; ``change_m`` is (seeds, rows).
     """
     from scipy.stats import t as student_t
 
@@ -92,8 +94,9 @@ def _trace(after_s: np.ndarray, change_m: np.ndarray) -> pd.DataFrame:
 
 
 def _response(after_s: np.ndarray, change_m: np.ndarray) -> dict[str, float]:
-    """Depth of a response, its rebound, when they occur, and when it stays within a tenth of the
-    depth.
+    """Return depth of a response, its rebound, and when they occur.
+
+    It settles when it stays within a tenth of the depth.
     """
     after, change = after_s[after_s >= 0], change_m[after_s >= 0]
     low = int(change.argmin())
@@ -171,8 +174,10 @@ def fly_pulse(
 def _outcome(
     unpulsed: Record, pulsed: Record, start_s: float, end_s: float, how: PulseMap
 ) -> dict[str, float]:
-    """What a pulse did to one flight: deepest loss of clearance, what is left of it, seconds on the
-    ground it adds.
+    """Return what a pulse did to one flight.
+
+    That is the deepest loss of clearance, what is left of it, and the seconds on the ground that it
+    adds.
     """
     change, t_s = pulsed["agl_m"] - unpulsed["agl_m"], pulsed["t_s"]
     last = t_s >= end_s + how.recovery_s - how.judged_s

@@ -253,8 +253,9 @@ def _encoder_layer(units: int, heads: int) -> nn.TransformerEncoderLayer:
 
 
 def _present_row(layer: nn.TransformerEncoderLayer, x: torch.Tensor) -> torch.Tensor:
-    """The last row (n, units) of what a layer makes of x (n, rows, units), the other rows left
-    out: only this one is read.
+    """Return the last row (n, units) of what a layer makes of x (n, rows, units).
+
+    The other rows are left out: only this one is read.
     """
     # the encoder layer's own steps, norm first: x + attention(norm x), then + feedforward(norm);
     # keys and values of all rows, the query of the present one

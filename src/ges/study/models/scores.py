@@ -16,8 +16,9 @@ CONFIDENCE = 0.95
 
 
 def _sums(truth: np.ndarray, predicted: np.ndarray, seed: np.ndarray) -> np.ndarray:
-    """(seeds, 5): rows, sum of y, of y^2, of squared and of absolute error of each seed; y less its
-    overall mean.
+    """Return rows and sums of each seed, (seeds, 5).
+
+    The sums are of y, of y^2, of squared and of absolute error, with y less its overall mean.
     """
     y, error = (
         truth.astype(float) - truth.mean(dtype=float),

@@ -1,11 +1,10 @@
 """One training job, and the table of all of them.
 
-A job writes, beside each other under
-``results/models/<plan>/<split>/training<seed>/``:
+A job writes, beside each other under ``results/models/<plan>/<split>/training<seed>/``:
 
-- ``<model>.predictions.parquet``: a row a test row: ``seed``, ``row``, ``truth`` and ``predicted``
-  (factor at the horizon), ``range_m`` (reading) and ``p_x_m``, ``p_y_m``, ``agl_m`` (true place) at
-  the present;
+- ``<model>.predictions.parquet``: ``seed``, ``row``, ``truth`` and ``predicted`` (factor at the
+  horizon) of every test row, with ``range_m`` (reading) and ``p_x_m``, ``p_y_m``, ``agl_m`` (true
+  place) at the present;
 - ``<model>.metrics.json``: plan, split, model, rows of each part, scores with intervals (null where
   one seed gives none);
 - ``<model>.joblib``: the fitted model.

@@ -1,13 +1,20 @@
 """Errors by ground and by clearance, from the predictions that Table 1 scores (seed-wise split).
 
-``results/offline/ground_quartiles.csv``: ``plan, model, quantity`` (slope: tangent of the angle;
-curvature: size of the Laplacian), ``unit``, ``quartile`` (1 to 4, over the test rows of the plan),
-``low, high`` (its edges). ``results/offline/clearance_bins.csv``: ``plan, model, clearance_low_m,
-clearance_high_m`` (reading of the rangefinder).
+``results/offline/ground_quartiles.csv`` begins with
 
-Both go on with ``rows, share`` (of the test rows), ``seeds``; ``rmse, mae, r2`` and
-``mae_reduction`` (share by which the mean absolute error is below the analytical model's), each
-with ``_low`` and ``_high`` (95 % over seeds). Bins without rows are left out.
+- ``plan`` and ``model``;
+- ``quantity`` (slope: tangent of the angle; curvature: size of the Laplacian) and ``unit``;
+- ``quartile``, 1 to 4 over the test rows of the plan, and its edges ``low`` and ``high``.
+
+``results/offline/clearance_bins.csv`` begins with ``plan``, ``model``, ``clearance_low_m`` and
+``clearance_high_m`` (reading of the rangefinder). Both go on with
+
+- ``rows``, ``share`` (of the test rows) and ``seeds``;
+- ``rmse``, ``mae`` and ``r2``, each with ``_low`` and ``_high`` (95 % over seeds);
+- ``mae_reduction``, the share by which the mean absolute error is below the analytical model's,
+  with its interval.
+
+Bins without rows are left out.
 """
 
 from __future__ import annotations
@@ -27,8 +34,9 @@ BASE = "analytical"
 
 
 def _predictions(files: list[Path]) -> pd.DataFrame:
-    """Predictions of one plan side by side: keys, truth and a column a model; all models have the
-    same rows.
+    """Return predictions of one plan side by side: keys, truth and a column a model.
+
+    All models have the same rows.
     """
     tables = {Path(f).name.split(".")[0]: pd.read_parquet(f) for f in files}
     # columns of one table are compared row by row, so the rows have to be the same

@@ -1,9 +1,12 @@
-"""Learning curves: what more training rows would give, the ground for every cap in the
-configuration.
+"""Learning curves: what more training rows would give, the ground for every cap on rows.
 
-``results/offline/learning_curves.csv``: ``plan, model, share`` (rows over the model's cap),
-``train_rows``; ``rmse, mae, r2`` on the validation rows, each with ``_low`` and ``_high`` (95 %
-over seeds). No test row is looked at.
+``results/offline/learning_curves.csv`` has
+
+- ``plan``, ``model``, ``share`` (rows over the model's cap) and ``train_rows``;
+- ``rmse``, ``mae`` and ``r2`` on the validation rows, each with ``_low`` and ``_high`` (95 % over
+  seeds).
+
+No test row is looked at.
 """
 
 from __future__ import annotations

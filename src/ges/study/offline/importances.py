@@ -1,10 +1,12 @@
 """Which features the random forest relies on.
 
-``results/offline/importances.csv``: ``plan, feature``; ``impurity`` (share of the fall in variance
-over the splits on it); ``permutation`` (fall in R^2 when the feature is shuffled among the test
-rows), with ``permutation_low`` and ``permutation_high``, the least and greatest of ``repeats``
-shuffles; ``over_others``, its ratio to the greatest of the other features. Seed-wise split, the
-forest of Table 1.
+``results/offline/importances.csv`` has, for the forest of Table 1 on the seed-wise split,
+
+- ``plan`` and ``feature``;
+- ``impurity``, the share of the fall in variance over the splits on it;
+- ``permutation``, the fall in R^2 when the feature is shuffled among the test rows;
+- ``permutation_low`` and ``permutation_high``, the least and greatest of ``repeats`` shuffles;
+- ``over_others``, its ratio to the greatest of the other features.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Intervals by seed and paired differences.
 
 A seed is one terrain with one draw of sensor noise; the values of two conditions on one seed belong
-together. Means get a percentile bootstrap over seeds; differences a paired t-test with its interval
-and Cohen's d_z (mean over standard deviation of the differences); p-values of one table are
-corrected by Holm's method.
+together. Means get a percentile bootstrap over seeds. Differences get a paired t-test with its
+interval and Cohen's d_z (mean over standard deviation of the differences). p-values of one table
+are corrected by Holm's method.
 """
 
 from __future__ import annotations

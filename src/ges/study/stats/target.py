@@ -1,5 +1,7 @@
-"""What the fits to published figures share: distances from these, the place of free numbers within
-their bounds, and the record of what was fitted to what.
+"""What the fits to published figures share.
+
+These are distances from the figures, the place of free numbers within their bounds, and the record
+of what was fitted to what.
 """
 
 from __future__ import annotations
